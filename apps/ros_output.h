@@ -39,7 +39,7 @@ void check_ros_output(const RosOutputOptions& options, const std::string& frame,
 ///   NAMESPACE/tool_pose  geometry_msgs/PoseStamped, in the camera's frame or the world's
 ///   NAMESPACE/tool_twist geometry_msgs/TwistStamped, of the tool's origin, in its axes
 ///   /tf                  tf2_msgs/TFMessage, the frame NAMESPACE/NAME of each object that moves
-///   NAMESPACE/points     sensor_msgs/PointCloud2, what is felt
+///   NAMESPACE/points     sensor_msgs/PointCloud2, the measured points
 ///   NAMESPACE/markers    visualization_msgs/MarkerArray, meshes of the tool and of objects
 ///   NAMESPACE/spheres    visualization_msgs/MarkerArray, the tool's spheres by their state
 ///   /diagnostics         diagnostic_msgs/DiagnosticArray

@@ -66,7 +66,7 @@ struct TouchOptions {
   bool is_simulated_hand() const { return device == "sim" || device.starts_with("sim:"); }
 };
 
-/// Frames to feel, and the path that goes with them.
+/// Depth frames, and the path for them.
 struct TouchInput {
   std::vector<std::unique_ptr<DepthSource>> sources;  ///< of each camera
   std::vector<TimedPose> path;                        ///< X_WT, or X_BH where the options say so

@@ -179,7 +179,7 @@ Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
   const bool is_live = !options.device.empty();
   const auto handle = options.is_page() ? std::make_shared<PageHandle>() : nullptr;
   RunSettings settings = options.settings;
-  // Whoever lets go of the tool on the page feels nothing more.
+  // Without a page that holds the tool there is no force.
   if (handle && !options.is_given("safety.dead_man")) settings.safety.dead_man = true;
   if (!options.is_given("coupling.kind")) {
     const bool has_hand = is_live && !options.is_robot();

@@ -40,7 +40,7 @@ struct Measurement {
   Penetration penetration;
   BodyMeasure shares;        ///< of cloud and objects
   double unseen = 0;         ///< Penetration::unseen_volume
-  std::vector<int> decided;  ///< felt spheres by each camera, and last where none looks
+  std::vector<int> decided;  ///< spheres in contact by each camera, and last where none looks
   double seconds = 0;
   Pose X_WT;
 };
@@ -144,7 +144,7 @@ Result<ChosenQuery> choose_query(const RunSettings& settings, const Tool& tool, 
   return ChosenQuery{backend, *std::move(query)};
 }
 
-/// What nobody sees at a pose, and who decided what is felt.
+/// Unseen volume at a pose, and the camera that decided each sphere.
 void find_evidence(const ContactQuery& query, std::span<const SurfaceBlend> cameras,
                    Measurement& at) {
   SpherePicture spheres;

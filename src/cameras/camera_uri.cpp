@@ -11,7 +11,7 @@
 namespace palpate::inline v0 {
 namespace {
 
-constexpr std::size_t kMostCharacters = 60;  // characters of what people wrote
+constexpr std::size_t kMostCharacters = 60;  // characters of the user's text
 
 /// What stands before the first `mark`; `rest` is left with what comes after it.
 std::string_view take_until(std::string_view& rest, char mark) {

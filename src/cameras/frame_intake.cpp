@@ -59,7 +59,7 @@ double FrameIntake::capture_time_of(double stamp, double arrival) {
   return stamp > arrival || is_too_old ? arrival : stamp;
 }
 
-/// Sets last_capture_ if the frame is to be felt.
+/// Sets last_capture_ if the frame is used.
 bool FrameIntake::accept(const DepthFrame& frame, const CameraModel& model, double arrival,
                          bool black) {
   double capture = arrival;

@@ -18,7 +18,7 @@ namespace {
 namespace fs = std::filesystem;
 using Element = tinyxml2::XMLElement;
 
-constexpr std::size_t kMostCharacters = 60;  // characters of what people wrote
+constexpr std::size_t kMostCharacters = 60;  // characters of the user's text
 constexpr std::size_t kMostLinks = 2000, kMostTriangles = 2'000'000;  // more than any robot has
 constexpr int kSegments = 32;                                         // of a cylinder
 constexpr double kLargest = 1e3;                                      // m, and times as large

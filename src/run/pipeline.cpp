@@ -128,7 +128,7 @@ void ContactPart::carry(const Pose& X_WT) noexcept {
   }
 }
 
-/// The opposite of what the tool feels of it.
+/// The opposite of its wrench on the tool.
 MovingBodies::Push ContactPart::push_on(int body, const Pose& X_WT, double dt) const noexcept {
   const std::size_t object = moving_->object(body);
   const BodyMeasure& measured = world_.measured(kToolBody + 1 + static_cast<int>(object));

@@ -14,7 +14,7 @@ namespace palpate::inline v0 {
 namespace fs = std::filesystem;
 namespace {
 
-/// Tells people when the tool is mostly where no camera sees, and when it is not any more.
+/// Warns when most of the tool is in unseen space, and when it no longer is.
 class UnseenWatch {
  public:
   explicit UnseenWatch(double full_volume) : full_volume_(full_volume) {}
@@ -41,7 +41,7 @@ class UnseenWatch {
   bool is_reported_ = false;
 };
 
-/// All that is kept of a run while it goes on; what the publishing thread calls.
+/// Records a run: the observer that the publishing thread calls.
 class RecordingObserver {
  public:
   RecordingObserver(const Tool& tool, double full_volume, const DepthSources& sources,
@@ -106,7 +106,7 @@ class RecordingObserver {
     for (std::string& text : unit_.doubts()) add_source_note(time, std::move(text));
   }
   const std::vector<std::string>& source_notes() const { return source_notes_; }
-  /// Of people.
+  /// Of users.
   void add_marks() {
     if (monitor_ == nullptr) return;
     for (const auto& [time, text] : monitor_->marks.take()) recorder_->add_note(text, time);
@@ -163,7 +163,7 @@ class RecordingObserver {
   double time_ = 0;      // likewise, s
 };
 
-/// False if somebody wants the run to end.
+/// False to end the run.
 bool wait_for_end(RunLoop& loop, const RunOptions& options) {
   using Clock = std::chrono::steady_clock;
   const auto start = Clock::now();

@@ -49,7 +49,7 @@ class RunRecorder {
   void finish();
   /// What was not recorded and why; else empty.
   const std::string& trouble() const { return trouble_; }
-  /// What people should know that has happened since the last call.
+  /// Notes for the user since the last call.
   std::vector<std::string> take_notes() { return std::exchange(notes_, {}); }
 
  private:

@@ -32,7 +32,7 @@ constexpr const char* kHeader =
     "objects_measure_my_m4,objects_measure_mz_m4,contact,frame,"
     "status,contact_age_s,sensor_age_s,gain,fault";
 
-/// As OutputOptions has them, where somebody gave some.
+/// The columns of OutputOptions, if it has any.
 constexpr const char* kOutputHeader =
     ",told_x_m,told_y_m,told_z_m,told_qx,told_qy,told_qz,told_qw,"
     "told_force_x_N,told_force_y_N,told_force_z_N,told_torque_x_Nm,told_torque_y_Nm,"

@@ -16,7 +16,7 @@ constexpr std::size_t kFewest = 20;  // measurements around the tool
 constexpr int kFewestLooks = 3, kSamples = 15;  // a side
 
 /// The unit with which what is seen `ratio` times as far as the tool would be where the tool is; 0:
-/// none that people use.
+/// none that is used.
 double likely_unit(double unit, double ratio) {
   double best = 0, least = std::log(kAlike);
   for (const double usual : kUsualUnits) {

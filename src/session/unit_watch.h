@@ -11,7 +11,7 @@
 namespace palpate::inline v0 {
 
 /// In a run in which the tool never meets what is seen, though both lie in the same directions, by
-/// a factor by which people get units wrong (counts of 1/5000 m read as millimetres: everything is
+/// a usual factor of wrong units (counts of 1/5000 m read as millimetres: everything is
 /// five times as far as the tool). A doubt: nothing is changed.
 class UnitWatch {
  public:

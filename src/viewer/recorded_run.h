@@ -55,7 +55,7 @@ class RecordedRun {
   virtual Result<RecordedFrame> read_frame(std::size_t index) = 0;
   /// What SurfaceTimeline::period was after this frame, s.
   virtual double period_after(std::size_t index) = 0;
-  /// When it was felt first, s since the run began.
+  /// Time of its first use, s since the run began.
   virtual double needed_from(std::size_t index) = 0;
   /// The last query that is not later, else the first one. Error: it cannot be read any more.
   virtual Result<RecordedQuery> query_at(double time) = 0;

@@ -26,7 +26,7 @@ struct PlayerState {
 
 class RunPlayer {
  public:
-  /// Stands shortly before the first contact until somebody looks, then plays.
+  /// Paused shortly before the first contact until a page is open, then plays.
   /// Lets std::system_error out if there is no thread to be had.
   explicit RunPlayer(std::unique_ptr<RecordedRun> run);
   ~RunPlayer();

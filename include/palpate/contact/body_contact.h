@@ -266,7 +266,7 @@ class BodyWorld {
  private:
   struct Body {
     std::shared_ptr<const ToolIndex> index;
-    std::unique_ptr<ContactQuery> cloud_query;  // null: does not feel the cloud
+    std::unique_ptr<ContactQuery> cloud_query;  // null: not measured against the cloud
     bool moves;
     Pose X_WB;
     ContactWants wants;

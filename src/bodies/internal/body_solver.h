@@ -27,7 +27,7 @@ struct BodyTouch {
 
   int a = 0;
   int b = kNoBody;      ///< kNoBody: what forces do not move
-  Wrench F_A_W;         ///< on a, about its center of mass; b feels the opposite
+  Wrench F_A_W;         ///< on a, about its center of mass; the opposite acts on b
   Stiffness stiffness;  ///< N/m, N, N m: how F_A_W changes with the pose of a while b stays
   ContactPatch patch;   ///< levers are from a's center of mass
   double friction = 0;  ///< coefficient

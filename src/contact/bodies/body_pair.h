@@ -48,7 +48,7 @@ struct BodySums {
 /// X_AB from the poses of both in W.
 Pose relative_pose(const Pose& X_WA, const Pose& X_WB);
 
-/// What the bodies feel.
+/// Wrenches on the bodies.
 BodyPenetration body_penetration(const BodySums& sums, const Tool& a, const Tool& b,
                                  const Pose& X_WA, const Pose& X_WB);
 

@@ -76,7 +76,7 @@ Stiffness of_other(const Stiffness& k, const VolumeWrench& on_e, const Vec3d& d)
   return other;
 }
 
-/// From the moments of what a body F feels about its own centre, those of the opposite forces about
+/// From the moments of the force on body F about its own centre, those of the opposite forces about
 /// another point, from which F's centre lies `d` away.
 VolumeMoments of_opposite(const VolumeMoments& f, const Vec3d& force, const Vec3d& d) {
   VolumeMoments other;

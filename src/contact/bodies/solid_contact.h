@@ -1,4 +1,4 @@
-// Bodies felt as they are: the spheres of each ask the distance field of the other.
+// Contact of bodies by distance fields: the spheres of each query the field of the other.
 #pragma once
 
 #include <memory>

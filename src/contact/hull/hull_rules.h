@@ -138,8 +138,8 @@ template <class Real>
 PALPATE_FORMULA Real front_margin(Real radius) {
   return (0.25f * kHullCorner) * radius;
 }
-/// From there on all is equally free. So what appears in a frame is felt from the beginning of the
-/// way from the last one on, however far behind it was free.
+/// From there on all is equally free. So what appears in a frame has contact from the beginning of
+/// the way from the last one on, however far behind it was free.
 template <class Real>
 PALPATE_FORMULA Real free_limit(Real radius) {
   return 2.0f * radius + agreement(radius);

@@ -8,7 +8,7 @@
 namespace palpate::inline v0 {
 namespace {
 
-// Spheres are felt in parts if they are larger than this share of the tool's reach.
+// Spheres larger than this share of the tool's reach are split into parts.
 constexpr double kLargest = 0.2;
 // And evenly in parts of this share, over the sixth root of the number of spheres: that of all
 // parts grows as its square root, from about 1,300 for 1,000 spheres.

@@ -1,4 +1,4 @@
-// What the device's own thread does at each tick: from where the hand is to what it feels.
+// What the device's thread does at each tick: from the pose of the hand to its wrench.
 #pragma once
 
 #include <atomic>

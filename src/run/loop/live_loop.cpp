@@ -167,7 +167,7 @@ class LiveLoop final : public RunLoop {
   std::atomic<std::uint64_t> num_pictures_ = 0;  // asked for
   std::atomic<int> recorder_nice_ = 0;
   std::atomic<double> start_time_ = 0, end_time_ = 0;
-  std::atomic<std::uint64_t> num_before_ticks_ = 0;  // frames that nobody could feel yet
+  std::atomic<std::uint64_t> num_before_ticks_ = 0;  // frames before the first tick
   std::uint32_t revision_ = 0;
   bool was_started_ = false, has_locked_memory_ = false;
   StopSignal stop_publishing_;

@@ -13,7 +13,7 @@ namespace palpate::inline v0 {
 /// What has been counted so far; the difference of two is a window.
 struct LoadCounts {
   std::uint64_t ticks = 0, frames = 0;
-  std::uint64_t pictures = 0;  ///< that somebody has asked for
+  std::uint64_t pictures = 0;  ///< that were requested
   std::uint64_t old_frames = 0, old_contacts = 0, ageing_frames = 0, ageing_contacts = 0;
 
   /// Ticks by the age of what they worked on. What only comes rarely is not late for that.

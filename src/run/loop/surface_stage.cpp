@@ -54,8 +54,7 @@ WindowOptions window_of(const RunSettings& settings) {
 }  // namespace
 
 ToolBall ball_of(const Tool& tool) {
-  constexpr double kMaxBallGrowth =
-      1.5;  // a ball is felt so much larger at most, in parts inside of that
+  constexpr double kMaxBallGrowth = 1.5;  // largest growth of a ball that is split into parts
   ToolBall ball{tool.sphere_mass().centre_of_mass, 0};
   for (const Sphere& sphere : tool.spheres()) {
     const double away = norm(to_double(sphere.centre) - ball.p_TC);
