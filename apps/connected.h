@@ -1,4 +1,4 @@
-// What is taken when nobody names a camera or a device.
+// The default camera and device: the only one that is connected.
 #pragma once
 
 #include <string>

@@ -1,4 +1,4 @@
-// The page in a browser that goes with a verb.
+// The page in a browser beside a verb.
 #pragma once
 
 #include <CLI/CLI.hpp>

@@ -1,4 +1,4 @@
-// What a program that works for a while owes the person who waits: progress, and a clean stop.
+// Progress and a clean stop for programs that take long.
 #pragma once
 
 #include <chrono>

@@ -1,4 +1,4 @@
-// What palpate touch is asked for, and what it opens.
+// The options of palpate touch, and what it opens.
 #pragma once
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Where a link of a robot is in another one: what a URDF says of a camera, or of anything mounted.
+// The pose of a robot's link in another one, from a URDF: for cameras and other mounted parts.
 #pragma once
 
 #include <chrono>

@@ -1,4 +1,4 @@
-// Where a camera is in the world at each of its frames.
+// The pose of a camera in the world at each of its frames.
 #pragma once
 
 #include <memory>

@@ -1,5 +1,5 @@
-// A thread that ends with the program, for libraries that remember the threads which have called
-// them.
+// A thread that lives until the program ends, for libraries that remember the threads which have
+// called them.
 #pragma once
 
 #include <condition_variable>

@@ -1,4 +1,4 @@
-// Devices that are asked: they wait for a call to say where the hand is and for another to push it.
+// Polled devices: one call reads the pose of the hand, another sends the wrench.
 #pragma once
 
 #include <atomic>

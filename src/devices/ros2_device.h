@@ -1,4 +1,4 @@
-// A tool that a robot holds, as a device: where it is comes over ROS 2, and it is not pushed.
+// A tool held by a robot as a device: its pose comes over ROS 2, and it gets no force.
 #pragma once
 
 #include <string>

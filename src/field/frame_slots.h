@@ -1,5 +1,5 @@
-// What a timeline keeps of the last frames. The time keeping is one for all (surface_timeline.cpp);
-// the surfaces are made on the CPU or on a GPU.
+// The surfaces of the last frames, for a timeline. The time keeping is one for all
+// (surface_timeline.cpp); the surfaces are made on the CPU or on a GPU.
 #pragma once
 
 #include <memory>

@@ -1,4 +1,4 @@
-// Contact as a coupling meets it between two queries.
+// The contact of a coupling between two queries: held, or extrapolated.
 #pragma once
 
 #include "palpate/haptics/coupling.h"

@@ -1,4 +1,4 @@
-// Writing a run down while it goes on: MCAP files that ROS 2 tools, Foxglove and `palpate replay`
+// Records a run while it lasts: MCAP files that ROS 2 tools, Foxglove and `palpate replay`
 // read.
 #pragma once
 

@@ -1,4 +1,4 @@
-// What a run leaves behind beside its recording: wrench.csv, summary.json, report.html.
+// Writes the results of a run beside its recording: wrench.csv, summary.json, report.html.
 #pragma once
 
 #include <deque>

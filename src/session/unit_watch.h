@@ -1,4 +1,4 @@
-// Is depth read in the wrong unit? Asked of how far the tool is from what a camera sees.
+// Detects a wrong depth unit, from the distance of the tool to what a camera sees.
 #pragma once
 
 #include <string>

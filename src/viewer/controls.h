@@ -1,4 +1,4 @@
-// What a person may change while looking on: settings, by the names that files use.
+// Settings that a page may change, by the names that files use.
 #pragma once
 
 #include <nlohmann/json.hpp>

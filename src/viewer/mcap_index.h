@@ -1,4 +1,4 @@
-// Where things are in the recording, without keeping them.
+// An index of a recording: positions of its messages, without their contents.
 #pragma once
 
 #include <atomic>

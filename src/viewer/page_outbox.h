@@ -1,4 +1,4 @@
-// What one page is to be sent, and in which order.
+// Messages to one page, in their order.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// A recording that can be looked at anywhere.
+// A recording with random access.
 #pragma once
 
 #include <filesystem>

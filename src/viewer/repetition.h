@@ -1,4 +1,4 @@
-// Any query of a recording once more, with the settings of the run or with others.
+// Repeats any query of a recording, with the settings of the run or others.
 #pragma once
 
 #include <functional>

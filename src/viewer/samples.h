@@ -1,4 +1,4 @@
-// Samples of a loop, on their way to a page that may not come for them.
+// A bounded queue of samples, from a loop to pages.
 #pragma once
 
 #include <deque>

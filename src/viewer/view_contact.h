@@ -1,4 +1,4 @@
-// What was measured, as pages get it.
+// Contacts as pages get them.
 #pragma once
 
 #include "palpate/contact/body_contact.h"

@@ -1,4 +1,4 @@
-// What all pages share: whom they look at, and the newest of everything, encoded once.
+// State that all pages share: the source, and the newest of each part, encoded once.
 #pragma once
 
 #include <array>

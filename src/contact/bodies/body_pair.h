@@ -1,5 +1,5 @@
-// A pair of bodies, sphere by sphere: what two spheres share, and what follows for the bodies. One
-// text for host and device.
+// A pair of bodies, sphere by sphere: what two spheres share, and what follows for the bodies.
+// Shared code for host and device.
 #pragma once
 
 #include <cmath>

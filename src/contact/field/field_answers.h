@@ -1,4 +1,4 @@
-// What depth fields say to a vector of elements. Included by kernel files only.
+// Values of depth fields for a vector of elements. Included by kernel files only.
 #pragma once
 
 #include "src/contact/field/field_lanes.h"

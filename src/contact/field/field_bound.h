@@ -1,4 +1,4 @@
-// What the tiles of a depth field say about all spheres in a ball at once: that they lie wholly in
+// Bounds from the tiles of a depth field for all spheres in a ball at once: that they lie wholly in
 // front of the surface, mostly. shared by host and device.
 #pragma once
 

@@ -1,4 +1,5 @@
-// The field method: every element of the tool asks the depth field once (theory: U = sum G(phi)).
+// The field method: every element of the tool queries the depth field once (theory: U = sum
+// G(phi)).
 #pragma once
 
 #include <memory>

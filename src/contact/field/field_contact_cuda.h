@@ -1,4 +1,4 @@
-// The field method on a GPU: one launch, in which every thread asks the field for an element.
+// The field method on a GPU: one launch, in which every thread queries the field for an element.
 #pragma once
 
 #include <memory>

@@ -1,5 +1,5 @@
-// What elements of a tool ask a depth field, as many at once as a vector has lanes: the steps of
-// src/field/internal/field_sample.h and field_curvature.h. Included by kernel files only.
+// Queries of a depth field by elements of a tool, as many at once as a vector has lanes: the steps
+// of src/field/internal/field_sample.h and field_curvature.h. Included by kernel files only.
 #pragma once
 
 #include <type_traits>

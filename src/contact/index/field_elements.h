@@ -1,4 +1,4 @@
-// What the field method asks the field with: the spheres of a tool, the large ones in parts.
+// The elements of the field method: the spheres of a tool, the large ones in parts.
 #pragma once
 
 #include <cstdint>

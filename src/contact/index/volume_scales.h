@@ -1,4 +1,4 @@
-// What a sphere counts for each cubic metre of itself.
+// The factor by which each sphere's volume counts.
 #pragma once
 
 #include <vector>

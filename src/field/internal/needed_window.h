@@ -1,4 +1,4 @@
-// Where in the image a tool asks a depth field: what a field has to know for it.
+// The window of the image that a tool needs of a depth field.
 #pragma once
 
 #include <cmath>

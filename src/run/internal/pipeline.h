@@ -1,5 +1,5 @@
-// What happens at a frame, at a pose and at a tick, whoever keeps the clock: every run, live or on
-// a simulated clock, repeated or tried with other settings, is wired here and nowhere else.
+// The pipeline of a run: its parts for a frame, a pose and a tick, for any clock: every run, live
+// or on a simulated clock, repeated or tried with other settings, is wired here and nowhere else.
 //
 //   DepthFrame -> SurfaceTimeline -> ContactPart -> HandPart -> wrench
 //

@@ -1,4 +1,4 @@
-// How threads sleep until there is something to do, and wake each other without a lock.
+// Events: threads sleep until there is something to do, and wake each other without a lock.
 #pragma once
 
 #include <atomic>

@@ -1,4 +1,4 @@
-// From what the stages of a live loop have counted to other settings, and the words for it.
+// Reduces the load of a live loop by its counters: other settings, with a note for each change.
 #pragma once
 
 #include <cstdint>

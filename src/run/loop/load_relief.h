@@ -1,7 +1,7 @@
 // What a live loop does about too little computing time, before it costs the force: step by step
 // less, and back again by itself.
 //
-//   somebody looks on        -> pages are drawn less
+//   a page is open           -> it is drawn less often
 //   depth frames get old     -> images are made smaller, by 2, then by 4
 //   contacts get old         -> half of the spheres are asked, then a quarter, then an eighth
 //

@@ -1,4 +1,4 @@
-// Depth frames as they come in life, whatever they come from.
+// Paces the frames of any source in real time.
 #pragma once
 
 #include <algorithm>

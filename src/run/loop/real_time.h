@@ -1,4 +1,4 @@
-// Being on time: what a thread asks of the scheduler and of the memory.
+// Real-time scheduling and locked memory for threads.
 #pragma once
 
 #include <cstdint>

@@ -1,5 +1,5 @@
-// What a boundary sphere gives, and what one sphere gets from all of them. One text for host and
-// device.
+// The plane donors (boundary spheres), and the plane that one sphere gets from them. Shared by host
+// and device.
 #pragma once
 
 #include <cmath>

@@ -1,4 +1,4 @@
-// The boundary spheres that have a plane to give.
+// The list of plane donors: boundary spheres with a plane.
 #pragma once
 
 #include <cstdint>
