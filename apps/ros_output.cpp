@@ -444,11 +444,12 @@ class Output final : public RosOutput {
 
 void add_ros_options(CLI::App& app, RosOutputOptions& options) {
   const std::string group = "ROS 2";
-  app.add_option("--wrench", options.wrench, "the topic of the wrench")
+  app.add_option("--wrench", options.wrench, "topic of the wrench")
       ->type_name("TOPIC")
       ->capture_default_str()
       ->group(group);
-  app.add_option("--ros2-namespace", options.name_space, "of all topics but /diagnostics")
+  app.add_option("--ros2-namespace", options.name_space,
+                 "namespace of all topics except /diagnostics")
       ->type_name("NAMESPACE")
       ->capture_default_str()
       ->group(group);
