@@ -176,8 +176,8 @@ void bind_recordings(nb::module_& m) {
   m.def("recorded_tool", tool_of_recording, nb::arg("folder"), "The tool of a run.");
   nb::class_<RecordedFrames>(
       m, "RecordedFrames",
-      R"(The depth images of a camera of a run one after the other: time (s, of the source) and (H, W)
-uint16 counts.)")
+      R"(Iterates over the depth images of a camera of a run: time (s, of the source) and (H, W) uint16
+counts.)")
       .def(nb::init<const std::filesystem::path&, std::uint32_t>(), nb::arg("folder"),
            nb::arg("camera") = 0)
       .def_prop_ro("camera", &RecordedFrames::camera)
