@@ -17,10 +17,10 @@ from pathlib import Path
 SIDE = 0.06  # m, of both cubes
 TURN = math.radians(30)  # of the tool about z
 AT = (0.046, -0.030, 0.5)  # m, the tool from the object, and how far both are from the camera
-SCALE = 2900  # pixels per meter
-MIDDLE = (205, 205)  # of the object in the picture
+SCALE = 2500  # pixels per meter
+MIDDLE = (170, 222)  # of the object in the picture
 STIFFNESS = 1e6  # N/m3, of the arrows
-FORCE_SCALE = 3.2  # pixels per newton
+FORCE_SCALE = 5.5  # pixels per newton
 
 
 def run(program, folder, *arguments):
@@ -44,7 +44,7 @@ def measure(program):
         folder = Path(name)
         blank_depth(folder / "wall.png")
         run(program, folder, "shape", "box", "--size", str(SIDE), "-o", "cube.stl")
-        run(program, folder, "pack", "cube.stl", "--spheres", "1000", "-o", "cube.palp")
+        run(program, folder, "pack", "cube.stl", "--spheres", "1000", "--max-radius", "0.007", "-o", "cube.palp")
         run(program, folder, "export", "cube.palp", "--spheres", "spheres.csv")
         pose = f"{AT[0]} {AT[1]} {AT[2]} 0 0 {math.sin(TURN / 2):.9f} {math.cos(TURN / 2):.9f}"
         answer = run(
@@ -85,7 +85,7 @@ def circles(spheres, place, depth_in_other, colors):
         is_inside = depth_in_other(x, y, z) > -radius
         fill, line = colors[is_inside]
         size = SCALE * math.sqrt(radius**2 - z**2)
-        drawn.append(f'<circle cx="{u:.1f}" cy="{v:.1f}" r="{size:.1f}" fill="{fill}" stroke="{line}"/>')
+        drawn.append(f'<circle cx="{u:.1f}" cy="{v:.1f}" r="{size:.1f}" fill="{fill}" fill-opacity="0.8" stroke="{line}"/>')
     return drawn
 
 
@@ -132,12 +132,14 @@ def main(program):
         arrow(tool, way),
         arrow(thing, [-w for w in way]),
         "</g>",
-        f'<text x="18" y="325">object: {len(spheres)} spheres, and the distance field of its mesh (dashed)</text>',
-        '<text x="470" y="40">tool</text>',
-        f'<text x="470" y="62">{1e6 * volume:.1f} cm³ inside</text>',
-        f'<text x="470" y="84">{math.hypot(*force):.1f} N, pushed apart</text>',
-        '<g font-size="13"><circle cx="478" cy="230" r="7" fill="#5b9bd5" stroke="#1f5c99"/><text x="492" y="235">touch the object</text>',
-        '<circle cx="478" cy="254" r="7" fill="#d9a441" stroke="#7a5c2e"/><text x="492" y="259">touch the tool</text></g>',
+        '<text x="92" y="134">object</text><text x="330" y="40">tool</text>',
+        '<text x="18" y="326">a section of 1,000 spheres each; dashed: the distance field of the object</text>',
+        f'<text x="430" y="112">{1e6 * volume:.1f} cm³ in common</text>',
+        f'<text x="430" y="134">{math.hypot(*force):.0f} N on the tool,</text>',
+        '<text x="430" y="154">the opposite on the object</text>',
+        '<g font-size="13"><circle cx="438" cy="208" r="7" fill="#5b9bd5" stroke="#1f5c99"/>',
+        '<text x="452" y="213">touch the object</text><circle cx="438" cy="234" r="7" fill="#d9a441" stroke="#7a5c2e"/>',
+        '<text x="452" y="239">touch the tool</text></g>',
         "</svg>",
     ]
     print("\n".join(lines))
