@@ -437,7 +437,7 @@ TEST(PageOutbox, APageThatJoinsAPausedRunGetsItsLastSeconds) {
   second.send({{"command", "show"}, {"samples", false}});
   second.send({{"command", "show"}, {"samples", true}});
   hub.poll(69);
-  EXPECT_EQ(second.take(69), (Names{"answer", "answer"}));
+  EXPECT_EQ(second.take(69), (Names{"answer", "answer", "state"}));
   // A seek back: what was there is not of this time.
   source.set_time(0.5);
   hub.poll(70);
