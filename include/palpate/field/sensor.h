@@ -27,6 +27,7 @@ enum class TimeMode {
 };
 constexpr auto names_of(TimeMode) { return std::array{"latest", "interpolate", "predict"}; }
 
+/// How the surfaces of a stream of frames follow each other.
 struct TimeOptions {
   TimeMode mode = TimeMode::interpolate;
   DepthAverageOptions average;
@@ -165,7 +166,9 @@ class SurfaceBatch {
     first_.field = first;
   }
 
+  /// Number of surfaces.
   int size() const { return size_; }
+  /// True for fields at equal distances in memory.
   bool is_even() const { return views_ == nullptr && size_ > 0; }
   std::ptrdiff_t pixels_apart() const { return pixels_apart_; }
   std::ptrdiff_t tiles_apart() const { return tiles_apart_; }
@@ -198,6 +201,7 @@ struct Camera {
   Distortion distortion = {};  ///< lens distortion: images are undistorted, on any backend
 };
 
+/// Options of a Sensor.
 struct SensorOptions {
   SurfaceOptions surface;
   DepthFieldOptions field;

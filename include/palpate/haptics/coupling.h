@@ -91,6 +91,7 @@ enum class ContactHold {
 };
 constexpr auto names_of(ContactHold) { return std::array{"local_model", "interpolation"}; }
 
+/// Options of the coupling between device and tool, its friction and its workspace.
 struct CouplingOptions {
   CouplingKind kind = CouplingKind::virtual_coupling;
   ContactHold hold = ContactHold::local_model;
@@ -179,6 +180,7 @@ class Coupling {
   /// Alternative to reset: continues from the state of another coupling of any kind. The hand keeps
   /// its pose of the tool, even if the motion scale differs.
   virtual void take_over(const CouplingState& state) noexcept = 0;
+  /// The state that another coupling can take over.
   virtual CouplingState state() const noexcept = 0;
   virtual CouplingStep step(const DeviceState& state, const LocalContact& contact,
                             double dt) noexcept = 0;

@@ -25,6 +25,7 @@ struct DeviceLimits {
   double angular_damping = 0;        ///< N m s/rad
 };
 
+/// Description of a device.
 struct DeviceInfo {
   std::string kind;  ///< as on the command line: sim, replay, spacenav, haply, ...
   std::string name;  ///< for display: model and serial number or address
@@ -47,10 +48,13 @@ struct DeviceState {
 /// origin, in B. Called from the device's thread; does not throw, allocate, lock or wait.
 using DeviceTick = std::function<Wrench(const DeviceState& state)>;
 
+/// A haptic device. It calls a function at each tick, in its own thread, with the state of the
+/// hand, and renders the wrench that the function returns.
 class HapticDevice {
  public:
   virtual ~HapticDevice() = default;  ///< stops the device
 
+  /// Its description.
   virtual const DeviceInfo& info() const = 0;
   /// Starts to tick. Errors: the device does not answer, with its message.
   virtual Status start(DeviceTick tick) = 0;

@@ -48,6 +48,7 @@ constexpr auto names_of(ForceState) {
   return std::array{"waiting", "engaged", "fading", "off", "held_off", "ended"};
 }
 
+/// When the force engages, how it fades, and how it returns after a fault.
 struct ForceGateOptions {
   double ramp_seconds = 0.5;  ///< from zero to full force after engaging
   /// Engages only if the tool had no contact, or the wanted force was below this, for
@@ -120,6 +121,7 @@ class ForceGate {
   bool has_begun_ = false, is_after_fault_ = false, is_requested_ = false;
 };
 
+/// Options of the safety filter.
 struct SafetyOptions : ForceGateOptions {
   double force_share = 1;            ///< output limit, as a share of the device's limits
   double max_slew = 500;             ///< N/s
@@ -176,6 +178,7 @@ struct SafetyInput {
   bool is_free = false;        ///< the tool has no contact: the wrench only moves the tool
 };
 
+/// State of the safety filter at a tick.
 struct SafetyStatus {
   ForceState state = ForceState::waiting;
   Fault fault = Fault::none;     ///< reason for no force
@@ -186,6 +189,7 @@ struct SafetyStatus {
   double energy = 0;
   double damping = 0;             ///< N s/m, of the passivity controller at this tick
   std::uint64_t num_limited = 0;  ///< ticks at which a limit changed the wrench
+  /// True if the force is on.
   bool is_engaged() const { return state == ForceState::engaged; }
   void remember(StateNumbers& numbers) noexcept {
     numbers(state, fault, fault_time, num_faults, gain, energy, damping, num_limited);

@@ -38,6 +38,7 @@ inline void add_settings(SettingTable& t, WindowOptions& o) {
         "minimum expected tool speed; for a faster tool, twice its speed");
 }
 
+/// All settings of a run, as in a settings file (docs/settings.md).
 struct RunSettings {
   ContactOptions contact;
   SurfaceOptions surface;
@@ -171,6 +172,7 @@ struct LoopTimes {
   LatencyHistogram contact_age, sensor_to_force;
 };
 
+/// Summary of a loop: counters, and why it ended.
 struct LoopReport {
   std::uint64_t num_ticks = 0, num_contacts = 0, num_frames = 0;
   std::uint64_t num_missed = 0;  ///< ticks whose computation took longer than a tick
@@ -197,6 +199,8 @@ struct SimulatedClock {
   bool keeps_pace = false;       ///< ticks follow real time, for display
 };
 
+/// The loop of a run: depth frames to surfaces, surfaces and poses to contacts, contacts to the
+/// wrench on the device. Live in threads of its own, or on a simulated clock.
 class RunLoop {
  public:
   /// `tool`, `sources` and `device` must outlive it. Several cameras are combined to a depth hull
@@ -220,10 +224,13 @@ class RunLoop {
   virtual void request_force() noexcept = 0;
   /// Fades the force out, then ends all threads. Waits for DepthSource::next (see cancel there).
   virtual void stop() noexcept = 0;
+  /// True from `start` until the loop has ended.
   virtual bool is_running() const noexcept = 0;
   /// The newest tick; from any thread except the haptic one, one reader.
   virtual bool latest(TickRecord& record) noexcept = 0;
+  /// Times of all stages so far; from any thread.
   virtual const LoopTimes& times() const noexcept = 0;
+  /// Counters so far; from any thread that may wait.
   virtual LoopReport report() const = 0;
   /// An error once a source or device has failed permanently; the loop has then faded out.
   /// Temporary faults are in TickRecord::safety.

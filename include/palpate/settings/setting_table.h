@@ -74,6 +74,7 @@ class Setting {
 
   /// The full name: "coupling.stiffness".
   std::string key() const;
+  /// The current value.
   SettingValue get() const;
   /// Sets the value. Errors: another kind, or out of range; nothing changes then. The message has
   /// the name (`reported_name`, or the key), the accepted range with its unit, and the value.

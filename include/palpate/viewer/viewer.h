@@ -85,6 +85,7 @@ class ViewSource {
  public:
   virtual ~ViewSource() = default;
 
+  /// What does not change while it is shown: the tool, objects and streams.
   virtual const ViewContent& content() const = 0;
   /// Called some sixty times per second; must not wait. Fills only the parts in `subscription`.
   virtual void poll(const ViewSubscription& subscription, ViewUpdate& update) = 0;
@@ -141,6 +142,7 @@ class LiveView : public ViewSource {
 
 // The server: HTTP and WebSocket on one port, in its own thread.
 
+/// Options of the server: its address, token and limits.
 struct ViewServerOptions {
   /// Address to listen on. Any address but loopback (127.0.0.0/8, ::1, localhost) needs a token,
   /// which is generated if there is none.
