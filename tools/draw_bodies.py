@@ -2,6 +2,7 @@
 """Draws docs/pictures/several-bodies.svg: a section of two packed cubes that overlap, as the program measures them.
 
 usage: tools/draw_bodies.py PROGRAM > docs/pictures/several-bodies.svg
+       tools/draw_bodies.py PROGRAM --check docs/pictures/several-bodies.svg
 """
 
 import csv
@@ -103,7 +104,7 @@ def arrow(start, way):
     return f'<path d="M{start[0]:.1f} {start[1]:.1f} L{base[0]:.1f} {base[1]:.1f}"/><path d="{head}"/>'
 
 
-def main(program):
+def picture(program):
     spheres, force, volume = measure(program)
 
     def of_tool(x, y, z):  # how deep a point of the tool is in the object
@@ -142,10 +143,18 @@ def main(program):
         '<text x="452" y="239">touch the tool</text></g>',
         "</svg>",
     ]
-    print("\n".join(lines))
+    return "\n".join(lines) + "\n"
+
+
+def main(program, check=None, path=None):
+    drawn = picture(str(Path(program).resolve()))
+    if check is None:
+        print(drawn, end="")
+    elif check != "--check" or path is None:
+        sys.exit(__doc__)
+    elif Path(path).read_text(encoding="utf-8") != drawn:
+        sys.exit(f"{path} is not what the program gives; draw it again: tools/draw_bodies.py PROGRAM > {path}")
 
 
 if __name__ == "__main__":
-    if len(sys.argv) != 2:
-        sys.exit(__doc__)
-    main(str(Path(sys.argv[1]).resolve()))
+    main(*sys.argv[1:]) if 2 <= len(sys.argv) <= 4 else sys.exit(__doc__)
