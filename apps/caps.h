@@ -1,4 +1,4 @@
-// --caps: what of the tool lies in the scene, as a picture in three dimensions.
+// --caps: the part of the tool inside the scene as a 3-D mesh.
 #pragma once
 
 #include <CLI/CLI.hpp>

@@ -1,4 +1,4 @@
-// Frames that people name, and what they give or want told in them.
+// Named frames, and the options that are given or reported in them.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -14,11 +14,11 @@
 
 namespace palpate::apps {
 
-/// Of a verb: frames by name that are told to it. Empty names are the world.
+/// The frame options of a verb, by name. An empty name is the world.
 struct FrameOptions {
   std::string path = "world";  ///< of the poses of a path; "base": those of the handle there
   std::string base;            ///< of coupling.base_in_scene
-  std::string wrench;          ///< of what is told, or "auto"
+  std::string wrench;          ///< of the reported wrench, or "auto"
 };
 
 /// --wrench-frame, --wrench-point and --tcp; they end up in `settings`.

@@ -89,10 +89,10 @@ class HeldFrames : public DepthSource {
 };
 
 /// Frames in memory as a stream of their own.
-class SeenFrames : public DepthSource {
+class PreparedFrames : public DepthSource {
  public:
   /// `frames` must outlive it.
-  SeenFrames(const std::vector<DepthFrame>& frames, const DepthStreamInfo& stream)
+  PreparedFrames(const std::vector<DepthFrame>& frames, const DepthStreamInfo& stream)
       : frames_(frames), info_(stream) {
     info_.is_live = false;
     info_.num_frames = static_cast<int>(frames.size());

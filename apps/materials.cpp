@@ -14,7 +14,7 @@ constexpr const char* kForm =
     "LABEL=NAME[,friction=MU][,static_ratio=R][,viscous=V][,ridges=S]"
     "[,grain=S]";
 
-/// As a tool of hard plastic feels them: typical, not measured.
+/// Typical values for a tool of hard plastic, not measured.
 constexpr std::pair<std::string_view, Material> kKnown[] = {
     {"ice", {.friction = 0.05}},
     {"metal", {.friction = 0.2}},

@@ -135,7 +135,7 @@ bool is_up_to_date(const TriangleMesh& raw, const std::string& source, const Fol
   return agrees(true) || (!job.pages && agrees(false));
 }
 
-/// What happened so far, told as it happens and, for programs, in one document at the end.
+/// Progress, printed as it happens and, with --json, in one document at the end.
 class Log {
  public:
   explicit Log(bool json) : json_(json) {}

@@ -73,7 +73,7 @@ std::string number_text(double value) {
   return text;
 }
 
-/// Checks the mesh; what is odd about its size is told in terms of the options.
+/// Checks the mesh; warnings about its size name the options.
 Result<SolidMesh> check_tool_mesh(const PackRequest& request, const TriangleMesh& raw,
                                   const std::string& path) {
   constexpr double kSmallTool = 0.005;

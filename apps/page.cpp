@@ -79,7 +79,7 @@ Result<OpenPage> OpenPage::serve(ViewSource& source, const ViewServerOptions& op
   return OpenPage(*std::move(server));
 }
 
-void OpenPage::say_goodbye() const {
+void OpenPage::print_closing() const {
   constexpr std::chrono::milliseconds kTwoStates{600};
   if (server_->num_pages() > 0) std::this_thread::sleep_for(kTwoStates);
 }

@@ -1,4 +1,4 @@
-// The page in a browser that goes with a verb.
+// The page in a browser beside a verb.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -22,7 +22,7 @@ class OpenPage {
                                 std::ostream& out);
   const ViewServer& server() const { return *server_; }
   /// Lets pages hear how it ended.
-  void say_goodbye() const;
+  void print_closing() const;
 
  private:
   explicit OpenPage(std::unique_ptr<ViewServer> server) : server_(std::move(server)) {}

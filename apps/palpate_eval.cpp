@@ -110,7 +110,7 @@ Status outcome(const Options& options, const eval::Evaluation& evaluation) {
   if (evaluation.interrupted) {
     return Error{Errc::cancelled, "interrupted; " + std::to_string(evaluation.num_made) +
                                       " figures were made and are kept in " + folder +
-                                      ": the same command goes on from there"};
+                                      ": run the same command again to resume"};
   }
   for (const eval::ReportFigure& figure : evaluation.figures) {
     if (evaluation.num_failed == 0 || !figure.stored || !figure.is_current) continue;
@@ -170,13 +170,13 @@ void add_options(CLI::App& app, Options& options) {
   app.add_option("figures", options.words,
                  "figures (5.1), sections (speed) or studies (noise); default: all")
       ->type_name("FIGURE");
-  app.add_option("-o,--output", options.evaluation.output,
-                 "folder of the report: new, or an earlier report, of which figures are kept that "
-                 "would come out the same")
+  app.add_option(
+         "-o,--output", options.evaluation.output,
+         "folder of the report: new, or an earlier report; figures that would not change are kept")
       ->type_name("REPORT");
   app.add_flag("--quick", settings.quick, "fewer steps: two minutes instead of forty-five");
-  app.add_flag("--fresh", options.evaluation.fresh, "make figures again that are there");
-  app.add_flag("--list", options.list, "tell which figures there are, and do nothing else");
+  app.add_flag("--fresh", options.evaluation.fresh, "remake existing figures");
+  app.add_flag("--list", options.list, "list the figures and exit");
   app.add_option("--data", settings.data,
                  "folder of real depth frames; default: the environment variable PALPATE_DATA")
       ->check(CLI::ExistingDirectory)
@@ -185,8 +185,8 @@ void add_options(CLI::App& app, Options& options) {
       ->check(CLI::ExistingFile)
       ->type_name("FILE.csv");
   app.add_option("--gpu-report", options.evaluation.gpu_report,
-                 "figures made with --backend cuda on a machine with a GPU, to stand beside: the "
-                 "folder data of that report")
+                 "folder data of a report made with --backend cuda on a machine with a GPU, to "
+                 "show beside this one")
       ->check(CLI::ExistingDirectory)
       ->type_name("DIR");
   add_word(app, "--backend", settings.backend,
@@ -194,14 +194,15 @@ void add_options(CLI::App& app, Options& options) {
   app.add_option("--peers", settings.peers, "times of other libraries")
       ->check(CLI::ExistingFile)
       ->type_name("FILE.csv");
-  app.add_option("--threads", settings.num_threads, "for what is not timed; default: one per core")
+  app.add_option("--threads", settings.num_threads,
+                 "threads for work that is not timed; default: one per core")
       ->check(CLI::Range(0, 1024));
-  app.add_option("--commit", options.evaluation.commit, "of the source, shown in the report")
+  app.add_option("--commit", options.evaluation.commit, "commit of the source, shown in the report")
       ->type_name("NAME");
-  app.add_option(
-         "--write-docs", options.write_docs,
-         "also put the tables into these texts that quote them; of a folder into all its texts, "
-         "with claims and verdicts in its evaluation.md")
+  app.add_option("--write-docs", options.write_docs,
+                 "also update the tables in these documents that quote them; of a folder into all "
+                 "its texts, "
+                 "with claims and verdicts in its evaluation.md")
       ->check(CLI::ExistingPath)
       ->type_name("PATH...");
   app.add_flag("--json", options.json, "print the summary, or the list, as JSON");

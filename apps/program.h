@@ -1,4 +1,4 @@
-// What every program of this folder owes its command line: one line for what went wrong, and the
+// Common to all programs of this folder: one line for an error, and the
 // exit status.
 #pragma once
 

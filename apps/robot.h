@@ -1,4 +1,4 @@
-// The options that say which robot cameras see, so that it is not felt.
+// The options of the self filter: the robot to remove from depth images.
 #pragma once
 
 #include <memory>

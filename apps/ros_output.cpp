@@ -17,7 +17,7 @@
 #include "src/core/thread_rank.h"
 #include "src/io/ros_messages.h"
 #include "src/math/internal/rotation_vector.h"
-#include "src/math/internal/told_wrench.h"
+#include "src/math/internal/wrench_transform.h"
 #include "src/ros/ros_node.h"
 #include "src/run/loop/event.h"
 #include "src/run/loop/real_time.h"
@@ -37,30 +37,30 @@ constexpr double kAfterTick = 0.1, kFollowing = 0.01;
 
 double seconds_of(auto time) { return std::chrono::duration<double>(time).count(); }
 
-/// The same as told_in of a wrench: moved to the origin, A K A^T with the wrench's own map A, and
-/// turned.
+/// The same as transformed_to of a wrench: moved to the origin, A K A^T with the wrench's own map
+/// A, and turned.
 std::array<double, 36> stiffness_in(const Pose& X_WA, const Stiffness& K_W, const Vec3d& p_W) {
   const Vec3d r = p_W - X_WA.translation;
   const double lever[3][3] = {{0, -r.z, r.y}, {r.z, 0, -r.x}, {-r.y, r.x, 0}};
   const Quaternion q_AW = conjugate(X_WA.rotation);
   const Vec3d axes[3] = {rotate(q_AW, Vec3d{1, 0, 0}), rotate(q_AW, Vec3d{0, 1, 0}),
                          rotate(q_AW, Vec3d{0, 0, 1})};
-  double map[6][6] = {};  // wrenches about p_W in W to those told in A
+  double map[6][6] = {};  // maps wrenches about p_W in W to wrenches in A
   for (int i = 0; i < 3; ++i) {
     for (int j = 0; j < 3; ++j) {
       map[i][j] = map[3 + i][3 + j] = axes[j][i];
       for (int k = 0; k < 3; ++k) map[3 + i][j] += axes[k][i] * lever[k][j];
     }
   }
-  std::array<double, 36> told{};
+  std::array<double, 36> K{};
   for (std::size_t i = 0; i < 6; ++i) {
     for (std::size_t j = 0; j < 6; ++j) {
       for (int k = 0; k < 6; ++k) {
-        for (int l = 0; l < 6; ++l) told[6 * i + j] += map[i][k] * K_W.m[k][l] * map[j][l];
+        for (int l = 0; l < 6; ++l) K[6 * i + j] += map[i][k] * K_W.m[k][l] * map[j][l];
       }
     }
   }
-  return told;
+  return K;
 }
 
 class Output final : public RosOutput {
@@ -124,7 +124,7 @@ class Output final : public RosOutput {
     };
     observer.on_frame = [this, others = std::move(observer.on_frame)](const FrameRecord& record,
                                                                       const DepthFrame& frame) {
-      tell_points(record, frame);
+      publish_points(record, frame);
       keep(record, frame);
       if (others) others(record, frame);
     };
@@ -133,9 +133,9 @@ class Output final : public RosOutput {
  private:
   using Why = RosVerdict::Why;
 
-  /// A contact, and of which moment its bodies are: of the contact before it, since they move after
-  /// they were felt. Not a number: that one was not seen.
-  struct Felt {
+  /// A contact, and the time of its bodies: that of the contact before, since bodies move after they
+  /// are measured. NaN: that contact was not published.
+  struct MeasuredBodies {
     ContactRecord contact;
     double bodies_time = 0;  // s, monotonic
   };
@@ -144,20 +144,20 @@ class Output final : public RosOutput {
     double time = 0;  // s, monotonic
   };
 
-  /// What the wrench's thread hands over: the tick that it told, and what it made of it.
-  struct Told {
+  /// What the wrench thread hands over: the published tick and its verdict.
+  struct Published {
     TickRecord tick;
     RosVerdict verdict;
     double time = 0;            // s, monotonic
-    std::uint64_t num_due = 0;  // contacts that were to be told until then
+    std::uint64_t num_due = 0;  // contacts to publish until then
   };
 
   void begin(RunLoop& loop) {
     full_volume_ = full_volume(tool_, loop.settings().contact);
     is_ending_ = false;
     try {
-      rest_thread_ = std::thread([this, &loop] { tell_rest(loop); });
-      wrench_thread_ = std::thread([this, &loop] { tell_wrenches(loop); });
+      rest_thread_ = std::thread([this, &loop] { publish_rest(loop); });
+      wrench_thread_ = std::thread([this, &loop] { publish_wrenches(loop); });
     } catch (const std::system_error&) {
       end_with({State::failed, Why::no_thread});
     }
@@ -170,21 +170,21 @@ class Output final : public RosOutput {
   /// Whoever follows the wrench is not left with the last one.
   void end_with(const RosVerdict& verdict) {
     is_ending_ = true;
-    bell_.ring();
+    event_.ring();
     if (wrench_thread_.joinable()) wrench_thread_.join();
     if (rest_thread_.joinable()) rest_thread_.join();
-    told_.refresh();
-    Told last = told_.value();
+    published_.refresh();
+    Published last = published_.value();
     last.verdict = verdict;
     last.time = monotonic_now();
-    tell_wrench(last);
-    tell_contact(last);
+    publish_wrench(last);
+    publish_contact(last);
     say(last);
   }
 
-  /// The wrench's thread: all that others can wait for is told by another one.
-  void tell_wrenches(RunLoop& loop) {
-    if (!loop.settings().wants_real_time || ask_for_real_time(kPriority) != 0) {
+  /// The wrench thread; another thread publishes everything that can wait.
+  void publish_wrenches(RunLoop& loop) {
+    if (!loop.settings().wants_real_time || request_real_time(kPriority) != 0) {
       take_rank(ThreadRank::surface);
     }
     const double period = 1 / options_.rate;
@@ -208,59 +208,59 @@ class Output final : public RosOutput {
       if (!has_tick) continue;
       if (last > 0) periods_.record(static_cast<std::int64_t>(1e9 * (time - last)));
       last = time;
-      Told& told = told_.draft();
-      told.tick = tick;
-      told.time = time;
-      told.verdict = judge(tick, time, options_.max_age);
-      tell_wrench(told);
-      const bool is_due = number % contacts_every == 0 || told.verdict.is_valid() != was_valid;
-      was_valid = told.verdict.is_valid();
-      told.num_due = num_due += is_due ? 1 : 0;
+      Published& published = published_.draft();
+      published.tick = tick;
+      published.time = time;
+      published.verdict = judge(tick, time, options_.max_age);
+      publish_wrench(published);
+      const bool is_due = number % contacts_every == 0 || published.verdict.is_valid() != was_valid;
+      was_valid = published.verdict.is_valid();
+      published.num_due = num_due += is_due ? 1 : 0;
       const bool is_looked_for = is_due || number % look_every == 0;
       ++number;
-      told_.publish();
-      if (is_looked_for) bell_.ring();
+      published_.publish();
+      if (is_looked_for) event_.ring();
     }
   }
 
-  void tell_wrench(const Told& told) {
+  void publish_wrench(const Published& published) {
     const bool in_tool = options_.frame == WrenchFrame::tool;
     const std::string& frame = in_tool ? options_.tool_frame : options_.camera_frame;
-    const Pose& X_WT = told.tick.step.X_WT;
+    const Pose& X_WT = published.tick.step.X_WT;
     Wrench wrench;
-    if (told.verdict.is_valid()) {
-      wrench = told_in(in_tool ? X_WT : Pose{}, told.tick.step.contact_W,
-                       X_WT * tool_.sphere_mass().centre_of_mass);
+    if (published.verdict.is_valid()) {
+      wrench = transformed_to(in_tool ? X_WT : Pose{}, published.tick.step.contact_W,
+                              X_WT * tool_.sphere_mass().centre_of_mass);
     }
     const bool was_sent =
-        wrench_->publish(wrench_message({wall_time(told.tick.device.time), frame}, wrench));
+        wrench_->publish(wrench_message({wall_time(published.tick.device.time), frame}, wrench));
     ++(was_sent ? num_sent_ : num_not_sent_);
   }
 
   /// The other thread, woken by the wrench's.
-  void tell_rest(RunLoop& loop) {
+  void publish_rest(RunLoop& loop) {
     take_rank(ThreadRank::recorder);
-    std::uint64_t num_told = 0;
+    std::uint64_t num_published = 0;
     for (;;) {
-      const std::uint32_t heard = bell_.count();
+      const std::uint32_t heard = event_.count();
       if (is_ending_) return;
-      if (!told_.refresh()) {
-        bell_.wait(heard);
+      if (!published_.refresh()) {
+        event_.wait(heard);
         continue;
       }
-      const Told& told = told_.value();
-      if (told.num_due != num_told) {
-        if (contacts_.refresh()) tell_bodies(contacts_.value());
-        tell_contact(told);
+      const Published& published = published_.value();
+      if (published.num_due != num_published) {
+        if (contacts_.refresh()) publish_bodies(contacts_.value());
+        publish_contact(published);
       }
-      num_told = told.num_due;
-      tell_spheres(loop, told.time);
-      const bool is_news = told.verdict.state != last_state_;
-      if (told.time >= next_diagnostics_ ||
-          (is_news && told.time >= last_diagnostics_ + kShortestDiagnosticsPeriod)) {
-        say(told);
+      num_published = published.num_due;
+      publish_spheres(loop, published.time);
+      const bool is_changed = published.verdict.state != last_state_;
+      if (published.time >= next_diagnostics_ ||
+          (is_changed && published.time >= last_diagnostics_ + kShortestDiagnosticsPeriod)) {
+        say(published);
       }
-      bell_.wait(heard);
+      event_.wait(heard);
     }
   }
 
@@ -278,28 +278,28 @@ class Output final : public RosOutput {
     return static_cast<std::uint64_t>(1e9 * (from_1970 + time));
   }
 
-  void tell_contact(const Told& told) {
-    const std::uint64_t time = wall_time(told.tick.device.time);
-    pose_->publish(pose_message({time, options_.camera_frame}, told.tick.step.X_WT));
-    tell_twist(time, told);
-    contact_->publish(ros_contact_message({time, options_.tool_frame}, contact_of(told)));
+  void publish_contact(const Published& published) {
+    const std::uint64_t time = wall_time(published.tick.device.time);
+    pose_->publish(pose_message({time, options_.camera_frame}, published.tick.step.X_WT));
+    publish_twist(time, published);
+    contact_->publish(ros_contact_message({time, options_.tool_frame}, contact_of(published)));
   }
 
-  void tell_bodies(const Felt& felt) {
-    if (body_frames_.empty() || std::isnan(felt.bodies_time)) return;
-    const BodyPoses& bodies = felt.contact.bodies;
+  void publish_bodies(const MeasuredBodies& measured) {
+    if (body_frames_.empty() || std::isnan(measured.bodies_time)) return;
+    const BodyPoses& bodies = measured.contact.bodies;
     std::vector<RosTransform> transforms;
     for (std::size_t i = 0; i < std::min<std::size_t>(body_frames_.size(), bodies.num); ++i) {
       transforms.push_back({options_.camera_frame, body_frames_[i], bodies.of[i]});
     }
-    transforms_->publish(transform_message(wall_time(felt.bodies_time), transforms));
+    transforms_->publish(transform_message(wall_time(measured.bodies_time), transforms));
   }
 
-  /// Since the pose that was told before. Who follows stands still where the wrench is not valid.
-  void tell_twist(std::uint64_t time, const Told& told) {
-    const double now_told = told.tick.device.time, seconds = now_told - last_pose_time_;
-    const bool is_valid = told.verdict.is_valid();
-    const Pose& X_WT = told.tick.step.X_WT;
+  /// Since the last published pose. Zero while the wrench is not valid: a follower then stops.
+  void publish_twist(std::uint64_t time, const Published& published) {
+    const double tick_time = published.tick.device.time, seconds = tick_time - last_pose_time_;
+    const bool is_valid = published.verdict.is_valid();
+    const Pose& X_WT = published.tick.step.X_WT;
     Twist V_WT;
     if (is_valid && has_last_pose_ && seconds > 0 && seconds <= options_.max_age) {
       V_WT = {(X_WT.translation - last_X_WT_.translation) / seconds,
@@ -308,13 +308,13 @@ class Output final : public RosOutput {
     if (seconds != 0) {
       has_last_pose_ = is_valid;
       last_X_WT_ = X_WT;
-      last_pose_time_ = now_told;
+      last_pose_time_ = tick_time;
     }
     twist_->publish(twist_message({time, options_.camera_frame}, V_WT));
   }
 
-  RosContact contact_of(const Told& told) {
-    const auto& [tick, verdict, time, num_due] = told;
+  RosContact contact_of(const Published& published) {
+    const auto& [tick, verdict, time, num_due] = published;
     RosContact contact;
     contact.state = verdict.state;
     contact.reason = verdict.reason();
@@ -327,7 +327,8 @@ class Output final : public RosOutput {
     contact.unseen = full_volume_ > 0 ? tick.penetration.unseen_volume / full_volume_ : 0;
     contact.potential = tick.penetration.potential;
     const Pose& X_WT = tick.step.X_WT;
-    contact.wrench = told_in(X_WT, tick.step.contact_W, X_WT * tool_.sphere_mass().centre_of_mass);
+    contact.wrench =
+        transformed_to(X_WT, tick.step.contact_W, X_WT * tool_.sphere_mass().centre_of_mass);
     const LocalContact& newest = contacts_.value().contact.contact;
     contact.max_stiffness = newest.max_stiffness;
     contact.stiffness = stiffness_in(newest.X_WT, newest.stiffness, newest.p_WC);
@@ -335,7 +336,7 @@ class Output final : public RosOutput {
   }
 
   /// From the thread of the observer.
-  void tell_points(const FrameRecord& record, const DepthFrame& frame) {
+  void publish_points(const FrameRecord& record, const DepthFrame& frame) {
     if (!(options_.points_rate > 0) || record.capture_time < next_points_) return;
     if (points_->num_readers() == 0) return;
     next_points_ = record.capture_time + 1 / options_.points_rate;
@@ -369,8 +370,8 @@ class Output final : public RosOutput {
   }
 
   /// As the last contact that was asked for found them.
-  void tell_spheres(RunLoop& loop, double time) {
-    if (const ContactPicture* const now = loop.new_contact_picture(Onlooker::robots)) {
+  void publish_spheres(RunLoop& loop, double time) {
+    if (const ContactPicture* const now = loop.new_contact_picture(PictureConsumer::robots)) {
       const std::lock_guard lock(seen_mutex_);
       for (std::size_t i = 0; i < now->spheres.states.size(); ++i) {
         const Vec3d p_W = now->X_WT * to_double(tool_.spheres()[i].centre);
@@ -384,14 +385,14 @@ class Output final : public RosOutput {
     }
     if (!(options_.points_rate > 0) || time < next_spheres_ || spheres_->num_readers() == 0) return;
     next_spheres_ = time + 1 / options_.points_rate;
-    loop.ask_for_contact_picture(Onlooker::robots);
+    loop.request_contact_picture(PictureConsumer::robots);
   }
 
-  void say(const Told& told) {
-    const RosVerdict& verdict = told.verdict;
+  void say(const Published& published) {
+    const RosVerdict& verdict = published.verdict;
     last_state_ = verdict.state;
-    last_diagnostics_ = told.time;
-    next_diagnostics_ = told.time + kDiagnosticsPeriod;
+    last_diagnostics_ = published.time;
+    next_diagnostics_ = published.time + kDiagnosticsPeriod;
     constexpr RosDiagnostic::Level kLevels[] = {
         RosDiagnostic::Level::ok, RosDiagnostic::Level::stale, RosDiagnostic::Level::error};
     const auto periods = periods_.summary();
@@ -411,7 +412,7 @@ class Output final : public RosOutput {
           {"wrenches not sent", std::to_string(num_not_sent_)},
           {"readers of the wrench", std::to_string(wrench_->num_readers())},
           {"period of the wrench, p99, us", std::to_string(static_cast<int>(periods.p99))}}}};
-    diagnostics_->publish(diagnostics_message({wall_time(told.time), ""}, status));
+    diagnostics_->publish(diagnostics_message({wall_time(published.time), ""}, status));
   }
 
   RosOutputOptions options_;
@@ -427,19 +428,19 @@ class Output final : public RosOutput {
     Pose X_WC;
     DepthFrame frame;
   };
-  std::mutex seen_mutex_;        // of the observer and of who tells the rest
-  std::vector<Seen> seen_;       // of each camera
-  double next_points_ = 0;       // s, of the observer's thread
-  TripleBuffer<Felt> contacts_;  // from it
-  ContactTime last_contact_;     // of it
+  std::mutex seen_mutex_;                  // of the observer and of the thread of the rest
+  std::vector<Seen> seen_;                 // of each camera
+  double next_points_ = 0;                 // s, of the observer's thread
+  TripleBuffer<MeasuredBodies> contacts_;  // from it
+  ContactTime last_contact_;               // of it
 
   // Of the wrench's thread, which others read.
-  TripleBuffer<Told> told_;
-  Event bell_;
+  TripleBuffer<Published> published_;
+  Event event_;
   LatencyHistogram periods_;
   std::atomic<std::uint64_t> num_sent_ = 0, num_not_sent_ = 0;
 
-  // Of who tells the rest.
+  // Of the thread that publishes the rest.
   bool has_last_pose_ = false;
   Pose last_X_WT_;
   double last_pose_time_ = 0;
@@ -456,11 +457,12 @@ class Output final : public RosOutput {
 
 void add_ros_options(CLI::App& app, RosOutputOptions& options) {
   const std::string group = "ROS 2";
-  app.add_option("--wrench", options.wrench, "the topic of the wrench")
+  app.add_option("--wrench", options.wrench, "topic of the wrench")
       ->type_name("TOPIC")
       ->capture_default_str()
       ->group(group);
-  app.add_option("--ros2-namespace", options.name_space, "of all topics but /diagnostics")
+  app.add_option("--ros2-namespace", options.name_space,
+                 "namespace of all topics except /diagnostics")
       ->type_name("NAMESPACE")
       ->capture_default_str()
       ->group(group);
@@ -482,8 +484,8 @@ void add_ros_options(CLI::App& app, RosOutputOptions& options) {
       ->group(group);
 }
 
-void check_told_over_ros(const RosOutputOptions& options, const std::string& frame,
-                         const OutputOptions& output, const std::string& verb) {
+void check_ros_output(const RosOutputOptions& options, const std::string& frame,
+                      const OutputOptions& output, const std::string& verb) {
   if (!options.is_wanted) return;
   if (!(output.X_TE == Pose{}) || output.wrench_point != WrenchPoint{}) {
     usage_error(verb +

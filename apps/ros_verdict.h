@@ -1,4 +1,4 @@
-// Whether there is a wrench to tell over ROS 2 now, and why not.
+// Whether the wrench is valid to publish over ROS 2, and if not, why.
 #pragma once
 
 #include <cstdint>

@@ -40,7 +40,7 @@ void catch_interrupts() {
 
 bool interrupted() { return g_interrupted != 0; }
 
-void say_beside_progress(const std::string& text) {
+void print_beside_progress(const std::string& text) {
   std::fprintf(stderr, "%spalpate: %s\n", isatty(STDERR_FILENO) != 0 ? "\r\033[K" : "",
                text.c_str());
 }

@@ -1,4 +1,4 @@
-// What a program that works for a while owes the person who waits: progress, and a clean stop.
+// Progress and a clean stop for programs that take long.
 #pragma once
 
 #include <chrono>
@@ -33,6 +33,6 @@ class Progress {
 };
 
 /// A line on stderr while a bar may be shown. Any thread.
-void say_beside_progress(const std::string& text);
+void print_beside_progress(const std::string& text);
 
 }  // namespace palpate::apps

@@ -1,4 +1,4 @@
-// What there is to tell about a tool.
+// A summary of a tool, as text and JSON.
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>

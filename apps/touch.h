@@ -1,4 +1,4 @@
-// What palpate touch is asked for, and what it opens.
+// The options of palpate touch, and what it opens.
 #pragma once
 
 #include <algorithm>
@@ -66,7 +66,7 @@ struct TouchOptions {
   bool is_simulated_hand() const { return device == "sim" || device.starts_with("sim:"); }
 };
 
-/// Frames to feel, and the path that goes with them.
+/// Depth frames, and the path for them.
 struct TouchInput {
   std::vector<std::unique_ptr<DepthSource>> sources;  ///< of each camera
   std::vector<TimedPose> path;                        ///< X_WT, or X_BH where the options say so
@@ -82,7 +82,7 @@ struct TouchInput {
 
 /// Finds cameras and device, if they are not named, and opens the robot. Errors: those of the rig
 /// and of the robot; none, or several.
-Status find_what_is_there(TouchOptions& options);
+Status find_connected(TouchOptions& options);
 
 /// Puts what was given in frames that people name into the world, and lets gravity be what rig or
 /// cameras know of it. Errors: a frame that there is not, or that moves.

@@ -4,9 +4,9 @@
 #include <iostream>
 #include <utility>
 
+#include "apps/connected.h"
 #include "apps/held_frames.h"
 #include "apps/touch.h"
-#include "apps/what_is_there.h"
 #include "palpate/cameras/cameras.h"
 #include "scenes/scene.h"
 
@@ -92,7 +92,7 @@ Status add_path_at_first_sight(const TouchOptions& options, const Tool& tool, To
   const Status added = add_probing_path(
       short_probe, tool,
       [&]() -> Result<std::unique_ptr<DepthSource>> {
-        return std::unique_ptr<DepthSource>(std::make_unique<SeenFrames>(seen, info));
+        return std::unique_ptr<DepthSource>(std::make_unique<PreparedFrames>(seen, info));
       },
       input);
   if (added && !info.is_live) {
@@ -206,7 +206,7 @@ Status set_clocks(const TouchOptions& options, TouchInput& input) {
 
 }  // namespace
 
-Status find_what_is_there(TouchOptions& options) {
+Status find_connected(TouchOptions& options) {
   if (!options.rig.empty()) {
     auto rig = load_rig(options.rig);
     if (!rig) return rig.error();
@@ -214,7 +214,7 @@ Status find_what_is_there(TouchOptions& options) {
     options.rig_read = *std::move(rig);
   }
   if (options.cameras.empty()) {
-    auto camera = the_camera_that_is_there();
+    auto camera = connected_camera();
     if (!camera) return camera.error();
     if (options.sensor) camera->sensor = options.sensor;
     options.cameras = {*camera};
@@ -225,7 +225,7 @@ Status find_what_is_there(TouchOptions& options) {
   if (!filter) return filter.error();
   options.self_filter = *std::move(filter);
   if (options.device == "auto") {
-    const auto device = the_device_that_is_there();
+    const auto device = connected_device();
     if (!device) return device.error();
     options.device = *device;
     std::cerr << "palpate: note: taking the device " << *device << "\n";

@@ -179,7 +179,7 @@ Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
   const bool is_live = !options.device.empty();
   const auto handle = options.is_page() ? std::make_shared<PageHandle>() : nullptr;
   RunSettings settings = options.settings;
-  // Whoever lets go of the tool on the page feels nothing more.
+  // Without a page that holds the tool there is no force.
   if (handle && !options.is_given("safety.dead_man")) settings.safety.dead_man = true;
   if (!options.is_given("coupling.kind")) {
     const bool has_hand = is_live && !options.is_robot();
@@ -272,7 +272,7 @@ Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
   run.say = [&said](double time, std::string_view text) {
     char seconds[32];
     std::snprintf(seconds, sizeof seconds, "%.2f s: ", time);
-    say_beside_progress(seconds + said.emplace_back(text));
+    print_beside_progress(seconds + said.emplace_back(text));
   };
   run.keep_going = [&] {
     if (is_live && bar.due()) {
@@ -285,7 +285,7 @@ Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
   };
   const auto outcome =
       record_run(tool, DepthSources(std::move(sources)), **device, settings, options.output, run);
-  if (page) page->say_goodbye();
+  if (page) page->print_closing();
   if (!outcome) return outcome.error();
   return tell(options, tool, *outcome, input.probe, said, !is_live && interrupted());
 }

@@ -46,7 +46,7 @@ Status check_outputs(const Options& options) {
   return check_output_file(options.page, options.input);
 }
 
-void print_for_people(const Options& options, const PackedTool& packed) {
+void print_packing(const Options& options, const PackedTool& packed) {
   std::cout << describe(packed.tool, packed.standoff);
   const PackRequest& request = options.request;
   if (!request.camera_spacing.empty()) {
@@ -82,7 +82,7 @@ Status run_one(const Options& options) {
     if (options.report) json["report"] = options.page;
     print_json(json);
   } else {
-    print_for_people(options, *packed);
+    print_packing(options, *packed);
   }
   return Done{};
 }

@@ -18,7 +18,7 @@
 #include "palpate/contact/body_contact.h"
 #include "palpate/io/files.h"
 #include "src/run/internal/pipeline.h"
-#include "src/run/internal/told_output.h"
+#include "src/run/internal/reported_output.h"
 
 namespace palpate::apps {
 namespace {
@@ -40,7 +40,7 @@ struct Measurement {
   Penetration penetration;
   BodyMeasure shares;        ///< of cloud and objects
   double unseen = 0;         ///< Penetration::unseen_volume
-  std::vector<int> decided;  ///< felt spheres by each camera, and last where none looks
+  std::vector<int> decided;  ///< spheres in contact by each camera, and last where none looks
   double seconds = 0;
   Pose X_WT;
 };
@@ -52,12 +52,12 @@ std::string camera_name(std::size_t number) {
 nlohmann::ordered_json to_json(const Vec3d& v) { return {v.x, v.y, v.z}; }
 
 /// As --wrench-frame, --wrench-point and --tcp want it.
-nlohmann::ordered_json told(const OutputOptions& output, const Tool& tool, const Pose& X_WCamera,
-                            const Measurement& at) {
-  const ToldOutput told(output,
-                        {at.X_WT, at.X_WT * tool.sphere_mass().centre_of_mass, X_WCamera, Pose{}});
-  const VolumeWrench measure = told.wrench(at.penetration.measure_W);
-  return {{"pose", seven_numbers(told.pose())},
+nlohmann::ordered_json reported_json(const OutputOptions& output, const Tool& tool,
+                                     const Pose& X_WCamera, const Measurement& at) {
+  const ReportedOutput reported(
+      output, {at.X_WT, at.X_WT * tool.sphere_mass().centre_of_mass, X_WCamera, Pose{}});
+  const VolumeWrench measure = reported.wrench(at.penetration.measure_W);
+  return {{"pose", seven_numbers(reported.pose())},
           {"force", to_json(measure.force)},
           {"torque", to_json(measure.torque)}};
 }
@@ -90,7 +90,7 @@ void print_results_json(const Options& options, const RunSettings& settings, con
       by["none"] = decided.back();
     }
     if (!(settings.output == OutputOptions{})) {
-      json["results"].back()["told"] = told(settings.output, tool, X_WCamera, measurement);
+      json["results"].back()["told"] = reported_json(settings.output, tool, X_WCamera, measurement);
     }
     if (options.objects.empty()) continue;
     const Penetration& objects = shares.bodies;
@@ -144,7 +144,7 @@ Result<ChosenQuery> choose_query(const RunSettings& settings, const Tool& tool, 
   return ChosenQuery{backend, *std::move(query)};
 }
 
-/// What nobody sees at a pose, and who decided what is felt.
+/// Unseen volume at a pose, and the camera that decided each sphere.
 void find_evidence(const ContactQuery& query, std::span<const SurfaceBlend> cameras,
                    Measurement& at) {
   SpherePicture spheres;

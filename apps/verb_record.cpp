@@ -85,7 +85,7 @@ Status run(const Options& options) {
       bar.update(options.duration ? seconds / *options.duration : 0, words);
     }
     for (DepthSource* source : sources) {
-      for (const std::string& note : source->take_notes()) say_beside_progress(note);
+      for (const std::string& note : source->take_notes()) print_beside_progress(note);
     }
     return !interrupted();
   };

@@ -75,12 +75,12 @@ void add_ros2(CLI::App& program, Action& action) {
       ->allow_extra_args(false)
       ->type_name("TOPIC");
   app.add_option("--world", options->world,
-                 "frame of tf that cameras are placed in, each image by its stamp; default: one "
+                 "tf frame in which cameras are placed, each image by its stamp; default: one "
                  "camera, which is the world")
       ->type_name("FRAME");
   app.add_option("--clock", options->clock,
-                 "whose clock stamps are by: a robot's own, or one that it shares with this "
-                 "computer (PTP, NTP): then the delay of the network counts in ages")
+                 "clock of the stamps: the robot's own, or one shared with this computer (PTP, "
+                 "NTP), so that ages include the network delay")
       ->check(CLI::IsMember({"own", "shared"}))
       ->capture_default_str();
   add_number(app, "--latency", options->latency, {0, 1, "s"},
@@ -88,15 +88,15 @@ void add_ros2(CLI::App& program, Action& action) {
   app.add_option("--qos", options->qos, "reliability of the image subscription")
       ->check(CLI::IsMember({"best_effort", "reliable"}))
       ->capture_default_str();
-  auto* const frame = app.add_option("--tool-frame", options->tool_frame,
-                                     "where the tool is: the frame of its mesh, in tf")
-                          ->type_name("FRAME");
-  app.add_option("--pose", options->pose, "where the tool is: PoseStamped of the frame of its mesh")
+  auto* const frame =
+      app.add_option("--tool-frame", options->tool_frame, "tf frame of the tool: that of its mesh")
+          ->type_name("FRAME");
+  app.add_option("--pose", options->pose, "topic of the tool's PoseStamped (frame of its mesh)")
       ->type_name("TOPIC")
       ->excludes(frame);
   add_object_option(app, touch.objects, true);
   add_robot_options(app, touch.robot);
-  app.add_option("-o,--output", touch.output, "folder of the run, of which the last minute is kept")
+  app.add_option("-o,--output", touch.output, "folder of the recording of the last minute")
       ->type_name("RUN")
       ->capture_default_str();
   app.add_option("--duration", touch.duration, "seconds; default: until Ctrl-C")
@@ -110,7 +110,7 @@ void add_ros2(CLI::App& program, Action& action) {
   add_set_option(app, table);
   add_ros_options(app, touch.ros);
   add_output_options(app, touch.frames, touch.settings);
-  app.add_flag("--view", touch.has_page, "show the run in a browser meanwhile");
+  app.add_flag("--view", touch.has_page, "show the run in a browser");
   add_page_options(app, "--view-", touch.page);
   app.add_flag("--json", touch.json, "print the summary as JSON");
   app.footer(
@@ -119,7 +119,7 @@ void add_ros2(CLI::App& program, Action& action) {
   app.callback([options, &app, &action] {
     check_robot(app, "ros2");
     const TouchOptions ready = touch_options(*options);
-    check_told_over_ros(ready.ros, ready.frames.wrench, ready.settings.output, "ros2");
+    check_ros_output(ready.ros, ready.frames.wrench, ready.settings.output, "ros2");
     action = [ready] { return run_touch(ready); };
   });
 }

@@ -1,4 +1,4 @@
-// palpate scenes: what there is to feel without a camera.
+// palpate scenes: lists the simulated scenes.
 
 #include <cstdio>
 #include <iostream>

@@ -59,7 +59,7 @@ Status read_settings(const std::string& path, Options& options) {
 Status run_touch(const TouchOptions& given) {
   if (!given.settings_read) return given.settings_read;
   Options options = given;
-  if (const Status status = find_what_is_there(options); !status) return status;
+  if (const Status status = find_connected(options); !status) return status;
   if (const Status status = know_frames(options); !status) return status;
   if (const Status status = check_inputs(options); !status) return status;
   const auto tool =
@@ -351,7 +351,7 @@ void add_touch(CLI::App& program, Action& action) {
     if (options->ros.is_wanted && options->device.empty()) {
       usage_error("touch: --ros2 goes with --device: what is published is of a live run");
     }
-    check_told_over_ros(options->ros, options->frames.wrench, options->settings.output, "touch");
+    check_ros_output(options->ros, options->frames.wrench, options->settings.output, "touch");
     const bool has_poses = std::ranges::any_of(options->cameras, [](const CameraUri& camera) {
       return !(camera.X_WC == Pose{}) || !camera.poses.empty() || !camera.urdf.empty();
     });

@@ -50,7 +50,7 @@ struct GridJob {
   float* answers = nullptr;  // 7 a pose
 };
 
-__global__ void __launch_bounds__(256) ask_grid(const __grid_constant__ GridJob job) {
+__global__ void __launch_bounds__(256) query_grid(const __grid_constant__ GridJob job) {
   struct Shared {
     float R[3][3], p[3];
     float sums[8][7];

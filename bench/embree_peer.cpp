@@ -65,14 +65,14 @@ class Embree : public BoundaryPeer {
   Embree& operator=(const Embree&) = delete;
 
   std::string name() const override {
-    return kind_ == EmbreeTree::fast_to_ask ? "Embree best tree" : "Embree quick tree";
+    return kind_ == EmbreeTree::fast_to_query ? "Embree best tree" : "Embree quick tree";
   }
 
   void build() override {
     if (scene_ != nullptr) rtcReleaseScene(scene_);
     scene_ = rtcNewScene(device_);
     const RTCBuildQuality quality =
-        kind_ == EmbreeTree::fast_to_ask ? RTC_BUILD_QUALITY_MEDIUM : RTC_BUILD_QUALITY_LOW;
+        kind_ == EmbreeTree::fast_to_query ? RTC_BUILD_QUALITY_MEDIUM : RTC_BUILD_QUALITY_LOW;
     rtcSetSceneBuildQuality(scene_, quality);
     RTCGeometry geometry = rtcNewGeometry(device_, RTC_GEOMETRY_TYPE_USER);
     rtcSetGeometryBuildQuality(geometry, quality);
@@ -93,7 +93,7 @@ class Embree : public BoundaryPeer {
         question == Question::which ? stop_at_first : add_point;
     RTCPointQueryContext context;
     rtcInitPointQueryContext(&context);
-    ask_all(spheres, X_WT, answers, [&](const Vec3f& c, float radius, SphereAnswer& answer) {
+    query_all(spheres, X_WT, answers, [&](const Vec3f& c, float radius, SphereAnswer& answer) {
       Visit visit{cloud_, radius * radius, answer};
       RTCPointQuery query{c.x, c.y, c.z, 0, radius};
       rtcPointQuery(scene_, &query, &context, visit_point, &visit);

@@ -138,7 +138,7 @@ void measure_grid(int num_spheres, double cell, Where where) {
               " x " + std::to_string(num_spheres) + " spheres; cells of " +
               std::to_string(static_cast<int>(1000 * cell)) + " mm",
           static_cast<double>(options.num_poses) * num_spheres, stream,
-          [&] { gpu::launch(stream, shape, ask_grid, job); });
+          [&] { gpu::launch(stream, shape, query_grid, job); });
 }
 
 void run() {

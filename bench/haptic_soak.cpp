@@ -132,7 +132,7 @@ Status measure_floor(double seconds, double rate, Floor& floor) {
         if (last > 0) {
           floor.period.record(static_cast<std::int64_t>(1e9 * (begin - last)));
         } else {
-          ask_for_real_time(80);
+          request_real_time(80);
         }
         last = begin;
         return true;

@@ -15,15 +15,15 @@
 #include "src/core/monotonic_clock.h"
 #include "src/math/internal/rotation_vector.h"
 #include "src/run/internal/pipeline.h"
-#include "tests/bodies/seen_table.h"
+#include "tests/bodies/camera_table.h"
 #include "tests/test_util/random.h"
 
 namespace palpate::bench {
 namespace {
 
+using test::CameraTableOptions;
 using test::kTable;
 using test::packed_shape;
-using test::SeenTableOptions;
 using test::TableTop;
 
 constexpr double kDegrees = 180 / 3.14159265358979323846;
@@ -52,7 +52,7 @@ std::vector<SceneObject> stack_of(int num) {
 /// Of the uppermost of so many boxes, from 3 s on.
 void rest(int num, bool may_sleep, const char* figure) {
   for (const DepthAverage average : {DepthAverage::none, DepthAverage::kalman}) {
-    SeenTableOptions seen;
+    CameraTableOptions seen;
     seen.has_noise = true;
     seen.width = 640;
     seen.time.average.kind = average;
@@ -208,10 +208,10 @@ void cost() {
       const double z = kTable - kBox.z * (is_pile ? 0.5 + i / 4 : 0.5) - 1e-3;
       settings.objects.push_back(object_at(shape, {{x, y, z}, {}}, 0.3));
     }
-    test::SeenTable::Options seen;
+    test::CameraTable::Options seen;
     seen.has_noise = true;
     seen.width = 640;
-    test::SeenTable table(seen);
+    test::CameraTable table(seen);
     DepthStreamInfo stream;
     stream.width = 640, stream.height = 480;
     stream.intrinsics = {575.8157, 575.8157, 319.5, 239.5};

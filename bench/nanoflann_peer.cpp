@@ -62,7 +62,7 @@ class NanoflannTree : public BoundaryPeer {
 
   void ask(Question question, std::span<const Sphere> spheres, const Pose& X_WT,
            std::span<SphereAnswer> answers) override {
-    ask_all(spheres, X_WT, answers, [&](const Vec3f& c, float radius, SphereAnswer& answer) {
+    query_all(spheres, X_WT, answers, [&](const Vec3f& c, float radius, SphereAnswer& answer) {
       Visitor visitor{cloud_, question, radius * radius, answer};
       const float centre[3] = {c.x, c.y, c.z};
       tree_->findNeighbors(visitor, centre, {});

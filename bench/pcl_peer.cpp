@@ -34,7 +34,7 @@ class OrganizedNeighbor : public BoundaryPeer {
   void ask(Question question, std::span<const Sphere> spheres, const Pose& X_WT,
            std::span<SphereAnswer> answers) override {
     const unsigned max_points = question == Question::which ? 1 : 0;  // 0: all
-    ask_all(spheres, X_WT, answers, [&](const Vec3f& c, float radius, SphereAnswer& answer) {
+    query_all(spheres, X_WT, answers, [&](const Vec3f& c, float radius, SphereAnswer& answer) {
       const int num =
           search_.radiusSearch(pcl::PointXYZ(c.x, c.y, c.z), static_cast<double>(radius), indices_,
                                distances_, max_points);

@@ -53,8 +53,8 @@ class BoundaryPeer {
 
 /// The loop of every BoundaryPeer: ask_one(centre in W, radius, answer).
 template <class AskOne>
-void ask_all(std::span<const Sphere> spheres, const Pose& X_WT, std::span<SphereAnswer> answers,
-             AskOne&& ask_one) {
+void query_all(std::span<const Sphere> spheres, const Pose& X_WT, std::span<SphereAnswer> answers,
+               AskOne&& ask_one) {
   const Mat3d R_WT = rotation_matrix(X_WT.rotation);
   for (std::size_t k = 0; k < spheres.size(); ++k) {
     answers[k] = SphereAnswer{};
@@ -66,7 +66,7 @@ void ask_all(std::span<const Sphere> spheres, const Pose& X_WT, std::span<Sphere
 /// The cloud must outlive them.
 std::unique_ptr<BoundaryPeer> pcl_organized_neighbor(const PointCloud& cloud);
 std::unique_ptr<BoundaryPeer> nanoflann_tree(const PointCloud& cloud);
-enum class EmbreeTree { fast_to_ask, fast_to_build };
+enum class EmbreeTree { fast_to_query, fast_to_build };
 std::unique_ptr<BoundaryPeer> embree_tree(const PointCloud& cloud, EmbreeTree kind);
 
 /// A library that estimates normals.

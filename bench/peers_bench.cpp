@@ -111,13 +111,13 @@ class Rows {
 /// surface of a sphere (m).
 constexpr double kCloseCall = 2e-6;
 
-struct AskedPeer {
+struct QueriedPeer {
   std::unique_ptr<BoundaryPeer> library;
   double build = 0;  ///< µs
 };
 
 /// Ours in the words of the peers.
-void ask_ours(eval::BoundaryStage& stage, const Pose& X_WT, std::vector<SphereAnswer>& answers) {
+void query_ours(eval::BoundaryStage& stage, const Pose& X_WT, std::vector<SphereAnswer>& answers) {
   std::fill(answers.begin(), answers.end(), SphereAnswer{});
   stage.run(X_WT, [&](std::size_t k, const PointSums& sums) {
     constexpr double kScale = PointSums::kFinestScale;
@@ -175,7 +175,7 @@ int compare(BoundaryPeer& peer, Question question, const PointCloud& cloud, cons
   return num_close;
 }
 
-void time_boundary(const std::vector<AskedPeer>& peers, int spheres, int depth,
+void time_boundary(const std::vector<QueriedPeer>& peers, int spheres, int depth,
                    const Settings& settings, Rows& rows) {
   const PointCloud& cloud = bumpy_wall();
   const Tool& tool = cube_tool(spheres);
@@ -185,17 +185,17 @@ void time_boundary(const std::vector<AskedPeer>& peers, int spheres, int depth,
   std::vector<SphereAnswer> answers(tool.spheres().size());
 
   struct Asked {
-    const AskedPeer* peer;
+    const QueriedPeer* peer;
     Question question;
     int num_close = 0;
   };
   std::vector<Asked> asked;
   for (const Question question : {Question::sums, Question::which}) {
-    for (const AskedPeer& peer : peers) asked.push_back({&peer, question});
+    for (const QueriedPeer& peer : peers) asked.push_back({&peer, question});
   }
   double touched = 0;
   for (int i = 0; i < settings.poses; ++i) {
-    ask_ours(stage, pose(i), answers);
+    query_ours(stage, pose(i), answers);
     touched += static_cast<double>(std::count_if(
         answers.begin(), answers.end(), [](const SphereAnswer& a) { return a.num_points > 0; }));
     for (Asked& a : asked) {
@@ -222,14 +222,14 @@ void time_boundary(const std::vector<AskedPeer>& peers, int spheres, int depth,
   }
 }
 
-std::vector<AskedPeer> boundary_peers(const Settings& settings) {
+std::vector<QueriedPeer> boundary_peers(const Settings& settings) {
   const PointCloud& cloud = bumpy_wall();
-  std::vector<AskedPeer> peers;
+  std::vector<QueriedPeer> peers;
   peers.push_back({pcl_organized_neighbor(cloud)});
   peers.push_back({nanoflann_tree(cloud)});
-  peers.push_back({embree_tree(cloud, EmbreeTree::fast_to_ask)});
+  peers.push_back({embree_tree(cloud, EmbreeTree::fast_to_query)});
   peers.push_back({embree_tree(cloud, EmbreeTree::fast_to_build)});
-  for (AskedPeer& peer : peers) {
+  for (QueriedPeer& peer : peers) {
     const Work build = [&](int) { peer.library->build(); };
     peer.build = time_in_turn({build}, 2, settings.passes).front().median;
   }
@@ -337,7 +337,7 @@ Settings parse(int argc, char** argv) {
 int run(const Settings& settings) {
   const double load = machine_load();
   Rows rows;
-  const std::vector<AskedPeer> peers = boundary_peers(settings);
+  const std::vector<QueriedPeer> peers = boundary_peers(settings);
   for (const int spheres : settings.spheres) {
     for (const int depth : settings.depths) time_boundary(peers, spheres, depth, settings, rows);
   }

@@ -51,7 +51,7 @@ Status time_queries(const std::filesystem::path& folder) {
   const ContactQuery& query = parts->contact->query();
   ThreadPool pool(0);
   LatencyHistogram times;
-  ask_for_real_time(70);  // as the contact thread
+  request_real_time(70);  // as the contact thread
   std::size_t next = 0;
   std::vector<SurfaceBlend> cameras(setup.streams.size());
   RecordedDepth frame;

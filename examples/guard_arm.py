@@ -12,7 +12,7 @@ and how deep) and the gradient of that, minus force and torque. U must not rise 
 the nearer it is (a control barrier function): dU/dt = -(f, t) V <= rate (U_max - U). To keep to a surface, U must not fall
 below one, either. The stiffness is the second derivative: it bounds what the row leaves out within a step.
 
-Where nothing was measured, U is zero and its row allows everything. What nobody has seen is a row of its own: the same
+Where nothing was measured, U is zero and its row allows everything. Unobserved space is a row of its own: the same
 measurement against all that was not seen to be free (the setting unknown = "blocked", holes not closed). Deep inside that has no
 gradient; no motion obeys the row then, and the arm stops.
 """

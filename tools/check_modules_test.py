@@ -9,7 +9,7 @@ def problems(name, *lines):
     return [problem for _, problem in check_text(name, "\n".join(lines))]
 
 
-class CheckRoomsTest(unittest.TestCase):
+class CheckModulesTest(unittest.TestCase):
     def assert_refused(self, name, line, part):
         found = problems(name, line)
         self.assertEqual(len(found), 1, f"{name}: {line}")
@@ -18,7 +18,7 @@ class CheckRoomsTest(unittest.TestCase):
     def assert_passes(self, name, line):
         self.assertEqual(problems(name, line), [], f"{name}: {line}")
 
-    def test_no_room_is_above_itself(self):
+    def test_no_module_is_above_itself(self):
         for module in BELOW:
             for below in allowed_modules(module) - {module}:
                 self.assertNotIn(module, allowed_modules(below), f"{module} and {below} form a cycle")

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""Refuses what belongs to one machine or one day: absolute paths of somebody's machine, names of
-package registry hosts, and notes to oneself.
+"""Refuses what belongs to one machine or one day: absolute paths of a machine, names of package
+registry hosts, and notes to oneself; and in names of the code, words that the field does not use.
 
 usage: tools/check_words.py [ROOT]
 """
@@ -32,12 +32,38 @@ REFUSED = (
     ),
 )
 
+# Identifiers of the library and the programs, not words of sentences: each with the term to use.
+TERMS = tuple(
+    (re.compile(rf"(?<![/\w])(?:{names})(?!\w)"), f"a name that the field does not use: {term}")
+    for names, term in (
+        (r"Told\w+|is_told_?|told_(?:as|at|by|fault|in|joints|unit)|tells?_[a-z_]+", "report, publish, require"),
+        (r"\w*[Ll]ender\w*|[Bb]orrow\w+|may_lend|laid_over|badness", "donor, cost, composite"),
+        (r"\w*[Ww]ishes_?|obey", "subscription, execute"),
+        (r"\w*Onlooker\w*|\w*[Mm]inder_?|Keeper", "consumer, governor, observer"),
+        (r"(?:Hand|Camera|Tool)Moments?|\w+_moment_json|on_moment", "snapshot, blend"),
+        (r"Felt\w*|felt_\w+|is_felt_?|num_felt|for_felt|Feeling", "measure, contact, touch"),
+        (r"Asked\w*|asked_(?:window|stream)|ask_for_\w+|ask_(?:to|field|state|deep\w*)\w*", "query, request, need"),
+        (r"Heard\w*|hear_\w+|heard_|is_deaf_?|has_changed_words_?", "receive, handle, ignore"),
+        (r"PlaceState|ids_of_places|(?:touched|skipped|donor)_places_", "slot"),
+        (r"Seen(?:Frame|Scene|Table|Pose)\w*", "frame, scene, table"),
+        (r"go_on_from|let_go|lets_go|is_let_go", "resume, release"),
+    )
+)
+NAMED = re.compile(r"(?:apps|eval|include|src|python/src|web/src)/.*\.(?:h|cpp|cu|cuh|ts)")
+STRING = re.compile(r"\"(?:\\.|[^\"\\])*\"|'(?:\\.|[^'\\])*'|//.*")
 
-def check_text(text):
+
+def check_text(text, name=""):
     """Yields (line number, found words, what is wrong)."""
+    has_names = NAMED.fullmatch(name) is not None
     for number, line in enumerate(text.splitlines(), start=1):
         for pattern, problem in REFUSED:
             match = pattern.search(line)
+            if match:
+                yield number, match.group(0), problem
+        code = STRING.sub("", line) if has_names else ""
+        for pattern, problem in TERMS if has_names else ():
+            match = pattern.search(code)
             if match:
                 yield number, match.group(0), problem
 
@@ -49,7 +75,7 @@ def main(root=ROOT):
         if b"\0" in content:  # not text
             continue
         num_files += 1
-        for number, found, problem in check_text(content.decode("utf-8", errors="replace")):
+        for number, found, problem in check_text(content.decode("utf-8", errors="replace"), path.as_posix()):
             num_problems += 1
             print(f"{path.as_posix()}:{number}: '{found}' is {problem}")
     print(f"check_words: {num_files} files, {num_problems} problems")

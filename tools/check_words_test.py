@@ -26,6 +26,25 @@ class CheckWordsTest(unittest.TestCase):
         ):
             self.assertEqual(list(check_text(text)), [], text)
 
+    def test_names_of_the_code(self):
+        for name, line in (
+            ("src/run/a.h", "ToldOutput output;"),
+            ("apps/a.cpp", "loop.ask_for_force();"),
+            ("include/palpate/a.h", "struct ViewWishes {"),
+            ("web/src/a.ts", "const wishes = {};"),
+            ("src/contact/a.cuh", "PlaceState* states;"),
+        ):
+            self.assertEqual(len(list(check_text(line, name))), 1, line)
+        for name, line in (
+            ("docs/a.md", "ask_for_force"),  # sentences may say anything
+            ("tests/a.cpp", "struct Asked {"),
+            ("src/run/a.h", '"told_x_m"'),  # columns of files keep their names
+            ("src/run/a.h", "int num;  // as told_at says"),
+            ("src/run/a.h", "task_for_all, basket"),
+            ("src/session/a.cpp", 'using Old = Message<"palpate_msgs/CameraMoment">;'),
+        ):
+            self.assertEqual(list(check_text(line, name)), [], line)
+
     def test_line_number(self):
         self.assertEqual([n for n, _, _ in check_text("a\nb FIX" + "ME\n")], [2])
 

@@ -77,7 +77,7 @@ struct Errors {
 
 struct Quantity {
   const char *key, *column, *row, *unit;  ///< `column` and `row`: its name in tables
-  int digits;                             ///< kFitting: as few as tell it
+  int digits;                             ///< kFitting: as few as suffice
   double Errors::*value;
   bool is_rms;
 };
@@ -188,7 +188,7 @@ void measure(Study& study, std::size_t pair, const Tool& tool, bool is_many, Wor
       packing_error(c, tool, SphereVolumes::own, effort.coarse_steps),
       packing_error(c, tool, SphereVolumes::represented, effort.coarse_steps)};
   for (std::size_t n = 0; n < kNoises.size(); ++n) {
-    const SeenScene seen = see(c, kNoises[n].noise);
+    const RenderedScene seen = see(c, kNoises[n].noise);
     for (std::size_t w = 0; w < study.ways.size(); ++w) {
       const Way& way = study.ways[w];
       if (way.is_many != is_many) continue;
@@ -266,7 +266,7 @@ Table worst_table(const Study& study) {
   return table;
 }
 
-/// The row of a table that tells of a way over all pairs.
+/// The row of a table for one variant over all pairs.
 std::vector<std::string> cells_of(const Study& study, std::size_t way, const char* second,
                                   std::size_t noise) {
   std::vector<std::string> cells{study.ways[way].name, second};

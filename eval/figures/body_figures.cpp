@@ -111,7 +111,7 @@ Push push_of(const Tool& tool, const Tool& block, BodyMethod method, int num_pla
   Push push;
   std::array<double, kDepths.size()> exact{};
   double squares = 0, force = 0, volume = 0;
-  int num_felt = 0;
+  int num_with_force = 0;
   for (int place = 0; place < num_places; ++place) {
     const Quaternion turned = random.rotation(kPi);
     const double x = random.uniform(-kAside, kAside), y = random.uniform(-kAside, kAside);
@@ -129,12 +129,12 @@ Push push_of(const Tool& tool, const Tool& block, BodyMethod method, int num_pla
       if (d >= kNumFaceOn || f == Vec3d{}) continue;
       const double off = std::atan2(std::hypot(f.x, f.y), -f.z) * 180 / kPi;
       squares += off * off;
-      ++num_felt;
+      ++num_with_force;
       push.direction_most = std::max(push.direction_most, off);
     }
   }
   for (std::size_t d = 0; d < kDepths.size(); ++d) push.share[d] /= exact[d];
-  push.direction = std::sqrt(squares / num_felt);
+  push.direction = std::sqrt(squares / num_with_force);
   push.strength = force / volume;
   return push;
 }
@@ -254,7 +254,7 @@ Result<std::vector<Row>> measure(Context& context) {
 }
 
 Table volume_table(const std::vector<Row>& rows) {
-  Table table{"Found of the common volume, random poses",
+  Table table{"Share of the common volume found, random poses",
               {"bodies", "spheres in each", "by the field: found, %", "spread over the poses, ± %",
                "error, % of the smaller body, rms", "by spheres: found, %",
                "spread over the poses, ± %", "fills multiplied, %"},
@@ -392,7 +392,7 @@ void add_claims_of_field(FigureResult& result, const std::vector<Row>& rows) {
                    holds_below(rms.high, kOnePercent)}),
        Source::docs});
   result.claims.push_back(
-      {"By the fields, a face is felt as it is, without jumps and without gain.",
+      {"With the fields, the contact with a face is exact, without jumps and without energy gain.",
        words(
            "At most %.2f° off the normal of a face that is the nearest one; the worst step of the "
            "force is %.2f to %.2f times the exact one; a closed loop gives away at most %.0e of "
@@ -428,8 +428,8 @@ void add_claims_of_spheres(FigureResult& result, const std::vector<Row>& rows) {
        words("A closed loop gives away at most %.0e of all work.", loop.high),
        holds_below(loop.high, kConservative), Source::docs});
   result.claims.push_back(
-      {"By spheres, a face of a body is felt as the spheres behind it: "
-       "off its normal, however many they are, and much weaker if they are small.",
+      {"With spheres, the force of a face is that of the spheres behind it: off the normal for any "
+       "number of them, and much weaker if they are small.",
        words("With %d to %d spheres %.0f to %.0f° rms off the normal, and %.2f to %.2f times as "
              "strong as the volume found; at most %.2f times if the block has no large ones.",
              least, most, direction.low, direction.high, strength.low, strength.high, fine.high),

@@ -1,5 +1,5 @@
 // cube: every method against the exact cube that a depth camera recorded from a moving hand, with
-// the errors of the sensor told first and apart from those of the methods.
+// with the errors of the sensor apart from those of the methods.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -26,7 +26,7 @@ struct Run {
 };
 
 /// What one method says along one run in one frame.
-struct Felt {
+struct MethodErrors {
   double volume_squares = 0, direction_squares = 0;  ///< sums; of shares and of rad
   int num = 0, num_directions = 0, num_lost = 0;
   double jump_ratio = 0;
@@ -54,10 +54,10 @@ std::vector<Run> all_runs(const std::vector<Way>& ways,
   return runs;
 }
 
-Felt feel(const Run& run, const Tool& tool, const Pose& X_CB, MethodQueries& query,
-          const ContactOptions& options) {
+MethodErrors measure(const Run& run, const Tool& tool, const Pose& X_CB, MethodQueries& query,
+                     const ContactOptions& options) {
   const double whole = full_volume(tool, options), mesh = tool.mesh_mass().volume;
-  Felt felt;
+  MethodErrors errors;
   Vec3d before, exact_before;
   double jump = 0, exact_jump = 0;
   for (std::size_t i = 0; i < run.X_BT.size(); ++i) {
@@ -65,23 +65,23 @@ Felt feel(const Run& run, const Tool& tool, const Pose& X_CB, MethodQueries& que
     const Vec3d force = 1 / whole * rotate(conjugate(X_CB.rotation), at.measure_W.force);
     const Vec3d exact = 1 / mesh * run.exact[i].measure_C_W.force;
     const double share = at.volume / whole, truth = run.exact[i].volume / mesh;
-    felt.shares.push_back(share);
-    felt.volume_squares += (share - truth) * (share - truth);
-    ++felt.num;
-    felt.num_lost += share == 0 && truth > 0.01;
+    errors.shares.push_back(share);
+    errors.volume_squares += (share - truth) * (share - truth);
+    ++errors.num;
+    errors.num_lost += share == 0 && truth > 0.01;
     if (i > 0) {
       jump = std::max(jump, norm(force - before));
       exact_jump = std::max(exact_jump, norm(exact - exact_before));
     }
     before = force, exact_before = exact;
-    felt.last_volume = share - truth;
+    errors.last_volume = share - truth;
     if (truth < kLeastShare || force == Vec3d{}) continue;
     const double angle = std::atan2(norm(cross(force, exact)), dot(force, exact));
-    felt.direction_squares += angle * angle;
-    ++felt.num_directions;
+    errors.direction_squares += angle * angle;
+    ++errors.num_directions;
   }
-  felt.jump_ratio = jump / exact_jump;
-  return felt;
+  errors.jump_ratio = jump / exact_jump;
+  return errors;
 }
 
 /// The frame with the depth of the exact cube wherever a pixel looks at it.
@@ -138,15 +138,15 @@ struct Total {
   double shake = 0;                  ///< % of the tool: from frame to frame, at the same place
 };
 
-Total total_of(const std::vector<std::vector<Felt>>& by_frame,
+Total total_of(const std::vector<std::vector<MethodErrors>>& by_frame,
                const std::vector<std::size_t>& runs) {
   Total total;
   double volume = 0, direction = 0, num = 0, num_directions = 0, lost = 0, variance = 0;
   std::vector<double> jumps;
   for (const std::size_t run : runs) {
     double sum = 0, squares = 0;
-    for (const auto& felt : by_frame) {
-      const Felt& f = felt[run];
+    for (const auto& errors : by_frame) {
+      const MethodErrors& f = errors[run];
       volume += f.volume_squares, num += f.num, lost += f.num_lost;
       direction += f.direction_squares, num_directions += f.num_directions;
       jumps.push_back(f.jump_ratio);
@@ -164,7 +164,7 @@ Total total_of(const std::vector<std::vector<Felt>>& by_frame,
           100 * std::sqrt(variance)};
 }
 
-void tell_sensor(FigureResult& result, const RealCube& cube, const std::array<int, 2>& faces) {
+void add_sensor_facts(FigureResult& result, const RealCube& cube, const std::array<int, 2>& faces) {
   Table table{"The sensor: depth of the visible faces against the exact cube",
               {"face", "pixels a frame", "mean error, mm", "rms, mm", "rms of the worst frame, mm",
                "no depth, %"},
@@ -248,23 +248,23 @@ Result<FigureResult> cube_figure(Context& context) {
   const std::size_t num_frames = (*cube)->frames.size();
 
   // [image][method][frame][run]; image 0 is the recorded one, 1 that of the exact cube.
-  std::array<std::vector<std::vector<std::vector<Felt>>>, 2> felt;
-  for (auto& of_image : felt) {
-    of_image.assign(methods.size(), std::vector<std::vector<Felt>>(num_frames));
+  std::array<std::vector<std::vector<std::vector<MethodErrors>>>, 2> errors;
+  for (auto& of_image : errors) {
+    of_image.assign(methods.size(), std::vector<std::vector<MethodErrors>>(num_frames));
   }
   run_tasks(context, static_cast<int>(num_frames), static_cast<double>(num_frames),
             [&](int task, Work& work) {
               const auto frame = static_cast<std::size_t>(task);
               const CubeFrame& seen = (*cube)->frames[frame];
               for (const std::size_t image : {0u, 1u}) {
-                const auto view = SeenFrame::create(
+                const auto view = FrozenFrame::create(
                     (*cube)->stream, image == 0 ? seen.frame : with_exact_cube(**cube, seen));
                 std::vector<std::unique_ptr<MethodQueries>> queries;
                 for (const auto& tool : tools) queries.push_back(query_on(view.value(), *tool));
                 for (std::size_t m = 0; m < methods.size(); ++m) {
                   for (const Run& run : runs) {
-                    felt[image][m][frame].push_back(feel(run, *tools[run.tool], seen.X_CB,
-                                                         *queries[run.tool], methods[m].options));
+                    errors[image][m][frame].push_back(measure(
+                        run, *tools[run.tool], seen.X_CB, *queries[run.tool], methods[m].options));
                   }
                 }
               }
@@ -272,7 +272,7 @@ Result<FigureResult> cube_figure(Context& context) {
             });
 
   FigureResult result;
-  tell_sensor(result, **cube, faces);
+  add_sensor_facts(result, **cube, faces);
   std::vector<std::size_t> all(runs.size());
   for (std::size_t i = 0; i < all.size(); ++i) all[i] = i;
   const std::vector<std::string> columns{
@@ -284,7 +284,7 @@ Result<FigureResult> cube_figure(Context& context) {
   for (const std::size_t image : {0u, 1u}) {
     Table table{titles[image], columns, {}};
     for (std::size_t m = 0; m < methods.size(); ++m) {
-      const Total t = total_of(felt[image][m], all);
+      const Total t = total_of(errors[image][m], all);
       totals[image].push_back(t);
       table.rows.push_back({methods[m].name, words("%.2f", t.volume), words("%.2f", t.direction),
                             words("%.1f", t.lost), words("%.2f", t.jump),
@@ -306,7 +306,7 @@ Result<FigureResult> cube_figure(Context& context) {
       for (std::size_t i = 0; i < runs.size(); ++i) {
         if (runs[i].way == w) here.push_back(i);
       }
-      const Total t = total_of(felt[0][m], here);
+      const Total t = total_of(errors[0][m], here);
       cells.push_back(words("%.2f / %.2f", t.volume, t.direction));
     }
     places.rows.push_back(std::move(cells));
@@ -330,7 +330,7 @@ Result<FigureResult> cube_figure(Context& context) {
   for (std::size_t m = 0; m < methods.size(); ++m) {
     Curve v{methods[m].name, methods[m].name, {}, {}}, d = v;
     for (std::size_t f = 0; f < num_frames; ++f) {
-      const Total t = total_of({felt[0][m][f]}, all);
+      const Total t = total_of({errors[0][m][f]}, all);
       v.x.push_back(static_cast<double>(f)), v.y.push_back(t.volume);
       d.x.push_back(static_cast<double>(f)), d.y.push_back(t.direction);
     }
@@ -352,7 +352,7 @@ Result<FigureResult> cube_figure(Context& context) {
   }
   for (std::size_t m = 0; m < methods.size(); ++m) {
     Curve curve{methods[m].name, methods[m].name, exact.x, {}};
-    for (const double s : felt[0][m][num_frames / 2][shown].shares) curve.y.push_back(100 * s);
+    for (const double s : errors[0][m][num_frames / 2][shown].shares) curve.y.push_back(100 * s);
     edge.curves.push_back(std::move(curve));
   }
   edge.curves.push_back(std::move(exact));

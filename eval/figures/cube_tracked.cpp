@@ -8,8 +8,8 @@
 
 #include "eval/figures/cube_figures.h"
 #include "eval/studies/cube_ways.h"
+#include "eval/studies/frozen_frame.h"
 #include "eval/studies/range.h"
-#include "eval/studies/seen_frame.h"
 #include "eval/studies/speed.h"
 #include "eval/studies/verdict_rules.h"
 #include "scenes/truth.h"
@@ -61,7 +61,7 @@ Share exact_share(const Probe& probe, const Pose& X_WB, double half_size) {
           exact.measure_C_W.torque / (mesh * probe.radius)};
 }
 
-Share felt_share(const Probe& probe, const SurfaceView& surface) {
+Share contact_share(const Probe& probe, const SurfaceView& surface) {
   MethodQueries queries(Backend::cpu, *probe.tool);
   const ContactOptions options;
   const SurfaceBlend view{surface, surface, 1};
@@ -84,12 +84,12 @@ struct Errors {
   double lost() const { return 100.0 * num_lost / num; }
 };
 
-Errors errors_of(const Shares& felt, const Shares& truth) {
+Errors errors_of(const Shares& measured, const Shares& truth) {
   Errors errors;
-  errors.volume_by_frame.resize(felt.front().size());
-  for (std::size_t p = 0; p < felt.size(); ++p) {
-    for (std::size_t f = 0; f < felt[p].size(); ++f) {
-      const Share &is = felt[p][f], &ought = truth[p][f];
+  errors.volume_by_frame.resize(measured.front().size());
+  for (std::size_t p = 0; p < measured.size(); ++p) {
+    for (std::size_t f = 0; f < measured[p].size(); ++f) {
+      const Share &is = measured[p][f], &ought = truth[p][f];
       const double error = 100 * (is.volume - ought.volume);
       errors.volume.push_back(std::abs(error));
       errors.volume_by_frame[f].push_back(std::abs(error));
@@ -158,16 +158,16 @@ Result<FigureResult> tracked_cube_figure(Context& context) {
   Shares tracked(num_probes), registered(num_probes), shown(num_probes), truth(num_probes);
   std::vector<double> moved, turned;  // mm, degrees
   for (const CubeFrame& f : cube.frames) {
-    const auto seen = SeenFrame::create(cube.stream, f.frame);
+    const auto seen = FrozenFrame::create(cube.stream, f.frame);
     if (!seen) return seen.error();
     SurfaceView surface = seen->surfaces();
     const Pose X_WB_shown = f.frame.X_WC * f.X_CB;
     for (std::size_t p = 0; p < num_probes; ++p) {
       const Probe& probe = (*probes)[p];
       surface.X_WC = f.frame.X_WC;
-      tracked[p].push_back(felt_share(probe, surface));
+      tracked[p].push_back(contact_share(probe, surface));
       surface.X_WC = cube.X_WB * inverse(f.X_CB);
-      registered[p].push_back(felt_share(probe, surface));
+      registered[p].push_back(contact_share(probe, surface));
       shown[p].push_back(exact_share(probe, X_WB_shown, cube.half_size));
       truth[p].push_back(exact_share(probe, cube.X_WB, cube.half_size));
     }
@@ -183,14 +183,14 @@ Result<FigureResult> tracked_cube_figure(Context& context) {
     Jumps jumps;
   };
   const Jumps tracked_jumps = jumps_of(tracked), shown_jumps = jumps_of(shown);
-  const Row rows[] = {{"tracked, against the cube where it stands", "tracked",
-                       errors_of(tracked, truth), tracked_jumps},
-                      {"tracked, against the cube where the tracking shows it", "shown",
-                       errors_of(tracked, shown), tracked_jumps},
-                      {"by the faces of the cube, against it where it stands", "registered",
-                       errors_of(registered, truth), jumps_of(registered)},
-                      {"exact, in the cube where the tracking shows it", "exact",
-                       errors_of(shown, truth), shown_jumps}};
+  const Row rows[] = {
+      {"tracked pose, relative to the true cube", "tracked", errors_of(tracked, truth),
+       tracked_jumps},
+      {"tracked pose, relative to the tracked cube", "shown", errors_of(tracked, shown),
+       tracked_jumps},
+      {"pose from the cube's faces, relative to the true cube", "registered",
+       errors_of(registered, truth), jumps_of(registered)},
+      {"exact contact with the tracked cube", "exact", errors_of(shown, truth), shown_jumps}};
   Table table{"Fixed tools in the cube while the camera moves: median / 95th percentile",
               {"camera", "volume, %", "direction, °", "lost, %", "force from frame to frame, % rms",
                "torque from frame to frame, % of the radius, rms"},
@@ -213,9 +213,7 @@ Result<FigureResult> tracked_cube_figure(Context& context) {
   }
   const double explained = 1 - rows[1].errors.squares / rows[0].errors.squares;
   result.numbers.push_back({"explained", 100 * explained, "%"});
-  Table poses{"How far the tracking has the cube from where it stands",
-              {"of the frames", "moved, mm", "turned, °"},
-              {}};
+  Table poses{"Tracking error of the cube", {"of the frames", "moved, mm", "turned, °"}, {}};
   for (const auto& [name, share] : {std::pair{"median", 0.5}, {"p95", 0.95}, {"most", 1.0}}) {
     const double mm = percentile(moved, share), degrees = percentile(turned, share);
     poses.rows.push_back({name, words("%.1f", mm), words("%.2f", degrees)});

@@ -1,11 +1,11 @@
 // cube-world: the recorded cube in the world. The camera goes round it in a hand, the tool presses
-// into it, and what is felt is told in the cube's frame, which is W.
+// into it, and the contact is in the cube's frame, which is W.
 #include <cmath>
 #include <utility>
 
 #include "eval/figures/cube_figures.h"
 #include "eval/studies/cube_ways.h"
-#include "eval/studies/seen_frame.h"
+#include "eval/studies/frozen_frame.h"
 #include "eval/studies/speed.h"
 #include "eval/studies/verdict_rules.h"
 #include "scenes/truth.h"
@@ -30,7 +30,7 @@ enum class Tracking { faces, board };
 
 /// `blended`: from each frame to the next one, each seen from where its camera was; else the
 /// newest frame alone.
-Pressed press(const std::vector<CubeFrame>& frames, const std::vector<SeenFrame>& seen,
+Pressed press(const std::vector<CubeFrame>& frames, const std::vector<FrozenFrame>& seen,
               Tracking tracking, bool blended, const Tool& tool, const Way& way, double half) {
   const auto cube = scenes::Environment::box({}, {half, half, half});
   const auto surface_of = [&](std::size_t i) {
@@ -56,11 +56,11 @@ Pressed press(const std::vector<CubeFrame>& frames, const std::vector<SeenFrame>
     const SurfaceBlend view{
         surface_of(frame), surface_of(frame + 1),
         blended ? static_cast<double>(moment % kMomentsPerFrame) / kMomentsPerFrame : 1};
-    const Penetration felt = query.measure({&view, 1}, X_WT).penetration;
-    const double error = felt.volume / whole - exact.volume / mesh;
+    const Penetration measured = query.measure({&view, 1}, X_WT).penetration;
+    const double error = measured.volume / whole - exact.volume / mesh;
     pressed.volume_squares += error * error;
     ++pressed.num;
-    const Vec3d force = felt.measure_W.force, truth = exact.measure_C_W.force;
+    const Vec3d force = measured.measure_W.force, truth = exact.measure_C_W.force;
     if (exact.volume / mesh < kLeastShare || force == Vec3d{}) continue;
     const double angle = std::atan2(norm(cross(force, truth)), dot(force, truth));
     pressed.direction_squares += angle * angle;
@@ -72,7 +72,8 @@ Pressed press(const std::vector<CubeFrame>& frames, const std::vector<SeenFrame>
 constexpr const char* kMovingClaims[] = {
     "A camera that moves around the recorded cube feels it in the world as well as single frames "
     "do: errors at most 1.1 times those.",
-    "The cube is felt in the world to 1 % of the tool and 6 degrees while the camera moves."};
+    "The contact with the cube is accurate to 1 % of the tool and 6 degrees in the world frame "
+    "while the camera moves."};
 
 }  // namespace
 
@@ -88,9 +89,9 @@ Result<FigureResult> moving_cube_figure(Context& context) {
     return result;
   }
   const auto& frames = (*cube)->frames;
-  std::vector<SeenFrame> seen;
+  std::vector<FrozenFrame> seen;
   for (const CubeFrame& f : frames) {
-    auto made = SeenFrame::create((*cube)->stream, f.frame);
+    auto made = FrozenFrame::create((*cube)->stream, f.frame);
     if (!made) return made.error();
     seen.push_back(*std::move(made));
   }
@@ -104,7 +105,7 @@ Result<FigureResult> moving_cube_figure(Context& context) {
       {"from frame to frame, poses by the faces of the cube", "moving", Tracking::faces, true},
       {"from frame to frame, poses by the board behind it", "board", Tracking::board, true}};
   const auto ways = ways_on(best_faces(**cube), (*cube)->half_size);
-  Table table{"A cube in the world, felt while the camera moves",
+  Table table{"A cube in the world frame while the camera moves",
               {"camera", "volume, % rms", "direction, ° rms"},
               {}};
   for (const Way& way : ways) table.columns.push_back(way.name + ": volume, % / direction, °");

@@ -105,7 +105,7 @@ Result<Picture> states_in(Context& context, const char* name) {
   if (!scene) return scene.error();
   const auto image = picture_of(context, *scene, true);
   if (!image) return image.error();
-  const auto frame = SeenFrame::create(image->stream, image->frame);
+  const auto frame = FrozenFrame::create(image->stream, image->frame);
   if (!frame) return frame.error();
   const auto tool =
       context.tool(scene->tool_shape, scene->tool_size, context.choose(kManySpheres, kFewSpheres));

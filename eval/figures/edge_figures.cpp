@@ -169,7 +169,7 @@ struct WayPastEdge {
   std::vector<MethodOnWay> methods;
 };
 
-Result<WayPastEdge> way_past_edge(Context& context, const SeenFrame& frame, bool with_noise,
+Result<WayPastEdge> way_past_edge(Context& context, const FrozenFrame& frame, bool with_noise,
                                   PillarSide side, double done) {
   const auto tool = pillar_box(context, kSpheres);
   if (!tool) return tool.error();

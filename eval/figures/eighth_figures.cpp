@@ -42,7 +42,7 @@ double share_at_rest(MethodQueries& query, const Tool& tool, const ContactOption
 
 /// The largest stiffness on a wall until an eighth is inside, N/m.
 Result<double> wall_stiffness(Context& context, const char* shape, double size,
-                              const SeenScene& wall) {
+                              const RenderedScene& wall) {
   const auto tool = context.tool(shape, size, context.choose(2000, 300));
   if (!tool) return tool.error();
   const auto query = make_contact_query(Backend::cpu, **tool);
@@ -71,7 +71,7 @@ Result<FigureResult> figure_eighth(Context& context) {
   if (!path) return path.error();
   auto query = query_on(scene->frame, **tool);
   FigureResult result;
-  Table table{"Share of the tool inside where hand and contact are in balance, % (mean / most)",
+  Table table{"Penetration at the balance of hand and contact, % of the tool (mean / most)",
               {"hand, N/m"},
               {}};
   const auto methods = all_methods_alike();
@@ -113,7 +113,7 @@ Result<FigureResult> figure_eighth(Context& context) {
   result.claims.push_back(
       {"At 1/8 stiffness the average penetration stays below 12.5 %.", plot.caption,
        are_true({largest[0] < kEighth, largest[1] < kEighth, largest[2] < kEighth})});
-  const SeenScene wall = see(at_the_wall(thesis_cases().front()), DepthNoise::none);
+  const RenderedScene wall = see(at_the_wall(thesis_cases().front()), DepthNoise::none);
   Table stiffness{"Stiffness on a wall with 10 N at an eighth, N/m", {"tool"}, {}};
   for (const double size : kSizes) stiffness.columns.push_back(words("%.0f cm", 100 * size));
   std::vector<double> all;
@@ -130,8 +130,8 @@ Result<FigureResult> figure_eighth(Context& context) {
   }
   const auto [least, most] = std::minmax_element(all.begin(), all.end());
   result.claims.push_back(
-      {"The advice suits tools of every size: what is felt of a wall is equally stiff, within a "
-       "factor of 2.",
+      {"The advice suits tools of every size: the rendered stiffness of a wall is the same, within "
+       "a factor of 2.",
        words("%.0f to %.0f N/m: it goes with the force over the tool's length, and with its shape.",
              *least, *most),
        holds_below(*most, 2 * *least), Source::docs});

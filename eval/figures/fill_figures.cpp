@@ -94,7 +94,7 @@ Table table_over_numbers(const char* title, const std::vector<Packing>& packings
 }
 
 Table law_table(const std::vector<Packing>& packings) {
-  Table table{"How it goes on",
+  Table table{"Power laws",
               {"shape", "exponent, first decade", "exponent, last decade",
                "times more spheres for half the empty space", "exponent of the smallest radius",
                "mean standoff / smallest radius"},
@@ -214,8 +214,8 @@ Status add_thin_ends(Context& context, FigureResult& result) {
   }
   result.tables.push_back(std::move(table));
   result.claims.push_back(
-      {"Thin ends are felt: no standoff is more than 4 times "
-       "that of 95 % of the surface, or 1 % of the tool's length if that is more.",
+      {"Thin ends have contact: no standoff exceeds 4 times that of 95 % of the surface, or 1 % of "
+       "the tool's length if that is more.",
        words("The largest are %.2f to %.2f of that bound.", share_of_bound.low,
              share_of_bound.high),
        holds_up_to(share_of_bound.high, 1), Source::docs});
@@ -254,7 +254,7 @@ Result<FigureResult> figure_fill(Context& context) {
   const auto times = range(packings, [](const Packing& p) { return p.times_for_half(); });
   empty.caption = words("Power laws: half as much takes %.0f to %.0f times as many spheres.",
                         times.low, times.high);
-  Plot late = plot_of("How late a contact is felt", "mean standoff, mm", packings,
+  Plot late = plot_of("Delay of the contact: mean standoff", "mean standoff, mm", packings,
                       [](const Packing& p, std::size_t i) { return 1e3 * p.standoff[i]; });
   const auto gap = range(packings, [](const Packing& p) { return p.standoff_over_radius(); });
   late.caption = words("In the end it is %.2f to %.2f of the smallest radius.", gap.low, gap.high);

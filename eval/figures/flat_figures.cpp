@@ -75,7 +75,7 @@ PointErrors point_errors(const FlatFrame& f) {
 }
 
 /// Of one method in one frame.
-struct Felt {
+struct MethodErrors {
   double off = 0, shake = 0, direction = 0;  ///< sums of squares: mm, mm, degrees
   double num = 0, num_pairs = 0, num_lost = 0;
   double rms() const { return std::sqrt(off / std::max(1.0, num)); }
@@ -92,33 +92,33 @@ struct Height {
   double above = 0;  ///< the plane, m
   Vec3d force;
 };
-std::optional<Height> felt_height(MethodQueries& query, const Tool& tool,
-                                  const Plane<double>& plane, const Vec3d& place,
-                                  const ContactOptions& options) {
+std::optional<Height> contact_height(MethodQueries& query, const Tool& tool,
+                                     const Plane<double>& plane, const Vec3d& place,
+                                     const ContactOptions& options) {
   constexpr double kStep = 0.001;
   constexpr int kHalvings = 8;
   const double half = full_volume(tool, options) / 2;
   Penetration at;
-  const auto is_felt = [&](double above) {
+  const auto is_in_contact = [&](double above) {
     at = query.query({place + above * plane.normal, kTurned}, options);
     return at.volume >= half;
   };
   double above = kReach;
-  while (!is_felt(above)) {
+  while (!is_in_contact(above)) {
     above -= kStep;
     if (above < -kReach) return std::nullopt;
   }
   double low = above, high = above + kStep;
   for (int i = 0; i < kHalvings; ++i) {
     const double middle = (low + high) / 2;
-    (is_felt(middle) ? low : high) = middle;
+    (is_in_contact(middle) ? low : high) = middle;
   }
-  is_felt(low);
+  is_in_contact(low);
   return Height{(low + high) / 2, at.measure_W.force};
 }
 
 constexpr const char* kNearer =
-    "On flat regions of recorded frames the surface that the field feels is nearer to their plane "
+    "On flat regions of recorded frames the contact surface of the field is nearer to their plane "
     "than that of any method of the thesis.";
 constexpr const char* kCalmer =
     "It shakes less when the probe is moved by a millimetre than that of any method of the thesis.";
@@ -139,22 +139,23 @@ Result<FigureResult> planes(Context& context) {
   if (!tool) return tool.error();
   const auto methods = all_methods_alike();
   const std::size_t most = context.choose<std::size_t>(150, 20);
-  std::vector<std::vector<Felt>> felt(frames->size(), std::vector<Felt>(methods.size()));
+  std::vector<std::vector<MethodErrors>> errors(frames->size(),
+                                                std::vector<MethodErrors>(methods.size()));
   run_tasks(
       context, static_cast<int>(frames->size()), static_cast<double>(frames->size()),
       [&](int task, Work& work) {
         const auto i = static_cast<std::size_t>(task);
         const FlatFrame& f = (*frames)[i];
-        const auto seen = SeenFrame::create(f.stream, f.frame);
+        const auto seen = FrozenFrame::create(f.stream, f.frame);
         auto query = query_on(seen.value(), **tool);
         const auto places = f.region.places(f.stream, std::min(3, f.region.most_within()));
         const Vec3d beside = kBeside * normalized(cross(f.region.plane_C.normal, {0, 1, 0.2}));
         for (std::size_t m = 0; m < methods.size(); ++m) {
-          Felt& sum = felt[i][m];
+          MethodErrors& sum = errors[i][m];
           for (std::size_t p = 0; p < std::min(most, places.size()); ++p) {
             const Vec3d& place = places[p * places.size() / std::min(most, places.size())];
             const auto at = [&](const Vec3d& where) {
-              return felt_height(*query, **tool, f.region.plane_C, where, methods[m].options);
+              return contact_height(*query, **tool, f.region.plane_C, where, methods[m].options);
             };
             const auto here = at(place), there = at(place + beside);
             ++sum.num;
@@ -179,11 +180,12 @@ Result<FigureResult> planes(Context& context) {
       "The sensor: measured points of the largest flat region",
       {"frame", "pixels", "distance, m", "from the plane, mm rms", "between neighbours, mm rms"},
       {}};
-  Table by_frame{"Felt surface from the plane / step when moved by 1 mm, mm rms", {"frame"}, {}};
+  Table by_frame{
+      "Distance of the contact from the plane / change when moved by 1 mm, mm rms", {"frame"}, {}};
   for (const Method& method : methods) by_frame.columns.emplace_back(method.name);
   // Of the distances of a frame's own points: frames at 0.4 and 3 m count alike.
   std::vector<std::vector<double>> off(methods.size()), shake(methods.size());
-  std::vector<Felt> all(methods.size());
+  std::vector<MethodErrors> all(methods.size());
   for (std::size_t i = 0; i < frames->size(); ++i) {
     const FlatFrame& f = (*frames)[i];
     const PointErrors points = point_errors(f);
@@ -193,7 +195,7 @@ Result<FigureResult> planes(Context& context) {
     result.numbers.push_back({f.name + ".points.rms", points.rms, "mm"});
     std::vector<std::string> cells{f.name};
     for (std::size_t m = 0; m < methods.size(); ++m) {
-      const Felt& one = felt[i][m];
+      const MethodErrors& one = errors[i][m];
       cells.push_back(words("%.2f / %.2f", one.rms(), one.shake_rms()));
       off[m].push_back(one.rms() / points.rms), shake[m].push_back(one.shake_rms() / points.rms);
       result.numbers.push_back({f.name + "." + methods[m].name + ".off", one.rms(), "mm"});
@@ -203,10 +205,10 @@ Result<FigureResult> planes(Context& context) {
     }
     by_frame.rows.push_back(std::move(cells));
   }
-  Table overall{"What is felt of the plane, all frames",
+  Table overall{"Error on flat regions, all frames",
                 {"method", "from the plane, mm rms", "of that of the points (median frame)",
                  "moved by 1 mm, mm rms", "of the points' rms (median frame)", "direction, ° rms",
-                 "not felt, %"},
+                 "contact lost, %"},
                 {}};
   std::vector<double> ratio(methods.size()), calm(methods.size());
   for (std::size_t m = 0; m < methods.size(); ++m) {
@@ -218,7 +220,7 @@ Result<FigureResult> planes(Context& context) {
     result.numbers.push_back({std::string(methods[m].name) + ".off_ratio", ratio[m], "1"});
     result.numbers.push_back({std::string(methods[m].name) + ".shake_ratio", calm[m], "1"});
   }
-  Plot plot{"How far what is felt is from the plane",
+  Plot plot{"Distance of the contact from the plane",
             "frame",
             "mm rms",
             {},
@@ -228,7 +230,7 @@ Result<FigureResult> planes(Context& context) {
   for (std::size_t m = 0; m < methods.size(); ++m) {
     Curve curve{methods[m].name, methods[m].name, {}, {}};
     for (std::size_t i = 0; i < frames->size(); ++i) {
-      curve.x.push_back(static_cast<double>(i)), curve.y.push_back(felt[i][m].rms());
+      curve.x.push_back(static_cast<double>(i)), curve.y.push_back(errors[i][m].rms());
     }
     plot.curves.push_back(std::move(curve));
   }
@@ -255,7 +257,7 @@ Result<FigureResult> planes(Context& context) {
                                  calm[kNumOthers], best(calm)),
                            is_better(calm[kNumOthers], best(calm)), Source::ours});
   std::vector<double> askew;
-  for (const Felt& sum : all) askew.push_back(sum.direction_rms());
+  for (const MethodErrors& sum : all) askew.push_back(sum.direction_rms());
   result.claims.push_back({kStraighter,
                            words("%.2f° rms against %.2f, where the probe is half inside.",
                                  askew[kNumOthers], best(askew)),
@@ -307,13 +309,11 @@ DepthFrame with_hole(const FlatFrame& f, const Vec3d& middle, double diameter, P
 }
 
 constexpr const char* kDark =
-    "A dark patch cut into recorded frames changes what the field feels less than what any method "
-    "of "
-    "the thesis feels.";
+    "A dark patch cut into recorded frames changes the contact of the field less than that of any "
+    "method of the thesis.";
 constexpr const char* kShiny =
-    "A shiny patch cut into recorded frames changes what the field feels less than what any method "
-    "of "
-    "the thesis feels.";
+    "A shiny patch cut into recorded frames changes the contact of the field less than that of any "
+    "method of the thesis.";
 
 Result<FigureResult> holes(Context& context) {
   constexpr double kTool = 0.04, kDeep = 0.012, kWay = 0.06, kRoom = 0.06;  // m
@@ -357,7 +357,7 @@ Result<FigureResult> holes(Context& context) {
                 path.push_back({jobs[j].middle + at * along + (reach - kDeep) * n, kTurned});
               }
               const auto feel = [&](const DepthFrame& frame) {
-                const auto seen = SeenFrame::create(f.stream, frame);
+                const auto seen = FrozenFrame::create(f.stream, frame);
                 auto query = query_on(seen.value(), **tool);
                 std::vector<std::vector<Vec3d>> forces(methods.size());
                 for (std::size_t m = 0; m < methods.size(); ++m) {

@@ -21,16 +21,16 @@ void add_steps(FigureResult& result, const Study& study) {
               {"scene", "method", "latest", "interpolate", "predict", "surprise of predict"},
               {}};
   Range latest, others, steady, shaken;
-  for (const Feeling* feeling : study.moving()) {
-    const bool is_recorded = study.recorded && feeling == &*study.recorded;
+  for (const StudyCase* studied : study.moving()) {
+    const bool is_recorded = study.recorded && studied == &*study.recorded;
     for (std::size_t m = 0; m < study.methods.size(); ++m) {
-      std::vector<std::string> row{m == 0 ? feeling->name : "", study.methods[m].name};
+      std::vector<std::string> row{m == 0 ? studied->name : "", study.methods[m].name};
       for (const Way* way : kModes) {
-        const double ratio = study.step_ratio(*feeling, *way, m);
+        const double ratio = study.step_ratio(*studied, *way, m);
         (way == &kLatest ? latest : others).add(ratio);
         row.push_back(words(way == &kLatest ? "%.0f" : "%.2f", ratio));
       }
-      const double off = study.surprise(*feeling, m);
+      const double off = study.surprise(*studied, m);
       (is_recorded ? shaken : steady).add(off);
       row.push_back(words("%.2f", off));
       table.rows.push_back(std::move(row));
@@ -38,7 +38,7 @@ void add_steps(FigureResult& result, const Study& study) {
   }
   result.tables.push_back(std::move(table));
   result.claims.push_back(
-      {"Only the latest frame, felt at once, makes a step when it arrives.",
+      {"Only `latest` makes a force step when a frame arrives.",
        words("The step at an arrival is %.0f to %.0f times the usual one with the latest frame, at "
              "most %.1f times it interpolated or predicted.",
              latest.low, latest.high, others.high),
@@ -68,17 +68,17 @@ void add_lags(FigureResult& result, const Study& study) {
                "interpolate, %", "predict, %"},
               {}};
   Range lags[std::size(kModes)];
-  for (const Feeling* feeling : {&study.gaussian, &study.kinect}) {
-    const char* noise = feeling == &study.kinect ? "Kinect" : "1.5 mm";
+  for (const StudyCase* studied : {&study.gaussian, &study.kinect}) {
+    const char* noise = studied == &study.kinect ? "Kinect" : "1.5 mm";
     for (std::size_t m = 0; m < study.methods.size(); ++m) {
       std::vector<std::string> row{m == 0 ? noise : "", study.methods[m].name};
       for (std::size_t i = 0; i < std::size(kModes); ++i) {
-        const double lag = 1e3 * feeling->late_by(*kModes[i], m).lag;
+        const double lag = 1e3 * studied->late_by(*kModes[i], m).lag;
         lags[i].add(lag);
         row.push_back(words("%.0f", lag));
       }
       for (const Way* way : kModes) {
-        row.push_back(words("%.1f", 100 * feeling->late_by(*way, m).error));
+        row.push_back(words("%.1f", 100 * studied->late_by(*way, m).error));
       }
       table.rows.push_back(std::move(row));
     }
@@ -155,7 +155,8 @@ void add_mixing(FigureResult& result, const Study& study) {
   result.tables.push_back(std::move(table));
   result.claims.push_back(
       {"Points are moved from frame to frame (eq. 3.18); ours weighs two measures instead.",
-       words("On a moving wall both feel the same: errors differ by at most %.2f %% of the largest "
+       words("On a moving wall both have the same error: they differ by at most %.2f %% of the "
+             "largest "
              "force, steps at an arrival are at most %.2f times the usual one.",
              differences.high, ratios.high),
        holds_with({holds_below(differences.high, 0.2), holds_below(ratios.high, 2)}),
@@ -165,18 +166,18 @@ void add_mixing(FigureResult& result, const Study& study) {
 /// Everything that is read, by scene, method and way.
 void add_numbers(FigureResult& result, const Study& study) {
   for (std::size_t m = 0; m < study.methods.size(); ++m) {
-    const auto add = [&](const Feeling& feeling, const Way& way, const char* what, double value,
+    const auto add = [&](const StudyCase& studied, const Way& way, const char* what, double value,
                          const char* unit) {
       result.numbers.push_back(
-          {words("%s.%s.%s.%s", feeling.key, study.methods[m].name, way.key, what), value, unit});
+          {words("%s.%s.%s.%s", studied.key, study.methods[m].name, way.key, what), value, unit});
     };
-    for (const Feeling* feeling : study.moving()) {
-      add(*feeling, kPredict, "surprise", study.surprise(*feeling, m), "1");
-      for (const Way* way : feeling->ways) {
-        add(*feeling, *way, "step_ratio", study.step_ratio(*feeling, *way, m), "1");
-        if (feeling != &study.gaussian && feeling != &study.kinect) continue;
-        add(*feeling, *way, "lag", 1e3 * feeling->late_by(*way, m).lag, "ms");
-        add(*feeling, *way, "error", 100 * feeling->late_by(*way, m).error, "%");
+    for (const StudyCase* studied : study.moving()) {
+      add(*studied, kPredict, "surprise", study.surprise(*studied, m), "1");
+      for (const Way* way : studied->ways) {
+        add(*studied, *way, "step_ratio", study.step_ratio(*studied, *way, m), "1");
+        if (studied != &study.gaussian && studied != &study.kinect) continue;
+        add(*studied, *way, "lag", 1e3 * studied->late_by(*way, m).lag, "ms");
+        add(*studied, *way, "error", 100 * studied->late_by(*way, m).error, "%");
       }
     }
     for (const Way* way : study.resting.ways) {
@@ -190,12 +191,12 @@ void add_numbers(FigureResult& result, const Study& study) {
 /// A way's force on the moving wall over time, by the field.
 Curve force_curve(const Study& study, const Way& way, const char* style, double from, double to) {
   Curve curve{way.name, style, {}, {}};
-  const Felt& felt = study.kinect.by(way, 0);
-  for (std::size_t k = 0; k < felt.force.size(); ++k) {
+  const ForceSeries& series = study.kinect.by(way, 0);
+  for (std::size_t k = 0; k < series.force.size(); ++k) {
     const double time = static_cast<double>(k) * kTick;
     if (time < from || time > to) continue;
     curve.x.push_back(time);
-    curve.y.push_back(-100 * felt.force[k].z);
+    curve.y.push_back(-100 * series.force[k].z);
   }
   return curve;
 }

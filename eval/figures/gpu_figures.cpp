@@ -209,7 +209,7 @@ Result<FigureResult> figure_4_3(Context& context) {
 
 /// Section 6: a second GPU for sensing.
 Claim two_gpus(const GpuRows& gpu) {
-  const char* claim = "A second GPU for sensing relieves the one that feels.";
+  const char* claim = "A second GPU for sensing relieves the one that measures contacts.";
   const auto row = [&](int sensing_gpu, const char* what) {
     return gpu.find(
         words("two GPUs: simplified; sensing on GPU %d; contact on GPU 0: %s", sensing_gpu, what));

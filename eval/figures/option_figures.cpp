@@ -33,7 +33,7 @@ Result<std::vector<Sinking>> sink(Context& context, const NoisySolid& solid, dou
   const auto cube = sinking_cube(context);
   if (!cube) return cube.error();
   const Tool& tool = **cube;
-  const SeenScene seen = see_noisy(solid);
+  const RenderedScene seen = see_noisy(solid);
   const Measure exact = exact_measure(tool, solid.environment);
   std::vector<Sinking> all{{solid.name, "exact", {force_steps(exact)}}};
   for (const Method& method : all_methods()) {

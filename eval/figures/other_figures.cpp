@@ -76,8 +76,8 @@ Vec3d foremost(const Tool& tool, const Pose& X_WT) {
 }
 
 /// Ready to be asked; the tool, the case and the scene have to outlive it.
-Measure measure_of(const Row& row, const ContactCase& c, const Tool& tool, const SeenScene& seen,
-                   const ExactStep& scale) {
+Measure measure_of(const Row& row, const ContactCase& c, const Tool& tool,
+                   const RenderedScene& seen, const ExactStep& scale) {
   if (row.way == Way::ours) return query_measure(tool, seen, row.options);
   const PointCloudView cloud = seen.surface.cloud();
   std::function<Penetration(const Pose&)> pull;
@@ -120,8 +120,8 @@ void measure_cost(Context& context, Row& row, const ContactCase& c, const Tool& 
   const auto steps = exact_steps(c, tool, 0.1, 0.3, context.choose(300, 30));
   ThreadPool pool(1);
   const double before = in_use();
-  SeenScene seen{SurfaceEstimator::create(scene.width, scene.height, scene.intrinsics).value(),
-                 DepthField::create(scene.width, scene.height).value()};
+  RenderedScene seen{SurfaceEstimator::create(scene.width, scene.height, scene.intrinsics).value(),
+                     DepthField::create(scene.width, scene.height).value()};
   const double of_field = [&] {
     const double start = in_use();
     const auto another = DepthField::create(scene.width, scene.height).value();
@@ -164,7 +164,7 @@ Result<FigureResult> figure_others(Context& context) {
               const auto i = static_cast<std::size_t>(task);
               const ContactCase& c = cases[i];
               const Tool& tool = *tools[i];
-              const SeenScene seen = see(c, DepthNoise::gaussian);
+              const RenderedScene seen = see(c, DepthNoise::gaussian);
               const auto coarse = exact_steps(c, tool, 0, 0.6, num_coarse);
               const double fine = num_fine / static_cast<double>(num_steps_over(c, 1, 5e-5));
               const auto steps = exact_steps(c, tool, 0.3, 0.3 + fine, num_fine);
@@ -200,7 +200,7 @@ Result<FigureResult> figure_others(Context& context) {
   }
 
   FigureResult result;
-  Table table{"Ours, the thesis' and what else one would use, 1.5 mm noise",
+  Table table{"Palpate, the thesis and alternatives, 1.5 mm noise",
               {"method", "volume, % rms", "force, % rms", "direction, ° rms", "torque, % rms",
                "largest step, exact = 1", "a query, µs", "a frame, ms", "memory, MB"},
               {}};

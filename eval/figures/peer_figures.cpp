@@ -35,7 +35,7 @@ struct Row {
     const auto found = setup.find(name);
     return found == setup.end() ? "" : found->second;
   }
-  /// NaN: not told.
+  /// NaN: not reported.
   double fact(const std::string& name) const {
     const auto found = facts.find(name);
     const double none = std::numeric_limits<double>::quiet_NaN();

@@ -44,7 +44,7 @@ std::vector<Row> all_rows() {
 }
 
 /// Errors of a row in one case.
-void measure(Row& row, const Tool& tool, const SeenScene& seen,
+void measure(Row& row, const Tool& tool, const RenderedScene& seen,
              const std::vector<ExactStep>& coarse, const std::vector<ExactStep>& fine) {
   const Measure measure = query_measure(tool, seen, row.options);
   row.volume = volume_error(tool, coarse, measure).rms;
@@ -71,7 +71,7 @@ Result<FigureResult> figure_priorities(Context& context) {
             static_cast<double>(cases.size() * rows.size()), [&](int task, Work& work) {
               const auto i = static_cast<std::size_t>(task);
               const Tool& tool = *tools[i];
-              const SeenScene seen = see(cases[i], DepthNoise::gaussian);
+              const RenderedScene seen = see(cases[i], DepthNoise::gaussian);
               const auto coarse = exact_steps(cases[i], tool, 0, 1, num_coarse);
               // Of 0.05 mm, a tick at 50 mm/s.
               const double fine = num_fine / static_cast<double>(num_steps_over(cases[i], 1, 5e-5));
@@ -81,7 +81,7 @@ Result<FigureResult> figure_priorities(Context& context) {
                 work.step();
               }
             });
-  const SeenScene seen = see(cases[0], DepthNoise::gaussian);
+  const RenderedScene seen = see(cases[0], DepthNoise::gaussian);
   const auto steps = exact_steps(cases[0], *tools[0], 0.1, 0.3, context.choose(400, 40));
   for (Row& row : rows) {
     const Measure measure = query_measure(*tools[0], seen, row.options);

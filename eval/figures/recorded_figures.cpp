@@ -24,7 +24,7 @@ constexpr double kSwing = 0.1;        // in and out, of the tool's radius
 constexpr double kWorse = 1.25;       // times as wrong
 
 /// Forces along a path, in shares of the whole tool's.
-struct Felt {
+struct ForceSeries {
   std::vector<double> at;  ///< % of the path
   std::vector<Vec3d> force;
 
@@ -44,21 +44,22 @@ struct Felt {
   }
 };
 
-Result<Felt> felt_by(const RecordedRun& run, const Tool& tool, const ContactOptions& options) {
+Result<ForceSeries> forces_by(const RecordedRun& run, const Tool& tool,
+                              const ContactOptions& options) {
   const auto measured = run.by(options);
   if (!measured) return measured.error();
-  Felt felt;
+  ForceSeries series;
   for (std::size_t i = 0; i < measured->size(); ++i) {
-    felt.at.push_back(100 * static_cast<double>(i) / static_cast<double>(measured->size()));
-    felt.force.push_back((*measured)[i].measure_W.force / full_volume(tool, options));
+    series.at.push_back(100 * static_cast<double>(i) / static_cast<double>(measured->size()));
+    series.force.push_back((*measured)[i].measure_W.force / full_volume(tool, options));
   }
-  return felt;
+  return series;
 }
 
 /// One axis of the force in newtons.
-Curve curve_of(const Felt& felt, const char* name, const char* style, int axis) {
-  Curve curve{name, style, felt.at, {}};
-  for (const Vec3d& f : felt.force) {
+Curve curve_of(const ForceSeries& series, const char* name, const char* style, int axis) {
+  Curve curve{name, style, series.at, {}};
+  for (const Vec3d& f : series.force) {
     curve.y.push_back(kFullForce * (axis == 0 ? f.x : axis == 1 ? f.y : f.z));
   }
   return curve;
@@ -74,7 +75,7 @@ std::string newtons(int axis) {
 struct Comparison {
   std::string name;  ///< of the scene
   double mean_depth = 0;
-  std::vector<Felt> felt;  ///< as `methods`
+  std::vector<ForceSeries> series;  ///< as `methods`
 };
 
 Result<Comparison> compare(Context& context, int num_spheres, double depth,
@@ -91,19 +92,19 @@ Result<Comparison> compare(Context& context, int num_spheres, double depth,
   if (!run) return run.error();
   Comparison comparison{scene->name, path->mean_depth, {}};
   for (const Method& method : methods) {
-    auto felt = felt_by(*run, **tool, method.options);
-    if (!felt) return felt.error();
-    comparison.felt.push_back(*std::move(felt));
+    auto series = forces_by(*run, **tool, method.options);
+    if (!series) return series.error();
+    comparison.series.push_back(*std::move(series));
   }
   return comparison;
 }
 
-void add_felt(FigureResult& result, const Comparison& c, const std::vector<Method>& methods,
-              const std::string& title) {
+void add_forces(FigureResult& result, const Comparison& c, const std::vector<Method>& methods,
+                const std::string& title) {
   for (int axis = 0; axis < 3; ++axis) {
     Plot plot{title, "share of the path, %", newtons(axis), {}, false, false, ""};
     for (std::size_t m = 0; m < methods.size(); ++m) {
-      plot.curves.push_back(curve_of(c.felt[m], methods[m].name, methods[m].name, axis));
+      plot.curves.push_back(curve_of(c.series[m], methods[m].name, methods[m].name, axis));
     }
     result.plots.push_back(std::move(plot));
   }
@@ -112,20 +113,22 @@ void add_felt(FigureResult& result, const Comparison& c, const std::vector<Metho
               {}};
   std::size_t smoothest = 0;
   for (std::size_t m = 0; m < methods.size(); ++m) {
-    const Felt& felt = c.felt[m];
-    const double largest = felt.largest_step(), mean = felt.rms_step();
+    const ForceSeries& series = c.series[m];
+    const double largest = series.largest_step(), mean = series.rms_step();
     table.rows.push_back({methods[m].name, words("%.3f", largest), words("%.4f", mean),
                           words("%.1f", largest / mean)});
     result.numbers.push_back({std::string(methods[m].name) + ".largest_step", largest, "%"});
     result.numbers.push_back({std::string(methods[m].name) + ".rms_step", mean, "%"});
-    if (largest < c.felt[smoothest].largest_step()) smoothest = m;
+    if (largest < c.series[smoothest].largest_step()) smoothest = m;
   }
   const std::string caption =
       words("Largest step %.2f %% (%s), of the others up to %.2f %%.",
-            c.felt[smoothest].largest_step(), methods[smoothest].name,
-            std::max_element(c.felt.begin(), c.felt.end(), [](const Felt& a, const Felt& b) {
-              return a.largest_step() < b.largest_step();
-            })->largest_step());
+            c.series[smoothest].largest_step(), methods[smoothest].name,
+            std::max_element(c.series.begin(), c.series.end(),
+                             [](const ForceSeries& a, const ForceSeries& b) {
+                               return a.largest_step() < b.largest_step();
+                             })
+                ->largest_step());
   for (Plot& plot : result.plots) plot.caption = caption;
   result.tables.push_back(std::move(table));
   result.notes.push_back(c.name +
@@ -148,15 +151,15 @@ Result<FigureResult> figure_3_4(Context& context) {
   const auto counted = compare(context, 5000, 0.1, with_priority(Priority::count));
   if (!counted) return counted.error();
   FigureResult result;
-  add_felt(result, *c, methods, c->name + ", 10 % deep, priority: inverse distance");
-  const double distance = c->felt[1].largest_step(), count = counted->felt[1].largest_step();
+  add_forces(result, *c, methods, c->name + ", 10 % deep, priority: inverse distance");
+  const double distance = c->series[1].largest_step(), count = counted->series[1].largest_step();
   result.claims.push_back(
       {"With inverse distance as priority simplified is smoother than weighted, with fewer spikes.",
        words("Largest step of simplified %.2f %%, of weighted %.2f %%; rms step %.3f and %.3f %% "
              "(simplified with the count: %.2f %%).",
-             distance, c->felt[0].largest_step(), c->felt[1].rms_step(), c->felt[0].rms_step(),
-             count),
-       is_less(distance, c->felt[0].largest_step())});
+             distance, c->series[0].largest_step(), c->series[1].rms_step(),
+             c->series[0].rms_step(), count),
+       is_less(distance, c->series[0].largest_step())});
   return result;
 }
 
@@ -165,8 +168,8 @@ Result<FigureResult> figure_3_5(Context& context) {
   const auto c = compare(context, 5000, 0.1, methods);
   if (!c) return c.error();
   FigureResult result;
-  add_felt(result, *c, methods, c->name + ", 10 % deep, priority: number of points");
-  const double weighted = c->felt[0].largest_step(), simplified = c->felt[1].largest_step();
+  add_forces(result, *c, methods, c->name + ", 10 % deep, priority: number of points");
+  const double weighted = c->series[0].largest_step(), simplified = c->series[1].largest_step();
   result.claims.push_back(
       {"With the collision count weighted is clean and simplified has severe spikes.",
        words("Largest step: weighted %.2f %%, simplified %.2f %% (%.1f times).", weighted,
@@ -421,13 +424,13 @@ constexpr Shown kShown[] = {
 };
 
 /// Sideways noise (x) of a force along a path: rms of its second differences, N.
-double x_noise(const Felt& felt) {
+double x_noise(const ForceSeries& series) {
   double sum = 0;
-  for (std::size_t i = 1; i + 1 < felt.force.size(); ++i) {
-    const double bend = felt.force[i + 1].x - 2 * felt.force[i].x + felt.force[i - 1].x;
+  for (std::size_t i = 1; i + 1 < series.force.size(); ++i) {
+    const double bend = series.force[i + 1].x - 2 * series.force[i].x + series.force[i - 1].x;
     sum += bend * bend / 6;  // of white noise six times its square
   }
-  return kFullForce * std::sqrt(sum / static_cast<double>(felt.force.size() - 2));
+  return kFullForce * std::sqrt(sum / static_cast<double>(series.force.size() - 2));
 }
 
 Result<FigureResult> shown(Context& context, const Shown& figure) {
@@ -435,11 +438,11 @@ Result<FigureResult> shown(Context& context, const Shown& figure) {
   const auto c = compare(context, figure.spheres, figure.depth, methods);
   if (!c) return c.error();
   FigureResult result;
-  add_felt(
+  add_forces(
       result, *c, methods,
       words("%s, %.0f %% deep, %d spheres", c->name.c_str(), 100 * figure.depth, figure.spheres));
   const char* name = methods[figure.method].name;
-  const auto step = [&](std::size_t m) { return c->felt[m].largest_step(); };
+  const auto step = [&](std::size_t m) { return c->series[m].largest_step(); };
   const double own = step(figure.method);
   const std::string of_others =
       words("weighted %.2f %%, simplified %.2f, graph %.2f", step(0), step(1), step(2));
@@ -454,7 +457,7 @@ Result<FigureResult> shown(Context& context, const Shown& figure) {
       const auto finer =
           compare(context, figure.spheres, figure.depth, {methods[figure.method]}, 2);
       if (!finer) return finer.error();
-      const double half = finer->felt[0].largest_step();
+      const double half = finer->series[0].largest_step();
       const std::string measured =
           words("Largest step of %s %.2f %% of the whole force, %.2f %% in half as long steps",
                 name, own, half);
@@ -464,7 +467,7 @@ Result<FigureResult> shown(Context& context, const Shown& figure) {
         add(measured + words("; of the graph %.2f %%.", step(2)),
             are_true({is_continuous(own, half) == Verdict::agrees, own < step(2)}));
       }
-      const double noise = x_noise(c->felt[figure.method]);
+      const double noise = x_noise(c->series[figure.method]);
       result.claims.push_back(
           {words("7 %%, %s: small x noise.", figure.method == 2 ? "graph" : "brute force"),
            words("%.3f N rms of %.0f.", noise, kFullForce), are_true({noise < kSmallNoise})});
@@ -474,7 +477,7 @@ Result<FigureResult> shown(Context& context, const Shown& figure) {
     case Finding::rougher: {
       const auto before = compare(context, figure.other, 0.07, {methods[figure.method]});
       if (!before) return before.error();
-      const double other = before->felt[0].largest_step();
+      const double other = before->series[0].largest_step();
       add(words("Largest step %.2f %%; 7 %% deep with %d spheres %.2f %%.", own, figure.other,
                 other),
           is_less(other, own));
@@ -495,7 +498,7 @@ Result<FigureResult> shown(Context& context, const Shown& figure) {
       const auto with_other =
           compare(context, figure.other, figure.depth, {methods[figure.method]});
       if (!with_other) return with_other.error();
-      const double other = with_other->felt[0].largest_step();
+      const double other = with_other->series[0].largest_step();
       add(words("Largest step %.2f %%, with %d spheres %.2f %%.", own, figure.other, other),
           is_as_good(own, other));
       break;
@@ -531,11 +534,11 @@ Result<FigureResult> figure_5_16(Context& context) {
               {}};
   double weighted_difference = 0, weighted_cost = 0;
   for (const Method& method : all_methods()) {
-    const auto felt_coarse = felt_by(*coarse_run, **coarse, method.options);
-    const auto felt_fine = felt_by(*fine_run, **fine, method.options);
-    if (!felt_coarse) return felt_coarse.error();
-    if (!felt_fine) return felt_fine.error();
-    const Felt &a = *felt_coarse, &b = *felt_fine;
+    const auto coarse_forces = forces_by(*coarse_run, **coarse, method.options);
+    const auto fine_forces = forces_by(*fine_run, **fine, method.options);
+    if (!coarse_forces) return coarse_forces.error();
+    if (!fine_forces) return fine_forces.error();
+    const ForceSeries &a = *coarse_forces, &b = *fine_forces;
     double sum = 0;
     for (std::size_t i = 0; i < a.force.size(); ++i) {
       const double d = norm(a.force[i] - b.force[i]);

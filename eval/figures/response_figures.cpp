@@ -88,7 +88,7 @@ std::vector<Response> respond(Context& context,
   const int num = context.choose(150, 10);
   for (std::size_t i = 0; i < cases.size(); ++i) {
     const auto& [c, tool] = cases[i];
-    const SeenScene scene = see(c, noise);
+    const RenderedScene scene = see(c, noise);
     Random random(static_cast<std::uint64_t>(i) + 1);
     std::vector<Configuration> configurations;
     for (int k = 0; k < num; ++k) {
@@ -132,7 +132,7 @@ Result<FigureResult> response(Context& context) {
     all[noisy] = respond(context, cases, noisy ? DepthNoise::gaussian : DepthNoise::none);
     Table table{words("Against the exact wrench, %s: rms (95th percentile)", noise),
                 {"method", "force direction, °", "force magnitude, %", "torque direction, °",
-                 "torque magnitude, %", "time, µs", "no contact felt"},
+                 "torque magnitude, %", "time, µs", "contact missed"},
                 {}};
     for (std::size_t m = 0; m < methods.size(); ++m) {
       const Response& r = all[noisy][m];

@@ -192,8 +192,8 @@ Result<Seen> see(Context& context, bool has_noise) {
 }
 
 /// What the tool feels at all probes with the cameras said to be here.
-std::vector<Share> feel(const Seen& seen, std::span<const Pose> X_WC, const Tool& tool,
-                        const std::vector<Probe>& probes) {
+std::vector<Share> measure_probes(const Seen& seen, std::span<const Pose> X_WC, const Tool& tool,
+                                  const std::vector<Probe>& probes) {
   const ContactOptions options;
   const auto query =
       make_contact_query(Backend::cpu, tool, contact_method(options).value()).value();
@@ -203,12 +203,12 @@ std::vector<Share> feel(const Seen& seen, std::span<const Pose> X_WC, const Tool
     surface.X_WC = X_WC[k];
     cameras.push_back({surface, surface, 1});
   }
-  std::vector<Share> felt;
+  std::vector<Share> measured;
   for (const Probe& probe : probes) {
     const Penetration at = query->measure(cameras, probe.X_WT).penetration;
-    felt.push_back({at.volume / full_volume(tool, options), at.measure_W.force});
+    measured.push_back({at.volume / full_volume(tool, options), at.measure_W.force});
   }
-  return felt;
+  return measured;
 }
 
 /// One way of being wrong, and what comes of it.
@@ -238,16 +238,16 @@ struct ContactError {
   double volume_squares = 0, worst = 0, direction_squares = 0;
   int num = 0, num_directions = 0;
 
-  void add(const std::vector<Probe>& probes, const std::vector<Share>& felt) {
+  void add(const std::vector<Probe>& probes, const std::vector<Share>& measured) {
     for (std::size_t i = 0; i < probes.size(); ++i) {
       if (i % std::size(kDistances) < kNumFree) continue;
       const Share& exact = probes[i].exact;
-      const double error = felt[i].volume - exact.volume;
+      const double error = measured[i].volume - exact.volume;
       volume_squares += error * error, ++num;
       worst = std::max(worst, 100 * std::abs(error));
-      if (exact.volume < kLeastShare || felt[i].force == Vec3d{}) continue;
-      const double angle =
-          std::atan2(norm(cross(felt[i].force, exact.force)), dot(felt[i].force, exact.force));
+      if (exact.volume < kLeastShare || measured[i].force == Vec3d{}) continue;
+      const double angle = std::atan2(norm(cross(measured[i].force, exact.force)),
+                                      dot(measured[i].force, exact.force));
       direction_squares += angle * angle, ++num_directions;
     }
   }
@@ -269,7 +269,7 @@ Result<Study> study(Context& context, bool has_noise, const Tool& tool,
   if (!seen) return seen.error();
   const auto truth = camera_poses();
   Study result;
-  result.truly_placed = feel(*seen, truth, tool, probes);
+  result.truly_placed = measure_probes(*seen, truth, tool, probes);
   result.draws.resize(context.choose<std::size_t>(20, 4));
   Random random(35);
   for (Draw& draw : result.draws) {
@@ -282,17 +282,17 @@ Result<Study> study(Context& context, bool has_noise, const Tool& tool,
             static_cast<double>(result.draws.size()), [&](int task, Work& work) {
               Draw& draw = result.draws[static_cast<std::size_t>(task)];
               const Pose said[] = {truth[0], draw.X_WC};
-              draw.wrong = feel(*seen, said, tool, probes);
+              draw.wrong = measure_probes(*seen, said, tool, probes);
               const Pose displaced = draw.X_WC * inverse(truth[1]);
               const Pose together[] = {displaced * truth[0], draw.X_WC};
-              draw.together = feel(*seen, together, tool, probes);
+              draw.together = measure_probes(*seen, together, tool, probes);
               for (const Probe& probe : probes) {
                 draw.displaced.push_back(exact_volume_share(tool, probe.X_WT, displaced));
               }
               const auto aligned = align_views(clouds, said, names);
               if (aligned) {
                 draw.refined = aligned->X_WC[1];
-                draw.calibrated = feel(*seen, aligned->X_WC, tool, probes);
+                draw.calibrated = measure_probes(*seen, aligned->X_WC, tool, probes);
               }
               work.step();
             });
@@ -312,15 +312,16 @@ double most_at(const Study& study, std::size_t distance, ShareOf share_of) {
 }
 
 constexpr const char* kClaims[] = {
-    "With one of two cameras 0.5° and 3 mm off no more is felt in free space than with both of "
-    "them "
-    "right or both displaced alike, to 0.2 % of the tool.",
-    "Nor is anything felt beyond a wall that is displaced by 3 mm and the angle times the range, "
+    "With one of two cameras 0.5° and 3 mm off the false contact in free space is no larger than "
+    "with both poses correct or equally displaced, to 0.2 % of the tool.",
+    "There is no false contact beyond a wall that is displaced by 3 mm and the angle times the "
+    "range, "
     "to 0.01 % of the tool.",
     "The volume of contact errs by no more than the solids displaced as far: rms, over all draws.",
     "`palpate calibrate` takes the error to at most 1 mm where the tool is, and 0.1°, with and "
     "without noise.",
-    "After it contact is felt as with the true poses: volumes err at most 1.2 times as much."};
+    "After calibration the contact equals that with the true poses: volume errors are at most 1.2 "
+    "times as large."};
 
 Result<FigureResult> misplaced_figure(Context& context) {
   const auto made = context.tool("sphere", 2 * kRadius, kSpheres);
@@ -442,7 +443,7 @@ Result<FigureResult> misplaced_figure(Context& context) {
     }
     if (num_refused > 0) calibrated = Verdict::fails;
     if (has_noise) continue;
-    // Noise is felt in free space with the true poses, too: what is beyond is told without it.
+    // With noise there is false contact in free space with the true poses too.
     result.claims.push_back(
         {kClaims[0],
          words("At most %.2f %% of the tool more, of up to %.1f %% with both displaced.",

@@ -8,8 +8,8 @@
 
 #include "eval/context.h"
 #include "eval/studies/accuracy.h"
+#include "eval/studies/frozen_frame.h"
 #include "eval/studies/random.h"
-#include "eval/studies/seen_frame.h"
 #include "eval/studies/speed.h"
 #include "eval/studies/verdict_rules.h"
 #include "scenes/truth.h"
@@ -76,7 +76,7 @@ Result<Errors> errors_of(Context& context, const Look& look) {
         frame.pixels.push_back(is_missing ? 0 : static_cast<std::uint16_t>(std::lround(z)));
       }
     }
-    const auto seen = SeenFrame::create(stream, frame);
+    const auto seen = FrozenFrame::create(stream, frame);
     if (!seen) return seen.error();
     auto query = query_on(*seen, **tool);
     const auto coarse = exact_steps(c, **tool, 0, 1, context.choose(41, 11));

@@ -26,7 +26,7 @@ constexpr std::array kBehind{0.01, 0.05, 0.1, 0.4, 0.8};
 
 const char* camera_name(bool with_noise) { return with_noise ? "noise" : "noise-free"; }
 /// A surface at `left` metres left of the optical axis, one at `right` right of it.
-Result<SeenFrame> seen_step(double left, double right, bool with_noise) {
+Result<FrozenFrame> seen_step(double left, double right, bool with_noise) {
   DepthStreamInfo stream;
   stream.width = kWidth, stream.height = kHeight, stream.intrinsics = kCamera;
   stream.unit = 5e-5;
@@ -39,7 +39,7 @@ Result<SeenFrame> seen_step(double left, double right, bool with_noise) {
       frame.pixels.push_back(static_cast<std::uint16_t>(std::lround(z / stream.unit)));
     }
   }
-  return SeenFrame::create(stream, frame);
+  return FrozenFrame::create(stream, frame);
 }
 
 /// |F| / V along x, past the edge, at some depth behind the near surface; NaN: no contact.
@@ -53,7 +53,7 @@ struct Sweep {
     return worst;
   }
 };
-std::vector<Sweep> sweeps_of(Feeler& feel) {
+std::vector<Sweep> sweeps_of(ContactProbe& probe) {
   constexpr int kPoses = 121;
   std::vector<Sweep> sweeps;
   for (const double behind : kBehind) {
@@ -61,9 +61,9 @@ std::vector<Sweep> sweeps_of(Feeler& feel) {
     const double z = kNear + behind;
     for (int i = 0; i < kPoses; ++i) {
       const double x = z * kSilhouetteToolSize * (2.0 * i / (kPoses - 1) - 1);
-      const auto felt = feel({{x, 0, z}, {}});
+      const auto contact = probe({{x, 0, z}, {}});
       sweep.x.push_back(x);
-      sweep.ratio.push_back(felt ? felt->ratio() : NAN);
+      sweep.ratio.push_back(contact ? contact->ratio() : NAN);
     }
     sweeps.push_back(std::move(sweep));
   }
@@ -83,7 +83,7 @@ struct Directions {
     return total() ? static_cast<double>(right[0] + right[1] + right[2]) / total() : 0;
   }
 };
-Directions directions_of(Context& context, Feeler& feel) {
+Directions directions_of(Context& context, ContactProbe& probe) {
   Directions directions;
   Random random(23);
   const int num_poses = context.choose(4000, 500);
@@ -94,14 +94,14 @@ Directions directions_of(Context& context, Feeler& feel) {
     const double front = p.z - kNear, side = -p.x;
     const double least = std::min(front, side), most = std::max(front, side);
     if (most - least < std::max(0.07, 0.3 * most)) continue;
-    const auto felt = feel({p, turned});
-    if (!felt) continue;
+    const auto contact = probe({p, turned});
+    if (!contact) continue;
     const Vec3d way = front < side ? Vec3d{0, 0, -1} : Vec3d{1, 0, 0};
-    const double cosine = dot(felt->force, way) / norm(felt->force);
+    const double cosine = dot(contact->force, way) / norm(contact->force);
     const auto upper = std::ranges::lower_bound(Directions::kUpTo, least);
     const auto at = static_cast<std::size_t>(upper - Directions::kUpTo.begin());
     ++directions.num[at];
-    directions.ratios.values.push_back(felt->ratio());
+    directions.ratios.values.push_back(contact->ratio());
     directions.right[at] += cosine > std::cos(Directions::kNearAngle);
   }
   return directions;
@@ -328,8 +328,8 @@ Status add_plane(FigureResult& result, const Tool& tool, int num_poses) {
   constexpr std::array kDeep{0.005, 0.02, 0.05, 0.1, 0.2, 0.5};  // m, of the middle of the tool
   const auto frame = seen_step(kNear, kNear, true);
   if (!frame) return frame.error();
-  auto feel = feeler_on(*frame, tool);
-  if (!feel) return feel.error();
+  auto probe = probe_on(*frame, tool);
+  if (!probe) return probe.error();
   Table table{"Direction of the force behind a plane with noise, degrees rms", {"behind"}, {}};
   table.columns.push_back("off the normal");
   Random random(23);
@@ -340,9 +340,9 @@ Status add_plane(FigureResult& result, const Tool& tool, int num_poses) {
       const double a = random.normal(), b = random.normal(), c = random.normal(),
                    d = random.normal();
       const double x = random.uniform(-0.2, 0.2), y = random.uniform(-0.15, 0.15);
-      const auto felt = (*feel)({{x, y, kNear + behind}, normalized(Quaternion{a, b, c, d})});
-      if (!felt) continue;
-      const double sine = norm(cross(felt->force, {0, 0, -1})) / norm(felt->force);
+      const auto contact = (*probe)({{x, y, kNear + behind}, normalized(Quaternion{a, b, c, d})});
+      if (!contact) continue;
+      const double sine = norm(cross(contact->force, {0, 0, -1})) / norm(contact->force);
       squares += std::pow(std::asin(std::min(1.0, sine)) * 180 / kPi, 2);
     }
     const double rms = std::sqrt(squares / num_poses);
@@ -368,11 +368,11 @@ Result<FigureResult> figure_silhouettes(Context& context) {
   for (const bool with_noise : {false, true}) {
     const auto frame = seen_step(kNear, kFar, with_noise);
     if (!frame) return frame.error();
-    auto feel = feeler_on(*frame, **tool);
-    if (!feel) return feel.error();
-    steps.sweeps[with_noise] = sweeps_of(*feel);
+    auto probe = probe_on(*frame, **tool);
+    if (!probe) return probe.error();
+    steps.sweeps[with_noise] = sweeps_of(*probe);
     context.progress(with_noise ? 0.35 : 0.1);
-    steps.directions[with_noise] = directions_of(context, *feel);
+    steps.directions[with_noise] = directions_of(context, *probe);
     context.progress(with_noise ? 0.5 : 0.25);
     if (with_noise) continue;
     FieldMap map = map_of(frame->field());

@@ -79,14 +79,14 @@ bool nothing_steps(const StepCounts& steps, const Intrinsics& k, const Tool& too
 }
 
 struct RealFrame : FirstFrame {
-  SeenFrame seen;
+  FrozenFrame seen;
 };
 Result<std::vector<RealFrame>> real_frames(Context& context) {
   std::vector<RealFrame> frames;
   auto recorded = context.first_frames(false);
   if (!recorded) return recorded.error();
   for (FirstFrame& of_recording : *recorded) {
-    auto seen = SeenFrame::create(of_recording.stream, of_recording.frame);
+    auto seen = FrozenFrame::create(of_recording.stream, of_recording.frame);
     if (!seen) return seen.error();
     frames.push_back({std::move(of_recording), *std::move(seen)});
     context.progress(0.5);
@@ -99,8 +99,8 @@ struct RealContacts {
   Ratios all, calm;  ///< calm: where nothing steps
   Ratios stiffness;  ///< largest eigenvalues over the tool's section
 };
-RealContacts contacts_of(const RealFrame& real, const Tool& tool, Feeler& feel, int num_poses,
-                         std::uint64_t seed, Work& work) {
+RealContacts contacts_of(const RealFrame& real, const Tool& tool, ContactProbe& probe,
+                         int num_poses, std::uint64_t seed, Work& work) {
   constexpr double kNearest = 0.3, kFarthest = 3, kBefore = -0.02, kBeyond = 0.03;  // m
   const Intrinsics& k = real.stream.intrinsics;
   std::vector<std::size_t> measured;
@@ -120,11 +120,11 @@ RealContacts contacts_of(const RealFrame& real, const Tool& tool, Feeler& feel, 
     const double a = random.normal(), b = random.normal(), c = random.normal(), d = random.normal();
     const Pose X_WT{{(u - k.cx) / k.fx * z, (v - k.cy) / k.fy * z, z},
                     normalized(Quaternion{a, b, c, d})};
-    const auto felt = feel(X_WT);
-    if (felt) {
-      contacts.all.values.push_back(felt->ratio());
-      contacts.stiffness.values.push_back(feel.stiffness());
-      if (nothing_steps(steps, k, tool, X_WT)) contacts.calm.values.push_back(felt->ratio());
+    const auto contact = probe(X_WT);
+    if (contact) {
+      contacts.all.values.push_back(contact->ratio());
+      contacts.stiffness.values.push_back(probe.stiffness());
+      if (nothing_steps(steps, k, tool, X_WT)) contacts.calm.values.push_back(contact->ratio());
     }
     if (i % 100 == 0) work.step();
   }
@@ -195,7 +195,7 @@ Status add_recorded_contacts(FigureResult& result, Context& context) {
     return Done{};
   }
   std::vector<std::shared_ptr<const Tool>> tools;
-  std::vector<Feeler> feelers;  // [frame][tool]
+  std::vector<ContactProbe> feelers;  // [frame][tool]
   for (const auto& [shape, size] : kTools) {
     auto tool = context.tool(shape, size, kSilhouetteSpheres);
     if (!tool) return tool.error();
@@ -203,7 +203,7 @@ Status add_recorded_contacts(FigureResult& result, Context& context) {
   }
   for (const RealFrame& frame : *frames) {
     for (const auto& tool : tools) {
-      auto feeler = feeler_on(frame.seen, *tool);
+      auto feeler = probe_on(frame.seen, *tool);
       if (!feeler) return feeler.error();
       feelers.push_back(*std::move(feeler));
     }

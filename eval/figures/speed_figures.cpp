@@ -88,8 +88,8 @@ Result<FigureResult> figure_3_3(Context& context) {
                    factors.end());
   const double typical = factors[factors.size() / 2];
   ratio.caption =
-      "The factor grows with the number of spheres: weighted asks every boundary "
-      "sphere for every other one.";
+      "The factor grows with the number of spheres: weighted visits every boundary sphere for "
+      "every other sphere.";
   result.claims.push_back({"Simplified brute force is 1.7 times as fast as weighted.",
                            words("%.1f to %.1f times, for %g to %g spheres; %.1f in the middle.",
                                  least, most, sweep->x.front(), sweep->x.back(), typical),

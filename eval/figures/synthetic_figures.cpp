@@ -73,7 +73,7 @@ struct Ways {
 };
 
 Ways measure(const ContactCase& c, const Tool& tool, DepthNoise noise, int num_steps) {
-  const SeenScene scene = see(c, noise);
+  const RenderedScene scene = see(c, noise);
   const auto steps = exact_steps(c, tool, 0, 1, num_steps);
   const double whole = tool.mesh_mass().volume;
   Ways ways;
@@ -240,7 +240,7 @@ void add_smoothness(FigureResult& result, Context& context, const ContactCase& c
       {}};
   const int num_steps = context.choose(num_steps_over(c, 0.3, 1e-4), 100);
   const int loop_steps = context.choose(kLoopSteps, 300);
-  const SeenScene scenes[] = {see(c, DepthNoise::none), see(c, DepthNoise::gaussian)};
+  const RenderedScene scenes[] = {see(c, DepthNoise::none), see(c, DepthNoise::gaussian)};
   const auto steps = exact_steps(c, tool, 0.3, 0.6, num_steps);
   double field_jump = 0, worst_jump = 0, field_loop = 0, worst_loop = 0;
   double best_jump = INFINITY, best_loop = INFINITY;

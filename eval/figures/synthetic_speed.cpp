@@ -16,7 +16,7 @@ constexpr double kWallDepth = 1.0;   // m
 constexpr double kVeryMany = 12000;  // spheres
 
 /// The wall, as a noise-free camera sees it.
-Result<SeenFrame> wall(Context& context, int width, int height) {
+Result<FrozenFrame> wall(Context& context, int width, int height) {
   auto scene = scenes::make_scene("wall");
   if (!scene) return scene.error();
   scenes::set_image_size(*scene, width, height);
@@ -35,7 +35,7 @@ std::vector<Pose> poses_at(double depth, std::size_t num) {
   return poses;
 }
 
-Result<SpeedSweep> sweep_depths(Context& context, const SeenFrame& frame, int num_spheres,
+Result<SpeedSweep> sweep_depths(Context& context, const FrozenFrame& frame, int num_spheres,
                                 const std::vector<Method>& methods) {
   const auto tool = context.tool("box", kToolSize, num_spheres);
   if (!tool) return tool.error();

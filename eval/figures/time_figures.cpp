@@ -29,9 +29,9 @@ Steps steps_of(const std::vector<double>& force, const std::vector<bool>& is_arr
 }
 
 /// Against z, % of the whole tool's.
-std::vector<double> lifting(const Felt& felt) {
+std::vector<double> lifting(const ForceSeries& series) {
   std::vector<double> force;
-  for (const Vec3d& f : felt.force) force.push_back(-100 * f.z);
+  for (const Vec3d& f : series.force) force.push_back(-100 * f.z);
   return force;
 }
 
@@ -73,15 +73,15 @@ Result<FigureResult> moving(Context& context, const char* title, const Touch& to
     time.mode = mode.mode;
     trials.push_back({&touch, time});
   }
-  const auto all = feel(context, trials, methods);
+  const auto all = measure_trials(context, trials, methods);
   if (!all) return all.error();
   for (std::size_t m = 0; m < methods.size(); ++m) {
     const Method& method = methods[m];
     for (std::size_t i = 0; i < trials.size(); ++i) {
       const Mode& mode = modes[i];
-      const Felt& felt = (*all)[i][m];
-      const std::vector<double> force = lifting(felt);
-      const Steps steps = steps_of(force, felt.is_arrival);
+      const ForceSeries& series = (*all)[i][m];
+      const std::vector<double> force = lifting(series);
+      const Steps steps = steps_of(force, series.is_arrival);
       table.rows.push_back(
           {method.name, mode.name, words("%.3f", steps.arrival), words("%.3f", steps.other)});
       result.numbers.push_back(
@@ -161,7 +161,7 @@ Result<FigureResult> figure_3_15b(Context& context) {
   (*frames)->resize(std::min<std::size_t>((*frames)->size(), context.choose<std::size_t>(60, 15)));
   const auto tool = context.tool("sphere", 0.08, 1000);
   if (!tool) return tool.error();
-  const auto first = SeenFrame::create(stream, (**frames)[0]);
+  const auto first = FrozenFrame::create(stream, (**frames)[0]);
   if (!first) return first.error();
   const auto path = hand_path(*first, **tool, 0.3, 1);
   if (!path) return path.error();
@@ -178,7 +178,7 @@ Status add_drop_out(FigureResult& result, Context& context, const DepthStreamInf
   const auto methods = all_methods_alike();
   std::vector<double> volumes[2];
   for (int k = 0; k < 2; ++k) {
-    const auto seen = SeenFrame::create(stream, frames[static_cast<std::size_t>(k)]);
+    const auto seen = FrozenFrame::create(stream, frames[static_cast<std::size_t>(k)]);
     if (!seen) return seen.error();
     auto query = query_on(*seen, **tool);
     for (const Method& method : methods) {

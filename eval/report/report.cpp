@@ -68,8 +68,8 @@ std::string inputs_words(const Key& key) {
 const char* heading_of(Source source) {
   switch (source) {
     case Source::thesis: return "Claims of the thesis";
-    case Source::ours: return "Is ours better?";
-    case Source::docs: return "What we say of our own";
+    case Source::ours: return "Is Palpate better?";
+    case Source::docs: return "Claims of our own";
   }
   return "";
 }

@@ -40,7 +40,7 @@ struct Evaluation {
   std::vector<std::string> warnings;  ///< files that could not be used
 };
 
-/// Who waits is told what is made now (`share` of the whole work, words), and may stop it.
+/// Progress callback (`share` of the whole work, text); it may stop the work.
 struct Watcher {
   std::function<void(double share, const std::string& words)> on_progress;
   std::function<bool()> keep_going;

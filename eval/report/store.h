@@ -17,7 +17,7 @@ struct Key {
   std::string form;        ///< "full" or "quick"
   std::string data;        ///< real frames: "present" or "absent"
   std::string gpu, peers;  ///< checksums of the CSV files; empty: not given
-  std::string processor;   ///< name, as the system tells it
+  std::string processor;   ///< name, as the system reports it
   int num_cores = 0;
   std::string isa;  ///< vector instructions in use
 

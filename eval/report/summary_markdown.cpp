@@ -56,8 +56,8 @@ std::string summary_markdown(const Evaluation& evaluation) {
       ".\n\n**Claims of the thesis** (do its methods, built as printed and corrected, show what it "
       "says?): " +
       counts_words(evaluation, Source::thesis) +
-      ".\n\n**Is ours better** than those methods and than other libraries? " +
-      counts_words(evaluation, Source::ours) + ".\n\n**Is ours as we say, or as we wanted it?** " +
+      ".\n\n**Is Palpate better** than those methods and other libraries? " +
+      counts_words(evaluation, Source::ours) + ".\n\n**Do our own claims hold?** " +
       counts_words(evaluation, Source::docs) +
       ".\n\nTimes are of single calls on one thread: compare them within one report. All else is "
       "the same on every machine.\n";
@@ -82,7 +82,7 @@ std::string summary_markdown(const Evaluation& evaluation) {
   }
   const std::string against = findings(evaluation);
   if (!against.empty()) {
-    text += "\n## What speaks against the thesis, or against us\n\n" + against;
+    text += "\n## Results against the thesis, or against us\n\n" + against;
   }
   for (const Source source : kSources) text += claim_tables(evaluation, source);
   return text;

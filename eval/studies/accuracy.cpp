@@ -139,13 +139,13 @@ Tool packed_tool(const ContactCase& contact_case, int num_spheres) {
       .value();
 }
 
-SeenScene see(const ContactCase& contact_case, DepthNoise noise) {
+RenderedScene see(const ContactCase& contact_case, DepthNoise noise) {
   return see(scenes::make_scene(contact_case.scene).value(), noise);
 }
 
-SeenScene see(const scenes::Scene& scene, DepthNoise noise) {
-  SeenScene seen{SurfaceEstimator::create(scene.width, scene.height, scene.intrinsics).value(),
-                 DepthField::create(scene.width, scene.height).value()};
+RenderedScene see(const scenes::Scene& scene, DepthNoise noise) {
+  RenderedScene seen{SurfaceEstimator::create(scene.width, scene.height, scene.intrinsics).value(),
+                     DepthField::create(scene.width, scene.height).value()};
   ThreadPool pool(1);
   if (noise == DepthNoise::kinect) {
     DepthFrame frame;
@@ -164,7 +164,7 @@ SeenScene see(const scenes::Scene& scene, DepthNoise noise) {
   return seen;
 }
 
-Measure query_measure(const Tool& tool, const SeenScene& scene, const ContactOptions& options,
+Measure query_measure(const Tool& tool, const RenderedScene& scene, const ContactOptions& options,
                       ThreadPool* pool) {
   ExecutionOptions capacities;
   capacities.pool = pool;

@@ -31,7 +31,7 @@ struct ContactCase {
 std::vector<ContactCase> thesis_cases();
 /// One per kind of environment and tool, turned by 20 degrees and off the axis of symmetry.
 std::vector<ContactCase> tilted_cases();
-/// Both: what errors are told over.
+/// Both: the set over which errors are reported.
 std::vector<ContactCase> accuracy_cases();
 /// The same tool, turned the same way, against the wall.
 ContactCase at_the_wall(const ContactCase& original);
@@ -53,12 +53,12 @@ enum class DepthNoise {
 };
 
 /// The first image of a scene, ready for queries.
-struct SeenScene {
+struct RenderedScene {
   SurfaceEstimator surface;
   DepthField field;
 };
-SeenScene see(const scenes::Scene& scene, DepthNoise noise);
-SeenScene see(const ContactCase& contact_case, DepthNoise noise);  ///< its scene
+RenderedScene see(const scenes::Scene& scene, DepthNoise noise);
+RenderedScene see(const ContactCase& contact_case, DepthNoise noise);  ///< its scene
 
 /// A way of measuring. Forces and volumes are compared after division by `whole`.
 struct Measure {
@@ -67,7 +67,7 @@ struct Measure {
 };
 
 /// A contact query that looks at the seen scene; both and the tool must outlive it.
-Measure query_measure(const Tool& tool, const SeenScene& scene, const ContactOptions& options,
+Measure query_measure(const Tool& tool, const RenderedScene& scene, const ContactOptions& options,
                       ThreadPool* pool = nullptr);
 /// Every sphere is cut by the tangent plane of a distance field at its centre.
 Measure distance_measure(const Tool& tool, SphereVolumes volumes,

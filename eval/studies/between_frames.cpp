@@ -11,7 +11,7 @@
 namespace palpate::eval {
 namespace {
 
-/// Makes of a moment one surface between the two.
+/// Makes of a blend one surface between the two.
 class PointMixer {
  public:
   static Result<PointMixer> create(const DepthStreamInfo& stream, double max_jump) {
@@ -21,9 +21,9 @@ class PointMixer {
                       max_jump);
   }
   /// The views are valid until the next call.
-  SurfaceBlend mix(const SurfaceBlend& moment, ThreadPool& pool) {
-    if (moment.progress >= 1) return moment;
-    blend_clouds(moment.from.cloud, moment.to.cloud, moment.progress, max_jump_, pool, cloud_);
+  SurfaceBlend mix(const SurfaceBlend& blend, ThreadPool& pool) {
+    if (blend.progress >= 1) return blend;
+    blend_clouds(blend.from.cloud, blend.to.cloud, blend.progress, max_jump_, pool, cloud_);
     field_.update(cloud_.view(), pool);
     return {{}, {cloud_.view(), field_.view()}, 1};
   }
@@ -36,8 +36,8 @@ class PointMixer {
   double max_jump_;
 };
 
-Result<std::vector<Felt>> feel_one(const Trial& trial, const std::vector<Method>& methods,
-                                   Work& work) {
+Result<std::vector<ForceSeries>> measure_trial(const Trial& trial,
+                                               const std::vector<Method>& methods, Work& work) {
   const Touch& touch = *trial.touch;
   RunSettings settings;  // with a field and points, for all methods
   settings.time = trial.time;
@@ -47,7 +47,7 @@ Result<std::vector<Felt>> feel_one(const Trial& trial, const std::vector<Method>
   if (!mixer) return mixer.error();
   MethodQueries queries(Backend::cpu, *touch.tool);
   ThreadPool pool(1);
-  std::vector<Felt> felt(methods.size());
+  std::vector<ForceSeries> series(methods.size());
   const double begin = touch.frames.front().timestamp, end = touch.frames.back().timestamp;
   std::size_t next = 0;
   for (int k = 0; begin + k * kTick < end; ++k) {
@@ -58,35 +58,36 @@ Result<std::vector<Felt>> feel_one(const Trial& trial, const std::vector<Method>
       work.step();
       is_arrival = next > 0;
     }
-    SurfaceBlend moment = timeline->at(now);
-    if (trial.mixing == Mixing::points) moment = mixer->mix(moment, pool);
-    queries.set_moment(moment);
+    SurfaceBlend blend = timeline->at(now);
+    if (trial.mixing == Mixing::points) blend = mixer->mix(blend, pool);
+    queries.set_blend(blend);
     for (std::size_t m = 0; m < methods.size(); ++m) {
       const ContactOptions& options = methods[m].options;
       const Penetration penetration = queries.query(touch.X_WT(k * kTick), options);
-      felt[m].force.push_back(penetration.measure_W.force / full_volume(*touch.tool, options));
-      felt[m].is_arrival.push_back(is_arrival);
+      series[m].force.push_back(penetration.measure_W.force / full_volume(*touch.tool, options));
+      series[m].is_arrival.push_back(is_arrival);
     }
   }
-  return felt;
+  return series;
 }
 
 }  // namespace
 
-Result<std::vector<std::vector<Felt>>> feel(Context& context, const std::vector<Trial>& trials,
-                                            const std::vector<Method>& methods) {
+Result<std::vector<std::vector<ForceSeries>>> measure_trials(Context& context,
+                                                             const std::vector<Trial>& trials,
+                                                             const std::vector<Method>& methods) {
   double num_frames = 0;
   for (const Trial& trial : trials) num_frames += static_cast<double>(trial.touch->frames.size());
-  std::vector<std::vector<Felt>> all(trials.size());
+  std::vector<std::vector<ForceSeries>> all(trials.size());
   std::vector<std::optional<Error>> errors(trials.size());
   run_tasks(context, static_cast<int>(trials.size()), num_frames, [&](int i, Work& work) {
     const auto at = static_cast<std::size_t>(i);
-    auto felt = feel_one(trials[at], methods, work);
-    if (!felt) {
-      errors[at] = felt.error();
+    auto series = measure_trial(trials[at], methods, work);
+    if (!series) {
+      errors[at] = series.error();
       return;
     }
-    all[at] = *std::move(felt);
+    all[at] = *std::move(series);
   });
   for (const auto& error : errors) {
     if (error) return *error;

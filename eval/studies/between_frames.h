@@ -29,7 +29,7 @@ enum class Mixing {
 };
 
 /// At each tick from the first frame to the last.
-struct Felt {
+struct ForceSeries {
   std::vector<Vec3d> force;      ///< shares of the whole tool's
   std::vector<bool> is_arrival;  ///< a frame has just arrived; not the first one
 };
@@ -42,7 +42,8 @@ struct Trial {
 };
 
 /// [trial][method], in their orders. On several threads.
-Result<std::vector<std::vector<Felt>>> feel(Context& context, const std::vector<Trial>& trials,
-                                            const std::vector<Method>& methods);
+Result<std::vector<std::vector<ForceSeries>>> measure_trials(Context& context,
+                                                             const std::vector<Trial>& trials,
+                                                             const std::vector<Method>& methods);
 
 }  // namespace palpate::eval

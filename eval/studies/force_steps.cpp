@@ -13,7 +13,7 @@ std::vector<NoisySolid> noisy_solids() {
           {"ball", scenes::Environment::ball_outside(1, 0.08)}};
 }
 
-SeenScene see_noisy(const NoisySolid& solid) {
+RenderedScene see_noisy(const NoisySolid& solid) {
   scenes::Scene scene = scenes::make_scene("wall").value();
   scene.environment = solid.environment;
   return see(scene, DepthNoise::gaussian);

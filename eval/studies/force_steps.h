@@ -17,7 +17,7 @@ struct NoisySolid {
   scenes::Environment environment;
 };
 std::vector<NoisySolid> noisy_solids();  ///< a wall and a ball of 8 cm radius
-SeenScene see_noisy(const NoisySolid& solid);
+RenderedScene see_noisy(const NoisySolid& solid);
 
 /// The cube with 500 spheres.
 Result<std::shared_ptr<const Tool>> sinking_cube(Context& context);

@@ -139,7 +139,7 @@ Result<WallForces> WallForces::create(Context& context, const std::vector<Method
   if (!scene) return scene.error();
   const auto touch = touch_scene(context, *scene, DepthNoise::none, 0.01, "box", kBox);
   if (!touch) return touch.error();
-  const auto frame = SeenFrame::create(touch->stream, touch->frames.front());
+  const auto frame = FrozenFrame::create(touch->stream, touch->frames.front());
   if (!frame) return frame.error();
   auto query = query_on(*frame, *touch->tool);
   WallForces forces;

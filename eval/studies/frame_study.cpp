@@ -25,34 +25,34 @@ double median(std::vector<double> values) {
 }
 
 Status feel_all(Context& context, const std::vector<Method>& methods,
-                const std::vector<Feeling*>& feelings) {
+                const std::vector<StudyCase*>& cases) {
   std::vector<Trial> trials;
-  for (const Feeling* feeling : feelings) {
-    for (const Way* way : feeling->ways) {
+  for (const StudyCase* studied : cases) {
+    for (const Way* way : studied->ways) {
       TimeOptions time;
       time.mode = way->mode;
       time.average.kind = way->average;
-      trials.push_back({&feeling->touch, time, way->mixing});
+      trials.push_back({&studied->touch, time, way->mixing});
     }
   }
-  auto felt = feel(context, trials, methods);
-  if (!felt) return felt.error();
-  auto next = felt->begin();
-  for (Feeling* feeling : feelings) {
-    for (std::size_t i = 0; i < feeling->ways.size(); ++i) {
-      feeling->felt.push_back(std::move(*next++));
+  auto series = measure_trials(context, trials, methods);
+  if (!series) return series.error();
+  auto next = series->begin();
+  for (StudyCase* studied : cases) {
+    for (std::size_t i = 0; i < studied->ways.size(); ++i) {
+      studied->series.push_back(std::move(*next++));
     }
   }
   return Done{};
 }
 
-double lag_of(const Felt& felt, const WallForces& wall, std::size_t method) {
+double lag_of(const ForceSeries& series, const WallForces& wall, std::size_t method) {
   double best = -1, best_lag = 0;
   for (int ms = -50; ms < 250; ++ms) {
     const double lag = 1e-3 * ms;
     double x = 0, y = 0, xx = 0, yy = 0, xy = 0, n = 0;
-    for (std::size_t k = kSettled; k < felt.force.size(); ++k) {
-      const double a = -felt.force[k].z, b = wall.measured(method, time_of(k), lag);
+    for (std::size_t k = kSettled; k < series.force.size(); ++k) {
+      const double a = -series.force[k].z, b = wall.measured(method, time_of(k), lag);
       x += a, y += b, xx += a * a, yy += b * b, xy += a * b, n += 1;
     }
     const double correlation = (n * xy - x * y) / std::sqrt((n * xx - x * x) * (n * yy - y * y));
@@ -61,19 +61,19 @@ double lag_of(const Felt& felt, const WallForces& wall, std::size_t method) {
   return best_lag;
 }
 
-double error_of(const Felt& felt, const WallForces& wall, std::size_t method) {
+double error_of(const ForceSeries& series, const WallForces& wall, std::size_t method) {
   double sum = 0, largest = 0;
-  for (std::size_t k = kSettled; k < felt.force.size(); ++k) {
+  for (std::size_t k = kSettled; k < series.force.size(); ++k) {
     const double exact = wall.exact(method, time_of(k));
     largest = std::max(largest, exact);
-    sum += std::pow(-felt.force[k].z - exact, 2);
+    sum += std::pow(-series.force[k].z - exact, 2);
   }
-  return std::sqrt(sum / static_cast<double>(felt.force.size() - kSettled)) / largest;
+  return std::sqrt(sum / static_cast<double>(series.force.size() - kSettled)) / largest;
 }
 
-void measure_lateness(Feeling& feeling, const WallForces& wall) {
-  for (const std::vector<Felt>& methods : feeling.felt) {
-    std::vector<Lateness>& lateness = feeling.lateness.emplace_back();
+void measure_lateness(StudyCase& studied, const WallForces& wall) {
+  for (const std::vector<ForceSeries>& methods : studied.series) {
+    std::vector<Lateness>& lateness = studied.lateness.emplace_back();
     for (std::size_t m = 0; m < methods.size(); ++m) {
       lateness.push_back({lag_of(methods[m], wall, m), error_of(methods[m], wall, m)});
     }
@@ -82,50 +82,50 @@ void measure_lateness(Feeling& feeling, const WallForces& wall) {
 
 }  // namespace
 
-const Felt& Feeling::by(const Way& way, std::size_t method) const {
-  return felt[index_of(way, ways)][method];
+const ForceSeries& StudyCase::by(const Way& way, std::size_t method) const {
+  return series[index_of(way, ways)][method];
 }
 
-const Lateness& Feeling::late_by(const Way& way, std::size_t method) const {
+const Lateness& StudyCase::late_by(const Way& way, std::size_t method) const {
   return lateness[index_of(way, ways)][method];
 }
 
-std::vector<const Feeling*> Study::moving() const {
-  std::vector<const Feeling*> all{&gaussian, &kinect, &box};
+std::vector<const StudyCase*> Study::moving() const {
+  std::vector<const StudyCase*> all{&gaussian, &kinect, &box};
   if (recorded) all.push_back(&*recorded);
   return all;
 }
 
-double Study::step_ratio(const Feeling& feeling, const Way& way, std::size_t method) const {
-  const Felt& felt = feeling.by(way, method);
+double Study::step_ratio(const StudyCase& studied, const Way& way, std::size_t method) const {
+  const ForceSeries& series = studied.by(way, method);
   double largest = 0;
-  for (const Vec3d& force : felt.force) largest = std::max(largest, norm(force));
+  for (const Vec3d& force : series.force) largest = std::max(largest, norm(force));
   std::vector<double> arrival, all;
-  for (std::size_t k = kSettled; k < felt.force.size(); ++k) {
-    const double least = std::min(norm(felt.force[k]), norm(felt.force[k - 1]));
+  for (std::size_t k = kSettled; k < series.force.size(); ++k) {
+    const double least = std::min(norm(series.force[k]), norm(series.force[k - 1]));
     if (least < 0.1 * largest) continue;
-    all.push_back(norm(felt.force[k] - felt.force[k - 1]));
-    if (felt.is_arrival[k]) arrival.push_back(all.back());
+    all.push_back(norm(series.force[k] - series.force[k - 1]));
+    if (series.is_arrival[k]) arrival.push_back(all.back());
   }
   return median(arrival) / median(all);
 }
 
-double Study::surprise(const Feeling& feeling, std::size_t method) const {
-  const Felt &felt = feeling.by(kPredict, method), &latest = feeling.by(kLatest, method);
+double Study::surprise(const StudyCase& studied, std::size_t method) const {
+  const ForceSeries &series = studied.by(kPredict, method), &latest = studied.by(kLatest, method);
   double off = 0, change = 0;
-  for (std::size_t k = kSettled; k < felt.force.size(); ++k) {
-    if (!felt.is_arrival[k]) continue;
-    off += norm(felt.force[k] - latest.force[k]);
+  for (std::size_t k = kSettled; k < series.force.size(); ++k) {
+    if (!series.is_arrival[k]) continue;
+    off += norm(series.force[k] - latest.force[k]);
     change += norm(latest.force[k] - latest.force[k - 1]);
   }
   return off / change;
 }
 
 double Study::noise(const Way& way, std::size_t method) const {
-  const Felt& felt = resting.by(way, method);
+  const ForceSeries& series = resting.by(way, method);
   double x = 0, xx = 0, n = 0;
-  for (std::size_t k = kSettled; k < felt.force.size(); ++k) {
-    const double f = norm(felt.force[k]);
+  for (std::size_t k = kSettled; k < series.force.size(); ++k) {
+    const double f = norm(series.force[k]);
     x += f, xx += f * f, n += 1;
   }
   return std::sqrt(std::max(0.0, xx / n - x / n * x / n)) / (x / n);
@@ -155,7 +155,7 @@ Result<Study> make_study(Context& context) {
   study.box = {"box_kinect", "moving box, Kinect noise", *std::move(box), modes};
   auto recorded = touch_recording(context);
   if (!recorded) return recorded.error();
-  std::vector<Feeling*> all{&study.gaussian, &study.kinect, &study.resting, &study.box};
+  std::vector<StudyCase*> all{&study.gaussian, &study.kinect, &study.resting, &study.box};
   if (*recorded) {
     study.recorded = {"recorded", "visp_rbt, a camera in the hand", **std::move(recorded), modes};
     all.push_back(&*study.recorded);

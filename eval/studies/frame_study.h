@@ -41,14 +41,14 @@ struct Lateness {
 };
 
 /// A touch and what is felt of it in every way that is tried.
-struct Feeling {
+struct StudyCase {
   const char *key = nullptr, *name = nullptr;
   Touch touch;
   std::vector<const Way*> ways;
-  std::vector<std::vector<Felt>> felt = {};          ///< [way][method]
-  std::vector<std::vector<Lateness>> lateness = {};  ///< likewise; of the moving wall only
+  std::vector<std::vector<ForceSeries>> series = {};  ///< [way][method]
+  std::vector<std::vector<Lateness>> lateness = {};   ///< likewise; of the moving wall only
 
-  const Felt& by(const Way& way, std::size_t method) const;
+  const ForceSeries& by(const Way& way, std::size_t method) const;
   const Lateness& late_by(const Way& way, std::size_t method) const;
 };
 
@@ -56,19 +56,19 @@ struct Study {
   std::vector<Method> methods;  ///< the field, then those of the thesis
   /// The wall with 1.5 mm noise (and kPoints), with Kinect noise (all averages), at rest with
   /// Kinect noise (all averages); the moving box; the recording, if the data are there.
-  Feeling gaussian, kinect, resting, box;
-  std::optional<Feeling> recorded;
+  StudyCase gaussian, kinect, resting, box;
+  std::optional<StudyCase> recorded;
   WallForces wall;
 
-  std::vector<const Feeling*> moving() const;  ///< all but the wall at rest
+  std::vector<const StudyCase*> moving() const;  ///< all but the wall at rest
 
   // What follows leaves out the beginning, until averages have settled.
 
   /// Median step at the ticks when a frame arrives, over that at all ticks; both in contact only.
-  double step_ratio(const Feeling& feeling, const Way& way, std::size_t method) const;
+  double step_ratio(const StudyCase& studied, const Way& way, std::size_t method) const;
   /// How far off the newest frame's force the predicted one is when that frame arrives, as a share
   /// of what the frame changes: 1 if nothing is predicted, 0 if all is.
-  double surprise(const Feeling& feeling, std::size_t method) const;
+  double surprise(const StudyCase& studied, std::size_t method) const;
   /// Standard deviation of the force of the wall at rest over its mean.
   double noise(const Way& way, std::size_t method) const;
 };

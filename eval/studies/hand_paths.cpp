@@ -126,7 +126,7 @@ HandMotion recorded_hand(std::vector<TimedPose> poses) {
   };
 }
 
-Result<HandPath> hand_path(const SeenFrame& frame, const Tool& tool, double mean_depth,
+Result<HandPath> hand_path(const FrozenFrame& frame, const Tool& tool, double mean_depth,
                            std::size_t num_poses, double swing, const HandMotion& motion,
                            double farthest) {
   const double radius = radius_of(tool);

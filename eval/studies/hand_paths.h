@@ -7,7 +7,7 @@
 #include <limits>
 #include <vector>
 
-#include "eval/studies/seen_frame.h"
+#include "eval/studies/frozen_frame.h"
 #include "palpate/io/files.h"
 #include "palpate/tool/tool.h"
 
@@ -42,7 +42,7 @@ HandMotion recorded_hand(std::vector<TimedPose> poses);
 /// Across a calm place, swinging in and out by a share of the tool's radius, as deep that on
 /// average `mean_depth` of the tool is inside. The same for the same input. Errors: nothing in the
 /// frame can be touched.
-Result<HandPath> hand_path(const SeenFrame& frame, const Tool& tool, double mean_depth,
+Result<HandPath> hand_path(const FrozenFrame& frame, const Tool& tool, double mean_depth,
                            std::size_t num_poses, double swing = 0.1,
                            const HandMotion& motion = figure_of_eight,
                            double farthest = std::numeric_limits<double>::infinity());

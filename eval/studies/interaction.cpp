@@ -9,7 +9,7 @@ constexpr const char* kRecording = "frames/pcl_milk_clorox_table.png";
 constexpr double kToolSize = 0.12;  // m
 
 Result<Interaction> interaction(std::string name, FirstFrame picture, std::string shape) {
-  auto frame = SeenFrame::create(picture.stream, picture.frame);
+  auto frame = FrozenFrame::create(picture.stream, picture.frame);
   if (!frame) return frame.error();
   return Interaction{std::move(name), std::move(picture), *std::move(frame), std::move(shape),
                      kToolSize};
@@ -64,13 +64,14 @@ Result<FirstFrame> picture_of(Context& context, const scenes::Scene& scene, bool
   return FirstFrame{scene.name, stream, std::move(frames->front())};
 }
 
-Result<SeenFrame> seen_scene(Context& context, const scenes::Scene& scene, bool with_noise) {
+Result<FrozenFrame> seen_scene(Context& context, const scenes::Scene& scene, bool with_noise) {
   const auto picture = picture_of(context, scene, with_noise);
   if (!picture) return picture.error();
-  return SeenFrame::create(picture->stream, picture->frame);
+  return FrozenFrame::create(picture->stream, picture->frame);
 }
 
-std::unique_ptr<MethodQueries> query_on(const SeenFrame& frame, const Tool& tool, Backend backend) {
+std::unique_ptr<MethodQueries> query_on(const FrozenFrame& frame, const Tool& tool,
+                                        Backend backend) {
   auto query = std::make_unique<MethodQueries>(backend, tool);
   query->set_cloud(frame.cloud());
   query->set_field(frame.field());

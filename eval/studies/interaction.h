@@ -5,9 +5,9 @@
 #include <string>
 
 #include "eval/context.h"
+#include "eval/studies/frozen_frame.h"
 #include "eval/studies/hand_paths.h"
 #include "eval/studies/method_queries.h"
-#include "eval/studies/seen_frame.h"
 
 namespace palpate::eval {
 
@@ -15,7 +15,7 @@ namespace palpate::eval {
 struct Interaction {
   std::string name;  ///< for captions: what is touched, with what
   FirstFrame picture;
-  SeenFrame frame;    ///< what is made of it
+  FrozenFrame frame;  ///< what is made of it
   std::string shape;  ///< for Context::tool
   double size = 0;    ///< m
   HandMotion motion = figure_of_eight;
@@ -35,10 +35,10 @@ Result<Interaction> simulated_interaction(Context& context);
 /// mm.
 Result<FirstFrame> picture_of(Context& context, const scenes::Scene& scene, bool with_noise);
 /// What is made of it.
-Result<SeenFrame> seen_scene(Context& context, const scenes::Scene& scene, bool with_noise);
+Result<FrozenFrame> seen_scene(Context& context, const scenes::Scene& scene, bool with_noise);
 
 /// A query of a method on a tool that looks at a frame.
-std::unique_ptr<MethodQueries> query_on(const SeenFrame& frame, const Tool& tool,
+std::unique_ptr<MethodQueries> query_on(const FrozenFrame& frame, const Tool& tool,
                                         Backend backend = Backend::cpu);
 
 /// Times of single queries along a path.

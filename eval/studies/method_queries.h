@@ -31,14 +31,14 @@ class MethodQueries {
                       }) {}
   MethodQueries(Backend, const Tool&&, const ExecutionOptions& = {}) = delete;
 
-  void set_moment(const SurfaceBlend& moment) { moment_ = moment; }
+  void set_blend(const SurfaceBlend& blend) { blend_ = blend; }
   void set_cloud(const PointCloudView& cloud) {
-    moment_.to.cloud = cloud;
-    moment_.progress = 1;
+    blend_.to.cloud = cloud;
+    blend_.progress = 1;
   }
   void set_field(const DepthFieldView& field) {
-    moment_.to.field = field;
-    moment_.progress = 1;
+    blend_.to.field = field;
+    blend_.progress = 1;
   }
 
   Penetration query(const Pose& X_WT, const ContactOptions& options) {
@@ -69,14 +69,14 @@ class MethodQueries {
 
  private:
   ContactResult ask(const ContactWants& wants) {
-    return last_->measure(moment_.from, moment_.to, moment_.progress, X_WT_, wants);
+    return last_->measure(blend_.from, blend_.to, blend_.progress, X_WT_, wants);
   }
 
   std::shared_ptr<const ToolIndex> index_;
   MakeQuery make_;
   std::vector<std::pair<ContactOptions, std::unique_ptr<ContactQuery>>> queries_;
   const ContactQuery* last_ = nullptr;
-  SurfaceBlend moment_;
+  SurfaceBlend blend_;
   Pose X_WT_;
   std::vector<SphereState> states_;
   std::vector<Plane<float>> planes_;

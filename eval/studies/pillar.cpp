@@ -26,7 +26,7 @@ scenes::Environment pillar_solid(PillarSide side) {
 
 const char* name_of(PillarSide side) { return side == PillarSide::right ? "right" : "left"; }
 
-Result<SeenFrame> seen_pillar(Context& context, bool with_noise) {
+Result<FrozenFrame> seen_pillar(Context& context, bool with_noise) {
   const auto scene = scenes::make_scene("pillar");
   if (!scene) return scene.error();
   return seen_scene(context, *scene, with_noise);

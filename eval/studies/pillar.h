@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "eval/context.h"
+#include "eval/studies/frozen_frame.h"
 #include "eval/studies/method_queries.h"
-#include "eval/studies/seen_frame.h"
 
 namespace palpate::eval {
 
@@ -20,7 +20,7 @@ enum class PillarSide { right, left };
 const char* name_of(PillarSide side);
 
 /// The first frame of the scene `pillar`, with Kinect noise or in steps of 0.1 mm.
-Result<SeenFrame> seen_pillar(Context& context, bool with_noise);
+Result<FrozenFrame> seen_pillar(Context& context, bool with_noise);
 
 /// A cube of 8 cm.
 Result<std::shared_ptr<const Tool>> pillar_box(Context& context, int num_spheres);

@@ -38,23 +38,23 @@ struct Ratios {
 };
 
 /// Force and volume of the field method.
-class Feeler {
+class ContactProbe {
  public:
   static constexpr double kLeastShare = 0.02;  ///< of the tool: less is no contact
 
-  Feeler(std::unique_ptr<MethodQueries> query, const Tool& tool)
+  ContactProbe(std::unique_ptr<MethodQueries> query, const Tool& tool)
       : query_(std::move(query)), whole_(full_volume(tool, options_)), section_(section_of(tool)) {}
 
   /// nullopt: no contact.
-  struct Felt {
+  struct Contact {
     Vec3d force;
     double volume;
     double ratio() const { return norm(force) / volume; }
   };
-  std::optional<Felt> operator()(const Pose& X_WT) {
+  std::optional<Contact> operator()(const Pose& X_WT) {
     const Penetration at = query_->query(X_WT, options_);
     if (at.volume <= kLeastShare * whole_) return std::nullopt;
-    return Felt{at.measure_W.force, at.volume};
+    return Contact{at.measure_W.force, at.volume};
   }
 
   /// At the last pose: the largest eigenvalue of the force's stiffness, by size, over the section
@@ -92,9 +92,9 @@ class Feeler {
   double whole_, section_;
 };
 
-inline Result<Feeler> feeler_on(const SeenFrame& frame, const Tool& tool) {
+inline Result<ContactProbe> probe_on(const FrozenFrame& frame, const Tool& tool) {
   auto query = query_on(frame, tool);
-  return Feeler(std::move(query), tool);
+  return ContactProbe(std::move(query), tool);
 }
 
 /// Adds tables, numbers and claims of contacts with recorded frames.

@@ -1,5 +1,5 @@
 // A look-up in a grid of distances: trilinear weights of the eight around a place, and their
-// gradient. One text for the evaluation on the host and the benchmark's kernel.
+// gradient. Shared code for the evaluation on the host and the benchmark's kernel.
 #pragma once
 
 #include "palpate/core/core.h"

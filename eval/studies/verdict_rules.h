@@ -47,7 +47,7 @@ Verdict begins_at(double measured, double claimed, double tolerance);
 /// half where it is smooth; a jump stays. Contradicted where the step stays within a tenth.
 Verdict is_continuous(double largest_step, double largest_of_half_steps);
 
-// Is ours better?
+// Is Palpate better?
 
 /// Less is better; alike within a tenth.
 Verdict is_better(double ours, double theirs);
@@ -65,7 +65,7 @@ struct Cost {
 /// "Ours is faster and as exact": better; worse if it is slower and no more exact.
 Verdict is_faster_and_as_exact(const Cost& ours, const Cost& theirs);
 
-// Is ours as we say? A number that is not finite was not measured.
+// Do our own claims hold? A number that is not finite was not measured.
 
 /// "It is less than `limit`"; in part where it is less than `in_part`.
 Verdict holds_below(double value, double limit, double in_part = -INFINITY);

@@ -25,19 +25,19 @@ if TYPE_CHECKING:
 _Floats = NDArray[np.float64]
 _PathLike = Union[str, "os.PathLike[str]"]
 
-#: Words that begin the name of a device; what else is a text is a file with a path.
+#: Kinds of devices; any other string is a path file.
 _DEVICE_KINDS = ("sim", "replay", "spacenav", "haply", "forcedimension", "openhaptics", "vrpn",
                  "page")
 
-#: Runs that go on in this process, by their folder.
+#: Active runs of this process, by folder.
 _going_on: "weakref.WeakValueDictionary[Path, Run]" = weakref.WeakValueDictionary()
 
 
 class Run:
     """A run: live, or as it was recorded. Made by `touch` and `Run.open`.
 
-    While it goes on, `latest` is its newest tick. Everything that is kept of it (arrays, summary,
-    frames) is read from its folder: asking for it waits for the end of the run.
+    While it runs, `latest` is its newest tick. Everything recorded (arrays, summary, frames) is read
+    from its folder: access waits for the end of the run.
     """
 
     def __init__(self, folder: _PathLike) -> None:
@@ -50,9 +50,9 @@ class Run:
 
     @staticmethod
     def open(folder: _PathLike) -> Run:
-        """The run in a folder that `palpate touch` or `palpate.touch` wrote, whole or cut off.
+        """Opens the run in a folder that `palpate touch` or `palpate.touch` wrote, complete or truncated.
 
-        palpate.Error: there is none. Waits for a run of this process that writes there.
+        palpate.Error: there is no run. Waits for a run of this process that writes there.
         """
         path = Path(folder)
         here = _going_on.get(path.resolve())
@@ -66,7 +66,7 @@ class Run:
             )
         return Run(path)
 
-    # While it goes on
+    # While it runs
 
     @property
     def is_running(self) -> bool:
@@ -79,13 +79,13 @@ class Run:
         return self._loop.latest if self._loop is not None else None
 
     def mark(self, text: str) -> None:
-        """A note in the recording, at this moment."""
+        """Adds a note to the recording, at this moment."""
         if self._loop is None:
             raise _core.Error("only a live run can be marked")
         self._loop.mark(text)
 
     def wait(self, seconds: Optional[float] = None) -> bool:
-        """Waits until it has ended, or so many seconds; has it ended?
+        """Waits until it has ended, at most `seconds`. Returns True if it has ended.
 
         Ctrl-C ends the run and raises KeyboardInterrupt; what was recorded is kept. Raises what
         `on_tick` or a device in Python raised, and palpate.Error if the run ended in a failure.
@@ -137,7 +137,7 @@ class Run:
     def wrench(self) -> _Floats:
         """(N, 6) force and torque on the tool, N and N m, in W about its centre of mass.
 
-        NaN where nothing could be measured.
+        NaN where there is no measurement.
         """
         return self._columns(
             "force_x_N", "force_y_N", "force_z_N", "torque_x_Nm", "torque_y_Nm", "torque_z_Nm"
@@ -145,7 +145,7 @@ class Run:
 
     @property
     def hand_wrench(self) -> _Floats:
-        """(N, 6) what the device was told, N and N m, at the handle in its base B."""
+        """(N, 6) wrench sent to the device, N and N m, at the handle in its base B."""
         return self._columns(
             "hand_force_x_N", "hand_force_y_N", "hand_force_z_N",
             "hand_torque_x_Nm", "hand_torque_y_Nm", "hand_torque_z_Nm",
@@ -160,7 +160,7 @@ class Run:
 
     @property
     def volume(self) -> _Floats:
-        """(N,) m3 of the tool inside what is seen; NaN where nothing could be measured."""
+        """(N,) m3 of the tool inside what is seen; NaN where there is no measurement."""
         return self._columns("volume_m3")[:, 0]
 
     @property
@@ -233,7 +233,7 @@ class Run:
         return pandas.DataFrame(self.table)
 
     def __repr__(self) -> str:
-        return f"<palpate.Run in {self._folder}{', goes on' if self.is_running else ''}>"
+        return f"<palpate.Run in {self._folder}{', running' if self.is_running else ''}>"
 
     def _columns(self, *names: str) -> _Floats:
         table = self.table
@@ -281,7 +281,7 @@ class Run:
 
 @atexit.register
 def _end_all() -> None:
-    """Runs that nobody ended end with Python: what was recorded is kept."""
+    """Ends all runs when Python exits; their recordings are kept."""
     for run in list(_going_on.values()):
         if run._loop is not None:
             run._loop.stop()
@@ -309,26 +309,26 @@ def touch(
     settings_file: Optional[_PathLike] = None,
     **settings: Any,
 ) -> Run:
-    """Feels depth images with a tool; the loop is in C++ and goes on while Python does other things.
+    """Runs a tool through depth images; the loop is in C++ and continues while Python does other things.
 
     cameras: a camera as `palpate touch --camera` takes it ("scene:pottery", "folder:frames", ...),
-        or a PushedCamera of your own; a list of several is joined, each where its pose says
+        or a PushedCamera of your own; several are combined, each at its pose
         ("scene:hand?pose=tx,ty,tz,qx,qy,qz,qw", Camera(..., pose=)).
-    path_or_device: where the tool goes: (N, 8) rows time tx ty tz qx qy qz qw (s, X_WT) or a file
-        with them, felt on a simulated clock as fast as can be (in real time from a PushedCamera);
-        or a device: "sim", "haply", ... or an object with read(), which gives the handle's pose
-        X_BH, (4, 4) or (7,), and write(wrench), which is told (6,) N and N m. It may have `rate`
+    path_or_device: the motion of the tool: (N, 8) rows time tx ty tz qx qy qz qw (s, X_WT) or a file
+        with them, on a simulated clock as fast as possible (in real time from a PushedCamera);
+        or a device: "sim", "haply", ... or an object with read(), which returns the handle's pose
+        X_BH, (4, 4) or (7,), and write(wrench), which gets (6,) N and N m. It may have `rate`
         (Hz), `max_force` (N), `max_stiffness` (N/m) and so on. None: the path of the scene.
     duration: s; None: until path, frames or device end.
     on_tick: called with each palpate.Tick from the thread that records; False ends the run. The
         loop does not wait for it.
     device: with a path as well: a simulated hand ("sim") that follows it.
-    output: folder of the recording; None: a temporary one that goes with the Run.
+    output: folder of the recording; None: a temporary one, deleted with the Run.
     settings: of docs/settings.md by name: contact_rate=500, coupling_stiffness=800.
 
-    The Run goes on in the background and can be asked for arrays at once, which waits for its end;
-    `with palpate.touch(...) as run:` ends it with the block. Errors while it is set up are raised
-    here, later ones by Run.wait and whatever waits.
+    The Run continues in the background. Access to its arrays waits for its end;
+    `with palpate.touch(...) as run:` ends it with the block. Set-up errors are raised here, later
+    ones by Run.wait and everything that waits.
     """
     if isinstance(cameras, (str, _core.PushedCamera)):
         cameras = [cameras]

@@ -1,4 +1,4 @@
-"""What arguments may be; for type checkers."""
+"""Types of arguments, for type checkers."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ class SupportsDLPack(Protocol):
 #: Anything with DLPack or the buffer protocol, or a list of numbers.
 Array = Union[numpy.typing.ArrayLike, SupportsDLPack]
 
-#: Told spheres so far, fill so far and the last radius in m; False ends the packing.
+#: Called with the number of spheres, the fill and the last radius in m; False ends the packing.
 Progress = Callable[[int, float, float], Union[bool, None]]
 
 
-#: A queue of a GPU: cudaStream_t as a number, or torch.cuda.Stream, cupy.cuda.Stream.
+#: A CUDA stream: cudaStream_t as a number, or torch.cuda.Stream, cupy.cuda.Stream.
 Stream = Any
 
 
@@ -30,7 +30,7 @@ class Device(Protocol):
     """A haptic device in Python: see palpate.touch."""
 
     def read(self) -> Any:
-        """The handle's pose X_BH, (4, 4) or (7,), or (pose, buttons); None: nothing is known."""
+        """The handle's pose X_BH, (4, 4) or (7,), or (pose, buttons); None: no state."""
 
     def write(self, wrench: Any) -> Any:
-        """What the hand is to feel: (6,) force and torque at the handle in B, N and N m."""
+        """Renders a wrench: (6,) force and torque at the handle in B, N and N m."""

@@ -1,9 +1,9 @@
-"""Many poses of a tool against many frames: columns of numbers in, columns of numbers out.
+"""Measures many poses of a tool against many frames: columns of numbers in, columns of numbers out.
 
-`Frames` are depth images of one camera, `Measurer` answers poses against them, `measure_file` answers
-a file of poses in parts, so that what is interrupted goes on later and several machines share it.
-palpate.ray does the same on a cluster. A pose is answered by the same bits whatever else is asked
-with it (palpate.Contact.measure_batch), so that parts, shards and machines change nothing.
+`Frames` are depth images of one camera, `Measurer` measures poses against them, and `measure_file`
+measures a file of poses in parts: it can be interrupted and resumed, and several machines can share
+it. palpate.ray does the same on a cluster. The result of a pose has the same bits in every batch
+(palpate.Contact.measure_batch), so parts, shards and machines do not change it.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _LIBRARY = "files of poses in Parquet need pyarrow: pip install pyarrow"
 
 
 class Frames:
-    """Depth images of one camera, read when they are asked for.
+    """Depth images of one camera, read on access.
 
     images: an array (F, H, W) of whatever has a shape and gives images by number (NumPy, Zarr, a
     memory map): counts of `camera.unit` or m; or a list of files: PNGs of 16 bits, or .npy of one
@@ -257,14 +257,14 @@ def _alone(folder: Path, output: Path) -> Iterator[None]:
 def measure_file(tool: _PathLike, poses: _PathLike, output: _PathLike, frames: Frames, *,
                  shard: Tuple[int, int] = (1, 1), progress: Optional[Callable[[int, int], Any]] = None,
                  **how: Any) -> int:
-    """Answers the poses of a Parquet file into another one; the number of its rows.
+    """Measures the poses of a Parquet file and writes another one. Returns the number of its rows.
 
-    poses: columns of POSE and, with several frames, FRAME; others are passed on. shard: (K, N), the
-    K-th of N parts of about as many rows, from 1: one after the other, the files of all shards are
-    that of (1, 1). how: as Measurer takes it.
+    poses: columns of POSE and, with several frames, FRAME; others are copied. shard: (K, N), the
+    K-th of N parts of about equal size, counted from 1: concatenated, the files of all shards equal
+    that of (1, 1). how: as for Measurer.
 
-    Parts that are done lie in OUTPUT.parts until all are: the same call goes on where it was
-    interrupted. palpate.Error: something is no file of poses, or parts of another task are there.
+    Finished parts are in OUTPUT.parts until all are finished: the same call resumes after an
+    interruption. palpate.Error: not a file of poses, or parts of another task are there.
     """
     pyarrow, parquet = _parquet()
     target, source, tool_file = Path(output), Path(poses), Path(tool)

@@ -1,4 +1,4 @@
-"""Runs in other people's viewers: palpate.sinks.to_rerun(run, "run.rrd"), .to_foxglove(run, "run.mcap").
+"""Writes runs for other viewers: palpate.sinks.to_rerun(run, "run.rrd"), .to_foxglove(run, "run.mcap").
 
 Both show, frame by frame, the cloud that the camera sees, the tool with its spheres by state, and force
 and torque, and over all ticks the numbers of `Run.table`. (A run's own recording.mcap opens in Foxglove
@@ -77,7 +77,7 @@ def _moments(run: Run, stride: int) -> Iterator[_Moment]:
 
 @contextlib.contextmanager
 def _new_file(path: _PathLike) -> Iterator[str]:
-    """A name to write to: what is whole gets the name that was asked for."""
+    """A temporary name to write to; the complete file gets the final name."""
     if os.path.exists(path):
         raise _core.Error(f"{os.fspath(path)} is there already; remove it or give another name")
     temporary = os.fspath(path) + ".new"
@@ -97,7 +97,7 @@ def _check_stride(stride: int) -> None:
 def to_rerun(run: Run, path: Optional[_PathLike] = None, *, stride: int = 4) -> None:
     """Writes a run as Rerun's .rrd; without a path its viewer is started with it.
 
-    stride: the cloud has every so many pixels in both directions. palpate.Error: rerun-sdk is missing,
+    stride: the cloud has every stride-th pixel in both directions. palpate.Error: rerun-sdk is missing,
     the file is there already, or the run holds no frames.
     """
     _check_stride(stride)

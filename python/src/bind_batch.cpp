@@ -110,12 +110,12 @@ nb::object array_in(nb::handle self, const T* at, std::initializer_list<std::siz
 }
 
 /// The surfaces of a batch, and what keeps them.
-struct AskedSurfaces {
+struct SurfaceArgument {
   std::vector<SurfaceView> views;
   std::vector<Pose> X_WC;  // empty: all cameras are at the origin of W
   SurfaceBatch batch;
 
-  explicit AskedSurfaces(nb::handle given) {
+  explicit SurfaceArgument(nb::handle given) {
     PySurfaces* many = nullptr;
     if (nb::try_cast<PySurfaces*>(given, many, false) && many != nullptr) {
       batch = many->batch;
@@ -161,14 +161,14 @@ std::vector<PyBody*> bodies_of(nb::handle given) {
 }
 
 /// Poses and numbers of surfaces, and what keeps them.
-struct AskedPoses {
+struct PoseArgument {
   Doubles numbers_of_poses;  // of the caller, where they are as they have to be
   std::vector<Pose> poses;
   AnyArray poses_on_gpu, surface_of_pose_on_gpu;
   nb::ndarray<const std::int32_t, nb::c_contig, nb::device::cpu> surface_of_pose;
   PoseBatch batch;
 
-  AskedPoses(nb::handle given, nb::handle numbers, nb::handle stream) {
+  PoseArgument(nb::handle given, nb::handle numbers, nb::handle stream) {
     static_assert(sizeof(Pose) == 7 * sizeof(double));
     const std::optional<AnyArray> array = array_on_gpu(given, stream);
     if (array) {
@@ -223,9 +223,9 @@ nb::object measure_batch(PyContact& self, nb::handle surfaces, nb::handle poses,
         "batches against bodies are measured on the CPU by the method field: create the contact "
         "with Contact(tool, \"field\", place=\"cpu\")");
   }
-  const std::optional<AskedSurfaces> fields =
-      bodies.empty() ? std::optional<AskedSurfaces>(surfaces) : std::nullopt;
-  AskedPoses given(poses, surface_of_pose, stream);
+  const std::optional<SurfaceArgument> fields =
+      bodies.empty() ? std::optional<SurfaceArgument>(surfaces) : std::nullopt;
+  PoseArgument given(poses, surface_of_pose, stream);
   const bool is_on_gpu = given.batch.gpu != kHostMemory;
   if (is_on_gpu && fields && !fields->X_WC.empty()) {
     throw PalpateError(
@@ -287,9 +287,9 @@ void bind_batch(nb::module_& m) {
   nb::class_<PyBody>(m, "Body",
                      R"(A rigid body that stays where it is, to be touched by Contact.measure_batch.
 
-shape: a Tool, which has the distance field that spheres ask; one made by another version makes it
-now, which takes about a second. pose: X_WB, (4, 4) or (7,); None: W is its frame. Several bodies of one
-shape share what is known of it if they are made by `at`.)")
+shape: a Tool with a distance field; without one (older files) it is computed now, in about a second.
+pose: X_WB, (4, 4) or (7,) tx ty tz qx qy qz qw, m; None: its frame is W. Bodies made by `at` share the
+data of their shape.)")
       .def(
           "__init__",
           [](PyBody* self, const PyTool& shape, nb::handle pose) {
@@ -307,16 +307,16 @@ shape share what is known of it if they are made by `at`.)")
           nb::arg("pose"), nb::sig("def at(self, pose: palpate._types.Array) -> Body"),
           "The same shape at another pose X_WB.")
       .def_prop_ro(
-          "shape", [](const PyBody& self) { return self.shape; }, "The Tool that it is shaped as.");
+          "shape", [](const PyBody& self) { return self.shape; }, "The Tool with its shape.");
 
   nb::class_<PyBatch>(
       m, "Batch",
-      R"(The answers of Contact.measure_batch for P poses, where the contact is: NumPy arrays, or arrays with
-DLPack on its GPU. Volumes times directions: times a stiffness in N/m3 they are newtons.
+      R"(Results of Contact.measure_batch for P poses, in the memory of the contact: NumPy arrays, or arrays
+with DLPack on its GPU. Volumes times directions: multiply by a stiffness in N/m3 to get newtons.
 
-Made of arrays of yours, of any library with DLPack, it is an `out` that writes into them and
-nothing else: those left out are not computed. float64, status uint32, row by row, all of P poses and
-at one place. ValueError: another shape, type or place.)")
+Created over your own arrays (any library with DLPack), it is an `out` that writes into these only;
+others are not computed. float64, status uint32, row-major, all for P poses and in one memory.
+ValueError: another shape, type or memory.)")
       .def("__init__", make_batch_over, nb::kw_only(), nb::arg("volume") = nb::none(),
            nb::arg("potential") = nb::none(), nb::arg("force") = nb::none(),
            nb::arg("torque") = nb::none(), nb::arg("stiffness") = nb::none(),
@@ -334,14 +334,15 @@ at one place. ValueError: another shape, type or place.)")
             const auto& b = nb::cast<PyBatch&>(self);
             return array_in(self, b.answers.volume, {b.num});
           },
-          nb::sig(property("volume", kFloats).c_str()), "(P,) m3.")
+          nb::sig(property("volume", kFloats).c_str()), "(P,) penetration volume, m3.")
       .def_prop_ro(
           "potential",
           [](nb::handle self) {
             const auto& b = nb::cast<PyBatch&>(self);
             return array_in(self, b.answers.potential, {b.num});
           },
-          nb::sig(property("potential", kFloats).c_str()), "(P,) m4.")
+          nb::sig(property("potential", kFloats).c_str()),
+          "(P,) m4: its negative gradient is force and torque.")
       .def_prop_ro(
           "force",
           [](nb::handle self) {
@@ -356,7 +357,7 @@ at one place. ValueError: another shape, type or place.)")
             return array_in(self, b.answers.torque, {b.num, 3});
           },
           nb::sig(property("torque", kFloats).c_str()),
-          "(P, 3) m4 in W, about the tool's centre of mass.")
+          "(P, 3) m4 in W, about the tool's center of mass.")
       .def_prop_ro(
           "stiffness",
           [](nb::handle self) -> nb::object {
@@ -365,7 +366,7 @@ at one place. ValueError: another shape, type or place.)")
                                      : nb::none();
           },
           nb::sig((property("stiffness", kFloats) + " | None").c_str()),
-          "(P, 6, 6) in W, if it was asked for; see Result.stiffness.")
+          "(P, 6, 6) in W, if requested; see Result.stiffness.")
       .def_prop_ro(
           "status",
           [](nb::handle self) {

@@ -135,8 +135,8 @@ void bind_result(nb::module_& m) {
   nb::class_<PyResult>(
       m, "Result",
       R"(A measurement. Volumes times directions: times a stiffness in N/m3 they are newtons.)")
-      .def_ro("volume", &PyResult::volume, "m3 of the tool inside what is seen.")
-      .def_ro("fraction", &PyResult::fraction, "The share of the tool that this is.")
+      .def_ro("volume", &PyResult::volume, "Penetration volume of the tool, m3.")
+      .def_ro("fraction", &PyResult::fraction, "Volume relative to the whole tool.")
       .def_prop_ro(
           "force", [](nb::handle self) { return vector_of(nb::cast<PyResult&>(self).force, self); },
           nb::sig((std::string("def force(self)") + kFloats).c_str()), "(3,) m3 in W.")
@@ -144,18 +144,18 @@ void bind_result(nb::module_& m) {
           "torque",
           [](nb::handle self) { return vector_of(nb::cast<PyResult&>(self).torque, self); },
           nb::sig((std::string("def torque(self)") + kFloats).c_str()),
-          "(3,) m4 in W, about the tool's centre of mass.")
+          "(3,) m4 in W, about the tool's center of mass.")
       .def_ro("potential", &PyResult::potential,
               "m4: its negative gradient by the pose is force and torque. By the method \"field\".")
       .def_prop_ro("unseen", unseen_share,
-                   R"(The share of the tool that lies where no camera has seen anything.
+                   R"(Share of the tool in unobserved space.
 
-Of joined surfaces: more than 20 mm behind all that any camera has seen, or where none looks. Of one
-that is not joined, by volume of spheres: outside of the image, behind the camera, or at pixels
-without depth; computed when it is asked for.)")
+With joined surfaces: more than 20 mm behind everything that any camera has seen, or where no camera
+looks. With a single surface that is not joined, by volume of spheres: outside of the image, behind
+the camera, or at pixels without depth. Computed on access.)")
       .def_prop_ro(
           "status", [](const PyResult& self) { return static_cast<StepStatus>(self.status.bits); },
-          "What is to be known about it; OK is false.")
+          "Unusual conditions; OK is false.")
       .def_prop_ro(
           "stiffness",
           [](nb::handle self) -> nb::object {
@@ -163,8 +163,8 @@ without depth; computed when it is asked for.)")
             return stiffness ? view_of(&stiffness->m[0][0], {6, 6}, self) : nb::none();
           },
           nb::sig((std::string("def stiffness(self)") + kFloats + " | None").c_str()),
-          R"((6, 6) in W, if it was asked for: moved by a small shift (m) and turn (rad, about the
-centre of mass), force and torque change by minus this times them.)")
+          R"((6, 6) in W, if requested: for a small translation (m) and rotation (rad, about the center of
+mass), force and torque change by minus this matrix times them.)")
       .def_prop_ro(
           "states",
           [](nb::handle self) -> nb::object {
@@ -174,7 +174,7 @@ centre of mass), force and torque change by minus this times them.)")
                            self);
           },
           nb::sig("def states(self) -> numpy.typing.NDArray[numpy.uint8] | None"),
-          "(N,) of the spheres, if it was asked for: 0 outside, 1 at the surface, 2 inside.")
+          "(N,) of the spheres, if requested: 0 outside, 1 at the surface, 2 inside.")
       .def_prop_ro(
           "decided",
           [](nb::handle self) -> nb::object {
@@ -183,9 +183,9 @@ centre of mass), force and torque change by minus this times them.)")
             return view_of(deciders.data(), {deciders.size()}, self);
           },
           nb::sig("def decided(self) -> numpy.typing.NDArray[numpy.int8] | None"),
-          R"((N,) of the spheres, with states=True and by the method "field": the number of the surface
-that decided how deep a sphere is, which says that it is least deep. -1: none of them looks there, or
-the sphere is outside.)")
+          R"((N,) of the spheres, with states=True and by the method "field": the index of the
+surface that determined the depth of a sphere, the one that has it least deep. -1: no camera looks
+there, or the sphere is outside.)")
       .def_prop_ro(
           "unseen_spheres",
           [](nb::handle self) -> nb::object {
@@ -194,8 +194,8 @@ the sphere is outside.)")
             return view_of(unseen.data(), {unseen.size()}, self);
           },
           nb::sig("def unseen_spheres(self) -> numpy.typing.NDArray[numpy.uint8] | None"),
-          R"((N,) of the spheres, with states=True and by the method "field": 1 if the centre lies more
-than 20 mm behind all that any camera has seen, or where none looks.)")
+          R"((N,) of the spheres, with states=True and by the method "field": 1 if the center is more
+than 20 mm behind everything that any camera has seen, or where no camera looks.)")
       .def("__repr__", [](const PyResult& self) {
         char text[160];
         std::snprintf(text, sizeof text,
@@ -213,7 +213,7 @@ void bind_contact(nb::module_& m) {
   nb::class_<PyContact>(m, "Contact", R"(Measures a tool against surfaces.
 
 method: "field" (the default), "weighted", "simplified" or "graph".
-place: "cpu", "cuda" or "cuda:1". threads: on a CPU, for tools of more than about 50,000 spheres.
+place: "cpu", "cuda" or "cuda:1". threads: on a CPU; useful from about 50,000 spheres on.
 options: of docs/settings.md [contact]: volumes, priority, inside, edges, continuity.)")
       .def(
           "__init__",
@@ -239,13 +239,14 @@ options: of docs/settings.md [contact]: volumes, priority, inside, edges, contin
           nb::sig("def measure(self, surface: Surface | collections.abc.Sequence[Surface], "
                   "pose: palpate._types.Array, *, stiffness: bool = False, "
                   "states: bool = False) -> Result"),
-          R"(How much of the tool is inside a surface with the tool at a pose, without the GIL.
+          R"(Measures the tool at a pose against a surface. Releases the GIL.
 
-surface: one, or those of several cameras: a sphere is then as deep as the camera says that has it
-    least deep. Each is where its pose says; their sensors are made with joined=True.
-pose: X_WT, (4, 4) or (7,) tx ty tz qx qy qz qw, m. stiffness: give it, too (method "field").
-    states: of each sphere, too, for pictures; takes twice as long.
-A pose that is not finite, or a surface that is none, is told by Result.status; all is zero then.)")
+surface: one, or a list of several cameras: each sphere then has the depth of the camera that has it
+    least deep. Each surface is at the pose of its camera; create their sensors with joined=True.
+pose: X_WT, (4, 4) or (7,) tx ty tz qx qy qz qw, m.
+stiffness: also compute Result.stiffness (method "field").
+states: also describe each sphere, for display; takes twice as long.
+If the pose is not finite or there is no surface, Result.status says so and everything else is zero.)")
       .def("measure_batch", measure_batch, nb::arg("surfaces"), nb::arg("poses"), nb::kw_only(),
            nb::arg("surface_of_pose") = nb::none(), nb::arg("stiffness") = false,
            nb::arg("out") = nb::none(), nb::arg("stream") = nb::none(),
@@ -256,19 +257,20 @@ A pose that is not finite, or a surface that is none, is told by Result.status; 
                "out: Batch | None = None, stream: palpate._types.Stream | None = None) -> Batch"),
            R"(Many poses in one call, over all cores or in one launch on a GPU; method "field".
 
-surfaces: one, a list, or what Sensor.update_batch made. Or palpate.Body, one or a list, on a CPU:
-    surface_of_pose then is the number of the body, volume what both share, and what the tool feels.
+surfaces: one, a list, or the result of Sensor.update_batch. Or palpate.Body, one or a list, on a CPU:
+    then surface_of_pose is the index of the body, volume is the common volume, and force and torque
+    act on the tool.
 poses: X_WT, (P, 4, 4) or (P, 7) tx ty tz qx qy qz qw; on a GPU (P, 7) float64 of unit quaternions.
-surface_of_pose: (P,) int32, the number of the surface of each pose; None: there is one surface, or
-    each pose has its own.
-out: a Batch of as many poses, which is written again: of an earlier call, or over arrays of yours.
-stiffness: give it, too.
-stream: of a GPU, a number or an object of PyTorch or CuPy: arrays there are read when what it was
-    asked before is done, and with poses and answers there, too, it is only asked for the work, which
-    may be captured in a CUDA graph. None: the default stream.
+surface_of_pose: (P,) int32, the index of the surface of each pose; None: one surface for all, or
+    one per pose.
+out: a Batch of the same size to overwrite: of an earlier call, or over your own arrays.
+stiffness: also compute Batch.stiffness.
+stream: a CUDA stream, as a number or an object of PyTorch or CuPy: arrays on the GPU are read after
+    its earlier work. With poses and results on the GPU too, the work is only enqueued, and may be
+    captured in a CUDA graph. None: the default stream.
 
-What a pose is answered has the same bits whatever else is in the batch. Poses that are not finite and
-numbers that no surface has are told by Batch.status; all is zero there.)")
+The result of a pose has the same bits in every batch. For poses that are not finite and indices
+without a surface, Batch.status says so and everything else is zero.)")
       .def_prop_ro("method", &PyContact::method)
       .def_prop_ro("tool", &PyContact::tool);
 }

@@ -39,7 +39,7 @@ class Columns {
   void visit(const std::string& name, T& value) {
     if constexpr (std::is_arithmetic_v<T> || std::is_enum_v<T>) {
       append(name, static_cast<double>(value));
-    } else if constexpr (std::same_as<T, CameraMoments> || std::same_as<T, BodyPoses>) {
+    } else if constexpr (std::same_as<T, CameraBlends> || std::same_as<T, BodyPoses>) {
       for (std::uint32_t k = 0; k < value.num; ++k) {
         visit(name + "." + std::to_string(k), value.of[k]);
       }
@@ -176,8 +176,8 @@ void bind_recordings(nb::module_& m) {
   m.def("recorded_tool", tool_of_recording, nb::arg("folder"), "The tool of a run.");
   nb::class_<RecordedFrames>(
       m, "RecordedFrames",
-      R"(The depth images of a camera of a run one after the other: time (s, of the source) and (H, W)
-uint16 counts.)")
+      R"(Iterates over the depth images of a camera of a run: time (s, of the source) and (H, W) uint16
+counts.)")
       .def(nb::init<const std::filesystem::path&, std::uint32_t>(), nb::arg("folder"),
            nb::arg("camera") = 0)
       .def_prop_ro("camera", &RecordedFrames::camera)

@@ -35,7 +35,7 @@ struct PyPushedCamera {
 
   void push(nb::handle depth, std::optional<double> time, const nb::object& pose) {
     if (!pose.is_none() && !source->info().is_moving) {
-      throw nb::value_error("pose: this camera stands still; make it with moving=True");
+      throw nb::value_error("pose: this camera is static; create it with moving=True");
     }
     frame.X_WC = pose.is_none() ? camera.X_WC : pose_of(pose, "pose");
     if (!is_finite(frame.X_WC)) throw nb::value_error("pose: not finite");
@@ -286,7 +286,7 @@ void bind_tick(nb::module_& m) {
       .def_prop_ro(
           "number", [](const PyTick& t) { return t.record.number; }, "From 0.")
       .def_prop_ro(
-          "time", [](const PyTick& t) { return t.record.time; }, "s since the run began.")
+          "time", [](const PyTick& t) { return t.record.time; }, "s since the start of the run.")
       .def_prop_ro(
           "pose", [](const PyTick& t) { return seven_of(t.record.step.X_WT); },
           nb::sig(array("pose").c_str()), "X_WT of the tool: (7,) tx ty tz qx qy qz qw, m.")
@@ -296,22 +296,23 @@ void bind_tick(nb::module_& m) {
       .def_prop_ro(
           "wrench", [](const PyTick& t) { return array_of(six_of(t.record.step.contact_W), {6}); },
           nb::sig(array("wrench").c_str()),
-          "(6,) N and N m on the tool, in W about its centre of mass.")
+          "(6,) N and N m on the tool, in W about its center of mass.")
       .def_prop_ro(
           "hand_wrench", [](const PyTick& t) { return array_of(six_of(t.record.F_H_B), {6}); },
           nb::sig(array("hand_wrench").c_str()),
-          "(6,) N and N m that the device was told, at the handle in B.")
+          "(6,) N and N m sent to the device, at the handle in B.")
       .def_prop_ro(
           "volume", [](const PyTick& t) { return t.record.penetration.volume; },
-          "m3 of the tool inside what is seen.")
+          "Penetration volume of the tool, m3.")
       .def_prop_ro(
-          "buttons", [](const PyTick& t) { return t.record.device.buttons; }, "A bit each.")
+          "buttons", [](const PyTick& t) { return t.record.device.buttons; }, "One bit per button.")
       .def_prop_ro(
           "status",
           [](const PyTick& t) { return static_cast<StepStatus>(t.record.penetration.status.bits); },
-          "Of the measurement.")
+          "Unusual conditions of the measurement.")
       .def_prop_ro(
-          "contact_age", [](const PyTick& t) { return t.record.contact_age; }, "s.")
+          "contact_age", [](const PyTick& t) { return t.record.contact_age; },
+          "s, age of the contact in use.")
       .def_prop_ro(
           "sensor_age", [](const PyTick& t) { return t.record.sensor_age; },
           "s, from the depth frame to this force.")
@@ -326,11 +327,11 @@ void bind_runs(nb::module_& m) {
   bind_tick(m);
   nb::class_<PyPushedCamera>(
       m, "PushedCamera",
-      R"(A live camera that your own code reads: push its images while a run goes on.
+      R"(A live camera that your own code reads: push its images during a run.
 
-camera: the numbers of the images. rate: nominal, frames per second. has_time_stamps: push is told
-times of the camera's own clock, s; else an image is captured when it is pushed. latency: s from the
-exposure to the time stamp. moving: each push says where the camera is.)")
+camera: size and intrinsics of the images. rate: nominal, frames per second. has_time_stamps: `push`
+gets times of the camera's own clock, s; otherwise an image counts as captured when it is pushed.
+latency: s, from the exposure to the timestamp. moving: each push has the pose of the camera.)")
       .def(
           "__init__",
           [](PyPushedCamera* self, const PyCamera& camera, double rate, bool has_time_stamps,
@@ -345,16 +346,16 @@ exposure to the time stamp. moving: each push says where the camera is.)")
           nb::sig("def push(self, depth: palpate._types.Array, *, time: float | None = None, "
                   "pose: palpate._types.Array | None = None) -> None"),
           R"(depth: (H, W) uint16 counts or float32 metres. pose: X_WC of this image, (4, 4) or (7,), if
-the camera moves; None: its camera's. Never waits for whoever feels it: the newest image wins. From any
+the camera moves; None: that of the camera. Never waits for the run: the newest image wins. From any
 thread.)")
       .def(
-          "end", [](PyPushedCamera& self) { self.source->end(); }, "No more images come.");
+          "end", [](PyPushedCamera& self) { self.source->end(); }, "Ends the stream.");
 
-  nb::class_<RunInThread>(m, "RunInThread", "A run whose loop is in C++; palpate.Run holds one.")
+  nb::class_<RunInThread>(m, "RunInThread", "A run whose loop is in C++, inside of palpate.Run.")
       .def("stop", &RunInThread::stop, "Fades the force out and ends the run.")
       .def("wait", &RunInThread::wait, nb::arg("seconds") = nb::none(),
-           "Until it has ended, or so long; has it? Ctrl-C ends it.")
-      .def("mark", &RunInThread::mark, nb::arg("text"), "A note in the recording, now.")
+           "Waits until it has ended, at most so many seconds. True if it has. Ctrl-C ends it.")
+      .def("mark", &RunInThread::mark, nb::arg("text"), "Adds a note to the recording.")
       .def_prop_ro("is_running", &RunInThread::is_running)
       .def_prop_ro("notes", &RunInThread::notes)
       .def_prop_ro("latest", [](const RunInThread& self) -> std::optional<PyTick> {
@@ -372,7 +373,7 @@ thread.)")
                 "folder: str | os.PathLike[str], "
                 "settings_file: str | os.PathLike[str] | None, "
                 "settings: dict[str, typing.Any]) -> RunInThread"),
-        "What palpate.touch starts.");
+        "Starts a run, for palpate.touch.");
 }
 
 }  // namespace palpate::python

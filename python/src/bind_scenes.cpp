@@ -52,11 +52,11 @@ void bind_scenes(nb::module_& m) {
                 "seed: int = 1, width: int = 0, height: int = 0) -> "
                 "tuple[numpy.typing.NDArray[typing.Any], Camera, "
                 "numpy.typing.NDArray[numpy.float64]]"),
-        R"(What the simulated depth camera of a scene sees: depth, Camera, X_WC.
+        R"(Renders a scene with the simulated depth camera: depth, Camera, X_WC.
 
 name: one of scene_names(). time: s.
-depth: (H, W) float32, exact metres, NaN where there is nothing; with noise uint16 millimetres as a
-    sensor of the Kinect class delivers them. X_WC: (7,) tx ty tz qx qy qz qw.)");
+depth: (H, W) float32, exact meters, NaN without a surface; with noise uint16 millimeters as from a
+    sensor like the Kinect. X_WC: (7,) tx ty tz qx qy qz qw.)");
   m.def("scene_names", &scenes::scene_names, "The simulated scenes.");
 }
 

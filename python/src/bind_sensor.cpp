@@ -43,7 +43,7 @@ class PySensor {
  public:
   PySensor(const PyCamera& camera, const Place& place, const SensorOptions& options)
       : camera_(camera), place_(place), options_(options) {
-    keepers_.push_back(make());
+    owners_.push_back(make());
   }
 
   const PyCamera& camera() const { return camera_; }
@@ -62,9 +62,9 @@ class PySensor {
     if (view.gpu != kHostMemory) wait_for_producers();
     const nb::gil_scoped_release no_gil;
     const std::lock_guard lock(mutex_);
-    surface.keeper = free_keeper();
-    surface.view = surface.keeper->update(view);
-    const Status status = surface.keeper->status();
+    surface.owner = free_owner();
+    surface.view = surface.owner->update(view);
+    const Status status = surface.owner->status();
     const nb::gil_scoped_acquire gil;
     check(status);
     return surface;
@@ -85,13 +85,12 @@ class PySensor {
     if (first.gpu != kHostMemory && !where) wait_for_producers();
     const nb::gil_scoped_release no_gil;
     const std::lock_guard lock(mutex_);
-    if (is_given &&
-        std::find(keepers_.begin(), keepers_.end(), surfaces->keeper) == keepers_.end()) {
+    if (is_given && std::find(owners_.begin(), owners_.end(), surfaces->owner) == owners_.end()) {
       throw nb::value_error("out: another sensor made these surfaces");
     }
-    if (surfaces->keeper == nullptr) surfaces->keeper = free_keeper();
-    surfaces->batch = surfaces->keeper->update_batch(first, num, where);
-    const Status status = surfaces->keeper->status();
+    if (surfaces->owner == nullptr) surfaces->owner = free_owner();
+    surfaces->batch = surfaces->owner->update_batch(first, num, where);
+    const Status status = surfaces->owner->status();
     const nb::gil_scoped_acquire gil;
     check(status);
     return result;
@@ -104,11 +103,11 @@ class PySensor {
     return std::make_shared<Sensor>(*std::move(sensor));
   }
 
-  std::shared_ptr<Sensor> free_keeper() {
-    for (const auto& keeper : keepers_) {
-      if (keeper.use_count() == 1) return keeper;
+  std::shared_ptr<Sensor> free_owner() {
+    for (const auto& owner : owners_) {
+      if (owner.use_count() == 1) return owner;
     }
-    return keepers_.emplace_back(make());
+    return owners_.emplace_back(make());
   }
 
   DepthImageView view_of_image(const AnyArray& image) const {
@@ -162,7 +161,7 @@ class PySensor {
   PyCamera camera_;
   Place place_;
   SensorOptions options_;
-  std::vector<std::shared_ptr<Sensor>> keepers_;
+  std::vector<std::shared_ptr<Sensor>> owners_;
   std::mutex mutex_;
 };
 
@@ -237,7 +236,7 @@ struct FieldQuestion {
     if (surface.view.field.num_levels == 0) throw PalpateError("this surface has no depth field");
     if (surface.view.field.gpu != kHostMemory) {
       throw PalpateError(
-          "the field of a surface on a GPU cannot be asked point by point; make it with "
+          "the field of a surface on a GPU cannot be evaluated point by point; make it with "
           "Sensor(camera, place=\"cpu\"): the values are the same");
     }
   }
@@ -297,12 +296,12 @@ std::string property(const char* name, const char* type = kFloats) {
 void bind_camera(nb::module_& m) {
   nb::class_<PyCamera>(
       m, "Camera",
-      R"(A depth camera: a pinhole, x right, y down, z forward (frame C), and where it is.
+      R"(A depth camera: a pinhole, x right, y down, z forward (frame C), and its pose.
 
 width, height: pixels, 8 to 4096. fx, fy, cx, cy: pixels, pixel centres at whole numbers.
 unit: metres per count of uint16 images.
-distortion: k1 k2 p1 p2 [k3 [k4 k5 k6]] as OpenCV and ROS have them; images are straightened.
-pose: X_WC, (4, 4) or (7,) tx ty tz qx qy qz qw, where the camera is in the world W.)")
+distortion: k1 k2 p1 p2 [k3 [k4 k5 k6]] as OpenCV and ROS have them; images are undistorted.
+pose: X_WC, (4, 4) or (7,) tx ty tz qx qy qz qw, pose of the camera in the world W.)")
       .def(
           "__init__",
           [](PyCamera* self, int width, int height, double fx, double fy, double cx, double cy,
@@ -354,7 +353,7 @@ void bind_surface(nb::module_& m) {
   const std::string floats32 = "numpy.typing.NDArray[numpy.float32]";
   nb::class_<PySurface>(
       m, "Surface",
-      R"(What a Sensor made of an image. Its arrays stay as long as somebody holds them or it.)")
+      R"(A surface made by a Sensor from one image. Its arrays stay valid while referenced.)")
       .def_prop_ro(
           "points",
           [](nb::handle self) {
@@ -367,24 +366,27 @@ void bind_surface(nb::module_& m) {
       .def_prop_ro(
           "normals", [](nb::handle self) { return in_world(self, normals_in_camera(self), {}); },
           nb::sig(property("normals", floats32.c_str()).c_str()),
-          "(H, W, 3) float32 in W: unit, out of what is seen; NaN where there is none.")
+          "(H, W, 3) float32 in W: unit, out of the surface; NaN where there is none.")
       .def_prop_ro("points_C", points_in_camera,
                    nb::sig(property("points_C", floats32.c_str()).c_str()),
-                   "(H, W, 3) float32, m in the camera's frame C. Always a view, at its place.")
-      .def_prop_ro("normals_C", normals_in_camera,
-                   nb::sig(property("normals_C", floats32.c_str()).c_str()),
-                   "(H, W, 3) float32 in the camera's frame C. Always a view, at its place.")
-      .def("phi", phi_of, nb::arg("points"), nb::arg("radii"),
-           nb::sig("def phi(self, points: palpate._types.Array, radii: palpate._types.Array | "
-                   "float) -> numpy.typing.NDArray[numpy.float64]"),
-           R"(The depth field: (M,) m, how far balls are from what is seen, negative behind it.
+                   "(H, W, 3) float32, m in the camera's frame C. Always a view, in the memory of "
+                   "the sensor.")
+      .def_prop_ro(
+          "normals_C", normals_in_camera, nb::sig(property("normals_C", floats32.c_str()).c_str()),
+          "(H, W, 3) float32 in the camera's frame C. Always a view, in the memory of the sensor.")
+      .def(
+          "phi", phi_of, nb::arg("points"), nb::arg("radii"),
+          nb::sig("def phi(self, points: palpate._types.Array, radii: palpate._types.Array | "
+                  "float) -> numpy.typing.NDArray[numpy.float64]"),
+          R"(The depth field: (M,) m, signed distances of balls from the surface, negative behind it.
 
-points: (M, 3) centres, m in W. radii: (M,) or one for all, m. Computed in double.)")
-      .def("gradient", gradient_of, nb::arg("points"), nb::arg("radii"),
-           nb::sig("def gradient(self, points: palpate._types.Array, radii: palpate._types.Array "
-                   "| float) -> numpy.typing.NDArray[numpy.float64]"),
-           "The exact gradient of phi by the points: (M, 3) in W, about 1 long, out of what is "
-           "seen.")
+points: (M, 3) centers, m in W. radii: (M,) or one for all, m. Computed in double precision.)")
+      .def(
+          "gradient", gradient_of, nb::arg("points"), nb::arg("radii"),
+          nb::sig("def gradient(self, points: palpate._types.Array, radii: palpate._types.Array "
+                  "| float) -> numpy.typing.NDArray[numpy.float64]"),
+          "The exact gradient of phi with respect to the points: (M, 3) in W, about 1 long, out of "
+          "the surface.")
       .def_prop_ro(
           "pose", [](const PySurface& self) { return array_of(seven_of(self.X_WC), {7}); },
           nb::sig(property("pose").c_str()), "X_WC of its image: (7,) tx ty tz qx qy qz qw, m.")
@@ -393,7 +395,7 @@ points: (M, 3) centres, m in W. radii: (M,) or one for all, m. Computed in doubl
           [](const PySurface& self) -> std::optional<double> {
             return std::isnan(self.time) ? std::nullopt : std::optional(self.time);
           },
-          "s, as update was told.")
+          "s, as passed to update.")
       .def_prop_ro("place", [](const PySurface& self) {
         return self.place.backend == Backend::cpu ? std::string("cpu")
                                                   : "cuda:" + std::to_string(self.place.gpu);
@@ -428,13 +430,13 @@ void bind_sensor(nb::module_& m) {
       nb::arg("path"),
       nb::sig("def load_depth_png(path: str | os.PathLike[str]) -> "
               "numpy.typing.NDArray[numpy.uint16]"),
-      "The counts (H, W) uint16 of a depth image, a PNG of 16 bits; 0: nothing was measured.");
+      "Reads a 16-bit PNG depth image: (H, W) uint16 counts; 0: no measurement.");
   bind_surface(m);
   nb::class_<PySensor>(m, "Sensor", R"(Makes a surface of each depth image.
 
-place: "cpu", "cuda" or "cuda:1", where it works and where its surfaces are.
-threads: on a CPU; 0 for one per core. The same bits for any number.
-joined: its surfaces are measured together with those of other cameras; twice the work.
+place: "cpu", "cuda" or "cuda:1": where it computes, and the memory of its surfaces.
+threads: on a CPU; 0: one per core. The same bits for any number.
+joined: for surfaces that are combined with those of other cameras; twice the work.
 options: of docs/settings.md [surface] and [field], e.g. max_depth=3.0, unknown="solid".)")
       .def(
           "__init__",
@@ -457,23 +459,24 @@ options: of docs/settings.md [surface] and [field], e.g. max_depth=3.0, unknown=
            nb::arg("time") = nb::none(), nb::arg("pose") = nb::none(),
            nb::sig("def update(self, depth: palpate._types.Array, *, time: float | None = None, "
                    "pose: palpate._types.Array | None = None) -> Surface"),
-           R"(The surface of an image, without the GIL.
+           R"(Makes the surface of an image. Releases the GIL.
 
 depth: (H, W) uint16 counts (0 and 65535: no measurement) or float32 metres (0 and NaN), of any
     library with DLPack or the buffer protocol; on the GPU of this sensor or in host memory.
-time: s, kept with the surface. pose: X_WC of this image, if it is not the camera's.
-Each surface stays as it is while somebody holds it; memory of others is used again.)")
-      .def("update_batch", &PySensor::update_batch, nb::arg("depth"), nb::kw_only(),
-           nb::arg("out") = nb::none(), nb::arg("stream") = nb::none(),
-           nb::sig("def update_batch(self, depth: palpate._types.Array, *, "
-                   "out: Surfaces | None = None, stream: palpate._types.Stream | None = None) "
-                   "-> Surfaces"),
-           R"(The depth fields of many images at once, for Contact.measure_batch, without the GIL.
+time: s, stored in the surface. pose: X_WC of this image, if it is not that of the camera.
+A surface does not change while it is referenced; the memory of released ones is reused.)")
+      .def(
+          "update_batch", &PySensor::update_batch, nb::arg("depth"), nb::kw_only(),
+          nb::arg("out") = nb::none(), nb::arg("stream") = nb::none(),
+          nb::sig("def update_batch(self, depth: palpate._types.Array, *, "
+                  "out: Surfaces | None = None, stream: palpate._types.Stream | None = None) "
+                  "-> Surfaces"),
+          R"(Makes the depth fields of many images at once, for Contact.measure_batch. Releases the GIL.
 
 depth: (F, H, W) uint16 counts or float32 metres, one image after the other; on the GPU of this
     sensor or in host memory. The values are those of update, to the bit.
-out: Surfaces of this sensor, which are made again. stream: as Contact.measure_batch has it; the
-    images stay as they are until the work in it is done.)")
+out: Surfaces of this sensor to overwrite. stream: as for Contact.measure_batch; the images must
+    not change until its work is done.)")
       .def_prop_ro("camera", &PySensor::camera);
 }
 

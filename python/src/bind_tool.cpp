@@ -120,7 +120,7 @@ void bind_tool(nb::module_& m) {
   nb::class_<PyTool>(m, "Tool", nb::is_weak_referenceable(),
                      R"(A rigid tool: its mesh and the spheres that fill it, in the tool frame T.
 
-Immutable. Made by `pack`, `pack_file` or `load_tool`. Arrays are views that can only be read.)")
+Immutable. Made by `pack`, `pack_file` or `load_tool`. Arrays are read-only views.)")
       .def_prop_ro(
           "spheres",
           [](nb::handle self) {
@@ -129,7 +129,7 @@ Immutable. Made by `pack`, `pack_file` or `load_tool`. Arrays are views that can
             return view_of(&spheres.data()->centre.x, {spheres.size(), 4}, self);
           },
           nb::sig("def spheres(self) -> numpy.typing.NDArray[numpy.float32]"),
-          "(N, 4) float32: centre x y z in T and radius of each sphere, m, in the order of the "
+          "(N, 4) float32: center x y z in T and radius of each sphere, m, in the order of the "
           "packing.")
       .def_prop_ro(
           "edges",
@@ -145,7 +145,7 @@ Immutable. Made by `pack`, `pack_file` or `load_tool`. Arrays are views that can
             return view_of(edges->data(), {edges->size() / 2, 2}, self);
           },
           nb::sig("def edges(self) -> numpy.typing.NDArray[numpy.int32]"),
-          "(E, 2) int32: which spheres are neighbours, each pair once, the lower index first.")
+          "(E, 2) int32: neighboring spheres, each pair once, the lower index first.")
       .def_prop_ro(
           "volume", [](const PyTool& self) { return self.tool->mesh_mass().volume; },
           "Volume of the mesh, m3.")
@@ -159,14 +159,14 @@ Immutable. Made by `pack`, `pack_file` or `load_tool`. Arrays are views that can
             return view_of(&tool_of(self).sphere_mass().centre_of_mass.x, {3}, self);
           },
           nb::sig("def centre_of_mass(self) -> numpy.typing.NDArray[numpy.float64]"),
-          "(3,) m in T: of the spheres. All torques are about this point.")
+          "(3,) m in T: center of mass of the spheres, the reference point of all torques.")
       .def_prop_ro(
           "inertia",
           [](nb::handle self) {
             return view_of(&tool_of(self).sphere_mass().inertia.m[0][0], {3, 3}, self);
           },
           nb::sig("def inertia(self) -> numpy.typing.NDArray[numpy.float64]"),
-          "(3, 3) kg m2 of the spheres at 1 kg/m3, about their centre of mass, axes of T.")
+          "(3, 3) kg m2 of the spheres at 1 kg/m3, about their center of mass, axes of T.")
       .def_prop_ro(
           "mesh",
           [](nb::handle self) {
@@ -180,7 +180,7 @@ Immutable. Made by `pack`, `pack_file` or `load_tool`. Arrays are views that can
           "Vertices (V, 3) float64, m in T, and triangles (F, 3) uint32.")
       .def_prop_ro(
           "source", [](const PyTool& self) { return self.tool->source(); },
-          "Where the mesh came from.")
+          "Origin of the mesh, e.g. its file name.")
       .def("__len__", [](const PyTool& self) { return self.tool->spheres().size(); })
       .def("__repr__",
            [](const PyTool& self) {
@@ -200,13 +200,13 @@ Immutable. Made by `pack`, `pack_file` or `load_tool`. Arrays are views that can
             }
             return PyTool{std::make_shared<const Tool>(taken(std::move(tool)))};
           },
-          nb::arg("spheres"), "The coarser tool of the first so many spheres.")
+          nb::arg("spheres"), "A coarser tool: the first `spheres` spheres.")
       .def(
           "save",
           [](const PyTool& self, const std::filesystem::path& path) {
             check(save_tool(*self.tool, path));
           },
-          nb::arg("path"), "Writes a tool file (.palp), whole or not at all.");
+          nb::arg("path"), "Writes a tool file (.palp), completely or not at all.");
 
   m.def(
       "load_tool",
@@ -237,14 +237,14 @@ Immutable. Made by `pack`, `pack_file` or `load_tool`. Arrays are views that can
       R"(Fills a solid with disjoint spheres.
 
 vertices: (V, 3) float; times `scale` they are metres in the tool frame T.
-triangles: (F, 3) int, counter-clockwise seen from outside; they have to enclose a solid.
-spheres: at most so many.
+triangles: (F, 3) int, counter-clockwise seen from outside; they must enclose a solid.
+spheres: maximum number of spheres.
 seed: jitters the starting grid.
 progress: called a few times a second as progress(spheres, fill, last_radius in m); False ends it.
-threads: 0 for one per core; the result has the same bits for any number.
+threads: 0: one per core; the result has the same bits for any number.
 limits: further ones of docs/settings.md [packing]: standoff, max_radius, min_radius, max_fill, max_seconds.
 
-Without the GIL; Ctrl-C ends it. palpate.Error: no solid, what is wrong with it and where.)");
+Releases the GIL; Ctrl-C ends it. palpate.Error: not a solid, with the defect and its place.)");
 
   m.def(
       "pack_file",
@@ -269,7 +269,7 @@ Without the GIL; Ctrl-C ends it. palpate.Error: no solid, what is wrong with it 
               "**limits: float) -> Tool"),
       R"(Fills the solid of a mesh file (OBJ, STL, PLY, OFF, glTF, GLB) with disjoint spheres.
 
-unit: what its numbers are: "m", "mm", "cm" or "in". The rest: see `pack`.)");
+unit: of its coordinates: "m", "mm", "cm" or "in". For the others see `pack`.)");
 }
 
 }  // namespace palpate::python

@@ -38,7 +38,7 @@ struct PyCamera {
 
 /// palpate.Surface. As long as it is held, so are its arrays.
 struct PySurface {
-  std::shared_ptr<Sensor> keeper;
+  std::shared_ptr<Sensor> owner;
   SurfaceView view;
   Pose X_WC, X_CW;
   bool is_in_camera_frame = true;  ///< X_WC is the identity
@@ -48,7 +48,7 @@ struct PySurface {
 
 /// palpate.Surfaces: those of many images at once. As long as it is held, so are their arrays.
 struct PySurfaces {
-  std::shared_ptr<Sensor> keeper;
+  std::shared_ptr<Sensor> owner;
   SurfaceBatch batch;
   Pose X_WC;
   Place place;

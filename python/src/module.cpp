@@ -20,21 +20,20 @@ NB_MODULE(_core, m) {
       "What went wrong: one sentence that says what, where, and what to do next.";
 
   nb::enum_<StepStatus>(m, "Status", nb::is_flag(), nb::is_arithmetic(),
-                        "Things to know about a measurement; any number of them.")
+                        "Unusual conditions of a measurement; bits that can be combined.")
       .value("OK", StepStatus::ok)
       .value("NON_FINITE_POSE", StepStatus::non_finite_pose,
-             "The pose was not finite: nothing was measured, all zero.")
+             "The pose was not finite: no measurement, everything is zero.")
       .value("AMBIGUOUS_NORMALS", StepStatus::ambiguous_normals,
              "The points in a boundary sphere disagree.")
       .value("BACKEND_FAILED", StepStatus::backend_failed,
-             "The GPU did not answer or is lost: nothing was measured, all zero.")
+             "The GPU did not answer or is lost: no measurement, everything is zero.")
       .value("NO_SURFACE", StepStatus::no_surface,
-             "There is no surface of the kind that the method asks: nothing was measured.")
+             "There is no surface of the kind that the method needs: no measurement.")
       .value("NO_EDGE_VECTORS", StepStatus::no_edge_vectors,
-             "Edges are wanted, but the cloud tells none: measured without.")
-      .value(
-          "OUTSIDE_WINDOW", StepStatus::outside_window,
-          "The tool may be seen outside of what the surface was made for: nothing was measured.");
+             "Edges were requested, but the cloud has none: measured without.")
+      .value("OUTSIDE_WINDOW", StepStatus::outside_window,
+             "The tool may extend outside of the window of the surface: no measurement.");
 
   bind_tool(m);
   bind_sensor(m);

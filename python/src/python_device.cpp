@@ -41,15 +41,15 @@ DeviceInfo info_of(nb::handle object) {
   return info;
 }
 
-class AskedInPython final : public PolledDevice {
+class PolledInPython final : public PolledDevice {
  public:
-  AskedInPython(nb::handle object, std::shared_ptr<nb::object> raised)
+  PolledInPython(nb::handle object, std::shared_ptr<nb::object> raised)
       : info_(info_of(object)),
         read_(object.attr("read")),
         write_(object.attr("write")),
         raised_(std::move(raised)) {}
 
-  ~AskedInPython() override {
+  ~PolledInPython() override {
     const nb::gil_scoped_acquire gil;
     read_.reset();
     write_.reset();
@@ -133,7 +133,8 @@ PythonDevice make_python_device(nb::handle object) {
     }
   }
   auto raised = std::make_shared<nb::object>();
-  return {std::make_unique<PollingDevice>(std::make_unique<AskedInPython>(object, raised)), raised};
+  return {std::make_unique<PollingDevice>(std::make_unique<PolledInPython>(object, raised)),
+          raised};
 }
 
 }  // namespace palpate::python

@@ -118,8 +118,9 @@ double BodySolver::friction_energy() const noexcept {
   double energy = 0;
   for (const Place& place : places_) {
     const FrictionState& state = place.friction.state();
-    energy += 0.5 * place.stiffness *
-              (dot(state.bristle_W, state.bristle_W) + state.bristle_turn * state.bristle_turn);
+    energy +=
+        0.5 * place.stiffness *
+        (dot(state.bristle_W, state.bristle_W) + state.bristle_rotation * state.bristle_rotation);
   }
   return energy;
 }

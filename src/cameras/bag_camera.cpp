@@ -38,7 +38,7 @@ struct Contents {
   };
   std::map<std::string, Topic> images;
   std::map<std::string, RosCameraModel> cameras;
-  std::map<std::string, double> units;  // by the topic that tells them, likewise
+  std::map<std::string, double> units;  // by topic, likewise
   std::map<std::string, SensorKind> sensors;
   TfHistory transforms;
   bool was_cut_off = false;
@@ -59,8 +59,8 @@ Result<DepthFrame> read_frame(const std::string& schema, const McapMessage& mess
   return frame;
 }
 
-/// Metres per count, as our recordings and those of RealSense cameras tell them.
-std::optional<double> told_unit(const McapChannel& channel, std::string_view message) {
+/// Metres per count, as in our recordings and those of RealSense cameras.
+std::optional<double> declared_unit(const McapChannel& channel, std::string_view message) {
   CdrReader from(message);
   double unit = 0;
   if (channel.schema_name == kDepthUnit) {
@@ -90,7 +90,7 @@ Result<Contents> look_through(BagReader& reader, const std::string& wanted) {
     if (!message) return message.error();
     if (!*message) break;
     const McapChannel& channel = reader.channels().at((*message)->channel);
-    if (const auto unit = told_unit(channel, (*message)->data)) {
+    if (const auto unit = declared_unit(channel, (*message)->data)) {
       contents.units.emplace(channel.topic, *unit);
     }
     if (channel.schema_name == kTransforms) {
@@ -169,7 +169,7 @@ bool is_unit_of(std::string_view unit, const std::string& images) {
   return option != std::string_view::npos && of_images.starts_with(unit.substr(0, option + 1));
 }
 
-/// The unit that is told of the images first, or the only one that there is.
+/// The first unit declared for these images, or the only one.
 std::optional<double> find_unit(const Contents& contents, const std::string& topic) {
   for (const auto& [name, unit] : contents.units) {
     if (is_unit_of(name, topic)) return unit;
@@ -178,7 +178,7 @@ std::optional<double> find_unit(const Contents& contents, const std::string& top
   return std::nullopt;
 }
 
-/// Where a camera is, as transforms tell.
+/// The pose of a camera from transforms.
 struct CameraInTree {
   TfHistory transforms;
   std::string world, frame;
@@ -217,7 +217,7 @@ class BagSource final : public DepthSource {
         info_(std::move(info)),
         place_(std::move(place)),
         latency_(latency),
-        tells_of_cut_(was_cut_off) {}
+        reports_cut_(was_cut_off) {}
 
   const DepthStreamInfo& info() const override { return info_; }
 
@@ -229,7 +229,7 @@ class BagSource final : public DepthSource {
       const McapChannel& channel = reader_->channels().at((*message)->channel);
       if (channel.topic != topic_) {
         // It may change in mid-stream.
-        const auto unit = told_unit(channel, (*message)->data);
+        const auto unit = declared_unit(channel, (*message)->data);
         if (said_ && unit && is_unit_of(channel.topic, topic_)) said_ = unit;
         continue;
       }
@@ -256,7 +256,7 @@ class BagSource final : public DepthSource {
 
   std::vector<std::string> take_notes() override {
     std::vector<std::string> notes;
-    if (tells_of_cut_.exchange(false)) {
+    if (reports_cut_.exchange(false)) {
       notes.push_back(info_.name + " was cut off: it ends where its last whole chunk does");
     }
     if (const int num = num_unplaced_.exchange(0); num > 0) {
@@ -277,7 +277,7 @@ class BagSource final : public DepthSource {
   double last_ = 0;
   int num_read_ = 0;
   std::atomic<int> num_unplaced_ = 0;
-  std::atomic<bool> tells_of_cut_;
+  std::atomic<bool> reports_cut_;
 };
 
 }  // namespace

@@ -192,7 +192,7 @@ class LiveSource final : public DepthSource {
   }
   std::vector<std::string> take_notes() override {
     {
-      // Its thread hears of them with the next frame, which may never come.
+      // Its thread sees them with the next frame, which may never come.
       const std::lock_guard lock(camera_->mutex);
       if (camera_->raw) camera_->take_raw_notes();
     }

@@ -1,4 +1,4 @@
-// From what a kind of camera delivers to what surfaces are made of.
+// Turns the frames of a kind of camera into the frames that surfaces are made of.
 #pragma once
 
 #include <functional>

@@ -13,14 +13,14 @@ enum class StampClock {
   none,
   cameras,  ///< of a clock of their own
   ours,     ///< say to be of this computer's, as far as that can be
-  shared,   ///< of a clock that people say is kept with this computer's: old ones are old
+  shared,   ///< of a clock declared to be synchronized with this computer's: old ones are old
 };
 
 /// A frame arrives later than it was captured by a delay that is never below a smallest one, and
 /// often near it. So in the plane of time stamps and arrivals the clock of the camera is the line
 /// that touches the points from below: an edge of their lower convex hull. Of every half second the
 /// earliest arrival is kept, for half a minute. The smallest delay itself cannot be known: it is
-/// what people declare as latency. Cost: some hundred operations per frame.
+/// the declared latency. Cost: some hundred operations per frame.
 class CaptureClock {
  public:
   /// Returns when the frame of this time stamp was captured, s: never after it has arrived. A time

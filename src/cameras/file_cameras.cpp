@@ -44,7 +44,7 @@ Result<RawStream> open_scene_camera(const CameraUri& uri, const CameraOpening& o
   if (!poses) return poses.error();
   scene->is_camera_moving = poses->is_moving();
   if (!poses->is_left_alone()) {
-    // Where nothing tells of it, its frames are left out.
+    // Frames without a pose are dropped.
     scene->X_WC = [poses = *std::move(poses)](double time) {
       const auto X_WC = poses.at(time);
       return X_WC ? *X_WC : Pose{};

@@ -13,7 +13,7 @@ namespace palpate::inline v0 {
 namespace {
 
 constexpr double kFirstFrameTimeout = 10;  // s
-constexpr double kBlackSeconds = 1;        // s without any measurement that people are told of
+constexpr double kBlackSeconds = 1;        // s without any measurement until a note
 constexpr double kLongestBack = 1;         // s; a stamp before that is of a clock that was set back
 constexpr std::size_t kMostNotes = 100;
 
@@ -59,7 +59,7 @@ double FrameIntake::capture_time_of(double stamp, double arrival) {
   return stamp > arrival || is_too_old ? arrival : stamp;
 }
 
-/// Sets last_capture_ if the frame is to be felt.
+/// Sets last_capture_ if the frame is used.
 bool FrameIntake::accept(const DepthFrame& frame, const CameraModel& model, double arrival,
                          bool black) {
   double capture = arrival;

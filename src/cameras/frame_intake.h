@@ -1,4 +1,4 @@
-// Where frames of a live camera arrive, from whatever thread, and are taken by the run.
+// Intake of live frames: any thread delivers them, and the run takes them.
 #pragma once
 
 #include <condition_variable>

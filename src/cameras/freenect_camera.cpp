@@ -171,7 +171,7 @@ class FreenectSource final : public DepthSource {
     info_.rate = uri.rate.value_or(mode->rate > 0 ? mode->rate : 30);
     info_.is_live = true;
     info_.sensor = SensorKind::structured_light;
-    // By what the library itself turns pixels into directions; it does not tell the camera's own.
+    // By what the library itself turns pixels into directions; it does not report the camera's own.
     constexpr double kFocal = kReference / (2 * kHalfPixel);
     info_.intrinsics = {kFocal, kFocal, 319.5, 239.5};
     api_.set_user(device_, this);

@@ -11,7 +11,8 @@
 namespace palpate::inline v0 {
 namespace {
 
-constexpr double kShortestBase = 0.02;  // s that a velocity is told from, so that noise stays small
+constexpr double kShortestBase =
+    0.02;  // s between the samples of a velocity, so that noise stays small
 
 /// From a to b; of an endless joint not more than half a turn.
 double way(double a, double b, bool is_endless) {
@@ -21,23 +22,23 @@ double way(double a, double b, bool is_endless) {
 }  // namespace
 
 JointHistory::JointHistory(std::vector<Joint> joints, double kept_seconds)
-    : joints_(std::move(joints)), kept_seconds_(kept_seconds), told_(joints_.size()) {
+    : joints_(std::move(joints)), kept_seconds_(kept_seconds), samples_(joints_.size()) {
   for (std::size_t i = 0; i < joints_.size(); ++i) numbers_.emplace(joints_[i].name, i);
 }
 
 void JointHistory::add(std::string_view joint, double time, double position) {
   const auto number = numbers_.find(joint);
   if (number == numbers_.end()) return;
-  std::vector<Told>& told = told_[number->second];
-  std::isinf(kept_seconds_) ? insert_by_time(told, Told{time, position})
-                            : insert_newest(told, Told{time, position}, kept_seconds_);
+  std::vector<Sample>& samples = samples_[number->second];
+  std::isinf(kept_seconds_) ? insert_by_time(samples, Sample{time, position})
+                            : insert_newest(samples, Sample{time, position}, kept_seconds_);
 }
 
 double JointHistory::known_until() const {
   double until = std::numeric_limits<double>::infinity();
-  for (const auto& told : told_) {
-    until =
-        std::min(until, told.empty() ? -std::numeric_limits<double>::infinity() : told.back().time);
+  for (const auto& samples : samples_) {
+    until = std::min(
+        until, samples.empty() ? -std::numeric_limits<double>::infinity() : samples.back().time);
   }
   return until;
 }
@@ -45,25 +46,26 @@ double JointHistory::known_until() const {
 Result<double> JointHistory::at(std::size_t joint, double time, double max_age,
                                 bool may_stay) const {
   const auto& [name, is_endless] = joints_[joint];
-  const std::vector<Told>& told = told_[joint];
-  if (may_stay && told.size() == 1) return told.front().position;
-  if (told.empty() || nearest_in_time(told, time) > max_age) {
+  const std::vector<Sample>& samples = samples_[joint];
+  if (may_stay && samples.size() == 1) return samples.front().position;
+  if (samples.empty() || nearest_in_time(samples, time) > max_age) {
     char text[80];
-    if (told.empty()) return Error{Errc::unavailable, "no state for joint '" + name + "'"};
+    if (samples.empty()) return Error{Errc::unavailable, "no state for joint '" + name + "'"};
     std::snprintf(text, sizeof text, "' within %.3g s, the nearest is %.3g s away", max_age,
-                  nearest_in_time(told, time));
+                  nearest_in_time(samples, time));
     return Error{Errc::unavailable, "no state for joint '" + name + text};
   }
-  const auto after = std::ranges::lower_bound(told, time, {}, &Told::time);
-  if (after == told.begin()) return after->position;
-  const Told& before = *(after - 1);
-  if (after != told.end()) {
+  const auto after = std::ranges::lower_bound(samples, time, {}, &Sample::time);
+  if (after == samples.begin()) return after->position;
+  const Sample& before = *(after - 1);
+  if (after != samples.end()) {
     const double share = (time - before.time) / (after->time - before.time);
     return before.position + share * way(before.position, after->position, is_endless);
   }
-  const auto base = std::ranges::upper_bound(told, before.time - kShortestBase, {}, &Told::time);
-  if (base == told.begin()) return before.position;
-  const Told& from = *(base - 1);
+  const auto base =
+      std::ranges::upper_bound(samples, before.time - kShortestBase, {}, &Sample::time);
+  if (base == samples.begin()) return before.position;
+  const Sample& from = *(base - 1);
   if (before.time - from.time > max_age + kShortestBase) return before.position;
   const double speed = way(from.position, before.position, is_endless) / (before.time - from.time);
   return before.position + speed * (time - before.time);
@@ -72,7 +74,7 @@ Result<double> JointHistory::at(std::size_t joint, double time, double max_age,
 std::string JointHistory::missing() const {
   std::string names;
   for (std::size_t i = 0; i < joints_.size(); ++i) {
-    if (told_[i].empty()) names += (names.empty() ? "" : ", ") + joints_[i].name;
+    if (samples_[i].empty()) names += (names.empty() ? "" : ", ") + joints_[i].name;
   }
   return names;
 }

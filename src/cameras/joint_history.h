@@ -1,4 +1,4 @@
-// Positions of joints at any time, from those that were told.
+// Positions of joints at any time, interpolated between samples.
 #pragma once
 
 #include <limits>
@@ -14,7 +14,7 @@ namespace palpate::inline v0 {
 /// Of the joints of one robot.
 class JointHistory {
  public:
-  /// Joints that are told of; endless ones turn the short way.
+  /// Continuous joints are interpolated the short way.
   struct Joint {
     std::string name;
     bool is_endless = false;
@@ -23,25 +23,25 @@ class JointHistory {
   explicit JointHistory(std::vector<Joint> joints,
                         double kept_seconds = std::numeric_limits<double>::infinity());
 
-  /// What is told of joints that nobody asks for is not kept. `position`: rad or m.
+  /// Samples of other joints are ignored. `position`: rad or m.
   void add(std::string_view joint, double time, double position);
 
-  /// Position of a joint, by its number: between those that were told before and after. After the
-  /// last one it goes on as fast as in the 20 ms before. One that was told once, in a file, stays.
-  /// Error: nothing was told of it within `max_age` of that time.
+  /// Position of a joint, by its number: interpolated between samples. After the
+  /// last one it is extrapolated with the velocity of the 20 ms before. A single sample of a file
+  /// stays. Error: no sample within `max_age` of that time.
   Result<double> at(std::size_t joint, double time, double max_age, bool may_stay) const;
-  /// Until when all joints are told of, s; minus infinity: not all are.
+  /// Until when all joints have samples, s; minus infinity: not all have.
   double known_until() const;
-  /// Names of those that nothing was told of, with commas between them.
+  /// Names of joints without samples, separated by commas.
   std::string missing() const;
 
  private:
-  struct Told {
+  struct Sample {
     double time = 0, position = 0;
   };
   std::vector<Joint> joints_;
   double kept_seconds_;
-  std::vector<std::vector<Told>> told_;  // of each joint
+  std::vector<std::vector<Sample>> samples_;  // of each joint
   std::map<std::string, std::size_t, std::less<>> numbers_;
 };
 

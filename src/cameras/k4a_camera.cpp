@@ -167,15 +167,16 @@ class K4aSource final : public DepthSource {
       }
       is_started_ = true;
     }
-    const int told = is_file_ ? api_.file_calibration(handle_, &calibration)
-                              : api_.device_calibration(handle_, kNarrowUnbinned, 0, &calibration);
+    const int status = is_file_
+                           ? api_.file_calibration(handle_, &calibration)
+                           : api_.device_calibration(handle_, kNarrowUnbinned, 0, &calibration);
     // The size comes with the first image, which is kept for next().
     const auto got = take();
     if (!got) return got.error();
     if (!*got) return Error{Errc::bad_input, info_.name + " has no depth"};
     info_.width = api_.width(held_);
     info_.height = api_.height(held_);
-    if (told == kSucceeded) set_camera(calibration.depth);
+    if (status == kSucceeded) set_camera(calibration.depth);
     return Done{};
   }
 
@@ -283,7 +284,7 @@ FoundCameras find_k4a_cameras() {
   }
   found.is_usable = true;
   found.library = loaded->path;
-  found.version = version_of_file(loaded->path);  // the library tells none
+  found.version = version_of_file(loaded->path);  // the library reports none
   const std::uint32_t num = loaded->device_count();
   for (std::uint32_t i = 0; i < num; ++i) found.devices.push_back("k4a:" + std::to_string(i));
   found.reason = num > 0 ? "Azure Kinect and Femto; recordings"

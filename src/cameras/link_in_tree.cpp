@@ -9,18 +9,18 @@ namespace palpate::inline v0 {
 namespace {
 
 constexpr std::size_t kMostBytes = 64u << 20;  // of a URDF
-constexpr double kMaxAge = 0.1;                // s, of what is told of a joint
+constexpr double kMaxAge = 0.1;                // s, of a joint position
 
-/// Of whom is to be told. Errors: as of open_joint_states, by what stands in the URDF alone.
+/// Joints whose states are needed. Errors: as of open_joint_states, from the URDF alone.
 Result<std::vector<JointHistory::Joint>> wanted_joints(const RobotModel& model,
-                                                       std::span<const std::size_t> told,
+                                                       std::span<const std::size_t> required,
                                                        const std::string& joints,
                                                        const std::string& robot) {
   const auto address = parse_state_address(joints);
   if (!address) return address.error();
   std::vector<JointHistory::Joint> wanted;
   std::string all;
-  for (const std::size_t i : told) {
+  for (const std::size_t i : required) {
     const RobotJoint& joint = model.joints[i];
     if (joint.kind == RobotJoint::Kind::floating) {
       return Error{Errc::bad_input, robot + ": joint '" + joint.name +
@@ -45,10 +45,10 @@ Result<std::vector<JointHistory::Joint>> wanted_joints(const RobotModel& model,
 }  // namespace
 
 Result<std::unique_ptr<RobotStates>> open_joint_states(const RobotModel& model,
-                                                       std::span<const std::size_t> told,
+                                                       std::span<const std::size_t> required,
                                                        const std::string& joints,
                                                        const std::string& robot) {
-  auto wanted = wanted_joints(model, told, joints, robot);
+  auto wanted = wanted_joints(model, required, joints, robot);
   if (!wanted) return wanted.error();
   if (wanted->empty()) return std::unique_ptr<RobotStates>();
   const auto address = parse_state_address(joints);
@@ -65,7 +65,7 @@ Result<std::unique_ptr<RobotStates>> open_joint_states(const RobotModel& model,
 }
 
 Result<LinkInTree> LinkInTree::open(const std::string& address, const std::string& joints,
-                                    bool is_heard) {
+                                    bool is_received) {
   const std::size_t first = address.find('#'), second = address.find('#', first + 1);
   const std::string file = address.substr(0, first);
   if (first == std::string::npos || first == 0) {
@@ -89,25 +89,25 @@ Result<LinkInTree> LinkInTree::open(const std::string& address, const std::strin
   Status status = find(address.substr(first + 1, length), found.link_);
   if (status && second != std::string::npos) status = find(address.substr(second + 1), found.base_);
   if (!status) return status.error();
-  found.told_ = found.model_.joints_between(found.base_, found.link_);
-  if (!is_heard) {
-    const auto wanted = wanted_joints(found.model_, found.told_, joints, file);
+  found.required_ = found.model_.joints_between(found.base_, found.link_);
+  if (!is_received) {
+    const auto wanted = wanted_joints(found.model_, found.required_, joints, file);
     if (!wanted) return wanted.error();
     return found;
   }
-  auto states = open_joint_states(found.model_, found.told_, joints, file);
+  auto states = open_joint_states(found.model_, found.required_, joints, file);
   if (!states) return states.error();
   found.states_ = *std::move(states);
   return found;
 }
 
 Result<Pose> LinkInTree::at(double time, double stamp) const {
-  std::vector<double> told, positions(model_.joints.size());
+  std::vector<double> values, positions(model_.joints.size());
   if (states_) {
-    if (const Status status = states_->positions({time, stamp, kMaxAge}, told); !status) {
+    if (const Status status = states_->positions({time, stamp, kMaxAge}, values); !status) {
       return status.error();
     }
-    for (std::size_t i = 0; i < told_.size(); ++i) positions[told_[i]] = told[i];
+    for (std::size_t i = 0; i < required_.size(); ++i) positions[required_[i]] = values[i];
   }
   std::vector<Pose> X_RL(model_.links.size());  // in the root
   model_.place(positions, X_RL);

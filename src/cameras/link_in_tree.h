@@ -1,4 +1,4 @@
-// Where a link of a robot is in another one: what a URDF says of a camera, or of anything mounted.
+// The pose of a robot's link in another one, from a URDF: for cameras and other mounted parts.
 #pragma once
 
 #include <chrono>
@@ -18,15 +18,15 @@ namespace palpate::inline v0 {
 /// frames of ROS have x right, y down, z forward (REP 103), as cameras here.
 class LinkInTree {
  public:
-  /// `joints`: who tells of joints that move between the two, as of RobotFiles::joints; empty if
-  /// none does. Errors: no such form; as of parse_urdf; no such link; joints that nobody tells of,
-  /// or that do not move. Not heard: nothing is opened that tells of joints, nor waited for, and
+  /// `joints`: source of the states of joints between the two, as RobotFiles::joints; empty if
+  /// none. Errors: no such form; as of parse_urdf; no such link; joints without a source,
+  /// or that do not move. Not received: no source of joint states is opened or waited for, and
   /// nobody may ask where a link is that moves.
   static Result<LinkInTree> open(const std::string& address, const std::string& joints,
-                                 bool is_heard);
+                                 bool is_received);
 
   /// Whether anything between the two moves.
-  bool is_moving() const { return !told_.empty(); }
+  bool is_moving() const { return !required_.empty(); }
   /// Whether times are on the clock of this computer. None: nothing moves.
   std::optional<bool> is_live() const {
     return states_ ? std::optional(states_->is_live()) : std::nullopt;
@@ -40,15 +40,15 @@ class LinkInTree {
 
   RobotModel model_;
   std::size_t link_ = 0, base_ = 0;
-  std::vector<std::size_t> told_;  // joints
+  std::vector<std::size_t> required_;  // joints
   std::shared_ptr<const RobotStates> states_;
 };
 
-/// Who tells of these joints of a robot, once all of them were heard of; null where there are none.
-/// `robot` is its file, for messages. Errors: as of RobotStates::open; a floating joint; nobody was
-/// named, or somebody where nothing moves; a joint that is not told of.
+/// The source of these joint states of a robot, once all have been received; null if there are
+/// none. `robot` is its file, for messages. Errors: as of RobotStates::open; a floating joint;
+/// nobody was named, or one where nothing moves; a joint without states.
 Result<std::unique_ptr<RobotStates>> open_joint_states(const RobotModel& model,
-                                                       std::span<const std::size_t> told,
+                                                       std::span<const std::size_t> required,
                                                        const std::string& joints,
                                                        const std::string& robot);
 

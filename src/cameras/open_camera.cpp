@@ -33,7 +33,7 @@ constexpr Kind kKinds[] = {
     {"pipe", "pipe:[FILE|-]", open_pipe_camera, find_pipe_cameras},
 };
 
-/// libk4a logs to the standard output, which may be somebody's JSON. Before any thread of ours.
+/// libk4a logs to the standard output, which may be JSON. Before any thread of ours.
 void keep_libraries_quiet() {
   static std::once_flag once;
   std::call_once(once, [] { setenv("K4A_ENABLE_LOG_TO_STDOUT", "0", 0); });

@@ -1,4 +1,5 @@
-// What of OpenNI2 is called, with declarations of our own (OniCAPI.h, version 2.2).
+// The functions of OpenNI2 that Palpate calls, with declarations of our own (OniCAPI.h,
+// version 2.2).
 #pragma once
 
 #include <cstdint>

@@ -38,9 +38,9 @@ class Openni2Source final : public DepthSource {
     if (api_.open(device_uri.c_str(), &device_) != kOk) return failed("cannot be opened");
     if (api_.create_stream(device_, kDepth, &stream_) != kOk) return failed("has no depth");
     if (is_file_) {
-      const float as_fast_as_asked = -1;
+      const float at_full_rate = -1;
       const int no = 0;
-      api_.set_device(device_, kSpeed, &as_fast_as_asked, sizeof as_fast_as_asked);
+      api_.set_device(device_, kSpeed, &at_full_rate, sizeof at_full_rate);
       api_.set_device(device_, kRepeat, &no, sizeof no);
       int num = 0, bytes = sizeof num;
       if (api_.get(stream_, kNumFrames, &num, &bytes) == kOk && num > 0) info_.num_frames = num;

@@ -1,4 +1,5 @@
-// What of the Orbbec SDK is called, with declarations of our own (libobsensor/h/*.h, version 2.x).
+// The functions of the Orbbec SDK that Palpate calls, with declarations of our own
+// (libobsensor/h/*.h, version 2.x).
 #pragma once
 
 #include <cstdint>

@@ -17,7 +17,7 @@ namespace {
 
 using namespace orbbec;
 
-/// The library tells errors through a last argument.
+/// The library reports errors through a last argument.
 class Check {
  public:
   ~Check() { forget(); }
@@ -129,11 +129,11 @@ class OrbbecSource final : public DepthSource {
     info_.width = width;
     info_.height = height;
     Check check;
-    const CameraIntrinsic told = api_.intrinsic(&profile, check);
-    if (!check.is_fine() || !(told.fx > 0)) return;  // people may tell them
+    const CameraIntrinsic camera = api_.intrinsic(&profile, check);
+    if (!check.is_fine() || !(camera.fx > 0)) return;  // the URI may have them
     const auto d = [](float value) { return static_cast<double>(value); };
-    info_.intrinsics = {d(told.fx), d(told.fy), d(told.cx), d(told.cy)};
-    scale_camera({told.width, told.height}, info_);
+    info_.intrinsics = {d(camera.fx), d(camera.fy), d(camera.cx), d(camera.cy)};
+    scale_camera({camera.width, camera.height}, info_);
     const CameraDistortion bent = api_.distortion(&profile, check);
     info_.distortion = {};
     const bool is_known = bent.model == kBrownConrady || bent.model == kBrownConrady6;

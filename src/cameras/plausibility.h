@@ -1,4 +1,4 @@
-// Does an image look as if its unit or its intrinsics were those of another camera?
+// Checks whether unit and intrinsics fit an image.
 #pragma once
 
 #include <array>

@@ -52,11 +52,11 @@ class PosedSource final : public DepthSource {
 
 }  // namespace
 
-Result<CameraPoses> CameraPoses::of(const CameraUri& uri, bool is_heard) {
+Result<CameraPoses> CameraPoses::of(const CameraUri& uri, bool is_received) {
   CameraPoses poses;
   poses.X_HC_ = uri.X_WC;
-  poses.frames_tell_ = uri.extras.contains("world");
-  if (int(!uri.poses.empty()) + int(!uri.urdf.empty()) + int(poses.frames_tell_) > 1) {
+  poses.frames_have_poses_ = uri.extras.contains("world");
+  if (int(!uri.poses.empty()) + int(!uri.urdf.empty()) + int(poses.frames_have_poses_) > 1) {
     return Error{Errc::invalid_argument,
                  "camera " + uri.text + ": give one of 'poses', 'urdf' and 'world'"};
   }
@@ -69,7 +69,7 @@ Result<CameraPoses> CameraPoses::of(const CameraUri& uri, bool is_heard) {
     poses.path_ = *std::move(path);
   }
   if (!uri.urdf.empty()) {
-    auto link = LinkInTree::open(uri.urdf, uri.joints, is_heard);
+    auto link = LinkInTree::open(uri.urdf, uri.joints, is_received);
     if (!link) {
       return Error{link.error().code, "camera " + uri.text + ": " + link.error().message};
     }
@@ -99,7 +99,7 @@ Result<Pose> CameraPoses::at(double time, double stamp) const {
 }
 
 Result<Pose> CameraPoses::at(const DepthFrame& frame) const {
-  if (frames_tell_) return frame.X_WC * X_HC_;
+  if (frames_have_poses_) return frame.X_WC * X_HC_;
   return at(frame.timestamp, frame.stamp);
 }
 

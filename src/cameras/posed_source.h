@@ -1,4 +1,4 @@
-// Where a camera is in the world at each of its frames.
+// The pose of a camera in the world at each of its frames.
 #pragma once
 
 #include <memory>
@@ -15,9 +15,9 @@ namespace palpate::inline v0 {
 /// X_WC by time stamps: where something is, and where the camera is in it (hand-eye).
 class CameraPoses {
  public:
-  /// Of a URI: its pose, in what its file of poses, its URDF or tf tells of. Errors: of the files;
-  /// several of them. Not heard: only whether and where it stands is asked for.
-  static Result<CameraPoses> of(const CameraUri& uri, bool is_heard = true);
+  /// Of a URI: its pose, in the frame that its file of poses, its URDF or tf provides. Errors: of
+  /// the files; several of them. Not received: only whether and where it is static is needed.
+  static Result<CameraPoses> of(const CameraUri& uri, bool is_received = true);
 
   bool is_moving() const { return path_.size() > 1 || (link_ && link_->is_moving()); }
   /// The camera stays where others take it to be: at the origin of W, or where tf has it.
@@ -26,20 +26,20 @@ class CameraPoses {
   }
   /// Whether times are on the clock of this computer. None: it stands still.
   std::optional<bool> is_live() const;
-  /// Error: nothing tells where it was then.
+  /// Error: no pose for that time.
   Result<Pose> at(double time, double stamp = 0) const;
-  /// When this was captured; where tf tells, the frame has X_WH.
+  /// When this was captured; with tf, the frame has X_WH.
   Result<Pose> at(const DepthFrame& frame) const;
 
  private:
   std::vector<TimedPose> path_{{0, {}}};  // of H in W
   std::shared_ptr<const LinkInTree> link_;
-  bool frames_tell_ = false;  // X_WH, by tf
+  bool frames_have_poses_ = false;  // X_WH, by tf
   Pose X_HC_;
 };
 
 /// The same frames with their poses. Of a camera that moves, frames for whose time there is no pose
-/// are left out, and a note says so. Error: a camera that moves is live and what tells of it is
+/// are left out, and a note says so. Error: a moving camera is live and the source of its poses is
 /// not, or the reverse.
 Result<std::unique_ptr<DepthSource>> make_posed(std::unique_ptr<DepthSource> source,
                                                 CameraPoses poses);

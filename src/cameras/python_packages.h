@@ -1,4 +1,4 @@
-// Vendors' libraries inside of Python packages, where people have them most often.
+// Vendors' libraries inside of Python packages, where they are most often.
 #pragma once
 
 #include <string>

@@ -47,8 +47,8 @@ void copy_rows(const void* data, std::ptrdiff_t stride, int width, int height, D
 
 void scale_camera(ImageSize of, DepthStreamInfo& info) {
   if (of.width < 1 || of.height < 1 || of.width == info.width) return;
-  const CameraTruth told{info.intrinsics, {}, {}, of};
-  info.intrinsics = told.model_of(info, info.width, info.height).intrinsics;
+  const CameraTruth truth{info.intrinsics, {}, {}, of};
+  info.intrinsics = truth.model_of(info, info.width, info.height).intrinsics;
 }
 
 std::optional<int> camera_number(const std::string& target) {

@@ -12,7 +12,7 @@
 
 namespace palpate::inline v0 {
 
-inline constexpr int kWaitMilliseconds = 100;  // so often is asked whether somebody has cancelled
+inline constexpr int kWaitMilliseconds = 100;  // period of the check for cancellation
 inline constexpr double kLongestSilence = 2;   // s without a frame, then a camera is lost
 
 struct ImageMode {

@@ -1,4 +1,5 @@
-// What of librealsense2 is called, with declarations of our own (rs.h, version 2.x).
+// The functions of librealsense2 that Palpate calls, with declarations of our own (rs.h,
+// version 2.x).
 #pragma once
 
 #include <memory>

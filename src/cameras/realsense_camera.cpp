@@ -18,7 +18,7 @@ using namespace realsense;
 
 constexpr int kQueueCapacity = 4;
 
-/// The library tells errors through a last argument.
+/// The library reports errors through a last argument.
 class Check {
  public:
   explicit Check(const Api& api) : api_(api) {}
@@ -173,7 +173,7 @@ class RealsenseSource final : public DepthSource {
     api_.intrinsics(profile, &camera, check);
     info_.width = width;
     info_.height = height;
-    if (!check.is_fine()) return;  // people may tell them
+    if (!check.is_fine()) return;  // the URI may have them
     const auto d = [](float value) { return static_cast<double>(value); };
     info_.intrinsics = {d(camera.fx), d(camera.fy), d(camera.ppx), d(camera.ppy)};
     const float* const c = camera.coefficients;

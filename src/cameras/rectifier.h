@@ -11,8 +11,8 @@
 
 namespace palpate::inline v0 {
 
-/// What people say of a camera, which wins over what it says of itself. Intrinsics are those of the
-/// first image size and are scaled for others.
+/// What the user declares of a camera; it overrides what the camera reports. Intrinsics are those
+/// of the first image size and are scaled for others.
 struct CameraTruth {
   std::optional<Intrinsics> intrinsics;
   std::optional<Distortion> distortion;

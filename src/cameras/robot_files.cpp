@@ -1,4 +1,4 @@
-// Opens a self filter by the names that people give: a URDF or a mesh, and who tells where it is.
+// Opens a self filter from the options: a URDF or a mesh, and a source of its pose.
 #include <algorithm>
 #include <utility>
 
@@ -20,14 +20,14 @@ constexpr std::size_t kMostBytes = 64u << 20;  // of a URDF
 /// By joints, from the base on.
 class TreePoses final : public LinkPoses {
  public:
-  /// `states`: null where no joint has to be told of.
+  /// `states`: null if no joint state is needed.
   TreePoses(RobotModel model, std::vector<TimedPose> X_WB, std::unique_ptr<RobotStates> states,
             double max_age)
       : model_(std::move(model)),
         X_WB_(std::move(X_WB)),
         states_(std::move(states)),
         max_age_(max_age),
-        told_(model_.told_joints()) {
+        required_(model_.required_joints()) {
     for (std::size_t i = 0; i < model_.links.size(); ++i) {
       if (!model_.links[i].mesh.triangles.empty()) shown_.push_back(i);
     }
@@ -47,10 +47,10 @@ class TreePoses final : public LinkPoses {
   Status place(RobotStates::Moment moment, std::span<Pose> X_WL) const {
     moment.max_age = max_age_;
     const double time = moment.time;
-    std::vector<double> told, positions(model_.joints.size());
+    std::vector<double> values, positions(model_.joints.size());
     if (states_) {
-      if (const Status status = states_->positions(moment, told); !status) return status;
-      for (std::size_t i = 0; i < told_.size(); ++i) positions[told_[i]] = told[i];
+      if (const Status status = states_->positions(moment, values); !status) return status;
+      for (std::size_t i = 0; i < required_.size(); ++i) positions[required_[i]] = values[i];
     }
     if (X_WB_.size() > 1 && (time < X_WB_.front().time || time > X_WB_.back().time)) {
       return Error{Errc::unavailable, "the pose of the robot's base is unknown"};
@@ -71,8 +71,8 @@ class TreePoses final : public LinkPoses {
   const std::vector<TimedPose> X_WB_;
   const std::unique_ptr<RobotStates> states_;
   const double max_age_;
-  const std::vector<std::size_t> told_;  // joints
-  std::vector<std::size_t> shown_;       // links with a mesh
+  const std::vector<std::size_t> required_;  // joints
+  std::vector<std::size_t> shown_;           // links with a mesh
 };
 
 /// By the frames of tf that are called like the links.
@@ -167,7 +167,7 @@ Result<SelfFilter> open_self_filter(const RobotFiles& files, const SelfFilterOpt
 
   auto X_WB = base_poses(files.pose);
   if (!X_WB) return X_WB.error();
-  auto states = open_joint_states(*model, model->told_joints(), files.joints, files.robot);
+  auto states = open_joint_states(*model, model->required_joints(), files.joints, files.robot);
   if (!states) return states.error();
   auto poses = std::make_shared<TreePoses>(*std::move(model), *std::move(X_WB), *std::move(states),
                                            options.max_age);

@@ -26,19 +26,19 @@ void RobotModel::place(std::span<const double> positions, std::span<Pose> X_BL) 
   }
 }
 
-std::vector<std::size_t> RobotModel::told_joints() const {
+std::vector<std::size_t> RobotModel::required_joints() const {
   // From the leaves on: whether there is a mesh from this link on.
   std::vector<bool> has_mesh(links.size());
   for (std::size_t i = 0; i < links.size(); ++i) has_mesh[i] = !links[i].mesh.triangles.empty();
   for (auto joint = joints.rbegin(); joint != joints.rend(); ++joint) {
     if (has_mesh[joint->child]) has_mesh[joint->parent] = true;
   }
-  std::vector<bool> is_told(joints.size());
+  std::vector<bool> is_required(joints.size());
   for (const RobotJoint& joint : joints) {
     const bool is_fixed = joint.kind == RobotJoint::Kind::fixed;
-    if (!is_fixed && has_mesh[joint.child]) is_told[joint.source] = true;
+    if (!is_fixed && has_mesh[joint.child]) is_required[joint.source] = true;
   }
-  return numbers_of(is_told);
+  return numbers_of(is_required);
 }
 
 std::vector<std::size_t> RobotModel::joints_between(std::size_t a, std::size_t b) const {
@@ -46,13 +46,13 @@ std::vector<std::size_t> RobotModel::joints_between(std::size_t a, std::size_t b
   std::vector<int> num_below(links.size());
   ++num_below[a];
   ++num_below[b];
-  std::vector<bool> is_told(joints.size());
+  std::vector<bool> is_required(joints.size());
   for (auto joint = joints.rbegin(); joint != joints.rend(); ++joint) {
     const int num = num_below[joint->child];
     num_below[joint->parent] += num;
-    if (num == 1 && joint->kind != RobotJoint::Kind::fixed) is_told[joint->source] = true;
+    if (num == 1 && joint->kind != RobotJoint::Kind::fixed) is_required[joint->source] = true;
   }
-  return numbers_of(is_told);
+  return numbers_of(is_required);
 }
 
 Result<std::size_t> RobotModel::find_link(const std::string& link) const {

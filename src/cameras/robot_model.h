@@ -40,8 +40,8 @@ struct RobotModel {
   /// X_BL of every link. `positions`: of every joint; those of fixed and of following ones are not
   /// looked at.
   void place(std::span<const double> positions, std::span<Pose> X_BL) const;
-  /// Joints that something has to tell of, so that every link with a mesh has a place.
-  std::vector<std::size_t> told_joints() const;
+  /// Joints whose positions are needed to place every link with a mesh.
+  std::vector<std::size_t> required_joints() const;
   /// The same, so that these links have a place in each other.
   std::vector<std::size_t> joints_between(std::size_t a, std::size_t b) const;
   /// Error: no link is called so, with the nearest one that there is.

@@ -17,16 +17,16 @@
 namespace palpate::inline v0 {
 namespace {
 
-constexpr double kSecondsKept = 5;           // live, of each joint and frame
-constexpr double kLongestWait = 1;           // s
-constexpr std::size_t kMostTold = 20000000;  // numbers in a file
+constexpr double kSecondsKept = 5;                   // live, of each joint and frame
+constexpr double kLongestWait = 1;                   // s
+constexpr std::size_t kMostJointNumbers = 20000000;  // numbers in a file
 constexpr double kForEver = std::numeric_limits<double>::infinity();
 
 double kept_of(const StateAddress& address) {
   return address.kind == StateAddress::Kind::ros2 ? kSecondsKept : kForEver;
 }
 
-/// Words for stamps that cannot be of one clock; `until`: s, the newest that was told.
+/// Explanation for stamps that cannot be of one clock; `until`: s, the newest stamp.
 std::string clock_hint(bool is_by_stamp, double time, double until) {
   constexpr double kFarAway = 60;  // s
   if (!is_by_stamp || std::isinf(until) || std::abs(time - until) < kFarAway) return "";
@@ -84,21 +84,21 @@ bool RobotStates::counts_by_stamp(bool has_stamp) {
 }
 
 template <class KnownUntil>
-std::pair<const RobotStates::Told&, double> RobotStates::told_at(
+std::pair<const RobotStates::Histories&, double> RobotStates::states_at(
     std::unique_lock<std::mutex>& lock, const Moment& moment, const KnownUntil& known_until) const {
-  const auto told = [&]() -> std::pair<const Told&, double> {
+  const auto found = [&]() -> std::pair<const Histories&, double> {
     if (moment.stamp != 0 && goes_by_stamps()) return {by_stamp_, moment.stamp};
     return {by_time_, moment.time};
   };
-  if (!is_live()) return told();
+  if (!is_live()) return found();
   const std::chrono::duration<double> longest(std::min(moment.max_age, kLongestWait));
   changed_.wait_for(lock, longest, [&] {
-    const auto [what, time] = told();
+    const auto [what, time] = found();
     const double until = known_until(what, time);
     // Who has been silent for long is not waited for with every image.
     return until >= time || until < time - moment.max_age;
   });
-  return told();
+  return found();
 }
 
 Status RobotStates::positions(const Moment& moment, std::vector<double>& positions) const {
@@ -107,17 +107,17 @@ Status RobotStates::positions(const Moment& moment, std::vector<double>& positio
   const bool may_stay = address_.kind == StateAddress::Kind::table;
   positions.resize(num_joints_);
   std::unique_lock lock(mutex_);
-  const auto [told, time] =
-      told_at(lock, moment, [](const Told& what, double) { return what.joints.known_until(); });
+  const auto [states, time] = states_at(
+      lock, moment, [](const Histories& what, double) { return what.joints.known_until(); });
   for (std::size_t i = 0; i < num_joints_; ++i) {
-    const auto position = told.joints.at(i, time, moment.max_age, may_stay);
+    const auto position = states.joints.at(i, time, moment.max_age, may_stay);
     if (position) {
       positions[i] = *position;
       continue;
     }
     return Error{position.error().code,
                  position.error().message +
-                     clock_hint(&told == &by_stamp_, time, told.joints.known_until())};
+                     clock_hint(&states == &by_stamp_, time, states.joints.known_until())};
   }
   return Done{};
 }
@@ -125,7 +125,7 @@ Status RobotStates::positions(const Moment& moment, std::vector<double>& positio
 Status RobotStates::links_in_world(std::span<const std::string> links, const Moment& moment,
                                    std::span<Pose> X_WL) const {
   std::unique_lock lock(mutex_);
-  const auto [told, time] = told_at(lock, moment, [&](const Told& what, double at) {
+  const auto [states, time] = states_at(lock, moment, [&](const Histories& what, double at) {
     double until = kForEver;
     for (const std::string& link : links) {
       until = std::min(until, what.transforms.known_until(address_.world, link, at));
@@ -133,19 +133,19 @@ Status RobotStates::links_in_world(std::span<const std::string> links, const Mom
     return until;
   });
   for (std::size_t i = 0; i < links.size(); ++i) {
-    const auto X = told.transforms.find(address_.world, links[i], time, moment.max_age);
+    const auto X = states.transforms.find(address_.world, links[i], time, moment.max_age);
     if (X) {
       X_WL[i] = *X;
       continue;
     }
-    const double until = told.transforms.known_until(address_.world, links[i], time);
+    const double until = states.transforms.known_until(address_.world, links[i], time);
     std::string why = "tf has no transform for '" + links[i] + "'";
     if (until < time && until > -kForEver) {
       char text[80];
       std::snprintf(text, sizeof text, " later than %.3g s before the image", time - until);
       why += text;
     }
-    return Error{Errc::unavailable, why + clock_hint(&told == &by_stamp_, time, until)};
+    return Error{Errc::unavailable, why + clock_hint(&states == &by_stamp_, time, until)};
   }
   return Done{};
 }
@@ -165,7 +165,7 @@ std::string RobotStates::missing_links(const std::vector<std::string>& links) co
   return names;
 }
 
-void RobotStates::hear_joints(std::string_view message) {
+void RobotStates::add_joint_message(std::string_view message) {
   const auto state = read_joint_state(message);
   if (!state || state->names.empty()) return;
   const std::lock_guard lock(mutex_);
@@ -178,7 +178,7 @@ void RobotStates::hear_joints(std::string_view message) {
   changed_.notify_all();
 }
 
-void RobotStates::hear_transforms(std::string_view message, bool is_static) {
+void RobotStates::add_transform_message(std::string_view message, bool is_static) {
   const auto transforms = read_transforms(message);
   if (!transforms) return;
   const std::lock_guard lock(mutex_);
@@ -196,7 +196,7 @@ class TableStates final : public RobotStates {
  public:
   using RobotStates::RobotStates;
   Status read() {
-    const auto text = read_file(address_.target, kMostTold * 8);
+    const auto text = read_file(address_.target, kMostJointNumbers * 8);
     if (!text) return text.error();
     return read_joint_table(*text, address_.target, by_time_.joints);
   }
@@ -215,10 +215,10 @@ class BagStates final : public RobotStates {
       const McapChannel& channel = (*reader)->channels().at((*message)->channel);
       recorded_ = 1e-9 * static_cast<double>((*message)->time);
       if (channel.schema_name == "tf2_msgs/msg/TFMessage" && !address_.world.empty()) {
-        hear_transforms((*message)->data, channel.topic.ends_with("static"));
+        add_transform_message((*message)->data, channel.topic.ends_with("static"));
       } else if (channel.schema_name == "sensor_msgs/msg/JointState" &&
                  (address_.topic.empty() || channel.topic == address_.topic)) {
-        hear_joints((*message)->data);
+        add_joint_message((*message)->data);
       }
     }
   }
@@ -242,25 +242,25 @@ class LiveStates final : public RobotStates {
     node_ = *std::move(node);
     if (address_.world.empty()) {
       const std::string topic = address_.target.empty() ? "/joint_states" : address_.target;
-      // All that came while this computer was busy is heard.
+      // Everything that came while this computer was busy is read.
       const RosQos sensor{.is_reliable = false, .is_kept = false, .depth = 100};
       return join(topic, "sensor_msgs/JointState", sensor,
-                  [this](std::string_view message) { hear_joints(message); });
+                  [this](std::string_view message) { add_joint_message(message); });
     }
     const RosQos moving{.is_reliable = true, .is_kept = false, .depth = 100},
         fixed{.is_reliable = true, .is_kept = true, .depth = 100};
-    const Status heard =
+    const Status handler =
         join("/tf", "tf2_msgs/TFMessage", moving,
-             [this](std::string_view message) { hear_transforms(message, false); });
-    if (!heard) return heard;
+             [this](std::string_view message) { add_transform_message(message, false); });
+    if (!handler) return handler;
     return join("/tf_static", "tf2_msgs/TFMessage", fixed,
-                [this](std::string_view message) { hear_transforms(message, true); });
+                [this](std::string_view message) { add_transform_message(message, true); });
   }
 
  private:
   Status join(const std::string& topic, const std::string& type, const RosQos& qos,
-              RosNode::Heard heard) {
-    auto subscription = node_->subscribe(topic, type, qos, std::move(heard));
+              RosNode::MessageHandler handler) {
+    auto subscription = node_->subscribe(topic, type, qos, std::move(handler));
     if (!subscription) return subscription.error();
     subscriptions_.push_back(*std::move(subscription));
     return Done{};

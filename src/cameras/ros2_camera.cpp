@@ -25,19 +25,19 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr double kFirstImage = 10;       // s, while opening
-constexpr double kLongestSilence = 2;    // s without an image that people are told of
+constexpr double kLongestSilence = 2;    // s without an image until a note
 constexpr double kLongestPairing = 0.1;  // s that an image waits for its camera_info
-constexpr double kLongestTf = 0.1;       // s that an image waits for what tells where it was taken
+constexpr double kLongestTf = 0.1;       // s that an image waits for its transform
 constexpr double kKeptTf = 5;            // s
 constexpr std::size_t kNumModels = 32;   // camera_infos that are kept
-constexpr int kMostImages = 200;         // a second; more are a mistake that people are told of
+constexpr int kMostImages = 200;         // per second; more are a mistake, with a note
 
 double seconds_since_1970() {
   return std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count();
 }
 
-/// What the subscriptions have heard. Their threads write, one reads.
-class Heard {
+/// What the subscriptions have received. Their threads write, one reads.
+class ReceivedMessages {
  public:
   void image(std::string_view message) {
     CdrReader from(message);
@@ -79,8 +79,8 @@ class Heard {
     Pose X_WC;
     bool is_fixed = false;  // no frame between the two may move
   };
-  /// At a time of the stamps, between what tf tells of before and after it; waits a tenth of a
-  /// second for the latter. None: it does not tell.
+  /// At a time of the stamps, between the transforms before and after it; waits a tenth of a
+  /// second for the latter. None: there is no transform.
   std::optional<Place> place(const std::string& world, const std::string& frame, double time) {
     std::unique_lock lock(mutex_);
     double until = 0;
@@ -195,8 +195,8 @@ class Ros2Source final : public DepthSource {
   }
 
   const DepthStreamInfo& info() const override { return info_; }
-  void cancel() noexcept override { heard_.cancel(); }
-  std::vector<std::string> take_notes() override { return heard_.take_notes(); }
+  void cancel() noexcept override { received_.cancel(); }
+  std::vector<std::string> take_notes() override { return received_.take_notes(); }
   StampClock stamps() const { return has_our_clock_ ? StampClock::shared : StampClock::cameras; }
 
   Result<bool> next(DepthFrame& frame) override {
@@ -205,11 +205,11 @@ class Ros2Source final : public DepthSource {
       frame = std::move(first_);
       return true;
     }
-    while (!heard_.is_cancelled()) {
+    while (!received_.is_cancelled()) {
       if (read(frame)) return true;
       // Whoever sends may come back: DDS finds it again by itself.
       if (monotonic_now() - last_image_ > kLongestSilence) {
-        heard_.add_note("has stopped sending images; they are used again when it resumes");
+        received_.add_note("has stopped sending images; they are used again when it resumes");
       }
     }
     return false;
@@ -258,26 +258,27 @@ class Ros2Source final : public DepthSource {
     }
     auto images = node_->subscribe(
         topic_, is_compressed_ ? "sensor_msgs/CompressedImage" : "sensor_msgs/Image", qos,
-        [this](std::string_view message) { heard_.image(message); });
+        [this](std::string_view message) { received_.image(message); });
     if (!images) return images.error();
     images_ = *std::move(images);
     auto infos =
         node_->subscribe(info_topic_, "sensor_msgs/CameraInfo", qos,
-                         [this](std::string_view message) { heard_.camera_info(message); });
+                         [this](std::string_view message) { received_.camera_info(message); });
     if (!infos) return infos.error();
     infos_ = *std::move(infos);
     if (world_.empty()) return Done{};
-    const auto hear_tf = [&](const char* topic, bool is_static,
-                             std::unique_ptr<RosSubscription>& to) -> Status {
-      auto subscription = node_->subscribe(
-          topic, "tf2_msgs/TFMessage", {true, is_static, 100},
-          [this, is_static](std::string_view message) { heard_.transforms(message, is_static); });
+    const auto subscribe_tf = [&](const char* topic, bool is_static,
+                                  std::unique_ptr<RosSubscription>& to) -> Status {
+      auto subscription = node_->subscribe(topic, "tf2_msgs/TFMessage", {true, is_static, 100},
+                                           [this, is_static](std::string_view message) {
+                                             received_.transforms(message, is_static);
+                                           });
       if (!subscription) return subscription.error();
       to = *std::move(subscription);
       return Done{};
     };
-    if (const Status status = hear_tf("/tf", false, transforms_); !status) return status;
-    return hear_tf("/tf_static", true, statics_);
+    if (const Status status = subscribe_tf("/tf", false, transforms_); !status) return status;
+    return subscribe_tf("/tf_static", true, statics_);
   }
 
   /// Says what the images are like. Error: none has come, or none that is understood.
@@ -293,11 +294,11 @@ class Ros2Source final : public DepthSource {
       if (is_open_) return Done{};
     }
     std::string why;
-    for (const std::string& note : heard_.take_notes()) why += ": " + note;
+    for (const std::string& note : received_.take_notes()) why += ": " + note;
     if (is_unplaced_) {
       return Error{Errc::unavailable, info_.name + " sends images, but tf has no transform for '" +
                                           camera_ + "' in '" + world_ + "' at their stamps; " +
-                                          heard_.frames()};
+                                          received_.frames()};
     }
     if (has_first_) {
       return Error{Errc::unavailable, info_.name + " sends images, but " + info_topic_ +
@@ -321,15 +322,15 @@ class Ros2Source final : public DepthSource {
                           : "there are images on " + listed(others);
   }
 
-  /// False: no image now, or one that is not understood, which people are told once.
+  /// False: no image now, or one that is not understood, with one note.
   bool read(DepthFrame& frame) {
-    if (!heard_.take(image_)) return false;
+    if (!received_.take(image_)) return false;
     last_image_ = monotonic_now();
     const double unit = uri_.unit.value_or(kFloatUnit);
     auto got = is_compressed_ ? read_compressed_depth(image_.message, unit)
                               : read_depth_image(image_.message, unit);
     if (!got) {
-      heard_.add_note("sends images that are dropped: " + got.error().message);
+      received_.add_note("sends images that are dropped: " + got.error().message);
       return false;
     }
     frame = *std::move(got);
@@ -344,17 +345,17 @@ class Ros2Source final : public DepthSource {
     return true;
   }
 
-  /// False: tf does not tell where the camera was, which people are told at the end, and once.
+  /// False: tf has no pose of the camera, with one note, and one at the end.
   bool place(DepthFrame& frame) {
     info_.frame = world_.empty() ? image_.frame : world_;
     if (world_.empty()) return true;
     if (camera_.empty()) camera_ = image_.frame;
-    const auto place = heard_.place(world_, camera_, frame.stamp);
+    const auto place = received_.place(world_, camera_, frame.stamp);
     is_unplaced_ = !place;
     if (is_unplaced_) {
       if (!is_open_) return false;  // tf may take longer to be found than images
-      heard_.add_note("has images without a tf transform within 0.1 s for '" + camera_ + "' in '" +
-                      world_ + "'; they are dropped");
+      received_.add_note("has images without a tf transform within 0.1 s for '" + camera_ +
+                         "' in '" + world_ + "'; they are dropped");
       return false;
     }
     frame.X_WC = place->X_WC;
@@ -368,8 +369,8 @@ class Ros2Source final : public DepthSource {
   std::string info_topic_;
   const std::shared_ptr<RosNode> node_;
   DepthStreamInfo info_;
-  Heard heard_;
-  Heard::Image image_;
+  ReceivedMessages received_;
+  ReceivedMessages::Image image_;
   DepthFrame first_;
   std::string world_, camera_;  // frames of tf; no world: the camera's own is
   bool has_first_ = false, is_open_ = false, has_our_clock_ = false, is_unplaced_ = false;

@@ -35,7 +35,7 @@ class SelfFilteredSource final : public DepthSource {
     for (;;) {
       const auto got = source_->next(frame);
       if (!got || !*got) {
-        tell_of_end();
+        report_end();
         return got;
       }
       const Status known = poses_.at_frame(frame, X_WL_);
@@ -47,7 +47,7 @@ class SelfFilteredSource final : public DepthSource {
         leave_out("a link's pose is not finite");
         continue;
       }
-      tell_of_end();
+      report_end();
       const Pose X_CW = inverse(frame.X_WC);
       image_.begin(frame.width, frame.height);
       for (std::size_t i = 0; i < links_.size(); ++i) {
@@ -73,7 +73,7 @@ class SelfFilteredSource final : public DepthSource {
       note(info().name + ": depth images are dropped: " + why);
     }
   }
-  void tell_of_end() {
+  void report_end() {
     if (num_left_out_ == 0) return;
     note(info().name + ": " + std::to_string(num_left_out_) +
          " depth images were dropped because the robot's pose was unknown");

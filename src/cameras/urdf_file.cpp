@@ -18,12 +18,12 @@ namespace {
 namespace fs = std::filesystem;
 using Element = tinyxml2::XMLElement;
 
-constexpr std::size_t kMostShown = 60;  // characters of what people wrote
+constexpr std::size_t kMostCharacters = 60;  // characters of the user's text
 constexpr std::size_t kMostLinks = 2000, kMostTriangles = 2'000'000;  // more than any robot has
 constexpr int kSegments = 32;                                         // of a cylinder
 constexpr double kLargest = 1e3;                                      // m, and times as large
 
-std::string shown(std::string_view text) { return std::string(text.substr(0, kMostShown)); }
+std::string shown(std::string_view text) { return std::string(text.substr(0, kMostCharacters)); }
 
 /// Reads one document. What is wrong is kept until the end, so that readers can go straight on.
 class Reader {

@@ -1,4 +1,4 @@
-// What of the kernel's Video4Linux is called. A test can be the kernel.
+// The calls of the kernel's Video4Linux, which tests can replace.
 #pragma once
 
 #include <cstddef>

@@ -1,4 +1,4 @@
-// The way from one cloud to the next on a GPU: what blend_clouds does, with the same bits.
+// Blends two clouds on a GPU: blend_clouds, with the same bits.
 #pragma once
 
 #include <memory>

@@ -147,7 +147,7 @@ std::string DepthAverager::state() const {
   return bytes;
 }
 
-Status DepthAverager::go_on_from(std::string_view state) {
+Status DepthAverager::resume_from(std::string_view state) {
   Impl& d = *impl_;
   if (d.estimate_block == nullptr || state.size() != estimate_bytes(d.width, d.height)) {
     return no_estimate(d.width, d.height);

@@ -233,7 +233,7 @@ void DepthAveragerCuda::enqueue(gpu::Stream& stream, ImageRows rows) {
   gpu::launch(stream, {.blocks = blocks, .threads = kThreads}, update_averages, job);
 }
 
-Status DepthAveragerCuda::go_on_from(gpu::Stream& stream, std::string_view state) {
+Status DepthAveragerCuda::resume_from(gpu::Stream& stream, std::string_view state) {
   Impl& d = *impl_;
   if (d.num_blocks == 0 || state.size() != estimate_bytes(d.width, d.height)) {
     return no_estimate(d.width, d.height);

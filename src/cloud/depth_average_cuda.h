@@ -36,8 +36,8 @@ class DepthAveragerCuda {
   void enqueue(gpu::Stream& stream);
   void enqueue(gpu::Stream& stream, ImageRows rows);
 
-  /// As DepthAverager::go_on_from; `state` must stay until the stream has done its work.
-  Status go_on_from(gpu::Stream& stream, std::string_view state);
+  /// As DepthAverager::resume_from; `state` must stay until the stream has done its work.
+  Status resume_from(gpu::Stream& stream, std::string_view state);
 
   /// Metres on the GPU, NaN where there is no measurement; always the same array.
   const float* depth() const;

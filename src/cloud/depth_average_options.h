@@ -1,4 +1,4 @@
-// Which settings of averages of depth are accepted.
+// Validation of the settings of averages.
 #pragma once
 
 #include "palpate/cloud/depth_source.h"

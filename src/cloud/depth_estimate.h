@@ -1,5 +1,5 @@
 // What a pixel's depth is, from all frames so far: a Kalman filter of each pixel, with tests for
-// change that neighbours share. One text for vectors and for single numbers (core/lanes.h).
+// change that neighbours share. Shared code for vectors and for single numbers (core/lanes.h).
 //
 // A pixel has a mean and the variance of it, in variances of one measurement (`gain`: it is also
 // how much of the last measurement went into the mean). At rest gains fall as 1, 1/2, 1/3, ... What

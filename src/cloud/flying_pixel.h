@@ -1,4 +1,4 @@
-// Pixels at an edge that lie on neither of its surfaces. One text for vectors and for single
+// Pixels at an edge that lie on neither of its surfaces. Shared code for vectors and for single
 // numbers (core/lanes.h).
 #pragma once
 

@@ -1,4 +1,4 @@
-// The average of one pixel's depth over time. shared by host and device.
+// The average of one pixel's depth over time. Shared by host and device.
 #pragma once
 
 #include <cmath>

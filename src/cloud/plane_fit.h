@@ -1,5 +1,5 @@
 // The algebra behind the normals: moments of a pixel window, their covariance, and the plane that
-// fits it best. One text for vectors and for single numbers (core/lanes.h).
+// fits it best. Shared code for vectors and for single numbers (core/lanes.h).
 //
 // Moments are taken in pixel units around the centre pixel p, not in metres: with
 // e = (du z_q, dv z_q, z_q - z_p), neighbour q is

@@ -1,4 +1,4 @@
-// The point between two (thesis eq. 3.18). shared by host and device.
+// The point between two (thesis eq. 3.18). Shared by host and device.
 #pragma once
 
 #include <cmath>

@@ -1,4 +1,4 @@
-// What the numbers of a raw depth frame say. shared by host and device.
+// The meaning of the counts of a raw depth frame. Shared by host and device.
 #pragma once
 
 #include "palpate/core/core.h"

@@ -1,4 +1,4 @@
-// Which settings of surface estimation are accepted.
+// Validation of the settings of surface estimation.
 #pragma once
 
 #include "palpate/cloud/surface_estimator.h"

@@ -1,4 +1,4 @@
-// Results against two surfaces, weighed.
+// Weighted mean of the results against two surfaces.
 #pragma once
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Asks several things at once that take their time to answer.
+// Runs slow queries of hardware concurrently.
 #pragma once
 
 #include <future>

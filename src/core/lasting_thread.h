@@ -1,5 +1,5 @@
-// A thread that ends with the program, for libraries that remember the threads which have called
-// them.
+// A thread that lives until the program ends, for libraries that remember the threads which have
+// called them.
 #pragma once
 
 #include <condition_variable>
@@ -10,7 +10,7 @@
 
 namespace palpate::inline v0 {
 
-/// Does what it is told, one thing after the other; from itself at once. It lives in memory that is
+/// Executes its tasks one after the other; those from itself at once. It lives in memory that is
 /// never freed:
 ///
 ///   static LastingThread& reader = *new LastingThread;

@@ -7,7 +7,7 @@ namespace palpate::inline v0 {
 double monotonic_now() noexcept;
 
 /// What the calling thread has computed so far, s: without the time that it waited or that others
-/// ran on its core. 0 where the system does not tell.
+/// ran on its core. 0 where the system does not report it.
 double thread_cpu_now() noexcept;
 
 /// Until monotonic_now() is `time`. No allocation.

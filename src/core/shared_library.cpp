@@ -13,7 +13,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Sanitizers, of which GCC and Clang tell in different ways, cannot have it so.
+// Not with sanitizers, which GCC and Clang announce in different ways.
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__) || !defined(RTLD_DEEPBIND)
 constexpr int kTheirOwnFirst = 0;
 #elif defined(__has_feature)

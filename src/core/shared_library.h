@@ -53,7 +53,7 @@ class SharedLibrary {
 /// version first; the path of `stem` itself if there are none, so that errors name it.
 std::vector<std::string> library_files(const std::string& folder, std::string_view stem);
 
-/// "1.4.2" of ".../libX.so.1.4.2"; empty if the name tells none.
+/// "1.4.2" of ".../libX.so.1.4.2"; empty if the name has none.
 std::string version_of_file(std::string_view path);
 
 /// The value of an environment variable; empty if it is not set.

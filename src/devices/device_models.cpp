@@ -11,9 +11,9 @@ namespace {
 // devices (CHaplyDevices.cpp). Where makers name larger forces (sigma.7: 20 N) the smaller one is
 // taken. A torque of 0: orientation is sensed at most, not driven.
 //
-// No maker tells the damping of the mechanism. Assumed is what the stiffness takes for granted: at
-// 1 kHz a spring of stiffness K is passive for K < 2 b / T (Colgate and Schenkel), so b = K T / 2.
-// Moving masses are estimates too.
+// No maker specifies the damping of the mechanism. Assumed is what the stiffness takes for granted:
+// at 1 kHz a spring of stiffness K is passive for K < 2 b / T (Colgate and Schenkel), so b = K T
+// / 2. Moving masses are estimates too.
 
 constexpr double kHalfTick = 0.5e-3;  // s
 

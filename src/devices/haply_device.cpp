@@ -31,9 +31,9 @@ constexpr HaplyVersion kSaysVector{3, 5};
 
 // A force that the service has understood comes back in its states. One that never does, for this
 // many ticks above this size, was sent in the wrong words.
-constexpr double kHeardForce = 0.05;  // N
-constexpr int kPatience = 50;         // ticks
-constexpr double kShareStep = 0.005;  // per tick, back to full force after the words changed
+constexpr double kConfirmableForce = 0.05;  // N
+constexpr int kPatience = 50;               // ticks
+constexpr double kShareStep = 0.005;        // per tick, back to full force after the words changed
 
 bool is_usable(const Quaternion& q) {
   const double square = q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w;
@@ -144,7 +144,7 @@ class HaplyDevice final : public PolledDevice {
   bool send(std::optional<Vec3d> force, double timeout) noexcept;
   bool take(std::string_view text, DeviceState& state) noexcept;
   bool take_grip(const HaplyMessage& message, DeviceState& state) noexcept;
-  bool hears_our_force(const HaplyEntry& arm) noexcept;
+  bool accepts_force(const HaplyEntry& arm) noexcept;
   bool is_well() noexcept;
   bool give_up(std::string_view why) noexcept;
 
@@ -164,8 +164,9 @@ class HaplyDevice final : public PolledDevice {
   std::uint32_t buttons_ = 0;
 
   Vec3d sent_;
-  bool has_been_heard_ = false, has_echo_ = false, has_changed_words_ = false, is_deaf_ = false;
-  int num_unheard_ = 0;
+  bool is_force_confirmed_ = false, has_echo_ = false, uses_other_key_ = false,
+       ignores_force_ = false;
+  int num_unconfirmed_ = 0;
   double share_ = 1;
   Error trouble_;
 };
@@ -188,12 +189,12 @@ Status HaplyDevice::begin() {
   request_.force_key = found_.version.value_or(kSaysVector) < kSaysVector ? HaplyForceKey::values
                                                                           : HaplyForceKey::vector;
   request_.introduces_us = true;
-  is_waiting_ = has_been_heard_ = has_echo_ = has_changed_words_ = is_deaf_ = false;
+  is_waiting_ = is_force_confirmed_ = has_echo_ = uses_other_key_ = ignores_force_ = false;
   is_calibrated_ = is_grip_connected_ = true;
   orientation_ = {};
   buttons_ = 0;
   sent_ = {};
-  num_unheard_ = 0;
+  num_unconfirmed_ = 0;
   share_ = 1;
   unusable_ = "it does not answer";
 
@@ -264,7 +265,7 @@ bool HaplyDevice::take(std::string_view text, DeviceState& state) noexcept {
     return no("its states hold no position");
   state.X_BH.translation = arm->position;
   state.V_BH = {arm->velocity, {}};  // the service measures no angular velocity
-  if (hears_our_force(*arm)) return true;
+  if (accepts_force(*arm)) return true;
   return no(
       "it does not take the forces sent; release the emergency brake, plug in the power "
       "supply, and update the service");
@@ -284,29 +285,29 @@ bool HaplyDevice::take_grip(const HaplyMessage& message, DeviceState& state) noe
   return is_grip_connected_;
 }
 
-bool HaplyDevice::hears_our_force(const HaplyEntry& arm) noexcept {
+bool HaplyDevice::accepts_force(const HaplyEntry& arm) noexcept {
   share_ = std::min(1.0, share_ + kShareStep);
   has_echo_ = has_echo_ || arm.has_force;
-  if (is_deaf_) return false;
-  if (has_been_heard_ || norm(sent_) < kHeardForce) return true;
-  has_been_heard_ = norm(arm.force) > 0.1 * norm(sent_);
-  if (has_been_heard_ || ++num_unheard_ <= kPatience) return true;
-  if (has_changed_words_ && has_echo_) {
-    is_deaf_ = true;
+  if (ignores_force_) return false;
+  if (is_force_confirmed_ || norm(sent_) < kConfirmableForce) return true;
+  is_force_confirmed_ = norm(arm.force) > 0.1 * norm(sent_);
+  if (is_force_confirmed_ || ++num_unconfirmed_ <= kPatience) return true;
+  if (uses_other_key_ && has_echo_) {
+    ignores_force_ = true;
     return false;
   }
   // The other words; or back to the first ones for good, with a service that never says what it
   // has received. Until now the hand may have felt nothing: the force must not come at once.
   request_.force_key =
       request_.force_key == HaplyForceKey::vector ? HaplyForceKey::values : HaplyForceKey::vector;
-  has_been_heard_ = has_changed_words_;
-  has_changed_words_ = true;
-  num_unheard_ = 0;
+  is_force_confirmed_ = uses_other_key_;
+  uses_other_key_ = true;
+  num_unconfirmed_ = 0;
   share_ = 0;
   return true;
 }
 
-/// Looks at what the service has to tell beside the states.
+/// Reads what the service sends beside the states.
 bool HaplyDevice::is_well() noexcept {
   if (!events_) return true;
   std::string_view text;

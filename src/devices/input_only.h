@@ -1,4 +1,4 @@
-// Devices that move a tool and push nobody.
+// Devices without motors.
 #pragma once
 
 #include "palpate/devices/devices.h"

@@ -1,4 +1,4 @@
-// The last look at a wrench before a driver gets it, and rotations as drivers tell them.
+// The final check of a wrench before it goes to a driver, and conversion of drivers' rotations.
 #pragma once
 
 #include <cmath>

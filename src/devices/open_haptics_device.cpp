@@ -59,8 +59,8 @@ int asked_integer(const OpenHapticsApi& api, HdEnum what) {
   return api.take_errors().code == 0 ? value : 0;
 }
 
-/// What the driver tells of the current device, and of the weakest one what it does not tell.
-DeviceLimits asked_limits(const OpenHapticsApi& api) {
+/// Limits that the driver reports, and those of the weakest device for the others.
+DeviceLimits driver_limits(const OpenHapticsApi& api) {
   DeviceLimits limits = find_device_model("touch").value_or(device_models().front()).limits;
   limits.max_force = asked(api, kHdMaxForce, 1, limits.max_force);
   limits.max_stiffness =
@@ -118,7 +118,7 @@ class OpenHapticsDevice final : public HapticDevice {
     info_.name = text(api_.hdGetString(kHdModelType)) + " " +
                  text(api_.hdGetString(kHdSerialNumber)) + ", " +
                  (name.empty() ? "the default device" : "'" + std::string(name) + "'");
-    info_.limits = asked_limits(api_);
+    info_.limits = driver_limits(api_);
     info_.senses_orientation = asked_integer(api_, kHdInputDof) >= 6;
     info_.num_buttons = 2;
     api_.take_errors();
@@ -165,7 +165,7 @@ class OpenHapticsDevice final : public HapticDevice {
 
   void stop() noexcept override {
     if (!is_running_) return;
-    servo_->ask_to_end();
+    servo_->request_end();
     is_stuck_ = !wait_for([this] { return servo_->has_ended(); });
     is_running_ = false;
     const bool is_last = --g_num_running == 0;

@@ -21,7 +21,7 @@ class OpenHapticsServo {
   static unsigned call_back(void* servo) noexcept;
 
   /// The next call is the last one.
-  void ask_to_end() noexcept { wants_end_.store(true, std::memory_order_release); }
+  void request_end() noexcept { wants_end_.store(true, std::memory_order_release); }
   bool has_ended() const noexcept { return has_ended_.load(std::memory_order_acquire); }
   /// Of the newest call; 0 before the first one.
   double last_time() const noexcept { return last_time_.load(std::memory_order_acquire); }

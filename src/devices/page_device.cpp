@@ -42,8 +42,8 @@ PageHand::PageHand(std::shared_ptr<PageHandle> handle) : handle_(std::move(handl
 }
 
 Status PageHand::begin() {
-  handle_->heard();
-  news_ = {};  // who held it before has to be heard of again
+  handle_->newest();
+  update_ = {};  // the previous holder has to send again
   felt_ = {};
   last_time_ = held_time_ = 0;
   return Done{};
@@ -52,15 +52,15 @@ Status PageHand::begin() {
 bool PageHand::read(DeviceState& state) noexcept {
   const double seconds = last_time_ > 0 ? std::clamp(state.time - last_time_, 0.0, kMostStep) : 0.0;
   last_time_ = state.time;
-  if (const PageHandle::News* news = handle_->heard()) take(*news, state.X_BH);
+  if (const PageHandle::Update* news = handle_->newest()) take(*news, state.X_BH);
 
-  const bool is_held = news_.is_held && state.time - news_.time <= kSilence;
+  const bool is_held = update_.is_held && state.time - update_.time <= kSilence;
   if (is_held) held_time_ = state.time;
   const bool gives_way = held_time_ > 0 && state.time - held_time_ <= kGivesWay;
   if (is_held) {
     follow(state, seconds);
   } else if (gives_way) {
-    give_way(state, seconds);
+    yield_to_spring(state, seconds);
   } else {
     state.V_BH = {};
   }
@@ -74,12 +74,12 @@ bool PageHand::read(DeviceState& state) noexcept {
   return true;
 }
 
-void PageHand::take(const PageHandle::News& news, const Pose& X_BH) noexcept {
-  if (news.grip != news_.grip) {
+void PageHand::take(const PageHandle::Update& news, const Pose& X_BH) noexcept {
+  if (news.grip != update_.grip) {
     shift_ = X_BH.translation - news.X_BH.translation;
     turn_ = normalized(X_BH.rotation * conjugate(news.X_BH.rotation));
   }
-  news_ = news;
+  update_ = news;
   target_ = {news.X_BH.translation + shift_, normalized(turn_ * news.X_BH.rotation)};
 }
 
@@ -93,7 +93,7 @@ void PageHand::follow(DeviceState& state, double seconds) const noexcept {
 }
 
 /// Without mass: a spring that pushes it comes to rest exponentially.
-void PageHand::give_way(DeviceState& state, double seconds) const noexcept {
+void PageHand::yield_to_spring(DeviceState& state, double seconds) const noexcept {
   const DeviceLimits& limits = info_.limits;
   state.V_BH = {limited(felt_.force / (kYield * limits.max_stiffness), kFastest),
                 limited(felt_.torque / (kYield * limits.max_angular_stiffness), kFastestTurn)};

@@ -1,4 +1,4 @@
-// The motion of a handle between the poses that a page tells.
+// The motion of a handle between the poses that a page sends.
 #pragma once
 
 #include <memory>
@@ -35,15 +35,15 @@ class PageHand final : public PolledDevice {
   Error trouble() const override { return {}; }
 
  private:
-  void take(const PageHandle::News& news, const Pose& X_BH) noexcept;
+  void take(const PageHandle::Update& news, const Pose& X_BH) noexcept;
   void follow(DeviceState& state, double seconds) const noexcept;
-  void give_way(DeviceState& state, double seconds) const noexcept;
+  void yield_to_spring(DeviceState& state, double seconds) const noexcept;
 
   std::shared_ptr<PageHandle> handle_;
   DeviceInfo info_;
-  PageHandle::News news_;
+  PageHandle::Update update_;
   Pose target_;           // X_BH
-  Vec3d shift_;           // from what the page tells to where the handle is
+  Vec3d shift_;           // from the page's position to that of the handle
   Quaternion turn_;       // likewise
   Wrench felt_;           // F_H_B
   double last_time_ = 0;  // s; 0: no tick yet

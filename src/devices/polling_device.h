@@ -1,4 +1,4 @@
-// Devices that are asked: they wait for a call to say where the hand is and for another to push it.
+// Polled devices: one call reads the pose of the hand, another sends the wrench.
 #pragma once
 
 #include <atomic>
@@ -21,7 +21,7 @@ class PolledDevice {
   /// Fills `state`, which comes as it was at the last tick, but with the new time. Nothing usable
   /// this time: is_valid = false. False: the device is lost or has refused to go on.
   virtual bool read(DeviceState& state) noexcept = 0;
-  /// What the hand is to feel from now on. False: as above.
+  /// The wrench to render from now on. False: as above.
   virtual bool write(const Wrench& F_H_B) noexcept = 0;
   /// After the last tick, for whichever reason it was the last: motors off.
   virtual void end() noexcept = 0;

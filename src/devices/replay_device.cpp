@@ -1,4 +1,4 @@
-// A recorded path as a device: the hand goes where it went, and feels nothing.
+// A recorded path as a device: the hand repeats its motion, and forces are ignored.
 #include <algorithm>
 #include <string>
 #include <utility>

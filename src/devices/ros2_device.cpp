@@ -25,7 +25,7 @@ constexpr double kMaxAge = 0.1;           // s: a pose is taken for present unti
 constexpr double kVelocityFilter = 0.02;  // s, of velocities from positions
 constexpr double kShortestStep = 1e-4;    // s between poses that a velocity comes from
 
-struct HeardPose {
+struct ReceivedPose {
   Pose X_BH;
   double time = 0;  // s, monotonic: when it came
 };
@@ -80,7 +80,7 @@ class Ros2Tool final : public PolledDevice {
 
  private:
   Status listen() {
-    const auto heard = [this](std::string_view message) {
+    const auto handler = [this](std::string_view message) {
       const auto transforms = read_transforms(message);
       if (!transforms) return;
       for (const RosStampedTransform& each : *transforms) tree_.add(each);
@@ -88,7 +88,7 @@ class Ros2Tool final : public PolledDevice {
     };
     const auto join = [&](const char* topic, const RosQos& qos,
                           std::unique_ptr<RosSubscription>& to) -> Status {
-      auto subscription = node_->subscribe(topic, "tf2_msgs/TFMessage", qos, heard);
+      auto subscription = node_->subscribe(topic, "tf2_msgs/TFMessage", qos, handler);
       if (!subscription) return subscription.error();
       to = *std::move(subscription);
       return Done{};
@@ -144,7 +144,7 @@ class Ros2Tool final : public PolledDevice {
   }
 
   /// The ticking thread.
-  void take(const HeardPose& pose) noexcept {
+  void take(const ReceivedPose& pose) noexcept {
     const double seconds = pose.time - last_.time;
     if (last_.time > 0 && seconds > kShortestStep) {
       const Twist now = seconds < kMaxAge ? twist_between(last_.X_BH, pose.X_BH, seconds) : Twist{};
@@ -159,10 +159,10 @@ class Ros2Tool final : public PolledDevice {
   DeviceInfo info_;
   std::shared_ptr<RosNode> node_;
   TfTree tree_;
-  std::mutex mutex_;  // of those who tell
-  TripleBuffer<HeardPose> poses_;
+  std::mutex mutex_;  // of the subscriptions
+  TripleBuffer<ReceivedPose> poses_;
   std::atomic<std::uint64_t> num_poses_ = 0;
-  HeardPose last_;
+  ReceivedPose last_;
   Twist V_BH_;
   std::unique_ptr<RosSubscription> pose_, transforms_, statics_;  // last: they speak to the others
 };

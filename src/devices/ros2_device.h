@@ -1,4 +1,4 @@
-// A tool that a robot holds, as a device: where it is comes over ROS 2, and it is not pushed.
+// A tool held by a robot as a device: its pose comes over ROS 2, and it gets no force.
 #pragma once
 
 #include <string>
@@ -8,8 +8,8 @@
 
 namespace palpate::inline v0 {
 
-/// "/topic[@FRAME]": geometry_msgs/PoseStamped, told in FRAME if that is given and the message
-/// names another one. "FRAME@BASE": a frame of tf, in the frame BASE.
+/// "/topic[@FRAME]": geometry_msgs/PoseStamped, transformed to FRAME if that is given and the
+/// message names another one. "FRAME@BASE": a frame of tf, in the frame BASE.
 struct Ros2ToolAddress {
   std::string topic, frame, base;  ///< either a topic or a frame
 };

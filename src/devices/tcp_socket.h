@@ -1,4 +1,4 @@
-// A TCP connection whose every wait has an end.
+// A TCP connection with a limit on every wait.
 #pragma once
 
 #include <cstddef>

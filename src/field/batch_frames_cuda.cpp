@@ -54,9 +54,9 @@ class BatchFramesCuda final : public BatchFrames {
   }
 
   Result<SurfaceBatch> update(const DepthImageView& first, int num,
-                              std::optional<CallerStream> asked_stream, ThreadPool&) override {
-    if (asked_stream) caller_stream_.continue_in(asked_stream->handle);
-    gpu::Stream& stream = asked_stream ? caller_stream_ : own_stream_;
+                              std::optional<CallerStream> requested_stream, ThreadPool&) override {
+    if (requested_stream) caller_stream_.continue_in(requested_stream->handle);
+    gpu::Stream& stream = requested_stream ? caller_stream_ : own_stream_;
     const bool is_staged = first.gpu != gpu_;
     if (stream.is_recording() && (is_staged || num > num_)) {
       return Error{Errc::invalid_argument,
@@ -85,7 +85,7 @@ class BatchFramesCuda final : public BatchFrames {
       surface_->enqueue_images(stream, counts, metres, some);
       field_->enqueue(surface_->cloud(), surface_->points_apart(), begin, some, stream);
     }
-    if (!asked_stream || is_staged) stream.wait(kPatience + static_cast<double>(num) * 1e-3);
+    if (!requested_stream || is_staged) stream.wait(kPatience + static_cast<double>(num) * 1e-3);
     if (!stream.status()) return stream.status().error();
     return SurfaceBatch(field_->view(), num, field_->pixels_apart(), field_->tiles_apart());
   }

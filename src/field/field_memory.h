@@ -1,4 +1,4 @@
-// What a camera that stands still remembers of what is hidden now, on a CPU.
+// Memory of a static camera for occluded space, on a CPU.
 #pragma once
 
 #include <vector>

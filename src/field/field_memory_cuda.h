@@ -1,4 +1,4 @@
-// What a camera that stands still remembers of what is hidden now, on a GPU, with the same bits.
+// Memory of a static camera for occluded space, on a GPU, with the same bits.
 #pragma once
 
 #include <utility>

@@ -1,4 +1,4 @@
-// Which pixels of a depth field's levels it takes to answer what is asked in a window of the image.
+// The pixels of each level of a depth field that queries in a window of the image need.
 #pragma once
 
 #include "src/field/field_pyramid.h"

@@ -1,5 +1,5 @@
-// What a timeline keeps of the last frames. The time keeping is one for all (surface_timeline.cpp);
-// the surfaces are made on the CPU or on a GPU.
+// The surfaces of the last frames, for a timeline. The time keeping is one for all
+// (surface_timeline.cpp); the surfaces are made on the CPU or on a GPU.
 #pragma once
 
 #include <memory>
@@ -54,8 +54,8 @@ class FrameSlots {
   /// `motion` times the way. A field is made for what is asked in a window at least.
   virtual SurfaceStats take(int slot, const DepthImageView& frame, std::optional<double> motion,
                             const PixelWindow& asked, double interval, ThreadPool& pool) = 0;
-  /// As SurfaceTimeline::go_on_from.
-  virtual Status go_on_from(std::string_view state) = 0;
+  /// As SurfaceTimeline::resume_from.
+  virtual Status resume_from(std::string_view state) = 0;
   virtual const SurfaceView& surfaces(int slot) const = 0;
   /// The points of a slot's frame as they were seen, in host memory.
   virtual PointCloud seen_cloud(int slot, ThreadPool& pool) = 0;

@@ -49,8 +49,8 @@ class FrameSlotsCpu final : public FrameSlots {
     return stats;
   }
 
-  Status go_on_from(std::string_view state) override {
-    return averager_ ? averager_->go_on_from(state) : without_averages();
+  Status resume_from(std::string_view state) override {
+    return averager_ ? averager_->resume_from(state) : without_averages();
   }
 
   const SurfaceView& surfaces(int slot) const override {

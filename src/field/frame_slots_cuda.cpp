@@ -91,9 +91,9 @@ class FrameSlotsCuda final : public FrameSlots {
     return slot.estimator.stats();
   }
 
-  Status go_on_from(std::string_view state) override {
+  Status resume_from(std::string_view state) override {
     if (!averager_) return without_averages();
-    if (Status status = averager_->go_on_from(stream_, state); !status) return status;
+    if (Status status = averager_->resume_from(stream_, state); !status) return status;
     stream_.wait();
     return this->status();
   }

@@ -1,5 +1,5 @@
-// What a camera that moves remembers: frames from where it has been, as further views of the depth
-// hull (docs/decisions/0036-key-frames.md).
+// Key frames, the memory of a moving camera: frames from earlier poses, as further views of the
+// depth hull (docs/decisions/0036-key-frames.md).
 #pragma once
 
 #include <cstdint>

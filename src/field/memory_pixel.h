@@ -1,4 +1,4 @@
-// What one pixel remembers of what it has seen (docs/decisions/0033-memory.md): shared code for CPU
+// Memory of one pixel (docs/decisions/0033-memory.md): shared code for CPU
 // and GPU.
 #pragma once
 

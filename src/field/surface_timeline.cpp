@@ -155,8 +155,8 @@ SurfaceStats SurfaceTimeline::push(const DepthImageView& frame, double time, Thr
   return d.slots->take(d.newest, image, motion, asked, interval, pool);
 }
 
-Status SurfaceTimeline::go_on_from(std::string_view state) {
-  return impl_->slots->go_on_from(state);
+Status SurfaceTimeline::resume_from(std::string_view state) {
+  return impl_->slots->resume_from(state);
 }
 
 SurfaceBlend SurfaceTimeline::at(double time) const {

@@ -100,8 +100,8 @@ Result<CheckedCoupling> check_coupling(const CouplingOptions& options, const Dev
   if (damping < wanted) {
     const double lowered = o.damping_ratio * damping / wanted;
     // Nobody asked for the default.
-    const bool is_asked_for = options.damping_ratio != CouplingOptions{}.damping_ratio;
-    if (is_asked_for)
+    const bool is_requested = options.damping_ratio != CouplingOptions{}.damping_ratio;
+    if (is_requested)
       checked.warnings.push_back("the damping ratio is lowered from " + number(o.damping_ratio) +
                                  " to " + number(lowered) + ", the device's " +
                                  number(limits.max_damping) +
@@ -112,14 +112,14 @@ Result<CheckedCoupling> check_coupling(const CouplingOptions& options, const Dev
   // As large as the tool is in the hand. What the hand does not feel needs no limit: only the tool
   // hangs on it.
   const double radius = radius_of_gyration(tool) / o.motion_scale;
-  const bool is_felt = limits.max_torque > 0;
+  const bool has_torque = limits.max_torque > 0;
   const Axis turn{o.tool_mass * radius * radius,
                   limits.angular_damping,
-                  is_felt ? limits.max_angular_stiffness : 0,
+                  has_torque ? limits.max_angular_stiffness : 0,
                   0,
                   o.damping_ratio,
                   tick_seconds};
-  if (is_felt || o.angular_stiffness == 0) {
+  if (has_torque || o.angular_stiffness == 0) {
     settle(turn, "angular coupling stiffness", "N m/rad", o.stiffness * radius * radius,
            o.angular_stiffness, checked.warnings);
   }

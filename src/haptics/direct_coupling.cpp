@@ -113,8 +113,8 @@ class DirectCoupling final : public Coupling {
     CouplingStep step;
     step.X_WT = X_WT_;
     step.X_WT_hand = held.X_WT;
-    const Wrench felt = contact_.felt(X_WT_);
-    step.contact_W = felt + friction_.step(contact, felt, X_WT_, h);
+    const Wrench F_C_W = contact_.exact_wrench(X_WT_);
+    step.contact_W = F_C_W + friction_.step(contact, F_C_W, X_WT_, h);
     step.F_H_B = hand_.at_handle(step.contact_W);
     return step;
   }
@@ -127,7 +127,7 @@ class DirectCoupling final : public Coupling {
   Pose X_WT_;
 };
 
-/// The tool is moved, and what it meets is told.
+/// The tool follows the hand; its contact is reported, and the device gets no force.
 class NoCoupling final : public Coupling {
  public:
   NoCoupling(const CouplingOptions& options, const MassProperties& tool)
@@ -157,7 +157,7 @@ class NoCoupling final : public Coupling {
     step.contact_W = met + friction_.step(contact, met, step.X_WT, step_length(dt));
     return step;
   }
-  bool is_felt() const noexcept override { return false; }
+  bool drives_device() const noexcept override { return false; }
 
  private:
   Hand hand_;

@@ -18,7 +18,7 @@ void ForceGate::step(const Input& input) noexcept {
   has_begun_ = true;
   const double most = options_.max_recoveries;
   if (input.dt > 0) budget_ = std::min(budget_ + input.dt / kMinute * most, most);
-  is_asked_for_ = (is_asked_for_ || input.is_asked_for) && state_ != ForceState::engaged;
+  is_requested_ = (is_requested_ || input.is_requested) && state_ != ForceState::engaged;
   const bool has_force = state_ == ForceState::waiting || state_ == ForceState::engaged;
   if (input.fault != Fault::none && has_force) return fail(input.fault, input.time);
   // What lasts takes the place of what would have passed.
@@ -58,11 +58,11 @@ void ForceGate::step_waiting(const Input& input) noexcept {
   num_quiet_ = input.is_ready && input.is_quiet ? num_quiet_ + 1 : 0;
   const bool has_waited =
       !is_after_fault_ && waiting_seconds(input.time) >= options_.engage_timeout;
-  if (!input.is_ready || !(num_quiet_ >= options_.engage_ticks || has_waited || is_asked_for_)) {
+  if (!input.is_ready || !(num_quiet_ >= options_.engage_ticks || has_waited || is_requested_)) {
     return;
   }
   if (is_after_fault_) budget_ -= 1;
-  is_after_fault_ = is_asked_for_ = false;
+  is_after_fault_ = is_requested_ = false;
   state_ = ForceState::engaged;
   gain_ = options_.ramp_seconds > 0 ? 0 : 1;
 }
@@ -89,7 +89,7 @@ void ForceGate::step_off(const Input& input) noexcept {
     return;
   }
   if (input.fault != Fault::none || input.time < well_since_) well_since_ = input.time;
-  if (is_asked_for_) {
+  if (is_requested_) {
     state_ = ForceState::off;
     budget_ = options_.max_recoveries;
   } else if (budget_ < 1) {

@@ -50,7 +50,7 @@ double dot6(const Vec6& a, const Vec6& b) {
   return dot(a.linear, b.linear) + dot(a.angular, b.angular);
 }
 
-/// Whether speeds can be told of a step.
+/// Whether a step is long enough for a velocity.
 bool is_time(double dt) { return dt > 1e-9; }
 
 /// Share of a wave of texture that is left at so many of them per second: all of it up to half the
@@ -103,8 +103,8 @@ bool PatchFriction::touch(const LocalContact& contact, const Wrench& contact_W, 
   }
   const Vec3d n = contact_W.force / force;
   // What holds stays as long as it is; only its direction turns with the surface.
-  if (!(dot(state_.normal_W, n) > 0)) state_.bristle_turn = 0;
-  state_.bristle_W = turned_along(state_.bristle_W, state_.normal_W, n);
+  if (!(dot(state_.normal_W, n) > 0)) state_.bristle_rotation = 0;
+  state_.bristle_W = rotated_along(state_.bristle_W, state_.normal_W, n);
   state_.normal_W = n;
 
   const double mu = std::clamp(
@@ -139,7 +139,7 @@ bool PatchFriction::touch(const LocalContact& contact, const Wrench& contact_W, 
 PatchFriction::Grip PatchFriction::hold(const TouchedPatch& patch, const Vec3d& slid,
                                         const Mat3s& compliance, double dt) const noexcept {
   const Vec3d t = patch.slides[0].linear, u = patch.slides[1].linear;
-  const Vec3d before{dot(state_.bristle_W, t), dot(state_.bristle_W, u), state_.bristle_turn};
+  const Vec3d before{dot(state_.bristle_W, t), dot(state_.bristle_W, u), state_.bristle_rotation};
   const double damping = is_time(dt) ? damping_time_ * stiffness_ / dt : 0,
                k = stiffness_ + damping;
   // What grows with speed is a damper beside it.
@@ -179,10 +179,10 @@ PatchFriction::Grip PatchFriction::hold(const TouchedPatch& patch, const Vec3d& 
 
 void PatchFriction::keep(const TouchedPatch& patch, const Grip& grip, double dt) noexcept {
   const Vec3d t = patch.slides[0].linear, u = patch.slides[1].linear;
-  const Vec3d before{dot(state_.bristle_W, t), dot(state_.bristle_W, u), state_.bristle_turn};
+  const Vec3d before{dot(state_.bristle_W, t), dot(state_.bristle_W, u), state_.bristle_rotation};
   const double slipped = grip.is_sliding ? norm(grip.slid - (grip.bristle - before)) : 0;
   state_.bristle_W = grip.bristle.x * t + grip.bristle.y * u;
-  state_.bristle_turn = grip.bristle.z;
+  state_.bristle_rotation = grip.bristle.z;
   state_.is_sliding = grip.is_sliding;
   state_.speed = is_time(dt) ? slipped / dt : 0;
   state_.distance = std::fmod(state_.distance + slipped, kTextureLengths * texture_.length);

@@ -32,10 +32,10 @@ const HeldTool& Hand::follow(const DeviceState& state) noexcept {
   if (!state.is_valid || !is_finite(state.X_BH)) return held_;
   if (!(norm(state.X_BH.translation) < kFarthest)) return held_;
   X_BH_ = state.X_BH;
-  const bool lets_go = has_pose_ && is_let_go(state);
-  if (is_clutched_ && !lets_go) hold(held_.X_WT);
-  is_clutched_ = lets_go;
-  if (lets_go) return held_;
+  const bool is_clutched = has_pose_ && is_clutch_pressed(state);
+  if (is_clutched_ && !is_clutched) hold(held_.X_WT);
+  is_clutched_ = is_clutched;
+  if (is_clutched) return held_;
   has_pose_ = true;
   place(X_BH_);
   if (!(norm(state.V_BH.linear) < kFastest && norm(state.V_BH.angular) < kFastest)) return held_;
@@ -54,7 +54,7 @@ const HeldTool& Hand::follow(const DeviceState& state) noexcept {
   return held_;
 }
 
-bool Hand::is_let_go(const DeviceState& state) const noexcept {
+bool Hand::is_clutch_pressed(const DeviceState& state) const noexcept {
   const int button = options_.clutch_button;
   return options_.clutch || (button > 0 && ((state.buttons >> (button - 1)) & 1u) != 0);
 }

@@ -41,7 +41,7 @@ class Hand {
   const Pose& X_BH() const noexcept { return X_BH_; }
 
  private:
-  bool is_let_go(const DeviceState& state) const noexcept;
+  bool is_clutch_pressed(const DeviceState& state) const noexcept;
   void hold(const Pose& X_WT) noexcept;
   void place(const Pose& X_BH) noexcept;
   Vec3d beyond_workspace(const Vec3d& p_W) const noexcept;

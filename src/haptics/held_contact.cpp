@@ -73,7 +73,7 @@ Wrench HeldContact::wrench(const Pose& X_WT) const noexcept {
   return pushes(line) ? limit_contact(contact_, line) : line;
 }
 
-Wrench HeldContact::felt(const Pose& X_WT) const noexcept {
+Wrench HeldContact::exact_wrench(const Pose& X_WT) const noexcept {
   return hold_ == ContactHold::interpolation ? between() : contact_.at(X_WT);
 }
 

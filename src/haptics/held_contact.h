@@ -1,4 +1,4 @@
-// Contact as a coupling meets it between two queries.
+// The contact of a coupling between two queries: held, or extrapolated.
 #pragma once
 
 #include "palpate/haptics/coupling.h"
@@ -23,7 +23,7 @@ class HeldContact {
   /// and pulls, so that a solver finds the end: see `pushes`.
   Wrench wrench(const Pose& X_WT) const noexcept;
   /// The wrench on the tool at this pose, as it is.
-  Wrench felt(const Pose& X_WT) const noexcept;
+  Wrench exact_wrench(const Pose& X_WT) const noexcept;
   /// Whether a wrench that a solver has arrived at is still one of contact.
   bool pushes(const Wrench& wrench) const noexcept;
   bool is_there() const noexcept { return is_there_; }

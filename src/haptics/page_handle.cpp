@@ -22,7 +22,7 @@ Error refused(const char* format, auto... values) {
 }  // namespace
 
 struct PageHandle::Mailbox {
-  TripleBuffer<News> news;
+  TripleBuffer<Update> news;
 };
 
 PageHandle::PageHandle() : mailbox_(std::make_unique<Mailbox>()) {}
@@ -57,7 +57,7 @@ Status PageHandle::move(PageNumber page, const Pose& X_BH, double now) {
                                                  : "another page holds the tool"};
   }
   if (const Status status = check(X_BH, now); !status) return status.error();
-  told_grip_ = grip_;
+  sent_grip_ = grip_;
   last_time_ = now;
   last_X_BH_ = {X_BH.translation, normalized(X_BH.rotation)};
   mailbox_->news.publish({grip_, true, now, last_X_BH_});
@@ -74,7 +74,7 @@ Status PageHandle::check(const Pose& X_BH, double now) const {
     return refused("the rotation of the hand must be a unit quaternion; its length is %.4g",
                    length);
   }
-  if (told_grip_ != grip_) return Done{};
+  if (sent_grip_ != grip_) return Done{};
   const double seconds = std::max(now - last_time_, 0.0) + kBunch;
   const double way = norm(X_BH.translation - last_X_BH_.translation);
   const double turn = norm(rotation_between(last_X_BH_.rotation, normalized(X_BH.rotation)));
@@ -85,13 +85,13 @@ Status PageHandle::check(const Pose& X_BH, double now) const {
       way, turn, kFastest, kFastestTurn);
 }
 
-void PageHandle::let_go(PageNumber page) {
+void PageHandle::release(PageNumber page) {
   if (page == 0 || page != holder_) return;
   holder_ = 0;
   mailbox_->news.publish({grip_, false, last_time_, last_X_BH_});
 }
 
-const PageHandle::News* PageHandle::heard() noexcept {
+const PageHandle::Update* PageHandle::newest() noexcept {
   return mailbox_->news.refresh() ? &mailbox_->news.value() : nullptr;
 }
 

@@ -66,8 +66,8 @@ class ProxyCoupling final : public Coupling {
     CouplingStep step;
     step.X_WT = X_WT_shown_;
     step.X_WT_hand = held.X_WT;
-    const Wrench felt = contact_.felt(X_WT_shown_);
-    step.contact_W = {felt.force + along_surface_.linear, felt.torque + along_surface_.angular};
+    const Wrench F_C_W = contact_.exact_wrench(X_WT_shown_);
+    step.contact_W = {F_C_W.force + along_surface_.linear, F_C_W.torque + along_surface_.angular};
     const Vec6 stretch = stretch_between(X_WT_shown_, X_WT_shown_ * c_T_, held);
     step.F_H_B = hand_.at_handle(to_wrench(-1 * (spring_.rates(stretch) * stretch)));
     step.stretch = norm(stretch.linear);
@@ -92,7 +92,7 @@ class ProxyCoupling final : public Coupling {
     const bool has_friction = contact_.is_there() && friction_.is_on(contact_.newest());
     TouchedPatch patch;
     const bool touches =
-        has_friction && friction_.touch(contact_.newest(), contact_.felt(X_WT_), dt, patch);
+        has_friction && friction_.touch(contact_.newest(), contact_.exact_wrench(X_WT_), dt, patch);
     if (!contact_.is_there()) friction_.reset();
     for (int i = 0; i < kMaxIterations; ++i) {
       Vec6 move;

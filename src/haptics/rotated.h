@@ -1,4 +1,4 @@
-// Turning a pose by a rotation vector.
+// Rotates a pose by a rotation vector.
 #pragma once
 
 #include "src/math/internal/rotation_vector.h"

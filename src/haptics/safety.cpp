@@ -146,7 +146,7 @@ void SafetyFilter::step_gate(const Wrench& wanted, const SafetyInput& input, dou
                  is_fresh(input.sensor_age, options_.max_sensor_age);
   now.is_quiet = input.is_free || norm(wanted.force) < options_.engage_force;
   now.is_permitted = !options_.dead_man || (input.state.buttons & 1u) != 0;
-  now.is_asked_for = input.is_asked_for || (is_off && is_pressed);
+  now.is_requested = input.is_requested || (is_off && is_pressed);
   gate_.step(now);
 
   if (status_.fault == Fault::none && gate_.fault() != Fault::none) fade_from_ = last_;

@@ -15,7 +15,7 @@ inline Vec3d first_tangent(const Vec3d& n) {
 
 /// A vector along the surface with normal `from`, turned with the normal the short way to `to`. Its
 /// length stays. Nothing is left of it if the normal turns over.
-inline Vec3d turned_along(const Vec3d& v, const Vec3d& from, const Vec3d& to) {
+inline Vec3d rotated_along(const Vec3d& v, const Vec3d& from, const Vec3d& to) {
   const double cosine = dot(from, to);
   if (!(cosine > 0)) return {};
   return v - (from + to) * (dot(v, to) / (1 + cosine));

@@ -85,8 +85,8 @@ class VirtualCoupling final : public Coupling {
     CouplingStep step;
     step.X_WT = X_WT_;
     step.X_WT_hand = held.X_WT;
-    const Wrench felt = contact_.felt(X_WT_);
-    step.contact_W = to_wrench(to_vec6(felt) + along_surface_ + damping_wrench(norm(felt.force)));
+    const Wrench F_C_W = contact_.exact_wrench(X_WT_);
+    step.contact_W = to_wrench(to_vec6(F_C_W) + along_surface_ + damping_wrench(norm(F_C_W.force)));
     const Vec6 stretch = stretch_between(X_WT_, p_WC_, held);
     const Spring::Rates rates = spring_.rates(stretch);
     const Vec6 on_tool = rates * stretch + damping(rates) * (held.velocity - velocity_);
@@ -173,7 +173,8 @@ class VirtualCoupling final : public Coupling {
     const double resistance = dt + contact_damping_time();
     Mat6 sums = sum(a, dt * resistance, contact_.stiffness());
     TouchedPatch patch;
-    const bool touches = friction_.touch(contact_.newest(), contact_.felt(X_WT_), dt, patch);
+    const bool touches =
+        friction_.touch(contact_.newest(), contact_.exact_wrench(X_WT_), dt, patch);
     if (touches) damp(dt, patch, sums);
     Factor6 factor;
     if (!factor.set(sums)) return false;

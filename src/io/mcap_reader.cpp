@@ -71,8 +71,8 @@ Status McapReader::Impl::unpack(std::string_view records, std::string_view compr
     chunk = std::string(records);
     return Done{};
   }
-  const auto told = ZSTD_getFrameContentSize(records.data(), records.size());
-  if (size > kLargest || told != size) return damaged("a compressed chunk has a wrong size");
+  const auto declared = ZSTD_getFrameContentSize(records.data(), records.size());
+  if (size > kLargest || declared != size) return damaged("a compressed chunk has a wrong size");
   chunk.resize(static_cast<std::size_t>(size));
   const auto got = ZSTD_decompress(chunk.data(), chunk.size(), records.data(), records.size());
   if (ZSTD_isError(got) != 0 || got != size) return damaged("a chunk cannot be unpacked");

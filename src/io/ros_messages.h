@@ -98,7 +98,7 @@ struct RosContact {
 };
 std::string ros_contact_message(const RosHeader& header, const RosContact& contact);
 
-/// Identifies an entity of DDS, as ROS 2 tells it to others from Iron on.
+/// Identifies an entity of DDS, as ROS 2 announces it from Iron on.
 using RosGid = std::array<std::uint8_t, 16>;
 /// rmw_dds_common/ParticipantEntitiesInfo of a participant with one node.
 struct RosEntities {
@@ -127,7 +127,7 @@ struct RosJointState {
   std::vector<std::string> names;
   std::vector<double> positions;  ///< of each, rad or m
 };
-/// sensor_msgs/JointState; those that tell nothing of positions have no names here.
+/// sensor_msgs/JointState; those without positions have no names here.
 Result<RosJointState> read_joint_state(std::string_view message);
 
 }  // namespace palpate::inline v0

@@ -73,8 +73,8 @@ class SqliteBag final : public BagReader {
                                         "'messages'; give one that ros2 bag wrote"};
     }
     if (!ask("SELECT id, name, type, serialization_format FROM topics")) return failure();
-    int told = 0;
-    while ((told = sqlite_.step(query_)) == kRow) {
+    int status = 0;
+    while ((status = sqlite_.step(query_)) == kRow) {
       const std::int64_t id = sqlite_.number(query_, 0);
       const std::string type = text(2), format = text(3);
       if (id < 0 || id > 65535) {
@@ -83,7 +83,7 @@ class SqliteBag final : public BagReader {
       }
       channels_[static_cast<std::uint16_t>(id)] = {text(1), format == "cdr" ? type : "", ""};
     }
-    if (told != kDone) return failure();
+    if (status != kDone) return failure();
     // In the order in which they were written.
     if (!ask("SELECT topic_id, timestamp, data FROM messages ORDER BY id")) return failure();
     return Done{};
@@ -94,10 +94,10 @@ class SqliteBag final : public BagReader {
 
   Result<std::optional<McapMessage>> next() override {
     for (;;) {
-      const int told = is_over_ ? kDone : sqlite_.step(query_);
-      is_over_ = told != kRow;
-      if (told == kDone) return std::optional<McapMessage>();
-      if (told != kRow) return failure();
+      const int status = is_over_ ? kDone : sqlite_.step(query_);
+      is_over_ = status != kRow;
+      if (status == kDone) return std::optional<McapMessage>();
+      if (status != kRow) return failure();
       const std::int64_t id = sqlite_.number(query_, 0);
       if (id < 0 || id > 65535 || !channels_.contains(static_cast<std::uint16_t>(id))) continue;
       const void* const data = sqlite_.blob(query_, 2);

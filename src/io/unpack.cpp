@@ -106,9 +106,9 @@ Status unpack_lz4(std::string_view packed, std::uint64_t size, std::string& to) 
     // It may take bytes and give none yet.
     for (;;) {
       std::size_t got = room, taken = packed.size();
-      const std::size_t told =
+      const std::size_t status =
           lz4->decompress(context.get(), place, &got, packed.data(), &taken, nullptr);
-      if (lz4->is_error(told) != 0) return 0;
+      if (lz4->is_error(status) != 0) return 0;
       packed.remove_prefix(taken);
       if (got > 0 || taken == 0) return got;
     }
@@ -130,9 +130,9 @@ Status unpack_bzip2(std::string_view packed, std::uint64_t size, std::string& to
     stream.avail_out = static_cast<unsigned>(room);
     while (!is_over && stream.avail_out == room) {
       const unsigned left = stream.avail_in;
-      const int told = bzip2->decompress(&stream);
-      is_over = told == kBzip2End;
-      if (told != kBzip2Ok && !is_over) return 0;
+      const int status = bzip2->decompress(&stream);
+      is_over = status == kBzip2End;
+      if (status != kBzip2Ok && !is_over) return 0;
       if (stream.avail_in == left && stream.avail_out == room) break;  // it has ended too early
     }
     return room - stream.avail_out;

@@ -1,4 +1,4 @@
-// Do two triangles meet? Answered without rounding, in integers.
+// Exact intersection test of two triangles, in integers.
 //
 // Coordinates are integers from 0 to 2^40. A plane test is then a determinant below 2^123, which a
 // 128-bit integer holds: no case needs a tolerance, and coplanar faces of CAD parts are just one

@@ -156,7 +156,7 @@ std::optional<Error> check_crossings(const TriangleMesh& mesh) {
                   "; remove the self-intersection (remesh or Boolean union) in a mesh editor");
 }
 
-void turn_inside_out(TriangleMesh& mesh, Shell& shell) {
+void flip_triangles(TriangleMesh& mesh, Shell& shell) {
   for (const std::uint32_t face : shell.faces) {
     std::swap(mesh.triangles[face][1], mesh.triangles[face][2]);
   }
@@ -170,11 +170,11 @@ std::optional<Error> orient(SolidMesh& solid, std::vector<Shell> shells) {
   std::size_t num_turned = 0;
   for (std::size_t body = 0; body < shells.size(); ++body) {
     if (!enclosing[body].empty() || shells[body].signed_volume > 0) continue;
-    turn_inside_out(solid.mesh, shells[body]);
+    flip_triangles(solid.mesh, shells[body]);
     ++num_turned;
     for (std::size_t inner = 0; inner < shells.size(); ++inner) {
       if (std::count(enclosing[inner].begin(), enclosing[inner].end(), body)) {
-        turn_inside_out(solid.mesh, shells[inner]);
+        flip_triangles(solid.mesh, shells[inner]);
       }
     }
   }

@@ -1,4 +1,4 @@
-// The few repairs that do not change the solid that a mesh means.
+// Repairs of a mesh that do not change its solid.
 #pragma once
 
 #include <cstddef>

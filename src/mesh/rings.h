@@ -1,4 +1,4 @@
-// What round meshes are made of: circles of vertices and the faces between them.
+// Parts of round meshes: circles of vertices and the faces between them.
 #pragma once
 
 #include <cmath>

@@ -1,4 +1,4 @@
-// Does a surface cross or touch itself?
+// Finds self-intersections of a surface.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// The closed parts of a mesh, and which of them lies inside which.
+// The closed parts of a mesh and their nesting.
 #pragma once
 
 #include <cstddef>

@@ -1,4 +1,4 @@
-// Where the next spheres fit around a sphere that was just inserted.
+// Finds places for the next spheres around a sphere that was just inserted.
 #pragma once
 
 #include <vector>

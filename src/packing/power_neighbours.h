@@ -1,4 +1,4 @@
-// Which planes bound the power cell of a sphere.
+// The planes that bound the power cell of a sphere.
 #pragma once
 
 #include <cstdint>

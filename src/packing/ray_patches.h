@@ -1,4 +1,4 @@
-// Directions to look into, in bundles.
+// Bundles of ray directions.
 #pragma once
 
 #include <cstddef>

@@ -1,4 +1,4 @@
-// The spheres inserted so far, so that the near ones are found fast whatever their size.
+// The spheres inserted so far, with a fast search for near ones of any size.
 #pragma once
 
 #include <cstdint>

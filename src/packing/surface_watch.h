@@ -1,4 +1,4 @@
-// How far the surface is from the spheres inserted so far.
+// Distances of the surface from the spheres inserted so far.
 #pragma once
 
 #include <cstdint>

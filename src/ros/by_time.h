@@ -1,4 +1,4 @@
-// What was told of at times, in their order.
+// Samples in the order of their times.
 #pragma once
 
 #include <algorithm>

@@ -1,5 +1,5 @@
-// What is called of Cyclone DDS, declared by ourselves: nothing of it is needed to build Palpate.
-// Only functions of its public header dds.h; numbers as there, the same from 0.10 to 11.
+// The functions of Cyclone DDS that Palpate calls, with declarations of our own: it is not needed
+// to build. Only functions of its public header dds.h; numbers as there, the same from 0.10 to 11.
 #pragma once
 
 #include <cstddef>

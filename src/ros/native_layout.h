@@ -36,7 +36,7 @@ class NativeLayout {
 
   std::size_t size() const { return size_; }
   std::size_t align() const { return align_; }
-  /// The program that tells Cyclone DDS.
+  /// The description for Cyclone DDS.
   std::vector<std::uint32_t> program() const;
 
   /// Error: a damaged message.

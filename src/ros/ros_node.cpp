@@ -160,10 +160,10 @@ class Publisher final : public RosPublisher {
 class Subscription final : public RosSubscription {
  public:
   Subscription(std::shared_ptr<Node> node, DdsEntity& participant, DdsEndpoint reader,
-               RosNode::Heard heard)
+               RosNode::MessageHandler handler)
       : registration_(std::move(node), reader.gid(), false),
         reader_(std::move(reader)),
-        heard_(std::move(heard)) {
+        received_(std::move(handler)) {
     const dds::Api& api = *dds::api();
     ending_ = DdsEntity(api.create_guard_condition(participant.get()));
     waitset_ = DdsEntity(api.create_waitset(participant.get()));
@@ -203,14 +203,14 @@ class Subscription final : public RosSubscription {
     dds::SampleInfo infos[kMost];
     const auto num = dds::api()->take(reader_.endpoint.get(), samples, infos, kMost, kMost);
     for (int i = 0; i < num && !is_ending_; ++i) {
-      if (infos[i].has_data) heard_(reader_.type->layout.from_native(samples[i]));
+      if (infos[i].has_data) received_(reader_.type->layout.from_native(samples[i]));
     }
     if (num > 0) dds::api()->return_loan(reader_.endpoint.get(), samples, num);
   }
 
   const Registration registration_;  // goes last
   const DdsEndpoint reader_;
-  const RosNode::Heard heard_;
+  const RosNode::MessageHandler received_;
   DdsEntity waitset_, ending_, data_;
   std::atomic<bool> is_ending_ = false;
   std::thread thread_;
@@ -264,11 +264,11 @@ class Node final : public RosNode {
 
   Result<std::unique_ptr<RosSubscription>> subscribe(const std::string& topic,
                                                      const std::string& type, const RosQos& qos,
-                                                     Heard heard) override {
+                                                     MessageHandler handler) override {
     auto reader = make_endpoint(participant_, name_of(topic), type, qos, false);
     if (!reader) return reader.error();
-    auto made =
-        std::make_unique<Subscription>(self(), participant_, *std::move(reader), std::move(heard));
+    auto made = std::make_unique<Subscription>(self(), participant_, *std::move(reader),
+                                               std::move(handler));
     if (const Status status = made->start(); !status) return status.error();
     return std::unique_ptr<RosSubscription>(std::move(made));
   }
@@ -281,7 +281,7 @@ class Node final : public RosNode {
     auto& gids = is_writer ? entities_.writers : entities_.readers;
     if (is_there) gids.push_back(gid);
     if (!is_there) std::erase(gids, gid);
-    tell_entities();
+    announce_entities();
   }
 
  private:
@@ -303,10 +303,10 @@ class Node final : public RosNode {
     if (!writer) return writer.error();
     graph_ = *std::move(writer);
     const std::lock_guard lock(mutex_);
-    tell_entities();
+    announce_entities();
     return Done{};
   }
-  void tell_entities() {
+  void announce_entities() {
     if (graph_.endpoint.is_good()) write(graph_, entities_message(entities_));
   }
 

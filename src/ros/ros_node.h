@@ -1,4 +1,4 @@
-// One node of ROS 2 in this process: what it publishes, what it hears, and how it shows in the
+// One node of ROS 2 in this process: what it publishes and receives, and how it appears in the
 // graph. Messages are bytes as src/io makes and reads them.
 #pragma once
 
@@ -17,7 +17,7 @@ namespace palpate::inline v0 {
 
 /// What publishers offer and subscribers ask for.
 struct RosQos {
-  bool is_reliable = true;  ///< else best effort, which hears both kinds of publishers
+  bool is_reliable = true;  ///< else best effort, which matches both kinds of publishers
   bool is_kept = false;     ///< transient local: who comes later gets the last ones too
   int depth = 10;
 
@@ -44,7 +44,7 @@ class RosPublisher {
   virtual int num_readers() const = 0;
 };
 
-/// Hears in a thread of its own; nothing is heard any more once it is gone.
+/// Calls its handler in a thread of its own, and never after it is destroyed.
 class RosSubscription {
  public:
   virtual ~RosSubscription() = default;
@@ -59,7 +59,7 @@ struct RosTopic {
 
 class RosNode : public std::enable_shared_from_this<RosNode> {
  public:
-  /// The node with these options: one in this process, as long as somebody has it. Errors: no
+  /// The node with these options: one in this process, while it is in use. Errors: no
   /// Cyclone DDS here; what it says.
   static Result<std::shared_ptr<RosNode>> join(const RosNodeOptions& options);
   static Result<std::shared_ptr<RosNode>> join();  ///< with those of the environment
@@ -70,10 +70,11 @@ class RosNode : public std::enable_shared_from_this<RosNode> {
   virtual Result<std::unique_ptr<RosPublisher>> publish(const std::string& topic,
                                                         const std::string& type,
                                                         const RosQos& qos) = 0;
-  using Heard = std::function<void(std::string_view message)>;
+  using MessageHandler = std::function<void(std::string_view message)>;
   virtual Result<std::unique_ptr<RosSubscription>> subscribe(const std::string& topic,
                                                              const std::string& type,
-                                                             const RosQos& qos, Heard heard) = 0;
+                                                             const RosQos& qos,
+                                                             MessageHandler handler) = 0;
   /// What others and we publish, as far as it is known by now.
   virtual std::vector<RosTopic> topics() = 0;
 };

@@ -24,25 +24,25 @@ void TfHistory::add(const RosStampedTransform& transform, bool is_static) {
     if (link.parents.size() == kMostParents) return;
     known = link.parents.insert(known, parent);
   }
-  if (is_static || link.is_static) link.told.clear();
+  if (is_static || link.is_static) link.samples.clear();
   link.is_static = is_static;
   const auto number = static_cast<std::size_t>(known - link.parents.begin());
-  const Told told{transform.time, number, transform.X_PC};
-  std::isinf(kept_seconds_) ? insert_by_time(link.told, told)
-                            : insert_newest(link.told, told, kept_seconds_);
+  const Sample sample{transform.time, number, transform.X_PC};
+  std::isinf(kept_seconds_) ? insert_by_time(link.samples, sample)
+                            : insert_newest(link.samples, sample, kept_seconds_);
 }
 
-const TfHistory::Told& TfHistory::Link::before(double time) const {
-  const auto after = std::ranges::upper_bound(told, time, {}, &Told::time);
-  return after == told.begin() ? *after : *std::prev(after);
+const TfHistory::Sample& TfHistory::Link::before(double time) const {
+  const auto after = std::ranges::upper_bound(samples, time, {}, &Sample::time);
+  return after == samples.begin() ? *after : *std::prev(after);
 }
 
 std::optional<Pose> TfHistory::Link::in_parent(double time, double most_apart) const {
-  if (is_static) return told.front().X_PC;
-  const bool is_between = time >= told.front().time && time <= told.back().time;
-  if (!is_between || nearest_in_time(told, time) > most_apart) return std::nullopt;
-  const Told& a = before(time);
-  const Told& b = a.time == told.back().time ? a : *(&a + 1);
+  if (is_static) return samples.front().X_PC;
+  const bool is_between = time >= samples.front().time && time <= samples.back().time;
+  if (!is_between || nearest_in_time(samples, time) > most_apart) return std::nullopt;
+  const Sample& a = before(time);
+  const Sample& b = a.time == samples.back().time ? a : *(&a + 1);
   if (a.time == time || a.parent != b.parent) return a.X_PC;
   return interpolate(a.X_PC, b.X_PC, (time - a.time) / (b.time - a.time));
 }
@@ -93,7 +93,7 @@ double TfHistory::known_until(const std::string& a, const std::string& b, double
   for (const auto* chain : {&chains->of_a, &chains->of_b}) {
     for (const std::string& frame : *chain) {
       const Link& link = links_.at(frame);
-      if (!link.is_static) until = std::min(until, link.told.back().time);
+      if (!link.is_static) until = std::min(until, link.samples.back().time);
     }
   }
   return until;
@@ -102,9 +102,9 @@ double TfHistory::known_until(const std::string& a, const std::string& b, double
 bool TfHistory::is_moving(const std::string& a, const std::string& b) const {
   const auto moves = [&](const std::string& frame) {
     const Link& link = links_.at(frame);
-    const Told& first = link.told.front();
-    return std::ranges::any_of(link.told, [&](const Told& told) {
-      return told.parent != first.parent || !(told.X_PC == first.X_PC);
+    const Sample& first = link.samples.front();
+    return std::ranges::any_of(link.samples, [&](const Sample& sample) {
+      return sample.parent != first.parent || !(sample.X_PC == first.X_PC);
     });
   };
   const auto chains = chains_between(a, b, std::numeric_limits<double>::infinity());

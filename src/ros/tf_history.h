@@ -21,10 +21,10 @@ class TfHistory {
 
   void add(const RosStampedTransform& transform, bool is_static);
 
-  /// Frame B in frame A at a time, s since 1970, between what was told before and after it, by the
+  /// Frame B in frame A at a time, s since 1970, between the transforms before and after it, by the
   /// parents that frames had then. As in tf2, where a frame goes from one parent to another the
-  /// earlier one holds until it is told of the other. None: nothing joins them; a frame that moves
-  /// was told of only before or only after that time, or not within `most_apart` s of it.
+  /// earlier one holds until the later one. None: nothing joins them; a frame that moves
+  /// has samples only before or only after that time, or not within `most_apart` s of it.
   std::optional<Pose> find(const std::string& a, const std::string& b, double time,
                            double most_apart = 1) const;
   /// Until when all that moves between the two is known, s, by the parents of that time; infinity
@@ -35,12 +35,12 @@ class TfHistory {
   bool are_joined(const std::string& a, const std::string& b) const {
     return known_until(a, b) >= 0 || known_until(a, b, 0) >= 0;
   }
-  /// Whether anything between the two moves, as far as it was told.
+  /// Whether anything between the two moves, as far as is known.
   bool is_moving(const std::string& a, const std::string& b) const;
   std::vector<std::string> frames() const;
 
  private:
-  struct Told {
+  struct Sample {
     double time = 0;
     std::size_t parent = 0;  // number in Link::parents
     Pose X_PC;
@@ -48,8 +48,8 @@ class TfHistory {
   struct Link {
     std::vector<std::string> parents;  // that it had
     bool is_static = false;
-    std::vector<Told> told;
-    const Told& before(double time) const;  // the last one; else the first one
+    std::vector<Sample> samples;
+    const Sample& before(double time) const;  // the last one; else the first one
     const std::string& parent_at(double time) const { return parents[before(time).parent]; }
     std::optional<Pose> in_parent(double time, double most_apart) const;
   };

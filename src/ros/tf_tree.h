@@ -1,4 +1,4 @@
-// Frames of ROS 2 and how they lie to each other, as /tf and /tf_static tell.
+// Frames of ROS 2 and their relative poses, from /tf and /tf_static.
 #pragma once
 
 #include <map>

@@ -128,7 +128,7 @@ void ContactPart::carry(const Pose& X_WT) noexcept {
   }
 }
 
-/// The opposite of what the tool feels of it.
+/// The opposite of its wrench on the tool.
 MovingBodies::Push ContactPart::push_on(int body, const Pose& X_WT, double dt) const noexcept {
   const std::size_t object = moving_->object(body);
   const BodyMeasure& measured = world_.measured(kToolBody + 1 + static_cast<int>(object));
@@ -225,43 +225,43 @@ void HandPart::tick(const DeviceState& state, const ContactRecord& known, const 
   record.contact_number = known.number;
   record.frame_number = known.frame_number;
   record.is_stopping = is_stopping_ = is_stopping_ || flags.is_stopping;
-  record.is_force_asked_for = flags.is_force_asked_for;
+  record.is_force_requested = flags.is_force_requested;
   record.has_sensor_failed = flags.has_sensor_failed;
   record.has_backend_failed = flags.has_backend_failed;
-  if (!coupling_->is_felt()) return end_unfelt(record);
+  if (!coupling_->drives_device()) return end_without_force(record);
   if (is_stopping_) safety_.stop();
-  const Wrench& felt = record.step.contact_W;
+  const Wrench& contact_W = record.step.contact_W;
   const bool is_free = known.contact.is_valid && known.penetration.volume == 0 &&
-                       felt.force == Vec3d{} && felt.torque == Vec3d{};
+                       contact_W.force == Vec3d{} && contact_W.torque == Vec3d{};
   record.F_H_B =
       safety_.filter(record.step.F_H_B, {state.time, state, record.contact_age, record.sensor_age,
                                          flags.has_backend_failed, flags.has_sensor_failed,
-                                         flags.is_force_asked_for, is_free});
+                                         flags.is_force_requested, is_free});
   record.safety = safety_.status();
 }
 
-/// Nobody can be hurt: what the tool meets is told whenever it is measured.
-void HandPart::end_unfelt(TickRecord& record) noexcept {
+/// There is no force on a hand: the contact is reported whenever it is measured.
+void HandPart::end_without_force(TickRecord& record) noexcept {
   const Fault fault = record.is_stopping          ? Fault::stopped
                       : record.has_sensor_failed  ? Fault::sensor
                       : record.has_backend_failed ? Fault::backend
                                                   : Fault::none;
-  if (fault != Fault::none && unfelt_.fault == Fault::none) {
-    unfelt_.fault_time = record.device.time;
-    ++unfelt_.num_faults;
+  if (fault != Fault::none && status_without_force_.fault == Fault::none) {
+    status_without_force_.fault_time = record.device.time;
+    ++status_without_force_.num_faults;
   }
-  unfelt_.fault = fault;
-  unfelt_.state = fault == Fault::none ? ForceState::engaged
-                  : is_lasting(fault)  ? ForceState::ended
-                                       : ForceState::off;
-  unfelt_.gain = unfelt_.is_engaged() ? 1 : 0;
+  status_without_force_.fault = fault;
+  status_without_force_.state = fault == Fault::none ? ForceState::engaged
+                                : is_lasting(fault)  ? ForceState::ended
+                                                     : ForceState::off;
+  status_without_force_.gain = status_without_force_.is_engaged() ? 1 : 0;
   if (record.has_backend_failed) {
     record.step.contact_W = {};
     record.penetration = record.objects = {};
     record.penetration.status = StepStatus::backend_failed;
   }
   record.F_H_B = {};
-  record.safety = unfelt_;
+  record.safety = status_without_force_;
 }
 
 void HandPart::change(std::uint32_t revision, std::unique_ptr<Coupling>& coupling) noexcept {

@@ -1,4 +1,4 @@
-// What the tool touches where a camera sees what things are made of.
+// Material regions: the labels under a contact.
 #pragma once
 
 #include <memory>

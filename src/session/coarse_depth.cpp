@@ -12,7 +12,7 @@ namespace palpate::inline v0 {
 namespace {
 
 constexpr int kCellsAcross = 24;       // of the whole image's width
-constexpr int kFinerCellsAcross = 72;  // around a pixel that people chose
+constexpr int kFinerCellsAcross = 72;  // around a pixel that the user chose
 constexpr int kCellsAround = 5;        // in each direction, around such a pixel
 constexpr double kUsedShare = 0.75;    // of the image: a tool at its border leaves it
 constexpr double kMinValid = 0.3;      // of a cell's pixels
@@ -253,7 +253,7 @@ double CoarseDepth::mean_depth(int column, int row) const {
 DepthProfile CoarseDepth::profile(int column, int row) const {
   std::vector<double> times, depths;
   for (std::size_t k = 0; k < times_.size(); ++k) {
-    // A frame is felt until the next one comes: the middles of that time stand for it.
+    // A frame is used until the next one comes: the middle of that time stands for it.
     const int num_moments = std::clamp(static_cast<int>(std::ceil(period(k) / kMoment)), 1, 100);
     for (int i = 0; i < num_moments; ++i) {
       times.push_back(times_[k] + period(k) * (i + 0.5) / num_moments);

@@ -1,4 +1,4 @@
-// A depth stream at a glance: one depth per moment for each of a few cells of the image.
+// A coarse depth stream: one depth per 0.1 s for each of a few cells of the image.
 #pragma once
 
 #include <array>

@@ -52,7 +52,7 @@ Vec3d foremost(const Tool& tool, const Vec3d& direction_T) {
     const Vec3d p = to_double(s.centre) + direction_T * static_cast<double>(s.radius);
     if (dot(p, direction_T) > front) front = dot(p, direction_T), best = p;
   }
-  // To a micrometre, so that people read 0 where a packing means 0.
+  // To a micrometre, so that 0 is printed as 0.
   for (int i = 0; i < 3; ++i) best[i] = std::round(best[i] * 1e6) / 1e6 + 0.0;
   return best;
 }

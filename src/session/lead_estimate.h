@@ -19,7 +19,7 @@ class LeadEstimate {
 
   /// From this revision on surfaces are made anew with these settings.
   void begin(std::uint32_t revision, const RunSettings& settings);
-  /// The next frame. One that is missing, of those that were told, spoils the estimate until it
+  /// The next frame. A missing frame spoils the estimate until it
   /// begins anew. O(pixels) with an estimate, else O(1).
   void take(const RecordedDepth& frame);
 

@@ -1,4 +1,4 @@
-// How far back the surface of a depth frame looks.
+// The earlier frames that the surface of a depth frame depends on.
 #pragma once
 
 #include <algorithm>

@@ -8,7 +8,7 @@
 
 #include "src/session/coarse_depth.h"
 #include "src/session/lead_end.h"
-#include "src/session/probing_feeler.h"
+#include "src/session/probing_depths.h"
 #include "src/session/probing_motion.h"
 
 namespace palpate::inline v0 {
@@ -21,7 +21,7 @@ constexpr double kUnevenCost = 20;     // of a place, per unevenness
 constexpr double kAsideCost = 2;       // per distance from the image centre in half widths
 constexpr double kLost = 0.03;         // m away from where it wants to be: the tool lifts
 constexpr double kJumpMargin = 0.1;    // s, before and after a jump
-constexpr double kOffPoint = 0.1;  // m along z, between a point that people gave and the surface
+constexpr double kOffPoint = 0.1;      // m along z, between the user's point and the surface
 
 Error bad_aim(const char* format, auto... values) {
   char text[400];
@@ -29,7 +29,7 @@ Error bad_aim(const char* format, auto... values) {
   return {Errc::invalid_argument, text};
 }
 
-/// The pixel that people aim at; nullopt: none.
+/// The pixel that the user targets; nullopt: none.
 Result<std::optional<std::array<double, 2>>> aimed_pixel(const ProbeAim& aim,
                                                          const DepthStreamInfo& info) {
   if (!aim.pixel && !aim.point_W) return std::optional<std::array<double, 2>>();
@@ -101,7 +101,7 @@ Result<ProbeTarget> find_target(const CoarseDepth& scene) {
       "with --probe, or give a tool path with --path"};
 }
 
-/// The place that people aim at, in the middle of the cells around it.
+/// The user's target, in the middle of the cells around it.
 Result<ProbeTarget> aimed_target(const CoarseDepth& scene, const ProbeAim& aim) {
   ProbeTarget target{scene.columns() / 2, scene.rows() / 2, 0, 0};
   const auto [u, v] = scene.pixel(target.column, target.row);
@@ -248,7 +248,7 @@ Result<ProbingPath> probing_path(const OpenDepthSource& open, const Tool& tool,
 
   stream = open();
   if (!stream) return stream.error();
-  const auto depths = feel_stream(**stream, tool, motion, end);
+  const auto depths = probe_stream(**stream, tool, motion, end);
   if (!depths) return depths.error();
   const Plan moves = plan(motion, *depths, end);
 

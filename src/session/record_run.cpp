@@ -14,7 +14,7 @@ namespace palpate::inline v0 {
 namespace fs = std::filesystem;
 namespace {
 
-/// Tells people when the tool is mostly where no camera sees, and when it is not any more.
+/// Warns when most of the tool is in unseen space, and when it no longer is.
 class UnseenWatch {
  public:
   explicit UnseenWatch(double full_volume) : full_volume_(full_volume) {}
@@ -23,13 +23,13 @@ class UnseenWatch {
   std::string_view look(const TickRecord& tick) {
     const double share = tick.penetration.unseen_volume / full_volume_;
     // Somewhere in between it stays as it was.
-    const bool is_unseen = is_told_ ? share > kSeen : share > kUnseen;
-    if (is_unseen == is_told_) {
+    const bool is_unseen = is_reported_ ? share > kSeen : share > kUnseen;
+    if (is_unseen == is_reported_) {
       since_ = tick.time;
       return {};
     }
     if (tick.time - since_ < kPatience) return {};
-    is_told_ = is_unseen;
+    is_reported_ = is_unseen;
     return is_unseen ? "most of the tool is in unobserved space: the contact there is an assumption"
                      : "the cameras see the tool's surroundings again";
   }
@@ -38,14 +38,14 @@ class UnseenWatch {
   static constexpr double kUnseen = 0.5, kSeen = 0.25, kPatience = 0.25;  // s
 
   double full_volume_, since_ = 0;
-  bool is_told_ = false;
+  bool is_reported_ = false;
 };
 
-/// All that is kept of a run while it goes on; what the publishing thread calls.
-class Keeper {
+/// Records a run: the observer that the publishing thread calls.
+class RecordingObserver {
  public:
-  Keeper(const Tool& tool, double full_volume, const DepthSources& sources,
-         const RunOptions& options)
+  RecordingObserver(const Tool& tool, double full_volume, const DepthSources& sources,
+                    const RunOptions& options)
       : sources_(sources),
         unseen_(full_volume),
         unit_(tool, sources.infos()),
@@ -59,9 +59,9 @@ class Keeper {
 
   RunObserver observer() {
     RunObserver observer;
-    observer.on_moment = [this](const HandMoment& moment) {
-      recorder_->add_moment(moment);
-      tell(&RunObserver::on_moment, moment);
+    observer.on_hand_snapshot = [this](const HandSnapshot& snapshot) {
+      recorder_->add_hand_snapshot(snapshot);
+      tell(&RunObserver::on_hand_snapshot, snapshot);
     };
     observer.on_settings = [this](std::uint32_t revision, const RunSettings& settings) {
       recorder_->add_settings(revision, settings);
@@ -93,7 +93,7 @@ class Keeper {
     };
     return observer;
   }
-  /// Of the depth stream: told at once, recorded, and kept for the summary.
+  /// Of the depth stream: printed at once, recorded, and kept for the summary.
   void add_source_notes(double time) {
     for (DepthSource* source : sources_) {
       for (std::string& text : source->take_notes()) {
@@ -106,7 +106,7 @@ class Keeper {
     for (std::string& text : unit_.doubts()) add_source_note(time, std::move(text));
   }
   const std::vector<std::string>& source_notes() const { return source_notes_; }
-  /// Of people.
+  /// Of users.
   void add_marks() {
     if (monitor_ == nullptr) return;
     for (const auto& [time, text] : monitor_->marks.take()) recorder_->add_note(text, time);
@@ -143,7 +143,7 @@ class Keeper {
       recorder_->add_note(text);
       say(tick.time, text);
     }
-    for (const std::string& text : recorder_->take_news()) say(tick.time, text);
+    for (const std::string& text : recorder_->take_notes()) say(tick.time, text);
   }
   void say(double time, std::string_view text) const {
     if (say_) say_(time, text);
@@ -163,7 +163,7 @@ class Keeper {
   double time_ = 0;      // likewise, s
 };
 
-/// False if somebody wants the run to end.
+/// False to end the run.
 bool wait_for_end(RunLoop& loop, const RunOptions& options) {
   using Clock = std::chrono::steady_clock;
   const auto start = Clock::now();
@@ -205,7 +205,7 @@ Result<ChosenLoop> choose_loop(const Tool& tool, const DepthSources& sources, Ha
   return ChosenLoop{*std::move(loop), why_not_cuda};
 }
 
-/// What the loop tells when it has stopped.
+/// What the loop reports after it has stopped.
 void take_report(const RunLoop& loop, const Status& status, RunLog& log) {
   log.loop = loop.report();
   // A path that was played to its end is no failure.
@@ -235,8 +235,8 @@ Result<RunOutcome> record_run(const Tool& tool, const DepthSources& sources, Hap
   RunLog log;
   log.setup = {settings, sources.infos(), device.info(), 0, options.time_origin, options.probe};
   RunSettings& used = log.setup.settings;
-  Keeper keeper(tool, full_volume(tool, used.contact), sources, options);
-  auto chosen = choose_loop(tool, sources, device, used, options, keeper.observer());
+  RecordingObserver recording(tool, full_volume(tool, used.contact), sources, options);
+  auto chosen = choose_loop(tool, sources, device, used, options, recording.observer());
   if (!chosen) return chosen.error();
   RunLoop& loop = *chosen->loop;
   log.why_not_cuda = chosen->why_not_cuda;
@@ -256,39 +256,39 @@ Result<RunOutcome> record_run(const Tool& tool, const DepthSources& sources, Hap
   auto recorder = RunRecorder::create(folder->partial() / kRecordingFile, tool, log.setup,
                                       is_simulated, options.recording);
   if (!recorder) return recorder.error();
-  keeper.begin(*std::move(recorder),
-               RunResults(folder->partial(), tool, log.setup, !options.recording.is_bounded()));
+  recording.begin(*std::move(recorder),
+                  RunResults(folder->partial(), tool, log.setup, !options.recording.is_bounded()));
   if (const Status status = loop.start(); !status) return status.error();
   // From here on a folder of this name is kept, whatever happens to the program.
   if (const Status status = folder->commit(); !status) {
     loop.stop();
     return status.error();
   }
-  keeper.recorder().has_moved_to(folder->target());
+  recording.recorder().has_moved_to(folder->target());
 
-  const auto tell_of = [&](RunLoop* running) {
+  const auto notify_loop = [&](RunLoop* running) {
     if (options.monitor != nullptr && options.monitor->on_loop) {
       options.monitor->on_loop(running);
     }
   };
-  tell_of(&loop);
+  notify_loop(&loop);
   log.was_interrupted = !wait_for_end(loop, options);
-  tell_of(nullptr);
+  notify_loop(nullptr);
   const Status status = loop.status();
   loop.stop();
   take_report(loop, status, log);
-  keeper.add_marks();
-  keeper.add_source_notes(log.loop.seconds);
-  keeper.add_unit_doubts(log.loop.seconds);
-  for (const std::string& text : log.warnings) keeper.recorder().add_note(text);
-  if (!log.loop.ending.empty()) keeper.recorder().add_note(log.loop.ending);
-  log.warnings.insert(log.warnings.end(), keeper.source_notes().begin(),
-                      keeper.source_notes().end());
-  keeper.recorder().finish();
-  if (const std::string& trouble = keeper.recorder().trouble(); !trouble.empty()) {
+  recording.add_marks();
+  recording.add_source_notes(log.loop.seconds);
+  recording.add_unit_doubts(log.loop.seconds);
+  for (const std::string& text : log.warnings) recording.recorder().add_note(text);
+  if (!log.loop.ending.empty()) recording.recorder().add_note(log.loop.ending);
+  log.warnings.insert(log.warnings.end(), recording.source_notes().begin(),
+                      recording.source_notes().end());
+  recording.recorder().finish();
+  if (const std::string& trouble = recording.recorder().trouble(); !trouble.empty()) {
     log.add_not_kept(trouble);
   }
-  std::string summary = keeper.results().write(folder->target(), tool, loop.times(), log);
+  std::string summary = recording.results().write(folder->target(), tool, loop.times(), log);
   return RunOutcome{log.loop,         log.peaks,   used,         std::move(summary), log.warnings,
                     log.why_not_cuda, log.failure, log.not_kept, log.was_interrupted};
 }

@@ -141,7 +141,7 @@ void visit_fields(T& tick, auto&& visit) {
   visit("contact_number", tick.contact_number);
   visit("frame_number", tick.frame_number);
   visit("is_stopping", tick.is_stopping);
-  visit("is_force_asked_for", tick.is_force_asked_for);
+  visit("is_force_asked_for", tick.is_force_requested);
   visit("has_sensor_failed", tick.has_sensor_failed);
   visit("has_backend_failed", tick.has_backend_failed);
   visit("compute_nanoseconds", tick.compute_nanoseconds);
@@ -183,10 +183,10 @@ void visit_fields(T& contact, auto&& visit) {
   visit("is_valid", contact.is_valid);
 }
 
-template <Of<CameraMoment> T>
-void visit_fields(T& moment, auto&& visit) {
-  visit("camera_frame", moment.camera_frame);
-  visit("progress", moment.progress);
+template <Of<CameraBlend> T>
+void visit_fields(T& blend, auto&& visit) {
+  visit("camera_frame", blend.camera_frame);
+  visit("progress", blend.progress);
 }
 
 template <Of<ContactRecord> T>

@@ -80,7 +80,7 @@ void visit_fields(T& note, auto&& visit) {
   visit("text", note.text);
 }
 
-std::span<const CameraMoment> seen(const CameraMoments& cameras) {
+std::span<const CameraBlend> seen(const CameraBlends& cameras) {
   return {cameras.of, std::min<std::size_t>(cameras.num, kMostCameras)};
 }
 
@@ -109,9 +109,9 @@ struct Writer {
       const bool is_plain = value == Ground{};
       to.number(is_plain ? 0 : kGroundNumbers);
       if (!is_plain) visit_fields(value, *this);
-    } else if constexpr (std::same_as<T, CameraMoments>) {
+    } else if constexpr (std::same_as<T, CameraBlends>) {
       to.number(value.num);
-      for (const CameraMoment& moment : seen(value)) visit_fields(moment, *this);
+      for (const CameraBlend& blend : seen(value)) visit_fields(blend, *this);
     } else if constexpr (std::same_as<T, BodyPoses>) {
       to.number(value.num);
       for (const Pose& X_WB : poses(value)) visit_fields(X_WB, *this);
@@ -149,7 +149,7 @@ struct Reader {
       if (from.num_left() > 0 && from.number<std::uint32_t>() == kGroundNumbers) {
         visit_fields(value, *this);
       }
-    } else if constexpr (std::same_as<T, CameraMoments>) {
+    } else if constexpr (std::same_as<T, CameraBlends>) {
       value.num = from.number<std::uint32_t>();
       for (std::uint32_t k = 0; k < value.num && k < kMostCameras; ++k) {
         visit_fields(value.of[k], *this);
@@ -194,8 +194,8 @@ std::string type_name() {
   if constexpr (std::same_as<T, Penetration>) return "palpate_msgs/Penetration";
   if constexpr (std::same_as<T, ContactPatch>) return "palpate_msgs/ContactPatch";
   if constexpr (std::same_as<T, LocalContact>) return "palpate_msgs/LocalContact";
-  if constexpr (std::same_as<T, CameraMoment>) return "palpate_msgs/CameraMoment";
-  if constexpr (std::same_as<T, CameraMoments>) return "palpate_msgs/CameraMoment[]";
+  if constexpr (std::same_as<T, CameraBlend>) return "palpate_msgs/CameraMoment";
+  if constexpr (std::same_as<T, CameraBlends>) return "palpate_msgs/CameraMoment[]";
   if constexpr (std::same_as<T, BodyPoses>) return "geometry_msgs/Pose[]";
   if constexpr (std::same_as<T, ContactRecord>) return "palpate_msgs/ContactRecord";
   if constexpr (std::same_as<T, DeviceState>) return "palpate_msgs/DeviceState";
@@ -224,8 +224,8 @@ struct Describer {
                               std::same_as<T, Stiffness> || std::same_as<T, Numbers> ||
                               std::same_as<T, BodyPoses> || std::same_as<T, Ground> ||
                               std::same_as<T, Bytes>;
-    if constexpr (std::same_as<T, CameraMoments>) {
-      describe(CameraMoment{});
+    if constexpr (std::same_as<T, CameraBlends>) {
+      describe(CameraBlend{});
     } else if constexpr (!is_plain) {
       if (type.starts_with("palpate_msgs/") && texts.count(type) == 0) describe(value);
     }
@@ -275,7 +275,7 @@ struct Flattener {
     const std::string at = place + (place.empty() ? "" : "/") + name;
     if constexpr (Scalar<T>) {
       put(at, value);
-    } else if constexpr (std::same_as<T, CameraMoments>) {
+    } else if constexpr (std::same_as<T, CameraBlends>) {
       for (std::uint32_t k = 0; k < value.num && k < kMostCameras; ++k) {
         visit_fields(value.of[k], Flattener{values, at + "/" + std::to_string(k)});
       }

@@ -27,7 +27,7 @@ struct RunSetup {
 };
 
 /// Is it known how much of the tool no camera sees?
-inline bool tells_unseen(const RunSetup& setup) {
+inline bool reports_unseen(const RunSetup& setup) {
   const RunSettings& settings = setup.settings;
   return settings.contact.method == MethodKind::field &&
          (setup.streams.size() > 1 || settings.backend.value_or(Backend::cpu) == Backend::cpu);
@@ -41,7 +41,7 @@ struct PartStart {
   /// more; 0: none follows at once.
   std::vector<double> periods;
   bool has_surfaces = true;  ///< frames and contacts that follow can be repeated from here
-  HandMoment hand;           ///< how the hand's side stands
+  HandSnapshot hand;         ///< how the hand's side stands
 };
 
 /// What the estimate of a camera's depth knew before the first frame of a part.

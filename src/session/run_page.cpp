@@ -46,7 +46,7 @@ Json series_json(const Tool& tool, const RunLog& log) {
   };
   // One camera is plotted only where it matters.
   constexpr double kWorthAPlot = 0.01;
-  if (tells_unseen(log.setup) &&
+  if (reports_unseen(log.setup) &&
       (log.setup.streams.size() > 1 || std::ranges::any_of(ticks, [&](const TickRecord& t) {
          return unseen_share(t) > kWorthAPlot;
        }))) {
@@ -64,7 +64,7 @@ Json series_json(const Tool& tool, const RunLog& log) {
   add("energy_given_J", [](const TickRecord& tick) { return tick.safety.energy; });
   add("energy_coupling_J", [](const TickRecord& tick) { return tick.step.energy; });
   add("gain", [](const TickRecord& tick) { return tick.safety.gain; });
-  add("fault", [](const TickRecord& tick) { return static_cast<int>(told_fault(tick)); });
+  add("fault", [](const TickRecord& tick) { return static_cast<int>(reported_fault(tick)); });
   add("sensor_age_s", [](const TickRecord& tick) { return tick.sensor_age; });
   add("contact_age_s", [](const TickRecord& tick) { return tick.contact_age; });
   return json;
@@ -124,7 +124,7 @@ Result<Json> moment_json(const Tool& tool, const RunLog& log) {
   return json;
 }
 
-/// The end of a path that still tells what it is: the last two parts.
+/// The last two parts of a path.
 std::string short_name(const std::string& name) {
   const std::size_t last = name.find_last_of('/', name.empty() ? 0 : name.size() - 2);
   if (last == std::string::npos || last == 0) return name;

@@ -10,7 +10,7 @@
 
 #include "palpate/io/files.h"
 #include "src/io/ros_messages.h"
-#include "src/math/internal/told_wrench.h"
+#include "src/math/internal/wrench_transform.h"
 #include "src/session/internal/run_folder.h"
 #include "src/session/lead_frames.h"
 
@@ -147,12 +147,12 @@ bool RunRecorder::can_begin_here() const {
          });
 }
 
-/// What every part begins with; one that is not the first has its `moment`.
-Status RunRecorder::begin(const HandMoment* moment) {
+/// What every part begins with; one that is not the first has its `snapshot`.
+Status RunRecorder::begin(const HandSnapshot* snapshot) {
   PartStart start;
-  if (moment != nullptr) {
-    std::uint32_t first = std::min(moment->revision, setups_.back().revision);
-    // Contacts and frames may be told after a tick that knew later settings.
+  if (snapshot != nullptr) {
+    std::uint32_t first = std::min(snapshot->revision, setups_.back().revision);
+    // Contacts and frames may come after a tick with later settings.
     first = std::min({first, frame_revision_, contact_revision_});
     for (const Camera& camera : cameras_) {
       if (camera.frames.empty()) continue;
@@ -166,7 +166,7 @@ Status RunRecorder::begin(const HandMoment* moment) {
     for (const Camera& camera : cameras_) {
       start.periods.push_back(camera.frames.empty() ? 0 : camera.frames.front().record.period);
     }
-    start.hand = *moment;
+    start.hand = *snapshot;
     write(channels_.part, last_time_, part_message(start));
   }
   for (const RunSetup& setup : setups_) {
@@ -181,7 +181,7 @@ Status RunRecorder::begin(const HandMoment* moment) {
           camera_info_message({last_time_, camera_frame(k)}, setup.streams[k]));
   }
   write(channels_.marker, last_time_, tool_marker_message({last_time_, kToolFrame}, tool_->mesh()));
-  if (moment != nullptr) {
+  if (snapshot != nullptr) {
     for (std::uint32_t k = 0; k < cameras_.size(); ++k) {
       const LeadEstimate& lead = cameras_[k].lead;
       if (!start.has_surfaces || !lead.has_estimate(setups_.front().revision)) continue;
@@ -198,8 +198,8 @@ Status RunRecorder::begin(const HandMoment* moment) {
   return writer_->flush();
 }
 
-/// Another part, whose first tick is the one that the moment names.
-Status RunRecorder::begin_after(const HandMoment& moment) {
+/// Another part, whose first tick is the one that the snapshot names.
+Status RunRecorder::begin_after(const HandSnapshot& snapshot) {
   const fs::path name = part_file(num_parts_ + 1), path = folder() / name;
   const Channels before = channels_;
   auto file = make_file(path);
@@ -210,12 +210,12 @@ Status RunRecorder::begin_after(const HandMoment& moment) {
     return file.error();
   }
   std::optional<McapWriter> last = std::exchange(writer_, *std::move(file));
-  const auto before_it = std::tuple(paused_at_, next_try_, reason_, news_);
+  const auto before_it = std::tuple(paused_at_, next_try_, reason_, notes_);
   ++num_parts_;
-  if (const Status begun = begin(&moment); !begun) {
+  if (const Status begun = begin(&snapshot); !begun) {
     writer_ = std::move(last);
     channels_ = before;
-    std::tie(paused_at_, next_try_, reason_, news_) = before_it;
+    std::tie(paused_at_, next_try_, reason_, notes_) = before_it;
     --num_parts_;
     fs::remove(path, ignored);
     return begun;
@@ -227,9 +227,9 @@ Status RunRecorder::begin_after(const HandMoment& moment) {
   return Done{};
 }
 
-void RunRecorder::add_moment(const HandMoment& moment) {
+void RunRecorder::add_hand_snapshot(const HandSnapshot& snapshot) {
   constexpr double kMostReserve = 1 << 30, kShare = 0.02, kLongestPatience = 60,
-                   kTolerance = 0.1;  // moments are not quite a second apart
+                   kTolerance = 0.1;  // snapshots are not quite a second apart
   std::error_code error;
   const fs::space_info space = fs::space(folder(), error);
   const double reserve = options_.reserve_bytes.value_or(
@@ -245,10 +245,10 @@ void RunRecorder::add_moment(const HandMoment& moment) {
     if (time_ < next_try_ || !has_space) return;
     const std::string gap =
         "nothing was recorded from " + at(paused_at_) + " to " + at(time_) + ": " + reason_;
-    if (begin_after(moment)) {
+    if (begin_after(snapshot)) {
       patience_ = 1;
       trouble_ += (trouble_.empty() ? "" : "; ") + gap;
-      news_.push_back("the recording goes on");
+      notes_.push_back("the recording goes on");
       add_note(gap);
     } else {
       patience_ = std::min(2 * patience_, kLongestPatience);
@@ -262,7 +262,7 @@ void RunRecorder::add_moment(const HandMoment& moment) {
   if (static_cast<double>(writer_->bytes_written()) >= options_.split_bytes ||
       time_ - part_start_ >= longest - kTolerance) {
     // Where that fails, the part that there is goes on.
-    (void)begin_after(moment);
+    (void)begin_after(snapshot);
   }
   remove_old();
 }
@@ -281,7 +281,7 @@ void RunRecorder::pause(const Error& error) {
   if (!parts_.empty()) parts_.back().end = time_;
   paused_at_ = time_;
   next_try_ = time_ + patience_;
-  news_.push_back("the recording pauses: " + reason_);
+  notes_.push_back("the recording pauses: " + reason_);
 }
 
 std::uint64_t RunRecorder::wall_time(double time) {
@@ -356,9 +356,9 @@ void RunRecorder::add_tick(const TickRecord& tick) {
   Wrench on_tool_W = tick.step.contact_W;
   on_tool_W.torque += cross(rotate(X_WT.rotation, centre_of_mass_T_), on_tool_W.force);
   write(channels_.tool_wrench, time,
-        wrench_message({time, kToolFrame}, turned_into(X_WT.rotation, on_tool_W)));
+        wrench_message({time, kToolFrame}, expressed_in(X_WT.rotation, on_tool_W)));
   write(channels_.hand_wrench, time,
-        wrench_message({time, kHand}, turned_into(tick.device.X_BH.rotation, tick.F_H_B)));
+        wrench_message({time, kHand}, expressed_in(tick.device.X_BH.rotation, tick.F_H_B)));
   if (time >= next_transforms_) add_transforms(tick, time);
 }
 
@@ -382,7 +382,7 @@ void RunRecorder::forget(const TickRecord& tick) {
     };
     const std::int64_t needed = contacts_.empty() ? number(frames.back()) - kMostUnfelt
                                                   : contacts_.front().cameras.of[k].camera_frame;
-    // A contact may be told before its frame.
+    // A contact may come before its frame.
     while (!frames.empty() && number(frames.front()) + lead < needed) {
       cameras_[k].lead.take(frames.front());
       frames.pop_front();

@@ -1,4 +1,4 @@
-// Writing a run down while it goes on: MCAP files that ROS 2 tools, Foxglove and `palpate replay`
+// Records a run while it lasts: MCAP files that ROS 2 tools, Foxglove and `palpate replay`
 // read.
 #pragma once
 
@@ -39,7 +39,7 @@ class RunRecorder {
   void add_frame(const FrameRecord& record, const DepthFrame& frame);
   void add_contact(const ContactRecord& contact);
   /// Before the tick that it names: here a part can end and another one begin.
-  void add_moment(const HandMoment& moment);
+  void add_hand_snapshot(const HandSnapshot& snapshot);
   void add_tick(const TickRecord& tick);
   void add_note(std::string_view text);
   /// Of that moment, s, monotonic.
@@ -49,8 +49,8 @@ class RunRecorder {
   void finish();
   /// What was not recorded and why; else empty.
   const std::string& trouble() const { return trouble_; }
-  /// What people should know that has happened since the last call.
-  std::vector<std::string> take_news() { return std::exchange(news_, {}); }
+  /// Notes for the user since the last call.
+  std::vector<std::string> take_notes() { return std::exchange(notes_, {}); }
 
  private:
   struct Part {
@@ -68,8 +68,8 @@ class RunRecorder {
   RunRecorder(const std::filesystem::path& path, const Tool& tool, const RunSetup& setup,
               bool is_simulated, const RecordingOptions& options);
   Result<McapWriter> make_file(const std::filesystem::path& path);
-  Status begin(const HandMoment* moment);
-  Status begin_after(const HandMoment& moment);
+  Status begin(const HandSnapshot* snapshot);
+  Status begin_after(const HandSnapshot& snapshot);
   void write_frame(const FrameRecord& record, const DepthFrame& frame);
   std::uint64_t wall_time(double time);
   void write(std::uint16_t channel, std::uint64_t time, std::string_view message);
@@ -94,7 +94,7 @@ class RunRecorder {
   double wall_offset_ = 0;       // s from the run's clock to the time since 1970
   std::uint64_t last_time_ = 0;  // ns since 1970
   std::uint64_t next_transforms_ = 0;
-  /// What was told of a camera, and what the next part would begin with.
+  /// What is known of a camera, and what the next part would begin with.
   struct Camera {
     std::deque<RecordedDepth> frames;
     std::uint64_t next_points = 0;
@@ -112,7 +112,7 @@ class RunRecorder {
   double paused_at_ = 0, next_try_ = 0, patience_ = 1;
   std::string reason_;  // of the pause
   std::string trouble_;
-  std::vector<std::string> news_;
+  std::vector<std::string> notes_;
 };
 
 }  // namespace palpate::inline v0

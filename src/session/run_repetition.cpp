@@ -8,7 +8,7 @@ namespace palpate::inline v0 {
 
 void ContactRepetition::add(const RunSetup& setup, RunParts& parts) {
   cameras_.resize(setup.streams.size());
-  if (moments_.num_cameras() != setup.streams.size()) moments_ = CameraViews(setup.streams.size());
+  if (views_.num_cameras() != setup.streams.size()) views_ = CameraViews(setup.streams.size());
   for (std::size_t k = 0; k < parts.timelines.size(); ++k) {
     cameras_[k].timelines.emplace(setup.revision, std::move(parts.timelines[k]));
   }
@@ -31,7 +31,7 @@ Status ContactRepetition::add(const EstimateStart& estimate) {
   auto of_it = timelines.upper_bound(estimate.revision);
   if (of_it != timelines.begin()) --of_it;
   if (of_it == timelines.end()) return Done{};
-  return of_it->second.go_on_from(estimate.state);
+  return of_it->second.resume_from(estimate.state);
 }
 
 bool ContactRepetition::has_frames_of(const ContactRecord& contact) const {
@@ -41,7 +41,7 @@ bool ContactRepetition::has_frames_of(const ContactRecord& contact) const {
   return true;
 }
 
-void ContactRepetition::push_next(Camera& camera, SurfaceBlend& moment) {
+void ContactRepetition::push_next(Camera& camera, SurfaceBlend& blend) {
   const RecordedDepth& next = camera.frames.front();
   // The newest timeline that there was for this frame.
   auto& timelines = camera.timelines;
@@ -50,7 +50,7 @@ void ContactRepetition::push_next(Camera& camera, SurfaceBlend& moment) {
   }
   SurfaceTimeline& timeline = timelines.begin()->second;
   timeline.push(next.frame, next.record.capture_time, *pool_, next.record.asked);
-  moment = timeline.at(next.record.capture_time);
+  blend = timeline.at(next.record.capture_time);
   camera.key_frames = timeline.key_frames();
   camera.capture_time = next.record.capture_time;
   camera.pushed = static_cast<std::int64_t>(next.record.camera_frame);
@@ -60,14 +60,14 @@ void ContactRepetition::push_next(Camera& camera, SurfaceBlend& moment) {
 ContactRecord ContactRepetition::repeat(const ContactRecord& recorded) {
   ContactRecord repeated = recorded;
   bool is_seen = false;
-  moments_.begin();
+  views_.begin();
   for (std::size_t k = 0; k < cameras_.size(); ++k) {
     Camera& camera = cameras_[k];
     const auto& [wanted, progress] = recorded.cameras.of[k];
-    while (camera.pushed < wanted && !camera.frames.empty()) push_next(camera, moments_[k]);
-    moments_[k].progress = progress;
+    while (camera.pushed < wanted && !camera.frames.empty()) push_next(camera, views_[k]);
+    views_[k].progress = progress;
     if (wanted < 0) continue;
-    moments_.remember(camera.key_frames, progress);
+    views_.remember(camera.key_frames, progress);
     repeated.capture_time =
         is_seen ? std::min(repeated.capture_time, camera.capture_time) : camera.capture_time;
     is_seen = true;
@@ -79,7 +79,7 @@ ContactRecord ContactRepetition::repeat(const ContactRecord& recorded) {
     part_->use(scale);
     measuring_.erase(measuring_.begin());
   }
-  part_->measure(moments_.all(), recorded.has_new_stiffness, repeated);
+  part_->measure(views_.all(), recorded.has_new_stiffness, repeated);
   if (!recorded.has_new_stiffness) {
     // Kept from an earlier contact, which may not have been recorded.
     repeated.contact.stiffness = recorded.contact.stiffness;
@@ -106,12 +106,12 @@ void TickRepetition::use_couplings(std::uint32_t revision) {
   }
 }
 
-bool TickRepetition::is_at(const HandMoment& moment) {
+bool TickRepetition::is_at(const HandSnapshot& snapshot) {
   // A change that the last tick has taken is known by the next one only.
-  use_couplings(moment.revision);
-  const HandMoment now = hand_->moment();
-  const auto a = now.numbers.numbers(), b = moment.numbers.numbers();
-  return now.tick == moment.tick && a.size() == b.size() &&
+  use_couplings(snapshot.revision);
+  const HandSnapshot now = hand_->snapshot();
+  const auto a = now.numbers.numbers(), b = snapshot.numbers.numbers();
+  return now.tick == snapshot.tick && a.size() == b.size() &&
          std::memcmp(a.data(), b.data(), a.size_bytes()) == 0;
 }
 
@@ -125,7 +125,7 @@ TickRecord TickRepetition::repeat(const TickRecord& recorded, const ContactRecor
   if (hand_->num_ticks() == 0) hand_->set_start_time(recorded.device.time - recorded.time);
   TickRecord tick;
   hand_->tick(recorded.device, contact,
-              {recorded.is_stopping, recorded.is_force_asked_for, recorded.has_sensor_failed,
+              {recorded.is_stopping, recorded.is_force_requested, recorded.has_sensor_failed,
                recorded.has_backend_failed},
               tick);
   tick.time = recorded.time;  // rounded otherwise

@@ -47,10 +47,10 @@ class ContactRepetition {
     double capture_time = 0;                             // of that one
     std::span<const SurfaceBlend> key_frames;            // and after it
   };
-  void push_next(Camera& camera, SurfaceBlend& moment);
+  void push_next(Camera& camera, SurfaceBlend& blend);
 
   std::deque<Camera> cameras_;
-  CameraViews moments_{0};                        // of each
+  CameraViews views_{0};                          // of each
   std::map<std::uint32_t, Measuring> measuring_;  // not yet used
   std::unique_ptr<ContactPart> part_;
   std::unique_ptr<ThreadPool> pool_;
@@ -68,7 +68,7 @@ class TickRepetition {
   void add(const RunSetup& setup, RunParts& parts);
   TickRecord repeat(const TickRecord& recorded, const ContactRecord& contact);
   /// Whether the hand's side stands as a part says that it did.
-  bool is_at(const HandMoment& moment);
+  bool is_at(const HandSnapshot& snapshot);
 
  private:
   void use_couplings(std::uint32_t revision);

@@ -391,10 +391,10 @@ Result<RetryOutcome> retry_run(const fs::path& folder, const fs::path& output,
   RecordedHand hand(*std::move(ticks), *start);
   RetryOutcome outcome;
   RunMonitor monitor;
-  monitor.observer.on_ticks = [&](std::span<const TickRecord> felt) {
-    for (const TickRecord& tick : felt) compare(hand.recorded(), tick, outcome.forces);
+  monitor.observer.on_ticks = [&](std::span<const TickRecord> repeated) {
+    for (const TickRecord& tick : repeated) compare(hand.recorded(), tick, outcome.forces);
     if (options.monitor != nullptr && options.monitor->observer.on_ticks) {
-      options.monitor->observer.on_ticks(felt);
+      options.monitor->observer.on_ticks(repeated);
     }
   };
   run.monitor = &monitor;

@@ -65,7 +65,7 @@ Json peaks_json(const Tool& tool, const RunLog& log) {
     json["objects_volume_m3"] = peaks.objects_volume;
     json["objects_volume_time_s"] = peaks.objects_volume_time;
   }
-  if (tells_unseen(log.setup)) {
+  if (reports_unseen(log.setup)) {
     json["unseen_is"] = name_of(log.setup.settings.field.unseen);
     json["unseen"] = peaks.unseen_volume / full_volume(tool, log.setup.settings.contact);
     json["unseen_time_s"] = peaks.unseen_volume_time;

@@ -31,7 +31,7 @@ struct RunLog {
   RunPeaks peaks;
   std::vector<FaultPeriod> faults;  ///< the first kMostFaultPeriods, without the end of the run
   TickRecord deepest;               ///< the tick with the largest volume, or the first one
-  /// That was felt then, of each camera; no pixels where it is not known.
+  /// The frame in use then, of each camera; no pixels where it is not known.
   std::vector<DepthFrame> deepest_frames;
   std::vector<double> frame_times;    ///< s since the run began
   std::vector<std::string> warnings;  ///< for humans

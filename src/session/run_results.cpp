@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "src/io/internal/atomic_file.h"
-#include "src/run/internal/told_output.h"
+#include "src/run/internal/reported_output.h"
 #include "src/session/run_reader.h"
 #include "src/session/text.h"
 
@@ -32,8 +32,8 @@ constexpr const char* kHeader =
     "objects_measure_my_m4,objects_measure_mz_m4,contact,frame,"
     "status,contact_age_s,sensor_age_s,gain,fault";
 
-/// As OutputOptions has them, where somebody gave some.
-constexpr const char* kToldHeader =
+/// The columns of OutputOptions, if it has any.
+constexpr const char* kOutputHeader =
     ",told_x_m,told_y_m,told_z_m,told_qx,told_qy,told_qz,told_qw,"
     "told_force_x_N,told_force_y_N,told_force_z_N,told_torque_x_Nm,told_torque_y_Nm,"
     "told_torque_z_Nm,told_measure_x_m3,told_measure_y_m3,told_measure_z_m3,"
@@ -47,17 +47,18 @@ RunResults::RunResults(const fs::path& folder, const Tool& tool, const RunSetup&
       full_volume_(full_volume(tool, setup.settings.contact)),
       time_origin_(setup.time_origin),
       output_(setup.settings.output),
-      tells_more_(!(output_ == OutputOptions{})),
+      has_output_columns_(!(output_ == OutputOptions{})),
       X_WB_(setup.settings.coupling.X_WB),
       cameras_(setup.streams.size()),
-      tells_unseen_(tells_unseen(setup)),
+      reports_unseen_(reports_unseen(setup)),
       all_ticks_(all_ticks) {
   if (all_ticks_) begin_csv(folder);
 }
 
 void RunResults::begin_csv(const fs::path& folder) {
   csv_.open(folder / kUnfinishedCsv, std::ios::binary);
-  csv_ << kHeader << (tells_unseen_ ? ",unseen" : "") << (tells_more_ ? kToldHeader : "") << "\n";
+  csv_ << kHeader << (reports_unseen_ ? ",unseen" : "")
+       << (has_output_columns_ ? kOutputHeader : "") << "\n";
 }
 
 void RunResults::add_settings(const RunSettings& settings) {
@@ -78,8 +79,8 @@ void RunResults::add_frame(const FrameRecord& record, const DepthFrame& frame) {
       scarce_points_ = num_points;
     }
   }
-  if (record.camera == 0 && all_ticks_ && tells_more_) keep_pose(record);
-  std::deque<SeenFrame>& recent = cameras_[record.camera].recent;
+  if (record.camera == 0 && all_ticks_ && has_output_columns_) keep_pose(record);
+  std::deque<NumberedFrame>& recent = cameras_[record.camera].recent;
   if (recent.size() == kNumRecent) {
     // Its memory once more.
     recent.push_back(std::move(recent.front()));
@@ -129,19 +130,19 @@ void RunResults::add_row(const TickRecord& tick) {
              all.num_boundary_spheres, all.num_inside_spheres, all.num_points,
              tick.num_object_pairs, tick.objects.volume, of.x, of.y, of.z, ot.x, ot.y, ot.z,
              tick.contact_number, tick.frame_number, all.status.bits, tick.contact_age,
-             tick.sensor_age, tick.safety.gain, static_cast<int>(told_fault(tick)));
-  if (tells_unseen_) {
+             tick.sensor_age, tick.safety.gain, static_cast<int>(reported_fault(tick)));
+  if (reports_unseen_) {
     line_.back() = ',';
     append_number(line_, all.unseen_volume / full_volume_);
     line_ += '\n';
   }
-  if (tells_more_) {
-    const ToldOutput told(output_,
-                          {tick.step.X_WT, tick.step.X_WT * tool_.sphere_mass().centre_of_mass,
-                           first_camera_at(tick), X_WB_});
-    const auto [at, turned] = told.pose();
-    const Wrench wrench = told.wrench(on_tool);
-    const VolumeWrench measure = told.wrench(all.measure_W);
+  if (has_output_columns_) {
+    const ReportedOutput reported(
+        output_, {tick.step.X_WT, tick.step.X_WT * tool_.sphere_mass().centre_of_mass,
+                  first_camera_at(tick), X_WB_});
+    const auto [at, turned] = reported.pose();
+    const Wrench wrench = reported.wrench(on_tool);
+    const VolumeWrench measure = reported.wrench(all.measure_W);
     line_.back() = ',';
     append_row(line_, ',', at.x, at.y, at.z, turned.x, turned.y, turned.z, turned.w, wrench.force.x,
                wrench.force.y, wrench.force.z, wrench.torque.x, wrench.torque.y, wrench.torque.z,
@@ -198,12 +199,12 @@ void RunResults::keep_deepest(const TickRecord& tick) {
   deepest_ = tick;
   for (auto& [recent, deepest] : cameras_) {
     // The newest one up to that which the tick names, which is one of the cameras'.
-    const SeenFrame* felt = nullptr;
-    for (const SeenFrame& seen : recent) {
-      if (seen.number <= tick.frame_number) felt = &seen;
+    const NumberedFrame* used = nullptr;
+    for (const NumberedFrame& seen : recent) {
+      if (seen.number <= tick.frame_number) used = &seen;
     }
     const bool is_known = !deepest.frame.pixels.empty();
-    if (felt != nullptr && !(is_known && deepest.number == felt->number)) deepest = *felt;
+    if (used != nullptr && !(is_known && deepest.number == used->number)) deepest = *used;
   }
 }
 
@@ -225,7 +226,7 @@ void RunResults::move_to(RunLog& log) {
   log.faults = std::move(faults_);
   log.changes = std::move(changes_);
   log.deepest = deepest_;
-  // If the newest one was not told, neither is it known what the others were.
+  // If the newest one was not published, the others are unknown too.
   const bool is_known = std::any_of(cameras_.begin(), cameras_.end(), [&](const Camera& camera) {
     return camera.deepest.number == deepest_.frame_number;
   });

@@ -1,4 +1,4 @@
-// What a run leaves behind beside its recording: wrench.csv, summary.json, report.html.
+// Writes the results of a run beside its recording: wrench.csv, summary.json, report.html.
 #pragma once
 
 #include <deque>
@@ -24,7 +24,7 @@ class RunResults {
 
   /// After the last tick: what was added goes into `log`, and all into files. The folder may have
   /// another name by now. A disk that is full takes nothing from what there is: what is missing is
-  /// told in `log.not_kept`. Returns what summary.json holds.
+  /// reported in `log.not_kept`. Returns what summary.json holds.
   std::string write(const std::filesystem::path& folder, const Tool& tool, const LoopTimes& times,
                     RunLog& log);
 
@@ -40,27 +40,27 @@ class RunResults {
   void keep_deepest(const TickRecord& tick);
   std::string scarce_surface_warning(const RunSetup& setup) const;
 
-  struct SeenFrame {
+  struct NumberedFrame {
     std::uint64_t number = 0;
     DepthFrame frame;
   };
-  struct SeenPose {
+  struct PoseAtTime {
     std::uint64_t number = 0;
     Pose X_WC;
   };
   struct Camera {
-    std::deque<SeenFrame> recent;
-    SeenFrame deepest;
+    std::deque<NumberedFrame> recent;
+    NumberedFrame deepest;
   };
 
   const Tool& tool_;
   double full_volume_, time_origin_;
   const OutputOptions output_;
-  const bool tells_more_;  // than the world's axes and the center of mass
+  const bool has_output_columns_;  // than the world's axes and the center of mass
   const Pose X_WB_;
-  std::deque<SeenPose> first_poses_;  // of the first camera
+  std::deque<PoseAtTime> first_poses_;  // of the first camera
   std::vector<Camera> cameras_;
-  bool tells_unseen_;
+  bool reports_unseen_;
   const bool all_ticks_;
   std::ofstream csv_;
   std::string line_;

@@ -61,7 +61,7 @@ bool is_contact_lost(const TickRecord& tick) {
          tick.penetration.status.has(StepStatus::backend_failed);
 }
 
-Fault told_fault(const TickRecord& tick) {
+Fault reported_fault(const TickRecord& tick) {
   return tick.safety.fault == Fault::stopped ? Fault::none : tick.safety.fault;
 }
 

@@ -23,6 +23,6 @@ class RunSeries {
 /// Nothing was measured: not zero.
 bool is_contact_lost(const TickRecord& tick);
 /// That the force fades at the end is none.
-Fault told_fault(const TickRecord& tick);
+Fault reported_fault(const TickRecord& tick);
 
 }  // namespace palpate::inline v0

@@ -1,4 +1,4 @@
-// The stages of a loop whose times a run keeps, by name.
+// The stages of a loop whose times a run stores, by name.
 #pragma once
 
 #include <array>

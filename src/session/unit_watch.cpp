@@ -16,7 +16,7 @@ constexpr std::size_t kFewest = 20;  // measurements around the tool
 constexpr int kFewestLooks = 3, kSamples = 15;  // a side
 
 /// The unit with which what is seen `ratio` times as far as the tool would be where the tool is; 0:
-/// none that people use.
+/// none that is used.
 double likely_unit(double unit, double ratio) {
   double best = 0, least = std::log(kAlike);
   for (const double usual : kUsualUnits) {
@@ -40,7 +40,7 @@ UnitWatch::UnitWatch(const Tool& tool, std::vector<DepthStreamInfo> streams) {
 
 void UnitWatch::take(const FrameRecord& record, const DepthFrame& frame) {
   Camera& camera = cameras_[record.camera];
-  if (camera.is_told) return;
+  if (camera.has_reported) return;
   camera.frame = frame;
   camera.X_WC = record.X_WC;
   camera.unit = record.unit;
@@ -52,7 +52,7 @@ void UnitWatch::take(const ContactRecord& contact) {
   for (Camera& camera : cameras_) {
     const DepthFrame& frame = camera.frame;
     const Vec3d p_C = inverse(camera.X_WC) * (contact.X_WT * center_T_);
-    if (camera.is_told || frame.pixels.empty() || !(p_C[2] > kNearest)) continue;
+    if (camera.has_reported || frame.pixels.empty() || !(p_C[2] > kNearest)) continue;
     const auto& [fx, fy, cx, cy] = camera.stream.intrinsics;
     const double u = fx * p_C[0] / p_C[2] + cx, v = fy * p_C[1] / p_C[2] + cy;
     const double half = std::max(3.0, fx * radius_ / p_C[2]);
@@ -81,12 +81,12 @@ void UnitWatch::take(const ContactRecord& contact) {
 std::vector<std::string> UnitWatch::doubts() {
   std::vector<std::string> doubts;
   for (Camera& camera : cameras_) {
-    if (camera.is_told || camera.num_looks < kFewestLooks) continue;
+    if (camera.has_reported || camera.num_looks < kFewestLooks) continue;
     const bool is_far = camera.least > kApart, is_near = camera.most < 1 / kApart;
     // A tool that goes to something is nearest to it, in the right unit, where this is least.
     const double unit = is_far || is_near ? likely_unit(camera.unit, camera.least) : 0;
     if (unit == 0) continue;
-    camera.is_told = true;
+    camera.has_reported = true;
     char text[300];
     std::snprintf(text, sizeof text,
                   "%s: around the tool it sees nothing %s than %.3g times the tool's own distance; "

@@ -1,4 +1,4 @@
-// Is depth read in the wrong unit? Asked of how far the tool is from what a camera sees.
+// Detects a wrong depth unit, from the distance of the tool to what a camera sees.
 #pragma once
 
 #include <string>
@@ -11,7 +11,7 @@
 namespace palpate::inline v0 {
 
 /// In a run in which the tool never meets what is seen, though both lie in the same directions, by
-/// a factor by which people get units wrong (counts of 1/5000 m read as millimetres: everything is
+/// a usual factor of wrong units (counts of 1/5000 m read as millimetres: everything is
 /// five times as far as the tool). A doubt: nothing is changed.
 class UnitWatch {
  public:
@@ -35,7 +35,7 @@ class UnitWatch {
     double unit = 0.001;
     int num_looks = 0;
     double least = 0, most = 0;  ///< how many times as far as the tool the rest is
-    bool is_told = false;
+    bool has_reported = false;
   };
 
   Vec3d center_T_;

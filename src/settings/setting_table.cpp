@@ -129,8 +129,8 @@ bool Setting::accepts(const SettingValue& value) const {
   return X != nullptr && is_pose(*X);
 }
 
-Status Setting::set(const SettingValue& value, std::string_view told_as) {
-  if (!accepts(value)) return refusal(value, told_as);
+Status Setting::set(const SettingValue& value, std::string_view reported_name) {
+  if (!accepts(value)) return refusal(value, reported_name);
   switch (kind) {
     case SettingKind::flag: *static_cast<bool*>(value_) = std::get<bool>(value); break;
     case SettingKind::whole:
@@ -177,9 +177,9 @@ std::string Setting::accepted() const {
          " m and a unit quaternion x, y, z, w";
 }
 
-Error Setting::refusal(const SettingValue& value, std::string_view told_as) const {
-  std::string text = (told_as.empty() ? key() : std::string(told_as)) + " must be " + accepted() +
-                     ", not " + std::visit(AsText{}, value);
+Error Setting::refusal(const SettingValue& value, std::string_view reported_name) const {
+  std::string text = (reported_name.empty() ? key() : std::string(reported_name)) + " must be " +
+                     accepted() + ", not " + std::visit(AsText{}, value);
   const auto* const word = std::get_if<std::string>(&value);
   if (kind == SettingKind::word && word != nullptr && !word->empty()) {
     const std::string nearest =

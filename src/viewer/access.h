@@ -1,4 +1,5 @@
-// Who may ask: nobody from another web page, and with a token nobody who does not know it.
+// Access control of the server: refuses requests from other web pages, and, with a token, from
+// those without it.
 #pragma once
 
 #include <optional>

@@ -1,4 +1,4 @@
-// What a person may change while looking on: settings, by the names that files use.
+// Settings that a page may change, by the names that files use.
 #pragma once
 
 #include <nlohmann/json.hpp>
@@ -12,7 +12,7 @@ namespace palpate::inline v0 {
 using IsControl = bool(const Setting& setting);
 /// What RunLoop::change changes.
 inline bool is_live_control(const Setting& setting) { return !is_fixed_while_running(setting); }
-/// What decides how a recorded frame is felt.
+/// Settings that change the contact with a recorded frame.
 inline bool is_recorded_control(const Setting& setting) {
   return setting.section == "contact" || setting.section == "surface" ||
          setting.section == "field" || setting.section == "time";

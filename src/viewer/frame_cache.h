@@ -1,4 +1,4 @@
-// Depth frames of a recording that were looked at lately.
+// A cache of the last used depth frames of a recording.
 #pragma once
 
 #include <list>

@@ -1,4 +1,4 @@
-// When the next frame of a camera was expected, for every one of its frames.
+// The expected time of the next frame, for every frame of a camera.
 #pragma once
 
 #include <memory>

@@ -46,7 +46,7 @@ HttpAnswer answer_command(std::string_view body, ViewHub& hub) {
     request.error = "\"" + request.command + "\" is for the WebSocket /ws";
   if (request.error.empty() && request.command.empty())
     request.error = "there is nothing to acknowledge here";
-  ViewHub::Answer answer = hub.obey(request, body);
+  ViewHub::Answer answer = hub.execute(request, body);
   return {.status = answer.is_ok ? 200 : 400, .text = std::move(answer.text)};
 }
 

@@ -111,7 +111,7 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
     stream_.expires_after(kAnswerTime);
     auto next = [self = shared_from_this(), is_kept](error_code error, std::size_t) {
       if (error) return;
-      is_kept ? self->read() : self->say_goodbye();
+      is_kept ? self->read() : self->print_closing();
     };
     is_head ? http::async_write_header(stream_, *serializer_, std::move(next))
             : http::async_write(stream_, *serializer_, std::move(next));
@@ -141,7 +141,7 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
 
   /// What is still being sent to us is read for a moment: closing at once would take the answer
   /// away from whoever has not read it.
-  void say_goodbye() {
+  void print_closing() {
     error_code ignored;
     stream_.socket().shutdown(tcp::socket::shutdown_send, ignored);
     stream_.expires_after(kLingerTime);

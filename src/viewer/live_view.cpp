@@ -10,8 +10,8 @@
 #include "src/viewer/controls.h"
 #include "src/viewer/recycler.h"
 #include "src/viewer/samples.h"
-#include "src/viewer/shown.h"
 #include "src/viewer/stages.h"
+#include "src/viewer/view_contact.h"
 
 namespace palpate::inline v0 {
 namespace {
@@ -24,10 +24,10 @@ constexpr std::size_t kNumContacts = 4096;   // whose times are known
 constexpr std::size_t kLongestMark = 1000;
 constexpr double kMostSteps = 1000;
 
-/// What the publishing thread has told, until the server comes for it.
-class News {
+/// What the publishing thread has written, until the server comes for it.
+class PendingData {
  public:
-  explicit News(std::size_t num_cameras) : frames_(num_cameras) {}
+  explicit PendingData(std::size_t num_cameras) : frames_(num_cameras) {}
 
   void add_frame(const FrameRecord& record, const DepthFrame& frame) {
     auto copy = std::make_shared<ViewFrame>(
@@ -68,7 +68,8 @@ class News {
     const std::lock_guard lock(mutex_);
     samples_.take(samples);
   }
-  /// When the contact of that number was, s since the run began: now, if it has not been told yet.
+  /// Time of the contact of that number, s since the run began: now, if it has not been published
+  /// yet.
   double contact_time(std::uint64_t number) const {
     const std::lock_guard lock(mutex_);
     const auto found = std::lower_bound(
@@ -112,31 +113,31 @@ class LiveViewImpl final : public LiveView {
         objects_(std::move(objects)),
         handle_(std::move(handle)),
         stale_age_(stale_age(content_.streams)),
-        news_(content_.streams.size()) {
+        pending_(content_.streams.size()) {
     RunObserver& observer = monitor_.observer;
     observer.on_frame = [this](const FrameRecord& record, const DepthFrame& frame) {
-      news_.add_frame(record, frame);
+      pending_.add_frame(record, frame);
     };
-    observer.on_contact = [this](const ContactRecord& contact) { news_.add_contact(contact); };
-    observer.on_ticks = [this](std::span<const TickRecord> ticks) { news_.add_ticks(ticks); };
+    observer.on_contact = [this](const ContactRecord& contact) { pending_.add_contact(contact); };
+    observer.on_ticks = [this](std::span<const TickRecord> ticks) { pending_.add_ticks(ticks); };
     monitor_.on_loop = [this](RunLoop* loop) { show(loop); };
   }
 
   RunMonitor& monitor() override { return monitor_; }
   bool wants_end() const noexcept override { return wants_end_; }
   const ViewContent& content() const override { return content_; }
-  void poll(const ViewWishes& wishes, ViewUpdate& update) override;
+  void poll(const ViewSubscription& subscription, ViewUpdate& update) override;
   std::string state() override;
   std::string controls() override;
   Result<std::string> command(std::string_view json) override;
   Status hold(std::uint64_t page) override;
   Status move(std::uint64_t page, const Pose& X_WT) override;
-  void let_go(std::uint64_t page) override;
+  void release(std::uint64_t page) override;
 
  private:
   void show(RunLoop* loop);
   void look_at_loop();
-  void take_pictures(const ViewWishes& wishes, ViewUpdate& update);
+  void take_pictures(const ViewSubscription& subscription, ViewUpdate& update);
   Json note(const TickRecord& last) const;
   Result<std::string> set(const ViewCommand& command);
 
@@ -145,7 +146,7 @@ class LiveViewImpl final : public LiveView {
   const std::shared_ptr<PageHandle> handle_;  // the server's thread; null: it is held elsewhere
   const double stale_age_;                    // s
   RunMonitor monitor_;
-  News news_;
+  PendingData pending_;
   std::atomic<bool> wants_end_ = false;
 
   std::mutex mutex_;         // of what follows: the server's thread and that of the run
@@ -170,18 +171,18 @@ void LiveViewImpl::show(RunLoop* loop) {
   look_at_loop();
 }
 
-/// What can be told without the loop, too.
+/// State that needs no loop.
 void LiveViewImpl::look_at_loop() {
   if (loop_ == nullptr) return;
   settings_ = loop_->settings();
-  news_.set_coupling(settings_.coupling.kind);
+  pending_.set_coupling(settings_.coupling.kind);
   report_ = loop_->report();
   stages_ = stages_json(loop_->times());
   const Status status = loop_->status();
   fault_ = status ? Json() : Json(status.error().message);
 }
 
-void LiveViewImpl::poll(const ViewWishes& wishes, ViewUpdate& update) {
+void LiveViewImpl::poll(const ViewSubscription& subscription, ViewUpdate& update) {
   {
     // All at once, and seldom: what is not sent is not drawn either.
     const std::lock_guard lock(mutex_);
@@ -189,29 +190,29 @@ void LiveViewImpl::poll(const ViewWishes& wishes, ViewUpdate& update) {
     if (loop_ != nullptr && loop_->is_short_of_time() && now < last_poll_ + kSparePeriod) return;
     last_poll_ = now;
   }
-  if (wishes.frames) news_.take_frames(update.frames);
-  if (wishes.samples) news_.take_samples(update.samples);
+  if (subscription.frames) pending_.take_frames(update.frames);
+  if (subscription.samples) pending_.take_samples(update.samples);
   const std::lock_guard lock(mutex_);
-  if (loop_ != nullptr) take_pictures(wishes, update);
+  if (loop_ != nullptr) take_pictures(subscription, update);
 }
 
-void LiveViewImpl::take_pictures(const ViewWishes& wishes, ViewUpdate& update) {
+void LiveViewImpl::take_pictures(const ViewSubscription& subscription, ViewUpdate& update) {
   if (const double now = monotonic_now(); now >= next_picture_) {
     next_picture_ = now + kPicturePeriod;
-    if (wishes.contacts) loop_->ask_for_contact_picture(Onlooker::page);
-    if (wishes.surfaces) loop_->ask_for_surface_picture();
+    if (subscription.contacts) loop_->request_contact_picture(PictureConsumer::page);
+    if (subscription.surfaces) loop_->request_surface_picture();
   }
   if (const ContactPicture* seen =
-          wishes.contacts ? loop_->new_contact_picture(Onlooker::page) : nullptr) {
+          subscription.contacts ? loop_->new_contact_picture(PictureConsumer::page) : nullptr) {
     const auto contact = contacts_.take();
-    contact->time = news_.contact_time(seen->contact_number);
+    contact->time = pending_.contact_time(seen->contact_number);
     contact->frame_number = seen->frame_number;
     contact->X_WT = seen->X_WT;
     contact->spheres = seen->spheres;
     contact->objects = objects_at(objects_, std::span(seen->bodies.of, seen->bodies.num));
     update.contact = contact;
   }
-  if (const SurfacePicture* seen = wishes.surfaces ? loop_->new_surface_picture() : nullptr) {
+  if (const SurfacePicture* seen = subscription.surfaces ? loop_->new_surface_picture() : nullptr) {
     const auto surface = surfaces_.take();
     *surface = *seen;
     update.surface = surface;
@@ -249,7 +250,7 @@ Json LiveViewImpl::note(const TickRecord& last) const {
 }
 
 std::string LiveViewImpl::state() {
-  const TickRecord last = news_.last();
+  const TickRecord last = pending_.last();
   const std::lock_guard lock(mutex_);
   look_at_loop();
   Json state{{"time", last.time},
@@ -301,7 +302,7 @@ Result<std::string> LiveViewImpl::command(std::string_view json) {
     if (!text) return text.error();
     monitor_.marks.add(*std::move(text));
   } else if (name == "force") {
-    loop_->ask_for_force();
+    loop_->request_force();
   } else if (name == "end") {
     wants_end_ = true;
   } else {
@@ -341,8 +342,8 @@ Status LiveViewImpl::move(std::uint64_t page, const Pose& X_WT) {
   return handle_->move(page, handle_at(settings_.coupling, X_WT), monotonic_now());
 }
 
-void LiveViewImpl::let_go(std::uint64_t page) {
-  if (handle_) handle_->let_go(page);
+void LiveViewImpl::release(std::uint64_t page) {
+  if (handle_) handle_->release(page);
 }
 
 }  // namespace

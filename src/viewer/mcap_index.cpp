@@ -110,9 +110,9 @@ Status McapIndex::take(const RunReader::Message& message) {
       wall_start_ = message.time - static_cast<std::uint64_t>(1e9 * contact->time);
       has_start_ = true;
     }
-    take_moment(message.time);
+    take_wall_time(message.time);
   } else if (topic == kTickTopic && has_start_) {
-    take_moment(message.time);
+    take_wall_time(message.time);
   } else if (topic == kSettingsTopic) {
     auto setup = read_settings(message.data);
     if (!setup) return setup.error();
@@ -128,7 +128,7 @@ Status McapIndex::take(const RunReader::Message& message) {
 }
 
 /// Something was measured then: notes it for the chunk that it is in.
-void McapIndex::take_moment(std::uint64_t wall_time) {
+void McapIndex::take_wall_time(std::uint64_t wall_time) {
   const double time =
       1e-9 * static_cast<double>(static_cast<std::int64_t>(wall_time - wall_start_));
   const std::uint64_t place = reader_.chunk_place();

@@ -1,4 +1,4 @@
-// Where things are in the recording, without keeping them.
+// An index of a recording: positions of its messages, without their contents.
 #pragma once
 
 #include <atomic>
@@ -64,7 +64,7 @@ class McapIndex {
   void read_all();
   Result<bool> read_next();
   Status take(const RunReader::Message& message);
-  void take_moment(std::uint64_t wall_time);
+  void take_wall_time(std::uint64_t wall_time);
 
   RunReader reader_;
   const RunSetup setup_;

@@ -1,4 +1,4 @@
-// What goes over the wire, as docs/viewer-protocol.md has it.
+// Encodes the messages of docs/viewer-protocol.md.
 #pragma once
 
 #include <cstdint>

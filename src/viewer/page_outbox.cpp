@@ -17,7 +17,7 @@ PageOutbox::PageOutbox(ViewHub& hub) : hub_(hub), sent_parts_(hub.num_parts()) {
 
 /// Whoever goes away lets go of the tool.
 PageOutbox::~PageOutbox() {
-  hub_.let_go(number_);
+  hub_.release(number_);
   hub_.remove(this);
 }
 
@@ -27,12 +27,12 @@ void PageOutbox::receive(std::string_view text) {
   if (request.error.empty() && request.command.empty()) return acknowledge(request);
   if (request.error.empty() && request.command == "hold") return say(request, hub_.hold(number_));
   if (request.error.empty() && request.command == "let_go") {
-    hub_.let_go(number_);
+    hub_.release(number_);
     return say(request, Done{});
   }
   if (request.error.empty() && request.command == "show") return show(request);
   if (request.error.empty() && request.command == "get") return get(request);
-  answers_.push_back(text_message(hub_.obey(request, text).text));
+  answers_.push_back(text_message(hub_.execute(request, text).text));
 }
 
 /// Poses come sixty times a second: only what is wrong with them is answered.
@@ -56,10 +56,11 @@ void PageOutbox::acknowledge(const ViewRequest& request) {
 }
 
 void PageOutbox::show(const ViewRequest& request) {
-  ViewWishes wishes = wishes_;
-  for (const auto& [name, wish] :
-       {std::pair("frames", &wishes.frames), std::pair("contacts", &wishes.contacts),
-        std::pair("surfaces", &wishes.surfaces), std::pair("samples", &wishes.samples)}) {
+  ViewSubscription subscription = subscription_;
+  for (const auto& [name, is_wanted] :
+       {std::pair("frames", &subscription.frames), std::pair("contacts", &subscription.contacts),
+        std::pair("surfaces", &subscription.surfaces),
+        std::pair("samples", &subscription.samples)}) {
     const auto member = request.json.find(name);
     if (member == request.json.end()) continue;
     if (!member->is_boolean()) {
@@ -67,11 +68,10 @@ void PageOutbox::show(const ViewRequest& request) {
           error_text(request.id, '"' + std::string(name) + "\" must be true or false")));
       return;
     }
-    *wish = member->get<bool>();
+    *is_wanted = member->get<bool>();
   }
-  if (wishes.samples && !wishes_.samples) next_sample_ = hub_.num_samples();
-  wishes_ = wishes;
-  poll_of_wishes_ = hub_.num_polls();
+  subscription_ = subscription;
+  poll_of_subscription_ = hub_.num_polls();
   answers_.push_back(text_message(answer_text(request.id, "{}")));
 }
 
@@ -89,30 +89,30 @@ void PageOutbox::get(const ViewRequest& request) {
   answers_.push_back(text_message(answer_text(request.id, "{}")));
 }
 
-ViewWishes PageOutbox::wishes(double now) const {
-  if (!awaits_ack_ || now < picture_time_ + kPatience) return wishes_;
-  return {.samples = wishes_.samples};
+ViewSubscription PageOutbox::subscription(double now) const {
+  if (!awaits_ack_ || now < picture_time_ + kPatience) return subscription_;
+  return {.samples = subscription_.samples};
 }
 
 bool PageOutbox::wants(PicturePart part) const {
   switch (part) {
-    case PicturePart::frame: return wishes_.frames;
-    case PicturePart::contact: return wishes_.contacts;
+    case PicturePart::frame: return subscription_.frames;
+    case PicturePart::contact: return subscription_.contacts;
     case PicturePart::normals:
-    case PicturePart::edges: return wishes_.surfaces;
+    case PicturePart::edges: return subscription_.surfaces;
   }
   return false;
 }
 
 void PageOutbox::begin_picture(double now) {
   // What is newest may be from before the page asked for it.
-  if (awaits_ack_ || hub_.num_polls() == poll_of_wishes_) return;
+  if (awaits_ack_ || hub_.num_polls() == poll_of_subscription_) return;
   for (std::size_t part = 0; part < hub_.num_parts(); ++part) {
     if (!wants(hub_.kind(part)) || hub_.number(part) == sent_parts_[part]) continue;
     sent_parts_[part] = hub_.number(part);
     picture_.push_back(hub_.message(part));
   }
-  if (wishes_.samples && hub_.num_samples() > next_sample_) {
+  if (subscription_.samples && hub_.num_samples() > next_sample_) {
     picture_.push_back(hub_.samples_from(next_sample_));
     next_sample_ = hub_.num_samples();
   }

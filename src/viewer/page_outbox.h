@@ -1,4 +1,4 @@
-// What one page is to be sent, and in which order.
+// Messages to one page, in their order.
 #pragma once
 
 #include <cstdint>
@@ -29,9 +29,9 @@ class PageOutbox {
 
   /// What goes to the page next; null: nothing now.
   ViewMessage next(double now);
-  /// A page that has not drawn for a second, e.g. in a hidden tab, wishes for samples alone: nobody
-  /// need make pictures for it.
-  ViewWishes wishes(double now) const;
+  /// A page that has not drawn for a second, e.g. in a hidden tab, subscribes to samples alone:
+  /// nobody need make pictures for it.
+  ViewSubscription subscription(double now) const;
 
  private:
   static constexpr std::size_t kMaxAnswers = 16;
@@ -46,9 +46,9 @@ class PageOutbox {
 
   ViewHub& hub_;
   std::uint64_t number_;
-  ViewWishes wishes_;
-  std::uint64_t poll_of_wishes_ = 0;  // pictures come of later polls than this
-  std::deque<ViewMessage> answers_;   // and what was got
+  ViewSubscription subscription_;
+  std::uint64_t poll_of_subscription_ = 0;  // pictures come of later polls than this
+  std::deque<ViewMessage> answers_;         // and what was got
   std::uint64_t sent_state_ = 0;
 
   std::deque<ViewMessage> picture_;  // what is left of it
@@ -56,7 +56,7 @@ class PageOutbox {
   double picture_time_ = 0;
   bool awaits_ack_ = false;
   std::vector<std::uint64_t> sent_parts_;  // the number of each
-  std::uint64_t next_sample_ = 0;
+  std::uint64_t next_sample_ = 0;          // a new page begins with those that the hub has
 };
 
 }  // namespace palpate::inline v0

@@ -17,7 +17,7 @@ constexpr double kRounding = 1e-6;       // s; the times of messages are whole n
 
 struct KnownQuery {
   double time = 0;
-  CameraMoments cameras;
+  CameraBlends cameras;
   Pose X_WT;
   std::uint64_t frame_number = 0;
   std::uint32_t revision = 0;
@@ -49,7 +49,7 @@ class RunInFile final : public RecordedRun {
     return {frame.camera, frame.camera_frame};
   }
   double period_after(std::size_t index) override { return index_->frame(index).period; }
-  double felt_from(std::size_t index) override;
+  double needed_from(std::size_t index) override;
   Result<RecordedFrame> read_frame(std::size_t index) override;
   Result<RecordedQuery> query_at(double time) override;
   Result<std::vector<ViewSample>> samples(double after, double until) override;
@@ -159,7 +159,7 @@ Result<RecordedQuery> RunInFile::query_at(double time) {
 
 /// Surfaces take their time: the frame was captured, made into one, and waited for the blend
 /// before.
-double RunInFile::felt_from(std::size_t index) {
+double RunInFile::needed_from(std::size_t index) {
   const IndexedFrame frame = index_->frame(index);
   const double captured = frame.capture_time - index_->start();
   constexpr double kLongest = 2;  // s

@@ -1,4 +1,4 @@
-// A recording that can be looked at anywhere.
+// A recording with random access.
 #pragma once
 
 #include <filesystem>
@@ -19,14 +19,14 @@ struct RecordedQuery {
   double clock = 0;  ///< the same moment on the clock by which frames were taken
   Pose X_WT;
   std::size_t frame = 0;  ///< index of the newest frame that it was made with
-  CameraMoments cameras;
+  CameraBlends cameras;
   std::vector<Pose> bodies;    ///< of objects that move, X_WB
   std::uint32_t revision = 0;  ///< of the settings
 };
 
 struct RecordedFrame {
   ViewFrame shown;
-  double clock = 0;  ///< s, as the surfaces were told
+  double clock = 0;  ///< s, as for the surfaces
 };
 
 struct RecordedMark {
@@ -55,8 +55,8 @@ class RecordedRun {
   virtual Result<RecordedFrame> read_frame(std::size_t index) = 0;
   /// What SurfaceTimeline::period was after this frame, s.
   virtual double period_after(std::size_t index) = 0;
-  /// When it was felt first, s since the run began.
-  virtual double felt_from(std::size_t index) = 0;
+  /// Time of its first use, s since the run began.
+  virtual double needed_from(std::size_t index) = 0;
   /// The last query that is not later, else the first one. Error: it cannot be read any more.
   virtual Result<RecordedQuery> query_at(double time) = 0;
   /// Ticks later than `after` until `until`, in order.

@@ -1,4 +1,4 @@
-// Large things again and again without asking the system for memory each time.
+// Reuses large objects instead of allocating them each time.
 #pragma once
 
 #include <array>

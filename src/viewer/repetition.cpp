@@ -4,7 +4,7 @@
 #include <cmath>
 #include <utility>
 
-#include "src/viewer/shown.h"
+#include "src/viewer/view_contact.h"
 
 namespace palpate::inline v0 {
 namespace {
@@ -60,8 +60,8 @@ std::vector<Repetition::Lead> Repetition::leads_of(const RecordedQuery& query, i
 }
 
 /// Whether the timelines come to these frames by the next ones of each camera, and have all of the
-/// last `num_felt` of them.
-bool Repetition::goes_on_to(const std::vector<Lead>& leads, std::size_t num_felt) {
+/// last `num_used` of them.
+bool Repetition::goes_on_to(const std::vector<Lead>& leads, std::size_t num_used) {
   if (cameras_.empty()) return false;
   for (std::size_t k = 0; k < cameras_.size(); ++k) {
     const Camera& camera = cameras_[k];
@@ -70,8 +70,8 @@ bool Repetition::goes_on_to(const std::vector<Lead>& leads, std::size_t num_felt
     const std::int64_t first = run_.camera_frame(leads[k].front()).second;
     const std::int64_t last = run_.camera_frame(leads[k].back()).second;
     if (camera.first > first || camera.last > last || camera.last + 1 < first) return false;
-    const std::size_t felt = leads[k].size() - std::min(leads[k].size(), num_felt);
-    if (run_.camera_frame(leads[k][felt]).second <= camera.unfelt) return false;
+    const std::size_t first_used = leads[k].size() - std::min(leads[k].size(), num_used);
+    if (run_.camera_frame(leads[k][first_used]).second <= camera.unused) return false;
   }
   return true;
 }
@@ -98,47 +98,47 @@ Result<bool> Repetition::go_to(const RecordedQuery& query, const RunSettings& se
     if (const Status status = make_part(settings); !status) return status.error();
   }
   const std::vector<Lead> leads = leads_of(query, num_lead_frames(settings.time));
-  const std::size_t num_felt = 1 + static_cast<std::size_t>(num_blended_frames(settings.time));
-  if (!makes_same_surfaces(settings, made_with_) || !goes_on_to(leads, num_felt)) {
+  const std::size_t num_used = 1 + static_cast<std::size_t>(num_blended_frames(settings.time));
+  if (!makes_same_surfaces(settings, made_with_) || !goes_on_to(leads, num_used)) {
     made_with_ = settings;
     const Status status = prepare(leads, settings);
     if (!status) return status.error();
   }
   const bool is_as_recorded = run_.settings(query.revision).time.mode == settings.time.mode;
-  if (moments_.num_cameras() != leads.size()) moments_ = CameraViews(leads.size());
-  moments_.clear();
+  if (views_.num_cameras() != leads.size()) views_ = CameraViews(leads.size());
+  views_.clear();
   for (std::size_t k = 0; k < leads.size(); ++k) {
     Camera& camera = cameras_[k];
     std::size_t num_left = leads[k].size();
     for (const std::size_t index : leads[k]) {
       // Of those before only what averages take from them matters.
-      const bool is_felt = num_left-- <= num_felt;
-      const PixelWindow asked = is_felt ? PixelWindow{} : PixelWindow{0, 0, 1, 1};
+      const bool is_used = num_left-- <= num_used;
+      const PixelWindow window = is_used ? PixelWindow{} : PixelWindow{0, 0, 1, 1};
       const std::int64_t number = run_.camera_frame(index).second;
       if (number <= camera.last) continue;
       if (!keep_going()) return false;
       const auto frame = frames_.get(index);
       if (!frame) return frame.error();
       camera.clock = (*frame)->clock;
-      camera.timeline.push((*frame)->shown.frame, camera.clock, pool_, asked);
+      camera.timeline.push((*frame)->shown.frame, camera.clock, pool_, window);
       if (camera.first < 0) camera.first = number;
       camera.last = number;
-      if (!is_felt) camera.unfelt = number;
+      if (!is_used) camera.unused = number;
       camera.index = index;
     }
     if (!camera.timeline.status()) return camera.timeline.status().error();
     if (camera.last < 0) continue;  // it had shown nothing yet
-    moments_[k] = camera.timeline.at(std::max(query.clock, camera.clock));
-    if (is_as_recorded) moments_[k].progress = query.cameras.of[k].progress;
-    moments_.remember(camera.timeline.key_frames(), moments_[k].progress);
+    views_[k] = camera.timeline.at(std::max(query.clock, camera.clock));
+    if (is_as_recorded) views_[k].progress = query.cameras.of[k].progress;
+    views_.remember(camera.timeline.key_frames(), views_[k].progress);
   }
-  asked_.X_WT = query.X_WT;
+  query_.X_WT = query.X_WT;
   return true;
 }
 
 const Penetration& Repetition::measure() {
-  part_->measure(moments_.all(), false, asked_);
-  return asked_.penetration;
+  part_->measure(views_.all(), false, query_);
+  return query_.penetration;
 }
 
 ViewSurface Repetition::surface() {

@@ -1,4 +1,4 @@
-// Any query of a recording once more, with the settings of the run or with others.
+// Repeats any query of a recording, with the settings of the run or others.
 #pragma once
 
 #include <functional>
@@ -26,7 +26,7 @@ class Repetition {
   const Penetration& measure();
   const ContactQuery& query() const { return part_->query(); }
   /// What is measured, of each camera.
-  std::span<const SurfaceBlend> cameras() const { return moments_.all(); }
+  std::span<const SurfaceBlend> cameras() const { return views_.all(); }
   /// The first camera's.
   ViewSurface surface();
 
@@ -45,7 +45,7 @@ class Repetition {
   const std::string& note() const { return note_; }
 
  private:
-  bool goes_on_to(const std::vector<Lead>& leads, std::size_t num_felt);
+  bool goes_on_to(const std::vector<Lead>& leads, std::size_t num_used);
   Status prepare(const std::vector<Lead>& leads, const RunSettings& settings);
   Status make_part(RunSettings settings);
 
@@ -62,14 +62,14 @@ class Repetition {
   struct Camera {
     SurfaceTimeline timeline;
     std::int64_t first = -1, last = -1;  // camera_frame: pushed from, until; -1: none
-    std::int64_t unfelt = -1;            // likewise: the last one of which little was asked for
+    std::int64_t unused = -1;            // likewise: the last one of which little was asked for
     double clock = 0;                    // of the last one
     std::size_t index = 0;               // likewise
   };
   std::vector<Camera> cameras_;
   RunSettings made_with_;  // the settings of the timelines
-  ContactRecord asked_;
-  CameraViews moments_{0};  // of each
+  ContactRecord query_;
+  CameraViews views_{0};  // of each
 };
 
 }  // namespace palpate::inline v0

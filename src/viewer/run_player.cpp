@@ -6,7 +6,7 @@
 #include <new>
 #include <utility>
 
-#include "src/viewer/shown.h"
+#include "src/viewer/view_contact.h"
 
 namespace palpate::inline v0 {
 namespace {
@@ -59,7 +59,7 @@ RunPlayer::RunPlayer(std::unique_ptr<RecordedRun> run) : run_(std::move(run)), r
   clock_.pause();
   clock_.set(opening_time(*run_));
   last_.frames.resize(run_->streams().size());
-  news_.frames.resize(run_->streams().size());
+  pending_.frames.resize(run_->streams().size());
   shown_.settings = run_->settings(0);
   shown_.duration = run_->duration();
   thread_ = std::thread([this] { work(); });
@@ -73,22 +73,23 @@ RunPlayer::~RunPlayer() {
 
 // What others ask for.
 
-void RunPlayer::poll(const ViewWishes& wishes, ViewUpdate& update) {
+void RunPlayer::poll(const ViewSubscription& subscription, ViewUpdate& update) {
   const std::lock_guard lock(mutex_);
-  const bool is_looking = wishes.frames || wishes.contacts || wishes.surfaces || wishes.samples;
+  const bool is_looking =
+      subscription.frames || subscription.contacts || subscription.surfaces || subscription.samples;
   if (is_looking && !std::exchange(was_looked_at_, true)) clock_.resume();
-  wanted_ = wishes;
-  for (auto& frame : news_.frames) {
-    if (wishes.frames && frame) update.frames.push_back(std::exchange(frame, nullptr));
+  wanted_ = subscription;
+  for (auto& frame : pending_.frames) {
+    if (subscription.frames && frame) update.frames.push_back(std::exchange(frame, nullptr));
   }
-  if (wishes.contacts) update.contact = std::exchange(news_.contact, nullptr);
-  if (wishes.surfaces) update.surface = std::exchange(news_.surface, nullptr);
-  if (wishes.samples) samples_.take(update.samples);
+  if (subscription.contacts) update.contact = std::exchange(pending_.contact, nullptr);
+  if (subscription.surfaces) update.surface = std::exchange(pending_.surface, nullptr);
+  if (subscription.samples) samples_.take(update.samples);
 }
 
-RunShown RunPlayer::shown() const {
+PlayerState RunPlayer::shown() const {
   const std::lock_guard lock(mutex_);
-  RunShown shown = shown_;
+  PlayerState shown = shown_;
   if (is_short_of_memory_) shown.note = "there is not enough memory to show all of the run";
   shown.time = std::min(clock_.now(), shown.duration);
   shown.is_paused = clock_.is_paused();
@@ -179,7 +180,7 @@ double RunPlayer::advance() {
   {
     const std::lock_guard lock(mutex_);
     num_steps = std::exchange(num_steps_, 0);
-    wishes_ = wanted_;
+    subscription_ = wanted_;
     taken_seeks_ = num_seeks_;
   }
   const double duration = run_->duration();
@@ -188,7 +189,7 @@ double RunPlayer::advance() {
     const auto last = static_cast<std::ptrdiff_t>(run_->num_frames()) - 1;
     const auto target =
         std::clamp<std::ptrdiff_t>(static_cast<std::ptrdiff_t>(frame_) + num_steps, 0, last);
-    stepped_to = run_->felt_from(static_cast<std::size_t>(target));
+    stepped_to = run_->needed_from(static_cast<std::size_t>(target));
   }
   const std::lock_guard lock(mutex_);
   shown_.duration = duration;
@@ -209,9 +210,9 @@ void RunPlayer::show(double time) {
   frame_ = query->frame;
   use_settings_of(*query);
   std::string trouble;
-  if (wishes_.samples) show_samples(time, trouble);
+  if (subscription_.samples) show_samples(time, trouble);
   show_frames(*query, trouble);
-  if (wishes_.contacts || wishes_.surfaces) show_contact(*query, trouble);
+  if (subscription_.contacts || subscription_.surfaces) show_contact(*query, trouble);
   tell(trouble);
 }
 
@@ -233,7 +234,7 @@ void RunPlayer::use_settings_of(const RecordedQuery& query) {
 
 /// Those that the query rests on.
 void RunPlayer::show_frames(const RecordedQuery& query, std::string& trouble) {
-  if (!wishes_.frames) return;
+  if (!subscription_.frames) return;
   const auto leads = repetition_.leads_of(query, 0);
   for (std::size_t k = 0; k < leads.size(); ++k) {
     if (leads[k].empty() || last_.frames[k] == leads[k].back()) continue;
@@ -242,15 +243,15 @@ void RunPlayer::show_frames(const RecordedQuery& query, std::string& trouble) {
     last_.frames[k] = leads[k].back();
     const std::lock_guard lock(mutex_);
     // A part of what the cache holds, which it keeps.
-    news_.frames[k] = std::shared_ptr<const ViewFrame>(*frame, &(*frame)->shown);
+    pending_.frames[k] = std::shared_ptr<const ViewFrame>(*frame, &(*frame)->shown);
   }
 }
 
 void RunPlayer::show_contact(const RecordedQuery& query, std::string& trouble) {
   const Last::Picture contact{query.time, num_settings_};
   const Last::Picture surface{static_cast<double>(query.frame), num_settings_};
-  const bool needs_contact = wishes_.contacts && last_.contact != contact;
-  const bool needs_surface = wishes_.surfaces && last_.surface != surface;
+  const bool needs_contact = subscription_.contacts && last_.contact != contact;
+  const bool needs_surface = subscription_.surfaces && last_.surface != surface;
   if (!needs_contact && !needs_surface) return;
   const std::uint32_t order = num_orders_;
   const auto is_there =
@@ -261,7 +262,7 @@ void RunPlayer::show_contact(const RecordedQuery& query, std::string& trouble) {
   ViewUpdate made;
   if (needs_contact) {
     ViewContact shown =
-        contact_shown(repetition_.query(), repetition_.cameras(), query.X_WT, query.time, number);
+        view_contact(repetition_.query(), repetition_.cameras(), query.X_WT, query.time, number);
     shown.objects = objects_at(run_->objects(), query.bodies);
     made.contact = std::make_shared<const ViewContact>(std::move(shown));
     last_.contact = contact;
@@ -271,8 +272,8 @@ void RunPlayer::show_contact(const RecordedQuery& query, std::string& trouble) {
     last_.surface = surface;
   }
   const std::lock_guard lock(mutex_);
-  if (made.contact) news_.contact = std::move(made.contact);
-  if (made.surface) news_.surface = std::move(made.surface);
+  if (made.contact) pending_.contact = std::move(made.contact);
+  if (made.surface) pending_.surface = std::move(made.surface);
 }
 
 /// Those since the last time; after a leap those of the seconds before.

@@ -13,8 +13,8 @@
 
 namespace palpate::inline v0 {
 
-/// What there is to tell of it.
-struct RunShown {
+/// State of the player, for pages.
+struct PlayerState {
   double time = 0, duration = 0, speed = 1;
   bool is_paused = false;
   std::uint64_t frame_number = 0;
@@ -26,7 +26,7 @@ struct RunShown {
 
 class RunPlayer {
  public:
-  /// Stands shortly before the first contact until somebody looks, then plays.
+  /// Paused shortly before the first contact until a page is open, then plays.
   /// Lets std::system_error out if there is no thread to be had.
   explicit RunPlayer(std::unique_ptr<RecordedRun> run);
   ~RunPlayer();
@@ -36,8 +36,8 @@ class RunPlayer {
   const std::vector<SceneObject>& objects() const { return run_->objects(); }
 
   // For one other thread; none of these waits for a picture.
-  void poll(const ViewWishes& wishes, ViewUpdate& update);
-  RunShown shown() const;
+  void poll(const ViewSubscription& subscription, ViewUpdate& update);
+  PlayerState shown() const;
   void pause();
   void resume();  ///< at the end: from the beginning
   void seek(double time);
@@ -80,7 +80,7 @@ class RunPlayer {
   Repetition repetition_;
   Last last_;
   std::size_t frame_ = 0;  // the newest one shown now
-  ViewWishes wishes_;
+  ViewSubscription subscription_;
   std::uint32_t taken_seeks_ = 0, seen_seeks_ = 0;
   std::optional<SettingsInUse> used_;
   RunSettings settings_;
@@ -93,10 +93,10 @@ class RunPlayer {
   bool was_looked_at_ = false;
   int num_steps_ = 0;
   std::uint32_t num_seeks_ = 0;
-  ViewWishes wanted_;
+  ViewSubscription wanted_;
   nlohmann::ordered_json changed_ = nlohmann::ordered_json::object();  // {key: value}
-  RunShown shown_;
-  ViewUpdate news_;  // `frames` of each camera, null where there is no news
+  PlayerState shown_;
+  ViewUpdate pending_;  // `frames` of each camera, null where there is no news
   SampleQueue samples_;
 
   std::atomic<std::uint32_t> num_orders_ = 0;  // whatever makes a long way to a frame useless

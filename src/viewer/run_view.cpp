@@ -7,7 +7,7 @@
 #include "src/session/internal/run_folder.h"
 #include "src/viewer/command.h"
 #include "src/viewer/run_player.h"
-#include "src/viewer/shown.h"
+#include "src/viewer/view_contact.h"
 
 namespace palpate::inline v0 {
 namespace {
@@ -28,7 +28,9 @@ class RunView final : public ViewSource {
                  shapes_of(player_.objects())} {}
 
   const ViewContent& content() const override { return content_; }
-  void poll(const ViewWishes& wishes, ViewUpdate& update) override { player_.poll(wishes, update); }
+  void poll(const ViewSubscription& subscription, ViewUpdate& update) override {
+    player_.poll(subscription, update);
+  }
   std::string state() override;
   std::string controls() override {
     return list_controls(settings_of(player_.shown().settings), is_recorded_control).dump();
@@ -43,7 +45,7 @@ class RunView final : public ViewSource {
 };
 
 std::string RunView::state() {
-  const RunShown shown = player_.shown();
+  const PlayerState shown = player_.shown();
   Json note, marks = Json::array();
   if (!shown.note.empty()) {
     note = shown.note;

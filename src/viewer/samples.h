@@ -1,4 +1,4 @@
-// Samples of a loop, on their way to a page that may not come for them.
+// A bounded queue of samples, from a loop to pages.
 #pragma once
 
 #include <deque>
@@ -9,7 +9,7 @@
 
 namespace palpate::inline v0 {
 
-/// Without a hand, the force on the tool stands for what it would feel.
+/// Without a hand, F_H_B is the force on the tool.
 ViewSample sample_of(const TickRecord& tick, bool has_hand);
 
 /// The last seconds; older ones that nobody has fetched are dropped.

@@ -1,4 +1,4 @@
-// How long the stages of a loop take, for drawing.
+// Times of the stages of a loop, for pages.
 #pragma once
 
 #include <nlohmann/json.hpp>

@@ -12,7 +12,7 @@ class ToolView final : public ViewSource {
   ToolView(const Tool& tool, std::string title) : content_{"tool", std::move(title), &tool} {}
 
   const ViewContent& content() const override { return content_; }
-  void poll(const ViewWishes&, ViewUpdate&) override {}
+  void poll(const ViewSubscription&, ViewUpdate&) override {}
   std::string state() override {
     return R"({"time": 0, "running": false, "fault": null, "note": null, "paused": false, )"
            R"("revision": 0, "settings": {}, "frame_number": 0})";

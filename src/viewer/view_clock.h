@@ -1,4 +1,4 @@
-// The time that is shown: it goes with the wall clock, faster, slower, or stands.
+// The clock of playback: follows the wall clock at a factor, or is paused.
 #pragma once
 
 #include <algorithm>

@@ -4,16 +4,16 @@
 #include <utility>
 
 #include "src/viewer/page_outbox.h"
+#include "src/viewer/samples.h"
 
 namespace palpate::inline v0 {
 namespace {
 
 constexpr double kStatePeriod = 0.25;  // s
 constexpr double kFreshState = 0.02;   // s
-constexpr double kSamplesKept = 2;     // s
 constexpr std::size_t kMaxSamples = 8192;
 
-ViewWishes either(const ViewWishes& a, const ViewWishes& b) {
+ViewSubscription either(const ViewSubscription& a, const ViewSubscription& b) {
   return {a.frames || b.frames, a.contacts || b.contacts, a.surfaces || b.surfaces,
           a.samples || b.samples};
 }
@@ -25,7 +25,7 @@ Status ViewSource::hold(std::uint64_t) {
                "no page can hold this tool: that is for palpate touch ... --device page"};
 }
 Status ViewSource::move(std::uint64_t page, const Pose&) { return hold(page); }
-void ViewSource::let_go(std::uint64_t) {}
+void ViewSource::release(std::uint64_t) {}
 
 ViewHub::ViewHub(ViewSource& source)
     : source_(source),
@@ -38,20 +38,22 @@ ViewHub::ViewHub(ViewSource& source)
 }
 
 void ViewHub::poll(double now) {
-  ViewWishes wishes;
-  for (const PageOutbox* page : pages_) wishes = either(wishes, page->wishes(now));
+  ViewSubscription subscription;
+  for (const PageOutbox* page : pages_)
+    subscription = either(subscription, page->subscription(now));
   ViewUpdate update;
-  source_.poll(wishes, update);
+  source_.poll(subscription, update);
   ++num_polls_;
   take_parts(update);
-  take_samples(update.samples, now);
-  if (!pages_.empty() && (is_state_old_ || now >= state_time_ + kStatePeriod)) ask_state(now);
+  take_samples(update.samples);
+  if (!pages_.empty() && (is_state_old_ || now >= state_time_ + kStatePeriod)) poll_state(now);
 }
 
 bool ViewHub::is_wanted(double now) const {
   return std::any_of(pages_.begin(), pages_.end(), [now](const PageOutbox* page) {
-    const ViewWishes wishes = page->wishes(now);
-    return wishes.frames || wishes.contacts || wishes.surfaces || wishes.samples;
+    const ViewSubscription subscription = page->subscription(now);
+    return subscription.frames || subscription.contacts || subscription.surfaces ||
+           subscription.samples;
   });
 }
 
@@ -83,12 +85,17 @@ void ViewHub::take_parts(ViewUpdate& update) {
   }
 }
 
-void ViewHub::take_samples(const std::vector<ViewSample>& samples, double now) {
-  for (const ViewSample& sample : samples) samples_.push_back({now, sample});
-  while (!samples_.empty() &&
-         (samples_.front().arrival < now - kSamplesKept || samples_.size() > kMaxSamples)) {
-    samples_.pop_front();
-    ++first_sample_;
+/// A page that joins a paused or ended run gets them too: they age with the run, not by the clock.
+void ViewHub::take_samples(const std::vector<ViewSample>& samples) {
+  for (const ViewSample& sample : samples) {
+    const bool goes_back = !samples_.empty() && sample.time < samples_.back().time;  // a seek
+    while (!samples_.empty() &&
+           (goes_back || samples_.front().time < sample.time - SampleQueue::kSeconds ||
+            samples_.size() >= kMaxSamples)) {
+      samples_.pop_front();
+      ++first_sample_;
+    }
+    samples_.push_back(sample);
   }
 }
 
@@ -105,11 +112,11 @@ ViewMessage ViewHub::samples_from(std::uint64_t number) const {
   number = std::max(number, first_sample_);
   std::vector<ViewSample> samples;
   for (std::uint64_t i = number; i < num_samples(); ++i)
-    samples.push_back(samples_[i - first_sample_].sample);
+    samples.push_back(samples_[i - first_sample_]);
   return binary_message(encode_samples(samples, number));
 }
 
-void ViewHub::ask_state(double now) {
+void ViewHub::poll_state(double now) {
   state_ = text_message(state_text(source_, num_pages()));
   state_time_ = now;
   is_state_old_ = false;
@@ -117,7 +124,7 @@ void ViewHub::ask_state(double now) {
 }
 
 const ViewMessage& ViewHub::fresh_state(double now) {
-  if (is_state_old_ || now >= state_time_ + kFreshState) ask_state(now);
+  if (is_state_old_ || now >= state_time_ + kFreshState) poll_state(now);
   return state_;
 }
 
@@ -137,7 +144,7 @@ ViewMessage ViewHub::stored(std::string_view what) {
   return {};
 }
 
-ViewHub::Answer ViewHub::obey(const ViewRequest& request, std::string_view text) {
+ViewHub::Answer ViewHub::execute(const ViewRequest& request, std::string_view text) {
   if (!request.error.empty()) return {false, error_text(request.id, request.error)};
   const Result<std::string> said = source_.command(text);
   is_state_old_ = true;
@@ -150,9 +157,9 @@ Status ViewHub::hold(std::uint64_t page) {
   return source_.hold(page);
 }
 
-void ViewHub::let_go(std::uint64_t page) {
+void ViewHub::release(std::uint64_t page) {
   is_state_old_ = true;
-  source_.let_go(page);
+  source_.release(page);
 }
 
 std::uint64_t ViewHub::add(PageOutbox* page) {

@@ -1,4 +1,4 @@
-// What all pages share: whom they look at, and the newest of everything, encoded once.
+// State that all pages share: the source, and the newest of each part, encoded once.
 #pragma once
 
 #include <array>
@@ -39,9 +39,9 @@ class ViewHub {
   std::uint64_t number(std::size_t part) const { return parts_[part].number; }
   /// The newest; encoded when the first page takes it.
   const ViewMessage& message(std::size_t part);
-  /// Samples that there have been.
+  /// Number of samples since the start of the server.
   std::uint64_t num_samples() const { return first_sample_ + samples_.size(); }
-  /// Those from `number` on, as far as they are kept.
+  /// Samples from `number` on, at most those of the last SampleQueue::kSeconds of the run.
   ViewMessage samples_from(std::uint64_t number) const;
 
   std::uint64_t state_number() const { return state_number_; }
@@ -53,17 +53,17 @@ class ViewHub {
   /// What can be got: spheres, graph, mesh, tree, objects. Null: there is no such thing.
   ViewMessage stored(std::string_view what);
 
-  /// Obeys a command of the source's; the answer for whom it came from.
+  /// Executes a command of the source's; the answer for whom it came from.
   struct Answer {
     bool is_ok = false;
     std::string text;
   };
-  Answer obey(const ViewRequest& request, std::string_view text);
+  Answer execute(const ViewRequest& request, std::string_view text);
 
-  /// A page takes hold of the tool, moves it, lets go of it.
+  /// A page holds, moves and releases the tool.
   Status hold(std::uint64_t page);
   Status move(std::uint64_t page, const Pose& X_WT) { return source_.move(page, X_WT); }
-  void let_go(std::uint64_t page);
+  void release(std::uint64_t page);
 
   /// Returns its number.
   std::uint64_t add(PageOutbox* page);
@@ -79,13 +79,8 @@ class ViewHub {
   };
   void set(std::size_t part, std::function<std::string(std::uint64_t)> encode);
   void take_parts(ViewUpdate& update);
-  void take_samples(const std::vector<ViewSample>& samples, double now);
-  void ask_state(double now);
-
-  struct ArrivedSample {
-    double arrival;
-    ViewSample sample;
-  };
+  void take_samples(const std::vector<ViewSample>& samples);
+  void poll_state(double now);
 
   ViewSource& source_;
   const double tool_radius_;
@@ -95,9 +90,9 @@ class ViewHub {
   std::uint64_t num_polls_ = 0;
 
   const std::size_t num_cameras_;
-  std::vector<Newest> parts_;  // a frame of each camera, then the others
-  double newest_time_ = 0;     // s since the run began, of the newest part
-  std::deque<ArrivedSample> samples_;
+  std::vector<Newest> parts_;       // a frame of each camera, then the others
+  double newest_time_ = 0;          // s since the run began, of the newest part
+  std::deque<ViewSample> samples_;  // the last seconds of the run
   std::uint64_t first_sample_ = 0;  // its number
 
   ViewMessage state_;

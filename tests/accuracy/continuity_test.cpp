@@ -18,7 +18,7 @@ TEST_P(ForceSteps, OfPointsThatEnterAreSmoothedByEntry) {
   eval::Context context({});
   const auto cube = eval::sinking_cube(context).value();
   for (const eval::NoisySolid& solid : eval::noisy_solids()) {
-    const eval::SeenScene seen = eval::see_noisy(solid);
+    const eval::RenderedScene seen = eval::see_noisy(solid);
     std::array<double, 4> largest{};
     for (const Continuity continuity :
          {Continuity::none, Continuity::kernel, Continuity::entry, Continuity::both}) {

@@ -39,7 +39,7 @@ Errors errors_of(const ContactCase& c, const Measure& measure) {
 }
 
 Errors errors_of(const ContactCase& c, const ContactOptions& options) {
-  const SeenScene seen = see(c, DepthNoise::none);
+  const RenderedScene seen = see(c, DepthNoise::none);
   return errors_of(c, query_measure(tool_of(c), seen, options));
 }
 
@@ -126,7 +126,7 @@ TEST_P(EveryCase, FieldIsNearTheTruth) {
 TEST(FieldForce, GrowsWithoutJerks) {
   for (const ContactCase& c : accuracy_cases()) {
     if (c.environment.kind != scenes::Environment::Kind::half_space) continue;
-    const SeenScene seen = see(c, DepthNoise::none);
+    const RenderedScene seen = see(c, DepthNoise::none);
     const ContactOptions options{.method = MethodKind::field,
                                  .volumes = SphereVolumes::represented};
     const WrenchError e = wrench_error(tool_of(c), exact_steps(c, tool_of(c), 0, 0.5, 1000),

@@ -313,8 +313,8 @@ void compare_from_depth_image(double allowed) {
   }
   const double now = 1.3 / 30;
   ASSERT_EQ(on_cuda.at(now).to.cloud.gpu, 0);
-  cpu.set_moment(on_cpu.at(now));
-  cuda.set_moment(on_cuda.at(now));
+  cpu.set_blend(on_cpu.at(now));
+  cuda.set_blend(on_cuda.at(now));
   double volume = 0;
   for (const ContactOptions& options : by_each(kAllMethods)) {
     for (const Pose& X_WT : poses(2)) {
@@ -330,14 +330,14 @@ void compare_from_depth_image(double allowed) {
 }
 
 FeatureGroup surroundings() {
-  return {"What is felt",
+  return {"Inputs",
           {
               {"from depth image to wrench, between two frames", kMeasure, compare_from_depth_image,
                "yes: two queries", "yes: `field` in one launch"},
               {"clouds and fields in host memory", kMeasure, compare_host_memory, "yes",
                "yes: copied once per frame"},
-              {"unorganised clouds, each point method", kMeasure, compare_unorganised},
-              {"unorganised clouds by `field`", kMeasure, compare_unorganised_by_field, "yes",
+              {"unorganized clouds, each point method", kMeasure, compare_unorganised},
+              {"unorganized clouds by `field`", kMeasure, compare_unorganised_by_field, "yes",
                "yes: their image is made on the host"},
           }};
 }

@@ -90,7 +90,7 @@ FeatureGroup surfaces() {
           with("normals: plane fit along the ray", [](SlotSettings&) {}),
           with("normals: principal components",
                [](SlotSettings& s) { s.surface.normals.fit = PlaneFit::principal; }),
-          with("normals: window, depth gate, least neighbours",
+          with("normals: window, depth gate, minimum neighbors",
                [](SlotSettings& s) {
                  s.surface.normals.radius = 7;
                  s.surface.normals.max_depth_change = 0.01;
@@ -98,12 +98,12 @@ FeatureGroup surfaces() {
                }),
           with("normals: anchoring", [](SlotSettings& s) { s.surface.normals.anchoring = true; }),
           with("normals: weighting", [](SlotSettings& s) { s.surface.normals.weighting = true; }),
-          with("normals: normalisation",
+          with("normals: normalization",
                [](SlotSettings& s) { s.surface.normals.normalization = true; }),
           with("depth change at edges",
                [](SlotSettings& s) { s.surface.depth_change.min_step = 0.03; }),
           with("no depth change", [](SlotSettings& s) { s.surface.depth_change.enabled = false; }),
-          with("least and greatest depth",
+          with("minimum and maximum depth",
                [](SlotSettings& s) {
                  s.surface.min_depth = 0.5;
                  s.surface.max_depth = 0.95;
@@ -114,7 +114,7 @@ FeatureGroup surfaces() {
 FeatureGroup time() {
   return {"Time",
           {
-              with("newest frame at once", [](SlotSettings&) {}),
+              with("latest frame", [](SlotSettings&) {}),
               with("interpolation between frames",
                    [](SlotSettings& s) { s.time.mode = TimeMode::interpolate; }),
               with("prediction of the next frame",

@@ -7,15 +7,15 @@
 #include <cstring>
 
 #include "src/math/internal/rotation_vector.h"
-#include "tests/bodies/seen_table.h"
+#include "tests/bodies/camera_table.h"
 #include "tests/test_util/allocation_counter.h"
 
 namespace palpate {
 namespace {
 
+using test::CameraTable;
 using test::kTable;
 using test::packed_shape;
-using test::SeenTable;
 using test::TableTop;
 
 const Vec3d kSize{0.06, 0.05, 0.04};
@@ -196,7 +196,7 @@ TEST(MovingBodies, LieOnObjectsThatStay) {
 Pose hand_motion(double t) { return {{-0.15 + 0.2 * std::min(t, 0.75), 0, kTable - 0.03}, {}}; }
 
 TEST(MovingBodies, ArePushedByWhatMovesInTheStream) {
-  SeenTable::Options seen;
+  CameraTable::Options seen;
   seen.width = 320;
   seen.others.push_back({"hand", make_box({0.06, 0.12, 0.06}), hand_motion, hand_motion(0)});
   TableTop world({box_at(-0.01, 0.002)}, seen);
@@ -213,7 +213,7 @@ TEST(MovingBodies, ArePushedByWhatMovesInTheStream) {
 Pose cover_motion(double t) { return {{0, t > 0.5 && t < 1 ? 0.0 : 0.5, kTable - 0.2}, {}}; }
 
 TEST(MovingBodies, StayWhileSomethingHidesThem) {
-  SeenTable::Options seen;
+  CameraTable::Options seen;
   seen.others.push_back({"cover", make_box({0.2, 0.2, 0.02}), cover_motion, cover_motion(0)});
   TableTop world({box_at(0, 0)}, seen);
   go_on(world, 0.9);

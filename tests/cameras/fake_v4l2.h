@@ -65,18 +65,18 @@ class FakeV4l2 final : public v4l2::System {
     const std::lock_guard lock(mutex_);
     if (device == kDepthId && !is_plugged) return errno = ENODEV, -1;
     switch (request) {
-      case VIDIOC_QUERYCAP: return tell_capability(device, *static_cast<v4l2_capability*>(data));
-      case VIDIOC_ENUM_FMT: return tell_format(device, *static_cast<v4l2_fmtdesc*>(data));
+      case VIDIOC_QUERYCAP: return report_capability(device, *static_cast<v4l2_capability*>(data));
+      case VIDIOC_ENUM_FMT: return report_format(device, *static_cast<v4l2_fmtdesc*>(data));
       default: break;
     }
     if (device != kDepthId) return errno = ENOTTY, -1;
     switch (request) {
-      case VIDIOC_ENUM_FRAMESIZES: return tell_size(*static_cast<v4l2_frmsizeenum*>(data));
-      case VIDIOC_ENUM_FRAMEINTERVALS: return tell_rate(*static_cast<v4l2_frmivalenum*>(data));
+      case VIDIOC_ENUM_FRAMESIZES: return report_size(*static_cast<v4l2_frmsizeenum*>(data));
+      case VIDIOC_ENUM_FRAMEINTERVALS: return report_rate(*static_cast<v4l2_frmivalenum*>(data));
       case VIDIOC_S_FMT: return set_format(*static_cast<v4l2_format*>(data));
       case VIDIOC_S_PARM: return 0;
       case VIDIOC_REQBUFS: return request_buffers(*static_cast<v4l2_requestbuffers*>(data));
-      case VIDIOC_QUERYBUF: return tell_buffer(*static_cast<v4l2_buffer*>(data));
+      case VIDIOC_QUERYBUF: return report_buffer(*static_cast<v4l2_buffer*>(data));
       case VIDIOC_QBUF: return queue(*static_cast<v4l2_buffer*>(data));
       case VIDIOC_DQBUF: return give(*static_cast<v4l2_buffer*>(data));
       case VIDIOC_STREAMON: return is_streaming_ = true, next_ = monotonic_now(), 0;
@@ -89,7 +89,7 @@ class FakeV4l2 final : public v4l2::System {
   static constexpr int kDepthId = 12;
   static constexpr std::size_t kPage = 1 << 24;
 
-  static int tell_capability(int device, v4l2_capability& to) {
+  static int report_capability(int device, v4l2_capability& to) {
     std::strcpy(reinterpret_cast<char*>(to.card),
                 device == kDepthId ? "RealSense Depth 435" : "Colour");
     to.capabilities = V4L2_CAP_VIDEO_CAPTURE | V4L2_CAP_STREAMING | V4L2_CAP_DEVICE_CAPS;
@@ -97,19 +97,19 @@ class FakeV4l2 final : public v4l2::System {
         device == 11 ? V4L2_CAP_META_CAPTURE : V4L2_CAP_VIDEO_CAPTURE | V4L2_CAP_STREAMING;
     return 0;
   }
-  static int tell_format(int device, v4l2_fmtdesc& to) {
+  static int report_format(int device, v4l2_fmtdesc& to) {
     if (to.index > (device == kDepthId ? 1U : 0U)) return errno = EINVAL, -1;
     to.pixelformat = device == kDepthId && to.index == 1 ? V4L2_PIX_FMT_Z16 : V4L2_PIX_FMT_YUYV;
     return 0;
   }
-  int tell_size(v4l2_frmsizeenum& to) const {
+  int report_size(v4l2_frmsizeenum& to) const {
     if (to.pixel_format != V4L2_PIX_FMT_Z16 || to.index >= sizes.size()) return errno = EINVAL, -1;
     to.type = V4L2_FRMSIZE_TYPE_DISCRETE;
     to.discrete.width = static_cast<std::uint32_t>(sizes[to.index].first);
     to.discrete.height = static_cast<std::uint32_t>(sizes[to.index].second);
     return 0;
   }
-  static int tell_rate(v4l2_frmivalenum& to) {
+  static int report_rate(v4l2_frmivalenum& to) {
     if (to.index > 1) return errno = EINVAL, -1;
     to.type = V4L2_FRMIVAL_TYPE_DISCRETE;
     to.discrete = {1, to.index == 0 ? 90U : 30U};
@@ -127,7 +127,7 @@ class FakeV4l2 final : public v4l2::System {
                     std::vector<char>(std::size_t{format_.bytesperline} * format_.height));
     return 0;
   }
-  int tell_buffer(v4l2_buffer& to) const {
+  int report_buffer(v4l2_buffer& to) const {
     to.length = static_cast<std::uint32_t>(buffers_.at(to.index).size());
     to.m.offset = static_cast<std::uint32_t>(to.index * kPage);
     return 0;

@@ -91,7 +91,7 @@ TEST(Urdf, PlacesLinksByTheirJoints) {
   EXPECT_NEAR(end.x, 1, 1e-12);
   EXPECT_NEAR(end.y, 2 + 0.4 * std::cos(lift), 1e-12);
   EXPECT_NEAR(end.z, 3 - 0.4 * std::sin(lift), 1e-12);
-  EXPECT_TRUE(robot->told_joints().empty());  // no link has a shape
+  EXPECT_TRUE(robot->required_joints().empty());  // no link has a shape
 }
 
 TEST(Urdf, LetsJointsFollowOthers) {
@@ -111,8 +111,8 @@ TEST(Urdf, LetsJointsFollowOthers) {
   const double first = 0.1, second = 2 * first + 0.25, third = -3 * second + 0.5;
   EXPECT_NEAR(placed(*robot, "d", {{"first", first}}).translation.x, first + second + third, 1e-12);
   // One has to be told of.
-  ASSERT_EQ(robot->told_joints().size(), 1u);
-  EXPECT_EQ(robot->joints[robot->told_joints()[0]].name, "first");
+  ASSERT_EQ(robot->required_joints().size(), 1u);
+  EXPECT_EQ(robot->joints[robot->required_joints()[0]].name, "first");
   const std::string ring = joint("first", "a", "b", "<mimic joint='second'/>") +
                            joint("second", "b", "c", "<mimic joint='first'/>");
   EXPECT_NE(why_not("<link name='a'/><link name='b'/><link name='c'/>" + ring).find("follows"),

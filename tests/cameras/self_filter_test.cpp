@@ -309,7 +309,7 @@ TEST(SelfFilter, RefusesWhatIsOutOfRange) {
 }
 
 /// What a tool feels of an arm in front of a table.
-class FeltArm : public testing::Test {
+class ArmInContact : public testing::Test {
  protected:
   static std::vector<DepthFrame> filtered(const std::vector<DepthFrame>& frames) {
     const auto filter =
@@ -344,7 +344,7 @@ class FeltArm : public testing::Test {
   std::vector<Sensor> sensors_;
 };
 
-TEST_F(FeltArm, IsNotThere) {
+TEST_F(ArmInContact, IsNotThere) {
   const SurfaceBlend with = look_at(with_[0]), without = look_at(without_[0]),
                      left = look_at(filtered(with_)[0]);
   const Vec3d in_arm = test::SwingingArm::middle_of_link(1, with_[0].timestamp);
@@ -358,7 +358,7 @@ TEST_F(FeltArm, IsNotThere) {
   EXPECT_EQ(felt(without, behind).unseen_volume, 0);
 }
 
-TEST_F(FeltArm, LeavesTheTableAsItIs) {
+TEST_F(ArmInContact, LeavesTheTableAsItIs) {
   constexpr int kFar = 120;  // pixels from the arm
   const DepthFrame frame = filtered(with_)[0];
   const SurfaceBlend left = look_at(frame), without = look_at(without_[0]);
@@ -388,7 +388,7 @@ TEST_F(FeltArm, LeavesTheTableAsItIs) {
   EXPECT_GT(num, 10);
 }
 
-TEST_F(FeltArm, WithAMemoryTheTableBehindItStays) {
+TEST_F(ArmInContact, WithAMemoryTheTableBehindItStays) {
   // The table is seen first, then the arm comes.
   std::vector<DepthFrame> frames(4, without_[0]);
   const DepthFrame hidden = filtered(with_)[0];

@@ -102,7 +102,7 @@ TEST(DepthAveragerCuda, GoesOnFromTheStateOfTheCpu) {
       std::move(DepthAveragerCuda::create(kWidth, kHeight, options, 0)).value();
   for (int k = 0; k < 4; ++k) cpu.update(frames[static_cast<std::size_t>(k)], pool);
   const std::string state = cpu.state();
-  ASSERT_TRUE(cuda.go_on_from(stream, state));
+  ASSERT_TRUE(cuda.resume_from(stream, state));
   for (std::size_t k = 4; k < 6; ++k) {
     std::ranges::copy(frames[k].pixels, cuda.input().begin());
     cuda.set_unit(frames[k].unit);
@@ -111,7 +111,7 @@ TEST(DepthAveragerCuda, GoesOnFromTheStateOfTheCpu) {
     ASSERT_NO_FATAL_FAILURE(test::expect_same_bits(
         test::copy_to_host(stream, cuda.depth(), expected.size()), expected.data(), "depth"));
   }
-  EXPECT_FALSE(cuda.go_on_from(stream, state.substr(1)));
+  EXPECT_FALSE(cuda.resume_from(stream, state.substr(1)));
 }
 
 TEST(DepthAveragerCuda, RefusesBadOptions) {

@@ -245,7 +245,7 @@ TEST(DepthEstimate, GoesOnFromItsState) {
   };
   for (int k = 0; k < 10; ++k) one.update(see(k));
   const std::string state = one.averager.state();
-  ASSERT_TRUE(other.averager.go_on_from(state));
+  ASSERT_TRUE(other.averager.resume_from(state));
   EXPECT_EQ(other.averager.state(), state);
   for (int k = 10; k < 15; ++k) {
     const DepthFrame frame = see(k);
@@ -253,10 +253,10 @@ TEST(DepthEstimate, GoesOnFromItsState) {
     ASSERT_EQ(std::memcmp(a.data(), b.data(), a.size_bytes()), 0);
   }
   EXPECT_NE(one.averager.state(), state);
-  EXPECT_FALSE(other.averager.go_on_from(state.substr(4)));
+  EXPECT_FALSE(other.averager.resume_from(state.substr(4)));
   DepthAverageOptions moving;
   moving.kind = DepthAverage::moving;
-  EXPECT_FALSE(DepthAverager::create(kWidth, kHeight, moving)->go_on_from(state));
+  EXPECT_FALSE(DepthAverager::create(kWidth, kHeight, moving)->resume_from(state));
 }
 
 TEST(DepthEstimate, RefusesBadOptions) {

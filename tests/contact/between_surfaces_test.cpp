@@ -70,7 +70,7 @@ TEST(BetweenSurfaces, WeighsBothSurfaces) {
     const Penetration from = on(old_wall), to = on(new_wall);
     ASSERT_GT(to.volume, from.volume);
     for (const double t : {0.0, 0.25, 1.0}) {
-      blended.set_moment({old_wall.surfaces(), new_wall.surfaces(), t});
+      blended.set_blend({old_wall.surfaces(), new_wall.surfaces(), t});
       const Penetration got = blended.query(pose_at(0.49), options);
       EXPECT_EQ(got.volume, t < 1 ? (1 - t) * from.volume + t * to.volume : to.volume);
       EXPECT_NEAR(
@@ -93,7 +93,7 @@ TEST(BetweenSurfaces, FollowsAMovingWall) {
   const Pose X_WT = pose_at(0.492);
   eval::MethodQueries query(Backend::cpu, tool());
   for (const double t : {0.0, 0.3, 0.5, 0.8, 1.0}) {
-    query.set_moment({old_wall.surfaces(), new_wall.surfaces(), t});
+    query.set_blend({old_wall.surfaces(), new_wall.surfaces(), t});
     const double depth = 0.5 - 0.0025 * t;
     double expected = 0;
     for (const Sphere& s : tool().spheres()) {
@@ -111,7 +111,7 @@ TEST(BetweenSurfaces, IsTheGradientOfOnePotentialAtEveryInstant) {
   eval::MethodQueries query(Backend::cpu, tool());
   const ContactOptions options = options_of(MethodKind::field);
   for (const double t : {0.2, 0.5, 0.9}) {
-    query.set_moment({old_wall.surfaces(), new_wall.surfaces(), t});
+    query.set_blend({old_wall.surfaces(), new_wall.surfaces(), t});
     constexpr double kStep = 1e-4;
     const double force = query.query(pose_at(0.49), options).measure_W.force.z;
     const double slope = (query.query(pose_at(0.49 + kStep), options).potential -
@@ -138,7 +138,7 @@ TEST(BetweenSurfaces, WhatAppearsFadesIn) {
   eval::MethodQueries query(Backend::cpu, tool());
   for (const MethodKind method : kAllMethods) {
     const auto volume = [&](const SurfaceView& from, const SurfaceView& to, double t) {
-      query.set_moment({from, to, t});
+      query.set_blend({from, to, t});
       return query.query(pose_at(0.5), options_of(method)).volume;
     };
     const double whole = volume(none, wall.surfaces(), 1);
@@ -153,7 +153,7 @@ TEST(BetweenSurfaces, WhatAppearsFadesIn) {
 TEST(BetweenSurfaces, SettingOneSurfaceLeavesNothingToBlend) {
   const Wall old_wall(0.5), new_wall(0.49);
   eval::MethodQueries query(Backend::cpu, tool());
-  query.set_moment({old_wall.surfaces(), old_wall.surfaces(), 0.5});
+  query.set_blend({old_wall.surfaces(), old_wall.surfaces(), 0.5});
   query.set_cloud(new_wall.surfaces().cloud);
   query.set_field(new_wall.surfaces().field);
   const auto plain = plain_query();
@@ -172,7 +172,7 @@ TEST(BetweenSurfaces, DoesNotAllocate) {
   for (const MethodKind method : kAllMethods) query.by(options_of(method));
   const test::AllocationCounter counter;
   for (const MethodKind method : kAllMethods) {
-    query.set_moment(moment);
+    query.set_blend(moment);
     query.query(pose_at(0.49), options_of(method));
     query.stiffness();
   }

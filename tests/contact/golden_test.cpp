@@ -139,7 +139,7 @@ Result run(const Case& c) {
   static const Tool tool = test::random_tool(300, 0.03, 5);
   static const Seen from(0), to(6);
   eval::MethodQueries query(Backend::cpu, tool);
-  query.set_moment({from.surfaces(), to.surfaces(), c.is_blended ? 0.3 : 1.0});
+  query.set_blend({from.surfaces(), to.surfaces(), c.is_blended ? 0.3 : 1.0});
   Result result;
   Hash hash;
   for (const Pose& X_WT : poses()) {

@@ -110,7 +110,7 @@ struct HaplyService::Impl {
   void serve_version(tcp::socket& socket, const http::request<http::string_body>& request);
   void serve_events(tcp::socket& socket);
   bool answer(websocket::stream<tcp::socket&>& stream);
-  void obey(const json& message);
+  void execute(const json& message);
   void move_hand();
   json inventory(bool is_first);
   void sleep(int milliseconds) const;
@@ -189,7 +189,7 @@ json HaplyService::Impl::inventory(bool is_first) {
   return message;
 }
 
-void HaplyService::Impl::obey(const json& message) {
+void HaplyService::Impl::execute(const json& message) {
   const std::lock_guard lock(mutex);
   move_hand();
   messages.push_back(message.dump());
@@ -279,7 +279,7 @@ void HaplyService::Impl::serve(tcp::socket& socket) {
         static_cast<const char*>(received.data().data()),
         static_cast<const char*>(received.data().data()) + received.size(), nullptr, false);
     if (message.is_discarded()) return;  // a client that talks nonsense fails its test
-    obey(message);
+    execute(message);
     if (!answer(stream)) return;
   }
 }

@@ -135,7 +135,7 @@ TEST_F(PageHandTest, TheFirstPoseOfAHoldMovesNothing) {
   const Pose before = state_.X_BH;
   // The same page anew, and another one: what they tell first is where the handle is.
   for (const PageNumber page : {kPage, kOther}) {
-    if (page == kOther) handle_->let_go(kPage);
+    if (page == kOther) handle_->release(kPage);
     ASSERT_TRUE(handle_->hold(page, now_));
     const Pose told{{5, -3, 2}, axis_angle({1, 0, 0}, 1.5)};
     ASSERT_TRUE(handle_->move(page, told, now_));
@@ -171,7 +171,7 @@ TEST_F(PageHandTest, LetGoItGivesWayToASpringAndThenStays) {
   ASSERT_TRUE(handle_->move(kPage, at(0.02), now_));
   tick(250);
   const double x = state_.X_BH.translation.x;
-  handle_->let_go(kPage);
+  handle_->release(kPage);
   // A spring from the origin, as stiff as the device allows, and a tick of delay.
   const double stiffness = PageHandle::limits().max_stiffness;
   double expected = x, felt = 0;
@@ -207,13 +207,13 @@ TEST_F(PageHandTest, OnePageHoldsItAtATime) {
   EXPECT_TRUE(handle_->is_held());
   EXPECT_NE(refusal(handle_->hold(kOther, now_)).find("another page"), std::string::npos);
   EXPECT_NE(refusal(handle_->move(kOther, at(0.01), now_)).find("another page"), std::string::npos);
-  handle_->let_go(kOther);  // what it does not hold
-  handle_->let_go(0);
+  handle_->release(kOther);  // what it does not hold
+  handle_->release(0);
   EXPECT_TRUE(handle_->is_held());
   tick(100);
   EXPECT_EQ(state_.X_BH, Pose{});
 
-  handle_->let_go(kPage);
+  handle_->release(kPage);
   EXPECT_FALSE(handle_->is_held());
   ASSERT_TRUE(handle_->hold(kOther, now_));
   EXPECT_FALSE(handle_->move(kPage, {}, now_));
@@ -255,7 +255,7 @@ TEST_F(PageHandTest, TickingAllocatesNothing) {
   ASSERT_TRUE(handle_->move(kPage, {{0.05, 0, 0}, axis_angle({0, 0, 1}, 0.5)}, now_));
   const test::AllocationCounter counter;
   tick(50);
-  handle_->let_go(kPage);
+  handle_->release(kPage);
   tick(50, {{1, 2, 3}, {}});
   EXPECT_EQ(counter.count(), 0u);
 }

@@ -9,10 +9,10 @@ namespace palpate::eval {
 namespace {
 
 /// A wall at z = 1 m, without noise.
-SeenScene wall() { return see(at_the_wall(thesis_cases().front()), DepthNoise::none); }
+RenderedScene wall() { return see(at_the_wall(thesis_cases().front()), DepthNoise::none); }
 
 TEST(DistanceGrid, IsTheDistanceFromAWallOnBothSides) {
-  const SeenScene seen = wall();
+  const RenderedScene seen = wall();
   constexpr double kVoxel = 0.005;
   const DistanceGrid grid(seen.surface.cloud(), {0, 0, 1}, 0.3, kVoxel);
   Random random(1);
@@ -33,7 +33,7 @@ TEST(DistanceGrid, IsTheDistanceFromAWallOnBothSides) {
 TEST(DistanceGrid, IsTheDistanceFromABall) {
   for (const ContactCase& c : tilted_cases()) {
     if (c.scene != "sphere-out-160") continue;
-    const SeenScene seen = see(c, DepthNoise::none);
+    const RenderedScene seen = see(c, DepthNoise::none);
     constexpr double kCell = 0.01;
     const DistanceGrid grid(seen.surface.cloud(), {0, 0, 1}, 0.4, kCell);
     Random random(2);
@@ -49,7 +49,7 @@ TEST(DistanceGrid, IsTheDistanceFromABall) {
 }
 
 TEST(DistanceGrid, TheHingeSumsDepthsOfSpheres) {
-  const SeenScene seen = wall();
+  const RenderedScene seen = wall();
   const Tool tool = packed_tool(thesis_cases().front(), 100);
   const DistanceGrid grid(seen.surface.cloud(), {0, 0, 1}, 0.4, 0.005);
   const Pose X_WT{{0.01, -0.02, 0.98}, axis_angle({1, 2, 3}, 0.4)};
@@ -67,7 +67,7 @@ TEST(DistanceGrid, TheHingeSumsDepthsOfSpheres) {
 }
 
 TEST(GodObject, StaysOnTheWallAndSlidesAlongIt) {
-  const SeenScene seen = wall();
+  const RenderedScene seen = wall();
   GodObject proxy(seen.surface.cloud(), 0.01);
   EXPECT_EQ(proxy.pull({0, 0, 0.95}), Vec3d{}) << "in front";
   for (int i = 0; i <= 100; ++i) {

@@ -8,7 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "palpate/cloud/surface_estimator.h"
-#include "src/field/internal/asked_window.h"
+#include "src/field/internal/needed_window.h"
 #include "tests/test_util/random_frame.h"
 
 namespace palpate {
@@ -50,7 +50,7 @@ bool has_same_bits(const T* a, const T* b, std::size_t num) {
 }
 
 // The pixels in which a ball is seen: all of them, and none that is farther than a pixel from one.
-TEST(AskedWindow, IsWhereTheBallIsSeen) {
+TEST(NeededWindow, IsWhereTheBallIsSeen) {
   constexpr int kWidth = 640, kHeight = 480;
   const Intrinsics k{525, 520, 300.5, 251.25};
   Random random(15);
@@ -58,7 +58,7 @@ TEST(AskedWindow, IsWhereTheBallIsSeen) {
   for (int i = 0; i < 2000; ++i) {
     const double reach = 0.3 * std::pow(random.uniform(), 2), z = 0.03 + reach + random.uniform();
     const Vec3d p{z * random.uniform(-0.7, 0.7), z * random.uniform(-0.6, 0.6), z};
-    const PixelWindow window = asked_window(k, kWidth, kHeight, p, reach);
+    const PixelWindow window = needed_window(k, kWidth, kHeight, p, reach);
     // Along each axis the ball is seen as wide as a circle: the angles of its two tangents.
     const auto expect_tight = [&](double x, double focal, double centre, int size, int first,
                                   int last) {
@@ -77,7 +77,7 @@ TEST(AskedWindow, IsWhereTheBallIsSeen) {
   }
   EXPECT_GT(num_inside, 1000);
   const PixelWindow all{0, 0, kWidth, kHeight};
-  EXPECT_EQ(asked_window(k, kWidth, kHeight, {0, 0, 0.3}, 0.29), all) << "up to the eye";
+  EXPECT_EQ(needed_window(k, kWidth, kHeight, {0, 0, 0.3}, 0.29), all) << "up to the eye";
 }
 
 // To the last pixel of every stage, in memory where another frame was before.

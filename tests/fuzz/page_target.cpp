@@ -41,7 +41,7 @@ class HeldByPages final : public test::ScriptedSource {
     last_p_W_ = X_WT.translation;
     return status;
   }
-  void let_go(std::uint64_t page) override { handle_->let_go(page); }
+  void release(std::uint64_t page) override { handle_->release(page); }
 
   /// The handle follows, pushed by what is felt.
   void pass(int num_ticks, const Wrench& felt) {

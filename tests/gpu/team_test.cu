@@ -96,7 +96,7 @@ TEST(Team, SumsAreRightAndAlwaysTheSameBits) {
   for (const double result : results) EXPECT_EQ(result, results[0]);
 }
 
-__global__ void ask_warp(unsigned* out) {
+__global__ void query_warp(unsigned* out) {
   const int lane = gpu::lane_id();
   const unsigned odd = __ballot_sync(gpu::kWholeWarp, lane % 2);
   const int from_five = __shfl_sync(gpu::kWholeWarp, 10 * lane, 5);
@@ -110,7 +110,7 @@ TEST(Team, LanesOfAWarpSeeEachOther) {
     gpu::Memory memory(0);
     gpu::Stream stream(0, gpu::Priority::low);
     auto* const out = memory.take_pinned<unsigned>(64);
-    gpu::launch(stream, {.blocks = 1, .threads = 64}, ask_warp, out);
+    gpu::launch(stream, {.blocks = 1, .threads = 64}, query_warp, out);
     ASSERT_TRUE(stream.wait());
     for (unsigned i = 0; i < 64; ++i) {
       const unsigned lane = i % 32;

@@ -145,7 +145,7 @@ TEST(Tangents, TurnWithTheNormalAndKeepTheirLength) {
     EXPECT_NEAR(dot(t, a), 0, 1e-15);
     EXPECT_NEAR(norm(t), 1, 1e-15);
     if (!(dot(a, b) > 0)) continue;
-    const Vec3d v = 0.3 * t + 0.4 * cross(a, t), turned = turned_along(v, a, b);
+    const Vec3d v = 0.3 * t + 0.4 * cross(a, t), turned = rotated_along(v, a, b);
     EXPECT_NEAR(dot(turned, b), 0, 1e-14);
     EXPECT_NEAR(norm(turned), 0.5, 1e-14);
   }

@@ -244,7 +244,7 @@ double energy_given(Touch& touch, const ClosedPath& path, int rounds) {
 
 TEST(Friction, ClosedPathsOnlyEverLoseEnergy) {
   test::Random random(5);
-  for (const CouplingKind kind : kFelt) {
+  for (const CouplingKind kind : kMaxBallGrowth) {
     for (int n = 0; n < 30; ++n) {
       const ClosedPath path(random, random.uniform(0, 2e-3), 0.004, n % 2 ? 0.1 : 0);
       Plate plate;
@@ -416,7 +416,7 @@ TEST(Friction, ASurfaceThatMovesAlongItsNormalCarriesWhatSticks) {
 // ------------------------------------------------------------------------ texture and damping
 
 /// Forces along the surface at constant speed, from the first whole second on.
-std::vector<double> felt_texture(TextureKind kind, double speed, int ticks = 5000) {
+std::vector<double> texture_force(TextureKind kind, double speed, int ticks = 5000) {
   CouplingOptions options = options_of(CouplingKind::none, 0.5);
   options.texture.kind = kind;
   Touch touch(options, {}, pressed(1e-3));
@@ -440,7 +440,7 @@ double spread(const std::vector<double>& values) {
 
 TEST(Texture, RidgesComeAsOftenAsTheyLie) {
   const double speed = 0.04;  // 20 ridges of 2 mm per second
-  const std::vector<double> felt = felt_texture(TextureKind::ridges, speed);
+  const std::vector<double> felt = texture_force(TextureKind::ridges, speed);
   int crossings = 0;
   for (std::size_t i = 1; i < felt.size(); ++i) crossings += felt[i - 1] < 0.5 && felt[i] >= 0.5;
   EXPECT_NEAR(crossings, 4 * 20, 1);
@@ -450,7 +450,7 @@ TEST(Texture, RidgesComeAsOftenAsTheyLie) {
 
 TEST(Texture, GrainIsSixWavesOfOneHeight) {
   // 8 s at 0.016 m/s are 64 lengths of 2 mm, after which all waves begin anew.
-  const std::vector<double> felt = felt_texture(TextureKind::grain, 0.016, 9000);
+  const std::vector<double> felt = texture_force(TextureKind::grain, 0.016, 9000);
   ASSERT_EQ(felt.size(), 8000u);
   const auto height_of = [&felt](double waves_per_length) {
     double re = 0, im = 0;
@@ -475,11 +475,11 @@ TEST(Texture, GrainIsSixWavesOfOneHeight) {
 
 TEST(Texture, IsLeftOutWhereItWouldComeTooFastOrNothingMoves) {
   for (const TextureKind kind : {TextureKind::ridges, TextureKind::grain}) {
-    EXPECT_GT(spread(felt_texture(kind, 0.05)), 0.01);
-    EXPECT_LT(spread(felt_texture(kind, 0.0)), 1e-9);
-    EXPECT_LT(spread(felt_texture(kind, 0.8)), 1e-3);  // 400 ridges per second
+    EXPECT_GT(spread(texture_force(kind, 0.05)), 0.01);
+    EXPECT_LT(spread(texture_force(kind, 0.0)), 1e-9);
+    EXPECT_LT(spread(texture_force(kind, 0.8)), 1e-3);  // 400 ridges per second
   }
-  EXPECT_LT(spread(felt_texture(TextureKind::none, 0.05)), 1e-9);
+  EXPECT_LT(spread(texture_force(TextureKind::none, 0.05)), 1e-9);
 }
 
 TEST(ContactDamping, PushesMoreComingThanGoingAndNeverPulls) {

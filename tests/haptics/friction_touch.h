@@ -20,8 +20,8 @@ inline const DeviceLimits kLimits{.max_force = 20,
                                   .workspace_radius = 0.1,
                                   .damping = 1,
                                   .angular_damping = 2e-2};
-inline constexpr CouplingKind kFelt[] = {CouplingKind::virtual_coupling, CouplingKind::proxy,
-                                         CouplingKind::direct};
+inline constexpr CouplingKind kMaxBallGrowth[] = {CouplingKind::virtual_coupling,
+                                                  CouplingKind::proxy, CouplingKind::direct};
 inline constexpr CouplingKind kAll[] = {CouplingKind::virtual_coupling, CouplingKind::proxy,
                                         CouplingKind::direct, CouplingKind::none};
 

@@ -246,7 +246,7 @@ TEST(SafetyFilter, StopFadesToo) {
   EXPECT_EQ(rig.fault(), Fault::stopped);
   for (int i = 0; i < 51; ++i) rig.tick(kPush);
   EXPECT_EQ(norm(rig.tick(kPush).force), 0);
-  rig.input.is_asked_for = true;
+  rig.input.is_requested = true;
   for (int i = 0; i < 2000; ++i) rig.tick(kNothing);
   EXPECT_EQ(rig.fault(), Fault::stopped);
   EXPECT_EQ(rig.filter.status().state, ForceState::ended);
@@ -285,9 +285,9 @@ TEST(SafetyFilter, TooManyFaultsWithinAMinuteNeedSomebodyWhoAsks) {
   EXPECT_EQ(rig.filter.status().state, ForceState::held_off);
   EXPECT_EQ(rig.fault(), Fault::backend);
   // Asked for: also in contact, by the ramp.
-  rig.input.is_asked_for = true;
+  rig.input.is_requested = true;
   rig.tick(kPush);
-  rig.input.is_asked_for = false;
+  rig.input.is_requested = false;
   double last = 0;
   for (int i = 0; i < 1000; ++i) {
     const double force = norm(rig.tick(kPush).force);
@@ -473,7 +473,7 @@ TEST(SafetyFilter, HoldsWhateverComesIn) {
       input.sensor_age = strange(random.uniform(0, 0.4), share / 5);
       input.backend_failed = random.uniform() < share / 10;
       input.sensor_failed = random.uniform() < share / 1000;
-      input.is_asked_for = random.uniform() < 0.01;
+      input.is_requested = random.uniform() < 0.01;
       const double size = std::exp(random.uniform(-3, 4));
       Wrench wanted{size * random.direction(), 0.1 * size * random.direction()};
       wanted.force.x = strange(wanted.force.x, share / 5);

@@ -157,7 +157,7 @@ class WrenchListener final : public fast::DataReaderListener {
 };
 
 /// Keeps what comes.
-class Keeper final : public fast::DataReaderListener {
+class RecordingObserver final : public fast::DataReaderListener {
  public:
   void on_data_available(fast::DataReader* reader) override {
     std::string message;
@@ -279,7 +279,7 @@ int main(int argc, char** argv) {
                                     static_cast<std::uint32_t>(2 * num_pixels + 1024));
   auto* const infos = robot.writer("/camera/depth/camera_info", "sensor_msgs/CameraInfo", 4096);
   auto* const poses = robot.writer("/tool_pose", "geometry_msgs/PoseStamped", 1024);
-  Keeper contacts, transforms, markers;
+  RecordingObserver contacts, transforms, markers;
   fast::DataWriter* moving = nullptr;
   if (is_arm) {
     robot.reader("/palpate/contact", "palpate_msgs/Contact", 4096, &contacts);
@@ -290,7 +290,7 @@ int main(int argc, char** argv) {
     std::string message = palpate::transform_message(nanoseconds(now()), stands);
     fixed->write(&message);
   }
-  bool has_asked_for_markers = false;
+  bool has_requested_markers = false;
 
   // The tool stays at 0.5 m; every fourth part of a second the wall comes to it and goes again.
   std::atomic<bool> has_ended = false;
@@ -314,8 +314,8 @@ int main(int argc, char** argv) {
       const palpate::RosTransform transform[] = {{"base", "tool0", X}};
       std::string told = palpate::transform_message(nanoseconds(time), transform);
       if (is_arm) moving->write(&told);
-      if (is_arm && !has_asked_for_markers && listener.has_heard()) {
-        has_asked_for_markers = true;
+      if (is_arm && !has_requested_markers && listener.has_heard()) {
+        has_requested_markers = true;
         robot.reader("/palpate/markers", "visualization_msgs/MarkerArray", 1 << 20, &markers, true);
       }
     }

@@ -24,11 +24,11 @@ class RosNodeTest : public testing::Test {
   }
 };
 
-struct Heard {
+struct Received {
   std::mutex mutex;
   std::vector<std::string> messages;
 
-  RosNode::Heard listener() {
+  RosNode::MessageHandler listener() {
     return [this](std::string_view message) {
       const std::lock_guard lock(mutex);
       messages.emplace_back(message);
@@ -44,9 +44,9 @@ TEST_F(RosNodeTest, nodes_hear_each_other_to_the_byte) {
   const auto a = RosNode::join(options("a")), b = RosNode::join(options("b"));
   ASSERT_TRUE(a) << a.error().message;
   ASSERT_TRUE(b) << b.error().message;
-  Heard heard;
+  Received received;
   const auto reader =
-      (*b)->subscribe("wrench", "geometry_msgs/WrenchStamped", {}, heard.listener());
+      (*b)->subscribe("wrench", "geometry_msgs/WrenchStamped", {}, received.listener());
   ASSERT_TRUE(reader) << reader.error().message;
   const auto writer = (*a)->publish("/test/wrench", "geometry_msgs/WrenchStamped", {});
   ASSERT_TRUE(writer) << writer.error().message;
@@ -54,8 +54,8 @@ TEST_F(RosNodeTest, nodes_hear_each_other_to_the_byte) {
   ASSERT_TRUE(test::wait_for([&] { return (*reader)->num_writers() == 1; }));
   const std::string message = wrench_message({7, "tool"}, {{1, 2, 3}, {4, 5, 6}});
   EXPECT_TRUE((*writer)->publish(message));
-  ASSERT_TRUE(test::wait_for([&] { return heard.size() == 1; }));
-  EXPECT_EQ(heard.messages[0], message);
+  ASSERT_TRUE(test::wait_for([&] { return received.size() == 1; }));
+  EXPECT_EQ(received.messages[0], message);
   EXPECT_FALSE((*writer)->publish(message.substr(0, 20)));
   const auto topics = (*b)->topics();
   EXPECT_NE(std::find(topics.begin(), topics.end(),
@@ -72,10 +72,11 @@ TEST_F(RosNodeTest, who_comes_late_gets_what_is_kept) {
   const auto writer = (*a)->publish("/tf_static", "tf2_msgs/TFMessage", kept);
   ASSERT_TRUE(writer);
   EXPECT_TRUE((*writer)->publish(message));
-  Heard heard;
-  const auto reader = (*b)->subscribe("/tf_static", "tf2_msgs/TFMessage", kept, heard.listener());
-  ASSERT_TRUE(test::wait_for([&] { return heard.size() == 1; }));
-  EXPECT_EQ(heard.messages[0], message);
+  Received received;
+  const auto reader =
+      (*b)->subscribe("/tf_static", "tf2_msgs/TFMessage", kept, received.listener());
+  ASSERT_TRUE(test::wait_for([&] { return received.size() == 1; }));
+  EXPECT_EQ(received.messages[0], message);
 }
 
 TEST_F(RosNodeTest, nodes_with_the_same_options_are_one) {

@@ -42,7 +42,7 @@ TEST(GpuLoss, TheRunGoesOnWithTheCpu) {
   EXPECT_TRUE(test::wait_for([&] { return (*loop)->settings().backend == Backend::cpu; }));
   // The hand stays in contact, so it has to ask.
   EXPECT_TRUE(test::wait_for([&] {
-    (*loop)->ask_for_force();
+    (*loop)->request_force();
     return is_felt();
   })) << newest.F_H_B.force.z;
   EXPECT_TRUE((*loop)->is_running());

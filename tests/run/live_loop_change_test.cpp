@@ -188,9 +188,9 @@ TEST(LiveLoopChange, ContactsAreThoseOfTheirRevision) {
       }
       timeline->push(frame, time, pool);
     }
-    SurfaceBlend moment = timeline->at(1e12);
-    moment.progress = contact.cameras.of[0].progress;
-    query.set_moment(moment);
+    SurfaceBlend blend = timeline->at(1e12);
+    blend.progress = contact.cameras.of[0].progress;
+    query.set_blend(blend);
     const Penetration again = query.query(contact.X_WT, seen.settings[contact.revision].contact);
     ASSERT_EQ(again.volume, contact.penetration.volume) << contact.number;
     ASSERT_EQ(again.measure_W.force.z, contact.penetration.measure_W.force.z);
@@ -294,8 +294,8 @@ TEST(LiveLoopChange, StagesTakeChangesWithoutAllocating) {
   surfaces.changes().offer(surface_change);
   haptic.changes().offer(haptic_change);
   EXPECT_TRUE(wait_for([&] {
-    contacts.ask_for_picture(Onlooker::page);
-    contacts.new_picture(Onlooker::page);
+    contacts.request_picture(PictureConsumer::page);
+    contacts.new_picture(PictureConsumer::page);
     tick();
     return contacts.changes().is_settled() && surfaces.changes().is_settled() &&
            haptic.changes().is_settled();
@@ -499,18 +499,18 @@ TEST(LiveLoopPictures, AreWhatAFreshQuerySays) {
     RunSettings settings = patient_settings();
     settings.contact.method = method;
     Touching touching({.depth = [](int k) { return 0.5 + 0.001 * std::sin(k); }}, settings);
-    EXPECT_EQ(touching.loop->new_contact_picture(Onlooker::robots), nullptr);
+    EXPECT_EQ(touching.loop->new_contact_picture(PictureConsumer::robots), nullptr);
     EXPECT_EQ(touching.loop->new_surface_picture(), nullptr);
     touching.run_for(0.1);
-    touching.loop->ask_for_contact_picture(Onlooker::robots);
-    touching.loop->ask_for_surface_picture();
+    touching.loop->request_contact_picture(PictureConsumer::robots);
+    touching.loop->request_surface_picture();
     const ContactPicture* picture = nullptr;
     const SurfacePicture* surface = nullptr;
-    ASSERT_TRUE(
-        wait_for([&] { return (picture = touching.loop->new_contact_picture(Onlooker::robots)); }));
+    ASSERT_TRUE(wait_for(
+        [&] { return (picture = touching.loop->new_contact_picture(PictureConsumer::robots)); }));
     ASSERT_TRUE(wait_for([&] { return (surface = touching.loop->new_surface_picture()); }));
     touching.run_for(0.05);
-    EXPECT_EQ(touching.loop->new_contact_picture(Onlooker::robots),
+    EXPECT_EQ(touching.loop->new_contact_picture(PictureConsumer::robots),
               nullptr);  // one for each question
     EXPECT_EQ(touching.loop->new_surface_picture(), nullptr);
     touching.loop->stop();
@@ -543,9 +543,9 @@ TEST(LiveLoopPictures, AreWhatAFreshQuerySays) {
         }
       }
       if (k != picture->frame_number) continue;
-      SurfaceBlend moment = timeline.at(1e12);
-      moment.progress = contact.cameras.of[0].progress;
-      query.set_moment(moment);
+      SurfaceBlend blend = timeline.at(1e12);
+      blend.progress = contact.cameras.of[0].progress;
+      query.set_blend(blend);
       query.query(picture->X_WT, settings.contact);
       const auto states = query.states();
       const auto planes = query.planes();

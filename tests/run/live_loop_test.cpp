@@ -124,9 +124,9 @@ TEST(LiveLoop, TheHandFeelsTheWallAndAllIsRecorded) {
       const auto& [time, frame] = seen.frames[num_pushed];
       timeline.push(frame, num_pushed == 0 ? 0 : time + 1, pool);
     }
-    SurfaceBlend moment = timeline.at(1e9);
-    moment.progress = contact.cameras.of[0].progress;
-    query.set_moment(moment);
+    SurfaceBlend blend = timeline.at(1e9);
+    blend.progress = contact.cameras.of[0].progress;
+    query.set_blend(blend);
     const Penetration again = query.query(contact.X_WT, settings.contact);
     ASSERT_EQ(again.volume, contact.penetration.volume) << contact.number;
     ASSERT_EQ(again.measure_W.force.z, contact.penetration.measure_W.force.z);
@@ -158,7 +158,7 @@ TEST(LiveLoop, AToolThatLeavesTheWindowIsReportedAndRepeated) {
       SurfaceTimeline::create(source.info(), settings.surface, settings.field, settings.time)
           .value();
   eval::MethodQueries query(Backend::cpu, box_tool());
-  std::size_t num_pushed = 0, num_outside = 0, num_felt = 0, num_small = 0;
+  std::size_t num_pushed = 0, num_outside = 0, num_with_force = 0, num_small = 0;
   for (const ContactRecord& contact : seen.contacts) {
     for (; num_pushed <= contact.frame_number; ++num_pushed) {
       const auto& [time, frame] = seen.frames[num_pushed];
@@ -166,18 +166,18 @@ TEST(LiveLoop, AToolThatLeavesTheWindowIsReportedAndRepeated) {
       timeline.push(frame, time, pool, asked);
       num_small += asked.has_all(640, 480) ? 0 : 1;
     }
-    query.set_moment(timeline.at(1e9));
+    query.set_blend(timeline.at(1e9));
     const Penetration again = query.query(contact.X_WT, settings.contact);
     ASSERT_EQ(again.status, contact.penetration.status);
     ASSERT_EQ(again.volume, contact.penetration.volume);
     ASSERT_EQ(again.measure_W.force.z, contact.penetration.measure_W.force.z);
     const bool is_outside = again.status.has(StepStatus::outside_window);
     num_outside += is_outside;
-    num_felt += again.volume > 0;
+    num_with_force += again.volume > 0;
     EXPECT_EQ(again.status.is_unmeasured(), is_outside);
   }
   EXPECT_GT(num_outside, 10u);
-  EXPECT_GT(num_felt, 10u);
+  EXPECT_GT(num_with_force, 10u);
   EXPECT_GT(num_small, 10u);
   bool has_note = false;
   for (const std::string& note : report.notes) {
@@ -199,14 +199,14 @@ TEST(LiveLoop, TheStiffnessIsLeftOutOnlyForWantOfTime) {
   ASSERT_TRUE((*loop)->start());
   EXPECT_TRUE(wait_for([&] { return (*loop)->report().num_contacts > 80; }));
   (*loop)->stop();
-  std::size_t num_felt = 0, num_new = 0;
+  std::size_t num_with_force = 0, num_new = 0;
   for (const ContactRecord& contact : seen.contacts) {
-    num_felt += contact.penetration.volume > 0;
+    num_with_force += contact.penetration.volume > 0;
     num_new += contact.penetration.volume > 0 && contact.has_new_stiffness;
   }
-  EXPECT_GT(num_felt, 30u);
-  EXPECT_GT(num_new, num_felt / 4);
-  EXPECT_EQ((*loop)->report().num_spared_stiffnesses, num_felt - num_new);
+  EXPECT_GT(num_with_force, 30u);
+  EXPECT_GT(num_new, num_with_force / 4);
+  EXPECT_EQ((*loop)->report().num_spared_stiffnesses, num_with_force - num_new);
 }
 
 TEST(LiveLoop, NothingIsAllocatedWhileItRuns) {
@@ -275,7 +275,7 @@ TEST(LiveLoop, AForceThatStaysAwayComesWhenItIsAskedFor) {
   EXPECT_TRUE(comes_to(ForceState::held_off));
   EXPECT_EQ(tick.safety.fault, Fault::stale_sensor);
   EXPECT_EQ(device.last_force(), 0);
-  (*loop)->ask_for_force();
+  (*loop)->request_force();
   EXPECT_TRUE(comes_to(ForceState::engaged));
   EXPECT_TRUE((*loop)->is_running());
   EXPECT_TRUE((*loop)->status());

@@ -11,7 +11,7 @@
 #include "src/core/monotonic_clock.h"
 #include "src/run/loop/blend_clock.h"
 #include "src/run/loop/contact_stage.h"
-#include "src/run/loop/load_minder.h"
+#include "src/run/loop/load_governor.h"
 #include "src/run/loop/paced_source.h"
 #include "src/run/loop/real_time.h"
 #include "src/run/loop/record_queue.h"
@@ -350,10 +350,10 @@ TEST(SurfaceStage, NobodyRewritesTheSurfacesThatAreLookedAt) {
       const LiveSurfaces& live = stage.taken(0);
       // Long enough for frames to come meanwhile.
       std::this_thread::sleep_for(std::chrono::milliseconds(num_taken % 8));
-      look_at(live.moment.to.cloud);
+      look_at(live.blend.to.cloud);
       if (live.frame_number == 0) continue;
-      EXPECT_EQ(live.moment.progress, mode == TimeMode::latest ? 1 : 0);
-      look_at(live.moment.from.cloud);
+      EXPECT_EQ(live.blend.progress, mode == TimeMode::latest ? 1 : 0);
+      look_at(live.blend.from.cloud);
     }
     EXPECT_GE(num_taken, 20);
     stage.stop();

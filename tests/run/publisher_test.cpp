@@ -17,7 +17,7 @@
 namespace palpate {
 namespace {
 
-constexpr std::uint64_t kTicksPerMoment = 7;
+constexpr std::uint64_t kTicksPerSnapshot = 7;
 
 /// Three stages, each a step at a time: what is written may be used before its record is.
 class Stages {
@@ -28,7 +28,7 @@ class Stages {
     return {frames,
             contacts,
             ticks,
-            moments,
+            snapshots,
             [this] { return num_frames_; },
             [this] { return num_contacts_; }};
   }
@@ -45,7 +45,7 @@ class Stages {
       ++made_frames_;  // can be felt
       return;
     }
-    SeenFrame seen;
+    PublishedFrame seen;
     seen.record.number = num_frames_;
     seen.record.revision = frame_revision_;
     frames.push(seen);
@@ -67,11 +67,11 @@ class Stages {
 
   void step_haptic() {
     if (made_contacts_ == 0) return;
-    if (num_ticks_ % kTicksPerMoment == 0 && !has_moment_) {
-      HandMoment moment;
-      moment.tick = num_ticks_;
-      moments.push(moment);
-      has_moment_ = true;
+    if (num_ticks_ % kTicksPerSnapshot == 0 && !has_snapshot_) {
+      HandSnapshot snapshot;
+      snapshot.tick = num_ticks_;
+      snapshots.push(snapshot);
+      has_snapshot_ = true;
       return;
     }
     TickRecord tick;
@@ -79,31 +79,31 @@ class Stages {
     tick.contact_number = made_contacts_;
     tick.revision = revision_;
     ticks.push(tick);
-    has_moment_ = false;
+    has_snapshot_ = false;
   }
 
   /// All that was begun is written.
   void finish() {
     if (made_frames_ > num_frames_) step_surface();
     if (made_contacts_ > num_contacts_) step_contact();
-    if (has_moment_) step_haptic();
+    if (has_snapshot_) step_haptic();
   }
 
   std::uint64_t num_frames() const { return num_frames_; }
   std::uint64_t num_contacts() const { return num_contacts_; }
   std::uint64_t num_ticks() const { return num_ticks_; }
 
-  RecordQueue<SeenFrame> frames{512};
+  RecordQueue<PublishedFrame> frames{512};
   RecordQueue<ContactRecord> contacts;
   RecordQueue<TickRecord> ticks{4096};
-  RecordQueue<HandMoment> moments{1024};
+  RecordQueue<HandSnapshot> snapshots{1024};
 
  private:
   std::uint64_t made_frames_ = 0, num_frames_ = 0, made_contacts_ = 0, num_contacts_ = 0;
   std::uint64_t num_ticks_ = 0;
   std::uint32_t revision_ = 0, frame_revision_ = 0;
   ContactRecord contact_;
-  bool has_moment_ = false;
+  bool has_snapshot_ = false;
 };
 
 /// What was told, checked as it comes.
@@ -130,16 +130,16 @@ struct Listener {
         if (loses_no_contact) {
           EXPECT_LE(tick.contact_number, newest_contact) << "a tick before its contact";
         }
-        if (tick.number % kTicksPerMoment == 0) {
-          EXPECT_EQ(&tick, ticks.data()) << "a moment within a batch";
-          EXPECT_EQ(newest_moment, tick.number) << "a tick without its moment";
+        if (tick.number % kTicksPerSnapshot == 0) {
+          EXPECT_EQ(&tick, ticks.data()) << "a snapshot within a batch";
+          EXPECT_EQ(newest_snapshot, tick.number) << "a tick without its snapshot";
         }
       }
       meanwhile();
     };
-    observer.on_moment = [this, meanwhile](const HandMoment& moment) {
-      EXPECT_EQ(moment.tick, num_ticks) << "not right before its tick";
-      newest_moment = moment.tick;
+    observer.on_hand_snapshot = [this, meanwhile](const HandSnapshot& snapshot) {
+      EXPECT_EQ(snapshot.tick, num_ticks) << "not right before its tick";
+      newest_snapshot = snapshot.tick;
       meanwhile();
     };
     observer.on_settings = [this, meanwhile](std::uint32_t next, const RunSettings&) {
@@ -150,7 +150,7 @@ struct Listener {
 
   RunObserver observer;
   std::uint64_t num_frames = 0, num_contacts = 0, newest_contact = 0, num_ticks = 0;
-  std::uint64_t newest_moment = UINT64_MAX;
+  std::uint64_t newest_snapshot = UINT64_MAX;
   std::uint32_t revision = 0;
   bool loses_no_contact = true;
 };
@@ -187,7 +187,7 @@ void run(Stages& stages, unsigned seed, bool loses_no_contact) {
   EXPECT_EQ(listener.num_frames, stages.num_frames());
   EXPECT_EQ(listener.num_contacts + stages.contacts.num_lost(), stages.num_contacts());
   EXPECT_EQ(listener.num_ticks, stages.num_ticks());
-  EXPECT_EQ(stages.moments.front(), nullptr);
+  EXPECT_EQ(stages.snapshots.front(), nullptr);
   EXPECT_GT(listener.num_ticks, 100u);
 }
 

@@ -16,19 +16,19 @@ using test::WallSource;
 /// A wall that counts how often it was asked, and makes no frame before the test lets it.
 class GuardedWall final : public DepthSource {
  public:
-  GuardedWall(const WallSource::Options& options, std::atomic<int>& num_asked,
+  GuardedWall(const WallSource::Options& options, std::atomic<int>& num_requested,
               const std::atomic<int>& num_allowed)
-      : wall_(options), num_asked_(num_asked), num_allowed_(num_allowed) {}
+      : wall_(options), num_requested_(num_requested), num_allowed_(num_allowed) {}
   const DepthStreamInfo& info() const override { return wall_.info(); }
   Result<bool> next(DepthFrame& frame) override {
-    const int number = num_asked_++;
+    const int number = num_requested_++;
     for (int num = num_allowed_; num <= number; num = num_allowed_) num_allowed_.wait(num);
     return wall_.next(frame);
   }
 
  private:
   WallSource wall_;
-  std::atomic<int>& num_asked_;
+  std::atomic<int>& num_requested_;
   const std::atomic<int>& num_allowed_;
 };
 
@@ -72,20 +72,21 @@ TEST(ReadAhead, TellsAnErrorAfterTheFramesBeforeIt) {
 
 // Frames that are there do not wait for the one that is being made.
 TEST(ReadAhead, IsAheadButNotByMoreThanWanted) {
-  std::atomic<int> num_asked{0}, num_allowed{2};
+  std::atomic<int> num_requested{0}, num_allowed{2};
   const auto ahead =
-      read_ahead(std::make_unique<GuardedWall>(WallSource::Options{}, num_asked, num_allowed), 4)
+      read_ahead(std::make_unique<GuardedWall>(WallSource::Options{}, num_requested, num_allowed),
+                 4)
           .value();
   DepthFrame frame;
   ASSERT_TRUE(ahead->next(frame).value());
   ASSERT_TRUE(ahead->next(frame).value());
   num_allowed = 1000;
   num_allowed.notify_all();
-  while (num_asked < 2 + 4 + 1) std::this_thread::yield();  // four wait, one more is at hand
+  while (num_requested < 2 + 4 + 1) std::this_thread::yield();  // four wait, one more is at hand
   std::this_thread::sleep_for(std::chrono::milliseconds(20));
-  EXPECT_EQ(num_asked, 2 + 4 + 1);
+  EXPECT_EQ(num_requested, 2 + 4 + 1);
   ASSERT_TRUE(ahead->next(frame).value());
-  while (num_asked < 2 + 4 + 2) std::this_thread::yield();
+  while (num_requested < 2 + 4 + 2) std::this_thread::yield();
 }  // and ends while all places are taken
 
 }  // namespace

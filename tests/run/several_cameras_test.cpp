@@ -118,7 +118,7 @@ TEST(SeveralCameras, AreJoinedEachWithItsOwnRate) {
     rig.push(pipeline, time);
     const TickRecord& tick = pipeline.tick(pressed(time));
     expect_as_from_front(tick.penetration, 0.015);
-    const CameraMoments& cameras = pipeline.contact().cameras;
+    const CameraBlends& cameras = pipeline.contact().cameras;
     ASSERT_EQ(cameras.num, 3u);
     int newest = 0;
     double oldest = 1e9;

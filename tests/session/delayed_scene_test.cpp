@@ -95,7 +95,7 @@ std::vector<Image> sent_over(const Link& link, test::Random& random) {
   return taken;
 }
 
-struct FeltRun {
+struct DelayedRun {
   std::vector<TickRecord> ticks;
   double energy_given = 0;  // J, as the device itself counts it
 };
@@ -109,8 +109,8 @@ RunSettings settings_with(const SafetyOptions& safety) {
 }
 
 /// A hand that goes 2 cm to and fro where the wall is.
-FeltRun feel(const std::string& model, const RunSettings& settings,
-             const std::vector<Image>& images, const Wall& scene, double hand_turn) {
+DelayedRun feel(const std::string& model, const RunSettings& settings,
+                const std::vector<Image>& images, const Wall& scene, double hand_turn) {
   SimulatedDeviceOptions options;
   options.model = *find_device_model(model);
   options.target = [hand_turn](double time) {
@@ -120,7 +120,7 @@ FeltRun feel(const std::string& model, const RunSettings& settings,
   options.in_real_time = false;
   const auto device = *SimulatedDevice::create(options);
   auto pipeline = Pipeline::create(tool(), camera(), device->info(), settings).value();
-  FeltRun run;
+  DelayedRun run;
   std::size_t next = 0;
   const Status started = device->start([&](const DeviceState& state) {
     for (; next < images.size() && images[next].arrival <= state.time; ++next) {
@@ -177,14 +177,14 @@ TEST(DelayedScene, NoUpdateGivesTheHandMoreThanTheTankAllows) {
     SafetyOptions safety;
     safety.energy_tank = kTank;
     safety.max_slew = seed % 2 == 0 ? 500 : 100;
-    const FeltRun run = feel(model, settings_with(safety), images, scene, hand_turn);
+    const DelayedRun run = feel(model, settings_with(safety), images, scene, hand_turn);
     const Given given = energy_given(run.ticks);
     EXPECT_LE(given.most, kTank + kBehind);
     EXPECT_NEAR(given.sum, run.energy_given, 1e-4 * (1 + std::abs(given.sum)));
     num_given += given.most > kTank / 10;
 
     safety.passivity_control = false;
-    const FeltRun wild = feel(model, settings_with(safety), images, scene, hand_turn);
+    const DelayedRun wild = feel(model, settings_with(safety), images, scene, hand_turn);
     num_tamed += energy_given(wild.ticks).most > kTank;
   }
   EXPECT_GE(num_tamed, 6);
@@ -198,10 +198,10 @@ TEST(DelayedScene, ASceneThatStandsStillMerelyAges) {
   scene.swing = 0;
   scene.jumps = {{0, 0}};
   const RunSettings settings = settings_with({});
-  const FeltRun near = feel("omega.6", settings, sent_over({}, random), scene, 4);
+  const DelayedRun near = feel("omega.6", settings, sent_over({}, random), scene, 4);
   for (const Link link : {Link{0.1, 0, 0}, Link{0.3, 0.05, 0.05}}) {
     const auto images = sent_over(link, random);
-    const FeltRun far = feel("omega.6", settings, images, scene, 4);
+    const DelayedRun far = feel("omega.6", settings, images, scene, 4);
     ASSERT_EQ(far.ticks.size(), near.ticks.size());
     std::size_t next = 0;
     double capture = 0, most_force = 0;

@@ -242,14 +242,14 @@ TEST(LiveRun, LeavesOutWhatItHasNoTimeForAndIsRepeated) {
   EXPECT_LE(num_notes, num_settings + 1);
 
   std::vector<RunSettings> told;
-  int num_told_notes = 0;
+  int num_load_notes = 0;
   std::set<std::uint32_t> contact_revisions;
   for (const Message& message : messages(run)) {
     const std::string& topic = message.channel.topic;
     if (topic == kSettingsTopic) told.push_back(read_settings(message.data)->settings);
     if (topic == kContactTopic) contact_revisions.insert(read_contact(message.data)->revision);
     if (topic == kNoteTopic)
-      num_told_notes += read_note(message.data)->find("short of time") != std::string::npos;
+      num_load_notes += read_note(message.data)->find("short of time") != std::string::npos;
   }
   ASSERT_GE(told.size(), 3u);
   EXPECT_EQ(told[0].binning, 1);
@@ -257,7 +257,7 @@ TEST(LiveRun, LeavesOutWhatItHasNoTimeForAndIsRepeated) {
   EXPECT_EQ(told.back().binning, 2);  // no smaller: 96 x 72
   EXPECT_TRUE(told.back().num_spheres == 100 || told.back().num_spheres == 50);
   EXPECT_GE(contact_revisions.size(), 2u);
-  EXPECT_GE(num_told_notes, 2);
+  EXPECT_GE(num_load_notes, 2);
 
   const auto replay = replay_run(run);
   ASSERT_TRUE(replay) << replay.error().message;

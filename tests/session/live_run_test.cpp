@@ -61,7 +61,7 @@ TEST(RunMessages, TicksReadBackToTheSameBits) {
   tick.step.energy = -std::numeric_limits<double>::infinity();
   tick.F_H_B = {{1.7976931348623157e308, 2, 3}, {4, 5, 6}};
   tick.safety = {ForceState::off, Fault::stale_sensor, 12.5, 3, 0.25, 1e-3, 2.5, 77};
-  tick.is_force_asked_for = true;
+  tick.is_force_requested = true;
   tick.is_stopping = true;
   tick.compute_nanoseconds = -12;
   const std::string text = tick_message(tick);
@@ -77,7 +77,7 @@ TEST(RunMessages, TicksReadBackToTheSameBits) {
   EXPECT_EQ(back->safety.fault, Fault::stale_sensor);
   EXPECT_EQ(back->safety.state, ForceState::off);
   EXPECT_EQ(back->safety.num_faults, 3u);
-  EXPECT_TRUE(back->is_force_asked_for);
+  EXPECT_TRUE(back->is_force_requested);
   EXPECT_EQ(back->safety.num_limited, 77u);
   for (std::size_t size = 0; size < text.size(); size += 17) {
     EXPECT_FALSE(read_tick(text.substr(0, size))) << size;
@@ -436,7 +436,7 @@ TEST(LiveRun, GoesOnAfterAFaultThatPassesAndIsRepeated) {
     for (const TickRecord& tick : ticks) {
       // The hand is still in contact, so it has to ask.
       if (has_fault && tick.safety.state == ForceState::waiting && loop) {
-        loop.load()->ask_for_force();
+        loop.load()->request_force();
       }
       has_fault = has_fault || tick.safety.fault == Fault::stale_sensor;
       is_back = is_back || (has_fault && tick.safety.is_engaged() && tick.safety.gain > 0.5);

@@ -208,10 +208,10 @@ TEST(RecordingParts, BeginWithTheEstimateOfTheirFirstFrame) {
       recorder->add_contact(contact);
       recorder->add_tick(tick);
     }
-    HandMoment moment;
-    moment.tick = 3;
-    moment.revision = 1;
-    recorder->add_moment(moment);
+    HandSnapshot snapshot;
+    snapshot.tick = 3;
+    snapshot.revision = 1;
+    recorder->add_hand_snapshot(snapshot);
     recorder->finish();
     auto part = RunReader::open(folder.path() / part_file(2));
     ASSERT_TRUE(part) << part.error().message;
@@ -265,9 +265,9 @@ TEST(RecordingParts, HoldTheSettingsOfContactsThatComeLate) {
   tick.revision = 1;
   tick.contact_number = 2;
   recorder->add_tick(tick);
-  HandMoment moment;
-  moment.tick = moment.revision = 1;
-  recorder->add_moment(moment);
+  HandSnapshot snapshot;
+  snapshot.tick = snapshot.revision = 1;
+  recorder->add_hand_snapshot(snapshot);
   contact.number = 2;
   recorder->add_contact(contact);
   recorder->finish();

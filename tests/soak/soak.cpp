@@ -149,12 +149,12 @@ class Troubled final : public Base {
 // What people do meanwhile.
 
 /// Somebody who turns settings, and pages that come, look, and go without a word.
-class People {
+class Visitors {
  public:
-  People(LiveView& view, int port, unsigned seed)
+  Visitors(LiveView& view, int port, unsigned seed)
       : turning_([this, &view, seed] { turn(view, seed); }),
         looking_([this, port, seed] { look(port, seed); }) {}
-  ~People() {
+  ~Visitors() {
     is_done_ = true;
     turning_.join();
     looking_.join();
@@ -254,7 +254,7 @@ Result<RunOutcome> run(const Options& options, const Tool& tool, Camera& camera,
   // A row for each sixtieth of the run, by the time of its ticks.
   std::atomic<double> time = 0;
   RunObserver& observer = view.monitor().observer;
-  observer.on_moment = [&](const HandMoment& moment) {
+  observer.on_hand_snapshot = [&](const HandSnapshot& moment) {
     time = static_cast<double>(moment.tick) / device.info().rate;
   };
   run.keep_going = [&] {
@@ -287,7 +287,7 @@ int soak(const Options& options) {
   double largest = 0, most = 0;
   int num_changes = 0, num_pages = 0;
   {
-    People people(*view, std::atoi(url.substr(url.rfind(':') + 1).c_str()), options.seed);
+    Visitors people(*view, std::atoi(url.substr(url.rfind(':') + 1).c_str()), options.seed);
     if (options.is_simulated) {
       auto hand = test::path_device(hand_at, 1000, seconds);
       Troubled<SteppedDevice> device(*std::move(hand), plan);

@@ -19,7 +19,7 @@ class FieldProbe {
   }
   Penetration measure(const Pose& X_WT, SphereVolumes volumes, const DepthFieldView& from,
                       const DepthFieldView& to, double t) {
-    queries_.set_moment({{{}, from}, {{}, to}, t});
+    queries_.set_blend({{{}, from}, {{}, to}, t});
     return measure(X_WT, volumes);
   }
   Stiffness stiffness() { return queries_.stiffness(); }

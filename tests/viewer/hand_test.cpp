@@ -112,7 +112,7 @@ TEST(HeldTool, IsHeldOverAWebSocketOfThisOriginOnly) {
   const PageClient neighbour(served.port, "/ws", {{"Origin", "http://127.0.0.1:1"}});
   EXPECT_EQ(neighbour.status(), 403);
   for (const std::string body : {kHold, kHand, kLetGo}) {
-    const std::string answer = test::ask_http(
+    const std::string answer = test::http_request(
         served.port, "POST /api/command HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n" +
                          ("Content-Length: " + std::to_string(body.size()) + "\r\n\r\n" + body));
     EXPECT_EQ(test::status_of(answer), 400) << body;

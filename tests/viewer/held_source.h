@@ -22,8 +22,8 @@ class HeldSource final : public ScriptedSource {
     if (status) poses_.push_back(X_WT);
     return status;
   }
-  void let_go(std::uint64_t page) override {
-    handle_.let_go(page);
+  void release(std::uint64_t page) override {
+    handle_.release(page);
     is_held_ = handle_.is_held();
   }
 

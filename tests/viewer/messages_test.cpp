@@ -357,7 +357,7 @@ TEST(PageOutbox, EncodesOnceForAllPages) {
   EXPECT_EQ(first.last_text["number"], 1);
 }
 
-TEST(PageOutbox, SendsEachPageWhatItWishesFor) {
+TEST(PageOutbox, SendsEachPageWhatItSubscribesTo) {
   ScriptedSource source;
   source.set_time(1);
   ViewHub hub(source);
@@ -373,14 +373,14 @@ TEST(PageOutbox, SendsEachPageWhatItWishesFor) {
   EXPECT_EQ(all.take(0.1),
             (Names{"hello", "answer", "state", "10", "11", "12", "13", "20", "picture"}));
   EXPECT_EQ(none.take(0.1), (Names{"hello", "state"}));
-  EXPECT_TRUE(source.wishes().frames);
+  EXPECT_TRUE(source.subscription().frames);
   all.send({{"command", "show"}, {"frames", false}, {"surfaces", false}, {"contacts", false}});
   hub.poll(0.2);
-  EXPECT_FALSE(source.wishes().frames);
-  EXPECT_TRUE(source.wishes().samples);
+  EXPECT_FALSE(source.subscription().frames);
+  EXPECT_TRUE(source.subscription().samples);
 }
 
-TEST(PageOutbox, SendsEverySampleOfTheLastTwoSecondsOnce) {
+TEST(PageOutbox, SendsEverySampleOfTheLastFourSecondsOnce) {
   ScriptedSource source;
   source.set_time(1);
   ViewHub hub(source);
@@ -411,10 +411,47 @@ TEST(PageOutbox, SendsEverySampleOfTheLastTwoSecondsOnce) {
   }
   page.send({{"ack", page.last_picture}});
   page.take(11.02);
-  EXPECT_NEAR(page.last_binary->take<std::uint32_t>(), 2000, 21);
+  EXPECT_EQ(page.last_binary->take<std::uint32_t>(), 4000u + 1);
 }
 
-TEST(PageOutbox, APageThatDoesNotDrawWishesForNoPictures) {
+TEST(PageOutbox, APageThatJoinsAPausedRunGetsItsLastSeconds) {
+  ScriptedSource source;
+  ViewHub hub(source);
+  Outbox first(hub);
+  first.send({{"command", "show"}, {"samples", true}});
+  for (int i = 1; i <= 300; ++i) {
+    source.set_time(0.02 * i);
+    hub.poll(0.02 * i);
+  }
+  // Nothing new for a minute; then somebody else comes.
+  for (int i = 0; i < 60; ++i) hub.poll(7 + i);
+  Outbox second(hub);
+  second.send({{"command", "show"}, {"samples", true}});
+  hub.poll(68);
+  EXPECT_EQ(second.take(68), (Names{"hello", "answer", "state", "20", "picture"}));
+  EXPECT_EQ(second.last_binary->take<std::uint32_t>(), 4000u + 1);
+  EXPECT_EQ(second.last_binary->number, 1999u);
+  EXPECT_NEAR(second.last_binary->time, 1.999, 1e-9);
+  second.send({{"ack", second.last_picture}});
+  // It has them: once is enough, also after it looked away.
+  second.send({{"command", "show"}, {"samples", false}});
+  second.send({{"command", "show"}, {"samples", true}});
+  hub.poll(69);
+  EXPECT_EQ(second.take(69), (Names{"answer", "answer", "state"}));
+  // A seek back: what was there is not of this time.
+  source.set_time(0.5);
+  hub.poll(70);
+  source.set_time(0.6);
+  hub.poll(71);
+  Outbox third(hub);
+  third.send({{"command", "show"}, {"samples", true}});
+  hub.poll(72);
+  third.take(72);
+  EXPECT_EQ(third.last_binary->take<std::uint32_t>(), 100u);
+  EXPECT_NEAR(third.last_binary->time, 0.5, 1e-9);
+}
+
+TEST(PageOutbox, APageThatDoesNotDrawGetsNoPictures) {
   ScriptedSource source;
   ViewHub hub(source);
   Outbox page(hub);
@@ -422,13 +459,13 @@ TEST(PageOutbox, APageThatDoesNotDrawWishesForNoPictures) {
   hub.poll(0);
   page.take(0);
   hub.poll(0.5);
-  EXPECT_TRUE(source.wishes().contacts);
+  EXPECT_TRUE(source.subscription().contacts);
   hub.poll(1.5);
-  EXPECT_FALSE(source.wishes().contacts);
-  EXPECT_TRUE(source.wishes().samples);
+  EXPECT_FALSE(source.subscription().contacts);
+  EXPECT_TRUE(source.subscription().samples);
   page.send({{"ack", page.last_picture}});
   hub.poll(1.6);
-  EXPECT_TRUE(source.wishes().contacts);
+  EXPECT_TRUE(source.subscription().contacts);
 }
 
 TEST(PageOutbox, AnswersEveryCommand) {

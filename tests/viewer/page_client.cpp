@@ -35,7 +35,7 @@ int refusal(int port, const std::string& host, const std::string& target,
                         "dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n";
   for (const auto& [name, value] : headers)
     if (name != "Host") request += name + ": " + value + "\r\n";
-  return status_of(ask_http(port, request + "\r\n"));
+  return status_of(http_request(port, request + "\r\n"));
 }
 
 }  // namespace
@@ -163,7 +163,7 @@ std::string RawSocket::receive(double timeout) {
   }
 }
 
-std::string ask_http(int port, const std::string& request) {
+std::string http_request(int port, const std::string& request) {
   RawSocket socket(port);
   socket.send(request);
   return socket.receive();

@@ -62,7 +62,7 @@ class RawSocket {
 };
 
 /// Sends a request to 127.0.0.1 and reads the whole answer.
-std::string ask_http(int port, const std::string& request);
+std::string http_request(int port, const std::string& request);
 /// The status in an HTTP answer; 0: it is none.
 int status_of(const std::string& answer);
 /// What follows the headers.

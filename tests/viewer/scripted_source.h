@@ -150,9 +150,9 @@ class ScriptedSource : public ViewSource {
     const std::lock_guard lock(mutex_);
     return settings_;
   }
-  ViewWishes wishes() const {
+  ViewSubscription subscription() const {
     const std::lock_guard lock(mutex_);
-    return wishes_;
+    return subscription_;
   }
   bool is_paused() const {
     const std::lock_guard lock(mutex_);
@@ -167,29 +167,29 @@ class ScriptedSource : public ViewSource {
   // ViewSource.
   const ViewContent& content() const override { return content_; }
 
-  void poll(const ViewWishes& wishes, ViewUpdate& update) override {
+  void poll(const ViewSubscription& subscription, ViewUpdate& update) override {
     const std::lock_guard lock(mutex_);
     ++num_polls_;
-    wishes_ = wishes;
+    subscription_ = subscription;
     const double time = now();
     const auto frame_number = is_paused_ ? held_frame_ : frame_at(time);
-    if (wishes.frames && scene_.has_stream && frame_number != last_sent_frame_) {
+    if (subscription.frames && scene_.has_stream && frame_number != last_sent_frame_) {
       last_sent_frame_ = frame_number;
       for (std::size_t k = 0; k < scene_.cameras.size(); ++k) {
         update.frames.push_back(make_frame(k, frame_number));
       }
     }
-    if (wishes.contacts) {
+    if (subscription.contacts) {
       auto contact = std::make_shared<ViewContact>();
       *contact = {time, frame_number, scene_.X_WT, {scene_.states, scene_.planes, {}, {}}};
       update.contact = std::move(contact);
     }
-    if (wishes.surfaces && frame_number != last_sent_surface_) {
+    if (subscription.surfaces && frame_number != last_sent_surface_) {
       last_sent_surface_ = frame_number;
       update.surface = make_surface(frame_number);
     }
     const auto end = static_cast<std::uint64_t>(time * scene_.sample_rate);
-    if (wishes.samples) {
+    if (subscription.samples) {
       for (std::uint64_t k = std::max(next_sample_, end > 5000 ? end - 5000 : 0); k < end; ++k)
         update.samples.push_back(scripted_sample(k, scene_.sample_rate));
     }
@@ -342,7 +342,7 @@ class ScriptedSource : public ViewSource {
   std::uint64_t held_frame_ = 0;
   std::uint64_t last_sent_frame_ = ~0ull, last_sent_surface_ = ~0ull;
   std::uint64_t next_sample_ = 0;
-  ViewWishes wishes_;
+  ViewSubscription subscription_;
   std::vector<std::string> commands_;
 };
 

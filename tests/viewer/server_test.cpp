@@ -17,8 +17,8 @@
 namespace palpate {
 namespace {
 
-using test::ask_http;
 using test::body_of;
+using test::http_request;
 using test::MessageReader;
 using test::PageClient;
 using test::RawSocket;
@@ -53,14 +53,15 @@ struct Fixture {
     port = port_of(*server);
   }
   std::string get(const std::string& target, const std::string& headers = "") const {
-    return ask_http(port, "GET " + target + " HTTP/1.1\r\nHost: 127.0.0.1:" + std::to_string(port) +
-                              "\r\nConnection: close\r\n" + headers + "\r\n");
+    return http_request(port, "GET " + target +
+                                  " HTTP/1.1\r\nHost: 127.0.0.1:" + std::to_string(port) +
+                                  "\r\nConnection: close\r\n" + headers + "\r\n");
   }
   std::string post(const std::string& body) const {
-    return ask_http(port,
-                    "POST /api/command HTTP/1.1\r\nHost: localhost\r\nConnection: "
-                    "close\r\nContent-Length: " +
-                        std::to_string(body.size()) + "\r\n\r\n" + body);
+    return http_request(port,
+                        "POST /api/command HTTP/1.1\r\nHost: localhost\r\nConnection: "
+                        "close\r\nContent-Length: " +
+                            std::to_string(body.size()) + "\r\n\r\n" + body);
   }
   /// It still does what it is there for.
   void expect_alive() const {
@@ -129,11 +130,11 @@ TEST(ViewServer, AnswersRequests) {
   EXPECT_EQ(status_of(fixture.get("/../../etc/passwd")), 404);
   EXPECT_EQ(status_of(fixture.get("/api/command")), 405);
   EXPECT_EQ(status_of(fixture.get("/ws")), 426);
-  const std::string head = ask_http(
+  const std::string head = http_request(
       fixture.port, "HEAD /api/hello HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n");
   EXPECT_EQ(status_of(head), 200);
   EXPECT_EQ(body_of(head), "");
-  EXPECT_EQ(status_of(ask_http(
+  EXPECT_EQ(status_of(http_request(
                 fixture.port, "DELETE / HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n")),
             405);
 }
@@ -168,7 +169,7 @@ TEST(ViewServer, ObeysCommandsByPost) {
   }
   EXPECT_EQ(status_of(fixture.post(std::string(70000, ' '))), 413);
   EXPECT_EQ(status_of(fixture.get("/", "X: " + std::string(9000, 'x') + "\r\n")), 431);
-  EXPECT_EQ(status_of(ask_http(fixture.port, "no HTTP at all\r\n\r\n")), 400);
+  EXPECT_EQ(status_of(http_request(fixture.port, "no HTTP at all\r\n\r\n")), 400);
 }
 
 // Who may ask.
@@ -179,11 +180,11 @@ struct Asker {
   int status;
 };
 
-int ask_state(int port, const Asker& asker, const std::string& more = "",
-              const std::string& target = "/api/state") {
+int poll_state(int port, const Asker& asker, const std::string& more = "",
+               const std::string& target = "/api/state") {
   const std::string origin = *asker.origin ? "Origin: " + std::string(asker.origin) + "\r\n" : "";
-  return status_of(ask_http(port, "GET " + target + " HTTP/1.1\r\nHost: " + asker.host +
-                                      "\r\nConnection: close\r\n" + origin + more + "\r\n"));
+  return status_of(http_request(port, "GET " + target + " HTTP/1.1\r\nHost: " + asker.host +
+                                          "\r\nConnection: close\r\n" + origin + more + "\r\n"));
 }
 
 TEST(ViewServer, WithoutATokenOnlyThisComputerIsAnswered) {
@@ -219,7 +220,7 @@ TEST(ViewServer, WithoutATokenOnlyThisComputerIsAnswered) {
                              {"localhost:8787", "ftp://localhost:8787", 403},
                              {"localhost:8787", "http://localhost:8787/", 403},
                              {"localhost:8787", "http://localhost:8787.evil.example", 403}}) {
-    EXPECT_EQ(ask_state(fixture.port, asker), asker.status) << asker.host << ' ' << asker.origin;
+    EXPECT_EQ(poll_state(fixture.port, asker), asker.status) << asker.host << ' ' << asker.origin;
     if (!*asker.host) continue;
     const PageClient page(fixture.port, "/ws",
                           *asker.origin
@@ -227,11 +228,11 @@ TEST(ViewServer, WithoutATokenOnlyThisComputerIsAnswered) {
                               : PageClient::Headers{{"Host", asker.host}});
     EXPECT_EQ(page.status(), asker.status == 200 ? 101 : 403) << asker.host << ' ' << asker.origin;
   }
-  EXPECT_EQ(ask_state(fixture.port, {"localhost", "", 0}, "Host: localhost\r\n"), 403);
-  EXPECT_EQ(
-      ask_state(fixture.port, {"localhost", "http://localhost", 0}, "Origin: http://localhost\r\n"),
-      403);
-  EXPECT_EQ(status_of(ask_http(fixture.port, "GET / HTTP/1.0\r\n\r\n")), 400);
+  EXPECT_EQ(poll_state(fixture.port, {"localhost", "", 0}, "Host: localhost\r\n"), 403);
+  EXPECT_EQ(poll_state(fixture.port, {"localhost", "http://localhost", 0},
+                       "Origin: http://localhost\r\n"),
+            403);
+  EXPECT_EQ(status_of(http_request(fixture.port, "GET / HTTP/1.0\r\n\r\n")), 400);
 }
 
 TEST(ViewServer, WithATokenEveryRequestNeedsIt) {
@@ -240,25 +241,26 @@ TEST(ViewServer, WithATokenEveryRequestNeedsIt) {
   const std::string good = std::string("?token=") + kToken;
   const std::string bearer = std::string("Authorization: Bearer ") + kToken + "\r\n";
   const Asker asker{"robot.example:8787", "", 0};
-  EXPECT_EQ(ask_state(fixture.port, asker), 401);
-  EXPECT_EQ(ask_state(fixture.port, asker, "", "/api/state" + good), 200);
+  EXPECT_EQ(poll_state(fixture.port, asker), 401);
+  EXPECT_EQ(poll_state(fixture.port, asker, "", "/api/state" + good), 200);
   EXPECT_EQ(
-      ask_state(fixture.port, asker, "", "/api/state?a=b&token=" + std::string(kToken) + "&c"),
+      poll_state(fixture.port, asker, "", "/api/state?a=b&token=" + std::string(kToken) + "&c"),
       200);
-  EXPECT_EQ(ask_state(fixture.port, asker, bearer), 200);
+  EXPECT_EQ(poll_state(fixture.port, asker, bearer), 200);
   for (const char* bad :
        {"?token=", "?token", "?token=0123456789abcdeF", "?token=0123456789abcdef0",
         "?token=0123456789abcde", "?xtoken=0123456789abcdef", "?token=x&token=0123456789abcdef",
         "?&&&", "?"})
-    EXPECT_EQ(ask_state(fixture.port, asker, "", "/api/state" + std::string(bad)), 401) << bad;
+    EXPECT_EQ(poll_state(fixture.port, asker, "", "/api/state" + std::string(bad)), 401) << bad;
   for (const char* bad : {"Authorization: Bearer\r\n", "Authorization: 0123456789abcdef\r\n",
                           "Authorization: Basic 0123456789abcdef\r\n", "Authorization: \r\n"})
-    EXPECT_EQ(ask_state(fixture.port, asker, bad), 401) << bad;
+    EXPECT_EQ(poll_state(fixture.port, asker, bad), 401) << bad;
   // The page's files are public; another page may use them no more than the rest.
   EXPECT_EQ(status_of(fixture.get("/", "Accept-Encoding: gzip\r\n")), 200);
-  EXPECT_EQ(ask_state(fixture.port, {"robot:1", "http://evil.example", 0}, "", "/api/state" + good),
-            403);
-  EXPECT_EQ(ask_state(fixture.port, {"robot:1", "http://robot:1", 0}, "", "/api/state" + good),
+  EXPECT_EQ(
+      poll_state(fixture.port, {"robot:1", "http://evil.example", 0}, "", "/api/state" + good),
+      403);
+  EXPECT_EQ(poll_state(fixture.port, {"robot:1", "http://robot:1", 0}, "", "/api/state" + good),
             200);
   EXPECT_EQ(status_of(fixture.post(R"({"command": "pause"})")), 401);
   EXPECT_FALSE(fixture.source.is_paused());
@@ -636,13 +638,13 @@ class BusySource : public ViewSource {
     inner_.poll({true, true, true, false}, parts_);
   }
   const ViewContent& content() const override { return inner_.content(); }
-  void poll(const ViewWishes& wishes, ViewUpdate& update) override {
+  void poll(const ViewSubscription& subscription, ViewUpdate& update) override {
     const double now = monotonic_now();
-    inner_.poll({.samples = wishes.samples}, update);
+    inner_.poll({.samples = subscription.samples}, update);
     if (now >= next_) {
       next_ = std::max(next_ + 1.0 / 30, now);
-      if (wishes.frames) update.frames = parts_.frames;
-      if (wishes.contacts) update.contact = parts_.contact;
+      if (subscription.frames) update.frames = parts_.frames;
+      if (subscription.contacts) update.contact = parts_.contact;
     }
     cpu_seconds = thread_cpu_now();
   }

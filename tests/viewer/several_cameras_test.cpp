@@ -47,7 +47,7 @@ TEST(RepetitionOfSeveralCameras, GivesTheSameBitsFromAnywhere) {
   ASSERT_TRUE(run) << run.error().message;
   EXPECT_EQ((*run)->streams().size(), 2u);
   Repetition repetition(**run);
-  int num_felt = 0;
+  int num_with_force = 0;
   // Forwards, near and far, and back.
   for (const std::size_t number : {0u, 70u, 71u, 72u, 90u, 400u, 401u, 50u, 500u, 499u}) {
     const ContactRecord& recorded = contacts[number];
@@ -60,9 +60,9 @@ TEST(RepetitionOfSeveralCameras, GivesTheSameBitsFromAnywhere) {
     EXPECT_EQ(repeated.volume, recorded.penetration.volume) << number;
     EXPECT_EQ(repeated.potential, recorded.penetration.potential) << number;
     EXPECT_EQ(repeated.measure_W.force, recorded.penetration.measure_W.force) << number;
-    num_felt += repeated.volume > 0;
+    num_with_force += repeated.volume > 0;
   }
-  EXPECT_GT(num_felt, 5);
+  EXPECT_GT(num_with_force, 5);
 }
 
 /// The newest frame of each camera.

@@ -40,7 +40,7 @@ using test::SyntheticStream;
 using test::TemporaryFolder;
 using test::wait_for;
 
-constexpr ViewWishes kAll{true, true, true, true};
+constexpr ViewSubscription kAll{true, true, true, true};
 
 /// A server that keeps what it gets.
 struct Watcher {
@@ -48,7 +48,7 @@ struct Watcher {
 
   void poll() {
     ViewUpdate update;
-    source.poll(wishes, update);
+    source.poll(subscription, update);
     if (!update.frames.empty()) frame = update.frames.back();
     if (update.contact) contact = update.contact;
     if (update.surface) surface = update.surface;
@@ -62,13 +62,13 @@ struct Watcher {
   }
   Json state() const { return Json::parse(source.state()); }
   Result<std::string> command(const Json& json) const { return source.command(json.dump()); }
-  void obey(const Json& json) const {
+  void execute(const Json& json) const {
     const auto answer = command(json);
     EXPECT_TRUE(answer) << json << ": " << answer.error().message;
   }
 
   ViewSource& source;
-  ViewWishes wishes = kAll;
+  ViewSubscription subscription = kAll;
   std::shared_ptr<const ViewFrame> frame;
   std::shared_ptr<const ViewContact> contact;
   std::shared_ptr<const ViewSurface> surface;
@@ -237,11 +237,11 @@ void expect_exact_seeks(const RunSettings& settings, int num_frames) {
   auto view = view_run(folder.path() / "run");
   ASSERT_TRUE(view) << view.error().message;
   Watcher watcher(**view);
-  watcher.obey({{"command", "pause"}});
+  watcher.execute({{"command", "pause"}});
   for (const int tick_number : {61, 7, 40, 0, 41, 62}) {
     const double time = tick_number / kRate;
     watcher.contact = nullptr;
-    watcher.obey({{"command", "seek"}, {"time", time + 1e-4}});
+    watcher.execute({{"command", "seek"}, {"time", time + 1e-4}});
     ASSERT_TRUE(watcher.until([&] {
       return watcher.contact != nullptr && watcher.contact->time == time;
     })) << time;
@@ -428,8 +428,8 @@ TEST(RunView, BeginsWhenSomebodyLooksAndStopsAtTheEnd) {
   for (std::size_t i = 0; i < watcher.samples.size(); ++i) {
     EXPECT_EQ(watcher.samples[i].time, static_cast<double>(i) / kRate);
   }
-  watcher.obey({{"command", "speed"}, {"factor", 0.02}});
-  watcher.obey({{"command", "resume"}});
+  watcher.execute({{"command", "speed"}, {"factor", 0.02}});
+  watcher.execute({{"command", "resume"}});
   ASSERT_TRUE(watcher.until([&] { return watcher.state()["time"] < 0.1; }));
   EXPECT_EQ(watcher.state()["speed"], 0.02);
   EXPECT_EQ(watcher.state()["paused"], false);
@@ -441,8 +441,8 @@ TEST(RunView, StepsFrameByFrameInBothDirections) {
   auto view = view_run(folder.path() / "run");
   ASSERT_TRUE(view);
   Watcher watcher(**view);
-  watcher.obey({{"command", "pause"}});
-  watcher.obey({{"command", "seek"}, {"time", 0.21}});
+  watcher.execute({{"command", "pause"}});
+  watcher.execute({{"command", "seek"}, {"time", 0.21}});
   const auto is_at = [&](int number) {
     return watcher.until([&] {
       return watcher.frame != nullptr && watcher.contact != nullptr &&
@@ -453,13 +453,13 @@ TEST(RunView, StepsFrameByFrameInBothDirections) {
   ASSERT_TRUE(is_at(6));
   for (const auto& [step, number] :
        {std::pair(1, 7), {1, 8}, {-1, 7}, {-4, 3}, {-100, 0}, {99, 11}}) {
-    watcher.obey({{"command", "step"}, {"frames", step}});
+    watcher.execute({{"command", "step"}, {"frames", step}});
     EXPECT_TRUE(is_at(number)) << step << " to " << number;
     EXPECT_EQ(watcher.state()["paused"], true);
     EXPECT_EQ(watcher.state()["frame_number"], number);
   }
   watcher.samples.clear();
-  watcher.obey({{"command", "seek"}, {"time", 0.1501}});
+  watcher.execute({{"command", "seek"}, {"time", 0.1501}});
   ASSERT_TRUE(watcher.until([&] { return watcher.samples.size() == 31; }))
       << watcher.samples.size();
   EXPECT_EQ(watcher.samples.back().time, 0.15);
@@ -475,8 +475,8 @@ TEST(RunView, ShowsWhatWouldHaveBeen) {
   auto view = view_run(folder.path() / "run");
   ASSERT_TRUE(view);
   Watcher watcher(**view);
-  watcher.obey({{"command", "pause"}});
-  watcher.obey({{"command", "seek"}, {"time", 0.2}});
+  watcher.execute({{"command", "pause"}});
+  watcher.execute({{"command", "seek"}, {"time", 0.2}});
   ASSERT_TRUE(watcher.until([&] { return watcher.contact && watcher.contact->time == 0.2; }));
   EXPECT_EQ(watcher.state()["note"], nullptr);
   const auto recorded = watcher.contact;
@@ -511,11 +511,11 @@ TEST(RunView, ShowsWhatWouldHaveBeen) {
   EXPECT_EQ(watcher.state()["revision"], 1);
 
   // And back.
-  watcher.obey({{"command", "set"}, {"key", "contact.method"}, {"value", "field"}});
+  watcher.execute({{"command", "set"}, {"key", "contact.method"}, {"value", "field"}});
   ASSERT_TRUE(watcher.until([&] { return watcher.state()["note"] == nullptr; }));
-  watcher.obey({{"command", "seek"}, {"time", 0.1}});
+  watcher.execute({{"command", "seek"}, {"time", 0.1}});
   ASSERT_TRUE(watcher.until([&] { return watcher.contact->time == 0.1; }));
-  watcher.obey({{"command", "seek"}, {"time", 0.2}});
+  watcher.execute({{"command", "seek"}, {"time", 0.2}});
   ASSERT_TRUE(watcher.until([&] { return watcher.contact && watcher.contact->time == 0.2; }));
   EXPECT_EQ(watcher.contact->spheres.states, recorded->spheres.states);
 }
@@ -551,9 +551,9 @@ TEST(LiveView, ARunOnASimulatedClockKeepsPaceAndCanBeHeldAndTurned) {
   });
   ASSERT_TRUE(watcher.until([&] { return watcher.state()["running"] == true; }));
   ASSERT_TRUE(watcher.until([&] { return watcher.contact && watcher.frame && watcher.surface; }));
-  watcher.obey({{"command", "pause"}});
+  watcher.execute({{"command", "pause"}});
   const int held = watcher.state()["frame_number"];
-  watcher.obey({{"command", "step"}, {"frames", 2}});
+  watcher.execute({{"command", "step"}, {"frames", 2}});
   ASSERT_TRUE(watcher.until([&] { return watcher.state()["frame_number"] == held + 2; }));
   const double time = watcher.state()["time"];
   std::this_thread::sleep_for(std::chrono::milliseconds(50));
@@ -561,9 +561,9 @@ TEST(LiveView, ARunOnASimulatedClockKeepsPaceAndCanBeHeldAndTurned) {
   ASSERT_TRUE(watcher.until([&] { return watcher.contact->time == time; }));
   play_to(static_cast<std::size_t>(std::lround(time * kRate)), path_settings(), kNumFrames,
           [&](Pipeline& pipeline) { expect_same(*watcher.contact, pipeline); });
-  watcher.obey({{"command", "set"}, {"key", "contact.method"}, {"value", "graph"}});
+  watcher.execute({{"command", "set"}, {"key", "contact.method"}, {"value", "graph"}});
   EXPECT_EQ(watcher.state()["settings"]["contact.method"], "graph");
-  watcher.obey({{"command", "resume"}});
+  watcher.execute({{"command", "resume"}});
   run.join();
   const std::chrono::duration<double> took = std::chrono::steady_clock::now() - start;
   EXPECT_GE(took.count(), kNumFrames / 30.0 + 0.05 - 0.01);
@@ -646,8 +646,8 @@ TEST_F(LiveRunTest, IsSeenAndSeenAgain) {
   EXPECT_EQ(state["stages"].size(), 7u);
   EXPECT_EQ(watcher_.frame->frame.width, 96);
   EXPECT_EQ(watcher_.surface->points.size(), 96u * 72u);
-  watcher_.obey({{"command", "mark"}, {"text", "here"}});
-  watcher_.obey({{"command", "end"}});
+  watcher_.execute({{"command", "mark"}, {"text", "here"}});
+  watcher_.execute({{"command", "end"}});
   join();
   ASSERT_TRUE(*outcome_) << outcome_->error().message;
   const Json end = watcher_.state();
@@ -668,8 +668,8 @@ TEST_F(LiveRunTest, IsSeenAndSeenAgain) {
   // The last ticks that were published may have been a little older.
   EXPECT_NEAR(time, seen->time, 0.5);
   Watcher again(**view);
-  again.obey({{"command", "pause"}});
-  again.obey({{"command", "seek"}, {"time", time}});
+  again.execute({{"command", "pause"}});
+  again.execute({{"command", "seek"}, {"time", time}});
   ASSERT_TRUE(again.until([&] { return again.contact && again.contact->time == time; }));
   EXPECT_EQ(again.contact->X_WT, seen->X_WT);
   EXPECT_EQ(again.contact->frame_number, seen->frame_number);
@@ -694,10 +694,10 @@ TEST_F(LiveRunTest, IsTurnedAndHeld) {
   start();
   ASSERT_TRUE(watcher_.until([&] { return watcher_.contact && watcher_.frame; }));
   for (const char* method : {"graph", "field", "weighted"}) {
-    watcher_.obey({{"command", "set"}, {"key", "contact.method"}, {"value", method}});
+    watcher_.execute({{"command", "set"}, {"key", "contact.method"}, {"value", method}});
     EXPECT_EQ(watcher_.state()["settings"]["contact.method"], method);
   }
-  watcher_.obey({{"command", "set"}, {"key", "coupling.damping_ratio"}, {"value", 0.7}});
+  watcher_.execute({{"command", "set"}, {"key", "coupling.damping_ratio"}, {"value", 0.7}});
   EXPECT_EQ(watcher_.state()["revision"], 4);
   EXPECT_FALSE(watcher_.command({{"command", "set"}, {"key", "contact.method"}, {"value", 1}}));
   EXPECT_FALSE(
@@ -706,14 +706,14 @@ TEST_F(LiveRunTest, IsTurnedAndHeld) {
   EXPECT_FALSE(watcher_.command({{"command", "seek"}, {"time", 1}}));
   EXPECT_FALSE(watcher_.command({{"command", "mark"}}));
   EXPECT_EQ(watcher_.state()["revision"], 4);
-  watcher_.obey({{"command", "pause"}});
+  watcher_.execute({{"command", "pause"}});
   EXPECT_EQ(watcher_.state()["paused"], true);
   EXPECT_NE(watcher_.state()["note"].get<std::string>().find("held"), std::string::npos);
-  watcher_.obey({{"command", "step"}, {"frames", 2}});
+  watcher_.execute({{"command", "step"}, {"frames", 2}});
   EXPECT_EQ(watcher_.state()["paused"], true);
-  watcher_.obey({{"command", "resume"}});
+  watcher_.execute({{"command", "resume"}});
   EXPECT_EQ(watcher_.state()["paused"], false);
-  watcher_.obey({{"command", "end"}});
+  watcher_.execute({{"command", "end"}});
   join();
   ASSERT_TRUE(*outcome_) << outcome_->error().message;
   auto run = open_recorded_run(folder());
@@ -759,7 +759,7 @@ TEST_F(LiveRunTest, EveryQueryIsFoundAndRepeated) {
     ASSERT_GT((*samples)[i].time, (*samples)[i - 1].time);
   }
   for (std::size_t i = 0; i < (*run)->num_frames(); ++i) {
-    const auto query = (*run)->query_at((*run)->felt_from(i));
+    const auto query = (*run)->query_at((*run)->needed_from(i));
     ASSERT_TRUE(query);
     // The last ones may have come too late to be felt.
     if ((*run)->frame_number(i) <= contacts.back().frame_number) {
@@ -786,7 +786,7 @@ TEST_F(LiveRunTest, WhatWasCutOffIsShownAsFarAsItGoes) {
   EXPECT_NE(state["note"].get<std::string>().find("cut off"), std::string::npos) << state["note"];
   EXPECT_GT(state["duration"], 0.4);
   EXPECT_LT(state["duration"], 1.9);
-  watcher.obey({{"command", "seek"}, {"time", 100}});
+  watcher.execute({{"command", "seek"}, {"time", 100}});
   EXPECT_TRUE(watcher.until([&] { return watcher.state()["paused"] == true; }));
 
   // A bit has flipped.

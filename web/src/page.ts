@@ -23,9 +23,9 @@ import { PictureRate } from './picture_rate';
 import { createScene } from './scene/scene_view';
 import { Theme } from './theme';
 import type { CameraView, Contact, Frame, Hello, Sample, SceneView, State, ToolLook } from './types';
-import type { Wishes } from './wishes';
+import type { Subscription } from './subscription';
 import { applyAddress } from './address';
-import { wishedPictures, wishedShapes } from './wishes';
+import { pictureSubscription, neededShapes } from './subscription';
 import { listenToKeys } from './keyboard';
 
 const PANEL_PERIOD = 100; // ms
@@ -62,7 +62,7 @@ export class Page implements Listener {
   private frames: (Frame | null)[] = []; // the newest of each camera
   private contact: Contact | null = null;
   private asked = new Set<string>(); // shapes, of this connection
-  private wishes = '';
+  private subscription = '';
   private trouble: string | null = null;
   private troubleEnd = 0;
   private readonly opened: PanelName[]; // at first
@@ -122,7 +122,7 @@ export class Page implements Listener {
     this.state = this.contact = this.sample = null;
     this.frames = hello.streams.map(() => null);
     this.asked.clear();
-    this.wishes = '';
+    this.subscription = '';
     this.rate.begin();
     this.plots.clear();
     this.scene.setHello(hello);
@@ -258,12 +258,12 @@ export class Page implements Listener {
     this.drawing.ask();
     if (!this.hello || this.connection.link !== 'open') return;
     this.legend.update(this.hello, this.scene.options);
-    const wishes: Wishes = wishedPictures(this.hello, this.scene.options, this.dock.isOpen('image'));
-    if (JSON.stringify(wishes) !== this.wishes) {
-      this.wishes = JSON.stringify(wishes);
-      void this.command({ command: 'show', ...wishes });
+    const subscription: Subscription = pictureSubscription(this.hello, this.scene.options, this.dock.isOpen('image'));
+    if (JSON.stringify(subscription) !== this.subscription) {
+      this.subscription = JSON.stringify(subscription);
+      void this.command({ command: 'show', ...subscription });
     }
-    for (const what of wishedShapes(this.hello, this.scene.options)) {
+    for (const what of neededShapes(this.hello, this.scene.options)) {
       if (this.asked.has(what)) continue;
       this.asked.add(what);
       void this.command({ command: 'get', what });

@@ -22,6 +22,7 @@ namespace palpate::inline v0 {
 
 // Camera URIs: KIND[:TARGET][?NAME=VALUE&...].
 
+/// Size of an image, in pixels.
 struct ImageSize {
   int width = 0, height = 0;
 
@@ -76,6 +77,7 @@ struct FoundCameras {
 /// Probes every kind; takes a few seconds at most. Never fails, starts no camera.
 std::vector<FoundCameras> find_cameras();
 
+/// How a camera is opened.
 struct CameraOpening {
   /// The run follows this computer's clock: frames that were not taken in time are dropped.
   /// Otherwise every frame counts, except from devices.
@@ -123,6 +125,7 @@ std::optional<Vec3d> gravity_seen(std::span<const CameraUri> cameras);
 ///   [frames]                                 # your own frames, in W
 ///   bench = [1, 0, 0, 0, 0, 0, 1]            # or "urdf:cell.urdf#bench"
 struct CameraRig {
+  /// One camera of the rig: its name, and its URI with its pose.
   struct Camera {
     std::string name;
     CameraUri uri;
@@ -154,6 +157,7 @@ Result<std::string> rig_text_with_poses(const std::filesystem::path& path,
 ///   camera->push(frame);                                                    // any other one
 class PushedSource : public DepthSource {
  public:
+  /// The clock of the frames.
   struct Options {
     /// Timestamps are the camera's own, s on its own clock: capture times on this computer's clock
     /// are estimated from them. Otherwise a frame counts as captured when it is pushed.
@@ -181,6 +185,7 @@ class PushedSource : public DepthSource {
 enum class RobotGeometry { collision, visual };
 constexpr auto names_of(RobotGeometry) { return std::array{"collision", "visual"}; }
 
+/// Options of the self filter; padding in m, max_age in s.
 struct SelfFilterOptions {
   double padding = 0.02;
   double scale = 1;

@@ -118,6 +118,7 @@ struct DepthStreamInfo {
 class DepthSource {
  public:
   virtual ~DepthSource() = default;
+  /// Description of the stream: size, intrinsics, unit and rate.
   virtual const DepthStreamInfo& info() const = 0;
   /// Fills `frame` (reusing its memory) and returns true; false at the end of the stream. May
   /// block. Timestamps increase strictly. Error: a frame that cannot be read, with its name.
@@ -246,7 +247,7 @@ class DepthAverager {
   /// O(pixels).
   std::string state() const;
   /// Continues from a saved state. Error: not the state of an estimate of such images.
-  Status go_on_from(std::string_view state);
+  Status resume_from(std::string_view state);
 
  private:
   struct Impl;

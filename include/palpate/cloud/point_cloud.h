@@ -35,9 +35,11 @@ struct PixelWindow {
   bool contains(const PixelWindow& other) const {
     return left <= other.left && top <= other.top && right >= other.right && bottom >= other.bottom;
   }
+  /// Larger by `margin` pixels on each side.
   PixelWindow grown(int margin) const {
     return {left - margin, top - margin, right + margin, bottom + margin};
   }
+  /// The part inside of an image of this size.
   PixelWindow clipped(int image_width, int image_height) const {
     return {std::max(left, 0), std::max(top, 0), std::min(right, image_width),
             std::min(bottom, image_height)};
@@ -88,6 +90,8 @@ struct PointCloudView {
 class PointCloud {
  public:
   PointCloud() = default;
+  /// Size in pixels. `pinhole`: the camera of an organized cloud. `has_edges`: with depth-change
+  /// vectors.
   PointCloud(int width, int height, std::optional<Intrinsics> pinhole = std::nullopt,
              bool has_edges = false);
 
@@ -103,6 +107,7 @@ class PointCloud {
   const float* channel(int which) const {
     return data_.data() + static_cast<std::size_t>(which) * stride_;
   }
+  /// Point i in m, its unit normal, and its depth-change vector; i = row * width + column.
   Vec3f point(std::size_t i) const { return {channel(0)[i], channel(1)[i], channel(2)[i]}; }
   Vec3f normal(std::size_t i) const { return {channel(3)[i], channel(4)[i], channel(5)[i]}; }
   Vec3f edge(std::size_t i) const { return {channel(6)[i], channel(7)[i], channel(8)[i]}; }
@@ -133,6 +138,7 @@ struct ViewPair {
   double moved = 0;   ///< m, change of the relative position, at the center of the overlap
 };
 
+/// Result of align_views: the refined camera poses, and how well the views fit.
 struct AlignedViews {
   std::vector<Pose> X_WC;  ///< the first one is unchanged
   std::vector<ViewPair> pairs;
@@ -141,6 +147,7 @@ struct AlignedViews {
   double uncertainty = 0;
 };
 
+/// Options of align_views.
 struct AlignOptions {
   /// m: points of two views farther apart than this do not correspond; shrinks to `least_reach` as
   /// the poses converge.

@@ -83,6 +83,7 @@ inline void add_settings(SettingTable& t, DepthChangeOptions& o) {
   t.add("depth_change_min_step", o.min_step, {0, 1000, "m"}, "smaller depth steps do not count");
 }
 
+/// Options of surface estimation: filter, normals and range of depth.
 struct SurfaceOptions {
   DepthFilterOptions filter;
   NormalOptions normals;

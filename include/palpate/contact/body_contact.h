@@ -103,8 +103,10 @@ class BodyPairQuery {
   /// allocation. If a pose is not finite, there is no measurement, and the body with that pose gets
   /// StepStatus::non_finite_pose.
   virtual void start(const Pose& X_WA, const Pose& X_WB, bool wants_stiffness) noexcept = 0;
+  /// Waits for the result of the last `start`.
   virtual BodyPenetration finish() noexcept = 0;
 
+  /// `start` and `finish` together: poses of both bodies in W.
   BodyPenetration measure(const Pose& X_WA, const Pose& X_WB,
                           bool wants_stiffness = false) noexcept {
     start(X_WA, X_WB, wants_stiffness);
@@ -112,6 +114,7 @@ class BodyPairQuery {
   }
 };
 
+/// Options of make_body_pair_query.
 struct BodyPairOptions {
   BodyMethod method = BodyMethod::field;
   Isa isa = best_isa();  ///< on the CPU, `field` only
@@ -266,7 +269,7 @@ class BodyWorld {
  private:
   struct Body {
     std::shared_ptr<const ToolIndex> index;
-    std::unique_ptr<ContactQuery> cloud_query;  // null: does not feel the cloud
+    std::unique_ptr<ContactQuery> cloud_query;  // null: not measured against the cloud
     bool moves;
     Pose X_WB;
     ContactWants wants;

@@ -97,6 +97,7 @@ class ContactQuery {
   ContactResult measure(std::span<const SurfaceBlend> cameras, const Pose& X_WT,
                         const ContactWants& wants = {}) const noexcept;
 
+  /// The method with its options.
   const ContactMethod& method() const { return method_; }
   /// For other queries and bodies of the same tool.
   const std::shared_ptr<const ToolIndex>& index() const { return index_; }
@@ -127,6 +128,7 @@ class ContactQuery {
   ContactMethod method_;
 };
 
+/// Where and with how many threads a query runs.
 struct ExecutionOptions {
   Isa isa = best_isa();
   ThreadPool* pool = nullptr;  ///< used inside one query; null: only the caller's thread

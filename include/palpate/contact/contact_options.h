@@ -106,6 +106,7 @@ struct Stiffness {
   }
 };
 
+/// Result of one measurement.
 struct ContactResult {
   Penetration penetration;
   std::optional<Stiffness> stiffness;  ///< if requested and the method supports it
@@ -222,22 +223,27 @@ inline void add_settings(SettingTable& t, ContactOptions& o) {
         "sphere");
 }
 
-/// A method together with its own options only.
+// A method together with its own options only.
+
+/// Method `field`, the default: every sphere evaluates the depth field.
 struct FieldMethod {
   SphereVolumes volumes = SphereVolumes::represented;
 };
+/// Method `weighted`: an untouched sphere takes a weighted mean over all touched spheres.
 struct WeightedMethod {
   Priority priority = Priority::distance;
   SphereVolumes volumes = SphereVolumes::own;
   Edges edges = Edges::none;
   Continuity continuity = Continuity::none;
 };
+/// Method `simplified`: an untouched sphere takes the plane of the best touched sphere.
 struct SimplifiedMethod {
   Priority priority = Priority::distance;
   SphereVolumes volumes = SphereVolumes::own;
   Edges edges = Edges::none;
   Continuity continuity = Continuity::none;
 };
+/// Method `graph`: a search along the leaf graph finds the spheres inside.
 struct GraphMethod {
   InsideVolume inside = InsideVolume::full;
   SphereVolumes volumes = SphereVolumes::own;

@@ -147,13 +147,16 @@ class ThreadPool {
 /// One thread records, wait-free and without allocation; any thread may read concurrently.
 class LatencyHistogram {
  public:
+  /// Adds one duration.
   void record(std::int64_t nanoseconds) noexcept;
 
+  /// Number of durations, and their percentiles, maximum and mean.
   struct Summary {
     std::uint64_t num = 0;
     double p50 = 0, p99 = 0, p999 = 0, max = 0, mean = 0;  ///< microseconds
   };
   Summary summary() const noexcept;
+  /// Number of durations above this one, to the width of a bucket.
   std::uint64_t num_above(std::int64_t nanoseconds) const noexcept;
 
   static constexpr int kBucketsPerOctave = 32, kNumBuckets = 35 * kBucketsPerOctave;

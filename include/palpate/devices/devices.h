@@ -18,6 +18,7 @@ namespace palpate::inline v0 {
 // Limits of known devices (vendor and CHAI3D 3.3 tables), for simulation and for drivers that do
 // not report them.
 
+/// A known device: its limits and its apparent mass.
 struct DeviceModel {
   std::string_view key;  ///< e.g. "touch", "omega.6", "inverse3"
   std::string_view name;
@@ -44,6 +45,7 @@ struct HandModel {
 /// Target pose of the handle at time t (s since start), in B.
 using HandTarget = std::function<Pose(double time)>;
 
+/// Options of a simulated device: its model, the hand that holds it, and its sensors.
 struct SimulatedDeviceOptions {
   DeviceModel model;
   HandModel hand;
@@ -76,6 +78,7 @@ inline void add_settings(SettingTable& t, SimulatedDeviceOptions& o) {
   t.add("angular_stiffness", hand.angular_stiffness, {0, 1e4, "N m/rad"}, "");
 }
 
+/// A simulated device in a simulated hand, in real time or as fast as possible.
 class SimulatedDevice : public HapticDevice {
  public:
   /// Creates a device. Errors: options out of range.
@@ -85,7 +88,7 @@ class SimulatedDevice : public HapticDevice {
   virtual void run(int num_ticks) = 0;
   /// The true state of the hand, and the net energy that the device has given it, J.
   virtual DeviceState true_state() const = 0;
-  virtual double energy_given() const = 0;
+  virtual double energy_given() const = 0;  ///< J
 };
 
 // A hand in the browser: a page moves the handle and shows the force.
@@ -109,8 +112,9 @@ struct FoundDevice {
 /// Probes every kind; takes at most a second. Never fails, never moves a device.
 std::vector<FoundDevice> find_devices();
 
-/// URI: sim[:MODEL], replay:FILE, spacenav[:SOCKET], haply[:URL], forcedimension[:ID],
-/// openhaptics[:NAME], vrpn:NAME@HOST[:PORT], ros2:/POSE_TOPIC[@FRAME], ros2:FRAME@BASE. Errors:
+/// URI: `sim[:MODEL]`, `replay:FILE`, `spacenav[:SOCKET]`, `haply[:URL]`, `forcedimension[:ID]`,
+/// `openhaptics[:NAME]`, `vrpn:NAME@HOST[:PORT]`, `ros2:/POSE_TOPIC[@FRAME]`,
+/// `ros2:FRAME@BASE`. Errors:
 /// unknown kind; no device: what was tried, and what to do.
 Result<std::unique_ptr<HapticDevice>> open_device(std::string_view uri);
 

@@ -28,6 +28,7 @@ constexpr auto names_of(DepthMemory) { return std::array{"off", "on"}; }
 /// MemoryOptions::horizon, s: never forget.
 inline constexpr double kForEver = 1e6;
 
+/// Options of the memory for occluded space.
 struct MemoryOptions {
   DepthMemory kind = DepthMemory::off;
   /// s: space that has been occluded for longer is forgotten. Then everything behind the occluder
@@ -80,6 +81,7 @@ enum class UnseenSpace {
 };
 constexpr auto names_of(UnseenSpace) { return std::array{"solid", "free", "fade"}; }
 
+/// Options of the depth field: the meaning of pixels without depth and of occluded space.
 struct DepthFieldOptions {
   UnknownSpace unknown = UnknownSpace::free;
   /// Holes up to about 2^fill_levels pixels wide are filled by interpolation from their borders; 0
@@ -159,7 +161,7 @@ struct DepthFieldView {
 
   DepthFieldLevel levels[kMaxLevels];
   int num_levels = 0;  ///< 0: no field
-  /// The window in which the field is valid (src/field/internal/asked_window.h): there all levels
+  /// The window in which the field is valid (src/field/internal/needed_window.h): there all levels
   /// equal those of a field of the whole image; elsewhere they may be anything.
   PixelWindow asked;
   const DepthTile* tiles = nullptr;  ///< row-major; pixels beyond the image count to the outermost
@@ -171,6 +173,7 @@ struct DepthFieldView {
   /// Two views with the same stamp show the same values, except for stamp 0.
   std::uint64_t stamp = 0;
 
+  /// The policy for occluded space.
   UnseenSpace unseen() const {
     if (thickness < 0) return UnseenSpace::fade;
     return thickness < static_cast<float>(kSolidBehind) ? UnseenSpace::free : UnseenSpace::solid;

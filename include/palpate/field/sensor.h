@@ -27,6 +27,7 @@ enum class TimeMode {
 };
 constexpr auto names_of(TimeMode) { return std::array{"latest", "interpolate", "predict"}; }
 
+/// How the surfaces of a stream of frames follow each other.
 struct TimeOptions {
   TimeMode mode = TimeMode::interpolate;
   DepthAverageOptions average;
@@ -120,7 +121,7 @@ class SurfaceTimeline {
                     const PixelWindow& asked = {});
   /// Before the first frame: continues averages from DepthAverager::state. Errors: there are no
   /// averages, or the state is not that of such images.
-  Status go_on_from(std::string_view state);
+  Status resume_from(std::string_view state);
   /// The blend at `time` (s), not before the last frame. It waits for late frames (progress 1).
   /// Views stay valid until the next push, or longer with spare surfaces. O(1).
   SurfaceBlend at(double time) const;
@@ -165,7 +166,9 @@ class SurfaceBatch {
     first_.field = first;
   }
 
+  /// Number of surfaces.
   int size() const { return size_; }
+  /// True for fields at equal distances in memory.
   bool is_even() const { return views_ == nullptr && size_ > 0; }
   std::ptrdiff_t pixels_apart() const { return pixels_apart_; }
   std::ptrdiff_t tiles_apart() const { return tiles_apart_; }
@@ -198,6 +201,7 @@ struct Camera {
   Distortion distortion = {};  ///< lens distortion: images are undistorted, on any backend
 };
 
+/// Options of a Sensor.
 struct SensorOptions {
   SurfaceOptions surface;
   DepthFieldOptions field;

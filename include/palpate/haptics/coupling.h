@@ -69,7 +69,7 @@ struct FrictionState {
   /// Deflection of the sticking contact: along the surface in W, and about its normal times the
   /// torsion radius. m
   Vec3d bristle_W;
-  double bristle_turn = 0;
+  double bristle_rotation = 0;
   Vec3d normal_W;       ///< of the surface; zero: no contact
   double distance = 0;  ///< m slid, for texture
   double speed = 0;     ///< m/s, of sliding
@@ -91,6 +91,7 @@ enum class ContactHold {
 };
 constexpr auto names_of(ContactHold) { return std::array{"local_model", "interpolation"}; }
 
+/// Options of the coupling between device and tool, its friction and its workspace.
 struct CouplingOptions {
   CouplingKind kind = CouplingKind::virtual_coupling;
   ContactHold hold = ContactHold::local_model;
@@ -179,13 +180,14 @@ class Coupling {
   /// Alternative to reset: continues from the state of another coupling of any kind. The hand keeps
   /// its pose of the tool, even if the motion scale differs.
   virtual void take_over(const CouplingState& state) noexcept = 0;
+  /// The state that another coupling can take over.
   virtual CouplingState state() const noexcept = 0;
   virtual CouplingStep step(const DeviceState& state, const LocalContact& contact,
                             double dt) noexcept = 0;
   /// Saves or restores the complete state, for another coupling with the same options.
   virtual void remember(StateNumbers& numbers) noexcept = 0;
   /// True if the device gets a wrench at all.
-  virtual bool is_felt() const noexcept { return true; }
+  virtual bool drives_device() const noexcept { return true; }
 };
 
 /// Pose of a tool without coupling; with an unusable state, the tool is at the base.

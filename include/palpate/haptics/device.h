@@ -25,6 +25,7 @@ struct DeviceLimits {
   double angular_damping = 0;        ///< N m s/rad
 };
 
+/// Description of a device.
 struct DeviceInfo {
   std::string kind;  ///< as on the command line: sim, replay, spacenav, haply, ...
   std::string name;  ///< for display: model and serial number or address
@@ -47,10 +48,13 @@ struct DeviceState {
 /// origin, in B. Called from the device's thread; does not throw, allocate, lock or wait.
 using DeviceTick = std::function<Wrench(const DeviceState& state)>;
 
+/// A haptic device. It calls a function at each tick, in its own thread, with the state of the
+/// hand, and renders the wrench that the function returns.
 class HapticDevice {
  public:
   virtual ~HapticDevice() = default;  ///< stops the device
 
+  /// Its description.
   virtual const DeviceInfo& info() const = 0;
   /// Starts to tick. Errors: the device does not answer, with its message.
   virtual Status start(DeviceTick tick) = 0;
@@ -74,7 +78,7 @@ class SteppedDevice : public HapticDevice {
 using PageNumber = std::uint64_t;
 
 /// Carries poses from a page to the device. One page holds the handle at a time. All calls except
-/// heard() come from one thread; nobody waits for it, and it never waits. Times: s, monotonic.
+/// newest() come from one thread; nobody waits for it, and it never waits. Times: s, monotonic.
 class PageHandle {
  public:
   static constexpr double kFastest = 3;       ///< m/s, limit for the poses of a page
@@ -86,7 +90,7 @@ class PageHandle {
   static constexpr double kPatience = 5;
 
   /// Update for the device.
-  struct News {
+  struct Update {
     std::uint64_t grip = 0;  ///< counter: the first pose of each grip is a reference
     bool is_held = false;
     double time = 0;  ///< s, when the pose arrived
@@ -105,21 +109,21 @@ class PageHandle {
   /// The next pose is again the reference for the current pose of the handle.
   void grip_anew() { ++grip_; }
   /// No effect if `page` does not hold it.
-  void let_go(PageNumber page);
+  void release(PageNumber page);
 
   bool is_held() const { return holder_ != 0; }
   /// The limits of a device that is only displayed: soft enough to see the spring.
   static DeviceLimits limits();
 
   /// Device's thread: the newest update, or null if there is none. Valid until the next call.
-  const News* heard() noexcept;
+  const Update* newest() noexcept;
 
  private:
   struct Mailbox;
   Status check(const Pose& X_BH, double now) const;
 
   PageNumber holder_ = 0;
-  std::uint64_t grip_ = 0, told_grip_ = 0;
+  std::uint64_t grip_ = 0, sent_grip_ = 0;
   double last_time_ = 0;  // s: when the holder was last heard of
   Pose last_X_BH_;
   std::unique_ptr<Mailbox> mailbox_;

@@ -51,6 +51,7 @@ struct Ground {
   friend bool operator==(const Ground&, const Ground&) = default;
 };
 
+/// The contact patch on which friction acts: where it is, and how wide.
 struct ContactPatch {
   Vec3d lever_W;  ///< from the tool's center of mass to the center of the contact, m
   /// Mean distance of the normal force from there, m: the torsional resistance is mu N times

@@ -48,6 +48,7 @@ constexpr auto names_of(ForceState) {
   return std::array{"waiting", "engaged", "fading", "off", "held_off", "ended"};
 }
 
+/// When the force engages, how it fades, and how it returns after a fault.
 struct ForceGateOptions {
   double ramp_seconds = 0.5;  ///< from zero to full force after engaging
   /// Engages only if the tool had no contact, or the wanted force was below this, for
@@ -76,13 +77,13 @@ class ForceGate {
     bool is_ready = false;      ///< all inputs of a force are there and fresh
     bool is_quiet = false;      ///< the hand is free of contact
     bool is_permitted = true;   ///< false: the dead-man switch is released
-    bool is_asked_for = false;  ///< the user requests the force: also in contact
+    bool is_requested = false;  ///< the user requests the force: also in contact
   };
   void step(const Input& input) noexcept;
 
   void remember(StateNumbers& numbers) noexcept {
     numbers(state_, fault_, fault_time_, num_faults_, gain_, fade_, fade_gain_, waiting_since_,
-            well_since_, budget_, num_quiet_, has_begun_, is_after_fault_, is_asked_for_);
+            well_since_, budget_, num_quiet_, has_begun_, is_after_fault_, is_requested_);
   }
 
   ForceState state() const noexcept { return state_; }
@@ -117,9 +118,10 @@ class ForceGate {
   double waiting_since_ = 0, well_since_ = 0;
   double budget_;  // returns of the force that may still come; a minute gives max_recoveries
   int num_quiet_ = 0;
-  bool has_begun_ = false, is_after_fault_ = false, is_asked_for_ = false;
+  bool has_begun_ = false, is_after_fault_ = false, is_requested_ = false;
 };
 
+/// Options of the safety filter.
 struct SafetyOptions : ForceGateOptions {
   double force_share = 1;            ///< output limit, as a share of the device's limits
   double max_slew = 500;             ///< N/s
@@ -172,10 +174,11 @@ struct SafetyInput {
   double sensor_age = 0;   ///< s
   bool backend_failed = false;
   bool sensor_failed = false;  ///< permanently
-  bool is_asked_for = false;   ///< the user requests the force
+  bool is_requested = false;   ///< the user requests the force
   bool is_free = false;        ///< the tool has no contact: the wrench only moves the tool
 };
 
+/// State of the safety filter at a tick.
 struct SafetyStatus {
   ForceState state = ForceState::waiting;
   Fault fault = Fault::none;     ///< reason for no force
@@ -186,6 +189,7 @@ struct SafetyStatus {
   double energy = 0;
   double damping = 0;             ///< N s/m, of the passivity controller at this tick
   std::uint64_t num_limited = 0;  ///< ticks at which a limit changed the wrench
+  /// True if the force is on.
   bool is_engaged() const { return state == ForceState::engaged; }
   void remember(StateNumbers& numbers) noexcept {
     numbers(state, fault, fault_time, num_faults, gain, energy, damping, num_limited);

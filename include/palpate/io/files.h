@@ -27,6 +27,7 @@ Result<Tool> tool_from_bytes(std::string_view bytes);
 
 // Pose files in TUM format.
 
+/// A pose of the tool at a time.
 struct TimedPose {
   double time = 0;  ///< seconds
   Pose X_WT;

@@ -60,6 +60,7 @@ struct LabelImage {
 /// another format, larger than kMaxImage*.
 Result<LabelImage> load_label_png(const std::filesystem::path& path);
 
+/// Properties of the images in a folder that their files do not contain.
 struct DepthFolderOptions {
   Intrinsics intrinsics;
   double unit = 0.001;  ///< metres per count

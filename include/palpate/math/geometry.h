@@ -10,6 +10,7 @@ namespace palpate::inline v0 {
 
 // Three-vectors and 3x3 matrices: plain structs for host and device.
 
+/// A vector of three numbers.
 template <class T>
 struct Vec3 {
   T x{}, y{}, z{};

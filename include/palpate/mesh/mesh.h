@@ -33,6 +33,7 @@ Bounds bounds(const TriangleMesh& mesh);
 
 // Checks that a mesh bounds a solid. All later steps rely on it.
 
+/// Limits of check_solid.
 struct MeshCheckOptions {
   /// Vertices closer than this fraction of the bounding box diagonal are merged.
   double weld_fraction = 1e-7;

@@ -113,6 +113,7 @@ class SolidField {
     double spacing = 0;                       ///< of the finest grid, m
     std::array<std::int32_t, 3> num_cells{};  ///< of the finest grid, to cover the box
   };
+  /// One grid of the field.
   struct Level {
     double spacing = 0;                       ///< m
     std::array<std::int32_t, 3> num_nodes{};  ///< including both margins
@@ -126,8 +127,11 @@ class SolidField {
   /// From stored parts. Errors: inconsistent sizes, or values that are not distances.
   static Result<SolidField> restore(const Layout& layout, std::span<const float> values);
 
+  /// Position, spacing and size of the grids.
   const Layout& layout() const { return layout_; }
+  /// From the finest to the coarsest grid.
   std::span<const Level> levels() const { return levels_; }
+  /// Signed distances of all levels, m, negative inside.
   std::span<const float> values() const {
     return std::span(values_).first(values_.size() - kSpareValues);
   }

@@ -80,7 +80,7 @@ struct FrameRecord {
 };
 
 /// State of the haptic side between two ticks: a recording and its replay can start here.
-struct HandMoment {
+struct HandSnapshot {
   std::uint64_t tick = 0;      ///< number of the next tick
   std::uint32_t revision = 0;  ///< of the settings that the last one was computed with
   StateNumbers numbers;        ///< HandPart::remember
@@ -106,23 +106,23 @@ struct TickRecord {
   std::uint64_t number = 0;         ///< from 0
   double dt = 0;                    ///< s, of the coupling's step; 0: no hand yet
   bool is_stopping = false;         ///< stop() was called on the safety filter
-  bool is_force_asked_for = false;  ///< the user requests the force after a fault
+  bool is_force_requested = false;  ///< the user requests the force after a fault
   bool has_sensor_failed = false, has_backend_failed = false;
 };
 
 /// The blend of one camera at a contact.
-struct CameraMoment {
+struct CameraBlend {
   /// FrameRecord::camera_frame of its newest surface; -1: none yet.
   std::int64_t camera_frame = -1;
   double progress = 1;  ///< from the previous surface to that one
 
-  friend bool operator==(const CameraMoment&, const CameraMoment&) = default;
+  friend bool operator==(const CameraBlend&, const CameraBlend&) = default;
 };
 
 /// One per camera of a run.
-struct CameraMoments {
+struct CameraBlends {
   std::uint32_t num = 0;
-  CameraMoment of[kMostCameras] = {};
+  CameraBlend of[kMostCameras] = {};
 };
 
 /// Poses of moving objects, in the order of the objects.
@@ -141,7 +141,7 @@ struct ContactRecord {
   std::int64_t num_object_pairs = 0;  ///< spheres of tool and objects that overlap
   std::uint64_t number = 0;
   std::uint64_t frame_number = 0;  ///< of the newest frame in use
-  CameraMoments cameras;
+  CameraBlends cameras;
   BodyPoses bodies;  ///< against which the tool was measured
 
   double capture_time = 0;         ///< s, monotonic: the oldest of the cameras' newest frames

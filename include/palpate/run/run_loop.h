@@ -38,6 +38,7 @@ inline void add_settings(SettingTable& t, WindowOptions& o) {
         "minimum expected tool speed; for a faster tool, twice its speed");
 }
 
+/// All settings of a run, as in a settings file (docs/settings.md).
 struct RunSettings {
   ContactOptions contact;
   SurfaceOptions surface;
@@ -104,8 +105,8 @@ bool is_fixed_while_running(const Setting& setting);
 // Display data of a run: states of the spheres, and the surface.
 
 /// Consumers of contact pictures; each requests its own.
-enum class Onlooker { page, robots };
-inline constexpr std::size_t kNumOnlookers = 2;
+enum class PictureConsumer { page, robots };
+inline constexpr std::size_t kNumPictureConsumers = 2;
 
 /// State of every sphere of the tool at one contact.
 struct ContactPicture {
@@ -156,7 +157,7 @@ struct RunObserver {
   std::function<void(const ContactRecord&)> on_contact = {};
   std::function<void(std::span<const TickRecord>)> on_ticks = {};
   /// Once per second of ticks, before the tick that it names.
-  std::function<void(const HandMoment&)> on_moment = {};
+  std::function<void(const HandSnapshot&)> on_hand_snapshot = {};
   /// Before the first frame, contact or tick of a new revision; not for revision 0.
   std::function<void(std::uint32_t revision, const RunSettings&)> on_settings = {};
   /// Automatic actions of the loop, for display.
@@ -171,6 +172,7 @@ struct LoopTimes {
   LatencyHistogram contact_age, sensor_to_force;
 };
 
+/// Summary of a loop: counters, and why it ended.
 struct LoopReport {
   std::uint64_t num_ticks = 0, num_contacts = 0, num_frames = 0;
   std::uint64_t num_missed = 0;  ///< ticks whose computation took longer than a tick
@@ -197,6 +199,8 @@ struct SimulatedClock {
   bool keeps_pace = false;       ///< ticks follow real time, for display
 };
 
+/// The loop of a run: depth frames to surfaces, surfaces and poses to contacts, contacts to the
+/// wrench on the device. Live in threads of its own, or on a simulated clock.
 class RunLoop {
  public:
   /// `tool`, `sources` and `device` must outlive it. Several cameras are combined to a depth hull
@@ -217,13 +221,16 @@ class RunLoop {
   /// Starts; returns when the device ticks. Errors: the device, the first frame.
   virtual Status start() = 0;
   /// After a fault: the force returns as soon as all is well, also in contact. From any thread.
-  virtual void ask_for_force() noexcept = 0;
+  virtual void request_force() noexcept = 0;
   /// Fades the force out, then ends all threads. Waits for DepthSource::next (see cancel there).
   virtual void stop() noexcept = 0;
+  /// True from `start` until the loop has ended.
   virtual bool is_running() const noexcept = 0;
   /// The newest tick; from any thread except the haptic one, one reader.
   virtual bool latest(TickRecord& record) noexcept = 0;
+  /// Times of all stages so far; from any thread.
   virtual const LoopTimes& times() const noexcept = 0;
+  /// Counters so far; from any thread that may wait.
   virtual LoopReport report() const = 0;
   /// An error once a source or device has failed permanently; the loop has then faded out.
   /// Temporary faults are in TickRecord::safety.
@@ -247,11 +254,11 @@ class RunLoop {
   virtual void step_frame() noexcept = 0;
   /// Requests a picture of the next contact or surface, which is made after the measurement has
   /// been published. Wait-free.
-  virtual void ask_for_contact_picture(Onlooker who) noexcept = 0;
-  virtual void ask_for_surface_picture() noexcept = 0;
+  virtual void request_contact_picture(PictureConsumer who) noexcept = 0;
+  virtual void request_surface_picture() noexcept = 0;
   /// The newest picture if there is a new one, else null; valid until the next call. One reader per
   /// consumer.
-  virtual const ContactPicture* new_contact_picture(Onlooker who) noexcept = 0;
+  virtual const ContactPicture* new_contact_picture(PictureConsumer who) noexcept = 0;
   virtual const SurfacePicture* new_surface_picture() noexcept = 0;
 };
 

@@ -65,12 +65,14 @@ struct RunPeaks {
   std::uint64_t num_engaged = 0, num_limited = 0, num_in_contact = 0,
                 num_in_objects = 0;  ///< ticks
 
+  /// Counts one more tick.
   void add(const TickRecord& tick);
 };
 
 /// Marks that users add during a run. Any thread adds, one takes.
 class RunMarks {
  public:
+  /// A note of a user at a time.
   struct Mark {
     double time = 0;  ///< s, monotonic
     std::string text;
@@ -107,6 +109,7 @@ struct RecordingOptions {
   bool is_bounded() const { return keep_seconds < std::numeric_limits<double>::infinity(); }
 };
 
+/// Options of record_run that are not settings of the run.
 struct RunOptions {
   double duration = std::numeric_limits<double>::infinity();  ///< s, on the computer's clock
   /// Called ten times per second; false ends the run, which is kept.
@@ -154,6 +157,7 @@ struct ReplayOutcome {
   std::string difference;
   std::string note;  ///< what could not be replayed, and why; else empty
 };
+/// Options of replay_run.
 struct ReplayOptions {
   std::optional<int> num_threads = {};  ///< nullopt: as recorded
   std::function<bool()> keep_going = {};
@@ -172,6 +176,7 @@ struct ForceComparison {
   double max_time = 0;                     ///< s
   double peak_before = 0, peak_after = 0;  ///< N, maximum force on the tool
 };
+/// Result of retry_run.
 struct RetryOutcome {
   RunOutcome run;
   ForceComparison forces;

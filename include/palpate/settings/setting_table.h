@@ -74,10 +74,11 @@ class Setting {
 
   /// The full name: "coupling.stiffness".
   std::string key() const;
+  /// The current value.
   SettingValue get() const;
   /// Sets the value. Errors: another kind, or out of range; nothing changes then. The message has
-  /// the name (`told_as`, or the key), the accepted range with its unit, and the value.
-  Status set(const SettingValue& value, std::string_view told_as = {});
+  /// the name (`reported_name`, or the key), the accepted range with its unit, and the value.
+  Status set(const SettingValue& value, std::string_view reported_name = {});
   /// Checks the current value. Errors: same as set.
   Status check() const;
   /// "1 to 7 pixels", or the keywords separated by commas; otherwise empty.
@@ -89,7 +90,7 @@ class Setting {
   friend class SettingTable;
   friend struct UncheckedSetting;  // tests write what no way in lets pass
   bool accepts(const SettingValue& value) const;
-  Error refusal(const SettingValue& value, std::string_view told_as) const;
+  Error refusal(const SettingValue& value, std::string_view reported_name) const;
 
   void* value_ = nullptr;
   std::size_t (*get_word_)(const void*) = nullptr;

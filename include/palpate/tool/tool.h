@@ -77,10 +77,12 @@ class LeafGraph {
   LeafGraph(std::size_t num_spheres, std::span<const std::pair<int, int>> edges, int num_bridges,
             int num_components_before_bridging);
 
+  /// Neighbors of sphere i: neighbours()[row_starts()[i] ... row_starts()[i + 1]).
   std::span<const std::int32_t> row_starts() const { return row_starts_; }
   std::span<const std::int32_t> neighbours() const { return neighbours_; }
 
   int num_edges() const { return static_cast<int>(neighbours_.size() / 2); }
+  /// Edges that were added to join components, and the number of components without them.
   int num_bridges() const { return num_bridges_; }
   int num_components_before_bridging() const { return num_components_before_bridging_; }
   /// Each edge once, (a, b) with a < b, sorted.

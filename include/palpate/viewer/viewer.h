@@ -76,7 +76,7 @@ struct ViewUpdate {
 };
 
 /// Subscriptions of all pages together: data without a subscriber is not computed.
-struct ViewWishes {
+struct ViewSubscription {
   bool frames = false, contacts = false, surfaces = false, samples = false;
 };
 
@@ -85,9 +85,10 @@ class ViewSource {
  public:
   virtual ~ViewSource() = default;
 
+  /// What does not change while it is shown: the tool, objects and streams.
   virtual const ViewContent& content() const = 0;
-  /// Called some sixty times per second; must not wait. Fills only the parts in `wishes`.
-  virtual void poll(const ViewWishes& wishes, ViewUpdate& update) = 0;
+  /// Called some sixty times per second; must not wait. Fills only the parts in `subscription`.
+  virtual void poll(const ViewSubscription& subscription, ViewUpdate& update) = 0;
   /// The other state as a JSON object: see docs/viewer-protocol.md, `state`. Called a few times per
   /// second.
   virtual std::string state() = 0;
@@ -104,7 +105,7 @@ class ViewSource {
   /// `X_WT`: the tool pose of the page.
   virtual Status move(std::uint64_t page, const Pose& X_WT);
   /// Also called for a page that has disconnected.
-  virtual void let_go(std::uint64_t page);
+  virtual void release(std::uint64_t page);
 };
 
 // Data sources.
@@ -141,6 +142,7 @@ class LiveView : public ViewSource {
 
 // The server: HTTP and WebSocket on one port, in its own thread.
 
+/// Options of the server: its address, token and limits.
 struct ViewServerOptions {
   /// Address to listen on. Any address but loopback (127.0.0.0/8, ::1, localhost) needs a token,
   /// which is generated if there is none.

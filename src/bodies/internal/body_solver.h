@@ -27,12 +27,12 @@ struct BodyTouch {
 
   int a = 0;
   int b = kNoBody;      ///< kNoBody: what forces do not move
-  Wrench F_A_W;         ///< on a, about its center of mass; b feels the opposite
+  Wrench F_A_W;         ///< on a, about its center of mass; the opposite acts on b
   Stiffness stiffness;  ///< N/m, N, N m: how F_A_W changes with the pose of a while b stays
   ContactPatch patch;   ///< levers are from a's center of mass
   double friction = 0;  ///< coefficient
   double grip = 0;      ///< N/m: how stiff what sticks is; 0: by the weight of the lighter one
-  /// J: what the contact holds. Unless it is told, nobody asks where that came from.
+  /// J: what the contact holds. Set only if its source matters.
   double potential = kUnknown;
   /// How kNoBody moves: of the point of it that lies at a's center of mass.
   Twist V_W;

@@ -12,7 +12,7 @@
 
 namespace palpate::inline v0 {
 
-/// They feel the surfaces that cameras see, each other, the objects that stay, and the tool. All
+/// They touch the surfaces that cameras see, each other, fixed objects, and the tool. All
 /// memory is allocated at construction; the same input gives the same bits.
 class MovingBodies {
  public:

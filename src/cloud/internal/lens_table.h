@@ -1,4 +1,4 @@
-// Which pixel of a bent image shows what a pinhole camera would see at each of its pixels.
+// The undistortion table: the distorted pixel for each pixel of a pinhole camera.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// What a camera sees while nothing moves: less noise than one frame has.
+// The mean of the frames of a static scene, with less noise than one frame.
 #pragma once
 
 #include "palpate/cloud/depth_source.h"

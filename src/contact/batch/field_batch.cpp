@@ -103,13 +103,13 @@ struct FieldBatch::Worker {
   void measure(std::size_t first, std::size_t last);
   bool is_in_front(std::size_t pose, std::uint64_t& place);
   bool look_at(int asked);
-  int surface_asked(std::size_t pose) const;
+  int surface_number_of(std::size_t pose) const;
   ContactResult ask(std::size_t pose, BatchPose& at);
   void put(std::size_t pose, const BatchPose& at, ContactResult& result) const;
   void put_nothing(std::size_t pose) const;
 };
 
-int FieldBatch::Worker::surface_asked(std::size_t pose) const {
+int FieldBatch::Worker::surface_number_of(std::size_t pose) const {
   const auto* const numbers =
       poses.surface_of_pose.empty() ? nullptr : poses.surface_of_pose.data();
   return surface_of(numbers, surfaces.size(), static_cast<int>(pose));
@@ -134,7 +134,7 @@ ContactResult FieldBatch::Worker::ask(std::size_t pose, BatchPose& at) {
     if (with_stiffness) result.stiffness.emplace();
     return result;
   };
-  const int asked = surface_asked(pose);
+  const int asked = surface_number_of(pose);
   if (asked < 0 || !look_at(asked)) return nothing(StepStatus::no_surface);
   const DepthFieldView& field = job.fields[0];
   at = pose_in_camera(poses.X_WT[pose], poses.X_WC.empty() ? nullptr : &poses.X_WC[asked]);
@@ -182,7 +182,7 @@ void FieldBatch::Worker::put_nothing(std::size_t pose) const {
 /// among all of them. The tool is taken as a ball around its origin: that needs no rotation.
 bool FieldBatch::Worker::is_in_front(std::size_t pose, std::uint64_t& place) {
   place = 0;
-  const int asked = surface_asked(pose);
+  const int asked = surface_number_of(pose);
   if (asked < 0) return false;
   place = static_cast<std::uint64_t>(asked) << 16;
   if (!has_overviews || !look_at(asked) || !has_all) return false;

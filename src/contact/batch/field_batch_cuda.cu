@@ -14,7 +14,7 @@ namespace palpate::inline v0 {
 
 // The argument of the kernel.
 struct BatchJob {
-  FeltTool tool;
+  FieldTool tool;
   Vec3d p_TC;
   const Pose* X_WT = nullptr;
   const std::int32_t* surface_of_pose = nullptr;
@@ -234,13 +234,13 @@ FieldBatchCuda::FieldBatchCuda(std::shared_ptr<const ToolIndex> index, const Fie
       gpu_(gpu),
       most_staged_(most_staged),
       memory_(gpu),
-      felt_tool_(felt_tool(*index_, method.volumes, memory_)),
+      field_tool_(make_field_tool(*index_, method.volumes, memory_)),
       p_TC_(index_->tool().sphere_mass().centre_of_mass),
       own_stream_(gpu, gpu::Priority::low),
       caller_stream_(gpu),
       table_(std::make_unique<Table>()) {
   // Fewer warps share less between them, more of them are done sooner.
-  const int num_clusters = felt_tool_.elements.num_clusters;
+  const int num_clusters = field_tool_.elements.num_clusters;
   const int fitting = num_clusters <= 8 ? 1 : (num_clusters <= 96 ? 4 : 8);
   for (int& warps : num_warps_) warps = num_warps > 0 ? num_warps : fitting;
   num_warps_[1] = std::min(num_warps_[1], kThreadsOf<Curvature> / gpu::kWarpSize);
@@ -434,13 +434,13 @@ void FieldBatchCuda::measure_part(const PoseBatch& poses, const BatchAnswers& an
 
 Status FieldBatchCuda::measure(const SurfaceBatch& surfaces, const PoseBatch& poses,
                                const BatchAnswers& answers,
-                               std::optional<CallerStream> asked_stream) const {
+                               std::optional<CallerStream> requested_stream) const {
   if (!status()) return status();
   if (const Status status = check(surfaces, poses, answers); !status) return status;
   if (poses.X_WT.empty()) return Done{};
   const int num = static_cast<int>(poses.X_WT.size());
-  if (asked_stream) caller_stream_.continue_in(asked_stream->handle);
-  gpu::Stream& stream = asked_stream ? caller_stream_ : own_stream_;
+  if (requested_stream) caller_stream_.continue_in(requested_stream->handle);
+  gpu::Stream& stream = requested_stream ? caller_stream_ : own_stream_;
   const bool is_staged = poses.gpu != gpu_ || answers.gpu != gpu_;
   if (is_staged) {
     if (stream.is_recording()) {
@@ -454,7 +454,7 @@ Status FieldBatchCuda::measure(const SurfaceBatch& surfaces, const PoseBatch& po
     if (const Status status = grow_table(num_cameras); !status) return status;
   }
   BatchJob job;
-  job.tool = felt_tool_;
+  job.tool = field_tool_;
   job.p_TC = p_TC_;
   if (const Status status = look_at(surfaces, stream, job); !status) return status;
   if (!poses.X_WC.empty()) {
@@ -468,10 +468,10 @@ Status FieldBatchCuda::measure(const SurfaceBatch& surfaces, const PoseBatch& po
   for (int first = 0; first < num; first += at_once) {
     measure_part(poses, answers, first, std::min(at_once, num - first), job, stream);
   }
-  if (asked_stream && !is_staged) return stream.status();
+  if (requested_stream && !is_staged) return stream.status();
   // Far more than it takes.
   constexpr double kSlowest = 1e8;  // elements/s
-  const double elements = 32.0 * felt_tool_.elements.num_clusters;
+  const double elements = 32.0 * field_tool_.elements.num_clusters;
   return stream.wait(2 + elements * num / kSlowest);
 }
 

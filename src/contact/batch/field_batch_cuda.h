@@ -7,7 +7,7 @@
 
 #include "palpate/contact/contact.h"
 #include "src/contact/cuda/gpu_field.h"
-#include "src/contact/field/felt_tool_cuda.h"
+#include "src/contact/field/field_tool_cuda.h"
 
 namespace palpate::inline v0 {
 
@@ -53,7 +53,7 @@ class FieldBatchCuda final : public BatchQuery {
   int gpu_, num_warps_[2];  // without stiffness, with one
   int most_staged_;
   gpu::Memory memory_;
-  FeltTool felt_tool_;
+  FieldTool field_tool_;
   Vec3d p_TC_;  // centre of mass
   mutable gpu::Stream own_stream_, caller_stream_;
   mutable Staged staged_;

@@ -29,11 +29,11 @@ struct alignas(16) Ball {
 
 /// SphereClusters of one body, as this kernel looks at them.
 struct BodyView {
-  const Ball* spheres = nullptr;   // of each place; a negative radius is padding
+  const Ball* spheres = nullptr;   // of each slot; a negative radius is padding
   const Ball* clusters = nullptr;  // around their surfaces
   const Ball* groups = nullptr;
   std::int32_t num_clusters = 0, num_groups = 0;
-  std::uint32_t* touched = nullptr;  // per place: the last query in which it overlapped something
+  std::uint32_t* touched = nullptr;  // per slot: the last query in which it overlapped something
 };
 
 struct BodyJob {
@@ -114,7 +114,7 @@ __device__ bool measure_cluster(const BodyJob& job, const Ball& mine, const Ball
     ++share.num_pairs;
     overlapped |= 1u << k;
   }
-  // Lane k tells that sphere k of the cluster has been touched by some lane.
+  // Lane k knows whether some lane has touched sphere k of the cluster.
   unsigned by_any = overlapped;
   for (int step = gpu::kWarpSize / 2; step > 0; step /= 2) {
     by_any |= __shfl_xor_sync(gpu::kWholeWarp, by_any, step);
@@ -161,8 +161,8 @@ __global__ void __launch_bounds__(kThreads, 2)
        item += num_warps) {
     const std::int32_t cluster_a = item / kWarpsPerCluster;
     const Ball cluster_A = job.a.clusters[cluster_a];
-    const std::int32_t place = cluster_a * kSize + gpu::lane_id();
-    const Ball mine = job.a.spheres[place];
+    const std::int32_t slot = cluster_a * kSize + gpu::lane_id();
+    const Ball mine = job.a.spheres[slot];
     Vec3d force_A;
     bool is_touched = false;
     int turn = item % kWarpsPerCluster;
@@ -174,7 +174,7 @@ __global__ void __launch_bounds__(kThreads, 2)
       turn = (turn + kWarpsPerCluster - 1) % kWarpsPerCluster;
     });
     if (!is_touched) continue;
-    share.num_touched_a += touch(job.a.touched + place, out.query);
+    share.num_touched_a += touch(job.a.touched + slot, out.query);
     share.force_A += force_A;
     share.torque_A += cross(mine.centre() - job.C_A, force_A);
   }

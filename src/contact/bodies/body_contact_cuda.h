@@ -1,3 +1,4 @@
+// Pairs of bodies by spheres, on a GPU.
 #pragma once
 
 #include <memory>

@@ -1,5 +1,5 @@
-// A pair of bodies, sphere by sphere: what two spheres share, and what follows for the bodies. One
-// text for host and device.
+// A pair of bodies, sphere by sphere: what two spheres share, and what follows for the bodies.
+// Shared code for host and device.
 #pragma once
 
 #include <cmath>
@@ -48,7 +48,7 @@ struct BodySums {
 /// X_AB from the poses of both in W.
 Pose relative_pose(const Pose& X_WA, const Pose& X_WB);
 
-/// What the bodies feel.
+/// Wrenches on the bodies.
 BodyPenetration body_penetration(const BodySums& sums, const Tool& a, const Tool& b,
                                  const Pose& X_WA, const Pose& X_WB);
 

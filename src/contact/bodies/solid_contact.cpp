@@ -76,7 +76,7 @@ Stiffness of_other(const Stiffness& k, const VolumeWrench& on_e, const Vec3d& d)
   return other;
 }
 
-/// From the moments of what a body F feels about its own centre, those of the opposite forces about
+/// From the moments of the force on body F about its own centre, those of the opposite forces about
 /// another point, from which F's centre lies `d` away.
 VolumeMoments of_opposite(const VolumeMoments& f, const Vec3d& force, const Vec3d& d) {
   VolumeMoments other;
@@ -141,31 +141,31 @@ SolidAsking::SolidAsking(const FieldElements& elements, const SolidField& field)
   const auto last = static_cast<std::int32_t>(field.levels().size()) - 1;
   const double spacing = field.layout().spacing;
   double volume = 0, squares = 0, widest = 0, owed = 0;
-  for (std::size_t place = 0; place < level.size(); ++place) {
-    const double radius = elements.radius[place];
-    const double counts = elements.factor[place] * sphere_volume(radius);
+  for (std::size_t slot = 0; slot < level.size(); ++slot) {
+    const double radius = elements.radius[slot];
+    const double counts = elements.factor[slot] * sphere_volume(radius);
     volume += counts;
     squares += counts * radius * radius;
     // Second moments, in those of the finest grid: what the ball has lies between those of two
     // grids, and it asks the one by which all so far have theirs most nearly.
     const double wanted = std::max(1.0, std::pow(kSpacingPerRadius * radius / spacing, 2));
     double moment = 1;
-    while (moment * 4 <= wanted && level[place] < last) {
+    while (moment * 4 <= wanted && level[slot] < last) {
       moment *= 4;
-      ++level[place];
+      ++level[slot];
     }
     const double missing = counts * (wanted - moment), more = counts * 3 * moment;
-    if (level[place] < last) {
+    if (level[slot] < last) {
       if (owed + missing > more / 2 && counts > 0) {
-        ++level[place];
+        ++level[slot];
         owed -= more;
       }
       owed += missing;
     } else if (wanted > 4 * moment && counts > 0) {
       is_possible = false;
     }
-    widest = std::max(widest, std::ldexp(spacing, level[place]));
-    if (place % SphereClusters::kSize == SphereClusters::kSize - 1) {
+    widest = std::max(widest, std::ldexp(spacing, level[slot]));
+    if (slot % SphereClusters::kSize == SphereClusters::kSize - 1) {
       rounding.push_back(static_cast<float>(kMostRounding * 1.0001 * widest));
       widest = 0;
     }
@@ -205,8 +205,8 @@ BodyPenetration SolidPair::penetration(const GroupSums& of_a, const GroupSums& o
   // From the one centre of mass to the other.
   const Vec3d d_BA =
       X_A * a->tool().sphere_mass().centre_of_mass - X_B * b->tool().sphere_mass().centre_of_mass;
-  const VolumeWrench felt_a{of_a.measure.force, of_a.measure.torque};
-  const VolumeWrench felt_b{of_b.measure.force, of_b.measure.torque};
+  const VolumeWrench measure_a{of_a.measure.force, of_a.measure.torque};
+  const VolumeWrench measure_b{of_b.measure.force, of_b.measure.torque};
   BodyPenetration result;
   result.on_a = of_a.measure.penetration();
   result.on_b = of_b.measure.penetration();
@@ -215,19 +215,22 @@ BodyPenetration SolidPair::penetration(const GroupSums& of_a, const GroupSums& o
     part->potential = weight_a * of_a.measure.potential + weight_b * of_b.measure.potential;
   }
   VolumeWrench &on_a = result.on_a.measure_W, &on_b = result.on_b.measure_W;
-  on_a.force = weight_a * felt_a.force - weight_b * felt_b.force;
+  on_a.force = weight_a * measure_a.force - weight_b * measure_b.force;
   on_b.force = -on_a.force;
-  on_a.torque = weight_a * felt_a.torque - weight_b * (felt_b.torque - cross(d_BA, felt_b.force));
-  on_b.torque = weight_b * felt_b.torque - weight_a * (felt_a.torque + cross(d_BA, felt_a.force));
+  on_a.torque =
+      weight_a * measure_a.torque - weight_b * (measure_b.torque - cross(d_BA, measure_b.force));
+  on_b.torque =
+      weight_b * measure_b.torque - weight_a * (measure_a.torque + cross(d_BA, measure_a.force));
   result.num_pairs = std::int64_t{result.on_a.num_boundary_spheres} +
                      result.on_a.num_inside_spheres + result.on_b.num_boundary_spheres +
                      result.on_b.num_inside_spheres;
   if (with_stiffness) {
     const Stiffness k_a = of_a.stiffness.stiffness(), k_b = of_b.stiffness.stiffness();
-    result.stiffness_a = sum_of(k_a, weight_a, of_other(k_b, felt_b, -d_BA), weight_b);
-    result.stiffness_b = sum_of(k_b, weight_b, of_other(k_a, felt_a, d_BA), weight_a);
-    result.moments_a = sum_of(of_a.stiffness.moments(), weight_a,
-                              of_opposite(of_b.stiffness.moments(), felt_b.force, -d_BA), weight_b);
+    result.stiffness_a = sum_of(k_a, weight_a, of_other(k_b, measure_b, -d_BA), weight_b);
+    result.stiffness_b = sum_of(k_b, weight_b, of_other(k_a, measure_a, d_BA), weight_a);
+    result.moments_a =
+        sum_of(of_a.stiffness.moments(), weight_a,
+               of_opposite(of_b.stiffness.moments(), measure_b.force, -d_BA), weight_b);
   }
   return result;
 }

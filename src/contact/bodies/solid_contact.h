@@ -1,4 +1,4 @@
-// Bodies felt as they are: the spheres of each ask the distance field of the other.
+// Contact of bodies by distance fields: the spheres of each query the field of the other.
 #pragma once
 
 #include <memory>
@@ -17,10 +17,10 @@ SolidFieldView view_of(const SolidField& field);
 struct SolidAsking {
   SolidAsking(const FieldElements& elements, const SolidField& field);
 
-  // Per place of the elements:
+  // Per slot of the elements:
   std::vector<std::int32_t> level;  ///< the grid that is asked
   std::vector<float> rounding;      ///< per cluster: see is_clear
-  /// Mean square of the lengths, m2, below which nothing is told apart: radii and spacing.
+  /// Mean square of the lengths, m2, below which nothing is distinguished: radii and spacing.
   double coarseness = 0;
   bool is_possible = true;  ///< no element is too large for the widest grid
 };
@@ -28,7 +28,7 @@ struct SolidAsking {
 /// What a query asks of each group of clusters.
 struct SolidJob {
   const SphereClusters* clusters = nullptr;
-  const float *radius = nullptr, *factor = nullptr, *counted = nullptr;  ///< per place
+  const float *radius = nullptr, *factor = nullptr, *counted = nullptr;  ///< per slot
   const std::int32_t* level = nullptr;                                   ///< likewise
   const float* rounding = nullptr;                                       ///< per cluster
   SolidFieldView field;

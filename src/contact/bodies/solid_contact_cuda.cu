@@ -136,12 +136,12 @@ class SolidWay {
  public:
   SolidWay(const ToolIndex& asks, const SolidAsking& asking, const SolidField& field, double weight,
            int gpu)
-      : is_asked_(weight > 0),
+      : is_used_(weight > 0),
         memory_(gpu),
         answers_(gpu, solid_blocks<SolidSlope>(gpu, num_clusters(asks))),
         stiffness_answers_(gpu, solid_blocks<SolidBend>(gpu, num_clusters(asks)),
                            AnswerBox::kMostNumbers) {
-    if (!is_asked_) return;
+    if (!is_used_) return;
     query_.elements = elements_view(asks.parts().solid_elements(), memory_);
     query_.level = memory_.copy_of(asking.level);
     query_.rounding = memory_.copy_of(asking.rounding);
@@ -159,14 +159,14 @@ class SolidWay {
   SolidFrame& frame() { return query_.frame; }
 
   void start(gpu::Stream& stream, bool wants_stiffness) {
-    if (!is_asked_) return;
+    if (!is_used_) return;
     if (wants_stiffness) return launch<SolidBend>(stream, stiffness_answers_);
     launch<SolidSlope>(stream, answers_);
   }
   /// False if no answer came.
   bool finish(gpu::Stream& stream, bool wants_stiffness, GroupSums& sums) {
     sums = {};
-    if (!is_asked_) return true;
+    if (!is_used_) return true;
     AnswerBox& answers = wants_stiffness ? stiffness_answers_ : answers_;
     if (!answers.await(stream)) return false;
     const QueryAnswer answer = answers.answer();
@@ -194,7 +194,7 @@ class SolidWay {
                 measure_solid<Sample>, query_, answers.next());
   }
 
-  bool is_asked_;
+  bool is_used_;
   gpu::Memory memory_;
   AnswerBox answers_, stiffness_answers_;
   SolidQuery query_;

@@ -1,4 +1,4 @@
-// Bodies that ask each other's distance fields, on a GPU.
+// Contact of bodies by distance fields, on a GPU.
 #pragma once
 
 #include <memory>

@@ -1,5 +1,5 @@
-// The distance field of a body at a point, and which of its grids a sphere asks. One text for host
-// and device, for single numbers and vectors of them.
+// The distance field of a body at a point, and which of its grids a sphere asks. Shared code for
+// host and device, for single numbers and vectors of them.
 #pragma once
 
 #include "palpate/packing/packing.h"

@@ -175,7 +175,7 @@ void PointMeasurementCuda::take_tool() {
                      memory_.copy_of(c.radius),
                      memory_.copy_of(c.volume),
                      memory_.copy_of(c.sphere_id),
-                     memory_.copy_of(c.place_of),
+                     memory_.copy_of(c.slot_of),
                      memory_.copy_of(c.clusters),
                      memory_.copy_of(c.groups),
                      c.num_clusters(),
@@ -189,7 +189,7 @@ void PointMeasurementCuda::take_tool() {
 }
 
 void PointMeasurementCuda::take_scratch() {
-  const std::size_t n = index_.tool().spheres().size(), num_places = clusters_.x.size();
+  const std::size_t n = index_.tool().spheres().size(), num_slots = clusters_.x.size();
   PointQuery& q = query_;
   q.sums = memory_.take<PointSums>(n);
   q.touched = memory_.take<std::uint32_t>((n + 31) / 32);
@@ -221,10 +221,10 @@ void PointMeasurementCuda::take_scratch() {
   if (options_.method == MethodKind::graph) {
     const SortedGraph& graph = index_.parts().graph();
     q.graph = sorted_graph_on_gpu(memory_, graph, clusters_);
-    q.search = graph_search_on_gpu(memory_, q.graph, num_places, graph.neighbours.size());
+    q.search = graph_search_on_gpu(memory_, q.graph, num_slots, graph.neighbours.size());
   }
-  q.donor = memory_.take<std::int32_t>(num_places);
-  q.assigned_volume = memory_.take<float>(num_places);
+  q.donor = memory_.take<std::int32_t>(num_slots);
+  q.assigned_volume = memory_.take<float>(num_slots);
   barrier_ = memory_.take<unsigned long long>(1);
 }
 
@@ -282,8 +282,8 @@ void PointMeasurementCuda::launch(const PointCloudView& seen, const Pose& X_WT) 
   q.to_grid = grid_transform(q.scan);
   q.scan.edges = q.edges != Edges::none ? q.edge_sums : nullptr;
   if (q.edges != Edges::none) take_edge_candidates(cloud.size());
-  if (q.search.places != nullptr && q.search.first_round > (1 << 30)) {
-    stream_.clear(q.search.places, clusters_.x.size() * sizeof *q.search.places);
+  if (q.search.slots != nullptr && q.search.first_round > (1 << 30)) {
+    stream_.clear(q.search.slots, clusters_.x.size() * sizeof *q.search.slots);
     q.search.first_round = 1;
   }
   std::swap(q.touched, q.touched_before);
@@ -312,7 +312,7 @@ void PointMeasurementCuda::describe(const ContactWants& wants) noexcept {
       static_cast<std::size_t>(answers_.answer().penetration().num_boundary_spheres);
   const auto donors = fetch(query_.boundary.donors, num_boundary);
   const auto boundary_ids = fetch(query_.boundary.sphere_id, num_boundary);
-  const auto donor_of_place = fetch(query_.donor, clusters_.x.size());
+  const auto donor_of_slot = fetch(query_.donor, clusters_.x.size());
   const auto volumes = fetch(query_.assigned_volume, clusters_.x.size());
   const bool has_references =
       options_.method == MethodKind::graph ||
@@ -325,9 +325,9 @@ void PointMeasurementCuda::describe(const ContactWants& wants) noexcept {
     wants.planes[static_cast<std::size_t>(id)] = {to_float(donor.plane_T.normal),
                                                   static_cast<float>(donor.plane_T.offset)};
   };
-  for (std::size_t place = 0; place < volumes.size(); ++place) {
-    const std::int32_t id = clusters_.sphere_id[place], donor = donor_of_place[place];
-    if (id < 0 || num_boundary == 0 || !(volumes[place] > 0)) continue;
+  for (std::size_t slot = 0; slot < volumes.size(); ++slot) {
+    const std::int32_t id = clusters_.sphere_id[slot], donor = donor_of_slot[slot];
+    if (id < 0 || num_boundary == 0 || !(volumes[slot] > 0)) continue;
     set_state(id, SphereState::inside);
     if (has_references && donor >= 0) set_plane(id, donors[static_cast<std::size_t>(donor)]);
   }

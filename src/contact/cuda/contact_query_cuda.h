@@ -1,3 +1,4 @@
+// The contact query on a GPU.
 #pragma once
 
 #include <memory>

@@ -1,4 +1,4 @@
-// Two copies of what lies elsewhere are kept, the surfaces of a moment between two frames: which
+// Two copies are kept, for the surfaces of a blend between two frames: which
 // one shows a view, and which one is to be made anew.
 #pragma once
 

@@ -1,4 +1,4 @@
-// Clouds that lie elsewhere, in the memory of one GPU.
+// Copies of clouds in the memory of a GPU.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// Depth fields that lie elsewhere, in the memory of one GPU.
+// Copies of depth fields in the memory of a GPU.
 #pragma once
 
 #include <cstdint>

@@ -66,7 +66,7 @@ class AnswerBox {
   /// `num_numbers`: kMostNumbers for kernels that answer a stiffness too.
   AnswerBox(int gpu, int num_blocks, int num_numbers = MeasureTerms::kNum);
 
-  /// What the kernel of the next query is told. One query at a time.
+  /// Arguments for the kernel of the next query. One query at a time.
   MeasureOutput next() noexcept;
 
   /// Waits until this query has answered, but not longer than 50 ms (times the environment variable

@@ -70,18 +70,18 @@ StiffnessSums AnswerBox::stiffness() const {
 
 bool AnswerBox::await(gpu::Stream& stream) noexcept {
   using Clock = std::chrono::steady_clock;
-  constexpr auto kAskEvery = std::chrono::milliseconds(1);
+  constexpr auto kPollPeriod = std::chrono::milliseconds(1);
   constexpr int kLooksPerTime = 64;
   if (!status() || !stream.status()) return false;
   const Clock::time_point start = Clock::now();
-  Clock::time_point ask = start + kAskEvery;
+  Clock::time_point ask = start + kPollPeriod;
   for (int look = 1; !take(); ++look) {
     relax();
     if (look % kLooksPerTime != 0) continue;
     const Clock::time_point now = Clock::now();
     if (now < ask) continue;
     // Asking costs the driver some time, so seldom. A device that is done must have answered.
-    ask = now + kAskEvery;
+    ask = now + kPollPeriod;
     const bool is_done = stream.is_idle();
     if (!stream.status()) return false;
     if (is_done && take()) return true;

@@ -1,4 +1,4 @@
-// What depth fields say to a vector of elements. Included by kernel files only.
+// Values of depth fields for a vector of elements. Included by kernel files only.
 #pragma once
 
 #include "src/contact/field/field_lanes.h"
@@ -58,8 +58,8 @@ struct Answer {
 
 // What lies deep asks wider pixels, too.
 template <class Sample, int kFields>
-[[gnu::always_inline]] inline void ask_deeper(const Grid& grid, const Pixels (&fields)[kFields],
-                                              const Lanes& e, Answer<Sample, kFields>& answer) {
+[[gnu::always_inline]] inline void query_deeper(const Grid& grid, const Pixels (&fields)[kFields],
+                                                const Lanes& e, Answer<Sample, kFields>& answer) {
   VecF asked = e.radius;
   for (int step = 0; step < kMostDeepSteps; ++step) {
     VecI is_deep[kFields], any{};
@@ -72,7 +72,7 @@ template <class Sample, int kFields>
     for (int k = 0; k < kFields; ++k) {
       if (kFields > 1 && mask_bits(is_deep[k]) == 0) continue;
       Sample& known = answer.samples[k];
-      Sample wide = ask_field<Sample>(grid, fields[k], look, e.depth, e.inverse_depth);
+      Sample wide = query_field<Sample>(grid, fields[k], look, e.depth, e.inverse_depth);
       known = chosen(is_deep[k],
                      deepened(known, wide, first_of(known).phi, first_of(wide).phi, asked), known);
     }

@@ -1,11 +1,11 @@
-// What the tiles of a depth field say about all spheres in a ball at once: that they lie wholly in
+// Bounds from the tiles of a depth field for all spheres in a ball at once: that they lie wholly in
 // front of the surface, mostly. shared by host and device.
 #pragma once
 
 #include "palpate/field/sensor.h"
 #include "palpate/math/geometry.h"
 #include "src/contact/index/sphere_clusters.h"
-#include "src/field/internal/asked_window.h"
+#include "src/field/internal/needed_window.h"
 
 namespace palpate::inline v0 {
 

@@ -1,4 +1,5 @@
-// The field method: every element of the tool asks the depth field once (theory: U = sum G(phi)).
+// The field method: every element of the tool queries the depth field once (theory: U = sum
+// G(phi)).
 #pragma once
 
 #include <memory>
@@ -50,7 +51,7 @@ struct GroupSums {
 /// What one query asks of each group of clusters.
 struct MeasureJob {
   const SphereClusters* clusters = nullptr;
-  const float *radius = nullptr, *factor = nullptr, *counted = nullptr;  ///< per place
+  const float *radius = nullptr, *factor = nullptr, *counted = nullptr;  ///< per slot
   const float* largest_radius = nullptr;                                 ///< per cluster
   DepthFieldView fields[2];  ///< of one camera and one size
   int num_fields = 1;
@@ -69,7 +70,7 @@ inline MeasureJob measure_job(const FieldElements& elements) {
           {}};
 }
 
-/// Where a description goes: a place for each sphere of the tool, by its number.
+/// Where a description goes: a slot for each sphere of the tool, by its number.
 struct SphereCuts {
   SphereState* states = nullptr;
   Plane<float>* planes = nullptr;  ///< in T

@@ -125,17 +125,17 @@ FieldContactCuda::FieldContactCuda(std::shared_ptr<const ToolIndex> index,
       centre_of_mass_(this->index()->tool().sphere_mass().centre_of_mass),
       num_spheres_(static_cast<int>(this->index()->tool().spheres().size())),
       memory_(gpu),
-      felt_tool_(felt_tool(*this->index(), method.volumes, memory_)),
+      field_tool_(make_field_tool(*this->index(), method.volumes, memory_)),
       stream_(gpu, gpu::Priority::high),
       fields_(gpu),
-      answers_(gpu, measure_blocks<Gradient>(gpu, felt_tool_.elements.num_clusters)),
-      stiffness_answers_(gpu, measure_blocks<Curvature>(gpu, felt_tool_.elements.num_clusters),
+      answers_(gpu, measure_blocks<Gradient>(gpu, field_tool_.elements.num_clusters)),
+      stiffness_answers_(gpu, measure_blocks<Curvature>(gpu, field_tool_.elements.num_clusters),
                          AnswerBox::kMostNumbers),
       states_(memory_.take<SphereState>(static_cast<std::size_t>(num_spheres_))),
       planes_(memory_.take<Plane<float>>(static_cast<std::size_t>(num_spheres_))),
       deciders_(memory_.take<std::int8_t>(static_cast<std::size_t>(num_spheres_))),
       unseen_(memory_.take<std::uint8_t>(static_cast<std::size_t>(num_spheres_))),
-      hull_(std::make_unique<DepthHullCuda>(felt_tool_, centre_of_mass_, num_spheres_, gpu)) {}
+      hull_(std::make_unique<DepthHullCuda>(field_tool_, centre_of_mass_, num_spheres_, gpu)) {}
 
 ContactResult FieldContactCuda::measure_hull(std::span<const SurfaceBlend> cameras,
                                              const Pose& X_WT,
@@ -158,7 +158,7 @@ ContactResult FieldContactCuda::measure_one(const SurfaceView& from, const Surfa
   if (!is_finite(X_WT)) return unmeasured(StepStatus::non_finite_pose, wants, true);
   FieldQuestion question;
   question.X_WT = {X_WT.translation, normalized(X_WT.rotation)};
-  if (is_outside_window(from, to, alpha, question.X_WT * centre_of_mass_, felt_tool_.reach)) {
+  if (is_outside_window(from, to, alpha, question.X_WT * centre_of_mass_, field_tool_.reach)) {
     return unmeasured(StepStatus::outside_window, wants, true);
   }
   ContactResult result;
@@ -195,7 +195,7 @@ ContactResult FieldContactCuda::ask(const FieldQuestion& question,
   }
   if (num_missing == kNumFields) return unmeasured(StepStatus::no_surface, wants, true);
   constexpr int kThreads = kThreadsOf<Sample>;
-  query.elements = felt_tool_.elements;
+  query.elements = field_tool_.elements;
   const int num_warps = answers.num_blocks() * kThreads / gpu::kWarpSize;
   query.skips_clusters = query.elements.num_clusters > num_warps;
   gpu::launch(
@@ -223,7 +223,7 @@ void FieldContactCuda::describe(const DepthFieldView& field, const Pose& X_WT,
   gpu::launch(stream_,
               {.blocks = blocks_for(num_spheres_, kDescribeThreads, kMostBlocks),
                .threads = kDescribeThreads},
-              describe_spheres, field, X_WT, felt_tool_.spheres, num_spheres_, states_, planes_);
+              describe_spheres, field, X_WT, field_tool_.spheres, num_spheres_, states_, planes_);
   if (!wants.states.empty()) stream_.copy(wants.states.data(), states_, wants.states.size_bytes());
   if (!wants.planes.empty()) stream_.copy(wants.planes.data(), planes_, wants.planes.size_bytes());
   stream_.wait();

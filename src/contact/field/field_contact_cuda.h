@@ -1,11 +1,11 @@
-// The field method on a GPU: one launch, in which every thread asks the field for an element.
+// The field method on a GPU: one launch, in which every thread queries the field for an element.
 #pragma once
 
 #include <memory>
 
 #include "src/contact/cuda/gpu_field.h"
 #include "src/contact/cuda/query_answer.h"
-#include "src/contact/field/felt_tool_cuda.h"
+#include "src/contact/field/field_tool_cuda.h"
 #include "src/contact/hull/depth_hull_cuda.h"
 #include "src/gpu/runtime.h"
 
@@ -47,7 +47,7 @@ class FieldContactCuda final : public ContactQuery {
   Vec3d centre_of_mass_;
   int num_spheres_;
   gpu::Memory memory_;
-  FeltTool felt_tool_;
+  FieldTool field_tool_;
   // Scratch.
   mutable gpu::Stream stream_;
   mutable GpuFields fields_;

@@ -4,8 +4,8 @@
 #include <type_traits>
 
 #include "src/contact/cuda/query_answer.h"
-#include "src/contact/field/felt_tool_cuda.h"
 #include "src/contact/field/field_element.h"
+#include "src/contact/field/field_tool_cuda.h"
 #include "src/gpu/team.cuh"
 
 namespace palpate::inline v0 {
@@ -116,8 +116,8 @@ __device__ inline const Gradient& first_of(const Curvature& c) { return c.first;
 // What the one or two levels of its size answer a sphere of this radius. `Sample` is a Gradient or
 // a Curvature.
 template <class Sample>
-__device__ Sample ask_field(const FieldLook& field, float u, float v, float depth,
-                            float inverse_depth, float radius) {
+__device__ Sample query_field(const FieldLook& field, float u, float v, float depth,
+                              float inverse_depth, float radius) {
   const LevelChoice<float> choice =
       choose(kFootprint * radius * field.frame.fx * inverse_depth, field.last_level, inverse_depth);
   Sample answer{};
@@ -186,12 +186,12 @@ __device__ inline ElementLook look_at(const FieldFrame& frame, const float (&p)[
 
 // What a field answers a sphere of this radius, and wider ones if that lies deep.
 template <class Sample>
-__device__ Sample ask_deep(const FieldLook& field, const ElementLook& at, float radius) {
+__device__ Sample query_deep(const FieldLook& field, const ElementLook& at, float radius) {
   Sample answer{};
   float asked = radius;
 #pragma unroll 1
   for (int step = 0;; ++step) {
-    const Sample here = ask_field<Sample>(field, at.u, at.v, at.depth, at.inverse_depth, asked);
+    const Sample here = query_field<Sample>(field, at.u, at.v, at.depth, at.inverse_depth, asked);
     if (step > 0) {
       const float finer = asked * (1.0f / kDeepGrowth);
       answer = deepened(answer, here, first_of(answer).phi, first_of(here).phi, finer);
@@ -243,12 +243,12 @@ __device__ void add_element(const FieldLook& field, const Element& e, FieldShare
   const ElementLook at = look_at(field.frame, e.p);
   if constexpr (kWithStiffness) {
     // Few elements touch the surface, and only their second derivatives are asked.
-    if (!(ask_field<Gradient>(field, at.u, at.v, at.depth, at.inverse_depth, e.radius).phi <
+    if (!(query_field<Gradient>(field, at.u, at.v, at.depth, at.inverse_depth, e.radius).phi <
           e.radius)) {
       return;
     }
   }
-  const Sample answer = ask_deep<Sample>(field, at, e.radius);
+  const Sample answer = query_deep<Sample>(field, at, e.radius);
   const Gradient& g = first_of(answer);
   if (!(g.phi < e.radius)) return;
   const Gradient3<float> gradient =

@@ -13,10 +13,10 @@ struct Answers {
 };
 
 template <class Sample, int kFields>
-[[gnu::always_inline]] inline void ask_cluster(const MeasureJob& job, const Grid& grid,
-                                               const Pixels (&fields)[kFields], std::size_t begin,
-                                               int num_vectors, std::uint32_t near,
-                                               Answers<Sample, kFields>& to) {
+[[gnu::always_inline]] inline void query_cluster(const MeasureJob& job, const Grid& grid,
+                                                 const Pixels (&fields)[kFields], std::size_t begin,
+                                                 int num_vectors, std::uint32_t near,
+                                                 Answers<Sample, kFields>& to) {
   for (int i = 0; i < num_vectors; ++i) {
     to.lanes[i] = aim(job, grid, begin + static_cast<std::size_t>(i * kLanes));
   }
@@ -28,12 +28,12 @@ template <class Sample, int kFields>
       Answer<Sample, kFields>& answer = to.fields[i];
       answer.is_touching[k] = VecI{};
       if (kFields > 1 && (near >> k & 1) == 0) continue;
-      answer.samples[k] = ask_field<Sample>(grid, fields[k], look, e.depth, e.inverse_depth);
+      answer.samples[k] = query_field<Sample>(grid, fields[k], look, e.depth, e.inverse_depth);
       answer.is_touching[k] = is_before_camera & (first_of(answer.samples[k]).phi < e.radius);
     }
   }
   for (int i = 0; i < num_vectors; ++i) {
-    ask_deeper<Sample, kFields>(grid, fields, to.lanes[i], to.fields[i]);
+    query_deeper<Sample, kFields>(grid, fields, to.lanes[i], to.fields[i]);
   }
 }
 
@@ -49,7 +49,7 @@ template <class Sample, int kFields, class F>
   for_near_clusters<kFields>(job, group, [&](std::size_t begin, std::uint32_t near) {
     const int num = job.clusters->num_spheres(static_cast<int>(begin / kSize));
     const int num_vectors = (num + kLanes - 1) / kLanes;
-    ask_cluster<Sample, kFields>(job, grid, fields, begin, num_vectors, near, answers);
+    query_cluster<Sample, kFields>(job, grid, fields, begin, num_vectors, near, answers);
     for (int i = 0; i < num_vectors; ++i) {
       const std::size_t slot = begin + static_cast<std::size_t>(i * kLanes);
       Answer<Sample, kFields>& answer = answers.fields[i];

@@ -1,5 +1,5 @@
-// What elements of a tool ask a depth field, as many at once as a vector has lanes: the steps of
-// src/field/internal/field_sample.h and field_curvature.h. Included by kernel files only.
+// Queries of a depth field by elements of a tool, as many at once as a vector has lanes: the steps
+// of src/field/internal/field_sample.h and field_curvature.h. Included by kernel files only.
 #pragma once
 
 #include <type_traits>
@@ -267,8 +267,8 @@ struct Look {
 
 // What elements see there.
 template <class Sample>
-[[gnu::always_inline]] inline Sample ask_field(const Grid& grid, const Pixels& pixels,
-                                               const Look& look, VecF depth, VecF inverse_depth) {
+[[gnu::always_inline]] inline Sample query_field(const Grid& grid, const Pixels& pixels,
+                                                 const Look& look, VecF depth, VecF inverse_depth) {
   const Sample own = sample<Sample>(grid, pixels, look.own, look.levels.level, depth);
   if (!look.has_wider) return own;
   const Sample next = sample<Sample>(grid, pixels, look.wider, look.wider_level, depth);

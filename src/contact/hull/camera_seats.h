@@ -1,4 +1,4 @@
-// Where a tool is in a camera at the camera's two moments: the newer one first.
+// The pose of a tool in a camera, for the two frames of its blend: the newer one first.
 #pragma once
 
 #include <span>

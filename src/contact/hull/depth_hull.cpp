@@ -26,7 +26,7 @@ bool has_measured_around(const MeasureJob& seen_free, const Vec3d& p_C, double r
   const DepthFieldView& field = seen_free.fields[0];
   const int width = field.levels[0].width, height = field.levels[0].height;
   if (!(p_C.z - reach > static_cast<double>(kLeastDepth))) return false;
-  const PixelWindow window = asked_window(field.intrinsics, width, height, p_C, reach)
+  const PixelWindow window = needed_window(field.intrinsics, width, height, p_C, reach)
                                  .grown(kReach << (field.num_levels - 1));
   if (window.left < 0 || window.top < 0 || window.right > width || window.bottom > height) {
     return false;

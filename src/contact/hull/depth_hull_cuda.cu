@@ -67,7 +67,7 @@ __device__ Space before_eye(const float (&R_WC)[3][3], const Space& seen, float 
 // or blocked if it `is_closed`.
 template <class Sample>
 __device__ InSpace<Sample> between(const HullEye& eye, const FieldLook (&fields)[2],
-                                   const Ball& ball, bool is_closed, bool asks_in_front) {
+                                   const Ball& ball, bool is_closed, bool queries_in_front) {
   InSpace<Sample> now{};
   float p[3] = {};
 #pragma unroll 1
@@ -78,11 +78,11 @@ __device__ InSpace<Sample> between(const HullEye& eye, const FieldLook (&fields)
     InSpace<Sample> here{};
     if (p[2] > kLeastDepth) {
       const ElementLook at = look_at(frame, p);
-      here = in_world(eye.R_WC[seat], frame, at, ask_deep<Sample>(fields[f], at, ball.radius),
+      here = in_world(eye.R_WC[seat], frame, at, query_deep<Sample>(fields[f], at, ball.radius),
                       ball.radius);
-      if (asks_in_front) {
-        const auto front = turned_to_world(eye.R_WC[seat], frame, at,
-                                           ask_deep<Sample>(eye.in_front[f], at, ball.radius));
+      if (queries_in_front) {
+        const auto front = rotated_to_world(eye.R_WC[seat], frame, at,
+                                            query_deep<Sample>(eye.in_front[f], at, ball.radius));
         here = lesser_of(here, front, hull_width(ball.radius));
       }
     } else {
@@ -105,15 +105,15 @@ __device__ const HullEye& eye_of(const HullQuery<kMost>& query, int view) {
   return query.eyes[view < query.num_seeing ? view : view - query.num_seeing];
 }
 template <class Sample, int kMost>
-__device__ InSpace<Sample> ask_view(const HullQuery<kMost>& query, int view, const Ball& ball,
-                                    bool asks_in_front) {
+__device__ InSpace<Sample> query_view(const HullQuery<kMost>& query, int view, const Ball& ball,
+                                      bool queries_in_front) {
   const bool is_seen = view < query.num_seeing;
   const HullEye& eye = eye_of(query, view);
   return between<Sample>(eye, is_seen ? eye.seen_free : eye.field, ball, is_seen && !query.is_alone,
-                         asks_in_front);
+                         queries_in_front);
 }
 template <class Sample, int kMost>
-__device__ InSpace<Sample> ask_memory(const HullQuery<kMost>& query, int view, const Ball& ball) {
+__device__ InSpace<Sample> query_memory(const HullQuery<kMost>& query, int view, const Ball& ball) {
   const bool is_seen = view < query.num_seeing;
   const HullEye& eye = eye_of(query, view);
   if (!is_seen && !eye.is_remembered) return {};
@@ -194,7 +194,7 @@ __device__ Space join_fields(const HullQuery<kMost>& query, float radius, const 
   return shifted(least, -agreement(radius));
 }
 template <class Space, int kMost>
-__device__ bool asks_more(const HullQuery<kMost>& query, const Joined<Space>& at, float radius) {
+__device__ bool needs_wider(const HullQuery<kMost>& query, const Joined<Space>& at, float radius) {
   return !query.is_alone && first_of(at.hull).phi < radius;
 }
 
@@ -231,7 +231,7 @@ __device__ bool is_seen_free(const HullQuery<kMost>& query, int cluster) {
 }
 // May anything that came before what a camera remembers be near?
 template <int kMost>
-__device__ bool asks_in_front(const HullQuery<kMost>& query, int view, int cluster) {
+__device__ bool queries_in_front(const HullQuery<kMost>& query, int view, int cluster) {
   const HullEye& eye = eye_of(query, view);
   if (!eye.has_in_front) return false;
   const float distance = front_limit(query.elements.largest_radius[cluster]);
@@ -248,7 +248,7 @@ struct ViewScratch {
   static constexpr int kNum = sizeof(InSpace<Sample>) / sizeof(float);
 
   float numbers[2 * kMost][kNum][gpu::kWarpSize];
-  int is_free, asks_memory;
+  int is_free, queries_memory;
 
   __device__ void store(int view, const InSpace<Sample>& said) {
     const float* const from = reinterpret_cast<const float*>(&said);
@@ -291,7 +291,8 @@ __global__ void __launch_bounds__(kHullThreads, 2)
     const ElementBall at = elements.balls[cluster * SphereClusters::kSize + gpu::lane_id()];
     const Ball ball{at.x, at.y, at.z, at.radius};
     for (int view = gpu::warp_id(); view < num_views(query); view += kHullWarps) {
-      views.store(view, ask_view<Sample>(query, view, ball, asks_in_front(query, view, cluster)));
+      views.store(view,
+                  query_view<Sample>(query, view, ball, queries_in_front(query, view, cluster)));
     }
     __syncthreads();
     using Space = InSpace<Sample>;
@@ -300,26 +301,26 @@ __global__ void __launch_bounds__(kHullThreads, 2)
     Space fields{};
     if (gpu::warp_id() == 0) {
       at_ball = join_seen<Space>(query, ball.radius, said);
-      if (asks_more(query, at_ball, ball.radius)) {
+      if (needs_wider(query, at_ball, ball.radius)) {
         fields = join_fields<Space>(query, ball.radius, said);
       }
     }
     if (query.has_memory) {
       // What was said makes room for what is remembered, if anybody needs it.
-      const bool asks = gpu::warp_id() == 0 && asks_more(query, at_ball, ball.radius);
+      const bool asks = gpu::warp_id() == 0 && needs_wider(query, at_ball, ball.radius);
       const bool any = __any_sync(gpu::kWholeWarp, asks);
-      if (threadIdx.x == 0) views.asks_memory = any;
+      if (threadIdx.x == 0) views.queries_memory = any;
       __syncthreads();
-      if (views.asks_memory != 0) {
+      if (views.queries_memory != 0) {
         for (int view = gpu::warp_id(); view < num_views(query); view += kHullWarps) {
-          views.store(view, ask_memory<Sample>(query, view, ball));
+          views.store(view, query_memory<Sample>(query, view, ball));
         }
         __syncthreads();
         if (asks) join_memories<Space>(query, ball.radius, said, at_ball);
       }
     }
     if (gpu::warp_id() == 0) {
-      if (asks_more(query, at_ball, ball.radius)) at_ball.take(fields, ball.radius, -1);
+      if (needs_wider(query, at_ball, ball.radius)) at_ball.take(fields, ball.radius, -1);
       const Element element = element_of(elements, cluster, query.tool);
       const Space& hull = at_ball.hull;
       if (is_unseen(at_ball)) {
@@ -353,15 +354,15 @@ __global__ void describe_hull(const __grid_constant__ HullQuery<kMost> query, co
     const Vec3f c = sphere.centre - p_TC;
     const Ball ball{c.x, c.y, c.z, sphere.radius};
     const auto said = [&](int view) {
-      return ask_view<Gradient>(query, view, ball, eye_of(query, view).has_in_front);
+      return query_view<Gradient>(query, view, ball, eye_of(query, view).has_in_front);
     };
     using Space = SpaceGradient<float>;
     Joined<Space> at = join_seen<Space>(query, ball.radius, said);
-    if (query.has_memory && asks_more(query, at, ball.radius)) {
-      const auto remembered = [&](int view) { return ask_memory<Gradient>(query, view, ball); };
+    if (query.has_memory && needs_wider(query, at, ball.radius)) {
+      const auto remembered = [&](int view) { return query_memory<Gradient>(query, view, ball); };
       join_memories<Space>(query, ball.radius, remembered, at);
     }
-    if (asks_more(query, at, ball.radius)) {
+    if (needs_wider(query, at, ball.radius)) {
       at.take(join_fields<Space>(query, ball.radius, said), ball.radius, -1);
     }
     const Space& g = at.hull;
@@ -406,7 +407,7 @@ struct DepthHullCuda::Views {
   FieldFrame tool;
 };
 
-DepthHullCuda::DepthHullCuda(const FeltTool& tool, const Vec3d& p_TC, int num_spheres, int gpu)
+DepthHullCuda::DepthHullCuda(const FieldTool& tool, const Vec3d& p_TC, int num_spheres, int gpu)
     : tool_(tool),
       p_TC_(p_TC),
       num_spheres_(num_spheres),

@@ -6,7 +6,7 @@
 
 #include "src/contact/cuda/gpu_field.h"
 #include "src/contact/cuda/query_answer.h"
-#include "src/contact/field/felt_tool_cuda.h"
+#include "src/contact/field/field_tool_cuda.h"
 #include "src/gpu/runtime.h"
 
 namespace palpate::inline v0 {
@@ -23,7 +23,7 @@ struct SphereCutsOnGpu {
 /// allocated at construction, but that of copies of fields that lie elsewhere.
 class DepthHullCuda {
  public:
-  DepthHullCuda(const FeltTool& tool, const Vec3d& p_TC, int num_spheres, int gpu);
+  DepthHullCuda(const FieldTool& tool, const Vec3d& p_TC, int num_spheres, int gpu);
 
   /// See ContactQuery::measure; the pose is finite, with a unit quaternion.
   ContactResult measure(std::span<const SurfaceBlend> cameras, const Pose& X_WT,
@@ -46,7 +46,7 @@ class DepthHullCuda {
   void describe(const Views& views, const ContactWants& wants, const SphereCutsOnGpu& cuts,
                 gpu::Stream& stream) noexcept;
 
-  FeltTool tool_;
+  FieldTool tool_;
   Vec3d p_TC_;  // centre of mass
   int num_spheres_;
   // Scratch.

@@ -58,11 +58,11 @@ struct Eye {
 // What one camera says about a vector of elements.
 template <class Sample>
 struct EyeAnswer {
-  Lanes lanes[2];         // in the camera at its moments; the older one's only if it has moved
-  VecF before[2];         // how far before the camera, likewise
-  Sample samples[2];      // of seen_free, not yet of what lies deep
-  bool is_asked = false;  // else it has no say
-  bool asks_in_front = false;
+  Lanes lanes[2];        // in the camera at its moments; the older one's only if it has moved
+  VecF before[2];        // how far before the camera, likewise
+  Sample samples[2];     // of seen_free, not yet of what lies deep
+  bool is_used = false;  // else it has no say
+  bool queries_in_front = false;
   Sample in_front[2];  // likewise
   InSpace<Sample> front[2];
 };
@@ -143,7 +143,7 @@ class Hull {
   void aim_at(const Cluster& ball, float largest_radius) {
     for (int k = 0; k < job_.num_cameras; ++k) {
       const HullCamera& camera = job_.cameras[k];
-      answers_[k].asks_in_front =
+      answers_[k].queries_in_front =
           camera.has_in_front &&
           !sees_free(camera, camera.in_front, ball, largest_radius, front_limit(largest_radius));
     }
@@ -175,16 +175,16 @@ class Hull {
     for (const bool may_see : {true, false}) {
       for (int k = 0; k < job_.num_seeing; ++k) {
         if (job_.cameras[k].may_see() != may_see) continue;
-        answers_[k].is_asked = may_see || !has_no_say(k, is_free);
-        if (answers_[k].is_asked && !look(slot, k, is_free)) return false;
+        answers_[k].is_used = may_see || !cannot_decide(k, is_free);
+        if (answers_[k].is_used && !look(slot, k, is_free)) return false;
       }
     }
-    is_felt_ = ~is_free;
+    may_touch_ = ~is_free;
     return true;
   }
 
   // What a camera says that does not see the tool, is it far below what others say?
-  bool has_no_say(int k, VecI is_free) const {
+  bool cannot_decide(int k, VecI is_free) const {
     // What is deep may get half as deep again as it appears to the pixels of its size.
     const VecF least = min(shallowest_, 1.5f * shallowest_) - 3.0f * agreement(radius_);
     return mask_bits(~is_free & ~(least > splat(job_.cameras[k].at_most))) == 0;
@@ -208,12 +208,12 @@ class Hull {
         look = look_of(eye.seen_free.grid, answer.lanes[1], e.radius);
       }
       const Lanes& at = answer.lanes[seat];
-      answer.samples[f] = ask_field<Sample>(eye.seen_free.grid, eye.seen_free.pixels[f], look,
-                                            at.depth, at.inverse_depth);
+      answer.samples[f] = query_field<Sample>(eye.seen_free.grid, eye.seen_free.pixels[f], look,
+                                              at.depth, at.inverse_depth);
       phi[f] = limited(first_of(answer.samples[f]).phi, e.radius).value;
-      if (answer.asks_in_front) {
-        answer.in_front[f] = ask_field<Sample>(eye.in_front.grid, eye.in_front.pixels[f], look,
-                                               at.depth, at.inverse_depth);
+      if (answer.queries_in_front) {
+        answer.in_front[f] = query_field<Sample>(eye.in_front.grid, eye.in_front.pixels[f], look,
+                                                 at.depth, at.inverse_depth);
         phi[f] = min(phi[f], first_of(answer.in_front[f]).phi);
       }
       if (job_.is_alone) {
@@ -231,7 +231,7 @@ class Hull {
     shallowest_ = max(shallowest_, now);
     // Rounding makes the lesser of two no more than this less.
     VecF limit = e.radius + free_margin(job_.num_seeing, e.radius);
-    if (answer.asks_in_front) limit += front_margin(e.radius);
+    if (answer.queries_in_front) limit += front_margin(e.radius);
     is_free |= now > limit;
     return mask_bits(~is_free) != 0;
   }
@@ -241,13 +241,13 @@ class Hull {
   void join_seen_free() {
     const VecF limit = -deep_limit(radius_);
     const VecI may_be_deep =
-        is_felt_ & (is_between_ ? splat(-1) : shallowest_ < limit + agreement(radius_));
+        may_touch_ & (is_between_ ? splat(-1) : shallowest_ < limit + agreement(radius_));
     VecF most = splat(-1e9f);
     bool is_first = true;
     for (int k = 0; k < job_.num_seeing; ++k) {
       const Eye& eye = eyes_[k];
       EyeAnswer<Sample>& answer = answers_[k];
-      if (!answer.is_asked) continue;
+      if (!answer.is_used) continue;
       Space moments[2];
       for (int f = 0; f < eye.num_fields; ++f) {
         const int seat = eye.seat(f);
@@ -255,10 +255,10 @@ class Hull {
         deepen(eye.seen_free, f, answer.lanes[seat], may_be_deep, answer.samples[f]);
         moments[f] =
             in_world(R_WC, eye.camera->field.frame, answer.lanes[seat], answer.samples[f], radius_);
-        if (answer.asks_in_front) {
+        if (answer.queries_in_front) {
           deepen(eye.in_front, f, answer.lanes[seat], may_be_deep, answer.in_front[f]);
-          answer.front[f] = turned_to_world(R_WC, eye.camera->field.frame, answer.lanes[seat],
-                                            answer.in_front[f]);
+          answer.front[f] = rotated_to_world(R_WC, eye.camera->field.frame, answer.lanes[seat],
+                                             answer.in_front[f]);
           moments[f] = lesser_of(moments[f], answer.front[f], hull_width(radius_));
         }
         if (job_.is_alone) {
@@ -282,7 +282,7 @@ class Hull {
   // that up.
   void join_remembered(std::size_t slot) {
     const HullWidth<VecF> width = hull_width(radius_);
-    VecI counts = is_felt_ & (first_of(hull).phi < radius_);
+    VecI counts = may_touch_ & (first_of(hull).phi < radius_);
     if (mask_bits(counts) == 0) return;
     Space shown = nowhere();
     VecI who{}, who_shows{};
@@ -311,8 +311,8 @@ class Hull {
         const HullCamera& camera = job_.cameras[k];
         if (!camera.is_remembered || camera.may_see() != may_see) continue;
         // The others know more.
-        const VecI has_a_say = most < splat(camera.at_most) + 2.0f * agreement(radius_);
-        if (!may_see && mask_bits(counts & has_a_say) == 0) continue;
+        const VecI may_decide = most < splat(camera.at_most) + 2.0f * agreement(radius_);
+        if (!may_see && mask_bits(counts & may_decide) == 0) continue;
         const Space here = remembered_by(k, slot, counts);
         known = is_first ? here : agreed(known, here, agreement(radius_));
         decide(first_of(here).phi > most, k, who);
@@ -327,7 +327,7 @@ class Hull {
   Space remembered_by(int k, std::size_t slot, VecI counts) {
     const Eye& eye = eyes_[k];
     EyeAnswer<Sample>& answer = answers_[k];
-    if (k >= job_.num_seeing || !answer.is_asked) take_seats(eye, slot, answer);
+    if (k >= job_.num_seeing || !answer.is_used) take_seats(eye, slot, answer);
     Space moments[2];
     for (int f = 0; f < eye.num_fields; ++f) {
       const int seat = eye.seat(f);
@@ -344,8 +344,8 @@ class Hull {
   // What holds where no camera looks, as long as all of them say so.
   void join_fields(std::size_t slot) {
     const HullWidth<VecF> width = hull_width(radius_);
-    const VecI is_felt = is_felt_ & (first_of(hull).phi < radius_);
-    if (!job_.may_be_unseen || mask_bits(is_felt) == 0) return;
+    const VecI is_touching = may_touch_ & (first_of(hull).phi < radius_);
+    if (!job_.may_be_unseen || mask_bits(is_touching) == 0) return;
     const VecF later = -agreement(radius_);
     Space least = nowhere();
     bool is_first = true;
@@ -356,8 +356,8 @@ class Hull {
       Space moments[2];
       for (int f = 0; f < eye.num_fields; ++f) {
         const int seat = eye.seat(f);
-        moments[f] = ask(eye, eye.field, f, answers_[k].lanes[seat], is_felt);
-        if (answers_[k].asks_in_front) {
+        moments[f] = ask(eye, eye.field, f, answers_[k].lanes[seat], is_touching);
+        if (answers_[k].queries_in_front) {
           moments[f] = lesser_of(moments[f], answers_[k].front[f], width);
         }
         moments[f] = chosen(answers_[k].before[seat] > VecF{}, moments[f], nowhere());
@@ -365,10 +365,11 @@ class Hull {
       const Space here = between(eye, moments);
       least = is_first ? here : lesser_of(least, here, width);
       is_first = false;
-      const VecI counts = is_felt & (first_of(least).phi + later > first_of(hull).phi - width.w);
+      const VecI counts =
+          is_touching & (first_of(least).phi + later > first_of(hull).phi - width.w);
       if (mask_bits(counts) == 0) return;
     }
-    join_greater(plus(least, splat(1.0f), shifted(later)), is_felt, splat(-1));
+    join_greater(plus(least, splat(1.0f), shifted(later)), is_touching, splat(-1));
   }
 
   void join_greater(const Space& other, VecI which, VecI who) {
@@ -395,8 +396,8 @@ class Hull {
 
   // What a field says at a moment, in the world.
   Space ask(const Eye& eye, const FieldPair& field, int f, const Lanes& e, VecI which) {
-    Sample sample = ask_field<Sample>(field.grid, field.pixels[f], look_of(field.grid, e, radius_),
-                                      e.depth, e.inverse_depth);
+    Sample sample = query_field<Sample>(field.grid, field.pixels[f],
+                                        look_of(field.grid, e, radius_), e.depth, e.inverse_depth);
     deepen(field, f, e, which, sample);
     return in_world(eye.camera->R_WC[eye.seat(f)], eye.camera->field.frame, e, sample, radius_);
   }
@@ -405,7 +406,7 @@ class Hull {
     if (mask_bits(which & (first_of(sample).phi < -deep_limit(e.radius))) == 0) return;
     const Pixels pixels[1] = {field.pixels[f]};
     Answer<Sample, 1> answer{{sample}, {which}};
-    ask_deeper<Sample, 1>(field.grid, pixels, e, answer);
+    query_deeper<Sample, 1>(field.grid, pixels, e, answer);
     sample = answer.samples[0];
   }
 
@@ -413,14 +414,14 @@ class Hull {
   const Eye* eyes_;
   EyeAnswer<Sample> answers_[kMostCameras];
   VecF shallowest_, radius_;
-  VecI is_felt_;
+  VecI may_touch_;
   bool is_between_ = false;
 };
 
 /// Calls f(slot, elements in the world, hull, part of the sums) for vectors of elements of which no
 /// camera sees that all are free.
 template <class Sample, class F>
-[[gnu::always_inline]] inline void for_felt(const HullJob& job, int group, const F& f) {
+[[gnu::always_inline]] inline void for_each_touching(const HullJob& job, int group, const F& f) {
   const SphereClusters& clusters = *job.tool.clusters;
   const int first = group * SphereClusters::kClustersPerGroup;
   const int last = std::min(first + SphereClusters::kClustersPerGroup, clusters.num_clusters());
@@ -448,13 +449,14 @@ template <class Sample>
   constexpr bool kWithStiffness = std::is_same_v<Sample, Curvature>;
   GroupTotals<kWithStiffness> totals;
   RowSums unseen;
-  for_felt<Sample>(job, group, [&](std::size_t slot, const Lanes& e, Hull<Sample>& at, int part) {
-    const SpaceGradient<VecF>& g = first_of(at.hull);
-    Symmetric<VecF> h;
-    if constexpr (kWithStiffness) h = at.hull.h;
-    totals.add(job.tool, slot, e, g.phi < e.radius, g.phi, {g.x, g.y, g.z}, h, part);
-    unseen.add(part, select(at.is_unseen(), whole_volume(job.tool, slot, e.radius), VecF{}));
-  });
+  for_each_touching<Sample>(
+      job, group, [&](std::size_t slot, const Lanes& e, Hull<Sample>& at, int part) {
+        const SpaceGradient<VecF>& g = first_of(at.hull);
+        Symmetric<VecF> h;
+        if constexpr (kWithStiffness) h = at.hull.h;
+        totals.add(job.tool, slot, e, g.phi < e.radius, g.phi, {g.x, g.y, g.z}, h, part);
+        unseen.add(part, select(at.is_unseen(), whole_volume(job.tool, slot, e.radius), VecF{}));
+      });
   totals.write(*to);
   to->measure.unseen = unseen.total();
 }
@@ -467,17 +469,18 @@ void measure_hull_group(const HullJob& job, int group, bool with_stiffness, Grou
 }
 
 void describe_hull_group(const HullJob& job, int group, const SphereCuts& to) {
-  for_felt<Gradient>(job, group, [&](std::size_t slot, const Lanes& e, Hull<Gradient>& at, int) {
-    const SpaceGradient<VecF>& g = at.hull;
-    const VecI nobody = at.decider < VecI{};
-    VecI number{};
-    for (int k = 0; k < job.num_cameras; ++k) {
-      number = at.decider == splat(k) ? splat(job.cameras[k].number) : number;
-    }
-    describe(job.tool, slot, e, g.phi < e.radius, g.phi, {g.x, g.y, g.z}, to,
-             nobody ? splat(kNoCamera) : number);
-    mark_unseen(job.tool, slot, at.is_unseen(), to.unseen);
-  });
+  for_each_touching<Gradient>(
+      job, group, [&](std::size_t slot, const Lanes& e, Hull<Gradient>& at, int) {
+        const SpaceGradient<VecF>& g = at.hull;
+        const VecI nobody = at.decider < VecI{};
+        VecI number{};
+        for (int k = 0; k < job.num_cameras; ++k) {
+          number = at.decider == splat(k) ? splat(job.cameras[k].number) : number;
+        }
+        describe(job.tool, slot, e, g.phi < e.radius, g.phi, {g.x, g.y, g.z}, to,
+                 nobody ? splat(kNoCamera) : number);
+        mark_unseen(job.tool, slot, at.is_unseen(), to.unseen);
+      });
 }
 
 }  // namespace palpate::inline v0::PALPATE_ISA_NAMESPACE

@@ -138,8 +138,8 @@ template <class Real>
 PALPATE_FORMULA Real front_margin(Real radius) {
   return (0.25f * kHullCorner) * radius;
 }
-/// From there on all is equally free. So what appears in a frame is felt from the beginning of the
-/// way from the last one on, however far behind it was free.
+/// From there on all is equally free. So what appears in a frame has contact from the beginning of
+/// the way from the last one on, however far behind it was free.
 template <class Real>
 PALPATE_FORMULA Real free_limit(Real radius) {
   return 2.0f * radius + agreement(radius);
@@ -200,26 +200,26 @@ PALPATE_FORMULA Curved<Real> limited(Real phi, Real radius) {
 /// What a camera says at `at` (from_u, from_v, inverse_depth), in the world. `Sample` is an
 /// ImageGradient or an ImageCurvature.
 template <class Real, class At>
-PALPATE_FORMULA SpaceGradient<Real> turned_to_world(const float (&R_WC)[3][3],
-                                                    const FieldFrame& frame, const At& at,
-                                                    const ImageGradient<Real>& g) {
+PALPATE_FORMULA SpaceGradient<Real> rotated_to_world(const float (&R_WC)[3][3],
+                                                     const FieldFrame& frame, const At& at,
+                                                     const ImageGradient<Real>& g) {
   const Gradient3<Real> n =
       turned(R_WC, to_space(g, at.from_u, at.from_v, at.inverse_depth, frame.fx, frame.fy));
   return {g.phi, n.x, n.y, n.z};
 }
 template <class Real, class At>
-PALPATE_FORMULA SpaceCurvature<Real> turned_to_world(const float (&R_WC)[3][3],
-                                                     const FieldFrame& frame, const At& at,
-                                                     const ImageCurvature<Real>& c) {
+PALPATE_FORMULA SpaceCurvature<Real> rotated_to_world(const float (&R_WC)[3][3],
+                                                      const FieldFrame& frame, const At& at,
+                                                      const ImageCurvature<Real>& c) {
   const Symmetric<Real> h =
       hessian_in_space(c, at.from_u, at.from_v, at.inverse_depth, frame.fx, frame.fy);
-  return {turned_to_world(R_WC, frame, at, c.first), turned(R_WC, h)};
+  return {rotated_to_world(R_WC, frame, at, c.first), turned(R_WC, h)};
 }
 /// And limited, to balls of this radius.
 template <class Real, class At, class Sample>
 PALPATE_FORMULA auto in_world(const float (&R_WC)[3][3], const FieldFrame& frame, const At& at,
                               const Sample& sample, Real radius) {
-  const auto space = turned_to_world(R_WC, frame, at, sample);
+  const auto space = rotated_to_world(R_WC, frame, at, sample);
   return composed(limited(first_of(space).phi, radius), space);
 }
 

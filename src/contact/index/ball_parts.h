@@ -1,4 +1,4 @@
-// A ball in parts: what large spheres are felt as.
+// A ball in parts: the quadrature elements of large spheres.
 #pragma once
 
 #include <vector>

@@ -8,7 +8,7 @@
 namespace palpate::inline v0 {
 namespace {
 
-// Spheres are felt in parts if they are larger than this share of the tool's reach.
+// Spheres larger than this share of the tool's reach are split into parts.
 constexpr double kLargest = 0.2;
 // And evenly in parts of this share, over the sixth root of the number of spheres: that of all
 // parts grows as its square root, from about 1,300 for 1,000 spheres.
@@ -27,7 +27,7 @@ std::vector<Element> elements_of(const Tool& tool, SphereVolumes volumes, LargeS
   double reach = 0;
   std::vector<Element> elements;
   for (std::size_t id = 0; id < tool.spheres().size(); ++id) {
-    const Sphere ball = felt_ball(tool, id, volumes);
+    const Sphere ball = field_ball(tool, id, volumes);
     const double radius = ball.radius;
     const double volume = volumes == SphereVolumes::own
                               ? sphere_volume(radius)
@@ -65,7 +65,7 @@ std::vector<Sphere> balls_of(const std::vector<Element>& elements) {
 
 }  // namespace
 
-Sphere felt_ball(const Tool& tool, std::size_t id, SphereVolumes volumes) {
+Sphere field_ball(const Tool& tool, std::size_t id, SphereVolumes volumes) {
   Sphere ball = tool.spheres()[id];
   if (volumes == SphereVolumes::own) return ball;
   const double radius = ball.radius, volume = tool.represented_volumes()[id];
@@ -81,18 +81,18 @@ FieldElements::FieldElements(const Tool& tool, SphereVolumes volumes, LargeSpher
   radius = clusters.radius;
   factor.resize(radius.size());
   counted.resize(radius.size());
-  for (std::size_t place = 0; place < radius.size(); ++place) {
-    if (clusters.sphere_id[place] < 0) {  // asks what its neighbour asks, and counts nothing
+  for (std::size_t slot = 0; slot < radius.size(); ++slot) {
+    if (clusters.sphere_id[slot] < 0) {  // asks what its neighbour asks, and counts nothing
       for (std::vector<float>* const array : {&clusters.x, &clusters.y, &clusters.z, &radius}) {
-        (*array)[place] = (*array)[place - 1];
+        (*array)[slot] = (*array)[slot - 1];
       }
       continue;
     }
-    const Vec3f centre{clusters.x[place], clusters.y[place], clusters.z[place]};
+    const Vec3f centre{clusters.x[slot], clusters.y[slot], clusters.z[slot]};
     reach = std::max(reach, norm(to_double(centre)));
-    const Element& e = elements[static_cast<std::size_t>(clusters.sphere_id[place])];
-    factor[place] = static_cast<float>(e.volume / sphere_volume(e.radius));
-    counted[place] = e.counted ? 1.0f : 0.0f;
+    const Element& e = elements[static_cast<std::size_t>(clusters.sphere_id[slot])];
+    factor[slot] = static_cast<float>(e.volume / sphere_volume(e.radius));
+    counted[slot] = e.counted ? 1.0f : 0.0f;
   }
   for (auto begin = radius.begin(); begin != radius.end(); begin += SphereClusters::kSize) {
     largest_radius.push_back(*std::max_element(begin, begin + SphereClusters::kSize));

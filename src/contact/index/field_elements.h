@@ -1,4 +1,4 @@
-// What the field method asks the field with: the spheres of a tool, the large ones in parts.
+// The elements of the field method: the spheres of a tool, the large ones in parts.
 #pragma once
 
 #include <cstdint>
@@ -9,17 +9,17 @@
 
 namespace palpate::inline v0 {
 
-/// The ball that a sphere of a tool is felt as. With own volumes it is the sphere. With represented
+/// The ball that stands for a sphere of a tool. With own volumes it is the sphere. With represented
 /// volumes it is as large as the part of the solid that the sphere stands for: a sphere of the
 /// skin, which stands for the gaps around it, becomes wider, not denser, and a layer of such
 /// spheres goes in without a jerk. It grows by half at most, which bounds how early it touches;
 /// what is missing is made up for by its factor.
-Sphere felt_ball(const Tool& tool, std::size_t id, SphereVolumes volumes);
+Sphere field_ball(const Tool& tool, std::size_t id, SphereVolumes volumes);
 
 /// A ball takes one value of the field and cuts itself by one plane. That is exact for a flat
 /// surface, and wrong by percents of the tool's volume for a ball as large as a third of the tool
-/// at a ridge or a curved surface. So large balls are felt in smaller ones that together have their
-/// volume and second moments.
+/// at a ridge or a curved surface. So large balls are split into smaller ones that together have
+/// their volume and second moments.
 enum class LargeSpheres {
   in_thirty,  ///< thirty parts (thirty_parts): few, for the surfaces that cameras see
   evenly,     ///< many (even_parts): for bodies, of which a corner goes between thirty
@@ -36,7 +36,7 @@ struct FieldElements {
   }
 
   SphereClusters clusters;
-  // Per place:
+  // Per slot:
   std::vector<float> radius;          ///< as in `clusters`; padding is the ball before it again
   std::vector<float> factor;          ///< volume that counts / volume of the ball; padding: 0
   std::vector<float> counted;         ///< 1: stands for its sphere when spheres are counted

@@ -1,4 +1,4 @@
-// Memory of vectors.
+// The memory that vectors use, in bytes.
 #pragma once
 
 #include <cstddef>

@@ -32,7 +32,7 @@ void sort_spatially(std::span<const Sphere> spheres, std::span<std::int32_t> ids
   sort_spatially(spheres, ids.subspan(half));
 }
 
-// Places [begin, end), rounded outwards.
+// Slots [begin, end), rounded outwards.
 Cluster enclose(const SphereClusters& c, std::size_t begin, std::size_t end) {
   Vec3f low{1e30f, 1e30f, 1e30f}, high = -low;
   for (std::size_t i = begin; i < end; ++i) {
@@ -67,27 +67,27 @@ SphereClusters::SphereClusters(std::span<const Sphere> spheres) {
     });
   }
 
-  const std::size_t num_places = (order.size() + kSize - 1) / kSize * kSize;
-  for (std::vector<float>* array : {&x, &y, &z, &radius, &volume}) array->assign(num_places, 0.0f);
-  sphere_id.assign(num_places, -1);
-  place_of.resize(spheres.size());
-  for (std::size_t place = 0; place < order.size(); ++place) {
-    const std::int32_t id = order[place];
+  const std::size_t num_slots = (order.size() + kSize - 1) / kSize * kSize;
+  for (std::vector<float>* array : {&x, &y, &z, &radius, &volume}) array->assign(num_slots, 0.0f);
+  sphere_id.assign(num_slots, -1);
+  slot_of.resize(spheres.size());
+  for (std::size_t slot = 0; slot < order.size(); ++slot) {
+    const std::int32_t id = order[slot];
     const Sphere& s = spheres[static_cast<std::size_t>(id)];
-    x[place] = s.centre.x;
-    y[place] = s.centre.y;
-    z[place] = s.centre.z;
-    radius[place] = s.radius;
-    volume[place] = static_cast<float>(sphere_volume(static_cast<double>(s.radius)));
-    sphere_id[place] = id;
-    place_of[static_cast<std::size_t>(id)] = static_cast<std::int32_t>(place);
+    x[slot] = s.centre.x;
+    y[slot] = s.centre.y;
+    z[slot] = s.centre.z;
+    radius[slot] = s.radius;
+    volume[slot] = static_cast<float>(sphere_volume(static_cast<double>(s.radius)));
+    sphere_id[slot] = id;
+    slot_of[static_cast<std::size_t>(id)] = static_cast<std::int32_t>(slot);
   }
-  for (std::size_t begin = 0; begin < num_places; begin += kSize) {
+  for (std::size_t begin = 0; begin < num_slots; begin += kSize) {
     clusters.push_back(enclose(*this, begin, begin + kSize));
   }
   constexpr std::size_t kGroup = static_cast<std::size_t>(kSize) * kClustersPerGroup;
-  for (std::size_t begin = 0; begin < num_places; begin += kGroup) {
-    groups.push_back(enclose(*this, begin, std::min(begin + kGroup, num_places)));
+  for (std::size_t begin = 0; begin < num_slots; begin += kGroup) {
+    groups.push_back(enclose(*this, begin, std::min(begin + kGroup, num_slots)));
   }
 }
 

@@ -32,20 +32,18 @@ class SphereClusters {
   int num_groups() const { return static_cast<int>(groups.size()); }
   /// Of a cluster, without padding.
   int num_spheres(int cluster) const {
-    return std::min(kSize, static_cast<int>(place_of.size()) - cluster * kSize);
+    return std::min(kSize, static_cast<int>(slot_of.size()) - cluster * kSize);
   }
   /// All spheres in cluster order.
-  std::span<const std::int32_t> order() const {
-    return std::span(sphere_id).first(place_of.size());
-  }
+  std::span<const std::int32_t> order() const { return std::span(sphere_id).first(slot_of.size()); }
 
   std::size_t num_bytes() const {
-    return bytes_of(x, y, z, radius, volume, sphere_id, place_of, clusters, groups);
+    return bytes_of(x, y, z, radius, volume, sphere_id, slot_of, clusters, groups);
   }
 
-  std::vector<float> x, y, z, radius, volume;  ///< one per place
-  std::vector<std::int32_t> sphere_id;         ///< of each place; -1 for padding
-  std::vector<std::int32_t> place_of;          ///< of each sphere
+  std::vector<float> x, y, z, radius, volume;  ///< one per slot
+  std::vector<std::int32_t> sphere_id;         ///< of each slot; -1 for padding
+  std::vector<std::int32_t> slot_of;           ///< of each sphere
   std::vector<Cluster> clusters;
   std::vector<Cluster> groups;  ///< around kClustersPerGroup clusters
 };

@@ -95,8 +95,8 @@ class PointMeasurement {
   };
   std::vector<SeedMoment> seed_moments_;  // graph: of the spheres that a seed reached
   Donors donors_;                         // those with a plane
-  // Per place of clusters_.
-  std::vector<std::int32_t> touched_places_, skipped_places_, donor_places_;
+  // Per slot of clusters_.
+  std::vector<std::int32_t> touched_slots_, skipped_slots_, donor_slots_;
   std::vector<float> assigned_volume_;
   std::vector<MeasureSums> group_sums_;
   std::vector<float> candidate_floats_;
@@ -135,22 +135,22 @@ PointMeasurement::PointMeasurement(const ToolIndex& index, const ContactOptions&
     seed_moments_.reserve(n);
     return;
   }
-  touched_places_.assign(num_slots, PlaneAssignment::kNone);
+  touched_slots_.assign(num_slots, PlaneAssignment::kNone);
   for (std::size_t slot = 0; slot < num_slots; ++slot) {
-    if (clusters_.sphere_id[slot] < 0) touched_places_[slot] = PlaneAssignment::kTouched;
+    if (clusters_.sphere_id[slot] < 0) touched_slots_[slot] = PlaneAssignment::kTouched;
   }
   assigned_volume_.assign(num_slots, 0.0f);
   group_sums_.resize(static_cast<std::size_t>(clusters_.num_groups()));
   numbers_.resize(n + Donors::kPadding);
   std::iota(numbers_.begin(), numbers_.end(), 0);
-  donor_places_.assign(num_slots, PlaneAssignment::kNone);
+  donor_slots_.assign(num_slots, PlaneAssignment::kNone);
   if (options.method == MethodKind::simplified) {
     const auto num_tasks = static_cast<std::size_t>(pool_->num_threads());
     candidate_floats_.resize(8 * num_tasks * (n + Donors::kPadding));
     candidate_donors_.resize(2 * num_tasks * (n + Donors::kPadding));
   }
   if (overlays() || compares_all() || options.edges != Edges::none) {
-    skipped_places_ = touched_places_;
+    skipped_slots_ = touched_slots_;
     assigned_.resize(n);
   }
 }
@@ -178,7 +178,7 @@ void PointMeasurement::forget_last_query() {
   for (const GraphTraversal::Seed& seed : seeds_) {
     const auto id = static_cast<std::size_t>(seed.sphere_id);
     if (!traversal_) {
-      touched_places_[static_cast<std::size_t>(clusters_.place_of[id])] = PlaneAssignment::kNone;
+      touched_slots_[static_cast<std::size_t>(clusters_.slot_of[id])] = PlaneAssignment::kNone;
     }
   }
   seeds_.clear();
@@ -221,7 +221,7 @@ Penetration PointMeasurement::find_boundary_planes(const Pose& X_WT) {
     donor_of_seed_.push_back(sphere.has_plane() ? donors_.size() : -1);
     if (sphere.has_plane()) donors_.add(donor);
     if (!traversal_) {
-      touched_places_[static_cast<std::size_t>(clusters_.place_of[id])] = PlaneAssignment::kTouched;
+      touched_slots_[static_cast<std::size_t>(clusters_.slot_of[id])] = PlaneAssignment::kTouched;
     }
     if (uses_edges()) edges_.add_pieces(edge_sums, sum_scale_, R_TW, X_WT.translation);
     result.num_points += sphere.num_points;
@@ -290,21 +290,20 @@ MeasureSums PointMeasurement::measure_by_assignment() {
     job.num_donors = 1;
   }
   job.numbers = numbers_.data();
-  job.touched = touched_places_.data();
+  job.touched = touched_slots_.data();
   const bool all_one_by_one = overlays() || compares_all();
   const bool one_by_one = all_one_by_one || !edges_.empty();
   if (one_by_one) {
-    skipped_places_ = touched_places_;
+    skipped_slots_ = touched_slots_;
     for (std::size_t id = 0; id < spheres_.size(); ++id) {
       if (all_one_by_one || edges_view_.concerns(static_cast<std::int32_t>(id))) {
-        skipped_places_[static_cast<std::size_t>(clusters_.place_of[id])] =
-            PlaneAssignment::kTouched;
+        skipped_slots_[static_cast<std::size_t>(clusters_.slot_of[id])] = PlaneAssignment::kTouched;
       }
     }
-    job.touched = skipped_places_.data();
+    job.touched = skipped_slots_.data();
   }
-  job.volume_scale = scales_.of_place.data();
-  job.donor = donor_places_.data();
+  job.volume_scale = scales_.of_slot.data();
+  job.donor = donor_slots_.data();
   job.assigned_volume = assigned_volume_.data();
 
   if (compares_all()) {
@@ -332,18 +331,18 @@ MeasureSums PointMeasurement::measure_by_assignment() {
 MeasureSums PointMeasurement::measure_one_by_one() {
   const AssignmentRule rule = assignment_rule();
   const bool from_nearest = options_.method == MethodKind::simplified && !overlays();
-  const auto is_one_of_them = [&](std::size_t place) {
-    return touched_places_[place] != PlaneAssignment::kTouched &&
-           skipped_places_[place] == PlaneAssignment::kTouched;
+  const auto is_one_of_them = [&](std::size_t slot) {
+    return touched_slots_[slot] != PlaneAssignment::kTouched &&
+           skipped_slots_[slot] == PlaneAssignment::kTouched;
   };
   const int num_tasks = pool_->num_threads();
   pool_->parallel_for(num_tasks, [&](int t) {
     // Every so many: spheres that need it lie together.
     const auto num = static_cast<std::size_t>(num_tasks);
-    for (auto place = static_cast<std::size_t>(t); place < touched_places_.size(); place += num) {
-      if (!is_one_of_them(place)) continue;
-      const std::int32_t id = clusters_.sphere_id[place];
-      std::int32_t& nearest = donor_places_[place];
+    for (auto slot = static_cast<std::size_t>(t); slot < touched_slots_.size(); slot += num) {
+      if (!is_one_of_them(slot)) continue;
+      const std::int32_t id = clusters_.sphere_id[slot];
+      std::int32_t& nearest = donor_slots_[slot];
       if (from_nearest && compares_all()) nearest = donors_.donors().choose(id, rule).donor[0];
       Assigned& assigned = assigned_[static_cast<std::size_t>(id)];
       if (!from_nearest) {
@@ -356,12 +355,12 @@ MeasureSums PointMeasurement::measure_one_by_one() {
   });
   MeasureSums sums;
   for (std::size_t id = 0; id < spheres_.size(); ++id) {
-    const auto place = static_cast<std::size_t>(clusters_.place_of[id]);
-    if (!is_one_of_them(place)) continue;
+    const auto slot = static_cast<std::size_t>(clusters_.slot_of[id]);
+    if (!is_one_of_them(slot)) continue;
     const double scale = volume_scale(static_cast<std::int32_t>(id));
     const double volume = scale * assigned_[id].volume;
     const Vec3d force = scale * assigned_[id].force;
-    assigned_volume_[place] = static_cast<float>(volume);
+    assigned_volume_[slot] = static_cast<float>(volume);
     sums.volume += volume;
     sums.force += force;
     sums.torque += cross(to_double(spheres_[id].centre) - origin(), force);
@@ -420,7 +419,7 @@ void PointMeasurement::describe(const ContactWants& wants) const {
   for (std::size_t slot = 0; !donors_.empty() && slot < assigned_volume_.size(); ++slot) {
     if (!(assigned_volume_[slot] > 0) || clusters_.sphere_id[slot] < 0) continue;
     set_state(clusters_.sphere_id[slot], SphereState::inside);
-    if (has_references) set_plane(clusters_.sphere_id[slot], donor_places_[slot]);
+    if (has_references) set_plane(clusters_.sphere_id[slot], donor_slots_[slot]);
   }
   for (std::size_t s = 0; s < seeds_.size(); ++s) {
     set_state(seeds_[s].sphere_id, SphereState::boundary);

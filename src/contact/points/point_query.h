@@ -12,7 +12,7 @@
 //   (contact_query_cuda.cu adds the measures up in a fixed order and hands them to the host)
 //
 // Nothing depends on the order in which threads run: sums of points are whole numbers, lists are in
-// the order of sphere ids or used as sets, and measures are added up place by place.
+// the order of sphere ids or used as sets, and measures are added up slot by slot.
 #pragma once
 
 #include <cstdint>
@@ -33,13 +33,13 @@ inline constexpr int kQueryThreads = 512;
 /// SphereClusters on the GPU.
 struct ClustersView {
   const float *x = nullptr, *y = nullptr, *z = nullptr, *radius = nullptr, *volume = nullptr;
-  const std::int32_t* sphere_id = nullptr;  ///< of each place; -1 for padding
-  const std::int32_t* place_of = nullptr;   ///< of each sphere
+  const std::int32_t* sphere_id = nullptr;  ///< of each slot; -1 for padding
+  const std::int32_t* slot_of = nullptr;    ///< of each sphere
   const Cluster* clusters = nullptr;
   const Cluster* groups = nullptr;
   std::int32_t num_clusters = 0, num_groups = 0;
 
-  PALPATE_HOSTDEV std::int32_t num_places() const { return num_clusters * SphereClusters::kSize; }
+  PALPATE_HOSTDEV std::int32_t num_slots() const { return num_clusters * SphereClusters::kSize; }
 };
 
 /// A sphere, to be read at once.
@@ -49,20 +49,20 @@ struct alignas(16) SlotSphere {
   PALPATE_HOSTDEV Vec3d centre() const { return to_double(Vec3f{x, y, z}); }
 };
 
-/// Some neighbours of a place: neighbours[begin ... end) of a row.
+/// Some neighbours of a slot: neighbours[begin ... end) of a row.
 struct alignas(16) RowPart {
-  std::int32_t place = 0, row_begin = 0, begin = 0, end = 0;
+  std::int32_t slot = 0, row_begin = 0, begin = 0, end = 0;
 };
 
-/// The leaf graph by places, rows one after the other; edges go both ways. See SortedGraph.
+/// The leaf graph by slots, rows one after the other; edges go both ways. See SortedGraph.
 struct SortedGraphView {
   /// Large spheres have thousands of neighbours: rows are worked at in parts of so many.
   static constexpr int kPart = 16;
 
-  const SlotSphere* spheres = nullptr;  ///< of each place
+  const SlotSphere* spheres = nullptr;  ///< of each slot
   const std::int32_t* row_starts =
-      nullptr;  ///< of each place (padding has empty rows), and one more
-  const std::int32_t* neighbours = nullptr;  ///< places
+      nullptr;  ///< of each slot (padding has empty rows), and one more
+  const std::int32_t* neighbours = nullptr;  ///< slots
   const RowPart* more_parts = nullptr;       ///< of all rows, without the first of each
   std::int32_t num_more_parts = 0;
 };
@@ -97,8 +97,8 @@ struct SeenPieces {
   std::int32_t* number = nullptr;  ///< among PointQuery::pieces
 };
 
-/// What the graph search knows of a place.
-struct alignas(8) PlaceState {
+/// What the graph search knows of a slot.
+struct alignas(8) SlotState {
   std::int32_t round = 0;       ///< reached in this query if >= GraphSearch::first_round
   std::int32_t num_offers = 0;  ///< 0 between queries
 };
@@ -107,14 +107,14 @@ struct GraphSearch {
   /// That many are read whether they are there or not: so many more lie behind all.
   static constexpr int kFirstOffers = 4;
 
-  PlaceState* places = nullptr;
-  double* path_length = nullptr;  ///< of each place reached
-  Offer* offers = nullptr;        ///< as many for each place as it has neighbours, at its row
-  /// Two, used in turn: the rows of the places that a round reached, in parts, in any order, and an
+  SlotState* slots = nullptr;
+  double* path_length = nullptr;  ///< of each slot reached
+  Offer* offers = nullptr;        ///< as many for each slot as it has neighbours, at its row
+  /// Two, used in turn: the rows of the slots that a round reached, in parts, in any order, and an
   /// empty part for each further offer. Room for as many as there are edges, and all parts.
   RowPart* listed[2] = {};
   std::int32_t* num_listed = nullptr;  ///< three, used in turn, all 0 between queries
-  std::int32_t* num_rounds = nullptr;  ///< so far, as told by a block that went on alone
+  std::int32_t* num_rounds = nullptr;  ///< so far, as reported by a block that continued alone
   /// The boundary spheres themselves; at least 1, and greater than first_round + rounds of the
   /// query before.
   std::int32_t first_round = 1;
@@ -156,7 +156,7 @@ struct PointQuery {
   EdgeSide* edge_side = nullptr;       ///< per sphere
   GraphSearch search;
 
-  // Kept for states and planes, by place: index into BoundaryList or -1 (of boundary spheres: their
+  // Kept for states and planes, by slot: index into BoundaryList or -1 (of boundary spheres: their
   // own), and V_s of untouched spheres, else 0. An untouched sphere with V_s = 0 may have -1 or the
   // donor in front of whose plane it lies.
   std::int32_t* donor = nullptr;

@@ -1,4 +1,4 @@
-// Which values a view shows: a number that no other values of this process had.
+// Version stamps: a number that is unique in this process for each set of values.
 #pragma once
 
 #include <atomic>

@@ -1,4 +1,5 @@
-// The newest value from one thread to another: neither ever waits for the other (thesis Fig. 4.1).
+// Triple buffer: hands the newest value from one thread to another; neither waits (thesis
+// Fig. 4.1).
 #pragma once
 
 #include <atomic>

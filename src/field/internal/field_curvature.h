@@ -129,10 +129,10 @@ PALPATE_FORMULA ImageCurvature<Real> chosen(const auto& condition, const ImageCu
           condition ? a.zz : b.zz};
 }
 
-/// As ask_field, with second derivatives.
-PALPATE_HOSTDEV inline ImageCurvature<double> ask_field_curvature(const DepthFieldView& field,
-                                                                  const PixelPosition<double>& at,
-                                                                  double z, double radius) {
+/// As query_field, with second derivatives.
+PALPATE_HOSTDEV inline ImageCurvature<double> query_field_curvature(const DepthFieldView& field,
+                                                                    const PixelPosition<double>& at,
+                                                                    double z, double radius) {
   const LevelChoice<double> choice = choose_level(field, radius, z);
   const auto sample = [&](const DepthFieldLevel& level) {
     const PixelSpot<double> spot = spot_at(level, at.u, at.v);
@@ -153,10 +153,10 @@ PALPATE_HOSTDEV inline CurvedFieldSample sample_field_curvature(const DepthField
   const double z = p_C.z;
   if (!(z > static_cast<double>(kLeastDepth))) return {2 * radius, {}, {}};
   const PixelPosition<double> at = project(field.intrinsics, p_C);
-  ImageCurvature<double> c = ask_field_curvature(field, at, z, radius);
+  ImageCurvature<double> c = query_field_curvature(field, at, z, radius);
   double asked = radius;
   for (int i = 0; i < kMostDeepSteps && c.first.phi < -deep_limit(asked); ++i) {
-    const ImageCurvature<double> wide = ask_field_curvature(field, at, z, asked * kDeepGrowth);
+    const ImageCurvature<double> wide = query_field_curvature(field, at, z, asked * kDeepGrowth);
     c = deepened(c, wide, c.first.phi, wide.first.phi, asked);
     asked *= kDeepGrowth;
   }

@@ -23,7 +23,7 @@
 // itself (a B-spline then weighs the surface as a disc of radius r would); between two levels both
 // are blended, and the blend is part of the gradient. What lies deep is asked about with wider
 // pixels, which see exits that are farther away and smooth out noise: the field there is the
-// maximum of what spheres of radius r, 4 r, 16 r, ... are told. phi is once continuously
+// maximum of the values for spheres of radius r, 4 r, 16 r, ... phi is once continuously
 // differentiable in p, so forces are continuous.
 #pragma once
 
@@ -213,8 +213,8 @@ PALPATE_FORMULA Curved<Real> deep_excess(Real depth, Real footprint, Real per_fo
           growth * e.slope, growth * e.bend + (is_bent ? bend : zero)};
 }
 
-/// What a sphere of this radius is told, and the next wider one: the maximum of both, where the
-/// wider one knows only of what is deeper than kDeep footprints, stretched so that it says what
+/// The value for a sphere of this radius, and for the next wider one: the maximum of both, where
+/// the wider one knows only of what is deeper than kDeep footprints, stretched so that it says what
 /// both say where they agree. `Told` is an ImageGradient or an ImageCurvature.
 template <class Told, class Real>
 PALPATE_FORMULA Told deepened(const Told& fine, const Told& wide, Real fine_phi, Real wide_phi,
@@ -250,11 +250,11 @@ PALPATE_FORMULA ImageGradient<Real> mixed(const ImageGradient<Real>& g,
           g.by_z + blend * (next.by_z - g.by_z) + change * by_z};
 }
 
-/// What a sphere of this radius is told by the one or two levels of its size.
+/// The value for a sphere of this radius from the one or two levels of its size.
 template <class Real>
-PALPATE_HOSTDEV inline ImageGradient<Real> ask_field(const DepthFieldView& field,
-                                                     const PixelPosition<Real>& at, Real z,
-                                                     Real radius) {
+PALPATE_HOSTDEV inline ImageGradient<Real> query_field(const DepthFieldView& field,
+                                                       const PixelPosition<Real>& at, Real z,
+                                                       Real radius) {
   const LevelChoice<Real> choice = choose_level(field, radius, z);
   const auto sample = [&](const DepthFieldLevel& level) {
     const PixelSpot<Real> spot = spot_at(level, at.u, at.v);
@@ -283,10 +283,10 @@ PALPATE_HOSTDEV inline FieldSample<Real> sample_field(const DepthFieldView& fiel
   const Real z = p_C.z;
   if (!(z > Real(kLeastDepth))) return {2 * radius, {}};
   const PixelPosition<Real> at = project(field.intrinsics, p_C);
-  ImageGradient<Real> g = ask_field(field, at, z, radius);
+  ImageGradient<Real> g = query_field(field, at, z, radius);
   Real asked = radius;
   for (int i = 0; i < kMostDeepSteps && g.phi < -deep_limit(asked); ++i) {
-    const ImageGradient<Real> wide = ask_field(field, at, z, asked * Real(kDeepGrowth));
+    const ImageGradient<Real> wide = query_field(field, at, z, asked * Real(kDeepGrowth));
     g = deepened(g, wide, g.phi, wide.phi, asked);
     asked *= Real(kDeepGrowth);
   }

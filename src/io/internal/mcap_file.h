@@ -89,7 +89,7 @@ class McapReader {
 
   /// Where the chunk of the last message begins in the file; 0 before the first one.
   std::uint64_t chunk_place() const;
-  /// The next message is the first one of the chunk there, as `chunk_place` has told for this file.
+  /// The next message is the first one of the chunk there, as `chunk_place` returned for this file.
   void seek(std::uint64_t chunk_place);
 
  private:

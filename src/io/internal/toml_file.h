@@ -1,4 +1,4 @@
-// TOML files of somebody else's.
+// Reads TOML files of users, with line numbers in errors.
 #pragma once
 
 #define TOML_EXCEPTIONS 0

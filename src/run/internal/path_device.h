@@ -1,4 +1,4 @@
-// A path as a device: the hand goes where it is told, on a simulated clock.
+// A path as a device: the hand follows given poses, on a simulated clock.
 #pragma once
 
 #include <functional>

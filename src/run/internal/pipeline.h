@@ -1,5 +1,5 @@
-// What happens at a frame, at a pose and at a tick, whoever keeps the clock: every run, live or on
-// a simulated clock, repeated or tried with other settings, is wired here and nowhere else.
+// The pipeline of a run: its parts for a frame, a pose and a tick, for any clock: every run, live
+// or on a simulated clock, repeated or tried with other settings, is wired here and nowhere else.
 //
 //   DepthFrame -> SurfaceTimeline -> ContactPart -> HandPart -> wrench
 //
@@ -90,7 +90,7 @@ class ContactPart {
 /// What a tick cannot see by itself.
 struct TickFlags {
   bool is_stopping = false;         ///< the force is to fade out
-  bool is_force_asked_for = false;  ///< it is to come back after a fault
+  bool is_force_requested = false;  ///< it is to come back after a fault
   bool has_sensor_failed = false, has_backend_failed = false;
 };
 
@@ -112,14 +112,14 @@ class HandPart {
   /// All that it knows of the ticks before, but for the kind of its coupling: see StateNumbers.
   void remember(StateNumbers& numbers) noexcept {
     coupling_->remember(numbers);
-    numbers(unfelt_, safety_, revision_, num_ticks_, has_tool_, is_stopping_, last_state_time_,
-            first_tick_);
+    numbers(status_without_force_, safety_, revision_, num_ticks_, has_tool_, is_stopping_,
+            last_state_time_, first_tick_);
   }
 
-  HandMoment moment() noexcept {
-    HandMoment moment{num_ticks_, revision_, {}};
-    remember(moment.numbers);
-    return moment;
+  HandSnapshot snapshot() noexcept {
+    HandSnapshot snapshot{num_ticks_, revision_, {}};
+    remember(snapshot.numbers);
+    return snapshot;
   }
 
   bool has_tool() const { return has_tool_; }
@@ -127,10 +127,10 @@ class HandPart {
 
  private:
   double step_seconds(const DeviceState& state) noexcept;
-  void end_unfelt(TickRecord& record) noexcept;
+  void end_without_force(TickRecord& record) noexcept;
 
   std::unique_ptr<Coupling> coupling_;
-  SafetyStatus unfelt_;  // where the device is given no wrench
+  SafetyStatus status_without_force_;  // where the device is given no wrench
   SafetyFilter safety_;
   const double tick_seconds_;
   std::uint32_t revision_ = 0;
@@ -140,12 +140,12 @@ class HandPart {
 };
 
 /// Once a second.
-inline bool is_moment(std::uint64_t num_ticks, double tick_seconds) {
+inline bool is_snapshot_due(std::uint64_t num_ticks, double tick_seconds) {
   const auto period = static_cast<std::uint64_t>(1 / tick_seconds + 0.5);
   return num_ticks > 0 && num_ticks % (period > 0 ? period : 1) == 0;
 }
 
-/// What a query is measured against: a moment of each camera, and after those what the ones that
+/// What a query is measured against: a blend of each camera, and after those what the ones that
 /// move remember, at the progress of its camera.
 class CameraViews {
  public:
@@ -155,7 +155,7 @@ class CameraViews {
   }
   /// No camera shows anything.
   void clear() { views_.assign(num_cameras_, {}); }
-  /// Forgets what cameras remember: for the next moment. No allocation.
+  /// Forgets what cameras remember: for the next query. No allocation.
   void begin() { views_.resize(num_cameras_); }
   SurfaceBlend& operator[](std::size_t camera) { return views_[camera]; }
   const SurfaceBlend& operator[](std::size_t camera) const { return views_[camera]; }
@@ -258,7 +258,7 @@ class Pipeline {
   Status status() const;
 
   /// Of the hand, before the next tick.
-  HandMoment hand_moment() noexcept { return hand_->moment(); }
+  HandSnapshot hand_snapshot() noexcept { return hand_->snapshot(); }
   const ContactRecord& contact() const { return contact_; }
   const ContactQuery& query() const { return contacts_->query(); }
   /// For pictures: of one camera, in its frame.

@@ -1,4 +1,4 @@
-// How far the way from the last surface to the newest one has come, when surfaces are not on time.
+// Progress of the blend from the last surface to the newest one, when surfaces are not on time.
 #pragma once
 
 #include <algorithm>

@@ -36,7 +36,7 @@ class ClockedLoop final : public RunLoop {
   ~ClockedLoop() override { stop(); }
 
   Status start() override;
-  void ask_for_force() noexcept override { wants_force_ = true; }
+  void request_force() noexcept override { wants_force_ = true; }
   void stop() noexcept override;
   bool is_running() const noexcept override { return is_running_.load(std::memory_order_acquire); }
   bool latest(TickRecord& record) noexcept override;
@@ -48,11 +48,11 @@ class ClockedLoop final : public RunLoop {
   RunSettings settings() const override;
   void hold_frames(bool is_held) noexcept override;
   void step_frame() noexcept override;
-  void ask_for_contact_picture(Onlooker who) noexcept override {
+  void request_contact_picture(PictureConsumer who) noexcept override {
     wants_contact_[std::size_t(who)] = true;
   }
-  void ask_for_surface_picture() noexcept override { wants_surface_ = true; }
-  const ContactPicture* new_contact_picture(Onlooker who) noexcept override {
+  void request_surface_picture() noexcept override { wants_surface_ = true; }
+  const ContactPicture* new_contact_picture(PictureConsumer who) noexcept override {
     TripleBuffer<ContactPicture>& contacts = contacts_[std::size_t(who)];
     return contacts.refresh() ? &contacts.value() : nullptr;
   }
@@ -94,10 +94,10 @@ class ClockedLoop final : public RunLoop {
   std::uint64_t contact_number_ = 0;
 
   std::atomic<bool> is_running_ = false, is_stopping_ = false;
-  std::array<std::atomic<bool>, kNumOnlookers> wants_contact_ = {};
+  std::array<std::atomic<bool>, kNumPictureConsumers> wants_contact_ = {};
   std::atomic<bool> wants_surface_ = false, wants_force_ = false;
   TripleBuffer<TickRecord> newest_;
-  std::array<TripleBuffer<ContactPicture>, kNumOnlookers> contacts_;
+  std::array<TripleBuffer<ContactPicture>, kNumPictureConsumers> contacts_;
   TripleBuffer<SurfacePicture> surfaces_;
   std::thread thread_;
 };
@@ -216,12 +216,12 @@ Wrench ClockedLoop::tick(const DeviceState& state) {
     has_ended_ = true;
     return {};
   }
-  if (observer_.on_moment && is_moment(report_.num_ticks, 1 / device_.info().rate)) {
-    observer_.on_moment(pipeline_.hand_moment());
+  if (observer_.on_hand_snapshot && is_snapshot_due(report_.num_ticks, 1 / device_.info().rate)) {
+    observer_.on_hand_snapshot(pipeline_.hand_snapshot());
   }
   const double begin = monotonic_now();
   TickRecord& record = newest_.draft();
-  record = pipeline_.tick(state, {.is_force_asked_for = wants_force_.exchange(false)});
+  record = pipeline_.tick(state, {.is_force_requested = wants_force_.exchange(false)});
   const double took = monotonic_now() - begin;
   record.compute_nanoseconds = nanoseconds(took);
   times_.haptic_compute.record(record.compute_nanoseconds);
@@ -242,14 +242,14 @@ Wrench ClockedLoop::tick(const DeviceState& state) {
   report_.num_faults = record.safety.num_faults;
   // On this clock nobody waits for a force: measurements of two backends are not mixed.
   if (status_ = pipeline_.status(); !status_) has_ended_ = true;
-  const Wrench felt = record.F_H_B;
+  const Wrench F_H_B = record.F_H_B;
   newest_.publish();
-  return felt;
+  return F_H_B;
 }
 
 void ClockedLoop::make_pictures() {
   const ContactRecord& contact = pipeline_.contact();
-  for (std::size_t who = 0; who < kNumOnlookers; ++who) {
+  for (std::size_t who = 0; who < kNumPictureConsumers; ++who) {
     if (!wants_contact_[who].exchange(false)) continue;
     ContactPicture& picture = contacts_[who].draft();
     picture.contact_number = contact.number;

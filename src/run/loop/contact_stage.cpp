@@ -47,9 +47,9 @@ void ContactStage::stop() noexcept {
 }
 
 /// Notes speak of the contact thread, which is granted or refused the same.
-void ContactStage::begin_thread() { ask_for_real_time(kPriority); }
+void ContactStage::begin_thread() { request_real_time(kPriority); }
 
-void ContactStage::move_tool(const ToolMoment& tool) noexcept { tools_.publish(tool); }
+void ContactStage::move_tool(const TimedToolPose& tool) noexcept { tools_.publish(tool); }
 
 const ContactRecord& ContactStage::newest() noexcept {
   contacts_.refresh();
@@ -57,7 +57,7 @@ const ContactRecord& ContactStage::newest() noexcept {
 }
 
 void ContactStage::work() {
-  if (settings_.wants_real_time) real_time_error_.store(ask_for_real_time(kPriority));
+  if (settings_.wants_real_time) real_time_error_.store(request_real_time(kPriority));
   while (!is_stopping_.load(std::memory_order_acquire)) {
     if (tools_.refresh() && is_due(tools_.value().time)) {
       measure(tools_.value());
@@ -104,10 +104,10 @@ void ContactStage::look(double time) {
     const LiveSurfaces& taken = surfaces_.taken(k);
     if (taken.ready_time != view.surfaces.ready_time && taken.revision < awaited) {
       view.surfaces = taken;
-      if (taken.moment.progress < 1)
+      if (taken.blend.progress < 1)
         view.blend.begin(time, last_look_, taken.ready_time, taken.period);
     }
-    cameras_[k] = view.surfaces.moment;
+    cameras_[k] = view.surfaces.blend;
     if (cameras_[k].progress < 1) cameras_[k].progress = view.blend.progress(time);
     cameras_.remember(view.surfaces.key_frames.all(), cameras_[k].progress);
     newest_frame_ = std::max(newest_frame_, view.surfaces.frame_number);
@@ -131,7 +131,7 @@ void ContactStage::take_change() {
   changes_.settle();
 }
 
-void ContactStage::measure(const ToolMoment& tool) {
+void ContactStage::measure(const TimedToolPose& tool) {
   const double begin = monotonic_now();
   look(begin);
   take_change();
@@ -166,7 +166,7 @@ void ContactStage::measure(const ToolMoment& tool) {
   if (settings_.keeps_records) records_.push(contact);
   num_contacts_.store(contact.number, std::memory_order_release);
   contact_compute_.record(static_cast<std::int64_t>(1e9 * (end - begin)));
-  for (std::size_t who = 0; who < kNumOnlookers; ++who) {
+  for (std::size_t who = 0; who < kNumPictureConsumers; ++who) {
     if (!wants_picture_[who].exchange(false, std::memory_order_relaxed)) continue;
     make_picture(contact, pictures_[who].draft());
     pictures_[who].publish();

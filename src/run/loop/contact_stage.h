@@ -18,7 +18,7 @@
 namespace palpate::inline v0 {
 
 /// Where the tool is.
-struct ToolMoment {
+struct TimedToolPose {
   double time = 0;  ///< s, monotonic
   Pose X_WT;
 };
@@ -53,16 +53,18 @@ class ContactStage {
 
   /// Haptic thread: the tool has moved. The contact thread looks by itself when it expects that:
   /// to wake it would take the haptic thread longer than all that it computes.
-  void move_tool(const ToolMoment& tool) noexcept;
+  void move_tool(const TimedToolPose& tool) noexcept;
   /// Haptic thread: the newest contact; its number is 0 if nothing has been measured yet.
   const ContactRecord& newest() noexcept;
 
   /// Must be offered before the surfaces that it waits for.
   Mailbox<ContactChange>& changes() noexcept { return changes_; }
 
-  void ask_for_picture(Onlooker who) noexcept { wants_picture_[std::size_t(who)].store(true); }
+  void request_picture(PictureConsumer who) noexcept {
+    wants_picture_[std::size_t(who)].store(true);
+  }
   /// The newest one, if it is new; one reader of each kind.
-  const ContactPicture* new_picture(Onlooker who) noexcept {
+  const ContactPicture* new_picture(PictureConsumer who) noexcept {
     TripleBuffer<ContactPicture>& pictures = pictures_[std::size_t(who)];
     return pictures.refresh() ? &pictures.value() : nullptr;
   }
@@ -87,7 +89,7 @@ class ContactStage {
   void work();
   double next_look(double now) const;
   bool is_due(double time);
-  void measure(const ToolMoment& tool);
+  void measure(const TimedToolPose& tool);
   void look(double time);
   void take_change();
   void make_picture(const ContactRecord& contact, ContactPicture& picture);
@@ -111,12 +113,12 @@ class ContactStage {
   double next_due_ = 0;
   std::uint32_t revision_ = 0;
 
-  TripleBuffer<ToolMoment> tools_;        // haptic thread to contact thread
+  TripleBuffer<TimedToolPose> tools_;     // haptic thread to contact thread
   TripleBuffer<ContactRecord> contacts_;  // and back
   RecordQueue<ContactRecord> records_;    // to the publishing thread
-  std::array<TripleBuffer<ContactPicture>, kNumOnlookers> pictures_;
+  std::array<TripleBuffer<ContactPicture>, kNumPictureConsumers> pictures_;
   Mailbox<ContactChange> changes_;
-  std::array<std::atomic<bool>, kNumOnlookers> wants_picture_ = {};
+  std::array<std::atomic<bool>, kNumPictureConsumers> wants_picture_ = {};
   std::atomic<bool> is_stopping_ = false, backend_failed_ = false;
   std::atomic<std::uint64_t> num_contacts_ = 0, num_spared_ = 0, num_outside_ = 0;
   std::atomic<int> real_time_error_ = 0;

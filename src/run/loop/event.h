@@ -1,4 +1,4 @@
-// How threads sleep until there is something to do, and wake each other without a lock.
+// Events: threads sleep until there is something to do, and wake each other without a lock.
 #pragma once
 
 #include <atomic>
@@ -11,7 +11,8 @@ namespace palpate::inline v0 {
 
 /// One thread sleeps until another one rings. Ringing never waits. A ring between `count` and
 /// `wait` is not missed:
-///   for (;;) { const auto heard = bell.count(); if (something_to_do()) break; bell.wait(heard); }
+///   for (;;) { const auto count = event.count(); if (something_to_do()) break; event.wait(count);
+///   }
 class Event {
  public:
   void ring() noexcept {
@@ -19,7 +20,7 @@ class Event {
     count_.notify_one();
   }
   std::uint32_t count() const noexcept { return count_.load(std::memory_order_acquire); }
-  void wait(std::uint32_t heard) const noexcept { count_.wait(heard, std::memory_order_acquire); }
+  void wait(std::uint32_t count) const noexcept { count_.wait(count, std::memory_order_acquire); }
 
  private:
   std::atomic<std::uint32_t> count_ = 0;

@@ -11,7 +11,7 @@ namespace {
 
 constexpr int kPriority = 80;
 constexpr std::size_t kNumRecords = 8192;  // eight seconds at 1 kHz
-constexpr std::size_t kNumMoments = 16;
+constexpr std::size_t kNumSnapshots = 16;
 
 std::int64_t nanoseconds(double seconds) { return static_cast<std::int64_t>(1e9 * seconds); }
 
@@ -25,20 +25,20 @@ HapticStage::HapticStage(HandPart hand, SurfaceStage& surfaces, ContactStage& co
       times_(times),
       hand_(std::move(hand)),
       records_(settings.keeps_records ? kNumRecords : 0),
-      moments_(settings.keeps_records ? kNumMoments : 0) {}
+      snapshots_(settings.keeps_records ? kNumSnapshots : 0) {}
 
 Wrench HapticStage::tick(const DeviceState& state) noexcept {
   const TickStart start{monotonic_now(), thread_cpu_now()};
   if (hand_.num_ticks() == 0 && settings_.wants_real_time) {
-    real_time_error_.store(ask_for_real_time(kPriority));
+    real_time_error_.store(request_real_time(kPriority));
   }
   TickFlags flags;
   flags.is_stopping = wants_stop_.load(std::memory_order_acquire) || surfaces_.has_source_ended();
-  flags.is_force_asked_for = wants_force_.exchange(false, std::memory_order_acq_rel);
+  flags.is_force_requested = wants_force_.exchange(false, std::memory_order_acq_rel);
   flags.has_sensor_failed = surfaces_.has_source_failed();
   flags.has_backend_failed = contacts_.has_backend_failed() || surfaces_.has_backend_failed();
-  if (settings_.keeps_records && is_moment(hand_.num_ticks(), settings_.tick_seconds)) {
-    moments_.push(hand_.moment());
+  if (settings_.keeps_records && is_snapshot_due(hand_.num_ticks(), settings_.tick_seconds)) {
+    snapshots_.push(hand_.snapshot());
   }
   TickRecord& record = newest_.draft();
   hand_.tick(state, contacts_.newest(), flags, record);
@@ -46,13 +46,13 @@ Wrench HapticStage::tick(const DeviceState& state) noexcept {
     contacts_.move_tool({state.time, record.step.X_WT});
     surfaces_.move_tool(record.step.X_WT);
   }
-  const Wrench felt = record.F_H_B;
+  const Wrench F_H_B = record.F_H_B;
   if (HapticChange* const change = changes_.look()) {
     hand_.change(change->revision, change->coupling);
     changes_.settle();
   }
   keep_time(start, record);
-  return felt;
+  return F_H_B;
 }
 
 /// Statistics, and the record on its way to the others.

@@ -1,4 +1,4 @@
-// What the device's own thread does at each tick: from where the hand is to what it feels.
+// What the device's thread does at each tick: from the pose of the hand to its wrench.
 #pragma once
 
 #include <atomic>
@@ -40,9 +40,9 @@ class HapticStage {
 
   // Any thread.
   /// The force fades out.
-  void ask_to_stop() noexcept { wants_stop_.store(true, std::memory_order_release); }
+  void request_stop() noexcept { wants_stop_.store(true, std::memory_order_release); }
   /// It comes back after a fault; until the next tick, several wishes are one.
-  void ask_for_force() noexcept { wants_force_.store(true, std::memory_order_release); }
+  void request_force() noexcept { wants_force_.store(true, std::memory_order_release); }
   /// For good.
   bool has_faded() const noexcept { return has_faded_.load(std::memory_order_acquire); }
   Mailbox<HapticChange>& changes() noexcept { return changes_; }
@@ -59,7 +59,7 @@ class HapticStage {
   /// Publishing thread; empty unless records are kept.
   RecordQueue<TickRecord>& records() noexcept { return records_; }
   /// Likewise, one a second.
-  RecordQueue<HandMoment>& moments() noexcept { return moments_; }
+  RecordQueue<HandSnapshot>& snapshots() noexcept { return snapshots_; }
 
  private:
   /// When a tick began: by the clock, and by what the thread has computed until then.
@@ -82,7 +82,7 @@ class HapticStage {
   Mailbox<HapticChange> changes_;
   TripleBuffer<TickRecord> newest_;
   RecordQueue<TickRecord> records_;
-  RecordQueue<HandMoment> moments_;
+  RecordQueue<HandSnapshot> snapshots_;
   std::atomic<std::uint64_t> num_ticks_ = 0, num_missed_ = 0;
   std::atomic<Fault> fault_ = Fault::none;
   std::atomic<std::uint32_t> num_faults_ = 0;

@@ -16,7 +16,7 @@
 #include "src/run/loop/contact_stage.h"
 #include "src/run/loop/event.h"
 #include "src/run/loop/haptic_stage.h"
-#include "src/run/loop/load_minder.h"
+#include "src/run/loop/load_governor.h"
 #include "src/run/loop/publisher.h"
 #include "src/run/loop/real_time.h"
 #include "src/run/loop/surface_stage.h"
@@ -77,7 +77,7 @@ class LiveLoop final : public RunLoop {
         query_threads_(std::move(query_threads)),
         settings_(settings),
         notes_(std::move(parts.notes)),
-        minder_(streams_.front(), settings, index_->tool().spheres().size()),
+        governor_(streams_.front(), settings, index_->tool().spheres().size()),
         surfaces_(sources, std::move(parts.timelines), settings, ball_of(index_->tool()),
                   static_cast<bool>(observer_.on_frame), times_.surface_compute),
         contacts_(std::move(parts.contact), surfaces_,
@@ -90,12 +90,12 @@ class LiveLoop final : public RunLoop {
                  static_cast<bool>(observer_.on_ticks)},
                 times_),
         publisher_(observer_, {surfaces_.seen(), contacts_.records(), haptic_.records(),
-                               haptic_.moments(), [this] { return surfaces_.num_frames(); },
+                               haptic_.snapshots(), [this] { return surfaces_.num_frames(); },
                                [this] { return contacts_.num_contacts(); }}) {}
   ~LiveLoop() override { stop(); }
 
   Status start() override;
-  void ask_for_force() noexcept override { haptic_.ask_for_force(); }
+  void request_force() noexcept override { haptic_.request_force(); }
   void stop() noexcept override;
   bool is_running() const noexcept override { return is_running_.load(std::memory_order_acquire); }
   bool latest(TickRecord& record) noexcept override { return haptic_.latest(record); }
@@ -111,15 +111,15 @@ class LiveLoop final : public RunLoop {
   void hold_frames(bool is_held) noexcept override { surfaces_.hold(is_held); }
   void step_frame() noexcept override { surfaces_.step(); }
   bool is_short_of_time() const noexcept override { return is_page_thinned_.load(); }
-  void ask_for_contact_picture(Onlooker who) noexcept override {
+  void request_contact_picture(PictureConsumer who) noexcept override {
     num_pictures_.fetch_add(1);
-    contacts_.ask_for_picture(who);
+    contacts_.request_picture(who);
   }
-  void ask_for_surface_picture() noexcept override {
+  void request_surface_picture() noexcept override {
     num_pictures_.fetch_add(1);
-    surfaces_.ask_for_picture();
+    surfaces_.request_picture();
   }
-  const ContactPicture* new_contact_picture(Onlooker who) noexcept override {
+  const ContactPicture* new_contact_picture(PictureConsumer who) noexcept override {
     return contacts_.new_picture(who);
   }
   const SurfacePicture* new_surface_picture() noexcept override { return surfaces_.new_picture(); }
@@ -160,14 +160,14 @@ class LiveLoop final : public RunLoop {
   std::array<double, 3> thinned_{};  // s: page, image, spheres
   // Of the minding thread.
   bool is_changing_backend_ = false;
-  LoadMinder minder_;
+  LoadGovernor governor_;
 
   std::atomic<bool> is_running_ = false, is_backend_lost_ = false, is_page_thinned_ = false;
   std::atomic<bool> is_out_of_memory_ = false;
   std::atomic<std::uint64_t> num_pictures_ = 0;  // asked for
   std::atomic<int> recorder_nice_ = 0;
   std::atomic<double> start_time_ = 0, end_time_ = 0;
-  std::atomic<std::uint64_t> num_before_ticks_ = 0;  // frames that nobody could feel yet
+  std::atomic<std::uint64_t> num_before_ticks_ = 0;  // frames before the first tick
   std::uint32_t revision_ = 0;
   bool was_started_ = false, has_locked_memory_ = false;
   StopSignal stop_publishing_;
@@ -232,7 +232,7 @@ void LiveLoop::lock_all_memory() {
 }
 
 void LiveLoop::fade_out() noexcept {
-  haptic_.ask_to_stop();
+  haptic_.request_stop();
   const double limit = monotonic_now() + first_settings_.safety.fade_seconds + kFadeTimeout;
   // A device that is lost does not tick, and its motors are off.
   while (!haptic_.has_faded() && monotonic_now() < limit && device_.status()) {
@@ -244,7 +244,7 @@ void LiveLoop::stop() noexcept {
   if (haptic_.num_ticks() > 0 && publishing_thread_.joinable()) fade_out();
   if (was_started_) device_.stop();
   if (is_running_.exchange(false)) end_time_ = monotonic_now();
-  // The contact thread first: the surface thread waits for it at most until it is told to stop.
+  // The contact thread first: the surface thread waits for it at most until it is stopped.
   contacts_.stop();
   surfaces_.stop();
   stop_publishing_.stop();
@@ -347,7 +347,7 @@ void LiveLoop::mind_all() {
       if (first_settings_.may_thin) look_after_load();
     } catch (const std::bad_alloc&) {
       is_out_of_memory_ = true;
-      haptic_.ask_to_stop();
+      haptic_.request_stop();
       return;
     }
   }
@@ -380,21 +380,21 @@ LoadCounts LiveLoop::count_load(double contact_rate) const {
 void LiveLoop::look_after_load() {
   if (!may_begin_change()) return;
   const RunSettings present = settings();
-  LoadMinder::Decision decision =
-      minder_.look(monotonic_now(), present, count_load(present.contact_rate));
+  LoadGovernor::Decision decision =
+      governor_.look(monotonic_now(), present, count_load(present.contact_rate));
   Status done = Done{};
   if (decision.settings) done = begin_change(*decision.settings);
   if (!done) {
-    minder_.give_up(present);
+    governor_.give_up(present);
     decision.note = "less could not be computed: " + done.error().message;
   }
-  is_page_thinned_ = minder_.steps().page > 0;
+  is_page_thinned_ = governor_.steps().page > 0;
   const std::lock_guard lock(mutex_);
-  thinned_ = {minder_.page_seconds(), minder_.image_seconds(), minder_.spheres_seconds()};
+  thinned_ = {governor_.page_seconds(), governor_.image_seconds(), governor_.spheres_seconds()};
   if (decision.note.empty()) return;
   publisher_.add_note(std::move(decision.note));
   // What follows is judged by itself.
-  minder_.begin_window(monotonic_now(), count_load(present.contact_rate));
+  governor_.begin_window(monotonic_now(), count_load(present.contact_rate));
 }
 
 /// A GPU that is lost has a CPU beside it.
@@ -422,7 +422,7 @@ void LiveLoop::look_after_backend() {
     return;
   }
   is_backend_lost_ = true;
-  haptic_.ask_to_stop();
+  haptic_.request_stop();
 }
 
 /// Also notices when the haptic thread cannot: a device that is lost does not tick.
@@ -434,9 +434,9 @@ void LiveLoop::publish_all() {
     try {
       if (!is_out_of_memory_) publisher_.publish();
     } catch (const std::bad_alloc&) {
-      // Who is told may have kept half of it. The hand needs no memory to fade out.
+      // The observer may have kept half of it. The hand needs no memory to fade out.
       is_out_of_memory_ = true;
-      haptic_.ask_to_stop();
+      haptic_.request_stop();
     }
     const bool has_ended = haptic_.has_faded() || !device_.status();
     if (has_ended && is_running_.exchange(false)) end_time_ = monotonic_now();

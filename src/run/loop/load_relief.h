@@ -1,7 +1,7 @@
 // What a live loop does about too little computing time, before it costs the force: step by step
 // less, and back again by itself.
 //
-//   somebody looks on        -> pages are drawn less
+//   a page is open           -> it is drawn less often
 //   depth frames get old     -> images are made smaller, by 2, then by 4
 //   contacts get old         -> half of the spheres are asked, then a quarter, then an eighth
 //
@@ -28,7 +28,7 @@ struct LoadWindow {
   /// Share of the ticks that had to do with ...
   double old_frames = 0, old_contacts = 0, ageing = 0;
   bool has_frames = true;  ///< the source sent some: else nothing here helps
-  bool has_page = false;   ///< somebody looks on
+  bool has_page = false;   ///< a page is open
 };
 
 /// Judges window after window. No clock, no thread: the same windows give the same steps.
@@ -69,7 +69,7 @@ class LoadRelief {
     return w.old_frames > kFew || w.old_contacts > kFew || (w.has_page && w.ageing > kFew);
   }
 
-  /// The page first, which nobody feels.
+  /// The page first: it does not affect the force.
   void go_on(const LoadWindow& w) {
     ReliefSteps next = steps_;
     if (w.has_page && steps_.page < most_.page) {
@@ -84,7 +84,7 @@ class LoadRelief {
     since_back_ = kRelapse;
   }
 
-  /// In the other order: what is felt comes back first.
+  /// In the other order: what affects the force comes back first.
   void take_back() {
     int& step = steps_.spheres > 0 ? steps_.spheres : steps_.image > 0 ? steps_.image : steps_.page;
     --step;

@@ -1,4 +1,4 @@
-// Something new for a thread that never waits, from one that may.
+// Hands a new object from a thread that may wait to one that never waits.
 #pragma once
 
 #include <atomic>

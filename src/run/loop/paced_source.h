@@ -1,4 +1,4 @@
-// Depth frames as they come in life, whatever they come from.
+// Paces the frames of any source in real time.
 #pragma once
 
 #include <algorithm>
@@ -11,7 +11,7 @@
 
 namespace palpate::inline v0 {
 
-/// Checks the frames of a source and says when each of them is to be felt: as far apart as their
+/// Checks the frames of a source and says when each of them is to be used: as far apart as their
 /// time stamps. A source that is slower than its time stamps shifts all that follows, so that the
 /// age of a frame is not counted twice.
 class PacedSource {

@@ -29,89 +29,89 @@ void Publisher::add_note(std::string text) {
 }
 
 void Publisher::publish() {
-  tell_ticks();
+  publish_ticks();
   if (records_.ticks.front() == nullptr) {
-    tell_contacts(kAll);
-    tell_frames(kAll);
+    publish_contacts(kAll);
+    publish_frames(kAll);
   }
-  tell_notes();
+  publish_notes();
 }
 
 /// Up to this number.
-void Publisher::tell_frames(std::uint64_t last) {
-  for (const SeenFrame* seen = records_.frames.front();
+void Publisher::publish_frames(std::uint64_t last) {
+  for (const PublishedFrame* seen = records_.frames.front();
        seen != nullptr && seen->record.number <= last; seen = records_.frames.front()) {
-    tell_settings(seen->record.revision);
+    publish_settings(seen->record.revision);
     observer_.on_frame(seen->record, seen->frame);
     records_.frames.pop();
   }
 }
 
 /// Up to this number.
-void Publisher::tell_contacts(std::uint64_t last) {
+void Publisher::publish_contacts(std::uint64_t last) {
   for (const ContactRecord* contact = records_.contacts.front();
        contact != nullptr && contact->number <= last; contact = records_.contacts.front()) {
     if (records_.num_frames() <= contact->frame_number) return;
-    tell_frames(contact->frame_number);
-    tell_settings(contact->revision);
+    publish_frames(contact->frame_number);
+    publish_settings(contact->revision);
     observer_.on_contact(*contact);
     records_.contacts.pop();
   }
 }
 
-void Publisher::tell_ticks() {
+void Publisher::publish_ticks() {
   RecordQueue<TickRecord>& ticks = records_.ticks;
-  while (ticks.front() != nullptr && has_told_contact_of(*ticks.front())) {
+  while (ticks.front() != nullptr && has_published_contact_of(*ticks.front())) {
     batch_.clear();
-    tell_moment(ticks.front()->number);
+    publish_snapshot(ticks.front()->number);
     for (const TickRecord* tick = ticks.front(); tick != nullptr && batch_.size() < kBatch;
          tick = ticks.front()) {
-      if (!has_told_contact_of(*tick)) break;
-      // Looked for last: a moment is written before its tick, and what is told meanwhile takes
+      if (!has_published_contact_of(*tick)) break;
+      // Looked for last: a snapshot is written before its tick, and publishing meanwhile takes
       // time.
-      const HandMoment* const next = records_.moments.front();
+      const HandSnapshot* const next = records_.snapshots.front();
       if (next != nullptr && tick->number >= next->tick && !batch_.empty()) break;
       batch_.push_back(*tick);
       ticks.pop();
     }
-    tell_settings(batch_.back().revision);
+    publish_settings(batch_.back().revision);
     observer_.on_ticks(batch_);
   }
 }
 
 /// Also where there was no room for the record of the contact.
-bool Publisher::has_told_contact_of(const TickRecord& tick) {
+bool Publisher::has_published_contact_of(const TickRecord& tick) {
   if (records_.num_contacts() < tick.contact_number) return false;
-  tell_contacts(tick.contact_number);
+  publish_contacts(tick.contact_number);
   const ContactRecord* const next = records_.contacts.front();
   return next == nullptr || next->number > tick.contact_number;
 }
 
-/// Before the tick of this number. A moment comes before its tick, and may have lost it.
-void Publisher::tell_moment(std::uint64_t tick) {
-  RecordQueue<HandMoment>& moments = records_.moments;
-  for (const HandMoment* now = moments.front(); now != nullptr && now->tick <= tick;
-       now = moments.front()) {
-    if (now->tick == tick && observer_.on_moment) observer_.on_moment(*now);
-    moments.pop();
+/// Before the tick of this number. A snapshot comes before its tick, and may have lost it.
+void Publisher::publish_snapshot(std::uint64_t tick) {
+  RecordQueue<HandSnapshot>& snapshots = records_.snapshots;
+  for (const HandSnapshot* now = snapshots.front(); now != nullptr && now->tick <= tick;
+       now = snapshots.front()) {
+    if (now->tick == tick && observer_.on_hand_snapshot) observer_.on_hand_snapshot(*now);
+    snapshots.pop();
   }
 }
 
 /// Up to this revision, each once.
-void Publisher::tell_settings(std::uint32_t revision) {
-  while (told_revision_ < revision) {
+void Publisher::publish_settings(std::uint32_t revision) {
+  while (published_revision_ < revision) {
     RunSettings settings;
     {
       const std::lock_guard lock(mutex_);
       settings = settings_.front();
       settings_.pop_front();
     }
-    ++told_revision_;
-    if (observer_.on_settings) observer_.on_settings(told_revision_, settings);
+    ++published_revision_;
+    if (observer_.on_settings) observer_.on_settings(published_revision_, settings);
   }
 }
 
-void Publisher::tell_notes() {
+void Publisher::publish_notes() {
   std::vector<std::string> notes;
   {
     const std::lock_guard lock(mutex_);

@@ -1,4 +1,4 @@
-// What a live loop tells its observer: all records, each after those that it rests on.
+// Publishes the records of a live loop to its observer, each after those that it depends on.
 #pragma once
 
 #include <cstdint>
@@ -13,21 +13,21 @@
 
 namespace palpate::inline v0 {
 
-struct SeenFrame;
+struct PublishedFrame;
 
 /// What the stages have written, and how many frames and contacts they are through with: a record
 /// is written before it is counted, and may be used by others before both.
 struct LoopRecords {
-  RecordQueue<SeenFrame>& frames;
+  RecordQueue<PublishedFrame>& frames;
   RecordQueue<ContactRecord>& contacts;
   RecordQueue<TickRecord>& ticks;
-  RecordQueue<HandMoment>& moments;
+  RecordQueue<HandSnapshot>& snapshots;
   std::function<std::uint64_t()> num_frames, num_contacts;
 };
 
-/// Empties the queues of the stages, in one thread. Where ticks are behind, contacts and frames
-/// that only later ticks rest on wait in their queues: who keeps them for those ticks (a recording
-/// that may begin another part there) keeps no more, however slow the observer is.
+/// Empties the queues of the stages, in one thread. Where ticks are behind, contacts and frames that
+/// only later ticks rest on wait in their queues: an observer that keeps them for those ticks (a
+/// recording, which may begin another part there) keeps no more, however slow it is.
 class Publisher {
  public:
   Publisher(const RunObserver& observer, LoopRecords records);
@@ -37,26 +37,26 @@ class Publisher {
   void add_note(std::string text);
 
   /// What is there. A surface can be felt, and a contact too, a moment before its record is
-  /// written: what has to wait for that is told the next time.
+  /// written: what has to wait for that is published the next time.
   void publish();
 
  private:
-  void tell_frames(std::uint64_t last);
-  void tell_contacts(std::uint64_t last);
-  void tell_ticks();
-  void tell_notes();
-  void tell_moment(std::uint64_t tick);
-  void tell_settings(std::uint32_t revision);
-  bool has_told_contact_of(const TickRecord& tick);
+  void publish_frames(std::uint64_t last);
+  void publish_contacts(std::uint64_t last);
+  void publish_ticks();
+  void publish_notes();
+  void publish_snapshot(std::uint64_t tick);
+  void publish_settings(std::uint32_t revision);
+  bool has_published_contact_of(const TickRecord& tick);
 
   const RunObserver& observer_;
   LoopRecords records_;
 
   std::mutex mutex_;
-  std::deque<RunSettings> settings_;  // those after `told_revision_`
+  std::deque<RunSettings> settings_;  // those after `published_revision_`
   std::vector<std::string> notes_;
   // Of the publishing thread.
-  std::uint32_t told_revision_ = 0;
+  std::uint32_t published_revision_ = 0;
   std::vector<TickRecord> batch_;
 };
 

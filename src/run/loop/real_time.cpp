@@ -19,7 +19,7 @@ std::string text_of(int error_number) {
 
 }  // namespace
 
-int ask_for_real_time(int priority) noexcept {
+int request_real_time(int priority) noexcept {
   int policy = SCHED_OTHER;
   sched_param parameters{};
   if (const int error = pthread_getschedparam(pthread_self(), &policy, &parameters)) return error;

@@ -1,4 +1,4 @@
-// Being on time: what a thread asks of the scheduler and of the memory.
+// Real-time scheduling and locked memory for threads.
 #pragma once
 
 #include <cstdint>
@@ -10,7 +10,7 @@ namespace palpate::inline v0 {
 
 /// SCHED_FIFO for the calling thread, unless a driver has given it a real-time class already. 0 or
 /// the error number. No allocation.
-int ask_for_real_time(int priority) noexcept;
+int request_real_time(int priority) noexcept;
 
 /// Keeps all memory of the program that exists now from being paged out. 0 or the error number.
 int lock_memory() noexcept;

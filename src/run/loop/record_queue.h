@@ -1,4 +1,4 @@
-// All values from one thread to another, as long as there is room.
+// A bounded queue that hands all values from one thread to another.
 #pragma once
 
 #include <atomic>

@@ -9,7 +9,7 @@
 
 #include "src/core/monotonic_clock.h"
 #include "src/core/thread_rank.h"
-#include "src/field/internal/asked_window.h"
+#include "src/field/internal/needed_window.h"
 #include "src/run/internal/pipeline.h"
 
 namespace palpate::inline v0 {
@@ -54,11 +54,11 @@ WindowOptions window_of(const RunSettings& settings) {
 }  // namespace
 
 ToolBall ball_of(const Tool& tool) {
-  constexpr double kFelt = 1.5;  // a ball is felt so much larger at most, in parts inside of that
+  constexpr double kMaxBallGrowth = 1.5;  // largest growth of a ball that is split into parts
   ToolBall ball{tool.sphere_mass().centre_of_mass, 0};
   for (const Sphere& sphere : tool.spheres()) {
     const double away = norm(to_double(sphere.centre) - ball.p_TC);
-    ball.reach = std::max(ball.reach, away + kFelt * static_cast<double>(sphere.radius));
+    ball.reach = std::max(ball.reach, away + kMaxBallGrowth * static_cast<double>(sphere.radius));
   }
   return ball;
 }
@@ -79,7 +79,7 @@ SurfaceStage::SurfaceStage(const DepthSources& sources, std::vector<SurfaceTimel
       window_(window_of(settings)),
       tool_(tool),
       seen_(keeps_frames ? kNumFramesToPublish * sources.size() : 0,
-            SeenFrame{blank_frame(largest_of(sources))}) {
+            PublishedFrame{blank_frame(largest_of(sources))}) {
   for (std::size_t k = 0; k < sources.size(); ++k) {
     cameras_.push_back(std::make_unique<Camera>(sources[k], std::move(timelines[k])));
   }
@@ -124,7 +124,7 @@ Status SurfaceStage::wait_for_first(const Camera& camera) {
 void SurfaceStage::stop() noexcept {
   stop_.stop();
   for (const auto& camera : cameras_) camera->source.cancel();
-  bell_.ring();
+  event_.ring();
   for (const auto& camera : cameras_) {
     if (camera->thread.joinable()) camera->thread.join();
   }
@@ -183,7 +183,7 @@ void SurfaceStage::read_frames(Camera& camera) {
     camera.frames.draft() = newest;
     camera.num_read.fetch_add(1, std::memory_order_release);
     camera.frames.publish();
-    bell_.ring();
+    event_.ring();
   }
   // The last frame has its share of time.
   stop_.sleep_for(camera.num_read.load() > 0 ? camera.period : 0);
@@ -205,7 +205,7 @@ bool SurfaceStage::may_read(Camera& camera) {
 /// The next camera in turn with a new frame, once its surface has a place; null at the end.
 SurfaceStage::Camera* SurfaceStage::next_camera(std::size_t& last) {
   for (;;) {
-    const std::uint32_t heard = bell_.count();
+    const std::uint32_t count = event_.count();
     if (stop_.is_stopping()) return nullptr;
     for (std::size_t i = 0; i < cameras_.size(); ++i) {
       const std::size_t k = (last + 1 + i) % cameras_.size();
@@ -216,7 +216,7 @@ SurfaceStage::Camera* SurfaceStage::next_camera(std::size_t& last) {
       last = k;
       return &camera;
     }
-    bell_.wait(heard);
+    event_.wait(count);
   }
 }
 
@@ -235,7 +235,7 @@ PixelWindow SurfaceStage::next_window(Camera& camera, const Pose& X_WC, double t
   if (!window_.enabled) return {};
   const double way = speed * kMostPeriods * std::max(camera.period, camera.timeline.period());
   const DepthStreamInfo& stream = camera.timeline.stream();
-  return asked_window(stream.intrinsics, stream.width, stream.height, p_CQ, tool_.reach + way);
+  return needed_window(stream.intrinsics, stream.width, stream.height, p_CQ, tool_.reach + way);
 }
 
 void SurfaceStage::make_surfaces() {
@@ -260,9 +260,9 @@ void SurfaceStage::make_surface(Camera& camera, std::uint32_t index) {
   // It may pass: another timeline comes by a change.
   backend_failed_.store(!timeline.status(), std::memory_order_release);
   if (!timeline.status()) return;
-  const SurfaceBlend moment = timeline.at(newest.capture_time);
+  const SurfaceBlend blend = timeline.at(newest.capture_time);
   LiveSurfaces& made = camera.surfaces.draft();
-  made.moment = moment;
+  made.blend = blend;
   made.key_frames = timeline.key_frames();
   made.ready_time = end;
   made.capture_time = newest.capture_time;
@@ -271,7 +271,7 @@ void SurfaceStage::make_surface(Camera& camera, std::uint32_t index) {
   made.camera_frame = camera_frame;
   made.revision = revision;
   camera.surfaces.publish();
-  if (SeenFrame* seen = keeps_frames_ ? seen_.draft() : nullptr) {
+  if (PublishedFrame* seen = keeps_frames_ ? seen_.draft() : nullptr) {
     seen->frame = newest.frame;
     FrameRecord& record = seen->record = {};
     record.number = number;
@@ -283,7 +283,7 @@ void SurfaceStage::make_surface(Camera& camera, std::uint32_t index) {
     record.unit = newest.frame.unit;
     record.X_WC = newest.frame.X_WC;
     record.surface = stats;
-    record.asked = moment.to.field.asked;
+    record.asked = blend.to.field.asked;
     record.compute_nanoseconds = static_cast<std::int64_t>(1e9 * (end - begin));
     record.period = timeline.period();
     seen_.push();
@@ -319,7 +319,7 @@ bool SurfaceStage::take(std::size_t camera) noexcept {
   Camera& from = *cameras_[camera];
   if (!from.surfaces.refresh()) return false;
   from.num_taken.store(from.surfaces.value().camera_frame + 1, std::memory_order_release);
-  bell_.ring();
+  event_.ring();
   return true;
 }
 

@@ -42,17 +42,17 @@ class KeyFrameViews {
 
 /// What the contact thread looks at of a camera until it takes the next ones.
 struct LiveSurfaces {
-  SurfaceBlend moment;  ///< progress 1: there is nothing to blend
+  SurfaceBlend blend;  ///< progress 1: there is nothing to blend
   KeyFrameViews key_frames;
   double ready_time = 0, capture_time = 0;  ///< s, monotonic
   double period = 1;                        ///< s, expected until the next ones
-  std::uint64_t frame_number = 0;           ///< FrameRecord::number of `moment.to`
+  std::uint64_t frame_number = 0;           ///< FrameRecord::number of `blend.to`
   std::uint64_t camera_frame = 0;           ///< likewise; `from` is the one before
   std::uint32_t revision = 0;               ///< of the settings it was made with
 };
 
 /// A frame that has become a surface, for observers.
-struct SeenFrame {
+struct PublishedFrame {
   DepthFrame frame;
   FrameRecord record = {};
 };
@@ -111,7 +111,7 @@ class SurfaceStage {
   void hold(bool is_held) noexcept { is_held_.store(is_held); }
   void step() noexcept { num_steps_.fetch_add(1); }
 
-  void ask_for_picture() noexcept { wants_picture_.store(true); }
+  void request_picture() noexcept { wants_picture_.store(true); }
   /// The newest one, if it is new; one reader.
   const SurfacePicture* new_picture() noexcept {
     return pictures_.refresh() ? &pictures_.value() : nullptr;
@@ -135,7 +135,7 @@ class SurfaceStage {
   /// Frames that a source gave too late.
   std::uint64_t num_late() const noexcept;
   /// Publishing thread; empty unless frames are kept.
-  RecordQueue<SeenFrame>& seen() noexcept { return seen_; }
+  RecordQueue<PublishedFrame>& seen() noexcept { return seen_; }
   std::uint64_t num_lost() const noexcept { return seen_.num_lost(); }
 
  private:
@@ -182,12 +182,12 @@ class SurfaceStage {
   const WindowOptions window_;
   const ToolBall tool_;
 
-  TripleBuffer<Pose> tools_;     // haptic thread to surface thread
-  bool has_tool_ = false;        // of the surface thread
-  RecordQueue<SeenFrame> seen_;  // surface thread to publishing thread
+  TripleBuffer<Pose> tools_;          // haptic thread to surface thread
+  bool has_tool_ = false;             // of the surface thread
+  RecordQueue<PublishedFrame> seen_;  // surface thread to publishing thread
   TripleBuffer<SurfacePicture> pictures_;
   Mailbox<SurfaceChange> changes_;
-  Event bell_;  // for the surface thread
+  Event event_;  // for the surface thread
   StopSignal stop_;
   std::atomic<std::uint64_t> num_made_ = 0;  // of all cameras
   std::atomic<std::uint32_t> revision_ = 0, num_steps_ = 0;

@@ -1,4 +1,4 @@
-// Is it still the same?
+// Checksums of files, to detect changes.
 #pragma once
 
 #include <string>

@@ -1,4 +1,4 @@
-// What is worth knowing about a packed tool: the numbers, and the page that shows them to people.
+// Quality of a packed tool: the numbers, and the page that shows them.
 #pragma once
 
 #include <optional>
@@ -29,7 +29,7 @@ inline constexpr double kApollonianExponent = 0.2126;
 /// twice `first` values, or one of those fitted is not positive.
 std::optional<PowerLaw> fit_power_law(std::span<const double> void_fractions, int first = 100);
 
-/// How far the surface of the solid is from the nearest sphere: how late a contact is felt.
+/// Distance of the surface of the solid from the nearest sphere: the delay of a contact.
 struct Standoff {
   std::vector<double> samples;  ///< m, ascending
   double mean = 0, p95 = 0;     ///< m, of the samples
@@ -40,7 +40,7 @@ struct Standoff {
 /// corners. O(num_samples log num_spheres).
 Standoff standoff(const Tool& tool, int num_samples = kStandoffSamples);
 
-/// Tells people where a part of the tool has no sphere near it although the rest has: where `max`
+/// Warns where a part of the tool has no sphere near it although the rest has: where `max`
 /// is beyond standoff_bound, of the rest if that part is large. Nothing if there is no such part.
 std::optional<std::string> empty_part(const Tool& tool, const Standoff& standoff);
 
@@ -56,7 +56,7 @@ struct PackingStatistics {
 };
 PackingStatistics packing_statistics(const Tool& tool);
 
-/// What a page tells beside the tool itself; empty parts are left out.
+/// What a page shows beside the tool itself; empty parts are left out.
 struct PackingNotes {
   std::string stopped;                                       ///< why there are no more spheres
   std::vector<std::pair<std::string, std::string>> options;  ///< name and value, for humans

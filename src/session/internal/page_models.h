@@ -1,4 +1,4 @@
-// What pages draw in three dimensions: a tool cut open, and a tool in a depth image.
+// 3-D models for pages: a tool cut open, and a tool in a depth image.
 #pragma once
 
 #include <nlohmann/json.hpp>

@@ -40,12 +40,12 @@ inline Pose batch_pose(Random& random) {
 }
 
 /// Poses with the numbers of their surfaces.
-struct AskedPoses {
+struct PoseArgument {
   std::vector<Pose> X_WT;
   std::vector<std::int32_t> surface;
 
-  AskedPoses() = default;
-  AskedPoses(int num, int num_surfaces, std::uint64_t seed) {
+  PoseArgument() = default;
+  PoseArgument(int num, int num_surfaces, std::uint64_t seed) {
     Random random(seed);
     for (int i = 0; i < num; ++i) {
       X_WT.push_back(batch_pose(random));

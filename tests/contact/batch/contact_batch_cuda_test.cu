@@ -16,14 +16,14 @@ namespace palpate {
 namespace {
 
 using test::Answers;
-using test::AskedPoses;
+using test::PoseArgument;
 using test::Random;
 
 FieldBatchCuda batches_of(const Tool& tool, SphereVolumes volumes = {}, int num_warps = 0) {
   return FieldBatchCuda(ToolIndex::create(tool), FieldMethod{volumes}, 0, num_warps);
 }
 Answers answered_by(const BatchQuery& batches, const SurfaceBatch& surfaces,
-                    const AskedPoses& poses, bool with_stiffness = true) {
+                    const PoseArgument& poses, bool with_stiffness = true) {
   Answers got(poses.X_WT.size());
   const Status status = batches.measure(surfaces, poses.batch(),
                                         with_stiffness ? got.all() : got.without_stiffness(), {});
@@ -39,7 +39,7 @@ struct OnGpu {
   PoseBatch poses;
   BatchAnswers answers;
 
-  explicit OnGpu(const AskedPoses& asked) : num(asked.X_WT.size()) {
+  explicit OnGpu(const PoseArgument& asked) : num(asked.X_WT.size()) {
     poses.X_WT = {memory.copy_of(asked.X_WT), num};
     poses.surface_of_pose = {memory.copy_of(asked.surface), num};
     poses.gpu = 0;
@@ -96,7 +96,7 @@ TEST(ContactBatchCuda, EqualsTheCpu) {
   for (const int num_spheres : {1, 33, 100, 3000}) {
     const Tool tool = test::random_tool(num_spheres, 0.05, 3);
     const std::size_t num = num_spheres > 1000 ? 30 : 80;
-    AskedPoses poses(static_cast<int>(num), static_cast<int>(surfaces.size()), 4);
+    PoseArgument poses(static_cast<int>(num), static_cast<int>(surfaces.size()), 4);
     poses.X_WT[3].translation.x = NAN;
     poses.X_WT[4].rotation.y = INFINITY;
     poses.X_WT[5].translation.z = 1e300;
@@ -132,7 +132,7 @@ TEST(ContactBatchCuda, IsTheDefinition) {
   const auto scenes = test::batch_scenes();
   const std::vector<SurfaceView> surfaces = test::surfaces_of(scenes);
   const Tool tool = test::random_tool(200, 0.05, 5);
-  const AskedPoses poses(60, static_cast<int>(surfaces.size()), 6);
+  const PoseArgument poses(60, static_cast<int>(surfaces.size()), 6);
   const Answers got =
       answered_by(batches_of(tool, SphereVolumes::represented), surfaces, poses, false);
   const double scale = full_volume(tool, SphereVolumes::represented);
@@ -154,10 +154,10 @@ TEST(ContactBatchCuda, APoseIsAnsweredTheSameInAnyBatchAndPlace) {
   for (const int num_spheres : {60, 1200}) {
     const Tool tool = test::random_tool(num_spheres, 0.05, 7);
     const std::size_t num = num_spheres > 1000 ? 12 : 40;
-    const AskedPoses poses(static_cast<int>(num), static_cast<int>(surfaces.size()), 8);
+    const PoseArgument poses(static_cast<int>(num), static_cast<int>(surfaces.size()), 8);
     const FieldBatchCuda batches = batches_of(tool);
     const Answers want = answered_by(batches, surfaces, poses);
-    AskedPoses reversed = poses;
+    PoseArgument reversed = poses;
     std::reverse(reversed.X_WT.begin(), reversed.X_WT.end());
     std::reverse(reversed.surface.begin(), reversed.surface.end());
     reversed.X_WT.resize(num / 2);
@@ -180,7 +180,7 @@ TEST(ContactBatchCuda, CamerasInTheWorldAsOnTheCpu) {
   const auto scenes = test::batch_scenes();
   const std::vector<SurfaceView> surfaces = test::surfaces_of(scenes);
   const Tool tool = test::random_tool(100, 0.05, 10);
-  AskedPoses poses(60, static_cast<int>(surfaces.size()), 11);
+  PoseArgument poses(60, static_cast<int>(surfaces.size()), 11);
   Random random(12);
   std::vector<Pose> X_WC;
   for (std::size_t k = 0; k < surfaces.size(); ++k) {
@@ -206,7 +206,7 @@ TEST(ContactBatchCuda, ABlockMayHaveAnyNumberOfWarps) {
   const auto scenes = test::batch_scenes();
   const std::vector<SurfaceView> surfaces = test::surfaces_of(scenes);
   const Tool tool = test::random_tool(1300, 0.05, 13);
-  const AskedPoses poses(10, static_cast<int>(surfaces.size()), 14);
+  const PoseArgument poses(10, static_cast<int>(surfaces.size()), 14);
   const Answers want = answered_by(FieldBatch(ToolIndex::create(tool), {}, {}), surfaces, poses);
   for (const int num_warps : {1, 3, 8, 20}) {
     const Answers got =
@@ -229,7 +229,7 @@ TEST(ContactBatchCuda, CanBeRecordedAndReadsWhatIsThereThen) {
   }
   const Tool tool = test::random_tool(60, 0.05, 15);
   const FieldBatchCuda batches = batches_of(tool);
-  const AskedPoses first(20, 4, 16), second(20, 4, 17);
+  const PoseArgument first(20, 4, 16), second(20, 4, 17);
   const Answers want = answered_by(batches, surfaces, second);
   OnGpu there(first);
   const CallerStream stream{caller.handle()};
@@ -303,7 +303,7 @@ TEST(ContactBatchCuda, SurfacesAtEqualDistancesAreThoseOfATable) {
   first.gpu = 0;
   const Tool tool = test::random_tool(60, 0.05, 18);
   const FieldBatchCuda batches = batches_of(tool);
-  const AskedPoses poses(30, 2, 19);
+  const PoseArgument poses(30, 2, 19);
   const std::vector<SurfaceView> apart{{{}, scenes[0].field.view()}, {{}, scenes[1].field.view()}};
   const Answers want = answered_by(batches, apart, poses);
   const Answers got = answered_by(batches, SurfaceBatch(first, 2, num, num_tiles), poses);
@@ -315,7 +315,7 @@ TEST(ContactBatchCuda, PosesInHostMemoryComeSomeAtATime) {
   PALPATE_GPU_OR_SKIP();
   const auto scenes = test::batch_scenes();
   const Tool tool = test::random_tool(40, 0.05, 24);
-  const AskedPoses poses(23, 4, 25);
+  const PoseArgument poses(23, 4, 25);
   // Each its own, or numbered.
   std::vector<SurfaceView> surfaces;
   for (const std::int32_t number : poses.surface) {
@@ -340,11 +340,11 @@ TEST(ContactBatchCuda, LooksAgainAtSurfacesThatChanged) {
   const Tool tool = test::random_tool(60, 0.05, 20);
   const FieldBatchCuda batches = batches_of(tool);
   ASSERT_TRUE(batches.reserve(4, 10));
-  const AskedPoses poses(25, 4, 21);
+  const PoseArgument poses(25, 4, 21);
   const Answers before = answered_by(batches, surfaces, poses);
   std::swap(surfaces[0], surfaces[1]);
   const Answers swapped = answered_by(batches, surfaces, poses);
-  AskedPoses renamed = poses;
+  PoseArgument renamed = poses;
   for (std::int32_t& number : renamed.surface) number = number < 2 ? 1 - number : number;
   const Answers back = answered_by(batches, surfaces, renamed);
   bool is_any_other = false;
@@ -361,7 +361,7 @@ TEST(ContactBatchCuda, WhatDoesNotFitIsRefused) {
   std::vector<SurfaceView> surfaces = test::surfaces_of(scenes);
   const Tool tool = test::random_tool(20, 0.05, 22);
   const FieldBatchCuda batches = batches_of(tool);
-  const AskedPoses poses(7, 4, 23);
+  const PoseArgument poses(7, 4, 23);
   Answers got(7);
   const auto expect_refused = [&](const SurfaceBatch& asked, const PoseBatch& batch,
                                   const BatchAnswers& answers, const char* words) {

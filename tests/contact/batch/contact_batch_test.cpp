@@ -17,7 +17,7 @@ namespace palpate {
 namespace {
 
 using test::Answers;
-using test::AskedPoses;
+using test::PoseArgument;
 using test::Random;
 
 std::unique_ptr<BatchQuery> batches_of(const Tool& tool, SphereVolumes volumes = {},
@@ -42,7 +42,7 @@ TEST(ContactBatch, IsManyMeasurementsToTheBit) {
   const std::vector<SurfaceView> surfaces = test::surfaces_of(scenes);
   for (const int num_spheres : {1, 33, 100, 1500}) {
     const Tool tool = test::random_tool(num_spheres, 0.05, 3);
-    const AskedPoses poses(150, static_cast<int>(surfaces.size()), 4);
+    const PoseArgument poses(150, static_cast<int>(surfaces.size()), 4);
     for (const SphereVolumes volumes : {SphereVolumes::own, SphereVolumes::represented}) {
       for (const Isa isa : {Isa::baseline, best_isa()}) {
         Answers got(150);
@@ -93,7 +93,7 @@ TEST(ContactBatch, IsTheDefinition) {
   const auto scenes = test::batch_scenes();
   const std::vector<SurfaceView> surfaces = test::surfaces_of(scenes);
   const Tool tool = test::random_tool(200, 0.05, 5);
-  const AskedPoses poses(100, static_cast<int>(surfaces.size()), 6);
+  const PoseArgument poses(100, static_cast<int>(surfaces.size()), 6);
   Answers got(100);
   ASSERT_TRUE(batches_of(tool, SphereVolumes::represented)
                   ->measure(surfaces, poses.batch(), got.without_stiffness()));
@@ -115,7 +115,7 @@ TEST(ContactBatch, APoseIsAnsweredTheSameInAnyBatch) {
   const std::vector<SurfaceView> surfaces = test::surfaces_of(scenes);
   const Tool tool = test::random_tool(100, 0.05, 7);
   constexpr std::size_t kNum = 500;
-  const AskedPoses poses(kNum, static_cast<int>(surfaces.size()), 8);
+  const PoseArgument poses(kNum, static_cast<int>(surfaces.size()), 8);
   Answers want(kNum);
   ASSERT_TRUE(batches_of(tool)->measure(surfaces, poses.batch(), want.all()));
   std::vector<std::size_t> order(kNum);
@@ -126,7 +126,7 @@ TEST(ContactBatch, APoseIsAnsweredTheSameInAnyBatch) {
     ThreadPool pool(num_threads);
     const auto batches = batches_of(tool, {}, &pool);
     for (const std::size_t size : {std::size_t{1}, std::size_t{63}, std::size_t{65}, kNum}) {
-      AskedPoses some;
+      PoseArgument some;
       for (std::size_t i = 0; i < size; ++i) {
         some.X_WT.push_back(poses.X_WT[order[i]]);
         some.surface.push_back(poses.surface[order[i]]);
@@ -142,7 +142,7 @@ TEST(ContactBatch, WithCamerasInTheWorldItIsTheSameInTheirFrames) {
   const auto scenes = test::batch_scenes();
   const std::vector<SurfaceView> surfaces = test::surfaces_of(scenes);
   const Tool tool = test::random_tool(100, 0.05, 10);
-  AskedPoses poses(200, static_cast<int>(surfaces.size()), 11);
+  PoseArgument poses(200, static_cast<int>(surfaces.size()), 11);
   Answers in_camera(200), in_world(200);
   const auto batches = batches_of(tool);
   ASSERT_TRUE(batches->measure(surfaces, poses.batch(), in_camera.all()));
@@ -206,7 +206,7 @@ TEST(ContactBatch, WhatCannotBeMeasuredIsZeroAndSaysWhy) {
                {inside, -1, StepStatus::no_surface},
                {inside, 0, StepStatus::outside_window},
                {inside, 2, StepStatus::ok}};
-  AskedPoses poses;
+  PoseArgument poses;
   for (const auto& c : cases) {
     poses.X_WT.push_back(c.pose);
     poses.surface.push_back(c.surface);
@@ -258,7 +258,7 @@ TEST(ContactBatch, WhatDoesNotFitIsRefusedInOneSentence) {
   const std::vector<SurfaceView> surfaces = test::surfaces_of(scenes);
   const Tool tool = test::random_tool(20, 0.05, 15);
   const Contact contact = std::move(Contact::create(tool)).value();
-  const AskedPoses poses(7, 4, 16);
+  const PoseArgument poses(7, 4, 16);
   Answers got(7);
   const auto expect_refused = [&](const SurfaceBatch& asked, const PoseBatch& batch,
                                   const BatchAnswers& answers, const char* words) {
@@ -297,7 +297,7 @@ TEST(ContactBatch, OnlyTheFirstOneAllocates) {
   const Tool tool = test::random_tool(100, 0.05, 17);
   const Contact contact = std::move(Contact::create(tool)).value();
   ASSERT_TRUE(contact.reserve_batch(4));
-  const AskedPoses poses(300, 4, 18);
+  const PoseArgument poses(300, 4, 18);
   Answers got(300);
   const test::AllocationCounter counter;
   for (int i = 0; i < 3; ++i) {

@@ -75,7 +75,7 @@ TEST(SolidContactCuda, EqualsTheCpuOnRandomPoses) {
   const Tool box = packed(make_box({0.09, 0.07, 0.05}), 500);
   const Tool block = packed(make_box({0.4, 0.4, 0.4}), 200);
   test::Random random(3);
-  int num_felt = 0;
+  int num_with_force = 0;
   for (const auto& [a, b] :
        {std::pair{&torus, &box}, std::pair{&box, &block}, std::pair{&block, &torus}}) {
     Pair pair(*a, *b);
@@ -85,11 +85,11 @@ TEST(SolidContactCuda, EqualsTheCpuOnRandomPoses) {
       for (const bool wants_stiffness : {false, true}) {
         const BodyPenetration want = pair.cpu.measure(X_WA, X_WB, wants_stiffness);
         expect_near(pair.gpu->measure(X_WA, X_WB, wants_stiffness), want, 0.1);
-        num_felt += want.on_a.volume > 0;
+        num_with_force += want.on_a.volume > 0;
       }
     }
   }
-  EXPECT_GT(num_felt, 30);
+  EXPECT_GT(num_with_force, 30);
 }
 
 TEST(SolidContactCuda, NonFiniteAndFarPoses) {

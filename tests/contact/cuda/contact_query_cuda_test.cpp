@@ -211,8 +211,8 @@ TEST(ContactQueryCuda, EqualsTheCpuBetweenTwoFrames) {
   moment.progress = 0.3;
   eval::MethodQueries cuda = std::move(*make_cuda_query(comparison.tool)),
                       cpu = std::move(*make_cpu_query(comparison.tool));
-  cuda.set_moment(moment);
-  cpu.set_moment(moment);
+  cuda.set_blend(moment);
+  cpu.set_blend(moment);
   for (const MethodKind method : {MethodKind::field, MethodKind::simplified}) {
     for (const Pose& X_WT : comparison.poses) {
       const Penetration got = cuda.query(X_WT, {.method = method});

@@ -35,7 +35,7 @@ __global__ void tell(const MeasureOutput out) {
   finish_measure(out, terms_of(gpu::grid_thread()), gpu::shared_memory<FinishScratch>());
 }
 
-__global__ void tell_with_stiffness(const MeasureOutput out) {
+__global__ void answer_with_stiffness(const MeasureOutput out) {
   float stiffness[StiffnessSums::kNum];
   for (int k = 0; k < StiffnessSums::kNum; ++k) {
     stiffness[k] = static_cast<float>((k + 1) * (gpu::grid_thread() + 1));
@@ -44,7 +44,7 @@ __global__ void tell_with_stiffness(const MeasureOutput out) {
                  gpu::shared_memory<FinishStiffnessScratch>());
 }
 
-__global__ void tell_nothing(int*) {}
+__global__ void answer_nothing(int*) {}
 
 void ask(AnswerBox& box, gpu::Stream& stream, int threads) {
   gpu::launch(
@@ -103,7 +103,7 @@ TEST(QueryAnswer, HasTheSumsOfAStiffnessToo) {
         gpu::launch(
             stream,
             {.blocks = blocks, .threads = threads, .shared_bytes = sizeof(FinishStiffnessScratch)},
-            tell_with_stiffness, box.next());
+            answer_with_stiffness, box.next());
         ASSERT_TRUE(box.await(stream)) << stream.status().error().message;
         const StiffnessSums got = box.stiffness();
         for (int k = 0; k < StiffnessSums::kNum; ++k) {
@@ -145,7 +145,7 @@ TEST(QueryAnswer, ThatNeverComesIsAnError) {
   ask(box, stream, 64);
   ASSERT_TRUE(box.await(stream));
   box.next();
-  gpu::launch(stream, {.blocks = 1, .threads = 32}, tell_nothing, nullptr);
+  gpu::launch(stream, {.blocks = 1, .threads = 32}, answer_nothing, nullptr);
   EXPECT_FALSE(box.await(stream));
   ASSERT_FALSE(stream.status());
   EXPECT_EQ(stream.status().error().code, Errc::unavailable);

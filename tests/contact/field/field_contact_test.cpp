@@ -463,7 +463,7 @@ TEST(FieldContact, StatesAndPlanesDescribeTheLastQuery) {
     const Penetration got = query->query(X_WT, options);
     int num_inside = 0, num_boundary = 0;
     for (std::size_t id = 0; id < tool.spheres().size(); ++id) {
-      const Sphere ball = felt_ball(tool, id, options.counted());
+      const Sphere ball = field_ball(tool, id, options.counted());
       const double distance = 0.6 - (X_WT * to_double(ball.centre)).z;
       const double r = ball.radius;
       const SphereState state = query->states()[id];
@@ -491,10 +491,10 @@ TEST(FieldElements, AreAsLargeAsWhatTheyStandFor) {
   const Tool tool = test::random_tool(400, 0.05, 24);
   int num_grown = 0;
   for (std::size_t id = 0; id < tool.spheres().size(); ++id) {
-    const Sphere sphere = tool.spheres()[id], own = felt_ball(tool, id, SphereVolumes::own);
+    const Sphere sphere = tool.spheres()[id], own = field_ball(tool, id, SphereVolumes::own);
     EXPECT_EQ(own.centre, sphere.centre);
     EXPECT_EQ(own.radius, sphere.radius);
-    const Sphere ball = felt_ball(tool, id, SphereVolumes::represented);
+    const Sphere ball = field_ball(tool, id, SphereVolumes::represented);
     const double volume = tool.represented_volumes()[id], r = ball.radius;
     EXPECT_EQ(ball.centre, sphere.centre);
     EXPECT_LE(r, 1.50001 * static_cast<double>(sphere.radius));

@@ -12,7 +12,7 @@
 #include "palpate/io/formats.h"
 #include "src/contact/cuda/contact_query_cuda.h"
 #include "src/contact/index/field_elements.h"
-#include "src/field/internal/asked_window.h"
+#include "src/field/internal/needed_window.h"
 #include "tests/test_util/contact_scenes.h"
 #include "tests/test_util/data.h"
 #include "tests/test_util/gpu.h"
@@ -53,7 +53,7 @@ class BothWays {
   SurfaceBlend whole() const { return whole_.at(time_ + 0.01); }
   SurfaceBlend windowed() const { return windowed_.at(time_ + 0.01); }
   PixelWindow window_of(const Vec3d& p_C, double reach) const {
-    return asked_window(stream_.intrinsics, stream_.width, stream_.height, p_C, reach);
+    return needed_window(stream_.intrinsics, stream_.width, stream_.height, p_C, reach);
   }
 
  private:

@@ -51,7 +51,7 @@ TEST_F(DepthHullCuda, EqualsTheOneOfTheCpu) {
     const auto gpu = make_contact_query_cuda(index, FieldMethod{}, {}).value();
     std::vector<SphereState> cpu_states(300), gpu_states(300);
     std::vector<Plane<float>> cpu_planes(300), gpu_planes(300);
-    int num_felt = 0;
+    int num_with_force = 0;
     for (int i = 0; i < 20; ++i) {
       const Pose X_WT = random_pose(random);
       std::vector<SurfaceBlend> views = scene.views;
@@ -64,7 +64,7 @@ TEST_F(DepthHullCuda, EqualsTheOneOfTheCpu) {
       const ContactResult got =
           gpu->measure(views, X_WT, {.states = gpu_states, .planes = gpu_planes});
       const double scale = tool.mesh_mass().volume;
-      num_felt += want.penetration.volume > 0.01 * scale;
+      num_with_force += want.penetration.volume > 0.01 * scale;
       expect_near(got, want, scale);
       int num_other = 0;
       for (std::size_t s = 0; s < gpu_states.size(); ++s) {
@@ -92,7 +92,7 @@ TEST_F(DepthHullCuda, EqualsTheOneOfTheCpu) {
         }
       }
     }
-    EXPECT_GT(num_felt, 4);
+    EXPECT_GT(num_with_force, 4);
   }
 }
 
@@ -105,7 +105,7 @@ TEST_F(DepthHullCuda, RemembersAsTheCpu) {
     const auto cpu = make_contact_query(Backend::cpu, index, FieldMethod{}).value();
     const auto gpu = make_contact_query_cuda(index, FieldMethod{}, {}).value();
     std::vector<SphereState> cpu_states(300), gpu_states(300);
-    int num_felt = 0;
+    int num_with_force = 0;
     for (int i = 0; i < 20; ++i) {
       const Pose X_WT = i % 4 == 0 ? random_pose(random) : test::pose_in_front(scene, random);
       for (const bool stiffness : {false, true}) {
@@ -114,7 +114,7 @@ TEST_F(DepthHullCuda, RemembersAsTheCpu) {
         const ContactResult got =
             gpu->measure(scene.views, X_WT, {.stiffness = stiffness, .states = gpu_states});
         expect_near(got, want, tool.mesh_mass().volume);
-        num_felt += want.penetration.volume > 0.01 * tool.mesh_mass().volume;
+        num_with_force += want.penetration.volume > 0.01 * tool.mesh_mass().volume;
         int num_other = 0;
         for (std::size_t s = 0; s < gpu_states.size(); ++s) {
           num_other += gpu_states[s] != cpu_states[s];
@@ -122,7 +122,7 @@ TEST_F(DepthHullCuda, RemembersAsTheCpu) {
         EXPECT_LE(num_other, 4);
       }
     }
-    EXPECT_GT(num_felt, 8);
+    EXPECT_GT(num_with_force, 8);
   }
 }
 
@@ -189,7 +189,7 @@ TEST_F(DepthHullCuda, KeyFramesAreThoseOfTheCpu) {
   const Vec3d behind_ball{0, 0, 0.89};
   std::vector<std::int8_t> want_deciders(300), got_deciders(300);
   Random random(35);
-  int num_felt = 0, num_decided = 0, num_other = 0;
+  int num_with_force = 0, num_decided = 0, num_other = 0;
   for (const bool has_ball : {true, false}) {  // then it has gone
     for (const double x : {-0.35, -0.2, -0.1, 0.0, 0.1, 0.2, 0.35, 0.0}) {
       on_cpu.push(x, has_ball);
@@ -205,7 +205,7 @@ TEST_F(DepthHullCuda, KeyFramesAreThoseOfTheCpu) {
         const ContactResult want = cpu->measure(want_views, X_WT, {.deciders = want_deciders});
         const ContactResult got = gpu->measure(got_views, X_WT, {.deciders = got_deciders});
         expect_near(got, want, whole);
-        num_felt += want.penetration.volume > 0.01 * whole;
+        num_with_force += want.penetration.volume > 0.01 * whole;
         for (std::size_t s = 0; s < want_deciders.size(); ++s) {
           num_decided += want_deciders[s] > 0;
           num_other += got_deciders[s] != want_deciders[s];
@@ -219,7 +219,7 @@ TEST_F(DepthHullCuda, KeyFramesAreThoseOfTheCpu) {
     const auto without = std::span(views).first(1);
     EXPECT_GT(gpu->measure(without, {behind_ball, {}}).penetration.volume, 0.9 * whole);
   }
-  EXPECT_GT(num_felt, 15);
+  EXPECT_GT(num_with_force, 15);
   EXPECT_GT(num_decided, 200);  // by what is remembered
   EXPECT_LT(num_other, num_decided / 20);
 }

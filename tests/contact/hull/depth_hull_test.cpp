@@ -60,7 +60,7 @@ TEST(DepthHull, EqualsItsDefinition) {
          {DepthFieldOptions{}, DepthFieldOptions{.unknown = UnknownSpace::solid},
           DepthFieldOptions{.unseen = UnseenSpace::fade, .thickness = 0.03}}) {
       const HullScene scene = test::rough_scene(num_cameras, field, random);
-      int num_felt = 0;
+      int num_with_force = 0;
       for (const int num_spheres : {1, 33, 400}) {
         const Tool tool = test::random_tool(num_spheres, 0.06, 3);
         for (int i = 0; i < 25; ++i) {
@@ -68,7 +68,7 @@ TEST(DepthHull, EqualsItsDefinition) {
           for (const SphereVolumes volumes : {SphereVolumes::own, SphereVolumes::represented}) {
             const Penetration want = test::hull_truth(tool, scene.views, X_WT, volumes);
             const double scale = full_volume(tool, volumes);
-            num_felt += want.volume > 0.01 * scale && want.volume < 0.99 * scale;
+            num_with_force += want.volume > 0.01 * scale && want.volume < 0.99 * scale;
             for (const Isa isa : isas()) {
               const Penetration got =
                   make_query(tool, volumes, isa)->measure(scene.views, X_WT).penetration;
@@ -85,7 +85,7 @@ TEST(DepthHull, EqualsItsDefinition) {
           }
         }
       }
-      EXPECT_GT(num_felt, 10);
+      EXPECT_GT(num_with_force, 10);
     }
   }
 }
@@ -125,7 +125,7 @@ TEST(DepthHull, StiffnessIsMinusTheDerivativeOfTheWrench) {
   const Tool tool = test::random_tool(300, 0.06, 5);
   const auto query = make_query(tool, SphereVolumes::own);
   const Vec3d C_T = tool.sphere_mass().centre_of_mass;
-  int num_felt = 0;
+  int num_with_force = 0;
   std::vector<double> errors;
   for (int i = 0; i < 30; ++i) {
     const Pose X_WT{random.in_box(0.08) + Vec3d{0, 0, 0.8}, random.rotation(3.0)};
@@ -133,7 +133,7 @@ TEST(DepthHull, StiffnessIsMinusTheDerivativeOfTheWrench) {
     ASSERT_TRUE(at.stiffness);
     expect_same_bits(query->measure(scene.views, X_WT), {at.penetration, {}, {}});
     if (at.penetration.volume < 0.05 * tool.sphere_mass().volume) continue;
-    ++num_felt;
+    ++num_with_force;
     const auto wrench = [&](const Vec3d& shift, const Vec3d& turn) {
       const Quaternion q{turn.x / 2, turn.y / 2, turn.z / 2, 1};
       Pose moved{{}, normalized(q) * X_WT.rotation};
@@ -163,7 +163,7 @@ TEST(DepthHull, StiffnessIsMinusTheDerivativeOfTheWrench) {
   std::sort(errors.begin(), errors.end());
   EXPECT_LT(errors[errors.size() / 2], 0.005);
   EXPECT_LT(errors[errors.size() * 95 / 100], 0.05);
-  EXPECT_GT(num_felt, 10);
+  EXPECT_GT(num_with_force, 10);
 }
 
 TEST(DepthHull, GivesTheSameBitsWithAnyThreadsAndInstructionSet) {
@@ -232,7 +232,7 @@ TEST(DepthHull, OneCameraThatHasMovedIsMeasuredFromBothPlaces) {
   SurfaceView from = scene.views[0].to, to = scene.views[1].to;
   from.seen_free = to.seen_free = {};
   const ContactWants wants{.stiffness = true};
-  int num_felt = 0;
+  int num_with_force = 0;
   for (int i = 0; i < 20; ++i) {
     const Pose X_WT = random_pose(random);
     const double t = random.uniform(0, 1);
@@ -244,9 +244,9 @@ TEST(DepthHull, OneCameraThatHasMovedIsMeasuredFromBothPlaces) {
               between(a.penetration.measure_W.force.x, b.penetration.measure_W.force.x));
     EXPECT_EQ(got.stiffness->m[2][4], between(a.stiffness->m[2][4], b.stiffness->m[2][4]));
     expect_same_bits(query->measure(from, to, 1, X_WT, wants), b);
-    num_felt += a.penetration.volume > 0 && b.penetration.volume > 0;
+    num_with_force += a.penetration.volume > 0 && b.penetration.volume > 0;
   }
-  EXPECT_GT(num_felt, 5);
+  EXPECT_GT(num_with_force, 5);
 }
 
 TEST(DepthHull, WhoSeesNothingAbstains) {
@@ -362,14 +362,14 @@ TEST(DepthHull, CamerasThatLookElsewhereChangeNothing) {
     const Tool tool = test::random_tool(300, 0.05, 3);
     const double scale = tool.sphere_mass().volume;
     const auto query = make_query(tool, SphereVolumes::own);
-    int num_felt = 0;
+    int num_with_force = 0;
     for (int i = 0; i < 40; ++i) {
       const Pose X_WT{
           {random.uniform(-0.15, 0.15), random.uniform(-0.1, 0.1), random.uniform(0.9, 1.3)},
           random.rotation(3.0)};
       const ContactWants wants{.stiffness = i % 2 == 0};
       const ContactResult without = query->measure(scene.views, X_WT, wants);
-      num_felt += without.penetration.volume > 0.01 * scale;
+      num_with_force += without.penetration.volume > 0.01 * scale;
       const ContactResult got = query->measure(all, X_WT, wants);
       // A surface that goes on beyond the image is one more opinion.
       if (unknown == UnknownSpace::free) expect_same_bits(got, without);
@@ -379,7 +379,7 @@ TEST(DepthHull, CamerasThatLookElsewhereChangeNothing) {
       EXPECT_NEAR(norm(last.measure_W.force - want.measure_W.force), 0, 2e-4 * scale);
       EXPECT_NEAR(last.unseen_volume, want.unseen_volume, 0.02 * scale);
     }
-    EXPECT_GT(num_felt, 5);
+    EXPECT_GT(num_with_force, 5);
   }
 }
 

@@ -59,7 +59,7 @@ class MovingCamera {
     for (int i = 0; i <= 14; ++i) push(eye(-0.35 + 0.05 * i), ball);
   }
   /// Until all that it looked at is out of sight.
-  void turn_away(const std::optional<Vec3d>& ball) {
+  void rotate_camera(const std::optional<Vec3d>& ball) {
     for (int i = 1; i <= 8; ++i) {
       push(test::look_at({0.35, 0, 0}, {0.35 + 0.25 * i, 0, 1}), ball);
     }
@@ -136,7 +136,7 @@ TEST(KeyFrames, WhatIsBehindABallIsKnownFromWhereTheCameraWas) {
 TEST(KeyFrames, WhatIsOutOfSightStaysFelt) {
   MovingCamera camera;
   camera.pass(kBall);
-  camera.turn_away(kBall);
+  camera.rotate_camera(kBall);
   EXPECT_EQ(camera.felt_without({0, 0, 0.99}), 0);
   for (const Vec3d& p :
        {Vec3d{0, 0, 0.99}, {-0.1, 0, 0.985}, {0, 0, 0.62}, {0.02, 0, 0.89}, {-0.2, 0.05, 0.7}}) {
@@ -158,7 +158,7 @@ TEST(KeyFrames, WhatHasGoneIsFeltNoMore) {
   expect_none();
   // It was there in frames that are kept; by the time it is out of sight it is in none.
   for (int i = 0; i < 4; ++i) camera.push(MovingCamera::eye(0.35), std::nullopt);
-  camera.turn_away(std::nullopt);
+  camera.rotate_camera(std::nullopt);
   expect_none();
   EXPECT_NEAR(camera.felt({0, 0, 0.99}), exact_share({}, {0, 0, 0.99}), 0.04);
 }
@@ -168,7 +168,7 @@ TEST(KeyFrames, WhatHasComeIsFeltOutOfSight) {
   camera.pass(std::nullopt);
   EXPECT_EQ(camera.felt({0, 0, 0.62}), 0);
   camera.push(MovingCamera::eye(0.35), kBall);
-  camera.turn_away(kBall);
+  camera.rotate_camera(kBall);
   // The front that was seen.
   const Vec3d front = kBall + kBallRadius * normalized(Vec3d{0.35, 0, 0} - kBall);
   EXPECT_GT(camera.felt(front), 0.2);
@@ -180,7 +180,7 @@ TEST(KeyFrames, WhatHasComeIsFeltOutOfSight) {
 TEST(KeyFrames, AreNoMoreThanAsked) {
   MovingCamera camera(2);
   camera.pass(kBall);
-  camera.turn_away(kBall);
+  camera.rotate_camera(kBall);
   EXPECT_EQ(camera.num_key_frames(), 2u);
   EXPECT_GT(MovingCamera(1).views().size(), 0u);
 }
@@ -200,13 +200,13 @@ TEST(KeyFrames, TheOneThatAddsLeastMakesRoom) {
 TEST(KeyFrames, QueriesEqualTheirDefinition) {
   MovingCamera camera;
   camera.pass(kBall);
-  camera.turn_away(kBall);
+  camera.rotate_camera(kBall);
   Random random(62);
   const Tool tool = test::random_tool(33, 0.06, 3);
   const double scale = tool.sphere_mass().volume;
   const auto query =
       make_contact_query(Backend::cpu, tool, FieldMethod{SphereVolumes::own}).value();
-  int num_felt = 0;
+  int num_with_force = 0;
   for (const double progress : {1.0, 0.3}) {
     const std::vector<SurfaceBlend> views = camera.views(progress);
     for (int i = 0; i < 60; ++i) {
@@ -215,19 +215,19 @@ TEST(KeyFrames, QueriesEqualTheirDefinition) {
           random.rotation(3.0)};
       const Penetration want = test::hull_truth(tool, views, X_WT, SphereVolumes::own);
       const Penetration got = query->measure(views, X_WT).penetration;
-      num_felt += want.volume > 0.01 * scale && want.volume < 0.99 * scale;
+      num_with_force += want.volume > 0.01 * scale && want.volume < 0.99 * scale;
       EXPECT_NEAR(got.volume, want.volume, 3e-5 * scale);
       EXPECT_NEAR(norm(got.measure_W.force - want.measure_W.force), 0, 2e-4 * scale);
     }
   }
-  EXPECT_GT(num_felt, 15);
+  EXPECT_GT(num_with_force, 15);
 }
 
 TEST(KeyFrames, GiveTheSameBitsWithAnyThreadsAndAllocateNothing) {
   MovingCamera one(8, 1, 0.0015), many(8, 3, 0.0015);
   for (MovingCamera* camera : {&one, &many}) {
     camera->pass(kBall);
-    camera->turn_away(std::nullopt);
+    camera->rotate_camera(std::nullopt);
   }
   EXPECT_EQ(one.num_key_frames(), many.num_key_frames());
   EXPECT_EQ(one.num_allocations(), 0u);

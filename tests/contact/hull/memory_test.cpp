@@ -59,7 +59,7 @@ TEST(Memory, EqualsItsDefinition) {
   for (const auto& [num_cameras, is_joined] :
        {std::pair{1, false}, {1, false}, {1, true}, {2, true}, {3, true}}) {
     const HullScene scene = test::rough_memories(num_cameras, random, is_joined);
-    int num_felt = 0, num_other = 0;
+    int num_with_force = 0, num_other = 0;
     for (const int num_spheres : {1, 33, 400}) {
       const Tool tool = test::random_tool(num_spheres, 0.06, 3);
       const auto query = make_query(tool, SphereVolumes::own);
@@ -73,7 +73,7 @@ TEST(Memory, EqualsItsDefinition) {
         const Penetration want = test::hull_truth(tool, scene.views, X_WT, SphereVolumes::own);
         const Penetration got = query->measure(scene.views, X_WT).penetration;
         const double scale = tool.sphere_mass().volume;
-        num_felt += want.volume > 0.01 * scale && want.volume < 0.99 * scale;
+        num_with_force += want.volume > 0.01 * scale && want.volume < 0.99 * scale;
         num_other +=
             std::abs(query->measure(without, X_WT).penetration.volume - want.volume) > 0.01 * scale;
         EXPECT_NEAR(got.volume, want.volume, 3e-5 * scale);
@@ -85,7 +85,7 @@ TEST(Memory, EqualsItsDefinition) {
         }
       }
     }
-    EXPECT_GT(num_felt, 10);
+    EXPECT_GT(num_with_force, 10);
     EXPECT_GT(num_other, 10);  // it makes a difference
   }
 }
@@ -190,18 +190,18 @@ TEST(Memory, WithNothingInFrontItIsOneCamera) {
   plain.in_front = plain.seen_free = {};
   const Tool tool = test::random_tool(400, 0.06, 5);
   const auto query = make_query(tool, SphereVolumes::own);
-  int num_felt = 0;
+  int num_with_force = 0;
   for (int i = 0; i < 40; ++i) {
     Pose X_WT = random_pose(random);
     if (i % 10 == 0) X_WT.translation.z = 0.04 * random.uniform(-1, 1);  // at the eye
     const Penetration got = query->measure(scene.views, X_WT).penetration;
     const Penetration want = query->measure(plain, X_WT).penetration;
-    num_felt += want.volume > 0;
+    num_with_force += want.volume > 0;
     EXPECT_NEAR(got.volume, want.volume, 1e-5 * tool.sphere_mass().volume);
     EXPECT_NEAR(norm(got.measure_W.force - want.measure_W.force), 0,
                 1e-4 * tool.sphere_mass().volume);
   }
-  EXPECT_GT(num_felt, 10);
+  EXPECT_GT(num_with_force, 10);
 }
 
 /// The share of a ball that is in the table or in the slab behind the hand's surface, along its

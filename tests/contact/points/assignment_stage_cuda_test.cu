@@ -204,8 +204,8 @@ Found brute_force(const Case& c, const Scene& scene) {
                       to_double(scene.spheres[id].centre);
       // A Gaussian's best is the nearest, also where it is cut off.
       const Priority by = c.priority == Priority::gaussian ? Priority::distance : c.priority;
-      const double badness = -scene.weight(by, donor, id, d);
-      if (badness < least) least = badness, best = &donor;
+      const double cost = -scene.weight(by, donor, id, d);
+      if (cost < least) least = cost, best = &donor;
     }
     if (best == nullptr) continue;
     Assigned assigned;
@@ -251,14 +251,14 @@ Found cpu_kernels(const Case& c, const Scene& scene) {
   std::vector<std::int32_t> numbers(n + Donors::kPadding), touched(clusters.x.size(), -1);
   std::iota(numbers.begin(), numbers.end(), 0);
   for (const std::int32_t id : scene.boundary) {
-    touched[static_cast<std::size_t>(clusters.place_of[static_cast<std::size_t>(id)])] =
+    touched[static_cast<std::size_t>(clusters.slot_of[static_cast<std::size_t>(id)])] =
         PlaneAssignment::kTouched;
   }
   std::vector<float> scale(clusters.x.size(), 1.0f), volume(clusters.x.size());
-  for (std::size_t place = 0; place < scale.size(); ++place) {
-    const std::int32_t id = clusters.sphere_id[place];
-    if (id < 0) touched[place] = PlaneAssignment::kTouched;
-    if (id >= 0) scale[place] = scene.volume_scale[static_cast<std::size_t>(id)];
+  for (std::size_t slot = 0; slot < scale.size(); ++slot) {
+    const std::int32_t id = clusters.sphere_id[slot];
+    if (id < 0) touched[slot] = PlaneAssignment::kTouched;
+    if (id >= 0) scale[slot] = scene.volume_scale[static_cast<std::size_t>(id)];
   }
   std::vector<std::int32_t> donor(clusters.x.size(), -1);
   PlaneAssignment job;
@@ -295,11 +295,11 @@ Found cpu_kernels(const Case& c, const Scene& scene) {
   found.donor.assign(n, -1);
   found.volume.assign(n, 0.0);
   for (std::size_t id = 0; id < n; ++id) {
-    const auto place = static_cast<std::size_t>(clusters.place_of[id]);
-    if (touched[place] == PlaneAssignment::kTouched) continue;
-    found.volume[id] = static_cast<double>(volume[place]);
-    if (c.method == MethodKind::simplified && donor[place] >= 0) {
-      found.donor[id] = sphere_of_donor[static_cast<std::size_t>(donor[place])];
+    const auto slot = static_cast<std::size_t>(clusters.slot_of[id]);
+    if (touched[slot] == PlaneAssignment::kTouched) continue;
+    found.volume[id] = static_cast<double>(volume[slot]);
+    if (c.method == MethodKind::simplified && donor[slot] >= 0) {
+      found.donor[id] = sphere_of_donor[static_cast<std::size_t>(donor[slot])];
     }
   }
   return found;
@@ -331,7 +331,7 @@ Found on_gpu(const Case& c, const Scene& scene) {
                 memory.copy_of(clusters.radius),
                 memory.copy_of(clusters.volume),
                 memory.copy_of(clusters.sphere_id),
-                memory.copy_of(clusters.place_of),
+                memory.copy_of(clusters.slot_of),
                 memory.copy_of(clusters.clusters),
                 memory.copy_of(clusters.groups),
                 clusters.num_clusters(),
@@ -381,7 +381,7 @@ Found on_gpu(const Case& c, const Scene& scene) {
   q.edge_distance = memory.copy_of(scene.edge_distance);
   q.edge_side = memory.copy_of(scene.edge_side);
 
-  // Untouched places hold anything from earlier queries.
+  // Untouched slots hold anything from earlier queries.
   test::Random random(17);
   std::vector<std::int32_t> donor(clusters.x.size());
   std::vector<float> volume(clusters.x.size(), 123.0f);
@@ -391,9 +391,9 @@ Found on_gpu(const Case& c, const Scene& scene) {
   std::vector<std::uint32_t> touched((n + 31) / 32);
   for (std::size_t i = 0; i < num; ++i) {
     const auto id = static_cast<std::size_t>(scene.boundary[i]);
-    const auto place = static_cast<std::size_t>(clusters.place_of[id]);
-    donor[place] = scene.donors[i].sphere_id >= 0 ? static_cast<std::int32_t>(i) : -1;
-    volume[place] = 0;
+    const auto slot = static_cast<std::size_t>(clusters.slot_of[id]);
+    donor[slot] = scene.donors[i].sphere_id >= 0 ? static_cast<std::int32_t>(i) : -1;
+    volume[slot] = 0;
     touched[id / 32] |= 1u << id % 32;
   }
   q.touched = memory.copy_of(touched);
@@ -429,12 +429,12 @@ Found on_gpu(const Case& c, const Scene& scene) {
     is_boundary[static_cast<std::size_t>(scene.boundary[i])] = 1;
   }
   for (std::size_t id = 0; id < n; ++id) {
-    const auto place = static_cast<std::size_t>(clusters.place_of[id]);
-    found.volume[id] = static_cast<double>(volume[place]);
-    const std::int32_t l = donor[place];
+    const auto slot = static_cast<std::size_t>(clusters.slot_of[id]);
+    found.volume[id] = static_cast<double>(volume[slot]);
+    const std::int32_t l = donor[slot];
     if (is_boundary[id] != 0) {
       EXPECT_EQ(l, own[id]) << "a boundary sphere keeps its own";
-      EXPECT_EQ(volume[place], 0);
+      EXPECT_EQ(volume[slot], 0);
     } else if (l >= 0) {
       EXPECT_LT(l, static_cast<std::int32_t>(num)) << "left over from an earlier query";
       if (l >= static_cast<std::int32_t>(num)) continue;

@@ -26,7 +26,7 @@ __global__ void __launch_bounds__(kQueryThreads, 1)
                 unsigned long long* barrier) {
   // As the boundary stage leaves it.
   for (std::int32_t i = gpu::grid_thread(); i < *q.boundary.num; i += gpu::grid_threads()) {
-    q.search.places[q.clusters.place_of[q.boundary.sphere_id[i]]].round = q.search.first_round;
+    q.search.slots[q.clusters.slot_of[q.boundary.sphere_id[i]]].round = q.search.first_round;
   }
   gpu::grid_barrier(barrier);
   const int rounds = search_graph(q, barrier);
@@ -72,19 +72,19 @@ class Searched {
     for (std::size_t i = 0; i < scales_.size(); ++i) {
       scales_[i] = 1 + 0.25f * static_cast<float>(i % 7);
     }
-    const auto num_places = clusters_.x.size();
+    const auto num_slots = clusters_.x.size();
     job_.scan.spheres = memory_.copy_of(spheres_);
     job_.method = MethodKind::graph;
     job_.origin = {0.01, -0.02, 0.03};
     job_.volume_scale = memory_.copy_of(scales_);
     job_.num_spheres = static_cast<std::int32_t>(spheres_.size());
     job_.clusters.sphere_id = memory_.copy_of(clusters_.sphere_id);
-    job_.clusters.place_of = memory_.copy_of(clusters_.place_of);
+    job_.clusters.slot_of = memory_.copy_of(clusters_.slot_of);
     job_.clusters.num_clusters = clusters_.num_clusters();
     job_.graph = sorted_graph_on_gpu(memory_, *sorted_, clusters_);
-    job_.search = graph_search_on_gpu(memory_, job_.graph, num_places, graph_.neighbours().size());
-    job_.donor = memory_.take<std::int32_t>(num_places);
-    job_.assigned_volume = memory_.take<float>(num_places);
+    job_.search = graph_search_on_gpu(memory_, job_.graph, num_slots, graph_.neighbours().size());
+    job_.donor = memory_.take<std::int32_t>(num_slots);
+    job_.assigned_volume = memory_.take<float>(num_slots);
     barrier_ = memory_.take<unsigned long long>(1);
     sums_ = memory_.take_pinned<MeasureSums>(kBlocks * kQueryThreads);
     num_rounds_ = memory_.take_pinned<int>(1);
@@ -126,8 +126,8 @@ class Searched {
     std::vector<std::int32_t> ids;
     std::vector<std::int32_t> boundary_donor(clusters_.x.size(), 1000000);  // of earlier queries
     for (const GraphTraversal::Seed& seed : scene.seeds) {
-      const auto place = clusters_.place_of[static_cast<std::size_t>(seed.sphere_id)];
-      boundary_donor[static_cast<std::size_t>(place)] =
+      const auto slot = clusters_.slot_of[static_cast<std::size_t>(seed.sphere_id)];
+      boundary_donor[static_cast<std::size_t>(slot)] =
           norm(seed.normal) > 0 ? static_cast<std::int32_t>(ids.size()) : -1;
       ids.push_back(seed.sphere_id);
     }
@@ -149,15 +149,15 @@ class Searched {
                  .shared_bytes = kGraphSharedBytes,
                  .cooperative = true},
                 graph_query, q, sums_, num_rounds_, barrier_);
-    const auto num_places = static_cast<std::size_t>(q.clusters.num_places());
-    std::vector<PlaceState> places(num_places);
-    std::vector<double> path_length(num_places);
-    std::vector<std::int32_t> donor(num_places), num_listed(3);
-    std::vector<float> volume(num_places);
-    stream_.copy(places.data(), q.search.places, num_places * sizeof(PlaceState));
-    stream_.copy(path_length.data(), q.search.path_length, num_places * sizeof(double));
-    stream_.copy(donor.data(), q.donor, num_places * sizeof(std::int32_t));
-    stream_.copy(volume.data(), q.assigned_volume, num_places * sizeof(float));
+    const auto num_slots = static_cast<std::size_t>(q.clusters.num_slots());
+    std::vector<SlotState> slots(num_slots);
+    std::vector<double> path_length(num_slots);
+    std::vector<std::int32_t> donor(num_slots), num_listed(3);
+    std::vector<float> volume(num_slots);
+    stream_.copy(slots.data(), q.search.slots, num_slots * sizeof(SlotState));
+    stream_.copy(path_length.data(), q.search.path_length, num_slots * sizeof(double));
+    stream_.copy(donor.data(), q.donor, num_slots * sizeof(std::int32_t));
+    stream_.copy(volume.data(), q.assigned_volume, num_slots * sizeof(float));
     stream_.copy(num_listed.data(), q.search.num_listed, 3 * sizeof(std::int32_t));
     EXPECT_TRUE(stream_.wait()) << stream_.status().error().message;
     EXPECT_EQ(num_listed, std::vector<std::int32_t>(3)) << "for the next query";
@@ -165,21 +165,21 @@ class Searched {
     const std::size_t n = spheres_.size();
     Found found{
         std::vector<std::int32_t>(n, -1), std::vector<double>(n), std::vector<float>(n), {}};
-    for (std::size_t place = 0; place < num_places; ++place) {
-      const PlaceState& state = places[place];
+    for (std::size_t slot = 0; slot < num_slots; ++slot) {
+      const SlotState& state = slots[slot];
       EXPECT_EQ(state.num_offers, 0) << "for the next query";
       EXPECT_LE(state.round, first_round_ + *num_rounds_);
       if (state.round == first_round_) {
-        EXPECT_EQ(donor[place], boundary_donor[place]);
-        EXPECT_EQ(volume[place], 0);
+        EXPECT_EQ(donor[slot], boundary_donor[slot]);
+        EXPECT_EQ(volume[slot], 0);
       } else if (state.round < first_round_) {
-        EXPECT_EQ(donor[place], -1);
-        EXPECT_EQ(volume[place], 0);
+        EXPECT_EQ(donor[slot], -1);
+        EXPECT_EQ(volume[slot], 0);
       } else {
-        const auto id = static_cast<std::size_t>(clusters_.sphere_id[place]);
-        found.seed[id] = donor[place];
-        found.path_length[id] = path_length[place];
-        found.volume[id] = volume[place];
+        const auto id = static_cast<std::size_t>(clusters_.sphere_id[slot]);
+        found.seed[id] = donor[slot];
+        found.path_length[id] = path_length[slot];
+        found.volume[id] = volume[slot];
       }
     }
     for (int i = 0; i < kBlocks * kQueryThreads; ++i) found.sums.add(sums_[i]);

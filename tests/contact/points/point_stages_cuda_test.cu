@@ -106,7 +106,7 @@ struct Found {
   std::vector<EdgeSide> side;
 };
 
-Found ask_cpu(const Scene& scene, const Question& question) {
+Found query_cpu(const Scene& scene, const Question& question) {
   Found found;
   ThreadPool pool(1);
   const PointScan scan = scene.scan(question);
@@ -186,7 +186,7 @@ class OnGpu {
     spheres_ = memory_.copy_of(scene.spheres);
     q.num_spheres = static_cast<std::int32_t>(n);
     q.clusters.sphere_id = memory_.copy_of(scene.clusters.sphere_id);
-    q.clusters.place_of = memory_.copy_of(scene.clusters.place_of);
+    q.clusters.slot_of = memory_.copy_of(scene.clusters.slot_of);
     q.clusters.num_clusters = scene.clusters.num_clusters();
     q.sums = memory_.take<PointSums>(n);
     q.edge_sums = memory_.take<EdgeSums>(n);
@@ -305,7 +305,7 @@ class OnGpu {
     return found;
   }
 
-  // The list in single precision, and what each place knows, follow from the donors.
+  // The list in single precision, and what each slot knows, follow from the donors.
   void check_floats(const Found& found) {
     const BoundaryList& list = q_.boundary;
     const std::size_t num = found.donors.size();
@@ -331,7 +331,7 @@ class OnGpu {
                                  static_cast<float>(l.weight),
                                  lends ? static_cast<float>(l.presence) : 0.0f};
       for (int k = 0; k < 9; ++k) ASSERT_EQ(lists[k][i], expected[k]) << k << " of " << i;
-      ASSERT_EQ(donor[static_cast<std::size_t>(scene_->clusters.place_of[id])],
+      ASSERT_EQ(donor[static_cast<std::size_t>(scene_->clusters.slot_of[id])],
                 lends ? static_cast<std::int32_t>(i) : -1);
       if (lends && (heaviest < 0 || lists[7][i] > lists[7][static_cast<std::size_t>(heaviest)])) {
         heaviest = static_cast<std::int32_t>(i);
@@ -465,7 +465,7 @@ TEST(PointStages, FindTheBoundaryOfTheCpuInAnOrganisedCloud) {
   for (const PointWeights weights : kAllWeights) {
     for (const double depth : {0.43, 0.5, 0.59}) {
       const Question question{tilted(0.02, -0.03, depth), weights};
-      const Found want = ask_cpu(scene, question);
+      const Found want = query_cpu(scene, question);
       ASSERT_GT(want.ids.size(), 10u);
       expect_same(on_gpu.ask(question), want);
     }
@@ -482,7 +482,7 @@ TEST(PointStages, FindTheBoundaryOfTheCpuInAnUnorganisedCloud) {
   OnGpu on_gpu(scene);
   for (const PointWeights weights : kAllWeights) {
     const Question question{tilted(0.1, 0.01, 0.38), weights};
-    const Found want = ask_cpu(scene, question);
+    const Found want = query_cpu(scene, question);
     EXPECT_GT(want.num_points, 200);
     expect_same(on_gpu.ask(question), want);
   }
@@ -502,7 +502,7 @@ TEST(PointStages, DecideCloseCallsLikeTheCpu) {
   }
   const PointCloud cloud = loose_cloud(points, 15);
   const Scene scene{spheres, cloud.view()};
-  const Found want = ask_cpu(scene, question);
+  const Found want = query_cpu(scene, question);
   EXPECT_GT(want.num_points, 1000);
   EXPECT_LT(want.num_points, 3000);
   OnGpu on_gpu(scene);
@@ -516,7 +516,7 @@ TEST(PointStages, AddThousandsOfPointsInOneSphere) {
   OnGpu on_gpu(scene);
   for (const PointWeights weights : kAllWeights) {
     const Question question{tilted(0, 0, 0.5), weights};
-    const Found want = ask_cpu(scene, question);
+    const Found want = query_cpu(scene, question);
     EXPECT_GT(want.num_points, 6000);
     expect_same(on_gpu.ask(question), want);
   }
@@ -546,7 +546,7 @@ TEST(PointStages, ListManySpheresInOrder) {
   const PointCloud cloud = loose_cloud(points, 19);
   const Scene scene{cube_of_spheres(28, 0.005), cloud.view()};
   const Question question{};
-  const Found want = ask_cpu(scene, question);
+  const Found want = query_cpu(scene, question);
   EXPECT_GT(want.ids.size(), 2u * kQueryThreads);
   for (const int blocks : {1, 3}) {
     OnGpu on_gpu(scene, blocks);
@@ -588,7 +588,7 @@ TEST(PointStages, FindTheEdgesOfTheCpu) {
       for (const double y : {0.01, 0.16}) {  // in the middle, and at the border of the image
         const double depth = edges == Edges::cut ? 0.5 : 0.55;
         const Question question{tilted(0.02, y, depth), weights, edges};
-        const Found want = ask_cpu(scene, question);
+        const Found want = query_cpu(scene, question);
         EXPECT_GT(want.pieces.size(), 3u);
         expect_same(on_gpu.ask(question), want);
       }
@@ -603,7 +603,7 @@ TEST(PointStages, FindEdgesForSpheresThatTheCameraSees) {
   const Scene scene{cube_of_spheres(17, 0.07), wall.cloud.view()};
   OnGpu on_gpu(scene);
   const Question question{tilted(0, 0, 0.2), PointWeights::none, Edges::cut};
-  const Found want = ask_cpu(scene, question);
+  const Found want = query_cpu(scene, question);
   EXPECT_GT(want.pieces.size(), 3u);
   expect_same(on_gpu.ask(question), want);
 }
@@ -647,7 +647,7 @@ TEST(PointStages, DoNotDependOnTheOrderOfThreads) {
   const SteppedWall wall;
   const Scene scene{cube_of_spheres(15, 0.013), wall.cloud.view()};
   const Question question{tilted(0.02, 0.01, 0.52), PointWeights::beside, Edges::cut};
-  const Found want = ask_cpu(scene, question);
+  const Found want = query_cpu(scene, question);
   for (const std::uint32_t seed : {1u, 2u, 3u}) {
     emulator::set_order(seed);
     OnGpu on_gpu(scene);

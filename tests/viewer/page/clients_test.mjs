@@ -1,7 +1,7 @@
 // Several pages at once: none waits for another.
 import assert from 'node:assert/strict';
 
-import { browser, drawn, openPage, pageTest, Served, state, until } from './harness.mjs';
+import { browser, drawn, openPage, pageTest, Served, sleep, stat, state, until } from './harness.mjs';
 import { busy, busyNow, lively, oneSphere } from './worlds.mjs';
 
 /// A page of the server without its program, in which tests open sockets of their own.
@@ -11,9 +11,9 @@ async function barePage(served) {
   return page;
 }
 
-/// Opens a socket in `page` that wants `wishes`, and counts what comes. It acknowledges pictures
+/// Opens a socket in `page` that wants `subscription`, and counts what comes. It acknowledges pictures
 /// only if told to.
-const listen = (page, served, wishes, acknowledges) => page.evaluate(
+const listen = (page, served, subscription, acknowledges) => page.evaluate(
   async ([address, show, acks]) => {
     const socket = new WebSocket(address);
     socket.binaryType = 'arraybuffer';
@@ -37,11 +37,22 @@ const listen = (page, served, wishes, acknowledges) => page.evaluate(
     await new Promise((resolve, reject) => { socket.onopen = resolve; socket.onerror = reject; });
     socket.send(JSON.stringify({ id: 1, command: 'show', ...show }));
     return counts.length - 1;
-  }, [served.address('/ws', 'ws:'), wishes, acknowledges]);
+  }, [served.address('/ws', 'ws:'), subscription, acknowledges]);
+
+/// Of each plot, how many pixels of its curves' area are of a colour, not grey.
+const curves = (page) => page.evaluate(() => [...document.querySelectorAll('.plots canvas')].map((canvas) => {
+  const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
+  let number = 0;
+  for (let i = 0; i < data.length; i += 4) {
+    const [low, , high] = [data[i], data[i + 1], data[i + 2]].sort((a, b) => a - b);
+    if (data[i + 3] > 128 && high - low > 60) ++number;
+  }
+  return number;
+}));
 
 const counts = (page, number) => page.evaluate((i) => window.counts[i], number);
 
-pageTest('pages with different wishes both go on', async () => {
+pageTest('pages with different subscriptions both continue', async () => {
   const served = await Served.start(oneSphere);
   await served.apply(lively);
   const page = await openPage(served.url);
@@ -58,13 +69,31 @@ pageTest('pages with different wishes both go on', async () => {
   await until('the state counts one', async () => (await state(page)).pages === 1);
 });
 
+pageTest('a page that joins a paused run shows its last seconds', async () => {
+  const served = await Served.start(oneSphere);
+  await served.apply(lively);
+  const first = await openPage(served.url);
+  await until('three seconds of samples', async () => (await stat(first)).samples > 3000);
+  await served.apply({ frozen: true });
+  await sleep(3000);
+  const newest = (page) => page.evaluate(() => window.palpate.sample.time);
+  const second = await openPage(served.url);
+  await until('its samples', async () => (await stat(second)).samples > 2000);
+  await until('the same sample', async () => Math.abs((await newest(second)) - (await newest(first))) < 5e-4);
+  const readouts = (page) => page.locator('.readouts').innerText();
+  await until('the same numbers', async () => (await readouts(second)) === (await readouts(first)));
+  const [plot] = await curves(second);
+  assert.ok(plot > 30, `the plot of the force has ${plot} coloured pixels`);
+  await second.close();
+});
+
 pageTest('a page that never acknowledges gets one picture and stops nobody', async () => {
   const served = await Served.start(busy); // a backlog would be tens of MiB a second
   await served.apply(busyNow);
   const page = await openPage(served.url);
   const bare = await barePage(served);
-  const wishes = { frames: true, contacts: true, surfaces: true, samples: true };
-  const slow = await listen(bare, served, wishes, false);
+  const subscription = { frames: true, contacts: true, surfaces: true, samples: true };
+  const slow = await listen(bare, served, subscription, false);
   await until('its first picture', async () => (await counts(bare, slow)).pictures === 1);
   const { bytes } = await counts(bare, slow);
   await drawn(page, 10);

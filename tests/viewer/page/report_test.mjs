@@ -159,7 +159,7 @@ pageTest('an evaluation: every claim is there, curves go where their numbers are
       for (const words of [claim, measured, verdict]) assert.ok(text.includes(words), words);
     }
   }
-  assert.ok(text.indexOf('What speaks against') < text.indexOf('Claims of the thesis', 200));
+  assert.ok(text.indexOf('Results against') < text.indexOf('Claims of the thesis', 200));
   assert.ok(!/NaN|undefined|null/.test(text), text.match(/.*(NaN|undefined|null).*/)?.[0]);
   assert.equal(await page.locator('canvas.scene').count(), 5);
   assert.equal(await empty(page, '.plot canvas'), 0);

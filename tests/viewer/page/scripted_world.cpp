@@ -59,7 +59,7 @@ Result<std::unique_ptr<ScriptedWorld>> ScriptedWorld::create(
 
 ScriptedWorld::ScriptedWorld(const Json& script, Tool tool,
                              std::function<void(std::string_view)> heard)
-    : tool_(std::move(tool)), heard_(std::move(heard)), controls_(script.at("controls")) {
+    : tool_(std::move(tool)), received_(std::move(heard)), controls_(script.at("controls")) {
   content_.kind = script.at("kind");
   content_.title = script.at("title");
   content_.tool = &tool_;
@@ -104,7 +104,7 @@ void ScriptedWorld::apply(const Json& change) {
   is_moving_ = change.value("moving", is_moving_);
 }
 
-void ScriptedWorld::poll(const ViewWishes& wishes, ViewUpdate& update) {
+void ScriptedWorld::poll(const ViewSubscription& subscription, ViewUpdate& update) {
   const std::lock_guard lock(mutex_);
   if (is_frozen_) return;
   ++num_polls_;
@@ -112,16 +112,16 @@ void ScriptedWorld::poll(const ViewWishes& wishes, ViewUpdate& update) {
   // Thirty frames a second, as a camera has them.
   const bool has_new_frame = !is_paused_ && !content_.streams.empty() && num_polls_ % 2 == 0;
   if (has_new_frame) ++frame_number_;
-  for (std::size_t k = 0; wishes.frames && has_new_frame && k < X_WC_.size(); ++k) {
+  for (std::size_t k = 0; subscription.frames && has_new_frame && k < X_WC_.size(); ++k) {
     update.frames.push_back(make_frame(k));
   }
-  if (wishes.surfaces && has_new_frame) update.surface = make_surface();
+  if (subscription.surfaces && has_new_frame) update.surface = make_surface();
   if (contact_) {
     ++num_contacts_;
-    if (wishes.contacts) update.contact = make_contact();
+    if (subscription.contacts) update.contact = make_contact();
   }
   for (int i = 0; i < kTicksPerPoll; ++i, ++num_ticks_) {
-    if (wishes.samples) {
+    if (subscription.samples) {
       update.samples.push_back(make_sample(time_ + i * kPollSeconds / kTicksPerPoll));
     }
   }
@@ -283,7 +283,7 @@ Result<std::string> ScriptedWorld::set(const Json& command) {
 }
 
 Result<std::string> ScriptedWorld::command(std::string_view text) {
-  heard_(text);
+  received_(text);
   const std::lock_guard lock(mutex_);
   const Json command = Json::parse(text, nullptr, false);
   if (!command.is_object()) return refused("This is not a JSON object.");

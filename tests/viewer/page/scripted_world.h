@@ -33,7 +33,7 @@ class ScriptedWorld : public ViewSource {
   void apply(const Json& change);
 
   const ViewContent& content() const override { return content_; }
-  void poll(const ViewWishes& wishes, ViewUpdate& update) override;
+  void poll(const ViewSubscription& subscription, ViewUpdate& update) override;
   std::string state() override;
   std::string controls() override;
   Result<std::string> command(std::string_view json) override;
@@ -53,7 +53,7 @@ class ScriptedWorld : public ViewSource {
   Json current_state() const;
 
   const Tool tool_;
-  const std::function<void(std::string_view)> heard_;
+  const std::function<void(std::string_view)> received_;
   ViewContent content_;
 
   std::mutex mutex_;  // guards all below: tests change what the server reads

@@ -60,7 +60,7 @@ const figureLink = ({ id }: Figure) => link(`f-${anchor(id)}`, id);
 
 export async function evaluationReport(main: HTMLElement, data: EvaluationData): Promise<void> {
   title(main, 'Evaluation', 'Every figure of “A Volume-Based Penetration Measure for 6DOF Haptic Rendering of Streaming Point ' +
-    'Clouds”, made again with this program, and what comes of each claim.');
+    'Clouds”, repeated with this program, with a verdict on each claim.');
   document.body.classList.add('evaluation');
   main.append(...counts(data), facts(data), ...failures(data), ...findings(data));
   const made = data.figures.filter(({ stored }) => stored);
@@ -112,7 +112,7 @@ function findings({ figures }: EvaluationData): HTMLElement[] {
   const items = figures.flatMap((figure) => figure.claims.filter(({ is_against: is }) => is).flatMap((claim) => [
     element('dt', '', figureLink(figure), `${claim.where} ${claim.measured} `, chip(claim.verdict)), element('dd', '', claim.claim)]));
   if (items.length === 0) return [];
-  return [element('div', 'first', element('h2', '', 'What speaks against the thesis, or against us'), element('dl', '', ...items))];
+  return [element('div', 'first', element('h2', '', 'Results against the thesis, or against us'), element('dl', '', ...items))];
 }
 
 function failures({ figures }: EvaluationData): HTMLElement[] {

@@ -111,7 +111,7 @@ function countPlots(data: PackingData): HTMLElement[] {
       markers: [mark('smallest', data.smallest_radius_m, radius.factor), mark('median', data.median_radius_m, radius.factor),
         mark('largest', data.largest_radius_m, radius.factor)],
     }, 'Radii, counted. Both axes are logarithmic.'),
-    heading('How late a contact is felt'),
+    heading('Mean standoff'),
     plot({
       ...histogram(standoff.samples_m.map((d) => gap.factor * Math.max(0, d)), true),
       xWords: `from the surface to the nearest sphere in ${gap.name}`, yWords: '% of the points',

@@ -29,19 +29,19 @@ class AverageAssignment {
   /// There is at least one donor. Any priority but `path`.
   template <Priority kPriority>
   __device__ MeasureSums run() {
-    const std::int32_t num_places = q_.clusters.num_places();
+    const std::int32_t num_slots = q_.clusters.num_slots();
     const int warps = num_grid_warps(), lane = gpu::lane_id();
     // As many spheres at a time as leave enough to do for every warp.
     int size = SphereClusters::kSize;
-    while (size > kAtOnce && num_places / size < 2 * warps) size /= 2;
-    for (std::int32_t first = spread_warp() * size; first < num_places; first += warps * size) {
-      const std::int32_t place = first + lane;
+    while (size > kAtOnce && num_slots / size < 2 * warps) size /= 2;
+    for (std::int32_t first = spread_warp() * size; first < num_slots; first += warps * size) {
+      const std::int32_t slot = first + lane;
       std::int32_t id = -1;
       Ball ball{};
       if (lane < size) {
-        id = q_.clusters.sphere_id[place];
-        ball = {q_.clusters.x[place], q_.clusters.y[place], q_.clusters.z[place],
-                q_.clusters.radius[place]};
+        id = q_.clusters.sphere_id[slot];
+        ball = {q_.clusters.x[slot], q_.clusters.y[slot], q_.clusters.z[slot],
+                q_.clusters.radius[slot]};
       }
       const std::uint32_t touched = context_.touched_word(id);
       const bool reached = is_reached(q_.clusters.clusters[first / SphereClusters::kSize]);
@@ -50,9 +50,9 @@ class AverageAssignment {
       const unsigned mine = __ballot_sync(gpu::kWholeWarp, is_mine);
       Assigned assigned;
       if (reached) assigned = average<kPriority>(ball, mine);
-      if (is_untouched) q_.donor[place] = -1;
+      if (is_untouched) q_.donor[slot] = -1;
       if (is_mine) {
-        context_.add_untouched(sums_, place, {ball.x, ball.y, ball.z},
+        context_.add_untouched(sums_, slot, {ball.x, ball.y, ball.z},
                                context_.scaled(id, assigned));
       }
     }

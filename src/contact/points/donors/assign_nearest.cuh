@@ -50,7 +50,7 @@ class NearestAssignment : private DonorPruning {
 
   // A sphere of the tool.
   struct Ball {
-    std::int32_t place = 0, id = -1;
+    std::int32_t slot = 0, id = -1;
     Vec3f centre;
     float radius = 0;
   };
@@ -61,8 +61,8 @@ class NearestAssignment : private DonorPruning {
   }
   __device__ Ball ball_of_lane(int cluster) const {
     const ClustersView& c = q_.clusters;
-    const std::int32_t place = cluster * SphereClusters::kSize + gpu::lane_id();
-    return {place, c.sphere_id[place], {c.x[place], c.y[place], c.z[place]}, c.radius[place]};
+    const std::int32_t slot = cluster * SphereClusters::kSize + gpu::lane_id();
+    return {slot, c.sphere_id[slot], {c.x[slot], c.y[slot], c.z[slot]}, c.radius[slot]};
   }
 
   // By the block: clusters [first, last).
@@ -184,11 +184,11 @@ class NearestAssignment : private DonorPruning {
       if (lane == gpu::lane_id()) found.donor = exact;
     }
     if (!is_untouched) return;
-    q_.donor[ball.place] = is_reached ? found.donor : -1;
+    q_.donor[ball.slot] = is_reached ? found.donor : -1;
     if (context_.overlays()) return;
     Assigned assigned;
     if (asks) assigned = assign_from(q_.boundary.donors[found.donor], ball);
-    context_.add_untouched(sums_, ball.place, ball.centre, assigned);
+    context_.add_untouched(sums_, ball.slot, ball.centre, assigned);
   }
   // Cut by the donor's plane in double, the rest in single precision as on the CPU.
   __device__ Assigned assign_from(const Donor& donor, const Ball& ball) const {

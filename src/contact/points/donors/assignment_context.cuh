@@ -1,4 +1,4 @@
-// What the parts of the take stage share: how spheres take in this query, which places have
+// What the parts of the take stage share: how spheres take in this query, which slots have
 // been touched, and how measures are added up.
 #pragma once
 
@@ -49,7 +49,7 @@ class AssignmentContext {
     return overlays() || compares_all() || (method == MethodKind::weighted && is_at_edge(id));
   }
 
-  /// The word of PointQuery::touched that tells about a sphere, and what it tells.
+  /// The word of PointQuery::touched of a sphere, and its bit there.
   __device__ std::uint32_t touched_word(std::int32_t id) const {
     return id < 0 ? 0 : q.touched[id / 32];
   }
@@ -64,9 +64,9 @@ class AssignmentContext {
     sums.torque += cross(to_double(centre) - q.origin, measured.force);
   }
   /// The same for an untouched sphere, and keeps its volume.
-  __device__ void add_untouched(MeasureSums& sums, std::int32_t place, const Vec3f& centre,
+  __device__ void add_untouched(MeasureSums& sums, std::int32_t slot, const Vec3f& centre,
                                 const Assigned& assigned) const {
-    q.assigned_volume[place] = static_cast<float>(assigned.volume);
+    q.assigned_volume[slot] = static_cast<float>(assigned.volume);
     if (!(assigned.volume > 0)) return;
     add(sums, centre, assigned);
     ++sums.num_inside;
@@ -76,15 +76,15 @@ class AssignmentContext {
     return {scale * assigned.volume, scale * assigned.force};
   }
 
-  /// Untouched spheres of places [first, last) have nothing inside. By threads of the block, or of
+  /// Untouched spheres of slots [first, last) have nothing inside. By threads of the block, or of
   /// the grid.
   __device__ void leave_outside(std::int32_t first, std::int32_t last, int thread,
                                 int num_threads) const {
-    for (std::int32_t place = first + thread; place < last; place += num_threads) {
-      const std::int32_t id = q.clusters.sphere_id[place];
+    for (std::int32_t slot = first + thread; slot < last; slot += num_threads) {
+      const std::int32_t id = q.clusters.sphere_id[slot];
       if (!is_untouched(id, touched_word(id))) continue;
-      q.donor[place] = -1;
-      if (!overlays()) q.assigned_volume[place] = 0;
+      q.donor[slot] = -1;
+      if (!overlays()) q.assigned_volume[slot] = 0;
     }
   }
 
@@ -110,7 +110,7 @@ class AssignmentContext {
     }
     const DonorChoices best = best_of_warp(mine);
     best_donor = best.donor[0];
-    return donors.laid_over(best, id, asked);
+    return donors.composite(best, id, asked);
   }
 
  private:
@@ -119,27 +119,27 @@ class AssignmentContext {
     constexpr int kMost = DonorChoices::kMost;
     DonorChoices best;
 #pragma unroll
-    for (int place = 0; place < kMost; ++place) {
-      double badness = mine.badness[0];
+    for (int slot = 0; slot < kMost; ++slot) {
+      double cost = mine.cost[0];
       std::int32_t donor = mine.donor[0];
       for (int step = gpu::kWarpSize / 2; step > 0; step /= 2) {
-        const double other_badness = __shfl_xor_sync(gpu::kWholeWarp, badness, step);
+        const double other_cost = __shfl_xor_sync(gpu::kWholeWarp, cost, step);
         const std::int32_t other = __shfl_xor_sync(gpu::kWholeWarp, donor, step);
-        if (other_badness < badness || (other_badness == badness && other < donor)) {
-          badness = other_badness;
+        if (other_cost < cost || (other_cost == cost && other < donor)) {
+          cost = other_cost;
           donor = other;
         }
       }
-      best.badness[place] = badness;
-      best.donor[place] = donor;
+      best.cost[slot] = cost;
+      best.donor[slot] = donor;
       if (donor < 0 || donor != mine.donor[0]) continue;
         // It was this lane's: its next one comes up.
 #pragma unroll
       for (int i = 0; i + 1 < kMost; ++i) {
-        mine.badness[i] = mine.badness[i + 1];
+        mine.cost[i] = mine.cost[i + 1];
         mine.donor[i] = mine.donor[i + 1];
       }
-      mine.badness[kMost - 1] = 1e300;
+      mine.cost[kMost - 1] = 1e300;
       mine.donor[kMost - 1] = -1;
     }
     return best;

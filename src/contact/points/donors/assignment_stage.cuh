@@ -69,12 +69,12 @@ __device__ __noinline__ inline MeasureSums measure_one_by_one(const PointQuery& 
                                                               MethodKind method, bool with_edges) {
   const AssignmentContext context(q, method, with_edges);
   MeasureSums sums;
-  const std::int32_t num_places = q.clusters.num_places();
+  const std::int32_t num_slots = q.clusters.num_slots();
   const int warps = num_grid_warps();
   // Every so many: spheres that need it lie together.
-  for (std::int32_t first = spread_warp(); first < num_places; first += warps * gpu::kWarpSize) {
-    const std::int32_t place = first + warps * gpu::lane_id();
-    const std::int32_t id = place < num_places ? q.clusters.sphere_id[place] : -1;
+  for (std::int32_t first = spread_warp(); first < num_slots; first += warps * gpu::kWarpSize) {
+    const std::int32_t slot = first + warps * gpu::lane_id();
+    const std::int32_t id = slot < num_slots ? q.clusters.sphere_id[slot] : -1;
     const bool mine =
         context.is_untouched(id, context.touched_word(id)) && context.is_one_by_one(id);
     unsigned todo = __ballot_sync(gpu::kWholeWarp, mine);
@@ -84,8 +84,8 @@ __device__ __noinline__ inline MeasureSums measure_one_by_one(const PointQuery& 
       const Assigned assigned =
           context.assign_by_warp(__shfl_sync(gpu::kWholeWarp, id, lane), best);
       if (lane == gpu::lane_id()) {
-        if (context.compares_all()) q.donor[place] = best;
-        context.add_untouched(sums, place, q.scan.spheres[id].centre, context.scaled(id, assigned));
+        if (context.compares_all()) q.donor[slot] = best;
+        context.add_untouched(sums, slot, q.scan.spheres[id].centre, context.scaled(id, assigned));
       }
     }
   }
@@ -104,14 +104,14 @@ __device__ __noinline__ inline MeasureSums average_by_other_priorities(const Poi
 
 /// Weighted and simplified: every untouched sphere takes. Writes PointQuery::donor (-1 where
 /// there is no single one, or nothing can be inside) and PointQuery::assigned_volume of their
-/// places.
+/// slots.
 __device__ inline MeasureSums assign_planes(const PointQuery& q, MethodKind method,
                                             bool with_edges) {
   const AssignmentContext context(q, method, with_edges);
   MeasureSums sums;
   const bool is_weighted = method == MethodKind::weighted;
   if (*q.boundary.num_donors == 0) {
-    context.leave_outside(0, q.clusters.num_places(), gpu::grid_thread(), gpu::grid_threads());
+    context.leave_outside(0, q.clusters.num_slots(), gpu::grid_thread(), gpu::grid_threads());
   } else if (context.compares_all()) {
     // One by one.
   } else if (is_weighted) {

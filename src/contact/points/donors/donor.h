@@ -1,5 +1,5 @@
-// What a boundary sphere gives, and what one sphere gets from all of them. One text for host and
-// device.
+// The plane donors (boundary spheres), and the plane that one sphere gets from them. Shared by host
+// and device.
 #pragma once
 
 #include <cmath>
@@ -91,23 +91,23 @@ struct DonorAverage {
 /// The best donors for a sphere, best first; ties to the lowest index.
 struct DonorChoices {
   static constexpr int kMost = 4;
-  double badness[kMost] = {1e300, 1e300, 1e300, 1e300};
+  double cost[kMost] = {1e300, 1e300, 1e300, 1e300};
   std::int32_t donor[kMost] = {-1, -1, -1, -1};
 
   /// To be called with ascending `l`.
-  PALPATE_HOSTDEV void offer(double its_badness, std::int32_t l) {
-    if (!(its_badness < badness[kMost - 1])) return;
+  PALPATE_HOSTDEV void offer(double its_cost, std::int32_t l) {
+    if (!(its_cost < cost[kMost - 1])) return;
     // Up from the end, to behind those that are as good.
-    for (int place = kMost - 1; place > 0; --place) {
-      if (!(its_badness < badness[place - 1])) {
-        badness[place] = its_badness;
-        donor[place] = l;
+    for (int slot = kMost - 1; slot > 0; --slot) {
+      if (!(its_cost < cost[slot - 1])) {
+        cost[slot] = its_cost;
+        donor[slot] = l;
         return;
       }
-      badness[place] = badness[place - 1];
-      donor[place] = donor[place - 1];
+      cost[slot] = cost[slot - 1];
+      donor[slot] = donor[slot - 1];
     }
-    badness[0] = its_badness;
+    cost[0] = its_cost;
     donor[0] = l;
   }
 };
@@ -141,7 +141,7 @@ struct DonorsView {
       for (std::int32_t l = 0; l < num; ++l) add_to(average, l, sphere_id, rule);
       return average.value();
     }
-    return laid_over(choose(sphere_id, rule), sphere_id, rule);
+    return composite(choose(sphere_id, rule), sphere_id, rule);
   }
   PALPATE_HOSTDEV DonorChoices choose(std::int32_t sphere_id, const AssignmentRule& rule) const {
     DonorChoices best;
@@ -153,20 +153,20 @@ struct DonorsView {
   PALPATE_HOSTDEV void add_to(DonorAverage& average, std::int32_t l, std::int32_t sphere_id,
                               const AssignmentRule& rule) const {
     const Donor& donor = donors[l];
-    if (!may_lend(donor, sphere_id)) return;
+    if (!may_donate(donor, sphere_id)) return;
     average.add(donor.presence * weight(donor, sphere_id, rule),
                 assign_from(donor, sphere_id, rule));
   }
   PALPATE_HOSTDEV void offer_to(DonorChoices& best, std::int32_t l, std::int32_t sphere_id,
                                 const AssignmentRule& rule) const {
     const Donor& donor = donors[l];
-    if (!may_lend(donor, sphere_id)) return;
+    if (!may_donate(donor, sphere_id)) return;
     const Vec3d d = between(donor, sphere_id);
     const bool by_weight =
         rule.priority.by == Priority::count || rule.priority.compares_all(rule.average);
     best.offer(by_weight ? -weight(donor, sphere_id, rule) : dot(d, d), l);
   }
-  PALPATE_HOSTDEV Assigned laid_over(const DonorChoices& best, std::int32_t sphere_id,
+  PALPATE_HOSTDEV Assigned composite(const DonorChoices& best, std::int32_t sphere_id,
                                      const AssignmentRule& rule) const {
     DonorAverage sum;
     double uncovered = 1;
@@ -185,7 +185,7 @@ struct DonorsView {
     return rule.priority.weight(donor.weight, donor.plane_T.normal, donor.sphere_id, sphere_id,
                                 between(donor, sphere_id));
   }
-  PALPATE_HOSTDEV bool may_lend(const Donor& donor, std::int32_t sphere_id) const {
+  PALPATE_HOSTDEV bool may_donate(const Donor& donor, std::int32_t sphere_id) const {
     return donor.sphere_id >= 0 && donor.sphere_id != sphere_id;
   }
   PALPATE_HOSTDEV Vec3d between(const Donor& donor, std::int32_t sphere_id) const {

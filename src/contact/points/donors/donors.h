@@ -1,4 +1,4 @@
-// The boundary spheres that have a plane to give.
+// The list of plane donors: boundary spheres with a plane.
 #pragma once
 
 #include <cstdint>
@@ -13,7 +13,7 @@ namespace palpate::inline v0 {
 /// Ascending by sphere id. All memory is allocated at construction.
 class Donors {
  public:
-  /// Places behind the last donor, for whole vectors: far away, no weight.
+  /// Slots behind the last donor, for whole vectors: far away, no weight.
   static constexpr std::size_t kPadding = 16;
 
   /// Keeps the view of the spheres.

@@ -12,7 +12,7 @@
 namespace palpate::inline v0 {
 
 /// Boundary spheres that give a plane, ascending by sphere id; arrays are padded to a multiple of
-/// 16 with places whose distance is huge and whose weight is 0. Tool frame.
+/// 16 with slots whose distance is huge and whose weight is 0. Tool frame.
 struct BoundaryPlanes {
   int num = 0;
   const std::int32_t* sphere_id = nullptr;
@@ -37,7 +37,7 @@ struct MeasureSums {
   }
 };
 
-/// What the stage reads and writes. `donor[place]` < 0 asks for a plane; `kTouched` marks boundary
+/// What the stage reads and writes. `donor[slot]` < 0 asks for a plane; `kTouched` marks boundary
 /// spheres, which are left alone.
 struct PlaneAssignment {
   static constexpr std::int32_t kNone = -1, kTouched = -2;
@@ -52,10 +52,10 @@ struct PlaneAssignment {
   /// Simplified: only these of `boundary` may give; by count that is the one with the most points.
   std::int32_t first_donor = 0, num_donors = 0;
   const std::int32_t* numbers = nullptr;  ///< 0, 1, 2, ..., as many as `boundary` and 16 more
-  const std::int32_t* touched = nullptr;  ///< per place: kTouched or kNone
-  const float* volume_scale = nullptr;    ///< per place: factor of its V_s
-  std::int32_t* donor = nullptr;          ///< simplified: index into `boundary` per place
-  float* assigned_volume = nullptr;       ///< per place: V_s, for the state of the sphere
+  const std::int32_t* touched = nullptr;  ///< per slot: kTouched or kNone
+  const float* volume_scale = nullptr;    ///< per slot: factor of its V_s
+  std::int32_t* donor = nullptr;          ///< simplified: index into `boundary` per slot
+  float* assigned_volume = nullptr;       ///< per slot: V_s, for the state of the sphere
 };
 
 /// Boundary spheres that can be the nearest one to some sphere of a group or cluster.

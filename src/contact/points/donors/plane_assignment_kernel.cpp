@@ -107,10 +107,10 @@ double exact_volume(const PlaneAssignment& job, std::int32_t sphere_id, std::int
 }
 
 // Which boundary sphere gives its plane to each lane: the nearest one of the candidates.
-VecI nearest_candidates(const PlaneAssignment& job, std::size_t place,
+VecI nearest_candidates(const PlaneAssignment& job, std::size_t slot,
                         const Candidates& candidates) {
   const SphereClusters& c = *job.clusters;
-  const VecF x = load(&c.x[place]), y = load(&c.y[place]), z = load(&c.z[place]);
+  const VecF x = load(&c.x[slot]), y = load(&c.y[slot]), z = load(&c.z[slot]);
   VecF least = splat(1e30f), second = splat(1e30f);
   VecI best = splat(candidates.donor[0]);
   for (int i = 0; i < candidates.num; ++i) {
@@ -125,7 +125,7 @@ VecI nearest_candidates(const PlaneAssignment& job, std::size_t place,
   std::uint32_t close = mask_bits(is_close_call(least, second));
   for (; close != 0; close &= close - 1) {
     const int lane = std::countr_zero(close);
-    const std::int32_t id = c.sphere_id[place + static_cast<std::size_t>(lane)];
+    const std::int32_t id = c.sphere_id[slot + static_cast<std::size_t>(lane)];
     if (id >= 0) best[lane] = nearest_exactly(job, id, candidates);
   }
   return best;
@@ -178,11 +178,11 @@ MeasureSums average_planes(const PlaneAssignment& job, int group) {
       std::fill_n(job.assigned_volume + begin, SphereClusters::kSize, 0.0f);
       continue;
     }
-    for (std::size_t place = begin; place < begin + SphereClusters::kSize; ++place) {
-      job.assigned_volume[place] = 0;
-      if (job.touched[place] != PlaneAssignment::kNone || c.sphere_id[place] < 0) continue;
-      const float x = c.x[place], y = c.y[place], z = c.z[place];
-      const VecF radius = splat(c.radius[place]);
+    for (std::size_t slot = begin; slot < begin + SphereClusters::kSize; ++slot) {
+      job.assigned_volume[slot] = 0;
+      if (job.touched[slot] != PlaneAssignment::kNone || c.sphere_id[slot] < 0) continue;
+      const float x = c.x[slot], y = c.y[slot], z = c.z[slot];
+      const VecF radius = splat(c.radius[slot]);
       RowSums weight_sum, volume_sum, force[3];
       for (int row = 0; row < boundary.num; row += kRow) {
 #pragma GCC unroll 4
@@ -201,13 +201,12 @@ MeasureSums average_planes(const PlaneAssignment& job, int group) {
           force[2].add(part, weighted_volume * nz);
         }
       }
-      const double scale =
-          static_cast<double>(job.volume_scale[place]) * (1.0 / weight_sum.total());
+      const double scale = static_cast<double>(job.volume_scale[slot]) * (1.0 / weight_sum.total());
       const double volume = volume_sum.total() * scale;
       if (!(volume > 0)) continue;
       const Vec3d F{force[0].total() * scale, force[1].total() * scale, force[2].total() * scale};
       const Vec3d arm = Vec3d{x, y, z} - job.origin;
-      job.assigned_volume[place] = static_cast<float>(volume);
+      job.assigned_volume[slot] = static_cast<float>(volume);
       sums.volume += volume;
       sums.force += F;
       sums.torque += cross(arm, F);
@@ -251,30 +250,30 @@ MeasureSums assign_nearest(const PlaneAssignment& job, int group, AssignmentScra
     RowSums volume_sum, force[3], torque[3];
     const std::size_t begin = static_cast<std::size_t>(cluster) * SphereClusters::kSize;
     for (int i = 0; i < SphereClusters::kSize; i += kLanes) {
-      const std::size_t place = begin + static_cast<std::size_t>(i);
+      const std::size_t slot = begin + static_cast<std::size_t>(i);
       const int part = i % kRow / kLanes;
       VecI wants;
-      std::memcpy(&wants, job.touched + place, sizeof wants);
+      std::memcpy(&wants, job.touched + slot, sizeof wants);
       wants = wants == PlaneAssignment::kNone;
-      const VecI donor = nearest_candidates(job, place, of_cluster);
-      std::memcpy(job.donor + place, &donor, sizeof donor);
+      const VecI donor = nearest_candidates(job, slot, of_cluster);
+      std::memcpy(job.donor + slot, &donor, sizeof donor);
 
-      const VecF x = load(&c.x[place]), y = load(&c.y[place]), z = load(&c.z[place]);
-      const VecF radius = load(&c.radius[place]);
+      const VecF x = load(&c.x[slot]), y = load(&c.y[slot]), z = load(&c.z[slot]);
+      const VecF radius = load(&c.radius[slot]);
       const VecF nx = gather(boundary.nx, donor), ny = gather(boundary.ny, donor),
                  nz = gather(boundary.nz, donor);
       const VecF distance = nx * x + ny * y + nz * z - gather(boundary.offset, donor);
       // Wholly behind or in front of the plane, or cut by it: then in double.
       const VecF unsure = cut_distance(x, y, z, radius);
-      VecF volume = select(wants & (distance < 0.0f), load(&c.volume[place]), VecF{});
+      VecF volume = select(wants & (distance < 0.0f), load(&c.volume[slot]), VecF{});
       const VecI cut = wants & (distance < unsure) & (distance > -unsure);
       for (std::uint32_t bits = mask_bits(cut); bits != 0; bits &= bits - 1) {
         const int lane = std::countr_zero(bits);
         volume[lane] = static_cast<float>(
-            exact_volume(job, c.sphere_id[place + static_cast<std::size_t>(lane)], donor[lane]));
+            exact_volume(job, c.sphere_id[slot + static_cast<std::size_t>(lane)], donor[lane]));
       }
-      volume *= load(job.volume_scale + place);
-      store(job.assigned_volume + place, volume);
+      volume *= load(job.volume_scale + slot);
+      store(job.assigned_volume + slot, volume);
       sums.num_inside += std::popcount(mask_bits(volume > 0.0f));
 
       const VecF fx = volume * nx, fy = volume * ny, fz = volume * nz;

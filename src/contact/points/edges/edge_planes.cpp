@@ -65,8 +65,8 @@ void EdgePlanes::find_nearest(const Pose& X_WT, Edges rule) {
   for (std::size_t begin = 0; begin < clusters_->sphere_id.size(); begin += SphereClusters::kSize) {
     Seen cluster[SphereClusters::kSize];
     std::size_t num = 0;
-    for (std::size_t place = begin; place < begin + SphereClusters::kSize; ++place) {
-      const std::int32_t id = clusters_->sphere_id[place];
+    for (std::size_t slot = begin; slot < begin + SphereClusters::kSize; ++slot) {
+      const std::int32_t id = clusters_->sphere_id[slot];
       if (id < 0) continue;
       const auto i = static_cast<std::size_t>(id);
       const Vec3d c_W = R_WT * to_double(spheres_[i].centre) + X_WT.translation;

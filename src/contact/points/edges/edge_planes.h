@@ -1,4 +1,4 @@
-// Which spheres the edges of the surface concern (thesis section 3.5).
+// The spheres that are cut at edges of the surface (thesis section 3.5).
 #pragma once
 
 #include <cstdint>

@@ -1,5 +1,5 @@
-// Points at which the surface ends in the image, and the mean edge around each (see EdgeSums). One
-// text for host and device.
+// Points at which the surface ends in the image, and the mean edge around each (see EdgeSums).
+// Shared code for host and device.
 #pragma once
 
 #include <cmath>

@@ -30,10 +30,10 @@ inline SortedGraphView sorted_graph_on_gpu(gpu::Memory& memory, const SortedGrap
 
 /// For the graph as sorted_graph_on_gpu gives it.
 inline GraphSearch graph_search_on_gpu(gpu::Memory& memory, const SortedGraphView& graph,
-                                       std::size_t num_places, std::size_t num_edges) {
+                                       std::size_t num_slots, std::size_t num_edges) {
   const std::size_t num_listed = num_edges + static_cast<std::size_t>(graph.num_more_parts);
-  return {memory.take<PlaceState>(num_places),
-          memory.take<double>(num_places),
+  return {memory.take<SlotState>(num_slots),
+          memory.take<double>(num_slots),
           memory.take<Offer>(num_edges + GraphSearch::kFirstOffers),
           {memory.take<RowPart>(num_listed), memory.take<RowPart>(num_listed)},
           memory.take<std::int32_t>(3),

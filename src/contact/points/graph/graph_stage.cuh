@@ -1,10 +1,10 @@
 // Graph stage of a query on a GPU: which untouched spheres are inside, and whose plane is theirs
 // (thesis section 3.3.2; Algs. 3.5 to 3.7 corrected). The result is that of GraphTraversal.
 //
-// In a round, each place that the round before has *reached* is settled: it takes the best of the
+// In a round, each slot that the round before has *reached* is settled: it takes the best of the
 // offers that were left for it. Now that it knows its reference, it offers it to those of its
 // neighbours that no earlier round has reached, if the reference lets it walk there. The first to
-// make an offer to a place puts it on the list for the next round. Offers and lists lie in any
+// make an offer to a slot puts it on the list for the next round. Offers and lists lie in any
 // order, but all offers of a round are compared, and all of a list are settled.
 //
 // Rows of neighbours are worked at in parts, each by some lanes of a warp: as many as there are for
@@ -34,7 +34,7 @@ class GraphStage {
       : graph_(q.graph),
         search_(q.search),
         boundary_(q.boundary),
-        place_of_(q.clusters.place_of),
+        slot_of_(q.clusters.slot_of),
         reference_(q.donor),
         sphere_ids_(q.clusters.sphere_id),
         edges_(q.edges_view()),
@@ -87,7 +87,7 @@ class GraphStage {
   };
   /// Some neighbours, asked about together.
   struct Ahead {
-    std::int32_t place[kBatch], round[kBatch], row_begin[kBatch], row_end[kBatch];
+    std::int32_t slot[kBatch], round[kBatch], row_begin[kBatch], row_end[kBatch];
     SlotSphere sphere[kBatch];
   };
 
@@ -95,7 +95,7 @@ class GraphStage {
     *static_cast<volatile std::int32_t*>(to) = value;
   }
 
-  /// Rounds by this block, from the list of this turn to that of the next: few places are left.
+  /// Rounds by this block, from the list of this turn to that of the next: few slots are left.
   __device__ void go_on_alone(int turn, std::int32_t num, int rounds) const {
     std::int32_t* const num_listed = gpu::shared_memory<Scratch>().num_listed;
     const Team block{gpu::warp_id(), gpu::warps_per_block(), num_listed};
@@ -124,17 +124,17 @@ class GraphStage {
       const std::int32_t i = first + lanes.number_of_group();
       RowPart part;
       if (i < num) {
-        part.place = place_of_[boundary_.sphere_id[i]];
-        part.begin = part.row_begin = graph_.row_starts[part.place];
-        part.end = end_of_part(part.begin, graph_.row_starts[part.place + 1]);
+        part.slot = slot_of_[boundary_.sphere_id[i]];
+        part.begin = part.row_begin = graph_.row_starts[part.slot];
+        part.end = end_of_part(part.begin, graph_.row_starts[part.slot + 1]);
       } else if (i < all) {
         part = graph_.more_parts[i - num];
-        if (gpu::read_now(&search_.places[part.place].round) != search_.first_round) {
+        if (gpu::read_now(&search_.slots[part.slot].round) != search_.first_round) {
           part.end = part.begin;
         }
       }
       if (!__any_sync(gpu::kWholeWarp, part.begin < part.end)) continue;
-      const std::int32_t seed = part.begin < part.end ? reference_[part.place] : -1;
+      const std::int32_t seed = part.begin < part.end ? reference_[part.slot] : -1;
       walk(part, lanes, {0, seed}, look_ahead(part, lanes), reached);
     }
   }
@@ -169,7 +169,7 @@ class GraphStage {
     const bool has_part = part.begin < part.end;
     // All that does not need the reference is asked for before it is known.
     const Offer* const offers = search_.offers + part.row_begin;
-    const int num = has_part ? gpu::read_now(&search_.places[part.place].num_offers) : 0;
+    const int num = has_part ? gpu::read_now(&search_.slots[part.slot].num_offers) : 0;
     Offer first[GraphSearch::kFirstOffers];
 #pragma unroll
     for (int i = 0; i < GraphSearch::kFirstOffers; ++i) first[i] = offers[i];
@@ -184,8 +184,8 @@ class GraphStage {
     }
     if (!has_part) best = Offer{};
     if (has_part && part.begin == part.row_begin && lanes.number_of_this() == 0) {
-      reference_[part.place] = best.seed;
-      search_.path_length[part.place] = best.path_length;
+      reference_[part.slot] = best.seed;
+      search_.path_length[part.slot] = best.path_length;
     }
     walk(part, lanes, best, ahead, reached);
   }
@@ -213,28 +213,28 @@ class GraphStage {
 #pragma unroll
     for (int b = 0; b < kBatch; ++b) {
       const std::int32_t e = part.begin + lanes.number_of_this() + b * lanes.num();
-      ahead.place[b] = e < part.end ? graph_.neighbours[e] : -1;
+      ahead.slot[b] = e < part.end ? graph_.neighbours[e] : -1;
     }
 #pragma unroll
     for (int b = 0; b < kBatch; ++b) {
-      const std::int32_t place = ahead.place[b];
+      const std::int32_t slot = ahead.slot[b];
       ahead.round[b] = INT32_MAX;
-      if (place < 0) continue;
-      ahead.round[b] = gpu::read_now(&search_.places[place].round);
-      ahead.row_begin[b] = graph_.row_starts[place];
-      ahead.row_end[b] = graph_.row_starts[place + 1];
-      ahead.sphere[b] = graph_.spheres[place];
+      if (slot < 0) continue;
+      ahead.round[b] = gpu::read_now(&search_.slots[slot].round);
+      ahead.row_begin[b] = graph_.row_starts[slot];
+      ahead.row_end[b] = graph_.row_starts[slot + 1];
+      ahead.sphere[b] = graph_.spheres[slot];
     }
     return ahead;
   }
 
-  /// Offers the reference of a place, if it has one, to those neighbours to which it leads.
+  /// Offers the reference of a slot, if it has one, to those neighbours to which it leads.
   /// `ahead`: the first of them. All lanes of the warp call.
   __device__ void walk(RowPart part, const Lanes& lanes, const Offer& from, Ahead ahead,
                        const Reached& reached) const {
     const bool has_seed = from.seed >= 0;
     const Donor& donor = boundary_.donors[has_seed ? from.seed : 0];
-    const Vec3d c = graph_.spheres[part.place].centre(), normal = donor.plane_T.normal;
+    const Vec3d c = graph_.spheres[part.slot].centre(), normal = donor.plane_T.normal;
     for (;;) {
       bool walks[kBatch];
       int slot[kBatch], num_slots = 0;
@@ -245,17 +245,17 @@ class GraphStage {
         walks[b] = has_seed &&
                    (ahead.round[b] < search_.first_round || ahead.round[b] == reached.round) &&
                    leads_inside(ahead.sphere[b].centre() - c, normal) &&
-                   !(with_edges_ && edges_.forbids(sphere_ids_[ahead.place[b]], donor.point));
+                   !(with_edges_ && edges_.forbids(sphere_ids_[ahead.slot[b]], donor.point));
         const unsigned all = __ballot_sync(gpu::kWholeWarp, walks[b]);
         slot[b] = num_slots + __popc(all & ((1u << gpu::lane_id()) - 1));
         num_slots += __popc(all);
       }
       if (num_slots > 0) {
-        // Not all will be the first to reach the place, but to wait for that would take longer.
+        // Not all will be the first to reach the slot, but to wait for that would take longer.
         int number[kBatch], base = 0;
 #pragma unroll
         for (int b = 0; b < kBatch; ++b) {
-          number[b] = walks[b] ? atomicAdd(&search_.places[ahead.place[b]].num_offers, 1) : 0;
+          number[b] = walks[b] ? atomicAdd(&search_.slots[ahead.slot[b]].num_offers, 1) : 0;
         }
         if (gpu::lane_id() == 0) base = atomicAdd(reached.num, num_slots);
 #pragma unroll
@@ -268,7 +268,7 @@ class GraphStage {
           if (!walks[b]) continue;
           const std::int32_t row_begin = ahead.row_begin[b];
           search_.offers[row_begin + number[b]] = {length[b], from.seed};
-          RowPart row{ahead.place[b], row_begin, row_begin, row_begin};
+          RowPart row{ahead.slot[b], row_begin, row_begin, row_begin};
           if (number[b] == 0) reach(row, ahead.row_end[b], reached);
           reached.parts[base + slot[b]] = row;
         }
@@ -279,23 +279,23 @@ class GraphStage {
     }
   }
 
-  /// Gives the place's row its first part, and lists the others.
+  /// Gives the slot's row its first part, and lists the others.
   __device__ void reach(RowPart& row, std::int32_t row_end, const Reached& reached) const {
-    write_now(&search_.places[row.place].round, reached.round);
+    write_now(&search_.slots[row.slot].round, reached.round);
     row.end = end_of_part(row.begin, row_end);
     if (row.end == row_end) return;
     constexpr int kPart = SortedGraphView::kPart;
     RowPart* to = reached.parts + atomicAdd(reached.num, (row_end - row.end + kPart - 1) / kPart);
     for (std::int32_t begin = row.end; begin < row_end; begin += kPart) {
-      *to++ = {row.place, row.row_begin, begin, end_of_part(begin, row_end)};
+      *to++ = {row.slot, row.row_begin, begin, end_of_part(begin, row_end)};
     }
   }
 
   SortedGraphView graph_;
   GraphSearch search_;
   BoundaryList boundary_;
-  const std::int32_t* place_of_;  // of each sphere
-  std::int32_t* reference_;       // of each place
+  const std::int32_t* slot_of_;  // of each sphere
+  std::int32_t* reference_;      // of each slot
   const std::int32_t* sphere_ids_;
   EdgesView edges_;
   bool with_edges_;
@@ -303,7 +303,7 @@ class GraphStage {
 
 inline constexpr std::size_t kGraphSharedBytes = sizeof(GraphStage::Scratch);
 
-/// Finds all places that the boundary spheres reach, whose round is first_round; `with_edges` if
+/// Finds all slots that the boundary spheres reach, whose round is first_round; `with_edges` if
 /// edges matter. Called by all threads of a cooperative grid, after a barrier behind the boundary
 /// stage and that of the edges; what it writes is visible to all when it returns. Returns the
 /// number of rounds after the first. Shared memory: kGraphSharedBytes.
@@ -320,25 +320,25 @@ __device__ inline MeasureSums measure_reached(const PointQuery& q, bool with_edg
   const EdgesView edges = q.edges_view();
   const bool has_pieces = with_edges && *q.num_pieces > 0;
   MeasureSums sums;
-  for (std::int32_t place = gpu::grid_thread(); place < q.clusters.num_places();
-       place += gpu::grid_threads()) {
-    const PlaceState state = q.search.places[place];
+  for (std::int32_t slot = gpu::grid_thread(); slot < q.clusters.num_slots();
+       slot += gpu::grid_threads()) {
+    const SlotState state = q.search.slots[slot];
     double volume = 0;
     if (state.round > q.search.first_round) {
-      q.search.places[place].num_offers = 0;  // for the next query
-      const std::int32_t id = q.clusters.sphere_id[place];
-      const Donor& donor = donors.donors[q.donor[place]];
+      q.search.slots[slot].num_offers = 0;  // for the next query
+      const std::int32_t id = q.clusters.sphere_id[slot];
+      const Donor& donor = donors.donors[q.donor[slot]];
       volume = q.scale(id) * (has_pieces ? reached_volume(donors, donor, id, q.inside, &edges)
                                          : reached_volume(donors, donor, id, q.inside, nullptr));
       const Vec3d force = volume * donor.plane_T.normal;
       sums.volume += volume;
       sums.force += force;
-      sums.torque += cross(q.graph.spheres[place].centre() - q.origin, force);
+      sums.torque += cross(q.graph.spheres[slot].centre() - q.origin, force);
       sums.num_inside += volume > 0;
     } else if (state.round < q.search.first_round) {
-      q.donor[place] = -1;
+      q.donor[slot] = -1;
     }
-    q.assigned_volume[place] = static_cast<float>(volume);
+    q.assigned_volume[slot] = static_cast<float>(volume);
   }
   return sums;
 }

@@ -46,23 +46,23 @@ class GraphTraversal {
   std::span<const Visit> run(std::span<const Seed> seeds, const EdgesView* edge_planes = nullptr);
 
  private:
-  // Inside, a sphere is known by its place in the spatial order.
-  using Place = std::int32_t;
+  // Inside, a sphere is known by its slot in the spatial order.
+  using Slot = std::int32_t;
 
   // One byte a sphere: most edges lead to a settled one, and the bytes of all stay in the L1 cache.
   enum State : std::uint8_t { kUnreached, kReachedThisRound, kSettled };
 
   template <bool kWithEdgePlanes>
-  std::size_t walk_edges(const Visit& from, Place place, const Seed& seed,
+  std::size_t walk_edges(const Visit& from, Slot slot, const Seed& seed,
                          const EdgesView* edge_planes, std::size_t num_visits);
 
-  std::vector<Vec3f> centres_;  // of each place
+  std::vector<Vec3f> centres_;  // of each slot
   const SortedGraph& graph_;
-  std::vector<Place> ahead_;   // of one sphere: neighbours not settled and in its direction
-  std::vector<State> states_;  // of each place
-  std::vector<Offer> offers_;  // of each place: the best one it has had in this round
+  std::vector<Slot> ahead_;    // of one sphere: neighbours not settled and in its direction
+  std::vector<State> states_;  // of each slot
+  std::vector<Offer> offers_;  // of each slot: the best one it has had in this round
   std::vector<Visit> visits_;  // seeds, then the spheres reached
-  std::vector<Place> places_;  // of each visit
+  std::vector<Slot> slots_;    // of each visit
   std::size_t num_visits_ = 0;
 };
 

@@ -1,5 +1,5 @@
-// The plane of a boundary sphere (thesis eq. 3.3), from the sums over its points. One text for host
-// and device.
+// The plane of a boundary sphere (thesis eq. 3.3), from the sums over its points. Shared code for
+// host and device.
 #pragma once
 
 #include <cstdint>

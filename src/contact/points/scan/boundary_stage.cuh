@@ -25,7 +25,7 @@ class BoundaryStage {
   struct Scratch {
     Count counts[kQueryThreads / gpu::kWarpSize];  ///< of each warp
     std::uint32_t words[kQueryThreads];            ///< that a block looks at at the same time
-    std::int32_t places[kQueryThreads];            ///< of the first sphere of each, among theirs
+    std::int32_t slots[kQueryThreads];             ///< of the first sphere of each, among theirs
     std::int32_t sphere_ids[kQueryThreads];        ///< taken at the same time
   };
 
@@ -48,19 +48,19 @@ class BoundaryStage {
     do {
       const int w = pass + thread_, num = min_of(end - pass, kQueryThreads);
       const std::uint32_t word = w < end ? q_.touched[w] : 0;
-      const Places places = count(before, __popc(word));
+      const Slots slots = count(before, __popc(word));
       before = 0;
-      first += places.before_share;
+      first += slots.before_share;
       shared_.words[thread_] = word;
-      shared_.places[thread_] = places.of_thread;
+      shared_.slots[thread_] = slots.of_thread;
       __syncthreads();
-      for (std::int32_t from = 0; from < places.num; from += kQueryThreads) {
+      for (std::int32_t from = 0; from < slots.num; from += kQueryThreads) {
         list_spheres(pass, num, from);
         __syncthreads();
-        take_spheres(first + from, min_of(places.num - from, kQueryThreads));
+        take_spheres(first + from, min_of(slots.num - from, kQueryThreads));
         __syncthreads();
       }
-      first += places.num;
+      first += slots.num;
       pass += kQueryThreads;
     } while (pass < end);
     if (blockIdx.x == gridDim.x - 1 && thread_ == 0) {
@@ -71,7 +71,7 @@ class BoundaryStage {
   }
 
  private:
-  struct Places {
+  struct Slots {
     std::int32_t before_share, of_thread, num;
   };
 
@@ -79,7 +79,7 @@ class BoundaryStage {
 
   // Sums over the threads of the block: of what each has counted before the share, and of what the
   // threads up to this one have in it. What the last call left has been read: a barrier follows it.
-  __device__ Places count(std::int32_t before_share, std::int32_t in_share) {
+  __device__ Slots count(std::int32_t before_share, std::int32_t in_share) {
     std::int32_t up_to_here = in_share;
     for (int step = 1; step < gpu::kWarpSize; step *= 2) {
       const std::int32_t below =
@@ -91,25 +91,25 @@ class BoundaryStage {
       shared_.counts[gpu::warp_id()] = {before_share, up_to_here};
     }
     __syncthreads();
-    Places places{0, up_to_here - in_share, 0};
+    Slots slots{0, up_to_here - in_share, 0};
 #pragma unroll
     for (int warp = 0; warp < kQueryThreads / gpu::kWarpSize; ++warp) {
       const Count its = shared_.counts[warp];
-      places.before_share += its.before_share;
-      places.of_thread += warp < gpu::warp_id() ? its.in_share : 0;
-      places.num += its.in_share;
+      slots.before_share += its.before_share;
+      slots.of_thread += warp < gpu::warp_id() ? its.in_share : 0;
+      slots.num += its.in_share;
     }
-    return places;
+    return slots;
   }
 
-  // The spheres of this pass with places from `from` on. A warp looks at a word at a time.
+  // The spheres of this pass with slots from `from` on. A warp looks at a word at a time.
   __device__ void list_spheres(int first_word, int num_words, std::int32_t from) {
     const int lane = gpu::lane_id();
     for (int w = gpu::warp_id(); w < num_words; w += kQueryThreads / gpu::kWarpSize) {
       const std::uint32_t word = shared_.words[w], bit = 1u << lane;
-      const std::int32_t place = shared_.places[w] + __popc(word & (bit - 1)) - from;
-      if ((word & bit) != 0 && place >= 0 && place < kQueryThreads) {
-        shared_.sphere_ids[place] = (first_word + w) * 32 + lane;
+      const std::int32_t slot = shared_.slots[w] + __popc(word & (bit - 1)) - from;
+      if ((word & bit) != 0 && slot >= 0 && slot < kQueryThreads) {
+        shared_.sphere_ids[slot] = (first_word + w) * 32 + lane;
       }
     }
   }
@@ -127,7 +127,7 @@ class BoundaryStage {
     // All that has to come from memory, at once.
     const PointSums sums = q_.sums[id];
     const Vec3f its_centre = q_.scan.spheres[id].centre;
-    const std::int32_t place = q_.clusters.place_of[id];
+    const std::int32_t slot = q_.clusters.slot_of[id];
     q_.sums[id] = PointSums{};
     const BoundarySphere sphere = boundary_sphere(id, sums, q_.scan.sum_scale, q_.plane_rule,
                                                   q_.scan.R_TW, q_.scan.translation_W);
@@ -148,10 +148,10 @@ class BoundaryStage {
     list.offset[i] = static_cast<float>(donor.plane_T.offset);
     list.weight[i] = weight;
     list.presence[i] = lends ? static_cast<float>(donor.presence) : 0.0f;
-    q_.donor[place] = lends ? i : -1;
-    q_.assigned_volume[place] = 0;
+    q_.donor[slot] = lends ? i : -1;
+    q_.assigned_volume[slot] = 0;
     if (q_.method == MethodKind::graph) {
-      q_.search.places[place].round = q_.search.first_round;
+      q_.search.slots[slot].round = q_.search.first_round;
     }
 
     any_ = true;
@@ -173,10 +173,10 @@ class BoundaryStage {
     q_.pieces[number] = piece;
     if (sums.has_points()) sums = PointSums{};
     if (!piece.exists()) return;
-    const std::int32_t place = atomicAdd(q_.num_pieces, 1);
-    q_.seen_pieces.u[place] = piece.u;
-    q_.seen_pieces.v[place] = piece.v;
-    q_.seen_pieces.number[place] = number;
+    const std::int32_t slot = atomicAdd(q_.num_pieces, 1);
+    q_.seen_pieces.u[slot] = piece.u;
+    q_.seen_pieces.v[slot] = piece.v;
+    q_.seen_pieces.number[slot] = number;
   }
 
   // What the threads of a warp counted goes to the list's counters.

@@ -1,4 +1,4 @@
-// Which pixels can hold a point of the tool.
+// The window of pixels that the tool projects to.
 #pragma once
 
 #include <algorithm>

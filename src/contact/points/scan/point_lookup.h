@@ -1,5 +1,5 @@
 // Which sphere contains a point, and what the point adds to the sphere's sums (thesis section 3.2.1
-// and eq. 3.3). One text for the vector kernels and the device; only their loops differ.
+// and eq. 3.3). Shared code for the vector kernels and the device; only their loops differ.
 #pragma once
 
 #include <cstdint>

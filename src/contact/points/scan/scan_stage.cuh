@@ -233,10 +233,10 @@ class ScanStage {
     const bool listed = id >= 0 && edges_.may_be_edge(i, i / width, i % width);
     const unsigned all = __ballot_sync(gpu::kWholeWarp, listed);
     if (all == 0) return;
-    std::int32_t place = 0;
-    if (gpu::lane_id() == 0) place = atomicAdd(q_.num_edge_candidates, __popc(all));
-    place = __shfl_sync(gpu::kWholeWarp, place, 0);
-    if (listed) q_.edge_candidates[place + __popc(all & ((1u << gpu::lane_id()) - 1))] = {i, id};
+    std::int32_t slot = 0;
+    if (gpu::lane_id() == 0) slot = atomicAdd(q_.num_edge_candidates, __popc(all));
+    slot = __shfl_sync(gpu::kWholeWarp, slot, 0);
+    if (listed) q_.edge_candidates[slot + __popc(all & ((1u << gpu::lane_id()) - 1))] = {i, id};
   }
 
   __device__ EdgeMean mean_around(std::int32_t i, int row, int column, const Vec3d& own) const {

@@ -15,7 +15,7 @@ struct ProbeDepths {
 
 /// Tries `motion` in every frame of `stream` while it is current, up to `end` seconds. Errors:
 /// images that no SurfaceEstimator takes; no frame; what the stream reports.
-Result<ProbeDepths> feel_stream(DepthSource& stream, const Tool& tool, const ProbingMotion& motion,
-                                double end);
+Result<ProbeDepths> probe_stream(DepthSource& stream, const Tool& tool, const ProbingMotion& motion,
+                                 double end);
 
 }  // namespace palpate::inline v0

@@ -30,7 +30,7 @@ inline TriangleMesh block(const Vec3d& from, const Vec3d& to) {
   return mesh;
 }
 
-struct SeenTableOptions {
+struct CameraTableOptions {
   bool has_noise = false;
   int width = 160;
   TimeOptions time;
@@ -38,10 +38,10 @@ struct SeenTableOptions {
   std::vector<scenes::Body> others;  ///< beside the table
 };
 
-class SeenTable {
+class CameraTable {
  public:
-  using Options = SeenTableOptions;
-  explicit SeenTable(const Options& options = {}) {
+  using Options = CameraTableOptions;
+  explicit CameraTable(const Options& options = {}) {
     scenes::Scene scene;
     scene.bodies.push_back({"table", block({-1, -1, kTable}, {1, 1, kTable + 0.1}), nullptr, {}});
     for (const scenes::Body& body : options.others) scene.bodies.push_back(body);
@@ -78,7 +78,7 @@ class SeenTable {
 /// Objects on it. Down is away from the camera.
 class TableTop {
  public:
-  explicit TableTop(std::vector<SceneObject> objects, const SeenTable::Options& options = {},
+  explicit TableTop(std::vector<SceneObject> objects, const CameraTable::Options& options = {},
                     BodyOptions body_options = {})
       : table(options), bodies(made(objects, std::move(body_options))) {}
   static std::unique_ptr<MovingBodies> made(const std::vector<SceneObject>& objects,
@@ -95,7 +95,7 @@ class TableTop {
   const RigidBody& body(int i) const { return bodies->bodies()[static_cast<std::size_t>(i)]; }
 
   double time = 0, tick = 1e-3;
-  SeenTable table;
+  CameraTable table;
   std::unique_ptr<MovingBodies> bodies;
 };
 

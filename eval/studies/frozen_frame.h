@@ -10,18 +10,18 @@
 
 namespace palpate::eval {
 
-class SeenFrame {
+class FrozenFrame {
  public:
   /// Errors: an image that no SurfaceEstimator takes.
-  static Result<SeenFrame> create(const DepthStreamInfo& stream, const DepthFrame& frame,
-                                  const SurfaceOptions& options = {});
+  static Result<FrozenFrame> create(const DepthStreamInfo& stream, const DepthFrame& frame,
+                                    const SurfaceOptions& options = {});
 
   PointCloudView cloud() const { return surface_.cloud(); }
   DepthFieldView field() const { return field_.view(); }
   SurfaceView surfaces() const { return {cloud(), field()}; }
 
  private:
-  SeenFrame(SurfaceEstimator surface, DepthField field)
+  FrozenFrame(SurfaceEstimator surface, DepthField field)
       : surface_(std::move(surface)), field_(std::move(field)) {}
   SurfaceEstimator surface_;
   DepthField field_;

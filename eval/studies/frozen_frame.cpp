@@ -1,11 +1,11 @@
-#include "eval/studies/seen_frame.h"
+#include "eval/studies/frozen_frame.h"
 
 #include <utility>
 
 namespace palpate::eval {
 
-Result<SeenFrame> SeenFrame::create(const DepthStreamInfo& stream, const DepthFrame& frame,
-                                    const SurfaceOptions& options) {
+Result<FrozenFrame> FrozenFrame::create(const DepthStreamInfo& stream, const DepthFrame& frame,
+                                        const SurfaceOptions& options) {
   auto surface = SurfaceEstimator::create(stream.width, stream.height, stream.intrinsics, options);
   if (!surface) return surface.error();
   auto field = DepthField::create(stream.width, stream.height);
@@ -13,7 +13,7 @@ Result<SeenFrame> SeenFrame::create(const DepthStreamInfo& stream, const DepthFr
   ThreadPool pool(0);
   surface->update(frame, pool);
   field->update(surface->cloud(), pool);
-  return SeenFrame(*std::move(surface), *std::move(field));
+  return FrozenFrame(*std::move(surface), *std::move(field));
 }
 
 }  // namespace palpate::eval

@@ -1,4 +1,4 @@
-// A tool as the field method feels it, on a GPU.
+// The tool of the field method, on a GPU.
 #pragma once
 
 #include "src/contact/field/field_bound.h"
@@ -21,10 +21,10 @@ struct ElementsView {
   int num_clusters = 0;
 };
 
-/// A tool as it is felt with one way to count volumes, on a GPU.
-struct FeltTool {
+/// The elements and spheres of a tool for one of SphereVolumes, on a GPU.
+struct FieldTool {
   ElementsView elements;
-  const Sphere* spheres = nullptr;  ///< felt_ball of each sphere of the tool
+  const Sphere* spheres = nullptr;  ///< field_ball of each sphere of the tool
   double reach = 0;                 ///< as FieldElements
   Cluster whole;                    ///< around all elements
   float largest_radius = 0;         ///< of them
@@ -32,6 +32,6 @@ struct FeltTool {
 
 /// Copies that `memory` owns; it also keeps failures.
 ElementsView elements_view(const FieldElements& elements, gpu::Memory& memory);
-FeltTool felt_tool(const ToolIndex& index, SphereVolumes volumes, gpu::Memory& memory);
+FieldTool make_field_tool(const ToolIndex& index, SphereVolumes volumes, gpu::Memory& memory);
 
 }  // namespace palpate::inline v0

@@ -1,4 +1,4 @@
-// What is taken when nobody names a camera or a device.
+// The default camera and device: the only one that is connected.
 #pragma once
 
 #include <string>
@@ -9,8 +9,8 @@
 namespace palpate::apps {
 
 /// The one depth camera that is plugged in. Errors: there is none, or several, which are named.
-Result<CameraUri> the_camera_that_is_there();
+Result<CameraUri> connected_camera();
 /// The one haptic device that is there, other than simulated ones. Errors: as above.
-Result<std::string> the_device_that_is_there();
+Result<std::string> connected_device();
 
 }  // namespace palpate::apps

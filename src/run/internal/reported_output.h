@@ -1,23 +1,23 @@
-// Where the frame and the point are that people want pose and wrench told in.
+// Pose and wrench in the frame and about the point of OutputOptions.
 #pragma once
 
 #include "palpate/run/records.h"
-#include "src/math/internal/told_wrench.h"
+#include "src/math/internal/wrench_transform.h"
 
 namespace palpate::inline v0 {
 
-/// What the frames of OutputOptions hang on, at one moment.
-struct OutputPlaces {
+/// What the frames of OutputOptions depend on, at one time.
+struct OutputFrames {
   Pose X_WT;
   Vec3d p_WC;      ///< center of mass of the tool's spheres
   Pose X_WCamera;  ///< the first one
   Pose X_WB;       ///< base of the device
 };
 
-/// Tells what is known in the world's axes about the tool's center of mass.
-class ToldOutput {
+/// Transforms from the world's axes and the tool's center of mass.
+class ReportedOutput {
  public:
-  ToldOutput(const OutputOptions& options, const OutputPlaces& at)
+  ReportedOutput(const OutputOptions& options, const OutputFrames& at)
       : p_WC_(at.p_WC), X_WE_(at.X_WT * options.X_TE) {
     switch (options.wrench_frame.value_or(WrenchFrame::world)) {
       case WrenchFrame::world: break;
@@ -38,7 +38,7 @@ class ToldOutput {
   /// A Wrench or a VolumeWrench in the axes of F.
   template <class Any>
   Any wrench(const Any& F_C_W) const {
-    return turned_into(X_WF_.rotation, moved_to(point_W_, F_C_W, p_WC_));
+    return expressed_in(X_WF_.rotation, moved_to(point_W_, F_C_W, p_WC_));
   }
 
  private:

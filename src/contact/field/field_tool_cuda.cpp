@@ -1,4 +1,4 @@
-#include "src/contact/field/felt_tool_cuda.h"
+#include "src/contact/field/field_tool_cuda.h"
 
 #include <algorithm>
 #include <vector>
@@ -18,19 +18,19 @@ ElementsView elements_view(const FieldElements& elements, gpu::Memory& memory) {
           memory.copy_of(elements.largest_radius), c.num_clusters()};
 }
 
-FeltTool felt_tool(const ToolIndex& index, SphereVolumes volumes, gpu::Memory& memory) {
+FieldTool make_field_tool(const ToolIndex& index, SphereVolumes volumes, gpu::Memory& memory) {
   const Tool& tool = index.tool();
   const FieldElements& elements = index.parts().elements(volumes);
   std::vector<Sphere> spheres(tool.spheres().size());
-  for (std::size_t id = 0; id < spheres.size(); ++id) spheres[id] = felt_ball(tool, id, volumes);
-  FeltTool felt{elements_view(elements, memory), memory.copy_of(spheres), elements.reach, {}, 0};
+  for (std::size_t id = 0; id < spheres.size(); ++id) spheres[id] = field_ball(tool, id, volumes);
+  FieldTool made{elements_view(elements, memory), memory.copy_of(spheres), elements.reach, {}, 0};
   const SphereClusters& c = elements.clusters;
   for (std::size_t slot = 0; slot < c.x.size(); ++slot) {
     const float from_centre = norm(Vec3f{c.x[slot], c.y[slot], c.z[slot]});
-    felt.whole.reach = std::max(felt.whole.reach, 1.00001f * (from_centre + elements.radius[slot]));
-    felt.largest_radius = std::max(felt.largest_radius, elements.radius[slot]);
+    made.whole.reach = std::max(made.whole.reach, 1.00001f * (from_centre + elements.radius[slot]));
+    made.largest_radius = std::max(made.largest_radius, elements.radius[slot]);
   }
-  return felt;
+  return made;
 }
 
 }  // namespace palpate::inline v0

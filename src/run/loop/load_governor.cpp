@@ -1,4 +1,4 @@
-#include "src/run/loop/load_minder.h"
+#include "src/run/loop/load_governor.h"
 
 #include <algorithm>
 #include <cmath>
@@ -26,41 +26,41 @@ void LoadCounts::count_ages(const LoopTimes& times, const SafetyOptions& limits,
   ageing_contacts = num_above(times.contact_age, limits.max_contact_age, 0.25, contact);
 }
 
-LoadMinder::LoadMinder(const DepthStreamInfo& stream, const RunSettings& settings,
-                       std::size_t num_spheres)
+LoadGovernor::LoadGovernor(const DepthStreamInfo& stream, const RunSettings& settings,
+                           std::size_t num_spheres)
     : stream_(stream),
       num_spheres_(num_spheres),
       whole_(settings),
       relief_(make_relief(settings)) {}
 
 /// How much can be left out, at the most.
-LoadRelief LoadMinder::make_relief(const RunSettings& settings) const {
+LoadRelief LoadGovernor::make_relief(const RunSettings& settings) const {
   int image = 0, spheres = 0;
   const int side = std::min(stream_.width, stream_.height) / settings.binning;
   while (image < kMostHalvings - 1 && side >> (image + 1) >= kSmallestSide &&
          settings.binning << (image + 1) <= kMaxBinning) {
     ++image;
   }
-  while (spheres < kMostHalvings && num_asked() >> (spheres + 1) >= kFewestSpheres) ++spheres;
+  while (spheres < kMostHalvings && num_requested() >> (spheres + 1) >= kFewestSpheres) ++spheres;
   return {image, spheres};
 }
 
 /// Spheres, without any steps.
-std::size_t LoadMinder::num_asked() const {
+std::size_t LoadGovernor::num_requested() const {
   const auto some = static_cast<std::size_t>(std::max(whole_.num_spheres, 0));
   return some == 0 ? num_spheres_ : std::min(some, num_spheres_);
 }
 
-RunSettings LoadMinder::thinned(const RunSettings& settings, const ReliefSteps& steps) const {
+RunSettings LoadGovernor::thinned(const RunSettings& settings, const ReliefSteps& steps) const {
   RunSettings less = settings;
   less.binning = whole_.binning << steps.image;
   less.num_spheres =
-      steps.spheres > 0 ? static_cast<int>(num_asked() >> steps.spheres) : whole_.num_spheres;
+      steps.spheres > 0 ? static_cast<int>(num_requested() >> steps.spheres) : whole_.num_spheres;
   return less;
 }
 
-LoadMinder::Decision LoadMinder::look(double now, const RunSettings& present,
-                                      const LoadCounts& counts) {
+LoadGovernor::Decision LoadGovernor::look(double now, const RunSettings& present,
+                                          const LoadCounts& counts) {
   const RunSettings decided = thinned(present, applied_);
   if (decided.binning != present.binning || decided.num_spheres != present.num_spheres) {
     whole_ = present;
@@ -89,19 +89,19 @@ LoadMinder::Decision LoadMinder::look(double now, const RunSettings& present,
   if (!relief_.look(window)) return {};
   const ReliefSteps last = std::exchange(applied_, relief_.steps());
   Decision decision;
-  decision.note = describe_relief(last, applied_, whole_.binning, num_asked());
+  decision.note = describe_relief(last, applied_, whole_.binning, num_requested());
   if (applied_.image != last.image || applied_.spheres != last.spheres) {
     decision.settings = thinned(present, applied_);
   }
   return decision;
 }
 
-void LoadMinder::begin_window(double now, const LoadCounts& counts) {
+void LoadGovernor::begin_window(double now, const LoadCounts& counts) {
   window_start_ = now;
   counted_ = counts;
 }
 
-void LoadMinder::give_up(const RunSettings& present) {
+void LoadGovernor::give_up(const RunSettings& present) {
   whole_ = present;
   relief_ = LoadRelief(0, 0);
   applied_ = {};

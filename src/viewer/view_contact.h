@@ -1,4 +1,4 @@
-// What was measured, as pages get it.
+// Contacts as pages get them.
 #pragma once
 
 #include "palpate/contact/body_contact.h"
@@ -7,8 +7,8 @@
 namespace palpate::inline v0 {
 
 /// How the spheres were at the last query.
-ViewContact contact_shown(const ContactQuery& query, std::span<const SurfaceBlend> cameras,
-                          const Pose& X_WT, double time, std::uint64_t frame_number);
+ViewContact view_contact(const ContactQuery& query, std::span<const SurfaceBlend> cameras,
+                         const Pose& X_WT, double time, std::uint64_t frame_number);
 
 /// Where all objects are, of which those that move are at `moving`, in their order.
 template <class Poses>

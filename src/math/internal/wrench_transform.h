@@ -14,15 +14,15 @@ Any moved_to(const Vec3d& q_W, const Any& F_p_W, const Vec3d& p_W) {
 
 /// The same wrench, about the same point, in the axes of A.
 template <class Any>
-Any turned_into(const Quaternion& q_WA, const Any& F_W) {
+Any expressed_in(const Quaternion& q_WA, const Any& F_W) {
   const Quaternion q_AW = conjugate(q_WA);
   return {rotate(q_AW, F_W.force), rotate(q_AW, F_W.torque)};
 }
 
 /// About A's origin in A's axes.
 template <class Any>
-Any told_in(const Pose& X_WA, const Any& F_p_W, const Vec3d& p_W) {
-  return turned_into(X_WA.rotation, moved_to(X_WA.translation, F_p_W, p_W));
+Any transformed_to(const Pose& X_WA, const Any& F_p_W, const Vec3d& p_W) {
+  return expressed_in(X_WA.rotation, moved_to(X_WA.translation, F_p_W, p_W));
 }
 
 }  // namespace palpate::inline v0

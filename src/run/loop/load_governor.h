@@ -1,4 +1,4 @@
-// From what the stages of a live loop have counted to other settings, and the words for it.
+// Reduces the load of a live loop by its counters: other settings, with a note for each change.
 #pragma once
 
 #include <cstdint>
@@ -13,7 +13,7 @@ namespace palpate::inline v0 {
 /// What has been counted so far; the difference of two is a window.
 struct LoadCounts {
   std::uint64_t ticks = 0, frames = 0;
-  std::uint64_t pictures = 0;  ///< that somebody has asked for
+  std::uint64_t pictures = 0;  ///< that were requested
   std::uint64_t old_frames = 0, old_contacts = 0, ageing_frames = 0, ageing_contacts = 0;
 
   /// Ticks by the age of what they worked on. What only comes rarely is not late for that.
@@ -22,9 +22,9 @@ struct LoadCounts {
 };
 
 /// One thread.
-class LoadMinder {
+class LoadGovernor {
  public:
-  LoadMinder(const DepthStreamInfo& stream, const RunSettings& settings, std::size_t num_spheres);
+  LoadGovernor(const DepthStreamInfo& stream, const RunSettings& settings, std::size_t num_spheres);
 
   struct Decision {
     std::optional<RunSettings> settings;  ///< other ones that are to be used now
@@ -46,7 +46,7 @@ class LoadMinder {
 
  private:
   LoadRelief make_relief(const RunSettings& settings) const;
-  std::size_t num_asked() const;
+  std::size_t num_requested() const;
   RunSettings thinned(const RunSettings& settings, const ReliefSteps& steps) const;
 
   DepthStreamInfo stream_;

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "palpate/session/run.h"
-#include "src/run/internal/told_output.h"
+#include "src/run/internal/reported_output.h"
 #include "src/session/run_results.h"
 #include "tests/session/path_run.h"
 #include "tests/session/wrench_csv.h"
@@ -29,7 +29,7 @@ double power(const Any& F, const Vec3d& v, const Vec3d& w) {
   return dot(F.force, v) + dot(F.torque, w);
 }
 
-TEST(ToldOutput, GivesThePowerOfEveryMotion) {
+TEST(ReportedOutput, GivesThePowerOfEveryMotion) {
   test::Random random(5);
   const WrenchFrame frames[] = {WrenchFrame::world, WrenchFrame::camera, WrenchFrame::tool,
                                 WrenchFrame::device, WrenchFrame::named};
@@ -38,7 +38,7 @@ TEST(ToldOutput, GivesThePowerOfEveryMotion) {
     for (const WrenchPoint point : points) {
       SCOPED_TRACE(name_of(frame) + " " + name_of(point));
       OutputOptions options{frame, point, random_pose(random), random_pose(random)};
-      const OutputPlaces at{random_pose(random), random_vector(random), random_pose(random),
+      const OutputFrames at{random_pose(random), random_vector(random), random_pose(random),
                             random_pose(random)};
       const Pose X_WE = at.X_WT * options.X_TE;
       const Pose X_WF = frame == WrenchFrame::world    ? Pose{}
@@ -49,7 +49,7 @@ TEST(ToldOutput, GivesThePowerOfEveryMotion) {
       const Vec3d about_W = point == WrenchPoint::center_of_mass ? at.p_WC
                             : point == WrenchPoint::tcp          ? X_WE.translation
                                                                  : X_WF.translation;
-      const ToldOutput told(options, at);
+      const ReportedOutput told(options, at);
       const Wrench F_C_W{random_vector(random), random_vector(random)};
       const Wrench F_F = told.wrench(F_C_W);
       // Six motions, which together leave no number of the wrench unseen.
@@ -65,8 +65,8 @@ TEST(ToldOutput, GivesThePowerOfEveryMotion) {
     }
   }
   // As before where nobody says otherwise: not a bit is changed.
-  const OutputPlaces at{{}, {1, 2, 3}, {}, {}};
-  const Wrench F{{1, 2, 3}, {4, 5, 6}}, same = ToldOutput({}, at).wrench(F);
+  const OutputFrames at{{}, {1, 2, 3}, {}, {}};
+  const Wrench F{{1, 2, 3}, {4, 5, 6}}, same = ReportedOutput({}, at).wrench(F);
   EXPECT_EQ(F.force, same.force);
   EXPECT_EQ(F.torque, same.torque);
 }
@@ -95,7 +95,7 @@ std::map<std::string, std::vector<double>> recorded(const OutputOptions& output,
   return test::columns_of(folder.path() / "run" / "wrench.csv");
 }
 
-TEST(ToldOutput, OfACameraThatMovesIsInRowsOfItsOwn) {
+TEST(ReportedOutput, OfACameraThatMovesIsInRowsOfItsOwn) {
   OutputOptions output;
   EXPECT_FALSE(recorded(output, 1e9).contains("told_x_m"));
   output.wrench_frame = WrenchFrame::camera;
@@ -122,7 +122,7 @@ TEST(ToldOutput, OfACameraThatMovesIsInRowsOfItsOwn) {
 }
 
 // A disk may be slow: images are kept long before the ticks that rest on them are written.
-TEST(ToldOutput, OfACameraThatMovesComesLongAfterItsImages) {
+TEST(ReportedOutput, OfACameraThatMovesComesLongAfterItsImages) {
   const Tool tool = test::random_tool(200, 0.03, 7);
   const TemporaryFolder folder;
   constexpr int kLate = 100;

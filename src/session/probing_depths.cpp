@@ -1,4 +1,4 @@
-#include "src/session/probing_feeler.h"
+#include "src/session/probing_depths.h"
 
 #include <algorithm>
 #include <cmath>
@@ -13,7 +13,7 @@ namespace {
 
 constexpr double kFraction = ProbingMotion::kFraction;  // of the tool, behind the surface
 constexpr double kMostFraction = 0.22;                  // never more, by what single frames show
-constexpr std::size_t kFeelingSpheres = 1000;
+constexpr std::size_t kStudySpheres = 1000;
 
 /// How deep the tool may be, as distances of its tip from the camera.
 struct Reach {
@@ -24,21 +24,21 @@ struct Reach {
 
 /// Feels its way into single frames with the query itself, which sees what any part of the tool
 /// meets.
-class Feeler {
+class DepthProbe {
  public:
-  static Result<Feeler> create(const DepthStreamInfo& info, const Tool& tool) {
-    auto coarse = tool.prefix(
-        static_cast<int>(std::min<std::size_t>(tool.spheres().size(), kFeelingSpheres)));
+  static Result<DepthProbe> create(const DepthStreamInfo& info, const Tool& tool) {
+    auto coarse =
+        tool.prefix(static_cast<int>(std::min<std::size_t>(tool.spheres().size(), kStudySpheres)));
     if (!coarse) return coarse.error();
     auto surface = SurfaceEstimator::create(info.width, info.height, info.intrinsics);
     if (!surface) return surface.error();
     auto field = DepthField::create(info.width, info.height);
     if (!field) return field.error();
-    Feeler feeler(tool, *std::move(coarse), *std::move(surface), *std::move(field));
-    auto query = make_contact_query(Backend::cpu, *feeler.coarse_);
+    DepthProbe probe(tool, *std::move(coarse), *std::move(surface), *std::move(field));
+    auto query = make_contact_query(Backend::cpu, *probe.coarse_);
     if (!query) return query.error();
-    feeler.query_ = *std::move(query);
-    return feeler;
+    probe.query_ = *std::move(query);
+    return probe;
   }
 
   void take_frame(const DepthFrame& frame, ThreadPool& pool) {
@@ -79,7 +79,7 @@ class Feeler {
   }
 
  private:
-  Feeler(const Tool& tool, Tool coarse, SurfaceEstimator surface, DepthField field)
+  DepthProbe(const Tool& tool, Tool coarse, SurfaceEstimator surface, DepthField field)
       : full_(&tool),
         coarse_(std::make_unique<Tool>(std::move(coarse))),
         surface_(std::move(surface)),
@@ -109,16 +109,16 @@ class Feeler {
 
 }  // namespace
 
-Result<ProbeDepths> feel_stream(DepthSource& stream, const Tool& tool, const ProbingMotion& motion,
-                                double end) {
-  auto feeler = Feeler::create(stream.info(), tool);
-  if (!feeler) return feeler.error();
+Result<ProbeDepths> probe_stream(DepthSource& stream, const Tool& tool, const ProbingMotion& motion,
+                                 double end) {
+  auto probe = DepthProbe::create(stream.info(), tool);
+  if (!probe) return probe.error();
   ThreadPool pool;
   ProbeDepths depths;
   std::vector<double> middles, aims;
   double free_before = INFINITY, most_before = INFINITY;
   const auto feel_part = [&](double begin, double stop) {
-    const Reach a = feeler->reach(motion, begin), b = feeler->reach(motion, stop);
+    const Reach a = probe->reach(motion, begin), b = probe->reach(motion, stop);
     middles.push_back((begin + stop) / 2);
     aims.push_back((a.aim + b.aim) / 2);
     // Straight lines between these points respect the limits of both neighbours.
@@ -130,7 +130,7 @@ Result<ProbeDepths> feel_stream(DepthSource& stream, const Tool& tool, const Pro
     free_before = free;
     most_before = most;
   };
-  const auto feel_frame = [&](double begin, double stop) {
+  const auto probe_frame = [&](double begin, double stop) {
     const int parts = std::clamp(static_cast<int>(std::ceil((stop - begin) / 0.1)), 1, 100);
     const double part = (stop - begin) / parts;
     for (int i = 0; i < parts; ++i) feel_part(begin + i * part, begin + (i + 1) * part);
@@ -144,12 +144,12 @@ Result<ProbeDepths> feel_stream(DepthSource& stream, const Tool& tool, const Pro
     if (time < 0) start = frame.timestamp;
     const double next = frame.timestamp - start;
     if (next >= end) break;
-    if (time >= 0) feel_frame(time, next);
-    feeler->take_frame(frame, pool);
+    if (time >= 0) probe_frame(time, next);
+    probe->take_frame(frame, pool);
     time = next;
   }
   if (time < 0) return Error{Errc::bad_input, "the depth stream gave frames only once"};
-  feel_frame(time, end);
+  probe_frame(time, end);
   depths.free.times.push_back(end);
   depths.free.depths.push_back(free_before);
   depths.most.times.push_back(end);

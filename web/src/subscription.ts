@@ -2,14 +2,14 @@
 
 import type { Hello, SceneOptions } from './types';
 
-export interface Wishes {
+export interface Subscription {
   frames: boolean;
   contacts: boolean;
   surfaces: boolean;
   samples: boolean;
 }
 
-export function wishedPictures(hello: Hello, options: SceneOptions, hasImage: boolean): Wishes {
+export function pictureSubscription(hello: Hello, options: SceneOptions, hasImage: boolean): Subscription {
   if (hello.kind === 'tool') return { frames: false, contacts: false, surfaces: false, samples: false };
   const hasSurface = options.normals || options.edges || options.edgePlanes || options.cloudColour === 'normals';
   // Where cameras are is said with their images.
@@ -18,7 +18,7 @@ export function wishedPictures(hello: Hello, options: SceneOptions, hasImage: bo
 }
 
 /// Parts of the tool, and the objects, each sent once.
-export function wishedShapes(hello: Hello, options: SceneOptions): string[] {
+export function neededShapes(hello: Hello, options: SceneOptions): string[] {
   const shapes = ['spheres'];
   if (options.graph) shapes.push('graph');
   if (options.toolLook === 'mesh' || options.ghost) shapes.push('mesh');

@@ -1,4 +1,4 @@
-#include "apps/what_is_there.h"
+#include "apps/connected.h"
 
 #include <vector>
 
@@ -16,7 +16,7 @@ std::string joined(const std::vector<std::string>& names, const char* between) {
 
 }  // namespace
 
-Result<CameraUri> the_camera_that_is_there() {
+Result<CameraUri> connected_camera() {
   // Without their intrinsics the kernel's cameras cannot be opened, and most are those of a
   // library.
   std::vector<std::string> cameras, of_kernel, without_library;
@@ -44,7 +44,7 @@ Result<CameraUri> the_camera_that_is_there() {
                    "--depth-sequence DIR or --camera URI"};
 }
 
-Result<std::string> the_device_that_is_there() {
+Result<std::string> connected_device() {
   std::vector<std::string> devices;
   for (const FoundDevice& found : find_devices()) {
     // Nothing is plugged in: these have to be asked for.

@@ -1,4 +1,4 @@
-// Where in the image a tool asks a depth field: what a field has to know for it.
+// The window of the image that a tool needs of a depth field.
 #pragma once
 
 #include <cmath>
@@ -10,8 +10,8 @@ namespace palpate::inline v0 {
 /// The pixels of the image where points are seen that are at most `reach` (m) from p_C. A window at
 /// the border of the image stands for all that is beyond, too. Of a ball that is not in front of
 /// the camera: the whole image.
-inline PixelWindow asked_window(const Intrinsics& k, int width, int height, const Vec3d& p_C,
-                                double reach) {
+inline PixelWindow needed_window(const Intrinsics& k, int width, int height, const Vec3d& p_C,
+                                 double reach) {
   if (!(p_C.z - reach > static_cast<double>(kLeastDepth))) return {0, 0, width, height};
   const auto pixel = [](double at, int least, int most) {
     return static_cast<int>(std::clamp<double>(at, least, most));
@@ -33,7 +33,7 @@ inline PixelWindow asked_window(const Intrinsics& k, int width, int height, cons
 inline bool is_known_around(const DepthFieldView& field, const Vec3d& p_C, double reach) {
   const int width = field.levels[0].width, height = field.levels[0].height;
   return field.asked.has_all(width, height) ||
-         field.asked.contains(asked_window(field.intrinsics, width, height, p_C, reach));
+         field.asked.contains(needed_window(field.intrinsics, width, height, p_C, reach));
 }
 
 }  // namespace palpate::inline v0
