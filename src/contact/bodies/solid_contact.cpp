@@ -93,18 +93,6 @@ VolumeMoments of_opposite(const VolumeMoments& f, const Vec3d& force, const Vec3
   return other;
 }
 
-VolumeMoments sum_of(const VolumeMoments& a, double weight_a, const VolumeMoments& b,
-                     double weight_b) {
-  VolumeMoments sum;
-  for (int row = 0; row < 3; ++row) {
-    for (int column = 0; column < 3; ++column) {
-      sum.first[row][column] = weight_a * a.first[row][column] + weight_b * b.first[row][column];
-    }
-  }
-  sum.polar = weight_a * a.polar + weight_b * b.polar;
-  return sum;
-}
-
 Stiffness sum_of(const Stiffness& a, double weight_a, const Stiffness& b, double weight_b) {
   Stiffness sum;
   for (int row = 0; row < 6; ++row) {
@@ -114,6 +102,68 @@ Stiffness sum_of(const Stiffness& a, double weight_a, const Stiffness& b, double
   }
   return sum;
 }
+
+/// sum += scale F F^T
+void add_product(Stiffness& sum, double scale, const VolumeWrench& F) {
+  const double f[6] = {F.force.x, F.force.y, F.force.z, F.torque.x, F.torque.y, F.torque.z};
+  for (int row = 0; row < 6; ++row) {
+    for (int column = 0; column < 6; ++column) sum.m[row][column] += scale * f[row] * f[column];
+  }
+}
+
+/// The potential of a pair: the mean U of what both ways say, with the exponent 8, and its slope by
+/// each of them. Wrenches are on one body, about one point.
+///
+///   U^8 = w_a U_a^8 + w_b U_b^8
+class PairPotential {
+ public:
+  PairPotential(double of_a, double weight_a, double of_b, double weight_b)
+      : of_a_(of_a), of_b_(of_b), slope_a_(weight_a), slope_b_(weight_b) {
+    const double most = std::max(of_a, of_b);
+    if (!(most > 0)) return;
+    const double a = of_a / most, b = of_b / most, a_7 = seventh_power(a), b_7 = seventh_power(b);
+    const double mean = weight_a * a_7 * a + weight_b * b_7 * b;
+    const double root = std::sqrt(std::sqrt(std::sqrt(mean)));
+    value_ = most * root;
+    slope_a_ = weight_a * a_7 * root / mean;
+    slope_b_ = weight_b * b_7 * root / mean;
+  }
+
+  double value() const { return value_; }
+  VolumeWrench wrench(const VolumeWrench& a, const VolumeWrench& b) const {
+    return {slope_a_ * a.force + slope_b_ * b.force, slope_a_ * a.torque + slope_b_ * b.torque};
+  }
+  /// How that changes; the slopes do, too.
+  Stiffness stiffness(const Stiffness& k_a, const VolumeWrench& a, const Stiffness& k_b,
+                      const VolumeWrench& b) const {
+    Stiffness sum = sum_of(k_a, slope_a_, k_b, slope_b_);
+    const VolumeWrench all = wrench(a, b);
+    if (of_a_ > 0) add_product(sum, 7 * slope_a_ / of_a_, a);
+    if (of_b_ > 0) add_product(sum, 7 * slope_b_ / of_b_, b);
+    if (value_ > 0) add_product(sum, -7 / value_, all);
+    return sum;
+  }
+  /// Of the force by its slopes, of the volume by its weights.
+  VolumeMoments moments(const VolumeMoments& a, double weight_a, const VolumeMoments& b,
+                        double weight_b) const {
+    VolumeMoments sum;
+    for (int row = 0; row < 3; ++row) {
+      for (int column = 0; column < 3; ++column) {
+        sum.first[row][column] = slope_a_ * a.first[row][column] + slope_b_ * b.first[row][column];
+      }
+    }
+    sum.polar = weight_a * a.polar + weight_b * b.polar;
+    return sum;
+  }
+
+ private:
+  static double seventh_power(double x) {
+    const double x2 = x * x;
+    return x2 * x2 * x2 * x;
+  }
+
+  double of_a_, of_b_, value_ = 0, slope_a_, slope_b_;
+};
 
 }  // namespace
 
@@ -207,27 +257,29 @@ BodyPenetration SolidPair::penetration(const GroupSums& of_a, const GroupSums& o
       X_A * a->tool().sphere_mass().centre_of_mass - X_B * b->tool().sphere_mass().centre_of_mass;
   const VolumeWrench felt_a{of_a.measure.force, of_a.measure.torque};
   const VolumeWrench felt_b{of_b.measure.force, of_b.measure.torque};
+  const PairPotential both(of_a.measure.potential, weight_a, of_b.measure.potential, weight_b);
   BodyPenetration result;
   result.on_a = of_a.measure.penetration();
   result.on_b = of_b.measure.penetration();
   for (Penetration* part : {&result.on_a, &result.on_b}) {
     part->volume = weight_a * of_a.measure.volume + weight_b * of_b.measure.volume;
-    part->potential = weight_a * of_a.measure.potential + weight_b * of_b.measure.potential;
+    part->potential = both.value();
   }
-  VolumeWrench &on_a = result.on_a.measure_W, &on_b = result.on_b.measure_W;
-  on_a.force = weight_a * felt_a.force - weight_b * felt_b.force;
-  on_b.force = -on_a.force;
-  on_a.torque = weight_a * felt_a.torque - weight_b * (felt_b.torque - cross(d_BA, felt_b.force));
-  on_b.torque = weight_b * felt_b.torque - weight_a * (felt_a.torque + cross(d_BA, felt_a.force));
+  // What each way says of both bodies.
+  const VolumeWrench b_on_a{-felt_b.force, -(felt_b.torque - cross(d_BA, felt_b.force))};
+  const VolumeWrench a_on_b{-felt_a.force, -(felt_a.torque + cross(d_BA, felt_a.force))};
+  result.on_a.measure_W = both.wrench(felt_a, b_on_a);
+  result.on_b.measure_W = both.wrench(a_on_b, felt_b);
   result.num_pairs = std::int64_t{result.on_a.num_boundary_spheres} +
                      result.on_a.num_inside_spheres + result.on_b.num_boundary_spheres +
                      result.on_b.num_inside_spheres;
   if (with_stiffness) {
     const Stiffness k_a = of_a.stiffness.stiffness(), k_b = of_b.stiffness.stiffness();
-    result.stiffness_a = sum_of(k_a, weight_a, of_other(k_b, felt_b, -d_BA), weight_b);
-    result.stiffness_b = sum_of(k_b, weight_b, of_other(k_a, felt_a, d_BA), weight_a);
-    result.moments_a = sum_of(of_a.stiffness.moments(), weight_a,
-                              of_opposite(of_b.stiffness.moments(), felt_b.force, -d_BA), weight_b);
+    result.stiffness_a = both.stiffness(k_a, felt_a, of_other(k_b, felt_b, -d_BA), b_on_a);
+    result.stiffness_b = both.stiffness(of_other(k_a, felt_a, d_BA), a_on_b, k_b, felt_b);
+    result.moments_a =
+        both.moments(of_a.stiffness.moments(), weight_a,
+                     of_opposite(of_b.stiffness.moments(), felt_b.force, -d_BA), weight_b);
   }
   return result;
 }
