@@ -106,6 +106,70 @@ TEST_F(FrictionRun, RegionsAreRecordedAndRepeated) {
   EXPECT_NE(refused.error().message.find("96 x 72"), std::string::npos);
 }
 
+/// The same wall, which also moves along itself. Nobody tells the flow of its frame 4.
+class FlowingStream : public DepthSource {
+ public:
+  explicit FlowingStream(int num_frames) : wall_(num_frames), info_(wall_.info()) {
+    info_.has_flow = true;
+  }
+  const DepthStreamInfo& info() const override { return info_; }
+  Result<bool> next(DepthFrame& frame) override {
+    auto got = wall_.next(frame);
+    frame.flow.clear();
+    if (!got || !*got || num_++ == 4) return got;
+    for (std::size_t i = 0; i < frame.pixels.size(); ++i) {
+      frame.flow.push_back(static_cast<float>(20 + 0.01 * static_cast<double>(i)));
+      frame.flow.push_back(static_cast<float>(-10 - num_));
+    }
+    return got;
+  }
+
+ private:
+  SyntheticStream wall_;
+  DepthStreamInfo info_;
+  int num_ = 0;
+};
+
+TEST_F(FrictionRun, AFlowIsRecordedAndRepeated) {
+  for (const CouplingKind kind : {CouplingKind::none, CouplingKind::virtual_coupling}) {
+    settings_.coupling.kind = kind;
+    FlowingStream stream(8);
+    auto device = test::path_device(sliding_pose, settings_.contact_rate);
+    ASSERT_TRUE(record_run(tool_, stream, **device, settings_, run()));
+    expect_repeats();
+  }
+  auto reader = RunReader::open(run());
+  ASSERT_TRUE(reader);
+  EXPECT_TRUE(reader->setup().streams[0].has_flow);
+  FlowingStream stream(8);
+  RecordedDepth read;
+  DepthFrame frame;
+  for (int i = 0; i < 8; ++i) {
+    ASSERT_TRUE(reader->next_frame(read).value());
+    ASSERT_TRUE(stream.next(frame).value());
+    EXPECT_EQ(read.frame.flow, frame.flow) << i;
+    EXPECT_EQ(read.frame.flow.empty(), i == 4);
+  }
+  // It is felt: contacts of frame 5 know how their ground moves, those of frame 4 do not.
+  reader = RunReader::open(run());
+  int num_told[8] = {}, num_touched[8] = {};
+  for (;;) {
+    const auto message = reader->next();
+    ASSERT_TRUE(message);
+    if (!*message) break;
+    if ((*message)->topic != kContactTopic) continue;
+    const ContactRecord contact = read_contact((*message)->data).value();
+    if (!(contact.penetration.volume > 0)) continue;
+    const auto frame_number = static_cast<std::size_t>(contact.frame_number);
+    ++num_touched[frame_number];
+    num_told[frame_number] += norm(contact.contact.patch.ground.velocity_W) > 0.01 ? 1 : 0;
+  }
+  EXPECT_GT(num_touched[4], 20);
+  EXPECT_EQ(num_told[4], 0);
+  EXPECT_GT(num_touched[5], 20);
+  EXPECT_EQ(num_told[5], num_touched[5]);
+}
+
 // Recordings of before know no ground.
 TEST_F(FrictionRun, ContactsWithoutGroundAreRead) {
   ContactRecord record;

@@ -17,7 +17,9 @@ namespace {
 constexpr SolidContactKernels kKernels[] = PALPATE_BY_ISA(kSolidContact);
 
 // A way of asking that would count less is not worth its time.
-constexpr double kLeastWeight = 0.05;
+constexpr double kLeastWeight = 0.1;
+// Potential of a single sphere in a light touch, over the square of the coarseness.
+constexpr double kSingle = 0.5;
 
 void copy(const Mat3d& from, float (&to)[3][3]) {
   for (int row = 0; row < 3; ++row) {
@@ -111,20 +113,26 @@ void add_product(Stiffness& sum, double scale, const VolumeWrench& F) {
   }
 }
 
-/// The potential of a pair: the mean U of what both ways say, with the exponent 8, and its slope by
+/// The potential U of a pair, a mean of what both ways say with the exponent 8, and its slope by
 /// each of them. Wrenches are on one body, about one point.
 ///
-///   U^8 = w_a U_a^8 + w_b U_b^8
+///   (U + e)^8 = w_a (U_a + e)^8 + w_b (U_b + e)^8
+///
+/// e is what single spheres are worth: where both ways have little more, neither knows better.
 class PairPotential {
  public:
-  PairPotential(double of_a, double weight_a, double of_b, double weight_b)
-      : of_a_(of_a), of_b_(of_b), slope_a_(weight_a), slope_b_(weight_b) {
-    const double most = std::max(of_a, of_b);
-    if (!(most > 0)) return;
-    const double a = of_a / most, b = of_b / most, a_7 = seventh_power(a), b_7 = seventh_power(b);
+  PairPotential(double of_a, double weight_a, double of_b, double weight_b, double e)
+      : value_(weight_a * of_a + weight_b * of_b), slope_a_(weight_a), slope_b_(weight_b) {
+    if (weight_a == 0 || weight_b == 0) return;
+    raised_a_ = of_a + e;
+    raised_b_ = of_b + e;
+    const double most = std::max(raised_a_, raised_b_);
+    const double a = raised_a_ / most, b = raised_b_ / most;
+    const double a_7 = seventh_power(a), b_7 = seventh_power(b);
     const double mean = weight_a * a_7 * a + weight_b * b_7 * b;
     const double root = std::sqrt(std::sqrt(std::sqrt(mean)));
-    value_ = most * root;
+    raised_ = most * root;
+    value_ = raised_ - e;
     slope_a_ = weight_a * a_7 * root / mean;
     slope_b_ = weight_b * b_7 * root / mean;
   }
@@ -137,10 +145,10 @@ class PairPotential {
   Stiffness stiffness(const Stiffness& k_a, const VolumeWrench& a, const Stiffness& k_b,
                       const VolumeWrench& b) const {
     Stiffness sum = sum_of(k_a, slope_a_, k_b, slope_b_);
-    const VolumeWrench all = wrench(a, b);
-    if (of_a_ > 0) add_product(sum, 7 * slope_a_ / of_a_, a);
-    if (of_b_ > 0) add_product(sum, 7 * slope_b_ / of_b_, b);
-    if (value_ > 0) add_product(sum, -7 / value_, all);
+    if (!(raised_ > 0)) return sum;
+    add_product(sum, 7 * slope_a_ / raised_a_, a);
+    add_product(sum, 7 * slope_b_ / raised_b_, b);
+    add_product(sum, -7 / raised_, wrench(a, b));
     return sum;
   }
   /// Of the force by its slopes, of the volume by its weights.
@@ -162,7 +170,8 @@ class PairPotential {
     return x2 * x2 * x2 * x;
   }
 
-  double of_a_, of_b_, value_ = 0, slope_a_, slope_b_;
+  double value_, slope_a_, slope_b_;
+  double raised_ = 0, raised_a_ = 0, raised_b_ = 0;  // with e; 0: one way alone is asked
 };
 
 }  // namespace
@@ -239,6 +248,8 @@ SolidPair::SolidPair(std::shared_ptr<const ToolIndex> of_a, std::shared_ptr<cons
   const double sum = (asks_a ? fine_a : 0) + (asks_b ? fine_b : 0);
   weight_a = asks_a ? fine_a / sum : 0;
   weight_b = asks_b ? fine_b / sum : 0;
+  const double coarseness = std::max(asking_a.coarseness, asking_b.coarseness);
+  single_potential = kSingle * coarseness * coarseness;
 }
 
 void SolidPair::place(const Pose& X_WA, const Pose& X_WB, SolidFrame& of_a,
@@ -257,7 +268,8 @@ BodyPenetration SolidPair::penetration(const GroupSums& of_a, const GroupSums& o
       X_A * a->tool().sphere_mass().centre_of_mass - X_B * b->tool().sphere_mass().centre_of_mass;
   const VolumeWrench felt_a{of_a.measure.force, of_a.measure.torque};
   const VolumeWrench felt_b{of_b.measure.force, of_b.measure.torque};
-  const PairPotential both(of_a.measure.potential, weight_a, of_b.measure.potential, weight_b);
+  const PairPotential both(of_a.measure.potential, weight_a, of_b.measure.potential, weight_b,
+                           single_potential);
   BodyPenetration result;
   result.on_a = of_a.measure.penetration();
   result.on_b = of_b.measure.penetration();
