@@ -467,9 +467,10 @@ void add_claims_of_field(FigureResult& result, const std::vector<Row>& rows) {
   }
   result.claims.push_back(
       {"By the fields, a face is felt along its normal by an equally fine body, too.",
-       words("With 1000 spheres or more, %.1f to %.1f° off, rms, from 5 to 15 %% depth, and %.1f to "
-             "%.1f° at 2 %%.",
-             deep.low, deep.high, light.low, light.high),
+       words(
+           "With 1000 spheres or more, %.1f to %.1f° off, rms, from 5 to 15 %% depth, and %.1f to "
+           "%.1f° at 2 %%.",
+           deep.low, deep.high, light.low, light.high),
        holds_with({holds_below(deep.high, kOneDegree), holds_below(light.high, kOneDegree)}),
        Source::docs});
 }

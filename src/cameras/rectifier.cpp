@@ -27,8 +27,9 @@ CameraModel CameraTruth::model_of(const DepthStreamInfo& stream, int width, int 
 
 Error flow_of_lens(const std::string& name) {
   return {Errc::invalid_argument,
-          name + ": an optical flow goes with undistorted images of the whole camera; undistort "
-                 "both, without 'distortion' and 'crop'"};
+          name +
+              ": an optical flow goes with undistorted images of the whole camera; undistort "
+              "both, without 'distortion' and 'crop'"};
 }
 
 CameraModel valid_part(const CameraModel& pinhole, const CameraModel& raw) {

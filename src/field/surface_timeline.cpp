@@ -137,8 +137,8 @@ Result<SurfaceTimeline> SurfaceTimeline::create(const DepthStreamInfo& stream,
   if (!slots) return slots.error();
   auto timeline = make_timeline(*std::move(slots), settings);
   if (timeline && stream.has_flow) {
-    const std::size_t num = 2 * static_cast<std::size_t>(stream.width) *
-                            static_cast<std::size_t>(stream.height);
+    const std::size_t num =
+        2 * static_cast<std::size_t>(stream.width) * static_cast<std::size_t>(stream.height);
     timeline->impl_->flows.assign(
         static_cast<std::size_t>(settings.num_slots()),
         {std::vector<float>(num), {nullptr, stream.width, stream.height, stream.intrinsics}});

@@ -15,7 +15,8 @@ constexpr float kFastest = 1e6F;
 constexpr double kLeastCosine = 0.05;
 /// A surface that comes by this share of the depth from one frame to the next is another one.
 constexpr double kLongestWay = 0.1;
-/// Second moment of what is known of a disc over that of the whole disc: with less it does not turn.
+/// Second moment of what is known of a disc over that of the whole disc: with less it does not
+/// turn.
 constexpr double kLeastSpread = 0.05;
 
 /// m: how far a ball is out of what a frame shows.
@@ -79,7 +80,8 @@ void look_at(const SurfaceBlend& camera, const TouchedDisc& disc, const Vec3d& n
     double u = 0, v = 0, seen = 0;
     const PixelPosition<double> at = project(k, p_C);
     visit_pixels_around(at.u, at.v, flow.width, flow.height, [&](int column, int row, double w) {
-      const float* pixel = flow.pixels + 2 * (static_cast<std::ptrdiff_t>(row) * flow.width + column);
+      const float* pixel =
+          flow.pixels + 2 * (static_cast<std::ptrdiff_t>(row) * flow.width + column);
       if (!(std::abs(pixel[0]) < kFastest && std::abs(pixel[1]) < kFastest)) return;
       u += w * static_cast<double>(pixel[0]);
       v += w * static_cast<double>(pixel[1]);

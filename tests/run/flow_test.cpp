@@ -42,8 +42,7 @@ struct MovingPlane {
     for (int v = 0; v < info.height; ++v) {
       for (int u = 0; u < info.width; ++u) {
         const Vec3d ray_C{(u - k.cx) / k.fx, (v - k.cy) / k.fy, 1};
-        const double z =
-            (now - dot(n, X_WC.translation)) / dot(n, rotate(X_WC.rotation, ray_C));
+        const double z = (now - dot(n, X_WC.translation)) / dot(n, rotate(X_WC.rotation, ray_C));
         const Vec3d p_C = z * ray_C, p_W = X_WC * p_C;
         const Vec3d of_surface = V_W.linear + cross(V_W.angular, p_W);
         const Vec3d of_camera = V_C.linear + cross(V_C.angular, p_W - X_WC.translation);
@@ -267,8 +266,7 @@ TEST(Flow, AToolThatGoesWithTheBeltFeelsNothingOfIt) {
 TEST(Flow, ADiscThatTurnsUnderAToolTurnsIt) {
   const double radius = 0.015;
   const Tool tool = packed(make_cylinder(radius, 0.03, 96), 2000);
-  Belt belt(tool, settings_of(CouplingKind::none),
-            [](int) { return Twist{{}, {0, 0, 1.5}}; });
+  Belt belt(tool, settings_of(CouplingKind::none), [](int) { return Twist{{}, {0, 0, 1.5}}; });
   double sum = 0;
   for (int i = 0; i < 800; ++i) {
     const Wrench& F = belt.to(pressing(i, 0.015, 3e-3)).step.contact_W;
@@ -301,8 +299,9 @@ TEST(Flow, ABeltCarriesWhatLiesOnIt) {
 }
 
 TEST(Flow, TicksDoNotAllocate) {
-  Belt belt(test::box_tool(), settings_of(CouplingKind::virtual_coupling),
-            [](int) { return Twist{{0.05, 0, 0}, {}}; });
+  Belt belt(test::box_tool(), settings_of(CouplingKind::virtual_coupling), [](int) {
+    return Twist{{0.05, 0, 0}, {}};
+  });
   for (int i = 0; i < 40; ++i) belt.to({{0, 0, kWall - 0.024}, {}});
   const test::AllocationCounter counter;
   for (int i = 0; i < 20; ++i) belt.to({{1e-4 * i, 0, kWall - 0.022}, {}});

@@ -8,6 +8,7 @@
 #include "src/session/internal/run_folder.h"
 #include "src/session/run_messages.h"
 #include "src/session/run_reader.h"
+#include "tests/session/flowing_stream.h"
 #include "tests/session/path_run.h"
 #include "tests/session/synthetic_stream.h"
 
@@ -15,6 +16,7 @@ namespace palpate {
 namespace {
 
 namespace fs = std::filesystem;
+using test::FlowingStream;
 using test::SyntheticStream;
 
 /// Presses and slides to and fro.
@@ -105,30 +107,6 @@ TEST_F(FrictionRun, RegionsAreRecordedAndRepeated) {
   ASSERT_FALSE(refused);
   EXPECT_NE(refused.error().message.find("96 x 72"), std::string::npos);
 }
-
-/// The same wall, which also moves along itself. Nobody tells the flow of its frame 4.
-class FlowingStream : public DepthSource {
- public:
-  explicit FlowingStream(int num_frames) : wall_(num_frames), info_(wall_.info()) {
-    info_.has_flow = true;
-  }
-  const DepthStreamInfo& info() const override { return info_; }
-  Result<bool> next(DepthFrame& frame) override {
-    auto got = wall_.next(frame);
-    frame.flow.clear();
-    if (!got || !*got || num_++ == 4) return got;
-    for (std::size_t i = 0; i < frame.pixels.size(); ++i) {
-      frame.flow.push_back(static_cast<float>(20 + 0.01 * static_cast<double>(i)));
-      frame.flow.push_back(static_cast<float>(-10 - num_));
-    }
-    return got;
-  }
-
- private:
-  SyntheticStream wall_;
-  DepthStreamInfo info_;
-  int num_ = 0;
-};
 
 TEST_F(FrictionRun, AFlowIsRecordedAndRepeated) {
   for (const CouplingKind kind : {CouplingKind::none, CouplingKind::virtual_coupling}) {

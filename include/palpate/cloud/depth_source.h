@@ -68,9 +68,9 @@ struct DepthFrame {
   Pose X_WC = {};  ///< pose of the camera in the world at the capture of the frame
   /// The same moment on the clock that a robot uses for its messages, s; 0: unknown.
   double stamp = 0;
-  /// Optical flow, optional (`DepthStreamInfo::has_flow`): how fast what each pixel shows moves over
-  /// the image, u and v in pixels per second, row-major, 2 * width * height; NaN: unknown. Empty:
-  /// none for this frame.
+  /// Optical flow, optional (`DepthStreamInfo::has_flow`): how fast what each pixel shows moves
+  /// over the image, u and v in pixels per second, row-major, 2 * width * height; NaN: unknown.
+  /// Empty: none for this frame.
   std::vector<float> flow = {};
 };
 

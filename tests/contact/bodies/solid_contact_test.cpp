@@ -223,8 +223,8 @@ TEST(SolidContact, EqualCubesPushWithoutJumpsAndWithoutGain) {
       const Pose X_WA{{x, y, (side + extent) / 2 - depth}, q};
       const double force = contact.measure(X_WA, {}).on_a.measure_W.force.z;
       jump = std::max(jump, std::abs(force - std::exchange(last, force)));
-      exact_jump = std::max(exact_jump, volume_behind(n, side, depth) -
-                                            volume_behind(n, side, depth - step));
+      exact_jump = std::max(exact_jump,
+                            volume_behind(n, side, depth) - volume_behind(n, side, depth - step));
     }
     EXPECT_LT(jump, 1.25 * exact_jump) << i;
     // Around a loop in all six directions.
