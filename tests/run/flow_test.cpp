@@ -143,10 +143,20 @@ TEST(SurfaceMotion, OfWhatIsNotKnownIsThatOfTheRest) {
   timeline.push(holes, 3 * kPeriod, pool);
   blend = timeline.at(3 * kPeriod);
   EXPECT_EQ(norm(surface_motion({&blend, 1}, disc).linear), 0);
+  // Half of a disc that turns is known: its middle moves as the whole of it does.
+  MovingPlane turning;
+  turning.V_W = {{0.1, 0, 0}, {0, 0, 0.7}};
+  DepthFrame half = turning.seen(4 * kPeriod);
+  for (std::size_t i = 0; i < half.flow.size(); i += 2) {
+    if (i / 2 % 320 < 160) half.flow[i] = std::numeric_limits<float>::quiet_NaN();
+  }
+  timeline.push(half, 4 * kPeriod, pool);
+  blend = timeline.at(4 * kPeriod);
+  expect_motion(turning, surface_motion({&blend, 1}, disc), disc.p_W, 1e-3);
   // What stands in front of it all at once is another surface.
   plane.offset = -0.4;
-  timeline.push(plane.seen(0), 4 * kPeriod, pool);
-  blend = timeline.at(4 * kPeriod);
+  timeline.push(plane.seen(0), 5 * kPeriod, pool);
+  blend = timeline.at(5 * kPeriod);
   EXPECT_EQ(norm(surface_motion({&blend, 1}, disc).linear), 0);
 }
 
