@@ -163,7 +163,7 @@ TEST(ValidPart, IsTheLargestRectangleThatTheLensSeesAndTheSameRays) {
 
 TEST(Rectifier, LeavesNoFlowOfOtherPixels) {
   const CameraModel pinhole{kWidth, kHeight, kCamera, {}};
-  DepthFrame frame{kWidth, kHeight};
+  DepthFrame frame{kWidth, kHeight, 0.001, {}};
   frame.pixels.assign(kWidth * kHeight, 500);
   frame.flow.assign(2 * kWidth * kHeight, 1);
   Rectifier rectifier(pinhole);
