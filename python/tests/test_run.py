@@ -248,11 +248,11 @@ def test_a_pushed_flow_drags_the_tool(cube):
     pusher.start()
     try:
         run = palpate.touch(cube, pushed, PATH, friction_coefficient=0.5)
+        # Down with the belt, with half of what the wall pushes.
+        assert run.wrench[-1, 1] == pytest.approx(-0.5 * run.wrench[-1, 2], rel=0.05)
     finally:
         is_over.set()
         pusher.join()
-    # Down with the belt, with half of what the wall pushes.
-    assert run.wrench[-1, 1] == pytest.approx(-0.5 * run.wrench[-1, 2], rel=0.05)
 
 
 @pytest.mark.parametrize("where", ["read", "write"])
