@@ -75,6 +75,7 @@ class HeldFrames : public DepthSource {
       }
     }
     last_.timestamp += 1 / info_.rate;
+    last_.flow.clear();  // what is held stands still
     if (last_.pixels.empty() || last_.timestamp - start_ >= duration_) return false;
     frame = last_;
     return true;

@@ -294,7 +294,7 @@ LocalContact wall_contact(const Pose& X_WT, double time, double k) {
   }
   contact.max_stiffness = k;
   contact.volume = 1.6e-3 * depth;
-  contact.patch = {lever, 0.015, 1, 0};
+  contact.patch = {lever, 0.015, 1, 0, {}};
   return contact;
 }
 

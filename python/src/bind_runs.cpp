@@ -33,7 +33,8 @@ struct PyPushedCamera {
   PyCamera camera;
   DepthFrame frame = {};
 
-  void push(nb::handle depth, std::optional<double> time, const nb::object& pose) {
+  void push(nb::handle depth, std::optional<double> time, const nb::object& pose,
+            const nb::object& flow) {
     if (!pose.is_none() && !source->info().is_moving) {
       throw nb::value_error("pose: this camera is static; create it with moving=True");
     }
@@ -46,11 +47,27 @@ struct PyPushedCamera {
     frame.unit = camera.unit;
     frame.timestamp = time.value_or(0);
     frame.pixels.assign(counts.data(), counts.data() + counts.size());
+    take_flow(flow);
     const nb::gil_scoped_release no_gil;
     source->push(frame);
   }
 
  private:
+  void take_flow(const nb::object& flow) {
+    frame.flow.clear();
+    if (flow.is_none()) return;
+    if (!source->info().has_flow) {
+      throw nb::value_error("flow: this camera has none; make it with flow=True");
+    }
+    const nb::module_ numpy = nb::module_::import_("numpy");
+    const auto given = nb::cast<nb::ndarray<const float, nb::c_contig, nb::device::cpu>>(
+        numpy.attr("ascontiguousarray")(flow, "float32"));
+    if (given.ndim() != 3 || given.shape(2) != 2 || given.size() != 2 * frame.pixels.size()) {
+      refuse_shape("flow", shape_of(given), "(H, W, 2), H and W of the depth image");
+    }
+    frame.flow.assign(given.data(), given.data() + given.size());
+  }
+
   using Counts = nb::ndarray<const std::uint16_t, nb::c_contig, nb::device::cpu>;
   /// uint16 as they are; metres become counts.
   Counts counts_of(nb::handle depth) const {
@@ -70,11 +87,12 @@ struct PyPushedCamera {
 };
 
 PyPushedCamera make_pushed(const PyCamera& camera, double rate, bool has_time_stamps,
-                           double latency, bool is_moving) {
+                           double latency, bool is_moving, bool has_flow) {
   DepthStreamInfo info = camera.stream();
   info.rate = rate;
   info.is_live = true;
   info.is_moving = is_moving;
+  info.has_flow = has_flow;
   info.name = "a camera in Python";
   return {taken(PushedSource::create(info, {has_time_stamps, latency})), camera};
 }
@@ -331,22 +349,27 @@ void bind_runs(nb::module_& m) {
 
 camera: size and intrinsics of the images. rate: nominal, frames per second. has_time_stamps: `push`
 gets times of the camera's own clock, s; otherwise an image counts as captured when it is pushed.
-latency: s, from the exposure to the timestamp. moving: each push has the pose of the camera.)")
+latency: s, from the exposure to the timestamp. moving: each push has the pose of the camera. flow:
+pushes may have an optical flow.)")
       .def(
           "__init__",
           [](PyPushedCamera* self, const PyCamera& camera, double rate, bool has_time_stamps,
-             double latency, bool moving) {
-            new (self) PyPushedCamera(make_pushed(camera, rate, has_time_stamps, latency, moving));
+             double latency, bool moving, bool flow) {
+            new (self)
+                PyPushedCamera(make_pushed(camera, rate, has_time_stamps, latency, moving, flow));
           },
           nb::arg("camera"), nb::kw_only(), nb::arg("rate") = 30.0,
-          nb::arg("has_time_stamps") = false, nb::arg("latency") = 0.0, nb::arg("moving") = false)
+          nb::arg("has_time_stamps") = false, nb::arg("latency") = 0.0, nb::arg("moving") = false,
+          nb::arg("flow") = false)
       .def(
           "push", &PyPushedCamera::push, nb::arg("depth"), nb::kw_only(),
-          nb::arg("time") = nb::none(), nb::arg("pose") = nb::none(),
+          nb::arg("time") = nb::none(), nb::arg("pose") = nb::none(), nb::arg("flow") = nb::none(),
           nb::sig("def push(self, depth: palpate._types.Array, *, time: float | None = None, "
-                  "pose: palpate._types.Array | None = None) -> None"),
+                  "pose: palpate._types.Array | None = None, "
+                  "flow: palpate._types.Array | None = None) -> None"),
           R"(depth: (H, W) uint16 counts or float32 metres. pose: X_WC of this image, (4, 4) or (7,), if
-the camera moves; None: that of the camera. Never waits for the run: the newest image wins. From any
+the camera moves; None: that of the camera. flow: (H, W, 2), the velocity of what each pixel shows, u and
+v in pixels per second, NaN where unknown; None: unknown. Never waits for the run: the newest image wins. From any
 thread.)")
       .def(
           "end", [](PyPushedCamera& self) { self.source->end(); }, "Ends the stream.");

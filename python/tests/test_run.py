@@ -228,6 +228,33 @@ def test_a_camera_in_python(cube):
         pushed.push(np.zeros((120, 160), np.int64))
 
 
+def test_a_pushed_flow_drags_the_tool(cube):
+    camera = palpate.Camera(160, 120, 140, 140, 79.5, 59.5)
+    plain = palpate.PushedCamera(camera)
+    flow = np.zeros((120, 160, 2), np.float32)
+    with pytest.raises(ValueError, match="flow=True"):
+        plain.push(np.full((120, 160), 1000, np.uint16), flow=flow)
+    pushed = palpate.PushedCamera(camera, flow=True)
+    with pytest.raises(ValueError, match="flow"):
+        pushed.push(np.full((120, 160), 1000, np.uint16), flow=flow[:, :, :1])
+    is_over = threading.Event()
+
+    def push():
+        flow[:, :, 1] = 140 * 0.1  # 0.1 m/s at 1 m
+        while not is_over.wait(0.02):
+            pushed.push(np.full((120, 160), 1000, np.uint16), flow=flow)
+
+    pusher = threading.Thread(target=push)
+    pusher.start()
+    try:
+        run = palpate.touch(cube, pushed, PATH, friction_coefficient=0.5)
+        # Down with the belt, with half of what the wall pushes.
+        assert run.wrench[-1, 1] == pytest.approx(-0.5 * run.wrench[-1, 2], rel=0.05)
+    finally:
+        is_over.set()
+        pusher.join()
+
+
 @pytest.mark.parametrize("where", ["read", "write"])
 def test_what_a_device_raises_is_raised(cube, where):
     class Broken(Plunger):

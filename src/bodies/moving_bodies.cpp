@@ -6,6 +6,8 @@
 #include <string>
 #include <utility>
 
+#include "src/haptics/internal/surface_motion.h"
+
 namespace palpate::inline v0 {
 namespace {
 
@@ -193,6 +195,13 @@ bool MovingBodies::touch_clouds(std::span<const SurfaceBlend> cameras) {
     touch.stiffness = scaled(*result.stiffness, body.scale);
     touch.patch = contact_patch(found.measure_W, found.volume, *result.stiffness, result.moments);
     touch.friction = body.friction;
+    const Vec3d center = moving(i).center_W();
+    const Twist V_W = surface_motion(
+        cameras, {center + touch.patch.lever_W, found.measure_W.force, touch.patch.torsion_radius});
+    touch.V_W = {V_W.linear - cross(V_W.angular, touch.patch.lever_W), V_W.angular};
+    // Nobody sleeps on what moves.
+    own.is_pushed = norm(V_W.linear) > kStillShift / kStillSeconds ||
+                    norm(V_W.angular) > kStillTurn / kStillSeconds;
     touch.place = i;
     own.force_W += touch.F_A_W.force;
     own.stiffness = std::max(own.stiffness, largest(touch.stiffness));
@@ -259,7 +268,7 @@ void MovingBodies::touch_tool(std::span<const Push> pushes) {
     touch.grip = push.grip;
     touch.V_W = push.V_W;
     touch.place = num_bodies() + i;
-    rest(i).is_pushed = norm(push.F_B_W.force) > 0;
+    rest(i).is_pushed = rest(i).is_pushed || norm(push.F_B_W.force) > 0;
     add_touch(touch);
   }
 }

@@ -221,6 +221,8 @@ Result<std::unique_ptr<DepthSource>> make_rectified(std::unique_ptr<DepthSource>
   const auto truth = truth_of(uri, raw->info());
   if (!truth) return truth.error();
   DepthStreamInfo info = pinhole_info(raw->info(), *truth, uri);
+  const CameraModel seen = truth->model_of(raw->info(), raw->info().width, raw->info().height);
+  if (info.has_flow && !(seen == pinhole_of(info))) return flow_of_lens(info.name);
   return std::unique_ptr<DepthSource>(
       std::make_unique<RectifiedSource>(std::move(raw), *truth, std::move(info)));
 }
@@ -231,6 +233,9 @@ Result<std::unique_ptr<DepthSource>> make_live(RawStream raw, OpenRaw again, con
   DepthStreamInfo info = pinhole_info(raw.source->info(), *truth, uri);
   info.is_live = true;
   info.num_frames = {};
+  const CameraModel seen =
+      truth->model_of(raw.source->info(), raw.source->info().width, raw.source->info().height);
+  if (info.has_flow && !(seen == pinhole_of(info))) return flow_of_lens(info.name);
   const FrameIntake::Options options{pinhole_of(info), info.rate, raw.stamps, uri.latency,
                                      info.name};
   auto source = std::make_unique<LiveSource>(

@@ -8,7 +8,7 @@
 namespace palpate::inline v0 {
 
 Result<RawStream> open_folder_camera(const CameraUri& uri, const CameraOpening&) {
-  if (const Status status = uri.check_extras(); !status) return status.error();
+  if (const Status status = uri.check_extras({"flow"}); !status) return status.error();
   if (!uri.intrinsics) {
     return Error{
         Errc::invalid_argument,
@@ -19,6 +19,9 @@ Result<RawStream> open_folder_camera(const CameraUri& uri, const CameraOpening&)
   folder.intrinsics = *uri.intrinsics;
   folder.unit = uri.unit.value_or(folder.unit);
   folder.rate = uri.rate.value_or(folder.rate);
+  if (const auto flow = uri.extras.find("flow"); flow != uri.extras.end()) {
+    folder.flow = flow->second;
+  }
   auto source = open_depth_folder(uri.target, folder);
   if (!source) return source.error();
   return RawStream{*std::move(source)};

@@ -1,6 +1,7 @@
 #include "palpate/cameras/cameras.h"
 
 #include "src/cameras/frame_intake.h"
+#include "src/cameras/rectifier.h"
 #include "src/core/monotonic_clock.h"
 
 namespace palpate::inline v0 {
@@ -35,6 +36,7 @@ class Pushed final : public PushedSource {
     const Pose X_WC = frame.X_WC;
     intake_.give(frame, truth_.model_of(raw_info_, frame.width, frame.height), now);
     frame.X_WC = X_WC;  // of the memory that came back: what the caller has set stays
+    frame.flow.clear();
   }
   void end() override { intake_.end(false); }
 
@@ -59,6 +61,7 @@ Result<std::unique_ptr<PushedSource>> PushedSource::create(const DepthStreamInfo
     return Error{Errc::invalid_argument,
                  "pushed frames need a size from 8x8 to 4096x4096 and focal lengths above 0"};
   }
+  if (info.has_flow && !(info.distortion == Distortion{})) return flow_of_lens(info.name);
   return std::unique_ptr<PushedSource>(std::make_unique<Pushed>(info, options));
 }
 

@@ -25,6 +25,13 @@ CameraModel CameraTruth::model_of(const DepthStreamInfo& stream, int width, int 
   return model;
 }
 
+Error flow_of_lens(const std::string& name) {
+  return {Errc::invalid_argument,
+          name +
+              ": an optical flow goes with undistorted images of the whole camera; undistort "
+              "both, without 'distortion' and 'crop'"};
+}
+
 CameraModel valid_part(const CameraModel& pinhole, const CameraModel& raw) {
   constexpr int kLeast = 8;
   const std::vector<std::uint32_t> table = lens_table(pinhole, raw);
@@ -81,6 +88,7 @@ void Rectifier::apply(const CameraModel& model, DepthFrame& frame) {
   const std::uint16_t* const raw = frame.pixels.data();
   for (std::size_t i = 0; i < raw_pixels_.size(); ++i) spare_[i] = raw[raw_pixels_[i]];
   std::swap(frame.pixels, spare_);
+  frame.flow.clear();  // of the pixels before
   frame.width = pinhole_.width;
   frame.height = pinhole_.height;
 }

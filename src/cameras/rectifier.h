@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "palpate/cameras/cameras.h"
@@ -27,6 +28,9 @@ struct CameraTruth {
 /// than a surface may be (8 x 8). O(pixels).
 CameraModel valid_part(const CameraModel& pinhole, const CameraModel& raw);
 
+/// Nobody turns the vectors of a flow as a lens does.
+Error flow_of_lens(const std::string& name);
+
 /// Applies lens tables to frames in host memory. A table is made when the model changes. Not for
 /// several threads at once.
 class Rectifier {
@@ -36,6 +40,7 @@ class Rectifier {
 
   const CameraModel& pinhole() const { return pinhole_; }
   /// Turns an image of `model` into one of the pinhole; 0 where the camera sees nothing.
+  /// Its optical flow is dropped unless both are the same.
   void apply(const CameraModel& model, DepthFrame& frame);
 
  private:

@@ -53,6 +53,11 @@ Result<std::unique_ptr<FrameSlots>> make_frame_slots(const SlotSettings& setting
 }
 
 struct SurfaceTimeline::Impl {
+  /// Of a frame in a slot.
+  struct Flow {
+    std::vector<float> pixels;  // of the whole image, also if the surface has a smaller one
+    FlowView view;              // without pixels: nobody told it
+  };
   std::unique_ptr<FrameSlots> slots;
   DepthStreamInfo stream;
   int binning;
@@ -65,6 +70,7 @@ struct SurfaceTimeline::Impl {
   double time = 0;  // of the newest frame
   std::optional<KeyFrames> key_frames = {};
   std::vector<Pose> X_WC = std::vector<Pose>(static_cast<std::size_t>(num_slots));
+  std::vector<Flow> flows = {};  // of each slot; empty: frames have none
 
   /// What is in a slot.
   SurfaceView surface(int slot) const {
@@ -74,6 +80,7 @@ struct SurfaceTimeline::Impl {
   }
 
   void expect_next(double new_time);
+  void keep_flow(const DepthImageView& frame, double interval);
 };
 
 /// A running mean over about eight frames; a dropped frame or a burst hardly moves it.
@@ -83,6 +90,17 @@ void SurfaceTimeline::Impl::expect_next(double new_time) {
     period += kShare * (std::clamp(new_time - time, period / 2, period * 2) - period);
   }
   time = new_time;
+}
+
+/// Nothing is known of how things moved before the first frame.
+void SurfaceTimeline::Impl::keep_flow(const DepthImageView& frame, double interval) {
+  if (flows.empty()) return;
+  Flow& flow = flows[static_cast<std::size_t>(newest)];
+  const bool is_told =
+      frame.flow != nullptr && interval > 0 && 2 * frame.num_pixels() == flow.pixels.size();
+  flow.view.pixels = is_told ? flow.pixels.data() : nullptr;
+  flow.view.interval = interval;
+  if (is_told) std::copy_n(frame.flow, flow.pixels.size(), flow.pixels.begin());
 }
 
 Result<SurfaceTimeline> make_timeline(std::unique_ptr<FrameSlots> slots,
@@ -118,6 +136,13 @@ Result<SurfaceTimeline> SurfaceTimeline::create(const DepthStreamInfo& stream,
   auto slots = make_frame_slots(settings, place);
   if (!slots) return slots.error();
   auto timeline = make_timeline(*std::move(slots), settings);
+  if (timeline && stream.has_flow) {
+    const std::size_t num =
+        2 * static_cast<std::size_t>(stream.width) * static_cast<std::size_t>(stream.height);
+    timeline->impl_->flows.assign(
+        static_cast<std::size_t>(settings.num_slots()),
+        {std::vector<float>(num), {nullptr, stream.width, stream.height, stream.intrinsics}});
+  }
   if (timeline && settings.has_key_frames()) {
     auto key_frames = KeyFrames::create(
         settings, [&](const SlotSettings& kept) { return make_frame_slots(kept, place); });
@@ -145,6 +170,7 @@ SurfaceStats SurfaceTimeline::push(const DepthImageView& frame, double time, Thr
   d.newest = (d.newest + 1) % d.num_slots;
   d.X_WC[static_cast<std::size_t>(d.newest)] = frame.X_WC;
   ++d.num_frames;
+  d.keep_flow(frame, interval);
   DepthImageView image = frame;
   if (d.binning > 1) {
     bin_depth(frame, d.binning, d.small);
@@ -164,7 +190,9 @@ SurfaceBlend SurfaceTimeline::at(double time) const {
   const SurfaceView to = d.surface(d.newest);
   if (d.num_frames < 2 || d.mode == TimeMode::latest) return {to, to, 1};
   const int last = (d.newest + d.num_slots - 1) % d.num_slots;
-  return {d.surface(last), to, frame_progress(time, d.time, d.period)};
+  SurfaceBlend blend{d.surface(last), to, frame_progress(time, d.time, d.period)};
+  if (!d.flows.empty()) blend.flow = d.flows[static_cast<std::size_t>(d.newest)].view;
+  return blend;
 }
 
 std::span<const SurfaceBlend> SurfaceTimeline::key_frames() const {

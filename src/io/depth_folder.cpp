@@ -129,10 +129,34 @@ Result<ImageSize> read_size(const fs::path& path) {
   return size;
 }
 
+/// Of a frame.
+fs::path flow_file(const fs::path& folder, const fs::path& frame) {
+  return (folder / frame.filename()).replace_extension(".flo");
+}
+
+/// Middlebury's format, little-endian: "PIEH", width, height, then u and v of each pixel as floats.
+Result<std::vector<float>> load_flow(const fs::path& path, int width, int height) {
+  const auto content = read_file(path);
+  if (!content) return content.error();
+  constexpr std::size_t kHeader = 12;
+  std::array<std::int32_t, 2> size{};
+  const bool is_flow = content->size() >= kHeader && content->starts_with("PIEH");
+  if (is_flow) std::memcpy(size.data(), content->data() + 4, sizeof size);
+  const std::size_t num = 2 * static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
+  if (size[0] != width || size[1] != height || content->size() != kHeader + num * sizeof(float)) {
+    return bad(path, "is not an optical flow of " + std::to_string(width) + " x " +
+                         std::to_string(height) + " pixels in Middlebury's format; write it anew");
+  }
+  std::vector<float> flow(num);
+  std::memcpy(flow.data(), content->data() + kHeader, num * sizeof(float));
+  return flow;
+}
+
 class FolderSource : public DepthSource {
  public:
-  FolderSource(std::vector<Entry> entries, DepthStreamInfo info)
-      : entries_(std::move(entries)), info_(std::move(info)) {}
+  /// `flow`: a folder; empty: none.
+  FolderSource(std::vector<Entry> entries, DepthStreamInfo info, fs::path flow)
+      : entries_(std::move(entries)), info_(std::move(info)), flow_(std::move(flow)) {}
 
   const DepthStreamInfo& info() const override { return info_; }
 
@@ -145,12 +169,20 @@ class FolderSource : public DepthSource {
       return bad(entry.path, "has changed its size since the folder was opened; open it again");
     frame = *std::move(loaded);
     frame.timestamp = entry.time;
+    if (!info_.has_flow) return true;
+    const fs::path path = flow_file(flow_, entry.path);
+    std::error_code ignored;
+    if (!fs::exists(path, ignored)) return true;
+    auto flow = load_flow(path, frame.width, frame.height);
+    if (!flow) return flow.error();
+    frame.flow = *std::move(flow);
     return true;
   }
 
  private:
   std::vector<Entry> entries_;
   DepthStreamInfo info_;
+  fs::path flow_;
   std::size_t next_ = 0;
 };
 
@@ -206,8 +238,15 @@ Result<std::unique_ptr<DepthSource>> open_depth_folder(const fs::path& folder,
     if (!(info.rate > 0) || !std::isfinite(info.rate))
       return bad(folder / "depth.txt", "has timestamps that are not seconds; correct them");
   }
+  info.has_flow = !options.flow.empty();
+  const auto has_own = [&](const Entry& entry) {
+    return fs::exists(flow_file(options.flow, entry.path), ignored);
+  };
+  if (info.has_flow && std::ranges::none_of(*entries, has_own)) {
+    return bad(options.flow, "has no optical flow of these frames: NAME.flo goes with NAME.png");
+  }
   return std::unique_ptr<DepthSource>(
-      std::make_unique<FolderSource>(*std::move(entries), std::move(info)));
+      std::make_unique<FolderSource>(*std::move(entries), std::move(info), options.flow));
 }
 
 }  // namespace palpate::inline v0

@@ -79,4 +79,21 @@ Result<DepthFrame> read_depth_image(std::string_view message, double unit) {
   return frame;
 }
 
+Result<std::vector<float>> read_flow_image(std::string_view message) {
+  CdrReader from(message);
+  read_ros_header(from);
+  const auto height = from.number<std::uint32_t>(), width = from.number<std::uint32_t>();
+  const std::string_view encoding = from.text();
+  from.number<std::uint8_t>();
+  from.number<std::uint32_t>();
+  const std::string_view data = from.bytes();
+  if (!from.is_good() || encoding != "32FC2" || width > kMaxImageWidth ||
+      height > kMaxImageHeight || data.size() != 2 * sizeof(float) * width * height) {
+    return Error{Errc::bad_input, "an optical flow is damaged"};
+  }
+  std::vector<float> flow(data.size() / sizeof(float));
+  std::memcpy(flow.data(), data.data(), data.size());
+  return flow;
+}
+
 }  // namespace palpate::inline v0

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string_view>
+#include <vector>
 
 #include "palpate/cloud/depth_source.h"
 
@@ -12,6 +13,8 @@ class CdrReader;
 /// sensor_msgs/Image, 16UC1 (mm) or 32FC1 (m, in counts of `unit`). DepthFrame::timestamp is the
 /// header's. Errors: another encoding, a damaged message.
 Result<DepthFrame> read_depth_image(std::string_view message, double unit);
+/// As flow_message writes it: DepthFrame::flow. Error: damaged.
+Result<std::vector<float>> read_flow_image(std::string_view message);
 
 /// std_msgs/Header.
 struct RosStamp {

@@ -117,6 +117,19 @@ std::string image_message(const RosHeader& header, const DepthFrame& frame) {
   return to.take();
 }
 
+std::string flow_message(const RosHeader& header, const DepthFrame& frame) {
+  CdrWriter to;
+  put(to, header);
+  to.number(static_cast<std::uint32_t>(frame.height));
+  to.number(static_cast<std::uint32_t>(frame.width));
+  to.text("32FC2");
+  to.number(std::uint8_t{0});
+  to.number(static_cast<std::uint32_t>(2 * sizeof(float)) *
+            static_cast<std::uint32_t>(frame.width));
+  to.bytes(frame.flow.data(), sizeof(float) * frame.flow.size());
+  return to.take();
+}
+
 std::string camera_info_message(const RosHeader& header, const DepthStreamInfo& stream) {
   const auto& [fx, fy, cx, cy] = stream.intrinsics;
   CdrWriter to;

@@ -24,6 +24,8 @@ struct RosHeader {
 
 /// 16UC1: counts as they were measured. read_depth_image of io/ros_image.h reads it.
 std::string image_message(const RosHeader& header, const DepthFrame& frame);
+/// sensor_msgs/Image, 32FC2: its optical flow, pixels per second.
+std::string flow_message(const RosHeader& header, const DepthFrame& frame);
 std::string camera_info_message(const RosHeader& header, const DepthStreamInfo& stream);
 /// sensor_msgs/PointCloud2 with float32 x, y, z, m, in the frame A of the header: the measured
 /// pixels of every n-th row and column, so that there are at most kMostRecordedPoints.

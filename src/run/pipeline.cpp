@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "src/haptics/internal/surface_motion.h"
 #include "src/math/internal/rotation_vector.h"
 #include "src/run/setting_changes.h"
 
@@ -71,10 +72,10 @@ void ContactPart::measure(std::span<const SurfaceBlend> cameras, bool with_stiff
     stiffness_ = *measured.stiffness;
     if (measured.bodies_stiffness) stiffness_ += *measured.bodies_stiffness;
   }
-  if (!(record.penetration.volume > 0)) {
-    patch_ = {};
-  } else if (record.has_new_stiffness || !has_stiffness()) {
-    patch_ = patch_at(cameras, record.X_WT);
+  const bool is_touched = record.penetration.volume > 0;
+  if (!is_touched || record.has_new_stiffness || !has_stiffness()) {
+    patch_ = is_touched ? patch_at(cameras, record.X_WT) : ContactPatch{};
+    scene_V_W_ = {patch_.ground.velocity_W, patch_.ground.turning_W};
   }
   if (moving_) move_bodies(cameras, record);
   set_contact(record);
@@ -110,7 +111,8 @@ void ContactPart::move_bodies(std::span<const SurfaceBlend> cameras,
 void ContactPart::carry(const Pose& X_WT) noexcept {
   const BodyMeasure& measured = world_.measured(kToolBody);
   Ground& ground = patch_.ground;
-  ground.velocity_W = ground.turning_W = {};
+  ground.velocity_W = scene_V_W_.linear;
+  ground.turning_W = scene_V_W_.angular;
   double all = norm(measured.cloud.measure_W.force);
   const Vec3d p_W = X_WT * tool_mass_.centre_of_mass + patch_.lever_W;
   for (std::size_t i = 0; i < object_frictions_.size(); ++i) {
@@ -163,10 +165,13 @@ ContactPatch ContactPart::patch_at(std::span<const SurfaceBlend> cameras,
       measured.stiffness
           ? contact_patch(of_cloud, measured.cloud.volume, *measured.stiffness, measured.moments)
           : guessed_patch(of_cloud, measured.cloud.volume, tool_mass_, X_WT.rotation);
-  if (!regions_.empty() && measured.cloud.volume > 0) {
-    cloud.ground =
-        ground_at(regions_, cameras, {p_WC + cloud.lever_W, of_cloud.force, cloud.torsion_radius});
+  if (measured.cloud.volume > 0) {
+    const TouchedDisc disc{p_WC + cloud.lever_W, of_cloud.force, cloud.torsion_radius};
+    if (!regions_.empty()) cloud.ground = ground_at(regions_, cameras, disc);
     cloud.share = 1 - cloud.ground.share;
+    const Twist V_W = surface_motion(cameras, disc);
+    cloud.ground.velocity_W = V_W.linear;
+    cloud.ground.turning_W = V_W.angular;
   }
   if (!(measured.bodies.volume > 0)) return cloud;
 

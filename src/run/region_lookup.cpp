@@ -9,24 +9,6 @@
 namespace palpate::inline v0 {
 namespace {
 
-constexpr int kNumSpots = 128;  // of the disc, that are looked at
-
-struct Spot {
-  double x = 0, y = 0;
-};
-
-/// Even over the unit disc: Vogel's spiral.
-std::array<Spot, kNumSpots> spots_of_disc() {
-  const double golden = kPi * (3 - std::sqrt(5.0));
-  std::array<Spot, kNumSpots> spots;
-  for (int i = 0; i < kNumSpots; ++i) {
-    const double r = std::sqrt((i + 0.5) / kNumSpots);
-    spots[static_cast<std::size_t>(i)] = {r * std::cos(i * golden), r * std::sin(i * golden)};
-  }
-  return spots;
-}
-const std::array<Spot, kNumSpots> kSpots = spots_of_disc();
-
 /// What labels say at one place: of materials their weights, and what they would be without any.
 struct Mix {
   Ground ground;
@@ -48,12 +30,7 @@ void look_at(const RegionLookup& camera, const Vec3d& p_C, Mix& mix) {
   if (!(p_C.z > 0)) return;
   const double u = camera.intrinsics.fx * p_C.x / p_C.z + camera.intrinsics.cx,
                v = camera.intrinsics.fy * p_C.y / p_C.z + camera.intrinsics.cy;
-  if (!(u > -1 && v > -1 && u < regions.width && v < regions.height)) return;
-  const int left = static_cast<int>(std::floor(u)), top = static_cast<int>(std::floor(v));
-  for (int k = 0; k < 4; ++k) {
-    const int column = left + k % 2, row = top + k / 2;
-    if (column < 0 || row < 0 || column >= regions.width || row >= regions.height) continue;
-    const double weight = (1 - std::abs(u - column)) * (1 - std::abs(v - row));
+  visit_pixels_around(u, v, regions.width, regions.height, [&](int column, int row, double weight) {
     const std::size_t label =
         regions.labels[static_cast<std::size_t>(row) * static_cast<std::size_t>(regions.width) +
                        static_cast<std::size_t>(column)];
@@ -61,7 +38,7 @@ void look_at(const RegionLookup& camera, const Vec3d& p_C, Mix& mix) {
     if (label < regions.materials.size() && regions.materials[label]) {
       mix.add(*regions.materials[label], weight);
     }
-  }
+  });
 }
 
 Error refused(std::string why) { return {Errc::invalid_argument, std::move(why)}; }
@@ -122,7 +99,7 @@ Ground ground_at(std::span<const RegionLookup> lookups, std::span<const SurfaceB
   const Vec3d n = disc.n_W / length;
   // The disc turns with the picture, and nobody sees a surface whose normal lies in that.
   const std::size_t num = std::min(lookups.size(), cameras.size());
-  const double radius = 1.5 * disc.torsion_radius;
+  const double radius = disc.radius();
   Ground ground;
   std::array<Pose, kMostCameras> X_CW;
   Vec3d t;
@@ -135,14 +112,14 @@ Ground ground_at(std::span<const RegionLookup> lookups, std::span<const SurfaceB
   if (!(along > 1e-6)) return {};
   t = t / along;
   const Vec3d s = cross(n, t);
-  for (const Spot& spot : kSpots) {
+  for (const DiscSpot& spot : kDiscSpots) {
     const Vec3d p_W = disc.p_W + t * (radius * spot.x) + s * (radius * spot.y);
     Mix mix;
     for (std::size_t k = 0; k < num; ++k) {
       if (lookups[k].regions) look_at(lookups[k], X_CW[k] * p_W, mix);
     }
     if (!(mix.seen > 0)) continue;
-    const double by = 1 / ((mix.seen > 1 ? mix.seen : 1) * kNumSpots);
+    const double by = 1 / ((mix.seen > 1 ? mix.seen : 1) * kNumDiscSpots);
     ground.share += by * mix.ground.share;
     ground.friction += by * mix.ground.friction;
     ground.static_friction += by * mix.ground.static_friction;

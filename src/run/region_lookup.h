@@ -7,6 +7,7 @@
 
 #include "palpate/field/sensor.h"
 #include "palpate/haptics/local_contact.h"
+#include "src/haptics/internal/touched_disc.h"
 
 namespace palpate::inline v0 {
 
@@ -21,13 +22,6 @@ struct RegionLookup {
 Result<std::vector<RegionLookup>> region_lookups(
     std::span<const std::shared_ptr<const MaterialRegions>> regions,
     std::span<const DepthStreamInfo> streams);
-
-/// A contact with what cameras see.
-struct TouchedDisc {
-  Vec3d p_W;                  ///< its middle
-  Vec3d n_W;                  ///< any length
-  double torsion_radius = 0;  ///< ContactPatch's
-};
 
 /// Materials under the contact, each with the share of the normal force that rests on it: that of
 /// an even disc of this torsion radius. Labels count as each pixel's weight between its neighbours

@@ -37,6 +37,17 @@ Status check_moving(const RunSettings& settings) {
                "contacts"};
 }
 
+Status check_flow(std::span<const DepthStreamInfo> streams, const RunSettings& settings) {
+  if (std::ranges::none_of(streams, &DepthStreamInfo::has_flow)) return Done{};
+  const bool can_use = backend_of(settings) == Backend::cpu &&
+                       settings.contact.method == MethodKind::field &&
+                       settings.time.mode != TimeMode::latest;
+  if (can_use) return Done{};
+  return Error{Errc::invalid_argument,
+               "an optical flow is used with --backend cpu, --method field and --time interpolate "
+               "or predict; give these, or leave the flow out"};
+}
+
 Status check_cameras(std::size_t num, const RunSettings& settings) {
   if (num == 0 || num > kMostCameras) {
     return Error{Errc::invalid_argument, "a run has 1 to " + std::to_string(kMostCameras) +
@@ -141,6 +152,7 @@ Result<RunParts> make_run_parts(const std::shared_ptr<const ToolIndex>& index,
     return status.error();
   }
   if (const Status status = check_moving(settings); !status) return status.error();
+  if (const Status status = check_flow(streams, settings); !status) return status.error();
   auto coupling =
       check_coupling(settings.coupling, device.limits, 1 / device.rate, tool.sphere_mass());
   if (!coupling) return coupling.error();

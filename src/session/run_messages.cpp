@@ -410,6 +410,10 @@ std::string depth_topic(std::uint32_t camera) {
   return camera == 0 ? "/depth" : "/camera_" + std::to_string(camera + 1) + "/depth";
 }
 
+std::string flow_topic(std::uint32_t camera) {
+  return camera == 0 ? "/flow" : "/camera_" + std::to_string(camera + 1) + "/flow";
+}
+
 std::string object_file(std::size_t index) {
   char name[40];
   std::snprintf(name, sizeof name, "object-%03zu.palp", index);

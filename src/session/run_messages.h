@@ -65,6 +65,7 @@ inline constexpr const char* kPartTopic = "/part";
 inline constexpr const char* kSettingsTopic = "/settings";
 inline constexpr const char* kFrameTopic = "/frame";  ///< palpate_msgs/Frame, before its image
 std::string depth_topic(std::uint32_t camera);  ///< sensor_msgs/Image: "/depth", "/camera_2/depth"
+std::string flow_topic(std::uint32_t camera);   ///< likewise, before the depth image
 inline constexpr const char* kEstimateTopic = "/estimate";
 inline constexpr const char* kContactTopic = "/contact";
 inline constexpr const char* kTickTopic = "/tick";

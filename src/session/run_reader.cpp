@@ -175,12 +175,19 @@ Result<std::optional<RecordedDepth>> FrameJoiner::take(std::string_view topic,
     if (!record) return record.error();
     record_ = *record;
     depth_topic_ = depth_topic(record_->camera);
+    flow_topic_ = flow_topic(record_->camera);
+    flow_.clear();
+  } else if (record_ && topic == flow_topic_) {
+    auto flow = read_flow_image(message);
+    if (!flow) return Error{Errc::bad_input, flow.error().message + "; record the run again"};
+    flow_ = *std::move(flow);
   } else if (record_ && topic == depth_topic_) {
     auto frame = read_depth_image(message, record_->unit);
     if (!frame) return Error{Errc::bad_input, frame.error().message + "; record the run again"};
     frame->unit = record_->unit;
     frame->timestamp = record_->source_time;
     frame->X_WC = record_->X_WC;
+    frame->flow = std::exchange(flow_, {});
     return std::optional(RecordedDepth{*std::exchange(record_, std::nullopt), *std::move(frame)});
   }
   return std::optional<RecordedDepth>();

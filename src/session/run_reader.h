@@ -82,7 +82,7 @@ class RunReader {
   NewestFrames last_frames_;
 };
 
-/// Joins a frame's record with its image, which follows it.
+/// Joins a frame's record with its optical flow, if it has one, and its image, which follow it.
 class FrameJoiner {
  public:
   /// A frame, once its image is there. Errors: see read_frame and read_image.
@@ -90,7 +90,8 @@ class FrameJoiner {
 
  private:
   std::optional<FrameRecord> record_;
-  std::string depth_topic_;  // of its camera
+  std::string depth_topic_, flow_topic_;  // of its camera
+  std::vector<float> flow_;
 };
 
 }  // namespace palpate::inline v0

@@ -125,6 +125,8 @@ Result<McapWriter> RunRecorder::make_file(const fs::path& path) {
         {w.add_channel(ros_channel(depth, "sensor_msgs/Image")),
          w.add_channel(ros_channel(depth + "/points", "sensor_msgs/PointCloud2")),
          w.add_channel(ros_channel(info + "/camera_info", "sensor_msgs/CameraInfo"))});
+    if (!setups_.back().streams[k].has_flow) continue;
+    channels_.cameras.back().flow = w.add_channel(ros_channel(flow_topic(k), "sensor_msgs/Image"));
   }
   channels_.transforms = w.add_channel(ros_channel("/tf", "tf2_msgs/TFMessage"));
   channels_.statics = w.add_channel(ros_channel("/tf_static", "tf2_msgs/TFMessage"));
@@ -320,6 +322,9 @@ void RunRecorder::write_frame(const FrameRecord& record, const DepthFrame& frame
   const std::string frame_name = camera_frame(record.camera);
   const RosHeader header{time, frame_name};
   write(channels_.frame, time, frame_message(record));
+  if (stream.has_flow && !frame.flow.empty()) {
+    write(channels.flow, time, flow_message(header, frame));
+  }
   write(channels.depth, time, image_message(header, frame));
   write(channels.info, time, camera_info_message(header, stream));
   if (stream.is_moving || camera.X_WC != record.X_WC) {

@@ -62,6 +62,7 @@ class RunRecorder {
         tool_wrench, hand_wrench, marker;
     struct Camera {
       std::uint16_t depth, points, info;
+      std::uint16_t flow = 0;  // of cameras that have one
     };
     std::vector<Camera> cameras;
   };

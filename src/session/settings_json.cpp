@@ -118,6 +118,7 @@ Json to_json(const DepthStreamInfo& stream) {
   Json json;
   visit_stream(stream, writer(json));
   json["sensor"] = name_of(stream.sensor);
+  if (stream.has_flow) json["has_flow"] = true;
   return json;
 }
 
@@ -132,6 +133,7 @@ DepthStreamInfo stream_from_json(const Json& json) {
   visit_stream(stream, reader(json));
   stream.sensor =
       value_named<SensorKind>(json.at("sensor").get<std::string>()).value_or(SensorKind::none);
+  stream.has_flow = json.value("has_flow", false);  // streams of before have none
   return stream;
 }
 

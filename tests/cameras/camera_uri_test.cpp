@@ -78,6 +78,8 @@ TEST(OpenCamera, SaysWhichKindsThereAreAndWhatIsMissing) {
   EXPECT_NE(message("folder:nowhere").find("intrinsics"), std::string::npos);
   EXPECT_NE(message("folder:nowhere?intrinsics=1,1,1,1").find("no such folder"), std::string::npos);
   EXPECT_NE(message("folder:x?topic=a").find("'topic'"), std::string::npos);
+  EXPECT_NE(message("folder:x?flow=y&intrinsics=1,1,1,1").find("no such folder"),
+            std::string::npos);
   EXPECT_NE(message("scene:nothing").find("hand"), std::string::npos);
   EXPECT_NE(message("scene:hand?noise=loud").find("on or off"), std::string::npos);
 }

@@ -161,6 +161,28 @@ TEST(ValidPart, IsTheLargestRectangleThatTheLensSeesAndTheSameRays) {
   EXPECT_EQ(valid_part(pinhole, elsewhere), pinhole);
 }
 
+TEST(Rectifier, LeavesNoFlowOfOtherPixels) {
+  const CameraModel pinhole{kWidth, kHeight, kCamera, {}};
+  DepthFrame frame{kWidth, kHeight, 0.001, {}};
+  frame.pixels.assign(kWidth * kHeight, 500);
+  frame.flow.assign(2 * kWidth * kHeight, 1);
+  Rectifier rectifier(pinhole);
+  rectifier.apply(pinhole, frame);
+  EXPECT_EQ(frame.flow.size(), 2u * kWidth * kHeight);
+  CameraModel raw = pinhole;
+  raw.distortion.k1 = 0.1;
+  rectifier.apply(raw, frame);
+  EXPECT_TRUE(frame.flow.empty());
+  // Where it is known before, it is refused.
+  DepthStreamInfo info = test::stream_info(kWidth, kHeight);
+  info.has_flow = true;
+  EXPECT_TRUE(PushedSource::create(info));
+  info.distortion.k1 = 0.1;
+  const auto refused = PushedSource::create(info);
+  ASSERT_FALSE(refused);
+  EXPECT_NE(refused.error().message.find("optical flow"), std::string::npos);
+}
+
 TEST(CameraTruth, WinsOverTheStreamAndFollowsItsSize) {
   DepthStreamInfo stream = test::stream_info(320, 240);
   stream.distortion.k1 = 0.5;

@@ -78,6 +78,43 @@ TEST(DepthFolder, TumLayout) {
   EXPECT_FALSE((*source)->next(frame).value());
 }
 
+/// As OpenCV writes it (cv2.writeOpticalFlow).
+std::string flow_bytes(std::int32_t width, std::int32_t height, const std::vector<float>& uv) {
+  std::string bytes = "PIEH" + test::bytes_of(width, height);
+  for (const float number : uv) bytes += test::bytes_of(number);
+  return bytes;
+}
+
+TEST(DepthFolder, OpticalFlowBesideIt) {
+  const TemporaryFolder folder;
+  for (int i = 1; i <= 3; ++i) {
+    save_numbered(folder / "depth" / (std::to_string(i) + ".png"), i);
+  }
+  std::filesystem::create_directories(folder / "flow");
+  DepthFolderOptions options = kOptions;
+  options.flow = folder / "flow";
+  expect_error(open_depth_folder(folder.path(), options), "NAME.flo");
+  std::vector<float> uv;
+  for (int i = 0; i < 24; ++i) uv.push_back(static_cast<float>(0.25 * i - 2));
+  write_bytes(folder / "flow/2.flo", flow_bytes(4, 3, uv));
+  const auto source = open_depth_folder(folder.path(), options);
+  ASSERT_TRUE(source.has_value()) << source.error().message;
+  EXPECT_TRUE((*source)->info().has_flow);
+  DepthFrame frame;
+  for (int i = 1; i <= 3; ++i) {
+    ASSERT_TRUE((*source)->next(frame).value());
+    EXPECT_EQ(frame.flow, i == 2 ? uv : std::vector<float>{}) << i;
+  }
+  EXPECT_FALSE((*open_depth_folder(folder.path(), kOptions))->info().has_flow);
+  for (const std::string& bytes : {flow_bytes(3, 4, uv), flow_bytes(4, 3, {1, 2}),
+                                   "HEIP" + flow_bytes(4, 3, uv).substr(4), std::string("PIEH")}) {
+    write_bytes(folder / "flow/1.flo", bytes);
+    const auto damaged = open_depth_folder(folder.path(), options);
+    ASSERT_TRUE(damaged.has_value());
+    expect_error((*damaged)->next(frame), "1.flo is not an optical flow of 4 x 3");
+  }
+}
+
 TEST(DepthFolder, SaysWhatIsWrong) {
   const TemporaryFolder folder;
   EXPECT_EQ(open_depth_folder(folder / "absent", kOptions).error().code, Errc::not_found);

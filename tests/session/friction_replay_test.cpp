@@ -8,6 +8,7 @@
 #include "src/session/internal/run_folder.h"
 #include "src/session/run_messages.h"
 #include "src/session/run_reader.h"
+#include "tests/session/flowing_stream.h"
 #include "tests/session/path_run.h"
 #include "tests/session/synthetic_stream.h"
 
@@ -15,6 +16,7 @@ namespace palpate {
 namespace {
 
 namespace fs = std::filesystem;
+using test::FlowingStream;
 using test::SyntheticStream;
 
 /// Presses and slides to and fro.
@@ -104,6 +106,46 @@ TEST_F(FrictionRun, RegionsAreRecordedAndRepeated) {
   const auto refused = record(folder_.path() / "other");
   ASSERT_FALSE(refused);
   EXPECT_NE(refused.error().message.find("96 x 72"), std::string::npos);
+}
+
+TEST_F(FrictionRun, AFlowIsRecordedAndRepeated) {
+  for (const CouplingKind kind : {CouplingKind::none, CouplingKind::virtual_coupling}) {
+    settings_.coupling.kind = kind;
+    FlowingStream stream(8);
+    auto device = test::path_device(sliding_pose, settings_.contact_rate);
+    ASSERT_TRUE(record_run(tool_, stream, **device, settings_, run()));
+    expect_repeats();
+  }
+  auto reader = RunReader::open(run());
+  ASSERT_TRUE(reader);
+  EXPECT_TRUE(reader->setup().streams[0].has_flow);
+  FlowingStream stream(8);
+  RecordedDepth read;
+  DepthFrame frame;
+  for (int i = 0; i < 8; ++i) {
+    ASSERT_TRUE(reader->next_frame(read).value());
+    ASSERT_TRUE(stream.next(frame).value());
+    EXPECT_EQ(read.frame.flow, frame.flow) << i;
+    EXPECT_EQ(read.frame.flow.empty(), i == 4);
+  }
+  // It is felt: contacts of frame 5 know how their ground moves, those of frame 4 do not.
+  reader = RunReader::open(run());
+  int num_told[8] = {}, num_touched[8] = {};
+  for (;;) {
+    const auto message = reader->next();
+    ASSERT_TRUE(message);
+    if (!*message) break;
+    if ((*message)->topic != kContactTopic) continue;
+    const ContactRecord contact = read_contact((*message)->data).value();
+    if (!(contact.penetration.volume > 0)) continue;
+    const auto frame_number = static_cast<std::size_t>(contact.frame_number);
+    ++num_touched[frame_number];
+    num_told[frame_number] += norm(contact.contact.patch.ground.velocity_W) > 0.01 ? 1 : 0;
+  }
+  EXPECT_GT(num_touched[4], 20);
+  EXPECT_EQ(num_told[4], 0);
+  EXPECT_GT(num_touched[5], 20);
+  EXPECT_EQ(num_told[5], num_touched[5]);
 }
 
 // Recordings of before know no ground.

@@ -22,6 +22,7 @@
 #include "src/session/run_messages.h"
 #include "src/session/run_series.h"
 #include "src/session/settings_json.h"
+#include "tests/session/flowing_stream.h"
 #include "tests/session/live_hand.h"
 #include "tests/session/recorded_messages.h"
 #include "tests/session/synthetic_stream.h"
@@ -231,6 +232,28 @@ TEST_F(RunSettingsFile, ErrorsNameLineAndRemedy) {
 }
 
 // Runs
+
+TEST(LiveRun, AFlowIsFeltAndRepeated) {
+  TemporaryFolder folder;
+  RunSettings settings = patient_settings();
+  settings.coupling.friction.coefficient = 0.4;
+  const Tool tool = small_tool();
+  test::FlowingStream stream(1000);
+  const auto device = pressing_device();
+  const auto run = record_run(tool, stream, *device, settings, folder / "run", {.duration = 1.5});
+  ASSERT_TRUE(run) << run.error().message;
+  const auto replay = replay_run(folder / "run");
+  ASSERT_TRUE(replay) << replay.error().message;
+  EXPECT_EQ(replay->difference, "");
+  int num_dragged = 0;
+  for (const Message& message : messages(folder / "run")) {
+    if (message.channel.topic != kContactTopic) continue;
+    const auto contact = read_contact(message.data);
+    ASSERT_TRUE(contact);
+    num_dragged += norm(contact->contact.patch.ground.velocity_W) > 0.01 ? 1 : 0;
+  }
+  EXPECT_GT(num_dragged, 10);
+}
 
 TEST(LiveRun, IsRecordedAndRepeatedBitForBit) {
   const TemporaryFolder folder;

@@ -166,7 +166,7 @@ class PushedSource : public DepthSource {
   };
   /// `info` describes the frames; they are undistorted by `info.distortion`. Each frame has the
   /// pose of its camera (DepthFrame::X_WC), and `info.is_moving` says whether it changes. Errors:
-  /// an invalid size or focal length.
+  /// an invalid size or focal length, an optical flow of a camera with distortion.
   static Result<std::unique_ptr<PushedSource>> create(const DepthStreamInfo& info,
                                                       const Options& options);
   static Result<std::unique_ptr<PushedSource>> create(const DepthStreamInfo& info);

@@ -68,6 +68,10 @@ struct DepthFrame {
   Pose X_WC = {};  ///< pose of the camera in the world at the capture of the frame
   /// The same moment on the clock that a robot uses for its messages, s; 0: unknown.
   double stamp = 0;
+  /// Optical flow, optional (`DepthStreamInfo::has_flow`): how fast what each pixel shows moves
+  /// over the image, u and v in pixels per second, row-major, 2 * width * height; NaN: unknown.
+  /// Empty: none for this frame.
+  std::vector<float> flow = {};
 };
 
 /// A non-owning view of one depth image: `counts` times `unit` meters (0 and 65535: no
@@ -78,6 +82,7 @@ struct DepthImageView {
   const std::uint16_t* counts = nullptr;
   const float* metres = nullptr;  ///< used if there are no counts
   double unit = 0.001;            ///< metres per count
+  const float* flow = nullptr;    ///< see DepthFrame; in host memory
   int gpu = kHostMemory;          ///< whose memory the values are in
   Pose X_WC;                      ///< see DepthFrame
 
@@ -86,6 +91,7 @@ struct DepthImageView {
   DepthImageView(const DepthFrame& frame)
       : width(frame.width), height(frame.height), unit(frame.unit), X_WC(frame.X_WC) {
     if (frame.pixels.size() == num_pixels()) counts = frame.pixels.data();
+    if (frame.flow.size() == 2 * num_pixels()) flow = frame.flow.data();
   }
   DepthImageView(int wide, int high, const std::uint16_t* values, double metres_per_count,
                  int on_gpu = kHostMemory)
@@ -111,6 +117,7 @@ struct DepthStreamInfo {
   SensorKind sensor = SensorKind::none;  ///< see surface_options_for
   std::string frame = {};                ///< frame id of C as the stream names it; empty: unnamed
   bool is_moving = false;  ///< the camera moves: DepthFrame::X_WC changes between frames
+  bool has_flow = false;   ///< frames have an optical flow: DepthFrame::flow
 };
 
 /// A depth source. One thread reads it, oldest frame first. A live source returns the newest frame

@@ -73,10 +73,10 @@ struct BodyPenetration {
   /// For each body, like a tool in a cloud: volume, and the wrench on it about its own center of
   /// mass, in W. Both volumes are the same, and the wrenches are opposite.
   ///
-  /// `field`: U = w_a sum f_s G(phi_B(c_s)) over the spheres of A + w_b (the same for the spheres
-  /// of B in the field of A), w_a + w_b = 1; `potential` is U, the wrenches are minus its
-  /// derivatives, and the volume is the sum of the caps with the same weights. The body with finer
-  /// spheres and grid gets more weight (equal bodies: 1/2 each). A body that is coarse in
+  /// `field`: U_a = sum f_s G(phi_B(c_s)) over the spheres of A, U_b the same for the spheres of B
+  /// in the field of A, and U their power mean with weights w_a + w_b = 1; `potential` is U, the
+  /// wrenches are minus its derivatives, and the volume is w_a and w_b of the caps. The body with
+  /// finer spheres and grid gets more weight (equal bodies: 1/2 each). A body that is coarse in
   /// comparison gets none; its counts stay 0. Sphere counts are as against a depth field.
   ///
   /// `spheres`: the volume is that of the intersection of the two packings. `num_boundary_spheres`

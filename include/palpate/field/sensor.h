@@ -71,12 +71,22 @@ struct SurfaceView {
   Pose X_WC = {};  ///< pose of the camera in the world at the capture of the frame
 };
 
+/// Optical flow of the newest frame of a camera: how what it shows moves along itself. Non-owning,
+/// in host memory.
+struct FlowView {
+  const float* pixels = nullptr;  ///< u, v in pixels/s, see DepthFrame::flow; null: unknown
+  int width = 0, height = 0;
+  Intrinsics intrinsics;  ///< of the whole image, not of a binned one
+  double interval = 0;    ///< s, from the frame before to this one
+};
+
 /// A blend of two surfaces: the measure is (1 - progress) times that of `from` plus progress times
 /// that of `to` (contact/contact.h). So everything that appears or disappears fades in or out, a
 /// pixel as well as a wall.
 struct SurfaceBlend {
   SurfaceView from, to;
   double progress = 1;
+  FlowView flow = {};
 };
 
 /// Maximum number of cameras in one measurement. Each has its own blend, and may have its own rate

@@ -65,6 +65,9 @@ struct DepthFolderOptions {
   Intrinsics intrinsics;
   double unit = 0.001;  ///< metres per count
   double rate = 30;     ///< frames per second, if the folder has no timestamps
+  /// Folder of optical flow, DepthFrame::flow: NAME.flo (Middlebury's format) for NAME.png; frames
+  /// without a file have none. Empty: there is none.
+  std::filesystem::path flow = {};
 };
 
 /// A folder of 16-bit PNGs: TUM layout (a file depth.txt of "timestamp path" lines) or plain (all

@@ -90,7 +90,7 @@ class MovingBodies {
     Vec3d force_W;            // of this step
     double stiffness = 0;     // of this step, N/m
     bool is_touched = false;  // by anything
-    bool is_pushed = false;   // by the tool
+    bool is_pushed = false;   // by the tool, or lies on what moves
     bool is_asleep = false;
     bool is_covered = false;  // by what a camera sees before it
   };

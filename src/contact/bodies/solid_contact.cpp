@@ -17,7 +17,9 @@ namespace {
 constexpr SolidContactKernels kKernels[] = PALPATE_BY_ISA(kSolidContact);
 
 // A way of asking that would count less is not worth its time.
-constexpr double kLeastWeight = 0.05;
+constexpr double kLeastWeight = 0.1;
+// Potential of a single sphere in a light touch, over the square of the coarseness.
+constexpr double kSingle = 0.5;
 
 void copy(const Mat3d& from, float (&to)[3][3]) {
   for (int row = 0; row < 3; ++row) {
@@ -93,18 +95,6 @@ VolumeMoments of_opposite(const VolumeMoments& f, const Vec3d& force, const Vec3
   return other;
 }
 
-VolumeMoments sum_of(const VolumeMoments& a, double weight_a, const VolumeMoments& b,
-                     double weight_b) {
-  VolumeMoments sum;
-  for (int row = 0; row < 3; ++row) {
-    for (int column = 0; column < 3; ++column) {
-      sum.first[row][column] = weight_a * a.first[row][column] + weight_b * b.first[row][column];
-    }
-  }
-  sum.polar = weight_a * a.polar + weight_b * b.polar;
-  return sum;
-}
-
 Stiffness sum_of(const Stiffness& a, double weight_a, const Stiffness& b, double weight_b) {
   Stiffness sum;
   for (int row = 0; row < 6; ++row) {
@@ -114,6 +104,75 @@ Stiffness sum_of(const Stiffness& a, double weight_a, const Stiffness& b, double
   }
   return sum;
 }
+
+/// sum += scale F F^T
+void add_product(Stiffness& sum, double scale, const VolumeWrench& F) {
+  const double f[6] = {F.force.x, F.force.y, F.force.z, F.torque.x, F.torque.y, F.torque.z};
+  for (int row = 0; row < 6; ++row) {
+    for (int column = 0; column < 6; ++column) sum.m[row][column] += scale * f[row] * f[column];
+  }
+}
+
+/// The potential U of a pair, a mean of what both ways say with the exponent 8, and its slope by
+/// each of them. Wrenches are on one body, about one point.
+///
+///   (U + e)^8 = w_a (U_a + e)^8 + w_b (U_b + e)^8
+///
+/// e is what single spheres are worth: where both ways have little more, neither knows better.
+class PairPotential {
+ public:
+  PairPotential(double of_a, double weight_a, double of_b, double weight_b, double e)
+      : value_(weight_a * of_a + weight_b * of_b), slope_a_(weight_a), slope_b_(weight_b) {
+    if (weight_a == 0 || weight_b == 0) return;
+    raised_a_ = of_a + e;
+    raised_b_ = of_b + e;
+    const double most = std::max(raised_a_, raised_b_);
+    const double a = raised_a_ / most, b = raised_b_ / most;
+    const double a_7 = seventh_power(a), b_7 = seventh_power(b);
+    const double mean = weight_a * a_7 * a + weight_b * b_7 * b;
+    const double root = std::sqrt(std::sqrt(std::sqrt(mean)));
+    raised_ = most * root;
+    value_ = raised_ - e;
+    slope_a_ = weight_a * a_7 * root / mean;
+    slope_b_ = weight_b * b_7 * root / mean;
+  }
+
+  double value() const { return value_; }
+  VolumeWrench wrench(const VolumeWrench& a, const VolumeWrench& b) const {
+    return {slope_a_ * a.force + slope_b_ * b.force, slope_a_ * a.torque + slope_b_ * b.torque};
+  }
+  /// How that changes; the slopes do, too.
+  Stiffness stiffness(const Stiffness& k_a, const VolumeWrench& a, const Stiffness& k_b,
+                      const VolumeWrench& b) const {
+    Stiffness sum = sum_of(k_a, slope_a_, k_b, slope_b_);
+    if (!(raised_ > 0)) return sum;
+    add_product(sum, 7 * slope_a_ / raised_a_, a);
+    add_product(sum, 7 * slope_b_ / raised_b_, b);
+    add_product(sum, -7 / raised_, wrench(a, b));
+    return sum;
+  }
+  /// Of the force by its slopes, of the volume by its weights.
+  VolumeMoments moments(const VolumeMoments& a, double weight_a, const VolumeMoments& b,
+                        double weight_b) const {
+    VolumeMoments sum;
+    for (int row = 0; row < 3; ++row) {
+      for (int column = 0; column < 3; ++column) {
+        sum.first[row][column] = slope_a_ * a.first[row][column] + slope_b_ * b.first[row][column];
+      }
+    }
+    sum.polar = weight_a * a.polar + weight_b * b.polar;
+    return sum;
+  }
+
+ private:
+  static double seventh_power(double x) {
+    const double x2 = x * x;
+    return x2 * x2 * x2 * x;
+  }
+
+  double value_, slope_a_, slope_b_;
+  double raised_ = 0, raised_a_ = 0, raised_b_ = 0;  // with e; 0: one way alone is asked
+};
 
 }  // namespace
 
@@ -189,6 +248,8 @@ SolidPair::SolidPair(std::shared_ptr<const ToolIndex> of_a, std::shared_ptr<cons
   const double sum = (asks_a ? fine_a : 0) + (asks_b ? fine_b : 0);
   weight_a = asks_a ? fine_a / sum : 0;
   weight_b = asks_b ? fine_b / sum : 0;
+  const double coarseness = std::max(asking_a.coarseness, asking_b.coarseness);
+  single_potential = kSingle * coarseness * coarseness;
 }
 
 void SolidPair::place(const Pose& X_WA, const Pose& X_WB, SolidFrame& of_a,
@@ -207,30 +268,32 @@ BodyPenetration SolidPair::penetration(const GroupSums& of_a, const GroupSums& o
       X_A * a->tool().sphere_mass().centre_of_mass - X_B * b->tool().sphere_mass().centre_of_mass;
   const VolumeWrench measure_a{of_a.measure.force, of_a.measure.torque};
   const VolumeWrench measure_b{of_b.measure.force, of_b.measure.torque};
+  const PairPotential both(of_a.measure.potential, weight_a, of_b.measure.potential, weight_b,
+                           single_potential);
   BodyPenetration result;
   result.on_a = of_a.measure.penetration();
   result.on_b = of_b.measure.penetration();
   for (Penetration* part : {&result.on_a, &result.on_b}) {
     part->volume = weight_a * of_a.measure.volume + weight_b * of_b.measure.volume;
-    part->potential = weight_a * of_a.measure.potential + weight_b * of_b.measure.potential;
+    part->potential = both.value();
   }
-  VolumeWrench &on_a = result.on_a.measure_W, &on_b = result.on_b.measure_W;
-  on_a.force = weight_a * measure_a.force - weight_b * measure_b.force;
-  on_b.force = -on_a.force;
-  on_a.torque =
-      weight_a * measure_a.torque - weight_b * (measure_b.torque - cross(d_BA, measure_b.force));
-  on_b.torque =
-      weight_b * measure_b.torque - weight_a * (measure_a.torque + cross(d_BA, measure_a.force));
+  // What each way says of both bodies.
+  const VolumeWrench b_on_a{-measure_b.force,
+                            -(measure_b.torque - cross(d_BA, measure_b.force))};
+  const VolumeWrench a_on_b{-measure_a.force,
+                            -(measure_a.torque + cross(d_BA, measure_a.force))};
+  result.on_a.measure_W = both.wrench(measure_a, b_on_a);
+  result.on_b.measure_W = both.wrench(a_on_b, measure_b);
   result.num_pairs = std::int64_t{result.on_a.num_boundary_spheres} +
                      result.on_a.num_inside_spheres + result.on_b.num_boundary_spheres +
                      result.on_b.num_inside_spheres;
   if (with_stiffness) {
     const Stiffness k_a = of_a.stiffness.stiffness(), k_b = of_b.stiffness.stiffness();
-    result.stiffness_a = sum_of(k_a, weight_a, of_other(k_b, measure_b, -d_BA), weight_b);
-    result.stiffness_b = sum_of(k_b, weight_b, of_other(k_a, measure_a, d_BA), weight_a);
+    result.stiffness_a = both.stiffness(k_a, measure_a, of_other(k_b, measure_b, -d_BA), b_on_a);
+    result.stiffness_b = both.stiffness(of_other(k_a, measure_a, d_BA), a_on_b, k_b, measure_b);
     result.moments_a =
-        sum_of(of_a.stiffness.moments(), weight_a,
-               of_opposite(of_b.stiffness.moments(), measure_b.force, -d_BA), weight_b);
+        both.moments(of_a.stiffness.moments(), weight_a,
+                     of_opposite(of_b.stiffness.moments(), measure_b.force, -d_BA), weight_b);
   }
   return result;
 }

@@ -44,8 +44,8 @@ struct SolidContactKernels {
 SolidContactKernels solid_contact_kernels(Isa isa);
 
 /// Both ways of asking, and what each counts. The finer way counts more, as the square of how much
-/// finer; a way that would count less than a twentieth, or whose spheres are too large for the
-/// other body, is not asked.
+/// finer, and in the force the one whose potential says more (decision 30). A way that would count
+/// less than a tenth, or whose spheres are too large for the other body, is not asked.
 struct SolidPair {
   SolidPair(std::shared_ptr<const ToolIndex> a, std::shared_ptr<const ToolIndex> b);
 
@@ -60,6 +60,7 @@ struct SolidPair {
   const SolidField *field_a, *field_b;
   SolidAsking asking_a, asking_b;  ///< A's elements B's field; B's elements A's field
   double weight_a = 0, weight_b = 0;
+  double single_potential = 0;  ///< m4: about what one sphere says of a light touch
 };
 
 /// On the CPU.

@@ -46,7 +46,8 @@ struct CameraSeats {
 
   /// Has the tool left what the fields were made for? `p_TC`, `reach`: a ball around it.
   bool is_outside_window(const SurfaceBlend& view, const Vec3d& p_TC, double reach) const {
-    const auto& [from, to, progress] = view;
+    const SurfaceView &from = view.from, &to = view.to;
+    const double progress = view.progress;
     if (!has_moved) return palpate::is_outside_window(from, to, progress, X_CT[0] * p_TC, reach);
     return palpate::is_outside_window(to, to, 1, X_CT[0] * p_TC, reach) ||
            palpate::is_outside_window(from, from, 1, X_CT[1] * p_TC, reach);

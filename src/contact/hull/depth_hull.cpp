@@ -106,7 +106,8 @@ ContactStatus DepthHull::take(std::span<const SurfaceBlend> cameras, const Pose&
 
 ContactStatus DepthHull::take(const SurfaceBlend& view, const Pose& X_WT, int number) {
   HullJob& job = *job_;
-  const auto& [from, to, progress] = view;
+  const SurfaceView &from = view.from, &to = view.to;
+  const double progress = view.progress;
   if (!has_fields(to, job.is_alone)) return StepStatus::no_surface;
   const CameraSeats seats(view, X_WT, job.is_alone);
   if (seats.is_outside_window(view, p_TC_, elements_->reach)) return StepStatus::outside_window;

@@ -440,7 +440,8 @@ ContactStatus DepthHullCuda::take(std::span<const SurfaceBlend> cameras, const P
 
 ContactStatus DepthHullCuda::take(const SurfaceBlend& view, const Pose& X_WT, int number,
                                   gpu::Stream& stream, Views& views) noexcept {
-  const auto& [from, to, progress] = view;
+  const SurfaceView &from = view.from, &to = view.to;
+  const double progress = view.progress;
   if (!has_fields(to, views.is_alone)) return StepStatus::no_surface;
   const CameraSeats seats(view, X_WT, views.is_alone);
   if (seats.is_outside_window(view, p_TC_, tool_.reach)) return StepStatus::outside_window;

@@ -92,7 +92,8 @@ ContactResult ContactQuery::measure(std::span<const SurfaceBlend> cameras, const
 /// A camera that has moved between its two frames is measured against where it was at each.
 ContactResult ContactQuery::measure_camera(const SurfaceBlend& camera, const Pose& X_WT,
                                            const ContactWants& wants) const noexcept {
-  const auto& [from, to, progress] = camera;
+  const SurfaceView &from = camera.from, &to = camera.to;
+  const double progress = camera.progress;
   const auto measure_at = [&](const SurfaceView& a, const SurfaceView& b, double alpha,
                               const ContactWants& wanted) {
     const Seat seat(b, X_WT);

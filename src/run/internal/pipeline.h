@@ -85,6 +85,7 @@ class ContactPart {
   std::optional<ToolAt> before_;  // at the last measurement
   Stiffness stiffness_;           // measured last
   ContactPatch patch_;            // likewise, or of this measurement if there is no stiffness
+  Twist scene_V_W_;               // share of its ground's motion that is of what cameras see
 };
 
 /// What a tick cannot see by itself.

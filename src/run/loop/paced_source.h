@@ -31,6 +31,9 @@ class PacedSource {
             static_cast<std::size_t>(stream.width) * static_cast<std::size_t>(stream.height)) {
       return bad("has another size than the stream; all frames must have one size");
     }
+    if (!frame.flow.empty() && frame.flow.size() != 2 * frame.pixels.size()) {
+      return bad("has an optical flow of another size; it has two numbers for each pixel");
+    }
     if (!std::isfinite(frame.timestamp) || (num_read_ > 0 && !(frame.timestamp > last_stamp_))) {
       return bad("is not later than the one before; sort the frames by their time stamps");
     }

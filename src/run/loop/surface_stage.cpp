@@ -31,6 +31,7 @@ DepthFrame blank_frame(const DepthStreamInfo& stream) {
   frame.height = stream.height;
   frame.pixels.resize(static_cast<std::size_t>(stream.width) *
                       static_cast<std::size_t>(stream.height));
+  if (stream.has_flow) frame.flow.resize(2 * frame.pixels.size());
   return frame;
 }
 
@@ -40,6 +41,7 @@ DepthStreamInfo largest_of(const DepthSources& sources) {
   for (const DepthSource* source : sources) {
     largest.width = std::max(largest.width, source->info().width);
     largest.height = std::max(largest.height, source->info().height);
+    largest.has_flow = largest.has_flow || source->info().has_flow;
   }
   return largest;
 }
@@ -178,6 +180,7 @@ void SurfaceStage::read_frames(Camera& camera) {
                                      std::nextafter(newest.capture_time, kLaterThanAll));
     } else {
       newest.capture_time = std::max(newest.capture_time + camera.period, monotonic_now());
+      newest.frame.flow.clear();  // what is held stands still
     }
     if (stop_.sleep_for(newest.capture_time - monotonic_now())) return;
     camera.frames.draft() = newest;

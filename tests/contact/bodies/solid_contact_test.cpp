@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <cstring>
+#include <utility>
 
 #include <gtest/gtest.h>
 
@@ -159,13 +160,13 @@ bool is_nearest_face(const Pose& X_WA, double side) {
   return true;
 }
 
-// Half of the force comes from the spheres behind the face, which feel a corner. Where they are
-// large, it is their parts that must not lie unevenly.
+// The spheres behind the face feel a corner, of which few say little: those of the corner, which
+// feel the face, have to count more. With a half each these were 4.1, 1.9 and 0.9 degrees.
 TEST(SolidContact, ACornerInTheFaceOfAnEqualCubeIsFeltAlongItsNormal) {
   const double side = 0.1;
   const Tool cube = packed(make_box({side, side, side}), 1000).with_solid_field();
   SolidContact contact = contact_of(cube, cube);
-  const struct { double depth, most_off; } cases[] = {{0.05, 5}, {0.1, 2.2}, {0.15, 1.15}};
+  const struct { double depth, most_off; } cases[] = {{0.05, 1}, {0.1, 0.25}, {0.15, 0.06}};
   for (const auto& [depth, most_off] : cases) {
     Random random(9);
     double squares = 0;
@@ -186,6 +187,68 @@ TEST(SolidContact, ACornerInTheFaceOfAnEqualCubeIsFeltAlongItsNormal) {
     const double rms = std::sqrt(squares / num);
     RecordProperty("degrees_at_" + std::to_string(std::lround(100 * depth)), std::to_string(rms));
     EXPECT_LT(rms, most_off) << depth;
+  }
+}
+
+/// Of a cube with one corner of it behind a plane so deep, whose normal in its axes is n: that of
+/// all edges together, less what lies beyond their ends.
+double volume_behind(const Vec3d& n, double side, double depth) {
+  double volume = 0;
+  for (int ends = 0; ends < 8; ++ends) {
+    double left = depth, sign = 1;
+    for (int axis = 0; axis < 3; ++axis) {
+      if ((ends >> axis & 1) == 0) continue;
+      left -= side * std::abs(n[axis]);
+      sign = -sign;
+    }
+    if (left > 0) volume += sign * left * left * left;
+  }
+  return volume / (6 * std::abs(n.x * n.y * n.z));
+}
+
+// Two cubes that ask each other: who counts how much changes with the pose, and costs nothing.
+TEST(SolidContact, EqualCubesPushWithoutJumpsAndWithoutGain) {
+  const double side = 0.1, step = 5e-5;
+  const Tool cube = packed(make_box({side, side, side}), 1000).with_solid_field();
+  const Vec3d centre = cube.sphere_mass().centre_of_mass;
+  SolidContact contact = contact_of(cube, cube);
+  Random random(9);
+  for (int i = 0; i < 6; ++i) {
+    const Quaternion q = random.rotation(kPi);
+    const double x = random.uniform(-0.01, 0.01), y = random.uniform(-0.01, 0.01);
+    const Vec3d n = rotate(conjugate(q), Vec3d{0, 0, 1});
+    const double extent = side * (std::abs(n.x) + std::abs(n.y) + std::abs(n.z));
+    double jump = 0, exact_jump = 0, last = 0;
+    for (double depth = step; depth < 0.15 * extent; depth += step) {
+      const Pose X_WA{{x, y, (side + extent) / 2 - depth}, q};
+      const double force = contact.measure(X_WA, {}).on_a.measure_W.force.z;
+      jump = std::max(jump, std::abs(force - std::exchange(last, force)));
+      exact_jump = std::max(exact_jump,
+                            volume_behind(n, side, depth) - volume_behind(n, side, depth - step));
+    }
+    EXPECT_LT(jump, 1.25 * exact_jump) << i;
+    // Around a loop in all six directions.
+    const int num = 4000;
+    double work = 0, all = 0;
+    Pose before;
+    VolumeWrench felt;
+    for (int k = 0; k <= num; ++k) {
+      const double t = 2 * kPi * k / num;
+      const Pose X_WA{{x + 0.004 * std::sin(2 * t), y + 0.004 * std::cos(t),
+                       (side + extent) / 2 - 0.004 - 0.008 * (1 - std::cos(t))},
+                      axis_angle({1, 2, 3}, 0.2 * std::sin(t + 0.3)) * q};
+      const VolumeWrench now = contact.measure(X_WA, {}).on_a.measure_W;
+      if (k > 0) {
+        const Quaternion turn = X_WA.rotation * conjugate(before.rotation);
+        const double done = dot(now.force + felt.force, X_WA * centre - before * centre) / 2 +
+                            dot(now.torque + felt.torque, Vec3d{turn.x, turn.y, turn.z});
+        work += done;
+        all += std::abs(done);
+      }
+      before = X_WA;
+      felt = now;
+    }
+    EXPECT_LT(std::abs(work), 1e-6 * all) << i;
   }
 }
 
@@ -237,7 +300,8 @@ TEST(SolidContact, StiffnessIsTheSlopeOfTheWrench) {
                          for (std::size_t row = 0; row < 6; ++row) {
                            const double slope = (after[row] - before[row]) / (2 * step * per);
                            const double length = (row < 3 ? 1 : 0.05) * (column < 3 ? 1 : 0.05);
-                           EXPECT_NEAR(k.m[row][column], -slope, 0.02 * length * largest)
+                           // The field bends by steps from cell to cell.
+                           EXPECT_NEAR(k.m[row][column], -slope, 0.03 * length * largest)
                                << row << " " << column;
                          }
                        }

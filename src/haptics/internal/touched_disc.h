@@ -1,0 +1,51 @@
+// A contact as an even disc, for what is asked of images under it.
+#pragma once
+
+#include <array>
+#include <cmath>
+
+#include "palpate/math/geometry.h"
+
+namespace palpate::inline v0 {
+
+/// A contact with what cameras see.
+struct TouchedDisc {
+  Vec3d p_W;                  ///< its middle
+  Vec3d n_W;                  ///< any length
+  double torsion_radius = 0;  ///< ContactPatch's
+
+  /// Of the even disc with this torsion radius.
+  double radius() const { return 1.5 * torsion_radius; }
+};
+
+/// A place of a disc of radius 1 that is looked at.
+struct DiscSpot {
+  double x = 0, y = 0;
+};
+inline constexpr int kNumDiscSpots = 128;
+
+/// Even over the unit disc: Vogel's spiral.
+inline std::array<DiscSpot, kNumDiscSpots> make_disc_spots() {
+  const double golden = kPi * (3 - std::sqrt(5.0));
+  std::array<DiscSpot, kNumDiscSpots> spots;
+  for (int i = 0; i < kNumDiscSpots; ++i) {
+    const double r = std::sqrt((i + 0.5) / kNumDiscSpots);
+    spots[static_cast<std::size_t>(i)] = {r * std::cos(i * golden), r * std::sin(i * golden)};
+  }
+  return spots;
+}
+inline const std::array<DiscSpot, kNumDiscSpots> kDiscSpots = make_disc_spots();
+
+/// `visit(column, row, weight)` for those of the four pixels around an image point that there are:
+/// what is read so changes without a jump.
+void visit_pixels_around(double u, double v, int width, int height, auto&& visit) {
+  if (!(u > -1 && v > -1 && u < width && v < height)) return;
+  const int left = static_cast<int>(std::floor(u)), top = static_cast<int>(std::floor(v));
+  for (int k = 0; k < 4; ++k) {
+    const int column = left + k % 2, row = top + k / 2;
+    if (column < 0 || row < 0 || column >= width || row >= height) continue;
+    visit(column, row, (1 - std::abs(u - column)) * (1 - std::abs(v - row)));
+  }
+}
+
+}  // namespace palpate::inline v0
