@@ -38,7 +38,7 @@ struct Options {
 
 struct Measurement {
   Penetration penetration;
-  BodyMeasure shares;        ///< of cloud and objects
+  BodyMeasure shares;  ///< of cloud and objects
   /// Penetration::unseen_volume; none where it is not known: of one camera on a GPU.
   std::optional<double> unseen;
   std::vector<int> decided;  ///< felt spheres by each camera, and last where none looks

@@ -193,8 +193,8 @@ void measure_self_filter() {
     const std::vector<RobotLink> links = arm_of_tubes(around);
     const std::string name =
         "self_filter/triangles:" + std::to_string(kNumLinks * links[0].mesh.triangles.size());
-    const auto on_gpu = value_or_stop(make_links_on_gpu(links, kArmCamera, kArmWidth, kArmHeight,
-                                                        kPadding, options.gpu));
+    const auto on_gpu = value_or_stop(
+        make_links_on_gpu(links, kArmCamera, kArmWidth, kArmHeight, kPadding, options.gpu));
     DepthFrame frame = wall;
     int step = 0;
     measure(name, [&] {

@@ -166,7 +166,8 @@ constexpr const char* kClaims[] = {
     "error go with the tracked pose.",
     "While the camera moves the force jumps from frame to frame at most 1.25 times as much as the "
     "exact one in the cube where the tracking shows it.",
-    "With poses that are refined by depth they feel the cube where it stands to 1 % of the tool and "
+    "With poses that are refined by depth they feel the cube where it stands to 1 % of the tool "
+    "and "
     "6 degrees in the median."};
 
 }  // namespace
@@ -230,7 +231,8 @@ Result<FigureResult> tracked_cube_figure(Context& context) {
       shown[p].push_back(exact_share(probe, X_WB_shown, cube.half_size));
       truth[p].push_back(exact_share(probe, cube.X_WB, cube.half_size));
     }
-    const auto add_error = [&](const Pose& X_WB, std::vector<double>& mm, std::vector<double>& deg) {
+    const auto add_error = [&](const Pose& X_WB, std::vector<double>& mm,
+                               std::vector<double>& deg) {
       mm.push_back(1e3 * norm(X_WB.translation - cube.X_WB.translation));
       deg.push_back(180 / kPi * norm(rotation_between(cube.X_WB.rotation, X_WB.rotation)));
     };
@@ -282,10 +284,10 @@ Result<FigureResult> tracked_cube_figure(Context& context) {
   }
   const double explained = 1 - rows[1].errors.squares / rows[0].errors.squares;
   result.numbers.push_back({"explained", 100 * explained, "%"});
-  Table poses{"How far the tracking has the cube from where it stands",
-              {"of the frames", "moved, mm", "turned, °", "refined by depth: moved, mm",
-               "turned, °"},
-              {}};
+  Table poses{
+      "How far the tracking has the cube from where it stands",
+      {"of the frames", "moved, mm", "turned, °", "refined by depth: moved, mm", "turned, °"},
+      {}};
   for (const auto& [name, share] : {std::pair{"median", 0.5}, {"p95", 0.95}, {"most", 1.0}}) {
     const double mm = percentile(moved, share), degrees = percentile(turned, share);
     const double refined_mm = percentile(refined_moved, share),
@@ -358,11 +360,13 @@ Result<FigureResult> tracked_cube_figure(Context& context) {
       "in it nobody has measured, so it is the middle of what all frames say when the CAD is laid "
       "on their faces. What all frames err by together is therefore not seen here.",
       num_probes));
-  result.notes.push_back(words(
-      "Poses refined by depth: each frame is aligned with a key frame before it as palpate calibrate "
-      "aligns two cameras; of %zu frames %d could not be and have the tracking's way from the frame "
-      "before. Their cube is the middle of what they say likewise.",
-      num_frames, num_by_tracking));
+  result.notes.push_back(
+      words("Poses refined by depth: each frame is aligned with a key frame before it as palpate "
+            "calibrate "
+            "aligns two cameras; of %zu frames %d could not be and have the tracking's way from "
+            "the frame "
+            "before. Their cube is the middle of what they say likewise.",
+            num_frames, num_by_tracking));
   return result;
 }
 

@@ -13,8 +13,8 @@ namespace palpate::inline v0 {
 /// m. Nearer things are drawn by no camera, and one that is mounted in a housing looks out of it.
 inline constexpr double kNearestLink = 0.05;
 
-/// Triangles are drawn by the depth of their nearest corner, in shells of at most 1 : 1.25: of single
-/// precision, exponent and the first two digits after the point make a shell.
+/// Triangles are drawn by the depth of their nearest corner, in shells of at most 1 : 1.25: of
+/// single precision, exponent and the first two digits after the point make a shell.
 inline constexpr int kNumLinkShells = 48;
 
 /// Without NaN, and as processors have it in one instruction.
@@ -104,8 +104,8 @@ PALPATE_HOSTDEV inline int shell_of(float w) {
   const float depth[2] = {static_cast<float>(kNearestLink), 1 / w};
   std::uint32_t bits[2];
   std::memcpy(bits, depth, sizeof bits);
-  const int number = static_cast<int>(bits[1] >> kDigitsLeftOut) -
-                     static_cast<int>(bits[0] >> kDigitsLeftOut);
+  const int number =
+      static_cast<int>(bits[1] >> kDigitsLeftOut) - static_cast<int>(bits[0] >> kDigitsLeftOut);
   return larger(0, lesser(number, kNumLinkShells - 1));
 }
 
@@ -167,10 +167,10 @@ class LinkPieces {
 class LinkRaster {
  public:
   enum class Kind {
-    small,  ///< few pixels, and all are covered: most triangles of fine meshes
+    small,    ///< few pixels, and all are covered: most triangles of fine meshes
     edge_on,  ///< it is seen along its plane, and ends where its neighbors do
-    steep,  ///< it is to be cut: within a pixel it is everywhere between its nearest and its
-            ///< farthest corner
+    steep,    ///< it is to be cut: within a pixel it is everywhere between its nearest and its
+              ///< farthest corner
     plain
   };
 
@@ -197,7 +197,8 @@ class LinkRaster {
     }
     const double per_u = (abw * acv - acw * abv) / area;
     per_v_ = (acw * abu - abw * acu) / area;
-    constexpr float kSteepest = 0.01f;  // m: of depth per pixel, and within what is not cut any more
+    constexpr float kSteepest =
+        0.01f;  // m: of depth per pixel, and within what is not cut any more
     if (std::abs(per_u) + std::abs(per_v_) > kSteepest * nearest_ * nearest_ &&
         nearest_ - farthest_ > kSteepest * nearest_ * farthest_) {
       kind_ = Kind::steep;

@@ -110,9 +110,9 @@ __device__ void bound_shells(const LinkJob& job, ShellBounds* mine) {
 /// May a part of the face be in this shell and in these rows?
 __device__ inline bool may_be_in(const LinkJob& job, int face, int shell, const LinkWindow& band) {
   const std::uint32_t(&ids)[3] = job.faces[face].ids;
-  const LinkTriangle triangle{{job.vertices[ids[0]].corner, job.vertices[ids[1]].corner,
-                               job.vertices[ids[2]].corner}};
-  if (!(triangle.nearest() > 0)) return false;   // all of it is too near
+  const LinkTriangle triangle{
+      {job.vertices[ids[0]].corner, job.vertices[ids[1]].corner, job.vertices[ids[2]].corner}};
+  if (!(triangle.nearest() > 0)) return false;  // all of it is too near
   if (!(triangle.farthest() > 0)) return true;  // some is: it is cut
   if (shell_of(triangle.nearest()) > shell || shell_of(triangle.farthest()) < shell) return false;
   return !LinkRaster::box_of(triangle).common(band).is_empty();
@@ -129,8 +129,8 @@ __device__ inline void draw_piece(const LinkJob& job, const LinkTriangle& whole,
     if (raster.kind() == LinkRaster::Kind::steep && pieces.cut(piece)) continue;
     for (int v = box.top; v < box.bottom; ++v) {
       const LinkRaster::Row row = raster.row(v, box.left, box.right);
-      float* const to = job.canvas +
-                        static_cast<std::ptrdiff_t>(v - drawn.top) * drawn.width() - drawn.left;
+      float* const to =
+          job.canvas + static_cast<std::ptrdiff_t>(v - drawn.top) * drawn.width() - drawn.left;
       for (int u = row.first + gpu::lane_id(); u < row.end; u += gpu::kWarpSize) {
         raise(to + u, raster.at(row, u));
       }
@@ -147,8 +147,8 @@ __device__ void draw_shell(const LinkJob& job, int shell, const LinkWindow& draw
     const int top = drawn.top + task % num_bands * kBandRows;
     const LinkWindow band = LinkWindow{drawn.left, top, drawn.right, top + kBandRows}.common(drawn);
     const int first = task / num_bands * gpu::kWarpSize, mine = first + gpu::lane_id();
-    unsigned found = __ballot_sync(
-        gpu::kWholeWarp, mine < job.num_faces && may_be_in(job, mine, shell, band));
+    unsigned found =
+        __ballot_sync(gpu::kWholeWarp, mine < job.num_faces && may_be_in(job, mine, shell, band));
     for (; found != 0; found &= found - 1) {
       LinkCorner corners[4];
       const int num = corners_of(job, first + __ffs(static_cast<int>(found)) - 1, corners);
@@ -163,9 +163,9 @@ __device__ void draw_shell(const LinkJob& job, int shell, const LinkWindow& draw
   }
 }
 
-/// Raises to[i * apart], i before num_to, to the largest of the `span` numbers of `from` from i - shift on; those
-/// outside of the num_from that there are do not count. Of a segment as long as the span each
-/// window has an end of one block of numbers and the beginning of the next one.
+/// Raises to[i * apart], i before num_to, to the largest of the `span` numbers of `from` from i -
+/// shift on; those outside of the num_from that there are do not count. Of a segment as long as the
+/// span each window has an end of one block of numbers and the beginning of the next one.
 __device__ inline void raise_to_widest(const float* from, int num_from, std::ptrdiff_t from_apart,
                                        int shift, int span, float* to, int num_to,
                                        std::ptrdiff_t to_apart, int segment) {
@@ -204,8 +204,8 @@ __device__ void pad_shell(const LinkJob& job, const LinkWindow& drawn, int radiu
   gpu::grid_barrier(job.barrier);
   for (int i = gpu::grid_thread(); i < wide * num_high; i += gpu::grid_threads()) {
     const int u = i % wide;
-    float* const to = job.front + static_cast<std::ptrdiff_t>(reached.top) * job.width +
-                      reached.left + u;
+    float* const to =
+        job.front + static_cast<std::ptrdiff_t>(reached.top) * job.width + reached.left + u;
     raise_to_widest(job.rows + u, high, wide, drawn.top - (reached.top - radius), span, to,
                     reached.height(), job.width, i / wide);
   }
@@ -300,9 +300,9 @@ class LinksOnGpuCuda final : public LinksOnGpu {
     poses_ = memory_.take_pinned<LinkPose>(num_links_);
     pixels_ = memory_.take_pinned<std::uint16_t>(wide * high);
     answer_ = memory_.take_pinned<LinkAnswer>(1);
-    num_blocks_ = std::min(kMostBlocks,
-                           gpu::resident_blocks(gpu, reinterpret_cast<const void*>(remove_links),
-                                                kThreads, kSharedBytes));
+    num_blocks_ =
+        std::min(kMostBlocks, gpu::resident_blocks(gpu, reinterpret_cast<const void*>(remove_links),
+                                                   kThreads, kSharedBytes));
   }
 
   Status status() const {
@@ -356,8 +356,7 @@ Result<std::unique_ptr<LinksOnGpu>> make_links_on_gpu(std::span<const RobotLink>
                                                       const Intrinsics& intrinsics, int width,
                                                       int height, double padding, int gpu) {
   if (const Status status = gpu::check_gpu(gpu); !status) return status.error();
-  auto made =
-      std::make_unique<LinksOnGpuCuda>(links, intrinsics, width, height, padding, gpu);
+  auto made = std::make_unique<LinksOnGpuCuda>(links, intrinsics, width, height, padding, gpu);
   if (const Status status = made->status(); !status) return status.error();
   return std::unique_ptr<LinksOnGpu>(std::move(made));
 }

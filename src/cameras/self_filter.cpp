@@ -72,8 +72,7 @@ class SelfFilteredSource final : public DepthSource {
       }
       tell_of_end();
       const Pose X_CW = inverse(frame.X_WC);
-      std::ranges::transform(X_WL_, X_CL_.begin(),
-                             [&](const Pose& X_WL) { return X_CW * X_WL; });
+      std::ranges::transform(X_WL_, X_CL_.begin(), [&](const Pose& X_WL) { return X_CW * X_WL; });
       if (!remove_on_gpu(frame)) remove_on_cpu(frame);
       return true;
     }
@@ -161,7 +160,8 @@ Result<SelfFilter> SelfFilter::create(std::vector<RobotLink> links,
       return Error{Errc::bad_input,
                    "the mesh of link '" + link.name + "' has a triangle without its vertices"};
     }
-    if (!std::ranges::all_of(link.mesh.vertices, [](const Vec3d& p) { return std::isfinite(norm(p)); })) {
+    if (!std::ranges::all_of(link.mesh.vertices,
+                             [](const Vec3d& p) { return std::isfinite(norm(p)); })) {
       return Error{Errc::bad_input,
                    "the mesh of link '" + link.name + "' has a vertex that is not finite"};
     }

@@ -1,4 +1,5 @@
-// The self filter on a GPU: the bits of the one on a CPU, and right by rays and distances in double.
+// The self filter on a GPU: the bits of the one on a CPU, and right by rays and distances in
+// double.
 #include "src/cameras/link_image_cuda.h"
 
 #include <gtest/gtest.h>
@@ -62,16 +63,14 @@ TEST_P(LinksOnGpuTest, RemoveTheBitsThatTheCpuRemoves) {
   test::in_all_orders([&] {
     Random random(5);
     const std::vector<RobotLink> links = all_kinds_of_links();
-    const auto on_gpu =
-        make_links_on_gpu(links, kIntrinsics, kWidth, kHeight, padding, 0).value();
+    const auto on_gpu = make_links_on_gpu(links, kIntrinsics, kWidth, kHeight, padding, 0).value();
     LinkImage image(kIntrinsics, padding);
     int num_removed = 0, num_left = 0;
     for (int round = 0; round < 8; ++round) {
       // From beside the image and right before the camera, and through it, to far away.
       std::vector<Pose> X_CL;
       while (X_CL.size() < links.size()) {
-        X_CL.push_back(
-            {random.in_box(0.5) + Vec3d{0, 0, 0.1 + 0.3 * round}, random.rotation(3)});
+        X_CL.push_back({random.in_box(0.5) + Vec3d{0, 0, 0.1 + 0.3 * round}, random.rotation(3)});
       }
       const DepthFrame seen = random_frame(random);
       DepthFrame want = seen, got = seen;
@@ -130,15 +129,15 @@ TEST(LinksOnGpu, AreRightByRaysAndDistances) {
     const DepthFrame seen = random_frame(random);
     DepthFrame left = seen;
     ASSERT_TRUE(on_gpu->remove_from(left, X_CL).value());
-    // How far, in the plane at depth 1, the links may reach: in squares, by what is a quarter nearer
-    // and seen at the image's corner, where the padding is widest.
+    // How far, in the plane at depth 1, the links may reach: in squares, by what is a quarter
+    // nearer and seen at the image's corner, where the padding is widest.
     const double reach = std::sqrt(2) * (1.7 * kPadding / nearest + 3.5 / kIntrinsics.fy);
     for (int v = 0; v < kHeight; ++v) {
       for (int u = 0; u < kWidth; ++u) {
         const int count = seen.pixels[index(u, v)];
         if (count == 0) continue;
-        const Vec3d ray{(u - kIntrinsics.cx) / kIntrinsics.fx, (v - kIntrinsics.cy) / kIntrinsics.fy,
-                        1};
+        const Vec3d ray{(u - kIntrinsics.cx) / kIntrinsics.fx,
+                        (v - kIntrinsics.cy) / kIntrinsics.fy, 1};
         const double depth = 0.001 * count;
         const bool is_left = left.pixels[index(u, v)] != 0;
         double apart = 10, beside = 10;

@@ -103,11 +103,11 @@ __device__ void add_clusters(const BatchJob& job, const FieldLook& field, double
     FieldShare share;
     StiffnessShare stiffness;
     const int mine = begin + gpu::lane_id() * num_warps;
-    unsigned touching = __ballot_sync(
-        gpu::kWholeWarp,
-        mine < elements.num_clusters &&
-            !is_before_tiles(field, elements.clusters[mine], elements.largest_radius[mine],
-                             kMostTilesOfALane, 0, 1));
+    unsigned touching =
+        __ballot_sync(gpu::kWholeWarp,
+                      mine < elements.num_clusters &&
+                          !is_before_tiles(field, elements.clusters[mine],
+                                           elements.largest_radius[mine], kMostTilesOfALane, 0, 1));
     for (; touching != 0; touching &= touching - 1) {
       const int cluster = begin + (__ffs(static_cast<int>(touching)) - 1) * num_warps;
       add_element<Sample>(field, element_of(elements, cluster, field.frame), share, &stiffness);
