@@ -27,7 +27,7 @@ Result<std::unique_ptr<LinksOnGpu>> links_at([[maybe_unused]] std::span<const Ro
 #if defined(PALPATE_CUDA)
   return make_links_on_gpu(links, info.intrinsics, info.width, info.height, padding, place.gpu);
 #else
-  return Error{Errc::unavailable, "this build has no CUDA backend"};
+  return find_gpus().error();
 #endif
 }
 

@@ -10,7 +10,6 @@
 #include <string>
 
 #include "src/cameras/link_image.h"
-#include "src/packing/triangle_bvh.h"
 #include "tests/cameras/robot_scene.h"
 #include "tests/test_util/gpu.h"
 #include "tests/test_util/random.h"
@@ -85,6 +84,25 @@ TEST_P(LinksOnGpuTest, RemoveTheBitsThatTheCpuRemoves) {
 }
 INSTANTIATE_TEST_SUITE_P(Paddings, LinksOnGpuTest, testing::Values(0.0, 0.01, 0.03));
 
+struct Triangle {
+  Vec3d a, b, c;
+};
+
+double distance_to(const Triangle& t, const Vec3d& p) {
+  const Vec3d n = cross(t.b - t.a, t.c - t.a);
+  const auto is_left = [&](const Vec3d& u, const Vec3d& v) {
+    return dot(cross(v - u, p - u), n) >= 0;
+  };
+  if (norm(n) > 1e-12 && is_left(t.a, t.b) && is_left(t.b, t.c) && is_left(t.c, t.a)) {
+    return std::abs(dot(n, p - t.a)) / norm(n);
+  }
+  const auto to_edge = [&](const Vec3d& u, const Vec3d& v) {
+    const double s = std::clamp(dot(p - u, v - u) / dot(v - u, v - u), 0.0, 1.0);
+    return norm(p - (u + (v - u) * s));
+  };
+  return std::min({to_edge(t.a, t.b), to_edge(t.b, t.c), to_edge(t.c, t.a)});
+}
+
 /// m along the ray of a pixel to the nearest triangle, in depth; infinite if it meets none.
 double depth_by_ray(const std::vector<Triangle>& triangles, const Vec3d& ray) {
   double nearest = std::numeric_limits<double>::infinity();
@@ -142,9 +160,9 @@ TEST(LinksOnGpu, AreRightByRaysAndDistances) {
         const bool is_left = left.pixels[index(u, v)] != 0;
         double apart = 10, beside = 10;
         for (const Triangle& t : triangles) {
-          apart = std::min(apart, norm(closest_point(t, ray * depth) - ray * depth));
+          apart = std::min(apart, distance_to(t, ray * depth));
           const Triangle flat{t.a * (1 / t.a.z), t.b * (1 / t.b.z), t.c * (1 / t.c.z)};
-          beside = std::min(beside, norm(closest_point(flat, ray) - ray));
+          beside = std::min(beside, distance_to(flat, ray));
         }
         if (depth_by_ray(triangles, ray) <= depth) {
           ++num_shown;
