@@ -40,9 +40,15 @@ Result<std::optional<SelfFilter>> open_robot(const RobotOptions& options,
 }
 
 Result<std::unique_ptr<DepthSource>> without_robot(const std::optional<SelfFilter>& filter,
-                                                   std::unique_ptr<DepthSource> source) {
+                                                   std::unique_ptr<DepthSource> source,
+                                                   const Place& place) {
   if (!filter) return source;
-  return filter->applied_to(std::move(source));
+  return filter->applied_to(std::move(source), place);
+}
+
+Place place_of_surfaces(const RunSettings& settings) {
+  const Backend backend = settings.backend.value_or(find_gpus() ? Backend::cuda : Backend::cpu);
+  return backend == Backend::cuda ? Place::cuda(settings.sensing_gpu) : Place::cpu();
 }
 
 }  // namespace palpate::apps

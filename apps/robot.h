@@ -23,6 +23,9 @@ Result<std::optional<SelfFilter>> open_robot(const RobotOptions& options,
                                              std::span<const CameraUri> cameras);
 /// `source` as it is if there is no filter. Error: as of SelfFilter::applied_to.
 Result<std::unique_ptr<DepthSource>> without_robot(const std::optional<SelfFilter>& filter,
-                                                   std::unique_ptr<DepthSource> source);
+                                                   std::unique_ptr<DepthSource> source,
+                                                   const Place& place = Place::cpu());
+/// Where the surfaces of a run are made.
+Place place_of_surfaces(const RunSettings& settings);
 
 }  // namespace palpate::apps

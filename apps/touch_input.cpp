@@ -24,7 +24,8 @@ Result<std::unique_ptr<DepthSource>> open_stream(const TouchOptions& options,
                                                  std::optional<double> duration) {
   auto source = open_camera(camera, {!options.device.empty(), duration});
   if (!source) return source;
-  return without_robot(options.self_filter, *std::move(source));
+  return without_robot(options.self_filter, *std::move(source),
+                       place_of_surfaces(options.settings));
 }
 
 /// The camera that paths are made up for.

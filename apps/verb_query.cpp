@@ -38,8 +38,9 @@ struct Options {
 
 struct Measurement {
   Penetration penetration;
-  BodyMeasure shares;        ///< of cloud and objects
-  double unseen = 0;         ///< Penetration::unseen_volume
+  BodyMeasure shares;  ///< of cloud and objects
+  /// Penetration::unseen_volume; none where it is not known: of one camera on a GPU.
+  std::optional<double> unseen;
   std::vector<int> decided;  ///< spheres in contact by each camera, and last where none looks
   double seconds = 0;
   Pose X_WT;
@@ -84,7 +85,7 @@ void print_results_json(const Options& options, const RunSettings& settings, con
                                {"compute_us", seconds * 1e6},
                                {"status", penetration.status.bits}});
     if (options.settings.contact.method == MethodKind::field) {
-      json["results"].back()["unseen"] = unseen / tool_volume;
+      if (unseen) json["results"].back()["unseen"] = *unseen / tool_volume;
       auto& by = json["results"].back()["decided"];
       for (std::size_t k = 0; k + 1 < decided.size(); ++k) by[camera_name(k)] = decided[k];
       by["none"] = decided.back();
@@ -145,12 +146,13 @@ Result<ChosenQuery> choose_query(const RunSettings& settings, const Tool& tool, 
 }
 
 /// Unseen volume at a pose, and the camera that decided each sphere.
-void find_evidence(const ContactQuery& query, std::span<const SurfaceBlend> cameras,
-                   Measurement& at) {
+void find_evidence(const ContactQuery& query, Backend backend,
+                   std::span<const SurfaceBlend> cameras, Measurement& at) {
   SpherePicture spheres;
   ContactWants wants = spheres.wants(query.index()->tool().spheres().size());
   wants.unseen_volume = true;
-  at.unseen = query.measure(cameras, at.X_WT, wants).penetration.unseen_volume;
+  const Penetration seen = query.measure(cameras, at.X_WT, wants).penetration;
+  if (backend == Backend::cpu || cameras.size() > 1) at.unseen = seen.unseen_volume;
   at.decided.assign(cameras.size() + 1, 0);
   for (std::size_t i = 0; i < spheres.states.size(); ++i) {
     if (spheres.states[i] == SphereState::outside) continue;
@@ -223,9 +225,9 @@ Status run(const Options& given) {
     world.measure(scene->views());
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
     const BodyMeasure& measured = world.measured(body);
-    measurements.push_back({measured.total(), measured, 0, {}, elapsed.count(), X_WT});
+    measurements.push_back({measured.total(), measured, {}, {}, elapsed.count(), X_WT});
     if (options.json && options.settings.contact.method == MethodKind::field) {
-      find_evidence(query, scene->views(), measurements.back());
+      find_evidence(query, chosen->backend, scene->views(), measurements.back());
     }
     if (measured.total().status.has(StepStatus::backend_failed)) return lost_backend();
   }

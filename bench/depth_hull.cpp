@@ -87,9 +87,9 @@ void press(const Solid& solid, const Tool& tool, int num_cameras, int num_frames
 }
 
 /// Round and round through the surface: net work over all work.
-void loop(const Solid& solid, const Tool& tool, int num_cameras, int num_steps) {
+void loop(const Solid& solid, const Tool& tool, int num_cameras, double noise, int num_steps) {
   const auto query = query_of(tool);
-  const test::HullScene scene = scene_of(solid, cameras_around(num_cameras), kNoise, 7);
+  const test::HullScene scene = scene_of(solid, cameras_around(num_cameras), noise, 7);
   const Vec3d side = normalized(cross(solid.normal, {0, 1, 0.3}));
   double net = 0, all = 0;
   const auto place = [&](int i) {
@@ -107,7 +107,8 @@ void loop(const Solid& solid, const Tool& tool, int num_cameras, int num_steps) 
     net += dot(force, way);
     all += std::abs(dot(force, way));
   }
-  std::printf("loop,%s,%d,,,,,%.3g,,,,\n", solid.name.c_str(), num_cameras, std::abs(net) / all);
+  std::printf("loop,%s%s,%d,,,,,%.3g,,,,\n", solid.name.c_str(), noise > 0 ? "" : "; exact images",
+              num_cameras, std::abs(net) / all);
   std::fflush(stdout);
 }
 
@@ -325,7 +326,9 @@ void run(bool is_quick, const std::string& only) {
   }
   for (const Solid& solid : solids()) {
     if (!wants("loop")) break;
-    for (const int num : {1, 2, 3}) loop(solid, tool, num, is_quick ? 200 : 4000);
+    for (const double noise : {kNoise, 0.0}) {
+      for (const int num : {1, 2, 3}) loop(solid, tool, num, noise, is_quick ? 200 : 4000);
+    }
   }
   for (const bool with_stiffness : {false, true}) {
     if (!wants("cost")) break;

@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "bench/arm_setup.h"
 #include "bench/contact_setup.h"
 #include "bench/gpu_floor.cuh"
 #include "bench/gpu_rows.h"
@@ -22,6 +23,8 @@
 #include "palpate/contact/contact.h"
 #include "palpate/field/sensor.h"
 #include "palpate/gpu/devices.h"
+#include "src/cameras/link_image.h"
+#include "src/cameras/link_image_cuda.h"
 #include "src/cloud/depth_average_cuda.h"
 #include "src/cloud/surface_cuda.h"
 #include "src/field/depth_field_cuda.h"
@@ -179,6 +182,35 @@ void measure_hull(int num_spheres) {
               });
       if (status.is_unmeasured()) stop({Errc::unavailable, "a query failed on the GPU"});
     }
+  }
+}
+
+// A robot is taken out of a frame in host memory: on the GPU, and on one core beside it.
+void measure_self_filter() {
+  constexpr double kPadding = 0.02;
+  const DepthFrame wall = wall_behind_arm();
+  for (const int around : {10, 40, 100}) {
+    const std::vector<RobotLink> links = arm_of_tubes(around);
+    const std::string name =
+        "self_filter/triangles:" + std::to_string(kNumLinks * links[0].mesh.triangles.size());
+    const auto on_gpu = value_or_stop(
+        make_links_on_gpu(links, kArmCamera, kArmWidth, kArmHeight, kPadding, options.gpu));
+    DepthFrame frame = wall;
+    int step = 0;
+    measure(name, [&] {
+      frame.pixels = wall.pixels;
+      const auto done = on_gpu->remove_from(frame, arm_poses(++step));
+      if (!done) stop(done.error());
+    });
+    LinkImage image(kArmCamera, kPadding);
+    measure(name + "/cpu", [&] {
+      frame.pixels = wall.pixels;
+      const std::vector<Pose> X_CL = arm_poses(++step);
+      image.begin(kArmWidth, kArmHeight);
+      for (std::size_t i = 0; i < links.size(); ++i) image.add(links[i].mesh, X_CL[i]);
+      image.draw();
+      image.remove_from(frame);
+    });
   }
 }
 
@@ -387,6 +419,7 @@ void run() {
   measure_floor();
   measure_sensing(640, 480);
   measure_sensing(1920, 1080);
+  measure_self_filter();
   for (const int size : options.sizes) measure_queries(size);
   for (const int size : options.sizes) measure_bodies(size);
   for (const int size : {5000, 17000}) measure_hull(size);

@@ -189,6 +189,8 @@ function(palpate_device_code module)
          "#include \"${CMAKE_CURRENT_SOURCE_DIR}/${source}\"\n" @ONLY)
     if(PALPATE_EMULATE_CUDA)
       target_sources(palpate_${module} PRIVATE "${copy}")
+    elseif(TARGET palpate_emulated)  # a module that comes after the library's core
+      target_sources(palpate_emulated PRIVATE "${copy}")
     else()
       set_property(GLOBAL APPEND PROPERTY PALPATE_EMULATED_SOURCES "${copy}")
       set_property(GLOBAL APPEND PROPERTY PALPATE_EMULATED_MODULES palpate_${module})

@@ -3,9 +3,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 #include <utility>
 
 #include "eval/studies/range.h"
+#include "eval/studies/seen_frame.h"
+#include "palpate/cloud/point_cloud.h"
 #include "palpate/io/files.h"
 #include "palpate/io/formats.h"
 #include "src/math/internal/rotation_vector.h"
@@ -63,11 +66,9 @@ void slide(const DepthStreamInfo& stream, const DepthFrame& frame, double half, 
   X_CB = best;
 }
 
-/// Of the poses that the frames say the cube has in W: the medians along the axes, and the rotation
-/// that is least far from all, in sum.
-Pose middle_pose(const std::vector<CubeFrame>& frames) {
-  std::vector<Pose> X_WB;
-  for (const CubeFrame& f : frames) X_WB.push_back(f.frame.X_WC * f.X_CB);
+}  // namespace
+
+Pose middle_pose(const std::vector<Pose>& X_WB) {
   Pose middle;
   for (std::size_t axis = 0; axis < 3; ++axis) {
     std::vector<double> values;
@@ -83,7 +84,40 @@ Pose middle_pose(const std::vector<CubeFrame>& frames) {
   return middle;
 }
 
-}  // namespace
+Result<std::vector<Pose>> poses_by_depth(const RealCube& cube, int& num_by_tracking) {
+  constexpr double kFarMoved = 0.12, kFarTurned = 12 * kPi / 180;  // m, rad: a new key frame
+  struct KeyFrame {
+    SeenFrame seen;
+    Pose X_WC, tracked_X_WC;
+  };
+  std::optional<KeyFrame> key;
+  std::vector<Pose> poses;
+  num_by_tracking = 0;
+  for (std::size_t i = 0; i < cube.frames.size(); ++i) {
+    const DepthFrame& frame = cube.frames[i].frame;
+    auto seen = SeenFrame::create(cube.stream, frame);
+    if (!seen) return seen.error();
+    const auto align = [&]() -> std::optional<Pose> {
+      const Pose guess = key->X_WC * (inverse(key->tracked_X_WC) * frame.X_WC);
+      const PointCloudView clouds[] = {key->seen.cloud(), seen->cloud()};
+      const auto aligned = align_views(clouds, std::array{key->X_WC, guess}, {});
+      return aligned ? std::optional(aligned->X_WC[1]) : std::nullopt;
+    };
+    const auto is_far = [&](const Pose& X_WC) {
+      const Pose way = inverse(key->X_WC) * X_WC;
+      return norm(way.translation) > kFarMoved ||
+             norm(rotation_between({}, way.rotation)) > kFarTurned;
+    };
+    std::optional<Pose> X_WC = key ? align() : frame.X_WC;
+    if (!X_WC) {
+      ++num_by_tracking;
+      X_WC = poses.back() * (inverse(cube.frames[i - 1].frame.X_WC) * frame.X_WC);
+    }
+    poses.push_back(*X_WC);
+    if (!key || is_far(*X_WC)) key.emplace(KeyFrame{*std::move(seen), *X_WC, frame.X_WC});
+  }
+  return poses;
+}
 
 bool lay_on(const DepthStreamInfo& stream, const DepthFrame& frame, double half, Pose& X_CB) {
   constexpr int kRounds = 30, kSlideEvery = 10, kStep = 2;
@@ -187,7 +221,9 @@ Result<std::optional<RealCube>> real_cube(Context& context, std::size_t stride) 
     if (i % stride == 0) cube.frames.push_back(std::move(seen));
     context.progress(0.2 * static_cast<double>(i) / static_cast<double>((*frames)->size()));
   }
-  cube.X_WB = middle_pose(cube.frames);
+  std::vector<Pose> X_WB_by_frame;
+  for (const CubeFrame& f : cube.frames) X_WB_by_frame.push_back(f.frame.X_WC * f.X_CB);
+  cube.X_WB = middle_pose(X_WB_by_frame);
   for (CubeFrame& f : cube.frames) {
     f.tracked_shift = inverse(f.frame.X_WC * f.X_CB) * cube.X_WB;
   }

@@ -42,6 +42,17 @@ struct RealCube {
 /// a frame on which the cube cannot be laid.
 Result<std::optional<RealCube>> real_cube(Context& context, std::size_t stride);
 
+/// Of the poses that the frames say the cube has in W: the medians along the axes, and the rotation
+/// that is least far from all, in sum.
+Pose middle_pose(const std::vector<Pose>& X_WB);
+
+/// Where the camera was at each frame, by what it saw: each frame is aligned with a key frame
+/// before it as `palpate calibrate` aligns two cameras (align_views), and the way between the two
+/// that the tracking says is where it begins. The first frame is where the tracking has it, and a
+/// frame that cannot be aligned is where the way from the one before leads. Errors: an image that
+/// no SurfaceEstimator takes.
+Result<std::vector<Pose>> poses_by_depth(const RealCube& cube, int& num_by_tracking);
+
 /// Moves the cube until its faces fit the depth: Gauss-Newton on the distances of points from the
 /// face that their pixel looks at, each face counting the same; along an edge that this leaves
 /// free, to where most pixels agree. False: hardly anything is seen of it.

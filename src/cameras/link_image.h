@@ -1,14 +1,22 @@
 // From which depth on the pixels of a depth image show meshes with poses, or what these hide.
 #pragma once
 
-#include <cstdint>
-#include <utility>
+#include <algorithm>
+#include <cmath>
 #include <vector>
 
 #include "palpate/cloud/depth_source.h"
 #include "palpate/mesh/mesh.h"
+#include "src/cameras/link_draw.h"
 
 namespace palpate::inline v0 {
+
+/// For images of this size.
+inline LinkCamera link_camera(const Intrinsics& k, int width, int height, double padding) {
+  const double x = std::max(std::abs(k.cx), std::abs(width - 1 - k.cx)) / k.fx,
+               y = std::max(std::abs(k.cy), std::abs(height - 1 - k.cy)) / k.fy;
+  return {k.fx, k.fy, k.cx, k.cy, padding, std::sqrt(1 + x * x + y * y)};
+}
 
 /// Draws meshes into an image of inverse depth, wider by a padding on all sides, and takes from
 /// depth frames what they show of these meshes and what lies behind them. Every mesh is drawn, open
@@ -20,7 +28,7 @@ class LinkImage {
 
   /// Begins an image of that size.
   void begin(int width, int height);
-  /// A mesh in frame L. O(triangles); parts nearer than kNearest are left out.
+  /// A mesh in frame L. O(triangles); parts nearer than kNearestLink are left out.
   void add(const TriangleMesh& mesh, const Pose& X_CL);
   /// Once all are added: draws them. O(triangles and the pixels around them).
   void draw();
@@ -30,49 +38,28 @@ class LinkImage {
   /// m: pixels as deep as that or deeper are removed; infinite where nothing is drawn.
   double limit_at(int u, int v) const;
 
-  /// m. Nearer things are drawn by no camera, and one that is mounted in a housing looks out of it.
-  static constexpr double kNearest = 0.05;
-
  private:
-  struct Corner {
-    float u = 0, v = 0, w = 0;  // pixels, 1 / m
-  };
-  struct Triangle {
-    Corner corners[3];
-  };
-  /// Triangles whose nearest corner has a depth in a range of at most 1 : 1.25.
   struct Shell {
-    std::vector<Triangle> triangles;
+    std::vector<LinkTriangle> triangles;
     float nearest = 0;  // 1 / m
   };
-  /// Columns and rows from `left` and `top` on, before `right` and `bottom`.
-  struct Window {
-    int left = 0, top = 0, right = 0, bottom = 0;
-    int width() const { return right - left; }
-    int height() const { return bottom - top; }
-    bool is_empty() const { return right <= left || bottom <= top; }
-  };
 
-  void add_clipped(const Vec3d (&p_C)[3]);
-  void add_triangle(const Triangle& triangle);
-  double reach_of(double w) const;
-  Corner corner_of(const Vec3d& p_C) const;
+  void add_triangle(const LinkTriangle& triangle);
   void draw_shell(const Shell& shell);
-  static std::pair<Triangle, Triangle> halves_of(const Triangle& triangle);
-  void draw_triangle(const Triangle& triangle, const Window& canvas);
-  void widen_rows(const Window& drawn, int radius);
+  void draw_triangle(const LinkTriangle& triangle, const LinkWindow& canvas);
+  void widen_rows(const LinkWindow& drawn, int radius);
   void widen_columns(int width, int height, int radius);
 
   const Intrinsics intrinsics_;
   const double padding_;
-  double widest_ = 1;  // of directions in the image: 1 / cosine to the optical axis
+  LinkCamera camera_;
   int width_ = 0, height_ = 0;
-  std::vector<Vec3d> points_;         // of a mesh, in C
+  std::vector<LinkVertex> vertices_;  // of a mesh
   std::vector<Shell> shells_;         // from near to far
   std::vector<float> canvas_, wide_;  // of a shell, 1 / m
   std::vector<float> row_, other_row_;
   std::vector<float> front_;  // 1 / m; 0: nothing
-  Window covered_;            // of the image
+  LinkWindow covered_;        // of the image
 };
 
 }  // namespace palpate::inline v0

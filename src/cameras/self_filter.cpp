@@ -1,11 +1,13 @@
 // Depth frames without the robot that the camera sees.
 #include "palpate/cameras/cameras.h"
 
-#include <cstdio>
+#include <algorithm>
+#include <cmath>
 #include <mutex>
 #include <utility>
 
 #include "src/cameras/link_image.h"
+#include "src/cameras/link_image_cuda.h"
 
 namespace palpate::inline v0 {
 
@@ -17,16 +19,37 @@ struct SelfFilter::Robot {
 
 namespace {
 
+/// Null on a CPU. Error: there is no such GPU.
+Result<std::unique_ptr<LinksOnGpu>> links_at([[maybe_unused]] std::span<const RobotLink> links,
+                                             [[maybe_unused]] const DepthStreamInfo& info,
+                                             [[maybe_unused]] double padding, const Place& place) {
+  if (place.backend == Backend::cpu) return std::unique_ptr<LinksOnGpu>();
+#if defined(PALPATE_CUDA)
+  return make_links_on_gpu(links, info.intrinsics, info.width, info.height, padding, place.gpu);
+#else
+  return find_gpus().error();
+#endif
+}
+
 class SelfFilteredSource final : public DepthSource {
  public:
   SelfFilteredSource(std::unique_ptr<DepthSource> source, std::span<const RobotLink> links,
-                     std::shared_ptr<const void> owner, const LinkPoses& poses, double padding)
+                     std::shared_ptr<const void> owner, const LinkPoses& poses, double padding,
+                     const Place& place)
       : source_(std::move(source)),
         owner_(std::move(owner)),
         links_(links),
         poses_(poses),
         X_WL_(links.size()),
-        image_(source_->info().intrinsics, padding) {}
+        X_CL_(links.size()),
+        image_(source_->info().intrinsics, padding) {
+    auto on_gpu = links_at(links, info(), padding, place);
+    if (on_gpu) {
+      on_gpu_ = *std::move(on_gpu);
+    } else {
+      note(info().name + ": the robot is removed on the CPU: " + on_gpu.error().message);
+    }
+  }
 
   const DepthStreamInfo& info() const override { return source_->info(); }
   void cancel() noexcept override { source_->cancel(); }
@@ -49,12 +72,8 @@ class SelfFilteredSource final : public DepthSource {
       }
       report_end();
       const Pose X_CW = inverse(frame.X_WC);
-      image_.begin(frame.width, frame.height);
-      for (std::size_t i = 0; i < links_.size(); ++i) {
-        image_.add(links_[i].mesh, X_CW * X_WL_[i]);
-      }
-      image_.draw();
-      image_.remove_from(frame);
+      std::ranges::transform(X_WL_, X_CL_.begin(), [&](const Pose& X_WL) { return X_CW * X_WL; });
+      if (!remove_on_gpu(frame)) remove_on_cpu(frame);
       return true;
     }
   }
@@ -68,6 +87,29 @@ class SelfFilteredSource final : public DepthSource {
   }
 
  private:
+  bool remove_on_gpu(DepthFrame& frame) {
+    if (on_gpu_ == nullptr) return false;
+    const Result<bool> done = on_gpu_->remove_from(frame, X_CL_);
+    if (!done) {
+      note(info().name + ": the robot is removed on the CPU from now on: " + done.error().message);
+      on_gpu_ = nullptr;
+      return false;
+    }
+    if (!*done && !has_told_of_cpu_) {
+      has_told_of_cpu_ = true;
+      note(info().name +
+           ": the robot is so near to the camera that its padding does not fit on the GPU: it is "
+           "removed from such images on the CPU");
+    }
+    return *done;
+  }
+  void remove_on_cpu(DepthFrame& frame) {
+    image_.begin(frame.width, frame.height);
+    for (std::size_t i = 0; i < links_.size(); ++i) image_.add(links_[i].mesh, X_CL_[i]);
+    image_.draw();
+    image_.remove_from(frame);
+  }
+
   void leave_out(const std::string& why) {
     if (num_left_out_++ == 0) {
       note(info().name + ": depth images are dropped: " + why);
@@ -88,8 +130,10 @@ class SelfFilteredSource final : public DepthSource {
   const std::shared_ptr<const void> owner_;  // of what follows
   const std::span<const RobotLink> links_;
   const LinkPoses& poses_;
-  std::vector<Pose> X_WL_;
+  std::vector<Pose> X_WL_, X_CL_;
   LinkImage image_;
+  std::unique_ptr<LinksOnGpu> on_gpu_;  // null: on the CPU
+  bool has_told_of_cpu_ = false;
   int num_left_out_ = 0;
   std::mutex mutex_;
   std::vector<std::string> notes_;
@@ -116,6 +160,11 @@ Result<SelfFilter> SelfFilter::create(std::vector<RobotLink> links,
       return Error{Errc::bad_input,
                    "the mesh of link '" + link.name + "' has a triangle without its vertices"};
     }
+    if (!std::ranges::all_of(link.mesh.vertices,
+                             [](const Vec3d& p) { return std::isfinite(norm(p)); })) {
+      return Error{Errc::bad_input,
+                   "the mesh of link '" + link.name + "' has a vertex that is not finite"};
+    }
   }
   if (options.scale != 1) {
     for (RobotLink& link : links) scale_about_middle(link.mesh, options.scale);
@@ -124,8 +173,8 @@ Result<SelfFilter> SelfFilter::create(std::vector<RobotLink> links,
       std::make_shared<Robot>(Robot{std::move(links), std::move(poses), options.padding}));
 }
 
-Result<std::unique_ptr<DepthSource>> SelfFilter::applied_to(
-    std::unique_ptr<DepthSource> source) const {
+Result<std::unique_ptr<DepthSource>> SelfFilter::applied_to(std::unique_ptr<DepthSource> source,
+                                                            const Place& place) const {
   const DepthStreamInfo& info = source->info();
   const auto is_live = robot_->poses->is_live();
   if (is_live && *is_live != info.is_live) {
@@ -136,7 +185,7 @@ Result<std::unique_ptr<DepthSource>> SelfFilter::applied_to(
                      ": they cannot be matched; use one clock for both"};
   }
   return std::unique_ptr<DepthSource>(std::make_unique<SelfFilteredSource>(
-      std::move(source), robot_->links, robot_, *robot_->poses, robot_->padding));
+      std::move(source), robot_->links, robot_, *robot_->poses, robot_->padding, place));
 }
 
 }  // namespace palpate::inline v0

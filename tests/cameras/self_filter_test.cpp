@@ -5,8 +5,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "palpate/contact/contact.h"
+#include "palpate/gpu/devices.h"
 #include "palpate/mesh/mesh.h"
 #include "scenes/scene.h"
 #include "src/cameras/link_image.h"
@@ -88,7 +90,7 @@ TEST_P(LinkImageTest, LiesAroundExactRays) {
     double nearest = 10;
     for (std::size_t k = 0; k < links.size(); ++k) {
       for (const Vec3d& p_L : links[k].mesh.vertices) {
-        nearest = std::min(nearest, std::max((X_CL[k] * p_L).z, LinkImage::kNearest));
+        nearest = std::min(nearest, std::max((X_CL[k] * p_L).z, kNearestLink));
       }
     }
     const int reach = static_cast<int>(1.3 * padding * kSmall.fx / nearest) + 5;
@@ -97,7 +99,7 @@ TEST_P(LinkImageTest, LiesAroundExactRays) {
       for (int u = 0; u < kSmallWidth; ++u) {
         const auto i = static_cast<std::size_t>(v * kSmallWidth + u);
         const double limit = image.limit_at(u, v);
-        if (front[i] > 0 && 1 / front[i] > LinkImage::kNearest) {
+        if (front[i] > 0 && 1 / front[i] > kNearestLink) {
           ++num_shown;
           ASSERT_LE(limit, 1 / front[i] - padding + 1e-5) << u << " " << v << " of " << round;
         }
@@ -261,6 +263,37 @@ TEST(SelfFilter, TakesTheRobotAndNothingElse) {
   }
   EXPECT_FALSE(source->next(frame).value());
   EXPECT_TRUE(source->take_notes().empty());
+}
+
+TEST(SelfFilter, TakesTheSameOnAGpuAndSaysWhereThereIsNone) {
+  const auto frames = test::frames_of_arm([](double) { return Pose{}; }, true);
+  const auto filter = SelfFilter::create(test::arm_links(), std::make_shared<test::SwingingArm>());
+  const auto on_cpu = filter->applied_to(std::make_unique<test::FrameList>(frames)).value();
+  const auto on_gpu =
+      filter->applied_to(std::make_unique<test::FrameList>(frames), Place::cuda()).value();
+  DepthFrame want, got;
+  for (std::size_t k = 0; k < 3; ++k) {
+    ASSERT_TRUE(on_cpu->next(want).value());
+    ASSERT_TRUE(on_gpu->next(got).value());
+    EXPECT_NE(want.pixels, frames[k].pixels);
+    EXPECT_EQ(got.pixels, want.pixels);
+  }
+  EXPECT_TRUE(on_cpu->take_notes().empty());
+  const auto notes = on_gpu->take_notes();
+  if (find_gpus()) {
+    EXPECT_TRUE(notes.empty()) << notes[0];
+  } else {
+    ASSERT_EQ(notes.size(), 1u);
+    EXPECT_NE(notes[0].find("the robot is removed on the CPU: "), std::string::npos) << notes[0];
+  }
+}
+
+TEST(SelfFilter, RefusesMeshesThatAreNoNumbers) {
+  std::vector<RobotLink> links = test::arm_links();
+  links[1].mesh.vertices[3].y = std::numeric_limits<double>::quiet_NaN();
+  const auto filter = SelfFilter::create(links, std::make_shared<test::SwingingArm>());
+  ASSERT_FALSE(filter);
+  EXPECT_NE(filter.error().message.find("'forearm'"), std::string::npos) << filter.error().message;
 }
 
 TEST(SelfFilter, LeavesAHandInFrontOfTheArm) {

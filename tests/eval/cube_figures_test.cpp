@@ -22,7 +22,7 @@ Settings quick_with(const std::filesystem::path& data) {
 TEST(CubeFigures, TrackedSaysWhatIsSkipped) {
   Context context(quick_with(""));
   const FigureResult result = tracked_cube_figure(context).value();
-  EXPECT_EQ(result.claims.size(), 4u);
+  EXPECT_EQ(result.claims.size(), 5u);
   for (const Claim& claim : result.claims) {
     EXPECT_EQ(claim.verdict, Verdict::not_measured);
     EXPECT_NE(claim.measured.find("SKIPPED cube-tracked"), std::string::npos) << claim.measured;
@@ -65,7 +65,8 @@ TEST(CubeFigures, TrackedByFixedTools) {
   for (const Number& n : again.numbers) repeated[n.key] = n.value;
   EXPECT_EQ(all, repeated);
   // What the tracking errs is in the error against the cube where it stands, and not in the others.
-  for (const char* key : {"shown.volume.", "registered.volume."}) {
+  for (const char* key :
+       {"shown.volume.", "registered.volume.", "refined.volume.", "refined_memory.volume."}) {
     EXPECT_LT(all.at(std::string(key) + "median"), 1) << key;
     EXPECT_LT(all.at(std::string(key) + "p95"), all.at("tracked.volume.p95") / 5) << key;
   }
@@ -78,6 +79,12 @@ TEST(CubeFigures, TrackedByFixedTools) {
   EXPECT_EQ(all.at("shown.torque_jump"), all.at("tracked.torque_jump"));
   EXPECT_GT(all.at("pose.moved.median"), 1);
   EXPECT_LT(all.at("pose.moved.most"), 100);
+  // Depth alone says where the camera was, ten times better than the tags do.
+  EXPECT_LT(all.at("refined.moved.median"), all.at("pose.moved.median") / 5);
+  EXPECT_LT(all.at("refined.moved.most"), 5);
+  EXPECT_LT(all.at("refined.force_jump"), all.at("tracked.force_jump") / 5);
+  // A memory does not correct poses, and takes nothing away where the camera looks.
+  EXPECT_GT(all.at("tracked_memory.volume.p95"), all.at("tracked.volume.p95") / 2);
 }
 
 }  // namespace

@@ -14,6 +14,7 @@
 
 #include "palpate/cloud/depth_source.h"
 #include "palpate/core/core.h"
+#include "palpate/gpu/devices.h"
 #include "palpate/math/geometry.h"
 #include "palpate/mesh/mesh.h"
 #include "palpate/settings/setting_table.h"
@@ -226,8 +227,8 @@ class LinkPoses {
 
 /// Removes links from depth images: pixels that show a link, with padding, and everything behind
 /// it, become no measurement (0). Frames without known poses are dropped, with a note. Recordings
-/// contain the filtered frames, so replay needs no robot. Runs on the CPU, in the thread that reads
-/// the camera, for all backends.
+/// contain the filtered frames, so replay needs no robot. Runs in the thread that reads the camera,
+/// on a CPU or a GPU, with the same bits.
 class SelfFilter {
  public:
   /// Creates a filter. Error: an option out of its range.
@@ -235,8 +236,10 @@ class SelfFilter {
                                    std::shared_ptr<const LinkPoses> poses,
                                    const SelfFilterOptions& options = {});
 
-  /// The frames without the links. Error: live frames with poses that are not live, or the reverse.
-  Result<std::unique_ptr<DepthSource>> applied_to(std::unique_ptr<DepthSource> source) const;
+  /// The frames without the links. Without the GPU of `place`, or once it is lost, the CPU removes
+  /// them, with a note. Error: live frames with poses that are not live, or the reverse.
+  Result<std::unique_ptr<DepthSource>> applied_to(std::unique_ptr<DepthSource> source,
+                                                  const Place& place = Place::cpu()) const;
 
  private:
   struct Robot;

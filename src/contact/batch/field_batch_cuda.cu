@@ -36,6 +36,7 @@ constexpr int kMostWarps = 8;
 constexpr int kClustersAtOnce = gpu::kWarpSize;
 // Whether a whole tool is in front is found out from so many tiles, or not at all.
 constexpr int kMostTiles = 2 * gpu::kWarpSize;
+constexpr int kMostTilesOfALane = 24;  // balls that cover more are taken for near
 
 // Of a pose: volume, potential, force, torque, then StiffnessSums and zeros.
 constexpr int kNumTerms = 8, kNumStiffness = 32;
@@ -90,25 +91,6 @@ __device__ void prepare(const BatchJob& job, int pose, Scratch& shared) {
   __syncthreads();
 }
 
-// Is no element in a ball near the surface? As is_in_front, for each lane a ball of its own. Balls
-// that cover many tiles are taken for near.
-__device__ inline bool is_ball_in_front(const FieldLook& field, const Cluster& ball,
-                                        float largest_radius) {
-  constexpr int kMost = 24;
-  const BallWindow window =
-      window_of(field.frame, ball, largest_radius, field.tiles_wide, field.tiles_high);
-  if (!window.is_before_camera()) return window.farthest < kLeastDepth;
-  if ((window.right - window.left + 1) * (window.bottom - window.top + 1) > kMost) return false;
-  for (int v = window.top; v <= window.bottom; ++v) {
-    for (int u = window.left; u <= window.right; ++u) {
-      if (!is_behind(field.tiles[v * field.tiles_wide + u], window.farthest, largest_radius)) {
-        return false;
-      }
-    }
-  }
-  return true;
-}
-
 // What the elements of this lane add, each sum folded over the warp: of_warp is sum lane / 4, and
 // of_stiffness number `lane`.
 template <class Sample>
@@ -121,10 +103,11 @@ __device__ void add_clusters(const BatchJob& job, const FieldLook& field, double
     FieldShare share;
     StiffnessShare stiffness;
     const int mine = begin + gpu::lane_id() * num_warps;
-    unsigned touching = __ballot_sync(
-        gpu::kWholeWarp,
-        mine < elements.num_clusters &&
-            !is_ball_in_front(field, elements.clusters[mine], elements.largest_radius[mine]));
+    unsigned touching =
+        __ballot_sync(gpu::kWholeWarp,
+                      mine < elements.num_clusters &&
+                          !is_before_tiles(field, elements.clusters[mine],
+                                           elements.largest_radius[mine], kMostTilesOfALane, 0, 1));
     for (; touching != 0; touching &= touching - 1) {
       const int cluster = begin + (__ffs(static_cast<int>(touching)) - 1) * num_warps;
       add_element<Sample>(field, element_of(elements, cluster, field.frame), share, &stiffness);

@@ -274,23 +274,30 @@ __device__ inline void add_share(const FieldShare& share, MeasureTerms& to) {
   to.num_inside += share.num_inside;
 }
 
-/// Is no element in a ball near the surface? Every lane of the warp looks at some of the tiles; if
-/// there are more than so many, nobody knows.
-__device__ inline bool is_in_front(const FieldLook& field, const Cluster& ball,
-                                   float largest_radius, int most_tiles = 1 << 30) {
+/// Is no element in a ball near the surface, as far as every `step`-th of the tiles that it covers
+/// says, from the tile `first` on? If there are more than so many, nobody knows.
+__device__ inline bool is_before_tiles(const FieldLook& field, const Cluster& ball,
+                                       float largest_radius, int most_tiles, int first, int step) {
   const BallWindow window =
       window_of(field.frame, ball, largest_radius, field.tiles_wide, field.tiles_high);
   if (!window.is_before_camera()) return window.farthest < kLeastDepth;
   const int wide = window.right - window.left + 1;
-  const int num = wide * (window.bottom - window.top + 1);
-  if (num > most_tiles) return false;
-  bool in_front = true;
-  for (int i = gpu::lane_id(); i < num && in_front; i += gpu::kWarpSize) {
-    const DepthTile tile =
-        field.tiles[(window.top + i / wide) * field.tiles_wide + window.left + i % wide];
-    in_front = is_behind(tile, window.farthest, largest_radius);
+  if (wide * (window.bottom - window.top + 1) > most_tiles) return false;
+  int v = window.top + first / wide, u = window.left + first % wide;
+  while (v <= window.bottom) {
+    if (!is_behind(field.tiles[v * field.tiles_wide + u], window.farthest, largest_radius)) {
+      return false;
+    }
+    for (u += step; u > window.right; u -= wide) ++v;
   }
-  return __all_sync(gpu::kWholeWarp, in_front);
+  return true;
+}
+
+/// The same of all tiles. Every lane of the warp looks at some of them.
+__device__ inline bool is_in_front(const FieldLook& field, const Cluster& ball,
+                                   float largest_radius, int most_tiles = 1 << 30) {
+  return __all_sync(gpu::kWholeWarp, is_before_tiles(field, ball, largest_radius, most_tiles,
+                                                     gpu::lane_id(), gpu::kWarpSize));
 }
 
 }  // namespace
