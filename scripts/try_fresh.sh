@@ -58,14 +58,22 @@ INSIDE
   demo | test)
     python3 tools/project_files.py | tar -cf "$inside/sources.tar" -T -
     echo "$what" >"$inside/what"
+    # pip and npm ask there whom they ask here: a machine may have its own registries.
+    settings=()
+    for file in /etc/pip.conf "$HOME/.config/pip/pip.conf" "$HOME/.npmrc" /etc/ssl/certs/ca-certificates.crt; do
+      [ ! -e "$file" ] || settings+=("$file")
+    done
+    tar -cPf "$inside/settings.tar" -T /dev/null "${settings[@]}"
     cat >"$inside/try.sh" <<'INSIDE'
 set -eu
-export HOME=/tmp
 cd /try
-tar -xf sources.tar
+tar -C / -xPf settings.tar
+mkdir project
+cd project
+tar -xf ../sources.tar
 apt-get -q install -y --no-install-recommends make >install.log 2>&1 || { tail install.log; exit 1; }
 exec bash -c 'set -o pipefail
-  make "$1" 2>&1 | while IFS= read -r line; do printf "%4d s  %s\n" "$SECONDS" "$line"; done' bash "$(cat what)"
+  make "$1" 2>&1 | while IFS= read -r line; do printf "%4d s  %s\n" "$SECONDS" "$line"; done' bash "$(cat ../what)"
 INSIDE
     ;;
   *)
