@@ -8,6 +8,7 @@ block in python or c++ is not a command. What a reader brings (meshes, frames, r
 before) is made by the program itself; long runs are cut to two or three seconds, and pages are
 served until they answer. Every command has to end with 0.
 """
+import fcntl
 import gzip
 import os
 import re
@@ -140,7 +141,10 @@ def run_page(page, palpate, brought):
                     continue
                 begin = time.monotonic()
                 if SERVES.search(command):
-                    status, said = serve(command, folder, environment)
+                    # One at a time, in whatever part: all have the same port.
+                    with open(Path(tempfile.gettempdir()) / "palpate-docs-port", "w", encoding="ascii") as port:
+                        fcntl.flock(port, fcntl.LOCK_EX)
+                        status, said = serve(command, folder, environment)
                 else:
                     run = subprocess.run(["bash", "-c", command], cwd=folder, env=environment,
                                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
