@@ -9,10 +9,10 @@ cmake --preset $(1)
 cmake --build --preset $(1) -j $(JOBS)
 endef
 
-.PHONY: help setup lint format tidy build demo test quick-test golden fuzz mutants bench bench-compare live-figures camera-figures ros2-figures sensor-figures soak packing-curves peer-times eval eval-quick asan tsan cuda gpu-check view-soak arm64 wheel packages try-packages try-demo ci-all clean
+.PHONY: help setup lint format tidy build demo test quick-test golden fuzz mutants bench bench-compare live-figures camera-figures ros2-figures sensor-figures soak packing-curves peer-times eval eval-quick asan tsan cuda gpu-check view-soak arm64 wheel packages try-packages try-demo try-test ci-all clean
 
 help:  ## this list
-	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */\1\t/' | expand -t 16
+	@grep -hE '^[a-z -]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z -]+):.*## */\1\t/' | expand -t 16
 
 setup:  ## install missing packages (apt; root or sudo)
 	scripts/setup.sh
@@ -156,7 +156,7 @@ soak: setup  ## a live run with faults, changes, pages and a recording in parts:
 view-soak: setup  ## ten minutes of the viewer in a browser: does its memory stand still?
 	cmake --preset release
 	cmake --build --preset release -j $(JOBS) --target page_server
-	PALPATE_SOAK_SECONDS=600 node tests/viewer/page/soak_test.mjs
+	PATH="$(CURDIR)/build/node/bin:$$PATH" PALPATE_SOAK_SECONDS=600 node tests/viewer/page/soak_test.mjs
 
 # qemu itself needs more address space than the one test left out grants.
 arm64:  ## the library for 64-bit Arm, cross-compiled; under qemu it gives the bits of golden.txt
@@ -178,9 +178,9 @@ packages:  ## Debian packages and an archive, into build/packages/packages; make
 try-packages: packages
 	scripts/try_fresh.sh packages
 
-try-demo:  ## make demo in a fresh Debian 12, with the seconds of every step
+try-demo try-test:  ## make demo or make test in a fresh Debian 12, each line with its second
 	scripts/setup.sh --packages
-	scripts/try_fresh.sh demo
+	scripts/try_fresh.sh $(@:try-%=%)
 
 ci-all:  ## all that needs no special hardware: tests, sanitizers, Clang, fuzzing and clang-tidy, Arm, packages; hours
 	for check in test asan tsan fuzz tidy arm64 try-packages; do $(MAKE) $$check || exit 1; done

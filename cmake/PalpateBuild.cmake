@@ -227,18 +227,32 @@ function(palpate_device_test name)
   palpate_test(${name} SOURCES ${sources} LIBRARIES ${TEST_LIBRARIES})
 endfunction()
 
+# Tests share three slots for every core (scripts/test.sh): one that computes takes three, one that runs by the clock two,
+# one that mostly waits one. So beside a test by the clock there is one that computes and one that waits, and no core is idle.
+set(PALPATE_TEST_COMPUTES PROCESSORS 3)
+set(PALPATE_TEST_BY_CLOCK PROCESSORS 2 RESOURCE_LOCK clock COST 100)
+
 # palpate_test(NAME [LIVE] SOURCES a.cpp ... LIBRARIES ...): one GoogleTest program, found by CTest.
 # LIVE tests run by the clock of the computer: one of them at a time. Time-outs are for what hangs, on
 # a machine that is busy with other things.
 function(palpate_test name)
   cmake_parse_arguments(TEST "LIVE" "" "SOURCES;LIBRARIES" ${ARGN})
-  set(properties TIMEOUT 1800)
+  set(properties TIMEOUT 1800 ${PALPATE_TEST_COMPUTES})
   if(TEST_LIVE)
-    list(APPEND properties RESOURCE_LOCK clock)
+    set(properties TIMEOUT 1800 ${PALPATE_TEST_BY_CLOCK})
   endif()
   add_executable(${name} ${TEST_SOURCES})
   target_link_libraries(${name} PRIVATE palpate_flags palpate_test_util ${TEST_LIBRARIES}
                                         GTest::gtest GTest::gtest_main)
   target_precompile_headers(${name} REUSE_FROM palpate_test_headers)
   gtest_discover_tests(${name} DISCOVERY_TIMEOUT 300 PROPERTIES ${properties})
+endfunction()
+
+# palpate_test_in_parts(NAME PARTS COMMAND ...): a test in Python that mostly waits, as NAME_1 to NAME_PARTS, side by side
+# (tests/test_util/parts.py).
+function(palpate_test_in_parts name parts)
+  foreach(part RANGE 1 ${parts})
+    add_test(NAME ${name}_${part} ${ARGN})
+    set_tests_properties(${name}_${part} PROPERTIES TIMEOUT 1800 COST 50 ENVIRONMENT "PALPATE_PART=${part}/${parts}")
+  endforeach()
 endfunction()

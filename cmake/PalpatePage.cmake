@@ -4,8 +4,9 @@
 # web/make_page.mjs, or none (no_page.cpp beside the caller) where they are not wanted or cannot be made.
 function(palpate_page module)
   if(PALPATE_PAGE)
-    find_program(PALPATE_NODE NAMES node nodejs)
-    find_program(PALPATE_NPM npm)
+    # Those of scripts/setup.sh, if it had to install some.
+    find_program(PALPATE_NODE NAMES node nodejs HINTS "${PROJECT_SOURCE_DIR}/build/node/bin")
+    find_program(PALPATE_NPM npm HINTS "${PROJECT_SOURCE_DIR}/build/node/bin")
     set(version "")
     if(PALPATE_NODE)
       execute_process(COMMAND "${PALPATE_NODE}" --version OUTPUT_VARIABLE version ERROR_QUIET
@@ -21,7 +22,7 @@ function(palpate_page module)
       set(page "${CMAKE_CURRENT_BINARY_DIR}/page_files.cpp")
       add_custom_command(
         OUTPUT "${page}" DEPENDS ${sources} VERBATIM COMMENT "Building the pages of viewer and reports"
-        COMMAND "${PALPATE_NODE}" "${PROJECT_SOURCE_DIR}/web/make_page.mjs" "${CMAKE_CURRENT_BINARY_DIR}")
+        COMMAND "${PALPATE_NODE}" "${PROJECT_SOURCE_DIR}/web/make_page.mjs" "${CMAKE_CURRENT_BINARY_DIR}" "${PALPATE_NPM}")
       target_sources(palpate_${module} PRIVATE "${page}")
       if(PALPATE_TESTS)
         add_test(NAME page_types COMMAND "${PALPATE_NODE}" "${PROJECT_SOURCE_DIR}/web/check_types.mjs")

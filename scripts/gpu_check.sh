@@ -37,7 +37,7 @@ make -C "$build" -j"$(nproc)" >"$build.make.log" 2>&1 || { tail -40 "$build.make
 
 echo "== tests"
 status=0
-ctest --test-dir "$build" -j8 --output-on-failure >"$build.ctest.log" 2>&1 || status=1
+ctest --test-dir "$build" -j24 --output-on-failure >"$build.ctest.log" 2>&1 || status=1
 grep -E "tests passed|Failed|\*\*\*" "$build.ctest.log" || true
 [ "$status" -eq 0 ] || { tail -60 "$build.ctest.log"; exit 1; }
 

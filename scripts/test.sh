@@ -21,7 +21,7 @@ esac
 results=$PWD/build/$preset/test-results.xml
 rm -f "$results"
 status=0
-ctest --test-dir "$folder" --output-on-failure --no-tests=error -j "${TEST_JOBS:-2}" \
+ctest --test-dir "$folder" --output-on-failure --no-tests=error -j "${TEST_JOBS:-$((3 * $(nproc)))}" \
   --output-junit "$results" "$@" || status=$?
 
 # Counts from CTest's own record, so that skipped tests are neither hidden nor taken for passed.

@@ -3,10 +3,11 @@
 #
 # usage: scripts/try_fresh.sh packages   installs those of build/packages, feels the simulated hand with the
 #                                        program, builds and runs the examples with the library and the archive
-#        scripts/try_fresh.sh demo       make demo from a copy of the sources; shows the seconds of every step
+#        scripts/try_fresh.sh demo       make demo from a copy of the sources, each line with its second
+#        scripts/try_fresh.sh test       the same with make test
 set -euo pipefail
 cd "$(dirname "$0")/.."
-what=${1:?usage: scripts/try_fresh.sh packages|demo}
+what=${1:?usage: scripts/try_fresh.sh packages|demo|test}
 
 inside=$(mktemp -d)
 trap 'rm -rf "$inside"' EXIT
@@ -54,15 +55,25 @@ ctest --test-dir built2 --output-on-failure
 say "done"
 INSIDE
     ;;
-  demo)
+  demo | test)
     python3 tools/project_files.py | tar -cf "$inside/sources.tar" -T -
+    echo "$what" >"$inside/what"
+    # pip and npm ask there whom they ask here: a machine may have its own registries.
+    settings=()
+    for file in /etc/pip.conf "$HOME/.config/pip/pip.conf" "$HOME/.npmrc" /etc/ssl/certs/ca-certificates.crt; do
+      [ ! -e "$file" ] || settings+=("$file")
+    done
+    tar -cPf "$inside/settings.tar" -T /dev/null "${settings[@]}"
     cat >"$inside/try.sh" <<'INSIDE'
 set -eu
-export HOME=/tmp
 cd /try
-tar -xf sources.tar
+tar -C / -xPf settings.tar
+mkdir project
+cd project
+tar -xf ../sources.tar
 apt-get -q install -y --no-install-recommends make >install.log 2>&1 || { tail install.log; exit 1; }
-make demo
+exec bash -c 'set -o pipefail
+  make "$1" 2>&1 | while IFS= read -r line; do printf "%4d s  %s\n" "$SECONDS" "$line"; done' bash "$(cat ../what)"
 INSIDE
     ;;
   *)

@@ -1,11 +1,11 @@
 // Builds the pages and writes them down as C++: the functions of src/pages/page_files.h.
-// usage: node make_page.mjs FOLDER    writes FOLDER/page_files.cpp, FOLDER/page/ and FOLDER/report/
+// usage: node make_page.mjs FOLDER [NPM]    writes FOLDER/page_files.cpp, FOLDER/page/ and FOLDER/report/
 //
 // The packages are installed first if package-lock.json asks for others than are there. Where npm
 // cannot get them, the program is built without its pages, and the next build tries again.
 import { spawnSync } from 'node:child_process';
 import { mkdirSync, readdirSync, readFileSync, utimesSync, writeFileSync } from 'node:fs';
-import { dirname, extname, join, resolve } from 'node:path';
+import { delimiter, dirname, extname, join, resolve } from 'node:path';
 import { fileURLToPath } from 'node:url';
 import { gzipSync } from 'node:zlib';
 
@@ -17,9 +17,12 @@ const TYPES = {
 };
 
 const web = dirname(fileURLToPath(import.meta.url));
+const npm = process.argv[3] ?? 'npm';
 
 function run(program, ...parameters) {
-  return spawnSync(program, parameters, { cwd: web, stdio: 'inherit' }).status === 0;
+  // npm is a script for whatever node is in the path: for this one.
+  const env = { ...process.env, PATH: `${dirname(process.execPath)}${delimiter}${process.env.PATH}` };
+  return spawnSync(program, parameters, { cwd: web, env, stdio: 'inherit' }).status === 0;
 }
 
 function read(file) {
@@ -35,7 +38,7 @@ function install() {
   const wanted = read(join(web, 'package-lock.json'));
   const installed = join(web, 'node_modules', '.installed-lock.json');
   if (read(installed) === wanted) return true;
-  if (!run('npm', 'ci', '--ignore-scripts', '--loglevel=error')) return false;
+  if (!run(npm, 'ci', '--ignore-scripts', '--loglevel=error')) return false;
   writeFileSync(installed, wanted);
   return true;
 }

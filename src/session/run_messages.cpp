@@ -426,10 +426,10 @@ std::string labels_file(std::size_t camera) {
   return name;
 }
 
-McapChannel ros_channel(const std::string& topic, std::string type) {
-  const std::string schema = message_schema(type);
-  type.insert(type.find('/'), "/msg");
-  return {topic, type, schema};
+McapChannel ros_channel(const std::string& topic, const std::string& type) {
+  std::string name = type;
+  name.insert(name.find('/'), "/msg");
+  return {topic, name, message_schema(type)};
 }
 
 McapChannel part_channel() { return channel_of<PartText>(kPartTopic); }

@@ -77,7 +77,7 @@ std::string object_file(std::size_t index);
 std::string labels_file(std::size_t camera);  ///< a byte for each pixel
 
 /// Of a type of ROS, "sensor_msgs/Image".
-McapChannel ros_channel(const std::string& topic, std::string type);
+McapChannel ros_channel(const std::string& topic, const std::string& type);
 
 McapChannel part_channel();
 McapChannel settings_channel();

@@ -11,6 +11,9 @@ import sys
 import tempfile
 import unittest
 
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "test_util"))
+import parts  # noqa: E402, F401
+
 PALPATE = sys.argv.pop(1)
 WIDTH, HEIGHT = 160, 120
 INTRINSICS = "200,200,79.5,59.5"

@@ -13,7 +13,7 @@ import threading
 import time
 import unittest
 
-from camera_case import HEIGHT, INTRINSICS, PALPATE, WIDTH, CameraCase, header, palpate, wall
+from camera_case import HEIGHT, INTRINSICS, PALPATE, WIDTH, CameraCase, header, palpate, parts, wall
 
 
 class Cameras(CameraCase):
@@ -554,4 +554,4 @@ class Cameras(CameraCase):
 
 
 if __name__ == "__main__":
-    unittest.main()
+    unittest.main(testLoader=parts.Loader())

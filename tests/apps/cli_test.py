@@ -24,6 +24,8 @@ import zlib
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 import contact_truth  # noqa: E402
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "../test_util"))
+import parts  # noqa: E402
 
 PALPATE = None
 INTRINSICS = "200,200,79.5,59.5"
@@ -1581,4 +1583,4 @@ pose = [1, 0, 0, 0, 0, {0.5 ** 0.5}, {0.5 ** 0.5}]
 
 if __name__ == "__main__":
     PALPATE = os.path.abspath(sys.argv.pop(1))
-    unittest.main()
+    unittest.main(testLoader=parts.Loader())

@@ -5,9 +5,10 @@ usage: tests/docs/commands_test.py PALPATE [PAGE ...]
 
 A fenced block is run unless the line before it is `<!-- not run: WHY -->`; then WHY is printed. A
 block in python or c++ is not a command. What a reader brings (meshes, frames, recordings of pages
-before) is made by the program itself; runs of a minute are cut to two seconds, and pages are
+before) is made by the program itself; long runs are cut to two or three seconds, and pages are
 served until they answer. Every command has to end with 0.
 """
+import fcntl
 import gzip
 import os
 import re
@@ -23,6 +24,9 @@ import zlib
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "tests/test_util"))
+import parts  # noqa: E402
+
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.S | re.M)
 NOT_RUN = re.compile(r"<!-- not run: (.+) -->\s*\Z")
 SERVES = re.compile(r"\bpalpate view\b|--view\b|--device page\b")
@@ -43,10 +47,12 @@ def blocks(text):
             yield line, body, why.group(1) if why else None
 
 
-def write_frame(path, depth_of, width=640, height=480):
-    """A 16-bit PNG, millimetres."""
-    rows = b"".join(b"\0" + b"".join(struct.pack(">H", depth_of(u, v)) for u in range(width))
-                    for v in range(height))
+def write_frame(path, number, width=640, height=480):
+    """A 16-bit PNG, millimetres: a wall with squares a millimetre deep that change places from frame to frame."""
+    kinds = [b"\0" + struct.pack(f">{width}H", *(700 + (u - 320) // 16 + (u // 8 + kind) % 2 for u in range(width)))
+             for kind in range(2)]
+    rows = b"".join(kinds[(v // 8 + number) % 2] for v in range(height))
+
     def chunk(kind, data):
         return (struct.pack(">I", len(data)) + kind + data +
                 struct.pack(">I", zlib.crc32(kind + data)))
@@ -64,7 +70,7 @@ def draw_in_millimetres(path):
     path.write_bytes(data)
 
 
-def bring(folder, palpate, text):
+def bring(folder, palpate):
     """What a page takes for granted: meshes in millimetres, frames of a camera, a tool, a run."""
     def run(*words):
         subprocess.run([palpate, *words], cwd=folder, check=True, stdout=subprocess.DEVNULL,
@@ -77,15 +83,17 @@ def bring(folder, palpate, text):
     frames = folder / "frames"
     frames.mkdir()
     for number in range(1, 31):
-        write_frame(frames / f"{number:04}.png",
-                    lambda u, v: 700 + (u - 320) // 16 + ((u // 8 + v // 8 + number) % 2))
+        write_frame(frames / f"{number:04}.png", number)
     shutil.copy(frames / "0001.png", folder / "frame.png")
-    if "palpate replay run/" in text and "-o run/" not in text:
-        run("touch", "box.palp", "--scene", "wall", "--duration", "1", "-o", "run")
+    run("touch", "box.palp", "--scene", "wall", "--duration", "1", "-o", "run")
 
 
 def shortened(command):
-    return re.sub(r"--duration (\d+)", lambda m: f"--duration {min(int(m.group(1)), 2)}", command)
+    command = re.sub(r"--duration (\d+)", lambda m: f"--duration {min(int(m.group(1)), 2)}", command)
+    # The paths of simulated scenes touch them within three of their up to eight seconds.
+    if re.search(r"\btouch .*(--scene |scene:)", command) and not re.search(r"--(duration|device|path|robot|view)\b", command):
+        command = command.replace("touch ", "touch --duration 3 ", 1)
+    return command
 
 
 def serve(command, folder, environment):
@@ -110,14 +118,16 @@ def serve(command, folder, environment):
     return (0 if "http://" in text and status in (0, 130, -signal.SIGINT) else status or 1), text
 
 
-def run_page(page, palpate):
+def run_page(page, palpate, brought):
     """The number of commands that failed, and of those that were run."""
     num_failed = num_run = 0
     name = page.relative_to(ROOT)
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         text = page.read_text()
-        bring(folder, palpate, text)
+        shutil.copytree(brought, folder, dirs_exist_ok=True)
+        if "palpate replay run/" not in text or "-o run/" in text:
+            shutil.rmtree(folder / "run")
         (folder / "build/release/bin").mkdir(parents=True)
         (folder / "build/release/bin/palpate").symlink_to(palpate)
         environment = dict(os.environ, PATH=f"{folder}/build/release/bin:{os.environ['PATH']}")
@@ -131,7 +141,10 @@ def run_page(page, palpate):
                     continue
                 begin = time.monotonic()
                 if SERVES.search(command):
-                    status, said = serve(command, folder, environment)
+                    # One at a time, in whatever part: all have the same port.
+                    with open(Path(tempfile.gettempdir()) / "palpate-docs-port", "w", encoding="ascii") as port:
+                        fcntl.flock(port, fcntl.LOCK_EX)
+                        status, said = serve(command, folder, environment)
                 else:
                     run = subprocess.run(["bash", "-c", command], cwd=folder, env=environment,
                                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
@@ -147,8 +160,10 @@ def run_page(page, palpate):
 
 def main():
     palpate = Path(sys.argv[1]).resolve()
-    chosen = [Path(page).resolve() for page in sys.argv[2:]] or pages()
-    failed, run = map(sum, zip(*(run_page(page, palpate) for page in chosen)))
+    chosen = [Path(page).resolve() for page in sys.argv[2:]] or parts.share(pages())
+    with tempfile.TemporaryDirectory() as brought:
+        bring(Path(brought), palpate)
+        failed, run = map(sum, zip(*(run_page(page, palpate, brought) for page in chosen)))
     print(f"{run} commands, {failed} failed")
     sys.exit(failed != 0 or run == 0)
 

@@ -7,7 +7,7 @@
 //   full@N         from the N-th write on the disk is full (ENOSPC); full@N-M: up to the M-th
 //   broken@N       from the N-th write on the disk is broken (EIO)
 //   unreadable@N   from the N-th read on it is (EIO)
-//   slow           every write takes 200 ms
+//   slow           every write takes 50 ms
 //   threadless@N   the N-th thread and all later ones are refused (EAGAIN)
 //   memoryless@N   the N-th allocation of 64 KiB or more is refused, and so are all later ones
 //   yesterday@N    from the N-th look on, the calendar's clock goes wrong by a day
@@ -102,7 +102,7 @@ extern "C" ssize_t write(int descriptor, const void* data, size_t size) {
     errno = EINTR;
     return -1;
   }
-  if (slow.comes()) usleep(200000);
+  if (slow.comes()) usleep(50000);
   return real(descriptor, data, shorter.comes() ? shortened(size) : size);
 }
 

@@ -22,6 +22,9 @@ import time
 import unittest
 import urllib.request
 
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "../test_util"))
+import parts  # noqa: E402
+
 PALPATE = FAULTS = None
 KILLS = int(os.environ.get("PALPATE_KILLS", 6))
 PLANS = int(os.environ.get("PALPATE_PLANS", 6))
@@ -38,7 +41,7 @@ def run(*arguments, faults="", timeout=300):
                           timeout=timeout, env=environment)
 
 
-class Faults(unittest.TestCase):
+class Case(unittest.TestCase):
 
     def setUp(self):
         self.maxDiff = None
@@ -93,6 +96,33 @@ class Faults(unittest.TestCase):
         self.assertRegex(replay.stderr, "no tick|not an MCAP file|cut off|no settings|not the recording"
                          "|is empty|holds no|has no frames", folder)
         return 0
+
+    def summary(self, folder):
+        return json.loads((folder / "summary.json").read_text())
+
+
+class BusyComputer(Case):
+
+    def test_a_computer_whose_cores_are_all_busy_does_not_end_a_run(self):
+        """Two loops for every core; half of them walk through 64 MB each, so that caches are of no use."""
+        compute = "while True: pass"
+        walk = "b = bytearray(1 << 26)\nwhile True:\n for i in range(0, len(b), 64): b[i] ^= 1"
+        busy = [subprocess.Popen([sys.executable, "-c", body])
+                for _ in range(os.cpu_count()) for body in (compute, walk)]
+        try:
+            output = self.folder / "busy"
+            self.check(self.live_run(output, 6, is_patient=False), "", may_fail=False)
+        finally:
+            for process in busy:
+                process.kill()
+                process.wait()
+        summary = self.summary(output)
+        self.assertGreaterEqual(summary["seconds"], 5.9)
+        self.assertEqual(summary["ending"], "")
+        self.assertGreater(self.check_run(output), 0)
+
+
+class Faults(Case):
 
     def test_interruptions_and_short_steps_change_nothing(self):
         for faults in ("short", "interrupted", "short,interrupted"):
@@ -213,27 +243,6 @@ class Faults(unittest.TestCase):
             if not is_patient:
                 self.assertNotEqual(self.summary(output)["faults"], [])
 
-    def summary(self, folder):
-        return json.loads((folder / "summary.json").read_text())
-
-    def test_a_computer_whose_cores_are_all_busy_does_not_end_a_run(self):
-        """Two loops for every core; half of them walk through 64 MB each, so that caches are of no use."""
-        compute = "while True: pass"
-        walk = "b = bytearray(1 << 26)\nwhile True:\n for i in range(0, len(b), 64): b[i] ^= 1"
-        busy = [subprocess.Popen([sys.executable, "-c", body])
-                for _ in range(os.cpu_count()) for body in (compute, walk)]
-        try:
-            output = self.folder / "busy"
-            self.check(self.live_run(output, 6, is_patient=False), "", may_fail=False)
-        finally:
-            for process in busy:
-                process.kill()
-                process.wait()
-        summary = self.summary(output)
-        self.assertGreaterEqual(summary["seconds"], 5.9)
-        self.assertEqual(summary["ending"], "")
-        self.assertGreater(self.check_run(output), 0)
-
     def test_little_address_space_is_a_sentence(self):
         """As under `ulimit -v`: whoever asks for more is refused, wherever that is."""
         num_refused = num_whole = 0
@@ -325,4 +334,4 @@ class Faults(unittest.TestCase):
 
 if __name__ == "__main__":
     PALPATE, FAULTS = map(os.path.abspath, sys.argv[1:3])
-    unittest.main(argv=sys.argv[:1] + sys.argv[3:], verbosity=2)
+    unittest.main(argv=sys.argv[:1] + sys.argv[3:], verbosity=2, testLoader=parts.Loader())

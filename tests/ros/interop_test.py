@@ -19,7 +19,7 @@ except ImportError:
     get_typestore = None
 
 from messages_test import CONTACT
-from peer_case import NEWER, NO_CYCLONE, PALPATE, PeerCase
+from peer_case import NEWER, NO_CYCLONE, PALPATE, PeerCase, parts
 
 
 class InteropTest(PeerCase):
@@ -262,4 +262,4 @@ class InteropTest(PeerCase):
 
 if __name__ == "__main__":
     FASTDDS_PEER = sys.argv.pop(1) if len(sys.argv) > 1 and "fastdds_peer" in sys.argv[1] else None
-    unittest.main()
+    unittest.main(testLoader=parts.Loader())

@@ -23,7 +23,7 @@ try:
 except ImportError:
     rosbags = None
 
-from peer_case import PALPATE, PeerCase
+from peer_case import PALPATE, PeerCase, parts
 
 COMPRESSED = "/camera/depth/image_raw/compressedDepth"
 
@@ -259,4 +259,4 @@ class LiveCamerasTest(PeerCase):
 
 
 if __name__ == "__main__":
-    unittest.main()
+    unittest.main(testLoader=parts.Loader())
