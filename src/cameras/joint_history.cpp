@@ -6,7 +6,6 @@
 #include <utility>
 
 #include "src/io/text_scanner.h"
-#include "src/ros/by_time.h"
 
 namespace palpate::inline v0 {
 namespace {
@@ -28,16 +27,14 @@ JointHistory::JointHistory(std::vector<Joint> joints, double kept_seconds)
 void JointHistory::add(std::string_view joint, double time, double position) {
   const auto number = numbers_.find(joint);
   if (number == numbers_.end()) return;
-  std::vector<Told>& told = told_[number->second];
-  std::isinf(kept_seconds_) ? insert_by_time(told, Told{time, position})
-                            : insert_newest(told, Told{time, position}, kept_seconds_);
+  insert_by_time(told_[number->second], time, position, kept_seconds_);
 }
 
 double JointHistory::known_until() const {
   double until = std::numeric_limits<double>::infinity();
   for (const auto& told : told_) {
-    until =
-        std::min(until, told.empty() ? -std::numeric_limits<double>::infinity() : told.back().time);
+    until = std::min(
+        until, told.empty() ? -std::numeric_limits<double>::infinity() : told.rbegin()->first);
   }
   return until;
 }
@@ -45,8 +42,8 @@ double JointHistory::known_until() const {
 Result<double> JointHistory::at(std::size_t joint, double time, double max_age,
                                 bool may_stay) const {
   const auto& [name, is_endless] = joints_[joint];
-  const std::vector<Told>& told = told_[joint];
-  if (may_stay && told.size() == 1) return told.front().position;
+  const ByTime<double>& told = told_[joint];
+  if (may_stay && told.size() == 1) return told.begin()->second;
   if (told.empty() || nearest_in_time(told, time) > max_age) {
     char text[80];
     if (told.empty()) return Error{Errc::unavailable, "no state for joint '" + name + "'"};
@@ -54,19 +51,19 @@ Result<double> JointHistory::at(std::size_t joint, double time, double max_age,
                   nearest_in_time(told, time));
     return Error{Errc::unavailable, "no state for joint '" + name + text};
   }
-  const auto after = std::ranges::lower_bound(told, time, {}, &Told::time);
-  if (after == told.begin()) return after->position;
-  const Told& before = *(after - 1);
+  const auto after = told.lower_bound(time);
+  if (after == told.begin()) return after->second;
+  const auto& [time_before, before] = *std::prev(after);
   if (after != told.end()) {
-    const double share = (time - before.time) / (after->time - before.time);
-    return before.position + share * way(before.position, after->position, is_endless);
+    const double share = (time - time_before) / (after->first - time_before);
+    return before + share * way(before, after->second, is_endless);
   }
-  const auto base = std::ranges::upper_bound(told, before.time - kShortestBase, {}, &Told::time);
-  if (base == told.begin()) return before.position;
-  const Told& from = *(base - 1);
-  if (before.time - from.time > max_age + kShortestBase) return before.position;
-  const double speed = way(from.position, before.position, is_endless) / (before.time - from.time);
-  return before.position + speed * (time - before.time);
+  const auto base = told.upper_bound(time_before - kShortestBase);
+  if (base == told.begin()) return before;
+  const auto& [time_from, from] = *std::prev(base);
+  if (time_before - time_from > max_age + kShortestBase) return before;
+  const double speed = way(from, before, is_endless) / (time_before - time_from);
+  return before + speed * (time - time_before);
 }
 
 std::string JointHistory::missing() const {

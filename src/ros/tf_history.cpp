@@ -4,7 +4,6 @@
 #include <cmath>
 #include <iterator>
 
-#include "src/ros/by_time.h"
 #include "src/ros/tf_tree.h"
 
 namespace palpate::inline v0 {
@@ -27,24 +26,24 @@ void TfHistory::add(const RosStampedTransform& transform, bool is_static) {
   if (is_static || link.is_static) link.told.clear();
   link.is_static = is_static;
   const auto number = static_cast<std::size_t>(known - link.parents.begin());
-  const Told told{transform.time, number, transform.X_PC};
-  std::isinf(kept_seconds_) ? insert_by_time(link.told, told)
-                            : insert_newest(link.told, told, kept_seconds_);
+  insert_by_time(link.told, transform.time, Told{number, transform.X_PC}, kept_seconds_);
 }
 
-const TfHistory::Told& TfHistory::Link::before(double time) const {
-  const auto after = std::ranges::upper_bound(told, time, {}, &Told::time);
-  return after == told.begin() ? *after : *std::prev(after);
+ByTime<TfHistory::Told>::const_iterator TfHistory::Link::before(double time) const {
+  const auto after = told.upper_bound(time);
+  return after == told.begin() ? after : std::prev(after);
 }
 
 std::optional<Pose> TfHistory::Link::in_parent(double time, double most_apart) const {
-  if (is_static) return told.front().X_PC;
-  const bool is_between = time >= told.front().time && time <= told.back().time;
+  if (is_static) return told.begin()->second.X_PC;
+  const bool is_between = time >= told.begin()->first && time <= told.rbegin()->first;
   if (!is_between || nearest_in_time(told, time) > most_apart) return std::nullopt;
-  const Told& a = before(time);
-  const Told& b = a.time == told.back().time ? a : *(&a + 1);
-  if (a.time == time || a.parent != b.parent) return a.X_PC;
-  return interpolate(a.X_PC, b.X_PC, (time - a.time) / (b.time - a.time));
+  const auto at = before(time);
+  const auto& [time_a, a] = *at;
+  if (time_a == time) return a.X_PC;
+  const auto& [time_b, b] = *std::next(at);
+  if (a.parent != b.parent) return a.X_PC;
+  return interpolate(a.X_PC, b.X_PC, (time - time_a) / (time_b - time_a));
 }
 
 std::vector<std::string> TfHistory::ancestors(const std::string& frame, double time) const {
@@ -93,7 +92,7 @@ double TfHistory::known_until(const std::string& a, const std::string& b, double
   for (const auto* chain : {&chains->of_a, &chains->of_b}) {
     for (const std::string& frame : *chain) {
       const Link& link = links_.at(frame);
-      if (!link.is_static) until = std::min(until, link.told.back().time);
+      if (!link.is_static) until = std::min(until, link.told.rbegin()->first);
     }
   }
   return until;
@@ -102,8 +101,9 @@ double TfHistory::known_until(const std::string& a, const std::string& b, double
 bool TfHistory::is_moving(const std::string& a, const std::string& b) const {
   const auto moves = [&](const std::string& frame) {
     const Link& link = links_.at(frame);
-    const Told& first = link.told.front();
-    return std::ranges::any_of(link.told, [&](const Told& told) {
+    const Told& first = link.told.begin()->second;
+    return std::ranges::any_of(link.told, [&](const auto& each) {
+      const Told& told = each.second;
       return told.parent != first.parent || !(told.X_PC == first.X_PC);
     });
   };
