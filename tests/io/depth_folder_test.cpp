@@ -1,5 +1,6 @@
-#include <fstream>
 #include <unistd.h>
+
+#include <fstream>
 
 #include <gtest/gtest.h>
 
