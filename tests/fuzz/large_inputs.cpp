@@ -131,8 +131,8 @@ std::string measure(const LargeInput& input, const Options& options, std::FILE* 
               : outcome.status == kRefused ? "refused"
                                            : "BROKEN");
   if (csv != nullptr) {
-    std::fprintf(csv, "%s,%s,%.1f,%.2f,%.2f,%.0f,%s\n", input.reader.c_str(), input.what.c_str(),
-                 size, outcome.seconds, per_100, memory,
+    std::fprintf(csv, "%s,\"%s\",%.1f,%.2f,%.2f,%.0f,%s\n", input.reader.c_str(),
+                 input.what.c_str(), size, outcome.seconds, per_100, memory,
                  outcome.status == kTaken ? "taken" : "refused");
   }
   if (outcome.status != kTaken && outcome.status != kRefused) return "ends the program";

@@ -439,6 +439,12 @@ TEST_F(MeshFile, GltfThatRepeatsItsMeshTooOftenIsAnError) {
   expect_error("often.gltf", repeated(100000), "repeated meshes included");
 }
 
+TEST_F(MeshFile, TextStlOfTooManySolidsIsAnError) {
+  std::string text;
+  for (int i = 0; i <= 100'000; ++i) text += "solid a\nendsolid a\n";
+  expect_error("solids.stl", text, "more than 100,000 solids");
+}
+
 TEST_F(MeshFile, PolygonsThatTakeTooLongToCutAreAnError) {
   // Corners anywhere: hardly one of them is an ear.
   test::Random random(1);
