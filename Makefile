@@ -9,7 +9,7 @@ cmake --preset $(1)
 cmake --build --preset $(1) -j $(JOBS)
 endef
 
-.PHONY: help setup lint format tidy build demo test quick-test golden fuzz mutants bench bench-compare live-figures camera-figures ros2-figures sensor-figures soak packing-curves peer-times eval eval-quick asan tsan cuda gpu-check view-soak arm64 wheel packages try-packages try-demo try-test ci-all clean
+.PHONY: help setup lint format tidy build demo test quick-test golden fuzz mutants bench bench-compare live-figures camera-figures ros2-figures sensor-figures soak packing-curves peer-times eval eval-quick asan tsan large-inputs cuda gpu-check view-soak arm64 wheel packages try-packages try-demo try-test ci-all clean
 
 help:  ## this list
 	@grep -hE '^[a-z -]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z -]+):.*## */\1\t/' | expand -t 16
@@ -122,9 +122,11 @@ tidy:  ## clang-tidy over library, scenes and program: make tidy [MODULE=contact
 	cmake --preset tidy
 	run-clang-tidy-16 -quiet -j $(JOBS) -p build/tidy '^$(CURDIR)/(build/tidy/)?$(if $(MODULE),src/$(MODULE),(src|scenes|apps))/(?!.*_avx)'
 
-asan: setup  ## all tests with the address and undefined behaviour sanitizers
-	$(call build_preset,asan)
-	scripts/test.sh asan
+# In the build of the fuzz targets: the library is compiled once for both.
+asan:  ## tests with the address and undefined behaviour sanitizers; not evaluation, pages and commands of the guides
+	scripts/setup.sh --fuzz
+	$(call build_preset,fuzz)
+	scripts/test.sh fuzz -E '^(page_|docs_)'
 
 # GCC's thread sanitizer cannot live with much address space randomisation.
 tsan: setup  ## all tests with the thread sanitizer
@@ -135,8 +137,13 @@ tsan: setup  ## all tests with the thread sanitizer
 fuzz:  ## feed every reader with damaged input: a minute a target, or make fuzz HOURS=8 [TARGET=obj]
 	scripts/setup.sh --fuzz
 	cmake --preset fuzz
-	cmake --build --preset fuzz -j $(JOBS)
+	cmake --build --preset fuzz -j $(JOBS) --target tests/fuzz/all
 	scripts/fuzz.sh $(or $(HOURS),0) $(TARGET)
+
+large-inputs: setup  ## how long every reader takes for 100 MB, and how much memory, into build/large-inputs.csv
+	cmake --preset release
+	cmake --build --preset release -j $(JOBS) --target large_inputs
+	build/release/bin/large_inputs --csv build/large-inputs.csv
 
 mutants: setup  ## do the tests notice? 200 small changes to contact, field and haptics, for hours; goes on where it was
 	tools/mutants.py --count $(or $(COUNT),200)

@@ -104,7 +104,7 @@ endfunction()
 
 # palpate_together(a.cpp b.cpp ...): files of one target that the compiler takes as one, which halves the time
 # that they take: headers are read and templates made once. Names in their anonymous namespaces must differ. A file
-# that is in no group is compiled alone, and all are with PALPATE_TOGETHER=OFF, as every preset with assertions has it.
+# that is in no group is compiled alone, and all are with PALPATE_TOGETHER=OFF, as the presets dev and tsan have it.
 function(palpate_together first)
   set_source_files_properties(${ARGV} PROPERTIES UNITY_GROUP "${first}")
 endfunction()
@@ -154,6 +154,10 @@ function(palpate_kernel module source)
   if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")
     list(APPEND variants avx2 avx512)
   endif()
+  set(kernel_optimization -O3)
+  if(PALPATE_SANITIZE)
+    set(kernel_optimization "")  # as all else: with sanitizers they are slow in any case
+  endif()
   set(flags_baseline "")
   set(flags_avx2 -mavx2 -mfma -mbmi -mbmi2 -mlzcnt)
   set(flags_avx512 ${flags_avx2} -mavx512f -mavx512dq -mavx512bw -mavx512vl -mprefer-vector-width=512)
@@ -169,7 +173,7 @@ function(palpate_kernel module source)
     set_source_files_properties(
       "${copy}" PROPERTIES
       OBJECT_DEPENDS "${CMAKE_CURRENT_SOURCE_DIR}/${source}"
-      COMPILE_OPTIONS "-O3;-Wno-psabi;-Wno-ignored-attributes;-Wno-maybe-uninitialized;-Wno-uninitialized;${flags_${variant}}"
+      COMPILE_OPTIONS "${kernel_optimization};-Wno-psabi;-Wno-ignored-attributes;-Wno-maybe-uninitialized;-Wno-uninitialized;${flags_${variant}}"
       COMPILE_DEFINITIONS "PALPATE_ISA_NAMESPACE=isa_${variant};PALPATE_LANES=${lanes_${variant}}")
   endforeach()
 endfunction()

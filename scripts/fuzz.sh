@@ -25,9 +25,8 @@ for target in "${targets[@]}"; do
   log=build/fuzz/$target.log
   mkdir -p "$corpus" "tests/fuzz/corpus/$target"
   result=held
-  leaks=1
-  case $target in stl | gltf | glb) leaks=0 ;; esac # Assimp forgets some of what it does not like
-  if ! PALPATE_FUZZ_SEEDS=$corpus UBSAN_OPTIONS=print_stacktrace=1 ASAN_OPTIONS="detect_leaks=$leaks" \
+  if ! PALPATE_FUZZ_SEEDS=$corpus UBSAN_OPTIONS=print_stacktrace=1 \
+    LSAN_OPTIONS=suppressions=tests/leaks.txt:print_suppressions=0 \
     "build/fuzz/bin/fuzz_$target" -max_total_time="$seconds" -rss_limit_mb=$memory_limit_mb \
     -timeout=20 -max_len=65536 -print_final_stats=1 -artifact_prefix="build/fuzz/crashes/$target-" \
     "$corpus" "tests/fuzz/corpus/$target" >"$log" 2>&1; then

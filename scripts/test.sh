@@ -18,6 +18,10 @@ case "${1:-}" in
     ;;
 esac
 
+# For builds with sanitizers: where a fault was, and leaks that are not ours.
+export UBSAN_OPTIONS=${UBSAN_OPTIONS:-print_stacktrace=1}
+export LSAN_OPTIONS=${LSAN_OPTIONS:-suppressions=$PWD/tests/leaks.txt:print_suppressions=0}
+
 results=$PWD/build/$preset/test-results.xml
 rm -f "$results"
 status=0

@@ -6,7 +6,6 @@
 #include <utility>
 
 #include "src/io/text_scanner.h"
-#include "src/ros/by_time.h"
 
 namespace palpate::inline v0 {
 namespace {
@@ -29,16 +28,14 @@ JointHistory::JointHistory(std::vector<Joint> joints, double kept_seconds)
 void JointHistory::add(std::string_view joint, double time, double position) {
   const auto number = numbers_.find(joint);
   if (number == numbers_.end()) return;
-  std::vector<Sample>& samples = samples_[number->second];
-  std::isinf(kept_seconds_) ? insert_by_time(samples, Sample{time, position})
-                            : insert_newest(samples, Sample{time, position}, kept_seconds_);
+  insert_by_time(samples_[number->second], time, position, kept_seconds_);
 }
 
 double JointHistory::known_until() const {
   double until = std::numeric_limits<double>::infinity();
   for (const auto& samples : samples_) {
     until = std::min(
-        until, samples.empty() ? -std::numeric_limits<double>::infinity() : samples.back().time);
+        until, samples.empty() ? -std::numeric_limits<double>::infinity() : samples.rbegin()->first);
   }
   return until;
 }
@@ -46,8 +43,8 @@ double JointHistory::known_until() const {
 Result<double> JointHistory::at(std::size_t joint, double time, double max_age,
                                 bool may_stay) const {
   const auto& [name, is_endless] = joints_[joint];
-  const std::vector<Sample>& samples = samples_[joint];
-  if (may_stay && samples.size() == 1) return samples.front().position;
+  const ByTime<double>& samples = samples_[joint];
+  if (may_stay && samples.size() == 1) return samples.begin()->second;
   if (samples.empty() || nearest_in_time(samples, time) > max_age) {
     char text[80];
     if (samples.empty()) return Error{Errc::unavailable, "no state for joint '" + name + "'"};
@@ -55,20 +52,19 @@ Result<double> JointHistory::at(std::size_t joint, double time, double max_age,
                   nearest_in_time(samples, time));
     return Error{Errc::unavailable, "no state for joint '" + name + text};
   }
-  const auto after = std::ranges::lower_bound(samples, time, {}, &Sample::time);
-  if (after == samples.begin()) return after->position;
-  const Sample& before = *(after - 1);
+  const auto after = samples.lower_bound(time);
+  if (after == samples.begin()) return after->second;
+  const auto& [time_before, before] = *std::prev(after);
   if (after != samples.end()) {
-    const double share = (time - before.time) / (after->time - before.time);
-    return before.position + share * way(before.position, after->position, is_endless);
+    const double share = (time - time_before) / (after->first - time_before);
+    return before + share * way(before, after->second, is_endless);
   }
-  const auto base =
-      std::ranges::upper_bound(samples, before.time - kShortestBase, {}, &Sample::time);
-  if (base == samples.begin()) return before.position;
-  const Sample& from = *(base - 1);
-  if (before.time - from.time > max_age + kShortestBase) return before.position;
-  const double speed = way(from.position, before.position, is_endless) / (before.time - from.time);
-  return before.position + speed * (time - before.time);
+  const auto base = samples.upper_bound(time_before - kShortestBase);
+  if (base == samples.begin()) return before;
+  const auto& [time_from, from] = *std::prev(base);
+  if (time_before - time_from > max_age + kShortestBase) return before;
+  const double speed = way(from, before, is_endless) / (time_before - time_from);
+  return before + speed * (time - time_before);
 }
 
 std::string JointHistory::missing() const {

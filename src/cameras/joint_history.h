@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "palpate/core/core.h"
+#include "src/ros/by_time.h"
 
 namespace palpate::inline v0 {
 
@@ -36,12 +37,9 @@ class JointHistory {
   std::string missing() const;
 
  private:
-  struct Sample {
-    double time = 0, position = 0;
-  };
   std::vector<Joint> joints_;
   double kept_seconds_;
-  std::vector<std::vector<Sample>> samples_;  // of each joint
+  std::vector<ByTime<double>> samples_;  // positions of each joint
   std::map<std::string, std::size_t, std::less<>> numbers_;
 };
 

@@ -133,7 +133,7 @@ class Reader {
       if (shape == nullptr) return bad(*part, "needs a <geometry> with a shape in it");
       const auto added = shape_of(*shape);
       if (!added) return added.error();
-      num_triangles_ += added->triangles.size();
+      num_triangles_ += std::max(added->triangles.size(), added->vertices.size() / 3);
       if (num_triangles_ > kMostTriangles) {
         return bad(*shape, "the robot has more than 2 million triangles; take coarser meshes");
       }
@@ -285,25 +285,37 @@ class Reader {
 
   /// A joint that follows one that follows another one follows the last of them.
   Status resolve_mimics() {
+    struct Mimic {
+      std::size_t followed = 0;
+      double factor = 1, offset = 0;
+    };
+    std::vector<Mimic> mimics(model_.joints.size());
     for (std::size_t i = 0; i < model_.joints.size(); ++i) {
-      RobotJoint& joint = model_.joints[i];
+      if (mimics_[i] == nullptr) continue;
+      const Element& mimic = *mimics_[i];
+      const auto name = name_of(mimic, "joint");
+      if (!name) return name.error();
+      const auto factor = numbers<1>(mimic, "multiplier", std::array<double, 1>{1}),
+                 offset = numbers<1>(mimic, "offset", std::array<double, 1>{0});
+      if (!factor) return factor.error();
+      if (!offset) return offset.error();
+      const auto followed = joints_.find(*name);
+      if (followed == joints_.end()) {
+        return bad(mimic, "joint '" + shown(model_.joints[i].name) + "' follows '" + shown(*name) +
+                              "', which is not there");
+      }
+      mimics[i] = {followed->second, factor->front(), offset->front()};
+    }
+    for (RobotJoint& joint : model_.joints) {
       for (std::size_t steps = 0; mimics_[joint.source] != nullptr; ++steps) {
-        const Element& mimic = *mimics_[joint.source];
-        const auto name = name_of(mimic, "joint");
-        if (!name) return name.error();
-        const auto factor = numbers<1>(mimic, "multiplier", std::array<double, 1>{1}),
-                   offset = numbers<1>(mimic, "offset", std::array<double, 1>{0});
-        if (!factor) return factor.error();
-        if (!offset) return offset.error();
-        const auto followed = joints_.find(*name);
-        if (followed == joints_.end() || steps > model_.joints.size()) {
-          return bad(mimic, "joint '" + shown(joint.name) + "' follows '" + shown(*name) +
-                                (followed == joints_.end() ? "', which is not there"
-                                                           : "', which follows it"));
+        const Mimic& mimic = mimics[joint.source];
+        if (steps > model_.joints.size()) {
+          return bad(*mimics_[joint.source],
+                     "joint '" + shown(joint.name) + "' follows one that follows it");
         }
-        joint.offset += joint.factor * offset->front();
-        joint.factor *= factor->front();
-        joint.source = followed->second;
+        joint.offset += joint.factor * mimic.offset;
+        joint.factor *= mimic.factor;
+        joint.source = mimic.followed;
       }
     }
     return Done{};

@@ -117,6 +117,13 @@ std::optional<Error> check_stl_size(std::string_view content) {
   const bool is_text =
       content.starts_with("solid") && content.substr(0, 1024).find('\0') == std::string_view::npos;
   if (is_text) {
+    // Assimp makes a mesh of a kilobyte of each.
+    constexpr std::string_view kWord = "solid";  // at the begin of each, and in its end
+    constexpr int kMostWords = 200'000;
+    int num_words = 0;
+    for (auto at = content.find(kWord); at != content.npos; at = content.find(kWord, at + 1)) {
+      if (++num_words > kMostWords) return bad("has more than 100,000 solids");
+    }
     if (content.find("endsolid") != std::string_view::npos ||
         content.find("ENDSOLID") != std::string_view::npos) {
       return std::nullopt;

@@ -5,6 +5,7 @@
 #include <cstring>
 #include <fstream>
 #include <optional>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -18,9 +19,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr std::size_t kLookedAt = 10'000;  // frames whose size is known before they are read
+
 struct Entry {
   double time = 0;
-  fs::path path;
+  std::string path;  // millions of fs::path would take seconds
 };
 
 Error bad(const fs::path& path, const std::string& what) {
@@ -57,6 +60,7 @@ Result<std::vector<Entry>> read_tum_list(const fs::path& list) {
   const auto content = read_file(list);
   if (!content) return content.error();
   std::vector<Entry> entries;
+  const std::string folder = (list.parent_path() / "").string();
   std::string_view rest = without_mark(*content);
   for (int line_number = 1; !rest.empty(); ++line_number) {
     std::string_view line = take_line(rest);
@@ -68,7 +72,8 @@ Result<std::vector<Entry>> read_tum_list(const fs::path& list) {
       return bad(list, where + " is not 'timestamp path'; correct it");
     if (!entries.empty() && *time <= entries.back().time)
       return bad(list, where + " does not come after the line before in time; sort the list");
-    entries.push_back({*time, list.parent_path() / fs::path(std::string(name))});
+    entries.push_back(
+        {*time, name.starts_with('/') ? std::string(name) : folder + std::string(name)});
   }
   return entries;
 }
@@ -78,13 +83,14 @@ Result<std::vector<Entry>> list_pngs(const fs::path& folder, double rate) {
   std::vector<Entry> entries;
   for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
     const fs::path& path = it->path();
-    if (path.extension() == ".png" || path.extension() == ".PNG") entries.push_back({0, path});
+    if (path.extension() == ".png" || path.extension() == ".PNG")
+      entries.push_back({0, path.string()});
   }
   if (error)
     return Error{Errc::io_failure, "cannot list " + folder.string() + ": " + error.message() +
                                        "; check its permissions"};
   std::sort(entries.begin(), entries.end(), [](const Entry& a, const Entry& b) {
-    return natural_less(a.path.filename().string(), b.path.filename().string());
+    return natural_less(a.path, b.path);  // of one folder
   });
   for (std::size_t k = 0; k < entries.size(); ++k) entries[k].time = static_cast<double>(k) / rate;
   return entries;
@@ -166,7 +172,7 @@ class FolderSource : public DepthSource {
     auto loaded = load_depth_png(entry.path, info_.unit);
     if (!loaded) return loaded.error();
     if (loaded->width != info_.width || loaded->height != info_.height)
-      return bad(entry.path, "has changed its size since the folder was opened; open it again");
+      return bad(entry.path, "is not of the size of the first frame; give frames of one camera");
     frame = *std::move(loaded);
     frame.timestamp = entry.time;
     if (!info_.has_flow) return true;
@@ -218,11 +224,11 @@ Result<std::unique_ptr<DepthSource>> open_depth_folder(const fs::path& folder,
 
   const auto size = read_size(entries->front().path);
   if (!size) return size.error();
-  for (const Entry& entry : *entries) {
+  for (const Entry& entry : std::span(*entries).first(std::min(entries->size(), kLookedAt))) {
     const auto other = read_size(entry.path);
     if (!other) return other.error();
     if (!(*other == *size))
-      return bad(entry.path, "is not of the same size as " + entries->front().path.string() +
+      return bad(entry.path, "is not of the same size as " + entries->front().path +
                                  "; put only frames of one camera into a folder");
   }
   DepthStreamInfo info{static_cast<int>(size->width),

@@ -10,6 +10,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "src/io/internal/json_shape.h"
 #include "src/io/mesh_parsers.h"
 
 namespace palpate::inline v0 {
@@ -20,8 +21,9 @@ using Json = nlohmann::json;
 constexpr std::size_t kMaxJsonDepth = 64;
 constexpr int kMaxNodeDepth = 256;
 constexpr std::size_t kMaxJsonBytes = std::size_t(64) << 20;
-/// Vertices and indices of all placed meshes together.
-constexpr double kMaxElements = 5e7;
+constexpr std::size_t kMaxNodes = 1'000'000;  // and scenes
+/// Vertices and indices of all placed meshes together; of small files fewer, for so many bytes.
+constexpr double kMaxElements = 5e7, kElementsOfAny = 2.5e6, kElementsPerByte = 20;
 
 /// What is wrong; thrown and caught in this file only.
 struct Fault {
@@ -61,59 +63,11 @@ std::size_t index_into(std::size_t size, std::uint64_t index, const char* what) 
               std::to_string(size)};
 }
 
-/// Looks at a text as it goes by: a document of bounded depth in which no key is given twice, as of
-/// two one reader takes the first and another the last. In a pass of its own: nlohmann's parser
-/// with a callback takes quadratic time for long lists.
-class Shape final : public nlohmann::json_sax<Json> {
- public:
-  std::string fault;
-
-  bool null() override { return true; }
-  bool boolean(bool) override { return true; }
-  bool number_integer(std::int64_t) override { return true; }
-  bool number_unsigned(std::uint64_t) override { return true; }
-  bool number_float(double, const std::string&) override { return true; }
-  bool string(std::string&) override { return true; }
-  bool binary(Json::binary_t&) override { return true; }
-  bool start_object(std::size_t) override { return enter(); }
-  bool start_array(std::size_t) override { return enter(); }
-  bool key(std::string& name) override {
-    keys_.back().push_back(name);
-    return true;
-  }
-  bool end_object() override {
-    std::sort(keys_.back().begin(), keys_.back().end());
-    const auto twin = std::adjacent_find(keys_.back().begin(), keys_.back().end());
-    if (twin != keys_.back().end()) fault = "gives '" + *twin + "' twice";
-    keys_.pop_back();
-    return fault.empty();
-  }
-  bool end_array() override {
-    keys_.pop_back();
-    return true;
-  }
-  bool parse_error(std::size_t, const std::string&, const Json::exception&) override {
-    fault = "is not a glTF file or is truncated";
-    return false;
-  }
-
- private:
-  bool enter() {
-    keys_.emplace_back();
-    if (keys_.size() > kMaxJsonDepth) {
-      fault = "nests more than " + std::to_string(kMaxJsonDepth) + " levels of JSON";
-    }
-    return fault.empty();
-  }
-
-  std::vector<std::vector<std::string>> keys_;  // of the objects and lists that are open
-};
-
 Json parse_json(std::string_view text) {
   if (text.size() > kMaxJsonBytes) throw Fault{"has more than 64 MiB of JSON; save it as GLB"};
-  Shape shape;
-  Json::sax_parse(text.begin(), text.end(), &shape);
-  if (!shape.fault.empty()) throw Fault{shape.fault};
+  if (auto fault = JsonShape::fault_of(text, kMaxJsonDepth); !fault.empty()) {
+    throw Fault{std::move(fault)};
+  }
   Json document = Json::parse(text.begin(), text.end());
   if (!document.is_object()) throw Fault{"is not a glTF file or is truncated"};
   return document;
@@ -234,8 +188,12 @@ std::vector<double> check_meshes(const Json& root, const std::vector<double>& co
 }
 
 /// Nodes form trees of bounded depth, of which each scene names the roots.
-void check_nodes(const Json& root, const std::vector<double>& mesh_sizes) {
+void check_nodes(const Json& root, const std::vector<double>& mesh_sizes,
+                 std::size_t num_file_bytes) {
   const Json& nodes = list(root, "nodes");
+  if (nodes.size() + list(root, "scenes").size() > kMaxNodes) {
+    throw Fault{"has more than a million nodes and scenes"};
+  }
   std::vector<bool> has_parent(nodes.size());
   double num_elements = 0;
   for (const double size : mesh_sizes) num_elements += size;
@@ -249,8 +207,11 @@ void check_nodes(const Json& root, const std::vector<double>& mesh_sizes) {
       num_elements += mesh_sizes[index_into(mesh_sizes.size(), *mesh, "mesh")];
     }
   }
-  if (num_elements > kMaxElements) {
-    throw Fault{"has more than 50 million vertices and indices, repeated meshes included"};
+  const double most = std::min(
+      kMaxElements, kElementsOfAny + kElementsPerByte * static_cast<double>(num_file_bytes));
+  if (num_elements > most) {
+    throw Fault{"has more than " + std::to_string(static_cast<std::int64_t>(most)) +
+                " vertices and indices, repeated meshes included"};
   }
   // Level by level from the roots; what is never reached is a cycle.
   std::vector<std::size_t> level, next;
@@ -270,14 +231,16 @@ void check_nodes(const Json& root, const std::vector<double>& mesh_sizes) {
     level.swap(next);
   }
   if (num_reached != nodes.size()) throw Fault{"has nodes that are their own ancestors"};
+  std::size_t scene_number = 0;
+  std::vector<std::size_t> listed_by(nodes.size());  // the last scene that lists it, from 1
   for (const Json& scene : list(root, "scenes")) {
-    std::vector<bool> is_listed(nodes.size());
+    ++scene_number;
     for (const Json& entry : list(scene, "nodes")) {
       const std::size_t i = index_into(nodes.size(), whole(entry, "nodes"), "node");
-      if (is_listed[i] || has_parent[i]) {
+      if (listed_by[i] == scene_number || has_parent[i]) {
         throw Fault{"has a scene that places " + item("node", i) + " twice"};
       }
-      is_listed[i] = true;
+      listed_by[i] = scene_number;
     }
   }
 }
@@ -389,7 +352,8 @@ Result<std::string> gltf_geometry(std::string_view json, const std::filesystem::
   }
   check_extensions(root);
   const std::vector<View> views = check_views(root, folder, num_file_bytes);
-  check_nodes(root, check_meshes(root, check_accessors(root, views, num_file_bytes)));
+  check_nodes(root, check_meshes(root, check_accessors(root, views, num_file_bytes)),
+              num_file_bytes);
   return geometry_of(root).dump(-1, ' ', false, Json::error_handler_t::replace);
 } catch (const Fault& fault) {
   return Error{Errc::bad_input, fault.what};

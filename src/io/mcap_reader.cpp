@@ -1,7 +1,10 @@
 #include <zlib.h>
 #include <zstd.h>
 
+#include <algorithm>
 #include <fstream>
+#include <map>
+#include <optional>
 #include <utility>
 
 #include "src/io/internal/mcap_file.h"
@@ -13,37 +16,67 @@ namespace palpate::inline v0 {
 using mcap::Cursor;
 using mcap::Op;
 
+namespace {
+
+/// A type's name is shorter; what does not end there is none of ours. Of a schema nothing else is
+/// kept.
+constexpr std::size_t kLongestName = 256;
+
+}  // namespace
+
 struct McapReader::Impl {
+  /// A file inside the recording: where its record's contents are, and how long.
+  struct Place {
+    std::uint64_t begin = 0, length = 0;
+  };
   std::filesystem::path path;
   std::ifstream file;
   std::uint64_t file_size = 0, position = 0, chunk_place = 0;
+  std::uint64_t file_at = 0;  // what is read next without seeking
   std::string chunk;
   Cursor in_chunk{{}};
   std::map<std::uint16_t, McapChannel> channels;
-  std::map<std::uint16_t, std::pair<std::string, std::string>> schemas;
+  std::map<std::uint16_t, std::string> schemas;                          // their names
+  std::optional<std::map<std::string, Place, std::less<>>> attachments;  // by name, once looked for
   bool is_cut_off = false, is_over = false;
 
   Error damaged(const std::string& what) const {
     return {Errc::bad_input, path.string() + " is damaged at byte " + std::to_string(position) +
                                  ": " + what + "; what comes before it can be read"};
   }
+  bool read_at(std::uint64_t place, char* to, std::uint64_t size);
+  void find_attachments();
   Status unpack(std::string_view records, std::string_view compression, std::uint64_t size);
   Result<bool> next_chunk();
   std::optional<McapMessage> take(Op op, std::string_view contents);
 };
+
+// Seeks only where it must: that throws away what has been read ahead, which small records can ill
+// afford.
+bool McapReader::Impl::read_at(std::uint64_t place, char* to, std::uint64_t size) {
+  constexpr std::uint64_t kNear = 4096;
+  if (place < file_at || place > file_at + kNear || !file) {
+    file.clear();
+    file.seekg(static_cast<std::streamoff>(place));
+  } else if (place > file_at) {
+    file.ignore(static_cast<std::streamsize>(place - file_at));
+  }
+  file.read(to, static_cast<std::streamsize>(size));
+  file_at = place + size;
+  return static_cast<bool>(file);
+}
 
 // Notes schemas and channels; returns a message if it is one.
 std::optional<McapMessage> McapReader::Impl::take(Op op, std::string_view contents) {
   Cursor at(contents);
   if (op == Op::schema) {
     const auto id = at.number<std::uint16_t>();
-    const std::string name(at.text());
-    at.text();  // encoding
-    if (at.is_good()) schemas[id] = {name, std::string(at.text())};
+    const std::string_view name = at.text();
+    if (at.is_good()) schemas[id] = name.substr(0, kLongestName);
   } else if (op == Op::channel) {
     const auto id = at.number<std::uint16_t>();
-    const auto& schema = schemas[at.number<std::uint16_t>()];
-    channels[id] = {std::string(at.text()), schema.first, schema.second};
+    const std::string& schema = schemas[at.number<std::uint16_t>()];
+    channels[id] = {std::string(at.text()), schema, ""};
   } else if (op == Op::message) {
     McapMessage message;
     message.channel = at.number<std::uint16_t>();
@@ -60,7 +93,6 @@ std::optional<McapMessage> McapReader::Impl::take(Op op, std::string_view conten
 // Into `chunk`. What a damaged file says of its size is not believed before memory is taken.
 Status McapReader::Impl::unpack(std::string_view records, std::string_view compression,
                                 std::uint64_t size) {
-  constexpr std::uint64_t kLargest = std::uint64_t{1} << 30;
   if (compression == mcap::kLz4) {
     const Status unpacked = unpack_lz4(records, size, chunk);
     if (unpacked || unpacked.error().code != Errc::bad_input) return unpacked;
@@ -72,7 +104,10 @@ Status McapReader::Impl::unpack(std::string_view records, std::string_view compr
     return Done{};
   }
   const auto declared = ZSTD_getFrameContentSize(records.data(), records.size());
-  if (size > kLargest || declared != size) return damaged("a compressed chunk has a wrong size");
+  if (declared != size) return damaged("a compressed chunk has a wrong size");
+  if (const Status plausible = check_unpacked_size(records.size(), size); !plausible) {
+    return damaged(plausible.error().message);
+  }
   chunk.resize(static_cast<std::size_t>(size));
   const auto got = ZSTD_decompress(chunk.data(), chunk.size(), records.data(), records.size());
   if (ZSTD_isError(got) != 0 || got != size) return damaged("a chunk cannot be unpacked");
@@ -87,12 +122,11 @@ Result<bool> McapReader::Impl::next_chunk() {
       is_cut_off = true;
       return false;
     }
-    file.seekg(static_cast<std::streamoff>(position));
-    file.read(head, sizeof head);
+    const bool is_read = read_at(position, head, sizeof head);
     Cursor at(std::string_view(head, sizeof head));
     const auto op = static_cast<Op>(at.number<std::uint8_t>());
     const auto length = at.number<std::uint64_t>();
-    if (!file || length > file_size - position - sizeof head) {
+    if (!is_read || length > file_size - position - sizeof head) {
       is_cut_off = true;
       return false;
     }
@@ -102,8 +136,9 @@ Result<bool> McapReader::Impl::next_chunk() {
       continue;
     }
     std::string contents(static_cast<std::size_t>(length), '\0');
-    file.read(contents.data(), static_cast<std::streamsize>(length));
-    if (!file) return damaged("it cannot be read");
+    if (!read_at(position + sizeof head, contents.data(), length)) {
+      return damaged("it cannot be read");
+    }
     if (op != Op::chunk) {
       // Outside of chunks, as other writers may put them: as if it were a chunk of one record.
       mcap::Bytes record;
@@ -156,7 +191,7 @@ Result<McapReader> McapReader::open(const std::filesystem::path& path) {
   if (!impl->file || magic != mcap::kMagic) {
     return Error{Errc::bad_input, path.string() + " is not an MCAP file"};
   }
-  impl->position = mcap::kMagic.size();
+  impl->position = impl->file_at = mcap::kMagic.size();
   return McapReader(std::move(impl));
 }
 
@@ -195,47 +230,60 @@ Result<std::optional<McapMessage>> McapReader::next() {
 const std::map<std::uint16_t, McapChannel>& McapReader::channels() const { return impl_->channels; }
 bool McapReader::was_cut_off() const { return impl_->is_cut_off; }
 
-Result<std::string> McapReader::attachment(std::string_view name) {
-  Impl& d = *impl_;
-  const Error absent{Errc::not_found, d.path.string() + " holds no file " + std::string(name) +
-                                          "; record the run again"};
-  d.file.clear();
+// They come before all messages. Of two of one name the first one counts.
+void McapReader::Impl::find_attachments() {
+  attachments.emplace();
+  constexpr std::size_t kHead = 9;
   for (std::uint64_t at = mcap::kMagic.size();;) {
-    std::string head(9, '\0');
-    d.file.seekg(static_cast<std::streamoff>(at));
-    if (!d.file.read(head.data(), static_cast<std::streamsize>(head.size()))) return absent;
+    std::string head(kHead, '\0');
+    if (at + kHead > file_size || !read_at(at, head.data(), kHead)) return;
     Cursor fields(head);
     const auto op = static_cast<Op>(fields.number<std::uint8_t>());
     const auto length = fields.number<std::uint64_t>();
-    // They come before all messages.
-    if (op == Op::chunk || op == Op::data_end || length > d.file_size - at - head.size()) {
-      return absent;
+    at += kHead;
+    if (op == Op::chunk || op == Op::data_end || length > file_size - at) return;
+    if (op == Op::attachment) {
+      // Two times, then the name.
+      std::string begin(std::min<std::uint64_t>(length, 8 + 8 + 4 + kLongestName), '\0');
+      if (!read_at(at, begin.data(), begin.size())) return;
+      Cursor of_begin(begin);
+      of_begin.number<std::uint64_t>();
+      of_begin.number<std::uint64_t>();
+      const std::string_view name = of_begin.text();
+      if (of_begin.is_good()) attachments->emplace(name, Place{at, length});
     }
-    at += head.size() + length;
-    if (op != Op::attachment) continue;
-    std::string contents(static_cast<std::size_t>(length), '\0');
-    if (!d.file.read(contents.data(), static_cast<std::streamsize>(length))) return absent;
-    Cursor fields_of(contents);
-    fields_of.number<std::uint64_t>();
-    fields_of.number<std::uint64_t>();
-    if (fields_of.text() != name) continue;
-    fields_of.text();  // media type
-    const std::string_view file = fields_of.raw(fields_of.number<std::uint64_t>());
-    const auto crc = fields_of.number<std::uint32_t>();
-    const auto got =
-        crc32_z(0, reinterpret_cast<const Bytef*>(contents.data()), contents.size() - sizeof crc);
-    if (!fields_of.is_good() || (crc != 0 && crc != got)) {
-      return Error{Errc::bad_input, d.path.string() + " is damaged: the checksum of " +
-                                        std::string(name) + " is wrong; record the run again"};
-    }
-    return std::string(file);
+    at += length;
   }
+}
+
+Result<std::string> McapReader::attachment(std::string_view name) {
+  Impl& d = *impl_;
+  if (!d.attachments) d.find_attachments();
+  const auto found = d.attachments->find(name);
+  std::string contents(found == d.attachments->end() ? 0 : found->second.length, '\0');
+  if (contents.empty() || !d.read_at(found->second.begin, contents.data(), contents.size())) {
+    return Error{Errc::not_found, d.path.string() + " holds no file " + std::string(name) +
+                                      "; record the run again"};
+  }
+  Cursor fields(contents);
+  fields.number<std::uint64_t>();
+  fields.number<std::uint64_t>();
+  fields.text();  // its name
+  fields.text();  // media type
+  const std::string_view file = fields.raw(fields.number<std::uint64_t>());
+  const auto crc = fields.number<std::uint32_t>();
+  const auto got =
+      crc32_z(0, reinterpret_cast<const Bytef*>(contents.data()), contents.size() - sizeof crc);
+  if (!fields.is_good() || (crc != 0 && crc != got)) {
+    return Error{Errc::bad_input, d.path.string() + " is damaged: the checksum of " +
+                                      std::string(name) + " is wrong; record the run again"};
+  }
+  return std::string(file);
 }
 
 std::uint64_t McapReader::chunk_place() const { return impl_->chunk_place; }
 
 void McapReader::seek(std::uint64_t chunk_place) {
-  impl_->file.clear();
   impl_->position = chunk_place;
   impl_->in_chunk = Cursor({});
   impl_->is_over = impl_->is_cut_off = false;

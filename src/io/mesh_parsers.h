@@ -4,6 +4,7 @@
 // numbers like ".5" in OBJ files, and rounds all of them to single precision.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <optional>
 #include <span>
@@ -41,9 +42,18 @@ std::string glb_with_json(std::string_view content, const std::string& json);
 Result<std::string> gltf_geometry(std::string_view json, const std::filesystem::path& folder,
                                   std::size_t num_file_bytes);
 
-/// Adds a polygon as triangles; concave ones are cut ear by ear. Error: fewer than three corners,
-/// or an index that is not one of the vertices. `where` is " in line 7" or the like.
-std::optional<Error> add_polygon(TriangleMesh& mesh, std::span<const double> indices,
-                                 const std::string& where);
+/// Adds polygons to a mesh as triangles; concave ones are cut ear by ear, which takes quadratic
+/// time or more: the work for all polygons of a file is limited.
+class PolygonCutter {
+ public:
+  explicit PolygonCutter(TriangleMesh& mesh) : mesh_(mesh) {}
+  /// Error: fewer than three corners, an index that is not one of the vertices, or too much work.
+  /// `where` is " in line 7" or the like.
+  std::optional<Error> add(std::span<const double> indices, const std::string& where);
+
+ private:
+  TriangleMesh& mesh_;
+  std::int64_t tests_left_ = 300'000'000;  // of corners: some seconds
+};
 
 }  // namespace palpate::inline v0

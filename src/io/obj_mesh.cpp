@@ -51,6 +51,7 @@ class Statements {
 Result<TriangleMesh> parse_obj_mesh(std::string_view content) {
   // A face may come before its vertices, hence two passes.
   TriangleMesh mesh;
+  PolygonCutter polygons(mesh);
   for (Statements statement(content); statement.next();) {
     if (statement.keyword() != "v") continue;
     const auto x = parse_number<double>(statement.take());
@@ -73,7 +74,7 @@ Result<TriangleMesh> parse_obj_mesh(std::string_view content) {
       indices.push_back(
           static_cast<double>(*number > 0 ? *number - 1 : num_vertices_so_far + *number));
     }
-    if (auto error = add_polygon(mesh, indices, statement.where())) return *error;
+    if (auto error = polygons.add(indices, statement.where())) return *error;
   }
   return mesh;
 }

@@ -46,6 +46,7 @@ Result<TriangleMesh> parse_off_mesh(std::string_view content) {
   }
 
   TriangleMesh mesh;
+  PolygonCutter polygons(mesh);
   mesh.vertices.reserve(*num_vertices);
   for (std::uint64_t i = 0; i < *num_vertices; ++i) {
     line = take_content_line(content);
@@ -72,7 +73,7 @@ Result<TriangleMesh> parse_off_mesh(std::string_view content) {
       return bad("is truncated or damaged at face " + std::to_string(i) + " of " +
                  std::to_string(*num_faces));
     }
-    if (auto error = add_polygon(mesh, indices, " in face " + std::to_string(i))) return *error;
+    if (auto error = polygons.add(indices, " in face " + std::to_string(i))) return *error;
   }
   return mesh;
 }

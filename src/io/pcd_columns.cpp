@@ -137,13 +137,16 @@ Error truncated(const Header& header) {
 
 /// Unpacks the body of a binary_compressed file, where each field lies in one piece.
 Result<std::string> decompress(std::string_view content, const Header& header) {
-  constexpr std::uint64_t kMaxRatio = 100;  // LZF copies at most 264 bytes for 3.
-  std::uint32_t sizes[2];                   // packed, unpacked
+  // LZF could copy 264 bytes for 3; clouds become a third, and what has no points is small.
+  constexpr std::uint64_t kSmall = std::uint64_t{64} << 20, kMaxRatio = 25;
+  std::uint32_t sizes[2];  // packed, unpacked
   if (content.size() < sizeof(sizes)) return truncated(header);
   std::memcpy(sizes, content.data(), sizeof(sizes));
   content.remove_prefix(sizeof(sizes));
   const std::uint64_t num_bytes = header.width * header.height * header.bytes_per_row;
-  if (sizes[0] > content.size() || num_bytes / kMaxRatio > sizes[0]) return truncated(header);
+  if (sizes[0] > content.size() || num_bytes > kSmall + kMaxRatio * sizes[0]) {
+    return truncated(header);
+  }
   if (sizes[1] != num_bytes) return bad("is damaged: its unpacked size does not fit its header");
   std::string result(num_bytes, '\0');
   if (lzf_decompress(content.data(), sizes[0], result.data(), sizes[1]) != sizes[1])

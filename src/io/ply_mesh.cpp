@@ -54,6 +54,7 @@ Result<TriangleMesh> parse_ply_mesh(std::string_view content) {
   if (!header) return header.error();
   PlyValues values(content, header->encoding);
   TriangleMesh mesh;
+  PolygonCutter polygons(mesh);
   Row row;
   for (const PlyElement& element : header->elements) {
     if (element.properties.empty()) continue;
@@ -72,8 +73,7 @@ Result<TriangleMesh> parse_ply_mesh(std::string_view content) {
       }
       if (is_vertex) mesh.vertices.push_back(row.point);
       if (!is_face) continue;
-      if (auto error = add_polygon(mesh, row.indices, " in face " + std::to_string(i)))
-        return *error;
+      if (auto error = polygons.add(row.indices, " in face " + std::to_string(i))) return *error;
     }
   }
   return mesh;

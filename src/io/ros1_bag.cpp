@@ -41,7 +41,8 @@ class Ros1Bag final : public BagReader {
     file_.open(path_, std::ios::binary | std::ios::ate);
     if (!file_) return Error{Errc::not_found, "cannot read " + path_.string()};
     size_ = static_cast<std::uint64_t>(file_.tellg());
-    file_.seekg(kRos1Magic.size());
+    at_ = kRos1Magic.size();
+    file_.seekg(static_cast<std::streamoff>(at_));
     return Done{};
   }
 
@@ -112,16 +113,17 @@ class Ros1Bag final : public BagReader {
     std::string length(4, '\0');
     if (!file_.read(length.data(), 4)) return false;
     const auto size = Cursor(length).number<std::uint32_t>();
-    const auto begin = static_cast<std::uint64_t>(file_.tellg());
-    if (size > size_ - begin) return false;
+    at_ += length.size();
+    if (size > size_ - at_) return false;
     to.resize(size);
+    at_ += size;
     return static_cast<bool>(file_.read(to.data(), size));
   }
 
   /// Into in_chunk_. False at the end of the data.
   Result<bool> next_chunk() {
     std::string header, data;
-    position_ = static_cast<std::uint64_t>(file_.tellg());
+    position_ = at_;
     if (position_ == size_) return false;
     is_cut_off_ = !read(header) || !read(data);
     if (is_cut_off_) return false;
@@ -166,7 +168,7 @@ class Ros1Bag final : public BagReader {
   };
   const std::filesystem::path path_;
   std::ifstream file_;
-  std::uint64_t size_ = 0, position_ = 0;
+  std::uint64_t size_ = 0, at_ = 0, position_ = 0;  // of the file, what is read next, the chunk
   std::string chunk_, message_;
   Cursor in_chunk_{{}};
   std::map<std::uint16_t, McapChannel> channels_;

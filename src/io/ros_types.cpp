@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <charconv>
+#include <map>
 #include <utility>
 
 #include "src/io/sha256.h"
@@ -159,15 +160,22 @@ std::vector<std::string> with_nested(const std::string& type) {
 
 }  // namespace
 
-std::vector<RosField> ros_fields(std::string_view type) {
-  std::vector<RosField> fields;
-  std::string_view text = ros_definition(type);
-  while (!text.empty()) {
-    const std::size_t end = text.find('\n');
-    fields.push_back(field_of(text.substr(0, end)));
-    text.remove_prefix(end + 1);
-  }
-  return fields;
+const std::vector<RosField>& ros_fields(std::string_view type) {
+  // Taken apart once: messages ask for each of their elements.
+  static const auto& all = *new std::map<std::string_view, std::vector<RosField>>([] {
+    std::map<std::string_view, std::vector<RosField>> fields;
+    for (auto [name, text] : kDefinitions) {
+      while (!text.empty()) {
+        const std::size_t end = text.find('\n');
+        fields[name].push_back(field_of(text.substr(0, end)));
+        text.remove_prefix(end + 1);
+      }
+    }
+    return fields;
+  }());
+  static const std::vector<RosField> kNone;
+  const auto found = all.find(type);
+  return found == all.end() ? kNone : found->second;
 }
 
 std::string message_schema(const std::string& type,

@@ -41,7 +41,7 @@ struct RosField {
 };
 
 /// Of a type as "sensor_msgs/Image"; empty: it is not known here.
-std::vector<RosField> ros_fields(std::string_view type);
+const std::vector<RosField>& ros_fields(std::string_view type);
 
 /// Definition of a message type with those of all types in it. `more(type)` is the text of a type
 /// that is not known here.

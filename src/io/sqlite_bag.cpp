@@ -1,6 +1,8 @@
 // Bags of ROS 2 in SQLite databases (rosbag2_storage_sqlite3), by libsqlite3, which is found when
 // the program runs.
+#include <algorithm>
 #include <string>
+#include <system_error>
 #include <utility>
 
 #include "src/core/shared_library.h"
@@ -24,9 +26,14 @@ struct Sqlite {
   int (*size)(Query*, int column);
   const char* (*message)(Database*);
   int (*limit)(Database*, int which, int most);
+  void (*on_progress)(Database*, int num_steps, int (*is_over)(void*), void*);
 };
 constexpr int kOk = 0, kRow = 100, kDone = 101, kReadOnly = 1;
 constexpr int kLengthLimit = 0, kLargestRow = 256 << 20;  // bytes
+/// Of its machine, between two looks at how many there were; at most, and for each byte of the
+/// file.
+constexpr int kSteps = 1'000'000;
+constexpr std::uint64_t kMostSteps = 10'000'000, kStepsPerByte = 10;
 
 Result<Sqlite> load() {
   const std::string name = "libsqlite3.so.0";
@@ -46,6 +53,7 @@ Result<Sqlite> load() {
   library->require("sqlite3_column_bytes", sqlite.size);
   library->require("sqlite3_errmsg", sqlite.message);
   library->require("sqlite3_limit", sqlite.limit);
+  library->require("sqlite3_progress_handler", sqlite.on_progress);
   if (library->missing().empty()) return sqlite;
   return Error{Errc::unavailable, library->path() + " lacks " + listed(library->missing())};
 }
@@ -62,8 +70,19 @@ class SqliteBag final : public BagReader {
   Status open() {
     if (sqlite_.open(path_.c_str(), &database_, kReadOnly, nullptr) != kOk) return failure();
     // Of tables alone, whose rows lie in the file: views and columns that are computed can be of
-    // any size.
-    sqlite_.limit(database_, kLengthLimit, kLargestRow);
+    // any size. No row is larger than the file, and none is read twice, whatever its pages say.
+    std::error_code ignored;
+    const std::uint64_t file_size = std::filesystem::file_size(path_, ignored);
+    sqlite_.limit(database_, kLengthLimit,
+                  static_cast<int>(std::min<std::uint64_t>(kLargestRow, file_size)));
+    steps_left_ = kMostSteps + kStepsPerByte * file_size;
+    sqlite_.on_progress(
+        database_, kSteps,
+        [](void* left) {
+          auto& steps = *static_cast<std::uint64_t*>(left);
+          return std::exchange(steps, steps - std::min<std::uint64_t>(steps, kSteps)) == 0 ? 1 : 0;
+        },
+        &steps_left_);
     if (!ask("SELECT count(*) FROM sqlite_master WHERE name IN ('topics', 'messages') AND type = "
              "'table' AND sql LIKE 'CREATE TABLE%' AND sql NOT LIKE '% AS %' AND sql NOT LIKE "
              "'% AS(%'") ||
@@ -130,6 +149,7 @@ class SqliteBag final : public BagReader {
   Database* database_ = nullptr;
   Query* query_ = nullptr;
   std::map<std::uint16_t, McapChannel> channels_;
+  std::uint64_t steps_left_ = 0;
   bool is_over_ = false;
 };
 

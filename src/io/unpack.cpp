@@ -10,7 +10,7 @@ namespace palpate::inline v0 {
 namespace {
 
 constexpr std::uint64_t kLargest = std::uint64_t{1} << 30, kFirstStep = std::uint64_t{1} << 22;
-/// Depth images are packed to a tenth, and what is all zeros is small.
+/// What is all zeros is small.
 constexpr std::uint64_t kMostRatio = 1000, kSmall = std::uint64_t{64} << 20;
 
 Result<SharedLibrary> library(const std::string& name, const char* package) {
@@ -24,10 +24,8 @@ template <class Step>
 Status fill(std::string_view packed, std::uint64_t size, std::string& to, const Step& step) {
   std::uint64_t filled = 0;
   to.clear();
-  if (size > kLargest || size > kSmall + kMostRatio * packed.size()) {
-    return Error{Errc::bad_input, "a compressed chunk of " + std::to_string(packed.size()) +
-                                      " bytes would be " + std::to_string(size) +
-                                      " bytes, which is implausible"};
+  if (const Status plausible = check_unpacked_size(packed.size(), size); !plausible) {
+    return plausible.error();
   }
   while (filled < size) {
     to.resize(static_cast<std::size_t>(std::min(size, std::max(kFirstStep, 2 * filled))));
@@ -95,6 +93,13 @@ Result<Bzip2> load_bzip2() {
 }
 
 }  // namespace
+
+Status check_unpacked_size(std::uint64_t packed, std::uint64_t size) {
+  if (size <= kLargest && size <= kSmall + kMostRatio * packed) return Done{};
+  return Error{Errc::bad_input, "a compressed chunk of " + std::to_string(packed) +
+                                    " bytes would be " + std::to_string(size) +
+                                    " bytes, which is implausible"};
+}
 
 Status unpack_lz4(std::string_view packed, std::uint64_t size, std::string& to) {
   static const Result<Lz4> lz4 = load_lz4();

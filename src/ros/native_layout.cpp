@@ -50,9 +50,9 @@ void* NativeMessage::add(std::size_t size) {
 }
 
 NativeLayout::NativeLayout(const std::string& type) {
-  for (RosField& field : ros_fields(type)) {
+  for (const RosField& field : ros_fields(type)) {
     Field& added = fields_.emplace_back();
-    added.what = std::move(field);
+    added.what = field;
     std::size_t align = added.size = size_of(added.what.base);
     if (added.what.base == RosBase::nested) {
       added.nested = std::make_shared<NativeLayout>(added.what.type);

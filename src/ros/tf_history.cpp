@@ -4,7 +4,6 @@
 #include <cmath>
 #include <iterator>
 
-#include "src/ros/by_time.h"
 #include "src/ros/tf_tree.h"
 
 namespace palpate::inline v0 {
@@ -27,24 +26,24 @@ void TfHistory::add(const RosStampedTransform& transform, bool is_static) {
   if (is_static || link.is_static) link.samples.clear();
   link.is_static = is_static;
   const auto number = static_cast<std::size_t>(known - link.parents.begin());
-  const Sample sample{transform.time, number, transform.X_PC};
-  std::isinf(kept_seconds_) ? insert_by_time(link.samples, sample)
-                            : insert_newest(link.samples, sample, kept_seconds_);
+  insert_by_time(link.samples, transform.time, Sample{number, transform.X_PC}, kept_seconds_);
 }
 
-const TfHistory::Sample& TfHistory::Link::before(double time) const {
-  const auto after = std::ranges::upper_bound(samples, time, {}, &Sample::time);
-  return after == samples.begin() ? *after : *std::prev(after);
+ByTime<TfHistory::Sample>::const_iterator TfHistory::Link::before(double time) const {
+  const auto after = samples.upper_bound(time);
+  return after == samples.begin() ? after : std::prev(after);
 }
 
 std::optional<Pose> TfHistory::Link::in_parent(double time, double most_apart) const {
-  if (is_static) return samples.front().X_PC;
-  const bool is_between = time >= samples.front().time && time <= samples.back().time;
+  if (is_static) return samples.begin()->second.X_PC;
+  const bool is_between = time >= samples.begin()->first && time <= samples.rbegin()->first;
   if (!is_between || nearest_in_time(samples, time) > most_apart) return std::nullopt;
-  const Sample& a = before(time);
-  const Sample& b = a.time == samples.back().time ? a : *(&a + 1);
-  if (a.time == time || a.parent != b.parent) return a.X_PC;
-  return interpolate(a.X_PC, b.X_PC, (time - a.time) / (b.time - a.time));
+  const auto at = before(time);
+  const auto& [time_a, a] = *at;
+  if (time_a == time) return a.X_PC;
+  const auto& [time_b, b] = *std::next(at);
+  if (a.parent != b.parent) return a.X_PC;
+  return interpolate(a.X_PC, b.X_PC, (time - time_a) / (time_b - time_a));
 }
 
 std::vector<std::string> TfHistory::ancestors(const std::string& frame, double time) const {
@@ -93,7 +92,7 @@ double TfHistory::known_until(const std::string& a, const std::string& b, double
   for (const auto* chain : {&chains->of_a, &chains->of_b}) {
     for (const std::string& frame : *chain) {
       const Link& link = links_.at(frame);
-      if (!link.is_static) until = std::min(until, link.samples.back().time);
+      if (!link.is_static) until = std::min(until, link.samples.rbegin()->first);
     }
   }
   return until;
@@ -102,8 +101,9 @@ double TfHistory::known_until(const std::string& a, const std::string& b, double
 bool TfHistory::is_moving(const std::string& a, const std::string& b) const {
   const auto moves = [&](const std::string& frame) {
     const Link& link = links_.at(frame);
-    const Sample& first = link.samples.front();
-    return std::ranges::any_of(link.samples, [&](const Sample& sample) {
+    const Sample& first = link.samples.begin()->second;
+    return std::ranges::any_of(link.samples, [&](const auto& each) {
+      const Sample& sample = each.second;
       return sample.parent != first.parent || !(sample.X_PC == first.X_PC);
     });
   };

@@ -9,6 +9,7 @@
 
 #include "palpate/io/files.h"
 #include "src/io/ros_messages.h"
+#include "src/ros/by_time.h"
 
 namespace palpate::inline v0 {
 
@@ -41,16 +42,15 @@ class TfHistory {
 
  private:
   struct Sample {
-    double time = 0;
     std::size_t parent = 0;  // number in Link::parents
     Pose X_PC;
   };
   struct Link {
     std::vector<std::string> parents;  // that it had
     bool is_static = false;
-    std::vector<Sample> samples;
-    const Sample& before(double time) const;  // the last one; else the first one
-    const std::string& parent_at(double time) const { return parents[before(time).parent]; }
+    ByTime<Sample> samples;
+    ByTime<Sample>::const_iterator before(double time) const;  // the last one; else the first one
+    const std::string& parent_at(double time) const { return parents[before(time)->second.parent]; }
     std::optional<Pose> in_parent(double time, double most_apart) const;
   };
   /// From a frame up to the first one that is above the other, too; and the other way.

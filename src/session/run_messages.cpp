@@ -10,6 +10,7 @@
 
 #include "palpate/version.h"
 #include "src/io/cdr.h"
+#include "src/io/internal/json_shape.h"
 #include "src/io/ros_types.h"
 #include "src/session/run_fields.h"
 #include "src/session/settings_json.h"
@@ -376,6 +377,11 @@ std::vector<std::shared_ptr<const MaterialRegions>> regions_from(const Json& lis
 }
 
 Result<RunSetup> setup_of(const SettingsText& text) {
+  constexpr std::size_t kMostDepth = 16, kMostMembers = 200;
+  if (const std::string fault = JsonShape::fault_of(text.json, kMostDepth, kMostMembers);
+      !fault.empty()) {
+    return Error{Errc::bad_input, "the text of the settings " + fault + "; record the run again"};
+  }
   const Json json = Json::parse(text.json);
   if (json.at("format") != kRunFormat) {
     return Error{Errc::bad_input, "the recording is not that of a run; give another one"};

@@ -1,5 +1,7 @@
 #include <unistd.h>
 
+#include <fstream>
+
 #include <gtest/gtest.h>
 
 #include "palpate/io/formats.h"
@@ -160,7 +162,22 @@ TEST(DepthFolder, FramesThatBreakLaterAreNamed) {
   save_numbered(folder / "2.png", 2, 6);
   DepthFrame frame;
   expect_error((*source)->next(frame), "1.png");
-  expect_error((*source)->next(frame), "2.png has changed its size");
+  expect_error((*source)->next(frame), "2.png is not of the size of the first frame");
+}
+
+TEST(DepthFolder, SizesOfLateFramesAreCheckedWhenTheyAreRead) {
+  const TemporaryFolder folder;
+  save_numbered(folder / "1.png", 1);
+  save_numbered(folder / "2.png", 2, 6);
+  std::ofstream list(folder / "depth.txt");
+  for (int i = 0; i < 10'000; ++i) list << i << " 1.png\n";
+  list << "10000 2.png\n";
+  list.close();
+  const auto source = open_depth_folder(folder.path(), kOptions);
+  ASSERT_TRUE(source.has_value());
+  DepthFrame frame;
+  for (int i = 0; i < 10'000; ++i) ASSERT_TRUE((*source)->next(frame)) << i;
+  expect_error((*source)->next(frame), "2.png is not of the size of the first frame");
 }
 
 TEST(DepthFolder, ReadsRealSequences) {

@@ -13,6 +13,7 @@
 #include "palpate/mesh/mesh.h"
 #include "src/io/internal/atomic_file.h"
 #include "tests/test_util/data.h"
+#include "tests/test_util/random.h"
 #include "tests/test_util/temporary_folder.h"
 
 namespace palpate {
@@ -426,13 +427,37 @@ TEST_F(MeshFile, GltfCountsAreCheckedAgainstTheFile) {
 
 TEST_F(MeshFile, GltfThatRepeatsItsMeshTooOftenIsAnError) {
   write("m.bin", gltf_buffer(sample()));
-  std::string json = gltf_json(sample(), R"("uri":"m.bin",)");
-  std::string many = R"("nodes":[)";
-  for (int i = 0; i < 100000; ++i) many += R"({"mesh":0},)";
-  const std::size_t nodes = json.find("\"nodes\":[\n");
-  ASSERT_NE(nodes, std::string::npos) << json;
-  json.replace(nodes, 9, many);
-  expect_error("repeat.gltf", json, "50 million");
+  const auto repeated = [](int num) {
+    std::string json = gltf_json(sample(), R"("uri":"m.bin",)");
+    std::string many = R"("nodes":[)";
+    for (int i = 0; i < num; ++i) many += R"({"mesh":0},)";
+    return json.replace(json.find("\"nodes\":[\n"), 9, many);
+  };
+  EXPECT_TRUE(load_mesh(write("some.gltf", repeated(2000))));
+  // 13 million in 220 kB, and 67 million.
+  expect_error("repeat.gltf", repeated(20000), "repeated meshes included");
+  expect_error("often.gltf", repeated(100000), "repeated meshes included");
+}
+
+TEST_F(MeshFile, TextStlOfTooManySolidsIsAnError) {
+  std::string text;
+  for (int i = 0; i <= 100'000; ++i) text += "solid a\nendsolid a\n";
+  expect_error("solids.stl", text, "more than 100,000 solids");
+}
+
+TEST_F(MeshFile, PolygonsThatTakeTooLongToCutAreAnError) {
+  // Corners anywhere: hardly one of them is an ear.
+  test::Random random(1);
+  std::string corners, face = "f";
+  for (int i = 1; i <= 1000; ++i) {
+    corners +=
+        "v " + std::to_string(random.uniform()) + " " + std::to_string(random.uniform()) + " 0\n";
+    face += " " + std::to_string(i);
+  }
+  std::string faces = face + "\n";
+  EXPECT_TRUE(load_mesh(write("one.obj", corners + faces)));
+  for (int i = 0; i < 6; ++i) faces += faces;
+  expect_error("many.obj", corners + faces, "too many concave faces");
 }
 
 TEST_F(MeshFile, GltfWithATruncatedBufferIsAnError) {

@@ -72,7 +72,7 @@ struct DepthFolderOptions {
 
 /// A folder of 16-bit PNGs: TUM layout (a file depth.txt of "timestamp path" lines) or plain (all
 /// *.png of the folder, or of its subfolder "depth", in name order, at `rate`). Reads only the list
-/// now, and frames on demand. Errors: no such folder, no frames, sizes differ.
+/// now, and frames on demand. Errors: no such folder, no frames, sizes of the first 10,000 differ.
 Result<std::unique_ptr<DepthSource>> open_depth_folder(const std::filesystem::path& folder,
                                                        const DepthFolderOptions& options);
 

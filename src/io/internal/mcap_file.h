@@ -22,7 +22,7 @@ namespace palpate::inline v0 {
 struct McapChannel {
   std::string topic;        ///< e.g. "/tick"
   std::string schema_name;  ///< e.g. "palpate_msgs/msg/Tick"
-  std::string schema;       ///< that text, and those of all types in it
+  std::string schema;       ///< that text, and those of all types in it; readers leave it empty
 };
 
 struct McapOptions {

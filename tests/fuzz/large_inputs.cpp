@@ -1,0 +1,194 @@
+// Feeds every reader with large inputs, each in a process of its own, and says how long it took and
+// how much memory: no more than 10 s of computing for 100 MB, and 256 MiB + 2000 n for n bytes.
+//
+// usage: large_inputs [--megabytes 100] [--only TEXT] [--csv FILE] [--timeless]
+//   --only      inputs whose name contains this
+//   --timeless  only memory, and whether they are taken or refused: for tests
+#include "tests/fuzz/large_inputs.h"
+
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <fstream>
+#include <iterator>
+
+namespace palpate::fuzz {
+
+namespace fs = std::filesystem;
+
+void write_pieces(const fs::path& path, std::size_t num_bytes, const std::string& head,
+                  const std::function<std::string(std::size_t)>& each, const std::string& tail) {
+  std::ofstream file(path, std::ios::binary);
+  file << head;
+  std::size_t num = head.size() + tail.size();
+  for (std::size_t i = 0; num < num_bytes; ++i) {
+    const std::string piece = each(i);
+    file << piece;
+    num += piece.size();
+  }
+  file << tail;
+}
+
+std::string file_bytes(const fs::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
+}
+
+namespace {
+
+constexpr double kLeastMegabytes = 10;  // that the time is told for
+constexpr double kMostMegabytes = 256 * 1.048576, kMostPerByte = 2000;
+constexpr int kTaken = 0, kRefused = 1;
+/// A build with sanitizers takes memory of its own.
+constexpr bool kIsSanitized =
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)  // GCC
+    true;
+#elif defined(__has_feature)  // Clang
+    __has_feature(address_sanitizer) || __has_feature(thread_sanitizer);
+#else
+    false;
+#endif
+
+std::size_t size_on_disk(const fs::path& path) {
+  if (!fs::is_directory(path)) return fs::file_size(path);
+  std::size_t size = 0;
+  for (const auto& entry : fs::recursive_directory_iterator(path)) {
+    if (entry.is_regular_file()) size += entry.file_size();
+  }
+  return size;
+}
+
+struct Outcome {
+  int status = 0;
+  double seconds = 0, megabytes = 0;  // of computing; of memory at most
+};
+
+/// So that what is broken is only itself lost.
+void limit_this_process() {
+  constexpr rlim_t kMostTime = 60;  // s
+  const rlimit time{kMostTime, kMostTime}, memory{rlim_t{8} << 30, rlim_t{8} << 30};
+  ::setrlimit(RLIMIT_CPU, &time);
+  if (!kIsSanitized) ::setrlimit(RLIMIT_AS, &memory);
+}
+
+/// Runs `task` in a process of its own; its value is the exit status.
+template <class Task>
+Outcome alone(const Task& task) {
+  std::fflush(nullptr);
+  const pid_t child = ::fork();
+  if (child == 0) {
+    limit_this_process();
+    const int status = task();
+    std::fflush(nullptr);
+    ::_exit(status);
+  }
+  int status = 0;
+  rusage usage{};
+  ::wait4(child, &status, 0, &usage);
+  const auto seconds = [](const timeval& t) {
+    return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec);
+  };
+  return {WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status),
+          seconds(usage.ru_utime) + seconds(usage.ru_stime),
+          static_cast<double>(usage.ru_maxrss) * 1024e-6};
+}
+
+struct Options {
+  double megabytes = 100;
+  std::string only, csv;
+  bool is_timeless = false;
+};
+
+/// What is wrong with it; empty: nothing.
+std::string measure(const LargeInput& input, const Options& options, std::FILE* csv) {
+  const fs::path folder =
+      fs::temp_directory_path() / ("palpate-large-" + std::to_string(::getpid()));
+  const fs::path path = folder / ("input" + input.extension);
+  fs::create_directories(folder);
+  const auto wanted = static_cast<std::size_t>(1e6 * options.megabytes);
+  alone([&] {
+    input.make(path, wanted);
+    return 0;
+  });
+  const double size = 1e-6 * static_cast<double>(size_on_disk(path));
+  const double before = alone([] { return 0; }).megabytes;
+  const Outcome outcome = alone([&] {
+    const Status status = input.read(path);
+    if (!status) std::printf("    %.200s\n", status.error().message.c_str());
+    return status ? kTaken : kRefused;
+  });
+  fs::remove_all(folder);
+  const double memory = outcome.megabytes - before, per_100 = outcome.seconds * 100 / size;
+  std::printf("%-12s %-42s %8.1f MB %8.2f s %8.2f s/100 MB %8.0f MB  %s\n", input.reader.c_str(),
+              input.what.c_str(), size, outcome.seconds, per_100, memory,
+              outcome.status == kTaken     ? "taken"
+              : outcome.status == kRefused ? "refused"
+                                           : "BROKEN");
+  if (csv != nullptr) {
+    std::fprintf(csv, "%s,\"%s\",%.1f,%.2f,%.2f,%.0f,%s\n", input.reader.c_str(),
+                 input.what.c_str(), size, outcome.seconds, per_100, memory,
+                 outcome.status == kTaken ? "taken" : "refused");
+  }
+  if (outcome.status != kTaken && outcome.status != kRefused) return "ends the program";
+  const bool is_taken = outcome.status == kTaken;
+  if (input.is_taken.value_or(is_taken) != is_taken) return is_taken ? "is taken" : "is refused";
+  if (!kIsSanitized && memory > kMostMegabytes + kMostPerByte * size)
+    return "takes too much memory";
+  if (!options.is_timeless &&
+      outcome.seconds > 0.01 * input.most_seconds * std::max(size, kLeastMegabytes)) {
+    return "takes too long";
+  }
+  return "";
+}
+
+int run(const Options& options) {
+  std::FILE* const csv = options.csv.empty() ? nullptr : std::fopen(options.csv.c_str(), "w");
+  if (csv != nullptr)
+    std::fprintf(csv, "reader,input,megabytes,seconds,seconds_per_100_mb,memory_mb,answer\n");
+  int num = 0, num_bad = 0;
+  for (const auto& list :
+       {large_meshes(), large_images(), large_texts(), large_recordings(), large_streams()}) {
+    for (const LargeInput& input : list) {
+      const std::string name = input.reader + ": " + input.what;
+      if (name.find(options.only) == std::string::npos) continue;
+      const std::string fault = measure(input, options, csv);
+      ++num;
+      if (fault.empty()) continue;
+      ++num_bad;
+      std::printf("large_inputs: %s %s\n", name.c_str(), fault.c_str());
+    }
+  }
+  if (csv != nullptr) std::fclose(csv);
+  std::printf("%d inputs, %d of them not as they must be\n", num, num_bad);
+  return num_bad > 0 || num == 0 ? 1 : 0;
+}
+
+}  // namespace
+}  // namespace palpate::fuzz
+
+int main(int argc, char** argv) {
+  palpate::fuzz::Options options;
+  for (int i = 1; i < argc; ++i) {
+    const std::string word = argv[i];
+    const auto value = [&] { return i + 1 < argc ? std::string(argv[++i]) : std::string(); };
+    if (word == "--megabytes") {
+      options.megabytes = std::atof(value().c_str());
+    } else if (word == "--only") {
+      options.only = value();
+    } else if (word == "--csv") {
+      options.csv = value();
+    } else if (word == "--timeless") {
+      options.is_timeless = true;
+    } else {
+      std::fprintf(stderr, "large_inputs: unknown option %s\n", word.c_str());
+      return 2;
+    }
+  }
+  return palpate::fuzz::run(options);
+}
