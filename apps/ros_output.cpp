@@ -133,8 +133,8 @@ class Output final : public RosOutput {
  private:
   using Why = RosVerdict::Why;
 
-  /// A contact, and the time of its bodies: that of the contact before, since bodies move after they
-  /// are measured. NaN: that contact was not published.
+  /// A contact, and the time of its bodies: that of the contact before, since bodies move after
+  /// they are measured. NaN: that contact was not published.
   struct MeasuredBodies {
     ContactRecord contact;
     double bodies_time = 0;  // s, monotonic

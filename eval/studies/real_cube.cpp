@@ -87,7 +87,7 @@ Pose middle_pose(const std::vector<Pose>& X_WB) {
 Result<std::vector<Pose>> poses_by_depth(const RealCube& cube, int& num_by_tracking) {
   constexpr double kFarMoved = 0.12, kFarTurned = 12 * kPi / 180;  // m, rad: a new key frame
   struct KeyFrame {
-    SeenFrame seen;
+    FrozenFrame seen;
     Pose X_WC, tracked_X_WC;
   };
   std::optional<KeyFrame> key;
@@ -95,7 +95,7 @@ Result<std::vector<Pose>> poses_by_depth(const RealCube& cube, int& num_by_track
   num_by_tracking = 0;
   for (std::size_t i = 0; i < cube.frames.size(); ++i) {
     const DepthFrame& frame = cube.frames[i].frame;
-    auto seen = SeenFrame::create(cube.stream, frame);
+    auto seen = FrozenFrame::create(cube.stream, frame);
     if (!seen) return seen.error();
     const auto align = [&]() -> std::optional<Pose> {
       const Pose guess = key->X_WC * (inverse(key->tracked_X_WC) * frame.X_WC);

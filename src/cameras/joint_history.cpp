@@ -34,8 +34,8 @@ void JointHistory::add(std::string_view joint, double time, double position) {
 double JointHistory::known_until() const {
   double until = std::numeric_limits<double>::infinity();
   for (const auto& samples : samples_) {
-    until = std::min(
-        until, samples.empty() ? -std::numeric_limits<double>::infinity() : samples.rbegin()->first);
+    until = std::min(until, samples.empty() ? -std::numeric_limits<double>::infinity()
+                                            : samples.rbegin()->first);
   }
   return until;
 }

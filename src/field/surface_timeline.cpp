@@ -96,11 +96,11 @@ void SurfaceTimeline::Impl::expect_next(double new_time) {
 void SurfaceTimeline::Impl::keep_flow(const DepthImageView& frame, double interval) {
   if (flows.empty()) return;
   Flow& flow = flows[static_cast<std::size_t>(newest)];
-  const bool is_told =
+  const bool is_given =
       frame.flow != nullptr && interval > 0 && 2 * frame.num_pixels() == flow.pixels.size();
-  flow.view.pixels = is_told ? flow.pixels.data() : nullptr;
+  flow.view.pixels = is_given ? flow.pixels.data() : nullptr;
   flow.view.interval = interval;
-  if (is_told) std::copy_n(frame.flow, flow.pixels.size(), flow.pixels.begin());
+  if (is_given) std::copy_n(frame.flow, flow.pixels.size(), flow.pixels.begin());
 }
 
 Result<SurfaceTimeline> make_timeline(std::unique_ptr<FrameSlots> slots,

@@ -278,10 +278,8 @@ BodyPenetration SolidPair::penetration(const GroupSums& of_a, const GroupSums& o
     part->potential = both.value();
   }
   // What each way says of both bodies.
-  const VolumeWrench b_on_a{-measure_b.force,
-                            -(measure_b.torque - cross(d_BA, measure_b.force))};
-  const VolumeWrench a_on_b{-measure_a.force,
-                            -(measure_a.torque + cross(d_BA, measure_a.force))};
+  const VolumeWrench b_on_a{-measure_b.force, -(measure_b.torque - cross(d_BA, measure_b.force))};
+  const VolumeWrench a_on_b{-measure_a.force, -(measure_a.torque + cross(d_BA, measure_a.force))};
   result.on_a.measure_W = both.wrench(measure_a, b_on_a);
   result.on_b.measure_W = both.wrench(a_on_b, measure_b);
   result.num_pairs = std::int64_t{result.on_a.num_boundary_spheres} +

@@ -25,9 +25,9 @@ struct LoopRecords {
   std::function<std::uint64_t()> num_frames, num_contacts;
 };
 
-/// Empties the queues of the stages, in one thread. Where ticks are behind, contacts and frames that
-/// only later ticks rest on wait in their queues: an observer that keeps them for those ticks (a
-/// recording, which may begin another part there) keeps no more, however slow it is.
+/// Empties the queues of the stages, in one thread. Where ticks are behind, contacts and frames
+/// that only later ticks rest on wait in their queues: an observer that keeps them for those ticks
+/// (a recording, which may begin another part there) keeps no more, however slow it is.
 class Publisher {
  public:
   Publisher(const RunObserver& observer, LoopRecords records);
