@@ -1215,6 +1215,27 @@ pose = [1, 0, 0, 0, 0, {0.5 ** 0.5}, {0.5 ** 0.5}]
         self.assertGreater(told["ticks"], 100)
         self.assertRegex(self.succeed("replay", again), r"^identical: \d+ ticks, \d+ contact")
 
+    def test_long_runs_keep_what_was_asked_for(self):
+        run = self.path("parts")
+        touch = ("touch", self.tool, "--scene", "wall", "-o", run, "--duration", 5)
+
+        def parts():
+            return sorted(name for name in os.listdir(run) if name.endswith(".mcap"))
+        self.succeed(*touch, "--record-split", "1MB")
+        self.assertEqual(parts(), [f"recording-000{k}.mcap" for k in (2, 3, 4, 5)] + ["recording.mcap"])
+        self.assertIn("identical: 5000 ticks", self.succeed("replay", run))
+        whole = self.columns(run)
+        self.assertEqual(len(whole["time_s"]), 5000)
+        self.succeed(*touch, "--record-keep", "1s")  # parts of two seconds, of which the first is too old
+        self.assertEqual(parts(), ["recording-0002.mcap", "recording-0003.mcap"])
+        self.assertIn("identical: 3000 ticks", self.succeed("replay", run))
+        kept = self.columns(run)
+        self.assertEqual(kept["time_s"], whole["time_s"][2000:])
+        self.assertEqual(kept["volume_m3"], whole["volume_m3"][2000:])
+        for option, value in (("--record-keep", "0.5s"), ("--record-keep", "10 weeks"), ("--record-keep", "-1"),
+                              ("--record-split", "1kB"), ("--record-split", "GB"), ("--record-split", "1e999GB")):
+            self.expect_failure(2, *touch, option, value, mentions=f"{option}: a ")
+
     def test_a_short_live_run_is_not_over_before_it_begins(self):
         settings = self.path("short.toml")
         with open(settings, "w") as file:
