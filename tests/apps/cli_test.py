@@ -204,6 +204,38 @@ class CommandLine(unittest.TestCase):
             self.expect_failure(2, *verb, option, value, mentions=f"{option}: must be ")
             self.assertLess(len(palpate(*verb, option, value).stderr), 160)
 
+    def test_what_a_camera_does_not_take_is_refused(self):
+        touch = ("touch", self.tool, "-o", self.path("never"))
+        for camera in (("--scene", "wall"), ("--camera", "scene:wall")):
+            for option, value in (("--depth-unit", 0.002), ("--depth-rate", 10), ("--intrinsics", INTRINSICS)):
+                self.expect_failure(2, *touch, *camera, option, value, mentions=f"{option} goes with --depth-sequence")
+        self.expect_failure(2, *self.sequence("--no-noise", "-o", self.path("never")), mentions="--no-noise goes with --scene")
+
+    def test_output_that_cannot_be_written_is_no_success(self):
+        for arguments in (("--help",), ("--version",), ("touch", "--help"), ("touch", "--print-settings"),
+                          ("info", self.tool), ("scenes",)):
+            with open("/dev/full", "w") as full:
+                result = subprocess.run([PALPATE, *map(str, arguments)], stdout=full, stderr=subprocess.PIPE, text=True)
+            self.assertEqual((result.returncode, result.stderr),
+                             (1, "palpate: cannot write to the standard output\n"), arguments)
+
+    def test_a_recording_without_a_tick_is_not_identical(self):
+        """Cut off where a run can be killed: before its first tick there is nothing to repeat."""
+        whole, cut = self.path("whole"), self.path("cut")
+        self.succeed(*self.sequence("-o", whole))
+        recording = read(os.path.join(whole, "recording.mcap"), "rb")
+        os.mkdir(cut)
+        num_empty = 0
+        for share in range(0, 11):
+            with open(os.path.join(cut, "recording.mcap"), "wb") as file:
+                file.write(recording[:len(recording) * share // 10])
+            result = palpate("replay", cut, "--json")
+            ticks = json.loads(result.stdout)["ticks"] if result.returncode == 0 else 0
+            self.assertEqual(result.returncode, 0 if ticks > 0 else 1, result.stderr)
+            num_empty += ticks == 0
+        self.assertGreater(num_empty, 1)
+        self.assertLess(num_empty, 10)
+
     def test_materials_that_cannot_be_are_refused(self):
         out, labels, other = self.path("of_wood"), self.path("labels.png"), self.path("other.png")
         write_depth_png(labels, 160, 120, lambda u, v: u // 80, bits=8)
