@@ -149,9 +149,13 @@ TEST(LiveLoopChange, EveryStageGoesOnAndNothingJumps) {
     EXPECT_LT(norm(now.step.X_WT_hand.translation - last.step.X_WT_hand.translation),
               2 * moved + 1e-9)
         << now.revision;
+    // A coupling without a mass follows the wall of another frame at once.
+    const double wall_moved = now.frame_number == last.frame_number ? 0 : 0.002;
     EXPECT_LT(norm(now.step.X_WT.translation - last.step.X_WT.translation),
-              2 * moved + went_on + 300 * now.dt * now.dt)
-        << now.revision << ", went on by " << went_on << " in " << now.dt;
+              2 * moved + went_on + wall_moved + 300 * now.dt * now.dt)
+        << now.revision << ", went on by " << went_on << " in " << now.dt << ", frames "
+        << last.frame_number << " " << now.frame_number << ", contacts " << last.contact_number
+        << " " << now.contact_number;
   }
   EXPECT_GT(strongest, 0.5);
   for (std::size_t k = 1; k < seen.frames.size(); ++k) {
