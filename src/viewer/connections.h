@@ -28,8 +28,8 @@ using asio::ip::tcp;
 using boost::system::error_code;
 
 inline constexpr std::size_t kMaxMessage = 64 * 1024;
-/// Of one connection: messages of a page, or requests. A page that holds the tool sends one for every
-/// frame of its screen and one for every picture.
+/// Of one connection: messages of a page, or requests. A page that holds the tool sends one for
+/// every frame of its screen and one for every picture.
 inline constexpr double kMessagesPerSecond = 1000, kMessagesAtOnce = 1000;
 /// What a message counts as: long ones take longer to read.
 inline double message_cost(std::size_t num_bytes) {

@@ -20,7 +20,10 @@ namespace palpate::inline v0 {
 class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
  public:
   HttpConnection(Shared& shared, tcp::socket socket)
-      : shared_(shared), membership_(shared.connections, this), stream_(std::move(socket)), pause_(stream_.get_executor()) {}
+      : shared_(shared),
+        membership_(shared.connections, this),
+        stream_(std::move(socket)),
+        pause_(stream_.get_executor()) {}
 
   void read() {
     parser_.emplace();

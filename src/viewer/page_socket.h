@@ -20,7 +20,10 @@ namespace websocket = boost::beast::websocket;
 class PageSocket : public std::enable_shared_from_this<PageSocket> {
  public:
   PageSocket(Shared& shared, beast::tcp_stream stream)
-      : shared_(shared), membership_(shared.pages, this), socket_(std::move(stream)), pause_(socket_.get_executor()) {
+      : shared_(shared),
+        membership_(shared.pages, this),
+        socket_(std::move(stream)),
+        pause_(socket_.get_executor()) {
     socket_.set_option(websocket::stream_base::timeout{kHandshakeTime, kSilence, true});
     socket_.read_message_max(kMaxMessage);
     socket_.auto_fragment(false);

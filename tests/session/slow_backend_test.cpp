@@ -1,6 +1,6 @@
-// A backend that is slow, as a GPU that others use too: in a live run every query takes as long as a
-// test wants. The linker puts `slow_query` in the place of make_contact_query (CMakeLists.txt): all
-// around it is what users run.
+// A backend that is slow, as a GPU that others use too: in a live run every query takes as long as
+// a test wants. The linker puts `slow_query` in the place of make_contact_query (CMakeLists.txt):
+// all around it is what users run.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -112,8 +112,8 @@ void expect_repeats(const std::filesystem::path& run, const RunOutcome& outcome)
   EXPECT_EQ(replay->num_contacts, outcome.loop.num_contacts);
 }
 
-// Contacts of a second while 0.3 s are allowed: the force fades. Then the backend is fast again, and
-// the force comes back by itself once the hand has left the wall.
+// Contacts of a second while 0.3 s are allowed: the force fades. Then the backend is fast again,
+// and the force comes back by itself once the hand has left the wall.
 TEST(SlowBackend, TheForceFadesAndComesBackAndAllIsRepeated) {
   const TemporaryFolder folder;
   const auto run = folder.path() / "run";

@@ -528,7 +528,8 @@ TEST(ViewServer, LivesThroughTwentyThousandHostileMessages) {
   fixture.expect_alive();
 }
 
-// Times are compared from below only: however slow the machine, nobody is heard more often than that.
+// Times are compared from below only: however slow the machine, nobody is heard more often than
+// that.
 TEST(ViewServer, WhoSaysTooMuchIsHeardLater) {
   const Fixture fixture;
   PageClient shouting(fixture.port), other(fixture.port);

@@ -46,8 +46,7 @@ Status check_contact_rate(const RunSettings& settings) {
 std::unique_ptr<ThreadPool> make_query_threads(const RunSettings& settings,
                                                std::size_t num_spheres) {
   constexpr std::size_t kSpheresPerThread = 50000, kMostThreads = 4;
-  const auto wanted =
-      static_cast<int>(std::min(1 + num_spheres / kSpheresPerThread, kMostThreads));
+  const auto wanted = static_cast<int>(std::min(1 + num_spheres / kSpheresPerThread, kMostThreads));
   return std::make_unique<ThreadPool>(
       std::min(wanted, num_threads_for(settings.num_threads)),
       settings.wants_real_time ? ContactStage::begin_thread : nullptr);
