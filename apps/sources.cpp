@@ -77,6 +77,12 @@ std::vector<CameraUri> named_cameras(const SourceOptions& options, const std::st
   if (options.depth_sequence.empty() && options.camera.intrinsics) {
     refuse("--intrinsics goes with --depth-sequence; a camera takes ?intrinsics=");
   }
+  if (options.depth_sequence.empty() && options.camera.unit != CameraOptions().unit) {
+    refuse("--depth-unit goes with --depth-sequence; a camera takes ?unit=");
+  }
+  if (options.depth_sequence.empty() && options.rate != SourceOptions().rate) {
+    refuse("--depth-rate goes with --depth-sequence; a camera takes ?rate=");
+  }
   if (options.scene.empty() && !options.noise) refuse("--no-noise goes with --scene");
   if (!options.depth_sequence.empty()) {
     if (!options.camera.intrinsics) refuse("--depth-sequence needs --intrinsics fx,fy,cx,cy");

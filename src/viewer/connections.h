@@ -5,6 +5,7 @@
 #define BOOST_ASIO_DISABLE_FENCED_BLOCK  // one thread; the thread sanitizer knows no fences
 
 #include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/steady_timer.hpp>
 #include <boost/beast/core/flat_buffer.hpp>
 #include <boost/beast/core/tcp_stream.hpp>
 #include <boost/beast/http.hpp>
@@ -13,7 +14,9 @@
 #include <functional>
 #include <list>
 #include <string>
+#include <utility>
 
+#include "src/viewer/rate_limit.h"
 #include "src/viewer/view_hub.h"
 
 namespace palpate::inline v0 {
@@ -25,9 +28,41 @@ using asio::ip::tcp;
 using boost::system::error_code;
 
 inline constexpr std::size_t kMaxMessage = 64 * 1024;
+/// Of one connection: messages of a page, or requests. A page that holds the tool sends one for
+/// every frame of its screen and one for every picture.
+inline constexpr double kMessagesPerSecond = 1000, kMessagesAtOnce = 1000;
+/// What a message counts as: long ones take longer to read.
+inline double message_cost(std::size_t num_bytes) {
+  return 1 + static_cast<double>(num_bytes) / 4096;
+}
+/// Of all clients together.
+inline constexpr double kConnectionsPerSecond = 250, kConnectionsAtOnce = 500;
 
 class HttpConnection;
 class PageSocket;
+
+/// Does something after a while, at once if that is 0; no more once its connection has ended.
+class Pause {
+ public:
+  explicit Pause(const asio::any_io_executor& executor) : timer_(executor) {}
+  template <class Then>
+  void begin(double seconds, Then then) {
+    if (seconds <= 0) return then();
+    timer_.expires_after(std::chrono::duration_cast<std::chrono::steady_clock::duration>(
+        std::chrono::duration<double>(seconds)));
+    is_on_ = true;
+    timer_.async_wait([this, then = std::move(then)](error_code error) {
+      is_on_ = false;
+      if (!error) then();
+    });
+  }
+  bool is_on() const { return is_on_; }
+  void end() { timer_.cancel(); }
+
+ private:
+  asio::steady_timer timer_;
+  bool is_on_ = false;
+};
 
 /// What every connection knows of the server.
 struct Shared {

@@ -9,6 +9,7 @@
 #include <string_view>
 #include <utility>
 
+#include "src/core/monotonic_clock.h"
 #include "src/viewer/access.h"
 #include "src/viewer/http_answer.h"
 #include "src/viewer/page_socket.h"
@@ -19,7 +20,10 @@ namespace palpate::inline v0 {
 class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
  public:
   HttpConnection(Shared& shared, tcp::socket socket)
-      : shared_(shared), membership_(shared.connections, this), stream_(std::move(socket)) {}
+      : shared_(shared),
+        membership_(shared.connections, this),
+        stream_(std::move(socket)),
+        pause_(stream_.get_executor()) {}
 
   void read() {
     parser_.emplace();
@@ -34,6 +38,7 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
 
   void close() {
     membership_.leave();
+    pause_.end();
     stream_.close();
   }
 
@@ -111,7 +116,9 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
     stream_.expires_after(kAnswerTime);
     auto next = [self = shared_from_this(), is_kept](error_code error, std::size_t) {
       if (error) return;
-      is_kept ? self->read() : self->print_closing();
+      if (!is_kept) return self->print_closing();
+      const double cost = message_cost(self->parser_->get().body().size());
+      self->pause_.begin(self->limit_.take(monotonic_now(), cost), [self] { self->read(); });
     };
     is_head ? http::async_write_header(stream_, *serializer_, std::move(next))
             : http::async_write(stream_, *serializer_, std::move(next));
@@ -158,6 +165,8 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
   Shared& shared_;
   Membership<HttpConnection> membership_;
   beast::tcp_stream stream_;
+  RateLimit limit_{kMessagesPerSecond, kMessagesAtOnce};
+  Pause pause_;
   beast::flat_buffer buffer_{2 * kMaxMessage};
   std::optional<http::request_parser<http::string_body>> parser_;
   HttpAnswer answer_;

@@ -20,7 +20,10 @@ namespace websocket = boost::beast::websocket;
 class PageSocket : public std::enable_shared_from_this<PageSocket> {
  public:
   PageSocket(Shared& shared, beast::tcp_stream stream)
-      : shared_(shared), membership_(shared.pages, this), socket_(std::move(stream)) {
+      : shared_(shared),
+        membership_(shared.pages, this),
+        socket_(std::move(stream)),
+        pause_(socket_.get_executor()) {
     socket_.set_option(websocket::stream_base::timeout{kHandshakeTime, kSilence, true});
     socket_.read_message_max(kMaxMessage);
     socket_.auto_fragment(false);
@@ -60,9 +63,11 @@ class PageSocket : public std::enable_shared_from_this<PageSocket> {
     socket_.async_read(received_, [self = shared_from_this()](error_code error, std::size_t) {
       self->is_reading_ = false;
       if (error) return self->close();
+      const double cost = message_cost(self->received_.size());
       self->receive();
-      self->pump(monotonic_now());
-      self->read_if_it_may();
+      const double now = monotonic_now();
+      self->pump(now);
+      self->pause_.begin(self->limit_.take(now, cost), [self] { self->read_if_it_may(); });
     });
   }
 
@@ -77,9 +82,9 @@ class PageSocket : public std::enable_shared_from_this<PageSocket> {
     shared_.wake();
   }
 
-  /// A page that takes no answers is not listened to.
+  /// A page that takes no answers is not listened to, nor for a while one that says too much.
   void read_if_it_may() {
-    if (!is_closed_ && !is_reading_ && !outbox_->is_full()) read();
+    if (!is_closed_ && !is_reading_ && !pause_.is_on() && !outbox_->is_full()) read();
   }
 
   void write_piece(double now) {
@@ -109,12 +114,15 @@ class PageSocket : public std::enable_shared_from_this<PageSocket> {
   /// Whatever is being read or written ends with an error.
   void close() {
     is_closed_ = true;
+    pause_.end();
     beast::get_lowest_layer(socket_).close();
   }
 
   Shared& shared_;
   Membership<PageSocket> membership_;
   websocket::stream<beast::tcp_stream> socket_;
+  RateLimit limit_{kMessagesPerSecond, kMessagesAtOnce};
+  Pause pause_;
   beast::flat_buffer received_{2 * kMaxMessage};
   std::optional<PageOutbox> outbox_;  // once the handshake is done
   ViewMessage sending_;

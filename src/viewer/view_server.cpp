@@ -4,7 +4,6 @@
 
 #include <boost/asio/ip/host_name.hpp>
 #include <boost/asio/ip/v6_only.hpp>
-#include <boost/asio/steady_timer.hpp>
 #include <exception>
 #include <new>
 #include <thread>
@@ -29,7 +28,7 @@ class Server : public ViewServer {
         address_(std::move(address)),
         option_prefix_(options.option_prefix),
         acceptor_(context_),
-        accept_pause_(context_),
+        accept_pause_(context_.get_executor()),
         ticker_(context_) {
     shared_.wake = [this] {
       if (!is_quick_ && shared_.hub.is_wanted(monotonic_now())) schedule(milliseconds(0));
@@ -104,21 +103,15 @@ class Server : public ViewServer {
 
   void accept() {
     acceptor_.async_accept([this](error_code error, tcp::socket socket) {
-      if (error) return accept_later();
-      accept();
+      // Without a connection there are no file descriptors left, perhaps.
+      const double wait = error ? 0.1 : limit_.take(monotonic_now());
+      accept_pause_.begin(wait, [this] { accept(); });
+      if (error) return;
       // Who only holds connections must not keep others out.
       if (shared_.connections.size() >= kMaxConnections) shared_.connections.front()->close();
       error_code ignored;
       socket.set_option(tcp::no_delay(true), ignored);
       std::make_shared<HttpConnection>(shared_, std::move(socket))->read();
-    });
-  }
-
-  /// There are no file descriptors left, perhaps.
-  void accept_later() {
-    accept_pause_.expires_after(milliseconds(100));
-    accept_pause_.async_wait([this](error_code error) {
-      if (!error) accept();
     });
   }
 
@@ -147,7 +140,9 @@ class Server : public ViewServer {
   std::uint16_t port_ = 0;
   asio::io_context context_{1};
   tcp::acceptor acceptor_;
-  asio::steady_timer accept_pause_, ticker_;
+  RateLimit limit_{kConnectionsPerSecond, kConnectionsAtOnce};
+  Pause accept_pause_;
+  asio::steady_timer ticker_;
   bool is_quick_ = false;
   std::thread thread_;
 };

@@ -206,6 +206,38 @@ class CommandLine(unittest.TestCase):
             self.expect_failure(2, *verb, option, value, mentions=f"{option}: must be ")
             self.assertLess(len(palpate(*verb, option, value).stderr), 160)
 
+    def test_what_a_camera_does_not_take_is_refused(self):
+        touch = ("touch", self.tool, "-o", self.path("never"))
+        for camera in (("--scene", "wall"), ("--camera", "scene:wall")):
+            for option, value in (("--depth-unit", 0.002), ("--depth-rate", 10), ("--intrinsics", INTRINSICS)):
+                self.expect_failure(2, *touch, *camera, option, value, mentions=f"{option} goes with --depth-sequence")
+        self.expect_failure(2, *self.sequence("--no-noise", "-o", self.path("never")), mentions="--no-noise goes with --scene")
+
+    def test_output_that_cannot_be_written_is_no_success(self):
+        for arguments in (("--help",), ("--version",), ("touch", "--help"), ("touch", "--print-settings"),
+                          ("info", self.tool), ("scenes",)):
+            with open("/dev/full", "w") as full:
+                result = subprocess.run([PALPATE, *map(str, arguments)], stdout=full, stderr=subprocess.PIPE, text=True)
+            self.assertEqual((result.returncode, result.stderr),
+                             (1, "palpate: cannot write to the standard output\n"), arguments)
+
+    def test_a_recording_without_a_tick_is_not_identical(self):
+        """Cut off where a run can be killed: before its first tick there is nothing to repeat."""
+        whole, cut = self.path("whole"), self.path("cut")
+        self.succeed(*self.sequence("-o", whole))
+        recording = read(os.path.join(whole, "recording.mcap"), "rb")
+        os.mkdir(cut)
+        num_empty = 0
+        for share in range(0, 11):
+            with open(os.path.join(cut, "recording.mcap"), "wb") as file:
+                file.write(recording[:len(recording) * share // 10])
+            result = palpate("replay", cut, "--json")
+            ticks = json.loads(result.stdout)["ticks"] if result.returncode == 0 else 0
+            self.assertEqual(result.returncode, 0 if ticks > 0 else 1, result.stderr)
+            num_empty += ticks == 0
+        self.assertGreater(num_empty, 1)
+        self.assertLess(num_empty, 10)
+
     def test_materials_that_cannot_be_are_refused(self):
         out, labels, other = self.path("of_wood"), self.path("labels.png"), self.path("other.png")
         write_depth_png(labels, 160, 120, lambda u, v: u // 80, bits=8)
@@ -1216,6 +1248,27 @@ pose = [1, 0, 0, 0, 0, {0.5 ** 0.5}, {0.5 ** 0.5}]
         told = json.loads(self.succeed("replay", run, "-o", again, "--time", "latest", "--json"))
         self.assertGreater(told["ticks"], 100)
         self.assertRegex(self.succeed("replay", again), r"^identical: \d+ ticks, \d+ contact")
+
+    def test_long_runs_keep_what_was_asked_for(self):
+        run = self.path("parts")
+        touch = ("touch", self.tool, "--scene", "wall", "-o", run, "--duration", 5)
+
+        def parts():
+            return sorted(name for name in os.listdir(run) if name.endswith(".mcap"))
+        self.succeed(*touch, "--record-split", "1MB")
+        self.assertEqual(parts(), [f"recording-000{k}.mcap" for k in (2, 3, 4, 5)] + ["recording.mcap"])
+        self.assertIn("identical: 5000 ticks", self.succeed("replay", run))
+        whole = self.columns(run)
+        self.assertEqual(len(whole["time_s"]), 5000)
+        self.succeed(*touch, "--record-keep", "1s")  # parts of two seconds, of which the first is too old
+        self.assertEqual(parts(), ["recording-0002.mcap", "recording-0003.mcap"])
+        self.assertIn("identical: 3000 ticks", self.succeed("replay", run))
+        kept = self.columns(run)
+        self.assertEqual(kept["time_s"], whole["time_s"][2000:])
+        self.assertEqual(kept["volume_m3"], whole["volume_m3"][2000:])
+        for option, value in (("--record-keep", "0.5s"), ("--record-keep", "10 weeks"), ("--record-keep", "-1"),
+                              ("--record-split", "1kB"), ("--record-split", "GB"), ("--record-split", "1e999GB")):
+            self.expect_failure(2, *touch, option, value, mentions=f"{option}: a ")
 
     def test_a_short_live_run_is_not_over_before_it_begins(self):
         settings = self.path("short.toml")

@@ -66,7 +66,7 @@ class Case(unittest.TestCase):
     def check(self, arguments, faults, may_fail=True):
         """Runs it; returns the exit status."""
         result = run(*arguments, faults=faults)
-        self.last_error = result.stderr
+        self.last_error, self.last_output = result.stderr, result.stdout
         self.assertNotIn("LD_PRELOAD", result.stderr)  # the library is there
         told = f"{arguments[0]} under {faults}: {result.returncode}, {result.stderr}"
         self.assertIn(result.returncode, (0, 1) if may_fail else (0,), told)
@@ -151,10 +151,13 @@ class Faults(Case):
             self.check(("info", self.tool), f"unreadable@{begin}")
 
     def test_a_live_run_on_a_disk_that_fails_goes_on(self):
-        for faults in ("full@3", "broken@3", "slow"):
+        for faults, status in (("full@3", 1), ("full@7", 1), ("broken@3", 1), ("broken@7", 1), ("slow", 0)):
             output = self.folder / faults
-            self.check(self.live_run(output), faults)
+            # What could not be kept is no success, and nobody is sent to a report that is not there.
+            self.assertEqual(self.check(self.live_run(output, 2), faults), status, self.last_error)
             self.check_run(output)
+            told = "report: " in self.last_output
+            self.assertEqual(told, (output / "report.html").exists(), self.last_output)
 
     def test_no_threads_and_no_memory(self):
         for begin in (1, 2, 3, 4, 5):

@@ -135,7 +135,7 @@ TEST(Shapes, FingerCombNeedleAndBladeAreThinAtOneEnd) {
   }
 }
 
-TEST(Shapes, EveryNameGivesACentredSolidOfTheSize) {
+TEST(Shapes, EveryNameGivesASolidOfTheSizeAroundTheOrigin) {
   const auto names = shape_names();
   EXPECT_EQ(names.size(), 12u);
   for (const std::string& name : names) {
@@ -148,8 +148,8 @@ TEST(Shapes, EveryNameGivesACentredSolidOfTheSize) {
     EXPECT_TRUE(solid->warnings.empty());
     const Bounds box = bounds(*mesh);
     for (int axis = 0; axis < 3; ++axis) {
-      EXPECT_LE(box.low[axis], 0);
-      EXPECT_GE(box.high[axis], 0);
+      EXPECT_LT(box.low[axis], 0);
+      EXPECT_GT(box.high[axis], 0);
     }
   }
 }

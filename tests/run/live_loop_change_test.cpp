@@ -149,9 +149,13 @@ TEST(LiveLoopChange, EveryStageGoesOnAndNothingJumps) {
     EXPECT_LT(norm(now.step.X_WT_hand.translation - last.step.X_WT_hand.translation),
               2 * moved + 1e-9)
         << now.revision;
+    // A coupling without a mass follows the wall of another frame at once.
+    const double wall_moved = now.frame_number == last.frame_number ? 0 : 0.002;
     EXPECT_LT(norm(now.step.X_WT.translation - last.step.X_WT.translation),
-              2 * moved + went_on + 300 * now.dt * now.dt)
-        << now.revision << ", went on by " << went_on << " in " << now.dt;
+              2 * moved + went_on + wall_moved + 300 * now.dt * now.dt)
+        << now.revision << ", went on by " << went_on << " in " << now.dt << ", frames "
+        << last.frame_number << " " << now.frame_number << ", contacts " << last.contact_number
+        << " " << now.contact_number;
   }
   EXPECT_GT(strongest, 0.5);
   for (std::size_t k = 1; k < seen.frames.size(); ++k) {
@@ -233,19 +237,23 @@ TEST(LiveLoopChange, WhatIsRefusedChangesNothing) {
   EXPECT_EQ(touching.seen.contacts.back().revision, 0u);
 }
 
-TEST(LiveLoopChange, AnotherBackendOrACleanNo) {
+TEST(LiveLoopChange, AnotherBackendWhereThereIsOneElseACleanNo) {
   Touching touching;
+  const auto gpus = find_gpus();
   RunSettings settings = touching.loop->settings();
   settings.backend = Backend::cuda;
   const Status changed = touching.loop->change(settings);
+  ASSERT_EQ(changed.has_value(), gpus.has_value());
   if (changed) {
     touching.run_for(0.1);
     touching.loop->stop();
     EXPECT_TRUE(touching.loop->status());
     EXPECT_EQ(touching.seen.contacts.back().revision, 1u);
   } else {
-    EXPECT_NE(changed.error().message, "");
+    EXPECT_EQ(changed.error().message, gpus.error().message);
     EXPECT_EQ(touching.loop->settings().backend, Backend::cpu);
+    const std::size_t num_contacts = touching.loop->report().num_contacts;
+    EXPECT_TRUE(wait_for([&] { return touching.loop->report().num_contacts > num_contacts; }));
   }
 }
 

@@ -3,7 +3,12 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <filesystem>
+#include <map>
+#include <string>
+#include <thread>
 #include <vector>
 
 #include "eval/studies/method_queries.h"
@@ -302,9 +307,40 @@ TEST(LiveLoop, RealTimeIsAskedForAndRefusalsAreNoted) {
   ASSERT_TRUE(loop);
   ASSERT_TRUE((*loop)->start());
   EXPECT_TRUE(wait_for([&] { return device.num_ticks() > 20; }));
-  for (const std::string& note : (*loop)->report().notes) {
+  const LoopReport report = (*loop)->report();
+  for (const std::string& note : report.notes) {
     EXPECT_NE(note.find(';'), std::string::npos) << note;  // what, and what to do
   }
+  // Each thread either has what it asked for, or there is a note that it was refused.
+  std::map<std::string, std::string> how(report.scheduling.begin(), report.scheduling.end());
+  for (const std::string thread : {"haptic", "contact"}) {
+    const bool is_refused =
+        std::any_of(report.notes.begin(), report.notes.end(), [&](const std::string& note) {
+          return note.find("the " + thread + " thread") != std::string::npos;
+        });
+    EXPECT_EQ(how[thread], is_refused ? "as other programs" : "real time") << thread;
+  }
+  // Surfaces come before the recorder.
+  const auto nice_of = [&](const char* thread) { return std::stoi(how[thread].substr(5)); };
+  EXPECT_LT(nice_of("surface"), nice_of("recorder"));
+}
+
+int num_threads_of_process() {
+  using Entries = std::filesystem::directory_iterator;
+  return static_cast<int>(std::distance(Entries("/proc/self/task"), Entries()));
+}
+
+TEST(LiveLoop, NoMoreThreadsComputeThanThereAreCores) {
+  WallSource source({});
+  ScriptedDevice device({});
+  RunSettings settings = patient_settings();
+  settings.num_threads = 256;
+  const int before = num_threads_of_process();
+  const auto loop = RunLoop::create(box_tool(), source, device, settings);
+  ASSERT_TRUE(loop);
+  const int num_cores = static_cast<int>(std::thread::hardware_concurrency());
+  // Those of surfaces; a query of so few spheres needs none but its own.
+  EXPECT_LE(num_threads_of_process() - before, num_cores - 1);
 }
 
 TEST(LiveLoop, SaysWhatIsWrongAtTheStart) {

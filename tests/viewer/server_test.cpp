@@ -9,6 +9,7 @@
 
 #include <gtest/gtest.h>
 
+#include "src/viewer/rate_limit.h"
 #include "tests/test_util/random.h"
 #include "tests/viewer/message_reader.h"
 #include "tests/viewer/page_client.h"
@@ -447,6 +448,17 @@ TEST(ViewServer, EndsWhilePagesAreOpenAndBeginsAgainAtOnce) {
 
 // The hostile.
 
+TEST(RateLimit, GivesSoManyASecondAndSomeAtOnce) {
+  RateLimit limit(4, 3);
+  for (int i = 0; i < 2; ++i) EXPECT_EQ(limit.take(100), 0);
+  EXPECT_EQ(limit.take(100), 0.25);
+  EXPECT_EQ(limit.take(100.25), 0.25);
+  EXPECT_EQ(limit.take(100.5, 3), 0.75);  // counts as three
+  EXPECT_EQ(limit.take(101.5), 0);        // a quarter of a second more than asked for
+  for (int i = 0; i < 2; ++i) EXPECT_EQ(limit.take(1000), 0);
+  EXPECT_EQ(limit.take(1000), 0.25);  // whoever has been silent for long saves up no more
+}
+
 TEST(ViewServer, EndsConnectionsThatBreakTheRules) {
   const Fixture fixture;
   const auto ends = [&fixture](const std::function<void(PageClient&)>& misbehave) {
@@ -486,8 +498,10 @@ TEST(ViewServer, LivesThroughTwentyThousandHostileMessages) {
     return list[random.bits() % sizeof...(choices)];
   };
   std::size_t num_answers = 0;
-  PageClient page(fixture.port);
+  std::vector<std::unique_ptr<PageClient>> pages;  // in turn: one alone would be read from slowly
+  for (int k = 0; k < 8; ++k) pages.push_back(std::make_unique<PageClient>(fixture.port));
   for (int i = 0; i < 20000; ++i) {
+    PageClient& page = *pages[static_cast<std::size_t>(i / 16 % 8)];
     std::string text =
         "{" + any("\"id\"", "\"ack\"", "\"x\"") + ":" +
         any("1", "-1", "1e999", "null", "\"1\"", "[[[]]]", "{}", "18446744073709551616") +
@@ -509,9 +523,54 @@ TEST(ViewServer, LivesThroughTwentyThousandHostileMessages) {
       if (json["type"] == "answer" && json["id"] == 1000000 + i) break;
     }
   }
-  EXPECT_TRUE(page.is_open());
+  for (const auto& page : pages) EXPECT_TRUE(page->is_open());
   EXPECT_GT(num_answers, 15000u);  // acknowledgements are not answered
+  pages.clear();
+  EXPECT_TRUE(comes_true([&] { return fixture.server->num_pages() == 0; }));
   fixture.expect_alive();
+}
+
+// Times are compared from below only: however slow the machine, nobody is heard more often than
+// that.
+TEST(ViewServer, WhoSaysTooMuchIsHeardLater) {
+  const Fixture fixture;
+  PageClient shouting(fixture.port), other(fixture.port);
+  int number = 0;
+  // So many messages, the last of which is answered last.
+  const auto say = [&](int num, const std::string& more) {
+    for (int i = 0; i < num; ++i) {
+      ASSERT_TRUE(shouting.send(R"({"command": "resume", "x": ")" + more + R"(", "id": )" +
+                                std::to_string(++number) + "}"));
+    }
+    for (Received message; shouting.receive(message, 60);) {
+      if (message.is_text && Json::parse(message.bytes).value("id", 0) == number) return;
+    }
+    ADD_FAILURE() << "message " << number << " is not answered";
+  };
+  const double begin = monotonic_now();
+  for (int i = 0; i < 30; ++i) {
+    say(100, "");
+    EXPECT_EQ(command(other, {{"id", 4}, {"command", "pause"}})["ok"], true);
+  }
+  // 2000 more than at once, and 60 long ones that count as more than 15 each.
+  for (int i = 0; i < 10; ++i) say(6, std::string(60000, ' '));
+  EXPECT_GE(monotonic_now() - begin, 2 + 0.059 * 15);
+
+  const double asked = monotonic_now();
+  RawSocket kept(fixture.port);
+  std::string seen;
+  for (int wanted = 500; wanted <= 2000; wanted += 500) {
+    for (int k = 0; k < 500; ++k) kept.send("GET /api/none HTTP/1.1\r\nHost: localhost\r\n\r\n");
+    EXPECT_TRUE(comes_true([&] {
+      seen += kept.receive(0.05);
+      int num_answers = 0;
+      for (std::size_t at = 0; (at = seen.find("HTTP/1.1 404", at)) != std::string::npos; ++at) {
+        ++num_answers;
+      }
+      return num_answers == wanted;
+    })) << wanted;
+  }
+  EXPECT_GE(monotonic_now() - asked, 1);  // 1000 more than at once
 }
 
 TEST(ViewServer, LivesThroughStormsOfBytes) {

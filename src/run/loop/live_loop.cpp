@@ -46,12 +46,9 @@ Status check_contact_rate(const RunSettings& settings) {
 std::unique_ptr<ThreadPool> make_query_threads(const RunSettings& settings,
                                                std::size_t num_spheres) {
   constexpr std::size_t kSpheresPerThread = 50000, kMostThreads = 4;
-  const std::size_t wanted = std::min(1 + num_spheres / kSpheresPerThread, kMostThreads);
-  const std::size_t num_cores = std::max(std::thread::hardware_concurrency(), 1u);
-  const std::size_t allowed =
-      settings.num_threads > 0 ? std::min<std::size_t>(settings.num_threads, num_cores) : num_cores;
+  const auto wanted = static_cast<int>(std::min(1 + num_spheres / kSpheresPerThread, kMostThreads));
   return std::make_unique<ThreadPool>(
-      static_cast<int>(std::min(wanted, allowed)),
+      std::min(wanted, num_threads_for(settings.num_threads)),
       settings.wants_real_time ? ContactStage::begin_thread : nullptr);
 }
 

@@ -6,9 +6,11 @@
 #include <sys/mman.h>
 #endif
 
+#include <algorithm>
 #include <cerrno>
 #include <cmath>
 #include <system_error>
+#include <thread>
 
 namespace palpate::inline v0 {
 namespace {
@@ -26,6 +28,11 @@ int request_real_time(int priority) noexcept {
   if (policy == SCHED_FIFO || policy == SCHED_RR) return 0;
   parameters.sched_priority = priority;
   return pthread_setschedparam(pthread_self(), SCHED_FIFO, &parameters);
+}
+
+int num_threads_for(int allowed) noexcept {
+  const int num_cores = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  return allowed > 0 ? std::min(allowed, num_cores) : num_cores;
 }
 
 #if defined(__linux__)

@@ -12,6 +12,10 @@ namespace palpate::inline v0 {
 /// the error number. No allocation.
 int request_real_time(int priority) noexcept;
 
+/// How many threads compute together where so many are allowed (0: any number): none more than
+/// there are cores, which would only wait for each other.
+int num_threads_for(int allowed) noexcept;
+
 /// Keeps all memory of the program that exists now from being paged out. 0 or the error number.
 int lock_memory() noexcept;
 void unlock_memory() noexcept;

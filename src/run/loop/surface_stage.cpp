@@ -74,7 +74,8 @@ SurfaceStage::Camera::Camera(DepthSource& from, SurfaceTimeline into)
 SurfaceStage::SurfaceStage(const DepthSources& sources, std::vector<SurfaceTimeline> timelines,
                            const RunSettings& settings, const ToolBall& tool, bool keeps_frames,
                            LatencyHistogram& surface_compute)
-    : pool_(settings.num_threads, settings.wants_real_time ? take_surface_rank : nullptr),
+    : pool_(num_threads_for(settings.num_threads),
+            settings.wants_real_time ? take_surface_rank : nullptr),
       surface_compute_(surface_compute),
       keeps_frames_(keeps_frames),
       wants_real_time_(settings.wants_real_time),

@@ -1,0 +1,30 @@
+// How often a client may do something.
+#pragma once
+
+#include <algorithm>
+
+namespace palpate::inline v0 {
+
+/// So many a second on average, and some at once: a bucket that fills by itself. No clock, no
+/// thread.
+class RateLimit {
+ public:
+  RateLimit(double per_second, double at_once)
+      : per_second_(per_second), at_once_(at_once), left_(at_once) {}
+
+  /// One more, now (s, does not decrease); it counts as `cost`. Returns how long to wait for the
+  /// next one, s; 0: it may be at once.
+  double take(double now, double cost = 1) {
+    if (!has_begun_) last_ = now;
+    has_begun_ = true;
+    left_ = std::min(left_ + (now - last_) * per_second_, at_once_) - cost;
+    last_ = now;
+    return std::max(1 - left_, 0.0) / per_second_;
+  }
+
+ private:
+  double per_second_, at_once_, left_, last_ = 0;
+  bool has_begun_ = false;
+};
+
+}  // namespace palpate::inline v0

@@ -1,0 +1,41 @@
+#include "src/core/thread_rank.h"
+
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+#include <thread>
+
+namespace palpate {
+namespace {
+
+/// The nice value of the calling thread, as Linux says it.
+int own_nice() { return getpriority(PRIO_PROCESS, static_cast<id_t>(syscall(SYS_gettid))); }
+
+int rank_of_a_thread(ThreadRank rank) {
+  int told = 0, seen = 0;
+  std::thread([&] {
+    told = take_rank(rank);
+    seen = own_nice();
+  }).join();
+  EXPECT_EQ(told, seen);
+  return seen;
+}
+
+TEST(ThreadRank, SurfacesComeBeforeTheRecorderThenFramesThenTheViewer) {
+  const int usual = own_nice();
+  if (usual > 12) GTEST_SKIP() << "SKIPPED: nice leaves no room for an order";
+  const int surface = rank_of_a_thread(ThreadRank::surface),
+            recorder = rank_of_a_thread(ThreadRank::recorder),
+            frames = rank_of_a_thread(ThreadRank::frames),
+            viewer = rank_of_a_thread(ThreadRank::viewer);
+  EXPECT_LE(surface, usual);  // before other programs where that is allowed
+  EXPECT_LT(usual, recorder);
+  EXPECT_LT(recorder, frames);
+  EXPECT_LT(frames, viewer);
+  EXPECT_EQ(own_nice(), usual);  // of the others nobody's
+}
+
+}  // namespace
+}  // namespace palpate
