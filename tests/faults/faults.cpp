@@ -7,7 +7,8 @@
 //   full@N         from the N-th write on the disk is full (ENOSPC); full@N-M: up to the M-th
 //   broken@N       from the N-th write on the disk is broken (EIO)
 //   unreadable@N   from the N-th read on it is (EIO)
-//   slow           every write takes 50 ms
+//   slow           every write takes 50 ms longer
+//   sluggish       every write takes 200 ms longer
 //   threadless@N   the N-th thread and all later ones are refused (EAGAIN)
 //   memoryless@N   the N-th allocation of 64 KiB or more is refused, and so are all later ones
 //   yesterday@N    from the N-th look on, the calendar's clock goes wrong by a day
@@ -91,7 +92,7 @@ bool is_interrupted() {
 
 extern "C" ssize_t write(int descriptor, const void* data, size_t size) {
   static auto* const real = next<ssize_t(int, const void*, size_t)>("write");
-  static Fault shorter("short"), full("full"), broken("broken"), slow("slow");
+  static Fault shorter("short"), full("full"), broken("broken"), slow("slow"), sluggish("sluggish");
   if (!is_file(descriptor)) return real(descriptor, data, size);
   const bool is_full = full.comes();
   if (is_full || broken.comes()) {
@@ -102,7 +103,8 @@ extern "C" ssize_t write(int descriptor, const void* data, size_t size) {
     errno = EINTR;
     return -1;
   }
-  if (slow.comes()) usleep(50000);
+  if (slow.comes()) usleep(50'000);
+  if (sluggish.comes()) usleep(200'000);
   return real(descriptor, data, shorter.comes() ? shortened(size) : size);
 }
 

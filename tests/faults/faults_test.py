@@ -151,7 +151,7 @@ class Faults(Case):
             self.check(("info", self.tool), f"unreadable@{begin}")
 
     def test_a_live_run_on_a_disk_that_fails_goes_on(self):
-        for faults, status in (("full@3", 1), ("full@7", 1), ("broken@3", 1), ("broken@7", 1), ("slow", 0)):
+        for faults, status in (("full@3", 1), ("full@7", 1), ("broken@3", 1), ("broken@7", 1), ("sluggish", 0)):
             output = self.folder / faults
             # What could not be kept is no success, and nobody is sent to a report that is not there.
             self.assertEqual(self.check(self.live_run(output, 2), faults), status, self.last_error)
