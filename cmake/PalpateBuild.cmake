@@ -43,7 +43,8 @@ endif()
 add_library(palpate_flags INTERFACE)
 target_include_directories(palpate_flags INTERFACE "${PROJECT_SOURCE_DIR}/include"
                                                    "${PROJECT_SOURCE_DIR}")
-if(CMAKE_CXX_COMPILER_ID STREQUAL "Clang")  # it fuzzes, and knows other warnings
+if(CMAKE_CXX_COMPILER_ID STREQUAL "Clang" OR PALPATE_SANITIZE)
+  # Clang fuzzes, and knows other warnings; GCC warns of what sanitizers add.
   set(palpate_warnings -w)
 else()
   set(palpate_warnings -Wall;-Wextra;-Wpedantic;-Wshadow;-Werror)
@@ -160,6 +161,11 @@ function(palpate_kernel module source)
   set(lanes_baseline 4)
   set(lanes_avx2 8)
   set(lanes_avx512 16)
+  # A sanitizer's own code hides what there is to optimise, and takes minutes to compile so.
+  set(optimised -O3)
+  if(PALPATE_SANITIZE)
+    set(optimised "")
+  endif()
   get_filename_component(stem "${source}" NAME_WE)
   foreach(variant IN LISTS variants)
     set(copy "${CMAKE_CURRENT_BINARY_DIR}/${stem}_${variant}.cpp")
@@ -169,7 +175,7 @@ function(palpate_kernel module source)
     set_source_files_properties(
       "${copy}" PROPERTIES
       OBJECT_DEPENDS "${CMAKE_CURRENT_SOURCE_DIR}/${source}"
-      COMPILE_OPTIONS "-O3;-Wno-psabi;-Wno-ignored-attributes;-Wno-maybe-uninitialized;-Wno-uninitialized;${flags_${variant}}"
+      COMPILE_OPTIONS "${optimised};-Wno-psabi;-Wno-ignored-attributes;-Wno-maybe-uninitialized;-Wno-uninitialized;${flags_${variant}}"
       COMPILE_DEFINITIONS "PALPATE_ISA_NAMESPACE=isa_${variant};PALPATE_LANES=${lanes_${variant}}")
   endforeach()
 endfunction()
@@ -225,14 +231,19 @@ function(palpate_device_test name)
   palpate_test(${name} SOURCES ${sources} LIBRARIES ${TEST_LIBRARIES})
 endfunction()
 
-# palpate_test(NAME [LIVE] SOURCES a.cpp ... LIBRARIES ...): one GoogleTest program, found by CTest.
-# LIVE tests run by the clock of the computer: one of them at a time. Time-outs are for what hangs, on
-# a machine that is busy with other things.
+# palpate_test(NAME [LIVE] [THREADED] SOURCES a.cpp ... LIBRARIES ...): one GoogleTest program, found by CTest.
+# LIVE tests run by the clock of the computer: one of them at a time. They and THREADED ones are the target
+# threaded_tests and have the label threads: what the thread sanitizer looks at (make tsan). Time-outs are for
+# what hangs, on a machine that is busy with other things.
 function(palpate_test name)
-  cmake_parse_arguments(TEST "LIVE" "" "SOURCES;LIBRARIES" ${ARGN})
+  cmake_parse_arguments(TEST "LIVE;THREADED" "" "SOURCES;LIBRARIES" ${ARGN})
   set(properties TIMEOUT 1800)
   if(TEST_LIVE)
     list(APPEND properties RESOURCE_LOCK clock)
+  endif()
+  if(TEST_LIVE OR TEST_THREADED)
+    list(APPEND properties LABELS threads)
+    set_property(GLOBAL APPEND PROPERTY PALPATE_THREADED_TESTS ${name})
   endif()
   add_executable(${name} ${TEST_SOURCES})
   target_link_libraries(${name} PRIVATE palpate_flags palpate_test_util ${TEST_LIBRARIES}
