@@ -9,7 +9,7 @@ cmake --preset $(1)
 cmake --build --preset $(1) -j $(JOBS)
 endef
 
-.PHONY: help setup lint format tidy build demo test quick-test golden fuzz mutants bench bench-compare live-figures camera-figures ros2-figures sensor-figures soak packing-curves peer-times eval eval-quick asan tsan large-inputs cuda gpu-check view-soak arm64 wheel packages try-packages try-demo try-test ci-all clean
+.PHONY: help setup lint format tidy build demo test quick-test busy-test golden fuzz mutants bench bench-compare live-figures camera-figures ros2-figures sensor-figures soak packing-curves peer-times eval eval-quick asan tsan large-inputs cuda gpu-check view-soak arm64 wheel packages try-packages try-demo try-test ci-all clean
 
 help:  ## this list
 	@grep -hE '^[a-z -]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z -]+):.*## */\1\t/' | expand -t 16
@@ -34,6 +34,11 @@ quick-test:  ## only rebuild and test: make quick-test [MODULE=contact]
 	cmake --preset release
 	cmake --build --preset release -j $(JOBS) $(if $(MODULE),--target tests/$(MODULE)/all)
 	scripts/test.sh release $(MODULE)
+
+busy-test:  ## every test that waits for something, in random order beside stress-ng --cpu 2: make busy-test [ROUNDS=5]
+	scripts/setup.sh --test
+	$(call build_preset,release)
+	scripts/busy_test.sh release $(or $(ROUNDS),5)
 
 golden:  ## write tests/contact/golden.txt anew: the bits of a few fixed measurements; says what moved
 	cmake --preset release
@@ -129,10 +134,12 @@ asan:  ## tests with the address and undefined behaviour sanitizers; not evaluat
 	scripts/test.sh fuzz -E '^(page_|docs_)'
 
 # GCC's thread sanitizer cannot live with much address space randomisation.
-tsan: setup  ## all tests with the thread sanitizer
+tsan: setup  ## the thread sanitizer: all tests with threads, and the live program with all that can happen for a minute
 	cmake --preset tsan
 	run=$$(setarch -R true 2>/dev/null && echo setarch -R); \
-	  $$run cmake --build --preset tsan -j $(JOBS) && $$run scripts/test.sh tsan
+	  $$run cmake --build --preset tsan -j $(JOBS) --target palpate threaded_tests && \
+	  PALPATE_LIVE_SECONDS=$(or $(LIVE_SECONDS),60) TSAN_OPTIONS="suppressions=$(CURDIR)/tests/foreign_races.txt history_size=4 die_after_fork=0" \
+	  $$run scripts/test.sh tsan -L threads
 
 fuzz:  ## feed every reader with damaged input: a minute a target, or make fuzz HOURS=8 [TARGET=obj]
 	scripts/setup.sh --fuzz

@@ -43,7 +43,8 @@ endif()
 add_library(palpate_flags INTERFACE)
 target_include_directories(palpate_flags INTERFACE "${PROJECT_SOURCE_DIR}/include"
                                                    "${PROJECT_SOURCE_DIR}")
-if(CMAKE_CXX_COMPILER_ID STREQUAL "Clang")  # it fuzzes, and knows other warnings
+if(CMAKE_CXX_COMPILER_ID STREQUAL "Clang" OR PALPATE_SANITIZE)
+  # Clang fuzzes, and knows other warnings; GCC warns of what sanitizers add.
   set(palpate_warnings -w)
 else()
   set(palpate_warnings -Wall;-Wextra;-Wpedantic;-Wshadow;-Werror)
@@ -233,17 +234,23 @@ endfunction()
 
 # Tests share three slots for every core (scripts/test.sh): one that computes takes three, one that runs by the clock two,
 # one that mostly waits one. So beside a test by the clock there is one that computes and one that waits, and no core is idle.
+# The label clock is for what waits for something (make busy-test).
 set(PALPATE_TEST_COMPUTES PROCESSORS 3)
-set(PALPATE_TEST_BY_CLOCK PROCESSORS 2 RESOURCE_LOCK clock COST 100)
+set(PALPATE_TEST_BY_CLOCK PROCESSORS 2 RESOURCE_LOCK clock LABELS clock COST 100)
 
-# palpate_test(NAME [LIVE] SOURCES a.cpp ... LIBRARIES ...): one GoogleTest program, found by CTest.
-# LIVE tests run by the clock of the computer: one of them at a time. Time-outs are for what hangs, on
-# a machine that is busy with other things.
+# palpate_test(NAME [LIVE] [THREADED] SOURCES a.cpp ... LIBRARIES ...): one GoogleTest program, found by CTest.
+# LIVE tests run by the clock of the computer: one of them at a time. They and THREADED ones are the target
+# threaded_tests and have the label threads: what the thread sanitizer looks at (make tsan). Time-outs are for
+# what hangs, on a machine that is busy with other things.
 function(palpate_test name)
-  cmake_parse_arguments(TEST "LIVE" "" "SOURCES;LIBRARIES" ${ARGN})
+  cmake_parse_arguments(TEST "LIVE;THREADED" "" "SOURCES;LIBRARIES" ${ARGN})
   set(properties TIMEOUT 1800 ${PALPATE_TEST_COMPUTES})
   if(TEST_LIVE)
     set(properties TIMEOUT 1800 ${PALPATE_TEST_BY_CLOCK})
+  endif()
+  if(TEST_LIVE OR TEST_THREADED)
+    list(APPEND properties LABELS threads)
+    set_property(GLOBAL APPEND PROPERTY PALPATE_THREADED_TESTS ${name})
   endif()
   add_executable(${name} ${TEST_SOURCES})
   target_link_libraries(${name} PRIVATE palpate_flags palpate_test_util ${TEST_LIBRARIES}
@@ -257,6 +264,6 @@ endfunction()
 function(palpate_test_in_parts name parts)
   foreach(part RANGE 1 ${parts})
     add_test(NAME ${name}_${part} ${ARGN})
-    set_tests_properties(${name}_${part} PROPERTIES TIMEOUT 1800 COST 50 ENVIRONMENT "PALPATE_PART=${part}/${parts}")
+    set_tests_properties(${name}_${part} PROPERTIES TIMEOUT 1800 COST 50 LABELS clock ENVIRONMENT "PALPATE_PART=${part}/${parts}")
   endforeach()
 endfunction()

@@ -4,14 +4,17 @@ Whatever happens: an end within its time; exit status 0 with whole results, or 1
 file under its final name that is not whole; what was recorded repeats to the bit.
 
 usage: faults_test.py PALPATE FAULTS_LIBRARY    PALPATE_KILLS=200: as many moments to be killed at
-                                                PALPATE_PLANS=200: as many plans made by chance
+                                                PALPATE_PLANS=200: as many plans made by chance;
+                                                100-200: of these, those from the 100th on
                                                 PALPATE_KEEP=1: leaves what a failed test worked on"""
 
+import collections
 import contextlib
 import json
 import os
 import pathlib
 import random
+import re
 import resource
 import shutil
 import signal
@@ -27,7 +30,8 @@ import parts  # noqa: E402
 
 PALPATE = FAULTS = None
 KILLS = int(os.environ.get("PALPATE_KILLS", 6))
-PLANS = int(os.environ.get("PALPATE_PLANS", 6))
+FIRST_PLAN, _, END_OF_PLANS = ("0-" + os.environ.get("PALPATE_PLANS", "6")).rpartition("-")
+FIRST_PLAN, END_OF_PLANS = int(FIRST_PLAN.split("-")[-1]), int(END_OF_PLANS)
 # What a busy machine must not end is no fault here.
 PATIENT = ("[safety]\nmax_contact_age = 60\nmax_sensor_age = 60\nmax_tick = 60\n"
            "max_device_silence = 60\nenergy_tank = 100\n")
@@ -63,9 +67,9 @@ class Case(unittest.TestCase):
         return ("touch", self.tool, "--scene", "wall", "--device", "sim", "--duration", duration,
                 *settings, "-o", output)
 
-    def check(self, arguments, faults, may_fail=True):
+    def check(self, arguments, faults, may_fail=True, timeout=300):
         """Runs it; returns the exit status."""
-        result = run(*arguments, faults=faults)
+        result = run(*arguments, faults=faults, timeout=timeout)
         self.last_error, self.last_output = result.stderr, result.stdout
         self.assertNotIn("LD_PRELOAD", result.stderr)  # the library is there
         told = f"{arguments[0]} under {faults}: {result.returncode}, {result.stderr}"
@@ -276,23 +280,32 @@ class Faults(Case):
     def test_plans_made_by_chance(self):
         """Several faults at once, each from a call that is chosen by chance."""
         choose = random.Random(11)
-        num_failed, num_ticks = 0, 0
-        for number in range(PLANS):
+        num_ticks, endings, kinds = 0, collections.Counter(), collections.Counter()
+        for number in range(END_OF_PLANS):
             plan = [f"{kind}@{choose.randint(1, most)}" for kind, most in
                     (("short", 1), ("interrupted", 1), ("full", 200), ("broken", 200), ("unreadable", 30),
                      ("slow", 1), ("threadless", 12), ("memoryless", 200), ("yesterday", 20))
                     if choose.random() < 0.25]
             plan = [each + f"-{int(each.split('@')[1]) + choose.randint(0, 3)}"
                     if each.startswith(("full", "broken")) and choose.random() < 0.5 else each for each in plan]
-            run_of = choose.choice((self.path_run, self.live_run))
+            run_of, seconds = choose.choice((self.path_run, self.live_run)), choose.uniform(0.1, 2)
+            if number < FIRST_PLAN:
+                continue
             output = self.folder / f"chance-{number}"
             with self.subTest(plan=",".join(plan), run=run_of.__name__):
-                num_failed += self.check(run_of(output, choose.uniform(0.1, 2)), ",".join(plan))
+                # Short writes on a slow disk take 200 ms for a third of what is left.
+                failed = self.check(run_of(output, seconds), ",".join(plan), timeout=1800)
+                kinds.update(each.split("@")[0] for each in plan)
                 for folder in self.folder.glob(f"chance-{number}*"):
                     num_ticks += self.check_run(folder)
                     shutil.rmtree(folder)
-        print(f"{PLANS} plans: {num_failed} runs ended with a sentence; {num_ticks} ticks repeated",
-              file=sys.stderr)
+                # What was said, without what differs from run to run.
+                last = self.last_error.strip().splitlines()[-1] if failed else "whole"
+                endings[re.sub(r"/\S*|[0-9.]+", "...", last)] += 1
+        print(f"{endings.total()} plans of {dict(kinds)}: {endings['whole']} runs ended with all results, "
+              f"{endings.total() - endings['whole']} with a sentence; {num_ticks} ticks repeated", file=sys.stderr)
+        for said, num in endings.most_common():
+            print(f"{num:6d}  {said}", file=sys.stderr)
 
     def wait_for(self, path, process):
         deadline = time.monotonic() + 120

@@ -17,6 +17,7 @@
 #include "tests/session/live_hand.h"
 #include "tests/session/recorded_messages.h"
 #include "tests/session/synthetic_stream.h"
+#include "tests/test_util/wait_for.h"
 
 namespace palpate {
 namespace {
@@ -29,6 +30,7 @@ using test::rewrite;
 using test::small_tool;
 using test::SyntheticStream;
 using test::TemporaryFolder;
+using test::wait_for;
 
 double depth_in_the_wall(double time) { return 0.07 + 0.02 * std::sin(7 * time); }
 
@@ -46,9 +48,10 @@ constexpr Edit kEdits[] = {
     [](auto& s) { s.surface.filter.enabled = false; },
 };
 
-/// Runs, makes the changes one after the other, and ends.
+/// Runs, makes the changes one after the other with so many ticks between them, and ends.
 Result<RunOutcome> run_with_changes(const std::filesystem::path& folder, RunMonitor& monitor,
-                                    const RecordingOptions& recording = {}, int pause_ms = 120) {
+                                    const RecordingOptions& recording = {},
+                                    std::uint64_t num_ticks = 120) {
   const Tool tool = small_tool();
   SyntheticStream stream(1000);
   const auto device = pressing_device(depth_in_the_wall);
@@ -60,7 +63,10 @@ Result<RunOutcome> run_with_changes(const std::filesystem::path& folder, RunMoni
       return;
     }
     person = std::thread([&, loop] {
-      const auto pause = [&] { std::this_thread::sleep_for(std::chrono::milliseconds(pause_ms)); };
+      const auto pause = [&] {
+        const std::uint64_t end = loop->report().num_ticks + num_ticks;
+        EXPECT_TRUE(wait_for([&] { return loop->report().num_ticks >= end; }));
+      };
       pause();
       for (const Edit edit : kEdits) {
         RunSettings settings = loop->settings();
@@ -78,7 +84,6 @@ Result<RunOutcome> run_with_changes(const std::filesystem::path& folder, RunMoni
     });
   };
   RunOptions options;
-  options.duration = 60;
   options.keep_going = [&] { return !is_done.load(); };
   options.monitor = &monitor;
   options.recording = recording;

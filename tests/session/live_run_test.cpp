@@ -6,6 +6,8 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <cmath>
 #include <fstream>
@@ -26,6 +28,7 @@
 #include "tests/session/live_hand.h"
 #include "tests/session/recorded_messages.h"
 #include "tests/session/synthetic_stream.h"
+#include "tests/test_util/wait_for.h"
 
 namespace palpate {
 namespace {
@@ -38,6 +41,7 @@ using test::rewrite;
 using test::small_tool;
 using test::SyntheticStream;
 using test::TemporaryFolder;
+using test::wait_for;
 
 Result<RunOutcome> run_for(double duration, const std::filesystem::path& folder,
                            const RunSettings& settings = patient_settings(),
@@ -429,16 +433,18 @@ TEST(LiveRun, KilledLosesNoMoreThanTheLastHalfSecond) {
   EXPECT_NE(replay->note.find("cut off"), std::string::npos);
 }
 
-/// One that says nothing for a while, as a camera with a loose plug.
+/// One that says nothing until that is noticed, as a camera with a loose plug.
 class StallingStream final : public SyntheticStream {
  public:
-  using SyntheticStream::SyntheticStream;
+  StallingStream(int num_frames, const std::atomic<bool>& is_noticed)
+      : SyntheticStream(num_frames), is_noticed_(is_noticed) {}
   Result<bool> next(DepthFrame& frame) override {
-    if (++num_ == 15) std::this_thread::sleep_for(std::chrono::milliseconds(700));
+    if (++num_ == 15) wait_for([&] { return is_noticed_.load(); });
     return SyntheticStream::next(frame);
   }
 
  private:
+  const std::atomic<bool>& is_noticed_;
   int num_ = 0;
 };
 
@@ -446,11 +452,12 @@ TEST(LiveRun, GoesOnAfterAFaultThatPassesAndIsRepeated) {
   const TemporaryFolder folder;
   const auto run = folder.path() / "run";
   RunSettings settings = patient_settings();
-  settings.safety.max_sensor_age = 0.3;
+  settings.safety.max_sensor_age = 0.5;
   settings.safety.recover_seconds = 0.1;
-  StallingStream stream(100000);
-  const auto device = pressing_device();
+  settings.safety.max_recoveries = 60;  // frames are late on a busy machine, too
   std::atomic<bool> has_fault = false, is_back = false;
+  StallingStream stream(100000, has_fault);
+  const auto device = pressing_device();
   std::vector<std::string> said;
   RunMonitor monitor;
   std::atomic<RunLoop*> loop = nullptr;
@@ -468,7 +475,7 @@ TEST(LiveRun, GoesOnAfterAFaultThatPassesAndIsRepeated) {
   RunOptions options;
   options.monitor = &monitor;
   options.say = [&](double, std::string_view text) { said.emplace_back(text); };
-  const double deadline = monotonic_now() + 60;
+  const double deadline = monotonic_now() + 300;
   options.keep_going = [&] { return !is_back && monotonic_now() < deadline; };
   const auto outcome = record_run(small_tool(), stream, *device, settings, run, options);
   ASSERT_TRUE(outcome) << outcome.error().message;
@@ -477,7 +484,7 @@ TEST(LiveRun, GoesOnAfterAFaultThatPassesAndIsRepeated) {
   EXPECT_GT(outcome->loop.num_faults, 0u);
   ASSERT_GE(said.size(), 3u);
   EXPECT_EQ(said.front(), describe(Fault::stale_sensor));
-  EXPECT_EQ(said.back(), "the force comes up");
+  EXPECT_NE(std::ranges::find(said, "the force comes up"), said.end());
   const auto summary = nlohmann::json::parse(outcome->summary_json);
   EXPECT_EQ(summary["fault"], "none");
   ASSERT_FALSE(summary["faults"].empty());
@@ -518,10 +525,25 @@ TEST(LiveRun, GoesOnWhenTheDiskIsFull) {
     signal(SIGXFSZ, SIG_IGN);
     const rlimit limit{800'000, 800'000};  // a second of ticks
     setrlimit(RLIMIT_FSIZE, &limit);
-    const auto outcome = run_for(3, run);
+    // Until the recording has paused, and half a second of ticks more.
+    std::atomic<double> paused = 0, now = 0;
+    RunMonitor monitor;
+    monitor.observer.on_ticks = [&](std::span<const TickRecord> ticks) { now = ticks.back().time; };
+    RunOptions options;
+    options.monitor = &monitor;
+    options.duration = 120;
+    options.say = [&](double time, std::string_view text) {
+      if (text.find("the recording pauses") != std::string_view::npos) paused = time;
+    };
+    options.keep_going = [&] { return paused == 0 || now < paused + 0.5; };
+    SyntheticStream stream(100000);
+    const auto device = pressing_device();
+    const auto outcome =
+        record_run(small_tool(), stream, *device, patient_settings(), run, options);
     const bool has_told =
         outcome && outcome->not_kept.find("nothing was recorded from") != std::string::npos;
-    _exit(outcome && has_told && outcome->failure.empty() && outcome->loop.seconds > 1.4 ? 0 : 1);
+    const bool has_gone_on = outcome && outcome->loop.seconds > paused && paused > 0;
+    _exit(has_told && has_gone_on && outcome->failure.empty() ? 0 : 1);
   }
   int status = 0;
   waitpid(child, &status, 0);
