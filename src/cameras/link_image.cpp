@@ -49,21 +49,33 @@ void LinkImage::add(const TriangleMesh& mesh, const Pose& X_CL) {
     vertices_.push_back(camera_.vertex_at(R_CL * p_L + X_CL.translation));
   }
   for (const auto& ids : mesh.triangles) {
+    const LinkVertex &a = vertices_[ids[0]], &b = vertices_[ids[1]], &c = vertices_[ids[2]];
+    if (a.corner.w > 0 && b.corner.w > 0 && c.corner.w > 0) {  // most of them
+      add_triangle({{a.corner, b.corner, c.corner}});
+      continue;
+    }
     LinkCorner corners[4];
-    const int num = cut_at_nearest(
-        camera_, {&vertices_[ids[0]], &vertices_[ids[1]], &vertices_[ids[2]]}, corners);
+    const int num = cut_at_nearest(camera_, {&a, &b, &c}, corners);
     for (int i = 2; i < num; ++i) add_triangle({{corners[0], corners[i - 1], corners[i]}});
   }
 }
 
 /// In pieces of which no corner is padded much wider than it needs.
 void LinkImage::add_triangle(const LinkTriangle& triangle) {
+  const auto add_piece = [this](const LinkTriangle& piece) {
+    const float nearest = piece.nearest();
+    Shell& shell = shells_[static_cast<std::size_t>(shell_of(nearest))];
+    shell.triangles.push_back(piece);
+    shell.nearest = larger(shell.nearest, nearest);
+  };
+  if (!camera_.is_padded_too_wide(triangle)) {
+    add_piece(triangle);
+    return;
+  }
   LinkPieces pieces(triangle);
   for (LinkTriangle piece; pieces.take(piece);) {
     if (camera_.is_padded_too_wide(piece) && pieces.cut(piece)) continue;
-    Shell& shell = shells_[static_cast<std::size_t>(shell_of(piece.nearest()))];
-    shell.triangles.push_back(piece);
-    shell.nearest = larger(shell.nearest, piece.nearest());
+    add_piece(piece);
   }
 }
 
