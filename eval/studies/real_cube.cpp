@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "eval/studies/range.h"
-#include "eval/studies/seen_frame.h"
+#include "eval/studies/frozen_frame.h"
 #include "palpate/cloud/point_cloud.h"
 #include "palpate/io/files.h"
 #include "palpate/io/formats.h"

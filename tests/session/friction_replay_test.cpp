@@ -130,7 +130,7 @@ TEST_F(FrictionRun, AFlowIsRecordedAndRepeated) {
   }
   // It is felt: contacts of frame 5 know how their ground moves, those of frame 4 do not.
   reader = RunReader::open(run());
-  int num_told[8] = {}, num_touched[8] = {};
+  int num_published[8] = {}, num_touched[8] = {};
   for (;;) {
     const auto message = reader->next();
     ASSERT_TRUE(message);
@@ -140,12 +140,12 @@ TEST_F(FrictionRun, AFlowIsRecordedAndRepeated) {
     if (!(contact.penetration.volume > 0)) continue;
     const auto frame_number = static_cast<std::size_t>(contact.frame_number);
     ++num_touched[frame_number];
-    num_told[frame_number] += norm(contact.contact.patch.ground.velocity_W) > 0.01 ? 1 : 0;
+    num_published[frame_number] += norm(contact.contact.patch.ground.velocity_W) > 0.01 ? 1 : 0;
   }
   EXPECT_GT(num_touched[4], 20);
-  EXPECT_EQ(num_told[4], 0);
+  EXPECT_EQ(num_published[4], 0);
   EXPECT_GT(num_touched[5], 20);
-  EXPECT_EQ(num_told[5], num_touched[5]);
+  EXPECT_EQ(num_published[5], num_touched[5]);
 }
 
 // Recordings of before know no ground.
