@@ -6,8 +6,8 @@
 #include <optional>
 #include <utility>
 
-#include "eval/studies/range.h"
 #include "eval/studies/frozen_frame.h"
+#include "eval/studies/range.h"
 #include "palpate/cloud/point_cloud.h"
 #include "palpate/io/files.h"
 #include "palpate/io/formats.h"
