@@ -61,10 +61,10 @@ void* Stream::handle() const noexcept { return impl_.get(); }
 bool Stream::is_recording() noexcept { return impl_->queue().records; }
 
 void Stream::copy(void* to, const void* from, std::size_t num_bytes) noexcept {
-  impl_->take([=] { std::memcpy(to, from, num_bytes); });
+  if (num_bytes > 0) impl_->take([=] { std::memcpy(to, from, num_bytes); });
 }
 void Stream::clear(void* data, std::size_t num_bytes) noexcept {
-  impl_->take([=] { std::memset(data, 0, num_bytes); });
+  if (num_bytes > 0) impl_->take([=] { std::memset(data, 0, num_bytes); });
 }
 const Status& Stream::wait(double) noexcept { return status_; }
 bool Stream::is_idle() noexcept { return true; }
