@@ -455,8 +455,8 @@ TEST(RunView, StepsFrameByFrameInBothDirections) {
        {std::pair(1, 7), {1, 8}, {-1, 7}, {-4, 3}, {-100, 0}, {99, 11}}) {
     watcher.execute({{"command", "step"}, {"frames", step}});
     EXPECT_TRUE(is_at(number)) << step << " to " << number;
+    EXPECT_TRUE(watcher.until([&] { return watcher.state()["frame_number"] == number; })) << number;
     EXPECT_EQ(watcher.state()["paused"], true);
-    EXPECT_EQ(watcher.state()["frame_number"], number);
   }
   watcher.samples.clear();
   watcher.execute({{"command", "seek"}, {"time", 0.1501}});
