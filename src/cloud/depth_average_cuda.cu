@@ -48,8 +48,9 @@ __global__ void __launch_bounds__(kThreads)
     return;
   }
   PixelMemory memory = job.memories[i];
-  job.depth[i] =
-      update_average(memory, PixelRing{job.rings + i, job.num_pixels}, count, unit, job.options);
+  // A moving average has rings; without, there is nothing to point into.
+  const PixelRing ring{job.rings != nullptr ? job.rings + i : nullptr, job.num_pixels};
+  job.depth[i] = update_average(memory, ring, count, unit, job.options);
   job.memories[i] = memory;
 }
 

@@ -65,7 +65,8 @@ inline ShownField shown_by(const DepthFieldView& view, gpu::Stream& stream) {
 
 template <class T>
 bool same_bits(const std::vector<T>& a, const std::vector<T>& b) {
-  return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(T)) == 0;
+  return a.size() == b.size() &&
+         (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(T)) == 0);
 }
 
 inline void expect_same_field(const DepthFieldView& got, const DepthFieldView& want,
