@@ -103,31 +103,30 @@ void put(CdrWriter& to, const RosHeader& header, const RosMarker& marker,
   put(to, header, marker, std::span<const Vec3d>(corners));
 }
 
-}  // namespace
-
-std::string image_message(const RosHeader& header, const DepthFrame& frame) {
+/// sensor_msgs/Image, whose pixels have so many numbers each.
+template <class T>
+std::string image(const RosHeader& header, const DepthFrame& frame, const char* encoding,
+                  const std::vector<T>& numbers, std::size_t num_channels) {
   CdrWriter to;
   put(to, header);
   to.number(static_cast<std::uint32_t>(frame.height));
   to.number(static_cast<std::uint32_t>(frame.width));
-  to.text("16UC1");
+  to.text(encoding);
   to.number(std::uint8_t{0});
-  to.number(static_cast<std::uint32_t>(2 * frame.width));
-  to.bytes(frame.pixels.data(), 2 * frame.pixels.size());
+  to.number(static_cast<std::uint32_t>(num_channels * sizeof(T)) *
+            static_cast<std::uint32_t>(frame.width));
+  to.bytes(numbers.data(), sizeof(T) * numbers.size());
   return to.take();
 }
 
+}  // namespace
+
+std::string image_message(const RosHeader& header, const DepthFrame& frame) {
+  return image(header, frame, "16UC1", frame.pixels, 1);
+}
+
 std::string flow_message(const RosHeader& header, const DepthFrame& frame) {
-  CdrWriter to;
-  put(to, header);
-  to.number(static_cast<std::uint32_t>(frame.height));
-  to.number(static_cast<std::uint32_t>(frame.width));
-  to.text("32FC2");
-  to.number(std::uint8_t{0});
-  to.number(static_cast<std::uint32_t>(2 * sizeof(float)) *
-            static_cast<std::uint32_t>(frame.width));
-  to.bytes(frame.flow.data(), sizeof(float) * frame.flow.size());
-  return to.take();
+  return image(header, frame, "32FC2", frame.flow, 2);
 }
 
 std::string camera_info_message(const RosHeader& header, const DepthStreamInfo& stream) {
