@@ -160,15 +160,6 @@ TEST(SurfaceMotion, OfWhatIsNotKnownIsThatOfTheRest) {
   EXPECT_EQ(norm(surface_motion({&blend, 1}, disc).linear), 0);
 }
 
-Tool packed(TriangleMesh mesh, int num_spheres) {
-  PackOptions options;
-  options.max_spheres = num_spheres;
-  SpherePacking packing = pack_spheres(mesh, options).value();
-  return Tool::build(std::move(mesh), std::move(packing), GapRule::relative, "tool")
-      .value()
-      .with_solid_field();
-}
-
 RunSettings settings_of(CouplingKind kind) {
   RunSettings settings = test::patient_settings();
   settings.coupling.X_WB = {};
@@ -217,7 +208,7 @@ Pose pressing(int tick, double reach, double press) {
 }
 
 TEST(Flow, ABeltThatSlidesUnderAToolDragsItWithMuN) {
-  const Tool tool = packed(make_box({0.04, 0.04, 0.04}), 400);
+  const Tool tool = test::packed(make_box({0.04, 0.04, 0.04}), 400);
   const Vec3d way = normalized(Vec3d{1, 0.5, 0});
   for (const CouplingKind kind : {CouplingKind::none, CouplingKind::virtual_coupling,
                                   CouplingKind::direct, CouplingKind::proxy}) {
@@ -237,7 +228,7 @@ TEST(Flow, ABeltThatSlidesUnderAToolDragsItWithMuN) {
 }
 
 TEST(Flow, WhatSticksIsStretchedByTheWayOfTheBelt) {
-  const Tool tool = packed(make_box({0.04, 0.04, 0.04}), 400);
+  const Tool tool = test::packed(make_box({0.04, 0.04, 0.04}), 400);
   RunSettings settings = settings_of(CouplingKind::none);
   settings.coupling.friction.stiffness = 1500;
   const double speed = 2e-3;
@@ -255,7 +246,7 @@ TEST(Flow, WhatSticksIsStretchedByTheWayOfTheBelt) {
 }
 
 TEST(Flow, AToolThatGoesWithTheBeltFeelsNothingOfIt) {
-  const Tool tool = packed(make_box({0.04, 0.04, 0.04}), 400);
+  const Tool tool = test::packed(make_box({0.04, 0.04, 0.04}), 400);
   const double speed = 0.05;
   for (const CouplingKind kind : {CouplingKind::none, CouplingKind::virtual_coupling}) {
     Belt belt(tool, settings_of(kind), [&](int) { return Twist{{speed, 0, 0}, {}}; });
@@ -275,7 +266,7 @@ TEST(Flow, AToolThatGoesWithTheBeltFeelsNothingOfIt) {
 
 TEST(Flow, ADiscThatTurnsUnderAToolTurnsIt) {
   const double radius = 0.015;
-  const Tool tool = packed(make_cylinder(radius, 0.03, 96), 2000);
+  const Tool tool = test::packed(make_cylinder(radius, 0.03, 96), 2000);
   Belt belt(tool, settings_of(CouplingKind::none), [](int) { return Twist{{}, {0, 0, 1.5}}; });
   double sum = 0;
   for (int i = 0; i < 800; ++i) {
@@ -288,7 +279,7 @@ TEST(Flow, ADiscThatTurnsUnderAToolTurnsIt) {
 // With flow there is a belt under the block, which takes it along.
 TEST(Flow, ABeltCarriesWhatLiesOnIt) {
   const Tool tool = test::box_tool();
-  const auto block = std::make_shared<const Tool>(packed(make_box({0.06, 0.06, 0.03}), 800));
+  const auto block = std::make_shared<const Tool>(test::packed(make_box({0.06, 0.06, 0.03}), 800));
   RunSettings settings = settings_of(CouplingKind::none);
   settings.objects = {{block, {{-0.03, 0, kWall - 0.015}, {}}, {}, true, 0.1}};
   settings.bodies.gravity_y = 0;

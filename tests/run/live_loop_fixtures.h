@@ -20,6 +20,16 @@ inline const Tool& box_tool() {
   return tool;
 }
 
+/// A tool that other bodies can ask for the distance of its mesh.
+inline Tool packed(TriangleMesh mesh, int num_spheres) {
+  PackOptions options;
+  options.max_spheres = num_spheres;
+  SpherePacking packing = pack_spheres(mesh, options).value();
+  return Tool::build(std::move(mesh), std::move(packing), GapRule::relative, "tool")
+      .value()
+      .with_solid_field();
+}
+
 /// Limits that no busy machine reaches, and the hand's base 5 cm in front of the wall.
 inline RunSettings patient_settings() {
   RunSettings settings;

@@ -116,15 +116,6 @@ struct World {
   Pose last;
 };
 
-Tool packed(TriangleMesh mesh, int num_spheres) {
-  PackOptions options;
-  options.max_spheres = num_spheres;
-  SpherePacking packing = pack_spheres(mesh, options).value();
-  return Tool::build(std::move(mesh), std::move(packing), GapRule::relative, "tool")
-      .value()
-      .with_solid_field();
-}
-
 RunSettings settings_of(CouplingKind kind) {
   RunSettings settings = test::patient_settings();
   settings.coupling.X_WB = {};
@@ -134,7 +125,7 @@ RunSettings settings_of(CouplingKind kind) {
 
 // From wood onto ice: the force changes within the width of the tool, and never jumps.
 TEST(Regions, AToolSlidesFromWoodOntoIce) {
-  const Tool disc = packed(make_cylinder(kRadius, 0.03, 96), 2000);
+  const Tool disc = test::packed(make_cylinder(kRadius, 0.03, 96), 2000);
   for (const CouplingKind kind : {CouplingKind::none, CouplingKind::virtual_coupling}) {
     RunSettings settings = settings_of(kind);
     settings.regions = {halves()};
@@ -164,8 +155,8 @@ TEST(Regions, AToolSlidesFromWoodOntoIce) {
 // A block on the floor that the tool presses on and takes along: the hand pulls with what the floor
 // takes, which is less than what the tool could hold.
 TEST(FrictionOnBodies, IsWhatTheBodyFeels) {
-  const Tool tool = packed(make_box({0.02, 0.02, 0.04}), 300);
-  const auto block = std::make_shared<const Tool>(packed(make_box({0.08, 0.08, 0.03}), 800));
+  const Tool tool = test::packed(make_box({0.02, 0.02, 0.04}), 300);
+  const auto block = std::make_shared<const Tool>(test::packed(make_box({0.08, 0.08, 0.03}), 800));
   const double floor = 0.3, grip = 0.9, mass = 0.05;
   RunSettings settings = settings_of(CouplingKind::virtual_coupling);
   settings.coupling.friction.coefficient = grip;
