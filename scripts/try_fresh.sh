@@ -58,9 +58,10 @@ INSIDE
   demo | test)
     python3 tools/project_files.py | tar -cf "$inside/sources.tar" -T -
     echo "$what" >"$inside/what"
-    # pip and npm ask there whom they ask here: a machine may have its own registries.
+    # pip and npm use the registries and certificates of this machine: it may have its own.
     settings=()
-    for file in /etc/pip.conf "$HOME/.config/pip/pip.conf" "$HOME/.npmrc" /etc/ssl/certs/ca-certificates.crt; do
+    for file in /etc/pip.conf "$HOME/.config/pip/pip.conf" "$HOME/.npmrc" /etc/ssl/certs/ca-certificates.crt \
+      /usr/local/share/ca-certificates; do
       [ ! -e "$file" ] || settings+=("$file")
     done
     tar -cPf "$inside/settings.tar" -T /dev/null "${settings[@]}"
@@ -71,7 +72,7 @@ tar -C / -xPf settings.tar
 mkdir project
 cd project
 tar -xf ../sources.tar
-apt-get -q install -y --no-install-recommends make >install.log 2>&1 || { tail install.log; exit 1; }
+apt-get -q install -y --no-install-recommends make >../install.log 2>&1 || { tail ../install.log; exit 1; }
 exec bash -c 'set -o pipefail
   make "$1" 2>&1 | while IFS= read -r line; do printf "%4d s  %s\n" "$SECONDS" "$line"; done' bash "$(cat ../what)"
 INSIDE
