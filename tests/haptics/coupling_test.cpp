@@ -315,8 +315,7 @@ TEST(VirtualCoupling, FollowsABackwardEulerOscillatorOnAContact) {
         const double goal = i < 100 ? -1e-3 : -3e-3;
         const CouplingStep step = coupling->step(hand_for({0, 0, goal}), contact, h);
         const double f = force(z), damping = v > 0 && c * v > 1 ? f / v : c * f;
-        v = (m * v + h * (k * (goal - z) + f)) /
-            (m + h * (d + dc + damping) + h * h * (k + kc));
+        v = (m * v + h * (k * (goal - z) + f)) / (m + h * (d + dc + damping) + h * h * (k + kc));
         z += h * v;
         ASSERT_NEAR((step.X_WT * box_tool().centre_of_mass).z, z, 1e-12) << kc << " " << c;
         ASSERT_GT(force(z), 0);

@@ -456,8 +456,7 @@ TEST(SafetyFilter, EveryChangeIsDescribedOnce) {
   }
   EXPECT_EQ(change(fading, Fault::backend, fading, Fault::sensor), describe(Fault::sensor));
   EXPECT_NE(change(engaged, Fault::none, waiting, Fault::none).find("let go"), std::string::npos);
-  EXPECT_NE(change(waiting, Fault::none, engaged, Fault::none).find("comes up"),
-            std::string::npos);
+  EXPECT_NE(change(waiting, Fault::none, engaged, Fault::none).find("comes up"), std::string::npos);
   EXPECT_EQ(change(engaged, Fault::none, engaged, Fault::none), "");
 }
 

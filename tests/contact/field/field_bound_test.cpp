@@ -80,14 +80,16 @@ FrozenField block_before_wall(int width, int height, double fx, double fy, Rando
   return FrozenField(std::move(cloud), {.unknown = UnknownSpace::solid});
 }
 
-// With any number of pixels in the last tiles; where the outermost surface goes on, so does contact.
+// With any number of pixels in the last tiles; where the outermost surface goes on, so does
+// contact.
 TEST(FieldBound, LeavesOutNothingInAndBeyondAnyImage) {
   Random random(72);
   SpherePacking large;
   large.spheres = {{{}, 0.04f}};
   const Tool tools[] = {
       test::random_tool(40, 0.02, 3),
-      Tool::build(make_box({0.08, 0.08, 0.08}), std::move(large), GapRule::relative, "one").value()};
+      Tool::build(make_box({0.08, 0.08, 0.08}), std::move(large), GapRule::relative, "one")
+          .value()};
   for (const auto& [width, height] : {std::pair{160, 120}, {128, 96}, {111, 112}, {112, 79}}) {
     for (const auto& [fx, fy] : {std::pair{140.0, 140.0}, {420.0, 105.0}, {105.0, 420.0}}) {
       const FrozenField scene = block_before_wall(width, height, fx, fy, random);

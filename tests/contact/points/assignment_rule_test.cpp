@@ -24,9 +24,10 @@ TEST(AssignmentRule, LeavesOutDonorsThatAreNearestToNoCornerAndNoOthers) {
     const float size = static_cast<float>(std::pow(10, random.uniform(-3, 2)));
     const auto point = [&] { return size * to_float(random.in_box(1)); };
     Cluster box;
-    box.half_size = 0.3f * size *
-                    Vec3f{static_cast<float>(random.uniform()), static_cast<float>(random.uniform()),
-                          static_cast<float>(random.uniform())};
+    box.half_size =
+        0.3f * size *
+        Vec3f{static_cast<float>(random.uniform()), static_cast<float>(random.uniform()),
+              static_cast<float>(random.uniform())};
     // The rule takes donors as seen from the middle of the box, or from anywhere.
     const Vec3f a = point(), b = point();
     const auto squared = [](const Vec3d& v) { return dot(v, v); };
