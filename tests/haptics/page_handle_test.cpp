@@ -1,6 +1,8 @@
 // How far a page may move the hand: as far as a hand comes in the time since its last pose.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "palpate/haptics/device.h"
 
 namespace palpate {

@@ -13,8 +13,6 @@ namespace {
 
 using test::Random;
 
-double double_of(float v) { return v; }
-
 // How much nearer than another donor one is grows evenly along the box, so some centre in it is
 // nearer to that one if some corner is. From tools of millimetres to ones of many metres.
 TEST(AssignmentRule, LeavesOutDonorsThatAreNearestToNoCornerAndNoOthers) {
@@ -28,16 +26,15 @@ TEST(AssignmentRule, LeavesOutDonorsThatAreNearestToNoCornerAndNoOthers) {
         0.3f * size *
         Vec3f{static_cast<float>(random.uniform()), static_cast<float>(random.uniform()),
               static_cast<float>(random.uniform())};
-    // The rule takes donors as seen from the middle of the box, or from anywhere.
     const Vec3f a = point(), b = point();
     const auto squared = [](const Vec3d& v) { return dot(v, v); };
     const double square_a = squared(to_double(a)), square_b = squared(to_double(b));
     if (square_a > square_b) continue;
     double most = -1e300;  // by how much b is nearer than a
     for (int corner = 0; corner < 8; ++corner) {
-      const Vec3d p{(corner & 1 ? 1 : -1) * double_of(box.half_size.x),
-                    (corner & 2 ? 1 : -1) * double_of(box.half_size.y),
-                    (corner & 4 ? 1 : -1) * double_of(box.half_size.z)};
+      const Vec3d p{(corner & 1 ? 1 : -1) * double{box.half_size.x},
+                    (corner & 2 ? 1 : -1) * double{box.half_size.y},
+                    (corner & 4 ? 1 : -1) * double{box.half_size.z}};
       most = std::max(most, squared(to_double(a) - p) - squared(to_double(b) - p));
     }
     const bool is_kept =
