@@ -117,6 +117,33 @@ TEST(ContactPatch, OfTwoFeetAndOfNothing) {
   }
 }
 
+// What lies under two feet counts by the force on each.
+TEST(ContactPatch, TheGroundUnderTwoFeetIsTheirMean) {
+  test::Random random(4);
+  const auto fill = [&](Ground& ground) {
+    for (double* number : {&ground.share, &ground.friction, &ground.static_friction,
+                           &ground.viscous, &ground.ridges, &ground.grain}) {
+      *number = random.uniform(0.1, 1);
+    }
+    ground.velocity_W = random.in_box(1);
+    ground.turning_W = random.in_box(1);
+  };
+  for (int i = 0; i < 20; ++i) {
+    ContactPatch a, b;
+    fill(a.ground);
+    fill(b.ground);
+    const double f = random.uniform(0.1, 9), g = random.uniform(0.1, 9);
+    const Ground both = joined(a, f, b, g).ground;
+    for (const auto number : {&Ground::share, &Ground::friction, &Ground::static_friction,
+                              &Ground::viscous, &Ground::ridges, &Ground::grain}) {
+      EXPECT_NEAR((f + g) * both.*number, f * a.ground.*number + g * b.ground.*number, 1e-12);
+    }
+    for (const auto v : {&Ground::velocity_W, &Ground::turning_W}) {
+      EXPECT_LT(norm((f + g) * both.*v - f * a.ground.*v - g * b.ground.*v), 1e-12);
+    }
+  }
+}
+
 // A ball: as far out as it is, where the wrench points.
 TEST(ContactPatch, IsGuessedFromTheWrench) {
   test::Random random(2);

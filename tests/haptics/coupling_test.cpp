@@ -250,7 +250,12 @@ TEST(CheckCoupling, RefusesWhatIsNoNumberOrOutOfRange) {
   EXPECT_TRUE(is_refused([&](auto& o) { o.motion_scale = 0; }));
   EXPECT_TRUE(is_refused([&](auto& o) { o.X_WB.translation.x = nan; }));
   EXPECT_TRUE(is_refused([&](auto& o) { o.X_HT.rotation = {0, 0, 0, 0}; }));
-  EXPECT_FALSE(check_coupling({}, kLimits, 0, box_tool()).has_value());
+  for (const double tick : {1e-6, 1.0}) {  // the first and the last
+    EXPECT_TRUE(check_coupling({}, kLimits, tick, box_tool()).has_value()) << tick;
+  }
+  for (const double tick : {0.0, -kTick, 0.999e-6, 1.001, nan}) {
+    EXPECT_FALSE(check_coupling({}, kLimits, tick, box_tool()).has_value()) << tick;
+  }
   DeviceLimits broken = kLimits;
   broken.max_torque = nan;
   EXPECT_FALSE(check_coupling({}, broken, kTick, box_tool()).has_value());
@@ -283,6 +288,41 @@ TEST(VirtualCoupling, FollowsABackwardEulerOscillator) {
     ASSERT_NEAR(step.energy, k * (goal - x) * (goal - x) / 2, 1e-12);
   }
   EXPECT_LT(std::abs(goal - x), 1e-4);
+}
+
+// The same on a contact of force F - k (z - z_F), with the coupling's damping of it, 0.7 of the
+// critical one, and that of the options, c times the force but no more than stops the tool.
+TEST(VirtualCoupling, FollowsABackwardEulerOscillatorOnAContact) {
+  for (const double kc : {0.0, 500.0, 5000.0}) {
+    for (const double c : {0.0, 5.0, 100.0}) {
+      CouplingOptions options = checked({});
+      options.stiffness = 500;
+      options.friction.contact_damping = c;
+      const double m = options.tool_mass, k = 500, d = 2 * std::sqrt(m * k);
+      const double dc = 2 * 0.7 * std::sqrt(m * kc), h = kTick;
+      LocalContact contact;
+      contact.is_valid = true;
+      contact.time = 1;
+      contact.X_WT = hand_for({0, 0, -1e-3}).X_BH;
+      contact.p_WC = {0, 0, -1e-3};
+      contact.F_C_W.force.z = 2;
+      contact.stiffness.m[2][2] = contact.max_stiffness = kc;
+      const auto force = [&](double z) { return 2 - kc * (z + 1e-3); };
+      const auto coupling = make_coupling(options, kLimits, box_tool());
+      coupling->reset(hand_for({0, 0, -1e-3}));
+      double z = -1e-3, v = 0;
+      for (int i = 0; i < 200; ++i) {
+        const double goal = i < 100 ? -1e-3 : -3e-3;
+        const CouplingStep step = coupling->step(hand_for({0, 0, goal}), contact, h);
+        const double f = force(z), damping = v > 0 && c * v > 1 ? f / v : c * f;
+        v = (m * v + h * (k * (goal - z) + f)) / (m + h * (d + dc + damping) + h * h * (k + kc));
+        z += h * v;
+        ASSERT_NEAR((step.X_WT * box_tool().centre_of_mass).z, z, 1e-12) << kc << " " << c;
+        ASSERT_GT(force(z), 0);
+        ASSERT_NEAR(step.contact_W.force.z, force(z) + std::max(-damping * v, -force(z)), 1e-8);
+      }
+    }
+  }
 }
 
 TEST(VirtualCoupling, NoForceInFreeMotionAtConstantSpeed) {

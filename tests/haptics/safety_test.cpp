@@ -438,6 +438,28 @@ TEST(SafetyFilter, EveryFaultIsDescribed) {
   }
 }
 
+// A fault once, when it comes; else what the state has become.
+TEST(SafetyFilter, EveryChangeIsDescribedOnce) {
+  const auto change = [](ForceState from, Fault before, ForceState to, Fault after) {
+    SafetyStatus a, b;
+    a.state = from, a.fault = before;
+    b.state = to, b.fault = after;
+    return describe_change(a, b);
+  };
+  using enum ForceState;
+  for (int i = 1; i <= static_cast<int>(Fault::stopped); ++i) {
+    const auto fault = static_cast<Fault>(i);
+    EXPECT_EQ(change(engaged, Fault::none, fading, fault), describe(fault));
+    EXPECT_EQ(change(fading, fault, off, fault), "");
+    EXPECT_NE(change(off, fault, waiting, Fault::none).find("well again"), std::string::npos);
+    EXPECT_NE(change(off, fault, held_off, fault).find("too many faults"), std::string::npos);
+  }
+  EXPECT_EQ(change(fading, Fault::backend, fading, Fault::sensor), describe(Fault::sensor));
+  EXPECT_NE(change(engaged, Fault::none, waiting, Fault::none).find("let go"), std::string::npos);
+  EXPECT_NE(change(waiting, Fault::none, engaged, Fault::none).find("comes up"), std::string::npos);
+  EXPECT_EQ(change(engaged, Fault::none, engaged, Fault::none), "");
+}
+
 // A million hostile ticks. Always: numbers, within the limits, no jump; a fault only ever lets the
 // force fall, to exactly zero in time, and what comes after it begins at zero.
 TEST(SafetyFilter, HoldsWhateverComesIn) {

@@ -106,7 +106,9 @@ PALPATE_FORMULA BallWindow window_of(const FieldFrame& frame, const Cluster& bal
   if (!window.is_before_camera()) return window;
   const float near_scale = 1.0f / window.nearest, far_scale = 1.0f / window.farthest;
   const float margin_u = 2.01f + 5 * kFootprint * largest_radius * frame.fx * near_scale;
-  const float margin_v = 2.01f + 5 * kFootprint * largest_radius * frame.fy * near_scale;
+  // Rows of pixels are asked as far around as columns, also where they are higher.
+  const float focal_v = frame.fx > frame.fy ? frame.fx : frame.fy;
+  const float margin_v = 2.01f + 5 * kFootprint * largest_radius * focal_v * near_scale;
   find_pixels(at[0], reach, near_scale, far_scale, frame.fx, frame.cx, margin_u, window.first_u,
               window.last_u);
   find_pixels(at[1], reach, near_scale, far_scale, frame.fy, frame.cy, margin_v, window.first_v,

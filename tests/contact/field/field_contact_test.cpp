@@ -486,6 +486,27 @@ TEST(FieldContact, StatesAndPlanesDescribeTheLastQuery) {
   }
 }
 
+// To the bit: numbers that are sums of powers of two.
+TEST(FieldContact, WhatTouchesInOnePointIsOutside) {
+  const FrozenField scene = plane({{0, 0, -1}, -0.5});
+  SpherePacking one;
+  one.spheres = {{{}, 0.015625f}};
+  const Tool tool =
+      Tool::build(make_box({0.03, 0.03, 0.03}), std::move(one), GapRule::relative, "one").value();
+  SphereState state;
+  for (const Isa isa : isas()) {
+    const auto query =
+        make_contact_query(Backend::cpu, tool, FieldMethod{SphereVolumes::own}, {isa}).value();
+    for (const double deeper : {0.0, 0.0009765625}) {
+      const Pose X_WT{{0, 0, 0.5 - 0.015625 + deeper}, {}};
+      const Penetration got =
+          query->measure({{}, scene.field.view()}, X_WT, {.states = {&state, 1}}).penetration;
+      EXPECT_EQ(state, deeper > 0 ? SphereState::boundary : SphereState::outside);
+      EXPECT_EQ(got.num_boundary_spheres, deeper > 0 ? 1 : 0);
+    }
+  }
+}
+
 // A ball is what its sphere stands for as long as it need not grow by more than half.
 TEST(FieldElements, AreAsLargeAsWhatTheyStandFor) {
   const Tool tool = test::random_tool(400, 0.05, 24);

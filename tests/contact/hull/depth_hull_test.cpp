@@ -272,15 +272,19 @@ TEST(DepthHull, WhoSeesNothingAbstains) {
 TEST(DepthHull, BlackPixelsOfOneCameraCarveNothing) {
   // Both cameras look at a wall; in one of them a patch has no measurement.
   const HullScene whole = test::wall_scene(2, false), patched = test::wall_scene(2, true);
-  const Tool tool = test::random_tool(300, 0.03, 5);
-  const auto query = make_query(tool, SphereVolumes::own);
-  for (const double depth : {0.0, 0.01, 0.03, 0.1}) {
-    const Pose X_WT{{0, 0, 0.8 + depth}, {}};
-    const double want = query->measure(whole.views, X_WT).penetration.volume;
-    EXPECT_NEAR(query->measure(patched.views, X_WT).penetration.volume, want, 0.02 * want);
-    // By the one with the patch alone nothing is there.
-    const std::vector<SurfaceBlend> alone{patched.views[1]};
-    EXPECT_LT(query->measure(alone, X_WT).penetration.volume, 0.1 * want);
+  for (const double size : {0.03, 0.012}) {
+    const Tool tool = test::random_tool(300, size, 5);
+    const auto query = make_query(tool, SphereVolumes::own);
+    for (const double depth : {0.0, 0.01, 0.03, 0.1}) {
+      const Pose X_WT{{0, 0, 0.8 + depth}, {}};
+      const double want = query->measure(whole.views, X_WT).penetration.volume;
+      EXPECT_NEAR(query->measure(patched.views, X_WT).penetration.volume, want, 0.02 * want);
+      // By the one with the patch, alone or twice, nothing is there.
+      for (const std::size_t num : {1u, 2u}) {
+        const std::vector<SurfaceBlend> unmeasured(num, patched.views[1]);
+        EXPECT_LT(query->measure(unmeasured, X_WT).penetration.volume, 0.1 * want) << num;
+      }
+    }
   }
 }
 

@@ -9,6 +9,7 @@
 #include <gtest/gtest.h>
 
 #include "palpate/contact/contact.h"
+#include "src/field/key_frames.h"
 #include "tests/test_util/allocation_counter.h"
 #include "tests/test_util/contact_scenes.h"
 #include "tests/test_util/hull_scenes.h"
@@ -255,6 +256,23 @@ TEST(KeyFrames, AreOfCountsInHostMemory) {
   timeline.push(DepthImageView(64, 48, counts.data(), 0.001), 0.1, pool);
   EXPECT_TRUE(timeline.status());
   EXPECT_EQ(timeline.key_frames().size(), 1u);
+}
+
+// Where all has gone, or something has come before all of it, all points say so but those of the
+// border, which have too few beside them.
+TEST(FrameEvidence, OfTheBorderNothingIsConcluded) {
+  DepthGrid kept{9, 7, {8, 8, 4, 3}, {}, std::vector<float>(63, 1.0f)}, now = kept;
+  FrameEvidence evidence(63, {});
+  for (const float seen : {2.0f, 0.5f}) {
+    now.depth.assign(63, seen);
+    evidence.look(kept, now);
+    for (int i = 0; i < 63; ++i) {
+      const int u = i % 9, v = i / 9;
+      const bool is_inner = u > 0 && u < 8 && v > 0 && v < 6;
+      EXPECT_EQ(evidence.gone(i).value_or(-1), is_inner && seen > 1 ? seen : -1) << u << " " << v;
+      EXPECT_EQ(evidence.come(i), is_inner && seen < 1 ? seen : 0) << u << " " << v;
+    }
+  }
 }
 
 TEST(KeyFrames, NoiseContradictsNothing) {

@@ -90,6 +90,42 @@ TEST(Memory, EqualsItsDefinition) {
   }
 }
 
+// As key frames are: two of the cameras show what they remember alone, on the way from one place to
+// another. A query that has been asked about more cameras has forgotten them.
+TEST(Memory, OfFramesFromOtherPlacesEqualsItsDefinition) {
+  Random random(47);
+  const HullScene scene = test::rough_memories(3, random, true),
+                  other = test::rough_memories(3, random, true);
+  std::vector<SurfaceBlend> views{scene.views[0]};
+  for (std::size_t k = 1; k < 3; ++k) {
+    views.push_back({other.views[k].to, scene.views[k].to, 0.4});
+    for (SurfaceView* const view : {&views[k].from, &views[k].to}) {
+      view->seen_free = view->in_front = {};
+      view->X_WC = {random.in_box(0.05), random.rotation(0.1)};
+    }
+  }
+  const Tool tool = test::random_tool(200, 0.06, 3);
+  const auto query = make_query(tool, SphereVolumes::own);
+  const double scale = tool.sphere_mass().volume;
+  int num_with_force = 0, num_other = 0;
+  for (int i = 0; i < 60; ++i) {
+    const Pose X_WT = i % 2 == 0 ? random_pose(random) : test::pose_in_front(scene, random);
+    double last = -1;
+    for (const std::size_t num : {3u, 2u, 1u}) {
+      const std::span<const SurfaceBlend> some(views.data(), num);
+      const Penetration want = test::hull_truth(tool, some, X_WT, SphereVolumes::own);
+      const Penetration got = query->measure(some, X_WT).penetration;
+      EXPECT_NEAR(got.volume, want.volume, 3e-5 * scale) << num;
+      EXPECT_NEAR(norm(got.measure_W.force - want.measure_W.force), 0, 2e-4 * scale) << num;
+      num_with_force += want.volume > 0.01 * scale && want.volume < 0.99 * scale;
+      num_other += last >= 0 && std::abs(want.volume - last) > 0.01 * scale;
+      last = want.volume;
+    }
+  }
+  EXPECT_GT(num_with_force, 20);
+  EXPECT_GT(num_other, 10);  // each of them makes a difference
+}
+
 TEST(Memory, WrenchIsMinusTheDerivativeOfThePotential) {
   Random random(42);
   for (const int num_cameras : {1, 2}) {
