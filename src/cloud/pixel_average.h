@@ -12,7 +12,7 @@
 
 namespace palpate::inline v0 {
 
-constexpr float kNoAverage = std::numeric_limits<float>::quiet_NaN();
+inline constexpr float kNoAverage = std::numeric_limits<float>::quiet_NaN();
 
 /// What a pixel remembers. Sums of counts are whole numbers, so that nothing drifts.
 struct PixelAverage {
