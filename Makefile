@@ -9,7 +9,7 @@ cmake --preset $(1)
 cmake --build --preset $(1) -j $(JOBS)
 endef
 
-.PHONY: help setup lint format tidy build demo test quick-test busy-test golden fuzz mutants bench bench-compare live-figures camera-figures ros2-figures sensor-figures soak packing-curves peer-times eval eval-quick asan tsan large-inputs cuda gpu-check view-soak arm64 wheel packages try-packages try-demo try-test ci-all clean
+.PHONY: help setup lint format tidy build demo test quick-test busy-test golden clang fuzz mutants bench bench-compare live-figures camera-figures ros2-figures sensor-figures soak packing-curves peer-times eval eval-quick asan tsan large-inputs cuda gpu-check view-soak arm64 wheel packages try-packages try-demo try-test ci-all clean
 
 help:  ## this list
 	@grep -hE '^[a-z -]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z -]+):.*## */\1\t/' | expand -t 16
@@ -127,6 +127,12 @@ tidy:  ## clang-tidy over library, scenes and program: make tidy [MODULE=contact
 	cmake --preset tidy
 	run-clang-tidy-16 -quiet -j $(JOBS) -p build/tidy '^$(CURDIR)/(build/tidy/)?$(if $(MODULE),src/$(MODULE),(src|scenes|apps))/(?!.*_avx)'
 
+clang:  ## the library and its tests built by Clang as users build it: golden.txt and all tests hold for its bits, too
+	scripts/setup.sh --fuzz
+	$(call build_preset,clang)
+	tools/check_kernel_objects.sh build/clang
+	scripts/test.sh clang
+
 # In the build of the fuzz targets: the library is compiled once for both.
 asan:  ## tests with the address and undefined behaviour sanitizers; not evaluation, pages and commands of the guides
 	scripts/setup.sh --fuzz
@@ -197,7 +203,7 @@ try-demo try-test:  ## make demo or make test in a fresh Debian 12, each line wi
 	scripts/try_fresh.sh $(@:try-%=%)
 
 ci-all:  ## all that needs no special hardware: tests, sanitizers, Clang, fuzzing and clang-tidy, Arm, packages; hours
-	for check in test asan tsan fuzz tidy arm64 try-packages; do $(MAKE) $$check || exit 1; done
+	for check in test clang asan tsan fuzz tidy arm64 try-packages; do $(MAKE) $$check || exit 1; done
 
 clean:  ## remove build/ and demo/
 	rm -rf build demo

@@ -47,7 +47,7 @@ namespace {
 /// One line for a command line that cannot be understood.
 int fail_usage(const CLI::App& program, const CLI::ParseError& error) {
   std::string what = error.what(), verb;
-  const std::string name = program.get_name();
+  const std::string& name = program.get_name();
   if (program.get_subcommands({}).empty()) {
     return fail(name, what + "; see " + name + " --help", kWrongUsage);
   }
@@ -83,7 +83,7 @@ void add_common_options(CLI::App& program) {
 }
 
 int run_program(CLI::App& program, const Action& action, int argc, char** argv) {
-  const std::string name = program.get_name();
+  const std::string& name = program.get_name();
   try {
     program.parse(argc, argv);
   } catch (const CLI::Success& help_or_version) {

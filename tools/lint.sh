@@ -10,6 +10,7 @@ run() { "$@" || failed+=("$*"); }
 run tools/check_scripts.sh
 run python3 -m unittest discover -q -s tools -p '*_test.py'
 run python3 tools/check_modules.py
+run python3 tools/check_types.py
 run python3 tools/check_words.py
 run tools/check_format.sh
 run tools/check_headers.sh

@@ -34,7 +34,7 @@ struct MethodErrors {
   std::vector<double> shares;  ///< of the tool's volume
 };
 
-std::vector<Run> all_runs(const std::vector<Way>& ways,
+std::vector<Run> all_runs(const std::vector<CubeWay>& ways,
                           const std::vector<std::shared_ptr<const Tool>>& tools, double half,
                           double step) {
   const auto cube = scenes::Environment::box({}, {half, half, half});
@@ -236,7 +236,7 @@ Result<FigureResult> cube_figure(Context& context) {
   if (!cube) return cube.error();
   if (!*cube) return without_data();
   const auto faces = best_faces(**cube);
-  const std::vector<Way> ways = ways_on(faces, (*cube)->half_size);
+  const std::vector<CubeWay> ways = ways_on(faces, (*cube)->half_size);
   std::vector<std::shared_ptr<const Tool>> tools;
   for (const char* shape : kTools) {
     const auto tool = context.tool(shape, kToolSize, kSpheres);
@@ -298,7 +298,7 @@ Result<FigureResult> cube_figure(Context& context) {
     result.tables.push_back(std::move(table));
   }
   Table places{"By place, recorded frames: volume, % rms / direction, ° rms", {"method"}, {}};
-  for (const Way& way : ways) places.columns.push_back(way.name);
+  for (const CubeWay& way : ways) places.columns.push_back(way.name);
   for (std::size_t m = 0; m < methods.size(); ++m) {
     std::vector<std::string> cells{methods[m].name};
     for (std::size_t w = 0; w < ways.size(); ++w) {

@@ -43,7 +43,7 @@ Result<std::vector<Probe>> all_probes(Context& context, const RealCube& cube) {
     const Vec3d center = (*tool)->sphere_mass().centre_of_mass;
     double radius = 0;
     for (const Vec3d& p : (*tool)->mesh().vertices) radius = std::max(radius, norm(p - center));
-    for (const Way& way : ways_on(best_faces(cube), cube.half_size)) {
+    for (const CubeWay& way : ways_on(best_faces(cube), cube.half_size)) {
       for (const double depth : kDepths) {
         probes.push_back({*tool, cube.X_WB * pose_on(way, (*tool)->mesh(), depth), radius});
       }

@@ -31,7 +31,7 @@ enum class Tracking { faces, board };
 /// `blended`: from each frame to the next one, each seen from where its camera was; else the
 /// newest frame alone.
 Pressed press(const std::vector<CubeFrame>& frames, const std::vector<FrozenFrame>& seen,
-              Tracking tracking, bool blended, const Tool& tool, const Way& way, double half) {
+              Tracking tracking, bool blended, const Tool& tool, const CubeWay& way, double half) {
   const auto cube = scenes::Environment::box({}, {half, half, half});
   const auto surface_of = [&](std::size_t i) {
     SurfaceView surface = seen[i].surfaces();
@@ -108,12 +108,12 @@ Result<FigureResult> moving_cube_figure(Context& context) {
   Table table{"A cube in the world frame while the camera moves",
               {"camera", "volume, % rms", "direction, ° rms"},
               {}};
-  for (const Way& way : ways) table.columns.push_back(way.name + ": volume, % / direction, °");
+  for (const CubeWay& way : ways) table.columns.push_back(way.name + ": volume, % / direction, °");
   std::vector<Pressed> totals;
   for (const Kind& kind : kinds) {
     Pressed total;
     std::vector<std::string> cells;
-    for (const Way& way : ways) {
+    for (const CubeWay& way : ways) {
       Pressed here;
       for (const char* shape : kTools) {
         const auto tool = context.tool(shape, kToolSize, kSpheres);

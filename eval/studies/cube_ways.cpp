@@ -29,14 +29,14 @@ std::array<int, 2> best_faces(const RealCube& cube) {
   return {first, most()};
 }
 
-std::vector<Way> ways_on(const std::array<int, 2>& faces, double half_size) {
+std::vector<CubeWay> ways_on(const std::array<int, 2>& faces, double half_size) {
   const Vec3d a = normal_of(faces[0]), b = normal_of(faces[1]);
   return {{"large face", -a, half_size * a},
           {"slanted face", -b, half_size * b},
           {"edge between them", -1 * normalized(a + b), half_size * (a + b)}};
 }
 
-Pose pose_on(const Way& way, const TriangleMesh& tool_T, double depth) {
+Pose pose_on(const CubeWay& way, const TriangleMesh& tool_T, double depth) {
   double reach = 0;
   for (const Vec3d& p : tool_T.vertices) {
     reach = std::max(reach, dot(rotate(kTurned, p), way.into_B));

@@ -20,7 +20,7 @@ inline constexpr double kDeepest = 0.008;     // m
 inline constexpr double kLeastShare = 0.005;  // of a tool: less says nothing about the direction
 
 /// A straight way into the cube, in B.
-struct Way {
+struct CubeWay {
   std::string name;
   Vec3d into_B, contact_B;
 };
@@ -29,9 +29,9 @@ struct Way {
 std::array<int, 2> best_faces(const RealCube& cube);
 
 /// Into the middle of both faces and onto the edge between them.
-std::vector<Way> ways_on(const std::array<int, 2>& faces, double half_size);
+std::vector<CubeWay> ways_on(const std::array<int, 2>& faces, double half_size);
 
 /// The tool so deep in on a way.
-Pose pose_on(const Way& way, const TriangleMesh& tool_T, double depth);
+Pose pose_on(const CubeWay& way, const TriangleMesh& tool_T, double depth);
 
 }  // namespace palpate::eval

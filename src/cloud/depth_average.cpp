@@ -29,7 +29,7 @@ struct DepthAverager::Impl {
   int width, height;
   DepthAverageOptions options;
   std::vector<float> depth;
-  std::vector<PixelMemory> memories = {};
+  std::vector<PixelAverage> averages = {};
   std::vector<std::uint16_t> rings = {};  // moving: the last measurements, pixel by pixel
   // kalman
   std::vector<float> means = {}, gains = {};
@@ -47,7 +47,7 @@ float DepthAverager::Impl::update(std::size_t pixel, std::uint16_t count, double
   if (options.kind == DepthAverage::none) return newest_depth(count, unit);
   const auto ring_size = static_cast<std::size_t>(options.frames);
   const PixelRing ring{rings.empty() ? nullptr : &rings[pixel * ring_size], 1};
-  return update_average(memories[pixel], ring, count, unit, options);
+  return update_average(averages[pixel], ring, count, unit, options);
 }
 
 DepthAverageOptions depth_average_options_for(SensorKind sensor) {
@@ -102,7 +102,7 @@ Result<DepthAverager> DepthAverager::create(int width, int height,
     case DepthAverage::moving:
       d.rings.resize(size * static_cast<std::size_t>(options.frames));
       [[fallthrough]];
-    case DepthAverage::exponential: d.memories.resize(size); break;
+    case DepthAverage::exponential: d.averages.resize(size); break;
     case DepthAverage::kalman: {
       d.pass.model = EstimateModel(options);
       d.pass.width = width;

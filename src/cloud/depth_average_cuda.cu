@@ -16,7 +16,7 @@ struct DepthAverageJob {
   DepthAverageOptions options;
   RawFrameView raw;
   int first_pixel = 0, end_pixel = 0;
-  PixelMemory* memories = nullptr;
+  PixelAverage* averages = nullptr;
   std::uint16_t* rings = nullptr;  // measurement by measurement, each of all pixels
   std::ptrdiff_t num_pixels = 0;
   float* depth = nullptr;
@@ -47,11 +47,11 @@ __global__ void __launch_bounds__(kThreads)
     job.depth[i] = newest_depth(count, unit);
     return;
   }
-  PixelMemory memory = job.memories[i];
+  PixelAverage average = job.averages[i];
   // A moving average has rings; without, there is nothing to point into.
   const PixelRing ring{job.rings != nullptr ? job.rings + i : nullptr, job.num_pixels};
-  job.depth[i] = update_average(memory, ring, count, unit, job.options);
-  job.memories[i] = memory;
+  job.depth[i] = update_average(average, ring, count, unit, job.options);
+  job.averages[i] = average;
 }
 
 constexpr int kColumns = kEstimateBlock;
@@ -176,7 +176,7 @@ struct DepthAveragerCuda::Impl {
       case DepthAverage::moving:
         job.rings = memory.take<std::uint16_t>(size * static_cast<std::size_t>(options.frames));
         [[fallthrough]];
-      case DepthAverage::exponential: job.memories = memory.take<PixelMemory>(size); break;
+      case DepthAverage::exponential: job.averages = memory.take<PixelAverage>(size); break;
       case DepthAverage::kalman:
         estimate.model = EstimateModel(options);
         estimate.raw = job.raw;

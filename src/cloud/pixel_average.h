@@ -12,10 +12,10 @@
 
 namespace palpate::inline v0 {
 
-constexpr float kNoAverage = std::numeric_limits<float>::quiet_NaN();
+inline constexpr float kNoAverage = std::numeric_limits<float>::quiet_NaN();
 
 /// What a pixel remembers. Sums of counts are whole numbers, so that nothing drifts.
-struct PixelMemory {
+struct PixelAverage {
   std::uint32_t sum = 0;         ///< moving: of the ring
   float mean = 0;                ///< exponential, in counts
   std::uint8_t num = 0;          ///< measurements in the average; exponential: 0 or 1
@@ -32,47 +32,47 @@ struct PixelRing {
 };
 
 /// Counts.
-PALPATE_HOSTDEV inline double average_of(const PixelMemory& memory,
-                                         const DepthAverageOptions& options) {
+PALPATE_HOSTDEV inline double mean_of(const PixelAverage& average,
+                                      const DepthAverageOptions& options) {
   return options.kind == DepthAverage::moving
-             ? static_cast<double>(memory.sum) / static_cast<double>(memory.num)
-             : static_cast<double>(memory.mean);
+             ? static_cast<double>(average.sum) / static_cast<double>(average.num)
+             : static_cast<double>(average.mean);
 }
 
-PALPATE_HOSTDEV inline void add_measurement(PixelMemory& memory, const PixelRing& ring,
+PALPATE_HOSTDEV inline void add_measurement(PixelAverage& average, const PixelRing& ring,
                                             std::uint16_t count,
                                             const DepthAverageOptions& options) {
-  if (memory.num > 0) {
-    const double mean = average_of(memory, options);
-    if (std::fabs(count - mean) > options.max_jump * mean) memory = {};
+  if (average.num > 0) {
+    const double mean = mean_of(average, options);
+    if (std::fabs(count - mean) > options.max_jump * mean) average = {};
   }
-  memory.num_missing = 0;
+  average.num_missing = 0;
   if (options.kind == DepthAverage::exponential) {
-    const float weight = memory.num > 0 ? static_cast<float>(options.weight) : 1.0f;
-    memory.mean += weight * (static_cast<float>(count) - memory.mean);
-    memory.num = 1;
+    const float weight = average.num > 0 ? static_cast<float>(options.weight) : 1.0f;
+    average.mean += weight * (static_cast<float>(count) - average.mean);
+    average.num = 1;
     return;
   }
-  if (memory.num == options.frames) {
-    memory.sum -= ring[memory.next];
+  if (average.num == options.frames) {
+    average.sum -= ring[average.next];
   } else {
-    ++memory.num;
+    ++average.num;
   }
-  memory.sum += count;
-  ring[memory.next] = count;
-  memory.next = static_cast<std::uint8_t>((memory.next + 1) % options.frames);
+  average.sum += count;
+  ring[average.next] = count;
+  average.next = static_cast<std::uint8_t>((average.next + 1) % options.frames);
 }
 
 /// Takes one more count, which may be no measurement. Returns metres, NaN where there is none.
-PALPATE_HOSTDEV inline float update_average(PixelMemory& memory, const PixelRing& ring,
+PALPATE_HOSTDEV inline float update_average(PixelAverage& average, const PixelRing& ring,
                                             std::uint16_t count, double unit,
                                             const DepthAverageOptions& options) {
   if (is_measurement(count)) {
-    add_measurement(memory, ring, count, options);
-  } else if (memory.num > 0 && ++memory.num_missing > options.keep_frames) {
-    memory = {};
+    add_measurement(average, ring, count, options);
+  } else if (average.num > 0 && ++average.num_missing > options.keep_frames) {
+    average = {};
   }
-  return memory.num > 0 ? static_cast<float>(average_of(memory, options) * unit) : kNoAverage;
+  return average.num > 0 ? static_cast<float>(mean_of(average, options) * unit) : kNoAverage;
 }
 
 /// The same without an average.

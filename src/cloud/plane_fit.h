@@ -15,7 +15,7 @@ namespace {
 
 /// Of the determinant of the spread in the image, relative to the spread itself: less means that
 /// the points are on one line.
-constexpr float kMinSpread = 1e-5f;
+inline constexpr float kMinSpread = 1e-5f;
 
 /// Sums over a window of some value times 1, du, dv, du^2, du dv, dv^2.
 struct Moments {

@@ -56,11 +56,11 @@ struct NormalJob {
 
 namespace {
 
-constexpr int kTileWidth = gpu::kWarpSize;
-constexpr int kTileThreads = 128;
-constexpr int kWarps = kTileThreads / gpu::kWarpSize;
-constexpr int kRowsPerWarp = kStripRows / kWarps;
-constexpr float kInvalid = std::numeric_limits<float>::quiet_NaN();
+inline constexpr int kTileWidth = gpu::kWarpSize;
+inline constexpr int kTileThreads = 128;
+inline constexpr int kWarps = kTileThreads / gpu::kWarpSize;
+inline constexpr int kRowsPerWarp = kStripRows / kWarps;
+inline constexpr float kInvalid = std::numeric_limits<float>::quiet_NaN();
 
 /// Where a block is.
 struct Tile {
@@ -79,7 +79,7 @@ struct Tile {
 
 /// Depths of a tile with a margin of `radius` pixels.
 PALPATE_HOSTDEV constexpr int padded(int size, int radius) { return size + 2 * radius; }
-constexpr int kMostDepths =
+inline constexpr int kMostDepths =
     padded(kTileWidth, kMaxWindowRadius) * padded(kStripRows, kMaxWindowRadius);
 
 /// Fills `depths` by depth_at(u, v), kNoDepth around the image. All threads call. Several loads are
@@ -187,7 +187,7 @@ struct NormalShared {
   float depths[kMostDepths];
 };
 /// Behind it: a RowStore of each row of the tile and its margin.
-constexpr std::size_t kRowStores = (sizeof(NormalShared) + 15) / 16 * 16;
+inline constexpr std::size_t kRowStores = (sizeof(NormalShared) + 15) / 16 * 16;
 inline std::size_t normal_shared_bytes(const NormalPass& pass) {
   return kRowStores + static_cast<std::size_t>(padded(kStripRows, pass.radius)) * sizeof(RowStore);
 }

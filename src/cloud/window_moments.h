@@ -17,10 +17,10 @@ namespace {
 
 /// Beyond this relative distance from the reference depth of its column the separable sums would
 /// lose digits of the depth noise; such pixels go the direct way.
-constexpr float kMaxReferenceOffset = 0.04f;
+inline constexpr float kMaxReferenceOffset = 0.04f;
 
 /// Neighbours nearer to the centre than this (times depth) have no direction (eq. 3.11).
-constexpr float kMinDifference = 1e-5f;
+inline constexpr float kMinDifference = 1e-5f;
 
 // --- Whole windows -----------------------------------------------------------------------------
 

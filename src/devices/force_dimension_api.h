@@ -44,7 +44,7 @@ struct ForceDimensionApi {
 };
 
 /// dhdGetStatus fills 13 to 17 numbers, depending on the release.
-constexpr int kDhdStatusCapacity = 32, kDhdStatusForce = 5, kDhdStatusForceOffCause = 14;
+inline constexpr int kDhdStatusCapacity = 32, kDhdStatusForce = 5, kDhdStatusForceOffCause = 14;
 
 /// Looks for the library and loads it. Errors: nowhere, with what was tried; not usable, with why.
 Result<ForceDimensionApi> load_force_dimension();

@@ -47,25 +47,27 @@ struct OpenHapticsApi {
   HdErrorInfo take_errors() const noexcept;
 };
 
-constexpr HdHandle kHdNoDevice = 0xFFFFFFFF;
-constexpr unsigned kHdCallbackDone = 0, kHdCallbackContinue = 1;
-constexpr unsigned short kHdMaxPriority = 0xFFFF;
+inline constexpr HdHandle kHdNoDevice = 0xFFFFFFFF;
+inline constexpr unsigned kHdCallbackDone = 0, kHdCallbackContinue = 1;
+inline constexpr unsigned short kHdMaxPriority = 0xFFFF;
 
 // hdGetDoublev, hdGetIntegerv, hdGetString, hdSetDoublev. Lengths in mm, torques in mN m.
-constexpr HdEnum kHdButtons = 0x2000, kHdVelocity = 0x2051, kHdTransform = 0x2052,
-                 kHdAngularVelocity = 0x2053, kHdForce = 0x2700, kHdTorque = 0x2701,
-                 kHdModelType = 0x2501, kHdSerialNumber = 0x2504, kHdUsableWorkspace = 0x2551,
-                 kHdInputDof = 0x2553, kHdOutputDof = 0x2554, kHdCalibrationStyle = 0x2555,
-                 kHdMaxStiffness = 0x2602, kHdMaxForce = 0x2603, kHdMaxDamping = 0x2609,
-                 kHdMaxTorqueStiffness = 0x2620, kHdMaxTorque = 0x2622;
+inline constexpr HdEnum kHdButtons = 0x2000, kHdVelocity = 0x2051, kHdTransform = 0x2052,
+                        kHdAngularVelocity = 0x2053, kHdForce = 0x2700, kHdTorque = 0x2701,
+                        kHdModelType = 0x2501, kHdSerialNumber = 0x2504,
+                        kHdUsableWorkspace = 0x2551, kHdInputDof = 0x2553, kHdOutputDof = 0x2554,
+                        kHdCalibrationStyle = 0x2555, kHdMaxStiffness = 0x2602,
+                        kHdMaxForce = 0x2603, kHdMaxDamping = 0x2609,
+                        kHdMaxTorqueStiffness = 0x2620, kHdMaxTorque = 0x2622;
 // hdEnable, hdDisable.
-constexpr HdEnum kHdForceOutput = 0x4000, kHdMaxForceClamping = 0x4001, kHdForceRamping = 0x4002,
-                 kHdSoftwareForceLimit = 0x4003;
+inline constexpr HdEnum kHdForceOutput = 0x4000, kHdMaxForceClamping = 0x4001,
+                        kHdForceRamping = 0x4002, kHdSoftwareForceLimit = 0x4003;
 // hdCheckCalibration, hdUpdateCalibration.
-constexpr HdEnum kHdCalibrationOk = 0x5000, kHdCalibrationNeedsUpdate = 0x5001;
-constexpr HdEnum kHdCalibrateByMoving = 2, kHdCalibrateInInkwell = 4;
+inline constexpr HdEnum kHdCalibrationOk = 0x5000, kHdCalibrationNeedsUpdate = 0x5001;
+inline constexpr HdEnum kHdCalibrateByMoving = 2, kHdCalibrateInInkwell = 4;
 // Errors.
-constexpr HdEnum kHdWarmMotors = 0x200, kHdLastForceError = 0x204, kHdAlreadyInitiated = 0x301;
+inline constexpr HdEnum kHdWarmMotors = 0x200, kHdLastForceError = 0x204,
+                        kHdAlreadyInitiated = 0x301;
 
 /// Warm motors, too much force, too fast, and the like: the driver itself takes the force away for
 /// a moment and brings it back slowly (HD_FORCE_RAMPING). All other errors are the end.

@@ -6,7 +6,7 @@
 
 namespace palpate::inline v0 {
 
-constexpr int kVrpnPort = 3883;
+inline constexpr int kVrpnPort = 3883;
 
 /// find_vrpn_device at a stated place.
 FoundDevice find_vrpn_device_at(const NetAddress& address);

@@ -19,7 +19,8 @@ std::string vrpn_cookie();
 bool is_vrpn_cookie(std::string_view cookie);
 
 /// Types below zero are the connection's own.
-constexpr std::int32_t kVrpnSenderDescription = -1, kVrpnTypeDescription = -2, kVrpnDisconnect = -5;
+inline constexpr std::int32_t kVrpnSenderDescription = -1, kVrpnTypeDescription = -2,
+                              kVrpnDisconnect = -5;
 
 struct VrpnMessage {
   std::int32_t seconds = 0, microseconds = 0;  ///< when it was true, by the sender's clock

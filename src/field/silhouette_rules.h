@@ -10,14 +10,14 @@
 namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
 namespace {
 
-constexpr int kReach = DepthFieldLevel::kSilhouetteReach;
+inline constexpr int kReach = DepthFieldLevel::kSilhouetteReach;
 // A surface ends between two pixels if the farther one lies so many widths of a pixel deeper than
 // a smooth surface could at the slant of both.
-constexpr float kLeastStep = 1.0f;
+inline constexpr float kLeastStep = 1.0f;
 // A far surface beyond the near edge is not looked at deeper than this behind it, metres.
-constexpr float kFarEnough = 0.5f;
+inline constexpr float kFarEnough = 0.5f;
 // No surface is taken for steeper than this.
-constexpr float kLeastSlope = 0.02f;
+inline constexpr float kLeastSlope = 0.02f;
 
 /// The planes of pixels of a level.
 struct RulePlane {

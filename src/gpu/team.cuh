@@ -7,8 +7,8 @@
 
 namespace palpate::inline v0::gpu {
 
-constexpr int kWarpSize = 32;
-constexpr unsigned kWholeWarp = 0xffffffffu;
+inline constexpr int kWarpSize = 32;
+inline constexpr unsigned kWholeWarp = 0xffffffffu;
 
 __device__ inline int lane_id() { return static_cast<int>(threadIdx.x % unsigned{kWarpSize}); }
 __device__ inline int warp_id() { return static_cast<int>(threadIdx.x / unsigned{kWarpSize}); }

@@ -7,11 +7,11 @@
 namespace palpate::inline v0 {
 
 /// Longest time that one step covers, s: a tick that comes later than this is taken as this late.
-constexpr double kMaxStep = 0.02;
+inline constexpr double kMaxStep = 0.02;
 
 /// What sticks to a surface is so many times as stiff as the coupling: little gives way, and the
 /// hand feels the coupling. Where there is none the hand feels it itself, and it is as stiff.
-constexpr double kStiffer = 10;
+inline constexpr double kStiffer = 10;
 
 /// Between 0 and kMaxStep, whatever the clock says.
 inline double step_length(double dt) { return dt > 0 ? (dt < kMaxStep ? dt : kMaxStep) : 0; }

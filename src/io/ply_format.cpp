@@ -1,6 +1,7 @@
 #include "src/io/ply_format.h"
 
 #include <bit>
+#include <cmath>
 #include <cstring>
 #include <utility>
 
@@ -114,7 +115,7 @@ std::optional<double> PlyValues::next(PlyType type) {
 bool PlyValues::skip_list(const PlyProperty& property) {
   const auto count = next(*property.list_count);
   if (!count || !(*count >= 0) || *count > static_cast<double>(bytes_left())) return false;
-  for (double i = 0; i < *count; ++i) {
+  for (auto i = static_cast<std::size_t>(std::ceil(*count)); i > 0; --i) {
     if (!next(property.type)) return false;
   }
   return true;

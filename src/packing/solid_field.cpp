@@ -90,8 +90,9 @@ SolidField SolidField::of(const TriangleMesh& solid, ThreadPool& pool) {
   for (const Level& level : field.levels_) {
     const auto [nx, ny, nz] = level.num_nodes;
     pool.parallel_for(ny * nz, [&, nx = nx, ny = ny](int row) {
-      const Vec3d node{-double(kMargin), static_cast<double>(row % ny - kMargin),
-                       static_cast<double>(row / ny - kMargin)};
+      const int y = row % ny, z = row / ny;
+      const Vec3d node{-double(kMargin), static_cast<double>(y - kMargin),
+                       static_cast<double>(z - kMargin)};
       const auto num = static_cast<std::size_t>(nx);
       fill_row(
           mesh, field.layout_.origin + level.spacing * node, level.spacing,

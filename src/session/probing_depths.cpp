@@ -65,7 +65,8 @@ class DepthProbe {
     if (!(first < last)) return reach;
     reach.free = std::min(reach.free, first);
     const double step = std::max(motion.length() / 40, (last - first) / 150);
-    for (double before = first; before < last; before += step) {
+    double before = first;
+    while (before < last) {
       const double here = std::min(before + step, last), in = fraction(motion, time, here);
       if (in == 0 && reach.free == before) reach.free = std::min(here, surface);
       if (in >= kFraction && reach.aim == aim)
@@ -74,6 +75,7 @@ class DepthProbe {
         reach.most = cross(motion, time, before, here, kMostFraction);
         break;
       }
+      before = here;
     }
     return reach;
   }

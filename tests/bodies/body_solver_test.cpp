@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cstddef>
 #include <cstring>
 #include <functional>
 
@@ -319,7 +320,10 @@ TEST(BodySolver, SameInputGivesTheSameBitsWithoutMemory) {
     return world.bodies;
   };
   const auto a = run(), b = run();
-  EXPECT_EQ(std::memcmp(a.data(), b.data(), a.size() * sizeof(RigidBody)), 0);
+  for (std::size_t i = 0; i < a.size(); ++i) {  // without what pads the last member
+    EXPECT_EQ(std::memcmp(&a[i], &b[i], offsetof(RigidBody, is_asleep)), 0);
+    EXPECT_EQ(a[i].is_asleep, b[i].is_asleep);
+  }
   OnPlate world(stack(4));
   world.step();
   const test::AllocationCounter counter;

@@ -166,6 +166,19 @@ TEST(SurfaceTimeline, AveragesFirst) {
   expect_wall(wall.timeline.at(5 * kPeriod).to, wall_depth(3.5 * kPeriod));
 }
 
+TEST(SurfaceTimeline, AveragesBeginWithTheFirstFrameInEveryPixel) {
+  for (const DepthAverage kind : {DepthAverage::moving, DepthAverage::exponential}) {
+    TimeOptions options = options_of(TimeMode::latest);
+    options.average.kind = kind;
+    Wall wall(options);
+    wall.show(0);
+    const PointCloudView cloud = wall.timeline.at(0).to.cloud;
+    for (std::size_t i = 0; i < cloud.size(); ++i) {
+      ASSERT_NEAR(cloud.z[i], wall_depth(0), kUnit) << "pixel " << i;
+    }
+  }
+}
+
 TEST(SurfaceTimeline, SameBitsForAnyNumberOfThreadsAndNoAllocation) {
   TimeOptions options = options_of(TimeMode::predict);
   options.average.kind = DepthAverage::exponential;

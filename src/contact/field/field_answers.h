@@ -9,7 +9,7 @@ namespace {
 using Gradient = ImageGradient<VecF>;
 using Curvature = ImageCurvature<VecF>;
 
-constexpr int kNumVectors = kSize / kLanes;  // of a cluster
+inline constexpr int kNumVectors = kSize / kLanes;  // of a cluster
 
 // Where the elements of a vector are.
 struct Lanes {

@@ -56,7 +56,7 @@ using Curvature = ImageCurvature<float>;
 
 /// Threads of a block, at most.
 template <class Sample>
-constexpr int kThreadsOf = std::is_same_v<Sample, Curvature> ? 128 : 256;
+inline constexpr int kThreadsOf = std::is_same_v<Sample, Curvature> ? 128 : 256;
 
 // Sums of one thread, which has few elements.
 struct FieldShare {

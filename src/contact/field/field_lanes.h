@@ -11,7 +11,7 @@
 namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
 namespace {
 
-constexpr int kSize = SphereClusters::kSize;
+inline constexpr int kSize = SphereClusters::kSize;
 
 // What all fields of a query have in common: the camera and the sizes of the levels.
 struct Grid {
