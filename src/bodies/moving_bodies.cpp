@@ -232,12 +232,11 @@ void MovingBodies::touch_pairs() {
     const Body& a = shown(pair.a);
     BodyTouch touch;
     touch.a = pair.a;
-    double other = options_.friction, scale = a.scale;
-    if (pair.is_fixture) {
-      other = fixtures_[static_cast<std::size_t>(pair.b)].friction;
-    } else {
+    const double other = pair.is_fixture ? fixtures_[static_cast<std::size_t>(pair.b)].friction
+                                         : shown(pair.b).friction;
+    double scale = a.scale;
+    if (!pair.is_fixture) {
       touch.b = pair.b;
-      other = shown(pair.b).friction;
       scale = std::max(scale, shown(pair.b).scale);
     }
     touch.F_A_W = VolumeStiffness{scale} * found.on_a.measure_W;

@@ -279,7 +279,7 @@ class LiveStates final : public RobotStates {
 };
 
 template <class States>
-Result<std::unique_ptr<RobotStates>> opened(std::unique_ptr<States> states, Status status) {
+Result<std::unique_ptr<RobotStates>> opened(std::unique_ptr<States> states, const Status& status) {
   if (!status) return status.error();
   return std::unique_ptr<RobotStates>(std::move(states));
 }

@@ -22,8 +22,8 @@ struct DepthGrid {
 
   Vec3d point(int i) const { return point(i, depth[static_cast<std::size_t>(i)]); }
   Vec3d point(int i, double z) const {
-    return {(i % width - intrinsics.cx) / intrinsics.fx * z,
-            (i / width - intrinsics.cy) / intrinsics.fy * z, z};
+    const int u = i % width, v = i / width;
+    return {(u - intrinsics.cx) / intrinsics.fx * z, (v - intrinsics.cy) / intrinsics.fy * z, z};
   }
   /// The number of the point that sees p_C; -1: none does.
   int index_of(const Vec3d& p_C) const {

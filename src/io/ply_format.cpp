@@ -112,10 +112,17 @@ std::optional<double> PlyValues::next(PlyType type) {
   return std::nullopt;
 }
 
-bool PlyValues::skip_list(const PlyProperty& property) {
+std::optional<std::size_t> PlyValues::list_size(const PlyProperty& property) {
   const auto count = next(*property.list_count);
-  if (!count || !(*count >= 0) || *count > static_cast<double>(bytes_left())) return false;
-  for (auto i = static_cast<std::size_t>(std::ceil(*count)); i > 0; --i) {
+  const bool is_held = count && *count >= 0 && *count <= static_cast<double>(bytes_left());
+  if (!is_held) return std::nullopt;
+  return static_cast<std::size_t>(std::ceil(*count));
+}
+
+bool PlyValues::skip_list(const PlyProperty& property) {
+  const auto size = list_size(property);
+  if (!size) return false;
+  for (std::size_t i = 0; i < *size; ++i) {
     if (!next(property.type)) return false;
   }
   return true;

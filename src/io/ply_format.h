@@ -46,6 +46,9 @@ class PlyValues {
   /// nullopt at the end, or where no number stands.
   std::optional<double> next(PlyType type);
 
+  /// Of values in a list; nullopt where no number stands, or one that the rest cannot hold.
+  std::optional<std::size_t> list_size(const PlyProperty& property);
+
   /// Passes over a list; false if it does not end.
   bool skip_list(const PlyProperty& property);
 

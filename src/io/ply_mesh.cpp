@@ -28,10 +28,10 @@ bool read_row(const PlyElement& element, PlyValues& values, Row& row) {
       if (property.name == "z") row.point.z = *value;
       continue;
     }
-    const auto count = values.next(*property.list_count);
-    if (!count || !(*count >= 0) || *count > static_cast<double>(values.bytes_left())) return false;
+    const auto size = values.list_size(property);
+    if (!size) return false;
     const bool is_face = property.name == "vertex_indices" || property.name == "vertex_index";
-    for (double i = 0; i < *count; ++i) {
+    for (std::size_t i = 0; i < *size; ++i) {
       const auto value = values.next(property.type);
       if (!value) return false;
       if (is_face) row.indices.push_back(*value);

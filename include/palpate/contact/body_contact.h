@@ -199,11 +199,10 @@ class BodyBatchQuery {
 /// On a CPU, by the threads of `pool` (null: the caller's alone). The indices share what is known
 /// of a shape between all its places; one without a stored field gets it now, which takes about a
 /// second. Errors: no body; a body without a shape; on a GPU there are no batches against bodies.
-Result<std::unique_ptr<BodyBatchQuery>> make_body_batch_query(Backend backend,
-                                                              std::shared_ptr<const ToolIndex> tool,
-                                                              std::vector<PlacedBody> bodies,
-                                                              const BodyPairOptions& options = {},
-                                                              ThreadPool* pool = nullptr);
+Result<std::unique_ptr<BodyBatchQuery>> make_body_batch_query(
+    Backend backend, const std::shared_ptr<const ToolIndex>& tool,
+    const std::vector<PlacedBody>& bodies, const BodyPairOptions& options = {},
+    ThreadPool* pool = nullptr);
 
 // Several bodies: any number of moving tools and of rigid objects around one cloud.
 

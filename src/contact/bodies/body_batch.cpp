@@ -76,11 +76,9 @@ class BodyBatch final : public BodyBatchQuery {
 
 }  // namespace
 
-Result<std::unique_ptr<BodyBatchQuery>> make_body_batch_query(Backend backend,
-                                                              std::shared_ptr<const ToolIndex> tool,
-                                                              std::vector<PlacedBody> bodies,
-                                                              const BodyPairOptions& options,
-                                                              ThreadPool* pool) {
+Result<std::unique_ptr<BodyBatchQuery>> make_body_batch_query(
+    Backend backend, const std::shared_ptr<const ToolIndex>& tool,
+    const std::vector<PlacedBody>& bodies, const BodyPairOptions& options, ThreadPool* pool) {
   if (backend != Backend::cpu) {
     return Error{Errc::unavailable,
                  "batches against bodies are measured on the CPU alone: make the query with "
