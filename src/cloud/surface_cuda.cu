@@ -54,6 +54,7 @@ struct SurfaceCuda::Impl {
   int width, height;
   RawFrameCuda raw;
   CloudArrays cloud;
+  TangentPlane* planes = nullptr;  // of a batch
   FilterJob filter;
   NormalJob normals;
   std::size_t num_tiles;
@@ -61,7 +62,7 @@ struct SurfaceCuda::Impl {
   Impl(int image_width, int image_height, const Intrinsics& k, const SurfaceOptions& options,
        int gpu, int num_images, const Distortion& distortion);
   void enqueue(gpu::Stream& stream, const std::uint16_t* counts, const float* metres,
-               const Part& part, int num_images = 1);
+               const Part& part, int num_images = 0);
 };
 
 SurfaceCuda::Impl::Impl(int image_width, int image_height, const Intrinsics& k,
@@ -71,7 +72,7 @@ SurfaceCuda::Impl::Impl(int image_width, int image_height, const Intrinsics& k,
       width(image_width),
       height(image_height),
       raw(memory, width, height),
-      cloud(CloudArrays::make(memory, width, height, k, num_images)) {
+      cloud(CloudArrays::make(memory, width, height, k)) {
   const int tiles_per_row = (width + one_lane::kTileWidth - 1) / one_lane::kTileWidth;
   const int num_strips = (height + kStripRows - 1) / kStripRows;
   num_tiles = static_cast<std::size_t>(tiles_per_row) * static_cast<std::size_t>(num_strips);
@@ -79,8 +80,12 @@ SurfaceCuda::Impl::Impl(int image_width, int image_height, const Intrinsics& k,
 
   filter.tiling = {width, height, tiles_per_row, 0, 0, static_cast<std::ptrdiff_t>(padded_size)};
   filter.raw = raw.view();
-  filter.depth = memory.copy_of(std::vector<float>(
-      static_cast<std::size_t>(num_images) * padded_size, std::numeric_limits<float>::quiet_NaN()));
+  filter.depth = memory.copy_of(
+      std::vector<float>(static_cast<std::size_t>(std::max(num_images, 1)) * padded_size,
+                         std::numeric_limits<float>::quiet_NaN()));
+  if (num_images > 0) {
+    planes = memory.take<TangentPlane>(static_cast<std::size_t>(num_images) * padded_size);
+  }
   const auto raw_pixels = lens_table_of(width, height, k, distortion);
   if (!raw_pixels.empty()) filter.raw_pixels = memory.copy_of(raw_pixels);
   filter.num_valid = memory.take_pinned<int>(num_tiles);
@@ -111,11 +116,13 @@ SurfaceCuda::Impl::Impl(int image_width, int image_height, const Intrinsics& k,
 
 void SurfaceCuda::Impl::enqueue(gpu::Stream& stream, const std::uint16_t* counts,
                                 const float* metres, const Part& part, int num_images) {
+  const bool is_batch = num_images > 0;
   const int tiles_per_row = filter.tiling.tiles_per_row;
   const auto shape = [&](ImageRows strips, std::size_t shared_bytes) {
-    return gpu::LaunchShape{.blocks = num_images * (strips.end - strips.begin) * tiles_per_row,
-                            .threads = one_lane::kTileThreads,
-                            .shared_bytes = shared_bytes};
+    return gpu::LaunchShape{
+        .blocks = std::max(num_images, 1) * (strips.end - strips.begin) * tiles_per_row,
+        .threads = one_lane::kTileThreads,
+        .shared_bytes = shared_bytes};
   };
   const ImageRows filtered = part.strips(1), finished = part.strips(0);
   PALPATE_ASSERT(filter.raw_pixels == nullptr || part.num_parts == 1);
@@ -129,6 +136,7 @@ void SurfaceCuda::Impl::enqueue(gpu::Stream& stream, const std::uint16_t* counts
   }
   if (finished.begin < finished.end) {
     NormalJob job = normals;
+    if (is_batch) job.planes = planes;
     job.tiling.first_tile = finished.begin * tiles_per_row;
     job.tiling.num_tiles = (finished.end - finished.begin) * tiles_per_row;
     gpu::launch(stream, shape(finished, one_lane::normal_shared_bytes(job.pass)),
@@ -188,6 +196,7 @@ void SurfaceCuda::enqueue_images(gpu::Stream& stream, const std::uint16_t* count
 
 std::ptrdiff_t SurfaceCuda::points_apart() const { return impl_->filter.tiling.points_apart; }
 PointCloudView SurfaceCuda::cloud() const { return impl_->cloud.view; }
+const TangentPlane* SurfaceCuda::planes() const { return impl_->planes; }
 const float* SurfaceCuda::depth() const { return impl_->filter.depth; }
 
 SurfaceStats SurfaceCuda::stats() const {

@@ -9,6 +9,7 @@
 
 #include "palpate/cloud/surface_estimator.h"
 #include "src/cloud/image_rows.h"
+#include "src/cloud/internal/tangent_plane.h"
 
 namespace palpate::inline v0 {
 
@@ -16,15 +17,15 @@ namespace gpu {
 class Stream;
 }
 
-/// Owns all buffers for one image size, and as many images as are made at once. Nothing waits or
-/// allocates after `create`, and all work may be recorded in a gpu::Graph: what changes from frame
-/// to frame is read from page-locked memory.
+/// Owns all buffers for one image size, and for as many images as a batch makes at once. Nothing
+/// waits or allocates after `create`, and all work may be recorded in a gpu::Graph: what changes
+/// from frame to frame is read from page-locked memory.
 class SurfaceCuda {
  public:
   /// Errors: those of SurfaceEstimator::create, no such GPU, not enough memory on it.
   /// Bent images are straightened as by SurfaceEstimator; then frames are done in one part.
   static Result<SurfaceCuda> create(int width, int height, const Intrinsics& intrinsics,
-                                    const SurfaceOptions& options, int gpu, int num_images = 1,
+                                    const SurfaceOptions& options, int gpu, int num_images = 0,
                                     const Distortion& distortion = {});
   SurfaceCuda(SurfaceCuda&&) noexcept;
   SurfaceCuda& operator=(SurfaceCuda&&) noexcept;
@@ -44,15 +45,16 @@ class SurfaceCuda {
   /// The same from depth in metres (NaN or 0: no measurement), width * height values on this GPU.
   void enqueue_depth(gpu::Stream& stream, const float* depth, int part = 0, int num_parts = 1);
   /// The same of `num` images, one after the other in the memory of this GPU: of counts, or of
-  /// depth if they are null. Without depth change.
+  /// depth if they are null. Makes only the planes of their points; no depth change.
   void enqueue_images(gpu::Stream& stream, const std::uint16_t* counts, const float* depth,
                       int num);
   /// The rows of its input that a part is the first to read.
   ImageRows input_rows(int part, int num_parts) const;
 
-  /// Arrays on the GPU, always the same ones; they hold a frame when its last part is done. Of
-  /// several images those of the first one.
+  /// Arrays on the GPU, always the same ones; they hold a frame when its last part is done.
   PointCloudView cloud() const;
+  /// Of the points of all images of a batch, on the GPU.
+  const TangentPlane* planes() const;
   /// From one image's points to those of the next.
   std::ptrdiff_t points_apart() const;
   /// Filtered depth in metres on the GPU, NaN where there is no measurement.

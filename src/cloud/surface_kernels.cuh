@@ -10,6 +10,7 @@
 #include "src/cloud/bilateral.h"
 #include "src/cloud/depth_change.h"
 #include "src/cloud/flying_pixel.h"
+#include "src/cloud/internal/tangent_plane.h"
 #include "src/cloud/raw_depth.h"
 #include "src/cloud/raw_frame_cuda.h"
 #include "src/cloud/window_moments.h"
@@ -47,9 +48,10 @@ struct FilterJob {
 
 struct NormalJob {
   Tiling tiling;
-  const float* depth = nullptr;  // filtered
-  NormalPass pass;               // without an image
-  float* change[3] = {};         // null: not wanted
+  const float* depth = nullptr;    // filtered
+  NormalPass pass;                 // without an image
+  TangentPlane* planes = nullptr;  // wanted instead of the points and their normals, or null
+  float* change[3] = {};           // null: not wanted
   float min_step = 0;
   int* num_points = nullptr;  // of each tile
 };
@@ -209,8 +211,15 @@ __device__ inline float column_reference(const float* depths, int stride, int nu
   return reference;
 }
 
-__device__ inline void store_point(const NormalPass& pass, std::ptrdiff_t at, float z,
+__device__ inline void store_point(const NormalJob& job, std::ptrdiff_t at, float z,
                                    const PixelFrame& frame, const Vector& n, bool valid) {
+  if (job.planes != nullptr) {
+    job.planes[at] =
+        valid ? tangent_plane<TangentPlane>(frame.ray_x * z, frame.ray_y * z, z, n.x, n.y, n.z)
+              : TangentPlane{};
+    return;
+  }
+  const NormalPass& pass = job.pass;
   pass.cloud[0][at] = valid ? frame.ray_x * z : kInvalid;
   pass.cloud[1][at] = valid ? frame.ray_y * z : kInvalid;
   pass.cloud[2][at] = valid ? z : kInvalid;
@@ -286,7 +295,7 @@ __global__ void __launch_bounds__(kTileThreads)
         is_left = false;
         const UnitNormal normal =
             unit_normal(covariance(window.sums, mean_of(window.sums)), frame, pass.along_ray);
-        store_point(pass, at, z, frame, normal.n, normal.exists);
+        store_point(job, at, z, frame, normal.n, normal.exists);
         num_points += normal.exists;
       }
     }
@@ -294,7 +303,7 @@ __global__ void __launch_bounds__(kTileThreads)
       shared.left[atomicAdd(&shared.num_left, 1)] =
           static_cast<std::uint16_t>(row * kTileWidth + column);
     } else if (!(z < kAnyDepth)) {
-      store_point(pass, at, z, frame, {}, false);
+      store_point(job, at, z, frame, {}, false);
     }
   }
   __syncthreads();
@@ -307,7 +316,7 @@ __global__ void __launch_bounds__(kTileThreads)
     const Neighbours neighbours = gather_directly(pass, centre, frame, radius);
     const UnitNormal normal = unit_normal(neighbours.e, frame, pass.along_ray);
     const bool valid = neighbours.valid & normal.exists;
-    store_point(pass, first_point + static_cast<std::ptrdiff_t>(v) * width + left_u, *centre, frame,
+    store_point(job, first_point + static_cast<std::ptrdiff_t>(v) * width + left_u, *centre, frame,
                 normal.n, valid);
     num_points += valid;
   }

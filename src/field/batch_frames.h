@@ -25,6 +25,6 @@ class BatchFrames {
 Result<std::unique_ptr<BatchFrames>> make_batch_frames_cpu(const SlotSettings& settings);
 /// So many pixels at once are enough for any GPU.
 Result<std::unique_ptr<BatchFrames>> make_batch_frames_cuda(const SlotSettings& settings, int gpu,
-                                                            int pixels_at_once = 1 << 22);
+                                                            int pixels_at_once = 1 << 23);
 
 }  // namespace palpate::inline v0

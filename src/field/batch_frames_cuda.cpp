@@ -83,7 +83,8 @@ class BatchFramesCuda final : public BatchFrames {
         metres = staged_;
       }
       surface_->enqueue_images(stream, counts, metres, some);
-      field_->enqueue(surface_->cloud(), surface_->points_apart(), begin, some, stream);
+      field_->enqueue(surface_->planes(), surface_->points_apart(), surface_->cloud(), begin, some,
+                      stream);
     }
     if (!requested_stream || is_staged) stream.wait(kPatience + static_cast<double>(num) * 1e-3);
     if (!stream.status()) return stream.status().error();
@@ -94,7 +95,7 @@ class BatchFramesCuda final : public BatchFrames {
   static constexpr double kPatience = 2;  // s
 
   Status check_memory(int num_images, int at_once) const {
-    constexpr std::size_t kChannels = 7;  // of a point: its six numbers, and its filtered depth
+    constexpr std::size_t kChannels = 3;  // of a point: its plane, and its filtered depth
     const std::size_t each = DepthFieldCuda::num_bytes(layout_);
     const std::size_t num_points = static_cast<std::size_t>(settings_.stream.width) *
                                    static_cast<std::size_t>(settings_.stream.height);

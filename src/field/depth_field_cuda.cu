@@ -1,11 +1,12 @@
 #include "src/field/depth_field_cuda.h"
 
+#include <algorithm>
 #include <utility>
 #include <vector>
 
 #include "src/core/internal/assert.h"
 #include "src/core/internal/stamp.h"
-#include "src/field/silhouette_rules.h"
+#include "src/field/silhouettes_cuda.cuh"
 #include "src/gpu/team.cuh"
 
 namespace palpate::inline v0 {
@@ -102,12 +103,49 @@ __device__ void complete_quad(const FieldJob& job, const Place& place, TangentPl
   if (place.v() + 1 >= job.layout.levels[0].height) quad[2] = quad[0], quad[3] = quad[1];
 }
 
-struct TakeScratch {
+constexpr int kWarps = kThreads / gpu::kWarpSize;
+
+struct SquareScratch {
   SquareLevels levels;
+  DepthTile tiles[kWarps][2];  // of each warp's pixels in the left and the right tile
+};
+
+/// Makes the tiles and the wider levels of a square without holes.
+__device__ void finish_square(const FieldJob& job, const FieldArrays& arrays, const Place& place,
+                              TangentPlane (&quad)[4], SquareScratch& shared) {
+  // A warp has two rows of 16 threads: the left half of each is in one tile.
+  DepthTile tile = empty_tile<DepthTile>();
+  for_quad(job, place, [&](int k, int, int) { tile = join(tile, tile_of<DepthTile>(quad[k])); });
+  for (int step = 1; step < gpu::kWarpSize; step *= 2) {
+    if (step == kTile / 2) continue;
+    tile = join(tile, {__shfl_xor_sync(gpu::kWholeWarp, tile.nearest, step),
+                       __shfl_xor_sync(gpu::kWholeWarp, tile.least_slope, step)});
+  }
+  const int lane = gpu::lane_id();
+  if (lane % 8 == 0 && lane < 16) shared.tiles[gpu::warp_id()][lane / 8] = tile;
+
+  complete_quad(job, place, quad);
+  widen_square(job, place, quad, job.layout.num_levels - 1, Choice::majority, arrays.planes,
+               shared.levels);
+  __syncthreads();
+  if (threadIdx.x < 4) {
+    const int side = static_cast<int>(threadIdx.x) % 2, row = static_cast<int>(threadIdx.x) / 2;
+    DepthTile all = empty_tile<DepthTile>();
+    for (int k = 0; k < kWarps / 2; ++k) all = join(all, shared.tiles[row * kWarps / 2 + k][side]);
+    const int u = 2 * place.square_u + side, v = 2 * place.square_v + row;
+    const int tiles_wide = (job.layout.levels[0].width + kTile - 1) / kTile;
+    const int tiles_high = (job.layout.levels[0].height + kTile - 1) / kTile;
+    if (u < tiles_wide && v < tiles_high) arrays.tiles[v * tiles_wide + u] = all;
+  }
+}
+
+struct TakeScratch {
+  SquareScratch square;
   int has_hole;
 };
 
-/// First kernel: the planes of level 0, and what holes are filled with.
+/// First kernel: the planes of level 0, and what holes are filled with. Squares without a hole are
+/// finished.
 __global__ void __launch_bounds__(kThreads)
     take_planes(const __grid_constant__ FieldJob job,
                 const __grid_constant__ PointCloudView cloud) {
@@ -130,9 +168,11 @@ __global__ void __launch_bounds__(kThreads)
   });
   if (has_hole) shared.has_hole = 1;
   complete_quad(job, place, quad);
-  widen_square(job, place, quad, job.num_filled, Choice::nearest, arrays.nearest, shared.levels);
+  widen_square(job, place, quad, job.num_filled, Choice::nearest, arrays.nearest,
+               shared.square.levels);
   __syncthreads();
   if (threadIdx.x == 0) job.has_hole[blockIdx.x] = shared.has_hole;
+  if (shared.has_hole == 0) finish_square(job, arrays, place, quad, shared.square);
 }
 
 /// What the holes of a square are filled with: of each level the pixels from
@@ -201,211 +241,56 @@ __device__ void fill_quad(const FieldJob& job, const FieldArrays& arrays, const 
   });
 }
 
-constexpr int kWarps = kThreads / gpu::kWarpSize;
-
 struct WidenScratch {
-  SquareLevels levels;
+  SquareScratch square;
   Surroundings around;
-  DepthTile tiles[kWarps][2];  // of each warp's pixels in the left and the right tile
 };
 
-/// Second kernel: fills holes, makes tiles and wider levels.
+/// Second kernel: fills holes and finishes their squares.
 __global__ void __launch_bounds__(kThreads) widen_planes(const __grid_constant__ FieldJob job) {
+  if (!job.has_hole[blockIdx.x]) return;
   auto& shared = gpu::shared_memory<WidenScratch>();
   const Place place(job);
   const FieldArrays arrays = job.arrays_of(place.image);
   TangentPlane quad[4];
   for_quad(job, place, [&](int k, int u, int v) { quad[k] = *pixel(job, arrays.planes, 0, u, v); });
-  if (job.num_filled > 0 && job.has_hole[blockIdx.x]) {
-    fill_quad(job, arrays, place, quad, shared.around);
-  }
-  if (job.unknown == UnknownSpace::blocked && job.has_hole[blockIdx.x]) {
+  if (job.num_filled > 0) fill_quad(job, arrays, place, quad, shared.around);
+  if (job.unknown == UnknownSpace::blocked) {
     for_quad(job, place, [&](int k, int u, int v) {
       quad[k] = completed(quad[k], job.unknown);
       *pixel(job, arrays.planes, 0, u, v) = quad[k];
     });
   }
 
-  // A warp has two rows of 16 threads: the left half of each is in one tile.
-  DepthTile tile = empty_tile<DepthTile>();
-  for_quad(job, place, [&](int k, int, int) { tile = join(tile, tile_of<DepthTile>(quad[k])); });
-  for (int step = 1; step < gpu::kWarpSize; step *= 2) {
-    if (step == kTile / 2) continue;
-    tile = join(tile, {__shfl_xor_sync(gpu::kWholeWarp, tile.nearest, step),
-                       __shfl_xor_sync(gpu::kWholeWarp, tile.least_slope, step)});
-  }
-  const int lane = gpu::lane_id();
-  if (lane % 8 == 0 && lane < 16) shared.tiles[gpu::warp_id()][lane / 8] = tile;
-
-  complete_quad(job, place, quad);
-  widen_square(job, place, quad, job.layout.num_levels - 1, Choice::majority, arrays.planes,
-               shared.levels);
-  __syncthreads();
-  if (threadIdx.x < 4) {
-    const int side = static_cast<int>(threadIdx.x) % 2, row = static_cast<int>(threadIdx.x) / 2;
-    DepthTile all = empty_tile<DepthTile>();
-    for (int k = 0; k < kWarps / 2; ++k) all = join(all, shared.tiles[row * kWarps / 2 + k][side]);
-    const int u = 2 * place.square_u + side, v = 2 * place.square_v + row;
-    const int tiles_wide = (job.layout.levels[0].width + kTile - 1) / kTile;
-    const int tiles_high = (job.layout.levels[0].height + kTile - 1) / kTile;
-    if (u < tiles_wide && v < tiles_high) arrays.tiles[v * tiles_wide + u] = all;
-  }
+  finish_square(job, arrays, place, quad, shared.square);
 }
 
-// A block looks for the silhouettes of a tile of pixels and of those just around it.
-constexpr int kRimWide = 32, kRimHigh = 16;
-constexpr int kReach = DepthFieldLevel::kSilhouetteReach, kHalo = kReach + 1;
-
-struct RimScratch {
-  static constexpr int kWide = kRimWide + 2 * kHalo, kHigh = kRimHigh + 2 * kHalo;
-
-  one_lane::RulePlane planes[kHigh][kWide];
-  /// The nearest silhouettes of each pixel's own row: as SilhouetteScratch::found.
-  float found[kHigh][kRimWide + 2][6];
-  std::uint8_t has_any[kRimHigh + 2][kRimWide + 2];
-  int has_edge;
-};
-
-/// What all levels are measured with.
-struct RimLevels {
-  one_lane::RuleLevel levels[kLevels];
-};
-
-__device__ one_lane::PixelSilhouettes load_found(const float (&found)[6]) {
-  one_lane::PixelSilhouettes both;
-  one_lane::NearestSilhouette* const of[2] = {&both.exit, &both.occluder};
-  for (int k = 0; k < 2; ++k) {
-    of[k]->du = found[3 * k];
-    if (of[k]->du != 0.0f) of[k]->squared = of[k]->du * of[k]->du;
-    of[k]->other = {found[3 * k + 1], found[3 * k + 2]};
-  }
-  return both;
+/// Of tiles of a size, for the largest level.
+RimTiling rim_tiling(const PyramidLayout& layout, int wide, int high) {
+  // See RimSpans: pixels that are asked for, and that have planes.
+  const auto num_asked = [](int tile, int size) {
+    return std::min(tile + 2, size + 2 * kSilhouetteBorder + 1);
+  };
+  const auto num_planes = [&](int tile, int size) {
+    return std::min(num_asked(tile, size) + 2 * kReach, size + 2);
+  };
+  const auto& image = layout.levels[0];
+  RimTiling tiling{wide, high};
+  tiling.num_planes = num_planes(wide, image.width) * num_planes(high, image.height);
+  tiling.num_rows = num_asked(high, image.height) + 2 * kReach;
+  tiling.num_words = (num_asked(wide, image.width) + 2 * kReach - 1 + kWordBits - 1) / kWordBits;
+  tiling.shared_bytes = RimMemory::num_bytes(tiling);
+  return tiling;
 }
 
-/// Third kernel: borders and silhouettes.
-__global__ void __launch_bounds__(kThreads)
-    find_silhouettes(const __grid_constant__ FieldJob job, const __grid_constant__ RimLevels rims) {
-  auto& shared = gpu::shared_memory<RimScratch>();
-  const int block = static_cast<int>(blockIdx.x) % job.num_rim_blocks();
-  const int thread = static_cast<int>(threadIdx.x);
-  const FieldArrays arrays = job.arrays_of(static_cast<int>(blockIdx.x) / job.num_rim_blocks());
-  int level = 0;
-  while (block >= job.first_rim_block[level + 1]) ++level;
-  constexpr int kBorder = DepthFieldLevel::kBorder;
-  const int width = job.layout.levels[level].width, height = job.layout.levels[level].height;
-  const int blocks_wide = (width + 2 * kBorder + kRimWide - 1) / kRimWide;
-  const int number = block - job.first_rim_block[level];
-  const int first_u = number % blocks_wide * kRimWide - kBorder;
-  const int first_v = number / blocks_wide * kRimHigh - kBorder;
-  const one_lane::RuleLevel& rules = rims.levels[level];
-
-  // Outside of the image: nothing, what blocks the view, or the surface of the outermost pixels
-  // going on. The border in memory is not read here.
-  const auto plane_at = [&](int u, int v) {
-    const int inner_u = u < 0 ? 0 : (u >= width ? width - 1 : u);
-    const int inner_v = v < 0 ? 0 : (v >= height ? height - 1 : v);
-    if (job.unknown != UnknownSpace::solid && (inner_u != u || inner_v != v)) {
-      return completed({}, job.unknown);
-    }
-    return *pixel(job, arrays.planes, level, inner_u, inner_v);
-  };
-  if (thread == 0) shared.has_edge = 0;
-  for (int i = thread; i < RimScratch::kWide * RimScratch::kHigh; i += kThreads) {
-    const int x = i % RimScratch::kWide, y = i / RimScratch::kWide;
-    const int u = first_u + x - kHalo, v = first_v + y - kHalo;
-    const TangentPlane plane = plane_at(u, v);
-    shared.planes[y][x] = {plane.offset, plane.slope};
-    const bool is_mine = x >= kHalo && x < kHalo + kRimWide && y >= kHalo && y < kHalo + kRimHigh &&
-                         u < width + kBorder && v < height + kBorder;
-    if (is_mine && (u < 0 || u >= width || v < 0 || v >= height)) {
-      *pixel(job, arrays.planes, level, u, v) = plane;
-    }
-  }
-  __syncthreads();
-  const auto own_at = [&](int x, int y) -> const one_lane::RulePlane& {
-    return shared.planes[y + kHalo][x + kHalo];
-  };
-  const auto is_edge = [&](const one_lane::RulePlane& a, const one_lane::RulePlane& b, float size) {
-    const bool a_is_near = one_lane::is_nearer(a, b);
-    return one_lane::ends_between(a_is_near ? a : b, a_is_near ? b : a, size);
-  };
-  bool has_edge = false;
-  for (int i = thread; i < RimScratch::kWide * RimScratch::kHigh; i += kThreads) {
-    const int x = i % RimScratch::kWide, y = i / RimScratch::kWide;
-    const one_lane::RulePlane& own = shared.planes[y][x];
-    if (x + 1 < RimScratch::kWide) {
-      has_edge |= is_edge(own, shared.planes[y][x + 1], rules.width_u);
-    }
-    if (y + 1 < RimScratch::kHigh) {
-      has_edge |= is_edge(own, shared.planes[y + 1][x], rules.width_v);
-    }
-  }
-  if (has_edge) shared.has_edge = 1;
-  __syncthreads();
-  const bool is_active = shared.has_edge != 0;
-  if (is_active) {
-    for (int i = thread; i < RimScratch::kHigh * (kRimWide + 2); i += kThreads) {
-      const int x = i % (kRimWide + 2) - 1, y = i / (kRimWide + 2) - kHalo;
-      const one_lane::RulePlane& own = own_at(x, y);
-      one_lane::PixelSilhouettes found;
-      for (int n = 1; n <= kReach; ++n) {
-        const float away = static_cast<float>(n) - 0.5f;
-        one_lane::take_edge(own, own_at(x + n - 1, y), own_at(x + n, y), away, 0.0f, rules.width_u,
-                            found);
-        one_lane::take_edge(own, own_at(x - n, y), own_at(x - n + 1, y), -away, 0.0f, rules.width_u,
-                            found);
-      }
-      float(&to)[6] = shared.found[y + kHalo][x + 1];
-      to[0] = found.exit.du, to[1] = found.exit.other.offset, to[2] = found.exit.other.slope;
-      to[3] = found.occluder.du, to[4] = found.occluder.other.offset;
-      to[5] = found.occluder.other.slope;
-    }
-    __syncthreads();
-    for (int i = thread; i < (kRimHigh + 2) * (kRimWide + 2); i += kThreads) {
-      const int x = i % (kRimWide + 2) - 1, y = i / (kRimWide + 2) - 1;
-      const int u = first_u + x, v = first_v + y;
-      const one_lane::RulePlane& own = own_at(x, y);
-      one_lane::PixelSilhouettes found = load_found(shared.found[y + kHalo][x + 1]);
-      for (int n = 1; n <= kReach; ++n) {
-        const float away = static_cast<float>(n);
-        one_lane::take_edge(own, own_at(x, y + n - 1), own_at(x, y + n), 0.0f, away - 0.5f,
-                            rules.width_v, found);
-        one_lane::take_edge(own, own_at(x, y - n), own_at(x, y - n + 1), 0.0f, 0.5f - away,
-                            rules.width_v, found);
-        for (const int row : {n, -n}) {
-          one_lane::take_found(own, load_found(shared.found[y + row + kHalo][x + 1]),
-                               static_cast<float>(row), rules.width_u, found);
-        }
-      }
-      const float at_x = rules.first_u + static_cast<float>(u) * rules.width_u;
-      const float at_y = rules.first_v + static_cast<float>(v) * rules.width_v;
-      const bool has_exit = one_lane::is_any(found.exit);
-      const bool has_occluder = one_lane::is_any(found.occluder);
-      const bool is_asked = u >= -kSilhouetteBorder && u <= width + kSilhouetteBorder &&
-                            v >= -kSilhouetteBorder && v <= height + kSilhouetteBorder;
-      shared.has_any[y + 1][x + 1] = is_asked && (has_exit || has_occluder);
-      if (!is_asked) continue;
-      // Those just around the tile are written by two blocks, the same by both.
-      Silhouette* const to =
-          arrays.silhouettes +
-          2 * (job.layout.origin(level) + static_cast<std::ptrdiff_t>(v) * job.layout.stride + u);
-      to[0] = {has_exit ? -one_lane::side_of(found.exit, at_x, at_y, rules) : 0.0f,
-               found.exit.other.offset, found.exit.other.slope, 0};
-      to[1] = {has_occluder ? one_lane::side_of(found.occluder, at_x, at_y, rules) : 0.0f,
-               found.occluder.other.offset, found.occluder.other.slope, 0};
-    }
-    __syncthreads();
-  }
-  for (int i = thread; i < kRimWide * kRimHigh; i += kThreads) {
-    const int x = i % kRimWide, y = i / kRimWide, u = first_u + x, v = first_v + y;
-    if (u >= width + kBorder || v >= height + kBorder) continue;
-    bool any = false;
-    if (is_active && u > -kSilhouetteBorder && u < width + kSilhouetteBorder &&
-        v > -kSilhouetteBorder && v < height + kSilhouetteBorder) {
-      for (int k = 0; k < 9; ++k) any |= shared.has_any[y + k / 3][x + k % 3] != 0;
-    }
-    arrays.near_silhouette[job.layout.origin(level) +
-                           static_cast<std::ptrdiff_t>(v) * job.layout.stride + u] = any;
+/// Large tiles look at little twice: as high as shared memory allows, all alike in level 0.
+RimTiling large_rim_tiles(const PyramidLayout& layout) {
+  constexpr std::size_t kMostShared = 48 << 10;
+  constexpr int kWide = 89;  // with what is around it, three words
+  const int rows = layout.levels[0].height + 2 * DepthFieldLevel::kBorder;
+  for (int num = 1;; ++num) {
+    const RimTiling tiling = rim_tiling(layout, kWide, (rows + num - 1) / num);
+    if (tiling.shared_bytes <= kMostShared) return tiling;
   }
 }
 
@@ -423,12 +308,14 @@ Result<DepthFieldCuda> DepthFieldCuda::create(int width, int height,
   const auto blocks_over = [](int size, int part) { return (size + part - 1) / part; };
   job.squares_wide = blocks_over(width, kSquare);
   job.squares_high = blocks_over(height, kSquare);
+  // One image alone needs many tiles to fill the GPU.
+  job.rim = num_at_once > 1 ? large_rim_tiles(*layout) : rim_tiling(*layout, 57, 16);
   constexpr int kBorders = 2 * DepthFieldLevel::kBorder;
   for (int level = 0; level < layout->num_levels; ++level) {
     const auto& image = layout->levels[level];
     job.first_rim_block[level + 1] =
-        job.first_rim_block[level] + blocks_over(image.width + kBorders, kRimWide) *
-                                         blocks_over(image.height + kBorders, kRimHigh);
+        job.first_rim_block[level] + blocks_over(image.width + kBorders, job.rim.wide) *
+                                         blocks_over(image.height + kBorders, job.rim.high);
   }
   // Any field's arrays are as well aligned as the first one's.
   constexpr std::size_t kAligned = 64;
@@ -455,23 +342,23 @@ std::size_t DepthFieldCuda::num_bytes(const PyramidLayout& layout) {
 }
 
 void DepthFieldCuda::enqueue(const PointCloudView& cloud, gpu::Stream& stream) {
-  enqueue(cloud, 0, 0, 1, stream);
+  enqueue(job_, cloud, 1, stream);
 }
 
 void DepthFieldCuda::enqueue(const TangentPlane* planes, const PointCloudView& camera,
                              gpu::Stream& stream) {
-  FieldJob job = job_;
-  job.given = planes;
-  enqueue(job, camera, 1, stream);
+  enqueue(planes, 0, camera, 0, 1, stream);
 }
 
-void DepthFieldCuda::enqueue(const PointCloudView& cloud, std::ptrdiff_t points_apart, int first,
-                             int num, gpu::Stream& stream) {
+void DepthFieldCuda::enqueue(const TangentPlane* planes, std::ptrdiff_t points_apart,
+                             const PointCloudView& camera, int first, int num,
+                             gpu::Stream& stream) {
   FieldJob job = job_;
+  job.given = planes;
   job.points_apart = points_apart;
   job.arrays = job_.arrays_of(first);
   job.arrays.nearest = job_.arrays.nearest;
-  enqueue(job, cloud, num, stream);
+  enqueue(job, camera, num, stream);
 }
 
 void DepthFieldCuda::enqueue(FieldJob job, const PointCloudView& cloud, int num,
@@ -491,8 +378,8 @@ void DepthFieldCuda::enqueue(FieldJob job, const PointCloudView& cloud, int num,
   }
   gpu::launch(stream,
               {.blocks = num * job.num_rim_blocks(),
-               .threads = kThreads,
-               .shared_bytes = sizeof(RimScratch)},
+               .threads = kRimThreads,
+               .shared_bytes = job.rim.shared_bytes},
               find_silhouettes, job, rims);
   const FieldArrays& arrays = job_.arrays;
   view_ = job.layout.view(arrays.planes, arrays.silhouettes, arrays.near_silhouette, arrays.tiles,

@@ -21,6 +21,15 @@ struct FieldArrays {
   DepthTile* tiles = nullptr;
 };
 
+/// The tiles of a level in which a block looks for silhouettes, and the block's shared memory
+/// (RimMemory).
+struct RimTiling {
+  int wide = 0, high = 0;  ///< pixels, with the level's border
+  int num_planes = 0;
+  int num_rows = 0, num_words = 0;
+  std::size_t shared_bytes = 0;
+};
+
 /// What the kernels of some fields work on.
 struct FieldJob {
   PyramidLayout layout;
@@ -28,10 +37,11 @@ struct FieldJob {
   UnknownSpace unknown = UnknownSpace::free;
   FieldArrays arrays;                                ///< of the first field
   std::ptrdiff_t pixels_apart = 0, tiles_apart = 0;  ///< from one field to the next
-  std::ptrdiff_t points_apart = 0;                   ///< from one cloud to the next
+  std::ptrdiff_t points_apart = 0;                   ///< from one image's points to the next
   const TangentPlane* given = nullptr;  ///< planes of all points, if they are not the cloud's
   int* has_hole = nullptr;              ///< of each block's square of level 0, field after field
   int squares_wide = 0, squares_high = 0;
+  RimTiling rim;
   /// The first block that looks for silhouettes in a level; the last entry is their number.
   int first_rim_block[DepthFieldView::kMaxLevels + 1] = {};
 
@@ -58,10 +68,10 @@ class DepthFieldCuda {
   void enqueue(const PointCloudView& cloud, gpu::Stream& stream);
   /// The same from the planes of all points of a camera, row by row.
   void enqueue(const TangentPlane* planes, const PointCloudView& camera, gpu::Stream& stream);
-  /// The same of `num` clouds, `points_apart` points from one to the next, into the fields from
+  /// The same of `num` images, `points_apart` planes from one to the next, into the fields from
   /// `first` on.
-  void enqueue(const PointCloudView& cloud, std::ptrdiff_t points_apart, int first, int num,
-               gpu::Stream& stream);
+  void enqueue(const TangentPlane* planes, std::ptrdiff_t points_apart,
+               const PointCloudView& camera, int first, int num, gpu::Stream& stream);
 
   /// Of the first field: arrays on the GPU, with the values of the last enqueued update that is
   /// done; no levels before the first one.

@@ -5,36 +5,14 @@
 
 #include "palpate/core/core.h"
 #include "palpate/field/depth_field.h"
+#include "src/cloud/internal/tangent_plane.h"
 
 namespace palpate::inline v0 {
-
-// Where there is no surface: so far in front that no sphere is near.
-inline constexpr float kFreeOffset = 10.0f;
-
-/// A pixel's tangent plane; no surface if the slope is 0.
-struct alignas(8) TangentPlane {
-  float offset = kFreeOffset, slope = 0;
-
-  PALPATE_HOSTDEV bool is_surface() const { return slope > 0; }
-};
-static_assert(sizeof(TangentPlane) == 2 * sizeof(float));  // read as pairs of numbers
 
 /// A pixel about which nothing is known when all holes are filled. With UnknownSpace::blocked it is
 /// a surface right in front of the camera, which it looks at squarely.
 PALPATE_FORMULA TangentPlane completed(const TangentPlane& plane, UnknownSpace unknown) {
   return unknown == UnknownSpace::blocked && !plane.is_surface() ? TangentPlane{0.02f, 1} : plane;
-}
-
-/// Of the points at depth z; none where z is not positive. Their planes pass the eye at the
-/// distance -(p . n).
-template <class Plane, class Real>
-PALPATE_FORMULA Plane tangent_plane(Real x, Real y, Real z, Real nx, Real ny, Real nz) {
-  // A surface seen so aslant that its plane passes the eye closer than this share of its depth
-  // counts as steep as that.
-  constexpr float kLeastOffset = 0.02f;
-  const Real d = -(x * nx + y * ny + z * nz), least = kLeastOffset * z;
-  const Real offset = d < least ? least : d;
-  return {z > Real{} ? offset : Real{} + kFreeOffset, z > Real{} ? offset / z : Real{}};
 }
 
 /// Pixels of level k belong to one surface if their depths differ by less than this share: a wider

@@ -207,7 +207,7 @@ Result<std::unique_ptr<FrameSlots>> make_frame_slots_cuda(const SlotSettings& se
   std::vector<Slot> slots;
   for (int i = 0; i < settings.num_slots(); ++i) {
     auto estimator = SurfaceCuda::create(stream.width, stream.height, stream.intrinsics, surface,
-                                         gpu, 1, stream.distortion);
+                                         gpu, 0, stream.distortion);
     if (!estimator) return estimator.error();
     Slot slot{*std::move(estimator), {}, {}, {}, {}, {}, {}, {}};
     if (settings.time.mode == TimeMode::predict) {

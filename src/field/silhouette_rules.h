@@ -38,6 +38,11 @@ inline RuleLevel rule_level(const Intrinsics& k, int level) {
           (middle - static_cast<float>(k.cy)) / fy};
 }
 
+/// Depth of a surface in the middle of its pixel; far away where there is none.
+PALPATE_FORMULA VecF surface_depth(const RulePlane& plane) {
+  return plane.offset / max(plane.slope, splat(1e-6f));
+}
+
 PALPATE_FORMULA Mask is_nearer(const RulePlane& a, const RulePlane& b) {
   return a.slope * b.offset >= b.slope * a.offset;
 }
@@ -57,10 +62,10 @@ PALPATE_FORMULA Mask is_apart(const RulePlane& near, const RulePlane& far, VecF 
 }
 
 /// Does a surface end between two pixels side by side, the near one of which comes first?
-PALPATE_FORMULA Mask ends_between(const RulePlane& near, const RulePlane& far, float width) {
-  const VecF depth = near.offset / max(near.slope, splat(1e-6f));
-  const VecF gap = far.offset - depth * far.slope;
-  return (near.slope > splat(0.0f)) & is_apart(near, far, gap, width * depth, splat(1.0f));
+PALPATE_FORMULA Mask ends_between(const RulePlane& near, VecF near_depth, const RulePlane& far,
+                                  float width) {
+  const VecF gap = far.offset - near_depth * far.slope;
+  return (near.slope > splat(0.0f)) & is_apart(near, far, gap, width * near_depth, splat(1.0f));
 }
 
 /// The nearest silhouette found so far.
@@ -90,35 +95,51 @@ struct PixelSilhouettes {
   NearestSilhouette exit, occluder;
 };
 
-/// A silhouette at (du, dv) is a way out for what lies kReach pixels behind `own` if the far
-/// surface is less deep there.
-PALPATE_FORMULA void take_exit(const RulePlane& own, const RulePlane& far, Mask is_any, VecF du,
-                               VecF dv, float width, NearestSilhouette& exit) {
-  const VecF depth = own.offset / max(own.slope, splat(1e-6f));
-  const VecF behind = depth * (1.0f + kReach * width / max(own.slope, splat(kLeastSlope)));
-  const VecF out = far.offset - behind * far.slope;
-  const Mask fits =
-      is_any & (own.slope > splat(0.0f)) & (out > (kLeastStep - kReach) * width * depth);
-  take(exit, fits, du, dv, far);
+/// What a pixel asks of a surface beyond a silhouette, with pixels so wide.
+struct ExitLimits {
+  VecF behind;  ///< depth of what lies kReach pixels behind the pixel
+  VecF least;   ///< so far in front of the far surface this has to be
+};
+PALPATE_FORMULA ExitLimits exit_limits(const RulePlane& own, VecF depth, float width) {
+  return {depth * (1.0f + kReach * width / max(own.slope, splat(kLeastSlope))),
+          (kLeastStep - kReach) * width * depth};
 }
 
-/// A silhouette at (du, dv) stands in front of `own` if its near surface is of another piece.
-PALPATE_FORMULA void take_occluder(const RulePlane& own, const RulePlane& near, Mask is_any,
-                                   VecF du, VecF dv, float width, NearestSilhouette& occluder) {
-  const VecF near_depth = near.offset / max(near.slope, splat(1e-6f));
-  const VecF own_depth = own.offset / max(own.slope, splat(1e-6f));
+/// A silhouette is a way out for what lies kReach pixels behind `own` if the far surface is less
+/// deep there.
+PALPATE_FORMULA Mask is_exit(const RulePlane& own, const ExitLimits& limits, const RulePlane& far) {
+  const VecF out = far.offset - limits.behind * far.slope;
+  return (own.slope > splat(0.0f)) & (out > limits.least);
+}
+
+/// A silhouette at a distance of so many pixels stands in front of `own` if its near surface is of
+/// another piece.
+PALPATE_FORMULA Mask is_occluder(const RulePlane& own, VecF own_depth, const RulePlane& near,
+                                 VecF near_depth, VecF squared_distance, float width) {
   const VecF depth = min(own_depth, near_depth + kFarEnough);
   const VecF gap = own.offset - depth * own.slope - (near.offset - depth * near.slope);
-  const VecF reach = 2.0f * (du * du + dv * dv) + 0.5f;
-  const Mask fits =
-      is_any & (own_depth > near_depth) & is_apart(near, own, gap, width * near_depth, reach);
-  take(occluder, fits, du, dv, near);
+  const VecF reach = 2.0f * squared_distance + 0.5f;
+  return (own_depth > near_depth) & is_apart(near, own, gap, width * near_depth, reach);
+}
+
+PALPATE_FORMULA void take_exit(const RulePlane& own, const RulePlane& far, Mask is_any, VecF du,
+                               VecF dv, float width, NearestSilhouette& exit) {
+  take(exit, is_any & is_exit(own, exit_limits(own, surface_depth(own), width), far), du, dv, far);
+}
+
+PALPATE_FORMULA void take_occluder(const RulePlane& own, const RulePlane& near, Mask is_any,
+                                   VecF du, VecF dv, float width, NearestSilhouette& occluder) {
+  const VecF squared = du * du + dv * dv;
+  take(occluder,
+       is_any & is_occluder(own, surface_depth(own), near, surface_depth(near), squared, width), du,
+       dv, near);
 }
 
 /// Does a surface end between two pixels side by side?
 PALPATE_FORMULA Mask is_edge(const RulePlane& a, const RulePlane& b, float width) {
   const Mask a_is_near = is_nearer(a, b);
-  return ends_between(chosen(a_is_near, a, b), chosen(a_is_near, b, a), width);
+  const RulePlane near = chosen(a_is_near, a, b);
+  return ends_between(near, surface_depth(near), chosen(a_is_near, b, a), width);
 }
 
 /// The edge between two pixels side by side, where there is one.
@@ -129,13 +150,6 @@ PALPATE_FORMULA void take_edge(const RulePlane& own, const RulePlane& a, const R
   const RulePlane near = chosen(a_is_near, a, b), far = chosen(a_is_near, b, a);
   take_exit(own, far, is_any, du, dv, width, found.exit);
   take_occluder(own, near, is_any, du, dv, width, found.occluder);
-}
-
-/// The same for whoever does not know yet where there is one.
-PALPATE_FORMULA void take_edge(const RulePlane& own, const RulePlane& a, const RulePlane& b,
-                               VecF du, VecF dv, float width, PixelSilhouettes& found) {
-  const Mask is_any = is_edge(a, b, width);
-  if (is_any_set(is_any)) take_edge(own, a, b, is_any, du, dv, width, found);
 }
 
 /// What was found at another pixel of the same column.

@@ -26,7 +26,7 @@ struct Pair {
                                      best_isa(), bent)
                 .value()),
         cuda(std::move(
-            SurfaceCuda::create(scene.width, scene.height, scene.intrinsics, options, 0, 1, bent)
+            SurfaceCuda::create(scene.width, scene.height, scene.intrinsics, options, 0, 0, bent)
                 .value())) {}
 
   void take(const DepthFrame& frame) {

@@ -85,6 +85,12 @@ TEST(DepthFieldCuda, FillsHolesAsTheCpuDoes) {
             {.fill_levels = fill_levels, .unseen = UnseenSpace::free, .thickness = 0.03});
   }
   compare(PointCloud(40, 50, Intrinsics{40, 40, 20, 25}), {.unknown = UnknownSpace::solid});
+  // Squares with and without holes side by side.
+  PointCloud corner = rough_cloud(100, 70, 8, false);
+  for (std::size_t v = 20; v < 45; ++v) {
+    for (std::size_t u = 0; u < 40; ++u) corner.set(v * 100 + u, {NAN, NAN, NAN}, {0, 0, -1});
+  }
+  compare(corner, {});
   PointCloud one(70, 50, Intrinsics{40, 40, 20, 25});
   one.set(20 * 70 + 67, {0, 0, 0.5f}, {0, 0, -1});
   compare(one, {.unknown = UnknownSpace::solid});

@@ -78,6 +78,20 @@ TEST(SensorBatchCuda, HasTheBitsOfTheCpu) {
   }
 }
 
+// A level is done in several tiles, side by side and below each other.
+TEST(SensorBatchCuda, HasTheBitsOfTheCpuInImagesOfManyTiles) {
+  PALPATE_GPU_OR_SKIP();
+  const test::RoughImages images(131, 67, 2, 7);
+  const auto views = views_of(images, false);
+  for (const UnknownSpace unknown :
+       {UnknownSpace::free, UnknownSpace::solid, UnknownSpace::blocked}) {
+    auto frames =
+        make_batch_frames_cuda(settings_of(images.camera, {.unknown = unknown}), 0).value();
+    Expected want(images.camera, {.unknown = unknown});
+    want.compare(made(*frames, views[0], 2), views);
+  }
+}
+
 TEST(SensorBatchCuda, TakesImagesOnTheGpuAndCanBeRecorded) {
   PALPATE_GPU_OR_SKIP();
   const test::RoughImages images(33, 20, 3, 2), later(33, 20, 3, 3);
