@@ -197,15 +197,118 @@ TEST(FrictionRun, NoiseDoesNotMakeItSlip) {
   EXPECT_LT(ways[1], 5e-5);
 }
 
+/// Two blocks in front of the wall, left and right, whose faces are 45 mm before it.
+RunSettings with_blocks(CouplingKind kind) {
+  static const auto block =
+      std::make_shared<const Tool>(test::packed(make_box({0.08, 0.08, 0.03}), 800));
+  RunSettings settings = settings_of(kind);
+  settings.objects.resize(2, {block, {{-0.06, 0, kWall - 0.03}, {}}});
+  settings.objects[0].name = "left";
+  settings.objects[1].name = "right";
+  settings.objects[1].X_WB.translation.x = 0.06;
+  return settings;
+}
+
+// From the change on the block holds back mu N, by the new mu; the other block has not changed.
+TEST(FrictionRun, OfOneObjectChangesWhileTheToolSlidesOverIt) {
+  const Tool tool = test::packed(make_box({0.02, 0.02, 0.02}), 200);
+  const RunSettings settings = with_blocks(CouplingKind::none);
+  const std::optional<double> own[] = {std::nullopt, 0.2, std::nullopt, 0.0};
+  for (const bool is_left : {true, false}) {
+    Wall changed(tool, settings), same(tool, settings);
+    double least = 1, worst = 0;
+    for (int i = 0; i < 2200; ++i) {
+      const std::optional<double> friction = own[std::max(0, i - 200) / 500];
+      if (i > 200 && (i - 200) % 500 == 0) {
+        RunSettings now = settings;
+        now.objects[0].friction = friction;
+        ASSERT_TRUE(changed.pipeline().change(now));
+      }
+      const Pose X_BH{{is_left ? -0.06 : 0.06, -0.02 + 2e-5 * std::max(0, i - 200),
+                       kWall - 0.055 + 2e-3 * std::min(1.0, i / 200.0)},
+                      {}};
+      const Wrench felt = changed.to(X_BH).step.contact_W, before = same.to(X_BH).step.contact_W;
+      if (!is_left) {
+        ASSERT_EQ(felt.force, before.force) << i;
+        ASSERT_EQ(felt.torque, before.torque) << i;
+      }
+      if (i < 400 || (i - 200) % 500 < 200) continue;
+      const Vec3d into = changed.pipeline().contact().contact.F_C_W.force;
+      const double mu = is_left ? friction.value_or(kMu) : kMu;
+      least = std::min(least, norm(into));
+      worst = std::max(
+          worst, norm(felt.force - into + mu * norm(into) * Vec3d{0, 1, 0}) / (kMu * norm(into)));
+    }
+    EXPECT_GT(least, 0.3) << is_left;
+    EXPECT_LT(worst, 0.01) << is_left;
+  }
+}
+
+TEST(FrictionRun, ObjectsHaveNamesOfTheirOwnAndStayWhatTheyAre) {
+  DeviceInfo device;
+  device.limits = test::ScriptedDevice({}).info().limits;
+  Wall wall(test::box_tool(), with_blocks(CouplingKind::none));
+  const auto refusal = [&](const auto& edit, bool at_start) {
+    RunSettings settings = with_blocks(CouplingKind::none);
+    edit(settings.objects);
+    DepthStreamInfo info;
+    info.width = 320;
+    info.height = 240;
+    info.intrinsics = {300, 300, 159.5, 119.5};
+    if (!at_start) {
+      const Status status = wall.pipeline().change(settings);
+      return status ? std::string() : status.error().message;
+    }
+    const auto made = Pipeline::create(test::box_tool(), info, device, settings);
+    return made ? std::string() : made.error().message;
+  };
+  using Objects = std::vector<SceneObject>;
+  for (const bool at_start : {true, false}) {
+    EXPECT_EQ(refusal([](Objects& o) { o[1].friction = 0.3; }, at_start), "");
+    EXPECT_EQ(refusal([](Objects& o) { o[1].friction = 11; }, at_start),
+              "objects.right.friction must be a number from 0 to 10 or auto, not 11");
+  }
+  EXPECT_EQ(refusal([](Objects& o) { o[1].name = "left"; }, true),
+            "two objects are called 'left'; give each a name of its own");
+  EXPECT_EQ(refusal([](Objects& o) { o[1].name = "a block"; }, true),
+            "the name of an object must be up to 64 letters, digits and _, not 'a block'");
+  EXPECT_EQ(refusal([](Objects& o) { o[0].name = o[1].name = ""; }, true), "");
+  for (const auto edit :
+       {+[](Objects& o) { o.pop_back(); }, +[](Objects& o) { o[0].name = "up"; },
+        +[](Objects& o) { o[0].X_WB.translation.x = 0; }, +[](Objects& o) { o[0].moves = true; }}) {
+    EXPECT_EQ(refusal(edit, false),
+              "objects stay what they are while the loop runs, but for their friction; end it and "
+              "start again");
+  }
+}
+
+// What a stage of a live run does when a change comes.
+TEST(FrictionRun, AnotherFrictionIsTakenWithoutAllocation) {
+  RunSettings settings = with_blocks(CouplingKind::none);
+  settings.objects[1].moves = true;
+  ContactScale scale;
+  scale.object_frictions = {0.2, 0.4};
+  const auto part = make_contact_part(ToolIndex::create(test::box_tool()), settings, {});
+  ASSERT_TRUE(part) << part.error().message;
+  const test::AllocationCounter counter;
+  (*part)->use(scale);
+  EXPECT_EQ(counter.count(), 0u);
+}
+
 TEST(FrictionRun, TicksDoNotAllocate) {
   for (const CouplingKind kind : {CouplingKind::none, CouplingKind::virtual_coupling,
                                   CouplingKind::direct, CouplingKind::proxy}) {
-    Wall wall(test::box_tool(), settings_of(kind));
+    const RunSettings settings = with_blocks(kind);
+    Wall wall(test::box_tool(), settings);
     wall.to({{0, 0, kWall - 0.024}, {}});
+    RunSettings other = settings;
+    other.objects[0].friction = 0.2;
+    ASSERT_TRUE(wall.pipeline().change(other));
     const test::AllocationCounter counter;
     for (int i = 0; i < 30; ++i) wall.to({{1e-4 * i, 0, kWall - 0.022}, {}});
     EXPECT_EQ(counter.count(), 0u);
     EXPECT_GT(norm(wall.pipeline().contact().contact.F_C_W.force), 0);
+    EXPECT_GT(wall.pipeline().contact().contact.patch.own_friction, 0) << name_of(kind);
   }
 }
 

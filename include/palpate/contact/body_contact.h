@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "palpate/contact/contact.h"
@@ -24,7 +25,16 @@ struct SceneObject {
   std::optional<double> friction = std::nullopt;  ///< own friction coefficient; none: the default
   bool moves = false;
   double mass = 0;  ///< kg, if it moves; 0: that of wood, 500 kg/m3
+  /// Letters, digits and _, of one object alone. Its settings are objects.NAME.friction ...; empty:
+  /// it has none.
+  std::string name = {};
 };
+/// What can change during a run. The section of the table must be "objects".
+inline void add_settings(SettingTable& t, SceneObject& o) {
+  if (o.name.empty()) return;
+  t.add(o.name + ".friction", o.friction, {0, 10},
+        "friction of this object; auto: that of everything else");
+}
 
 /// Mass of a moving object, kg.
 inline double mass_of(const SceneObject& object) {
