@@ -25,9 +25,7 @@ struct SceneObject {
   std::optional<double> friction = std::nullopt;  ///< own friction coefficient; none: the default
   bool moves = false;
   double mass = 0;  ///< kg, if it moves; 0: that of wood, 500 kg/m3
-  /// Letters, digits and _, of one object alone. Its settings are objects.NAME.friction ...; empty:
-  /// it has none.
-  std::string name = {};
+  std::string name = {};  ///< letters, digits and _, unique; empty: nothing of it can be set
 };
 /// What can change during a run. The section of the table must be "objects".
 inline void add_settings(SettingTable& t, SceneObject& o) {
