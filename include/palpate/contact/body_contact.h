@@ -24,7 +24,7 @@ struct SceneObject {
   Pose X_WB;                                      ///< its fixed or initial pose
   std::optional<double> friction = std::nullopt;  ///< own friction coefficient; none: the default
   bool moves = false;
-  double mass = 0;  ///< kg, if it moves; 0: that of wood, 500 kg/m3
+  double mass = 0;        ///< kg, if it moves; 0: that of wood, 500 kg/m3
   std::string name = {};  ///< letters, digits and _, unique; empty: nothing of it can be set
 };
 /// What can change during a run. The section of the table must be "objects".
