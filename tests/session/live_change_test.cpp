@@ -16,12 +16,15 @@
 #include "src/session/run_messages.h"
 #include "tests/session/live_hand.h"
 #include "tests/session/recorded_messages.h"
+#include "tests/session/repeated_run.h"
 #include "tests/session/synthetic_stream.h"
 #include "tests/test_util/wait_for.h"
 
 namespace palpate {
 namespace {
 
+using test::expect_parts_repeat;
+using test::expect_repeats;
 using test::messages;
 using Message = test::RecordedMessage;
 using test::patient_settings;
@@ -125,12 +128,7 @@ TEST(HapticChange, RunsWithChangesAreRecordedAndRepeatedBitForBit) {
   EXPECT_EQ(num_contacts, outcome->loop.num_contacts);
   EXPECT_EQ(revisions, (std::vector<std::uint32_t>{1, 2, 3, 4, 5, 6}));
 
-  const auto replay = replay_run(run);
-  ASSERT_TRUE(replay) << replay.error().message;
-  EXPECT_EQ(replay->difference, "");
-  EXPECT_EQ(replay->note, "");
-  EXPECT_EQ(replay->num_ticks, outcome->loop.num_ticks);
-  EXPECT_EQ(replay->num_contacts, outcome->loop.num_contacts);
+  expect_repeats(run, *outcome);
 
   // Settings before what was done with them, all there.
   const std::vector<Message> all = messages(run);
@@ -208,12 +206,7 @@ TEST(HapticChange, OfTheFrictionOfAnObjectIsRecordedAndRepeatedBitForBit) {
   const auto outcome = run_with_changes(run, monitor, {}, 200, settings, kObjectEdits);
   ASSERT_TRUE(outcome) << outcome.error().message;
   EXPECT_EQ(outcome->failure, "");
-  const auto replay = replay_run(run);
-  ASSERT_TRUE(replay) << replay.error().message;
-  EXPECT_EQ(replay->difference, "");
-  EXPECT_EQ(replay->note, "");
-  EXPECT_EQ(replay->num_ticks, outcome->loop.num_ticks);
-  EXPECT_EQ(replay->num_contacts, outcome->loop.num_contacts);
+  expect_repeats(run, *outcome);
   const auto summary = nlohmann::json::parse(*read_file(run / "summary.json"));
   EXPECT_EQ(summary["changes"], nlohmann::json::parse(R"([{"objects":{"stone.friction":0.6}},
       {"objects":{"stone_2.friction":0.2}},{"objects":{"stone.friction":"auto"}}])"));
@@ -241,23 +234,8 @@ TEST(LiveRun, InPartsIsRepeatedWholeAndPartByPart) {
   const auto outcome = run_with_changes(run, monitor, {.split_bytes = 1}, 500);
   ASSERT_TRUE(outcome) << outcome.error().message;
   EXPECT_EQ(outcome->not_kept, "");
-  const auto parts = recording_parts(run);
-  EXPECT_GE(parts.size(), 3u);
-  const auto replay = replay_run(run);
-  ASSERT_TRUE(replay) << replay.error().message;
-  EXPECT_EQ(replay->difference, "");
-  EXPECT_EQ(replay->note, "");
-  EXPECT_EQ(replay->num_ticks, outcome->loop.num_ticks);
-  EXPECT_EQ(replay->num_contacts, outcome->loop.num_contacts);
-  std::size_t num_ticks = 0;
-  for (const auto& part : parts) {
-    const auto alone = replay_run(part);
-    ASSERT_TRUE(alone) << alone.error().message;
-    EXPECT_EQ(alone->difference, "") << part;
-    EXPECT_EQ(alone->note, "") << part;
-    num_ticks += alone->num_ticks;
-  }
-  EXPECT_EQ(num_ticks, outcome->loop.num_ticks);
+  EXPECT_GE(recording_parts(run).size(), 3u);
+  expect_parts_repeat(run, *outcome);
 }
 
 // Contacts are felt one tick later, which is too late for a limit of a hundredth more: half of the
@@ -315,12 +293,7 @@ TEST(LiveRun, LeavesOutWhatItHasNoTimeForAndIsRepeated) {
   EXPECT_GE(contact_revisions.size(), 2u);
   EXPECT_GE(num_load_notes, 2);
 
-  const auto replay = replay_run(run);
-  ASSERT_TRUE(replay) << replay.error().message;
-  EXPECT_EQ(replay->difference, "");
-  EXPECT_EQ(replay->note, "");
-  EXPECT_EQ(replay->num_contacts, outcome->loop.num_contacts);
-  EXPECT_EQ(replay->num_ticks, outcome->loop.num_ticks);
+  expect_repeats(run, *outcome);
   const auto summary = nlohmann::json::parse(*read_file(run / "summary.json"));
   EXPECT_GT(summary["image_thinned_s"], 0.0);
   EXPECT_GT(summary["spheres_thinned_s"], 0.0);
