@@ -82,6 +82,19 @@ ObjectOption parse_object(const std::string& text, bool can_move) {
   return object;
 }
 
+std::string new_name(const std::string& file, const std::vector<SceneObject>& others) {
+  constexpr std::size_t kLongest = 60;
+  std::string stem = std::filesystem::path(file).stem().string().substr(0, kLongest);
+  for (char& letter : stem) {
+    if (std::isalnum(static_cast<unsigned char>(letter)) == 0) letter = '_';
+  }
+  std::string name = stem;
+  for (int number = 2; std::ranges::count(others, name, &SceneObject::name) > 0; ++number) {
+    name = stem + "_" + std::to_string(number);
+  }
+  return name;
+}
+
 }  // namespace
 
 void add_object_option(CLI::App& app, std::vector<ObjectOption>& objects, bool can_move) {
@@ -100,23 +113,6 @@ void add_object_option(CLI::App& app, std::vector<ObjectOption>& objects, bool c
       ->type_name(can_move ? kFormMoving : kForm);
 }
 
-std::vector<std::string> names_of_objects(const std::vector<ObjectOption>& options) {
-  std::vector<std::string> names;
-  const auto is_taken = [&](const std::string& name) {
-    return std::ranges::find(names, name) != names.end();
-  };
-  for (const ObjectOption& option : options) {
-    std::string stem = std::filesystem::path(option.file).stem().string();
-    for (char& letter : stem) {
-      if (std::isalnum(static_cast<unsigned char>(letter)) == 0) letter = '_';
-    }
-    std::string name = stem;
-    for (int number = 2; is_taken(name); ++number) name = stem + "_" + std::to_string(number);
-    names.push_back(std::move(name));
-  }
-  return names;
-}
-
 Result<std::vector<SceneObject>> load_objects(const std::vector<ObjectOption>& options) {
   std::map<std::string, std::shared_ptr<const Tool>> shapes;
   std::vector<SceneObject> objects;
@@ -133,7 +129,8 @@ Result<std::vector<SceneObject>> load_objects(const std::vector<ObjectOption>& o
       }
       shape = std::make_shared<const Tool>(*std::move(tool));
     }
-    objects.push_back({shape, option.X_WB, option.friction, option.moves, option.mass});
+    objects.push_back({shape, option.X_WB, option.friction, option.moves, option.mass,
+                       new_name(option.file, objects)});
   }
   return objects;
 }

@@ -23,9 +23,8 @@ struct ObjectOption {
 
 /// --object, as often as there are objects; some of them may move, where that `can` be.
 void add_object_option(CLI::App& app, std::vector<ObjectOption>& objects, bool can_move);
-/// Of each, what its file is called, in letters, digits and _; the second one of a name ends in _2.
-std::vector<std::string> names_of_objects(const std::vector<ObjectOption>& options);
-/// Reads the tool files, each once.
+/// Reads the tool files, each once. Each object is called as its file, in letters, digits and _;
+/// the second one of a name ends in _2.
 Result<std::vector<SceneObject>> load_objects(const std::vector<ObjectOption>& options);
 
 }  // namespace palpate::apps

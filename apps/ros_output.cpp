@@ -95,14 +95,12 @@ class Output final : public RosOutput {
           publish(diagnostics_, "/diagnostics", "diagnostic_msgs/DiagnosticArray", {})}) {
       if (!status) return status.error();
     }
-    const std::vector<std::string>& names = options_.object_names;
     std::vector<RosBody> bodies;
     body_frames_.reserve(objects.size());  // bodies look at them
-    for (std::size_t i = 0; i < objects.size(); ++i) {
-      const auto& [shape, X_WB, friction, moves, mass] = objects[i];
-      if (moves) body_frames_.push_back(full_topic(names[i], options_.name_space).substr(1));
-      bodies.push_back({moves ? body_frames_.back() : options_.camera_frame, names[i],
-                        shape->mesh(), moves ? Pose{} : X_WB});
+    for (const auto& [shape, X_WB, friction, moves, mass, name] : objects) {
+      if (moves) body_frames_.push_back(full_topic(name, options_.name_space).substr(1));
+      bodies.push_back({moves ? body_frames_.back() : options_.camera_frame, name, shape->mesh(),
+                        moves ? Pose{} : X_WB});
     }
     markers_->publish(mesh_markers_message(options_.tool_frame, tool_.mesh(), bodies));
     if (body_frames_.empty()) return Done{};

@@ -13,9 +13,8 @@ namespace palpate::apps {
 
 struct RosOutputOptions {
   bool is_wanted = false;
-  std::string name_space = "/palpate";    ///< of the topics
-  std::string wrench = "wrench";          ///< the topic; in the namespace unless it begins with "/"
-  std::vector<std::string> object_names;  ///< of the run's objects, in their order
+  std::string name_space = "/palpate";  ///< of the topics
+  std::string wrench = "wrench";        ///< the topic; in the namespace unless it begins with "/"
   /// `camera_frame`: frame of published poses, W.
   std::string tool_frame = "palpate_tool", camera_frame;
   /// Frame of the published wrench (its origin and axes); if it is not the tool's, it is W.

@@ -258,7 +258,6 @@ Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
   if (options.ros.is_wanted) {
     RosOutputOptions ros = options.ros;
     ros.frame = settings.output.wrench_frame.value_or(WrenchFrame::tool);
-    ros.object_names = names_of_objects(options.objects);
     auto made = RosOutput::create(tool, settings.objects, DepthSources(sources).infos(), ros);
     if (!made) return made.error();
     output = *std::move(made);

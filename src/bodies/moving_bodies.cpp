@@ -85,8 +85,7 @@ Status MovingBodies::add(const std::vector<SceneObject>& objects, const Place& p
     auto& index = indices[object.shape.get()];
     if (!object.moves) {
       const auto own = ToolIndex::create(*object.shape);
-      fixtures_.push_back(
-          {object.shape, own, object.X_WB, object.X_WB * center, reach, object.friction});
+      fixtures_.push_back({i, object.shape, own, object.X_WB, object.X_WB * center, reach});
       continue;
     }
     if (!(object.mass >= 0 && object.mass <= 1000)) {
@@ -112,7 +111,6 @@ Status MovingBodies::add(const std::vector<SceneObject>& objects, const Place& p
     body.reach = reach;
     const MassProperties& solid = object.shape->mesh_mass();
     body.volume = solid.volume;
-    body.own_friction = object.friction;
     bodies_.push_back(rigid_body(mass_of(object), solid, center, object.X_WB));
     Rest rest;
     rest.X_WB = object.X_WB;
@@ -123,20 +121,20 @@ Status MovingBodies::add(const std::vector<SceneObject>& objects, const Place& p
     return refused("at most " + std::to_string(kMostMovingBodies) + " objects can move, not " +
                    std::to_string(num_bodies()));
   }
-  use_materials();
+  use_materials(frictions_of(objects));
   return Done{};
 }
 
-void MovingBodies::use_materials() {
+void MovingBodies::use_materials(const ObjectFrictions& frictions) {
   for (std::size_t i = 0; i < shapes_.size(); ++i) {
     Body& body = shapes_[i];
-    body.friction = body.own_friction.value_or(options_.friction);
+    body.friction = frictions[body.object].value_or(options_.friction);
     // A cube of this volume lies `sink` deep with its weight on one face.
     const double area = std::pow(body.volume, 2.0 / 3);
     body.scale = bodies_[i].mass * 9.81 / (area * options_.sink);
   }
   for (Fixture& fixture : fixtures_) {
-    fixture.friction = fixture.own_friction.value_or(options_.friction);
+    fixture.friction = frictions[fixture.object].value_or(options_.friction);
   }
 }
 
@@ -378,8 +376,17 @@ bool MovingBodies::step(std::span<const SurfaceBlend> cameras, std::span<const P
   return true;
 }
 
-void MovingBodies::use(const BodyOptions& options) noexcept {
-  const BodyOptions before = options_;
+void MovingBodies::use(const BodyOptions& options, const ObjectFrictions& frictions) noexcept {
+  const auto has_changed = [&](const auto& one) {
+    return one.friction != frictions[one.object].value_or(options.friction);
+  };
+  const bool wakes_all = !options.may_sleep || !is_carried_alike(options_, options) ||
+                         std::ranges::any_of(fixtures_, has_changed);
+  for (std::size_t i = 0; i < rests_.size(); ++i) {
+    if (!wakes_all && !has_changed(shapes_[i])) continue;
+    rests_[i].is_asleep = false;
+    rests_[i].seconds = 0;
+  }
   options_.gravity_x = options.gravity_x;
   options_.gravity_y = options.gravity_y;
   options_.gravity_z = options.gravity_z;
@@ -387,22 +394,20 @@ void MovingBodies::use(const BodyOptions& options) noexcept {
   options_.may_sleep = options.may_sleep;
   options_.friction = options.friction;
   options_.sink = options.sink;
-  use_materials();
-  for (Rest& rest : rests_) {
-    if (is_carried_alike(before, options_) && options_.may_sleep) break;
-    rest.is_asleep = false;
-    rest.seconds = 0;
-  }
+  use_materials(frictions);
 }
 
 void MovingBodies::take_over(const MovingBodies& other) noexcept {
+  const bool wakes_all =
+      !options_.may_sleep || !is_carried_alike(other.options_, options_) ||
+      !std::ranges::equal(fixtures_, other.fixtures_, {}, &Fixture::friction, &Fixture::friction);
   for (std::size_t i = 0; i < bodies_.size() && i < other.bodies_.size(); ++i) {
     const RigidBody& from = other.bodies_[i];
     bodies_[i].X_WB = from.X_WB;
     bodies_[i].V_W = from.V_W;
     bodies_[i].is_asleep = from.is_asleep;
     rests_[i] = other.rests_[i];
-    if (is_carried_alike(other.options_, options_) && options_.may_sleep) continue;
+    if (!wakes_all && shapes_[i].friction == other.shapes_[i].friction) continue;
     bodies_[i].is_asleep = rests_[i].is_asleep = false;
     rests_[i].seconds = 0;
   }

@@ -266,6 +266,23 @@ class LinkRaster {
   Side sides_[3];
 };
 
+/// Calls draw_row(v, row, raster) for each row of a triangle within `window`, cut where it is
+/// steep.
+template <class DrawRow>
+PALPATE_HOSTDEV inline void draw_rows(const LinkTriangle& whole, const LinkWindow& window,
+                                      const DrawRow& draw_row) {
+  LinkPieces pieces(whole);
+  for (LinkTriangle piece; pieces.take(piece);) {
+    const LinkRaster raster(piece);
+    const LinkWindow box = raster.box().common(window);
+    if (box.is_empty() || raster.kind() == LinkRaster::Kind::edge_on) continue;
+    if (raster.kind() == LinkRaster::Kind::steep && pieces.cut(piece)) continue;
+    for (int v = box.top; v < box.bottom; ++v) {
+      draw_row(v, raster.row(v, box.left, box.right), raster);
+    }
+  }
+}
+
 /// Does a pixel show what was drawn there, or what lies behind it? depth >= 1 / front - padding
 PALPATE_HOSTDEV inline bool shows_link(std::uint16_t count, float unit, float padding,
                                        float front) {

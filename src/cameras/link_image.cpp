@@ -118,19 +118,11 @@ void LinkImage::draw_shell(const Shell& shell) {
 }
 
 void LinkImage::draw_triangle(const LinkTriangle& triangle, const LinkWindow& canvas) {
-  LinkPieces pieces(triangle);
-  for (LinkTriangle piece; pieces.take(piece);) {
-    const LinkRaster raster(piece);
-    const LinkWindow box = raster.box().common(canvas);
-    if (box.is_empty() || raster.kind() == LinkRaster::Kind::edge_on) continue;
-    if (raster.kind() == LinkRaster::Kind::steep && pieces.cut(piece)) continue;
-    for (int v = box.top; v < box.bottom; ++v) {
-      const LinkRaster::Row row = raster.row(v, box.left, box.right);
-      float* const to = canvas_.data() +
-                        static_cast<std::ptrdiff_t>(v - canvas.top) * canvas.width() - canvas.left;
-      for (int u = row.first; u < row.end; ++u) to[u] = larger(to[u], raster.at(row, u));
-    }
-  }
+  draw_rows(triangle, canvas, [&](int v, const LinkRaster::Row& row, const LinkRaster& raster) {
+    float* const to =
+        canvas_.data() + static_cast<std::ptrdiff_t>(v - canvas.top) * canvas.width() - canvas.left;
+    for (int u = row.first; u < row.end; ++u) to[u] = larger(to[u], raster.at(row, u));
+  });
 }
 
 /// From `canvas_` into `wide_`, which has `radius` more pixels on all sides: the largest number

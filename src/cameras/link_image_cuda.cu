@@ -119,23 +119,15 @@ __device__ inline bool may_be_in(const LinkJob& job, int face, int shell, const 
 }
 
 /// A piece, by all lanes of a warp.
-__device__ inline void draw_piece(const LinkJob& job, const LinkTriangle& whole,
+__device__ inline void draw_piece(const LinkJob& job, const LinkTriangle& piece,
                                   const LinkWindow& drawn, const LinkWindow& band) {
-  LinkPieces pieces(whole);
-  for (LinkTriangle piece; pieces.take(piece);) {
-    const LinkRaster raster(piece);
-    const LinkWindow box = raster.box().common(band);
-    if (box.is_empty() || raster.kind() == LinkRaster::Kind::edge_on) continue;
-    if (raster.kind() == LinkRaster::Kind::steep && pieces.cut(piece)) continue;
-    for (int v = box.top; v < box.bottom; ++v) {
-      const LinkRaster::Row row = raster.row(v, box.left, box.right);
-      float* const to =
-          job.canvas + static_cast<std::ptrdiff_t>(v - drawn.top) * drawn.width() - drawn.left;
-      for (int u = row.first + gpu::lane_id(); u < row.end; u += gpu::kWarpSize) {
-        raise(to + u, raster.at(row, u));
-      }
+  draw_rows(piece, band, [&](int v, const LinkRaster::Row& row, const LinkRaster& raster) {
+    float* const to =
+        job.canvas + static_cast<std::ptrdiff_t>(v - drawn.top) * drawn.width() - drawn.left;
+    for (int u = row.first + gpu::lane_id(); u < row.end; u += gpu::kWarpSize) {
+      raise(to + u, raster.at(row, u));
     }
-  }
+  });
 }
 
 /// Each warp takes 32 faces and a band of rows; all of its lanes draw what is found there.

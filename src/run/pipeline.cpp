@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "src/core/internal/assert.h"
 #include "src/haptics/internal/surface_motion.h"
 #include "src/math/internal/rotation_vector.h"
 #include "src/run/setting_changes.h"
@@ -37,10 +38,16 @@ ContactPart::ContactPart(const Tool& tool, std::unique_ptr<ContactQuery> query,
       world_.set_wants(body, {.stiffness = true});
       ++num_moving;
     }
-    object_frictions_.push_back(object.friction);
   }
+  scale_.object_frictions = frictions_of(objects);
   pushes_.resize(static_cast<std::size_t>(num_moving));
   velocities_.resize(static_cast<std::size_t>(num_moving));
+}
+
+void ContactPart::use(const ContactScale& scale) noexcept {
+  PALPATE_ASSERT(scale.object_frictions.size() == scale_.object_frictions.size());
+  scale_ = scale;
+  if (moving_) moving_->use(scale.bodies, scale.object_frictions);
 }
 
 void ContactPart::take_over(const ContactPart& before) noexcept {
@@ -115,8 +122,8 @@ void ContactPart::carry(const Pose& X_WT) noexcept {
   ground.turning_W = scene_V_W_.angular;
   double all = norm(measured.cloud.measure_W.force);
   const Vec3d p_W = X_WT * tool_mass_.centre_of_mass + patch_.lever_W;
-  for (std::size_t i = 0; i < object_frictions_.size(); ++i) {
-    all += norm(world_.measured(kToolBody + 1 + static_cast<int>(i)).bodies.measure_W.force);
+  for (int body = kToolBody + 1; body < world_.num_bodies(); ++body) {
+    all += norm(world_.measured(body).bodies.measure_W.force);
   }
   if (!(all > 0)) return;
   for (int i = 0; i < moving_->num_bodies(); ++i) {
@@ -147,7 +154,7 @@ MovingBodies::Push ContactPart::push_on(int body, const Pose& X_WT, double dt) c
   push.patch = contact_patch({-measured.bodies.measure_W.force, {}}, measured.bodies.volume, {},
                              measured.bodies_moments);
   push.patch.lever_W += X_WT * tool_mass_.centre_of_mass - center;
-  push.friction = object_frictions_[object].value_or(scale_.friction);
+  push.friction = scale_.object_frictions[object].value_or(scale_.friction);
   push.grip = scale_.grip;
   if (!(dt > 0)) return push;
   const Vec3d was = before_->X_WT * (inverse(X_WT) * center);
@@ -181,13 +188,14 @@ ContactPatch ContactPart::patch_at(std::span<const SurfaceBlend> cameras,
                           measured.bodies_moments)
           : guessed_patch(of_bodies, measured.bodies.volume, tool_mass_, X_WT.rotation);
   double all = 0, with_own = 0, weighted = 0;
-  for (std::size_t i = 0; i < object_frictions_.size(); ++i) {
+  for (std::size_t i = 0; i < scale_.object_frictions.size(); ++i) {
     const BodyMeasure& object = world_.measured(kToolBody + 1 + static_cast<int>(i));
     const double force = norm(object.bodies.measure_W.force);
     all += force;
-    if (!object_frictions_[i]) continue;
+    const std::optional<double>& friction = scale_.object_frictions[i];
+    if (!friction) continue;
     with_own += force;
-    weighted += force * *object_frictions_[i];
+    weighted += force * *friction;
   }
   if (all > 0) {
     objects.share = 1 - with_own / all;

@@ -9,12 +9,31 @@ namespace {
 
 Backend backend_of(const RunSettings& settings) { return settings.backend.value_or(Backend::cpu); }
 
+/// Of an object: settings are found by it.
+Status check_name(const std::string& name, const std::vector<SceneObject>& objects) {
+  constexpr std::size_t kLongest = 64;
+  const auto is_plain = [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_';
+  };
+  if (name.size() > kLongest || !std::ranges::all_of(name, is_plain)) {
+    return Error{Errc::invalid_argument,
+                 "the name of an object must be up to 64 letters, digits and _, not '" +
+                     name.substr(0, kLongest) + "'"};
+  }
+  if (!name.empty() && std::ranges::count(objects, name, &SceneObject::name) > 1) {
+    return Error{Errc::invalid_argument,
+                 "two objects are called '" + name + "'; give each a name of its own"};
+  }
+  return Done{};
+}
+
 Status check(const RunSettings& settings, const DeviceInfo& device) {
   if (Status status = check_settings(settings); !status) return status;
   if (!(device.rate > 0 && std::isfinite(device.rate))) {
     return Error{Errc::invalid_argument, device.name + " reports no tick rate; it cannot be used"};
   }
   for (const SceneObject& object : settings.objects) {
+    if (const Status status = check_name(object.name, settings.objects); !status) return status;
     if (object.shape == nullptr || !is_finite(object.X_WB)) {
       return Error{Errc::invalid_argument, "every object needs a shape and a finite pose"};
     }
@@ -162,7 +181,8 @@ Result<RunParts> make_run_parts(const std::shared_ptr<const ToolIndex>& index,
   parts.scale = {thesis_volume_stiffness(coupling->options.force_at_eighth,
                                          full_volume(tool, settings.contact)),
                  coupling->options.friction.coefficient,
-                 friction_stiffness(coupling->options, device.limits), settings.bodies};
+                 friction_stiffness(coupling->options, device.limits), settings.bodies,
+                 frictions_of(settings.objects)};
   if (before == nullptr || !keeps_coupling(*before, settings)) {
     parts.coupling = make_coupling(coupling->options, device.limits, tool.sphere_mass());
     parts.notes = std::move(coupling->warnings);

@@ -19,6 +19,15 @@ constexpr std::string_view kFixed[] = {"safety",
                                        "coupling.base_in_scene",
                                        "coupling.tool_in_hand"};
 
+/// But for what can change.
+bool has_same_objects(const std::vector<SceneObject>& before,
+                      const std::vector<SceneObject>& after) {
+  return std::ranges::equal(before, after, [](const SceneObject& a, const SceneObject& b) {
+    return a.shape == b.shape && a.X_WB == b.X_WB && a.moves == b.moves && a.mass == b.mass &&
+           a.name == b.name;
+  });
+}
+
 bool has_field(const RunSettings& settings) { return settings.contact.method == MethodKind::field; }
 
 }  // namespace
@@ -47,6 +56,11 @@ bool is_fixed_while_running(const Setting& setting) {
 }
 
 Status check_change(const RunSettings& before, const RunSettings& after) {
+  if (!has_same_objects(before.objects, after.objects)) {
+    return Error{Errc::invalid_argument,
+                 "objects stay what they are while the loop runs, but for their friction; end it "
+                 "and start again"};
+  }
   const SettingTable now = settings_of(after);
   for (const Setting& setting : settings_of(before)) {
     if (!is_fixed_while_running(setting) || setting.get() == now.find(setting.key())->get()) {

@@ -319,6 +319,7 @@ Json json_of(const std::vector<SceneObject>& objects) {
   Json list = Json::array();
   for (const SceneObject& object : objects) {
     list.push_back({{"pose", seven_numbers(object.X_WB)}});
+    if (!object.name.empty()) list.back()["name"] = object.name;
     if (object.friction) list.back()["friction"] = *object.friction;
     if (object.moves) list.back()["mass"] = object.mass;
   }
@@ -333,6 +334,7 @@ std::vector<SceneObject> objects_from(const Json& list) {
     if (json.contains("friction")) object.friction = json["friction"].get<double>();
     object.moves = json.contains("mass");
     if (object.moves) object.mass = json["mass"].get<double>();
+    object.name = json.value("name", "");  // those of before have none
     objects.push_back(object);
   }
   return objects;
@@ -447,10 +449,12 @@ McapChannel tick_channel() { return channel_of<TickRecord>(kTickTopic); }
 McapChannel note_channel() { return channel_of<Note>(kNoteTopic); }
 
 std::string settings_message(const RunSetup& setup) {
+  RunSettings settings = setup.settings;
+  settings.objects.clear();  // theirs are in a list of their own
   Json json{{"format", kRunFormat},
             {"version", kRunVersion},
             {"program", PALPATE_VERSION},
-            {"settings", to_json(settings_of(setup.settings))},
+            {"settings", to_json(settings_of(settings))},
             {"streams", to_json(setup.streams)},
             {"objects", json_of(setup.settings.objects)}};
   if (!setup.settings.regions.empty()) json["regions"] = json_of(setup.settings.regions);

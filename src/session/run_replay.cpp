@@ -44,7 +44,7 @@ class Repetition {
   Status take(RunSetup setup) {
     if (has_settings_ && setup.revision < num_settings_) return Done{};  // a part begins with them
     if (setup.revision != num_settings_) return missing_settings();
-    setup.settings.objects = first_.settings.objects;  // with their shapes
+    if (const Status status = know_objects(setup.settings.objects); !status) return status;
     setup.settings.regions = first_.settings.regions;  // and labels
     RunPartsOptions options;
     if (has_settings_) options.before = &settings_;
@@ -133,6 +133,20 @@ class Repetition {
   }
 
  private:
+  /// Those of the first settings, which have their shapes, with the friction that they have now.
+  Status know_objects(std::vector<SceneObject>& objects) const {
+    const std::vector<SceneObject>& first = first_.settings.objects;
+    if (objects.size() != first.size()) {
+      return Error{Errc::bad_input, "settings of revision " + std::to_string(num_settings_) +
+                                        " have other objects; record the run again"};
+    }
+    for (std::size_t i = 0; i < objects.size(); ++i) {
+      const std::optional<double> friction = objects[i].friction;
+      objects[i] = first[i];
+      objects[i].friction = friction;
+    }
+    return Done{};
+  }
   Error missing_settings() const {
     return {Errc::bad_input, "settings of revision " + std::to_string(num_settings_) +
                                  " are missing; record the run again"};

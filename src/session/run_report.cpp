@@ -92,6 +92,7 @@ Json objects_json(const std::vector<SceneObject>& objects) {
     list.push_back({{"source", object.shape->source()},
                     {"spheres", object.shape->spheres().size()},
                     {"position_m", {p.x, p.y, p.z}}});
+    if (!object.name.empty()) list.back()["name"] = object.name;
     if (object.friction) list.back()["friction"] = *object.friction;
     if (object.moves) list.back()["mass_kg"] = mass_of(object);
   }

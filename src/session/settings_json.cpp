@@ -72,7 +72,9 @@ Json value_to_json(const Setting& setting) {
   switch (setting.kind) {
     case SettingKind::flag: return std::get<bool>(value);
     case SettingKind::whole: return static_cast<int>(std::get<double>(value));
-    case SettingKind::number: return std::get<double>(value);
+    case SettingKind::number:
+      if (const double* const number = std::get_if<double>(&value)) return *number;
+      [[fallthrough]];
     case SettingKind::word: return std::get<std::string>(value);
     case SettingKind::pose: break;
   }

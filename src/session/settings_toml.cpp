@@ -93,7 +93,9 @@ std::string toml_value(const Setting& setting) {
   switch (setting.kind) {
     case SettingKind::flag: return std::get<bool>(value) ? "true" : "false";
     case SettingKind::whole: return shortest_decimal(std::get<double>(value));
-    case SettingKind::number: return decimal(std::get<double>(value));
+    case SettingKind::number:
+      if (const double* const number = std::get_if<double>(&value)) return decimal(*number);
+      [[fallthrough]];
     case SettingKind::word: return '"' + std::get<std::string>(value) + '"';
     case SettingKind::pose: break;
   }

@@ -95,14 +95,18 @@ std::string nearest_word(std::string_view word, std::span<const std::string> wor
 // One setting
 
 std::string Setting::key() const {
-  return (section.empty() ? "" : std::string(section) + ".") + std::string(name);
+  return (section.empty() ? "" : std::string(section) + ".") + name;
 }
 
 SettingValue Setting::get() const {
   switch (kind) {
     case SettingKind::flag: return *static_cast<const bool*>(value_);
     case SettingKind::whole: return static_cast<double>(*static_cast<const int*>(value_));
-    case SettingKind::number: return *static_cast<const double*>(value_);
+    case SettingKind::number: {
+      if (words.empty()) return *static_cast<const double*>(value_);
+      const auto& number = *static_cast<const std::optional<double>*>(value_);
+      return number ? SettingValue(*number) : std::string(words.front());
+    }
     case SettingKind::word: {
       const std::size_t word = get_word_(value_);
       return std::string(word < words.size() ? words[word] : "?");
@@ -112,17 +116,19 @@ SettingValue Setting::get() const {
   return *static_cast<const Pose*>(value_);
 }
 
+bool Setting::is_word(const SettingValue& value) const {
+  const auto* const word = std::get_if<std::string>(&value);
+  return word != nullptr && std::find(words.begin(), words.end(), *word) != words.end();
+}
+
 bool Setting::accepts(const SettingValue& value) const {
   const double* const number = std::get_if<double>(&value);
   switch (kind) {
     case SettingKind::flag: return std::holds_alternative<bool>(value);
     case SettingKind::whole:
       return number != nullptr && range.holds(*number) && *number == std::floor(*number);
-    case SettingKind::number: return number != nullptr && range.holds(*number);
-    case SettingKind::word: {
-      const auto* const word = std::get_if<std::string>(&value);
-      return word != nullptr && std::find(words.begin(), words.end(), *word) != words.end();
-    }
+    case SettingKind::number: return is_word(value) || (number != nullptr && range.holds(*number));
+    case SettingKind::word: return is_word(value);
     case SettingKind::pose: break;
   }
   const Pose* const X = std::get_if<Pose>(&value);
@@ -136,7 +142,16 @@ Status Setting::set(const SettingValue& value, std::string_view reported_name) {
     case SettingKind::whole:
       *static_cast<int*>(value_) = static_cast<int>(std::get<double>(value));
       break;
-    case SettingKind::number: *static_cast<double*>(value_) = std::get<double>(value); break;
+    case SettingKind::number: {
+      const auto* const number = std::get_if<double>(&value);
+      if (words.empty()) {
+        *static_cast<double*>(value_) = *number;
+      } else {
+        *static_cast<std::optional<double>*>(value_) =
+            number != nullptr ? std::optional(*number) : std::nullopt;
+      }
+      break;
+    }
     case SettingKind::word: {
       const auto word = std::find(words.begin(), words.end(), std::get<std::string>(value));
       set_word_(value_, static_cast<std::size_t>(word - words.begin()));
@@ -161,7 +176,8 @@ std::string Setting::range_text() const {
     text = end_of_range(range.low) + " to " + end_of_range(range.high);
     if (*range.unit != '\0') text += " " + std::string(range.unit);
   }
-  for (const char* word : words) text += (text.empty() ? "" : ", ") + std::string(word);
+  const char* const between = kind == SettingKind::number ? " or " : ", ";
+  for (const char* word : words) text += (text.empty() ? "" : between) + std::string(word);
   return text;
 }
 
@@ -213,6 +229,12 @@ void SettingTable::add(std::string_view name, int& value, NumberRange range,
 void SettingTable::add(std::string_view name, double& value, NumberRange range,
                        std::string_view help) {
   append(name, SettingKind::number, &value, help).range = range;
+}
+void SettingTable::add(std::string_view name, std::optional<double>& value, NumberRange range,
+                       std::string_view help) {
+  Setting& setting = append(name, SettingKind::number, &value, help);
+  setting.range = range;
+  setting.words = {"auto"};
 }
 void SettingTable::add(std::string_view name, Pose& value, std::string_view help) {
   append(name, SettingKind::pose, &value, help);

@@ -41,6 +41,7 @@ Json list_controls(const SettingTable& table, IsControl is_control) {
       case SettingKind::whole: control["whole"] = true; [[fallthrough]];
       case SettingKind::number:
         control["kind"] = "number";
+        if (!setting.words.empty()) control["choices"] = setting.words;
         control["low"] = setting.range.low;
         control["high"] = setting.range.high;
         break;

@@ -114,6 +114,7 @@ class LiveViewImpl final : public LiveView {
         handle_(std::move(handle)),
         stale_age_(stale_age(content_.streams)),
         pending_(content_.streams.size()) {
+    settings_.objects = objects_;  // pages ask for controls before there is a loop
     RunObserver& observer = monitor_.observer;
     observer.on_frame = [this](const FrameRecord& record, const DepthFrame& frame) {
       pending_.add_frame(record, frame);

@@ -26,7 +26,8 @@ PATIENT = ("[safety]\nmax_contact_age = 60\nmax_sensor_age = 60\nmax_tick = 60\n
 CHANGES = [("coupling.stiffness", 300), ("coupling.stiffness", 600), ("time.mode", "predict"),
            ("time.mode", "interpolate"), ("coupling.kind", "proxy"), ("coupling.kind", "virtual"),
            ("loop.binning", 2), ("loop.binning", 1), ("loop.spheres", 60), ("loop.spheres", 0),
-           ("bodies.friction", 0.3)]
+           ("bodies.friction", 0.3), ("objects.box.friction", 0.1), ("objects.box.friction", "auto"),
+           ("objects.box_3.friction", 0.8)]
 OTHERS = ["pause", "step", "resume", "force", {"command": "mark", "text": "a word"},
           {"command": "get", "what": "spheres"}, {"command": "get", "what": "objects"}]
 

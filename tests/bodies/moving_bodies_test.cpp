@@ -118,7 +118,7 @@ TEST(MovingBodies, LieDeeperAndSlideWhenMaterialsChange) {
   rough.friction = 0.5;
   TableTop world({box_at(0, 0.001), rough}, {}, options);
   const auto use_for = [&](double seconds) {
-    world.bodies->use(options);
+    world.bodies->use(options, {{}, 0.5});
     go_on(world, seconds);
     return world.body(0).X_WB.translation;
   };
@@ -137,6 +137,29 @@ TEST(MovingBodies, LieDeeperAndSlideWhenMaterialsChange) {
   const Vec3d slid = use_for(0.5);
   EXPECT_NEAR(slid.x, held.x + 0.5 * (0.3 - 0.1) * 9.81 * 0.25, 0.03);
   EXPECT_NEAR(world.body(1).X_WB.translation.x, 0, 2e-3);
+}
+
+// On a slope: what loses its grip slides, and the other one sleeps on.
+TEST(MovingBodies, WakeUpWhenTheirOwnFrictionChanges) {
+  BodyOptions options;
+  options.gravity_x = 0.3 * 9.81;
+  options.gravity_y = 0;
+  options.gravity_z = 9.81;
+  SceneObject other = box_at(0, 0.001);
+  other.X_WB.translation.y = 0.12;
+  TableTop world({box_at(0, 0.001), other}, {}, options);
+  go_on(world, 1.5);
+  ASSERT_TRUE(world.body(0).is_asleep && world.body(1).is_asleep);
+  const Pose one = world.body(0).X_WB, two = world.body(1).X_WB;
+  world.bodies->use(options, {{}, {}});
+  go_on(world, 0.1);
+  EXPECT_EQ(world.body(0).X_WB, one) << "nothing has changed";
+  world.bodies->use(options, {0.1, {}});
+  go_on(world, 0.5);
+  EXPECT_NEAR(world.body(0).X_WB.translation.x, one.translation.x + 0.5 * (0.3 - 0.1) * 9.81 * 0.25,
+              0.03);
+  EXPECT_TRUE(world.body(1).is_asleep);
+  EXPECT_EQ(world.body(1).X_WB, two);
 }
 
 // As when settings change that make new queries.

@@ -6,21 +6,17 @@
 #include <limits>
 
 #include "src/haptics/internal/surface_motion.h"
-#include "src/run/internal/pipeline.h"
-#include "tests/run/live_loop_fixtures.h"
+#include "tests/run/ticked_pipeline.h"
 #include "tests/test_util/allocation_counter.h"
 
 namespace palpate {
 namespace {
 
-constexpr double kMu = 0.5, kWall = 0.5, kPeriod = 1.0 / 30;
+constexpr double kMu = 0.5, kWall = 0.5, kPeriod = test::kFramePeriod;
 
 DepthStreamInfo camera_info() {
-  DepthStreamInfo info;
-  info.width = 320;
-  info.height = 240;
-  info.intrinsics = {300, 310, 159.5, 119.5};
-  info.unit = 1e-5;
+  DepthStreamInfo info = test::wall_stream();
+  info.intrinsics.fy = 310;
   info.has_flow = true;
   return info;
 }
@@ -160,46 +156,15 @@ TEST(SurfaceMotion, OfWhatIsNotKnownIsThatOfTheRest) {
   EXPECT_EQ(norm(surface_motion({&blend, 1}, disc).linear), 0);
 }
 
-RunSettings settings_of(CouplingKind kind) {
-  RunSettings settings = test::patient_settings();
-  settings.coupling.X_WB = {};
-  settings.coupling.kind = kind;
-  settings.coupling.friction.coefficient = kMu;
-  return settings;
-}
-
 /// A wall that moves along itself as `motion` says at each frame, and a hand.
-class Belt {
- public:
+struct Belt : test::TickedPipeline {
   Belt(const Tool& tool, const RunSettings& settings, std::function<Twist(int frame)> motion)
-      : motion_(std::move(motion)) {
-    DeviceInfo device;
-    device.limits = test::ScriptedDevice({}).info().limits;
-    pipeline_.emplace(Pipeline::create(tool, camera_info(), device, settings).value());
-  }
-  const TickRecord& to(const Pose& X_BH) {
-    const double time = 1e-3 * num_ticks_;
-    for (; num_frames_ * kPeriod <= time; ++num_frames_) {
-      MovingPlane plane;
-      plane.V_W = motion_(num_frames_);
-      pipeline_->push(plane.seen(num_frames_ * kPeriod), num_frames_ * kPeriod);
-    }
-    DeviceState state;
-    state.time = time;
-    state.X_BH = X_BH;
-    if (num_ticks_ > 0) state.V_BH.linear = (X_BH.translation - last_.translation) / 1e-3;
-    last_ = X_BH;
-    state.is_valid = true;
-    ++num_ticks_;
-    return pipeline_->tick(state);
-  }
-  Pipeline& pipeline() { return *pipeline_; }
-
- private:
-  std::function<Twist(int)> motion_;
-  std::optional<Pipeline> pipeline_;
-  int num_frames_ = 0, num_ticks_ = 0;
-  Pose last_;
+      : TickedPipeline(tool, camera_info(), settings,
+                       [motion = std::move(motion)](int frame, double time) {
+                         MovingPlane plane;
+                         plane.V_W = motion(frame);
+                         return plane.seen(time);
+                       }) {}
 };
 
 /// A hand that comes down on the wall in 0.2 s, with the foot of its tool `reach` below it.
@@ -212,7 +177,7 @@ TEST(Flow, ABeltThatSlidesUnderAToolDragsItWithMuN) {
   const Vec3d way = normalized(Vec3d{1, 0.5, 0});
   for (const CouplingKind kind : {CouplingKind::none, CouplingKind::virtual_coupling,
                                   CouplingKind::direct, CouplingKind::proxy}) {
-    Belt belt(tool, settings_of(kind), [&](int) { return Twist{0.1 * way, {}}; });
+    Belt belt(tool, test::coupled_by(kind, kMu), [&](int) { return Twist{0.1 * way, {}}; });
     const double press = kind == CouplingKind::none || kind == CouplingKind::direct ? 3e-3 : 5e-3;
     double worst = 0, into = 0;
     for (int i = 0; i < 900; ++i) {
@@ -229,7 +194,7 @@ TEST(Flow, ABeltThatSlidesUnderAToolDragsItWithMuN) {
 
 TEST(Flow, WhatSticksIsStretchedByTheWayOfTheBelt) {
   const Tool tool = test::packed(make_box({0.04, 0.04, 0.04}), 400);
-  RunSettings settings = settings_of(CouplingKind::none);
+  RunSettings settings = test::coupled_by(CouplingKind::none, kMu);
   settings.coupling.friction.stiffness = 1500;
   const double speed = 2e-3;
   const int begin = 12, num = 6;  // frames in which it moves
@@ -249,7 +214,7 @@ TEST(Flow, AToolThatGoesWithTheBeltFeelsNothingOfIt) {
   const Tool tool = test::packed(make_box({0.04, 0.04, 0.04}), 400);
   const double speed = 0.05;
   for (const CouplingKind kind : {CouplingKind::none, CouplingKind::virtual_coupling}) {
-    Belt belt(tool, settings_of(kind), [&](int) { return Twist{{speed, 0, 0}, {}}; });
+    Belt belt(tool, test::coupled_by(kind, kMu), [&](int) { return Twist{{speed, 0, 0}, {}}; });
     double most = 0, into = 0;
     for (int i = 0; i < 900; ++i) {
       Pose X_BH = pressing(i, 0.02, 4e-3);
@@ -267,7 +232,9 @@ TEST(Flow, AToolThatGoesWithTheBeltFeelsNothingOfIt) {
 TEST(Flow, ADiscThatTurnsUnderAToolTurnsIt) {
   const double radius = 0.015;
   const Tool tool = test::packed(make_cylinder(radius, 0.03, 96), 2000);
-  Belt belt(tool, settings_of(CouplingKind::none), [](int) { return Twist{{}, {0, 0, 1.5}}; });
+  Belt belt(tool, test::coupled_by(CouplingKind::none, kMu), [](int) {
+    return Twist{{}, {0, 0, 1.5}};
+  });
   double sum = 0;
   for (int i = 0; i < 800; ++i) {
     const Wrench& F = belt.to(pressing(i, 0.015, 3e-3)).step.contact_W;
@@ -280,7 +247,7 @@ TEST(Flow, ADiscThatTurnsUnderAToolTurnsIt) {
 TEST(Flow, ABeltCarriesWhatLiesOnIt) {
   const Tool tool = test::box_tool();
   const auto block = std::make_shared<const Tool>(test::packed(make_box({0.06, 0.06, 0.03}), 800));
-  RunSettings settings = settings_of(CouplingKind::none);
+  RunSettings settings = test::coupled_by(CouplingKind::none, kMu);
   settings.objects = {{block, {{-0.03, 0, kWall - 0.015}, {}}, {}, true, 0.1}};
   settings.bodies.gravity_y = 0;
   settings.bodies.gravity_z = 9.81;
@@ -300,7 +267,7 @@ TEST(Flow, ABeltCarriesWhatLiesOnIt) {
 }
 
 TEST(Flow, TicksDoNotAllocate) {
-  Belt belt(test::box_tool(), settings_of(CouplingKind::virtual_coupling), [](int) {
+  Belt belt(test::box_tool(), test::coupled_by(CouplingKind::virtual_coupling, kMu), [](int) {
     return Twist{{0.05, 0, 0}, {}};
   });
   for (int i = 0; i < 40; ++i) belt.to({{0, 0, kWall - 0.024}, {}});
@@ -314,7 +281,7 @@ TEST(Flow, WhatCannotUseItIsRefused) {
   DeviceInfo device;
   device.limits = test::ScriptedDevice({}).info().limits;
   const auto refused = [&](const auto& change) {
-    RunSettings settings = settings_of(CouplingKind::none);
+    RunSettings settings = test::coupled_by(CouplingKind::none, kMu);
     change(settings);
     const auto made = Pipeline::create(test::box_tool(), camera_info(), device, settings);
     return !made && made.error().message.find("optical flow") != std::string::npos;

@@ -5,8 +5,7 @@
 #include <functional>
 #include <numbers>
 
-#include "src/run/internal/pipeline.h"
-#include "tests/run/live_loop_fixtures.h"
+#include "tests/run/ticked_pipeline.h"
 #include "tests/test_util/allocation_counter.h"
 #include "tests/test_util/random.h"
 
@@ -15,73 +14,23 @@ namespace {
 
 constexpr double kMu = 0.5, kWall = 0.5, kPressed = 3e-3;
 
-Tool packed(TriangleMesh mesh, int num_spheres) {
-  PackOptions options;
-  options.max_spheres = num_spheres;
-  SpherePacking packing = pack_spheres(mesh, options).value();
-  return Tool::build(std::move(mesh), std::move(packing), GapRule::relative, "tool").value();
-}
-
-RunSettings settings_of(CouplingKind kind) {
-  RunSettings settings = test::patient_settings();
-  settings.coupling.X_WB = {};
-  settings.coupling.kind = kind;
-  settings.coupling.friction.coefficient = kMu;
-  return settings;
-}
-
 /// A wall in front of the camera, square on or tilted, and a hand that moves the tool.
-class Wall {
- public:
+struct Wall : test::TickedPipeline {
   Wall(const Tool& tool, const RunSettings& settings, const Vec3d& normal = {0, 0, -1},
        double noise = 0)
-      : normal_(normal), noise_(noise) {
-    info_.width = 320;
-    info_.height = 240;
-    info_.intrinsics = {300, 300, 159.5, 119.5};
-    info_.unit = 1e-5;
-    info_.rate = 30;
-    DeviceInfo device;
-    device.limits = test::ScriptedDevice({}).info().limits;
-    pipeline_.emplace(Pipeline::create(tool, info_, device, settings).value());
-  }
-  /// With the wall where `shift` puts it along its normal.
-  const TickRecord& to(const Pose& X_BH, double shift = 0) {
-    const double time = 1e-3 * static_cast<double>(num_ticks_);
-    for (; num_frames_ / 30.0 <= time; ++num_frames_)
-      pipeline_->push(frame(shift), num_frames_ / 30.0);
-    DeviceState state;
-    state.time = time;
-    state.X_BH = X_BH;
-    if (num_ticks_ > 0) state.V_BH.linear = (X_BH.translation - last_.translation) / 1e-3;
-    last_ = X_BH;
-    state.is_valid = true;
-    ++num_ticks_;
-    return pipeline_->tick(state);
-  }
-  Pipeline& pipeline() { return *pipeline_; }
-
- private:
-  DepthFrame frame(double shift) {
-    DepthFrame frame{info_.width, info_.height, info_.unit, {}, num_frames_ / 30.0};
-    const double offset = normal_.z * kWall + shift;  // n.p
-    for (int v = 0; v < info_.height; ++v) {
-      for (int u = 0; u < info_.width; ++u) {
-        const Vec3d ray{(u - 159.5) / 300, (v - 119.5) / 300, 1};
-        const double z = offset / dot(normal_, ray) + noise_ * random_.normal();
-        frame.pixels.push_back(static_cast<std::uint16_t>(std::lround(z / info_.unit)));
-      }
-    }
-    return frame;
-  }
-
-  Vec3d normal_;
-  double noise_;
-  test::Random random_{5};
-  DepthStreamInfo info_;
-  std::optional<Pipeline> pipeline_;
-  int num_frames_ = 0, num_ticks_ = 0;
-  Pose last_;
+      : TickedPipeline(
+            tool, test::wall_stream(), settings,
+            [=, random = test::Random(5)](int, double time) mutable {
+              DepthFrame frame{320, 240, 1e-5, {}, time};
+              for (int v = 0; v < 240; ++v) {
+                for (int u = 0; u < 320; ++u) {
+                  const Vec3d ray{(u - 159.5) / 300, (v - 119.5) / 300, 1};
+                  const double z = normal.z * kWall / dot(normal, ray) + noise * random.normal();
+                  frame.pixels.push_back(static_cast<std::uint16_t>(std::lround(z / frame.unit)));
+                }
+              }
+              return frame;
+            }) {}
 };
 
 /// What is along the wall and what is against it.
@@ -94,13 +43,13 @@ Split split(const Vec3d& force, const Vec3d& n) {
 }
 
 TEST(FrictionRun, SlidesWithMuNOnWallsOfAnyTilt) {
-  const Tool tool = packed(make_box({0.04, 0.04, 0.04}), 400);
+  const Tool tool = test::packed(make_box({0.04, 0.04, 0.04}), 400);
   for (const Vec3d& tilt : {Vec3d{0, 0, -1}, Vec3d{0.25, -0.1, -1}}) {
     const Vec3d n = normalized(tilt);
     Vec3d way = normalized(cross(n, Vec3d{0, 1, 0}));
     for (const CouplingKind kind : {CouplingKind::none, CouplingKind::virtual_coupling,
                                     CouplingKind::direct, CouplingKind::proxy}) {
-      Wall wall(tool, settings_of(kind), n);
+      Wall wall(tool, test::coupled_by(kind, kMu), n);
       // The box stands flat on the wall.
       const Vec3d axis = cross(Vec3d{0, 0, -1}, n);
       const Quaternion q = norm(axis) > 0 ? axis_angle(axis, std::asin(norm(axis))) : Quaternion{};
@@ -125,7 +74,7 @@ TEST(FrictionRun, SlidesWithMuNOnWallsOfAnyTilt) {
 
 /// mu N and the torque about the normal, of a tool that turns on the wall.
 double torsion_radius(const Tool& tool, double reach) {
-  Wall wall(tool, settings_of(CouplingKind::none));
+  Wall wall(tool, test::coupled_by(CouplingKind::none, kMu));
   double sum = 0;
   for (int i = 0; i < 800; ++i) {
     const double z = kWall - reach - 0.002 + (0.002 + kPressed) * std::min(1.0, i / 200.0);
@@ -139,10 +88,10 @@ double torsion_radius(const Tool& tool, double reach) {
 
 TEST(FrictionRun, TurnsWithTheTorqueOfADiscAndOfARectangle) {
   const double radius = 0.015;
-  const Tool disc = packed(make_cylinder(radius, 0.03, 96), 2000);
+  const Tool disc = test::packed(make_cylinder(radius, 0.03, 96), 2000);
   EXPECT_NEAR(torsion_radius(disc, 0.015), 2 * radius / 3, 0.05 * 2 * radius / 3);
   const double a = 0.02, b = 0.01, d = std::hypot(a, b);
-  const Tool box = packed(make_box({2 * a, 2 * b, 0.03}), 2000);
+  const Tool box = test::packed(make_box({2 * a, 2 * b, 0.03}), 2000);
   const double mean =
       (2 * d + b * b / a * std::log((a + d) / b) + a * a / b * std::log((b + d) / a)) / 6;
   EXPECT_NEAR(torsion_radius(box, 0.015), mean, 0.05 * mean);
@@ -150,8 +99,8 @@ TEST(FrictionRun, TurnsWithTheTorqueOfADiscAndOfARectangle) {
 
 // 95 % of what holds, for a minute, and nothing creeps.
 TEST(FrictionRun, WhatSticksToASurfaceOfFramesDoesNotCreep) {
-  const Tool tool = packed(make_box({0.04, 0.04, 0.04}), 200);
-  Wall wall(tool, settings_of(CouplingKind::virtual_coupling));
+  const Tool tool = test::packed(make_box({0.04, 0.04, 0.04}), 200);
+  Wall wall(tool, test::coupled_by(CouplingKind::virtual_coupling, kMu));
   const auto hand = [](double aside) { return Pose{{aside, 0, kWall - 0.02 + 5e-3}, {}}; };
   for (int i = 0; i < 500; ++i)
     wall.to({{0, 0, kWall - 0.022 + 7e-3 * std::min(1.0, i / 300.0)}, {}});
@@ -175,10 +124,10 @@ TEST(FrictionRun, WhatSticksToASurfaceOfFramesDoesNotCreep) {
 
 // The noise of a camera, 30 times a second: what holds half of what it could stays where it is.
 TEST(FrictionRun, NoiseDoesNotMakeItSlip) {
-  const Tool tool = packed(make_box({0.04, 0.04, 0.04}), 200);
+  const Tool tool = test::packed(make_box({0.04, 0.04, 0.04}), 200);
   double ways[2];
   for (const bool has_friction : {false, true}) {
-    RunSettings settings = settings_of(CouplingKind::virtual_coupling);
+    RunSettings settings = test::coupled_by(CouplingKind::virtual_coupling, kMu);
     if (!has_friction) settings.coupling.friction.coefficient = 0;
     Wall wall(tool, settings, {0, 0, -1}, 1e-3);
     Vec3d low{1, 1, 1}, high{-1, -1, -1};
@@ -197,21 +146,122 @@ TEST(FrictionRun, NoiseDoesNotMakeItSlip) {
   EXPECT_LT(ways[1], 5e-5);
 }
 
+/// Two blocks in front of the wall, left and right, whose faces are 45 mm before it.
+RunSettings with_blocks(CouplingKind kind) {
+  static const auto block =
+      std::make_shared<const Tool>(test::packed(make_box({0.08, 0.08, 0.03}), 800));
+  RunSettings settings = test::coupled_by(kind, kMu);
+  settings.objects.resize(2, {block, {{-0.06, 0, kWall - 0.03}, {}}});
+  settings.objects[0].name = "left";
+  settings.objects[1].name = "right";
+  settings.objects[1].X_WB.translation.x = 0.06;
+  return settings;
+}
+
+// From the change on the block holds back mu N, by the new mu; the other block has not changed.
+TEST(FrictionRun, OfOneObjectChangesWhileTheToolSlidesOverIt) {
+  const Tool tool = test::packed(make_box({0.02, 0.02, 0.02}), 200);
+  const std::optional<double> own[] = {std::nullopt, 0.2, std::nullopt, 0.0};
+  for (const auto& [kind, is_left] : {std::pair(CouplingKind::none, true),
+                                      {CouplingKind::none, false},
+                                      {CouplingKind::virtual_coupling, true},
+                                      {CouplingKind::virtual_coupling, false}}) {
+    const RunSettings settings = with_blocks(kind);
+    Wall changed(tool, settings), same(tool, settings);
+    const double press = kind == CouplingKind::none ? 2e-3 : 5e-3;
+    double into = 0, worst = 0;
+    for (int i = 0; i < 2200; ++i) {
+      const std::optional<double> friction = own[std::max(0, i - 200) / 500];
+      if (i > 200 && (i - 200) % 500 == 0) {
+        RunSettings now = settings;
+        now.objects[0].friction = friction;
+        ASSERT_TRUE(changed.pipeline().change(now));
+      }
+      const Pose X_BH{{is_left ? -0.06 : 0.06, -0.02 + 2e-5 * std::max(0, i - 200),
+                       kWall - 0.055 + press * std::min(1.0, i / 200.0)},
+                      {}};
+      const Wrench felt = changed.to(X_BH).step.contact_W, before = same.to(X_BH).step.contact_W;
+      if (!is_left) {
+        ASSERT_EQ(felt.force, before.force) << i;
+        ASSERT_EQ(felt.torque, before.torque) << i;
+      }
+      if (i < 500 || (i - 200) % 500 < 300) continue;
+      const Split got = split(felt.force, {0, 0, -1});
+      const double mu = is_left ? friction.value_or(kMu) : kMu;
+      into = got.into;
+      worst = std::max(worst, norm(got.along + mu * into * Vec3d{0, 1, 0}) / (kMu * into));
+    }
+    EXPECT_GT(into, 0.5) << name_of(kind) << " " << is_left;
+    EXPECT_LT(worst, 0.01) << name_of(kind) << " " << is_left;
+  }
+}
+
+TEST(FrictionRun, ObjectsHaveNamesOfTheirOwnAndStayWhatTheyAre) {
+  Wall wall(test::box_tool(), with_blocks(CouplingKind::none));
+  const auto refusal = [&](const auto& edit, bool at_start) {
+    RunSettings settings = with_blocks(CouplingKind::none);
+    edit(settings.objects);
+    if (!at_start) {
+      const Status status = wall.pipeline().change(settings);
+      return status ? std::string() : status.error().message;
+    }
+    const auto made =
+        Pipeline::create(test::box_tool(), test::wall_stream(), DeviceInfo{}, settings);
+    return made ? std::string() : made.error().message;
+  };
+  using Objects = std::vector<SceneObject>;
+  for (const bool at_start : {true, false}) {
+    EXPECT_EQ(refusal([](Objects& o) { o[1].friction = 0.3; }, at_start), "");
+    EXPECT_EQ(refusal([](Objects& o) { o[1].friction = 11; }, at_start),
+              "objects.right.friction must be a number from 0 to 10 or auto, not 11");
+  }
+  EXPECT_EQ(refusal([](Objects& o) { o[1].name = "left"; }, true),
+            "two objects are called 'left'; give each a name of its own");
+  EXPECT_EQ(refusal([](Objects& o) { o[1].name = "a block"; }, true),
+            "the name of an object must be up to 64 letters, digits and _, not 'a block'");
+  EXPECT_EQ(refusal([](Objects& o) { o[0].name = o[1].name = ""; }, true), "");
+  for (const auto edit :
+       {+[](Objects& o) { o.pop_back(); }, +[](Objects& o) { o[0].name = "up"; },
+        +[](Objects& o) { o[0].X_WB.translation.x = 0; }, +[](Objects& o) { o[0].moves = true; }}) {
+    EXPECT_EQ(refusal(edit, false),
+              "objects stay what they are while the loop runs, but for their friction; end it and "
+              "start again");
+  }
+}
+
+// What a stage of a live run does when a change comes.
+TEST(FrictionRun, AnotherFrictionIsTakenWithoutAllocation) {
+  RunSettings settings = with_blocks(CouplingKind::none);
+  settings.objects[1].moves = true;
+  ContactScale scale;
+  scale.object_frictions = {0.2, 0.4};
+  const auto part = make_contact_part(ToolIndex::create(test::box_tool()), settings, {});
+  ASSERT_TRUE(part) << part.error().message;
+  const test::AllocationCounter counter;
+  (*part)->use(scale);
+  EXPECT_EQ(counter.count(), 0u);
+}
+
 TEST(FrictionRun, TicksDoNotAllocate) {
   for (const CouplingKind kind : {CouplingKind::none, CouplingKind::virtual_coupling,
                                   CouplingKind::direct, CouplingKind::proxy}) {
-    Wall wall(test::box_tool(), settings_of(kind));
+    const RunSettings settings = with_blocks(kind);
+    Wall wall(test::box_tool(), settings);
     wall.to({{0, 0, kWall - 0.024}, {}});
+    RunSettings other = settings;
+    other.objects[0].friction = 0.2;
+    ASSERT_TRUE(wall.pipeline().change(other));
     const test::AllocationCounter counter;
     for (int i = 0; i < 30; ++i) wall.to({{1e-4 * i, 0, kWall - 0.022}, {}});
     EXPECT_EQ(counter.count(), 0u);
     EXPECT_GT(norm(wall.pipeline().contact().contact.F_C_W.force), 0);
+    EXPECT_GT(wall.pipeline().contact().contact.patch.own_friction, 0) << name_of(kind);
   }
 }
 
 // A change of settings under way keeps what sticks.
 TEST(FrictionRun, StaysThroughAChangeOfSettings) {
-  Wall wall(test::box_tool(), settings_of(CouplingKind::virtual_coupling));
+  Wall wall(test::box_tool(), test::coupled_by(CouplingKind::virtual_coupling, kMu));
   TickRecord tick;
   for (int i = 0; i < 1200; ++i) {
     tick = wall.to(
@@ -220,7 +270,7 @@ TEST(FrictionRun, StaysThroughAChangeOfSettings) {
   }
   const double before = tick.step.contact_W.force.x;
   EXPECT_LT(before, -0.1);
-  RunSettings other = settings_of(CouplingKind::virtual_coupling);
+  RunSettings other = test::coupled_by(CouplingKind::virtual_coupling, kMu);
   other.coupling.friction.coefficient = 0.9;
   ASSERT_TRUE(wall.pipeline().change(other));
   for (int i = 0; i < 200; ++i) tick = wall.to({{2e-3, 0, kWall - 0.019}, {}});

@@ -3,24 +3,14 @@
 
 #include <cmath>
 
-#include "src/run/internal/pipeline.h"
 #include "src/run/region_lookup.h"
-#include "tests/run/live_loop_fixtures.h"
+#include "tests/run/ticked_pipeline.h"
 
 namespace palpate {
 namespace {
 
 constexpr double kWall = 0.5, kRadius = 0.015;
 constexpr Material kWood{0.6}, kIce{0.1};
-
-DepthStreamInfo wall_stream() {
-  DepthStreamInfo info;
-  info.width = 320;
-  info.height = 240;
-  info.intrinsics = {300, 300, 159.5, 119.5};
-  info.unit = 1e-5;
-  return info;
-}
 
 /// Wood where x < 0, ice where x > 0.
 std::shared_ptr<const MaterialRegions> halves() {
@@ -38,7 +28,7 @@ double share_beyond(double middle, double radius) {
 }
 
 TEST(Regions, SharesAreThoseOfADiscAcrossABorder) {
-  const std::vector streams{wall_stream()};
+  const std::vector streams{test::wall_stream()};
   const std::vector regions{halves()};
   const auto lookups = region_lookups(regions, streams);
   ASSERT_TRUE(lookups) << lookups.error().message;
@@ -66,7 +56,7 @@ TEST(Regions, SharesAreThoseOfADiscAcrossABorder) {
 
 TEST(Regions, OfSeveralCamerasMeanTheirMean) {
   MaterialRegions other{320, 240, std::vector<std::uint8_t>(320 * 240, 1), {{}, Material{0.3}}};
-  const std::vector streams(2, wall_stream());
+  const std::vector streams(2, test::wall_stream());
   std::vector regions{halves(), std::make_shared<const MaterialRegions>(other)};
   const std::vector<SurfaceBlend> cameras(2);
   const TouchedDisc disc{{-0.05, 0, kWall}, {0, 0, -1}, 0.005};
@@ -76,7 +66,7 @@ TEST(Regions, OfSeveralCamerasMeanTheirMean) {
 }
 
 TEST(Regions, WhatCannotBeIsRefused) {
-  std::vector streams{wall_stream()};
+  std::vector streams{test::wall_stream()};
   const std::vector regions{halves()};
   streams[0].is_moving = true;
   EXPECT_FALSE(region_lookups(regions, streams));
@@ -89,45 +79,20 @@ TEST(Regions, WhatCannotBeIsRefused) {
   EXPECT_FALSE(region_lookups(wrong, streams));
 }
 
-/// A wall, or a floor that things lie on, and a hand that moves the tool at 1 kHz.
-struct World {
-  World(const Tool& tool, const RunSettings& settings) {
-    DeviceInfo device;
-    device.limits = test::ScriptedDevice({}).info().limits;
-    pipeline.emplace(Pipeline::create(tool, wall_stream(), device, settings).value());
-  }
-  const TickRecord& to(const Pose& X_BH) {
-    const double time = 1e-3 * num_ticks;
-    if (num_ticks % 33 == 0) {
-      const auto count = static_cast<std::uint16_t>(std::lround(kWall / 1e-5));
-      pipeline->push({320, 240, 1e-5, std::vector<std::uint16_t>(320 * 240, count), time}, time);
-    }
-    DeviceState state;
-    state.time = time;
-    state.X_BH = X_BH;
-    if (num_ticks > 0) state.V_BH.linear = (X_BH.translation - last.translation) / 1e-3;
-    last = X_BH;
-    state.is_valid = true;
-    ++num_ticks;
-    return pipeline->tick(state);
-  }
-  std::optional<Pipeline> pipeline;
-  int num_ticks = 0;
-  Pose last;
+/// A wall, or a floor that things lie on, and a hand that moves the tool.
+struct World : test::TickedPipeline {
+  World(const Tool& tool, const RunSettings& settings)
+      : TickedPipeline(tool, test::wall_stream(), settings, [](int, double time) {
+          const auto count = static_cast<std::uint16_t>(std::lround(kWall / 1e-5));
+          return DepthFrame{320, 240, 1e-5, std::vector<std::uint16_t>(320 * 240, count), time};
+        }) {}
 };
-
-RunSettings settings_of(CouplingKind kind) {
-  RunSettings settings = test::patient_settings();
-  settings.coupling.X_WB = {};
-  settings.coupling.kind = kind;
-  return settings;
-}
 
 // From wood onto ice: the force changes within the width of the tool, and never jumps.
 TEST(Regions, AToolSlidesFromWoodOntoIce) {
   const Tool disc = test::packed(make_cylinder(kRadius, 0.03, 96), 2000);
   for (const CouplingKind kind : {CouplingKind::none, CouplingKind::virtual_coupling}) {
-    RunSettings settings = settings_of(kind);
+    RunSettings settings = test::coupled_by(kind);
     settings.regions = {halves()};
     World world(disc, settings);
     double worst = 0, last = 0, jump = 0;
@@ -158,7 +123,7 @@ TEST(FrictionOnBodies, IsWhatTheBodyFeels) {
   const Tool tool = test::packed(make_box({0.02, 0.02, 0.04}), 300);
   const auto block = std::make_shared<const Tool>(test::packed(make_box({0.08, 0.08, 0.03}), 800));
   const double floor = 0.3, grip = 0.9, mass = 0.05;
-  RunSettings settings = settings_of(CouplingKind::virtual_coupling);
+  RunSettings settings = test::coupled_by(CouplingKind::virtual_coupling);
   settings.coupling.friction.coefficient = grip;
   settings.objects = {{block, {{0, 0, kWall - 0.015}, {}}, {}, true, mass}};
   settings.bodies.gravity_y = 0;
@@ -174,11 +139,11 @@ TEST(FrictionOnBodies, IsWhatTheBodyFeels) {
     const double z = top - 0.002 + 0.005 * std::clamp((i - 200) / 300.0, 0.0, 1.0);
     const double x = 2e-5 * std::max(0, i - 700);  // 2 cm/s
     const TickRecord& tick = world.to({{x, 0, z}, {}});
-    if (i < num - last) begin = world.pipeline->contact().bodies.of[0];
+    if (i < num - last) begin = world.pipeline().contact().bodies.of[0];
     if (i < num - last) continue;
     pull -= tick.step.contact_W.force.x / last;
     press -= tick.step.contact_W.force.z / last;
-    end = world.pipeline->contact().bodies.of[0];
+    end = world.pipeline().contact().bodies.of[0];
   }
   EXPECT_NEAR(end.translation.x - begin.translation.x, 2e-5 * last, 0.1 * 2e-5 * last);
   EXPECT_GT(press, 0.5);

@@ -16,12 +16,15 @@
 #include "src/session/run_messages.h"
 #include "tests/session/live_hand.h"
 #include "tests/session/recorded_messages.h"
+#include "tests/session/repeated_run.h"
 #include "tests/session/synthetic_stream.h"
 #include "tests/test_util/wait_for.h"
 
 namespace palpate {
 namespace {
 
+using test::expect_parts_repeat;
+using test::expect_repeats;
 using test::messages;
 using Message = test::RecordedMessage;
 using test::patient_settings;
@@ -51,7 +54,9 @@ constexpr Edit kEdits[] = {
 /// Runs, makes the changes one after the other with so many ticks between them, and ends.
 Result<RunOutcome> run_with_changes(const std::filesystem::path& folder, RunMonitor& monitor,
                                     const RecordingOptions& recording = {},
-                                    std::uint64_t num_ticks = 120) {
+                                    std::uint64_t num_ticks = 120,
+                                    const RunSettings& first = patient_settings(),
+                                    std::span<const Edit> edits = kEdits) {
   const Tool tool = small_tool();
   SyntheticStream stream(1000);
   const auto device = pressing_device(depth_in_the_wall);
@@ -68,7 +73,7 @@ Result<RunOutcome> run_with_changes(const std::filesystem::path& folder, RunMoni
         EXPECT_TRUE(wait_for([&] { return loop->report().num_ticks >= end; }));
       };
       pause();
-      for (const Edit edit : kEdits) {
+      for (const Edit edit : edits) {
         RunSettings settings = loop->settings();
         edit(settings);
         const Status changed = loop->change(settings);
@@ -87,7 +92,20 @@ Result<RunOutcome> run_with_changes(const std::filesystem::path& folder, RunMoni
   options.keep_going = [&] { return !is_done.load(); };
   options.monitor = &monitor;
   options.recording = recording;
-  return record_run(tool, stream, *device, patient_settings(), folder, options);
+  return record_run(tool, stream, *device, first, folder, options);
+}
+
+/// Puts settings of that revision in the place of those that were recorded.
+void rewrite_settings(const std::filesystem::path& run, std::vector<Message> all,
+                      std::uint32_t revision, const std::function<void(RunSettings&)>& edit) {
+  for (Message& message : all) {
+    if (message.channel.topic != kSettingsTopic) continue;
+    RunSetup setup = *read_settings(message.data);
+    if (setup.revision != revision) continue;
+    edit(setup.settings);
+    message.data = settings_message(setup);
+  }
+  rewrite(run, all);
 }
 
 TEST(HapticChange, RunsWithChangesAreRecordedAndRepeatedBitForBit) {
@@ -110,12 +128,7 @@ TEST(HapticChange, RunsWithChangesAreRecordedAndRepeatedBitForBit) {
   EXPECT_EQ(num_contacts, outcome->loop.num_contacts);
   EXPECT_EQ(revisions, (std::vector<std::uint32_t>{1, 2, 3, 4, 5, 6}));
 
-  const auto replay = replay_run(run);
-  ASSERT_TRUE(replay) << replay.error().message;
-  EXPECT_EQ(replay->difference, "");
-  EXPECT_EQ(replay->note, "");
-  EXPECT_EQ(replay->num_ticks, outcome->loop.num_ticks);
-  EXPECT_EQ(replay->num_contacts, outcome->loop.num_contacts);
+  expect_repeats(run, *outcome);
 
   // Settings before what was done with them, all there.
   const std::vector<Message> all = messages(run);
@@ -156,18 +169,12 @@ TEST(HapticChange, RunsWithChangesAreRecordedAndRepeatedBitForBit) {
 
   // The repetition depends on every one of them.
   for (std::uint32_t revision = 1; revision <= 6; ++revision) {
-    std::vector<Message> changed = all;
-    for (Message& message : changed) {
-      if (message.channel.topic != kSettingsTopic) continue;
-      RunSetup setup = *read_settings(message.data);
-      if (setup.revision != revision) continue;
-      setup.settings.coupling.tool_mass *= 1.25;
-      setup.settings.coupling.force_at_eighth += 0.5;
-      setup.settings.surface.filter.radius = 4;
-      setup.settings.surface.filter.enabled = true;
-      message.data = settings_message(setup);
-    }
-    rewrite(run, changed);
+    rewrite_settings(run, all, revision, [](RunSettings& settings) {
+      settings.coupling.tool_mass *= 1.25;
+      settings.coupling.force_at_eighth += 0.5;
+      settings.surface.filter.radius = 4;
+      settings.surface.filter.enabled = true;
+    });
     const auto differs = replay_run(run);
     ASSERT_TRUE(differs) << differs.error().message;
     EXPECT_NE(differs->difference, "") << revision;
@@ -182,6 +189,43 @@ TEST(HapticChange, RunsWithChangesAreRecordedAndRepeatedBitForBit) {
   EXPECT_NE(missing.error().message.find("revision 2"), std::string::npos);
 }
 
+TEST(HapticChange, OfTheFrictionOfAnObjectIsRecordedAndRepeatedBitForBit) {
+  constexpr Edit kObjectEdits[] = {[](auto& s) { s.objects[0].friction = 0.6; },
+                                   [](auto& s) { s.objects[1].friction = 0.2; },
+                                   [](auto& s) { s.objects[0].friction.reset(); }};
+  const auto shape =
+      std::make_shared<const Tool>(test::random_tool(150, 0.04, 9).with_solid_field());
+  RunSettings settings = patient_settings();
+  settings.coupling.friction.coefficient = 0.3;
+  settings.objects = {{shape, {{0.05, 0, 0.47}, {}}}, {shape, {{-0.05, 0, 0.47}, {}}, 0.4}};
+  settings.objects[0].name = "stone";
+  settings.objects[1].name = "stone_2";
+  const TemporaryFolder folder;
+  const auto run = folder.path() / "run";
+  RunMonitor monitor;
+  const auto outcome = run_with_changes(run, monitor, {}, 200, settings, kObjectEdits);
+  ASSERT_TRUE(outcome) << outcome.error().message;
+  EXPECT_EQ(outcome->failure, "");
+  expect_repeats(run, *outcome);
+  const auto summary = nlohmann::json::parse(*read_file(run / "summary.json"));
+  EXPECT_EQ(summary["changes"], nlohmann::json::parse(R"([{"objects":{"stone.friction":0.6}},
+      {"objects":{"stone_2.friction":0.2}},{"objects":{"stone.friction":"auto"}}])"));
+  EXPECT_EQ(summary["settings"]["objects"]["stone_2.friction"], 0.4);
+
+  // The repetition depends on every one of them.
+  const std::vector<Message> all = messages(run);
+  for (std::uint32_t revision = 0; revision <= 3; ++revision) {
+    rewrite_settings(run, all, revision, [](RunSettings& other) { other.objects[0].friction = 1; });
+    const auto differs = replay_run(run);
+    ASSERT_TRUE(differs) << differs.error().message;
+    EXPECT_NE(differs->difference.find("contact"), std::string::npos) << revision;
+  }
+  rewrite_settings(run, all, 1, [](RunSettings& other) { other.objects.pop_back(); });
+  const auto refused = replay_run(run);
+  ASSERT_FALSE(refused);
+  EXPECT_NE(refused.error().message.find("other objects"), std::string::npos);
+}
+
 // Each part has the settings, frames and contacts that it goes on from, and how the hand stood.
 TEST(LiveRun, InPartsIsRepeatedWholeAndPartByPart) {
   const TemporaryFolder folder;
@@ -190,23 +234,8 @@ TEST(LiveRun, InPartsIsRepeatedWholeAndPartByPart) {
   const auto outcome = run_with_changes(run, monitor, {.split_bytes = 1}, 500);
   ASSERT_TRUE(outcome) << outcome.error().message;
   EXPECT_EQ(outcome->not_kept, "");
-  const auto parts = recording_parts(run);
-  EXPECT_GE(parts.size(), 3u);
-  const auto replay = replay_run(run);
-  ASSERT_TRUE(replay) << replay.error().message;
-  EXPECT_EQ(replay->difference, "");
-  EXPECT_EQ(replay->note, "");
-  EXPECT_EQ(replay->num_ticks, outcome->loop.num_ticks);
-  EXPECT_EQ(replay->num_contacts, outcome->loop.num_contacts);
-  std::size_t num_ticks = 0;
-  for (const auto& part : parts) {
-    const auto alone = replay_run(part);
-    ASSERT_TRUE(alone) << alone.error().message;
-    EXPECT_EQ(alone->difference, "") << part;
-    EXPECT_EQ(alone->note, "") << part;
-    num_ticks += alone->num_ticks;
-  }
-  EXPECT_EQ(num_ticks, outcome->loop.num_ticks);
+  EXPECT_GE(recording_parts(run).size(), 3u);
+  expect_parts_repeat(run, *outcome);
 }
 
 // Contacts are felt one tick later, which is too late for a limit of a hundredth more: half of the
@@ -264,12 +293,7 @@ TEST(LiveRun, LeavesOutWhatItHasNoTimeForAndIsRepeated) {
   EXPECT_GE(contact_revisions.size(), 2u);
   EXPECT_GE(num_load_notes, 2);
 
-  const auto replay = replay_run(run);
-  ASSERT_TRUE(replay) << replay.error().message;
-  EXPECT_EQ(replay->difference, "");
-  EXPECT_EQ(replay->note, "");
-  EXPECT_EQ(replay->num_contacts, outcome->loop.num_contacts);
-  EXPECT_EQ(replay->num_ticks, outcome->loop.num_ticks);
+  expect_repeats(run, *outcome);
   const auto summary = nlohmann::json::parse(*read_file(run / "summary.json"));
   EXPECT_GT(summary["image_thinned_s"], 0.0);
   EXPECT_GT(summary["spheres_thinned_s"], 0.0);

@@ -10,15 +10,18 @@
 
 namespace palpate::test {
 
+inline void be_patient(SafetyOptions& safety) {
+  safety.max_contact_age = safety.max_sensor_age = 60;
+  safety.energy_tank = 100;  // late ticks give the hand energy
+  safety.max_tick = safety.max_device_silence = 60;
+}
+
 inline RunSettings patient_settings() {
   RunSettings settings;
   settings.wants_real_time = false;
   settings.num_threads = 1;
   settings.coupling.X_WB.translation = {0, 0, 0.42};
-  SafetyOptions& safety = settings.safety;
-  safety.max_contact_age = safety.max_sensor_age = 60;
-  safety.energy_tank = 100;  // late ticks give the hand energy
-  safety.max_tick = safety.max_device_silence = 60;
+  be_patient(settings.safety);
   return settings;
 }
 

@@ -11,6 +11,7 @@
 #include "src/session/internal/run_folder.h"
 #include "src/session/run_reader.h"
 #include "tests/session/path_run.h"
+#include "tests/session/repeated_run.h"
 #include "tests/session/synthetic_stream.h"
 #include "tests/session/wrench_csv.h"
 #include "tests/test_util/report_data.h"
@@ -92,12 +93,9 @@ TEST_F(RecordRun, WritesEverythingAndReplaysIdentically) {
   for (const int num_threads : {1, 2}) {
     ReplayOptions replay_options;
     replay_options.num_threads = num_threads;
-    const auto replay = replay_run(run(), replay_options);
-    ASSERT_TRUE(replay) << replay.error().message;
-    EXPECT_EQ(replay->difference, "");
-    EXPECT_EQ(replay->note, "");
-    EXPECT_EQ(replay->num_ticks, num_ticks);
-    EXPECT_EQ(replay->num_contacts, num_ticks);
+    const ReplayOutcome replay = test::repeated(run(), replay_options);
+    EXPECT_EQ(replay.num_ticks, num_ticks);
+    EXPECT_EQ(replay.num_contacts, num_ticks);
   }
   // The same run again, byte for byte.
   const std::string csv = read(run() / "wrench.csv");

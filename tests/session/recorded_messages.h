@@ -37,13 +37,22 @@ inline std::vector<RecordedMessage> messages(const std::filesystem::path& run,
   return all;
 }
 
-/// With the tool that the recording has.
+/// With the tool and the objects that the recording has.
 inline void rewrite(const std::filesystem::path& run, const std::vector<RecordedMessage>& all) {
-  const auto tool = McapReader::open(run / kRecordingFile)->attachment(kToolFile);
+  auto reader = McapReader::open(run / kRecordingFile);
+  ASSERT_TRUE(reader) << reader.error().message;
+  std::map<std::string, std::string> files;
+  const auto tool = reader->attachment(kToolFile);
   ASSERT_TRUE(tool) << tool.error().message;
+  files[kToolFile] = *tool;
+  for (std::size_t i = 0;; ++i) {
+    const auto object = reader->attachment(object_file(i));
+    if (!object) break;
+    files[object_file(i)] = *object;
+  }
   auto writer = McapWriter::create(run / kRecordingFile);
   ASSERT_TRUE(writer);
-  ASSERT_TRUE(writer->attach(kToolFile, "", *tool));
+  for (const auto& [name, bytes] : files) ASSERT_TRUE(writer->attach(name, "", bytes));
   std::map<std::string, std::uint16_t> channels;
   for (const RecordedMessage& message : all) {
     if (!channels.contains(message.channel.topic)) {

@@ -12,14 +12,17 @@
 #include "src/session/lead_estimate.h"
 #include "src/session/run_reader.h"
 #include "src/session/run_recorder.h"
+#include "tests/session/live_hand.h"
 #include "tests/session/path_run.h"
 #include "tests/session/recorded_messages.h"
+#include "tests/session/repeated_run.h"
 #include "tests/session/synthetic_stream.h"
 
 namespace palpate {
 namespace {
 
 namespace fs = std::filesystem;
+using test::expect_parts_repeat;
 using test::path_settings;
 using test::pressing_pose;
 using test::small_tool;
@@ -44,28 +47,8 @@ RunSettings settings_with(TimeMode mode, CouplingKind kind) {
   RunSettings settings = path_settings(kRate);
   settings.time.mode = mode;
   settings.coupling.kind = kind;
-  settings.safety.max_contact_age = settings.safety.max_sensor_age = 60;
-  settings.safety.max_tick = settings.safety.max_device_silence = 60;
-  settings.safety.energy_tank = 100;
+  test::be_patient(settings.safety);
   return settings;
-}
-
-void expect_parts_repeat(const fs::path& run, const RunOutcome& outcome) {
-  const auto replay = replay_run(run);
-  ASSERT_TRUE(replay) << replay.error().message;
-  EXPECT_EQ(replay->difference, "");
-  EXPECT_EQ(replay->note, "");
-  EXPECT_EQ(replay->num_ticks, outcome.loop.num_ticks);
-  EXPECT_EQ(replay->num_contacts, outcome.loop.num_contacts);
-  std::size_t num_ticks = 0;
-  for (const fs::path& part : recording_parts(run)) {
-    const auto alone = replay_run(part);
-    ASSERT_TRUE(alone) << alone.error().message;
-    EXPECT_EQ(alone->difference, "") << part;
-    EXPECT_EQ(alone->note, "") << part;
-    num_ticks += alone->num_ticks;
-  }
-  EXPECT_EQ(num_ticks, outcome.loop.num_ticks);
 }
 
 TEST(RecordingParts, AreRepeatedEachAndAllForEveryCouplingAndTime) {

@@ -17,6 +17,7 @@
 #include "palpate/session/run.h"
 #include "tests/session/live_hand.h"
 #include "tests/session/recorded_messages.h"
+#include "tests/session/repeated_run.h"
 #include "tests/session/synthetic_stream.h"
 
 namespace palpate {
@@ -62,6 +63,7 @@ MadeQuery slow_query(Backend backend, std::shared_ptr<const ToolIndex> index,
 namespace {
 
 using std::chrono::steady_clock;
+using test::expect_repeats;
 using test::patient_settings;
 using test::pressing_device;
 using test::RecordedMessage;
@@ -101,15 +103,6 @@ Result<RunOutcome> run_until(const std::filesystem::path& folder, const RunSetti
   g_seconds_per_sphere = 0;  // whoever repeats the run need not wait
   EXPECT_TRUE(has_ended);
   return outcome;
-}
-
-void expect_repeats(const std::filesystem::path& run, const RunOutcome& outcome) {
-  const auto replay = replay_run(run);
-  ASSERT_TRUE(replay) << replay.error().message;
-  EXPECT_EQ(replay->difference, "");
-  EXPECT_EQ(replay->note, "");
-  EXPECT_EQ(replay->num_ticks, outcome.loop.num_ticks);
-  EXPECT_EQ(replay->num_contacts, outcome.loop.num_contacts);
 }
 
 // Contacts of a second while 0.3 s are allowed: the force fades. Then the backend is fast again,

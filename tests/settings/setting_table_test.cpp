@@ -103,6 +103,31 @@ TEST(SettingTable, QuaternionsBecomeUnitAndOnesThatAreKeepTheirBits) {
   EXPECT_EQ(options.X_WB, X);
 }
 
+TEST(SettingTable, NumbersMayHaveNoValue) {
+  std::optional<double> gloss;
+  SettingTable table;
+  table.section("paint");
+  table.add(std::string("door") + ".gloss", gloss, {0, 1}, "of the door");
+  Setting& setting = *table.find("paint.door.gloss");
+  EXPECT_EQ(setting.get(), SettingValue("auto"));
+  EXPECT_EQ(setting.accepted(), "a number from 0 to 1 or auto");
+  EXPECT_TRUE(setting.set(0.25));
+  EXPECT_EQ(gloss, 0.25);
+  EXPECT_EQ(setting.get(), SettingValue(0.25));
+  for (const SettingValue& wrong :
+       {SettingValue(2.0), SettingValue(NAN), SettingValue("matt"), SettingValue(true)}) {
+    EXPECT_FALSE(setting.set(wrong));
+    EXPECT_EQ(gloss, 0.25);
+  }
+  EXPECT_EQ(setting.set("matt").error().message,
+            "paint.door.gloss must be a number from 0 to 1 or auto, not 'matt'");
+  EXPECT_TRUE(setting.set("auto"));
+  EXPECT_EQ(gloss, std::nullopt);
+  EXPECT_TRUE(check_settings(table));
+  gloss = 7;
+  EXPECT_FALSE(check_settings(table));
+}
+
 TEST(SettingTable, ChecksWhatALibraryUserHasSet) {
   Options options;
   EXPECT_TRUE(check_settings(options));

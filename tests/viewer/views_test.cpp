@@ -170,6 +170,48 @@ TEST(Controls, RefusesWhatItCannotBe) {
   EXPECT_EQ(settings.surface.normals.radius, 3);
 }
 
+TEST(Controls, OfObjectsHaveTheirNames) {
+  RunSettings settings;
+  settings.objects.resize(3);
+  settings.objects[0].name = "block";
+  settings.objects[1].name = "block_2";
+  const auto set = [&](const char* key, const nlohmann::ordered_json& value) {
+    const auto taken = set_control(settings_of(settings), is_live_control, key, value);
+    return taken ? taken->dump() : taken.error().message;
+  };
+  const Json list = list_controls(settings_of(settings), is_live_control);
+  const auto found = std::ranges::find(list, "objects.block.friction",
+                                       [](const Json& control) { return control["key"]; });
+  ASSERT_NE(found, list.end());
+  EXPECT_EQ((*found)["kind"], "number");
+  EXPECT_EQ((*found)["low"], 0);
+  EXPECT_EQ((*found)["high"], 10);
+  EXPECT_EQ((*found)["choices"], Json({"auto"}));
+  EXPECT_EQ((*found)["value"], "auto");
+  EXPECT_EQ(set("objects.block_2.friction", 0.25), "0.25");
+  EXPECT_EQ(settings.objects[0].friction, std::nullopt);
+  EXPECT_EQ(settings.objects[1].friction, 0.25);
+  EXPECT_EQ(control_values(settings_of(settings), is_live_control)["objects.block_2.friction"],
+            0.25);
+  EXPECT_EQ(set("objects.block_2.friction", 11),
+            "objects.block_2.friction must be a number from 0 to 10 or auto, not 11");
+  EXPECT_EQ(set("objects.block_2.friction", "rough"),
+            "objects.block_2.friction must be a number from 0 to 10 or auto, not 'rough'");
+  EXPECT_EQ(set("objects.blok.friction", 1),
+            "there is no setting 'objects.blok.friction'; the nearest one is "
+            "'objects.block.friction'");
+  EXPECT_EQ(settings.objects[1].friction, 0.25);
+  EXPECT_EQ(set("objects.block_2.friction", "auto"), "\"auto\"");
+  EXPECT_EQ(settings.objects[1].friction, std::nullopt);
+
+  const Tool tool = small_tool();
+  for (SceneObject& object : settings.objects) object.shape = std::make_shared<const Tool>(tool);
+  const auto view =
+      LiveView::create(tool, {SyntheticStream(1).info()}, "hand", nullptr, settings.objects);
+  EXPECT_NE(view->controls().find("objects.block.friction"), std::string::npos)
+      << "pages ask before the run begins";
+}
+
 TEST(Stages, KeepAllOfAHistogramInFewBars) {
   LatencyHistogram times;
   std::int64_t duration = 40;

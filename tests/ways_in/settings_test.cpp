@@ -440,7 +440,9 @@ std::string documented_value(const Setting& setting) {
 }
 
 std::string documentation() {
-  const RunSettings of_runs;
+  RunSettings of_runs;
+  of_runs.objects.resize(1);
+  of_runs.objects[0].name = "NAME";
   const SelfFilterOptions of_robots;
   const PackOptions of_packings;
   std::string text;

@@ -35,7 +35,7 @@ export interface Control {
   words: string;
   unit?: string; // of a number
   kind: 'choice' | 'number' | 'switch';
-  choices?: string[];
+  choices?: string[]; // of a number: words that it can be instead
   low?: number;
   high?: number;
   whole?: boolean; // whole numbers only

@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "palpate/contact/contact.h"
@@ -23,8 +24,15 @@ struct SceneObject {
   Pose X_WB;                                      ///< its fixed or initial pose
   std::optional<double> friction = std::nullopt;  ///< own friction coefficient; none: the default
   bool moves = false;
-  double mass = 0;  ///< kg, if it moves; 0: that of wood, 500 kg/m3
+  double mass = 0;        ///< kg, if it moves; 0: that of wood, 500 kg/m3
+  std::string name = {};  ///< letters, digits and _, unique; empty: nothing of it can be set
 };
+/// What can change during a run. The section of the table must be "objects".
+inline void add_settings(SettingTable& t, SceneObject& o) {
+  if (o.name.empty()) return;
+  t.add(o.name + ".friction", o.friction, {0, 10},
+        "friction of this object; auto: that of everything else");
+}
 
 /// Mass of a moving object, kg.
 inline double mass_of(const SceneObject& object) {

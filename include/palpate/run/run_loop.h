@@ -86,6 +86,8 @@ inline void add_settings(SettingTable& t, RunSettings& s) {
   add_settings(t, s.coupling);
   add_settings(t, s.safety);
   add_settings(t, s.bodies);
+  t.section("objects");
+  for (SceneObject& object : s.objects) add_settings(t, object);
   add_settings(t, s.output);
 }
 
@@ -238,8 +240,9 @@ class RunLoop {
 
   // For display and control. From one thread that may wait, never the haptic one.
 
-  /// Applies new settings: contact, surface, field, time, coupling, backend and contact rate; the
-  /// rest (safety, threads, GPU indices, X_WB, X_HT) stays as at the start. The tool stays in
+  /// Applies new settings: contact, surface, field, time, coupling, backend, contact rate, bodies
+  /// and the friction of objects; the rest (safety, threads, GPU indices, X_WB, X_HT, which objects
+  /// there are) stays as at the start. The tool stays in
   /// place; the slew limit of the safety filter smooths force jumps. Returns when every stage uses
   /// them, within two frames. Errors: see create(), or a setting that cannot change: then nothing
   /// has changed; the loop has ended.

@@ -66,11 +66,11 @@ enum class SettingKind { flag, whole, number, word, pose };
 class Setting {
  public:
   std::string_view section;  ///< in files: "coupling"; empty for the table of a part
-  std::string_view name;     ///< within its section: "stiffness"
+  std::string name;          ///< within its section: "stiffness"
   std::string_view help;     ///< the meaning, in one line
   SettingKind kind = SettingKind::flag;
   NumberRange range;               ///< for numbers
-  std::vector<const char*> words;  ///< for keywords: all of them
+  std::vector<const char*> words;  ///< all keywords; of a number: "auto" if it may have no value
 
   /// The full name: "coupling.stiffness".
   std::string key() const;
@@ -81,7 +81,7 @@ class Setting {
   Status set(const SettingValue& value, std::string_view reported_name = {});
   /// Checks the current value. Errors: same as set.
   Status check() const;
-  /// "1 to 7 pixels", or the keywords separated by commas; otherwise empty.
+  /// "1 to 7 pixels", "0 to 1 or auto", or the keywords separated by commas; otherwise empty.
   std::string range_text() const;
   /// "a whole number from 1 to 7 pixels"
   std::string accepted() const;
@@ -90,6 +90,7 @@ class Setting {
   friend class SettingTable;
   friend struct UncheckedSetting;  // tests write what no way in lets pass
   bool accepts(const SettingValue& value) const;
+  bool is_word(const SettingValue& value) const;
   Error refusal(const SettingValue& value, std::string_view reported_name) const;
 
   void* value_ = nullptr;
@@ -107,6 +108,9 @@ class SettingTable {
   void add(std::string_view name, bool& value, std::string_view help);
   void add(std::string_view name, int& value, NumberRange range, std::string_view help);
   void add(std::string_view name, double& value, NumberRange range, std::string_view help);
+  /// Adds the keyword "auto" for no value.
+  void add(std::string_view name, std::optional<double>& value, NumberRange range,
+           std::string_view help);
   void add(std::string_view name, Pose& value, std::string_view help);
   template <NamedEnum Enum>
   void add(std::string_view name, Enum& value, std::string_view help);

@@ -12,6 +12,14 @@
 
 namespace palpate::inline v0 {
 
+/// Of each object of a run; none: the default.
+using ObjectFrictions = std::vector<std::optional<double>>;
+inline ObjectFrictions frictions_of(const std::vector<SceneObject>& objects) {
+  ObjectFrictions frictions;
+  for (const SceneObject& object : objects) frictions.push_back(object.friction);
+  return frictions;
+}
+
 /// They touch the surfaces that cameras see, each other, fixed objects, and the tool. All
 /// memory is allocated at construction; the same input gives the same bits.
 class MovingBodies {
@@ -43,8 +51,9 @@ class MovingBodies {
   bool step(std::span<const SurfaceBlend> cameras, std::span<const Push> pushes,
             double dt) noexcept;
 
-  /// From the next step on. The number of spheres stays as it is.
-  void use(const BodyOptions& options) noexcept;
+  /// From the next step on; `frictions` are those of all objects of the run. The number of spheres
+  /// stays as it is. A body whose own friction changes wakes up, after other changes all do.
+  void use(const BodyOptions& options, const ObjectFrictions& frictions) noexcept;
   /// Goes on from where another one of the same objects is.
   void take_over(const MovingBodies& other) noexcept;
 
@@ -60,20 +69,18 @@ class MovingBodies {
     std::shared_ptr<const Tool> shape;
     std::shared_ptr<const ToolIndex> index;
     std::unique_ptr<ContactQuery> cloud;
-    double reach = 0;   // from the center of mass, m
-    double volume = 0;  // of all its spheres, m3
-    std::optional<double> own_friction;
+    double reach = 0;                // from the center of mass, m
+    double volume = 0;               // of all its spheres, m3
     double friction = 0, scale = 0;  // coefficient; N/m3: as the options have them
   };
   /// What stays.
   struct Fixture {
+    std::size_t object = 0;
     std::shared_ptr<const Tool> shape;
     std::shared_ptr<const ToolIndex> index;
     Pose X_WB;
     Vec3d center_W;
-    double reach = 0;
-    std::optional<double> own_friction;
-    double friction = 0;
+    double reach = 0, friction = 0;
   };
   struct Pair {
     int a = 0, b = 0;         // bodies; b: or a fixture
@@ -101,7 +108,7 @@ class MovingBodies {
   bool touch_clouds(std::span<const SurfaceBlend> cameras);
   void touch_pairs();
   void touch_tool(std::span<const Push> pushes);
-  void use_materials();
+  void use_materials(const ObjectFrictions& frictions);
   void add_touch(const BodyTouch& touch);
   void wake(double dt);
   void add_energy();

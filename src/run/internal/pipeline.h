@@ -26,24 +26,23 @@ struct ContactScale {
   double friction = 0;  ///< coefficient where an object has none of its own
   double grip = 0;      ///< N/m: of what sticks to the tool
   BodyOptions bodies = {};
+  ObjectFrictions object_frictions = {};  ///< of all objects, see frictions_of
 };
 
 /// From a pose to a contact: the tool against surfaces and objects.
 class ContactPart {
  public:
-  /// `tool` must outlive it, and so must the shapes of `objects`. `moving`: those of them that
-  /// move; null if none does.
+  /// `tool` must outlive it, and so must the shapes of `objects`, which have their friction until
+  /// `use`. `moving`: those of them that move; null if none does.
   ContactPart(const Tool& tool, std::unique_ptr<ContactQuery> query, const ContactScale& scale,
               const std::vector<SceneObject>& objects = {}, BodyMethod bodies = BodyMethod::field,
               std::unique_ptr<MovingBodies> moving = nullptr);
   /// Where pairs of tool and objects are measured, too. Error: too little memory there.
   Status measure_pairs_at(Backend backend, int gpu);
 
-  /// From the next measurement on.
-  void use(const ContactScale& scale) noexcept {
-    scale_ = scale;
-    if (moving_) moving_->use(scale.bodies);
-  }
+  /// From the next measurement on. `scale` has the friction of as many objects as there are. No
+  /// allocation.
+  void use(const ContactScale& scale) noexcept;
   /// Of each camera, where it sees what things are made of.
   void set_regions(std::vector<RegionLookup> regions) { regions_ = std::move(regions); }
   /// Objects that move go on from where they are in the part before.
@@ -73,9 +72,8 @@ class ContactPart {
   MovingBodies::Push push_on(int body, const Pose& X_WT, double dt) const noexcept;
 
   BodyMethod bodies_;
-  BodyWorld world_;                                      // the tool, then the objects
-  const ContactQuery* query_;                            // the tool's, owned by the world
-  std::vector<std::optional<double>> object_frictions_;  // of each
+  BodyWorld world_;            // the tool, then the objects
+  const ContactQuery* query_;  // the tool's, owned by the world
   MassProperties tool_mass_;
   ContactScale scale_;
   std::unique_ptr<MovingBodies> moving_;

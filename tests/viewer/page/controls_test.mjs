@@ -8,7 +8,7 @@ import { controls, lively, oneSphere } from './worlds.mjs';
 const others = ({ kind, choices, low, high, value }) =>
   kind === 'choice' ? choices.filter((choice) => choice !== value)
     : kind === 'switch' ? [!value, value]
-      : [low, high, (low + 2 * high) / 3];
+      : [low, high, (low + 2 * high) / 3, ...(choices ?? [])];
 
 async function begin(script = oneSphere) {
   const served = await Served.start(script);
@@ -58,6 +58,15 @@ pageTest('every control by hand, and what another page turns is shown', async ()
     assert.deepEqual([heard.key, heard.value], [control.key, value]);
     await until(`${control.key} in the state`, async () => (await state(page)).settings[control.key] === value);
   }
+  // A number that may be a word is typed, and shown again as either.
+  const friction = page.locator('.controls [title*="(objects.block.friction)"] input');
+  assert.equal(await friction.inputValue(), '0');
+  for (const value of ['auto', 0.25]) {
+    await friction.fill(` ${value} `);
+    await friction.press('Enter');
+    assert.equal((await served.heard('set')).value, value);
+    await until(`${value} in the state`, async () => (await state(page)).settings['objects.block.friction'] === value);
+  }
   // As a script would do it.
   await page.evaluate(() => document.activeElement?.blur());
   const answer = await fetch(served.address('/api/command'), {
@@ -68,12 +77,17 @@ pageTest('every control by hand, and what another page turns is shown', async ()
     const row = document.querySelector('.controls [title*="(coupling.damping)"]');
     return Number(row.querySelector('input').value) === 1.25;
   }));
+  await fetch(served.address('/api/command'), {
+    method: 'POST', body: JSON.stringify({ command: 'set', key: 'objects.block.friction', value: 'auto' }),
+  });
+  await until('the word is shown', async () => await friction.inputValue() === 'auto');
 });
 
 pageTest('a value that is refused is said, and the old one shown', async () => {
   const { served, page } = await begin();
   for (const [key, value] of [['coupling.stiffness', 1e9], ['coupling.stiffness', 'much'], ['contact.method', 'magic'],
-    ['surface.filter', 3], ['no.such', 1]]) {
+    ['surface.filter', 3], ['objects.block.friction', 11], ['objects.block.friction', 'rough'],
+    ['objects.other.friction', 1], ['no.such', 1]]) {
     const answer = await command(page, { command: 'set', key, value });
     assert.equal(answer.ok, false);
     assert.match(answer.error, new RegExp(key.replace('.', '\\.')));

@@ -38,7 +38,7 @@ pageTest('a live run is seen, turned and ended from the page', async (t) => {
     'energy_tank'];
   writeFileSync(settings, `[safety]\n${limits.map((name) => `${name} = 60\n`).join('')}`);
   const run = await viewed(['touch', tool, '--scene', 'hand', '--device', 'sim', '--duration', '120',
-    '--settings', settings, '--view', '--view-port', '0', '-o', recording]);
+    '--object', `${tool}@0.1 0 0.4 0 0 0 1,friction=0.4`, '--settings', settings, '--view', '--view-port', '0', '-o', recording]);
   const page = await openPage(run.url);
   await drawn(page, 5);
   const before = await state(page);
@@ -54,6 +54,13 @@ pageTest('a live run is seen, turned and ended from the page', async (t) => {
     assert.ok(answer.ok, answer.error);
     await until(choice, async () => (await state(page)).settings['contact.method'] === choice);
   }
+  for (const friction of [0.1, 'auto']) {
+    const answer = await command(page, { command: 'set', key: 'objects.tool.friction', value: friction });
+    assert.ok(answer.ok, answer.error);
+    await until(`${friction}`, async () => (await state(page)).settings['objects.tool.friction'] === friction);
+  }
+  const refused = await command(page, { command: 'set', key: 'objects.tool.friction', value: 'rough' });
+  assert.equal(refused.error, "objects.tool.friction must be a number from 0 to 10 or auto, not 'rough'");
   assert.ok((await command(page, { command: 'pause' })).ok);
   await until('paused', async () => (await state(page)).paused);
   assert.ok((await command(page, { command: 'step', frames: 1 })).ok);

@@ -23,10 +23,10 @@ Error refused(const std::string& why) { return {Errc::invalid_argument, why}; }
 Status check_value(const Json& control, const Json& value) {
   const std::string key = control.at("key"), kind = control.at("kind");
   if (kind == "switch" && !value.is_boolean()) return refused(key + " is true or false.");
+  for (const Json& choice : control.value("choices", Json::array())) {
+    if (choice == value) return Done{};
+  }
   if (kind == "choice") {
-    for (const Json& choice : control.at("choices")) {
-      if (choice == value) return Done{};
-    }
     return refused(key + " is none of its choices: " + control.at("choices").dump() + ".");
   }
   if (kind == "number") {

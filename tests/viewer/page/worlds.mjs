@@ -10,6 +10,8 @@ export const controls = [
     low: 0, high: 3000 },
   { key: 'coupling.damping', words: 'part of the critical damping', kind: 'number', value: 0.7,
     low: 0, high: 2 },
+  { key: 'objects.block.friction', words: 'of this object; auto: that of everything else', kind: 'number',
+    value: 'auto', low: 0, high: 10, choices: ['auto'] },
   { key: 'surface.filter', words: 'smooth the depth image', kind: 'switch', value: true },
 ];
 

@@ -19,7 +19,8 @@ const WIDEST_SLIDER = 64; // a number from a wider range is typed
 export class Controls {
   readonly root = element('section', 'controls');
   private gui: GUI | null = null;
-  private readonly values: Record<string, Value> = {};
+  private readonly values: Record<string, Value> = {}; // as they are shown
+  private readonly typed = new Set<string>(); // numbers that may be a word, too
   private readonly turned = new Map<string, Controller>();
   private revision = -1;
 
@@ -31,6 +32,7 @@ export class Controls {
   setHello(hello: Hello): void {
     this.gui?.destroy();
     this.turned.clear();
+    this.typed.clear();
     this.revision = -1;
     this.gui = new GUI({ container: this.root, title: 'Controls', injectStyles: false, touchStyles: 0 });
     this.addShow(this.gui.addFolder('Show'), hello);
@@ -92,16 +94,17 @@ export class Controls {
 
   private addControl(folder: GUI, control: Control, name: string): void {
     const { key } = control;
-    this.values[key] = control.value;
+    if (control.kind === 'number' && control.choices) this.typed.add(key);
+    this.values[key] = this.shown(key, control.value);
     const controller = this.makeController(folder, control).name(name);
     controller.domElement.title = [control.words, control.unit, `(${key})`].filter(Boolean).join('\n');
-    controller.onFinishChange((value: Value) => void this.set(control, value));
+    controller.onFinishChange((value: Value) => void this.set(key, this.typed.has(key) ? numberOrWord(String(value)) : value));
     this.turned.set(key, controller);
   }
 
   private makeController(folder: GUI, { key, kind, choices, low, high, whole, value }: Control): Controller {
     if (kind === 'choice') return folder.add(this.values, key, choices ?? []);
-    if (kind === 'switch') return folder.add(this.values, key);
+    if (kind === 'switch' || this.typed.has(key)) return folder.add(this.values, key);
     if (low !== undefined && high !== undefined && high - low <= WIDEST_SLIDER) {
       return folder.add(this.values, key, low, high, whole ? 1 : undefined);
     }
@@ -109,7 +112,11 @@ export class Controls {
     return controller.step(whole ? 1 : fineStep(Number(value)), whole === true); // only whole numbers are rounded
   }
 
-  private async set({ key }: Control, value: Value): Promise<void> {
+  private shown(key: string, value: Value): Value {
+    return this.typed.has(key) ? String(value) : value;
+  }
+
+  private async set(key: string, value: Value): Promise<void> {
     const answer = await this.actions.send({ command: 'set', key, value });
     if (!answer.ok) this.revision = -1; // the next state shows what it still is
   }
@@ -117,9 +124,10 @@ export class Controls {
   /// False while somebody is just turning that one.
   private accept(key: string, value: Value): boolean {
     const controller = this.turned.get(key);
-    if (!controller || this.values[key] === value) return true;
+    const shown = this.shown(key, value);
+    if (!controller || this.values[key] === shown) return true;
     if (controller.domElement.contains(document.activeElement)) return false;
-    this.values[key] = value;
+    this.values[key] = shown;
     controller.updateDisplay();
     return true;
   }
@@ -145,6 +153,11 @@ export class Controls {
 
 function capital(word: string): string {
   return word.charAt(0).toUpperCase() + word.slice(1);
+}
+
+function numberOrWord(text: string): Value {
+  const word = text.trim();
+  return word === '' || Number.isNaN(Number(word)) ? word : Number(word);
 }
 
 /// For arrow keys: about a twentieth of the number.
