@@ -175,9 +175,9 @@ void print_report(const std::string& run_folder) {
 }
 
 Intrinsics checked_intrinsics(const Intrinsics& k) {
-  constexpr double kMost = 1e6;
+  constexpr double kMaxCoordinate = 1e6;
   for (const double value : {k.fx, k.fy, k.cx, k.cy}) {
-    if (!(std::abs(value) <= kMost)) {
+    if (!(std::abs(value) <= kMaxCoordinate)) {
       usage_error("--intrinsics: must be fx,fy,cx,cy, numbers of pixels up to a million");
     }
   }

@@ -130,8 +130,8 @@ void add_record(CLI::App& program, Action& action) {
   app.footer("Example: palpate record --camera openni2 --duration 10 -o hand.mcap");
   app.callback([options, &app, &action] {
     check_robot(app, "record");
-    if (options->cameras.size() > kMostCameras) {
-      usage_error("record: at most " + std::to_string(kMostCameras) + " cameras at once");
+    if (options->cameras.size() > kMaxCameras) {
+      usage_error("record: at most " + std::to_string(kMaxCameras) + " cameras at once");
     }
     for (const std::string& camera : options->cameras) {
       if (const auto uri = parse_camera_uri(camera); !uri) {

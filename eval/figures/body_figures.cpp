@@ -28,7 +28,7 @@ constexpr double kSize = 0.1;          // m, of a body
 constexpr double kFace = 1;            // m, z of the block's face
 constexpr double kBlock = 3 * kSize;   // m, its sides
 constexpr double kAside = 0.01;        // m, from the middle of the face: far from its edges
-constexpr double kLeastShare = 0.02;   // of a body: what is less says nothing
+constexpr double kMinShare = 0.02;     // of a body: what is less says nothing
 constexpr double kFine = kBlock / 10;  // m, radius: a block of no larger spheres
 constexpr int kLoopSteps = 4000;
 constexpr double kStep = 5e-5;  // m, of the path on which jumps are looked for
@@ -40,7 +40,7 @@ constexpr double kConservative = 1e-6;
 constexpr double kOffNormal = 25;      // degrees, rms
 constexpr double kAboutVolume = 0.25;  // force, of the volume found
 constexpr double kMuchWeaker = 0.5;    // force, where a block's spheres are small
-constexpr double kOnePercent = 0.01, kOneDegree = 1, kMostJump = 1.25;  // by the field
+constexpr double kOnePercent = 0.01, kOneDegree = 1, kMaxJump = 1.25;  // by the field
 
 struct Bodies {
   const char *name, *a, *b;  ///< shapes
@@ -73,7 +73,7 @@ Found found_of(const Tool& a, const Tool& b, BodyMethod method, int num_poses, W
     const Quaternion turned = random.rotation(kPi);
     const Pose X_WB{random.in_box(kSize), turned};
     const double exact = common_volume(a.mesh(), X_WA, b.mesh(), X_WB);
-    if (exact < kLeastShare * smaller) continue;
+    if (exact < kMinShare * smaller) continue;
     const double found = contact->measure(X_WA, X_WB).on_a.volume;
     exact_sum += exact;
     found_sum += found;
@@ -455,7 +455,7 @@ void add_claims_of_field(FigureResult& result, const std::vector<Row>& rows) {
            "force is %.2f to %.2f times the exact one; a closed loop gives away at most %.0e of "
            "all work.",
            direction.high, jump.low, jump.high, loop.high),
-       holds_with({holds_below(direction.high, kOneDegree), holds_below(jump.high, kMostJump),
+       holds_with({holds_below(direction.high, kOneDegree), holds_below(jump.high, kMaxJump),
                    holds_below(loop.high, kConservative)}),
        Source::docs});
   Range deep, light;
@@ -525,7 +525,7 @@ Result<FigureResult> figure_bodies(Context& context) {
   result.notes = {
       words("Random poses: all that share at least %.0f %% of the smaller body; found is that of "
             "all poses together, spread the rms over single ones.",
-            100 * kLeastShare),
+            100 * kMinShare),
       words(
           "A cube of 10 cm in a block of 30 cm; places and turns are random. Directions are those "
           "at 2 to %.0f %% depth, where no other face is nearer to any part of the cube; nothing "

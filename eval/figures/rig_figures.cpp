@@ -25,8 +25,8 @@ namespace {
 constexpr double kShift = 0.003, kTurn = 0.5 * kPi / 180;  // m, rad: how far a camera is off
 constexpr double kRadius = 0.03;                           // m, of the tool, a ball
 constexpr int kSpheres = 2000;
-constexpr double kLeastShare = 0.005;  // of the tool: less says nothing about the direction
-const Vec3d kMiddle{0, 0, 1.05};       // what the cameras look at
+constexpr double kMinShare = 0.005;  // of the tool: less says nothing about the direction
+const Vec3d kMiddle{0, 0, 1.05};     // what the cameras look at
 /// m, of the tool in front of a surface; negative: so deep in it.
 constexpr double kDistances[] = {0.020, 0.016, 0.012,  0.008,  0.005,  0.003,  0.002,
                                  0.001, 0,     -0.002, -0.004, -0.006, -0.008, -0.010};
@@ -245,7 +245,7 @@ struct ContactError {
       const double error = measured[i].volume - exact.volume;
       volume_squares += error * error, ++num;
       worst = std::max(worst, 100 * std::abs(error));
-      if (exact.volume < kLeastShare || measured[i].force == Vec3d{}) continue;
+      if (exact.volume < kMinShare || measured[i].force == Vec3d{}) continue;
       const double angle = std::atan2(norm(cross(measured[i].force, exact.force)),
                                       dot(measured[i].force, exact.force));
       direction_squares += angle * angle, ++num_directions;

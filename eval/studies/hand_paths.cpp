@@ -10,7 +10,7 @@ namespace palpate::eval {
 namespace {
 
 constexpr int kCellPixels = 16;
-constexpr double kLeastShare = 0.9;  // of a place's pixels that have a point
+constexpr double kMinShare = 0.9;  // of a place's pixels that have a point
 
 double radius_of(const Tool& tool) {
   double radius = 0;
@@ -51,7 +51,7 @@ Patch patch_at(const PointCloudView& cloud, int u0, int v0, double radius) {
       patch.normal += to_double(Vec3f{cloud.nx[i], cloud.ny[i], cloud.nz[i]});
     }
   }
-  if (static_cast<double>(points.size()) < kLeastShare * num) return {};
+  if (static_cast<double>(points.size()) < kMinShare * num) return {};
   patch.point = patch.point / static_cast<double>(points.size());
   patch.normal = normalized(patch.normal);
   double sum = 0;

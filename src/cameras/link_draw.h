@@ -91,10 +91,10 @@ struct LinkCamera {
   }
   /// Is a corner of this piece padded much wider than it needs?
   PALPATE_HOSTDEV bool is_padded_too_wide(const LinkTriangle& piece) const {
-    constexpr double kMostReach = 1.25, kFewPixels = 2;
+    constexpr double kMaxReach = 1.25, kFewPixels = 2;
     const double reach = reach_of(static_cast<double>(piece.nearest())),
                  least = reach_of(static_cast<double>(piece.farthest()));
-    return reach > kMostReach * least && reach > least + kFewPixels;
+    return reach > kMaxReach * least && reach > least + kFewPixels;
   }
 };
 
@@ -139,7 +139,7 @@ class LinkPieces {
   /// Cuts across the side along which depth changes most. Inverse depth is linear in the image.
   /// False: it has been cut so often that it stays as it is.
   PALPATE_HOSTDEV bool cut(const LinkTriangle& piece) {
-    if (num_ + 2 > kMost) return false;
+    if (num_ + 2 > kMaxTriangles) return false;
     int first = 0;
     float most = -1;
     for (int i = 0; i < 3; ++i) {
@@ -158,8 +158,8 @@ class LinkPieces {
   }
 
  private:
-  static constexpr int kMost = 48;
-  LinkTriangle waiting_[kMost];
+  static constexpr int kMaxTriangles = 48;
+  LinkTriangle waiting_[kMaxTriangles];
   int num_;
 };
 

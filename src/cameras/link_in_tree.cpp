@@ -8,8 +8,8 @@
 namespace palpate::inline v0 {
 namespace {
 
-constexpr std::size_t kMostBytes = 64u << 20;  // of a URDF
-constexpr double kMaxAge = 0.1;                // s, of a joint position
+constexpr std::size_t kMaxBytes = 64u << 20;  // of a URDF
+constexpr double kMaxAge = 0.1;               // s, of a joint position
 
 /// Joints whose states are needed. Errors: as of open_joint_states, from the URDF alone.
 Result<std::vector<JointHistory::Joint>> wanted_joints(const RobotModel& model,
@@ -72,7 +72,7 @@ Result<LinkInTree> LinkInTree::open(const std::string& address, const std::strin
     return Error{Errc::invalid_argument, "give FILE.urdf#LINK, the link that is meant, not '" +
                                              address.substr(0, 60) + "'"};
   }
-  const auto text = read_file(file, kMostBytes);
+  const auto text = read_file(file, kMaxBytes);
   if (!text) return text.error();
   auto model = parse_urdf(*text, file, {}, std::nullopt);
   if (!model) return model.error();

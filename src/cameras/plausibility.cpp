@@ -24,10 +24,10 @@ double median_depth(const DepthFrame& frame) {
 
 std::string doubt_intrinsics(const CameraModel& model) {
   // No depth camera is known whose axis is farther off the middle than a tenth of the image.
-  constexpr double kMostOff = 0.2;
+  constexpr double kMaxOffset = 0.2;
   const auto& [fx, fy, cx, cy] = model.intrinsics;
   const double x = (cx + 0.5) / model.width, y = (cy + 0.5) / model.height;
-  if (std::abs(x - 0.5) <= kMostOff && std::abs(y - 0.5) <= kMostOff) return {};
+  if (std::abs(x - 0.5) <= kMaxOffset && std::abs(y - 0.5) <= kMaxOffset) return {};
   char text[320];
   const double scale = 2 * x, other = 2 * y;
   if (std::abs(scale - other) < 0.2 * scale) {

@@ -13,10 +13,11 @@ namespace palpate::inline v0 {
 #if defined(__linux__)
 /// Of one thread, which POSIX does not know but Linux does.
 int take_rank(ThreadRank rank) noexcept {
-  constexpr int kSteps[] = {-5, 2, 1, 6}, kMostUrgent = -20, kLeastUrgent = 19;
+  constexpr int kSteps[] = {-5, 2, 1, 6}, kHighestPriority = -20, kLowestPriority = 19;
   const auto thread = static_cast<id_t>(syscall(SYS_gettid));
   const int now = getpriority(PRIO_PROCESS, thread);
-  const int wanted = std::clamp(now + kSteps[static_cast<int>(rank)], kMostUrgent, kLeastUrgent);
+  const int wanted =
+      std::clamp(now + kSteps[static_cast<int>(rank)], kHighestPriority, kLowestPriority);
   return setpriority(PRIO_PROCESS, thread, wanted) == 0 ? wanted : now;
 }
 #else

@@ -13,11 +13,11 @@ namespace {
 constexpr int kReach = DepthFieldLevel::kSilhouetteReach;
 // A surface ends between two pixels if the farther one lies so many widths of a pixel deeper than
 // a smooth surface could at the slant of both.
-constexpr float kLeastStep = 1.0f;
+constexpr float kMinStep = 1.0f;
 // A far surface beyond the near edge is not looked at deeper than this behind it, metres.
 constexpr float kFarEnough = 0.5f;
 // No surface is taken for steeper than this.
-constexpr float kLeastSlope = 0.02f;
+constexpr float kMinSlope = 0.02f;
 
 /// The planes of pixels of a level.
 struct RulePlane {
@@ -50,7 +50,7 @@ PALPATE_FORMULA RulePlane chosen(Mask mask, const RulePlane& a, const RulePlane&
 /// `near` could be, at depth z? Both are real surfaces or `far` is none.
 PALPATE_FORMULA Mask is_apart(const RulePlane& near, const RulePlane& far, VecF gap, VecF span,
                               VecF reach) {
-  const VecF miss = gap - kLeastStep * span;
+  const VecF miss = gap - kMinStep * span;
   const VecF cosine = select(far.slope > splat(0.0f), min(near.slope, far.slope), near.slope);
   const VecF squared_sine = 1.0f - cosine * cosine;
   return (miss > splat(0.0f)) & (miss * miss > span * span * squared_sine * reach);
@@ -95,10 +95,10 @@ struct PixelSilhouettes {
 PALPATE_FORMULA void take_exit(const RulePlane& own, const RulePlane& far, Mask is_any, VecF du,
                                VecF dv, float width, NearestSilhouette& exit) {
   const VecF depth = own.offset / max(own.slope, splat(1e-6f));
-  const VecF behind = depth * (1.0f + kReach * width / max(own.slope, splat(kLeastSlope)));
+  const VecF behind = depth * (1.0f + kReach * width / max(own.slope, splat(kMinSlope)));
   const VecF out = far.offset - behind * far.slope;
   const Mask fits =
-      is_any & (own.slope > splat(0.0f)) & (out > (kLeastStep - kReach) * width * depth);
+      is_any & (own.slope > splat(0.0f)) & (out > (kMinStep - kReach) * width * depth);
   take(exit, fits, du, dv, far);
 }
 

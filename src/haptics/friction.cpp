@@ -11,7 +11,7 @@ constexpr int kMaxIterations = 30;  // three to six do
 constexpr double kClose = 1e-13;    // of the limit
 
 /// No tool is so large (m), and no coefficient either: something is wrong with the contact.
-constexpr double kFarthest = 1e3, kMost = 100;
+constexpr double kFarthest = 1e3, kMaxCoefficient = 100;
 
 /// The distance of texture begins anew after so many lengths: a whole number, so that nothing
 /// jumps.
@@ -107,8 +107,9 @@ bool PatchFriction::touch(const LocalContact& contact, const Wrench& contact_W, 
   state_.bristle_W = rotated_along(state_.bristle_W, state_.normal_W, n);
   state_.normal_W = n;
 
-  const double mu = std::clamp(
-      contact.patch.share * options_.coefficient + contact.patch.own_friction, 0.0, kMost);
+  const double mu =
+      std::clamp(contact.patch.share * options_.coefficient + contact.patch.own_friction, 0.0,
+                 kMaxCoefficient);
   patch.normal_force = force;
   patch.limit = mu * force;
   if (state_.is_sliding) {

@@ -33,7 +33,7 @@ constexpr int kLengthLimit = 0, kLargestRow = 256 << 20;  // bytes
 /// Of its machine, between two looks at how many there were; at most, and for each byte of the
 /// file.
 constexpr int kSteps = 1'000'000;
-constexpr std::uint64_t kMostSteps = 10'000'000, kStepsPerByte = 10;
+constexpr std::uint64_t kMaxSteps = 10'000'000, kStepsPerByte = 10;
 
 Result<Sqlite> load() {
   const std::string name = "libsqlite3.so.0";
@@ -75,7 +75,7 @@ class SqliteBag final : public BagReader {
     const std::uint64_t file_size = std::filesystem::file_size(path_, ignored);
     sqlite_.limit(database_, kLengthLimit,
                   static_cast<int>(std::min<std::uint64_t>(kLargestRow, file_size)));
-    steps_left_ = kMostSteps + kStepsPerByte * file_size;
+    steps_left_ = kMaxSteps + kStepsPerByte * file_size;
     sqlite_.on_progress(
         database_, kSteps,
         [](void* left) {

@@ -52,7 +52,7 @@ constexpr double kReachMargin = 0.8;      // of standoff_bound
 // 0.76 of what 95 % are within. Only where more than 5 % are thinner than the spheres this is less,
 // and then p95 falls within few spheres to its usual place once these 5 % are reached. So that it
 // does not leave the ends behind, a p95 beyond this times p80 is not believed.
-constexpr double kMostOfP80 = 1.5;
+constexpr double kMaxOfP80 = 1.5;
 
 // The largest sphere that fits near a place is taken if it brings the standoff down to this
 // fraction: greedy filling would come to it too. In a slender end the next sphere is almost as far,
@@ -271,7 +271,7 @@ class Packer {
     next_look_ = packing_.spheres.size() + packing_.spheres.size() / kMorePerLook;
     if (!watch_) watch_.emplace(solid_, spheres_, pool_);
     const auto [p80, p95] = watch_->quantiles();
-    const double wanted = kReachMargin * standoff_bound(std::min(p95, kMostOfP80 * p80), extent_);
+    const double wanted = kReachMargin * standoff_bound(std::min(p95, kMaxOfP80 * p80), extent_);
     auto places = watch_->beyond(wanted);
     std::erase_if(places, [&](const SurfaceWatch::Place& place) {
       return place.id < hopeless_.size() && hopeless_[place.id] != 0;

@@ -198,10 +198,11 @@ class Subscription final : public RosSubscription {
     }
   }
   void take() {
-    constexpr std::size_t kMost = 16;
-    void* samples[kMost] = {};
-    dds::SampleInfo infos[kMost];
-    const auto num = dds::api()->take(reader_.endpoint.get(), samples, infos, kMost, kMost);
+    constexpr std::size_t kMaxSamples = 16;
+    void* samples[kMaxSamples] = {};
+    dds::SampleInfo infos[kMaxSamples];
+    const auto num =
+        dds::api()->take(reader_.endpoint.get(), samples, infos, kMaxSamples, kMaxSamples);
     for (int i = 0; i < num && !is_ending_; ++i) {
       if (infos[i].has_data) received_(reader_.type->layout.from_native(samples[i]));
     }
@@ -337,11 +338,11 @@ std::vector<RosTopic> Node::topics() {
   const DdsEntity reader(
       api.create_reader(participant_.get(), dds::kPublications, nullptr, nullptr));
   std::set<RosTopic> found;
-  constexpr std::size_t kMost = 64;
+  constexpr std::size_t kMaxSamples = 64;
   for (;;) {
-    void* samples[kMost] = {};
-    dds::SampleInfo infos[kMost];
-    const auto num = api.take(reader.get(), samples, infos, kMost, kMost);
+    void* samples[kMaxSamples] = {};
+    dds::SampleInfo infos[kMaxSamples];
+    const auto num = api.take(reader.get(), samples, infos, kMaxSamples, kMaxSamples);
     for (int i = 0; i < num; ++i) {
       if (!infos[i].has_data) continue;
       const auto* const endpoint = static_cast<const dds::Endpoint*>(samples[i]);
@@ -351,20 +352,20 @@ std::vector<RosTopic> Node::topics() {
       }
     }
     if (num > 0) api.return_loan(reader.get(), samples, num);
-    if (num < static_cast<int>(kMost)) return {found.begin(), found.end()};
+    if (num < static_cast<int>(kMaxSamples)) return {found.begin(), found.end()};
   }
 }
 
 }  // namespace
 
 Result<RosNodeOptions> RosNodeOptions::of_environment() {
-  constexpr int kMostDomains = 232;  // ports end there
+  constexpr int kMaxDomains = 232;  // ports end there
   RosNodeOptions options;
   const std::string domain = environment("ROS_DOMAIN_ID");
   const auto [end, error] =
       std::from_chars(domain.data(), domain.data() + domain.size(), options.domain);
   if (!domain.empty() && (error != std::errc() || end != domain.data() + domain.size() ||
-                          options.domain < 0 || options.domain > kMostDomains)) {
+                          options.domain < 0 || options.domain > kMaxDomains)) {
     return Error{Errc::invalid_argument, "ROS_DOMAIN_ID is '" + domain.substr(0, 20) +
                                              "'; it must be a number from 0 to 232"};
   }

@@ -9,18 +9,18 @@
 namespace palpate::inline v0 {
 namespace {
 
-constexpr std::size_t kMostParents = 100;  // of one frame
+constexpr std::size_t kMaxParents = 100;  // of one frame
 
 }  // namespace
 
 void TfHistory::add(const RosStampedTransform& transform, bool is_static) {
   const std::string child = plain_frame(transform.child);
-  if (links_.size() >= kMostFrames && !links_.contains(child)) return;
+  if (links_.size() >= kMaxFrames && !links_.contains(child)) return;
   Link& link = links_[child];
   const std::string parent = plain_frame(transform.parent);
   auto known = std::ranges::find(link.parents, parent);
   if (known == link.parents.end()) {
-    if (link.parents.size() == kMostParents) return;
+    if (link.parents.size() == kMaxParents) return;
     known = link.parents.insert(known, parent);
   }
   if (is_static || link.is_static) link.samples.clear();
@@ -48,7 +48,7 @@ std::optional<Pose> TfHistory::Link::in_parent(double time, double most_apart) c
 
 std::vector<std::string> TfHistory::ancestors(const std::string& frame, double time) const {
   std::vector<std::string> chain{plain_frame(frame)};
-  for (auto link = links_.find(chain.back()); link != links_.end() && chain.size() < kMostFrames;
+  for (auto link = links_.find(chain.back()); link != links_.end() && chain.size() < kMaxFrames;
        link = links_.find(chain.back())) {
     chain.push_back(link->second.parent_at(time));
   }

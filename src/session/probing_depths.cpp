@@ -12,14 +12,14 @@ namespace palpate::inline v0 {
 namespace {
 
 constexpr double kFraction = ProbingMotion::kFraction;  // of the tool, behind the surface
-constexpr double kMostFraction = 0.22;                  // never more, by what single frames show
+constexpr double kMaxFraction = 0.22;                   // never more, by what single frames show
 constexpr std::size_t kStudySpheres = 1000;
 
 /// How deep the tool may be, as distances of its tip from the camera.
 struct Reach {
   double free = INFINITY;  ///< nothing is touched up to here
   double aim = INFINITY;   ///< kFraction of the tool is in, or its tip is kFraction deep
-  double most = INFINITY;  ///< kMostFraction is in: no farther
+  double most = INFINITY;  ///< kMaxFraction is in: no farther
 };
 
 /// Feels its way into single frames with the query itself, which sees what any part of the tool
@@ -70,8 +70,8 @@ class DepthProbe {
       if (in == 0 && reach.free == before) reach.free = std::min(here, surface);
       if (in >= kFraction && reach.aim == aim)
         reach.aim = std::min(aim, cross(motion, time, before, here, kFraction));
-      if (in >= kMostFraction) {
-        reach.most = cross(motion, time, before, here, kMostFraction);
+      if (in >= kMaxFraction) {
+        reach.most = cross(motion, time, before, here, kMaxFraction);
         break;
       }
     }

@@ -16,9 +16,9 @@ namespace {
 
 constexpr const char* kCsv = "wrench.csv";
 constexpr const char* kUnfinishedCsv = "wrench.csv.part";
-constexpr std::size_t kMostFaultPeriods = 1000;
-constexpr std::size_t kMostCaptures = 100'000;  // drawn in plots: an hour of frames
-constexpr std::size_t kNumRecent = 3;           // frames; contacts are at most one behind
+constexpr std::size_t kMaxFaultPeriods = 1000;
+constexpr std::size_t kMaxCaptures = 100'000;  // drawn in plots: an hour of frames
+constexpr std::size_t kNumRecent = 3;          // frames; contacts are at most one behind
 
 /// `measure` is the contact's volume times direction, before the volume stiffness makes newtons.
 constexpr const char* kHeader =
@@ -67,7 +67,7 @@ void RunResults::add_settings(const RunSettings& settings) {
 }
 
 void RunResults::add_frame(const FrameRecord& record, const DepthFrame& frame) {
-  if (captures_.size() < kMostCaptures) captures_.push_back(record.capture_time);
+  if (captures_.size() < kMaxCaptures) captures_.push_back(record.capture_time);
   ++num_frames_;
   // Where only a window was made, the measurements are those of the whole image all the same.
   const bool has_all = record.asked.has_all(frame.width, frame.height);
@@ -186,7 +186,7 @@ void RunResults::add_fault(const TickRecord& tick) {
   if (is_open && safety.is_engaged()) faults_.back().seconds = tick.time - faults_.back().time;
   const bool is_new = safety.num_faults > num_faults_ && safety.fault != Fault::stopped;
   num_faults_ = safety.num_faults;
-  if (!is_new || faults_.size() == kMostFaultPeriods) return;
+  if (!is_new || faults_.size() == kMaxFaultPeriods) return;
   // One that came while the force was still away: the time without force goes on.
   if (is_open) {
     faults_.back().fault = safety.fault;

@@ -23,12 +23,12 @@ void raise(double value, double time, double& most, double& most_time) {
 
 void RunSeries::add(const TickRecord& tick) {
   if (num_in_group_ == 0) {
-    if (ticks_.size() == kMost) {
-      for (std::size_t i = 0; i < kMost / 2; ++i) {
+    if (ticks_.size() == kMaxTicks) {
+      for (std::size_t i = 0; i < kMaxTicks / 2; ++i) {
         const TickRecord &a = ticks_[2 * i], &b = ticks_[2 * i + 1];
         ticks_[i] = force(b) > force(a) ? b : a;
       }
-      ticks_.resize(kMost / 2);
+      ticks_.resize(kMaxTicks / 2);
       group_size_ *= 2;
     }
     ticks_.push_back(tick);

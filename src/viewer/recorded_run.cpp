@@ -12,8 +12,8 @@ namespace palpate::inline v0 {
 namespace fs = std::filesystem;
 namespace {
 
-constexpr std::size_t kMostChunks = 16;  // in memory, some hundred kilobytes each
-constexpr double kRounding = 1e-6;       // s; the times of messages are whole numbers of ns
+constexpr std::size_t kMaxChunks = 16;  // in memory, some hundred kilobytes each
+constexpr double kRounding = 1e-6;      // s; the times of messages are whole numbers of ns
 
 struct KnownQuery {
   double time = 0;
@@ -101,7 +101,7 @@ Result<const ChunkContent*> RunInFile::content(std::size_t chunk) {
     if (!content) return content.error();
     // The last chunk that is known by now may yet be one of which not all is indexed: no matter.
     contents_.emplace_front(chunk, *std::move(content));
-    if (contents_.size() > kMostChunks) contents_.pop_back();
+    if (contents_.size() > kMaxChunks) contents_.pop_back();
   } else {
     contents_.splice(contents_.begin(), contents_, known);
   }

@@ -274,7 +274,7 @@ TEST(MovingBodies, WhatCannotBeIsRefused) {
   };
   EXPECT_NE(message({box_at(0, 0, -1)}).find("mass"), std::string::npos);
   EXPECT_NE(message({box_at(0, 0, NAN)}).find("mass"), std::string::npos);
-  const std::vector<SceneObject> many(kMostMovingBodies + 1, box_at(0, 0));
+  const std::vector<SceneObject> many(kMaxMovingBodies + 1, box_at(0, 0));
   EXPECT_NE(message(many).find("at most 32"), std::string::npos);
 }
 

@@ -17,7 +17,7 @@ namespace palpate::fuzz {
 namespace {
 
 constexpr char kRig = 'g', kUri = 'u', kBag = 'b', kRaw = 'r', kCompressed = 'c', kInfo = 'i';
-constexpr int kMostFrames = 20;
+constexpr int kMaxFrames = 20;
 
 void read_rig(std::string_view text) {
   static ScratchFile file(".rig.toml"), again(".again.toml");
@@ -57,7 +57,7 @@ void read_camera(const std::string& uri) {
   }
   const DepthStreamInfo info = (*camera)->info();
   DepthFrame frame;
-  for (int i = 0; i < kMostFrames; ++i) {
+  for (int i = 0; i < kMaxFrames; ++i) {
     const auto got = (*camera)->next(frame);
     if (!got || !*got) break;
     require(frame.width == info.width && frame.height == info.height &&

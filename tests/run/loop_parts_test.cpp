@@ -169,7 +169,7 @@ TEST(LoadRelief, ComesBackByItselfAndDoesNotHunt) {
   EXPECT_LT(num_changes, 2 * (3600 / 160 + 8));
   int needed = 0;
   while (relief.steps().any() && ++needed < 1000) relief.look({});
-  EXPECT_LE(needed, LoadRelief::kMostCalm);
+  EXPECT_LE(needed, LoadRelief::kMaxCalm);
   for (int i = 0; i < 100; ++i) EXPECT_FALSE(relief.look({}));
 }
 
@@ -218,7 +218,7 @@ TEST(LoadRelief, AnyLoadIsAnsweredWithinBoundsAndForgotten) {
         ASSERT_GE(calm, patience);
         calm = 0;
       }
-      ASSERT_LE(relief.patience(), LoadRelief::kMostCalm);
+      ASSERT_LE(relief.patience(), LoadRelief::kMaxCalm);
     }
     for (int i = 0; i < 2000; ++i) relief.look({});
     ASSERT_FALSE(relief.steps().any());

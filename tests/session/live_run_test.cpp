@@ -128,8 +128,8 @@ TEST(RunMessages, PointsOfLargeImagesAreThinned) {
   frame.pixels.assign(1920 * 1080, 1500);
   const std::string message = points_message({}, frame, {1400, 1400, 959.5, 539.5});
   const auto num_points = message.size() / 12;
-  EXPECT_LE(num_points, static_cast<std::size_t>(kMostRecordedPoints));
-  EXPECT_GE(num_points, static_cast<std::size_t>(kMostRecordedPoints / 2));
+  EXPECT_LE(num_points, static_cast<std::size_t>(kMaxRecordedPoints));
+  EXPECT_GE(num_points, static_cast<std::size_t>(kMaxRecordedPoints / 2));
   frame.pixels.assign(frame.pixels.size(), 65535);
   EXPECT_LT(points_message({}, frame, {1400, 1400, 959.5, 539.5}).size(), 200u);
 }

@@ -39,7 +39,7 @@ struct MemoryOptions {
   /// farther by more contradicts it. Must exceed the camera's noise.
   double step = 0.02;
   /// Moving camera: maximum number of key frames. Fewer with several moving cameras
-  /// (kMostCameras).
+  /// (kMaxCameras).
   int frames = 8;
 };
 inline void add_settings(SettingTable& t, MemoryOptions& o) {

@@ -91,7 +91,7 @@ struct SurfaceBlend {
 
 /// Maximum number of cameras in one measurement. Each has its own blend, and may have its own rate
 /// and size.
-inline constexpr int kMostCameras = 16;
+inline constexpr int kMaxCameras = 16;
 
 /// The points of the newest surfaces of all cameras in one cloud, in W: input of point methods;
 /// ignores occlusion. Clouds in host memory. O(points).

@@ -122,13 +122,13 @@ struct CameraBlend {
 /// One per camera of a run.
 struct CameraBlends {
   std::uint32_t num = 0;
-  CameraBlend of[kMostCameras] = {};
+  CameraBlend of[kMaxCameras] = {};
 };
 
 /// Poses of moving objects, in the order of the objects.
 struct BodyPoses {
   std::uint32_t num = 0;
-  Pose of[kMostMovingBodies] = {};  ///< X_WB
+  Pose of[kMaxMovingBodies] = {};  ///< X_WB
 };
 
 /// One contact query, with all data to replay it.

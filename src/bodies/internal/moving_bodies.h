@@ -17,7 +17,7 @@ namespace palpate::inline v0 {
 class MovingBodies {
  public:
   /// Of all objects of a run. Errors: options out of range, the backend; more than
-  /// kMostMovingBodies move, a mass or pose that cannot be.
+  /// kMaxMovingBodies move, a mass or pose that cannot be.
   static Result<std::unique_ptr<MovingBodies>> create(const std::vector<SceneObject>& objects,
                                                       const BodyOptions& options,
                                                       const Place& place, ThreadPool* threads);

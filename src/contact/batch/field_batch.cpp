@@ -10,7 +10,7 @@
 namespace palpate::inline v0 {
 namespace {
 
-constexpr int kMostPosesPerTask = 4096, kLeastPosesPerTask = 64;
+constexpr int kMaxPosesPerTask = 4096, kMinPosesPerTask = 64;
 /// With fewer poses for each surface an overview costs more than it saves.
 constexpr std::size_t kPosesPerOverview = 32;
 
@@ -208,20 +208,20 @@ bool FieldBatch::Worker::is_in_front(std::size_t pose, std::uint64_t& place) {
 
 /// What is seen at one place lies together in memory: poses are measured in that order.
 void FieldBatch::Worker::measure(std::size_t first, std::size_t last) {
-  std::uint64_t order[kMostPosesPerTask];
+  std::uint64_t order[kMaxPosesPerTask];
   std::size_t num = 0;
   for (std::size_t pose = first; pose < last; ++pose) {
     std::uint64_t place = 0;
     if (is_in_front(pose, place)) {
       put_nothing(pose);
     } else {
-      order[num++] = place * kMostPosesPerTask + (pose - first);
+      order[num++] = place * kMaxPosesPerTask + (pose - first);
     }
   }
   std::sort(order, order + num);
   for (std::size_t i = 0; i < num; ++i) {
-    const std::size_t pose = first + order[i] % kMostPosesPerTask;
-    const std::size_t soon = first + order[std::min(i + 4, num - 1)] % kMostPosesPerTask;
+    const std::size_t pose = first + order[i] % kMaxPosesPerTask;
+    const std::size_t soon = first + order[std::min(i + 4, num - 1)] % kMaxPosesPerTask;
     __builtin_prefetch(&poses.X_WT[soon]);
     BatchPose at;
     ContactResult result = ask(pose, at);
@@ -276,7 +276,7 @@ Status FieldBatch::measure(const SurfaceBatch& surfaces, const PoseBatch& poses,
   });
   // Tasks enough that no thread waits long for the last one.
   const std::size_t share = num / (8 * static_cast<std::size_t>(pool_->num_threads()));
-  const std::size_t of_task = std::clamp<std::size_t>(share, kLeastPosesPerTask, kMostPosesPerTask);
+  const std::size_t of_task = std::clamp<std::size_t>(share, kMinPosesPerTask, kMaxPosesPerTask);
   pool_->parallel_for(static_cast<int>((num + of_task - 1) / of_task), [&](int task) {
     Worker worker{*this, surfaces, poses, answers, has_overviews, measure_job(*elements_)};
     const std::size_t first = static_cast<std::size_t>(task) * of_task;

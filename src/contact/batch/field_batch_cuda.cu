@@ -31,12 +31,12 @@ namespace {
 
 static_assert(sizeof(FieldLook) == 19 * sizeof(std::uint64_t), "no padding: looks are compared");
 
-constexpr int kMostWarps = 8;
+constexpr int kMaxWarps = 8;
 // A warp adds up so many clusters in single precision.
 constexpr int kClustersAtOnce = gpu::kWarpSize;
 // Whether a whole tool is in front is found out from so many tiles, or not at all.
-constexpr int kMostTiles = 2 * gpu::kWarpSize;
-constexpr int kMostTilesOfALane = 24;  // balls that cover more are taken for near
+constexpr int kMaxTiles = 2 * gpu::kWarpSize;
+constexpr int kMaxTilesPerLane = 24;  // balls that cover more are taken for near
 
 // Of a pose: volume, potential, force, torque, then StiffnessSums and zeros.
 constexpr int kNumTerms = 8, kNumStiffness = 32;
@@ -50,7 +50,7 @@ struct BatchScratch {
   FieldLook field;
   BatchPose at;
   Stiffness stiffness;
-  double of_warps[kMostWarps][kNum];
+  double of_warps[kMaxWarps][kNum];
   double sums[kNum];
   std::uint32_t status;
 };
@@ -107,7 +107,7 @@ __device__ void add_clusters(const BatchJob& job, const FieldLook& field, double
         __ballot_sync(gpu::kWholeWarp,
                       mine < elements.num_clusters &&
                           !is_before_tiles(field, elements.clusters[mine],
-                                           elements.largest_radius[mine], kMostTilesOfALane, 0, 1));
+                                           elements.largest_radius[mine], kMaxTilesPerLane, 0, 1));
     for (; touching != 0; touching &= touching - 1) {
       const int cluster = begin + (__ffs(static_cast<int>(touching)) - 1) * num_warps;
       add_element<Sample>(field, element_of(elements, cluster, field.frame), share, &stiffness);
@@ -177,7 +177,7 @@ __global__ void __launch_bounds__(kThreadsOf<Sample>, kBlocksOf<Sample>)
   prepare(job, pose, shared);
   double of_warp = 0, of_stiffness = 0;
   if (shared.status == 0 &&
-      !is_in_front(shared.field, job.tool.whole, job.tool.largest_radius, kMostTiles)) {
+      !is_in_front(shared.field, job.tool.whole, job.tool.largest_radius, kMaxTiles)) {
     add_clusters<Sample>(job, shared.field, of_warp, of_stiffness);
   }
   add_warps(of_warp, of_stiffness, shared);
@@ -283,7 +283,7 @@ Status FieldBatchCuda::grow_staged(int num_poses) const {
   if (num_poses <= staged_.num_poses) return Done{};
   staged_ = {};
   // Less at a time where there is no room for more.
-  constexpr int kLeast = 1024;
+  constexpr int kMinPoses = 1024;
   for (int num = num_poses;; num /= 2) {
     const auto size = static_cast<std::size_t>(num);
     Staged made;
@@ -302,7 +302,7 @@ Status FieldBatchCuda::grow_staged(int num_poses) const {
       staged_ = std::move(made);
       return Done{};
     }
-    if (num <= kLeast) return memory.status();
+    if (num <= kMinPoses) return memory.status();
   }
 }
 

@@ -17,7 +17,7 @@ namespace {
 constexpr SolidContactKernels kKernels[] = PALPATE_BY_ISA(kSolidContact);
 
 // A way of asking that would count less is not worth its time.
-constexpr double kLeastWeight = 0.1;
+constexpr double kMinWeight = 0.1;
 // Potential of a single sphere in a light touch, over the square of the coarseness.
 constexpr double kSingle = 0.5;
 
@@ -225,7 +225,7 @@ SolidAsking::SolidAsking(const FieldElements& elements, const SolidField& field)
     }
     widest = std::max(widest, std::ldexp(spacing, level[slot]));
     if (slot % SphereClusters::kSize == SphereClusters::kSize - 1) {
-      rounding.push_back(static_cast<float>(kMostRounding * 1.0001 * widest));
+      rounding.push_back(static_cast<float>(kMaxRounding * 1.0001 * widest));
       widest = 0;
     }
   }
@@ -243,8 +243,8 @@ SolidPair::SolidPair(std::shared_ptr<const ToolIndex> of_a, std::shared_ptr<cons
       asking_b(*elements_b, *field_a) {
   const double fine_a = asking_a.is_possible ? std::pow(asking_a.coarseness, -2) : 0;
   const double fine_b = asking_b.is_possible ? std::pow(asking_b.coarseness, -2) : 0;
-  const bool asks_a = fine_a >= kLeastWeight * (fine_a + fine_b);
-  const bool asks_b = fine_b >= kLeastWeight * (fine_a + fine_b);
+  const bool asks_a = fine_a >= kMinWeight * (fine_a + fine_b);
+  const bool asks_b = fine_b >= kMinWeight * (fine_a + fine_b);
   const double sum = (asks_a ? fine_a : 0) + (asks_b ? fine_b : 0);
   weight_a = asks_a ? fine_a / sum : 0;
   weight_b = asks_b ? fine_b / sum : 0;

@@ -140,7 +140,7 @@ class SolidWay {
         memory_(gpu),
         answers_(gpu, solid_blocks<SolidSlope>(gpu, num_clusters(asks))),
         stiffness_answers_(gpu, solid_blocks<SolidBend>(gpu, num_clusters(asks)),
-                           AnswerBox::kMostNumbers) {
+                           AnswerBox::kMaxNumbers) {
     if (!is_used_) return;
     query_.elements = elements_view(asks.parts().solid_elements(), memory_);
     query_.level = memory_.copy_of(asking.level);

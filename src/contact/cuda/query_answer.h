@@ -61,9 +61,9 @@ struct MeasureOutput {
 /// Owns the memory for the answers of one kernel, which always has the same number of blocks.
 class AnswerBox {
  public:
-  static constexpr int kMostNumbers = MeasureTerms::kNum + MeasureTerms::kNumStiffness;
+  static constexpr int kMaxNumbers = MeasureTerms::kNum + MeasureTerms::kNumStiffness;
 
-  /// `num_numbers`: kMostNumbers for kernels that answer a stiffness too.
+  /// `num_numbers`: kMaxNumbers for kernels that answer a stiffness too.
   AnswerBox(int gpu, int num_blocks, int num_numbers = MeasureTerms::kNum);
 
   /// Arguments for the kernel of the next query. One query at a time.
@@ -86,7 +86,7 @@ class AnswerBox {
   int num_blocks_, num_numbers_;
   std::chrono::milliseconds longest_;
   MeasureOutput output_;
-  double numbers_[kMostNumbers] = {};
+  double numbers_[kMaxNumbers] = {};
 };
 
 }  // namespace palpate::inline v0

@@ -28,7 +28,7 @@ struct Lanes {
   e.lx = rotated(job.frame.R_WT[0]);
   e.ly = rotated(job.frame.R_WT[1]);
   e.lz = rotated(job.frame.R_WT[2]);
-  e.depth = max(e.lz + job.frame.p_WC[2], splat(kLeastDepth));
+  e.depth = max(e.lz + job.frame.p_WC[2], splat(kMinDepth));
   e.inverse_depth = 1.0f / e.depth;
   e.from_u = grid.fx * (e.lx + job.frame.p_WC[0]) * e.inverse_depth;
   e.from_v = grid.fy * (e.ly + job.frame.p_WC[1]) * e.inverse_depth;
@@ -61,7 +61,7 @@ template <class Sample, int kFields>
 [[gnu::always_inline]] inline void query_deeper(const Grid& grid, const Pixels (&fields)[kFields],
                                                 const Lanes& e, Answer<Sample, kFields>& answer) {
   VecF asked = e.radius;
-  for (int step = 0; step < kMostDeepSteps; ++step) {
+  for (int step = 0; step < kMaxDeepSteps; ++step) {
     VecI is_deep[kFields], any{};
     for (int k = 0; k < kFields; ++k) {
       is_deep[k] = answer.is_touching[k] & (first_of(answer.samples[k]).phi < -deep_limit(asked));

@@ -66,7 +66,7 @@ struct BallWindow {
   float first_u = 0, last_u = 0, first_v = 0, last_v = 0;  ///< pixels, also beyond the image
 
   /// Only then it has tiles.
-  PALPATE_FORMULA bool is_before_camera() const { return nearest > kLeastDepth; }
+  PALPATE_FORMULA bool is_before_camera() const { return nearest > kMinDepth; }
 };
 
 /// The pixels of a row that show what is between x - reach and x + reach, and `margin` more.

@@ -130,7 +130,7 @@ FieldContactCuda::FieldContactCuda(std::shared_ptr<const ToolIndex> index,
       fields_(gpu),
       answers_(gpu, measure_blocks<Gradient>(gpu, field_tool_.elements.num_clusters)),
       stiffness_answers_(gpu, measure_blocks<Curvature>(gpu, field_tool_.elements.num_clusters),
-                         AnswerBox::kMostNumbers),
+                         AnswerBox::kMaxNumbers),
       states_(memory_.take<SphereState>(static_cast<std::size_t>(num_spheres_))),
       planes_(memory_.take<Plane<float>>(static_cast<std::size_t>(num_spheres_))),
       deciders_(memory_.take<std::int8_t>(static_cast<std::size_t>(num_spheres_))),
@@ -219,9 +219,9 @@ void FieldContactCuda::describe(const DepthFieldView& field, const Pose& X_WT,
   std::fill(wants.states.begin(), wants.states.end(), SphereState::outside);
   std::fill(wants.planes.begin(), wants.planes.end(), Plane<float>{});
   if (!status() || field.num_levels == 0) return;
-  constexpr int kDescribeThreads = 128, kMostBlocks = 1024;
+  constexpr int kDescribeThreads = 128, kMaxBlocks = 1024;
   gpu::launch(stream_,
-              {.blocks = blocks_for(num_spheres_, kDescribeThreads, kMostBlocks),
+              {.blocks = blocks_for(num_spheres_, kDescribeThreads, kMaxBlocks),
                .threads = kDescribeThreads},
               describe_spheres, field, X_WT, field_tool_.spheres, num_spheres_, states_, planes_);
   if (!wants.states.empty()) stream_.copy(wants.states.data(), states_, wants.states.size_bytes());

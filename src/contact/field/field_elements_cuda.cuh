@@ -198,7 +198,7 @@ __device__ Sample query_deep(const FieldLook& field, const ElementLook& at, floa
     } else {
       answer = here;
     }
-    if (step == kMostDeepSteps || !(first_of(answer).phi < -deep_limit(asked))) break;
+    if (step == kMaxDeepSteps || !(first_of(answer).phi < -deep_limit(asked))) break;
     asked *= kDeepGrowth;
   }
   return answer;
@@ -239,7 +239,7 @@ template <class Sample>
 __device__ void add_element(const FieldLook& field, const Element& e, FieldShare& sum,
                             StiffnessShare* sums) {
   constexpr bool kWithStiffness = std::is_same_v<Sample, Curvature>;
-  if (!(e.p[2] > kLeastDepth)) return;
+  if (!(e.p[2] > kMinDepth)) return;
   const ElementLook at = look_at(field.frame, e.p);
   if constexpr (kWithStiffness) {
     // Few elements touch the surface, and only their second derivatives are asked.
@@ -280,7 +280,7 @@ __device__ inline bool is_before_tiles(const FieldLook& field, const Cluster& ba
                                        float largest_radius, int most_tiles, int first, int step) {
   const BallWindow window =
       window_of(field.frame, ball, largest_radius, field.tiles_wide, field.tiles_high);
-  if (!window.is_before_camera()) return window.farthest < kLeastDepth;
+  if (!window.is_before_camera()) return window.farthest < kMinDepth;
   const int wide = window.right - window.left + 1;
   if (wide * (window.bottom - window.top + 1) > most_tiles) return false;
   int v = window.top + first / wide, u = window.left + first % wide;

@@ -282,7 +282,7 @@ std::uint32_t fields_near(const MeasureJob& job, const Cluster& ball, float larg
   constexpr std::uint32_t kAll = (1u << kFields) - 1;
   const int tiles_wide = job.fields[0].tiles_wide, tiles_high = job.fields[0].tiles_high;
   const BallWindow window = window_of(job.frame, ball, largest_radius, tiles_wide, tiles_high);
-  if (!window.is_before_camera()) return window.farthest < kLeastDepth ? 0 : kAll;
+  if (!window.is_before_camera()) return window.farthest < kMinDepth ? 0 : kAll;
   std::uint32_t near = 0;
   for (int v = window.top; v <= window.bottom && near != kAll; ++v) {
     for (int u = window.left; u <= window.right; ++u) {

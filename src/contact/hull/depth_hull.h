@@ -35,7 +35,7 @@ struct HullCamera {
 /// What a query asks of each group of clusters.
 struct HullJob {
   MeasureJob tool;  ///< without fields; the pose in the world
-  HullCamera cameras[kMostCameras];
+  HullCamera cameras[kMaxCameras];
   int num_cameras = 0;
   int num_seeing = 0;  ///< those that show something now come first
   bool has_memory = false;

@@ -196,7 +196,7 @@ class Hull {
     const MeasureJob& seen = eye.camera->seen_free;
     EyeAnswer<Sample>& answer = answers_[k];
     Lanes& e = answer.lanes[0] = aim(seen, eye.seen_free.grid, slot);
-    answer.before[0] = e.lz + (seen.frame.p_WC[2] - kLeastDepth);
+    answer.before[0] = e.lz + (seen.frame.p_WC[2] - kMinDepth);
     Look look = look_of(eye.seen_free.grid, e, e.radius);
     VecF phi[2];
     for (int f = 0; f < eye.num_fields; ++f) {
@@ -204,7 +204,7 @@ class Hull {
       if (seat > 0) {
         const MeasureJob& older = eye.camera->older;
         answer.lanes[1] = aim(older, eye.seen_free.grid, slot);
-        answer.before[1] = answer.lanes[1].lz + (older.frame.p_WC[2] - kLeastDepth);
+        answer.before[1] = answer.lanes[1].lz + (older.frame.p_WC[2] - kMinDepth);
         look = look_of(eye.seen_free.grid, answer.lanes[1], e.radius);
       }
       const Lanes& at = answer.lanes[seat];
@@ -390,7 +390,7 @@ class Hull {
     for (int seat = 0; seat <= eye.seat(eye.num_fields - 1); ++seat) {
       const MeasureJob& job = seat == 0 ? eye.camera->field : eye.camera->older;
       answer.lanes[seat] = aim(job, eye.field.grid, slot);
-      answer.before[seat] = answer.lanes[seat].lz + (job.frame.p_WC[2] - kLeastDepth);
+      answer.before[seat] = answer.lanes[seat].lz + (job.frame.p_WC[2] - kMinDepth);
     }
   }
 
@@ -412,7 +412,7 @@ class Hull {
 
   const HullJob& job_;
   const Eye* eyes_;
-  EyeAnswer<Sample> answers_[kMostCameras];
+  EyeAnswer<Sample> answers_[kMaxCameras];
   VecF shallowest_, radius_;
   VecI may_touch_;
   bool is_between_ = false;
@@ -428,7 +428,7 @@ template <class Sample, class F>
   const float largest =
       *std::max_element(job.tool.largest_radius + first, job.tool.largest_radius + last);
   if (is_seen_free(job, clusters.groups[static_cast<std::size_t>(group)], largest)) return;
-  alignas(Eye) std::byte memory[kMostCameras * sizeof(Eye)];
+  alignas(Eye) std::byte memory[kMaxCameras * sizeof(Eye)];
   Eye* const eyes = reinterpret_cast<Eye*>(memory);
   for (int k = 0; k < job.num_cameras; ++k) new (eyes + k) Eye(job.cameras[k]);
   Hull<Sample> hull(job, eyes);

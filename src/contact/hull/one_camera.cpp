@@ -67,7 +67,7 @@ ContactResult ContactQuery::measure(std::span<const SurfaceBlend> cameras, const
   if (!is_finite(X_WT) || !std::all_of(cameras.begin(), cameras.end(), is_valid)) {
     return unmeasured(StepStatus::non_finite_pose, wants, true);
   }
-  if (cameras.empty() || cameras.size() > kMostCameras) {
+  if (cameras.empty() || cameras.size() > kMaxCameras) {
     return unmeasured(StepStatus::no_surface, wants, true);
   }
   const Pose X{X_WT.translation, normalized(X_WT.rotation)};

@@ -151,11 +151,11 @@ PALPATE_HOSTDEV inline ImageCurvature<double> query_field_curvature(const DepthF
 PALPATE_HOSTDEV inline CurvedFieldSample sample_field_curvature(const DepthFieldView& field,
                                                                 const Vec3d& p_C, double radius) {
   const double z = p_C.z;
-  if (!(z > static_cast<double>(kLeastDepth))) return {2 * radius, {}, {}};
+  if (!(z > static_cast<double>(kMinDepth))) return {2 * radius, {}, {}};
   const PixelPosition<double> at = project(field.intrinsics, p_C);
   ImageCurvature<double> c = query_field_curvature(field, at, z, radius);
   double asked = radius;
-  for (int i = 0; i < kMostDeepSteps && c.first.phi < -deep_limit(asked); ++i) {
+  for (int i = 0; i < kMaxDeepSteps && c.first.phi < -deep_limit(asked); ++i) {
     const ImageCurvature<double> wide = query_field_curvature(field, at, z, asked * kDeepGrowth);
     c = deepened(c, wide, c.first.phi, wide.first.phi, asked);
     asked *= kDeepGrowth;

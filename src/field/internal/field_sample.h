@@ -51,7 +51,7 @@ inline constexpr float kFootprint = 0.7f;
 /// A footprint between 1 and kBlendEnd pixels of a level is answered from it and the next one.
 inline constexpr float kBlendEnd = 1.25f;
 /// Nothing nearer to the camera than this is behind a surface, metres.
-inline constexpr float kLeastDepth = 0.02f;
+inline constexpr float kMinDepth = 0.02f;
 
 /// In footprints: deeper than this wider pixels are asked too, and how far that is rounded.
 inline constexpr float kDeep = 2.0f, kDeepCorner = 0.4f;
@@ -60,7 +60,7 @@ inline constexpr float kDeep = 2.0f, kDeepCorner = 0.4f;
 inline constexpr float kSteepening = 0.05f;
 /// The spheres that ask about what lies deep: growth of their radii, and how many at most.
 inline constexpr float kDeepGrowth = 4.0f;
-inline constexpr int kMostDeepSteps = 5;
+inline constexpr int kMaxDeepSteps = 5;
 
 /// 0 for x <= 0, 1 for x >= 1, a cubic between, and its derivative.
 template <class Real>
@@ -271,7 +271,7 @@ PALPATE_HOSTDEV inline ImageGradient<Real> query_field(const DepthFieldView& fie
 }
 
 /// phi for a sphere of this radius (m) at p_C, and its gradient. For single numbers; the vector
-/// kernel of the contact query takes the same steps. In front of kLeastDepth: 2 radii, gradient 0.
+/// kernel of the contact query takes the same steps. In front of kMinDepth: 2 radii, gradient 0.
 template <class Real>
 struct FieldSample {
   Real phi;
@@ -281,11 +281,11 @@ template <class Real>
 PALPATE_HOSTDEV inline FieldSample<Real> sample_field(const DepthFieldView& field,
                                                       const Vec3<Real>& p_C, Real radius) {
   const Real z = p_C.z;
-  if (!(z > Real(kLeastDepth))) return {2 * radius, {}};
+  if (!(z > Real(kMinDepth))) return {2 * radius, {}};
   const PixelPosition<Real> at = project(field.intrinsics, p_C);
   ImageGradient<Real> g = query_field(field, at, z, radius);
   Real asked = radius;
-  for (int i = 0; i < kMostDeepSteps && g.phi < -deep_limit(asked); ++i) {
+  for (int i = 0; i < kMaxDeepSteps && g.phi < -deep_limit(asked); ++i) {
     const ImageGradient<Real> wide = query_field(field, at, z, asked * Real(kDeepGrowth));
     g = deepened(g, wide, g.phi, wide.phi, asked);
     asked *= Real(kDeepGrowth);

@@ -12,7 +12,7 @@ namespace palpate::inline v0 {
 /// the camera: the whole image.
 inline PixelWindow needed_window(const Intrinsics& k, int width, int height, const Vec3d& p_C,
                                  double reach) {
-  if (!(p_C.z - reach > static_cast<double>(kLeastDepth))) return {0, 0, width, height};
+  if (!(p_C.z - reach > static_cast<double>(kMinDepth))) return {0, 0, width, height};
   const auto pixel = [](double at, int least, int most) {
     return static_cast<int>(std::clamp<double>(at, least, most));
   };

@@ -45,8 +45,8 @@ Status check_contact_rate(const RunSettings& settings) {
 /// few enough that each has some hundred microseconds to compute, none more than there are cores.
 std::unique_ptr<ThreadPool> make_query_threads(const RunSettings& settings,
                                                std::size_t num_spheres) {
-  constexpr std::size_t kSpheresPerThread = 50000, kMostThreads = 4;
-  const auto wanted = static_cast<int>(std::min(1 + num_spheres / kSpheresPerThread, kMostThreads));
+  constexpr std::size_t kSpheresPerThread = 50000, kMaxThreads = 4;
+  const auto wanted = static_cast<int>(std::min(1 + num_spheres / kSpheresPerThread, kMaxThreads));
   return std::make_unique<ThreadPool>(
       std::min(wanted, num_threads_for(settings.num_threads)),
       settings.wants_real_time ? ContactStage::begin_thread : nullptr);

@@ -8,7 +8,7 @@ namespace palpate::inline v0 {
 namespace {
 
 constexpr double kWindow = 1;  // s
-constexpr int kMostHalvings = 3, kSmallestSide = 30, kFewestSpheres = 50;
+constexpr int kMaxHalvings = 3, kSmallestSide = 30, kMinSpheres = 50;
 
 }  // namespace
 
@@ -37,11 +37,11 @@ LoadGovernor::LoadGovernor(const DepthStreamInfo& stream, const RunSettings& set
 LoadRelief LoadGovernor::make_relief(const RunSettings& settings) const {
   int image = 0, spheres = 0;
   const int side = std::min(stream_.width, stream_.height) / settings.binning;
-  while (image < kMostHalvings - 1 && side >> (image + 1) >= kSmallestSide &&
+  while (image < kMaxHalvings - 1 && side >> (image + 1) >= kSmallestSide &&
          settings.binning << (image + 1) <= kMaxBinning) {
     ++image;
   }
-  while (spheres < kMostHalvings && num_requested() >> (spheres + 1) >= kFewestSpheres) ++spheres;
+  while (spheres < kMaxHalvings && num_requested() >> (spheres + 1) >= kMinSpheres) ++spheres;
   return {image, spheres};
 }
 

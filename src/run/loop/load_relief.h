@@ -34,10 +34,10 @@ struct LoadWindow {
 /// Judges window after window. No clock, no thread: the same windows give the same steps.
 class LoadRelief {
  public:
-  static constexpr double kFew = 0.02;      ///< share of ticks that may be late
-  static constexpr double kCalm = 5;        ///< s, all well, before a step is taken back
-  static constexpr double kMostCalm = 160;  ///< s, the longest that this becomes
-  static constexpr double kRelapse = 30;    ///< s after taking back: then it was too early
+  static constexpr double kFew = 0.02;     ///< share of ticks that may be late
+  static constexpr double kCalm = 5;       ///< s, all well, before a step is taken back
+  static constexpr double kMaxCalm = 160;  ///< s, the longest that this becomes
+  static constexpr double kRelapse = 30;   ///< s after taking back: then it was too early
 
   /// The most steps that image and tool have to give.
   LoadRelief(int most_image, int most_spheres) : most_{1, most_image, most_spheres} {}
@@ -80,7 +80,7 @@ class LoadRelief {
     }
     if (next == steps_) return;
     steps_ = next;
-    if (since_back_ < kRelapse) patience_ = std::min(2 * patience_, kMostCalm);
+    if (since_back_ < kRelapse) patience_ = std::min(2 * patience_, kMaxCalm);
     since_back_ = kRelapse;
   }
 

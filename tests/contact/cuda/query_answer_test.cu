@@ -96,7 +96,7 @@ TEST(QueryAnswer, HasTheSumsOfAStiffnessToo) {
   PALPATE_GPU_OR_SKIP();
   for (const int blocks : {1, 2, 5, 40}) {
     for (const int threads : {64, 96, 128}) {
-      AnswerBox box(0, blocks, AnswerBox::kMostNumbers);
+      AnswerBox box(0, blocks, AnswerBox::kMaxNumbers);
       gpu::Stream stream(0, gpu::Priority::high);
       const double num = blocks * threads;
       for (int round = 0; round < 2; ++round) {

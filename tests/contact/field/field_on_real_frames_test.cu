@@ -26,7 +26,7 @@ using test::Random;
 
 constexpr double kBound = 1.05;  // times V
 // Of a loop, net over total. Measured: 0.152, and 0.054 over all loops; 0.02 is wanted.
-constexpr double kMostWork = 0.2;
+constexpr double kMaxWork = 0.2;
 constexpr SphereVolumes kBoth[] = {SphereVolumes::own, SphereVolumes::represented};
 
 using test::TriedFrame;
@@ -207,7 +207,7 @@ TEST_P(FieldOnRealFrames, ClosedLoopsAcrossSilhouettesCostLittleWork) {
       });
       if (most < 0.1 * whole) continue;
       ++num_loops;
-      EXPECT_LT(work.share(), kMostWork) << "loop " << loop;
+      EXPECT_LT(work.share(), kMaxWork) << "loop " << loop;
       worst = std::max(worst, work.share());
       all.net += std::abs(work.net);
       all.total += work.total;

@@ -22,9 +22,9 @@ class NearestAssignment : private DonorPruning {
   __device__ MeasureSums run(const DonorCentres& from) {
     const int num_clusters = q_.clusters.num_clusters, blocks = static_cast<int>(gridDim.x);
     // Neighbouring clusters lie close together. Many are best taken in runs of a power of two.
-    const int tile_size = min_of(divided(num_clusters, blocks), kMostOfTile);
+    const int tile_size = min_of(divided(num_clusters, blocks), kMaxPerTile);
     int run_size = tile_size;
-    while (run_size < kMostOfRun && run_size * blocks < num_clusters) run_size *= 2;
+    while (run_size < kMaxPerRun && run_size * blocks < num_clusters) run_size *= 2;
     for (int first = static_cast<int>(blockIdx.x) * run_size; first < num_clusters;
          first += blocks * run_size) {
       const int last = min_of(first + run_size, num_clusters);
@@ -45,7 +45,7 @@ class NearestAssignment : private DonorPruning {
   }
 
  private:
-  static constexpr int kMostOfTile = 32, kMostOfRun = 128;  // clusters
+  static constexpr int kMaxPerTile = 32, kMaxPerRun = 128;  // clusters
   static constexpr int kFew = 48;                           // donors that a warp does not prune
 
   // A sphere of the tool.

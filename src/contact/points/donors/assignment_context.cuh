@@ -116,10 +116,10 @@ class AssignmentContext {
  private:
   // The best of all lanes' choices, the same in all lanes. Ties go to the lowest index.
   __device__ static DonorChoices best_of_warp(DonorChoices mine) {
-    constexpr int kMost = DonorChoices::kMost;
+    constexpr int kMaxDonors = DonorChoices::kMaxDonors;
     DonorChoices best;
 #pragma unroll
-    for (int slot = 0; slot < kMost; ++slot) {
+    for (int slot = 0; slot < kMaxDonors; ++slot) {
       double cost = mine.cost[0];
       std::int32_t donor = mine.donor[0];
       for (int step = gpu::kWarpSize / 2; step > 0; step /= 2) {
@@ -135,12 +135,12 @@ class AssignmentContext {
       if (donor < 0 || donor != mine.donor[0]) continue;
         // It was this lane's: its next one comes up.
 #pragma unroll
-      for (int i = 0; i + 1 < kMost; ++i) {
+      for (int i = 0; i + 1 < kMaxDonors; ++i) {
         mine.cost[i] = mine.cost[i + 1];
         mine.donor[i] = mine.donor[i + 1];
       }
-      mine.cost[kMost - 1] = 1e300;
-      mine.donor[kMost - 1] = -1;
+      mine.cost[kMaxDonors - 1] = 1e300;
+      mine.donor[kMaxDonors - 1] = -1;
     }
     return best;
   }

@@ -62,9 +62,9 @@ class GraphStage {
   }
 
  private:
-  static constexpr int kFew = 64;        // parts of rows
-  static constexpr int kBatch = 2;       // neighbours that a lane asks about at the same time
-  static constexpr int kLeastLanes = 3;  // for each part, as the exponent of 2
+  static constexpr int kFew = 64;      // parts of rows
+  static constexpr int kBatch = 2;     // neighbours that a lane asks about at the same time
+  static constexpr int kMinLanes = 3;  // for each part, as the exponent of 2
 
   /// Those who share a round, and where they count the parts that they list.
   struct Team {
@@ -156,7 +156,7 @@ class GraphStage {
   }
   __device__ static Lanes lanes_for_each(std::int32_t num, const Team& team) {
     Lanes lanes{5};
-    while (lanes.log2 > kLeastLanes && num > team.num_warps * lanes.at_once()) --lanes.log2;
+    while (lanes.log2 > kMinLanes && num > team.num_warps * lanes.at_once()) --lanes.log2;
     return lanes;
   }
   __device__ static std::int32_t end_of_part(std::int32_t begin, std::int32_t row_end) {
