@@ -486,7 +486,7 @@ void add_ros_options(CLI::App& app, RosOutputOptions& options) {
 
 void check_ros_output(const RosOutputOptions& options, const std::string& frame,
                       const OutputOptions& output, const std::string& verb) {
-  if (!options.is_wanted) return;
+  if (!options.is_requested) return;
   if (!(output.X_TE == Pose{}) || output.wrench_point != WrenchPoint{}) {
     usage_error(verb +
                 ": over ROS 2 a wrench refers to the origin of its frame: remove --tcp and "

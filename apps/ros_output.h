@@ -12,7 +12,7 @@
 namespace palpate::apps {
 
 struct RosOutputOptions {
-  bool is_wanted = false;
+  bool is_requested = false;
   std::string name_space = "/palpate";    ///< of the topics
   std::string wrench = "wrench";          ///< the topic; in the namespace unless it begins with "/"
   std::vector<std::string> object_names;  ///< of the run's objects, in their order

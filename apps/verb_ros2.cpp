@@ -41,7 +41,7 @@ TouchOptions touch_options(const Options& options) {
   touch.device = "ros2:" + (options.pose.empty() ? options.tool_frame : options.pose);
   if (!touch.ros.camera_frame.empty()) touch.device += "@" + touch.ros.camera_frame;
   if (!options.tool_frame.empty()) touch.ros.tool_frame = options.tool_frame;
-  touch.ros.is_wanted = true;
+  touch.ros.is_requested = true;
   RobotFiles& robot = touch.robot.files;
   if (robot.robot.ends_with(".urdf") && robot.joints.empty()) {
     if (robot.pose.empty() && options.world.empty()) {

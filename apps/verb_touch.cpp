@@ -144,8 +144,8 @@ double parse_amount(const std::string& text,
 /// How much of a long run is kept.
 void add_record_options(CLI::App& app, const std::shared_ptr<Options>& options) {
   const std::string group = "Recording";
-  const auto refuse = [](const char* option, const std::string& text, const char* wanted) {
-    usage_error(std::string("touch: ") + option + ": " + wanted + ", not '" + text + "'");
+  const auto refuse = [](const char* option, const std::string& text, const char* desired) {
+    usage_error(std::string("touch: ") + option + ": " + desired + ", not '" + text + "'");
   };
   app.add_option_function<std::string>(
          "--record-keep",
@@ -322,7 +322,7 @@ void add_touch(CLI::App& program, Action& action) {
   add_hand_options(app, options);
   add_record_options(app, options);
   add_view_options(app, *options);
-  app.add_flag("--ros2", options->ros.is_wanted,
+  app.add_flag("--ros2", options->ros.is_requested,
                "also publish wrench, contact, tool pose and points over ROS 2")
       ->group("ROS 2");
   add_ros_options(app, options->ros);
@@ -348,7 +348,7 @@ void add_touch(CLI::App& program, Action& action) {
     check_materials(options->materials);
     options->has_page = options->has_page || options->is_page();
     check_view(app, *options);
-    if (options->ros.is_wanted && options->device.empty()) {
+    if (options->ros.is_requested && options->device.empty()) {
       usage_error("touch: --ros2 goes with --device: what is published is of a live run");
     }
     check_ros_output(options->ros, options->frames.wrench, options->settings.output, "touch");
@@ -357,7 +357,7 @@ void add_touch(CLI::App& program, Action& action) {
     });
     const bool know_world = std::ranges::all_of(
         options->cameras, [](const CameraUri& camera) { return camera.extras.contains("world"); });
-    if (options->ros.is_wanted && options->ros.camera_frame.empty() &&
+    if (options->ros.is_requested && options->ros.camera_frame.empty() &&
         (has_poses || !options->rig.empty() || (options->cameras.size() > 1 && !know_world))) {
       usage_error(
           "touch: --ros2 with several cameras or with camera poses needs the name of the world "

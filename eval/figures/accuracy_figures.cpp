@@ -66,12 +66,12 @@ std::vector<Way> all_ways(const Effort& effort) {
 
 /// How far a way is from the exact wrench, in the units of the tables.
 struct Errors {
-  double volume_rms = 0, volume_most = 0;  ///< % of the tool
-  double lost = 0;                         ///< % of the steps
-  double direction = 0;                    ///< degrees, rms
-  double torque = 0;                       ///< % of force times radius of the tool, rms
-  double jump = 0;                         ///< largest, exact = 1
-  double loop = 0;                         ///< net work, % of all
+  double volume_rms = 0, volume_max = 0;  ///< % of the tool
+  double lost = 0;                        ///< % of the steps
+  double direction = 0;                   ///< degrees, rms
+  double torque = 0;                      ///< % of force times radius of the tool, rms
+  double jump = 0;                        ///< largest, exact = 1
+  double loop = 0;                        ///< net work, % of all
   double packing = 0;  ///< of the volume, % rms, where exact planes at a wall cut the spheres
 };
 
@@ -89,7 +89,7 @@ constexpr Quantity kVolumeMax{"volume_most",
                               "volume, % of the tool, at most",
                               "%",
                               2,
-                              &Errors::volume_most,
+                              &Errors::volume_max,
                               false};
 constexpr Quantity kLost{
     "lost", "lost, % of steps", "contact lost, % of the steps", "%", 1, &Errors::lost, false};

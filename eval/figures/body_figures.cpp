@@ -120,7 +120,7 @@ struct Push {
   std::array<double, kDepths.size()> share{};  ///< found, of the common volume of all places
   std::array<double, kDepths.size()> off{};    ///< degrees off the normal of the face, rms
   std::array<int, kDepths.size()> num{};       ///< of places where something is felt
-  double direction = 0, direction_most = 0;    ///< degrees off the normal of the face: rms, worst
+  double direction = 0, direction_max = 0;     ///< degrees off the normal of the face: rms, worst
   double strength = 0;                         ///< |force| / volume found, of all
 };
 
@@ -156,7 +156,7 @@ Push push_of(const Tool& tool, const Tool& block, double side, BodyMethod method
       ++push.num[d];
       squares += off * off;
       ++num_with_force;
-      push.direction_most = std::max(push.direction_most, off);
+      push.direction_max = std::max(push.direction_max, off);
     }
   }
   for (std::size_t d = 0; d < kDepths.size(); ++d) {
@@ -318,7 +318,7 @@ Table push_table(const std::vector<Row>& rows) {
             {name_of(kMethods[m]), words("%d", row.num_spheres),
              is_fine ? words("radius up to %g cm", 100 * kFine) : "as large as fit",
              words("%.1f", 100 * push.share[kShallow]), words("%.1f", 100 * push.share[kDeep]),
-             words("%.1f", push.direction), words("%.1f", push.direction_most),
+             words("%.1f", push.direction), words("%.1f", push.direction_max),
              words("%.2f", push.strength)});
       }
     }
@@ -414,7 +414,7 @@ void add_numbers(FigureResult& result, const std::vector<Row>& rows) {
         add(key + "found_shallow", 100 * push.share[kShallow], "%");
         add(key + "found_deep", 100 * push.share[kDeep], "%");
         add(key + "direction_rms", push.direction, "deg");
-        add(key + "direction_most", push.direction_most, "deg");
+        add(key + "direction_most", push.direction_max, "deg");
         add(key + "force_over_volume", push.strength, "1");
       }
       for (std::size_t d = 0; d <= kEqual; ++d) {
@@ -435,7 +435,7 @@ void add_claims_of_field(FigureResult& result, const std::vector<Row>& rows) {
       share.add(found.share);
       rms.add(found.rms);
     }
-    for (const Push* push : {&by.push, &by.fine}) direction.add(push->direction_most);
+    for (const Push* push : {&by.push, &by.fine}) direction.add(push->direction_max);
     jump.add(by.way.jump);
     loop.add(by.way.loop);
   }

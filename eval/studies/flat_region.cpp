@@ -176,7 +176,7 @@ std::vector<Vec3d> FlatRegion::places(const DepthStreamInfo& stream, int from_bo
   return places;
 }
 
-int FlatRegion::most_within() const {
+int FlatRegion::max_within() const {
   return within.empty() ? 0 : *std::max_element(within.begin(), within.end());
 }
 

@@ -144,13 +144,13 @@ Result<HandPath> hand_path(const FrozenFrame& frame, const Tool& tool, double me
   const double way = swing * radius;
   HandPath path;
   const auto feel = [&](double depth) {
-    path.mean_depth = path.most_depth = 0;
+    path.mean_depth = path.max_depth = 0;
     for (int i = 0; i < kProbes; ++i) {
       const Pose X_WT =
           pose_at(*place, centre_T, depth, way, motion(static_cast<double>(i) / kProbes));
       const double share = (*query)->measure(frame.surfaces(), X_WT).penetration.volume / whole;
       path.mean_depth += share / kProbes;
-      path.most_depth = std::max(path.most_depth, share);
+      path.max_depth = std::max(path.max_depth, share);
     }
   };
   double low = -radius, high = radius;

@@ -52,9 +52,9 @@ std::string shape_of(const Array& array) {
   for (std::size_t i = 0; i < array.ndim(); ++i) shape.push_back(array.shape(i));
   return shape_text(shape);
 }
-[[noreturn]] void refuse_layout(const char* name, nb::dlpack::dtype wanted);
+[[noreturn]] void refuse_layout(const char* name, nb::dlpack::dtype desired);
 /// ValueError: "NAME: shape (2, 3) is not WANTED".
-[[noreturn]] void refuse_shape(const char* name, const std::string& shape, const char* wanted);
+[[noreturn]] void refuse_shape(const char* name, const std::string& shape, const char* desired);
 
 /// ValueError: another type, or gaps between its numbers.
 template <class Array>

@@ -134,9 +134,9 @@ class PySensor {
     if (image.ndim() != num_axes || image.shape(num_axes - 2) != rows ||
         image.shape(num_axes - 1) != columns) {
       const std::string size = shape_text({rows, columns});
-      const std::string wanted =
+      const std::string desired =
           num_axes == 2 ? "the camera's " + size : "(F, H, W) with the camera's " + size;
-      refuse_shape("depth", shape_of(image), wanted.c_str());
+      refuse_shape("depth", shape_of(image), desired.c_str());
     }
     const auto type = image.dtype();
     const bool is_float = type.code == std::uint8_t(nb::dlpack::dtype_code::Float);
@@ -225,8 +225,8 @@ struct FieldQuestion {
       : points(points_of(points_W, "points")), radii(doubles_of(radii_m, "radii")) {
     const bool is_one_for_all = radii.ndim() == 0;
     if (!is_one_for_all && (radii.ndim() != 1 || radii.shape(0) != points.shape(0))) {
-      const std::string wanted = shape_text({points.shape(0)}) + ", one for each point";
-      refuse_shape("radii", shape_of(radii), wanted.c_str());
+      const std::string desired = shape_text({points.shape(0)}) + ", one for each point";
+      refuse_shape("radii", shape_of(radii), desired.c_str());
     }
     for (std::size_t i = 0; i < radii.size(); ++i) {
       if (!(radii.data()[i] > 0)) {

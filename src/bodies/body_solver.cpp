@@ -85,13 +85,13 @@ Mat6 mass_matrix(const RigidBody& body) {
 
 }  // namespace
 
-BodySolver::BodySolver(int most_bodies, std::span<const double> mass_of_place)
-    : islands_(static_cast<std::size_t>(most_bodies)),
-      rows_(static_cast<std::size_t>(most_bodies)),
-      system_(most_bodies),
+BodySolver::BodySolver(int max_bodies, std::span<const double> mass_of_place)
+    : islands_(static_cast<std::size_t>(max_bodies)),
+      rows_(static_cast<std::size_t>(max_bodies)),
+      system_(max_bodies),
       work_(mass_of_place.size()),
-      velocities_(static_cast<std::size_t>(most_bodies)),
-      motions_(3 * mass_of_place.size() * static_cast<std::size_t>(most_bodies)) {
+      velocities_(static_cast<std::size_t>(max_bodies)),
+      motions_(3 * mass_of_place.size() * static_cast<std::size_t>(max_bodies)) {
   CouplingOptions options;  // coefficients come with each contact
   for (const double mass : mass_of_place) {
     places_.push_back({PatchFriction(options, 0, 0), mass, 0, {}});

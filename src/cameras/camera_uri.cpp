@@ -59,9 +59,9 @@ class Parameters {
   }
 
  private:
-  Error bad(const std::string& wanted) const {
+  Error bad(const std::string& desired) const {
     return {Errc::invalid_argument, "camera " + uri_.text.substr(0, kMaxCharacters) + ": '" +
-                                        std::string(name_) + "' must be " + wanted + ", not '" +
+                                        std::string(name_) + "' must be " + desired + ", not '" +
                                         std::string(value_.substr(0, kMaxCharacters)) + "'"};
   }
   Status set_intrinsics() {
@@ -90,8 +90,8 @@ class Parameters {
     uri_.size = {*width, *height};
     return Done{};
   }
-  Status set_positive(std::optional<double>& to, double low, double high, const char* wanted) {
-    if (numbers_.size() != 1 || numbers_[0] < low || numbers_[0] > high) return bad(wanted);
+  Status set_positive(std::optional<double>& to, double low, double high, const char* desired) {
+    if (numbers_.size() != 1 || numbers_[0] < low || numbers_[0] > high) return bad(desired);
     to = numbers_[0];
     return Done{};
   }

@@ -229,8 +229,8 @@ class LinkRaster {
     double from = left, to = right - 1;
     for (const Side& side : sides_) {
       const double crossing = -(side.y * v + side.z);
-      from = larger(from, crossing + side.least_from);
-      to = lesser(to, crossing + side.greatest_to);
+      from = larger(from, crossing + side.min_from);
+      to = lesser(to, crossing + side.max_to);
     }
     return {within(std::ceil(from), left, right), within(std::floor(to) + 1, left, right),
             static_cast<float>(corner_ + per_v_ * (v - from_v_))};
@@ -248,8 +248,8 @@ class LinkRaster {
 
   /// A side as a half-plane x * u + y * v + z >= 0, moved out by the corner of a pixel.
   struct Side {
-    double y, z;                     // over x
-    double least_from, greatest_to;  // kNever where the side bounds the other end of rows
+    double y, z;              // over x
+    double min_from, max_to;  // kNever where the side bounds the other end of rows
   };
 
   PALPATE_HOSTDEV static int first_pixel(float at) {

@@ -111,10 +111,10 @@ class Reader {
       model_.links.push_back({*name, {}});
       if (!geometry_) continue;
       const bool is_visual = geometry_ == RobotGeometry::visual;
-      const char* const wanted = is_visual ? "visual" : "collision";
+      const char* const desired = is_visual ? "visual" : "collision";
       const char* const else_taken = is_visual ? "collision" : "visual";
-      const bool has_wanted = link->FirstChildElement(wanted) != nullptr;
-      if (const Status status = read_geometry(*link, has_wanted ? wanted : else_taken); !status) {
+      const bool has_desired = link->FirstChildElement(desired) != nullptr;
+      if (const Status status = read_geometry(*link, has_desired ? desired : else_taken); !status) {
         return status;
       }
     }

@@ -98,7 +98,7 @@ class Normal {
     return b;
   }
   /// By inverse iteration.
-  double least_eigenvalue() const {
+  double smallest_eigenvalue() const {
     std::vector<double> v(size_);
     for (std::size_t i = 0; i < size_; ++i) v[i] = 1 + 0.1 * static_cast<double>(i % 7);
     double length = 1;
@@ -142,10 +142,10 @@ class Alignment {
     for (int round = 0; round < options_.max_rounds; ++round) {
       const auto moved = improve(reach);
       if (!moved) return moved.error();
-      if (reach <= options_.least_reach && ++num_last >= kPatience && *moved < kStill) {
+      if (reach <= options_.min_reach && ++num_last >= kPatience && *moved < kStill) {
         return finish();
       }
-      reach = std::max(options_.least_reach, 0.8 * reach);
+      reach = std::max(options_.min_reach, 0.8 * reach);
     }
     return Error{Errc::bad_input,
                  "the poses do not converge: check intrinsics and units, and that the scene and "
@@ -249,7 +249,7 @@ class Alignment {
       right[i] /= std::sqrt(weights[1 + i / 6]);
     }
     if (!matrix.factor()) return not_held();
-    least_eigenvalue_ = matrix.least_eigenvalue();
+    smallest_eigenvalue_ = matrix.smallest_eigenvalue();
     num_points_ = *std::min_element(weights.begin(), weights.end());
     const std::vector<double> step = matrix.solve(std::move(right));
     double most = 0;
@@ -293,10 +293,10 @@ class Alignment {
         aligned.pairs.push_back(pair);
       }
     }
-    aligned.uncertainty = worst / std::sqrt(num_points_ / kPointsAlike * least_eigenvalue_);
+    aligned.uncertainty = worst / std::sqrt(num_points_ / kPointsAlike * smallest_eigenvalue_);
     // In a chain of views the eigenvalue falls with the square of its length.
     const double num_free = static_cast<double>(num_views() - 1);
-    if (!(least_eigenvalue_ > kMinShape / (num_free * num_free)) ||
+    if (!(smallest_eigenvalue_ > kMinShape / (num_free * num_free)) ||
         !(aligned.uncertainty < kMaxUncertainty)) {
       return not_held();
     }
@@ -339,7 +339,7 @@ class Alignment {
   std::vector<Pose> first_, now_;
   std::vector<std::vector<std::size_t>> samples_;
   Vec3d middle_;
-  double size_ = 1, least_eigenvalue_ = 0, num_points_ = 0;
+  double size_ = 1, smallest_eigenvalue_ = 0, num_points_ = 0;
 };
 
 }  // namespace

@@ -16,9 +16,9 @@ int take_rank(ThreadRank rank) noexcept {
   constexpr int kSteps[] = {-5, 2, 1, 6}, kHighestPriority = -20, kLowestPriority = 19;
   const auto thread = static_cast<id_t>(syscall(SYS_gettid));
   const int now = getpriority(PRIO_PROCESS, thread);
-  const int wanted =
+  const int desired =
       std::clamp(now + kSteps[static_cast<int>(rank)], kHighestPriority, kLowestPriority);
-  return setpriority(PRIO_PROCESS, thread, wanted) == 0 ? wanted : now;
+  return setpriority(PRIO_PROCESS, thread, desired) == 0 ? desired : now;
 }
 #else
 int take_rank(ThreadRank) noexcept { return 0; }

@@ -46,7 +46,7 @@ std::string what_it_said(const OpenHapticsApi& api, const HdErrorInfo& error) {
 }
 
 /// One positive number, or `otherwise` when the driver does not know.
-double asked(const OpenHapticsApi& api, HdEnum what, double unit, double otherwise) {
+double requested(const OpenHapticsApi& api, HdEnum what, double unit, double otherwise) {
   double value = 0;
   api.hdGetDoublev(what, &value);
   const bool is_known = api.take_errors().code == 0 && std::isfinite(value) && value > 0;
@@ -62,13 +62,13 @@ int asked_integer(const OpenHapticsApi& api, HdEnum what) {
 /// Limits that the driver reports, and those of the weakest device for the others.
 DeviceLimits driver_limits(const OpenHapticsApi& api) {
   DeviceLimits limits = find_device_model("touch").value_or(device_models().front()).limits;
-  limits.max_force = asked(api, kHdMaxForce, 1, limits.max_force);
+  limits.max_force = requested(api, kHdMaxForce, 1, limits.max_force);
   limits.max_stiffness =
-      asked(api, kHdMaxStiffness, 1 / kMetresPerMillimetre, limits.max_stiffness);
-  limits.max_damping = asked(api, kHdMaxDamping, 1 / kMetresPerMillimetre, limits.max_damping);
+      requested(api, kHdMaxStiffness, 1 / kMetresPerMillimetre, limits.max_stiffness);
+  limits.max_damping = requested(api, kHdMaxDamping, 1 / kMetresPerMillimetre, limits.max_damping);
   if (asked_integer(api, kHdOutputDof) >= 6) {
-    limits.max_torque = asked(api, kHdMaxTorque, kNewtonsPerMillinewton, 0);
-    limits.max_angular_stiffness = asked(api, kHdMaxTorqueStiffness, kNewtonsPerMillinewton, 0);
+    limits.max_torque = requested(api, kHdMaxTorque, kNewtonsPerMillinewton, 0);
+    limits.max_angular_stiffness = requested(api, kHdMaxTorqueStiffness, kNewtonsPerMillinewton, 0);
   }
   double box[6] = {};  // least x, y, z; largest
   api.hdGetDoublev(kHdUsableWorkspace, box);

@@ -25,12 +25,12 @@ std::string lower_case(std::string_view text) {
 
 /// The value of a header line; empty if there is none.
 std::string_view header_value(std::string_view head, std::string_view name) {
-  const std::string wanted = lower_case(name) + ':';
+  const std::string desired = lower_case(name) + ':';
   while (!head.empty()) {
     const std::size_t end = std::min(head.find("\r\n"), head.size());
     std::string_view line = head.substr(0, end);
-    if (lower_case(line.substr(0, wanted.size())) == wanted) {
-      line.remove_prefix(wanted.size());
+    if (lower_case(line.substr(0, desired.size())) == desired) {
+      line.remove_prefix(desired.size());
       const std::size_t first = line.find_first_not_of(" \t");
       if (first == std::string_view::npos) return {};
       return line.substr(first, line.find_last_not_of(" \t") - first + 1);

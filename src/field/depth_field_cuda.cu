@@ -232,7 +232,7 @@ __global__ void __launch_bounds__(kThreads) widen_planes(const __grid_constant__
   for (int step = 1; step < gpu::kWarpSize; step *= 2) {
     if (step == kTile / 2) continue;
     tile = join(tile, {__shfl_xor_sync(gpu::kWholeWarp, tile.nearest, step),
-                       __shfl_xor_sync(gpu::kWholeWarp, tile.least_slope, step)});
+                       __shfl_xor_sync(gpu::kWholeWarp, tile.min_slope, step)});
   }
   const int lane = gpu::lane_id();
   if (lane % 8 == 0 && lane < 16) shared.tiles[gpu::warp_id()][lane / 8] = tile;
@@ -381,10 +381,10 @@ __global__ void __launch_bounds__(kThreads)
       const float at_y = rules.first_v + static_cast<float>(v) * rules.width_v;
       const bool has_exit = one_lane::is_any(found.exit);
       const bool has_occluder = one_lane::is_any(found.occluder);
-      const bool is_asked = u >= -kSilhouetteBorder && u <= width + kSilhouetteBorder &&
-                            v >= -kSilhouetteBorder && v <= height + kSilhouetteBorder;
-      shared.has_any[y + 1][x + 1] = is_asked && (has_exit || has_occluder);
-      if (!is_asked) continue;
+      const bool is_requested = u >= -kSilhouetteBorder && u <= width + kSilhouetteBorder &&
+                                v >= -kSilhouetteBorder && v <= height + kSilhouetteBorder;
+      shared.has_any[y + 1][x + 1] = is_requested && (has_exit || has_occluder);
+      if (!is_requested) continue;
       // Those just around the tile are written by two blocks, the same by both.
       Silhouette* const to =
           arrays.silhouettes +

@@ -153,10 +153,10 @@ PatchFriction::Grip PatchFriction::hold(const TouchedPatch& patch, const Vec3d& 
     w = product(eased, compliance);
   }
 
-  const Vec3d wanted = stiffness_ * before + k * a;
+  const Vec3d desired = stiffness_ * before + k * a;
   Grip grip;
   Mat3s inverse = inverse_of_sum(1, k, w);
-  Vec3d held = inverse * wanted;  // s z
+  Vec3d held = inverse * desired;  // s z
   double length = norm(held);
   grip.is_sliding = length > patch.limit;
   if (grip.is_sliding && patch.limit > 0) {
@@ -164,7 +164,7 @@ PatchFriction::Grip PatchFriction::hold(const TouchedPatch& patch, const Vec3d& 
     for (int i = 0; i < kMaxIterations && length > patch.limit * (1 + kClose); ++i) {
       over += length * length / dot(held, inverse * held) * (length - patch.limit) / patch.limit;
       inverse = inverse_of_sum(over, k, w);
-      held = inverse * wanted;
+      held = inverse * desired;
       length = norm(held);
     }
     held = held * (patch.limit / length);

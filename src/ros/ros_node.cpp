@@ -76,13 +76,13 @@ struct QosDeleter {
 };
 using QosPointer = std::unique_ptr<dds::Qos, QosDeleter>;
 
-QosPointer make_qos(const RosQos& wanted, std::string_view user_data) {
+QosPointer make_qos(const RosQos& desired, std::string_view user_data) {
   const dds::Api& api = *dds::api();
   QosPointer qos(api.create_qos());
   // Who writes does not wait for readers: with so few messages kept there is always room.
-  api.set_reliability(qos.get(), wanted.is_reliable ? dds::kReliable : dds::kBestEffort, 0);
-  api.set_durability(qos.get(), wanted.is_kept ? dds::kTransientLocal : dds::kVolatile);
-  api.set_history(qos.get(), dds::kKeepLast, wanted.depth);
+  api.set_reliability(qos.get(), desired.is_reliable ? dds::kReliable : dds::kBestEffort, 0);
+  api.set_durability(qos.get(), desired.is_kept ? dds::kTransientLocal : dds::kVolatile);
+  api.set_history(qos.get(), dds::kKeepLast, desired.depth);
   api.set_user_data(qos.get(), user_data.data(), user_data.size());
   api.set_representation(qos.get(), 1, &dds::kXcdr1);
   return qos;
@@ -106,14 +106,14 @@ struct DdsEndpoint {
 };
 
 Result<DdsEndpoint> make_endpoint(const DdsEntity& participant, const std::string& name,
-                                  const std::string& type, const RosQos& wanted, bool is_writer) {
+                                  const std::string& type, const RosQos& desired, bool is_writer) {
   const dds::Api& api = *dds::api();
   DdsEndpoint made;
   made.type = &dds_type(type);
   made.topic = DdsEntity(
       api.create_topic(participant.get(), &made.type->descriptor, name.c_str(), nullptr, nullptr));
   if (!made.topic.is_good()) return trouble("cannot open the topic " + name, made.topic.get());
-  const QosPointer qos = make_qos(wanted, made.type->hash);
+  const QosPointer qos = make_qos(desired, made.type->hash);
   const auto create = is_writer ? api.create_writer : api.create_reader;
   made.endpoint = DdsEntity(create(participant.get(), made.topic.get(), qos.get(), nullptr));
   if (!made.endpoint.is_good()) {

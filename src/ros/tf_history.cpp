@@ -34,10 +34,10 @@ ByTime<TfHistory::Sample>::const_iterator TfHistory::Link::before(double time) c
   return after == samples.begin() ? after : std::prev(after);
 }
 
-std::optional<Pose> TfHistory::Link::in_parent(double time, double most_apart) const {
+std::optional<Pose> TfHistory::Link::in_parent(double time, double max_gap) const {
   if (is_static) return samples.begin()->second.X_PC;
   const bool is_between = time >= samples.begin()->first && time <= samples.rbegin()->first;
-  if (!is_between || nearest_in_time(samples, time) > most_apart) return std::nullopt;
+  if (!is_between || nearest_in_time(samples, time) > max_gap) return std::nullopt;
   const auto at = before(time);
   const auto& [time_a, a] = *at;
   if (time_a == time) return a.X_PC;
@@ -67,13 +67,13 @@ std::optional<TfHistory::Chains> TfHistory::chains_between(const std::string& a,
 }
 
 std::optional<Pose> TfHistory::find(const std::string& a, const std::string& b, double time,
-                                    double most_apart) const {
+                                    double max_gap) const {
   const auto chains = chains_between(a, b, time);
   if (!chains) return std::nullopt;
   const auto up = [&](const std::vector<std::string>& chain) -> std::optional<Pose> {
     Pose X_MF;
     for (const std::string& frame : chain) {
-      const auto X_PF = links_.at(frame).in_parent(time, most_apart);
+      const auto X_PF = links_.at(frame).in_parent(time, max_gap);
       if (!X_PF) return std::nullopt;
       X_MF = *X_PF * X_MF;
     }

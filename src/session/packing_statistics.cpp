@@ -70,8 +70,8 @@ std::optional<PowerLaw> fit_power_law(std::span<const double> void_fractions, in
   std::vector<double> x, y;
   int previous = 0;
   for (int k = 0;; ++k) {
-    const double wanted = std::round(first * std::pow(10.0, static_cast<double>(k) / kPerDecade));
-    const int n = static_cast<int>(std::min<double>(wanted, last));
+    const double desired = std::round(first * std::pow(10.0, static_cast<double>(k) / kPerDecade));
+    const int n = static_cast<int>(std::min<double>(desired, last));
     if (n != previous) {
       const double share = void_fractions[static_cast<std::size_t>(n) - 1];
       if (!(share > 0)) return std::nullopt;

@@ -116,7 +116,7 @@ Result<ProbeDepths> probe_stream(DepthSource& stream, const Tool& tool, const Pr
   ThreadPool pool;
   ProbeDepths depths;
   std::vector<double> middles, aims;
-  double free_before = INFINITY, most_before = INFINITY;
+  double free_before = INFINITY, max_before = INFINITY;
   const auto feel_part = [&](double begin, double stop) {
     const Reach a = probe->reach(motion, begin), b = probe->reach(motion, stop);
     middles.push_back((begin + stop) / 2);
@@ -126,9 +126,9 @@ Result<ProbeDepths> probe_stream(DepthSource& stream, const Tool& tool, const Pr
     depths.free.times.push_back(begin);
     depths.free.depths.push_back(std::min(free_before, free));
     depths.most.times.push_back(begin);
-    depths.most.depths.push_back(std::min(most_before, most));
+    depths.most.depths.push_back(std::min(max_before, most));
     free_before = free;
-    most_before = most;
+    max_before = most;
   };
   const auto probe_frame = [&](double begin, double stop) {
     const int parts = std::clamp(static_cast<int>(std::ceil((stop - begin) / 0.1)), 1, 100);
@@ -153,7 +153,7 @@ Result<ProbeDepths> probe_stream(DepthSource& stream, const Tool& tool, const Pr
   depths.free.times.push_back(end);
   depths.free.depths.push_back(free_before);
   depths.most.times.push_back(end);
-  depths.most.depths.push_back(most_before);
+  depths.most.depths.push_back(max_before);
   depths.aim = smooth_profile(std::move(middles), std::move(aims));
   return depths;
 }

@@ -70,7 +70,7 @@ void RunResults::add_frame(const FrameRecord& record, const DepthFrame& frame) {
   if (captures_.size() < kMaxCaptures) captures_.push_back(record.capture_time);
   ++num_frames_;
   // Where only a window was made, the measurements are those of the whole image all the same.
-  const bool has_all = record.asked.has_all(frame.width, frame.height);
+  const bool has_all = record.requested.has_all(frame.width, frame.height);
   const int num_points = has_all ? record.surface.num_points : record.surface.num_valid;
   if (num_points < 0.001 * frame.width * frame.height) {
     if (num_scarce_++ == 0) {

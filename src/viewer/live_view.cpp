@@ -74,7 +74,7 @@ class PendingData {
     const std::lock_guard lock(mutex_);
     const auto found = std::lower_bound(
         contact_times_.begin(), contact_times_.end(), number,
-        [](const auto& contact, std::uint64_t wanted) { return contact.first < wanted; });
+        [](const auto& contact, std::uint64_t desired) { return contact.first < desired; });
     return found == contact_times_.end() ? last_.time : found->second;
   }
   TickRecord last() const {

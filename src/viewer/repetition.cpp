@@ -45,16 +45,16 @@ Status Repetition::make_part(RunSettings settings) {
 /// is not looked for.
 std::vector<Repetition::Lead> Repetition::leads_of(const RecordedQuery& query, int num_lead) {
   constexpr std::size_t kMaxSilentFrames = 64;  // frames of each of the others
-  const std::size_t num_cameras = run_.streams().size(), num_wanted = 1 + num_lead;
+  const std::size_t num_cameras = run_.streams().size(), num_requested = 1 + num_lead;
   std::vector<Lead> leads(num_cameras);
   std::size_t num_missing = num_cameras;
-  const std::size_t farthest = (num_wanted + kMaxSilentFrames) * num_cameras;
+  const std::size_t farthest = (num_requested + kMaxSilentFrames) * num_cameras;
   for (std::size_t back = 0; back <= query.frame && back < farthest && num_missing > 0; ++back) {
     const auto [camera, number] = run_.camera_frame(query.frame - back);
     Lead& lead = leads[camera];
-    if (number > query.cameras.of[camera].camera_frame || lead.size() == num_wanted) continue;
+    if (number > query.cameras.of[camera].camera_frame || lead.size() == num_requested) continue;
     lead.insert(lead.begin(), query.frame - back);
-    if (lead.size() == num_wanted || number == 0) --num_missing;
+    if (lead.size() == num_requested || number == 0) --num_missing;
   }
   return leads;
 }

@@ -30,7 +30,7 @@ class ViewHub {
   void poll(double now);
   std::uint64_t num_polls() const { return num_polls_; }
   /// Some page wants to be sent something.
-  bool is_wanted(double now) const;
+  bool is_requested(double now) const;
 
   /// Parts of a picture, in the order in which they are sent.
   std::size_t num_parts() const { return parts_.size(); }

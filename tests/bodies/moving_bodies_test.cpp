@@ -76,18 +76,18 @@ TEST(MovingBodies, NeverHaveMoreEnergyThanBefore) {
     BodyOptions options = awake();
     options.damping = 0;
     TableTop world(boxes, {}, options);
-    double least = world.bodies->energy(), most_held = 0, most = 0;
+    double least = world.bodies->energy(), max_held = 0, most = 0;
     for (int i = 0; i < 1000; ++i) {
       world.step();
       const double now = world.bodies->energy();
       most = std::max(most, now - least);
       least = std::min(least, now);
       for (const BodyTouch& touch : world.bodies->touches()) {
-        most_held = std::max(most_held, touch.potential);
+        max_held = std::max(max_held, touch.potential);
       }
     }
     EXPECT_LT(most, 2e-6 * fallen) << "places are single precision: some 6e-8 m times the weight";
-    EXPECT_GT(most_held, 0.01 * fallen);
+    EXPECT_GT(max_held, 0.01 * fallen);
   }
 }
 

@@ -95,7 +95,7 @@ std::vector<float> numbers_of(const DepthFieldView& view) {
     }
   }
   for (int i = 0; i < view.tiles_wide * view.tiles_high; ++i) {
-    all.insert(all.end(), {view.tiles[i].nearest, view.tiles[i].least_slope});
+    all.insert(all.end(), {view.tiles[i].nearest, view.tiles[i].min_slope});
   }
   return all;
 }
@@ -362,9 +362,9 @@ TrueSilhouettes true_silhouettes(const DepthFieldLevel& level, int u, int v) {
           }
         }
         if (own.depth() <= z) continue;
-        const double asked = std::min(own.depth(), z + 0.5);
+        const double requested = std::min(own.depth(), z + 0.5);
         const double reach = std::sqrt(2 * distance * distance + 0.5);
-        if (is_apart(near, own, own.at(asked) - near.at(asked), width * z, reach)) {
+        if (is_apart(near, own, own.at(requested) - near.at(requested), width * z, reach)) {
           found.occluder = std::min(found.occluder, distance);
         }
       }
@@ -505,18 +505,18 @@ TEST(DepthField, LevelsAndTilesAreWhatTheyAreSaidToBe) {
   constexpr int kSize = DepthFieldView::kTileSize;
   const DepthFieldLevel& image = view.levels[0];
   for (int tile = 0; tile < view.tiles_wide * view.tiles_high; ++tile) {
-    float nearest = 1e30f, least_slope = 1;
+    float nearest = 1e30f, min_slope = 1;
     const int u0 = tile % view.tiles_wide * kSize, v0 = tile / view.tiles_wide * kSize;
     for (int v = v0; v < std::min(v0 + kSize, image.height); ++v) {
       for (int u = u0; u < std::min(u0 + kSize, image.width); ++u) {
         const float* plane = image.planes + 2 * (std::ptrdiff_t{v} * image.stride + u);
         if (plane[1] == 0) continue;
         nearest = std::min(nearest, plane[0] / plane[1]);
-        least_slope = std::min(least_slope, plane[1]);
+        min_slope = std::min(min_slope, plane[1]);
       }
     }
     EXPECT_EQ(view.tiles[tile].nearest, nearest) << tile;
-    EXPECT_EQ(view.tiles[tile].least_slope, least_slope) << tile;
+    EXPECT_EQ(view.tiles[tile].min_slope, min_slope) << tile;
   }
 }
 

@@ -226,9 +226,9 @@ TEST(FieldMemory, ChangesNothingThatIsSeen) {
                   .value(),
        plain = SurfaceTimeline::create(stream_info(), {}, DepthFieldOptions{}, without, {}).value();
   for (int i = 0; i < 4; ++i) {
-    const PixelWindow asked = i < 2 ? PixelWindow{} : PixelWindow{10, 10, 30, 30};
-    with.push(frame_of(1.0 + 0.01 * i, 0.9 + 0.01 * i), i / 32.0, pool, asked);
-    plain.push(frame_of(1.0 + 0.01 * i, 0.9 + 0.01 * i), i / 32.0, pool, asked);
+    const PixelWindow requested = i < 2 ? PixelWindow{} : PixelWindow{10, 10, 30, 30};
+    with.push(frame_of(1.0 + 0.01 * i, 0.9 + 0.01 * i), i / 32.0, pool, requested);
+    plain.push(frame_of(1.0 + 0.01 * i, 0.9 + 0.01 * i), i / 32.0, pool, requested);
     test::Random random(7);
     for (int k = 0; k < 200; ++k) {
       const Vec3d p{random.uniform(-0.2, 0.0), random.uniform(-0.2, 0.0), random.uniform(0.8, 1.1)};

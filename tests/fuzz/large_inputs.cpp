@@ -111,9 +111,9 @@ std::string measure(const LargeInput& input, const Options& options, std::FILE* 
       fs::temp_directory_path() / ("palpate-large-" + std::to_string(::getpid()));
   const fs::path path = folder / ("input" + input.extension);
   fs::create_directories(folder);
-  const auto wanted = static_cast<std::size_t>(1e6 * options.megabytes);
+  const auto desired = static_cast<std::size_t>(1e6 * options.megabytes);
   alone([&] {
-    input.make(path, wanted);
+    input.make(path, desired);
     return 0;
   });
   const double size = 1e-6 * static_cast<double>(size_on_disk(path));
@@ -140,7 +140,7 @@ std::string measure(const LargeInput& input, const Options& options, std::FILE* 
   if (input.is_taken.value_or(is_taken) != is_taken) return is_taken ? "is taken" : "is refused";
   if (!kIsSanitized && memory > kMaxMegabytes + kMaxPerByte * size) return "takes too much memory";
   if (!options.is_timeless &&
-      outcome.seconds > 0.01 * input.most_seconds * std::max(size, kMinMegabytes)) {
+      outcome.seconds > 0.01 * input.max_seconds * std::max(size, kMinMegabytes)) {
     return "takes too long";
   }
   return "";

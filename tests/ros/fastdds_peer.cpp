@@ -168,7 +168,7 @@ class RecordingObserver final : public fast::DataReaderListener {
     }
   }
   /// "name": ["hexadecimal digits", ...]
-  std::string told(const std::string& name) {
+  std::string reported(const std::string& name) {
     const std::lock_guard lock(mutex_);
     std::string text = "\"" + name + "\": [";
     for (const std::string& message : messages_) {
@@ -312,8 +312,8 @@ int main(int argc, char** argv) {
       std::string pose = palpate::pose_message({nanoseconds(time), "camera"}, X);
       poses->write(&pose);
       const palpate::RosTransform transform[] = {{"base", "tool0", X}};
-      std::string told = palpate::transform_message(nanoseconds(time), transform);
-      if (is_arm) moving->write(&told);
+      std::string reported = palpate::transform_message(nanoseconds(time), transform);
+      if (is_arm) moving->write(&reported);
       if (is_arm && !has_requested_markers && listener.has_heard()) {
         has_requested_markers = true;
         robot.reader("/palpate/markers", "visualization_msgs/MarkerArray", 1 << 20, &markers, true);
@@ -332,9 +332,9 @@ int main(int argc, char** argv) {
       ++num_images;
     }
   }
-  listener.print(
-      num_images, dropper.num(),
-      contacts.told("contact") + ", " + transforms.told("tf") + ", " + markers.told("markers"));
+  listener.print(num_images, dropper.num(),
+                 contacts.reported("contact") + ", " + transforms.reported("tf") + ", " +
+                     markers.reported("markers"));
   std::fflush(stdout);
   std::_Exit(0);
 }

@@ -179,8 +179,8 @@ TEST(LoadRelief, AnyLoadIsAnsweredWithinBoundsAndForgotten) {
   for (unsigned seed = 0; seed < 300; ++seed) {
     std::mt19937 random(seed);
     std::uniform_real_distribution<double> share(0, 1);
-    const int most_image = static_cast<int>(seed % 3), most_spheres = static_cast<int>(seed % 4);
-    LoadRelief relief(most_image, most_spheres);
+    const int max_image = static_cast<int>(seed % 3), max_spheres = static_cast<int>(seed % 4);
+    LoadRelief relief(max_image, max_spheres);
     double calm = 0;
     for (int i = 0; i < 2000; ++i) {
       const bool is_bad = std::fmod(i, 200) < 200 * share(random) * share(random);
@@ -203,8 +203,8 @@ TEST(LoadRelief, AnyLoadIsAnsweredWithinBoundsAndForgotten) {
       const ReliefSteps& after = relief.steps();
       ASSERT_EQ(has_changed, before != after);
       ASSERT_LE(after.page, 1);
-      ASSERT_LE(after.image, most_image);
-      ASSERT_LE(after.spheres, most_spheres);
+      ASSERT_LE(after.image, max_image);
+      ASSERT_LE(after.spheres, max_spheres);
       ASSERT_GE(std::min({after.page, after.image, after.spheres}), 0);
       if (total(after) > total(before)) {
         ASSERT_TRUE(is_late);

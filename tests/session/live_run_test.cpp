@@ -540,10 +540,10 @@ TEST(LiveRun, GoesOnWhenTheDiskIsFull) {
     const auto device = pressing_device();
     const auto outcome =
         record_run(small_tool(), stream, *device, patient_settings(), run, options);
-    const bool has_told =
+    const bool has_reported =
         outcome && outcome->not_kept.find("nothing was recorded from") != std::string::npos;
     const bool has_gone_on = outcome && outcome->loop.seconds > paused && paused > 0;
-    _exit(has_told && has_gone_on && outcome->failure.empty() ? 0 : 1);
+    _exit(has_reported && has_gone_on && outcome->failure.empty() ? 0 : 1);
   }
   int status = 0;
   waitpid(child, &status, 0);

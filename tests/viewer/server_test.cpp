@@ -556,10 +556,10 @@ TEST(ViewServer, WhoSaysTooMuchIsHeardLater) {
   for (int i = 0; i < 10; ++i) say(6, std::string(60000, ' '));
   EXPECT_GE(monotonic_now() - begin, 2 + 0.059 * 15);
 
-  const double asked = monotonic_now();
+  const double requested = monotonic_now();
   RawSocket kept(fixture.port);
   std::string seen;
-  for (int wanted = 500; wanted <= 2000; wanted += 500) {
+  for (int desired = 500; desired <= 2000; desired += 500) {
     for (int k = 0; k < 500; ++k) kept.send("GET /api/none HTTP/1.1\r\nHost: localhost\r\n\r\n");
     EXPECT_TRUE(comes_true([&] {
       seen += kept.receive(0.05);
@@ -567,10 +567,10 @@ TEST(ViewServer, WhoSaysTooMuchIsHeardLater) {
       for (std::size_t at = 0; (at = seen.find("HTTP/1.1 404", at)) != std::string::npos; ++at) {
         ++num_answers;
       }
-      return num_answers == wanted;
-    })) << wanted;
+      return num_answers == desired;
+    })) << desired;
   }
-  EXPECT_GE(monotonic_now() - asked, 1);  // 1000 more than at once
+  EXPECT_GE(monotonic_now() - requested, 1);  // 1000 more than at once
 }
 
 TEST(ViewServer, LivesThroughStormsOfBytes) {

@@ -7,7 +7,7 @@ export class Drawing {
   /// Drawings so far.
   count = 0;
 
-  private isAsked = false;
+  private isRequested = false;
   private picture: number | null = null;
   private isHeld = false;
   private glideEnd = 0;
@@ -24,8 +24,8 @@ export class Drawing {
   }
 
   ask(): void {
-    if (this.isAsked) return;
-    this.isAsked = true;
+    if (this.isRequested) return;
+    this.isRequested = true;
     requestAnimationFrame(() => this.onFrame());
   }
 
@@ -57,7 +57,7 @@ export class Drawing {
   }
 
   private onFrame(): void {
-    this.isAsked = false;
+    this.isRequested = false;
     this.draw();
     ++this.count;
     if (this.picture !== null) this.acknowledge(this.picture);

@@ -61,7 +61,7 @@ export class Page implements Listener {
 
   private frames: (Frame | null)[] = []; // the newest of each camera
   private contact: Contact | null = null;
-  private asked = new Set<string>(); // shapes, of this connection
+  private requested = new Set<string>(); // shapes, of this connection
   private subscription = '';
   private trouble: string | null = null;
   private troubleEnd = 0;
@@ -121,12 +121,12 @@ export class Page implements Listener {
     this.hello = hello;
     this.state = this.contact = this.sample = null;
     this.frames = hello.streams.map(() => null);
-    this.asked.clear();
+    this.requested.clear();
     this.subscription = '';
     this.rate.begin();
     this.plots.clear();
     this.scene.setHello(hello);
-    if (hello.handle) this.makeRoomForAHand();
+    if (hello.handle) this.makeSpaceForHand();
     for (const panel of [this.bar, this.readouts, this.image, this.timeline, this.controls, this.handling]) panel.setHello(hello);
     this.root.dataset.kind = hello.kind;
     this.dock.hide(hello.kind === 'tool' ? ['plots', 'image'] : hello.streams.length > 0 ? [] : ['image']);
@@ -134,7 +134,7 @@ export class Page implements Listener {
   }
 
   /// Whoever holds a tool looks at the tool, and needs room for it.
-  private makeRoomForAHand(): void {
+  private makeSpaceForHand(): void {
     if (this.connection.reconnects > 0) return;
     if (!this.hasLook) this.scene.options.toolLook = 'mesh';
     this.hint.hidden = true; // the hand's card says more
@@ -264,8 +264,8 @@ export class Page implements Listener {
       void this.command({ command: 'show', ...subscription });
     }
     for (const what of neededShapes(this.hello, this.scene.options)) {
-      if (this.asked.has(what)) continue;
-      this.asked.add(what);
+      if (this.requested.has(what)) continue;
+      this.requested.add(what);
       void this.command({ command: 'get', what });
     }
   }

@@ -48,8 +48,8 @@ struct Error {
 };
 
 /// Aborts the program: the caller took the value of an error without a check, or the reverse.
-[[noreturn]] inline void end_for_wrong_result(const char* wanted, const char* message) {
-  std::fprintf(stderr, "palpate: a Result was asked for its %s, but has none: %s\n", wanted,
+[[noreturn]] inline void end_for_wrong_result(const char* desired, const char* message) {
+  std::fprintf(stderr, "palpate: a Result was asked for its %s, but has none: %s\n", desired,
                message);
   std::abort();
 }

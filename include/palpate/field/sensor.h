@@ -124,11 +124,11 @@ class SurfaceTimeline {
   const DepthStreamInfo& stream() const;
 
   /// Adds the frame that became current at `time` (s, increasing). A field is computed for queries
-  /// inside `asked` (see SurfaceView::field), and there is no cloud unless `asked` is the whole
-  /// image; a GPU always computes the whole image. No allocation. Same bits for any number of
+  /// inside `requested` (see SurfaceView::field), and there is no cloud unless `requested` is the
+  /// whole image; a GPU always computes the whole image. No allocation. Same bits for any number of
   /// threads, on every backend and for any window. Waits for the GPU.
   SurfaceStats push(const DepthImageView& frame, double time, ThreadPool& pool,
-                    const PixelWindow& asked = {});
+                    const PixelWindow& requested = {});
   /// Before the first frame: continues averages from DepthAverager::state. Errors: there are no
   /// averages, or the state is not that of such images.
   Status resume_from(std::string_view state);

@@ -212,7 +212,7 @@ class SafetyFilter {
   static Result<SafetyFilter> create(const DeviceLimits& limits, const SafetyOptions& options);
 
   /// Force and torque are limited separately and keep their direction.
-  Wrench filter(const Wrench& wanted, const SafetyInput& input) noexcept;
+  Wrench filter(const Wrench& desired, const SafetyInput& input) noexcept;
   const SafetyStatus& status() const { return status_; }
   /// Saves or restores the complete state, for a filter with the same limits and options.
   void remember(StateNumbers& numbers) noexcept {
@@ -225,9 +225,9 @@ class SafetyFilter {
   SafetyFilter(const DeviceLimits& limits, const SafetyOptions& options)
       : limits_(limits), options_(options), gate_(options) {}
 
-  Fault find_fault(const Wrench& wanted, const SafetyInput& input, double dt) const noexcept;
+  Fault find_fault(const Wrench& desired, const SafetyInput& input, double dt) const noexcept;
   void observe(const DeviceState& state, double dt) noexcept;
-  void step_gate(const Wrench& wanted, const SafetyInput& input, double dt) noexcept;
+  void step_gate(const Wrench& desired, const SafetyInput& input, double dt) noexcept;
   Wrench limit(const Wrench& wrench) const noexcept;
   Wrench damp(const Wrench& wrench, double dt) noexcept;
   Wrench slew(const Wrench& wrench, double dt) const noexcept;

@@ -74,7 +74,7 @@ struct FrameRecord {
   double unit = 0.001;             ///< m per count
   Pose X_WC;                       ///< pose of the camera in the world at the capture of the frame
   SurfaceStats surface;
-  PixelWindow asked;  ///< as DepthFieldView: the window in which its surface is valid
+  PixelWindow requested;  ///< as DepthFieldView: the window in which its surface is valid
   std::int64_t compute_nanoseconds = 0;
   double period = 0;  ///< s, expected time to the next frame; not recorded
 };

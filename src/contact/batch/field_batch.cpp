@@ -29,8 +29,7 @@ struct FieldBatch::Overview {
       for (int u = 0; u < field.tiles_wide; ++u) {
         const DepthTile& tile = field.tiles[v * field.tiles_wide + u];
         DepthTile& block = blocks[(v >> shift_v) * kBlocks + (u >> shift_u)];
-        block = {std::min(block.nearest, tile.nearest),
-                 std::min(block.least_slope, tile.least_slope)};
+        block = {std::min(block.nearest, tile.nearest), std::min(block.min_slope, tile.min_slope)};
       }
     }
   }
@@ -48,8 +47,8 @@ struct FieldBatch::Overview {
 
  private:
   static int shift_over(int num_tiles) {
-    const auto blocks_wanted = static_cast<unsigned>((num_tiles + kBlocks - 1) / kBlocks);
-    return static_cast<int>(std::bit_width(blocks_wanted - 1));
+    const auto blocks_desired = static_cast<unsigned>((num_tiles + kBlocks - 1) / kBlocks);
+    return static_cast<int>(std::bit_width(blocks_desired - 1));
   }
 
   int shift_u = 0, shift_v = 0;
@@ -102,7 +101,7 @@ struct FieldBatch::Worker {
 
   void measure(std::size_t first, std::size_t last);
   bool is_in_front(std::size_t pose, std::uint64_t& place);
-  bool look_at(int asked);
+  bool look_at(int requested);
   int surface_number_of(std::size_t pose) const;
   ContactResult ask(std::size_t pose, BatchPose& at);
   void put(std::size_t pose, const BatchPose& at, ContactResult& result) const;
@@ -116,12 +115,12 @@ int FieldBatch::Worker::surface_number_of(std::size_t pose) const {
 }
 
 /// Takes a surface into the job. Returns whether it has a field.
-bool FieldBatch::Worker::look_at(int asked) {
+bool FieldBatch::Worker::look_at(int requested) {
   const DepthFieldView& field = job.fields[0];
-  if (asked != surface) {
-    job.fields[0] = surfaces[asked].field;
-    has_all = field.asked.has_all(field.levels[0].width, field.levels[0].height);
-    surface = asked;
+  if (requested != surface) {
+    job.fields[0] = surfaces[requested].field;
+    has_all = field.requested.has_all(field.levels[0].width, field.levels[0].height);
+    surface = requested;
   }
   return field.num_levels > 0;
 }
@@ -134,10 +133,10 @@ ContactResult FieldBatch::Worker::ask(std::size_t pose, BatchPose& at) {
     if (with_stiffness) result.stiffness.emplace();
     return result;
   };
-  const int asked = surface_number_of(pose);
-  if (asked < 0 || !look_at(asked)) return nothing(StepStatus::no_surface);
+  const int requested = surface_number_of(pose);
+  if (requested < 0 || !look_at(requested)) return nothing(StepStatus::no_surface);
   const DepthFieldView& field = job.fields[0];
-  at = pose_in_camera(poses.X_WT[pose], poses.X_WC.empty() ? nullptr : &poses.X_WC[asked]);
+  at = pose_in_camera(poses.X_WT[pose], poses.X_WC.empty() ? nullptr : &poses.X_WC[requested]);
   if (!at.is_finite) return nothing(StepStatus::non_finite_pose);
   if (!has_all && !is_known_around(field, at.X_CT * query.p_TC_, query.elements_->reach)) {
     return nothing(StepStatus::outside_window);
@@ -182,14 +181,14 @@ void FieldBatch::Worker::put_nothing(std::size_t pose) const {
 /// among all of them. The tool is taken as a ball around its origin: that needs no rotation.
 bool FieldBatch::Worker::is_in_front(std::size_t pose, std::uint64_t& place) {
   place = 0;
-  const int asked = surface_number_of(pose);
-  if (asked < 0) return false;
-  place = static_cast<std::uint64_t>(asked) << 16;
-  if (!has_overviews || !look_at(asked) || !has_all) return false;
+  const int requested = surface_number_of(pose);
+  if (requested < 0) return false;
+  place = static_cast<std::uint64_t>(requested) << 16;
+  if (!has_overviews || !look_at(requested) || !has_all) return false;
   const Pose& X_WT = poses.X_WT[pose];
   const Quaternion& q = X_WT.rotation;
   Vec3d p_C = X_WT.translation;
-  if (!poses.X_WC.empty()) p_C = inverse(poses.X_WC[static_cast<std::size_t>(asked)]) * p_C;
+  if (!poses.X_WC.empty()) p_C = inverse(poses.X_WC[static_cast<std::size_t>(requested)]) * p_C;
   const double total = p_C.x + p_C.y + p_C.z + q.x + q.y + q.z + q.w;
   if (total - total != 0) return false;
   const DepthFieldView& field = job.fields[0];
@@ -202,7 +201,7 @@ bool FieldBatch::Worker::is_in_front(std::size_t pose, std::uint64_t& place) {
   const BallWindow window = window_of(frame, {{}, {}, query.reach_}, query.largest_radius_,
                                       field.tiles_wide, field.tiles_high);
   place |= static_cast<std::uint64_t>(window.top * field.tiles_wide + window.left);
-  const Overview& overview = query.overviews_[static_cast<std::size_t>(asked)];
+  const Overview& overview = query.overviews_[static_cast<std::size_t>(requested)];
   return overview.is_in_front(window, query.largest_radius_);
 }
 

@@ -207,20 +207,20 @@ SolidAsking::SolidAsking(const FieldElements& elements, const SolidField& field)
     squares += counts * radius * radius;
     // Second moments, in those of the finest grid: what the ball has lies between those of two
     // grids, and it asks the one by which all so far have theirs most nearly.
-    const double wanted = std::max(1.0, std::pow(kSpacingPerRadius * radius / spacing, 2));
+    const double desired = std::max(1.0, std::pow(kSpacingPerRadius * radius / spacing, 2));
     double moment = 1;
-    while (moment * 4 <= wanted && level[slot] < last) {
+    while (moment * 4 <= desired && level[slot] < last) {
       moment *= 4;
       ++level[slot];
     }
-    const double missing = counts * (wanted - moment), more = counts * 3 * moment;
+    const double missing = counts * (desired - moment), more = counts * 3 * moment;
     if (level[slot] < last) {
       if (owed + missing > more / 2 && counts > 0) {
         ++level[slot];
         owed -= more;
       }
       owed += missing;
-    } else if (wanted > 4 * moment && counts > 0) {
+    } else if (desired > 4 * moment && counts > 0) {
       is_possible = false;
     }
     widest = std::max(widest, std::ldexp(spacing, level[slot]));

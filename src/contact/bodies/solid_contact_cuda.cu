@@ -34,9 +34,9 @@ __device__ bool sample_level(const SolidFieldView& field, const float (&p)[3], i
 #pragma unroll
   for (int axis = 2; axis >= 0; --axis) {
     const std::int32_t num = field.num_nodes[axis][level];
-    const float wanted = p[axis] * per_spacing + static_cast<float>(SolidField::kMargin);
-    const float place = fminf(fmaxf(wanted, 1.0f), static_cast<float>(num - 2));
-    is_inside = is_inside && place == wanted;
+    const float desired = p[axis] * per_spacing + static_cast<float>(SolidField::kMargin);
+    const float place = fminf(fmaxf(desired, 1.0f), static_cast<float>(num - 2));
+    is_inside = is_inside && place == desired;
     const auto node = static_cast<std::int32_t>(place + 0.5f);
     off[axis] = place - static_cast<float>(node);
     at = at * num + node;
@@ -124,8 +124,8 @@ int solid_blocks(int gpu, int num_clusters) {
   constexpr int kThreads = kSolidThreads<Sample>;
   const int most = gpu::resident_blocks(gpu, reinterpret_cast<const void*>(measure_solid<Sample>),
                                         kThreads, kSolidShared<Sample>);
-  const int wanted = (num_clusters * SphereClusters::kSize + kThreads - 1) / kThreads;
-  return std::clamp(wanted, 1, std::max(most, 1));
+  const int desired = (num_clusters * SphereClusters::kSize + kThreads - 1) / kThreads;
+  return std::clamp(desired, 1, std::max(most, 1));
 }
 
 using SolidSlope = SolidGradient<float>;

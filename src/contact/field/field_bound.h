@@ -118,7 +118,7 @@ PALPATE_FORMULA BallWindow window_of(const FieldFrame& frame, const Cluster& bal
 
 /// Do all planes of a tile stay farther away than `radius` at all depths to `farthest`?
 PALPATE_FORMULA bool is_behind(const DepthTile& tile, float farthest, float radius) {
-  return tile.least_slope * (tile.nearest - farthest) > radius;
+  return tile.min_slope * (tile.nearest - farthest) > radius;
 }
 
 }  // namespace palpate::inline v0

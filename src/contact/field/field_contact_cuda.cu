@@ -104,7 +104,7 @@ int blocks_for(int num_threads, int threads, int most) {
 }
 
 template <class Kernel>
-int most_blocks(int gpu, Kernel* kernel, int threads, std::size_t shared_bytes) {
+int max_blocks(int gpu, Kernel* kernel, int threads, std::size_t shared_bytes) {
   return gpu::resident_blocks(gpu, reinterpret_cast<const void*>(kernel), threads, shared_bytes);
 }
 
@@ -113,8 +113,8 @@ int measure_blocks(int gpu, int num_clusters) {
   constexpr int kThreads = kThreadsOf<Sample>;
   return blocks_for(
       num_clusters * SphereClusters::kSize, kThreads,
-      std::min(most_blocks(gpu, measure_elements<1, Sample>, kThreads, kSharedBytes<Sample>),
-               most_blocks(gpu, measure_elements<2, Sample>, kThreads, kSharedBytes<Sample>)));
+      std::min(max_blocks(gpu, measure_elements<1, Sample>, kThreads, kSharedBytes<Sample>),
+               max_blocks(gpu, measure_elements<2, Sample>, kThreads, kSharedBytes<Sample>)));
 }
 
 }  // namespace

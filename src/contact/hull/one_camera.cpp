@@ -95,9 +95,9 @@ ContactResult ContactQuery::measure_camera(const SurfaceBlend& camera, const Pos
   const SurfaceView &from = camera.from, &to = camera.to;
   const double progress = camera.progress;
   const auto measure_at = [&](const SurfaceView& a, const SurfaceView& b, double alpha,
-                              const ContactWants& wanted) {
+                              const ContactWants& desired) {
     const Seat seat(b, X_WT);
-    ContactResult result = measure_one(a, b, alpha, seat.X_CT, wanted);
+    ContactResult result = measure_one(a, b, alpha, seat.X_CT, desired);
     if (!seat.is_at_origin) turn(seat.q_WC, result);
     return result;
   };

@@ -154,11 +154,12 @@ PALPATE_HOSTDEV inline CurvedFieldSample sample_field_curvature(const DepthField
   if (!(z > static_cast<double>(kMinDepth))) return {2 * radius, {}, {}};
   const PixelPosition<double> at = project(field.intrinsics, p_C);
   ImageCurvature<double> c = query_field_curvature(field, at, z, radius);
-  double asked = radius;
-  for (int i = 0; i < kMaxDeepSteps && c.first.phi < -deep_limit(asked); ++i) {
-    const ImageCurvature<double> wide = query_field_curvature(field, at, z, asked * kDeepGrowth);
-    c = deepened(c, wide, c.first.phi, wide.first.phi, asked);
-    asked *= kDeepGrowth;
+  double requested = radius;
+  for (int i = 0; i < kMaxDeepSteps && c.first.phi < -deep_limit(requested); ++i) {
+    const ImageCurvature<double> wide =
+        query_field_curvature(field, at, z, requested * kDeepGrowth);
+    c = deepened(c, wide, c.first.phi, wide.first.phi, requested);
+    requested *= kDeepGrowth;
   }
   const float fx = static_cast<float>(field.intrinsics.fx);
   const float fy = static_cast<float>(field.intrinsics.fy);

@@ -215,10 +215,10 @@ PALPATE_FORMULA Curved<Real> deep_excess(Real depth, Real footprint, Real per_fo
 
 /// The value for a sphere of this radius, and for the next wider one: the maximum of both, where
 /// the wider one knows only of what is deeper than kDeep footprints, stretched so that it says what
-/// both say where they agree. `Told` is an ImageGradient or an ImageCurvature.
-template <class Told, class Real>
-PALPATE_FORMULA Told deepened(const Told& fine, const Told& wide, Real fine_phi, Real wide_phi,
-                              Real radius) {
+/// both say where they agree. `AnySample` is an ImageGradient or an ImageCurvature.
+template <class AnySample, class Real>
+PALPATE_FORMULA AnySample deepened(const AnySample& fine, const AnySample& wide, Real fine_phi,
+                                   Real wide_phi, Real radius) {
   const Real zero{}, one = zero + 1.0f, footprint = kFootprint * radius;
   const Real depth = kDeep * footprint, k = kDeepCorner * footprint;
   const Real per_footprint = one / footprint;
@@ -227,17 +227,17 @@ PALPATE_FORMULA Told deepened(const Told& fine, const Told& wide, Real fine_phi,
       even_corner(-fine_phi - depth, 0.5f * depth, per_footprint * (2.0f / kDeep));
   const Real per_k = per_footprint * (1.0f / kDeepCorner);
   const Real steep_phi = fine_phi - kSteepening * e.value;
-  const Told steep =
+  const AnySample steep =
       composed<Real>({steep_phi, one + kSteepening * e.slope, -kSteepening * e.bend}, fine);
   // Wider ones: min(wide, -depth), rounded above -depth
   const Curved<Real> c = even_corner(-wide_phi - depth + 2.0f * k, k, per_k);
   const Real capped_phi = k - depth - c.value;
-  const Told capped = composed<Real>({capped_phi, c.slope, -c.bend}, wide);
+  const AnySample capped = composed<Real>({capped_phi, c.slope, -c.bend}, wide);
   const Curved<Real> m = even_corner(capped_phi - steep_phi, k, per_k);
-  const Told most = sum(steep, composed<Real>(m, difference(capped, steep)));
-  const Real depth_of_most = -steep_phi - m.value;
-  const Curved<Real> excess = deep_excess(depth_of_most, footprint, per_footprint);
-  return composed<Real>({excess.value - depth_of_most, one - excess.slope, excess.bend}, most);
+  const AnySample most = sum(steep, composed<Real>(m, difference(capped, steep)));
+  const Real depth_of_max = -steep_phi - m.value;
+  const Curved<Real> excess = deep_excess(depth_of_max, footprint, per_footprint);
+  return composed<Real>({excess.value - depth_of_max, one - excess.slope, excess.bend}, most);
 }
 
 /// `blend` of the next wider level; it changes with z by `by_z`.
@@ -284,11 +284,11 @@ PALPATE_HOSTDEV inline FieldSample<Real> sample_field(const DepthFieldView& fiel
   if (!(z > Real(kMinDepth))) return {2 * radius, {}};
   const PixelPosition<Real> at = project(field.intrinsics, p_C);
   ImageGradient<Real> g = query_field(field, at, z, radius);
-  Real asked = radius;
-  for (int i = 0; i < kMaxDeepSteps && g.phi < -deep_limit(asked); ++i) {
-    const ImageGradient<Real> wide = query_field(field, at, z, asked * Real(kDeepGrowth));
-    g = deepened(g, wide, g.phi, wide.phi, asked);
-    asked *= Real(kDeepGrowth);
+  Real requested = radius;
+  for (int i = 0; i < kMaxDeepSteps && g.phi < -deep_limit(requested); ++i) {
+    const ImageGradient<Real> wide = query_field(field, at, z, requested * Real(kDeepGrowth));
+    g = deepened(g, wide, g.phi, wide.phi, requested);
+    requested *= Real(kDeepGrowth);
   }
   const Gradient3<Real> n =
       to_space(g, at.from_centre_u, at.from_centre_v, 1 / z,

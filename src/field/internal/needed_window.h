@@ -32,8 +32,8 @@ inline PixelWindow needed_window(const Intrinsics& k, int width, int height, con
 /// Does the field know all that is asked at points within `reach` (m) of p_C?
 inline bool is_known_around(const DepthFieldView& field, const Vec3d& p_C, double reach) {
   const int width = field.levels[0].width, height = field.levels[0].height;
-  return field.asked.has_all(width, height) ||
-         field.asked.contains(needed_window(field.intrinsics, width, height, p_C, reach));
+  return field.requested.has_all(width, height) ||
+         field.requested.contains(needed_window(field.intrinsics, width, height, p_C, reach));
 }
 
 }  // namespace palpate::inline v0

@@ -46,9 +46,9 @@ Status check_contact_rate(const RunSettings& settings) {
 std::unique_ptr<ThreadPool> make_query_threads(const RunSettings& settings,
                                                std::size_t num_spheres) {
   constexpr std::size_t kSpheresPerThread = 50000, kMaxThreads = 4;
-  const auto wanted = static_cast<int>(std::min(1 + num_spheres / kSpheresPerThread, kMaxThreads));
+  const auto desired = static_cast<int>(std::min(1 + num_spheres / kSpheresPerThread, kMaxThreads));
   return std::make_unique<ThreadPool>(
-      std::min(wanted, num_threads_for(settings.num_threads)),
+      std::min(desired, num_threads_for(settings.num_threads)),
       settings.wants_real_time ? ContactStage::begin_thread : nullptr);
 }
 
@@ -441,10 +441,10 @@ void LiveLoop::publish_all() {
 }
 
 std::vector<std::pair<std::string, std::string>> LiveLoop::scheduling() const {
-  const bool is_wanted = first_settings_.wants_real_time;
+  const bool is_requested = first_settings_.wants_real_time;
   const auto nice = [](int value) { return "nice " + std::to_string(value); };
   const auto real_time = [&](int refused) {
-    return std::string(is_wanted && refused == 0 ? "real time" : "as other programs");
+    return std::string(is_requested && refused == 0 ? "real time" : "as other programs");
   };
   return {{"haptic", real_time(haptic_.real_time_error())},
           {"contact", real_time(contacts_.real_time_error())},

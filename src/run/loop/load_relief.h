@@ -40,7 +40,7 @@ class LoadRelief {
   static constexpr double kRelapse = 30;   ///< s after taking back: then it was too early
 
   /// The most steps that image and tool have to give.
-  LoadRelief(int most_image, int most_spheres) : most_{1, most_image, most_spheres} {}
+  LoadRelief(int max_image, int max_spheres) : max_steps_{1, max_image, max_spheres} {}
 
   const ReliefSteps& steps() const { return steps_; }
   double patience() const { return patience_; }
@@ -72,11 +72,12 @@ class LoadRelief {
   /// The page first: it does not affect the force.
   void go_on(const LoadWindow& w) {
     ReliefSteps next = steps_;
-    if (w.has_page && steps_.page < most_.page) {
+    if (w.has_page && steps_.page < max_steps_.page) {
       ++next.page;
     } else {
-      if (w.old_frames > kFew && w.has_frames) next.image = std::min(next.image + 1, most_.image);
-      if (w.old_contacts > kFew) next.spheres = std::min(next.spheres + 1, most_.spheres);
+      if (w.old_frames > kFew && w.has_frames)
+        next.image = std::min(next.image + 1, max_steps_.image);
+      if (w.old_contacts > kFew) next.spheres = std::min(next.spheres + 1, max_steps_.spheres);
     }
     if (next == steps_) return;
     steps_ = next;
@@ -91,7 +92,7 @@ class LoadRelief {
     calm_ = since_back_ = 0;
   }
 
-  ReliefSteps most_;
+  ReliefSteps max_steps_;
   ReliefSteps steps_;
   double calm_ = 0, patience_ = kCalm, since_back_ = kRelapse;
 };

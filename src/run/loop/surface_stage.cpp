@@ -287,7 +287,7 @@ void SurfaceStage::make_surface(Camera& camera, std::uint32_t index) {
     record.unit = newest.frame.unit;
     record.X_WC = newest.frame.X_WC;
     record.surface = stats;
-    record.asked = blend.to.field.asked;
+    record.requested = blend.to.field.requested;
     record.compute_nanoseconds = static_cast<std::int64_t>(1e9 * (end - begin));
     record.period = timeline.period();
     seen_.push();

@@ -166,8 +166,8 @@ TEST(SolidContact, ACornerInTheFaceOfAnEqualCubeIsFeltAlongItsNormal) {
   const double side = 0.1;
   const Tool cube = packed(make_box({side, side, side}), 1000).with_solid_field();
   SolidContact contact = contact_of(cube, cube);
-  const struct { double depth, most_off; } cases[] = {{0.05, 1}, {0.1, 0.25}, {0.15, 0.06}};
-  for (const auto& [depth, most_off] : cases) {
+  const struct { double depth, max_off; } cases[] = {{0.05, 1}, {0.1, 0.25}, {0.15, 0.06}};
+  for (const auto& [depth, max_off] : cases) {
     Random random(9);
     double squares = 0;
     int num = 0;
@@ -186,7 +186,7 @@ TEST(SolidContact, ACornerInTheFaceOfAnEqualCubeIsFeltAlongItsNormal) {
     ASSERT_GT(num, 50);
     const double rms = std::sqrt(squares / num);
     RecordProperty("degrees_at_" + std::to_string(std::lround(100 * depth)), std::to_string(rms));
-    EXPECT_LT(rms, most_off) << depth;
+    EXPECT_LT(rms, max_off) << depth;
   }
 }
 
@@ -478,21 +478,21 @@ TEST(SolidAsking, GridsAreAsWideAsTheSpheres) {
     const double counts = elements.factor[place] * std::pow(radius, 3);
     volume += counts, squares += counts * radius * radius;
     // Of the widths, in spacings: between those of the level and of the next one.
-    const double wanted = std::pow(0.8944272 * radius / spacing, 2);
+    const double desired = std::pow(0.8944272 * radius / spacing, 2);
     const std::int32_t level = asking.level[place];
     ASSERT_TRUE(level >= 0 && level <= last);
     ++num_by_level[static_cast<std::size_t>(level)];
     const double got = std::ldexp(1.0, 2 * level);
-    if (wanted < 1) {
+    if (desired < 1) {
       EXPECT_EQ(level, 0) << radius;
     } else {
-      EXPECT_LT(got, 4 * wanted) << radius;
+      EXPECT_LT(got, 4 * desired) << radius;
       if (level < last) {
-        EXPECT_GT(4 * got, wanted) << radius;
+        EXPECT_GT(4 * got, desired) << radius;
       }
-      if (wanted < std::ldexp(1.0, 2 * last)) {
-        owed += counts * (wanted - got);
-        largest_choice = std::max(largest_choice, counts * 3 * wanted);
+      if (desired < std::ldexp(1.0, 2 * last)) {
+        owed += counts * (desired - got);
+        largest_choice = std::max(largest_choice, counts * 3 * desired);
         EXPECT_LE(std::abs(owed), 0.5 * largest_choice * (1 + 1e-6)) << radius;
       }
     }
@@ -522,9 +522,9 @@ TEST(SolidAsking, SmallSpheresNeedLittleRoomForRounding) {
     const Tool row =
         Tool::build(make_box({1, 1, 1}), std::move(packing), GapRule::absolute, "").value();
     const SolidAsking asking(FieldElements(row, SphereVolumes::own), field);
-    const int asked = radius < spacing ? 0 : (radius < 2 * spacing ? 1 : 2);
+    const int requested = radius < spacing ? 0 : (radius < 2 * spacing ? 1 : 2);
     for (const float rounding : asking.rounding) {
-      EXPECT_NEAR(static_cast<double>(rounding), 0.8660254 * std::ldexp(spacing, asked),
+      EXPECT_NEAR(static_cast<double>(rounding), 0.8660254 * std::ldexp(spacing, requested),
                   1e-3 * spacing);
     }
     EXPECT_NEAR(asking.coarseness, radius * radius + spacing * spacing, 1e-5 * spacing * spacing);

@@ -100,8 +100,8 @@ VolumeWrench unbounded_wrench(const Tool& tool, const FieldElements& elements,
     if (at.sphere_id[i] < 0) continue;
     const Vec3d lever = rotate(X_WT.rotation, to_double(Vec3f{at.x[i], at.y[i], at.z[i]}));
     const double r = elements.radius[i];
-    const auto told = sample_field(field, X_WT * tool.sphere_mass().centre_of_mass + lever, r);
-    const Vec3d force = elements.factor[i] * cap_volume(r, told.phi) * told.gradient;
+    const auto reported = sample_field(field, X_WT * tool.sphere_mass().centre_of_mass + lever, r);
+    const Vec3d force = elements.factor[i] * cap_volume(r, reported.phi) * reported.gradient;
     sum.force += force;
     sum.torque += cross(lever, force);
   }

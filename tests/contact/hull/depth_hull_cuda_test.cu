@@ -238,7 +238,7 @@ TEST_F(DepthHullCuda, RefusesWhatTheCpuRefuses) {
   views[1].to.seen_free = {};
   EXPECT_EQ(status(views), StepStatus::no_surface);
   views = scene.views;
-  views[0].to.field.asked = {0, 0, 20, 20};
+  views[0].to.field.requested = {0, 0, 20, 20};
   EXPECT_EQ(status(views), StepStatus::outside_window);
   EXPECT_EQ(status(scene.views), StepStatus::ok);
 }

@@ -497,7 +497,7 @@ TEST(DepthHull, RefusesWhatItCannotMeasure) {
   EXPECT_EQ(status(views, X_WT), StepStatus::non_finite_pose);
   views = scene.views;
   for (auto* field : {&views[1].to.field, &views[1].to.seen_free}) {
-    field->asked = {0, 0, 20, 20};
+    field->requested = {0, 0, 20, 20};
   }
   EXPECT_EQ(status(views, X_WT), StepStatus::outside_window);
 }

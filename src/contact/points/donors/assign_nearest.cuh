@@ -122,7 +122,7 @@ class NearestAssignment : private DonorPruning {
     for (int i = lane; i < from.num; i += gpu::kWarpSize) {
       offer(best, from.at(q_.boundary, i), box);
     }
-    best = from_lane(best, lane_of_least(best.squared_distance));
+    best = from_lane(best, lane_of_min(best.squared_distance));
 
     const int num_chunks = divided(from.num, gpu::kWarpSize);
     bool is_reached = false;

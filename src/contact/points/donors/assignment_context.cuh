@@ -91,13 +91,13 @@ class AssignmentContext {
   /// DonorsView::assign by a warp, all lanes of which ask the same and get the answer. Without an
   /// average `best_donor` is the donor that counts most, -1 if there is none.
   __device__ Assigned assign_by_warp(std::int32_t id, std::int32_t& best_donor) const {
-    const AssignmentRule asked = rule();
+    const AssignmentRule requested = rule();
     best_donor = -1;
     if (has_edges && edges.cuts_off(id)) return {};
-    if (asked.average) {
+    if (requested.average) {
       DonorAverage sum;
       for (std::int32_t l = gpu::lane_id(); l < donors.num; l += gpu::kWarpSize) {
-        donors.add_to(sum, l, id, asked);
+        donors.add_to(sum, l, id, requested);
       }
       sum.weights = gpu::warp_sum(sum.weights);
       sum.sum.volume = gpu::warp_sum(sum.sum.volume);
@@ -106,11 +106,11 @@ class AssignmentContext {
     }
     DonorChoices mine;
     for (std::int32_t l = gpu::lane_id(); l < donors.num; l += gpu::kWarpSize) {
-      donors.offer_to(mine, l, id, asked);
+      donors.offer_to(mine, l, id, requested);
     }
     const DonorChoices best = best_of_warp(mine);
     best_donor = best.donor[0];
-    return donors.composite(best, id, asked);
+    return donors.composite(best, id, requested);
   }
 
  private:
