@@ -38,7 +38,7 @@ bool is_right(const Contact& contact, const SurfaceView& surface, const Pose& X_
   const double measured =
       contact.measure(surface, there).penetration.potential - now.penetration.potential;
   std::printf("predicted: %.3e m4, measured: %.3e m4\n", predicted, measured);
-  return measured > 0 && std::abs(reported - came) < 0.02 * came;
+  return measured > 0 && std::abs(predicted - measured) < 0.02 * measured;
 }
 
 int main() {
