@@ -47,7 +47,7 @@ Result<CameraUri> connected_camera() {
 Result<std::string> connected_device() {
   std::vector<std::string> devices;
   for (const FoundDevice& found : find_devices()) {
-    // Nothing is plugged in: these have to be asked for.
+    // Nothing is plugged in: these are only used when requested.
     const bool is_named = found.kind == "sim" || found.kind == "replay" || found.kind == "ros2" ||
                           found.kind == "page";
     if (found.is_usable && !is_named) devices.push_back(found.uri);

@@ -104,7 +104,7 @@ void print_summary(const Options& options, const eval::Evaluation& evaluation) {
   std::cout << "report: " << report << "\n";
 }
 
-/// What the run left behind, as an error if it is not what was asked for.
+/// What the run left behind, as an error if it is not what was requested.
 Status outcome(const Options& options, const eval::Evaluation& evaluation) {
   const std::string folder = options.evaluation.output.string();
   if (evaluation.interrupted) {

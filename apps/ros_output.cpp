@@ -344,7 +344,7 @@ class Output final : public RosOutput {
                                     streams_[record.camera].intrinsics, record.X_WC));
   }
 
-  /// From the thread of the observer: what cameras see, for who asks how the spheres are.
+  /// From the thread of the observer: what cameras see, for requests for the spheres' states.
   void keep(const FrameRecord& record, const DepthFrame& frame) {
     if (!(options_.points_rate > 0) || spheres_->num_readers() == 0) return;
     const std::lock_guard lock(seen_mutex_);
@@ -369,7 +369,7 @@ class Output final : public RosOutput {
     return false;
   }
 
-  /// As the last contact that was asked for found them.
+  /// As the last requested contact found them.
   void publish_spheres(RunLoop& loop, double time) {
     if (const ContactPicture* const now = loop.new_contact_picture(PictureConsumer::robots)) {
       const std::lock_guard lock(seen_mutex_);

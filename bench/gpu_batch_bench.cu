@@ -1,5 +1,5 @@
 // Batches on this machine's GPU: time on the device of a call, one CSV row for each case, and how
-// many spheres that asks in a second. Beside them a distance grid at the same poses.
+// many spheres that evaluates in a second. Beside them a distance grid at the same poses.
 //   gpu_batch_bench [--quick] [--gpu N] [--only WORD] [--warps]
 // With --warps every case is tried with 1, 2, 4 and 8 warps a pose.
 #include <cstring>

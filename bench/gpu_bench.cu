@@ -137,7 +137,7 @@ void measure_queries(int num_spheres) {
   }
 }
 
-// Two equal cubes, and one in a cube that is too coarse to ask.
+// Two equal cubes, and one in a cube that is too coarse to be sampled.
 void measure_bodies(int num_spheres) {
   const Tool& tool = cube_tool(num_spheres);
   for (const bool is_coarse : {false, true}) {
@@ -169,7 +169,7 @@ void measure_hull(int num_spheres) {
       const test::HullScene scene =
           scene_of(solids().front(), cameras_around(num_cameras), 0.0015, 1);
       std::vector<SurfaceBlend> views = scene.views;
-      // Alone, a camera is not asked what it has seen to be free.
+      // Alone, the free space that a camera has seen is not queried.
       if (num_cameras == 1) views[0].to.seen_free = views[0].from.seen_free = {};
       std::size_t i = 0;
       ContactStatus status;

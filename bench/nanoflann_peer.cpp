@@ -23,7 +23,8 @@ struct Points {
 using Tree =
     nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<float, Points>, Points, 3>;
 
-/// Takes the points within a radius as they are found, and stops at the first if no more is asked.
+/// Takes the points within a radius as they are found, and stops at the first if no more is
+/// requested.
 struct Visitor {
   const PointCloud& cloud;
   Question question;
@@ -55,7 +56,7 @@ class NanoflannTree : public BoundaryPeer {
   std::string name() const override { return "nanoflann"; }
 
   void build() override {
-    constexpr std::size_t kPointsPerLeaf = 32;  // of 10, 32 and 64 the best to build and to ask
+    constexpr std::size_t kPointsPerLeaf = 32;  // of 10, 32 and 64 the best to build and to query
     tree_ = std::make_unique<Tree>(3, points_,
                                    nanoflann::KDTreeSingleIndexAdaptorParams(kPointsPerLeaf));
   }

@@ -19,7 +19,7 @@ namespace palpate::bench {
   std::exit(1);
 }
 
-/// What is asked of every sphere.
+/// What is computed for every sphere.
 enum class Question {
   which,  ///< does it hold a point?
   sums,   ///< what do its points and their normals add up to?
@@ -46,7 +46,7 @@ class BoundaryPeer {
   virtual std::string name() const = 0;
   /// Makes the library's structure over the points: a camera's are new in every frame.
   virtual void build() = 0;
-  /// Asks every sphere of a tool at X_WT. `answers`: one per sphere.
+  /// Evaluates every sphere of a tool at X_WT. `answers`: one per sphere.
   virtual void ask(Question question, std::span<const Sphere> spheres, const Pose& X_WT,
                    std::span<SphereAnswer> answers) = 0;
 };

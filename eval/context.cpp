@@ -92,7 +92,7 @@ std::vector<std::string> recording_names() {
   return names;
 }
 
-/// Tools by shape and size: what has been packed so far, and the prefixes that were asked for.
+/// Tools by shape and size: what has been packed so far, and the prefixes that were requested.
 struct Context::Cache {
   struct Entry {
     TriangleMesh mesh;

@@ -75,7 +75,7 @@ Vec3d foremost(const Tool& tool, const Pose& X_WT) {
   return best_T;
 }
 
-/// Ready to be asked; the tool, the case and the scene have to outlive it.
+/// Ready for queries; the tool, the case and the scene have to outlive it.
 Measure measure_of(const Row& row, const ContactCase& c, const Tool& tool,
                    const RenderedScene& seen, const ExactStep& scale) {
   if (row.way == Way::ours) return query_measure(tool, seen, row.options);

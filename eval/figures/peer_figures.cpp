@@ -141,7 +141,7 @@ std::string range(double low, double high) {
 
 // ---- Which points are in which sphere ----
 
-/// What the spheres are asked for: the word in the file, and for humans.
+/// What is computed for the spheres: the word in the file, and for humans.
 struct Question {
   const char* word;
   const char* text;

@@ -11,7 +11,7 @@
 
 namespace palpate::eval {
 
-/// Against one surface or between two. A query is made when its method is first asked; all share an
+/// Against one surface or between two. A query is made when its method is first used; all share an
 /// index.
 class MethodQueries {
  public:

@@ -11,7 +11,7 @@ namespace palpate::eval {
 /// How far the tasks of one run_tasks are. Any thread.
 class Work {
  public:
-  /// One step is done. Throws Cancelled if the one who waits asked to stop: let it pass.
+  /// One step is done. Throws Cancelled if the caller requested a stop: let it pass.
   void step() {
     if (stopped_.load(std::memory_order_relaxed)) throw Cancelled{};
     num_done_.fetch_add(1, std::memory_order_relaxed);

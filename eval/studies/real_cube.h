@@ -3,8 +3,8 @@
 //
 // The camera was tracked by a board behind the cube, a metre away; told by that alone, the cube
 // would wander by a centimetre. So the exact cube is laid on each frame by its own faces: three
-// planes at right angles, 85 mm apart, are all that is asked of the depth. What they leave over is
-// the sensor's.
+// planes at right angles, 85 mm apart, are all that the depth is tested for. What they leave over
+// is the sensor's.
 #pragma once
 
 #include <optional>

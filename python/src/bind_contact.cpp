@@ -21,7 +21,7 @@ struct PyResult {
   nb::object surface;  ///< the first one
   Pose X_WT;
   std::optional<double> unseen;  ///< as the library says, of joined surfaces
-  SpherePicture spheres;         ///< empty: not asked for
+  SpherePicture spheres;         ///< empty: not requested
 };
 
 /// Is there a measurement where a point is seen?

@@ -116,7 +116,7 @@ Result<Contents> look_through(BagReader& reader, const std::string& desired) {
       auto frame = topic.num_frames == 0 ? read_frame(channel.schema_name, **message, kFloatUnit)
                                          : Result<DepthFrame>(DepthFrame());
       if (!frame) {
-        // Colour images are no error unless they were asked for.
+        // Colour images are no error unless they were requested.
         if (!desired.empty()) return frame.error();
         topic.num_frames = -1;
         continue;
@@ -135,7 +135,7 @@ Result<Contents> look_through(BagReader& reader, const std::string& desired) {
   return contents;
 }
 
-/// The topic to read: the one that is asked for, or the only one with depth.
+/// The topic to read: the requested one, or the only one with depth.
 Result<std::string> choose_topic(const CameraUri& uri, Contents& contents,
                                  const std::string& desired) {
   std::erase_if(contents.images, [](const auto& each) { return each.second.num_frames < 1; });
@@ -184,7 +184,7 @@ struct CameraInTree {
   std::string world, frame;
 };
 
-/// None unless it is asked for. Error: nothing joins the frames.
+/// None unless it is requested. Error: nothing joins the frames.
 Result<std::optional<CameraInTree>> place_of(const CameraUri& uri, Contents& contents,
                                              const Contents::Topic& images) {
   const auto extra = [&](const char* name) {

@@ -101,7 +101,7 @@ PALPATE_FORMULA VecF change_of(VecF deviation) {
 }
 
 struct PixelDeviation {
-  VecF gain;  ///< of this measurement, if only the pixel itself is asked
+  VecF gain;  ///< of this measurement, if only the pixel itself is read
   VecF sum, num, squares, num_known, num_gone;  ///< what it adds to those of its tile
 };
 

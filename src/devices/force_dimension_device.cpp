@@ -1,4 +1,4 @@
-// Force Dimension devices (omega, delta, sigma, lambda, Novint Falcon): asked by a clock of ours.
+// Force Dimension devices (omega, delta, sigma, lambda, Novint Falcon): polled by our own timer.
 
 #include <algorithm>
 #include <array>

@@ -244,7 +244,7 @@ Result<std::unique_ptr<HapticDevice>> open_open_haptics_device(std::string_view 
   return std::unique_ptr<HapticDevice>(std::move(device));
 }
 
-/// A device of OpenHaptics is claimed by asking for it, so it is not asked for here.
+/// A device of OpenHaptics is claimed by opening it, so it is not opened here.
 FoundDevice find_open_haptics_device() {
   FoundDevice found{std::string(kKind), std::string(kKind), false, "", ""};
   const Result<OpenHapticsApi> api = load_open_haptics();

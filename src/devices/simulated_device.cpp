@@ -124,7 +124,7 @@ class DeviceInMemory final : public SimulatedDevice {
     double energy_given = 0;
   };
 
-  /// The hand moves on since the last round, then its new wrench is asked for.
+  /// The hand moves on since the last round, then its new wrench is computed.
   bool round(double time, int periods) noexcept {
     if (num_ticks_ > 0)
       for (int i = 0; i < periods; ++i) hand_.advance(F_H_B_);

@@ -65,7 +65,7 @@ void DepthField::Impl::widen(int level, Choice choice, const PixelWindow& window
            [&](int v) { rows.widen(fine, level, choice, coarse, window, v); });
 }
 
-/// Closes holes from the outside in: the widest level that has to be asked is made first.
+/// Closes holes from the outside in: the widest level that has to be read is made first.
 void DepthField::Impl::fill_holes(const FieldWindows& windows, ThreadPool& pool) {
   if (std::find(row_has_hole.begin(), row_has_hole.end(), 1) == row_has_hole.end()) return;
   const int num_filled = layout.num_filled(options);

@@ -136,7 +136,7 @@ __global__ void __launch_bounds__(kThreads)
 }
 
 /// What the holes of a square are filled with: of each level the pixels from
-/// `start` on, counted from the square's first one: all that the level before asks.
+/// `start` on, counted from the square's first one: all that the level before reads.
 struct Surroundings {
   static constexpr int kNum = 18 * 18 + 12 * 12 + 8 * 8 + 6 * 6 + 5 * 5;
 

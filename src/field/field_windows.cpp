@@ -4,7 +4,7 @@ namespace palpate::inline v0 {
 namespace {
 
 /// On a level: the spots of what is seen from `left` to `right`, pixels of level 0, rounded to
-/// either side, and the neighbours that the spline reads. What is asked at the border goes on
+/// either side, and the neighbours that the spline reads. Samples at the border go on
 /// beyond it.
 void find_columns(int level, int image_size, int size, int left, int right, int& first, int& end) {
   const int last = size + kSilhouetteBorder;

@@ -13,11 +13,11 @@ constexpr int kWidestImage = 320;  // pixels, of what is kept
 constexpr int kGridStride = 2;     // of these, from one point that is compared to the next
 /// A frame is kept when more of what it has seen is known by no other.
 constexpr double kWorthKeeping = 0.05;
-/// At these shares of a ray's depth it is asked what others know.
+/// At these shares of a ray's depth the other key frames are queried.
 constexpr double kAlongRay[] = {0.4, 0.7, 1.0};
 /// Surfaces that are made at a frame: the others wait for the next ones.
 constexpr int kMaxMadePerFrame = 3;
-/// What has come is asked for at so many points of its thickness.
+/// What is new is sampled at so many points of its thickness.
 constexpr int kNumInside = 8;
 /// Points of nine that say the same: fewer are noise, or an edge that two frames see otherwise.
 constexpr int kMinMarked = 7;

@@ -99,7 +99,7 @@ Result<CheckedCoupling> check_coupling(const CouplingOptions& options, const Dev
   const double damping = line.damping(o.stiffness);
   if (damping < desired) {
     const double lowered = o.damping_ratio * damping / desired;
-    // Nobody asked for the default.
+    // The default was not set by the user.
     const bool is_requested = options.damping_ratio != CouplingOptions{}.damping_ratio;
     if (is_requested)
       checked.warnings.push_back("the damping ratio is lowered from " + number(o.damping_ratio) +

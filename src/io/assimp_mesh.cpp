@@ -168,7 +168,7 @@ std::string glb_with_json(std::string_view content, const std::string& json) {
 }
 
 // Assimp must not repair: of its many steps only the triangulation of polygons and the check of
-// indices are asked for.
+// indices are requested.
 Result<TriangleMesh> load_with_assimp(const std::filesystem::path& path,
                                       std::string_view content) try {
   Assimp::Importer importer;

@@ -44,7 +44,7 @@ constexpr double kMinRadiusOfCoordinate = 1e-6;
 constexpr double kHeadStart = 0.75;
 
 // The surface is looked at from so many spheres on, whenever there are a twentieth more. Until the
-// next look the bound shrinks by about 2 %, so what is asked for is well within it.
+// next look the bound shrinks by about 2 %, so the requested value is well within it.
 constexpr std::size_t kFirstLook = 700;
 constexpr std::size_t kMorePerLook = 20;  // one part of so many
 constexpr double kReachMargin = 0.8;      // of standoff_bound

@@ -46,7 +46,7 @@ void SurfaceWatch::measure_beyond(double bound, std::size_t num) {
   });
 }
 
-// What was not measured again is below the guess. If the values asked for are above it, they are
+// What was not measured again is below the guess. If the requested values are above it, they are
 // exact.
 SurfaceWatch::Quantiles SurfaceWatch::quantiles() {
   const auto value_at = [&](double share) {

@@ -154,7 +154,7 @@ void RunResults::add_row(const TickRecord& tick) {
 
 /// Where it was at the newest of its images that the tick rests on.
 Pose RunResults::first_camera_at(const TickRecord& tick) {
-  // Ticks come in order: what one of them has left behind no later one asks for.
+  // Ticks come in order: what one of them has left behind no later one needs.
   const auto is_passed = [&](std::size_t i) {
     return i < first_poses_.size() && first_poses_[i].number <= tick.frame_number;
   };

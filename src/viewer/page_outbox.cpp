@@ -105,7 +105,7 @@ bool PageOutbox::wants(PicturePart part) const {
 }
 
 void PageOutbox::begin_picture(double now) {
-  // What is newest may be from before the page asked for it.
+  // What is newest may be from before the page subscribed to it.
   if (awaits_ack_ || hub_.num_polls() == poll_of_subscription_) return;
   for (std::size_t part = 0; part < hub_.num_parts(); ++part) {
     if (!wants(hub_.kind(part)) || hub_.number(part) == sent_parts_[part]) continue;

@@ -71,7 +71,7 @@ RunPlayer::~RunPlayer() {
   if (thread_.joinable()) thread_.join();
 }
 
-// What others ask for.
+// Requests of other threads.
 
 void RunPlayer::poll(const ViewSubscription& subscription, ViewUpdate& update) {
   const std::lock_guard lock(mutex_);
@@ -216,7 +216,7 @@ void RunPlayer::show(double time) {
   tell(trouble);
 }
 
-/// As the run had them, with what was changed here; also for those who ask.
+/// As the run had them, with what was changed here; also for queries.
 void RunPlayer::use_settings_of(const RecordedQuery& query) {
   const std::lock_guard lock(mutex_);
   const SettingsInUse desired{query.revision, shown_.revision};

@@ -21,7 +21,7 @@
 namespace palpate {
 namespace {
 
-/// Frames of the arm at rest, each captured when it is asked for, or later.
+/// Frames of the arm at rest, each captured when it is requested, or later.
 class LiveFrames : public DepthSource {
  public:
   explicit LiveFrames(DepthFrame shown) : shown_(std::move(shown)) {

@@ -304,7 +304,7 @@ TEST(ContactQuery, NonFinitePoseIsReportedAndMeasuresNothing) {
   EXPECT_EQ(result.volume, 0);
 }
 
-// A query that was given nothing, or a surface of the kind that its method does not ask, says so:
+// A query that was given nothing, or a surface of the kind that its method does not use, says so:
 // a zero force that means "I do not know" would be taken for free space.
 TEST(ContactQuery, WithoutASurfaceItSaysSo) {
   const Tool tool = test::random_tool(20, 0.05, 6);

@@ -113,14 +113,14 @@ TEST(DepthField, IsTheDistanceToAPlaneForSpheresOfAllSizes) {
   const DepthField field = make_field(plane_cloud());
   test::Random random(1);
   for (int i = 0; i < 3000; ++i) {
-    // Large spheres ask wide pixels, which must not reach over the border of the image.
+    // Large spheres sample wide pixels, which must not reach over the border of the image.
     const double radius = 0.0005 * std::pow(40.0, random.uniform());
     const Vec3d p =
         at_pixel(random.uniform(50, 110), random.uniform(45, 75), random.uniform(0.7, 0.9));
     const FieldSample<double> got = sample_field(field.view(), p, radius);
     const double distance = dot(plane.normal, p) - plane.offset;
     if (distance < -0.03) continue;  // there the border of the image is near for the widest pixels
-    // Where wider pixels are asked too, the field is deeper by the rounding of the maximum.
+    // Where wider pixels are sampled too, the field is deeper by the rounding of the maximum.
     const double bias = distance < -1.3 * radius ? -0.35 * distance : 0;
     EXPECT_NEAR(got.phi, distance, 2e-6 + bias) << radius;
     EXPECT_NEAR(norm(cross(got.gradient, plane.normal)), 0, 2e-5);

@@ -221,7 +221,7 @@ TEST(SafetyEnergy, DampingTakesBackWhatIsOverdrawn) {
     for (const double speed : {0.3, 0.6}) {
       SafetyOptions options;
       options.ramp_seconds = 0;
-      options.max_slew = 1e5;  // far more than is asked for here
+      options.max_slew = 1e5;  // far more than is needed here
       DeviceLimits limits = kLimits;
       limits.max_damping = max_damping;
       limits.max_force = 1000;

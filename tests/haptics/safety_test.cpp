@@ -284,7 +284,7 @@ TEST(SafetyFilter, TooManyFaultsWithinAMinuteNeedSomebodyWhoAsks) {
   EXPECT_EQ(ticks_until_engaged(rig, 120'000), -1);
   EXPECT_EQ(rig.filter.status().state, ForceState::held_off);
   EXPECT_EQ(rig.fault(), Fault::backend);
-  // Asked for: also in contact, by the ramp.
+  // On request: also in contact, by the ramp.
   rig.input.is_requested = true;
   rig.tick(kPush);
   rig.input.is_requested = false;

@@ -2,9 +2,9 @@
 // with camera_info and the tool's pose, and reads the wrench. Prints what it saw as JSON.
 //
 // usage: fastdds_peer DOMAIN WIDTH HEIGHT [IMAGES_PER_SECOND [looks|arm]], until the standard input
-// ends; who looks also asks for points and spheres. An arm tells where the tool is by tf, whose
+// ends; the viewer also requests points and spheres. An arm tells where the tool is by tf, whose
 // fixed part it says once, before anybody hears it; it keeps contacts, transforms and markers that
-// come, the last of which it asks for late, and prints their bytes.
+// come, to the last of which it subscribes late, and prints their bytes.
 #include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
 #include <fastdds/dds/domain/DomainParticipant.hpp>
 #include <fastdds/dds/domain/DomainParticipantFactory.hpp>

@@ -311,7 +311,7 @@ TEST(LiveLoop, RealTimeIsAskedForAndRefusalsAreNoted) {
   for (const std::string& note : report.notes) {
     EXPECT_NE(note.find(';'), std::string::npos) << note;  // what, and what to do
   }
-  // Each thread either has what it asked for, or there is a note that it was refused.
+  // Each thread either has what it requested, or there is a note that it was refused.
   std::map<std::string, std::string> how(report.scheduling.begin(), report.scheduling.end());
   for (const std::string thread : {"haptic", "contact"}) {
     const bool is_refused =

@@ -399,7 +399,7 @@ TEST(LiveRun, KilledLosesNoMoreThanTheLastHalfSecond) {
     (void)run_for(60, run);
     _exit(0);
   }
-  // Two seconds, or as many as a busy machine needs for what is asked below.
+  // Two seconds, or as many as a busy machine needs for what is checked below.
   const auto num_ticks = [&] {
     int num = 0;
     auto reader = McapReader::open(run / kRecordingFile);
@@ -464,7 +464,7 @@ TEST(LiveRun, GoesOnAfterAFaultThatPassesAndIsRepeated) {
   monitor.on_loop = [&](RunLoop* now) { loop = now; };
   monitor.observer.on_ticks = [&](std::span<const TickRecord> ticks) {
     for (const TickRecord& tick : ticks) {
-      // The hand is still in contact, so it has to ask.
+      // The hand is still in contact, so it has to query.
       if (has_fault && tick.safety.state == ForceState::waiting && loop) {
         loop.load()->request_force();
       }

@@ -94,7 +94,7 @@ inline HullTruth hull_of(std::span<const SurfaceBlend> views, const Vec3d& p_W, 
   const auto is_remembered = [](const SurfaceBlend& view) {
     return view.to.remembered.num_levels > 0;
   };
-  // One camera by itself is not asked for what it has seen to be free.
+  // The free space of a single camera is not queried.
   if (views.size() == 1 && !is_remembered(views[0])) {
     const bool joins = views[0].to.in_front.num_levels > 0;
     return {hull_view(views[0], p_W, radius, &SurfaceView::field, false, joins), 0, 0};

@@ -27,7 +27,7 @@ namespace websocket = boost::beast::websocket;
 using asio::ip::tcp;
 using boost::system::error_code;
 
-/// Beast does not tell with which status it was refused: asks again.
+/// Beast does not tell with which status it was refused: requests again.
 int refusal(int port, const std::string& host, const std::string& target,
             const PageClient::Headers& headers) {
   std::string request = "GET " + target + " HTTP/1.1\r\nHost: " + host +

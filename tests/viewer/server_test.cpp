@@ -173,7 +173,7 @@ TEST(ViewServer, ObeysCommandsByPost) {
   EXPECT_EQ(status_of(http_request(fixture.port, "no HTTP at all\r\n\r\n")), 400);
 }
 
-// Who may ask.
+// Access control.
 
 struct Asker {
   const char* host;
@@ -454,7 +454,7 @@ TEST(RateLimit, GivesSoManyASecondAndSomeAtOnce) {
   EXPECT_EQ(limit.take(100), 0.25);
   EXPECT_EQ(limit.take(100.25), 0.25);
   EXPECT_EQ(limit.take(100.5, 3), 0.75);  // counts as three
-  EXPECT_EQ(limit.take(101.5), 0);        // a quarter of a second more than asked for
+  EXPECT_EQ(limit.take(101.5), 0);        // a quarter of a second more than requested
   for (int i = 0; i < 2; ++i) EXPECT_EQ(limit.take(1000), 0);
   EXPECT_EQ(limit.take(1000), 0.25);  // whoever has been silent for long saves up no more
 }
@@ -638,7 +638,7 @@ TEST(ViewServer, PagesThatDoNotReadOrDrawCostNothingAndTheFormerAreDropped) {
       R"({"command": "show", "frames": true, "contacts": true, "surfaces": true, "samples": true})";
   not_drawing.send(all);
   not_reading.send(all);
-  // The third never reads the answers to what it asks for.
+  // The third never reads the answers to its requests.
   std::thread shouter([&shouting] {
     for (int i = 0; i < 1000000 && shouting.send(R"({"command": "get", "what": "tree"})"); ++i) {
     }

@@ -252,7 +252,7 @@ export class Page implements Listener {
     });
   }
 
-  /// What is shown has changed: the program is asked for what that needs.
+  /// What is shown has changed: the program is sent a request for what that needs.
   private onOptions(): void {
     this.controls.refresh();
     this.drawing.ask();

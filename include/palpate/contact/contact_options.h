@@ -35,7 +35,7 @@ enum class StepStatus : std::uint32_t {
   /// it.
   no_surface = 8,
   no_edge_vectors = 16,  ///< edges are enabled, but the cloud has no edge vectors: measured without
-  /// The tool may extend outside of the window of the depth field (DepthFieldView::asked): no
+  /// The tool may extend outside of the window of the depth field (DepthFieldView::requested): no
   /// measurement against it.
   outside_window = 32,
 };

@@ -38,7 +38,7 @@ enum class Errc {
   bad_input,         ///< a file or mesh was read and is not acceptable
   io_failure,        ///< reading or writing failed (disk full, permission)
   unavailable,       ///< this build or machine cannot do it
-  cancelled,         ///< the caller asked to stop
+  cancelled,         ///< the caller requested a stop
 };
 
 /// One error: its kind, and one sentence that says what, where, and what to do next.

@@ -51,7 +51,7 @@ constexpr auto names_of(ForceState) {
 /// When the force engages, how it fades, and how it returns after a fault.
 struct ForceGateOptions {
   double ramp_seconds = 0.5;  ///< from zero to full force after engaging
-  /// Engages only if the tool had no contact, or the wanted force was below this, for
+  /// Engages only if the tool had no contact, or the desired force was below this, for
   /// `engage_ticks` ticks. A hand that starts in contact gets the ramp after `engage_timeout`
   /// instead, but not after a fault.
   double engage_force = 0.2;  ///< N
@@ -92,7 +92,7 @@ class ForceGate {
   /// s: start of the fault.
   double fault_time() const noexcept { return fault_time_; }
   std::uint32_t num_faults() const noexcept { return num_faults_; }
-  /// Share of the wanted force, 0 to 1; in `fading` the remaining share.
+  /// Share of the desired force, 0 to 1; in `fading` the remaining share.
   double gain() const noexcept { return gain_; }
   /// In `fading`: share of the wrench at the start of the fault, from 1 to 0.
   double fade() const noexcept { return fade_; }

@@ -26,7 +26,7 @@ class MovingBodies {
   std::span<const RigidBody> bodies() const { return bodies_; }
   /// Which one of the objects it is.
   std::size_t object(int body) const { return shown(body).object; }
-  /// What queries ask of it: its first spheres.
+  /// What queries read of it: its first spheres.
   const Tool& shape(int body) const { return *shown(body).shape; }
 
   /// What the tool does to a body, which is about the body's reference of torques.

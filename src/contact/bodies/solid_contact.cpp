@@ -16,7 +16,7 @@ namespace {
 
 constexpr SolidContactKernels kKernels[] = PALPATE_BY_ISA(kSolidContact);
 
-// A way of asking that would count less is not worth its time.
+// A direction of sampling with less weight is not worth its time.
 constexpr double kMinWeight = 0.1;
 // Potential of a single sphere in a light touch, over the square of the coarseness.
 constexpr double kSingle = 0.5;
@@ -171,7 +171,7 @@ class PairPotential {
   }
 
   double value_, slope_a_, slope_b_;
-  double raised_ = 0, raised_a_ = 0, raised_b_ = 0;  // with e; 0: one way alone is asked
+  double raised_ = 0, raised_a_ = 0, raised_b_ = 0;  // with e; 0: one direction alone is sampled
 };
 
 }  // namespace
@@ -206,7 +206,7 @@ SolidAsking::SolidAsking(const FieldElements& elements, const SolidField& field)
     volume += counts;
     squares += counts * radius * radius;
     // Second moments, in those of the finest grid: what the ball has lies between those of two
-    // grids, and it asks the one by which all so far have theirs most nearly.
+    // grids, and it samples the one by which all so far have theirs most nearly.
     const double desired = std::max(1.0, std::pow(kSpacingPerRadius * radius / spacing, 2));
     double moment = 1;
     while (moment * 4 <= desired && level[slot] < last) {

@@ -1,4 +1,4 @@
-// Bodies that ask each other's distance fields, on a GPU: a launch for each way, a warp for each
+// Bodies that sample each other's distance fields, on a GPU: a launch for each way, a warp for each
 // cluster of elements.
 #include "src/contact/bodies/solid_contact_cuda.h"
 
@@ -14,7 +14,7 @@
 namespace palpate::inline v0 {
 namespace {
 
-/// One way of asking; an argument of the kernel.
+/// One direction of sampling; an argument of the kernel.
 struct SolidQuery {
   ElementsView elements;
   const std::int32_t* level = nullptr;  // as in SolidAsking
@@ -131,7 +131,7 @@ int solid_blocks(int gpu, int num_clusters) {
 using SolidSlope = SolidGradient<float>;
 using SolidBend = SolidCurvature<float>;
 
-/// One way of asking and its answers.
+/// One direction of sampling and its results.
 class SolidWay {
  public:
   SolidWay(const ToolIndex& asks, const SolidAsking& asking, const SolidField& field, double weight,

@@ -1,4 +1,4 @@
-// The distance field of a body at a point, and which of its grids a sphere asks. Shared code for
+// The distance field of a body at a point, and which of its grids a sphere samples. Shared code for
 // host and device, for single numbers and vectors of them.
 #pragma once
 
@@ -119,7 +119,7 @@ inline constexpr float kSpacingPerRadius = 0.8944272f;
 /// A mean over the nodes of a B-spline of spacing 1 is less than what it is of by this at most.
 inline constexpr float kMaxRounding = 0.8660255f;
 
-/// Does everything in a ball lie off the solid? `rounding`: of the widest grid that is asked.
+/// Does everything in a ball lie off the solid? `rounding`: of the widest grid that is sampled.
 PALPATE_FORMULA bool is_clear(const SolidFieldView& field, const SolidFrame& frame,
                               const Cluster& ball, float rounding) {
   constexpr int kMargin = SolidField::kMargin;

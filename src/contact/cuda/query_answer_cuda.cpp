@@ -80,7 +80,7 @@ bool AnswerBox::await(gpu::Stream& stream) noexcept {
     if (look % kLooksPerTime != 0) continue;
     const Clock::time_point now = Clock::now();
     if (now < ask) continue;
-    // Asking costs the driver some time, so seldom. A device that is done must have answered.
+    // Polling costs the driver some time, so seldom. A device that is done must have answered.
     ask = now + kPollPeriod;
     const bool is_done = stream.is_idle();
     if (!stream.status()) return false;

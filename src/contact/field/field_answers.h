@@ -56,7 +56,7 @@ struct Answer {
   }
 };
 
-// What lies deep asks wider pixels, too.
+// What lies deep samples wider pixels, too.
 template <class Sample, int kFields>
 [[gnu::always_inline]] inline void query_deeper(const Grid& grid, const Pixels (&fields)[kFields],
                                                 const Lanes& e, Answer<Sample, kFields>& answer) {

@@ -48,7 +48,7 @@ struct GroupSums {
   StiffnessSums stiffness;  ///< if it was wanted
 };
 
-/// What one query asks of each group of clusters.
+/// What one query computes for each group of clusters.
 struct MeasureJob {
   const SphereClusters* clusters = nullptr;
   const float *radius = nullptr, *factor = nullptr, *counted = nullptr;  ///< per slot

@@ -11,7 +11,7 @@
 
 namespace palpate::inline v0 {
 
-/// What the field method is asked, on the device.
+/// A query of the field method, on the device.
 struct FieldQuestion {
   DepthFieldView fields[2];
   double weights[2] = {};

@@ -1,4 +1,4 @@
-// What an element of a tool asks a depth field on a GPU, and what it adds to the measure.
+// What an element of a tool reads from a depth field on a GPU, and what it adds to the measure.
 #pragma once
 
 #include <type_traits>
@@ -121,7 +121,7 @@ __device__ Sample query_field(const FieldLook& field, float u, float v, float de
   const LevelChoice<float> choice =
       choose(kFootprint * radius * field.frame.fx * inverse_depth, field.last_level, inverse_depth);
   Sample answer{};
-  LevelChoice<float> part;  // of what is asked next
+  LevelChoice<float> part;  // of the next sample
   part.blend = {1, 0};
 #pragma unroll 1
   for (int number = choice.level;; ++number) {
@@ -243,7 +243,7 @@ __device__ void add_element(const FieldLook& field, const Element& e, FieldShare
   if (!(e.p[2] > kMinDepth)) return;
   const ElementLook at = look_at(field.frame, e.p);
   if constexpr (kWithStiffness) {
-    // Few elements touch the surface, and only their second derivatives are asked.
+    // Few elements touch the surface, and only their second derivatives are computed.
     if (!(query_field<Gradient>(field, at.u, at.v, at.depth, at.inverse_depth, e.radius).phi <
           e.radius)) {
       return;

@@ -19,7 +19,7 @@ namespace {
 constexpr DepthHullKernels kKernels[] = PALPATE_BY_ISA(kDepthHull);
 
 /// Has the camera measured wherever elements look that are at most `reach` from p_C, also those
-/// that lie deep and ask the widest pixels? There its two fields are one, if all is solid behind
+/// that lie deep and sample the widest pixels? There its two fields are one, if all is solid behind
 /// surfaces.
 bool has_measured_around(const MeasureJob& seen_free, const Vec3d& p_C, double reach) {
   constexpr int kReach = 6;  // pixels around one that a sphere is seen in, of the widest level

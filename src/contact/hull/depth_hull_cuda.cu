@@ -241,8 +241,8 @@ __device__ bool queries_in_front(const HullQuery<kMaxViews>& query, int view, in
   return !sees_free(eye, eye.in_front, query.elements.clusters[cluster], distance);
 }
 
-// A block has one cluster at a time; each of its warps asks some views about all its elements, and
-// the first one joins what they say.
+// A block has one cluster at a time; each of its warps samples some views about all its elements,
+// and the first one joins what they say.
 constexpr int kHullWarps = 8, kHullThreads = kHullWarps * gpu::kWarpSize;
 
 // What views have said about the elements of a cluster.
@@ -402,7 +402,7 @@ int num_blocks(int gpu, int num_clusters) {
 
 }  // namespace
 
-// All that a query asks, but the tool.
+// All that a query reads, but the tool.
 struct DepthHullCuda::Views {
   HullEye eyes[kMaxCameras];
   int num = 0, num_seeing = 0;

@@ -139,7 +139,7 @@ class Hull {
 
   Hull(const HullJob& job, const Eye* eyes) : job_(job), eyes_(eyes) {}
 
-  // The elements asked about next are in this ball.
+  // The elements sampled next are in this ball.
   void aim_at(const Cluster& ball, float largest_radius) {
     for (int k = 0; k < job_.num_cameras; ++k) {
       const HullCamera& camera = job_.cameras[k];

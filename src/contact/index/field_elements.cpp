@@ -82,7 +82,7 @@ FieldElements::FieldElements(const Tool& tool, SphereVolumes volumes, LargeSpher
   factor.resize(radius.size());
   counted.resize(radius.size());
   for (std::size_t slot = 0; slot < radius.size(); ++slot) {
-    if (clusters.sphere_id[slot] < 0) {  // asks what its neighbour asks, and counts nothing
+    if (clusters.sphere_id[slot] < 0) {  // samples what its neighbour samples, with no weight
       for (std::vector<float>* const array : {&clusters.x, &clusters.y, &clusters.z, &radius}) {
         (*array)[slot] = (*array)[slot - 1];
       }

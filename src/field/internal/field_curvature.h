@@ -86,7 +86,7 @@ PALPATE_FORMULA Symmetric<Real> hessian_in_space(const ImageCurvature<Real>& c, 
               2.0f * (c.first.by_u * u_z + c.first.by_v * v_z) * inverse_z};
 }
 
-/// f(c) for a function f of one number, sums and differences: what `deepened` asks for.
+/// f(c) for a function f of one number, sums and differences: what `deepened` requires.
 template <class Real>
 PALPATE_FORMULA ImageCurvature<Real> composed(const Curved<Real>& f,
                                               const ImageCurvature<Real>& c) {

@@ -19,9 +19,9 @@
 // rounded at both corners. Every weight in it is between 0 and 1, so its gradient is never longer
 // than those of its parts.
 //
-// A sphere of radius r covers r f / z pixels and asks a level whose pixels are about as wide as
+// A sphere of radius r covers r f / z pixels and samples a level whose pixels are about as wide as
 // itself (a B-spline then weighs the surface as a disc of radius r would); between two levels both
-// are blended, and the blend is part of the gradient. What lies deep is asked about with wider
+// are blended, and the blend is part of the gradient. What lies deep is sampled with wider
 // pixels, which see exits that are farther away and smooth out noise: the field there is the
 // maximum of the values for spheres of radius r, 4 r, 16 r, ... phi is once continuously
 // differentiable in p, so forces are continuous.
@@ -53,12 +53,12 @@ inline constexpr float kBlendEnd = 1.25f;
 /// Nothing nearer to the camera than this is behind a surface, metres.
 inline constexpr float kMinDepth = 0.02f;
 
-/// In footprints: deeper than this wider pixels are asked too, and how far that is rounded.
+/// In footprints: deeper than this wider pixels are sampled too, and how far that is rounded.
 inline constexpr float kDeep = 2.0f, kDeepCorner = 0.4f;
 /// By so much deeper than it is what lies deep appears to the finer pixels, so that wider ones
 /// decide where both know the same way out.
 inline constexpr float kSteepening = 0.05f;
-/// The spheres that ask about what lies deep: growth of their radii, and how many at most.
+/// The spheres that sample what lies deep: growth of their radii, and how many at most.
 inline constexpr float kDeepGrowth = 4.0f;
 inline constexpr int kMaxDeepSteps = 5;
 
@@ -100,7 +100,7 @@ PALPATE_HOSTDEV inline PixelPosition<Real> project(const Intrinsics& k, const Ve
   return {from_u + Real(k.cx), from_v + Real(k.cy), from_u, from_v};
 }
 
-/// Which level a sphere asks, and how much of the next wider one is blended in.
+/// Which level a sphere samples, and how much of the next wider one is blended in.
 template <class Real>
 struct LevelChoice {
   int level = 0;
@@ -188,7 +188,7 @@ PALPATE_FORMULA ImageGradient<Real> chosen(const auto& condition, const ImageGra
           condition ? a.by_z : b.by_z};
 }
 
-/// How deep a sphere has to be for a wider one to be asked too.
+/// How deep a sphere has to be for a wider one to be sampled too.
 template <class Real>
 PALPATE_FORMULA Real deep_limit(Real radius) {
   return (kDeep - kDeepCorner) * kFootprint * radius;

@@ -29,7 +29,7 @@ inline PixelWindow needed_window(const Intrinsics& k, int width, int height, con
   return window;
 }
 
-/// Does the field know all that is asked at points within `reach` (m) of p_C?
+/// Does the field know all that is read at points within `reach` (m) of p_C?
 inline bool is_known_around(const DepthFieldView& field, const Vec3d& p_C, double reach) {
   const int width = field.levels[0].width, height = field.levels[0].height;
   return field.requested.has_all(width, height) ||

@@ -161,7 +161,7 @@ class LiveLoop final : public RunLoop {
 
   std::atomic<bool> is_running_ = false, is_backend_lost_ = false, is_page_thinned_ = false;
   std::atomic<bool> is_out_of_memory_ = false;
-  std::atomic<std::uint64_t> num_pictures_ = 0;  // asked for
+  std::atomic<std::uint64_t> num_pictures_ = 0;  // requested
   std::atomic<int> recorder_nice_ = 0;
   std::atomic<double> start_time_ = 0, end_time_ = 0;
   std::atomic<std::uint64_t> num_before_ticks_ = 0;  // frames before the first tick
@@ -331,7 +331,7 @@ void LiveLoop::end_change() {
   change_.reset();
 }
 
-/// Changes settings where nobody has asked for it. A thread of its own, because new parts may take
+/// Changes settings without a request of the user. A thread of its own, because new parts may take
 /// long to make, and what is to be recorded must not wait for them.
 void LiveLoop::mind_all() {
   if (first_settings_.wants_real_time) take_rank(ThreadRank::recorder);

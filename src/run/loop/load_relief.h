@@ -3,7 +3,7 @@
 //
 //   a page is open           -> it is drawn less often
 //   depth frames get old     -> images are made smaller, by 2, then by 4
-//   contacts get old         -> half of the spheres are asked, then a quarter, then an eighth
+//   contacts get old         -> half of the spheres are evaluated, then a quarter, then an eighth
 //
 // A step is taken back when all has been well for a while. If that was too early, the while
 // doubles.

@@ -1,4 +1,4 @@
-// Bodies that ask each other's distance fields: closed forms, finite differences, and the laws a
+// Bodies that sample each other's distance fields: closed forms, finite differences, and the laws a
 // force must keep.
 #include "src/contact/bodies/solid_contact.h"
 
@@ -107,7 +107,7 @@ TEST(SolidContact, AFaceIsFeltAsItIs) {
   }
 }
 
-// Two cubes face on face, each of which asks the other: a square under even pressure.
+// Two cubes face on face, each of which samples the other: a square under even pressure.
 TEST(SolidContact, MomentsAreThoseOfTheFace) {
   const Tool cube = packed(make_box({0.1, 0.1, 0.1}), 1000);
   SolidContact contact = contact_of(cube, cube);
@@ -115,7 +115,7 @@ TEST(SolidContact, MomentsAreThoseOfTheFace) {
     const Pose X_WB{{0.3, -0.2, 0.1 - depth}, {}};
     const BodyPenetration result = contact.measure({{0.3, -0.2, 0}, {}}, X_WB, true);
     const double volume = 0.01 * depth;
-    // Spheres at the rim of one face ask beside the other one.
+    // Spheres at the rim of one face sample beside the other one.
     EXPECT_NEAR(result.on_a.volume, volume, 0.06 * volume);
     // Of a square: V (a^2 + a^2) / 12.
     EXPECT_NEAR(result.moments_a.polar, volume * 0.1 * 0.1 / 6, 0.2 * volume * 0.1 * 0.1 / 6);
@@ -206,7 +206,7 @@ double volume_behind(const Vec3d& n, double side, double depth) {
   return volume / (6 * std::abs(n.x * n.y * n.z));
 }
 
-// Two cubes that ask each other: who counts how much changes with the pose, and costs nothing.
+// Two cubes that sample each other: their weights changes with the pose, and costs nothing.
 TEST(SolidContact, EqualCubesPushWithoutJumpsAndWithoutGain) {
   const double side = 0.1, step = 5e-5;
   const Tool cube = packed(make_box({side, side, side}), 1000).with_solid_field();
@@ -449,7 +449,7 @@ TEST(SolidContact, TheFinerWayCountsMore) {
   EXPECT_LT(weights(coarse, cube), 0.5);
 }
 
-// A sphere asks one of the two grids between whose second moments its own lies, so that at any
+// A sphere samples one of the two grids between whose second moments its own lies, so that at any
 // place all spheres up to there together have their own but for half a sphere's choice.
 TEST(SolidAsking, GridsAreAsWideAsTheSpheres) {
   const TorusAndBox bodies;
@@ -508,7 +508,7 @@ TEST(SolidAsking, GridsAreAsWideAsTheSpheres) {
   EXPECT_TRUE(asking.is_possible);
 }
 
-// No cluster is given more room for rounding than its widest sphere asks for.
+// No cluster is given more room for rounding than its widest sphere requires.
 TEST(SolidAsking, SmallSpheresNeedLittleRoomForRounding) {
   const TorusAndBox bodies;
   const SolidField& field = *bodies.box.solid_field();

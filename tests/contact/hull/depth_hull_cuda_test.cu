@@ -177,7 +177,7 @@ class Passing {
   Pose X_WC_;
 };
 
-// Frames that a camera keeps from where it was, made and asked on the GPU.
+// Frames that a camera keeps from where it was, made and queried on the GPU.
 TEST_F(DepthHullCuda, KeyFramesAreThoseOfTheCpu) {
   Passing on_cpu(make_frame_slots_cpu);
   Passing on_gpu([](const SlotSettings& settings) { return make_frame_slots_cuda(settings, 0); });

@@ -111,7 +111,7 @@ export class Handling {
     moveAt(rates, seconds, this.links.scene, this.hand);
   }
 
-  /// The browser tells of buttons only who asks.
+  /// The browser reports buttons only when polled.
   private lookAtPad(): void {
     if (!this.pad.isThere) return;
     if (this.canBeHeld) this.pad.look();

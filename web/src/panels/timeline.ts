@@ -80,7 +80,7 @@ export class Timeline {
     if (this.kind === 'live') void this.send({ command: 'mark', text: text || 'marked in the page' });
   }
 
-  /// One seek is on its way at a time; of those asked for meanwhile, the last.
+  /// One seek is on its way at a time; of those requested meanwhile, the last.
   private seek(time: number): void {
     this.desired = time;
     if (this.isSeeking) return;

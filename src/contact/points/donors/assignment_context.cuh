@@ -88,8 +88,8 @@ class AssignmentContext {
     }
   }
 
-  /// DonorsView::assign by a warp, all lanes of which ask the same and get the answer. Without an
-  /// average `best_donor` is the donor that counts most, -1 if there is none.
+  /// DonorsView::assign by a warp, all lanes of which pass the same arguments and get the result.
+  /// Without an average `best_donor` is the donor that counts most, -1 if there is none.
   __device__ Assigned assign_by_warp(std::int32_t id, std::int32_t& best_donor) const {
     const AssignmentRule requested = rule();
     best_donor = -1;

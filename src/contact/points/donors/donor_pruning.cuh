@@ -142,7 +142,7 @@ class DonorPruning {
 
   // By the block: of `from`, those that may be nearest to some centre of clusters [first, last), in
   // `list`, or all of `from` if they are too many for it; and whether the plane of one reaches
-  // them. Most of the time goes by in waiting for memory, so each thread asks for its first donor
+  // them. Most of the time goes by in waiting for memory, so each thread prefetches its first donor
   // and its plane at once.
   __device__ Pruned prune(const DonorCentres& from, int first, int last, DonorCentre* list,
                           int capacity) {
