@@ -61,8 +61,8 @@ class NanoflannTree : public BoundaryPeer {
                                    nanoflann::KDTreeSingleIndexAdaptorParams(kPointsPerLeaf));
   }
 
-  void ask(Question question, std::span<const Sphere> spheres, const Pose& X_WT,
-           std::span<SphereAnswer> answers) override {
+  void evaluate(Question question, std::span<const Sphere> spheres, const Pose& X_WT,
+                std::span<SphereAnswer> answers) override {
     query_all(spheres, X_WT, answers, [&](const Vec3f& c, float radius, SphereAnswer& answer) {
       Visitor visitor{cloud_, question, radius * radius, answer};
       const float centre[3] = {c.x, c.y, c.z};

@@ -144,7 +144,7 @@ bool is_close_call(const PointCloud& cloud, const Vec3d& c_W, double radius, int
 int compare(BoundaryPeer& peer, Question question, const PointCloud& cloud, const Tool& tool,
             const Pose& X_WT, const std::vector<SphereAnswer>& ours) {
   std::vector<SphereAnswer> theirs(ours.size());
-  peer.ask(question, tool.spheres(), X_WT, theirs);
+  peer.evaluate(question, tool.spheres(), X_WT, theirs);
   const Mat3d R_WT = rotation_matrix(X_WT.rotation);
   int num_close = 0;
   for (std::size_t k = 0; k < ours.size(); ++k) {
@@ -208,7 +208,7 @@ void time_boundary(const std::vector<QueriedPeer>& peers, int spheres, int depth
       [&](int i) { stage.run(pose(i), [&](std::size_t, const PointSums&) { ++num_touched; }); }};
   for (const Query& a : requested) {
     works.push_back(
-        [&, a](int i) { a.peer->library->ask(a.question, tool.spheres(), pose(i), answers); });
+        [&, a](int i) { a.peer->library->evaluate(a.question, tool.spheres(), pose(i), answers); });
   }
   const std::vector<Summary> times = time_in_turn(works, settings.poses, settings.passes);
   for (std::size_t w = 0; w < requested.size(); ++w) {

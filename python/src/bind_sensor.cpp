@@ -242,7 +242,7 @@ struct FieldQuestion {
   }
 
   /// Of point i: phi, and the gradient in C.
-  FieldSample<double> ask(const PySurface& surface, std::size_t i) const {
+  FieldSample<double> evaluate(const PySurface& surface, std::size_t i) const {
     const double* p = points.data() + 3 * i;
     const Vec3d p_C = surface.X_CW * Vec3d{p[0], p[1], p[2]};
     return sample_field(surface.view.field, p_C, radii.data()[radii.ndim() == 0 ? 0 : i]);
@@ -254,7 +254,7 @@ nb::object phi_of(const PySurface& surface, nb::handle points, nb::handle radii)
   std::vector<double> phi(question.points.shape(0));
   {
     const nb::gil_scoped_release no_gil;
-    for (std::size_t i = 0; i < phi.size(); ++i) phi[i] = question.ask(surface, i).phi;
+    for (std::size_t i = 0; i < phi.size(); ++i) phi[i] = question.evaluate(surface, i).phi;
   }
   const std::size_t num = phi.size();
   return array_of(std::move(phi), {num});
@@ -268,7 +268,7 @@ nb::object gradient_of(const PySurface& surface, nb::handle points, nb::handle r
     const nb::gil_scoped_release no_gil;
     const Mat3d R = rotation_matrix(surface.X_WC.rotation);
     for (std::size_t i = 0; i < num; ++i) {
-      const Vec3d n = R * question.ask(surface, i).gradient;
+      const Vec3d n = R * question.evaluate(surface, i).gradient;
       for (int k = 0; k < 3; ++k) gradients[3 * i + std::size_t(k)] = n[k];
     }
   }

@@ -53,7 +53,7 @@ double requested(const OpenHapticsApi& api, HdEnum what, double unit, double oth
   return is_known ? value * unit : otherwise;
 }
 
-int asked_integer(const OpenHapticsApi& api, HdEnum what) {
+int requested_integer(const OpenHapticsApi& api, HdEnum what) {
   int value = 0;
   api.hdGetIntegerv(what, &value);
   return api.take_errors().code == 0 ? value : 0;
@@ -66,7 +66,7 @@ DeviceLimits driver_limits(const OpenHapticsApi& api) {
   limits.max_stiffness =
       requested(api, kHdMaxStiffness, 1 / kMetresPerMillimetre, limits.max_stiffness);
   limits.max_damping = requested(api, kHdMaxDamping, 1 / kMetresPerMillimetre, limits.max_damping);
-  if (asked_integer(api, kHdOutputDof) >= 6) {
+  if (requested_integer(api, kHdOutputDof) >= 6) {
     limits.max_torque = requested(api, kHdMaxTorque, kNewtonsPerMillinewton, 0);
     limits.max_angular_stiffness = requested(api, kHdMaxTorqueStiffness, kNewtonsPerMillinewton, 0);
   }
@@ -81,7 +81,7 @@ DeviceLimits driver_limits(const OpenHapticsApi& api) {
 /// Errors: it needs a hand.
 Status calibrate(const OpenHapticsApi& api, const std::string& name) {
   HdEnum answer = api.hdCheckCalibration();
-  const int styles = asked_integer(api, kHdCalibrationStyle);
+  const int styles = requested_integer(api, kHdCalibrationStyle);
   if (answer == kHdCalibrationNeedsUpdate) {
     if (styles & kHdCalibrateInInkwell)
       api.hdUpdateCalibration(kHdCalibrateInInkwell);
@@ -119,7 +119,7 @@ class OpenHapticsDevice final : public HapticDevice {
                  text(api_.hdGetString(kHdSerialNumber)) + ", " +
                  (name.empty() ? "the default device" : "'" + std::string(name) + "'");
     info_.limits = driver_limits(api_);
-    info_.senses_orientation = asked_integer(api_, kHdInputDof) >= 6;
+    info_.senses_orientation = requested_integer(api_, kHdInputDof) >= 6;
     info_.num_buttons = 2;
     api_.take_errors();
   }

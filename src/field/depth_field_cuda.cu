@@ -170,7 +170,7 @@ __device__ void fill_quad(const FieldJob& job, const FieldArrays& arrays, const 
     }
   };
   // What `level` knows about pixel (u, v) of the level before.
-  const auto ask = [&](int level, int u, int v) {
+  const auto look_up = [&](int level, int u, int v) {
     const PyramidLayout::Level& image = job.layout.levels[level];
     const int u1 = second_nearest(u, image.width), v1 = second_nearest(v, image.height);
     const auto at = [&](int wide_u, int wide_v) {
@@ -190,13 +190,13 @@ __device__ void fill_quad(const FieldJob& job, const FieldArrays& arrays, const 
   __syncthreads();
   for (int level = job.num_filled - 1; level >= 1; --level) {
     for_pixels(level, [&](int u, int v, TangentPlane& plane) {
-      if (!plane.is_surface()) plane = ask(level + 1, u, v);
+      if (!plane.is_surface()) plane = look_up(level + 1, u, v);
     });
     __syncthreads();
   }
   for_quad(job, place, [&](int k, int u, int v) {
     if (quad[k].is_surface()) return;
-    quad[k] = ask(1, u, v);
+    quad[k] = look_up(1, u, v);
     *pixel(job, arrays.planes, 0, u, v) = quad[k];
   });
 }

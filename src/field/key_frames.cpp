@@ -256,12 +256,12 @@ double KeyFrames::share_of_new(const DepthGrid& grid, int stride, const Seat* bu
   };
   std::array<Other, kMaxCameras + 1> others;
   std::size_t num_others = 0;
-  const auto ask = [&](const DepthGrid& other) {
+  const auto look_up = [&](const DepthGrid& other) {
     others[num_others++] = {&other, inverse(other.X_WC) * grid.X_WC};
   };
-  if (also != nullptr) ask(*also);
+  if (also != nullptr) look_up(*also);
   for (std::size_t k = 0; k < num_used_; ++k) {
-    if (&seats_[k] != but) ask(seats_[k].grid);
+    if (&seats_[k] != but) look_up(seats_[k].grid);
   }
   int num = 0, num_new = 0;
   for (int v = stride / 2; v < grid.height; v += stride) {

@@ -226,7 +226,7 @@ std::string configuration(const RosNodeOptions& options) {
          "<AllowMulticast>false</AllowMulticast></General>"
          "<Discovery><ParticipantIndex>auto</ParticipantIndex>"
          "<MaxAutoParticipantIndex>60</MaxAutoParticipantIndex>"
-         "<SPDPInterval>1s</SPDPInterval>"  // to those who begin later and announce themselves by multicast only
+         "<SPDPInterval>1s</SPDPInterval>"  // to those who start later
          "<Peers><Peer address=\"127.0.0.1\"/></Peers></Discovery>";
 }
 

@@ -23,7 +23,7 @@ export class Drawing {
     canvas.addEventListener('wheel', () => this.glide(), { passive: true });
   }
 
-  ask(): void {
+  requestDraw(): void {
     if (this.isRequested) return;
     this.isRequested = true;
     requestAnimationFrame(() => this.onFrame());
@@ -32,7 +32,7 @@ export class Drawing {
   /// To draw, then acknowledge.
   askFor(picture: number): void {
     this.picture = picture;
-    this.ask();
+    this.requestDraw();
   }
 
   /// A picture has come and is not drawn yet.
@@ -48,7 +48,7 @@ export class Drawing {
   /// The camera moves, and does so for a while.
   glide(): void {
     this.glideEnd = performance.now() + GLIDE;
-    this.ask();
+    this.requestDraw();
   }
 
   private hold(isHeld: boolean): void {
@@ -62,6 +62,6 @@ export class Drawing {
     ++this.count;
     if (this.picture !== null) this.acknowledge(this.picture);
     this.picture = null;
-    if (this.isHeld || performance.now() < this.glideEnd) this.ask();
+    if (this.isHeld || performance.now() < this.glideEnd) this.requestDraw();
   }
 }

@@ -87,7 +87,7 @@ export class Page implements Listener {
       stage: this.stage,
       send: (command) => this.command(command),
       tell: (message) => this.connection.tell(message),
-      ask: () => this.drawing?.ask(),
+      requestDraw: () => this.drawing?.requestDraw(),
     });
     this.layOut();
     this.drawing = new Drawing(
@@ -176,19 +176,19 @@ export class Page implements Listener {
       case 'spheres':
         this.image.setSpheres(message.spheres);
         this.scene.setSpheres(message.spheres);
-        return this.drawing.ask();
+        return this.drawing.requestDraw();
       case 'graph':
         this.scene.setGraph(message.graph);
-        return this.drawing.ask();
+        return this.drawing.requestDraw();
       case 'mesh':
         this.scene.setMesh(message.mesh);
-        return this.drawing.ask();
+        return this.drawing.requestDraw();
       case 'objects':
         this.scene.setObjects(message.meshes);
-        return this.drawing.ask();
+        return this.drawing.requestDraw();
       case 'tree':
         this.scene.setTree(message.tree);
-        return this.drawing.ask();
+        return this.drawing.requestDraw();
     }
   }
 
@@ -255,7 +255,7 @@ export class Page implements Listener {
   /// What is shown has changed: the program is sent a request for what that needs.
   private onOptions(): void {
     this.controls.refresh();
-    this.drawing.ask();
+    this.drawing.requestDraw();
     if (!this.hello || this.connection.link !== 'open') return;
     this.legend.update(this.hello, this.scene.options);
     const subscription: Subscription = pictureSubscription(this.hello, this.scene.options, this.dock.isOpen('image'));
@@ -327,13 +327,13 @@ export class Page implements Listener {
     const { clientWidth, clientHeight } = this.stage;
     if (clientWidth === 0 || clientHeight === 0) return;
     this.scene.resize(clientWidth, clientHeight, Math.min(devicePixelRatio, 2));
-    this.drawing.ask();
+    this.drawing.requestDraw();
   }
 
   private onTheme(isDark: boolean): void {
     this.scene.options.dark = isDark;
     this.plots.restyle();
-    this.drawing?.ask(); // the first time there is none yet
+    this.drawing?.requestDraw(); // the first time there is none yet
   }
 
   private tell(words: string, milliseconds = TROUBLE_TIME): void {

@@ -103,7 +103,7 @@ struct FieldBatch::Worker {
   bool is_in_front(std::size_t pose, std::uint64_t& place);
   bool look_at(int requested);
   int surface_number_of(std::size_t pose) const;
-  ContactResult ask(std::size_t pose, BatchPose& at);
+  ContactResult evaluate(std::size_t pose, BatchPose& at);
   void put(std::size_t pose, const BatchPose& at, ContactResult& result) const;
   void put_nothing(std::size_t pose) const;
 };
@@ -125,7 +125,7 @@ bool FieldBatch::Worker::look_at(int requested) {
   return field.num_levels > 0;
 }
 
-ContactResult FieldBatch::Worker::ask(std::size_t pose, BatchPose& at) {
+ContactResult FieldBatch::Worker::evaluate(std::size_t pose, BatchPose& at) {
   const bool with_stiffness = answers.stiffness != nullptr;
   const auto nothing = [&](StepStatus why) {
     ContactResult result;
@@ -223,7 +223,7 @@ void FieldBatch::Worker::measure(std::size_t first, std::size_t last) {
     const std::size_t soon = first + order[std::min(i + 4, num - 1)] % kMaxPosesPerTask;
     __builtin_prefetch(&poses.X_WT[soon]);
     BatchPose at;
-    ContactResult result = ask(pose, at);
+    ContactResult result = evaluate(pose, at);
     put(pose, at, result);
   }
 }

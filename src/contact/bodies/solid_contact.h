@@ -14,8 +14,8 @@ namespace palpate::inline v0 {
 SolidFieldView view_of(const SolidField& field);
 
 /// How the elements of one body sample the field of another one, whatever the poses.
-struct SolidAsking {
-  SolidAsking(const FieldElements& elements, const SolidField& field);
+struct SolidSampling {
+  SolidSampling(const FieldElements& elements, const SolidField& field);
 
   // Per slot of the elements:
   std::vector<std::int32_t> level;  ///< the grid that is sampled
@@ -58,7 +58,7 @@ struct SolidPair {
   std::shared_ptr<const ToolIndex> a, b;
   const FieldElements *elements_a, *elements_b;
   const SolidField *field_a, *field_b;
-  SolidAsking asking_a, asking_b;  ///< A's elements B's field; B's elements A's field
+  SolidSampling sampling_a, sampling_b;  ///< A's elements B's field; B's elements A's field
   double weight_a = 0, weight_b = 0;
   double single_potential = 0;  ///< m4: about what one sphere says of a light touch
 };

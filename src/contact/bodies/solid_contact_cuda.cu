@@ -17,7 +17,7 @@ namespace {
 /// One direction of sampling; an argument of the kernel.
 struct SolidQuery {
   ElementsView elements;
-  const std::int32_t* level = nullptr;  // as in SolidAsking
+  const std::int32_t* level = nullptr;  // as in SolidSampling
   const float* rounding = nullptr;
   SolidFieldView field;
   SolidFrame frame;
@@ -134,17 +134,17 @@ using SolidBend = SolidCurvature<float>;
 /// One direction of sampling and its results.
 class SolidWay {
  public:
-  SolidWay(const ToolIndex& asks, const SolidAsking& asking, const SolidField& field, double weight,
-           int gpu)
+  SolidWay(const ToolIndex& index, const SolidSampling& sampling, const SolidField& field,
+           double weight, int gpu)
       : is_used_(weight > 0),
         memory_(gpu),
-        answers_(gpu, solid_blocks<SolidSlope>(gpu, num_clusters(asks))),
-        stiffness_answers_(gpu, solid_blocks<SolidBend>(gpu, num_clusters(asks)),
+        answers_(gpu, solid_blocks<SolidSlope>(gpu, num_clusters(index))),
+        stiffness_answers_(gpu, solid_blocks<SolidBend>(gpu, num_clusters(index)),
                            AnswerBox::kMaxNumbers) {
     if (!is_used_) return;
-    query_.elements = elements_view(asks.parts().solid_elements(), memory_);
-    query_.level = memory_.copy_of(asking.level);
-    query_.rounding = memory_.copy_of(asking.rounding);
+    query_.elements = elements_view(index.parts().solid_elements(), memory_);
+    query_.level = memory_.copy_of(sampling.level);
+    query_.rounding = memory_.copy_of(sampling.rounding);
     query_.field = view_of(field);
     query_.field.values = memory_.copy_of(field.values());
   }
@@ -205,8 +205,8 @@ class SolidContactCuda final : public BodyPairQuery {
   SolidContactCuda(std::shared_ptr<const ToolIndex> a, std::shared_ptr<const ToolIndex> b, int gpu)
       : pair_(std::move(a), std::move(b)),
         stream_(gpu, gpu::Priority::high),
-        way_a_(*pair_.a, pair_.asking_a, *pair_.field_b, pair_.weight_a, gpu),
-        way_b_(*pair_.b, pair_.asking_b, *pair_.field_a, pair_.weight_b, gpu) {}
+        way_a_(*pair_.a, pair_.sampling_a, *pair_.field_b, pair_.weight_a, gpu),
+        way_b_(*pair_.b, pair_.sampling_b, *pair_.field_a, pair_.weight_b, gpu) {}
 
   const Status& status() const {
     for (const Status* status : {&way_a_.status(), &way_b_.status()}) {

@@ -62,12 +62,12 @@ ContactResult FieldContact::measure_one(const SurfaceView& from, const SurfaceVi
   const DepthFieldView fields[] = {to.field, from.field};
   ContactResult results[2];
   if (alpha >= 1) {
-    ask({fields, 1}, X, wants.stiffness, results);
+    evaluate({fields, 1}, X, wants.stiffness, results);
   } else if (have_one_grid(to.field, from.field)) {
-    ask(fields, X, wants.stiffness, results);
+    evaluate(fields, X, wants.stiffness, results);
   } else {
-    ask({fields, 1}, X, wants.stiffness, results);
-    ask({fields + 1, 1}, X, wants.stiffness, results + 1);
+    evaluate({fields, 1}, X, wants.stiffness, results);
+    evaluate({fields + 1, 1}, X, wants.stiffness, results + 1);
   }
   return alpha >= 1 ? results[0] : blend(results[1], results[0], alpha);
 }
@@ -83,8 +83,8 @@ double FieldContact::unseen_by_one(const SurfaceView& surface, const Pose& X_CT,
   return std::accumulate(unseen_.begin(), unseen_.end(), 0.0);
 }
 
-void FieldContact::ask(std::span<const DepthFieldView> fields, const Pose& X_WT,
-                       bool with_stiffness, ContactResult* results) const {
+void FieldContact::evaluate(std::span<const DepthFieldView> fields, const Pose& X_WT,
+                            bool with_stiffness, ContactResult* results) const {
   if (fields.front().num_levels == 0) {
     std::fill_n(results, fields.size(),
                 unmeasured(StepStatus::no_surface, {.stiffness = with_stiffness}, true));

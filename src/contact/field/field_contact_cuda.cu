@@ -167,21 +167,21 @@ ContactResult FieldContactCuda::measure_one(const SurfaceView& from, const Surfa
     question.fields[1] = fields_.on_gpu(to.field, stream_);
     question.weights[0] = 1 - alpha;
     question.weights[1] = alpha;
-    result = wants.stiffness ? ask<2, Curvature>(question, stiffness_answers_)
-                             : ask<2, Gradient>(question, answers_);
+    result = wants.stiffness ? evaluate<2, Curvature>(question, stiffness_answers_)
+                             : evaluate<2, Gradient>(question, answers_);
   } else {
     question.fields[0] = fields_.on_gpu(to.field, stream_);
     question.weights[0] = 1;
-    result = wants.stiffness ? ask<1, Curvature>(question, stiffness_answers_)
-                             : ask<1, Gradient>(question, answers_);
+    result = wants.stiffness ? evaluate<1, Curvature>(question, stiffness_answers_)
+                             : evaluate<1, Gradient>(question, answers_);
   }
   describe(question.fields[alpha < 1 ? 1 : 0], question.X_WT, wants);
   return result;
 }
 
 template <int kNumFields, class Sample>
-ContactResult FieldContactCuda::ask(const FieldQuestion& question,
-                                    AnswerBox& answers) const noexcept {
+ContactResult FieldContactCuda::evaluate(const FieldQuestion& question,
+                                         AnswerBox& answers) const noexcept {
   constexpr bool kWithStiffness = std::is_same_v<Sample, Curvature>;
   const ContactWants wants{.stiffness = kWithStiffness};
   if (!status()) return unmeasured(StepStatus::backend_failed, wants, true);

@@ -310,8 +310,8 @@ __global__ void __launch_bounds__(kHullThreads, 2)
     }
     if (query.has_memory) {
       // What was said makes room for what is remembered, if anybody needs it.
-      const bool asks = gpu::warp_id() == 0 && needs_wider(query, at_ball, ball.radius);
-      const bool any = __any_sync(gpu::kWholeWarp, asks);
+      const bool needs_memory = gpu::warp_id() == 0 && needs_wider(query, at_ball, ball.radius);
+      const bool any = __any_sync(gpu::kWholeWarp, needs_memory);
       if (threadIdx.x == 0) views.queries_memory = any;
       __syncthreads();
       if (views.queries_memory != 0) {
@@ -319,7 +319,7 @@ __global__ void __launch_bounds__(kHullThreads, 2)
           views.store(view, query_memory<Sample>(query, view, ball));
         }
         __syncthreads();
-        if (asks) join_memories<Space>(query, ball.radius, said, at_ball);
+        if (needs_memory) join_memories<Space>(query, ball.radius, said, at_ball);
       }
     }
     if (gpu::warp_id() == 0) {

@@ -150,7 +150,7 @@ class Hull {
   }
 
   // False if some camera sees that all elements are free.
-  bool ask(std::size_t slot) {
+  bool evaluate(std::size_t slot) {
     radius_ = load(job_.tool.radius + slot);
     if (!look(slot)) return false;
     join_seen_free();
@@ -293,8 +293,9 @@ class Hull {
       Space moments[2];
       for (int f = 0; f < eye.num_fields; ++f) {
         const int seat = eye.seat(f);
-        moments[f] = chosen(answers_[k].before[seat] > VecF{},
-                            ask(eye, eye.in_front, f, answers_[k].lanes[seat], counts), nowhere());
+        moments[f] =
+            chosen(answers_[k].before[seat] > VecF{},
+                   evaluate(eye, eye.in_front, f, answers_[k].lanes[seat], counts), nowhere());
       }
       const Space here = between(eye, moments);
       decide(is_first ? splat(-1) : first_of(here).phi < first_of(shown).phi, k, who_shows);
@@ -331,7 +332,7 @@ class Hull {
     Space moments[2];
     for (int f = 0; f < eye.num_fields; ++f) {
       const int seat = eye.seat(f);
-      moments[f] = ask(eye, eye.remembered, f, answer.lanes[seat], counts);
+      moments[f] = evaluate(eye, eye.remembered, f, answer.lanes[seat], counts);
       if (eye.camera->has_moved) {
         moments[f] = before_eye(eye.camera->R_WC[seat], moments[f], answer.before[seat], radius_);
       }
@@ -356,7 +357,7 @@ class Hull {
       Space moments[2];
       for (int f = 0; f < eye.num_fields; ++f) {
         const int seat = eye.seat(f);
-        moments[f] = ask(eye, eye.field, f, answers_[k].lanes[seat], is_touching);
+        moments[f] = evaluate(eye, eye.field, f, answers_[k].lanes[seat], is_touching);
         if (answers_[k].queries_in_front) {
           moments[f] = lesser_of(moments[f], answers_[k].front[f], width);
         }
@@ -395,7 +396,7 @@ class Hull {
   }
 
   // What a field says at a moment, in the world.
-  Space ask(const Eye& eye, const FieldPair& field, int f, const Lanes& e, VecI which) {
+  Space evaluate(const Eye& eye, const FieldPair& field, int f, const Lanes& e, VecI which) {
     Sample sample = query_field<Sample>(field.grid, field.pixels[f],
                                         look_of(field.grid, e, radius_), e.depth, e.inverse_depth);
     deepen(field, f, e, which, sample);
@@ -438,7 +439,7 @@ template <class Sample, class F>
     hull.aim_at(ball, job.tool.largest_radius[cluster]);
     for (int i = 0; i < kNumVectors; ++i) {
       const auto slot = static_cast<std::size_t>(cluster * kSize + i * kLanes);
-      if (!hull.ask(slot)) continue;
+      if (!hull.evaluate(slot)) continue;
       f(slot, aim(job.tool, eyes[0].field.grid, slot), hull, i % RowSums::kParts);
     }
   }

@@ -399,7 +399,7 @@ TEST(SolidContact, LeavesOutOnlyWhatIsFree) {
     pair.place(random_body_pose(random, 0.12), random_body_pose(random, 0.03), frame, of_b);
     for (int cluster = 0; cluster < clusters.num_clusters(); ++cluster) {
       if (!is_clear(field, frame, clusters.clusters[static_cast<std::size_t>(cluster)],
-                    pair.asking_a.rounding[static_cast<std::size_t>(cluster)])) {
+                    pair.sampling_a.rounding[static_cast<std::size_t>(cluster)])) {
         ++num_near;
         continue;
       }
@@ -451,7 +451,7 @@ TEST(SolidContact, TheFinerWayCountsMore) {
 
 // A sphere samples one of the two grids between whose second moments its own lies, so that at any
 // place all spheres up to there together have their own but for half a sphere's choice.
-TEST(SolidAsking, GridsAreAsWideAsTheSpheres) {
+TEST(SolidSampling, GridsAreAsWideAsTheSpheres) {
   const TorusAndBox bodies;
   const SolidField& field = *bodies.box.solid_field();
   const double spacing = field.layout().spacing;
@@ -470,7 +470,7 @@ TEST(SolidAsking, GridsAreAsWideAsTheSpheres) {
   const Tool row =
       Tool::build(make_box({2 * at, 1, 1}), std::move(packing), GapRule::absolute, "").value();
   const FieldElements elements(row, SphereVolumes::own);
-  const SolidAsking asking(elements, field);
+  const SolidSampling sampling(elements, field);
   double volume = 0, squares = 0, owed = 0, largest_choice = 0;
   std::vector<int> num_by_level(static_cast<std::size_t>(last) + 1);
   for (std::size_t place = 0; place < elements.radius.size(); ++place) {
@@ -479,7 +479,7 @@ TEST(SolidAsking, GridsAreAsWideAsTheSpheres) {
     volume += counts, squares += counts * radius * radius;
     // Of the widths, in spacings: between those of the level and of the next one.
     const double desired = std::pow(0.8944272 * radius / spacing, 2);
-    const std::int32_t level = asking.level[place];
+    const std::int32_t level = sampling.level[place];
     ASSERT_TRUE(level >= 0 && level <= last);
     ++num_by_level[static_cast<std::size_t>(level)];
     const double got = std::ldexp(1.0, 2 * level);
@@ -498,18 +498,18 @@ TEST(SolidAsking, GridsAreAsWideAsTheSpheres) {
     }
     // For a cluster counts what reaches farthest: half the diagonal of a cell of its grid.
     const std::size_t cluster = place / SphereClusters::kSize;
-    EXPECT_GE(static_cast<double>(asking.rounding[cluster]),
+    EXPECT_GE(static_cast<double>(sampling.rounding[cluster]),
               0.8660254 * std::ldexp(spacing, level));
   }
-  EXPECT_EQ(asking.rounding.size(), elements.clusters.clusters.size());
+  EXPECT_EQ(sampling.rounding.size(), elements.clusters.clusters.size());
   for (const int num : num_by_level) EXPECT_GT(num, 0);
-  EXPECT_NEAR(asking.coarseness, squares / volume + spacing * spacing,
+  EXPECT_NEAR(sampling.coarseness, squares / volume + spacing * spacing,
               1e-6 * (squares / volume + spacing * spacing));
-  EXPECT_TRUE(asking.is_possible);
+  EXPECT_TRUE(sampling.is_possible);
 }
 
 // No cluster is given more room for rounding than its widest sphere requires.
-TEST(SolidAsking, SmallSpheresNeedLittleRoomForRounding) {
+TEST(SolidSampling, SmallSpheresNeedLittleRoomForRounding) {
   const TorusAndBox bodies;
   const SolidField& field = *bodies.box.solid_field();
   const double spacing = field.layout().spacing;
@@ -521,20 +521,20 @@ TEST(SolidAsking, SmallSpheresNeedLittleRoomForRounding) {
     }
     const Tool row =
         Tool::build(make_box({1, 1, 1}), std::move(packing), GapRule::absolute, "").value();
-    const SolidAsking asking(FieldElements(row, SphereVolumes::own), field);
+    const SolidSampling sampling(FieldElements(row, SphereVolumes::own), field);
     const int requested = radius < spacing ? 0 : (radius < 2 * spacing ? 1 : 2);
-    for (const float rounding : asking.rounding) {
+    for (const float rounding : sampling.rounding) {
       EXPECT_NEAR(static_cast<double>(rounding), 0.8660254 * std::ldexp(spacing, requested),
                   1e-3 * spacing);
     }
-    EXPECT_NEAR(asking.coarseness, radius * radius + spacing * spacing, 1e-5 * spacing * spacing);
+    EXPECT_NEAR(sampling.coarseness, radius * radius + spacing * spacing, 1e-5 * spacing * spacing);
   }
   // Spheres wider than the widest grid cannot be felt so.
   SpherePacking packing;
   packing.spheres.push_back({{0, 0, 0}, 1.0f});
   const Tool ball =
       Tool::build(make_box({3, 3, 3}), std::move(packing), GapRule::absolute, "").value();
-  EXPECT_FALSE(SolidAsking(FieldElements(ball, SphereVolumes::own), field).is_possible);
+  EXPECT_FALSE(SolidSampling(FieldElements(ball, SphereVolumes::own), field).is_possible);
 }
 
 // The stored field and one that is made now are the same.

@@ -68,7 +68,7 @@ struct Answer {
   std::vector<SphereState> states;
   std::vector<Plane<float>> planes;
 };
-Answer ask(const ContactQuery& query, const SurfaceBlend& moment, const Pose& X_WT) {
+Answer evaluate(const ContactQuery& query, const SurfaceBlend& moment, const Pose& X_WT) {
   const std::size_t num = query.index()->tool().spheres().size();
   Answer answer{{}, std::vector<SphereState>(num), std::vector<Plane<float>>(num)};
   answer.result =
@@ -141,7 +141,7 @@ void compare(BothWays& seen, const DepthStreamInfo& stream, const std::vector<De
       X_WT.translation = C_W - X_WT * probe.tool->sphere_mass().centre_of_mass;
       SurfaceBlend whole = seen.whole(), windowed = seen.windowed();
       if (!has_both) whole.progress = windowed.progress = 1;
-      const Answer got = ask(*probe.query, windowed, X_WT);
+      const Answer got = evaluate(*probe.query, windowed, X_WT);
       if (got.result.penetration.status.has(StepStatus::outside_window)) {
         EXPECT_TRUE(is_away);
         EXPECT_TRUE(got.result.penetration.status.is_unmeasured());
@@ -149,7 +149,7 @@ void compare(BothWays& seen, const DepthStreamInfo& stream, const std::vector<De
         ++counts.outside;
         continue;
       }
-      const Answer want = ask(*probe.query, whole, X_WT);
+      const Answer want = evaluate(*probe.query, whole, X_WT);
       expect_same(got, want);
       const Penetration& p = want.result.penetration;
       counts.touching += p.volume > 0;

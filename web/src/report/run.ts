@@ -94,7 +94,7 @@ function headline(summary: Summary): HTMLElement {
     [newtons(peaks.force_N), 'largest force on the tool'],
   ];
   if (hasHand(summary)) {
-    made.push([newtons(peaks.hand_force_N!), `largest force on the hand; wanted ${newtons(peaks.wanted_force_N!)}`]);
+    made.push([newtons(peaks.hand_force_N!), `largest force on the hand, of ${newtons(peaks.wanted_force_N!)} before the safety filter`]);
   }
   const median = (key: string, words: string, rest = '') => {
     const stage = stages?.[key];

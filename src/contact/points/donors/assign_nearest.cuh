@@ -172,9 +172,9 @@ class NearestAssignment : private DonorPruning {
   __device__ void settle(const DonorCentres& from, const Ball& ball, std::uint32_t touched,
                          bool is_reached, NearestDonor found) {
     const bool is_untouched = context_.is_untouched(ball.id, touched);
-    const bool asks = is_untouched && is_reached;
-    unsigned close =
-        __ballot_sync(gpu::kWholeWarp, asks && one_lane::is_close_call(found.least, found.second));
+    const bool needs_donor = is_untouched && is_reached;
+    unsigned close = __ballot_sync(
+        gpu::kWholeWarp, needs_donor && one_lane::is_close_call(found.least, found.second));
     for (; close != 0; close &= close - 1) {
       const int lane = __ffs(static_cast<int>(close)) - 1;
       const Vec3f centre{__shfl_sync(gpu::kWholeWarp, ball.centre.x, lane),
@@ -187,7 +187,7 @@ class NearestAssignment : private DonorPruning {
     q_.donor[ball.slot] = is_reached ? found.donor : -1;
     if (context_.overlays()) return;
     Assigned assigned;
-    if (asks) assigned = assign_from(q_.boundary.donors[found.donor], ball);
+    if (needs_donor) assigned = assign_from(q_.boundary.donors[found.donor], ball);
     context_.add_untouched(sums_, ball.slot, ball.centre, assigned);
   }
   // Cut by the donor's plane in double, the rest in single precision as on the CPU.
