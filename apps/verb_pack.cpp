@@ -141,7 +141,7 @@ void add_limits(CLI::App& app, PackRequest& request) {
       ->expected(2)
       ->type_name("Z,F");
   add_seed_option(app, pack.seed, "jitters the starting grid; 0: the plain grid");
-  add_word(app, "--gap-rule", request.gap_rule, "which spheres are neighbours");
+  add_word(app, "--gap-rule", request.gap_rule, "which spheres are neighbors");
   add_threads_option(app, pack.num_threads, "threads; 0: one per core");
 }
 

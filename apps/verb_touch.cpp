@@ -274,10 +274,10 @@ void add_path_options(CLI::App& app, Options& options) {
                  "or automatic probing, see --probe")
       ->type_name("FILE");
   app.add_option("--path-frame", options.frames.path,
-                 "frame of the poses of --path and replay: (tool poses): world, which is the "
-                 "camera frame unless cameras have poses; camera, camera_2, ... or another frame "
-                 "of the rig; device (the base at coupling.base_in_scene); base: poses of the "
-                 "handle in the device base")
+                 "frame of the tool poses of --path and of --device replay:FILE. world: the camera "
+                 "frame, unless cameras have poses; camera, camera_2, ... or another frame of the "
+                 "rig; device: the base at coupling.base_in_scene; base: the file has poses of "
+                 "the handle in the device base")
       ->type_name("FRAME")
       ->capture_default_str();
   app.add_option("--base-frame", options.frames.base,
@@ -305,8 +305,9 @@ void add_touch(CLI::App& program, Action& action) {
   add_robot_options(app, options->robot);
   add_path_options(app, *options);
   app.add_option("--duration", options->duration,
-                 "seconds; default: until the path or the frames end")
-      ->check(CLI::Range(1e-3, 86400.0));
+                 "length of the run; default: until the path or the frames end")
+      ->check(CLI::Range(1e-3, 86400.0).description(""))
+      ->type_name("SECONDS");
   const SettingTable table = settings_of(options->settings);
   add_setting_options(app, "", table, kLoopOptions);
   add_prefix_option(app, options->num_spheres);

@@ -142,7 +142,7 @@ class PySensor {
     const bool is_float = type.code == std::uint8_t(nb::dlpack::dtype_code::Float);
     const bool is_counts = type == nb::dtype<std::uint16_t>();
     if (!is_counts && !is_float) {
-      throw nb::value_error("depth: uint16 counts or float32 metres are taken, no other type");
+      throw nb::value_error("depth: uint16 counts or float32 meters are taken, no other type");
     }
     bool is_dense = true;
     std::int64_t stride = 1;
@@ -281,7 +281,7 @@ PyCamera make_camera(int width, int height, double fx, double fy, double cx, dou
   if (!distortion.is_none()) made.camera.distortion = distortion_of(distortion);
   if (!pose.is_none()) made.X_WC = pose_of(pose, "pose");
   if (!(unit > 0 && unit <= 1)) {
-    throw nb::value_error("unit: metres per count, more than 0 and at most 1");
+    throw nb::value_error("unit: meters per count, more than 0 and at most 1");
   }
   if (!is_finite(made.X_WC)) throw nb::value_error("pose: not finite");
   return made;
@@ -328,7 +328,7 @@ pose: X_WC, (4, 4) or (7,) tx ty tz qx qy qz qw, pose of the camera in the world
       .def_prop_ro(
           "cy", [](const PyCamera& self) { return self.camera.intrinsics.cy; }, "Pixels.")
       .def_prop_ro(
-          "unit", [](const PyCamera& self) { return self.unit; }, "Metres per count.")
+          "unit", [](const PyCamera& self) { return self.unit; }, "Meters per count.")
       .def_prop_ro(
           "distortion",
           [](const PyCamera& self) {

@@ -44,7 +44,7 @@ class Parameters {
     if (name == "intrinsics") return set_intrinsics();
     if (name == "distortion") return set_distortion();
     if (name == "size") return set_size();
-    if (name == "unit") return set_positive(uri_.unit, 1e-6, 1, "metres per count, e.g. 0.001");
+    if (name == "unit") return set_positive(uri_.unit, 1e-6, 1, "meters per count, e.g. 0.001");
     if (name == "rate") return set_positive(uri_.rate, 0.01, 10000, "frames per second");
     if (name == "latency") return set_latency();
     if (name == "pose") return set_pose();

@@ -53,7 +53,7 @@ std::string doubt_unit(const DepthFrame& frame) {
   if (divisor > 1 && frame.unit > 0.9 * 0.001) {
     std::snprintf(text, sizeof text,
                   "all its depths are multiples of %d counts, as in files of 1/%d m read as "
-                  "millimetres; if everything looks %d times too far, give unit=%g",
+                  "millimeters; if everything looks %d times too far, give unit=%g",
                   divisor, 1000 * divisor, divisor, 0.001 / divisor);
     return text;
   }

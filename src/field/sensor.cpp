@@ -34,7 +34,7 @@ Status Sensor::Impl::check(const DepthImageView& image) const {
                   "; create one for this size");
   }
   if (image.counts == nullptr && image.metres == nullptr) {
-    return refuse("an image without values was given to a sensor; set counts or metres");
+    return refuse("an image without values was given to a sensor; set counts or meters");
   }
   const bool is_here =
       image.gpu == kHostMemory || (place.backend == Backend::cuda && image.gpu == place.gpu);

@@ -44,7 +44,7 @@ Result<std::optional<std::array<double, 2>>> aimed_pixel(const ProbeAim& aim,
     if (!(p.z > 0)) {
       return bad_aim(
           "%s is not in front of the camera, which looks along +z: give x, y, z in "
-          "metres in its axes (x right, y down, z forward)",
+          "meters in its axes (x right, y down, z forward)",
           what);
     }
     const Intrinsics& k = info.intrinsics;
@@ -97,7 +97,7 @@ Result<ProbeTarget> find_target(const CoarseDepth& scene) {
   }
   return Error{
       Errc::bad_input,
-      "the frames show no usable surface near their centre to touch: check the depth unit, aim "
+      "the frames show no usable surface near their center to touch: check the depth unit, aim "
       "with --probe, or give a tool path with --path"};
 }
 

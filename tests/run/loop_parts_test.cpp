@@ -227,12 +227,12 @@ TEST(LoadRelief, AnyLoadIsAnsweredWithinBoundsAndForgotten) {
 
 TEST(LoadRelief, SaysWhatIsLessAndWhatIsBack) {
   EXPECT_EQ(describe_relief({}, {1, 0, 0}, 1, 1000),
-            "the computer is short of time: pages are drawn less often from now on");
+            "the computer is overloaded: pages are drawn less often from now on");
   EXPECT_EQ(describe_relief({1, 0, 0}, {1, 1, 1}, 1, 1000),
-            "the computer is short of time: surfaces are made of images 2 times smaller, 500 of "
+            "the computer is overloaded: depth images are made 2 times smaller, 500 of "
             "1000 spheres are used from now on");
   EXPECT_EQ(describe_relief({1, 1, 0}, {1, 0, 0}, 1, 1000),
-            "there is time again: surfaces are made of whole images from now on");
+            "the load is lower again: depth images are used in full from now on");
   EXPECT_EQ(describe_relief({}, {}, 1, 1000), "");
 }
 

@@ -254,7 +254,7 @@ TEST(LiveRun, LeavesOutWhatItHasNoTimeForAndIsRepeated) {
     if (topic == kSettingsTopic) reported.push_back(read_settings(message.data)->settings);
     if (topic == kContactTopic) contact_revisions.insert(read_contact(message.data)->revision);
     if (topic == kNoteTopic)
-      num_load_notes += read_note(message.data)->find("short of time") != std::string::npos;
+      num_load_notes += read_note(message.data)->find("overloaded") != std::string::npos;
   }
   ASSERT_GE(reported.size(), 3u);
   EXPECT_EQ(reported[0].binning, 1);

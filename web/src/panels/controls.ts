@@ -75,7 +75,7 @@ export class Controls {
     add('view', 'view', hasScene ? { free: 'free', camera: 'camera', 'from above': 'bird', tool: 'tool' } : { free: 'free', tool: 'tool' });
     if (hasScene) {
       add('cloud', 'cloud');
-      add('cloudColour', 'cloud colour', { shaded: 'shaded', depth: 'depth', normals: 'normals' });
+      add('cloudColour', 'cloud color', { shaded: 'shaded', depth: 'depth', normals: 'normals' });
       add('pointSize', 'point size', 1, 8, 0.5);
       add('stride', 'every n-th pixel', 1, 8, 1);
       add('arrows', 'force and torque');

@@ -10,7 +10,7 @@ export class Legend {
   private shown = '';
 
   constructor() {
-    this.root.setAttribute('aria-label', 'what the colours mean');
+    this.root.setAttribute('aria-label', 'what the colors mean');
   }
 
   update(hello: Hello, options: SceneOptions): void {

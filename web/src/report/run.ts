@@ -156,7 +156,7 @@ function plots(data: RunData): HTMLElement[] {
       unseenWords(summary))] : []),
     vector('force', 'N', 'F', 'force in N', 'Force on the tool in camera axes (x right, y down, z away from the ' +
       `camera): volume times direction, times the volume stiffness of ${stiffness(summary)}.`),
-    vector('torque', 'Nm', 'M', 'torque in N m', "Torque of the same forces about the tool's centre of mass."),
+    vector('torque', 'Nm', 'M', 'torque in N m', "Torque of the same forces about the tool's center of mass."),
   ];
   if (!hasHand(summary)) return made;
 
