@@ -85,7 +85,7 @@ def guard_rows(result, least, most):
 def solve(jacobian, wanted, rows, bounds):
     """The joint velocities that come nearest to a twist."""
     n = jacobian.shape[1]
-    weights = np.diag([1, 1, 1, 0.05, 0.05, 0.05])  # metres count more than radians
+    weights = np.diag([1, 1, 1, 0.05, 0.05, 0.05])  # meters count more than radians
     hessian = jacobian.T @ weights @ jacobian + 1e-4 * np.eye(n)
     a = np.vstack([rows @ jacobian, np.eye(n), -np.eye(n)])
     b = np.concatenate([bounds, np.full(2 * n, FASTEST)])
