@@ -62,7 +62,7 @@ export async function runReport(main: HTMLElement, data: RunData): Promise<void>
   const { tool, stream } = summary;
   const seconds = `${short(summary.seconds, 3)} s`;
   title(main, `${tool.source} in ${stream.name}`, `A tool of ${tool.spheres} spheres on ` +
-    `${summary.device.name}, felt against a stream of depth images for ${seconds}.`);
+    `${summary.device.name}, measured against a stream of depth images for ${seconds}.`);
   if (summary.interrupted) {
     main.append(warning(`This run was interrupted after ${seconds}. What is shown is complete up to there.`));
   }
@@ -117,7 +117,7 @@ function unseenWords({ settings: { field } }: Summary): string {
     : field.unseen === 'fade' ? `pushes it no more from ${withUnit(thickness, LENGTH)} on`
       : `is ${withUnit(2 * thickness, LENGTH)} thick, and then there is nothing`;
   return 'How much of the tool lies more than 20 mm behind all that any camera has seen, or where none of them looks. ' +
-    `What is felt there is a guess: what is behind a surface ${policy}.`;
+    `The contact there is a guess: what is behind a surface ${policy}.`;
 }
 
 function plots(data: RunData): HTMLElement[] {
