@@ -145,7 +145,7 @@ inline void add_settings(SettingTable& t, SafetyOptions& o) {
   t.add("max_torque_slew", o.max_torque_slew, {1e-6, 1e7, "N m/s"}, "maximum rate of the torque");
   t.add("ramp_seconds", o.ramp_seconds, {0, kLong, "s"}, "from zero to full force");
   t.add("engage_force", o.engage_force, {0, 1e4, "N"},
-        "the force engages once the wanted force is below this");
+        "the force engages once the desired force is below this");
   t.add("engage_ticks", o.engage_ticks, {1, 1e6, "ticks"}, "consecutive ticks below engage_force");
   t.add("engage_timeout", o.engage_timeout, {0, kLong, "s"},
         "after this, a hand that starts in contact gets the ramp");
