@@ -31,8 +31,8 @@ constexpr double kDiagnosticsPeriod = 1, kShortestDiagnosticsPeriod = 0.1;  // s
 constexpr double kLongestLag = 0.02;  // s behind the clock; what is later is left out
 constexpr double kLooks = 100;        // Hz, at least: how often the rest is looked after
 constexpr int kPriority = 60;         // below the contact thread
-/// Of a period: so long after a tick its wrench is told. Where ticks are is followed slowly, so
-/// that a wrench is not late because a tick was.
+/// Of a period: so long after a tick its wrench is published. Where ticks are is followed slowly,
+/// so that a wrench is not late because a tick was.
 constexpr double kAfterTick = 0.1, kFollowing = 0.01;
 
 double seconds_of(auto time) { return std::chrono::duration<double>(time).count(); }

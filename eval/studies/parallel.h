@@ -25,7 +25,7 @@ class Work {
 
 /// Runs task(0) ... task(num_tasks - 1), each once, in any order, on as many threads as the
 /// settings say, and returns when all have ended; each task writes to a place of its own. This
-/// thread tells the progress meanwhile: `num_steps` is how often the tasks will call Work::step,
+/// thread reports the progress meanwhile: `num_steps` is how often the tasks will call Work::step,
 /// about. Throws Cancelled, and what a task throws.
 void run_tasks(Context& context, int num_tasks, double num_steps,
                const std::function<void(int task, Work& work)>& task);

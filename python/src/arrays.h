@@ -69,7 +69,7 @@ void require_dense(const Array& array, const char* name, nb::dlpack::dtype type)
 
 /// A queue of a GPU: None, a number, or an object of PyTorch or CuPy.
 std::optional<CallerStream> stream_of(nb::handle given);
-/// An array in the memory of a GPU; nothing if it is elsewhere. Who made it is told the queue in
+/// An array in the memory of a GPU; nothing if it is elsewhere. Its maker gets the queue in
 /// which it is read, and waits there for what still writes it; without one that is CUDA's default
 /// stream.
 std::optional<AnyArray> array_on_gpu(nb::handle given, nb::handle stream);

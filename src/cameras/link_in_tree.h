@@ -31,8 +31,8 @@ class LinkInTree {
   std::optional<bool> is_live() const {
     return states_ ? std::optional(states_->is_live()) : std::nullopt;
   }
-  /// X_BL at a time on the clock of the frames, s; `stamp`: as of DepthFrame. Error: nothing told
-  /// of a joint within 0.1 s.
+  /// X_BL at a time on the clock of the frames, s; `stamp`: as of DepthFrame. Error: nothing
+  /// reported of a joint within 0.1 s.
   Result<Pose> at(double time, double stamp = 0) const;
 
  private:

@@ -49,7 +49,7 @@ struct NormalJob {
   Tiling tiling;
   const float* depth = nullptr;  // filtered
   NormalPass pass;               // without an image
-  float* change[3] = {};         // null: not wanted
+  float* change[3] = {};         // null: not requested
   float min_step = 0;
   int* num_points = nullptr;  // of each tile
 };

@@ -10,7 +10,7 @@
 namespace palpate::inline v0 {
 
 /// Call the stages in the order read, filter, estimate_normals, find_depth_change. None allocates.
-/// Points may be wanted in a window alone: filter and normals then do that and what it needs.
+/// Points may be requested in a window alone: filter and normals then do that and what it needs.
 class SurfaceStages {
  public:
   /// Settings as check_surface_settings accepts them.

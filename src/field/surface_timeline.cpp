@@ -56,7 +56,7 @@ struct SurfaceTimeline::Impl {
   /// Of a frame in a slot.
   struct Flow {
     std::vector<float> pixels;  // of the whole image, also if the surface has a smaller one
-    FlowView view;              // without pixels: nobody told it
+    FlowView view;              // without pixels: none was given
   };
   std::unique_ptr<FrameSlots> slots;
   DepthStreamInfo stream;

@@ -57,7 +57,7 @@ constexpr double kMaxOfP80 = 1.5;
 // The largest sphere that fits near a place is taken if it brings the standoff down to this
 // fraction: greedy filling would come to it too. In a slender end the next sphere is almost as far,
 // and there would have to be very many, so there a smaller one is taken that is so far from the
-// place, as fraction of the standoff wanted.
+// place, as fraction of the desired standoff.
 constexpr double kNaturalStep = 0.6;
 constexpr double kTether = 0.5;
 // Starting points for it, as fractions of the same: from an edge or a tip towards the middle of a

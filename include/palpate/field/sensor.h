@@ -103,13 +103,13 @@ struct SlotSettings;
 /// Turns a stream of frames into blends of surfaces. All memory is allocated at construction.
 class SurfaceTimeline {
  public:
-  /// With `field`, each frame gets a depth field. Depth-change vectors are computed only if wanted,
-  /// or by `newest_cloud`. `num_spare` more surfaces in memory keep the views of `at` valid for
-  /// that many more pushes: then one thread can read them while another one pushes. `binning` above
-  /// 1 uses smaller images, see bin_depth. Errors: see SurfaceEstimator, DepthField and
-  /// DepthAverager; max_jump or first_period negative; prediction or averages with a moving camera;
-  /// memory with prediction or without a field; the place is not in this build or on this machine,
-  /// or has too little memory.
+  /// With `field`, each frame gets a depth field. Depth-change vectors are computed only if
+  /// requested, or by `newest_cloud`. `num_spare` more surfaces in memory keep the views of `at`
+  /// valid for that many more pushes: then one thread can read them while another one pushes.
+  /// `binning` above 1 uses smaller images, see bin_depth. Errors: see SurfaceEstimator, DepthField
+  /// and DepthAverager; max_jump or first_period negative; prediction or averages with a moving
+  /// camera; memory with prediction or without a field; the place is not in this build or on this
+  /// machine, or has too little memory.
   static Result<SurfaceTimeline> create(const DepthStreamInfo& stream,
                                         const SurfaceOptions& surface,
                                         const std::optional<DepthFieldOptions>& field,

@@ -166,7 +166,7 @@ inline void add_settings(SettingTable& t, SafetyOptions& o) {
         "energy that may be given to the hand; damping from half of it on");
 }
 
-/// Inputs of the filter at a tick, in addition to the wanted wrench.
+/// Inputs of the filter at a tick, in addition to the desired wrench.
 struct SafetyInput {
   double time = 0;  ///< s, monotonic
   DeviceState state;

@@ -24,7 +24,7 @@ struct MeasureTerms {
   double unused[2] = {};
 
   static constexpr int kNum = 16;
-  /// StiffnessSums that follow if they are wanted, and as many zeros as make a warp full.
+  /// StiffnessSums that follow if they are requested, and as many zeros as make a warp full.
   static constexpr int kNumStiffness = 32;
 };
 static_assert(sizeof(MeasureTerms) == MeasureTerms::kNum * sizeof(double));
@@ -52,7 +52,7 @@ struct MeasureOutput {
   double* partials = nullptr;           ///< all numbers of each block
   unsigned long long* count = nullptr;  ///< of the blocks that are done
   /// Page-locked. Each word is half of one of the numbers, and above it the number of the query:
-  /// words are written at once, so each tells by itself whether it is there yet, and no fence holds
+  /// words are written at once, so each shows by itself whether it is there yet, and no fence holds
   /// the kernel up.
   std::uint64_t* words = nullptr;
   std::uint32_t query = 0;

@@ -45,7 +45,7 @@ struct FieldSums {
 /// Of one group of clusters against one field.
 struct GroupSums {
   FieldSums measure;
-  StiffnessSums stiffness;  ///< if it was wanted
+  StiffnessSums stiffness;  ///< if it was requested
 };
 
 /// What one query computes for each group of clusters.
@@ -92,7 +92,7 @@ struct FieldContactKernels {
   void (*measure_group)(const MeasureJob&, int group, bool with_stiffness, GroupSums* sums);
   /// Writes what is cut or inside of the first field; the rest is outside.
   void (*describe_group)(const MeasureJob&, int group, const SphereCuts& to);
-  /// What of it the camera of the first field does not see, m3; and which spheres, if wanted.
+  /// What of it the camera of the first field does not see, m3; and which spheres, if requested.
   double (*unseen_in_group)(const MeasureJob&, int group, std::uint8_t* spheres);
 };
 

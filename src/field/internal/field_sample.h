@@ -45,7 +45,7 @@ PALPATE_FORMULA Curved<Value> spline(const Value& left, const Value& middle, con
           from_left + from_right};
 }
 
-/// Width of the wanted pixel over the radius of the sphere. With 0.87 the B-spline has the second
+/// Width of the sampled pixel over the radius of the sphere. With 0.87 the B-spline has the second
 /// moment of a disc of that radius; less follows creases better and still averages noise.
 inline constexpr float kFootprint = 0.7f;
 /// A footprint between 1 and kBlendEnd pixels of a level is answered from it and the next one.

@@ -1,4 +1,4 @@
-// The hand of a page on the tool: takes hold of it, tells where it is at every picture, lets go.
+// The hand of a page on the tool: takes hold of it, sends its pose with every picture, releases it.
 // Only one page has it at a time; the program says which.
 
 import type { Vector3 } from 'three';
