@@ -81,8 +81,8 @@ Result<std::size_t> write_caps(const CapsOptions& options, const Tool& tool,
                                              ": no part of the tool is inside; give a pose in "
                                              "contact"};
   }
-  constexpr std::size_t kMostTriangles = 10'000'000;
-  if (num_parts > kMostTriangles / max_cap_triangles(options.segments)) {
+  constexpr std::size_t kMaxTriangles = 10'000'000;
+  if (num_parts > kMaxTriangles / max_cap_triangles(options.segments)) {
     return Error{Errc::invalid_argument,
                  "cannot write " + options.file + ": " + std::to_string(num_parts) +
                      " spheres of up to " + std::to_string(max_cap_triangles(options.segments)) +

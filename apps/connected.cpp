@@ -31,23 +31,24 @@ Result<CameraUri> connected_camera() {
     return Error{Errc::invalid_argument,
                  "there are several cameras: give one --camera of " + joined(cameras, ", ")};
   }
-  std::string text = "no source is given, and no camera is plugged in";
+  std::string text = "no depth source is given, and no camera is plugged in";
   if (!without_library.empty()) {
-    text += " that could be seen without the libraries for " + joined(without_library, ", ");
+    text += " (the libraries for " + joined(without_library, ", ") + " are not installed)";
   }
   if (!of_kernel.empty()) {
     text += "; give --camera '" + of_kernel.front() + "?intrinsics=fx,fy,cx,cy'";
   }
-  return Error{Errc::not_found,
-               text +
-                   "; palpate cameras says what was tried; without a camera give --scene NAME, "
-                   "--depth-sequence DIR or --camera URI"};
+  return Error{
+      Errc::not_found,
+      text +
+          "; give --camera URI, --depth-sequence DIR or --scene NAME; palpate cameras lists "
+          "what was tried"};
 }
 
 Result<std::string> connected_device() {
   std::vector<std::string> devices;
   for (const FoundDevice& found : find_devices()) {
-    // Nothing is plugged in: these have to be asked for.
+    // Nothing is plugged in: these are only used when requested.
     const bool is_named = found.kind == "sim" || found.kind == "replay" || found.kind == "ros2" ||
                           found.kind == "page";
     if (found.is_usable && !is_named) devices.push_back(found.uri);

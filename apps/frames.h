@@ -43,8 +43,8 @@ class NamedFrames {
   std::map<std::string, std::optional<Pose>> frames_{{"world", Pose{}}};  // none: it moves
 };
 
-/// What was given in other frames is put into the world's, and what is to be told in a frame of the
-/// user's is given its pose. Error: as of NamedFrames::find.
+/// What was given in other frames is put into the world's, and what is to be reported in a frame of
+/// the user's is given its pose. Error: as of NamedFrames::find.
 Status put_in_world(const NamedFrames& frames, const FrameOptions& options, RunSettings& settings);
 Status put_in_world(const NamedFrames& frames, std::vector<ObjectOption>& objects);
 

@@ -193,7 +193,7 @@ void add_frozen_options(CLI::App& app, FrozenOptions& options) {
          "intrinsics of the camera, in pixels; once for all images, or once for each")
       ->delimiter(',')
       ->type_size(4)
-      ->expected(1, kMostCameras)
+      ->expected(1, kMaxCameras)
       ->type_name("fx,fy,cx,cy");
   add_number(app, "--depth-unit", options.unit, {1e-6, 1, "m"}, "depth scale, meters per count");
   app.add_option_function<std::vector<std::string>>(
@@ -222,8 +222,8 @@ void check(FrozenOptions& options) {
   if (int(has_cloud) + int(num_images > 0) + int(num_streams > 0) != 1) {
     usage_error("query: give one of --cloud, --depth and --camera");
   }
-  if (std::max(num_images, num_streams) > kMostCameras) {
-    usage_error("query: at most " + std::to_string(kMostCameras) + " cameras");
+  if (std::max(num_images, num_streams) > kMaxCameras) {
+    usage_error("query: at most " + std::to_string(kMaxCameras) + " cameras");
   }
   if (num_images == 0 && num_intrinsics > 0) {
     usage_error("query: --intrinsics goes with --depth; a camera takes ?intrinsics=");

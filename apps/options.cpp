@@ -71,7 +71,7 @@ CLI::Option* add_setting(CLI::App& app, const std::string& flag, Setting setting
   if (const bool* const is_on = std::get_if<bool>(&preset)) {
     return app.add_flag_callback(
         flag, [setting, value = !*is_on]() mutable { (void)setting.set(value); },
-        (*is_on ? "without: " : "") + help);
+        (*is_on ? "switch off: " : "") + help);
   }
   const auto take = [setting, flag](const std::string& text) mutable {
     const Status status = setting.set(parse_value(setting, text), flag + ":");
@@ -175,9 +175,9 @@ void print_report(const std::string& run_folder) {
 }
 
 Intrinsics checked_intrinsics(const Intrinsics& k) {
-  constexpr double kMost = 1e6;
+  constexpr double kMaxCoordinate = 1e6;
   for (const double value : {k.fx, k.fy, k.cx, k.cy}) {
-    if (!(std::abs(value) <= kMost)) {
+    if (!(std::abs(value) <= kMaxCoordinate)) {
       usage_error("--intrinsics: must be fx,fy,cx,cy, numbers of pixels up to a million");
     }
   }
@@ -195,7 +195,8 @@ void add_camera_options(CLI::App& app, CameraOptions& options) {
                                                "intrinsics of the depth camera, in pixels")
       ->delimiter(',')
       ->expected(4)
-      ->type_name("fx,fy,cx,cy");
+      ->type_name("fx,fy,cx,cy")
+      ->option_text("fx,fy,cx,cy");
   add_number(app, "--depth-unit", options.unit, {1e-6, 1, "m"}, "depth scale, meters per count");
 }
 

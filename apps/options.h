@@ -116,7 +116,7 @@ Intrinsics checked_intrinsics(const Intrinsics& given);
 
 /// --sensor: the kind of depth camera; none: as the camera says.
 void add_sensor_option(CLI::App& app, std::optional<SensorKind>& sensor);
-/// Gives surfaces what this kind of camera asks for, but for the settings `given`, and says so.
+/// Gives surfaces the defaults for this kind of camera, but for the settings `given`, and says so.
 void use_sensor(SensorKind sensor, std::span<const std::string> given, SurfaceOptions& surface);
 /// The same for estimates of depth over time; other averages stay as they are.
 void use_sensor(SensorKind sensor, std::span<const std::string> given, TimeOptions& time);

@@ -112,7 +112,7 @@ Result<SpherePacking> pack(const TriangleMesh& solid, const PackRequest& request
   Progress bar(title);
   PackOptions options = request.pack;
   if (request.as_many_as_needed) {
-    options.max_spheres = kMostNeeded;
+    options.max_spheres = kMaxSpheresNeeded;
     options.standoff = kFeltShare * longest_side(solid);
   }
   options.progress = [&](const PackProgress& progress) {

@@ -35,7 +35,7 @@ struct PackRequest {
 /// --spheres auto: a standoff of 95 % of the surface, as share of the tool's longest side, and the
 /// most spheres it may take. It takes kReachingSpheres at least.
 inline constexpr double kFeltShare = 0.005;
-inline constexpr int kMostNeeded = 50000;
+inline constexpr int kMaxSpheresNeeded = 50000;
 
 struct PackedTool {
   Tool tool;

@@ -47,7 +47,8 @@ bool is_token(const std::string& text) {
 void add_page_options(CLI::App& app, const std::string& prefix, ViewServerOptions& options) {
   options.option_prefix = prefix;
   app.add_option(prefix + "port", options.port, "port of the page; 0: any free one")
-      ->check(CLI::Range(0, 65535))
+      ->check(CLI::Range(0, 65535).description(""))
+      ->type_name("PORT")
       ->capture_default_str();
   app.add_option(prefix + "address", options.address,
                  "listen address of the page; any but loopback needs a token")

@@ -14,7 +14,7 @@ namespace palpate::apps {
 /// PREFIX-port, PREFIX-address and PREFIX-token, e.g. "--view-port" for the prefix "--view-".
 void add_page_options(CLI::App& app, const std::string& prefix, ViewServerOptions& options);
 
-/// Serves `source` while it exists, and tells people how to open it: on another computer too, if
+/// Serves `source` while it exists, and prints how to open it: on another computer too, if
 /// they have come here by ssh.
 class OpenPage {
  public:

@@ -104,7 +104,7 @@ void print_summary(const Options& options, const eval::Evaluation& evaluation) {
   std::cout << "report: " << report << "\n";
 }
 
-/// What the run left behind, as an error if it is not what was asked for.
+/// What the run left behind, as an error if it is not what was requested.
 Status outcome(const Options& options, const eval::Evaluation& evaluation) {
   const std::string folder = options.evaluation.output.string();
   if (evaluation.interrupted) {
@@ -179,31 +179,31 @@ void add_options(CLI::App& app, Options& options) {
   app.add_flag("--list", options.list, "list the figures and exit");
   app.add_option("--data", settings.data,
                  "folder of real depth frames; default: the environment variable PALPATE_DATA")
-      ->check(CLI::ExistingDirectory)
+      ->check(CLI::Validator(CLI::ExistingDirectory).description(""))
       ->type_name("DIR");
   app.add_option("--gpu", settings.gpu, "times of a GPU, written by scripts/gpu_check.sh")
-      ->check(CLI::ExistingFile)
+      ->check(CLI::Validator(CLI::ExistingFile).description(""))
       ->type_name("FILE.csv");
   app.add_option("--gpu-report", options.evaluation.gpu_report,
                  "folder data of a report made with --backend cuda on a machine with a GPU, to "
                  "show beside this one")
-      ->check(CLI::ExistingDirectory)
+      ->check(CLI::Validator(CLI::ExistingDirectory).description(""))
       ->type_name("DIR");
   add_word(app, "--backend", settings.backend,
            "where the figures that time queries make them; cuda: only those are made");
   app.add_option("--peers", settings.peers, "times of other libraries")
-      ->check(CLI::ExistingFile)
+      ->check(CLI::Validator(CLI::ExistingFile).description(""))
       ->type_name("FILE.csv");
   app.add_option("--threads", settings.num_threads,
                  "threads for work that is not timed; default: one per core")
-      ->check(CLI::Range(0, 1024));
+      ->check(CLI::Range(0, 1024).description(""))
+      ->type_name("NUMBER");
   app.add_option("--commit", options.evaluation.commit, "commit of the source, shown in the report")
       ->type_name("NAME");
   app.add_option("--write-docs", options.write_docs,
-                 "also update the tables in these documents that quote them; of a folder into all "
-                 "its texts, "
-                 "with claims and verdicts in its evaluation.md")
-      ->check(CLI::ExistingPath)
+                 "also update the tables in these documents that quote them; of a folder, all its "
+                 "documents, with claims and verdicts in its evaluation.md")
+      ->check(CLI::Validator(CLI::ExistingPath).description(""))
       ->type_name("PATH...");
   app.add_flag("--json", options.json, "print the summary, or the list, as JSON");
   app.footer(
@@ -216,7 +216,7 @@ void add_options(CLI::App& app, Options& options) {
 }  // namespace palpate::apps
 
 int main(int argc, char** argv) {
-  CLI::App program("Make the figures of the thesis again and report what comes of each claim.",
+  CLI::App program("Make the figures of the thesis again and check each of its claims.",
                    "palpate_eval");
   palpate::apps::add_common_options(program);
   palpate::apps::Options options;

@@ -48,6 +48,17 @@ namespace {
 int fail_usage(const CLI::App& program, const CLI::ParseError& error) {
   std::string what = error.what(), verb;
   const std::string& name = program.get_name();
+  // Of lists, also of a list too short, which ends in the next option.
+  if (const std::string start = "Could not convert: "; what.starts_with(start)) {
+    const auto chosen = program.get_subcommands();
+    const CLI::App& app = chosen.empty() ? program : *chosen.front();
+    const std::size_t equals = what.find(" = ");
+    const std::string flag = what.substr(start.size(), equals - start.size());
+    const CLI::Option* const option = app.get_option_no_throw(flag);
+    if (option != nullptr && equals != std::string::npos) {
+      what = flag + ": give " + option->get_type_name() + ", not '" + what.substr(equals + 3) + "'";
+    }
+  }
   if (program.get_subcommands({}).empty()) {
     return fail(name, what + "; see " + name + " --help", kWrongUsage);
   }

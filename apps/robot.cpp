@@ -5,19 +5,19 @@
 namespace palpate::apps {
 
 void add_robot_options(CLI::App& app, RobotOptions& options) {
-  const char* const group = "The robot in the picture";
+  const char* const group = "Self filter: a robot in the image";
   const auto add = [&](const char* flag, std::string& value, const char* type, const char* help) {
     app.add_option(flag, value, help)->type_name(type)->group(group);
   };
   add("--robot", options.files.robot, "FILE.urdf|MESH",
       "robot to remove from the depth images (self filter)");
   add("--joints", options.files.joints, "SOURCE",
-      "positions of its joints: FILE.csv, bag:FILE[?topic=/T] or ros2:/TOPIC; bag:FILE?world=FRAME "
-      "and ros2:?world=FRAME take the frames of tf that are called like its links");
+      "joint positions: FILE.csv, bag:FILE[?topic=/T] or ros2:/TOPIC; bag:FILE?world=FRAME "
+      "and ros2:?world=FRAME use the tf frames named like its links");
   add("--robot-pose", options.files.pose, "POSE|FILE",
-      "of its base in the world: 'tx ty tz qx qy qz qw', or a file of poses by time (TUM)");
+      "pose of its base in the world: 'tx ty tz qx qy qz qw', or a file of poses by time (TUM)");
   add("--robot-packages", options.files.packages, "DIR[:DIR]",
-      "where package:// leads, beside ROS_PACKAGE_PATH and AMENT_PREFIX_PATH");
+      "folders searched for package://, in addition to ROS_PACKAGE_PATH and AMENT_PREFIX_PATH");
   add_setting_options(app, group, settings_of(options.filter), kRobotOptions);
 }
 

@@ -31,8 +31,8 @@ constexpr double kDiagnosticsPeriod = 1, kShortestDiagnosticsPeriod = 0.1;  // s
 constexpr double kLongestLag = 0.02;  // s behind the clock; what is later is left out
 constexpr double kLooks = 100;        // Hz, at least: how often the rest is looked after
 constexpr int kPriority = 60;         // below the contact thread
-/// Of a period: so long after a tick its wrench is told. Where ticks are is followed slowly, so
-/// that a wrench is not late because a tick was.
+/// Of a period: so long after a tick its wrench is published. Where ticks are is followed slowly,
+/// so that a wrench is not late because a tick was.
 constexpr double kAfterTick = 0.1, kFollowing = 0.01;
 
 double seconds_of(auto time) { return std::chrono::duration<double>(time).count(); }
@@ -342,7 +342,7 @@ class Output final : public RosOutput {
                                     streams_[record.camera].intrinsics, record.X_WC));
   }
 
-  /// From the thread of the observer: what cameras see, for who asks how the spheres are.
+  /// From the thread of the observer: what cameras see, for requests for the spheres' states.
   void keep(const FrameRecord& record, const DepthFrame& frame) {
     if (!(options_.points_rate > 0) || spheres_->num_readers() == 0) return;
     const std::lock_guard lock(seen_mutex_);
@@ -367,7 +367,7 @@ class Output final : public RosOutput {
     return false;
   }
 
-  /// As the last contact that was asked for found them.
+  /// As the last requested contact found them.
   void publish_spheres(RunLoop& loop, double time) {
     if (const ContactPicture* const now = loop.new_contact_picture(PictureConsumer::robots)) {
       const std::lock_guard lock(seen_mutex_);
@@ -484,7 +484,7 @@ void add_ros_options(CLI::App& app, RosOutputOptions& options) {
 
 void check_ros_output(const RosOutputOptions& options, const std::string& frame,
                       const OutputOptions& output, const std::string& verb) {
-  if (!options.is_wanted) return;
+  if (!options.is_requested) return;
   if (!(output.X_TE == Pose{}) || output.wrench_point != WrenchPoint{}) {
     usage_error(verb +
                 ": over ROS 2 a wrench refers to the origin of its frame: remove --tcp and "

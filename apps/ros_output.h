@@ -12,7 +12,7 @@
 namespace palpate::apps {
 
 struct RosOutputOptions {
-  bool is_wanted = false;
+  bool is_requested = false;
   std::string name_space = "/palpate";  ///< of the topics
   std::string wrench = "wrench";        ///< the topic; in the namespace unless it begins with "/"
   /// `camera_frame`: frame of published poses, W.
@@ -24,7 +24,7 @@ struct RosOutputOptions {
 };
 /// Of a verb; their group in its help is "ROS 2".
 void add_ros_options(CLI::App& app, RosOutputOptions& options);
-/// Wrong usage: --wrench-frame is one that no frame of ROS 2 stands for, or torques are wanted
+/// Wrong usage: --wrench-frame is one that no frame of ROS 2 stands for, or torques are requested
 /// about a point that is not the origin of a frame.
 void check_ros_output(const RosOutputOptions& options, const std::string& frame,
                       const OutputOptions& output, const std::string& verb);

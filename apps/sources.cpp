@@ -71,8 +71,8 @@ std::vector<CameraUri> named_cameras(const SourceOptions& options, const std::st
   const int num_sources = int(!options.depth_sequence.empty()) + int(!options.scene.empty()) +
                           int(!options.cameras.empty()) + int(!options.rig.empty());
   if (num_sources > 1) refuse("give one of --camera, --rig, --depth-sequence and --scene");
-  if (options.cameras.size() > kMostCameras) {
-    refuse("at most " + std::to_string(kMostCameras) + " cameras are joined");
+  if (options.cameras.size() > kMaxCameras) {
+    refuse("at most " + std::to_string(kMaxCameras) + " cameras are joined");
   }
   if (options.depth_sequence.empty() && options.camera.intrinsics) {
     refuse("--intrinsics goes with --depth-sequence; a camera takes ?intrinsics=");

@@ -99,12 +99,12 @@ std::string describe(const Tool& tool, const Standoff& standoff) {
          text("spheres       %zu, radii %.4g ... %.4g mm, fill %.2f %%\n", tool.spheres().size(),
               radius.smallest * 1000, radius.largest * 1000, 100 * fill(tool)) +
          text(
-             "standoff      %.4g mm from the surface to the nearest sphere (95 %%: %.4g, most "
-             "%.4g)\n",
+             "standoff      mean %.4g mm, 95 %% %.4g mm, maximum %.4g mm from the surface to the "
+             "nearest sphere\n",
              standoff.mean * 1000, standoff.p95 * 1000, standoff.max * 1000) +
          text("worst place   %.4g %.4g %.4g mm, %.4g mm from the nearest sphere\n", worst.x,
               worst.y, worst.z, standoff.max * 1000) +
-         text("centre        %.4g %.4g %.4g mm (of the spheres)\n", centre.x, centre.y, centre.z) +
+         text("center        %.4g %.4g %.4g mm (of the spheres)\n", centre.x, centre.y, centre.z) +
          text("tree          %zu nodes\n", tool.tree().nodes().size()) +
          text("graph         %d edges, %d of them bridges between %d components\n",
               graph.num_edges(), graph.num_bridges(), graph.num_components_before_bridging());

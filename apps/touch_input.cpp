@@ -18,7 +18,7 @@ bool counts_from_1970(double time) { return time > 1e8; }
 
 bool is_aimed(const ProbeAim& aim) { return aim.pixel || aim.point_W || aim.tip_T; }
 
-/// The frames that people ask for. `duration`: of simulated ones, nullopt for the scene's.
+/// The frames that a user requests. `duration`: of simulated ones, nullopt for the scene's.
 Result<std::unique_ptr<DepthSource>> open_stream(const TouchOptions& options,
                                                  const CameraUri& camera,
                                                  std::optional<double> duration) {

@@ -255,7 +255,7 @@ Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
   }
   RunMonitor listener;
   std::unique_ptr<RosOutput> output;
-  if (options.ros.is_wanted) {
+  if (options.ros.is_requested) {
     RosOutputOptions ros = options.ros;
     ros.frame = settings.output.wrench_frame.value_or(WrenchFrame::tool);
     auto made = RosOutput::create(tool, settings.objects, DepthSources(sources).infos(), ros);

@@ -30,7 +30,7 @@ struct Options {
 /// Points of a camera with focal length f (pixels) are z/f apart at depth z. A sphere that the
 /// surface cuts is only sure to hold a point if the cut disc's radius is at least that spacing /
 /// sqrt 2: half the diagonal of a square of four points.
-double least_felt_radius(double depth, double focal_length) {
+double min_contact_radius(double depth, double focal_length) {
   return depth / focal_length / std::sqrt(2.0);
 }
 
@@ -96,7 +96,7 @@ bool is_folder(const std::string& path) {
 void check(Options& options) {
   PackOptions& limits = options.request.pack;
   if (const auto& spacing = options.request.camera_spacing; !spacing.empty()) {
-    const double radius = least_felt_radius(spacing[0], spacing[1]);
+    const double radius = min_contact_radius(spacing[0], spacing[1]);
     if (!(spacing[0] > 0 && spacing[1] > 0 && std::isfinite(radius))) {
       usage_error("--camera-spacing: Z and F must be finite and greater than 0");
     }
@@ -141,7 +141,7 @@ void add_limits(CLI::App& app, PackRequest& request) {
       ->expected(2)
       ->type_name("Z,F");
   add_seed_option(app, pack.seed, "jitters the starting grid; 0: the plain grid");
-  add_word(app, "--gap-rule", request.gap_rule, "which spheres are neighbours");
+  add_word(app, "--gap-rule", request.gap_rule, "which spheres are neighbors");
   add_threads_option(app, pack.num_threads, "threads; 0: one per core");
 }
 

@@ -124,14 +124,15 @@ void add_record(CLI::App& program, Action& action) {
       ->type_name("FILE.mcap");
   add_robot_options(app, options->robot);
   app.add_option("--duration", options->duration,
-                 "seconds; default: until the stream ends or Ctrl-C")
-      ->check(CLI::Range(1e-3, 86400.0));
+                 "length of the recording; default: until the stream ends or Ctrl-C")
+      ->check(CLI::Range(1e-3, 86400.0).description(""))
+      ->type_name("SECONDS");
   app.add_flag("--json", options->json, "print what was recorded as JSON");
   app.footer("Example: palpate record --camera openni2 --duration 10 -o hand.mcap");
   app.callback([options, &app, &action] {
     check_robot(app, "record");
-    if (options->cameras.size() > kMostCameras) {
-      usage_error("record: at most " + std::to_string(kMostCameras) + " cameras at once");
+    if (options->cameras.size() > kMaxCameras) {
+      usage_error("record: at most " + std::to_string(kMaxCameras) + " cameras at once");
     }
     for (const std::string& camera : options->cameras) {
       if (const auto uri = parse_camera_uri(camera); !uri) {

@@ -73,9 +73,9 @@ Status parse(const std::vector<std::string>& words, RunSettings& settings) {
 /// What the run was recorded with, but for the options that another method does not have: `note`
 /// names those.
 Status change(const std::vector<std::string>& words, RunSettings& settings, std::string& note) {
-  RunSettings wanted = settings;
-  if (const Status status = parse(words, wanted); !status) return status;
-  settings.contact.method = wanted.contact.method;
+  RunSettings desired = settings;
+  if (const Status status = parse(words, desired); !status) return status;
+  settings.contact.method = desired.contact.method;
   for (const std::string& name : drop_foreign_options(settings.contact)) {
     note += (note.empty() ? "dropped options of the run that the method " +
                                 name_of(settings.contact.method) + " does not have: "

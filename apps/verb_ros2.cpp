@@ -41,7 +41,7 @@ TouchOptions touch_options(const Options& options) {
   touch.device = "ros2:" + (options.pose.empty() ? options.tool_frame : options.pose);
   if (!touch.ros.camera_frame.empty()) touch.device += "@" + touch.ros.camera_frame;
   if (!options.tool_frame.empty()) touch.ros.tool_frame = options.tool_frame;
-  touch.ros.is_wanted = true;
+  touch.ros.is_requested = true;
   RobotFiles& robot = touch.robot.files;
   if (robot.robot.ends_with(".urdf") && robot.joints.empty()) {
     if (robot.pose.empty() && options.world.empty()) {
@@ -80,13 +80,16 @@ void add_ros2(CLI::App& program, Action& action) {
       ->type_name("FRAME");
   app.add_option("--clock", options->clock,
                  "clock of the stamps: the robot's own, or one shared with this computer (PTP, "
-                 "NTP), so that ages include the network delay")
-      ->check(CLI::IsMember({"own", "shared"}))
+                 "NTP), so that ages include the network delay: own, shared")
+      ->check(CLI::IsMember({"own", "shared"}).description(""))
+      ->type_name("NAME")
       ->capture_default_str();
   add_number(app, "--latency", options->latency, {0, 1, "s"},
              "from the exposure of an image to its stamp, where drivers stamp late");
-  app.add_option("--qos", options->qos, "reliability of the image subscription")
-      ->check(CLI::IsMember({"best_effort", "reliable"}))
+  app.add_option("--qos", options->qos,
+                 "reliability of the image subscription: best_effort, reliable")
+      ->check(CLI::IsMember({"best_effort", "reliable"}).description(""))
+      ->type_name("NAME")
       ->capture_default_str();
   auto* const frame =
       app.add_option("--tool-frame", options->tool_frame, "tf frame of the tool: that of its mesh")
@@ -99,8 +102,9 @@ void add_ros2(CLI::App& program, Action& action) {
   app.add_option("-o,--output", touch.output, "folder of the recording of the last minute")
       ->type_name("RUN")
       ->capture_default_str();
-  app.add_option("--duration", touch.duration, "seconds; default: until Ctrl-C")
-      ->check(CLI::Range(1e-3, 86400.0));
+  app.add_option("--duration", touch.duration, "length of the run; default: until Ctrl-C")
+      ->check(CLI::Range(1e-3, 86400.0).description(""))
+      ->type_name("SECONDS");
   const SettingTable table = settings_of(touch.settings);
   add_setting_options(app, "", table, kLoopOptions);
   add_prefix_option(app, touch.num_spheres);
@@ -114,7 +118,7 @@ void add_ros2(CLI::App& program, Action& action) {
   add_page_options(app, "--view-", touch.page);
   app.add_flag("--json", touch.json, "print the summary as JSON");
   app.footer(
-      "ROS_DOMAIN_ID and ROS_LOCALHOST_ONLY are heeded; no ROS needs to be installed.\n"
+      "ROS_DOMAIN_ID and ROS_LOCALHOST_ONLY are respected. No ROS installation is needed.\n"
       "Example: palpate ros2 gripper.palp --depth /camera/depth/image_rect_raw --tool-frame tool0");
   app.callback([options, &app, &action] {
     check_robot(app, "ros2");

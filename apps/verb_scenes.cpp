@@ -32,8 +32,10 @@ Status run(bool as_json) {
     print_json({{"scenes", list}});
   } else {
     std::cout << text
-              << "\nThe tool is the one that the path of the scene is made for (palpate "
-                 "shape, palpate pack); any other is welcome.\n";
+              << "\nEach scene has a path for the tool in its line. Make it with palpate shape and "
+                 "palpate "
+                 "pack, e.g.\n  palpate shape stylus --size 0.12 -o stylus.stl\n  palpate pack "
+                 "stylus.stl -o stylus.palp\nOther tools work, too.\n";
   }
   return Done{};
 }

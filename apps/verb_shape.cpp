@@ -24,7 +24,7 @@ Status run(const Options& options) {
   if (!mesh) return mesh.error();
   if (const Status status = save_mesh(*mesh, options.output); !status) return status;
   std::cout << "written       " << options.output << ", " << mesh->triangles.size()
-            << " triangles, in metres\n";
+            << " triangles, in meters\n";
   return Done{};
 }
 

@@ -144,8 +144,8 @@ double parse_amount(const std::string& text,
 /// How much of a long run is kept.
 void add_record_options(CLI::App& app, const std::shared_ptr<Options>& options) {
   const std::string group = "Recording";
-  const auto refuse = [](const char* option, const std::string& text, const char* wanted) {
-    usage_error(std::string("touch: ") + option + ": " + wanted + ", not '" + text + "'");
+  const auto refuse = [](const char* option, const std::string& text, const char* desired) {
+    usage_error(std::string("touch: ") + option + ": " + desired + ", not '" + text + "'");
   };
   app.add_option_function<std::string>(
          "--record-keep",
@@ -274,10 +274,10 @@ void add_path_options(CLI::App& app, Options& options) {
                  "or automatic probing, see --probe")
       ->type_name("FILE");
   app.add_option("--path-frame", options.frames.path,
-                 "frame of the poses of --path and replay: (tool poses): world, which is the "
-                 "camera frame unless cameras have poses; camera, camera_2, ... or another frame "
-                 "of the rig; device (the base at coupling.base_in_scene); base: poses of the "
-                 "handle in the device base")
+                 "frame of the tool poses of --path and of --device replay:FILE. world: the camera "
+                 "frame, unless cameras have poses; camera, camera_2, ... or another frame of the "
+                 "rig; device: the base at coupling.base_in_scene; base: the file has poses of "
+                 "the handle in the device base")
       ->type_name("FRAME")
       ->capture_default_str();
   app.add_option("--base-frame", options.frames.base,
@@ -305,8 +305,9 @@ void add_touch(CLI::App& program, Action& action) {
   add_robot_options(app, options->robot);
   add_path_options(app, *options);
   app.add_option("--duration", options->duration,
-                 "seconds; default: until the path or the frames end")
-      ->check(CLI::Range(1e-3, 86400.0));
+                 "length of the run; default: until the path or the frames end")
+      ->check(CLI::Range(1e-3, 86400.0).description(""))
+      ->type_name("SECONDS");
   const SettingTable table = settings_of(options->settings);
   add_setting_options(app, "", table, kLoopOptions);
   add_prefix_option(app, options->num_spheres);
@@ -322,7 +323,7 @@ void add_touch(CLI::App& program, Action& action) {
   add_hand_options(app, options);
   add_record_options(app, options);
   add_view_options(app, *options);
-  app.add_flag("--ros2", options->ros.is_wanted,
+  app.add_flag("--ros2", options->ros.is_requested,
                "also publish wrench, contact, tool pose and points over ROS 2")
       ->group("ROS 2");
   add_ros_options(app, options->ros);
@@ -348,7 +349,7 @@ void add_touch(CLI::App& program, Action& action) {
     check_materials(options->materials);
     options->has_page = options->has_page || options->is_page();
     check_view(app, *options);
-    if (options->ros.is_wanted && options->device.empty()) {
+    if (options->ros.is_requested && options->device.empty()) {
       usage_error("touch: --ros2 goes with --device: what is published is of a live run");
     }
     check_ros_output(options->ros, options->frames.wrench, options->settings.output, "touch");
@@ -357,7 +358,7 @@ void add_touch(CLI::App& program, Action& action) {
     });
     const bool know_world = std::ranges::all_of(
         options->cameras, [](const CameraUri& camera) { return camera.extras.contains("world"); });
-    if (options->ros.is_wanted && options->ros.camera_frame.empty() &&
+    if (options->ros.is_requested && options->ros.camera_frame.empty() &&
         (has_poses || !options->rig.empty() || (options->cameras.size() > 1 && !know_world))) {
       usage_error(
           "touch: --ros2 with several cameras or with camera poses needs the name of the world "

@@ -1,4 +1,4 @@
-// Many poses in one call on the CPU: how many spheres are asked in a second.
+// Many poses in one call on the CPU: how many spheres are evaluated in a second.
 //   bench_batch --benchmark_filter=batch
 #include <benchmark/benchmark.h>
 

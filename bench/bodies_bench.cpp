@@ -43,7 +43,7 @@ void pairs(benchmark::State& state, const Tool& other, BodyMethod method, bool w
   });
 }
 
-/// Two equal cubes: both ask.
+/// Two equal cubes: both are sampled.
 void bodies(benchmark::State& state) {
   pairs(state, cube_tool(static_cast<int>(state.range(0))), BodyMethod::field, false);
 }
@@ -53,7 +53,7 @@ void bodies_stiffness(benchmark::State& state) {
 void bodies_spheres(benchmark::State& state) {
   pairs(state, cube_tool(static_cast<int>(state.range(0))), BodyMethod::spheres, false);
 }
-/// In a cube of a hundred spheres, which is too coarse to ask.
+/// In a cube of a hundred spheres, which is too coarse to be sampled.
 void bodies_coarse(benchmark::State& state) {
   pairs(state, cube_tool(100), BodyMethod::field, false);
 }

@@ -353,12 +353,12 @@ int main(int argc, char** argv) {
     return 2;
   }
   const std::string only = argc > 3 ? argv[3] : "";
-  const auto is_wanted = [&only](const char* figure) { return only.empty() || only == figure; };
+  const auto is_requested = [&only](const char* figure) { return only.empty() || only == figure; };
   std::fprintf(csv, "figure,of,average,value,unit\n");
-  if (is_wanted("cost")) cost();
-  if (is_wanted("rest")) rest_simulated();
-  if (is_wanted("recorded")) rest_recorded(argv[2]);
-  if (is_wanted("sudden")) sudden();
-  if (is_wanted("lag")) lags();
+  if (is_requested("cost")) cost();
+  if (is_requested("rest")) rest_simulated();
+  if (is_requested("recorded")) rest_recorded(argv[2]);
+  if (is_requested("sudden")) sudden();
+  if (is_requested("lag")) lags();
   return std::fclose(csv) == 0 ? 0 : 1;
 }

@@ -79,7 +79,7 @@ def given(recording):
     from mcap.reader import make_reader
     from mcap_ros2.decoder import DecoderFactory
     fading, last = 2, None
-    since = most = total = force_most = 0.0
+    since = most = total = max_force = 0.0
     ages, damped, num = [], 0, 0
     with open(recording, "rb") as file:
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
@@ -95,13 +95,13 @@ def given(recording):
                 if last.safety.state == fading and tick.safety.state != fading:
                     since = 0.0
             force = tick.felt.force
-            force_most = max(force_most, math.sqrt(force.x**2 + force.y**2 + force.z**2))
+            max_force = max(max_force, math.sqrt(force.x**2 + force.y**2 + force.z**2))
             damped += tick.safety.damping > 0
             if tick.contact_number > 0:
                 ages.append(tick.sensor_age)
             last = tick
     ages.sort()
-    return {"num": num, "ages": ages, "most": most, "total": total, "force": force_most, "damped": damped}
+    return {"num": num, "ages": ages, "most": most, "total": total, "force": max_force, "damped": damped}
 
 
 def main():

@@ -150,7 +150,7 @@ void cost(const Tool& tool, int num_cameras, bool with_stiffness, double seconds
   const auto query = query_of(tool);
   const test::HullScene scene = scene_of(solids()[0], cameras_around(num_cameras), kNoise, 1);
   std::vector<SurfaceBlend> views = scene.views;
-  // Alone, a camera is not asked what it has seen to be free.
+  // Alone, the free space that a camera has seen is not queried.
   if (num_cameras == 1) views[0].to.seen_free = views[0].from.seen_free = {};
   const std::vector<Pose> poses = poses_in_surface();
   time_of("cost",

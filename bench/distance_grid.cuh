@@ -1,4 +1,4 @@
-// What others ask instead of a depth field: a grid of signed distances, looked up trilinearly at
+// What others query instead of a depth field: a grid of signed distances, looked up trilinearly at
 // each sphere, with a hinge. Our own kernel of it, as lean as we can make it: a block for each
 // pose, and per pose the cost and the wrench of its gradient.
 #pragma once

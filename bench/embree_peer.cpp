@@ -87,8 +87,8 @@ class Embree : public BoundaryPeer {
     if (rtcGetDeviceError(device_) != RTC_ERROR_NONE) fail("Embree builds no tree of points");
   }
 
-  void ask(Question question, std::span<const Sphere> spheres, const Pose& X_WT,
-           std::span<SphereAnswer> answers) override {
+  void evaluate(Question question, std::span<const Sphere> spheres, const Pose& X_WT,
+                std::span<SphereAnswer> answers) override {
     const RTCPointQueryFunction visit_point =
         question == Question::which ? stop_at_first : add_point;
     RTCPointQueryContext context;

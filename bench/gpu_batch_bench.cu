@@ -1,5 +1,5 @@
 // Batches on this machine's GPU: time on the device of a call, one CSV row for each case, and how
-// many spheres that asks in a second. Beside them a distance grid at the same poses.
+// many spheres that evaluates in a second. Beside them a distance grid at the same poses.
 //   gpu_batch_bench [--quick] [--gpu N] [--only WORD] [--warps]
 // With --warps every case is tried with 1, 2, 4 and 8 warps a pose.
 #include <cstring>
@@ -24,12 +24,12 @@ struct Options {
 
 Options options;
 
-bool is_wanted(const std::string& name) { return name.find(options.only) != std::string::npos; }
+bool is_requested(const std::string& name) { return name.find(options.only) != std::string::npos; }
 
 /// Times on the device of one call among a few in a row.
 template <class Call>
 void measure(const std::string& name, double evaluations, gpu::Stream& stream, const Call& call) {
-  if (!is_wanted(name)) return;
+  if (!is_requested(name)) return;
   constexpr int kCalls = 5;
   for (int i = 0; i < 3; ++i) call();
   stream.wait(60);

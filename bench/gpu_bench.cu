@@ -41,12 +41,12 @@ struct Options {
 
 Options options;
 
-bool is_wanted(const std::string& name) { return name.find(options.only) != std::string::npos; }
+bool is_requested(const std::string& name) { return name.find(options.only) != std::string::npos; }
 
 /// Calls again and again.
 template <class Call>
 void measure(const std::string& name, const Call& call) {
-  if (!is_wanted(name)) return;
+  if (!is_requested(name)) return;
   for (int i = 0; i < 50; ++i) call();
   std::vector<double> times;
   const Clock::time_point begin = Clock::now();
@@ -137,7 +137,7 @@ void measure_queries(int num_spheres) {
   }
 }
 
-// Two equal cubes, and one in a cube that is too coarse to ask.
+// Two equal cubes, and one in a cube that is too coarse to be sampled.
 void measure_bodies(int num_spheres) {
   const Tool& tool = cube_tool(num_spheres);
   for (const bool is_coarse : {false, true}) {
@@ -169,7 +169,7 @@ void measure_hull(int num_spheres) {
       const test::HullScene scene =
           scene_of(solids().front(), cameras_around(num_cameras), 0.0015, 1);
       std::vector<SurfaceBlend> views = scene.views;
-      // Alone, a camera is not asked what it has seen to be free.
+      // Alone, the free space that a camera has seen is not queried.
       if (num_cameras == 1) views[0].to.seen_free = views[0].from.seen_free = {};
       std::size_t i = 0;
       ContactStatus status;
@@ -246,7 +246,7 @@ void measure_sensing(int width, int height) {
   gpu::Stream stream(options.gpu, gpu::Priority::low);
   const float* const depth = memory.copy_of(WallFrame(width, height).depth);
   const auto measure_recorded = [&](const std::string& name, const auto& enqueue) {
-    if (!is_wanted(name)) return;
+    if (!is_requested(name)) return;
     stream.begin_recording();
     enqueue();
     const gpu::Graph graph = stream.end_recording();
@@ -331,7 +331,7 @@ void measure_sharing(int width, int height) {
       const std::string name = "sharing: " + std::string(method_name) + " at 1 kHz; " +
                                std::to_string(width) + "x" + std::to_string(height) +
                                " at 30 Hz: " + way.name;
-      if (!is_wanted(name)) continue;
+      if (!is_requested(name)) continue;
       std::atomic<bool> goes_on{true};
       std::vector<double> frame_times;
       std::thread camera([&] {
@@ -385,7 +385,7 @@ void measure_two_gpus() {
          {std::pair{"field", MethodKind::field}, std::pair{"simplified", MethodKind::simplified}}) {
       const std::string name = "two GPUs: " + std::string(method_name) + "; sensing on GPU " +
                                std::to_string(sensing_gpu) + "; contact on GPU 0";
-      if (!is_wanted(name)) continue;
+      if (!is_requested(name)) continue;
       auto timeline = value_or_stop(SurfaceTimeline::create(
           info, {}, DepthFieldOptions{}, {.mode = TimeMode::latest}, {Backend::cuda, sensing_gpu}));
       eval::MethodQueries queries(Backend::cuda, tool, {.gpu = 0});

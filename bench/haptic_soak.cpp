@@ -196,7 +196,7 @@ Status soak(const Options& options, const std::string& command) {
   std::this_thread::sleep_for(std::chrono::duration<double>(std::min(1.0, options.seconds / 10)));
   const double memory_before = resident_mebibytes();
   const test::AllocationCounter allocations;
-  double most_energy = 0, most_force = 0;
+  double max_energy = 0, max_force = 0;
   std::uint64_t in_contact = 0, looked = 0;
   TickRecord record;
   const auto end =
@@ -204,8 +204,8 @@ Status soak(const Options& options, const std::string& command) {
   while ((*loop)->is_running() && std::chrono::steady_clock::now() < end) {
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
     if (!(*loop)->latest(record)) continue;
-    most_energy = std::max(most_energy, record.safety.energy);
-    most_force = std::max(most_force, norm(record.F_H_B.force));
+    max_energy = std::max(max_energy, record.safety.energy);
+    max_force = std::max(max_force, norm(record.F_H_B.force));
     in_contact += record.penetration.volume > 0 ? 1 : 0;
     ++looked;
   }
@@ -236,8 +236,8 @@ Status soak(const Options& options, const std::string& command) {
             100 * static_cast<double>(in_contact) /
                 static_cast<double>(std::max<std::uint64_t>(looked, 1)),
             "%");
-  table.add("largest force", most_force, "N");
-  table.add("most energy given", most_energy, "J");
+  table.add("largest force", max_force, "N");
+  table.add("most energy given", max_energy, "J");
   table.add("allocations after start", static_cast<double>(num_allocations), "");
   table.add("memory at start", memory_before, "MiB");
   table.add("memory at end", memory_after, "MiB");

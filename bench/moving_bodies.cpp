@@ -82,7 +82,7 @@ void rest(int num, bool may_sleep, const char* figure) {
 }
 
 void energy() {
-  double most_fallen = 0, most_all = 0, most_resting = 0;
+  double max_fallen = 0, max_all = 0, max_resting = 0;
   test::Random random(3);
   const auto shape = packed_shape(make_box(kBox), 400);
   for (int run = 0; run < 10; ++run) {
@@ -106,21 +106,21 @@ void energy() {
       return sum;
     };
     const double scale = 4 * 0.3 * 9.81 * 0.1;  // J: what they have to fall
-    double before = all(), least = before, least_all = 1e9;
+    double before = all(), least = before, min_all = 1e9;
     for (int i = 0; i < 3000; ++i) {
       world.step();
       const double now = all(), with_springs = world.bodies->energy();
-      most_fallen = std::max(most_fallen, (now - before) / scale);
-      if (i > 500) most_resting = std::max(most_resting, (now - least) / scale);
-      if (i > 0) most_all = std::max(most_all, (with_springs - least_all) / scale);
+      max_fallen = std::max(max_fallen, (now - before) / scale);
+      if (i > 500) max_resting = std::max(max_resting, (now - least) / scale);
+      if (i > 0) max_all = std::max(max_all, (with_springs - min_all) / scale);
       least = std::min(least, now);
-      least_all = std::min(least_all, with_springs);
+      min_all = std::min(min_all, with_springs);
     }
   }
-  row("energy", "motion and height, over the beginning", 100 * most_fallen, "%", 0);
-  row("energy", "motion and height, over the least so far, from 0.5 s on", 100 * most_resting, "%",
+  row("energy", "motion and height, over the beginning", 100 * max_fallen, "%", 0);
+  row("energy", "motion and height, over the least so far, from 0.5 s on", 100 * max_resting, "%",
       0);
-  row("energy", "with what contacts hold, over the least so far", 100 * most_all, "%", 0);
+  row("energy", "with what contacts hold, over the least so far", 100 * max_all, "%", 0);
 }
 
 void tunnel() {
@@ -163,12 +163,12 @@ void tunnel() {
 /// A tool of 6 cm at 1 m/s against a plate that stands free, with the stiffness of a device.
 void tunnel_tool() {
   for (const double thick : {0.01, 0.02, 0.04}) {
-    for (const double most_force : {8.0, 20.0}) {
+    for (const double max_force : {8.0, 20.0}) {
       const auto plate = packed_shape(make_box({0.1, 0.08, thick}), 1000);
       RunSettings settings;
       settings.num_threads = 1;
       settings.coupling.kind = CouplingKind::none;
-      settings.coupling.force_at_eighth = most_force;
+      settings.coupling.force_at_eighth = max_force;
       settings.bodies.gravity_y = 0;
       settings.objects = {object_at(plate, {{0, 0, 0.4}, {}}, 0)};
       const auto tool = packed_shape(make_box(kBox), 1000);
@@ -187,7 +187,7 @@ void tunnel_tool() {
       const double ahead = pipeline.contact().bodies.of[0].translation.z - (0.25 + 0.399);
       row("tunnel",
           "tool at 1 m/s through a free plate of " + std::to_string(std::lround(1e3 * thick)) +
-              " mm, " + std::to_string(std::lround(most_force)) + " N at an eighth",
+              " mm, " + std::to_string(std::lround(max_force)) + " N at an eighth",
           ahead < 0 ? 1 : 0, "times", 0);
     }
   }
@@ -254,17 +254,17 @@ int main(int num, char** words) {
     return 1;
   }
   std::fprintf(csv, "figure,of,value,unit,goal\n");
-  const auto is_wanted = [&](const std::string& figure) {
+  const auto is_requested = [&](const std::string& figure) {
     return num == 2 ||
            std::any_of(words + 2, words + num, [&](const char* w) { return w == figure; });
   };
-  if (is_wanted("energy")) energy();
-  if (is_wanted("tunnel")) tunnel();
-  if (is_wanted("tunnel")) tunnel_tool();
-  if (is_wanted("cost")) cost();
-  if (is_wanted("rest")) rest(1, true, "rest");
-  if (is_wanted("rest_awake")) rest(1, false, "rest");
-  if (is_wanted("stack")) rest(5, true, "stack");
-  if (is_wanted("stack_awake")) rest(5, false, "stack");
+  if (is_requested("energy")) energy();
+  if (is_requested("tunnel")) tunnel();
+  if (is_requested("tunnel")) tunnel_tool();
+  if (is_requested("cost")) cost();
+  if (is_requested("rest")) rest(1, true, "rest");
+  if (is_requested("rest_awake")) rest(1, false, "rest");
+  if (is_requested("stack")) rest(5, true, "stack");
+  if (is_requested("stack_awake")) rest(5, false, "stack");
   std::fclose(csv);
 }

@@ -23,7 +23,8 @@ struct Points {
 using Tree =
     nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<float, Points>, Points, 3>;
 
-/// Takes the points within a radius as they are found, and stops at the first if no more is asked.
+/// Takes the points within a radius as they are found, and stops at the first if no more is
+/// requested.
 struct Visitor {
   const PointCloud& cloud;
   Question question;
@@ -55,13 +56,13 @@ class NanoflannTree : public BoundaryPeer {
   std::string name() const override { return "nanoflann"; }
 
   void build() override {
-    constexpr std::size_t kPointsPerLeaf = 32;  // of 10, 32 and 64 the best to build and to ask
+    constexpr std::size_t kPointsPerLeaf = 32;  // of 10, 32 and 64 the best to build and to query
     tree_ = std::make_unique<Tree>(3, points_,
                                    nanoflann::KDTreeSingleIndexAdaptorParams(kPointsPerLeaf));
   }
 
-  void ask(Question question, std::span<const Sphere> spheres, const Pose& X_WT,
-           std::span<SphereAnswer> answers) override {
+  void evaluate(Question question, std::span<const Sphere> spheres, const Pose& X_WT,
+                std::span<SphereAnswer> answers) override {
     query_all(spheres, X_WT, answers, [&](const Vec3f& c, float radius, SphereAnswer& answer) {
       Visitor visitor{cloud_, question, radius * radius, answer};
       const float centre[3] = {c.x, c.y, c.z};

@@ -22,7 +22,7 @@ struct CurvePoint {
 /// One packer on one mesh, by ascending number of spheres: every number, or those of separate runs.
 struct PackingCurve {
   std::vector<CurvePoint> points;
-  std::string ending;  ///< why it has fewer spheres than asked for; empty if it has not
+  std::string ending;  ///< why it has fewer spheres than requested; empty if it has not
 
   std::optional<CurvePoint> at(int spheres) const;
   /// The first point that has at least this fill.

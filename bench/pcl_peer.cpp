@@ -31,8 +31,8 @@ class OrganizedNeighbor : public BoundaryPeer {
 
   void build() override { search_.setInputCloud(points_); }
 
-  void ask(Question question, std::span<const Sphere> spheres, const Pose& X_WT,
-           std::span<SphereAnswer> answers) override {
+  void evaluate(Question question, std::span<const Sphere> spheres, const Pose& X_WT,
+                std::span<SphereAnswer> answers) override {
     const unsigned max_points = question == Question::which ? 1 : 0;  // 0: all
     query_all(spheres, X_WT, answers, [&](const Vec3f& c, float radius, SphereAnswer& answer) {
       const int num =

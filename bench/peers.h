@@ -19,7 +19,7 @@ namespace palpate::bench {
   std::exit(1);
 }
 
-/// What is asked of every sphere.
+/// What is computed for every sphere.
 enum class Question {
   which,  ///< does it hold a point?
   sums,   ///< what do its points and their normals add up to?
@@ -46,20 +46,20 @@ class BoundaryPeer {
   virtual std::string name() const = 0;
   /// Makes the library's structure over the points: a camera's are new in every frame.
   virtual void build() = 0;
-  /// Asks every sphere of a tool at X_WT. `answers`: one per sphere.
-  virtual void ask(Question question, std::span<const Sphere> spheres, const Pose& X_WT,
-                   std::span<SphereAnswer> answers) = 0;
+  /// Evaluates every sphere of a tool at X_WT. `answers`: one per sphere.
+  virtual void evaluate(Question question, std::span<const Sphere> spheres, const Pose& X_WT,
+                        std::span<SphereAnswer> answers) = 0;
 };
 
 /// The loop of every BoundaryPeer: ask_one(centre in W, radius, answer).
 template <class AskOne>
 void query_all(std::span<const Sphere> spheres, const Pose& X_WT, std::span<SphereAnswer> answers,
-               AskOne&& ask_one) {
+               AskOne&& evaluate_one) {
   const Mat3d R_WT = rotation_matrix(X_WT.rotation);
   for (std::size_t k = 0; k < spheres.size(); ++k) {
     answers[k] = SphereAnswer{};
-    ask_one(to_float(R_WT * to_double(spheres[k].centre) + X_WT.translation), spheres[k].radius,
-            answers[k]);
+    evaluate_one(to_float(R_WT * to_double(spheres[k].centre) + X_WT.translation),
+                 spheres[k].radius, answers[k]);
   }
 }
 

@@ -144,7 +144,7 @@ bool is_close_call(const PointCloud& cloud, const Vec3d& c_W, double radius, int
 int compare(BoundaryPeer& peer, Question question, const PointCloud& cloud, const Tool& tool,
             const Pose& X_WT, const std::vector<SphereAnswer>& ours) {
   std::vector<SphereAnswer> theirs(ours.size());
-  peer.ask(question, tool.spheres(), X_WT, theirs);
+  peer.evaluate(question, tool.spheres(), X_WT, theirs);
   const Mat3d R_WT = rotation_matrix(X_WT.rotation);
   int num_close = 0;
   for (std::size_t k = 0; k < ours.size(); ++k) {
@@ -184,21 +184,21 @@ void time_boundary(const std::vector<QueriedPeer>& peers, int spheres, int depth
   eval::BoundaryStage stage(tool, cloud.view());
   std::vector<SphereAnswer> answers(tool.spheres().size());
 
-  struct Asked {
+  struct Query {
     const QueriedPeer* peer;
     Question question;
     int num_close = 0;
   };
-  std::vector<Asked> asked;
+  std::vector<Query> requested;
   for (const Question question : {Question::sums, Question::which}) {
-    for (const QueriedPeer& peer : peers) asked.push_back({&peer, question});
+    for (const QueriedPeer& peer : peers) requested.push_back({&peer, question});
   }
   double touched = 0;
   for (int i = 0; i < settings.poses; ++i) {
     query_ours(stage, pose(i), answers);
     touched += static_cast<double>(std::count_if(
         answers.begin(), answers.end(), [](const SphereAnswer& a) { return a.num_points > 0; }));
-    for (Asked& a : asked) {
+    for (Query& a : requested) {
       a.num_close += compare(*a.peer->library, a.question, cloud, tool, pose(i), answers);
     }
   }
@@ -206,19 +206,19 @@ void time_boundary(const std::vector<QueriedPeer>& peers, int spheres, int depth
   int num_touched = 0;
   std::vector<Work> works = {
       [&](int i) { stage.run(pose(i), [&](std::size_t, const PointSums&) { ++num_touched; }); }};
-  for (const Asked& a : asked) {
+  for (const Query& a : requested) {
     works.push_back(
-        [&, a](int i) { a.peer->library->ask(a.question, tool.spheres(), pose(i), answers); });
+        [&, a](int i) { a.peer->library->evaluate(a.question, tool.spheres(), pose(i), answers); });
   }
   const std::vector<Summary> times = time_in_turn(works, settings.poses, settings.passes);
-  for (std::size_t w = 0; w < asked.size(); ++w) {
+  for (std::size_t w = 0; w < requested.size(); ++w) {
     char name[100], facts[100];
     std::snprintf(name, sizeof name, "boundary/spheres:%d/depth:%d/ask:%s", spheres, depth,
-                  asked[w].question == Question::sums ? "sums" : "which");
+                  requested[w].question == Question::sums ? "sums" : "which");
     std::snprintf(facts, sizeof facts, "touched=%.1f close_calls=%d", touched / settings.poses,
-                  asked[w].num_close);
-    rows.add(name, asked[w].peer->library->name(), times[0], times[w + 1], asked[w].peer->build,
-             facts);
+                  requested[w].num_close);
+    rows.add(name, requested[w].peer->library->name(), times[0], times[w + 1],
+             requested[w].peer->build, facts);
   }
 }
 

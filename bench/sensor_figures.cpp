@@ -56,9 +56,9 @@ const Group kGroups[] = {
      0.001},
 };
 
-constexpr int kWindow = 7;                 // pixels
-constexpr double kOneSurface = 0.03;       // share of the depth
-constexpr double kLeast = 0.5, kMost = 3;  // m
+constexpr int kWindow = 7;                        // pixels
+constexpr double kOneSurface = 0.03;              // share of the depth
+constexpr double kMinDepth = 0.5, kMaxDepth = 3;  // m
 
 struct Depth {
   int width = 0, height = 0;
@@ -100,7 +100,8 @@ std::vector<std::pair<int, int>> smooth_windows(const Depth& raw) {
           high = std::isnan(z) ? 1e9 : std::max(high, z);
         }
       }
-      if (low > kLeast && high < kMost && high - low < kOneSurface * low) middles.push_back({u, v});
+      if (low > kMinDepth && high < kMaxDepth && high - low < kOneSurface * low)
+        middles.push_back({u, v});
     }
   }
   return middles;

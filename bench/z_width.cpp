@@ -285,7 +285,7 @@ double median(std::vector<double> values, double share = 0.5) {
 
 /// Changes of the force from tick to tick in contact: where a frame arrives, and elsewhere.
 struct Steps {
-  double arrival, arrival_most, between;
+  double arrival, arrival_max, between;
 };
 Steps steps_of(const Run& run) {
   std::vector<double> arrival, between;
@@ -366,9 +366,9 @@ void arrivals(const Tool& tool, const Place& place, std::FILE* csv) {
       const double lag = kind ? NAN : lag_of(run, latest) * 1e3;
       if (mode == TimeMode::latest) first = steps.arrival;
       std::printf("%-26s %-12s %10.5f %10.5f %10.5f %8.1f   %5.1fx smaller\n", what, name,
-                  steps.arrival, steps.arrival_most, steps.between, lag, first / steps.arrival);
+                  steps.arrival, steps.arrival_max, steps.between, lag, first / steps.arrival);
       std::fprintf(csv, "arrival,%s,%s,%.6f,%.6f,%.6f,%.1f\n", what, name, steps.arrival,
-                   steps.arrival_most, steps.between, lag);
+                   steps.arrival_max, steps.between, lag);
     }
   }
 }

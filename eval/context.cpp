@@ -26,7 +26,7 @@ struct Recording {
   double rate;  ///< frames per second
 };
 constexpr Intrinsics kKinect{525, 525, 319.5, 239.5}, kKinectCentred{525, 525, 320, 240};
-constexpr Intrinsics kRoom{617.25, 617.5486, 317.392, 245.98};
+constexpr Intrinsics kRoomCamera{617.25, 617.5486, 317.392, 245.98};
 constexpr Recording kRecordings[] = {
     {"frames/pcl_person.png", kKinect, 0.001, 30},
     {"frames/pcl_floor_box_chair.png", kKinectCentred, 0.001, 30},
@@ -36,9 +36,9 @@ constexpr Recording kRecordings[] = {
     {"frames/pcl_grabber_1.png", kKinectCentred, 0.001, 3.9},
     {"frames/pcl_grabber_2.png", kKinectCentred, 0.001, 3.9},
     {"frames/pcl_grabber_3.png", kKinectCentred, 0.001, 3.9},
-    {"frames/realsense_room_0.png", kRoom, 0.001, 30},
-    {"frames/realsense_room_2.png", kRoom, 0.001, 30},
-    {"frames/realsense_room_4.png", kRoom, 0.001, 30},
+    {"frames/realsense_room_0.png", kRoomCamera, 0.001, 30},
+    {"frames/realsense_room_2.png", kRoomCamera, 0.001, 30},
+    {"frames/realsense_room_4.png", kRoomCamera, 0.001, 30},
     {"frames/slambook_desk_1.png", {518, 519, 325.5, 253.5}, 0.001, 30},
     // Every 20th frame of 30 per second.
     {"sequences/hand_sr305_20210326-230536", {476.007, 476.007, 313.683, 242.755}, 0.000125, 1.5},
@@ -92,7 +92,7 @@ std::vector<std::string> recording_names() {
   return names;
 }
 
-/// Tools by shape and size: what has been packed so far, and the prefixes that were asked for.
+/// Tools by shape and size: what has been packed so far, and the prefixes that were requested.
 struct Context::Cache {
   struct Entry {
     TriangleMesh mesh;

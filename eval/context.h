@@ -42,7 +42,7 @@ struct FirstFrame {
   DepthFrame frame;
 };
 
-/// What Context::progress throws when the one who waits asks to stop. Figures let it pass;
+/// What Context::progress throws when the caller requests a stop. Figures let it pass;
 /// run_evaluation catches it.
 struct Cancelled {};
 
@@ -69,7 +69,7 @@ class Context {
   /// A real recording, one of recording_names(), or nullopt if the data are not there.
   Result<std::optional<std::vector<DepthFrame>>> recorded(const std::string& name,
                                                           DepthStreamInfo& info);
-  /// The first frame of each real recording that is there; sequences only if asked for.
+  /// The first frame of each real recording that is there; sequences only if requested.
   Result<std::vector<FirstFrame>> first_frames(bool of_sequences);
   /// Frames of a simulated scene.
   Result<std::vector<DepthFrame>> simulated(const scenes::Scene& scene,

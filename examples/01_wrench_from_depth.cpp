@@ -8,13 +8,13 @@
 using namespace palpate;
 
 int main() {
-  // A tool: a closed mesh in metres, filled with spheres. Doing it once is enough; save_tool and
+  // A tool: a closed mesh in meters, filled with spheres. Doing it once is enough; save_tool and
   // load_tool keep it in a file.
   const TriangleMesh mesh = make_cylinder(0.02, 0.1, 64);
   const SpherePacking packing = pack_spheres(mesh, {.max_spheres = 2000}).value();
   const Tool tool = Tool::build(mesh, packing, GapRule::relative, "a cylinder").value();
 
-  // What the camera sees: a wall, 0.5 m away, in counts of a millimetre.
+  // What the camera sees: a wall, 0.5 m away, in counts of a millimeter.
   const std::vector<std::uint16_t> counts(640 * 480, 500);
   Sensor sensor = Sensor::create({640, 480, {525, 525, 319.5, 239.5}}).value();
   const SurfaceView surface = sensor.update({640, 480, counts.data(), 0.001});

@@ -1,4 +1,4 @@
-// A camera of one's own: images in metres as floating-point numbers, a measurement per image.
+// A camera of one's own: images in meters as floating-point numbers, a measurement per image.
 #include <cmath>
 #include <cstdio>
 #include <limits>

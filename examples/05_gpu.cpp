@@ -20,7 +20,7 @@ int main() {
   const SpherePacking packing = pack_spheres(mesh, {.max_spheres = 20000}).value();
   const Tool tool = Tool::build(mesh, packing, GapRule::relative, "a cylinder").value();
 
-  // Surfaces are made and asked where they are: images go to the GPU, or are there already
+  // Surfaces are made and queried where they are: images go to the GPU, or are there already
   // (DepthImageView::gpu), and wrenches come back.
   const std::vector<std::uint16_t> counts(640 * 480, 500);
   Sensor sensor = Sensor::create({640, 480, {525, 525, 319.5, 239.5}}, place).value();

@@ -34,11 +34,11 @@ bool is_right(const Contact& contact, const SurfaceView& surface, const Pose& X_
   const double step = 0.0005;
   Pose there = X_WT;
   there.translation[axis] += step;
-  const double told = row.a[i] * step + 0.5 * now.stiffness->m[axis][axis] * step * step;
-  const double came =
+  const double predicted = row.a[i] * step + 0.5 * now.stiffness->m[axis][axis] * step * step;
+  const double measured =
       contact.measure(surface, there).penetration.potential - now.penetration.potential;
-  std::printf("told: %.3e m4, came: %.3e m4\n", told, came);
-  return came > 0 && std::abs(told - came) < 0.02 * came;
+  std::printf("predicted: %.3e m4, measured: %.3e m4\n", predicted, measured);
+  return measured > 0 && std::abs(predicted - measured) < 0.02 * measured;
 }
 
 int main() {

@@ -82,15 +82,15 @@ def guard_rows(result, least, most):
     return np.array(rows) / most, np.array(bounds) / most
 
 
-def solve(jacobian, wanted, rows, bounds):
+def solve(jacobian, desired, rows, bounds):
     """The joint velocities that come nearest to a twist."""
     n = jacobian.shape[1]
-    weights = np.diag([1, 1, 1, 0.05, 0.05, 0.05])  # metres count more than radians
+    weights = np.diag([1, 1, 1, 0.05, 0.05, 0.05])  # meters count more than radians
     hessian = jacobian.T @ weights @ jacobian + 1e-4 * np.eye(n)
     a = np.vstack([rows @ jacobian, np.eye(n), -np.eye(n)])
     b = np.concatenate([bounds, np.full(2 * n, FASTEST)])
     try:
-        return quadprog.solve_qp(hessian, jacobian.T @ weights @ wanted, -a.T, -b)[0]
+        return quadprog.solve_qp(hessian, jacobian.T @ weights @ desired, -a.T, -b)[0]
     except ValueError:  # no motion that is slow enough obeys them all: it stops
         return np.zeros(n)
 
@@ -113,10 +113,10 @@ class Arm:
         """Towards a point, with the hand level, for a step."""
         at = self.data.oMf[self.frame]
         level = pinocchio.log3(at.rotation.T @ pinocchio.rpy.rpyToMatrix(0, np.pi, 0))
-        wanted = np.concatenate([4 * (aim - at.translation), 4 * at.rotation @ level])
+        desired = np.concatenate([4 * (aim - at.translation), 4 * at.rotation @ level])
         pinocchio.computeJointJacobians(self.model, self.data, self.q)
         jacobian = pinocchio.getFrameJacobian(self.model, self.data, self.frame, pinocchio.LOCAL_WORLD_ALIGNED)
-        speeds = solve(jacobian, wanted, np.reshape(rows, (-1, 6)), bounds)
+        speeds = solve(jacobian, desired, np.reshape(rows, (-1, 6)), bounds)
         self.q = pinocchio.integrate(self.model, self.q, STEP * speeds)
         pinocchio.framesForwardKinematics(self.model, self.data, self.q)
 

@@ -14,9 +14,26 @@ rm -rf $out/pages $out/doxygen $out/site
 mkdir -p $out/pages
 cp -r docs/. $out/pages
 rm $out/pages/Doxyfile
-# README is the first page; what lies beside the documentation is named, not linked.
+# README is the first page. The examples with their sources are a page, too; what else lies beside the
+# documentation is named, not linked.
 sed -E 's#\]\(docs/#](#g' README.md >$out/pages/index.md
-find $out/pages -name '*.md' -exec sed -i -E 's#\[([^]]*)\]\((\.\./)*(bench/|scripts/|LICENSE|CHANGELOG|CONTRIBUTING|THIRD_PARTY|CITATION|include/|examples|web/|tests/|eval/)[^)]*\)#\1#g' {} +
+sed -E 's#\]\(([0-9a-z_]+)\.(cpp|py)\)#](\#\1\2)#g; s#\]\(\.\./docs/#](#g' examples/README.md >$out/pages/examples.md
+for source in examples/*.cpp examples/*.py; do
+  printf '\n## %s\n\n```%s\n%s\n```\n' "$(basename $source)" "${source##*.}" "$(cat $source)"
+done >>$out/pages/examples.md
+sed -E 's#\]\(docs/#](#g' CHANGELOG.md >$out/pages/changelog.md
+find $out/pages/guide -name '*.md' -exec sed -i -E \
+  's#\]\(\.\./\.\./examples/README\.md\)#](../examples.md)#g; s#\]\(\.\./\.\./examples/([0-9a-z_]+)\.(cpp|py)\)#](../examples.md\#\1\2)#g' {} +
+{
+  printf '# Decisions\n\nWhy things are as they are, one page for each.\n\n'
+  for page in $out/pages/decisions/*.md; do
+    sed -nE "1s#^\# (.*)#* [\1]($(basename "$page"))#p" "$page"
+  done
+} >$out/decisions.md
+mv $out/decisions.md $out/pages/decisions/index.md
+sed -i -E 's#\[C\+\+ reference\]\([^)]*\)#[C++ reference](../api.md)#' $out/pages/guide/paths.md
+sed -i -E 's#\]\(decisions\)#](decisions/index.md)#g; s#\]\(examples\)#](examples.md)#g; s#\]\(CHANGELOG\.md\)#](changelog.md)#g' $out/pages/index.md $out/pages/changelog.md
+find $out/pages -name '*.md' -exec sed -i -E 's#\[([^]]*)\]\((\.\./)*(bench/|scripts/|LICENSE|CONTRIBUTING|THIRD_PARTY|CITATION|include/|examples/|web/|tests/|eval/)[^)]*\)#\1#g' {} +
 cat >$out/pages/api.md <<'END'
 # C++ library
 

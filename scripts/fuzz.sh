@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Runs the fuzz targets that make fuzz has built, one after the other, and says how many inputs each
-# has met. What brings one down stays in build/fuzz/crashes; once mended, put it into
+# has met. What brings one down stays in build/fuzz/crashes; once fixed, put it into
 # tests/fuzz/corpus/NAME, where every later run of the tests meets it.
 #
 # usage: scripts/fuzz.sh HOURS [TARGET ...]

@@ -47,6 +47,10 @@ TERMS = tuple(
         (r"PlaceState|ids_of_places|(?:touched|skipped|donor)_places_", "slot"),
         (r"Seen(?:Frame|Scene|Table|Pose)\w*", "frame, scene, table"),
         (r"go_on_from|let_go|lets_go|is_let_go", "resume, release"),
+        (r"k(?:Most|Least|Fewest)\w*", "kMax, kMin"),
+        (r"(?:most|least)_\w+", "max, min"),
+        (r"(?:is_|has_|num_|not_)?(?:wanted|asked|told)_?|is(?:Wanted|Asked)", "desired, requested, reported"),
+        (r"asks?|asking|SolidAsking", "query, sample, request, evaluate"),
     )
 )
 NAMED = re.compile(r"(?:apps|eval|include|src|python/src|web/src)/.*\.(?:h|cpp|cu|cuh|ts)")

@@ -33,6 +33,10 @@ class CheckWordsTest(unittest.TestCase):
             ("include/palpate/a.h", "struct ViewWishes {"),
             ("web/src/a.ts", "const wishes = {};"),
             ("src/contact/a.cuh", "PlaceState* states;"),
+            ("src/a.cu", "constexpr int kMostBytes = 4;"),
+            ("eval/a.cpp", "double least_slope = 0;"),
+            ("src/a.cpp", "if (is_wanted) filter(wanted);"),
+            ("web/src/a.ts", "this.ask();"),
         ):
             self.assertEqual(len(list(check_text(line, name))), 1, line)
         for name, line in (
@@ -41,6 +45,8 @@ class CheckWordsTest(unittest.TestCase):
             ("src/run/a.h", '"told_x_m"'),  # columns of files keep their names
             ("src/run/a.h", "int num;  // as told_at says"),
             ("src/run/a.h", "task_for_all, basket"),
+            ("src/run/a.h", "almost_all(at_most, utmost_)"),
+            ("web/src/a.ts", "peaks.wanted_force_N"),  # of a file
             ("src/session/a.cpp", 'using Old = Message<"palpate_msgs/CameraMoment">;'),
         ):
             self.assertEqual(list(check_text(line, name)), [], line)

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Changes one operator at a time in the sources of contact, field and haptics, and asks the tests.
+"""Changes one operator at a time in the sources of contact, field and haptics, and runs the tests.
 
 Every mutant is a place and a change: + for -, * for /, < for <=, && for ||, a constant that is off by
 a little. Which ones are tried follows from --seed alone. A mutant that the tests of its module do not
@@ -134,7 +134,7 @@ class Build:
             if link:
                 self.link[program] = shlex.split(link[1])
             else:
-                print(f"mutants: this build has no {program}: it is not asked")
+                print(f"mutants: this build has no {program}: it is not run")
         if not self.link:
             sys.exit("mutants: this build has none of the tests")
         subprocess.run(["ninja", "-C", str(self.folder), f"-j{jobs}", *self.link], check=True,
@@ -280,7 +280,7 @@ def main():
     def seconds_of(program):
         begin = time.monotonic()
         if run([str(build.folder / "bin" / program), "--gtest_brief=1"], tree, 3600, deadline) != 0:
-            print(f"mutants: {program} fails without a change; run it by hand and mend it first")
+            print(f"mutants: {program} fails without a change; run it by hand and fix it first")
             return None
         return time.monotonic() - begin
 

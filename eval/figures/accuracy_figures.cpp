@@ -66,12 +66,12 @@ std::vector<Way> all_ways(const Effort& effort) {
 
 /// How far a way is from the exact wrench, in the units of the tables.
 struct Errors {
-  double volume_rms = 0, volume_most = 0;  ///< % of the tool
-  double lost = 0;                         ///< % of the steps
-  double direction = 0;                    ///< degrees, rms
-  double torque = 0;                       ///< % of force times radius of the tool, rms
-  double jump = 0;                         ///< largest, exact = 1
-  double loop = 0;                         ///< net work, % of all
+  double volume_rms = 0, volume_max = 0;  ///< % of the tool
+  double lost = 0;                        ///< % of the steps
+  double direction = 0;                   ///< degrees, rms
+  double torque = 0;                      ///< % of force times radius of the tool, rms
+  double jump = 0;                        ///< largest, exact = 1
+  double loop = 0;                        ///< net work, % of all
   double packing = 0;  ///< of the volume, % rms, where exact planes at a wall cut the spheres
 };
 
@@ -84,13 +84,13 @@ struct Quantity {
 constexpr int kFitting = -1;
 constexpr Quantity kVolume{
     "volume_rms", "volume, % rms", "volume, % of the tool, rms", "%", 2, &Errors::volume_rms, true};
-constexpr Quantity kVolumeMost{"volume_most",
-                               "volume, % at most",
-                               "volume, % of the tool, at most",
-                               "%",
-                               2,
-                               &Errors::volume_most,
-                               false};
+constexpr Quantity kVolumeMax{"volume_most",
+                              "volume, % at most",
+                              "volume, % of the tool, at most",
+                              "%",
+                              2,
+                              &Errors::volume_max,
+                              false};
 constexpr Quantity kLost{
     "lost", "lost, % of steps", "contact lost, % of the steps", "%", 1, &Errors::lost, false};
 constexpr Quantity kDirection{"direction_rms",
@@ -116,8 +116,8 @@ constexpr Quantity kLoop{"loop_work", "loop, %", "net work of a closed loop, % o
 constexpr Quantity kPacking{
     "packing_rms", "packing, % rms", "volume by the packing alone, % rms", "%", 2, &Errors::packing,
     true};
-constexpr std::array kQuantities{kVolume, kVolumeMost, kLost, kDirection,
-                                 kTorque, kJump,       kLoop, kPacking};
+constexpr std::array kQuantities{kVolume, kVolumeMax, kLost, kDirection,
+                                 kTorque, kJump,      kLoop, kPacking};
 
 std::string text_of(const Quantity& q, const Errors& errors) {
   const double value = errors.*q.value;

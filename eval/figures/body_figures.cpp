@@ -28,7 +28,7 @@ constexpr double kSize = 0.1;          // m, of a body
 constexpr double kFace = 1;            // m, z of the block's face
 constexpr double kBlock = 3 * kSize;   // m, its sides
 constexpr double kAside = 0.01;        // m, from the middle of the face: far from its edges
-constexpr double kLeastShare = 0.02;   // of a body: what is less says nothing
+constexpr double kMinShare = 0.02;     // of a body: what is less says nothing
 constexpr double kFine = kBlock / 10;  // m, radius: a block of no larger spheres
 constexpr int kLoopSteps = 4000;
 constexpr double kStep = 5e-5;  // m, of the path on which jumps are looked for
@@ -40,7 +40,7 @@ constexpr double kConservative = 1e-6;
 constexpr double kOffNormal = 25;      // degrees, rms
 constexpr double kAboutVolume = 0.25;  // force, of the volume found
 constexpr double kMuchWeaker = 0.5;    // force, where a block's spheres are small
-constexpr double kOnePercent = 0.01, kOneDegree = 1, kMostJump = 1.25;  // by the field
+constexpr double kOnePercent = 0.01, kOneDegree = 1, kMaxJump = 1.25;  // by the field
 
 struct Bodies {
   const char *name, *a, *b;  ///< shapes
@@ -73,7 +73,7 @@ Found found_of(const Tool& a, const Tool& b, BodyMethod method, int num_poses, W
     const Quaternion turned = random.rotation(kPi);
     const Pose X_WB{random.in_box(kSize), turned};
     const double exact = common_volume(a.mesh(), X_WA, b.mesh(), X_WB);
-    if (exact < kLeastShare * smaller) continue;
+    if (exact < kMinShare * smaller) continue;
     const double found = contact->measure(X_WA, X_WB).on_a.volume;
     exact_sum += exact;
     found_sum += found;
@@ -120,7 +120,7 @@ struct Push {
   std::array<double, kDepths.size()> share{};  ///< found, of the common volume of all places
   std::array<double, kDepths.size()> off{};    ///< degrees off the normal of the face, rms
   std::array<int, kDepths.size()> num{};       ///< of places where something is felt
-  double direction = 0, direction_most = 0;    ///< degrees off the normal of the face: rms, worst
+  double direction = 0, direction_max = 0;     ///< degrees off the normal of the face: rms, worst
   double strength = 0;                         ///< |force| / volume found, of all
 };
 
@@ -156,7 +156,7 @@ Push push_of(const Tool& tool, const Tool& block, double side, BodyMethod method
       ++push.num[d];
       squares += off * off;
       ++num_with_force;
-      push.direction_most = std::max(push.direction_most, off);
+      push.direction_max = std::max(push.direction_max, off);
     }
   }
   for (std::size_t d = 0; d < kDepths.size(); ++d) {
@@ -318,7 +318,7 @@ Table push_table(const std::vector<Row>& rows) {
             {name_of(kMethods[m]), words("%d", row.num_spheres),
              is_fine ? words("radius up to %g cm", 100 * kFine) : "as large as fit",
              words("%.1f", 100 * push.share[kShallow]), words("%.1f", 100 * push.share[kDeep]),
-             words("%.1f", push.direction), words("%.1f", push.direction_most),
+             words("%.1f", push.direction), words("%.1f", push.direction_max),
              words("%.2f", push.strength)});
       }
     }
@@ -414,7 +414,7 @@ void add_numbers(FigureResult& result, const std::vector<Row>& rows) {
         add(key + "found_shallow", 100 * push.share[kShallow], "%");
         add(key + "found_deep", 100 * push.share[kDeep], "%");
         add(key + "direction_rms", push.direction, "deg");
-        add(key + "direction_most", push.direction_most, "deg");
+        add(key + "direction_most", push.direction_max, "deg");
         add(key + "force_over_volume", push.strength, "1");
       }
       for (std::size_t d = 0; d <= kEqual; ++d) {
@@ -435,7 +435,7 @@ void add_claims_of_field(FigureResult& result, const std::vector<Row>& rows) {
       share.add(found.share);
       rms.add(found.rms);
     }
-    for (const Push* push : {&by.push, &by.fine}) direction.add(push->direction_most);
+    for (const Push* push : {&by.push, &by.fine}) direction.add(push->direction_max);
     jump.add(by.way.jump);
     loop.add(by.way.loop);
   }
@@ -455,7 +455,7 @@ void add_claims_of_field(FigureResult& result, const std::vector<Row>& rows) {
            "force is %.2f to %.2f times the exact one; a closed loop gives away at most %.0e of "
            "all work.",
            direction.high, jump.low, jump.high, loop.high),
-       holds_with({holds_below(direction.high, kOneDegree), holds_below(jump.high, kMostJump),
+       holds_with({holds_below(direction.high, kOneDegree), holds_below(jump.high, kMaxJump),
                    holds_below(loop.high, kConservative)}),
        Source::docs});
   Range deep, light;
@@ -525,7 +525,7 @@ Result<FigureResult> figure_bodies(Context& context) {
   result.notes = {
       words("Random poses: all that share at least %.0f %% of the smaller body; found is that of "
             "all poses together, spread the rms over single ones.",
-            100 * kLeastShare),
+            100 * kMinShare),
       words(
           "A cube of 10 cm in a block of 30 cm; places and turns are random. Directions are those "
           "at 2 to %.0f %% depth, where no other face is nearer to any part of the cube; nothing "

@@ -75,7 +75,7 @@ MethodErrors measure(const Run& run, const Tool& tool, const Pose& X_CB, MethodQ
     }
     before = force, exact_before = exact;
     errors.last_volume = share - truth;
-    if (truth < kLeastShare || force == Vec3d{}) continue;
+    if (truth < kMinShare || force == Vec3d{}) continue;
     const double angle = std::atan2(norm(cross(force, exact)), dot(force, exact));
     errors.direction_squares += angle * angle;
     ++errors.num_directions;

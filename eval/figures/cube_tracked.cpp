@@ -127,7 +127,7 @@ Errors errors_of(const Shares& measured, const Shares& truth) {
       errors.volume_by_frame[f].push_back(std::abs(error));
       errors.squares += error * error;
       ++errors.num;
-      if (ought.volume < kLeastShare) continue;
+      if (ought.volume < kMinShare) continue;
       if (is.force == Vec3d{}) {
         ++errors.num_lost;
         continue;

@@ -61,7 +61,7 @@ Pressed press(const std::vector<CubeFrame>& frames, const std::vector<FrozenFram
     pressed.volume_squares += error * error;
     ++pressed.num;
     const Vec3d force = measured.measure_W.force, truth = exact.measure_C_W.force;
-    if (exact.volume / mesh < kLeastShare || force == Vec3d{}) continue;
+    if (exact.volume / mesh < kMinShare || force == Vec3d{}) continue;
     const double angle = std::atan2(norm(cross(force, truth)), dot(force, truth));
     pressed.direction_squares += angle * angle;
     ++pressed.num_directions;

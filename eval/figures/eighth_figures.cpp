@@ -26,9 +26,9 @@ double volume_stiffness(double whole) { return kLargest / (kEighth * whole); }
 double share_at_rest(MethodQueries& query, const Tool& tool, const ContactOptions& options,
                      const Pose& X_WT, double hand) {
   const double whole = full_volume(tool, options), k = volume_stiffness(whole);
-  const Penetration wanted = query.query(X_WT, options);
-  if (wanted.volume == 0) return 0;
-  const Vec3d out = normalized(wanted.measure_W.force);
+  const Penetration desired = query.query(X_WT, options);
+  if (desired.volume == 0) return 0;
+  const Vec3d out = normalized(desired.measure_W.force);
   double low = 0, high = 0.2;
   for (int i = 0; i < 24; ++i) {
     const double way = (low + high) / 2;

@@ -26,9 +26,9 @@ constexpr int kThinNumbers[] = {1000, 5000, 20000};
 /// What our docs say.
 constexpr double kNearApollonian = 0.025;  // of the exponent
 constexpr double kTimes = 30;              // as many spheres, for half the empty space
-constexpr double kFewestTimes = 25, kMostTimes = 40;
+constexpr double kMinTimes = 25, kMaxTimes = 40;
 constexpr double kRadiusExponent = 0.4, kNearRadiusExponent = 0.05;
-constexpr double kLeastFill = 0.8, kMostFill = 0.9;  // of a tool as it is packed by default
+constexpr double kMinFill = 0.8, kMaxFill = 0.9;  // of a tool as it is packed by default
 
 /// The packing of a shape, and its prefixes with as many spheres as `kNumbers` says.
 struct Packing {
@@ -146,8 +146,7 @@ void add_claims(FigureResult& result, const std::vector<Packing>& packings) {
                                  "takes about %.0f times as many spheres.",
                                  kTimes),
                            words("%.0f to %.0f times.", times.low, times.high),
-                           holds_between(times, kFewestTimes - 0.5, kMostTimes + 0.5),
-                           Source::docs});
+                           holds_between(times, kMinTimes - 0.5, kMaxTimes + 0.5), Source::docs});
   result.claims.push_back(
       {words("The mean standoff is a bit more than half the "
              "smallest radius, which falls as N^-%.1f.",
@@ -160,10 +159,10 @@ void add_claims(FigureResult& result, const std::vector<Packing>& packings) {
        Source::docs});
   const auto fill = range(packings, [](const Packing& p) { return p.fill[at(kDefault)]; });
   result.claims.push_back(
-      {words("Spheres fill %.0f to %.0f %% of a tool.", 100 * kLeastFill, 100 * kMostFill),
+      {words("Spheres fill %.0f to %.0f %% of a tool.", 100 * kMinFill, 100 * kMaxFill),
        words("With %d, as they are packed by default, %.1f to %.1f %%.", kDefault, 100 * fill.low,
              100 * fill.high),
-       holds_between(fill, kLeastFill, kMostFill), Source::docs});
+       holds_between(fill, kMinFill, kMaxFill), Source::docs});
 }
 
 void add_numbers(FigureResult& result, const std::vector<Packing>& packings) {

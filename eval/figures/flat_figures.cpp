@@ -148,7 +148,7 @@ Result<FigureResult> planes(Context& context) {
         const FlatFrame& f = (*frames)[i];
         const auto seen = FrozenFrame::create(f.stream, f.frame);
         auto query = query_on(seen.value(), **tool);
-        const auto places = f.region.places(f.stream, std::min(3, f.region.most_within()));
+        const auto places = f.region.places(f.stream, std::min(3, f.region.max_within()));
         const Vec3d beside = kBeside * normalized(cross(f.region.plane_C.normal, {0, 1, 0.2}));
         for (std::size_t m = 0; m < methods.size(); ++m) {
           MethodErrors& sum = errors[i][m];
@@ -316,7 +316,7 @@ constexpr const char* kShiny =
     "method of the thesis.";
 
 Result<FigureResult> holes(Context& context) {
-  constexpr double kTool = 0.04, kDeep = 0.012, kWay = 0.06, kRoom = 0.06;  // m
+  constexpr double kTool = 0.04, kDeep = 0.012, kWay = 0.06, kSpace = 0.06;  // m
   const auto all_frames = flat_frames(context);
   if (!all_frames) return all_frames.error();
   if (all_frames->empty()) return without_data({kDark, kShiny}, Source::ours);
@@ -329,9 +329,9 @@ Result<FigureResult> holes(Context& context) {
   };
   std::vector<Job> jobs;
   for (const FlatFrame& f : *all_frames) {
-    const auto places = f.region.places(f.stream, f.region.most_within());
+    const auto places = f.region.places(f.stream, f.region.max_within());
     const double pixel = places.front().z / f.stream.intrinsics.fx;
-    if (f.region.most_within() * FlatRegion::kCell * pixel < kRoom) continue;
+    if (f.region.max_within() * FlatRegion::kCell * pixel < kSpace) continue;
     jobs.push_back({&f, places[places.size() / 2]});
   }
   if (jobs.empty()) return without_data({kDark, kShiny}, Source::ours);

@@ -60,7 +60,7 @@ std::vector<Row> all_rows() {
 
 /// Where the tool of a case is on average, and a cube around all of its way.
 Vec3d middle_of(const ContactCase& c) { return 0.5 * (c.start.translation + c.end.translation); }
-double room_of(const ContactCase& c) {
+double half_width_of(const ContactCase& c) {
   return norm(c.end.translation - c.start.translation) + 2.2 * c.tool_size;
 }
 
@@ -75,7 +75,7 @@ Vec3d foremost(const Tool& tool, const Pose& X_WT) {
   return best_T;
 }
 
-/// Ready to be asked; the tool, the case and the scene have to outlive it.
+/// Ready for queries; the tool, the case and the scene have to outlive it.
 Measure measure_of(const Row& row, const ContactCase& c, const Tool& tool,
                    const RenderedScene& seen, const ExactStep& scale) {
   if (row.way == Way::ours) return query_measure(tool, seen, row.options);
@@ -83,7 +83,7 @@ Measure measure_of(const Row& row, const ContactCase& c, const Tool& tool,
   std::function<Penetration(const Pose&)> pull;
   if (is_grid(row.way)) {
     const auto grid =
-        std::make_shared<const DistanceGrid>(cloud, middle_of(c), room_of(c), row.cell);
+        std::make_shared<const DistanceGrid>(cloud, middle_of(c), half_width_of(c), row.cell);
     if (row.way == Way::grid_caps) {
       return distance_measure(tool, SphereVolumes::represented,
                               [grid](const Vec3d& p) { return grid->at(p); });
@@ -132,7 +132,7 @@ void measure_cost(Context& context, Row& row, const ContactCase& c, const Tool& 
     seen.surface.update(std::span<const float>(depth), pool);
     if (is_field) seen.field.update(seen.surface.cloud(), pool);
     if (!is_grid(row.way)) return;
-    const DistanceGrid grid(seen.surface.cloud(), middle_of(c), room_of(c), row.cell);
+    const DistanceGrid grid(seen.surface.cloud(), middle_of(c), half_width_of(c), row.cell);
   });
   const Measure measure = measure_of(row, c, tool, seen, steps.back());
   row.query = time_calls(steps.size(), [&](std::size_t i) { (void)measure.at(steps[i].X_WT); });

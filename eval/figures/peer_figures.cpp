@@ -93,9 +93,9 @@ PeerRows read(const Context& context, const std::vector<std::string>& stages,
     row.build = finite_number(field("build_us")).value_or(0);
     const bool is_good = row.ours > 0 && row.theirs > 0 && row.build >= 0 &&
                          !key_of(row.peer).empty() && is_whole(row);
-    const bool is_asked = std::find(stages.begin(), stages.end(), row.stage) != stages.end();
-    if (!is_good) num_damaged += is_asked;
-    if (!is_good || !is_asked) continue;
+    const bool is_requested = std::find(stages.begin(), stages.end(), row.stage) != stages.end();
+    if (!is_good) num_damaged += is_requested;
+    if (!is_good || !is_requested) continue;
     // Measured again: the last time counts.
     std::erase_if(result.rows, [&](const Row& other) {
       return other.stage == row.stage && other.setup == row.setup &&
@@ -141,7 +141,7 @@ std::string range(double low, double high) {
 
 // ---- Which points are in which sphere ----
 
-/// What the spheres are asked for: the word in the file, and for humans.
+/// What is computed for the spheres: the word in the file, and for humans.
 struct Question {
   const char* word;
   const char* text;

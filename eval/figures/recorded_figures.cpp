@@ -492,7 +492,7 @@ Result<FigureResult> shown(Context& context, const Shown& figure) {
           are_true({own < roughest, is_as_good(own, smoothest) == Verdict::agrees}));
       break;
     case Finding::best:
-      add("Largest steps: " + of_others + ".", is_less(own, least_of({step(1), step(2)})));
+      add("Largest steps: " + of_others + ".", is_less(own, min_of({step(1), step(2)})));
       break;
     case Finding::as_good: {
       const auto with_other =

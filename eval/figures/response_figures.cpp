@@ -18,7 +18,7 @@ namespace palpate::eval {
 namespace {
 
 constexpr int kSpheres = 5000;
-constexpr double kLeastTorque = 0.02;  // of force times radius: below it has no direction
+constexpr double kMinTorque = 0.02;  // of force times radius: below it has no direction
 
 /// Errors of one method over all configurations.
 struct Response {
@@ -74,7 +74,7 @@ void compare(const Penetration& measured, double measured_whole, const Configura
   }
   response.force_angle.push_back(angle(f, exact_f));
   response.force_size.push_back(norm(f) / norm(exact_f) - 1);
-  if (norm(exact_t) > kLeastTorque * radius * norm(exact_f)) {
+  if (norm(exact_t) > kMinTorque * radius * norm(exact_f)) {
     response.torque_angle.push_back(angle(t, exact_t));
     response.torque_size.push_back(norm(t) / norm(exact_t) - 1);
   }

@@ -25,8 +25,8 @@ namespace {
 constexpr double kShift = 0.003, kTurn = 0.5 * kPi / 180;  // m, rad: how far a camera is off
 constexpr double kRadius = 0.03;                           // m, of the tool, a ball
 constexpr int kSpheres = 2000;
-constexpr double kLeastShare = 0.005;  // of the tool: less says nothing about the direction
-const Vec3d kMiddle{0, 0, 1.05};       // what the cameras look at
+constexpr double kMinShare = 0.005;  // of the tool: less says nothing about the direction
+const Vec3d kMiddle{0, 0, 1.05};     // what the cameras look at
 /// m, of the tool in front of a surface; negative: so deep in it.
 constexpr double kDistances[] = {0.020, 0.016, 0.012,  0.008,  0.005,  0.003,  0.002,
                                  0.001, 0,     -0.002, -0.004, -0.006, -0.008, -0.010};
@@ -245,7 +245,7 @@ struct ContactError {
       const double error = measured[i].volume - exact.volume;
       volume_squares += error * error, ++num;
       worst = std::max(worst, 100 * std::abs(error));
-      if (exact.volume < kLeastShare || measured[i].force == Vec3d{}) continue;
+      if (exact.volume < kMinShare || measured[i].force == Vec3d{}) continue;
       const double angle = std::atan2(norm(cross(measured[i].force, exact.force)),
                                       dot(measured[i].force, exact.force));
       direction_squares += angle * angle, ++num_directions;
@@ -301,7 +301,7 @@ Result<Study> study(Context& context, bool has_noise, const Tool& tool,
 
 /// The most, in %, of what `share_of(draw, probe)` says over all draws and places at a distance.
 template <class ShareOf>
-double most_at(const Study& study, std::size_t distance, ShareOf share_of) {
+double max_at(const Study& study, std::size_t distance, ShareOf share_of) {
   double most = 0;
   for (const Draw& draw : study.draws) {
     for (std::size_t place = 0; place < std::size(kPlaces); ++place) {
@@ -338,7 +338,7 @@ Result<FigureResult> misplaced_figure(Context& context) {
              {"images", "where the tool is, mm", "angle, °", "at the camera, mm", "refused"},
              {}};
   Verdict calibrated = Verdict::holds;
-  double worst_ratio = 0, most_left = 0, most_turned = 0, most_at_camera = 0;
+  double worst_ratio = 0, max_left = 0, max_turned = 0, max_at_camera = 0;
   for (const bool has_noise : {false, true}) {
     const char *images = has_noise ? "Kinect noise" : "exact", *key = has_noise ? "noise" : "exact";
     const auto studied = study(context, has_noise, tool, probes);
@@ -356,7 +356,7 @@ Result<FigureResult> misplaced_figure(Context& context) {
     double beyond_agreeing = 0, beyond_wall = 0;
     for (std::size_t d = 0; d < kNumFree; ++d) {
       const double mm = 1e3 * kDistances[d];
-      const auto most = [&](auto share_of) { return most_at(s, d, share_of); };
+      const auto most = [&](auto share_of) { return max_at(s, d, share_of); };
       const double by[] = {
           most([&](const Draw&, std::size_t i) { return s.truly_placed[i].volume; }),
           most([&](const Draw& draw, std::size_t i) { return draw.displaced[i]; }),
@@ -436,9 +436,9 @@ Result<FigureResult> misplaced_figure(Context& context) {
         result.numbers.push_back({words("%s.left.%s.most", key, name), most, unit});
       }
       left.rows.back().push_back(words("%zu of %zu", num_refused, s.draws.size()));
-      most_left = std::max(most_left, percentile(at_scene, 1));
-      most_turned = std::max(most_turned, percentile(angles, 1));
-      most_at_camera = std::max(most_at_camera, percentile(at_camera, 1));
+      max_left = std::max(max_left, percentile(at_scene, 1));
+      max_turned = std::max(max_turned, percentile(angles, 1));
+      max_at_camera = std::max(max_at_camera, percentile(at_camera, 1));
       worst_ratio = std::max(worst_ratio, refined.volume_rms() / truly.volume_rms());
     }
     if (num_refused > 0) calibrated = Verdict::fails;
@@ -448,8 +448,8 @@ Result<FigureResult> misplaced_figure(Context& context) {
         {kClaims[0],
          words("At most %.2f %% of the tool more, of up to %.1f %% with both displaced.",
                beyond_agreeing,
-               most_at(s, kNumFree - 1,
-                       [](const Draw& draw, std::size_t i) { return draw.together[i].volume; })),
+               max_at(s, kNumFree - 1,
+                      [](const Draw& draw, std::size_t i) { return draw.together[i].volume; })),
          holds_up_to(beyond_agreeing, 0.2, 1), Source::docs});
     result.claims.push_back({kClaims[1],
                              words("At most %.3f %% of the tool beyond it.", beyond_wall),
@@ -459,13 +459,13 @@ Result<FigureResult> misplaced_figure(Context& context) {
                                    off.volume_rms(), displaced.volume_rms(), truly.volume_rms()),
                              holds_up_to(off.volume_rms(), displaced.volume_rms()), Source::docs});
   }
-  if (left.rows.empty()) most_left = most_turned = most_at_camera = worst_ratio = INFINITY;
+  if (left.rows.empty()) max_left = max_turned = max_at_camera = worst_ratio = INFINITY;
   result.claims.push_back(
       {kClaims[3],
        left.rows.empty() ? std::string("It refuses all of them.")
                          : words("At most %.2f mm and %.3f°; at the camera itself %.2f mm.",
-                                 most_left, most_turned, most_at_camera),
-       holds_with({calibrated, holds_up_to(most_left, 1), holds_up_to(most_turned, 0.1)}),
+                                 max_left, max_turned, max_at_camera),
+       holds_with({calibrated, holds_up_to(max_left, 1), holds_up_to(max_turned, 0.1)}),
        Source::docs});
   result.claims.push_back({kClaims[4],
                            left.rows.empty() ? std::string("Nothing was calibrated.")

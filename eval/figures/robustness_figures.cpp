@@ -140,7 +140,7 @@ Result<FigureResult> study(Context& context, const std::string& x_label,
     const char* words;
     const char* unit;
     std::vector<Verdict> verdicts;
-    double least_lead = INFINITY, at = 0, field = 0, other = 0;
+    double min_lead = INFINITY, at = 0, field = 0, other = 0;
   };
   Kind kinds[3] = {{"volume", " % rms", {}},
                    {"direction", "°", {}},
@@ -151,8 +151,8 @@ Result<FigureResult> study(Context& context, const std::string& x_label,
       const std::vector<double>& errors = of(which, i);
       const double other = *std::min_element(errors.begin(), errors.begin() + 4);
       kind.verdicts.push_back(is_better(errors[4], other));
-      if (other / errors[4] >= kind.least_lead) continue;
-      kind.least_lead = other / errors[4];
+      if (other / errors[4] >= kind.min_lead) continue;
+      kind.min_lead = other / errors[4];
       kind.at = x[i], kind.field = errors[4], kind.other = other;
     }
     result.claims.push_back(

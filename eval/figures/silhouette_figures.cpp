@@ -248,9 +248,9 @@ Verdict verdict_of_gradient(double longest, double share_long) {
   constexpr double kFew = 0.01;
   return holds_with({holds_up_to(longest, kBound + kRounding), holds_up_to(share_long, kFew)});
 }
-Verdict verdict_of_direction(double least_share) {
+Verdict verdict_of_direction(double min_share) {
   constexpr double kFew = 0.05, kHalf = 0.5;
-  return holds_up_to(1 - least_share, kFew, kHalf);
+  return holds_up_to(1 - min_share, kFew, kHalf);
 }
 
 void add_steps(FigureResult& result, const Steps& steps) {
@@ -351,12 +351,12 @@ Status add_plane(FigureResult& result, const Tool& tool, int num_poses) {
     result.numbers.push_back({words("plane.%.1fcm", 100 * behind), rms, "deg"});
   }
   result.tables.push_back(std::move(table));
-  constexpr double kWanted = 1.5;  // degrees
+  constexpr double kTarget = 1.5;  // degrees
   result.claims.push_back(
       {"Deep behind a plane with noise the force still points along its normal.",
        words("Up to 50 cm behind it at most %.2f° rms off, with %.1f mm of noise.", worst,
              1e3 * kSigma),
-       holds_up_to(worst, kWanted, 3 * kWanted), Source::docs});
+       holds_up_to(worst, kTarget, 3 * kTarget), Source::docs});
   return Done{};
 }
 

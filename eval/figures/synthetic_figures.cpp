@@ -149,8 +149,8 @@ std::vector<Claim> judge(const Scene& scene, const Ways& clean) {
             {"The field is nearer to the exact curve than the best of the thesis' methods, all "
              "counting the same volumes.",
              words("Error of the volume %.2f %% rms%s, of the best of the others %.2f %%.",
-                   100 * own, lost_words(field).c_str(), 100 * least_of(errors)),
-             is_better(own, least_of(errors)), Source::ours}};
+                   100 * own, lost_words(field).c_str(), 100 * min_of(errors)),
+             is_better(own, min_of(errors)), Source::ours}};
   }
   const bool is_error = scene.finding == Finding::right_until;
   std::vector<double> begins;

@@ -69,7 +69,7 @@ std::vector<std::string> names_of(const FigureSpec& figure) {
 }
 
 Error unknown(std::span<const FigureSpec> all, const std::string& word) {
-  constexpr std::size_t kMost = 4;
+  constexpr std::size_t kMaxNames = 4;
   std::set<std::pair<std::size_t, std::string>> near;
   for (const FigureSpec& figure : all) {
     for (const std::string& name : names_of(figure)) {
@@ -79,7 +79,7 @@ Error unknown(std::span<const FigureSpec> all, const std::string& word) {
   std::string like;
   std::size_t num = 0;
   for (const auto& [edits, name] : near) {
-    if (++num > kMost) break;
+    if (++num > kMaxNames) break;
     like += (like.empty() ? "" : ", ") + name;
   }
   return {Errc::not_found, "there is no figure or section '" + word + "'; near are " + like +

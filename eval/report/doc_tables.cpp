@@ -18,7 +18,7 @@ namespace fs = std::filesystem;
 
 constexpr std::string_view kBegin = "<!-- eval ", kBeginEnd = " -->", kEnd = "<!-- /eval -->";
 
-/// What a mark asks for.
+/// What a mark requests.
 struct Quote {
   std::string figure, title;
 };

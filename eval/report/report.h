@@ -30,7 +30,7 @@ std::vector<PlacedClaim> claims_of(const ReportFigure& figure);
 /// How many claims of one source came to each verdict; "12 agrees, 3 differs".
 std::map<Verdict, int> count_verdicts(const Evaluation& evaluation, Source source);
 std::string counts_words(const Evaluation& evaluation, Source source);
-/// What asks for a reader's attention first: it speaks against the thesis or against us.
+/// What a reader should see first: it speaks against the thesis or against us.
 constexpr bool is_against(Verdict verdict) {
   return verdict == Verdict::contradicts || verdict == Verdict::worse || verdict == Verdict::fails;
 }

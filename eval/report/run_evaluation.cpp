@@ -89,9 +89,9 @@ ReportFigure look_up(const FigureSpec& spec, const fs::path& folder, Evaluation&
   auto stored = load_figure(spec.id, folder);
   if (stored) {
     // The full form is good for the quick one too.
-    Key wanted = evaluation.key;
-    if (stored->key.form == "full") wanted.form = "full";
-    figure.is_current = stored->key == wanted;
+    Key desired = evaluation.key;
+    if (stored->key.form == "full") desired.form = "full";
+    figure.is_current = stored->key == desired;
     figure.stored = *std::move(stored);
   } else if (stored.error().code != Errc::not_found) {
     evaluation.warnings.push_back(stored.error().message);

@@ -35,7 +35,7 @@ struct Evaluation {
   Key key;
   std::string commit, command, finished;           ///< `finished`: UTC
   std::vector<ReportFigure> figures;               ///< all there are, in the order of the report
-  int num_made = 0, num_kept = 0, num_failed = 0;  ///< of those that were asked for
+  int num_made = 0, num_kept = 0, num_failed = 0;  ///< of those that were requested
   bool interrupted = false;
   std::vector<std::string> warnings;  ///< files that could not be used
 };

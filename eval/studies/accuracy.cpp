@@ -258,7 +258,7 @@ VolumeError volume_error(const Tool& tool, const std::vector<ExactStep>& steps,
 
 WrenchError wrench_error(const Tool& tool, const std::vector<ExactStep>& steps,
                          const Measure& measure) {
-  constexpr double kLeastShare = 0.005;
+  constexpr double kMinShare = 0.005;
   const double mesh_volume = tool.mesh_mass().volume, radius = radius_of(tool);
   ErrorSum difference, direction, torque;
   WrenchError result;
@@ -273,7 +273,7 @@ WrenchError wrench_error(const Tool& tool, const std::vector<ExactStep>& steps,
     }
     force_before = force;
     exact_before = exact_force;
-    if (steps[i].exact.volume < kLeastShare * mesh_volume || force == Vec3d{}) continue;
+    if (steps[i].exact.volume < kMinShare * mesh_volume || force == Vec3d{}) continue;
     difference.add(norm(force - exact_force));
     direction.add(angle_between(force, exact_force));
     torque.add(norm(measured.torque / measure.whole - exact.torque / mesh_volume) /

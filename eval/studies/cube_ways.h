@@ -15,9 +15,9 @@ inline constexpr int kSpheres = 2000;
 /// How the tools are turned in the cube's frame B.
 inline const Quaternion kTurned = axis_angle({0.3, 1, 0.2}, 0.4);
 
-inline constexpr double kBefore = 0.002;      // m in front of first contact, where ways begin
-inline constexpr double kDeepest = 0.008;     // m
-inline constexpr double kLeastShare = 0.005;  // of a tool: less says nothing about the direction
+inline constexpr double kBefore = 0.002;    // m in front of first contact, where ways begin
+inline constexpr double kDeepest = 0.008;   // m
+inline constexpr double kMinShare = 0.005;  // of a tool: less says nothing about the direction
 
 /// A straight way into the cube, in B.
 struct CubeWay {

@@ -7,9 +7,9 @@
 namespace palpate::eval {
 namespace {
 
-constexpr double kFlat = 0.008;       // of the depth: mean distance of a cell's pixels
-constexpr double kLeastShare = 0.01;  // of the image
-constexpr int kSeedEvery = 3;         // cells
+constexpr double kFlat = 0.008;     // of the depth: mean distance of a cell's pixels
+constexpr double kMinShare = 0.01;  // of the image
+constexpr int kSeedEvery = 3;       // cells
 
 /// Inverse depth over the image: a x + b y + c, x and y being tangents.
 struct InversePlane {
@@ -176,7 +176,7 @@ std::vector<Vec3d> FlatRegion::places(const DepthStreamInfo& stream, int from_bo
   return places;
 }
 
-int FlatRegion::most_within() const {
+int FlatRegion::max_within() const {
   return within.empty() ? 0 : *std::max_element(within.begin(), within.end());
 }
 
@@ -194,7 +194,7 @@ std::optional<FlatRegion> largest_flat_region(const DepthStreamInfo& stream,
       if (region.size() > best.size()) best = std::move(region);
     }
   }
-  if (static_cast<double>(best.size()) < kLeastShare * cells.columns * cells.rows) {
+  if (static_cast<double>(best.size()) < kMinShare * cells.columns * cells.rows) {
     return std::nullopt;
   }
   const InversePlane fit = cells.plane_of(best);

@@ -20,7 +20,7 @@ struct FlatRegion {
   /// Points on the plane seen in the middle of cells at least so far from the border.
   std::vector<Vec3d> places(const DepthStreamInfo& stream, int from_border) const;
   /// As far from the border as any place is.
-  int most_within() const;
+  int max_within() const;
 };
 
 /// The plane is the least-squares one in inverse depth, in which planes are linear and the noise of

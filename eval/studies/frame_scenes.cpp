@@ -30,7 +30,7 @@ double tool_depth(double t) { return 0.96 + 0.01 * std::sin(4 * t); }
 constexpr double kRestDepth = 0.93;  // m
 
 /// How far the wall is from the tool's origin, m: all that occurs.
-constexpr double kLeast = -0.04, kMost = 0.06, kStep = 0.0005;
+constexpr double kMinDepth = -0.04, kMaxDepth = 0.06, kStep = 0.0005;
 
 scenes::SimulatedCameraOptions camera_with(const Context& context, DepthNoise noise) {
   scenes::SimulatedCameraOptions camera;
@@ -147,7 +147,7 @@ Result<WallForces> WallForces::create(Context& context, const std::vector<Method
   forces.methods_ = methods;
   for (const Method& method : methods) {
     std::vector<double>& measured = forces.measured_.emplace_back();
-    for (double in = kLeast; in < kMost; in += kStep) {
+    for (double in = kMinDepth; in < kMaxDepth; in += kStep) {
       const Pose X_WT = tool_pose(wall_depth(kRestTime) - in);
       measured.push_back(-query->query(X_WT, method.options).measure_W.force.z /
                          full_volume(*forces.tool_, method.options));
@@ -172,7 +172,8 @@ double WallForces::exact(std::size_t method, double time) const {
 double WallForces::measured(std::size_t method, double time, double lag) const {
   const std::vector<double>& all = measured_[method];
   const double in = wall_depth(time - lag) - tool_depth(time);
-  const double at = std::clamp((in - kLeast) / kStep, 0.0, static_cast<double>(all.size()) - 1.001);
+  const double at =
+      std::clamp((in - kMinDepth) / kStep, 0.0, static_cast<double>(all.size()) - 1.001);
   const auto i = static_cast<std::size_t>(at);
   const double share = at - static_cast<double>(i);
   return (1 - share) * all[i] + share * all[i + 1];

@@ -10,7 +10,7 @@ namespace palpate::eval {
 namespace {
 
 constexpr int kCellPixels = 16;
-constexpr double kLeastShare = 0.9;  // of a place's pixels that have a point
+constexpr double kMinShare = 0.9;  // of a place's pixels that have a point
 
 double radius_of(const Tool& tool) {
   double radius = 0;
@@ -51,7 +51,7 @@ Patch patch_at(const PointCloudView& cloud, int u0, int v0, double radius) {
       patch.normal += to_double(Vec3f{cloud.nx[i], cloud.ny[i], cloud.nz[i]});
     }
   }
-  if (static_cast<double>(points.size()) < kLeastShare * num) return {};
+  if (static_cast<double>(points.size()) < kMinShare * num) return {};
   patch.point = patch.point / static_cast<double>(points.size());
   patch.normal = normalized(patch.normal);
   double sum = 0;
@@ -144,13 +144,13 @@ Result<HandPath> hand_path(const FrozenFrame& frame, const Tool& tool, double me
   const double way = swing * radius;
   HandPath path;
   const auto feel = [&](double depth) {
-    path.mean_depth = path.most_depth = 0;
+    path.mean_depth = path.max_depth = 0;
     for (int i = 0; i < kProbes; ++i) {
       const Pose X_WT =
           pose_at(*place, centre_T, depth, way, motion(static_cast<double>(i) / kProbes));
       const double share = (*query)->measure(frame.surfaces(), X_WT).penetration.volume / whole;
       path.mean_depth += share / kProbes;
-      path.most_depth = std::max(path.most_depth, share);
+      path.max_depth = std::max(path.max_depth, share);
     }
   };
   double low = -radius, high = radius;

@@ -15,7 +15,7 @@ namespace palpate::eval {
 
 struct HandPath {
   std::vector<Pose> X_WT;
-  double mean_depth = 0, most_depth = 0;  ///< shares of the tool's volume, by the field
+  double mean_depth = 0, max_depth = 0;  ///< shares of the tool's volume, by the field
 };
 
 /// A calm place in the middle of what the frame shows, for a tool of this radius: a point of the

@@ -11,7 +11,7 @@
 
 namespace palpate::eval {
 
-/// Against one surface or between two. A query is made when its method is first asked; all share an
+/// Against one surface or between two. A query is made when its method is first used; all share an
 /// index.
 class MethodQueries {
  public:
@@ -44,17 +44,17 @@ class MethodQueries {
   Penetration query(const Pose& X_WT, const ContactOptions& options) {
     last_ = &by(options);
     X_WT_ = X_WT;
-    return ask({}).penetration;
+    return evaluate({}).penetration;
   }
   /// Of the last query, measured again; zero if the method has none.
-  Stiffness stiffness() { return ask({.stiffness = true}).stiffness.value_or(Stiffness{}); }
-  VolumeMoments moments() { return ask({.stiffness = true}).moments; }
+  Stiffness stiffness() { return evaluate({.stiffness = true}).stiffness.value_or(Stiffness{}); }
+  VolumeMoments moments() { return evaluate({.stiffness = true}).moments; }
   std::span<const SphereState> states() {
-    ask({.states = states_});
+    evaluate({.states = states_});
     return states_;
   }
   std::span<const Plane<float>> planes() {
-    ask({.planes = planes_});
+    evaluate({.planes = planes_});
     return planes_;
   }
 
@@ -68,7 +68,7 @@ class MethodQueries {
   }
 
  private:
-  ContactResult ask(const ContactWants& wants) {
+  ContactResult evaluate(const ContactWants& wants) {
     return last_->measure(blend_.from, blend_.to, blend_.progress, X_WT_, wants);
   }
 

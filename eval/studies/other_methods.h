@@ -13,7 +13,7 @@ namespace palpate::eval {
 /// Euclidean signed distances on a grid, as maps of robots keep them (Voxblox, Oleynikova et al.
 /// 2017; nvblox). A cell with points of the cloud knows their mean; each cell takes the nearest of
 /// these, found by an exact distance transform of the cells (Felzenszwalb & Huttenlocher 2012) and
-/// by asking its six neighbours for theirs; it is negative behind the depth of its pixel. Looked up
+/// from those of its six neighbours; it is negative behind the depth of its pixel. Looked up
 /// with trilinear weights.
 class DistanceGrid {
  public:
@@ -22,7 +22,7 @@ class DistanceGrid {
 
   /// Distance (negative behind the surface) and its unit gradient; free space beyond the grid.
   scenes::SignedDistance at(const Vec3d& p) const;
-  /// What planners ask (cuRobo): the depth of each sphere, where it is in, times the gradient
+  /// What planners compute (cuRobo): the depth of each sphere, where it is in, times the gradient
   /// there, summed; m. No volume. The torque is about the centre of mass.
   Penetration hinge(const Tool& tool, const Pose& X_WT) const;
 

@@ -35,9 +35,9 @@ void run_tasks(Context& context, int num_tasks, double num_steps,
     if (--num_running == 0) ended.notify_one();
   };
 
-  const int wanted = context.settings().num_threads;
+  const int desired = context.settings().num_threads;
   const int num_threads =
-      wanted > 0 ? wanted : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+      desired > 0 ? desired : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   std::vector<std::thread> threads;
   num_running = std::min(num_threads, num_tasks);
   for (int i = num_running; i > 0; --i) threads.emplace_back(run);

@@ -11,7 +11,7 @@ namespace palpate::eval {
 /// How far the tasks of one run_tasks are. Any thread.
 class Work {
  public:
-  /// One step is done. Throws Cancelled if the one who waits asked to stop: let it pass.
+  /// One step is done. Throws Cancelled if the caller requested a stop: let it pass.
   void step() {
     if (stopped_.load(std::memory_order_relaxed)) throw Cancelled{};
     num_done_.fetch_add(1, std::memory_order_relaxed);
@@ -25,7 +25,7 @@ class Work {
 
 /// Runs task(0) ... task(num_tasks - 1), each once, in any order, on as many threads as the
 /// settings say, and returns when all have ended; each task writes to a place of its own. This
-/// thread tells the progress meanwhile: `num_steps` is how often the tasks will call Work::step,
+/// thread reports the progress meanwhile: `num_steps` is how often the tasks will call Work::step,
 /// about. Throws Cancelled, and what a task throws.
 void run_tasks(Context& context, int num_tasks, double num_steps,
                const std::function<void(int task, Work& work)>& task);

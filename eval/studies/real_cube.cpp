@@ -23,9 +23,9 @@ constexpr const char* kTracked = "trajectories/visp_rbt_camera_in_grid_tum.txt";
 const Pose kFirstGuess{{-0.05, 0.05, 0.5}, normalized(Quaternion{-0.36, 0.63, -0.62, -0.29})};
 
 constexpr double kMargin = 0.006;  // m from edges, where depth is a mixture
-constexpr double kLeastSlant = 0.25;
+constexpr double kMinSlant = 0.25;
 constexpr double kTypical = 0.003;  // m: residuals beyond it count less and less
-constexpr std::size_t kLeastPixels = 100;
+constexpr std::size_t kMinPixels = 100;
 
 using Vec6 = std::array<double, 6>;
 
@@ -131,7 +131,7 @@ bool lay_on(const DepthStreamInfo& stream, const DepthFrame& frame, double half,
     for_each_cube_pixel(stream, X_CB, half, kStep, [&](std::size_t pixel, const CubeHit& hit) {
       const double z = frame.pixels[pixel] * stream.unit;
       if (frame.pixels[pixel] == 0 || std::abs(z - hit.z) > limit) return;
-      if (hit.border < kMargin || hit.slant < kLeastSlant) return;
+      if (hit.border < kMargin || hit.slant < kMinSlant) return;
       const Intrinsics& k = stream.intrinsics;
       const auto u = static_cast<double>(pixel % static_cast<std::size_t>(stream.width));
       const auto v = static_cast<double>(pixel / static_cast<std::size_t>(stream.width));
@@ -154,14 +154,14 @@ bool lay_on(const DepthStreamInfo& stream, const DepthFrame& frame, double half,
     std::size_t all = 0;
     for (std::size_t face = 0; face < 6; ++face) {
       all += num[face];
-      if (num[face] < kLeastPixels) continue;
+      if (num[face] < kMinPixels) continue;
       const auto count = static_cast<double>(num[face]);
       for (std::size_t i = 0; i < 6; ++i) {
         b[i] += products[face][i] / count;
         for (std::size_t j = 0; j < 6; ++j) a[i][j] += squares[face][i][j] / count;
       }
     }
-    if (all < 10 * kLeastPixels) return false;
+    if (all < 10 * kMinPixels) return false;
     for (std::size_t i = 0; i < 6; ++i) a[i][i] += kDamping;
     const Vec6 step = solved(a, b);
     X_CB = X_CB * Pose{{step[3], step[4], step[5]}, rotation_by({step[0], step[1], step[2]})};

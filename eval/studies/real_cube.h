@@ -1,10 +1,10 @@
 // A cube that a depth camera recorded from a moving hand, and where it truly was: the recording
 // "sequences/visp_rbt", whose cube of 85 mm is known from its CAD.
 //
-// The camera was tracked by a board behind the cube, a metre away; told by that alone, the cube
+// The camera was tracked by a board behind the cube, a meter away; located by that alone, the cube
 // would wander by a centimetre. So the exact cube is laid on each frame by its own faces: three
-// planes at right angles, 85 mm apart, are all that is asked of the depth. What they leave over is
-// the sensor's.
+// planes at right angles, 85 mm apart, are all that the depth is tested for. What they leave over
+// is the sensor's.
 #pragma once
 
 #include <optional>

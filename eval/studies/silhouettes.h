@@ -40,7 +40,7 @@ struct Ratios {
 /// Force and volume of the field method.
 class ContactProbe {
  public:
-  static constexpr double kLeastShare = 0.02;  ///< of the tool: less is no contact
+  static constexpr double kMinShare = 0.02;  ///< of the tool: less is no contact
 
   ContactProbe(std::unique_ptr<MethodQueries> query, const Tool& tool)
       : query_(std::move(query)), whole_(full_volume(tool, options_)), section_(section_of(tool)) {}
@@ -53,7 +53,7 @@ class ContactProbe {
   };
   std::optional<Contact> operator()(const Pose& X_WT) {
     const Penetration at = query_->query(X_WT, options_);
-    if (at.volume <= kLeastShare * whole_) return std::nullopt;
+    if (at.volume <= kMinShare * whole_) return std::nullopt;
     return Contact{at.measure_W.force, at.volume};
   }
 

@@ -187,7 +187,7 @@ double largest_of(const std::vector<double>& values) {
   return largest;
 }
 
-double least_of(const std::vector<double>& values) {
+double min_of(const std::vector<double>& values) {
   double least = INFINITY;
   for (const double value : values) {
     if (std::isnan(value)) return value;

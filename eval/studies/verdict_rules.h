@@ -82,6 +82,6 @@ Verdict holds_with(std::initializer_list<Verdict> parts);
 
 /// The largest and the least of numbers; NaN if any is.
 double largest_of(const std::vector<double>& values);
-double least_of(const std::vector<double>& values);
+double min_of(const std::vector<double>& values);
 
 }  // namespace palpate::eval

@@ -16,8 +16,8 @@ class _Parser(argparse.ArgumentParser):
                           "docs/guide/batches.md")
 
 
-def is_asked(arguments: List[str]) -> bool:
-    """Whether these arguments of the program ask for poses in Parquet."""
+def is_requested(arguments: List[str]) -> bool:
+    """Whether these arguments of the program request poses in Parquet."""
     if not arguments or arguments[0] != "query":
         return False
     values = [value.split("=", 1)[1] for value in arguments if value.startswith("--poses=")]

@@ -311,7 +311,7 @@ def touch(
 ) -> Run:
     """Runs a tool through depth images; the loop is in C++ and continues while Python does other things.
 
-    cameras: a camera as `palpate touch --camera` takes it ("scene:pottery", "folder:frames", ...),
+    cameras: a camera as `palpate touch --camera` takes it ("scene:hand", "folder:frames", ...),
         or a PushedCamera of your own; several are combined, each at its pose
         ("scene:hand?pose=tx,ty,tz,qx,qy,qz,qw", Camera(..., pose=)).
     path_or_device: the motion of the tool: (N, 8) rows time tx ty tz qx qy qz qw (s, X_WT) or a file

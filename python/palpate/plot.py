@@ -39,7 +39,7 @@ def wrench(run: Run, axes: Optional[Axes] = None) -> Axes:
 
 
 def torque(run: Run, axes: Optional[Axes] = None) -> Axes:
-    """Torque on the tool over time: x, y, z in W about its centre of mass, N m."""
+    """Torque on the tool over time: x, y, z in W about its center of mass, N m."""
     return _lines(axes, run, run.wrench[:, 3:], "x y z", "torque on the tool, N m")
 
 

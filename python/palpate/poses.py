@@ -315,8 +315,8 @@ def measure_file(tool: _PathLike, poses: _PathLike, output: _PathLike, frames: F
 
 def _answered(pyarrow: Any, measurer: Measurer, table: Any) -> Any:
     """The table with the columns of the answers; columns that are no numbers pass by."""
-    asked = [name for name in (*POSE, FRAME, *ANSWERS) if name in table.column_names]
-    answers = measurer({name: table[name].to_numpy() for name in asked})
+    names = [name for name in (*POSE, FRAME, *ANSWERS) if name in table.column_names]
+    answers = measurer({name: table[name].to_numpy() for name in names})
     for name in ANSWERS:
         table = table.append_column(name, pyarrow.array(answers[name]))
     return table

@@ -28,7 +28,7 @@ __all__ = ["measure"]
 
 
 class _Worker:
-    """An actor that holds the tool, and makes surfaces of the frames that its poses ask for."""
+    """An actor that holds the tool, and makes surfaces of the frames of its poses."""
 
     def __init__(self, tool: Any, frames: Any, camera: Mapping[str, Any], poses: Any, how: Mapping[str, Any]) -> None:
         with tempfile.TemporaryDirectory() as folder:

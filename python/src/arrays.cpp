@@ -86,12 +86,12 @@ std::string shape_text(const std::vector<std::size_t>& shape) {
   return text + (shape.size() == 1 ? ",)" : ")");
 }
 
-void refuse_layout(const char* name, nb::dlpack::dtype wanted) {
-  const char* const kind = wanted.code == std::uint8_t(nb::dlpack::dtype_code::Float) ? "float"
-                           : wanted.code == std::uint8_t(nb::dlpack::dtype_code::Int) ? "int"
-                                                                                      : "uint";
+void refuse_layout(const char* name, nb::dlpack::dtype desired) {
+  const char* const kind = desired.code == std::uint8_t(nb::dlpack::dtype_code::Float) ? "float"
+                           : desired.code == std::uint8_t(nb::dlpack::dtype_code::Int) ? "int"
+                                                                                       : "uint";
   throw nb::value_error((std::string(name) + ": has to be " + kind +
-                         std::to_string(int(wanted.bits)) + ", row by row")
+                         std::to_string(int(desired.bits)) + ", row by row")
                             .c_str());
 }
 
@@ -117,8 +117,8 @@ std::optional<AnyArray> array_on_gpu(nb::handle given, nb::handle stream) {
   return nb::cast<AnyArray>(capsule, false);
 }
 
-void refuse_shape(const char* name, const std::string& shape, const char* wanted) {
-  throw nb::value_error((std::string(name) + ": shape " + shape + " is not " + wanted).c_str());
+void refuse_shape(const char* name, const std::string& shape, const char* desired) {
+  throw nb::value_error((std::string(name) + ": shape " + shape + " is not " + desired).c_str());
 }
 
 template <class T>

@@ -52,9 +52,9 @@ std::string shape_of(const Array& array) {
   for (std::size_t i = 0; i < array.ndim(); ++i) shape.push_back(array.shape(i));
   return shape_text(shape);
 }
-[[noreturn]] void refuse_layout(const char* name, nb::dlpack::dtype wanted);
+[[noreturn]] void refuse_layout(const char* name, nb::dlpack::dtype desired);
 /// ValueError: "NAME: shape (2, 3) is not WANTED".
-[[noreturn]] void refuse_shape(const char* name, const std::string& shape, const char* wanted);
+[[noreturn]] void refuse_shape(const char* name, const std::string& shape, const char* desired);
 
 /// ValueError: another type, or gaps between its numbers.
 template <class Array>
@@ -69,7 +69,7 @@ void require_dense(const Array& array, const char* name, nb::dlpack::dtype type)
 
 /// A queue of a GPU: None, a number, or an object of PyTorch or CuPy.
 std::optional<CallerStream> stream_of(nb::handle given);
-/// An array in the memory of a GPU; nothing if it is elsewhere. Who made it is told the queue in
+/// An array in the memory of a GPU; nothing if it is elsewhere. Its maker gets the queue in
 /// which it is read, and waits there for what still writes it; without one that is CUDA's default
 /// stream.
 std::optional<AnyArray> array_on_gpu(nb::handle given, nb::handle stream);

@@ -66,16 +66,16 @@ class Layout {
     }
     const int where =
         array.device_type() == nb::device::cuda::value ? array.device_id() : kHostMemory;
-    std::vector<std::size_t> wanted{array.ndim() > 0 ? array.shape(0) : 0};
-    if (!batch_.given.empty()) wanted[0] = batch_.num;
-    wanted.insert(wanted.end(), inner.begin(), inner.end());
+    std::vector<std::size_t> desired{array.ndim() > 0 ? array.shape(0) : 0};
+    if (!batch_.given.empty()) desired[0] = batch_.num;
+    desired.insert(desired.end(), inner.begin(), inner.end());
     const std::string shape = shape_of(array);
-    if (shape != shape_text(wanted)) refuse_shape(name, shape, shape_text(wanted).c_str());
+    if (shape != shape_text(desired)) refuse_shape(name, shape, shape_text(desired).c_str());
     require_dense(array, name, nb::dtype<T>());
     if (!batch_.given.empty() && where != batch_.answers.gpu) {
       throw nb::value_error((std::string(name) + ": is elsewhere than the others").c_str());
     }
-    batch_.num = wanted[0];
+    batch_.num = desired[0];
     batch_.answers.gpu = where;
     batch_.given.push_back(array);
     return static_cast<T*>(array.data());
@@ -206,9 +206,9 @@ struct PoseArgument {
       shape = shape_of(array);
       batch.surface_of_pose = {static_cast<const std::int32_t*>(array.data()), num};
     }
-    const std::size_t wanted = batch.X_WT.size();
-    if (num == wanted && shape != "()") return;
-    refuse_shape("surface_of_pose", shape, (shape_text({wanted}) + ", one for each pose").c_str());
+    const std::size_t desired = batch.X_WT.size();
+    if (num == desired && shape != "()") return;
+    refuse_shape("surface_of_pose", shape, (shape_text({desired}) + ", one for each pose").c_str());
   }
 };
 
@@ -249,9 +249,9 @@ nb::object measure_batch(PyContact& self, nb::handle surfaces, nb::handle poses,
       throw nb::type_error("out: a palpate.Batch is taken, which an earlier call gave");
     }
     if (batch->num != num || batch->has_stiffness() != stiffness) {
-      const std::string wanted =
+      const std::string desired =
           shape_text({num}) + (stiffness ? ", with stiffness" : ", without stiffness");
-      refuse_shape("out", shape_text({batch->num}), wanted.c_str());
+      refuse_shape("out", shape_text({batch->num}), desired.c_str());
     }
     result = nb::borrow(out);
   }

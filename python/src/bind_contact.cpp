@@ -21,7 +21,7 @@ struct PyResult {
   nb::object surface;  ///< the first one
   Pose X_WT;
   std::optional<double> unseen;  ///< as the library says, of joined surfaces
-  SpherePicture spheres;         ///< empty: not asked for
+  SpherePicture spheres;         ///< empty: not requested
 };
 
 /// Is there a measurement where a point is seen?
@@ -70,7 +70,7 @@ std::vector<nb::object> surfaces_of(nb::handle given) {
 /// Several can be joined.
 void check_joined(const std::vector<nb::object>& surfaces, const PyContact& contact) {
   if (surfaces.size() < 2) return;
-  if (surfaces.size() > kMostCameras) {
+  if (surfaces.size() > kMaxCameras) {
     throw nb::value_error("surface: at most 16 surfaces are joined");
   }
   if (contact.method() != "field") {

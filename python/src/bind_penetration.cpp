@@ -58,7 +58,7 @@ class Differentiated {
       add(sum.wrench, lever, at.gradient * volume);
       const auto& H = at.hessian.m;
       double terms[StiffnessSums::kNum];
-      constexpr double kPolar = 0;  // of moments, which nobody asks for here
+      constexpr double kPolar = 0;  // of moments, which are not needed here
       stiffness_terms<double>({lever.x, lever.y, lever.z}, volume, disc, kPolar,
                               {at.gradient.x, at.gradient.y, at.gradient.z},
                               {H[0][0], H[0][1], H[0][2], H[1][1], H[1][2], H[2][2]}, terms);

@@ -80,7 +80,7 @@ struct PyPushedCamera {
           numpy.attr("rint")(numpy.attr("nan_to_num")(array) / nb::float_(camera.unit));
       array = numpy.attr("where")(rounded.attr("__lt__")(65535), rounded, 0);
     } else if (nb::cast<std::string>(array.attr("dtype").attr("name")) != "uint16") {
-      throw nb::value_error("depth: uint16 counts or float32 metres are taken, no other type");
+      throw nb::value_error("depth: uint16 counts or float32 meters are taken, no other type");
     }
     return nb::cast<Counts>(numpy.attr("ascontiguousarray")(array, "uint16"));
   }

@@ -134,15 +134,15 @@ class PySensor {
     if (image.ndim() != num_axes || image.shape(num_axes - 2) != rows ||
         image.shape(num_axes - 1) != columns) {
       const std::string size = shape_text({rows, columns});
-      const std::string wanted =
+      const std::string desired =
           num_axes == 2 ? "the camera's " + size : "(F, H, W) with the camera's " + size;
-      refuse_shape("depth", shape_of(image), wanted.c_str());
+      refuse_shape("depth", shape_of(image), desired.c_str());
     }
     const auto type = image.dtype();
     const bool is_float = type.code == std::uint8_t(nb::dlpack::dtype_code::Float);
     const bool is_counts = type == nb::dtype<std::uint16_t>();
     if (!is_counts && !is_float) {
-      throw nb::value_error("depth: uint16 counts or float32 metres are taken, no other type");
+      throw nb::value_error("depth: uint16 counts or float32 meters are taken, no other type");
     }
     bool is_dense = true;
     std::int64_t stride = 1;
@@ -225,8 +225,8 @@ struct FieldQuestion {
       : points(points_of(points_W, "points")), radii(doubles_of(radii_m, "radii")) {
     const bool is_one_for_all = radii.ndim() == 0;
     if (!is_one_for_all && (radii.ndim() != 1 || radii.shape(0) != points.shape(0))) {
-      const std::string wanted = shape_text({points.shape(0)}) + ", one for each point";
-      refuse_shape("radii", shape_of(radii), wanted.c_str());
+      const std::string desired = shape_text({points.shape(0)}) + ", one for each point";
+      refuse_shape("radii", shape_of(radii), desired.c_str());
     }
     for (std::size_t i = 0; i < radii.size(); ++i) {
       if (!(radii.data()[i] > 0)) {
@@ -242,7 +242,7 @@ struct FieldQuestion {
   }
 
   /// Of point i: phi, and the gradient in C.
-  FieldSample<double> ask(const PySurface& surface, std::size_t i) const {
+  FieldSample<double> evaluate(const PySurface& surface, std::size_t i) const {
     const double* p = points.data() + 3 * i;
     const Vec3d p_C = surface.X_CW * Vec3d{p[0], p[1], p[2]};
     return sample_field(surface.view.field, p_C, radii.data()[radii.ndim() == 0 ? 0 : i]);
@@ -254,7 +254,7 @@ nb::object phi_of(const PySurface& surface, nb::handle points, nb::handle radii)
   std::vector<double> phi(question.points.shape(0));
   {
     const nb::gil_scoped_release no_gil;
-    for (std::size_t i = 0; i < phi.size(); ++i) phi[i] = question.ask(surface, i).phi;
+    for (std::size_t i = 0; i < phi.size(); ++i) phi[i] = question.evaluate(surface, i).phi;
   }
   const std::size_t num = phi.size();
   return array_of(std::move(phi), {num});
@@ -268,7 +268,7 @@ nb::object gradient_of(const PySurface& surface, nb::handle points, nb::handle r
     const nb::gil_scoped_release no_gil;
     const Mat3d R = rotation_matrix(surface.X_WC.rotation);
     for (std::size_t i = 0; i < num; ++i) {
-      const Vec3d n = R * question.ask(surface, i).gradient;
+      const Vec3d n = R * question.evaluate(surface, i).gradient;
       for (int k = 0; k < 3; ++k) gradients[3 * i + std::size_t(k)] = n[k];
     }
   }
@@ -281,7 +281,7 @@ PyCamera make_camera(int width, int height, double fx, double fy, double cx, dou
   if (!distortion.is_none()) made.camera.distortion = distortion_of(distortion);
   if (!pose.is_none()) made.X_WC = pose_of(pose, "pose");
   if (!(unit > 0 && unit <= 1)) {
-    throw nb::value_error("unit: metres per count, more than 0 and at most 1");
+    throw nb::value_error("unit: meters per count, more than 0 and at most 1");
   }
   if (!is_finite(made.X_WC)) throw nb::value_error("pose: not finite");
   return made;
@@ -328,7 +328,7 @@ pose: X_WC, (4, 4) or (7,) tx ty tz qx qy qz qw, pose of the camera in the world
       .def_prop_ro(
           "cy", [](const PyCamera& self) { return self.camera.intrinsics.cy; }, "Pixels.")
       .def_prop_ro(
-          "unit", [](const PyCamera& self) { return self.unit; }, "Metres per count.")
+          "unit", [](const PyCamera& self) { return self.unit; }, "Meters per count.")
       .def_prop_ro(
           "distortion",
           [](const PyCamera& self) {

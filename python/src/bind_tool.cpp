@@ -76,7 +76,7 @@ void warn(const std::vector<std::string>& warnings) {
   }
 }
 
-/// Without the GIL but where `progress` is told or Ctrl-C asked for.
+/// Without the GIL but where `progress` is called or Ctrl-C is polled.
 PyTool packed(const TriangleMesh& raw, PackRequest request, const nb::object& progress,
               const std::string& source) {
   request.options.progress = [&](const PackProgress& now) {

@@ -23,7 +23,7 @@ void bind_scenes(nanobind::module_& m);
 /// palpate.Tool.
 struct PyTool {
   std::shared_ptr<const Tool> tool;
-  /// Pairs of neighbours, when they are first asked for.
+  /// Pairs of neighbours, when they are first requested.
   std::shared_ptr<const std::vector<std::int32_t>> edges = nullptr;
 };
 

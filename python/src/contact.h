@@ -31,8 +31,8 @@ class PyContact {
     const std::lock_guard lock(mutex_);
     return work(contact_);
   }
-  /// Many poses against bodies. What is made for some bodies is kept until others are asked about.
-  /// `keeper`: of the bodies' shapes.
+  /// Many poses against bodies. What is made for some bodies is kept until other bodies are
+  /// queried. `keeper`: of the bodies' shapes.
   Status measure_bodies(const std::vector<PlacedBody>& bodies, std::vector<PyTool> keeper,
                         const PoseBatch& poses, const BatchAnswers& answers) {
     const nb::gil_scoped_release no_gil;

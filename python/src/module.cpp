@@ -12,6 +12,11 @@ namespace nb = nanobind;
 NB_MODULE(_core, m) {
   using namespace palpate;
   using namespace palpate::python;
+  // At the end of a script nanobind reports whatever global variables still hold, such as a run and
+  // its device. To users that looks like a fault.
+#ifdef NDEBUG
+  nb::set_leak_warnings(false);
+#endif
   m.attr("__version__") = PALPATE_VERSION;
   m.doc() = "The compiled part of palpate.";
 

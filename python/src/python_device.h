@@ -8,7 +8,7 @@
 
 namespace palpate::python {
 
-/// Asks `object` for read() and tells it write(wrench), in a thread of its own that needs the GIL
+/// Calls read() and write(wrench) of `object`, in a thread of its own that needs the GIL
 /// for both. read() gives the handle's pose X_BH, (4, 4) or (7,), or a tuple of it and the buttons,
 /// a bit each; None: nothing is known this time. write() takes (6,) force and torque in B, N and
 /// N m. Members that it may have: rate (Hz), name, max_force, max_torque, max_stiffness,

@@ -16,9 +16,9 @@ constexpr double kGravity = 9.81;
 /// What has come in deep, as a hand into a body between two frames, is let out as fast as this.
 constexpr double kFastestOut = 1;  // m/s
 
-constexpr int kMostTries = 4;     // without what would pull
-constexpr int kMostSweeps = 100;  // of friction: some ten do
-constexpr double kClose = 1e-9;   // of the largest limit
+constexpr int kMaxTries = 4;     // without what would pull
+constexpr int kMaxSweeps = 100;  // of friction: some ten do
+constexpr double kClose = 1e-9;  // of the largest limit
 
 /// a += s b.
 void add(Mat6& a, double s, const Mat6& b) { a = sum(a, s, b); }
@@ -85,13 +85,13 @@ Mat6 mass_matrix(const RigidBody& body) {
 
 }  // namespace
 
-BodySolver::BodySolver(int most_bodies, std::span<const double> mass_of_place)
-    : islands_(static_cast<std::size_t>(most_bodies)),
-      rows_(static_cast<std::size_t>(most_bodies)),
-      system_(most_bodies),
+BodySolver::BodySolver(int max_bodies, std::span<const double> mass_of_place)
+    : islands_(static_cast<std::size_t>(max_bodies)),
+      rows_(static_cast<std::size_t>(max_bodies)),
+      system_(max_bodies),
       work_(mass_of_place.size()),
-      velocities_(static_cast<std::size_t>(most_bodies)),
-      motions_(3 * mass_of_place.size() * static_cast<std::size_t>(most_bodies)) {
+      velocities_(static_cast<std::size_t>(max_bodies)),
+      motions_(3 * mass_of_place.size() * static_cast<std::size_t>(max_bodies)) {
   CouplingOptions options;  // coefficients come with each contact
   for (const double mass : mass_of_place) {
     places_.push_back({PatchFriction(options, 0, 0), mass, 0, {}});
@@ -281,7 +281,7 @@ void BodySolver::solve_friction(std::span<const BodyTouch> touches, double dt) {
     push(i, work_[i].grip.force);
   }
   // Each patch in turn, the others' forces as they are: the sum of all energies falls, so it ends.
-  for (int sweep = 0; sweep < kMostSweeps; ++sweep) {
+  for (int sweep = 0; sweep < kMaxSweeps; ++sweep) {
     double change = 0;
     for (std::size_t i = 0; i < touches.size(); ++i) {
       Work& work = work_[i];
@@ -387,7 +387,7 @@ void BodySolver::solve_island(std::span<RigidBody> bodies, std::span<const BodyT
                               const Forces& forces, double dt) {
   prepare(bodies, touches, dt);
   bool is_solved = solve_pushes(bodies, touches, forces, dt);
-  for (int i = 0; is_solved && i < kMostTries && drop_pulls(touches); ++i) {
+  for (int i = 0; is_solved && i < kMaxTries && drop_pulls(touches); ++i) {
     is_solved = solve_pushes(bodies, touches, forces, dt);
   }
   if (is_solved) solve_friction(touches, dt);

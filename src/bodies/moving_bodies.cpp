@@ -117,8 +117,8 @@ Status MovingBodies::add(const std::vector<SceneObject>& objects, const Place& p
     rests_.push_back(rest);
     shapes_.push_back(std::move(body));
   }
-  if (num_bodies() > kMostMovingBodies) {
-    return refused("at most " + std::to_string(kMostMovingBodies) + " objects can move, not " +
+  if (num_bodies() > kMaxMovingBodies) {
+    return refused("at most " + std::to_string(kMaxMovingBodies) + " objects can move, not " +
                    std::to_string(num_bodies()));
   }
   use_materials(frictions_of(objects));

@@ -6,10 +6,10 @@
 namespace palpate::inline v0 {
 namespace {
 
-constexpr int kMostIterations = 50;  // five do at 100 rad/s and a millisecond
+constexpr int kMaxIterations = 50;  // five do at 100 rad/s and a millisecond
 constexpr double kClose = 1e-15;
 /// Of the mean: what rods have about their axis at least.
-constexpr double kLeastInertia = 1e-3;
+constexpr double kMinInertia = 1e-3;
 
 Mat3d inverse(const Mat3d& a) {
   const auto& m = a.m;
@@ -39,7 +39,7 @@ RigidBody rigid_body(double mass, const MassProperties& shape, const Vec3d& cent
   }
   for (int i = 0; i < 3; ++i) {
     double& own = body.inertia_B.m[i][i];
-    own = std::max(own, kLeastInertia * mean);
+    own = std::max(own, kMinInertia * mean);
   }
   return body;
 }
@@ -82,7 +82,7 @@ void move(RigidBody& body, const Vec3d& shift, double dt) noexcept {
     const Mat3d to_velocity = inverse(body.inertia_B);
     const Vec3d before = body.inertia_B * w_B, momentum_W = rotate(q, before);
     Vec3d after = before, mean = w_B;
-    for (int i = 0; i < kMostIterations; ++i) {
+    for (int i = 0; i < kMaxIterations; ++i) {
       const Vec3d middle = (before + after) / 2;
       mean = to_velocity * middle;
       const Vec3d next = before + dt * cross(middle, mean);

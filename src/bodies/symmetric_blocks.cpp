@@ -46,8 +46,8 @@ void divide(Mat6& a, const Mat6& l) {
 
 }  // namespace
 
-SymmetricBlocks::SymmetricBlocks(int most_rows)
-    : blocks_(place(most_rows, 0)), filled_(blocks_.size()) {}
+SymmetricBlocks::SymmetricBlocks(int max_rows)
+    : blocks_(place(max_rows, 0)), filled_(blocks_.size()) {}
 
 void SymmetricBlocks::begin(int num_rows) noexcept {
   num_rows_ = num_rows;

@@ -14,7 +14,7 @@ namespace palpate::inline v0 {
 class SymmetricBlocks {
  public:
   /// With room for so many rows of blocks.
-  explicit SymmetricBlocks(int most_rows);
+  explicit SymmetricBlocks(int max_rows);
 
   /// All zero.
   void begin(int num_rows) noexcept;

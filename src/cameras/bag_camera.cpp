@@ -83,7 +83,7 @@ bool is_camera_of(const std::string& info, const std::string& images) {
          ros_parent(info) == std::string(ros_parent(parent)) + "/info";
 }
 
-Result<Contents> look_through(BagReader& reader, const std::string& wanted) {
+Result<Contents> look_through(BagReader& reader, const std::string& desired) {
   Contents contents;
   for (;;) {
     const auto message = reader.next();
@@ -106,18 +106,18 @@ Result<Contents> look_through(BagReader& reader, const std::string& wanted) {
     } else if (channel.schema_name == kCameraInfo && !contents.cameras.contains(channel.topic)) {
       const auto camera = read_camera_model((*message)->data);
       if (camera) contents.cameras[channel.topic] = *camera;
-      if (!camera && (wanted.empty() || is_camera_of(channel.topic, wanted))) {
+      if (!camera && (desired.empty() || is_camera_of(channel.topic, desired))) {
         return camera.error();
       }
     } else if (channel.schema_name == kImage || channel.schema_name == kCompressed) {
-      if (!wanted.empty() && channel.topic != wanted) continue;
+      if (!desired.empty() && channel.topic != desired) continue;
       Contents::Topic& topic = contents.images[channel.topic];
       if (topic.num_frames < 0) continue;
       auto frame = topic.num_frames == 0 ? read_frame(channel.schema_name, **message, kFloatUnit)
                                          : Result<DepthFrame>(DepthFrame());
       if (!frame) {
-        // Colour images are no error unless they were asked for.
-        if (!wanted.empty()) return frame.error();
+        // Colour images are no error unless they were requested.
+        if (!desired.empty()) return frame.error();
         topic.num_frames = -1;
         continue;
       }
@@ -135,13 +135,13 @@ Result<Contents> look_through(BagReader& reader, const std::string& wanted) {
   return contents;
 }
 
-/// The topic to read: the one that is asked for, or the only one with depth.
+/// The topic to read: the requested one, or the only one with depth.
 Result<std::string> choose_topic(const CameraUri& uri, Contents& contents,
-                                 const std::string& wanted) {
+                                 const std::string& desired) {
   std::erase_if(contents.images, [](const auto& each) { return each.second.num_frames < 1; });
   if (contents.images.empty()) {
     return Error{Errc::bad_input, "camera " + uri.text + " has no depth images" +
-                                      (wanted.empty() ? "" : " on " + wanted) +
+                                      (desired.empty() ? "" : " on " + desired) +
                                       "; they are sensor_msgs/Image of 16UC1 or 32FC1, or "
                                       "CompressedImage of compressedDepth"};
   }
@@ -184,7 +184,7 @@ struct CameraInTree {
   std::string world, frame;
 };
 
-/// None unless it is asked for. Error: nothing joins the frames.
+/// None unless it is requested. Error: nothing joins the frames.
 Result<std::optional<CameraInTree>> place_of(const CameraUri& uri, Contents& contents,
                                              const Contents::Topic& images) {
   const auto extra = [&](const char* name) {
@@ -288,10 +288,10 @@ Result<RawStream> open_bag_camera(const CameraUri& uri, const CameraOpening&) {
   auto reader = BagReader::open(uri.target);
   if (!reader) return reader.error();
   const auto given = uri.extras.find("topic");
-  const std::string wanted = given == uri.extras.end() ? "" : given->second;
-  auto contents = look_through(**reader, wanted);
+  const std::string desired = given == uri.extras.end() ? "" : given->second;
+  auto contents = look_through(**reader, desired);
   if (!contents) return contents.error();
-  const auto topic = choose_topic(uri, *contents, wanted);
+  const auto topic = choose_topic(uri, *contents, desired);
   if (!topic) return topic.error();
 
   const Contents::Topic& images = contents->images.at(*topic);

@@ -19,7 +19,7 @@ struct RawStream {
 };
 using OpenRaw = std::function<Result<RawStream>()>;
 
-/// Frames that are asked for one by one, undistorted. Errors: no intrinsics.
+/// Frames on request, one by one, undistorted. Errors: no intrinsics.
 Result<std::unique_ptr<DepthSource>> make_rectified(std::unique_ptr<DepthSource> raw,
                                                     const CameraUri& uri);
 

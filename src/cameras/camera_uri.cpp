@@ -11,7 +11,7 @@
 namespace palpate::inline v0 {
 namespace {
 
-constexpr std::size_t kMostCharacters = 60;  // characters of the user's text
+constexpr std::size_t kMaxCharacters = 60;  // characters of the user's text
 
 /// What stands before the first `mark`; `rest` is left with what comes after it.
 std::string_view take_until(std::string_view& rest, char mark) {
@@ -44,7 +44,7 @@ class Parameters {
     if (name == "intrinsics") return set_intrinsics();
     if (name == "distortion") return set_distortion();
     if (name == "size") return set_size();
-    if (name == "unit") return set_positive(uri_.unit, 1e-6, 1, "metres per count, e.g. 0.001");
+    if (name == "unit") return set_positive(uri_.unit, 1e-6, 1, "meters per count, e.g. 0.001");
     if (name == "rate") return set_positive(uri_.rate, 0.01, 10000, "frames per second");
     if (name == "latency") return set_latency();
     if (name == "pose") return set_pose();
@@ -59,10 +59,10 @@ class Parameters {
   }
 
  private:
-  Error bad(const std::string& wanted) const {
-    return {Errc::invalid_argument, "camera " + uri_.text.substr(0, kMostCharacters) + ": '" +
-                                        std::string(name_) + "' must be " + wanted + ", not '" +
-                                        std::string(value_.substr(0, kMostCharacters)) + "'"};
+  Error bad(const std::string& desired) const {
+    return {Errc::invalid_argument, "camera " + uri_.text.substr(0, kMaxCharacters) + ": '" +
+                                        std::string(name_) + "' must be " + desired + ", not '" +
+                                        std::string(value_.substr(0, kMaxCharacters)) + "'"};
   }
   Status set_intrinsics() {
     if (numbers_.size() != 4 || !(numbers_[0] > 0) || !(numbers_[1] > 0)) {
@@ -90,8 +90,8 @@ class Parameters {
     uri_.size = {*width, *height};
     return Done{};
   }
-  Status set_positive(std::optional<double>& to, double low, double high, const char* wanted) {
-    if (numbers_.size() != 1 || numbers_[0] < low || numbers_[0] > high) return bad(wanted);
+  Status set_positive(std::optional<double>& to, double low, double high, const char* desired) {
+    if (numbers_.size() != 1 || numbers_[0] < low || numbers_[0] > high) return bad(desired);
     to = numbers_[0];
     return Done{};
   }
@@ -168,7 +168,7 @@ Result<CameraUri> parse_camera_uri(std::string_view text) {
     const std::string_view name = take_until(value, '=');
     if (!has_value || name.empty()) {
       return Error{Errc::invalid_argument,
-                   "camera " + uri.text.substr(0, kMostCharacters) +
+                   "camera " + uri.text.substr(0, kMaxCharacters) +
                        ": what follows '?' must be NAME=VALUE, with '&' between them"};
     }
     if (const Status status = parameters.set(name, value); !status) return status.error();
@@ -198,8 +198,8 @@ Status CameraUri::check_extras(std::initializer_list<std::string_view> known_one
         "accelerometer, sensor, crop";
     for (const std::string_view more : known_ones) known += ", " + std::string(more);
     return Error{Errc::invalid_argument,
-                 "camera " + text.substr(0, kMostCharacters) + ": there is no parameter '" +
-                     name.substr(0, kMostCharacters) + "' of " + kind + "; there are " + known};
+                 "camera " + text.substr(0, kMaxCharacters) + ": there is no parameter '" +
+                     name.substr(0, kMaxCharacters) + "' of " + kind + "; there are " + known};
   }
   return Done{};
 }

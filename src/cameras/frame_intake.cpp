@@ -15,7 +15,7 @@ namespace {
 constexpr double kFirstFrameTimeout = 10;  // s
 constexpr double kBlackSeconds = 1;        // s without any measurement until a note
 constexpr double kLongestBack = 1;         // s; a stamp before that is of a clock that was set back
-constexpr std::size_t kMostNotes = 100;
+constexpr std::size_t kMaxNotes = 100;
 
 bool is_black(const DepthFrame& frame) {
   return std::all_of(frame.pixels.begin(), frame.pixels.end(),
@@ -190,7 +190,7 @@ void FrameIntake::add_note(std::string text) {
 }
 
 void FrameIntake::note(std::string text) {
-  if (notes_.size() < kMostNotes) notes_.push_back(options_.name + " " + std::move(text));
+  if (notes_.size() < kMaxNotes) notes_.push_back(options_.name + " " + std::move(text));
 }
 
 std::string FrameIntake::closing_words() const {

@@ -190,18 +190,18 @@ class FreenectSource final : public DepthSource {
   void cancel() noexcept override { is_cancelled_ = true; }
 
   Result<bool> next(DepthFrame& frame) override {
-    wanted_ = &frame;
+    desired_ = &frame;
     const double begin = monotonic_now();
-    while (wanted_ != nullptr && !is_cancelled_) {
+    while (desired_ != nullptr && !is_cancelled_) {
       timeval wait{0, 1000L * kWaitMilliseconds};
       if (api_.process(connection_.context(), &wait) < 0) {
         return Error{Errc::unavailable, info_.name + " has been lost"};
       }
-      if (wanted_ != nullptr && monotonic_now() - begin > kLongestSilence) {
+      if (desired_ != nullptr && monotonic_now() - begin > kLongestSilence) {
         return Error{Errc::unavailable, info_.name + " sends no frames; check its cables"};
       }
     }
-    return wanted_ == nullptr;
+    return desired_ == nullptr;
   }
 
  private:
@@ -222,14 +222,14 @@ class FreenectSource final : public DepthSource {
     if (has_stamp_) ticks_ += static_cast<std::int32_t>(stamp - last_stamp_);
     last_stamp_ = stamp;
     has_stamp_ = true;
-    if (wanted_ == nullptr) return;  // of several at once the first one
-    copy_rows(pixels, 2 * info_.width, info_.width, info_.height, *wanted_);
+    if (desired_ == nullptr) return;  // of several at once the first one
+    copy_rows(pixels, 2 * info_.width, info_.width, info_.height, *desired_);
     if (!millimetres_.empty()) {
-      for (std::uint16_t& pixel : wanted_->pixels) pixel = millimetres_[pixel & 2047U];
+      for (std::uint16_t& pixel : desired_->pixels) pixel = millimetres_[pixel & 2047U];
     }
-    wanted_->unit = info_.unit;
-    wanted_->timestamp = static_cast<double>(ticks_) / kTicksPerSecond;
-    wanted_ = nullptr;
+    desired_->unit = info_.unit;
+    desired_->timestamp = static_cast<double>(ticks_) / kTicksPerSecond;
+    desired_ = nullptr;
   }
 
   const Api& api_;
@@ -237,7 +237,7 @@ class FreenectSource final : public DepthSource {
   Device* device_ = nullptr;
   DepthStreamInfo info_;
   std::vector<std::uint16_t> millimetres_;  // of disparities, if these are what comes
-  DepthFrame* wanted_ = nullptr;            // the frame to fill
+  DepthFrame* desired_ = nullptr;           // the frame to fill
   std::int64_t ticks_ = 0;                  // since the first frame
   std::uint32_t last_stamp_ = 0;
   bool has_stamp_ = false, is_started_ = false;

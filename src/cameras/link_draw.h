@@ -91,10 +91,10 @@ struct LinkCamera {
   }
   /// Is a corner of this piece padded much wider than it needs?
   PALPATE_HOSTDEV bool is_padded_too_wide(const LinkTriangle& piece) const {
-    constexpr double kMostReach = 1.25, kFewPixels = 2;
+    constexpr double kMaxReach = 1.25, kFewPixels = 2;
     const double reach = reach_of(static_cast<double>(piece.nearest())),
                  least = reach_of(static_cast<double>(piece.farthest()));
-    return reach > kMostReach * least && reach > least + kFewPixels;
+    return reach > kMaxReach * least && reach > least + kFewPixels;
   }
 };
 
@@ -139,7 +139,7 @@ class LinkPieces {
   /// Cuts across the side along which depth changes most. Inverse depth is linear in the image.
   /// False: it has been cut so often that it stays as it is.
   PALPATE_HOSTDEV bool cut(const LinkTriangle& piece) {
-    if (num_ + 2 > kMost) return false;
+    if (num_ + 2 > kMaxTriangles) return false;
     int first = 0;
     float most = -1;
     for (int i = 0; i < 3; ++i) {
@@ -158,8 +158,8 @@ class LinkPieces {
   }
 
  private:
-  static constexpr int kMost = 48;
-  LinkTriangle waiting_[kMost];
+  static constexpr int kMaxTriangles = 48;
+  LinkTriangle waiting_[kMaxTriangles];
   int num_;
 };
 
@@ -229,8 +229,8 @@ class LinkRaster {
     double from = left, to = right - 1;
     for (const Side& side : sides_) {
       const double crossing = -(side.y * v + side.z);
-      from = larger(from, crossing + side.least_from);
-      to = lesser(to, crossing + side.greatest_to);
+      from = larger(from, crossing + side.min_from);
+      to = lesser(to, crossing + side.max_to);
     }
     return {within(std::ceil(from), left, right), within(std::floor(to) + 1, left, right),
             static_cast<float>(corner_ + per_v_ * (v - from_v_))};
@@ -248,8 +248,8 @@ class LinkRaster {
 
   /// A side as a half-plane x * u + y * v + z >= 0, moved out by the corner of a pixel.
   struct Side {
-    double y, z;                     // over x
-    double least_from, greatest_to;  // kNever where the side bounds the other end of rows
+    double y, z;              // over x
+    double min_from, max_to;  // kNever where the side bounds the other end of rows
   };
 
   PALPATE_HOSTDEV static int first_pixel(float at) {

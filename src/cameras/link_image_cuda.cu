@@ -14,7 +14,7 @@ namespace palpate::inline v0 {
 namespace {
 
 // A GPU also answers queries: this leaves room for them.
-constexpr int kThreads = 256, kMostBlocks = 64;
+constexpr int kThreads = 256, kMaxBlocks = 64;
 constexpr int kBandRows = 32;  // of a canvas, which a warp draws at once
 
 struct LinkPose {
@@ -293,8 +293,8 @@ class LinksOnGpuCuda final : public LinksOnGpu {
     pixels_ = memory_.take_pinned<std::uint16_t>(wide * high);
     answer_ = memory_.take_pinned<LinkAnswer>(1);
     num_blocks_ =
-        std::min(kMostBlocks, gpu::resident_blocks(gpu, reinterpret_cast<const void*>(remove_links),
-                                                   kThreads, kSharedBytes));
+        std::min(kMaxBlocks, gpu::resident_blocks(gpu, reinterpret_cast<const void*>(remove_links),
+                                                  kThreads, kSharedBytes));
   }
 
   Status status() const {

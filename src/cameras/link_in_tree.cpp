@@ -8,17 +8,17 @@
 namespace palpate::inline v0 {
 namespace {
 
-constexpr std::size_t kMostBytes = 64u << 20;  // of a URDF
-constexpr double kMaxAge = 0.1;                // s, of a joint position
+constexpr std::size_t kMaxBytes = 64u << 20;  // of a URDF
+constexpr double kMaxAge = 0.1;               // s, of a joint position
 
 /// Joints whose states are needed. Errors: as of open_joint_states, from the URDF alone.
-Result<std::vector<JointHistory::Joint>> wanted_joints(const RobotModel& model,
-                                                       std::span<const std::size_t> required,
-                                                       const std::string& joints,
-                                                       const std::string& robot) {
+Result<std::vector<JointHistory::Joint>> desired_joints(const RobotModel& model,
+                                                        std::span<const std::size_t> required,
+                                                        const std::string& joints,
+                                                        const std::string& robot) {
   const auto address = parse_state_address(joints);
   if (!address) return address.error();
-  std::vector<JointHistory::Joint> wanted;
+  std::vector<JointHistory::Joint> desired;
   std::string all;
   for (const std::size_t i : required) {
     const RobotJoint& joint = model.joints[i];
@@ -27,19 +27,19 @@ Result<std::vector<JointHistory::Joint>> wanted_joints(const RobotModel& model,
                                         "' is floating or planar: a joint position does not place "
                                         "it; use the frames of tf (world=FRAME)"};
     }
-    wanted.push_back({joint.name, joint.is_endless});
+    desired.push_back({joint.name, joint.is_endless});
     all += (all.empty() ? "" : ", ") + joint.name;
   }
-  if (wanted.empty() && !joints.empty()) {
+  if (desired.empty() && !joints.empty()) {
     return Error{Errc::invalid_argument,
                  robot + " has no joints that move: leave out " + address->text};
   }
-  if (!wanted.empty() && joints.empty()) {
+  if (!desired.empty() && joints.empty()) {
     return Error{Errc::invalid_argument,
                  robot + " has joints that move: " + all +
                      "; pass a source of joint states (--joints FILE.csv, bag:FILE or ros2:)"};
   }
-  return wanted;
+  return desired;
 }
 
 }  // namespace
@@ -48,12 +48,12 @@ Result<std::unique_ptr<RobotStates>> open_joint_states(const RobotModel& model,
                                                        std::span<const std::size_t> required,
                                                        const std::string& joints,
                                                        const std::string& robot) {
-  auto wanted = wanted_joints(model, required, joints, robot);
-  if (!wanted) return wanted.error();
-  if (wanted->empty()) return std::unique_ptr<RobotStates>();
+  auto desired = desired_joints(model, required, joints, robot);
+  if (!desired) return desired.error();
+  if (desired->empty()) return std::unique_ptr<RobotStates>();
   const auto address = parse_state_address(joints);
   if (!address) return address.error();
-  auto states = RobotStates::open(*address, *std::move(wanted));
+  auto states = RobotStates::open(*address, *std::move(desired));
   if (!states) return states.error();
   const std::string missing =
       what_is_missing(**states, [&] { return (*states)->missing_joints(); });
@@ -72,7 +72,7 @@ Result<LinkInTree> LinkInTree::open(const std::string& address, const std::strin
     return Error{Errc::invalid_argument, "give FILE.urdf#LINK, the link that is meant, not '" +
                                              address.substr(0, 60) + "'"};
   }
-  const auto text = read_file(file, kMostBytes);
+  const auto text = read_file(file, kMaxBytes);
   if (!text) return text.error();
   auto model = parse_urdf(*text, file, {}, std::nullopt);
   if (!model) return model.error();
@@ -91,8 +91,8 @@ Result<LinkInTree> LinkInTree::open(const std::string& address, const std::strin
   if (!status) return status.error();
   found.required_ = found.model_.joints_between(found.base_, found.link_);
   if (!is_received) {
-    const auto wanted = wanted_joints(found.model_, found.required_, joints, file);
-    if (!wanted) return wanted.error();
+    const auto desired = desired_joints(found.model_, found.required_, joints, file);
+    if (!desired) return desired.error();
     return found;
   }
   auto states = open_joint_states(found.model_, found.required_, joints, file);

@@ -21,7 +21,7 @@ class LinkInTree {
   /// `joints`: source of the states of joints between the two, as RobotFiles::joints; empty if
   /// none. Errors: no such form; as of parse_urdf; no such link; joints without a source,
   /// or that do not move. Not received: no source of joint states is opened or waited for, and
-  /// nobody may ask where a link is that moves.
+  /// the pose of a moving link may not be queried.
   static Result<LinkInTree> open(const std::string& address, const std::string& joints,
                                  bool is_received);
 
@@ -31,8 +31,8 @@ class LinkInTree {
   std::optional<bool> is_live() const {
     return states_ ? std::optional(states_->is_live()) : std::nullopt;
   }
-  /// X_BL at a time on the clock of the frames, s; `stamp`: as of DepthFrame. Error: nothing told
-  /// of a joint within 0.1 s.
+  /// X_BL at a time on the clock of the frames, s; `stamp`: as of DepthFrame. Error: nothing
+  /// reported of a joint within 0.1 s.
   Result<Pose> at(double time, double stamp = 0) const;
 
  private:

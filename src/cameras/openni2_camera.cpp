@@ -56,7 +56,7 @@ class Openni2Source final : public DepthSource {
     bytes = sizeof mode;
     if (api_.get(stream_, kVideoMode, &mode, &bytes) != kOk) return failed("reports no image size");
     if (mode.format != kMillimetres && mode.format != kTenths) {
-      return Error{Errc::bad_input, info_.name + " sends no millimetres but the format " +
+      return Error{Errc::bad_input, info_.name + " sends no millimeters but the format " +
                                         std::to_string(mode.format)};
     }
     set_image(mode, mode.width, mode.height, 0, 0);

@@ -24,10 +24,10 @@ double median_depth(const DepthFrame& frame) {
 
 std::string doubt_intrinsics(const CameraModel& model) {
   // No depth camera is known whose axis is farther off the middle than a tenth of the image.
-  constexpr double kMostOff = 0.2;
+  constexpr double kMaxOffset = 0.2;
   const auto& [fx, fy, cx, cy] = model.intrinsics;
   const double x = (cx + 0.5) / model.width, y = (cy + 0.5) / model.height;
-  if (std::abs(x - 0.5) <= kMostOff && std::abs(y - 0.5) <= kMostOff) return {};
+  if (std::abs(x - 0.5) <= kMaxOffset && std::abs(y - 0.5) <= kMaxOffset) return {};
   char text[320];
   const double scale = 2 * x, other = 2 * y;
   if (std::abs(scale - other) < 0.2 * scale) {
@@ -53,7 +53,7 @@ std::string doubt_unit(const DepthFrame& frame) {
   if (divisor > 1 && frame.unit > 0.9 * 0.001) {
     std::snprintf(text, sizeof text,
                   "all its depths are multiples of %d counts, as in files of 1/%d m read as "
-                  "millimetres; if everything looks %d times too far, give unit=%g",
+                  "millimeters; if everything looks %d times too far, give unit=%g",
                   divisor, 1000 * divisor, divisor, 0.001 / divisor);
     return text;
   }

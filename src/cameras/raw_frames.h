@@ -19,8 +19,8 @@ struct ImageMode {
   int width = 0, height = 0;
   int rate = 0;  ///< Hz
 };
-/// Which of them: of the size that is asked for, else the largest one up to `usual`; of these the
-/// rate nearest to what is asked for, else to 30 Hz; the first one of equals. None: no such size.
+/// Which of them: of the requested size, else the largest one up to `usual`; of these the
+/// rate nearest to the requested one, else to 30 Hz; the first one of equals. None: no such size.
 std::optional<std::size_t> choose_mode(std::span<const ImageMode> modes, const CameraUri& uri,
                                        ImageSize usual);
 /// "640x480 at 30 Hz, ..."; "none" without any.

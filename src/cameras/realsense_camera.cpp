@@ -258,10 +258,11 @@ Result<RawStream> open_realsense_camera(const CameraUri& uri, const CameraOpenin
     }
   } else {
     for_each_device(*loaded, [&](Device* each) {
-      const bool is_wanted = device == nullptr &&
-                             (uri.target.empty() || info_of(*loaded, each, kSerial) == uri.target);
-      if (is_wanted) device = each;
-      return is_wanted;
+      const bool is_requested =
+          device == nullptr &&
+          (uri.target.empty() || info_of(*loaded, each, kSerial) == uri.target);
+      if (is_requested) device = each;
+      return is_requested;
     });
     if (device == nullptr) {
       return Error{Errc::not_found,

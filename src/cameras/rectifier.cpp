@@ -33,7 +33,7 @@ Error flow_of_lens(const std::string& name) {
 }
 
 CameraModel valid_part(const CameraModel& pinhole, const CameraModel& raw) {
-  constexpr int kLeast = 8;
+  constexpr int kMinSide = 8;
   const std::vector<std::uint32_t> table = lens_table(pinhole, raw);
   const auto outside = static_cast<std::uint32_t>(raw.width * raw.height);
   struct Column {
@@ -66,7 +66,7 @@ CameraModel valid_part(const CameraModel& pinhole, const CameraModel& raw) {
       growing.push_back({first, high});
     }
   }
-  if (width < kLeast || height < kLeast) return pinhole;
+  if (width < kMinSide || height < kMinSide) return pinhole;
   CameraModel part = pinhole;
   part.width = width;
   part.height = height;

@@ -64,9 +64,9 @@ class Reader {
       if (!status) return status.error();
     }
     const std::size_t num = rig_.cameras.size();
-    if (num == 0 || num > kMostCameras) {
+    if (num == 0 || num > kMaxCameras) {
       return Error{Errc::bad_input, path_.string() + " has " + std::to_string(num) +
-                                        " [[camera]]; give 1 to " + std::to_string(kMostCameras)};
+                                        " [[camera]]; give 1 to " + std::to_string(kMaxCameras)};
     }
     if (!rig_.gravity) {
       std::vector<CameraUri> uris;

@@ -15,7 +15,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kMostBytes = 64u << 20;  // of a URDF
+constexpr std::size_t kMaxBytes = 64u << 20;  // of a URDF
 
 /// By joints, from the base on.
 class TreePoses final : public LinkPoses {
@@ -99,7 +99,7 @@ Result<RobotModel> load_robot(const RobotFiles& files, RobotGeometry geometry) {
   const fs::path path(files.robot);
   const fs::path ending = path.extension();
   if (ending == ".urdf" || ending == ".xml" || ending == ".xacro") {
-    const auto text = read_file(path, kMostBytes);
+    const auto text = read_file(path, kMaxBytes);
     if (!text) return text.error();
     const RobotFolders folders{path.parent_path(), RobotFolders::packages_of(files.packages)};
     return parse_urdf(*text, files.robot, folders, geometry);

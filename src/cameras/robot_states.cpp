@@ -17,9 +17,9 @@
 namespace palpate::inline v0 {
 namespace {
 
-constexpr double kSecondsKept = 5;                   // live, of each joint and frame
-constexpr double kLongestWait = 1;                   // s
-constexpr std::size_t kMostJointNumbers = 20000000;  // numbers in a file
+constexpr double kSecondsKept = 5;                  // live, of each joint and frame
+constexpr double kLongestWait = 1;                  // s
+constexpr std::size_t kMaxJointNumbers = 20000000;  // numbers in a file
 constexpr double kForEver = std::numeric_limits<double>::infinity();
 
 double kept_of(const StateAddress& address) {
@@ -196,7 +196,7 @@ class TableStates final : public RobotStates {
  public:
   using RobotStates::RobotStates;
   Status read() {
-    const auto text = read_file(address_.target, kMostJointNumbers * 8);
+    const auto text = read_file(address_.target, kMaxJointNumbers * 8);
     if (!text) return text.error();
     return read_joint_table(*text, address_.target, by_time_.joints);
   }
@@ -266,9 +266,9 @@ class LiveStates final : public RobotStates {
     return Done{};
   }
   double time_of(double stamp, const std::string& who) override {
-    constexpr std::size_t kMostClocks = 1000;
+    constexpr std::size_t kMaxClocks = 1000;
     if (stamp == 0) return monotonic_now();  // it has none
-    const std::string& clock = clocks_.size() < kMostClocks || clocks_.contains(who) ? who : "";
+    const std::string& clock = clocks_.size() < kMaxClocks || clocks_.contains(who) ? who : "";
     return clocks_[clock].add(stamp, monotonic_now());
   }
 

@@ -30,7 +30,7 @@ constexpr double kLongestPairing = 0.1;  // s that an image waits for its camera
 constexpr double kLongestTf = 0.1;       // s that an image waits for its transform
 constexpr double kKeptTf = 5;            // s
 constexpr std::size_t kNumModels = 32;   // camera_infos that are kept
-constexpr int kMostImages = 200;         // per second; more are a mistake, with a note
+constexpr int kMaxImages = 200;          // per second; more are a mistake, with a note
 
 double seconds_since_1970() {
   return std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count();
@@ -158,8 +158,8 @@ class ReceivedMessages {
   void note_flood(double now) {
     ++num_since_;
     if (now - since_ < 1) return;
-    if (num_since_ > kMostImages * (now - since_)) {
-      note("sends more than " + std::to_string(kMostImages) +
+    if (num_since_ > kMaxImages * (now - since_)) {
+      note("sends more than " + std::to_string(kMaxImages) +
            " images per second; the newest one is used, the others are dropped");
     }
     since_ = now;

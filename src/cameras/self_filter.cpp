@@ -95,8 +95,8 @@ class SelfFilteredSource final : public DepthSource {
       on_gpu_ = nullptr;
       return false;
     }
-    if (!*done && !has_told_of_cpu_) {
-      has_told_of_cpu_ = true;
+    if (!*done && !has_reported_cpu_) {
+      has_reported_cpu_ = true;
       note(info().name +
            ": the robot is so near to the camera that its padding does not fit on the GPU: it is "
            "removed from such images on the CPU");
@@ -133,7 +133,7 @@ class SelfFilteredSource final : public DepthSource {
   std::vector<Pose> X_WL_, X_CL_;
   LinkImage image_;
   std::unique_ptr<LinksOnGpu> on_gpu_;  // null: on the CPU
-  bool has_told_of_cpu_ = false;
+  bool has_reported_cpu_ = false;
   int num_left_out_ = 0;
   std::mutex mutex_;
   std::vector<std::string> notes_;

@@ -18,12 +18,12 @@ namespace {
 namespace fs = std::filesystem;
 using Element = tinyxml2::XMLElement;
 
-constexpr std::size_t kMostCharacters = 60;  // characters of the user's text
-constexpr std::size_t kMostLinks = 2000, kMostTriangles = 2'000'000;  // more than any robot has
-constexpr int kSegments = 32;                                         // of a cylinder
-constexpr double kLargest = 1e3;                                      // m, and times as large
+constexpr std::size_t kMaxCharacters = 60;                          // characters of the user's text
+constexpr std::size_t kMaxLinks = 2000, kMaxTriangles = 2'000'000;  // more than any robot has
+constexpr int kSegments = 32;                                       // of a cylinder
+constexpr double kLargest = 1e3;                                    // m, and times as large
 
-std::string shown(std::string_view text) { return std::string(text.substr(0, kMostCharacters)); }
+std::string shown(std::string_view text) { return std::string(text.substr(0, kMaxCharacters)); }
 
 /// Reads one document. What is wrong is kept until the end, so that readers can go straight on.
 class Reader {
@@ -107,14 +107,14 @@ class Reader {
       if (!links_.emplace(*name, model_.links.size()).second) {
         return bad(*link, "two links are called '" + shown(*name) + "'");
       }
-      if (model_.links.size() == kMostLinks) return bad(*link, "more links than any robot has");
+      if (model_.links.size() == kMaxLinks) return bad(*link, "more links than any robot has");
       model_.links.push_back({*name, {}});
       if (!geometry_) continue;
       const bool is_visual = geometry_ == RobotGeometry::visual;
-      const char* const wanted = is_visual ? "visual" : "collision";
+      const char* const desired = is_visual ? "visual" : "collision";
       const char* const else_taken = is_visual ? "collision" : "visual";
-      const bool has_wanted = link->FirstChildElement(wanted) != nullptr;
-      if (const Status status = read_geometry(*link, has_wanted ? wanted : else_taken); !status) {
+      const bool has_desired = link->FirstChildElement(desired) != nullptr;
+      if (const Status status = read_geometry(*link, has_desired ? desired : else_taken); !status) {
         return status;
       }
     }
@@ -134,7 +134,7 @@ class Reader {
       const auto added = shape_of(*shape);
       if (!added) return added.error();
       num_triangles_ += std::max(added->triangles.size(), added->vertices.size() / 3);
-      if (num_triangles_ > kMostTriangles) {
+      if (num_triangles_ > kMaxTriangles) {
         return bad(*shape, "the robot has more than 2 million triangles; take coarser meshes");
       }
       const auto first = static_cast<std::uint32_t>(mesh.vertices.size());
@@ -250,7 +250,7 @@ class Reader {
                               "'; there are fixed, revolute, continuous, prismatic, floating and "
                               "planar");
     }
-    if (model_.joints.size() == kMostLinks) return bad(element, "more joints than any robot has");
+    if (model_.joints.size() == kMaxLinks) return bad(element, "more joints than any robot has");
     joint.kind = kind->second;
     joint.is_endless = *type == "continuous";
     for (const auto& [role, link] :

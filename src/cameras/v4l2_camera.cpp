@@ -20,7 +20,7 @@ namespace {
 
 constexpr std::uint32_t kCapture = V4L2_BUF_TYPE_VIDEO_CAPTURE;
 constexpr std::uint32_t kNumBuffers = 4;
-constexpr int kMostAnswers = 100;  // of a driver that never ends a list
+constexpr int kMaxAnswers = 100;  // of a driver that never ends a list
 
 template <class Data>
 Data empty() {
@@ -59,7 +59,7 @@ class OpenDevice {
                                   : capability.capabilities;
     constexpr std::uint32_t kNeeded = V4L2_CAP_VIDEO_CAPTURE | V4L2_CAP_STREAMING;
     if ((can & kNeeded) != kNeeded) return {};
-    for (std::uint32_t i = 0; i < kMostAnswers; ++i) {
+    for (std::uint32_t i = 0; i < kMaxAnswers; ++i) {
       auto format = empty<v4l2_fmtdesc>();
       format.index = i;
       format.type = kCapture;
@@ -70,7 +70,7 @@ class OpenDevice {
   }
   std::vector<ImageMode> modes() const {
     std::vector<ImageMode> modes;
-    for (std::uint32_t i = 0; i < kMostAnswers; ++i) {
+    for (std::uint32_t i = 0; i < kMaxAnswers; ++i) {
       auto size = empty<v4l2_frmsizeenum>();
       size.index = i;
       size.pixel_format = V4L2_PIX_FMT_Z16;
@@ -83,7 +83,7 @@ class OpenDevice {
  private:
   void add_rates(std::uint32_t width, std::uint32_t height, std::vector<ImageMode>& modes) const {
     const ImageMode any{static_cast<int>(width), static_cast<int>(height), 30};
-    for (std::uint32_t i = 0; i < kMostAnswers; ++i) {
+    for (std::uint32_t i = 0; i < kMaxAnswers; ++i) {
       auto interval = empty<v4l2_frmivalenum>();
       interval.index = i;
       interval.pixel_format = V4L2_PIX_FMT_Z16;

@@ -9,19 +9,19 @@
 namespace palpate::inline v0 {
 namespace {
 
-constexpr double kFewestPoints = 500;    // that hold a view
-constexpr double kMostApart = 5e-3;      // m
-constexpr double kLeastShape = 0.003;    // least eigenvalue for two views: below, normals are noise
-constexpr double kMostUncertain = 3e-3;  // m; see AlignedViews::uncertainty
+constexpr double kMinPoints = 500;     // that hold a view
+constexpr double kMaxDistance = 5e-3;  // m
+constexpr double kMinShape = 0.003;    // least eigenvalue for two views: below, normals are noise
+constexpr double kMaxUncertainty = 3e-3;  // m; see AlignedViews::uncertainty
 constexpr double kSigmaOfMedian = 1.4826;
-constexpr double kLeastNoise = 5e-4;  // m: no camera is better
-constexpr double kPointsAlike = 50;   // errors of so many neighbours are one
-constexpr double kSameNormal = 0.8;   // cosine
-constexpr double kLeastSlant = 0.3;   // cosine between a normal and the viewing ray
-constexpr int kEdgeWidth = 3;         // pixels
-constexpr float kEdgeStep = 0.03f;    // share of the depth
-constexpr double kStill = 1e-4;       // m, and rad times the scene's size: nothing moves any more
-constexpr int kPatience = 5;          // rounds at the least reach, at least
+constexpr double kMinNoise = 5e-4;   // m: no camera is better
+constexpr double kPointsAlike = 50;  // errors of so many neighbours are one
+constexpr double kSameNormal = 0.8;  // cosine
+constexpr double kMinSlant = 0.3;    // cosine between a normal and the viewing ray
+constexpr int kEdgeWidth = 3;        // pixels
+constexpr float kEdgeStep = 0.03f;   // share of the depth
+constexpr double kStill = 1e-4;      // m, and rad times the scene's size: nothing moves any more
+constexpr int kPatience = 5;         // rounds at the least reach, at least
 
 Vec3d point(const PointCloudView& view, std::size_t i) {
   return {static_cast<double>(view.x[i]), static_cast<double>(view.y[i]),
@@ -44,7 +44,7 @@ bool is_good(const PointCloudView& view, int u, int v) {
   }
   const std::size_t i = index(u, v);
   const Vec3d p = point(view, i), n = normal(view, i);
-  if (!(dot(n, p) < -kLeastSlant * norm(p))) return false;  // also where there is none
+  if (!(dot(n, p) < -kMinSlant * norm(p))) return false;  // also where there is none
   for (const auto& [du, dv] :
        {std::pair{-kEdgeWidth, 0}, {kEdgeWidth, 0}, {0, -kEdgeWidth}, {0, kEdgeWidth}}) {
     const float z = view.z[index(u + du, v + dv)];
@@ -98,7 +98,7 @@ class Normal {
     return b;
   }
   /// By inverse iteration.
-  double least_eigenvalue() const {
+  double smallest_eigenvalue() const {
     std::vector<double> v(size_);
     for (std::size_t i = 0; i < size_; ++i) v[i] = 1 + 0.1 * static_cast<double>(i % 7);
     double length = 1;
@@ -142,10 +142,10 @@ class Alignment {
     for (int round = 0; round < options_.max_rounds; ++round) {
       const auto moved = improve(reach);
       if (!moved) return moved.error();
-      if (reach <= options_.least_reach && ++num_last >= kPatience && *moved < kStill) {
+      if (reach <= options_.min_reach && ++num_last >= kPatience && *moved < kStill) {
         return finish();
       }
-      reach = std::max(options_.least_reach, 0.8 * reach);
+      reach = std::max(options_.min_reach, 0.8 * reach);
     }
     return Error{Errc::bad_input,
                  "the poses do not converge: check intrinsics and units, and that the scene and "
@@ -235,7 +235,7 @@ class Alignment {
       }
     }
     for (std::size_t k = 0; k < num_views(); ++k) {
-      if (weights[k] >= kFewestPoints) continue;
+      if (weights[k] >= kMinPoints) continue;
       return Error{Errc::bad_input,
                    name(k) +
                        " sees too little of what the others see: check its pose, and that "
@@ -249,7 +249,7 @@ class Alignment {
       right[i] /= std::sqrt(weights[1 + i / 6]);
     }
     if (!matrix.factor()) return not_held();
-    least_eigenvalue_ = matrix.least_eigenvalue();
+    smallest_eigenvalue_ = matrix.smallest_eigenvalue();
     num_points_ = *std::min_element(weights.begin(), weights.end());
     const std::vector<double> step = matrix.solve(std::move(right));
     double most = 0;
@@ -277,12 +277,12 @@ class Alignment {
 
   Result<AlignedViews> finish() const {
     AlignedViews aligned{now_, {}, 0};
-    double worst = kLeastNoise;
+    double worst = kMinNoise;
     for (std::size_t a = 0; a < num_views(); ++a) {
       for (std::size_t b = a + 1; b < num_views(); ++b) {
         ViewPair pair = compare(a, b);
         if (pair.num_points == 0) continue;
-        if (pair.after > kMostApart) {
+        if (pair.after > kMaxDistance) {
           char text[64];
           std::snprintf(text, sizeof text, " stay %.1f mm apart", 1e3 * pair.after);
           return Error{Errc::bad_input,
@@ -293,11 +293,11 @@ class Alignment {
         aligned.pairs.push_back(pair);
       }
     }
-    aligned.uncertainty = worst / std::sqrt(num_points_ / kPointsAlike * least_eigenvalue_);
+    aligned.uncertainty = worst / std::sqrt(num_points_ / kPointsAlike * smallest_eigenvalue_);
     // In a chain of views the eigenvalue falls with the square of its length.
     const double num_free = static_cast<double>(num_views() - 1);
-    if (!(least_eigenvalue_ > kLeastShape / (num_free * num_free)) ||
-        !(aligned.uncertainty < kMostUncertain)) {
+    if (!(smallest_eigenvalue_ > kMinShape / (num_free * num_free)) ||
+        !(aligned.uncertainty < kMaxUncertainty)) {
       return not_held();
     }
     return aligned;
@@ -339,7 +339,7 @@ class Alignment {
   std::vector<Pose> first_, now_;
   std::vector<std::vector<std::size_t>> samples_;
   Vec3d middle_;
-  double size_ = 1, least_eigenvalue_ = 0, num_points_ = 0;
+  double size_ = 1, smallest_eigenvalue_ = 0, num_points_ = 0;
 };
 
 }  // namespace

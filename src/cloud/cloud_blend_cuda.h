@@ -24,7 +24,7 @@ class CloudBlendCuda {
   ~CloudBlendCuda();
 
   /// How far from the old cloud (0) to the new one (1) and beyond. Kept in page-locked memory: do
-  /// not change it while work that was asked for before is still to read it.
+  /// not change it while work that was submitted before has still to read it.
   void set_progress(double t);
   /// Both clouds are on this GPU, and neither is the blended one.
   void enqueue(gpu::Stream& stream, const PointCloudView& old_cloud,

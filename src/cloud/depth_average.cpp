@@ -67,8 +67,8 @@ DepthAverageOptions depth_average_options_for(SensorKind sensor) {
 }
 
 Status check_average_settings(int width, int height, const DepthAverageOptions& options) {
-  constexpr int kLeast = 8;
-  if (width < kLeast || width > kMaxImageWidth || height < kLeast || height > kMaxImageHeight) {
+  constexpr int kMinSide = 8;
+  if (width < kMinSide || width > kMaxImageWidth || height < kMinSide || height > kMaxImageHeight) {
     return Error{Errc::invalid_argument, "depth images of " + std::to_string(width) + " x " +
                                              std::to_string(height) +
                                              " pixels cannot be averaged; use 8 to 4096 a side"};

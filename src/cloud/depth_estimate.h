@@ -74,10 +74,10 @@ struct LearnedVariance {
 
   PALPATE_FORMULA float or_expected(float expected) const { return weight > 0 ? value : expected; }
   PALPATE_FORMULA void learn(float squared, float expected) {
-    constexpr float kLeastWeight = 1.0f / 16;
+    constexpr float kMinWeight = 1.0f / 16;
     value = or_expected(expected);
     weight = weight > 0 ? weight / (1.0f + weight) : 0.5f;
-    if (weight < kLeastWeight) weight = kLeastWeight;
+    if (weight < kMinWeight) weight = kMinWeight;
     value += weight * (squared - value);
   }
 };
@@ -101,7 +101,7 @@ PALPATE_FORMULA VecF change_of(VecF deviation) {
 }
 
 struct PixelDeviation {
-  VecF gain;  ///< of this measurement, if only the pixel itself is asked
+  VecF gain;  ///< of this measurement, if only the pixel itself is read
   VecF sum, num, squares, num_known, num_gone;  ///< what it adds to those of its tile
 };
 
@@ -212,8 +212,8 @@ struct BlockMemory {
 
   /// Noise of a tile's pixels over the model's.
   PALPATE_FORMULA float noise_scale(int tile) const {
-    constexpr float kMost = 16;
-    return sqrtf(clamped(pixels[tile].value, 1.0f, kMost));
+    constexpr float kMaxWeight = 16;
+    return sqrtf(clamped(pixels[tile].value, 1.0f, kMaxWeight));
   }
   /// From sums over a tile of deviations, which are shares of `scale`.
   PALPATE_FORMULA void learn_noise(int tile, const TileSum& s, float scale) {

@@ -32,11 +32,11 @@ class SurfaceCuda {
   ~SurfaceCuda();
 
   /// Page-locked memory where the host puts the next raw frame and its unit (metres per count). Do
-  /// not write while work that was asked for before is still to read it.
+  /// not write while work that was submitted before has still to read it.
   std::span<std::uint16_t> input();
   void set_unit(double unit);
 
-  /// Asks for read, filter, normals and depth change of the frame in `input`. A frame may be done
+  /// Submits read, filter, normals and depth change of the frame in `input`. A frame may be done
   /// in parts, spread over the time between frames so that queries never wait for long (thesis
   /// section 4.2): all parts 0 ... num_parts - 1, in order. The bits do not depend on the number.
   void enqueue(gpu::Stream& stream, int part = 0, int num_parts = 1);

@@ -27,7 +27,7 @@ struct Tiling {
   std::ptrdiff_t points_apart;  // from one image to the next, of all arrays but what is raw
 };
 
-inline constexpr int kMostTaps = (2 * kMaxWindowRadius + 1) * (2 * kMaxWindowRadius + 1);
+inline constexpr int kMaxTaps = (2 * kMaxWindowRadius + 1) * (2 * kMaxWindowRadius + 1);
 
 struct FilterJob {
   Tiling tiling;
@@ -40,7 +40,7 @@ struct FilterJob {
   int radius;  // 0: no filter
   float range;
   float flying_gap;
-  float space[kMostTaps];
+  float space[kMaxTaps];
 
   /// Of a tile: what is looked at around a pixel.
   PALPATE_HOSTDEV int margin() const { return radius == 0 && flying_gap > 0 ? 1 : radius; }
@@ -51,7 +51,7 @@ struct NormalJob {
   const float* depth = nullptr;    // filtered
   NormalPass pass;                 // without an image
   TangentPlane* planes = nullptr;  // wanted instead of the points and their normals, or null
-  float* change[3] = {};           // null: not wanted
+  float* change[3] = {};           // null: not requested
   float min_step = 0;
   int* num_points = nullptr;  // of each tile
 };
@@ -81,7 +81,7 @@ struct Tile {
 
 /// Depths of a tile with a margin of `radius` pixels.
 PALPATE_HOSTDEV constexpr int padded(int size, int radius) { return size + 2 * radius; }
-inline constexpr int kMostDepths =
+inline constexpr int kMaxTileDepths =
     padded(kTileWidth, kMaxWindowRadius) * padded(kStripRows, kMaxWindowRadius);
 
 /// Fills `depths` by depth_at(u, v), kNoDepth around the image. All threads call. Several loads are
@@ -111,7 +111,7 @@ __device__ void load_tile(const Tiling& tiling, const Tile& tile, int radius, fl
 
 struct FilterShared {
   int num_valid;
-  float depths[kMostDepths];
+  float depths[kMaxTileDepths];
 };
 
 /// kRadius < 0: job.radius. 0: nothing is looked at around a pixel.
@@ -186,7 +186,7 @@ struct NormalShared {
   int num_points;
   int num_left;  // pixels whose window is not whole
   std::uint16_t left[kStripRows * kTileWidth];
-  float depths[kMostDepths];
+  float depths[kMaxTileDepths];
 };
 /// Behind it: a RowStore of each row of the tile and its margin.
 inline constexpr std::size_t kRowStores = (sizeof(NormalShared) + 15) / 16 * 16;

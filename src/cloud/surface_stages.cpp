@@ -122,17 +122,17 @@ int SurfaceStages::read(const RawPass& pass, ThreadPool& pool) {
                          [&](const PixelWindow& part) { return kernels_.read_depth(pass, part); });
 }
 
-void SurfaceStages::filter(ThreadPool& pool, const PixelWindow& wanted) {
+void SurfaceStages::filter(ThreadPool& pool, const PixelWindow& desired) {
   // Normals are made in whole parts.
-  const PixelWindow normals = wanted.clipped(width_, height_).aligned(kColumnStep);
+  const PixelWindow normals = desired.clipped(width_, height_).aligned(kColumnStep);
   sum_over_strips(pool, normals.grown(normal_pass_.radius), [&](const PixelWindow& part) {
     kernels_.filter_depth(filter_pass_, part);
     return 0;
   });
 }
 
-int SurfaceStages::estimate_normals(ThreadPool& pool, const PixelWindow& wanted) {
-  return sum_over_strips(pool, wanted, [&](const PixelWindow& part) {
+int SurfaceStages::estimate_normals(ThreadPool& pool, const PixelWindow& desired) {
+  return sum_over_strips(pool, desired, [&](const PixelWindow& part) {
     return kernels_.estimate_normals(normal_pass_, part);
   });
 }

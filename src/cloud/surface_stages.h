@@ -10,7 +10,7 @@
 namespace palpate::inline v0 {
 
 /// Call the stages in the order read, filter, estimate_normals, find_depth_change. None allocates.
-/// Points may be wanted in a window alone: filter and normals then do that and what it needs.
+/// Points may be requested in a window alone: filter and normals then do that and what it needs.
 class SurfaceStages {
  public:
   /// Settings as check_surface_settings accepts them.
@@ -21,8 +21,8 @@ class SurfaceStages {
 
   /// Depth in metres with kNoDepth for what is no measurement; returns the number of the others.
   int read(const DepthImageView& image, ThreadPool& pool);
-  void filter(ThreadPool& pool, const PixelWindow& wanted = {});
-  int estimate_normals(ThreadPool& pool, const PixelWindow& wanted = {});  ///< number of points
+  void filter(ThreadPool& pool, const PixelWindow& desired = {});
+  int estimate_normals(ThreadPool& pool, const PixelWindow& desired = {});  ///< number of points
   void find_depth_change(ThreadPool& pool);
 
   const PointCloud& cloud() const { return cloud_; }

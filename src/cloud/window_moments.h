@@ -4,7 +4,7 @@
 // Most windows of a frame are whole: every pixel valid and within the depth gate. Then all weights
 // are 1 and the moments are separable: sums over rows first, shared by all windows above each
 // other, then over columns. The remaining pixels (borders, holes, edges) and all pixels when an
-// option asks for other weights take the direct way, tap by tap.
+// option requires other weights take the direct way, tap by tap.
 #pragma once
 
 #include <cstddef>

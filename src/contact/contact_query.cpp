@@ -76,10 +76,10 @@ Result<std::unique_ptr<ContactQuery>> make_contact_query(Backend backend,
                                                          const ContactMethod& method,
                                                          const ExecutionOptions& capacities) {
   const std::size_t num_spheres = index->tool().spheres().size();
-  if (contact_options(method).priority == Priority::path && num_spheres > kMostSpheresOfPaths) {
+  if (contact_options(method).priority == Priority::path && num_spheres > kMaxPathSpheres) {
     return Error{Errc::invalid_argument,
                  "the priority path keeps the ways between all spheres of a tool, at most " +
-                     std::to_string(kMostSpheresOfPaths) + ": this one has " +
+                     std::to_string(kMaxPathSpheres) + ": this one has " +
                      std::to_string(num_spheres) +
                      "; pack it with fewer, or choose another priority"};
   }

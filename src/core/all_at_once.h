@@ -9,7 +9,7 @@
 namespace palpate::inline v0 {
 
 /// The answers of `kind.find()` for all kinds, in their order. Most of the time goes into waiting,
-/// so each is asked on a thread of its own while there are any to be had.
+/// so each is called on a thread of its own while there are any to be had.
 template <class Kinds>
 auto find_all_at_once(const Kinds& kinds) {
   using Answer = decltype(std::begin(kinds)->find());

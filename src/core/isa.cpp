@@ -23,10 +23,10 @@ Isa detected_isa() {
 
 Isa best_isa() {
   const Isa detected = detected_isa();
-  const char* wanted = std::getenv("PALPATE_ISA");
-  if (wanted == nullptr) return detected;
+  const char* desired = std::getenv("PALPATE_ISA");
+  if (desired == nullptr) return detected;
   for (Isa isa : {Isa::baseline, Isa::avx2, Isa::avx512}) {
-    if (std::strcmp(wanted, isa_name(isa)) == 0) return std::min(isa, detected);
+    if (std::strcmp(desired, isa_name(isa)) == 0) return std::min(isa, detected);
   }
   return detected;
 }

@@ -11,7 +11,7 @@ LastingThread::LastingThread() {
     id_ = thread.get_id();
     has_thread_ = true;
     thread.detach();
-  } catch (const std::system_error&) {  // none to be had: whoever asks does it
+  } catch (const std::system_error&) {  // none to be had: the caller does it
   }
 }
 

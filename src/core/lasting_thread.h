@@ -19,7 +19,7 @@ class LastingThread {
  public:
   LastingThread();
 
-  /// Waits for what others have asked for, and then for the answer.
+  /// Waits for earlier requests, and then for the result.
   template <class Work>
   auto call(const Work& work) {
     std::optional<decltype(work())> answer;

@@ -23,7 +23,7 @@ class SharedLibrary {
   static Result<SharedLibrary> open(std::span<const std::string> candidates,
                                     Symbols symbols = Symbols::of_the_program);
 
-  /// What was asked for to get it.
+  /// The name that it was opened by.
   const std::string& path() const { return path_; }
 
   /// The function of this name; null, and noted as missing, if there is none.

@@ -13,11 +13,12 @@ namespace palpate::inline v0 {
 #if defined(__linux__)
 /// Of one thread, which POSIX does not know but Linux does.
 int take_rank(ThreadRank rank) noexcept {
-  constexpr int kSteps[] = {-5, 2, 1, 6}, kMostUrgent = -20, kLeastUrgent = 19;
+  constexpr int kSteps[] = {-5, 2, 1, 6}, kHighestPriority = -20, kLowestPriority = 19;
   const auto thread = static_cast<id_t>(syscall(SYS_gettid));
   const int now = getpriority(PRIO_PROCESS, thread);
-  const int wanted = std::clamp(now + kSteps[static_cast<int>(rank)], kMostUrgent, kLeastUrgent);
-  return setpriority(PRIO_PROCESS, thread, wanted) == 0 ? wanted : now;
+  const int desired =
+      std::clamp(now + kSteps[static_cast<int>(rank)], kHighestPriority, kLowestPriority);
+  return setpriority(PRIO_PROCESS, thread, desired) == 0 ? desired : now;
 }
 #else
 int take_rank(ThreadRank) noexcept { return 0; }

@@ -8,7 +8,7 @@
 
 namespace palpate::inline v0 {
 
-/// Results below zero are errors. Positive ones are not: 1, asked again sooner than the device
+/// Results below zero are errors. Positive ones are not: 1, queried again sooner than the device
 /// refreshes (DHD_TIMEGUARD); 2, a motor gives all it has (DHD_MOTOR_SATURATED).
 /// None of these moves the device but the forces. Factory settings (watchdog, velocity threshold)
 /// are left alone, as the vendor recommends: they protect the hand when this program hangs.

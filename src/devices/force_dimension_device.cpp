@@ -1,4 +1,4 @@
-// Force Dimension devices (omega, delta, sigma, lambda, Novint Falcon): asked by a clock of ours.
+// Force Dimension devices (omega, delta, sigma, lambda, Novint Falcon): polled by our own timer.
 
 #include <algorithm>
 #include <array>
@@ -218,20 +218,20 @@ std::string number_of_devices(int count) {
 }  // namespace
 
 Result<std::unique_ptr<HapticDevice>> open_force_dimension_device(std::string_view address) {
-  const Result<int> wanted = device_number(address);
-  if (!wanted) return wanted.error();
+  const Result<int> desired = device_number(address);
+  if (!desired) return desired.error();
   const Result<ForceDimensionApi> api = load_force_dimension();
   if (!api) return Error{api.error().code, api.error().message + "; " + kInstall};
   const int count = std::clamp(api->dhdGetDeviceCount(), 0, kMaxDeviceNumber + 1);
-  if (count == 0 || *wanted >= count) {
+  if (count == 0 || *desired >= count) {
     return Error{Errc::not_found, "no Force Dimension device " +
-                                      (*wanted < 0 ? "is there" : std::to_string(*wanted)) +
+                                      (*desired < 0 ? "is there" : std::to_string(*desired)) +
                                       ": the SDK " + api->version + " sees " +
                                       number_of_devices(count) + "; " + kConnect};
   }
   int id = -1;
-  if (*wanted >= 0) {
-    id = api->drdOpenID(static_cast<char>(*wanted));
+  if (*desired >= 0) {
+    id = api->drdOpenID(static_cast<char>(*desired));
   } else {
     for (int i = 0; i < count && id < 0; ++i) id = api->drdOpenID(static_cast<char>(i));
   }

@@ -1,5 +1,5 @@
 // The service answers every message with one state and forgets a force when the next message does
-// not repeat it. So each round reads the answer to the last round's message, asks for the wrench,
+// not repeat it. So each round reads the answer to the last round's message, requests the wrench,
 // and sends it; nothing waits, and an answer that is late just has not come yet.
 
 #include "src/devices/haply_device.h"
@@ -198,7 +198,7 @@ Status HaplyDevice::begin() {
   share_ = 1;
   unusable_ = "it does not answer";
 
-  // Asks without a force until there is a state to begin with.
+  // Requests without a force until there is a state to begin with.
   const double deadline = monotonic_now() + kAnswerTimeout;
   DeviceState state;
   std::string_view text;

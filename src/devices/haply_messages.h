@@ -55,10 +55,10 @@ bool read_haply_event(std::string_view text, HaplyEvent& event) noexcept;
 /// The key of a force's components: services from 3.5 on say "vector", older ones "values".
 enum class HaplyForceKey { vector, values };
 
-/// What to ask for: both ids are the service's own text.
+/// What to request: both ids are the service's own text.
 struct HaplyRequest {
   std::string_view device_id;
-  std::optional<Vec3d> force;  ///< N; none: only asks for the state
+  std::optional<Vec3d> force;  ///< N; none: only requests the state
   HaplyForceKey force_key = HaplyForceKey::vector;
   HaplyKind grip_kind = HaplyKind::verse_grip;
   std::string_view grip_id;    ///< empty: no grip

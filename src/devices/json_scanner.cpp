@@ -24,9 +24,9 @@ char JsonScanner::peek() noexcept {
   return next_ != end_ ? *next_ : '\0';
 }
 
-bool JsonScanner::take(char wanted) noexcept {
+bool JsonScanner::take(char desired) noexcept {
   peek();
-  if (next_ == end_ || *next_ != wanted) return false;
+  if (next_ == end_ || *next_ != desired) return false;
   ++next_;
   return true;
 }

@@ -34,7 +34,7 @@ class JsonScanner {
   bool enter(char bracket) noexcept;
   bool next_in(char closing) noexcept;
   char peek() noexcept;  // the next character after blanks; 0: none
-  bool take(char wanted) noexcept;
+  bool take(char desired) noexcept;
   bool take_word(std::string_view word) noexcept;
   bool take_string(std::string_view& text) noexcept;
   bool take_number(double& number) noexcept;

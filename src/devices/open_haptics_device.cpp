@@ -46,14 +46,14 @@ std::string what_it_said(const OpenHapticsApi& api, const HdErrorInfo& error) {
 }
 
 /// One positive number, or `otherwise` when the driver does not know.
-double asked(const OpenHapticsApi& api, HdEnum what, double unit, double otherwise) {
+double requested(const OpenHapticsApi& api, HdEnum what, double unit, double otherwise) {
   double value = 0;
   api.hdGetDoublev(what, &value);
   const bool is_known = api.take_errors().code == 0 && std::isfinite(value) && value > 0;
   return is_known ? value * unit : otherwise;
 }
 
-int asked_integer(const OpenHapticsApi& api, HdEnum what) {
+int requested_integer(const OpenHapticsApi& api, HdEnum what) {
   int value = 0;
   api.hdGetIntegerv(what, &value);
   return api.take_errors().code == 0 ? value : 0;
@@ -62,13 +62,13 @@ int asked_integer(const OpenHapticsApi& api, HdEnum what) {
 /// Limits that the driver reports, and those of the weakest device for the others.
 DeviceLimits driver_limits(const OpenHapticsApi& api) {
   DeviceLimits limits = find_device_model("touch").value_or(device_models().front()).limits;
-  limits.max_force = asked(api, kHdMaxForce, 1, limits.max_force);
+  limits.max_force = requested(api, kHdMaxForce, 1, limits.max_force);
   limits.max_stiffness =
-      asked(api, kHdMaxStiffness, 1 / kMetresPerMillimetre, limits.max_stiffness);
-  limits.max_damping = asked(api, kHdMaxDamping, 1 / kMetresPerMillimetre, limits.max_damping);
-  if (asked_integer(api, kHdOutputDof) >= 6) {
-    limits.max_torque = asked(api, kHdMaxTorque, kNewtonsPerMillinewton, 0);
-    limits.max_angular_stiffness = asked(api, kHdMaxTorqueStiffness, kNewtonsPerMillinewton, 0);
+      requested(api, kHdMaxStiffness, 1 / kMetresPerMillimetre, limits.max_stiffness);
+  limits.max_damping = requested(api, kHdMaxDamping, 1 / kMetresPerMillimetre, limits.max_damping);
+  if (requested_integer(api, kHdOutputDof) >= 6) {
+    limits.max_torque = requested(api, kHdMaxTorque, kNewtonsPerMillinewton, 0);
+    limits.max_angular_stiffness = requested(api, kHdMaxTorqueStiffness, kNewtonsPerMillinewton, 0);
   }
   double box[6] = {};  // least x, y, z; largest
   api.hdGetDoublev(kHdUsableWorkspace, box);
@@ -81,7 +81,7 @@ DeviceLimits driver_limits(const OpenHapticsApi& api) {
 /// Errors: it needs a hand.
 Status calibrate(const OpenHapticsApi& api, const std::string& name) {
   HdEnum answer = api.hdCheckCalibration();
-  const int styles = asked_integer(api, kHdCalibrationStyle);
+  const int styles = requested_integer(api, kHdCalibrationStyle);
   if (answer == kHdCalibrationNeedsUpdate) {
     if (styles & kHdCalibrateInInkwell)
       api.hdUpdateCalibration(kHdCalibrateInInkwell);
@@ -119,7 +119,7 @@ class OpenHapticsDevice final : public HapticDevice {
                  text(api_.hdGetString(kHdSerialNumber)) + ", " +
                  (name.empty() ? "the default device" : "'" + std::string(name) + "'");
     info_.limits = driver_limits(api_);
-    info_.senses_orientation = asked_integer(api_, kHdInputDof) >= 6;
+    info_.senses_orientation = requested_integer(api_, kHdInputDof) >= 6;
     info_.num_buttons = 2;
     api_.take_errors();
   }
@@ -244,7 +244,7 @@ Result<std::unique_ptr<HapticDevice>> open_open_haptics_device(std::string_view 
   return std::unique_ptr<HapticDevice>(std::move(device));
 }
 
-/// A device of OpenHaptics is claimed by asking for it, so it is not asked for here.
+/// A device of OpenHaptics is claimed by opening it, so it is not opened here.
 FoundDevice find_open_haptics_device() {
   FoundDevice found{std::string(kKind), std::string(kKind), false, "", ""};
   const Result<OpenHapticsApi> api = load_open_haptics();

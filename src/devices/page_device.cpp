@@ -11,7 +11,7 @@
 namespace palpate::inline v0 {
 namespace {
 
-constexpr double kMostStep = 0.02;  // s that a handle moves on between two ticks
+constexpr double kMaxStep = 0.02;  // s that a handle moves on between two ticks
 
 /// v, no longer than `limit`.
 Vec3d limited(const Vec3d& v, double limit) {
@@ -50,7 +50,7 @@ Status PageHand::begin() {
 }
 
 bool PageHand::read(DeviceState& state) noexcept {
-  const double seconds = last_time_ > 0 ? std::clamp(state.time - last_time_, 0.0, kMostStep) : 0.0;
+  const double seconds = last_time_ > 0 ? std::clamp(state.time - last_time_, 0.0, kMaxStep) : 0.0;
   last_time_ = state.time;
   if (const PageHandle::Update* news = handle_->newest()) take(*news, state.X_BH);
 

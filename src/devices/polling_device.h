@@ -29,7 +29,7 @@ class PolledDevice {
   virtual Error trouble() const = 0;
 };
 
-/// Gives an asked device a thread that asks it `info().rate` times a second: read, tick, write.
+/// Gives a polled device a thread that polls it `info().rate` times a second: read, tick, write.
 class PollingDevice final : public HapticDevice {
  public:
   explicit PollingDevice(std::unique_ptr<PolledDevice> device) : device_(std::move(device)) {}

@@ -1,4 +1,4 @@
-// SHA-1 (FIPS 180-4) and base64 (RFC 4648), as the opening of a WebSocket asks for them. Nothing
+// SHA-1 (FIPS 180-4) and base64 (RFC 4648), as the opening of a WebSocket requires them. Nothing
 // here is a secret: SHA-1 is no protection any more.
 #pragma once
 

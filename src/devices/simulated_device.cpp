@@ -124,20 +124,20 @@ class DeviceInMemory final : public SimulatedDevice {
     double energy_given = 0;
   };
 
-  /// The hand moves on since the last round, then its new wrench is asked for.
+  /// The hand moves on since the last round, then its new wrench is computed.
   bool round(double time, int periods) noexcept {
     if (num_ticks_ > 0)
       for (int i = 0; i < periods; ++i) hand_.advance(F_H_B_);
     num_ticks_ += periods;
     publish(time);
-    const Wrench wanted = tick_(sensor_.look(hand_.X_BH(), time, periods));
-    if (!is_finite(wanted.force) || !is_finite(wanted.torque)) {
+    const Wrench desired = tick_(sensor_.look(hand_.X_BH(), time, periods));
+    if (!is_finite(desired.force) || !is_finite(desired.torque)) {
       has_refused_ = true;
       return false;
     }
     // Motors give what they can.
-    F_H_B_ = {limited(wanted.force, info_.limits.max_force),
-              limited(wanted.torque, info_.limits.max_torque)};
+    F_H_B_ = {limited(desired.force, info_.limits.max_force),
+              limited(desired.torque, info_.limits.max_torque)};
     return true;
   }
 

@@ -12,7 +12,7 @@
 namespace palpate::inline v0 {
 namespace {
 
-constexpr int kMostUnknown = 16;
+constexpr int kMaxUnknown = 16;
 
 Error not_there(const std::string& path, const std::string& why) {
   return {Errc::not_found, "no spacenavd at " + path + ": " + why +
@@ -60,7 +60,7 @@ SpacenavConnection::Answer SpacenavConnection::next(Event& event) noexcept {
       num_unknown_ = 0;
       return Answer::event;
     }
-    if (++num_unknown_ >= kMostUnknown) return Answer::not_understood;
+    if (++num_unknown_ >= kMaxUnknown) return Answer::not_understood;
   }
 }
 

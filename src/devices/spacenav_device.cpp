@@ -20,9 +20,9 @@ constexpr double kFastestTurn = 1;      // rad/s
 constexpr double kWorkspaceRadius = 1;  // m, so that the handle is not lost
 // A cap that is held trembles, so the daemon has something to say all the time. It may be silent at
 // the very end of its way; there its setting repeat-interval = 250 helps.
-constexpr double kMostSilence = 0.5;  // s until the handle stands still
-constexpr double kMostStep = 0.02;    // s that a handle moves on between two ticks
-constexpr int kMostEvents = 64;       // per tick
+constexpr double kMaxSilence = 0.5;  // s until the handle stands still
+constexpr double kMaxStep = 0.02;    // s that a handle moves on between two ticks
+constexpr int kMaxEvents = 64;       // per tick
 
 /// Share of the full scale, -1..1, without a step at the edge of the dead zone.
 double share(std::int32_t counts) {
@@ -65,11 +65,11 @@ class Spacenav final : public PolledDevice {
   }
 
   bool read(DeviceState& state) noexcept override {
-    if (last_time_ > 0) move(state, std::min(state.time - last_time_, kMostStep));
+    if (last_time_ > 0) move(state, std::min(state.time - last_time_, kMaxStep));
     last_time_ = state.time;
 
     SpacenavConnection::Event event;
-    for (int i = 0; i < kMostEvents; ++i) {
+    for (int i = 0; i < kMaxEvents; ++i) {
       answer_ = connection_.next(event);
       if (answer_ != SpacenavConnection::Answer::event) break;
       last_event_time_ = state.time;
@@ -83,7 +83,7 @@ class Spacenav final : public PolledDevice {
           state.buttons &= ~button;
       }
     }
-    if (state.time - last_event_time_ > kMostSilence) state.V_BH = {};
+    if (state.time - last_event_time_ > kMaxSilence) state.V_BH = {};
     state.is_valid = true;
     return answer_ == SpacenavConnection::Answer::event ||
            answer_ == SpacenavConnection::Answer::nothing_yet;

@@ -26,8 +26,8 @@ namespace {
 bool wait_for(int descriptor, short events, double deadline) noexcept {
   for (;;) {
     const double left = std::clamp(deadline - monotonic_now(), 0.0, 60.0);
-    pollfd asked{descriptor, events, 0};
-    const int answer = ::poll(&asked, 1, static_cast<int>(std::ceil(left * 1e3)));
+    pollfd requested{descriptor, events, 0};
+    const int answer = ::poll(&requested, 1, static_cast<int>(std::ceil(left * 1e3)));
     if (answer >= 0) return answer > 0;
     if (errno != EINTR) return true;
   }
@@ -84,11 +84,11 @@ TcpSocket& TcpSocket::operator=(TcpSocket&& other) noexcept {
 
 Result<TcpSocket> TcpSocket::connect(const NetAddress& address, double timeout) {
   const double deadline = monotonic_now() + timeout;
-  addrinfo wanted{};
-  wanted.ai_socktype = SOCK_STREAM;
+  addrinfo desired{};
+  desired.ai_socktype = SOCK_STREAM;
   addrinfo* found = nullptr;
   if (const int error = ::getaddrinfo(address.host.c_str(), std::to_string(address.port).c_str(),
-                                      &wanted, &found)) {
+                                      &desired, &found)) {
     return Error{Errc::not_found, describe(address) + ": " + ::gai_strerror(error)};
   }
   const std::unique_ptr<addrinfo, void (*)(addrinfo*)> addresses(found, ::freeaddrinfo);

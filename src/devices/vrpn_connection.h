@@ -17,8 +17,8 @@ enum class VrpnKind { other, pose, velocity, button, buttons, force_error };
 /// TCP only: a server to which nobody has said a UDP port sends everything this way.
 class VrpnConnection {
  public:
-  /// Says who we are and waits for the other side to do so; then asks for what the device named
-  /// `device` has to report. Errors: no server, another version.
+  /// Says who we are and waits for the other side to do so; then subscribes to what the device
+  /// named `device` has to report. Errors: no server, another version.
   static Result<VrpnConnection> connect(const NetAddress& address, std::string_view device,
                                         double timeout);
 

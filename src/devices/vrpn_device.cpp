@@ -1,7 +1,7 @@
 // VRPN has no message for "this force, now". A client sends a field of forces, F(x) = F0 + J (x -
 // x0) within a radius of x0, and the server renders it until the next one comes. A tick gives a
 // force and not how it changes nearby, so J is zero: the force stays as it is between two fields,
-// which adds no stiffness that nobody asked for. The radius bounds where a force is felt if we end
+// which adds no stiffness of its own. The radius bounds where a force is felt if we end
 // without a word. A Falcon's server grows it anew from a tenth with every field and lets x0 lag
 // behind the hand by ten ticks, so much smaller it may not be.
 

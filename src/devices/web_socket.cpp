@@ -25,12 +25,12 @@ std::string lower_case(std::string_view text) {
 
 /// The value of a header line; empty if there is none.
 std::string_view header_value(std::string_view head, std::string_view name) {
-  const std::string wanted = lower_case(name) + ':';
+  const std::string desired = lower_case(name) + ':';
   while (!head.empty()) {
     const std::size_t end = std::min(head.find("\r\n"), head.size());
     std::string_view line = head.substr(0, end);
-    if (lower_case(line.substr(0, wanted.size())) == wanted) {
-      line.remove_prefix(wanted.size());
+    if (lower_case(line.substr(0, desired.size())) == desired) {
+      line.remove_prefix(desired.size());
       const std::size_t first = line.find_first_not_of(" \t");
       if (first == std::string_view::npos) return {};
       return line.substr(first, line.find_last_not_of(" \t") - first + 1);
@@ -53,8 +53,8 @@ struct Response {
 };
 
 /// Sends a request and waits for the head of the response.
-Result<Response> ask(TcpSocket& socket, const NetAddress& address, const std::string& request,
-                     double deadline) {
+Result<Response> exchange(TcpSocket& socket, const NetAddress& address, const std::string& request,
+                          double deadline) {
   Response response;
   if (socket.write(request, deadline - monotonic_now())) {
     std::array<char, 4096> buffer;
@@ -83,8 +83,8 @@ Result<std::string> http_get(const NetAddress& address, std::string_view path, d
   const double deadline = monotonic_now() + timeout;
   Result<TcpSocket> socket = TcpSocket::connect(address, timeout);
   if (!socket) return socket.error();
-  Result<Response> response =
-      ask(*socket, address, request_head(path, address) + "Connection: close\r\n\r\n", deadline);
+  Result<Response> response = exchange(
+      *socket, address, request_head(path, address) + "Connection: close\r\n\r\n", deadline);
   if (!response) return response.error();
   if (!has_status(response->head(), "200")) {
     return Error{Errc::not_found,
@@ -120,7 +120,7 @@ Result<WebSocket> WebSocket::connect(const NetAddress& address, double timeout) 
                               "Upgrade: websocket\r\nConnection: Upgrade\r\n"
                               "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: " +
                               key + "\r\n\r\n";
-  const Result<Response> response = ask(*socket, address, request, deadline);
+  const Result<Response> response = exchange(*socket, address, request, deadline);
   if (!response) return response.error();
   const std::string accepted = base64(sha1(key + "258EAFA5-E914-47DA-95CA-C5AB0DC85B11"));
   if (!has_status(response->head(), "101") ||

@@ -103,13 +103,13 @@ class BatchFramesCuda final : public BatchFrames {
         static_cast<std::size_t>(at_once) * (layout_.num_pixels() * sizeof(TangentPlane) +
                                              num_points * (kChannels + 1) * sizeof(float));
     const std::size_t free = gpu::free_memory(gpu_);
-    const std::size_t wanted = static_cast<std::size_t>(num_images) * each + beside;
-    if (wanted <= free) return Done{};
+    const std::size_t desired = static_cast<std::size_t>(num_images) * each + beside;
+    if (desired <= free) return Done{};
     const std::size_t fitting = free > beside ? (free - beside) / each : 0;
     return Error{Errc::unavailable, "the fields of " + std::to_string(num_images) + " images of " +
                                         std::to_string(settings_.stream.width) + " x " +
                                         std::to_string(settings_.stream.height) + " pixels take " +
-                                        std::to_string(wanted >> 20) + " MiB on GPU " +
+                                        std::to_string(desired >> 20) + " MiB on GPU " +
                                         std::to_string(gpu_) + " and " +
                                         std::to_string(free >> 20) + " MiB are free: give " +
                                         std::to_string(fitting) + " at a time, at most"};

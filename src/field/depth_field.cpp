@@ -42,13 +42,13 @@ struct DepthField::Impl {
   DepthFieldView view;
 
   const FieldImage& image(int level) const { return images[level]; }
-  FieldWindows windows_for(const PixelWindow& asked) const {
+  FieldWindows windows_for(const PixelWindow& requested) const {
     return field_windows(layout, layout.num_filled(options),
-                         asked.clipped(image(0).width, image(0).height));
+                         requested.clipped(image(0).width, image(0).height));
   }
   /// take(row) fills a row of level 0 and says whether it has a hole.
   template <class Take>
-  void make(const Intrinsics& k, const PixelWindow& asked, ThreadPool& pool, const Take& take);
+  void make(const Intrinsics& k, const PixelWindow& requested, ThreadPool& pool, const Take& take);
   void widen(int level, Choice choice, const PixelWindow& window, ThreadPool& pool);
   void fill_holes(const FieldWindows& windows, ThreadPool& pool);
   void block_holes(const PixelWindow& window, ThreadPool& pool);
@@ -65,7 +65,7 @@ void DepthField::Impl::widen(int level, Choice choice, const PixelWindow& window
            [&](int v) { rows.widen(fine, level, choice, coarse, window, v); });
 }
 
-/// Closes holes from the outside in: the widest level that has to be asked is made first.
+/// Closes holes from the outside in: the widest level that has to be read is made first.
 void DepthField::Impl::fill_holes(const FieldWindows& windows, ThreadPool& pool) {
   if (std::find(row_has_hole.begin(), row_has_hole.end(), 1) == row_has_hole.end()) return;
   const int num_filled = layout.num_filled(options);
@@ -176,12 +176,12 @@ DepthField& DepthField::operator=(DepthField&&) noexcept = default;
 DepthField::~DepthField() = default;
 
 template <class Take>
-void DepthField::Impl::make(const Intrinsics& k, const PixelWindow& asked, ThreadPool& pool,
+void DepthField::Impl::make(const Intrinsics& k, const PixelWindow& requested, ThreadPool& pool,
                             const Take& take) {
   view.num_levels = layout.num_levels;
   view.intrinsics = k;
-  view.asked = asked.clipped(image(0).width, image(0).height);
-  const FieldWindows windows = windows_for(asked);
+  view.requested = requested.clipped(image(0).width, image(0).height);
+  const FieldWindows windows = windows_for(requested);
   std::fill(row_has_hole.begin(), row_has_hole.end(), 0);
   for_rows(pool, windows.points.top, windows.points.bottom,
            [&](int v) { row_has_hole[static_cast<std::size_t>(v)] = take(windows.points, v); });
@@ -196,19 +196,20 @@ void DepthField::Impl::make(const Intrinsics& k, const PixelWindow& asked, Threa
   view.stamp = next_stamp();
 }
 
-void DepthField::update(const PointCloudView& cloud, ThreadPool& pool, const PixelWindow& asked) {
+void DepthField::update(const PointCloudView& cloud, ThreadPool& pool,
+                        const PixelWindow& requested) {
   Impl& d = *impl_;
   PALPATE_ASSERT(cloud.pinhole && cloud.width == d.image(0).width &&
                  cloud.height == d.image(0).height);
-  d.make(cloud.intrinsics, asked, pool, [&](const PixelWindow& window, int v) {
+  d.make(cloud.intrinsics, requested, pool, [&](const PixelWindow& window, int v) {
     return d.rows.take_planes(cloud, d.image(0), window, v);
   });
 }
 
 void DepthField::update(const TangentPlane* planes, const Intrinsics& intrinsics, ThreadPool& pool,
-                        const PixelWindow& asked) {
+                        const PixelWindow& requested) {
   Impl& d = *impl_;
-  d.make(intrinsics, asked, pool, [&](const PixelWindow& window, int v) {
+  d.make(intrinsics, requested, pool, [&](const PixelWindow& window, int v) {
     const TangentPlane* const from = planes + std::ptrdiff_t{v} * d.image(0).width;
     TangentPlane* const to = d.image(0).row(v);
     bool has_hole = false;
@@ -220,8 +221,8 @@ void DepthField::update(const TangentPlane* planes, const Intrinsics& intrinsics
   });
 }
 
-PixelWindow DepthField::points_for(const PixelWindow& asked) const {
-  return impl_->windows_for(asked).points;
+PixelWindow DepthField::points_for(const PixelWindow& requested) const {
+  return impl_->windows_for(requested).points;
 }
 
 const DepthFieldView& DepthField::view() const { return impl_->view; }

@@ -119,7 +119,7 @@ __device__ void finish_square(const FieldJob& job, const FieldArrays& arrays, co
   for (int step = 1; step < gpu::kWarpSize; step *= 2) {
     if (step == kTile / 2) continue;
     tile = join(tile, {__shfl_xor_sync(gpu::kWholeWarp, tile.nearest, step),
-                       __shfl_xor_sync(gpu::kWholeWarp, tile.least_slope, step)});
+                       __shfl_xor_sync(gpu::kWholeWarp, tile.min_slope, step)});
   }
   const int lane = gpu::lane_id();
   if (lane % 8 == 0 && lane < 16) shared.tiles[gpu::warp_id()][lane / 8] = tile;
@@ -176,7 +176,7 @@ __global__ void __launch_bounds__(kThreads)
 }
 
 /// What the holes of a square are filled with: of each level the pixels from
-/// `start` on, counted from the square's first one: all that the level before asks.
+/// `start` on, counted from the square's first one: all that the level before reads.
 struct Surroundings {
   static constexpr int kNum = 18 * 18 + 12 * 12 + 8 * 8 + 6 * 6 + 5 * 5;
 
@@ -210,7 +210,7 @@ __device__ void fill_quad(const FieldJob& job, const FieldArrays& arrays, const 
     }
   };
   // What `level` knows about pixel (u, v) of the level before.
-  const auto ask = [&](int level, int u, int v) {
+  const auto look_up = [&](int level, int u, int v) {
     const PyramidLayout::Level& image = job.layout.levels[level];
     const int u1 = second_nearest(u, image.width), v1 = second_nearest(v, image.height);
     const auto at = [&](int wide_u, int wide_v) {
@@ -230,13 +230,13 @@ __device__ void fill_quad(const FieldJob& job, const FieldArrays& arrays, const 
   __syncthreads();
   for (int level = job.num_filled - 1; level >= 1; --level) {
     for_pixels(level, [&](int u, int v, TangentPlane& plane) {
-      if (!plane.is_surface()) plane = ask(level + 1, u, v);
+      if (!plane.is_surface()) plane = look_up(level + 1, u, v);
     });
     __syncthreads();
   }
   for_quad(job, place, [&](int k, int u, int v) {
     if (quad[k].is_surface()) return;
-    quad[k] = ask(1, u, v);
+    quad[k] = look_up(1, u, v);
     *pixel(job, arrays.planes, 0, u, v) = quad[k];
   });
 }
@@ -268,29 +268,30 @@ __global__ void __launch_bounds__(kThreads) widen_planes(const __grid_constant__
 /// Of tiles of a size, for the largest level.
 RimTiling rim_tiling(const PyramidLayout& layout, int wide, int high) {
   // See RimSpans: pixels that are asked for, and that have planes.
-  const auto num_asked = [](int tile, int size) {
+  const auto num_requested = [](int tile, int size) {
     return std::min(tile + 2, size + 2 * kSilhouetteBorder + 1);
   };
   const auto num_planes = [&](int tile, int size) {
-    return std::min(num_asked(tile, size) + 2 * kReach, size + 2);
+    return std::min(num_requested(tile, size) + 2 * kReach, size + 2);
   };
   const auto& image = layout.levels[0];
   RimTiling tiling{wide, high};
   tiling.num_planes = num_planes(wide, image.width) * num_planes(high, image.height);
-  tiling.num_rows = num_asked(high, image.height) + 2 * kReach;
-  tiling.num_words = (num_asked(wide, image.width) + 2 * kReach - 1 + kWordBits - 1) / kWordBits;
+  tiling.num_rows = num_requested(high, image.height) + 2 * kReach;
+  tiling.num_words =
+      (num_requested(wide, image.width) + 2 * kReach - 1 + kWordBits - 1) / kWordBits;
   tiling.shared_bytes = RimMemory::num_bytes(tiling);
   return tiling;
 }
 
 /// Large tiles look at little twice: as high as shared memory allows, all alike in level 0.
 RimTiling large_rim_tiles(const PyramidLayout& layout) {
-  constexpr std::size_t kMostShared = 48 << 10;
+  constexpr std::size_t kMaxShared = 48 << 10;
   constexpr int kWide = 89;  // with what is around it, three words
   const int rows = layout.levels[0].height + 2 * DepthFieldLevel::kBorder;
   for (int num = 1;; ++num) {
     const RimTiling tiling = rim_tiling(layout, kWide, (rows + num - 1) / num);
-    if (tiling.shared_bytes <= kMostShared) return tiling;
+    if (tiling.shared_bytes <= kMaxShared) return tiling;
   }
 }
 

@@ -27,7 +27,7 @@ class FieldMemoryCuda {
                                         int gpu);
 
   /// Between the next frame and the one before, s. Kept in page-locked memory: do not change it
-  /// while work that was asked for before is still to read it.
+  /// while work that was submitted before has still to read it.
   void set_interval(double seconds) { *interval_ = static_cast<float>(seconds); }
   /// The cloud is on this GPU.
   void enqueue(const PointCloudView& cloud, gpu::Stream& stream);

@@ -105,7 +105,7 @@ PALPATE_FORMULA Tile unknown_tile() {
 template <class Tile>
 PALPATE_FORMULA Tile join(const Tile& a, const Tile& b) {
   return {b.nearest < a.nearest ? b.nearest : a.nearest,
-          b.least_slope < a.least_slope ? b.least_slope : a.least_slope};
+          b.min_slope < a.min_slope ? b.min_slope : a.min_slope};
 }
 /// Of pixels of level 0.
 template <class Tile, class Plane>
@@ -113,7 +113,7 @@ PALPATE_FORMULA Tile tile_of(const Plane& plane) {
   const Tile empty = empty_tile<Tile>();
   const auto is_surface = plane.slope > 0.0f;
   return {is_surface ? plane.offset / plane.slope : empty.nearest,
-          is_surface ? plane.slope : empty.least_slope};
+          is_surface ? plane.slope : empty.min_slope};
 }
 
 }  // namespace palpate::inline v0

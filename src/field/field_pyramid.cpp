@@ -8,8 +8,8 @@
 namespace palpate::inline v0 {
 
 Result<PyramidLayout> pyramid_layout(int width, int height, const DepthFieldOptions& options) {
-  constexpr int kLeast = 8;
-  if (width < kLeast || width > kMaxImageWidth || height < kLeast || height > kMaxImageHeight) {
+  constexpr int kMinSide = 8;
+  if (width < kMinSide || width > kMaxImageWidth || height < kMinSide || height > kMaxImageHeight) {
     return Error{Errc::invalid_argument, "a depth field of " + std::to_string(width) + " x " +
                                              std::to_string(height) +
                                              " pixels is not possible; use 8 to 4096 a side"};

@@ -12,7 +12,7 @@ struct Planes {
   VecF offset, slope;
 };
 struct Tiles {
-  VecF nearest, least_slope;
+  VecF nearest, min_slope;
 };
 
 inline Mask is_hole(const Planes& planes) { return ~(planes.slope > 0.0f); }
@@ -128,7 +128,7 @@ void find_tiles(const FieldImage& image, const PixelWindow& window, int v, Depth
       }
     }
     for (int i = 0; i < kLanes; ++i) {
-      tile = join(tile, DepthTile{lanes.nearest[i], lanes.least_slope[i]});
+      tile = join(tile, DepthTile{lanes.nearest[i], lanes.min_slope[i]});
     }
     *tiles = tile;
   }

@@ -4,7 +4,7 @@ namespace palpate::inline v0 {
 namespace {
 
 /// On a level: the spots of what is seen from `left` to `right`, pixels of level 0, rounded to
-/// either side, and the neighbours that the spline reads. What is asked at the border goes on
+/// either side, and the neighbours that the spline reads. Samples at the border go on
 /// beyond it.
 void find_columns(int level, int image_size, int size, int left, int right, int& first, int& end) {
   const int last = size + kSilhouetteBorder;
@@ -22,7 +22,8 @@ PixelWindow around_wider(const PixelWindow& w) {
 
 }  // namespace
 
-FieldWindows field_windows(const PyramidLayout& layout, int num_filled, const PixelWindow& asked) {
+FieldWindows field_windows(const PyramidLayout& layout, int num_filled,
+                           const PixelWindow& requested) {
   constexpr int kReach = DepthFieldLevel::kSilhouetteReach;
   const auto inside = [&](const PixelWindow& window, int level) {
     const auto [width, height, first_row] = layout.levels[level];
@@ -36,8 +37,10 @@ FieldWindows field_windows(const PyramidLayout& layout, int num_filled, const Pi
   for (int level = layout.num_levels - 1; level >= 0; --level) {
     const PyramidLayout::Level& here = layout.levels[level];
     PixelWindow& rims = windows.silhouettes[level];
-    find_columns(level, image.width, here.width, asked.left, asked.right, rims.left, rims.right);
-    find_columns(level, image.height, here.height, asked.top, asked.bottom, rims.top, rims.bottom);
+    find_columns(level, image.width, here.width, requested.left, requested.right, rims.left,
+                 rims.right);
+    find_columns(level, image.height, here.height, requested.top, requested.bottom, rims.top,
+                 rims.bottom);
     PixelWindow planes = rims.grown(kReach);
     if (level + 1 < layout.num_levels) planes = planes.joined(finer(windows.planes[level + 1]));
     windows.planes[level] = inside(planes, level);

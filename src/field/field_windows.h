@@ -21,7 +21,8 @@ struct FieldWindows {
   PixelWindow points;
 };
 
-/// `asked` as PixelWindow at(...): at least one pixel, inside of the image.
-FieldWindows field_windows(const PyramidLayout& layout, int num_filled, const PixelWindow& asked);
+/// `requested` as PixelWindow at(...): at least one pixel, inside of the image.
+FieldWindows field_windows(const PyramidLayout& layout, int num_filled,
+                           const PixelWindow& requested);
 
 }  // namespace palpate::inline v0

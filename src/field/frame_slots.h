@@ -51,9 +51,9 @@ class FrameSlots {
 
   /// Fills a slot from the next frame, `interval` s after the one before. With `motion` the surface
   /// is predicted: each pixel goes from the frame in the slot before to this one and beyond, to
-  /// `motion` times the way. A field is made for what is asked in a window at least.
+  /// `motion` times the way. A field is made for queries in a window at least.
   virtual SurfaceStats take(int slot, const DepthImageView& frame, std::optional<double> motion,
-                            const PixelWindow& asked, double interval, ThreadPool& pool) = 0;
+                            const PixelWindow& requested, double interval, ThreadPool& pool) = 0;
   /// As SurfaceTimeline::resume_from.
   virtual Status resume_from(std::string_view state) = 0;
   virtual const SurfaceView& surfaces(int slot) const = 0;

@@ -29,13 +29,13 @@ class FrameSlotsCpu final : public FrameSlots {
         slots_(std::move(slots)) {}
 
   SurfaceStats take(int number, const DepthImageView& frame, std::optional<double> motion,
-                    const PixelWindow& asked, double interval, ThreadPool& pool) override {
+                    const PixelWindow& requested, double interval, ThreadPool& pool) override {
     Slot& slot = slots_[static_cast<std::size_t>(number)];
-    const bool has_all = !slot.field || asked.has_all(frame.width, frame.height);
+    const bool has_all = !slot.field || requested.has_all(frame.width, frame.height);
     SurfaceParts parts{{}, wants_depth_change_};
     // What is predicted takes the points of both frames, which have windows of their own, and a
     // memory those of all.
-    if (!has_all && !slot.predicted && !memory_) parts = {slot.field->points_for(asked), false};
+    if (!has_all && !slot.predicted && !memory_) parts = {slot.field->points_for(requested), false};
     const SurfaceStats stats =
         averager_ ? slot.estimator.update(averager_->update(frame, pool), pool, parts)
                   : slot.estimator.update(frame, pool, parts);
@@ -44,7 +44,7 @@ class FrameSlotsCpu final : public FrameSlots {
       const std::size_t num = slots_.size();
       predict(slots_[(static_cast<std::size_t>(number) + num - 1) % num], slot, *motion, pool);
     }
-    make_fields(slot, asked, interval, pool);
+    make_fields(slot, requested, interval, pool);
     if (!has_all) slot.surfaces.cloud = {};
     return stats;
   }
@@ -73,7 +73,7 @@ class FrameSlotsCpu final : public FrameSlots {
   const Status& status() const override { return status_; }
 
  private:
-  void make_fields(Slot& slot, const PixelWindow& asked, double interval, ThreadPool& pool) {
+  void make_fields(Slot& slot, const PixelWindow& requested, double interval, ThreadPool& pool) {
     SurfaceView& surfaces = slot.surfaces;
     const PointCloudView& cloud = surfaces.cloud;
     if (memory_) memory_->update(cloud, interval, pool);
@@ -82,9 +82,9 @@ class FrameSlotsCpu final : public FrameSlots {
                           DepthFieldView& view) {
       if (!field) return;
       if (planes != nullptr) {
-        field->update(planes, cloud.intrinsics, pool, asked);
+        field->update(planes, cloud.intrinsics, pool, requested);
       } else {
-        field->update(cloud, pool, asked);
+        field->update(cloud, pool, requested);
       }
       view = field->view();
     };

@@ -13,14 +13,14 @@ constexpr int kWidestImage = 320;  // pixels, of what is kept
 constexpr int kGridStride = 2;     // of these, from one point that is compared to the next
 /// A frame is kept when more of what it has seen is known by no other.
 constexpr double kWorthKeeping = 0.05;
-/// At these shares of a ray's depth it is asked what others know.
+/// At these shares of a ray's depth the other key frames are queried.
 constexpr double kAlongRay[] = {0.4, 0.7, 1.0};
 /// Surfaces that are made at a frame: the others wait for the next ones.
-constexpr int kMostMade = 3;
-/// What has come is asked for at so many points of its thickness.
+constexpr int kMaxMadePerFrame = 3;
+/// What is new is sampled at so many points of its thickness.
 constexpr int kNumInside = 8;
 /// Points of nine that say the same: fewer are noise, or an edge that two frames see otherwise.
-constexpr int kFewest = 7;
+constexpr int kMinMarked = 7;
 
 /// The least of what was seen; 0: nothing.
 void see(float& least, float depth) { least = least > 0 ? std::min(least, depth) : depth; }
@@ -86,7 +86,7 @@ void FrameEvidence::mark(const DepthGrid& kept, const Says& says, std::vector<Ma
       }
     }
   };
-  mark_all(Mark::several, kFewest, says);
+  mark_all(Mark::several, kMinMarked, says);
   mark_all(Mark::beside, 1, [&](std::size_t i) { return marks[i] == Mark::several; });
 }
 
@@ -152,7 +152,8 @@ Result<KeyFrames> KeyFrames::create(const SlotSettings& settings, const MakeSlot
   kept.time.mode = TimeMode::latest;
   kept.wants_depth_change = false;
   // In use, those that are being made, and those that views of spare surfaces show.
-  const int num_slots = settings.time.memory.frames + kMostMade * (settings.num_spare + 1) + 1;
+  const int num_slots =
+      settings.time.memory.frames + kMaxMadePerFrame * (settings.num_spare + 1) + 1;
   kept.num_spare = num_slots - kept.num_slots();
   auto slots = make_slots(kept);
   if (!slots) return slots.error();
@@ -253,14 +254,14 @@ double KeyFrames::share_of_new(const DepthGrid& grid, int stride, const Seat* bu
     const DepthGrid* grid;
     Pose X_OC;
   };
-  std::array<Other, kMostCameras + 1> others;
+  std::array<Other, kMaxCameras + 1> others;
   std::size_t num_others = 0;
-  const auto ask = [&](const DepthGrid& other) {
+  const auto look_up = [&](const DepthGrid& other) {
     others[num_others++] = {&other, inverse(other.X_WC) * grid.X_WC};
   };
-  if (also != nullptr) ask(*also);
+  if (also != nullptr) look_up(*also);
   for (std::size_t k = 0; k < num_used_; ++k) {
-    if (&seats_[k] != but) ask(seats_[k].grid);
+    if (&seats_[k] != but) look_up(seats_[k].grid);
   }
   int num = 0, num_new = 0;
   for (int v = stride / 2; v < grid.height; v += stride) {
@@ -341,11 +342,11 @@ void KeyFrames::take(const DepthImageView& frame, ThreadPool& pool) {
     make(*kept, pool);
     ++num_made;
   }
-  for (std::size_t i = 0; i < num_used_ && num_made < kMostMade; ++i) {
+  for (std::size_t i = 0; i < num_used_ && num_made < kMaxMadePerFrame; ++i) {
     Seat& seat = seats_[(turn_ + i) % num_used_];
     if (!seat.has_changed) continue;
     make(seat, pool);
-    if (++num_made == kMostMade) turn_ = (turn_ + i + 1) % num_used_;
+    if (++num_made == kMaxMadePerFrame) turn_ = (turn_ + i + 1) % num_used_;
   }
   ++num_frames_;
 }

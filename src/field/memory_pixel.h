@@ -11,7 +11,7 @@ namespace palpate::inline v0 {
 
 /// So many frames have to show a surface for it to be remembered: what flies through the image for
 /// one frame, or is measured wrongly in it, is not.
-inline constexpr std::int32_t kLeastSeen = 3;
+inline constexpr std::int32_t kMinSeen = 3;
 /// Depth of what stands for "nothing is in front here": a surface that no sphere is near, not a
 /// hole, which what is around would close.
 inline constexpr float kNothingInFront = 1000.0f;
@@ -38,7 +38,7 @@ struct PixelMemory {
   TangentPlane plane;  ///< as it was seen last
   float depth = 0;     ///< when it was seen first, which later depths are compared with; 0: nothing
   float hidden = 0;    ///< so long it has not been seen, s
-  std::int32_t num_seen = 0;  ///< in so many frames, at most kLeastSeen
+  std::int32_t num_seen = 0;  ///< in so many frames, at most kMinSeen
 };
 
 /// A pixel's frame, taken apart.
@@ -56,9 +56,9 @@ PALPATE_HOSTDEV inline MemoryPlanes remember(const TangentPlane& now, float z,
   const bool is_seen = z > 0, is_hidden = z < memory.depth - step;
   const bool is_same = is_seen && !is_hidden && !(z > memory.depth + step);
   memory.hidden = is_same ? 0 : memory.hidden + interval;
-  const bool is_remembered = memory.num_seen >= kLeastSeen && !(memory.hidden > rule.horizon);
+  const bool is_remembered = memory.num_seen >= kMinSeen && !(memory.hidden > rule.horizon);
   if (is_same) {
-    memory.num_seen = memory.num_seen < kLeastSeen ? memory.num_seen + 1 : kLeastSeen;
+    memory.num_seen = memory.num_seen < kMinSeen ? memory.num_seen + 1 : kMinSeen;
     memory.plane = now;
     return {now, nothing};
   }

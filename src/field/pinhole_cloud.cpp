@@ -61,7 +61,7 @@ std::optional<Intrinsics> intrinsics_of(const PointCloudView& cloud) {
 
 /// All points in the smallest image that holds them, about one for each pixel.
 PointCloud splat(const PointCloudView& cloud, std::size_t num_points) {
-  constexpr int kLeast = 8, kMost = 2048;
+  constexpr int kMinSide = 8, kMaxSide = 2048;
   double low[2] = {1e300, 1e300}, high[2] = {-1e300, -1e300};
   const auto direction = [&](std::size_t i, int axis) {
     return static_cast<double>((axis == 0 ? cloud.x : cloud.y)[i]) /
@@ -76,9 +76,9 @@ PointCloud splat(const PointCloudView& cloud, std::size_t num_points) {
   constexpr double kNarrow = 1e-3;
   const double w = std::max(high[0] - low[0], kNarrow), h = std::max(high[1] - low[1], kNarrow);
   double f = std::sqrt(static_cast<double>(num_points) / (w * h));
-  f = std::min(f, (kMost - 1) / std::max(w, h));
+  f = std::min(f, (kMaxSide - 1) / std::max(w, h));
   const auto pixels = [&](double side) {
-    return std::clamp(static_cast<int>(std::ceil(f * side)) + 1, kLeast, kMost);
+    return std::clamp(static_cast<int>(std::ceil(f * side)) + 1, kMinSide, kMaxSide);
   };
   const Intrinsics k{f, f, -low[0] * f, -low[1] * f};
   PointCloud image(pixels(w), pixels(h), k);

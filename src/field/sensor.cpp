@@ -34,7 +34,7 @@ Status Sensor::Impl::check(const DepthImageView& image) const {
                   "; create one for this size");
   }
   if (image.counts == nullptr && image.metres == nullptr) {
-    return refuse("an image without values was given to a sensor; set counts or metres");
+    return refuse("an image without values was given to a sensor; set counts or meters");
   }
   const bool is_here =
       image.gpu == kHostMemory || (place.backend == Backend::cuda && image.gpu == place.gpu);
@@ -61,8 +61,8 @@ Status Sensor::Impl::make_batches() {
 
 Result<Sensor> Sensor::create(const Camera& camera, const Place& place,
                               const SensorOptions& options) {
-  constexpr int kMostSurfaces = 64;
-  if (options.num_surfaces < 1 || options.num_surfaces > kMostSurfaces) {
+  constexpr int kMaxSurfaces = 64;
+  if (options.num_surfaces < 1 || options.num_surfaces > kMaxSurfaces) {
     return Error{Errc::invalid_argument,
                  "a sensor keeps 1 to 64 surfaces, not " + std::to_string(options.num_surfaces)};
   }

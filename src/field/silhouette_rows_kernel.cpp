@@ -150,7 +150,7 @@ void find_silhouettes(const Intrinsics& k, const FieldImage& image, int level,
   const float y = rules.first_v + static_cast<float>(v) * rules.width_v;
   const Segments segments(image, window);
   for (int segment = segments.first; segment < segments.end; ++segment) {
-    // Whoever asks beside a silhouette reads up to two rows farther on.
+    // Queries beside a silhouette read up to two rows farther on.
     bool is_active = false;
     for (int row = std::max(v - kReach - 2, window.top - kReach);
          row < std::min(v + kReach + 3, window.bottom + kReach); ++row) {

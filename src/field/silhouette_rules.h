@@ -13,11 +13,11 @@ namespace {
 inline constexpr int kReach = DepthFieldLevel::kSilhouetteReach;
 // A surface ends between two pixels if the farther one lies so many widths of a pixel deeper than
 // a smooth surface could at the slant of both.
-inline constexpr float kLeastStep = 1.0f;
+inline constexpr float kMinStep = 1.0f;
 // A far surface beyond the near edge is not looked at deeper than this behind it, metres.
 inline constexpr float kFarEnough = 0.5f;
 // No surface is taken for steeper than this.
-inline constexpr float kLeastSlope = 0.02f;
+inline constexpr float kMinSlope = 0.02f;
 
 /// The planes of pixels of a level.
 struct RulePlane {
@@ -55,7 +55,7 @@ PALPATE_FORMULA RulePlane chosen(Mask mask, const RulePlane& a, const RulePlane&
 /// `near` could be, at depth z? Both are real surfaces or `far` is none.
 PALPATE_FORMULA Mask is_apart(const RulePlane& near, const RulePlane& far, VecF gap, VecF span,
                               VecF reach) {
-  const VecF miss = gap - kLeastStep * span;
+  const VecF miss = gap - kMinStep * span;
   const VecF cosine = select(far.slope > splat(0.0f), min(near.slope, far.slope), near.slope);
   const VecF squared_sine = 1.0f - cosine * cosine;
   return (miss > splat(0.0f)) & (miss * miss > span * span * squared_sine * reach);
@@ -101,8 +101,8 @@ struct ExitLimits {
   VecF least;   ///< so far in front of the far surface this has to be
 };
 PALPATE_FORMULA ExitLimits exit_limits(const RulePlane& own, VecF depth, float width) {
-  return {depth * (1.0f + kReach * width / max(own.slope, splat(kLeastSlope))),
-          (kLeastStep - kReach) * width * depth};
+  return {depth * (1.0f + kReach * width / max(own.slope, splat(kMinSlope))),
+          (kMinStep - kReach) * width * depth};
 }
 
 /// A silhouette is a way out for what lies kReach pixels behind `own` if the far surface is less

@@ -39,16 +39,16 @@ __device__ inline int clamped_to(int value, int least, int most) {
 /// queries look at, and those whose planes are read. Beyond one pixel around the image all planes
 /// are those of that pixel.
 struct RimSpans {
-  Span tile, asked, planes;
+  Span tile, requested, planes;
 
   __device__ RimSpans(int first, int tile_size, int size) {
     constexpr int kBorder = DepthFieldLevel::kBorder;
     const int end = first + tile_size;
     tile = {first, end < size + kBorder ? end : size + kBorder};
-    asked = {clamped_to(tile.begin - 1, -kSilhouetteBorder, size + kSilhouetteBorder + 1),
-             clamped_to(tile.end + 1, -kSilhouetteBorder, size + kSilhouetteBorder + 1)};
-    planes = {clamped_to(asked.begin - kReach, -1, size),
-              clamped_to(asked.end + kReach - 1, -1, size) + 1};
+    requested = {clamped_to(tile.begin - 1, -kSilhouetteBorder, size + kSilhouetteBorder + 1),
+                 clamped_to(tile.end + 1, -kSilhouetteBorder, size + kSilhouetteBorder + 1)};
+    planes = {clamped_to(requested.begin - kReach, -1, size),
+              clamped_to(requested.end + kReach - 1, -1, size) + 1};
   }
 };
 
@@ -245,9 +245,9 @@ __global__ void __launch_bounds__(kRimThreads, 5)
   };
   const auto pixel_at = [&](int u, int v) { return pixel_in(row_of(v), u); };
 
-  const int first_u = us.asked.begin - kReach, first_v = vs.asked.begin - kReach;
-  const int num_rows = vs.asked.size() + 2 * kReach;
-  const int end_row = num_rows - kReach, end_column = kReach + us.asked.size();  // asked
+  const int first_u = us.requested.begin - kReach, first_v = vs.requested.begin - kReach;
+  const int num_rows = vs.requested.size() + 2 * kReach;
+  const int end_row = num_rows - kReach, end_column = kReach + us.requested.size();  // asked
   const int num_columns = end_column + kReach - 1;
   const int num_words = (num_columns + kWordBits - 1) / kWordBits;
   // Calls f(row, word) for a thread's words of rows [begin, end).
@@ -412,9 +412,9 @@ __global__ void __launch_bounds__(kRimThreads, 5)
     const int exit_rows = take_own(below & (kEdgeBelow - 1), search.exit, true);
     const int occluder_rows = take_own(below >> kFoundBits & 0xf, search.occluder, false);
     const std::uint32_t exits = own.plane.slope > 0.0f ? kExits & bytes_to(exit_rows) : 0;
-    const std::uint32_t asked = exits | kBelow | (kOccluders & bytes_to(occluder_rows));
-    below &= asked;
-    above &= asked;
+    const std::uint32_t requested = exits | kBelow | (kOccluders & bytes_to(occluder_rows));
+    below &= requested;
+    above &= requested;
     const auto limits_u = one_lane::exit_limits(own.plane, own.depth, rules.width_u);
     const auto limits_v = one_lane::exit_limits(own.plane, own.depth, rules.width_v);
 #pragma unroll 1

@@ -56,7 +56,7 @@ struct SurfaceTimeline::Impl {
   /// Of a frame in a slot.
   struct Flow {
     std::vector<float> pixels;  // of the whole image, also if the surface has a smaller one
-    FlowView view;              // without pixels: nobody told it
+    FlowView view;              // without pixels: none was given
   };
   std::unique_ptr<FrameSlots> slots;
   DepthStreamInfo stream;
@@ -158,7 +158,7 @@ SurfaceTimeline& SurfaceTimeline::operator=(SurfaceTimeline&&) noexcept = defaul
 SurfaceTimeline::~SurfaceTimeline() = default;
 
 SurfaceStats SurfaceTimeline::push(const DepthImageView& frame, double time, ThreadPool& pool,
-                                   const PixelWindow& asked) {
+                                   const PixelWindow& requested) {
   Impl& d = *impl_;
   const double interval = d.num_frames > 0 ? time - d.time : 0;
   d.expect_next(time);
@@ -178,7 +178,7 @@ SurfaceStats SurfaceTimeline::push(const DepthImageView& frame, double time, Thr
     image.X_WC = frame.X_WC;
   }
   if (d.key_frames) d.key_frames->take(image, pool);
-  return d.slots->take(d.newest, image, motion, asked, interval, pool);
+  return d.slots->take(d.newest, image, motion, requested, interval, pool);
 }
 
 Status SurfaceTimeline::resume_from(std::string_view state) {

@@ -55,7 +55,7 @@ class Memory {
     return static_cast<T*>(take_bytes(num * sizeof(T), true));
   }
 
-  /// The first failure: how much memory was asked for and what to do.
+  /// The first failure: how much memory was requested and what to do.
   const Status& status() const { return status_; }
   int gpu() const { return gpu_; }
 
@@ -113,20 +113,20 @@ class Stream {
   void copy(void* to, const void* from, std::size_t num_bytes) noexcept;
   /// Sets all bytes to 0.
   void clear(void* data, std::size_t num_bytes) noexcept;
-  /// What is asked for from now on is done in this queue, which somebody else owns and may be
+  /// Work submitted from now on runs in this queue, which somebody else owns and may be
   /// recording; failures are forgotten. On CUDA `handle` is a cudaStream_t.
   void continue_in(void* handle) noexcept;
   void* handle() const noexcept;
-  /// Is what is asked for recorded, not done?
+  /// Is submitted work recorded, not run?
   bool is_recording() noexcept;
-  /// Waits for all that was asked for so far, but not longer: then the device counts as lost.
+  /// Waits for all submitted work, but not longer: then the device counts as lost.
   const Status& wait(double seconds = 2) noexcept;
-  /// True if all that was asked for is done. Does not wait.
+  /// True if all submitted work is done. Does not wait.
   bool is_idle() noexcept;
   /// Marks the stream as failed; e.g. when a result has not come in time.
   void fail(Error error) noexcept;
 
-  /// What is asked for between these two is not done but recorded.
+  /// Work submitted between these two is not run but recorded.
   void begin_recording() noexcept;
   Graph end_recording() noexcept;
   void launch(const Graph& graph) noexcept;

@@ -22,8 +22,8 @@ struct Axis {
   double inertia, device_damping, max_stiffness, max_damping, damping_ratio, tick;
 
   double damping(double stiffness) const {
-    const double wanted = 2 * damping_ratio * std::sqrt(inertia * stiffness);
-    return max_damping > 0 ? std::min(wanted, max_damping) : wanted;
+    const double desired = 2 * damping_ratio * std::sqrt(inertia * stiffness);
+    return max_damping > 0 ? std::min(desired, max_damping) : desired;
   }
   /// A spring that is held over a tick T gives back K T / 2 times v^2 more than it took; what takes
   /// it is damping: of the mechanism and, for motions well below the tick rate, of the coupling.
@@ -95,11 +95,11 @@ Result<CheckedCoupling> check_coupling(const CouplingOptions& options, const Dev
   const Axis line{o.tool_mass,        limits.damping,  limits.max_stiffness,
                   limits.max_damping, o.damping_ratio, tick_seconds};
   settle(line, "coupling stiffness", "N/m", 1000, o.stiffness, checked.warnings);
-  const double wanted = 2 * o.damping_ratio * std::sqrt(o.tool_mass * o.stiffness);
+  const double desired = 2 * o.damping_ratio * std::sqrt(o.tool_mass * o.stiffness);
   const double damping = line.damping(o.stiffness);
-  if (damping < wanted) {
-    const double lowered = o.damping_ratio * damping / wanted;
-    // Nobody asked for the default.
+  if (damping < desired) {
+    const double lowered = o.damping_ratio * damping / desired;
+    // The default was not set by the user.
     const bool is_requested = options.damping_ratio != CouplingOptions{}.damping_ratio;
     if (is_requested)
       checked.warnings.push_back("the damping ratio is lowered from " + number(o.damping_ratio) +

@@ -11,7 +11,7 @@ constexpr int kMaxIterations = 30;  // three to six do
 constexpr double kClose = 1e-13;    // of the limit
 
 /// No tool is so large (m), and no coefficient either: something is wrong with the contact.
-constexpr double kFarthest = 1e3, kMost = 100;
+constexpr double kFarthest = 1e3, kMaxCoefficient = 100;
 
 /// The distance of texture begins anew after so many lengths: a whole number, so that nothing
 /// jumps.
@@ -107,8 +107,9 @@ bool PatchFriction::touch(const LocalContact& contact, const Wrench& contact_W, 
   state_.bristle_W = rotated_along(state_.bristle_W, state_.normal_W, n);
   state_.normal_W = n;
 
-  const double mu = std::clamp(
-      contact.patch.share * options_.coefficient + contact.patch.own_friction, 0.0, kMost);
+  const double mu =
+      std::clamp(contact.patch.share * options_.coefficient + contact.patch.own_friction, 0.0,
+                 kMaxCoefficient);
   patch.normal_force = force;
   patch.limit = mu * force;
   if (state_.is_sliding) {
@@ -152,10 +153,10 @@ PatchFriction::Grip PatchFriction::hold(const TouchedPatch& patch, const Vec3d& 
     w = product(eased, compliance);
   }
 
-  const Vec3d wanted = stiffness_ * before + k * a;
+  const Vec3d desired = stiffness_ * before + k * a;
   Grip grip;
   Mat3s inverse = inverse_of_sum(1, k, w);
-  Vec3d held = inverse * wanted;  // s z
+  Vec3d held = inverse * desired;  // s z
   double length = norm(held);
   grip.is_sliding = length > patch.limit;
   if (grip.is_sliding && patch.limit > 0) {
@@ -163,7 +164,7 @@ PatchFriction::Grip PatchFriction::hold(const TouchedPatch& patch, const Vec3d& 
     for (int i = 0; i < kMaxIterations && length > patch.limit * (1 + kClose); ++i) {
       over += length * length / dot(held, inverse * held) * (length - patch.limit) / patch.limit;
       inverse = inverse_of_sum(over, k, w);
-      held = inverse * wanted;
+      held = inverse * desired;
       length = norm(held);
     }
     held = held * (patch.limit / length);

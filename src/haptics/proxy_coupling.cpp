@@ -12,7 +12,7 @@ namespace {
 constexpr int kMaxIterations = 8;       // the spring may saturate on the way: two or three do
 constexpr double kSmallestStep = 1e-9;  // m
 
-/// A move as no contact asks for, m.
+/// A larger move than any contact causes, m.
 constexpr double kLost = 1e6;
 
 class ProxyCoupling final : public Coupling {

@@ -44,17 +44,17 @@ bool is_fresh(double age, double limit) { return std::abs(age) <= limit; }  // f
 Wrench operator*(double s, const Wrench& w) { return {s * w.force, s * w.torque}; }
 
 /// What a force gives within dt at most, J, to a hand that gets faster at the rate `rise`.
-double most_given(const Vec3d& force, const Vec3d& velocity, double rise, double dt) {
+double max_given(const Vec3d& force, const Vec3d& velocity, double rise, double dt) {
   return std::max(dot(force, velocity) + rise * dt * norm(force), 0.0) * dt;
 }
 /// The force with so much less along a motion, and then in all, that this is no more than `rest`.
 Vec3d within(const Vec3d& force, const Vec3d& velocity, double rise, double dt, double rest) {
-  if (!(most_given(force, velocity, rise, dt) > rest)) return force;
+  if (!(max_given(force, velocity, rise, dt) > rest)) return force;
   Vec3d kept = force;
   const double squared = dot(velocity, velocity), power = dot(force, velocity);
   const double allowed = std::max(rest / dt - rise * dt * norm(force), 0.0);
   if (squared > 1e-24 && power > allowed) kept -= velocity * ((power - allowed) / squared);
-  const double given = most_given(kept, velocity, rise, dt);
+  const double given = max_given(kept, velocity, rise, dt);
   return given > rest ? kept * (rest / given) : kept;
 }
 /// The last word about energy: what was planned for a steady hand is too late for one that the
@@ -63,13 +63,13 @@ Vec3d within(const Vec3d& force, const Vec3d& velocity, double rise, double dt, 
 Wrench within_tank(const Wrench& wrench, const Twist& motion, double dt, double rest) {
   if (!(dt > 0)) return wrench;
   const Vec3d force = within(wrench.force, motion.linear, kRise, dt, rest);
-  const double left = std::max(rest - most_given(force, motion.linear, kRise, dt), 0.0);
+  const double left = std::max(rest - max_given(force, motion.linear, kRise, dt), 0.0);
   return {force, within(wrench.torque, motion.angular, kTurnRise, dt, left)};
 }
 
 }  // namespace
 
-Wrench SafetyFilter::filter(const Wrench& wanted, const SafetyInput& input) noexcept {
+Wrench SafetyFilter::filter(const Wrench& desired, const SafetyInput& input) noexcept {
   if (!has_ticked_ && std::isfinite(input.time)) {
     last_time_ = last_valid_time_ = input.time;
     has_ticked_ = true;
@@ -80,7 +80,7 @@ Wrench SafetyFilter::filter(const Wrench& wanted, const SafetyInput& input) noex
   observe(input.state, dt);
   status_.damping = 0;
 
-  step_gate(wanted, input, dt);
+  step_gate(desired, input, dt);
   // Beyond the tank nothing is given.
   const double rest = options_.passivity_control
                           ? std::max(options_.energy_tank - status_.energy, 0.0)
@@ -94,22 +94,22 @@ Wrench SafetyFilter::filter(const Wrench& wanted, const SafetyInput& input) noex
     return last_;
   }
 
-  const Wrench within = limit(wanted);
+  const Wrench within = limit(desired);
   const Wrench target = limit(damp(status_.gain * within, dt));
   const Wrench out = within_tank(slew(target, dt), seen_motion_, unseen, rest);
-  const bool was_limited = !(within.force == wanted.force) || !(out.force == target.force) ||
-                           (limits_.max_torque > 0 && !(within.torque == wanted.torque)) ||
+  const bool was_limited = !(within.force == desired.force) || !(out.force == target.force) ||
+                           (limits_.max_torque > 0 && !(within.torque == desired.torque)) ||
                            !(out.torque == target.torque);
   if (was_limited) ++status_.num_limited;
   return last_ = out;
 }
 
-Fault SafetyFilter::find_fault(const Wrench& wanted, const SafetyInput& input,
+Fault SafetyFilter::find_fault(const Wrench& desired, const SafetyInput& input,
                                double dt) const noexcept {
   if (is_stopping_) return Fault::stopped;
   if (input.sensor_failed) return Fault::sensor;
   const DeviceState& state = input.state;
-  if (!std::isfinite(input.time) || !is_finite(wanted)) return Fault::not_finite;
+  if (!std::isfinite(input.time) || !is_finite(desired)) return Fault::not_finite;
   if (state.is_valid &&
       !(is_finite(state.X_BH) && is_finite(state.V_BH.linear) && is_finite(state.V_BH.angular))) {
     return Fault::not_finite;
@@ -131,7 +131,7 @@ Fault SafetyFilter::find_fault(const Wrench& wanted, const SafetyInput& input,
   return Fault::none;
 }
 
-void SafetyFilter::step_gate(const Wrench& wanted, const SafetyInput& input, double dt) noexcept {
+void SafetyFilter::step_gate(const Wrench& desired, const SafetyInput& input, double dt) noexcept {
   const ForceState before = gate_.state();
   const bool is_off = before == ForceState::off || before == ForceState::held_off;
   const bool is_pressed = (input.state.buttons & ~last_buttons_ & 1u) != 0;
@@ -140,11 +140,11 @@ void SafetyFilter::step_gate(const Wrench& wanted, const SafetyInput& input, dou
   ForceGate::Input now;
   now.time = last_time_;
   now.dt = dt;
-  now.fault = find_fault(wanted, input, dt);
+  now.fault = find_fault(desired, input, dt);
   now.is_ready = has_pose_ && input.state.is_valid && dt <= options_.max_tick &&
                  is_fresh(input.contact_age, options_.max_contact_age) &&
                  is_fresh(input.sensor_age, options_.max_sensor_age);
-  now.is_quiet = input.is_free || norm(wanted.force) < options_.engage_force;
+  now.is_quiet = input.is_free || norm(desired.force) < options_.engage_force;
   now.is_permitted = !options_.dead_man || (input.state.buttons & 1u) != 0;
   now.is_requested = input.is_requested || (is_off && is_pressed);
   gate_.step(now);

@@ -12,12 +12,12 @@ namespace {
 /// Pixels per second; nothing is as fast that a camera can follow.
 constexpr float kFastest = 1e6F;
 /// Cosine of normal and ray: surfaces that are seen more edge-on tell nothing.
-constexpr double kLeastCosine = 0.05;
+constexpr double kMinCosine = 0.05;
 /// A surface that comes by this share of the depth from one frame to the next is another one.
 constexpr double kLongestWay = 0.1;
 /// Second moment of what is known of a disc over that of the whole disc: with less it does not
 /// turn.
-constexpr double kLeastSpread = 0.05;
+constexpr double kMinSpread = 0.05;
 
 /// m: how far a ball is out of what a frame shows.
 double distance_to(const SurfaceView& view, const Vec3d& p_W, double radius) {
@@ -47,7 +47,7 @@ struct MotionSums {
     const Vec3d middle = place / weight, mean = velocity / weight;
     const double own_spread = spread / weight - dot(middle, middle);
     double turning = 0;
-    if (own_spread > kLeastSpread * radius * radius / 2) {
+    if (own_spread > kMinSpread * radius * radius / 2) {
       turning = (turn / weight - dot(n, cross(middle, mean))) / own_spread;
     }
     return {mean - turning * cross(n, middle), turning * n};
@@ -76,7 +76,7 @@ void look_at(const SurfaceBlend& camera, const TouchedDisc& disc, const Vec3d& n
     if (!(p_C.z > 0)) continue;
     const Vec3d ray_W = rotate(X_WC.rotation, p_C / p_C.z);
     const double cosine = dot(n, ray_W);
-    if (!(-cosine > kLeastCosine * norm(ray_W))) continue;
+    if (!(-cosine > kMinCosine * norm(ray_W))) continue;
     double u = 0, v = 0, seen = 0;
     const PixelPosition<double> at = project(k, p_C);
     visit_pixels_around(at.u, at.v, flow.width, flow.height, [&](int column, int row, double w) {

@@ -100,8 +100,8 @@ class VirtualCoupling final : public Coupling {
   /// What sticks does not ring with the tool's mass.
   static PatchFriction friction_of(const CouplingOptions& options, const Spring& spring,
                                    double mass) {
-    const double wanted = options.friction.stiffness / options.motion_scale;
-    const double stiffness = wanted > 0 ? wanted : kStiffer * spring.stiffness;
+    const double desired = options.friction.stiffness / options.motion_scale;
+    const double stiffness = desired > 0 ? desired : kStiffer * spring.stiffness;
     return {options, stiffness, 2 * std::sqrt(mass / stiffness)};
   }
 

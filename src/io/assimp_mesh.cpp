@@ -119,10 +119,10 @@ std::optional<Error> check_stl_size(std::string_view content) {
   if (is_text) {
     // Assimp makes a mesh of a kilobyte of each.
     constexpr std::string_view kWord = "solid";  // at the begin of each, and in its end
-    constexpr int kMostWords = 200'000;
+    constexpr int kMaxWords = 200'000;
     int num_words = 0;
     for (auto at = content.find(kWord); at != content.npos; at = content.find(kWord, at + 1)) {
-      if (++num_words > kMostWords) return bad("has more than 100,000 solids");
+      if (++num_words > kMaxWords) return bad("has more than 100,000 solids");
     }
     if (content.find("endsolid") != std::string_view::npos ||
         content.find("ENDSOLID") != std::string_view::npos) {
@@ -168,7 +168,7 @@ std::string glb_with_json(std::string_view content, const std::string& json) {
 }
 
 // Assimp must not repair: of its many steps only the triangulation of polygons and the check of
-// indices are asked for.
+// indices are requested.
 Result<TriangleMesh> load_with_assimp(const std::filesystem::path& path,
                                       std::string_view content) try {
   Assimp::Importer importer;

@@ -11,7 +11,7 @@
 
 namespace palpate::inline v0 {
 
-/// The columns asked for, in that order, each width * height long.
+/// The requested columns, in that order, each width * height long.
 struct CloudColumns {
   int width = 0, height = 1;
   std::vector<std::vector<float>> values;

@@ -50,14 +50,14 @@ Result<PointCloud> load_cloud(const std::filesystem::path& path) {
 
 Result<DepthFrame> load_depth_pcd(const std::filesystem::path& path, double unit) {
   if (!(unit > 0) || !std::isfinite(unit))
-    return Error{Errc::invalid_argument, "the depth unit must be positive metres per count"};
+    return Error{Errc::invalid_argument, "the depth unit must be positive meters per count"};
   const auto content = read_file(path);
   if (!content) return content.error();
   if (!is_pcd(*content)) return in_file(path, "is not a PCD file; give one");
   const auto columns = read_pcd_columns(*content, std::span(kPcdNames).subspan(2, 1));
-  if (!columns) return in_file(path, columns.error().message + "; give an organised PCD file");
+  if (!columns) return in_file(path, columns.error().message + "; give an organized PCD file");
   if (columns->height < 2)
-    return in_file(path, "is not organised like an image (HEIGHT 1); give an organised PCD file");
+    return in_file(path, "is not organized like an image (HEIGHT 1); give an organized PCD file");
   if (columns->width > kMaxImageWidth || columns->height > kMaxImageHeight)
     return in_file(path, "is larger than 4096 x 4096 points; give a smaller image");
   DepthFrame frame{columns->width, columns->height, unit, {}, 0};

@@ -26,7 +26,7 @@ Result<TriangleMesh> parse_obj_mesh(std::string_view content);
 /// OFF, COFF, NOFF and CNOFF as text.
 Result<TriangleMesh> parse_off_mesh(std::string_view content);
 
-/// STL, glTF and GLB from memory. All parts are placed by their nodes and joined. `path` tells the
+/// STL, glTF and GLB from memory. All parts are placed by their nodes and joined. `path` gives the
 /// format, and where other files lie that the content names.
 Result<TriangleMesh> load_with_assimp(const std::filesystem::path& path, std::string_view content);
 

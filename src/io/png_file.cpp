@@ -155,7 +155,7 @@ namespace {
 
 Status check_unit(double unit) {
   if (unit > 0 && std::isfinite(unit)) return Done{};
-  return Error{Errc::invalid_argument, "the depth unit must be positive metres per count"};
+  return Error{Errc::invalid_argument, "the depth unit must be positive meters per count"};
 }
 
 }  // namespace

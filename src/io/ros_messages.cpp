@@ -92,8 +92,8 @@ constexpr RosMarker kToolMarker{"tool", 0, kTriangleList, 1, {0.35f, 0.6f, 0.85f
 /// Of large meshes every n-th triangle.
 void put(CdrWriter& to, const RosHeader& header, const RosMarker& marker,
          const TriangleMesh& mesh) {
-  constexpr std::size_t kMostTriangles = 20000;
-  const std::size_t step = (mesh.triangles.size() + kMostTriangles - 1) / kMostTriangles;
+  constexpr std::size_t kMaxTriangles = 20000;
+  const std::size_t step = (mesh.triangles.size() + kMaxTriangles - 1) / kMaxTriangles;
   std::vector<Vec3d> corners;
   for (std::size_t i = 0; i < mesh.triangles.size(); i += step) {
     for (const auto corner : mesh.triangles[i]) {
@@ -152,7 +152,7 @@ std::string points_message(const RosHeader& header, const DepthFrame& frame,
   const auto [fx, fy, cx, cy] = intrinsics;
   int step = 1;
   while (((frame.width + step - 1) / step) * ((frame.height + step - 1) / step) >
-         kMostRecordedPoints) {
+         kMaxRecordedPoints) {
     ++step;
   }
   std::vector<Vec3f> points;

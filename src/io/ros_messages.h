@@ -28,8 +28,8 @@ std::string image_message(const RosHeader& header, const DepthFrame& frame);
 std::string flow_message(const RosHeader& header, const DepthFrame& frame);
 std::string camera_info_message(const RosHeader& header, const DepthStreamInfo& stream);
 /// sensor_msgs/PointCloud2 with float32 x, y, z, m, in the frame A of the header: the measured
-/// pixels of every n-th row and column, so that there are at most kMostRecordedPoints.
-inline constexpr int kMostRecordedPoints = 20000;
+/// pixels of every n-th row and column, so that there are at most kMaxRecordedPoints.
+inline constexpr int kMaxRecordedPoints = 20000;
 std::string points_message(const RosHeader& header, const DepthFrame& frame,
                            const Intrinsics& intrinsics, const Pose& X_AC = {});
 

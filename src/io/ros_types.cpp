@@ -161,7 +161,7 @@ std::vector<std::string> with_nested(const std::string& type) {
 }  // namespace
 
 const std::vector<RosField>& ros_fields(std::string_view type) {
-  // Taken apart once: messages ask for each of their elements.
+  // Taken apart once: messages look up each of their elements.
   static const auto& all = *new std::map<std::string_view, std::vector<RosField>>([] {
     std::map<std::string_view, std::vector<RosField>> fields;
     for (auto [name, text] : kDefinitions) {

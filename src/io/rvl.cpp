@@ -7,7 +7,7 @@ namespace palpate::inline v0 {
 namespace {
 
 constexpr std::size_t kWord = 4;           // bytes
-constexpr int kMostShift = 3 * 10;         // of a 32-bit number
+constexpr int kMaxShift = 3 * 10;          // of a 32-bit number
 constexpr std::size_t kSizes = 2 * kWord;  // before the first number
 
 std::uint32_t word_at(std::string_view data, std::size_t at) {
@@ -25,7 +25,7 @@ class Numbers {
   /// None: the data have ended, or it is too large.
   std::optional<std::uint32_t> next() {
     std::uint32_t value = 0;
-    for (int shift = 0; shift <= kMostShift; shift += 3) {
+    for (int shift = 0; shift <= kMaxShift; shift += 3) {
       if (left_ == 0) {
         if (at_ + kWord > data_.size()) return std::nullopt;
         word_ = word_at(data_, at_);

@@ -33,7 +33,7 @@ constexpr int kLengthLimit = 0, kLargestRow = 256 << 20;  // bytes
 /// Of its machine, between two looks at how many there were; at most, and for each byte of the
 /// file.
 constexpr int kSteps = 1'000'000;
-constexpr std::uint64_t kMostSteps = 10'000'000, kStepsPerByte = 10;
+constexpr std::uint64_t kMaxSteps = 10'000'000, kStepsPerByte = 10;
 
 Result<Sqlite> load() {
   const std::string name = "libsqlite3.so.0";
@@ -75,7 +75,7 @@ class SqliteBag final : public BagReader {
     const std::uint64_t file_size = std::filesystem::file_size(path_, ignored);
     sqlite_.limit(database_, kLengthLimit,
                   static_cast<int>(std::min<std::uint64_t>(kLargestRow, file_size)));
-    steps_left_ = kMostSteps + kStepsPerByte * file_size;
+    steps_left_ = kMaxSteps + kStepsPerByte * file_size;
     sqlite_.on_progress(
         database_, kSteps,
         [](void* left) {
@@ -83,15 +83,16 @@ class SqliteBag final : public BagReader {
           return std::exchange(steps, steps - std::min<std::uint64_t>(steps, kSteps)) == 0 ? 1 : 0;
         },
         &steps_left_);
-    if (!ask("SELECT count(*) FROM sqlite_master WHERE name IN ('topics', 'messages') AND type = "
-             "'table' AND sql LIKE 'CREATE TABLE%' AND sql NOT LIKE '% AS %' AND sql NOT LIKE "
-             "'% AS(%'") ||
+    if (!prepare(
+            "SELECT count(*) FROM sqlite_master WHERE name IN ('topics', 'messages') AND type = "
+            "'table' AND sql LIKE 'CREATE TABLE%' AND sql NOT LIKE '% AS %' AND sql NOT LIKE "
+            "'% AS(%'") ||
         sqlite_.step(query_) != kRow || sqlite_.number(query_, 0) != 2) {
       return Error{Errc::bad_input, path_.string() +
                                         " is not a bag of ROS 2: it has no tables 'topics' and "
                                         "'messages'; give one that ros2 bag wrote"};
     }
-    if (!ask("SELECT id, name, type, serialization_format FROM topics")) return failure();
+    if (!prepare("SELECT id, name, type, serialization_format FROM topics")) return failure();
     int status = 0;
     while ((status = sqlite_.step(query_)) == kRow) {
       const std::int64_t id = sqlite_.number(query_, 0);
@@ -104,7 +105,7 @@ class SqliteBag final : public BagReader {
     }
     if (status != kDone) return failure();
     // In the order in which they were written.
-    if (!ask("SELECT topic_id, timestamp, data FROM messages ORDER BY id")) return failure();
+    if (!prepare("SELECT topic_id, timestamp, data FROM messages ORDER BY id")) return failure();
     return Done{};
   }
 
@@ -129,7 +130,7 @@ class SqliteBag final : public BagReader {
   }
 
  private:
-  bool ask(const char* question) {
+  bool prepare(const char* question) {
     sqlite_.finalize(query_);
     query_ = nullptr;
     return sqlite_.prepare(database_, question, -1, &query_, nullptr) == kOk;

@@ -36,7 +36,7 @@ bool opens_nothing(std::string_view line) {
 /// Knows, letter by letter, whether a text is between quotes or in a comment.
 class Quotes {
  public:
-  /// Whether text[at] is; to be asked of each letter in turn.
+  /// Whether text[at] is; to be called for each letter in turn.
   bool hold(std::string_view text, std::size_t at) {
     if (at < skip_to_) return is_open_;
     const char c = text[at];

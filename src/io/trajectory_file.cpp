@@ -16,16 +16,16 @@ namespace {
 
 /// Exactly `values.size()` finite numbers; otherwise what is wrong.
 std::optional<std::string> parse_values(std::string_view text, std::span<double> values) {
-  const auto wanted = std::to_string(values.size());
+  const auto desired = std::to_string(values.size());
   for (double& value : values) {
     const std::string_view word = take_word(text);
-    if (word.empty()) return "has fewer than " + wanted + " numbers";
+    if (word.empty()) return "has fewer than " + desired + " numbers";
     const auto number = parse_number<double>(word);
     if (!number || !std::isfinite(*number))
       return "has '" + std::string(word.substr(0, 40)) + "' where a finite number is needed";
     value = *number;
   }
-  if (!take_word(text).empty()) return "has more than " + wanted + " numbers";
+  if (!take_word(text).empty()) return "has more than " + desired + " numbers";
   return std::nullopt;
 }
 

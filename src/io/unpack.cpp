@@ -11,7 +11,7 @@ namespace {
 
 constexpr std::uint64_t kLargest = std::uint64_t{1} << 30, kFirstStep = std::uint64_t{1} << 22;
 /// What is all zeros is small.
-constexpr std::uint64_t kMostRatio = 1000, kSmall = std::uint64_t{64} << 20;
+constexpr std::uint64_t kMaxRatio = 1000, kSmall = std::uint64_t{64} << 20;
 
 Result<SharedLibrary> library(const std::string& name, const char* package) {
   auto found = SharedLibrary::open({&name, 1});
@@ -95,7 +95,7 @@ Result<Bzip2> load_bzip2() {
 }  // namespace
 
 Status check_unpacked_size(std::uint64_t packed, std::uint64_t size) {
-  if (size <= kLargest && size <= kSmall + kMostRatio * packed) return Done{};
+  if (size <= kLargest && size <= kSmall + kMaxRatio * packed) return Done{};
   return Error{Errc::bad_input, "a compressed chunk of " + std::to_string(packed) +
                                     " bytes would be " + std::to_string(size) +
                                     " bytes, which is implausible"};

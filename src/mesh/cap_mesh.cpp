@@ -17,10 +17,10 @@ struct Basis {
 Basis basis_along(const Vec3d& normal) {
   const Vec3d e1 = normalized(normal);
   const double x = std::abs(e1.x), y = std::abs(e1.y), z = std::abs(e1.z);
-  const Vec3d most_across = x <= y && x <= z ? Vec3d{1, 0, 0}
-                            : y <= z         ? Vec3d{0, 1, 0}
-                                             : Vec3d{0, 0, 1};
-  const Vec3d e2 = normalized(cross(e1, most_across));
+  const Vec3d cross_axis = x <= y && x <= z ? Vec3d{1, 0, 0}
+                           : y <= z         ? Vec3d{0, 1, 0}
+                                            : Vec3d{0, 0, 1};
+  const Vec3d e2 = normalized(cross(e1, cross_axis));
   return {e1, e2, cross(e1, e2)};
 }
 

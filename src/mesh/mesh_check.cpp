@@ -73,12 +73,12 @@ std::optional<Error> check_extent(const TriangleMesh& mesh, const MeshCheckOptio
   if (longest > options.max_extent) {
     return bad_mesh("the mesh is " + number(longest) + " m long and a tool may have at most " +
                     number(options.max_extent) +
-                    " m; give --unit mm if the file is in millimetres, or --scale");
+                    " m; give --unit mm if the file is in millimeters, or --scale");
   }
   if (longest < options.min_extent) {
     return bad_mesh("the mesh is " + number(longest) + " m long and a tool must have at least " +
                     number(options.min_extent) +
-                    " m; give the right --unit (m if the file is in metres), or --scale");
+                    " m; give the right --unit (m if the file is in meters), or --scale");
   }
   return std::nullopt;
 }

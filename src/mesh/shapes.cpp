@@ -273,7 +273,7 @@ std::vector<std::string> shape_names() {
 Result<TriangleMesh> make_shape(std::string_view name, double size) {
   if (!(size > 0) || !std::isfinite(size)) {
     return Error{Errc::invalid_argument,
-                 "the size of a shape is " + std::to_string(size) + "; give metres above zero"};
+                 "the size of a shape is " + std::to_string(size) + "; give meters above zero"};
   }
   std::string known;
   for (const NamedShape& shape : kShapes) {

@@ -44,7 +44,7 @@ constexpr double kMinRadiusOfCoordinate = 1e-6;
 constexpr double kHeadStart = 0.75;
 
 // The surface is looked at from so many spheres on, whenever there are a twentieth more. Until the
-// next look the bound shrinks by about 2 %, so what is asked for is well within it.
+// next look the bound shrinks by about 2 %, so the requested value is well within it.
 constexpr std::size_t kFirstLook = 700;
 constexpr std::size_t kMorePerLook = 20;  // one part of so many
 constexpr double kReachMargin = 0.8;      // of standoff_bound
@@ -52,12 +52,12 @@ constexpr double kReachMargin = 0.8;      // of standoff_bound
 // 0.76 of what 95 % are within. Only where more than 5 % are thinner than the spheres this is less,
 // and then p95 falls within few spheres to its usual place once these 5 % are reached. So that it
 // does not leave the ends behind, a p95 beyond this times p80 is not believed.
-constexpr double kMostOfP80 = 1.5;
+constexpr double kMaxOfP80 = 1.5;
 
 // The largest sphere that fits near a place is taken if it brings the standoff down to this
 // fraction: greedy filling would come to it too. In a slender end the next sphere is almost as far,
 // and there would have to be very many, so there a smaller one is taken that is so far from the
-// place, as fraction of the standoff wanted.
+// place, as fraction of the desired standoff.
 constexpr double kNaturalStep = 0.6;
 constexpr double kTether = 0.5;
 // Starting points for it, as fractions of the same: from an edge or a tip towards the middle of a
@@ -271,8 +271,8 @@ class Packer {
     next_look_ = packing_.spheres.size() + packing_.spheres.size() / kMorePerLook;
     if (!watch_) watch_.emplace(solid_, spheres_, pool_);
     const auto [p80, p95] = watch_->quantiles();
-    const double wanted = kReachMargin * standoff_bound(std::min(p95, kMostOfP80 * p80), extent_);
-    auto places = watch_->beyond(wanted);
+    const double desired = kReachMargin * standoff_bound(std::min(p95, kMaxOfP80 * p80), extent_);
+    auto places = watch_->beyond(desired);
     std::erase_if(places, [&](const SurfaceWatch::Place& place) {
       return place.id < hopeless_.size() && hopeless_[place.id] != 0;
     });
@@ -281,7 +281,7 @@ class Packer {
       const auto farthest =
           std::max_element(places.begin(), places.end(),
                            [](const auto& a, const auto& b) { return a.standoff < b.standoff; });
-      const Sphere sphere = sphere_near(*farthest, wanted);
+      const Sphere sphere = sphere_near(*farthest, desired);
       if (sphere.radius == 0) {
         if (hopeless_.size() <= farthest->id) hopeless_.resize(farthest->id + 1, 0);
         hopeless_[farthest->id] = 1;
@@ -293,7 +293,7 @@ class Packer {
       const double r = sphere.radius;
       std::erase_if(places, [&](SurfaceWatch::Place& place) {
         place.standoff = std::min(place.standoff, norm(place.point - c) - r);
-        return place.standoff <= wanted;
+        return place.standoff <= desired;
       });
       if (++num_new_ == kBatch) {
         find_holes();
@@ -308,20 +308,20 @@ class Packer {
   }
 
   // A large sphere near the place that brings its standoff well down; radius 0 if none fits.
-  Sphere sphere_near(const SurfaceWatch::Place& place, double wanted) {
+  Sphere sphere_near(const SurfaceWatch::Place& place, double desired) {
     const Vec3d& p = place.point;
     const Triangle& t =
         mesh_.triangle(mesh_.closest(p, std::numeric_limits<double>::infinity()).triangle);
     const Vec3d inward = -normalized(cross(t.b - t.a, t.c - t.a));
     const Vec3d to_middle = (t.a + t.b + t.c) / 3.0 - p;
-    const Ascent::Tether tether{p, kTether * wanted};
+    const Ascent::Tether tether{p, kTether * desired};
     Ascent& ascent = searches_.front().ascent();
     Sphere natural, near;
     for (const double inset : kInsets) {
-      const double share = std::min(1.0, inset * wanted / norm(to_middle));
+      const double share = std::min(1.0, inset * desired / norm(to_middle));
       // A ball that starts much larger than the end is thick may not find the wall in its way.
       Ball start;
-      for (double radius = std::min(wanted, options_.max_radius);
+      for (double radius = std::min(desired, options_.max_radius);
            radius >= smallest_ && !(start.radius > 0); radius *= kSmallerStart) {
         start = space_.tangent_ball(p + to_middle * share, inward, radius);
       }
@@ -335,8 +335,8 @@ class Packer {
         if (r < smallest_ || norm(p - to_double(sphere.centre)) - r > farthest) return;
         if (sphere.radius > best.radius) best = sphere;
       };
-      grow(nullptr, std::max(wanted, kNaturalStep * place.standoff), natural);
-      grow(&tether, wanted, near);
+      grow(nullptr, std::max(desired, kNaturalStep * place.standoff), natural);
+      grow(&tether, desired, near);
     }
     return natural.radius > 0 ? natural : near;
   }

@@ -21,12 +21,12 @@ namespace {
 // Rays per sphere. Against a fine octree the error of a volume is .5 and .4 % rms with the fewest
 // (bunny, 1000 and 17,000 spheres), a quarter of it with four times as many.
 constexpr std::size_t kRays = 1 << 22;  // for all spheres and triangles together
-constexpr std::size_t kFewestRays = 512, kMostRays = 1 << 14;
+constexpr std::size_t kMinRays = 512, kMaxRays = 1 << 14;
 
 // A ray is followed that far beyond the sphere at first, as a multiple of the median radius: of the
 // size of the holes in the packing.
 constexpr double kFirstMargin = 2;
-constexpr double kLeastMargin = 1e-6;  // of the diagonal of the solid: bounds the attempts
+constexpr double kMinMargin = 1e-6;  // of the diagonal of the solid: bounds the attempts
 
 constexpr std::size_t kTaskSize = 16;  // spheres
 constexpr Float4 kOne{1, 1, 1, 1};
@@ -76,7 +76,7 @@ class PowerCells {
       : mesh_(solid),
         neighbours_(spheres),
         patches_(make_ray_patches(
-            std::clamp(kRays / (spheres.size() + solid.triangles.size()), kFewestRays, kMostRays) /
+            std::clamp(kRays / (spheres.size() + solid.triangles.size()), kMinRays, kMaxRays) /
             RayPatch::kSize)) {
     const Bounds box = bounds(solid);
     middle_ = (box.low + box.high) * 0.5;
@@ -86,7 +86,7 @@ class PowerCells {
     const auto median = radii.begin() + static_cast<std::ptrdiff_t>(radii.size() / 2);
     std::nth_element(radii.begin(), median, radii.end());
     margin_ =
-        std::max(kFirstMargin * static_cast<double>(*median), kLeastMargin * 2 * half_diagonal_);
+        std::max(kFirstMargin * static_cast<double>(*median), kMinMargin * 2 * half_diagonal_);
   }
 
   /// What each cell holds besides its sphere, m3.

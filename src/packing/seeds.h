@@ -19,7 +19,7 @@ struct StartingPoints {
 
 /// Cell centres of a grid over `box` that `jitter` shifts (0: not at all), and the balls that touch
 /// the middle of some facets from inside, which find what is thinner than a cell. Their order
-/// depends on the arguments only. `keep_going` is asked many times on the calling thread; nothing
+/// depends on the arguments only. `keep_going` is called many times on the calling thread; nothing
 /// if it says no.
 std::optional<StartingPoints> starting_points(const FreeSpace& space, const Bounds& box,
                                               std::uint64_t jitter, ThreadPool& pool,

@@ -13,7 +13,7 @@ namespace {
 // A level with no more cells than this along the longest side of the box is the last.
 constexpr int kFewCells = 4;
 // No box needs a finer grid; also keeps plates and needles within the levels that there are.
-constexpr int kMostCells = kFewCells << (SolidField::kMostLevels - 1);
+constexpr int kMaxCells = kFewCells << (SolidField::kMaxLevels - 1);
 // How much wider the spacing gets until the nodes are few enough.
 constexpr double kWiden = 1.01;
 // Of distances: long searches may stop so near to the nearest triangle.
@@ -39,10 +39,10 @@ std::size_t num_nodes_of(const std::array<std::int32_t, 3>& cells) {
 SolidField::Layout layout_of(const TriangleMesh& solid) {
   const Bounds box = bounds(solid);
   const Vec3d size = box.high - box.low;
-  SolidField::Layout layout{box.low, std::max({size.x, size.y, size.z}) / kMostCells, {}};
+  SolidField::Layout layout{box.low, std::max({size.x, size.y, size.z}) / kMaxCells, {}};
   // Rounding may not give the longest side one cell more.
   layout.spacing *= 1 + 1e-9;
-  while (num_nodes_of(layout.num_cells = cells_of(size, layout.spacing)) > SolidField::kMostNodes) {
+  while (num_nodes_of(layout.num_cells = cells_of(size, layout.spacing)) > SolidField::kMaxNodes) {
     layout.spacing *= kWiden;
   }
   return layout;
@@ -70,7 +70,7 @@ void fill_row(const TriangleBvh& mesh, const Vec3d& first, double step, std::spa
 SolidField::SolidField(const Layout& layout) : layout_(layout) {
   std::size_t num_values = 0;
   Level level{layout.spacing, {}, 0};
-  for (std::array<std::int32_t, 3> cells = layout.num_cells; levels_.size() < kMostLevels;) {
+  for (std::array<std::int32_t, 3> cells = layout.num_cells; levels_.size() < kMaxLevels;) {
     for (std::size_t axis = 0; axis < 3; ++axis) {
       level.num_nodes[axis] = cells[axis] + 1 + 2 * kMargin;
     }
@@ -109,8 +109,8 @@ Result<SolidField> SolidField::restore(const Layout& layout, std::span<const flo
   };
   bool fits = std::isfinite(layout.origin.x + layout.origin.y + layout.origin.z) &&
               layout.spacing > 0 && std::isfinite(layout.spacing);
-  for (const std::int32_t n : layout.num_cells) fits = fits && n >= 1 && n <= kMostCells;
-  if (!fits || num_nodes_of(layout.num_cells) > kMostNodes) return bad("has no grid");
+  for (const std::int32_t n : layout.num_cells) fits = fits && n >= 1 && n <= kMaxCells;
+  if (!fits || num_nodes_of(layout.num_cells) > kMaxNodes) return bad("has no grid");
   SolidField field(layout);
   if (values.size() != field.values().size()) return bad("is not of its grid");
   // No node of the widest grid, which reaches farthest, is farther from the surface than from

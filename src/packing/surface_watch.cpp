@@ -46,14 +46,14 @@ void SurfaceWatch::measure_beyond(double bound, std::size_t num) {
   });
 }
 
-// What was not measured again is below the guess. If the values asked for are above it, they are
+// What was not measured again is below the guess. If the requested values are above it, they are
 // exact.
 SurfaceWatch::Quantiles SurfaceWatch::quantiles() {
   const auto value_at = [&](double share) {
     const double rank = std::ceil(share * static_cast<double>(num_even_)) - 1;
-    const auto wanted = sorted_.begin() + static_cast<std::ptrdiff_t>(rank);
-    std::nth_element(sorted_.begin(), wanted, sorted_.end());
-    return *wanted;
+    const auto desired = sorted_.begin() + static_cast<std::ptrdiff_t>(rank);
+    std::nth_element(sorted_.begin(), desired, sorted_.end());
+    return *desired;
   };
   for (double guess = std::isfinite(p80_) ? kShrunk * p80_ : 0;; guess *= kShrunk) {
     measure_beyond(guess, num_even_);

@@ -25,7 +25,7 @@ class TriangleBvh {
   struct Closest {
     double distance = std::numeric_limits<double>::infinity();
     Vec3d point;
-    int triangle = -1;  ///< -1: nothing within the asked distance
+    int triangle = -1;  ///< -1: nothing within the given distance
   };
 
   explicit TriangleBvh(const TriangleMesh& mesh);

@@ -9,26 +9,26 @@
 namespace palpate::inline v0 {
 
 /// By time, s.
-template <class Told>
-using ByTime = std::map<double, Told>;
+template <class Value>
+using ByTime = std::map<double, Value>;
 
 /// Of two of one time the first one counts. Of all that is older than the newest one by more than
 /// `kept` s, only the newest is kept. If that is not for ever, a clock that was set back has
 /// started anew.
-template <class Told>
-void insert_by_time(ByTime<Told>& all, double time, const Told& told, double kept) {
+template <class Value>
+void insert_by_time(ByTime<Value>& all, double time, const Value& reported, double kept) {
   constexpr double kLongestBack = 1;  // s that a message may be late
   const bool is_live = std::isfinite(kept);
   if (is_live && !all.empty() && time < all.rbegin()->first - kLongestBack) all.clear();
-  all.try_emplace(all.end(), time, told);
+  all.try_emplace(all.end(), time, reported);
   if (!is_live) return;
   const auto first = all.lower_bound(all.rbegin()->first - kept);
   if (first != all.begin()) all.erase(all.begin(), std::prev(first));
 }
 
 /// s: how far the nearest of them is from a time. There is at least one.
-template <class Told>
-double nearest_in_time(const ByTime<Told>& all, double time) {
+template <class Value>
+double nearest_in_time(const ByTime<Value>& all, double time) {
   const auto after = all.lower_bound(time);
   if (after == all.begin()) return after->first - time;
   const double since = time - std::prev(after)->first;

@@ -76,13 +76,13 @@ struct QosDeleter {
 };
 using QosPointer = std::unique_ptr<dds::Qos, QosDeleter>;
 
-QosPointer make_qos(const RosQos& wanted, std::string_view user_data) {
+QosPointer make_qos(const RosQos& desired, std::string_view user_data) {
   const dds::Api& api = *dds::api();
   QosPointer qos(api.create_qos());
   // Who writes does not wait for readers: with so few messages kept there is always room.
-  api.set_reliability(qos.get(), wanted.is_reliable ? dds::kReliable : dds::kBestEffort, 0);
-  api.set_durability(qos.get(), wanted.is_kept ? dds::kTransientLocal : dds::kVolatile);
-  api.set_history(qos.get(), dds::kKeepLast, wanted.depth);
+  api.set_reliability(qos.get(), desired.is_reliable ? dds::kReliable : dds::kBestEffort, 0);
+  api.set_durability(qos.get(), desired.is_kept ? dds::kTransientLocal : dds::kVolatile);
+  api.set_history(qos.get(), dds::kKeepLast, desired.depth);
   api.set_user_data(qos.get(), user_data.data(), user_data.size());
   api.set_representation(qos.get(), 1, &dds::kXcdr1);
   return qos;
@@ -106,14 +106,14 @@ struct DdsEndpoint {
 };
 
 Result<DdsEndpoint> make_endpoint(const DdsEntity& participant, const std::string& name,
-                                  const std::string& type, const RosQos& wanted, bool is_writer) {
+                                  const std::string& type, const RosQos& desired, bool is_writer) {
   const dds::Api& api = *dds::api();
   DdsEndpoint made;
   made.type = &dds_type(type);
   made.topic = DdsEntity(
       api.create_topic(participant.get(), &made.type->descriptor, name.c_str(), nullptr, nullptr));
   if (!made.topic.is_good()) return trouble("cannot open the topic " + name, made.topic.get());
-  const QosPointer qos = make_qos(wanted, made.type->hash);
+  const QosPointer qos = make_qos(desired, made.type->hash);
   const auto create = is_writer ? api.create_writer : api.create_reader;
   made.endpoint = DdsEntity(create(participant.get(), made.topic.get(), qos.get(), nullptr));
   if (!made.endpoint.is_good()) {
@@ -198,10 +198,11 @@ class Subscription final : public RosSubscription {
     }
   }
   void take() {
-    constexpr std::size_t kMost = 16;
-    void* samples[kMost] = {};
-    dds::SampleInfo infos[kMost];
-    const auto num = dds::api()->take(reader_.endpoint.get(), samples, infos, kMost, kMost);
+    constexpr std::size_t kMaxSamples = 16;
+    void* samples[kMaxSamples] = {};
+    dds::SampleInfo infos[kMaxSamples];
+    const auto num =
+        dds::api()->take(reader_.endpoint.get(), samples, infos, kMaxSamples, kMaxSamples);
     for (int i = 0; i < num && !is_ending_; ++i) {
       if (infos[i].has_data) received_(reader_.type->layout.from_native(samples[i]));
     }
@@ -225,7 +226,7 @@ std::string configuration(const RosNodeOptions& options) {
          "<AllowMulticast>false</AllowMulticast></General>"
          "<Discovery><ParticipantIndex>auto</ParticipantIndex>"
          "<MaxAutoParticipantIndex>60</MaxAutoParticipantIndex>"
-         "<SPDPInterval>1s</SPDPInterval>"  // to those who begin later and only ask by multicast
+         "<SPDPInterval>1s</SPDPInterval>"  // to those who start later
          "<Peers><Peer address=\"127.0.0.1\"/></Peers></Discovery>";
 }
 
@@ -337,11 +338,11 @@ std::vector<RosTopic> Node::topics() {
   const DdsEntity reader(
       api.create_reader(participant_.get(), dds::kPublications, nullptr, nullptr));
   std::set<RosTopic> found;
-  constexpr std::size_t kMost = 64;
+  constexpr std::size_t kMaxSamples = 64;
   for (;;) {
-    void* samples[kMost] = {};
-    dds::SampleInfo infos[kMost];
-    const auto num = api.take(reader.get(), samples, infos, kMost, kMost);
+    void* samples[kMaxSamples] = {};
+    dds::SampleInfo infos[kMaxSamples];
+    const auto num = api.take(reader.get(), samples, infos, kMaxSamples, kMaxSamples);
     for (int i = 0; i < num; ++i) {
       if (!infos[i].has_data) continue;
       const auto* const endpoint = static_cast<const dds::Endpoint*>(samples[i]);
@@ -351,20 +352,20 @@ std::vector<RosTopic> Node::topics() {
       }
     }
     if (num > 0) api.return_loan(reader.get(), samples, num);
-    if (num < static_cast<int>(kMost)) return {found.begin(), found.end()};
+    if (num < static_cast<int>(kMaxSamples)) return {found.begin(), found.end()};
   }
 }
 
 }  // namespace
 
 Result<RosNodeOptions> RosNodeOptions::of_environment() {
-  constexpr int kMostDomains = 232;  // ports end there
+  constexpr int kMaxDomains = 232;  // ports end there
   RosNodeOptions options;
   const std::string domain = environment("ROS_DOMAIN_ID");
   const auto [end, error] =
       std::from_chars(domain.data(), domain.data() + domain.size(), options.domain);
   if (!domain.empty() && (error != std::errc() || end != domain.data() + domain.size() ||
-                          options.domain < 0 || options.domain > kMostDomains)) {
+                          options.domain < 0 || options.domain > kMaxDomains)) {
     return Error{Errc::invalid_argument, "ROS_DOMAIN_ID is '" + domain.substr(0, 20) +
                                              "'; it must be a number from 0 to 232"};
   }

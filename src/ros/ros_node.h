@@ -15,7 +15,7 @@
 
 namespace palpate::inline v0 {
 
-/// What publishers offer and subscribers ask for.
+/// What publishers offer and subscribers request.
 struct RosQos {
   bool is_reliable = true;  ///< else best effort, which matches both kinds of publishers
   bool is_kept = false;     ///< transient local: who comes later gets the last ones too

@@ -9,18 +9,18 @@
 namespace palpate::inline v0 {
 namespace {
 
-constexpr std::size_t kMostParents = 100;  // of one frame
+constexpr std::size_t kMaxParents = 100;  // of one frame
 
 }  // namespace
 
 void TfHistory::add(const RosStampedTransform& transform, bool is_static) {
   const std::string child = plain_frame(transform.child);
-  if (links_.size() >= kMostFrames && !links_.contains(child)) return;
+  if (links_.size() >= kMaxFrames && !links_.contains(child)) return;
   Link& link = links_[child];
   const std::string parent = plain_frame(transform.parent);
   auto known = std::ranges::find(link.parents, parent);
   if (known == link.parents.end()) {
-    if (link.parents.size() == kMostParents) return;
+    if (link.parents.size() == kMaxParents) return;
     known = link.parents.insert(known, parent);
   }
   if (is_static || link.is_static) link.samples.clear();
@@ -34,10 +34,10 @@ ByTime<TfHistory::Sample>::const_iterator TfHistory::Link::before(double time) c
   return after == samples.begin() ? after : std::prev(after);
 }
 
-std::optional<Pose> TfHistory::Link::in_parent(double time, double most_apart) const {
+std::optional<Pose> TfHistory::Link::in_parent(double time, double max_gap) const {
   if (is_static) return samples.begin()->second.X_PC;
   const bool is_between = time >= samples.begin()->first && time <= samples.rbegin()->first;
-  if (!is_between || nearest_in_time(samples, time) > most_apart) return std::nullopt;
+  if (!is_between || nearest_in_time(samples, time) > max_gap) return std::nullopt;
   const auto at = before(time);
   const auto& [time_a, a] = *at;
   if (time_a == time) return a.X_PC;
@@ -48,7 +48,7 @@ std::optional<Pose> TfHistory::Link::in_parent(double time, double most_apart) c
 
 std::vector<std::string> TfHistory::ancestors(const std::string& frame, double time) const {
   std::vector<std::string> chain{plain_frame(frame)};
-  for (auto link = links_.find(chain.back()); link != links_.end() && chain.size() < kMostFrames;
+  for (auto link = links_.find(chain.back()); link != links_.end() && chain.size() < kMaxFrames;
        link = links_.find(chain.back())) {
     chain.push_back(link->second.parent_at(time));
   }
@@ -67,13 +67,13 @@ std::optional<TfHistory::Chains> TfHistory::chains_between(const std::string& a,
 }
 
 std::optional<Pose> TfHistory::find(const std::string& a, const std::string& b, double time,
-                                    double most_apart) const {
+                                    double max_gap) const {
   const auto chains = chains_between(a, b, time);
   if (!chains) return std::nullopt;
   const auto up = [&](const std::vector<std::string>& chain) -> std::optional<Pose> {
     Pose X_MF;
     for (const std::string& frame : chain) {
-      const auto X_PF = links_.at(frame).in_parent(time, most_apart);
+      const auto X_PF = links_.at(frame).in_parent(time, max_gap);
       if (!X_PF) return std::nullopt;
       X_MF = *X_PF * X_MF;
     }

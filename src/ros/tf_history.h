@@ -25,9 +25,9 @@ class TfHistory {
   /// Frame B in frame A at a time, s since 1970, between the transforms before and after it, by the
   /// parents that frames had then. As in tf2, where a frame goes from one parent to another the
   /// earlier one holds until the later one. None: nothing joins them; a frame that moves
-  /// has samples only before or only after that time, or not within `most_apart` s of it.
+  /// has samples only before or only after that time, or not within `max_gap` s of it.
   std::optional<Pose> find(const std::string& a, const std::string& b, double time,
-                           double most_apart = 1) const;
+                           double max_gap = 1) const;
   /// Until when all that moves between the two is known, s, by the parents of that time; infinity
   /// if nothing may move. Minus infinity: nothing joins them.
   double known_until(const std::string& a, const std::string& b,
@@ -51,7 +51,7 @@ class TfHistory {
     ByTime<Sample> samples;
     ByTime<Sample>::const_iterator before(double time) const;  // the last one; else the first one
     const std::string& parent_at(double time) const { return parents[before(time)->second.parent]; }
-    std::optional<Pose> in_parent(double time, double most_apart) const;
+    std::optional<Pose> in_parent(double time, double max_gap) const;
   };
   /// From a frame up to the first one that is above the other, too; and the other way.
   struct Chains {

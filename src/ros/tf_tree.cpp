@@ -8,7 +8,7 @@ namespace palpate::inline v0 {
 void TfTree::add(const RosStampedTransform& transform) {
   const std::string child = plain_frame(transform.child);
   const std::lock_guard lock(mutex_);
-  if (links_.size() >= kMostFrames && !links_.contains(child)) return;
+  if (links_.size() >= kMaxFrames && !links_.contains(child)) return;
   links_[child] = {plain_frame(transform.parent), transform.X_PC, transform.time};
 }
 
@@ -31,13 +31,13 @@ std::optional<TfTree::Found> TfTree::find(const std::string& a, const std::strin
   std::vector<Step> steps{{plain_frame(a), {}, 0}};
   while (const Link* link = parent_of(steps.back().frame)) {
     const Step& last = steps.back();
-    if (steps.size() > kMostFrames) return std::nullopt;
+    if (steps.size() > kMaxFrames) return std::nullopt;
     steps.push_back({link->parent, link->X_PC * last.X_FA, older(last.time, link->time)});
   }
   std::string frame = plain_frame(b);
   Pose X_FB;
   double time = 0;
-  for (std::size_t i = 0; i < kMostFrames; ++i) {
+  for (std::size_t i = 0; i < kMaxFrames; ++i) {
     const auto met = std::ranges::find(steps, frame, &Step::frame);
     if (met != steps.end()) return Found{inverse(met->X_FA) * X_FB, older(time, met->time)};
     const Link* const link = parent_of(frame);

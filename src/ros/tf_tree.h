@@ -10,7 +10,7 @@
 
 namespace palpate::inline v0 {
 
-inline constexpr std::size_t kMostFrames = 10000;  // of a tree, and in a chain of a damaged one
+inline constexpr std::size_t kMaxFrames = 10000;  // of a tree, and in a chain of a damaged one
 
 /// ROS 1 wrote a slash before.
 inline std::string plain_frame(const std::string& frame) {

@@ -101,7 +101,7 @@ Ground ground_at(std::span<const RegionLookup> lookups, std::span<const SurfaceB
   const std::size_t num = std::min(lookups.size(), cameras.size());
   const double radius = disc.radius();
   Ground ground;
-  std::array<Pose, kMostCameras> X_CW;
+  std::array<Pose, kMaxCameras> X_CW;
   Vec3d t;
   for (std::size_t k = num; k-- > 0;) {
     X_CW[k] = inverse(cameras[k].to.X_WC);

@@ -68,8 +68,8 @@ Status check_flow(std::span<const DepthStreamInfo> streams, const RunSettings& s
 }
 
 Status check_cameras(std::size_t num, const RunSettings& settings) {
-  if (num == 0 || num > kMostCameras) {
-    return Error{Errc::invalid_argument, "a run has 1 to " + std::to_string(kMostCameras) +
+  if (num == 0 || num > kMaxCameras) {
+    return Error{Errc::invalid_argument, "a run has 1 to " + std::to_string(kMaxCameras) +
                                              " cameras, not " + std::to_string(num)};
   }
   if (num > 1 && settings.contact.method != MethodKind::field) {
@@ -98,7 +98,7 @@ Result<std::shared_ptr<const ToolIndex>> thinned_index(const Tool& tool, int num
 int num_key_frames(std::span<const DepthStreamInfo> streams) {
   const auto num_moving =
       static_cast<int>(std::ranges::count_if(streams, &DepthStreamInfo::is_moving));
-  const int num = kMostCameras - static_cast<int>(streams.size());
+  const int num = kMaxCameras - static_cast<int>(streams.size());
   return std::max(1, num_moving > 0 ? num / num_moving : num);
 }
 

@@ -160,14 +160,14 @@ Result<LeadEnd> end_at(const Tool& tool, const Vec3d& tip_T) {
     std::snprintf(
         text, sizeof text,
         "the tip %g, %g, %g is %.3g m away from the tool, which reaches from %.3g, %.3g, "
-        "%.3g to %.3g, %.3g, %.3g: give a point on it, in metres in the frame of its mesh",
+        "%.3g to %.3g, %.3g, %.3g: give a point on it, in meters in the frame of its mesh",
         tip_T.x, tip_T.y, tip_T.z, distance, x.low, y.low, z.low, x.high, y.high, z.high);
     return Error{Errc::invalid_argument, text};
   }
   const Vec3d way = tip_T - tool.sphere_mass().centre_of_mass;
   if (!(norm(way) > 1e-3 * length_of(tool))) {
     std::snprintf(text, sizeof text,
-                  "the tip %g, %g, %g is the centre of mass of the tool, which says nothing about "
+                  "the tip %g, %g, %g is the center of mass of the tool, which says nothing about "
                   "the end that leads: give a point on its surface",
                   tip_T.x, tip_T.y, tip_T.z);
     return Error{Errc::invalid_argument, text};

@@ -8,7 +8,7 @@
 
 namespace palpate::inline v0 {
 
-inline constexpr int kMostLead = 128;
+inline constexpr int kMaxLeadFrames = 128;
 
 /// So many frames before it the surface of a frame is blended with or predicted from.
 inline int num_blended_frames(const TimeOptions& time) {
@@ -17,7 +17,7 @@ inline int num_blended_frames(const TimeOptions& time) {
 
 /// How many frames before it decide what the surface of a frame is like: those that it is blended
 /// with or predicted from, and those in its average or memory. What is further back is not seen in
-/// an average with 8 bits, or too long ago to be made up for (kMostLead).
+/// an average with 8 bits, or too long ago to be made up for (kMaxLeadFrames).
 inline int num_lead_frames(const TimeOptions& time) {
   const DepthAverageOptions& average = time.average;
   double averaged = 0;
@@ -28,10 +28,10 @@ inline int num_lead_frames(const TimeOptions& time) {
     averaged = average.weight < 1 ? std::log(kForgotten) / std::log1p(-average.weight) : 0;
     averaged = std::ceil(averaged) + average.keep_frames;
   } else if (average.kind == DepthAverage::kalman) {
-    averaged = kMostLead;
+    averaged = kMaxLeadFrames;
   }
-  if (time.memory.kind != DepthMemory::off) averaged = kMostLead;
-  return num_blended_frames(time) + static_cast<int>(std::min<double>(averaged, kMostLead));
+  if (time.memory.kind != DepthMemory::off) averaged = kMaxLeadFrames;
+  return num_blended_frames(time) + static_cast<int>(std::min<double>(averaged, kMaxLeadFrames));
 }
 
 /// Whether that gives the same bits: an exponential average and a memory go back farther, and so
@@ -39,7 +39,7 @@ inline int num_lead_frames(const TimeOptions& time) {
 inline bool has_whole_lead(const TimeOptions& time) {
   if (time.memory.kind != DepthMemory::off) return false;
   return time.average.kind == DepthAverage::none || time.average.kind == DepthAverage::kalman ||
-         (time.average.kind == DepthAverage::moving && num_lead_frames(time) < kMostLead);
+         (time.average.kind == DepthAverage::moving && num_lead_frames(time) < kMaxLeadFrames);
 }
 
 }  // namespace palpate::inline v0

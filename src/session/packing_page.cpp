@@ -14,7 +14,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 // What a page holds at most.
-constexpr std::size_t kMostValues = 4000;
+constexpr std::size_t kMaxValues = 4000;
 
 Json list(const Vec3d& v, int digits = 6) {
   return {compact(v.x, digits), compact(v.y, digits), compact(v.z, digits)};
@@ -24,7 +24,7 @@ Json list(const Vec3d& v, int digits = 6) {
 template <class Value>
 Json ranks(const std::vector<Value>& sorted) {
   Json json = Json::array();
-  const std::size_t num = std::min(sorted.size(), kMostValues);
+  const std::size_t num = std::min(sorted.size(), kMaxValues);
   for (std::size_t i = 0; i < num; ++i) {
     const std::size_t rank = num == 1 ? 0 : i * (sorted.size() - 1) / (num - 1);
     json.push_back(compact(static_cast<double>(sorted[rank])));

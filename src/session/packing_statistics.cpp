@@ -18,7 +18,7 @@ double distance(const Vec3d& p, const Sphere& sphere) {
 // Half of the surface is within 0.39 to 0.48 of what 95 % are within, in all packings alike. Only
 // where more than 5 % of it belong to a part that is thinner than the spheres it is less: then this
 // many times p50 is about what 95 % of the rest are within.
-constexpr double kMostOfHalf = 3;
+constexpr double kMaxOfHalf = 3;
 
 /// Nearest sphere to p, by branch and bound: no sphere is nearer than the node that contains it.
 /// `guess` is any sphere; a near one saves work. One that is not farther than `floor` is near
@@ -70,8 +70,8 @@ std::optional<PowerLaw> fit_power_law(std::span<const double> void_fractions, in
   std::vector<double> x, y;
   int previous = 0;
   for (int k = 0;; ++k) {
-    const double wanted = std::round(first * std::pow(10.0, static_cast<double>(k) / kPerDecade));
-    const int n = static_cast<int>(std::min<double>(wanted, last));
+    const double desired = std::round(first * std::pow(10.0, static_cast<double>(k) / kPerDecade));
+    const int n = static_cast<int>(std::min<double>(desired, last));
     if (n != previous) {
       const double share = void_fractions[static_cast<std::size_t>(n) - 1];
       if (!(share > 0)) return std::nullopt;
@@ -132,7 +132,7 @@ std::optional<std::string> empty_part(const Tool& tool, const Standoff& standoff
   const Bounds box = bounds(tool.mesh());
   const Vec3d size = box.high - box.low;
   const double longest = std::max({size.x, size.y, size.z});
-  const double usual = std::min(standoff.p95, kMostOfHalf * nearest_rank(standoff.samples, 0.5));
+  const double usual = std::min(standoff.p95, kMaxOfHalf * nearest_rank(standoff.samples, 0.5));
   if (standoff.max <= standoff_bound(usual, longest)) return std::nullopt;
   const char* advice = "pack more spheres, or allow smaller ones (--min-radius, --camera-spacing)";
   if (tool.packing().stop == PackStop::exhausted) {

@@ -16,12 +16,12 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr std::size_t kMostPixels = 1280 * 1024;  // of a depth image
+constexpr std::size_t kMaxPixels = 1280 * 1024;  // of a depth image
 
 Json list(const Vec3d& v) { return {compact(v.x, 6), compact(v.y, 6), compact(v.z, 6)}; }
 
 Json mesh_json(const TriangleMesh& mesh) {
-  if (mesh.triangles.size() > kMostPageTriangles) return nullptr;
+  if (mesh.triangles.size() > kMaxPageTriangles) return nullptr;
   std::vector<float> positions;
   for (const Vec3d& p : mesh.vertices) {
     for (int axis = 0; axis < 3; ++axis) positions.push_back(static_cast<float>(p[axis]));
@@ -103,7 +103,7 @@ Json solid_json(const Tool& tool, std::span<const Sphere> spheres) {
           {"high_m", list(box.high)},
           {"centre_of_mass_m", list(tool.sphere_mass().centre_of_mass)},
           {"radius_m", compact(reach(tool, spheres))},
-          {"spheres", packed<Sphere>(spheres.first(std::min(spheres.size(), kMostPageSpheres)))},
+          {"spheres", packed<Sphere>(spheres.first(std::min(spheres.size(), kMaxPageSpheres)))},
           {"mesh", mesh_json(tool.mesh())}};
 }
 
@@ -111,10 +111,10 @@ Json seen_tool_json(const Tool& tool, const Pose& X_CT, const DepthStreamInfo& s
                     const DepthFrame& image, std::span<const SphereState> states,
                     std::span<const Plane<float>> planes) {
   // Spheres are stored by size, as good as.
-  const std::size_t num_shown = std::min(states.size(), kMostPageSpheres);
+  const std::size_t num_shown = std::min(states.size(), kMaxPageSpheres);
   const auto& [fx, fy, cx, cy] = stream.intrinsics;
-  const int n = static_cast<int>(
-      std::ceil(std::sqrt(static_cast<double>(image.pixels.size()) / kMostPixels)));
+  const int n =
+      static_cast<int>(std::ceil(std::sqrt(static_cast<double>(image.pixels.size()) / kMaxPixels)));
   const DepthFrame frame = thinned(image, n);
   Json pose = Json::array();
   for (const double value : seven_numbers(X_CT)) pose.push_back(compact(value, 9));

@@ -12,14 +12,14 @@ namespace palpate::inline v0 {
 namespace {
 
 constexpr double kFraction = ProbingMotion::kFraction;  // of the tool, behind the surface
-constexpr double kMostFraction = 0.22;                  // never more, by what single frames show
+constexpr double kMaxFraction = 0.22;                   // never more, by what single frames show
 constexpr std::size_t kStudySpheres = 1000;
 
 /// How deep the tool may be, as distances of its tip from the camera.
 struct Reach {
   double free = INFINITY;  ///< nothing is touched up to here
   double aim = INFINITY;   ///< kFraction of the tool is in, or its tip is kFraction deep
-  double most = INFINITY;  ///< kMostFraction is in: no farther
+  double most = INFINITY;  ///< kMaxFraction is in: no farther
 };
 
 /// Feels its way into single frames with the query itself, which sees what any part of the tool
@@ -71,8 +71,8 @@ class DepthProbe {
       if (in == 0 && reach.free == before) reach.free = std::min(here, surface);
       if (in >= kFraction && reach.aim == aim)
         reach.aim = std::min(aim, cross(motion, time, before, here, kFraction));
-      if (in >= kMostFraction) {
-        reach.most = cross(motion, time, before, here, kMostFraction);
+      if (in >= kMaxFraction) {
+        reach.most = cross(motion, time, before, here, kMaxFraction);
         break;
       }
       before = here;
@@ -118,7 +118,7 @@ Result<ProbeDepths> probe_stream(DepthSource& stream, const Tool& tool, const Pr
   ThreadPool pool;
   ProbeDepths depths;
   std::vector<double> middles, aims;
-  double free_before = INFINITY, most_before = INFINITY;
+  double free_before = INFINITY, max_before = INFINITY;
   const auto feel_part = [&](double begin, double stop) {
     const Reach a = probe->reach(motion, begin), b = probe->reach(motion, stop);
     middles.push_back((begin + stop) / 2);
@@ -128,9 +128,9 @@ Result<ProbeDepths> probe_stream(DepthSource& stream, const Tool& tool, const Pr
     depths.free.times.push_back(begin);
     depths.free.depths.push_back(std::min(free_before, free));
     depths.most.times.push_back(begin);
-    depths.most.depths.push_back(std::min(most_before, most));
+    depths.most.depths.push_back(std::min(max_before, most));
     free_before = free;
-    most_before = most;
+    max_before = most;
   };
   const auto probe_frame = [&](double begin, double stop) {
     const int parts = std::clamp(static_cast<int>(std::ceil((stop - begin) / 0.1)), 1, 100);
@@ -155,7 +155,7 @@ Result<ProbeDepths> probe_stream(DepthSource& stream, const Tool& tool, const Pr
   depths.free.times.push_back(end);
   depths.free.depths.push_back(free_before);
   depths.most.times.push_back(end);
-  depths.most.depths.push_back(most_before);
+  depths.most.depths.push_back(max_before);
   depths.aim = smooth_profile(std::move(middles), std::move(aims));
   return depths;
 }

@@ -129,14 +129,14 @@ Vec3d ProbingMotion::ray(double time) const {
   return (1 - shift) * first_ray_ + shift * last_ray_;
 }
 
-std::vector<double> within_speed(std::vector<double> wanted, const std::vector<double>& steps) {
-  for (std::size_t i = 1; i < wanted.size(); ++i) {
-    wanted[i] = std::min(wanted[i], wanted[i - 1] + steps[i]);
+std::vector<double> within_speed(std::vector<double> desired, const std::vector<double>& steps) {
+  for (std::size_t i = 1; i < desired.size(); ++i) {
+    desired[i] = std::min(desired[i], desired[i - 1] + steps[i]);
   }
-  for (std::size_t i = wanted.size() - 1; i > 0; --i) {
-    wanted[i - 1] = std::min(wanted[i - 1], wanted[i] + steps[i]);
+  for (std::size_t i = desired.size() - 1; i > 0; --i) {
+    desired[i - 1] = std::min(desired[i - 1], desired[i] + steps[i]);
   }
-  return wanted;
+  return desired;
 }
 
 }  // namespace palpate::inline v0

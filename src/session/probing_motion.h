@@ -60,8 +60,8 @@ class ProbingMotion {
   Imprint tip_;
 };
 
-/// The largest distances that are nowhere above `wanted` and change by at most `steps[i]` from i -
-/// 1 to i: where `wanted` jumps, they turn in time.
-std::vector<double> within_speed(std::vector<double> wanted, const std::vector<double>& steps);
+/// The largest distances that are nowhere above `desired` and change by at most `steps[i]` from i -
+/// 1 to i: where `desired` jumps, they turn in time.
+std::vector<double> within_speed(std::vector<double> desired, const std::vector<double>& steps);
 
 }  // namespace palpate::inline v0

@@ -44,7 +44,7 @@ Result<std::optional<std::array<double, 2>>> aimed_pixel(const ProbeAim& aim,
     if (!(p.z > 0)) {
       return bad_aim(
           "%s is not in front of the camera, which looks along +z: give x, y, z in "
-          "metres in its axes (x right, y down, z forward)",
+          "meters in its axes (x right, y down, z forward)",
           what);
     }
     const Intrinsics& k = info.intrinsics;
@@ -97,7 +97,7 @@ Result<ProbeTarget> find_target(const CoarseDepth& scene) {
   }
   return Error{
       Errc::bad_input,
-      "the frames show no usable surface near their centre to touch: check the depth unit, aim "
+      "the frames show no usable surface near their center to touch: check the depth unit, aim "
       "with --probe, or give a tool path with --path"};
 }
 
@@ -138,20 +138,20 @@ struct Plan {
 /// Where the tool wants to be, but lifted where it cannot follow: around jumps of the surface, so
 /// that it does not stand in what comes, and as long as the surface is out of reach behind one,
 /// where it must not press through what else is there on its way.
-std::vector<double> lifted_at_jumps(const std::vector<double>& wanted,
+std::vector<double> lifted_at_jumps(const std::vector<double>& desired,
                                     const std::vector<double>& free,
                                     const std::vector<double>& steps, double period) {
-  std::vector<double> lifted = wanted;
+  std::vector<double> lifted = desired;
   const auto margin = static_cast<std::size_t>(std::ceil(kJumpMargin / period));
-  const std::size_t last = wanted.size() - 1;
-  double reached = wanted[0];  // at this speed, if nothing ever came nearer again
+  const std::size_t last = desired.size() - 1;
+  double reached = desired[0];  // at this speed, if nothing ever came nearer again
   for (std::size_t i = 0; i <= last; ++i) {
-    if (i > 0) reached = std::min(wanted[i], reached + steps[i]);
-    if (wanted[i] - reached > kLost) lifted[i] = std::min(lifted[i], free[i] - kClearance);
+    if (i > 0) reached = std::min(desired[i], reached + steps[i]);
+    if (desired[i] - reached > kLost) lifted[i] = std::min(lifted[i], free[i] - kClearance);
     const std::size_t before = i > margin / 2 ? i - margin / 2 : 0;
     const std::size_t after = std::min(last, i + margin / 2);
     const double possible = kProbeSpeed * period * static_cast<double>(after - before);
-    if (std::abs(wanted[after] - wanted[before]) < kLost + possible) continue;
+    if (std::abs(desired[after] - desired[before]) < kLost + possible) continue;
     const std::size_t begin = i > margin ? i - margin : 0, end = std::min(last, i + margin);
     const double nearest = *std::min_element(free.begin() + static_cast<std::ptrdiff_t>(begin),
                                              free.begin() + static_cast<std::ptrdiff_t>(end) + 1);
@@ -165,14 +165,14 @@ Plan plan(const ProbingMotion& motion, const ProbeDepths& depths, double end) {
   Plan plan;
   const auto num_steps = static_cast<std::size_t>(std::max(1.0, std::ceil(end * kPoseRate)));
   const double period = end / static_cast<double>(num_steps);
-  std::vector<double> wanted, free;
+  std::vector<double> desired, free;
   double farthest = 0, free_before = INFINITY, free_after = INFINITY;
   for (std::size_t i = 0; i <= num_steps; ++i) {
     const double time = end * static_cast<double>(i) / static_cast<double>(num_steps);
     plan.times.push_back(time);
-    wanted.push_back(std::min(depths.aim.at(time), depths.most.at(time)));
+    desired.push_back(std::min(depths.aim.at(time), depths.most.at(time)));
     free.push_back(depths.free.at(time));
-    farthest = std::max(farthest, wanted.back());
+    farthest = std::max(farthest, desired.back());
     double& free_there = time < end / 2 ? free_before : free_after;
     if (motion.pressed(time) < 0.5) free_there = std::min(free_there, free.back());
   }
@@ -181,7 +181,7 @@ Plan plan(const ProbingMotion& motion, const ProbeDepths& depths, double end) {
     const double sideways = motion.sideways_speed(plan.times[i - 1], plan.times[i], farthest);
     steps.push_back(std::max(0.0, kSpeedMargin * kProbeSpeed - sideways) * period);
   }
-  const std::vector<double> target = lifted_at_jumps(wanted, free, steps, period);
+  const std::vector<double> target = lifted_at_jumps(desired, free, steps, period);
   // Room to start from; beside the camera rather than behind it, if that is enough, and not more
   // than the time allows.
   const double way = 0.2 * end * kSpeedMargin * kProbeSpeed - motion.press();
@@ -197,8 +197,8 @@ Plan plan(const ProbingMotion& motion, const ProbeDepths& depths, double end) {
   const std::vector<double> possible = within_speed(target, steps);
   for (std::size_t i = 0; i <= num_steps; ++i) {
     if (motion.pressed(plan.times[i]) < 0.9) continue;
-    if (wanted[i] - plan.distances[i] < 0.005) plan.arrives = true;
-    if (wanted[i] - possible[i] > kLost) plan.lifted += period;
+    if (desired[i] - plan.distances[i] < 0.005) plan.arrives = true;
+    if (desired[i] - possible[i] > kLost) plan.lifted += period;
   }
   return plan;
 }

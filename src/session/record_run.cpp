@@ -126,7 +126,7 @@ class RecordingObserver {
   void add_source_note(double time, std::string text) {
     say(time, text);
     recorder_->add_note(text);
-    if (source_notes_.size() < kMostSourceNotes) source_notes_.push_back(std::move(text));
+    if (source_notes_.size() < kMaxSourceNotes) source_notes_.push_back(std::move(text));
   }
   void add(const TickRecord& tick) {
     recorder_->add_tick(tick);
@@ -149,7 +149,7 @@ class RecordingObserver {
     if (say_) say_(time, text);
   }
 
-  static constexpr std::size_t kMostSourceNotes = 100;
+  static constexpr std::size_t kMaxSourceNotes = 100;
 
   const DepthSources& sources_;
   UnseenWatch unseen_;

@@ -59,7 +59,7 @@ void visit_fields(T& frame, auto&& visit) {
   visit("unit", frame.unit);
   visit("camera_pose", frame.X_WC);
   visit("surface", frame.surface);
-  visit("asked", frame.asked);
+  visit("asked", frame.requested);
   visit("compute_nanoseconds", frame.compute_nanoseconds);
 }
 

@@ -82,11 +82,11 @@ void visit_fields(T& note, auto&& visit) {
 }
 
 std::span<const CameraBlend> seen(const CameraBlends& cameras) {
-  return {cameras.of, std::min<std::size_t>(cameras.num, kMostCameras)};
+  return {cameras.of, std::min<std::size_t>(cameras.num, kMaxCameras)};
 }
 
 std::span<const Pose> poses(const BodyPoses& bodies) {
-  return {bodies.of, std::min<std::size_t>(bodies.num, kMostMovingBodies)};
+  return {bodies.of, std::min<std::size_t>(bodies.num, kMaxMovingBodies)};
 }
 
 template <class T>
@@ -152,12 +152,12 @@ struct Reader {
       }
     } else if constexpr (std::same_as<T, CameraBlends>) {
       value.num = from.number<std::uint32_t>();
-      for (std::uint32_t k = 0; k < value.num && k < kMostCameras; ++k) {
+      for (std::uint32_t k = 0; k < value.num && k < kMaxCameras; ++k) {
         visit_fields(value.of[k], *this);
       }
     } else if constexpr (std::same_as<T, BodyPoses>) {
       value.num = from.number<std::uint32_t>();
-      for (std::uint32_t k = 0; k < value.num && k < kMostMovingBodies; ++k) {
+      for (std::uint32_t k = 0; k < value.num && k < kMaxMovingBodies; ++k) {
         visit_fields(value.of[k], *this);
       }
     } else if constexpr (std::same_as<T, Stiffness>) {
@@ -277,11 +277,11 @@ struct Flattener {
     if constexpr (Scalar<T>) {
       put(at, value);
     } else if constexpr (std::same_as<T, CameraBlends>) {
-      for (std::uint32_t k = 0; k < value.num && k < kMostCameras; ++k) {
+      for (std::uint32_t k = 0; k < value.num && k < kMaxCameras; ++k) {
         visit_fields(value.of[k], Flattener{values, at + "/" + std::to_string(k)});
       }
     } else if constexpr (std::same_as<T, BodyPoses>) {
-      for (std::uint32_t k = 0; k < value.num && k < kMostMovingBodies; ++k) {
+      for (std::uint32_t k = 0; k < value.num && k < kMaxMovingBodies; ++k) {
         visit_fields(value.of[k], Flattener{values, at + "/" + std::to_string(k)});
       }
     } else if constexpr (std::same_as<T, Stiffness>) {
@@ -379,8 +379,8 @@ std::vector<std::shared_ptr<const MaterialRegions>> regions_from(const Json& lis
 }
 
 Result<RunSetup> setup_of(const SettingsText& text) {
-  constexpr std::size_t kMostDepth = 16, kMostMembers = 200;
-  if (const std::string fault = JsonShape::fault_of(text.json, kMostDepth, kMostMembers);
+  constexpr std::size_t kMaxDepth = 16, kMaxMembers = 200;
+  if (const std::string fault = JsonShape::fault_of(text.json, kMaxDepth, kMaxMembers);
       !fault.empty()) {
     return Error{Errc::bad_input, "the text of the settings " + fault + "; record the run again"};
   }
@@ -400,7 +400,7 @@ Result<RunSetup> setup_of(const SettingsText& text) {
   setup.settings.objects = objects_from(json.at("objects"));
   if (json.contains("regions")) setup.settings.regions = regions_from(json.at("regions"));
   for (const Json& stream : json.at("streams")) setup.streams.push_back(stream_from_json(stream));
-  if (setup.streams.empty() || setup.streams.size() > kMostCameras) {
+  if (setup.streams.empty() || setup.streams.size() > kMaxCameras) {
     return Error{Errc::bad_input,
                  "the recording has no camera, or more than there can be; record "
                  "the run again"};
@@ -498,11 +498,11 @@ Result<EstimateStart> read_estimate(std::string_view message) {
 Result<FrameRecord> read_frame(std::string_view message) { return read<FrameRecord>(message); }
 Result<ContactRecord> read_contact(std::string_view message) {
   auto contact = read<ContactRecord>(message);
-  if (contact && contact->cameras.num > kMostCameras) {
+  if (contact && contact->cameras.num > kMaxCameras) {
     return Error{Errc::bad_input, "a contact has " + std::to_string(contact->cameras.num) +
                                       " cameras, more than there can be; record the run again"};
   }
-  if (contact && contact->bodies.num > kMostMovingBodies) {
+  if (contact && contact->bodies.num > kMaxMovingBodies) {
     return Error{Errc::bad_input, "a contact has " + std::to_string(contact->bodies.num) +
                                       " bodies, more than can move; record the run again"};
   }

@@ -19,7 +19,7 @@ class NewestFrames {
  public:
   /// Whether its camera has shown none as new yet.
   bool is_new(const FrameRecord& frame) {
-    if (frame.camera >= kMostCameras) return false;
+    if (frame.camera >= kMaxCameras) return false;
     std::int64_t& newest = newest_[frame.camera];
     if (static_cast<std::int64_t>(frame.camera_frame) <= newest) return false;
     newest = static_cast<std::int64_t>(frame.camera_frame);
@@ -27,7 +27,7 @@ class NewestFrames {
   }
 
  private:
-  std::vector<std::int64_t> newest_ = std::vector<std::int64_t>(kMostCameras, -1);
+  std::vector<std::int64_t> newest_ = std::vector<std::int64_t>(kMaxCameras, -1);
 };
 
 class RunReader {

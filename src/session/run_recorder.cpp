@@ -230,12 +230,12 @@ Status RunRecorder::begin_after(const HandSnapshot& snapshot) {
 }
 
 void RunRecorder::add_hand_snapshot(const HandSnapshot& snapshot) {
-  constexpr double kMostReserve = 1 << 30, kShare = 0.02, kLongestPatience = 60,
+  constexpr double kMaxReserve = 1 << 30, kShare = 0.02, kLongestPatience = 60,
                    kTolerance = 0.1;  // snapshots are not quite a second apart
   std::error_code error;
   const fs::space_info space = fs::space(folder(), error);
   const double reserve = options_.reserve_bytes.value_or(
-      std::min(kMostReserve, kShare * static_cast<double>(space.capacity)));
+      std::min(kMaxReserve, kShare * static_cast<double>(space.capacity)));
   const bool has_space = error || static_cast<double>(space.available) >= reserve;
   if (writer_ && !has_space) {
     const auto left = static_cast<std::uint64_t>(space.available >> 20);
@@ -370,7 +370,7 @@ void RunRecorder::add_tick(const TickRecord& tick) {
 /// What no part that begins later needs: ticks rest on the contact of this one or on later ones,
 /// contacts on the frame of the first of these or on later ones, and frames on those in their lead.
 void RunRecorder::forget(const TickRecord& tick) {
-  constexpr std::int64_t kMostUnfelt = 4;  // frames, while nothing is measured
+  constexpr std::int64_t kMaxIdleFrames = 4;  // frames, while nothing is measured
   while (!contacts_.empty() && contacts_.front().number < tick.contact_number) {
     contacts_.pop_front();
   }
@@ -385,7 +385,7 @@ void RunRecorder::forget(const TickRecord& tick) {
     const auto number = [](const RecordedDepth& frame) {
       return static_cast<std::int64_t>(frame.record.camera_frame);
     };
-    const std::int64_t needed = contacts_.empty() ? number(frames.back()) - kMostUnfelt
+    const std::int64_t needed = contacts_.empty() ? number(frames.back()) - kMaxIdleFrames
                                                   : contacts_.front().cameras.of[k].camera_frame;
     // A contact may come before its frame.
     while (!frames.empty() && number(frames.front()) + lead < needed) {

@@ -49,7 +49,7 @@ void ContactRepetition::push_next(Camera& camera, SurfaceBlend& blend) {
     timelines.erase(timelines.begin());
   }
   SurfaceTimeline& timeline = timelines.begin()->second;
-  timeline.push(next.frame, next.record.capture_time, *pool_, next.record.asked);
+  timeline.push(next.frame, next.record.capture_time, *pool_, next.record.requested);
   blend = timeline.at(next.record.capture_time);
   camera.key_frames = timeline.key_frames();
   camera.capture_time = next.record.capture_time;
@@ -63,10 +63,10 @@ ContactRecord ContactRepetition::repeat(const ContactRecord& recorded) {
   views_.begin();
   for (std::size_t k = 0; k < cameras_.size(); ++k) {
     Camera& camera = cameras_[k];
-    const auto& [wanted, progress] = recorded.cameras.of[k];
-    while (camera.pushed < wanted && !camera.frames.empty()) push_next(camera, views_[k]);
+    const auto& [desired, progress] = recorded.cameras.of[k];
+    while (camera.pushed < desired && !camera.frames.empty()) push_next(camera, views_[k]);
     views_[k].progress = progress;
-    if (wanted < 0) continue;
+    if (desired < 0) continue;
     views_.remember(camera.key_frames, progress);
     repeated.capture_time =
         is_seen ? std::min(repeated.capture_time, camera.capture_time) : camera.capture_time;

@@ -29,7 +29,7 @@ struct RunLog {
   LoopReport loop;
   RunSeries series;
   RunPeaks peaks;
-  std::vector<FaultPeriod> faults;  ///< the first kMostFaultPeriods, without the end of the run
+  std::vector<FaultPeriod> faults;  ///< the first kMaxFaultPeriods, without the end of the run
   TickRecord deepest;               ///< the tick with the largest volume, or the first one
   /// The frame in use then, of each camera; no pixels where it is not known.
   std::vector<DepthFrame> deepest_frames;

@@ -16,9 +16,9 @@ namespace {
 
 constexpr const char* kCsv = "wrench.csv";
 constexpr const char* kUnfinishedCsv = "wrench.csv.part";
-constexpr std::size_t kMostFaultPeriods = 1000;
-constexpr std::size_t kMostCaptures = 100'000;  // drawn in plots: an hour of frames
-constexpr std::size_t kNumRecent = 3;           // frames; contacts are at most one behind
+constexpr std::size_t kMaxFaultPeriods = 1000;
+constexpr std::size_t kMaxCaptures = 100'000;  // drawn in plots: an hour of frames
+constexpr std::size_t kNumRecent = 3;          // frames; contacts are at most one behind
 
 /// `measure` is the contact's volume times direction, before the volume stiffness makes newtons.
 constexpr const char* kHeader =
@@ -67,10 +67,10 @@ void RunResults::add_settings(const RunSettings& settings) {
 }
 
 void RunResults::add_frame(const FrameRecord& record, const DepthFrame& frame) {
-  if (captures_.size() < kMostCaptures) captures_.push_back(record.capture_time);
+  if (captures_.size() < kMaxCaptures) captures_.push_back(record.capture_time);
   ++num_frames_;
   // Where only a window was made, the measurements are those of the whole image all the same.
-  const bool has_all = record.asked.has_all(frame.width, frame.height);
+  const bool has_all = record.requested.has_all(frame.width, frame.height);
   const int num_points = has_all ? record.surface.num_points : record.surface.num_valid;
   if (num_points < 0.001 * frame.width * frame.height) {
     if (num_scarce_++ == 0) {
@@ -154,7 +154,7 @@ void RunResults::add_row(const TickRecord& tick) {
 
 /// Where it was at the newest of its images that the tick rests on.
 Pose RunResults::first_camera_at(const TickRecord& tick) {
-  // Ticks come in order: what one of them has left behind no later one asks for.
+  // Ticks come in order: what one of them has left behind no later one needs.
   const auto is_passed = [&](std::size_t i) {
     return i < first_poses_.size() && first_poses_[i].number <= tick.frame_number;
   };
@@ -186,7 +186,7 @@ void RunResults::add_fault(const TickRecord& tick) {
   if (is_open && safety.is_engaged()) faults_.back().seconds = tick.time - faults_.back().time;
   const bool is_new = safety.num_faults > num_faults_ && safety.fault != Fault::stopped;
   num_faults_ = safety.num_faults;
-  if (!is_new || faults_.size() == kMostFaultPeriods) return;
+  if (!is_new || faults_.size() == kMaxFaultPeriods) return;
   // One that came while the force was still away: the time without force goes on.
   if (is_open) {
     faults_.back().fault = safety.fault;

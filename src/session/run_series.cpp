@@ -13,22 +13,22 @@ double force(const TickRecord& tick) {
 }
 
 /// Notes when a value is largest, first.
-void raise(double value, double time, double& most, double& most_time) {
+void raise(double value, double time, double& most, double& time_of_max) {
   if (!(value > most)) return;
   most = value;
-  most_time = time;
+  time_of_max = time;
 }
 
 }  // namespace
 
 void RunSeries::add(const TickRecord& tick) {
   if (num_in_group_ == 0) {
-    if (ticks_.size() == kMost) {
-      for (std::size_t i = 0; i < kMost / 2; ++i) {
+    if (ticks_.size() == kMaxTicks) {
+      for (std::size_t i = 0; i < kMaxTicks / 2; ++i) {
         const TickRecord &a = ticks_[2 * i], &b = ticks_[2 * i + 1];
         ticks_[i] = force(b) > force(a) ? b : a;
       }
-      ticks_.resize(kMost / 2);
+      ticks_.resize(kMaxTicks / 2);
       group_size_ *= 2;
     }
     ticks_.push_back(tick);
@@ -41,7 +41,7 @@ void RunSeries::add(const TickRecord& tick) {
 void RunPeaks::add(const TickRecord& tick) {
   force = std::max(force, norm(tick.F_H_B.force));
   torque = std::max(torque, norm(tick.F_H_B.torque));
-  wanted_force = std::max(wanted_force, norm(tick.step.F_H_B.force));
+  desired_force = std::max(desired_force, norm(tick.step.F_H_B.force));
   raise(norm(tick.step.contact_W.force), tick.time, contact_force, contact_force_time);
   contact_torque = std::max(contact_torque, norm(tick.step.contact_W.torque));
   stretch = std::max(stretch, tick.step.stretch);

@@ -15,7 +15,7 @@ class RunSeries {
   const std::vector<TickRecord>& ticks() const { return ticks_; }
 
  private:
-  static constexpr std::size_t kMost = 1 << 14;
+  static constexpr std::size_t kMaxTicks = 1 << 14;
   std::vector<TickRecord> ticks_;
   std::size_t group_size_ = 1, num_in_group_ = 0;  // the last of ticks_ stands for the open group
 };

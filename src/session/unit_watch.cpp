@@ -9,11 +9,11 @@ namespace palpate::inline v0 {
 namespace {
 
 constexpr double kUsualUnits[] = {0.001, 0.00025, 0.0002, 0.000125, 0.0001};
-constexpr double kApart = 1.8;       // times: nearer than this the tool may have met something
-constexpr double kAlike = 1.2;       // times: a factor is about that of two units
-constexpr double kNearest = 0.05;    // m, of a tool that a camera sees
-constexpr std::size_t kFewest = 20;  // measurements around the tool
-constexpr int kFewestLooks = 3, kSamples = 15;  // a side
+constexpr double kApart = 1.8;     // times: nearer than this the tool may have met something
+constexpr double kAlike = 1.2;     // times: a factor is about that of two units
+constexpr double kNearest = 0.05;  // m, of a tool that a camera sees
+constexpr std::size_t kMinMeasurements = 20;  // measurements around the tool
+constexpr int kMinLooks = 3, kSamples = 15;   // a side
 
 /// The unit with which what is seen `ratio` times as far as the tool would be where the tool is; 0:
 /// none that is used.
@@ -68,7 +68,7 @@ void UnitWatch::take(const ContactRecord& contact) {
         if (count != 0 && count != 65535) counts_.push_back(count);
       }
     }
-    if (counts_.size() < kFewest) continue;
+    if (counts_.size() < kMinMeasurements) continue;
     const auto middle = counts_.begin() + static_cast<std::ptrdiff_t>(counts_.size() / 2);
     std::nth_element(counts_.begin(), middle, counts_.end());
     const double ratio = *middle * camera.unit / p_C[2];
@@ -81,7 +81,7 @@ void UnitWatch::take(const ContactRecord& contact) {
 std::vector<std::string> UnitWatch::doubts() {
   std::vector<std::string> doubts;
   for (Camera& camera : cameras_) {
-    if (camera.has_reported || camera.num_looks < kFewestLooks) continue;
+    if (camera.has_reported || camera.num_looks < kMinLooks) continue;
     const bool is_far = camera.least > kApart, is_near = camera.most < 1 / kApart;
     // A tool that goes to something is nearest to it, in the right unit, where this is least.
     const double unit = is_far || is_near ? likely_unit(camera.unit, camera.least) : 0;

@@ -66,8 +66,8 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
 }  // namespace
 
 std::string shortest_decimal(double value) {
-  constexpr double kMostDigits = 1e15;
-  const bool is_whole = value == std::floor(value) && std::abs(value) < kMostDigits;
+  constexpr double kMaxDigits = 1e15;
+  const bool is_whole = value == std::floor(value) && std::abs(value) < kMaxDigits;
   char text[32];
   char* const end =
       is_whole ? std::to_chars(text, text + sizeof text, value, std::chars_format::fixed).ptr

@@ -6,7 +6,7 @@
 namespace palpate::inline v0 {
 namespace {
 
-constexpr std::size_t kMostBytes = std::size_t(64) << 20, kFewest = 3;
+constexpr std::size_t kMaxBytes = std::size_t(64) << 20, kMinFrames = 3;
 
 }  // namespace
 
@@ -16,8 +16,8 @@ FrameCache::FrameCache(RecordedRun& run) : run_(run) {
     num_pixels = std::max(num_pixels, static_cast<std::size_t>(stream.width) *
                                           static_cast<std::size_t>(stream.height));
   }
-  most_ = std::max(kFewest,
-                   kMostBytes / (sizeof(std::uint16_t) * std::max<std::size_t>(num_pixels, 1)));
+  max_frames_ = std::max(
+      kMinFrames, kMaxBytes / (sizeof(std::uint16_t) * std::max<std::size_t>(num_pixels, 1)));
 }
 
 Result<std::shared_ptr<const RecordedFrame>> FrameCache::get(std::size_t index) {
@@ -30,7 +30,7 @@ Result<std::shared_ptr<const RecordedFrame>> FrameCache::get(std::size_t index) 
   auto frame = run_.read_frame(index);
   if (!frame) return frame.error();
   frames_.emplace_front(index, std::make_shared<const RecordedFrame>(*std::move(frame)));
-  if (frames_.size() > most_) frames_.pop_back();
+  if (frames_.size() > max_frames_) frames_.pop_back();
   return frames_.front().second;
 }
 

@@ -17,7 +17,7 @@ class FrameCache {
 
  private:
   RecordedRun& run_;
-  std::size_t most_;
+  std::size_t max_frames_;
   std::list<std::pair<std::size_t, std::shared_ptr<const RecordedFrame>>> frames_;
 };
 

@@ -52,10 +52,10 @@ HttpAnswer answer_command(std::string_view body, ViewHub& hub) {
 
 HttpAnswer answer_api(const HttpQuestion& question, ViewHub& hub, double now) {
   const std::string_view path = question.path();
-  const bool asks = question.method == "GET" || question.method == "HEAD";
-  if (path == "/api/hello") return asks ? HttpAnswer{.text = hub.hello()} : wrong_method("GET");
+  const bool is_read = question.method == "GET" || question.method == "HEAD";
+  if (path == "/api/hello") return is_read ? HttpAnswer{.text = hub.hello()} : wrong_method("GET");
   if (path == "/api/state")
-    return asks ? HttpAnswer{.text = *hub.fresh_state(now).bytes} : wrong_method("GET");
+    return is_read ? HttpAnswer{.text = *hub.fresh_state(now).bytes} : wrong_method("GET");
   if (path == "/api/command")
     return question.method == "POST" ? answer_command(question.body, hub) : wrong_method("POST");
   if (path == "/ws") return http_error(426, "this is a WebSocket: ask for an upgrade");

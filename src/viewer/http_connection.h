@@ -133,7 +133,7 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
       response_.set(http::field::allow,
                     beast::string_view(answer_.allow.data(), answer_.allow.size()));
     response_.set(http::field::cache_control, answer_.gzip.empty() ? "no-store" : "no-cache");
-    // The page loads from here alone, nobody may show it inside another page, and nobody is told
+    // The page loads from here alone, nobody may show it inside another page, and nobody gets
     // its address, which may hold the token.
     response_.set("Content-Security-Policy",
                   "default-src 'self'; connect-src 'self'; img-src 'self' data: blob:; "

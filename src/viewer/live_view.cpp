@@ -22,7 +22,7 @@ constexpr double kPicturePeriod = 1.0 / 60;  // s
 constexpr double kSparePeriod = 0.25;        // s, where the computer is short of time
 constexpr std::size_t kNumContacts = 4096;   // whose times are known
 constexpr std::size_t kLongestMark = 1000;
-constexpr double kMostSteps = 1000;
+constexpr double kMaxSteps = 1000;
 
 /// What the publishing thread has written, until the server comes for it.
 class PendingData {
@@ -74,7 +74,7 @@ class PendingData {
     const std::lock_guard lock(mutex_);
     const auto found = std::lower_bound(
         contact_times_.begin(), contact_times_.end(), number,
-        [](const auto& contact, std::uint64_t wanted) { return contact.first < wanted; });
+        [](const auto& contact, std::uint64_t desired) { return contact.first < desired; });
     return found == contact_times_.end() ? last_.time : found->second;
   }
   TickRecord last() const {
@@ -307,7 +307,7 @@ Result<std::string> LiveViewImpl::command(std::string_view json) {
   } else if (name == "end") {
     wants_end_ = true;
   } else {
-    const auto num_steps = command->number("frames", 1, kMostSteps, 1);
+    const auto num_steps = command->number("frames", 1, kMaxSteps, 1);
     if (name == "step" && !num_steps) return num_steps.error();
     are_frames_held_ = name != "resume";
     loop_->hold_frames(are_frames_held_);

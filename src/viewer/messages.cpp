@@ -223,7 +223,7 @@ std::string encode_frame(const ViewFrame& view) {
 std::string encode_contact(const ViewContact& contact, std::span<const Sphere> spheres,
                            std::uint64_t number) {
   constexpr std::uint8_t kIsCut = 4, kIsUnseen = 8, kCamera = 16;
-  constexpr int kMostNamed = 15;
+  constexpr int kMaxListed = 15;
   const auto& [all_states, planes, deciders, unseen] = contact.spheres;
   const std::size_t count = std::min(all_states.size(), spheres.size());
   std::vector<std::uint8_t> states(count);
@@ -233,7 +233,7 @@ std::string encode_contact(const ViewContact& contact, std::span<const Sphere> s
     if (i < unseen.size() && unseen[i] != 0) states[i] |= kIsUnseen;
     if (all_states[i] == SphereState::outside) continue;
     if (i < deciders.size()) {
-      const int camera = std::min(deciders[i] + 1, kMostNamed);
+      const int camera = std::min(deciders[i] + 1, kMaxListed);
       states[i] |= static_cast<std::uint8_t>(kCamera * camera);
     }
     if (i >= planes.size() || !cuts(planes[i], spheres[i])) continue;

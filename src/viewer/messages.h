@@ -43,7 +43,7 @@ std::string encode_samples(std::span<const ViewSample> samples, std::uint64_t nu
 std::string hello_text(ViewSource& source, double radius);
 std::string state_text(ViewSource& source, int num_pages);
 std::string picture_text(std::uint64_t number);
-/// `id` is the command's; null if it had none. `extra`: what was asked for, a JSON object.
+/// `id` is the command's; null if it had none. `extra`: the requested data, a JSON object.
 std::string answer_text(const nlohmann::json& id, std::string_view extra);
 std::string error_text(const nlohmann::json& id, std::string_view error);
 
@@ -53,7 +53,7 @@ double tool_radius(const Tool& tool);
 /// Names of the columns of encode_samples.
 std::vector<std::string> sample_columns();
 
-/// What a page or script asks for.
+/// A request of a page or script.
 struct ViewRequest {
   nlohmann::json json;  ///< all of it, an object
   nlohmann::json id;    ///< a number, or null

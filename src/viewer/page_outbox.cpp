@@ -57,7 +57,7 @@ void PageOutbox::acknowledge(const ViewRequest& request) {
 
 void PageOutbox::show(const ViewRequest& request) {
   ViewSubscription subscription = subscription_;
-  for (const auto& [name, is_wanted] :
+  for (const auto& [name, is_requested] :
        {std::pair("frames", &subscription.frames), std::pair("contacts", &subscription.contacts),
         std::pair("surfaces", &subscription.surfaces),
         std::pair("samples", &subscription.samples)}) {
@@ -68,7 +68,7 @@ void PageOutbox::show(const ViewRequest& request) {
           error_text(request.id, '"' + std::string(name) + "\" must be true or false")));
       return;
     }
-    *is_wanted = member->get<bool>();
+    *is_requested = member->get<bool>();
   }
   subscription_ = subscription;
   poll_of_subscription_ = hub_.num_polls();
@@ -105,7 +105,7 @@ bool PageOutbox::wants(PicturePart part) const {
 }
 
 void PageOutbox::begin_picture(double now) {
-  // What is newest may be from before the page asked for it.
+  // What is newest may be from before the page subscribed to it.
   if (awaits_ack_ || hub_.num_polls() == poll_of_subscription_) return;
   for (std::size_t part = 0; part < hub_.num_parts(); ++part) {
     if (!wants(hub_.kind(part)) || hub_.number(part) == sent_parts_[part]) continue;

@@ -12,8 +12,8 @@ namespace palpate::inline v0 {
 namespace fs = std::filesystem;
 namespace {
 
-constexpr std::size_t kMostChunks = 16;  // in memory, some hundred kilobytes each
-constexpr double kRounding = 1e-6;       // s; the times of messages are whole numbers of ns
+constexpr std::size_t kMaxChunks = 16;  // in memory, some hundred kilobytes each
+constexpr double kRounding = 1e-6;      // s; the times of messages are whole numbers of ns
 
 struct KnownQuery {
   double time = 0;
@@ -101,7 +101,7 @@ Result<const ChunkContent*> RunInFile::content(std::size_t chunk) {
     if (!content) return content.error();
     // The last chunk that is known by now may yet be one of which not all is indexed: no matter.
     contents_.emplace_front(chunk, *std::move(content));
-    if (contents_.size() > kMostChunks) contents_.pop_back();
+    if (contents_.size() > kMaxChunks) contents_.pop_back();
   } else {
     contents_.splice(contents_.begin(), contents_, known);
   }
@@ -109,9 +109,9 @@ Result<const ChunkContent*> RunInFile::content(std::size_t chunk) {
 }
 
 Result<RecordedFrame> RunInFile::read_frame(std::size_t index) {
-  const IndexedFrame wanted = index_->frame(index);
+  const IndexedFrame desired = index_->frame(index);
   FrameJoiner joiner;
-  if (const Status found = reader_.seek(wanted.place); !found) return found.error();
+  if (const Status found = reader_.seek(desired.place); !found) return found.error();
   for (;;) {
     const auto message = reader_.next();
     if (!message) return message.error();
@@ -120,16 +120,16 @@ Result<RecordedFrame> RunInFile::read_frame(std::size_t index) {
     }
     auto joined = joiner.take((*message)->topic, (*message)->data);
     if (!joined) return joined.error();
-    if (!*joined || (*joined)->record.number != wanted.number) continue;
+    if (!*joined || (*joined)->record.number != desired.number) continue;
     DepthFrame& frame = (*joined)->frame;
-    const DepthStreamInfo& stream = index_->setup().streams[wanted.camera];
+    const DepthStreamInfo& stream = index_->setup().streams[desired.camera];
     if (frame.width != stream.width || frame.height != stream.height) {
       return Error{Errc::bad_input,
                    "a depth frame of the recording has another size than the rest"};
     }
     return RecordedFrame{
-        {wanted.number, wanted.capture_time - index_->start(), std::move(frame), wanted.camera},
-        wanted.capture_time};
+        {desired.number, desired.capture_time - index_->start(), std::move(frame), desired.camera},
+        desired.capture_time};
   }
 }
 

@@ -44,17 +44,17 @@ Status Repetition::make_part(RunSettings settings) {
 /// Some frames of each camera up to the one that the query rests on. One that was silent for long
 /// is not looked for.
 std::vector<Repetition::Lead> Repetition::leads_of(const RecordedQuery& query, int num_lead) {
-  constexpr std::size_t kMostSilent = 64;  // frames of each of the others
-  const std::size_t num_cameras = run_.streams().size(), num_wanted = 1 + num_lead;
+  constexpr std::size_t kMaxSilentFrames = 64;  // frames of each of the others
+  const std::size_t num_cameras = run_.streams().size(), num_requested = 1 + num_lead;
   std::vector<Lead> leads(num_cameras);
   std::size_t num_missing = num_cameras;
-  const std::size_t farthest = (num_wanted + kMostSilent) * num_cameras;
+  const std::size_t farthest = (num_requested + kMaxSilentFrames) * num_cameras;
   for (std::size_t back = 0; back <= query.frame && back < farthest && num_missing > 0; ++back) {
     const auto [camera, number] = run_.camera_frame(query.frame - back);
     Lead& lead = leads[camera];
-    if (number > query.cameras.of[camera].camera_frame || lead.size() == num_wanted) continue;
+    if (number > query.cameras.of[camera].camera_frame || lead.size() == num_requested) continue;
     lead.insert(lead.begin(), query.frame - back);
-    if (lead.size() == num_wanted || number == 0) --num_missing;
+    if (lead.size() == num_requested || number == 0) --num_missing;
   }
   return leads;
 }

@@ -62,7 +62,7 @@ class Repetition {
   struct Camera {
     SurfaceTimeline timeline;
     std::int64_t first = -1, last = -1;  // camera_frame: pushed from, until; -1: none
-    std::int64_t unused = -1;            // likewise: the last one of which little was asked for
+    std::int64_t unused = -1;            // likewise: the last one of which little was requested
     double clock = 0;                    // of the last one
     std::size_t index = 0;               // likewise
   };

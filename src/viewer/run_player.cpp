@@ -71,14 +71,14 @@ RunPlayer::~RunPlayer() {
   if (thread_.joinable()) thread_.join();
 }
 
-// What others ask for.
+// Requests of other threads.
 
 void RunPlayer::poll(const ViewSubscription& subscription, ViewUpdate& update) {
   const std::lock_guard lock(mutex_);
   const bool is_looking =
       subscription.frames || subscription.contacts || subscription.surfaces || subscription.samples;
   if (is_looking && !std::exchange(was_looked_at_, true)) clock_.resume();
-  wanted_ = subscription;
+  desired_ = subscription;
   for (auto& frame : pending_.frames) {
     if (subscription.frames && frame) update.frames.push_back(std::exchange(frame, nullptr));
   }
@@ -180,7 +180,7 @@ double RunPlayer::advance() {
   {
     const std::lock_guard lock(mutex_);
     num_steps = std::exchange(num_steps_, 0);
-    subscription_ = wanted_;
+    subscription_ = desired_;
     taken_seeks_ = num_seeks_;
   }
   const double duration = run_->duration();
@@ -216,12 +216,12 @@ void RunPlayer::show(double time) {
   tell(trouble);
 }
 
-/// As the run had them, with what was changed here; also for those who ask.
+/// As the run had them, with what was changed here; also for queries.
 void RunPlayer::use_settings_of(const RecordedQuery& query) {
   const std::lock_guard lock(mutex_);
-  const SettingsInUse wanted{query.revision, shown_.revision};
-  if (used_ == wanted) return;
-  used_ = wanted;
+  const SettingsInUse desired{query.revision, shown_.revision};
+  if (used_ == desired) return;
+  used_ = desired;
   const RunSettings recorded = run_->settings(query.revision);
   settings_ = shown_.settings = changed_by(recorded, changed_);
   ++num_settings_;

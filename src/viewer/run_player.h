@@ -93,7 +93,7 @@ class RunPlayer {
   bool was_looked_at_ = false;
   int num_steps_ = 0;
   std::uint32_t num_seeks_ = 0;
-  ViewSubscription wanted_;
+  ViewSubscription desired_;
   nlohmann::ordered_json changed_ = nlohmann::ordered_json::object();  // {key: value}
   PlayerState shown_;
   ViewUpdate pending_;  // `frames` of each camera, null where there is no news

@@ -21,7 +21,7 @@ ViewSample sample_of(const TickRecord& tick, bool has_hand) {
 
 void SampleQueue::add(const ViewSample& sample) {
   samples_.push_back(sample);
-  while (samples_.size() > kMost || samples_.front().time < sample.time - kSeconds) {
+  while (samples_.size() > kMaxSamples || samples_.front().time < sample.time - kSeconds) {
     samples_.pop_front();
   }
 }

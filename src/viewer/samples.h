@@ -23,7 +23,7 @@ class SampleQueue {
   void take(std::vector<ViewSample>& samples);
 
  private:
-  static constexpr std::size_t kMost = 40000;  // at any rate
+  static constexpr std::size_t kMaxSamples = 40000;  // at any rate
   std::deque<ViewSample> samples_;
 };
 

@@ -7,7 +7,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr int kMostBars = 60;
+constexpr int kMaxBars = 60;
 
 /// The buckets between the first and the last that hold something, neighbours together until they
 /// are few enough; empty ones are left out.
@@ -15,7 +15,7 @@ Json histogram_json(const LatencyHistogram& times) {
   int first = 0, end = LatencyHistogram::kNumBuckets;
   while (first < end && times.count(first) == 0) ++first;
   while (end > first && times.count(end - 1) == 0) --end;
-  const int width = std::max(1, (end - first + kMostBars - 1) / kMostBars);
+  const int width = std::max(1, (end - first + kMaxBars - 1) / kMaxBars);
   Json bars = Json::array();
   for (int begin = first; begin < end; begin += width) {
     std::uint64_t num = 0;

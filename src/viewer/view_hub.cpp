@@ -49,7 +49,7 @@ void ViewHub::poll(double now) {
   if (!pages_.empty() && (is_state_old_ || now >= state_time_ + kStatePeriod)) poll_state(now);
 }
 
-bool ViewHub::is_wanted(double now) const {
+bool ViewHub::is_requested(double now) const {
   return std::any_of(pages_.begin(), pages_.end(), [now](const PageOutbox* page) {
     const ViewSubscription subscription = page->subscription(now);
     return subscription.frames || subscription.contacts || subscription.surfaces ||

@@ -26,11 +26,11 @@ class ViewHub {
  public:
   explicit ViewHub(ViewSource& source);
 
-  /// Asks the source for what the pages want, and for its state when it is time.
+  /// Gets from the source what the pages have subscribed to, and its state when it is time.
   void poll(double now);
   std::uint64_t num_polls() const { return num_polls_; }
   /// Some page wants to be sent something.
-  bool is_wanted(double now) const;
+  bool is_requested(double now) const;
 
   /// Parts of a picture, in the order in which they are sent.
   std::size_t num_parts() const { return parts_.size(); }
@@ -46,7 +46,7 @@ class ViewHub {
 
   std::uint64_t state_number() const { return state_number_; }
   const ViewMessage& state() const { return state_; }
-  /// One that is new enough for whoever asks again and again.
+  /// One that is new enough for repeated requests.
   const ViewMessage& fresh_state(double now);
   /// With the controls as they are now.
   std::string hello() { return hello_text(source_, tool_radius_); }

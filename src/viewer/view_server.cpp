@@ -31,7 +31,7 @@ class Server : public ViewServer {
         accept_pause_(context_.get_executor()),
         ticker_(context_) {
     shared_.wake = [this] {
-      if (!is_quick_ && shared_.hub.is_wanted(monotonic_now())) schedule(milliseconds(0));
+      if (!is_quick_ && shared_.hub.is_requested(monotonic_now())) schedule(milliseconds(0));
     };
   }
   ~Server() override {
@@ -131,7 +131,7 @@ class Server : public ViewServer {
       page->drop_if_stalled(now);
       page->pump(now);
     }
-    if (shared_.hub.is_wanted(now)) schedule(kQuickTick);
+    if (shared_.hub.is_requested(now)) schedule(kQuickTick);
   }
 
   Shared shared_;

@@ -505,7 +505,7 @@ class Cameras(CameraCase):
         self.assertIn("131.25,131.25,79.5,59.5", done.stderr.decode())
 
     def test_a_unit_is_doubted_where_the_tool_meets_nothing(self):
-        """Counts of 1/5000 m that are no multiples of anything, read as millimetres."""
+        """Counts of 1/5000 m that are no multiples of anything, read as millimeters."""
         raw = self.folder / "far.raw"
         raw.write_bytes(31 * struct.pack(f"<{WIDTH * HEIGHT}H", *(
             2500 + (u - 80) ** 2 // 40 + v % 7 for v in range(HEIGHT) for u in range(WIDTH))))

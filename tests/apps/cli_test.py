@@ -205,6 +205,13 @@ class CommandLine(unittest.TestCase):
         ):
             self.expect_failure(2, *verb, option, value, mentions=f"{option}: must be ")
             self.assertLess(len(palpate(*verb, option, value).stderr), 160)
+        # A list that is too short takes what follows.
+        self.expect_failure(2, "query", self.tool, "--depth", "x.png", "--intrinsics", "525,525,319.5", "--pose",
+                            "0 0 0 0 0 0 1", mentions="--intrinsics: give fx,fy,cx,cy, not '525,525,319.5,--pose,")
+
+    def test_help_names_types_as_people_do(self):
+        for verb in ("touch", "query", "ros2", "record", "calibrate", "cameras", "view"):
+            self.assertNotRegex(self.succeed(verb, "--help"), r"\b(FLOAT|UINT|INT|TEXT)\b|cx,cy x 4")
 
     def test_what_a_camera_does_not_take_is_refused(self):
         touch = ("touch", self.tool, "-o", self.path("never"))

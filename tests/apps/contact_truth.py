@@ -121,12 +121,12 @@ def measure(spheres, edges, cloud, pose, method, priority="distance", inside="fu
                 return 1 / math.sqrt(dot(d, d))
 
             if method == "weighted":
-                lenders = [(weight(b), b) for b in planes]
+                donors = [(weight(b), b) for b in planes]
             else:
-                lenders = [(1.0, max(planes, key=lambda b: (weight(b), -b)))]
-            total = sum(w for w, _ in lenders)
-            v = sum(w * cut(s, planes[b]) for w, b in lenders) / total
-            f = [sum(w * cut(s, planes[b]) * planes[b][1][k] for w, b in lenders) / total
+                donors = [(1.0, max(planes, key=lambda b: (weight(b), -b)))]
+            total = sum(w for w, _ in donors)
+            v = sum(w * cut(s, planes[b]) for w, b in donors) / total
+            f = [sum(w * cut(s, planes[b]) * planes[b][1][k] for w, b in donors) / total
                  for k in range(3)]
             act(s, v, f)
     return volume, force, torque, len(planes), sum(counts)

@@ -181,7 +181,7 @@ class Formats(CameraCase):
             self.expect_same(f"ros1 {compression}", f"bag:{bag}")
 
     def test_clouds(self):
-        """One frame as an image and as an organised cloud."""
+        """One frame as an image and as an organized cloud."""
         _, counts = self.frames[0]
         image, cloud = self.folder / "one.png", self.folder / "one.pcd"
         image.write_bytes(png_of(counts))

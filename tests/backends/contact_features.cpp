@@ -382,7 +382,7 @@ FeatureGroup bodies() {
             "yes: all pairs at the same time"}}};
 }
 
-/// Whatever was asked before, with any number of threads and in any order of them.
+/// Whatever was queried before, with any number of threads and in any order of them.
 void expect_same_bits_again(double) {
   const Pair pair;
   ThreadPool pool(3);

@@ -114,11 +114,11 @@ TEST(RigidBody, SymmetricTopPrecessesAsEulerSays) {
   const Vec3d momentum = angular_momentum(top);
   // Its axis goes round the momentum at |L| / I1.
   const double rate = norm(momentum) / i1, time = 1.5;
-  const Vec3d wanted = rotate(axis_angle(momentum, rate * time), {0, 0, 1});
+  const Vec3d desired = rotate(axis_angle(momentum, rate * time), {0, 0, 1});
   const auto error = [&](double dt) {
     RigidBody body = top;
     for (int i = 0; i < std::lround(time / dt); ++i) move(body, {}, dt);
-    return norm(rotate(body.X_WB.rotation, {0, 0, 1}) - wanted);
+    return norm(rotate(body.X_WB.rotation, {0, 0, 1}) - desired);
   };
   EXPECT_GT(i3, i1);
   EXPECT_LT(error(1e-3), 2e-3);
@@ -157,8 +157,8 @@ TEST(BodySolver, SlidesDownAnInclineAboveIt) {
   for (int i = 0; i < 200; ++i) world.step();
   const double before = norm(world.body(0).V_W.linear);
   for (int i = 0; i < 500; ++i) world.step();
-  const double wanted = kG * (std::sin(angle) - 0.5 * std::cos(angle));
-  EXPECT_NEAR((norm(world.body(0).V_W.linear) - before) / 0.5, wanted, 0.005 * wanted);
+  const double desired = kG * (std::sin(angle) - 0.5 * std::cos(angle));
+  EXPECT_NEAR((norm(world.body(0).V_W.linear) - before) / 0.5, desired, 0.005 * desired);
 }
 
 TEST(BodySolver, SpinsOnAPlateUntilFrictionHasStoppedIt) {
@@ -168,8 +168,8 @@ TEST(BodySolver, SpinsOnAPlateUntilFrictionHasStoppedIt) {
   world.step();
   const double radius = world.touches[0].patch.torsion_radius, before = world.body(0).V_W.angular.z;
   for (int i = 0; i < 50; ++i) world.step();
-  const double wanted = 0.5 * 0.3 * kG * radius / world.body(0).inertia_B.m[2][2];
-  EXPECT_NEAR((before - world.body(0).V_W.angular.z) / 0.05, wanted, 0.01 * wanted);
+  const double desired = 0.5 * 0.3 * kG * radius / world.body(0).inertia_B.m[2][2];
+  EXPECT_NEAR((before - world.body(0).V_W.angular.z) / 0.05, desired, 0.01 * desired);
   for (int i = 0; i < 1000; ++i) world.step();
   EXPECT_LT(norm(world.body(0).V_W.angular), 1e-6);
 }
@@ -200,8 +200,8 @@ TEST(BodySolver, SwingsInABowlAsAPendulum) {
     const double total = height_energy(bodies[0]) + kinetic_energy(bodies[0]);
     EXPECT_LT(total, energy + 1e-4 * 0.3 * kG * length);
   }
-  const double wanted = 2 * kPi * std::sqrt(length / kG);
-  EXPECT_NEAR(period, wanted, 0.01 * wanted);
+  const double desired = 2 * kPi * std::sqrt(length / kG);
+  EXPECT_NEAR(period, desired, 0.01 * desired);
   EXPECT_LT(height_energy(bodies[0]) + kinetic_energy(bodies[0]), energy);
 }
 

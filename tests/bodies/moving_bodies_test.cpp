@@ -76,18 +76,18 @@ TEST(MovingBodies, NeverHaveMoreEnergyThanBefore) {
     BodyOptions options = awake();
     options.damping = 0;
     TableTop world(boxes, {}, options);
-    double least = world.bodies->energy(), most_held = 0, most = 0;
+    double least = world.bodies->energy(), max_held = 0, most = 0;
     for (int i = 0; i < 1000; ++i) {
       world.step();
       const double now = world.bodies->energy();
       most = std::max(most, now - least);
       least = std::min(least, now);
       for (const BodyTouch& touch : world.bodies->touches()) {
-        most_held = std::max(most_held, touch.potential);
+        max_held = std::max(max_held, touch.potential);
       }
     }
     EXPECT_LT(most, 2e-6 * fallen) << "places are single precision: some 6e-8 m times the weight";
-    EXPECT_GT(most_held, 0.01 * fallen);
+    EXPECT_GT(max_held, 0.01 * fallen);
   }
 }
 
@@ -297,7 +297,7 @@ TEST(MovingBodies, WhatCannotBeIsRefused) {
   };
   EXPECT_NE(message({box_at(0, 0, -1)}).find("mass"), std::string::npos);
   EXPECT_NE(message({box_at(0, 0, NAN)}).find("mass"), std::string::npos);
-  const std::vector<SceneObject> many(kMostMovingBodies + 1, box_at(0, 0));
+  const std::vector<SceneObject> many(kMaxMovingBodies + 1, box_at(0, 0));
   EXPECT_NE(message(many).find("at most 32"), std::string::npos);
 }
 

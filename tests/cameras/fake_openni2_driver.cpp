@@ -96,10 +96,10 @@ class Stream : public oni::driver::StreamBase {
       return ONI_STATUS_OK;
     }
     if (property == ONI_STREAM_PROPERTY_VIDEO_MODE && size == sizeof(OniVideoMode)) {
-      OniVideoMode wanted;
-      std::memcpy(&wanted, data, sizeof wanted);
-      control.width = wanted.resolutionX;
-      control.height = wanted.resolutionY;
+      OniVideoMode desired;
+      std::memcpy(&desired, data, sizeof desired);
+      control.width = desired.resolutionX;
+      control.height = desired.resolutionY;
       return ONI_STATUS_OK;
     }
     return ONI_STATUS_NOT_SUPPORTED;

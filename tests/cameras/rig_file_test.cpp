@@ -114,11 +114,11 @@ TEST(CameraPoses, OfAUrdfFollowItsJoints) {
   const std::string urdf = (folder.path() / "cell.urdf").string(),
                     joints = (folder.path() / "joints.csv").string();
   write(urdf, kCell);
-  std::string told = "time,neck\n";
+  std::string reported = "time,neck\n";
   for (int i = 0; i < 20; ++i) {
-    told += std::to_string(0.05 * i) + "," + std::to_string(0.05 * i) + "\n";
+    reported += std::to_string(0.05 * i) + "," + std::to_string(0.05 * i) + "\n";
   }
-  write(joints, told);
+  write(joints, reported);
   const std::string camera =
       "scene:wall?noise=off&size=32x24&rate=20&urdf=" + urdf + "#front_optical#table";
   const auto opened = open_camera(camera + "&joints=" + joints);

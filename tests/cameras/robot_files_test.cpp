@@ -321,8 +321,8 @@ TEST_F(ArmFiles, LeaveTheTable) {
     int num_arm = 0, num_lost = 0;
     for (std::size_t i = 0; i < left[k].pixels.size(); ++i) {
       const bool is_arm = with_[k].pixels[i] != without_[k].pixels[i];
-      const int wanted = is_arm || left[k].pixels[i] == 0 ? 0 : without_[k].pixels[i];
-      ASSERT_EQ(left[k].pixels[i], wanted) << i << " of frame " << k;
+      const int desired = is_arm || left[k].pixels[i] == 0 ? 0 : without_[k].pixels[i];
+      ASSERT_EQ(left[k].pixels[i], desired) << i << " of frame " << k;
       num_arm += is_arm;
       num_lost += !is_arm && left[k].pixels[i] == 0;
     }

@@ -21,7 +21,7 @@
 namespace palpate {
 namespace {
 
-/// Frames of the arm at rest, each captured when it is asked for, or later.
+/// Frames of the arm at rest, each captured when it is requested, or later.
 class LiveFrames : public DepthSource {
  public:
   explicit LiveFrames(DepthFrame shown) : shown_(std::move(shown)) {
@@ -255,15 +255,15 @@ class RobotOverRos : public testing::Test {
     ASSERT_TRUE(filter) << filter.error().message;
     auto source = filter->applied_to(std::make_unique<StampedFrames>(shown, robot)).value();
     before();
-    DepthFrame frame, wanted, not_wanted;
+    DepthFrame frame, desired, not_desired;
     int num_different = 0;
     for (std::size_t k = 0; k < shown.size(); ++k) {
       ASSERT_TRUE(*source->next(frame)) << k;
-      ASSERT_TRUE(*exact->next(wanted) && *wrong->next(not_wanted));
+      ASSERT_TRUE(*exact->next(desired) && *wrong->next(not_desired));
       int num_wrong = 0;
       for (std::size_t i = 0; i < frame.pixels.size(); ++i) {
-        num_wrong += frame.pixels[i] != wanted.pixels[i];
-        num_different += not_wanted.pixels[i] != wanted.pixels[i];
+        num_wrong += frame.pixels[i] != desired.pixels[i];
+        num_different += not_desired.pixels[i] != desired.pixels[i];
       }
       EXPECT_LE(num_wrong, 10) << "frame " << k;  // of rims, by rounding
     }

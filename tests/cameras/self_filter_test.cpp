@@ -252,8 +252,8 @@ TEST(SelfFilter, TakesTheRobotAndNothingElse) {
     for (std::size_t i = 0; i < frame.pixels.size(); ++i) {
       const bool is_arm = with[k].pixels[i] != without[k].pixels[i];
       num_arm += is_arm;
-      const int wanted = is_arm || frame.pixels[i] == 0 ? 0 : without[k].pixels[i];
-      ASSERT_EQ(frame.pixels[i], wanted) << i << " of frame " << k;
+      const int desired = is_arm || frame.pixels[i] == 0 ? 0 : without[k].pixels[i];
+      ASSERT_EQ(frame.pixels[i], desired) << i << " of frame " << k;
       num_lost += !is_arm && frame.pixels[i] == 0;
       num_table += !is_arm;
     }

@@ -15,7 +15,7 @@ const Intrinsics kCamera{100, 100, 47.5, 35.5};
 const MethodKind kAllMethods[] = {MethodKind::weighted, MethodKind::simplified, MethodKind::graph,
                                   MethodKind::field};
 
-/// A wall at some depth, with everything that queries ask.
+/// A wall at some depth, with everything that queries read.
 class Wall {
  public:
   explicit Wall(double depth)

@@ -304,7 +304,7 @@ TEST(ContactQuery, NonFinitePoseIsReportedAndMeasuresNothing) {
   EXPECT_EQ(result.volume, 0);
 }
 
-// A query that was given nothing, or a surface of the kind that its method does not ask, says so:
+// A query that was given nothing, or a surface of the kind that its method does not use, says so:
 // a zero force that means "I do not know" would be taken for free space.
 TEST(ContactQuery, WithoutASurfaceItSaysSo) {
   const Tool tool = test::random_tool(20, 0.05, 6);
@@ -315,15 +315,15 @@ TEST(ContactQuery, WithoutASurfaceItSaysSo) {
   const Pose X_WT{{0, 0, 0.7}, {}};
   for (const MethodKind method :
        {MethodKind::weighted, MethodKind::simplified, MethodKind::graph, MethodKind::field}) {
-    const bool asks_field = method == MethodKind::field;
+    const bool uses_field = method == MethodKind::field;
     const auto query = make_query(tool);
     EXPECT_EQ(query->query(X_WT, {method}).status, StepStatus::no_surface);
-    if (asks_field) query->set_cloud(cloud.view());
-    if (!asks_field) query->set_field(field.view());
+    if (uses_field) query->set_cloud(cloud.view());
+    if (!uses_field) query->set_field(field.view());
     EXPECT_EQ(query->query(X_WT, {method}).status, StepStatus::no_surface);
     EXPECT_TRUE(query->query(X_WT, {method}).status.is_unmeasured());
-    if (asks_field) query->set_field(field.view());
-    if (!asks_field) query->set_cloud(cloud.view());
+    if (uses_field) query->set_field(field.view());
+    if (!uses_field) query->set_cloud(cloud.view());
     const Penetration measured = query->query(X_WT, {method});
     EXPECT_FALSE(measured.status.has(StepStatus::no_surface));
     EXPECT_GT(measured.volume, 0);

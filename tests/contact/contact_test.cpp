@@ -142,7 +142,7 @@ concept TakesTool = requires(T&& tool) {
   Contact::create(std::forward<T>(tool));
 };
 static_assert(TakesTool<const Tool&> && !TakesTool<Tool>, "a tool must outlive its contact");
-static_assert(!std::is_convertible_v<VolumeWrench, Wrench>, "cubic metres are no newtons");
+static_assert(!std::is_convertible_v<VolumeWrench, Wrench>, "cubic meters are no newtons");
 
 }  // namespace
 }  // namespace palpate

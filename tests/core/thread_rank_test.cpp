@@ -14,12 +14,12 @@ namespace {
 int own_nice() { return getpriority(PRIO_PROCESS, static_cast<id_t>(syscall(SYS_gettid))); }
 
 int rank_of_a_thread(ThreadRank rank) {
-  int told = 0, seen = 0;
+  int reported = 0, seen = 0;
   std::thread([&] {
-    told = take_rank(rank);
+    reported = take_rank(rank);
     seen = own_nice();
   }).join();
-  EXPECT_EQ(told, seen);
+  EXPECT_EQ(reported, seen);
   return seen;
 }
 

@@ -122,7 +122,7 @@ TEST(HaplyDevice, OlderServicesGetOlderWords) {
 
 TEST(HaplyDevice, ChangesItsWordsWhenNotHeardAndBeginsSoftly) {
   HaplyServiceOptions options;
-  options.version = "";  // cannot be asked for
+  options.version = "";  // cannot be requested
   options.accepts_vector = false;
   Bench bench(options);
   bench.log.set_force({0, 1, 0});

@@ -137,8 +137,8 @@ TEST_F(PageHandTest, TheFirstPoseOfAHoldMovesNothing) {
   for (const PageNumber page : {kPage, kOther}) {
     if (page == kOther) handle_->release(kPage);
     ASSERT_TRUE(handle_->hold(page, now_));
-    const Pose told{{5, -3, 2}, axis_angle({1, 0, 0}, 1.5)};
-    ASSERT_TRUE(handle_->move(page, told, now_));
+    const Pose reported{{5, -3, 2}, axis_angle({1, 0, 0}, 1.5)};
+    ASSERT_TRUE(handle_->move(page, reported, now_));
     tick(100);
     EXPECT_LT(norm(state_.X_BH.translation - before.translation), 1e-6);
     EXPECT_LT(norm(rotation_between(state_.X_BH.rotation, before.rotation)), 1e-6);

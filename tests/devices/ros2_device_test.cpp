@@ -11,10 +11,10 @@ TEST(Ros2Tool, is_a_topic_or_a_frame) {
   ASSERT_TRUE(topic);
   EXPECT_EQ(topic->topic, "/arm/tool_pose");
   EXPECT_EQ(topic->base, "");
-  const auto told = parse_ros2_tool("/tool_pose@camera");
-  ASSERT_TRUE(told);
-  EXPECT_EQ(told->topic, "/tool_pose");
-  EXPECT_EQ(told->base, "camera");
+  const auto reported = parse_ros2_tool("/tool_pose@camera");
+  ASSERT_TRUE(reported);
+  EXPECT_EQ(reported->topic, "/tool_pose");
+  EXPECT_EQ(reported->base, "camera");
   const auto frame = parse_ros2_tool("tool0@camera");
   ASSERT_TRUE(frame);
   EXPECT_EQ(frame->topic, "");

@@ -58,7 +58,7 @@ bool send_all(int socket, const std::string& bytes) {
 Vec3d FalconField::force_at(const Vec3d& position) {
   if (!is_active_) return {};
   for (std::size_t i = 0; i < current_.size(); ++i)
-    current_[i] = smoothing_ * current_[i] + (1 - smoothing_) * wanted_[i];
+    current_[i] = smoothing_ * current_[i] + (1 - smoothing_) * desired_[i];
   const Vec3d offset = position - Vec3d{current_[0], current_[1], current_[2]};
   if (norm(offset) > current_[15]) return {};
   Vec3d force{current_[3], current_[4], current_[5]};
@@ -90,8 +90,8 @@ VrpnServer::~VrpnServer() {
 
 void VrpnServer::accept() {
   while (!is_stopping_) {
-    pollfd asked{listener_, POLLIN, 0};
-    if (::poll(&asked, 1, 5) <= 0) continue;
+    pollfd requested{listener_, POLLIN, 0};
+    if (::poll(&requested, 1, 5) <= 0) continue;
     const int socket = ::accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC);
     if (socket < 0) continue;
     const int on = 1;

@@ -30,7 +30,7 @@ class FalconField {
   explicit FalconField(double smoothing) : smoothing_(smoothing) {}
   /// origin, force, jacobian, radius, as on the wire
   void set(const std::array<float, 16>& field) {
-    wanted_ = field;
+    desired_ = field;
     current_[15] = 0;
     is_active_ = true;
   }
@@ -39,7 +39,7 @@ class FalconField {
  private:
   double smoothing_;
   bool is_active_ = false;
-  std::array<float, 16> wanted_{};
+  std::array<float, 16> desired_{};
   std::array<double, 16> current_{};
 };
 

@@ -48,7 +48,7 @@ def blocks(text):
 
 
 def write_frame(path, number, width=640, height=480):
-    """A 16-bit PNG, millimetres: a wall with squares a millimetre deep that change places from frame to frame."""
+    """A 16-bit PNG, millimeters: a wall with squares a millimeter deep that change places from frame to frame."""
     kinds = [b"\0" + struct.pack(f">{width}H", *(700 + (u - 320) // 16 + (u // 8 + kind) % 2 for u in range(width)))
              for kind in range(2)]
     rows = b"".join(kinds[(v // 8 + number) % 2] for v in range(height))
@@ -62,7 +62,7 @@ def write_frame(path, number, width=640, height=480):
 
 
 def draw_in_millimetres(path):
-    """A binary STL file of metres."""
+    """A binary STL file of meters."""
     data = bytearray(path.read_bytes())
     for begin in range(84, len(data), 50):
         for at in range(begin + 12, begin + 48, 4):
@@ -71,7 +71,7 @@ def draw_in_millimetres(path):
 
 
 def bring(folder, palpate):
-    """What a page takes for granted: meshes in millimetres, frames of a camera, a tool, a run."""
+    """What a page takes for granted: meshes in millimeters, frames of a camera, a tool, a run."""
     def run(*words):
         subprocess.run([palpate, *words], cwd=folder, check=True, stdout=subprocess.DEVNULL,
                        stderr=subprocess.DEVNULL)

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """Runs every block in Python of README and guides with the palpate that is installed, page by page in
-a folder with what a reader brings: tool.stl in mm and tool.palp.
+a folder with what a reader brings: tool.palp, a pen of 12 cm.
 
 usage: PYTHON tests/docs/python_blocks.py [PAGE ...]
 
@@ -24,15 +24,9 @@ NEEDS = re.compile(r"# needs: (\w+)\n")
 
 def bring(folder):
     program = Path(palpate.__file__).parent / "bin/palpate"
-    subprocess.run([program, "shape", "box", "--size", "0.04", "-o", folder / "metres.stl"], check=True,
+    subprocess.run([program, "shape", "stylus", "--size", "0.12", "-o", folder / "stylus.stl"], check=True,
                    stdout=subprocess.DEVNULL)
-    data = bytearray((folder / "metres.stl").read_bytes())
-    import numpy as np
-    for at in range(84, len(data), 50):
-        numbers = np.frombuffer(bytes(data[at + 12:at + 48]), "<f4") * 1000
-        data[at + 12:at + 48] = numbers.astype("<f4").tobytes()
-    (folder / "tool.stl").write_bytes(data)
-    palpate.pack_file(folder / "tool.stl", 300, unit="mm").save(folder / "tool.palp")
+    palpate.pack_file(folder / "stylus.stl", 300).save(folder / "tool.palp")
 
 
 def main(pages):

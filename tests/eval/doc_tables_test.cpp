@@ -43,15 +43,15 @@ std::string error_of(const std::string& text) {
 }
 
 TEST(DocTables, TakeThePlaceOfWhatStoodThere) {
-  const std::string wanted =
+  const std::string desired =
       quoting("edges: Error, %",
               "\n| method | cut |\n|---|---|\n| graph\\|cap | 1.2 |\n| field |  |\n\n"
               "*Evaluation, edges: `make eval FIGURE=edges`.*\n\n");
   for (const char* before : {"", "| an | older |\n|---|---|\n", "\n\n"}) {
-    EXPECT_EQ(with_tables(quoting("edges: Error, %", before), some_evaluation()).value(), wanted);
+    EXPECT_EQ(with_tables(quoting("edges: Error, %", before), some_evaluation()).value(), desired);
   }
-  EXPECT_EQ(with_tables(wanted, some_evaluation()).value(), wanted);
-  EXPECT_EQ(with_tables(wanted + wanted, some_evaluation()).value(), wanted + wanted);
+  EXPECT_EQ(with_tables(desired, some_evaluation()).value(), desired);
+  EXPECT_EQ(with_tables(desired + desired, some_evaluation()).value(), desired + desired);
 }
 
 TEST(DocTables, StayAsTheyAreWithoutTheirFigure) {

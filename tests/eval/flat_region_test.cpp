@@ -31,7 +31,7 @@ TEST(FlatRegion, IsThePlaneAndEndsWhereItEnds) {
   EXPECT_NEAR(static_cast<double>(region->pixels.size()), 200 * 240, 0.03 * 200 * 240);
   for (const std::size_t pixel : region->pixels) EXPECT_LT(pixel % 320, 208u);
   // The cell farthest from what is outside lies as far from the border as from the image's edge.
-  EXPECT_NEAR(region->most_within(), 200 / FlatRegion::kCell / 2, 1);
+  EXPECT_NEAR(region->max_within(), 200 / FlatRegion::kCell / 2, 1);
   for (const Vec3d& p : region->places(stream, 1)) {
     EXPECT_NEAR(dot(p, region->plane_C.normal), region->plane_C.offset, 1e-12);
   }

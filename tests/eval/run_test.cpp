@@ -174,9 +174,9 @@ TEST_F(Run, KeepsWhatWouldComeOutTheSame) {
   options_.settings.data = folder_;
   EXPECT_EQ(run({kGood}).num_made, 1);
   std::ofstream(folder_ / kDataFolder / "5.1-5.3.json") << "{";
-  const Evaluation mended = run({kGood});
-  EXPECT_EQ(mended.num_made, 1);
-  EXPECT_EQ(mended.warnings.size(), 1u);
+  const Evaluation fixed = run({kGood});
+  EXPECT_EQ(fixed.num_made, 1);
+  EXPECT_EQ(fixed.warnings.size(), 1u);
 }
 
 TEST_F(Run, AFigureThatFailsDoesNotStopTheOthers) {

@@ -172,9 +172,9 @@ TEST(VerdictRules, HoldsWithItsParts) {
 
 TEST(VerdictRules, ExtremesDoNotHideGaps) {
   EXPECT_EQ(largest_of({1, 3, 2}), 3);
-  EXPECT_EQ(least_of({1, 3, 2}), 1);
+  EXPECT_EQ(min_of({1, 3, 2}), 1);
   EXPECT_TRUE(std::isnan(largest_of({1, kNan})));
-  EXPECT_TRUE(std::isnan(least_of({kNan, 1})));
+  EXPECT_TRUE(std::isnan(min_of({kNan, 1})));
 }
 
 // Every verdict belongs to one source, but for "not measured".

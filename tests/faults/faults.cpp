@@ -29,7 +29,7 @@
 
 namespace {
 
-/// The call at which a fault begins; 0: it is not asked for.
+/// The call at which a fault begins; 0: it is not requested.
 long begin_of(const char* name) {
   const char* const faults = std::getenv("PALPATE_FAULTS");
   const char* const found = faults == nullptr ? nullptr : std::strstr(faults, name);

@@ -95,7 +95,7 @@ std::vector<float> numbers_of(const DepthFieldView& view) {
     }
   }
   for (int i = 0; i < view.tiles_wide * view.tiles_high; ++i) {
-    all.insert(all.end(), {view.tiles[i].nearest, view.tiles[i].least_slope});
+    all.insert(all.end(), {view.tiles[i].nearest, view.tiles[i].min_slope});
   }
   return all;
 }
@@ -113,14 +113,14 @@ TEST(DepthField, IsTheDistanceToAPlaneForSpheresOfAllSizes) {
   const DepthField field = make_field(plane_cloud());
   test::Random random(1);
   for (int i = 0; i < 3000; ++i) {
-    // Large spheres ask wide pixels, which must not reach over the border of the image.
+    // Large spheres sample wide pixels, which must not reach over the border of the image.
     const double radius = 0.0005 * std::pow(40.0, random.uniform());
     const Vec3d p =
         at_pixel(random.uniform(50, 110), random.uniform(45, 75), random.uniform(0.7, 0.9));
     const FieldSample<double> got = sample_field(field.view(), p, radius);
     const double distance = dot(plane.normal, p) - plane.offset;
     if (distance < -0.03) continue;  // there the border of the image is near for the widest pixels
-    // Where wider pixels are asked too, the field is deeper by the rounding of the maximum.
+    // Where wider pixels are sampled too, the field is deeper by the rounding of the maximum.
     const double bias = distance < -1.3 * radius ? -0.35 * distance : 0;
     EXPECT_NEAR(got.phi, distance, 2e-6 + bias) << radius;
     EXPECT_NEAR(norm(cross(got.gradient, plane.normal)), 0, 2e-5);
@@ -362,9 +362,9 @@ TrueSilhouettes true_silhouettes(const DepthFieldLevel& level, int u, int v) {
           }
         }
         if (own.depth() <= z) continue;
-        const double asked = std::min(own.depth(), z + 0.5);
+        const double requested = std::min(own.depth(), z + 0.5);
         const double reach = std::sqrt(2 * distance * distance + 0.5);
-        if (is_apart(near, own, own.at(asked) - near.at(asked), width * z, reach)) {
+        if (is_apart(near, own, own.at(requested) - near.at(requested), width * z, reach)) {
           found.occluder = std::min(found.occluder, distance);
         }
       }
@@ -505,18 +505,18 @@ TEST(DepthField, LevelsAndTilesAreWhatTheyAreSaidToBe) {
   constexpr int kSize = DepthFieldView::kTileSize;
   const DepthFieldLevel& image = view.levels[0];
   for (int tile = 0; tile < view.tiles_wide * view.tiles_high; ++tile) {
-    float nearest = 1e30f, least_slope = 1;
+    float nearest = 1e30f, min_slope = 1;
     const int u0 = tile % view.tiles_wide * kSize, v0 = tile / view.tiles_wide * kSize;
     for (int v = v0; v < std::min(v0 + kSize, image.height); ++v) {
       for (int u = u0; u < std::min(u0 + kSize, image.width); ++u) {
         const float* plane = image.planes + 2 * (std::ptrdiff_t{v} * image.stride + u);
         if (plane[1] == 0) continue;
         nearest = std::min(nearest, plane[0] / plane[1]);
-        least_slope = std::min(least_slope, plane[1]);
+        min_slope = std::min(min_slope, plane[1]);
       }
     }
     EXPECT_EQ(view.tiles[tile].nearest, nearest) << tile;
-    EXPECT_EQ(view.tiles[tile].least_slope, least_slope) << tile;
+    EXPECT_EQ(view.tiles[tile].min_slope, min_slope) << tile;
   }
 }
 

@@ -1,5 +1,5 @@
-// The depth field with its second derivatives, as the Python module asks it, against the field and
-// its gradient.
+// The depth field with its second derivatives, as the Python module queries it, against the field
+// and its gradient.
 #include "src/field/internal/field_curvature.h"
 
 #include <cmath>

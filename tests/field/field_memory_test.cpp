@@ -44,7 +44,7 @@ TEST(PixelMemory, ShowsWhatItSeesWhileNothingComesBeforeIt) {
 
 TEST(PixelMemory, KeepsWhatAHandHides) {
   Pixel pixel;
-  pixel.see(kTable, kLeastSeen);
+  pixel.see(kTable, kMinSeen);
   pixel.see(1.004f);
   for (int i = 0; i < 20; ++i) {
     const float hand = kHand + 0.01f * static_cast<float>(i % 3);
@@ -61,7 +61,7 @@ TEST(PixelMemory, OneFrameContradicts) {
   Pixel pixel;
   pixel.see(kTable, 10);
   EXPECT_EQ(pixel.see(1.021f).behind.offset, 1.021f);
-  pixel.see(1.021f, kLeastSeen);
+  pixel.see(1.021f, kMinSeen);
   pixel.see(kHand, 5);
   EXPECT_EQ(pixel.see(1.5f).behind.offset, 1.5f);
   // And what had been there before is not known any more.
@@ -70,7 +70,7 @@ TEST(PixelMemory, OneFrameContradicts) {
 
 TEST(PixelMemory, WhatWasSeenOnceIsNotRemembered) {
   Pixel pixel;
-  pixel.see(kTable, kLeastSeen - 1);
+  pixel.see(kTable, kMinSeen - 1);
   const MemoryPlanes planes = pixel.see(kHand);
   EXPECT_EQ(planes.behind.offset, kHand);
   EXPECT_TRUE(is_nothing(planes.in_front));
@@ -92,7 +92,7 @@ TEST(PixelMemory, AHoleHidesAndContradictsNothing) {
   EXPECT_FALSE(pixel.see(0).behind.is_surface());
   pixel.see(kTable);
   EXPECT_FALSE(pixel.see(0).behind.is_surface());
-  pixel.see(kTable, kLeastSeen);
+  pixel.see(kTable, kMinSeen);
   for (const float hole : {0.0f, NAN}) {
     const MemoryPlanes planes = pixel.see(hole);
     EXPECT_EQ(planes.behind.offset, kTable);
@@ -226,9 +226,9 @@ TEST(FieldMemory, ChangesNothingThatIsSeen) {
                   .value(),
        plain = SurfaceTimeline::create(stream_info(), {}, DepthFieldOptions{}, without, {}).value();
   for (int i = 0; i < 4; ++i) {
-    const PixelWindow asked = i < 2 ? PixelWindow{} : PixelWindow{10, 10, 30, 30};
-    with.push(frame_of(1.0 + 0.01 * i, 0.9 + 0.01 * i), i / 32.0, pool, asked);
-    plain.push(frame_of(1.0 + 0.01 * i, 0.9 + 0.01 * i), i / 32.0, pool, asked);
+    const PixelWindow requested = i < 2 ? PixelWindow{} : PixelWindow{10, 10, 30, 30};
+    with.push(frame_of(1.0 + 0.01 * i, 0.9 + 0.01 * i), i / 32.0, pool, requested);
+    plain.push(frame_of(1.0 + 0.01 * i, 0.9 + 0.01 * i), i / 32.0, pool, requested);
     test::Random random(7);
     for (int k = 0; k < 200; ++k) {
       const Vec3d p{random.uniform(-0.2, 0.0), random.uniform(-0.2, 0.0), random.uniform(0.8, 1.1)};

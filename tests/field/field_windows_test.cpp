@@ -102,14 +102,15 @@ TEST(FieldWindows, HaveTheBitsOfTheWholeImage) {
       const DepthFrame frame = random_frame(kWidth, kHeight, random);
       const int left = static_cast<int>(random.uniform(0, 700));
       const int top = static_cast<int>(random.uniform(0, 500));
-      const PixelWindow asked{left, top, left + 1 + static_cast<int>(random.uniform(0, 99)),
-                              top + 1 + static_cast<int>(random.uniform(0, 99))};
-      const FieldWindows windows = field_windows(layout, layout.num_filled(options.field), asked);
-      EXPECT_EQ(windows.points, part_field.points_for(asked));
+      const PixelWindow requested{left, top, left + 1 + static_cast<int>(random.uniform(0, 99)),
+                                  top + 1 + static_cast<int>(random.uniform(0, 99))};
+      const FieldWindows windows =
+          field_windows(layout, layout.num_filled(options.field), requested);
+      EXPECT_EQ(windows.points, part_field.points_for(requested));
       whole_surface.update(frame, pool);
       whole_field.update(whole_surface.cloud(), pool);
       part_surface.update(frame, pool, {windows.points, false});
-      part_field.update(part_surface.cloud(), pool, asked);
+      part_field.update(part_surface.cloud(), pool, requested);
 
       const PointCloudView got = part_surface.cloud(), want = whole_surface.cloud();
       int num_wrong = 0;

@@ -17,7 +17,7 @@ namespace palpate::fuzz {
 namespace {
 
 constexpr char kRig = 'g', kUri = 'u', kBag = 'b', kRaw = 'r', kCompressed = 'c', kInfo = 'i';
-constexpr int kMostFrames = 20;
+constexpr int kMaxFrames = 20;
 
 void read_rig(std::string_view text) {
   static ScratchFile file(".rig.toml"), again(".again.toml");
@@ -57,7 +57,7 @@ void read_camera(const std::string& uri) {
   }
   const DepthStreamInfo info = (*camera)->info();
   DepthFrame frame;
-  for (int i = 0; i < kMostFrames; ++i) {
+  for (int i = 0; i < kMaxFrames; ++i) {
     const auto got = (*camera)->next(frame);
     if (!got || !*got) break;
     require(frame.width == info.width && frame.height == info.height &&
@@ -115,15 +115,15 @@ std::string compressed_image(std::string_view format, std::string_view image) {
   return message.text(std::string(12, '\0') + std::string(image)).str();
 }
 
-struct Told {
+struct Reported {
   const char *topic, *type;
   std::uint64_t time;
   std::string message;
 };
 /// An image of a camera that moves, twice, and all that a recording says of it.
-std::vector<Told> told() {
+std::vector<Reported> reported() {
   constexpr std::uint64_t kSecond = 1'000'000'000;
-  std::vector<Told> all;
+  std::vector<Reported> all;
   for (const std::uint64_t t : {1, 2}) {
     const RosTransform there[] = {{"map", "cam", {{0.1 * static_cast<double>(t), 0, 0}, {}}}};
     all.push_back(
@@ -139,7 +139,7 @@ std::vector<Told> told() {
 std::string mcap_bag() {
   ScratchFile file(".seed.mcap");
   auto writer = McapWriter::create(file.path());
-  for (const Told& each : told()) {
+  for (const Reported& each : reported()) {
     (void)writer->write(writer->add_channel({each.topic, each.type, ""}), each.time, each.message);
   }
   (void)writer->finish();
@@ -209,7 +209,7 @@ std::vector<std::string> sqlite_bags() {
       "serialization_format TEXT, offered_qos_profiles TEXT); CREATE TABLE messages(id INTEGER "
       "PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, data BLOB);";
   std::vector<std::string> topics;
-  for (const Told& each : told()) {
+  for (const Reported& each : reported()) {
     auto found = std::find(topics.begin(), topics.end(), each.topic);
     if (found == topics.end()) {
       found = topics.insert(topics.end(), each.topic);

@@ -107,8 +107,8 @@ MadeQuery cpu_query(const Tool& tool, const ContactMethod& method, Isa isa) {
   return make_contact_query(Backend::cpu, tool, method, capacities);
 }
 
-Answer ask(const MadeQuery& query, const SurfaceView& from, const SurfaceView& to, double alpha,
-           const Pose& X_WT) {
+Answer evaluate(const MadeQuery& query, const SurfaceView& from, const SurfaceView& to,
+                double alpha, const Pose& X_WT) {
   require(query.has_value(), "there is a query of every backend");
   Answer answer{{}, std::vector<SphereState>((*query)->index()->tool().spheres().size())};
   answer.result =
@@ -209,20 +209,20 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
 
   const Seen from(first, options, Isa::baseline), to(second, options, Isa::baseline);
   const Answer want =
-      ask(cpu_query(tool, method, Isa::baseline), from.surfaces(), to.surfaces(), alpha, X_WT);
+      evaluate(cpu_query(tool, method, Isa::baseline), from.surfaces(), to.surfaces(), alpha, X_WT);
   const Penetration& p = want.result.penetration;
   require(std::isfinite(p.volume) && p.volume >= 0, "a volume is finite and not negative");
   require(norm(p.measure_W.force) <= 1.0500001 * p.volume, "no force is longer than its bound");
   if (!is_between) require_truth(tool, contact, to.surfaces(), X_WT, want);
   for (const Isa isa : {Isa::avx2, Isa::avx512}) {
     const Seen from_wide(first, options, isa), to_wide(second, options, isa);
-    const Answer got =
-        ask(cpu_query(tool, method, isa), from_wide.surfaces(), to_wide.surfaces(), alpha, X_WT);
+    const Answer got = evaluate(cpu_query(tool, method, isa), from_wide.surfaces(),
+                                to_wide.surfaces(), alpha, X_WT);
     require(same_bits(want, got), "all instruction sets give the same bits");
   }
 #if defined(PALPATE_EMULATE_CUDA)
-  const Answer gpu = ask(make_contact_query_cuda(ToolIndex::create(tool), method, {}),
-                         from.surfaces(), to.surfaces(), alpha, X_WT);
+  const Answer gpu = evaluate(make_contact_query_cuda(ToolIndex::create(tool), method, {}),
+                              from.surfaces(), to.surfaces(), alpha, X_WT);
   require(agrees(want, gpu), "the GPU agrees with the CPU");
 #endif
   return 0;

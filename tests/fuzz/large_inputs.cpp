@@ -42,8 +42,8 @@ std::string file_bytes(const fs::path& path) {
 
 namespace {
 
-constexpr double kLeastMegabytes = 10;  // that the time is told for
-constexpr double kMostMegabytes = 256 * 1.048576, kMostPerByte = 2000;
+constexpr double kMinMegabytes = 10;  // that the time is told for
+constexpr double kMaxMegabytes = 256 * 1.048576, kMaxPerByte = 2000;
 constexpr int kTaken = 0, kRefused = 1;
 /// A build with sanitizers takes memory of its own.
 constexpr bool kIsSanitized =
@@ -71,8 +71,8 @@ struct Outcome {
 
 /// So that what is broken is only itself lost.
 void limit_this_process() {
-  constexpr rlim_t kMostTime = 60;  // s
-  const rlimit time{kMostTime, kMostTime}, memory{rlim_t{8} << 30, rlim_t{8} << 30};
+  constexpr rlim_t kMaxTime = 60;  // s
+  const rlimit time{kMaxTime, kMaxTime}, memory{rlim_t{8} << 30, rlim_t{8} << 30};
   ::setrlimit(RLIMIT_CPU, &time);
   if (!kIsSanitized) ::setrlimit(RLIMIT_AS, &memory);
 }
@@ -111,9 +111,9 @@ std::string measure(const LargeInput& input, const Options& options, std::FILE* 
       fs::temp_directory_path() / ("palpate-large-" + std::to_string(::getpid()));
   const fs::path path = folder / ("input" + input.extension);
   fs::create_directories(folder);
-  const auto wanted = static_cast<std::size_t>(1e6 * options.megabytes);
+  const auto desired = static_cast<std::size_t>(1e6 * options.megabytes);
   alone([&] {
-    input.make(path, wanted);
+    input.make(path, desired);
     return 0;
   });
   const double size = 1e-6 * static_cast<double>(size_on_disk(path));
@@ -138,10 +138,9 @@ std::string measure(const LargeInput& input, const Options& options, std::FILE* 
   if (outcome.status != kTaken && outcome.status != kRefused) return "ends the program";
   const bool is_taken = outcome.status == kTaken;
   if (input.is_taken.value_or(is_taken) != is_taken) return is_taken ? "is taken" : "is refused";
-  if (!kIsSanitized && memory > kMostMegabytes + kMostPerByte * size)
-    return "takes too much memory";
+  if (!kIsSanitized && memory > kMaxMegabytes + kMaxPerByte * size) return "takes too much memory";
   if (!options.is_timeless &&
-      outcome.seconds > 0.01 * input.most_seconds * std::max(size, kLeastMegabytes)) {
+      outcome.seconds > 0.01 * input.max_seconds * std::max(size, kMinMegabytes)) {
     return "takes too long";
   }
   return "";

@@ -20,7 +20,7 @@ struct LargeInput {
   /// Reads it as the program does.
   std::function<Status(const std::filesystem::path&)> read;
   std::string extension = ".bin";
-  double most_seconds =
+  double max_seconds =
       10;  ///< for 100 MB; more where another's library or what is unpacked takes it
 };
 

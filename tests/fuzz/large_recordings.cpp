@@ -109,7 +109,7 @@ void one_zero_chunk_mcap(const fs::path& path, std::size_t) {
 }
 
 /// A run with as many objects as there is room for, each a tool, behind a large file that nobody
-/// asks for.
+/// requests.
 void objects_mcap(const fs::path& path, std::size_t num_bytes) {
   auto writer = McapWriter::create(path);
   const std::string tool = *tool_to_bytes(test::random_tool(1, 0.03, 1));

@@ -21,7 +21,7 @@ using palpate::test::Random;
 
 /// An input of n bytes may take this much memory: the constant is two of the largest depth images,
 /// each as counts, PNG rows and cloud.
-constexpr std::size_t kMostBytes = std::size_t(256) << 20, kMostBytesPerByte = 2000;
+constexpr std::size_t kMaxBytes = std::size_t(256) << 20, kMaxBytesPerByte = 2000;
 
 std::atomic<std::size_t> g_bytes = 0, g_peak = 0;
 
@@ -104,7 +104,7 @@ void run(const std::string& input) {
   const std::size_t before = g_peak = g_bytes.load();
   LLVMFuzzerTestOneInput(reinterpret_cast<const std::uint8_t*>(input.data()), input.size());
   const std::size_t taken = g_peak - before;
-  if (taken <= kMostBytes + kMostBytesPerByte * input.size()) return;
+  if (taken <= kMaxBytes + kMaxBytesPerByte * input.size()) return;
   std::fprintf(stderr, "fuzz: an input of %zu bytes took %zu bytes of memory\n", input.size(),
                taken);
   std::abort();

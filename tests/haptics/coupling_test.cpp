@@ -668,7 +668,7 @@ TEST(Couplings, RestOnAContactWithoutStiffness) {
   }
 }
 
-// Whatever comes in: numbers come out, and no memory is asked for.
+// Whatever comes in: numbers come out, and no memory is allocated.
 TEST(Couplings, SurviveAnyInput) {
   const double bad[] = {std::numeric_limits<double>::quiet_NaN(),
                         std::numeric_limits<double>::infinity(),

@@ -646,7 +646,7 @@ TEST(Friction, OfRegionsIsTheirs) {
   EXPECT_NEAR(-touch.along().x, (0.25 * 0.2 + 0.75 * 0.4) * n, 1e-3 * n);
 }
 
-// Whatever comes in: numbers come out, and no memory is asked for.
+// Whatever comes in: numbers come out, and no memory is allocated.
 TEST(Friction, SurvivesAnyInput) {
   const double bad[] = {std::numeric_limits<double>::quiet_NaN(),
                         std::numeric_limits<double>::infinity(),

@@ -133,11 +133,11 @@ struct Moving {
   Vec3d velocity, spin;  ///< m/s, rad/s
   double angle = 0;
 
-  Wrench tick(Rig& rig, const Wrench& wanted, double dt = kTick) {
+  Wrench tick(Rig& rig, const Wrench& desired, double dt = kTick) {
     angle += norm(spin) * dt;
     rig.input.state.X_BH.translation += velocity * dt;
     if (norm(spin) > 0) rig.input.state.X_BH.rotation = axis_angle(spin, angle);
-    return rig.tick(wanted, dt);
+    return rig.tick(desired, dt);
   }
 };
 
@@ -160,48 +160,48 @@ TEST(SafetyEnergy, TakesWhatHalfTheTankDoesNotHoldAndNoMore) {
     options.energy_tank = random.uniform(0.002, 0.02);
     Rig rig(options);
     // No torque that the slew limit holds back: it goes to nothing within a tick.
-    Wrench wanted{random.uniform(0.5, 6) * random.direction(),
-                  random.uniform(0, 0.009) * random.direction()};
+    Wrench desired{random.uniform(0.5, 6) * random.direction(),
+                   random.uniform(0, 0.009) * random.direction()};
     Moving hand{random.uniform(0, 0.3) * random.direction(),
                 random.uniform(0, 10) * random.direction()};
     if (run % 5 == 0) hand.velocity = {};  // it only turns
     if (run % 5 == 1) hand.spin = {};
-    if (run % 7 == 0) wanted.torque = {};
-    rig.hold(wanted);
+    if (run % 7 == 0) desired.torque = {};
+    rig.hold(desired);
     const double S = options.max_slew, T = kTick, v = norm(hand.velocity);
-    const double f_wanted = v > 0 ? dot(wanted.force, hand.velocity) / v : 0;
-    const double turning = std::max(dot(wanted.torque, hand.spin), 0.0);
+    const double f_desired = v > 0 ? dot(desired.force, hand.velocity) / v : 0;
+    const double turning = std::max(dot(desired.torque, hand.spin), 0.0);
     const auto given = [&](double f) { return f > 0 ? v * f * (T + f / (2 * S)) : 0; };
-    double f_out = f_wanted;
+    double f_out = f_desired;
     for (int i = 0; i < 2000; ++i) {
       const double f_last = f_out;
-      const Wrench out = hand.tick(rig, wanted);
+      const Wrench out = hand.tick(rig, desired);
       f_out = v > 0 ? dot(out.force, hand.velocity) / v : 0;
       ASSERT_EQ(rig.fault(), Fault::none);
       ASSERT_TRUE(is_finite(out));
       const double rest = options.energy_tank / 2 - rig.filter.status().energy;
-      const double all = given(f_wanted) + turning * T;
+      const double all = given(f_desired) + turning * T;
       if (std::abs(all - rest) < 1e-9 * options.energy_tank) continue;
-      if (all < rest && f_wanted - f_last > S * T) continue;  // on its way back
+      if (all < rest && f_desired - f_last > S * T) continue;  // on its way back
       if (all < rest) {
-        ASSERT_EQ(out.force, wanted.force);
-        ASSERT_EQ(out.torque, wanted.torque);
+        ASSERT_EQ(out.force, desired.force);
+        ASSERT_EQ(out.torque, desired.torque);
         ASSERT_EQ(rig.filter.status().damping, 0);
         ++num_left_alone;
         continue;
       }
-      const Vec3d torque = turning > 0 ? across(wanted.torque, hand.spin) : wanted.torque;
+      const Vec3d torque = turning > 0 ? across(desired.torque, hand.spin) : desired.torque;
       ASSERT_LT(norm(out.torque - torque), 1e-9);
       if (v == 0) {
-        ASSERT_EQ(out.force, wanted.force);
+        ASSERT_EQ(out.force, desired.force);
         ++num_still;
         continue;
       }
-      ASSERT_LT(norm(across(out.force - wanted.force, hand.velocity)), 1e-9);
-      const double f = f_wanted - rig.filter.status().damping * v;
+      ASSERT_LT(norm(across(out.force - desired.force, hand.velocity)), 1e-9);
+      const double f = f_desired - rig.filter.status().damping * v;
       ASSERT_NEAR(f_out, std::clamp(f, f_last - S * T, f_last + S * T), 1e-9);
-      if (given(f_wanted) < rest) {
-        ASSERT_NEAR(f, f_wanted, 1e-9);
+      if (given(f_desired) < rest) {
+        ASSERT_NEAR(f, f_desired, 1e-9);
         ++num_only_torque;
       } else if (rest > 0) {
         ASSERT_NEAR(given(f), rest, 1e-9 * options.energy_tank);
@@ -224,18 +224,18 @@ TEST(SafetyEnergy, DampingTakesBackWhatIsOverdrawn) {
     for (const double speed : {0.3, 0.6}) {
       SafetyOptions options;
       options.ramp_seconds = 0;
-      options.max_slew = 1e5;  // far more than is asked for here
+      options.max_slew = 1e5;  // far more than is needed here
       DeviceLimits limits = kLimits;
       limits.max_damping = max_damping;
       limits.max_force = 1000;
       Rig rig(options, limits);
-      const Wrench wanted{{4, 3, 0}, {}};
-      rig.hold(wanted);
+      const Wrench desired{{4, 3, 0}, {}};
+      rig.hold(desired);
       Moving hand{{0.02, 0, 0}, {}};
-      for (int i = 0; i < 60; ++i) hand.tick(rig, wanted);
+      for (int i = 0; i < 60; ++i) hand.tick(rig, desired);
       ASSERT_LT(rig.filter.status().energy, options.energy_tank / 2);
       hand.velocity.x = speed;
-      const Wrench out = hand.tick(rig, wanted);
+      const Wrench out = hand.tick(rig, desired);
       const double over = rig.filter.status().energy - options.energy_tank / 2;
       ASSERT_GT(over, 0);
       const double f = std::min(max_damping * speed, over / (speed * kTick));
@@ -243,7 +243,7 @@ TEST(SafetyEnergy, DampingTakesBackWhatIsOverdrawn) {
       EXPECT_NEAR(out.force.y, 3, 1e-9);
       EXPECT_NEAR(rig.filter.status().damping, (4 + f) / speed, 1e-9);
       if (max_damping == 500) {
-        hand.tick(rig, wanted);
+        hand.tick(rig, desired);
         EXPECT_NEAR(rig.filter.status().energy, options.energy_tank / 2, 1e-9);
       }
     }
@@ -251,7 +251,7 @@ TEST(SafetyEnergy, DampingTakesBackWhatIsOverdrawn) {
 }
 
 /// J, at most, that a force gives within `dt` to a hand that gets faster at the rate `rise`.
-double most_given(const Vec3d& force, const Vec3d& velocity, double rise, double dt) {
+double max_given(const Vec3d& force, const Vec3d& velocity, double rise, double dt) {
   return std::max(dot(force, velocity) + rise * dt * norm(force), 0.0) * dt;
 }
 
@@ -259,8 +259,8 @@ double most_given(const Vec3d& force, const Vec3d& velocity, double rise, double
 /// if that was not enough it is shorter, too. Returns whether something was taken.
 bool expect_within(const Vec3d& out, const Vec3d& before, const Vec3d& velocity, double rise,
                    double dt, double rest) {
-  EXPECT_LE(most_given(out, velocity, rise, dt), rest * (1 + 1e-6) + 1e-15);
-  if (most_given(before, velocity, rise, dt) <= rest) {
+  EXPECT_LE(max_given(out, velocity, rise, dt), rest * (1 + 1e-6) + 1e-15);
+  if (max_given(before, velocity, rise, dt) <= rest) {
     EXPECT_LT(norm(out - before), 1e-9 * (1 + norm(before)));
     return false;
   }
@@ -269,7 +269,7 @@ bool expect_within(const Vec3d& out, const Vec3d& before, const Vec3d& velocity,
   if (norm(velocity) > 1e-12 && dot(before, velocity) > power) {
     kept = across(before, velocity) + power / dot(velocity, velocity) * velocity;
   }
-  const double given = most_given(kept, velocity, rise, dt);
+  const double given = max_given(kept, velocity, rise, dt);
   const Vec3d want = given > rest ? rest / given * kept : kept;
   EXPECT_LT(norm(out - want), 1e-9 * (1 + norm(before)));
   return true;
@@ -287,10 +287,10 @@ TEST(SafetyEnergy, WhatGoesOutNeverEmptiesTheTank) {
     options.engage_ticks = 1;
     options.energy_tank = 1e-4 * std::pow(100, random.uniform());
     Rig rig(options);
-    const Wrench wanted{random.uniform(0, 6) * random.direction(),
-                        random.uniform(0, 0.15) * random.direction()};
+    const Wrench desired{random.uniform(0, 6) * random.direction(),
+                         random.uniform(0, 0.15) * random.direction()};
     Wrench last;
-    for (int i = 0; i < 60; ++i) last = rig.tick(i < 10 ? kNothing : wanted);
+    for (int i = 0; i < 60; ++i) last = rig.tick(i < 10 ? kNothing : desired);
     ASSERT_EQ(rig.filter.status().energy, 0);
     rig.input.backend_failed = true;
     double fade = 1, work = 0;
@@ -310,7 +310,7 @@ TEST(SafetyEnergy, WhatGoesOutNeverEmptiesTheTank) {
         work += (dot(last.force, hand.velocity) + last.torque.z * hand.spin.z) * dt;
       }
       const Wrench out =
-          rig.input.state.is_valid ? hand.tick(rig, wanted, dt) : rig.tick(wanted, dt);
+          rig.input.state.is_valid ? hand.tick(rig, desired, dt) : rig.tick(desired, dt);
       ASSERT_EQ(rig.filter.status().state, ForceState::fading);
       ASSERT_NEAR(rig.filter.status().energy, work, 1e-9);
       const double next_fade = i == 0 ? 1 : fade - dt / options.fade_seconds;
@@ -319,7 +319,7 @@ TEST(SafetyEnergy, WhatGoesOutNeverEmptiesTheTank) {
       const double rest = std::max(options.energy_tank - rig.filter.status().energy, 0.0);
       const double unseen = dt + silence;
       num_less_force += expect_within(out.force, force, hand.velocity, 50, unseen, rest);
-      const double left = std::max(rest - most_given(out.force, hand.velocity, 50, unseen), 0.0);
+      const double left = std::max(rest - max_given(out.force, hand.velocity, 50, unseen), 0.0);
       num_less_torque += expect_within(out.torque, torque, hand.spin, 1000, unseen, left);
       ++num;
       last = out;

@@ -29,15 +29,15 @@ struct Rig {
     input.time = 100;
     input.state.is_valid = true;
   }
-  Wrench tick(const Wrench& wanted, double dt = kTick) {
+  Wrench tick(const Wrench& desired, double dt = kTick) {
     input.time += dt;
-    return filter.filter(wanted, input);
+    return filter.filter(desired, input);
   }
   /// Engages and goes up to this wrench.
-  Wrench hold(const Wrench& wanted) {
+  Wrench hold(const Wrench& desired) {
     for (int i = 0; i < 20; ++i) tick(kNothing);
     Wrench out;
-    for (int i = 0; i < 1000; ++i) out = tick(wanted);
+    for (int i = 0; i < 1000; ++i) out = tick(desired);
     return out;
   }
   Fault fault() const { return filter.status().fault; }

@@ -130,12 +130,12 @@ template <class Break>
 void expect_fade(Fault fault, Break break_it, int patience) {
   Rig rig;
   rig.hold(kPush);
-  Wrench wanted = kPush;
-  break_it(rig.input, wanted);
+  Wrench desired = kPush;
+  break_it(rig.input, desired);
   int num = 0;
   Wrench out = kPush;
   while (rig.fault() == Fault::none && num <= patience) {
-    out = rig.tick(wanted);
+    out = rig.tick(desired);
     ++num;
   }
   ASSERT_EQ(rig.fault(), fault);
@@ -284,7 +284,7 @@ TEST(SafetyFilter, TooManyFaultsWithinAMinuteNeedSomebodyWhoAsks) {
   EXPECT_EQ(ticks_until_engaged(rig, 120'000), -1);
   EXPECT_EQ(rig.filter.status().state, ForceState::held_off);
   EXPECT_EQ(rig.fault(), Fault::backend);
-  // Asked for: also in contact, by the ramp.
+  // On request: also in contact, by the ramp.
   rig.input.is_requested = true;
   rig.tick(kPush);
   rig.input.is_requested = false;
@@ -323,9 +323,9 @@ TEST(SafetyFilter, ComesBackAfterEveryPassingFault) {
     options.passivity_control = run % 2 == 0;
     Rig rig(options);
     Wrench last, faded_from;
-    const auto tick = [&](const Wrench& wanted, double dt) {
+    const auto tick = [&](const Wrench& desired, double dt) {
       const bool was_well = rig.fault() == Fault::none;
-      const Wrench out = rig.tick(wanted, dt);
+      const Wrench out = rig.tick(desired, dt);
       const double force = norm(out.force);
       ASSERT_TRUE(is_finite(out));
       ASSERT_LE(force, kLimits.max_force);
@@ -335,9 +335,9 @@ TEST(SafetyFilter, ComesBackAfterEveryPassingFault) {
       const bool is_exact = !options.passivity_control;
       if (rig.fault() == Fault::none) {
         const double most = options.max_slew * dt + 1e-9;
-        const double most_torque = options.max_torque_slew * dt + 1e-9;
+        const double max_torque_step = options.max_torque_slew * dt + 1e-9;
         ASSERT_LE(is_exact ? norm(step) : force - norm(last.force), most);
-        ASSERT_LE(is_exact ? norm(twist) : norm(out.torque) - norm(last.torque), most_torque);
+        ASSERT_LE(is_exact ? norm(twist) : norm(out.torque) - norm(last.torque), max_torque_step);
       } else {
         if (was_well) faded_from = last;
         const double share = std::max(dt, 0.0) / options.fade_seconds + 1e-3;
@@ -360,9 +360,9 @@ TEST(SafetyFilter, ComesBackAfterEveryPassingFault) {
       const SafetyInput well = rig.input;
       const int kind = static_cast<int>(random.bits() % 8),
                 kind2 = static_cast<int>(random.bits() % 8);
-      Wrench wanted = kPush;
+      Wrench desired = kPush;
       for (const int k : {kind, random.uniform() < 0.3 ? kind2 : kind}) {
-        if (k == 0) wanted.force.x = kNan;
+        if (k == 0) desired.force.x = kNan;
         if (k == 1) rig.input.contact_age = 0.03;
         if (k == 2) rig.input.sensor_age = 3;
         if (k == 3) rig.input.state.is_valid = false;
@@ -372,9 +372,9 @@ TEST(SafetyFilter, ComesBackAfterEveryPassingFault) {
         if (k == 7) tick(kPush, -0.01);
       }
       const int num_bad = 20 + static_cast<int>(random.uniform(0, 400));
-      tick(wanted, kTick);
+      tick(desired, kTick);
       const Fault first = rig.fault();
-      for (int i = 1; i < num_bad; ++i) tick(wanted, kTick);
+      for (int i = 1; i < num_bad; ++i) tick(desired, kTick);
       ++num_by_fault[static_cast<int>(first == Fault::none ? rig.fault() : first)];
       const double now = rig.input.time;
       rig.input = well;
@@ -512,13 +512,13 @@ TEST(SafetyFilter, HoldsWhateverComesIn) {
       input.sensor_failed = random.uniform() < share / 1000;
       input.is_requested = random.uniform() < 0.01;
       const double size = std::exp(random.uniform(-3, 4));
-      Wrench wanted{size * random.direction(), 0.1 * size * random.direction()};
-      wanted.force.x = strange(wanted.force.x, share / 5);
-      wanted.torque.z = strange(wanted.torque.z, share / 5);
+      Wrench desired{size * random.direction(), 0.1 * size * random.direction()};
+      desired.force.x = strange(desired.force.x, share / 5);
+      desired.torque.z = strange(desired.torque.z, share / 5);
       const Fault before = filter.status().fault;
       const double last_gain = filter.status().gain;
 
-      const Wrench out = filter.filter(i % 50 < 12 ? Wrench{} : wanted, input);
+      const Wrench out = filter.filter(i % 50 < 12 ? Wrench{} : desired, input);
       const SafetyStatus& status = filter.status();
       ASSERT_TRUE(is_finite(out));
       ASSERT_LE(norm(out.force), max_force);

@@ -241,7 +241,7 @@ TEST(CloudPcd, SaysWhatIsWrong) {
   expect_bad(pcd("F", 4, "binary_compressed", 3, 2, damaged), "unpacked");
   expect_error(load_depth_pcd(folder / "absent.pcd"), "absent.pcd");
   write_bytes(folder / "flat.pcd", pcd("F", 4, "binary", 6, 1, rows));
-  expect_error(load_depth_pcd(folder / "flat.pcd"), "not organised");
+  expect_error(load_depth_pcd(folder / "flat.pcd"), "not organized");
 }
 
 TEST(CloudPcd, TruncationsAreErrorsAndDamageNeverCrashes) {

@@ -53,8 +53,8 @@ TEST(SolidField, IsTheDistanceToABox) {
   for (const std::int32_t n : field.levels()[0].num_nodes) {
     finest *= static_cast<std::size_t>(n);
   }
-  EXPECT_LE(finest, SolidField::kMostNodes);
-  EXPECT_GT(finest, SolidField::kMostNodes * 9 / 10) << "as fine as the bound allows";
+  EXPECT_LE(finest, SolidField::kMaxNodes);
+  EXPECT_GT(finest, SolidField::kMaxNodes * 9 / 10) << "as fine as the bound allows";
   for (int level = 0; level < static_cast<int>(field.levels().size()); ++level) {
     int num_inside = 0;
     Vec3d low{1, 1, 1}, high{-1, -1, -1};
@@ -133,11 +133,11 @@ TEST(SolidField, SameBitsForAnyNumberOfThreads) {
 TEST(SolidField, PlatesAndNeedlesStayWithinTheBound) {
   for (const Vec3d& size : {Vec3d{1, 1, 0.001}, Vec3d{1, 0.001, 0.001}, Vec3d{1e-3, 1, 0.02}}) {
     const SolidField field = field_of(make_box(size));
-    EXPECT_LE(field.levels().size(), static_cast<std::size_t>(SolidField::kMostLevels));
+    EXPECT_LE(field.levels().size(), static_cast<std::size_t>(SolidField::kMaxLevels));
     std::size_t num = 1;
     for (const std::int32_t n : field.levels()[0].num_nodes) num *= static_cast<std::size_t>(n);
-    EXPECT_LE(num, SolidField::kMostNodes);
-    EXPECT_LT(field.num_bytes(), SolidField::kMostNodes * sizeof(float) * 3 / 2);
+    EXPECT_LE(num, SolidField::kMaxNodes);
+    EXPECT_LT(field.num_bytes(), SolidField::kMaxNodes * sizeof(float) * 3 / 2);
   }
 }
 

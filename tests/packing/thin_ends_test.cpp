@@ -23,14 +23,14 @@ bool is_prefix(const std::vector<Sphere>& a, const std::vector<Sphere>& all) {
          std::memcmp(a.data(), all.data(), a.size() * sizeof(Sphere)) == 0;
 }
 
-// One packing holds those of all smaller numbers, so its prefixes are asked at every tenth number;
-// that they are the packings of their number is tested for two of them.
+// One packing holds those of all smaller numbers, so its prefixes are measured at every tenth
+// number; that they are the packings of their number is tested for two of them.
 TEST(ThinEnds, NoStandoffIsBeyondItsBoundAtAnyNumber) {
   for (const std::string& name : shape_names()) {
     SCOPED_TRACE(name);
     const TriangleMesh mesh = make_shape(name, 0.196).value();
     const double size = test::longest_side(mesh);
-    // Round ones have no ends and many corners to ask.
+    // Round ones have no ends and many corners to measure.
     const bool is_round = name == "sphere" || name == "torus" || name == "spiral";
     const int most = is_round ? 2000 : 20000;
     const std::vector<Sphere> spheres = pack(mesh, most);

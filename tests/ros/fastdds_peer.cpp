@@ -2,9 +2,9 @@
 // with camera_info and the tool's pose, and reads the wrench. Prints what it saw as JSON.
 //
 // usage: fastdds_peer DOMAIN WIDTH HEIGHT [IMAGES_PER_SECOND [looks|arm]], until the standard input
-// ends; who looks also asks for points and spheres. An arm tells where the tool is by tf, whose
+// ends; the viewer also requests points and spheres. An arm tells where the tool is by tf, whose
 // fixed part it says once, before anybody hears it; it keeps contacts, transforms and markers that
-// come, the last of which it asks for late, and prints their bytes.
+// come, to the last of which it subscribes late, and prints their bytes.
 #include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
 #include <fastdds/dds/domain/DomainParticipant.hpp>
 #include <fastdds/dds/domain/DomainParticipantFactory.hpp>
@@ -168,7 +168,7 @@ class RecordingObserver final : public fast::DataReaderListener {
     }
   }
   /// "name": ["hexadecimal digits", ...]
-  std::string told(const std::string& name) {
+  std::string reported(const std::string& name) {
     const std::lock_guard lock(mutex_);
     std::string text = "\"" + name + "\": [";
     for (const std::string& message : messages_) {
@@ -312,8 +312,8 @@ int main(int argc, char** argv) {
       std::string pose = palpate::pose_message({nanoseconds(time), "camera"}, X);
       poses->write(&pose);
       const palpate::RosTransform transform[] = {{"base", "tool0", X}};
-      std::string told = palpate::transform_message(nanoseconds(time), transform);
-      if (is_arm) moving->write(&told);
+      std::string reported = palpate::transform_message(nanoseconds(time), transform);
+      if (is_arm) moving->write(&reported);
       if (is_arm && !has_requested_markers && listener.has_heard()) {
         has_requested_markers = true;
         robot.reader("/palpate/markers", "visualization_msgs/MarkerArray", 1 << 20, &markers, true);
@@ -332,9 +332,9 @@ int main(int argc, char** argv) {
       ++num_images;
     }
   }
-  listener.print(
-      num_images, dropper.num(),
-      contacts.told("contact") + ", " + transforms.told("tf") + ", " + markers.told("markers"));
+  listener.print(num_images, dropper.num(),
+                 contacts.reported("contact") + ", " + transforms.reported("tf") + ", " +
+                     markers.reported("markers"));
   std::fflush(stdout);
   std::_Exit(0);
 }

@@ -40,7 +40,7 @@ TEST(GpuLoss, TheRunGoesOnWithTheCpu) {
   EXPECT_NE(cudaDeviceSynchronize(), cudaSuccess);
 
   EXPECT_TRUE(test::wait_for([&] { return (*loop)->settings().backend == Backend::cpu; }));
-  // The hand stays in contact, so it has to ask.
+  // The hand stays in contact, so it has to query.
   EXPECT_TRUE(test::wait_for([&] {
     (*loop)->request_force();
     return is_felt();

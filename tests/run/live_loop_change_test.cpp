@@ -463,8 +463,8 @@ TEST(LiveLoopHold, TheSceneStandsStillAndTheHandGoesOn) {
     return seen.frames[k].frame.pixels[0];
   };
   const auto wait_for_frames = [&](std::size_t more) {
-    const std::size_t wanted = seen.num_frames() + more;
-    EXPECT_TRUE(wait_for([&] { return seen.num_frames() >= wanted; }));
+    const std::size_t desired = seen.num_frames() + more;
+    EXPECT_TRUE(wait_for([&] { return seen.num_frames() >= desired; }));
   };
   touching.loop->hold_frames(true);
   wait_for_frames(4);  // what was on its way

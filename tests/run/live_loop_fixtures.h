@@ -20,7 +20,7 @@ inline const Tool& box_tool() {
   return tool;
 }
 
-/// A tool that other bodies can ask for the distance of its mesh.
+/// A tool whose mesh's distance field other bodies can sample.
 inline Tool packed(TriangleMesh mesh, int num_spheres) {
   PackOptions options;
   options.max_spheres = num_spheres;

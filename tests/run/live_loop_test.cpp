@@ -30,7 +30,7 @@ Vec3d pressing_hand(double time) { return {0, 0, 0.02 + 0.02 * std::min(1.0, 4 *
 /// Everything that an observer is told.
 struct Seen {
   std::vector<std::pair<double, DepthFrame>> frames;
-  std::vector<PixelWindow> asked;  // of each frame
+  std::vector<PixelWindow> requested;  // of each frame
   std::vector<ContactRecord> contacts;
   std::vector<TickRecord> ticks;
 
@@ -38,7 +38,7 @@ struct Seen {
     return {[this](const FrameRecord& record, const DepthFrame& frame) {
               EXPECT_EQ(record.number, frames.size());
               frames.emplace_back(record.capture_time, frame);
-              asked.push_back(record.asked);
+              requested.push_back(record.requested);
             },
             [this](const ContactRecord& contact) { contacts.push_back(contact); },
             [this](std::span<const TickRecord> records) {
@@ -167,9 +167,9 @@ TEST(LiveLoop, AToolThatLeavesTheWindowIsReportedAndRepeated) {
   for (const ContactRecord& contact : seen.contacts) {
     for (; num_pushed <= contact.frame_number; ++num_pushed) {
       const auto& [time, frame] = seen.frames[num_pushed];
-      const PixelWindow& asked = seen.asked[num_pushed];
-      timeline.push(frame, time, pool, asked);
-      num_small += asked.has_all(640, 480) ? 0 : 1;
+      const PixelWindow& requested = seen.requested[num_pushed];
+      timeline.push(frame, time, pool, requested);
+      num_small += requested.has_all(640, 480) ? 0 : 1;
     }
     query.set_blend(timeline.at(1e9));
     const Penetration again = query.query(contact.X_WT, settings.contact);
@@ -311,7 +311,7 @@ TEST(LiveLoop, RealTimeIsAskedForAndRefusalsAreNoted) {
   for (const std::string& note : report.notes) {
     EXPECT_NE(note.find(';'), std::string::npos) << note;  // what, and what to do
   }
-  // Each thread either has what it asked for, or there is a note that it was refused.
+  // Each thread either has what it requested, or there is a note that it was refused.
   std::map<std::string, std::string> how(report.scheduling.begin(), report.scheduling.end());
   for (const std::string thread : {"haptic", "contact"}) {
     const bool is_refused =

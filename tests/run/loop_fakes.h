@@ -61,7 +61,7 @@ class WallSource final : public DepthSource {
   int number_ = 0;
 };
 
-/// A wall that is seen once and then never again: whoever asks waits until it is cancelled.
+/// A wall that is seen once and then never again: a caller waits until it is cancelled.
 class SilentSource final : public DepthSource {
  public:
   const DepthStreamInfo& info() const override { return wall_.info(); }

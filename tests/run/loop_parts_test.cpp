@@ -169,7 +169,7 @@ TEST(LoadRelief, ComesBackByItselfAndDoesNotHunt) {
   EXPECT_LT(num_changes, 2 * (3600 / 160 + 8));
   int needed = 0;
   while (relief.steps().any() && ++needed < 1000) relief.look({});
-  EXPECT_LE(needed, LoadRelief::kMostCalm);
+  EXPECT_LE(needed, LoadRelief::kMaxCalm);
   for (int i = 0; i < 100; ++i) EXPECT_FALSE(relief.look({}));
 }
 
@@ -179,8 +179,8 @@ TEST(LoadRelief, AnyLoadIsAnsweredWithinBoundsAndForgotten) {
   for (unsigned seed = 0; seed < 300; ++seed) {
     std::mt19937 random(seed);
     std::uniform_real_distribution<double> share(0, 1);
-    const int most_image = static_cast<int>(seed % 3), most_spheres = static_cast<int>(seed % 4);
-    LoadRelief relief(most_image, most_spheres);
+    const int max_image = static_cast<int>(seed % 3), max_spheres = static_cast<int>(seed % 4);
+    LoadRelief relief(max_image, max_spheres);
     double calm = 0;
     for (int i = 0; i < 2000; ++i) {
       const bool is_bad = std::fmod(i, 200) < 200 * share(random) * share(random);
@@ -203,8 +203,8 @@ TEST(LoadRelief, AnyLoadIsAnsweredWithinBoundsAndForgotten) {
       const ReliefSteps& after = relief.steps();
       ASSERT_EQ(has_changed, before != after);
       ASSERT_LE(after.page, 1);
-      ASSERT_LE(after.image, most_image);
-      ASSERT_LE(after.spheres, most_spheres);
+      ASSERT_LE(after.image, max_image);
+      ASSERT_LE(after.spheres, max_spheres);
       ASSERT_GE(std::min({after.page, after.image, after.spheres}), 0);
       if (total(after) > total(before)) {
         ASSERT_TRUE(is_late);
@@ -218,7 +218,7 @@ TEST(LoadRelief, AnyLoadIsAnsweredWithinBoundsAndForgotten) {
         ASSERT_GE(calm, patience);
         calm = 0;
       }
-      ASSERT_LE(relief.patience(), LoadRelief::kMostCalm);
+      ASSERT_LE(relief.patience(), LoadRelief::kMaxCalm);
     }
     for (int i = 0; i < 2000; ++i) relief.look({});
     ASSERT_FALSE(relief.steps().any());
@@ -227,12 +227,12 @@ TEST(LoadRelief, AnyLoadIsAnsweredWithinBoundsAndForgotten) {
 
 TEST(LoadRelief, SaysWhatIsLessAndWhatIsBack) {
   EXPECT_EQ(describe_relief({}, {1, 0, 0}, 1, 1000),
-            "the computer is short of time: pages are drawn less often from now on");
+            "the computer is overloaded: pages are drawn less often from now on");
   EXPECT_EQ(describe_relief({1, 0, 0}, {1, 1, 1}, 1, 1000),
-            "the computer is short of time: surfaces are made of images 2 times smaller, 500 of "
+            "the computer is overloaded: depth images are made 2 times smaller, 500 of "
             "1000 spheres are used from now on");
   EXPECT_EQ(describe_relief({1, 1, 0}, {1, 0, 0}, 1, 1000),
-            "there is time again: surfaces are made of whole images from now on");
+            "the load is lower again: depth images are used in full from now on");
   EXPECT_EQ(describe_relief({}, {}, 1, 1000), "");
 }
 

@@ -158,7 +158,7 @@ struct Listener {
 /// Random steps of all three, some of them while the observer is being told.
 void run(Stages& stages, unsigned seed, bool loses_no_contact) {
   std::mt19937 random(seed);
-  Publisher* told_by = nullptr;
+  Publisher* reported_by = nullptr;
   int left = 3000;
   const auto step = [&] {
     if (left-- <= 0) return;
@@ -167,7 +167,7 @@ void run(Stages& stages, unsigned seed, bool loses_no_contact) {
       case 1:
       case 2: stages.step_contact(); break;
       case 3:
-        if (random() % 20 == 0) stages.change(*told_by);
+        if (random() % 20 == 0) stages.change(*reported_by);
         break;
       default: stages.step_haptic();
     }
@@ -177,7 +177,7 @@ void run(Stages& stages, unsigned seed, bool loses_no_contact) {
   });
   listener.loses_no_contact = loses_no_contact;
   Publisher publisher(listener.observer, stages.records());
-  told_by = &publisher;
+  reported_by = &publisher;
   while (left > 0) {
     for (unsigned i = random() % 40; i > 0; --i) step();
     publisher.publish();

@@ -13,7 +13,7 @@ namespace {
 
 using test::WallSource;
 
-/// A wall that counts how often it was asked, and makes no frame before the test lets it.
+/// A wall that counts how often it was called, and makes no frame before the test lets it.
 class GuardedWall final : public DepthSource {
  public:
   GuardedWall(const WallSource::Options& options, std::atomic<int>& num_requested,

@@ -206,7 +206,7 @@ TEST(SeveralCameras, AreRefusedWhereTheyCannotBeJoined) {
 }
 
 /// What a live loop tells of its frames and contacts.
-struct Told {
+struct Records {
   RunObserver observer() {
     RunObserver all;
     all.on_frame = [this](const FrameRecord& frame, const DepthFrame& image) {
@@ -236,30 +236,30 @@ TEST(SeveralCameras, AreFeltLive) {
   test::ScriptedDevice device({.hand = [](double) { return pressed(0).X_BH.translation; }});
   RunSettings settings = settings_of_path();
   settings.coupling.X_HT.rotation = pressed(0).X_BH.rotation;
-  Told told;
-  auto made = RunLoop::create(box_tool(), sources, device, settings, told.observer());
+  Records reported;
+  auto made = RunLoop::create(box_tool(), sources, device, settings, reported.observer());
   ASSERT_TRUE(made) << made.error().message;
   RunLoop& loop = **made;
   ASSERT_TRUE(loop.start());
-  ASSERT_TRUE(test::wait_for([&] { return told.num_contacts() > 300; }));
+  ASSERT_TRUE(test::wait_for([&] { return reported.num_contacts() > 300; }));
   settings.binning = 2;
   ASSERT_TRUE(loop.change(settings));
-  const std::size_t at_change = told.num_contacts();
-  ASSERT_TRUE(test::wait_for([&] { return told.num_contacts() > at_change + 300; }));
+  const std::size_t at_change = reported.num_contacts();
+  ASSERT_TRUE(test::wait_for([&] { return reported.num_contacts() > at_change + 300; }));
   loop.stop();
   EXPECT_TRUE(loop.status()) << loop.status().error().message;
 
   std::vector<std::int64_t> next(3);
   std::vector<std::vector<std::uint32_t>> revisions(3);  // of the surfaces of each camera
-  for (std::size_t i = 0; i < told.frames.size(); ++i) {
-    const FrameRecord& frame = told.frames[i];
+  for (std::size_t i = 0; i < reported.frames.size(); ++i) {
+    const FrameRecord& frame = reported.frames[i];
     EXPECT_EQ(frame.number, i);
     ASSERT_LT(frame.camera, 3u);
     EXPECT_EQ(static_cast<std::int64_t>(frame.camera_frame), next[frame.camera]++);
     revisions[frame.camera].push_back(frame.revision);
   }
   std::vector<std::int64_t> last(3);
-  for (const ContactRecord& contact : told.contacts) {
+  for (const ContactRecord& contact : reported.contacts) {
     ASSERT_EQ(contact.cameras.num, 3u);
     for (std::size_t k = 0; k < 3; ++k) {
       const std::int64_t frame = contact.cameras.of[k].camera_frame;
@@ -274,7 +274,7 @@ TEST(SeveralCameras, AreFeltLive) {
     if (contact.penetration.volume > 0) expect_as_from_front(contact.penetration, 0.03);
   }
   for (std::size_t k = 0; k < 3; ++k) EXPECT_GT(last[k], 3);
-  EXPECT_EQ(told.contacts.back().revision, 1u);
+  EXPECT_EQ(reported.contacts.back().revision, 1u);
 }
 
 }  // namespace

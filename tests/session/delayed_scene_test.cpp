@@ -204,7 +204,7 @@ TEST(DelayedScene, ASceneThatStandsStillMerelyAges) {
     const DelayedRun far = feel("omega.6", settings, images, scene, 4);
     ASSERT_EQ(far.ticks.size(), near.ticks.size());
     std::size_t next = 0;
-    double capture = 0, most_force = 0;
+    double capture = 0, max_force = 0;
     for (std::size_t i = 1; i < far.ticks.size(); ++i) {
       const TickRecord &a = near.ticks[i], &b = far.ticks[i];
       // But for the rounding of blends from one image to the same again.
@@ -216,9 +216,9 @@ TEST(DelayedScene, ASceneThatStandsStillMerelyAges) {
       for (; next < images.size() && images[next].arrival <= b.device.time; ++next) {
         capture = images[next].capture;
       }
-      most_force = std::max(most_force, norm(b.F_H_B.force));
+      max_force = std::max(max_force, norm(b.F_H_B.force));
     }
-    EXPECT_GT(most_force, 1);
+    EXPECT_GT(max_force, 1);
   }
 }
 

@@ -70,11 +70,11 @@ TEST(LeadEnd, APointOfTheToolChooses) {
   ASSERT_TRUE(end_at(tool, {0, 0, 0.061}));  // the apex itself, beyond all spheres
   const auto far = end_at(tool, {0, 0, 0.2});
   ASSERT_FALSE(far);
-  EXPECT_NE(far.error().message.find("in metres in the frame of its mesh"), std::string::npos);
+  EXPECT_NE(far.error().message.find("in meters in the frame of its mesh"), std::string::npos);
   EXPECT_FALSE(end_at(tool, {0, 0, NAN}));
   const auto centre = end_at(tool, tool.sphere_mass().centre_of_mass);
   ASSERT_FALSE(centre);
-  EXPECT_NE(centre.error().message.find("centre of mass"), std::string::npos);
+  EXPECT_NE(centre.error().message.find("center of mass"), std::string::npos);
 }
 
 }  // namespace

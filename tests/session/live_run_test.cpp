@@ -130,8 +130,8 @@ TEST(RunMessages, PointsOfLargeImagesAreThinned) {
   frame.pixels.assign(1920 * 1080, 1500);
   const std::string message = points_message({}, frame, {1400, 1400, 959.5, 539.5});
   const auto num_points = message.size() / 12;
-  EXPECT_LE(num_points, static_cast<std::size_t>(kMostRecordedPoints));
-  EXPECT_GE(num_points, static_cast<std::size_t>(kMostRecordedPoints / 2));
+  EXPECT_LE(num_points, static_cast<std::size_t>(kMaxRecordedPoints));
+  EXPECT_GE(num_points, static_cast<std::size_t>(kMaxRecordedPoints / 2));
   frame.pixels.assign(frame.pixels.size(), 65535);
   EXPECT_LT(points_message({}, frame, {1400, 1400, 959.5, 539.5}).size(), 200u);
 }
@@ -397,7 +397,7 @@ TEST(LiveRun, KilledLosesNoMoreThanTheLastHalfSecond) {
     (void)run_for(60, run);
     _exit(0);
   }
-  // Two seconds, or as many as a busy machine needs for what is asked below.
+  // Two seconds, or as many as a busy machine needs for what is checked below.
   const auto num_ticks = [&] {
     int num = 0;
     auto reader = McapReader::open(run / kRecordingFile);
@@ -462,7 +462,7 @@ TEST(LiveRun, GoesOnAfterAFaultThatPassesAndIsRepeated) {
   monitor.on_loop = [&](RunLoop* now) { loop = now; };
   monitor.observer.on_ticks = [&](std::span<const TickRecord> ticks) {
     for (const TickRecord& tick : ticks) {
-      // The hand is still in contact, so it has to ask.
+      // The hand is still in contact, so it has to query.
       if (has_fault && tick.safety.state == ForceState::waiting && loop) {
         loop.load()->request_force();
       }
@@ -538,10 +538,10 @@ TEST(LiveRun, GoesOnWhenTheDiskIsFull) {
     const auto device = pressing_device();
     const auto outcome =
         record_run(small_tool(), stream, *device, patient_settings(), run, options);
-    const bool has_told =
+    const bool has_reported =
         outcome && outcome->not_kept.find("nothing was recorded from") != std::string::npos;
     const bool has_gone_on = outcome && outcome->loop.seconds > paused && paused > 0;
-    _exit(has_told && has_gone_on && outcome->failure.empty() ? 0 : 1);
+    _exit(has_reported && has_gone_on && outcome->failure.empty() ? 0 : 1);
   }
   int status = 0;
   waitpid(child, &status, 0);

@@ -170,7 +170,7 @@ TEST_F(MovingObjects, PosesAreInTheMessages) {
   ContactRecord moved = record;
   moved.bodies.of[1].translation.y = 2.5;
   EXPECT_EQ(difference(record, moved), "bodies/1/position/y: recorded 2, repeated 2.5");
-  record.bodies.num = kMostMovingBodies + 1;
+  record.bodies.num = kMaxMovingBodies + 1;
   EXPECT_FALSE(read_contact(contact_message(record)));
 }
 

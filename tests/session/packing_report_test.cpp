@@ -170,12 +170,12 @@ TEST(Standoff, EmptyPartsAreTold) {
   // 300 spheres: too few to reach for the tip.
   const Tool few = packed_tool(make_shape("finger", 0.196).value(), 300);
   const Standoff far = standoff(few);
-  const auto told = empty_part(few, far);
-  ASSERT_TRUE(told);
+  const auto reported = empty_part(few, far);
+  ASSERT_TRUE(reported);
   char place[32];
   std::snprintf(place, sizeof place, " %.4g mm the nearest", far.worst.z * 1000);
-  EXPECT_NE(told->find(place), std::string::npos) << *told;
-  EXPECT_NE(told->find("1000 spheres"), std::string::npos) << *told;
+  EXPECT_NE(reported->find(place), std::string::npos) << *reported;
+  EXPECT_NE(reported->find("1000 spheres"), std::string::npos) << *reported;
   const Tool many = packed_tool(make_shape("finger", 0.196).value(), 1000);
   EXPECT_FALSE(empty_part(many, standoff(many)));
   // The edge of a blade is so much of its surface that p95 alone does not tell.

@@ -49,9 +49,9 @@ TEST(ReportedOutput, GivesThePowerOfEveryMotion) {
       const Vec3d about_W = point == WrenchPoint::center_of_mass ? at.p_WC
                             : point == WrenchPoint::tcp          ? X_WE.translation
                                                                  : X_WF.translation;
-      const ReportedOutput told(options, at);
+      const ReportedOutput reported(options, at);
       const Wrench F_C_W{random_vector(random), random_vector(random)};
-      const Wrench F_F = told.wrench(F_C_W);
+      const Wrench F_F = reported.wrench(F_C_W);
       // Six motions, which together leave no number of the wrench unseen.
       for (int i = 0; i < 6; ++i) {
         const Vec3d v0 = random_vector(random), w = random_vector(random);
@@ -60,8 +60,9 @@ TEST(ReportedOutput, GivesThePowerOfEveryMotion) {
         EXPECT_NEAR(power(F_C_W, velocity_of(at.p_WC), w),
                     power(F_F, R * velocity_of(about_W), R * w), 1e-12);
       }
-      EXPECT_NEAR(norm(X_WF * (told.pose() * Vec3d{0.1, 0.2, 0.3}) - X_WE * Vec3d{0.1, 0.2, 0.3}),
-                  0, 1e-12);
+      EXPECT_NEAR(
+          norm(X_WF * (reported.pose() * Vec3d{0.1, 0.2, 0.3}) - X_WE * Vec3d{0.1, 0.2, 0.3}), 0,
+          1e-12);
     }
   }
   // As before where nobody says otherwise: not a bit is changed.
@@ -109,8 +110,8 @@ TEST(ReportedOutput, OfACameraThatMovesIsInRowsOfItsOwn) {
       const double time = csv["time_s"][i];
       const Pose X_WC = orbit(csv["frame"][i] / kFrames);
       const Pose X_CE = inverse(X_WC) * pressing(time) * output.X_TE;
-      const Vec3d told{csv["told_x_m"][i], csv["told_y_m"][i], csv["told_z_m"][i]};
-      ASSERT_NEAR(norm(told - X_CE.translation), 0, 1e-9) << "row " << i;
+      const Vec3d reported{csv["told_x_m"][i], csv["told_y_m"][i], csv["told_z_m"][i]};
+      ASSERT_NEAR(norm(reported - X_CE.translation), 0, 1e-9) << "row " << i;
       const Vec3d force{csv["force_x_N"][i], csv["force_y_N"][i], csv["force_z_N"][i]};
       const Vec3d turned{csv["told_force_x_N"][i], csv["told_force_y_N"][i],
                          csv["told_force_z_N"][i]};
@@ -147,8 +148,8 @@ TEST(ReportedOutput, OfACameraThatMovesComesLongAfterItsImages) {
   ASSERT_EQ(csv["told_x_m"].size(), std::size_t{kLate});
   for (int k = 0; k < kLate; ++k) {
     const auto i = static_cast<std::size_t>(k);
-    const Vec3d told{csv["told_x_m"][i], csv["told_y_m"][i], csv["told_z_m"][i]};
-    EXPECT_NEAR(norm(told - inverse(orbit(k / kFrames)).translation), 0, 1e-9) << k;
+    const Vec3d reported{csv["told_x_m"][i], csv["told_y_m"][i], csv["told_z_m"][i]};
+    EXPECT_NEAR(norm(reported - inverse(orbit(k / kFrames)).translation), 0, 1e-9) << k;
   }
 }
 

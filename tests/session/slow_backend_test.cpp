@@ -160,9 +160,9 @@ TEST(SlowBackend, TheForceFadesAndComesBackAndAllIsRepeated) {
     }
     last = tick;
   }
-  const ForceState wanted[] = {ForceState::engaged, ForceState::fading, ForceState::off,
-                               ForceState::waiting, ForceState::engaged};
-  EXPECT_NE(std::search(states.begin(), states.end(), std::begin(wanted), std::end(wanted)),
+  const ForceState desired[] = {ForceState::engaged, ForceState::fading, ForceState::off,
+                                ForceState::waiting, ForceState::engaged};
+  EXPECT_NE(std::search(states.begin(), states.end(), std::begin(desired), std::end(desired)),
             states.end());
   EXPECT_EQ(states.back(), ForceState::ended);
   const auto is_noted = [&](std::string_view words) {
@@ -184,29 +184,30 @@ TEST(SlowBackend, FewerSpheresAreUsedAndAllIsRepeated) {
   settings.safety.max_contact_age = 3;
   const auto num_spheres = static_cast<int>(small_tool().spheres().size());
   g_seconds_per_sphere = settings.safety.max_contact_age / 3 / num_spheres;
-  std::vector<int> asked;
+  std::vector<int> requested;
   RunMonitor monitor;
   monitor.observer.on_settings = [&](std::uint32_t, const RunSettings& now) {
-    asked.push_back(now.num_spheres);
+    requested.push_back(now.num_spheres);
   };
   std::uint64_t thinned_from = 0;
   const auto outcome = run_until(run, settings, monitor, [&](const TickRecord& tick) {
-    if (asked.empty() || asked.back() == 0) return false;
+    if (requested.empty() || requested.back() == 0) return false;
     if (thinned_from == 0) thinned_from = tick.contact_number;
     return tick.contact_number > thinned_from + 3;
   });
   ASSERT_TRUE(outcome) << outcome.error().message;
   EXPECT_EQ(outcome->failure, "");
-  ASSERT_FALSE(asked.empty());
-  EXPECT_EQ(asked.front(), num_spheres / 2);
+  ASSERT_FALSE(requested.empty());
+  EXPECT_EQ(requested.front(), num_spheres / 2);
   const auto summary = nlohmann::json::parse(outcome->summary_json);
   EXPECT_GT(summary["spheres_thinned_s"], 0.0);
-  bool is_told = false;
+  bool is_reported = false;
   for (const RecordedMessage& message : test::messages(run)) {
-    is_told = is_told || (message.channel.topic == kNoteTopic &&
-                          read_note(message.data)->find("spheres are used") != std::string::npos);
+    is_reported =
+        is_reported || (message.channel.topic == kNoteTopic &&
+                        read_note(message.data)->find("spheres are used") != std::string::npos);
   }
-  EXPECT_TRUE(is_told);
+  EXPECT_TRUE(is_reported);
   expect_repeats(run, *outcome);
 }
 

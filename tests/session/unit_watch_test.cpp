@@ -12,9 +12,9 @@ namespace {
 
 constexpr int kSize = 120;
 
-/// What is said when the counts of `stored` metres are read as `told`; the tool goes from `from` to
-/// `to`.
-std::string doubt(double stored, double told, double from, double to, double wall = 0.5) {
+/// What is said when the counts of `stored` metres are read as `reported`; the tool goes from
+/// `from` to `to`.
+std::string doubt(double stored, double reported, double from, double to, double wall = 0.5) {
   const Tool tool = test::small_tool();
   DepthStreamInfo stream;
   stream.width = stream.height = kSize;
@@ -22,9 +22,9 @@ std::string doubt(double stored, double told, double from, double to, double wal
   stream.name = "camera";
   UnitWatch watch(tool, {stream});
   FrameRecord record;
-  record.unit = told;
+  record.unit = reported;
   const auto count = static_cast<std::uint16_t>(std::lround(wall / stored));
-  watch.take(record, {kSize, kSize, told, std::vector<std::uint16_t>(kSize * kSize, count)});
+  watch.take(record, {kSize, kSize, reported, std::vector<std::uint16_t>(kSize * kSize, count)});
   for (int k = 0; k <= 100; ++k) {
     ContactRecord contact;
     contact.time = 0.05 * k;
@@ -39,12 +39,12 @@ std::string doubt(double stored, double told, double from, double to, double wal
 TEST(UnitWatch, NamesTheRightUnitWhateverItIsReadAs) {
   const double units[] = {0.001, 0.00025, 0.0002, 0.000125, 0.0001};
   for (const double stored : units) {
-    for (const double told : units) {
-      if (std::abs(std::log(stored / told)) < std::log(2.2)) continue;
+    for (const double reported : units) {
+      if (std::abs(std::log(stored / reported)) < std::log(2.2)) continue;
       char right[40];
       std::snprintf(right, sizeof right, "unit=%g would", stored);
-      EXPECT_NE(doubt(stored, told, 0.4, 0.49).find(right), std::string::npos)
-          << stored << " read as " << told << ": " << doubt(stored, told, 0.4, 0.49);
+      EXPECT_NE(doubt(stored, reported, 0.4, 0.49).find(right), std::string::npos)
+          << stored << " read as " << reported << ": " << doubt(stored, reported, 0.4, 0.49);
     }
     EXPECT_EQ(doubt(stored, stored, 0.4, 0.49), "");
   }

@@ -124,11 +124,11 @@ class Troubled final : public Base {
   Status start(DeviceTick tick) override {
     return device_->start([this, tick = std::move(tick)](const DeviceState& state) {
       if (!has_begun_.exchange(true)) start_ = state.time;
-      DeviceState told = state;
+      DeviceState reported = state;
       const auto trouble = trouble_at(plan_, state.time - start_);
-      if (trouble == Trouble::silent_device) told.is_valid = false;
-      if (trouble == Trouble::nonsense) told.X_BH.translation.x = std::nan("");
-      const Wrench felt = tick(told);
+      if (trouble == Trouble::silent_device) reported.is_valid = false;
+      if (trouble == Trouble::nonsense) reported.X_BH.translation.x = std::nan("");
+      const Wrench felt = tick(reported);
       largest_ = std::max(largest_.load(), norm(felt.force));
       return felt;
     });

@@ -169,7 +169,7 @@ struct ToolTruth {
   Vec3d centre_T;                          ///< of mass of the spheres
   std::vector<float> represented;          ///< volumes
   double gaussian_width = 0;               ///< a twelfth of the longest side
-  /// Along the leaf graph, of every sphere to every other; filled when the first asks.
+  /// Along the leaf graph, of every sphere to every other; filled on first use.
   mutable std::vector<std::vector<double>> ways;
 
   explicit ToolTruth(const Tool& tool)

@@ -1,4 +1,4 @@
-// The field method as tests ask it: one field and pose after the other, on the CPU or a GPU.
+// The field method as tests query it: one field and pose after the other, on the CPU or a GPU.
 #pragma once
 
 #include <algorithm>

@@ -94,37 +94,37 @@ inline HullTruth hull_of(std::span<const SurfaceBlend> views, const Vec3d& p_W, 
   const auto is_remembered = [](const SurfaceBlend& view) {
     return view.to.remembered.num_levels > 0;
   };
-  // One camera by itself is not asked for what it has seen to be free.
+  // The free space of a single camera is not queried.
   if (views.size() == 1 && !is_remembered(views[0])) {
     const bool joins = views[0].to.in_front.num_levels > 0;
     return {hull_view(views[0], p_W, radius, &SurfaceView::field, false, joins), 0, 0};
   }
   std::optional<HullSample> seen, shown, known, least;
   int seer = -1, shower = -1, knower = -1;
-  double most_seen = -1e9, least_shown = 1e9, most_known = -1e9;
+  double max_seen = -1e9, min_shown = 1e9, max_known = -1e9;
   for (std::size_t k = 0; k < views.size(); ++k) {
-    const auto ask = [&](DepthFieldView SurfaceView::*field, bool is_closed) {
+    const auto evaluate = [&](DepthFieldView SurfaceView::*field, bool is_closed) {
       return hull_view(views[k], p_W, radius, field, is_closed);
     };
     const bool has_in_front = views[k].to.in_front.num_levels > 0;
     if (views[k].to.seen_free.num_levels > 0) {
-      const HullSample now = ask(&SurfaceView::seen_free, true);
+      const HullSample now = evaluate(&SurfaceView::seen_free, true);
       seen = seen ? agreed_of(*seen, now, wide) : now;
-      if (now.phi > most_seen) seer = static_cast<int>(k);
-      most_seen = std::max(most_seen, now.phi);
+      if (now.phi > max_seen) seer = static_cast<int>(k);
+      max_seen = std::max(max_seen, now.phi);
       const HullSample slab =
-          ask(has_in_front ? &SurfaceView::in_front : &SurfaceView::field, false);
-      if (slab.phi < least_shown) shower = static_cast<int>(k);
-      least_shown = std::min(least_shown, slab.phi);
+          evaluate(has_in_front ? &SurfaceView::in_front : &SurfaceView::field, false);
+      if (slab.phi < min_shown) shower = static_cast<int>(k);
+      min_shown = std::min(min_shown, slab.phi);
       shown = shown ? rounded_min(*shown, slab, w) : slab;
     }
     if (is_remembered(views[k])) {
-      const HullSample before = ask(&SurfaceView::remembered, true);
+      const HullSample before = evaluate(&SurfaceView::remembered, true);
       known = known ? agreed_of(*known, before, wide) : before;
-      if (before.phi > most_known) knower = static_cast<int>(k);
-      most_known = std::max(most_known, before.phi);
+      if (before.phi > max_known) knower = static_cast<int>(k);
+      max_known = std::max(max_known, before.phi);
     }
-    const HullSample there = ask(&SurfaceView::field, false);
+    const HullSample there = evaluate(&SurfaceView::field, false);
     least = least ? rounded_min(*least, there, w) : there;
   }
   HullTruth hull{*seen, seen->phi, seer};

@@ -1,5 +1,6 @@
 // The recorded depth frames of the optional data with their cameras, and made ones beside them:
-// tests that ask real frames run with both, the recorded ones skipped by name where there are none.
+// tests that query real frames run with both, the recorded ones skipped by name where there are
+// none.
 #pragma once
 
 #include <algorithm>

@@ -35,7 +35,7 @@ struct Served {
 };
 
 /// What it is answered.
-Json asked(PageClient& page, const std::string& text) {
+Json requested(PageClient& page, const std::string& text) {
   EXPECT_TRUE(page.send(text));
   Received message;
   while (page.receive(message)) {
@@ -53,24 +53,24 @@ constexpr const char* kHand = R"({"hand": [0.1, 0.2, 0.3, 0, 0, 0, 1]})";
 TEST(HeldTool, OnePageHoldsItUntilItLetsGo) {
   Served<HeldSource> served;
   PageClient first(served.port), second(served.port);
-  EXPECT_EQ(asked(first, kHold), (Json{{"type", "answer"}, {"id", 1}, {"ok", true}}));
-  const Json refused = asked(second, kHold);
+  EXPECT_EQ(requested(first, kHold), (Json{{"type", "answer"}, {"id", 1}, {"ok", true}}));
+  const Json refused = requested(second, kHold);
   EXPECT_EQ(refused["ok"], false);
   EXPECT_NE(refused["error"].get<std::string>().find("another page"), std::string::npos);
-  // A pose of whoever does not hold it is refused by an answer that nobody asked for.
-  const Json unasked = asked(second, kHand);
-  EXPECT_EQ(unasked["ok"], false);
-  EXPECT_TRUE(unasked["id"].is_null());
+  // A pose of whoever does not hold it is refused by an unsolicited answer.
+  const Json unrequested = requested(second, kHand);
+  EXPECT_EQ(unrequested["ok"], false);
+  EXPECT_TRUE(unrequested["id"].is_null());
 
   ASSERT_TRUE(first.send(kHand));
   EXPECT_TRUE(wait_for([&] { return served.source.poses().size() == 1; }));
   const Pose pose{{0.1, 0.2, 0.3}, {}};
   EXPECT_EQ(served.source.poses()[0], pose);
-  EXPECT_EQ(asked(second, kLetGo)["ok"], true);  // of what it does not hold
-  EXPECT_EQ(asked(second, kHold)["ok"], false);
-  EXPECT_EQ(asked(first, kLetGo)["ok"], true);
-  EXPECT_EQ(asked(second, kHold)["ok"], true);
-  EXPECT_EQ(asked(first, kHold)["ok"], false);
+  EXPECT_EQ(requested(second, kLetGo)["ok"], true);  // of what it does not hold
+  EXPECT_EQ(requested(second, kHold)["ok"], false);
+  EXPECT_EQ(requested(first, kLetGo)["ok"], true);
+  EXPECT_EQ(requested(second, kHold)["ok"], true);
+  EXPECT_EQ(requested(first, kHold)["ok"], false);
 }
 
 TEST(HeldTool, WhoGoesAwayLetsGo) {
@@ -78,30 +78,30 @@ TEST(HeldTool, WhoGoesAwayLetsGo) {
   PageClient second(served.port);
   {
     PageClient first(served.port);
-    EXPECT_EQ(asked(first, kHold)["ok"], true);
-    EXPECT_EQ(asked(second, kHold)["ok"], false);
+    EXPECT_EQ(requested(first, kHold)["ok"], true);
+    EXPECT_EQ(requested(second, kHold)["ok"], false);
   }
   EXPECT_TRUE(wait_for([&] { return !served.source.is_held(); }));
-  EXPECT_EQ(asked(second, kHold)["ok"], true);
+  EXPECT_EQ(requested(second, kHold)["ok"], true);
 }
 
 TEST(HeldTool, WhatIsNoPoseIsRefusedInWords) {
   Served<HeldSource> served;
   PageClient page(served.port);
-  EXPECT_EQ(asked(page, kHold)["ok"], true);
+  EXPECT_EQ(requested(page, kHold)["ok"], true);
   for (const char* bad :
        {R"({"hand": 7})", R"({"hand": []})", R"({"hand": [0,0,0,0,0,0]})",
         R"({"hand": [0,0,0,0,0,0,1,0]})", R"({"hand": [0,0,"x",0,0,0,1]})",
         R"({"hand": [0,0,null,0,0,0,1]})", R"({"hand": [0,0,1e308,0,0,0,1]})",
         R"({"hand": [0,0,0,0,0,0,0]})", R"({"hand": [0,0,0,0,0,1,1]})", R"({"hand": null})"}) {
-    const Json answer = asked(page, bad);
+    const Json answer = requested(page, bad);
     EXPECT_EQ(answer["ok"], false) << bad;
     EXPECT_GT(answer["error"].get<std::string>().size(), 20u) << bad;
   }
   EXPECT_TRUE(served.source.poses().empty());
   ASSERT_TRUE(page.send(kHand));
   EXPECT_TRUE(wait_for([&] { return served.source.poses().size() == 1; }));
-  const Json leapt = asked(page, R"({"hand": [0.1, 0.2, 9, 0, 0, 0, 1]})");
+  const Json leapt = requested(page, R"({"hand": [0.1, 0.2, 9, 0, 0, 0, 1]})");
   EXPECT_NE(leapt["error"].get<std::string>().find("jumped"), std::string::npos);
 }
 
@@ -124,7 +124,7 @@ TEST(HeldTool, OfAnotherRunCannotBeHeld) {
   Served<test::ScriptedSource> served;
   PageClient page(served.port);
   for (const char* text : {kHold, kHand}) {
-    const Json answer = asked(page, text);
+    const Json answer = requested(page, text);
     EXPECT_EQ(answer["ok"], false);
     EXPECT_NE(answer["error"].get<std::string>().find("--device page"), std::string::npos);
   }

@@ -27,7 +27,7 @@ namespace websocket = boost::beast::websocket;
 using asio::ip::tcp;
 using boost::system::error_code;
 
-/// Beast does not tell with which status it was refused: asks again.
+/// Beast does not tell with which status it was refused: requests again.
 int refusal(int port, const std::string& host, const std::string& target,
             const PageClient::Headers& headers) {
   std::string request = "GET " + target + " HTTP/1.1\r\nHost: " + host +
@@ -153,8 +153,8 @@ std::string RawSocket::receive(double timeout) {
   std::string bytes;
   for (;;) {
     const double left = deadline - monotonic_now();
-    pollfd asked{descriptor_, POLLIN, 0};
-    if (left <= 0 || ::poll(&asked, 1, static_cast<int>(left * 1e3) + 1) <= 0) return bytes;
+    pollfd requested{descriptor_, POLLIN, 0};
+    if (left <= 0 || ::poll(&requested, 1, static_cast<int>(left * 1e3) + 1) <= 0) return bytes;
     char buffer[16384];
     const ssize_t count = ::recv(descriptor_, buffer, sizeof buffer, 0);
     is_closed_ = count <= 0;

@@ -101,7 +101,7 @@ inline ViewSample scripted_sample(std::uint64_t k, double sample_rate) {
   return sample;
 }
 
-/// Runs by the clock, or by `set_time`. Commands and what they changed can be asked for from any
+/// Runs by the clock, or by `set_time`. Commands and what they changed can be read from any
 /// thread.
 class ScriptedSource : public ViewSource {
  public:
@@ -130,7 +130,7 @@ class ScriptedSource : public ViewSource {
         {"contact.method", "field"}, {"coupling.stiffness", 500.0}, {"surface.filter", true}};
   }
 
-  // What tests ask and say.
+  // What tests read and write.
   const ScriptedScene& scene() const { return scene_; }
   const Tool& tool() const { return *tool_; }
   /// Stops the clock at `seconds` since the run began.

@@ -173,7 +173,7 @@ TEST(ViewServer, ObeysCommandsByPost) {
   EXPECT_EQ(status_of(http_request(fixture.port, "no HTTP at all\r\n\r\n")), 400);
 }
 
-// Who may ask.
+// Access control.
 
 struct Asker {
   const char* host;
@@ -454,7 +454,7 @@ TEST(RateLimit, GivesSoManyASecondAndSomeAtOnce) {
   EXPECT_EQ(limit.take(100), 0.25);
   EXPECT_EQ(limit.take(100.25), 0.25);
   EXPECT_EQ(limit.take(100.5, 3), 0.75);  // counts as three
-  EXPECT_EQ(limit.take(101.5), 0);        // a quarter of a second more than asked for
+  EXPECT_EQ(limit.take(101.5), 0);        // a quarter of a second more than requested
   for (int i = 0; i < 2; ++i) EXPECT_EQ(limit.take(1000), 0);
   EXPECT_EQ(limit.take(1000), 0.25);  // whoever has been silent for long saves up no more
 }
@@ -556,10 +556,10 @@ TEST(ViewServer, WhoSaysTooMuchIsHeardLater) {
   for (int i = 0; i < 10; ++i) say(6, std::string(60000, ' '));
   EXPECT_GE(monotonic_now() - begin, 2 + 0.059 * 15);
 
-  const double asked = monotonic_now();
+  const double requested = monotonic_now();
   RawSocket kept(fixture.port);
   std::string seen;
-  for (int wanted = 500; wanted <= 2000; wanted += 500) {
+  for (int desired = 500; desired <= 2000; desired += 500) {
     for (int k = 0; k < 500; ++k) kept.send("GET /api/none HTTP/1.1\r\nHost: localhost\r\n\r\n");
     EXPECT_TRUE(comes_true([&] {
       seen += kept.receive(0.05);
@@ -567,10 +567,10 @@ TEST(ViewServer, WhoSaysTooMuchIsHeardLater) {
       for (std::size_t at = 0; (at = seen.find("HTTP/1.1 404", at)) != std::string::npos; ++at) {
         ++num_answers;
       }
-      return num_answers == wanted;
-    })) << wanted;
+      return num_answers == desired;
+    })) << desired;
   }
-  EXPECT_GE(monotonic_now() - asked, 1);  // 1000 more than at once
+  EXPECT_GE(monotonic_now() - requested, 1);  // 1000 more than at once
 }
 
 TEST(ViewServer, LivesThroughStormsOfBytes) {
@@ -638,7 +638,7 @@ TEST(ViewServer, PagesThatDoNotReadOrDrawCostNothingAndTheFormerAreDropped) {
       R"({"command": "show", "frames": true, "contacts": true, "surfaces": true, "samples": true})";
   not_drawing.send(all);
   not_reading.send(all);
-  // The third never reads the answers to what it asks for.
+  // The third never reads the answers to its requests.
   std::thread shouter([&shouting] {
     for (int i = 0; i < 1000000 && shouting.send(R"({"command": "get", "what": "tree"})"); ++i) {
     }

@@ -410,14 +410,14 @@ TEST(Repetition, LooksBackAsFarAsTheTimeOptionsDo) {
   time.average.kind = DepthAverage::exponential;
   EXPECT_EQ(num_lead_frames(time), 49);  // 0.75^48.02 is a millionth
   time.average.weight = 1e-9;
-  EXPECT_EQ(num_lead_frames(time), kMostLead);
+  EXPECT_EQ(num_lead_frames(time), kMaxLeadFrames);
   time.average.weight = 1;
   EXPECT_EQ(num_lead_frames(time), 0);
   time.average.kind = DepthAverage::kalman;
-  EXPECT_EQ(num_lead_frames(time), kMostLead);
+  EXPECT_EQ(num_lead_frames(time), kMaxLeadFrames);
   time = {};
   time.memory.kind = DepthMemory::on;
-  EXPECT_EQ(num_lead_frames(time), kMostLead + 1);
+  EXPECT_EQ(num_lead_frames(time), kMaxLeadFrames + 1);
 }
 
 TEST(RunView, OpensHalfASecondBeforeTheFirstContact) {

@@ -1,4 +1,4 @@
-// What the page's address may ask for: ?stride=4&look=caps&view=camera&plots=0
+// What the page's address can set: ?stride=4&look=caps&view=camera&plots=0
 
 import type { PanelName } from './panels/dock';
 import type { CameraView, SceneOptions, ToolLook } from './types';

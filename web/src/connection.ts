@@ -24,7 +24,7 @@ export interface Listener {
   onBinary(buffer: ArrayBuffer): void;
   /// All binary messages of this picture have come; it wants to be acknowledged once drawn.
   onPicture(number: number): void;
-  /// Something that was told is not taken.
+  /// A message that is not taken.
   onRefusal(error: string): void;
 }
 

@@ -7,7 +7,7 @@ export class Drawing {
   /// Drawings so far.
   count = 0;
 
-  private isAsked = false;
+  private isRequested = false;
   private picture: number | null = null;
   private isHeld = false;
   private glideEnd = 0;
@@ -23,16 +23,16 @@ export class Drawing {
     canvas.addEventListener('wheel', () => this.glide(), { passive: true });
   }
 
-  ask(): void {
-    if (this.isAsked) return;
-    this.isAsked = true;
+  requestDraw(): void {
+    if (this.isRequested) return;
+    this.isRequested = true;
     requestAnimationFrame(() => this.onFrame());
   }
 
   /// To draw, then acknowledge.
   askFor(picture: number): void {
     this.picture = picture;
-    this.ask();
+    this.requestDraw();
   }
 
   /// A picture has come and is not drawn yet.
@@ -48,7 +48,7 @@ export class Drawing {
   /// The camera moves, and does so for a while.
   glide(): void {
     this.glideEnd = performance.now() + GLIDE;
-    this.ask();
+    this.requestDraw();
   }
 
   private hold(isHeld: boolean): void {
@@ -57,11 +57,11 @@ export class Drawing {
   }
 
   private onFrame(): void {
-    this.isAsked = false;
+    this.isRequested = false;
     this.draw();
     ++this.count;
     if (this.picture !== null) this.acknowledge(this.picture);
     this.picture = null;
-    if (this.isHeld || performance.now() < this.glideEnd) this.ask();
+    if (this.isHeld || performance.now() < this.glideEnd) this.requestDraw();
   }
 }

@@ -61,7 +61,7 @@ export class Page implements Listener {
 
   private frames: (Frame | null)[] = []; // the newest of each camera
   private contact: Contact | null = null;
-  private asked = new Set<string>(); // shapes, of this connection
+  private requested = new Set<string>(); // shapes, of this connection
   private subscription = '';
   private trouble: string | null = null;
   private troubleEnd = 0;
@@ -87,7 +87,7 @@ export class Page implements Listener {
       stage: this.stage,
       send: (command) => this.command(command),
       tell: (message) => this.connection.tell(message),
-      ask: () => this.drawing?.ask(),
+      requestDraw: () => this.drawing?.requestDraw(),
     });
     this.layOut();
     this.drawing = new Drawing(
@@ -121,12 +121,12 @@ export class Page implements Listener {
     this.hello = hello;
     this.state = this.contact = this.sample = null;
     this.frames = hello.streams.map(() => null);
-    this.asked.clear();
+    this.requested.clear();
     this.subscription = '';
     this.rate.begin();
     this.plots.clear();
     this.scene.setHello(hello);
-    if (hello.handle) this.makeRoomForAHand();
+    if (hello.handle) this.makeSpaceForHand();
     for (const panel of [this.bar, this.readouts, this.image, this.timeline, this.controls, this.handling]) panel.setHello(hello);
     this.root.dataset.kind = hello.kind;
     this.dock.hide(hello.kind === 'tool' ? ['plots', 'image'] : hello.streams.length > 0 ? [] : ['image']);
@@ -134,7 +134,7 @@ export class Page implements Listener {
   }
 
   /// Whoever holds a tool looks at the tool, and needs room for it.
-  private makeRoomForAHand(): void {
+  private makeSpaceForHand(): void {
     if (this.connection.reconnects > 0) return;
     if (!this.hasLook) this.scene.options.toolLook = 'mesh';
     this.hint.hidden = true; // the hand's card says more
@@ -176,19 +176,19 @@ export class Page implements Listener {
       case 'spheres':
         this.image.setSpheres(message.spheres);
         this.scene.setSpheres(message.spheres);
-        return this.drawing.ask();
+        return this.drawing.requestDraw();
       case 'graph':
         this.scene.setGraph(message.graph);
-        return this.drawing.ask();
+        return this.drawing.requestDraw();
       case 'mesh':
         this.scene.setMesh(message.mesh);
-        return this.drawing.ask();
+        return this.drawing.requestDraw();
       case 'objects':
         this.scene.setObjects(message.meshes);
-        return this.drawing.ask();
+        return this.drawing.requestDraw();
       case 'tree':
         this.scene.setTree(message.tree);
-        return this.drawing.ask();
+        return this.drawing.requestDraw();
     }
   }
 
@@ -252,10 +252,10 @@ export class Page implements Listener {
     });
   }
 
-  /// What is shown has changed: the program is asked for what that needs.
+  /// What is shown has changed: the program is sent a request for what that needs.
   private onOptions(): void {
     this.controls.refresh();
-    this.drawing.ask();
+    this.drawing.requestDraw();
     if (!this.hello || this.connection.link !== 'open') return;
     this.legend.update(this.hello, this.scene.options);
     const subscription: Subscription = pictureSubscription(this.hello, this.scene.options, this.dock.isOpen('image'));
@@ -264,8 +264,8 @@ export class Page implements Listener {
       void this.command({ command: 'show', ...subscription });
     }
     for (const what of neededShapes(this.hello, this.scene.options)) {
-      if (this.asked.has(what)) continue;
-      this.asked.add(what);
+      if (this.requested.has(what)) continue;
+      this.requested.add(what);
       void this.command({ command: 'get', what });
     }
   }
@@ -327,13 +327,13 @@ export class Page implements Listener {
     const { clientWidth, clientHeight } = this.stage;
     if (clientWidth === 0 || clientHeight === 0) return;
     this.scene.resize(clientWidth, clientHeight, Math.min(devicePixelRatio, 2));
-    this.drawing.ask();
+    this.drawing.requestDraw();
   }
 
   private onTheme(isDark: boolean): void {
     this.scene.options.dark = isDark;
     this.plots.restyle();
-    this.drawing?.ask(); // the first time there is none yet
+    this.drawing?.requestDraw(); // the first time there is none yet
   }
 
   private tell(words: string, milliseconds = TROUBLE_TIME): void {

@@ -5,8 +5,8 @@ export class Theme {
   private readonly system = matchMedia('(prefers-color-scheme: light)');
   private isDark: boolean;
 
-  constructor(private readonly onChange: (isDark: boolean) => void, asked: string | null) {
-    const chosen = asked ?? recall('theme');
+  constructor(private readonly onChange: (isDark: boolean) => void, requested: string | null) {
+    const chosen = requested ?? recall('theme');
     this.isDark = chosen ? chosen !== 'light' : !this.system.matches;
     this.apply();
     this.system.addEventListener('change', () => {

@@ -141,7 +141,7 @@ struct CameraRig {
 
 /// Relative targets and pose files are relative to the rig's file. Errors: no such file, not TOML,
 /// an unknown key or a value of the wrong kind, two cameras of one name, no camera or more than
-/// kMostCameras; all with the file and the camera.
+/// kMaxCameras; all with the file and the camera.
 Result<CameraRig> load_rig(const std::filesystem::path& path);
 /// The text of the file with new camera poses: relative to the link of a URDF or the poses of a
 /// file if the camera has one. Everything else is unchanged.

@@ -149,9 +149,9 @@ struct AlignedViews {
 
 /// Options of align_views.
 struct AlignOptions {
-  /// m: points of two views farther apart than this do not correspond; shrinks to `least_reach` as
+  /// m: points of two views farther apart than this do not correspond; shrinks to `min_reach` as
   /// the poses converge.
-  double reach = 0.06, least_reach = 0.01;
+  double reach = 0.06, min_reach = 0.01;
   int max_points = 20000;  ///< per view
   int max_rounds = 100;
 };

@@ -40,7 +40,7 @@ inline double mass_of(const SceneObject& object) {
 }
 
 /// Maximum number of moving objects in one run.
-inline constexpr int kMostMovingBodies = 32;
+inline constexpr int kMaxMovingBodies = 32;
 
 /// Options of moving objects (docs/guide/moving-bodies.md).
 struct BodyOptions {

@@ -92,7 +92,7 @@ class ContactQuery {
   /// the field, force and torque are exact derivatives of one potential. Takes at most K times as
   /// long with K cameras; free space in front of a surface costs nothing. One camera is measured as
   /// in the other calls. StepStatus::no_surface if no camera has a surface, for more than
-  /// kMostCameras, for several without SurfaceView::seen_free, and for several with a point method
+  /// kMaxCameras, for several without SurfaceView::seen_free, and for several with a point method
   /// (use `joined_clouds`).
   ContactResult measure(std::span<const SurfaceBlend> cameras, const Pose& X_WT,
                         const ContactWants& wants = {}) const noexcept;

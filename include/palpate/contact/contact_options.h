@@ -35,7 +35,7 @@ enum class StepStatus : std::uint32_t {
   /// it.
   no_surface = 8,
   no_edge_vectors = 16,  ///< edges are enabled, but the cloud has no edge vectors: measured without
-  /// The tool may extend outside of the window of the depth field (DepthFieldView::asked): no
+  /// The tool may extend outside of the window of the depth field (DepthFieldView::requested): no
   /// measurement against it.
   outside_window = 32,
 };
@@ -133,12 +133,12 @@ enum class Priority {
   square,     ///< 1 / d^2
   gaussian,   ///< exp(-min(d^2 / 2 s^2, 40)), s a twelfth of the longest side of the tool's box
   agreement,  ///< a / d, a >= 0.001 the cosine between the sphere's normal and the direction to it
-  path,       ///< 1 / the shortest path along the leaf graph; at most kMostSpheresOfPaths spheres
+  path,       ///< 1 / the shortest path along the leaf graph; at most kMaxPathSpheres spheres
 };
 constexpr auto names_of(Priority) {
   return std::array{"distance", "count", "square", "gaussian", "agreement", "path"};
 }
-inline constexpr std::size_t kMostSpheresOfPaths = 4096;  ///< a table of 64 MB
+inline constexpr std::size_t kMaxPathSpheres = 4096;  ///< a table of 64 MB
 
 /// Volume of a sphere that the graph search reaches.
 enum class InsideVolume {

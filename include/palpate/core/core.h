@@ -38,7 +38,7 @@ enum class Errc {
   bad_input,         ///< a file or mesh was read and is not acceptable
   io_failure,        ///< reading or writing failed (disk full, permission)
   unavailable,       ///< this build or machine cannot do it
-  cancelled,         ///< the caller asked to stop
+  cancelled,         ///< the caller requested a stop
 };
 
 /// One error: its kind, and one sentence that says what, where, and what to do next.
@@ -48,8 +48,8 @@ struct Error {
 };
 
 /// Aborts the program: the caller took the value of an error without a check, or the reverse.
-[[noreturn]] inline void end_for_wrong_result(const char* wanted, const char* message) {
-  std::fprintf(stderr, "palpate: a Result was asked for its %s, but has none: %s\n", wanted,
+[[noreturn]] inline void end_for_wrong_result(const char* desired, const char* message) {
+  std::fprintf(stderr, "palpate: a Result was asked for its %s, but has none: %s\n", desired,
                message);
   std::abort();
 }

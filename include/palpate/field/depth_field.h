@@ -39,7 +39,7 @@ struct MemoryOptions {
   /// farther by more contradicts it. Must exceed the camera's noise.
   double step = 0.02;
   /// Moving camera: maximum number of key frames. Fewer with several moving cameras
-  /// (kMostCameras).
+  /// (kMaxCameras).
   int frames = 8;
 };
 inline void add_settings(SettingTable& t, MemoryOptions& o) {
@@ -149,10 +149,10 @@ struct DepthFieldLevel {
 };
 
 /// A bound for a square of kTileSize pixels: at depth z, each of their planes is at least
-/// least_slope * (nearest - z) away, if that is positive.
+/// min_slope * (nearest - z) away, if that is positive.
 struct DepthTile {
-  float nearest = 0;      ///< least depth of their surface points, m
-  float least_slope = 0;  ///< least slope of their planes
+  float nearest = 0;    ///< least depth of their surface points, m
+  float min_slope = 0;  ///< least slope of their planes
 };
 
 /// Input of queries; non-owning, trivially copyable. Level k has pixels 2^k wide.
@@ -163,7 +163,7 @@ struct DepthFieldView {
   int num_levels = 0;  ///< 0: no field
   /// The window in which the field is valid (src/field/internal/needed_window.h): there all levels
   /// equal those of a field of the whole image; elsewhere they may be anything.
-  PixelWindow asked;
+  PixelWindow requested;
   const DepthTile* tiles = nullptr;  ///< row-major; pixels beyond the image count to the outermost
   int tiles_wide = 0, tiles_high = 0;
   Intrinsics intrinsics;
@@ -192,14 +192,14 @@ class DepthField {
   ~DepthField();
 
   /// Recomputes the field from an organized pinhole cloud of the size given at construction, for
-  /// queries inside `asked`. Same bits for any number of threads and any window. O(pixels of the
-  /// window and about 2^kMaxLevels * 6 around it).
-  void update(const PointCloudView& cloud, ThreadPool& pool, const PixelWindow& asked = {});
+  /// queries inside `requested`. Same bits for any number of threads and any window. O(pixels of
+  /// the window and about 2^kMaxLevels * 6 around it).
+  void update(const PointCloudView& cloud, ThreadPool& pool, const PixelWindow& requested = {});
   /// The same from the planes of all points, row-major; a point without plane has slope 0.
   void update(const TangentPlane* planes, const Intrinsics& intrinsics, ThreadPool& pool,
-              const PixelWindow& asked = {});
-  /// The points of a cloud that an update for `asked` reads.
-  PixelWindow points_for(const PixelWindow& asked) const;
+              const PixelWindow& requested = {});
+  /// The points of a cloud that an update for `requested` reads.
+  PixelWindow points_for(const PixelWindow& requested) const;
 
   /// Valid until the next update; no levels before the first one.
   const DepthFieldView& view() const;

@@ -91,7 +91,7 @@ struct SurfaceBlend {
 
 /// Maximum number of cameras in one measurement. Each has its own blend, and may have its own rate
 /// and size.
-inline constexpr int kMostCameras = 16;
+inline constexpr int kMaxCameras = 16;
 
 /// The points of the newest surfaces of all cameras in one cloud, in W: input of point methods;
 /// ignores occlusion. Clouds in host memory. O(points).
@@ -103,13 +103,13 @@ struct SlotSettings;
 /// Turns a stream of frames into blends of surfaces. All memory is allocated at construction.
 class SurfaceTimeline {
  public:
-  /// With `field`, each frame gets a depth field. Depth-change vectors are computed only if wanted,
-  /// or by `newest_cloud`. `num_spare` more surfaces in memory keep the views of `at` valid for
-  /// that many more pushes: then one thread can read them while another one pushes. `binning` above
-  /// 1 uses smaller images, see bin_depth. Errors: see SurfaceEstimator, DepthField and
-  /// DepthAverager; max_jump or first_period negative; prediction or averages with a moving camera;
-  /// memory with prediction or without a field; the place is not in this build or on this machine,
-  /// or has too little memory.
+  /// With `field`, each frame gets a depth field. Depth-change vectors are computed only if
+  /// requested, or by `newest_cloud`. `num_spare` more surfaces in memory keep the views of `at`
+  /// valid for that many more pushes: then one thread can read them while another one pushes.
+  /// `binning` above 1 uses smaller images, see bin_depth. Errors: see SurfaceEstimator, DepthField
+  /// and DepthAverager; max_jump or first_period negative; prediction or averages with a moving
+  /// camera; memory with prediction or without a field; the place is not in this build or on this
+  /// machine, or has too little memory.
   static Result<SurfaceTimeline> create(const DepthStreamInfo& stream,
                                         const SurfaceOptions& surface,
                                         const std::optional<DepthFieldOptions>& field,
@@ -124,11 +124,11 @@ class SurfaceTimeline {
   const DepthStreamInfo& stream() const;
 
   /// Adds the frame that became current at `time` (s, increasing). A field is computed for queries
-  /// inside `asked` (see SurfaceView::field), and there is no cloud unless `asked` is the whole
-  /// image; a GPU always computes the whole image. No allocation. Same bits for any number of
+  /// inside `requested` (see SurfaceView::field), and there is no cloud unless `requested` is the
+  /// whole image; a GPU always computes the whole image. No allocation. Same bits for any number of
   /// threads, on every backend and for any window. Waits for the GPU.
   SurfaceStats push(const DepthImageView& frame, double time, ThreadPool& pool,
-                    const PixelWindow& asked = {});
+                    const PixelWindow& requested = {});
   /// Before the first frame: continues averages from DepthAverager::state. Errors: there are no
   /// averages, or the state is not that of such images.
   Status resume_from(std::string_view state);

@@ -117,13 +117,13 @@ LocalContact local_contact(const Penetration& penetration, const Stiffness& stif
 /// values clear is_good().
 class StateNumbers {
  public:
-  static constexpr std::size_t kMost = 320;
+  static constexpr std::size_t kMaxNumbers = 320;
 
   /// Saves a state.
   StateNumbers() = default;
   /// Restores a saved state.
   explicit StateNumbers(std::span<const double> saved) : is_saving_(false) {
-    is_good_ = saved.size() <= kMost;
+    is_good_ = saved.size() <= kMaxNumbers;
     for (const double number : saved.first(is_good_ ? saved.size() : 0)) {
       numbers_[end_++] = number;
     }
@@ -144,7 +144,7 @@ class StateNumbers {
 
   void one(double& value) {
     if (is_saving_) {
-      if (end_ == kMost) return fail();
+      if (end_ == kMaxNumbers) return fail();
       numbers_[end_++] = value;
     } else {
       if (at_ == end_) return fail();
@@ -187,7 +187,7 @@ class StateNumbers {
             c.status.bits, c.is_valid);
   }
 
-  std::array<double, kMost> numbers_{};
+  std::array<double, kMaxNumbers> numbers_{};
   std::size_t end_ = 0, at_ = 0;
   bool is_saving_ = true, is_good_ = true;
 };

@@ -51,7 +51,7 @@ constexpr auto names_of(ForceState) {
 /// When the force engages, how it fades, and how it returns after a fault.
 struct ForceGateOptions {
   double ramp_seconds = 0.5;  ///< from zero to full force after engaging
-  /// Engages only if the tool had no contact, or the wanted force was below this, for
+  /// Engages only if the tool had no contact, or the desired force was below this, for
   /// `engage_ticks` ticks. A hand that starts in contact gets the ramp after `engage_timeout`
   /// instead, but not after a fault.
   double engage_force = 0.2;  ///< N
@@ -92,7 +92,7 @@ class ForceGate {
   /// s: start of the fault.
   double fault_time() const noexcept { return fault_time_; }
   std::uint32_t num_faults() const noexcept { return num_faults_; }
-  /// Share of the wanted force, 0 to 1; in `fading` the remaining share.
+  /// Share of the desired force, 0 to 1; in `fading` the remaining share.
   double gain() const noexcept { return gain_; }
   /// In `fading`: share of the wrench at the start of the fault, from 1 to 0.
   double fade() const noexcept { return fade_; }
@@ -145,7 +145,7 @@ inline void add_settings(SettingTable& t, SafetyOptions& o) {
   t.add("max_torque_slew", o.max_torque_slew, {1e-6, 1e7, "N m/s"}, "maximum rate of the torque");
   t.add("ramp_seconds", o.ramp_seconds, {0, kLong, "s"}, "from zero to full force");
   t.add("engage_force", o.engage_force, {0, 1e4, "N"},
-        "the force engages once the wanted force is below this");
+        "the force engages once the desired force is below this");
   t.add("engage_ticks", o.engage_ticks, {1, 1e6, "ticks"}, "consecutive ticks below engage_force");
   t.add("engage_timeout", o.engage_timeout, {0, kLong, "s"},
         "after this, a hand that starts in contact gets the ramp");
@@ -166,7 +166,7 @@ inline void add_settings(SettingTable& t, SafetyOptions& o) {
         "energy that may be given to the hand; damping from half of it on");
 }
 
-/// Inputs of the filter at a tick, in addition to the wanted wrench.
+/// Inputs of the filter at a tick, in addition to the desired wrench.
 struct SafetyInput {
   double time = 0;  ///< s, monotonic
   DeviceState state;
@@ -212,7 +212,7 @@ class SafetyFilter {
   static Result<SafetyFilter> create(const DeviceLimits& limits, const SafetyOptions& options);
 
   /// Force and torque are limited separately and keep their direction.
-  Wrench filter(const Wrench& wanted, const SafetyInput& input) noexcept;
+  Wrench filter(const Wrench& desired, const SafetyInput& input) noexcept;
   const SafetyStatus& status() const { return status_; }
   /// Saves or restores the complete state, for a filter with the same limits and options.
   void remember(StateNumbers& numbers) noexcept {
@@ -225,9 +225,9 @@ class SafetyFilter {
   SafetyFilter(const DeviceLimits& limits, const SafetyOptions& options)
       : limits_(limits), options_(options), gate_(options) {}
 
-  Fault find_fault(const Wrench& wanted, const SafetyInput& input, double dt) const noexcept;
+  Fault find_fault(const Wrench& desired, const SafetyInput& input, double dt) const noexcept;
   void observe(const DeviceState& state, double dt) noexcept;
-  void step_gate(const Wrench& wanted, const SafetyInput& input, double dt) noexcept;
+  void step_gate(const Wrench& desired, const SafetyInput& input, double dt) noexcept;
   Wrench limit(const Wrench& wrench) const noexcept;
   Wrench damp(const Wrench& wrench, double dt) noexcept;
   Wrench slew(const Wrench& wrench, double dt) const noexcept;

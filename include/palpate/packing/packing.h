@@ -103,9 +103,9 @@ Result<std::vector<float>> represented_volumes(const TriangleMesh& solid,
 class SolidField {
  public:
   static constexpr int kMargin = 4;
-  static constexpr int kMostLevels = 8;
+  static constexpr int kMaxLevels = 8;
   /// Nodes of the finest grid with margins: limits the size of a tool and the resolution.
-  static constexpr std::size_t kMostNodes = std::size_t(1) << 19;
+  static constexpr std::size_t kMaxNodes = std::size_t(1) << 19;
 
   /// Determines the grids.
   struct Layout {
@@ -121,7 +121,7 @@ class SolidField {
   };
 
   /// Computes the field of a mesh that bounds a solid (check_solid). Near the surface the sign is
-  /// the majority of three rays; elsewhere it follows from the distances. O(kMostNodes)
+  /// the majority of three rays; elsewhere it follows from the distances. O(kMaxNodes)
   /// nearest-triangle searches: about a second. Same bits for any number of threads.
   static SolidField of(const TriangleMesh& solid, ThreadPool& pool);
   /// From stored parts. Errors: inconsistent sizes, or values that are not distances.

@@ -74,7 +74,7 @@ struct FrameRecord {
   double unit = 0.001;             ///< m per count
   Pose X_WC;                       ///< pose of the camera in the world at the capture of the frame
   SurfaceStats surface;
-  PixelWindow asked;  ///< as DepthFieldView: the window in which its surface is valid
+  PixelWindow requested;  ///< as DepthFieldView: the window in which its surface is valid
   std::int64_t compute_nanoseconds = 0;
   double period = 0;  ///< s, expected time to the next frame; not recorded
 };
@@ -122,13 +122,13 @@ struct CameraBlend {
 /// One per camera of a run.
 struct CameraBlends {
   std::uint32_t num = 0;
-  CameraBlend of[kMostCameras] = {};
+  CameraBlend of[kMaxCameras] = {};
 };
 
 /// Poses of moving objects, in the order of the objects.
 struct BodyPoses {
   std::uint32_t num = 0;
-  Pose of[kMostMovingBodies] = {};  ///< X_WB
+  Pose of[kMaxMovingBodies] = {};  ///< X_WB
 };
 
 /// One contact query, with all data to replay it.

@@ -53,7 +53,7 @@ inline constexpr const char* kHowToAim =
 /// Maxima of a run over all ticks.
 struct RunPeaks {
   double force = 0, torque = 0;                  ///< N and N m, on the hand
-  double wanted_force = 0;                       ///< N, before the safety filter
+  double desired_force = 0;                      ///< N, before the safety filter
   double contact_force = 0, contact_torque = 0;  ///< N and N m, on the tool
   double contact_force_time = 0;                 ///< s
   double stretch = 0;                            ///< m

@@ -43,7 +43,7 @@ struct BodyTouch {
 class BodySolver {
  public:
   /// The lighter one of what touches, for each place, kg. All memory is allocated here.
-  BodySolver(int most_bodies, std::span<const double> mass_of_place);
+  BodySolver(int max_bodies, std::span<const double> mass_of_place);
 
   struct Forces {
     Vec3d gravity_W;     ///< m/s2

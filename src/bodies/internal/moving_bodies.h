@@ -25,7 +25,7 @@ inline ObjectFrictions frictions_of(const std::vector<SceneObject>& objects) {
 class MovingBodies {
  public:
   /// Of all objects of a run. Errors: options out of range, the backend; more than
-  /// kMostMovingBodies move, a mass or pose that cannot be.
+  /// kMaxMovingBodies move, a mass or pose that cannot be.
   static Result<std::unique_ptr<MovingBodies>> create(const std::vector<SceneObject>& objects,
                                                       const BodyOptions& options,
                                                       const Place& place, ThreadPool* threads);
@@ -34,7 +34,7 @@ class MovingBodies {
   std::span<const RigidBody> bodies() const { return bodies_; }
   /// Which one of the objects it is.
   std::size_t object(int body) const { return shown(body).object; }
-  /// What queries ask of it: its first spheres.
+  /// What queries read of it: its first spheres.
   const Tool& shape(int body) const { return *shown(body).shape; }
 
   /// What the tool does to a body, which is about the body's reference of torques.

@@ -23,8 +23,8 @@ template <class Plane, class Real>
 PALPATE_FORMULA Plane tangent_plane(Real x, Real y, Real z, Real nx, Real ny, Real nz) {
   // A surface seen so aslant that its plane passes the eye closer than this share of its depth
   // counts as steep as that.
-  constexpr float kLeastOffset = 0.02f;
-  const Real d = -(x * nx + y * ny + z * nz), least = kLeastOffset * z;
+  constexpr float kMinOffset = 0.02f;
+  const Real d = -(x * nx + y * ny + z * nz), least = kMinOffset * z;
   const Real offset = d < least ? least : d;
   return {z > Real{} ? offset : Real{} + kFreeOffset, z > Real{} ? offset / z : Real{}};
 }

@@ -10,7 +10,7 @@
 namespace palpate::inline v0 {
 namespace {
 
-constexpr int kMostPosesPerTask = 4096, kLeastPosesPerTask = 64;
+constexpr int kMaxPosesPerTask = 4096, kMinPosesPerTask = 64;
 /// With fewer poses for each surface an overview costs more than it saves.
 constexpr std::size_t kPosesPerOverview = 32;
 
@@ -29,8 +29,7 @@ struct FieldBatch::Overview {
       for (int u = 0; u < field.tiles_wide; ++u) {
         const DepthTile& tile = field.tiles[v * field.tiles_wide + u];
         DepthTile& block = blocks[(v >> shift_v) * kBlocks + (u >> shift_u)];
-        block = {std::min(block.nearest, tile.nearest),
-                 std::min(block.least_slope, tile.least_slope)};
+        block = {std::min(block.nearest, tile.nearest), std::min(block.min_slope, tile.min_slope)};
       }
     }
   }
@@ -48,8 +47,8 @@ struct FieldBatch::Overview {
 
  private:
   static int shift_over(int num_tiles) {
-    const auto blocks_wanted = static_cast<unsigned>((num_tiles + kBlocks - 1) / kBlocks);
-    return static_cast<int>(std::bit_width(blocks_wanted - 1));
+    const auto blocks_desired = static_cast<unsigned>((num_tiles + kBlocks - 1) / kBlocks);
+    return static_cast<int>(std::bit_width(blocks_desired - 1));
   }
 
   int shift_u = 0, shift_v = 0;
@@ -102,9 +101,9 @@ struct FieldBatch::Worker {
 
   void measure(std::size_t first, std::size_t last);
   bool is_in_front(std::size_t pose, std::uint64_t& place);
-  bool look_at(int asked);
+  bool look_at(int requested);
   int surface_number_of(std::size_t pose) const;
-  ContactResult ask(std::size_t pose, BatchPose& at);
+  ContactResult evaluate(std::size_t pose, BatchPose& at);
   void put(std::size_t pose, const BatchPose& at, ContactResult& result) const;
   void put_nothing(std::size_t pose) const;
 };
@@ -116,17 +115,17 @@ int FieldBatch::Worker::surface_number_of(std::size_t pose) const {
 }
 
 /// Takes a surface into the job. Returns whether it has a field.
-bool FieldBatch::Worker::look_at(int asked) {
+bool FieldBatch::Worker::look_at(int requested) {
   const DepthFieldView& field = job.fields[0];
-  if (asked != surface) {
-    job.fields[0] = surfaces[asked].field;
-    has_all = field.asked.has_all(field.levels[0].width, field.levels[0].height);
-    surface = asked;
+  if (requested != surface) {
+    job.fields[0] = surfaces[requested].field;
+    has_all = field.requested.has_all(field.levels[0].width, field.levels[0].height);
+    surface = requested;
   }
   return field.num_levels > 0;
 }
 
-ContactResult FieldBatch::Worker::ask(std::size_t pose, BatchPose& at) {
+ContactResult FieldBatch::Worker::evaluate(std::size_t pose, BatchPose& at) {
   const bool with_stiffness = answers.stiffness != nullptr;
   const auto nothing = [&](StepStatus why) {
     ContactResult result;
@@ -134,10 +133,10 @@ ContactResult FieldBatch::Worker::ask(std::size_t pose, BatchPose& at) {
     if (with_stiffness) result.stiffness.emplace();
     return result;
   };
-  const int asked = surface_number_of(pose);
-  if (asked < 0 || !look_at(asked)) return nothing(StepStatus::no_surface);
+  const int requested = surface_number_of(pose);
+  if (requested < 0 || !look_at(requested)) return nothing(StepStatus::no_surface);
   const DepthFieldView& field = job.fields[0];
-  at = pose_in_camera(poses.X_WT[pose], poses.X_WC.empty() ? nullptr : &poses.X_WC[asked]);
+  at = pose_in_camera(poses.X_WT[pose], poses.X_WC.empty() ? nullptr : &poses.X_WC[requested]);
   if (!at.is_finite) return nothing(StepStatus::non_finite_pose);
   if (!has_all && !is_known_around(field, at.X_CT * query.p_TC_, query.elements_->reach)) {
     return nothing(StepStatus::outside_window);
@@ -182,14 +181,14 @@ void FieldBatch::Worker::put_nothing(std::size_t pose) const {
 /// among all of them. The tool is taken as a ball around its origin: that needs no rotation.
 bool FieldBatch::Worker::is_in_front(std::size_t pose, std::uint64_t& place) {
   place = 0;
-  const int asked = surface_number_of(pose);
-  if (asked < 0) return false;
-  place = static_cast<std::uint64_t>(asked) << 16;
-  if (!has_overviews || !look_at(asked) || !has_all) return false;
+  const int requested = surface_number_of(pose);
+  if (requested < 0) return false;
+  place = static_cast<std::uint64_t>(requested) << 16;
+  if (!has_overviews || !look_at(requested) || !has_all) return false;
   const Pose& X_WT = poses.X_WT[pose];
   const Quaternion& q = X_WT.rotation;
   Vec3d p_C = X_WT.translation;
-  if (!poses.X_WC.empty()) p_C = inverse(poses.X_WC[static_cast<std::size_t>(asked)]) * p_C;
+  if (!poses.X_WC.empty()) p_C = inverse(poses.X_WC[static_cast<std::size_t>(requested)]) * p_C;
   const double total = p_C.x + p_C.y + p_C.z + q.x + q.y + q.z + q.w;
   if (total - total != 0) return false;
   const DepthFieldView& field = job.fields[0];
@@ -202,29 +201,29 @@ bool FieldBatch::Worker::is_in_front(std::size_t pose, std::uint64_t& place) {
   const BallWindow window = window_of(frame, {{}, {}, query.reach_}, query.largest_radius_,
                                       field.tiles_wide, field.tiles_high);
   place |= static_cast<std::uint64_t>(window.top * field.tiles_wide + window.left);
-  const Overview& overview = query.overviews_[static_cast<std::size_t>(asked)];
+  const Overview& overview = query.overviews_[static_cast<std::size_t>(requested)];
   return overview.is_in_front(window, query.largest_radius_);
 }
 
 /// What is seen at one place lies together in memory: poses are measured in that order.
 void FieldBatch::Worker::measure(std::size_t first, std::size_t last) {
-  std::uint64_t order[kMostPosesPerTask];
+  std::uint64_t order[kMaxPosesPerTask];
   std::size_t num = 0;
   for (std::size_t pose = first; pose < last; ++pose) {
     std::uint64_t place = 0;
     if (is_in_front(pose, place)) {
       put_nothing(pose);
     } else {
-      order[num++] = place * kMostPosesPerTask + (pose - first);
+      order[num++] = place * kMaxPosesPerTask + (pose - first);
     }
   }
   std::sort(order, order + num);
   for (std::size_t i = 0; i < num; ++i) {
-    const std::size_t pose = first + order[i] % kMostPosesPerTask;
-    const std::size_t soon = first + order[std::min(i + 4, num - 1)] % kMostPosesPerTask;
+    const std::size_t pose = first + order[i] % kMaxPosesPerTask;
+    const std::size_t soon = first + order[std::min(i + 4, num - 1)] % kMaxPosesPerTask;
     __builtin_prefetch(&poses.X_WT[soon]);
     BatchPose at;
-    ContactResult result = ask(pose, at);
+    ContactResult result = evaluate(pose, at);
     put(pose, at, result);
   }
 }
@@ -276,7 +275,7 @@ Status FieldBatch::measure(const SurfaceBatch& surfaces, const PoseBatch& poses,
   });
   // Tasks enough that no thread waits long for the last one.
   const std::size_t share = num / (8 * static_cast<std::size_t>(pool_->num_threads()));
-  const std::size_t of_task = std::clamp<std::size_t>(share, kLeastPosesPerTask, kMostPosesPerTask);
+  const std::size_t of_task = std::clamp<std::size_t>(share, kMinPosesPerTask, kMaxPosesPerTask);
   pool_->parallel_for(static_cast<int>((num + of_task - 1) / of_task), [&](int task) {
     Worker worker{*this, surfaces, poses, answers, has_overviews, measure_job(*elements_)};
     const std::size_t first = static_cast<std::size_t>(task) * of_task;

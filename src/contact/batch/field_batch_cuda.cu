@@ -31,12 +31,12 @@ namespace {
 
 static_assert(sizeof(FieldLook) == 19 * sizeof(std::uint64_t), "no padding: looks are compared");
 
-constexpr int kMostWarps = 8;
+constexpr int kMaxWarps = 8;
 // A warp adds up so many clusters in single precision.
 constexpr int kClustersAtOnce = gpu::kWarpSize;
 // Whether a whole tool is in front is found out from so many tiles, or not at all.
-constexpr int kMostTiles = 2 * gpu::kWarpSize;
-constexpr int kMostTilesOfALane = 24;  // balls that cover more are taken for near
+constexpr int kMaxTiles = 2 * gpu::kWarpSize;
+constexpr int kMaxTilesPerLane = 24;  // balls that cover more are taken for near
 
 // Of a pose: volume, potential, force, torque, then StiffnessSums and zeros.
 constexpr int kNumTerms = 8, kNumStiffness = 32;
@@ -50,7 +50,7 @@ struct BatchScratch {
   FieldLook field;
   BatchPose at;
   Stiffness stiffness;
-  double of_warps[kMostWarps][kNum];
+  double of_warps[kMaxWarps][kNum];
   double sums[kNum];
   std::uint32_t status;
 };
@@ -107,7 +107,7 @@ __device__ void add_clusters(const BatchJob& job, const FieldLook& field, double
         __ballot_sync(gpu::kWholeWarp,
                       mine < elements.num_clusters &&
                           !is_before_tiles(field, elements.clusters[mine],
-                                           elements.largest_radius[mine], kMostTilesOfALane, 0, 1));
+                                           elements.largest_radius[mine], kMaxTilesPerLane, 0, 1));
     for (; touching != 0; touching &= touching - 1) {
       const int cluster = begin + (__ffs(static_cast<int>(touching)) - 1) * num_warps;
       add_element<Sample>(field, element_of(elements, cluster, field.frame), share, &stiffness);
@@ -177,7 +177,7 @@ __global__ void __launch_bounds__(kThreadsOf<Sample>, kBlocksOf<Sample>)
   prepare(job, pose, shared);
   double of_warp = 0, of_stiffness = 0;
   if (shared.status == 0 &&
-      !is_in_front(shared.field, job.tool.whole, job.tool.largest_radius, kMostTiles)) {
+      !is_in_front(shared.field, job.tool.whole, job.tool.largest_radius, kMaxTiles)) {
     add_clusters<Sample>(job, shared.field, of_warp, of_stiffness);
   }
   add_warps(of_warp, of_stiffness, shared);
@@ -207,15 +207,15 @@ struct FieldBatchCuda::Table {
   FieldLook* on_gpu = nullptr;
   Pose* X_WC = nullptr;          // from host memory
   std::vector<FieldLook> known;  // that are there
-  std::vector<FieldLook> wanted;
+  std::vector<FieldLook> desired;
   std::vector<GpuFields> copies;  // of surfaces in host memory, each at its place
 };
 
 FieldBatchCuda::FieldBatchCuda(std::shared_ptr<const ToolIndex> index, const FieldMethod& method,
-                               int gpu, int num_warps, int most_staged)
+                               int gpu, int num_warps, int max_staged)
     : index_(std::move(index)),
       gpu_(gpu),
-      most_staged_(most_staged),
+      max_staged_(max_staged),
       memory_(gpu),
       field_tool_(make_field_tool(*index_, method.volumes, memory_)),
       p_TC_(index_->tool().sphere_mass().centre_of_mass),
@@ -250,7 +250,7 @@ Status FieldBatchCuda::check(const SurfaceBatch& surfaces, const PoseBatch& pose
   for (int i = 0; i < surfaces.size(); ++i) {
     const DepthFieldView field = surfaces[i].field;
     if (field.num_levels > 0 &&
-        !field.asked.has_all(field.levels[0].width, field.levels[0].height)) {
+        !field.requested.has_all(field.levels[0].width, field.levels[0].height)) {
       return refuse("surface " + std::to_string(i) +
                     " of a batch on a GPU was made for a window of its image only; make it of the "
                     "whole image");
@@ -274,16 +274,16 @@ Status FieldBatchCuda::grow_table(int num_surfaces) const {
   table.memory = std::move(memory);
   table.num = num_surfaces;
   table.known.reserve(static_cast<std::size_t>(num_surfaces));
-  table.wanted.reserve(static_cast<std::size_t>(num_surfaces));
+  table.desired.reserve(static_cast<std::size_t>(num_surfaces));
   return Done{};
 }
 
 Status FieldBatchCuda::grow_staged(int num_poses) const {
-  num_poses = std::min(num_poses, most_staged_);
+  num_poses = std::min(num_poses, max_staged_);
   if (num_poses <= staged_.num_poses) return Done{};
   staged_ = {};
   // Less at a time where there is no room for more.
-  constexpr int kLeast = 1024;
+  constexpr int kMinPoses = 1024;
   for (int num = num_poses;; num /= 2) {
     const auto size = static_cast<std::size_t>(num);
     Staged made;
@@ -302,7 +302,7 @@ Status FieldBatchCuda::grow_staged(int num_poses) const {
       staged_ = std::move(made);
       return Done{};
     }
-    if (num <= kLeast) return memory.status();
+    if (num <= kMinPoses) return memory.status();
   }
 }
 
@@ -349,20 +349,20 @@ Status FieldBatchCuda::look_at(const SurfaceBatch& surfaces, gpu::Stream& stream
     }
     if (const Status status = grow_table(surfaces.size()); !status) return status;
   }
-  table.wanted.clear();
-  for (int i = 0; i < surfaces.size(); ++i) table.wanted.push_back(look(i));
-  const std::size_t num_bytes = table.wanted.size() * sizeof(FieldLook);
-  const bool is_known = table.known.size() >= table.wanted.size() &&
-                        std::memcmp(table.known.data(), table.wanted.data(), num_bytes) == 0;
+  table.desired.clear();
+  for (int i = 0; i < surfaces.size(); ++i) table.desired.push_back(look(i));
+  const std::size_t num_bytes = table.desired.size() * sizeof(FieldLook);
+  const bool is_known = table.known.size() >= table.desired.size() &&
+                        std::memcmp(table.known.data(), table.desired.data(), num_bytes) == 0;
   if (!is_known) {
     if (is_recording) {
       return refuse(
           "a batch was captured in a graph with surfaces that it has not seen; measure "
           "it once before");
     }
-    stream.copy(table.on_gpu, table.wanted.data(), num_bytes);
+    stream.copy(table.on_gpu, table.desired.data(), num_bytes);
     if (!stream.wait()) return stream.status();
-    table.known = table.wanted;
+    table.known = table.desired;
   }
   job.table = table.on_gpu;
   return stream.status();
@@ -405,13 +405,14 @@ void FieldBatchCuda::measure_part(const PoseBatch& poses, const BatchAnswers& an
     f(answers.status, staged_.answers.status, 1u, out.status);
   };
   const bool is_staged = answers.gpu != gpu_;
-  for_answers([&](auto* asked, auto* staged, std::size_t each, auto*& to) {
-    to = asked == nullptr ? nullptr : (is_staged ? staged : asked + each * begin);
+  for_answers([&](auto* requested, auto* staged, std::size_t each, auto*& to) {
+    to = requested == nullptr ? nullptr : (is_staged ? staged : requested + each * begin);
   });
   launch(job, num, stream);
   if (!is_staged) return;
-  for_answers([&](auto* asked, auto* staged, std::size_t each, auto*&) {
-    if (asked != nullptr) stream.copy(asked + each * begin, staged, each * size * sizeof *asked);
+  for_answers([&](auto* requested, auto* staged, std::size_t each, auto*&) {
+    if (requested != nullptr)
+      stream.copy(requested + each * begin, staged, each * size * sizeof *requested);
   });
 }
 

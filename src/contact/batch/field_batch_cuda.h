@@ -16,10 +16,10 @@ struct BatchJob;  // the argument of the kernel
 /// All memory is allocated at construction or by `reserve`, or with the first batch that needs it.
 class FieldBatchCuda final : public BatchQuery {
  public:
-  /// `num_warps`: of a block, 1 to 8; 0: as fits the tool. The bits depend on it. `most_staged`: so
+  /// `num_warps`: of a block, 1 to 8; 0: as fits the tool. The bits depend on it. `max_staged`: so
   /// many poses from host memory or answers to it are on the GPU at a time.
   FieldBatchCuda(std::shared_ptr<const ToolIndex> index, const FieldMethod& method, int gpu,
-                 int num_warps = 0, int most_staged = 1 << 16);
+                 int num_warps = 0, int max_staged = 1 << 16);
   ~FieldBatchCuda() override;
 
   Status measure(const SurfaceBatch& surfaces, const PoseBatch& poses, const BatchAnswers& answers,
@@ -51,7 +51,7 @@ class FieldBatchCuda final : public BatchQuery {
 
   std::shared_ptr<const ToolIndex> index_;
   int gpu_, num_warps_[2];  // without stiffness, with one
-  int most_staged_;
+  int max_staged_;
   gpu::Memory memory_;
   FieldTool field_tool_;
   Vec3d p_TC_;  // centre of mass

@@ -214,8 +214,8 @@ int blocks_for(int gpu, const Tool& a) {
   const int most = gpu::resident_blocks(gpu, reinterpret_cast<const void*>(measure_bodies),
                                         kThreads, sizeof(Scratch));
   const auto num_clusters = (a.spheres().size() + kSize - 1) / kSize;
-  const auto wanted = (num_clusters * kWarpsPerCluster + kWarps - 1) / kWarps;
-  return static_cast<int>(std::clamp<std::size_t>(wanted, 1, std::max<std::size_t>(most, 1)));
+  const auto desired = (num_clusters * kWarpsPerCluster + kWarps - 1) / kWarps;
+  return static_cast<int>(std::clamp<std::size_t>(desired, 1, std::max<std::size_t>(most, 1)));
 }
 
 class BodyContactCuda final : public BodyPairQuery {

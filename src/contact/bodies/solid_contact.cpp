@@ -16,8 +16,8 @@ namespace {
 
 constexpr SolidContactKernels kKernels[] = PALPATE_BY_ISA(kSolidContact);
 
-// A way of asking that would count less is not worth its time.
-constexpr double kLeastWeight = 0.1;
+// A direction of sampling with less weight is not worth its time.
+constexpr double kMinWeight = 0.1;
 // Potential of a single sphere in a light touch, over the square of the coarseness.
 constexpr double kSingle = 0.5;
 
@@ -42,10 +42,12 @@ SolidFrame frame_of(const Pose& X_WE, const Vec3d& centre_E, const Pose& X_WF,
   return frame;
 }
 
-SolidJob job_of(const FieldElements& elements, const SolidAsking& asking, const SolidField& field) {
-  return {
-      &elements.clusters,  elements.radius.data(), elements.factor.data(), elements.counted.data(),
-      asking.level.data(), asking.rounding.data(), view_of(field),         {}};
+SolidJob job_of(const FieldElements& elements, const SolidSampling& sampling,
+                const SolidField& field) {
+  return {&elements.clusters,     elements.radius.data(),
+          elements.factor.data(), elements.counted.data(),
+          sampling.level.data(),  sampling.rounding.data(),
+          view_of(field),         {}};
 }
 
 Vec3d times(const Stiffness& k, int first_row, const Vec3d& shift, const Vec3d& turn) {
@@ -171,7 +173,7 @@ class PairPotential {
   }
 
   double value_, slope_a_, slope_b_;
-  double raised_ = 0, raised_a_ = 0, raised_b_ = 0;  // with e; 0: one way alone is asked
+  double raised_ = 0, raised_a_ = 0, raised_b_ = 0;  // with e; 0: one direction alone is sampled
 };
 
 }  // namespace
@@ -195,7 +197,7 @@ SolidFieldView view_of(const SolidField& field) {
   return view;
 }
 
-SolidAsking::SolidAsking(const FieldElements& elements, const SolidField& field)
+SolidSampling::SolidSampling(const FieldElements& elements, const SolidField& field)
     : level(elements.radius.size()) {
   const auto last = static_cast<std::int32_t>(field.levels().size()) - 1;
   const double spacing = field.layout().spacing;
@@ -206,26 +208,26 @@ SolidAsking::SolidAsking(const FieldElements& elements, const SolidField& field)
     volume += counts;
     squares += counts * radius * radius;
     // Second moments, in those of the finest grid: what the ball has lies between those of two
-    // grids, and it asks the one by which all so far have theirs most nearly.
-    const double wanted = std::max(1.0, std::pow(kSpacingPerRadius * radius / spacing, 2));
+    // grids, and it samples the one by which all so far have theirs most nearly.
+    const double desired = std::max(1.0, std::pow(kSpacingPerRadius * radius / spacing, 2));
     double moment = 1;
-    while (moment * 4 <= wanted && level[slot] < last) {
+    while (moment * 4 <= desired && level[slot] < last) {
       moment *= 4;
       ++level[slot];
     }
-    const double missing = counts * (wanted - moment), more = counts * 3 * moment;
+    const double missing = counts * (desired - moment), more = counts * 3 * moment;
     if (level[slot] < last) {
       if (owed + missing > more / 2 && counts > 0) {
         ++level[slot];
         owed -= more;
       }
       owed += missing;
-    } else if (wanted > 4 * moment && counts > 0) {
+    } else if (desired > 4 * moment && counts > 0) {
       is_possible = false;
     }
     widest = std::max(widest, std::ldexp(spacing, level[slot]));
     if (slot % SphereClusters::kSize == SphereClusters::kSize - 1) {
-      rounding.push_back(static_cast<float>(kMostRounding * 1.0001 * widest));
+      rounding.push_back(static_cast<float>(kMaxRounding * 1.0001 * widest));
       widest = 0;
     }
   }
@@ -239,16 +241,16 @@ SolidPair::SolidPair(std::shared_ptr<const ToolIndex> of_a, std::shared_ptr<cons
       elements_b(&b->parts().solid_elements()),
       field_a(&a->parts().solid_field()),
       field_b(&b->parts().solid_field()),
-      asking_a(*elements_a, *field_b),
-      asking_b(*elements_b, *field_a) {
-  const double fine_a = asking_a.is_possible ? std::pow(asking_a.coarseness, -2) : 0;
-  const double fine_b = asking_b.is_possible ? std::pow(asking_b.coarseness, -2) : 0;
-  const bool asks_a = fine_a >= kLeastWeight * (fine_a + fine_b);
-  const bool asks_b = fine_b >= kLeastWeight * (fine_a + fine_b);
-  const double sum = (asks_a ? fine_a : 0) + (asks_b ? fine_b : 0);
-  weight_a = asks_a ? fine_a / sum : 0;
-  weight_b = asks_b ? fine_b / sum : 0;
-  const double coarseness = std::max(asking_a.coarseness, asking_b.coarseness);
+      sampling_a(*elements_a, *field_b),
+      sampling_b(*elements_b, *field_a) {
+  const double fine_a = sampling_a.is_possible ? std::pow(sampling_a.coarseness, -2) : 0;
+  const double fine_b = sampling_b.is_possible ? std::pow(sampling_b.coarseness, -2) : 0;
+  const bool samples_a = fine_a >= kMinWeight * (fine_a + fine_b);
+  const bool samples_b = fine_b >= kMinWeight * (fine_a + fine_b);
+  const double sum = (samples_a ? fine_a : 0) + (samples_b ? fine_b : 0);
+  weight_a = samples_a ? fine_a / sum : 0;
+  weight_b = samples_b ? fine_b / sum : 0;
+  const double coarseness = std::max(sampling_a.coarseness, sampling_b.coarseness);
   single_potential = kSingle * coarseness * coarseness;
 }
 
@@ -300,8 +302,8 @@ SolidContact::SolidContact(std::shared_ptr<const ToolIndex> a, std::shared_ptr<c
                            Isa isa)
     : pair_(std::move(a), std::move(b)),
       kernels_(solid_contact_kernels(isa)),
-      job_a_(job_of(*pair_.elements_a, pair_.asking_a, *pair_.field_b)),
-      job_b_(job_of(*pair_.elements_b, pair_.asking_b, *pair_.field_a)) {}
+      job_a_(job_of(*pair_.elements_a, pair_.sampling_a, *pair_.field_b)),
+      job_b_(job_of(*pair_.elements_b, pair_.sampling_b, *pair_.field_a)) {}
 
 void SolidContact::start(const Pose& X_WA, const Pose& X_WB, bool wants_stiffness) noexcept {
   X_WA_ = X_WA;

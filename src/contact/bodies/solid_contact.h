@@ -13,19 +13,19 @@ namespace palpate::inline v0 {
 /// A SolidField in the memory of this machine, which must stay.
 SolidFieldView view_of(const SolidField& field);
 
-/// How the elements of one body ask the field of another one, whatever the poses.
-struct SolidAsking {
-  SolidAsking(const FieldElements& elements, const SolidField& field);
+/// How the elements of one body sample the field of another one, whatever the poses.
+struct SolidSampling {
+  SolidSampling(const FieldElements& elements, const SolidField& field);
 
   // Per slot of the elements:
-  std::vector<std::int32_t> level;  ///< the grid that is asked
+  std::vector<std::int32_t> level;  ///< the grid that is sampled
   std::vector<float> rounding;      ///< per cluster: see is_clear
   /// Mean square of the lengths, m2, below which nothing is distinguished: radii and spacing.
   double coarseness = 0;
   bool is_possible = true;  ///< no element is too large for the widest grid
 };
 
-/// What a query asks of each group of clusters.
+/// What a query computes for each group of clusters.
 struct SolidJob {
   const SphereClusters* clusters = nullptr;
   const float *radius = nullptr, *factor = nullptr, *counted = nullptr;  ///< per slot
@@ -43,9 +43,9 @@ struct SolidContactKernels {
 /// An instruction set that the processor lacks is lowered.
 SolidContactKernels solid_contact_kernels(Isa isa);
 
-/// Both ways of asking, and what each counts. The finer way counts more, as the square of how much
-/// finer, and in the force the one whose potential says more (decision 30). A way that would count
-/// less than a tenth, or whose spheres are too large for the other body, is not asked.
+/// Both directions of sampling and their weights. The finer one weighs more, as the square of how
+/// much finer, and in the force the one whose potential says more (decision 30). A way that would
+/// count less than a tenth, or whose spheres are too large for the other body, is not sampled.
 struct SolidPair {
   SolidPair(std::shared_ptr<const ToolIndex> a, std::shared_ptr<const ToolIndex> b);
 
@@ -58,7 +58,7 @@ struct SolidPair {
   std::shared_ptr<const ToolIndex> a, b;
   const FieldElements *elements_a, *elements_b;
   const SolidField *field_a, *field_b;
-  SolidAsking asking_a, asking_b;  ///< A's elements B's field; B's elements A's field
+  SolidSampling sampling_a, sampling_b;  ///< A's elements B's field; B's elements A's field
   double weight_a = 0, weight_b = 0;
   double single_potential = 0;  ///< m4: about what one sphere says of a light touch
 };

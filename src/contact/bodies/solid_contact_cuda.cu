@@ -1,4 +1,4 @@
-// Bodies that ask each other's distance fields, on a GPU: a launch for each way, a warp for each
+// Bodies that sample each other's distance fields, on a GPU: a launch for each way, a warp for each
 // cluster of elements.
 #include "src/contact/bodies/solid_contact_cuda.h"
 
@@ -14,10 +14,10 @@
 namespace palpate::inline v0 {
 namespace {
 
-/// One way of asking; an argument of the kernel.
+/// One direction of sampling; an argument of the kernel.
 struct SolidQuery {
   ElementsView elements;
-  const std::int32_t* level = nullptr;  // as in SolidAsking
+  const std::int32_t* level = nullptr;  // as in SolidSampling
   const float* rounding = nullptr;
   SolidFieldView field;
   SolidFrame frame;
@@ -34,9 +34,9 @@ __device__ bool sample_level(const SolidFieldView& field, const float (&p)[3], i
 #pragma unroll
   for (int axis = 2; axis >= 0; --axis) {
     const std::int32_t num = field.num_nodes[axis][level];
-    const float wanted = p[axis] * per_spacing + static_cast<float>(SolidField::kMargin);
-    const float place = fminf(fmaxf(wanted, 1.0f), static_cast<float>(num - 2));
-    is_inside = is_inside && place == wanted;
+    const float desired = p[axis] * per_spacing + static_cast<float>(SolidField::kMargin);
+    const float place = fminf(fmaxf(desired, 1.0f), static_cast<float>(num - 2));
+    is_inside = is_inside && place == desired;
     const auto node = static_cast<std::int32_t>(place + 0.5f);
     off[axis] = place - static_cast<float>(node);
     at = at * num + node;
@@ -124,27 +124,27 @@ int solid_blocks(int gpu, int num_clusters) {
   constexpr int kThreads = kSolidThreads<Sample>;
   const int most = gpu::resident_blocks(gpu, reinterpret_cast<const void*>(measure_solid<Sample>),
                                         kThreads, kSolidShared<Sample>);
-  const int wanted = (num_clusters * SphereClusters::kSize + kThreads - 1) / kThreads;
-  return std::clamp(wanted, 1, std::max(most, 1));
+  const int desired = (num_clusters * SphereClusters::kSize + kThreads - 1) / kThreads;
+  return std::clamp(desired, 1, std::max(most, 1));
 }
 
 using SolidSlope = SolidGradient<float>;
 using SolidBend = SolidCurvature<float>;
 
-/// One way of asking and its answers.
+/// One direction of sampling and its results.
 class SolidWay {
  public:
-  SolidWay(const ToolIndex& asks, const SolidAsking& asking, const SolidField& field, double weight,
-           int gpu)
+  SolidWay(const ToolIndex& index, const SolidSampling& sampling, const SolidField& field,
+           double weight, int gpu)
       : is_used_(weight > 0),
         memory_(gpu),
-        answers_(gpu, solid_blocks<SolidSlope>(gpu, num_clusters(asks))),
-        stiffness_answers_(gpu, solid_blocks<SolidBend>(gpu, num_clusters(asks)),
-                           AnswerBox::kMostNumbers) {
+        answers_(gpu, solid_blocks<SolidSlope>(gpu, num_clusters(index))),
+        stiffness_answers_(gpu, solid_blocks<SolidBend>(gpu, num_clusters(index)),
+                           AnswerBox::kMaxNumbers) {
     if (!is_used_) return;
-    query_.elements = elements_view(asks.parts().solid_elements(), memory_);
-    query_.level = memory_.copy_of(asking.level);
-    query_.rounding = memory_.copy_of(asking.rounding);
+    query_.elements = elements_view(index.parts().solid_elements(), memory_);
+    query_.level = memory_.copy_of(sampling.level);
+    query_.rounding = memory_.copy_of(sampling.rounding);
     query_.field = view_of(field);
     query_.field.values = memory_.copy_of(field.values());
   }
@@ -205,8 +205,8 @@ class SolidContactCuda final : public BodyPairQuery {
   SolidContactCuda(std::shared_ptr<const ToolIndex> a, std::shared_ptr<const ToolIndex> b, int gpu)
       : pair_(std::move(a), std::move(b)),
         stream_(gpu, gpu::Priority::high),
-        way_a_(*pair_.a, pair_.asking_a, *pair_.field_b, pair_.weight_a, gpu),
-        way_b_(*pair_.b, pair_.asking_b, *pair_.field_a, pair_.weight_b, gpu) {}
+        way_a_(*pair_.a, pair_.sampling_a, *pair_.field_b, pair_.weight_a, gpu),
+        way_b_(*pair_.b, pair_.sampling_b, *pair_.field_a, pair_.weight_b, gpu) {}
 
   const Status& status() const {
     for (const Status* status : {&way_a_.status(), &way_b_.status()}) {

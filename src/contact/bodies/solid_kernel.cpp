@@ -55,9 +55,9 @@ template <class Sample>
   VecI num[3];
   for (int axis = 2; axis >= 0; --axis) {
     num[axis] = look_up(grids.num[axis], level);
-    const VecF wanted = e.p[axis] * per_spacing + static_cast<float>(SolidField::kMargin);
-    const VecF place = min(max(wanted, splat(1.0f)), to_float(num[axis] - 2));
-    is_inside &= place == wanted;
+    const VecF desired = e.p[axis] * per_spacing + static_cast<float>(SolidField::kMargin);
+    const VecF place = min(max(desired, splat(1.0f)), to_float(num[axis] - 2));
+    is_inside &= place == desired;
     const VecI node = to_int(place + 0.5f);
     off[axis] = place - to_float(node);
     at = at * num[axis] + node;

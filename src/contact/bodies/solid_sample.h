@@ -1,4 +1,4 @@
-// The distance field of a body at a point, and which of its grids a sphere asks. Shared code for
+// The distance field of a body at a point, and which of its grids a sphere samples. Shared code for
 // host and device, for single numbers and vectors of them.
 #pragma once
 
@@ -103,8 +103,8 @@ struct SolidFieldView {
   std::int32_t num_levels = 0;
   float spacing = 0;  ///< of level 0, m
   float box[3] = {};  ///< upper corner of the solid's box, from its lower one, m
-  std::int32_t first[SolidField::kMostLevels] = {};  ///< node (0, 0, 0) of each level
-  std::int32_t num_nodes[3][SolidField::kMostLevels] = {};
+  std::int32_t first[SolidField::kMaxLevels] = {};  ///< node (0, 0, 0) of each level
+  std::int32_t num_nodes[3][SolidField::kMaxLevels] = {};
 };
 
 /// Elements of a body as they lie to the field of another one.
@@ -117,9 +117,9 @@ struct SolidFrame {
 /// The second moment of a B-spline of spacing d is d^2 / 4 along each axis, that of a ball r^2 / 5.
 inline constexpr float kSpacingPerRadius = 0.8944272f;
 /// A mean over the nodes of a B-spline of spacing 1 is less than what it is of by this at most.
-inline constexpr float kMostRounding = 0.8660255f;
+inline constexpr float kMaxRounding = 0.8660255f;
 
-/// Does everything in a ball lie off the solid? `rounding`: of the widest grid that is asked.
+/// Does everything in a ball lie off the solid? `rounding`: of the widest grid that is sampled.
 PALPATE_FORMULA bool is_clear(const SolidFieldView& field, const SolidFrame& frame,
                               const Cluster& ball, float rounding) {
   constexpr int kMargin = SolidField::kMargin;

@@ -24,7 +24,7 @@ struct MeasureTerms {
   double unused[2] = {};
 
   static constexpr int kNum = 16;
-  /// StiffnessSums that follow if they are wanted, and as many zeros as make a warp full.
+  /// StiffnessSums that follow if they are requested, and as many zeros as make a warp full.
   static constexpr int kNumStiffness = 32;
 };
 static_assert(sizeof(MeasureTerms) == MeasureTerms::kNum * sizeof(double));
@@ -52,7 +52,7 @@ struct MeasureOutput {
   double* partials = nullptr;           ///< all numbers of each block
   unsigned long long* count = nullptr;  ///< of the blocks that are done
   /// Page-locked. Each word is half of one of the numbers, and above it the number of the query:
-  /// words are written at once, so each tells by itself whether it is there yet, and no fence holds
+  /// words are written at once, so each shows by itself whether it is there yet, and no fence holds
   /// the kernel up.
   std::uint64_t* words = nullptr;
   std::uint32_t query = 0;
@@ -61,9 +61,9 @@ struct MeasureOutput {
 /// Owns the memory for the answers of one kernel, which always has the same number of blocks.
 class AnswerBox {
  public:
-  static constexpr int kMostNumbers = MeasureTerms::kNum + MeasureTerms::kNumStiffness;
+  static constexpr int kMaxNumbers = MeasureTerms::kNum + MeasureTerms::kNumStiffness;
 
-  /// `num_numbers`: kMostNumbers for kernels that answer a stiffness too.
+  /// `num_numbers`: kMaxNumbers for kernels that answer a stiffness too.
   AnswerBox(int gpu, int num_blocks, int num_numbers = MeasureTerms::kNum);
 
   /// Arguments for the kernel of the next query. One query at a time.
@@ -86,7 +86,7 @@ class AnswerBox {
   int num_blocks_, num_numbers_;
   std::chrono::milliseconds longest_;
   MeasureOutput output_;
-  double numbers_[kMostNumbers] = {};
+  double numbers_[kMaxNumbers] = {};
 };
 
 }  // namespace palpate::inline v0

@@ -74,14 +74,14 @@ bool AnswerBox::await(gpu::Stream& stream) noexcept {
   constexpr int kLooksPerTime = 64;
   if (!status() || !stream.status()) return false;
   const Clock::time_point start = Clock::now();
-  Clock::time_point ask = start + kPollPeriod;
+  Clock::time_point next_poll = start + kPollPeriod;
   for (int look = 1; !take(); ++look) {
     relax();
     if (look % kLooksPerTime != 0) continue;
     const Clock::time_point now = Clock::now();
-    if (now < ask) continue;
-    // Asking costs the driver some time, so seldom. A device that is done must have answered.
-    ask = now + kPollPeriod;
+    if (now < next_poll) continue;
+    // Polling costs the driver some time, so seldom. A device that is done must have answered.
+    next_poll = now + kPollPeriod;
     const bool is_done = stream.is_idle();
     if (!stream.status()) return false;
     if (is_done && take()) return true;

@@ -28,7 +28,7 @@ struct Lanes {
   e.lx = rotated(job.frame.R_WT[0]);
   e.ly = rotated(job.frame.R_WT[1]);
   e.lz = rotated(job.frame.R_WT[2]);
-  e.depth = max(e.lz + job.frame.p_WC[2], splat(kLeastDepth));
+  e.depth = max(e.lz + job.frame.p_WC[2], splat(kMinDepth));
   e.inverse_depth = 1.0f / e.depth;
   e.from_u = grid.fx * (e.lx + job.frame.p_WC[0]) * e.inverse_depth;
   e.from_v = grid.fy * (e.ly + job.frame.p_WC[1]) * e.inverse_depth;
@@ -56,27 +56,29 @@ struct Answer {
   }
 };
 
-// What lies deep asks wider pixels, too.
+// What lies deep samples wider pixels, too.
 template <class Sample, int kFields>
 [[gnu::always_inline]] inline void query_deeper(const Grid& grid, const Pixels (&fields)[kFields],
                                                 const Lanes& e, Answer<Sample, kFields>& answer) {
-  VecF asked = e.radius;
-  for (int step = 0; step < kMostDeepSteps; ++step) {
+  VecF requested = e.radius;
+  for (int step = 0; step < kMaxDeepSteps; ++step) {
     VecI is_deep[kFields], any{};
     for (int k = 0; k < kFields; ++k) {
-      is_deep[k] = answer.is_touching[k] & (first_of(answer.samples[k]).phi < -deep_limit(asked));
+      is_deep[k] =
+          answer.is_touching[k] & (first_of(answer.samples[k]).phi < -deep_limit(requested));
       any |= is_deep[k];
     }
     if (mask_bits(any) == 0) break;
-    const Look look = look_of(grid, e, asked * kDeepGrowth);
+    const Look look = look_of(grid, e, requested * kDeepGrowth);
     for (int k = 0; k < kFields; ++k) {
       if (kFields > 1 && mask_bits(is_deep[k]) == 0) continue;
       Sample& known = answer.samples[k];
       Sample wide = query_field<Sample>(grid, fields[k], look, e.depth, e.inverse_depth);
-      known = chosen(is_deep[k],
-                     deepened(known, wide, first_of(known).phi, first_of(wide).phi, asked), known);
+      known =
+          chosen(is_deep[k],
+                 deepened(known, wide, first_of(known).phi, first_of(wide).phi, requested), known);
     }
-    asked *= kDeepGrowth;
+    requested *= kDeepGrowth;
   }
 }
 

@@ -50,7 +50,7 @@ inline bool have_one_grid(const DepthFieldView& a, const DepthFieldView& b) {
          a.thickness == b.thickness && k.fx == l.fx && k.fy == l.fy && k.cx == l.cx && k.cy == l.cy;
 }
 
-/// Is something asked that one of two surfaces does not know? `from` counts below alpha = 1.
+/// Is something queried that one of two surfaces does not know? `from` counts below alpha = 1.
 inline bool is_outside_window(const SurfaceView& from, const SurfaceView& to, double alpha,
                               const Vec3d& p_WC, double reach) {
   const auto is_outside = [&](const DepthFieldView& field) {
@@ -59,14 +59,14 @@ inline bool is_outside_window(const SurfaceView& from, const SurfaceView& to, do
   return is_outside(to.field) || (alpha < 1 && is_outside(from.field));
 }
 
-/// Where a ball is, and which tiles can show what its elements ask about.
+/// Where a ball is, and which tiles can show what its elements sample.
 struct BallWindow {
   float nearest = 0, farthest = 0;  ///< depths
   int left = 0, right = 0, top = 0, bottom = 0;
   float first_u = 0, last_u = 0, first_v = 0, last_v = 0;  ///< pixels, also beyond the image
 
   /// Only then it has tiles.
-  PALPATE_FORMULA bool is_before_camera() const { return nearest > kLeastDepth; }
+  PALPATE_FORMULA bool is_before_camera() const { return nearest > kMinDepth; }
 };
 
 /// The pixels of a row that show what is between x - reach and x + reach, and `margin` more.
@@ -120,7 +120,7 @@ PALPATE_FORMULA BallWindow window_of(const FieldFrame& frame, const Cluster& bal
 
 /// Do all planes of a tile stay farther away than `radius` at all depths to `farthest`?
 PALPATE_FORMULA bool is_behind(const DepthTile& tile, float farthest, float radius) {
-  return tile.least_slope * (tile.nearest - farthest) > radius;
+  return tile.min_slope * (tile.nearest - farthest) > radius;
 }
 
 }  // namespace palpate::inline v0

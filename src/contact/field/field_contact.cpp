@@ -43,11 +43,11 @@ ContactResult FieldContact::measure_hull(std::span<const SurfaceBlend> cameras, 
 }
 
 MeasureJob FieldContact::job(std::span<const DepthFieldView> fields, const Pose& X_WT) const {
-  MeasureJob asked = measure_job(*elements_);
-  asked.num_fields = static_cast<int>(fields.size());
-  asked.frame = frame_of(fields.front().intrinsics, X_WT, p_TC_);
-  std::copy(fields.begin(), fields.end(), asked.fields);
-  return asked;
+  MeasureJob requested = measure_job(*elements_);
+  requested.num_fields = static_cast<int>(fields.size());
+  requested.frame = frame_of(fields.front().intrinsics, X_WT, p_TC_);
+  std::copy(fields.begin(), fields.end(), requested.fields);
+  return requested;
 }
 
 ContactResult FieldContact::measure_one(const SurfaceView& from, const SurfaceView& to,
@@ -62,12 +62,12 @@ ContactResult FieldContact::measure_one(const SurfaceView& from, const SurfaceVi
   const DepthFieldView fields[] = {to.field, from.field};
   ContactResult results[2];
   if (alpha >= 1) {
-    ask({fields, 1}, X, wants.stiffness, results);
+    evaluate({fields, 1}, X, wants.stiffness, results);
   } else if (have_one_grid(to.field, from.field)) {
-    ask(fields, X, wants.stiffness, results);
+    evaluate(fields, X, wants.stiffness, results);
   } else {
-    ask({fields, 1}, X, wants.stiffness, results);
-    ask({fields + 1, 1}, X, wants.stiffness, results + 1);
+    evaluate({fields, 1}, X, wants.stiffness, results);
+    evaluate({fields + 1, 1}, X, wants.stiffness, results + 1);
   }
   return alpha >= 1 ? results[0] : blend(results[1], results[0], alpha);
 }
@@ -75,24 +75,24 @@ ContactResult FieldContact::measure_one(const SurfaceView& from, const SurfaceVi
 double FieldContact::unseen_by_one(const SurfaceView& surface, const Pose& X_CT,
                                    std::span<std::uint8_t> unseen) const noexcept {
   if (surface.field.num_levels == 0) return 0;
-  const MeasureJob asked = job({&surface.field, 1}, X_CT);
-  pool_->parallel_for(asked.clusters->num_groups(), [&](int group) {
+  const MeasureJob requested = job({&surface.field, 1}, X_CT);
+  pool_->parallel_for(requested.clusters->num_groups(), [&](int group) {
     unseen_[static_cast<std::size_t>(group)] =
-        kernels_.unseen_in_group(asked, group, unseen.data());
+        kernels_.unseen_in_group(requested, group, unseen.data());
   });
   return std::accumulate(unseen_.begin(), unseen_.end(), 0.0);
 }
 
-void FieldContact::ask(std::span<const DepthFieldView> fields, const Pose& X_WT,
-                       bool with_stiffness, ContactResult* results) const {
+void FieldContact::evaluate(std::span<const DepthFieldView> fields, const Pose& X_WT,
+                            bool with_stiffness, ContactResult* results) const {
   if (fields.front().num_levels == 0) {
     std::fill_n(results, fields.size(),
                 unmeasured(StepStatus::no_surface, {.stiffness = with_stiffness}, true));
     return;
   }
-  const MeasureJob asked = job(fields, X_WT);
-  pool_->parallel_for(asked.clusters->num_groups(), [&](int group) {
-    kernels_.measure_group(asked, group, with_stiffness,
+  const MeasureJob requested = job(fields, X_WT);
+  pool_->parallel_for(requested.clusters->num_groups(), [&](int group) {
+    kernels_.measure_group(requested, group, with_stiffness,
                            &group_sums_[2 * static_cast<std::size_t>(group)]);
   });
   for (std::size_t k = 0; k < fields.size(); ++k) {
@@ -116,9 +116,9 @@ void FieldContact::describe(const DepthFieldView& field, const Pose& X_WT,
   std::fill(wants.planes.begin(), wants.planes.end(), Plane<float>{});
   if (field.num_levels == 0) return;
   const SphereCuts cuts = cuts_of(wants, p_TC_);
-  const MeasureJob asked = job({&field, 1}, X_WT);
-  pool_->parallel_for(asked.clusters->num_groups(),
-                      [&](int group) { kernels_.describe_group(asked, group, cuts); });
+  const MeasureJob requested = job({&field, 1}, X_WT);
+  pool_->parallel_for(requested.clusters->num_groups(),
+                      [&](int group) { kernels_.describe_group(requested, group, cuts); });
 }
 
 }  // namespace palpate::inline v0

@@ -45,10 +45,10 @@ struct FieldSums {
 /// Of one group of clusters against one field.
 struct GroupSums {
   FieldSums measure;
-  StiffnessSums stiffness;  ///< if it was wanted
+  StiffnessSums stiffness;  ///< if it was requested
 };
 
-/// What one query asks of each group of clusters.
+/// What one query computes for each group of clusters.
 struct MeasureJob {
   const SphereClusters* clusters = nullptr;
   const float *radius = nullptr, *factor = nullptr, *counted = nullptr;  ///< per slot
@@ -92,7 +92,7 @@ struct FieldContactKernels {
   void (*measure_group)(const MeasureJob&, int group, bool with_stiffness, GroupSums* sums);
   /// Writes what is cut or inside of the first field; the rest is outside.
   void (*describe_group)(const MeasureJob&, int group, const SphereCuts& to);
-  /// What of it the camera of the first field does not see, m3; and which spheres, if wanted.
+  /// What of it the camera of the first field does not see, m3; and which spheres, if requested.
   double (*unseen_in_group)(const MeasureJob&, int group, std::uint8_t* spheres);
 };
 
@@ -123,8 +123,8 @@ class FieldContact final : public ContactQuery {
 
  private:
   // At a pose that is finite, with a unit quaternion.
-  void ask(std::span<const DepthFieldView> fields, const Pose& X_WT, bool with_stiffness,
-           ContactResult* results) const;
+  void evaluate(std::span<const DepthFieldView> fields, const Pose& X_WT, bool with_stiffness,
+                ContactResult* results) const;
   void describe(const DepthFieldView& field, const Pose& X_WT, const ContactWants& wants) const;
   MeasureJob job(std::span<const DepthFieldView> fields, const Pose& X_WT) const;
 

@@ -104,7 +104,7 @@ int blocks_for(int num_threads, int threads, int most) {
 }
 
 template <class Kernel>
-int most_blocks(int gpu, Kernel* kernel, int threads, std::size_t shared_bytes) {
+int max_blocks(int gpu, Kernel* kernel, int threads, std::size_t shared_bytes) {
   return gpu::resident_blocks(gpu, reinterpret_cast<const void*>(kernel), threads, shared_bytes);
 }
 
@@ -113,8 +113,8 @@ int measure_blocks(int gpu, int num_clusters) {
   constexpr int kThreads = kThreadsOf<Sample>;
   return blocks_for(
       num_clusters * SphereClusters::kSize, kThreads,
-      std::min(most_blocks(gpu, measure_elements<1, Sample>, kThreads, kSharedBytes<Sample>),
-               most_blocks(gpu, measure_elements<2, Sample>, kThreads, kSharedBytes<Sample>)));
+      std::min(max_blocks(gpu, measure_elements<1, Sample>, kThreads, kSharedBytes<Sample>),
+               max_blocks(gpu, measure_elements<2, Sample>, kThreads, kSharedBytes<Sample>)));
 }
 
 }  // namespace
@@ -130,7 +130,7 @@ FieldContactCuda::FieldContactCuda(std::shared_ptr<const ToolIndex> index,
       fields_(gpu),
       answers_(gpu, measure_blocks<Gradient>(gpu, field_tool_.elements.num_clusters)),
       stiffness_answers_(gpu, measure_blocks<Curvature>(gpu, field_tool_.elements.num_clusters),
-                         AnswerBox::kMostNumbers),
+                         AnswerBox::kMaxNumbers),
       states_(memory_.take<SphereState>(static_cast<std::size_t>(num_spheres_))),
       planes_(memory_.take<Plane<float>>(static_cast<std::size_t>(num_spheres_))),
       deciders_(memory_.take<std::int8_t>(static_cast<std::size_t>(num_spheres_))),
@@ -167,21 +167,21 @@ ContactResult FieldContactCuda::measure_one(const SurfaceView& from, const Surfa
     question.fields[1] = fields_.on_gpu(to.field, stream_);
     question.weights[0] = 1 - alpha;
     question.weights[1] = alpha;
-    result = wants.stiffness ? ask<2, Curvature>(question, stiffness_answers_)
-                             : ask<2, Gradient>(question, answers_);
+    result = wants.stiffness ? evaluate<2, Curvature>(question, stiffness_answers_)
+                             : evaluate<2, Gradient>(question, answers_);
   } else {
     question.fields[0] = fields_.on_gpu(to.field, stream_);
     question.weights[0] = 1;
-    result = wants.stiffness ? ask<1, Curvature>(question, stiffness_answers_)
-                             : ask<1, Gradient>(question, answers_);
+    result = wants.stiffness ? evaluate<1, Curvature>(question, stiffness_answers_)
+                             : evaluate<1, Gradient>(question, answers_);
   }
   describe(question.fields[alpha < 1 ? 1 : 0], question.X_WT, wants);
   return result;
 }
 
 template <int kNumFields, class Sample>
-ContactResult FieldContactCuda::ask(const FieldQuestion& question,
-                                    AnswerBox& answers) const noexcept {
+ContactResult FieldContactCuda::evaluate(const FieldQuestion& question,
+                                         AnswerBox& answers) const noexcept {
   constexpr bool kWithStiffness = std::is_same_v<Sample, Curvature>;
   const ContactWants wants{.stiffness = kWithStiffness};
   if (!status()) return unmeasured(StepStatus::backend_failed, wants, true);
@@ -219,9 +219,9 @@ void FieldContactCuda::describe(const DepthFieldView& field, const Pose& X_WT,
   std::fill(wants.states.begin(), wants.states.end(), SphereState::outside);
   std::fill(wants.planes.begin(), wants.planes.end(), Plane<float>{});
   if (!status() || field.num_levels == 0) return;
-  constexpr int kDescribeThreads = 128, kMostBlocks = 1024;
+  constexpr int kDescribeThreads = 128, kMaxBlocks = 1024;
   gpu::launch(stream_,
-              {.blocks = blocks_for(num_spheres_, kDescribeThreads, kMostBlocks),
+              {.blocks = blocks_for(num_spheres_, kDescribeThreads, kMaxBlocks),
                .threads = kDescribeThreads},
               describe_spheres, field, X_WT, field_tool_.spheres, num_spheres_, states_, planes_);
   if (!wants.states.empty()) stream_.copy(wants.states.data(), states_, wants.states.size_bytes());

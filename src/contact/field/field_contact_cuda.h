@@ -11,7 +11,7 @@
 
 namespace palpate::inline v0 {
 
-/// What the field method is asked, on the device.
+/// A query of the field method, on the device.
 struct FieldQuestion {
   DepthFieldView fields[2];
   double weights[2] = {};
@@ -40,7 +40,7 @@ class FieldContactCuda final : public ContactQuery {
  private:
   /// `Sample`: with first derivatives of the field, or with second ones for a stiffness.
   template <int kNumFields, class Sample>
-  ContactResult ask(const FieldQuestion& question, AnswerBox& answers) const noexcept;
+  ContactResult evaluate(const FieldQuestion& question, AnswerBox& answers) const noexcept;
   void describe(const DepthFieldView& field, const Pose& X_WT,
                 const ContactWants& wants) const noexcept;
 

@@ -1,4 +1,4 @@
-// What an element of a tool asks a depth field on a GPU, and what it adds to the measure.
+// What an element of a tool reads from a depth field on a GPU, and what it adds to the measure.
 #pragma once
 
 #include <type_traits>
@@ -121,7 +121,7 @@ __device__ Sample query_field(const FieldLook& field, float u, float v, float de
   const LevelChoice<float> choice =
       choose(kFootprint * radius * field.frame.fx * inverse_depth, field.last_level, inverse_depth);
   Sample answer{};
-  LevelChoice<float> part;  // of what is asked next
+  LevelChoice<float> part;  // of the next sample
   part.blend = {1, 0};
 #pragma unroll 1
   for (int number = choice.level;; ++number) {
@@ -188,18 +188,19 @@ __device__ inline ElementLook look_at(const FieldFrame& frame, const float (&p)[
 template <class Sample>
 __device__ Sample query_deep(const FieldLook& field, const ElementLook& at, float radius) {
   Sample answer{};
-  float asked = radius;
+  float requested = radius;
 #pragma unroll 1
   for (int step = 0;; ++step) {
-    const Sample here = query_field<Sample>(field, at.u, at.v, at.depth, at.inverse_depth, asked);
+    const Sample here =
+        query_field<Sample>(field, at.u, at.v, at.depth, at.inverse_depth, requested);
     if (step > 0) {
-      const float finer = asked * (1.0f / kDeepGrowth);
+      const float finer = requested * (1.0f / kDeepGrowth);
       answer = deepened(answer, here, first_of(answer).phi, first_of(here).phi, finer);
     } else {
       answer = here;
     }
-    if (step == kMostDeepSteps || !(first_of(answer).phi < -deep_limit(asked))) break;
-    asked *= kDeepGrowth;
+    if (step == kMaxDeepSteps || !(first_of(answer).phi < -deep_limit(requested))) break;
+    requested *= kDeepGrowth;
   }
   return answer;
 }
@@ -239,10 +240,10 @@ template <class Sample>
 __device__ void add_element(const FieldLook& field, const Element& e, FieldShare& sum,
                             StiffnessShare* sums) {
   constexpr bool kWithStiffness = std::is_same_v<Sample, Curvature>;
-  if (!(e.p[2] > kLeastDepth)) return;
+  if (!(e.p[2] > kMinDepth)) return;
   const ElementLook at = look_at(field.frame, e.p);
   if constexpr (kWithStiffness) {
-    // Few elements touch the surface, and only their second derivatives are asked.
+    // Few elements touch the surface, and only their second derivatives are computed.
     if (!(query_field<Gradient>(field, at.u, at.v, at.depth, at.inverse_depth, e.radius).phi <
           e.radius)) {
       return;
@@ -277,12 +278,12 @@ __device__ inline void add_share(const FieldShare& share, MeasureTerms& to) {
 /// Is no element in a ball near the surface, as far as every `step`-th of the tiles that it covers
 /// says, from the tile `first` on? If there are more than so many, nobody knows.
 __device__ inline bool is_before_tiles(const FieldLook& field, const Cluster& ball,
-                                       float largest_radius, int most_tiles, int first, int step) {
+                                       float largest_radius, int max_tiles, int first, int step) {
   const BallWindow window =
       window_of(field.frame, ball, largest_radius, field.tiles_wide, field.tiles_high);
-  if (!window.is_before_camera()) return window.farthest < kLeastDepth;
+  if (!window.is_before_camera()) return window.farthest < kMinDepth;
   const int wide = window.right - window.left + 1;
-  if (wide * (window.bottom - window.top + 1) > most_tiles) return false;
+  if (wide * (window.bottom - window.top + 1) > max_tiles) return false;
   int v = window.top + first / wide, u = window.left + first % wide;
   while (v <= window.bottom) {
     if (!is_behind(field.tiles[v * field.tiles_wide + u], window.farthest, largest_radius)) {
@@ -295,8 +296,8 @@ __device__ inline bool is_before_tiles(const FieldLook& field, const Cluster& ba
 
 /// The same of all tiles. Every lane of the warp looks at some of them.
 __device__ inline bool is_in_front(const FieldLook& field, const Cluster& ball,
-                                   float largest_radius, int most_tiles = 1 << 30) {
-  return __all_sync(gpu::kWholeWarp, is_before_tiles(field, ball, largest_radius, most_tiles,
+                                   float largest_radius, int max_tiles = 1 << 30) {
+  return __all_sync(gpu::kWholeWarp, is_before_tiles(field, ball, largest_radius, max_tiles,
                                                      gpu::lane_id(), gpu::kWarpSize));
 }
 

@@ -23,7 +23,7 @@ template <class Sample, int kFields>
   for (int i = 0; i < num_vectors; ++i) {
     const Lanes& e = to.lanes[i];
     const Look look = look_of(grid, e, e.radius);
-    const VecI is_before_camera = e.lz + job.frame.p_WC[2] > splat(kLeastDepth);
+    const VecI is_before_camera = e.lz + job.frame.p_WC[2] > splat(kMinDepth);
     for (int k = 0; k < kFields; ++k) {
       Answer<Sample, kFields>& answer = to.fields[i];
       answer.is_touching[k] = VecI{};
@@ -119,7 +119,7 @@ double unseen_in_group(const MeasureJob& job, int group, std::uint8_t* spheres) 
       const auto slot = static_cast<std::size_t>(cluster * kSize + i * kLanes);
       const Lanes e = aim(job, grid, slot);
       const VecF u = e.from_u + (grid.cx + 0.5f), v = e.from_v + (grid.cy + 0.5f);
-      const VecI is_in_image = (e.lz + job.frame.p_WC[2] > splat(kLeastDepth)) & (u >= VecF{}) &
+      const VecI is_in_image = (e.lz + job.frame.p_WC[2] > splat(kMinDepth)) & (u >= VecF{}) &
                                (v >= VecF{}) & (u < splat(grid.width)) & (v < splat(grid.height));
       const VecI pixel = is_in_image ? to_int(v) * grid.stride + to_int(u) : VecI{};
       const VecF offset = gather(planes, 2 * pixel), slope = gather(planes + 1, 2 * pixel);

@@ -72,7 +72,7 @@ struct Spot {
   return spot;
 }
 
-// Which level elements ask, and how much of the next wider one is blended in: a footprint m 2^e
+// Which level elements sample, and how much of the next wider one is blended in: a footprint m 2^e
 // with m in [1, 2) lies between levels e and e + 1.
 struct LevelBlend {
   VecI level, is_single;
@@ -275,14 +275,14 @@ template <class Sample>
   return with_wider(own, next, look.levels, inverse_depth);
 }
 
-// Which fields' tiles, of those that elements in a ball can ask about, are not all well behind it:
+// Which fields' tiles, of those that elements in a ball can sample, are not all well behind it:
 // in the others every plane is at least the largest radius away from every element.
 template <int kFields>
 std::uint32_t fields_near(const MeasureJob& job, const Cluster& ball, float largest_radius) {
   constexpr std::uint32_t kAll = (1u << kFields) - 1;
   const int tiles_wide = job.fields[0].tiles_wide, tiles_high = job.fields[0].tiles_high;
   const BallWindow window = window_of(job.frame, ball, largest_radius, tiles_wide, tiles_high);
-  if (!window.is_before_camera()) return window.farthest < kLeastDepth ? 0 : kAll;
+  if (!window.is_before_camera()) return window.farthest < kMinDepth ? 0 : kAll;
   std::uint32_t near = 0;
   for (int v = window.top; v <= window.bottom && near != kAll; ++v) {
     for (int u = window.left; u <= window.right; ++u) {

@@ -47,7 +47,7 @@ template <class Job, class Element>
   return cut.volume;
 }
 
-/// Of one group, with what the stiffness needs if it is wanted.
+/// Of one group, with what the stiffness needs if it is requested.
 template <bool kWithStiffness>
 struct GroupTotals {
   Totals totals;

@@ -23,7 +23,7 @@ inline bool are_alike(const SurfaceView& a, const SurfaceView& b) {
          (a.seen_free.num_levels > 0) == (b.seen_free.num_levels > 0);
 }
 
-/// Is this one camera that is asked by itself, not for what it has seen to be free?
+/// Is this one camera that is sampled by itself, without its seen-free space?
 inline bool is_alone(std::span<const SurfaceBlend> cameras) {
   return cameras.size() == 1 && cameras.front().to.seen_free.num_levels == 0;
 }

@@ -19,13 +19,13 @@ namespace {
 constexpr DepthHullKernels kKernels[] = PALPATE_BY_ISA(kDepthHull);
 
 /// Has the camera measured wherever elements look that are at most `reach` from p_C, also those
-/// that lie deep and ask the widest pixels? There its two fields are one, if all is solid behind
+/// that lie deep and sample the widest pixels? There its two fields are one, if all is solid behind
 /// surfaces.
 bool has_measured_around(const MeasureJob& seen_free, const Vec3d& p_C, double reach) {
   constexpr int kReach = 6;  // pixels around one that a sphere is seen in, of the widest level
   const DepthFieldView& field = seen_free.fields[0];
   const int width = field.levels[0].width, height = field.levels[0].height;
-  if (!(p_C.z - reach > static_cast<double>(kLeastDepth))) return false;
+  if (!(p_C.z - reach > static_cast<double>(kMinDepth))) return false;
   const PixelWindow window = needed_window(field.intrinsics, width, height, p_C, reach)
                                  .grown(kReach << (field.num_levels - 1));
   if (window.left < 0 || window.top < 0 || window.right > width || window.bottom > height) {
@@ -36,7 +36,7 @@ bool has_measured_around(const MeasureJob& seen_free, const Vec3d& p_C, double r
     for (int u = window.left / kTile; u <= (window.right - 1) / kTile; ++u) {
       for (int f = 0; f < seen_free.num_fields; ++f) {
         const DepthTile& tile = seen_free.fields[f].tiles[v * field.tiles_wide + u];
-        if (!(tile.nearest > kLeastDepth)) return false;
+        if (!(tile.nearest > kMinDepth)) return false;
       }
     }
   }
@@ -50,7 +50,7 @@ float out_of_image(const DepthFieldView& field, const Vec3d& p_C, double reach) 
   constexpr double kMargin = 1e-3;  // m, for what rounding does
   if (p_C.z + reach < 0) return static_cast<float>(p_C.z + reach + kMargin);
   const double z = p_C.z - reach;
-  if (!(z > static_cast<double>(kLeastDepth))) return std::numeric_limits<float>::infinity();
+  if (!(z > static_cast<double>(kMinDepth))) return std::numeric_limits<float>::infinity();
   const double border = 6 << (field.num_levels - 1);  // pixels
   const auto is_beyond = [&](double x, double focal, double centre, int size) {
     // Of the planes through the eye and the borders, far out.
@@ -64,7 +64,7 @@ float out_of_image(const DepthFieldView& field, const Vec3d& p_C, double reach) 
     return std::numeric_limits<float>::infinity();
   }
   // Unmeasured is blocked from there on.
-  return static_cast<float>(kLeastDepth - z + kMargin);
+  return static_cast<float>(kMinDepth - z + kMargin);
 }
 
 /// Does a field in host memory have no surface beyond its image?

@@ -32,16 +32,16 @@ struct HullCamera {
   MeasureJob older;
 };
 
-/// What a query asks of each group of clusters.
+/// What a query computes for each group of clusters.
 struct HullJob {
   MeasureJob tool;  ///< without fields; the pose in the world
-  HullCamera cameras[kMostCameras];
+  HullCamera cameras[kMaxCameras];
   int num_cameras = 0;
   int num_seeing = 0;  ///< those that show something now come first
   bool has_memory = false;
   /// A single camera: its `field` stands for `seen_free`, and behind the eye nothing is.
   bool is_alone = false;
-  /// No camera has measured all around the tool: `field` has to be asked, too.
+  /// No camera has measured all around the tool: `field` has to be sampled, too.
   bool may_be_unseen = true;
 };
 

@@ -26,7 +26,7 @@ struct HullEye {
 
 // The argument of the kernel. Few cameras make it short.
 constexpr int kFewCameras = 4;
-template <int kMost>
+template <int kMaxViews>
 struct HullQuery {
   ElementsView elements;
   FieldFrame tool;  ///< its pose in the world
@@ -35,7 +35,7 @@ struct HullQuery {
   bool has_memory = false;
   bool skips_clusters = false;  ///< those in front: pays if blocks have several
   bool is_alone = false;        ///< as HullJob
-  HullEye eyes[kMost];
+  HullEye eyes[kMaxViews];
 };
 
 namespace {
@@ -59,7 +59,7 @@ __device__ inline void place(const FieldFrame& frame, const Ball& ball, float (&
 template <class Space>
 __device__ Space before_eye(const float (&R_WC)[3][3], const Space& seen, float z, float radius) {
   Space plane{};
-  set(plane, SpaceGradient<float>{z - kLeastDepth, R_WC[0][2], R_WC[1][2], R_WC[2][2]});
+  set(plane, SpaceGradient<float>{z - kMinDepth, R_WC[0][2], R_WC[1][2], R_WC[2][2]});
   return lesser_of(seen, plane, hull_width(radius));
 }
 
@@ -76,7 +76,7 @@ __device__ InSpace<Sample> between(const HullEye& eye, const FieldLook (&fields)
     const FieldFrame& frame = eye.field[seat].frame;
     place(frame, ball, p);
     InSpace<Sample> here{};
-    if (p[2] > kLeastDepth) {
+    if (p[2] > kMinDepth) {
       const ElementLook at = look_at(frame, p);
       here = in_world(eye.R_WC[seat], frame, at, query_deep<Sample>(fields[f], at, ball.radius),
                       ball.radius);
@@ -96,24 +96,25 @@ __device__ InSpace<Sample> between(const HullEye& eye, const FieldLook (&fields)
 
 // A view is one field of one camera. First what each camera sees to be free, then the fields; and
 // of memories the surfaces that each camera sees, then what each remembers to be free.
-template <int kMost>
-__device__ int num_views(const HullQuery<kMost>& query) {
+template <int kMaxViews>
+__device__ int num_views(const HullQuery<kMaxViews>& query) {
   return query.is_alone ? 1 : query.num_seeing + query.num_cameras;
 }
-template <int kMost>
-__device__ const HullEye& eye_of(const HullQuery<kMost>& query, int view) {
+template <int kMaxViews>
+__device__ const HullEye& eye_of(const HullQuery<kMaxViews>& query, int view) {
   return query.eyes[view < query.num_seeing ? view : view - query.num_seeing];
 }
-template <class Sample, int kMost>
-__device__ InSpace<Sample> query_view(const HullQuery<kMost>& query, int view, const Ball& ball,
+template <class Sample, int kMaxViews>
+__device__ InSpace<Sample> query_view(const HullQuery<kMaxViews>& query, int view, const Ball& ball,
                                       bool queries_in_front) {
   const bool is_seen = view < query.num_seeing;
   const HullEye& eye = eye_of(query, view);
   return between<Sample>(eye, is_seen ? eye.seen_free : eye.field, ball, is_seen && !query.is_alone,
                          queries_in_front);
 }
-template <class Sample, int kMost>
-__device__ InSpace<Sample> query_memory(const HullQuery<kMost>& query, int view, const Ball& ball) {
+template <class Sample, int kMaxViews>
+__device__ InSpace<Sample> query_memory(const HullQuery<kMaxViews>& query, int view,
+                                        const Ball& ball) {
   const bool is_seen = view < query.num_seeing;
   const HullEye& eye = eye_of(query, view);
   if (!is_seen && !eye.is_remembered) return {};
@@ -144,8 +145,9 @@ __device__ Space shifted(const Space& by, float phi) {
   return plus(by, 1.0f, shift);
 }
 
-template <class Space, int kMost, class View>
-__device__ Joined<Space> join_seen(const HullQuery<kMost>& query, float radius, const View& view) {
+template <class Space, int kMaxViews, class View>
+__device__ Joined<Space> join_seen(const HullQuery<kMaxViews>& query, float radius,
+                                   const View& view) {
   Joined<Space> now{view(0), 0, 0};
   float most = first_of(now.hull).phi;
   for (int k = 1; k < query.num_seeing; ++k) {
@@ -158,8 +160,8 @@ __device__ Joined<Space> join_seen(const HullQuery<kMost>& query, float radius, 
   return now;
 }
 // Likewise of memories: what counts where no camera sees a surface now.
-template <class Space, int kMost, class View>
-__device__ void join_memories(const HullQuery<kMost>& query, float radius, const View& view,
+template <class Space, int kMaxViews, class View>
+__device__ void join_memories(const HullQuery<kMaxViews>& query, float radius, const View& view,
                               Joined<Space>& to) {
   const HullWidth<float> width = hull_width(radius);
   Space shown = view(0);
@@ -185,16 +187,17 @@ __device__ void join_memories(const HullQuery<kMost>& query, float radius, const
   to.take(shifted(lesser_of(known, shown, width), -width.w), radius, who);
   to.seen_phi = first_of(to.hull).phi;
 }
-template <class Space, int kMost, class View>
-__device__ Space join_fields(const HullQuery<kMost>& query, float radius, const View& view) {
+template <class Space, int kMaxViews, class View>
+__device__ Space join_fields(const HullQuery<kMaxViews>& query, float radius, const View& view) {
   Space least = view(query.num_seeing);
   for (int k = 1; k < query.num_cameras; ++k) {
     least = lesser_of(least, view(query.num_seeing + k), hull_width(radius));
   }
   return shifted(least, -agreement(radius));
 }
-template <class Space, int kMost>
-__device__ bool needs_wider(const HullQuery<kMost>& query, const Joined<Space>& at, float radius) {
+template <class Space, int kMaxViews>
+__device__ bool needs_wider(const HullQuery<kMaxViews>& query, const Joined<Space>& at,
+                            float radius) {
   return !query.is_alone && first_of(at.hull).phi < radius;
 }
 
@@ -214,8 +217,8 @@ __device__ bool sees_free(const HullEye& eye, const FieldLook (&fields)[2], cons
   }
   return true;
 }
-template <int kMost>
-__device__ bool is_seen_free(const HullQuery<kMost>& query, int cluster) {
+template <int kMaxViews>
+__device__ bool is_seen_free(const HullQuery<kMaxViews>& query, int cluster) {
   const Cluster& ball = query.elements.clusters[cluster];
   const float largest = query.elements.largest_radius[cluster];
   for (int k = 0; k < query.num_seeing; ++k) {
@@ -230,24 +233,24 @@ __device__ bool is_seen_free(const HullQuery<kMost>& query, int cluster) {
   return false;
 }
 // May anything that came before what a camera remembers be near?
-template <int kMost>
-__device__ bool queries_in_front(const HullQuery<kMost>& query, int view, int cluster) {
+template <int kMaxViews>
+__device__ bool queries_in_front(const HullQuery<kMaxViews>& query, int view, int cluster) {
   const HullEye& eye = eye_of(query, view);
   if (!eye.has_in_front) return false;
   const float distance = front_limit(query.elements.largest_radius[cluster]);
   return !sees_free(eye, eye.in_front, query.elements.clusters[cluster], distance);
 }
 
-// A block has one cluster at a time; each of its warps asks some views about all its elements, and
-// the first one joins what they say.
+// A block has one cluster at a time; each of its warps samples some views about all its elements,
+// and the first one joins what they say.
 constexpr int kHullWarps = 8, kHullThreads = kHullWarps * gpu::kWarpSize;
 
 // What views have said about the elements of a cluster.
-template <int kMost, class Sample>
+template <int kMaxViews, class Sample>
 struct ViewScratch {
   static constexpr int kNum = sizeof(InSpace<Sample>) / sizeof(float);
 
-  float numbers[2 * kMost][kNum][gpu::kWarpSize];
+  float numbers[2 * kMaxViews][kNum][gpu::kWarpSize];
   int is_free, queries_memory;
 
   __device__ void store(int view, const InSpace<Sample>& said) {
@@ -265,17 +268,17 @@ struct ViewScratch {
 template <class Sample>
 using FinishScratchFor =
     std::conditional_t<std::is_same_v<Sample, Curvature>, FinishStiffnessScratch, FinishScratch>;
-template <int kMost, class Sample>
-constexpr std::size_t kSharedBytes = std::max(sizeof(ViewScratch<kMost, Sample>),
+template <int kMaxViews, class Sample>
+constexpr std::size_t kSharedBytes = std::max(sizeof(ViewScratch<kMaxViews, Sample>),
                                               sizeof(FinishScratchFor<Sample>));
 
-template <int kMost, class Sample>
+template <int kMaxViews, class Sample>
 __global__ void __launch_bounds__(kHullThreads, 2)
-    measure_hull_elements(const __grid_constant__ HullQuery<kMost> query,
+    measure_hull_elements(const __grid_constant__ HullQuery<kMaxViews> query,
                           const __grid_constant__ MeasureOutput out) {
   constexpr bool kWithStiffness = std::is_same_v<Sample, Curvature>;
   const ElementsView& elements = query.elements;
-  auto& views = gpu::shared_memory<ViewScratch<kMost, Sample>>();
+  auto& views = gpu::shared_memory<ViewScratch<kMaxViews, Sample>>();
   FieldShare share;
   StiffnessShare stiffness;
   for (int cluster = static_cast<int>(blockIdx.x); cluster < elements.num_clusters;
@@ -307,8 +310,8 @@ __global__ void __launch_bounds__(kHullThreads, 2)
     }
     if (query.has_memory) {
       // What was said makes room for what is remembered, if anybody needs it.
-      const bool asks = gpu::warp_id() == 0 && needs_wider(query, at_ball, ball.radius);
-      const bool any = __any_sync(gpu::kWholeWarp, asks);
+      const bool needs_memory = gpu::warp_id() == 0 && needs_wider(query, at_ball, ball.radius);
+      const bool any = __any_sync(gpu::kWholeWarp, needs_memory);
       if (threadIdx.x == 0) views.queries_memory = any;
       __syncthreads();
       if (views.queries_memory != 0) {
@@ -316,7 +319,7 @@ __global__ void __launch_bounds__(kHullThreads, 2)
           views.store(view, query_memory<Sample>(query, view, ball));
         }
         __syncthreads();
-        if (asks) join_memories<Space>(query, ball.radius, said, at_ball);
+        if (needs_memory) join_memories<Space>(query, ball.radius, said, at_ball);
       }
     }
     if (gpu::warp_id() == 0) {
@@ -346,8 +349,8 @@ __global__ void __launch_bounds__(kHullThreads, 2)
   }
 }
 
-template <int kMost>
-__global__ void describe_hull(const __grid_constant__ HullQuery<kMost> query, const Vec3f p_TC,
+template <int kMaxViews>
+__global__ void describe_hull(const __grid_constant__ HullQuery<kMaxViews> query, const Vec3f p_TC,
                               const Sphere* spheres, int num, SphereCutsOnGpu to) {
   for (int id = gpu::grid_thread(); id < num; id += gpu::grid_threads()) {
     const Sphere sphere = spheres[id];
@@ -392,16 +395,16 @@ int num_blocks(int gpu, int num_clusters) {
                    gpu, reinterpret_cast<const void*>(&measure_hull_elements<kFewCameras, Sample>),
                    kHullThreads, kSharedBytes<kFewCameras, Sample>),
                gpu::resident_blocks(
-                   gpu, reinterpret_cast<const void*>(&measure_hull_elements<kMostCameras, Sample>),
-                   kHullThreads, kSharedBytes<kMostCameras, Sample>));
+                   gpu, reinterpret_cast<const void*>(&measure_hull_elements<kMaxCameras, Sample>),
+                   kHullThreads, kSharedBytes<kMaxCameras, Sample>));
   return std::max(1, std::min(num_clusters, resident));
 }
 
 }  // namespace
 
-// All that a query asks, but the tool.
+// All that a query reads, but the tool.
 struct DepthHullCuda::Views {
-  HullEye eyes[kMostCameras];
+  HullEye eyes[kMaxCameras];
   int num = 0, num_seeing = 0;
   bool is_alone = false, has_memory = false;
   FieldFrame tool;
@@ -413,8 +416,8 @@ DepthHullCuda::DepthHullCuda(const FieldTool& tool, const Vec3d& p_TC, int num_s
       num_spheres_(num_spheres),
       answers_(gpu, num_blocks<Gradient>(gpu, tool.elements.num_clusters)),
       stiffness_answers_(gpu, num_blocks<Curvature>(gpu, tool.elements.num_clusters),
-                         AnswerBox::kMostNumbers) {
-  for (int i = 0; i < 4 * kMostCameras; ++i) copies_.emplace_back(gpu);
+                         AnswerBox::kMaxNumbers) {
+  for (int i = 0; i < 4 * kMaxCameras; ++i) copies_.emplace_back(gpu);
 }
 
 const Status& DepthHullCuda::status() const {
@@ -473,9 +476,9 @@ ContactStatus DepthHullCuda::take(const SurfaceBlend& view, const Pose& X_WT, in
 
 namespace {
 
-template <int kMost, class Views>
-HullQuery<kMost> query_of(const Views& views, const ElementsView& elements) {
-  HullQuery<kMost> query;
+template <int kMaxViews, class Views>
+HullQuery<kMaxViews> query_of(const Views& views, const ElementsView& elements) {
+  HullQuery<kMaxViews> query;
   query.elements = elements;
   query.tool = views.tool;
   query.num_cameras = views.num;
@@ -488,26 +491,26 @@ HullQuery<kMost> query_of(const Views& views, const ElementsView& elements) {
 
 }  // namespace
 
-template <int kMost, class Sample>
+template <int kMaxViews, class Sample>
 bool DepthHullCuda::launch(const Views& views, AnswerBox& answers, gpu::Stream& stream) noexcept {
-  HullQuery<kMost> query = query_of<kMost>(views, tool_.elements);
+  HullQuery<kMaxViews> query = query_of<kMaxViews>(views, tool_.elements);
   query.skips_clusters = tool_.elements.num_clusters > answers.num_blocks();
   gpu::launch(stream,
               {.blocks = answers.num_blocks(),
                .threads = kHullThreads,
-               .shared_bytes = kSharedBytes<kMost, Sample>},
-              measure_hull_elements<kMost, Sample>, query, answers.next());
+               .shared_bytes = kSharedBytes<kMaxViews, Sample>},
+              measure_hull_elements<kMaxViews, Sample>, query, answers.next());
   return answers.await(stream);
 }
 
-template <int kMost>
+template <int kMaxViews>
 void DepthHullCuda::describe(const Views& views, const ContactWants& wants,
                              const SphereCutsOnGpu& cuts, gpu::Stream& stream) noexcept {
-  constexpr int kThreads = 128, kMostBlocks = 1024;
-  const int blocks = std::min(blocks_over(num_spheres_, kThreads), kMostBlocks);
-  gpu::launch(stream, {.blocks = std::max(1, blocks), .threads = kThreads}, describe_hull<kMost>,
-              query_of<kMost>(views, tool_.elements), to_float(p_TC_), tool_.spheres, num_spheres_,
-              cuts);
+  constexpr int kThreads = 128, kMaxBlocks = 1024;
+  const int blocks = std::min(blocks_over(num_spheres_, kThreads), kMaxBlocks);
+  gpu::launch(stream, {.blocks = std::max(1, blocks), .threads = kThreads},
+              describe_hull<kMaxViews>, query_of<kMaxViews>(views, tool_.elements), to_float(p_TC_),
+              tool_.spheres, num_spheres_, cuts);
   if (!wants.states.empty()) {
     stream.copy(wants.states.data(), cuts.states, wants.states.size_bytes());
   }
@@ -538,10 +541,10 @@ ContactResult DepthHullCuda::measure(std::span<const SurfaceBlend> cameras, cons
   bool is_answered = false;
   if (wants.stiffness) {
     is_answered = is_few ? launch<kFewCameras, Curvature>(views, answers, stream)
-                         : launch<kMostCameras, Curvature>(views, answers, stream);
+                         : launch<kMaxCameras, Curvature>(views, answers, stream);
   } else {
     is_answered = is_few ? launch<kFewCameras, Gradient>(views, answers, stream)
-                         : launch<kMostCameras, Gradient>(views, answers, stream);
+                         : launch<kMaxCameras, Gradient>(views, answers, stream);
   }
   if (!is_answered) return unmeasured(StepStatus::backend_failed, wants, true);
   ContactResult result{answers.answer().penetration(), {}, {}};
@@ -554,7 +557,7 @@ ContactResult DepthHullCuda::measure(std::span<const SurfaceBlend> cameras, cons
   if (is_few) {
     describe<kFewCameras>(views, wants, cuts, stream);
   } else {
-    describe<kMostCameras>(views, wants, cuts, stream);
+    describe<kMaxCameras>(views, wants, cuts, stream);
   }
   return result;
 }

@@ -40,9 +40,9 @@ class DepthHullCuda {
                      Views& views) noexcept;
   ContactStatus take(const SurfaceBlend& view, const Pose& X_WT, int number, gpu::Stream& stream,
                      Views& views) noexcept;
-  template <int kMost, class Sample>
+  template <int kMaxViews, class Sample>
   bool launch(const Views& views, AnswerBox& answers, gpu::Stream& stream) noexcept;
-  template <int kMost>
+  template <int kMaxViews>
   void describe(const Views& views, const ContactWants& wants, const SphereCutsOnGpu& cuts,
                 gpu::Stream& stream) noexcept;
 

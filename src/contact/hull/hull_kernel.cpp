@@ -139,7 +139,7 @@ class Hull {
 
   Hull(const HullJob& job, const Eye* eyes) : job_(job), eyes_(eyes) {}
 
-  // The elements asked about next are in this ball.
+  // The elements sampled next are in this ball.
   void aim_at(const Cluster& ball, float largest_radius) {
     for (int k = 0; k < job_.num_cameras; ++k) {
       const HullCamera& camera = job_.cameras[k];
@@ -150,7 +150,7 @@ class Hull {
   }
 
   // False if some camera sees that all elements are free.
-  bool ask(std::size_t slot) {
+  bool evaluate(std::size_t slot) {
     radius_ = load(job_.tool.radius + slot);
     if (!look(slot)) return false;
     join_seen_free();
@@ -196,7 +196,7 @@ class Hull {
     const MeasureJob& seen = eye.camera->seen_free;
     EyeAnswer<Sample>& answer = answers_[k];
     Lanes& e = answer.lanes[0] = aim(seen, eye.seen_free.grid, slot);
-    answer.before[0] = e.lz + (seen.frame.p_WC[2] - kLeastDepth);
+    answer.before[0] = e.lz + (seen.frame.p_WC[2] - kMinDepth);
     Look look = look_of(eye.seen_free.grid, e, e.radius);
     VecF phi[2];
     for (int f = 0; f < eye.num_fields; ++f) {
@@ -204,7 +204,7 @@ class Hull {
       if (seat > 0) {
         const MeasureJob& older = eye.camera->older;
         answer.lanes[1] = aim(older, eye.seen_free.grid, slot);
-        answer.before[1] = answer.lanes[1].lz + (older.frame.p_WC[2] - kLeastDepth);
+        answer.before[1] = answer.lanes[1].lz + (older.frame.p_WC[2] - kMinDepth);
         look = look_of(eye.seen_free.grid, answer.lanes[1], e.radius);
       }
       const Lanes& at = answer.lanes[seat];
@@ -293,8 +293,9 @@ class Hull {
       Space moments[2];
       for (int f = 0; f < eye.num_fields; ++f) {
         const int seat = eye.seat(f);
-        moments[f] = chosen(answers_[k].before[seat] > VecF{},
-                            ask(eye, eye.in_front, f, answers_[k].lanes[seat], counts), nowhere());
+        moments[f] =
+            chosen(answers_[k].before[seat] > VecF{},
+                   evaluate(eye, eye.in_front, f, answers_[k].lanes[seat], counts), nowhere());
       }
       const Space here = between(eye, moments);
       decide(is_first ? splat(-1) : first_of(here).phi < first_of(shown).phi, k, who_shows);
@@ -331,7 +332,7 @@ class Hull {
     Space moments[2];
     for (int f = 0; f < eye.num_fields; ++f) {
       const int seat = eye.seat(f);
-      moments[f] = ask(eye, eye.remembered, f, answer.lanes[seat], counts);
+      moments[f] = evaluate(eye, eye.remembered, f, answer.lanes[seat], counts);
       if (eye.camera->has_moved) {
         moments[f] = before_eye(eye.camera->R_WC[seat], moments[f], answer.before[seat], radius_);
       }
@@ -356,7 +357,7 @@ class Hull {
       Space moments[2];
       for (int f = 0; f < eye.num_fields; ++f) {
         const int seat = eye.seat(f);
-        moments[f] = ask(eye, eye.field, f, answers_[k].lanes[seat], is_touching);
+        moments[f] = evaluate(eye, eye.field, f, answers_[k].lanes[seat], is_touching);
         if (answers_[k].queries_in_front) {
           moments[f] = lesser_of(moments[f], answers_[k].front[f], width);
         }
@@ -390,12 +391,12 @@ class Hull {
     for (int seat = 0; seat <= eye.seat(eye.num_fields - 1); ++seat) {
       const MeasureJob& job = seat == 0 ? eye.camera->field : eye.camera->older;
       answer.lanes[seat] = aim(job, eye.field.grid, slot);
-      answer.before[seat] = answer.lanes[seat].lz + (job.frame.p_WC[2] - kLeastDepth);
+      answer.before[seat] = answer.lanes[seat].lz + (job.frame.p_WC[2] - kMinDepth);
     }
   }
 
   // What a field says at a moment, in the world.
-  Space ask(const Eye& eye, const FieldPair& field, int f, const Lanes& e, VecI which) {
+  Space evaluate(const Eye& eye, const FieldPair& field, int f, const Lanes& e, VecI which) {
     Sample sample = query_field<Sample>(field.grid, field.pixels[f],
                                         look_of(field.grid, e, radius_), e.depth, e.inverse_depth);
     deepen(field, f, e, which, sample);
@@ -412,7 +413,7 @@ class Hull {
 
   const HullJob& job_;
   const Eye* eyes_;
-  EyeAnswer<Sample> answers_[kMostCameras];
+  EyeAnswer<Sample> answers_[kMaxCameras];
   VecF shallowest_, radius_;
   VecI may_touch_;
   bool is_between_ = false;
@@ -428,7 +429,7 @@ template <class Sample, class F>
   const float largest =
       *std::max_element(job.tool.largest_radius + first, job.tool.largest_radius + last);
   if (is_seen_free(job, clusters.groups[static_cast<std::size_t>(group)], largest)) return;
-  alignas(Eye) std::byte memory[kMostCameras * sizeof(Eye)];
+  alignas(Eye) std::byte memory[kMaxCameras * sizeof(Eye)];
   Eye* const eyes = reinterpret_cast<Eye*>(memory);
   for (int k = 0; k < job.num_cameras; ++k) new (eyes + k) Eye(job.cameras[k]);
   Hull<Sample> hull(job, eyes);
@@ -438,7 +439,7 @@ template <class Sample, class F>
     hull.aim_at(ball, job.tool.largest_radius[cluster]);
     for (int i = 0; i < kNumVectors; ++i) {
       const auto slot = static_cast<std::size_t>(cluster * kSize + i * kLanes);
-      if (!hull.ask(slot)) continue;
+      if (!hull.evaluate(slot)) continue;
       f(slot, aim(job.tool, eyes[0].field.grid, slot), hull, i % RowSums::kParts);
     }
   }

@@ -67,7 +67,7 @@ ContactResult ContactQuery::measure(std::span<const SurfaceBlend> cameras, const
   if (!is_finite(X_WT) || !std::all_of(cameras.begin(), cameras.end(), is_valid)) {
     return unmeasured(StepStatus::non_finite_pose, wants, true);
   }
-  if (cameras.empty() || cameras.size() > kMostCameras) {
+  if (cameras.empty() || cameras.size() > kMaxCameras) {
     return unmeasured(StepStatus::no_surface, wants, true);
   }
   const Pose X{X_WT.translation, normalized(X_WT.rotation)};
@@ -95,9 +95,9 @@ ContactResult ContactQuery::measure_camera(const SurfaceBlend& camera, const Pos
   const SurfaceView &from = camera.from, &to = camera.to;
   const double progress = camera.progress;
   const auto measure_at = [&](const SurfaceView& a, const SurfaceView& b, double alpha,
-                              const ContactWants& wanted) {
+                              const ContactWants& desired) {
     const Seat seat(b, X_WT);
-    ContactResult result = measure_one(a, b, alpha, seat.X_CT, wanted);
+    ContactResult result = measure_one(a, b, alpha, seat.X_CT, desired);
     if (!seat.is_at_origin) turn(seat.q_WC, result);
     return result;
   };

@@ -8,7 +8,7 @@ namespace {
 // Cells at the surface are cut by looking at so many points along each axis of their boxes.
 constexpr int kLooks = 12;
 // Of a cell: what is less goes to the others.
-constexpr double kLeastShare = 0.05;
+constexpr double kMinShare = 0.05;
 
 /// In half lattice constants, about a site: is no other site nearer?
 bool is_in_cell(const Vec3d& p) {
@@ -65,7 +65,7 @@ std::vector<BallPart> even_parts(double radius) {
       for (int k = -most; k <= most; ++k) {
         if ((i + j + k) % 2 != 0) continue;
         BallPart part = cut_cell({half * i, half * j, half * k}, half);
-        if (part.share < kLeastShare) continue;
+        if (part.share < kMinShare) continue;
         part.share *= whole;
         sum += part.share;
         parts.push_back(part);

@@ -14,7 +14,7 @@ constexpr double kLargest = 0.2;
 // parts grows as its square root, from about 1,300 for 1,000 spheres.
 constexpr double kLargestEven = 0.2214;
 // A ball has at most so many times the radius of its sphere.
-constexpr double kMostGrowth = 1.5;
+constexpr double kMaxGrowth = 1.5;
 
 struct Element {
   Vec3d centre;
@@ -70,7 +70,7 @@ Sphere field_ball(const Tool& tool, std::size_t id, SphereVolumes volumes) {
   if (volumes == SphereVolumes::own) return ball;
   const double radius = ball.radius, volume = tool.represented_volumes()[id];
   const double growth = std::cbrt(volume / sphere_volume(radius));
-  ball.radius = static_cast<float>(radius * std::clamp(growth, 1.0, kMostGrowth));
+  ball.radius = static_cast<float>(radius * std::clamp(growth, 1.0, kMaxGrowth));
   return ball;
 }
 
@@ -82,7 +82,7 @@ FieldElements::FieldElements(const Tool& tool, SphereVolumes volumes, LargeSpher
   factor.resize(radius.size());
   counted.resize(radius.size());
   for (std::size_t slot = 0; slot < radius.size(); ++slot) {
-    if (clusters.sphere_id[slot] < 0) {  // asks what its neighbour asks, and counts nothing
+    if (clusters.sphere_id[slot] < 0) {  // samples what its neighbour samples, with no weight
       for (std::vector<float>* const array : {&clusters.x, &clusters.y, &clusters.z, &radius}) {
         (*array)[slot] = (*array)[slot - 1];
       }

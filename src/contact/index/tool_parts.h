@@ -1,4 +1,4 @@
-// The parts of a tool's index, each built when it is first asked for.
+// The parts of a tool's index, each built on first use.
 #pragma once
 
 #include <algorithm>
@@ -18,7 +18,7 @@
 
 namespace palpate::inline v0 {
 
-/// Made by the first thread that asks; the others wait for it.
+/// Made by the first thread that needs it; the others wait for it.
 template <class Value>
 class Lazy {
  public:
@@ -62,7 +62,7 @@ struct ToolIndex::Parts {
   const FieldElements& elements(SphereVolumes volumes) const {
     return elements_[static_cast<int>(volumes)].get([&] { return FieldElements(tool, volumes); });
   }
-  /// What asks the fields of other bodies.
+  /// What samples the fields of other bodies.
   const FieldElements& solid_elements() const {
     return solid_elements_.get(
         [&] { return FieldElements(tool, SphereVolumes::represented, LargeSpheres::evenly); });

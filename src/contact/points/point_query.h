@@ -121,7 +121,7 @@ struct GraphSearch {
 };
 
 struct PointQuery {
-  // What is asked. `scan` holds cloud, grid, spheres, R_TW and translation; scan.edges is null if
+  // The query. `scan` holds cloud, grid, spheres, R_TW and translation; scan.edges is null if
   // edges do not matter.
   ImageWindow window;
   GridTransform to_grid;  ///< grid_transform(scan)
@@ -165,7 +165,7 @@ struct PointQuery {
   PALPATE_HOSTDEV EdgesView edges_view() const {
     return {scan.spheres, pieces, piece_of, edge_distance, edge_side};
   }
-  /// To be asked after the boundary stage.
+  /// To be called after the boundary stage.
   PALPATE_HOSTDEV DonorsView donors_view() const {
     return {scan.spheres, boundary.donors, *boundary.num};
   }

@@ -86,7 +86,7 @@ PALPATE_FORMULA Symmetric<Real> hessian_in_space(const ImageCurvature<Real>& c, 
               2.0f * (c.first.by_u * u_z + c.first.by_v * v_z) * inverse_z};
 }
 
-/// f(c) for a function f of one number, sums and differences: what `deepened` asks for.
+/// f(c) for a function f of one number, sums and differences: what `deepened` requires.
 template <class Real>
 PALPATE_FORMULA ImageCurvature<Real> composed(const Curved<Real>& f,
                                               const ImageCurvature<Real>& c) {
@@ -151,14 +151,15 @@ PALPATE_HOSTDEV inline ImageCurvature<double> query_field_curvature(const DepthF
 PALPATE_HOSTDEV inline CurvedFieldSample sample_field_curvature(const DepthFieldView& field,
                                                                 const Vec3d& p_C, double radius) {
   const double z = p_C.z;
-  if (!(z > static_cast<double>(kLeastDepth))) return {2 * radius, {}, {}};
+  if (!(z > static_cast<double>(kMinDepth))) return {2 * radius, {}, {}};
   const PixelPosition<double> at = project(field.intrinsics, p_C);
   ImageCurvature<double> c = query_field_curvature(field, at, z, radius);
-  double asked = radius;
-  for (int i = 0; i < kMostDeepSteps && c.first.phi < -deep_limit(asked); ++i) {
-    const ImageCurvature<double> wide = query_field_curvature(field, at, z, asked * kDeepGrowth);
-    c = deepened(c, wide, c.first.phi, wide.first.phi, asked);
-    asked *= kDeepGrowth;
+  double requested = radius;
+  for (int i = 0; i < kMaxDeepSteps && c.first.phi < -deep_limit(requested); ++i) {
+    const ImageCurvature<double> wide =
+        query_field_curvature(field, at, z, requested * kDeepGrowth);
+    c = deepened(c, wide, c.first.phi, wide.first.phi, requested);
+    requested *= kDeepGrowth;
   }
   const float fx = static_cast<float>(field.intrinsics.fx);
   const float fy = static_cast<float>(field.intrinsics.fy);

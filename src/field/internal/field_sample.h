@@ -19,9 +19,9 @@
 // rounded at both corners. Every weight in it is between 0 and 1, so its gradient is never longer
 // than those of its parts.
 //
-// A sphere of radius r covers r f / z pixels and asks a level whose pixels are about as wide as
+// A sphere of radius r covers r f / z pixels and samples a level whose pixels are about as wide as
 // itself (a B-spline then weighs the surface as a disc of radius r would); between two levels both
-// are blended, and the blend is part of the gradient. What lies deep is asked about with wider
+// are blended, and the blend is part of the gradient. What lies deep is sampled with wider
 // pixels, which see exits that are farther away and smooth out noise: the field there is the
 // maximum of the values for spheres of radius r, 4 r, 16 r, ... phi is once continuously
 // differentiable in p, so forces are continuous.
@@ -45,22 +45,22 @@ PALPATE_FORMULA Curved<Value> spline(const Value& left, const Value& middle, con
           from_left + from_right};
 }
 
-/// Width of the wanted pixel over the radius of the sphere. With 0.87 the B-spline has the second
+/// Width of the sampled pixel over the radius of the sphere. With 0.87 the B-spline has the second
 /// moment of a disc of that radius; less follows creases better and still averages noise.
 inline constexpr float kFootprint = 0.7f;
 /// A footprint between 1 and kBlendEnd pixels of a level is answered from it and the next one.
 inline constexpr float kBlendEnd = 1.25f;
 /// Nothing nearer to the camera than this is behind a surface, metres.
-inline constexpr float kLeastDepth = 0.02f;
+inline constexpr float kMinDepth = 0.02f;
 
-/// In footprints: deeper than this wider pixels are asked too, and how far that is rounded.
+/// In footprints: deeper than this wider pixels are sampled too, and how far that is rounded.
 inline constexpr float kDeep = 2.0f, kDeepCorner = 0.4f;
 /// By so much deeper than it is what lies deep appears to the finer pixels, so that wider ones
 /// decide where both know the same way out.
 inline constexpr float kSteepening = 0.05f;
-/// The spheres that ask about what lies deep: growth of their radii, and how many at most.
+/// The spheres that sample what lies deep: growth of their radii, and how many at most.
 inline constexpr float kDeepGrowth = 4.0f;
-inline constexpr int kMostDeepSteps = 5;
+inline constexpr int kMaxDeepSteps = 5;
 
 /// 0 for x <= 0, 1 for x >= 1, a cubic between, and its derivative.
 template <class Real>
@@ -100,7 +100,7 @@ PALPATE_HOSTDEV inline PixelPosition<Real> project(const Intrinsics& k, const Ve
   return {from_u + Real(k.cx), from_v + Real(k.cy), from_u, from_v};
 }
 
-/// Which level a sphere asks, and how much of the next wider one is blended in.
+/// Which level a sphere samples, and how much of the next wider one is blended in.
 template <class Real>
 struct LevelChoice {
   int level = 0;
@@ -188,7 +188,7 @@ PALPATE_FORMULA ImageGradient<Real> chosen(const auto& condition, const ImageGra
           condition ? a.by_z : b.by_z};
 }
 
-/// How deep a sphere has to be for a wider one to be asked too.
+/// How deep a sphere has to be for a wider one to be sampled too.
 template <class Real>
 PALPATE_FORMULA Real deep_limit(Real radius) {
   return (kDeep - kDeepCorner) * kFootprint * radius;
@@ -215,10 +215,10 @@ PALPATE_FORMULA Curved<Real> deep_excess(Real depth, Real footprint, Real per_fo
 
 /// The value for a sphere of this radius, and for the next wider one: the maximum of both, where
 /// the wider one knows only of what is deeper than kDeep footprints, stretched so that it says what
-/// both say where they agree. `Told` is an ImageGradient or an ImageCurvature.
-template <class Told, class Real>
-PALPATE_FORMULA Told deepened(const Told& fine, const Told& wide, Real fine_phi, Real wide_phi,
-                              Real radius) {
+/// both say where they agree. `AnySample` is an ImageGradient or an ImageCurvature.
+template <class AnySample, class Real>
+PALPATE_FORMULA AnySample deepened(const AnySample& fine, const AnySample& wide, Real fine_phi,
+                                   Real wide_phi, Real radius) {
   const Real zero{}, one = zero + 1.0f, footprint = kFootprint * radius;
   const Real depth = kDeep * footprint, k = kDeepCorner * footprint;
   const Real per_footprint = one / footprint;
@@ -227,17 +227,17 @@ PALPATE_FORMULA Told deepened(const Told& fine, const Told& wide, Real fine_phi,
       even_corner(-fine_phi - depth, 0.5f * depth, per_footprint * (2.0f / kDeep));
   const Real per_k = per_footprint * (1.0f / kDeepCorner);
   const Real steep_phi = fine_phi - kSteepening * e.value;
-  const Told steep =
+  const AnySample steep =
       composed<Real>({steep_phi, one + kSteepening * e.slope, -kSteepening * e.bend}, fine);
   // Wider ones: min(wide, -depth), rounded above -depth
   const Curved<Real> c = even_corner(-wide_phi - depth + 2.0f * k, k, per_k);
   const Real capped_phi = k - depth - c.value;
-  const Told capped = composed<Real>({capped_phi, c.slope, -c.bend}, wide);
+  const AnySample capped = composed<Real>({capped_phi, c.slope, -c.bend}, wide);
   const Curved<Real> m = even_corner(capped_phi - steep_phi, k, per_k);
-  const Told most = sum(steep, composed<Real>(m, difference(capped, steep)));
-  const Real depth_of_most = -steep_phi - m.value;
-  const Curved<Real> excess = deep_excess(depth_of_most, footprint, per_footprint);
-  return composed<Real>({excess.value - depth_of_most, one - excess.slope, excess.bend}, most);
+  const AnySample most = sum(steep, composed<Real>(m, difference(capped, steep)));
+  const Real depth_of_max = -steep_phi - m.value;
+  const Curved<Real> excess = deep_excess(depth_of_max, footprint, per_footprint);
+  return composed<Real>({excess.value - depth_of_max, one - excess.slope, excess.bend}, most);
 }
 
 /// `blend` of the next wider level; it changes with z by `by_z`.
@@ -271,7 +271,7 @@ PALPATE_HOSTDEV inline ImageGradient<Real> query_field(const DepthFieldView& fie
 }
 
 /// phi for a sphere of this radius (m) at p_C, and its gradient. For single numbers; the vector
-/// kernel of the contact query takes the same steps. In front of kLeastDepth: 2 radii, gradient 0.
+/// kernel of the contact query takes the same steps. In front of kMinDepth: 2 radii, gradient 0.
 template <class Real>
 struct FieldSample {
   Real phi;
@@ -281,14 +281,14 @@ template <class Real>
 PALPATE_HOSTDEV inline FieldSample<Real> sample_field(const DepthFieldView& field,
                                                       const Vec3<Real>& p_C, Real radius) {
   const Real z = p_C.z;
-  if (!(z > Real(kLeastDepth))) return {2 * radius, {}};
+  if (!(z > Real(kMinDepth))) return {2 * radius, {}};
   const PixelPosition<Real> at = project(field.intrinsics, p_C);
   ImageGradient<Real> g = query_field(field, at, z, radius);
-  Real asked = radius;
-  for (int i = 0; i < kMostDeepSteps && g.phi < -deep_limit(asked); ++i) {
-    const ImageGradient<Real> wide = query_field(field, at, z, asked * Real(kDeepGrowth));
-    g = deepened(g, wide, g.phi, wide.phi, asked);
-    asked *= Real(kDeepGrowth);
+  Real requested = radius;
+  for (int i = 0; i < kMaxDeepSteps && g.phi < -deep_limit(requested); ++i) {
+    const ImageGradient<Real> wide = query_field(field, at, z, requested * Real(kDeepGrowth));
+    g = deepened(g, wide, g.phi, wide.phi, requested);
+    requested *= Real(kDeepGrowth);
   }
   const Gradient3<Real> n =
       to_space(g, at.from_centre_u, at.from_centre_v, 1 / z,

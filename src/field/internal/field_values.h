@@ -1,6 +1,6 @@
 // The value of a depth field's pixel at some depth: the distance to its tangent plane, or near a
-// silhouette to free space. For single numbers and vectors, on host and device. What spheres ask:
-// field_sample.h.
+// silhouette to free space. For single numbers and vectors, on host and device. What spheres
+// sample: field_sample.h.
 #pragma once
 
 #include "palpate/field/depth_field.h"

@@ -12,7 +12,7 @@ namespace palpate::inline v0 {
 /// the camera: the whole image.
 inline PixelWindow needed_window(const Intrinsics& k, int width, int height, const Vec3d& p_C,
                                  double reach) {
-  if (!(p_C.z - reach > static_cast<double>(kLeastDepth))) return {0, 0, width, height};
+  if (!(p_C.z - reach > static_cast<double>(kMinDepth))) return {0, 0, width, height};
   const auto pixel = [](double at, int least, int most) {
     return static_cast<int>(std::clamp<double>(at, least, most));
   };
@@ -29,11 +29,11 @@ inline PixelWindow needed_window(const Intrinsics& k, int width, int height, con
   return window;
 }
 
-/// Does the field know all that is asked at points within `reach` (m) of p_C?
+/// Does the field know all that is read at points within `reach` (m) of p_C?
 inline bool is_known_around(const DepthFieldView& field, const Vec3d& p_C, double reach) {
   const int width = field.levels[0].width, height = field.levels[0].height;
-  return field.asked.has_all(width, height) ||
-         field.asked.contains(needed_window(field.intrinsics, width, height, p_C, reach));
+  return field.requested.has_all(width, height) ||
+         field.requested.contains(needed_window(field.intrinsics, width, height, p_C, reach));
 }
 
 }  // namespace palpate::inline v0

@@ -9,7 +9,7 @@
 namespace palpate::inline v0 {
 
 /// Along the surface under a contact: the velocity of its point at the middle of the disc, at right
-/// angles to the normal, and its turning about the normal. Zero where no camera tells.
+/// angles to the normal, and its turning about the normal. Zero where no camera measures it.
 ///
 /// A pixel's flow says how what it shows moves across its ray. How far along the ray follows from
 /// how fast the surface comes along its normal, which the fields of the last two frames say. Of all

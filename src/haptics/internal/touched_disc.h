@@ -1,4 +1,4 @@
-// A contact as an even disc, for what is asked of images under it.
+// A contact as an even disc, for queries of images under it.
 #pragma once
 
 #include <array>

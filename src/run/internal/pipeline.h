@@ -149,7 +149,7 @@ inline bool is_snapshot_due(std::uint64_t num_ticks, double tick_seconds) {
 class CameraViews {
  public:
   explicit CameraViews(std::size_t num_cameras) : num_cameras_(num_cameras) {
-    views_.reserve(std::max<std::size_t>(num_cameras, kMostCameras));
+    views_.reserve(std::max<std::size_t>(num_cameras, kMaxCameras));
     clear();
   }
   /// No camera shows anything.
@@ -179,7 +179,7 @@ Error lost_backend();
 Error out_of_memory();
 
 /// Of one of the cameras, by the backend, the GPU and the options of the settings. Cameras that
-/// move remember no more frames than a query can take of all together (kMostCameras).
+/// move remember no more frames than a query can take of all together (kMaxCameras).
 Result<SurfaceTimeline> make_surfaces(std::span<const DepthStreamInfo> streams, std::size_t camera,
                                       const RunSettings& settings, int num_spare = 0);
 inline Result<SurfaceTimeline> make_surfaces(const DepthStreamInfo& stream,
@@ -210,7 +210,7 @@ struct RunPartsOptions {
   std::span<const double> first_periods = {};
 };
 /// Errors: settings out of range, the backend, a device that cannot be used; no camera, more than
-/// kMostCameras, or several with a method that takes one.
+/// kMaxCameras, or several with a method that takes one.
 Result<RunParts> make_run_parts(const std::shared_ptr<const ToolIndex>& index,
                                 std::span<const DepthStreamInfo> streams, const DeviceInfo& device,
                                 const RunSettings& settings, const RunPartsOptions& options = {});

@@ -7,7 +7,7 @@
 
 namespace palpate::inline v0 {
 
-/// The same frames, read by a thread of its own up to `num_ahead` frames before they are asked for:
+/// The same frames, read by a thread of its own up to `num_ahead` frames before they are requested:
 /// one that takes long to be made, by a simulated camera or from a compressed file, is there when
 /// it is due as long as frames on average take no longer than they are apart. Not for sensors,
 /// whose frames would get old. Its end waits for the frame that is being read, unless the source

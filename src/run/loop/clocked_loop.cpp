@@ -18,7 +18,7 @@
 namespace palpate::inline v0 {
 namespace {
 
-constexpr double kMostBehind = 0.25;  // s; what is later is not made up for
+constexpr double kMaxLag = 0.25;  // s; what is later is not made up for
 constexpr std::chrono::milliseconds kLongestWait{20};
 
 std::int64_t nanoseconds(double seconds) { return static_cast<std::int64_t>(1e9 * seconds); }
@@ -156,7 +156,7 @@ bool ClockedLoop::wait_for_turn(Lock& lock) {
       continue;
     }
     const double ahead = wall_offset_ + next - now;
-    if (ahead < -kMostBehind) wall_offset_ = now - next;
+    if (ahead < -kMaxLag) wall_offset_ = now - next;
     if (!clock_.keeps_pace || ahead <= 0) return true;
     has_changed_.wait_for(lock, std::min<std::chrono::duration<double>>(
                                     kLongestWait, std::chrono::duration<double>(ahead)));

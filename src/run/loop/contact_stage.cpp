@@ -84,7 +84,7 @@ bool ContactStage::is_due(double time) {
   return true;
 }
 
-/// What all cameras show at this time. Surfaces that a change has asked for are looked at once all
+/// What all cameras show at this time. Surfaces that a change has requested are looked at once all
 /// cameras have them: until then those before stay, whose timelines the change keeps.
 void ContactStage::look(double time) {
   oldest_revision_ = ~std::uint32_t{0};

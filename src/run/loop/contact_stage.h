@@ -48,7 +48,7 @@ class ContactStage {
 
   void start(double start_time);
   void stop() noexcept;
-  /// What other threads that compute for queries do first, where real time is wanted.
+  /// What other threads that compute for queries do first, where real time is requested.
   static void begin_thread();
 
   /// Haptic thread: the tool has moved. The contact thread looks by itself when it expects that:
@@ -79,7 +79,7 @@ class ContactStage {
   std::uint64_t num_spared_stiffnesses() const noexcept { return num_spared_.load(); }
   /// Contacts of a tool that had left the window of the surfaces.
   std::uint64_t num_outside_window() const noexcept { return num_outside_.load(); }
-  /// Of asking for real time; 0: granted or not wanted.
+  /// Of requesting real time; 0: granted or not requested.
   int real_time_error() const noexcept { return real_time_error_.load(); }
   /// Publishing thread; empty unless records are kept.
   RecordQueue<ContactRecord>& records() noexcept { return records_; }

@@ -52,7 +52,7 @@ class HapticStage {
   std::uint64_t num_ticks() const noexcept { return num_ticks_.load(std::memory_order_acquire); }
   std::uint64_t num_missed() const noexcept { return num_missed_; }
   std::uint64_t num_lost() const noexcept { return records_.num_lost(); }
-  /// Of asking for real time; 0: granted or not wanted.
+  /// Of requesting real time; 0: granted or not requested.
   int real_time_error() const noexcept { return real_time_error_.load(); }
   /// The newest tick; one reader.
   bool latest(TickRecord& record) noexcept;

@@ -45,10 +45,10 @@ Status check_contact_rate(const RunSettings& settings) {
 /// few enough that each has some hundred microseconds to compute, none more than there are cores.
 std::unique_ptr<ThreadPool> make_query_threads(const RunSettings& settings,
                                                std::size_t num_spheres) {
-  constexpr std::size_t kSpheresPerThread = 50000, kMostThreads = 4;
-  const auto wanted = static_cast<int>(std::min(1 + num_spheres / kSpheresPerThread, kMostThreads));
+  constexpr std::size_t kSpheresPerThread = 50000, kMaxThreads = 4;
+  const auto desired = static_cast<int>(std::min(1 + num_spheres / kSpheresPerThread, kMaxThreads));
   return std::make_unique<ThreadPool>(
-      std::min(wanted, num_threads_for(settings.num_threads)),
+      std::min(desired, num_threads_for(settings.num_threads)),
       settings.wants_real_time ? ContactStage::begin_thread : nullptr);
 }
 
@@ -161,7 +161,7 @@ class LiveLoop final : public RunLoop {
 
   std::atomic<bool> is_running_ = false, is_backend_lost_ = false, is_page_thinned_ = false;
   std::atomic<bool> is_out_of_memory_ = false;
-  std::atomic<std::uint64_t> num_pictures_ = 0;  // asked for
+  std::atomic<std::uint64_t> num_pictures_ = 0;  // requested
   std::atomic<int> recorder_nice_ = 0;
   std::atomic<double> start_time_ = 0, end_time_ = 0;
   std::atomic<std::uint64_t> num_before_ticks_ = 0;  // frames before the first tick
@@ -331,7 +331,7 @@ void LiveLoop::end_change() {
   change_.reset();
 }
 
-/// Changes settings where nobody has asked for it. A thread of its own, because new parts may take
+/// Changes settings without a request of the user. A thread of its own, because new parts may take
 /// long to make, and what is to be recorded must not wait for them.
 void LiveLoop::mind_all() {
   if (first_settings_.wants_real_time) take_rank(ThreadRank::recorder);
@@ -441,10 +441,10 @@ void LiveLoop::publish_all() {
 }
 
 std::vector<std::pair<std::string, std::string>> LiveLoop::scheduling() const {
-  const bool is_wanted = first_settings_.wants_real_time;
+  const bool is_requested = first_settings_.wants_real_time;
   const auto nice = [](int value) { return "nice " + std::to_string(value); };
   const auto real_time = [&](int refused) {
-    return std::string(is_wanted && refused == 0 ? "real time" : "as other programs");
+    return std::string(is_requested && refused == 0 ? "real time" : "as other programs");
   };
   return {{"haptic", real_time(haptic_.real_time_error())},
           {"contact", real_time(contacts_.real_time_error())},

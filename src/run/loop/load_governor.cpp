@@ -8,7 +8,7 @@ namespace palpate::inline v0 {
 namespace {
 
 constexpr double kWindow = 1;  // s
-constexpr int kMostHalvings = 3, kSmallestSide = 30, kFewestSpheres = 50;
+constexpr int kMaxHalvings = 3, kSmallestSide = 30, kMinSpheres = 50;
 
 }  // namespace
 
@@ -37,11 +37,11 @@ LoadGovernor::LoadGovernor(const DepthStreamInfo& stream, const RunSettings& set
 LoadRelief LoadGovernor::make_relief(const RunSettings& settings) const {
   int image = 0, spheres = 0;
   const int side = std::min(stream_.width, stream_.height) / settings.binning;
-  while (image < kMostHalvings - 1 && side >> (image + 1) >= kSmallestSide &&
+  while (image < kMaxHalvings - 1 && side >> (image + 1) >= kSmallestSide &&
          settings.binning << (image + 1) <= kMaxBinning) {
     ++image;
   }
-  while (spheres < kMostHalvings && num_requested() >> (spheres + 1) >= kFewestSpheres) ++spheres;
+  while (spheres < kMaxHalvings && num_requested() >> (spheres + 1) >= kMinSpheres) ++spheres;
   return {image, spheres};
 }
 
@@ -116,8 +116,8 @@ std::string describe_relief(const ReliefSteps& before, const ReliefSteps& after,
   }
   if (after.image != before.image) {
     const int side = binning << after.image;
-    add(side == 1 ? "surfaces are made of whole images"
-                  : "surfaces are made of images " + std::to_string(side) + " times smaller");
+    add(side == 1 ? "depth images are used in full"
+                  : "depth images are made " + std::to_string(side) + " times smaller");
   }
   if (after.spheres != before.spheres) {
     add(std::to_string(num_spheres >> after.spheres) + " of " + std::to_string(num_spheres) +
@@ -126,7 +126,7 @@ std::string describe_relief(const ReliefSteps& before, const ReliefSteps& after,
   if (text.empty()) return text;
   const bool is_more =
       after.page + after.image + after.spheres > before.page + before.image + before.spheres;
-  return (is_more ? "the computer is short of time: " : "there is time again: ") + text +
+  return (is_more ? "the computer is overloaded: " : "the load is lower again: ") + text +
          " from now on";
 }
 
@@ -138,12 +138,12 @@ std::string time_thinned(const LoopReport& report) {
             std::to_string(std::lround(seconds)) + " s " + what;
   };
   add(report.page_thinned, "pages were drawn less often");
-  add(report.image_thinned, "surfaces were made of smaller images");
+  add(report.image_thinned, "depth images were made smaller");
   add(report.spheres_thinned, "fewer spheres were used");
   if (text.empty()) return text;
   return text +
-         ", because the computer was short of time; fewer other programs, a smaller image, "
-         "fewer spheres or a GPU help";
+         ", because the computer was overloaded; close other programs, or use smaller images, "
+         "fewer spheres or a GPU";
 }
 
 }  // namespace palpate::inline v0

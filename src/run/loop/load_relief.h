@@ -3,7 +3,7 @@
 //
 //   a page is open           -> it is drawn less often
 //   depth frames get old     -> images are made smaller, by 2, then by 4
-//   contacts get old         -> half of the spheres are asked, then a quarter, then an eighth
+//   contacts get old         -> half of the spheres are evaluated, then a quarter, then an eighth
 //
 // A step is taken back when all has been well for a while. If that was too early, the while
 // doubles.
@@ -34,13 +34,13 @@ struct LoadWindow {
 /// Judges window after window. No clock, no thread: the same windows give the same steps.
 class LoadRelief {
  public:
-  static constexpr double kFew = 0.02;      ///< share of ticks that may be late
-  static constexpr double kCalm = 5;        ///< s, all well, before a step is taken back
-  static constexpr double kMostCalm = 160;  ///< s, the longest that this becomes
-  static constexpr double kRelapse = 30;    ///< s after taking back: then it was too early
+  static constexpr double kFew = 0.02;     ///< share of ticks that may be late
+  static constexpr double kCalm = 5;       ///< s, all well, before a step is taken back
+  static constexpr double kMaxCalm = 160;  ///< s, the longest that this becomes
+  static constexpr double kRelapse = 30;   ///< s after taking back: then it was too early
 
   /// The most steps that image and tool have to give.
-  LoadRelief(int most_image, int most_spheres) : most_{1, most_image, most_spheres} {}
+  LoadRelief(int max_image, int max_spheres) : max_steps_{1, max_image, max_spheres} {}
 
   const ReliefSteps& steps() const { return steps_; }
   double patience() const { return patience_; }
@@ -72,15 +72,16 @@ class LoadRelief {
   /// The page first: it does not affect the force.
   void go_on(const LoadWindow& w) {
     ReliefSteps next = steps_;
-    if (w.has_page && steps_.page < most_.page) {
+    if (w.has_page && steps_.page < max_steps_.page) {
       ++next.page;
     } else {
-      if (w.old_frames > kFew && w.has_frames) next.image = std::min(next.image + 1, most_.image);
-      if (w.old_contacts > kFew) next.spheres = std::min(next.spheres + 1, most_.spheres);
+      if (w.old_frames > kFew && w.has_frames)
+        next.image = std::min(next.image + 1, max_steps_.image);
+      if (w.old_contacts > kFew) next.spheres = std::min(next.spheres + 1, max_steps_.spheres);
     }
     if (next == steps_) return;
     steps_ = next;
-    if (since_back_ < kRelapse) patience_ = std::min(2 * patience_, kMostCalm);
+    if (since_back_ < kRelapse) patience_ = std::min(2 * patience_, kMaxCalm);
     since_back_ = kRelapse;
   }
 
@@ -91,7 +92,7 @@ class LoadRelief {
     calm_ = since_back_ = 0;
   }
 
-  ReliefSteps most_;
+  ReliefSteps max_steps_;
   ReliefSteps steps_;
   double calm_ = 0, patience_ = kCalm, since_back_ = kRelapse;
 };

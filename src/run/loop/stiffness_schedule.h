@@ -27,14 +27,13 @@ class StiffnessSchedule {
     }
     const double stiffness = std::max(query - query_, 0.0);
     stiffness_ = stiffness_ < 0 ? stiffness : stiffness_ + kSmoothing * (stiffness - stiffness_);
-    const double left = std::max(budget_ - query_, budget_ / kMostSkipped);
-    num_to_skip_ =
-        static_cast<int>(std::clamp(std::ceil(stiffness_ / left), 1.0, kMostSkipped)) - 1;
+    const double left = std::max(budget_ - query_, budget_ / kMaxSkipped);
+    num_to_skip_ = static_cast<int>(std::clamp(std::ceil(stiffness_ / left), 1.0, kMaxSkipped)) - 1;
   }
   double stiffness_seconds() const { return std::max(stiffness_, 0.0); }
 
  private:
-  static constexpr double kShare = 0.8, kSmoothing = 0.125, kMostSkipped = 32;
+  static constexpr double kShare = 0.8, kSmoothing = 0.125, kMaxSkipped = 32;
 
   double budget_;
   double query_ = 0, stiffness_ = -1;  // s, running means

@@ -20,7 +20,7 @@ constexpr std::size_t kNumFramesToPublish = 32;  // a second
 constexpr double kUsualPeriod = 1.0 / 30;        // s, where the stream says none
 /// Frame periods from the begin of a surface to the moment when nobody looks at it any more: until
 /// the next one is made, or that one has been blended in and the one after that is made.
-constexpr double kMostPeriods = 3;
+constexpr double kMaxPeriods = 3;
 constexpr double kLaterThanAll = std::numeric_limits<double>::infinity();
 
 void take_surface_rank() { take_rank(ThreadRank::surface); }
@@ -237,7 +237,7 @@ PixelWindow SurfaceStage::next_window(Camera& camera, const Pose& X_WC, double t
   camera.p_CQ = p_CQ;
   camera.tool_time = time;
   if (!window_.enabled) return {};
-  const double way = speed * kMostPeriods * std::max(camera.period, camera.timeline.period());
+  const double way = speed * kMaxPeriods * std::max(camera.period, camera.timeline.period());
   const DepthStreamInfo& stream = camera.timeline.stream();
   return needed_window(stream.intrinsics, stream.width, stream.height, p_CQ, tool_.reach + way);
 }
@@ -287,7 +287,7 @@ void SurfaceStage::make_surface(Camera& camera, std::uint32_t index) {
     record.unit = newest.frame.unit;
     record.X_WC = newest.frame.X_WC;
     record.surface = stats;
-    record.asked = blend.to.field.asked;
+    record.requested = blend.to.field.requested;
     record.compute_nanoseconds = static_cast<std::int64_t>(1e9 * (end - begin));
     record.period = timeline.period();
     seen_.push();

@@ -36,7 +36,7 @@ class KeyFrameViews {
   std::span<const SurfaceBlend> all() const { return {views_.data(), num_}; }
 
  private:
-  std::array<SurfaceBlend, kMostCameras> views_;
+  std::array<SurfaceBlend, kMaxCameras> views_;
   std::size_t num_ = 0;
 };
 

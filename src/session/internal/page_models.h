@@ -11,7 +11,7 @@
 namespace palpate::inline v0 {
 
 /// What a page holds at most.
-inline constexpr std::size_t kMostPageSpheres = 200000, kMostPageTriangles = 200000;
+inline constexpr std::size_t kMaxPageSpheres = 200000, kMaxPageTriangles = 200000;
 
 /// The mesh of a tool, or null where it is too large, and spheres in its frame: its own, or others.
 nlohmann::ordered_json solid_json(const Tool& tool, std::span<const Sphere> spheres);

@@ -14,7 +14,7 @@ namespace palpate::inline v0 {
 
 struct RecordStreamOptions {
   double duration = std::numeric_limits<double>::infinity();  ///< s, by the time stamps
-  /// Asked before every frame, from one thread at a time; false ends the recording, which is kept.
+  /// Called before every frame, from one thread at a time; false ends the recording, which is kept.
   std::function<bool(double seconds, std::uint64_t num_frames)> keep_going = {};
 };
 

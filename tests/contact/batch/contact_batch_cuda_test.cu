@@ -39,9 +39,9 @@ struct OnGpu {
   PoseBatch poses;
   BatchAnswers answers;
 
-  explicit OnGpu(const PoseArgument& asked) : num(asked.X_WT.size()) {
-    poses.X_WT = {memory.copy_of(asked.X_WT), num};
-    poses.surface_of_pose = {memory.copy_of(asked.surface), num};
+  explicit OnGpu(const PoseArgument& requested) : num(requested.X_WT.size()) {
+    poses.X_WT = {memory.copy_of(requested.X_WT), num};
+    poses.surface_of_pose = {memory.copy_of(requested.surface), num};
     poses.gpu = 0;
     answers = {memory.take<double>(num),
                memory.take<double>(num),
@@ -191,9 +191,10 @@ TEST(ContactBatchCuda, CamerasInTheWorldAsOnTheCpu) {
   }
   const FieldBatch cpu(ToolIndex::create(tool), {}, {});
   Answers want(60), got(60);
-  const PoseBatch asked{poses.X_WT, poses.surface, X_WC};
-  ASSERT_TRUE(cpu.measure(surfaces, asked, want.all(), {}));
-  ASSERT_TRUE(batches_of(tool, SphereVolumes::represented).measure(surfaces, asked, got.all(), {}));
+  const PoseBatch requested{poses.X_WT, poses.surface, X_WC};
+  ASSERT_TRUE(cpu.measure(surfaces, requested, want.all(), {}));
+  ASSERT_TRUE(
+      batches_of(tool, SphereVolumes::represented).measure(surfaces, requested, got.all(), {}));
   for (std::size_t i = 0; i < 60; ++i) {
     expect_near(got, i, want, full_volume(tool, SphereVolumes::represented));
     expect_near_stiffness(got, i, want);
@@ -363,9 +364,9 @@ TEST(ContactBatchCuda, WhatDoesNotFitIsRefused) {
   const FieldBatchCuda batches = batches_of(tool);
   const PoseArgument poses(7, 4, 23);
   Answers got(7);
-  const auto expect_refused = [&](const SurfaceBatch& asked, const PoseBatch& batch,
+  const auto expect_refused = [&](const SurfaceBatch& requested, const PoseBatch& batch,
                                   const BatchAnswers& answers, const char* words) {
-    const Status status = batches.measure(asked, batch, answers, {});
+    const Status status = batches.measure(requested, batch, answers, {});
     ASSERT_FALSE(status);
     EXPECT_NE(status.error().message.find(words), std::string::npos) << status.error().message;
     EXPECT_EQ(got.volume[0], -7);

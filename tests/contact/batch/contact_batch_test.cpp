@@ -260,9 +260,9 @@ TEST(ContactBatch, WhatDoesNotFitIsRefusedInOneSentence) {
   const Contact contact = std::move(Contact::create(tool)).value();
   const PoseArgument poses(7, 4, 16);
   Answers got(7);
-  const auto expect_refused = [&](const SurfaceBatch& asked, const PoseBatch& batch,
+  const auto expect_refused = [&](const SurfaceBatch& requested, const PoseBatch& batch,
                                   const BatchAnswers& answers, const char* words) {
-    const Status status = contact.measure_batch(asked, batch, answers);
+    const Status status = contact.measure_batch(requested, batch, answers);
     ASSERT_FALSE(status);
     EXPECT_EQ(status.error().code, Errc::invalid_argument);
     EXPECT_NE(status.error().message.find(words), std::string::npos) << status.error().message;

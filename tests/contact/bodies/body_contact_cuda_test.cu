@@ -146,7 +146,7 @@ TEST(BodyContactCuda, DecidesCloseCallsLikeTheCpu) {
     }
   }
   const BodyPenetration same = query->measure({}, {});
-  EXPECT_EQ(same.num_pairs, 400) << "every sphere on itself, but its neighbours only touch";
+  EXPECT_EQ(same.num_pairs, 400) << "every sphere on itself, but its neighbors only touch";
   EXPECT_EQ(norm(same.on_a.measure_W.force), 0);
 }
 

@@ -1,4 +1,4 @@
-// Bodies that ask each other's distance fields, on a GPU against the CPU.
+// Bodies that sample each other's distance fields, on a GPU against the CPU.
 #include "src/contact/bodies/solid_contact_cuda.h"
 
 #include <cmath>

@@ -1,4 +1,4 @@
-// Bodies that ask each other's distance fields: closed forms, finite differences, and the laws a
+// Bodies that sample each other's distance fields: closed forms, finite differences, and the laws a
 // force must keep.
 #include "src/contact/bodies/solid_contact.h"
 
@@ -107,7 +107,7 @@ TEST(SolidContact, AFaceIsFeltAsItIs) {
   }
 }
 
-// Two cubes face on face, each of which asks the other: a square under even pressure.
+// Two cubes face on face, each of which samples the other: a square under even pressure.
 TEST(SolidContact, MomentsAreThoseOfTheFace) {
   const Tool cube = packed(make_box({0.1, 0.1, 0.1}), 1000);
   SolidContact contact = contact_of(cube, cube);
@@ -115,7 +115,7 @@ TEST(SolidContact, MomentsAreThoseOfTheFace) {
     const Pose X_WB{{0.3, -0.2, 0.1 - depth}, {}};
     const BodyPenetration result = contact.measure({{0.3, -0.2, 0}, {}}, X_WB, true);
     const double volume = 0.01 * depth;
-    // Spheres at the rim of one face ask beside the other one.
+    // Spheres at the rim of one face sample beside the other one.
     EXPECT_NEAR(result.on_a.volume, volume, 0.06 * volume);
     // Of a square: V (a^2 + a^2) / 12.
     EXPECT_NEAR(result.moments_a.polar, volume * 0.1 * 0.1 / 6, 0.2 * volume * 0.1 * 0.1 / 6);
@@ -166,8 +166,8 @@ TEST(SolidContact, ACornerInTheFaceOfAnEqualCubeIsFeltAlongItsNormal) {
   const double side = 0.1;
   const Tool cube = packed(make_box({side, side, side}), 1000).with_solid_field();
   SolidContact contact = contact_of(cube, cube);
-  const struct { double depth, most_off; } cases[] = {{0.05, 1}, {0.1, 0.25}, {0.15, 0.06}};
-  for (const auto& [depth, most_off] : cases) {
+  const struct { double depth, max_off; } cases[] = {{0.05, 1}, {0.1, 0.25}, {0.15, 0.06}};
+  for (const auto& [depth, max_off] : cases) {
     Random random(9);
     double squares = 0;
     int num = 0;
@@ -186,7 +186,7 @@ TEST(SolidContact, ACornerInTheFaceOfAnEqualCubeIsFeltAlongItsNormal) {
     ASSERT_GT(num, 50);
     const double rms = std::sqrt(squares / num);
     RecordProperty("degrees_at_" + std::to_string(std::lround(100 * depth)), std::to_string(rms));
-    EXPECT_LT(rms, most_off) << depth;
+    EXPECT_LT(rms, max_off) << depth;
   }
 }
 
@@ -206,7 +206,7 @@ double volume_behind(const Vec3d& n, double side, double depth) {
   return volume / (6 * std::abs(n.x * n.y * n.z));
 }
 
-// Two cubes that ask each other: who counts how much changes with the pose, and costs nothing.
+// Two cubes that sample each other: their weights changes with the pose, and costs nothing.
 TEST(SolidContact, EqualCubesPushWithoutJumpsAndWithoutGain) {
   const double side = 0.1, step = 5e-5;
   const Tool cube = packed(make_box({side, side, side}), 1000).with_solid_field();
@@ -399,7 +399,7 @@ TEST(SolidContact, LeavesOutOnlyWhatIsFree) {
     pair.place(random_body_pose(random, 0.12), random_body_pose(random, 0.03), frame, of_b);
     for (int cluster = 0; cluster < clusters.num_clusters(); ++cluster) {
       if (!is_clear(field, frame, clusters.clusters[static_cast<std::size_t>(cluster)],
-                    pair.asking_a.rounding[static_cast<std::size_t>(cluster)])) {
+                    pair.sampling_a.rounding[static_cast<std::size_t>(cluster)])) {
         ++num_near;
         continue;
       }
@@ -449,9 +449,9 @@ TEST(SolidContact, TheFinerWayCountsMore) {
   EXPECT_LT(weights(coarse, cube), 0.5);
 }
 
-// A sphere asks one of the two grids between whose second moments its own lies, so that at any
+// A sphere samples one of the two grids between whose second moments its own lies, so that at any
 // place all spheres up to there together have their own but for half a sphere's choice.
-TEST(SolidAsking, GridsAreAsWideAsTheSpheres) {
+TEST(SolidSampling, GridsAreAsWideAsTheSpheres) {
   const TorusAndBox bodies;
   const SolidField& field = *bodies.box.solid_field();
   const double spacing = field.layout().spacing;
@@ -470,7 +470,7 @@ TEST(SolidAsking, GridsAreAsWideAsTheSpheres) {
   const Tool row =
       Tool::build(make_box({2 * at, 1, 1}), std::move(packing), GapRule::absolute, "").value();
   const FieldElements elements(row, SphereVolumes::own);
-  const SolidAsking asking(elements, field);
+  const SolidSampling sampling(elements, field);
   double volume = 0, squares = 0, owed = 0, largest_choice = 0;
   std::vector<int> num_by_level(static_cast<std::size_t>(last) + 1);
   for (std::size_t place = 0; place < elements.radius.size(); ++place) {
@@ -478,38 +478,38 @@ TEST(SolidAsking, GridsAreAsWideAsTheSpheres) {
     const double counts = elements.factor[place] * std::pow(radius, 3);
     volume += counts, squares += counts * radius * radius;
     // Of the widths, in spacings: between those of the level and of the next one.
-    const double wanted = std::pow(0.8944272 * radius / spacing, 2);
-    const std::int32_t level = asking.level[place];
+    const double desired = std::pow(0.8944272 * radius / spacing, 2);
+    const std::int32_t level = sampling.level[place];
     ASSERT_TRUE(level >= 0 && level <= last);
     ++num_by_level[static_cast<std::size_t>(level)];
     const double got = std::ldexp(1.0, 2 * level);
-    if (wanted < 1) {
+    if (desired < 1) {
       EXPECT_EQ(level, 0) << radius;
     } else {
-      EXPECT_LT(got, 4 * wanted) << radius;
+      EXPECT_LT(got, 4 * desired) << radius;
       if (level < last) {
-        EXPECT_GT(4 * got, wanted) << radius;
+        EXPECT_GT(4 * got, desired) << radius;
       }
-      if (wanted < std::ldexp(1.0, 2 * last)) {
-        owed += counts * (wanted - got);
-        largest_choice = std::max(largest_choice, counts * 3 * wanted);
+      if (desired < std::ldexp(1.0, 2 * last)) {
+        owed += counts * (desired - got);
+        largest_choice = std::max(largest_choice, counts * 3 * desired);
         EXPECT_LE(std::abs(owed), 0.5 * largest_choice * (1 + 1e-6)) << radius;
       }
     }
     // For a cluster counts what reaches farthest: half the diagonal of a cell of its grid.
     const std::size_t cluster = place / SphereClusters::kSize;
-    EXPECT_GE(static_cast<double>(asking.rounding[cluster]),
+    EXPECT_GE(static_cast<double>(sampling.rounding[cluster]),
               0.8660254 * std::ldexp(spacing, level));
   }
-  EXPECT_EQ(asking.rounding.size(), elements.clusters.clusters.size());
+  EXPECT_EQ(sampling.rounding.size(), elements.clusters.clusters.size());
   for (const int num : num_by_level) EXPECT_GT(num, 0);
-  EXPECT_NEAR(asking.coarseness, squares / volume + spacing * spacing,
+  EXPECT_NEAR(sampling.coarseness, squares / volume + spacing * spacing,
               1e-6 * (squares / volume + spacing * spacing));
-  EXPECT_TRUE(asking.is_possible);
+  EXPECT_TRUE(sampling.is_possible);
 }
 
-// No cluster is given more room for rounding than its widest sphere asks for.
-TEST(SolidAsking, SmallSpheresNeedLittleRoomForRounding) {
+// No cluster is given more room for rounding than its widest sphere requires.
+TEST(SolidSampling, SmallSpheresNeedLittleRoomForRounding) {
   const TorusAndBox bodies;
   const SolidField& field = *bodies.box.solid_field();
   const double spacing = field.layout().spacing;
@@ -521,20 +521,20 @@ TEST(SolidAsking, SmallSpheresNeedLittleRoomForRounding) {
     }
     const Tool row =
         Tool::build(make_box({1, 1, 1}), std::move(packing), GapRule::absolute, "").value();
-    const SolidAsking asking(FieldElements(row, SphereVolumes::own), field);
-    const int asked = radius < spacing ? 0 : (radius < 2 * spacing ? 1 : 2);
-    for (const float rounding : asking.rounding) {
-      EXPECT_NEAR(static_cast<double>(rounding), 0.8660254 * std::ldexp(spacing, asked),
+    const SolidSampling sampling(FieldElements(row, SphereVolumes::own), field);
+    const int requested = radius < spacing ? 0 : (radius < 2 * spacing ? 1 : 2);
+    for (const float rounding : sampling.rounding) {
+      EXPECT_NEAR(static_cast<double>(rounding), 0.8660254 * std::ldexp(spacing, requested),
                   1e-3 * spacing);
     }
-    EXPECT_NEAR(asking.coarseness, radius * radius + spacing * spacing, 1e-5 * spacing * spacing);
+    EXPECT_NEAR(sampling.coarseness, radius * radius + spacing * spacing, 1e-5 * spacing * spacing);
   }
   // Spheres wider than the widest grid cannot be felt so.
   SpherePacking packing;
   packing.spheres.push_back({{0, 0, 0}, 1.0f});
   const Tool ball =
       Tool::build(make_box({3, 3, 3}), std::move(packing), GapRule::absolute, "").value();
-  EXPECT_FALSE(SolidAsking(FieldElements(ball, SphereVolumes::own), field).is_possible);
+  EXPECT_FALSE(SolidSampling(FieldElements(ball, SphereVolumes::own), field).is_possible);
 }
 
 // The stored field and one that is made now are the same.

@@ -46,7 +46,7 @@ __global__ void answer_with_stiffness(const MeasureOutput out) {
 
 __global__ void answer_nothing(int*) {}
 
-void ask(AnswerBox& box, gpu::Stream& stream, int threads) {
+void evaluate(AnswerBox& box, gpu::Stream& stream, int threads) {
   gpu::launch(
       stream,
       {.blocks = box.num_blocks(), .threads = threads, .shared_bytes = sizeof(FinishScratch)}, tell,
@@ -73,7 +73,7 @@ TEST(QueryAnswer, IsTheSumOfAllThreads) {
         want.num_points += mine.num_points;
       }
       for (int round = 0; round < 3; ++round) {
-        ask(box, stream, threads);
+        evaluate(box, stream, threads);
         ASSERT_TRUE(box.await(stream)) << stream.status().error().message;
         const Penetration got = box.answer().penetration();
         EXPECT_NEAR(got.volume, want.volume, 1e-13 * want.volume);
@@ -96,7 +96,7 @@ TEST(QueryAnswer, HasTheSumsOfAStiffnessToo) {
   PALPATE_GPU_OR_SKIP();
   for (const int blocks : {1, 2, 5, 40}) {
     for (const int threads : {64, 96, 128}) {
-      AnswerBox box(0, blocks, AnswerBox::kMostNumbers);
+      AnswerBox box(0, blocks, AnswerBox::kMaxNumbers);
       gpu::Stream stream(0, gpu::Priority::high);
       const double num = blocks * threads;
       for (int round = 0; round < 2; ++round) {
@@ -128,7 +128,7 @@ TEST(QueryAnswer, IsTheSameInAnyOrderOfThreads) {
     emulator::set_order(seed);
     AnswerBox box(0, 9);
     gpu::Stream stream(0, gpu::Priority::high);
-    ask(box, stream, 128);
+    evaluate(box, stream, 128);
     ASSERT_TRUE(box.await(stream));
     if (seed == 0) first = box.answer();
     const QueryAnswer now = box.answer();
@@ -142,7 +142,7 @@ TEST(QueryAnswer, ThatNeverComesIsAnError) {
   PALPATE_GPU_OR_SKIP();
   AnswerBox box(0, 2);
   gpu::Stream stream(0, gpu::Priority::high);
-  ask(box, stream, 64);
+  evaluate(box, stream, 64);
   ASSERT_TRUE(box.await(stream));
   box.next();
   gpu::launch(stream, {.blocks = 1, .threads = 32}, answer_nothing, nullptr);

@@ -337,7 +337,7 @@ TEST(FieldContact, AnyThreadsAndInstructionSetsGiveTheSameBits) {
       for (const int threads : {1, 3}) {
         ThreadPool pool(threads);
         const auto query = make_query(tool, scene, isa, &pool);
-        query->query({{0, 0, 0.6}, {}}, kOwn);  // what was asked before does not matter
+        query->query({{0, 0, 0.6}, {}}, kOwn);  // earlier queries do not matter
         const Penetration got = query->query(X_WT, kRepresented);
         EXPECT_EQ(std::memcmp(&got.measure_W, &want.measure_W, sizeof(VolumeWrench)), 0);
         EXPECT_EQ(got.volume, want.volume);

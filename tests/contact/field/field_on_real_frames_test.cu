@@ -26,7 +26,7 @@ using test::Random;
 
 constexpr double kBound = 1.05;  // times V
 // Of a loop, net over total. Measured: 0.152, and 0.054 over all loops; 0.02 is wanted.
-constexpr double kMostWork = 0.2;
+constexpr double kMaxWork = 0.2;
 constexpr SphereVolumes kBoth[] = {SphereVolumes::own, SphereVolumes::represented};
 
 using test::TriedFrame;
@@ -100,8 +100,8 @@ VolumeWrench unbounded_wrench(const Tool& tool, const FieldElements& elements,
     if (at.sphere_id[i] < 0) continue;
     const Vec3d lever = rotate(X_WT.rotation, to_double(Vec3f{at.x[i], at.y[i], at.z[i]}));
     const double r = elements.radius[i];
-    const auto told = sample_field(field, X_WT * tool.sphere_mass().centre_of_mass + lever, r);
-    const Vec3d force = elements.factor[i] * cap_volume(r, told.phi) * told.gradient;
+    const auto reported = sample_field(field, X_WT * tool.sphere_mass().centre_of_mass + lever, r);
+    const Vec3d force = elements.factor[i] * cap_volume(r, reported.phi) * reported.gradient;
     sum.force += force;
     sum.torque += cross(lever, force);
   }
@@ -207,7 +207,7 @@ TEST_P(FieldOnRealFrames, ClosedLoopsAcrossSilhouettesCostLittleWork) {
       });
       if (most < 0.1 * whole) continue;
       ++num_loops;
-      EXPECT_LT(work.share(), kMostWork) << "loop " << loop;
+      EXPECT_LT(work.share(), kMaxWork) << "loop " << loop;
       worst = std::max(worst, work.share());
       all.net += std::abs(work.net);
       all.total += work.total;

@@ -44,11 +44,11 @@ class BothWays {
             SurfaceTimeline::create(stream, options.surface, options.field, options.time).value()) {
   }
 
-  void push(const DepthFrame& frame, const PixelWindow& asked) {
+  void push(const DepthFrame& frame, const PixelWindow& requested) {
     time_ += 1 / 30.0;
     whole_.push(frame, time_, pool_);
-    windowed_.push(frame, time_, two_threads_, asked);
-    EXPECT_EQ(windowed_.at(time_).to.field.asked, asked);
+    windowed_.push(frame, time_, two_threads_, requested);
+    EXPECT_EQ(windowed_.at(time_).to.field.requested, requested);
   }
   SurfaceBlend whole() const { return whole_.at(time_ + 0.01); }
   SurfaceBlend windowed() const { return windowed_.at(time_ + 0.01); }
@@ -68,7 +68,7 @@ struct Answer {
   std::vector<SphereState> states;
   std::vector<Plane<float>> planes;
 };
-Answer ask(const ContactQuery& query, const SurfaceBlend& moment, const Pose& X_WT) {
+Answer evaluate(const ContactQuery& query, const SurfaceBlend& moment, const Pose& X_WT) {
   const std::size_t num = query.index()->tool().spheres().size();
   Answer answer{{}, std::vector<SphereState>(num), std::vector<Plane<float>>(num)};
   answer.result =
@@ -128,11 +128,11 @@ void compare(BothWays& seen, const DepthStreamInfo& stream, const std::vector<De
                      random.uniform(-0.5, 2) * probe.reach;
     const Vec3d middle{(u - k.cx) / k.fx * z, (v - k.cy) / k.fy * z, z};
     const double room = random.uniform(0, 0.5) * probe.reach;
-    const PixelWindow asked = seen.window_of(middle, probe.reach + room);
+    const PixelWindow requested = seen.window_of(middle, probe.reach + room);
     // For both frames of a moment, or for the newer one alone.
     const bool has_both = random.bits() % 2 == 0;
-    if (has_both) seen.push(frames[random.bits() % frames.size()], asked);
-    seen.push(frame, asked);
+    if (has_both) seen.push(frames[random.bits() % frames.size()], requested);
+    seen.push(frame, requested);
     for (int j = 0; j < num_poses; ++j) {
       const bool is_away = j % 8 == 7;
       const Vec3d C_W =
@@ -141,7 +141,7 @@ void compare(BothWays& seen, const DepthStreamInfo& stream, const std::vector<De
       X_WT.translation = C_W - X_WT * probe.tool->sphere_mass().centre_of_mass;
       SurfaceBlend whole = seen.whole(), windowed = seen.windowed();
       if (!has_both) whole.progress = windowed.progress = 1;
-      const Answer got = ask(*probe.query, windowed, X_WT);
+      const Answer got = evaluate(*probe.query, windowed, X_WT);
       if (got.result.penetration.status.has(StepStatus::outside_window)) {
         EXPECT_TRUE(is_away);
         EXPECT_TRUE(got.result.penetration.status.is_unmeasured());
@@ -149,7 +149,7 @@ void compare(BothWays& seen, const DepthStreamInfo& stream, const std::vector<De
         ++counts.outside;
         continue;
       }
-      const Answer want = ask(*probe.query, whole, X_WT);
+      const Answer want = evaluate(*probe.query, whole, X_WT);
       expect_same(got, want);
       const Penetration& p = want.result.penetration;
       counts.touching += p.volume > 0;

@@ -177,7 +177,7 @@ class Passing {
   Pose X_WC_;
 };
 
-// Frames that a camera keeps from where it was, made and asked on the GPU.
+// Frames that a camera keeps from where it was, made and queried on the GPU.
 TEST_F(DepthHullCuda, KeyFramesAreThoseOfTheCpu) {
   Passing on_cpu(make_frame_slots_cpu);
   Passing on_gpu([](const SlotSettings& settings) { return make_frame_slots_cuda(settings, 0); });
@@ -238,7 +238,7 @@ TEST_F(DepthHullCuda, RefusesWhatTheCpuRefuses) {
   views[1].to.seen_free = {};
   EXPECT_EQ(status(views), StepStatus::no_surface);
   views = scene.views;
-  views[0].to.field.asked = {0, 0, 20, 20};
+  views[0].to.field.requested = {0, 0, 20, 20};
   EXPECT_EQ(status(views), StepStatus::outside_window);
   EXPECT_EQ(status(scene.views), StepStatus::ok);
 }

@@ -491,7 +491,7 @@ TEST(DepthHull, RefusesWhatItCannotMeasure) {
   std::vector<SurfaceBlend> views = scene.views;
   EXPECT_EQ(status({}, X_WT), StepStatus::no_surface);
   EXPECT_EQ(status({SurfaceBlend{}, SurfaceBlend{}}, X_WT), StepStatus::no_surface);
-  EXPECT_EQ(status(std::vector<SurfaceBlend>(kMostCameras + 1, views[0]), X_WT),
+  EXPECT_EQ(status(std::vector<SurfaceBlend>(kMaxCameras + 1, views[0]), X_WT),
             StepStatus::no_surface);
   views[1].to.seen_free = {};
   EXPECT_EQ(status(views, X_WT), StepStatus::no_surface);
@@ -501,7 +501,7 @@ TEST(DepthHull, RefusesWhatItCannotMeasure) {
   EXPECT_EQ(status(views, X_WT), StepStatus::non_finite_pose);
   views = scene.views;
   for (auto* field : {&views[1].to.field, &views[1].to.seen_free}) {
-    field->asked = {0, 0, 20, 20};
+    field->requested = {0, 0, 20, 20};
   }
   EXPECT_EQ(status(views, X_WT), StepStatus::outside_window);
 }

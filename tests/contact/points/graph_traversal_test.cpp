@@ -32,7 +32,7 @@ TEST(GraphTraversal, WalksAwayFromTheNormalOnly) {
   EXPECT_EQ(reached[1].sphere_id, 4);
   EXPECT_EQ(reached[1].seed, 0);
   EXPECT_NEAR(reached[1].path_length, 4.0, 1e-12);
-  // Asked again with the normal turned: nothing is left of the first search.
+  // Queried again with the normal turned: nothing is left of the first search.
   const GraphTraversal::Seed turned{2, {0, 0, 1}};
   const auto other = traversal.run({&turned, 1});
   ASSERT_EQ(other.size(), 2u);

@@ -128,19 +128,19 @@ TEST(PointScan, SumsAddUp) {
 
 // The finest power of two with which nothing runs over: twice as fine would, or 2^40.
 TEST(PointScan, SumsAreAsFineAsTheyFit) {
-  constexpr double kMost = 9e18, kFinest = PointSums::kFinestScale;
+  constexpr double kMaxSum = 9e18, kFinest = PointSums::kFinestScale;
   EXPECT_EQ(finest_sum_scale(1, 0.1), kFinest);
   EXPECT_EQ(finest_sum_scale(8'000'000, 1), kFinest);
   EXPECT_EQ(finest_sum_scale(8'000'000, 1e-3), kFinest) << "counts need room, too";
-  EXPECT_EQ(finest_sum_scale(1, kMost / kFinest), kFinest) << "just fits";
+  EXPECT_EQ(finest_sum_scale(1, kMaxSum / kFinest), kFinest) << "just fits";
   test::Random random(3);
   for (int i = 0; i < 1000; ++i) {
     const auto num = static_cast<std::size_t>(std::exp(random.uniform(0, 20)));
     const double reach = std::exp(random.uniform(-5, 10));
     const double scale = finest_sum_scale(num, reach);
     const double most = static_cast<double>(num) * std::max(reach, 1.0);
-    EXPECT_LE(most * scale, kMost);
-    EXPECT_TRUE(scale == kFinest || most * scale * 2 > kMost) << num << " " << reach;
+    EXPECT_LE(most * scale, kMaxSum);
+    EXPECT_TRUE(scale == kFinest || most * scale * 2 > kMaxSum) << num << " " << reach;
     EXPECT_EQ(std::exp2(std::round(std::log2(scale))), scale);
   }
 }

@@ -218,7 +218,7 @@ class OnGpu {
     barrier_ = memory_.take<unsigned long long>(1);
   }
 
-  Found ask(const Question& question) {
+  Found evaluate(const Question& question) {
     PointQuery& q = q_;
     const bool with_edges = question.edges != Edges::none;
     q.scan = scene_->scan(question);
@@ -467,7 +467,7 @@ TEST(PointStages, FindTheBoundaryOfTheCpuInAnOrganisedCloud) {
       const Question question{tilted(0.02, -0.03, depth), weights};
       const Found want = query_cpu(scene, question);
       ASSERT_GT(want.ids.size(), 10u);
-      expect_same(on_gpu.ask(question), want);
+      expect_same(on_gpu.evaluate(question), want);
     }
   }
 }
@@ -484,7 +484,7 @@ TEST(PointStages, FindTheBoundaryOfTheCpuInAnUnorganisedCloud) {
     const Question question{tilted(0.1, 0.01, 0.38), weights};
     const Found want = query_cpu(scene, question);
     EXPECT_GT(want.num_points, 200);
-    expect_same(on_gpu.ask(question), want);
+    expect_same(on_gpu.evaluate(question), want);
   }
 }
 
@@ -506,7 +506,7 @@ TEST(PointStages, DecideCloseCallsLikeTheCpu) {
   EXPECT_GT(want.num_points, 1000);
   EXPECT_LT(want.num_points, 3000);
   OnGpu on_gpu(scene);
-  expect_same(on_gpu.ask(question), want);
+  expect_same(on_gpu.evaluate(question), want);
 }
 
 TEST(PointStages, AddThousandsOfPointsInOneSphere) {
@@ -518,7 +518,7 @@ TEST(PointStages, AddThousandsOfPointsInOneSphere) {
     const Question question{tilted(0, 0, 0.5), weights};
     const Found want = query_cpu(scene, question);
     EXPECT_GT(want.num_points, 6000);
-    expect_same(on_gpu.ask(question), want);
+    expect_same(on_gpu.evaluate(question), want);
   }
 }
 
@@ -529,7 +529,7 @@ TEST(PointStages, FindNothingWhereNothingIs) {
   for (const PointCloud* cloud : {&wall, &empty, &invalid}) {
     const Scene scene{test::random_spheres(50, 0.1, 3), cloud->view()};
     OnGpu on_gpu(scene);
-    const Found found = on_gpu.ask({tilted(0, 0, 0.2)});
+    const Found found = on_gpu.evaluate({tilted(0, 0, 0.2)});
     EXPECT_TRUE(found.ids.empty());
     EXPECT_EQ(found.num_points, 0);
   }
@@ -550,7 +550,7 @@ TEST(PointStages, ListManySpheresInOrder) {
   EXPECT_GT(want.ids.size(), 2u * kQueryThreads);
   for (const int blocks : {1, 3}) {
     OnGpu on_gpu(scene, blocks);
-    expect_same(on_gpu.ask(question), want);
+    expect_same(on_gpu.evaluate(question), want);
   }
 }
 
@@ -590,7 +590,7 @@ TEST(PointStages, FindTheEdgesOfTheCpu) {
         const Question question{tilted(0.02, y, depth), weights, edges};
         const Found want = query_cpu(scene, question);
         EXPECT_GT(want.pieces.size(), 3u);
-        expect_same(on_gpu.ask(question), want);
+        expect_same(on_gpu.evaluate(question), want);
       }
     }
   }
@@ -605,7 +605,7 @@ TEST(PointStages, FindEdgesForSpheresThatTheCameraSees) {
   const Question question{tilted(0, 0, 0.2), PointWeights::none, Edges::cut};
   const Found want = query_cpu(scene, question);
   EXPECT_GT(want.pieces.size(), 3u);
-  expect_same(on_gpu.ask(question), want);
+  expect_same(on_gpu.evaluate(question), want);
 }
 
 // Pieces at the corners of a lattice, and most of them twice; spheres seen between them.
@@ -651,8 +651,8 @@ TEST(PointStages, DoNotDependOnTheOrderOfThreads) {
   for (const std::uint32_t seed : {1u, 2u, 3u}) {
     emulator::set_order(seed);
     OnGpu on_gpu(scene);
-    expect_same(on_gpu.ask(question), want);
-    expect_same(on_gpu.ask(question), want);
+    expect_same(on_gpu.evaluate(question), want);
+    expect_same(on_gpu.evaluate(question), want);
   }
   emulator::set_order(0);
 }

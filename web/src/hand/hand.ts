@@ -1,4 +1,4 @@
-// The hand of a page on the tool: takes hold of it, tells where it is at every picture, lets go.
+// The hand of a page on the tool: takes hold of it, sends its pose with every picture, releases it.
 // Only one page has it at a time; the program says which.
 
 import type { Vector3 } from 'three';
@@ -24,7 +24,7 @@ export class Hand {
   private readonly goal = new HeldPose();
   private readonly at = new HeldPose();
   private holds = false;
-  private asks = false;
+  private isRequesting = false;
   private last = 0; // ms
   private frame = 0;
 
@@ -46,10 +46,10 @@ export class Hand {
   /// From where the hand is now. False: it cannot be held, and the page has said why.
   async hold(): Promise<boolean> {
     const pose = this.links.pose();
-    if (!this.hello?.handle || !pose || this.asks) return this.holds;
-    this.asks = true;
+    if (!this.hello?.handle || !pose || this.isRequesting) return this.holds;
+    this.isRequesting = true;
     const { ok } = await this.links.send({ command: 'hold' });
-    this.asks = false;
+    this.isRequesting = false;
     this.stop();
     if (!ok) return false;
     this.goal.set(this.links.pose() ?? pose, this.hello.tool.centre_of_mass);

@@ -16,7 +16,7 @@ export interface HandlingLinks {
   send(command: Command): Promise<Answer>;
   tell(message: object): void;
   /// To draw.
-  ask(): void;
+  requestDraw(): void;
 }
 
 export class Handling {
@@ -39,7 +39,7 @@ export class Handling {
     });
     this.card = new HoldCard(() => void this.hand.hold(), () => this.hand.letGo());
     this.pad = new Pad(() => void this.hand.hold(), () => this.hand.letGo());
-    new Pointer(stage, scene, this.hand, () => this.canBeHeld, links.ask);
+    new Pointer(stage, scene, this.hand, () => this.canBeHeld, links.requestDraw);
     stage.append(this.card.label);
     addEventListener('gamepadconnected', () => this.lookAtPad());
   }
@@ -101,7 +101,7 @@ export class Handling {
     this.links.scene.setHeld(hand.isMine);
     const holding = hand.isMine ? 'mine' : state?.handle === 'held' ? 'other' : 'free';
     this.card.show(hello?.handle && this.canBeHeld ? holding : null);
-    this.links.ask();
+    this.links.requestDraw();
   }
 
   private move(seconds: number): void {
@@ -111,7 +111,7 @@ export class Handling {
     moveAt(rates, seconds, this.links.scene, this.hand);
   }
 
-  /// The browser tells of buttons only who asks.
+  /// The browser reports buttons only when polled.
   private lookAtPad(): void {
     if (!this.pad.isThere) return;
     if (this.canBeHeld) this.pad.look();

@@ -35,7 +35,7 @@ export class HeldPose {
     this.turned.rotateTowards(goal.turned, FASTEST_TURN * seconds).normalize();
   }
 
-  /// As the program is told: x y z qx qy qz qw of T.
+  /// As it is sent to the program: x y z qx qy qz qw of T.
   numbers(): number[] {
     const origin = this.centre_T.clone().applyQuaternion(this.turned).negate().add(this.centre);
     return [...origin.toArray(), ...this.turned.toArray()];

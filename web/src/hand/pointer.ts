@@ -21,7 +21,7 @@ export class Pointer {
     private readonly scene: SceneView,
     private readonly hand: Hand,
     private readonly canBeHeld: () => boolean,
-    private readonly ask: () => void,
+    private readonly requestDraw: () => void,
   ) {
     stage.addEventListener('pointerdown', (event) => this.press(event), { capture: true });
     stage.addEventListener('pointermove', (event) => this.move(event), { capture: true });
@@ -66,7 +66,7 @@ export class Pointer {
     const now = [...this.fingers.values()];
     if (now.length === 2) this.pinch(before, now);
     else this.drag(x - before[0].x, y - before[0].y);
-    this.ask();
+    this.requestDraw();
   }
 
   private release(event: PointerEvent): void {
@@ -122,7 +122,7 @@ export class Pointer {
     const pixels = event.deltaY * (event.deltaMode === 1 ? LINE : event.deltaMode === 2 ? SCREEN : 1);
     const { away, perPixel } = this.scene.pictureAxes();
     this.hand.move(away.multiplyScalar(-pixels * DEPTH_PER_TURN * perPixel));
-    this.ask();
+    this.requestDraw();
   }
 
   private take(event: Event): void {

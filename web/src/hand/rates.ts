@@ -31,10 +31,10 @@ const TURNS: Record<string, [axis: number, sign: number]> = {
 export class HeldKeys {
   private readonly down = new Map<string, [number, number]>();
 
-  constructor(isWanted: () => boolean) {
+  constructor(isRequested: () => boolean) {
     addEventListener('keydown', (event) => {
       const found = (event.shiftKey ? TURNS : KEYS)[event.key];
-      if (!found || event.ctrlKey || event.metaKey || event.altKey || !isWanted()) return;
+      if (!found || event.ctrlKey || event.metaKey || event.altKey || !isRequested()) return;
       if ((event.target as HTMLElement).closest('input, select, textarea, dialog')) return;
       event.preventDefault();
       this.down.set(event.key, found);

@@ -6,7 +6,7 @@ import type { Hello, State } from '../types';
 export interface Notice {
   level: 'error' | 'warning' | 'note';
   words: string;
-  /// The force is away and can be asked for.
+  /// The force is off and can be requested.
   offersForce?: boolean;
 }
 

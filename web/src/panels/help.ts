@@ -9,7 +9,7 @@ export const KEYS: [keys: string, does: string][] = [
   ['C', 'cloud'],
   ['N', 'normals'],
   ['U', 'unseen space as fog'],
-  ['W', 'spheres by who decided: each camera, or nobody'],
+  ['W', 'sphere color by the camera that determined the depth'],
   ['E', 'depth-change vectors'],
   ['G', 'graph of touching spheres'],
   ['P', 'plots'],
@@ -33,7 +33,7 @@ export class Help {
     const close = button('round', 'close', () => this.root.close(), icon('close'));
     this.root.append(
       element('h2', '', 'Looking around', close),
-      element('p', '', 'Drag to turn, scroll or pinch to come nearer, drag with the right button or two fingers to move.'),
+      element('p', '', 'Drag to turn, scroll or pinch to zoom, drag with the right button or two fingers to move.'),
       element('table', '', element('tbody', '', ...rows)),
     );
     this.root.setAttribute('aria-label', 'help');

@@ -5,8 +5,8 @@ import { recall, remember } from '../memory';
 export function hint(canvas: HTMLCanvasElement): HTMLElement {
   const isTouch = matchMedia('(pointer: coarse)').matches;
   const words = isTouch
-    ? 'Drag to look around, pinch to come nearer.'
-    : 'Drag to look around, scroll to come nearer, press ? for all keys.';
+    ? 'Drag to rotate, pinch to zoom.'
+    : 'Drag to rotate, scroll to zoom, press ? for all keys.';
   const close = () => {
     root.hidden = true;
     remember('hint', 'seen');

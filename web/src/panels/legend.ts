@@ -10,7 +10,7 @@ export class Legend {
   private shown = '';
 
   constructor() {
-    this.root.setAttribute('aria-label', 'what the colours mean');
+    this.root.setAttribute('aria-label', 'what the colors mean');
   }
 
   update(hello: Hello, options: SceneOptions): void {
@@ -36,13 +36,13 @@ function entries(hello: Hello, options: SceneOptions): Entry[] {
     if (hasStates && options.sphereColour === 'camera') {
       const { streams } = hello;
       streams.forEach(({ name }, i) =>
-        list.push([cameraColour(i, streams.length), name || `camera ${i + 1}`, 'decided how deep']));
-      list.push([OTHER_COLOURS.remembered, 'brown', 'what was seen before decided']);
+        list.push([cameraColour(i, streams.length), name || `camera ${i + 1}`, 'determined the depth']));
+      list.push([OTHER_COLOURS.remembered, 'brown', 'remembered from earlier frames']);
       list.push([OTHER_COLOURS.fog, 'gray', 'where no camera sees']);
       if (options.outside) list.push([STATE_COLOURS.outside, 'red', 'outside']);
     } else if (hasStates) {
       list.push([STATE_COLOURS.inside, 'blue', 'inside the scene']);
-      list.push([STATE_COLOURS.boundary, 'purple', 'cut by its boundary']);
+      list.push([STATE_COLOURS.boundary, 'purple', 'cut by the surface']);
       if (options.outside) list.push([STATE_COLOURS.outside, 'red', 'outside']);
     }
     if (options.arrows) {

@@ -20,7 +20,7 @@ export class Timeline {
   private readonly time = element('span', 'number');
   private readonly speed = element('select');
   private isDragging = false;
-  private wanted: number | null = null; // s, to seek once the last seek is answered
+  private desired: number | null = null; // s, to seek once the last seek is answered
   private isSeeking = false;
   private isPaused: boolean | null = null;
   private shownMarks = '';
@@ -80,15 +80,15 @@ export class Timeline {
     if (this.kind === 'live') void this.send({ command: 'mark', text: text || 'marked in the page' });
   }
 
-  /// One seek is on its way at a time; of those asked for meanwhile, the last.
+  /// One seek is on its way at a time; of those requested meanwhile, the last.
   private seek(time: number): void {
-    this.wanted = time;
+    this.desired = time;
     if (this.isSeeking) return;
     this.isSeeking = true;
     void (async () => {
-      while (this.wanted !== null) {
-        const target: number = this.wanted;
-        this.wanted = null;
+      while (this.desired !== null) {
+        const target: number = this.desired;
+        this.desired = null;
         await this.send({ command: 'seek', time: target });
       }
       this.isSeeking = false;

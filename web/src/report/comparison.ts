@@ -41,7 +41,7 @@ export async function comparisonReport(main: HTMLElement, data: ComparisonData):
       `cooled steps, those of at least ${short(data.prototype_share)} times the largest are inserted, the grid is split as ` +
       'rounds go by (after Weller and Zachmann 2010; Teuber, Weller and Zachmann 2013).'),
     paragraph(`Fixed grid: a distance field of ${data.grid_cells} cells along the longest side, always the largest sphere ` +
-      'that fits around a cell centre.'),
+      'that fits around a cell center.'),
     paragraph("Both peers are this project's implementations of published descriptions, not their authors' code, on the CPU, " +
       "with Palpate's own distance queries. They run once per mesh and are timed sphere by sphere. Every packing was checked " +
       'in double precision: all spheres inside the solid, no two overlap.'),

@@ -22,9 +22,9 @@ function change(): void {
   for (const draw of listeners) draw();
 }
 
-function usePaper(wanted: boolean): void {
-  if (isOnPaper === wanted) return;
-  isOnPaper = wanted;
+function usePaper(desired: boolean): void {
+  if (isOnPaper === desired) return;
+  isOnPaper = desired;
   change();
 }
 

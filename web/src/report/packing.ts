@@ -59,7 +59,7 @@ function headline(data: PackingData): HTMLElement {
     [percent(data.fill[data.fill.length - 1][1]), 'of the mesh is filled'],
     [length(standoff.mean_m), `from the surface to the nearest sphere on average; 95 %: ${length(standoff.p95_m)}, at most ` +
       `${length(standoff.max_m)}, at ${millimetres(standoff.worst_m)}`],
-    [String(graph.edges), `edges between neighbours, ${short(data.mean_degree, 3)} per sphere`],
+    [String(graph.edges), `edges between neighbors, ${short(data.mean_degree, 3)} per sphere`],
     [String(graph.components), `connected parts, joined by ${graph.bridges} bridges`],
   ]);
 }
@@ -122,10 +122,10 @@ function countPlots(data: PackingData): HTMLElement[] {
       `${millimetres(standoff.worst_m)} of the tool frame.`),
     heading('How the spheres are connected'),
     plot({
-      ...wholeNumbers(data.degrees), xWords: 'neighbours of a sphere', yWords: '% of the spheres',
+      ...wholeNumbers(data.degrees), xWords: 'neighbors of a sphere', yWords: '% of the spheres',
       markers: ([['median', data.median_degree], ['99 %', data.p99_degree], ['most', data.max_degree]] as const)
         .map(([words, degree]) => ({ x: Math.max(0.5, degree), words: `${words} ${degree}` })),
-    }, 'Neighbours in the leaf graph, counted. Large spheres have many small neighbours.'),
+    }, 'Neighbors in the leaf graph, counted. Large spheres have many small neighbors.'),
   ];
 }
 
@@ -139,10 +139,10 @@ function mass({ mass: { spheres, mesh }, represented_volume_m3: represented }: P
   return [heading('Mass'), table([
     ['volume', volume(spheres.volume_m3), volume(mesh.volume_m3)],
     ['volumes that the spheres stand for, together', volume(represented), volume(mesh.volume_m3)],
-    ['centre of mass x, y, z', millimetres(spheres.centre_of_mass_m), millimetres(mesh.centre_of_mass_m)],
+    ['center of mass x, y, z', millimetres(spheres.centre_of_mass_m), millimetres(mesh.centre_of_mass_m)],
     ['inertia xx, yy, zz in g\u00a0cm² at 1\u00a0g/cm³', inertia(spheres, 0), inertia(mesh, 0)],
     ['xy, xz, yz', inertia(spheres, 3), inertia(mesh, 3)],
-  ], ['', 'spheres', 'mesh']), paragraph('Contacts are measured with the spheres and about their centre of mass.')];
+  ], ['', 'spheres', 'mesh']), paragraph('Contacts are measured with the spheres and about their center of mass.')];
 }
 
 function details(data: PackingData): HTMLElement[] {
@@ -151,8 +151,8 @@ function details(data: PackingData): HTMLElement[] {
     ['mesh', data.source], ['triangles', data.num_triangles], ['tree nodes', data.tree_nodes],
     ['gap rule', graph.is_relative ? 'relative: at most half the smaller radius' : 'absolute: less than twice the smallest radius'],
     ['edges', graph.edges], ['of these bridges', graph.bridges], ['connected parts without bridges', graph.components],
-    ['neighbours: mean / median', `${short(data.mean_degree, 3)} / ${data.median_degree}`],
-    ['neighbours: 90 % / 99 % / most', `${data.p90_degree} / ${data.p99_degree} / ${data.max_degree}`],
+    ['neighbors: mean / median', `${short(data.mean_degree, 3)} / ${data.median_degree}`],
+    ['neighbors: 90 % / 99 % / most', `${data.p90_degree} / ${data.p99_degree} / ${data.max_degree}`],
   ];
   const right: Row[] = [
     ...(data.stopped ? [['no more spheres because', data.stopped]] : []), ...data.options,

@@ -14,7 +14,7 @@ type Choice = [words: string, wish: Partial<SceneOptions>];
 /// it begins. `tools` is where more of them go.
 export function picture(
   name: string, caption: string, choices: Choice[][], fill: (scene: SceneView) => void,
-): { root: HTMLElement; tools: HTMLElement; ask: () => void } {
+): { root: HTMLElement; tools: HTMLElement; requestDraw: () => void } {
   const canvas = element('canvas', 'scene'), still = element('canvas', 'still');
   canvas.setAttribute('aria-label', name);
   const stage = element('div', 'stage', canvas, still);
@@ -25,7 +25,7 @@ export function picture(
     scene = createScene(canvas);
   } catch (error) {
     root.replaceChildren(element('p', 'warning', `This browser shows no 3-D picture (${(error as Error).message}).`));
-    return { root, tools, ask: () => {} };
+    return { root, tools, requestDraw: () => {} };
   }
   const drawing = new Drawing(canvas, () => scene.render(), () => {});
   for (const row of choices) {
@@ -47,7 +47,7 @@ export function picture(
     const [width, height] = onPaper() ? PAPER_SIZE : [stage.clientWidth, stage.clientHeight];
     if (width === 0 || height === 0) return;
     scene.resize(width, height, onPaper() ? 2 : Math.min(devicePixelRatio, 2));
-    drawing.ask();
+    drawing.requestDraw();
   };
   new ResizeObserver(fit).observe(stage);
   onInk(() => {
@@ -60,7 +60,7 @@ export function picture(
     still.getContext('2d')!.drawImage(canvas, 0, 0);
   });
   addEventListener('beforeunload', () => scene.dispose());
-  return { root, tools, ask: () => drawing.ask() };
+  return { root, tools, requestDraw: () => drawing.requestDraw() };
 }
 
 /// What the scene wants to know of a tool before all else.

@@ -62,7 +62,7 @@ export async function runReport(main: HTMLElement, data: RunData): Promise<void>
   const { tool, stream } = summary;
   const seconds = `${short(summary.seconds, 3)} s`;
   title(main, `${tool.source} in ${stream.name}`, `A tool of ${tool.spheres} spheres on ` +
-    `${summary.device.name}, felt against a stream of depth images for ${seconds}.`);
+    `${summary.device.name}, measured against a stream of depth images for ${seconds}.`);
   if (summary.interrupted) {
     main.append(warning(`This run was interrupted after ${seconds}. What is shown is complete up to there.`));
   }
@@ -94,7 +94,7 @@ function headline(summary: Summary): HTMLElement {
     [newtons(peaks.force_N), 'largest force on the tool'],
   ];
   if (hasHand(summary)) {
-    made.push([newtons(peaks.hand_force_N!), `largest force on the hand; wanted ${newtons(peaks.wanted_force_N!)}`]);
+    made.push([newtons(peaks.hand_force_N!), `largest force on the hand, of ${newtons(peaks.wanted_force_N!)} before the safety filter`]);
   }
   const median = (key: string, words: string, rest = '') => {
     const stage = stages?.[key];
@@ -117,7 +117,7 @@ function unseenWords({ settings: { field } }: Summary): string {
     : field.unseen === 'fade' ? `pushes it no more from ${withUnit(thickness, LENGTH)} on`
       : `is ${withUnit(2 * thickness, LENGTH)} thick, and then there is nothing`;
   return 'How much of the tool lies more than 20 mm behind all that any camera has seen, or where none of them looks. ' +
-    `What is felt there is a guess: what is behind a surface ${policy}.`;
+    `The contact there is a guess: what is behind a surface ${policy}.`;
 }
 
 function plots(data: RunData): HTMLElement[] {
@@ -156,7 +156,7 @@ function plots(data: RunData): HTMLElement[] {
       unseenWords(summary))] : []),
     vector('force', 'N', 'F', 'force in N', 'Force on the tool in camera axes (x right, y down, z away from the ' +
       `camera): volume times direction, times the volume stiffness of ${stiffness(summary)}.`),
-    vector('torque', 'Nm', 'M', 'torque in N m', "Torque of the same forces about the tool's centre of mass."),
+    vector('torque', 'Nm', 'M', 'torque in N m', "Torque of the same forces about the tool's center of mass."),
   ];
   if (!hasHand(summary)) return made;
 

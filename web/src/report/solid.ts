@@ -27,7 +27,7 @@ export function cutOpen(solid: Solid, name: string, caption: string): { root: HT
     n[axis] = 1;
     scene?.setCut(n, low[axis] + share * sides[axis]);
   };
-  const { root, tools, ask } = picture(name, caption, [[['cut open', { toolLook: 'caps' }], ['mesh', { toolLook: 'mesh' }]]],
+  const { root, tools, requestDraw } = picture(name, caption, [[['cut open', { toolLook: 'caps' }], ['mesh', { toolLook: 'mesh' }]]],
     (made) => {
       scene = made;
       made.setHello(hello(solid, []));
@@ -43,13 +43,13 @@ export function cutOpen(solid: Solid, name: string, caption: string): { root: HT
   slider.addEventListener('input', () => {
     share = Number(slider.value);
     cut();
-    ask();
+    requestDraw();
   });
   const across = ['x', 'y', 'z'].map((side, i) => button('', `cut across ${side}`, () => {
     axis = i;
     press();
     cut();
-    ask();
+    requestDraw();
   }, `across ${side}`));
   const press = () => across.forEach((one, i) => one.setAttribute('aria-pressed', String(i === axis)));
   press();

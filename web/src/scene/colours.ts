@@ -1,6 +1,6 @@
 // The colours of the scene, also for legends and tests. The states of the spheres are coloured as
 // in the thesis (Fig. 4.4): blue inside, purple boundary, red outside. The three differ in
-// lightness too, so that they can be told apart by who sees red and purple poorly, and all are
+// lightness too, so that they can be distinguished by who sees red and purple poorly, and all are
 // legible on dark and on light ground.
 
 import { Vector3 } from 'three';

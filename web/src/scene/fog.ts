@@ -1,5 +1,5 @@
 // Unseen space as fog: small dots along the rays of every sixth pixel, behind the surface, where no
-// other camera sees either. Of other cameras the first three are asked.
+// other camera sees either. Of other cameras the first three are used.
 
 import { BufferGeometry, Matrix4, Points, Vector2, Vector4 } from 'three';
 import { OTHER_COLOURS, rgb } from './colours';

@@ -1,6 +1,6 @@
 // Keeps the page usable where pictures take long, as without a graphics card: it draws fewer points
 // and pixels when a picture takes more than a tenth of a second, and more again when there is time.
-// It asks the graphics card when it was done, and never waits for it.
+// It queries the graphics card for completion, and never waits for it.
 
 /// Whether it may, for tests and for who wants every point; and how much it has taken away.
 export const governor = { enabled: true, level: 0 };

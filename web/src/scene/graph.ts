@@ -44,7 +44,7 @@ export class LeafGraph {
     this.object.renderOrder = 1;
   }
 
-  /// `states` of the spheres; statesChanged() tells that they did.
+  /// `states` of the spheres; statesChanged() reports that they did.
   setSpheres(spheres: Spheres, states: Uint8Array): void {
     this.geometry.dispose();
     const data = new InterleavedBuffer(spheres.data, 4);

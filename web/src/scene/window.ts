@@ -1,5 +1,5 @@
 // The window in the surface, through which the tool is seen: the tool is drawn first and leaves a
-// mark in the stencil, the cloud asks for it.
+// mark in the stencil, the cloud requires it.
 
 import { AlwaysStencilFunc, EqualStencilFunc, NotEqualStencilFunc, ReplaceStencilOp } from 'three';
 

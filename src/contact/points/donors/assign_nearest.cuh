@@ -22,9 +22,9 @@ class NearestAssignment : private DonorPruning {
   __device__ MeasureSums run(const DonorCentres& from) {
     const int num_clusters = q_.clusters.num_clusters, blocks = static_cast<int>(gridDim.x);
     // Neighbouring clusters lie close together. Many are best taken in runs of a power of two.
-    const int tile_size = min_of(divided(num_clusters, blocks), kMostOfTile);
+    const int tile_size = min_of(divided(num_clusters, blocks), kMaxPerTile);
     int run_size = tile_size;
-    while (run_size < kMostOfRun && run_size * blocks < num_clusters) run_size *= 2;
+    while (run_size < kMaxPerRun && run_size * blocks < num_clusters) run_size *= 2;
     for (int first = static_cast<int>(blockIdx.x) * run_size; first < num_clusters;
          first += blocks * run_size) {
       const int last = min_of(first + run_size, num_clusters);
@@ -45,7 +45,7 @@ class NearestAssignment : private DonorPruning {
   }
 
  private:
-  static constexpr int kMostOfTile = 32, kMostOfRun = 128;  // clusters
+  static constexpr int kMaxPerTile = 32, kMaxPerRun = 128;  // clusters
   static constexpr int kFew = 48;                           // donors that a warp does not prune
 
   // A sphere of the tool.
@@ -122,7 +122,7 @@ class NearestAssignment : private DonorPruning {
     for (int i = lane; i < from.num; i += gpu::kWarpSize) {
       offer(best, from.at(q_.boundary, i), box);
     }
-    best = from_lane(best, lane_of_least(best.squared_distance));
+    best = from_lane(best, lane_of_min(best.squared_distance));
 
     const int num_chunks = divided(from.num, gpu::kWarpSize);
     bool is_reached = false;
@@ -172,9 +172,9 @@ class NearestAssignment : private DonorPruning {
   __device__ void settle(const DonorCentres& from, const Ball& ball, std::uint32_t touched,
                          bool is_reached, NearestDonor found) {
     const bool is_untouched = context_.is_untouched(ball.id, touched);
-    const bool asks = is_untouched && is_reached;
-    unsigned close =
-        __ballot_sync(gpu::kWholeWarp, asks && one_lane::is_close_call(found.least, found.second));
+    const bool needs_donor = is_untouched && is_reached;
+    unsigned close = __ballot_sync(
+        gpu::kWholeWarp, needs_donor && one_lane::is_close_call(found.least, found.second));
     for (; close != 0; close &= close - 1) {
       const int lane = __ffs(static_cast<int>(close)) - 1;
       const Vec3f centre{__shfl_sync(gpu::kWholeWarp, ball.centre.x, lane),
@@ -187,7 +187,7 @@ class NearestAssignment : private DonorPruning {
     q_.donor[ball.slot] = is_reached ? found.donor : -1;
     if (context_.overlays()) return;
     Assigned assigned;
-    if (asks) assigned = assign_from(q_.boundary.donors[found.donor], ball);
+    if (needs_donor) assigned = assign_from(q_.boundary.donors[found.donor], ball);
     context_.add_untouched(sums_, ball.slot, ball.centre, assigned);
   }
   // Cut by the donor's plane in double, the rest in single precision as on the CPU.

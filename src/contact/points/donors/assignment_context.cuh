@@ -88,16 +88,16 @@ class AssignmentContext {
     }
   }
 
-  /// DonorsView::assign by a warp, all lanes of which ask the same and get the answer. Without an
-  /// average `best_donor` is the donor that counts most, -1 if there is none.
+  /// DonorsView::assign by a warp, all lanes of which pass the same arguments and get the result.
+  /// Without an average `best_donor` is the donor that counts most, -1 if there is none.
   __device__ Assigned assign_by_warp(std::int32_t id, std::int32_t& best_donor) const {
-    const AssignmentRule asked = rule();
+    const AssignmentRule requested = rule();
     best_donor = -1;
     if (has_edges && edges.cuts_off(id)) return {};
-    if (asked.average) {
+    if (requested.average) {
       DonorAverage sum;
       for (std::int32_t l = gpu::lane_id(); l < donors.num; l += gpu::kWarpSize) {
-        donors.add_to(sum, l, id, asked);
+        donors.add_to(sum, l, id, requested);
       }
       sum.weights = gpu::warp_sum(sum.weights);
       sum.sum.volume = gpu::warp_sum(sum.sum.volume);
@@ -106,20 +106,20 @@ class AssignmentContext {
     }
     DonorChoices mine;
     for (std::int32_t l = gpu::lane_id(); l < donors.num; l += gpu::kWarpSize) {
-      donors.offer_to(mine, l, id, asked);
+      donors.offer_to(mine, l, id, requested);
     }
     const DonorChoices best = best_of_warp(mine);
     best_donor = best.donor[0];
-    return donors.composite(best, id, asked);
+    return donors.composite(best, id, requested);
   }
 
  private:
   // The best of all lanes' choices, the same in all lanes. Ties go to the lowest index.
   __device__ static DonorChoices best_of_warp(DonorChoices mine) {
-    constexpr int kMost = DonorChoices::kMost;
+    constexpr int kMaxDonors = DonorChoices::kMaxDonors;
     DonorChoices best;
 #pragma unroll
-    for (int slot = 0; slot < kMost; ++slot) {
+    for (int slot = 0; slot < kMaxDonors; ++slot) {
       double cost = mine.cost[0];
       std::int32_t donor = mine.donor[0];
       for (int step = gpu::kWarpSize / 2; step > 0; step /= 2) {
@@ -135,12 +135,12 @@ class AssignmentContext {
       if (donor < 0 || donor != mine.donor[0]) continue;
         // It was this lane's: its next one comes up.
 #pragma unroll
-      for (int i = 0; i + 1 < kMost; ++i) {
+      for (int i = 0; i + 1 < kMaxDonors; ++i) {
         mine.cost[i] = mine.cost[i + 1];
         mine.donor[i] = mine.donor[i + 1];
       }
-      mine.cost[kMost - 1] = 1e300;
-      mine.donor[kMost - 1] = -1;
+      mine.cost[kMaxDonors - 1] = 1e300;
+      mine.donor[kMaxDonors - 1] = -1;
     }
     return best;
   }

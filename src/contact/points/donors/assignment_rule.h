@@ -52,13 +52,12 @@ PALPATE_FORMULA VecF cut_distance(VecF x, VecF y, VecF z, VecF radius) {
 
 /// Weights of a donor, see Priority; `squared` is the squared distance of the centres.
 PALPATE_FORMULA VecF gaussian_weight(VecF squared, float doublings_per_square) {
-  constexpr float kMost = static_cast<float>(kMostOfGaussian * kDoublings);
-  return exp2_negative(max(-(squared * doublings_per_square), splat(-kMost)));
+  constexpr float kMaxExponent2 = static_cast<float>(kMaxExponent * kDoublings);
+  return exp2_negative(max(-(squared * doublings_per_square), splat(-kMaxExponent2)));
 }
 /// `along` is how far the donor lies along its own normal, as seen from the sphere.
 PALPATE_FORMULA VecF agreement_weight(VecF along, VecF inverse_distance) {
-  return max(along * inverse_distance, splat(static_cast<float>(kLeastAgreement))) *
-         inverse_distance;
+  return max(along * inverse_distance, splat(static_cast<float>(kMinCosine))) * inverse_distance;
 }
 
 }  // namespace palpate::inline v0::PALPATE_ISA_NAMESPACE

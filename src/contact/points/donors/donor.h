@@ -26,7 +26,7 @@ struct Assigned {
 
 /// A Gaussian weight is e^-40 at least, and a cosine 0.001: a sphere far from all donors, or in
 /// front of them, still has one.
-inline constexpr double kMostOfGaussian = 40, kLeastAgreement = 1e-3;
+inline constexpr double kMaxExponent = 40, kMinCosine = 1e-3;
 inline constexpr double kDoublings = 1.4426950408889634;  // 1 / ln 2
 
 /// A priority with what it has to know of the tool.
@@ -50,11 +50,11 @@ struct PriorityRule {
       case Priority::square: return 1.0 / dot(d, d);
       case Priority::gaussian: {
         const double exponent = per_square * dot(d, d);
-        return std::exp(-(exponent < kMostOfGaussian ? exponent : kMostOfGaussian));
+        return std::exp(-(exponent < kMaxExponent ? exponent : kMaxExponent));
       }
       case Priority::agreement: {
         const double cosine = dot(normal, d) / norm(d);
-        return (cosine > kLeastAgreement ? cosine : kLeastAgreement) / norm(d);
+        return (cosine > kMinCosine ? cosine : kMinCosine) / norm(d);
       }
       case Priority::path:
         return 1.0 / static_cast<double>(
@@ -90,15 +90,15 @@ struct DonorAverage {
 
 /// The best donors for a sphere, best first; ties to the lowest index.
 struct DonorChoices {
-  static constexpr int kMost = 4;
-  double cost[kMost] = {1e300, 1e300, 1e300, 1e300};
-  std::int32_t donor[kMost] = {-1, -1, -1, -1};
+  static constexpr int kMaxDonors = 4;
+  double cost[kMaxDonors] = {1e300, 1e300, 1e300, 1e300};
+  std::int32_t donor[kMaxDonors] = {-1, -1, -1, -1};
 
   /// To be called with ascending `l`.
   PALPATE_HOSTDEV void offer(double its_cost, std::int32_t l) {
-    if (!(its_cost < cost[kMost - 1])) return;
+    if (!(its_cost < cost[kMaxDonors - 1])) return;
     // Up from the end, to behind those that are as good.
-    for (int slot = kMost - 1; slot > 0; --slot) {
+    for (int slot = kMaxDonors - 1; slot > 0; --slot) {
       if (!(its_cost < cost[slot - 1])) {
         cost[slot] = its_cost;
         donor[slot] = l;

@@ -83,7 +83,7 @@ class DonorPruning {
     return dot(plane.normal, box.centre) - plane.offset < limit;
   }
   // The first lane that has the least value; none is negative.
-  __device__ static int lane_of_least(float value) {
+  __device__ static int lane_of_min(float value) {
     const auto bits = static_cast<unsigned>(__float_as_int(value));
     unsigned least = bits;
 #if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 800
@@ -142,7 +142,7 @@ class DonorPruning {
 
   // By the block: of `from`, those that may be nearest to some centre of clusters [first, last), in
   // `list`, or all of `from` if they are too many for it; and whether the plane of one reaches
-  // them. Most of the time goes by in waiting for memory, so each thread asks for its first donor
+  // them. Most of the time goes by in waiting for memory, so each thread prefetches its first donor
   // and its plane at once.
   __device__ Pruned prune(const DonorCentres& from, int first, int last, DonorCentre* list,
                           int capacity) {
@@ -161,13 +161,13 @@ class DonorPruning {
     for (int i = thread + threads; i < from.num; i += threads) {
       offer(best, from.at(q_.boundary, i), box);
     }
-    const int nearest_lane = lane_of_least(best.squared_distance);
+    const int nearest_lane = lane_of_min(best.squared_distance);
     __syncthreads();  // nobody reads what the last call left any more
     if (lane == nearest_lane) shared_.nearest[gpu::warp_id()] = best;
     if (thread == 0) shared_.num = shared_.is_reached = 0;
     __syncthreads();
     best = shared_.nearest[lane % gpu::warps_per_block()];
-    best = from_lane(best, lane_of_least(best.squared_distance));
+    best = from_lane(best, lane_of_min(best.squared_distance));
 
     const float limit = one_lane::reach_with_slack(box);
     bool is_reached = false;

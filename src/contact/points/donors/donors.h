@@ -28,7 +28,7 @@ class Donors {
   int size() const { return static_cast<int>(donors_.size()); }
   const Donor& operator[](std::int32_t i) const { return donors_[static_cast<std::size_t>(i)]; }
 
-  /// For the kernels. With presences only if they are asked for: they cost time.
+  /// For the kernels. With presences only if requested: they cost time.
   BoundaryPlanes view(bool with_presence) const;
   /// Most weight, ties to the lowest sphere id. There must be one.
   std::int32_t heaviest() const;

@@ -37,7 +37,7 @@ struct MeasureSums {
   }
 };
 
-/// What the stage reads and writes. `donor[slot]` < 0 asks for a plane; `kTouched` marks boundary
+/// What the stage reads and writes. `donor[slot]` < 0 requests a plane; `kTouched` marks boundary
 /// spheres, which are left alone.
 struct PlaneAssignment {
   static constexpr std::int32_t kNone = -1, kTouched = -2;

@@ -74,9 +74,9 @@ class EdgeStage {
       least = squared < least ? squared : least;
     }
     for (int step = gpu::kWarpSize / 2; step > 0; step /= 2) {
-      const double other_least = __shfl_xor_sync(gpu::kWholeWarp, least, step);
+      const double other_min = __shfl_xor_sync(gpu::kWholeWarp, least, step);
       const double other_radius = __shfl_xor_sync(gpu::kWholeWarp, squared_radius, step);
-      least = other_least < least ? other_least : least;
+      least = other_min < least ? other_min : least;
       squared_radius = other_radius > squared_radius ? other_radius : squared_radius;
     }
     constexpr double kSlack = 1 + 1e-9;

@@ -62,9 +62,9 @@ class GraphStage {
   }
 
  private:
-  static constexpr int kFew = 64;        // parts of rows
-  static constexpr int kBatch = 2;       // neighbours that a lane asks about at the same time
-  static constexpr int kLeastLanes = 3;  // for each part, as the exponent of 2
+  static constexpr int kFew = 64;      // parts of rows
+  static constexpr int kBatch = 2;     // neighbours that a lane reads at the same time
+  static constexpr int kMinLanes = 3;  // for each part, as the exponent of 2
 
   /// Those who share a round, and where they count the parts that they list.
   struct Team {
@@ -85,7 +85,7 @@ class GraphStage {
     RowPart* parts;
     std::int32_t* num;
   };
-  /// Some neighbours, asked about together.
+  /// Some neighbours, read together.
   struct Ahead {
     std::int32_t slot[kBatch], round[kBatch], row_begin[kBatch], row_end[kBatch];
     SlotSphere sphere[kBatch];
@@ -156,7 +156,7 @@ class GraphStage {
   }
   __device__ static Lanes lanes_for_each(std::int32_t num, const Team& team) {
     Lanes lanes{5};
-    while (lanes.log2 > kLeastLanes && num > team.num_warps * lanes.at_once()) --lanes.log2;
+    while (lanes.log2 > kMinLanes && num > team.num_warps * lanes.at_once()) --lanes.log2;
     return lanes;
   }
   __device__ static std::int32_t end_of_part(std::int32_t begin, std::int32_t row_end) {
@@ -167,7 +167,7 @@ class GraphStage {
   /// One part; an empty one by those that have none. All lanes of the warp call.
   __device__ void settle(const RowPart& part, const Lanes& lanes, const Reached& reached) const {
     const bool has_part = part.begin < part.end;
-    // All that does not need the reference is asked for before it is known.
+    // All that does not need the reference is loaded before it is known.
     const Offer* const offers = search_.offers + part.row_begin;
     const int num = has_part ? gpu::read_now(&search_.slots[part.slot].num_offers) : 0;
     Offer first[GraphSearch::kFirstOffers];

@@ -12,7 +12,7 @@ namespace palpate::inline v0 {
 struct BoundaryPlaneRule {
   bool weighted = false;    ///< the sums carry kernel weights (Continuity)
   bool fades_in = false;    ///< a boundary sphere counts as one only as far as points are in it
-  bool with_range = false;  ///< DonorPoint::range is wanted
+  bool with_range = false;  ///< DonorPoint::range is needed
 };
 
 /// A sphere that contains points. Without a plane its normal is 0 and it gives nothing.

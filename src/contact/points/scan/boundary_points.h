@@ -13,7 +13,7 @@ namespace palpate::inline v0 {
 /// All memory is allocated at construction.
 class BoundaryPoints {
  public:
-  /// `pool` must outlive it. Without `has_edges` edges cannot be asked for.
+  /// `pool` must outlive it. Without `has_edges` edges cannot be requested.
   BoundaryPoints(std::size_t num_spheres, ThreadPool& pool, ScanPoints scan_points, bool has_edges);
 
   /// Adds up the points of the window. Rows (or runs of an unorganised cloud) are shared out; the

@@ -54,10 +54,10 @@ struct alignas(64) PointSums {
 /// The finest scale, a power of two, in which the sums of so many points in one sphere fit, none
 /// farther than `reach` (m) from the tool's origin: 2^40 up to 8 million points within 1 m.
 inline double finest_sum_scale(std::size_t num_points, double reach) {
-  constexpr double kMostCounts = 9e18;  // of an int64
+  constexpr double kMaxCounts = 9e18;  // of an int64
   const double most = static_cast<double>(num_points) * std::max(1.0, reach);
   double scale = PointSums::kFinestScale;
-  while (most * scale > kMostCounts) scale /= 2;
+  while (most * scale > kMaxCounts) scale /= 2;
   return scale;
 }
 
