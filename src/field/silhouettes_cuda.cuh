@@ -18,6 +18,12 @@ using one_lane::RulePlane;
 constexpr int kReach = DepthFieldLevel::kSilhouetteReach;
 constexpr int kRimThreads = 256, kRimWarps = kRimThreads / gpu::kWarpSize;
 constexpr int kWordBits = gpu::kWarpSize;
+// So many blocks share the registers of a multiprocessor; older ones have no room for five.
+#if defined(__CUDA_ARCH__) && __CUDA_ARCH__ < 800
+constexpr int kRimBlocks = 4;
+#else
+constexpr int kRimBlocks = 5;
+#endif
 
 /// What all levels are measured with.
 struct RimLevels {
@@ -196,7 +202,7 @@ struct RimSearch {
 };
 
 /// Third kernel of a field: borders and silhouettes.
-__global__ void __launch_bounds__(kRimThreads, 5)
+__global__ void __launch_bounds__(kRimThreads, kRimBlocks)
     find_silhouettes(const __grid_constant__ FieldJob job, const __grid_constant__ RimLevels rims) {
   const RimMemory shared(job.rim);
   const int block = static_cast<int>(blockIdx.x) % job.num_rim_blocks();

@@ -83,11 +83,11 @@ TEST(SensorBatchCuda, HasTheBitsOfTheCpuInImagesOfManyTiles) {
   PALPATE_GPU_OR_SKIP();
   const test::RoughImages images(131, 67, 2, 7);
   const auto views = views_of(images, false);
-  for (const UnknownSpace unknown :
-       {UnknownSpace::free, UnknownSpace::solid, UnknownSpace::blocked}) {
-    auto frames =
-        make_batch_frames_cuda(settings_of(images.camera, {.unknown = unknown}), 0).value();
-    Expected want(images.camera, {.unknown = unknown});
+  for (const DepthFieldOptions& options : {DepthFieldOptions{}, DepthFieldOptions{.fill_levels = 0},
+                                           DepthFieldOptions{.unknown = UnknownSpace::solid},
+                                           DepthFieldOptions{.unknown = UnknownSpace::blocked}}) {
+    auto frames = make_batch_frames_cuda(settings_of(images.camera, options), 0).value();
+    Expected want(images.camera, options);
     want.compare(made(*frames, views[0], 2), views);
   }
 }
