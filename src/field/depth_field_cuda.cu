@@ -267,7 +267,7 @@ __global__ void __launch_bounds__(kThreads) widen_planes(const __grid_constant__
 
 /// Of tiles of a size, for the largest level.
 RimTiling rim_tiling(const PyramidLayout& layout, int wide, int high) {
-  // See RimSpans: pixels that are asked for, and that have planes.
+  // See RimSpans: pixels that are requested, and that have planes.
   const auto num_requested = [](int tile, int size) {
     return std::min(tile + 2, size + 2 * kSilhouetteBorder + 1);
   };

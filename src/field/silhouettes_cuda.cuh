@@ -82,7 +82,7 @@ __device__ inline std::uint32_t widened_bits(std::uint32_t before, std::uint32_t
 }
 
 /// A block's shared memory, of the size that RimTiling says. Rows and columns of everything but the
-/// planes are counted from kReach pixels before the first one asked for.
+/// planes are counted from kReach pixels before the first requested one.
 struct RimMemory {
   static constexpr int kNumBits = 4;
 
@@ -253,7 +253,8 @@ __global__ void __launch_bounds__(kRimThreads, kRimBlocks)
 
   const int first_u = us.requested.begin - kReach, first_v = vs.requested.begin - kReach;
   const int num_rows = vs.requested.size() + 2 * kReach;
-  const int end_row = num_rows - kReach, end_column = kReach + us.requested.size();  // asked
+  const int end_row = num_rows - kReach,
+            end_column = kReach + us.requested.size();  // of the requested ones
   const int num_columns = end_column + kReach - 1;
   const int num_words = (num_columns + kWordBits - 1) / kWordBits;
   // Calls f(row, word) for a thread's words of rows [begin, end).
@@ -262,7 +263,7 @@ __global__ void __launch_bounds__(kRimThreads, kRimBlocks)
       f(i / num_words, i % num_words);
     }
   };
-  const auto asked_bits = [&](int word) { return span_bits(kReach, end_column, word); };
+  const auto requested_bits = [&](int word) { return span_bits(kReach, end_column, word); };
   // Calls f(row, column) for a thread's pixels of the list.
   const auto for_listed = [&](bool at_end, const auto& f) {
     for (int i = thread; i < shared.num_listed[at_end]; i += kRimThreads) {
@@ -275,13 +276,13 @@ __global__ void __launch_bounds__(kRimThreads, kRimBlocks)
   const RimBits& is_near = shared.may_have;
   const auto mark = [&](bool has_edge) {
     for (int v = vs.tile.begin + warp; v < vs.tile.end; v += kRimWarps) {
-      const bool row_is_asked =
+      const bool row_is_requested =
           has_edge && v > -kSilhouetteBorder && v < height + kSilhouetteBorder;
       for (int u = us.tile.begin + lane; u < us.tile.end; u += kWordBits) {
         const std::ptrdiff_t at = origin + static_cast<std::ptrdiff_t>(v) * job.layout.stride + u;
         const int column = u - first_u;
         arrays.near_silhouette[at] =
-            row_is_asked && u > -kSilhouetteBorder && u < width + kSilhouetteBorder &&
+            row_is_requested && u > -kSilhouetteBorder && u < width + kSilhouetteBorder &&
             (is_near.at(v - first_v, column / kWordBits) >> column % kWordBits & 1) != 0;
         if (!is_inside(u, v)) {
           const RulePlane plane = pixel_at(u, v).plane;
@@ -329,7 +330,7 @@ __global__ void __launch_bounds__(kRimThreads, kRimBlocks)
     const std::uint32_t before = word > 0 ? shared.right.at(row, word - 1) : 0;
     const std::uint32_t bits = widened_bits(before, shared.right.at(row, word),
                                             shared.right.at(row, word + 1), kReach - 1, kReach) &
-                               asked_bits(word);
+                               requested_bits(word);
     shared.sees_edge.at(row, word) |= bits;
     shared.put(bits, row, word, false);
   });
@@ -366,7 +367,7 @@ __global__ void __launch_bounds__(kRimThreads, kRimBlocks)
     const int begin = row < kReach ? 0 : row - kReach;
     const int end = row + kReach < num_rows ? row + kReach + 1 : num_rows;
     shared.may_have.at(row, word) =
-        shared.sees_edge.any_of(begin, end - begin, word) & asked_bits(word);
+        shared.sees_edge.any_of(begin, end - begin, word) & requested_bits(word);
   });
   __syncthreads();
   if (thread < 2) shared.num_listed[thread] = 0;
@@ -378,7 +379,7 @@ __global__ void __launch_bounds__(kRimThreads, kRimBlocks)
     // Whoever asks beside a silhouette also reads pixels that have none.
     const std::uint32_t beside =
         widened_bits(word > 0 ? around(word - 1) : 0, around(word), around(word + 1), 2, 2);
-    shared.put(beside & ~bits & asked_bits(word), row, word, true);
+    shared.put(beside & ~bits & requested_bits(word), row, word, true);
   });
   __syncthreads();
 
