@@ -20,7 +20,6 @@
 #include "src/io/internal/mcap_file.h"
 #include "src/io/ros_image.h"
 #include "src/io/ros_messages.h"
-#include "src/pages/page_files.h"
 #include "src/session/internal/run_folder.h"
 #include "src/session/run_messages.h"
 #include "src/session/run_series.h"
@@ -29,6 +28,7 @@
 #include "tests/session/live_hand.h"
 #include "tests/session/recorded_messages.h"
 #include "tests/session/synthetic_stream.h"
+#include "tests/test_util/report_data.h"
 #include "tests/test_util/wait_for.h"
 
 namespace palpate {
