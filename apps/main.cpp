@@ -7,6 +7,8 @@
 #include "apps/program.h"
 #include "apps/verbs.h"
 
+// What it throws is a mistake in the options of a verb, which ends it.
+// NOLINTNEXTLINE(bugprone-exception-escape)
 int main(int argc, char** argv) {
   CLI::App program(
       "Feel what a depth camera sees: how much of a rigid tool lies in the scene, and "

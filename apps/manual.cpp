@@ -78,7 +78,7 @@ std::string page_of(const CLI::App& program, const CLI::App* verb) {
 /// The words that an option takes: the list at the end of its description.
 std::string words_of(const CLI::Option& option) {
   if (!std::string_view(option.get_type_name()).starts_with("NAME")) return {};
-  const std::string text = option.get_description();
+  const std::string& text = option.get_description();
   const std::size_t colon = text.rfind(": ");
   if (colon == std::string::npos) return {};
   std::string words;

@@ -57,10 +57,10 @@ struct Grid {
     return (k * nodes[1] + j) * nodes[0] + i;
   }
   Vec3d position(std::size_t node) const {
-    return low + Vec3d{static_cast<double>(node % nodes[0]),
-                       static_cast<double>(node / nodes[0] % nodes[1]),
-                       static_cast<double>(node / nodes[0] / nodes[1])} *
-                     cell;
+    const std::size_t row = node / nodes[0], i = node % nodes[0], j = row % nodes[1],
+                      k = row / nodes[1];
+    return low +
+           Vec3d{static_cast<double>(i), static_cast<double>(j), static_cast<double>(k)} * cell;
   }
 };
 

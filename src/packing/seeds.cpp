@@ -75,8 +75,8 @@ std::optional<StartingPoints> starting_points(const FreeSpace& space, const Boun
   const auto run = [&](int task) {
     std::vector<Ball>& part = parts[static_cast<std::size_t>(task)];
     if (task < num_rows) {
-      const Vec3d row{0, h * (task % num[1]), h * (task / num[1])};
-      scan_row(mesh, start + row, h, num[0], part);
+      const int y = task % num[1], z = task / num[1];
+      scan_row(mesh, start + Vec3d{0, h * y, h * z}, h, num[0], part);
       return;
     }
     const int begin = (task - num_rows) * kFacetsPerTask;
