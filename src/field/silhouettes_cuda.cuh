@@ -302,7 +302,8 @@ __global__ void __launch_bounds__(kRimThreads, kRimBlocks)
       if (has_edges && column < num_columns && (goes_on || (u >= -1 && u < width))) {
         const RimPixel own = pixel_in(planes, u);
         ends_right = is_edge(own, pixel_in(planes, u + 1), rules.width_u);
-        ends_below = is_edge(own, pixel_in(planes_below, u), rules.width_v);
+        // Below the last row no plane is at hand, and nobody reaches as far.
+        if (row + 1 < num_rows) ends_below = is_edge(own, pixel_in(planes_below, u), rules.width_v);
       }
       const std::uint32_t right = __ballot_sync(gpu::kWholeWarp, ends_right);
       const std::uint32_t below = __ballot_sync(gpu::kWholeWarp, ends_below);
