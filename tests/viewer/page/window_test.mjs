@@ -107,5 +107,5 @@ pageTest('the colours are explained on the page', async () => {
   const page = await openPage(served.url);
   await drawn(page);
   const words = (await page.evaluate(() => document.body.innerText)).toLowerCase();
-  for (const word of ['inside', 'boundary', 'outside']) assert.ok(words.includes(word), word);
+  for (const word of ['inside', 'cut by the surface', 'outside']) assert.ok(words.includes(word), word);
 });
