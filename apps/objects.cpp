@@ -16,9 +16,11 @@
 namespace palpate::apps {
 namespace {
 
-constexpr const char* kForm = "TOOL.palp@'tx ty tz qx qy qz qw'[,frame=NAME][,friction=MU]";
+constexpr const char* kForm =
+    "TOOL.palp@'tx ty tz qx qy qz qw'[,frame=NAME][,friction=MU][,static_ratio=R][,viscous=V]";
 constexpr const char* kFormMoving =
-    "TOOL.palp@'tx ty tz qx qy qz qw'[,frame=NAME][,friction=MU][,moving[,mass=KG]]";
+    "TOOL.palp@'tx ty tz qx qy qz qw'[,frame=NAME][,friction=MU][,static_ratio=R][,viscous=V]"
+    "[,moving[,mass=KG]]";
 
 double parse_number(const std::string& object, const char* what, std::string_view text, double low,
                     double high) {
@@ -31,12 +33,19 @@ double parse_number(const std::string& object, const char* what, std::string_vie
   return value;
 }
 
-/// "friction=0.3", "mass=0.5" or "moving".
+/// "friction=0.3", "static_ratio=1.2", "viscous=0.1", "mass=0.5" or "moving".
 void parse_property(std::string_view text, bool can_move, ObjectOption& object) {
   constexpr std::string_view kFriction = "friction=", kMass = "mass=", kFrame = "frame=";
+  constexpr std::string_view kStaticRatio = "static_ratio=", kViscous = "viscous=";
   if (text.starts_with(kFriction)) {
     object.friction = parse_number(object.file, "friction must be a number from 0 to 10",
                                    text.substr(kFriction.size()), 0, 10);
+  } else if (text.starts_with(kStaticRatio)) {
+    object.static_ratio = parse_number(object.file, "static_ratio must be a number from 1 to 10",
+                                       text.substr(kStaticRatio.size()), 1, 10);
+  } else if (text.starts_with(kViscous)) {
+    object.viscous = parse_number(object.file, "viscous must be a number from 0 to 100 (s/m)",
+                                  text.substr(kViscous.size()), 0, 100);
   } else if (text.starts_with(kFrame) && text.size() > kFrame.size()) {
     object.frame = text.substr(kFrame.size());
   } else if (can_move && text.starts_with(kMass)) {
@@ -45,9 +54,10 @@ void parse_property(std::string_view text, bool can_move, ObjectOption& object) 
   } else if (can_move && text == "moving") {
     object.moves = true;
   } else {
-    usage_error("--object " + object.file +
-                ": what follows the pose must be frame=NAME, friction=MU" +
-                (can_move ? ", mass=KG or moving" : "") + ", not '" + std::string(text) + "'");
+    usage_error(
+        "--object " + object.file +
+        ": what follows the pose must be frame=NAME, friction=MU, static_ratio=R, viscous=V" +
+        (can_move ? ", mass=KG or moving" : "") + ", not '" + std::string(text) + "'");
   }
 }
 
@@ -107,7 +117,8 @@ void add_object_option(CLI::App& app, std::vector<ObjectOption>& objects, bool c
            for (const std::string& text : texts) objects.push_back(parse_object(text, can_move));
          },
          "rigid CAD object in the scene, with its pose in the world, or with frame=NAME "
-         "in a frame of the rig; repeat for several; friction=MU: its own friction" +
+         "in a frame of the rig; repeat for several; friction=MU, static_ratio=R, viscous=V: its "
+         "own friction" +
              moving)
       ->allow_extra_args(false)
       ->type_name(can_move ? kFormMoving : kForm);
@@ -130,7 +141,7 @@ Result<std::vector<SceneObject>> load_objects(const std::vector<ObjectOption>& o
       shape = std::make_shared<const Tool>(*std::move(tool));
     }
     objects.push_back({shape, option.X_WB, option.friction, option.moves, option.mass,
-                       new_name(option.file, objects)});
+                       new_name(option.file, objects), option.static_ratio, option.viscous});
   }
   return objects;
 }

@@ -16,7 +16,7 @@ struct ObjectOption {
   std::string file;
   Pose X_WB;          ///< in `frame`, until that is known
   std::string frame;  ///< empty: the world
-  std::optional<double> friction;
+  std::optional<double> friction, static_ratio, viscous;
   bool moves = false;
   double mass = 0;  ///< kg; 0: by its volume
 };

@@ -97,10 +97,11 @@ class Output final : public RosOutput {
     }
     std::vector<RosBody> bodies;
     body_frames_.reserve(objects.size());  // bodies look at them
-    for (const auto& [shape, X_WB, friction, moves, mass, name] : objects) {
-      if (moves) body_frames_.push_back(full_topic(name, options_.name_space).substr(1));
-      bodies.push_back({moves ? body_frames_.back() : options_.camera_frame, name, shape->mesh(),
-                        moves ? Pose{} : X_WB});
+    for (const SceneObject& object : objects) {
+      const bool moves = object.moves;
+      if (moves) body_frames_.push_back(full_topic(object.name, options_.name_space).substr(1));
+      bodies.push_back({moves ? body_frames_.back() : options_.camera_frame, object.name,
+                        object.shape->mesh(), moves ? Pose{} : object.X_WB});
     }
     markers_->publish(mesh_markers_message(options_.tool_frame, tool_.mesh(), bodies));
     if (body_frames_.empty()) return Done{};

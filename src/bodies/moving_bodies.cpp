@@ -128,13 +128,13 @@ Status MovingBodies::add(const std::vector<SceneObject>& objects, const Place& p
 void MovingBodies::use_materials(const ObjectFrictions& frictions) {
   for (std::size_t i = 0; i < shapes_.size(); ++i) {
     Body& body = shapes_[i];
-    body.friction = frictions[body.object].value_or(options_.friction);
+    body.friction = frictions[body.object].coefficient.value_or(options_.friction);
     // A cube of this volume lies `sink` deep with its weight on one face.
     const double area = std::pow(body.volume, 2.0 / 3);
     body.scale = bodies_[i].mass * 9.81 / (area * options_.sink);
   }
   for (Fixture& fixture : fixtures_) {
-    fixture.friction = frictions[fixture.object].value_or(options_.friction);
+    fixture.friction = frictions[fixture.object].coefficient.value_or(options_.friction);
   }
 }
 
@@ -378,7 +378,7 @@ bool MovingBodies::step(std::span<const SurfaceBlend> cameras, std::span<const P
 
 void MovingBodies::use(const BodyOptions& options, const ObjectFrictions& frictions) noexcept {
   const auto has_changed = [&](const auto& one) {
-    return one.friction != frictions[one.object].value_or(options.friction);
+    return one.friction != frictions[one.object].coefficient.value_or(options.friction);
   };
   const bool wakes_all = !options.may_sleep || !is_carried_alike(options_, options) ||
                          std::ranges::any_of(fixtures_, has_changed);

@@ -154,7 +154,7 @@ MovingBodies::Push ContactPart::push_on(int body, const Pose& X_WT, double dt) c
   push.patch = contact_patch({-measured.bodies.measure_W.force, {}}, measured.bodies.volume, {},
                              measured.bodies_moments);
   push.patch.lever_W += X_WT * tool_mass_.centre_of_mass - center;
-  push.friction = scale_.object_frictions[object].value_or(scale_.friction);
+  push.friction = scale_.object_frictions[object].coefficient.value_or(scale_.friction.coefficient);
   push.grip = scale_.grip;
   if (!(dt > 0)) return push;
   const Vec3d was = before_->X_WT * (inverse(X_WT) * center);
@@ -187,21 +187,35 @@ ContactPatch ContactPart::patch_at(std::span<const SurfaceBlend> cameras,
           ? contact_patch(of_bodies, measured.bodies.volume, *measured.bodies_stiffness,
                           measured.bodies_moments)
           : guessed_patch(of_bodies, measured.bodies.volume, tool_mass_, X_WT.rotation);
-  double all = 0, with_own = 0, weighted = 0;
+  double all = 0;
+  for (std::size_t i = 0; i < scale_.object_frictions.size(); ++i) {
+    all += norm(world_.measured(kToolBody + 1 + static_cast<int>(i)).bodies.measure_W.force);
+  }
+  if (all > 0) take_frictions(all, objects);
+  return joined(cloud, norm(of_cloud.force), objects, norm(of_bodies.force));
+}
+
+void ContactPart::take_frictions(double all_forces, ContactPatch& objects) const noexcept {
+  const FrictionOptions& other = scale_.friction;
+  double with_own = 0, weighted = 0;
+  Ground& ground = objects.ground;
   for (std::size_t i = 0; i < scale_.object_frictions.size(); ++i) {
     const BodyMeasure& object = world_.measured(kToolBody + 1 + static_cast<int>(i));
     const double force = norm(object.bodies.measure_W.force);
-    all += force;
-    const std::optional<double>& friction = scale_.object_frictions[i];
-    if (!friction) continue;
-    with_own += force;
-    weighted += force * *friction;
+    const ObjectFriction& own = scale_.object_frictions[i];
+    if (own.static_ratio || own.viscous) {  // like a region with a material
+      const double share = force / all_forces, mu = own.coefficient.value_or(other.coefficient);
+      ground.share += share;
+      ground.friction += share * mu;
+      ground.static_friction += share * mu * own.static_ratio.value_or(other.static_ratio);
+      ground.viscous += share * own.viscous.value_or(mu > 0 ? other.viscous : 0);
+    } else if (own.coefficient) {
+      with_own += force;
+      weighted += force * *own.coefficient;
+    }
   }
-  if (all > 0) {
-    objects.share = 1 - with_own / all;
-    objects.own_friction = weighted / all;
-  }
-  return joined(cloud, norm(of_cloud.force), objects, norm(of_bodies.force));
+  objects.share = 1 - with_own / all_forces - ground.share;
+  objects.own_friction = weighted / all_forces;
 }
 
 bool ContactPart::has_stiffness() const noexcept {

@@ -37,9 +37,13 @@ Status check(const RunSettings& settings, const DeviceInfo& device) {
     if (object.shape == nullptr || !is_finite(object.X_WB)) {
       return Error{Errc::invalid_argument, "every object needs a shape and a finite pose"};
     }
-    if (const double friction = object.friction.value_or(0); !(friction >= 0 && friction <= 10)) {
+    const double friction = object.friction.value_or(0), ratio = object.static_ratio.value_or(1);
+    const double viscous = object.viscous.value_or(0);
+    if (!(friction >= 0 && friction <= 10 && ratio >= 1 && ratio <= 10 && viscous >= 0 &&
+          viscous <= 100)) {
       return Error{Errc::invalid_argument,
-                   "the friction of an object must be a number from 0 to 10"};
+                   "the friction of an object must be a number from 0 to 10, its static_ratio one "
+                   "from 1 to 10 and its viscous friction one from 0 to 100 s/m"};
     }
   }
   return Done{};
@@ -180,9 +184,8 @@ Result<RunParts> make_run_parts(const std::shared_ptr<const ToolIndex>& index,
   parts.checked_coupling = coupling->options;
   parts.scale = {thesis_volume_stiffness(coupling->options.force_at_eighth,
                                          full_volume(tool, settings.contact)),
-                 coupling->options.friction.coefficient,
-                 friction_stiffness(coupling->options, device.limits), settings.bodies,
-                 frictions_of(settings.objects)};
+                 coupling->options.friction, friction_stiffness(coupling->options, device.limits),
+                 settings.bodies, frictions_of(settings.objects)};
   if (before == nullptr || !keeps_coupling(*before, settings)) {
     parts.coupling = make_coupling(coupling->options, device.limits, tool.sphere_mass());
     parts.notes = std::move(coupling->warnings);

@@ -41,7 +41,9 @@ bool has_friction(const RunSettings& settings) {
   const FrictionOptions& friction = settings.coupling.friction;
   return friction.coefficient > 0 || friction.contact_damping > 0 ||
          std::any_of(settings.objects.begin(), settings.objects.end(),
-                     [](const SceneObject& object) { return object.friction.value_or(0) > 0; }) ||
+                     [](const SceneObject& object) {
+                       return object.friction.value_or(0) > 0 || object.viscous.value_or(0) > 0;
+                     }) ||
          !settings.regions.empty();
 }
 

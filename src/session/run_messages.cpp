@@ -321,6 +321,8 @@ Json json_of(const std::vector<SceneObject>& objects) {
     list.push_back({{"pose", seven_numbers(object.X_WB)}});
     if (!object.name.empty()) list.back()["name"] = object.name;
     if (object.friction) list.back()["friction"] = *object.friction;
+    if (object.static_ratio) list.back()["static_ratio"] = *object.static_ratio;
+    if (object.viscous) list.back()["viscous"] = *object.viscous;
     if (object.moves) list.back()["mass"] = object.mass;
   }
   return list;
@@ -331,7 +333,12 @@ std::vector<SceneObject> objects_from(const Json& list) {
   for (const Json& json : list) {
     const auto v = json.at("pose").get<std::array<double, 7>>();
     SceneObject object{nullptr, {{v[0], v[1], v[2]}, {v[3], v[4], v[5], v[6]}}};
-    if (json.contains("friction")) object.friction = json["friction"].get<double>();
+    const auto optional = [&](const char* name, std::optional<double>& value) {
+      if (json.contains(name)) value = json[name].get<double>();
+    };
+    optional("friction", object.friction);
+    optional("static_ratio", object.static_ratio);
+    optional("viscous", object.viscous);
     object.moves = json.contains("mass");
     if (object.moves) object.mass = json["mass"].get<double>();
     object.name = json.value("name", "");  // those of before have none

@@ -141,9 +141,11 @@ class Repetition {
                                         " have other objects; record the run again"};
     }
     for (std::size_t i = 0; i < objects.size(); ++i) {
-      const std::optional<double> friction = objects[i].friction;
+      const SceneObject now = objects[i];
       objects[i] = first[i];
-      objects[i].friction = friction;
+      objects[i].friction = now.friction;
+      objects[i].static_ratio = now.static_ratio;
+      objects[i].viscous = now.viscous;
     }
     return Done{};
   }

@@ -94,6 +94,8 @@ Json objects_json(const std::vector<SceneObject>& objects) {
                     {"position_m", {p.x, p.y, p.z}}});
     if (!object.name.empty()) list.back()["name"] = object.name;
     if (object.friction) list.back()["friction"] = *object.friction;
+    if (object.static_ratio) list.back()["static_ratio"] = *object.static_ratio;
+    if (object.viscous) list.back()["viscous"] = *object.viscous;
     if (object.moves) list.back()["mass_kg"] = mass_of(object);
   }
   return list;

@@ -118,7 +118,7 @@ TEST(MovingBodies, LieDeeperAndSlideWhenMaterialsChange) {
   rough.friction = 0.5;
   TableTop world({box_at(0, 0.001), rough}, {}, options);
   const auto use_for = [&](double seconds) {
-    world.bodies->use(options, {{}, 0.5});
+    world.bodies->use(options, ObjectFrictions{{}, {0.5}});
     go_on(world, seconds);
     return world.body(0).X_WB.translation;
   };
@@ -151,10 +151,10 @@ TEST(MovingBodies, WakeUpWhenTheirOwnFrictionChanges) {
   go_on(world, 1.5);
   ASSERT_TRUE(world.body(0).is_asleep && world.body(1).is_asleep);
   const Pose one = world.body(0).X_WB, two = world.body(1).X_WB;
-  world.bodies->use(options, {{}, {}});
+  world.bodies->use(options, ObjectFrictions(2));
   go_on(world, 0.1);
   EXPECT_EQ(world.body(0).X_WB, one) << "nothing has changed";
-  world.bodies->use(options, {0.1, {}});
+  world.bodies->use(options, ObjectFrictions{{0.1}, {}});
   go_on(world, 0.5);
   EXPECT_NEAR(world.body(0).X_WB.translation.x, one.translation.x + 0.5 * (0.3 - 0.1) * 9.81 * 0.25,
               0.03);

@@ -196,6 +196,34 @@ TEST(FrictionRun, OfOneObjectChangesWhileTheToolSlidesOverIt) {
   }
 }
 
+TEST(FrictionRun, AnObjectHasItsOwnStaticAndViscousFriction) {
+  const Tool tool = test::packed(make_box({0.02, 0.02, 0.02}), 200);
+  constexpr double kRatio = 1.6, kViscous = 2.5;
+  RunSettings settings = with_blocks(CouplingKind::none);
+  settings.objects[0].static_ratio = kRatio;
+  settings.objects[0].viscous = kViscous;
+  for (const bool is_left : {true, false}) {
+    for (const double speed : {0.01, 0.03}) {  // m/s
+      Wall wall(tool, settings);
+      Split got{};
+      double largest = 0;
+      for (int i = 0; i < 1200; ++i) {
+        const Pose X_BH{{is_left ? -0.06 : 0.06, -0.015 + 1e-3 * speed * std::max(0, i - 200),
+                         kWall - 0.055 + 2e-3 * std::min(1.0, i / 200.0)},
+                        {}};
+        got = split(wall.to(X_BH).step.contact_W.force, {0, 0, -1});
+        if (i > 200) largest = std::max(largest, norm(got.along) / got.into);
+      }
+      EXPECT_GT(got.into, 0.5);
+      const double viscous = is_left ? kViscous * speed : 0;
+      EXPECT_NEAR(norm(got.along) / got.into, kMu + viscous, 0.01 * kMu) << is_left << " " << speed;
+      const double held = kMu * (is_left ? kRatio : 1);
+      EXPECT_GT(largest, 0.98 * held) << is_left << " " << speed;
+      EXPECT_LT(largest, 1.02 * held + viscous) << is_left << " " << speed;
+    }
+  }
+}
+
 TEST(FrictionRun, ObjectsHaveNamesOfTheirOwnAndStayWhatTheyAre) {
   Wall wall(test::box_tool(), with_blocks(CouplingKind::none));
   const auto refusal = [&](const auto& edit, bool at_start) {
@@ -214,6 +242,8 @@ TEST(FrictionRun, ObjectsHaveNamesOfTheirOwnAndStayWhatTheyAre) {
     EXPECT_EQ(refusal([](Objects& o) { o[1].friction = 0.3; }, at_start), "");
     EXPECT_EQ(refusal([](Objects& o) { o[1].friction = 11; }, at_start),
               "objects.right.friction must be a number from 0 to 10 or auto, not 11");
+    EXPECT_EQ(refusal([](Objects& o) { o[1].static_ratio = 0.5; }, at_start),
+              "objects.right.static_ratio must be a number from 1 to 10 or auto, not 0.5");
   }
   EXPECT_EQ(refusal([](Objects& o) { o[1].name = "left"; }, true),
             "two objects are called 'left'; give each a name of its own");
@@ -234,7 +264,7 @@ TEST(FrictionRun, AnotherFrictionIsTakenWithoutAllocation) {
   RunSettings settings = with_blocks(CouplingKind::none);
   settings.objects[1].moves = true;
   ContactScale scale;
-  scale.object_frictions = {0.2, 0.4};
+  scale.object_frictions = {{0.2}, {0.4, 1.5, 0.1}};
   const auto part = make_contact_part(ToolIndex::create(test::box_tool()), settings, {});
   ASSERT_TRUE(part) << part.error().message;
   const test::AllocationCounter counter;
@@ -250,6 +280,7 @@ TEST(FrictionRun, TicksDoNotAllocate) {
     wall.to({{0, 0, kWall - 0.024}, {}});
     RunSettings other = settings;
     other.objects[0].friction = 0.2;
+    other.objects[1].viscous = 0.1;
     ASSERT_TRUE(wall.pipeline().change(other));
     const test::AllocationCounter counter;
     for (int i = 0; i < 30; ++i) wall.to({{1e-4 * i, 0, kWall - 0.022}, {}});

@@ -26,12 +26,19 @@ struct SceneObject {
   bool moves = false;
   double mass = 0;        ///< kg, if it moves; 0: that of wood, 500 kg/m3
   std::string name = {};  ///< letters, digits and _, unique; empty: nothing of it can be set
+  /// Own static over kinetic friction, and own viscous friction (s/m) on the tool; none: the
+  /// defaults. With one of them, the texture of the settings is left out here.
+  std::optional<double> static_ratio = std::nullopt, viscous = std::nullopt;
 };
 /// What can change during a run. The section of the table must be "objects".
 inline void add_settings(SettingTable& t, SceneObject& o) {
   if (o.name.empty()) return;
   t.add(o.name + ".friction", o.friction, {0, 10},
         "friction of this object; auto: that of everything else");
+  t.add(o.name + ".static_ratio", o.static_ratio, {1, 10},
+        "static over kinetic friction of this object; auto: that of everything else");
+  t.add(o.name + ".viscous", o.viscous, {0, 100, "s/m"},
+        "viscous friction of this object; auto: that of everything else");
 }
 
 /// Mass of a moving object, kg.

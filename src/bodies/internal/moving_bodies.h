@@ -12,11 +12,16 @@
 
 namespace palpate::inline v0 {
 
-/// Of each object of a run; none: the default.
-using ObjectFrictions = std::vector<std::optional<double>>;
+/// Of an object of a run; none: the default. Between objects the coefficient alone counts.
+struct ObjectFriction {
+  std::optional<double> coefficient, static_ratio = std::nullopt, viscous = std::nullopt;
+};
+using ObjectFrictions = std::vector<ObjectFriction>;
 inline ObjectFrictions frictions_of(const std::vector<SceneObject>& objects) {
   ObjectFrictions frictions;
-  for (const SceneObject& object : objects) frictions.push_back(object.friction);
+  for (const SceneObject& o : objects) {
+    frictions.push_back({o.friction, o.static_ratio, o.viscous});
+  }
   return frictions;
 }
 

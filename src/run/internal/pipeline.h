@@ -23,8 +23,8 @@ namespace palpate::inline v0 {
 /// What a contact counts in newtons, and what else of the settings decides it while a run goes on.
 struct ContactScale {
   VolumeStiffness volume;
-  double friction = 0;  ///< coefficient where an object has none of its own
-  double grip = 0;      ///< N/m: of what sticks to the tool
+  FrictionOptions friction = {};  ///< where an object has none of its own
+  double grip = 0;                ///< N/m: of what sticks to the tool
   BodyOptions bodies = {};
   ObjectFrictions object_frictions = {};  ///< of all objects, see frictions_of
 };
@@ -66,6 +66,8 @@ class ContactPart {
   };
   void set_contact(ContactRecord& record) const noexcept;
   ContactPatch patch_at(std::span<const SurfaceBlend> cameras, const Pose& X_WT) const noexcept;
+  /// Materials under the tool's contact with objects. `all_forces` > 0: sum over them, N.
+  void take_frictions(double all_forces, ContactPatch& objects) const noexcept;
   void place_bodies(ContactRecord& record) noexcept;
   void carry(const Pose& X_WT) noexcept;
   void move_bodies(std::span<const SurfaceBlend> cameras, ContactRecord& record) noexcept;
