@@ -191,8 +191,14 @@ TEST(HapticChange, RunsWithChangesAreRecordedAndRepeatedBitForBit) {
 
 TEST(HapticChange, OfTheFrictionOfAnObjectIsRecordedAndRepeatedBitForBit) {
   constexpr Edit kObjectEdits[] = {[](auto& s) { s.objects[0].friction = 0.6; },
-                                   [](auto& s) { s.objects[1].friction = 0.2; },
-                                   [](auto& s) { s.objects[0].friction.reset(); }};
+                                   [](auto& s) {
+                                     s.objects[1].friction = 0.2;
+                                     s.objects[1].viscous = 0.05;
+                                   },
+                                   [](auto& s) {
+                                     s.objects[0].friction.reset();
+                                     s.objects[0].static_ratio = 1.5;
+                                   }};
   const auto shape =
       std::make_shared<const Tool>(test::random_tool(150, 0.04, 9).with_solid_field());
   RunSettings settings = patient_settings();
@@ -209,17 +215,23 @@ TEST(HapticChange, OfTheFrictionOfAnObjectIsRecordedAndRepeatedBitForBit) {
   expect_repeats(run, *outcome);
   const auto summary = nlohmann::json::parse(*read_file(run / "summary.json"));
   EXPECT_EQ(summary["changes"], nlohmann::json::parse(R"([{"objects":{"stone.friction":0.6}},
-      {"objects":{"stone_2.friction":0.2}},{"objects":{"stone.friction":"auto"}}])"));
+      {"objects":{"stone_2.friction":0.2,"stone_2.viscous":0.05}},
+      {"objects":{"stone.friction":"auto","stone.static_ratio":1.5}}])"));
   EXPECT_EQ(summary["settings"]["objects"]["stone_2.friction"], 0.4);
 
   // The repetition depends on every one of them.
   const std::vector<Message> all = messages(run);
-  for (std::uint32_t revision = 0; revision <= 3; ++revision) {
-    rewrite_settings(run, all, revision, [](RunSettings& other) { other.objects[0].friction = 1; });
+  const auto expect_difference = [&](std::uint32_t revision, const auto& edit) {
+    rewrite_settings(run, all, revision, edit);
     const auto differs = replay_run(run);
     ASSERT_TRUE(differs) << differs.error().message;
     EXPECT_NE(differs->difference.find("contact"), std::string::npos) << revision;
+  };
+  for (std::uint32_t revision = 0; revision <= 3; ++revision) {
+    expect_difference(revision, [](RunSettings& other) { other.objects[0].friction = 1; });
   }
+  expect_difference(3, [](RunSettings& other) { other.objects[0].static_ratio = 2; });
+  expect_difference(3, [](RunSettings& other) { other.objects[1].viscous = 0.5; });
   rewrite_settings(run, all, 1, [](RunSettings& other) { other.objects.pop_back(); });
   const auto refused = replay_run(run);
   ASSERT_FALSE(refused);
