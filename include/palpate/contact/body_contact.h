@@ -16,9 +16,7 @@
 
 namespace palpate::inline v0 {
 
-// Rigid CAD objects in the scene, fixed or moving.
-
-/// A rigid object in addition to the depth images, which need not show it.
+/// A rigid object in addition to the depth images, which need not show it; fixed or moving.
 struct SceneObject {
   std::shared_ptr<const Tool> shape;
   Pose X_WB;                                      ///< its fixed or initial pose
@@ -26,8 +24,7 @@ struct SceneObject {
   bool moves = false;
   double mass = 0;        ///< kg, if it moves; 0: that of wood, 500 kg/m3
   std::string name = {};  ///< letters, digits and _, unique; empty: nothing of it can be set
-  /// Own static over kinetic friction, and own viscous friction (s/m) on the tool; none: the
-  /// defaults. With one of them, the texture of the settings is left out here.
+  /// Own static over kinetic and viscous (s/m) friction on the tool; either leaves texture out.
   std::optional<double> static_ratio = std::nullopt, viscous = std::nullopt;
 };
 /// What can change during a run. The section of the table must be "objects".
@@ -46,8 +43,7 @@ inline double mass_of(const SceneObject& object) {
   return object.mass > 0 ? object.mass : 500 * object.shape->mesh_mass().volume;
 }
 
-/// Maximum number of moving objects in one run.
-inline constexpr int kMaxMovingBodies = 32;
+inline constexpr int kMaxMovingBodies = 32;  ///< in one run
 
 /// Options of moving objects (docs/guide/moving-bodies.md).
 struct BodyOptions {
@@ -66,8 +62,7 @@ inline void add_settings(SettingTable& t, BodyOptions& o) {
         "the same; +y is down in the image of a level camera");
   t.add("gravity_z", o.gravity_z, {-100, 100, "m/s2"}, "the same; +z is away from the camera");
   t.add("friction", o.friction, {0, 10},
-        "moving objects: friction with everything but the tool, unless they have their "
-        "own");
+        "moving objects: friction with everything but the tool, unless they have their own");
   t.add("damping", o.damping, {0, 100, "1/s"},
         "moving objects: share of the speed lost per second");
   t.add("sink", o.sink, {1e-6, 0.01, "m"},
@@ -76,8 +71,6 @@ inline void add_settings(SettingTable& t, BodyOptions& o) {
         "moving objects: queries use the first N spheres; 0: all");
   t.add("sleep", o.may_sleep, "moving objects: bodies at rest sleep until something changes");
 }
-
-// Body against body: the common volume of two rigid bodies, and the wrench on each.
 
 /// Integral of lens_volume(a, b, s) over s from `distance` to a + b, m4: the potential of two balls
 /// with centers `distance` apart. Closed form, accurate down to the lightest contact.
