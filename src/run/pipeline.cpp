@@ -120,11 +120,8 @@ void ContactPart::carry(const Pose& X_WT) noexcept {
   Ground& ground = patch_.ground;
   ground.velocity_W = scene_V_W_.linear;
   ground.turning_W = scene_V_W_.angular;
-  double all = norm(measured.cloud.measure_W.force);
+  const double all = plus_object_forces(norm(measured.cloud.measure_W.force));
   const Vec3d p_W = X_WT * tool_mass_.centre_of_mass + patch_.lever_W;
-  for (int body = kToolBody + 1; body < world_.num_bodies(); ++body) {
-    all += norm(world_.measured(body).bodies.measure_W.force);
-  }
   if (!(all > 0)) return;
   for (int i = 0; i < moving_->num_bodies(); ++i) {
     const int object = static_cast<int>(moving_->object(i));
@@ -187,12 +184,15 @@ ContactPatch ContactPart::patch_at(std::span<const SurfaceBlend> cameras,
           ? contact_patch(of_bodies, measured.bodies.volume, *measured.bodies_stiffness,
                           measured.bodies_moments)
           : guessed_patch(of_bodies, measured.bodies.volume, tool_mass_, X_WT.rotation);
-  double all = 0;
-  for (std::size_t i = 0; i < scale_.object_frictions.size(); ++i) {
-    all += norm(world_.measured(kToolBody + 1 + static_cast<int>(i)).bodies.measure_W.force);
-  }
-  if (all > 0) take_frictions(all, objects);
+  if (const double all = plus_object_forces(0); all > 0) take_frictions(all, objects);
   return joined(cloud, norm(of_cloud.force), objects, norm(of_bodies.force));
+}
+
+double ContactPart::plus_object_forces(double sum) const noexcept {
+  for (int body = kToolBody + 1; body < world_.num_bodies(); ++body) {
+    sum += norm(world_.measured(body).bodies.measure_W.force);
+  }
+  return sum;
 }
 
 void ContactPart::take_frictions(double all_forces, ContactPatch& objects) const noexcept {

@@ -66,6 +66,8 @@ class ContactPart {
   };
   void set_contact(ContactRecord& record) const noexcept;
   ContactPatch patch_at(std::span<const SurfaceBlend> cameras, const Pose& X_WT) const noexcept;
+  /// `sum`, and one by one the normal forces of all objects on the tool, N.
+  double plus_object_forces(double sum) const noexcept;
   /// Materials under the tool's contact with objects. `all_forces` > 0: sum over them, N.
   void take_frictions(double all_forces, ContactPatch& objects) const noexcept;
   void place_bodies(ContactRecord& record) noexcept;
