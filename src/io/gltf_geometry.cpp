@@ -282,16 +282,24 @@ Json node_geometry(const Json& node) {
   return kept;
 }
 
+/// Points and lines are left out: they have no volume, and Assimp crashes on a line loop whose
+/// indices are wrong.
 Json mesh_geometry(const Json& mesh) {
-  const auto primitive_geometry = [](const Json& primitive) {
-    Json kept = {{"attributes", Json::object()}};
-    copy_whole(primitive, {"indices", "mode"}, kept);
+  constexpr std::uint64_t kTriangles = 4, kTriangleFan = 6;
+  Json primitives = Json::array();
+  for (const Json& primitive : list(mesh, "primitives")) {
+    const std::uint64_t mode = whole_member(primitive, "mode").value_or(kTriangles);
+    if (mode > kTriangleFan)
+      throw Fault{"has a primitive of the unknown mode " + std::to_string(mode)};
+    if (mode < kTriangles) continue;
+    Json kept = {{"mode", mode}, {"attributes", Json::object()}};
+    copy_whole(primitive, {"indices"}, kept);
     if (const auto attributes = primitive.find("attributes"); attributes != primitive.end()) {
       copy_whole(*attributes, {"POSITION"}, kept["attributes"]);
     }
-    return kept;
-  };
-  return {{"primitives", each(list(mesh, "primitives"), primitive_geometry)}};
+    primitives.push_back(std::move(kept));
+  }
+  return {{"primitives", std::move(primitives)}};
 }
 
 Json accessor_geometry(const Json& accessor) {

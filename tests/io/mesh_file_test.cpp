@@ -285,6 +285,20 @@ TEST_F(MeshFile, GltfNumbersAreNumbers) {
                "not a whole number");
 }
 
+TEST_F(MeshFile, GltfLinesAreLeftOutWhateverTheyAreMadeOf) {
+  const auto gltf_of_mode = [](int mode) {
+    return gltf_of_nodes(R"({"mesh":0})", R"(,"meshes":[{"primitives":[{"mode":)" +
+                                              std::to_string(mode) +
+                                              R"(,"attributes":{"POSITION":0},"indices":1}]}],
+"accessors":[{"bufferView":0,"componentType":5126,"count":1,"type":"VEC3"},
+{"bufferView":0,"byteOffset":12,"componentType":5125,"count":3,"type":"SCALAR"}],
+"bufferViews":[{"buffer":0,"byteLength":24}],"buffers":[{"byteLength":24,
+"uri":"data:application/octet-stream;base64,AAAAAAAAAAAAAAAACQAAAAkAAAAJAAAA"}])");
+  };
+  for (int mode = 0; mode < 7; ++mode) expect_error("m.gltf", gltf_of_mode(mode), "export");
+  expect_error("m.gltf", gltf_of_mode(7), "unknown mode 7");
+}
+
 TEST_F(MeshFile, HostileGltfIsReadOrRefused) {
   PALPATE_DATA_OR_SKIP(folder, "hostile");
   for (const char* name : {"skin", "skin2", "image_mime", "texture_transform"}) {
