@@ -140,7 +140,7 @@ class Output final : public RosOutput {
   };
   struct ContactTime {
     std::uint64_t number = 0;
-    double time = 0;  // s, monotonic
+    double time = std::numeric_limits<double>::quiet_NaN();  // s, monotonic; before the first: none
   };
 
   /// What the wrench thread hands over: the published tick and its verdict.

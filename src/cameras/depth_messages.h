@@ -17,6 +17,7 @@ struct RosCameraModel {
   int width = 0, height = 0;
   Intrinsics raw, rectified;  ///< matrix K, and P of the undistorted image; fx = 0: not given
   Distortion distortion;      ///< of the raw image
+  friend bool operator==(const RosCameraModel&, const RosCameraModel&) = default;
 };
 /// sensor_msgs/CameraInfo. Errors: a distortion model other than plumb_bob and rational_polynomial,
 /// a damaged message.

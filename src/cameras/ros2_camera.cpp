@@ -1,5 +1,6 @@
 // Depth from a topic of ROS 2: Image or compressedDepth, with its CameraInfo, and where the camera
 // is by tf.
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <condition_variable>
@@ -62,7 +63,9 @@ class ReceivedMessages {
       return;
     }
     models_.emplace_back(stamp, *model);
-    comes_in_pairs_ = comes_in_pairs_ || stamp == taken_stamp_;  // it was only late
+    comes_in_pairs_ = comes_in_pairs_ || stamp == taken_stamps_.back();  // it was only late
+    has_come_in_pairs_ = has_come_in_pairs_ || std::find(taken_stamps_.begin(), taken_stamps_.end(),
+                                                         stamp) != taken_stamps_.end();
     if (models_.size() > kNumModels) models_.pop_front();
     changed_.notify_all();
   }
@@ -102,8 +105,9 @@ class ReceivedMessages {
     std::string message, frame;
     std::optional<RosCameraModel> model;
   };
-  /// The newest image with the camera_info of its stamp; if none comes with it, with the last one.
-  /// Waits at most a tenth of a second, and a little longer for the camera_info. False: none came.
+  /// The newest image with the camera_info of its stamp; if none comes with it, with the last one,
+  /// or not at all if the lens changes: another lens sees another scene. Waits at most a tenth of a
+  /// second, and a little longer for the camera_info. False: none came.
   bool take(Image& image) {
     std::unique_lock lock(mutex_);
     if (!changed_.wait_for(lock, 100ms, [&] { return has_image_ || is_cancelled_; })) return false;
@@ -115,7 +119,16 @@ class ReceivedMessages {
           lock, left, [&] { return model_of_image() != nullptr || is_cancelled_; });
     }
     const RosCameraModel* const model = model_of_image();
-    comes_in_pairs_ = comes_in_pairs_ || model != nullptr;
+    if (model != nullptr) comes_in_pairs_ = has_come_in_pairs_ = true;
+    has_image_ = false;
+    taken_stamps_.pop_front();
+    taken_stamps_.push_back(image_stamp_);
+    if (model == nullptr && has_come_in_pairs_ && !has_one_lens()) {
+      note(
+          "has a lens that changes, and camera_infos that come more than 0.1 s after their images; "
+          "these images are dropped");
+      return false;
+    }
     image.model.reset();
     if (model != nullptr) {
       image.model = *model;
@@ -124,8 +137,6 @@ class ReceivedMessages {
     }
     std::swap(image.message, image_);
     image.frame = frame_;
-    taken_stamp_ = image_stamp_;
-    has_image_ = false;
     return true;
   }
 
@@ -155,6 +166,11 @@ class ReceivedMessages {
     }
     return nullptr;
   }
+  bool has_one_lens() const {
+    return models_.size() > 1 && std::all_of(models_.begin(), models_.end(), [&](const auto& each) {
+             return each.second == models_.back().second;
+           });
+  }
   void note_flood(double now) {
     ++num_since_;
     if (now - since_ < 1) return;
@@ -172,12 +188,15 @@ class ReceivedMessages {
   mutable std::mutex mutex_;
   std::condition_variable changed_;
   std::string image_, frame_;
-  double image_stamp_ = 0, image_arrival_ = 0, taken_stamp_ = 0;  // s
+  double image_stamp_ = 0, image_arrival_ = 0;  // s
+  std::deque<double> taken_stamps_ =
+      std::deque<double>(kNumModels, std::nan(""));  // s, of the last images
   std::deque<std::pair<double, RosCameraModel>> models_;
   TfHistory history_{kKeptTf};
   double since_ = 0;   // s, monotonic: images are counted
   int num_since_ = 0;  // these
-  bool has_image_ = false, comes_in_pairs_ = true, is_cancelled_ = false;
+  bool has_image_ = false, comes_in_pairs_ = true, has_come_in_pairs_ = false;
+  bool is_cancelled_ = false;
   std::set<std::string> said_;
   std::vector<std::string> notes_;
 };

@@ -8,6 +8,7 @@ X,Y,Z: where the tool is, m, in the camera's frame or, with tf, in the base's.
 png, rvl, inverse:  compressedDepth; inverse: RVL of 32FC1
 float:              32FC1
 bent:               two lenses in turn, each image with its camera_info, which comes after it
+bent_late:          the same, but it comes 0.15 s after it
 moving:             a camera that moves; tf tells late where it was
 two:                two cameras, one behind the other; the second one sees the wall half of the time
 late:               images come 0.2 to 0.25 s late, 5 % of them do not come
@@ -251,12 +252,12 @@ class Cameras:
             return
         is_near = self.num // 8 % 2 == 1
         behavior = self.behavior
-        if behavior == "bent":
+        if behavior in ("bent", "bent_late"):
             k1 = 1.0 if self.num % 2 else 0.0
             shown = self.drawing(k1, lambda: count_image(now, half_wall(k1)))
             shown.header = header(now)
             self.images.write(shown)
-            self.later(now + 0.005, self.infos, info(now, k1))
+            self.later(now + (0.005 if behavior == "bent" else 0.15), self.infos, info(now, k1))
             return
         if behavior == "late":
             if self.chance.random() < 0.05:

@@ -49,6 +49,9 @@ class LiveCamerasTest(PeerCase):
         self.assertGreater(len(seen["fractions"]), 50)
         # The wall ends a centimetre beside the tool. By the other lens 15 % of it would be inside.
         self.assertLess(max(seen["fractions"]), 0.01)
+        # An image whose lens is not known in time is not seen by another one: here that is every one.
+        with self.assertRaisesRegex(AssertionError, "has a lens that changes"):
+            self.watch("bent_late", place="0.2,0,0.5")
 
     def test_a_camera_that_moves_is_where_tf_had_it_at_the_images_stamp(self):
         seen = self.watch("moving", "--world", "base", "--max-age", "0.5", duration=6)
