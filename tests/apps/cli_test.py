@@ -1060,7 +1060,7 @@ pose = [1, 0, 0, 0, 0, {0.5 ** 0.5}, {0.5 ** 0.5}]
         def touch(shift, *more):
             with open(path, "w") as file:
                 for k in range(2):
-                    file.write(f"{start + shift + 0.5 * k:.6f} 0 0 {0.49 + 0.005 * k} 0 0 0 1\n")
+                    file.write(f"{start + shift + 0.5 * k:.6f} 0 0 0.49 0 0 0 1\n")
             return ("touch", self.tool, "--depth-sequence", frames, "--intrinsics", INTRINSICS,
                     "--depth-unit", 0.0001, "--path", path, "-o", run, *more)
         self.succeed(*touch(0))
@@ -1082,7 +1082,7 @@ pose = [1, 0, 0, 0, 0, {0.5 ** 0.5}, {0.5 ** 0.5}]
                          "--settings", settings, *as_path[at + 2:])
             columns = self.columns(run)
             self.assertEqual(min(columns["frame"]), 0)
-            played[shift] = next(v for v in columns["volume_m3"] if v > 0)
+            played[shift] = next(v for v, frame in zip(columns["volume_m3"], columns["frame"]) if v > 0 and frame == 0)
         for shift, before in ((0, together), (0.25, later)):
             self.assertAlmostEqual(played[shift] / before["volume_m3"][0], 1, delta=0.01)
         self.succeed(*touch(-0.25))

@@ -165,7 +165,7 @@ json HaplyService::Impl::inventory(bool is_first) {
     }
     if (is_first)
       arm["config"] = {{"type", "inverse3"}, {"preset", "defaults"}, {"mount", {{"x", {1, 2}}}}};
-    message["inverse3"] = {arm};
+    message["inverse3"] = json::array({arm});
   } else {
     message["inverse3"] = json::array();
   }
@@ -184,7 +184,7 @@ json HaplyService::Impl::inventory(bool is_first) {
                                   {"home", (down & 8) != 0}};
       grip["status"] = {{"connected", outer.faults.is_grip_connected.load()}, {"awake", true}};
     }
-    message[options.grip] = {grip};
+    message[options.grip] = json::array({grip});
   }
   return message;
 }

@@ -18,6 +18,8 @@
 #include <fstream>
 #include <iterator>
 
+#include "tests/test_util/sanitized.h"
+
 namespace palpate::fuzz {
 
 namespace fs = std::filesystem;
@@ -45,16 +47,6 @@ namespace {
 constexpr double kMinMegabytes = 10;  // that the time is told for
 constexpr double kMaxMegabytes = 256 * 1.048576, kMaxPerByte = 2000;
 constexpr int kTaken = 0, kRefused = 1;
-/// A build with sanitizers takes memory of its own.
-constexpr bool kIsSanitized =
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)  // GCC
-    true;
-#elif defined(__has_feature)  // Clang
-    __has_feature(address_sanitizer) || __has_feature(thread_sanitizer);
-#else
-    false;
-#endif
-
 std::size_t size_on_disk(const fs::path& path) {
   if (!fs::is_directory(path)) return fs::file_size(path);
   std::size_t size = 0;
@@ -74,7 +66,7 @@ void limit_this_process() {
   constexpr rlim_t kMaxTime = 60;  // s
   const rlimit time{kMaxTime, kMaxTime}, memory{rlim_t{8} << 30, rlim_t{8} << 30};
   ::setrlimit(RLIMIT_CPU, &time);
-  if (!kIsSanitized) ::setrlimit(RLIMIT_AS, &memory);
+  if (!test::kIsSanitized) ::setrlimit(RLIMIT_AS, &memory);
 }
 
 /// Runs `task` in a process of its own; its value is the exit status.
@@ -138,7 +130,8 @@ std::string measure(const LargeInput& input, const Options& options, std::FILE* 
   if (outcome.status != kTaken && outcome.status != kRefused) return "ends the program";
   const bool is_taken = outcome.status == kTaken;
   if (input.is_taken.value_or(is_taken) != is_taken) return is_taken ? "is taken" : "is refused";
-  if (!kIsSanitized && memory > kMaxMegabytes + kMaxPerByte * size) return "takes too much memory";
+  if (!test::kIsSanitized && memory > kMaxMegabytes + kMaxPerByte * size)
+    return "takes too much memory";
   if (!options.is_timeless &&
       outcome.seconds > 0.01 * input.max_seconds * std::max(size, kMinMegabytes)) {
     return "takes too long";

@@ -12,6 +12,7 @@
 #include <boost/beast/core/flat_buffer.hpp>
 #include <boost/beast/http.hpp>
 #include <boost/beast/websocket.hpp>
+#include <cerrno>
 #include <chrono>
 #include <cstdlib>
 #include <optional>
@@ -154,9 +155,11 @@ std::string RawSocket::receive(double timeout) {
   for (;;) {
     const double left = deadline - monotonic_now();
     pollfd requested{descriptor_, POLLIN, 0};
-    if (left <= 0 || ::poll(&requested, 1, static_cast<int>(left * 1e3) + 1) <= 0) return bytes;
+    if (left <= 0) return bytes;
+    if (::poll(&requested, 1, static_cast<int>(left * 1e3) + 1) <= 0) continue;  // or a signal
     char buffer[16384];
     const ssize_t count = ::recv(descriptor_, buffer, sizeof buffer, 0);
+    if (count < 0 && errno == EINTR) continue;
     is_closed_ = count <= 0;
     if (is_closed_) return bytes;
     bytes.append(buffer, static_cast<std::size_t>(count));
