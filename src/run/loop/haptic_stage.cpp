@@ -15,9 +15,9 @@ constexpr std::size_t kNumSnapshots = 16;
 
 /// Also of what a device with a broken clock says.
 std::int64_t nanoseconds(double seconds) {
-  constexpr double kMost = 9e18;
+  constexpr double kMax = 9e18;
   const double number = 1e9 * seconds;
-  return number > -kMost && number < kMost ? static_cast<std::int64_t>(number) : 0;
+  return number > -kMax && number < kMax ? static_cast<std::int64_t>(number) : 0;
 }
 
 }  // namespace
