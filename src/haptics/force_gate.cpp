@@ -1,6 +1,7 @@
 #include "palpate/haptics/safety.h"
 
 #include <algorithm>
+#include <numeric>
 
 namespace palpate::inline v0 {
 namespace {
@@ -9,15 +10,16 @@ namespace {
 constexpr double kLongestCountedTick = 0.005;
 /// Of a fade at a tick of which the clock says nothing: it ends even if the clock stands still.
 constexpr double kFadePerLostTick = 1e-3;
-constexpr double kMinute = 60;  // s
+/// The force of a clock that stands still never becomes too old, so it may not stay for longer.
+constexpr int kMaxLostTicks = 20;
+constexpr double kPart = 5;  // s, of a minute
 
 }  // namespace
 
 void ForceGate::step(const Input& input) noexcept {
   if (!has_begun_) wait(input.time);
   has_begun_ = true;
-  const double most = options_.max_recoveries;
-  if (input.dt > 0) budget_ = std::min(budget_ + input.dt / kMinute * most, most);
+  if (input.dt > 0) age_returns(input.dt);
   is_requested_ = (is_requested_ || input.is_requested) && state_ != ForceState::engaged;
   const bool has_force = state_ == ForceState::waiting || state_ == ForceState::engaged;
   if (input.fault != Fault::none && has_force) return fail(input.fault, input.time);
@@ -33,6 +35,18 @@ void ForceGate::step(const Input& input) noexcept {
   }
 }
 
+void ForceGate::age_returns(double dt) noexcept {
+  part_seconds_ += dt;
+  if (part_seconds_ >= kNumParts * kPart) {
+    returns_.fill(0);
+    part_seconds_ = 0;
+  }
+  for (; part_seconds_ >= kPart; part_seconds_ -= kPart) {
+    std::shift_right(returns_.begin(), returns_.end(), 1);
+    returns_[0] = 0;
+  }
+}
+
 /// The tick that finds a fault still gives the force that there was, unless it may not fade.
 void ForceGate::fail(Fault fault, double time) noexcept {
   state_ = ForceState::fading;
@@ -40,6 +54,7 @@ void ForceGate::fail(Fault fault, double time) noexcept {
   fault_time_ = time;
   ++num_faults_;
   is_after_fault_ = true;
+  is_requested_ = false;  // that was before
   fade_gain_ = gain_;
   fade_ = options_.fade_seconds > 0 ? 1 : 0;
   gain_ = fade_ * fade_gain_;
@@ -61,13 +76,16 @@ void ForceGate::step_waiting(const Input& input) noexcept {
   if (!input.is_ready || !(num_quiet_ >= options_.engage_ticks || has_waited || is_requested_)) {
     return;
   }
-  if (is_after_fault_) budget_ -= 1;
+  if (is_after_fault_) ++returns_[0];
   is_after_fault_ = is_requested_ = false;
   state_ = ForceState::engaged;
+  num_quiet_ = 0;
   gain_ = options_.ramp_seconds > 0 ? 0 : 1;
 }
 
 void ForceGate::step_engaged(const Input& input) noexcept {
+  num_quiet_ = input.dt > 0 ? 0 : num_quiet_ + 1;
+  if (num_quiet_ > kMaxLostTicks) return fail(Fault::loop, input.time);
   if (!input.is_permitted) return wait(input.time);
   if (!(options_.ramp_seconds > 0)) return;
   const double rise = std::min(input.dt, kLongestCountedTick) / options_.ramp_seconds;
@@ -91,11 +109,12 @@ void ForceGate::step_off(const Input& input) noexcept {
   if (input.fault != Fault::none || input.time < well_since_) well_since_ = input.time;
   if (is_requested_) {
     state_ = ForceState::off;
-    budget_ = options_.max_recoveries;
-  } else if (budget_ < 1) {
+    returns_.fill(0);
+  } else if (std::accumulate(returns_.begin(), returns_.end(), 0) >= options_.max_recoveries) {
     state_ = ForceState::held_off;
   }
-  const bool is_well = input.time - well_since_ >= options_.recover_seconds;
+  const bool is_well =
+      input.fault == Fault::none && input.time - well_since_ >= options_.recover_seconds;
   if (state_ == ForceState::off && is_well) wait(input.time);
 }
 

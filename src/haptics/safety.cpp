@@ -95,7 +95,10 @@ Wrench SafetyFilter::filter(const Wrench& desired, const SafetyInput& input) noe
   }
 
   const Wrench within = limit(desired);
-  const Wrench target = limit(damp(status_.gain * within, dt));
+  // Who waits gets no force, and no damping either.
+  const bool is_waiting = status_.state == ForceState::waiting;
+  const Wrench scaled = status_.gain * within;
+  const Wrench target = limit(is_waiting ? scaled : damp(scaled, dt));
   const Wrench out = within_tank(slew(target, dt), seen_motion_, unseen, rest);
   const bool was_limited = !(within.force == desired.force) || !(out.force == target.force) ||
                            (limits_.max_torque > 0 && !(within.torque == desired.torque)) ||
@@ -144,14 +147,20 @@ void SafetyFilter::step_gate(const Wrench& desired, const SafetyInput& input, do
   now.is_ready = has_pose_ && input.state.is_valid && dt <= options_.max_tick &&
                  is_fresh(input.contact_age, options_.max_contact_age) &&
                  is_fresh(input.sensor_age, options_.max_sensor_age);
-  now.is_quiet = input.is_free || norm(desired.force) < options_.engage_force;
-  now.is_permitted = !options_.dead_man || (input.state.buttons & 1u) != 0;
+  const bool is_turned =
+      limits_.max_force > 0 && limits_.max_torque > 0 &&
+      norm(desired.torque) * limits_.max_force >= options_.engage_force * limits_.max_torque;
+  now.is_quiet = input.is_free || (norm(desired.force) < options_.engage_force && !is_turned);
+  now.is_permitted = input.is_driven && (!options_.dead_man || (input.state.buttons & 1u) != 0);
   now.is_requested = input.is_requested || (is_off && is_pressed);
   gate_.step(now);
 
   if (status_.fault == Fault::none && gate_.fault() != Fault::none) fade_from_ = last_;
   // What was given to the hand is settled once there is no force.
-  if (before == ForceState::fading && gate_.state() != before) status_.energy = 0;
+  const bool has_faded = before == ForceState::fading && gate_.state() != before;
+  const bool has_none = gate_.state() == ForceState::waiting && largest(last_.force) == 0 &&
+                        largest(last_.torque) == 0;
+  if (has_faded || has_none) status_.energy = 0;
   status_.state = gate_.state();
   status_.fault = gate_.fault();
   status_.fault_time = gate_.fault_time();

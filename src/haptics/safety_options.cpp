@@ -44,7 +44,7 @@ std::string_view describe_change(const SafetyStatus& before, const SafetyStatus&
   switch (after.state) {
     case ForceState::waiting:
       return before.fault == Fault::none
-                 ? "the dead-man switch was let go: the force is off"
+                 ? "the dead-man switch or the coupling was let go: the force is off"
                  : "all is well again: the force comes back once the hand is free of contact";
     case ForceState::engaged: return "the force comes up";
     case ForceState::held_off:

@@ -17,6 +17,13 @@ constexpr double kLongestStep = 0.02;
 
 }  // namespace
 
+void add_notes(std::vector<std::string>& notes, const std::vector<std::string>& news) {
+  for (const std::string& note : news) {
+    if (notes.size() == kMaxNotes) return;
+    if (std::ranges::find(notes, note) == notes.end()) notes.push_back(note);
+  }
+}
+
 // From a pose to a contact.
 
 ContactPart::ContactPart(const Tool& tool, std::unique_ptr<ContactQuery> query,
@@ -102,7 +109,8 @@ void ContactPart::place_bodies(ContactRecord& record) noexcept {
 void ContactPart::move_bodies(std::span<const SurfaceBlend> cameras,
                               ContactRecord& record) noexcept {
   const double time = record.contact.time;
-  const double dt = before_ ? std::clamp(time - before_->time, 0.0, kLongestStep) : 0;
+  const double since = before_ ? time - before_->time : 0;
+  const double dt = since > 0 ? std::min(since, kLongestStep) : 0;
   for (int i = 0; i < moving_->num_bodies(); ++i) {
     pushes_[static_cast<std::size_t>(i)] = push_on(i, record.X_WT, dt);
   }
@@ -255,8 +263,8 @@ void HandPart::tick(const DeviceState& state, const ContactRecord& known, const 
   record.is_force_requested = flags.is_force_requested;
   record.has_sensor_failed = flags.has_sensor_failed;
   record.has_backend_failed = flags.has_backend_failed;
-  if (!coupling_->drives_device()) return end_without_force(record);
   if (is_stopping_) safety_.stop();
+  if (!coupling_->drives_device()) return end_without_force(flags, record);
   const Wrench& contact_W = record.step.contact_W;
   const bool is_free = known.contact.is_valid && known.penetration.volume == 0 &&
                        contact_W.force == Vec3d{} && contact_W.torque == Vec3d{};
@@ -267,8 +275,9 @@ void HandPart::tick(const DeviceState& state, const ContactRecord& known, const 
   record.safety = safety_.status();
 }
 
-/// There is no force on a hand: the contact is reported whenever it is measured.
-void HandPart::end_without_force(TickRecord& record) noexcept {
+/// There is no force on a hand: the contact is reported whenever it is measured. What another
+/// coupling has left goes through the filter to zero, and comes back through it.
+void HandPart::end_without_force(const TickFlags& flags, TickRecord& record) noexcept {
   const Fault fault = record.is_stopping          ? Fault::stopped
                       : record.has_sensor_failed  ? Fault::sensor
                       : record.has_backend_failed ? Fault::backend
@@ -288,6 +297,16 @@ void HandPart::end_without_force(TickRecord& record) noexcept {
     record.penetration.status = StepStatus::backend_failed;
   }
   record.F_H_B = {};
+  if (safety_.has_ticked()) {
+    const double time = record.device.time;
+    record.F_H_B = safety_.filter({}, {.time = time,
+                                       .state = record.device,
+                                       .contact_age = record.contact_age,
+                                       .sensor_age = record.sensor_age,
+                                       .backend_failed = flags.has_backend_failed,
+                                       .sensor_failed = flags.has_sensor_failed,
+                                       .is_driven = false});
+  }
   record.safety = status_without_force_;
 }
 
@@ -421,7 +440,7 @@ Status Pipeline::change(const RunSettings& settings) {
   ++revision_;
   hand_->change(revision_, parts->coupling);
   checked_coupling_ = parts->checked_coupling;
-  notes_.insert(notes_.end(), parts->notes.begin(), parts->notes.end());
+  add_notes(notes_, parts->notes);
   settings_ = settings;
   Pending news{revision_, std::move(parts->timelines), std::move(parts->contact), parts->scale,
                std::vector<CameraFrame>(streams_.size())};

@@ -89,8 +89,7 @@ Json list(const Vec3d& v) { return {compact(v.x), compact(v.y), compact(v.z)}; }
 Result<Json> moment_json(const Tool& tool, const RunLog& log) {
   const TickRecord& tick = log.deepest;
   const Pose& X_WT = tick.step.X_WT;
-  RunSettings settings = log.setup.settings;
-  if (tick.revision > 0) settings = log.changes[tick.revision - 1];
+  RunSettings settings = log.deepest_settings;
   settings.backend = Backend::cpu;
   settings.time.mode = TimeMode::latest;
   settings.num_spheres = 0;  // one state for each

@@ -19,6 +19,7 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr std::uint64_t kTransformPeriod = 10'000'000;  // ns: ticks hold every pose exactly
+constexpr int kMaxToldGaps = 20;                        // the recording has notes of all
 constexpr std::uint64_t kPointsPeriod = 500'000'000;    // ns: for humans; depth holds every pixel
 
 // Frames, as ROS names them: world, cameras in it, base of the device, handle, tool.
@@ -149,19 +150,24 @@ bool RunRecorder::can_begin_here() const {
          });
 }
 
+/// Settings that nothing has any more which comes after a tick of this revision. Contacts and
+/// frames may come after a tick with later settings.
+void RunRecorder::forget_settings(std::uint32_t tick_revision) {
+  std::uint32_t first =
+      std::min({tick_revision, setups_.back().revision, frame_revision_, contact_revision_});
+  for (const Camera& camera : cameras_) {
+    if (camera.frames.empty()) continue;
+    first = std::min(first, camera.frames.front().record.revision);
+  }
+  if (!contacts_.empty()) first = std::min(first, contacts_.front().revision);
+  while (setups_.size() > 1 && setups_[1].revision <= first) setups_.pop_front();
+}
+
 /// What every part begins with; one that is not the first has its `snapshot`.
 Status RunRecorder::begin(const HandSnapshot* snapshot) {
   PartStart start;
   if (snapshot != nullptr) {
-    std::uint32_t first = std::min(snapshot->revision, setups_.back().revision);
-    // Contacts and frames may come after a tick with later settings.
-    first = std::min({first, frame_revision_, contact_revision_});
-    for (const Camera& camera : cameras_) {
-      if (camera.frames.empty()) continue;
-      first = std::min(first, camera.frames.front().record.revision);
-    }
-    if (!contacts_.empty()) first = std::min(first, contacts_.front().revision);
-    while (setups_.size() > 1 && setups_[1].revision <= first) setups_.pop_front();
+    forget_settings(snapshot->revision);
     start.number = num_parts_;
     start.revision = setups_.front().revision;
     start.has_surfaces = can_begin_here();
@@ -249,7 +255,7 @@ void RunRecorder::add_hand_snapshot(const HandSnapshot& snapshot) {
         "nothing was recorded from " + at(paused_at_) + " to " + at(time_) + ": " + reason_;
     if (begin_after(snapshot)) {
       patience_ = 1;
-      trouble_ += (trouble_.empty() ? "" : "; ") + gap;
+      if (++num_gaps_ <= kMaxToldGaps) trouble_ += (trouble_.empty() ? "" : "; ") + gap;
       notes_.push_back("the recording goes on");
       add_note(gap);
     } else {
@@ -263,6 +269,8 @@ void RunRecorder::add_hand_snapshot(const HandSnapshot& snapshot) {
                                                : std::numeric_limits<double>::infinity();
   if (static_cast<double>(writer_->bytes_written()) >= options_.split_bytes ||
       time_ - part_start_ >= longest - kTolerance) {
+    // What the part has in memory is to be on the disk before it ends.
+    if (const Status written = writer_->flush(); !written) return pause(written.error());
     // Where that fails, the part that there is goes on.
     (void)begin_after(snapshot);
   }
@@ -374,11 +382,16 @@ void RunRecorder::forget(const TickRecord& tick) {
   while (!contacts_.empty() && contacts_.front().number < tick.contact_number) {
     contacts_.pop_front();
   }
-  const TimeOptions& time = setups_.back().settings.time;
-  const bool is_estimate = time.average.kind == DepthAverage::kalman;
-  const auto lead = static_cast<std::int64_t>(is_estimate            ? num_blended_frames(time)
-                                              : has_whole_lead(time) ? num_lead_frames(time)
-                                                                     : 2);
+  // A contact of earlier settings rests on what they look back at.
+  std::int64_t lead = 0;
+  for (const RunSetup& setup : setups_) {
+    const TimeOptions& time = setup.settings.time;
+    const bool is_estimate = time.average.kind == DepthAverage::kalman;
+    const int frames = is_estimate            ? num_blended_frames(time)
+                       : has_whole_lead(time) ? num_lead_frames(time)
+                                              : 2;
+    lead = std::max<std::int64_t>(lead, frames);
+  }
   for (std::size_t k = 0; k < cameras_.size(); ++k) {
     std::deque<RecordedDepth>& frames = cameras_[k].frames;
     if (frames.empty()) continue;
@@ -393,6 +406,7 @@ void RunRecorder::forget(const TickRecord& tick) {
       frames.pop_front();
     }
   }
+  forget_settings(tick.revision);
 }
 
 void RunRecorder::add_transforms(const TickRecord& tick, std::uint64_t time) {
@@ -414,6 +428,9 @@ void RunRecorder::add_note(std::string_view text, double time) {
 void RunRecorder::finish() {
   if (writer_) {
     if (const Status status = writer_->finish(); !status) pause(status.error());
+  }
+  if (num_gaps_ > kMaxToldGaps) {
+    trouble_ += "; and " + std::to_string(num_gaps_ - kMaxToldGaps) + " gaps more";
   }
   if (writer_) return;
   trouble_ += (trouble_.empty() ? "" : "; ") +

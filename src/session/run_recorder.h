@@ -78,6 +78,7 @@ class RunRecorder {
   void add_camera_pose(std::uint32_t camera, const Pose& X_WC, std::uint64_t time);
   void pause(const Error& error);
   void forget(const TickRecord& tick);
+  void forget_settings(std::uint32_t tick_revision);
   void remove_old();
   std::filesystem::path folder() const;
 
@@ -108,7 +109,7 @@ class RunRecorder {
   std::uint32_t frame_revision_ = 0, contact_revision_ = 0;  // of the newest ones
   // Parts.
   std::deque<Part> parts_;  // that are there; the last is being written
-  int num_parts_ = 1;
+  int num_parts_ = 1, num_gaps_ = 0;
   double time_ = 0, part_start_ = 0;  // s: of the last tick, of the part
   double paused_at_ = 0, next_try_ = 0, patience_ = 1;
   std::string reason_;  // of the pause

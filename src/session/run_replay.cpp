@@ -26,7 +26,8 @@ class Repetition {
         start_(start),
         contacts_(num_threads, start),
         ticks_(std::move(safety), start),
-        num_settings_(start ? start->revision : 0),
+        first_revision_(start ? start->revision : 0),
+        num_settings_(first_revision_),
         num_seen_(start ? start->hand.tick : 0),
         can_repeat_contacts_(!start || start->has_surfaces) {
     if (!can_repeat_contacts_) {
@@ -72,6 +73,7 @@ class Repetition {
   }
   /// What comes next does not go on from here.
   void break_off() {
+    note_missing();
     if (!waiting_contacts_.empty()) end_contacts("a depth frame");
     if (!waiting_ticks_.empty()) end_ticks("a contact");
   }
@@ -104,9 +106,10 @@ class Repetition {
       // Objects that move rest on all contacts before.
       const bool is_next = contact->number == last_contact_ + 1;
       if (!is_next && has_moving_objects(first_.settings)) end_contacts("a contact");
+      if (last_contact_ > 0 || !start_) num_missing_ += contact->number - last_contact_ - 1;
       last_contact_ = contact->number;
       known_[contact->number] = *contact;
-      if (contact->revision < first_.revision) {
+      if (contact->revision < first_revision_) {
         if (!std::exchange(lacks_settings_, true)) {
           add_note("contact " + std::to_string(contact->number) +
                    " is not repeated: its settings were not recorded");
@@ -127,6 +130,7 @@ class Repetition {
   }
 
   void end(bool was_cut_off) {
+    note_missing();
     if (was_cut_off) add_note("the recording was cut off; it was repeated as far as it goes");
     if (!was_cut_off && !waiting_contacts_.empty()) end_contacts("a depth frame");
     if (!was_cut_off && !waiting_ticks_.empty()) end_ticks("a contact");
@@ -155,6 +159,12 @@ class Repetition {
   }
   void add_note(const std::string& note) {
     outcome_.note += (outcome_.note.empty() ? "" : "; ") + note;
+  }
+  /// Those that no tick needs, too.
+  void note_missing() {
+    if (num_missing_ == 0) return;
+    add_note(std::to_string(num_missing_) +
+             (num_missing_ == 1 ? " contact was not recorded" : " contacts were not recorded"));
   }
   void end_contacts(const char* missing) {
     if (!std::exchange(can_repeat_contacts_, false)) return;
@@ -208,11 +218,12 @@ class Repetition {
   FrameJoiner joiner_;
   ContactRepetition contacts_;
   TickRepetition ticks_;
-  RunSettings settings_;        // the newest
+  RunSettings settings_;  // the newest
+  const std::uint32_t first_revision_;
   std::uint32_t num_settings_;  // the revision that comes next
   bool has_settings_ = false, lacks_settings_ = false;
   NewestFrames last_frames_;
-  std::uint64_t last_contact_ = 0;
+  std::uint64_t last_contact_ = 0, num_missing_ = 0;
   std::map<std::uint64_t, ContactRecord> known_;  // by number
   std::deque<ContactRecord> waiting_contacts_;
   std::deque<TickRecord> waiting_ticks_;

@@ -13,24 +13,6 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-/// What each later revision of the settings changed, as {"section": {"key": value}}.
-Json changes_json(const RunLog& log) {
-  Json changes = Json::array();
-  Json before = to_json(settings_of(log.setup.settings));
-  for (const RunSettings& settings : log.changes) {
-    const Json after = to_json(settings_of(settings));
-    Json changed = Json::object();
-    for (const auto& [section, keys] : after.items()) {
-      for (const auto& [key, value] : keys.items()) {
-        if (value != before[section][key]) changed[section][key] = value;
-      }
-    }
-    changes.push_back(std::move(changed));
-    before = after;
-  }
-  return changes;
-}
-
 double peak_memory_bytes() {
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);
@@ -159,7 +141,8 @@ Json run_summary(const Tool& tool, const RunLog& log, const LoopTimes& times) {
   used.coupling = log.coupling;
   json["settings"] = to_json(settings_of(used));
   if (log.setup.probe) json["probe"] = to_json(*log.setup.probe);
-  json["changes"] = changes_json(log);
+  json["changes"] = log.changes.json();
+  json["num_changes"] = log.changes.num();
   return json;
 }
 

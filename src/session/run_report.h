@@ -8,6 +8,7 @@
 
 #include "palpate/session/run.h"
 #include "palpate/tool/tool.h"
+#include "src/session/change_list.h"
 #include "src/session/run_messages.h"
 #include "src/session/run_series.h"
 
@@ -23,14 +24,15 @@ struct FaultPeriod {
 /// All that is known once a run has ended.
 struct RunLog {
   RunSetup setup;
-  CouplingOptions coupling;            ///< checked
-  double newtons_per_cubic_metre = 0;  ///< volume stiffness of contact
-  std::vector<RunSettings> changes;    ///< while it ran, in order
+  CouplingOptions coupling;                        ///< checked
+  double newtons_per_cubic_metre = 0;              ///< volume stiffness of contact
+  ChangeList changes = ChangeList(RunSettings{});  ///< of the settings, while it ran
   LoopReport loop;
   RunSeries series;
   RunPeaks peaks;
   std::vector<FaultPeriod> faults;  ///< the first kMaxFaultPeriods, without the end of the run
   TickRecord deepest;               ///< the tick with the largest volume, or the first one
+  RunSettings deepest_settings;     ///< of that tick
   /// The frame in use then, of each camera; no pixels where it is not known.
   std::vector<DepthFrame> deepest_frames;
   std::vector<double> frame_times;    ///< s since the run began

@@ -51,7 +51,10 @@ RunResults::RunResults(const fs::path& folder, const Tool& tool, const RunSetup&
       X_WB_(setup.settings.coupling.X_WB),
       cameras_(setup.streams.size()),
       reports_unseen_(reports_unseen(setup)),
-      all_ticks_(all_ticks) {
+      all_ticks_(all_ticks),
+      changes_(setup.settings),
+      revisions_{{setup.revision, setup.settings}},
+      deepest_settings_(setup.settings) {
   if (all_ticks_) begin_csv(folder);
 }
 
@@ -62,7 +65,8 @@ void RunResults::begin_csv(const fs::path& folder) {
 }
 
 void RunResults::add_settings(const RunSettings& settings) {
-  changes_.push_back(settings);
+  changes_.add(settings);
+  revisions_.push_back({revisions_.back().number + 1, settings});
   full_volume_ = full_volume(tool_, settings.contact);
 }
 
@@ -99,6 +103,7 @@ void RunResults::keep_pose(const FrameRecord& record) {
 void RunResults::add_tick(const TickRecord& tick) {
   if (all_ticks_) add_row(tick);
   series_.add(tick);
+  while (revisions_.size() > 1 && revisions_[1].number <= tick.revision) revisions_.pop_front();
   if (!has_ticked_ || tick.penetration.volume > peaks_.volume) keep_deepest(tick);
   peaks_.add(tick);
   add_fault(tick);
@@ -197,6 +202,7 @@ void RunResults::add_fault(const TickRecord& tick) {
 
 void RunResults::keep_deepest(const TickRecord& tick) {
   deepest_ = tick;
+  deepest_settings_ = revisions_.front().settings;
   for (auto& [recent, deepest] : cameras_) {
     // The newest one up to that which the tick names, which is one of the cameras'.
     const NumberedFrame* used = nullptr;
@@ -226,6 +232,7 @@ void RunResults::move_to(RunLog& log) {
   log.faults = std::move(faults_);
   log.changes = std::move(changes_);
   log.deepest = deepest_;
+  log.deepest_settings = std::move(deepest_settings_);
   // If the newest one was not published, the others are unknown too.
   const bool is_known = std::any_of(cameras_.begin(), cameras_.end(), [&](const Camera& camera) {
     return camera.deepest.number == deepest_.frame_number;

@@ -64,7 +64,12 @@ class RunResults {
   const bool all_ticks_;
   std::ofstream csv_;
   std::string line_;
-  std::vector<RunSettings> changes_;
+  ChangeList changes_;
+  struct Revision {
+    std::uint32_t number = 0;
+    RunSettings settings;
+  };
+  std::deque<Revision> revisions_;  // that of the last tick, and later ones
   RunSeries series_;
   RunPeaks peaks_;
   std::vector<FaultPeriod> faults_;
@@ -72,6 +77,7 @@ class RunResults {
   std::vector<double> captures_;  // s, on the clock of the device states
   double start_ = 0;              // s, on that clock: of the run
   TickRecord deepest_;
+  RunSettings deepest_settings_;
   bool has_ticked_ = false;
   std::uint64_t first_scarce_ = 0, num_scarce_ = 0, num_frames_ = 0;
   int scarce_points_ = 0, pixels_of_scarce_ = 0;

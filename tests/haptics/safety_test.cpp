@@ -125,6 +125,29 @@ TEST(SafetyFilter, DeadMan) {
   EXPECT_EQ(distance(rig.tick(kPush), kPush), 0);
 }
 
+// A hand that was given energy is not held back once it has let go of the switch.
+TEST(SafetyFilter, AReleasedDeadManSwitchEndsDampingToo) {
+  SafetyOptions options;
+  options.dead_man = true;
+  options.energy_tank = 0.02;
+  Rig rig(options);
+  rig.input.state.buttons = 1;
+  rig.hold(kPush);
+  for (int i = 0; i < 4; ++i) {  // along with the force: more than half of the tank
+    rig.input.state.X_BH.translation += 1e-3 * normalized(kPush.force);
+    rig.tick(kPush);
+  }
+  ASSERT_EQ(rig.fault(), Fault::none);
+  EXPECT_GT(rig.filter.status().damping, 0);
+  rig.input.state.buttons = 0;
+  for (int i = 0; i < 200; ++i) {
+    rig.input.state.X_BH.translation += 2e-5 * normalized(kPush.force);
+    const Wrench out = rig.tick(kPush);
+    ASSERT_TRUE(i < 20 || norm(out.force) + norm(out.torque) == 0) << i;
+  }
+  EXPECT_EQ(rig.filter.status().energy, 0);
+}
+
 /// Brings a filter to a force, breaks something, and watches the fade.
 template <class Break>
 void expect_fade(Fault fault, Break break_it, int patience) {
@@ -309,6 +332,96 @@ TEST(SafetyFilter, TooManyFaultsWithinAMinuteNeedSomebodyWhoAsks) {
   EXPECT_NE(ticks_until_engaged(pedal, 2000), -1);
 }
 
+// Faults that come less often than in a burst, but more often than allowed, and those that do not.
+TEST(SafetyFilter, NoMinuteHasMoreReturnsThanAllowed) {
+  SafetyOptions options;
+  options.recover_seconds = 0.1;
+  const auto returns = [&](int ticks_between, int most) {
+    Rig rig(options);
+    rig.hold(kPush);
+    int num = 0;
+    while (num < most) {
+      break_once(rig);
+      const int waited = ticks_until_engaged(rig, 1000);
+      if (waited < 0) break;
+      ++num;
+      for (int i = waited + 1; i < ticks_between; ++i) rig.tick(kNothing);
+    }
+    return num;
+  };
+  EXPECT_EQ(returns(5000, 200), options.max_recoveries);  // 12 a minute
+  EXPECT_EQ(returns(300, 200), options.max_recoveries);
+  EXPECT_EQ(returns(7000, 60), 60);  // fewer than 9 in 60 s
+}
+
+// Somebody who has asked for the force in contact has not asked for it after the next fault.
+TEST(SafetyFilter, ARequestDoesNotOutliveAFault) {
+  Rig rig;
+  rig.hold(kPush);
+  break_once(rig);
+  for (int i = 0; i < 700; ++i) rig.tick(kPush);
+  ASSERT_EQ(rig.filter.status().state, ForceState::waiting);
+  rig.input.is_requested = true;
+  rig.input.state.is_valid = false;  // so that it is not taken at once
+  rig.tick(kPush);
+  rig.input.is_requested = false;
+  rig.input.state.is_valid = true;
+  break_once(rig);
+  EXPECT_EQ(rig.filter.status().num_faults, 2u);
+  for (int i = 0; i < 3000; ++i) ASSERT_EQ(norm(rig.tick(kPush).force), 0) << i;
+  EXPECT_EQ(rig.filter.status().state, ForceState::waiting);
+}
+
+TEST(SafetyFilter, AFaultThatGoesOnIsOne) {
+  SafetyOptions options;
+  options.recover_seconds = 0;
+  Rig rig(options);
+  rig.hold(kPush);
+  rig.input.backend_failed = true;
+  for (int i = 0; i < 2000; ++i) rig.tick(kPush);
+  EXPECT_EQ(rig.filter.status().num_faults, 1u);
+  EXPECT_EQ(rig.filter.status().state, ForceState::off);
+  rig.input.backend_failed = false;
+  EXPECT_NE(ticks_until_engaged(rig, 20), -1);
+}
+
+// What is measured in its time never becomes too old, and no force comes down in it.
+TEST(SafetyFilter, AClockThatStandsStillIsAFault) {
+  Rig rig;
+  rig.hold(kPush);
+  for (int i = 0; i < 100; ++i) rig.tick(kPush, i % 3 == 0 ? kTick : 0);
+  EXPECT_EQ(rig.fault(), Fault::none);
+  for (int i = 0; i < 19; ++i) rig.tick(kPush, 0);
+  EXPECT_EQ(rig.fault(), Fault::none);
+  for (int i = 0; i < 2; ++i) rig.tick(kPush, 0);
+  EXPECT_EQ(rig.fault(), Fault::loop);
+  Wrench out;
+  for (int i = 0; i < 1002; ++i) out = rig.tick(kPush, 0);
+  EXPECT_EQ(norm(out.force) + norm(out.torque), 0);
+  EXPECT_NE(ticks_until_engaged(rig, 1000), -1);
+}
+
+// A tool that is turned by its contact is in contact, whatever its force.
+TEST(SafetyFilter, DoesNotComeBackIntoATorque) {
+  Rig rig;
+  rig.hold(kPush);
+  break_once(rig);
+  const double most = 0.2 / kLimits.max_force * kLimits.max_torque;  // engage_force
+  for (int i = 0; i < 60; ++i) rig.tick(kPush);                      // it fades
+  for (int i = 0; i < 3000; ++i) {
+    ASSERT_EQ(norm(rig.tick({{}, {0, 0, 1.01 * most}}).torque), 0) << i;
+  }
+  EXPECT_EQ(rig.filter.status().state, ForceState::waiting);
+  for (int i = 0; i < 11; ++i) rig.tick({{}, {0, 0, 0.99 * most}});
+  EXPECT_TRUE(rig.filter.status().is_engaged());
+  // A device without torque has none.
+  Rig flat({}, {.max_force = 10, .max_damping = 20});
+  flat.hold(kPush);
+  break_once(flat);
+  for (int i = 0; i < 700; ++i) flat.tick({{}, {0, 0, 1}});
+  EXPECT_TRUE(flat.filter.status().is_engaged());
+}
+
 // Faults of every kind, for as long as they like, one after the other or several at once. Always:
 // within the limits, no jump, zero in time; and back again after every one.
 TEST(SafetyFilter, ComesBackAfterEveryPassingFault) {
@@ -469,6 +582,7 @@ TEST(SafetyFilter, HoldsWhateverComesIn) {
     return random.uniform() < share ? bad[random.bits() % 10] : usual;
   };
   std::uint64_t num_ticks = 0, num_faults = 0, num_engaged = 0, num_forces = 0;
+  int num_by_fault[names_of(Fault{}).size()] = {};
   for (int run = 0; run < 500; ++run) {
     SafetyOptions options;
     options.force_share = random.uniform();
@@ -509,7 +623,7 @@ TEST(SafetyFilter, HoldsWhateverComesIn) {
       input.contact_age = strange(random.uniform(0, 0.019), share / 5);
       input.sensor_age = strange(random.uniform(0, 0.4), share / 5);
       input.backend_failed = random.uniform() < share / 10;
-      input.sensor_failed = random.uniform() < share / 1000;
+      input.sensor_failed = random.uniform() < share / 200;
       input.is_requested = random.uniform() < 0.01;
       const double size = std::exp(random.uniform(-3, 4));
       Wrench desired{size * random.direction(), 0.1 * size * random.direction()};
@@ -548,6 +662,7 @@ TEST(SafetyFilter, HoldsWhateverComesIn) {
           fault_time = 0;
           num_still = 0;
           ++num_faults;
+          ++num_by_fault[static_cast<int>(status.fault)];
         } else {
           ASSERT_TRUE(status.fault == before || is_lasting(status.fault));
           if (step > 0) {
@@ -571,6 +686,9 @@ TEST(SafetyFilter, HoldsWhateverComesIn) {
   EXPECT_GT(num_faults, 1000u);
   EXPECT_GT(num_engaged, 100'000u);
   EXPECT_GT(num_forces, 50'000u);
+  for (int i = 1; i <= static_cast<int>(Fault::stopped); ++i) {
+    EXPECT_GT(num_by_fault[i], 5) << name_of(static_cast<Fault>(i));
+  }
 }
 
 }  // namespace

@@ -299,6 +299,37 @@ TEST(LiveLoop, EndsWhenTheDeviceIsLost) {
   (*loop)->stop();
 }
 
+// Its last force may still be there: nobody else would notice.
+TEST(LiveLoop, EndsWhenTheDeviceIsStuck) {
+  WallSource source({});
+  ScriptedDevice device({.hand = pressing_hand, .stuck_after = 0.2});
+  auto loop = RunLoop::create(box_tool(), source, device, patient_settings());
+  ASSERT_TRUE(loop);
+  ASSERT_TRUE((*loop)->start());
+  EXPECT_TRUE(wait_for([&] { return !(*loop)->is_running(); }));
+  ASSERT_FALSE((*loop)->status());
+  EXPECT_NE((*loop)->status().error().message.find("does not tick any more"), std::string::npos);
+  (*loop)->stop();
+}
+
+// Nobody waits for the time that the clock of a device has been at for a moment.
+TEST(LiveLoop, ALeapOfTheDevicesClockPasses) {
+  WallSource source({});
+  ScriptedDevice device({.hand = pressing_hand, .leaps_after = 0.3});
+  auto loop = RunLoop::create(box_tool(), source, device, patient_settings());
+  ASSERT_TRUE(loop);
+  ASSERT_TRUE((*loop)->start());
+  EXPECT_TRUE(wait_for([&] { return (*loop)->report().num_faults > 0; }));
+  const std::uint64_t before = (*loop)->report().num_contacts;
+  const auto begin = std::chrono::steady_clock::now();
+  EXPECT_TRUE(wait_for([&] { return (*loop)->report().num_contacts > before + 20; }));
+  EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(30));
+  TickRecord tick;
+  EXPECT_TRUE(wait_for([&] {
+    return (*loop)->latest(tick) && tick.contact_age < 30 && tick.safety.fault == Fault::none;
+  }));
+}
+
 TEST(LiveLoop, RealTimeIsAskedForAndRefusalsAreNoted) {
   WallSource source({});
   ScriptedDevice device({});

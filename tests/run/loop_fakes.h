@@ -89,7 +89,9 @@ class ScriptedDevice final : public HapticDevice {
  public:
   struct Options {
     std::function<Vec3d(double time)> hand = [](double) { return Vec3d{}; };
-    double lost_after = 1e9;  // s since start
+    double lost_after = 1e9;   // s since start
+    double stuck_after = 1e9;  // likewise: it does not tick any more, and does not know it
+    double leaps_after = 1e9;  // likewise: its clock is far ahead at one tick
     std::optional<Error> refuses = std::nullopt;
   };
   explicit ScriptedDevice(Options options) : options_(std::move(options)) {
@@ -130,6 +132,7 @@ class ScriptedDevice final : public HapticDevice {
   void run() {
     using Clock = std::chrono::steady_clock;
     const auto start = Clock::now();
+    bool has_leapt = false;
     for (auto due = start; !is_stopping_; due += std::chrono::milliseconds(1)) {
       std::this_thread::sleep_until(due);
       const auto now = Clock::now();
@@ -138,11 +141,16 @@ class ScriptedDevice final : public HapticDevice {
         is_lost_ = true;
         return;
       }
+      if (time > options_.stuck_after) {
+        while (!is_stopping_) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+        return;
+      }
       DeviceState state;
       state.time = std::chrono::duration<double>(now.time_since_epoch()).count();
       state.X_BH.translation = options_.hand(time);
       state.V_BH.linear = (options_.hand(time + 1e-4) - state.X_BH.translation) * 1e4;
       state.is_valid = true;
+      if (time > options_.leaps_after && !std::exchange(has_leapt, true)) state.time += 40;
       last_force_ = norm(tick_(state).force);
       ++num_ticks_;
     }

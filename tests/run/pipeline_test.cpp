@@ -153,6 +153,25 @@ TEST(Pipeline, ChangesAreTakenBetweenTicks) {
   EXPECT_NE(refused.error().message.find("safety.max_slew"), std::string::npos);
 }
 
+// Whoever turns a setting for weeks does not fill the memory with what is said about it.
+TEST(Pipeline, NotesOfManyChangesHaveABound) {
+  auto pipeline = make(patient_settings());
+  ASSERT_TRUE(pipeline);
+  RunSettings other = patient_settings();
+  for (int i = 0; i < 20; ++i) {
+    other.coupling.stiffness = 5000 + i % 2;
+    ASSERT_TRUE(pipeline->change(other));
+  }
+  const std::size_t num = pipeline->notes().size();
+  EXPECT_GE(num, 1u);
+  EXPECT_LE(num, 4u);  // each once
+  for (int i = 0; i < 300; ++i) {
+    other.coupling.stiffness = 1500 + 10 * i;
+    ASSERT_TRUE(pipeline->change(other));
+  }
+  EXPECT_EQ(pipeline->notes().size(), kMaxNotes);
+}
+
 // Fewer spheres: the forces of the coarser tool, about the same point.
 TEST(Pipeline, FewerSpheresAreThoseOfThePrefixAboutTheSamePoint) {
   const WallSource source({});

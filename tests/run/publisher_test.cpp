@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <memory>
 #include <random>
 #include <set>
 #include <string>
@@ -227,6 +228,22 @@ TEST(Publisher, AContactWaitsForItsFrame) {
   EXPECT_EQ(listener.num_frames, 1u);
   EXPECT_EQ(listener.num_contacts, 1u);
   EXPECT_EQ(listener.num_ticks, 1u);
+}
+
+/// Settings that nobody is told are not kept for weeks.
+TEST(Publisher, KeepsNoSettingsThatNobodyHears) {
+  RunSettings settings;
+  settings.regions = {std::make_shared<const MaterialRegions>()};
+  RunObserver deaf, without_records;
+  deaf.on_ticks = [](std::span<const TickRecord>) {};
+  without_records.on_settings = [](std::uint32_t, const RunSettings&) {};
+  for (const RunObserver& observer : {RunObserver{}, deaf, without_records}) {
+    Stages stages(16);
+    Publisher publisher(observer, stages.records());
+    for (int i = 0; i < 10; ++i) publisher.add_settings(settings);
+    publisher.publish();
+    EXPECT_EQ(settings.regions[0].use_count(), 1);
+  }
 }
 
 /// Who keeps contacts and frames for the ticks that rest on them keeps those of one batch.

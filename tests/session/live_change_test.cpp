@@ -238,12 +238,38 @@ TEST(HapticChange, OfTheFrictionOfAnObjectIsRecordedAndRepeatedBitForBit) {
   EXPECT_NE(refused.error().message.find("other objects"), std::string::npos);
 }
 
+// Whoever turns settings for weeks does not fill the memory: none of them is kept that nothing
+// rests on any more.
+TEST(HapticChange, LeavesNoSettingsBehind) {
+  const auto shape =
+      std::make_shared<const Tool>(test::random_tool(150, 0.04, 9).with_solid_field());
+  RunSettings settings = patient_settings();
+  settings.objects = {{shape, {{0.05, 0, 0.47}, {}}}};
+  const std::vector<Edit> edits(30, [](auto& s) { s.coupling.stiffness += 1; });
+  const TemporaryFolder folder;
+  const auto run = folder.path() / "run";
+  long early = 0, late = 0;
+  RunMonitor monitor;
+  monitor.observer.on_settings = [&](std::uint32_t revision, const RunSettings&) {
+    if (revision == 5) early = shape.use_count();
+    if (revision == 30) late = shape.use_count();
+  };
+  const auto outcome = run_with_changes(run, monitor, {}, 20, settings, edits);
+  ASSERT_TRUE(outcome) << outcome.error().message;
+  EXPECT_GT(early, 0);
+  EXPECT_LT(late, early + 10);
+  expect_repeats(run, *outcome);
+}
+
 // Each part has the settings, frames and contacts that it goes on from, and how the hand stood.
 TEST(LiveRun, InPartsIsRepeatedWholeAndPartByPart) {
   const TemporaryFolder folder;
   const auto run = folder.path() / "run";
   RunMonitor monitor;
-  const auto outcome = run_with_changes(run, monitor, {.split_bytes = 1}, 500);
+  std::vector<Edit> edits(std::begin(kEdits), std::end(kEdits));
+  edits.push_back([](auto& s) { s.time.mode = TimeMode::latest; });  // looks back no more
+  const auto outcome =
+      run_with_changes(run, monitor, {.split_bytes = 1}, 500, patient_settings(), edits);
   ASSERT_TRUE(outcome) << outcome.error().message;
   EXPECT_EQ(outcome->not_kept, "");
   EXPECT_GE(recording_parts(run).size(), 3u);

@@ -515,6 +515,39 @@ TEST(LiveRun, NoOtherRunTakesItsFolder) {
   EXPECT_TRUE(run_for(0.1, run));  // now it may be replaced
 }
 
+// A disk that stands still for longer than the queue of frames holds: what is lost is told by the
+// terminal, the summary and the replay, and the rest is the same to the bit.
+TEST(LiveRun, WhatIsLostIsCountedAndTold) {
+  const TemporaryFolder folder;
+  const auto run = folder.path() / "run";
+  std::atomic<std::uint64_t> num_frames = 0;
+  RunMonitor monitor;
+  monitor.observer.on_frame = [&](const FrameRecord& frame, const DepthFrame&) {
+    num_frames = frame.number;
+    if (frame.number == 20) std::this_thread::sleep_for(std::chrono::milliseconds(800));
+  };
+  RunOptions options;
+  options.monitor = &monitor;
+  options.keep_going = [&] { return num_frames < 150; };
+  SyntheticStream stream(100000, 100);
+  const auto device = pressing_device();
+  const auto outcome = record_run(small_tool(), stream, *device, patient_settings(), run, options);
+  ASSERT_TRUE(outcome) << outcome.error().message;
+  EXPECT_EQ(outcome->failure, "");
+  EXPECT_GT(outcome->loop.num_lost_records, 0u);
+  const std::string told = std::to_string(outcome->loop.num_lost_records) + " records were lost";
+  EXPECT_TRUE(std::ranges::any_of(outcome->warnings, [&](const std::string& warning) {
+    return warning.find(told) != std::string::npos;
+  }));
+  const auto summary = nlohmann::json::parse(read(run / "summary.json"));
+  EXPECT_EQ(summary["lost_records"], outcome->loop.num_lost_records);
+  const auto replay = replay_run(run);
+  ASSERT_TRUE(replay) << replay.error().message;
+  EXPECT_EQ(replay->difference, "");
+  EXPECT_NE(replay->note.find("was not recorded"), std::string::npos) << replay->note;
+  EXPECT_GT(replay->num_contacts, 10u);
+}
+
 TEST(LiveRun, GoesOnWhenTheDiskIsFull) {
   const TemporaryFolder folder;
   const auto run = folder.path() / "run";

@@ -1,6 +1,10 @@
 // Recordings in parts: each and all together are repeated to the bit, old ones go, a full disk
 // interrupts.
 #include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <fstream>
@@ -261,6 +265,184 @@ TEST(RecordingParts, HoldTheSettingsOfContactsThatComeLate) {
   EXPECT_EQ(part->setup().revision, 0u);
 }
 
+// A contact of the settings before looks back at a frame that the next ones do not need.
+TEST(RecordingParts, HoldTheFramesThatContactsOfEarlierSettingsRestOn) {
+  const TemporaryFolder folder;
+  const Tool tool = small_tool();
+  SyntheticStream stream(4);
+  RunSetup setup;
+  setup.settings = settings_with(TimeMode::interpolate, CouplingKind::none);
+  setup.streams = {stream.info()};
+  setup.device.rate = kRate;
+  auto recorder =
+      RunRecorder::create(folder.path() / kRecordingFile, tool, setup, true, {.split_bytes = 1});
+  ASSERT_TRUE(recorder) << recorder.error().message;
+  DepthFrame frame;
+  FrameRecord record;
+  for (record.number = 0; record.number < 4; ++record.number) {
+    ASSERT_TRUE(stream.next(frame).value());
+    if (record.number == 3) {
+      setup.settings.time.mode = TimeMode::latest;
+      recorder->add_settings(1, setup.settings);
+      record.revision = 1;
+    }
+    record.camera_frame = record.number;
+    recorder->add_frame(record, frame);
+  }
+  ContactRecord contact;
+  contact.number = 1;
+  contact.cameras.of[0].camera_frame = 2;
+  recorder->add_contact(contact);
+  TickRecord tick;
+  tick.contact_number = 1;
+  recorder->add_tick(tick);
+  HandSnapshot snapshot;
+  snapshot.tick = 1;
+  recorder->add_hand_snapshot(snapshot);
+  recorder->finish();
+  auto part = RunReader::open(folder.path() / part_file(2));
+  ASSERT_TRUE(part) << part.error().message;
+  RecordedDepth first;
+  ASSERT_TRUE(part->next_frame(first).value());
+  EXPECT_EQ(first.record.camera_frame, 1u);
+}
+
+// Of settings that have passed nothing is kept, however long a part is.
+TEST(RecordingParts, KeepNoSettingsThatNothingHasAnyMore) {
+  const TemporaryFolder folder;
+  const Tool tool = small_tool();
+  RunSetup setup;
+  setup.settings = settings_with(TimeMode::interpolate, CouplingKind::none);
+  setup.settings.regions = {std::make_shared<const MaterialRegions>()};
+  setup.streams = {SyntheticStream(1).info()};
+  setup.device.rate = kRate;
+  const auto& regions = setup.settings.regions[0];
+  auto recorder = RunRecorder::create(folder.path() / kRecordingFile, tool, setup, true);
+  ASSERT_TRUE(recorder) << recorder.error().message;
+  ContactRecord contact;
+  TickRecord tick;
+  FrameRecord record;
+  SyntheticStream stream(100);
+  DepthFrame frame;
+  for (std::uint32_t i = 1; i <= 100; ++i) {
+    recorder->add_settings(i, setup.settings);
+    ASSERT_TRUE(stream.next(frame).value());
+    record.number = record.camera_frame = i - 1;
+    record.revision = contact.revision = tick.revision = i;
+    recorder->add_frame(record, frame);
+    contact.number = tick.contact_number = i;
+    contact.cameras.of[0].camera_frame = i - 1;
+    recorder->add_contact(contact);
+    recorder->add_tick(tick);
+  }
+  EXPECT_LE(regions.use_count(), 8);
+}
+
+// What a part cannot write at its end is told: in a part that has reached the largest file.
+TEST(RecordingParts, TellWhatIsLostAtTheEndOfAPart) {
+  const TemporaryFolder folder;
+  const pid_t child = fork();
+  if (child == 0) {
+    signal(SIGXFSZ, SIG_IGN);
+    const Tool tool = small_tool();
+    SyntheticStream stream(400);
+    RunSetup setup;
+    setup.settings = settings_with(TimeMode::latest, CouplingKind::none);
+    setup.streams = {stream.info()};
+    setup.device.rate = kRate;
+    const fs::path path = folder.path() / kRecordingFile;
+    auto recorder =
+        RunRecorder::create(path, tool, setup, true, {.split_bytes = 1, .reserve_bytes = 0});
+    if (!recorder) _exit(2);
+    DepthFrame frame;
+    FrameRecord record;
+    ContactRecord contact;
+    TickRecord tick;
+    const auto add = [&] {
+      (void)stream.next(frame);
+      recorder->add_frame(record, frame);
+      contact.cameras.of[0].camera_frame = static_cast<std::int64_t>(record.camera_frame);
+      record.number = ++record.camera_frame;
+      tick.contact_number = ++contact.number;
+      recorder->add_contact(contact);
+      recorder->add_tick(tick);
+      ++tick.number;
+    };
+    const std::uintmax_t empty = fs::file_size(path);
+    for (int i = 0; i < 390 && fs::file_size(path) < 3 * empty; ++i) add();
+    if (fs::file_size(path) < 3 * empty) _exit(3);
+    for (int i = 0; i < 3; ++i) add();
+    const rlimit limit{fs::file_size(path), fs::file_size(path)};
+    setrlimit(RLIMIT_FSIZE, &limit);
+    HandSnapshot snapshot;
+    snapshot.tick = tick.number;
+    recorder->add_hand_snapshot(snapshot);
+    recorder->finish();
+    auto reader = RunReader::open(path);
+    std::uint64_t num_ticks = 0;
+    while (reader && reader->next_tick(tick).value()) ++num_ticks;
+    const bool is_lost = num_ticks < snapshot.tick;
+    const bool is_told = recorder->trouble().find("nothing was recorded") != std::string::npos;
+    _exit(!is_lost ? 4 : is_told ? 0 : 1);
+  }
+  int status = 0;
+  waitpid(child, &status, 0);
+  EXPECT_TRUE(WIFEXITED(status));
+  EXPECT_EQ(WEXITSTATUS(status), 0);
+}
+
+/// The settings that a part begins with are of this revision.
+void rename_settings(std::vector<test::RecordedMessage>& all, std::uint32_t revision) {
+  for (auto& message : all) {
+    if (message.channel.topic == kPartTopic) {
+      PartStart start = *read_part(message.data);
+      start.revision = revision;
+      message.data = part_message(start);
+    } else if (message.channel.topic == kSettingsTopic) {
+      RunSetup setup = *read_settings(message.data);
+      setup.revision = revision;
+      message.data = settings_message(setup);
+    }
+  }
+}
+
+// Also where another part came before.
+TEST(RecordingParts, ContactsOfSettingsThatAreMissingAfterAGapAreNotRepeated) {
+  const TemporaryFolder folder;
+  const auto run = folder.path() / "run";
+  ASSERT_TRUE(
+      record(run, settings_with(TimeMode::latest, CouplingKind::none), {.split_bytes = 1}, 3));
+  const fs::path other = folder.path() / "other" / kRecordingFile;
+  fs::create_directories(other.parent_path());
+  fs::copy_file(recording_parts(run)[2], other);
+  auto all = test::messages(other.parent_path());
+  rename_settings(all, 1);
+  test::rewrite(other.parent_path(), all);
+  fs::copy_file(other, recording_parts(run)[2], fs::copy_options::overwrite_existing);
+  fs::remove(recording_parts(run)[1]);
+  const auto replay = replay_run(run);
+  ASSERT_TRUE(replay) << replay.error().message;
+  EXPECT_EQ(replay->difference, "");
+  EXPECT_NE(replay->note.find("is not repeated: its settings"), std::string::npos) << replay->note;
+}
+
+TEST(RecordingParts, LostContactsAreTold) {
+  const TemporaryFolder folder;
+  const auto run = folder.path() / "run";
+  ASSERT_TRUE(record(run, settings_with(TimeMode::latest, CouplingKind::none), {}, 1));
+  auto all = test::messages(run);
+  std::erase_if(all, [](const auto& message) {
+    if (message.channel.topic != kContactTopic) return false;
+    const std::uint64_t number = read_contact(message.data)->number;
+    return number == 30 || number == 40 || number == 41;
+  });
+  test::rewrite(run, all);
+  const auto replay = replay_run(run);
+  ASSERT_TRUE(replay) << replay.error().message;
+  EXPECT_EQ(replay->difference, "");
+  EXPECT_NE(replay->note.find("3 contacts were not recorded"), std::string::npos) << replay->note;
+}
+
 TEST(RecordingParts, ContactsOfSettingsThatAreNotThereAreNotRepeated) {
   const TemporaryFolder folder;
   const auto run = folder.path() / "run";
@@ -270,17 +452,7 @@ TEST(RecordingParts, ContactsOfSettingsThatAreNotThereAreNotRepeated) {
   fs::create_directories(other.parent_path());
   fs::copy_file(recording_parts(run)[1], other);
   auto all = test::messages(other.parent_path());
-  for (auto& message : all) {
-    if (message.channel.topic == kPartTopic) {
-      PartStart start = *read_part(message.data);
-      start.revision = 1;
-      message.data = part_message(start);
-    } else if (message.channel.topic == kSettingsTopic) {
-      RunSetup setup = *read_settings(message.data);
-      setup.revision = 1;
-      message.data = settings_message(setup);
-    }
-  }
+  rename_settings(all, 1);
   test::rewrite(other.parent_path(), all);
   const auto replay = replay_run(other.parent_path());
   ASSERT_TRUE(replay) << replay.error().message;

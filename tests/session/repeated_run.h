@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cstdio>
 #include <filesystem>
 
 #include "palpate/session/run.h"
@@ -28,6 +29,10 @@ inline ReplayOutcome repeated(const std::filesystem::path& run, const ReplayOpti
 inline void expect_repeats(const std::filesystem::path& run, const RunOutcome& outcome,
                            const ReplayOptions& options = {}) {
   const bool lost = outcome.loop.num_lost_records > 0;
+  if (lost) {
+    std::printf("%llu records were lost and counted\n",
+                static_cast<unsigned long long>(outcome.loop.num_lost_records));
+  }
   const ReplayOutcome replay = repeated(run, options, lost);
   if (lost) return;
   EXPECT_EQ(replay.num_ticks, outcome.loop.num_ticks);

@@ -8,6 +8,7 @@
 #include "palpate/session/run.h"
 #include "src/io/internal/atomic_file.h"
 #include "src/session/base64.h"
+#include "src/session/change_list.h"
 #include "src/session/internal/compact_json.h"
 #include "src/session/run_series.h"
 #include "src/session/statistics.h"
@@ -185,6 +186,27 @@ TEST(Base64, KnownAnswers) {
   EXPECT_EQ(base64("foo"), "Zm9v");
   EXPECT_EQ(base64("foobar"), "Zm9vYmFy");
   EXPECT_EQ(base64("\xff\xfe"), "//4=");
+}
+
+// Weeks of changes: the first ones and the last ones, each by what it changed.
+TEST(ChangeList, KeepsTheFirstAndTheLast) {
+  RunSettings settings;
+  ChangeList changes(settings);
+  constexpr int kNum = 1000;
+  for (int i = 0; i < kNum; ++i) {
+    settings.coupling.stiffness = 100 + i;
+    if (i == 7) settings.time.mode = TimeMode::predict;
+    changes.add(settings);
+  }
+  changes.add(settings);  // nothing
+  EXPECT_EQ(changes.num(), kNum + 1u);
+  const auto list = changes.json();
+  ASSERT_EQ(list.size(), 2 * ChangeList::kNumKept);
+  EXPECT_EQ(list[0].dump(), R"({"coupling":{"stiffness":100.0}})");
+  EXPECT_EQ(list[7].dump(), R"({"time":{"mode":"predict"},"coupling":{"stiffness":107.0}})");
+  EXPECT_EQ(list[ChangeList::kNumKept - 1]["coupling"]["stiffness"], 299);
+  EXPECT_EQ(list[ChangeList::kNumKept]["coupling"]["stiffness"], 901);
+  EXPECT_EQ(list[2 * ChangeList::kNumKept - 1].dump(), "{}");
 }
 
 }  // namespace

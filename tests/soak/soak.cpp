@@ -207,8 +207,9 @@ Memory memory_now() {
   std::ifstream file("/proc/self/statm");
   long total = 0, resident = 0;
   file >> total >> resident;
+  const struct mallinfo2 heap = mallinfo2();
   return {static_cast<double>(resident * sysconf(_SC_PAGESIZE)) / (1 << 20),
-          static_cast<double>(mallinfo2().uordblks) / (1 << 20)};
+          static_cast<double>(heap.uordblks + heap.hblkhd) / (1 << 20)};
 }
 
 /// Between the means of the first and the last third of what came after it had settled.
@@ -360,6 +361,7 @@ int soak(const Options& options) {
 
 int main(int argc, char** argv) {
   std::setvbuf(stdout, nullptr, _IOLBF, BUFSIZ);  // what was said stays, whatever happens
+  mallopt(M_ARENA_MAX, 1);  // so that the heap that is measured is that of all threads
   palpate::Options options;
   for (int i = 1; i < argc; ++i) {
     const std::string word = argv[i];

@@ -2,6 +2,7 @@
 // no upward jumps, and fades to zero when anything is wrong.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <string_view>
 
@@ -51,9 +52,9 @@ constexpr auto names_of(ForceState) {
 /// When the force engages, how it fades, and how it returns after a fault.
 struct ForceGateOptions {
   double ramp_seconds = 0.5;  ///< from zero to full force after engaging
-  /// Engages only if the tool had no contact, or the desired force was below this, for
-  /// `engage_ticks` ticks. A hand that starts in contact gets the ramp after `engage_timeout`
-  /// instead, but not after a fault.
+  /// Engages only if the tool had no contact, or the desired force was below this (and the torque
+  /// below the same share of the device's limit), for `engage_ticks` ticks. A hand that starts in
+  /// contact gets the ramp after `engage_timeout` instead, but not after a fault.
   double engage_force = 0.2;  ///< N
   int engage_ticks = 10;
   double engage_timeout = 2;     ///< s
@@ -66,8 +67,7 @@ struct ForceGateOptions {
 /// One per safety filter. No allocation, no throw; O(1).
 class ForceGate {
  public:
-  explicit ForceGate(const ForceGateOptions& options)
-      : options_(options), budget_(options.max_recoveries) {}
+  explicit ForceGate(const ForceGateOptions& options) : options_(options) {}
 
   /// Inputs at one tick.
   struct Input {
@@ -83,7 +83,8 @@ class ForceGate {
 
   void remember(StateNumbers& numbers) noexcept {
     numbers(state_, fault_, fault_time_, num_faults_, gain_, fade_, fade_gain_, waiting_since_,
-            well_since_, budget_, num_quiet_, has_begun_, is_after_fault_, is_requested_);
+            well_since_, part_seconds_, num_quiet_, has_begun_, is_after_fault_, is_requested_);
+    for (int& num : returns_) numbers(num);
   }
 
   ForceState state() const noexcept { return state_; }
@@ -108,6 +109,7 @@ class ForceGate {
   void step_engaged(const Input& input) noexcept;
   void step_fading(const Input& input) noexcept;
   void step_off(const Input& input) noexcept;
+  void age_returns(double dt) noexcept;
 
   ForceGateOptions options_;
   ForceState state_ = ForceState::waiting;
@@ -116,8 +118,12 @@ class ForceGate {
   std::uint32_t num_faults_ = 0;
   double gain_ = 0, fade_ = 0, fade_gain_ = 0;
   double waiting_since_ = 0, well_since_ = 0;
-  double budget_;  // returns of the force that may still come; a minute gives max_recoveries
-  int num_quiet_ = 0;
+  // Returns of the force after faults: in the present part of a minute and in those before, so that
+  // together they are never of less than a minute.
+  static constexpr int kNumParts = 13;
+  std::array<int, kNumParts> returns_{};
+  double part_seconds_ = 0;  // of the present part
+  int num_quiet_ = 0;  // ticks in a row: free of contact; in `engaged` without any time between
   bool has_begun_ = false, is_after_fault_ = false, is_requested_ = false;
 };
 
@@ -176,6 +182,7 @@ struct SafetyInput {
   bool sensor_failed = false;  ///< permanently
   bool is_requested = false;   ///< the user requests the force
   bool is_free = false;        ///< the tool has no contact: the wrench only moves the tool
+  bool is_driven = true;       ///< false: as with a dead-man switch that is released
 };
 
 /// State of the safety filter at a tick.
@@ -214,6 +221,8 @@ class SafetyFilter {
   /// Force and torque are limited separately and keep their direction.
   Wrench filter(const Wrench& desired, const SafetyInput& input) noexcept;
   const SafetyStatus& status() const { return status_; }
+  /// Whether it has ever been asked for a wrench.
+  bool has_ticked() const noexcept { return has_ticked_; }
   /// Saves or restores the complete state, for a filter with the same limits and options.
   void remember(StateNumbers& numbers) noexcept {
     numbers(gate_, status_, last_, fade_from_, last_time_, last_valid_time_, last_buttons_,

@@ -130,7 +130,7 @@ class HandPart {
 
  private:
   double step_seconds(const DeviceState& state) noexcept;
-  void end_without_force(TickRecord& record) noexcept;
+  void end_without_force(const TickFlags& flags, TickRecord& record) noexcept;
 
   std::unique_ptr<Coupling> coupling_;
   SafetyStatus status_without_force_;  // where the device is given no wrench
@@ -195,6 +195,10 @@ Result<std::unique_ptr<ContactPart>> make_contact_part(std::shared_ptr<const Too
                                                        const RunSettings& settings,
                                                        const ContactScale& scale,
                                                        ThreadPool* threads = nullptr);
+
+/// For humans: each once, and of a run with many changes the first ones.
+inline constexpr std::size_t kMaxNotes = 100;
+void add_notes(std::vector<std::string>& notes, const std::vector<std::string>& news);
 
 /// The parts of a run, made from its settings.
 struct RunParts {

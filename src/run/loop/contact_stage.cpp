@@ -1,6 +1,7 @@
 #include "src/run/loop/contact_stage.h"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "src/core/monotonic_clock.h"
@@ -68,17 +69,21 @@ void ContactStage::work() {
 }
 
 /// Shortly after the next tick is expected. One that is late is looked for again and again, less
-/// often the longer it is silent.
+/// often the longer it is silent. Nobody waits for a time to which a device's clock has leapt.
 double ContactStage::next_look(double now) const {
   const double tick = settings_.tick_seconds;
   const double expected =
       std::max(tools_.value().time + tick, next_due_ - tick / 2) + kAfterTick * tick;
+  if (!(expected < now + 1 / settings_.rate + 2 * tick)) return now + tick;
   const double late = now - expected;
   return late < 0 ? expected : now + std::clamp(late / 4, tick / 16, tick);
 }
 
 /// Half a tick early is in time: ticks do not come at the microsecond.
 bool ContactStage::is_due(double time) {
+  if (!std::isfinite(time)) return false;
+  // The device's clock was ahead for a while.
+  if (next_due_ > time + 1 / settings_.rate + settings_.tick_seconds) next_due_ = time;
   if (time < next_due_ - settings_.tick_seconds / 2) return false;
   next_due_ = std::max(next_due_, time - settings_.tick_seconds) + 1 / settings_.rate;
   return true;

@@ -13,7 +13,12 @@ constexpr int kPriority = 80;
 constexpr std::size_t kNumRecords = 8192;  // eight seconds at 1 kHz
 constexpr std::size_t kNumSnapshots = 16;
 
-std::int64_t nanoseconds(double seconds) { return static_cast<std::int64_t>(1e9 * seconds); }
+/// Also of what a device with a broken clock says.
+std::int64_t nanoseconds(double seconds) {
+  constexpr double kMax = 9e18;
+  const double number = 1e9 * seconds;
+  return number > -kMax && number < kMax ? static_cast<std::int64_t>(number) : 0;
+}
 
 }  // namespace
 
@@ -60,7 +65,10 @@ void HapticStage::keep_time(const TickStart& start, const TickRecord& record) no
   num_faults_.store(record.safety.num_faults, std::memory_order_relaxed);
   if (is_lasting(record.safety.fault)) {
     fault_.store(record.safety.fault, std::memory_order_relaxed);
-    if (record.safety.gain <= 0) has_faded_.store(true, std::memory_order_release);
+    if (record.safety.gain <= 0 && record.F_H_B.force == Vec3d{} &&
+        record.F_H_B.torque == Vec3d{}) {
+      has_faded_.store(true, std::memory_order_release);
+    }
   }
   const std::uint64_t number = num_ticks_.load(std::memory_order_relaxed);
   if (number > 0) times_.haptic_period.record(nanoseconds(start.time - last_begin_));

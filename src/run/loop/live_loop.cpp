@@ -30,6 +30,7 @@ constexpr double kMindingPeriod = 0.02;      // s
 constexpr double kFirstTickTimeout = 2;      // s
 constexpr double kFadeTimeout = 0.5;         // s, beyond the fade itself
 constexpr double kChangeTimeout = 10;        // s: longer than any usual sensor is silent
+constexpr double kMaxSilence = 5;            // s without a tick: the device is stuck
 
 /// Queries that are too rare for the safety filter would end every run.
 Status check_contact_rate(const RunSettings& settings) {
@@ -136,6 +137,7 @@ class LiveLoop final : public RunLoop {
   LoadCounts count_load(double contact_rate) const;
   double slowest_rate() const;
   void publish_all();
+  bool has_stopped_ticking();
   void fade_out() noexcept;
   std::vector<std::pair<std::string, std::string>> scheduling() const;
 
@@ -155,12 +157,15 @@ class LiveLoop final : public RunLoop {
   RunSettings settings_;  // as all stages have them
   std::vector<std::string> notes_;
   std::array<double, 3> thinned_{};  // s: page, image, spheres
+  // Of the publishing thread.
+  std::uint64_t num_seen_ticks_ = 0;
+  int num_silent_rounds_ = 0;
   // Of the minding thread.
   bool is_changing_backend_ = false;
   LoadGovernor governor_;
 
   std::atomic<bool> is_running_ = false, is_backend_lost_ = false, is_page_thinned_ = false;
-  std::atomic<bool> is_out_of_memory_ = false;
+  std::atomic<bool> is_out_of_memory_ = false, is_device_stuck_ = false;
   std::atomic<std::uint64_t> num_pictures_ = 0;  // requested
   std::atomic<int> recorder_nice_ = 0;
   std::atomic<double> start_time_ = 0, end_time_ = 0;
@@ -282,7 +287,7 @@ Status LiveLoop::begin_change(const RunSettings& settings) {
   publisher_.add_settings(settings);
   {
     const std::lock_guard lock_others(mutex_);
-    notes_.insert(notes_.end(), parts->notes.begin(), parts->notes.end());
+    add_notes(notes_, parts->notes);
   }
   offer_change();
   return Done{};
@@ -422,6 +427,15 @@ void LiveLoop::look_after_backend() {
   haptic_.request_stop();
 }
 
+/// A device may be stuck without knowing it. What counts are rounds of this thread: while the whole
+/// process stood still, there were none.
+bool LiveLoop::has_stopped_ticking() {
+  const std::uint64_t num_ticks = haptic_.num_ticks();
+  const bool is_silent = num_ticks > 0 && num_ticks == std::exchange(num_seen_ticks_, num_ticks);
+  num_silent_rounds_ = is_silent ? num_silent_rounds_ + 1 : 0;
+  return num_silent_rounds_ * kPublishingPeriod > std::max(kMaxSilence, 10 / device_.info().rate);
+}
+
 /// Also notices when the haptic thread cannot: a device that is lost does not tick.
 void LiveLoop::publish_all() {
   if (first_settings_.wants_real_time) recorder_nice_ = take_rank(ThreadRank::recorder);
@@ -435,7 +449,8 @@ void LiveLoop::publish_all() {
       is_out_of_memory_ = true;
       haptic_.request_stop();
     }
-    const bool has_ended = haptic_.has_faded() || !device_.status();
+    if (is_running() && has_stopped_ticking()) is_device_stuck_ = true;
+    const bool has_ended = haptic_.has_faded() || !device_.status() || is_device_stuck_;
     if (has_ended && is_running_.exchange(false)) end_time_ = monotonic_now();
   }
 }
@@ -500,6 +515,11 @@ Status LiveLoop::status() const {
   if (const Status surfaces = surfaces_.status(); !surfaces) return surfaces;
   if (is_backend_lost_) return lost_backend();
   if (is_out_of_memory_) return out_of_memory();
+  if (is_device_stuck_) {
+    return Error{Errc::unavailable, device_.info().name +
+                                        " does not tick any more; switch it off and on, check "
+                                        "its cable and try again"};
+  }
   switch (const Fault fault = haptic_.fault()) {
     case Fault::none:
     case Fault::stopped: return Done{};

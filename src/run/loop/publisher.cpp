@@ -14,11 +14,15 @@ constexpr std::uint64_t kAll = std::numeric_limits<std::uint64_t>::max();
 }  // namespace
 
 Publisher::Publisher(const RunObserver& observer, LoopRecords records)
-    : observer_(observer), records_(std::move(records)) {
+    : observer_(observer),
+      records_(std::move(records)),
+      publishes_settings_(observer.on_settings &&
+                          (observer.on_frame || observer.on_contact || observer.on_ticks)) {
   batch_.reserve(kBatch);
 }
 
 void Publisher::add_settings(const RunSettings& settings) {
+  if (!publishes_settings_) return;
   const std::lock_guard lock(mutex_);
   settings_.push_back(settings);
 }
@@ -99,7 +103,7 @@ void Publisher::publish_snapshot(std::uint64_t tick) {
 
 /// Up to this revision, each once.
 void Publisher::publish_settings(std::uint32_t revision) {
-  while (published_revision_ < revision) {
+  while (publishes_settings_ && published_revision_ < revision) {
     RunSettings settings;
     {
       const std::lock_guard lock(mutex_);
@@ -107,7 +111,7 @@ void Publisher::publish_settings(std::uint32_t revision) {
       settings_.pop_front();
     }
     ++published_revision_;
-    if (observer_.on_settings) observer_.on_settings(published_revision_, settings);
+    observer_.on_settings(published_revision_, settings);
   }
 }
 

@@ -51,6 +51,7 @@ class Publisher {
 
   const RunObserver& observer_;
   LoopRecords records_;
+  const bool publishes_settings_;  // with the records of their revision; else they are not kept
 
   std::mutex mutex_;
   std::deque<RunSettings> settings_;  // those after `published_revision_`

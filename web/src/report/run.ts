@@ -34,7 +34,8 @@ interface Summary {
   warnings: string[];
   settings: Settings;
   probe?: Probe;
-  changes: Settings[];
+  changes: Settings[]; // of many the first and the last ones, as many of each
+  num_changes: number;
 }
 
 interface RunData {
@@ -278,7 +279,9 @@ function settings({ summary, defaults }: RunData): HTMLElement[] {
   }
   made.push(folded('all settings', table(all.map(([section, key, value]) => [`${section}.${key}`, words(value)]))));
   if (summary.changes.length > 0) {
-    made.push(heading('Changed while it ran'), table(summary.changes.map((change, i) => [String(i + 1),
+    const { num_changes, changes: kept } = summary, left_out = num_changes - kept.length;
+    const number = (i: number) => String(i < kept.length / 2 ? i + 1 : i + 1 + left_out);
+    made.push(heading('Changed while it ran'), table(kept.map((change, i) => [number(i),
       each(change).map(([section, key, value]) => `${section}.${key} = ${words(value)}`).join(', ')])));
   }
   return made;
