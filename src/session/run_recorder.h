@@ -56,6 +56,7 @@ class RunRecorder {
   struct Part {
     std::filesystem::path file;  // its name in the folder
     double end = 0;              // s, of its last tick
+    std::uint64_t bytes = 0;     // once it is whole
   };
   struct Channels {
     std::uint16_t part, settings, estimate, frame, contact, tick, note, transforms, statics,
@@ -79,6 +80,8 @@ class RunRecorder {
   void pause(const Error& error);
   void forget(const TickRecord& tick);
   void remove_old();
+  Status end_part(McapWriter& writer);
+  void add_trouble(const std::string& text);
   std::filesystem::path folder() const;
 
   const Tool* tool_;
