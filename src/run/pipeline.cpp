@@ -6,6 +6,7 @@
 #include "src/core/internal/assert.h"
 #include "src/haptics/internal/surface_motion.h"
 #include "src/math/internal/rotation_vector.h"
+#include "src/run/internal/notes.h"
 #include "src/run/setting_changes.h"
 
 namespace palpate::inline v0 {
@@ -421,7 +422,7 @@ Status Pipeline::change(const RunSettings& settings) {
   ++revision_;
   hand_->change(revision_, parts->coupling);
   checked_coupling_ = parts->checked_coupling;
-  notes_.insert(notes_.end(), parts->notes.begin(), parts->notes.end());
+  add_notes(notes_, std::move(parts->notes));
   settings_ = settings;
   Pending news{revision_, std::move(parts->timelines), std::move(parts->contact), parts->scale,
                std::vector<CameraFrame>(streams_.size())};
