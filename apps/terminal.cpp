@@ -19,7 +19,7 @@ namespace palpate::apps {
 namespace {
 
 constexpr std::int64_t kPatience = 2'000'000'000;  // ns
-constexpr std::size_t kMostKept = 64 << 10;        // bytes
+constexpr std::size_t kMaxKept = 64 << 10;         // bytes
 constexpr std::size_t kPiece = 512;                // bytes: as many find room where any do
 
 std::atomic<std::int64_t> g_interrupted_at = 0;  // ns, monotonic; 0: never
@@ -51,7 +51,7 @@ class KeptLines {
  public:
   void add(const std::string& line) {
     const std::lock_guard lock(mutex_);
-    if (text_.size() + line.size() > kMostKept) {
+    if (text_.size() + line.size() > kMaxKept) {
       ++num_left_out_;
     } else {
       text_ += line;

@@ -261,6 +261,18 @@ TEST(LiveLoopChange, NotesAboutSettingsAreToldOnceAndNotWithoutEnd) {
   EXPECT_LE(num_notes(), 100);
 }
 
+// Surfaces are blended as long as frames are apart: an hour of that would end all sight.
+TEST(LiveLoopChange, FramesThatAreExpectedInAnHourComeWhenTheyCome) {
+  Touching touching;
+  RunSettings settings = touching.loop->settings();
+  settings.time.first_period = 3600;
+  ASSERT_TRUE(touching.loop->change(settings));
+  const std::uint64_t before = touching.loop->report().num_frames;
+  EXPECT_TRUE(wait_for([&] { return touching.loop->report().num_frames > before + 20; }));
+  settings.time.first_period = 0;
+  EXPECT_TRUE(touching.loop->change(settings));
+}
+
 // Whoever changes settings while the camera stands still gets an answer soon, and the next one at
 // once: a page's thread waits for it, and the end of a run for that.
 TEST(LiveLoopChange, WithoutDepthFramesIsRefusedSoonAndTakenLater) {
