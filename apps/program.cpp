@@ -3,42 +3,14 @@
 #include <iostream>
 #include <new>
 
+#include "apps/terminal.h"
 #include "palpate/version.h"
 
 namespace palpate::apps {
-namespace {
-
-/// Length of the UTF-8 character at `at`, 0 if these bytes are none.
-std::size_t utf8_length(const std::string& text, std::size_t at) {
-  const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(text[i]); };
-  const std::size_t length = byte(at) < 0x80       ? 1
-                             : byte(at) >> 5 == 6  ? 2
-                             : byte(at) >> 4 == 14 ? 3
-                             : byte(at) >> 3 == 30 ? 4
-                                                   : 0;
-  if (at + length > text.size()) return 0;
-  for (std::size_t i = 1; i < length; ++i) {
-    if (byte(at + i) >> 6 != 2) return 0;
-  }
-  return length;
-}
-
-}  // namespace
 
 int fail(const std::string& program, const std::string& message, int status) {
-  std::string line = program + ": ";
-  for (std::size_t at = 0; at < message.size();) {
-    const std::size_t length = utf8_length(message, at);
-    const auto first = static_cast<unsigned char>(message[at]);
-    if (length == 0 || (length == 1 && (first < 0x20 || first == 0x7f))) {
-      line += first == '\n' ? ' ' : '?';
-      ++at;
-    } else {
-      line.append(message, at, length);
-      at += length;
-    }
-  }
-  std::cerr << line << std::endl;
+  print_kept();
+  std::cerr << program << ": " << printable(message) << std::endl;
   return status;
 }
 
@@ -112,6 +84,7 @@ int run_program(CLI::App& program, const Action& action, int argc, char** argv) 
     return fail(name, "out of memory: use fewer spheres, a smaller image or a shorter run",
                 kInputAtFault);
   }
+  print_kept();
   if (!std::cout.flush()) return fail(name, "cannot write to the standard output", kInputAtFault);
   return 0;
 }

@@ -7,11 +7,20 @@
 namespace palpate::apps {
 
 /// From now on Ctrl-C (and a polite kill, or a closed terminal) sets a flag instead of ending the
-/// program; a second one ends it.
+/// program. A second Ctrl-C or kill ends it, two seconds after the first at the soonest: keys
+/// repeat, and a force needs time to fade. Nobody who stops reading what is said ends it.
 void catch_interrupts();
 bool interrupted();
 
-/// Progress on stderr: a bar with the time left on a terminal, else a line every few seconds.
+/// The text without anything that a terminal would obey; what is not UTF-8 becomes '?'. Others say
+/// what is in it: files, cameras, robots.
+std::string printable(const std::string& text);
+
+/// "palpate: note: ..." on stderr. Waits for whoever reads it.
+void print_note(const std::string& text);
+
+/// Progress on stderr: a bar with the time left on a terminal, else a line every few seconds. Left
+/// out while nobody reads it.
 class Progress {
  public:
   explicit Progress(std::string title);
@@ -32,7 +41,10 @@ class Progress {
   bool drawn_ = false;
 };
 
-/// A line on stderr while a bar may be shown. Any thread.
+/// A line on stderr while a bar may be shown. Any thread. Never waits: while nobody reads (Ctrl-S,
+/// a pipe that is full), lines are kept for later, up to 64 KiB of them.
 void print_beside_progress(const std::string& text);
+/// What was kept. Waits.
+void print_kept();
 
 }  // namespace palpate::apps

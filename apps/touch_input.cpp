@@ -6,6 +6,7 @@
 
 #include "apps/connected.h"
 #include "apps/held_frames.h"
+#include "apps/terminal.h"
 #include "apps/touch.h"
 #include "palpate/cameras/cameras.h"
 #include "scenes/scene.h"
@@ -72,7 +73,7 @@ Status add_probing_path(const TouchOptions& options, const Tool& tool, const Ope
   input.probe = std::move(path->choice);
   input.probe->p_W = X_WC * input.probe->p_W;
   input.X_WC = X_WC;
-  if (!input.probe->note.empty()) std::cerr << "palpate: note: " << input.probe->note << "\n";
+  if (!input.probe->note.empty()) print_note(input.probe->note);
   return Done{};
 }
 
@@ -219,7 +220,7 @@ Status find_connected(TouchOptions& options) {
     if (!camera) return camera.error();
     if (options.sensor) camera->sensor = options.sensor;
     options.cameras = {*camera};
-    std::cerr << "palpate: note: taking the camera " << camera->text << "\n";
+    print_note("taking the camera " + camera->text);
   }
   if (const Status status = check_one_world(options.cameras); !status) return status;
   auto filter = open_robot(options.robot, options.cameras);
@@ -229,7 +230,7 @@ Status find_connected(TouchOptions& options) {
     const auto device = connected_device();
     if (!device) return device.error();
     options.device = *device;
-    std::cerr << "palpate: note: taking the device " << *device << "\n";
+    print_note("taking the device " + *device);
   }
   return Done{};
 }

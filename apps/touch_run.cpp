@@ -150,7 +150,7 @@ Status tell(const TouchOptions& options, const Tool& tool, const RunOutcome& out
   note_backend(outcome.why_not_cuda);
   for (const std::string& text : outcome.warnings) {
     if (std::ranges::find(said, text) != said.end()) continue;
-    std::cerr << "palpate: note: " << text << '\n';
+    print_note(text);
   }
   const bool is_complete = outcome.failure.empty() && outcome.not_kept.empty() && !is_cut_short;
   if (options.json && is_complete) {
@@ -229,8 +229,7 @@ Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
     }
   }
   if (is_live && !(*device)->info().senses_orientation) {
-    std::cerr << "palpate: note: " << (*device)->info().name
-              << " senses no orientation: the tool does not turn\n";
+    print_note((*device)->info().name + " senses no orientation: the tool does not turn");
   }
 
   std::vector<DepthSource*> sources;
@@ -285,6 +284,7 @@ Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
   const auto outcome =
       record_run(tool, DepthSources(std::move(sources)), **device, settings, options.output, run);
   if (page) page->print_closing();
+  print_kept();
   if (!outcome) return outcome.error();
   return tell(options, tool, *outcome, input.probe, said, !is_live && interrupted());
 }

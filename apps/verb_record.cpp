@@ -93,8 +93,9 @@ Status run(const Options& options) {
     const InterruptWatch watch(sources);
     return record_stream(sources, options.output, recording);
   }();
+  print_kept();
   if (!done) return done.error();
-  for (const std::string& note : done->notes) std::cerr << "palpate: note: " << note << "\n";
+  for (const std::string& note : done->notes) print_note(note);
   if (options.json) {
     print_json({{"file", options.output},
                 {"frames", done->num_frames},

@@ -95,7 +95,7 @@ Status repeat(const Options& options) {
     return Error{Errc::bad_input, "the replay differs from " + options.run + "/" + kRecordingFile +
                                       " in " + outcome->difference};
   }
-  if (!outcome->note.empty()) std::cerr << "palpate: note: " << outcome->note << '\n';
+  if (!outcome->note.empty()) print_note(outcome->note);
   if (options.json) {
     print_json({{"identical", true},
                 {"ticks", outcome->num_ticks},
@@ -120,10 +120,10 @@ Status retry(const Options& options) {
       options.run, options.output,
       [&](RunSettings& settings) { return change(options.changes, settings, note); }, run);
   if (!outcome) return outcome.error();
-  if (!note.empty()) std::cerr << "palpate: note: " << note << '\n';
+  if (!note.empty()) print_note(note);
   note_backend(outcome->run.why_not_cuda);
   for (const std::string& text : outcome->run.warnings) {
-    std::cerr << "palpate: note: " << text << '\n';
+    print_note(text);
   }
   const ForceComparison& forces = outcome->forces;
   if (options.json) {

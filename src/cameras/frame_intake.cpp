@@ -16,6 +16,7 @@ constexpr double kFirstFrameTimeout = 10;  // s
 constexpr double kBlackSeconds = 1;        // s without any measurement until a note
 constexpr double kLongestBack = 1;         // s; a stamp before that is of a clock that was set back
 constexpr std::size_t kMaxNotes = 100;
+constexpr std::uint64_t kMaxTold = 10;  // of what may happen with every frame
 
 bool is_black(const DepthFrame& frame) {
   return std::all_of(frame.pixels.begin(), frame.pixels.end(),
@@ -73,7 +74,7 @@ bool FrameIntake::accept(const DepthFrame& frame, const CameraModel& model, doub
     const double earliest = capture_time_of(stamp, arrival);
     const bool is_set_back = has_last_ && stamp < last_stamp_ - kLongestBack;
     if (clock_.num_restarts() > num_restarts || is_set_back) {
-      note("has restarted its clock");
+      note_again(num_restarts_, "has restarted its clock");
     } else if (has_last_ && !(stamp > last_stamp_)) {
       if (num_from_past_++ == 0) note("sends frames with old timestamps, which are dropped");
       return false;
@@ -118,13 +119,14 @@ void FrameIntake::note_change(const CameraModel& model, double unit) {
   if (last_model_ && !(*last_model_ == model)) {
     const bool has_new_size =
         last_model_->width != model.width || last_model_->height != model.height;
-    note(has_new_size ? "has changed its image from " + size_text(*last_model_) + " to " +
-                            size_text(model) + " pixels; it is resampled to the previous size"
-                      : "has changed its intrinsics; they are followed");
+    note_again(num_changes_,
+               has_new_size ? "has changed its image from " + size_text(*last_model_) + " to " +
+                                  size_text(model) + " pixels; it is resampled to the previous size"
+                            : "has changed its intrinsics; they are followed");
   }
   if (last_model_ && last_unit_ != unit) {
-    note("has changed its depth unit from " + number("%g", last_unit_) + " to " +
-         number("%g", unit) + " m; it is followed");
+    note_again(num_changes_, "has changed its depth unit from " + number("%g", last_unit_) +
+                                 " to " + number("%g", unit) + " m; it is followed");
   }
   last_model_ = model;
   last_unit_ = unit;
@@ -193,6 +195,12 @@ void FrameIntake::note(std::string text) {
   if (notes_.size() < kMaxNotes) notes_.push_back(options_.name + " " + std::move(text));
 }
 
+/// Ten times; then it is only counted.
+void FrameIntake::note_again(std::uint64_t& count, std::string text) {
+  if (++count > kMaxTold) return;
+  note(std::move(text) + (count == kMaxTold ? "; from now on, that is only counted" : ""));
+}
+
 std::string FrameIntake::closing_words() const {
   std::string text = "has sent " + std::to_string(num_arrived_) + " frames";
   const auto add = [&](std::uint64_t count, const char* what) {
@@ -202,6 +210,8 @@ std::string FrameIntake::closing_words() const {
   add(num_left_out_, "were dropped for newer ones");
   add(num_from_past_, "had old timestamps");
   add(num_black_, "had no measurement");
+  if (num_restarts_ > kMaxTold) add(num_restarts_, "times, its clock was restarted");
+  if (num_changes_ > kMaxTold) add(num_changes_, "times, image, intrinsics or unit changed");
   if (options_.stamps == StampClock::none) {
     return text + "; it has no timestamps: a frame counts as captured on arrival";
   }

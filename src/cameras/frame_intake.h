@@ -58,6 +58,7 @@ class FrameIntake {
   bool accept(const DepthFrame& frame, const CameraModel& model, double arrival, bool is_black);
   void note_change(const CameraModel& model, double unit);
   void note(std::string text);
+  void note_again(std::uint64_t& count, std::string text);
   std::string closing_words() const;
 
   const Options options_;
@@ -78,6 +79,7 @@ class FrameIntake {
   LatencyHistogram lateness_;  // ns after the earliest that the clock expects
   std::uint64_t num_arrived_ = 0, num_missing_ = 0, num_left_out_ = 0, num_from_past_ = 0;
   std::uint64_t num_black_ = 0, num_black_in_a_row_ = 0;
+  std::uint64_t num_restarts_ = 0, num_changes_ = 0;  // of its clock; of images, lens and unit
 };
 
 }  // namespace palpate::inline v0

@@ -181,8 +181,9 @@ class ReceivedMessages {
     since_ = now;
     num_since_ = 0;
   }
+  /// Once for each kind: what stands in quotes is of others, who may write what they like there.
   void note(const std::string& text) {
-    if (said_.insert(text).second) notes_.push_back(text);
+    if (said_.insert(text.substr(0, text.find('\''))).second) notes_.push_back(text);
   }
 
   mutable std::mutex mutex_;
@@ -197,7 +198,7 @@ class ReceivedMessages {
   int num_since_ = 0;  // these
   bool has_image_ = false, comes_in_pairs_ = true, has_come_in_pairs_ = false;
   bool is_cancelled_ = false;
-  std::set<std::string> said_;
+  std::set<std::string> said_;  // kinds of notes
   std::vector<std::string> notes_;
 };
 

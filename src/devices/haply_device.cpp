@@ -23,7 +23,8 @@
 namespace palpate::inline v0 {
 namespace {
 
-constexpr double kMaxSilence = 0.1;     // s without a usable state: lost
+// A service that stands still for a moment goes on; the loop takes the force away much sooner.
+constexpr double kMaxSilence = 1;       // s without a usable state: lost
 constexpr int kMaxMessages = 64;        // of one tick: more must wait for the next
 constexpr double kAnswerTimeout = 1.0;  // s for anything before the first tick
 constexpr HaplyVersion kOldest{3, 1};   // speaks the format of haply_messages.h
@@ -240,7 +241,7 @@ bool HaplyDevice::read(DeviceState& state) noexcept {
   }
   if (!is_well()) return false;
   if (state.time - last_usable_ <= kMaxSilence) return true;
-  return give_up(state.time - last_answer_ > kMaxSilence ? "it has not answered for 0.1 s"
+  return give_up(state.time - last_answer_ > kMaxSilence ? "it has not answered for 1 s"
                                                          : unusable_);
 }
 

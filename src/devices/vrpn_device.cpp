@@ -29,9 +29,11 @@
 namespace palpate::inline v0 {
 namespace {
 
-constexpr double kRadius = 0.05;           // m
-constexpr double kMaxAge = 0.005;          // s: a pose is taken for present until then
-constexpr double kMaxSilence = 0.1;        // s without a pose: lost
+constexpr double kRadius = 0.05;   // m
+constexpr double kMaxAge = 0.005;  // s: a pose is taken for present until then
+// A server that stands still for a moment goes on; the loop takes the force away much sooner.
+constexpr double kMaxSilence = 1;          // s without a pose: lost
+constexpr double kLongestStep = 0.1;       // s between poses that a velocity comes from
 constexpr double kAnswerTimeout = 1.0;     // s for anything before the first tick
 constexpr double kVelocityFilter = 0.005;  // s, of velocities from positions
 constexpr int kMaxMessages = 256;          // of one tick: more must wait for the next
@@ -181,7 +183,7 @@ bool VrpnDevice::read(DeviceState& state) noexcept {
   state.buttons = buttons_;
   const double age = state.time - last_pose_;
   state.is_valid = has_pose_ && age <= kMaxAge;
-  return age <= kMaxSilence || give_up("the server has sent no position for 0.1 s");
+  return age <= kMaxSilence || give_up("the server has sent no position for 1 s");
 }
 
 /// False: the device has refused to go on.
@@ -228,7 +230,7 @@ bool VrpnDevice::take(const VrpnMessage& message, VrpnKind kind, double time) no
 
 void VrpnDevice::take_pose(const Pose& X_BH, double stamp) noexcept {
   const double interval = stamp - last_stamp_;
-  if (has_pose_ && interval > 0 && interval < kMaxSilence) {
+  if (has_pose_ && interval > 0 && interval < kLongestStep) {
     const Vec3d raw = (X_BH.translation - X_BH_.translation) / interval;
     difference_ += (raw - difference_) * (interval / (interval + kVelocityFilter));
     sum_difference_ += norm(difference_);

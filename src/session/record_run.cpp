@@ -97,7 +97,8 @@ class RecordingObserver {
   void add_source_notes(double time) {
     for (DepthSource* source : sources_) {
       for (std::string& text : source->take_notes()) {
-        if (sources_.size() > 1) text = source->info().name + ": " + text;
+        const std::string& name = source->info().name;
+        if (sources_.size() > 1 && !text.starts_with(name)) text = name + ": " + text;
         add_source_note(time, std::move(text));
       }
     }

@@ -19,7 +19,7 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr std::uint64_t kTransformPeriod = 10'000'000;  // ns: ticks hold every pose exactly
-constexpr int kMaxToldGaps = 20;                        // the recording has notes of all
+constexpr int kMaxToldTroubles = 20;                    // the recording has notes of all
 constexpr std::uint64_t kPointsPeriod = 500'000'000;    // ns: for humans; depth holds every pixel
 
 // Frames, as ROS names them: world, cameras in it, base of the device, handle, tool.
@@ -228,8 +228,13 @@ Status RunRecorder::begin_after(const HandSnapshot& snapshot) {
     fs::remove(path, ignored);
     return begun;
   }
-  if (last) (void)last->finish();
-  if (!parts_.empty()) parts_.back().end = time_;
+  if (last) {
+    const Status ended = end_part(*last);
+    if (!ended) {
+      add_trouble(parts_.back().file.string() + " is cut off: " + ended.error().message);
+    }
+  }
+  parts_.back().end = time_;
   parts_.push_back({name, time_});
   part_start_ = time_;
   return Done{};
@@ -255,7 +260,7 @@ void RunRecorder::add_hand_snapshot(const HandSnapshot& snapshot) {
         "nothing was recorded from " + at(paused_at_) + " to " + at(time_) + ": " + reason_;
     if (begin_after(snapshot)) {
       patience_ = 1;
-      if (++num_gaps_ <= kMaxToldGaps) trouble_ += (trouble_.empty() ? "" : "; ") + gap;
+      add_trouble(gap);
       notes_.push_back("the recording goes on");
       add_note(gap);
     } else {
@@ -277,6 +282,17 @@ void RunRecorder::add_hand_snapshot(const HandSnapshot& snapshot) {
   remove_old();
 }
 
+/// Makes the last part whole.
+Status RunRecorder::end_part(McapWriter& writer) {
+  const Status ended = writer.finish();
+  if (ended) parts_.back().bytes = writer.bytes_written();
+  return ended;
+}
+
+void RunRecorder::add_trouble(const std::string& text) {
+  if (++num_troubles_ <= kMaxToldTroubles) trouble_ += (trouble_.empty() ? "" : "; ") + text;
+}
+
 void RunRecorder::remove_old() {
   while (parts_.size() > 1 && parts_.front().end < time_ - options_.keep_seconds) {
     std::error_code ignored;
@@ -288,7 +304,7 @@ void RunRecorder::remove_old() {
 void RunRecorder::pause(const Error& error) {
   reason_ = error.message;
   writer_.reset();
-  if (!parts_.empty()) parts_.back().end = time_;
+  parts_.back().end = time_;
   paused_at_ = time_;
   next_try_ = time_ + patience_;
   notes_.push_back("the recording pauses: " + reason_);
@@ -427,14 +443,21 @@ void RunRecorder::add_note(std::string_view text, double time) {
 
 void RunRecorder::finish() {
   if (writer_) {
-    if (const Status status = writer_->finish(); !status) pause(status.error());
+    if (const Status ended = end_part(*writer_); !ended) pause(ended.error());
   }
-  if (num_gaps_ > kMaxToldGaps) {
-    trouble_ += "; and " + std::to_string(num_gaps_ - kMaxToldGaps) + " gaps more";
+  if (!writer_) {
+    add_trouble("nothing was recorded from " + at(paused_at_) + " on: " + reason_);
   }
-  if (writer_) return;
-  trouble_ += (trouble_.empty() ? "" : "; ") +
-              ("nothing was recorded from " + at(paused_at_) + " on: " + reason_);
+  // Writing to a file that has no name any more, or that another program has cut, never fails.
+  for (const Part& part : parts_) {
+    std::error_code error;
+    if (part.bytes > 0 && (fs::file_size(folder() / part.file, error) != part.bytes || error)) {
+      add_trouble(part.file.string() + " was removed or changed by another program");
+    }
+  }
+  if (num_troubles_ > kMaxToldTroubles) {
+    trouble_ += "; and " + std::to_string(num_troubles_ - kMaxToldTroubles) + " more";
+  }
 }
 
 }  // namespace palpate::inline v0

@@ -56,6 +56,7 @@ class RunRecorder {
   struct Part {
     std::filesystem::path file;  // its name in the folder
     double end = 0;              // s, of its last tick
+    std::uint64_t bytes = 0;     // once it is whole
   };
   struct Channels {
     std::uint16_t part, settings, estimate, frame, contact, tick, note, transforms, statics,
@@ -80,6 +81,8 @@ class RunRecorder {
   void forget(const TickRecord& tick);
   void forget_settings(std::uint32_t tick_revision);
   void remove_old();
+  Status end_part(McapWriter& writer);
+  void add_trouble(const std::string& text);
   std::filesystem::path folder() const;
 
   const Tool* tool_;
@@ -109,7 +112,7 @@ class RunRecorder {
   std::uint32_t frame_revision_ = 0, contact_revision_ = 0;  // of the newest ones
   // Parts.
   std::deque<Part> parts_;  // that are there; the last is being written
-  int num_parts_ = 1, num_gaps_ = 0;
+  int num_parts_ = 1, num_troubles_ = 0;
   double time_ = 0, part_start_ = 0;  // s: of the last tick, of the part
   double paused_at_ = 0, next_try_ = 0, patience_ = 1;
   std::string reason_;  // of the pause

@@ -1288,6 +1288,97 @@ pose = [1, 0, 0, 0, 0, {0.5 ** 0.5}, {0.5 ** 0.5}]
         self.assertEqual(summary["ending"], "")
         self.assertGreater(summary["ticks"], 10)
 
+    @contextlib.contextmanager
+    def live_run(self, run, *options, **streams):
+        """A live run that has begun, to be ended by the caller."""
+        shutil.rmtree(run, ignore_errors=True)
+        program = subprocess.Popen([PALPATE, *map(str, (
+            "touch", self.tool, "--scene", "wall", "--device", "sim", "-o", run, *options))],
+            stdin=subprocess.DEVNULL, **streams)
+        try:
+            self.wait_for(lambda: os.path.exists(os.path.join(run, "recording.mcap")), program)
+            time.sleep(0.5)
+            yield program
+        finally:
+            program.kill()
+            program.wait()
+
+    def wait_for(self, condition, program=None):
+        deadline = time.monotonic() + 120
+        while not condition():
+            self.assertTrue(time.monotonic() < deadline and (program is None or program.poll() is None))
+            time.sleep(0.02)
+
+    def stand_still(self, program):
+        """Long enough for a fault, of which there is something to say."""
+        program.send_signal(signal.SIGSTOP)
+        time.sleep(0.7)
+        program.send_signal(signal.SIGCONT)
+
+    def full_pipe(self):
+        """The ends of a pipe that takes no byte more."""
+        ends = os.pipe()
+        os.set_blocking(ends[1], False)
+        with self.assertRaises(BlockingIOError):
+            while True:
+                os.write(ends[1], bytes(1))
+        os.set_blocking(ends[1], True)
+        return ends
+
+    def expect_whole(self, run):
+        summary = json.loads(read(os.path.join(run, "summary.json")))
+        self.assertTrue(os.path.exists(os.path.join(run, "report.html")))
+        self.assertEqual(summary["not_kept"], "")
+        self.assertIn("identical: ", self.succeed("replay", run))
+        return summary
+
+    def test_impatient_people_get_a_whole_run_and_no_force(self):
+        run = self.path("impatient")
+        with self.live_run(run, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as program:
+            for _ in range(5):  # as a key repeats
+                program.send_signal(signal.SIGINT)
+                time.sleep(0.03)
+            output = program.communicate(timeout=120)[0]
+            self.assertEqual(program.returncode, 0, output)
+        self.expect_whole(run)
+        last = read(os.path.join(run, "wrench.csv")).splitlines()[-1].split(",")
+        self.assertEqual(set(last[23:29]), {"0"})  # force and torque on the hand
+        # Whoever really wants it ends what does not end: here it waits for a reader.
+        reader, full = self.full_pipe()
+        with self.live_run(run, stdout=full, stderr=subprocess.DEVNULL) as program:
+            program.send_signal(signal.SIGINT)
+            self.wait_for(lambda: os.path.exists(os.path.join(run, "report.html")), program)
+            time.sleep(2.1)
+            self.assertIsNone(program.poll())
+            program.send_signal(signal.SIGINT)
+            self.assertEqual(program.wait(60), -signal.SIGINT)
+        os.close(reader)
+        os.close(full)
+        self.expect_whole(run)
+
+    def test_whoever_does_not_read_holds_up_no_live_run(self):
+        run = self.path("unread")
+        reader, full = self.full_pipe()
+        with self.live_run(run, "--duration", 3, stdout=subprocess.DEVNULL, stderr=full) as program:
+            os.close(full)
+            self.stand_still(program)
+            self.wait_for(lambda: os.path.exists(os.path.join(run, "report.html")), program)
+            self.assertGreater(len(self.expect_whole(run)["faults"]), 0)
+            # What there was to say is kept.
+            with open(reader, "rb") as unread:
+                self.assertIn(b"the force is off", unread.read())
+            self.assertEqual(program.wait(60), 0)
+
+    def test_whoever_goes_away_ends_no_live_run(self):
+        run = self.path("unheard")
+        reader, writer = os.pipe()
+        with self.live_run(run, "--duration", 3, stdout=subprocess.DEVNULL, stderr=writer) as program:
+            os.close(writer)
+            os.close(reader)
+            self.stand_still(program)
+            self.assertEqual(program.wait(120), 0)
+        self.assertGreater(len(self.expect_whole(run)["faults"]), 0)
+
     def test_touch_live_says_what_is_wrong(self):
         run = self.path("never")
         live = self.sequence("-o", run, "--device", "sim")

@@ -85,6 +85,37 @@ TEST(FrameIntake, GoesOnWhenASharedClockIsSet) {
   }
 }
 
+// A camera whose every frame is another one's: nobody could read so many notes, and a run of hours
+// would keep all of them.
+TEST(FrameIntake, WhatHappensWithEveryFrameIsToldTenTimesAndThenCounted) {
+  FrameIntake::Options options;
+  options.pinhole = {kWidth, kHeight, {60, 60, 15.5, 11.5}, {}};
+  options.stamps = StampClock::cameras;
+  FrameIntake intake(options);
+  const auto count = [](const std::string& text, const std::string& what) {
+    int num = 0;
+    for (auto at = text.find(what); at != std::string::npos; at = text.find(what, at + 1)) ++num;
+    return num;
+  };
+  std::string notes;
+  for (int k = 0; k < 50; ++k) {
+    CameraModel model = options.pinhole;
+    model.intrinsics.fx += k % 2;
+    DepthFrame frame = test::pattern_frame(kWidth, kHeight, k, 1e5 * (k % 2) + k);
+    intake.give(frame, model, 1000 + 0.1 * k);
+    notes += joined(intake.take_notes());
+  }
+  EXPECT_EQ(count(notes, "has restarted its clock"), 10) << notes;
+  EXPECT_EQ(count(notes, "has changed its intrinsics"), 10) << notes;
+  EXPECT_EQ(count(notes, "from now on, that is only counted"), 2) << notes;
+  intake.cancel();
+  const std::string last = joined(intake.take_notes());
+  EXPECT_TRUE(has(last,
+                  "; 49 times, its clock was restarted; 49 times, image, intrinsics or unit "
+                  "changed; "))
+      << last;
+}
+
 TEST(LiveCamera, GivesFramesAsTheyComeWithTheTimeOfTheirArrival) {
   const auto camera = live([](int number, DepthFrame& frame, DepthStreamInfo&, const auto&) {
     return give(frame, number, 77);

@@ -4,7 +4,9 @@
 
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <string>
+#include <thread>
 
 #include "src/devices/device_kinds.h"
 #include "tests/devices/haply_service.h"
@@ -192,6 +194,19 @@ TEST(HaplyDevice, PiecesAndPingsAreNothingSpecial) {
   bench.service.faults.pings = true;
   bench.start();
   EXPECT_TRUE(eventually([&] { return bench.log.num_valid() > 100; }));
+  EXPECT_TRUE(bench.device->status());
+}
+
+TEST(HaplyDevice, AServiceThatStandsStillForAMomentGoesOn) {
+  Bench bench;
+  bench.start();
+  ASSERT_TRUE(eventually([&] { return bench.log.num_valid() > 20; }));
+  bench.service.faults.reply_delay = 300;
+  std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  bench.service.faults.reply_delay = 0;
+  std::this_thread::sleep_for(std::chrono::milliseconds(250));
+  const std::size_t before = bench.log.num_valid();
+  EXPECT_TRUE(eventually([&] { return bench.log.num_valid() > before + 20; }));
   EXPECT_TRUE(bench.device->status());
 }
 

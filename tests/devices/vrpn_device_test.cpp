@@ -4,8 +4,10 @@
 
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <cmath>
 #include <string>
+#include <thread>
 
 #include "src/devices/device_kinds.h"
 #include "tests/devices/tick_log.h"
@@ -117,15 +119,27 @@ TEST(VrpnDevice, MessagesInPiecesAreTheSame) {
   EXPECT_TRUE(eventually([&] { return bench.log.num_valid() > 100; }));
 }
 
+TEST(VrpnDevice, AServerThatStandsStillForAMomentGoesOn) {
+  Bench bench;
+  bench.start();
+  ASSERT_TRUE(eventually([&] { return bench.log.num_valid() > 20; }));
+  bench.server.is_silent = true;
+  std::this_thread::sleep_for(std::chrono::milliseconds(300));
+  const std::size_t before = bench.log.num_valid();
+  bench.server.is_silent = false;
+  EXPECT_TRUE(eventually([&] { return bench.log.num_valid() > before + 20; }));
+  EXPECT_TRUE(bench.device->status());
+}
+
 TEST(VrpnDevice, EveryFaultEndsInASentence) {
   struct Fault {
     std::atomic<bool> VrpnServer::*which;
     const char* words;
   };
-  for (const Fault& fault : {Fault{&VrpnServer::is_silent, "no position for 0.1 s"},
+  for (const Fault& fault : {Fault{&VrpnServer::is_silent, "no position for 1 s"},
                              Fault{&VrpnServer::sends_garbage, "not VRPN"},
                              Fault{&VrpnServer::sends_huge_length, "not VRPN"},
-                             Fault{&VrpnServer::stops_in_message, "no position for 0.1 s"},
+                             Fault{&VrpnServer::stops_in_message, "no position for 1 s"},
                              Fault{&VrpnServer::closes, "ended the connection"}}) {
     Bench bench;
     bench.log.set_force({0, 0, 1});

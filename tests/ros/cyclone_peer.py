@@ -5,7 +5,8 @@ wrench, contact, diagnostics and the graph, and prints what it saw as JSON.
 usage: cyclone_peer.py DOMAIN [BEHAVIOR [WIDTHxHEIGHT [NAMESPACE WRENCH]]]
 
 It goes on until its standard input ends. BEHAVIOR is what it does from the second after the first
-wrench on: good, silent, flood (1000 images per second), wrong_encoding, wrong_size, tomorrow, dies;
+wrench on: good, silent, flood (1000 images per second), wrong_encoding, wrong_size, tomorrow, dies,
+talks (each image is of another encoding, which clears the screen);
 tf: good, and the tool's pose comes by tf; watches: no more than that, another robot has the camera.
 NAMESPACE and WRENCH are where it looks for what the program tells, as topics of DDS.
 """
@@ -309,7 +310,10 @@ def main(domain, behavior="good", size=f"{WIDTH}x{HEIGHT}", namespace="rt/palpat
             if seen["images"] % 8 == 0:
                 shown = stamp if is_near and not is_touching else 0
             model.send(stamp)
-            (wild if is_wild and wild else near if is_near else far).send(stamp)
+            if is_wild and behavior == "talks":
+                images.write(image(490, width, height, f"\x1b[2J{seen['images']}"))
+            else:
+                (wild if is_wild and wild else near if is_near else far).send(stamp)
             seen["images"] += 1
         for wrench in taken(wrenches, 200):
             seen["wrenches"] += 1

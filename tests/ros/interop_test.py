@@ -173,6 +173,12 @@ class InteropTest(PeerCase):
             self.expect_one_note(words, said)
             self.expect_no_growth()
 
+    def test_what_others_write_is_quoted_once_and_obeyed_by_no_terminal(self):
+        seen, said = self.converse(self.cyclone("talks"))
+        self.assertEqual(seen["wild_touching"], 0)
+        self.expect_one_note("sends images that are dropped: an image is of the encoding '?[2J", said)
+        self.assertNotIn("\x1b", said)
+
     def test_stamps_from_tomorrow_are_told_once(self):
         seen, said = self.converse(self.cyclone("tomorrow"))
         self.assertGreater(seen["wild_touching"], 10)

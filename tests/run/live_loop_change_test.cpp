@@ -237,6 +237,61 @@ TEST(LiveLoopChange, WhatIsRefusedChangesNothing) {
   EXPECT_EQ(touching.seen.contacts.back().revision, 0u);
 }
 
+// Somebody plays with a slider: the same note again and again, and then ever new ones.
+TEST(LiveLoopChange, NotesAboutSettingsAreToldOnceAndNotWithoutEnd) {
+  Touching touching;
+  const auto change_to = [&](double stiffness) {
+    RunSettings settings = touching.loop->settings();
+    settings.coupling.stiffness = stiffness;
+    ASSERT_TRUE(touching.loop->change(settings));
+  };
+  const auto num_notes = [&] {
+    const auto notes = touching.loop->report().notes;
+    return std::ranges::count_if(notes, [](const std::string& note) {
+      return note.find("the coupling stiffness is lowered") != std::string::npos;
+    });
+  };
+  for (int k = 0; k < 5; ++k) {
+    change_to(1e6);
+    change_to(300);
+  }
+  EXPECT_EQ(num_notes(), 1);
+  for (int k = 0; k < 150; ++k) change_to(500 + 10 * k);
+  EXPECT_GT(num_notes(), 90);
+  EXPECT_LE(num_notes(), 100);
+}
+
+// Surfaces are blended as long as frames are apart: an hour of that would end all sight.
+TEST(LiveLoopChange, FramesThatAreExpectedInAnHourComeWhenTheyCome) {
+  Touching touching;
+  RunSettings settings = touching.loop->settings();
+  settings.time.first_period = 3600;
+  ASSERT_TRUE(touching.loop->change(settings));
+  const std::uint64_t before = touching.loop->report().num_frames;
+  EXPECT_TRUE(wait_for([&] { return touching.loop->report().num_frames > before + 20; }));
+  settings.time.first_period = 0;
+  EXPECT_TRUE(touching.loop->change(settings));
+}
+
+// Whoever changes settings while the camera stands still gets an answer soon, and the next one at
+// once: a page's thread waits for it, and the end of a run for that.
+TEST(LiveLoopChange, WithoutDepthFramesIsRefusedSoonAndTakenLater) {
+  Touching touching({.stalls_at = 10, .stall_seconds = 8});
+  ASSERT_TRUE(wait_for([&] { return touching.loop->report().num_frames >= 9; }));
+  const auto filter = [&](int radius) {
+    RunSettings settings = touching.loop->settings();
+    settings.surface.filter.radius = radius;
+    return touching.loop->change(settings);
+  };
+  Status last = Done{};
+  for (int k = 0; k < 100 && (k < 3 || last); ++k) last = filter(1 + k % 3);
+  ASSERT_FALSE(last);
+  EXPECT_NE(last.error().message.find("no depth frame"), std::string::npos);
+  for (int k = 0; k < 100; ++k) EXPECT_FALSE(filter(5));
+  EXPECT_TRUE(wait_for([&] { return bool(filter(4)); }));  // frames come again
+  EXPECT_EQ(touching.loop->settings().surface.filter.radius, 4);
+}
+
 TEST(LiveLoopChange, AnotherBackendWhereThereIsOneElseACleanNo) {
   Touching touching;
   const auto gpus = find_gpus();

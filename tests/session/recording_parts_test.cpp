@@ -543,6 +543,37 @@ TEST(RecordingParts, AGapIsToldAndBothSidesOfItAreRepeated) {
   EXPECT_EQ(replay->num_ticks, outcome->loop.num_ticks - static_cast<std::size_t>(kRate));
 }
 
+// Writing to what has been removed or cut never fails: the run looks at the end.
+TEST(RecordingParts, ThatSomebodyElseRemovesOrCutsAreMissed) {
+  const TemporaryFolder folder;
+  const auto run = folder.path() / "run";
+  RunMonitor monitor;
+  bool is_done = false;
+  monitor.observer.on_ticks = [&](std::span<const TickRecord> ticks) {
+    if (is_done || ticks.back().time < 3.5) return;
+    is_done = true;
+    fs::remove(run / part_file(2));
+    fs::resize_file(run / part_file(3), 1000);
+    fs::remove(run / part_file(4));  // which is being written
+  };
+  RunOptions options;
+  options.recording.split_bytes = 1;
+  options.monitor = &monitor;
+  const Tool tool = small_tool();
+  SyntheticStream stream(6 * kFrameRate, kFrameRate);
+  auto device = test::path_device(pressing_pose, kRate);
+  const auto outcome = record_run(
+      tool, stream, **device, settings_with(TimeMode::latest, CouplingKind::none), run, options);
+  ASSERT_TRUE(outcome) << outcome.error().message;
+  ASSERT_TRUE(is_done);
+  std::string expected;
+  for (const int part : {2, 3, 4}) {
+    expected += (expected.empty() ? "" : "; ") + part_file(part) +
+                " was removed or changed by another program";
+  }
+  EXPECT_EQ(outcome->not_kept, expected);
+}
+
 TEST(RecordingParts, PauseBeforeTheDiskIsFull) {
   const TemporaryFolder folder;
   const auto run = folder.path() / "run";

@@ -29,8 +29,10 @@ constexpr double kPublishingPeriod = 0.005;  // s
 constexpr double kMindingPeriod = 0.02;      // s
 constexpr double kFirstTickTimeout = 2;      // s
 constexpr double kFadeTimeout = 0.5;         // s, beyond the fade itself
-constexpr double kChangeTimeout = 10;        // s: longer than any usual sensor is silent
-constexpr double kMaxSilence = 5;            // s without a tick: the device is stuck
+// A change waits no longer than this and three frames, s: whoever asks for it may have the end of
+// the run to ask for as well.
+constexpr double kChangeTimeout = 2;
+constexpr double kMaxSilence = 5;  // s without a tick: the device is stuck
 
 /// Queries that are too rare for the safety filter would end every run.
 Status check_contact_rate(const RunSettings& settings) {
@@ -57,6 +59,7 @@ std::unique_ptr<ThreadPool> make_query_threads(const RunSettings& settings,
 struct Change {
   RunSettings settings;
   std::uint32_t revision = 0;
+  double begun = 0;  // s, monotonic
   SurfaceChange surfaces;
   ContactChange contacts;
   HapticChange haptic;
@@ -280,6 +283,7 @@ Status LiveLoop::begin_change(const RunSettings& settings) {
   change_ = std::make_unique<Change>();
   const std::uint32_t revision = change_->revision = ++revision_;
   change_->settings = settings;
+  change_->begun = monotonic_now();
   change_->surfaces = {revision, std::move(parts->timelines)};
   change_->contacts = {revision, change_->surfaces.timelines.empty() ? 0 : revision,
                        settings.contact_rate, parts->scale, std::move(parts->contact)};
@@ -311,12 +315,12 @@ bool LiveLoop::is_change_taken() {
 
 /// Waits until all stages have taken it.
 Status LiveLoop::finish_change() {
-  const double begin = monotonic_now();
+  const double limit = change_->begun + kChangeTimeout + 3 / std::max(slowest_rate(), 0.1);
   while (!is_change_taken()) {
     if (!is_running()) {
       return Error{Errc::unavailable, "the loop has ended before it took the change"};
     }
-    if (monotonic_now() - begin > kChangeTimeout) {
+    if (monotonic_now() > limit) {
       return Error{Errc::unavailable,
                    "the loop has not taken the last change yet: no depth frame or tick comes; "
                    "check the sensor and the device"};

@@ -21,6 +21,8 @@ constexpr double kUsualPeriod = 1.0 / 30;        // s, where the stream says non
 /// Frame periods from the begin of a surface to the moment when nobody looks at it any more: until
 /// the next one is made, or that one has been blended in and the one after that is made.
 constexpr double kMaxPeriods = 3;
+/// s, or three frames: no blend takes longer, whatever is expected. The next surface waits for it.
+constexpr double kLongestBlend = 0.25;
 constexpr double kLaterThanAll = std::numeric_limits<double>::infinity();
 
 void take_surface_rank() { take_rank(ThreadRank::surface); }
@@ -270,7 +272,7 @@ void SurfaceStage::make_surface(Camera& camera, std::uint32_t index) {
   made.key_frames = timeline.key_frames();
   made.ready_time = end;
   made.capture_time = newest.capture_time;
-  made.period = timeline.period();
+  made.period = std::min(timeline.period(), std::max(kLongestBlend, 3 * camera.period));
   made.frame_number = number;
   made.camera_frame = camera_frame;
   made.revision = revision;
