@@ -334,7 +334,8 @@ def touch(
         cameras = [cameras]
     elif isinstance(cameras, bytes) or not hasattr(cameras, "__iter__"):
         raise TypeError(
-            f"cameras: a camera as text, a palpate.PushedCamera or a list of them is taken, not {type(cameras).__name__}"
+            "cameras: a camera as text, a palpate.PushedCamera or a list of them is taken, "
+            f"not {type(cameras).__name__}"
         )
     path: Any = path_or_device
     if _is_device(path_or_device):

@@ -220,8 +220,8 @@ nb::object plain_image(nb::handle given) {
 }
 
 int checked_threads(int given) {
-  constexpr int kMost = 256;
-  if (given < 0 || given > kMost) {
+  constexpr int kMax = 256;
+  if (given < 0 || given > kMax) {
     throw nb::value_error("threads: a whole number from 0 (one per core) to 256 is taken");
   }
   return given;
