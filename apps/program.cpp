@@ -84,14 +84,14 @@ int fail_usage(const CLI::App& program, const CLI::ParseError& error) {
 
 /// An empty name is mostly a variable of a script that is not set. To take it for an option that
 /// was not given would leave out the robot, the path or the settings without a word.
-std::string empty_option(const CLI::App& verb) {
+const CLI::Option* empty_option(const CLI::App& verb) {
   for (const CLI::Option* option : verb.get_options()) {
     if (option->count() == 0 || option->get_expected_min() == 0) continue;
     for (const std::string& text : option->results()) {
-      if (text.empty()) return option->get_name();
+      if (text.empty()) return option;
     }
   }
-  return {};
+  return nullptr;
 }
 
 }  // namespace
@@ -117,10 +117,11 @@ int run_program(CLI::App& program, const Action& action, int argc, char** argv) 
     return fail_usage(program, error);
   }
   for (const CLI::App* verb : program.get_subcommands()) {
-    const std::string option = empty_option(*verb);
-    if (option.empty()) continue;
+    const CLI::Option* const option = empty_option(*verb);
+    if (option == nullptr) continue;
     return fail(name,
-                option + ": is empty; give a value, or leave it out; see " + name + " " +
+                option->get_name() + ": is empty; give a value" +
+                    (option->get_required() ? "" : ", or leave it out") + "; see " + name + " " +
                     verb->get_name() + " --help",
                 kWrongUsage);
   }

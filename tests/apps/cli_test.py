@@ -1179,7 +1179,7 @@ pose = [1, 0, 0, 0, 0, {0.5 ** 0.5}, {0.5 ** 0.5}]
                                 if "s.csv" not in arguments[-1] else "no folder " + circle)
         self.expect_failure(1, "export", self.tool, "--spheres", "/dev/stdout",
                             mentions="not a regular file")
-        self.expect_failure(1, *self.sequence("-o", ""), mentions="a run needs a name")
+        self.expect_failure(2, *self.sequence("-o", ""), mentions="--output: is empty; give a value; see")
 
     def test_touch_seen_in_a_browser(self):
         run = self.path("run_watched")
