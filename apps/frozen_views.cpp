@@ -183,18 +183,9 @@ void add_frozen_options(CLI::App& app, FrozenOptions& options) {
                  "16-bit depth image (PNG; or an organized PCD); repeat for several cameras, each "
                  "with its --camera-pose")
       ->type_name("FILE");
-  app.add_option_function<std::vector<double>>(
-         "--intrinsics",
-         [&options](const std::vector<double>& k) {
-           for (std::size_t i = 0; i + 4 <= k.size(); i += 4) {
-             options.intrinsics.push_back(checked_intrinsics({k[i], k[i + 1], k[i + 2], k[i + 3]}));
-           }
-         },
-         "intrinsics of the camera, in pixels; once for all images, or once for each")
-      ->delimiter(',')
-      ->type_size(4)
-      ->expected(1, kMaxCameras)
-      ->type_name("fx,fy,cx,cy");
+  add_intrinsics_option(
+      app, [&options](const Intrinsics& k) { options.intrinsics.push_back(k); },
+      "intrinsics of the camera, in pixels; once for all images, or once for each");
   add_number(app, "--depth-unit", options.unit, {1e-6, 1, "m"}, "depth scale, meters per count");
   app.add_option_function<std::vector<std::string>>(
          "--camera-pose",

@@ -1,6 +1,7 @@
 #include "apps/materials.h"
 
 #include <charconv>
+#include <set>
 #include <string_view>
 #include <utility>
 
@@ -52,7 +53,13 @@ double parse_number(const std::string& whole, std::string_view name, std::string
 }
 
 /// "ice", or "friction=0.3".
-void parse_property(const std::string& whole, std::string_view text, Material& material) {
+void parse_property(const std::string& whole, std::string_view text, Material& material,
+                    std::set<std::string_view>& given) {
+  const std::string_view property = text.substr(0, text.find('='));
+  const bool is_name = property.size() == text.size();
+  if (!given.insert(is_name ? "" : property).second) {
+    refuse(whole, is_name ? "give one name" : "give " + std::string(property) + " once");
+  }
   for (const auto& [name, known] : kKnown) {
     if (text == name) material = known;
     if (text == name) return;
@@ -84,9 +91,10 @@ void parse_material(const std::string& text, MaterialOptions& options) {
   const auto index = static_cast<std::size_t>(label);
   if (static_cast<double>(index) != label) refuse(text, "a label is a whole number");
   Material material;
+  std::set<std::string_view> given;
   do {
     const std::size_t end = rest.find(',');
-    parse_property(text, rest.substr(0, end), material);
+    parse_property(text, rest.substr(0, end), material, given);
     rest = end == std::string_view::npos ? "" : rest.substr(end + 1);
   } while (!rest.empty());
   if (material.friction == 0 &&
@@ -94,6 +102,7 @@ void parse_material(const std::string& text, MaterialOptions& options) {
     refuse(text, "static_ratio, ridges and grain need friction; add friction=0.3");
   }
   if (options.materials.size() <= index) options.materials.resize(index + 1);
+  if (options.materials[index]) refuse(text, "this label has a material already");
   options.materials[index] = material;
 }
 

@@ -7,6 +7,7 @@
 #include <iostream>
 #include <map>
 #include <memory>
+#include <set>
 #include <string_view>
 #include <utility>
 
@@ -81,8 +82,13 @@ ObjectOption parse_object(const std::string& text, bool can_move) {
   const auto pose = parse_pose(rest.substr(0, comma));
   if (!pose) usage_error("--object " + object.file + ": " + pose.error().message);
   object.X_WB = *pose;
+  std::set<std::string_view> given;
   while (!properties.empty()) {
     const std::size_t end = properties.find(',');
+    const std::string_view name = properties.substr(0, std::min(end, properties.find('=')));
+    if (!given.insert(name).second) {
+      usage_error("--object " + object.file + ": give " + std::string(name) + " once");
+    }
     parse_property(properties.substr(0, end), can_move, object);
     properties = end == std::string_view::npos ? "" : properties.substr(end + 1);
   }

@@ -174,29 +174,65 @@ void print_report(const std::string& run_folder) {
   if (std::filesystem::exists(report, ignored)) std::cout << "report: " << report.string() << '\n';
 }
 
-Intrinsics checked_intrinsics(const Intrinsics& k) {
+namespace {
+
+/// "fx,fy,cx,cy"
+Intrinsics parse_intrinsics(const std::string& text) {
   constexpr double kMaxCoordinate = 1e6;
-  for (const double value : {k.fx, k.fy, k.cx, k.cy}) {
+  std::vector<double> k;
+  std::istringstream parts(text);
+  for (std::string part; std::getline(parts, part, ',');) {
+    const auto number = parse_number<double>(part);
+    if (!number) break;
+    k.push_back(*number);
+  }
+  if (k.size() != 4 || std::ranges::count(text, ',') != 3) {
+    usage_error("--intrinsics: give fx,fy,cx,cy, not '" + text + "'");
+  }
+  for (const double value : k) {
     if (!(std::abs(value) <= kMaxCoordinate)) {
       usage_error("--intrinsics: must be fx,fy,cx,cy, numbers of pixels up to a million");
     }
   }
-  if (!(k.fx >= 1 && k.fy >= 1)) {
+  if (!(k[0] >= 1 && k[1] >= 1)) {
     usage_error("--intrinsics: must be fx,fy,cx,cy with fx and fy of at least 1 pixel");
   }
-  return k;
+  return {k[0], k[1], k[2], k[3]};
+}
+
+}  // namespace
+
+CLI::Option* add_intrinsics_option(CLI::App& app, std::function<void(const Intrinsics&)> take,
+                                   const std::string& help) {
+  const auto take_all = [take = std::move(take)](const std::vector<std::string>& texts) {
+    for (const std::string& text : texts) take(parse_intrinsics(text));
+  };
+  return app.add_option_function<std::vector<std::string>>("--intrinsics", take_all, help)
+      ->allow_extra_args(false)
+      ->type_name("fx,fy,cx,cy")
+      ->option_text("fx,fy,cx,cy");
+}
+
+void add_seconds_option(CLI::App& app, const std::string& flag, std::optional<double>& seconds,
+                        const std::string& help) {
+  const auto take = [&seconds, flag](const std::string& text) {
+    constexpr double kDay = 86400;
+    double value = 0;
+    SettingTable table;
+    table.add(flag, value, {1e-3, kDay, "s"}, "");
+    Setting& setting = *table.begin();
+    const Status status = setting.set(parse_value(setting, text), flag + ":");
+    if (!status) usage_error(status.error().message);
+    seconds = value;
+  };
+  app.add_option_function<std::string>(flag, take, help)->type_name("SECONDS");
 }
 
 void add_camera_options(CLI::App& app, CameraOptions& options) {
-  const auto parse = [&options](const std::vector<double>& k) {
-    options.intrinsics = checked_intrinsics({k[0], k[1], k[2], k[3]});
-  };
-  app.add_option_function<std::vector<double>>("--intrinsics", parse,
-                                               "intrinsics of the depth camera, in pixels")
-      ->delimiter(',')
-      ->expected(4)
-      ->type_name("fx,fy,cx,cy")
-      ->option_text("fx,fy,cx,cy");
+  add_intrinsics_option(
+      app, [&options](const Intrinsics& k) { options.intrinsics = k; },
+      "intrinsics of the depth camera, in pixels")
+      ->expected(1);
   add_number(app, "--depth-unit", options.unit, {1e-6, 1, "m"}, "depth scale, meters per count");
 }
 

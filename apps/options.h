@@ -4,6 +4,7 @@
 #include <CLI/CLI.hpp>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <initializer_list>
 #include <optional>
 #include <span>
@@ -111,8 +112,12 @@ struct CameraOptions {
   double unit = 0.001;
 };
 void add_camera_options(CLI::App& app, CameraOptions& options);
-/// What --intrinsics says, if it can be true; else wrong usage.
-Intrinsics checked_intrinsics(const Intrinsics& given);
+/// --intrinsics fx,fy,cx,cy, each time to `take`, if it can be true; else wrong usage.
+CLI::Option* add_intrinsics_option(CLI::App& app, std::function<void(const Intrinsics&)> take,
+                                   const std::string& help);
+/// A length of time from 1 ms to a day.
+void add_seconds_option(CLI::App& app, const std::string& flag, std::optional<double>& seconds,
+                        const std::string& help);
 
 /// --sensor: the kind of depth camera; none: as the camera says.
 void add_sensor_option(CLI::App& app, std::optional<SensorKind>& sensor);

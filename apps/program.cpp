@@ -54,6 +54,18 @@ int fail_usage(const CLI::App& program, const CLI::ParseError& error) {
   return fail(name, what + "; see " + name + " " + verb + "--help", kWrongUsage);
 }
 
+/// An empty name is mostly a variable of a script that is not set. To take it for an option that
+/// was not given would leave out the robot, the path or the settings without a word.
+const CLI::Option* empty_option(const CLI::App& verb) {
+  for (const CLI::Option* option : verb.get_options()) {
+    if (option->count() == 0 || option->get_expected_min() == 0) continue;
+    for (const std::string& text : option->results()) {
+      if (text.empty()) return option;
+    }
+  }
+  return nullptr;
+}
+
 }  // namespace
 
 void add_common_options(CLI::App& program) {
@@ -75,6 +87,15 @@ int run_program(CLI::App& program, const Action& action, int argc, char** argv) 
     return status;
   } catch (const CLI::ParseError& error) {
     return fail_usage(program, error);
+  }
+  for (const CLI::App* verb : program.get_subcommands()) {
+    const CLI::Option* const option = empty_option(*verb);
+    if (option == nullptr) continue;
+    return fail(name,
+                option->get_name() + ": is empty; give a value" +
+                    (option->get_required() ? "" : ", or leave it out") + "; see " + name + " " +
+                    verb->get_name() + " --help",
+                kWrongUsage);
   }
   try {
     if (const Status status = action(); !status) {

@@ -135,10 +135,8 @@ void add_calibrate(CLI::App& program, Action& action) {
                  "rig file to write, in the same folder; may be the input")
       ->required()
       ->type_name("RIG.toml");
-  app.add_option("--frames", options->num_frames, "number of averaged frames per camera: 1 to 1000")
-      ->check(CLI::Range(1, 1000).description(""))
-      ->type_name("NUMBER")
-      ->capture_default_str();
+  add_number(app, "--frames", options->num_frames, {1, 1000, ""},
+             "number of averaged frames per camera");
   app.add_flag("--json", options->json, "print poses and residuals as JSON");
   app.footer("Example: palpate calibrate --rig rig.toml -o rig.toml");
   app.callback([options, &action] { action = [options] { return run(*options); }; });

@@ -142,8 +142,7 @@ void add_cameras(CLI::App& program, Action& action) {
                    "take frames from every camera for a few seconds and report their properties");
   app.add_option("uri", *uris, "--selftest: only these")->type_name("URI")->needs(self);
   const auto seconds = std::make_shared<double>(5);
-  app.add_option("--seconds", *seconds, "--selftest: time per camera; default: 5")
-      ->check(CLI::Range(0.1, 86400.0).description(""))
+  add_number(app, "--seconds", *seconds, {0.1, 86400, "s"}, "--selftest: time per camera")
       ->type_name("SECONDS")
       ->needs(self);
   app.footer("Example: palpate cameras --selftest");

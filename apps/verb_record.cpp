@@ -124,10 +124,8 @@ void add_record(CLI::App& program, Action& action) {
       ->required()
       ->type_name("FILE.mcap");
   add_robot_options(app, options->robot);
-  app.add_option("--duration", options->duration,
-                 "length of the recording; default: until the stream ends or Ctrl-C")
-      ->check(CLI::Range(1e-3, 86400.0).description(""))
-      ->type_name("SECONDS");
+  add_seconds_option(app, "--duration", options->duration,
+                     "length of the recording; default: until the stream ends or Ctrl-C");
   app.add_flag("--json", options->json, "print what was recorded as JSON");
   app.footer("Example: palpate record --camera openni2 --duration 10 -o hand.mcap");
   app.callback([options, &app, &action] {

@@ -102,9 +102,7 @@ void add_ros2(CLI::App& program, Action& action) {
   app.add_option("-o,--output", touch.output, "folder of the recording of the last minute")
       ->type_name("RUN")
       ->capture_default_str();
-  app.add_option("--duration", touch.duration, "length of the run; default: until Ctrl-C")
-      ->check(CLI::Range(1e-3, 86400.0).description(""))
-      ->type_name("SECONDS");
+  add_seconds_option(app, "--duration", touch.duration, "length of the run; default: until Ctrl-C");
   const SettingTable table = settings_of(touch.settings);
   add_setting_options(app, "", table, kLoopOptions);
   add_prefix_option(app, touch.num_spheres);

@@ -304,10 +304,8 @@ void add_touch(CLI::App& program, Action& action) {
   add_source_options(app, *source);
   add_robot_options(app, options->robot);
   add_path_options(app, *options);
-  app.add_option("--duration", options->duration,
-                 "length of the run; default: until the path or the frames end")
-      ->check(CLI::Range(1e-3, 86400.0).description(""))
-      ->type_name("SECONDS");
+  add_seconds_option(app, "--duration", options->duration,
+                     "length of the run; default: until the path or the frames end");
   const SettingTable table = settings_of(options->settings);
   add_setting_options(app, "", table, kLoopOptions);
   add_prefix_option(app, options->num_spheres);

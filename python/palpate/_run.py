@@ -332,6 +332,11 @@ def touch(
     """
     if isinstance(cameras, (str, _core.PushedCamera)):
         cameras = [cameras]
+    elif isinstance(cameras, bytes) or not hasattr(cameras, "__iter__"):
+        raise TypeError(
+            "cameras: a camera as text, a palpate.PushedCamera or a list of them is taken, "
+            f"not {type(cameras).__name__}"
+        )
     path: Any = path_or_device
     if _is_device(path_or_device):
         if device is not None:

@@ -206,6 +206,27 @@ std::vector<Pose> poses_of(nb::handle given, const char* name) {
   return poses;
 }
 
+nb::object plain_image(nb::handle given) {
+  nb::object image = nb::borrow(given);
+  const nb::module_ numpy = nb::module_::import_("numpy");
+  if (!nb::isinstance(given, numpy.attr("ndarray"))) return image;
+  if (nb::isinstance(given, numpy.attr("ma").attr("MaskedArray"))) image = image.attr("filled")(0);
+  const nb::object type = image.attr("dtype");
+  if (std::string("uifb").find(nb::cast<std::string>(type.attr("kind"))) == std::string::npos) {
+    throw nb::value_error("depth: uint16 counts or float32 meters are taken, no other type");
+  }
+  if (nb::cast<bool>(type.attr("isnative"))) return image;
+  return image.attr("astype")(type.attr("newbyteorder")("="));
+}
+
+int checked_threads(int given) {
+  constexpr int kMax = 256;
+  if (given < 0 || given > kMax) {
+    throw nb::value_error("threads: a whole number from 0 (one per core) to 256 is taken");
+  }
+  return given;
+}
+
 Place place_of(const std::string& word) {
   if (word == "cpu") return Place::cpu();
   if (word == "cuda") return Place::cuda();

@@ -96,6 +96,13 @@ std::vector<Pose> poses_of(nb::handle given, const char* name);
 std::span<const Pose> poses_in(const Doubles& numbers, const char* name,
                                std::vector<Pose>& converted);
 
+/// A depth image in the byte order of this machine, and what NumPy has masked as 0: no measurement.
+/// ValueError: an array of anything but numbers.
+nb::object plain_image(nb::handle given);
+
+/// ValueError: fewer than 0 or more than 256.
+int checked_threads(int given);
+
 /// "cpu", "cuda" or "cuda:1". ValueError: another word.
 Place place_of(const std::string& word);
 

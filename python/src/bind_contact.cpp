@@ -223,7 +223,8 @@ options: of docs/settings.md [contact]: volumes, priority, inside, edges, contin
             SettingTable table = settings_of(options);
             check(table.set("contact.method", method));
             apply(keywords, table);
-            new (self) PyContact(tool, taken(contact_method(options)), place_of(place), threads);
+            new (self) PyContact(tool, taken(contact_method(options)), place_of(place),
+                                 checked_threads(threads));
           },
           nb::arg("tool"), nb::arg("method") = "field", nb::kw_only(), nb::arg("place") = "cpu",
           nb::arg("threads") = 1, nb::arg("options"),

@@ -72,6 +72,8 @@ struct PyPushedCamera {
   /// uint16 as they are; metres become counts.
   Counts counts_of(nb::handle depth) const {
     Counts counts;
+    const nb::object plain = plain_image(depth);
+    depth = plain;
     if (nb::try_cast<Counts>(depth, counts, false)) return counts;
     const nb::module_ numpy = nb::module_::import_("numpy");
     nb::object array = numpy.attr("asarray")(depth);

@@ -124,9 +124,10 @@ class PySensor {
   /// (H, W), or (F, H, W), uint16 or float32 row by row, in memory that the sensor reads.
   AnyArray dense_of(nb::handle given, std::size_t num_axes, nb::handle stream) const {
     AnyArray image;
+    nb::object plain;
     if (const std::optional<AnyArray> there = array_on_gpu(given, stream)) {
       image = *there;
-    } else if (!nb::try_cast<AnyArray>(given, image, false)) {
+    } else if (given = plain = plain_image(given); !nb::try_cast<AnyArray>(given, image, false)) {
       image = AnyArray(numbers_of<float>(given, "depth", "float32"));
     }
     const auto rows = static_cast<std::size_t>(camera_.camera.height);
@@ -443,7 +444,7 @@ options: of docs/settings.md [surface] and [field], e.g. max_depth=3.0, unknown=
           [](PySensor* self, const PyCamera& camera, const std::string& place, int threads,
              bool joined, nb::kwargs keywords) {
             SensorOptions options;
-            options.num_threads = threads;
+            options.num_threads = checked_threads(threads);
             options.field.one_of_several = joined;
             SettingTable table;
             add_settings(table, options.surface);

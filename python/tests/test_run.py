@@ -306,6 +306,8 @@ def test_bad_requests(cube, tmp_path):
             palpate.touch(cube, *arguments, **keywords)
 
     refused(palpate.Error, "no scene 'nowhere'", "scene:nowhere", PATH)
+    for cameras in (None, 3, b"scene:wall"):
+        refused(TypeError, "cameras: a camera as text, .* is taken, not", cameras, PATH)
     refused(ValueError, r"path: shape \(2, 7\) is not \(N, 8\)", "scene:wall", PATH[:, :7])
     refused(ValueError, "row 1", "scene:wall", PATH[::-1])
     refused(palpate.Error, "nearest one is 'contact_method'", "scene:wall", PATH, contact_metod="graph")

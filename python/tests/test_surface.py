@@ -126,12 +126,39 @@ def test_a_lens_is_straightened(camera):
     assert np.allclose(lens.distortion, k + [0, 0, 0])
 
 
+def test_bytes_in_another_order_and_masks_are_understood(camera):
+    sensor = palpate.Sensor(camera)
+    image = np.full((120, 160), 800, np.uint16)
+    image[:, 80:] = 900
+    points = sensor.update(image).points.copy()
+    assert np.isfinite(points[60, 40]).all()
+    for other in (image.astype(">u2"), (image * 0.001).astype(">f4"), (image * 0.001).astype(">f8")):
+        assert np.allclose(sensor.update(other).points, points, atol=1e-6, equal_nan=True)
+    batch = np.stack([image.astype(">u2")] * 2)
+    assert len(sensor.update_batch(batch)) == 2
+    masked = np.ma.masked_array(image, mask=np.zeros_like(image, bool))
+    masked[:, 80:] = np.ma.masked
+    seen = sensor.update(masked).points
+    assert np.isnan(seen[60, 120]).all()
+    assert np.allclose(seen[60, 40], points[60, 40])
+
+
 def test_bad_images_and_numbers(camera):
     sensor = palpate.Sensor(camera)
     with pytest.raises(ValueError, match=r"depth: shape \(3, 4\) is not the camera's \(120, 160\)"):
         sensor.update(np.zeros((3, 4), np.uint16))
     with pytest.raises(ValueError, match="uint16 counts or float32"):
         sensor.update(np.zeros((120, 160), np.int32))
+    for kind in ("S2", "M8[s]", object, [("depth", "u2")]):
+        with pytest.raises(ValueError, match="uint16 counts or float32"):
+            sensor.update(np.zeros((120, 160), kind))
+    for threads in (-1, 257):
+        with pytest.raises(ValueError, match="threads: a whole number from 0"):
+            palpate.Sensor(camera, threads=threads)
+    for k1 in (np.nan, 1e30):
+        bent = palpate.Camera(160, 120, 140, 140, 79.5, 59.5, distortion=[k1, 0, 0, 0])
+        with pytest.raises(palpate.Error, match="distortion coefficient k1 must be a number"):
+            palpate.Sensor(bent)
     with pytest.raises(ValueError, match=r"pose: shape \(3,\) is not \(4, 4\) or \(7,\)"):
         sensor.update(np.zeros((120, 160), np.uint16), pose=[1, 2, 3])
     with pytest.raises(ValueError, match="no rigid motion"):

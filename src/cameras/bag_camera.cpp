@@ -107,7 +107,7 @@ Result<Contents> look_through(BagReader& reader, const std::string& desired) {
       const auto camera = read_camera_model((*message)->data);
       if (camera) contents.cameras[channel.topic] = *camera;
       if (!camera && (desired.empty() || is_camera_of(channel.topic, desired))) {
-        return camera.error();
+        return Error{camera.error().code, channel.topic + ": " + camera.error().message};
       }
     } else if (channel.schema_name == kImage || channel.schema_name == kCompressed) {
       if (!desired.empty() && channel.topic != desired) continue;

@@ -2,10 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 #include <vector>
 
 #include "palpate/cloud/depth_source.h"
 #include "palpate/settings/setting_table.h"
+#include "src/cloud/internal/lens_table.h"
 #include "src/io/text_scanner.h"
 
 namespace palpate::inline v0 {
@@ -40,6 +42,7 @@ class Parameters {
   Status set(std::string_view name, std::string_view value) {
     name_ = name;
     value_ = value;
+    if (!names_.insert(std::string(name)).second) return bad("given once");
     numbers_ = parse_numbers(value);
     if (name == "intrinsics") return set_intrinsics();
     if (name == "distortion") return set_distortion();
@@ -78,7 +81,8 @@ class Parameters {
     numbers_.resize(8);
     const auto& n = numbers_;
     uri_.distortion = {n[0], n[1], n[2], n[3], n[4], n[5], n[6], n[7]};
-    return Done{};
+    return check_distortion(*uri_.distortion) ? Status(Done{})
+                                              : bad("coefficients from -1000000 to 1000000");
   }
   Status set_size() {
     std::string_view rest = value_;
@@ -148,6 +152,7 @@ class Parameters {
   }
 
   CameraUri& uri_;
+  std::set<std::string> names_;
   std::string_view name_, value_;
   std::vector<double> numbers_;
 };

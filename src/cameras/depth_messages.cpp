@@ -7,6 +7,7 @@
 
 #include "palpate/io/formats.h"
 #include "src/cameras/raw_frames.h"
+#include "src/cloud/internal/lens_table.h"
 #include "src/io/cdr.h"
 #include "src/io/ros_image.h"
 #include "src/io/rvl.h"
@@ -17,6 +18,8 @@ namespace {
 constexpr double kMillimetre = 0.001;
 
 Error damaged(const char* what) { return {Errc::bad_input, std::string(what) + " is damaged"}; }
+
+Error damaged_info() { return {Errc::bad_input, "a camera_info is damaged; record it again"}; }
 
 }  // namespace
 
@@ -71,7 +74,7 @@ Result<RosCameraModel> read_camera_model(std::string_view message) {
   camera.width = static_cast<int>(from.number<std::uint32_t>());
   const std::string model(from.text());
   const auto num = from.number<std::uint32_t>();
-  if (!from.is_good() || num > 64) return damaged("a camera_info");
+  if (!from.is_good() || num > 64) return damaged_info();
   std::vector<double> d;
   for (std::uint32_t i = 0; i < num; ++i) d.push_back(from.number<double>());
   const auto read_numbers = [&](std::size_t count) {
@@ -80,7 +83,7 @@ Result<RosCameraModel> read_camera_model(std::string_view message) {
     return numbers;
   };
   const auto k = read_numbers(9), r = read_numbers(9), p = read_numbers(12);
-  if (!from.is_good()) return damaged("a camera_info");
+  if (!from.is_good()) return damaged_info();
   camera.raw = {k[0], k[4], k[2], k[5]};
   camera.rectified = {p[0], p[5], p[2], p[6]};
   const bool is_bent = std::any_of(d.begin(), d.end(), [](double c) { return c != 0; });
@@ -88,13 +91,19 @@ Result<RosCameraModel> read_camera_model(std::string_view message) {
   const bool is_known = model == "plumb_bob" || model == "rational_polynomial";
   const bool is_long =
       d.size() > 8 && std::any_of(d.begin() + 8, d.end(), [](double c) { return c != 0; });
-  if (!is_known || is_long) {
-    return Error{Errc::bad_input, "a camera_info has the distortion model '" + model.substr(0, 40) +
-                                      "' with " + std::to_string(d.size()) +
-                                      " coefficients; known are plumb_bob and rational_polynomial"};
+  const bool is_whole = d.size() == 4 || d.size() == 5 || d.size() >= 8;
+  if (!is_known || is_long || !is_whole) {
+    return Error{Errc::bad_input,
+                 "a camera_info has the distortion model '" + model.substr(0, 40) + "' with " +
+                     std::to_string(d.size()) +
+                     " coefficients; known are plumb_bob with 4 or 5 and rational_polynomial with "
+                     "8; record undistorted images"};
   }
   d.resize(8);
   camera.distortion = {d[0], d[1], d[2], d[3], d[4], d[5], d[6], d[7]};
+  if (const Status status = check_distortion(camera.distortion); !status) {
+    return Error{Errc::bad_input, "a camera_info is damaged: " + status.error().message};
+  }
   return camera;
 }
 

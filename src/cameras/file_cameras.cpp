@@ -21,6 +21,10 @@ Result<RawStream> open_folder_camera(const CameraUri& uri, const CameraOpening&)
   folder.rate = uri.rate.value_or(folder.rate);
   if (const auto flow = uri.extras.find("flow"); flow != uri.extras.end()) {
     folder.flow = flow->second;
+    if (folder.flow.empty()) {
+      return Error{Errc::invalid_argument,
+                   "camera " + uri.text + ": 'flow' must be a folder of optical flow, not ''"};
+    }
   }
   auto source = open_depth_folder(uri.target, folder);
   if (!source) return source.error();

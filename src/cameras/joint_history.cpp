@@ -97,6 +97,11 @@ Status read_joint_table(std::string_view text, const std::string& name, JointHis
         return bad("must name the columns: time, then joints; e.g. 'time,elbow,wrist'");
       }
       joints.assign(cells.begin() + 1, cells.end());
+      for (auto joint = joints.begin(); joint != joints.end(); ++joint) {
+        if (*joint == "time") return bad("must have the time as its first column");
+        if (std::find(joints.begin(), joint, *joint) == joint) continue;
+        return bad("has two columns '" + joint->substr(0, 40) + "'; leave one of them out");
+      }
       continue;
     }
     if (cells.size() != joints.size() + 1) {

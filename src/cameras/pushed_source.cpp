@@ -2,6 +2,7 @@
 
 #include "src/cameras/frame_intake.h"
 #include "src/cameras/rectifier.h"
+#include "src/cloud/internal/lens_table.h"
 #include "src/core/monotonic_clock.h"
 
 namespace palpate::inline v0 {
@@ -61,6 +62,7 @@ Result<std::unique_ptr<PushedSource>> PushedSource::create(const DepthStreamInfo
     return Error{Errc::invalid_argument,
                  "pushed frames need a size from 8x8 to 4096x4096 and focal lengths above 0"};
   }
+  if (const Status status = check_distortion(info.distortion); !status) return status.error();
   if (info.has_flow && !(info.distortion == Distortion{})) return flow_of_lens(info.name);
   return std::unique_ptr<PushedSource>(std::make_unique<Pushed>(info, options));
 }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdio>
 #include <fstream>
 #include <set>
@@ -105,6 +106,11 @@ class Reader {
       } else if (key == "gravity" && std::ranges::count(numbers, ',') == 2) {
         Vec3d& g = rig_.gravity.emplace();
         std::sscanf(numbers.c_str(), "%lf,%lf,%lf", &g.x, &g.y, &g.z);
+        constexpr double kLargest = 100;  // m/s2, as bodies.gravity_x
+        if (!(std::abs(g.x) <= kLargest && std::abs(g.y) <= kLargest &&
+              std::abs(g.z) <= kLargest)) {
+          return refuse(key.source(), "gravity must be numbers from -100 to 100 m/s2");
+        }
       } else {
         return refuse(key.source(), "[world] has frame = \"NAME\" and gravity = [x, y, z], not '" +
                                         std::string(key.str()) + "' like this");
@@ -126,6 +132,9 @@ class Reader {
     const auto text_of = [&](const char* key) { return table[key].value_or(std::string()); };
     const std::string name = table.contains("name") ? text_of("name") : "camera " + number;
     std::string uri = text_of("uri"), more;
+    if (name.empty()) {
+      return refuse(table.source(), "camera " + number + " needs a name = \"NAME\", or none");
+    }
     if (uri.empty()) {
       return refuse(table.source(), "camera " + number + " needs uri = \"KIND:TARGET\"");
     }

@@ -58,6 +58,7 @@ class SelfFilteredSource final : public DepthSource {
     for (;;) {
       const auto got = source_->next(frame);
       if (!got || !*got) {
+        if (got && !has_kept_ && num_left_out_ > 0) return nothing_kept();
         report_end();
         return got;
       }
@@ -71,6 +72,7 @@ class SelfFilteredSource final : public DepthSource {
         continue;
       }
       report_end();
+      has_kept_ = true;
       const Pose X_CW = inverse(frame.X_WC);
       std::ranges::transform(X_WL_, X_CL_.begin(), [&](const Pose& X_WL) { return X_CW * X_WL; });
       if (!remove_on_gpu(frame)) remove_on_cpu(frame);
@@ -111,6 +113,7 @@ class SelfFilteredSource final : public DepthSource {
   }
 
   void leave_out(const std::string& why) {
+    if (num_left_out_ == 0) why_left_out_ = why;
     if (num_left_out_++ == 0) {
       note(info().name + ": depth images are dropped: " + why);
     }
@@ -120,6 +123,11 @@ class SelfFilteredSource final : public DepthSource {
     note(info().name + ": " + std::to_string(num_left_out_) +
          " depth images were dropped because the robot's pose was unknown");
     num_left_out_ = 0;
+  }
+  Error nothing_kept() const {
+    return {Errc::bad_input, info().name + ": all " + std::to_string(num_left_out_) +
+                                 " depth images were dropped: " + why_left_out_ +
+                                 "; give the robot's states for the times of the images"};
   }
   void note(std::string text) {
     const std::lock_guard lock(mutex_);
@@ -134,7 +142,9 @@ class SelfFilteredSource final : public DepthSource {
   LinkImage image_;
   std::unique_ptr<LinksOnGpu> on_gpu_;  // null: on the CPU
   bool has_reported_cpu_ = false;
+  bool has_kept_ = false;
   int num_left_out_ = 0;
+  std::string why_left_out_;
   std::mutex mutex_;
   std::vector<std::string> notes_;
 };

@@ -45,7 +45,8 @@ class Reader {
     const Element* const robot = document.FirstChildElement("robot");
     if (robot == nullptr) return Error{Errc::bad_input, name_ + ": has no <robot>"};
     if (const char* const given = robot->Attribute("name")) model_.name = given;
-    Status status = read_links(*robot);
+    Status status = check_expanded(*robot);
+    if (status) status = read_links(*robot);
     if (status) status = read_joints(*robot);
     if (status) status = resolve_mimics();
     if (status) status = put_in_order();
@@ -97,6 +98,17 @@ class Reader {
     const Quaternion turned = axis_angle({0, 0, 1}, (*rpy)[2]) * axis_angle({0, 1, 0}, (*rpy)[1]) *
                               axis_angle({1, 0, 0}, (*rpy)[0]);
     return Pose{{(*xyz)[0], (*xyz)[1], (*xyz)[2]}, normalized(turned)};
+  }
+
+  /// What xacro would still add is missing here: the arm would be felt.
+  Status check_expanded(const Element& robot) const {
+    for (const Element* child = robot.FirstChildElement(); child != nullptr;
+         child = child->NextSiblingElement()) {
+      if (!std::string_view(child->Name()).starts_with("xacro:")) continue;
+      return bad(*child, "<" + shown(child->Name()) +
+                             "> is xacro; turn it into URDF first (xacro FILE > robot.urdf)");
+    }
+    return Done{};
   }
 
   Status read_links(const Element& robot) {
@@ -182,6 +194,9 @@ class Reader {
     if (!filename) return filename.error();
     const auto scale = numbers<3>(shape, "scale", std::array<double, 3>{1, 1, 1});
     if (!scale) return scale.error();
+    if (std::ranges::find(*scale, 0) != scale->end()) {
+      return bad(shape, "<mesh> has a scale of zero: nothing would be left of it; write 1 1 1");
+    }
     const auto path = find(*filename);
     if (!path) return bad(shape, path.error().message);
     auto mesh = load_mesh(*path);

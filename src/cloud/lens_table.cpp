@@ -2,6 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string>
+#include <utility>
+
+#include "palpate/settings/setting_table.h"
 
 namespace palpate::inline v0 {
 namespace {
@@ -13,6 +17,18 @@ double seen_radius(const Distortion& d, double r) {
 }
 
 }  // namespace
+
+Status check_distortion(const Distortion& distortion) {
+  Distortion d = distortion;
+  const std::pair<const char*, double&> coefficients[] = {{"k1", d.k1}, {"k2", d.k2}, {"p1", d.p1},
+                                                          {"p2", d.p2}, {"k3", d.k3}, {"k4", d.k4},
+                                                          {"k5", d.k5}, {"k6", d.k6}};
+  SettingTable table;
+  for (const auto& [name, value] : coefficients) {
+    table.add(std::string("distortion coefficient ") + name, value, {-1e6, 1e6, ""}, "");
+  }
+  return check_settings(table);
+}
 
 double largest_radius(const Distortion& distortion, double limit) {
   constexpr int kSteps = 4096;

@@ -147,7 +147,7 @@ void SurfaceCuda::Impl::enqueue(gpu::Stream& stream, const std::uint16_t* counts
 Result<SurfaceCuda> SurfaceCuda::create(int width, int height, const Intrinsics& intrinsics,
                                         const SurfaceOptions& options, int gpu, int num_images,
                                         const Distortion& distortion) {
-  const Status settings = check_surface_settings(width, height, intrinsics, options);
+  const Status settings = check_surface_settings(width, height, intrinsics, options, distortion);
   if (!settings) return settings.error();
   const Status device = gpu::check_gpu(gpu);
   if (!device) return device.error();

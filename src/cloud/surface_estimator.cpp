@@ -36,7 +36,7 @@ Result<SurfaceEstimator> SurfaceEstimator::create(int width, int height,
                                                   const Intrinsics& intrinsics,
                                                   const SurfaceOptions& options, Isa isa,
                                                   const Distortion& distortion) {
-  const Status status = check_surface_settings(width, height, intrinsics, options);
+  const Status status = check_surface_settings(width, height, intrinsics, options, distortion);
   if (!status) return status.error();
   return SurfaceEstimator(std::unique_ptr<Impl>(
       new Impl{{width, height, intrinsics, options, isa, distortion}, {}, 0}));

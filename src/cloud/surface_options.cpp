@@ -1,5 +1,7 @@
 #include "src/cloud/surface_options.h"
 
+#include "src/cloud/internal/lens_table.h"
+
 namespace palpate::inline v0 {
 
 Status check(const SurfaceOptions& options) {
@@ -32,7 +34,7 @@ SurfaceOptions surface_options_for(SensorKind sensor) {
 }
 
 Status check_surface_settings(int width, int height, const Intrinsics& intrinsics,
-                              const SurfaceOptions& options) {
+                              const SurfaceOptions& options, const Distortion& distortion) {
   Intrinsics k = intrinsics;
   SettingTable image;
   image.add("image width", width, {8, kMaxImageWidth, "pixels"}, "");
@@ -42,6 +44,7 @@ Status check_surface_settings(int width, int height, const Intrinsics& intrinsic
   image.add("principal point cx", k.cx, {-1e6, 1e6, "pixels"}, "");
   image.add("principal point cy", k.cy, {-1e6, 1e6, "pixels"}, "");
   if (Status status = check_settings(image); !status) return status;
+  if (Status status = check_distortion(distortion); !status) return status;
   return check(options);
 }
 

@@ -7,6 +7,6 @@ namespace palpate::inline v0 {
 
 /// An error names the first setting that is out of range.
 Status check_surface_settings(int width, int height, const Intrinsics& intrinsics,
-                              const SurfaceOptions& options);
+                              const SurfaceOptions& options, const Distortion& distortion = {});
 
 }  // namespace palpate::inline v0

@@ -35,6 +35,16 @@ Error failure(Errc code, const char* what, const std::filesystem::path& path, co
           std::string(what) + " " + path.string() + ": " + std::strerror(errno) + "; " + advice};
 }
 
+Error cannot_open(const std::filesystem::path& path) {
+  const Errc code = errno == ENOENT || errno == ENOTDIR ? Errc::not_found : Errc::io_failure;
+  return failure(code, "cannot read", path, "check its name and permissions");
+}
+
+Error not_regular(const std::filesystem::path& path) {
+  return {Errc::bad_input,
+          "cannot read " + path.string() + ": it is not a regular file; give a file"};
+}
+
 bool write_all(int descriptor, std::string_view content) {
   while (!content.empty()) {
     const ssize_t count = ::write(descriptor, content.data(), content.size());
@@ -95,20 +105,20 @@ Status write_file_atomically(const std::filesystem::path& path, std::string_view
   return Done{};
 }
 
+Status check_regular_file(const std::filesystem::path& path) {
+  struct stat info {};
+  if (::stat(path.c_str(), &info) != 0) return cannot_open(path);
+  return S_ISREG(info.st_mode) ? Status(Done{}) : not_regular(path);
+}
+
 Result<std::string> read_file(const std::filesystem::path& path, std::size_t max_bytes) {
   const File file(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
-  if (file.get() < 0) {
-    const Errc code = errno == ENOENT || errno == ENOTDIR ? Errc::not_found : Errc::io_failure;
-    return failure(code, "cannot read", path, "check its name and permissions");
-  }
+  if (file.get() < 0) return cannot_open(path);
   struct stat info {};
   if (::fstat(file.get(), &info) != 0) {
     return failure(Errc::io_failure, "cannot read", path, "check the disk");
   }
-  if (!S_ISREG(info.st_mode)) {
-    return Error{Errc::bad_input,
-                 "cannot read " + path.string() + ": it is not a regular file; give a file"};
-  }
+  if (!S_ISREG(info.st_mode)) return not_regular(path);
   const auto size = static_cast<std::size_t>(info.st_size);
   if (size > max_bytes) {
     return Error{Errc::bad_input, path.string() + " has " + std::to_string(size) +

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "src/io/bag_formats.h"
+#include "src/io/internal/atomic_file.h"
 #include "src/io/mcap_format.h"
 
 namespace palpate::inline v0 {
@@ -44,6 +45,7 @@ Result<std::unique_ptr<BagReader>> BagReader::open(const fs::path& target) {
   const auto found = file_of(target);
   if (!found) return found.error();
   const fs::path& path = *found;
+  if (const Status status = check_regular_file(path); !status) return status.error();
   std::ifstream file(path, std::ios::binary);
   char bytes[16] = {};
   if (!file || (!file.read(bytes, sizeof bytes) && file.bad())) {

@@ -7,6 +7,7 @@
 #include <optional>
 #include <utility>
 
+#include "src/io/internal/atomic_file.h"
 #include "src/io/internal/mcap_file.h"
 #include "src/io/mcap_format.h"
 #include "src/io/unpack.h"
@@ -176,6 +177,7 @@ McapReader& McapReader::operator=(McapReader&&) noexcept = default;
 McapReader::~McapReader() = default;
 
 Result<McapReader> McapReader::open(const std::filesystem::path& path) {
+  if (const Status status = check_regular_file(path); !status) return status.error();
   auto impl = std::make_unique<Impl>();
   impl->path = path;
   impl->file.open(path, std::ios::binary);

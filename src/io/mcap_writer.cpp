@@ -75,9 +75,8 @@ Status McapWriter::Impl::put(std::string_view bytes) {
     const ssize_t written = ::write(file, bytes.data(), bytes.size());
     if (written < 0 && errno == EINTR) continue;
     if (written <= 0) {
-      status =
-          Error{Errc::io_failure, "cannot write " + path.string() + ": " + std::strerror(errno) +
-                                      "; what was recorded before is kept; free some space"};
+      status = Error{Errc::io_failure, "cannot write " + path.string() + ": " +
+                                           std::strerror(errno) + "; free some space"};
       if (::ftruncate(file, static_cast<off_t>(begin)) == 0) size = begin;
       break;
     }

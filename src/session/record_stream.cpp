@@ -1,6 +1,11 @@
 #include "src/session/internal/record_stream.h"
 
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+
 #include <algorithm>
+#include <cerrno>
 #include <chrono>
 #include <condition_variable>
 #include <mutex>
@@ -206,6 +211,25 @@ class Copy {
   bool has_ended_ = false;
 };
 
+/// Of the file that is being written: a second program would write into the same one.
+class FileLock {
+ public:
+  explicit FileLock(const std::filesystem::path& path)
+      : file_(::open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | O_NONBLOCK, 0666)),
+        is_taken_(file_ >= 0 && ::flock(file_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {}
+  ~FileLock() {
+    if (file_ >= 0) ::close(file_);
+  }
+  FileLock(const FileLock&) = delete;
+  FileLock& operator=(const FileLock&) = delete;
+
+  bool is_taken() const { return is_taken_; }
+
+ private:
+  const int file_;
+  const bool is_taken_;
+};
+
 }  // namespace
 
 Result<StreamRecording> record_stream(const DepthSources& sources,
@@ -213,6 +237,11 @@ Result<StreamRecording> record_stream(const DepthSources& sources,
                                       const RecordStreamOptions& options) {
   std::filesystem::path partial = path;
   partial += ".partial";
+  const FileLock lock(partial);
+  if (lock.is_taken()) {
+    return Error{Errc::io_failure, "another program is recording to " + path.string() +
+                                       "; give another name, or wait until that has ended"};
+  }
   StreamRecording done;
   const auto write = [&]() -> Status {
     auto file = StreamFile::create(partial, sources);

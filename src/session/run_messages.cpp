@@ -502,7 +502,19 @@ Result<EstimateStart> read_estimate(std::string_view message) {
   if (!text) return text.error();
   return EstimateStart{text->camera, text->revision, std::move(text->state.bytes)};
 }
-Result<FrameRecord> read_frame(std::string_view message) { return read<FrameRecord>(message); }
+Result<FrameRecord> read_frame(std::string_view message) {
+  auto frame = read<FrameRecord>(message);
+  if (frame && !(frame->unit > 0 && frame->unit <= 1)) {
+    return Error{Errc::bad_input,
+                 "a depth frame has a unit that is no length from 0 to 1 m; record "
+                 "the run again"};
+  }
+  if (frame && !(is_finite(frame->X_WC) && frame->X_WC.rotation != Quaternion{0, 0, 0, 0})) {
+    return Error{Errc::bad_input,
+                 "a depth frame has a camera that is nowhere; record the run again"};
+  }
+  return frame;
+}
 Result<ContactRecord> read_contact(std::string_view message) {
   auto contact = read<ContactRecord>(message);
   if (contact && contact->cameras.num > kMaxCameras) {

@@ -205,9 +205,25 @@ class CommandLine(unittest.TestCase):
         ):
             self.expect_failure(2, *verb, option, value, mentions=f"{option}: must be ")
             self.assertLess(len(palpate(*verb, option, value).stderr), 160)
-        # A list that is too short takes what follows.
-        self.expect_failure(2, "query", self.tool, "--depth", "x.png", "--intrinsics", "525,525,319.5", "--pose",
-                            "0 0 0 0 0 0 1", mentions="--intrinsics: give fx,fy,cx,cy, not '525,525,319.5,--pose,")
+        for numbers in ("525,525,319.5", "525,525,319.5,239.5,0", "525 525 319.5 239.5", "525,525,319.5,"):
+            for verb in (query, self.sequence("-o", self.path("never"))[:4]):
+                self.expect_failure(2, *verb, "--intrinsics", numbers,
+                                    mentions=f"--intrinsics: give fx,fy,cx,cy, not '{numbers}'")
+        record = ("record", "--camera", "scene:wall", "-o", self.path("never.mcap"))
+        for length in ("nan", "0x10", "1e400", 0, "1,5", "5s"):
+            self.expect_failure(2, *record, "--duration", length,
+                                mentions="--duration: must be a number from 0.001 to 86400 s, not ")
+
+    def test_empty_values_are_refused(self):
+        """As of a script whose variable is not set: the robot would be felt, or another path followed."""
+        touch = self.sequence("-o", self.path("never"), "--duration", 0.1)
+        for verb, option in (
+                (touch, "--robot"), (touch, "--path"), (touch, "--settings"), (touch, "--wrench-frame"),
+                (touch, "--base-frame"), (("replay", self.path("never")), "--output"),
+                (("query", self.tool, "--pose", "0 0 0 0 0 0 1", "--camera", "scene:wall"), "--caps")):
+            self.expect_failure(2, *verb, option, "", mentions=f"{option}: is empty; give a value")
+        self.expect_failure(2, "info", "", mentions="tool: is empty")
+        self.assertFalse(os.path.exists(self.path("never")))
 
     def test_help_names_types_as_people_do(self):
         for verb in ("touch", "query", "ros2", "record", "calibrate", "cameras", "view"):
@@ -258,6 +274,9 @@ class CommandLine(unittest.TestCase):
             (("--labels", labels, "--material", "1=cheese"), "'cheese' is none of ice, metal"),
             (("--labels", labels, "--material", "1=friction=11"), "friction must be a number from 0 to 10"),
             (("--labels", labels, "--material", "1=static_ratio=1.2"), "add friction="),
+            (("--labels", labels, "--material", "1=wood,ice"), "give one name"),
+            (("--labels", labels, "--material", "1=friction=0.1,friction=0.9"), "give friction once"),
+            (("--labels", labels, "--material", "1=wood", "--material", "1=ice"), "has a material already"),
             (("--labels", labels, "--material", "1=ridges=0.3"), "add friction="),
             (("--labels", labels, "--material", "1=viscous=2,grain=0.3"), "add friction="),
         ):
@@ -1160,7 +1179,7 @@ pose = [1, 0, 0, 0, 0, {0.5 ** 0.5}, {0.5 ** 0.5}]
                                 if "s.csv" not in arguments[-1] else "no folder " + circle)
         self.expect_failure(1, "export", self.tool, "--spheres", "/dev/stdout",
                             mentions="not a regular file")
-        self.expect_failure(1, *self.sequence("-o", ""), mentions="a run needs a name")
+        self.expect_failure(2, *self.sequence("-o", ""), mentions="--output: is empty; give a value; see")
 
     def test_touch_seen_in_a_browser(self):
         run = self.path("run_watched")
@@ -1562,6 +1581,7 @@ pose = [1, 0, 0, 0, 0, {0.5 ** 0.5}, {0.5 ** 0.5}]
                              (f"{self.tool}@0 0 0", "--object"),
                              (f"{self.tool}@0 0 0 0 0 0 0", "--object"),
                              (f"{self.tool}@0 0 nan 0 0 0 1", "--object"),
+                             (f"{self.tool}@0 0 0 0 0 0 1,friction=1,friction=2", "give friction once"),
                              (f"{self.tool}@", "--object")):
             self.expect_failure(2, *touch, "--object", value, mentions=words)
         pose = "@0 0 0.5 0 0 0 1"

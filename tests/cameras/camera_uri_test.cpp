@@ -54,6 +54,10 @@ TEST(CameraUri, NamesWhatIsWrong) {
       "a?intrinsics",
       "a?=3",
       "a?intrinsics=1,2,3,4,",
+      "a?distortion=1e30,0,0,0",
+      "a?rate=10&rate=20",
+      "a?pose=0,0,0,0,0,0,1&unit=0.001&pose=0,0,1,0,0,0,1",
+      "a?noise=off&noise=on",
   };
   for (const char* text : wrong) {
     const auto uri = parse_camera_uri(text);

@@ -1,6 +1,8 @@
 // Raw frames through files, named pipes and sockets.
 #include <gtest/gtest.h>
 
+#include <fcntl.h>
+#include <sys/file.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/un.h>
@@ -222,6 +224,23 @@ TEST_F(PipeCamera, TenThousandFramesTakeNoMemoryNorInABag) {
     ++num;
   }
   EXPECT_LT(num, 9000) << "frames that are not there";
+}
+
+/// Two would write into the same file.
+TEST_F(PipeCamera, IsNotRecordedToAFileThatAnotherProgramRecordsTo) {
+  std::ofstream(path("raw"), std::ios::binary) << header(1, 0.001) + raw(0);
+  const std::string uri = "pipe:" + path("raw") + kNoSize;
+  const std::string partial = path("bag.mcap") + ".partial";
+  const int other = open(partial.c_str(), O_WRONLY | O_CREAT, 0600);
+  ASSERT_EQ(flock(other, LOCK_EX), 0);
+  const auto refused = record_stream(*open_camera(uri).value(), path("bag.mcap"));
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().message, "another program is recording to " + path("bag.mcap") +
+                                         "; give another name, or wait until that has ended");
+  EXPECT_TRUE(std::filesystem::exists(partial));
+  close(other);  // It was killed.
+  EXPECT_TRUE(record_stream(*open_camera(uri).value(), path("bag.mcap")));
+  EXPECT_FALSE(std::filesystem::exists(partial));
 }
 
 TEST_F(PipeCamera, LiveCamerasAreRecordedTogetherThoughOneFallsSilent) {

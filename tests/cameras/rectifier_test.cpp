@@ -5,8 +5,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <vector>
 
+#include "palpate/cameras/cameras.h"
+#include "palpate/cloud/surface_estimator.h"
 #include "tests/cameras/camera_fakes.h"
 
 namespace palpate {
@@ -69,6 +72,25 @@ TEST(Rectifier, BrownConrady) {
 TEST(Rectifier, Rational) {
   // The wide-angle numbers of an Azure Kinect's depth camera.
   expect_nearest({5.9, 3.4, 1e-5, 3e-5, 0.17, 6.2, 5.1, 0.9}, {kWidth, kHeight, kCamera, {}});
+}
+
+/// Else no pixel would be seen, without a word.
+TEST(Rectifier, ALensThatCannotBeIsRefused) {
+  for (const double k2 : {std::numeric_limits<double>::quiet_NaN(), 1e30}) {
+    DepthStreamInfo info;
+    info.width = kWidth;
+    info.height = kHeight;
+    info.intrinsics = kCamera;
+    info.distortion.k2 = k2;
+    const std::string words = "distortion coefficient k2 must be a number from";
+    const auto pushed = PushedSource::create(info);
+    ASSERT_FALSE(pushed);
+    EXPECT_NE(pushed.error().message.find(words), std::string::npos) << pushed.error().message;
+    const auto estimator =
+        SurfaceEstimator::create(kWidth, kHeight, kCamera, {}, best_isa(), info.distortion);
+    ASSERT_FALSE(estimator);
+    EXPECT_NE(estimator.error().message.find(words), std::string::npos);
+  }
 }
 
 TEST(Rectifier, AnotherSizeIsTheSameView) {

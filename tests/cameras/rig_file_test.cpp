@@ -314,6 +314,16 @@ TEST_F(RigFile, SaysWhatIsWrongAndWhere) {
                 .find("two cameras are called 'a'"),
             std::string::npos);
   EXPECT_NE(why_not("[world]\ngravity = [1]").find("gravity = [x, y, z]"), std::string::npos);
+  EXPECT_NE(why_not("[world]\ngravity = [0, nan, 0]").find("line 2: gravity must be numbers from"),
+            std::string::npos);
+  EXPECT_NE(why_not("[[camera]]\nuri = 'scene:wall?pose=0,0,0,0,0,0,1'\npose = [0,0,1,0,0,0,1]")
+                .find("'pose' must be given once"),
+            std::string::npos);
+  for (const char* const name : {"''", "3"}) {
+    EXPECT_NE(why_not("[[camera]]\nuri = 'scene:wall'\nname = " + std::string(name))
+                  .find("camera 1 needs a name"),
+              std::string::npos);
+  }
   EXPECT_NE(why_not("[wordl]\nframe = 'a'").find("[[camera]]"), std::string::npos);
   EXPECT_NE(why_not("camera = 3").find("is not known"), std::string::npos);
   std::string many;

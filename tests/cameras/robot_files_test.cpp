@@ -194,6 +194,12 @@ TEST(Urdf, SaysWhatIsWrongAndWhere) {
   EXPECT_NE(shape("<sphere radius='-1'/>").find("above zero"), std::string::npos);
   EXPECT_NE(shape("<box size='1 1'/>").find("3 numbers"), std::string::npos);
   EXPECT_NE(shape("<mesh/>").find("filename"), std::string::npos);
+  EXPECT_NE(shape("<mesh filename='a.stl' scale='1 0 1'/>").find("a scale of zero"),
+            std::string::npos);
+  // Left to xacro, which would still add links.
+  EXPECT_NE(why_not("<link name='a'/>\n<xacro:include filename='arm.xacro'/>")
+                .find("line 2: <xacro:include> is xacro; turn it into URDF first"),
+            std::string::npos);
   EXPECT_NE(shape("<mesh filename='no.stl'/>").find("no mesh no.stl"), std::string::npos);
   EXPECT_NE(shape("<mesh filename='package://'/>").find("package://"), std::string::npos);
 }
@@ -262,6 +268,8 @@ TEST(JointTable, IsReadAndRefused) {
   EXPECT_NE(why("time,a\n0,x\n").find("'x'"), std::string::npos);
   EXPECT_NE(why("time,a\n0,inf\n").find("finite"), std::string::npos);
   EXPECT_NE(why("time,a\n1,0\n0,0\n").find("back in time"), std::string::npos);
+  EXPECT_NE(why("time,a,b,a\n0,1,2,3\n").find("line 1 has two columns 'a'"), std::string::npos);
+  EXPECT_NE(why("a,time\n0,1\n").find("the time as its first column"), std::string::npos);
 }
 
 /// The arm by files: what is left of frames that show it, which is the table by exact rays.
@@ -339,6 +347,23 @@ TEST_F(ArmFiles, ThatAreTooOldLeaveFramesOut) {
   ASSERT_EQ(notes.size(), 2u);
   EXPECT_NE(notes[0].find("no state for joint"), std::string::npos) << notes[0];
   EXPECT_NE(notes[1].find("2 depth images were dropped"), std::string::npos) << notes[1];
+}
+
+// The images are fine: it is the states that are of another time.
+TEST_F(ArmFiles, OfAnotherTimeAreNamedAsTheReason) {
+  write(files_.joints, "time,elbow,shoulder\n100,0,0\n101,0,0\n");
+  const auto filter = open_self_filter(files_);
+  ASSERT_TRUE(filter) << filter.error().message;
+  const auto source = filter->applied_to(std::make_unique<test::FrameList>(with_)).value();
+  DepthFrame frame;
+  const auto got = source->next(frame);
+  ASSERT_FALSE(got);
+  EXPECT_NE(got.error().message.find("all " + std::to_string(with_.size()) +
+                                     " depth images were dropped: no state for joint"),
+            std::string::npos)
+      << got.error().message;
+  EXPECT_NE(got.error().message.find("give the robot's states for the times of the images"),
+            std::string::npos);
 }
 
 TEST_F(ArmFiles, SaysWhatIsWrong) {

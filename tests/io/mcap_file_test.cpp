@@ -2,6 +2,8 @@
 // format's own Python library where that is installed.
 #include "src/io/internal/mcap_file.h"
 
+#include <sys/stat.h>
+
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
@@ -11,6 +13,8 @@
 #include <vector>
 
 #include <gtest/gtest.h>
+
+#include "src/io/internal/bag_file.h"
 
 namespace palpate {
 namespace {
@@ -190,6 +194,15 @@ TEST_F(McapFile, SaysWhatCannotBeOpened) {
   ASSERT_FALSE(reader);
   EXPECT_NE(reader.error().message.find("is not an MCAP file"), std::string::npos);
   EXPECT_FALSE(McapWriter::create("/nowhere/x.mcap"));
+}
+
+/// To open a pipe that nobody writes into would wait for ever.
+TEST_F(McapFile, APipeIsRefusedAndNotWaitedFor) {
+  ASSERT_EQ(mkfifo(path_.c_str(), 0600), 0);
+  for (const auto& error : {McapReader::open(path_).error(), BagReader::open(path_).error()}) {
+    EXPECT_EQ(error.message,
+              "cannot read " + path_.string() + ": it is not a regular file; give a file");
+  }
 }
 
 TEST_F(McapFile, AFullDiskIsAnErrorAndWhatWasWrittenStays) {

@@ -2,6 +2,7 @@
 // other settings.
 #include <gtest/gtest.h>
 
+#include <limits>
 #include <map>
 
 #include "palpate/session/run.h"
@@ -199,6 +200,37 @@ TEST(RunsOfSeveralCameras, MissAFrame) {
   EXPECT_EQ(replay->difference, "");
   EXPECT_NE(replay->note.find("a depth frame after it was not recorded"), std::string::npos)
       << replay->note;
+}
+
+// Else such an image would be felt as nothing, by other settings too.
+TEST(RunsOfSeveralCameras, WithFramesThatCannotBeAreRefused) {
+  const TemporaryFolder folder;
+  ASSERT_TRUE(record(folder.path() / "run", test::path_settings(kRate)));
+  const auto good = test::messages(folder.path() / "run");
+  constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  const auto expect = [&](auto spoil, const char* words) {
+    auto messages = good;
+    for (auto& message : messages) {
+      if (message.channel.topic != kFrameTopic) continue;
+      FrameRecord frame = read_frame(message.data).value();
+      spoil(frame);
+      message.data = frame_message(frame);
+      break;
+    }
+    test::rewrite(folder.path() / "run", messages);
+    const auto replay = replay_run(folder.path() / "run");
+    ASSERT_FALSE(replay) << words;
+    EXPECT_NE(replay.error().message.find(words), std::string::npos) << replay.error().message;
+    const auto other = retry_run(folder.path() / "run", folder.path() / "other",
+                                 [](RunSettings&) { return Done{}; });
+    ASSERT_FALSE(other) << words;
+    EXPECT_NE(other.error().message.find(words), std::string::npos) << other.error().message;
+  };
+  for (const double unit : {0.0, -0.001, 1e300, kNone}) {
+    expect([&](FrameRecord& frame) { frame.unit = unit; }, "has a unit that is no length");
+  }
+  expect([&](FrameRecord& frame) { frame.X_WC.translation.x = kNone; }, "is nowhere");
+  expect([&](FrameRecord& frame) { frame.X_WC.rotation = {0, 0, 0, 0}; }, "is nowhere");
 }
 
 TEST(RunsOfSeveralCameras, AreTriedWithOtherSettings) {

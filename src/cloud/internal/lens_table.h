@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "palpate/cloud/depth_source.h"
+#include "palpate/core/core.h"
 
 namespace palpate::inline v0 {
 
@@ -16,6 +17,9 @@ struct CameraModel {
 
   friend bool operator==(const CameraModel&, const CameraModel&) = default;
 };
+
+/// An error names the first coefficient that is no number from -1e6 to 1e6.
+Status check_distortion(const Distortion& distortion);
 
 /// For each pixel of the pinhole image the number of the raw one that is nearest to where its ray
 /// is seen, never a mixture of two depths; past the end (raw.width * raw.height) where the camera

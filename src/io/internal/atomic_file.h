@@ -15,6 +15,10 @@ namespace palpate::inline v0 {
 /// file in the way is an error.
 Status write_file_atomically(const std::filesystem::path& path, std::string_view content);
 
+/// Is it a file that can be read to its end? Opening a pipe waits for who writes into it. Errors:
+/// absent, a folder, a pipe, a device.
+Status check_regular_file(const std::filesystem::path& path);
+
 /// Whole file as bytes. Error: absent, a directory, larger than `max_bytes`.
 Result<std::string> read_file(const std::filesystem::path& path,
                               std::size_t max_bytes = std::size_t(4) << 30);
