@@ -174,7 +174,8 @@ class Reader {
     if (uri.ends_with('?') || uri.ends_with('&')) more.erase(0, 1);
     auto parsed = parse_camera_uri(uri + more);
     if (!parsed) return refuse(table.source(), parsed.error().message);
-    const bool is_file = parsed->kind == "folder" || fs::exists(beside(parsed->target));
+    std::error_code ignored;  // a name may be too long for a file
+    const bool is_file = parsed->kind == "folder" || fs::exists(beside(parsed->target), ignored);
     if (is_file) parsed->target = beside(parsed->target);
     if (!names_.insert(name).second) {
       return refuse(table.source(), "two cameras are called '" + name + "'");

@@ -282,21 +282,23 @@ Json node_geometry(const Json& node) {
   return kept;
 }
 
-/// Points and lines are left out: they have no volume, and Assimp crashes on a line loop whose
-/// indices are wrong.
-Json mesh_geometry(const Json& mesh) {
+/// Left out is what has no triangles: points, lines, and what has no corners or too few. Assimp
+/// crashes on a line loop whose indices are wrong, and counts two corners less than none in a
+/// strip.
+Json mesh_geometry(const Json& mesh, const std::vector<double>& counts) {
   constexpr std::uint64_t kTriangles = 4, kTriangleFan = 6;
   Json primitives = Json::array();
   for (const Json& primitive : list(mesh, "primitives")) {
     const std::uint64_t mode = whole_member(primitive, "mode").value_or(kTriangles);
     if (mode > kTriangleFan)
       throw Fault{"has a primitive of the unknown mode " + std::to_string(mode)};
-    if (mode < kTriangles) continue;
-    Json kept = {{"mode", mode}, {"attributes", Json::object()}};
-    copy_whole(primitive, {"indices"}, kept);
-    if (const auto attributes = primitive.find("attributes"); attributes != primitive.end()) {
-      copy_whole(*attributes, {"POSITION"}, kept["attributes"]);
-    }
+    const auto attributes = primitive.find("attributes");
+    if (mode < kTriangles || attributes == primitive.end()) continue;
+    const auto corners = whole_member(*attributes, "POSITION");
+    const auto indices = whole_member(primitive, "indices");
+    if (!corners || counts[indices.value_or(*corners)] < 3) continue;
+    Json kept = {{"mode", mode}, {"attributes", {{"POSITION", *corners}}}};
+    if (indices) kept["indices"] = *indices;
     primitives.push_back(std::move(kept));
   }
   return {{"primitives", std::move(primitives)}};
@@ -321,15 +323,16 @@ Json buffer_geometry(const Json& buffer) {
   return kept;
 }
 
-/// Of a file that was checked.
-Json geometry_of(const Json& root) {
+/// Of a file that was checked, whose accessors have so many elements.
+Json geometry_of(const Json& root, const std::vector<double>& counts) {
   Json kept = {{"asset", {{"version", "2.0"}}}};
   copy_whole(root, {"scene"}, kept);
   kept["scenes"] = each(list(root, "scenes"), [](const Json& scene) {
     return Json{{"nodes", list(scene, "nodes")}};
   });
   kept["nodes"] = each(list(root, "nodes"), node_geometry);
-  kept["meshes"] = each(list(root, "meshes"), mesh_geometry);
+  kept["meshes"] =
+      each(list(root, "meshes"), [&](const Json& mesh) { return mesh_geometry(mesh, counts); });
   kept["accessors"] = each(list(root, "accessors"), accessor_geometry);
   kept["bufferViews"] = each(list(root, "bufferViews"), view_geometry);
   kept["buffers"] = each(list(root, "buffers"), buffer_geometry);
@@ -360,9 +363,9 @@ Result<std::string> gltf_geometry(std::string_view json, const std::filesystem::
   }
   check_extensions(root);
   const std::vector<View> views = check_views(root, folder, num_file_bytes);
-  check_nodes(root, check_meshes(root, check_accessors(root, views, num_file_bytes)),
-              num_file_bytes);
-  return geometry_of(root).dump(-1, ' ', false, Json::error_handler_t::replace);
+  const std::vector<double> counts = check_accessors(root, views, num_file_bytes);
+  check_nodes(root, check_meshes(root, counts), num_file_bytes);
+  return geometry_of(root, counts).dump(-1, ' ', false, Json::error_handler_t::replace);
 } catch (const Fault& fault) {
   return Error{Errc::bad_input, fault.what};
 } catch (const Json::exception& error) {

@@ -296,8 +296,9 @@ class Cameras(CameraCase):
                      "libk4a.so", "libk4a.so.1.4", "libk4a.so.1.3", "libfreenect.so.0.5",
                      "libfreenect.so.0", "libfreenect.so", "libOrbbecSDK.so", "libOrbbecSDK.so.2"):
             (folder / name).write_bytes(b"no library")
+        of_sanitizers = {name: value for name, value in os.environ.items() if name.endswith("SAN_OPTIONS")}
         return {"PATH": os.environ["PATH"], "HOME": str(folder), "LD_LIBRARY_PATH": str(folder),
-                **more}
+                **of_sanitizers, **more}
 
     def test_missing_libraries_are_told_with_what_was_tried(self):
         environment = self.no_libraries(FREENECT_LIBRARY="/nowhere/libfreenect.so")

@@ -41,8 +41,8 @@ void joints_csv(const fs::path& path, std::size_t num_bytes) {
 }
 void columns_csv(const fs::path& path, std::size_t num_bytes) {
   std::string names = "time", values = "0";
-  while (names.size() + values.size() < num_bytes) {
-    names += ",a";
+  for (int k = 0; names.size() + values.size() < num_bytes; ++k) {
+    names += ",a" + std::to_string(k);
     values += ",1";
   }
   write_pieces(path, 0, names + "\n" + values + "\n", nullptr);

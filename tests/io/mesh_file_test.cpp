@@ -285,7 +285,7 @@ TEST_F(MeshFile, GltfNumbersAreNumbers) {
                "not a whole number");
 }
 
-TEST_F(MeshFile, GltfLinesAreLeftOutWhateverTheyAreMadeOf) {
+TEST_F(MeshFile, OfAGltfOnlyTrianglesCountWhateverTheRestIsMadeOf) {
   const auto gltf_of_mode = [](int mode) {
     return gltf_of_nodes(R"({"mesh":0})", R"(,"meshes":[{"primitives":[{"mode":)" +
                                               std::to_string(mode) +
@@ -297,6 +297,17 @@ TEST_F(MeshFile, GltfLinesAreLeftOutWhateverTheyAreMadeOf) {
   };
   for (int mode = 0; mode < 7; ++mode) expect_error("m.gltf", gltf_of_mode(mode), "export");
   expect_error("m.gltf", gltf_of_mode(7), "unknown mode 7");
+  // Neither are strips and fans without corners: of too few, Assimp wants more memory than there
+  // is.
+  for (const char* primitive : {R"({"mode":5})", R"({"mode":5,"attributes":{}})",
+                                R"({"mode":6,"attributes":{"POSITION":0}})"}) {
+    expect_error(
+        "m.gltf",
+        gltf_of_nodes(R"({"mesh":0})", R"(,"meshes":[{"primitives":[)" + std::string(primitive) +
+                                           R"(]}],"accessors":[{"componentType":5126,
+"count":1,"type":"VEC3"}])"),
+        "no faces");
+  }
 }
 
 TEST_F(MeshFile, HostileGltfIsReadOrRefused) {
