@@ -134,10 +134,10 @@ clang:  ## the library and its tests built by Clang as users build it: golden.tx
 	scripts/test.sh clang
 
 # In the build of the fuzz targets: the library is compiled once for both.
-asan:  ## tests with the address and undefined behaviour sanitizers; not evaluation, pages and commands of the guides
+asan:  ## tests with the address and undefined behaviour sanitizers; not evaluation, pages, commands of the guides and figures of ROS 2
 	scripts/setup.sh --fuzz
 	$(call build_preset,fuzz)
-	scripts/test.sh fuzz -E '^(page_|docs_)'
+	scripts/test.sh fuzz -E '^(page_|docs_|ros_interop)'
 
 # GCC's thread sanitizer cannot live with much address space randomisation.
 tsan: setup  ## the thread sanitizer: all tests with threads, and the live program with all that can happen for a minute

@@ -42,7 +42,9 @@ class Quotes {
     const char c = text[at];
     if (!is_open_) {
       if (c == '#') open("\n", at);
-      if (c == '"' || c == '\'') open(closing(text, at), at);
+      // In the middle of a word it is none, for the parser.
+      const bool is_at_word = at == 0 || kBefore.find(text[at - 1]) != std::string_view::npos;
+      if (is_at_word && (c == '"' || c == '\'')) open(closing(text, at), at);
       return is_open_;
     }
     const bool is_broken = c == '\n' && end_.size() == 1;  // strings of one line
@@ -61,6 +63,8 @@ class Quotes {
   bool is_in_comment() const { return is_open_ && end_ == "\n"; }
 
  private:
+  static constexpr std::string_view kBefore = " \t\r\n=,[{.";
+
   static std::string_view closing(std::string_view text, std::size_t at) {
     const std::string_view three = text[at] == '"' ? R"(""")" : "'''";
     return text.substr(at).starts_with(three) ? three : three.substr(0, 1);
