@@ -16,15 +16,10 @@
 namespace palpate {
 namespace {
 
+using test::device_info;
 using test::WallSource;
 
 constexpr double kTick = 1e-3, kFrame = 1.0 / 30;
-
-DeviceInfo device_info() {
-  DeviceInfo info;
-  info.limits = test::ScriptedDevice({}).info().limits;
-  return info;
-}
 
 RunSettings settings_with(CouplingKind kind) {
   RunSettings settings;

@@ -278,12 +278,11 @@ TEST(Flow, TicksDoNotAllocate) {
 }
 
 TEST(Flow, WhatCannotUseItIsRefused) {
-  DeviceInfo device;
-  device.limits = test::ScriptedDevice({}).info().limits;
   const auto refused = [&](const auto& change) {
     RunSettings settings = test::coupled_by(CouplingKind::none, kMu);
     change(settings);
-    const auto made = Pipeline::create(test::box_tool(), camera_info(), device, settings);
+    const auto made =
+        Pipeline::create(test::box_tool(), camera_info(), test::device_info(), settings);
     return !made && made.error().message.find("optical flow") != std::string::npos;
   };
   EXPECT_FALSE(refused([](RunSettings&) {}));

@@ -165,4 +165,11 @@ class ScriptedDevice final : public HapticDevice {
   std::thread thread_;
 };
 
+/// Its limits, and nothing else: what a pipeline asks of a device.
+inline DeviceInfo device_info() {
+  DeviceInfo info;
+  info.limits = ScriptedDevice({}).info().limits;
+  return info;
+}
+
 }  // namespace palpate::test

@@ -12,14 +12,9 @@ namespace palpate {
 namespace {
 
 using test::box_tool;
+using test::device_info;
 using test::patient_settings;
 using test::WallSource;
-
-DeviceInfo device_info() {
-  DeviceInfo info;
-  info.limits = test::ScriptedDevice({}).info().limits;
-  return info;
-}
 
 /// The tool 5 cm before the wall, then pressed 12 mm towards it, which is 10 mm in.
 DeviceState state_at(double time) {

@@ -14,16 +14,11 @@ namespace {
 
 using test::beside_wall;
 using test::box_tool;
+using test::device_info;
 using test::patient_settings;
 using test::PosedWall;
 
 constexpr double kTick = 1e-3;
-
-DeviceInfo device_info() {
-  DeviceInfo info;
-  info.limits = test::ScriptedDevice({}).info().limits;
-  return info;
-}
 
 /// The tool itself, 10 mm in the wall.
 RunSettings settings_of_path() {

@@ -40,9 +40,7 @@ class TickedPipeline {
   TickedPipeline(const Tool& tool, const DepthStreamInfo& stream, const RunSettings& settings,
                  Draw draw)
       : draw_(std::move(draw)) {
-    DeviceInfo device;
-    device.limits = ScriptedDevice({}).info().limits;
-    pipeline_.emplace(Pipeline::create(tool, stream, device, settings).value());
+    pipeline_.emplace(Pipeline::create(tool, stream, device_info(), settings).value());
   }
 
   const TickRecord& to(const Pose& X_BH) {

@@ -406,18 +406,23 @@ void rename_settings(std::vector<test::RecordedMessage>& all, std::uint32_t revi
   }
 }
 
+/// A recording of one part of another, whose settings have another revision.
+fs::path renamed_part(const fs::path& part, const fs::path& folder, std::uint32_t revision) {
+  fs::create_directories(folder);
+  fs::copy_file(part, folder / kRecordingFile);
+  auto all = test::messages(folder);
+  rename_settings(all, revision);
+  test::rewrite(folder, all);
+  return folder / kRecordingFile;
+}
+
 // Also where another part came before.
 TEST(RecordingParts, ContactsOfSettingsThatAreMissingAfterAGapAreNotRepeated) {
   const TemporaryFolder folder;
   const auto run = folder.path() / "run";
   ASSERT_TRUE(
       record(run, settings_with(TimeMode::latest, CouplingKind::none), {.split_bytes = 1}, 3));
-  const fs::path other = folder.path() / "other" / kRecordingFile;
-  fs::create_directories(other.parent_path());
-  fs::copy_file(recording_parts(run)[2], other);
-  auto all = test::messages(other.parent_path());
-  rename_settings(all, 1);
-  test::rewrite(other.parent_path(), all);
+  const fs::path other = renamed_part(recording_parts(run)[2], folder.path() / "other", 1);
   fs::copy_file(other, recording_parts(run)[2], fs::copy_options::overwrite_existing);
   fs::remove(recording_parts(run)[1]);
   const auto replay = replay_run(run);
@@ -448,12 +453,7 @@ TEST(RecordingParts, ContactsOfSettingsThatAreNotThereAreNotRepeated) {
   const auto run = folder.path() / "run";
   ASSERT_TRUE(
       record(run, settings_with(TimeMode::latest, CouplingKind::none), {.split_bytes = 1}, 3));
-  const fs::path other = folder.path() / "other" / kRecordingFile;
-  fs::create_directories(other.parent_path());
-  fs::copy_file(recording_parts(run)[1], other);
-  auto all = test::messages(other.parent_path());
-  rename_settings(all, 1);
-  test::rewrite(other.parent_path(), all);
+  const fs::path other = renamed_part(recording_parts(run)[1], folder.path() / "other", 1);
   const auto replay = replay_run(other.parent_path());
   ASSERT_TRUE(replay) << replay.error().message;
   EXPECT_EQ(replay->num_contacts, 0u);
