@@ -154,7 +154,7 @@ export async function until(what, condition, seconds = 120) {
   for (;;) {
     const value = await condition();
     if (value) return value;
-    if (Date.now() > end) assert.fail(`waited ${seconds} s in vain: ${what}`);
+    if (Date.now() > end) assert.fail(`waited ${seconds} s in vain: ${typeof what === 'function' ? what() : what}`);
     await sleep(50);
   }
 }
@@ -211,8 +211,12 @@ export const banner = (page) => page.evaluate(() => {
 
 /// Until the page has drawn `more` further pictures.
 export async function drawn(page, more = 2) {
+  let got = 0;
   const before = (await stat(page)).pictures;
-  await until(`${more} more pictures drawn`, async () => (await stat(page)).pictures >= before + more);
+  await until(() => `${more} more pictures drawn, ${got} came`, async () => {
+    got = (await stat(page)).pictures - before;
+    return got >= more;
+  });
 }
 
 /// What is to be seen of the scene: colours by CSS pixel of its canvas.
@@ -271,8 +275,8 @@ export function pageTest(name, body, seconds = 900) {
       let number = 0;
       for (const page of shown) {
         const file = join(failures, `${name.replace(/\W+/g, '_')}_${number++}.png`);
-        writeFileSync(file, await page.screenshot());
-        console.log(`# picture: ${file}`);
+        const saved = await page.screenshot({ path: file }).then(() => file, (why) => `none, ${why.message.split('\n')[0]}`);
+        console.log(`# picture: ${saved}`);
       }
       throw error;
     } finally {
