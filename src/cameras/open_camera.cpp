@@ -62,7 +62,14 @@ Result<std::unique_ptr<DepthSource>> open_unposed(const Kind& kind, const Camera
 
 std::vector<FoundCameras> find_cameras() {
   keep_libraries_quiet();
-  return find_all_at_once(kKinds);
+  constexpr double kPatience = 30;  // s
+  return find_all_at_once(kKinds, kPatience, [](const Kind& kind) {
+    FoundCameras found;
+    found.kind = kind.name;
+    found.usage = kind.usage;
+    found.reason = "its driver has not returned for 30 s; unplug its cameras and try again";
+    return found;
+  });
 }
 
 Result<std::optional<Pose>> standing_pose(const CameraUri& uri) {

@@ -5,9 +5,13 @@
 #include <atomic>
 #include <string>
 
+#include "tests/devices/fake_hang.h"
+
 namespace palpate::test {
 
 struct FakeHd {
+  Hang hang;
+
   // The script. Times in mm, mN m and s, as the real one has them.
   std::atomic<unsigned> init_error{0};   ///< of hdInitDevice
   std::atomic<unsigned> start_error{0};  ///< of hdStartScheduler
