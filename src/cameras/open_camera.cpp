@@ -1,8 +1,11 @@
 #include "palpate/cameras/cameras.h"
 
 #include <algorithm>
+#include <cmath>
+#include <cstdio>
 #include <cstdlib>
 #include <mutex>
+#include <numbers>
 
 #include "src/cameras/camera_kinds.h"
 #include "src/cameras/posed_source.h"
@@ -89,6 +92,27 @@ std::optional<Vec3d> gravity_seen(std::span<const CameraUri> cameras) {
     if (X_WC && *X_WC) return -rotate((*X_WC)->rotation, *camera.accelerometer);
   }
   return std::nullopt;
+}
+
+std::vector<std::string> gravity_doubts(std::span<const CameraUri> cameras, const Vec3d& gravity) {
+  constexpr double kMaxAngle = 10, kMaxRatio = 1.1;  // degrees
+  std::vector<std::string> doubts;
+  const double size = norm(gravity);
+  for (std::size_t k = 0; k < cameras.size() && size > 0; ++k) {
+    const auto seen = gravity_seen(cameras.subspan(k, 1));
+    if (!seen) continue;
+    const double angle =
+        180 / std::numbers::pi * std::atan2(norm(cross(*seen, gravity)), dot(*seen, gravity));
+    const double ratio = std::max(norm(*seen) / size, size / norm(*seen));
+    if (angle <= kMaxAngle && ratio <= kMaxRatio) continue;
+    char text[200];
+    std::snprintf(text, sizeof text,
+                  ": by its pose and its accelerometer, gravity in the world is %.3g, %.3g, %.3g "
+                  "m/s2, %.0f degrees from the %.3g, %.3g, %.3g that are used",
+                  seen->x, seen->y, seen->z, angle, gravity.x, gravity.y, gravity.z);
+    doubts.push_back(cameras[k].text + text + "; check both, and the gravity that is given");
+  }
+  return doubts;
 }
 
 Result<std::unique_ptr<DepthSource>> open_camera(std::string_view text,

@@ -46,12 +46,14 @@ std::string what_it_said(const OpenHapticsApi& api, const HdErrorInfo& error) {
   return text(api.hdGetErrorString(error.code)) + codes.data();
 }
 
-/// One positive number, or `otherwise` when the driver does not know.
-double requested(const OpenHapticsApi& api, HdEnum what, double unit, double otherwise) {
+/// One positive number, or `otherwise` when the driver does not know or names more than `most`,
+/// which no device can do.
+double requested(const OpenHapticsApi& api, HdEnum what, double unit, double otherwise,
+                 double most) {
   double value = 0;
   api.hdGetDoublev(what, &value);
-  const bool is_known = api.take_errors().code == 0 && std::isfinite(value) && value > 0;
-  return is_known ? value * unit : otherwise;
+  value *= unit;
+  return api.take_errors().code == 0 && value > 0 && value <= most ? value : otherwise;
 }
 
 int requested_integer(const OpenHapticsApi& api, HdEnum what) {
@@ -63,19 +65,21 @@ int requested_integer(const OpenHapticsApi& api, HdEnum what) {
 /// Limits that the driver reports, and those of the weakest device for the others.
 DeviceLimits driver_limits(const OpenHapticsApi& api) {
   DeviceLimits limits = find_device_model("touch").value_or(device_models().front()).limits;
-  limits.max_force = requested(api, kHdMaxForce, 1, limits.max_force);
+  limits.max_force = requested(api, kHdMaxForce, 1, limits.max_force, 100);
   limits.max_stiffness =
-      requested(api, kHdMaxStiffness, 1 / kMetresPerMillimetre, limits.max_stiffness);
-  limits.max_damping = requested(api, kHdMaxDamping, 1 / kMetresPerMillimetre, limits.max_damping);
+      requested(api, kHdMaxStiffness, 1 / kMetresPerMillimetre, limits.max_stiffness, 1e5);
+  limits.max_damping =
+      requested(api, kHdMaxDamping, 1 / kMetresPerMillimetre, limits.max_damping, 1e3);
   if (requested_integer(api, kHdOutputDof) >= 6) {
-    limits.max_torque = requested(api, kHdMaxTorque, kNewtonsPerMillinewton, 0);
-    limits.max_angular_stiffness = requested(api, kHdMaxTorqueStiffness, kNewtonsPerMillinewton, 0);
+    limits.max_torque = requested(api, kHdMaxTorque, kNewtonsPerMillinewton, 0, 10);
+    limits.max_angular_stiffness =
+        requested(api, kHdMaxTorqueStiffness, kNewtonsPerMillinewton, 0, 1e3);
   }
   double box[6] = {};  // least x, y, z; largest
   api.hdGetDoublev(kHdUsableWorkspace, box);
   const double diameter = std::min({box[3] - box[0], box[4] - box[1], box[5] - box[2]});
-  if (api.take_errors().code == 0 && diameter > 0)
-    limits.workspace_radius = diameter / 2 * kMetresPerMillimetre;
+  const double radius = diameter / 2 * kMetresPerMillimetre;
+  if (api.take_errors().code == 0 && radius > 0 && radius < 10) limits.workspace_radius = radius;
   return limits;
 }
 

@@ -84,6 +84,7 @@ void reset() {
   g_fake.calibration_style = 4;
   g_fake.input_dof = g_fake.output_dof = 6;
   g_fake.knows_limits = true;
+  g_fake.limit_factor = 1;
   g_fake.is_hanging = false;
   g_fake.period_microseconds = 1000;
   for (int i = 0; i < 16; ++i) g_fake.transform[i] = i % 5 == 0;
@@ -168,16 +169,17 @@ void hdGetDoublev(HDenum what, double* values) {
     default: break;
   }
   if (!g_fake.knows_limits) return raise(0x100);
+  const double factor = g_fake.limit_factor;
   switch (what) {
-    case 0x2602: values[0] = 0.8; return;    // N/mm
-    case 0x2603: values[0] = 8.5; return;    // N
-    case 0x2609: values[0] = 0.005; return;  // N s/mm
-    case 0x2620: values[0] = 300; return;    // mN m/rad
-    case 0x2622: values[0] = 188; return;    // mN m
+    case 0x2602: values[0] = factor * 0.8; return;    // N/mm
+    case 0x2603: values[0] = factor * 8.5; return;    // N
+    case 0x2609: values[0] = factor * 0.005; return;  // N s/mm
+    case 0x2620: values[0] = factor * 300; return;    // mN m/rad
+    case 0x2622: values[0] = factor * 188; return;    // mN m
     case 0x2551:
       for (int i = 0; i < 3; ++i) {
-        values[i] = -80 + 10 * i;
-        values[3 + i] = 80;
+        values[i] = factor * (-80 + 10 * i);
+        values[3 + i] = factor * 80;
       }
       return;
     default: return raise(0x100);

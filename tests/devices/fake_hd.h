@@ -22,6 +22,7 @@ struct FakeHd {
   std::atomic<int> calibration_style{4};
   std::atomic<int> input_dof{6}, output_dof{6};
   std::atomic<bool> knows_limits{true};
+  std::atomic<double> limit_factor{1};  ///< of all limits
   std::atomic<bool> is_hanging{false};  ///< the scheduler does not call any more
   std::atomic<int> period_microseconds{1000};
   std::array<std::atomic<double>, 16> transform{};  ///< column by column

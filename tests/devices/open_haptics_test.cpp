@@ -153,6 +153,21 @@ TEST_F(OpenHaptics, LimitsAreAskedFor) {
   EXPECT_GT(limits.workspace_radius, 0);
 }
 
+// The last guard of the hand is no number from a driver.
+TEST_F(OpenHaptics, LimitsThatCannotBeAreThoseOfTheWeakestDevice) {
+  for (const double factor : {0.0, -1.0, 1e6, 1e300, std::numeric_limits<double>::infinity(),
+                              std::numeric_limits<double>::quiet_NaN()}) {
+    fake_.limit_factor = factor;
+    const DeviceLimits limits = open()->info().limits;
+    EXPECT_EQ(limits.max_force, 3.3) << factor;
+    EXPECT_EQ(limits.max_torque, 0) << factor;
+    EXPECT_LT(limits.max_stiffness, 1e5) << factor;
+    EXPECT_GT(limits.max_stiffness, 0) << factor;
+    EXPECT_LT(limits.workspace_radius, 1) << factor;
+    EXPECT_GT(limits.workspace_radius, 0) << factor;
+  }
+}
+
 TEST_F(OpenHaptics, StateAndWrench) {
   const Quaternion turn = axis_angle({1, -2, 0.5}, 2.5);
   const Mat3d R = rotation_matrix(turn);
