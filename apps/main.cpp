@@ -1,11 +1,16 @@
 // palpate: feel what a depth camera sees, from the command line.
 
+#include <unistd.h>
+
 #include <CLI/CLI.hpp>
+#include <cstdio>
+#include <iostream>
 #include <string>
 
 #include "apps/manual.h"
 #include "apps/program.h"
 #include "apps/verbs.h"
+#include "src/core/bounded_call.h"
 
 // What it throws is a mistake in the options of a verb, which ends it.
 // NOLINTNEXTLINE(bugprone-exception-escape)
@@ -47,5 +52,11 @@ int main(int argc, char** argv) {
           },
           "Manual pages and completion into a folder, for packages")
       ->group("");
-  return palpate::apps::run_program(program, action, argc, argv);
+  const int status = palpate::apps::run_program(program, action, argc, argv);
+  if (palpate::is_any_call_hung()) {
+    std::cout.flush();
+    std::fflush(nullptr);
+    _exit(status);
+  }
+  return status;
 }

@@ -6,9 +6,9 @@
 
 namespace palpate::apps {
 
-/// From now on Ctrl-C (and a polite kill, or a closed terminal) sets a flag instead of ending the
-/// program. A second Ctrl-C or kill ends it, two seconds after the first at the soonest: keys
-/// repeat, and a force needs time to fade. Nobody who stops reading what is said ends it.
+/// From now on Ctrl-C (and Ctrl-\, a polite kill, or a closed terminal) sets a flag instead of
+/// ending the program. A second Ctrl-C or kill ends it, two seconds after the first at the soonest:
+/// keys repeat, and a force needs time to fade. Nobody who stops reading what is said ends it.
 void catch_interrupts();
 bool interrupted();
 

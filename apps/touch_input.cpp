@@ -260,6 +260,8 @@ Status know_frames(TouchOptions& options) {
     bodies.gravity_y = gravity->y;
     bodies.gravity_z = gravity->z;
   }
+  const Vec3d used{bodies.gravity_x, bodies.gravity_y, bodies.gravity_z};
+  for (const std::string& doubt : gravity_doubts(options.cameras, used)) print_note(doubt);
   return Done{};
 }
 

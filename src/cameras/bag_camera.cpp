@@ -1,9 +1,11 @@
 // Depth from recordings: of ROS 2 and ROS 1, those of RealSense cameras, and of palpate record.
+#include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <cstdlib>
 #include <map>
 #include <utility>
+#include <vector>
 
 #include "palpate/settings/setting_table.h"
 #include "src/cameras/camera_kinds.h"
@@ -27,18 +29,22 @@ constexpr std::string_view kDepthUnit = "palpate_msgs/msg/DepthUnit";
 
 double seconds(std::uint64_t nanoseconds) { return 1e-9 * static_cast<double>(nanoseconds); }
 
+/// The lens of a camera from a stamp on, s.
+using Models = std::vector<std::pair<double, RosCameraModel>>;
+
 /// What a look through the whole file finds.
 struct Contents {
   struct Topic {
     std::string schema;
     int num_frames = 0;
-    double first = 0, last = 0;  // s
+    std::vector<double> stamps;  // s
     DepthFrame frame;            // the first one
     std::string frame_id;        // likewise
   };
   std::map<std::string, Topic> images;
-  std::map<std::string, RosCameraModel> cameras;
+  std::map<std::string, Models> cameras;
   std::map<std::string, double> units;  // by topic, likewise
+  std::map<std::string, int> messages;  // by topic
   std::map<std::string, SensorKind> sensors;
   TfHistory transforms;
   bool was_cut_off = false;
@@ -90,6 +96,7 @@ Result<Contents> look_through(BagReader& reader, const std::string& desired) {
     if (!message) return message.error();
     if (!*message) break;
     const McapChannel& channel = reader.channels().at((*message)->channel);
+    ++contents.messages[channel.topic];
     if (const auto unit = declared_unit(channel, (*message)->data)) {
       contents.units.emplace(channel.topic, *unit);
     }
@@ -103,11 +110,16 @@ Result<Contents> look_through(BagReader& reader, const std::string& desired) {
       CdrReader from((*message)->data);
       const auto sensor = value_named<SensorKind>(from.text());
       if (from.is_good() && sensor) contents.sensors[channel.topic] = *sensor;
-    } else if (channel.schema_name == kCameraInfo && !contents.cameras.contains(channel.topic)) {
+    } else if (channel.schema_name == kCameraInfo) {
       const auto camera = read_camera_model((*message)->data);
-      if (camera) contents.cameras[channel.topic] = *camera;
       if (!camera && (desired.empty() || is_camera_of(channel.topic, desired))) {
         return Error{camera.error().code, channel.topic + ": " + camera.error().message};
+      }
+      if (!camera) continue;
+      Models& models = contents.cameras[channel.topic];
+      const bool is_known = camera->raw.fx > 0 && camera->raw.fy > 0;
+      if (models.empty() || (is_known && !(models.back().second == *camera))) {
+        models.emplace_back(stamp_of(**message).time, *camera);
       }
     } else if (channel.schema_name == kImage || channel.schema_name == kCompressed) {
       if (!desired.empty() && channel.topic != desired) continue;
@@ -123,12 +135,11 @@ Result<Contents> look_through(BagReader& reader, const std::string& desired) {
       }
       if (topic.num_frames == 0) {
         topic.schema = channel.schema_name;
-        topic.first = frame->timestamp;
         topic.frame_id = std::string(stamp_of(**message).frame);
         topic.frame = *std::move(frame);
       }
       ++topic.num_frames;
-      topic.last = stamp_of(**message).time;
+      topic.stamps.push_back(stamp_of(**message).time);
     }
   }
   contents.was_cut_off = reader.was_cut_off();
@@ -143,7 +154,8 @@ Result<std::string> choose_topic(const CameraUri& uri, Contents& contents,
     return Error{Errc::bad_input, "camera " + uri.text + " has no depth images" +
                                       (desired.empty() ? "" : " on " + desired) +
                                       "; they are sensor_msgs/Image of 16UC1 or 32FC1, or "
-                                      "CompressedImage of compressedDepth"};
+                                      "CompressedImage of compressedDepth" +
+                                      (contents.was_cut_off ? "; the file was cut off" : "")};
   }
   if (contents.images.size() == 1) return contents.images.begin()->first;
   std::string topics;
@@ -154,9 +166,9 @@ Result<std::string> choose_topic(const CameraUri& uri, Contents& contents,
 }
 
 /// The camera_info beside the images, or the only one that there is.
-const RosCameraModel* find_camera(const Contents& contents, const std::string& topic) {
-  for (const auto& [name, camera] : contents.cameras) {
-    if (is_camera_of(name, topic)) return &camera;
+const Models* find_camera(const Contents& contents, const std::string& topic) {
+  for (const auto& [name, models] : contents.cameras) {
+    if (is_camera_of(name, topic)) return &models;
   }
   return contents.cameras.size() == 1 ? &contents.cameras.begin()->second : nullptr;
 }
@@ -205,19 +217,47 @@ Result<std::optional<CameraInTree>> place_of(const CameraUri& uri, Contents& con
                                     "'; the recording knows " + (frames.empty() ? "none" : frames)};
 }
 
+/// What the stamps of frames say, s.
+struct Periods {
+  double rate = 0;  // Hz; 0: nothing
+  double longest = 0;
+  int num_not_later = 0;  // frames that are no news
+};
+
+/// Stamps may leap: then the rate is that of most frames, not of all together.
+Periods periods_of(const std::vector<double>& stamps) {
+  Periods periods;
+  std::vector<double> all;
+  double last = stamps.front();
+  for (std::size_t i = 1; i < stamps.size(); ++i) {
+    const bool is_later = stamps[i] > last;
+    if (is_later) all.push_back(stamps[i] - std::exchange(last, stamps[i]));
+    if (!is_later) ++periods.num_not_later;
+  }
+  if (all.empty()) return periods;
+  periods.longest = std::ranges::max(all);
+  const auto middle = all.begin() + std::ssize(all) / 2;
+  std::ranges::nth_element(all, middle);
+  const double mean = (last - stamps.front()) / static_cast<double>(all.size());
+  periods.rate = 1 / (mean > 0.5 * *middle && mean < 2 * *middle ? mean : *middle);
+  return periods;
+}
+
 class BagSource final : public DepthSource {
  public:
   BagSource(std::unique_ptr<BagReader> reader, std::string topic, double unit,
-            std::optional<double> said, DepthStreamInfo info, std::optional<CameraInTree> place,
-            double latency, bool was_cut_off)
+            std::optional<double> said, DepthStreamInfo info, Models models,
+            std::optional<CameraInTree> place, double latency, std::vector<std::string> notes)
       : reader_(std::move(reader)),
         topic_(std::move(topic)),
         unit_(unit),
         said_(said),
         info_(std::move(info)),
+        models_(std::move(models)),
+        size_({info_.width, info_.height}),
         place_(std::move(place)),
         latency_(latency),
-        reports_cut_(was_cut_off) {}
+        notes_(std::move(notes)) {}
 
   const DepthStreamInfo& info() const override { return info_; }
 
@@ -233,12 +273,14 @@ class BagSource final : public DepthSource {
         if (said_ && unit && is_unit_of(channel.topic, topic_)) said_ = unit;
         continue;
       }
+      if (channel.schema_name != kImage && channel.schema_name != kCompressed) continue;
       auto read = read_frame(channel.schema_name, **message, unit_);
       if (!read) {
         return Error{Errc::bad_input, info_.name + ": " + read.error().message};
       }
-      if (num_read_++ > 0 && !(read->timestamp > last_)) continue;  // sent twice
+      if (num_read_++ > 0 && !(read->timestamp > last_)) continue;
       last_ = read->timestamp;
+      follow_camera(*read);
       if (place_) {
         const auto X_WC = place_->transforms.find(place_->world, place_->frame, last_ - latency_);
         if (!X_WC) {
@@ -255,9 +297,12 @@ class BagSource final : public DepthSource {
   }
 
   std::vector<std::string> take_notes() override {
-    std::vector<std::string> notes;
-    if (reports_cut_.exchange(false)) {
-      notes.push_back(info_.name + " was cut off: it ends where its last whole chunk does");
+    std::vector<std::string> notes = std::exchange(notes_, {});
+    if (has_other_lens_.exchange(false)) {
+      notes.push_back(topic_ + ": its camera_info changes in mid-stream, and is followed");
+    }
+    if (has_other_size_.exchange(false)) {
+      notes.push_back(topic_ + ": the size of its images changes in mid-stream, and is followed");
     }
     if (const int num = num_unplaced_.exchange(0); num > 0) {
       notes.push_back(std::to_string(num) + " frames were dropped: there is no transform for '" +
@@ -267,17 +312,38 @@ class BagSource final : public DepthSource {
   }
 
  private:
+  /// Images of another lens or size are turned into those of the first one by who reads info().
+  void follow_camera(const DepthFrame& frame) {
+    const ImageSize size{frame.width, frame.height};
+    const std::size_t before = model_;
+    while (model_ + 1 < models_.size() && models_[model_ + 1].first <= frame.timestamp) ++model_;
+    if (model_ == before && size == size_) return;
+    (model_ == before ? has_other_size_ : has_other_lens_) = true;
+    size_ = size;
+    if (models_.empty()) return;
+    DepthStreamInfo seen = info_;
+    seen.width = frame.width;
+    seen.height = frame.height;
+    set_ros_camera(models_[model_].second, topic_, seen);
+    info_.intrinsics = seen.intrinsics;
+    info_.distortion = seen.distortion;
+  }
+
   const std::unique_ptr<BagReader> reader_;
   const std::string topic_;
   const double unit_;
   std::optional<double> said_;
-  const DepthStreamInfo info_;
+  DepthStreamInfo info_;
+  const Models models_;
+  std::size_t model_ = 0;  // of the last frame
+  ImageSize size_;         // likewise
   const std::optional<CameraInTree> place_;
   const double latency_;  // s
   double last_ = 0;
   int num_read_ = 0;
   std::atomic<int> num_unplaced_ = 0;
-  std::atomic<bool> reports_cut_;
+  std::atomic<bool> has_other_lens_ = false, has_other_size_ = false;
+  std::vector<std::string> notes_;  // of who calls take_notes
 };
 
 }  // namespace
@@ -304,23 +370,44 @@ Result<RawStream> open_bag_camera(const CameraUri& uri, const CameraOpening&) {
   const auto said = is_count ? find_unit(*contents, *topic) : std::nullopt;
   info.unit = said.value_or(unit);
   info.num_frames = images.num_frames;
-  if (images.num_frames > 1 && images.last > images.first) {
-    info.rate = (images.num_frames - 1) / (images.last - images.first);
-  }
-  info.rate = uri.rate.value_or(info.rate);
   info.name = "bag:" + uri.target;
+  std::vector<std::string> notes;
+  if (contents->was_cut_off) {
+    notes.push_back(info.name + " was cut off: it ends where its last whole chunk does");
+  }
+  const Periods periods = periods_of(images.stamps);
+  constexpr double kPause = 10;  // s
+  if (periods.longest > kPause && periods.longest * periods.rate > 10) {
+    notes.push_back(info.name + ": by their stamps, " +
+                    std::to_string(std::lround(periods.longest)) +
+                    " s lie between two of its frames");
+  }
+  if (periods.num_not_later > 0) {
+    notes.push_back(info.name + ": " + std::to_string(periods.num_not_later) + " of its " +
+                    std::to_string(images.num_frames) +
+                    " frames are left out, as their stamps are not later than that of one before");
+  }
+  if (const int num = contents->messages[*topic] - images.num_frames; num > 0) {
+    notes.push_back(info.name + ": " + std::to_string(num) + " messages on " + *topic +
+                    " are left out, as they are of another type than its images");
+  }
+  info.rate = uri.rate.value_or(periods.rate > 0 ? periods.rate : info.rate);
   for (const auto& [name, sensor] : contents->sensors) {
     if (ros_parent(name) == ros_parent(*topic)) info.sensor = sensor;
   }
-  if (const auto* camera = find_camera(*contents, *topic)) set_ros_camera(*camera, *topic, info);
+  Models models;
+  if (const Models* const found = find_camera(*contents, *topic)) {
+    models = *found;
+    set_ros_camera(models.front().second, *topic, info);
+  }
   auto place = place_of(uri, *contents, images);
   if (!place) return place.error();
   if (*place) info.is_moving = (*place)->transforms.is_moving((*place)->world, (*place)->frame);
   auto again = BagReader::open(uri.target);
   if (!again) return again.error();
   return RawStream{std::make_unique<BagSource>(*std::move(again), *topic, unit, said,
-                                               std::move(info), *std::move(place), uri.latency,
-                                               contents->was_cut_off)};
+                                               std::move(info), std::move(models),
+                                               *std::move(place), uri.latency, std::move(notes))};
 }
 
 FoundCameras find_bag_cameras() {

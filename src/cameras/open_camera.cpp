@@ -1,8 +1,11 @@
 #include "palpate/cameras/cameras.h"
 
 #include <algorithm>
+#include <cmath>
+#include <cstdio>
 #include <cstdlib>
 #include <mutex>
+#include <numbers>
 
 #include "src/cameras/camera_kinds.h"
 #include "src/cameras/posed_source.h"
@@ -62,7 +65,14 @@ Result<std::unique_ptr<DepthSource>> open_unposed(const Kind& kind, const Camera
 
 std::vector<FoundCameras> find_cameras() {
   keep_libraries_quiet();
-  return find_all_at_once(kKinds);
+  constexpr double kPatience = 30;  // s
+  return find_all_at_once(kKinds, kPatience, [](const Kind& kind) {
+    FoundCameras found;
+    found.kind = kind.name;
+    found.usage = kind.usage;
+    found.reason = "its driver has not returned for 30 s; unplug its cameras and try again";
+    return found;
+  });
 }
 
 Result<std::optional<Pose>> standing_pose(const CameraUri& uri) {
@@ -82,6 +92,27 @@ std::optional<Vec3d> gravity_seen(std::span<const CameraUri> cameras) {
     if (X_WC && *X_WC) return -rotate((*X_WC)->rotation, *camera.accelerometer);
   }
   return std::nullopt;
+}
+
+std::vector<std::string> gravity_doubts(std::span<const CameraUri> cameras, const Vec3d& gravity) {
+  constexpr double kMaxAngle = 10, kMaxRatio = 1.1;  // degrees
+  std::vector<std::string> doubts;
+  const double size = norm(gravity);
+  for (std::size_t k = 0; k < cameras.size() && size > 0; ++k) {
+    const auto seen = gravity_seen(cameras.subspan(k, 1));
+    if (!seen) continue;
+    const double angle =
+        180 / std::numbers::pi * std::atan2(norm(cross(*seen, gravity)), dot(*seen, gravity));
+    const double ratio = std::max(norm(*seen) / size, size / norm(*seen));
+    if (angle <= kMaxAngle && ratio <= kMaxRatio) continue;
+    char text[200];
+    std::snprintf(text, sizeof text,
+                  ": by its pose and its accelerometer, gravity in the world is %.3g, %.3g, %.3g "
+                  "m/s2, %.0f degrees from the %.3g, %.3g, %.3g that are used",
+                  seen->x, seen->y, seen->z, angle, gravity.x, gravity.y, gravity.z);
+    doubts.push_back(cameras[k].text + text + "; check both, and the gravity that is given");
+  }
+  return doubts;
 }
 
 Result<std::unique_ptr<DepthSource>> open_camera(std::string_view text,

@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "palpate/devices/devices.h"
+#include "src/core/bounded_call.h"
 #include "src/devices/device_kinds.h"
 #include "src/devices/force_dimension_api.h"
 #include "src/devices/motor_wrench.h"
@@ -29,6 +30,7 @@ constexpr int kMaxSilentTicks = 20;
 constexpr int kStatusPeriod = 10;  // ticks
 constexpr int kMaxForceOffs = 25;  // looks at the status: 0.25 s
 constexpr int kMaxDeviceNumber = 126;
+constexpr double kClosePatience = 2;  // s
 
 /// Model of a system type (dhdc.h); the weakest device for the ones that are not listed.
 DeviceModel model_of(int system_type) {
@@ -82,13 +84,16 @@ class ForceDimensionDevice final : public PolledDevice {
     info_.senses_orientation = has_wrist_;
     info_.num_buttons = 1;
   }
-  ~ForceDimensionDevice() override { api_.drdClose(id_); }
+  ~ForceDimensionDevice() override {
+    returns_within(kClosePatience, [api = api_, id = id_] { api.drdClose(id); });
+  }
 
   const DeviceInfo& info() const override { return info_; }
 
   Status begin() override {
     num_silent_ = num_force_offs_ = 0;
     num_ticks_ = 0;
+    ramp_.restart();
     is_force_on_ = false;
     has_lost_force_ = false;
     const bool has_torque = info_.limits.max_torque > 0;
@@ -116,12 +121,13 @@ class ForceDimensionDevice final : public PolledDevice {
         api_.dhdGetLinearVelocity(&v.x, &v.y, &v.z, id_) >= 0 &&
         (!has_wrist_ || api_.dhdGetAngularVelocityRad(&w.x, &w.y, &w.z, id_) >= 0);
     Pose X_BH{p, {}};
+    Mat3d R = rotation_matrix({});
     if (has_wrist_) {
-      Mat3d R;
       std::memcpy(R.m, matrix, sizeof matrix);
       X_BH.rotation = quaternion_of(R);
     }
-    state.is_valid = has_answered && is_finite(X_BH) && std::isfinite(norm(v) + norm(w));
+    state.is_valid =
+        has_answered && is_finite(X_BH) && is_rotation(R) && std::isfinite(norm(v) + norm(w));
     if (!state.is_valid) return is_still_there();
     state.X_BH = X_BH;
     state.V_BH = {v, w};
@@ -130,8 +136,8 @@ class ForceDimensionDevice final : public PolledDevice {
   }
 
   bool write(const Wrench& F_H_B) noexcept override {
-    const bool is_sure = is_force_on_ && num_silent_ == 0;
-    if (send(is_sure ? motor_wrench(F_H_B, info_.limits) : Wrench{})) {
+    const double share = ramp_.next(is_force_on_ && num_silent_ == 0);
+    if (send(motor_wrench({share * F_H_B.force, share * F_H_B.torque}, info_.limits))) {
       if (is_answering_) num_silent_ = 0;
       return true;
     }
@@ -142,6 +148,8 @@ class ForceDimensionDevice final : public PolledDevice {
     send({});
     api_.dhdEnableForce(0, id_);
   }
+
+  void cut_force() noexcept override { api_.dhdEnableForce(0, id_); }
 
   Error trouble() const override {
     if (has_lost_force_) {
@@ -190,6 +198,7 @@ class ForceDimensionDevice final : public PolledDevice {
   DeviceInfo info_;
   bool has_wrist_ = false;
   std::array<char, 160> said_{};
+  MotorRamp ramp_;
   int num_silent_ = 0, num_force_offs_ = 0, force_off_cause_ = 0;
   unsigned num_ticks_ = 0;
   bool is_answering_ = true;  // at this tick so far

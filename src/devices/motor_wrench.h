@@ -1,6 +1,7 @@
 // The final check of a wrench before it goes to a driver, and conversion of drivers' rotations.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 
 #include "palpate/haptics/device.h"
@@ -19,6 +20,31 @@ inline Vec3d shortened(const Vec3d& v, double longest) {
 inline Wrench motor_wrench(const Wrench& F, const DeviceLimits& limits) {
   if (!std::isfinite(norm(F.force) + norm(F.torque))) return {};
   return {shortened(F.force, limits.max_force), shortened(F.torque, limits.max_torque)};
+}
+
+/// Share of the wrench that the motors get: none in a tick in which the device has no force, and
+/// from there back to all of it in 0.2 s. Nobody else knows that the hand felt nothing meanwhile.
+class MotorRamp {
+ public:
+  double next(bool has_force) noexcept {
+    constexpr double kStep = 0.005;
+    share_ = has_force ? std::min(share_ + kStep, 1.0) : 0;
+    return has_force ? share_ : 0;
+  }
+  void restart() noexcept { share_ = 1; }
+
+ private:
+  double share_ = 1;
+};
+
+/// Whether a matrix is a rotation, as far as a device may be off by rounding.
+inline bool is_rotation(const Mat3d& R) {
+  constexpr double kRounding = 0.01;
+  const Vec3d x{R.m[0][0], R.m[1][0], R.m[2][0]}, y{R.m[0][1], R.m[1][1], R.m[2][1]},
+      z{R.m[0][2], R.m[1][2], R.m[2][2]};
+  const auto is_near = [](double a, double b) { return std::abs(a - b) < kRounding; };
+  return is_near(dot(x, x), 1) && is_near(dot(y, y), 1) && is_near(dot(z, z), 1) &&
+         is_near(dot(x, y), 0) && is_near(dot(y, z), 0) && is_near(dot(cross(x, y), z), 1);
 }
 
 /// The unit quaternion of a rotation matrix, by the largest of its four components (Shepperd).

@@ -9,11 +9,11 @@
 #include <memory>
 #include <string>
 #include <string_view>
-#include <system_error>
 #include <thread>
 #include <utility>
 
 #include "palpate/devices/devices.h"
+#include "src/core/bounded_call.h"
 #include "src/core/monotonic_clock.h"
 #include "src/devices/device_kinds.h"
 #include "src/devices/open_haptics_api.h"
@@ -32,6 +32,7 @@ constexpr const char* kConnect =
 constexpr double kMetresPerMillimetre = 1e-3, kNewtonsPerMillinewton = 1e-3;
 constexpr double kMaxSilence = 1;  // s
 constexpr auto kPatience = std::chrono::milliseconds(500);
+constexpr double kStartPatience = 10, kStopPatience = 2, kCutPatience = 0.25;  // s
 
 /// There is one scheduler for all devices of a program.
 std::atomic<int> g_num_running{0};
@@ -45,12 +46,14 @@ std::string what_it_said(const OpenHapticsApi& api, const HdErrorInfo& error) {
   return text(api.hdGetErrorString(error.code)) + codes.data();
 }
 
-/// One positive number, or `otherwise` when the driver does not know.
-double requested(const OpenHapticsApi& api, HdEnum what, double unit, double otherwise) {
+/// One positive number, or `otherwise` when the driver does not know or names more than `most`,
+/// which no device can do.
+double requested(const OpenHapticsApi& api, HdEnum what, double unit, double otherwise,
+                 double most) {
   double value = 0;
   api.hdGetDoublev(what, &value);
-  const bool is_known = api.take_errors().code == 0 && std::isfinite(value) && value > 0;
-  return is_known ? value * unit : otherwise;
+  value *= unit;
+  return api.take_errors().code == 0 && value > 0 && value <= most ? value : otherwise;
 }
 
 int requested_integer(const OpenHapticsApi& api, HdEnum what) {
@@ -62,19 +65,21 @@ int requested_integer(const OpenHapticsApi& api, HdEnum what) {
 /// Limits that the driver reports, and those of the weakest device for the others.
 DeviceLimits driver_limits(const OpenHapticsApi& api) {
   DeviceLimits limits = find_device_model("touch").value_or(device_models().front()).limits;
-  limits.max_force = requested(api, kHdMaxForce, 1, limits.max_force);
+  limits.max_force = requested(api, kHdMaxForce, 1, limits.max_force, 100);
   limits.max_stiffness =
-      requested(api, kHdMaxStiffness, 1 / kMetresPerMillimetre, limits.max_stiffness);
-  limits.max_damping = requested(api, kHdMaxDamping, 1 / kMetresPerMillimetre, limits.max_damping);
+      requested(api, kHdMaxStiffness, 1 / kMetresPerMillimetre, limits.max_stiffness, 1e5);
+  limits.max_damping =
+      requested(api, kHdMaxDamping, 1 / kMetresPerMillimetre, limits.max_damping, 1e3);
   if (requested_integer(api, kHdOutputDof) >= 6) {
-    limits.max_torque = requested(api, kHdMaxTorque, kNewtonsPerMillinewton, 0);
-    limits.max_angular_stiffness = requested(api, kHdMaxTorqueStiffness, kNewtonsPerMillinewton, 0);
+    limits.max_torque = requested(api, kHdMaxTorque, kNewtonsPerMillinewton, 0, 10);
+    limits.max_angular_stiffness =
+        requested(api, kHdMaxTorqueStiffness, kNewtonsPerMillinewton, 0, 1e3);
   }
   double box[6] = {};  // least x, y, z; largest
   api.hdGetDoublev(kHdUsableWorkspace, box);
   const double diameter = std::min({box[3] - box[0], box[4] - box[1], box[5] - box[2]});
-  if (api.take_errors().code == 0 && diameter > 0)
-    limits.workspace_radius = diameter / 2 * kMetresPerMillimetre;
+  const double radius = diameter / 2 * kMetresPerMillimetre;
+  if (api.take_errors().code == 0 && radius > 0 && radius < 10) limits.workspace_radius = radius;
   return limits;
 }
 
@@ -96,6 +101,12 @@ Status calibrate(const OpenHapticsApi& api, const std::string& name) {
                    (styles & kHdCalibrateInInkwell
                         ? "put its stylus into the inkwell, wait a moment and try again"
                         : "calibrate it with Touch_Setup or Touch_Diagnostic and try again")};
+}
+
+/// Starts and stops all devices.
+BoundedThread& driver() {
+  static BoundedThread& thread = *new BoundedThread;
+  return thread;
 }
 
 /// Waits until `is_so`, but not for ever.
@@ -126,13 +137,9 @@ class OpenHapticsDevice final : public HapticDevice {
 
   ~OpenHapticsDevice() override {
     stop();
-    if (is_stuck_) {
-      // The driver hangs somewhere and would make us hang, too. Should it come back one day, it
-      // must still find the servo.
-      static_cast<void>(servo_.release());
-    } else {
-      api_.hdDisableDevice(device_);
-    }
+    // A driver that hangs somewhere would make this hang, too.
+    if (!is_stuck_)
+      driver().call(kStopPatience, [api = api_, device = device_] { api.hdDisableDevice(device); });
   }
 
   const DeviceInfo& info() const override { return info_; }
@@ -140,24 +147,20 @@ class OpenHapticsDevice final : public HapticDevice {
   Status start(DeviceTick tick) override {
     stop();
     if (is_stuck_) return stuck();
-    api_.hdMakeCurrentDevice(device_);
-    api_.take_errors();
-    for (const HdEnum capability :
-         {kHdMaxForceClamping, kHdSoftwareForceLimit, kHdForceRamping, kHdForceOutput})
-      api_.hdEnable(capability);
-    servo_ = std::make_unique<OpenHapticsServo>(api_, device_, info_, std::move(tick));
-    const HdScheduled scheduled =
-        api_.hdScheduleAsynchronous(&OpenHapticsServo::call_back, servo_.get(), kHdMaxPriority);
-    if (g_num_running++ == 0) api_.hdStartScheduler();
-    if (const HdErrorInfo error = api_.take_errors(); error.code != 0) {
-      if (--g_num_running == 0) api_.hdStopScheduler();
-      api_.hdUnschedule(scheduled);
-      motors_off(api_, device_);
+    servo_ = std::make_shared<OpenHapticsServo>(api_, device_, info_, std::move(tick));
+    const auto error = std::make_shared<HdErrorInfo>();
+    is_running_ = driver().call(kStartPatience, [api = api_, device = device_, servo = servo_,
+                                                 error] { *error = schedule(api, device, servo); });
+    if (!is_running_) {
+      give_up();
+      return stuck();
+    }
+    if (error->code != 0) {
+      is_running_ = false;
       servo_.reset();
       return Error{Errc::io_failure,
-                   info_.name + " does not start: " + what_it_said(api_, error) + "; " + kConnect};
+                   info_.name + " does not start: " + what_it_said(api_, *error) + "; " + kConnect};
     }
-    is_running_ = true;
     if (wait_for([this] { return servo_->last_time() > 0; })) return Done{};
     stop();
     return stuck();
@@ -166,19 +169,15 @@ class OpenHapticsDevice final : public HapticDevice {
   void stop() noexcept override {
     if (!is_running_) return;
     servo_->request_end();
-    is_stuck_ = !wait_for([this] { return servo_->has_ended(); });
+    const bool has_ended = wait_for([this] { return servo_->has_ended(); });
     is_running_ = false;
     const bool is_last = --g_num_running == 0;
-    if (is_stuck_) {
-      // Another thread tries, as it may hang, too.
-      try {
-        std::thread(motors_off, api_, device_).detach();
-      } catch (const std::system_error&) {
-      }
-      return;
-    }
-    if (is_last) api_.hdStopScheduler();
-    motors_off(api_, device_);
+    const bool is_off = has_ended && driver().call(kStopPatience, [api = api_, device = device_,
+                                                                   servo = servo_, is_last] {
+      if (is_last) api.hdStopScheduler();
+      motors_off(api, device);
+    });
+    if (!is_off) give_up();
   }
 
   Status status() const override {
@@ -198,6 +197,34 @@ class OpenHapticsDevice final : public HapticDevice {
   }
 
  private:
+  /// The error; then nothing is scheduled.
+  static HdErrorInfo schedule(const OpenHapticsApi& api, HdHandle device,
+                              const std::shared_ptr<OpenHapticsServo>& servo) noexcept {
+    api.hdMakeCurrentDevice(device);
+    api.take_errors();
+    for (const HdEnum capability :
+         {kHdMaxForceClamping, kHdSoftwareForceLimit, kHdForceRamping, kHdForceOutput})
+      api.hdEnable(capability);
+    const HdScheduled scheduled =
+        api.hdScheduleAsynchronous(&OpenHapticsServo::call_back, servo.get(), kHdMaxPriority);
+    if (g_num_running++ == 0) api.hdStartScheduler();
+    const HdErrorInfo error = api.take_errors();
+    if (error.code == 0) return error;
+    if (--g_num_running == 0) api.hdStopScheduler();
+    api.hdUnschedule(scheduled);
+    motors_off(api, device);
+    return error;
+  }
+
+  /// The driver hangs. Should it come back one day, it must still find the servo.
+  void give_up() noexcept {
+    is_stuck_ = true;
+    servo_->give_up();
+    static_cast<void>(new std::shared_ptr<OpenHapticsServo>(servo_));
+    // Another thread tries, as it may hang, too.
+    returns_within(kCutPatience, [api = api_, device = device_] { motors_off(api, device); });
+  }
+
   static void motors_off(const OpenHapticsApi& api, HdHandle device) noexcept {
     api.hdMakeCurrentDevice(device);
     api.hdDisable(kHdForceOutput);
@@ -213,7 +240,7 @@ class OpenHapticsDevice final : public HapticDevice {
   const OpenHapticsApi api_;
   const HdHandle device_;
   DeviceInfo info_;
-  std::unique_ptr<OpenHapticsServo> servo_;
+  std::shared_ptr<OpenHapticsServo> servo_;
   std::atomic<bool> is_running_ = false, is_stuck_ = false;
 };
 

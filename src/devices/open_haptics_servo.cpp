@@ -4,7 +4,6 @@
 #include <utility>
 
 #include "src/core/monotonic_clock.h"
-#include "src/devices/motor_wrench.h"
 
 namespace palpate::inline v0 {
 namespace {
@@ -36,9 +35,15 @@ unsigned OpenHapticsServo::frame() noexcept {
 
   api_.hdBeginFrame(device_);
   read();
-  const bool is_last = failure() != 0 || wants_end_.load(std::memory_order_acquire);
-  const Wrench F_H_B = is_last ? Wrench{} : tick_(state_);
-  write(rest_ == 0 && state_.is_valid ? F_H_B : Wrench{});
+  const bool is_last =
+      failure() != 0 || wants_end_.load(std::memory_order_acquire) || !door_.enter();
+  Wrench F_H_B;
+  if (!is_last) {
+    F_H_B = tick_(state_);
+    door_.leave();
+  }
+  const double share = ramp_.next(rest_ == 0 && state_.is_valid);
+  write({share * F_H_B.force, share * F_H_B.torque});
   api_.hdEndFrame(device_);
   judge(api_.take_errors().code);
 
@@ -60,10 +65,13 @@ void OpenHapticsServo::read() noexcept {
   judge(error);
 
   Pose X_BH{vector(m + 12) * kMetresPerMillimetre, {}};
-  if (senses_orientation_)
-    X_BH.rotation = quaternion_of({{{m[0], m[4], m[8]}, {m[1], m[5], m[9]}, {m[2], m[6], m[10]}}});
+  Mat3d R = rotation_matrix({});
+  if (senses_orientation_) {
+    R = {{{m[0], m[4], m[8]}, {m[1], m[5], m[9]}, {m[2], m[6], m[10]}}};
+    X_BH.rotation = quaternion_of(R);
+  }
   const Twist V_BH{vector(v) * kMetresPerMillimetre, vector(w)};
-  state_.is_valid = (error == 0 || is_force_error(error)) && is_finite(X_BH) &&
+  state_.is_valid = (error == 0 || is_force_error(error)) && is_finite(X_BH) && is_rotation(R) &&
                     std::isfinite(norm(V_BH.linear) + norm(V_BH.angular));
   if (!state_.is_valid) return;
   state_.X_BH = X_BH;

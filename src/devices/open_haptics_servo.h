@@ -4,7 +4,9 @@
 #include <atomic>
 
 #include "palpate/haptics/device.h"
+#include "src/devices/motor_wrench.h"
 #include "src/devices/open_haptics_api.h"
+#include "src/devices/tick_door.h"
 
 namespace palpate::inline v0 {
 
@@ -22,6 +24,8 @@ class OpenHapticsServo {
 
   /// The next call is the last one.
   void request_end() noexcept { wants_end_.store(true, std::memory_order_release); }
+  /// No tick runs or starts any more, whenever the driver calls again.
+  void give_up() noexcept { door_.close(); }
   bool has_ended() const noexcept { return has_ended_.load(std::memory_order_acquire); }
   /// Of the newest call; 0 before the first one.
   double last_time() const noexcept { return last_time_.load(std::memory_order_acquire); }
@@ -41,6 +45,8 @@ class OpenHapticsServo {
   const bool senses_orientation_;
   DeviceTick tick_;
   DeviceState state_;
+  MotorRamp ramp_;
+  TickDoor door_;
   int rest_ = 0;       // ticks without force to come
   int num_weary_ = 0;  // ticks without force so far
   std::atomic<bool> wants_end_ = false, has_ended_ = false;

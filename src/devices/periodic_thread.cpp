@@ -23,12 +23,12 @@ std::int64_t now() noexcept {
 Status PeriodicThread::start(double rate, Round round, std::function<void()> finish) {
   if (thread_.joinable())
     return Error{Errc::invalid_argument, "the device is running already; stop it first"};
-  wants_stop_.store(false);
+  shared_ = std::make_shared<Shared>();
   const auto period = std::llround(static_cast<double>(kNanosecondsPerSecond) / rate);
-  auto run = [this, period, round = std::move(round), finish = std::move(finish)] {
-    running_.store(std::this_thread::get_id());
+  auto run = [shared = shared_, period, round = std::move(round), finish = std::move(finish)] {
+    shared->running.store(std::this_thread::get_id());
     std::int64_t due = now(), last = due - period;
-    while (!wants_stop_.load(std::memory_order_acquire)) {
+    while (!shared->wants_stop.load(std::memory_order_acquire)) {
       const auto periods = static_cast<int>((due - last) / period);
       if (!round(1e-9 * static_cast<double>(now()), periods)) break;
       last = due;
@@ -37,7 +37,8 @@ Status PeriodicThread::start(double rate, Round round, std::function<void()> fin
       sleep_until(1e-9 * static_cast<double>(due));
     }
     finish();
-    running_.store({});
+    shared->running.store({});
+    shared->has_ended.store(true, std::memory_order_release);
   };
   try {
     thread_ = std::thread(std::move(run));
@@ -48,10 +49,29 @@ Status PeriodicThread::start(double rate, Round round, std::function<void()> fin
   return Done{};
 }
 
+/// False: there is nothing to wait for.
+bool PeriodicThread::request_stop() noexcept {
+  shared_->wants_stop.store(true, std::memory_order_release);
+  return shared_->running.load() != std::this_thread::get_id() && thread_.joinable();
+}
+
 void PeriodicThread::stop() noexcept {
-  wants_stop_.store(true, std::memory_order_release);
-  if (running_.load() == std::this_thread::get_id()) return;
-  if (thread_.joinable()) thread_.join();
+  if (request_stop()) thread_.join();
+}
+
+/// Counts its own rounds: while the whole process stands still, nobody hangs.
+bool PeriodicThread::stop_within(double patience) noexcept {
+  if (!request_stop()) return true;
+  constexpr auto kLook = std::chrono::milliseconds(1);
+  for (double left = patience; !shared_->has_ended.load(std::memory_order_acquire); left -= 1e-3) {
+    if (left <= 0) {
+      thread_.detach();
+      return false;
+    }
+    std::this_thread::sleep_for(kLook);
+  }
+  thread_.join();
+  return true;
 }
 
 }  // namespace palpate::inline v0

@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <functional>
+#include <memory>
 #include <thread>
 
 #include "palpate/core/core.h"
@@ -29,11 +30,20 @@ class PeriodicThread {
   /// No round runs or comes any more, and `finish` has run. From within a round: this one is the
   /// last.
   void stop() noexcept;
+  /// The same for rounds that may hang: waits for about `patience` seconds in which this program
+  /// runs. False: the thread is given up. Should it come back, it calls `finish` and no round. So
+  /// both must own all that they need.
+  bool stop_within(double patience) noexcept;
 
  private:
+  struct Shared {
+    std::atomic<std::thread::id> running;  // of the thread while it runs: what rounds may read
+    std::atomic<bool> wants_stop = false, has_ended = false;
+  };
+  bool request_stop() noexcept;
+
   std::thread thread_;
-  std::atomic<std::thread::id> running_;  // of thread_ while it runs: what rounds may read
-  std::atomic<bool> wants_stop_ = false;
+  std::shared_ptr<Shared> shared_ = std::make_shared<Shared>();
 };
 
 }  // namespace palpate::inline v0

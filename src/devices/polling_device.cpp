@@ -2,30 +2,79 @@
 
 #include <utility>
 
+#include "src/core/bounded_call.h"
+
 namespace palpate::inline v0 {
+namespace {
+
+// s. A robot's first pose may take ten, and what a device says goodbye to a few tenths.
+constexpr double kBeginPatience = 20, kStopPatience = 2, kCutPatience = 0.25;
+
+}  // namespace
 
 Status PollingDevice::start(DeviceTick tick) {
   stop();
-  tick_ = std::move(tick);
-  state_ = {};
-  if (const Status begun = device_->begin(); !begun) return begun.error();
-  is_lost_.store(false, std::memory_order_release);
+  if (polled_->is_given_up) return stuck();
+  polled_->tick = std::move(tick);
+  polled_->state = {};
+  const auto begun = std::make_shared<Status>(Done{});
+  const bool has_returned = returns_within(kBeginPatience, [polled = polled_, begun] {
+    *begun = polled->device->begin();
+    if (polled->door.is_closed()) polled->device->end();
+  });
+  if (!has_returned) {
+    give_up();
+    return stuck();
+  }
+  if (!*begun) return begun->error();
+  polled_->is_lost.store(false, std::memory_order_release);
   const Status started = thread_.start(
-      info().rate, [this](double time, int) { return round(time); }, [this] { device_->end(); });
-  if (!started) device_->end();
+      info().rate, [polled = polled_](double time, int) { return polled->round(time); },
+      [polled = polled_] { polled->end(); });
+  if (!started) polled_->device->end();
   return started;
 }
 
-bool PollingDevice::round(double time) noexcept {
-  state_.time = time;
-  if (device_->read(state_) && device_->write(tick_(state_))) return true;
-  is_lost_.store(true, std::memory_order_release);
-  return false;
+void PollingDevice::stop() noexcept {
+  if (polled_->is_given_up || thread_.stop_within(kStopPatience)) return;
+  count_hung_calls(1);
+  give_up();
+}
+
+void PollingDevice::give_up() noexcept {
+  polled_->door.close();
+  polled_->is_given_up = true;
+  returns_within(kCutPatience, [polled = polled_] { polled->device->cut_force(); });
+}
+
+bool PollingDevice::Polled::round(double time) noexcept {
+  state.time = time;
+  bool is_there = device->read(state);
+  if (is_there) {
+    if (!door.enter()) return false;
+    const Wrench F_H_B = tick(state);
+    door.leave();
+    is_there = device->write(F_H_B);
+  }
+  if (!is_there) is_lost.store(true, std::memory_order_release);
+  return is_there;
+}
+
+void PollingDevice::Polled::end() noexcept {
+  device->end();
+  if (door.is_closed()) count_hung_calls(-1);
 }
 
 Status PollingDevice::status() const {
-  if (is_lost_.load(std::memory_order_acquire)) return device_->trouble();
+  if (polled_->is_given_up) return stuck();
+  if (polled_->is_lost.load(std::memory_order_acquire)) return polled_->device->trouble();
   return Done{};
+}
+
+Error PollingDevice::stuck() const {
+  return {Errc::io_failure, info().name +
+                                ": its driver does not return from a call; let go of it, switch it "
+                                "off and on, and start again"};
 }
 
 }  // namespace palpate::inline v0

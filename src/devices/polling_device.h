@@ -6,11 +6,13 @@
 
 #include "palpate/haptics/device.h"
 #include "src/devices/periodic_thread.h"
+#include "src/devices/tick_door.h"
 
 namespace palpate::inline v0 {
 
-/// What differs between such devices. `begin` is called from the thread of start(), all the others
-/// (but info and trouble) from the ticking thread, which must not wait, allocate or throw.
+/// What differs between such devices. `begin` is called while start() waits for it, all the others
+/// (but info, trouble and cut_force) from the ticking thread, which must not wait, allocate or
+/// throw.
 class PolledDevice {
  public:
   virtual ~PolledDevice() = default;
@@ -27,26 +29,40 @@ class PolledDevice {
   virtual void end() noexcept = 0;
   /// What was wrong when read or write said false. From any thread, after that.
   virtual Error trouble() const = 0;
+  /// Motors off while another call hangs in the driver, from a thread of its own. May hang as well.
+  virtual void cut_force() noexcept {}
 };
 
 /// Gives a polled device a thread that polls it `info().rate` times a second: read, tick, write.
+/// A driver that hangs is given up: its thread keeps the device and never ticks again.
 class PollingDevice final : public HapticDevice {
  public:
-  explicit PollingDevice(std::unique_ptr<PolledDevice> device) : device_(std::move(device)) {}
+  explicit PollingDevice(std::unique_ptr<PolledDevice> device)
+      : polled_(std::make_shared<Polled>(std::move(device))) {}
+  ~PollingDevice() override { stop(); }
 
-  const DeviceInfo& info() const override { return device_->info(); }
+  const DeviceInfo& info() const override { return polled_->device->info(); }
   Status start(DeviceTick tick) override;
-  void stop() noexcept override { thread_.stop(); }
+  void stop() noexcept override;
   Status status() const override;
 
  private:
-  bool round(double time) noexcept;
+  struct Polled {
+    explicit Polled(std::unique_ptr<PolledDevice> polled) : device(std::move(polled)) {}
+    bool round(double time) noexcept;
+    void end() noexcept;
 
-  std::unique_ptr<PolledDevice> device_;
-  DeviceTick tick_;
-  DeviceState state_;
-  std::atomic<bool> is_lost_ = false;
-  PeriodicThread thread_;  // last: stops before anything else goes
+    std::unique_ptr<PolledDevice> device;
+    DeviceTick tick;
+    DeviceState state;
+    TickDoor door;
+    std::atomic<bool> is_lost = false, is_given_up = false;
+  };
+  void give_up() noexcept;
+  Error stuck() const;
+
+  const std::shared_ptr<Polled> polled_;
+  PeriodicThread thread_;
 };
 
 }  // namespace palpate::inline v0

@@ -36,6 +36,8 @@ constexpr double kMaxSilence = 1;          // s without a pose: lost
 constexpr double kLongestStep = 0.1;       // s between poses that a velocity comes from
 constexpr double kAnswerTimeout = 1.0;     // s for anything before the first tick
 constexpr double kVelocityFilter = 0.005;  // s, of velocities from positions
+constexpr double kMaxVelocityAge = 0.05;   // s: the server has said nothing since, so it is over
+constexpr double kFarthest = 100;          // m: no device reaches as far
 constexpr int kMaxMessages = 256;          // of one tick: more must wait for the next
 
 // Servers smooth the field, a Falcon's by default with a time constant of 9.5 ms. A spring through
@@ -116,6 +118,13 @@ Result<VrpnConnection> connect(const VrpnAddress& address) {
                                     (names.empty() ? "; see its vrpn.cfg" : ", but: " + names)};
 }
 
+/// Of a device, and no mistake of its server. Rotations may be off by what they were rounded to.
+bool is_possible(const Pose& X_BH) {
+  const Quaternion& q = X_BH.rotation;
+  const double square = q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w;
+  return is_finite(X_BH) && norm(X_BH.translation) < kFarthest && square > 0.25 && square < 4;
+}
+
 class VrpnDevice final : public PolledDevice {
  public:
   explicit VrpnDevice(VrpnAddress address) : address_(std::move(address)) {
@@ -134,8 +143,8 @@ class VrpnDevice final : public PolledDevice {
 
  private:
   bool take(const VrpnMessage& message, VrpnKind kind, double time) noexcept;
-  void take_pose(const Pose& X_BH, double stamp) noexcept;
-  void take_velocity(const VrpnVelocity& velocity) noexcept;
+  void take_pose(const Pose& X_BH, double stamp, double time) noexcept;
+  void take_velocity(const VrpnVelocity& velocity, double time) noexcept;
   bool give_up(std::string_view why) noexcept;
 
   VrpnAddress address_;
@@ -145,10 +154,11 @@ class VrpnDevice final : public PolledDevice {
   Twist V_BH_;
   std::uint32_t buttons_ = 0;
   bool has_pose_ = false;
-  double last_stamp_ = 0;  // s, of the last pose, by the server's clock
-  double last_pose_ = 0;   // s, when it came, by ours
-  Vec3d difference_;       // velocity from positions
-  Vec3d reported_;         // velocity by the server
+  double last_stamp_ = 0;     // s, of the last pose, by the server's clock
+  double last_pose_ = 0;      // s, when it came, by ours
+  double last_velocity_ = 0;  // s, when the server's came, by ours
+  Vec3d difference_;          // velocity from positions
+  Vec3d reported_;            // velocity by the server
   double sum_difference_ = 0, sum_reported_ = 0;
   Error trouble_;
 };
@@ -162,6 +172,7 @@ Status VrpnDevice::begin() {
   V_BH_ = {};
   buttons_ = 0;
   has_pose_ = false;
+  last_velocity_ = 0;
   difference_ = reported_ = {};
   sum_difference_ = sum_reported_ = 0;
   last_pose_ = monotonic_now();
@@ -191,18 +202,17 @@ bool VrpnDevice::take(const VrpnMessage& message, VrpnKind kind, double time) no
   switch (kind) {
     case VrpnKind::pose: {
       VrpnPose pose;
-      if (!read_vrpn_pose(message.payload, pose) || pose.sensor != 0 || !is_finite(pose.X_BH) ||
-          pose.X_BH.rotation == Quaternion{0, 0, 0, 0})
+      if (!read_vrpn_pose(message.payload, pose) || pose.sensor != 0 || !is_possible(pose.X_BH))
         return true;
       take_pose({pose.X_BH.translation, normalized(pose.X_BH.rotation)},
-                message.seconds + 1e-6 * message.microseconds);
+                message.seconds + 1e-6 * message.microseconds, time);
       last_pose_ = time;
       return true;
     }
     case VrpnKind::velocity: {
       VrpnVelocity velocity;
       if (read_vrpn_velocity(message.payload, velocity) && velocity.sensor == 0)
-        take_velocity(velocity);
+        take_velocity(velocity, time);
       return true;
     }
     case VrpnKind::button: {
@@ -228,8 +238,10 @@ bool VrpnDevice::take(const VrpnMessage& message, VrpnKind kind, double time) no
   return true;
 }
 
-void VrpnDevice::take_pose(const Pose& X_BH, double stamp) noexcept {
-  const double interval = stamp - last_stamp_;
+void VrpnDevice::take_pose(const Pose& X_BH, double stamp, double time) noexcept {
+  // Of a server whose stamps stand still or go back, the poses have come when they came.
+  const bool is_stamped = stamp > last_stamp_;
+  const double interval = is_stamped ? stamp - last_stamp_ : time - last_pose_;
   if (has_pose_ && interval > 0 && interval < kLongestStep) {
     const Vec3d raw = (X_BH.translation - X_BH_.translation) / interval;
     difference_ += (raw - difference_) * (interval / (interval + kVelocityFilter));
@@ -239,17 +251,20 @@ void VrpnDevice::take_pose(const Pose& X_BH, double stamp) noexcept {
   // are, all in all, as large as the positions say.
   const bool is_plausible =
       sum_reported_ > 0.5 * sum_difference_ && sum_reported_ < 2 * sum_difference_;
-  V_BH_.linear = is_plausible ? reported_ : difference_;
+  const bool is_fresh = time - last_velocity_ <= kMaxVelocityAge;
+  V_BH_.linear = is_plausible && is_fresh ? reported_ : difference_;
+  if (!is_fresh) V_BH_.angular = {};
   X_BH_ = X_BH;
   last_stamp_ = stamp;
   has_pose_ = true;
 }
 
-void VrpnDevice::take_velocity(const VrpnVelocity& velocity) noexcept {
+void VrpnDevice::take_velocity(const VrpnVelocity& velocity, double time) noexcept {
   const Quaternion& q = velocity.turn;
   const double size = norm(velocity.linear);
   if (!std::isfinite(size)) return;
   reported_ = velocity.linear;
+  last_velocity_ = time;
   sum_reported_ += size;
   // Some servers send a zero quaternion instead of none.
   const double square = q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w;

@@ -88,6 +88,10 @@ void ForceGate::step_engaged(const Input& input) noexcept {
   if (num_quiet_ > kMaxLostTicks) return fail(Fault::loop, input.time);
   if (!input.is_permitted) return wait(input.time);
   if (!(options_.ramp_seconds > 0)) return;
+  if (input.is_let_go) {
+    gain_ = 0;
+    return;
+  }
   const double rise = std::min(input.dt, kLongestCountedTick) / options_.ramp_seconds;
   gain_ = std::min(gain_ + rise, 1.0);
 }

@@ -37,6 +37,7 @@ class Hand {
   }
 
   const HeldTool& held() const noexcept { return held_; }
+  bool is_clutched() const noexcept { return is_clutched_; }
   /// The last usable one.
   const Pose& X_BH() const noexcept { return X_BH_; }
 

@@ -150,7 +150,10 @@ void SafetyFilter::step_gate(const Wrench& desired, const SafetyInput& input, do
   const bool is_turned =
       limits_.max_force > 0 && limits_.max_torque > 0 &&
       norm(desired.torque) * limits_.max_force >= options_.engage_force * limits_.max_torque;
-  now.is_quiet = input.is_free || (norm(desired.force) < options_.engage_force && !is_turned);
+  // What a hand without the tool feels says nothing about where that is.
+  now.is_let_go = input.is_let_go;
+  now.is_quiet = !input.is_let_go &&
+                 (input.is_free || (norm(desired.force) < options_.engage_force && !is_turned));
   now.is_permitted = input.is_driven && (!options_.dead_man || (input.state.buttons & 1u) != 0);
   now.is_requested = input.is_requested || (is_off && is_pressed);
   gate_.step(now);

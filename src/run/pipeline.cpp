@@ -268,10 +268,10 @@ void HandPart::tick(const DeviceState& state, const ContactRecord& known, const 
   const Wrench& contact_W = record.step.contact_W;
   const bool is_free = known.contact.is_valid && known.penetration.volume == 0 &&
                        contact_W.force == Vec3d{} && contact_W.torque == Vec3d{};
-  record.F_H_B =
-      safety_.filter(record.step.F_H_B, {state.time, state, record.contact_age, record.sensor_age,
-                                         flags.has_backend_failed, flags.has_sensor_failed,
-                                         flags.is_force_requested, is_free});
+  record.F_H_B = safety_.filter(
+      record.step.F_H_B,
+      {state.time, state, record.contact_age, record.sensor_age, flags.has_backend_failed,
+       flags.has_sensor_failed, flags.is_force_requested, is_free, true, record.step.is_let_go});
   record.safety = safety_.status();
 }
 

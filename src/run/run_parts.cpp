@@ -106,7 +106,24 @@ int num_key_frames(std::span<const DepthStreamInfo> streams) {
   return std::max(1, num_moving > 0 ? num / num_moving : num);
 }
 
+/// As frames of the cameras are called.
+std::string camera_name(const std::string& name, std::size_t camera) {
+  return "camera" + (camera > 0 ? "_" + std::to_string(camera + 1) : "") + " (" + name + ")";
+}
+
 }  // namespace
+
+std::string frames_have_ended(const std::string& name, std::size_t camera,
+                              std::size_t num_cameras) {
+  return "the depth frames " + (num_cameras > 1 ? "of " + camera_name(name, camera) + " " : "") +
+         "have ended";
+}
+
+Error error_of_camera(const Error& error, const std::string& name, std::size_t camera,
+                      std::size_t num_cameras) {
+  if (num_cameras == 1) return error;
+  return {error.code, camera_name(name, camera) + ": " + error.message};
+}
 
 Error lost_backend() {
   return {Errc::unavailable,

@@ -275,8 +275,10 @@ Result<RunOutcome> record_run(const Tool& tool, const DepthSources& sources, Hap
   notify_loop(&loop);
   log.was_interrupted = !wait_for_end(loop, options);
   notify_loop(nullptr);
-  const Status status = loop.status();
+  Status status = loop.status();
   loop.stop();
+  // Whether its motors could be switched off.
+  if (status && !is_simulated) status = device.status();
   take_report(loop, status, log);
   recording.add_marks();
   recording.add_source_notes(log.loop.seconds);

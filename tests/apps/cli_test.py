@@ -1398,6 +1398,26 @@ pose = [1, 0, 0, 0, 0, {0.5 ** 0.5}, {0.5 ** 0.5}]
             self.assertEqual(program.wait(120), 0)
         self.assertGreater(len(self.expect_whole(run)["faults"]), 0)
 
+    def test_a_driver_that_hangs_ends_the_run_in_a_sentence(self):
+        sdk = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(PALPATE))),
+                           "tests", "devices", "fake_sdk", "whole")
+        if not os.path.isdir(sdk):
+            self.skipTest("there is no emulated driver beside the program")
+        for kind, call, words in (
+                ("forcedimension", "dhdGetPositionAndOrientationFrame:300", "does not return from a call"),
+                ("forcedimension", "dhdEnableForce:2", "does not return from a call"),
+                ("openhaptics", "hdEndFrame:300", "does not call back"),
+                ("openhaptics", "hdStopScheduler", "does not call back")):
+            run = self.path("run_hung")
+            shutil.rmtree(run, ignore_errors=True)
+            done = subprocess.run(
+                [PALPATE, "touch", self.tool, "--scene", "wall", "--device", kind, "--duration", "1",
+                 "-o", run], capture_output=True, text=True, timeout=300,
+                env=dict(os.environ, FDSDK=sdk, OH_SDK_BASE=sdk, FAKE_SDK_HANG=call))
+            self.assertEqual(done.returncode, 1, (call, done.stderr))
+            self.assertIn(words, done.stderr.splitlines()[-1], call)
+            self.assertEqual(self.expect_whole(run)["fault"], "device", call)
+
     def test_touch_live_says_what_is_wrong(self):
         run = self.path("never")
         live = self.sequence("-o", run, "--device", "sim")
@@ -1701,7 +1721,7 @@ pose = [1, 0, 0, 0, 0, {0.5 ** 0.5}, {0.5 ** 0.5}]
         return process.returncode, output, errors
 
     def test_interrupted_touch_keeps_the_run_so_far(self):
-        for how in (signal.SIGINT, signal.SIGHUP):
+        for how in (signal.SIGINT, signal.SIGQUIT, signal.SIGHUP):
             self.interrupted_touch(how)
 
     def interrupted_touch(self, how):

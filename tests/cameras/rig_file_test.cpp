@@ -284,6 +284,15 @@ joints = "joints.csv"
   // What is at rest is held up: gravity is the other way, in the world.
   EXPECT_NEAR(norm(*rig->gravity - rotate(X_WC.rotation, {-0.5, 9.7, -1})), 0, 1e-9);
   EXPECT_EQ(rig->cameras[1].uri.joints, (folder_.path() / "joints.csv").string());
+  // Others may see another gravity.
+  const std::vector<CameraUri> uris{rig->cameras[0].uri, rig->cameras[1].uri};
+  EXPECT_TRUE(gravity_doubts(uris, *rig->gravity).empty());
+  EXPECT_TRUE(gravity_doubts(uris, rotate(axis_angle({1, 2, 3}, 0.08), *rig->gravity)).empty());
+  EXPECT_TRUE(gravity_doubts(uris, {}).empty());
+  const auto turned = gravity_doubts(uris, rotate(axis_angle({-2, 1, 0}, 0.8), *rig->gravity));
+  ASSERT_EQ(turned.size(), 1u);
+  EXPECT_NE(turned[0].find("accelerometer"), std::string::npos) << turned[0];
+  EXPECT_EQ(gravity_doubts(uris, 1.2 * *rig->gravity).size(), 1u);
 
   // A better pose is where the camera was refined to, also on its link.
   const auto text = rig_text_with_poses(path_, {{{4, 5, 6}, {}}, {}});

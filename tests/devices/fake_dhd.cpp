@@ -21,6 +21,7 @@ int forbidden() {
 }
 
 void reset() {
+  g_fake.hang.in = nullptr;
   g_fake.version_major = 3;
   g_fake.version_minor = 17;
   g_fake.num_devices = g_fake.num_available = 1;
@@ -41,10 +42,14 @@ void reset() {
   g_fake.last_opened = -1;
 }
 
+[[maybe_unused]] const bool g_is_ready = (reset(), true);
+
 }  // namespace
 
 using uchar = unsigned char;
 using uint = unsigned int;
+
+#define CALL() g_fake.hang.pass(__func__)
 
 extern "C" {
 
@@ -54,43 +59,74 @@ palpate::test::FakeDhd* fake_dhd() {
 }
 
 void dhdGetSDKVersion(int* major, int* minor, int* release, int* revision) {
+  CALL();
   *major = g_fake.version_major;
   *minor = g_fake.version_minor;
   *release = 1;
   *revision = 99;
 }
-const char* dhdErrorGetLastStr() { return "communication error"; }
-int dhdGetDeviceCount() { return g_fake.num_devices; }
-int dhdGetAvailableCount() { return g_fake.num_available; }
+const char* dhdErrorGetLastStr() {
+  CALL();
+  return "communication error";
+}
+int dhdGetDeviceCount() {
+  CALL();
+  return g_fake.num_devices;
+}
+int dhdGetAvailableCount() {
+  CALL();
+  return g_fake.num_available;
+}
 int drdOpenID(char ID) {
+  CALL();
   if (ID < g_fake.first_free || ID >= g_fake.num_devices) return -1;
   ++g_fake.num_open;
   g_fake.last_opened = ID;
   return ID;
 }
 int drdClose(char) {
+  CALL();
   --g_fake.num_open;
   return 0;
 }
-int dhdGetSystemType(char) { return g_fake.system_type; }
-const char* dhdGetSystemName(char) { return "sigma.7"; }
-bool dhdHasWrist(char) { return g_fake.has_wrist; }
-bool dhdHasActiveWrist(char) { return g_fake.has_active_wrist; }
+int dhdGetSystemType(char) {
+  CALL();
+  return g_fake.system_type;
+}
+const char* dhdGetSystemName(char) {
+  CALL();
+  return "sigma.7";
+}
+bool dhdHasWrist(char) {
+  CALL();
+  return g_fake.has_wrist;
+}
+bool dhdHasActiveWrist(char) {
+  CALL();
+  return g_fake.has_active_wrist;
+}
 int dhdGetPositionAndOrientationFrame(double* px, double* py, double* pz, double matrix[3][3],
                                       char) {
+  CALL();
   for (int i = 0; i < 9; ++i) matrix[i / 3][i % 3] = g_fake.rotation[i];
   return fill(g_fake.position, px, py, pz);
 }
 int dhdGetLinearVelocity(double* vx, double* vy, double* vz, char) {
+  CALL();
   return fill(g_fake.velocity, vx, vy, vz);
 }
 int dhdGetAngularVelocityRad(double* wx, double* wy, double* wz, char) {
+  CALL();
   if (!g_fake.has_wrist) return -1;
   return fill(g_fake.angular_velocity, wx, wy, wz);
 }
-uint dhdGetButtonMask(char) { return g_fake.buttons; }
+uint dhdGetButtonMask(char) {
+  CALL();
+  return g_fake.buttons;
+}
 int dhdSetForceAndTorqueAndGripperForce(double fx, double fy, double fz, double tx, double ty,
                                         double tz, double f, char) {
+  CALL();
   const double parts[7] = {fx, fy, fz, tx, ty, tz, f};
   for (int i = 0; i < 7; ++i) g_fake.wrench[i] = parts[i];
   const double force = std::hypot(fx, fy, fz);
@@ -100,14 +136,17 @@ int dhdSetForceAndTorqueAndGripperForce(double fx, double fy, double fz, double 
   return g_fake.write_result;
 }
 int dhdEnableForce(uchar val, char) {
+  CALL();
   g_fake.is_force_enabled = val != 0;
   return g_fake.enable_result;
 }
 int dhdSetGravityCompensation(int val, char) {
+  CALL();
   g_fake.gravity = val;
   return 0;
 }
 int dhdGetStatus(int status[17], char) {
+  CALL();
   for (int i = 0; i < 17; ++i) status[i] = 0;
   status[0] = status[1] = status[2] = status[3] = 1;
   status[5] = g_fake.is_force_enabled && g_fake.takes_force;
@@ -116,24 +155,50 @@ int dhdGetStatus(int status[17], char) {
 }
 
 #if !defined(FAKE_DHD_IS_INCOMPLETE)
-bool drdIsInitialized(char) { return g_fake.is_initialized; }
+bool drdIsInitialized(char) {
+  CALL();
+  return g_fake.is_initialized;
+}
 int dhdSetMaxForce(double limit, char) {
+  CALL();
   g_fake.max_force = limit;
   return 0;
 }
 int dhdSetMaxTorque(double limit, char) {
+  CALL();
   g_fake.max_torque = limit;
   return 0;
 }
 #endif
 
 // What must never be called.
-int drdAutoInit(char) { return forbidden(); }
-int drdStart(char) { return forbidden(); }
-int drdMoveToPos(double, double, double, bool, char) { return forbidden(); }
-int dhdReset(char) { return forbidden(); }
-int dhdEnableExpertMode() { return forbidden(); }
-int dhdSetVelocityThreshold(uint, char) { return forbidden(); }
-int dhdSetWatchdog(uchar, char) { return forbidden(); }
+int drdAutoInit(char) {
+  CALL();
+  return forbidden();
+}
+int drdStart(char) {
+  CALL();
+  return forbidden();
+}
+int drdMoveToPos(double, double, double, bool, char) {
+  CALL();
+  return forbidden();
+}
+int dhdReset(char) {
+  CALL();
+  return forbidden();
+}
+int dhdEnableExpertMode() {
+  CALL();
+  return forbidden();
+}
+int dhdSetVelocityThreshold(uint, char) {
+  CALL();
+  return forbidden();
+}
+int dhdSetWatchdog(uchar, char) {
+  CALL();
+  return forbidden();
+}
 
 }  // extern "C"

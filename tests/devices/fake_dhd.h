@@ -4,9 +4,13 @@
 #include <array>
 #include <atomic>
 
+#include "tests/devices/fake_hang.h"
+
 namespace palpate::test {
 
 struct FakeDhd {
+  Hang hang;
+
   // The script.
   std::atomic<int> version_major{3}, version_minor{17};
   std::atomic<int> num_devices{1}, num_available{1};

@@ -78,11 +78,13 @@ void schedule() {
 }
 
 void reset() {
+  g_fake.hang.in = nullptr;
   g_fake.init_error = g_fake.start_error = g_fake.frame_error = g_fake.read_error = 0;
   g_fake.calibration = g_fake.calibration_after_update = 0x5000;
   g_fake.calibration_style = 4;
   g_fake.input_dof = g_fake.output_dof = 6;
   g_fake.knows_limits = true;
+  g_fake.limit_factor = 1;
   g_fake.is_hanging = false;
   g_fake.period_microseconds = 1000;
   for (int i = 0; i < 16; ++i) g_fake.transform[i] = i % 5 == 0;
@@ -98,7 +100,11 @@ void reset() {
   g_errors.clear();
 }
 
+[[maybe_unused]] const bool g_is_ready = (reset(), true);
+
 }  // namespace
+
+#define CALL() g_fake.hang.pass(__func__)
 
 extern "C" {
 
@@ -108,21 +114,27 @@ palpate::test::FakeHd* fake_hd() {
 }
 
 HHD hdInitDevice(const char* name) {
+  CALL();
   g_fake.opened_name = name == nullptr ? "(default)" : name;
   raise(g_fake.init_error);
   if (g_fake.init_error != 0) return 0xFFFFFFFF;
   g_fake.is_enabled = true;
   return kDevice;
 }
-void hdDisableDevice(HHD) { g_fake.is_enabled = false; }
-void hdMakeCurrentDevice(HHD) {}
+void hdDisableDevice(HHD) {
+  CALL();
+  g_fake.is_enabled = false;
+}
+void hdMakeCurrentDevice(HHD) { CALL(); }
 void hdBeginFrame(HHD) {
+  CALL();
   if (g_is_in_frame || ++g_num_frames_this_call > 1) ++g_fake.num_illegal;
   g_is_in_frame = true;
   std::memset(g_force, 0, sizeof g_force);
   std::memset(g_torque, 0, sizeof g_torque);
 }
 void hdEndFrame(HHD) {
+  CALL();
   if (!g_is_in_frame) ++g_fake.num_illegal;
   g_is_in_frame = false;
   for (int i = 0; i < 3; ++i) {
@@ -134,9 +146,16 @@ void hdEndFrame(HHD) {
   ++g_fake.num_frames;
   raise(g_fake.frame_error);
 }
-void hdEnable(HDenum capability) { g_fake.capabilities.at(capability - 0x4000) = true; }
-void hdDisable(HDenum capability) { g_fake.capabilities.at(capability - 0x4000) = false; }
+void hdEnable(HDenum capability) {
+  CALL();
+  g_fake.capabilities.at(capability - 0x4000) = true;
+}
+void hdDisable(HDenum capability) {
+  CALL();
+  g_fake.capabilities.at(capability - 0x4000) = false;
+}
 void hdGetDoublev(HDenum what, double* values) {
+  CALL();
   switch (what) {
     case 0x2052:
       for (int i = 0; i < 16; ++i) values[i] = g_fake.transform[i];
@@ -150,22 +169,24 @@ void hdGetDoublev(HDenum what, double* values) {
     default: break;
   }
   if (!g_fake.knows_limits) return raise(0x100);
+  const double factor = g_fake.limit_factor;
   switch (what) {
-    case 0x2602: values[0] = 0.8; return;    // N/mm
-    case 0x2603: values[0] = 8.5; return;    // N
-    case 0x2609: values[0] = 0.005; return;  // N s/mm
-    case 0x2620: values[0] = 300; return;    // mN m/rad
-    case 0x2622: values[0] = 188; return;    // mN m
+    case 0x2602: values[0] = factor * 0.8; return;    // N/mm
+    case 0x2603: values[0] = factor * 8.5; return;    // N
+    case 0x2609: values[0] = factor * 0.005; return;  // N s/mm
+    case 0x2620: values[0] = factor * 300; return;    // mN m/rad
+    case 0x2622: values[0] = factor * 188; return;    // mN m
     case 0x2551:
       for (int i = 0; i < 3; ++i) {
-        values[i] = -80 + 10 * i;
-        values[3 + i] = 80;
+        values[i] = factor * (-80 + 10 * i);
+        values[3 + i] = factor * 80;
       }
       return;
     default: return raise(0x100);
   }
 }
 void hdGetIntegerv(HDenum what, int* values) {
+  CALL();
   switch (what) {
     case 0x2000: *values = g_fake.buttons; return;
     case 0x2553: *values = g_fake.input_dof; return;
@@ -174,12 +195,17 @@ void hdGetIntegerv(HDenum what, int* values) {
     default: return raise(0x100);
   }
 }
-const char* hdGetString(HDenum what) { return what == 0x2501 ? "PHANTOM Premium" : "012345"; }
+const char* hdGetString(HDenum what) {
+  CALL();
+  return what == 0x2501 ? "PHANTOM Premium" : "012345";
+}
 void hdSetDoublev(HDenum what, const double* values) {
+  CALL();
   if (!g_is_in_frame) ++g_fake.num_outside;
   std::memcpy(what == 0x2700 ? g_force : g_torque, values, sizeof g_force);
 }
 HDErrorInfo hdGetError() {
+  CALL();
   const std::lock_guard lock(g_mutex);
   if (g_errors.empty()) return {};
   const HDErrorInfo error = g_errors.back();
@@ -187,14 +213,20 @@ HDErrorInfo hdGetError() {
   return error;
 }
 const char* hdGetErrorString(HDerror code) {
+  CALL();
   return code == 0x200 ? "HD_WARM_MOTORS" : code == 0x302 ? "HD_COMM_ERROR" : "HD_ERROR";
 }
-HDenum hdCheckCalibration() { return g_fake.calibration; }
+HDenum hdCheckCalibration() {
+  CALL();
+  return g_fake.calibration;
+}
 void hdUpdateCalibration(HDenum style) {
+  CALL();
   g_fake.updated_style = style;
   g_fake.calibration = g_fake.calibration_after_update.load();
 }
 HDSchedulerHandle hdScheduleAsynchronous(HDSchedulerCallback callback, void* user_data, HDushort) {
+  CALL();
   const std::lock_guard lock(g_mutex);
   g_callback = callback;
   g_user_data = user_data;
@@ -202,16 +234,21 @@ HDSchedulerHandle hdScheduleAsynchronous(HDSchedulerCallback callback, void* use
   return kHandle;
 }
 void hdStartScheduler() {
+  CALL();
   raise(g_fake.start_error);
   if (g_fake.start_error != 0 || g_fake.is_scheduler_on) return;
   g_scheduler.stop();
   g_fake.is_scheduler_on = true;
   g_scheduler.thread = std::thread(schedule);
 }
-void hdStopScheduler() { g_scheduler.stop(); }
+void hdStopScheduler() {
+  CALL();
+  g_scheduler.stop();
+}
 
 #if !defined(FAKE_HD_IS_INCOMPLETE)
 void hdUnschedule(HDSchedulerHandle handle) {
+  CALL();
   const std::lock_guard lock(g_mutex);
   if (handle != kHandle || g_callback == nullptr) return;
   g_callback = nullptr;

@@ -5,9 +5,13 @@
 #include <atomic>
 #include <string>
 
+#include "tests/devices/fake_hang.h"
+
 namespace palpate::test {
 
 struct FakeHd {
+  Hang hang;
+
   // The script. Times in mm, mN m and s, as the real one has them.
   std::atomic<unsigned> init_error{0};   ///< of hdInitDevice
   std::atomic<unsigned> start_error{0};  ///< of hdStartScheduler
@@ -18,6 +22,7 @@ struct FakeHd {
   std::atomic<int> calibration_style{4};
   std::atomic<int> input_dof{6}, output_dof{6};
   std::atomic<bool> knows_limits{true};
+  std::atomic<double> limit_factor{1};  ///< of all limits
   std::atomic<bool> is_hanging{false};  ///< the scheduler does not call any more
   std::atomic<int> period_microseconds{1000};
   std::array<std::atomic<double>, 16> transform{};  ///< column by column

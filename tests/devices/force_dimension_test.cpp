@@ -1,12 +1,14 @@
 // Against a fake SDK: a shared library with the functions of the real one.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <cstdlib>
 #include <limits>
 #include <memory>
 
+#include "src/core/bounded_call.h"
 #include "src/devices/device_kinds.h"
 #include "tests/devices/fake_dhd.h"
 #include "tests/devices/fake_sdk.h"
@@ -353,6 +355,87 @@ TEST_F(ForceDimension, ADeviceThatTakesNoForceDoesNotStart) {
   EXPECT_TRUE(contains(started.error().message, "does not take forces: communication error"))
       << started.error().message;
   expect_no_force();
+}
+
+TEST_F(ForceDimension, ACallThatNeverReturnsIsGivenUp) {
+  for (const char* call : {"dhdGetPositionAndOrientationFrame", "dhdGetStatus",
+                           "dhdSetForceAndTorqueAndGripperForce", "dhdGetButtonMask"}) {
+    fake_.reset();
+    const auto num_ticks = std::make_shared<std::atomic<int>>(0);
+    auto device = open();
+    ASSERT_TRUE(
+        device->start([num_ticks, F = kPush](const DeviceState&) { return ++*num_ticks, F; }));
+    EXPECT_TRUE(eventually([&] { return fake_.wrench[0] != 0; })) << call;
+    fake_.hang.in = call;
+    ASSERT_TRUE(eventually([&] { return fake_.hang.num_hanging > 0; })) << call;
+    device->stop();
+    const Status status = device->status();
+    ASSERT_FALSE(status.has_value()) << call;
+    EXPECT_TRUE(contains(status.error().message, "does not return from a call")) << call;
+    EXPECT_FALSE(device->start([](const DeviceState&) { return Wrench{}; }).has_value());
+    EXPECT_FALSE(fake_.is_force_enabled) << call;  // another thread has switched it off
+    device.reset();
+    EXPECT_EQ(fake_.num_open, 1) << call;
+    EXPECT_TRUE(is_any_call_hung());
+    // It comes back when nobody waits any more: no tick, no force, and the device is closed.
+    const int num_then = *num_ticks;
+    fake_.hang.in = nullptr;
+    EXPECT_TRUE(eventually([&] { return fake_.num_open == 0; })) << call;
+    EXPECT_TRUE(eventually([] { return !is_any_call_hung(); }));
+    EXPECT_EQ(*num_ticks, num_then) << call;
+    expect_no_force();
+  }
+}
+
+TEST_F(ForceDimension, ADeviceThatDoesNotCloseIsLeft) {
+  auto device = running(kPush);
+  fake_.hang.in = "drdClose";
+  device.reset();
+  expect_no_force();
+  EXPECT_TRUE(is_any_call_hung());
+  fake_.hang.in = nullptr;
+  EXPECT_TRUE(eventually([] { return !is_any_call_hung(); }));
+}
+
+// Without a force for a moment, the hand has moved on: all of it at once would be a blow.
+TEST_F(ForceDimension, TheForceComesBackSlowlyWhenTheDeviceHadNone) {
+  auto device = running(kPush);
+  EXPECT_TRUE(eventually([&] { return fake_.wrench[0] == 1; }));
+  for (const bool is_silent : {false, true}) {
+    (is_silent ? fake_.read_result : fake_.status_result) = is_silent ? -1 : 0;
+    fake_.takes_force = is_silent;
+    ASSERT_TRUE(eventually([&] { return fake_.wrench[0] == 0; }));
+    fake_.read_result = 0;
+    fake_.takes_force = true;
+    double last = 0, largest_step = 0;
+    ASSERT_TRUE(eventually([&] {
+      const double now = fake_.wrench[0];
+      largest_step = std::max(largest_step, now - last);
+      last = now;
+      return now == 1;
+    })) << last;
+    EXPECT_LT(largest_step, 0.9);  // this thread does not see every tick
+    EXPECT_TRUE(device->status().has_value());
+  }
+}
+
+TEST_F(ForceDimension, ATransformThatIsNoRotationIsNoPose) {
+  const double all[][9] = {{0, 0, 0, 0, 0, 0, 0, 0, 0},
+                           {2, 0, 0, 0, 2, 0, 0, 0, 2},
+                           {1, 0, 0, 0, 1, 0, 0, 0, -1},
+                           {1, 0.5, 0, 0, 1, 0, 0, 0, 1}};
+  for (const auto& matrix : all) {
+    fake_.reset();
+    auto device = open();
+    for (int i = 0; i < 9; ++i) fake_.rotation[i] = matrix[i];
+    std::atomic<bool> has_valid = false;
+    ASSERT_TRUE(device->start([&](const DeviceState& state) {
+      has_valid = has_valid || state.is_valid;
+      return Wrench{};
+    }));
+    EXPECT_TRUE(eventually([&] { return !device->status(); }));  // so many in a row
+    EXPECT_FALSE(has_valid);
+  }
 }
 
 TEST_F(ForceDimension, ALostStatusIsALostDevice) {

@@ -2,12 +2,14 @@
 // thread of its own.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <cstdlib>
 #include <limits>
 #include <memory>
 
+#include "src/core/bounded_call.h"
 #include "src/devices/device_kinds.h"
 #include "tests/devices/fake_hd.h"
 #include "tests/devices/fake_sdk.h"
@@ -151,6 +153,21 @@ TEST_F(OpenHaptics, LimitsAreAskedFor) {
   EXPECT_GT(limits.workspace_radius, 0);
 }
 
+// The last guard of the hand is no number from a driver.
+TEST_F(OpenHaptics, LimitsThatCannotBeAreThoseOfTheWeakestDevice) {
+  for (const double factor : {0.0, -1.0, 1e6, 1e300, std::numeric_limits<double>::infinity(),
+                              std::numeric_limits<double>::quiet_NaN()}) {
+    fake_.limit_factor = factor;
+    const DeviceLimits limits = open()->info().limits;
+    EXPECT_EQ(limits.max_force, 3.3) << factor;
+    EXPECT_EQ(limits.max_torque, 0) << factor;
+    EXPECT_LT(limits.max_stiffness, 1e5) << factor;
+    EXPECT_GT(limits.max_stiffness, 0) << factor;
+    EXPECT_LT(limits.workspace_radius, 1) << factor;
+    EXPECT_GT(limits.workspace_radius, 0) << factor;
+  }
+}
+
 TEST_F(OpenHaptics, StateAndWrench) {
   const Quaternion turn = axis_angle({1, -2, 0.5}, 2.5);
   const Mat3d R = rotation_matrix(turn);
@@ -253,7 +270,15 @@ TEST_F(OpenHaptics, ForceErrorsAreARestWithoutForce) {
   EXPECT_TRUE(eventually([&] { return fake_.num_frames > num_frames + 10; }));
   expect_no_force();
   fake_.frame_error = 0;
-  EXPECT_TRUE(eventually([&] { return fake_.force[0] != 0; }));
+  // Slowly, as the hand has moved on meanwhile.
+  double last = 0, largest_step = 0;
+  EXPECT_TRUE(eventually([&] {
+    const double now = fake_.force[0];
+    largest_step = std::max(largest_step, now - last);
+    last = now;
+    return now == 1;
+  }));
+  EXPECT_LT(largest_step, 0.9);  // this thread does not see every frame
   EXPECT_GT(fake_.num_frames, num_frames + 100);
   EXPECT_TRUE(device->status().has_value());
 }
@@ -312,6 +337,47 @@ TEST_F(OpenHaptics, ASchedulerThatDoesNotStart) {
   expect_stopped();
   fake_.start_error = 0;
   EXPECT_TRUE(device->start([](const DeviceState&) { return Wrench{}; }).has_value());
+}
+
+TEST_F(OpenHaptics, ACallThatNeverReturnsIsGivenUp) {
+  for (const char* call : {"hdStopScheduler", "hdBeginFrame", "hdEndFrame", "hdSetDoublev"}) {
+    fake_.reset();
+    const auto num_ticks = std::make_shared<std::atomic<int>>(0);
+    auto device = open();
+    ASSERT_TRUE(
+        device->start([num_ticks, F = kPush](const DeviceState&) { return ++*num_ticks, F; }));
+    EXPECT_TRUE(eventually([&] { return fake_.force[0] != 0; })) << call;
+    fake_.hang.in = call;
+    device->stop();
+    ASSERT_FALSE(device->status().has_value()) << call;
+    EXPECT_TRUE(contains(device->status().error().message, "does not call back")) << call;
+    EXPECT_TRUE(eventually([&] { return !fake_.capabilities[0]; })) << call;  // HD_FORCE_OUTPUT
+    EXPECT_FALSE(device->start([](const DeviceState&) { return Wrench{}; }).has_value());
+    device.reset();
+    const int num_then = *num_ticks;
+    fake_.hang.in = nullptr;
+    EXPECT_TRUE(eventually([&] { return fake_.num_scheduled == 0; })) << call;
+    EXPECT_TRUE(eventually([] { return !is_any_call_hung(); })) << call;
+    EXPECT_LE(*num_ticks, num_then) << call;
+  }
+}
+
+TEST_F(OpenHaptics, ADeviceThatDoesNotCloseIsLeft) {
+  auto device = running(kPush);
+  fake_.hang.in = "hdDisableDevice";
+  device.reset();
+  expect_stopped();
+  EXPECT_TRUE(is_any_call_hung());
+  fake_.hang.in = nullptr;
+  EXPECT_TRUE(eventually([] { return !is_any_call_hung(); }));
+}
+
+TEST_F(OpenHaptics, ATransformThatIsNoRotationIsNoPose) {
+  auto device = running(kPush);
+  fake_.transform[0] = 0;
+  EXPECT_TRUE(eventually([&] { return fake_.force[0] == 0; }));
+  fake_.transform[0] = 1;
+  EXPECT_TRUE(eventually([&] { return fake_.force[0] == 1; }));
 }
 
 TEST_F(OpenHaptics, ADriverThatHangs) {

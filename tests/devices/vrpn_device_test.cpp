@@ -112,6 +112,51 @@ TEST(VrpnDevice, VelocitiesHaveTheRightSizeWhateverTheServerCallsThem) {
   }
 }
 
+TEST(VrpnDevice, VelocitiesNeedNoClockOfTheServer) {
+  VrpnServerOptions silent;
+  silent.reports_velocity = false;
+  Bench bench(silent);
+  bench.server.has_no_clock = true;
+  bench.start();
+  ASSERT_TRUE(eventually([&] { return bench.log.num_valid() > 100; }));
+  bench.server.set_target({0.03, 0.02, 0.03});
+  EXPECT_TRUE(eventually([&] { return bench.log.last().V_BH.linear.x > 0.01; }));
+}
+
+// The last velocity of a server that reports no others would brake a hand that stands still.
+TEST(VrpnDevice, AVelocityThatIsNotRepeatedIsOver) {
+  Bench bench;
+  bench.start();
+  // Long enough that the server's velocities are believed whatever comes.
+  for (int i = 0; i < 6; ++i) {
+    bench.server.set_target({i % 2 == 0 ? 0.08 : 0.01, 0.02, 0.03});
+    ASSERT_TRUE(eventually([&] {
+      return std::abs(bench.log.last().X_BH.translation.x - (i % 2 == 0 ? 0.08 : 0.01)) < 1e-3;
+    }));
+  }
+  bench.server.set_target({0.08, 0.02, 0.03});
+  ASSERT_TRUE(eventually([&] { return bench.log.last().V_BH.linear.x > 0.05; }));
+  bench.server.has_no_velocity = true;
+  EXPECT_TRUE(eventually([&] { return norm(bench.log.last().V_BH.linear) < 1e-3; }));
+}
+
+TEST(VrpnDevice, PosesThatCannotBeAreNoPoses) {
+  Bench bench;
+  bench.start();
+  ASSERT_TRUE(eventually([&] { return bench.log.num_valid() > 20; }));
+  bench.server.is_wild = true;
+  EXPECT_TRUE(eventually([&] { return bench.log.size() > 20 && !bench.log.last().is_valid; }));
+  bench.server.is_wild = false;
+  EXPECT_TRUE(eventually([&] { return bench.log.last().is_valid; }));
+  for (const DeviceState& state : bench.log.states()) {
+    EXPECT_LT(norm(state.X_BH.translation), 1);
+    EXPECT_LT(norm(state.V_BH.linear), 10);
+    EXPECT_TRUE(!state.is_valid || std::abs(state.X_BH.rotation.x) > 0.01);  // it is turned
+  }
+  bench.server.is_wild = true;
+  bench.wait_until_lost("no position for 1 s");
+}
+
 TEST(VrpnDevice, MessagesInPiecesAreTheSame) {
   Bench bench;
   bench.server.dribbles = true;

@@ -147,8 +147,8 @@ bool VrpnServer::send(int socket, std::int32_t sender, std::int32_t type,
                        .count();
   std::string message;
   put(message, static_cast<std::int32_t>(24 + payload.size()));
-  put(message, static_cast<std::int32_t>(now / 1000000));
-  put(message, static_cast<std::int32_t>(now % 1000000));
+  put(message, static_cast<std::int32_t>(has_no_clock ? 0 : now / 1000000));
+  put(message, static_cast<std::int32_t>(has_no_clock ? 0 : now % 1000000));
   put(message, sender);
   put(message, type);
   put(message, std::int32_t{0});
@@ -185,8 +185,10 @@ bool VrpnServer::report(int socket, int number) {
     }
     put(pose, std::int32_t{0});
     put(pose, std::int32_t{0});
-    for (int i = 0; i < 3; ++i) put(pose, position_[i]);
-    for (double q : {rotation_.x, rotation_.y, rotation_.z, rotation_.w}) put(pose, q);
+    const double away = is_wild && number % 2 == 0 ? 1e300 : 1;
+    const double longer = is_wild && number % 2 == 1 ? 1e-160 : 1;
+    for (int i = 0; i < 3; ++i) put(pose, away * position_[i]);
+    for (double q : {rotation_.x, rotation_.y, rotation_.z, rotation_.w}) put(pose, longer * q);
     put(velocity, std::int32_t{0});
     put(velocity, std::int32_t{0});
     for (int i = 0; i < 3; ++i) put(velocity, velocity_[i] * options_.velocity_unit);
@@ -206,7 +208,8 @@ bool VrpnServer::report(int socket, int number) {
   other[3] = 1;
   return send(socket, kSender, kPose, other) && send(socket, 0, kPose, std::string(64, '\x7f')) &&
          send(socket, kSender, kPose, pose) &&
-         (!options_.reports_velocity || send(socket, kSender, kVelocity, velocity)) &&
+         (!options_.reports_velocity || has_no_velocity ||
+          send(socket, kSender, kVelocity, velocity)) &&
          (button.empty() || send(socket, kSender, kButton, button)) &&
          (error.empty() || number % 10 != 0 || send(socket, kSender, kError, error));
 }

@@ -187,6 +187,18 @@ void expect_fade(Fault fault, Break break_it, int patience) {
   EXPECT_EQ(distance(rig.hold(kPush), kPush), 0);
 }
 
+TEST(SafetyFilter, AHandWithoutTheToolSaysNothingAboutContact) {
+  Rig rig;
+  rig.hold(kPush);
+  break_once(rig);
+  // The clutch takes the contact from the hand, not from the tool.
+  rig.input.is_let_go = true;
+  EXPECT_EQ(ticks_until_engaged(rig, 3000), -1);
+  rig.input.is_let_go = false;
+  for (int i = 0; i < 3000; ++i) EXPECT_EQ(norm(rig.tick(kPush).force), 0);
+  EXPECT_GE(ticks_until_engaged(rig, 3000), 0);
+}
+
 TEST(SafetyFilter, FadesOnEveryFault) {
   expect_fade(
       Fault::not_finite, [](auto&, auto& w) { w.force.y = kNan; }, 1);

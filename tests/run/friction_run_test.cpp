@@ -42,6 +42,45 @@ Split split(const Vec3d& force, const Vec3d& n) {
   return {dot(force, n), force - dot(force, n) * n};
 }
 
+// A hand that has moved away with the clutch presses against nothing: what it takes hold of in
+// contact must not push it off at once.
+TEST(ClutchRun, InContactTheForceComesBackWithTheRamp) {
+  constexpr std::uint32_t kClutch = 2;
+  const Tool tool = test::packed(make_box({0.04, 0.04, 0.04}), 400);
+  for (const CouplingKind kind :
+       {CouplingKind::virtual_coupling, CouplingKind::direct, CouplingKind::proxy}) {
+    RunSettings settings = test::coupled_by(kind);
+    settings.coupling.clutch_button = 2;
+    Wall wall(tool, settings);
+    Pose handle{{0, 0, kWall - 0.04}, {}};
+    for (int i = 0; i < 100; ++i) wall.to(handle);
+    for (int i = 0; i < 1500; ++i) {
+      handle.translation.z = kWall - 0.02 + std::min(3e-3, -0.02 + 1e-4 * i);
+      wall.to(handle);
+    }
+    const TickRecord pressed = wall.to(handle);
+    ASSERT_TRUE(pressed.safety.is_engaged());
+    const double force = norm(pressed.F_H_B.force);
+    ASSERT_GT(force, 0.5);
+    for (int i = 0; i < 300; ++i) {
+      handle.translation.z -= 1e-4;
+      const TickRecord& tick = wall.to(handle, kClutch);
+      EXPECT_LE(norm(tick.F_H_B.force), force);
+      EXPECT_TRUE(tick.safety.is_engaged());
+      if (i > 100) EXPECT_EQ(norm(tick.F_H_B.force), 0);
+    }
+    double last = 0, largest_step = 0;
+    for (int i = 0; i < 1000; ++i) {
+      const double now = norm(wall.to(handle).F_H_B.force);
+      largest_step = std::max(largest_step, now - last);
+      last = now;
+      EXPECT_LE(now, 1.05 * force * (i + 1) * test::kTickSeconds / settings.safety.ramp_seconds);
+    }
+    EXPECT_GT(last, 0.9 * force);
+    EXPECT_LT(largest_step, 2 * force * test::kTickSeconds / settings.safety.ramp_seconds);
+  }
+}
+
 TEST(FrictionRun, SlidesWithMuNOnWallsOfAnyTilt) {
   const Tool tool = test::packed(make_box({0.04, 0.04, 0.04}), 400);
   for (const Vec3d& tilt : {Vec3d{0, 0, -1}, Vec3d{0.25, -0.1, -1}}) {

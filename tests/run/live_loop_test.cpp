@@ -300,6 +300,21 @@ Status ending_with(ScriptedDevice::Options options) {
   return status;
 }
 
+TEST(LiveLoop, ADeviceThatIsLostIsTheFaultOfItsReport) {
+  for (const double lost_after : {0.2, 1e9}) {
+    WallSource source({});
+    ScriptedDevice device({.hand = pressing_hand, .lost_after = lost_after});
+    auto loop = RunLoop::create(box_tool(), source, device, patient_settings());
+    ASSERT_TRUE(loop);
+    ASSERT_TRUE((*loop)->start());
+    if (lost_after < 1) {
+      EXPECT_TRUE(wait_for([&] { return !(*loop)->is_running(); }));
+    }
+    (*loop)->stop();
+    EXPECT_EQ((*loop)->report().fault, lost_after < 1 ? Fault::device : Fault::stopped);
+  }
+}
+
 TEST(LiveLoop, EndsWhenTheDeviceIsLost) {
   const Status ending = ending_with({.hand = pressing_hand, .lost_after = 0.2});
   ASSERT_FALSE(ending);

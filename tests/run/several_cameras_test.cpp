@@ -224,6 +224,20 @@ struct Records {
   std::vector<ContactRecord> contacts;
 };
 
+TEST(SeveralCameras, OneThatEndsIsNamed) {
+  PosedWall first(beside_wall(0.5), 60);
+  PosedWall second([](double) { return beside_wall(-0.4); }, 60, 0.5, 12);
+  test::ScriptedDevice device({.hand = [](double) { return pressed(0).X_BH.translation; }});
+  auto loop =
+      RunLoop::create(box_tool(), DepthSources({&first, &second}), device, settings_of_path());
+  ASSERT_TRUE(loop) << loop.error().message;
+  ASSERT_TRUE((*loop)->start());
+  EXPECT_TRUE(test::wait_for([&] { return !(*loop)->is_running(); }));
+  (*loop)->stop();
+  EXPECT_TRUE((*loop)->status());
+  EXPECT_EQ((*loop)->report().ending, "the depth frames of camera_2 (a wall) have ended");
+}
+
 TEST(SeveralCameras, AreFeltLive) {
   PosedWall left(beside_wall(0.5), 60), right(beside_wall(-0.4), 25);
   PosedWall moving([](double time) { return beside_wall(0.2 * std::sin(3 * time)); }, 40);

@@ -2,6 +2,7 @@
 // each millisecond.
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <optional>
 #include <utility>
@@ -43,7 +44,7 @@ class TickedPipeline {
     pipeline_.emplace(Pipeline::create(tool, stream, device_info(), settings).value());
   }
 
-  const TickRecord& to(const Pose& X_BH) {
+  const TickRecord& to(const Pose& X_BH, std::uint32_t buttons = 0) {
     const double time = kTickSeconds * num_ticks_;
     for (; num_frames_ * kFramePeriod <= time; ++num_frames_) {
       const double shown = num_frames_ * kFramePeriod;
@@ -52,6 +53,7 @@ class TickedPipeline {
     DeviceState state;
     state.time = time;
     state.X_BH = X_BH;
+    state.buttons = buttons;
     if (num_ticks_ > 0) state.V_BH.linear = (X_BH.translation - last_.translation) / kTickSeconds;
     last_ = X_BH;
     state.is_valid = true;

@@ -100,6 +100,9 @@ Result<std::unique_ptr<DepthSource>> open_camera(const CameraUri& uri,
 Result<std::optional<Pose>> standing_pose(const CameraUri& uri);
 /// m/s2, in W, from the first static camera with an accelerometer. None: there is none.
 std::optional<Vec3d> gravity_seen(std::span<const CameraUri> cameras);
+/// A sentence for each static camera whose accelerometer contradicts `gravity`, m/s2, in W: by more
+/// than 10 degrees or 10 %. None without gravity.
+std::vector<std::string> gravity_doubts(std::span<const CameraUri> cameras, const Vec3d& gravity);
 
 // Rigs: several cameras in one file, with their poses.
 

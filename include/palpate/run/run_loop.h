@@ -186,7 +186,7 @@ struct LoopReport {
   std::vector<std::pair<std::string, std::string>> scheduling;
   /// s, with fewer page updates, smaller images, fewer spheres: see loop.thin_out.
   double page_thinned = 0, image_thinned = 0, spheres_thinned = 0;
-  Fault fault = Fault::none;     ///< the permanent fault that ended the loop
+  Fault fault = Fault::none;     ///< what ended the loop; device: it was lost
   std::uint32_t num_faults = 0;  ///< found by the safety filter, including temporary ones
   double seconds = 0;            ///< on the run's clock
   std::string ending;            ///< reason for the end, e.g. "the depth frames have ended"

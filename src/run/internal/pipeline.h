@@ -177,6 +177,11 @@ class CameraViews {
   std::vector<SurfaceBlend> views_;
 };
 
+/// What a run says at the end of the frames of one of its cameras.
+std::string frames_have_ended(const std::string& name, std::size_t camera, std::size_t num_cameras);
+/// An error of one of several cameras, by its name.
+Error error_of_camera(const Error& error, const std::string& name, std::size_t camera,
+                      std::size_t num_cameras);
 /// What StepStatus::backend_failed means.
 Error lost_backend();
 /// What a run ends with whose threads get no memory any more.

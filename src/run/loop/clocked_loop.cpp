@@ -183,11 +183,11 @@ bool ClockedLoop::take_frame(std::size_t camera, double time) {
   FrameQueue& frames = cameras_[camera].frames;
   const auto fresh = frames.advance(time);
   if (!fresh) {
-    status_ = fresh.error();
+    status_ = error_of_camera(fresh.error(), frames.name(), camera, cameras_.size());
     return false;
   }
   if (clock_.ends_with_frames && frames.ended(time)) {
-    end("the depth frames have ended");
+    end(frames_have_ended(frames.name(), camera, cameras_.size()));
     return false;
   }
   if (!*fresh) return true;

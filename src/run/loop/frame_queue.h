@@ -38,6 +38,7 @@ class FrameQueue {
   /// Any thread: waits for no more frames.
   void cancel() noexcept { source_.cancel(); }
 
+  const std::string& name() const { return source_.info().name; }
   const DepthFrame& current() const { return current_; }
   /// s, on the simulated clock.
   double current_time() const { return current_.timestamp - *zero_; }

@@ -486,8 +486,13 @@ LoopReport LiveLoop::report() const {
   }
   report.scheduling = scheduling();
   report.fault = haptic_.fault();
+  // The safety filter hears of a device only by its ticks.
+  if (is_device_stuck_ || !device_.status()) report.fault = Fault::device;
   report.num_faults = haptic_.num_faults();
-  if (surfaces_.has_source_ended()) report.ending = "the depth frames have ended";
+  if (const int camera = surfaces_.ended_camera(); camera >= 0) {
+    const auto which = static_cast<std::size_t>(camera);
+    report.ending = frames_have_ended(streams_[which].name, which, streams_.size());
+  }
   report.seconds = (is_running() ? monotonic_now() : end_time_.load()) - start_time_;
   const auto note = [&](std::string text) { report.notes.push_back(std::move(text)); };
   if (const int refused = haptic_.real_time_error()) note(scheduler_refused("haptic", refused));

@@ -91,10 +91,10 @@ SurfaceStage::SurfaceStage(const DepthSources& sources, std::vector<SurfaceTimel
 }
 
 Status SurfaceStage::start() {
-  for (const auto& camera : cameras_) {
-    camera->thread = std::thread([this, &of = *camera] {
+  for (std::size_t k = 0; k < cameras_.size(); ++k) {
+    cameras_[k]->thread = std::thread([this, k] {
       try {
-        read_frames(of);
+        read_frames(k);
       } catch (const std::bad_alloc&) {
         fail(out_of_memory(), source_failed_);
       }
@@ -171,12 +171,16 @@ std::uint64_t SurfaceStage::num_skipped() const noexcept {
   return sum;
 }
 
-void SurfaceStage::read_frames(Camera& camera) {
+void SurfaceStage::read_frames(std::size_t number) {
+  Camera& camera = *cameras_[number];
   TimedFrame newest{blank_frame(camera.source.info())};
   while (!stop_.is_stopping()) {
     if (may_read(camera)) {
       const auto got = camera.source.read(newest.frame);
-      if (!got) return fail(got.error(), source_failed_);
+      if (!got) {
+        const std::string& name = camera.source.info().name;
+        return fail(error_of_camera(got.error(), name, number, cameras_.size()), source_failed_);
+      }
       if (!*got) break;
       // Frames that were held have moved time on.
       newest.capture_time = std::max(camera.source.capture_time(newest.frame, monotonic_now()),
@@ -194,7 +198,8 @@ void SurfaceStage::read_frames(Camera& camera) {
   // The last frame has its share of time.
   stop_.sleep_for(camera.num_read.load() > 0 ? camera.period : 0);
   // One that was cancelled has not ended.
-  if (!stop_.is_stopping()) source_ended_.store(true, std::memory_order_release);
+  int none = -1;
+  if (!stop_.is_stopping()) ended_camera_.compare_exchange_strong(none, static_cast<int>(number));
 }
 
 /// Whether the next frame is to come, not the last one again.

@@ -119,7 +119,11 @@ class SurfaceStage {
 
   /// How the stage has ended, if it has: by the first camera that did. A backend that has failed
   /// may be changed. Any thread.
-  bool has_source_ended() const noexcept { return source_ended_.load(std::memory_order_acquire); }
+  bool has_source_ended() const noexcept {
+    return ended_camera_.load(std::memory_order_acquire) >= 0;
+  }
+  /// Which camera's frames have ended first; -1: none.
+  int ended_camera() const noexcept { return ended_camera_.load(std::memory_order_acquire); }
   bool has_source_failed() const noexcept { return source_failed_.load(std::memory_order_acquire); }
   bool has_backend_failed() const noexcept {
     return backend_failed_.load(std::memory_order_acquire);
@@ -165,7 +169,7 @@ class SurfaceStage {
   };
 
   Status wait_for_first(const Camera& camera);
-  void read_frames(Camera& camera);
+  void read_frames(std::size_t number);
   bool may_read(Camera& camera);
   void make_surfaces();
   void make_surface(Camera& camera, std::uint32_t index);
@@ -193,7 +197,8 @@ class SurfaceStage {
   std::atomic<std::uint32_t> revision_ = 0, num_steps_ = 0;
   std::atomic<int> nice_ = 0;
   std::atomic<bool> is_held_ = false, wants_picture_ = false;
-  std::atomic<bool> source_ended_ = false, source_failed_ = false, backend_failed_ = false;
+  std::atomic<int> ended_camera_ = -1;
+  std::atomic<bool> source_failed_ = false, backend_failed_ = false;
   mutable std::mutex error_mutex_;
   Status status_ = Done{};
   std::thread surface_thread_;

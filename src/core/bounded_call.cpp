@@ -1,0 +1,91 @@
+#include "src/core/bounded_call.h"
+
+#include <atomic>
+#include <chrono>
+#include <future>
+#include <memory>
+#include <system_error>
+#include <utility>
+
+namespace palpate::inline v0 {
+namespace {
+
+std::atomic<int> g_num_hung{0};
+
+/// What is called, and who has settled it: its return, or the end of the patience.
+class Call {
+ public:
+  explicit Call(std::function<void()> work) : work_(std::move(work)) {}
+
+  void run() {
+    work_();
+    work_ = nullptr;  // what it owns goes before anybody hears of it
+    if (is_settled_.exchange(true)) count_hung_calls(-1);
+    has_returned_.set_value();
+  }
+  bool returns_within(double patience) {
+    const auto waited = returned_.wait_for(std::chrono::duration<double>(patience));
+    if (waited == std::future_status::ready || is_settled_.exchange(true)) return true;
+    count_hung_calls(1);
+    return false;
+  }
+
+ private:
+  std::function<void()> work_;
+  std::atomic<bool> is_settled_ = false;
+  std::promise<void> has_returned_;
+  std::future<void> returned_ = has_returned_.get_future();
+};
+
+}  // namespace
+
+bool returns_within(double patience, std::function<void()> work) {
+  const auto call = std::make_shared<Call>(std::move(work));
+  try {
+    std::thread([call] { call->run(); }).detach();
+  } catch (const std::system_error&) {
+    call->run();
+  }
+  return call->returns_within(patience);
+}
+
+bool BoundedThread::call(double patience, std::function<void()> work) {
+  const auto call = std::make_shared<Call>(std::move(work));
+  if (!hand_over([call] { call->run(); })) call->run();
+  return call->returns_within(patience);
+}
+
+/// False: this is the thread, or there is none.
+bool BoundedThread::hand_over(std::function<void()> call) {
+  const std::lock_guard lock(mutex_);
+  if (id_ == std::this_thread::get_id()) return false;
+  if (id_ == std::thread::id()) {
+    try {
+      std::thread thread([this] { serve(); });
+      id_ = thread.get_id();
+      thread.detach();
+    } catch (const std::system_error&) {
+      return false;
+    }
+  }
+  calls_.push(std::move(call));
+  changed_.notify_one();
+  return true;
+}
+
+void BoundedThread::serve() {
+  std::unique_lock lock(mutex_);
+  for (;;) {
+    changed_.wait(lock, [this] { return !calls_.empty(); });
+    const std::function<void()> next = std::move(calls_.front());
+    calls_.pop();
+    lock.unlock();
+    next();
+    lock.lock();
+  }
+}
+
+bool is_any_call_hung() noexcept { return g_num_hung > 0; }
+void count_hung_calls(int change) noexcept { g_num_hung += change; }
+
+}  // namespace palpate::inline v0

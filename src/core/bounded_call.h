@@ -1,0 +1,40 @@
+// Calls into libraries that may never come back.
+#pragma once
+
+#include <condition_variable>
+#include <functional>
+#include <mutex>
+#include <queue>
+#include <thread>
+
+namespace palpate::inline v0 {
+
+/// Runs `work` on a thread of its own and waits for it, but no longer than `patience` seconds.
+/// False: it has not come back; should it do so later, nobody waits for it. So `work` must own all
+/// that it needs. Where no thread is to be had, it runs in this one.
+bool returns_within(double patience, std::function<void()> work);
+
+/// The same with one thread for all calls, one after the other, for libraries that remember the
+/// threads which have called them. It lives in memory that is never freed. Calls from itself run at
+/// once.
+class BoundedThread {
+ public:
+  bool call(double patience, std::function<void()> work);
+
+ private:
+  bool hand_over(std::function<void()> call);
+  void serve();
+
+  std::mutex mutex_;  // of what follows
+  std::condition_variable changed_;
+  std::queue<std::function<void()>> calls_;
+  std::thread::id id_;  // none: there is no thread yet
+};
+
+/// Whether a call has not come back to this day. A program ends by _exit then: what libraries do at
+/// an ordinary end may wait for that call, too.
+bool is_any_call_hung() noexcept;
+/// For whoever gives up a call of another kind: 1; -1 if it does come back.
+void count_hung_calls(int change) noexcept;
+
+}  // namespace palpate::inline v0

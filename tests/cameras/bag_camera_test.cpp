@@ -1,0 +1,193 @@
+// Bags of ROS 1 whose camera, stamps and types change in mid-stream.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <fstream>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "palpate/cameras/cameras.h"
+#include "tests/io/ros1_bag_writer.h"
+#include "tests/test_util/temporary_folder.h"
+
+namespace palpate {
+namespace {
+
+using test::Bytes;
+
+constexpr int kWidth = 32, kHeight = 24, kNumFrames = 10;
+constexpr char kTopic[] = "/cam/depth/image_raw";
+
+/// A frame of a bag: how the camera is then.
+struct Shot {
+  std::uint32_t seconds = 100, nanoseconds = 0;
+  int width = kWidth, height = kHeight;
+  double fx = 30;  // of an image of kWidth
+};
+
+std::string camera_info(const Shot& shot) {
+  Bytes info = test::ros1_stamp(shot.seconds, shot.nanoseconds, "cam");
+  info.number(kHeight).number(kWidth).text("plumb_bob").number(std::uint32_t{0});
+  const double K[] = {shot.fx, 0, 15.5, 0, shot.fx, 11.5, 0, 0, 1};
+  const double R[] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+  const double P[] = {shot.fx, 0, 15.5, 0, 0, shot.fx, 11.5, 0, 0, 0, 1, 0};
+  for (const double k : K) info.number(k);
+  for (const double r : R) info.number(r);
+  for (const double p : P) info.number(p);
+  for (int i = 0; i < 6; ++i) info.number(std::uint32_t{0});
+  return info.number(std::uint8_t{0}).str();
+}
+
+/// Half a metre left of the middle, twice as far right of it.
+std::string image(const Shot& shot) {
+  std::string counts;
+  for (int v = 0; v < shot.height; ++v) {
+    for (int u = 0; u < shot.width; ++u)
+      counts += test::bytes_of(std::uint16_t(2 * u < shot.width ? 500 : 1000));
+  }
+  return test::ros1_image(test::ros1_stamp(shot.seconds, shot.nanoseconds, "cam"), shot.width,
+                          shot.height, counts);
+}
+
+class BagCamera : public testing::Test {
+ protected:
+  void write(const std::function<Shot(int)>& shot_of, bool has_texts = false) {
+    std::string records =
+        test::ros1_connection(0, kTopic, "sensor_msgs/Image") +
+        test::ros1_connection(1, "/cam/depth/camera_info", "sensor_msgs/CameraInfo") +
+        test::ros1_connection(2, kTopic, "std_msgs/String");
+    for (int k = 0; k < kNumFrames; ++k) {
+      Shot shot = shot_of(k);
+      records += test::ros1_message(0, 100, 0, image(shot)) +
+                 test::ros1_message(1, 100, 0, camera_info(shot));
+      if (has_texts) records += test::ros1_message(2, 100, 0, Bytes().text("hello").str());
+    }
+    std::ofstream(path_, std::ios::binary) << test::ros1_bag({test::ros1_chunk(records)});
+  }
+  void read() {
+    frames_.clear();
+    auto camera = open_camera("bag:" + path_);
+    ASSERT_TRUE(camera) << camera.error().message;
+    info_ = (*camera)->info();
+    DepthFrame frame;
+    for (;;) {
+      const auto got = (*camera)->next(frame);
+      ASSERT_TRUE(got) << got.error().message;
+      if (!*got) break;
+      frames_.push_back(frame);
+    }
+    notes_ = (*camera)->take_notes();
+  }
+  bool is_noted(const std::string& words) const {
+    for (const std::string& note : notes_) {
+      if (note.find(words) != std::string::npos) return true;
+    }
+    return false;
+  }
+
+  const test::TemporaryFolder folder_;
+  const std::string path_ = (folder_.path() / "scene.bag").string();
+  DepthStreamInfo info_;
+  std::vector<DepthFrame> frames_;
+  std::vector<std::string> notes_;
+};
+
+Shot in_time(int k) {
+  Shot shot;
+  shot.nanoseconds = static_cast<std::uint32_t>(k) * 50'000'000;
+  return shot;
+}
+
+TEST_F(BagCamera, OfAStillCameraThereIsNothingToSay) {
+  write(in_time);
+  read();
+  EXPECT_EQ(frames_.size(), 10u);
+  EXPECT_NEAR(info_.rate, 20, 1e-6);
+  EXPECT_TRUE(notes_.empty()) << notes_.front();
+}
+
+// Each image is seen by the lens of its time, whichever message comes first, and turned into the
+// first one.
+TEST_F(BagCamera, ALensThatChangesIsFollowed) {
+  write([](int k) {
+    Shot shot = in_time(k);
+    if (k >= 5) shot.fx = 60;
+    return shot;
+  });
+  read();
+  ASSERT_EQ(frames_.size(), 10u);
+  EXPECT_EQ(info_.intrinsics.fx, 30);
+  for (std::size_t k = 0; k < frames_.size(); ++k) {
+    const auto row = frames_[k].pixels.begin() + 12 * kWidth;
+    // A lens of twice the focal length sees the inner half only.
+    EXPECT_EQ(row[2] != 0, k < 5) << k;
+    EXPECT_EQ(row[12], 500) << k;
+    EXPECT_EQ(row[20], 1000) << k;
+  }
+  EXPECT_TRUE(is_noted("camera_info changes"));
+}
+
+TEST_F(BagCamera, ASizeThatChangesIsFollowed) {
+  write([](int k) {
+    Shot shot = in_time(k);
+    if (k >= 5) shot.width = 2 * kWidth, shot.height = 2 * kHeight;
+    return shot;
+  });
+  read();
+  ASSERT_EQ(frames_.size(), 10u);
+  for (const DepthFrame& frame : frames_) {
+    EXPECT_EQ(frame.width, kWidth);
+    const auto row = frame.pixels.begin() + 12 * kWidth;
+    for (int u = 1; u < kWidth - 1; ++u) EXPECT_EQ(row[u], 2 * u < kWidth ? 500 : 1000) << u;
+  }
+  EXPECT_TRUE(is_noted("size of its images changes"));
+}
+
+TEST_F(BagCamera, OtherTypesOnItsTopicAreLeftOutAndTold) {
+  write(in_time, true);
+  read();
+  EXPECT_EQ(frames_.size(), 10u);
+  EXPECT_TRUE(is_noted("10 messages on /cam/depth/image_raw are left out"));
+}
+
+TEST_F(BagCamera, StampsThatGoBackAreToldWithTheirNumber) {
+  write([](int k) {
+    Shot shot = in_time(k);
+    if (k >= 6) shot.seconds = 90;
+    return shot;
+  });
+  read();
+  EXPECT_EQ(frames_.size(), 6u);
+  EXPECT_TRUE(is_noted("4 of its 10 frames are left out"));
+}
+
+// The rate is that of most frames, and the hour is told.
+TEST_F(BagCamera, AnHourBetweenTwoFramesIsTold) {
+  write([](int k) {
+    Shot shot = in_time(k);
+    if (k >= 6) shot.seconds += 3600;
+    return shot;
+  });
+  read();
+  EXPECT_EQ(frames_.size(), 10u);
+  EXPECT_NEAR(info_.rate, 20, 1e-6);
+  EXPECT_TRUE(is_noted("3600 s lie between two of its frames"));
+}
+
+TEST_F(BagCamera, OneThatIsCutBeforeItsFirstImageSaysSo) {
+  write(in_time);
+  std::string bytes;
+  {
+    std::ifstream file(path_, std::ios::binary);
+    bytes.assign(std::istreambuf_iterator<char>(file), {});
+  }
+  std::ofstream(path_, std::ios::binary) << bytes.substr(0, bytes.size() / 2);
+  const auto camera = open_camera("bag:" + path_);
+  ASSERT_FALSE(camera);
+  EXPECT_NE(camera.error().message.find("the file was cut off"), std::string::npos)
+      << camera.error().message;
+}
+
+}  // namespace
+}  // namespace palpate
