@@ -32,7 +32,7 @@ struct Options {
 class InterruptWatch {
  public:
   explicit InterruptWatch(const DepthSources& sources)
-      : thread_([this, &sources] {
+      : thread_([this, &sources]() noexcept {
           while (!is_over_ && !interrupted()) {
             std::this_thread::sleep_for(std::chrono::milliseconds(50));
           }

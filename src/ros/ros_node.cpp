@@ -10,6 +10,7 @@
 #include <system_error>
 #include <thread>
 
+#include "src/core/internal/guarded.h"
 #include "src/core/shared_library.h"
 #include "src/io/ros_messages.h"
 #include "src/io/ros_types.h"
@@ -204,7 +205,10 @@ class Subscription final : public RosSubscription {
     const auto num =
         dds::api()->take(reader_.endpoint.get(), samples, infos, kMaxSamples, kMaxSamples);
     for (int i = 0; i < num && !is_ending_; ++i) {
-      if (infos[i].has_data) received_(reader_.type->layout.from_native(samples[i]));
+      if (!infos[i].has_data) continue;
+      // What there is no memory for is lost, as on a bad network.
+      guarded([&] { received_(reader_.type->layout.from_native(samples[i])); },
+              [](const Error&) {});
     }
     if (num > 0) dds::api()->return_loan(reader_.endpoint.get(), samples, num);
   }
