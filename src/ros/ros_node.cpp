@@ -262,7 +262,7 @@ class Node final : public RosNode {
 
   Result<std::unique_ptr<RosPublisher>> publish(const std::string& topic, const std::string& type,
                                                 const RosQos& qos) override {
-    auto writer = make_endpoint(participant_, name_of(topic), type, qos, true);
+    auto writer = open_topic(topic, type, qos, true);
     if (!writer) return writer.error();
     return std::unique_ptr<RosPublisher>(std::make_unique<Publisher>(self(), *std::move(writer)));
   }
@@ -270,7 +270,7 @@ class Node final : public RosNode {
   Result<std::unique_ptr<RosSubscription>> subscribe(const std::string& topic,
                                                      const std::string& type, const RosQos& qos,
                                                      MessageHandler handler) override {
-    auto reader = make_endpoint(participant_, name_of(topic), type, qos, false);
+    auto reader = open_topic(topic, type, qos, false);
     if (!reader) return reader.error();
     auto made = std::make_unique<Subscription>(self(), participant_, *std::move(reader),
                                                std::move(handler));
@@ -291,8 +291,11 @@ class Node final : public RosNode {
 
  private:
   std::shared_ptr<Node> self() { return std::static_pointer_cast<Node>(shared_from_this()); }
-  std::string name_of(const std::string& topic) const {
-    return dds_topic(full_topic(topic, options_.node_namespace));
+  Result<DdsEndpoint> open_topic(const std::string& topic, const std::string& type,
+                                 const RosQos& qos, bool is_writer) const {
+    const std::string full = full_topic(topic, options_.node_namespace);
+    if (const Status status = check_topic(full); !status) return status.error();
+    return make_endpoint(participant_, dds_topic(full), type, qos, is_writer);
   }
 
   Status announce() {
@@ -400,6 +403,27 @@ Result<std::shared_ptr<RosNode>> RosNode::join() {
 std::string full_topic(const std::string& topic, const std::string& node_namespace) {
   if (topic.starts_with("/")) return topic;
   return node_namespace + (node_namespace.ends_with("/") ? "" : "/") + topic;
+}
+
+Status check_topic(const std::string& full_topic) {
+  char before = 0;
+  for (const char letter : full_topic + "/") {
+    const bool is_digit = letter >= '0' && letter <= '9';
+    const bool is_name = is_digit || letter == '_' || (letter >= 'a' && letter <= 'z') ||
+                         (letter >= 'A' && letter <= 'Z');
+    const bool begins = before == '/';
+    const bool is_good = before == 0 ? letter == '/'
+                         : begins    ? is_name && !is_digit
+                                     : is_name || letter == '/';
+    if (!is_good) {
+      return Error{Errc::invalid_argument,
+                   "no ROS topic can be called '" + full_topic.substr(0, 60) +
+                       "': give letters, digits and _ between single /, no part with a digit "
+                       "first, e.g. /camera/depth/image_raw"};
+    }
+    before = letter;
+  }
+  return Done{};
 }
 
 }  // namespace palpate::inline v0
