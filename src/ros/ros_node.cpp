@@ -406,24 +406,23 @@ std::string full_topic(const std::string& topic, const std::string& node_namespa
 }
 
 Status check_topic(const std::string& full_topic) {
-  char before = 0;
-  for (const char letter : full_topic + "/") {
-    const bool is_digit = letter >= '0' && letter <= '9';
-    const bool is_name = is_digit || letter == '_' || (letter >= 'a' && letter <= 'z') ||
-                         (letter >= 'A' && letter <= 'Z');
-    const bool begins = before == '/';
-    const bool is_good = before == 0 ? letter == '/'
-                         : begins    ? is_name && !is_digit
-                                     : is_name || letter == '/';
-    if (!is_good) {
-      return Error{Errc::invalid_argument,
-                   "no ROS topic can be called '" + full_topic.substr(0, 60) +
-                       "': give letters, digits and _ between single /, no part with a digit "
-                       "first, e.g. /camera/depth/image_raw"};
-    }
-    before = letter;
+  const auto is_digit = [](char letter) { return letter >= '0' && letter <= '9'; };
+  const auto is_name = [&](char letter) {
+    return is_digit(letter) || letter == '_' || (letter >= 'a' && letter <= 'z') ||
+           (letter >= 'A' && letter <= 'Z');
+  };
+  bool is_good = full_topic.starts_with('/') && !full_topic.ends_with('/');
+  for (std::size_t i = 1; i < full_topic.size(); ++i) {
+    const char letter = full_topic[i];
+    const bool begins = full_topic[i - 1] == '/';
+    is_good = is_good &&
+              (begins ? is_name(letter) && !is_digit(letter) : is_name(letter) || letter == '/');
   }
-  return Done{};
+  if (is_good) return Done{};
+  return Error{Errc::invalid_argument,
+               "no ROS topic can be called '" + full_topic.substr(0, 60) +
+                   "': give letters, digits and _ between single /, no part with a digit first, "
+                   "e.g. /camera/depth/image_raw"};
 }
 
 }  // namespace palpate::inline v0
