@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "apps/objects.h"
+#include "apps/sources.h"
 #include "palpate/cameras/cameras.h"
 #include "palpate/io/files.h"
 #include "palpate/io/formats.h"
@@ -25,7 +26,7 @@ Result<DepthFrame> read_image(const std::string& file, double unit) {
 }
 
 Result<DepthFrame> first_frame(const CameraUri& uri, Intrinsics& intrinsics, SensorKind& sensor) {
-  const auto source = open_camera(uri);
+  const auto source = open_camera(uri, opening());
   if (!source) return source.error();
   DepthFrame frame;
   const auto got = (*source)->next(frame);

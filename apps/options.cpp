@@ -1,14 +1,11 @@
 #include "apps/options.h"
 
-#include <unistd.h>
-
 #include <algorithm>
-#include <cerrno>
 #include <charconv>
 #include <cmath>
-#include <cstring>
 #include <filesystem>
 #include <iostream>
+#include <map>
 #include <sstream>
 #include <string_view>
 #include <thread>
@@ -28,15 +25,6 @@ std::optional<Number> parse_number(std::string_view text) {
   const auto [stop, error] = std::from_chars(text.data(), end, number);
   if (error != std::errc() || stop != end) return std::nullopt;
   return number;
-}
-
-/// The absolute path that a name leads to, links followed, whether or not it is there; without
-/// links that lead nowhere or in a circle.
-std::filesystem::path resolved(const std::filesystem::path& path) {
-  std::error_code error;
-  const std::filesystem::path absolute = std::filesystem::absolute(path, error);
-  const std::filesystem::path target = std::filesystem::weakly_canonical(absolute, error);
-  return error ? absolute.lexically_normal() : target;
 }
 
 }  // namespace
@@ -96,8 +84,55 @@ void add_setting_options(CLI::App& app, const std::string& group, const SettingT
   }
 }
 
+namespace {
+
+/// Options that are no setting as it stands, but of the same meaning as one.
+constexpr SettingOption kOtherOptions[] = {{"--threads", "loop.threads"},
+                                           {"--wrench-frame", "output.wrench_frame"},
+                                           {"--wrench-point", "output.wrench_point"},
+                                           {"--tcp", "output.tcp"}};
+
+/// The option of a setting that the command line gives; null: none.
+const CLI::Option* option_given(const CLI::App& app, std::string_view key) {
+  using Options = std::span<const SettingOption>;
+  for (const Options options :
+       {Options(kContactOptions), Options(kSurfaceOptions), Options(kTimeOptions),
+        Options(kLoopOptions), Options(kHandOptions), Options(kOtherOptions)}) {
+    for (const auto& [flag, of] : options) {
+      if (of == key && app.get_option_no_throw(flag) != nullptr && app.count(flag) > 0) {
+        return app.get_option_no_throw(flag);
+      }
+    }
+  }
+  return nullptr;
+}
+
+/// What that option makes of the setting.
+SettingValue value_given(const CLI::Option& option, const Setting& setting) {
+  if (setting.kind == SettingKind::flag) return !option.get_name().starts_with("--no-");
+  const std::string& text = option.results().back();
+  SettingValue value = parse_value(setting, text);
+  const bool is_point =
+      setting.kind == SettingKind::pose && std::holds_alternative<std::string>(value);
+  return is_point ? parse_value(setting, text + " 0 0 0 1") : value;
+}
+
+/// Two ways to say the same thing must say the same: neither wins without a word.
+void refuse_contradiction(const CLI::App& app, const Setting& setting, const std::string& text) {
+  const CLI::Option* const option = option_given(app, setting.key());
+  if (option == nullptr || value_given(*option, setting) == parse_value(setting, text)) return;
+  usage_error(option->get_name() +
+              (setting.kind == SettingKind::flag ? "" : " " + option->results().back()) +
+              " and --set " + setting.key() + "=" + text +
+              " contradict each other: leave one of them out");
+}
+
+}  // namespace
+
 void add_set_option(CLI::App& app, const SettingTable& table) {
-  const auto take = [all = SettingTable(table)](const std::vector<std::string>& texts) mutable {
+  const auto take = [all = SettingTable(table),
+                     &app](const std::vector<std::string>& texts) mutable {
+    std::map<std::string, std::string> given;
     for (const std::string& text : texts) {
       const std::size_t equals = text.find('=');
       if (equals == std::string::npos) {
@@ -105,6 +140,11 @@ void add_set_option(CLI::App& app, const SettingTable& table) {
       }
       const std::string key = text.substr(0, equals), value = text.substr(equals + 1);
       const Setting* const setting = all.find(key);
+      if (setting != nullptr) refuse_contradiction(app, *setting, value);
+      if (const auto first = given.emplace(key, value).first; first->second != value) {
+        usage_error("--set: " + key + " is " + first->second + " and " + value +
+                    ": leave one of them out");
+      }
       const Status status = all.set(key, setting ? parse_value(*setting, value) : value);
       if (!status) usage_error("--set: " + status.error().message);
     }
@@ -272,49 +312,6 @@ Result<Tool> load_tool_prefix(const std::filesystem::path& path, int num_spheres
     return Error{prefix.error().code, path.string() + ": --spheres: " + prefix.error().message};
   }
   return prefix;
-}
-
-bool is_same_file(const std::filesystem::path& a, const std::filesystem::path& b) {
-  std::error_code ignored;
-  return std::filesystem::equivalent(a, b, ignored) || resolved(a) == resolved(b);
-}
-
-Status check_output_file(const std::filesystem::path& path, const std::filesystem::path& input) {
-  const auto refuse = [&path](const std::string& why) {
-    return Error{Errc::io_failure, "cannot write " + path.string() + ": " + why};
-  };
-  std::error_code ignored;
-  const std::filesystem::path target = resolved(path);
-  const auto folder = target.parent_path();
-  if (!std::filesystem::is_directory(folder, ignored)) {
-    return refuse("there is no folder " + folder.string() + "; make it first");
-  }
-  if (std::filesystem::is_directory(target, ignored)) {
-    return refuse("it is a folder; give the name of a file");
-  }
-  std::error_code error;
-  const auto kind = std::filesystem::status(target, error).type();
-  if (kind == std::filesystem::file_type::none) {
-    return refuse(error.message() + "; give another name");
-  }
-  if (kind != std::filesystem::file_type::not_found &&
-      kind != std::filesystem::file_type::regular) {
-    return refuse("it is not a regular file; give the name of a new file");
-  }
-  if (::access(folder.c_str(), W_OK | X_OK) != 0) {
-    return refuse(std::string("its folder: ") + std::strerror(errno) + "; choose another one");
-  }
-  if (!input.empty() && is_same_file(path, input)) {
-    return refuse("it is the input " + input.string() + "; give another name");
-  }
-  return Done{};
-}
-
-void check_mesh_name(const std::string& flag, const std::filesystem::path& path) {
-  const auto extension = path.extension();
-  if (extension != ".ply" && extension != ".stl" && extension != ".obj") {
-    usage_error(flag + ": '" + path.string() + "' must end in .ply, .stl or .obj");
-  }
 }
 
 }  // namespace palpate::apps

@@ -131,12 +131,4 @@ void add_prefix_option(CLI::App& app, int& num_spheres);
 /// Reads a tool file, the first `num_spheres` of it unless that is 0.
 Result<Tool> load_tool_prefix(const std::filesystem::path& path, int num_spheres, int num_threads);
 
-/// Do two names, through links too, mean one file?
-bool is_same_file(const std::filesystem::path& a, const std::filesystem::path& b);
-/// A file can be written to `path` as far as one can see before hours of work: its folder exists
-/// and may be written to, nothing but a file has its name, and it is not the file `input`.
-Status check_output_file(const std::filesystem::path& path, const std::filesystem::path& input);
-/// Wrong usage unless a mesh can be written under this name.
-void check_mesh_name(const std::string& flag, const std::filesystem::path& path);
-
 }  // namespace palpate::apps

@@ -16,6 +16,7 @@
 #include <string_view>
 
 #include "apps/options.h"
+#include "apps/output_files.h"
 #include "apps/terminal.h"
 #include "apps/tool_info.h"
 #include "palpate/io/files.h"
@@ -192,9 +193,12 @@ class Log {
 Status process(const fs::path& mesh, const FolderJob& job, const std::string& title, Log& log) {
   const Outputs outputs(job.tools, mesh);
   const std::string source = mesh.filename().string();
-  for (const fs::path& output : {outputs.tool, outputs.stamp, outputs.page}) {
-    if (output == outputs.page && !job.pages) continue;
-    if (const Status status = check_output_file(output, mesh); !status) return status;
+  const std::pair<const fs::path&, OutputKind> all[] = {{outputs.tool, OutputKind::tool},
+                                                        {outputs.stamp, OutputKind::stamp},
+                                                        {outputs.page, OutputKind::page}};
+  for (const auto& [output, kind] : all) {
+    if (kind == OutputKind::page && !job.pages) continue;
+    if (const Status status = check_output_file(output, kind, mesh); !status) return status;
   }
   const auto raw = load_mesh_for(job.request, mesh.string());
   if (!raw) return raw.error();

@@ -104,6 +104,11 @@ int run_program(CLI::App& program, const Action& action, int argc, char** argv) 
   } catch (const std::bad_alloc&) {
     return fail(name, "out of memory: use fewer spheres, a smaller image or a shorter run",
                 kInputAtFault);
+  } catch (const std::exception& error) {
+    return fail(
+        name,
+        std::string("something unexpected has failed: ") + error.what() + "; please report it",
+        kInputAtFault);
   }
   print_kept();
   if (!std::cout.flush()) return fail(name, "cannot write to the standard output", kInputAtFault);

@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "apps/ros_verdict.h"
+#include "src/core/internal/guarded.h"
 #include "src/core/internal/triple_buffer.h"
 #include "src/core/monotonic_clock.h"
 #include "src/core/thread_rank.h"
@@ -155,8 +156,12 @@ class Output final : public RosOutput {
     full_volume_ = full_volume(tool_, loop.settings().contact);
     is_ending_ = false;
     try {
-      rest_thread_ = std::thread([this, &loop] { publish_rest(loop); });
-      wrench_thread_ = std::thread([this, &loop] { publish_wrenches(loop); });
+      // In them, what there is no memory for is not sent.
+      const auto left_out = [](const Error&) {};
+      rest_thread_ =
+          std::thread([this, &loop, left_out] { guarded([&] { publish_rest(loop); }, left_out); });
+      wrench_thread_ = std::thread(
+          [this, &loop, left_out] { guarded([&] { publish_wrenches(loop); }, left_out); });
     } catch (const std::system_error&) {
       end_with({State::failed, Why::no_thread});
     }
@@ -211,7 +216,7 @@ class Output final : public RosOutput {
       published.tick = tick;
       published.time = time;
       published.verdict = judge(tick, time, options_.max_age);
-      publish_wrench(published);
+      guarded([&] { publish_wrench(published); }, [&](const Error&) { ++num_not_sent_; });
       const bool is_due = number % contacts_every == 0 || published.verdict.is_valid() != was_valid;
       was_valid = published.verdict.is_valid();
       published.num_due = num_due += is_due ? 1 : 0;
@@ -247,19 +252,21 @@ class Output final : public RosOutput {
         event_.wait(heard);
         continue;
       }
-      const Published& published = published_.value();
-      if (published.num_due != num_published) {
-        if (contacts_.refresh()) publish_bodies(contacts_.value());
-        publish_contact(published);
-      }
-      num_published = published.num_due;
-      publish_spheres(loop, published.time);
-      const bool is_changed = published.verdict.state != last_state_;
-      if (published.time >= next_diagnostics_ ||
-          (is_changed && published.time >= last_diagnostics_ + kShortestDiagnosticsPeriod)) {
-        say(published);
-      }
+      guarded([&] { publish_due(loop, published_.value(), num_published); }, [](const Error&) {});
       event_.wait(heard);
+    }
+  }
+
+  void publish_due(RunLoop& loop, const Published& published, std::uint64_t& num_published) {
+    if (std::exchange(num_published, published.num_due) != published.num_due) {
+      if (contacts_.refresh()) publish_bodies(contacts_.value());
+      publish_contact(published);
+    }
+    publish_spheres(loop, published.time);
+    const bool is_changed = published.verdict.state != last_state_;
+    if (published.time >= next_diagnostics_ ||
+        (is_changed && published.time >= last_diagnostics_ + kShortestDiagnosticsPeriod)) {
+      say(published);
     }
   }
 

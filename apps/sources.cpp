@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <string>
 
+#include "apps/terminal.h"
 #include "palpate/field/sensor.h"
 #include "scenes/scene.h"
 
@@ -112,6 +113,10 @@ std::vector<CameraUri> cameras_of(const SourceOptions& options, const std::strin
     if (options.sensor) uri.sensor = options.sensor;
   }
   return cameras;
+}
+
+CameraOpening opening(bool in_real_time, std::optional<double> duration) {
+  return {in_real_time, duration, print_note};
 }
 
 }  // namespace palpate::apps

@@ -26,4 +26,7 @@ void add_source_options(CLI::App& app, SourceOptions& options);
 /// more than one kind, or what does not go with them. `verb` is for messages.
 std::vector<CameraUri> cameras_of(const SourceOptions& options, const std::string& verb);
 
+/// How they are opened: on stderr, people hear at once what is waited for.
+CameraOpening opening(bool in_real_time = true, std::optional<double> duration = {});
+
 }  // namespace palpate::apps

@@ -6,6 +6,7 @@
 
 #include "apps/connected.h"
 #include "apps/held_frames.h"
+#include "apps/sources.h"
 #include "apps/terminal.h"
 #include "apps/touch.h"
 #include "palpate/cameras/cameras.h"
@@ -23,7 +24,7 @@ bool is_aimed(const ProbeAim& aim) { return aim.pixel || aim.point_W || aim.tip_
 Result<std::unique_ptr<DepthSource>> open_stream(const TouchOptions& options,
                                                  const CameraUri& camera,
                                                  std::optional<double> duration) {
-  auto source = open_camera(camera, {!options.device.empty(), duration});
+  auto source = open_camera(camera, opening(!options.device.empty(), duration));
   if (!source) return source;
   return without_robot(options.self_filter, *std::move(source),
                        place_of_surfaces(options.settings));

@@ -8,6 +8,8 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/options.h"
+#include "apps/output_files.h"
+#include "apps/sources.h"
 #include "apps/terminal.h"
 #include "apps/tool_info.h"
 #include "apps/verbs.h"
@@ -38,7 +40,7 @@ Result<SurfaceEstimator> look(const CameraUri& uri, const std::string& name, int
         name +
             " moves, or is placed by tf: only static cameras with a pose or a URDF can be refined"};
   }
-  auto source = open_camera(uri);
+  auto source = open_camera(uri, opening());
   if (!source) return source.error();
   const DepthStreamInfo& stream = (*source)->info();
   const auto frame = mean_frame(**source, num_frames);
@@ -95,6 +97,9 @@ Status run(const Options& options) {
       !fs::equivalent(from, fs::absolute(options.output).parent_path(), ignored)) {
     return Error{Errc::invalid_argument, "paths in a rig file are relative to it: write " +
                                              options.output + " into the folder of " + options.rig};
+  }
+  if (const Status status = check_output_file(options.output, OutputKind::rig); !status) {
+    return status;
   }
   std::vector<SurfaceEstimator> estimators;
   std::vector<PointCloudView> clouds;

@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "apps/options.h"
+#include "apps/output_files.h"
 #include "apps/verbs.h"
 #include "palpate/io/files.h"
 #include "palpate/io/formats.h"
@@ -46,7 +47,10 @@ Status run(const Options& options) {
   const std::array outputs{options.spheres, options.edges, options.mesh};
   for (std::size_t i = 0; i < outputs.size(); ++i) {
     if (outputs[i].empty()) continue;
-    if (const Status status = check_output_file(outputs[i], options.tool); !status) return status;
+    const OutputKind kind = i < 2 ? OutputKind::table : OutputKind::mesh;
+    if (const Status status = check_output_file(outputs[i], kind, options.tool); !status) {
+      return status;
+    }
     for (std::size_t k = 0; k < i; ++k) {
       if (outputs[k].empty() || !is_same_file(outputs[i], outputs[k])) continue;
       return Error{Errc::invalid_argument,

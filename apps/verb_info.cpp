@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/options.h"
+#include "apps/output_files.h"
 #include "apps/tool_info.h"
 #include "apps/verbs.h"
 #include "palpate/io/files.h"
@@ -21,7 +22,9 @@ struct Options {
 
 Status run(const Options& options) {
   if (!options.page.empty()) {
-    if (const Status status = check_output_file(options.page, options.tool); !status) return status;
+    if (const Status status = check_output_file(options.page, OutputKind::page, options.tool);
+        !status)
+      return status;
   }
   const auto tool = load_tool(options.tool);
   if (!tool) return tool.error();

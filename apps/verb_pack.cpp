@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/options.h"
+#include "apps/output_files.h"
 #include "apps/pack_folder.h"
 #include "apps/pack_one.h"
 #include "apps/terminal.h"
@@ -35,7 +36,8 @@ double min_contact_radius(double depth, double focal_length) {
 }
 
 Status check_outputs(const Options& options) {
-  if (const Status status = check_output_file(options.output, options.input); !status) {
+  if (const Status status = check_output_file(options.output, OutputKind::tool, options.input);
+      !status) {
     return status;
   }
   if (!options.report) return Done{};
@@ -43,7 +45,7 @@ Status check_outputs(const Options& options) {
     return Error{Errc::io_failure, "--output and --report would write two things to " +
                                        options.output + "; give two names"};
   }
-  return check_output_file(options.page, options.input);
+  return check_output_file(options.page, OutputKind::page, options.input);
 }
 
 void print_packing(const Options& options, const PackedTool& packed) {

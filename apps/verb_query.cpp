@@ -13,12 +13,15 @@
 #include "apps/frozen_views.h"
 #include "apps/objects.h"
 #include "apps/options.h"
+#include "apps/output_files.h"
+#include "apps/terminal.h"
 #include "apps/tool_info.h"
 #include "apps/verbs.h"
 #include "palpate/contact/body_contact.h"
 #include "palpate/io/files.h"
 #include "src/run/internal/pipeline.h"
 #include "src/run/internal/reported_output.h"
+#include "src/session/internal/counted_twice.h"
 
 namespace palpate::apps {
 namespace {
@@ -187,7 +190,9 @@ Status run(const Options& given) {
   for (const std::string& file : {options.tool, options.views.cloud}) inputs.push_back(file);
   for (const std::string& input : inputs) {
     if (options.caps.file.empty() || input.empty()) continue;
-    if (const Status status = check_output_file(options.caps.file, input); !status) return status;
+    if (const Status status = check_output_file(options.caps.file, OutputKind::mesh, input);
+        !status)
+      return status;
   }
   ThreadPool pool(options.settings.num_threads);
   auto chosen = choose_query(options.settings, *tool, pool);
@@ -238,6 +243,11 @@ Status run(const Options& given) {
     num_caps_triangles = *written;
   }
   const double tool_volume = full_volume(*tool, options.settings.contact);
+  double largest = 0;
+  for (const Measurement& measurement : measurements) {
+    largest = std::max(largest, measurement.penetration.volume / tool_volume);
+  }
+  if (const std::string note = counted_twice(largest); !note.empty()) print_note(note);
   if (options.json) {
     print_results_json(options, options.settings, *tool, scene->X_WC().front(), chosen->backend,
                        scene->num_usable(), tool_volume, measurements);

@@ -9,7 +9,9 @@
 #include <thread>
 
 #include "apps/options.h"
+#include "apps/output_files.h"
 #include "apps/robot.h"
+#include "apps/sources.h"
 #include "apps/terminal.h"
 #include "apps/tool_info.h"
 #include "apps/verbs.h"
@@ -32,7 +34,7 @@ struct Options {
 class InterruptWatch {
  public:
   explicit InterruptWatch(const DepthSources& sources)
-      : thread_([this, &sources] {
+      : thread_([this, &sources]() noexcept {
           while (!is_over_ && !interrupted()) {
             std::this_thread::sleep_for(std::chrono::milliseconds(50));
           }
@@ -62,11 +64,12 @@ Status run(const Options& options) {
   for (const CameraUri& camera : cameras) {
     std::error_code ignored;
     const bool is_file = std::filesystem::is_regular_file(camera.target, ignored);
-    if (const Status status = check_output_file(options.output, is_file ? camera.target : "");
-        !status) {
-      return status;
+    const std::string input = is_file ? camera.target : "";
+    for (const std::string& file : {options.output, options.output + ".partial"}) {
+      const Status status = check_output_file(file, OutputKind::recording, input);
+      if (!status) return status;
     }
-    auto source = open_camera(camera, {true, options.duration});
+    auto source = open_camera(camera, opening(true, options.duration));
     if (source) source = without_robot(*filter, *std::move(source));
     if (!source) return source.error();
     all.push_back(source->get());

@@ -5,6 +5,7 @@
 #include <memory>
 
 #include "apps/options.h"
+#include "apps/output_files.h"
 #include "apps/verbs.h"
 #include "palpate/io/formats.h"
 #include "palpate/mesh/mesh.h"
@@ -19,7 +20,8 @@ struct Options {
 };
 
 Status run(const Options& options) {
-  if (const Status status = check_output_file(options.output, {}); !status) return status;
+  if (const Status status = check_output_file(options.output, OutputKind::mesh); !status)
+    return status;
   const auto mesh = make_shape(options.name, options.size);
   if (!mesh) return mesh.error();
   if (const Status status = save_mesh(*mesh, options.output); !status) return status;

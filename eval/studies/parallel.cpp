@@ -5,6 +5,7 @@
 #include <condition_variable>
 #include <exception>
 #include <mutex>
+#include <system_error>
 #include <thread>
 #include <vector>
 
@@ -40,7 +41,16 @@ void run_tasks(Context& context, int num_tasks, double num_steps,
       desired > 0 ? desired : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   std::vector<std::thread> threads;
   num_running = std::min(num_threads, num_tasks);
-  for (int i = num_running; i > 0; --i) threads.emplace_back(run);
+  try {
+    for (int i = num_running; i > 0; --i) threads.emplace_back(run);
+  } catch (const std::system_error&) {  // the system starts no more
+    const std::lock_guard lock(mutex);
+    num_running -= std::min(num_threads, num_tasks) - static_cast<int>(threads.size());
+  }
+  if (threads.empty() && num_tasks > 0) {
+    num_running = 1;
+    run();
+  }
   {
     using namespace std::chrono_literals;
     std::unique_lock lock(mutex);

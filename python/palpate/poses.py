@@ -341,5 +341,8 @@ def _join(parquet: Any, schema: Any, parts: Sequence[Path], to: Path, task: str)
 def _write(path: Path, fill: Callable[[Path], Any]) -> None:
     """Whole or not at all."""
     temporary = path.with_name(path.name + ".new")
-    fill(temporary)
-    os.replace(temporary, path)
+    try:
+        fill(temporary)
+        os.replace(temporary, path)
+    finally:  # Ctrl-C
+        temporary.unlink(missing_ok=True)

@@ -230,7 +230,7 @@ struct FieldQuestion {
       refuse_shape("radii", shape_of(radii), desired.c_str());
     }
     for (std::size_t i = 0; i < radii.size(); ++i) {
-      if (!(radii.data()[i] > 0)) {
+      if (!(radii.data()[i] > 0 && std::isfinite(radii.data()[i]))) {
         throw nb::value_error("radii: they have to be positive lengths, m");
       }
     }
@@ -381,13 +381,14 @@ void bind_surface(nb::module_& m) {
                   "float) -> numpy.typing.NDArray[numpy.float64]"),
           R"(The depth field: (M,) m, signed distances of balls from the surface, negative behind it.
 
-points: (M, 3) centers, m in W. radii: (M,) or one for all, m. Computed in double precision.)")
+points: (M, 3) centers, m in W; NaN for those that are not finite. radii: (M,) or one for all, m.
+Computed in double precision.)")
       .def(
           "gradient", gradient_of, nb::arg("points"), nb::arg("radii"),
           nb::sig("def gradient(self, points: palpate._types.Array, radii: palpate._types.Array "
                   "| float) -> numpy.typing.NDArray[numpy.float64]"),
           "The exact gradient of phi with respect to the points: (M, 3) in W, about 1 long, out of "
-          "the surface.")
+          "the surface; NaN where phi is.")
       .def_prop_ro(
           "pose", [](const PySurface& self) { return array_of(seven_of(self.X_WC), {7}); },
           nb::sig(property("pose").c_str()), "X_WC of its image: (7,) tx ty tz qx qy qz qw, m.")

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "python/src/tick.h"
+#include "src/core/internal/guarded.h"
 
 namespace palpate::python {
 namespace {
@@ -19,7 +20,16 @@ RunInThread::RunInThread(RunRequest request) : request_(std::move(request)) {
     const std::lock_guard lock(mutex_);
     notes_.emplace_back(text);
   };
-  thread_ = std::thread([this] { run(); });
+  thread_ = std::thread([this] {
+    guarded([&] { run(); },
+            [&](const Error& error) {
+              const std::lock_guard lock(mutex_);
+              error_ = error;
+            });
+    const std::lock_guard lock(mutex_);
+    has_ended_ = true;
+    changed_.notify_all();
+  });
 }
 
 void RunInThread::wait_for_ticks() {
@@ -58,8 +68,6 @@ void RunInThread::run() {
     const std::string& what = outcome->failure.empty() ? outcome->not_kept : outcome->failure;
     if (!what.empty()) error_ = Error{Errc::unavailable, what};
   }
-  has_ended_ = true;
-  changed_.notify_all();
 }
 
 void RunInThread::hear(std::span<const TickRecord> ticks) {

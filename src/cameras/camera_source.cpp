@@ -10,6 +10,7 @@
 
 #include "src/cameras/frame_intake.h"
 #include "src/cameras/plausibility.h"
+#include "src/core/internal/guarded.h"
 #include "src/core/monotonic_clock.h"
 
 namespace palpate::inline v0 {
@@ -86,6 +87,7 @@ struct LiveCamera {
       : intake(options), again(std::move(open)), truth(said), raw(std::move(first.source)) {}
 
   void run();
+  void read_all();
   bool reopen(const Error& why);
   void take_raw_notes() {
     for (std::string& note : raw->take_notes()) intake.add_note(std::move(note));
@@ -103,6 +105,14 @@ struct LiveCamera {
 };
 
 void LiveCamera::run() {
+  guarded([&] { read_all(); }, [&](const Error& error) { intake.end(error); });
+  const std::lock_guard lock(mutex);
+  raw.reset();
+  has_ended = true;
+  ended.notify_all();
+}
+
+void LiveCamera::read_all() {
   DepthFrame frame;
   for (;;) {
     const auto got = raw->next(frame);
@@ -124,10 +134,6 @@ void LiveCamera::run() {
     }
     intake.give(frame, model, arrival);
   }
-  const std::lock_guard lock(mutex);
-  raw.reset();
-  has_ended = true;
-  ended.notify_all();
 }
 
 /// False: it is over.

@@ -28,6 +28,10 @@ JointHistory::JointHistory(std::vector<Joint> joints, double kept_seconds)
 void JointHistory::add(std::string_view joint, double time, double position) {
   const auto number = numbers_.find(joint);
   if (number == numbers_.end()) return;
+  if (!(std::abs(position) <= kLargestPosition)) {
+    impossible_[number->second] = position;
+    return;
+  }
   insert_by_time(samples_[number->second], time, position, kept_seconds_);
 }
 
@@ -46,11 +50,14 @@ Result<double> JointHistory::at(std::size_t joint, double time, double max_age,
   const ByTime<double>& samples = samples_[joint];
   if (may_stay && samples.size() == 1) return samples.begin()->second;
   if (samples.empty() || nearest_in_time(samples, time) > max_age) {
-    char text[80];
-    if (samples.empty()) return Error{Errc::unavailable, "no state for joint '" + name + "'"};
-    std::snprintf(text, sizeof text, "' within %.3g s, the nearest is %.3g s away", max_age,
-                  nearest_in_time(samples, time));
-    return Error{Errc::unavailable, "no state for joint '" + name + text};
+    const std::string why =
+        impossible_.contains(joint) ? "; it was told to be where no joint is" : "";
+    char text[80] = "'";
+    if (!samples.empty()) {
+      std::snprintf(text, sizeof text, "' within %.3g s, the nearest is %.3g s away", max_age,
+                    nearest_in_time(samples, time));
+    }
+    return Error{Errc::unavailable, "no state for joint '" + name + text + why};
   }
   const auto after = samples.lower_bound(time);
   if (after == samples.begin()) return after->second;
@@ -65,6 +72,14 @@ Result<double> JointHistory::at(std::size_t joint, double time, double max_age,
   if (time_before - time_from > max_age + kShortestBase) return before;
   const double speed = way(from, before, is_endless) / (time_before - time_from);
   return before + speed * (time - time_before);
+}
+
+std::string JointHistory::impossible() const {
+  if (impossible_.empty()) return "";
+  const auto& [joint, position] = *impossible_.begin();
+  char text[40];
+  std::snprintf(text, sizeof text, "' is at %.3g rad or m", position);
+  return "joint '" + joints_[joint].name + text;
 }
 
 std::string JointHistory::missing() const {
@@ -113,6 +128,10 @@ Status read_joint_table(std::string_view text, const std::string& name, JointHis
       const auto number = parse_number<double>(cell);
       if (!number || !std::isfinite(*number)) {
         return bad("has '" + std::string(cell.substr(0, 40)) + "' where a finite number is needed");
+      }
+      if (!numbers.empty() && std::abs(*number) > kLargestPosition) {
+        return bad("has '" + std::string(cell.substr(0, 40)) +
+                   "' where a position is needed: at most a million rad or m");
       }
       numbers.push_back(*number);
     }

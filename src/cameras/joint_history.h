@@ -12,6 +12,9 @@
 
 namespace palpate::inline v0 {
 
+/// rad or m: no joint is farther away, however often it has turned.
+inline constexpr double kLargestPosition = 1e6;
+
 /// Of the joints of one robot.
 class JointHistory {
  public:
@@ -24,7 +27,8 @@ class JointHistory {
   explicit JointHistory(std::vector<Joint> joints,
                         double kept_seconds = std::numeric_limits<double>::infinity());
 
-  /// Samples of other joints are ignored. `position`: rad or m.
+  /// Samples of other joints are ignored, and so are positions that no joint has: the joint is
+  /// held, until it is missed. `position`: rad or m.
   void add(std::string_view joint, double time, double position);
 
   /// Position of a joint, by its number: interpolated between samples. After the
@@ -33,13 +37,16 @@ class JointHistory {
   Result<double> at(std::size_t joint, double time, double max_age, bool may_stay) const;
   /// Until when all joints have samples, s; minus infinity: not all have.
   double known_until() const;
+  /// "joint 'elbow' is at 1e+300 rad or m"; empty: nobody has said such a thing.
+  std::string impossible() const;
   /// Names of joints without samples, separated by commas.
   std::string missing() const;
 
  private:
   std::vector<Joint> joints_;
   double kept_seconds_;
-  std::vector<ByTime<double>> samples_;  // positions of each joint
+  std::vector<ByTime<double>> samples_;       // positions of each joint
+  std::map<std::size_t, double> impossible_;  // the last such position of each joint
   std::map<std::string, std::size_t, std::less<>> numbers_;
 };
 

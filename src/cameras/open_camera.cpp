@@ -49,11 +49,36 @@ Error no_such_kind(const CameraUri& uri) {
           "no kind of camera is called '" + uri.kind.substr(0, 40) + "'; give one of " + known};
 }
 
+Error unused(const CameraUri& uri, const char* parameter, const std::string& why) {
+  return {Errc::invalid_argument,
+          "camera " + uri.text.substr(0, 60) + ": leave out '" + parameter + "': " + why};
+}
+
+/// No parameter is ignored without a word.
+Status check_unused(const Kind& kind, const CameraUri& uri) {
+  const bool is_played = uri.target.ends_with(".oni") || kind.name == "k4a";
+  if (uri.size &&
+      (kind.name == "folder" || kind.name == "bag" || kind.name == "ros2" || is_played)) {
+    return unused(uri, "size",
+                  "the images of " + std::string(kind.name) + " say their size themselves");
+  }
+  if (uri.extras.contains("frame") && !uri.extras.contains("world")) {
+    return unused(uri, "frame", "it goes with 'world', the tf frame that the camera is placed in");
+  }
+  return Done{};
+}
+
 Result<std::unique_ptr<DepthSource>> open_unposed(const Kind& kind, const CameraUri& uri,
                                                   const CameraOpening& opening) {
+  if (const Status status = check_unused(kind, uri); !status) return status.error();
   auto raw = kind.open(uri, opening);
   if (!raw) return raw.error();
-  if (!raw->source->info().is_live) return make_rectified(std::move(raw->source), uri);
+  if (!raw->source->info().is_live) {
+    if (uri.latency != 0 && kind.name != "bag") {
+      return unused(uri, "latency", "it is of live cameras, and of bag");
+    }
+    return make_rectified(std::move(raw->source), uri);
+  }
   OpenRaw again;
   if (raw->can_come_back) {
     again = [open = &kind.open, uri, opening] { return open(uri, opening); };

@@ -211,7 +211,7 @@ class BagStates final : public RobotStates {
     for (;;) {
       const auto message = (*reader)->next();
       if (!message) return message.error();
-      if (!*message) return Done{};
+      if (!*message) break;
       const McapChannel& channel = (*reader)->channels().at((*message)->channel);
       recorded_ = 1e-9 * static_cast<double>((*message)->time);
       if (channel.schema_name == "tf2_msgs/msg/TFMessage" && !address_.world.empty()) {
@@ -221,6 +221,10 @@ class BagStates final : public RobotStates {
         add_joint_message((*message)->data);
       }
     }
+    const std::string impossible = by_time_.joints.impossible();
+    if (impossible.empty()) return Done{};
+    return Error{Errc::bad_input, address_.target + ": " + impossible +
+                                      ", where no joint is: record it again, or leave it out"};
   }
 
  private:

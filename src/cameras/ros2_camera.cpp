@@ -26,6 +26,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr double kFirstImage = 10;       // s, while opening
+constexpr double kDiscovery = 0.5;       // s: publishers that are there are found
 constexpr double kLongestSilence = 2;    // s without an image until a note
 constexpr double kLongestPairing = 0.1;  // s that an image waits for its camera_info
 constexpr double kLongestTf = 0.1;       // s that an image waits for its transform
@@ -204,13 +205,14 @@ class ReceivedMessages {
 
 class Ros2Source final : public DepthSource {
  public:
-  static Result<std::unique_ptr<Ros2Source>> open(const CameraUri& uri) {
+  static Result<std::unique_ptr<Ros2Source>> open(const CameraUri& uri,
+                                                  const CameraOpening& opening) {
     auto node = RosNode::join();
     if (!node) return node.error();
     std::unique_ptr<Ros2Source> source(new Ros2Source(uri, *node));
     if (const Status status = source->set_clock(); !status) return status.error();
     if (const Status status = source->listen(); !status) return status.error();
-    if (const Status status = source->wait_for_first(); !status) return status.error();
+    if (const Status status = source->wait_for_first(opening); !status) return status.error();
     return source;
   }
 
@@ -302,9 +304,15 @@ class Ros2Source final : public DepthSource {
   }
 
   /// Says what the images are like. Error: none has come, or none that is understood.
-  Status wait_for_first() {
+  Status wait_for_first(const CameraOpening& opening) {
     const double begin = monotonic_now();
+    bool is_told = !opening.on_wait;
     while (monotonic_now() - begin < kFirstImage) {
+      if (!is_told && monotonic_now() - begin > kDiscovery) {
+        is_told = true;
+        opening.on_wait(info_.name +
+                        " waits up to 10 s for its first depth image: " + what_there_is());
+      }
       if (!read(first_)) continue;
       has_first_ = true;
       info_.width = first_.width;
@@ -401,7 +409,7 @@ class Ros2Source final : public DepthSource {
 
 }  // namespace
 
-Result<RawStream> open_ros2_camera(const CameraUri& uri, const CameraOpening&) {
+Result<RawStream> open_ros2_camera(const CameraUri& uri, const CameraOpening& opening) {
   if (const Status status = uri.check_extras({"info", "qos", "clock", "world", "frame"}); !status)
     return status.error();
   if (uri.target.empty()) {
@@ -413,7 +421,7 @@ Result<RawStream> open_ros2_camera(const CameraUri& uri, const CameraOpening&) {
         Errc::invalid_argument,
         "camera " + uri.text + ": pass either 'world', to take its pose from tf, or its pose"};
   }
-  auto source = Ros2Source::open(uri);
+  auto source = Ros2Source::open(uri, opening);
   if (!source) return source.error();
   const StampClock clock = (*source)->stamps();
   return RawStream{*std::move(source), clock, false};

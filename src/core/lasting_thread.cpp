@@ -22,6 +22,7 @@ void LastingThread::run(std::function<void()> work) {
   work_ = std::move(work);
   changed_.notify_all();
   changed_.wait(lock, [&] { return !work_; });
+  if (thrown_) std::rethrow_exception(std::exchange(thrown_, nullptr));
 }
 
 void LastingThread::serve() {
@@ -29,8 +30,14 @@ void LastingThread::serve() {
   for (;;) {
     changed_.wait(lock, [&] { return static_cast<bool>(work_); });
     lock.unlock();
-    work_();
+    std::exception_ptr thrown;
+    try {
+      work_();
+    } catch (...) {
+      thrown = std::current_exception();
+    }
     lock.lock();
+    thrown_ = std::move(thrown);
     work_ = {};
     changed_.notify_all();
   }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <condition_variable>
+#include <exception>
 #include <functional>
 #include <mutex>
 #include <optional>
@@ -19,7 +20,7 @@ class LastingThread {
  public:
   LastingThread();
 
-  /// Waits for earlier requests, and then for the result.
+  /// Waits for earlier requests, and then for the result. What the work throws is thrown here.
   template <class Work>
   auto call(const Work& work) {
     std::optional<decltype(work())> answer;
@@ -35,6 +36,7 @@ class LastingThread {
   std::mutex mutex_;  // of what follows
   std::condition_variable changed_;
   std::function<void()> work_;  // empty: done
+  std::exception_ptr thrown_;   // by the last one
   bool has_thread_ = false;
   std::thread::id id_;
 };

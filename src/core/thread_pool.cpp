@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <atomic>
 #include <cstdint>
+#include <exception>
 #include <system_error>
 #include <thread>
+#include <utility>
 #include <vector>
 
 namespace palpate::inline v0 {
@@ -39,14 +41,21 @@ struct ThreadPool::Workers {
   std::atomic<std::uint32_t> num_inside{kClosed};
   std::atomic<int> next_task{0};
   std::atomic<bool> stop{false};
+  std::atomic<bool> has_thrown{false};
+  std::exception_ptr thrown;  // by the first task that did; the caller of the loop gets it
   int num_tasks = 0;
   void* context = nullptr;
   void (*call)(void*, int) = nullptr;
 
-  void take_tasks() {
-    for (int task = next_task.fetch_add(1, std::memory_order_relaxed); task < num_tasks;
-         task = next_task.fetch_add(1, std::memory_order_relaxed)) {
-      call(context, task);
+  void take_tasks() noexcept {
+    try {
+      for (int task = next_task.fetch_add(1, std::memory_order_relaxed); task < num_tasks;
+           task = next_task.fetch_add(1, std::memory_order_relaxed)) {
+        call(context, task);
+      }
+    } catch (...) {
+      if (!has_thrown.exchange(true)) thrown = std::current_exception();
+      next_task.store(num_tasks, std::memory_order_relaxed);  // the others are left out
     }
   }
 
@@ -130,6 +139,9 @@ void ThreadPool::run(int num_tasks, void* context, void (*call)(void*, int)) {
   workers_->generation.notify_all();
   workers_->take_tasks();
   workers_->close();
+  if (workers_->has_thrown.exchange(false)) {
+    std::rethrow_exception(std::exchange(workers_->thrown, nullptr));
+  }
 }
 
 }  // namespace palpate::inline v0

@@ -7,6 +7,7 @@
 #include <system_error>
 #include <utility>
 
+#include "src/core/internal/guarded.h"
 #include "src/core/monotonic_clock.h"
 
 namespace palpate::inline v0 {
@@ -25,8 +26,7 @@ Status PeriodicThread::start(double rate, Round round, std::function<void()> fin
     return Error{Errc::invalid_argument, "the device is running already; stop it first"};
   shared_ = std::make_shared<Shared>();
   const auto period = std::llround(static_cast<double>(kNanosecondsPerSecond) / rate);
-  auto run = [shared = shared_, period, round = std::move(round), finish = std::move(finish)] {
-    shared->running.store(std::this_thread::get_id());
+  const auto tick_all = [shared = shared_, period, round = std::move(round)] {
     std::int64_t due = now(), last = due - period;
     while (!shared->wants_stop.load(std::memory_order_acquire)) {
       const auto periods = static_cast<int>((due - last) / period);
@@ -36,7 +36,12 @@ Status PeriodicThread::start(double rate, Round round, std::function<void()> fin
       due += period * std::max<std::int64_t>(1, (now() - due) / period + 1);
       sleep_until(1e-9 * static_cast<double>(due));
     }
-    finish();
+  };
+  // A round that throws is the last one: the loop sees that no tick comes.
+  auto run = [shared = shared_, tick_all, finish = std::move(finish)] {
+    shared->running.store(std::this_thread::get_id());
+    guarded(tick_all, [](const Error&) {});
+    guarded(finish, [](const Error&) {});
     shared->running.store({});
     shared->has_ended.store(true, std::memory_order_release);
   };

@@ -21,7 +21,11 @@ class File {
     if (descriptor_ >= 0) ::close(descriptor_);
   }
   File(const File&) = delete;
-  File& operator=(const File&) = delete;
+
+  File& operator=(File&& other) noexcept {
+    std::swap(descriptor_, other.descriptor_);
+    return *this;
+  }
 
   int get() const { return descriptor_; }
   bool close() { return ::close(std::exchange(descriptor_, -1)) == 0; }
@@ -55,6 +59,10 @@ bool write_all(int descriptor, std::string_view content) {
   return true;
 }
 
+std::filesystem::path folder_of(const std::filesystem::path& path) {
+  return path.has_parent_path() ? path.parent_path() : ".";
+}
+
 /// A name in the same folder that no other process or thread uses.
 std::filesystem::path temporary_beside(const std::filesystem::path& path) {
   static std::atomic<unsigned> counter{0};
@@ -67,6 +75,52 @@ std::filesystem::path temporary_beside(const std::filesystem::path& path) {
   result += ".part";
   return result;
 }
+
+/// A file that gets its name when it is whole. Until then it has none, so that nothing is left of
+/// it whatever ends the program; where the file system has no such files, it has a temporary name.
+class NewFile {
+ public:
+  NewFile(const std::filesystem::path& target, mode_t mode) : target_(target) {
+    const std::filesystem::path folder = folder_of(target);
+    file_ = File(::open(folder.c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, mode));
+    if (file_.get() >= 0 && ::access(link().c_str(), F_OK) == 0) return;
+    temporary_ = temporary_beside(target);
+    file_ = File(::open(temporary_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, mode));
+  }
+  ~NewFile() {
+    if (!temporary_.empty()) ::unlink(temporary_.c_str());
+  }
+  NewFile(const NewFile&) = delete;
+  NewFile& operator=(const NewFile&) = delete;
+
+  int get() const { return file_.get(); }
+
+  /// Gives it its name, in place of a file that has it. False: errno tells why.
+  bool publish() {
+    if (temporary_.empty()) {
+      if (::linkat(AT_FDCWD, link().c_str(), AT_FDCWD, target_.c_str(), AT_SYMLINK_FOLLOW) == 0) {
+        return file_.close();
+      }
+      if (errno != EEXIST) return false;
+      const std::filesystem::path name = temporary_beside(target_);
+      if (::linkat(AT_FDCWD, link().c_str(), AT_FDCWD, name.c_str(), AT_SYMLINK_FOLLOW) != 0) {
+        return false;
+      }
+      temporary_ = name;
+    }
+    if (!file_.close() || std::rename(temporary_.c_str(), target_.c_str()) != 0) return false;
+    temporary_.clear();
+    return true;
+  }
+
+ private:
+  /// By which a file without a name is linked.
+  std::string link() const { return "/proc/self/fd/" + std::to_string(file_.get()); }
+
+  const std::filesystem::path& target_;
+  std::filesystem::path temporary_;  // empty: it has no name
+  File file_{-1};
+};
 
 }  // namespace
 
@@ -87,19 +141,14 @@ Status write_file_atomically(const std::filesystem::path& path, std::string_view
   // A file that is replaced keeps its permissions, from the first byte on.
   struct stat earlier {};
   const bool replaces = ::stat(target.c_str(), &earlier) == 0;
-  const std::filesystem::path temporary = temporary_beside(target);
-  File file(::open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC,
-                   replaces ? earlier.st_mode & 0666 : 0666));
+  NewFile file(target, replaces ? earlier.st_mode & 0666 : 0666);
   if (file.get() < 0) return failure(Errc::io_failure, "cannot write", path, kAdvice);
   if ((replaces && ::fchmod(file.get(), earlier.st_mode & 0777) != 0) ||
-      !write_all(file.get(), content) || ::fsync(file.get()) != 0 || !file.close() ||
-      std::rename(temporary.c_str(), target.c_str()) != 0) {
-    const Error error = failure(Errc::io_failure, "cannot write", path, kAdvice);
-    ::unlink(temporary.c_str());
-    return error;
+      !write_all(file.get(), content) || ::fsync(file.get()) != 0 || !file.publish()) {
+    return failure(Errc::io_failure, "cannot write", path, kAdvice);
   }
   // The new name itself reaches the disk with its folder; the content is safe either way.
-  const std::filesystem::path folder = target.has_parent_path() ? target.parent_path() : ".";
+  const std::filesystem::path folder = folder_of(target);
   const File directory(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
   if (directory.get() >= 0) ::fsync(directory.get());
   return Done{};

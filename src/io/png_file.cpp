@@ -153,6 +153,8 @@ std::optional<std::string> check_size(const Reader& reader) {
 
 namespace {
 
+bool is_png(std::string_view content) { return content.starts_with("\x89PNG\r\n\x1a\n"); }
+
 Status check_unit(double unit) {
   if (unit > 0 && std::isfinite(unit)) return Done{};
   return Error{Errc::invalid_argument, "the depth unit must be positive meters per count"};
@@ -164,6 +166,11 @@ Result<DepthFrame> load_depth_png(const std::filesystem::path& path, double unit
   if (const Status status = check_unit(unit); !status) return status.error();
   const auto content = read_file(path, kMaxFileBytes);
   if (!content) return content.error();
+  if (!is_png(*content)) {
+    return Error{Errc::bad_input, path.string() +
+                                      " is not a PNG file; depth images are 16-bit greyscale PNG "
+                                      "files, and organized point clouds are read as .pcd files"};
+  }
   return decode_depth_png(*content, path.string(), unit);
 }
 
@@ -198,6 +205,9 @@ Result<LabelImage> load_label_png(const std::filesystem::path& path) {
   const auto bad = [&](const std::string& what) {
     return Error{Errc::bad_input, path.string() + " " + what};
   };
+  if (!is_png(*content)) {
+    return bad("is not a PNG file; label images are greyscale or palette PNG files of 8 bits");
+  }
   Reader reader(*content);
   LabelImage image;
   if (reader.read_header()) {

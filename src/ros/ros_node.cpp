@@ -10,6 +10,7 @@
 #include <system_error>
 #include <thread>
 
+#include "src/core/internal/guarded.h"
 #include "src/core/shared_library.h"
 #include "src/io/ros_messages.h"
 #include "src/io/ros_types.h"
@@ -204,7 +205,10 @@ class Subscription final : public RosSubscription {
     const auto num =
         dds::api()->take(reader_.endpoint.get(), samples, infos, kMaxSamples, kMaxSamples);
     for (int i = 0; i < num && !is_ending_; ++i) {
-      if (infos[i].has_data) received_(reader_.type->layout.from_native(samples[i]));
+      if (!infos[i].has_data) continue;
+      // What there is no memory for is lost, as on a bad network.
+      guarded([&] { received_(reader_.type->layout.from_native(samples[i])); },
+              [](const Error&) {});
     }
     if (num > 0) dds::api()->return_loan(reader_.endpoint.get(), samples, num);
   }
@@ -258,7 +262,7 @@ class Node final : public RosNode {
 
   Result<std::unique_ptr<RosPublisher>> publish(const std::string& topic, const std::string& type,
                                                 const RosQos& qos) override {
-    auto writer = make_endpoint(participant_, name_of(topic), type, qos, true);
+    auto writer = open_topic(topic, type, qos, true);
     if (!writer) return writer.error();
     return std::unique_ptr<RosPublisher>(std::make_unique<Publisher>(self(), *std::move(writer)));
   }
@@ -266,7 +270,7 @@ class Node final : public RosNode {
   Result<std::unique_ptr<RosSubscription>> subscribe(const std::string& topic,
                                                      const std::string& type, const RosQos& qos,
                                                      MessageHandler handler) override {
-    auto reader = make_endpoint(participant_, name_of(topic), type, qos, false);
+    auto reader = open_topic(topic, type, qos, false);
     if (!reader) return reader.error();
     auto made = std::make_unique<Subscription>(self(), participant_, *std::move(reader),
                                                std::move(handler));
@@ -287,8 +291,11 @@ class Node final : public RosNode {
 
  private:
   std::shared_ptr<Node> self() { return std::static_pointer_cast<Node>(shared_from_this()); }
-  std::string name_of(const std::string& topic) const {
-    return dds_topic(full_topic(topic, options_.node_namespace));
+  Result<DdsEndpoint> open_topic(const std::string& topic, const std::string& type,
+                                 const RosQos& qos, bool is_writer) const {
+    const std::string full = full_topic(topic, options_.node_namespace);
+    if (const Status status = check_topic(full); !status) return status.error();
+    return make_endpoint(participant_, dds_topic(full), type, qos, is_writer);
   }
 
   Status announce() {
@@ -396,6 +403,26 @@ Result<std::shared_ptr<RosNode>> RosNode::join() {
 std::string full_topic(const std::string& topic, const std::string& node_namespace) {
   if (topic.starts_with("/")) return topic;
   return node_namespace + (node_namespace.ends_with("/") ? "" : "/") + topic;
+}
+
+Status check_topic(const std::string& full_topic) {
+  const auto is_digit = [](char letter) { return letter >= '0' && letter <= '9'; };
+  const auto is_name = [&](char letter) {
+    return is_digit(letter) || letter == '_' || (letter >= 'a' && letter <= 'z') ||
+           (letter >= 'A' && letter <= 'Z');
+  };
+  bool is_good = full_topic.starts_with('/') && !full_topic.ends_with('/');
+  for (std::size_t i = 1; i < full_topic.size(); ++i) {
+    const char letter = full_topic[i];
+    const bool begins = full_topic[i - 1] == '/';
+    is_good = is_good &&
+              (begins ? is_name(letter) && !is_digit(letter) : is_name(letter) || letter == '/');
+  }
+  if (is_good) return Done{};
+  return Error{Errc::invalid_argument,
+               "no ROS topic can be called '" + full_topic.substr(0, 60) +
+                   "': give letters, digits and _ between single /, no part with a digit first, "
+                   "e.g. /camera/depth/image_raw"};
 }
 
 }  // namespace palpate::inline v0

@@ -66,7 +66,7 @@ class RosNode : public std::enable_shared_from_this<RosNode> {
   virtual ~RosNode() = default;
 
   /// Of messages of a type that ros_types.h knows. Names without "/" are in the node's namespace.
-  /// Error: what Cyclone DDS says.
+  /// Errors: no name of a topic; what Cyclone DDS says.
   virtual Result<std::unique_ptr<RosPublisher>> publish(const std::string& topic,
                                                         const std::string& type,
                                                         const RosQos& qos) = 0;
@@ -81,5 +81,7 @@ class RosNode : public std::enable_shared_from_this<RosNode> {
 
 /// "/robot/wrench" of "wrench" in the namespace "/robot"; as it is if it begins with "/".
 std::string full_topic(const std::string& topic, const std::string& node_namespace);
+/// Error: ROS has no topics that are called like this.
+Status check_topic(const std::string& full_topic);
 
 }  // namespace palpate::inline v0

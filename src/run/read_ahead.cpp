@@ -3,12 +3,12 @@
 #include <algorithm>
 #include <condition_variable>
 #include <mutex>
-#include <new>
 #include <system_error>
 #include <thread>
 #include <utility>
 #include <vector>
 
+#include "src/core/internal/guarded.h"
 #include "src/core/thread_rank.h"
 #include "src/run/internal/pipeline.h"
 
@@ -28,7 +28,8 @@ class ReadAhead final : public DepthSource {
 
   Status start() {
     try {
-      thread_ = std::thread([this] { read_all(); });
+      thread_ = std::thread(
+          [this] { guarded([&] { read_all(); }, [&](const Error& error) { end(error); }); });
     } catch (const std::system_error& error) {
       return Error{Errc::unavailable, std::string("cannot start the thread that reads frames: ") +
                                           error.what() + "; end other programs and try again"};
@@ -62,26 +63,20 @@ class ReadAhead final : public DepthSource {
  private:
   DepthFrame& place(std::size_t number) { return frames_[number % frames_.size()]; }
 
-  Result<bool> read(DepthFrame& frame) {
-    try {
-      return source_->next(frame);
-    } catch (const std::bad_alloc&) {
-      return out_of_memory();
-    }
+  void end(const Result<bool>& how) {
+    const std::lock_guard lock(mutex_);
+    end_ = how;
+    has_ended_ = true;
+    has_changed_.notify_all();
   }
 
   void read_all() {
     take_rank(ThreadRank::frames);
     DepthFrame frame;
     for (;;) {
-      const auto got = read(frame);
+      const auto got = source_->next(frame);
+      if (!got || !*got) return end(got);
       std::unique_lock lock(mutex_);
-      if (!got || !*got) {
-        end_ = got;
-        has_ended_ = true;
-        has_changed_.notify_all();
-        return;
-      }
       has_changed_.wait(lock,
                         [&] { return num_read_ - num_given_ < frames_.size() || is_stopping_; });
       if (is_stopping_) return;

@@ -131,12 +131,6 @@ Error lost_backend() {
           "use the CPU (--backend cpu)"};
 }
 
-Error out_of_memory() {
-  return {Errc::unavailable,
-          "out of memory: use fewer spheres, a smaller image or a shorter run, or end other "
-          "programs"};
-}
-
 Result<SurfaceTimeline> make_surfaces(std::span<const DepthStreamInfo> streams, std::size_t camera,
                                       const RunSettings& settings, int num_spare) {
   std::optional<DepthFieldOptions> field;

@@ -14,6 +14,7 @@
 #include <thread>
 #include <utility>
 
+#include "src/core/internal/guarded.h"
 #include "src/io/cdr.h"
 #include "src/io/internal/mcap_file.h"
 #include "src/io/ros_messages.h"
@@ -126,8 +127,8 @@ class Copy {
   Status run() {
     std::vector<std::thread> others;
     try {
-      for (std::size_t i = 1; i < turns_.size(); ++i) others.emplace_back([this, i] { read(i); });
-      read(0);
+      for (std::size_t i = 1; i < turns_.size(); ++i) others.emplace_back([this, i] { work(i); });
+      work(0);
     } catch (const std::system_error& error) {
       const std::lock_guard lock(mutex_);
       end_all(Error{Errc::unavailable, std::string("cannot start the thread that reads frames: ") +
@@ -143,6 +144,14 @@ class Copy {
     double time = 0;  // s, of that frame
   };
 
+  void work(std::size_t camera) {
+    guarded([&] { read(camera); },
+            [&](const Error& error) {
+              const std::lock_guard lock(mutex_);
+              turns_[camera].has_ended = true;
+              end_all(error);
+            });
+  }
   void read(std::size_t camera) {
     DepthFrame frame;
     double first = 0;

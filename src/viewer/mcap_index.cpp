@@ -2,9 +2,10 @@
 
 #include <algorithm>
 #include <chrono>
-#include <new>
 #include <system_error>
 #include <utility>
+
+#include "src/core/internal/guarded.h"
 
 namespace palpate::inline v0 {
 namespace {
@@ -57,7 +58,7 @@ Result<std::unique_ptr<McapIndex>> McapIndex::open(const std::filesystem::path& 
 
 void McapIndex::read_all() {
   std::string trouble;
-  try {
+  const auto read = [&] {
     for (;;) {
       const auto got = read_next();
       {
@@ -72,9 +73,8 @@ void McapIndex::read_all() {
       }
       break;
     }
-  } catch (const std::bad_alloc&) {
-    is_short_of_memory_ = true;
-  }
+  };
+  guarded(read, [&](const Error&) { is_short_of_memory_ = true; });
   const std::lock_guard lock(mutex_);
   trouble_ = std::move(trouble);
   is_complete_ = true;

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <new>
 #include <utility>
 
+#include "src/core/internal/guarded.h"
 #include "src/viewer/view_contact.h"
 
 namespace palpate::inline v0 {
@@ -163,12 +163,11 @@ Result<Json> RunPlayer::set(std::string_view key, const Json& value) {
 void RunPlayer::work() {
   while (!is_stopping_) {
     const auto start = std::chrono::steady_clock::now();
-    try {
-      show(advance());
-    } catch (const std::bad_alloc&) {
-      repetition_.forget();
-      is_short_of_memory_ = true;
-    }
+    guarded([&] { show(advance()); },
+            [&](const Error&) {
+              is_short_of_memory_ = true;
+              repetition_.forget();
+            });
     std::unique_lock lock(mutex_);
     const std::uint32_t num_seen = num_orders_;
     has_changed_.wait_until(lock, start + kPeriod,

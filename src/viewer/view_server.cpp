@@ -9,6 +9,7 @@
 #include <thread>
 #include <utility>
 
+#include "src/core/internal/guarded.h"
 #include "src/core/monotonic_clock.h"
 #include "src/core/thread_rank.h"
 #include "src/viewer/http_connection.h"
@@ -91,13 +92,9 @@ class Server : public ViewServer {
 
   void run() {
     take_rank(ThreadRank::viewer);
-    for (;;) {
-      try {
-        context_.run();
-        return;
-      } catch (const std::exception&) {
-        // Out of memory for one connection: the others go on.
-      }
+    // Out of memory for one connection: the others go on.
+    for (bool has_ended = false; !has_ended;) {
+      guarded([&] { has_ended = (context_.run(), true); }, [](const Error&) {});
     }
   }
 

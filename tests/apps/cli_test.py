@@ -236,6 +236,74 @@ class CommandLine(unittest.TestCase):
                 self.expect_failure(2, *touch, *camera, option, value, mentions=f"{option} goes with --depth-sequence")
         self.expect_failure(2, *self.sequence("--no-noise", "-o", self.path("never")), mentions="--no-noise goes with --scene")
 
+        self.expect_failure(1, *touch, "--camera", f"folder:{self.frames}?intrinsics={INTRINSICS}&size=160x120",
+                            mentions="leave out 'size': the images of folder say their size themselves")
+        for parameter in ("size=160x120", "frame=tool", "latency=0.1", "colour=1"):
+            for camera in ("scene:wall", f"folder:{self.frames}?intrinsics={INTRINSICS}", f"bag:{self.tool}"):
+                if parameter.startswith("size") and camera == "scene:wall" or parameter[0] == "l" and camera[0] == "b":
+                    continue  # which use it
+                mark = "&" if "?" in camera else "?"
+                self.expect_failure(1, *touch, "--camera", camera + mark + parameter,
+                                    mentions=f"'{parameter.split('=')[0]}'")
+
+    def test_two_ways_to_say_a_thing_must_say_the_same(self):
+        query = ("query", self.tool, "--depth", os.path.join(self.frames, "000.png"), "--intrinsics",
+                 INTRINSICS, "--depth-unit", 0.0001, "--pose", "0 0 0.49 0 0 0 1", "--json")
+        touch = self.sequence("-o", self.path("never"))
+        replay = ("replay", self.path("no_run"), "-o", self.path("never"))
+        for verb, option, key, value in (
+            (query, ("--method", "graph"), "contact.method", "field"),
+            (touch, ("--threads", 1), "loop.threads", 2), (query, ("--no-filter",), "surface.filter", "true"),
+            (query, ("--min-depth", 0.2), "surface.min_depth", 0.3),
+            (query, ("--tcp", "0 0 0.1"), "output.tcp", "0 0 0 0 0 0 1"),
+            (query, ("--wrench-frame", "tool"), "output.wrench_frame", "camera"),
+            (touch, ("--memory", "on"), "time.memory", "off"), (touch, ("--friction", 0.3), "friction.coefficient", 0.4),
+            (touch, ("--rate", 500), "loop.contact_rate", 1000), (touch, ("--backend", "cpu"), "loop.backend", "cuda"),
+            (replay, ("--coupling", "direct"), "coupling.kind", "virtual"),
+        ):
+            self.expect_failure(2, *verb, *option, "--set", f"{key}={value}",
+                                mentions=f"{' '.join(map(str, option))} and --set {key}={value} contradict each other")
+        self.expect_failure(2, *query, "--set", "surface.min_depth=0.2", "--set", "surface.min_depth=0.3",
+                            mentions="--set: surface.min_depth is 0.2 and 0.3")
+        for same in (("--method", "graph", "--set", "contact.method=graph"), ("--no-filter", "--set", "surface.filter=false"),
+                     ("--min-depth", 0.2, "--set", "surface.min_depth=2e-1", "--set", "surface.min_depth=2e-1"),
+                     ("--tcp", "0 0 0.1", "--set", "output.tcp=0 0 0.1 0 0 0 1")):
+            self.succeed(*query, *same)
+
+    def test_files_of_other_kinds_are_not_replaced(self):
+        notes = self.path("notes")
+        os.mkdir(notes)
+        precious = {name: os.path.join(notes, name) for name in
+                    ("a.txt", "a.palp", "a.mcap", "a.ply", "a.stl", "a.obj", "a.csv", "a.html", "a.glb", "b.mcap.partial")}
+        for path in precious.values():
+            with open(path, "w") as file:
+                file.write("# my notes\nx, y\n")
+        write_ply(self.path("wall.ply"), bumpy_wall())
+        query = ("query", self.tool, "--cloud", self.path("wall.ply"), "--pose", "0 0 0.478 0 0 0 1", "--caps")
+        record = ("record", "--camera", "scene:wall?size=32x24", "--duration", 0.2, "-o")
+        for arguments, name, kind in (
+            (("pack", self.mesh, "-o"), "a.palp", "tool file"), (("pack", self.mesh, "-o"), "a.txt", "tool file"),
+            (("pack", self.mesh, "-o", self.path("y.palp"), "--report"), "a.html", "HTML page"),
+            (("info", self.tool, "--report"), "a.html", "HTML page"),
+            (("shape", "box", "-o"), "a.ply", "mesh of this format"), (("shape", "box", "-o"), "a.stl", "mesh of this format"),
+            (("shape", "box", "-o"), "a.obj", "mesh of this format"), (("export", self.tool, "--mesh"), "a.ply", "mesh of this"),
+            (("export", self.tool, "--spheres"), "a.csv", "table of spheres"), (("export", self.tool, "--edges"), "a.csv", "table"),
+            (query, "a.glb", "mesh of this format"), (query, "a.ply", "mesh of this format"),
+            (record, "a.mcap", "recording"), (record, "a.txt", "recording"), (record, "b.mcap", "recording"),
+        ):
+            self.expect_failure(1, *arguments, os.path.join(notes, name), mentions=f"it is there and is no {kind}")
+        for path in precious.values():
+            self.assertEqual(read(path), "# my notes\nx, y\n")
+        self.assertEqual(sorted(os.listdir(notes)), sorted(precious))
+        # What is of its kind, or empty, is replaced.
+        for arguments, name in ((("pack", self.mesh, "--spheres", 20, "-o"), "n.palp"), (("shape", "box", "-o"), "n.ply"),
+                                (("shape", "box", "-o"), "n.stl"), (("shape", "box", "-o"), "n.obj"),
+                                (("info", self.tool, "--report"), "n.html"), (("export", self.tool, "--spheres"), "n.csv"),
+                                (("export", self.tool, "--edges"), "e.csv"), (query, "n.glb"), (record, "n.mcap")):
+            open(os.path.join(notes, name), "w").close()
+            for _ in range(2):
+                self.succeed(*arguments, os.path.join(notes, name))
+
     def test_output_that_cannot_be_written_is_no_success(self):
         for arguments in (("--help",), ("--version",), ("touch", "--help"), ("touch", "--print-settings"),
                           ("info", self.tool), ("scenes",)):
@@ -366,6 +434,15 @@ class CommandLine(unittest.TestCase):
         for name in ("x", "x.palp", "x.unknown"):
             self.assertFalse(os.path.exists(self.path(name)), name)
         self.assertFalse([name for name in os.listdir(self.folder) if ".partial" in name])
+
+    def test_a_file_that_is_no_image_is_told_as_such(self):
+        text = self.path("text.png")
+        with open(text, "w") as file:
+            file.write("1 2 3\n" * 20)
+        query = ("query", self.tool, "--intrinsics", INTRINSICS, "--pose", "0 0 0.5 0 0 0 1", "--depth")
+        for file in (text, self.mesh, self.tool):
+            self.expect_failure(1, *query, file, mentions=f"{file} is not a PNG file; depth images are 16-bit greyscale "
+                                "PNG files, and organized point clouds are read as .pcd files")
 
     def test_cuda_is_refused_where_there_is_none(self):
         result = palpate(*self.sequence("-o", self.path("cuda"), "--backend", "cuda"))
@@ -1570,6 +1647,27 @@ pose = [1, 0, 0, 0, 0, {0.5 ** 0.5}, {0.5 ** 0.5}]
         self.assertEqual(one["boundary_spheres"], cloud["boundary_spheres"])
         table = self.succeed(*query[:-1], "--object", right).splitlines()
         self.assertIn("objects", table[0])
+
+    def test_what_counts_more_than_once_is_told(self):
+        query = ("query", self.tool, "--depth", os.path.join(self.frames, "000.png"), "--intrinsics",
+                 INTRINSICS, "--depth-unit", 0.0001, "--pose", "0 0 0.3 0 0 0 1", "--json")
+        big, mesh = self.path("big.palp"), self.path("big.ply")
+        self.succeed("shape", "box", "--size", 0.3, "-o", mesh)
+        self.succeed("pack", mesh, "-o", big, "--spheres", 100)
+        around = ("--object", f"{big}@0 0 0.3 0 0 0 1")
+        once = palpate(*query, *around)
+        self.assertAlmostEqual(json.loads(once.stdout)["results"][0]["fraction"], 1, places=2)
+        self.assertNotIn("overlap", once.stderr)
+        twice = palpate(*query, *around, *around)
+        self.assertAlmostEqual(json.loads(twice.stdout)["results"][0]["fraction"], 2, places=2)
+        self.assertIn("note: 200 % of the tool is inside: depth images and objects overlap", twice.stderr)
+        path = self.path("still.txt")
+        with open(path, "w") as file:
+            file.write("0 0 0 0.3 0 0 0 1\n0.05 0 0 0.3 0 0 0 1\n")
+        run = self.path("run_twice")
+        told = palpate(*self.sequence("--path", path, "-o", run), *around, *around)
+        self.assertIn("note: 200 % of the tool is inside", told.stderr)
+        self.assertTrue(any("200 %" in text for text in json.loads(read(os.path.join(run, "summary.json")))["warnings"]))
 
     def test_touch_with_objects_and_replay(self):
         run, at_name = self.path("run_objects"), self.path("a@b.palp")

@@ -249,6 +249,24 @@ TEST(JointHistory, KeepsTheNewest) {
   EXPECT_FALSE(history.at(0, 999, 0.6, false));
 }
 
+// Of a robot that is live: its last position counts until it is too old.
+TEST(JointHistory, HoldsAJointThatIsToldToBeWhereNoneIs) {
+  JointHistory history({{"elbow", false}, {"wheel", true}}, 10);
+  history.add("elbow", 1, 0.5);
+  history.add("wheel", 1, 6e5);  // turned often
+  EXPECT_EQ(history.impossible(), "");
+  for (const double position : {1e300, -1.1e6, std::nan("")}) {
+    history.add("elbow", 1.1, position);
+    EXPECT_EQ(history.at(0, 1.1, 0.2, false).value(), 0.5) << position;
+  }
+  EXPECT_EQ(history.at(1, 1.1, 0.2, false).value(), 6e5);
+  const auto missed = history.at(0, 2, 0.2, false);
+  ASSERT_FALSE(missed);
+  EXPECT_NE(missed.error().message.find("told to be where no joint is"), std::string::npos)
+      << missed.error().message;
+  EXPECT_NE(history.impossible().find("joint 'elbow' is at "), std::string::npos);
+}
+
 TEST(JointTable, IsReadAndRefused) {
   JointHistory history({{"a", false}, {"b", false}});
   const Status read =
@@ -267,6 +285,9 @@ TEST(JointTable, IsReadAndRefused) {
   EXPECT_NE(why("time,a\n0,1\n1\n").find("line 3 has 1 values"), std::string::npos);
   EXPECT_NE(why("time,a\n0,x\n").find("'x'"), std::string::npos);
   EXPECT_NE(why("time,a\n0,inf\n").find("finite"), std::string::npos);
+  EXPECT_NE(why("time,a\n0,1\n1,-1e300\n").find("line 3 has '-1e300' where a position is needed"),
+            std::string::npos);
+  EXPECT_EQ(why("time,a\n1.7e9,1e6\n"), "");
   EXPECT_NE(why("time,a\n1,0\n0,0\n").find("back in time"), std::string::npos);
   EXPECT_NE(why("time,a,b,a\n0,1,2,3\n").find("line 1 has two columns 'a'"), std::string::npos);
   EXPECT_NE(why("a,time\n0,1\n").find("the time as its first column"), std::string::npos);
@@ -484,6 +505,20 @@ TEST_F(ArmBag, TellsOfJointsOrOfFrames) {
   EXPECT_NE(notes[0].find("tf has no transform for 'upper_arm'"), std::string::npos) << notes[0];
   files_.joints = bag + "?world=moon";
   EXPECT_NE(why_not().find("no transform joins 'moon'"), std::string::npos) << why_not();
+}
+
+TEST_F(ArmBag, WithAJointThatIsWhereNoneIsIsRefused) {
+  auto bag = McapWriter::create(folder_ / "odd.mcap").value();
+  const auto joints =
+      bag.add_channel({"/joint_states", ros_interface_name("sensor_msgs/JointState"),
+                       message_schema("sensor_msgs/JointState")});
+  const std::string names[] = {"shoulder", "elbow"};
+  const double good[] = {0.1, 0.2}, odd[] = {0.1, 1e300};
+  EXPECT_TRUE(bag.write(joints, 1, joint_state_message({1, ""}, names, good)));
+  EXPECT_TRUE(bag.write(joints, 2, joint_state_message({2, ""}, names, odd)));
+  EXPECT_TRUE(bag.finish());
+  files_.joints = "bag:" + (folder_ / "odd.mcap").string();
+  EXPECT_NE(why_not().find("joint 'elbow' is at 1e+300 rad or m"), std::string::npos) << why_not();
 }
 
 }  // namespace

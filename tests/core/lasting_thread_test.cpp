@@ -5,6 +5,7 @@
 #include <atomic>
 #include <memory>
 #include <set>
+#include <stdexcept>
 #include <thread>
 #include <vector>
 
@@ -48,6 +49,11 @@ TEST(LastingThread, DoesWhatManyAskForOneAfterTheOtherOnOneThread) {
 TEST(LastingThread, AnswersItselfAtOnceAndGivesWhatCanOnlyBeMoved) {
   const auto owned = one().call([] { return std::make_unique<int>(one().call([] { return 7; })); });
   EXPECT_EQ(*owned, 7);
+}
+
+TEST(LastingThread, WhatAskedWorkThrowsReachesWhoAsked) {
+  EXPECT_THROW(one().call([]() -> int { throw std::runtime_error("work"); }), std::runtime_error);
+  EXPECT_EQ(one().call([] { return 8; }), 8);
 }
 
 }  // namespace

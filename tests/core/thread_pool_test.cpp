@@ -8,6 +8,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <fstream>
+#include <stdexcept>
 #include <thread>
 #include <vector>
 
@@ -73,6 +74,25 @@ TEST(ThreadPool, DoesNotAllocatePerLoop) {
   EXPECT_EQ(counter.count(), 0u);
   EXPECT_EQ(total, 100);
   EXPECT_EQ(shared.load(), 1000);
+}
+
+// As in a plain loop: the caller gets the exception, and no task runs any more.
+TEST(ThreadPool, WhatATaskThrowsReachesTheCaller) {
+  ThreadPool pool(3);
+  for (int loop = 0; loop < 200; ++loop) {
+    std::atomic<int> num_inside{0};
+    const auto task = [&](int number) {
+      ++num_inside;
+      if (number % 2 == loop % 2) throw std::runtime_error("task");  // here and on other threads
+      --num_inside;
+    };
+    EXPECT_THROW(pool.parallel_for(50, task), std::runtime_error);
+    const int num_thrown = num_inside;
+    EXPECT_TRUE(num_thrown >= 1 && num_thrown <= 3) << num_thrown;
+    std::atomic<int> sum{0};
+    pool.parallel_for(100, [&](int number) { sum += number; });
+    EXPECT_EQ(sum, 4950);
+  }
 }
 
 TEST(ThreadPool, ZeroMeansOnePerCore) {

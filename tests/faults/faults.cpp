@@ -9,6 +9,7 @@
 //   unreadable@N   from the N-th read on it is (EIO)
 //   slow           every write takes 50 ms longer
 //   sluggish       every write takes 200 ms longer
+//   stuck          a file that is to reach the disk never does; "stuck" on stderr says so
 //   threadless@N   the N-th thread and all later ones are refused (EAGAIN)
 //   memoryless@N   the N-th allocation of 64 KiB or more is refused, and so are all later ones
 //   yesterday@N    from the N-th look on, the calendar's clock goes wrong by a day
@@ -106,6 +107,15 @@ extern "C" ssize_t write(int descriptor, const void* data, size_t size) {
   if (slow.comes()) usleep(50'000);
   if (sluggish.comes()) usleep(200'000);
   return real(descriptor, data, shorter.comes() ? shortened(size) : size);
+}
+
+extern "C" int fsync(int descriptor) {
+  static auto* const real = next<int(int)>("fsync");
+  static Fault stuck("stuck");
+  if (!is_file(descriptor) || !stuck.comes()) return real(descriptor);
+  constexpr char kWords[] = "stuck\n";
+  (void)!write(STDERR_FILENO, kWords, sizeof kWords - 1);
+  for (;;) pause();
 }
 
 extern "C" ssize_t read(int descriptor, void* data, size_t size) {

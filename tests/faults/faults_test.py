@@ -18,12 +18,14 @@ import re
 import resource
 import shutil
 import signal
+import struct
 import subprocess
 import sys
 import tempfile
 import time
 import unittest
 import urllib.request
+import zlib
 
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "../test_util"))
 import parts  # noqa: E402
@@ -311,6 +313,41 @@ class Faults(Case):
         deadline = time.monotonic() + 120
         while not path.exists() and process.poll() is None and time.monotonic() < deadline:
             time.sleep(0.01)
+
+    def test_whoever_is_ended_while_writing_leaves_what_was_there(self):
+        wall = self.folder / "wall.png"
+        rows = b"".join(b"\0" + struct.pack(">160H", *[500] * 160) for _ in range(120))
+        wall.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(
+            struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
+            for kind, body in ((b"IHDR", struct.pack(">IIBBBBB", 160, 120, 16, 0, 0, 0, 0)),
+                               (b"IDAT", zlib.compress(rows)), (b"IEND", b""))))
+        query = ("query", self.tool, "--depth", wall, "--intrinsics", "200,200,79.5,59.5", "--pose",
+                 "0 0 0.49 0 0 0 1", "--caps")
+        out = self.folder / "out"
+        for number, arguments in enumerate((
+                ("shape", "box", "-o", out / "m.ply"), (*query, out / "c.ply"), (*query, out / "c.glb"),
+                ("export", self.tool, "--spheres", out / "s.csv"), ("export", self.tool, "--mesh", out / "m.stl"),
+                ("info", self.tool, "--report", out / "p.html"),
+                ("pack", self.mesh, "-o", out / "t.palp", "--spheres", 50))):
+            for is_replaced in (False, True):
+                shutil.rmtree(out, ignore_errors=True)
+                out.mkdir()
+                if is_replaced:
+                    self.assertEqual(run(*arguments).returncode, 0, arguments)
+                before = {path.name: path.read_bytes() for path in out.iterdir()}
+                self.assertEqual(len(before), int(is_replaced))
+                process = subprocess.Popen(
+                    [PALPATE, *map(str, arguments)], text=True, stdout=subprocess.DEVNULL,
+                    stderr=subprocess.PIPE, env=dict(os.environ, LD_PRELOAD=FAULTS, PALPATE_FAULTS="stuck"))
+                self.assertIn("stuck\n", iter(process.stderr.readline, ""), arguments)
+                ending = (signal.SIGINT, signal.SIGTERM)[(number + is_replaced) % 2]
+                process.send_signal(ending)
+                if arguments[0] == "pack":  # which would end well, but for what holds it up
+                    time.sleep(2.2)
+                    process.send_signal(ending)
+                self.assertEqual(process.wait(30), -ending, arguments)
+                process.stderr.close()
+                self.assertEqual({path.name: path.read_bytes() for path in out.iterdir()}, before, arguments)
 
     def test_killed_at_any_moment(self):
         choose = random.Random(5)

@@ -54,6 +54,25 @@ TEST(FieldCurvature, KnowsTheFieldAndItsGradient) {
   EXPECT_EQ(before.phi, 0.02) << "nothing is nearer to the camera than that";
 }
 
+TEST(FieldCurvature, IsNowhereWhereNoPointIs) {
+  const DepthField field = rough_field();
+  for (const double none : {std::nan(""), HUGE_VAL, -HUGE_VAL}) {
+    for (int axis = 0; axis < 3; ++axis) {
+      Vec3d p{0.01, 0.02, 1.2};
+      p[axis] = none;
+      const FieldSample<double> at = sample_field(field.view(), p, 0.01);
+      const CurvedFieldSample curved = sample_field_curvature(field.view(), p, 0.01);
+      const auto in_single =
+          sample_field(field.view(), Vec3<float>{float(p.x), float(p.y), float(p.z)}, 0.01f);
+      EXPECT_TRUE(std::isnan(at.phi) && std::isnan(curved.phi) && std::isnan(in_single.phi))
+          << none << " " << axis;
+      for (int k = 0; k < 3; ++k) {
+        EXPECT_TRUE(std::isnan(at.gradient[k]) && std::isnan(curved.gradient[k]));
+      }
+    }
+  }
+}
+
 TEST(FieldCurvature, IsTheSlopeOfTheGradient) {
   const DepthField field = rough_field();
   int num = 0, num_off = 0;

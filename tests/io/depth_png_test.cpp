@@ -130,7 +130,7 @@ TEST(LabelPng, RefusesWhatIsNone) {
     expect_error(load_label_png(path), "save it with 8 bits and one channel");
   }
   write_bytes(path, "this is not an image");
-  expect_error(load_label_png(path), "not a good PNG");
+  expect_error(load_label_png(path), "is not a PNG file; label images are");
   EXPECT_EQ(load_label_png(folder / "absent.png").error().code, Errc::not_found);
   write_png(path, 8, PNG_COLOR_TYPE_GRAY, PNG_INTERLACE_NONE, noise(64, 48));
   test::for_each_truncation(path, 200, [](const std::filesystem::path& cut, std::size_t length) {
@@ -170,7 +170,7 @@ TEST(DepthPng, RefusesDamage) {
     (void)load_depth_png(folder / "bad.png").has_value();
   }
   write_bytes(folder / "text.png", "this is not an image");
-  expect_error(load_depth_png(folder / "text.png"), "not a good PNG");
+  expect_error(load_depth_png(folder / "text.png"), "is not a PNG file; depth images are");
   EXPECT_EQ(load_depth_png(folder / "absent.png").error().code, Errc::not_found);
   EXPECT_FALSE(load_depth_png(folder.path()).has_value());
 }

@@ -234,6 +234,21 @@ class LiveCamerasTest(PeerCase):
         low, high = span(walled + 2.5, float("inf"))
         self.assertLess(max(-low, high), 0.012)
 
+    def test_a_topic_that_is_none_or_silent_is_told_at_once(self):
+        environment = {**os.environ, "ROS_DOMAIN_ID": str(self.domain), "ROS_LOCALHOST_ONLY": "1"}
+        words = [PALPATE, "touch", self.tool, "-o", os.path.join(self.folder.name, "never"), "--camera"]
+        for topic, *more in (("ros2:bad topic!",), ("ros2:/1a",), ("ros2:/a?info=/b c",), ("scene:wall", "--device", "ros2:/a b")):
+            refused = subprocess.run([*words, topic, *more], capture_output=True, text=True, env=environment, timeout=60)
+            self.assertEqual(refused.returncode, 1, refused.stderr)
+            self.assertRegex(refused.stderr, r"^palpate: no ROS topic can be called '/[^']*': give [^\n]*image_raw\n$")
+        begin = time.monotonic()
+        waiting = subprocess.Popen([*words, "ros2:x"], stderr=subprocess.PIPE, text=True, env=environment)
+        note = waiting.stderr.readline()
+        self.assertRegex(note, "note: ros2:/x waits up to 10 s for its first depth image: there is no publisher")
+        self.assertIn("ros2:/x has sent no depth image within 10 s", waiting.communicate(timeout=60)[1])
+        self.assertGreater(time.monotonic() - begin, 9)
+        self.assertEqual(waiting.returncode, 1)
+
     def test_a_follower_hears_of_the_tool(self):
         path = os.path.join(self.folder.name, "path.txt")
         with open(path, "w", encoding="utf-8") as file:

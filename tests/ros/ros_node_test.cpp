@@ -106,5 +106,17 @@ TEST(FullTopic, puts_names_into_the_namespace) {
   EXPECT_EQ(full_topic("/wrench", "/arm"), "/wrench");
 }
 
+TEST(CheckTopic, knows_the_names_of_ros) {
+  for (const char* const good : {"/a", "/camera/depth/image_raw", "/A_1/b2", "/_hidden/x__y"}) {
+    EXPECT_TRUE(check_topic(good)) << good;
+  }
+  for (const char* const bad : {"", "/", "a", "/a/", "//a", "/a//b", "/bad topic!", "/1a", "/a/2",
+                                "/a-b", "/\xc3\xa4", "/a\n"}) {
+    const Status status = check_topic(bad);
+    ASSERT_FALSE(status) << bad;
+    EXPECT_NE(status.error().message.find("no ROS topic can be called"), std::string::npos);
+  }
+}
+
 }  // namespace
 }  // namespace palpate

@@ -342,7 +342,7 @@ TEST(LiveLoopChange, StagesTakeChangesWithoutAllocating) {
   ContactChange contact_change{1, 1, 500, next.scale, std::move(next.contact)};
   HapticChange haptic_change{1, std::move(next.coupling)};
   ASSERT_TRUE(surfaces.start());
-  contacts.start(monotonic_now());
+  contacts.start(monotonic_now(), {});
 
   TickRecord record;
   const auto tick = [&] {
@@ -414,7 +414,7 @@ TEST(LiveLoopChange, ALostBackendIsReplaced) {
                       SafetyFilter::create(device.info().limits, settings.safety).value(), 1e-3},
                      surfaces, contacts, {1e-3, false, false}, times);
   ASSERT_TRUE(surfaces.start());
-  contacts.start(monotonic_now());
+  contacts.start(monotonic_now(), {});
   TickRecord record;
   const auto tick = [&] {
     DeviceState state;

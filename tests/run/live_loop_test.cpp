@@ -7,6 +7,8 @@
 #include <cmath>
 #include <filesystem>
 #include <map>
+#include <optional>
+#include <stdexcept>
 #include <string>
 #include <thread>
 #include <vector>
@@ -71,6 +73,65 @@ TEST(LiveLoop, ASourceThatNeverReturnsHoldsUpNobody) {
   ASSERT_TRUE(wait_for([&] { return source.is_waiting(); }));
   loop->stop();
   EXPECT_FALSE(loop->is_running());
+}
+
+/// Runs until it has ended by itself; says how.
+Status ending_of(RunLoop& loop) {
+  if (const Status started = loop.start(); !started) return started;
+  EXPECT_TRUE(wait_for([&] { return !loop.is_running(); }));
+  loop.stop();
+  return loop.status();
+}
+
+/// A wall whose thread has all the memory that it wants. When frames begin to have flow, which the
+/// stream has not told, the thread that makes surfaces needs room to keep it.
+class SparedWall final : public DepthSource {
+ public:
+  std::atomic<bool> has_flow = false;
+
+  const DepthStreamInfo& info() const override { return wall_.info(); }
+  Result<bool> next(DepthFrame& frame) override {
+    test::RefusedAllocations::spare_this_thread();
+    const auto got = wall_.next(frame);
+    frame.flow.assign(has_flow ? 2 * frame.pixels.size() : 0, {});
+    return got;
+  }
+
+ private:
+  WallSource wall_{{}};
+};
+
+TEST(LiveLoop, AThreadOfSurfacesWithoutMemoryEndsTheRunWell) {
+  SparedWall source;
+  ScriptedDevice device({.hand = pressing_hand});
+  RunObserver observer;
+  observer.on_frame = [](const FrameRecord&, const DepthFrame&) {};
+  auto loop =
+      RunLoop::create(box_tool(), source, device, patient_settings(), std::move(observer)).value();
+  test::RefusedAllocations::spare_this_thread();
+  ASSERT_TRUE(loop->start());
+  ASSERT_TRUE(wait_for([&] { return device.last_force() > 0; }));
+  {
+    const test::RefusedAllocations refused;
+    source.has_flow = true;
+    EXPECT_TRUE(wait_for([&] { return !loop->is_running(); }));
+  }
+  EXPECT_EQ(device.last_force(), 0);  // it has faded
+  loop->stop();
+  EXPECT_FALSE(loop->status());
+}
+
+TEST(LiveLoop, WhatACameraThrowsEndsTheRunWell) {
+  WallSource source({.depth = [](int frame) -> double {
+    if (frame == 10) throw std::runtime_error("a hole in the wall");
+    return 0.5;
+  }});
+  ScriptedDevice device({.hand = pressing_hand});
+  auto loop = RunLoop::create(box_tool(), source, device, patient_settings()).value();
+  const Status ending = ending_of(*loop);
+  ASSERT_FALSE(ending);
+  EXPECT_NE(ending.error().message.find("a hole in the wall"), std::string::npos)
+      << ending.error().message;
 }
 
 TEST(LiveLoop, TheHandFeelsTheWallAndAllIsRecorded) {

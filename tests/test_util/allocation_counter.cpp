@@ -7,6 +7,8 @@
 namespace {
 
 std::atomic<std::size_t> g_num_allocations{0}, g_num_bytes{0};
+std::atomic<bool> g_is_refused{false};
+thread_local bool t_is_spared = false;
 
 void* counted(std::size_t size, std::size_t alignment) {
   g_num_allocations.fetch_add(1, std::memory_order_relaxed);
@@ -14,7 +16,10 @@ void* counted(std::size_t size, std::size_t alignment) {
   void* memory = alignment > alignof(std::max_align_t)
                      ? std::aligned_alloc(alignment, (size + alignment - 1) / alignment * alignment)
                      : std::malloc(size);
-  if (memory == nullptr) throw std::bad_alloc();
+  if (memory == nullptr || (g_is_refused.load(std::memory_order_relaxed) && !t_is_spared)) {
+    std::free(memory);
+    throw std::bad_alloc();
+  }
   return memory;
 }
 
@@ -40,6 +45,10 @@ void operator delete[](void* memory, std::size_t, std::align_val_t) noexcept { s
 namespace palpate::test {
 
 std::size_t num_allocations() { return g_num_allocations.load(std::memory_order_relaxed); }
+
+RefusedAllocations::RefusedAllocations() { g_is_refused = true; }
+RefusedAllocations::~RefusedAllocations() { g_is_refused = false; }
+void RefusedAllocations::spare_this_thread() { t_is_spared = true; }
 
 std::size_t num_allocated_bytes() { return g_num_bytes.load(std::memory_order_relaxed); }
 

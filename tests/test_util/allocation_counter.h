@@ -1,4 +1,4 @@
-// Counts heap allocations of a scope.
+// Counts heap allocations of a scope, or refuses them.
 #pragma once
 
 #include <cstddef>
@@ -18,6 +18,17 @@ class AllocationCounter {
 
  private:
   std::size_t start_;
+};
+
+/// While it lives, every allocation of a thread that is not spared fails.
+class RefusedAllocations {
+ public:
+  RefusedAllocations();
+  ~RefusedAllocations();
+  RefusedAllocations(const RefusedAllocations&) = delete;
+  RefusedAllocations& operator=(const RefusedAllocations&) = delete;
+
+  static void spare_this_thread();
 };
 
 }  // namespace palpate::test

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <filesystem>
+#include <functional>
 #include <initializer_list>
 #include <map>
 #include <memory>
@@ -84,6 +85,8 @@ struct CameraOpening {
   /// Otherwise every frame counts, except from devices.
   bool in_real_time = true;
   std::optional<double> duration = {};  ///< s, for simulated cameras; none: the scene's
+  /// Hears what a camera waits for that sends nothing yet, before it is open.
+  std::function<void(const std::string&)> on_wait = {};
 };
 
 /// Opens a stream of undistorted pinhole images with fixed size and intrinsics, even

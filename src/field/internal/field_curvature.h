@@ -150,7 +150,11 @@ PALPATE_HOSTDEV inline ImageCurvature<double> query_field_curvature(const DepthF
 /// As sample_field, with second derivatives.
 PALPATE_HOSTDEV inline CurvedFieldSample sample_field_curvature(const DepthFieldView& field,
                                                                 const Vec3d& p_C, double radius) {
-  const double z = p_C.z;
+  const double z = p_C.z, none = NAN;
+  if (!is_place(p_C)) {
+    return {
+        none, {none, none, none}, {{{none, none, none}, {none, none, none}, {none, none, none}}}};
+  }
   if (!(z > static_cast<double>(kMinDepth))) return {2 * radius, {}, {}};
   const PixelPosition<double> at = project(field.intrinsics, p_C);
   ImageCurvature<double> c = query_field_curvature(field, at, z, radius);

@@ -272,15 +272,21 @@ PALPATE_HOSTDEV inline ImageGradient<Real> query_field(const DepthFieldView& fie
 
 /// phi for a sphere of this radius (m) at p_C, and its gradient. For single numbers; the vector
 /// kernel of the contact query takes the same steps. In front of kMinDepth: 2 radii, gradient 0.
+/// NaN where p_C is not finite (poses that are not finite never come to the vector kernels).
 template <class Real>
 struct FieldSample {
   Real phi;
   Vec3<Real> gradient;
 };
 template <class Real>
+PALPATE_HOSTDEV inline bool is_place(const Vec3<Real>& p) {
+  return p.x * 0 + p.y * 0 + p.z * 0 == 0;  // of infinity it is NaN, too
+}
+template <class Real>
 PALPATE_HOSTDEV inline FieldSample<Real> sample_field(const DepthFieldView& field,
                                                       const Vec3<Real>& p_C, Real radius) {
-  const Real z = p_C.z;
+  const Real z = p_C.z, none = Real(NAN);
+  if (!is_place(p_C)) return {none, {none, none, none}};
   if (!(z > Real(kMinDepth))) return {2 * radius, {}};
   const PixelPosition<Real> at = project(field.intrinsics, p_C);
   ImageGradient<Real> g = query_field(field, at, z, radius);

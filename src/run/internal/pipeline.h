@@ -185,7 +185,6 @@ Error error_of_camera(const Error& error, const std::string& name, std::size_t c
 /// What StepStatus::backend_failed means.
 Error lost_backend();
 /// What a run ends with whose threads get no memory any more.
-Error out_of_memory();
 
 /// Of one of the cameras, by the backend, the GPU and the options of the settings. Cameras that
 /// move remember no more frames than a query can take of all together (kMaxCameras).

@@ -5,11 +5,11 @@
 #include <condition_variable>
 #include <deque>
 #include <mutex>
-#include <new>
 #include <thread>
 #include <utility>
 
 #include "palpate/run/run_loop.h"
+#include "src/core/internal/guarded.h"
 #include "src/core/internal/triple_buffer.h"
 #include "src/core/monotonic_clock.h"
 #include "src/run/internal/pipeline.h"
@@ -88,7 +88,7 @@ class ClockedLoop final : public RunLoop {
   Pipeline pipeline_;
   LoopReport report_;
   Status status_ = Done{};
-  bool has_ended_ = false, is_held_ = false, is_out_of_memory_ = false;
+  bool has_ended_ = false, is_held_ = false;
   int num_steps_ = 0;
   double wall_offset_ = 0;  // s, monotonic, at time 0
   std::uint64_t contact_number_ = 0;
@@ -130,18 +130,19 @@ void ClockedLoop::stop() noexcept {
 }
 
 void ClockedLoop::work() {
-  try {
+  const auto step_all = [this] {
     while (!is_stopping_) {
       Lock lock(mutex_);
       if (!wait_for_turn(lock)) break;
       if (!device_.step() && !has_ended_) end("the path has ended");
       if (has_ended_) break;
     }
-  } catch (const std::bad_alloc&) {
+  };
+  guarded(step_all, [this](const Error& error) {
     const Lock lock(mutex_);
     has_ended_ = true;
-    is_out_of_memory_ = true;
-  }
+    status_ = error;
+  });
   is_running_ = false;
 }
 
@@ -282,7 +283,6 @@ LoopReport ClockedLoop::report() const {
 
 Status ClockedLoop::status() const {
   const std::lock_guard lock(mutex_);
-  if (is_out_of_memory_) return out_of_memory();
   return status_;
 }
 

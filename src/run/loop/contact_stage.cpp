@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "src/core/internal/guarded.h"
 #include "src/core/monotonic_clock.h"
 #include "src/run/loop/real_time.h"
 
@@ -37,9 +38,9 @@ ContactStage::ContactStage(std::unique_ptr<ContactPart> part, SurfaceStage& surf
       pictures_{TripleBuffer(blank_picture(settings.num_spheres)),
                 TripleBuffer(blank_picture(settings.num_spheres))} {}
 
-void ContactStage::start(double start_time) {
+void ContactStage::start(double start_time, std::function<void(const Error&)> fail) {
   settings_.start_time = start_time;
-  thread_ = std::thread([this] { work(); });
+  thread_ = std::thread([this, fail = std::move(fail)] { guarded([&] { work(); }, fail); });
 }
 
 void ContactStage::stop() noexcept {

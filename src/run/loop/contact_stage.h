@@ -4,6 +4,7 @@
 #include <array>
 #include <atomic>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <thread>
 #include <vector>
@@ -46,7 +47,8 @@ class ContactStage {
                LatencyHistogram& contact_compute);
   ~ContactStage() { stop(); }
 
-  void start(double start_time);
+  /// `fail` hears what its thread throws.
+  void start(double start_time, std::function<void(const Error&)> fail);
   void stop() noexcept;
   /// What other threads that compute for queries do first, where real time is requested.
   static void begin_thread();

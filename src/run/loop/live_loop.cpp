@@ -4,12 +4,12 @@
 #include <array>
 #include <atomic>
 #include <mutex>
-#include <new>
 #include <system_error>
 #include <thread>
 #include <tuple>
 #include <utility>
 
+#include "src/core/internal/guarded.h"
 #include "src/core/monotonic_clock.h"
 #include "src/core/thread_rank.h"
 #include "src/run/internal/pipeline.h"
@@ -141,6 +141,7 @@ class LiveLoop final : public RunLoop {
   double slowest_rate() const;
   void publish_all();
   bool has_stopped_ticking();
+  void end_with(const Error& error);
   void fade_out() noexcept;
   std::vector<std::pair<std::string, std::string>> scheduling() const;
 
@@ -159,6 +160,7 @@ class LiveLoop final : public RunLoop {
   mutable std::mutex mutex_;
   RunSettings settings_;  // as all stages have them
   std::vector<std::string> notes_;
+  Status failure_ = Done{};          // of the first thread that threw
   std::array<double, 3> thinned_{};  // s: page, image, spheres
   // Of the publishing thread.
   std::uint64_t num_seen_ticks_ = 0;
@@ -168,7 +170,7 @@ class LiveLoop final : public RunLoop {
   LoadGovernor governor_;
 
   std::atomic<bool> is_running_ = false, is_backend_lost_ = false, is_page_thinned_ = false;
-  std::atomic<bool> is_out_of_memory_ = false, is_device_stuck_ = false;
+  std::atomic<bool> has_failed_ = false, is_device_stuck_ = false;
   std::atomic<std::uint64_t> num_pictures_ = 0;  // requested
   std::atomic<int> recorder_nice_ = 0;
   std::atomic<double> start_time_ = 0, end_time_ = 0;
@@ -202,9 +204,10 @@ Status LiveLoop::start_all() {
     if (const Status seen = surfaces_.start(); !seen) return seen;
     start_time_ = monotonic_now();
     haptic_.set_start_time(start_time_);
-    contacts_.start(start_time_);
-    publishing_thread_ = std::thread([this] { publish_all(); });
-    minding_thread_ = std::thread([this] { mind_all(); });
+    const auto fail = [this](const Error& error) { end_with(error); };
+    contacts_.start(start_time_, fail);
+    publishing_thread_ = std::thread([this, fail] { guarded([&] { publish_all(); }, fail); });
+    minding_thread_ = std::thread([this, fail] { guarded([&] { mind_all(); }, fail); });
   } catch (const std::system_error& error) {
     return Error{Errc::unavailable, std::string("cannot start the threads of the loop: ") +
                                         error.what() + "; end other programs and try again"};
@@ -234,6 +237,14 @@ void LiveLoop::lock_all_memory() {
   const int refused = lock_memory();
   has_locked_memory_ = refused == 0;
   if (refused != 0) notes_.push_back(memory_lock_refused(refused));
+}
+
+/// A thread has failed. The hand needs no memory to fade out.
+void LiveLoop::end_with(const Error& error) {
+  has_failed_ = true;
+  haptic_.request_stop();
+  const std::lock_guard lock(mutex_);
+  if (failure_) failure_ = error;
 }
 
 void LiveLoop::fade_out() noexcept {
@@ -348,14 +359,8 @@ void LiveLoop::mind_all() {
     // Whoever changes settings comes first.
     const std::unique_lock lock(changing_, std::try_to_lock);
     if (!lock || !is_running()) continue;
-    try {
-      look_after_backend();
-      if (first_settings_.may_thin) look_after_load();
-    } catch (const std::bad_alloc&) {
-      is_out_of_memory_ = true;
-      haptic_.request_stop();
-      return;
-    }
+    look_after_backend();
+    if (first_settings_.may_thin) look_after_load();
   }
 }
 
@@ -446,12 +451,9 @@ void LiveLoop::publish_all() {
   bool is_last = false;
   while (!is_last) {
     is_last = stop_publishing_.sleep_for(kPublishingPeriod);
-    try {
-      if (!is_out_of_memory_) publisher_.publish();
-    } catch (const std::bad_alloc&) {
-      // The observer may have kept half of it. The hand needs no memory to fade out.
-      is_out_of_memory_ = true;
-      haptic_.request_stop();
+    // The observer may have kept half of it.
+    if (!has_failed_) {
+      guarded([&] { publisher_.publish(); }, [&](const Error& error) { end_with(error); });
     }
     if (is_running() && has_stopped_ticking()) is_device_stuck_ = true;
     const bool has_ended = haptic_.has_faded() || !device_.status() || is_device_stuck_;
@@ -523,7 +525,10 @@ Status LiveLoop::status() const {
   if (const Status device = device_.status(); !device) return device;
   if (const Status surfaces = surfaces_.status(); !surfaces) return surfaces;
   if (is_backend_lost_) return lost_backend();
-  if (is_out_of_memory_) return out_of_memory();
+  {
+    const std::lock_guard lock(mutex_);
+    if (!failure_) return failure_;
+  }
   if (is_device_stuck_) {
     return Error{Errc::unavailable, device_.info().name +
                                         " does not tick any more; switch it off and on, check "

@@ -7,6 +7,7 @@
 #include <string>
 #include <utility>
 
+#include "src/core/internal/guarded.h"
 #include "src/core/monotonic_clock.h"
 #include "src/core/thread_rank.h"
 #include "src/field/internal/needed_window.h"
@@ -93,14 +94,11 @@ SurfaceStage::SurfaceStage(const DepthSources& sources, std::vector<SurfaceTimel
 Status SurfaceStage::start() {
   for (std::size_t k = 0; k < cameras_.size(); ++k) {
     cameras_[k]->thread = std::thread([this, k] {
-      try {
-        read_frames(k);
-      } catch (const std::bad_alloc&) {
-        fail(out_of_memory(), source_failed_);
-      }
+      guarded([&] { read_frames(k); }, [&](const Error& error) { fail(error); });
     });
   }
-  surface_thread_ = std::thread([this] { make_surfaces(); });
+  surface_thread_ = std::thread(
+      [this] { guarded([&] { make_surfaces(); }, [&](const Error& error) { fail(error); }); });
   for (const auto& camera : cameras_) {
     if (const Status seen = wait_for_first(*camera); !seen) return seen;
   }
@@ -136,12 +134,11 @@ void SurfaceStage::stop() noexcept {
   if (surface_thread_.joinable()) surface_thread_.join();
 }
 
-void SurfaceStage::fail(const Error& error, std::atomic<bool>& flag) {
-  {
-    const std::lock_guard lock(error_mutex_);
-    if (status_) status_ = error;
-  }
-  flag.store(true, std::memory_order_release);
+/// The force fades out: no surface comes any more.
+void SurfaceStage::fail(const Error& error) {
+  const std::lock_guard lock(error_mutex_);
+  source_failed_.store(true, std::memory_order_release);
+  if (status_) status_ = error;
 }
 
 Status SurfaceStage::status() const {
@@ -179,7 +176,7 @@ void SurfaceStage::read_frames(std::size_t number) {
       const auto got = camera.source.read(newest.frame);
       if (!got) {
         const std::string& name = camera.source.info().name;
-        return fail(error_of_camera(got.error(), name, number, cameras_.size()), source_failed_);
+        return fail(error_of_camera(got.error(), name, number, cameras_.size()));
       }
       if (!*got) break;
       // Frames that were held have moved time on.

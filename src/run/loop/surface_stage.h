@@ -177,7 +177,7 @@ class SurfaceStage {
   std::uint32_t take_change();
   Camera* next_camera(std::size_t& last);
   void make_picture(std::uint64_t number);
-  void fail(const Error& error, std::atomic<bool>& flag);
+  void fail(const Error& error);
 
   std::vector<std::unique_ptr<Camera>> cameras_;
   ThreadPool pool_;

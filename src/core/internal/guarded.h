@@ -1,0 +1,40 @@
+// What stands around the work of every thread: nothing that is thrown there ends the program.
+#pragma once
+
+#include <exception>
+#include <new>
+#include <string>
+
+#include "palpate/core/core.h"
+
+namespace palpate::inline v0 {
+
+/// Made before it is needed: then there may be no memory for it.
+inline const Error& out_of_memory() {
+  static const Error error{
+      Errc::unavailable,
+      "out of memory: use fewer spheres, a smaller image or a shorter run, or end other programs"};
+  return error;
+}
+
+/// Does `work`. What it throws goes to `fail` as an Error, once the work has been left: locks are
+/// open again and its memory is free. `fail` sets its flags before it does what needs memory.
+template <class Work, class Fail>
+void guarded(const Work& work, const Fail& fail) noexcept {
+  try {
+    const Error& no_memory = out_of_memory();
+    try {
+      work();
+    } catch (const std::bad_alloc&) {
+      fail(no_memory);
+    } catch (const std::exception& error) {
+      fail(Error{Errc::unavailable, std::string("something unexpected has failed: ") +
+                                        error.what() + "; please report it"});
+    } catch (...) {
+      fail(Error{Errc::unavailable, "something unexpected has failed; please report it"});
+    }
+  } catch (...) {  // nor can it be told
+  }
+}
+
+}  // namespace palpate::inline v0
