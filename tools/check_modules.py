@@ -59,6 +59,7 @@ SHARED_PRIVATE = {
     "src/devices/polling_device.h": ("python",),
     "src/devices/twist_between.h": ("python",),
     "src/core/all_at_once.h": ("cameras", "devices"),
+    "src/core/bounded_call.h": ("devices", "apps"),
     "src/core/lasting_thread.h": ("cameras",),
     "src/core/monotonic_clock.h": ("run", "devices", "viewer", "cameras", "apps"),
     "src/core/shared_library.h": ("io", "ros", "devices", "cameras"),

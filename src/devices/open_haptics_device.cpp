@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdio>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <thread>
@@ -32,7 +33,8 @@ constexpr const char* kConnect =
 constexpr double kMetresPerMillimetre = 1e-3, kNewtonsPerMillinewton = 1e-3;
 constexpr double kMaxSilence = 1;  // s
 constexpr auto kPatience = std::chrono::milliseconds(500);
-constexpr double kStartPatience = 10, kStopPatience = 2, kCutPatience = 0.25;  // s
+constexpr double kOpenPatience = 25, kStartPatience = 10, kStopPatience = 2,
+                 kCutPatience = 0.25;  // s
 
 /// There is one scheduler for all devices of a program.
 std::atomic<int> g_num_running{0};
@@ -103,7 +105,7 @@ Status calibrate(const OpenHapticsApi& api, const std::string& name) {
                         : "calibrate it with Touch_Setup or Touch_Diagnostic and try again")};
 }
 
-/// Starts and stops all devices.
+/// Opens, starts, stops and closes all devices.
 BoundedThread& driver() {
   static BoundedThread& thread = *new BoundedThread;
   return thread;
@@ -244,12 +246,9 @@ class OpenHapticsDevice final : public HapticDevice {
   std::atomic<bool> is_running_ = false, is_stuck_ = false;
 };
 
-}  // namespace
-
-Result<std::unique_ptr<HapticDevice>> open_open_haptics_device(std::string_view address) {
+Result<std::unique_ptr<HapticDevice>> open_named(const std::string& name) {
   const Result<OpenHapticsApi> api = load_open_haptics();
   if (!api) return Error{api.error().code, api.error().message + "; " + kInstall};
-  const std::string name(address);
   api->take_errors();
   const HdHandle handle = api->hdInitDevice(name.empty() ? nullptr : name.c_str());
   const HdErrorInfo error = api->take_errors();
@@ -265,10 +264,23 @@ Result<std::unique_ptr<HapticDevice>> open_open_haptics_device(std::string_view 
                                       what_it_said(*api, error) + "; " + kConnect};
   }
   api->hdMakeCurrentDevice(handle);
-  auto device = std::make_unique<OpenHapticsDevice>(*api, handle, address);
+  auto device = std::make_unique<OpenHapticsDevice>(*api, handle, name);
   if (const Status calibrated = calibrate(*api, device->info().name); !calibrated)
     return calibrated.error();
   return std::unique_ptr<HapticDevice>(std::move(device));
+}
+
+}  // namespace
+
+Result<std::unique_ptr<HapticDevice>> open_open_haptics_device(std::string_view address) {
+  const auto opened = std::make_shared<std::optional<Result<std::unique_ptr<HapticDevice>>>>();
+  if (driver().call(kOpenPatience,
+                    [opened, name = std::string(address)] { *opened = open_named(name); })) {
+    return *std::move(*opened);
+  }
+  return Error{Errc::unavailable,
+               "the driver of OpenHaptics does not return while the device is opened; switch the "
+               "device off and on, end other programs that use it, and try again"};
 }
 
 /// A device of OpenHaptics is claimed by opening it, so it is not opened here.

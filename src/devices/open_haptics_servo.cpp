@@ -3,6 +3,7 @@
 #include <cmath>
 #include <utility>
 
+#include "src/core/bounded_call.h"
 #include "src/core/monotonic_clock.h"
 
 namespace palpate::inline v0 {
@@ -28,6 +29,11 @@ unsigned OpenHapticsServo::call_back(void* servo) noexcept {
   return static_cast<OpenHapticsServo*>(servo)->frame();
 }
 
+void OpenHapticsServo::give_up() noexcept {
+  door_.close();
+  if (!is_settled_.exchange(true)) count_hung_calls(1);
+}
+
 unsigned OpenHapticsServo::frame() noexcept {
   if (has_ended()) return kHdCallbackDone;
   num_weary_ = rest_ > 0 ? num_weary_ + 1 : 0;
@@ -48,7 +54,10 @@ unsigned OpenHapticsServo::frame() noexcept {
   judge(api_.take_errors().code);
 
   last_time_.store(state_.time, std::memory_order_release);
-  if (is_last) has_ended_.store(true, std::memory_order_release);
+  if (is_last) {
+    has_ended_.store(true, std::memory_order_release);
+    if (is_settled_.exchange(true)) count_hung_calls(-1);
+  }
   return is_last ? kHdCallbackDone : kHdCallbackContinue;
 }
 

@@ -25,7 +25,7 @@ class OpenHapticsServo {
   /// The next call is the last one.
   void request_end() noexcept { wants_end_.store(true, std::memory_order_release); }
   /// No tick runs or starts any more, whenever the driver calls again.
-  void give_up() noexcept { door_.close(); }
+  void give_up() noexcept;
   bool has_ended() const noexcept { return has_ended_.load(std::memory_order_acquire); }
   /// Of the newest call; 0 before the first one.
   double last_time() const noexcept { return last_time_.load(std::memory_order_acquire); }
@@ -50,6 +50,7 @@ class OpenHapticsServo {
   int rest_ = 0;       // ticks without force to come
   int num_weary_ = 0;  // ticks without force so far
   std::atomic<bool> wants_end_ = false, has_ended_ = false;
+  std::atomic<bool> is_settled_ = false;  // by its end, or because it was given up
   std::atomic<double> last_time_ = 0;
   std::atomic<HdEnum> failure_ = 0;
 };

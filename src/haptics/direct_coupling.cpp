@@ -116,7 +116,7 @@ class DirectCoupling final : public Coupling {
     const Wrench F_C_W = contact_.exact_wrench(X_WT_);
     step.contact_W = F_C_W + friction_.step(contact, F_C_W, X_WT_, h);
     step.F_H_B = hand_.at_handle(step.contact_W);
-    step.is_let_go = hand_.is_clutched();
+    step.is_clutched = hand_.is_clutched();
     return step;
   }
 

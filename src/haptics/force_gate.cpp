@@ -88,7 +88,7 @@ void ForceGate::step_engaged(const Input& input) noexcept {
   if (num_quiet_ > kMaxLostTicks) return fail(Fault::loop, input.time);
   if (!input.is_permitted) return wait(input.time);
   if (!(options_.ramp_seconds > 0)) return;
-  if (input.is_let_go) {
+  if (input.is_clutched) {
     gain_ = 0;
     return;
   }

@@ -151,8 +151,8 @@ void SafetyFilter::step_gate(const Wrench& desired, const SafetyInput& input, do
       limits_.max_force > 0 && limits_.max_torque > 0 &&
       norm(desired.torque) * limits_.max_force >= options_.engage_force * limits_.max_torque;
   // What a hand without the tool feels says nothing about where that is.
-  now.is_let_go = input.is_let_go;
-  now.is_quiet = !input.is_let_go &&
+  now.is_clutched = input.is_clutched;
+  now.is_quiet = !input.is_clutched &&
                  (input.is_free || (norm(desired.force) < options_.engage_force && !is_turned));
   now.is_permitted = input.is_driven && (!options_.dead_man || (input.state.buttons & 1u) != 0);
   now.is_requested = input.is_requested || (is_off && is_pressed);

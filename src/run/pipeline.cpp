@@ -271,7 +271,7 @@ void HandPart::tick(const DeviceState& state, const ContactRecord& known, const 
   record.F_H_B = safety_.filter(
       record.step.F_H_B,
       {state.time, state, record.contact_age, record.sensor_age, flags.has_backend_failed,
-       flags.has_sensor_failed, flags.is_force_requested, is_free, true, record.step.is_let_go});
+       flags.has_sensor_failed, flags.is_force_requested, is_free, true, record.step.is_clutched});
   record.safety = safety_.status();
 }
 

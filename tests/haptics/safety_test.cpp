@@ -192,9 +192,9 @@ TEST(SafetyFilter, AHandWithoutTheToolSaysNothingAboutContact) {
   rig.hold(kPush);
   break_once(rig);
   // The clutch takes the contact from the hand, not from the tool.
-  rig.input.is_let_go = true;
+  rig.input.is_clutched = true;
   EXPECT_EQ(ticks_until_engaged(rig, 3000), -1);
-  rig.input.is_let_go = false;
+  rig.input.is_clutched = false;
   for (int i = 0; i < 3000; ++i) EXPECT_EQ(norm(rig.tick(kPush).force), 0);
   EXPECT_GE(ticks_until_engaged(rig, 3000), 0);
 }

@@ -67,7 +67,7 @@ TEST(ClutchRun, InContactTheForceComesBackWithTheRamp) {
       const TickRecord& tick = wall.to(handle, kClutch);
       EXPECT_LE(norm(tick.F_H_B.force), force);
       EXPECT_TRUE(tick.safety.is_engaged());
-      if (i > 100) EXPECT_EQ(norm(tick.F_H_B.force), 0);
+      EXPECT_TRUE(i <= 100 || norm(tick.F_H_B.force) == 0);
     }
     double last = 0, largest_step = 0;
     for (int i = 0; i < 1000; ++i) {

@@ -154,13 +154,13 @@ Result<CheckedCoupling> check_coupling(const CouplingOptions& options, const Dev
 
 /// Result of one tick.
 struct CouplingStep {
-  Wrench F_H_B;            ///< on the hand, before the safety filter: at the handle, in B
-  Pose X_WT;               ///< pose of the simulated tool
-  Pose X_WT_hand;          ///< the hand's pose of the tool: differs from X_WT in contact
-  Wrench contact_W;        ///< contact and friction on the tool, about its center of mass
-  double stretch = 0;      ///< m, between the two poses
-  double energy = 0;       ///< J, stored in the spring
-  bool is_let_go = false;  ///< the clutch: the hand moves without the tool
+  Wrench F_H_B;              ///< on the hand, before the safety filter: at the handle, in B
+  Pose X_WT;                 ///< pose of the simulated tool
+  Pose X_WT_hand;            ///< the hand's pose of the tool: differs from X_WT in contact
+  Wrench contact_W;          ///< contact and friction on the tool, about its center of mass
+  double stretch = 0;        ///< m, between the two poses
+  double energy = 0;         ///< J, stored in the spring
+  bool is_clutched = false;  ///< the clutch: the hand moves without the tool
 };
 
 /// State of a coupling after a tick.

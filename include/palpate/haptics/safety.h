@@ -78,7 +78,7 @@ class ForceGate {
     bool is_quiet = false;      ///< the hand is free of contact
     bool is_permitted = true;   ///< false: the dead-man switch is released
     bool is_requested = false;  ///< the user requests the force: also in contact
-    bool is_let_go = false;     ///< there is no tool in the hand: afterwards comes the ramp
+    bool is_clutched = false;   ///< there is no tool in the hand: afterwards comes the ramp
   };
   void step(const Input& input) noexcept;
 
@@ -184,7 +184,7 @@ struct SafetyInput {
   bool is_requested = false;   ///< the user requests the force
   bool is_free = false;        ///< the tool has no contact: the wrench only moves the tool
   bool is_driven = true;       ///< false: as with a dead-man switch that is released
-  bool is_let_go = false;      ///< the clutch: the force comes by the ramp afterwards
+  bool is_clutched = false;    ///< the clutch: the force comes by the ramp afterwards
 };
 
 /// State of the safety filter at a tick.
