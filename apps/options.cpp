@@ -157,6 +157,20 @@ void add_set_option(CLI::App& app, const SettingTable& table) {
       ->type_name("KEY=VALUE");
 }
 
+void check_use(const CLI::App& app, const RunSettings& settings) {
+  for (const char* const of_field : {"--unknown", "--fill-levels", "--unseen", "--thickness"}) {
+    if (app.count(of_field) == 0 || settings.contact.method == MethodKind::field) continue;
+    usage_error(std::string(of_field) + " goes with --method field, not " +
+                name_of(settings.contact.method));
+  }
+  for (const char* const of_gpu : {"--contact-gpu", "--sensing-gpu"}) {
+    if (app.get_option_no_throw(of_gpu) == nullptr || app.count(of_gpu) == 0) continue;
+    if (settings.backend == Backend::cpu) {
+      usage_error(std::string(of_gpu) + " does not go with --backend cpu");
+    }
+  }
+}
+
 std::vector<std::string> given_settings(const CLI::App& app,
                                         std::initializer_list<std::span<const SettingOption>> all) {
   std::vector<std::string> keys;

@@ -50,6 +50,8 @@ CLI::Option* add_word(CLI::App& app, const std::string& flag, Word& value,
 }
 /// --set KEY=VALUE for any setting of the table, as a settings file names it.
 void add_set_option(CLI::App& app, const SettingTable& table);
+/// Wrong usage: options that have no use with the method or the backend that is chosen.
+void check_use(const CLI::App& app, const RunSettings& settings);
 /// The keys of settings that the command line gives, by options of their own or by --set.
 std::vector<std::string> given_settings(const CLI::App& app,
                                         std::initializer_list<std::span<const SettingOption>> all);

@@ -85,6 +85,9 @@ std::vector<CameraUri> named_cameras(const SourceOptions& options, const std::st
     refuse("--depth-rate goes with --depth-sequence; a camera takes ?rate=");
   }
   if (options.scene.empty() && !options.noise) refuse("--no-noise goes with --scene");
+  if (options.scene.empty() && options.seed != SourceOptions().seed) {
+    refuse("--seed goes with --scene; a camera takes ?seed=");
+  }
   if (!options.depth_sequence.empty()) {
     if (!options.camera.intrinsics) refuse("--depth-sequence needs --intrinsics fx,fy,cx,cy");
     return {camera_of_sequence(options)};
@@ -110,6 +113,10 @@ std::vector<CameraUri> named_cameras(const SourceOptions& options, const std::st
 std::vector<CameraUri> cameras_of(const SourceOptions& options, const std::string& verb) {
   std::vector<CameraUri> cameras = named_cameras(options, verb);
   for (CameraUri& uri : cameras) {
+    if (options.sensor && uri.sensor.value_or(*options.sensor) != *options.sensor) {
+      usage_error(verb + ": --sensor and ?sensor= of " + uri.text.substr(0, 60) +
+                  " contradict each other: leave one of them out");
+    }
     if (options.sensor) uri.sensor = options.sensor;
   }
   return cameras;

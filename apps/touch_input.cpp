@@ -164,7 +164,12 @@ Status set_clocks(const TouchOptions& options, TouchInput& input) {
   input.time_origin = input.path_start;
   const bool has_file = !options.path.empty() || options.is_replay();
   const bool is_recorded = scene_name(options).empty() && !comes_once(options, input.stream());
-  if (!is_recorded || !has_file) return Done{};
+  if (!is_recorded || !has_file) {
+    if (options.align != Align::stamps) return Done{};
+    return Error{Errc::invalid_argument,
+                 "--align stamps goes with recorded frames, which have time stamps of their own; " +
+                     input.stream().name + " and the path begin at once"};
+  }
   const auto frame =
       first_frame([&] { return open_stream(options, first_camera(options), options.duration); });
   if (!frame) return frame.error();

@@ -21,7 +21,7 @@
 #include "palpate/io/files.h"
 #include "src/run/internal/pipeline.h"
 #include "src/run/internal/reported_output.h"
-#include "src/session/internal/counted_twice.h"
+#include "src/session/internal/more_than_whole.h"
 
 namespace palpate::apps {
 namespace {
@@ -245,9 +245,10 @@ Status run(const Options& given) {
   const double tool_volume = full_volume(*tool, options.settings.contact);
   double largest = 0;
   for (const Measurement& measurement : measurements) {
-    largest = std::max(largest, measurement.penetration.volume / tool_volume);
+    largest = std::max(largest, measurement.penetration.volume);
   }
-  if (const std::string note = counted_twice(largest); !note.empty()) print_note(note);
+  const std::string note = more_than_whole(*tool, options.settings.contact, largest);
+  if (!note.empty()) print_note(note);
   if (options.json) {
     print_results_json(options, options.settings, *tool, scene->X_WC().front(), chosen->backend,
                        scene->num_usable(), tool_volume, measurements);
@@ -262,7 +263,7 @@ Status run(const Options& given) {
 }
 
 /// What the parser cannot see by itself.
-void check(Options& options) {
+void check(const CLI::App& app, Options& options) {
   if (const auto method = contact_method(options.settings.contact); !method) {
     usage_error("--" + method.error().message);
   }
@@ -288,6 +289,13 @@ void check(Options& options) {
     const auto pose = parse_pose(options.pose);
     if (!pose) usage_error("--pose: " + pose.error().message);
     options.X_WT = {*pose};
+  }
+  check_use(app, options.settings);
+  if (options.caps.file.empty() && app.count("--caps-segments") > 0) {
+    usage_error("query: --caps-segments goes with --caps");
+  }
+  if (options.objects.empty() && app.count("--bodies") > 0) {
+    usage_error("query: --bodies goes with --object");
   }
   if (!options.caps.file.empty()) {
     if (options.pose.empty()) usage_error("query: --caps shows one --pose, not --poses");
@@ -338,7 +346,7 @@ void add_query(CLI::App& program, Action& action) {
       "--pose '0 0 0.8 0 0 0 1' --method graph");
   app.callback([options, &app, &action] {
     options->given = given_settings(app, {kSurfaceOptions});
-    check(*options);
+    check(app, *options);
     action = [options] { return run(*options); };
   });
 }

@@ -120,6 +120,7 @@ void add_ros2(CLI::App& program, Action& action) {
       "Example: palpate ros2 gripper.palp --depth /camera/depth/image_rect_raw --tool-frame tool0");
   app.callback([options, &app, &action] {
     check_robot(app, "ros2");
+    check_use(app, options->touch.settings);
     const TouchOptions ready = touch_options(*options);
     check_ros_output(ready.ros, ready.frames.wrench, ready.settings.output, "ros2");
     action = [ready] { return run_touch(ready); };

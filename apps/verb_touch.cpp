@@ -198,6 +198,29 @@ void check_motion(const CLI::App& app, const Options& options) {
   if (options.device.empty() && app.count("--dead-man") > 0) {
     usage_error("touch: --dead-man goes with --device");
   }
+  const bool has_file = !options.path.empty() || options.is_replay();
+  for (const char* const of_path : {"--path-frame", "--align"}) {
+    if (app.count(of_path) == 0 || has_file) continue;
+    usage_error(std::string("touch: ") + of_path + " goes with --path or --device replay:FILE");
+  }
+  const std::string& frame = options.frames.path;
+  if (options.device.empty() && app.count("--base-frame") > 0 && frame != "base" &&
+      frame != "device" && options.frames.wrench != "device") {
+    usage_error("touch: --base-frame goes with --device, or with poses in the frame of one");
+  }
+  if (options.objects.empty() && app.count("--bodies") > 0) {
+    usage_error("touch: --bodies goes with --object");
+  }
+  const DepthAverage average = options.settings.time.average.kind;
+  if (app.count("--average-frames") > 0 && average != DepthAverage::moving) {
+    usage_error("touch: --average-frames goes with --average moving");
+  }
+  if (app.count("--average-weight") > 0 && average != DepthAverage::exponential) {
+    usage_error("touch: --average-weight goes with --average exponential");
+  }
+  if (options.device == "replay:") {
+    usage_error("--device replay: needs a file of poses: replay:FILE");
+  }
   for (const char* const of_memory :
        {"--memory-horizon", "--memory-thickness", "--memory-frames"}) {
     if (app.count(of_memory) == 0) continue;
@@ -208,6 +231,24 @@ void check_motion(const CLI::App& app, const Options& options) {
     usage_error(
         "touch: --path and --device exclude each other; to play a path in real time use --device "
         "replay:FILE");
+  }
+}
+
+/// What needs friction, or a node of ROS 2.
+void check_feel(const CLI::App& app, const Options& options) {
+  const bool has_friction = options.settings.friction.coefficient > 0 ||
+                            !options.materials.materials.empty() ||
+                            std::ranges::any_of(options.objects, [](const ObjectOption& object) {
+                              return object.friction.value_or(0) > 0;
+                            });
+  if (app.count("--texture") > 0 && options.settings.texture.kind != TextureKind::none &&
+      !has_friction) {
+    usage_error("touch: --texture goes with friction: add --friction 0.3");
+  }
+  for (const CLI::Option* const option : app.get_options()) {
+    if (option->get_group() != "ROS 2" || option->count() == 0) continue;
+    if (options.ros.is_requested || options.is_robot()) continue;
+    usage_error("touch: " + option->get_name() + " goes with --ros2");
   }
 }
 
@@ -344,6 +385,8 @@ void add_touch(CLI::App& program, Action& action) {
     // A frame alone says where the base is, too.
     if (!options->frames.base.empty()) options->given.push_back("coupling.base_in_scene");
     check_motion(app, *options);
+    check_use(app, options->settings);
+    check_feel(app, *options);
     check_materials(options->materials);
     options->has_page = options->has_page || options->is_page();
     check_view(app, *options);

@@ -306,10 +306,10 @@ class Ros2Source final : public DepthSource {
   /// Says what the images are like. Error: none has come, or none that is understood.
   Status wait_for_first(const CameraOpening& opening) {
     const double begin = monotonic_now();
-    bool is_told = !opening.on_wait;
+    bool has_reported = !opening.on_wait;
     while (monotonic_now() - begin < kFirstImage) {
-      if (!is_told && monotonic_now() - begin > kDiscovery) {
-        is_told = true;
+      if (!has_reported && monotonic_now() - begin > kDiscovery) {
+        has_reported = true;
         opening.on_wait(info_.name +
                         " waits up to 10 s for its first depth image: " + what_there_is());
       }

@@ -7,7 +7,7 @@
 
 #include "src/io/internal/atomic_file.h"
 #include "src/run/internal/reported_output.h"
-#include "src/session/internal/counted_twice.h"
+#include "src/session/internal/more_than_whole.h"
 #include "src/session/run_reader.h"
 #include "src/session/text.h"
 
@@ -267,9 +267,8 @@ void RunResults::finish_csv(const fs::path& folder, RunLog& log) {
 std::string RunResults::write(const fs::path& folder, const Tool& tool, const LoopTimes& times,
                               RunLog& log) {
   move_to(log);
-  const double share = log.peaks.volume / full_volume(tool, log.setup.settings.contact);
-  if (std::string note = counted_twice(share); !note.empty())
-    log.warnings.push_back(std::move(note));
+  std::string note = more_than_whole(tool, log.setup.settings.contact, log.peaks.volume);
+  if (!note.empty()) log.warnings.push_back(std::move(note));
   finish_csv(folder, log);
   auto summary = run_summary(tool, log, times);
   const auto page = run_page(summary, tool, log, times);

@@ -270,6 +270,39 @@ class CommandLine(unittest.TestCase):
                      ("--tcp", "0 0 0.1", "--set", "output.tcp=0 0 0.1 0 0 0 1")):
             self.succeed(*query, *same)
 
+    def test_what_has_no_use_is_refused(self):
+        query = ("query", self.tool, "--depth", os.path.join(self.frames, "000.png"), "--intrinsics", INTRINSICS, "--pose",
+                 "0 0 0.49 0 0 0 1")
+        scene = ("touch", self.tool, "--scene", "wall", "--duration", 0.1, "-o", self.path("never"))
+        uri = ("touch", self.tool, "--duration", 0.1, "-o", self.path("never"), "--camera")
+        path = self.path("two.tum")
+        with open(path, "w") as file:
+            file.write("0 0 0 0.3 0 0 0 1\n1 0 0 0.3 0 0 0 1\n")
+        for arguments, words in (
+            ((*query, "--caps-segments", 10), "--caps-segments goes with --caps"),
+            ((*query, "--bodies", "spheres"), "--bodies goes with --object"),
+            ((*scene, "--bodies", "spheres"), "--bodies goes with --object"),
+            ((*uri, "scene:wall", "--seed", 4), "--seed goes with --scene"),
+            ((*uri, "scene:wall?sensor=tof", "--sensor", "active_stereo"), "contradict each other"),
+            ((*scene, "--align", "starts"), "--align goes with --path"),
+            ((*scene, "--path-frame", "camera"), "--path-frame goes with --path"),
+            ((*scene, "--base-frame", "camera"), "--base-frame goes with --device"),
+            ((*scene, "--average-frames", 9), "--average-frames goes with --average moving"),
+            ((*scene, "--average", "moving", "--average-weight", 0.5), "--average-weight goes with --average exponential"),
+            ((*scene, "--device", "replay:"), "replay: needs a file of poses"),
+            ((*scene, "--texture", "grain"), "--texture goes with friction"),
+            ((*scene, "--ros2-camera-frame", "x"), "--ros2-camera-frame goes with --ros2"),
+            ((*scene, "--points-rate", 3), "--points-rate goes with --ros2"),
+            ((*scene, "--sensing-gpu", 1, "--backend", "cpu"), "--sensing-gpu does not go with --backend cpu"),
+            ((*query, "--contact-gpu", 1, "--backend", "cpu"), "--contact-gpu does not go with --backend cpu"),
+            ((*query, "--unseen", "free", "--method", "graph"), "--unseen goes with --method field, not graph"),
+            ((*scene, "--fill-levels", 3, "--method", "weighted"), "--fill-levels goes with --method field, not weighted"),
+        ):
+            self.expect_failure(2, *arguments, mentions=words)
+        self.expect_failure(1, *scene, "--path", path, "--align", "stamps", mentions="--align stamps goes with recorded frames")
+        self.succeed(*scene, "--path", path, "--align", "starts", "--average", "moving", "--average-frames", 9)
+        self.succeed(*uri, "scene:wall?sensor=tof", "--sensor", "tof")
+
     def test_files_of_other_kinds_are_not_replaced(self):
         notes = self.path("notes")
         os.mkdir(notes)
@@ -1667,6 +1700,12 @@ pose = [1, 0, 0, 0, 0, {0.5 ** 0.5}, {0.5 ** 0.5}]
         run = self.path("run_twice")
         told = palpate(*self.sequence("--path", path, "-o", run), *around, *around)
         self.assertIn("note: 200 % of the tool is inside", told.stderr)
+        # One alone is more than the spheres of a point method, which count less than the mesh.
+        points = palpate(*query, *around, "--method", "simplified")
+        self.assertGreater(json.loads(points.stdout)["results"][0]["fraction"], 1.2)
+        self.assertIn("objects count its whole mesh, the method simplified only its spheres", points.stderr)
+        points = palpate(*query, *around, "--method", "simplified", "--volumes", "represented")
+        self.assertNotIn("of the tool is inside", points.stderr)
         self.assertTrue(any("200 %" in text for text in json.loads(read(os.path.join(run, "summary.json")))["warnings"]))
 
     def test_touch_with_objects_and_replay(self):

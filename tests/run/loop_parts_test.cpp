@@ -393,7 +393,7 @@ TEST(ContactStage, KeepsTheLastContactWhenTheBackendFails) {
       std::make_unique<ContactPart>(test::box_tool(), std::make_unique<SpoiltQuery>(10),
                                     ContactScale{VolumeStiffness{1e6}}),
       surfaces, settings, contact_times);
-  contacts.start(monotonic_now());
+  contacts.start(monotonic_now(), [](const Error& error) { ADD_FAILURE() << error.message; });
   const double begin = monotonic_now();
   while (!contacts.has_backend_failed() && monotonic_now() - begin < 120) {
     contacts.move_tool({monotonic_now(), Pose{}});
