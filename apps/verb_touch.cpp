@@ -236,12 +236,12 @@ void check_motion(const CLI::App& app, const Options& options) {
 
 /// What needs friction, or a node of ROS 2.
 void check_feel(const CLI::App& app, const Options& options) {
-  const bool has_friction = options.settings.friction.coefficient > 0 ||
+  const bool has_friction = options.settings.coupling.friction.coefficient > 0 ||
                             !options.materials.materials.empty() ||
                             std::ranges::any_of(options.objects, [](const ObjectOption& object) {
                               return object.friction.value_or(0) > 0;
                             });
-  if (app.count("--texture") > 0 && options.settings.texture.kind != TextureKind::none &&
+  if (app.count("--texture") > 0 && options.settings.coupling.texture.kind != TextureKind::none &&
       !has_friction) {
     usage_error("touch: --texture goes with friction: add --friction 0.3");
   }
