@@ -204,7 +204,7 @@ void check_motion(const CLI::App& app, const Options& options) {
     usage_error(std::string("touch: ") + of_path + " goes with --path or --device replay:FILE");
   }
   const std::string& frame = options.frames.path;
-  if (options.device.empty() && app.count("--base-frame") > 0 && frame != "base" &&
+  if (options.device.empty() && !options.frames.base.empty() && frame != "base" &&
       frame != "device" && options.frames.wrench != "device") {
     usage_error("touch: --base-frame goes with --device, or with poses in the frame of one");
   }
