@@ -113,10 +113,6 @@ std::vector<CameraUri> named_cameras(const SourceOptions& options, const std::st
 std::vector<CameraUri> cameras_of(const SourceOptions& options, const std::string& verb) {
   std::vector<CameraUri> cameras = named_cameras(options, verb);
   for (CameraUri& uri : cameras) {
-    if (options.sensor && uri.sensor.value_or(*options.sensor) != *options.sensor) {
-      usage_error(verb + ": --sensor and ?sensor= of " + uri.text.substr(0, 60) +
-                  " contradict each other: leave one of them out");
-    }
     if (options.sensor) uri.sensor = options.sensor;
   }
   return cameras;

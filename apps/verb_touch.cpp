@@ -204,7 +204,7 @@ void check_motion(const CLI::App& app, const Options& options) {
     usage_error(std::string("touch: ") + of_path + " goes with --path or --device replay:FILE");
   }
   const std::string& frame = options.frames.path;
-  if (options.device.empty() && app.count("--base-frame") > 0 && frame != "base" &&
+  if (options.device.empty() && !options.frames.base.empty() && frame != "base" &&
       frame != "device" && options.frames.wrench != "device") {
     usage_error("touch: --base-frame goes with --device, or with poses in the frame of one");
   }
@@ -236,12 +236,12 @@ void check_motion(const CLI::App& app, const Options& options) {
 
 /// What needs friction, or a node of ROS 2.
 void check_feel(const CLI::App& app, const Options& options) {
-  const bool has_friction = options.settings.friction.coefficient > 0 ||
+  const bool has_friction = options.settings.coupling.friction.coefficient > 0 ||
                             !options.materials.materials.empty() ||
                             std::ranges::any_of(options.objects, [](const ObjectOption& object) {
                               return object.friction.value_or(0) > 0;
                             });
-  if (app.count("--texture") > 0 && options.settings.texture.kind != TextureKind::none &&
+  if (app.count("--texture") > 0 && options.settings.coupling.texture.kind != TextureKind::none &&
       !has_friction) {
     usage_error("touch: --texture goes with friction: add --friction 0.3");
   }

@@ -283,7 +283,6 @@ class CommandLine(unittest.TestCase):
             ((*query, "--bodies", "spheres"), "--bodies goes with --object"),
             ((*scene, "--bodies", "spheres"), "--bodies goes with --object"),
             ((*uri, "scene:wall", "--seed", 4), "--seed goes with --scene"),
-            ((*uri, "scene:wall?sensor=tof", "--sensor", "active_stereo"), "contradict each other"),
             ((*scene, "--align", "starts"), "--align goes with --path"),
             ((*scene, "--path-frame", "camera"), "--path-frame goes with --path"),
             ((*scene, "--base-frame", "camera"), "--base-frame goes with --device"),
@@ -301,7 +300,6 @@ class CommandLine(unittest.TestCase):
             self.expect_failure(2, *arguments, mentions=words)
         self.expect_failure(1, *scene, "--path", path, "--align", "stamps", mentions="--align stamps goes with recorded frames")
         self.succeed(*scene, "--path", path, "--align", "starts", "--average", "moving", "--average-frames", 9)
-        self.succeed(*uri, "scene:wall?sensor=tof", "--sensor", "tof")
 
     def test_files_of_other_kinds_are_not_replaced(self):
         notes = self.path("notes")
