@@ -1,7 +1,9 @@
 // Bags of ROS 1 whose camera, stamps and types change in mid-stream.
 #include <gtest/gtest.h>
 
+#include <bit>
 #include <cmath>
+#include <cstdint>
 #include <fstream>
 #include <functional>
 #include <string>
@@ -32,9 +34,10 @@ std::string camera_info(const Shot& shot) {
   const double K[] = {shot.fx, 0, 15.5, 0, shot.fx, 11.5, 0, 0, 1};
   const double R[] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
   const double P[] = {shot.fx, 0, 15.5, 0, 0, shot.fx, 11.5, 0, 0, 0, 1, 0};
-  for (const double k : K) info.number(k);
-  for (const double r : R) info.number(r);
-  for (const double p : P) info.number(p);
+  const auto add = [&info](double number) { info.number(std::bit_cast<std::uint64_t>(number)); };
+  for (const double k : K) add(k);
+  for (const double r : R) add(r);
+  for (const double p : P) add(p);
   for (int i = 0; i < 6; ++i) info.number(std::uint32_t{0});
   return info.number(std::uint8_t{0}).str();
 }
