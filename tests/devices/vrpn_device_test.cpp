@@ -123,23 +123,6 @@ TEST(VrpnDevice, VelocitiesNeedNoClockOfTheServer) {
   EXPECT_TRUE(eventually([&] { return bench.log.last().V_BH.linear.x > 0.01; }));
 }
 
-// The last velocity of a server that reports no others would brake a hand that stands still.
-TEST(VrpnDevice, AVelocityThatIsNotRepeatedIsOver) {
-  Bench bench;
-  bench.start();
-  // Long enough that the server's velocities are believed whatever comes.
-  for (int i = 0; i < 6; ++i) {
-    bench.server.set_target({i % 2 == 0 ? 0.08 : 0.01, 0.02, 0.03});
-    ASSERT_TRUE(eventually([&] {
-      return std::abs(bench.log.last().X_BH.translation.x - (i % 2 == 0 ? 0.08 : 0.01)) < 1e-3;
-    }));
-  }
-  bench.server.set_target({0.08, 0.02, 0.03});
-  ASSERT_TRUE(eventually([&] { return bench.log.last().V_BH.linear.x > 0.05; }));
-  bench.server.has_no_velocity = true;
-  EXPECT_TRUE(eventually([&] { return norm(bench.log.last().V_BH.linear) < 1e-3; }));
-}
-
 TEST(VrpnDevice, PosesThatCannotBeAreNoPoses) {
   Bench bench;
   bench.start();

@@ -208,8 +208,7 @@ bool VrpnServer::report(int socket, int number) {
   other[3] = 1;
   return send(socket, kSender, kPose, other) && send(socket, 0, kPose, std::string(64, '\x7f')) &&
          send(socket, kSender, kPose, pose) &&
-         (!options_.reports_velocity || has_no_velocity ||
-          send(socket, kSender, kVelocity, velocity)) &&
+         (!options_.reports_velocity || send(socket, kSender, kVelocity, velocity)) &&
          (button.empty() || send(socket, kSender, kButton, button)) &&
          (error.empty() || number % 10 != 0 || send(socket, kSender, kError, error));
 }

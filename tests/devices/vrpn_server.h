@@ -55,11 +55,10 @@ class VrpnServer {
   std::atomic<bool> sends_huge_length = false;
   std::atomic<bool> stops_in_message = false;  ///< half a message, then nothing
   std::atomic<bool> closes = false;
-  std::atomic<bool> dribbles = false;         ///< every message in two parts
-  std::atomic<bool> has_no_clock = false;     ///< all stamps are zero
-  std::atomic<bool> has_no_velocity = false;  ///< from now on
-  std::atomic<bool> is_wild = false;          ///< positions and rotations that cannot be
-  std::atomic<int> force_error = 4;           ///< 4: none
+  std::atomic<bool> dribbles = false;      ///< every message in two parts
+  std::atomic<bool> has_no_clock = false;  ///< all stamps are zero
+  std::atomic<bool> is_wild = false;       ///< positions and rotations that cannot be
+  std::atomic<int> force_error = 4;        ///< 4: none
   std::atomic<std::uint32_t> buttons = 0;
 
   void set_target(const Vec3d& target, const Quaternion& rotation = {});
