@@ -204,7 +204,7 @@ def test_where_no_point_is_there_is_no_distance() -> None:
     camera = palpate.Camera(160, 120, 200, 200, 79.5, 59.5)
     surface = palpate.Sensor(camera).update(np.full((120, 160), 0.8, np.float32))
     points = np.array([[0, 0, 0.7], [np.nan, 0, 0.7], [0, np.nan, 0.7], [0, 0, np.nan], [0, 0, np.inf]])
-    assert np.isnan(surface.phi(points, 0.01)).tolist() == [False, True, True, True, True]
-    assert np.isnan(surface.gradient(points, 0.01)).all(axis=1).tolist() == [False, True, True, True, True]
+    assert np.isnan(surface.phi(points, np.full(5, 0.01))).tolist() == [False, True, True, True, True]
+    assert np.isnan(surface.gradient(points, np.full(5, 0.01))).all(axis=1).tolist() == [False, True, True, True, True]
     with pytest.raises(ValueError, match="positive"):
-        surface.phi(points, np.inf)
+        surface.phi(points, np.full(5, np.inf))

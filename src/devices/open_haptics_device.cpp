@@ -221,8 +221,7 @@ class OpenHapticsDevice final : public HapticDevice {
   /// The driver hangs. Should it come back one day, it must still find the servo.
   void give_up() noexcept {
     is_stuck_ = true;
-    servo_->give_up();
-    static_cast<void>(new std::shared_ptr<OpenHapticsServo>(servo_));
+    servo_->give_up(servo_);
     // Another thread tries, as it may hang, too.
     returns_within(kCutPatience, [api = api_, device = device_] { motors_off(api, device); });
   }

@@ -29,9 +29,14 @@ unsigned OpenHapticsServo::call_back(void* servo) noexcept {
   return static_cast<OpenHapticsServo*>(servo)->frame();
 }
 
-void OpenHapticsServo::give_up() noexcept {
+void OpenHapticsServo::give_up(std::shared_ptr<OpenHapticsServo> self) noexcept {
   door_.close();
-  if (!is_settled_.exchange(true)) count_hung_calls(1);
+  self_ = std::move(self);
+  if (is_settled_.exchange(true)) {
+    self_.reset();  // it has ended after all
+  } else {
+    count_hung_calls(1);
+  }
 }
 
 unsigned OpenHapticsServo::frame() noexcept {
@@ -54,11 +59,13 @@ unsigned OpenHapticsServo::frame() noexcept {
   judge(api_.take_errors().code);
 
   last_time_.store(state_.time, std::memory_order_release);
-  if (is_last) {
-    has_ended_.store(true, std::memory_order_release);
-    if (is_settled_.exchange(true)) count_hung_calls(-1);
+  if (!is_last) return kHdCallbackContinue;
+  has_ended_.store(true, std::memory_order_release);
+  if (is_settled_.exchange(true)) {
+    const auto self = std::move(self_);  // goes at the return
+    count_hung_calls(-1);
   }
-  return is_last ? kHdCallbackDone : kHdCallbackContinue;
+  return kHdCallbackDone;
 }
 
 /// The transform is column by column, its translation in millimetres.

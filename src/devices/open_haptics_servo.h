@@ -2,6 +2,7 @@
 #pragma once
 
 #include <atomic>
+#include <memory>
 
 #include "palpate/haptics/device.h"
 #include "src/devices/motor_wrench.h"
@@ -24,8 +25,9 @@ class OpenHapticsServo {
 
   /// The next call is the last one.
   void request_end() noexcept { wants_end_.store(true, std::memory_order_release); }
-  /// No tick runs or starts any more, whenever the driver calls again.
-  void give_up() noexcept;
+  /// No tick runs or starts any more, whenever the driver calls again. Until that call is over, it
+  /// keeps `self`, which is this servo.
+  void give_up(std::shared_ptr<OpenHapticsServo> self) noexcept;
   bool has_ended() const noexcept { return has_ended_.load(std::memory_order_acquire); }
   /// Of the newest call; 0 before the first one.
   double last_time() const noexcept { return last_time_.load(std::memory_order_acquire); }
@@ -51,6 +53,7 @@ class OpenHapticsServo {
   int num_weary_ = 0;  // ticks without force so far
   std::atomic<bool> wants_end_ = false, has_ended_ = false;
   std::atomic<bool> is_settled_ = false;  // by its end, or because it was given up
+  std::shared_ptr<OpenHapticsServo> self_;
   std::atomic<double> last_time_ = 0;
   std::atomic<HdEnum> failure_ = 0;
 };

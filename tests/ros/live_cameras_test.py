@@ -204,7 +204,11 @@ class LiveCamerasTest(PeerCase):
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
             env={**os.environ, "ROS_DOMAIN_ID": str(self.domain), "ROS_LOCALHOST_ONLY": "1"})
         try:
-            self.assertIn("open http", run.stdout.readline())
+            for line in run.stdout:  # after a note on what it waits for
+                if "open http" in line:
+                    break
+            else:
+                self.fail("the run has ended")
             time.sleep(3)
             held = change("coupling.clutch", True)
             time.sleep(4)

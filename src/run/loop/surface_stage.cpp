@@ -93,9 +93,8 @@ SurfaceStage::SurfaceStage(const DepthSources& sources, std::vector<SurfaceTimel
 
 Status SurfaceStage::start() {
   for (std::size_t k = 0; k < cameras_.size(); ++k) {
-    cameras_[k]->thread = std::thread([this, k] {
-      guarded([&] { read_frames(k); }, [&](const Error& error) { fail(error); });
-    });
+    cameras_[k]->thread = std::thread(
+        [this, k] { guarded([&] { read_frames(k); }, [&](const Error& error) { fail(error); }); });
   }
   surface_thread_ = std::thread(
       [this] { guarded([&] { make_surfaces(); }, [&](const Error& error) { fail(error); }); });

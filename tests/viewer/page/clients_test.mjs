@@ -96,14 +96,14 @@ pageTest('a page that never acknowledges gets one picture and stops nobody', asy
   const slow = await listen(bare, served, subscription, false);
   await until('its first picture', async () => (await counts(bare, slow)).pictures === 1);
   const { bytes } = await counts(bare, slow);
-  await drawn(page, 10);
+  await drawn(page, 5);
   const { states } = await counts(bare, slow);
   await until('states still come', async () => (await counts(bare, slow)).states >= states + 2);
   const after = await counts(bare, slow);
   assert.equal(after.pictures, 1);
   assert.equal(after.bytes, bytes);
   const before = await served.apply();
-  await drawn(page, 10);
+  await drawn(page, 5);
   const later = await served.apply();
   assert.ok(later.rss_kib - before.rss_kib < 4096, 'what it missed is not kept');
   await bare.close();

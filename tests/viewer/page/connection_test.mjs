@@ -22,7 +22,7 @@ pageTest('the page reconnects when the server is back', async () => {
 
   const again = await Served.start({ ...oneSphere, port: Number(port), title: 'another' });
   await again.apply(lively);
-  await until('pictures again', async () => (await stat(page)).pictures > before.pictures + 3, 30);
+  await until('pictures again', async () => (await stat(page)).pictures > before.pictures + 3);
   await isQuiet(page);
   await until('the new title', async () => (await page.textContent('body')).includes('another'));
   assert.equal((await state(page)).settings['coupling.stiffness'], 800);

@@ -148,8 +148,8 @@ after(async () => {
 export const sleep = (milliseconds) => new Promise((resolve) => setTimeout(resolve, milliseconds));
 
 /// Until `condition` returns something true, which is returned. The limit is for what never comes: a
-/// busy machine takes a minute for what takes a moment.
-export async function until(what, condition, seconds = 120) {
+/// busy machine takes minutes for what takes a moment.
+export async function until(what, condition, seconds = 400) {
   const end = Date.now() + seconds * 1000;
   for (;;) {
     const value = await condition();

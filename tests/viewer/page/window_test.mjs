@@ -9,7 +9,7 @@ pageTest('the first picture', async () => {
   await served.apply(busyNow);
   const begun = Date.now();
   const page = await openPage(served.url, { width: 1280, height: 720 });
-  await until('a picture', async () => (await stat(page)).drawn >= 1 && (await stat(page)).pictures >= 1, 60);
+  await until('a picture', async () => (await stat(page)).drawn >= 1 && (await stat(page)).pictures >= 1);
   console.log(`# first picture drawn ${Date.now() - begun} ms after the page was asked for`);
   const sizes = await page.evaluate(() => performance.getEntriesByType('resource')
     .reduce((sum, entry) => sum + entry.encodedBodySize, 0));
