@@ -3,9 +3,11 @@
 #include <array>
 #include <atomic>
 #include <cctype>
+#include <chrono>
 #include <cmath>
 #include <cstring>
 #include <filesystem>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -18,8 +20,13 @@ namespace palpate::inline v0 {
 namespace {
 
 using namespace openni2;
+using namespace std::chrono_literals;
 
 double unit_of(const VideoMode& mode) { return mode.format == kTenths ? 0.0001 : 0.001; }
+
+/// The player of recordings walks through its streams once more when one of them has stopped,
+/// without a lock: it must be asleep again before the stream goes.
+constexpr auto kPlayerRest = 50ms;
 
 /// Device and stream, closed in the right order.
 class Openni2Source final : public DepthSource {
@@ -28,6 +35,7 @@ class Openni2Source final : public DepthSource {
   ~Openni2Source() override {
     caller().call([&] {
       if (is_started_) api_.stop(stream_);
+      if (is_started_ && is_file_) std::this_thread::sleep_for(kPlayerRest);
       if (stream_ != nullptr) api_.destroy_stream(stream_);
       return device_ == nullptr ? kOk : api_.close(device_);
     });
