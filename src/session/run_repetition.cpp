@@ -20,6 +20,7 @@ bool ContactRepetition::add(RecordedDepth frame) {
   Camera& camera = cameras_[frame.record.camera];
   const auto number = static_cast<std::int64_t>(frame.record.camera_frame);
   const bool is_next = number == camera.newest + 1 || (has_start_ && camera.newest < 0);
+  if (camera.newest < 0) camera.first = number;
   camera.newest = number;
   camera.frames.push_back(std::move(frame));
   return is_next;
@@ -39,6 +40,14 @@ bool ContactRepetition::has_frames_of(const ContactRecord& contact) const {
     if (contact.cameras.of[k].camera_frame > cameras_[k].newest) return false;
   }
   return true;
+}
+
+bool ContactRepetition::lacks_frame_of(const ContactRecord& contact) const {
+  for (std::size_t k = 0; k < cameras_.size(); ++k) {
+    const std::int64_t desired = contact.cameras.of[k].camera_frame;
+    if (desired >= 0 && desired < cameras_[k].first) return true;
+  }
+  return false;
 }
 
 void ContactRepetition::push_next(Camera& camera, SurfaceBlend& blend) {

@@ -31,6 +31,8 @@ class ContactRepetition {
 
   /// Whether all frames that it rests on are there.
   bool has_frames_of(const ContactRecord& contact) const;
+  /// Whether it rests on a frame before the first one that is there, so none will do.
+  bool lacks_frame_of(const ContactRecord& contact) const;
 
   /// What a query at the same moment and pose gives. Its frames must be there.
   ContactRecord repeat(const ContactRecord& recorded);
@@ -43,7 +45,7 @@ class ContactRepetition {
   struct Camera {
     std::map<std::uint32_t, SurfaceTimeline> timelines;  // by revision, from the present one on
     std::deque<RecordedDepth> frames;                    // not yet pushed
-    std::int64_t newest = -1, pushed = -1;               // camera_frame: there; pushed last
+    std::int64_t first = -1, newest = -1, pushed = -1;   // camera_frame: there; pushed last
     double capture_time = 0;                             // of that one
     std::span<const SurfaceBlend> key_frames;            // and after it
   };

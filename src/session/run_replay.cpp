@@ -190,8 +190,16 @@ class Repetition {
     while (!has_differed() && can_repeat_contacts_ && !waiting_contacts_.empty() &&
            contacts_.has_frames_of(waiting_contacts_.front())) {
       const ContactRecord& recorded = waiting_contacts_.front();
-      compare("contact", recorded, contacts_.repeat(recorded));
-      ++outcome_.num_contacts;
+      if (contacts_.lacks_frame_of(recorded)) {
+        if (has_moving_objects(first_.settings)) return end_contacts("a depth frame");
+        if (!std::exchange(lacks_frames_, true)) {
+          add_note("contact " + std::to_string(recorded.number) +
+                   " is not repeated: its depth frame was not recorded");
+        }
+      } else {
+        compare("contact", recorded, contacts_.repeat(recorded));
+        ++outcome_.num_contacts;
+      }
       waiting_contacts_.pop_front();
     }
   }
@@ -221,7 +229,7 @@ class Repetition {
   RunSettings settings_;  // the newest
   const std::uint32_t first_revision_;
   std::uint32_t num_settings_;  // the revision that comes next
-  bool has_settings_ = false, lacks_settings_ = false;
+  bool has_settings_ = false, lacks_settings_ = false, lacks_frames_ = false;
   NewestFrames last_frames_;
   std::uint64_t last_contact_ = 0, num_missing_ = 0;
   std::map<std::uint64_t, ContactRecord> known_;  // by number

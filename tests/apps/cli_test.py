@@ -1512,14 +1512,14 @@ pose = [1, 0, 0, 0, 0, {0.5 ** 0.5}, {0.5 ** 0.5}]
         if not os.path.isdir(sdk):
             self.skipTest("there is no emulated driver beside the program")
         for kind, call, words in (
-                ("forcedimension", "dhdGetPositionAndOrientationFrame:300", "does not return from a call"),
+                ("forcedimension", "dhdGetPositionAndOrientationFrame:100", "does not return from a call"),
                 ("forcedimension", "dhdEnableForce:2", "does not return from a call"),
-                ("openhaptics", "hdEndFrame:300", "does not call back"),
+                ("openhaptics", "hdEndFrame:100", "does not call back"),
                 ("openhaptics", "hdStopScheduler", "does not call back")):
             run = self.path("run_hung")
             shutil.rmtree(run, ignore_errors=True)
             done = subprocess.run(
-                [PALPATE, "touch", self.tool, "--scene", "wall", "--device", kind, "--duration", "1",
+                [PALPATE, "touch", self.tool, "--scene", "wall", "--device", kind, "--duration", "3",
                  "-o", run], capture_output=True, text=True, timeout=300,
                 env=dict(os.environ, FDSDK=sdk, OH_SDK_BASE=sdk, FAKE_SDK_HANG=call))
             self.assertEqual(done.returncode, 1, (call, done.stderr))

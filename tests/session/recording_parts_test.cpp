@@ -431,6 +431,29 @@ TEST(RecordingParts, ContactsOfSettingsThatAreMissingAfterAGapAreNotRepeated) {
   EXPECT_NE(replay->note.find("is not repeated: its settings"), std::string::npos) << replay->note;
 }
 
+TEST(RecordingParts, ContactsOfFramesThatWereLostBeforeItAreNotRepeated) {
+  const TemporaryFolder folder;
+  const auto run = folder.path() / "run", part = folder.path() / "part";
+  ASSERT_TRUE(
+      record(run, settings_with(TimeMode::latest, CouplingKind::none), {.split_bytes = 1}, 3));
+  fs::create_directories(part);
+  fs::copy_file(recording_parts(run)[1], part / kRecordingFile);
+  const auto whole = replay_run(part);
+  ASSERT_TRUE(whole) << whole.error().message;
+  EXPECT_EQ(whole->difference + whole->note, "");
+  auto all = test::messages(part);
+  all.erase(std::ranges::find(all, std::string_view(kFrameTopic),
+                              [](const auto& each) { return each.channel.topic; }));
+  test::rewrite(part, all);
+  const auto replay = replay_run(part);
+  ASSERT_TRUE(replay) << replay.error().message;
+  EXPECT_EQ(replay->difference, "");
+  EXPECT_NE(replay->note.find("is not repeated: its depth frame"), std::string::npos)
+      << replay->note;
+  EXPECT_GT(replay->num_contacts, 0u);
+  EXPECT_LT(replay->num_contacts, whole->num_contacts);
+}
+
 TEST(RecordingParts, LostContactsAreTold) {
   const TemporaryFolder folder;
   const auto run = folder.path() / "run";
