@@ -1,10 +1,10 @@
 #include "apps/program.h"
 
 #include <iostream>
-#include <new>
 
 #include "apps/terminal.h"
 #include "palpate/version.h"
+#include "src/core/internal/guarded.h"
 
 namespace palpate::apps {
 
@@ -97,19 +97,9 @@ int run_program(CLI::App& program, const Action& action, int argc, char** argv) 
                     verb->get_name() + " --help",
                 kWrongUsage);
   }
-  try {
-    if (const Status status = action(); !status) {
-      return fail(name, status.error().message, kInputAtFault);
-    }
-  } catch (const std::bad_alloc&) {
-    return fail(name, "out of memory: use fewer spheres, a smaller image or a shorter run",
-                kInputAtFault);
-  } catch (const std::exception& error) {
-    return fail(
-        name,
-        std::string("something unexpected has failed: ") + error.what() + "; please report it",
-        kInputAtFault);
-  }
+  Status done = Done{};
+  guarded([&] { done = action(); }, [&](const Error& error) { done = error; });
+  if (!done) return fail(name, done.error().message, kInputAtFault);
   print_kept();
   if (!std::cout.flush()) return fail(name, "cannot write to the standard output", kInputAtFault);
   return 0;

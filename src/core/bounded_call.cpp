@@ -2,6 +2,7 @@
 
 #include <atomic>
 #include <chrono>
+#include <exception>
 #include <future>
 #include <memory>
 #include <system_error>
@@ -17,15 +18,27 @@ class Call {
  public:
   explicit Call(std::function<void()> work) : work_(std::move(work)) {}
 
-  void run() {
-    work_();
+  void run() noexcept {
+    std::exception_ptr thrown;
+    try {
+      work_();
+    } catch (...) {
+      thrown = std::current_exception();
+    }
     work_ = nullptr;  // what it owns goes before anybody hears of it
     if (is_settled_.exchange(true)) count_hung_calls(-1);
-    has_returned_.set_value();
+    if (thrown) {
+      has_returned_.set_exception(std::move(thrown));
+    } else {
+      has_returned_.set_value();
+    }
   }
   bool returns_within(double patience) {
     const auto waited = returned_.wait_for(std::chrono::duration<double>(patience));
-    if (waited == std::future_status::ready || is_settled_.exchange(true)) return true;
+    if (waited == std::future_status::ready || is_settled_.exchange(true)) {
+      returned_.get();  // throws what the call has thrown
+      return true;
+    }
     count_hung_calls(1);
     return false;
   }

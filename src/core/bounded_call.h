@@ -11,7 +11,8 @@ namespace palpate::inline v0 {
 
 /// Runs `work` on a thread of its own and waits for it, but no longer than `patience` seconds.
 /// False: it has not come back; should it do so later, nobody waits for it. So `work` must own all
-/// that it needs. Where no thread is to be had, it runs in this one.
+/// that it needs. Where no thread is to be had, it runs in this one. What it throws in time is
+/// thrown here.
 bool returns_within(double patience, std::function<void()> work);
 
 /// The same with one thread for all calls, one after the other, for libraries that remember the

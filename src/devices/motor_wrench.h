@@ -29,7 +29,7 @@ class MotorRamp {
   double next(bool has_force) noexcept {
     constexpr double kStep = 0.005;
     share_ = has_force ? std::min(share_ + kStep, 1.0) : 0;
-    return has_force ? share_ : 0;
+    return share_;
   }
   void restart() noexcept { share_ = 1; }
 

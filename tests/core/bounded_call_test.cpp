@@ -5,6 +5,7 @@
 #include <atomic>
 #include <chrono>
 #include <memory>
+#include <stdexcept>
 #include <thread>
 #include <vector>
 
@@ -58,6 +59,15 @@ TEST(BoundedCall, OneThreadMakesItsCallsInTurn) {
   gate->is_open = true;
   EXPECT_TRUE(wait_for([&] { return later->load(); }));
   EXPECT_TRUE(wait_for([] { return !is_any_call_hung(); }));
+}
+
+// Nothing that is thrown there may end the program.
+TEST(BoundedCall, WhatIsThrownIsThrownByTheCall) {
+  const auto work = [] { throw std::runtime_error("no"); };
+  EXPECT_THROW(returns_within(60, work), std::runtime_error);
+  static BoundedThread& thread = *new BoundedThread;
+  EXPECT_THROW(thread.call(60, work), std::runtime_error);
+  EXPECT_TRUE(thread.call(60, [] {}));
 }
 
 }  // namespace
