@@ -10,7 +10,6 @@
 #include <filesystem>
 #include <iostream>
 #include <map>
-#include <new>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string_view>
@@ -21,6 +20,7 @@
 #include "apps/tool_info.h"
 #include "palpate/io/files.h"
 #include "palpate/version.h"
+#include "src/core/internal/guarded.h"
 #include "src/io/internal/atomic_file.h"
 #include "src/session/internal/checksum.h"
 
@@ -242,11 +242,10 @@ Status pack_folder(const FolderJob& job) {
     const std::string title =
         "packing " + std::to_string(i + 1) + " of " + std::to_string(meshes->size()) + ", " + file;
     Status status = Done{};
-    try {
-      status = process(mesh, job, title, log);
-    } catch (const std::bad_alloc&) {
-      status = Error{Errc::unavailable, mesh.string() + ": out of memory: use fewer spheres"};
-    }
+    guarded([&] { status = process(mesh, job, title, log); },
+            [&](const Error& error) {
+              status = Error{error.code, mesh.string() + ": " + error.message};
+            });
     if (!status && status.error().code != Errc::cancelled) {
       log.failed(mesh, status.error().message);
     }

@@ -1,15 +1,15 @@
 // Runs slow queries of hardware concurrently.
 #pragma once
 
-#include <future>
+#include <algorithm>
 #include <iterator>
 #include <memory>
 #include <optional>
-#include <system_error>
 #include <utility>
 #include <vector>
 
 #include "src/core/bounded_call.h"
+#include "src/core/monotonic_clock.h"
 
 namespace palpate::inline v0 {
 
@@ -19,23 +19,22 @@ namespace palpate::inline v0 {
 template <class Kinds, class Otherwise>
 auto find_all_at_once(const Kinds& kinds, double patience, const Otherwise& otherwise) {
   using Answer = decltype(std::begin(kinds)->find());
-  std::vector<std::future<Answer>> answers;
+  struct Query {
+    std::shared_ptr<std::optional<Answer>> answer = std::make_shared<std::optional<Answer>>();
+    BoundedCall call;
+    explicit Query(Answer (*find)()) : call([answer = answer, find] { answer->emplace(find()); }) {}
+  };
+  std::vector<Query> queries;
+  for (const auto& kind : kinds) queries.emplace_back(kind.find);
+  const double end = monotonic_now() + patience;
+  std::vector<Answer> answers;
+  auto query = queries.begin();
   for (const auto& kind : kinds) {
-    const auto find = [&kind, patience, &otherwise] {
-      const auto found = std::make_shared<std::optional<Answer>>();
-      const bool has_returned =
-          returns_within(patience, [found, find = kind.find] { found->emplace(find()); });
-      return has_returned ? *std::move(*found) : otherwise(kind);
-    };
-    try {
-      answers.push_back(std::async(std::launch::async, find));
-    } catch (const std::system_error&) {  // no thread to be had
-      answers.push_back(std::async(std::launch::deferred, find));
-    }
+    const bool has_returned = query->call.returns_within(std::max(end - monotonic_now(), 0.01));
+    answers.push_back(has_returned ? *std::move(*query->answer) : otherwise(kind));
+    ++query;
   }
-  std::vector<Answer> found;
-  for (auto& answer : answers) found.push_back(answer.get());
-  return found;
+  return answers;
 }
 
 }  // namespace palpate::inline v0

@@ -1,5 +1,6 @@
 #include "src/core/bounded_call.h"
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <exception>
@@ -13,8 +14,10 @@ namespace {
 
 std::atomic<int> g_num_hung{0};
 
+}  // namespace
+
 /// What is called, and who has settled it: its return, or the end of the patience.
-class Call {
+class BoundedCall::Call {
  public:
   explicit Call(std::function<void()> work) : work_(std::move(work)) {}
 
@@ -34,8 +37,13 @@ class Call {
     }
   }
   bool returns_within(double patience) {
-    const auto waited = returned_.wait_for(std::chrono::duration<double>(patience));
-    if (waited == std::future_status::ready || is_settled_.exchange(true)) {
+    // Short waits: while the whole process stands still, nobody hangs.
+    constexpr double kWait = 0.01;
+    bool is_ready = false;
+    for (double left = patience; left > 0 && !is_ready; left -= kWait)
+      is_ready = returned_.wait_for(std::chrono::duration<double>(std::min(kWait, left))) ==
+                 std::future_status::ready;
+    if (is_ready || is_settled_.exchange(true)) {
       returned_.get();  // throws what the call has thrown
       return true;
     }
@@ -50,20 +58,19 @@ class Call {
   std::future<void> returned_ = has_returned_.get_future();
 };
 
-}  // namespace
-
-bool returns_within(double patience, std::function<void()> work) {
-  const auto call = std::make_shared<Call>(std::move(work));
+BoundedCall::BoundedCall(std::function<void()> work)
+    : call_(std::make_shared<Call>(std::move(work))) {
   try {
-    std::thread([call] { call->run(); }).detach();
+    std::thread([call = call_] { call->run(); }).detach();
   } catch (const std::system_error&) {
-    call->run();
+    call_->run();
   }
-  return call->returns_within(patience);
 }
 
+bool BoundedCall::returns_within(double patience) { return call_->returns_within(patience); }
+
 bool BoundedThread::call(double patience, std::function<void()> work) {
-  const auto call = std::make_shared<Call>(std::move(work));
+  const auto call = std::make_shared<BoundedCall::Call>(std::move(work));
   if (!hand_over([call] { call->run(); })) call->run();
   return call->returns_within(patience);
 }

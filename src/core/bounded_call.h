@@ -3,17 +3,34 @@
 
 #include <condition_variable>
 #include <functional>
+#include <memory>
 #include <mutex>
 #include <queue>
 #include <thread>
+#include <utility>
 
 namespace palpate::inline v0 {
 
-/// Runs `work` on a thread of its own and waits for it, but no longer than `patience` seconds.
-/// False: it has not come back; should it do so later, nobody waits for it. So `work` must own all
-/// that it needs. Where no thread is to be had, it runs in this one. What it throws in time is
-/// thrown here.
-bool returns_within(double patience, std::function<void()> work);
+/// Runs `work` on a thread of its own. It must own all that it needs. Where no thread is to be had,
+/// it runs in this one.
+class BoundedCall {
+ public:
+  explicit BoundedCall(std::function<void()> work);
+  /// Once. Waits for it, but no longer than `patience` seconds in which this program runs. False:
+  /// it has not come back; should it do so later, nobody waits for it. What it throws in time is
+  /// thrown here.
+  bool returns_within(double patience);
+
+ private:
+  friend class BoundedThread;
+  class Call;
+
+  std::shared_ptr<Call> call_;
+};
+
+inline bool returns_within(double patience, std::function<void()> work) {
+  return BoundedCall(std::move(work)).returns_within(patience);
+}
 
 /// The same with one thread for all calls, one after the other, for libraries that remember the
 /// threads which have called them. It lives in memory that is never freed. Calls from itself run at

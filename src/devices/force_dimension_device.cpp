@@ -153,7 +153,7 @@ class ForceDimensionDevice final : public PolledDevice {
 
   Error trouble() const override {
     if (has_lost_force_) {
-      return Error{Errc::cancelled,
+      return Error{Errc::unavailable,
                    info_.name + " has shut its force off: " + describe_force_off(force_off_cause_)};
     }
     return Error{Errc::io_failure, info_.name + " has stopped answering: " + said_.data() +

@@ -5,7 +5,6 @@
 #include "src/devices/haply_device.h"
 #include "src/core/monotonic_clock.h"
 
-#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <optional>
@@ -34,7 +33,6 @@ constexpr HaplyVersion kSaysVector{3, 5};
 // many ticks above this size, was sent in the wrong words.
 constexpr double kConfirmableForce = 0.05;  // N
 constexpr int kPatience = 50;               // ticks
-constexpr double kShareStep = 0.005;        // per tick, back to full force after the words changed
 
 bool is_usable(const Quaternion& q) {
   const double square = q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w;
@@ -168,6 +166,7 @@ class HaplyDevice final : public PolledDevice {
   bool is_force_confirmed_ = false, has_echo_ = false, uses_other_key_ = false,
        ignores_force_ = false;
   int num_unconfirmed_ = 0;
+  MotorRamp ramp_;
   double share_ = 1;
   Error trouble_;
 };
@@ -196,6 +195,7 @@ Status HaplyDevice::begin() {
   buttons_ = 0;
   sent_ = {};
   num_unconfirmed_ = 0;
+  ramp_.restart();
   share_ = 1;
   unusable_ = "it does not answer";
 
@@ -287,7 +287,7 @@ bool HaplyDevice::take_grip(const HaplyMessage& message, DeviceState& state) noe
 }
 
 bool HaplyDevice::accepts_force(const HaplyEntry& arm) noexcept {
-  share_ = std::min(1.0, share_ + kShareStep);
+  share_ = ramp_.next(true);
   has_echo_ = has_echo_ || arm.has_force;
   if (ignores_force_) return false;
   if (is_force_confirmed_ || norm(sent_) < kConfirmableForce) return true;
@@ -304,7 +304,7 @@ bool HaplyDevice::accepts_force(const HaplyEntry& arm) noexcept {
   is_force_confirmed_ = uses_other_key_;
   uses_other_key_ = true;
   num_unconfirmed_ = 0;
-  share_ = 0;
+  share_ = ramp_.next(false);
   return true;
 }
 

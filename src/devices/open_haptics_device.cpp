@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdio>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -15,7 +16,7 @@
 
 #include "palpate/devices/devices.h"
 #include "src/core/bounded_call.h"
-#include "src/core/monotonic_clock.h"
+#include "src/core/internal/guarded.h"
 #include "src/devices/device_kinds.h"
 #include "src/devices/open_haptics_api.h"
 #include "src/devices/open_haptics_servo.h"
@@ -31,8 +32,7 @@ constexpr const char* kConnect =
     "connect it, give it its name with Touch_Setup, allow its use (a udev rule for its ttyACM or "
     "hidraw file) and try it with Touch_Diagnostic";
 constexpr double kMetresPerMillimetre = 1e-3, kNewtonsPerMillinewton = 1e-3;
-constexpr double kMaxSilence = 1;  // s
-constexpr auto kPatience = std::chrono::milliseconds(500);
+constexpr int kPatience = 500;  // ms
 constexpr double kOpenPatience = 25, kStartPatience = 10, kStopPatience = 2,
                  kCutPatience = 0.25;  // s
 
@@ -111,12 +111,12 @@ BoundedThread& driver() {
   return thread;
 }
 
-/// Waits until `is_so`, but not for ever.
+/// Waits until `is_so`, but not for ever. Counts its own rounds: while the whole process stands
+/// still, nobody hangs.
 template <class Condition>
 bool wait_for(Condition is_so) {
-  const auto end = std::chrono::steady_clock::now() + kPatience;
-  while (!is_so()) {
-    if (std::chrono::steady_clock::now() > end) return false;
+  for (int left = kPatience; !is_so(); --left) {
+    if (left == 0) return false;
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
   return true;
@@ -149,43 +149,52 @@ class OpenHapticsDevice final : public HapticDevice {
   Status start(DeviceTick tick) override {
     stop();
     if (is_stuck_) return stuck();
-    servo_ = std::make_shared<OpenHapticsServo>(api_, device_, info_, std::move(tick));
+    const auto servo = std::make_shared<OpenHapticsServo>(api_, device_, info_, std::move(tick));
+    set_servo(servo);
     const auto error = std::make_shared<HdErrorInfo>();
-    is_running_ = driver().call(kStartPatience, [api = api_, device = device_, servo = servo_,
-                                                 error] { *error = schedule(api, device, servo); });
+    is_running_ = driver().call(kStartPatience, [api = api_, device = device_, servo, error] {
+      *error = schedule(api, device, servo);
+    });
     if (!is_running_) {
       give_up();
       return stuck();
     }
     if (error->code != 0) {
       is_running_ = false;
-      servo_.reset();
+      set_servo(nullptr);
       return Error{Errc::io_failure,
                    info_.name + " does not start: " + what_it_said(api_, *error) + "; " + kConnect};
     }
-    if (wait_for([this] { return servo_->last_time() > 0; })) return Done{};
+    if (wait_for([&] { return servo->last_time() > 0; })) return Done{};
     stop();
     return stuck();
   }
 
   void stop() noexcept override {
     if (!is_running_) return;
-    servo_->request_end();
-    const bool has_ended = wait_for([this] { return servo_->has_ended(); });
+    const auto servo = this->servo();
+    servo->request_end();
+    bool is_off = false;
+    if (wait_for([&] { return servo->has_ended(); })) {
+      const auto end_here = [&] {
+        is_off = driver().call(kStopPatience, [api = api_, device = device_, servo] {
+          if (--g_num_running == 0) api.hdStopScheduler();
+          motors_off(api, device);
+        });
+      };
+      guarded(end_here, [](const Error&) {});
+    } else {
+      --g_num_running;  // nobody stops a scheduler that hangs
+    }
     is_running_ = false;
-    const bool is_last = --g_num_running == 0;
-    const bool is_off = has_ended && driver().call(kStopPatience, [api = api_, device = device_,
-                                                                   servo = servo_, is_last] {
-      if (is_last) api.hdStopScheduler();
-      motors_off(api, device);
-    });
     if (!is_off) give_up();
   }
 
   Status status() const override {
     if (is_stuck_) return stuck();
-    if (servo_ == nullptr) return Done{};
-    if (const HdEnum code = servo_->failure(); code != 0) {
+    const auto servo = this->servo();
+    if (servo == nullptr) return Done{};
+    if (const HdEnum code = servo->failure(); code != 0) {
       return Error{
           Errc::io_failure,
           info_.name + (is_force_error(code)
@@ -194,12 +203,11 @@ class OpenHapticsDevice final : public HapticDevice {
                             : " has stopped: " + what_it_said(api_, {code, 0, 0}) +
                                   "; check its cable and power and start again")};
     }
-    if (is_running_ && monotonic_now() - servo_->last_time() > kMaxSilence) return stuck();
     return Done{};
   }
 
  private:
-  /// The error; then nothing is scheduled.
+  /// The error; then nothing is scheduled. The same if it was given up meanwhile.
   static HdErrorInfo schedule(const OpenHapticsApi& api, HdHandle device,
                               const std::shared_ptr<OpenHapticsServo>& servo) noexcept {
     api.hdMakeCurrentDevice(device);
@@ -211,19 +219,37 @@ class OpenHapticsDevice final : public HapticDevice {
         api.hdScheduleAsynchronous(&OpenHapticsServo::call_back, servo.get(), kHdMaxPriority);
     if (g_num_running++ == 0) api.hdStartScheduler();
     const HdErrorInfo error = api.take_errors();
-    if (error.code == 0) return error;
+    if (error.code == 0) {
+      if (!servo->is_given_up()) return error;
+      wait_for([&] { return servo->has_ended(); });  // its only call sends no force
+    }
     if (--g_num_running == 0) api.hdStopScheduler();
     api.hdUnschedule(scheduled);
     motors_off(api, device);
+    servo->end();
     return error;
   }
 
   /// The driver hangs. Should it come back one day, it must still find the servo.
   void give_up() noexcept {
     is_stuck_ = true;
-    servo_->give_up(servo_);
+    const auto servo = this->servo();
+    servo->give_up(servo);
     // Another thread tries, as it may hang, too.
-    returns_within(kCutPatience, [api = api_, device = device_] { motors_off(api, device); });
+    const auto cut = [this] {
+      returns_within(kCutPatience, [api = api_, device = device_] { motors_off(api, device); });
+    };
+    guarded(cut, [](const Error&) {});
+  }
+
+  /// The loop asks for its status while it is started.
+  std::shared_ptr<OpenHapticsServo> servo() const {
+    const std::lock_guard lock(mutex_);
+    return servo_;
+  }
+  void set_servo(std::shared_ptr<OpenHapticsServo> servo) {
+    const std::lock_guard lock(mutex_);
+    servo_ = std::move(servo);
   }
 
   static void motors_off(const OpenHapticsApi& api, HdHandle device) noexcept {
@@ -241,7 +267,8 @@ class OpenHapticsDevice final : public HapticDevice {
   const OpenHapticsApi api_;
   const HdHandle device_;
   DeviceInfo info_;
-  std::shared_ptr<OpenHapticsServo> servo_;
+  mutable std::mutex mutex_;
+  std::shared_ptr<OpenHapticsServo> servo_;  // of the last start
   std::atomic<bool> is_running_ = false, is_stuck_ = false;
 };
 

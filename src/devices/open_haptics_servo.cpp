@@ -32,11 +32,19 @@ unsigned OpenHapticsServo::call_back(void* servo) noexcept {
 void OpenHapticsServo::give_up(std::shared_ptr<OpenHapticsServo> self) noexcept {
   door_.close();
   self_ = std::move(self);
-  if (is_settled_.exchange(true)) {
-    self_.reset();  // it has ended after all
-  } else {
+  Life expected = Life::running;
+  if (life_.compare_exchange_strong(expected, Life::given_up)) {
     count_hung_calls(1);
+  } else if (expected == Life::ended) {
+    self_.reset();  // after all
   }
+}
+
+/// Whoever sees the end may free it.
+void OpenHapticsServo::end() noexcept {
+  if (life_.exchange(Life::ended) != Life::given_up) return;
+  const auto self = std::move(self_);  // goes at the return
+  count_hung_calls(-1);
 }
 
 unsigned OpenHapticsServo::frame() noexcept {
@@ -60,11 +68,7 @@ unsigned OpenHapticsServo::frame() noexcept {
 
   last_time_.store(state_.time, std::memory_order_release);
   if (!is_last) return kHdCallbackContinue;
-  has_ended_.store(true, std::memory_order_release);
-  if (is_settled_.exchange(true)) {
-    const auto self = std::move(self_);  // goes at the return
-    count_hung_calls(-1);
-  }
+  end();
   return kHdCallbackDone;
 }
 

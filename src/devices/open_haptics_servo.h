@@ -28,7 +28,10 @@ class OpenHapticsServo {
   /// No tick runs or starts any more, whenever the driver calls again. Until that call is over, it
   /// keeps `self`, which is this servo.
   void give_up(std::shared_ptr<OpenHapticsServo> self) noexcept;
-  bool has_ended() const noexcept { return has_ended_.load(std::memory_order_acquire); }
+  /// It will not be called any more. By the driver's thread, which may not touch it afterwards.
+  void end() noexcept;
+  bool has_ended() const noexcept { return life_.load() == Life::ended; }
+  bool is_given_up() const noexcept { return life_.load() == Life::given_up; }
   /// Of the newest call; 0 before the first one.
   double last_time() const noexcept { return last_time_.load(std::memory_order_acquire); }
   /// The error that ended it; 0: none.
@@ -51,9 +54,10 @@ class OpenHapticsServo {
   TickDoor door_;
   int rest_ = 0;       // ticks without force to come
   int num_weary_ = 0;  // ticks without force so far
-  std::atomic<bool> wants_end_ = false, has_ended_ = false;
-  std::atomic<bool> is_settled_ = false;  // by its end, or because it was given up
-  std::shared_ptr<OpenHapticsServo> self_;
+  std::atomic<bool> wants_end_ = false;
+  enum class Life { running, given_up, ended };
+  std::atomic<Life> life_ = Life::running;
+  std::shared_ptr<OpenHapticsServo> self_;  // while it is given up
   std::atomic<double> last_time_ = 0;
   std::atomic<HdEnum> failure_ = 0;
 };

@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "src/core/bounded_call.h"
+#include "src/core/internal/guarded.h"
 
 namespace palpate::inline v0 {
 namespace {
@@ -17,6 +18,7 @@ Status PollingDevice::start(DeviceTick tick) {
   if (polled_->is_given_up) return stuck();
   polled_->tick = std::move(tick);
   polled_->state = {};
+  polled_->is_lost = polled_->is_settled = false;
   const auto begun = std::make_shared<Status>(Done{});
   const bool has_returned = returns_within(kBeginPatience, [polled = polled_, begun] {
     *begun = polled->device->begin();
@@ -27,7 +29,6 @@ Status PollingDevice::start(DeviceTick tick) {
     return stuck();
   }
   if (!*begun) return begun->error();
-  polled_->is_lost.store(false, std::memory_order_release);
   const Status started = thread_.start(
       info().rate, [polled = polled_](double time, int) { return polled->round(time); },
       [polled = polled_] { polled->end(); });
@@ -37,14 +38,17 @@ Status PollingDevice::start(DeviceTick tick) {
 
 void PollingDevice::stop() noexcept {
   if (polled_->is_given_up || thread_.stop_within(kStopPatience)) return;
-  count_hung_calls(1);
+  if (!polled_->is_settled.exchange(true)) count_hung_calls(1);
   give_up();
 }
 
 void PollingDevice::give_up() noexcept {
   polled_->door.close();
   polled_->is_given_up = true;
-  returns_within(kCutPatience, [polled = polled_] { polled->device->cut_force(); });
+  const auto cut = [this] {
+    returns_within(kCutPatience, [polled = polled_] { polled->device->cut_force(); });
+  };
+  guarded(cut, [](const Error&) {});
 }
 
 bool PollingDevice::Polled::round(double time) noexcept {
@@ -62,7 +66,7 @@ bool PollingDevice::Polled::round(double time) noexcept {
 
 void PollingDevice::Polled::end() noexcept {
   device->end();
-  if (door.is_closed()) count_hung_calls(-1);
+  if (is_settled.exchange(true)) count_hung_calls(-1);
 }
 
 Status PollingDevice::status() const {

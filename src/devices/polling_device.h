@@ -57,6 +57,7 @@ class PollingDevice final : public HapticDevice {
     DeviceState state;
     TickDoor door;
     std::atomic<bool> is_lost = false, is_given_up = false;
+    std::atomic<bool> is_settled = false;  // by its end, or by the end of the patience
   };
   void give_up() noexcept;
   Error stuck() const;

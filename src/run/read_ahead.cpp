@@ -65,9 +65,9 @@ class ReadAhead final : public DepthSource {
 
   void end(const Result<bool>& how) {
     const std::lock_guard lock(mutex_);
-    end_ = how;
     has_ended_ = true;
     has_changed_.notify_all();
+    end_ = how;  // may need memory that there is not
   }
 
   void read_all() {

@@ -1113,6 +1113,7 @@ class CommandLine(unittest.TestCase):
         result = palpate(*touch, "-o", played, "--device", f"replay:{path}", "--coupling", "none")
         self.assertEqual(result.returncode, 0, result.stderr)
         self.assertIn("has ended", result.stdout)
+        self.assertEqual(self.expect_whole(played)["fault"], "none")
         a, b = self.columns(along), self.columns(played)
         for name, value in (("tool_x_m", 0), ("tool_z_m", 0.45)):
             self.assertAlmostEqual(a[name][0], value, delta=1e-9)

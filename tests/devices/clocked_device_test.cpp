@@ -20,6 +20,7 @@ using test::wait_for;
 /// What a driver is told, and when it gives up.
 struct Diary {
   bool begins = true;
+  std::function<void()> while_beginning;
   int lost_at_read = -1, lost_at_write = -1;
   std::atomic<int> num_begun = 0, num_ended = 0, num_read = 0, num_written = 0;
   bool was_motor_on_in_read = true;
@@ -32,6 +33,7 @@ class ScriptedDevice final : public PolledDevice {
 
   const DeviceInfo& info() const override { return info_; }
   Status begin() override {
+    if (diary_.while_beginning) diary_.while_beginning();
     if (!diary_.begins) return Error{Errc::unavailable, "unplugged"};
     ++diary_.num_begun;
     return Done{};
@@ -105,7 +107,8 @@ TEST(PollingDevice, ALostDeviceTurnsItsMotorsOffAndSaysWhy) {
     EXPECT_EQ(device.status().error().message, "cable");
     EXPECT_EQ(diary.num_read, 10);
     EXPECT_EQ(diary.num_written, at_read ? 9 : 10);
-    // And can be started again.
+    // And can be started again. What was wrong is over by then, whoever asks.
+    diary.while_beginning = [&] { EXPECT_TRUE(device.status().has_value()); };
     ASSERT_TRUE(device.start([](const DeviceState&) { return Wrench{}; }));
     EXPECT_TRUE(device.status().has_value());
     EXPECT_TRUE(wait_for([&] { return diary.num_read > 15; }));

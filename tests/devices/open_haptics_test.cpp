@@ -4,10 +4,12 @@
 
 #include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <cmath>
 #include <cstdlib>
 #include <limits>
 #include <memory>
+#include <thread>
 
 #include "src/core/bounded_call.h"
 #include "src/devices/device_kinds.h"
@@ -363,6 +365,41 @@ TEST_F(OpenHaptics, ACallThatNeverReturnsIsGivenUp) {
   }
 }
 
+// A loop asks for the status of a device while it starts.
+TEST_F(OpenHaptics, IsNotStuckBeforeItsFirstCall) {
+  const auto device = open();
+  fake_.is_hanging = true;
+  std::atomic<bool> has_started = false;
+  std::thread asks([&] {
+    for (int i = 0; i < 50; ++i, std::this_thread::sleep_for(std::chrono::milliseconds(2)))
+      EXPECT_TRUE(device->status().has_value());
+    fake_.is_hanging = false;
+    while (!has_started) EXPECT_TRUE(device->status().has_value());
+  });
+  EXPECT_TRUE(device->start([](const DeviceState&) { return Wrench{}; }).has_value());
+  has_started = true;
+  asks.join();
+  for (int i = 0; i < 3; ++i) {
+    device->stop();
+    EXPECT_TRUE(device->start([](const DeviceState&) { return Wrench{}; }).has_value());
+    EXPECT_TRUE(device->status().has_value());
+  }
+}
+
+TEST_F(OpenHaptics, AStartThatWasGivenUpIsUndoneWhenItComesBack) {
+  const auto device = open();
+  fake_.hang.in = "hdEnable";
+  std::atomic<int> num_ticks = 0;
+  EXPECT_FALSE(device->start([&](const DeviceState&) {
+    return ++num_ticks, Wrench{{1, 0, 0}, {}};
+  }));
+  EXPECT_TRUE(is_any_call_hung());
+  fake_.hang.in = nullptr;
+  EXPECT_TRUE(eventually([] { return !is_any_call_hung(); }));
+  expect_stopped();
+  EXPECT_EQ(num_ticks, 0);
+}
+
 TEST_F(OpenHaptics, ADeviceThatDoesNotCloseIsLeft) {
   auto device = running(kPush);
   fake_.hang.in = "hdDisableDevice";
@@ -384,9 +421,9 @@ TEST_F(OpenHaptics, ATransformThatIsNoRotationIsNoPose) {
 TEST_F(OpenHaptics, ADriverThatHangs) {
   auto device = running(kPush);
   fake_.is_hanging = true;
-  ASSERT_TRUE(eventually([&] { return !device->status(); }));
-  EXPECT_TRUE(contains(device->status().error().message, "does not call back"));
   device->stop();
+  ASSERT_FALSE(device->status());
+  EXPECT_TRUE(contains(device->status().error().message, "does not call back"));
   device.reset();
   EXPECT_TRUE(eventually([&] { return !fake_.capabilities[0]; }));  // HD_FORCE_OUTPUT
   // It wakes up when the device is gone: one last call, without force.

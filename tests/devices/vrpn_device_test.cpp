@@ -112,6 +112,19 @@ TEST(VrpnDevice, VelocitiesHaveTheRightSizeWhateverTheServerCallsThem) {
   }
 }
 
+TEST(VrpnDevice, AVelocityThatIsNoLongerReportedIsOver) {
+  VrpnServerOptions options;
+  options.last_speed = 0.05;
+  Bench bench(options);
+  bench.start();
+  ASSERT_TRUE(eventually([&] { return bench.log.num_valid() > 50; }));
+  bench.log.set_force({0, 0, 4});
+  EXPECT_TRUE(eventually([&] {
+    const DeviceState& last = bench.log.last();
+    return last.X_BH.translation.z > 0.045 && norm(last.V_BH.linear) < 1e-3;
+  }));
+}
+
 TEST(VrpnDevice, VelocitiesNeedNoClockOfTheServer) {
   VrpnServerOptions silent;
   silent.reports_velocity = false;

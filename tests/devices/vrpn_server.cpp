@@ -69,7 +69,7 @@ Vec3d FalconField::force_at(const Vec3d& position) {
 }
 
 VrpnServer::VrpnServer(const VrpnServerOptions& options)
-    : options_(options), field_(options.smoothing) {
+    : options_(options), reports_velocity_(options.reports_velocity), field_(options.smoothing) {
   listener_ = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
   sockaddr_in address{};
   address.sin_family = AF_INET;
@@ -193,6 +193,8 @@ bool VrpnServer::report(int socket, int number) {
     put(velocity, std::int32_t{0});
     for (int i = 0; i < 3; ++i) put(velocity, velocity_[i] * options_.velocity_unit);
     for (int i = 0; i < 5; ++i) put(velocity, 0.0);  // as a Falcon's server does
+    if (!reports_velocity_) velocity.clear();
+    if (norm(velocity_) > options_.last_speed) reports_velocity_ = false;
     const std::uint32_t changed = buttons ^ reported_buttons_;
     for (std::int32_t i = 0; i < 4 && changed != 0; ++i) {
       if (!(changed >> i & 1)) continue;
@@ -208,7 +210,7 @@ bool VrpnServer::report(int socket, int number) {
   other[3] = 1;
   return send(socket, kSender, kPose, other) && send(socket, 0, kPose, std::string(64, '\x7f')) &&
          send(socket, kSender, kPose, pose) &&
-         (!options_.reports_velocity || send(socket, kSender, kVelocity, velocity)) &&
+         (velocity.empty() || send(socket, kSender, kVelocity, velocity)) &&
          (button.empty() || send(socket, kSender, kButton, button)) &&
          (error.empty() || number % 10 != 0 || send(socket, kSender, kError, error));
 }

@@ -20,7 +20,8 @@ struct VrpnServerOptions {
   double smoothing = 0.9;    ///< of the field's parameters, per report
   double velocity_unit = 1;  ///< what velocities are multiplied by; a real Falcon's: 1e-6
   bool reports_velocity = true;
-  int rate = 1000;  ///< reports per second
+  double last_speed = 1e9;  ///< m/s: the first velocity that is faster is the last one it reports
+  int rate = 1000;          ///< reports per second
 };
 
 /// The force law of NovintFalcon's server: parameters are smoothed at every report, and the radius
@@ -83,6 +84,7 @@ class VrpnServer {
   mutable std::mutex mutex_;
   Vec3d target_, position_, velocity_, force_;
   Quaternion rotation_;
+  bool reports_velocity_ = false;
   FalconField field_;
   std::vector<std::array<float, 16>> fields_;
   std::vector<std::string> names_;

@@ -376,6 +376,17 @@ TEST(LiveLoop, ADeviceThatIsLostIsTheFaultOfItsReport) {
   }
 }
 
+// A robot's first pose may take ten seconds.
+TEST(LiveLoop, ADeviceMayTakeLongToStart) {
+  WallSource source({});
+  ScriptedDevice device({.hand = pressing_hand, .starts_for = 2.1, .first_tick = 0.3});
+  auto loop = RunLoop::create(box_tool(), source, device, patient_settings());
+  ASSERT_TRUE(loop);
+  const Status started = (*loop)->start();
+  EXPECT_TRUE(started) << started.error().message;
+  (*loop)->stop();
+}
+
 TEST(LiveLoop, EndsWhenTheDeviceIsLost) {
   const Status ending = ending_with({.hand = pressing_hand, .lost_after = 0.2});
   ASSERT_FALSE(ending);

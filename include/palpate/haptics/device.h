@@ -58,7 +58,8 @@ class HapticDevice {
   virtual const DeviceInfo& info() const = 0;
   /// Starts to tick. Errors: the device does not answer, with its message.
   virtual Status start(DeviceTick tick) = 0;
-  /// Afterwards no tick runs or starts, and the motors are off. Waits for at most a second.
+  /// Afterwards no tick runs or starts, and the motors are off. Waits for at most a second, or
+  /// three if a driver hangs.
   virtual void stop() noexcept = 0;
   /// An error once the device is lost or has refused to continue: it has stopped ticking, and the
   /// motors are off as far as this can be known.

@@ -32,7 +32,7 @@ constexpr double kFadeTimeout = 0.5;         // s, beyond the fade itself
 // A change waits no longer than this and three frames, s: whoever asks for it may have the end of
 // the run to ask for as well.
 constexpr double kChangeTimeout = 2;
-constexpr double kMaxSilence = 5;  // s without a tick: the device is stuck
+constexpr double kMaxSilence = 1;  // s without a tick: the device is stuck
 
 /// Queries that are too rare for the safety filter would end every run.
 Status check_contact_rate(const RunSettings& settings) {
@@ -141,6 +141,8 @@ class LiveLoop final : public RunLoop {
   double slowest_rate() const;
   void publish_all();
   bool has_stopped_ticking();
+  /// It ticks no more: lost, stuck, or at the end of its path.
+  bool has_device_ended() const { return is_device_stuck_ || !device_.status(); }
   void end_with(const Error& error);
   void fade_out() noexcept;
   std::vector<std::pair<std::string, std::string>> scheduling() const;
@@ -213,13 +215,13 @@ Status LiveLoop::start_all() {
                                         error.what() + "; end other programs and try again"};
   }
   if (has_locked_memory_) lock_memory();  // what the threads have taken since: little
-  const double begin = monotonic_now();
   is_running_.store(true, std::memory_order_release);
   if (const Status ticks =
           device_.start([this](const DeviceState& state) { return haptic_.tick(state); });
       !ticks) {
     return ticks;
   }
+  const double begin = monotonic_now();
   while (haptic_.num_ticks() == 0) {
     if (const Status device = device_.status(); !device) return device;
     if (monotonic_now() - begin > kFirstTickTimeout) {
@@ -250,8 +252,8 @@ void LiveLoop::end_with(const Error& error) {
 void LiveLoop::fade_out() noexcept {
   haptic_.request_stop();
   const double limit = monotonic_now() + first_settings_.safety.fade_seconds + kFadeTimeout;
-  // A device that is lost does not tick, and its motors are off.
-  while (!haptic_.has_faded() && monotonic_now() < limit && device_.status()) {
+  // A device that is lost or stuck does not tick.
+  while (!haptic_.has_faded() && monotonic_now() < limit && !has_device_ended()) {
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
 }
@@ -456,7 +458,7 @@ void LiveLoop::publish_all() {
       guarded([&] { publisher_.publish(); }, [&](const Error& error) { end_with(error); });
     }
     if (is_running() && has_stopped_ticking()) is_device_stuck_ = true;
-    const bool has_ended = haptic_.has_faded() || !device_.status() || is_device_stuck_;
+    const bool has_ended = haptic_.has_faded() || has_device_ended();
     if (has_ended && is_running_.exchange(false)) end_time_ = monotonic_now();
   }
 }
@@ -488,8 +490,10 @@ LoopReport LiveLoop::report() const {
   }
   report.scheduling = scheduling();
   report.fault = haptic_.fault();
-  // The safety filter hears of a device only by its ticks.
-  if (is_device_stuck_ || !device_.status()) report.fault = Fault::device;
+  // The safety filter hears of a device only by its ticks. A path that has ended is no fault.
+  const Status device = device_.status();
+  if (is_device_stuck_ || (!device && device.error().code != Errc::cancelled))
+    report.fault = Fault::device;
   report.num_faults = haptic_.num_faults();
   if (const int camera = surfaces_.ended_camera(); camera >= 0) {
     const auto which = static_cast<std::size_t>(camera);
