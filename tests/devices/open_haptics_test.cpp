@@ -181,7 +181,7 @@ TEST_F(OpenHaptics, StateAndWrench) {
   }
   fake_.buttons = 3;
   auto device = open();
-  EXPECT_FALSE(fake_.is_scheduler_on);
+  EXPECT_EQ(fake_.num_scheduled, 0);
   EXPECT_EQ(fake_.num_frames, 0);
   DeviceState seen;
   std::atomic<int> num_ticks = 0;

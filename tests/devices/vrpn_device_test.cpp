@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <string>
@@ -113,16 +114,22 @@ TEST(VrpnDevice, VelocitiesHaveTheRightSizeWhateverTheServerCallsThem) {
 }
 
 TEST(VrpnDevice, AVelocityThatIsNoLongerReportedIsOver) {
-  VrpnServerOptions options;
-  options.last_speed = 0.05;
-  Bench bench(options);
+  Bench bench;
   bench.start();
   ASSERT_TRUE(eventually([&] { return bench.log.num_valid() > 50; }));
+  // Motion, from which the device learns that reported velocities are meant as such.
   bench.log.set_force({0, 0, 4});
-  EXPECT_TRUE(eventually([&] {
-    const DeviceState& last = bench.log.last();
-    return last.X_BH.translation.z > 0.045 && norm(last.V_BH.linear) < 1e-3;
+  ASSERT_TRUE(eventually([&] {
+    const DeviceState last = bench.log.last();
+    return std::abs(last.X_BH.translation.z - 0.05) < 1e-4 && norm(last.V_BH.linear) < 1e-3;
   }));
+  bench.server.ends_velocities = true;
+  const auto has_seen_it = [&] {
+    return std::ranges::any_of(bench.log.states(),
+                               [](const DeviceState& state) { return state.V_BH.linear.x > 0.5; });
+  };
+  EXPECT_TRUE(eventually(has_seen_it));
+  EXPECT_TRUE(eventually([&] { return norm(bench.log.last().V_BH.linear) < 1e-3; }));
 }
 
 TEST(VrpnDevice, VelocitiesNeedNoClockOfTheServer) {

@@ -69,7 +69,7 @@ Vec3d FalconField::force_at(const Vec3d& position) {
 }
 
 VrpnServer::VrpnServer(const VrpnServerOptions& options)
-    : options_(options), reports_velocity_(options.reports_velocity), field_(options.smoothing) {
+    : options_(options), field_(options.smoothing) {
   listener_ = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
   sockaddr_in address{};
   address.sin_family = AF_INET;
@@ -191,10 +191,11 @@ bool VrpnServer::report(int socket, int number) {
     for (double q : {rotation_.x, rotation_.y, rotation_.z, rotation_.w}) put(pose, longer * q);
     put(velocity, std::int32_t{0});
     put(velocity, std::int32_t{0});
-    for (int i = 0; i < 3; ++i) put(velocity, velocity_[i] * options_.velocity_unit);
+    const Vec3d reported = ends_velocities ? Vec3d{1, 0, 0} : velocity_ * options_.velocity_unit;
+    for (int i = 0; i < 3; ++i) put(velocity, reported[i]);
     for (int i = 0; i < 5; ++i) put(velocity, 0.0);  // as a Falcon's server does
-    if (!reports_velocity_) velocity.clear();
-    if (norm(velocity_) > options_.last_speed) reports_velocity_ = false;
+    if (!options_.reports_velocity || have_ended_) velocity.clear();
+    have_ended_ = ends_velocities;
     const std::uint32_t changed = buttons ^ reported_buttons_;
     for (std::int32_t i = 0; i < 4 && changed != 0; ++i) {
       if (!(changed >> i & 1)) continue;

@@ -20,8 +20,7 @@ struct VrpnServerOptions {
   double smoothing = 0.9;    ///< of the field's parameters, per report
   double velocity_unit = 1;  ///< what velocities are multiplied by; a real Falcon's: 1e-6
   bool reports_velocity = true;
-  double last_speed = 1e9;  ///< m/s: the first velocity that is faster is the last one it reports
-  int rate = 1000;          ///< reports per second
+  int rate = 1000;  ///< reports per second
 };
 
 /// The force law of NovintFalcon's server: parameters are smoothed at every report, and the radius
@@ -56,10 +55,11 @@ class VrpnServer {
   std::atomic<bool> sends_huge_length = false;
   std::atomic<bool> stops_in_message = false;  ///< half a message, then nothing
   std::atomic<bool> closes = false;
-  std::atomic<bool> dribbles = false;      ///< every message in two parts
-  std::atomic<bool> has_no_clock = false;  ///< all stamps are zero
-  std::atomic<bool> is_wild = false;       ///< positions and rotations that cannot be
-  std::atomic<int> force_error = 4;        ///< 4: none
+  std::atomic<bool> dribbles = false;         ///< every message in two parts
+  std::atomic<bool> has_no_clock = false;     ///< all stamps are zero
+  std::atomic<bool> ends_velocities = false;  ///< one of 1 m/s along x, then no more
+  std::atomic<bool> is_wild = false;          ///< positions and rotations that cannot be
+  std::atomic<int> force_error = 4;           ///< 4: none
   std::atomic<std::uint32_t> buttons = 0;
 
   void set_target(const Vec3d& target, const Quaternion& rotation = {});
@@ -84,8 +84,8 @@ class VrpnServer {
   mutable std::mutex mutex_;
   Vec3d target_, position_, velocity_, force_;
   Quaternion rotation_;
-  bool reports_velocity_ = false;
   FalconField field_;
+  bool have_ended_ = false;
   std::vector<std::array<float, 16>> fields_;
   std::vector<std::string> names_;
   std::int32_t field_type_ = -100, last_sequence_ = -1;
