@@ -1513,11 +1513,13 @@ pose = [1, 0, 0, 0, 0, {0.5 ** 0.5}, {0.5 ** 0.5}]
                            "tests", "devices", "fake_sdk", "whole")
         if not os.path.isdir(sdk):
             self.skipTest("there is no emulated driver beside the program")
+        # Within a tick, the run may end before a second without ticks is over.
+        polled, called = "does not return from a call", "does not call back"
         for kind, call, words in (
-                ("forcedimension", "dhdGetPositionAndOrientationFrame:100", "does not return from a call"),
-                ("forcedimension", "dhdEnableForce:2", "does not return from a call"),
-                ("openhaptics", "hdEndFrame:100", "does not call back"),
-                ("openhaptics", "hdStopScheduler", "does not call back")):
+                ("forcedimension", "dhdGetPositionAndOrientationFrame:100", f"does not tick any more|{polled}"),
+                ("forcedimension", "dhdEnableForce:2", polled),
+                ("openhaptics", "hdEndFrame:100", f"does not tick any more|{called}"),
+                ("openhaptics", "hdStopScheduler", called)):
             run = self.path("run_hung")
             shutil.rmtree(run, ignore_errors=True)
             done = subprocess.run(
@@ -1525,7 +1527,7 @@ pose = [1, 0, 0, 0, 0, {0.5 ** 0.5}, {0.5 ** 0.5}]
                  "-o", run], capture_output=True, text=True, timeout=300,
                 env=dict(os.environ, FDSDK=sdk, OH_SDK_BASE=sdk, FAKE_SDK_HANG=call))
             self.assertEqual(done.returncode, 1, (call, done.stderr))
-            self.assertIn(words, done.stderr.splitlines()[-1], call)
+            self.assertRegex(done.stderr.splitlines()[-1], words, call)
             self.assertEqual(self.expect_whole(run)["fault"], "device", call)
 
     def test_touch_live_says_what_is_wrong(self):
