@@ -158,6 +158,9 @@ void add_set_option(CLI::App& app, const SettingTable& table) {
 }
 
 void check_use(const CLI::App& app, const RunSettings& settings) {
+  if (app.count("--bodies") > 0 && app.count("--object") == 0) {
+    usage_error(app.get_name() + ": --bodies goes with --object");
+  }
   for (const char* const of_field : {"--unknown", "--fill-levels", "--unseen", "--thickness"}) {
     if (app.count(of_field) == 0 || settings.contact.method == MethodKind::field) continue;
     usage_error(std::string(of_field) + " goes with --method field, not " +

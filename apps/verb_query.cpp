@@ -294,9 +294,6 @@ void check(const CLI::App& app, Options& options) {
   if (options.caps.file.empty() && app.count("--caps-segments") > 0) {
     usage_error("query: --caps-segments goes with --caps");
   }
-  if (options.objects.empty() && app.count("--bodies") > 0) {
-    usage_error("query: --bodies goes with --object");
-  }
   if (!options.caps.file.empty()) {
     if (options.pose.empty()) usage_error("query: --caps shows one --pose, not --poses");
     check_caps_options(options.caps);

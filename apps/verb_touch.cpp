@@ -208,9 +208,6 @@ void check_motion(const CLI::App& app, const Options& options) {
       frame != "device" && options.frames.wrench != "device") {
     usage_error("touch: --base-frame goes with --device, or with poses in the frame of one");
   }
-  if (options.objects.empty() && app.count("--bodies") > 0) {
-    usage_error("touch: --bodies goes with --object");
-  }
   const DepthAverage average = options.settings.time.average.kind;
   if (app.count("--average-frames") > 0 && average != DepthAverage::moving) {
     usage_error("touch: --average-frames goes with --average moving");

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <cstdio>
 #include <cstdlib>
 #include <map>
 #include <utility>
@@ -10,6 +11,7 @@
 #include "palpate/settings/setting_table.h"
 #include "src/cameras/camera_kinds.h"
 #include "src/cameras/depth_messages.h"
+#include "src/cloud/internal/frame_limits.h"
 #include "src/io/cdr.h"
 #include "src/io/internal/bag_file.h"
 #include "src/io/ros_image.h"
@@ -368,6 +370,12 @@ Result<RawStream> open_bag_camera(const CameraUri& uri, const CameraOpening&) {
   const bool is_count = images.frame.unit != kFloatUnit;
   const double unit = is_count ? images.frame.unit : uri.unit.value_or(kFloatUnit);
   const auto said = is_count ? find_unit(*contents, *topic) : std::nullopt;
+  if (said && *said > kLargestUnit && !uri.unit) {
+    char text[40];
+    std::snprintf(text, sizeof text, "%.3g", *said);
+    return Error{Errc::bad_input, "camera " + uri.text + " declares a unit of " + text +
+                                      " m per count, which is at most 1 m; pass ?unit=METERS"};
+  }
   info.unit = said.value_or(unit);
   info.num_frames = images.num_frames;
   info.name = "bag:" + uri.target;

@@ -7,6 +7,7 @@
 
 #include "palpate/cloud/depth_source.h"
 #include "palpate/settings/setting_table.h"
+#include "src/cloud/internal/frame_limits.h"
 #include "src/cloud/internal/lens_table.h"
 #include "src/io/text_scanner.h"
 
@@ -47,7 +48,8 @@ class Parameters {
     if (name == "intrinsics") return set_intrinsics();
     if (name == "distortion") return set_distortion();
     if (name == "size") return set_size();
-    if (name == "unit") return set_positive(uri_.unit, 1e-6, 1, "meters per count, e.g. 0.001");
+    if (name == "unit")
+      return set_positive(uri_.unit, 1e-6, kLargestUnit, "meters per count, e.g. 0.001");
     if (name == "rate") return set_positive(uri_.rate, 0.01, 10000, "frames per second");
     if (name == "latency") return set_latency();
     if (name == "pose") return set_pose();

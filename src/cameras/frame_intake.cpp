@@ -7,6 +7,7 @@
 #include <limits>
 #include <utility>
 
+#include "src/cloud/internal/frame_limits.h"
 #include "src/core/monotonic_clock.h"
 
 namespace palpate::inline v0 {
@@ -64,21 +65,22 @@ double FrameIntake::capture_time_of(double stamp, double arrival) {
 bool FrameIntake::accept(const DepthFrame& frame, const CameraModel& model, double arrival,
                          bool black) {
   double capture = arrival;
-  if (options_.stamps != StampClock::none) {
-    const int num_restarts = clock_.num_restarts();
-    const double stamp = frame.timestamp;
-    if (!std::isfinite(stamp)) {
-      ++num_from_past_;
-      return false;
+  const double stamp = frame.timestamp;
+  if (options_.stamps != StampClock::none && !is_in_seconds(stamp)) {
+    if (num_without_stamp_++ == 0) {
+      note("has time stamps that are no seconds, such as " + number("%.3g", stamp) +
+           "; these frames count as captured when they arrive");
     }
+  } else if (options_.stamps != StampClock::none) {
+    const int num_restarts = clock_.num_restarts();
     const double earliest = capture_time_of(stamp, arrival);
-    const bool is_set_back = has_last_ && stamp < last_stamp_ - kLongestBack;
+    const bool is_set_back = stamp < last_stamp_ - kLongestBack;
     if (clock_.num_restarts() > num_restarts || is_set_back) {
       note_again(num_restarts_, "has restarted its clock");
-    } else if (has_last_ && !(stamp > last_stamp_)) {
+    } else if (!(stamp > last_stamp_)) {
       if (num_from_past_++ == 0) note("sends frames with old timestamps, which are dropped");
       return false;
-    } else if (has_last_ && options_.rate > 0) {
+    } else if (options_.rate > 0) {
       const double periods = (stamp - last_stamp_) * options_.rate;
       if (periods < 1e6)
         num_missing_ += static_cast<std::uint64_t>(std::max(0.0, std::round(periods) - 1));
@@ -209,12 +211,14 @@ std::string FrameIntake::closing_words() const {
   add(num_missing_, "are missing between them");
   add(num_left_out_, "were dropped for newer ones");
   add(num_from_past_, "had old timestamps");
+  add(num_without_stamp_, "had time stamps that are no seconds");
   add(num_black_, "had no measurement");
   if (num_restarts_ > kMaxTold) add(num_restarts_, "times, its clock was restarted");
   if (num_changes_ > kMaxTold) add(num_changes_, "times, image, intrinsics or unit changed");
   if (options_.stamps == StampClock::none) {
     return text + "; it has no timestamps: a frame counts as captured on arrival";
   }
+  if (lateness_.summary().num == 0) return text;
   const std::string late = number("%.1f", lateness_.summary().p99 * 1e-3) + " ms of ";
   if (options_.stamps != StampClock::cameras) {
     return text + "; capture times are by this computer's clock; 99 % came within " + late +

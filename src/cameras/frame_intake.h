@@ -3,6 +3,7 @@
 
 #include <condition_variable>
 #include <cstdint>
+#include <limits>
 #include <mutex>
 #include <optional>
 #include <string>
@@ -70,7 +71,8 @@ class FrameIntake {
   std::condition_variable changed_;
   Arrived newest_;
   std::optional<CameraModel> last_model_;
-  double last_unit_ = 0, last_stamp_ = 0, last_capture_ = 0;
+  double last_unit_ = 0, last_capture_ = 0;
+  double last_stamp_ = -std::numeric_limits<double>::infinity();  // since the camera has started
   bool has_new_ = false, has_ended_ = false, is_cancelled_ = false, has_last_ = false;
   bool has_foreign_stamps_ = false;
   Result<bool> ending_ = false;
@@ -78,7 +80,7 @@ class FrameIntake {
   std::vector<std::string> notes_;
   LatencyHistogram lateness_;  // ns after the earliest that the clock expects
   std::uint64_t num_arrived_ = 0, num_missing_ = 0, num_left_out_ = 0, num_from_past_ = 0;
-  std::uint64_t num_black_ = 0, num_black_in_a_row_ = 0;
+  std::uint64_t num_without_stamp_ = 0, num_black_ = 0, num_black_in_a_row_ = 0;
   std::uint64_t num_restarts_ = 0, num_changes_ = 0;  // of its clock; of images, lens and unit
 };
 

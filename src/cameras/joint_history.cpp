@@ -29,9 +29,11 @@ void JointHistory::add(std::string_view joint, double time, double position) {
   const auto number = numbers_.find(joint);
   if (number == numbers_.end()) return;
   if (!(std::abs(position) <= kLargestPosition)) {
-    impossible_[number->second] = position;
+    impossible_[number->second] = {position, true};
     return;
   }
+  const auto impossible = impossible_.find(number->second);
+  if (impossible != impossible_.end()) impossible->second.is_newest = false;
   insert_by_time(samples_[number->second], time, position, kept_seconds_);
 }
 
@@ -50,8 +52,9 @@ Result<double> JointHistory::at(std::size_t joint, double time, double max_age,
   const ByTime<double>& samples = samples_[joint];
   if (may_stay && samples.size() == 1) return samples.begin()->second;
   if (samples.empty() || nearest_in_time(samples, time) > max_age) {
-    const std::string why =
-        impossible_.contains(joint) ? "; it was told to be where no joint is" : "";
+    const auto impossible = impossible_.find(joint);
+    const bool is_reason = impossible != impossible_.end() && impossible->second.is_newest;
+    const std::string why = is_reason ? "; it was told to be where no joint is" : "";
     char text[80] = "'";
     if (!samples.empty()) {
       std::snprintf(text, sizeof text, "' within %.3g s, the nearest is %.3g s away", max_age,
@@ -76,9 +79,9 @@ Result<double> JointHistory::at(std::size_t joint, double time, double max_age,
 
 std::string JointHistory::impossible() const {
   if (impossible_.empty()) return "";
-  const auto& [joint, position] = *impossible_.begin();
+  const auto& [joint, told] = *impossible_.begin();
   char text[40];
-  std::snprintf(text, sizeof text, "' is at %.3g rad or m", position);
+  std::snprintf(text, sizeof text, "' is at %.3g rad or m", told.position);
   return "joint '" + joints_[joint].name + text;
 }
 

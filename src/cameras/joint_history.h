@@ -43,10 +43,14 @@ class JointHistory {
   std::string missing() const;
 
  private:
+  struct Impossible {
+    double position = 0;
+    bool is_newest = false;  // nothing better has been told since
+  };
   std::vector<Joint> joints_;
   double kept_seconds_;
-  std::vector<ByTime<double>> samples_;       // positions of each joint
-  std::map<std::size_t, double> impossible_;  // the last such position of each joint
+  std::vector<ByTime<double>> samples_;           // positions of each joint
+  std::map<std::size_t, Impossible> impossible_;  // the last one of each joint
   std::map<std::string, std::size_t, std::less<>> numbers_;
 };
 

@@ -18,10 +18,12 @@
 #include <bit>
 #include <chrono>
 #include <cmath>
+#include <cstdio>
 #include <cstring>
 #include <utility>
 
 #include "src/cameras/camera_kinds.h"
+#include "src/cloud/internal/frame_limits.h"
 #include "src/core/monotonic_clock.h"
 
 namespace palpate::inline v0 {
@@ -65,19 +67,21 @@ class PipeSource final : public DepthSource {
     if (!*got) {
       return Error{Errc::bad_input, info_.name + " has no frames; write raw 16-bit frames into it"};
     }
-    deadline_ = 0;
     has_header_ = std::memcmp(start_, kMagic, kMagicBytes) == 0;
     num_ahead_ = kMagicBytes;
     if (!has_header_) {
+      deadline_ = 0;
       if (has_size) return Done{};
       return Error{Errc::invalid_argument,
                    info_.name + ": unknown size of raw frames; pass ?size=WIDTHxHEIGHT"};
     }
     const auto rest = read_all(start_ + kMagicBytes, kHeaderBytes - kMagicBytes);
+    if (!rest && rest.error().code != Errc::bad_input) return rest.error();
     if (!rest || !*rest) return cut_off("in its first header");
+    deadline_ = 0;
     num_ahead_ = kHeaderBytes;
     if (const Status status = take_header(); !status) return status;
-    has_time_stamps_ = std::isfinite(stamp_);
+    has_time_stamps_ = !std::isnan(stamp_);
     return Done{};
   }
   bool has_time_stamps() const { return has_time_stamps_; }
@@ -107,7 +111,9 @@ class PipeSource final : public DepthSource {
       if ((has_header_ || num_here > 0) && !is_cancelled_) return cut_off("within a frame");
       return false;
     }
-    frame.timestamp = has_header_ && std::isfinite(stamp_) ? stamp_ : num_read_ / info_.rate;
+    // A live frame without one counts as captured when it arrives.
+    const bool has_stamp = has_header_ && (info_.is_live || !std::isnan(stamp_));
+    frame.timestamp = has_stamp ? stamp_ : num_read_ / info_.rate;
     ++num_read_;
     return true;
   }
@@ -123,13 +129,25 @@ class PipeSource final : public DepthSource {
     double numbers[2];
     std::memcpy(size, start_ + kMagicBytes, sizeof size);
     std::memcpy(numbers, start_ + kMagicBytes + sizeof size, sizeof numbers);
+    const std::string where = " of frame " + std::to_string(num_read_);
     const bool is_sound = std::memcmp(start_, kMagic, kMagicBytes) == 0 && size[0] >= 8 &&
                           size[1] >= 8 && size[0] <= kMaxImageWidth && size[1] <= kMaxImageHeight &&
-                          !(numbers[1] <= 0) && !std::isinf(numbers[1]);
+                          !(numbers[1] <= 0);
     if (!is_sound) {
       return Error{Errc::bad_input,
-                   info_.name + ": the header of frame " + std::to_string(num_read_) +
+                   info_.name + ": the header" + where +
                        " is damaged; it must be PALPDEP1, width, height, time stamp, unit"};
+    }
+    const auto bad = [&](const char* what, double number, const char* advice) {
+      char text[40];
+      std::snprintf(text, sizeof text, " is %.3g ", number);
+      return Error{Errc::bad_input, info_.name + ": the " + what + where + text + advice};
+    };
+    if (!std::isnan(numbers[0]) && !is_in_seconds(numbers[0])) {
+      return bad("time stamp", numbers[0], "s; give seconds, or NaN for none");
+    }
+    if (numbers[1] > kLargestUnit) {
+      return bad("unit", numbers[1], "m per count; give at most 1 m, or NaN for none");
     }
     info_.width = static_cast<int>(size[0]);
     info_.height = static_cast<int>(size[1]);
@@ -146,9 +164,9 @@ class PipeSource final : public DepthSource {
       pollfd wait{input_.number(), POLLIN, 0};
       const int ready = poll(&wait, 1, kPollMilliseconds);
       if (deadline_ > 0 && monotonic_now() > deadline_) {
-        return Error{Errc::unavailable, info_.name +
-                                            " has sent nothing within 10 s; start what "
-                                            "writes into it"};
+        return Error{Errc::unavailable, info_.name + " has sent " +
+                                            (num_ahead_ > 0 ? "no whole header" : "nothing") +
+                                            " within 10 s; start what writes into it"};
       }
       if (ready == 0 || (ready < 0 && errno == EINTR)) continue;
       const ssize_t got = read(input_.number(), to + num_here, num - num_here);

@@ -29,6 +29,7 @@ constexpr double kFirstImage = 10;       // s, while opening
 constexpr double kDiscovery = 0.5;       // s: publishers that are there are found
 constexpr double kLongestSilence = 2;    // s without an image until a note
 constexpr double kLongestPairing = 0.1;  // s that an image waits for its camera_info
+constexpr double kLongestLone = 1;       // s from one camera_info to the next, if others follow
 constexpr double kLongestTf = 0.1;       // s that an image waits for its transform
 constexpr double kKeptTf = 5;            // s
 constexpr std::size_t kNumModels = 32;   // camera_infos that are kept
@@ -130,6 +131,7 @@ class ReceivedMessages {
           "these images are dropped");
       return false;
     }
+    if (model == nullptr && has_come_in_pairs_ && may_be_first_of_many()) return false;
     image.model.reset();
     if (model != nullptr) {
       image.model = *model;
@@ -168,9 +170,12 @@ class ReceivedMessages {
     return nullptr;
   }
   bool has_one_lens() const {
-    return models_.size() > 1 && std::all_of(models_.begin(), models_.end(), [&](const auto& each) {
-             return each.second == models_.back().second;
-           });
+    return std::all_of(models_.begin(), models_.end(),
+                       [&](const auto& each) { return each.second == models_.back().second; });
+  }
+  /// Whether this camera_info may be the first of many, with a lens that changes, or be sent once.
+  bool may_be_first_of_many() const {
+    return models_.size() == 1 && image_stamp_ - models_.back().first < kLongestLone;
   }
   void note_flood(double now) {
     ++num_since_;

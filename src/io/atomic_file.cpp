@@ -63,29 +63,35 @@ std::filesystem::path folder_of(const std::filesystem::path& path) {
   return path.has_parent_path() ? path.parent_path() : ".";
 }
 
-/// A name in the same folder that no other process or thread uses.
-std::filesystem::path temporary_beside(const std::filesystem::path& path) {
+/// Makes a file by `make(name)`, 0 or more if it has, under a name in the folder that nobody has.
+/// Empty: errno tells why not.
+template <class Make>
+std::filesystem::path make_temporary(const std::filesystem::path& folder, const Make& make) {
   static std::atomic<unsigned> counter{0};
-  std::filesystem::path result = path;
-  for (const unsigned long part :
-       {static_cast<unsigned long>(::getpid()), static_cast<unsigned long>(counter++)}) {
-    result += '.';
-    result += std::to_string(part);
+  constexpr int kMaxLeft = 10'000;  // by programs of the same number that were killed
+  for (int i = 0; i < kMaxLeft; ++i) {
+    const std::filesystem::path name = folder / (".palpate." + std::to_string(::getpid()) + "." +
+                                                 std::to_string(counter++) + ".part");
+    if (make(name.c_str()) >= 0) return name;
+    if (errno != EEXIST) break;
   }
-  result += ".part";
-  return result;
+  return {};
 }
 
 /// A file that gets its name when it is whole. Until then it has none, so that nothing is left of
-/// it whatever ends the program; where the file system has no such files, it has a temporary name.
+/// it whatever ends the program; or, where the file system has no such files, a temporary name.
 class NewFile {
  public:
-  NewFile(const std::filesystem::path& target, mode_t mode) : target_(target) {
+  NewFile(const std::filesystem::path& target, mode_t mode, bool has_name) : target_(target) {
     const std::filesystem::path folder = folder_of(target);
-    file_ = File(::open(folder.c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, mode));
-    if (file_.get() >= 0 && ::access(link().c_str(), F_OK) == 0) return;
-    temporary_ = temporary_beside(target);
-    file_ = File(::open(temporary_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, mode));
+    if (has_name) {
+      temporary_ = make_temporary(folder, [&](const char* name) {
+        file_ = File(::open(name, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, mode));
+        return file_.get();
+      });
+    } else {
+      file_ = File(::open(folder.c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, mode));
+    }
   }
   ~NewFile() {
     if (!temporary_.empty()) ::unlink(temporary_.c_str());
@@ -102,11 +108,10 @@ class NewFile {
         return file_.close();
       }
       if (errno != EEXIST) return false;
-      const std::filesystem::path name = temporary_beside(target_);
-      if (::linkat(AT_FDCWD, link().c_str(), AT_FDCWD, name.c_str(), AT_SYMLINK_FOLLOW) != 0) {
-        return false;
-      }
-      temporary_ = name;
+      temporary_ = make_temporary(folder_of(target_), [&](const char* name) {
+        return ::linkat(AT_FDCWD, link().c_str(), AT_FDCWD, name, AT_SYMLINK_FOLLOW);
+      });
+      if (temporary_.empty()) return false;
     }
     if (!file_.close() || std::rename(temporary_.c_str(), target_.c_str()) != 0) return false;
     temporary_.clear();
@@ -141,11 +146,17 @@ Status write_file_atomically(const std::filesystem::path& path, std::string_view
   // A file that is replaced keeps its permissions, from the first byte on.
   struct stat earlier {};
   const bool replaces = ::stat(target.c_str(), &earlier) == 0;
-  NewFile file(target, replaces ? earlier.st_mode & 0666 : 0666);
-  if (file.get() < 0) return failure(Errc::io_failure, "cannot write", path, kAdvice);
-  if ((replaces && ::fchmod(file.get(), earlier.st_mode & 0777) != 0) ||
-      !write_all(file.get(), content) || ::fsync(file.get()) != 0 || !file.publish()) {
-    return failure(Errc::io_failure, "cannot write", path, kAdvice);
+  for (const bool has_name : {false, true}) {
+    NewFile file(target, replaces ? earlier.st_mode & 0666 : 0666, has_name);
+    const bool is_open = file.get() >= 0;
+    const bool is_written = is_open &&
+                            (!replaces || ::fchmod(file.get(), earlier.st_mode & 0777) == 0) &&
+                            write_all(file.get(), content) && ::fsync(file.get()) == 0;
+    if (is_written && file.publish()) break;
+    // What has no name cannot be given one everywhere: not without /proc, for instance.
+    if (has_name || (is_open && !is_written)) {
+      return failure(Errc::io_failure, "cannot write", path, kAdvice);
+    }
   }
   // The new name itself reaches the disk with its folder; the content is safe either way.
   const std::filesystem::path folder = folder_of(target);

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "palpate/io/formats.h"
+#include "src/cloud/internal/frame_limits.h"
 #include "src/io/internal/atomic_file.h"
 #include "src/io/text_scanner.h"
 
@@ -68,8 +69,11 @@ Result<std::vector<Entry>> read_tum_list(const fs::path& list) {
     if (stamp.empty() || stamp.starts_with('#')) continue;
     const std::string where = "line " + std::to_string(line_number);
     const auto time = parse_number<double>(stamp);
-    if (!time || !std::isfinite(*time) || name.empty() || !take_word(line).empty())
+    if (!time || name.empty() || !take_word(line).empty())
       return bad(list, where + " is not 'timestamp path'; correct it");
+    if (!is_in_seconds(*time))
+      return bad(list, where + " has the time stamp " + std::string(stamp.substr(0, 40)) +
+                           ", which is no time in seconds; give seconds");
     if (!entries.empty() && *time <= entries.back().time)
       return bad(list, where + " does not come after the line before in time; sort the list");
     entries.push_back(

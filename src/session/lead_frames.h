@@ -42,4 +42,10 @@ inline bool has_whole_lead(const TimeOptions& time) {
          (time.average.kind == DepthAverage::moving && num_lead_frames(time) < kMaxLeadFrames);
 }
 
+/// How many frames before it a part of a recording has of the first frame that it needs.
+inline int num_recorded_lead_frames(const TimeOptions& time) {
+  if (time.average.kind == DepthAverage::kalman) return num_blended_frames(time);
+  return has_whole_lead(time) ? num_lead_frames(time) : 2;
+}
+
 }  // namespace palpate::inline v0

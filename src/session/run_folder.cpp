@@ -35,7 +35,8 @@ int part_number(std::string_view name) {
 bool is_our_file(const std::string& name) {
   constexpr std::string_view kNames[] = {"wrench.csv", "wrench.csv.part", "summary.json",
                                          "report.html"};
-  return part_number(name) > 0 ||
+  const bool is_left = name.starts_with(".palpate.") && name.ends_with(".part");  // of a killed run
+  return is_left || part_number(name) > 0 ||
          std::find(std::begin(kNames), std::end(kNames), name) != std::end(kNames);
 }
 

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "palpate/version.h"
+#include "src/cloud/internal/frame_limits.h"
 #include "src/io/cdr.h"
 #include "src/io/internal/json_shape.h"
 #include "src/io/ros_types.h"
@@ -504,7 +505,7 @@ Result<EstimateStart> read_estimate(std::string_view message) {
 }
 Result<FrameRecord> read_frame(std::string_view message) {
   auto frame = read<FrameRecord>(message);
-  if (frame && !(frame->unit > 0 && frame->unit <= 1)) {
+  if (frame && !is_depth_unit(frame->unit)) {
     return Error{Errc::bad_input,
                  "a depth frame has a unit that is no length from 0 to 1 m; record "
                  "the run again"};

@@ -401,12 +401,7 @@ void RunRecorder::forget(const TickRecord& tick) {
   // A contact of earlier settings rests on what they look back at.
   std::int64_t lead = 0;
   for (const RunSetup& setup : setups_) {
-    const TimeOptions& time = setup.settings.time;
-    const bool is_estimate = time.average.kind == DepthAverage::kalman;
-    const int frames = is_estimate            ? num_blended_frames(time)
-                       : has_whole_lead(time) ? num_lead_frames(time)
-                                              : 2;
-    lead = std::max<std::int64_t>(lead, frames);
+    lead = std::max<std::int64_t>(lead, num_recorded_lead_frames(setup.settings.time));
   }
   for (std::size_t k = 0; k < cameras_.size(); ++k) {
     std::deque<RecordedDepth>& frames = cameras_[k].frames;

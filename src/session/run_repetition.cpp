@@ -4,11 +4,14 @@
 #include <cstring>
 #include <utility>
 
+#include "src/session/lead_frames.h"
+
 namespace palpate::inline v0 {
 
 void ContactRepetition::add(const RunSetup& setup, RunParts& parts) {
   cameras_.resize(setup.streams.size());
   if (views_.num_cameras() != setup.streams.size()) views_ = CameraViews(setup.streams.size());
+  if (!parts.timelines.empty()) times_.emplace(setup.revision, setup.settings.time);
   for (std::size_t k = 0; k < parts.timelines.size(); ++k) {
     cameras_[k].timelines.emplace(setup.revision, std::move(parts.timelines[k]));
   }
@@ -20,7 +23,10 @@ bool ContactRepetition::add(RecordedDepth frame) {
   Camera& camera = cameras_[frame.record.camera];
   const auto number = static_cast<std::int64_t>(frame.record.camera_frame);
   const bool is_next = number == camera.newest + 1 || (has_start_ && camera.newest < 0);
-  if (camera.newest < 0) camera.first = number;
+  if (camera.newest < 0) {
+    camera.first = number;
+    camera.first_revision = frame.record.revision;
+  }
   camera.newest = number;
   camera.frames.push_back(std::move(frame));
   return is_next;
@@ -42,12 +48,26 @@ bool ContactRepetition::has_frames_of(const ContactRecord& contact) const {
   return true;
 }
 
+const std::pair<const std::uint32_t, TimeOptions>& ContactRepetition::time_of(
+    const ContactRecord& contact) const {
+  const auto after = times_.upper_bound(contact.revision);
+  return after == times_.begin() ? *after : *std::prev(after);
+}
+
 bool ContactRepetition::lacks_frame_of(const ContactRecord& contact) const {
+  const auto& [revision, time] = time_of(contact);
   for (std::size_t k = 0; k < cameras_.size(); ++k) {
     const std::int64_t desired = contact.cameras.of[k].camera_frame;
-    if (desired >= 0 && desired < cameras_[k].first) return true;
+    // A timeline knows nothing of the frames before its own first one.
+    const bool is_whole = cameras_[k].first_revision < revision;
+    const std::int64_t lead = is_whole ? 0 : num_recorded_lead_frames(time);
+    if (desired >= 0 && std::max<std::int64_t>(desired - lead, 0) < cameras_[k].first) return true;
   }
   return false;
+}
+
+bool ContactRepetition::rests_on_all(const ContactRecord& contact) const {
+  return time_of(contact).second.average.kind == DepthAverage::kalman;
 }
 
 void ContactRepetition::push_next(Camera& camera, SurfaceBlend& blend) {

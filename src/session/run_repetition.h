@@ -7,6 +7,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "src/run/internal/pipeline.h"
@@ -33,6 +34,8 @@ class ContactRepetition {
   bool has_frames_of(const ContactRecord& contact) const;
   /// Whether it rests on a frame before the first one that is there, so none will do.
   bool lacks_frame_of(const ContactRecord& contact) const;
+  /// Whether a contact rests on all frames before it: an estimate has seen them.
+  bool rests_on_all(const ContactRecord& contact) const;
 
   /// What a query at the same moment and pose gives. Its frames must be there.
   ContactRecord repeat(const ContactRecord& recorded);
@@ -46,12 +49,16 @@ class ContactRepetition {
     std::map<std::uint32_t, SurfaceTimeline> timelines;  // by revision, from the present one on
     std::deque<RecordedDepth> frames;                    // not yet pushed
     std::int64_t first = -1, newest = -1, pushed = -1;   // camera_frame: there; pushed last
+    std::uint32_t first_revision = 0;                    // of that frame
     double capture_time = 0;                             // of that one
     std::span<const SurfaceBlend> key_frames;            // and after it
   };
   void push_next(Camera& camera, SurfaceBlend& blend);
+  /// The revision of its timelines, and how they use the frames of a camera.
+  const std::pair<const std::uint32_t, TimeOptions>& time_of(const ContactRecord& contact) const;
 
   std::deque<Camera> cameras_;
+  std::map<std::uint32_t, TimeOptions> times_;    // of all timelines, by revision
   CameraViews views_{0};                          // of each
   std::map<std::uint32_t, Measuring> measuring_;  // not yet used
   std::unique_ptr<ContactPart> part_;

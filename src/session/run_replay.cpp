@@ -191,10 +191,12 @@ class Repetition {
            contacts_.has_frames_of(waiting_contacts_.front())) {
       const ContactRecord& recorded = waiting_contacts_.front();
       if (contacts_.lacks_frame_of(recorded)) {
-        if (has_moving_objects(first_.settings)) return end_contacts("a depth frame");
+        if (has_moving_objects(first_.settings) || contacts_.rests_on_all(recorded)) {
+          return end_contacts("a depth frame");
+        }
         if (!std::exchange(lacks_frames_, true)) {
           add_note("contact " + std::to_string(recorded.number) +
-                   " is not repeated: its depth frame was not recorded");
+                   " is not repeated: its depth frames were not all recorded");
         }
       } else {
         compare("contact", recorded, contacts_.repeat(recorded));

@@ -282,6 +282,8 @@ class CommandLine(unittest.TestCase):
             ((*query, "--caps-segments", 10), "--caps-segments goes with --caps"),
             ((*query, "--bodies", "spheres"), "--bodies goes with --object"),
             ((*scene, "--bodies", "spheres"), "--bodies goes with --object"),
+            (("ros2", self.tool, "--depth", "/depth", "--tool-frame", "tool", "--bodies", "spheres"),
+             "--bodies goes with --object"),
             ((*uri, "scene:wall", "--seed", 4), "--seed goes with --scene"),
             ((*scene, "--align", "starts"), "--align goes with --path"),
             ((*scene, "--path-frame", "camera"), "--path-frame goes with --path"),

@@ -178,6 +178,27 @@ TEST_F(BagCamera, AnHourBetweenTwoFramesIsTold) {
   EXPECT_TRUE(is_noted("3600 s lie between two of its frames"));
 }
 
+TEST_F(BagCamera, AUnitThatCannotBeIsRefusedUnlessAnotherIsGiven) {
+  const Shot shot;
+  const std::string unit = "/cam/option/Depth_Units/value";
+  std::ofstream(path_, std::ios::binary) << test::ros1_bag({test::ros1_chunk(
+      test::ros1_connection(0, kTopic, "sensor_msgs/Image") +
+      test::ros1_connection(1, "/cam/depth/camera_info", "sensor_msgs/CameraInfo") +
+      test::ros1_connection(2, unit, "std_msgs/Float32") +
+      test::ros1_message(2, 100, 0, test::bytes_of(2.5f)) +
+      test::ros1_message(0, 100, 0, image(shot)) +
+      test::ros1_message(1, 100, 0, camera_info(shot)))});
+  const auto refused = open_camera("bag:" + path_);
+  ASSERT_FALSE(refused);
+  EXPECT_NE(refused.error().message.find("declares a unit of 2.5 m per count"), std::string::npos)
+      << refused.error().message;
+  const auto camera = open_camera("bag:" + path_ + "?unit=0.002");
+  ASSERT_TRUE(camera) << camera.error().message;
+  DepthFrame frame;
+  ASSERT_TRUE((*camera)->next(frame).value());
+  EXPECT_EQ(frame.unit, 0.002);
+}
+
 TEST_F(BagCamera, OneThatIsCutBeforeItsFirstImageSaysSo) {
   write(in_time);
   std::string bytes;

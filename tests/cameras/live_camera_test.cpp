@@ -2,6 +2,8 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <functional>
+#include <iterator>
 #include <limits>
 #include <memory>
 #include <thread>
@@ -114,6 +116,76 @@ TEST(FrameIntake, WhatHappensWithEveryFrameIsToldTenTimesAndThenCounted) {
                   "; 49 times, its clock was restarted; 49 times, image, intrinsics or unit "
                   "changed; "))
       << last;
+}
+
+// A clock in another unit, or none at all: no time can be had of it but that of the arrival.
+TEST(FrameIntake, TimeStampsThatAreNoSecondsAreNotUsed) {
+  constexpr int kNum = 20;
+  constexpr double kInf = std::numeric_limits<double>::infinity();
+  const std::function<double(int)> stamps[] = {
+      [](int) { return 1e308; },
+      [](int k) { return k % 2 == 0 ? -1e308 : 1e308; },
+      [](int k) { return 1.7e18 + 1e8 * k; },  // in nanoseconds
+      [](int k) { return 1.7e12 + 100 * k; },  // in milliseconds
+      [](int) { return kInf; },
+      [](int) { return std::numeric_limits<double>::quiet_NaN(); },
+  };
+  const char* const told[] = {"1e+308", "-1e+308", "1.7e+18", "1.7e+12", "inf", "nan"};
+  for (const StampClock clock : {StampClock::cameras, StampClock::ours, StampClock::shared}) {
+    for (std::size_t which = 0; which < std::size(stamps); ++which) {
+      SCOPED_TRACE(told[which]);
+      FrameIntake::Options options;
+      options.pinhole = {kWidth, kHeight, {60, 60, 15.5, 11.5}, {}};
+      options.stamps = clock;
+      options.latency = 0.01;
+      FrameIntake intake(options);
+      for (int k = 0; k < kNum; ++k) {
+        const double now = 1000 + 0.1 * k;
+        DepthFrame frame = test::pattern_frame(kWidth, kHeight, k, stamps[which](k));
+        intake.give(frame, options.pinhole, now);
+        if (k + 1 < kNum) continue;
+        intake.end(false);
+        ASSERT_TRUE(*intake.next(frame));
+        EXPECT_EQ(test::number_of(frame, kNum), k);
+        EXPECT_NEAR(frame.timestamp, now - 0.01, 1e-12);
+      }
+      intake.cancel();
+      const std::string notes = joined(intake.take_notes());
+      EXPECT_TRUE(has(notes, std::string("has time stamps that are no seconds, such as ") +
+                                 told[which] + "; these frames count as captured when they arrive"))
+          << notes;
+      EXPECT_TRUE(has(notes, "20 had time stamps that are no seconds\n")) << notes;
+      EXPECT_FALSE(has(notes, "restarted")) << notes;
+      EXPECT_FALSE(has(notes, "old timestamps")) << notes;
+    }
+  }
+}
+
+TEST(FrameIntake, OneTimeStampThatIsNoSecondsSpoilsNoOther) {
+  FrameIntake::Options options;
+  options.pinhole = {kWidth, kHeight, {60, 60, 15.5, 11.5}, {}};
+  options.rate = 10;
+  options.stamps = StampClock::cameras;
+  FrameIntake intake(options);
+  for (int k = 0; k < 20; ++k) {
+    const bool is_wrong = k % 5 == 0;  // the first one too
+    const double capture = 1000 + 0.1 * k, late = k % 2 == 0 ? 0 : 0.03;
+    DepthFrame frame =
+        test::pattern_frame(kWidth, kHeight, k, is_wrong ? 1.7e18 : capture - 1000 - 30);
+    intake.give(frame, options.pinhole, capture + late);
+    ASSERT_TRUE(*intake.next(frame));
+    EXPECT_EQ(test::number_of(frame, 20), k);
+    // Of the others, the clock is known from the third frame on.
+    if (k < 2) continue;
+    EXPECT_NEAR(frame.timestamp, capture + (is_wrong ? late : 0), 1e-9) << k;
+  }
+  intake.cancel();
+  const std::string notes = joined(intake.take_notes());
+  EXPECT_TRUE(has(notes,
+                  "has sent 20 frames; 3 are missing between them; 4 had time stamps that "
+                  "are no seconds; capture times are from its clock"))
+      << notes;
+  EXPECT_FALSE(has(notes, "restarted")) << notes;
 }
 
 TEST(LiveCamera, GivesFramesAsTheyComeWithTheTimeOfTheirArrival) {

@@ -123,6 +123,16 @@ TEST_F(PipeCamera, SaysWhatIsWrong) {
   EXPECT_TRUE(has(opened(header(0, 0.001, 5000, 5), kNoSize), "damaged"));
   EXPECT_TRUE(has(opened(header(0, -1), kNoSize), "damaged"));
   EXPECT_TRUE(has(opened(header(0, 1) + raw(0) + raw(1), kNoSize), "damaged"));
+  constexpr double kInf = std::numeric_limits<double>::infinity();
+  EXPECT_TRUE(has(opened(header(1e308, 0.001) + raw(0), kNoSize),
+                  "the time stamp of frame 0 is 1e+308 s; give seconds, or NaN for none"));
+  EXPECT_TRUE(has(opened(header(1, 0.001) + raw(0) + header(-1.7e18, 0.001) + raw(1), kNoSize),
+                  "the time stamp of frame 1 is -1.7e+18 s; give seconds"));
+  EXPECT_TRUE(has(opened(header(kInf, 0.001) + raw(0), kNoSize), "frame 0 is inf s; give"));
+  EXPECT_EQ(opened(header(1.7e9, 0.001) + raw(0), kNoSize), "");  // since 1970
+  EXPECT_TRUE(has(opened(header(0, 2) + raw(0), kNoSize),
+                  "the unit of frame 0 is 2 m per count; give at most 1 m, or NaN for none"));
+  EXPECT_TRUE(has(opened(header(0, kInf) + raw(0), kNoSize), "frame 0 is inf m per count"));
   EXPECT_TRUE(has(open_camera("pipe:" + path("nothing") + kSize).error().message, "cannot open"));
   EXPECT_TRUE(has(open_camera("pipe:" + folder_.string() + kSize).error().message, "a folder"));
 }
@@ -150,6 +160,48 @@ TEST_F(PipeCamera, ANamedPipeIsLiveOrEveryFrameCounts) {
     EXPECT_TRUE(in_real_time || num == 40);
     writer.join();
   }
+}
+
+/// Whoever writes half a header and then nothing is not waited for without end.
+TEST_F(PipeCamera, AWriterThatStallsWithinItsFirstHeaderIsTold) {
+  const std::string name = path("stalled");
+  ASSERT_EQ(mkfifo(name.c_str(), 0600), 0);
+  std::atomic<bool> is_over = false;
+  std::thread writer([&] {
+    std::ofstream pipe(name, std::ios::binary);
+    pipe << header(0, 0.001).substr(0, 12) << std::flush;
+    for (int i = 0; i < 600 && !is_over; ++i) test::sleep_seconds(0.05);
+  });
+  const auto camera = open_camera("pipe:" + name + kNoSize);
+  is_over = true;
+  writer.join();
+  ASSERT_FALSE(camera);
+  EXPECT_NE(camera.error().message.find("has sent no whole header within 10 s"), std::string::npos)
+      << camera.error().message;
+}
+
+TEST_F(PipeCamera, LiveFramesWithoutATimeStampAmongOthersCountFromTheirArrival) {
+  const std::string name = path("live");
+  ASSERT_EQ(mkfifo(name.c_str(), 0600), 0);
+  const double none = std::numeric_limits<double>::quiet_NaN();
+  std::thread writer([&] {
+    std::ofstream pipe(name, std::ios::binary);
+    for (int k = 0; k < 20; ++k) {
+      pipe << header(k % 3 == 2 ? none : 5000 + 0.01 * k, 0.001) + raw(k) << std::flush;
+      test::sleep_seconds(0.01);
+    }
+  });
+  const auto camera = open_camera("pipe:" + name + kNoSize).value();
+  DepthFrame frame;
+  while (camera->next(frame).value()) {
+  }
+  writer.join();
+  camera->cancel();
+  std::string notes;
+  for (const std::string& note : camera->take_notes()) notes += note + "\n";
+  EXPECT_NE(notes.find("6 had time stamps that are no seconds"), std::string::npos) << notes;
+  EXPECT_EQ(notes.find("restarted"), std::string::npos) << notes;
+  EXPECT_EQ(notes.find("old timestamps"), std::string::npos) << notes;
 }
 
 TEST_F(PipeCamera, ASocketIsReadToo) {

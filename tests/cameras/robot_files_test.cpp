@@ -265,6 +265,13 @@ TEST(JointHistory, HoldsAJointThatIsToldToBeWhereNoneIs) {
   EXPECT_NE(missed.error().message.find("told to be where no joint is"), std::string::npos)
       << missed.error().message;
   EXPECT_NE(history.impossible().find("joint 'elbow' is at "), std::string::npos);
+  // What has been made good is no reason why nothing came later.
+  history.add("elbow", 3, 0.6);
+  const auto silent = history.at(0, 4, 0.2, false);
+  ASSERT_FALSE(silent);
+  EXPECT_EQ(silent.error().message,
+            "no state for joint 'elbow' within 0.2 s, the nearest is 1 s away");
+  EXPECT_NE(history.impossible().find("joint 'elbow' is at "), std::string::npos);
 }
 
 TEST(JointTable, IsReadAndRefused) {

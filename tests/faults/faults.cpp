@@ -6,6 +6,7 @@
 //   interrupted    every third read or write is interrupted (EINTR)
 //   full@N         from the N-th write on the disk is full (ENOSPC); full@N-M: up to the M-th
 //   broken@N       from the N-th write on the disk is broken (EIO)
+//   nameless       no file that is open is given a name (EPERM)
 //   unreadable@N   from the N-th read on it is (EIO)
 //   slow           every write takes 50 ms longer
 //   sluggish       every write takes 200 ms longer
@@ -116,6 +117,14 @@ extern "C" int fsync(int descriptor) {
   constexpr char kWords[] = "stuck\n";
   (void)!write(STDERR_FILENO, kWords, sizeof kWords - 1);
   for (;;) pause();
+}
+
+extern "C" int linkat(int from, const char* old_name, int to, const char* new_name, int flags) {
+  static auto* const real = next<int(int, const char*, int, const char*, int)>("linkat");
+  static Fault nameless("nameless");
+  if (!nameless.comes()) return real(from, old_name, to, new_name, flags);
+  errno = EPERM;
+  return -1;
 }
 
 extern "C" ssize_t read(int descriptor, void* data, size_t size) {

@@ -139,6 +139,15 @@ class Faults(Case):
             self.assertGreater(self.check_run(output), 200)
             self.check(("replay", output), faults, may_fail=False)
 
+    def test_files_that_cannot_be_given_a_name_have_one_from_the_beginning(self):
+        tool, output = self.folder / "again.palp", self.folder / "nameless"
+        for _ in range(2):  # new, then in place of another
+            self.check(("pack", self.mesh, "-o", tool, "--spheres", 200), "nameless", may_fail=False)
+            self.assertEqual(tool.read_bytes(), self.tool.read_bytes())
+        self.check(self.path_run(output), "nameless", may_fail=False)
+        self.assertGreater(self.check_run(output), 200)
+        self.assertEqual([*self.folder.rglob("*.part")], [])
+
     def test_disks_that_fail(self):
         for kind in ("full", "broken"):
             for begin in (1, 2, 3, 5, 9):

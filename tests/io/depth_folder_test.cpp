@@ -146,7 +146,10 @@ TEST(DepthFolder, SaysWhatIsWrong) {
   expect_bad_list("1 1.png\n1 1.png\n", "line 2 does not come after");
   expect_bad_list("2 1.png\n1 1.png\n", "line 2 does not come after");
   expect_bad_list("one 1.png\n", "line 1 is not");
-  expect_bad_list("nan 1.png\n", "line 1 is not");
+  for (const std::string stamp : {"nan", "inf", "1305031453374000000", "-1e300"}) {
+    expect_bad_list(stamp + " 1.png\n", "line 1 has the time stamp " + stamp +
+                                            ", which is no time in seconds; give seconds");
+  }
   expect_bad_list("0 1.png\n5e-324 2.png\n", "depth.txt has timestamps that are not seconds");
   expect_bad_list("1\n", "line 1 is not");
   expect_bad_list("1 absent.png\n", "no such frame");

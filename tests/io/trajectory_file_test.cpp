@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include "palpate/math/geometry.h"
 #include "src/io/internal/atomic_file.h"
@@ -67,6 +68,34 @@ TEST(AtomicFile, KeepsThePermissionsOfTheFileItReplaces) {
   ASSERT_TRUE(write_file_atomically(folder / "a.txt", "new").has_value());
   EXPECT_EQ(fs::status(folder / "a.txt").permissions(), secret);
   EXPECT_EQ(test::read_bytes(folder / "a.txt"), "new");
+}
+
+TEST(AtomicFile, ReplacesFilesWithTheLongestNames) {
+  const TemporaryFolder folder;
+  for (const std::size_t length : {1, 240, 254, 255}) {
+    const auto file = folder / std::string(length, 'n');
+    for (const char* const text : {"old", "new"}) {
+      const Status written = write_file_atomically(file, text);
+      ASSERT_TRUE(written) << length << ": " << written.error().message;
+      EXPECT_EQ(test::read_bytes(file), text);
+    }
+  }
+}
+
+// A program of the same number was killed here: in a container, every one may have that number.
+TEST(AtomicFile, IsNotHeldUpByWhatWasLeftOfAnother) {
+  const TemporaryFolder folder;
+  write_bytes(folder / "a.txt", "old");
+  const auto left = [&](int number) {
+    return folder /
+           (".palpate." + std::to_string(getpid()) + "." + std::to_string(number) + ".part");
+  };
+  for (int number = 0; number < 200; ++number) write_bytes(left(number), "half");
+  const Status written = write_file_atomically(folder / "a.txt", "new");
+  ASSERT_TRUE(written) << written.error().message;
+  EXPECT_EQ(test::read_bytes(folder / "a.txt"), "new");
+  EXPECT_EQ(test::read_bytes(left(199)), "half");
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path()), {}), 201);
 }
 
 TEST(TrajectoryFile, NamesTheLineOfEveryMistake) {

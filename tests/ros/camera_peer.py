@@ -9,6 +9,7 @@ png, rvl, inverse:  compressedDepth; inverse: RVL of 32FC1
 float:              32FC1
 bent:               two lenses in turn, each image with its camera_info, which comes after it
 bent_late:          the same, but it comes 0.15 s after it
+once:               one camera_info, with the stamp of one image, as soon as somebody listens, and none after it
 moving:             a camera that moves; tf tells late where it was
 two:                two cameras, one behind the other; the second one sees the wall half of the time
 late:               images come 0.2 to 0.25 s late, 5 % of them do not come
@@ -221,7 +222,7 @@ class Cameras:
         self.fixed = robot.writer("rt/tf_static", TFMessage, kept=True, depth=2)
         self.waiting = deque()  # what comes late: when, how
         self.chance = random.Random(1)
-        self.num = 0
+        self.num = self.num_heard = 0
         self.drawn = {}
         self.bag = played(pathlib.Path(behavior[4:])) if behavior.startswith("bag:") else None
         if behavior == "two":
@@ -258,6 +259,12 @@ class Cameras:
             shown.header = header(now)
             self.images.write(shown)
             self.later(now + (0.005 if behavior == "bent" else 0.15), self.infos, info(now, k1))
+            return
+        if behavior == "once":
+            self.images.write(count_image(now, flat(NEAR)))
+            self.num_heard += bool(self.infos.get_matched_subscriptions())
+            if self.num_heard == 15:  # the other side knows of it too
+                self.later(now + 0.005, self.infos, info(now))
             return
         if behavior == "late":
             if self.chance.random() < 0.05:

@@ -53,6 +53,9 @@ class LiveCamerasTest(PeerCase):
         with self.assertRaisesRegex(AssertionError, "has a lens that changes"):
             self.watch("bent_late", place="0.2,0,0.5")
 
+    def test_a_lens_that_is_told_once_is_that_of_all_images(self):
+        self.touched(self.watch("once"))
+
     def test_a_camera_that_moves_is_where_tf_had_it_at_the_images_stamp(self):
         seen = self.watch("moving", "--world", "base", "--max-age", "0.5", duration=6)
         self.assertEqual(seen["frames"], ["base"])

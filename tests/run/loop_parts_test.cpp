@@ -287,13 +287,16 @@ TEST(PacedSource, RefusesFramesThatDoNotFit) {
     int number = 0, wrong = 3;
     std::function<void(DepthFrame&)> spoil;
   };
-  const std::function<void(DepthFrame&)> spoils[] = {
-      [](DepthFrame& frame) { frame.width += 1; },
-      [](DepthFrame& frame) { frame.pixels.pop_back(); },
-      [](DepthFrame& frame) { frame.timestamp = 100; },
-      [](DepthFrame& frame) { frame.timestamp = NAN; },
+  const std::pair<std::function<void(DepthFrame&)>, const char*> spoils[] = {
+      {[](DepthFrame& frame) { frame.width += 1; }, "another size"},
+      {[](DepthFrame& frame) { frame.pixels.pop_back(); }, "another size"},
+      {[](DepthFrame& frame) { frame.timestamp = -100; }, "is not later than the one before"},
+      {[](DepthFrame& frame) { frame.timestamp = NAN; }, "has a time stamp of nan s; give seconds"},
+      {[](DepthFrame& frame) { frame.timestamp = 1.7e18; }, "has a time stamp of 1.7e+18 s; give"},
+      {[](DepthFrame& frame) { frame.unit = 2; }, "has a unit of 2 m per count"},
+      {[](DepthFrame& frame) { frame.unit = 0; }, "has a unit of 0 m per count"},
   };
-  for (const auto& spoil : spoils) {
+  for (const auto& [spoil, words] : spoils) {
     Odd odd;
     odd.spoil = spoil;
     PacedSource source(odd);
@@ -304,7 +307,8 @@ TEST(PacedSource, RefusesFramesThatDoNotFit) {
     }
     const auto got = source.read(frame);
     ASSERT_FALSE(got.has_value());
-    EXPECT_NE(got.error().message.find("frame 2"), std::string::npos) << got.error().message;
+    EXPECT_NE(got.error().message.find(std::string("frame 2 ") + words), std::string::npos)
+        << got.error().message;
   }
 }
 

@@ -432,26 +432,42 @@ TEST(RecordingParts, ContactsOfSettingsThatAreMissingAfterAGapAreNotRepeated) {
 }
 
 TEST(RecordingParts, ContactsOfFramesThatWereLostBeforeItAreNotRepeated) {
-  const TemporaryFolder folder;
-  const auto run = folder.path() / "run", part = folder.path() / "part";
-  ASSERT_TRUE(
-      record(run, settings_with(TimeMode::latest, CouplingKind::none), {.split_bytes = 1}, 3));
-  fs::create_directories(part);
-  fs::copy_file(recording_parts(run)[1], part / kRecordingFile);
-  const auto whole = replay_run(part);
-  ASSERT_TRUE(whole) << whole.error().message;
-  EXPECT_EQ(whole->difference + whole->note, "");
-  auto all = test::messages(part);
-  all.erase(std::ranges::find(all, std::string_view(kFrameTopic),
-                              [](const auto& each) { return each.channel.topic; }));
-  test::rewrite(part, all);
-  const auto replay = replay_run(part);
-  ASSERT_TRUE(replay) << replay.error().message;
-  EXPECT_EQ(replay->difference, "");
-  EXPECT_NE(replay->note.find("is not repeated: its depth frame"), std::string::npos)
-      << replay->note;
-  EXPECT_GT(replay->num_contacts, 0u);
-  EXPECT_LT(replay->num_contacts, whole->num_contacts);
+  RunSettings latest = settings_with(TimeMode::latest, CouplingKind::none), averaged = latest;
+  averaged.time.average = {DepthAverage::moving, 4, 0.5, 0.02, 1};
+  RunSettings estimated = settings_with(TimeMode::interpolate, CouplingKind::none);
+  estimated.time.average.kind = DepthAverage::kalman;
+  estimated.time.average.noise = 0.02;
+  int number = 0;
+  for (const RunSettings& settings :
+       {latest, settings_with(TimeMode::interpolate, CouplingKind::none),
+        settings_with(TimeMode::predict, CouplingKind::none), averaged, estimated}) {
+    SCOPED_TRACE(number++);
+    const TemporaryFolder folder;
+    const auto run = folder.path() / "run", part = folder.path() / "part";
+    ASSERT_TRUE(record(run, settings, {.split_bytes = 1}, 3));
+    fs::create_directories(part);
+    fs::copy_file(recording_parts(run)[1], part / kRecordingFile);
+    const auto whole = replay_run(part);
+    ASSERT_TRUE(whole) << whole.error().message;
+    EXPECT_EQ(whole->difference + whole->note, "");
+    // What an estimate knew before the frame that is lost is of no use after it.
+    const bool is_estimate = settings.time.average.kind == DepthAverage::kalman;
+    auto all = test::messages(part);
+    for (int num_lost = 1; num_lost < 4; ++num_lost) {
+      all.erase(std::ranges::find(all, std::string_view(kFrameTopic),
+                                  [](const auto& each) { return each.channel.topic; }));
+      test::rewrite(part, all);
+      const auto replay = replay_run(part);
+      ASSERT_TRUE(replay) << replay.error().message;
+      EXPECT_EQ(replay->difference, "");
+      EXPECT_NE(replay->note.find(is_estimate ? "repeated up to number 0 only: a depth frame"
+                                              : "is not repeated: its depth frames"),
+                std::string::npos)
+          << num_lost << ' ' << replay->note;
+      EXPECT_EQ(replay->num_contacts > 0, !is_estimate);
+      EXPECT_LT(replay->num_contacts, whole->num_contacts);
+    }
+  }
 }
 
 TEST(RecordingParts, LostContactsAreTold) {

@@ -20,7 +20,8 @@ void touch(const fs::path& path) {
 
 /// An earlier run with all its names.
 void make_run(const fs::path& folder) {
-  for (const char* name : {"wrench.csv", "wrench.csv.part", "summary.json", "report.html"}) {
+  for (const char* name :
+       {"wrench.csv", "wrench.csv.part", "summary.json", "report.html", ".palpate.7.0.part"}) {
     touch(folder / name);
   }
   RunSetup setup;

@@ -12,7 +12,7 @@ namespace palpate::inline v0 {
 
 /// Writes a file without a name in the same folder, flushes it to disk and gives it the name
 /// `path`: a program that is ended meanwhile, by Ctrl-C too, leaves what was there before. (Some
-/// network file systems have no files without a name: there, NAME.PID.N.part may be left.) A
+/// network file systems have no files without a name: there, .palpate.PID.N.part may be left.) A
 /// symbolic link is followed; a file that is replaced keeps its permissions; anything but a regular
 /// file in the way is an error.
 Status write_file_atomically(const std::filesystem::path& path, std::string_view content);

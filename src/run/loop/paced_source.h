@@ -3,11 +3,12 @@
 
 #include <algorithm>
 #include <atomic>
-#include <cmath>
 #include <cstdint>
+#include <cstdio>
 #include <string>
 
 #include "palpate/cloud/depth_source.h"
+#include "src/cloud/internal/frame_limits.h"
 
 namespace palpate::inline v0 {
 
@@ -21,7 +22,8 @@ class PacedSource {
   const DepthStreamInfo& info() const { return source_.info(); }
   void cancel() noexcept { source_.cancel(); }
 
-  /// As DepthSource::next. Errors also: a frame of another size, one that is not later.
+  /// As DepthSource::next. Errors also: a frame of another size, one that is not later, one with a
+  /// unit or a time stamp that cannot be.
   Result<bool> read(DepthFrame& frame) {
     auto got = source_.next(frame);
     if (!got || !*got) return got;
@@ -34,7 +36,13 @@ class PacedSource {
     if (!frame.flow.empty() && frame.flow.size() != 2 * frame.pixels.size()) {
       return bad("has an optical flow of another size; it has two numbers for each pixel");
     }
-    if (!std::isfinite(frame.timestamp) || (num_read_ > 0 && !(frame.timestamp > last_stamp_))) {
+    if (!is_depth_unit(frame.unit)) {
+      return bad("has a unit of " + number(frame.unit) + " m per count; it must be from 0 to 1 m");
+    }
+    if (!is_in_seconds(frame.timestamp)) {
+      return bad("has a time stamp of " + number(frame.timestamp) + " s; give seconds");
+    }
+    if (num_read_ > 0 && !(frame.timestamp > last_stamp_)) {
       return bad("is not later than the one before; sort the frames by their time stamps");
     }
     last_stamp_ = frame.timestamp;
@@ -57,7 +65,12 @@ class PacedSource {
  private:
   static constexpr double kLate = 0.2;  // of the time between two frames
 
-  Error bad(const char* what) const {
+  static std::string number(double value) {
+    char text[40];
+    std::snprintf(text, sizeof text, "%.3g", value);
+    return text;
+  }
+  Error bad(const std::string& what) const {
     return {Errc::bad_input, info().name + ": frame " + std::to_string(num_read_) + " " + what};
   }
 
