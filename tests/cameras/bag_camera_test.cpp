@@ -185,7 +185,7 @@ TEST_F(BagCamera, AUnitThatCannotBeIsRefusedUnlessAnotherIsGiven) {
       test::ros1_connection(0, kTopic, "sensor_msgs/Image") +
       test::ros1_connection(1, "/cam/depth/camera_info", "sensor_msgs/CameraInfo") +
       test::ros1_connection(2, unit, "std_msgs/Float32") +
-      test::ros1_message(2, 100, 0, test::bytes_of(2.5f)) +
+      test::ros1_message(2, 100, 0, test::bytes_of(0x40200000)) +
       test::ros1_message(0, 100, 0, image(shot)) +
       test::ros1_message(1, 100, 0, camera_info(shot)))});
   const auto refused = open_camera("bag:" + path_);

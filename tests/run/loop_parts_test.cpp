@@ -288,8 +288,8 @@ TEST(PacedSource, RefusesFramesThatDoNotFit) {
     std::function<void(DepthFrame&)> spoil;
   };
   const std::pair<std::function<void(DepthFrame&)>, const char*> spoils[] = {
-      {[](DepthFrame& frame) { frame.width += 1; }, "another size"},
-      {[](DepthFrame& frame) { frame.pixels.pop_back(); }, "another size"},
+      {[](DepthFrame& frame) { frame.width += 1; }, "has another size"},
+      {[](DepthFrame& frame) { frame.pixels.pop_back(); }, "has another size"},
       {[](DepthFrame& frame) { frame.timestamp = -100; }, "is not later than the one before"},
       {[](DepthFrame& frame) { frame.timestamp = NAN; }, "has a time stamp of nan s; give seconds"},
       {[](DepthFrame& frame) { frame.timestamp = 1.7e18; }, "has a time stamp of 1.7e+18 s; give"},
