@@ -79,9 +79,9 @@ Result<double> JointHistory::at(std::size_t joint, double time, double max_age,
 
 std::string JointHistory::impossible() const {
   if (impossible_.empty()) return "";
-  const auto& [joint, told] = *impossible_.begin();
+  const auto& [joint, reported] = *impossible_.begin();
   char text[40];
-  std::snprintf(text, sizeof text, "' is at %.3g rad or m", told.position);
+  std::snprintf(text, sizeof text, "' is at %.3g rad or m", reported.position);
   return "joint '" + joints_[joint].name + text;
 }
 
