@@ -67,6 +67,7 @@ bool FrameIntake::accept(const DepthFrame& frame, const CameraModel& model, doub
   double capture = arrival;
   const double stamp = frame.timestamp;
   if (options_.stamps != StampClock::none && !is_in_seconds(stamp)) {
+    ++num_without_stamp_since_;
     if (num_without_stamp_++ == 0) {
       note("has time stamps that are no seconds, such as " + number("%.3g", stamp) +
            "; these frames count as captured when they arrive");
@@ -82,9 +83,10 @@ bool FrameIntake::accept(const DepthFrame& frame, const CameraModel& model, doub
       return false;
     } else if (options_.rate > 0) {
       const double periods = (stamp - last_stamp_) * options_.rate;
-      if (periods < 1e6)
-        num_missing_ += static_cast<std::uint64_t>(std::max(0.0, std::round(periods) - 1));
+      const double num_between = std::round(periods) - 1 - num_without_stamp_since_;
+      if (periods < 1e6) num_missing_ += static_cast<std::uint64_t>(std::max(0.0, num_between));
     }
+    num_without_stamp_since_ = 0;
     if (options_.stamps != StampClock::cameras && earliest != stamp && !has_foreign_stamps_) {
       has_foreign_stamps_ = true;
       note(

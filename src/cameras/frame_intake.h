@@ -73,6 +73,7 @@ class FrameIntake {
   std::optional<CameraModel> last_model_;
   double last_unit_ = 0, last_capture_ = 0;
   double last_stamp_ = -std::numeric_limits<double>::infinity();  // since the camera has started
+  double num_without_stamp_since_ = 0;
   bool has_new_ = false, has_ended_ = false, is_cancelled_ = false, has_last_ = false;
   bool has_foreign_stamps_ = false;
   Result<bool> ending_ = false;

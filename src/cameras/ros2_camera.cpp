@@ -175,7 +175,7 @@ class ReceivedMessages {
   }
   /// Whether this camera_info may be the first of many, with a lens that changes, or be sent once.
   bool may_be_first_of_many() const {
-    return models_.size() == 1 && image_stamp_ - models_.back().first < kLongestLone;
+    return models_.size() == 1 && std::abs(image_stamp_ - models_.back().first) < kLongestLone;
   }
   void note_flood(double now) {
     ++num_since_;

@@ -219,14 +219,13 @@ class OpenHapticsDevice final : public HapticDevice {
         api.hdScheduleAsynchronous(&OpenHapticsServo::call_back, servo.get(), kHdMaxPriority);
     if (g_num_running++ == 0) api.hdStartScheduler();
     const HdErrorInfo error = api.take_errors();
-    if (error.code == 0) {
-      if (!servo->is_given_up()) return error;
-      wait_for([&] { return servo->has_ended(); });  // its only call sends no force
-    }
+    if (error.code == 0 && !servo->is_given_up()) return error;
+    // Its last call sends no force.
+    const bool is_idle = error.code != 0 || wait_for([&] { return servo->has_ended(); });
     if (--g_num_running == 0) api.hdStopScheduler();
     api.hdUnschedule(scheduled);
     motors_off(api, device);
-    servo->end();
+    if (is_idle) servo->end();
     return error;
   }
 

@@ -31,7 +31,8 @@ class OpenHapticsServo {
   /// It will not be called any more. By the driver's thread, which may not touch it afterwards.
   void end() noexcept;
   bool has_ended() const noexcept { return life_.load() == Life::ended; }
-  bool is_given_up() const noexcept { return life_.load() == Life::given_up; }
+  /// Even if it has ended since.
+  bool is_given_up() const noexcept { return door_.is_closed(); }
   /// Of the newest call; 0 before the first one.
   double last_time() const noexcept { return last_time_.load(std::memory_order_acquire); }
   /// The error that ended it; 0: none.

@@ -421,6 +421,11 @@ TEST_F(OpenHaptics, ATransformThatIsNoRotationIsNoPose) {
 TEST_F(OpenHaptics, ADriverThatHangs) {
   auto device = running(kPush);
   fake_.is_hanging = true;
+  EXPECT_TRUE(eventually([&] {  // the call that runs is over
+    const int num_calls = fake_.num_calls;
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    return num_calls == fake_.num_calls;
+  }));
   device->stop();
   ASSERT_FALSE(device->status());
   EXPECT_TRUE(contains(device->status().error().message, "does not call back"));

@@ -416,8 +416,9 @@ TEST(LiveRun, KilledLosesNoMoreThanTheLastHalfSecond) {
   const double begin = monotonic_now();
   while ((ages.size() < 20 || num_ticks <= 400) && monotonic_now() - begin < 50) {
     std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    const double now = monotonic_now();
     look();
-    if (num_ticks > 0) ages.push_back(monotonic_now() - newest);
+    if (num_ticks > 0) ages.push_back(now - newest);
   }
   kill(child, SIGKILL);
   waitpid(child, nullptr, 0);
