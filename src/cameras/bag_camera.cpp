@@ -2,7 +2,6 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
-#include <cstdio>
 #include <cstdlib>
 #include <map>
 #include <utility>
@@ -12,6 +11,7 @@
 #include "src/cameras/camera_kinds.h"
 #include "src/cameras/depth_messages.h"
 #include "src/cloud/internal/frame_limits.h"
+#include "src/core/internal/number_text.h"
 #include "src/io/cdr.h"
 #include "src/io/internal/bag_file.h"
 #include "src/io/ros_image.h"
@@ -371,9 +371,8 @@ Result<RawStream> open_bag_camera(const CameraUri& uri, const CameraOpening&) {
   const double unit = is_count ? images.frame.unit : uri.unit.value_or(kFloatUnit);
   const auto said = is_count ? find_unit(*contents, *topic) : std::nullopt;
   if (said && *said > kLargestUnit && !uri.unit) {
-    char text[40];
-    std::snprintf(text, sizeof text, "%.3g", *said);
-    return Error{Errc::bad_input, "camera " + uri.text + " declares a unit of " + text +
+    return Error{Errc::bad_input, "camera " + uri.text + " declares a unit of " +
+                                      number_text(*said) +
                                       " m per count, which is at most 1 m; pass ?unit=METERS"};
   }
   info.unit = said.value_or(unit);

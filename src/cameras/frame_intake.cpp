@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "src/cloud/internal/frame_limits.h"
+#include "src/core/internal/number_text.h"
 #include "src/core/monotonic_clock.h"
 
 namespace palpate::inline v0 {
@@ -69,7 +70,7 @@ bool FrameIntake::accept(const DepthFrame& frame, const CameraModel& model, doub
   if (options_.stamps != StampClock::none && !is_in_seconds(stamp)) {
     ++num_without_stamp_since_;
     if (num_without_stamp_++ == 0) {
-      note("has time stamps that are no seconds, such as " + number("%.3g", stamp) +
+      note("has time stamps that are no seconds, such as " + number_text(stamp) +
            "; these frames count as captured when they arrive");
     }
   } else if (options_.stamps != StampClock::none) {

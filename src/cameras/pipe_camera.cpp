@@ -18,12 +18,12 @@
 #include <bit>
 #include <chrono>
 #include <cmath>
-#include <cstdio>
 #include <cstring>
 #include <utility>
 
 #include "src/cameras/camera_kinds.h"
 #include "src/cloud/internal/frame_limits.h"
+#include "src/core/internal/number_text.h"
 #include "src/core/monotonic_clock.h"
 
 namespace palpate::inline v0 {
@@ -139,9 +139,8 @@ class PipeSource final : public DepthSource {
                        " is damaged; it must be PALPDEP1, width, height, time stamp, unit"};
     }
     const auto bad = [&](const char* what, double number, const char* advice) {
-      char text[40];
-      std::snprintf(text, sizeof text, " is %.3g ", number);
-      return Error{Errc::bad_input, info_.name + ": the " + what + where + text + advice};
+      return Error{Errc::bad_input, info_.name + ": the " + what + where + " is " +
+                                        number_text(number) + " " + advice};
     };
     if (!std::isnan(numbers[0]) && !is_in_seconds(numbers[0])) {
       return bad("time stamp", numbers[0], "s; give seconds, or NaN for none");

@@ -167,7 +167,6 @@ class HaplyDevice final : public PolledDevice {
        ignores_force_ = false;
   int num_unconfirmed_ = 0;
   MotorRamp ramp_;
-  double share_ = 1;
   Error trouble_;
 };
 
@@ -196,7 +195,6 @@ Status HaplyDevice::begin() {
   sent_ = {};
   num_unconfirmed_ = 0;
   ramp_.restart();
-  share_ = 1;
   unusable_ = "it does not answer";
 
   // Requests without a force until there is a state to begin with.
@@ -287,7 +285,7 @@ bool HaplyDevice::take_grip(const HaplyMessage& message, DeviceState& state) noe
 }
 
 bool HaplyDevice::accepts_force(const HaplyEntry& arm) noexcept {
-  share_ = ramp_.next(true);
+  ramp_.next(true);
   has_echo_ = has_echo_ || arm.has_force;
   if (ignores_force_) return false;
   if (is_force_confirmed_ || norm(sent_) < kConfirmableForce) return true;
@@ -304,7 +302,7 @@ bool HaplyDevice::accepts_force(const HaplyEntry& arm) noexcept {
   is_force_confirmed_ = uses_other_key_;
   uses_other_key_ = true;
   num_unconfirmed_ = 0;
-  share_ = ramp_.next(false);
+  ramp_.next(false);
   return true;
 }
 
@@ -336,7 +334,7 @@ bool HaplyDevice::is_well() noexcept {
 bool HaplyDevice::write(const Wrench& F_H_B) noexcept {
   // No answer yet: the service drops the last force by itself, and gets the newest one next time.
   if (is_waiting_) return true;
-  sent_ = motor_wrench(F_H_B, info_.limits).force * share_;
+  sent_ = motor_wrench(F_H_B, info_.limits).force * ramp_.share();
   return send(sent_, 0) || give_up("the service no longer accepts messages");
 }
 

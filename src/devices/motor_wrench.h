@@ -31,6 +31,7 @@ class MotorRamp {
     share_ = has_force ? std::min(share_ + kStep, 1.0) : 0;
     return share_;
   }
+  double share() const noexcept { return share_; }  ///< as next() said last
   void restart() noexcept { share_ = 1; }
 
  private:

@@ -1,7 +1,7 @@
 #include <algorithm>
-#include <cstdio>
 
 #include "palpate/haptics/coupling.h"
+#include "src/core/internal/number_text.h"
 #include "src/haptics/couplings.h"
 
 namespace palpate::inline v0 {
@@ -9,13 +9,6 @@ namespace {
 
 /// Where the device renders no force, the tool still stops at surfaces, N.
 constexpr double kForceWithoutDevice = 5;
-
-/// For notes.
-std::string number(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.3g", value);
-  return text;
-}
 
 /// Spring and damper along one degree of freedom, and what the device can bear.
 struct Axis {
@@ -53,15 +46,15 @@ void settle(const Axis& axis, const std::string& what, const std::string& unit, 
     return;
   }
   if (axis.max_stiffness > 0 && stiffness > axis.max_stiffness) {
-    warnings.push_back("the " + what + " is lowered from " + number(stiffness) +
-                       " to the device's " + number(axis.max_stiffness) + " " + unit +
+    warnings.push_back("the " + what + " is lowered from " + number_text(stiffness) +
+                       " to the device's " + number_text(axis.max_stiffness) + " " + unit +
                        ": use no higher value");
     stiffness = axis.max_stiffness;
   }
   const double limit = axis.passive_limit(stiffness);
   if (stiffness >= limit) {
-    warnings.push_back("the " + what + " of " + number(stiffness) + " " + unit +
-                       " is not passive: 2 b / T is " + number(limit) +
+    warnings.push_back("the " + what + " of " + number_text(stiffness) + " " + unit +
+                       " is not passive: 2 b / T is " + number_text(limit) +
                        ", so the device may shake; lower the stiffness below that, raise the "
                        "damping ratio, or tick faster");
   }
@@ -73,14 +66,14 @@ Result<CheckedCoupling> check_coupling(const CouplingOptions& options, const Dev
                                        double tick_seconds, const MassProperties& tool) {
   if (const Status status = check_settings(options); !status) return status.error();
   if (!(tick_seconds >= 1e-6 && tick_seconds <= 1)) {
-    return Error{Errc::invalid_argument, "the device ticks every " + number(tick_seconds) +
+    return Error{Errc::invalid_argument, "the device ticks every " + number_text(tick_seconds) +
                                              " s; its driver must report 1e-06 to 1 s"};
   }
   for (double limit :
        {limits.max_force, limits.max_torque, limits.max_stiffness, limits.max_angular_stiffness,
         limits.max_damping, limits.damping, limits.angular_damping}) {
     if (limit >= 0 && std::isfinite(limit)) continue;
-    return Error{Errc::invalid_argument, "a limit of the device is " + number(limit) +
+    return Error{Errc::invalid_argument, "a limit of the device is " + number_text(limit) +
                                              "; its driver has to tell finite numbers, 0 or more"};
   }
 
@@ -102,9 +95,9 @@ Result<CheckedCoupling> check_coupling(const CouplingOptions& options, const Dev
     // The default was not set by the user.
     const bool is_requested = options.damping_ratio != CouplingOptions{}.damping_ratio;
     if (is_requested)
-      checked.warnings.push_back("the damping ratio is lowered from " + number(o.damping_ratio) +
-                                 " to " + number(lowered) + ", the device's " +
-                                 number(limits.max_damping) +
+      checked.warnings.push_back("the damping ratio is lowered from " +
+                                 number_text(o.damping_ratio) + " to " + number_text(lowered) +
+                                 ", the device's " + number_text(limits.max_damping) +
                                  " N s/m; a lighter tool or a softer coupling needs less");
     o.damping_ratio = lowered;
   }

@@ -4,11 +4,11 @@
 #include <algorithm>
 #include <atomic>
 #include <cstdint>
-#include <cstdio>
 #include <string>
 
 #include "palpate/cloud/depth_source.h"
 #include "src/cloud/internal/frame_limits.h"
+#include "src/core/internal/number_text.h"
 
 namespace palpate::inline v0 {
 
@@ -37,10 +37,11 @@ class PacedSource {
       return bad("has an optical flow of another size; it has two numbers for each pixel");
     }
     if (!is_depth_unit(frame.unit)) {
-      return bad("has a unit of " + number(frame.unit) + " m per count; it must be from 0 to 1 m");
+      return bad("has a unit of " + number_text(frame.unit) +
+                 " m per count; it must be from 0 to 1 m");
     }
     if (!is_in_seconds(frame.timestamp)) {
-      return bad("has a time stamp of " + number(frame.timestamp) + " s; give seconds");
+      return bad("has a time stamp of " + number_text(frame.timestamp) + " s; give seconds");
     }
     if (num_read_ > 0 && !(frame.timestamp > last_stamp_)) {
       return bad("is not later than the one before; sort the frames by their time stamps");
@@ -65,11 +66,6 @@ class PacedSource {
  private:
   static constexpr double kLate = 0.2;  // of the time between two frames
 
-  static std::string number(double value) {
-    char text[40];
-    std::snprintf(text, sizeof text, "%.3g", value);
-    return text;
-  }
   Error bad(const std::string& what) const {
     return {Errc::bad_input, info().name + ": frame " + std::to_string(num_read_) + " " + what};
   }
