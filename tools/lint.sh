@@ -12,6 +12,7 @@ run python3 -m unittest discover -q -s tools -p '*_test.py'
 run python3 tools/check_modules.py
 run python3 tools/check_types.py
 run python3 tools/check_words.py
+run python3 tools/check_docs.py
 run tools/check_format.sh
 run tools/check_headers.sh
 

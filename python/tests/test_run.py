@@ -17,6 +17,8 @@ import palpate
 
 #: Into the wall at 1 m, 10 mm deep, in half a second.
 PATH = np.array([[0, 0, 0, 0.95, 0, 0, 0, 1], [0.5, 0, 0, 0.99, 0, 0, 0, 1]])
+#: As long and as deep, for real time: it rests there, as the measurement of its end may come late.
+RESTING = np.array([[0, 0, 0, 0.97, 0, 0, 0, 1], [0.2, 0, 0, 0.99, 0, 0, 0, 1], [0.5, 0, 0, 0.99, 0, 0, 0, 1]])
 
 
 @pytest.fixture(scope="module")
@@ -160,7 +162,7 @@ def test_a_live_run_ends_with_its_block(cube):
     start = time.monotonic()
     with palpate.touch(cube, "scene:wall", device="sim", duration=60) as run:
         assert run.is_running
-        while run.latest.number < 100:
+        while run.is_running and run.latest.number < 100:
             time.sleep(0.01)
         assert run.latest.pose.shape == (7,) and run.latest.wrench.shape == (6,)
         run.mark("here")
@@ -179,7 +181,7 @@ class Plunger:
     rate, max_force = 400, 5.0
 
     def __init__(self):
-        self.told = []
+        self.told, self.is_felt = [], False
 
     def read(self):
         return [0, 0, -0.03 * min(1, len(self.told) / 200), 0, 0, 0, 1]
@@ -191,8 +193,15 @@ class Plunger:
 def test_a_device_in_python(cube):
     plunger, heard = Plunger(), []
     start = [[0, 0, 0, 0.97, 0, 0, 0, 1]]
-    run = palpate.touch(cube, "scene:wall", start, device=plunger, duration=1.5,
-                        on_tick=lambda tick: heard.append((tick.number, tick.hand_wrench)))
+
+    def hear(tick):
+        heard.append((tick.number, tick.hand_wrench))
+        # Until it is down and was felt.
+        plunger.is_felt = plunger.is_felt or tick.hand_wrench[2] > 0.5
+        return len(plunger.told) < 400 or not plunger.is_felt
+
+    run = palpate.touch(cube, "scene:wall", start, device=plunger, duration=60, on_tick=hear, safety_max_tick=60,
+                        safety_max_device_silence=60, safety_max_contact_age=60, safety_max_sensor_age=60)
     run.wait()
     told = np.array(plunger.told)
     assert told.shape[1] == 6 and np.array_equal(told[-1], np.zeros(6))  # the motors are off
@@ -217,9 +226,9 @@ def test_a_camera_in_python(cube):
     pusher = threading.Thread(target=push)
     pusher.start()
     try:
-        run = palpate.touch(cube, pushed, PATH)
+        run = palpate.touch(cube, pushed, RESTING)
         assert run.wrench[-1, 2] < -1
-        assert run.summary["frames"] > 5
+        assert run.summary["frames"] > 2
     finally:
         is_over.set()
         pusher.join()
@@ -247,7 +256,7 @@ def test_a_pushed_flow_drags_the_tool(cube):
     pusher = threading.Thread(target=push)
     pusher.start()
     try:
-        run = palpate.touch(cube, pushed, PATH, friction_coefficient=0.5)
+        run = palpate.touch(cube, pushed, RESTING, friction_coefficient=0.5)
         # Down with the belt, with half of what the wall pushes.
         assert run.wrench[-1, 1] == pytest.approx(-0.5 * run.wrench[-1, 2], rel=0.05)
     finally:
@@ -281,8 +290,8 @@ def test_on_tick_ends_a_run_and_its_errors_are_raised(cube):
 
 def test_ctrl_c_ends_a_run_and_keeps_it(cube, tmp_path):
     run = palpate.touch(cube, "scene:wall", device="sim", duration=60, output=tmp_path / "run")
-    threading.Timer(0.5, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
     with pytest.raises(KeyboardInterrupt):
+        threading.Timer(0.5, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
         run.wait()
     assert palpate.Run.open(tmp_path / "run").times.size > 0
 

@@ -54,7 +54,7 @@ def test_frames_of_a_live_run_are_where_they_were_felt(cube, tmp_path):
                        max_sensor_age=30, max_contact_age=30) as live:
         live.wait()
     moments = list(sinks._moments(live, 16))
-    assert len(moments) > 5
+    assert len(moments) > 2
     contacts, records = live.contacts, live.frame_records
     offset = np.median(live.ticks["device.time"] - live.ticks["time"])
     for moment, number in zip(moments, records["number"]):

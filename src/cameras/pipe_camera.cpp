@@ -59,8 +59,9 @@ class PipeSource final : public DepthSource {
   PipeSource(Descriptor input, DepthStreamInfo info, bool is_fifo)
       : input_(std::move(input)), info_(std::move(info)), may_be_early_(is_fifo) {}
 
-  /// Reads the first header, if there is one.
-  Status begin(bool has_size) {
+  /// Reads the first header, if there is one. A given unit overrules those of headers.
+  Status begin(const CameraUri& given) {
+    is_unit_given_ = given.unit.has_value();
     deadline_ = monotonic_now() + kFirstByteTimeout;
     const auto got = read_all(start_, kMagicBytes);
     if (!got) return got.error();
@@ -71,7 +72,7 @@ class PipeSource final : public DepthSource {
     num_ahead_ = kMagicBytes;
     if (!has_header_) {
       deadline_ = 0;
-      if (has_size) return Done{};
+      if (given.size) return Done{};
       return Error{Errc::invalid_argument,
                    info_.name + ": unknown size of raw frames; pass ?size=WIDTHxHEIGHT"};
     }
@@ -145,13 +146,14 @@ class PipeSource final : public DepthSource {
     if (!std::isnan(numbers[0]) && !is_in_seconds(numbers[0])) {
       return bad("time stamp", numbers[0], "s; give seconds, or NaN for none");
     }
-    if (numbers[1] > kLargestUnit) {
-      return bad("unit", numbers[1], "m per count; give at most 1 m, or NaN for none");
+    if (!is_unit_given_ && numbers[1] > kLargestUnit) {
+      return bad("unit", numbers[1],
+                 "m per count; give at most 1 m, NaN for none, or pass ?unit=METERS");
     }
     info_.width = static_cast<int>(size[0]);
     info_.height = static_cast<int>(size[1]);
     stamp_ = numbers[0];
-    if (numbers[1] > 0) info_.unit = numbers[1];
+    if (!is_unit_given_ && numbers[1] > 0) info_.unit = numbers[1];
     return Done{};
   }
 
@@ -191,6 +193,7 @@ class PipeSource final : public DepthSource {
   const Descriptor input_;
   DepthStreamInfo info_;
   bool has_header_ = false, has_time_stamps_ = false, may_be_early_ = false;
+  bool is_unit_given_ = false;
   char start_[kHeaderBytes] = {};
   std::size_t num_ahead_ = 0;  // bytes of start_ that belong to the next frame
   double stamp_ = 0, deadline_ = 0;
@@ -255,7 +258,7 @@ Result<RawStream> open_pipe_camera(const CameraUri& uri, const CameraOpening& op
   info.name = "pipe:" + (uri.target.empty() ? "-" : uri.target);
   info.is_live = opening.in_real_time && !input->is_file;
   auto source = std::make_unique<PipeSource>(std::move(input->descriptor), info, input->is_fifo);
-  if (const Status begun = source->begin(uri.size.has_value()); !begun) return begun.error();
+  if (const Status begun = source->begin(uri); !begun) return begun.error();
   const bool has_time_stamps = source->has_time_stamps();
   return RawStream{std::move(source), has_time_stamps ? StampClock::cameras : StampClock::none,
                    false};

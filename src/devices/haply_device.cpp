@@ -182,7 +182,7 @@ Status HaplyDevice::begin() {
   socket_ = std::move(connected->socket);
   // Without the event socket the loop still notices that states end or forces are not taken.
   if (Result<WebSocket> events =
-          WebSocket::connect({address_.service.host, address_.event_port}, 0.1))
+          WebSocket::connect({address_.service.host, address_.event_port}, kAnswerTimeout))
     events_ = std::move(*events);
 
   request_.force_key = found_.version.value_or(kSaysVector) < kSaysVector ? HaplyForceKey::values

@@ -211,13 +211,12 @@ TEST(LiveCamera, TheNewestFrameWins) {
   std::atomic<int> num_given = 0;
   const auto camera = live([&](int number, DepthFrame& frame, DepthStreamInfo&,
                                const auto& is_cancelled) -> Result<bool> {
+    num_given = number;  // all before it have been taken over
     if (number == 10) return wait(is_cancelled);
     frame = test::pattern_frame(kWidth, kHeight, number, number);
-    num_given = number + 1;
     return true;
   });
   while (num_given < 10) test::sleep_seconds(0.001);
-  test::sleep_seconds(0.05);
   DepthFrame frame;
   ASSERT_TRUE(*camera->next(frame));
   EXPECT_EQ(test::number_of(frame, 20), 9);
@@ -371,7 +370,7 @@ TEST(LiveCamera, CountsWhatIsMissingAndDeclaresLatency) {
     ASSERT_TRUE(*camera->next(frame));
     ++num;
   }
-  EXPECT_LT(frame.timestamp, sent - 0.5 + 1e-3);
+  EXPECT_LE(frame.timestamp, monotonic_now() - 0.5);
   EXPECT_GT(frame.timestamp, sent - 2);
   camera->cancel();
   const std::string notes = joined(camera->take_notes());

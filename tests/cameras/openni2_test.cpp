@@ -60,9 +60,10 @@ class Openni2 : public testing::Test {
         function<decltype(oniRecorderAttachStream)>("oniRecorderAttachStream")(recorder, stream, 0),
         0);
     ASSERT_EQ(function<decltype(oniRecorderStart)>("oniRecorderStart")(recorder), 0);
+    // The recorder takes no frames until its thread has begun; those that it took, it writes.
+    test::sleep_seconds(0.2);
     ASSERT_EQ(function<decltype(oniStreamStart)>("oniStreamStart")(stream), 0);
     while (control_->num_sent < num) test::sleep_seconds(0.005);
-    test::sleep_seconds(0.2);  // the recorder has a thread of its own
     function<decltype(oniRecorderStop)>("oniRecorderStop")(recorder);
     function<decltype(oniRecorderDestroy)>("oniRecorderDestroy")(&recorder);
     function<decltype(oniStreamStop)>("oniStreamStop")(stream);

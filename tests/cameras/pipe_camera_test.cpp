@@ -97,6 +97,12 @@ TEST_F(PipeCamera, HeadersTellSizeTimeAndUnit) {
   EXPECT_EQ(frame.unit, 0.0005);
   EXPECT_EQ(frame.pixels[2 * kWidth + 4], test::count_at(2, 1, 2));
   EXPECT_FALSE(*camera->next(frame));
+  // One that is given overrules them all.
+  const auto given = open_camera("pipe:" + path("raw") + kNoSize + "&unit=0.002").value();
+  for (int k = 0; k < 3; ++k) {
+    ASSERT_TRUE(*given->next(frame));
+    EXPECT_EQ(frame.unit, 0.002);
+  }
 }
 
 TEST_F(PipeCamera, SaysWhatIsWrong) {
@@ -131,7 +137,8 @@ TEST_F(PipeCamera, SaysWhatIsWrong) {
   EXPECT_TRUE(has(opened(header(kInf, 0.001) + raw(0), kNoSize), "frame 0 is inf s; give"));
   EXPECT_EQ(opened(header(1.7e9, 0.001) + raw(0), kNoSize), "");  // since 1970
   EXPECT_TRUE(has(opened(header(0, 2) + raw(0), kNoSize),
-                  "the unit of frame 0 is 2 m per count; give at most 1 m, or NaN for none"));
+                  "the unit of frame 0 is 2 m per count; give at most 1 m, NaN for none, or"));
+  EXPECT_EQ(opened(header(0, 2) + raw(0), kNoSize + std::string("&unit=0.002")), "");
   EXPECT_TRUE(has(opened(header(0, kInf) + raw(0), kNoSize), "frame 0 is inf m per count"));
   EXPECT_TRUE(has(open_camera("pipe:" + path("nothing") + kSize).error().message, "cannot open"));
   EXPECT_TRUE(has(open_camera("pipe:" + folder_.string() + kSize).error().message, "a folder"));
@@ -299,17 +306,22 @@ TEST_F(PipeCamera, LiveCamerasAreRecordedTogetherThoughOneFallsSilent) {
   const auto one = PushedSource::create(test::stream_info(kWidth, kHeight)).value();
   const auto two = PushedSource::create(test::stream_info(kWidth, kHeight)).value();
   std::atomic<bool> is_over = false;
+  std::atomic<std::uint64_t> num_recorded = 0;
   std::thread pushing([&] {
     for (int k = 0; !is_over; ++k) {
       DepthFrame frame = test::pattern_frame(kWidth, kHeight, k, 0);
       one->push(frame);
       frame = test::pattern_frame(kWidth, kHeight, k, 0);
-      if (k < 50) two->push(frame);
+      if (num_recorded < 6) two->push(frame);
       test::sleep_seconds(0.002);
     }
   });
   RecordStreamOptions options;
   options.duration = 0.5;
+  options.keep_going = [&](double, std::uint64_t num) {
+    num_recorded = num;
+    return true;
+  };
   const DepthSources both({one.get(), two.get()});
   const auto done = record_stream(both, path("live.mcap"), options);
   is_over = true;

@@ -4,6 +4,7 @@
 #include "src/cameras/v4l2_system.h"
 #include "tests/cameras/conformance.h"
 #include "tests/cameras/fake_v4l2.h"
+#include "tests/test_util/wait_for.h"
 
 namespace palpate {
 namespace {
@@ -74,13 +75,15 @@ TEST_F(V4l2, ComesBackWithAnotherSize) {
   ASSERT_TRUE(*camera->next(frame));
   kernel_.is_plugged = false;
   kernel_.sizes = {{64, 48}};
-  test::sleep_seconds(0.3);
-  kernel_.is_plugged = true;
   std::string notes;
-  EXPECT_TRUE(test::next_until(*camera, frame, [&] {
+  const auto is_told = [&](const char* words) {
     notes += test::all_notes(*camera);
-    return notes.find("from 848 x 480 to 64 x 48 pixels") != std::string::npos;
-  }));
+    return notes.find(words) != std::string::npos;
+  };
+  EXPECT_TRUE(test::wait_for([&] { return is_told("was lost"); }));
+  kernel_.is_plugged = true;
+  EXPECT_TRUE(test::next_until(*camera, frame,
+                               [&] { return is_told("from 848 x 480 to 64 x 48 pixels"); }));
   EXPECT_EQ(frame.width, 848);
 }
 

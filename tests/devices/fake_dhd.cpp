@@ -36,7 +36,7 @@ void reset() {
   }
   g_fake.buttons = 0;
   for (auto& part : g_fake.wrench) part = 0;
-  g_fake.largest_force = g_fake.max_force = g_fake.max_torque = 0;
+  g_fake.largest_force = g_fake.largest_step = g_fake.max_force = g_fake.max_torque = 0;
   g_fake.gravity = g_fake.num_writes = g_fake.num_forces_while_off = g_fake.num_forbidden = 0;
   g_fake.is_force_enabled = false;
   g_fake.last_opened = -1;
@@ -128,6 +128,7 @@ int dhdSetForceAndTorqueAndGripperForce(double fx, double fy, double fz, double 
                                         double tz, double f, char) {
   CALL();
   const double parts[7] = {fx, fy, fz, tx, ty, tz, f};
+  if (fx - g_fake.wrench[0] > g_fake.largest_step) g_fake.largest_step = fx - g_fake.wrench[0];
   for (int i = 0; i < 7; ++i) g_fake.wrench[i] = parts[i];
   const double force = std::hypot(fx, fy, fz);
   if (!(force <= g_fake.largest_force)) g_fake.largest_force = force;

@@ -27,6 +27,7 @@ struct FakeDhd {
   // What happened.
   std::array<std::atomic<double>, 7> wrench{};  ///< force, torque, gripper: sent last
   std::atomic<double> largest_force{0}, max_force{0}, max_torque{0};
+  std::atomic<double> largest_step{0};  ///< up, of the force along x from one write to the next
   std::atomic<int> gravity{0};
   std::atomic<bool> is_force_enabled{false};
   std::atomic<int> num_writes{0}, num_forces_while_off{0};

@@ -91,7 +91,7 @@ void reset() {
   for (int i = 0; i < 3; ++i)
     g_fake.velocity[i] = g_fake.angular_velocity[i] = g_fake.force[i] = g_fake.torque[i] = 0;
   g_fake.buttons = 0;
-  g_fake.largest_force = 0;
+  g_fake.largest_force = g_fake.largest_step = 0;
   g_fake.num_frames = g_fake.num_calls = g_fake.num_outside = g_fake.num_illegal = 0;
   for (auto& capability : g_fake.capabilities) capability = false;
   g_fake.updated_style = 0;
@@ -137,6 +137,8 @@ void hdEndFrame(HHD) {
   CALL();
   if (!g_is_in_frame) ++g_fake.num_illegal;
   g_is_in_frame = false;
+  if (g_force[0] - g_fake.force[0] > g_fake.largest_step)
+    g_fake.largest_step = g_force[0] - g_fake.force[0];
   for (int i = 0; i < 3; ++i) {
     g_fake.force[i] = g_force[i];
     g_fake.torque[i] = g_torque[i];

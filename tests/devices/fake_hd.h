@@ -32,6 +32,7 @@ struct FakeHd {
   // What happened.
   std::array<std::atomic<double>, 3> force{}, torque{};  ///< of the newest frame
   std::atomic<double> largest_force{0};
+  std::atomic<double> largest_step{0};  ///< up, of the force along x from one frame to the next
   std::atomic<int> num_frames{0}, num_calls{0};
   std::atomic<int> num_outside{0};    ///< forces set outside a frame
   std::atomic<int> num_illegal{0};    ///< second frame in one call, frames that do not match

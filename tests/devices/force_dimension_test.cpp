@@ -1,7 +1,6 @@
 // Against a fake SDK: a shared library with the functions of the real one.
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <cstdlib>
@@ -373,7 +372,8 @@ TEST_F(ForceDimension, ACallThatNeverReturnsIsGivenUp) {
     ASSERT_FALSE(status.has_value()) << call;
     EXPECT_TRUE(contains(status.error().message, "does not return from a call")) << call;
     EXPECT_FALSE(device->start([](const DeviceState&) { return Wrench{}; }).has_value());
-    EXPECT_FALSE(fake_.is_force_enabled) << call;  // another thread has switched it off
+    // Another thread switches it off.
+    EXPECT_TRUE(eventually([&] { return !fake_.is_force_enabled; })) << call;
     device.reset();
     EXPECT_EQ(fake_.num_open, 1) << call;
     EXPECT_TRUE(is_any_call_hung());
@@ -405,16 +405,12 @@ TEST_F(ForceDimension, TheForceComesBackSlowlyWhenTheDeviceHadNone) {
     (is_silent ? fake_.read_result : fake_.status_result) = is_silent ? -1 : 0;
     fake_.takes_force = is_silent;
     ASSERT_TRUE(eventually([&] { return fake_.wrench[0] == 0; }));
+    fake_.largest_step = 0;
     fake_.read_result = 0;
     fake_.takes_force = true;
-    double last = 0, largest_step = 0;
-    ASSERT_TRUE(eventually([&] {
-      const double now = fake_.wrench[0];
-      largest_step = std::max(largest_step, now - last);
-      last = now;
-      return now == 1;
-    })) << last;
-    EXPECT_LT(largest_step, 0.9);  // this thread does not see every tick
+    ASSERT_TRUE(eventually([&] { return fake_.wrench[0] == 1; })) << fake_.wrench[0].load();
+    EXPECT_GT(fake_.largest_step, 0);
+    EXPECT_LT(fake_.largest_step, 0.01);  // 1 N in 200 ticks: 0.005 N at each
     EXPECT_TRUE(device->status().has_value());
   }
 }

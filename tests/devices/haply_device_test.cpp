@@ -62,6 +62,8 @@ TEST(HaplyDevice, ProbesBeforeTheFirstTickThenSendsEveryForce) {
   bench.start();
   ASSERT_TRUE(eventually([&] { return bench.log.num_valid() > 50; }));
   bench.device->stop();
+  EXPECT_TRUE(eventually([&] { return bench.service.last_force() == Vec3d{}; }))
+      << "the last message of all takes the force away";
   const auto messages = bench.service.messages();
   EXPECT_NE(messages[0].find("profile"), std::string::npos) << messages[0];
   EXPECT_NE(messages[0].find("probe_position"), std::string::npos) << messages[0];
@@ -72,12 +74,13 @@ TEST(HaplyDevice, ProbesBeforeTheFirstTickThenSendsEveryForce) {
   const auto forces = bench.service.forces();
   ASSERT_FALSE(forces.empty());
   EXPECT_EQ(forces.front(), (Vec3d{0.25, -0.5, 1}));
-  EXPECT_EQ(forces.back(), Vec3d{}) << "the last message of all takes the force away";
   EXPECT_TRUE(bench.device->status());
 }
 
 TEST(HaplyDevice, TheHandFeelsTheForce) {
-  Bench bench;
+  HaplyServiceOptions options;
+  options.force_timeout = 5;  // of a client that may be late
+  Bench bench(options);
   const Vec3d rest = bench.service.hand_position();
   bench.log.set_force({0, 0, 1});
   bench.start();
@@ -260,7 +263,7 @@ TEST(HaplyDevice, EventsOfThisDeviceCount) {
       R"({"name":"device-safety-triggered","category":"device","level":"warning","data":)"
       R"({"device_family":"inverse","device_id":"049D","safety_type":"ebrake_triggered"}})");
   bench.wait_until_lost("emergency brake");
-  EXPECT_EQ(bench.service.last_force(), Vec3d{});
+  EXPECT_TRUE(eventually([&] { return bench.service.last_force() == Vec3d{}; }));
 }
 
 TEST(HaplyDevice, StopsAndStartsAgain) {
@@ -273,7 +276,7 @@ TEST(HaplyDevice, StopsAndStartsAgain) {
     const std::size_t before = bench.log.num_valid();
     ASSERT_TRUE(eventually([&] { return bench.log.num_valid() > before + 20; }));
     bench.device->stop();
-    EXPECT_EQ(bench.service.last_force(), Vec3d{});
+    EXPECT_TRUE(eventually([&] { return bench.service.last_force() == Vec3d{}; }));
   }
   bench.start();
   bench.service.faults.is_silent = true;
@@ -316,8 +319,11 @@ TEST(HaplyDevice, ErrorsNameWhatWasTriedAndWhatToDo) {
 
 TEST(HaplyDevice, IsFound) {
   const HaplyService service;
-  const FoundDevice there = find_haply_device_at(address_of(service));
-  EXPECT_TRUE(there.is_usable) << there.what;
+  FoundDevice there;
+  EXPECT_TRUE(eventually([&] {  // it does not wait long
+    there = find_haply_device_at(address_of(service));
+    return there.is_usable;
+  })) << there.what;
   EXPECT_EQ(there.uri, "haply:ws://127.0.0.1:" + std::to_string(service.port()));
   EXPECT_NE(there.what.find("Inverse3 049D"), std::string::npos);
   const FoundDevice nowhere = find_haply_device_at({{"127.0.0.1", 1}, 1});

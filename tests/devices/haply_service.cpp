@@ -132,8 +132,8 @@ struct HaplyService::Impl {
 };
 
 void HaplyService::Impl::sleep(int milliseconds) const {
-  for (int i = 0; i < milliseconds && !is_stopping; ++i)
-    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  const double end = now() + 1e-3 * milliseconds;
+  while (now() < end && !is_stopping) std::this_thread::sleep_for(std::chrono::milliseconds(1));
 }
 
 void HaplyService::Impl::move_hand() {

@@ -10,11 +10,15 @@
 
 #include "palpate/io/files.h"
 #include "src/devices/device_kinds.h"
+#include "tests/test_util/temporary_folder.h"
 
 namespace palpate {
 namespace {
 
-std::string path_of(const std::string& name) { return ::testing::TempDir() + "/replay_" + name; }
+std::string path_of(const std::string& name) {
+  static const test::TemporaryFolder folder;
+  return folder / name;
+}
 
 /// Half a turn in 0.3 s, on a slope; stamps like those of a camera.
 std::vector<TimedPose> turning_path() {

@@ -149,10 +149,14 @@ TEST_F(SpacenavDevice, RestsAtTheOriginUntilItIsPushed) {
 }
 
 TEST_F(SpacenavDevice, MovesAtTheSpeedOfThePush) {
-  // Full to the right, half up, and away by more than there is; turned about the axes.
-  daemon_.motion(350, 180, 5000, -350, 0, INT_MIN);
-  EXPECT_TRUE(comes([](const DeviceState& state) { return state.X_BH.translation.x > 0.01; }));
-  const DeviceState state = newest();
+  // Full to the right, half up, and away by more than there is; turned about the axes. Again and
+  // again, as a push is over after half a second.
+  DeviceState state;
+  EXPECT_TRUE(comes([&](const DeviceState& now) {
+    daemon_.motion(350, 180, 5000, -350, 0, INT_MIN);
+    state = now;
+    return now.X_BH.translation.x > 0.01 && now.V_BH.linear.x > 0;
+  }));
   EXPECT_NEAR(state.V_BH.linear.x, 0.1, 1e-12);
   EXPECT_NEAR(state.V_BH.linear.y, -0.05, 1e-12);  // y is down
   EXPECT_NEAR(state.V_BH.linear.z, 0.1, 1e-12);
@@ -176,10 +180,15 @@ TEST_F(SpacenavDevice, MovesAtTheSpeedOfThePush) {
 }
 
 TEST_F(SpacenavDevice, StandsStillWhenTheDaemonFallsSilent) {
-  daemon_.motion(0, 0, 200, 0, 0, 0);
-  EXPECT_TRUE(comes([](const DeviceState& state) { return state.V_BH.linear.z > 0; }));
+  double z = 0;  // before the last push
+  EXPECT_TRUE(comes([&](const DeviceState& state) {
+    if (state.V_BH.linear.z > 0) return true;
+    z = state.X_BH.translation.z;
+    daemon_.motion(0, 0, 200, 0, 0, 0);
+    return false;
+  }));
   EXPECT_TRUE(comes([](const DeviceState& state) { return state.V_BH.linear.z == 0; }));
-  EXPECT_LT(newest().X_BH.translation.z, 0.1 * 0.6);
+  EXPECT_LT(newest().X_BH.translation.z - z, 0.1 * 0.6);
   EXPECT_TRUE(newest().is_valid);
   EXPECT_TRUE(device_->status().has_value());
 }
@@ -195,8 +204,11 @@ TEST_F(SpacenavDevice, IsLostWithTheDaemonAndComesBackWithIt) {
   states_.clear();
   start();
   daemon_.accept();
-  daemon_.motion(0, -350, 0, 0, 0, 0);
-  EXPECT_TRUE(comes([](const DeviceState& state) { return state.V_BH.linear.y > 0; }));
+  EXPECT_TRUE(comes([this](const DeviceState& state) {
+    if (state.V_BH.linear.y > 0) return true;
+    daemon_.motion(0, -350, 0, 0, 0, 0);
+    return false;
+  }));
   EXPECT_EQ(newest().V_BH.linear.x, 0);
   EXPECT_TRUE(device_->status().has_value());
 }

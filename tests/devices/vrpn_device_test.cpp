@@ -79,11 +79,14 @@ TEST(VrpnDevice, TheHandFeelsTheForceAndNothingAfterwards) {
   bench.log.set_force({0, 0, 2});
   bench.start();
   // At rest the spring of the hand, 200 N/m, holds the force: one centimetre.
-  ASSERT_TRUE(eventually(
-      [&] { return std::abs(bench.log.last().X_BH.translation.z - 0.03 - 0.01) < 5e-4; }));
+  ASSERT_TRUE(eventually([&] {
+    const DeviceState last = bench.log.last();
+    return std::abs(last.X_BH.translation.z - 0.03 - 0.01) < 5e-4 && norm(last.V_BH.linear) < 1e-3;
+  }));
+  EXPECT_TRUE(eventually([&] { return std::abs(bench.server.fields().back()[2] - 0.04) < 2e-3; }))
+      << "the origin is where the handle is";
   const auto field = bench.server.fields().back();
   EXPECT_FLOAT_EQ(field[5], 2);
-  EXPECT_NEAR(field[2], 0.04, 2e-3) << "the origin is where the handle is";
   for (std::size_t i = 6; i < 15; ++i) EXPECT_EQ(field[i], 0) << "a force alone has no stiffness";
   EXPECT_GT(field[15], 0);
   bench.device->stop();
@@ -121,14 +124,18 @@ TEST(VrpnDevice, AVelocityThatIsNoLongerReportedIsOver) {
   Bench bench;
   bench.start();
   ASSERT_TRUE(eventually([&] { return bench.log.num_valid() > 50; }));
-  // Motion, from which the device learns that reported velocities are meant as such.
-  bench.log.set_force({0, 0, 4});
-  ASSERT_TRUE(eventually([&] {
-    const DeviceState last = bench.log.last();
-    return std::abs(last.X_BH.translation.z - 0.05) < 1e-4 && norm(last.V_BH.linear) < 1e-3;
+  // Motion, from which the device learns that reported velocities are meant as such, then one
+  // velocity along x and no more: again if a busy client or server was late for it.
+  double force = 0;
+  EXPECT_TRUE(eventually([&] {
+    force = 4 - force;
+    bench.log.set_force({0, 0, force});
+    std::this_thread::sleep_for(std::chrono::milliseconds(200));
+    bench.server.ends_velocities = true;
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    bench.server.ends_velocities = bench.has_moved_along_x_at(0.5);
+    return bench.server.ends_velocities.load();
   }));
-  bench.server.ends_velocities = true;
-  EXPECT_TRUE(eventually([&] { return bench.has_moved_along_x_at(0.5); }));
   EXPECT_TRUE(eventually([&] { return norm(bench.log.last().V_BH.linear) < 1e-3; }));
 }
 
@@ -269,8 +276,11 @@ TEST(VrpnDevice, ErrorsNameWhatWasTriedAndWhatToDo) {
 
 TEST(VrpnDevice, IsFound) {
   const VrpnServer server;
-  const FoundDevice there = find_vrpn_device_at({"127.0.0.1", server.port()});
-  EXPECT_TRUE(there.is_usable) << there.what;
+  FoundDevice there;
+  EXPECT_TRUE(eventually([&] {  // it does not wait long
+    there = find_vrpn_device_at({"127.0.0.1", server.port()});
+    return there.is_usable;
+  })) << there.what;
   EXPECT_NE(there.what.find("Falcon0"), std::string::npos);
   EXPECT_EQ(there.uri, "vrpn:" + uri_of(server));
   const FoundDevice nowhere = find_vrpn_device_at({"127.0.0.1", 1});

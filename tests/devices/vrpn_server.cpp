@@ -142,9 +142,8 @@ void VrpnServer::serve(int socket) {
 
 bool VrpnServer::send(int socket, std::int32_t sender, std::int32_t type,
                       const std::string& payload) {
-  const auto now = std::chrono::duration_cast<std::chrono::microseconds>(
-                       std::chrono::steady_clock::now().time_since_epoch())
-                       .count();
+  const auto since = last_report_.time_since_epoch();  // when it was so, not when it is sent
+  const auto now = std::chrono::duration_cast<std::chrono::microseconds>(since).count();
   std::string message;
   put(message, static_cast<std::int32_t>(24 + payload.size()));
   put(message, static_cast<std::int32_t>(has_no_clock ? 0 : now / 1000000));
@@ -176,9 +175,15 @@ bool VrpnServer::report(int socket, int number) {
   std::string pose, velocity, button, error;
   {
     const std::lock_guard lock(mutex_);
-    const double step = 1.0 / options_.rate / 4;
+    // Velocities are by the clock: as much happens as time has passed, however late this report is.
+    const auto time = std::chrono::steady_clock::now();
+    const double passed = std::chrono::duration<double>(time - last_report_).count();
+    last_report_ = time;
+    constexpr double kLongest = 0.05, kStep = 2.5e-4;  // s
+    const int num_steps = std::max(1, static_cast<int>(std::min(passed, kLongest) / kStep));
+    const double step = std::min(passed, kLongest) / num_steps;
     force_ = field_.force_at(position_);
-    for (int i = 0; i < 4; ++i) {
+    for (int i = 0; i < num_steps; ++i) {
       const Vec3d sum = force_ - velocity_ * kDamping - (position_ - target_) * kStiffness;
       velocity_ += sum * (step / kMass);
       position_ += velocity_ * step;

@@ -4,6 +4,7 @@
 
 #include <array>
 #include <atomic>
+#include <chrono>
 #include <cstdint>
 #include <mutex>
 #include <string>
@@ -90,6 +91,7 @@ class VrpnServer {
   std::vector<std::string> names_;
   std::int32_t field_type_ = -100, last_sequence_ = -1;
   std::uint32_t reported_buttons_ = 0;
+  std::chrono::steady_clock::time_point last_report_ = std::chrono::steady_clock::now();
   std::thread thread_;
 };
 

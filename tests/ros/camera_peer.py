@@ -1,5 +1,6 @@
 """Cameras of a robot on the Python package cyclonedds: how depth images come over ROS 2. Publishes what BEHAVIOR
 says, reads wrench, contact, tool pose and twist, and prints what it saw as JSON when its standard input ends.
+Standard error tells that it has begun.
 
 usage: camera_peer.py DOMAIN BEHAVIOR [X,Y,Z]
 
@@ -33,7 +34,7 @@ from dataclasses import dataclass
 import rvl
 from cyclone_peer import (CameraInfo, Contact, Header, HEIGHT, Image, Pose, PoseStamped, Quaternion, RegionOfInterest,
                           Robot, TFMessage, Time, TransformStamped, Vector3, WIDTH, WrenchStamped, has_ended, header,
-                          taken)
+                          taken, tell)
 from cyclonedds.idl import IdlStruct
 from cyclonedds.idl.types import float32, float64, int32, sequence, uint8, uint32
 
@@ -218,9 +219,10 @@ class Cameras:
         self.infos = robot.writer("rt/camera/depth/camera_info", CameraInfo, **qos)
         self.others = robot.writer("rt/behind/depth/image_raw", Image, **qos)
         self.other_infos = robot.writer("rt/behind/depth/camera_info", CameraInfo, **qos)
-        self.moving = robot.writer("rt/tf", TFMessage)
+        self.moving = robot.writer("rt/tf", TFMessage, depth=100)
         self.fixed = robot.writer("rt/tf_static", TFMessage, kept=True, depth=2)
         self.waiting = deque()  # what comes late: when, how
+        self.delays = []  # s, of images, when they are sent
         self.chance = random.Random(1)
         self.num = self.num_heard = 0
         self.drawn = {}
@@ -237,9 +239,9 @@ class Cameras:
             self.drawn[key] = make()
         return self.drawn[key]
 
-    def tell_where(self, now):
+    def tell_where(self, stamp):
         if self.behavior == "moving":
-            self.later(now + 0.03, self.moving, transform(now, "camera", camera_height(now)))
+            self.later(stamp + 0.03, self.moving, transform(stamp, "camera", camera_height(stamp)))
 
     def shoot(self, now):
         """The next image, and what comes with it."""
@@ -295,6 +297,9 @@ class Cameras:
         for each in sorted((each for each in self.waiting if each[0] <= now), key=lambda each: each[0]):
             each[1].write(each[2])
             self.waiting.remove(each)
+            if each[1] is self.images:
+                stamp = each[2].header.stamp
+                self.delays.append(time.time() - stamp.sec - 1e-9 * stamp.nanosec)
 
 
 def main(domain, behavior, place="0,0,0.5"):
@@ -311,11 +316,12 @@ def main(domain, behavior, place="0,0,0.5"):
     seen = {"bodies": [], "shapes": {}, "spheres": [], "wrenches": 0, "touching": 0, "fractions": [], "ages": [], "poses": [], "twists": [], "frames": []}
     place = Vector3(*map(float, place.split(",")))
     next_image = next_tf = time.time()
+    tell("begun")
     while not has_ended():
         now = time.time()
-        if now >= next_tf:
-            next_tf = now + 0.02
-            cameras.tell_where(now)
+        while now >= next_tf:  # all places, also of a time when this computer was busy
+            cameras.tell_where(next_tf)
+            next_tf += 0.02
         poses.write(PoseStamped(header(now, "base" if behavior in ("moving", "two") else "camera"),
                                 Pose(place, UPRIGHT)))
         if now >= next_image:
@@ -354,6 +360,7 @@ def main(domain, behavior, place="0,0,0.5"):
             stamp, v, w = twist.header.stamp, twist.twist.linear, twist.twist.angular
             seen["twists"].append([stamp.sec + 1e-9 * stamp.nanosec, v.x, v.y, v.z, w.x, w.y, w.z])
         time.sleep(0.002)
+    seen["delays"] = cameras.delays
     print(json.dumps(seen), flush=True)
 
 

@@ -4,7 +4,8 @@ wrench, contact, diagnostics and the graph, and prints what it saw as JSON.
 
 usage: cyclone_peer.py DOMAIN [BEHAVIOR [WIDTHxHEIGHT [NAMESPACE WRENCH]]]
 
-It goes on until its standard input ends. BEHAVIOR is what it does from the second after the first
+It goes on until its standard input ends. Standard error tells that it has begun, and when it has
+seen enough for a test. BEHAVIOR is what it does from the second after the first
 wrench on: good, silent, flood (1000 images per second), wrong_encoding, wrong_size, tomorrow, dies,
 talks (each image is of another encoding, which clears the screen);
 tf: good, and the tool's pose comes by tf; watches: no more than that, another robot has the camera.
@@ -257,6 +258,10 @@ def parts(values):
     return [round(1e3 * values[int(share * (len(values) - 1))], 3) for share in (0.5, 0.99, 1)]
 
 
+def tell(word):
+    print(word, file=sys.stderr, flush=True)
+
+
 def has_ended():
     return bool(select.select([sys.stdin], [], [], 0)[0])
 
@@ -270,7 +275,7 @@ def main(domain, behavior="good", size=f"{WIDTH}x{HEIGHT}", namespace="rt/palpat
     poses = robot.writer("rt/tool_pose", PoseStamped)
     moving = robot.writer("rt/tf", TFMessage)
     fixed = robot.writer("rt/tf_static", TFMessage, kept=True, depth=1)
-    wrenches = robot.reader(wrench_topic, WrenchStamped, depth=1000)
+    wrenches = robot.reader(wrench_topic, WrenchStamped, depth=20000)
     contacts = robot.reader(namespace + "/contact", Contact, depth=100)
     diagnostics = robot.reader("rt/diagnostics", DiagnosticArray)
     graph = robot.reader("ros_discovery_info", ParticipantEntitiesInfo, kept=True, depth=1)
@@ -288,12 +293,19 @@ def main(domain, behavior="good", size=f"{WIDTH}x{HEIGHT}", namespace="rt/palpat
     seen = {"images": 0, "wrenches": 0, "touching": 0, "frames": [], "states": [], "turns": [], "reasons": [],
             "nodes": [], "hashes": {}, "contact": None, "wild_touching": 0, "wild_from": None}
     next_image = begin
-    wild_from = float("inf")
-    shown, is_touching = 0, False
-    sent, counts, latencies = [], [], []
-    while not has_ended():
+    wild_from = wild_since = float("inf")
+    shown, is_touching, has_enough = 0, False, False
+    sent, counts, latencies, delays, came = [], [], [], [], []
+    end = float("inf")
+    tell("begun")
+    # Until the last word of a run is here, and all that was sent before it.
+    while end > time.time() - 10 and (end == float("inf") or came or "the run has ended" not in seen["reasons"]):
         now = time.time()
+        if has_ended():
+            end = min(end, now)
         is_wild = now > wild_from
+        if is_wild:
+            wild_since = min(wild_since, now)
         if is_wild and behavior == "dies":
             os.kill(os.getpid(), signal.SIGKILL)
         if behavior == "tf":
@@ -315,10 +327,20 @@ def main(domain, behavior="good", size=f"{WIDTH}x{HEIGHT}", namespace="rt/palpat
             else:
                 (wild if is_wild and wild else near if is_near else far).send(stamp)
             seen["images"] += 1
-        for wrench in taken(wrenches, 200):
+        for message in taken(diagnostics, 20):
+            for status in message.status:
+                # How many it had sent then, by its own count.
+                count = next((int(value.value) for value in status.values if value.key == "wrenches sent"), 0)
+                counts.append([1e-9 * message.sample_info.source_timestamp, count])
+                words = status.message.split(" is ")[0]
+                if words not in seen["reasons"]:
+                    seen["reasons"].append(words)
+        came = taken(wrenches, 200)
+        for wrench in came:
             seen["wrenches"] += 1
             wild_from = min(wild_from, now + 1)
             sent.append(1e-9 * wrench.sample_info.source_timestamp)
+            delays.append(time.time() - sent[-1])
             force = wrench.wrench.force
             is_touching = force != Vector3()
             seen["touching"] += is_touching
@@ -327,7 +349,7 @@ def main(domain, behavior="good", size=f"{WIDTH}x{HEIGHT}", namespace="rt/palpat
                 if shown > 0:
                     latencies.append(sent[-1] - shown)
                     shown = 0
-            if now > wild_from + 0.5:
+            if sent[-1] > wild_since + 0.5:
                 seen["wild_touching"] += is_touching
             if wrench.header.frame_id not in seen["frames"]:
                 seen["frames"].append(wrench.header.frame_id)
@@ -342,15 +364,7 @@ def main(domain, behavior="good", size=f"{WIDTH}x{HEIGHT}", namespace="rt/palpat
             if contact.state not in seen["states"]:
                 seen["states"].append(contact.state)
             if not seen["turns"] or seen["turns"][-1][1] != contact.state:
-                seen["turns"].append([now, contact.state])
-        for message in taken(diagnostics, 20):
-            for status in message.status:
-                # How many it had sent then, by its own count.
-                count = next((int(value.value) for value in status.values if value.key == "wrenches sent"), 0)
-                counts.append([1e-9 * message.sample_info.source_timestamp, count])
-                words = status.message.split(" is ")[0]
-                if words not in seen["reasons"]:
-                    seen["reasons"].append(words)
+                seen["turns"].append([1e-9 * contact.sample_info.source_timestamp, contact.state])
         for entities in taken(graph, 20):
             for node in entities.node_entities_info_seq:
                 seen["nodes"].append([node.node_namespace + node.node_name,
@@ -361,12 +375,18 @@ def main(domain, behavior="good", size=f"{WIDTH}x{HEIGHT}", namespace="rt/palpat
                 data = next((policy.data for policy in offer.qos
                              if isinstance(policy, Policy.Userdata)), b"")
                 seen["hashes"][topic] = bytes(data).decode()
+        if (not has_enough and seen["wrenches"] > 1000 and seen["touching"] > 100 and seen["contact"]
+                and sum(stamp > sent[0] for stamp, _ in counts) > 4 and (behavior != "flood" or seen["images"] > 5000)
+                and (behavior not in ("flood", "tomorrow") or seen["wild_touching"] > 10)):
+            has_enough = True
+            tell("enough")
         time.sleep(0.0005 if is_flood else max(0, min(0.004, next_image - time.time())))
     seen["nodes"] = seen["nodes"][-1:]
-    # How many were sent and had not come here, by each word of how many there are: the same number from the first one on,
-    # give or take one that was being sent, if none is lost.
+    # How many were sent and had not come here, by each word of how many there are: the same number from the first one
+    # on, if none is lost. A word that was sent long after it was counted says less; the last one was not.
     missing = [count - bisect.bisect_right(sent, stamp) for stamp, count in counts if sent and stamp > sent[0]]
-    seen["lost"] = missing[-1] - sorted(missing[:-1])[len(missing[:-1]) // 2] if len(missing) > 2 else None
+    seen["lost"] = missing[-1] - max(missing[:3]) if len(missing) > 3 else None
+    seen["delay_ms"] = parts(delays)
     seen["sent_gap_ms"] = parts([after - before for before, after in zip(sent, sent[1:])])
     seen["image_to_sent_ms"], seen["measured"] = parts(latencies), len(latencies)
     print(json.dumps(seen), flush=True)

@@ -4,7 +4,8 @@
 // usage: fastdds_peer DOMAIN WIDTH HEIGHT [IMAGES_PER_SECOND [looks|arm]], until the standard input
 // ends; the viewer also requests points and spheres. An arm tells where the tool is by tf, whose
 // fixed part it says once, before anybody hears it; it keeps contacts, transforms and markers that
-// come, to the last of which it subscribes late, and prints their bytes.
+// come, to the last of which it subscribes late, and prints their bytes. Standard error tells that
+// it has begun, and when it has seen enough for a test.
 #include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
 #include <fastdds/dds/domain/DomainParticipant.hpp>
 #include <fastdds/dds/domain/DomainParticipantFactory.hpp>
@@ -117,6 +118,10 @@ class WrenchListener final : public fast::DataReaderListener {
   bool has_heard() {
     const std::lock_guard lock(mutex_);
     return num_ > 0;
+  }
+  bool has_enough() {
+    const std::lock_guard lock(mutex_);
+    return num_ > 1000 && num_touching_ > 100;
   }
   void print(int num_images, int num_looked_at, const std::string& messages) {
     const std::lock_guard lock(mutex_);
@@ -302,6 +307,8 @@ int main(int argc, char** argv) {
   const double begin = now();
   int num_images = 0;
   double next_image = begin, next_pose = begin;
+  bool has_told_enough = false;
+  std::fputs("begun\n", stderr);
   while (!has_ended) {
     std::this_thread::sleep_for(
         std::chrono::duration<double>(std::min(next_image, next_pose) - now()));
@@ -330,6 +337,10 @@ int main(int argc, char** argv) {
       if (num_images % std::max(1, static_cast<int>(rate / 4)) == 0) listener.show(is_contact);
       images->write(&image);
       ++num_images;
+    }
+    if (!has_told_enough && listener.has_enough()) {
+      has_told_enough = true;
+      std::fputs("enough\n", stderr);
     }
   }
   listener.print(num_images, dropper.num(),

@@ -19,14 +19,22 @@ except ImportError:
     get_typestore = None
 
 from messages_test import CONTACT
-from peer_case import NEWER, NO_CYCLONE, PALPATE, PeerCase, parts
+from peer_case import NEWER, NO_CYCLONE, PALPATE, PeerCase, has_enough, parts
 
 
 class InteropTest(PeerCase):
+    def lose_nothing(self, peer, *options):
+        """Again if the peer stood still: what comes meanwhile may be more than it has room for."""
+        for _ in range(3):
+            seen, _ = self.converse(peer, *options, until=has_enough)
+            if seen["lost"] == 0 or seen["delay_ms"][2] < 200:
+                break
+        self.assertEqual(seen["lost"], 0, seen["delay_ms"])
+        return seen
+
     def test_a_robot_on_another_version_of_cyclone_dds(self):
-        seen, _ = self.converse(self.cyclone())
+        seen = self.lose_nothing(self.cyclone())
         self.assertGreater(seen["wrenches"], 1000)
-        self.assertEqual(seen["lost"], 0)
         self.assertGreater(seen["touching"], 100)
         self.assertEqual(seen["frames"], ["palpate_tool"])
         self.assertEqual(seen["hashes"]["rt/palpate/wrench"],
@@ -51,11 +59,11 @@ class InteropTest(PeerCase):
     def test_with_the_newer_cyclone_dds_itself(self):
         if not NEWER:
             self.skipTest(NO_CYCLONE)
-        seen, _ = self.converse(self.cyclone(), PALPATE_DDSC=NEWER[0])
+        seen, _ = self.converse(self.cyclone(), until=has_enough, PALPATE_DDSC=NEWER[0])
         self.assertGreater(seen["touching"], 100)
 
     def test_a_tool_by_tf_whose_static_part_was_told_before(self):
-        seen, _ = self.converse(self.cyclone("tf"), tool=("--tool-frame", "tool0"))
+        seen, _ = self.converse(self.cyclone("tf"), tool=("--tool-frame", "tool0"), until=has_enough)
         self.assertGreater(seen["touching"], 100)
         self.assertEqual(seen["frames"], ["tool0"])
         self.expect_push_along(1, seen)  # it is turned
@@ -64,10 +72,9 @@ class InteropTest(PeerCase):
         if FASTDDS_PEER is None:
             self.skipTest("SKIPPED: scripts/setup.sh --test installs libfastrtps-dev")
         for options in ((), ("--qos", "reliable")):
-            seen, _ = self.converse([FASTDDS_PEER, self.domain, 640, 480], *options)
+            seen = self.lose_nothing([FASTDDS_PEER, self.domain, 640, 480], *options)
             self.assertGreater(seen["wrenches"], 1000)
             self.assertGreater(seen["touching"], 100)
-            self.assertEqual(seen["lost"], 0)
 
     def test_an_arm_on_fast_dds_reads_contacts_and_bodies(self):
         """Its tf_static and our markers are there for who comes late; rosbags reads what it got."""
@@ -121,14 +128,14 @@ class InteropTest(PeerCase):
 
     def test_the_topics_are_where_they_are_wanted(self):
         seen, _ = self.converse(self.cyclone("good", "cyclone_peer.py", "80x60", "rt/arm", "rt/ft/wrench"),
-                                "--ros2-namespace", "/arm", "--wrench", "/ft/wrench")
+                                "--ros2-namespace", "/arm", "--wrench", "/ft/wrench", until=has_enough)
         self.assertGreater(seen["wrenches"], 1000)
         self.assertGreater(seen["contact"]["fraction"], 0)
         self.assertEqual(set(seen["hashes"]), {"rt/ft/wrench", *("rt/arm/" + name for name in (
             "contact", "tool_pose", "tool_twist", "points", "spheres", "markers"))})
 
     def test_a_robot_that_dies_is_zero_until_another_one_comes(self):
-        victim = subprocess.Popen([str(word) for word in self.cyclone("dies")], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        victim = self.start(self.cyclone("dies"))
         times, successors = [], []
 
         def succeed():
@@ -136,13 +143,13 @@ class InteropTest(PeerCase):
             times.append(time.time())
             time.sleep(3)
             times.append(time.time())
-            successors.append(subprocess.Popen([str(word) for word in self.cyclone()], stdin=subprocess.PIPE,
-                                               stdout=subprocess.PIPE, text=True))
+            successors.append(self.start(self.cyclone()))
 
         nurse = threading.Thread(target=succeed)
         nurse.start()
         try:
-            seen, said = self.converse(self.cyclone("watches"), duration=10)
+            seen, said = self.converse(self.cyclone("watches"),
+                                       until=lambda _: successors and has_enough(successors[0]))
         finally:
             victim.kill()
             nurse.join()
@@ -181,14 +188,14 @@ class InteropTest(PeerCase):
         self.assertNotIn("\x1b", said)
 
     def test_stamps_from_tomorrow_are_told_once(self):
-        seen, said = self.converse(self.cyclone("tomorrow"))
+        seen, said = self.converse(self.cyclone("tomorrow"), until=has_enough)
         self.assertGreater(seen["wild_touching"], 10)
         self.expect_one_note("has restarted its clock", said)
 
     def test_a_flood_of_images_is_thinned_and_told_once(self):
         # 1000 images per second: 38 MB/s that are kept nowhere.
-        seen, said = self.converse(self.cyclone("flood", "cyclone_peer.py", "160x120"), duration=8)
-        self.assertGreater(seen["images"], 2000)
+        seen, said = self.converse(self.cyclone("flood", "cyclone_peer.py", "160x120"), until=has_enough)
+        self.assertGreater(seen["images"], 5000)
         self.assertGreater(seen["wild_touching"], 10)
         self.expect_one_note("sends more than 200 images per second", said)
         self.expect_no_growth()

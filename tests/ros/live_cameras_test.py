@@ -9,8 +9,8 @@ import json
 import math
 import os
 import pathlib
+import re
 import signal
-import socket
 import statistics
 import subprocess
 import time
@@ -79,7 +79,7 @@ class LiveCamerasTest(PeerCase):
         seen = self.watch("late", "--max-age", "0.8", "--clock", "shared")
         self.touched(seen)
         self.assertGreater(min(seen["ages"]), 0.2)
-        self.assertLess(statistics.median(seen["ages"]), 0.4)
+        self.assertLess(statistics.median(seen["ages"]), statistics.median(seen["delays"]) + 0.2)
         # By its own clock, what is always late is not seen.
         seen = self.watch("late", "--max-age", "0.8")
         self.assertLess(min(seen["ages"]), 0.2)
@@ -188,27 +188,24 @@ class LiveCamerasTest(PeerCase):
         with open(path, "w", encoding="utf-8") as file:  # to and fro by 50 mm, once a second
             for k in range(6001):
                 file.write(f"{0.01 * k} {0.05 * math.sin(0.02 * math.pi * k)} 0 0.3 0 0 0 1\n")
-        with socket.socket() as free:
-            free.bind(("127.0.0.1", 0))
-            port = free.getsockname()[1]
 
         def change(key, value):
-            with urllib.request.urlopen(f"http://127.0.0.1:{port}/api/command", timeout=10, data=json.dumps(
+            with urllib.request.urlopen(f"{address}/api/command", timeout=60, data=json.dumps(
                     {"command": "set", "key": key, "value": value}).encode()) as answer:
                 self.assertTrue(json.load(answer)["ok"])
             return time.time()
 
-        robot = subprocess.Popen([str(word) for word in self.cyclone("follow", "camera_peer.py")],
-                                 stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        robot = self.start(self.cyclone("follow", "camera_peer.py"))
         run = subprocess.Popen(
             [PALPATE, "touch", self.tool, "--camera", "ros2:/camera/depth/image_raw", "--device", f"replay:{path}",
              "--ros2", "--max-age", "10", "--set", "safety.max_sensor_age=10", "--set", "safety.max_contact_age=10",
-             "--view", "--view-port", str(port), "-o", os.path.join(self.folder.name, "held")],
+             "--view", "--view-port", "0", "-o", os.path.join(self.folder.name, "held")],
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
             env={**os.environ, "ROS_DOMAIN_ID": str(self.domain), "ROS_LOCALHOST_ONLY": "1"})
         try:
             for line in run.stdout:  # after a note on what it waits for
-                if "open http" in line:
+                if found := re.search(r"open (http://\S+?)/? in a browser", line):
+                    address = found.group(1)
                     break
             else:
                 self.fail("the run has ended")

@@ -5,9 +5,11 @@ import glob
 import importlib.util
 import json
 import os
+import signal
 import subprocess
 import sys
 import tempfile
+import time
 import unittest
 
 PALPATE = sys.argv.pop(1)
@@ -31,6 +33,15 @@ def domains():
         except BlockingIOError:
             continue
         yield domain
+
+
+def heard(robot):
+    """What a robot has said of itself so far: that it has begun, that it has seen enough."""
+    return os.pread(robot.notes.fileno(), 65536, 0).decode(errors="replace").splitlines()
+
+
+def has_enough(robot):
+    return "enough" in heard(robot)
 
 
 class PeerCase(unittest.TestCase):
@@ -60,28 +71,43 @@ class PeerCase(unittest.TestCase):
         # Tests that overlap do not hear each other.
         self.domain = next(self.free_domains)
 
+    def start(self, peer):
+        """A robot that is there: on a busy computer it takes long to load what it needs."""
+        notes = tempfile.TemporaryFile()
+        self.addCleanup(notes.close)
+        robot = subprocess.Popen([str(word) for word in peer], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+                                 stderr=notes, text=True)
+        self.addCleanup(robot.kill)
+        robot.notes = notes
+        deadline = time.monotonic() + 120
+        while "begun" not in heard(robot):
+            self.assertTrue(robot.poll() is None and time.monotonic() < deadline, heard(robot))
+            time.sleep(0.02)
+        return robot
+
     def converse(self, peer, *options, depth="/camera/depth/image_raw", tool=("--pose", "/tool_pose"),
-                 duration=4, words=None, **environment):
-        """What the peer saw while palpate ran, and what palpate said. `words` instead of palpate ros2. Leaves the memory
-        that palpate had in use, MB, tenth of a second by tenth of a second."""
-        robot = subprocess.Popen([str(word) for word in peer], stdin=subprocess.PIPE,
-                                 stdout=subprocess.PIPE, text=True)
+                 duration=4, until=None, words=None, **environment):
+        """What the peer saw while palpate ran, and what palpate said. `until`: what ends the run, of the peer, instead
+        of a duration. `words` instead of palpate ros2. Leaves the memory that palpate had in use, MB, tenth of a second
+        by tenth of a second."""
+        robot = self.start(peer)
         try:
             run = subprocess.Popen(
                 [PALPATE, *(words or ["ros2", self.tool, "--depth", depth, *tool]), "-o",
-                 os.path.join(self.folder.name, "run"), "--duration", str(duration), *options],
+                 os.path.join(self.folder.name, "run"), "--duration", str(120 if until else duration), *options],
                 stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
                 env={**os.environ, "ROS_DOMAIN_ID": str(self.domain), "ROS_LOCALHOST_ONLY": "1",
                      **environment})
-            notes = self.watch_memory(run)
+            notes = self.watch_memory(run, lambda: until and until(robot))
         finally:
             said, _ = robot.communicate(timeout=60)
         self.assertEqual(run.returncode, 0, notes)
+        self.assertTrue(said, heard(robot))
         return json.loads(said), notes
 
-    def watch_memory(self, run):
-        """What a program says on its standard error until it ends."""
-        self.megabytes = []
+    def watch_memory(self, run, is_enough):
+        """What a program says on its standard error until it ends, which it is asked to once that is enough."""
+        self.megabytes, was_asked = [], False
         for _ in range(3000):
             try:
                 return run.communicate(timeout=0.1)[1]
@@ -89,6 +115,9 @@ class PeerCase(unittest.TestCase):
                 with open(f"/proc/{run.pid}/status", encoding="ascii") as status:
                     used = [int(line.split()[1]) / 1024 for line in status if line.startswith("VmRSS")]
                 self.megabytes += used
+            if not was_asked and is_enough():
+                was_asked = True
+                run.send_signal(signal.SIGINT)
         run.kill()
         return run.communicate()[1]
 

@@ -1,6 +1,8 @@
 // What people do to a loop that runs: other settings, held frames, pictures.
 #include <gtest/gtest.h>
 
+#include <atomic>
+#include <chrono>
 #include <cmath>
 #include <mutex>
 #include <thread>
@@ -125,7 +127,7 @@ TEST(LiveLoopChange, EveryStageGoesOnAndNothingJumps) {
   EXPECT_EQ(seen.settings.size(), kNum);
   EXPECT_EQ(seen.ticks.back().revision, kNum);
   EXPECT_EQ(seen.contacts.back().revision, kNum);
-  EXPECT_EQ(touching.loop->report().num_lost_records, 0u);
+  EXPECT_EQ(seen.ticks.size(), touching.loop->report().num_ticks);
   EXPECT_EQ(seen.settings.back().coupling.motion_scale, 1.5);
 
   const SafetyOptions safety = patient_settings().safety;
@@ -276,8 +278,12 @@ TEST(LiveLoopChange, FramesThatAreExpectedInAnHourComeWhenTheyCome) {
 // Whoever changes settings while the camera stands still gets an answer soon, and the next one at
 // once: a page's thread waits for it, and the end of a run for that.
 TEST(LiveLoopChange, WithoutDepthFramesIsRefusedSoonAndTakenLater) {
-  Touching touching({.stalls_at = 10, .stall_seconds = 8});
-  ASSERT_TRUE(wait_for([&] { return touching.loop->report().num_frames >= 1; }));
+  std::atomic<bool> may_come_again = false;
+  Touching touching({.depth = [&](int k) {
+    if (k == 10) wait_for([&] { return may_come_again.load(); });
+    return 0.5;
+  }});
+  const auto begin = std::chrono::steady_clock::now();
   const auto filter = [&](int radius) {
     RunSettings settings = touching.loop->settings();
     settings.surface.filter.radius = radius;
@@ -291,7 +297,9 @@ TEST(LiveLoopChange, WithoutDepthFramesIsRefusedSoonAndTakenLater) {
   }));
   EXPECT_NE(last.error().message.find("no depth frame"), std::string::npos);
   for (int k = 0; k < 100; ++k) EXPECT_FALSE(filter(5));
-  EXPECT_TRUE(wait_for([&] { return bool(filter(4)); }));  // frames come again
+  EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::minutes(1));
+  may_come_again = true;
+  EXPECT_TRUE(wait_for([&] { return bool(filter(4)); }));
   EXPECT_EQ(touching.loop->settings().surface.filter.radius, 4);
 }
 
@@ -525,15 +533,19 @@ TEST(LiveLoopHold, TheSceneStandsStillAndTheHandGoesOn) {
     EXPECT_TRUE(wait_for([&] { return seen.num_frames() >= desired; }));
   };
   touching.loop->hold_frames(true);
-  wait_for_frames(4);  // what was on its way
+  // What was on its way: no two new frames are the same.
+  EXPECT_TRUE(wait_for([&] {
+    const std::size_t num = seen.num_frames();
+    return num > 1 && depth_of(num - 1) == depth_of(num - 2);
+  }));
   const std::size_t held = seen.num_frames() - 1;
   const int num_ticks = touching.device.num_ticks();
   wait_for_frames(10);
-  EXPECT_GT(touching.device.num_ticks(), num_ticks + 30);
+  EXPECT_TRUE(wait_for([&] { return touching.device.num_ticks() > num_ticks + 30; }));
   for (std::size_t k = held; k < held + 10; ++k) EXPECT_EQ(depth_of(k), depth_of(held));
 
   touching.loop->step_frame();
-  wait_for_frames(6);
+  EXPECT_TRUE(wait_for([&] { return depth_of(seen.num_frames() - 1) != depth_of(held); }));
   EXPECT_EQ(depth_of(seen.num_frames() - 1), depth_of(held) + 5);  // the next one, 0.5 mm on
   const std::size_t stepped = seen.num_frames() - 1;
   wait_for_frames(5);
@@ -545,16 +557,14 @@ TEST(LiveLoopHold, TheSceneStandsStillAndTheHandGoesOn) {
   EXPECT_TRUE(touching.loop->change(settings));
 
   touching.loop->hold_frames(false);
-  wait_for_frames(8);
+  EXPECT_TRUE(
+      wait_for([&] { return depth_of(seen.num_frames() - 1) >= depth_of(stepped) + 4 * 5; }));
   touching.loop->stop();
-  int num_new = 0;
   for (std::size_t k = 1; k < seen.frames.size(); ++k) {
     EXPECT_GT(seen.frames[k].time, seen.frames[k - 1].time);
     const int step = depth_of(k) - depth_of(k - 1);
     EXPECT_TRUE(step >= 0 && step % 5 == 0) << step;  // a busy machine leaves some out
-    if (k > stepped) num_new += step / 5;
   }
-  EXPECT_GE(num_new, 4);
   EXPECT_EQ(touching.loop->report().fault, Fault::stopped);
 }
 

@@ -55,6 +55,30 @@ Result<RunOutcome> run_for(double duration, const std::filesystem::path& folder,
   return record_run(tool, stream, *device, settings, folder, {.duration = duration});
 }
 
+/// For so long, and until the hand has felt the wall for a while.
+Result<RunOutcome> press_for(double duration, DepthSource& stream,
+                             const std::filesystem::path& folder, const RunSettings& settings) {
+  constexpr int kEnough = 150;
+  std::atomic<int> num_ticks = 0, num_contacts = 0;  // with a force
+  std::atomic<double> time = 0;
+  RunMonitor monitor;
+  monitor.observer.on_ticks = [&](std::span<const TickRecord> ticks) {
+    for (const TickRecord& tick : ticks) num_ticks += norm(tick.F_H_B.force) > 0 ? 1 : 0;
+    time = ticks.back().time;
+  };
+  monitor.observer.on_contact = [&](const ContactRecord& contact) {
+    num_contacts += contact.penetration.volume > 0 ? 1 : 0;
+  };
+  RunOptions options;
+  options.monitor = &monitor;
+  options.duration = 120;
+  options.keep_going = [&] {
+    return time < duration || num_ticks < kEnough || num_contacts < kEnough;
+  };
+  const auto device = pressing_device();
+  return record_run(small_tool(), stream, *device, settings, folder, options);
+}
+
 std::string read(const std::filesystem::path& path) { return *read_file(path); }
 
 // Messages
@@ -244,10 +268,8 @@ TEST(LiveRun, AFlowIsFeltAndRepeated) {
   TemporaryFolder folder;
   RunSettings settings = patient_settings();
   settings.coupling.friction.coefficient = 0.4;
-  const Tool tool = small_tool();
-  test::FlowingStream stream(1000);
-  const auto device = pressing_device();
-  const auto run = record_run(tool, stream, *device, settings, folder / "run", {.duration = 1.5});
+  test::FlowingStream stream(100000);
+  const auto run = press_for(1.5, stream, folder / "run", settings);
   ASSERT_TRUE(run) << run.error().message;
   const auto replay = replay_run(folder / "run");
   ASSERT_TRUE(replay) << replay.error().message;
@@ -269,7 +291,10 @@ TEST(LiveRun, IsRecordedAndRepeatedBitForBit) {
        {CouplingKind::virtual_coupling, CouplingKind::direct, CouplingKind::proxy}) {
     RunSettings settings = patient_settings();
     settings.coupling.kind = kind;
-    const auto outcome = run_for(1.2, run, settings);  // replaces the run before
+    const auto outcome = test::without_losses([&] {
+      SyntheticStream stream(100000);
+      return press_for(1.2, stream, run, settings);  // replaces the run before
+    });
     ASSERT_TRUE(outcome) << outcome.error().message;
     EXPECT_EQ(outcome->failure, "");
     EXPECT_GT(outcome->loop.num_ticks, 100u);
@@ -296,7 +321,8 @@ TEST(LiveRun, PointMethodsAndPredictionAreRepeatedToo) {
   settings.contact.method = MethodKind::graph;
   settings.time.mode = TimeMode::predict;
   settings.coupling.hold = ContactHold::interpolation;
-  const auto outcome = run_for(1, folder.path() / "run", settings);
+  SyntheticStream stream(100000);
+  const auto outcome = press_for(1, stream, folder.path() / "run", settings);
   ASSERT_TRUE(outcome) << outcome.error().message;
   const auto replay = replay_run(folder.path() / "run");
   ASSERT_TRUE(replay) << replay.error().message;
@@ -307,7 +333,8 @@ TEST(LiveRun, PointMethodsAndPredictionAreRepeatedToo) {
 TEST(LiveRun, ReplayFindsWhatWasChanged) {
   const TemporaryFolder folder;
   const auto run = folder.path() / "run";
-  ASSERT_TRUE(run_for(0.6, run));
+  SyntheticStream stream(100000);
+  ASSERT_TRUE(press_for(0.6, stream, run, patient_settings()));
   const std::vector<Message> recorded = messages(run);
 
   const auto replay_changed = [&](const char* topic, int number, auto change) {
@@ -395,7 +422,7 @@ TEST(LiveRun, KilledLosesNoMoreThanTheLastHalfSecond) {
   const auto run = folder.path() / "run";
   const pid_t child = fork();
   if (child == 0) {
-    (void)run_for(60, run);
+    (void)run_for(120, run, patient_settings(), 100000);
     _exit(0);
   }
   int num_ticks = 0;
@@ -411,10 +438,16 @@ TEST(LiveRun, KilledLosesNoMoreThanTheLastHalfSecond) {
       ++num_ticks;
     }
   };
-  // What would be lost, at 20 moments: on a busy machine it may be more at one of them.
+  // What would be lost. On a busy machine it may be more at some moments, and on a disk that stands
+  // still at all moments of a second or two: it is looked at again then.
   std::vector<double> ages;
+  const auto is_mostly_young = [&] {  // at the last 20 moments
+    if (ages.size() < 20) return false;
+    constexpr double kMost = 0.75;  // s: half a second, and a busy disk
+    return std::count_if(ages.end() - 20, ages.end(), [](double a) { return a < kMost; }) > 15;
+  };
   const double begin = monotonic_now();
-  while ((ages.size() < 20 || num_ticks <= 400) && monotonic_now() - begin < 50) {
+  while ((!is_mostly_young() || num_ticks <= 400) && monotonic_now() - begin < 60) {
     std::this_thread::sleep_for(std::chrono::milliseconds(100));
     const double now = monotonic_now();
     look();
@@ -422,9 +455,7 @@ TEST(LiveRun, KilledLosesNoMoreThanTheLastHalfSecond) {
   }
   kill(child, SIGKILL);
   waitpid(child, nullptr, 0);
-  ASSERT_FALSE(ages.empty());
-  std::ranges::nth_element(ages, ages.begin() + static_cast<std::ptrdiff_t>(ages.size() / 2));
-  EXPECT_LT(ages[ages.size() / 2], 0.75);  // half a second, and a busy disk
+  EXPECT_TRUE(is_mostly_young());
 
   bool was_cut_off = false;
   double last = 0;
@@ -490,8 +521,9 @@ TEST(LiveRun, GoesOnAfterAFaultThatPassesAndIsRepeated) {
   EXPECT_EQ(outcome->failure, "");
   EXPECT_GT(outcome->loop.num_faults, 0u);
   ASSERT_GE(said.size(), 3u);
-  EXPECT_EQ(said.front(), describe(Fault::stale_sensor));
-  EXPECT_NE(std::ranges::find(said, "the force comes up"), said.end());
+  const auto fault = std::ranges::find(said, describe(Fault::stale_sensor));
+  ASSERT_NE(fault, said.end());
+  EXPECT_NE(std::find(fault, said.end(), "the force comes up"), said.end());
   const auto summary = nlohmann::json::parse(outcome->summary_json);
   EXPECT_EQ(summary["fault"], "none");
   ASSERT_FALSE(summary["faults"].empty());
@@ -527,10 +559,16 @@ TEST(LiveRun, WhatIsLostIsCountedAndTold) {
   const TemporaryFolder folder;
   const auto run = folder.path() / "run";
   std::atomic<std::uint64_t> num_frames = 0;
+  std::atomic<RunLoop*> loop = nullptr;
   RunMonitor monitor;
+  monitor.on_loop = [&](RunLoop* now) { loop = now; };
   monitor.observer.on_frame = [&](const FrameRecord& frame, const DepthFrame&) {
     num_frames = frame.number;
-    if (frame.number == 20) std::this_thread::sleep_for(std::chrono::milliseconds(800));
+    if (frame.number != 20) return;
+    wait_for([&] {  // for twice as many as the queue holds
+      RunLoop* const now = loop;
+      return now != nullptr && now->report().num_frames > 20 + 64;
+    });
   };
   RunOptions options;
   options.monitor = &monitor;

@@ -1,6 +1,7 @@
 // A small depth stream made on the spot, and a tool path that presses into it.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <string>
 
@@ -10,7 +11,7 @@
 
 namespace palpate::test {
 
-/// A bumpy wall half a metre away that comes nearer by 2 mm a frame.
+/// A bumpy wall half a metre away that comes nearer by 2 mm a frame, to 0.3 m and back.
 class SyntheticStream : public DepthSource {
  public:
   explicit SyntheticStream(int num_frames, double rate = 30) {
@@ -33,9 +34,10 @@ class SyntheticStream : public DepthSource {
     frame.unit = info_.unit;
     frame.timestamp = 1000.25 + next_ / info_.rate;
     frame.pixels.clear();
+    const int k = next_ % 200, near = std::min(k, 200 - k);
     for (int v = 0; v < frame.height; ++v) {
       for (int u = 0; u < frame.width; ++u) {
-        const double z = 0.5 - 0.002 * next_ + 0.004 * std::sin(0.2 * u) * std::cos(0.17 * v);
+        const double z = 0.5 - 0.002 * near + 0.004 * std::sin(0.2 * u) * std::cos(0.17 * v);
         frame.pixels.push_back((u * 7 + v * 3) % 41 == 0
                                    ? 0
                                    : static_cast<std::uint16_t>(std::lround(z / info_.unit)));

@@ -3,17 +3,20 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cmath>
 #include <filesystem>
 #include <functional>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <set>
 #include <thread>
 
 #include "palpate/session/run.h"
+#include "src/core/monotonic_clock.h"
 #include "src/io/internal/atomic_file.h"
 #include "src/io/internal/mcap_file.h"
 #include "src/run/internal/pipeline.h"
@@ -577,13 +580,14 @@ TEST(RunView, AWrongFolderIsOneClearError) {
 
 TEST(LiveView, ARunOnASimulatedClockKeepsPaceAndCanBeHeldAndTurned) {
   const Tool tool = small_tool();
-  constexpr int kNumFrames = 90;  // 3 s, in which even a busy machine comes to hold it
+  constexpr int kNumFrames = 900;  // 30 s, in which even a busy machine comes to hold it
   SyntheticStream stream(kNumFrames);
   const TemporaryFolder folder;
   const auto view = LiveView::create(tool, {stream.info()}, "path");
   Watcher watcher(*view);
   RunOptions options;
   options.monitor = &view->monitor();
+  options.keep_going = [&] { return !view->wants_end(); };
   options.clock.keeps_pace = true;
   auto device = test::path_device(pressing_pose, kRate);
   std::optional<Result<RunOutcome>> outcome;
@@ -606,10 +610,12 @@ TEST(LiveView, ARunOnASimulatedClockKeepsPaceAndCanBeHeldAndTurned) {
   watcher.execute({{"command", "set"}, {"key", "contact.method"}, {"value", "graph"}});
   EXPECT_EQ(watcher.state()["settings"]["contact.method"], "graph");
   watcher.execute({{"command", "resume"}});
+  EXPECT_TRUE(watcher.until([&] { return watcher.state()["time"] > time + 1; }));
+  watcher.execute({{"command", "end"}});
   run.join();
   const std::chrono::duration<double> took = std::chrono::steady_clock::now() - start;
-  EXPECT_GE(took.count(), kNumFrames / 30.0 + 0.05 - 0.01);
   ASSERT_TRUE(*outcome) << outcome->error().message;
+  EXPECT_GE(took.count(), static_cast<double>((*outcome)->loop.num_ticks) / kRate + 0.05 - 0.01);
   watcher.poll();
   EXPECT_EQ(watcher.samples.size(), (*outcome)->loop.num_ticks);
   EXPECT_EQ(watcher.state()["running"], false);
@@ -638,11 +644,11 @@ class LiveRunTest : public testing::Test {
  protected:
   LiveRunTest()
       : tool_(small_tool()),
-        stream_(1000),
+        stream_(100000),
         view_(LiveView::create(tool_, {stream_.info()}, "hand")),
         watcher_(*view_) {}
 
-  void start(double duration = 60) {
+  void start(double duration = 120) {
     run_ = std::thread([this, duration] {
       const auto device = pressing_device();
       RunOptions options;
@@ -671,9 +677,15 @@ TEST_F(LiveRunTest, IsSeenAndSeenAgain) {
   EXPECT_EQ(watcher_.state()["running"], false);
   EXPECT_FALSE(watcher_.command({{"command", "pause"}}));
   start();
-  // A contact somewhere within the run.
+  // A contact somewhere within the run, and one that is told at once: its time is that of the last
+  // ticks that were published, and a busy disk may hold them up.
+  double zero = std::numeric_limits<double>::infinity();  // of the run, s, monotonic
   ASSERT_TRUE(watcher_.until([&] {
-    return watcher_.contact && watcher_.frame && watcher_.surface && watcher_.contact->time > 0.4 &&
+    if (!watcher_.contact) return false;
+    const double begun = monotonic_now() - watcher_.contact->time;
+    zero = std::min(zero, begun);
+    return watcher_.frame && watcher_.surface && watcher_.contact->time > 0.4 &&
+           begun < zero + 0.3 &&
            std::count(watcher_.contact->spheres.states.begin(),
                       watcher_.contact->spheres.states.end(), SphereState::outside) < 190;
   }));
@@ -750,7 +762,9 @@ TEST_F(LiveRunTest, IsTurnedAndHeld) {
   EXPECT_EQ(watcher_.state()["revision"], 4);
   watcher_.execute({{"command", "pause"}});
   EXPECT_EQ(watcher_.state()["paused"], true);
-  EXPECT_NE(watcher_.state()["note"].get<std::string>().find("held"), std::string::npos);
+  // Other things may come first for a moment.
+  EXPECT_TRUE(watcher_.until(
+      [&] { return watcher_.state()["note"].dump().find("held") != std::string::npos; }));
   watcher_.execute({{"command", "step"}, {"frames", 2}});
   EXPECT_EQ(watcher_.state()["paused"], true);
   watcher_.execute({{"command", "resume"}});
@@ -817,6 +831,12 @@ TEST_F(LiveRunTest, WhatWasCutOffIsShownAsFarAsItGoes) {
   start(2);
   join();
   ASSERT_TRUE(*outcome_) << outcome_->error().message;
+  double duration = 0;
+  {
+    const auto whole = view_run(folder());
+    ASSERT_TRUE(whole) << whole.error().message;
+    duration = Watcher(**whole).state()["duration"].get<double>();
+  }
   const fs::path file = folder() / kRecordingFile;
   const auto size = fs::file_size(file);
   fs::resize_file(file, size * 6 / 10);
@@ -827,7 +847,7 @@ TEST_F(LiveRunTest, WhatWasCutOffIsShownAsFarAsItGoes) {
   Json state = watcher.state();
   EXPECT_NE(state["note"].get<std::string>().find("cut off"), std::string::npos) << state["note"];
   EXPECT_GT(state["duration"], 0.4);
-  EXPECT_LT(state["duration"], 1.9);
+  EXPECT_LT(state["duration"], duration);
   watcher.execute({{"command", "seek"}, {"time", 100}});
   EXPECT_TRUE(watcher.until([&] { return watcher.state()["paused"] == true; }));
 

@@ -29,10 +29,21 @@ constexpr double kPublishingPeriod = 0.005;  // s
 constexpr double kMindingPeriod = 0.02;      // s
 constexpr double kFirstTickTimeout = 2;      // s
 constexpr double kFadeTimeout = 0.5;         // s, beyond the fade itself
-// A change waits no longer than this and three frames, s: whoever asks for it may have the end of
-// the run to ask for as well.
+// A change is waited for no longer than this and three frames, s: whoever requests it may have the
+// end of the run to request as well.
 constexpr double kChangeTimeout = 2;
-constexpr double kMaxSilence = 1;  // s without a tick: the device is stuck
+constexpr double kMaxSilence = 1;  // s without a tick, or what settings allow: a device is stuck
+constexpr double kLongStart = 2;   // s until the user is told what is waited for
+
+/// Waits for it, at most for `patience` s, of which the rest remains. Its rounds are counted: while
+/// the whole process stands still, nobody waits.
+template <class Condition>
+void wait_for(double& patience, const Condition& has_come) {
+  constexpr double kRound = 1e-3;  // s
+  for (; !has_come() && patience > 0; patience -= kRound) {
+    std::this_thread::sleep_for(std::chrono::duration<double>(kRound));
+  }
+}
 
 /// Queries that are too rare for the safety filter would end every run.
 Status check_contact_rate(const RunSettings& settings) {
@@ -59,7 +70,7 @@ std::unique_ptr<ThreadPool> make_query_threads(const RunSettings& settings,
 struct Change {
   RunSettings settings;
   std::uint32_t revision = 0;
-  double begun = 0;  // s, monotonic
+  double patience = 0;  // s that people wait for it
   SurfaceChange surfaces;
   ContactChange contacts;
   HapticChange haptic;
@@ -141,6 +152,7 @@ class LiveLoop final : public RunLoop {
   double slowest_rate() const;
   void publish_all();
   bool has_stopped_ticking();
+  bool is_start_long();
   /// It ticks no more: lost, stuck, or at the end of its path.
   bool has_device_ended() const { return is_device_stuck_ || !device_.status(); }
   void end_with(const Error& error);
@@ -167,12 +179,13 @@ class LiveLoop final : public RunLoop {
   // Of the publishing thread.
   std::uint64_t num_seen_ticks_ = 0;
   int num_silent_rounds_ = 0;
+  bool was_start_long_ = false;
   // Of the minding thread.
   bool is_changing_backend_ = false;
   LoadGovernor governor_;
 
   std::atomic<bool> is_running_ = false, is_backend_lost_ = false, is_page_thinned_ = false;
-  std::atomic<bool> has_failed_ = false, is_device_stuck_ = false;
+  std::atomic<bool> has_failed_ = false, is_device_stuck_ = false, is_device_starting_ = false;
   std::atomic<std::uint64_t> num_pictures_ = 0;  // requested
   std::atomic<int> recorder_nice_ = 0;
   std::atomic<double> start_time_ = 0, end_time_ = 0;
@@ -216,19 +229,17 @@ Status LiveLoop::start_all() {
   }
   if (has_locked_memory_) lock_memory();  // what the threads have taken since: little
   is_running_.store(true, std::memory_order_release);
-  if (const Status ticks =
-          device_.start([this](const DeviceState& state) { return haptic_.tick(state); });
-      !ticks) {
-    return ticks;
-  }
-  const double begin = monotonic_now();
-  while (haptic_.num_ticks() == 0) {
+  is_device_starting_ = true;
+  const Status ticks =
+      device_.start([this](const DeviceState& state) { return haptic_.tick(state); });
+  is_device_starting_ = false;
+  if (!ticks) return ticks;
+  double patience = kFirstTickTimeout;
+  wait_for(patience, [this] { return haptic_.num_ticks() > 0 || !device_.status(); });
+  if (haptic_.num_ticks() == 0) {
     if (const Status device = device_.status(); !device) return device;
-    if (monotonic_now() - begin > kFirstTickTimeout) {
-      return Error{Errc::unavailable,
-                   device_.info().name + " does not tick; switch it off and on and try again"};
-    }
-    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    return Error{Errc::unavailable,
+                 device_.info().name + " does not tick; switch it off and on and try again"};
   }
   num_before_ticks_ = surfaces_.num_skipped();
   return Done{};
@@ -251,11 +262,9 @@ void LiveLoop::end_with(const Error& error) {
 
 void LiveLoop::fade_out() noexcept {
   haptic_.request_stop();
-  const double limit = monotonic_now() + first_settings_.safety.fade_seconds + kFadeTimeout;
+  double patience = first_settings_.safety.fade_seconds + kFadeTimeout;
   // A device that is lost or stuck does not tick.
-  while (!haptic_.has_faded() && monotonic_now() < limit && !has_device_ended()) {
-    std::this_thread::sleep_for(std::chrono::milliseconds(1));
-  }
+  wait_for(patience, [this] { return haptic_.has_faded() || has_device_ended(); });
 }
 
 void LiveLoop::stop() noexcept {
@@ -296,7 +305,7 @@ Status LiveLoop::begin_change(const RunSettings& settings) {
   change_ = std::make_unique<Change>();
   const std::uint32_t revision = change_->revision = ++revision_;
   change_->settings = settings;
-  change_->begun = monotonic_now();
+  change_->patience = kChangeTimeout + 3 / std::max(slowest_rate(), 0.1);
   change_->surfaces = {revision, std::move(parts->timelines)};
   change_->contacts = {revision, change_->surfaces.timelines.empty() ? 0 : revision,
                        settings.contact_rate, parts->scale, std::move(parts->contact)};
@@ -328,17 +337,12 @@ bool LiveLoop::is_change_taken() {
 
 /// Waits until all stages have taken it.
 Status LiveLoop::finish_change() {
-  const double limit = change_->begun + kChangeTimeout + 3 / std::max(slowest_rate(), 0.1);
-  while (!is_change_taken()) {
-    if (!is_running()) {
-      return Error{Errc::unavailable, "the loop has ended before it took the change"};
-    }
-    if (monotonic_now() > limit) {
-      return Error{Errc::unavailable,
-                   "the loop has not taken the last change yet: no depth frame or tick comes; "
-                   "check the sensor and the device"};
-    }
-    std::this_thread::sleep_for(std::chrono::microseconds(500));
+  wait_for(change_->patience, [this] { return is_change_taken() || !is_running(); });
+  if (!is_change_taken()) {
+    return Error{Errc::unavailable,
+                 is_running() ? "the loop has not taken the last change yet: no depth frame or "
+                                "tick comes; check the sensor and the device"
+                              : "the loop has ended before it took the change"};
   }
   end_change();
   return Done{};
@@ -444,7 +448,15 @@ bool LiveLoop::has_stopped_ticking() {
   const std::uint64_t num_ticks = haptic_.num_ticks();
   const bool is_silent = num_ticks > 0 && num_ticks == std::exchange(num_seen_ticks_, num_ticks);
   num_silent_rounds_ = is_silent ? num_silent_rounds_ + 1 : 0;
-  return num_silent_rounds_ * kPublishingPeriod > std::max(kMaxSilence, 10 / device_.info().rate);
+  return num_silent_rounds_ * kPublishingPeriod >
+         std::max(
+             {kMaxSilence, first_settings_.safety.max_device_silence, 10 / device_.info().rate});
+}
+
+/// True once: a robot's first pose, for instance, may take ten seconds.
+bool LiveLoop::is_start_long() {
+  const bool is_long = is_device_starting_ && monotonic_now() - start_time_ > kLongStart;
+  return is_long && !std::exchange(was_start_long_, true);
 }
 
 /// Also notices when the haptic thread cannot: a device that is lost does not tick.
@@ -453,6 +465,7 @@ void LiveLoop::publish_all() {
   bool is_last = false;
   while (!is_last) {
     is_last = stop_publishing_.sleep_for(kPublishingPeriod);
+    if (is_start_long()) publisher_.add_note("waits for " + device_.info().name + " to start");
     // The observer may have kept half of it.
     if (!has_failed_) {
       guarded([&] { publisher_.publish(); }, [&](const Error& error) { end_with(error); });

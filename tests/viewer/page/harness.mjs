@@ -93,7 +93,7 @@ class Program {
   /// Ends it as a person would, and hard if that does not help.
   async stop(signal = 'SIGINT') {
     if (this.code === undefined) this.child.kill(signal);
-    const hard = setTimeout(() => this.child.kill('SIGKILL'), 60000);
+    const hard = setTimeout(() => this.child.kill('SIGKILL'), 600000);
     await this.ended;
     clearTimeout(hard);
   }

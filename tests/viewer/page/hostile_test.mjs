@@ -108,14 +108,22 @@ pageTest('broken messages harm nobody', async () => {
     for (const message of messages) {
       const socket = new WebSocket(address);
       await new Promise((resolve) => { socket.onopen = resolve; socket.onclose = resolve; });
-      socket.onmessage = ({ data }) => {
-        if (typeof data !== 'string') return;
-        const answer = JSON.parse(data);
-        if (answer.type === 'answer') heard.push(answer);
-      };
+      // What is sent after it is answered after it.
+      const last = new Promise((resolve) => {
+        socket.onmessage = ({ data }) => {
+          if (typeof data !== 'string') return;
+          const answer = JSON.parse(data);
+          if (answer.type !== 'answer') return;
+          if (answer.id === 99) resolve();
+          else heard.push(answer);
+        };
+      });
       const closed = new Promise((resolve) => { socket.onclose = resolve; });
-      if (socket.readyState === WebSocket.OPEN) socket.send(message);
-      await Promise.race([closed, new Promise((resolve) => setTimeout(resolve, 60))]);
+      if (socket.readyState === WebSocket.OPEN) {
+        socket.send(message);
+        socket.send('{"id": 99, "command": "no such"}');
+        await Promise.race([closed, last, new Promise((resolve) => setTimeout(resolve, 60000))]);
+      }
       socket.close();
       await Promise.race([closed, new Promise((resolve) => setTimeout(resolve, 500))]);
     }

@@ -37,7 +37,7 @@ pageTest('a live run is seen, turned and ended from the page', async (t) => {
   const limits = ['max_contact_age', 'max_sensor_age', 'max_device_silence', 'max_tick',
     'energy_tank'];
   writeFileSync(settings, `[safety]\n${limits.map((name) => `${name} = 60\n`).join('')}`);
-  const run = await viewed(['touch', tool, '--scene', 'hand', '--device', 'sim', '--duration', '120',
+  const run = await viewed(['touch', tool, '--scene', 'hand', '--device', 'sim', '--duration', '1800',
     '--object', `${tool}@0.1 0 0.4 0 0 0 1,friction=0.4`, '--settings', settings, '--view', '--view-port', '0', '-o', recording]);
   const page = await openPage(run.url);
   await drawn(page, 5);
@@ -97,7 +97,7 @@ pageTest('the recording is played and searched', async () => {
 });
 
 pageTest('a run along a path is seen', async () => {
-  const run = await viewed(['touch', tool, '--scene', 'moving-box', '--duration', '4', '--view', '--view-port', '0',
+  const run = await viewed(['touch', tool, '--scene', 'moving-box', '--duration', '1800', '--view', '--view-port', '0',
     '-o', join(folder, 'path-run')]);
   const page = await openPage(run.url);
   await drawn(page, 3);
@@ -111,6 +111,7 @@ pageTest('a run along a path is seen', async () => {
   const keys = await page.evaluate(() => window.palpate.hello.controls.map((control) => control.key));
   assert.ok(keys.includes('contact.method'), keys);
   page.expectsErrors = true;
+  assert.ok((await command(page, { command: 'end' })).ok);
   assert.equal(await run.ended, 0, run.errors);
 });
 

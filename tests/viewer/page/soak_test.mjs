@@ -30,7 +30,8 @@ pageTest(`memory stands still for ${seconds} s`, async () => {
   };
   const begin = await measure();
   const rows = [];
-  while (rows.length < 12) {
+  const isDrawn = () => rows.at(-1).pictures > begin.pictures + seconds / 2;
+  while (rows.length < 12 || (!isDrawn() && rows.length < 120)) { // a busy machine draws them later
     await sleep(seconds / 12 * 1000 - 50);
     rows.push(await measure());
   }
@@ -46,7 +47,7 @@ pageTest(`memory stands still for ${seconds} s`, async () => {
   console.log(`# server ${rows.map((row) => row.rss.toFixed(1)).join(' ')} MiB`);
   console.log(`# ${((last.pictures - begin.pictures) / took).toFixed(1)} pictures/s, ` +
     `server ${(100 * (last.cpu - begin.cpu) / took).toFixed(1)} % of a core`);
-  assert.ok(last.pictures > begin.pictures + seconds / 2, 'pictures were drawn all the time');
+  assert.ok(isDrawn(), 'pictures were drawn all the time');
   assert.ok(growth('heap') < heapBound, `the page grew by ${growth('heap').toFixed(1)} MiB`);
   assert.ok(growth('rss') < serverBound, `the server grew by ${growth('rss').toFixed(1)} MiB`);
 }, seconds + 900);
