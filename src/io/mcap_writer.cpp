@@ -8,8 +8,10 @@
 #include <chrono>
 #include <cstring>
 #include <new>
+#include <optional>
 #include <utility>
 
+#include "src/io/internal/disk_sync.h"
 #include "src/io/internal/mcap_file.h"
 #include "src/io/mcap_format.h"
 
@@ -59,13 +61,16 @@ struct McapWriter::Impl {
   ZSTD_CCtx* const compressor = ZSTD_createCCtx();
   std::string compressed;
   std::uint64_t first_time = ~std::uint64_t{0}, last_time = 0;
+  std::optional<DiskSync> sync;  // of the file
 
   ~Impl() {
+    sync.reset();
     if (file >= 0) ::close(file);
     ZSTD_freeCCtx(compressor);
   }
   Status put(std::string_view bytes);
   Status end_chunk();
+  Status judge_sync(int error);
 };
 
 /// All or nothing: a part of a record would only take space from what can still be kept.
@@ -122,6 +127,15 @@ Status McapWriter::Impl::end_chunk() {
   return status;
 }
 
+/// What came of bringing it to the disk.
+Status McapWriter::Impl::judge_sync(int error) {
+  if (status && error != 0) {
+    status = Error{Errc::io_failure,
+                   "cannot bring " + path.string() + " to the disk: " + std::strerror(error)};
+  }
+  return status;
+}
+
 McapWriter::McapWriter(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 McapWriter::McapWriter(McapWriter&&) noexcept = default;
 McapWriter& McapWriter::operator=(McapWriter&&) noexcept = default;
@@ -148,6 +162,7 @@ Result<McapWriter> McapWriter::create(const std::filesystem::path& path,
   header.text("ros2").text("palpate");
   start.raw(mcap::kMagic).record(Op::header, header.str());
   if (const Status status = impl->put(start.str()); !status) return status.error();
+  impl->sync.emplace(impl->file);
   return McapWriter(std::move(impl));
 }
 
@@ -211,11 +226,7 @@ Status McapWriter::write(std::uint16_t channel, std::uint64_t time, std::string_
 Status McapWriter::flush() {
   Impl& d = *impl_;
   if (const Status status = d.end_chunk(); !status) return status;
-  if (::fdatasync(d.file) != 0 && errno != EINVAL && errno != EROFS) {
-    d.status = Error{Errc::io_failure,
-                     "cannot bring " + d.path.string() + " to the disk: " + std::strerror(errno)};
-  }
-  return d.status;
+  return d.judge_sync(d.sync->request());
 }
 
 Status McapWriter::finish() {
@@ -265,8 +276,7 @@ Status McapWriter::finish() {
   footer.number(summary_start).number(std::uint64_t{0}).number(std::uint32_t{0});
   end.record(Op::footer, footer.str()).raw(mcap::kMagic);
   if (const Status status = d.put(end.str()); !status) return status;
-  ::fdatasync(d.file);
-  return d.status;
+  return d.judge_sync(d.sync->finish());
 }
 
 std::uint64_t McapWriter::bytes_written() const { return impl_->size; }

@@ -119,6 +119,13 @@ extern "C" int fsync(int descriptor) {
   for (;;) pause();
 }
 
+extern "C" int fdatasync(int descriptor) {
+  static auto* const real = next<int(int)>("fdatasync");
+  static Fault lazy("lazy");
+  if (is_file(descriptor) && lazy.comes()) usleep(2'000'000);
+  return real(descriptor);
+}
+
 extern "C" int linkat(int from, const char* old_name, int to, const char* new_name, int flags) {
   static auto* const real = next<int(int, const char*, int, const char*, int)>("linkat");
   static Fault nameless("nameless");

@@ -31,7 +31,7 @@ struct McapOptions {
 };
 
 /// Appends, with the profile "ros2" and chunks compressed by Zstandard. Not for the haptic thread:
-/// writing may wait for the disk.
+/// writing may wait for memory, and the end for the disk.
 class McapWriter {
  public:
   /// Errors: the file cannot be made.
@@ -48,9 +48,10 @@ class McapWriter {
   /// `time` in nanoseconds; messages come roughly in order of time. Error: the disk is full or
   /// broken; what was written before stays readable, and every later call gives the same error.
   Status write(std::uint16_t channel, std::uint64_t time, std::string_view message);
-  /// Writes what is still in memory and makes sure that it is on the disk.
+  /// Writes what is still in memory: it outlives the program, and is on the disk soon after.
   Status flush();
-  /// Flush, summary and index. Nothing can be written any more.
+  /// The rest, summary and index, and waits until all is on the disk. Nothing can be written any
+  /// more.
   Status finish();
   std::uint64_t bytes_written() const;
 
