@@ -209,6 +209,8 @@ class Robot:
         return Qos(Policy.Reliability.Reliable(0) if reliable else Policy.Reliability.BestEffort,
                    Policy.Durability.TransientLocal if kept else Policy.Durability.Volatile,
                    Policy.History.KeepLast(depth),
+                   # What those who come late get, as nodes of ROS 2 have it.
+                   Policy.DurabilityService(0, Policy.History.KeepLast(depth), -1, -1, -1),
                    Policy.DataRepresentation(use_cdrv0_representation=True))
 
     def writer(self, name, kind, **qos):
