@@ -68,13 +68,14 @@ def main():
     for path in files:
         if path.parts[0] == "tests" and path.suffix in (".cpp", ".cu", ".h"):
             tests |= tests_of((root / path).read_text())
-    failed = False
-    for path in files:
-        if path.suffix == ".md":
-            for number, what in problems((root / path).read_text(), path, root, tests):
-                print(f"{path}:{number}: {what}")
-                failed = True
-    return 1 if failed else 0
+    pages = [path for path in files if path.suffix == ".md"]
+    num_problems = 0
+    for path in pages:
+        for number, what in problems((root / path).read_text(), path, root, tests):
+            print(f"{path}:{number}: {what}")
+            num_problems += 1
+    print(f"check_docs: {len(pages)} pages, {num_problems} problems")
+    return 1 if num_problems else 0
 
 
 if __name__ == "__main__":
