@@ -274,7 +274,7 @@ void RunRecorder::add_hand_snapshot(const HandSnapshot& snapshot) {
                                                : std::numeric_limits<double>::infinity();
   if (static_cast<double>(writer_->bytes_written()) >= options_.split_bytes ||
       time_ - part_start_ >= longest - kTolerance) {
-    // What the part has in memory is to be on the disk before it ends.
+    // What the part has in memory is written before another one begins.
     if (const Status written = writer_->flush(); !written) return pause(written.error());
     // Where that fails, the part that there is goes on.
     (void)begin_after(snapshot);

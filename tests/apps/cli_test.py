@@ -1372,8 +1372,8 @@ pose = [1, 0, 0, 0, 0, {0.5 ** 0.5}, {0.5 ** 0.5}]
         run = self.path("live")
         live = (*self.sequence("-o", run), "--depth-rate", 2, "--device", "sim", "--settings",
                 settings)
-        summary = json.loads(self.succeed(*live, "--duration", 1.5, "--coupling", "proxy", "--json"))
-        self.assertGreater(summary["ticks"], 20)
+        summary = json.loads(self.succeed(*live, "--duration", 3, "--coupling", "proxy", "--json"))
+        self.assertGreater(summary["ticks"], 100)
         self.assertEqual(summary["failure"], "")
         self.assertEqual(summary["settings"]["coupling"]["kind"], "proxy")
         self.assertEqual(summary["settings"]["safety"]["max_tick"], 60)
@@ -1384,7 +1384,7 @@ pose = [1, 0, 0, 0, 0, {0.5 ** 0.5}, {0.5 ** 0.5}]
         self.assertTrue(json.loads(self.succeed("replay", run, "--json"))["identical"])
         again = self.path("live-again")
         told = json.loads(self.succeed("replay", run, "-o", again, "--time", "latest", "--json"))
-        self.assertGreater(told["ticks"], 20)
+        self.assertGreater(told["ticks"], 100)
         self.assertRegex(self.succeed("replay", again), r"^identical: \d+ ticks, \d+ contact")
 
     def test_long_runs_keep_what_was_asked_for(self):

@@ -11,6 +11,7 @@
 //   slow           every write takes 50 ms longer
 //   sluggish       every write takes 200 ms longer
 //   stuck          a file that is to reach the disk never does; "stuck" on stderr says so
+//   lazy           the disk takes two seconds longer for what is written (fdatasync)
 //   threadless@N   the N-th thread and all later ones are refused (EAGAIN)
 //   memoryless@N   the N-th allocation of 64 KiB or more is refused, and so are all later ones
 //   yesterday@N    from the N-th look on, the calendar's clock goes wrong by a day

@@ -39,7 +39,7 @@ inline void expect_repeats(const std::filesystem::path& run, const RunOutcome& o
   EXPECT_EQ(replay.num_contacts, outcome.loop.num_contacts);
 }
 
-/// The outcome of `run`, which runs again if a disk that stood still brought losses.
+/// The outcome of `run`, which runs again if records were lost on a busy computer.
 template <class Run>
 Result<RunOutcome> without_losses(const Run& run) {
   Result<RunOutcome> outcome = run();
