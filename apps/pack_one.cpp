@@ -11,6 +11,7 @@
 #include "apps/tool_info.h"
 #include "palpate/io/formats.h"
 #include "palpate/mesh/mesh.h"
+#include "src/core/internal/number_text.h"
 #include "src/io/internal/atomic_file.h"
 
 namespace palpate::apps {
@@ -60,17 +61,7 @@ double longest_side(const TriangleMesh& mesh) {
 }
 
 std::string length_text(double metres) {
-  char text[48];
-  const bool is_short = metres < 0.1;
-  std::snprintf(text, sizeof text, is_short ? "%.4g mm" : "%.4g m",
-                is_short ? metres * 1000 : metres);
-  return text;
-}
-
-std::string number_text(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.6g", value);
-  return text;
+  return metres < 0.1 ? number_text(metres * 1000, 4) + " mm" : number_text(metres, 4) + " m";
 }
 
 /// Checks the mesh; warnings about its size name the options.
@@ -134,20 +125,20 @@ std::vector<std::pair<std::string, std::string>> option_rows(const PackRequest& 
   std::vector<std::pair<std::string, std::string>> rows{
       {"--spheres", request.as_many_as_needed ? "auto" : std::to_string(pack.max_spheres)},
       {"--unit", name_of(request.unit)}};
-  if (request.scale != 1) rows.emplace_back("--scale", number_text(request.scale));
+  if (request.scale != 1) rows.emplace_back("--scale", number_text(request.scale, 6));
   if (pack.max_radius < defaults.max_radius) {
     rows.emplace_back("--max-radius", length_text(pack.max_radius));
   }
   if (!request.camera_spacing.empty()) {
-    rows.emplace_back("--camera-spacing", number_text(request.camera_spacing[0]) + " m, " +
-                                              number_text(request.camera_spacing[1]) + " pixels");
+    rows.emplace_back("--camera-spacing", number_text(request.camera_spacing[0], 6) + " m, " +
+                                              number_text(request.camera_spacing[1], 6) + " pixels");
   }
   if (pack.min_radius > 0) rows.emplace_back("smallest radius", length_text(pack.min_radius));
   if (pack.max_fill < defaults.max_fill) {
-    rows.emplace_back("--max-fill", number_text(pack.max_fill));
+    rows.emplace_back("--max-fill", number_text(pack.max_fill, 6));
   }
   if (pack.max_seconds < defaults.max_seconds) {
-    rows.emplace_back("--max-seconds", number_text(pack.max_seconds));
+    rows.emplace_back("--max-seconds", number_text(pack.max_seconds, 6));
   }
   if (pack.seed != 0) rows.emplace_back("--seed", std::to_string(pack.seed));
   return rows;

@@ -54,8 +54,8 @@ Result<Api> load() {
 
 }  // namespace
 
-LastingThread& caller() {
-  static LastingThread& thread = *new LastingThread;
+LibraryThread& caller() {
+  static LibraryThread& thread = *new LibraryThread;
   return thread;
 }
 

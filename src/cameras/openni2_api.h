@@ -6,7 +6,7 @@
 #include <string>
 
 #include "palpate/core/core.h"
-#include "src/core/lasting_thread.h"
+#include "src/core/bounded_call.h"
 
 namespace palpate::inline v0::openni2 {
 
@@ -70,7 +70,7 @@ struct Api {
 
 /// Whoever calls the library does it here: it remembers every thread that has called it and asks
 /// the system later on whether that still exists, which is fatal if it does not.
-LastingThread& caller();
+LibraryThread& caller();
 
 /// Loads and initialises it, once. On the thread of `caller`. Errors: every place that was tried;
 /// what it says itself.

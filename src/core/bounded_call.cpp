@@ -50,6 +50,7 @@ class BoundedCall::Call {
     count_hung_calls(1);
     return false;
   }
+  void wait() { returned_.get(); }
 
  private:
   std::function<void()> work_;
@@ -69,14 +70,20 @@ BoundedCall::BoundedCall(std::function<void()> work)
 
 bool BoundedCall::returns_within(double patience) { return call_->returns_within(patience); }
 
-bool BoundedThread::call(double patience, std::function<void()> work) {
-  const auto call = std::make_shared<BoundedCall::Call>(std::move(work));
+bool LibraryThread::returns_within(double patience, std::function<void()> work) {
+  return start(std::move(work))->returns_within(patience);
+}
+
+void LibraryThread::wait_for(std::function<void()> work) { start(std::move(work))->wait(); }
+
+std::shared_ptr<BoundedCall::Call> LibraryThread::start(std::function<void()> work) {
+  auto call = std::make_shared<BoundedCall::Call>(std::move(work));
   if (!hand_over([call] { call->run(); })) call->run();
-  return call->returns_within(patience);
+  return call;
 }
 
 /// False: this is the thread, or there is none.
-bool BoundedThread::hand_over(std::function<void()> call) {
+bool LibraryThread::hand_over(std::function<void()> call) {
   const std::lock_guard lock(mutex_);
   if (id_ == std::this_thread::get_id()) return false;
   if (id_ == std::thread::id()) {
@@ -93,7 +100,7 @@ bool BoundedThread::hand_over(std::function<void()> call) {
   return true;
 }
 
-void BoundedThread::serve() {
+void LibraryThread::serve() {
   std::unique_lock lock(mutex_);
   for (;;) {
     changed_.wait(lock, [this] { return !calls_.empty(); });

@@ -1,10 +1,11 @@
-// Calls into libraries that may never come back.
+// Calls into libraries that may never come back, or that remember the threads which call them.
 #pragma once
 
 #include <condition_variable>
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <queue>
 #include <thread>
 #include <utility>
@@ -22,7 +23,7 @@ class BoundedCall {
   bool returns_within(double patience);
 
  private:
-  friend class BoundedThread;
+  friend class LibraryThread;
   class Call;
 
   std::shared_ptr<Call> call_;
@@ -32,15 +33,28 @@ inline bool returns_within(double patience, std::function<void()> work) {
   return BoundedCall(std::move(work)).returns_within(patience);
 }
 
-/// The same with one thread for all calls, one after the other, for libraries that remember the
-/// threads which have called them. It lives in memory that is never freed. Calls from itself run at
-/// once.
-class BoundedThread {
+/// One thread that lasts until the program ends and makes all calls, one after the other, for
+/// libraries that remember the threads which have called them. It lives in memory that is never
+/// freed. Calls from itself run at once.
+///
+///   static LibraryThread& reader = *new LibraryThread;
+///   const int status = reader.call([&] { return library_wait(stream); });
+class LibraryThread {
  public:
-  bool call(double patience, std::function<void()> work);
+  /// Like returns_within: `work` must own all that it needs.
+  bool returns_within(double patience, std::function<void()> work);
+  /// Waits for the result, however long. What the work throws is thrown here.
+  template <class Work>
+  auto call(const Work& work) {
+    std::optional<decltype(work())> answer;
+    wait_for([&] { answer.emplace(work()); });
+    return *std::move(answer);
+  }
 
  private:
+  std::shared_ptr<BoundedCall::Call> start(std::function<void()> work);
   bool hand_over(std::function<void()> call);
+  void wait_for(std::function<void()> work);
   void serve();
 
   std::mutex mutex_;  // of what follows

@@ -106,8 +106,8 @@ Status calibrate(const OpenHapticsApi& api, const std::string& name) {
 }
 
 /// Opens, starts, stops and closes all devices.
-BoundedThread& driver() {
-  static BoundedThread& thread = *new BoundedThread;
+LibraryThread& driver() {
+  static LibraryThread& thread = *new LibraryThread;
   return thread;
 }
 
@@ -141,7 +141,7 @@ class OpenHapticsDevice final : public HapticDevice {
     stop();
     // A driver that hangs somewhere would make this hang, too.
     if (!is_stuck_)
-      driver().call(kStopPatience, [api = api_, device = device_] { api.hdDisableDevice(device); });
+      driver().returns_within(kStopPatience, [api = api_, device = device_] { api.hdDisableDevice(device); });
   }
 
   const DeviceInfo& info() const override { return info_; }
@@ -152,7 +152,7 @@ class OpenHapticsDevice final : public HapticDevice {
     const auto servo = std::make_shared<OpenHapticsServo>(api_, device_, info_, std::move(tick));
     set_servo(servo);
     const auto error = std::make_shared<HdErrorInfo>();
-    is_running_ = driver().call(kStartPatience, [api = api_, device = device_, servo, error] {
+    is_running_ = driver().returns_within(kStartPatience, [api = api_, device = device_, servo, error] {
       *error = schedule(api, device, servo);
     });
     if (!is_running_) {
@@ -177,7 +177,7 @@ class OpenHapticsDevice final : public HapticDevice {
     bool is_off = false;
     if (wait_for([&] { return servo->has_ended(); })) {
       const auto end_here = [&] {
-        is_off = driver().call(kStopPatience, [api = api_, device = device_, servo] {
+        is_off = driver().returns_within(kStopPatience, [api = api_, device = device_, servo] {
           if (--g_num_running == 0) api.hdStopScheduler();
           motors_off(api, device);
         });
@@ -299,7 +299,7 @@ Result<std::unique_ptr<HapticDevice>> open_named(const std::string& name) {
 
 Result<std::unique_ptr<HapticDevice>> open_open_haptics_device(std::string_view address) {
   const auto opened = std::make_shared<std::optional<Result<std::unique_ptr<HapticDevice>>>>();
-  if (driver().call(kOpenPatience,
+  if (driver().returns_within(kOpenPatience,
                     [opened, name = std::string(address)] { *opened = open_named(name); })) {
     return *std::move(*opened);
   }

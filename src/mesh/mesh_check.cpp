@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <optional>
 #include <utility>
 
+#include "src/core/internal/number_text.h"
 #include "src/mesh/mesh_repair.h"
 #include "src/mesh/mesh_topology.h"
 #include "src/mesh/self_intersection.h"
@@ -17,16 +17,10 @@ namespace {
 
 Error bad_mesh(std::string message) { return {Errc::bad_input, std::move(message)}; }
 
-std::string number(double x) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.4g", x);
-  return text;
-}
+std::string number(double x) { return number_text(x, 4); }
 
 std::string point(const Vec3d& p) {
-  char text[96];
-  std::snprintf(text, sizeof text, "(%.4g, %.4g, %.4g) m", p.x, p.y, p.z);
-  return text;
+  return "(" + number(p.x) + ", " + number(p.y) + ", " + number(p.z) + ") m";
 }
 
 /// "1 face", "2 faces".

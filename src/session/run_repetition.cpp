@@ -89,6 +89,7 @@ void ContactRepetition::push_next(Camera& camera, SurfaceBlend& blend) {
 ContactRecord ContactRepetition::repeat(const ContactRecord& recorded) {
   ContactRecord repeated = recorded;
   bool is_seen = false;
+  times_.erase(times_.begin(), times_.find(time_of(recorded).first));
   views_.begin();
   for (std::size_t k = 0; k < cameras_.size(); ++k) {
     Camera& camera = cameras_[k];

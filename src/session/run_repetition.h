@@ -58,7 +58,7 @@ class ContactRepetition {
   const std::pair<const std::uint32_t, TimeOptions>& time_of(const ContactRecord& contact) const;
 
   std::deque<Camera> cameras_;
-  std::map<std::uint32_t, TimeOptions> times_;    // of all timelines, by revision
+  std::map<std::uint32_t, TimeOptions> times_;    // of timelines by revision, as above
   CameraViews views_{0};                          // of each
   std::map<std::uint32_t, Measuring> measuring_;  // not yet used
   std::unique_ptr<ContactPart> part_;
