@@ -131,7 +131,8 @@ std::vector<std::pair<std::string, std::string>> option_rows(const PackRequest& 
   }
   if (!request.camera_spacing.empty()) {
     rows.emplace_back("--camera-spacing", number_text(request.camera_spacing[0], 6) + " m, " +
-                                              number_text(request.camera_spacing[1], 6) + " pixels");
+                                              number_text(request.camera_spacing[1], 6) +
+                                              " pixels");
   }
   if (pack.min_radius > 0) rows.emplace_back("smallest radius", length_text(pack.min_radius));
   if (pack.max_fill < defaults.max_fill) {

@@ -141,7 +141,8 @@ class OpenHapticsDevice final : public HapticDevice {
     stop();
     // A driver that hangs somewhere would make this hang, too.
     if (!is_stuck_)
-      driver().returns_within(kStopPatience, [api = api_, device = device_] { api.hdDisableDevice(device); });
+      driver().returns_within(kStopPatience,
+                              [api = api_, device = device_] { api.hdDisableDevice(device); });
   }
 
   const DeviceInfo& info() const override { return info_; }
@@ -152,9 +153,9 @@ class OpenHapticsDevice final : public HapticDevice {
     const auto servo = std::make_shared<OpenHapticsServo>(api_, device_, info_, std::move(tick));
     set_servo(servo);
     const auto error = std::make_shared<HdErrorInfo>();
-    is_running_ = driver().returns_within(kStartPatience, [api = api_, device = device_, servo, error] {
-      *error = schedule(api, device, servo);
-    });
+    is_running_ = driver().returns_within(
+        kStartPatience,
+        [api = api_, device = device_, servo, error] { *error = schedule(api, device, servo); });
     if (!is_running_) {
       give_up();
       return stuck();
@@ -299,8 +300,8 @@ Result<std::unique_ptr<HapticDevice>> open_named(const std::string& name) {
 
 Result<std::unique_ptr<HapticDevice>> open_open_haptics_device(std::string_view address) {
   const auto opened = std::make_shared<std::optional<Result<std::unique_ptr<HapticDevice>>>>();
-  if (driver().returns_within(kOpenPatience,
-                    [opened, name = std::string(address)] { *opened = open_named(name); })) {
+  if (driver().returns_within(
+          kOpenPatience, [opened, name = std::string(address)] { *opened = open_named(name); })) {
     return *std::move(*opened);
   }
   return Error{Errc::unavailable,
