@@ -1,6 +1,6 @@
 """Cameras of a robot on the Python package cyclonedds: how depth images come over ROS 2. Publishes what BEHAVIOR
 says, reads wrench, contact, tool pose and twist, and prints what it saw as JSON when its standard input ends.
-Standard error tells that it has begun.
+Standard error tells that it has begun, and that it has seen enough for a test.
 
 usage: camera_peer.py DOMAIN BEHAVIOR [X,Y,Z]
 
@@ -315,6 +315,7 @@ def main(domain, behavior, place="0,0,0.5"):
     shapes = None
     seen = {"bodies": [], "shapes": {}, "spheres": [], "wrenches": 0, "touching": 0, "fractions": [], "ages": [], "poses": [], "twists": [], "frames": []}
     place = Vector3(*map(float, place.split(",")))
+    has_enough = False
     next_image = next_tf = time.time()
     tell("begun")
     while not has_ended():
@@ -359,6 +360,10 @@ def main(domain, behavior, place="0,0,0.5"):
         for twist in taken(twists, 200):
             stamp, v, w = twist.header.stamp, twist.twist.linear, twist.twist.angular
             seen["twists"].append([stamp.sec + 1e-9 * stamp.nanosec, v.x, v.y, v.z, w.x, w.y, w.z])
+        if not has_enough and len(seen["fractions"]) > (500 if behavior in ("moving", "two") else 250) and (
+                seen["touching"] > 100 or behavior == "bent") and (seen["spheres"] or not drawn):
+            has_enough = True
+            tell("enough")
         time.sleep(0.002)
     seen["delays"] = cameras.delays
     print(json.dumps(seen), flush=True)

@@ -23,14 +23,15 @@ try:
 except ImportError:
     rosbags = None
 
-from peer_case import PALPATE, PeerCase, parts
+from peer_case import PALPATE, PeerCase, has_enough, parts
 
 COMPRESSED = "/camera/depth/image_raw/compressedDepth"
 
 
 class LiveCamerasTest(PeerCase):
     def watch(self, behavior, *options, place="0,0,0.5", **more):
-        return self.converse(self.cyclone(behavior, "camera_peer.py", place), *options, **more)[0]
+        """What the peer saw until it had enough."""
+        return self.converse(self.cyclone(behavior, "camera_peer.py", place), *options, until=has_enough, **more)[0]
 
     def touched(self, seen):
         """The largest share of the tool that was in the wall."""
@@ -49,15 +50,17 @@ class LiveCamerasTest(PeerCase):
         self.assertGreater(len(seen["fractions"]), 50)
         # The wall ends a centimetre beside the tool. By the other lens 15 % of it would be inside.
         self.assertLess(max(seen["fractions"]), 0.01)
-        # An image whose lens is not known in time is not seen by another one: here that is every one.
-        with self.assertRaisesRegex(AssertionError, "has a lens that changes"):
-            self.watch("bent_late", place="0.2,0,0.5")
+        # An image whose lens is not known in time is not seen by another one: here that is every one, or nearly, if
+        # palpate does not come to look for a while.
+        seen, said = self.converse(self.cyclone("bent_late", "camera_peer.py", "0.2,0,0.5"), statuses=(0, 1))
+        self.assertIn("has a lens that changes", said)
+        self.assertLess(max(seen["fractions"], default=0), 0.01)
 
     def test_a_lens_that_is_told_once_is_that_of_all_images(self):
         self.touched(self.watch("once"))
 
     def test_a_camera_that_moves_is_where_tf_had_it_at_the_images_stamp(self):
-        seen = self.watch("moving", "--world", "base", "--max-age", "0.5", duration=6)
+        seen = self.watch("moving", "--world", "base", "--max-age", "0.5")
         self.assertEqual(seen["frames"], ["base"])
         fractions = seen["fractions"][len(seen["fractions"]) // 4:]
         self.assertGreater(len(fractions), 100)
@@ -67,7 +70,7 @@ class LiveCamerasTest(PeerCase):
         self.assertLess(max(fractions) - min(fractions), 0.06)
 
     def test_two_cameras_are_placed_by_tf(self):
-        seen = self.watch("two", "--depth", "/behind/depth/image_raw", "--world", "base", duration=6)
+        seen = self.watch("two", "--depth", "/behind/depth/image_raw", "--world", "base")
         self.assertEqual(seen["frames"], ["base"])
         # One sees the wall all the time: what the other sees through is free.
         touching = sum(fraction > 0.5 for fraction in seen["fractions"])
@@ -122,7 +125,7 @@ class LiveCamerasTest(PeerCase):
         with open(run / "wrench.csv", encoding="utf-8") as file:
             fractions = [float(row["fraction"]) for row in csv.DictReader(file)]
         self.assertGreater(max(fractions), 0.05)
-        seen = self.watch(f"bag:{bag}", "--max-age", "2", place=f"0,0,{z}", depth="/camera/depth/image_raw", duration=6)
+        seen = self.watch(f"bag:{bag}", "--max-age", "2", place=f"0,0,{z}")
         self.assertAlmostEqual(max(seen["fractions"]) / max(fractions), 1, places=2)
 
     def test_somebody_draws_the_spheres_by_their_state(self):
@@ -130,7 +133,7 @@ class LiveCamerasTest(PeerCase):
         mesh = os.path.join(self.folder.name, "box.obj")
         for words in (["shape", "box", "--size", "0.05", "-o", mesh], ["pack", mesh, "-o", self.tool, "--spheres", "300"]):
             subprocess.run([PALPATE, *words], check=True, capture_output=True)
-        seen = self.watch("spheres", place="0,0,0.49", duration=5)
+        seen = self.watch("spheres", place="0,0,0.49")
         self.assertEqual(len(seen["spheres"]), 300)
         margin, counts = 0.004, {"free": 0, "touching": 0, "inside": 0, "unseen": 0}
         for state, radius, x, _, z in seen["spheres"]:
