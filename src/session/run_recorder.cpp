@@ -49,6 +49,7 @@ RunRecorder::RunRecorder(const fs::path& path, const Tool& tool, const RunSetup&
                          bool is_simulated, const RecordingOptions& options)
     : tool_(&tool),
       options_(options),
+      is_simulated_(is_simulated),
       place_(std::make_unique<Place>()),
       setups_{setup},
       centre_of_mass_T_(tool.sphere_mass().centre_of_mass) {
@@ -271,8 +272,10 @@ void RunRecorder::add_hand_snapshot(const HandSnapshot& snapshot) {
                                                : std::numeric_limits<double>::infinity();
   const bool is_long = static_cast<double>(writer_->bytes_written()) >= options_.split_bytes ||
                        time_ - part_start_ >= longest - kTolerance;
-  // A slow disk has one part after the other.
-  if (!is_long || waits_for_disk()) return;
+  if (!is_long) return;
+  // One part at a time is on its way to the disk: simulated runs wait, others have longer parts.
+  if (is_simulated_) take_ended(true);
+  if (waits_for_disk()) return;
   // What the part has in memory is written before another one begins.
   if (const Status written = writer_->flush(); !written) return pause(written.error());
   const Status begun = begin_after(snapshot);

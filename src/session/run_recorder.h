@@ -20,7 +20,7 @@ namespace palpate::inline v0 {
 /// How recordings name a camera's frame of coordinates: "camera", "camera_2", ...
 std::string camera_frame(std::size_t camera);
 
-/// For the publishing thread of a loop, which never waits until something is on the disk. When a
+/// For the publishing thread of a loop, which in live runs never waits for the disk. When a
 /// file cannot be written any more, or the disk is nearly full, the recording pauses and says so;
 /// everything else goes on. It goes on in another part once there is space again.
 class RunRecorder {
@@ -104,6 +104,7 @@ class RunRecorder {
 
   const Tool* tool_;
   RecordingOptions options_;
+  bool is_simulated_;
   struct Place {
     std::mutex mutex;
     std::filesystem::path folder;

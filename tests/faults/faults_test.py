@@ -193,12 +193,13 @@ class Faults(Case):
         self.assertTrue(any(is_whole() for _ in range(3)), self.last_error)
 
     def test_what_does_not_reach_a_disk_is_told_and_kept(self):
-        for begin, run_of in ((1, self.path_run), (1, self.live_run), (3, self.live_run)):
+        for begin, run_of in ((1, self.path_run), (1, self.live_run), (2, self.live_run)):
             output = self.folder / f"{run_of.__name__}-unsynced-{begin}"
-            self.assertEqual(self.check(run_of(output, 2), f"unsynced@{begin}"), 1)
-            self.assertRegex(self.last_error, "it is not certain that anything was recorded from .* s: cannot bring .* "
-                             "to the disk: Input/output error")
-            self.assertGreater(self.check_run(output), 0)
+            self.assertEqual(self.check(run_of(output, 3), f"unsynced@{begin}"), 1)
+            self.assertRegex(self.last_error, "cannot bring .* to the disk: Input/output error")
+            if begin > 1:  # until then it may not even have begun
+                self.assertIn("it is not certain that anything was recorded from ", self.last_error)
+                self.assertGreater(self.check_run(output), 0)
         stream, partial = self.folder / "stream.mcap", self.folder / "stream.mcap.partial"
         self.assertEqual(self.check(("record", "--camera", "scene:wall?size=32x24", "--duration", 0.2, "-o", stream),
                                     "unsynced@1"), 1)

@@ -127,7 +127,7 @@ class RecordingDisk : public ::testing::Test {
     setup.settings = test::path_settings(100);
     setup.streams = {stream_.info()};
     setup.device.rate = 100;
-    auto made = RunRecorder::create(path(1), tool_, setup, true, options);
+    auto made = RunRecorder::create(path(1), tool_, setup, false, options);
     ASSERT_TRUE(made) << made.error().message;
     recorder_.emplace(*std::move(made));
   }
