@@ -3,58 +3,104 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <condition_variable>
+#include <mutex>
 #include <system_error>
+#include <thread>
 
 namespace palpate::inline v0 {
+namespace {
 
-DiskSync::DiskSync(int file) : file_(file) {
+/// Returns an `errno`, or 0. Pipes and read-only places have nothing to bring anywhere.
+int sync(int file) {
+  while (::fdatasync(file) != 0) {
+    if (errno == EINTR) continue;
+    return errno == EINVAL || errno == EROFS ? 0 : errno;
+  }
+  return 0;
+}
+
+}  // namespace
+
+/// The thread may outlive who has requested it.
+struct DiskSync::Work {
+  explicit Work(int descriptor) : file(descriptor) {}
+  ~Work() { ::close(file); }
+
+  bool is_busy() const { return is_requested || is_under_way; }
+  void serve();
+  void bring(std::unique_lock<std::mutex>& lock);
+
+  const int file;
+  std::mutex mutex;  // of what follows
+  std::condition_variable changed;
+  bool has_thread = false, is_requested = false, is_under_way = false, is_ending = false;
+  std::uint64_t size = 0, size_on_disk = 0;  // bytes: requested, done
+  int error = 0;                             // of the first that failed
+};
+
+void DiskSync::Work::serve() {
+  std::unique_lock lock(mutex);
+  for (;;) {
+    changed.wait(lock, [this] { return is_requested || is_ending; });
+    if (!is_requested) return;
+    bring(lock);
+  }
+}
+
+void DiskSync::Work::bring(std::unique_lock<std::mutex>& lock) {
+  const std::uint64_t begun = size;
+  is_requested = false;
+  is_under_way = true;
+  lock.unlock();
+  const int result = sync(file);
+  lock.lock();
+  is_under_way = false;
+  if (error == 0) error = result;
+  if (error == 0) size_on_disk = begun;
+  changed.notify_all();
+}
+
+DiskSync::DiskSync(int file) : work_(std::make_shared<Work>(file)) {
   try {
-    thread_ = std::thread([this] { serve(); });
+    std::thread([work = work_] { work->serve(); }).detach();
+    work_->has_thread = true;
   } catch (const std::system_error&) {  // none to be had
   }
 }
 
-DiskSync::~DiskSync() { end(); }
-
-int DiskSync::request() {
-  if (!thread_.joinable()) return error_ = error_ != 0 ? error_ : sync();
-  const std::lock_guard lock(mutex_);
-  is_requested_ = true;
-  changed_.notify_all();
-  return error_;
+DiskSync::~DiskSync() {
+  const std::lock_guard lock(work_->mutex);
+  work_->is_ending = true;
+  work_->changed.notify_all();
 }
 
-int DiskSync::finish() {
-  end();
-  return error_ = error_ != 0 ? error_ : sync();
+void DiskSync::request(std::uint64_t size) {
+  std::unique_lock lock(work_->mutex);
+  work_->size = size;
+  work_->is_requested = true;
+  if (!work_->has_thread) return work_->bring(lock);
+  work_->changed.notify_all();
 }
 
-/// Pipes and read-only places have nothing to bring anywhere.
-int DiskSync::sync() const {
-  return ::fdatasync(file_) == 0 || errno == EINVAL || errno == EROFS ? 0 : errno;
+bool DiskSync::is_busy() const {
+  const std::lock_guard lock(work_->mutex);
+  return work_->is_busy();
 }
 
-void DiskSync::serve() {
-  std::unique_lock lock(mutex_);
-  for (;;) {
-    changed_.wait(lock, [this] { return is_requested_ || is_ending_; });
-    if (is_ending_) return;
-    is_requested_ = false;
-    lock.unlock();
-    const int error = sync();
-    lock.lock();
-    if (error_ == 0) error_ = error;
-  }
+void DiskSync::wait() const {
+  std::unique_lock lock(work_->mutex);
+  work_->changed.wait(lock, [this] { return !work_->is_busy(); });
 }
 
-void DiskSync::end() {
-  if (!thread_.joinable()) return;
-  {
-    const std::lock_guard lock(mutex_);
-    is_ending_ = true;
-    changed_.notify_all();
-  }
-  thread_.join();
+int DiskSync::error() const {
+  const std::lock_guard lock(work_->mutex);
+  return work_->error;
+}
+
+std::uint64_t DiskSync::size_on_disk() const {
+  const std::lock_guard lock(work_->mutex);
+  return work_->size_on_disk;
 }
 
 }  // namespace palpate::inline v0

@@ -44,7 +44,7 @@ struct McapWriter::Impl {
   int file = -1;
   std::uint64_t size = 0;
   Status status = Done{};
-  bool is_finished = false;
+  bool has_ended = false;
 
   Bytes chunk;
   std::uint64_t chunk_start = 0, chunk_end = 0;
@@ -61,16 +61,12 @@ struct McapWriter::Impl {
   ZSTD_CCtx* const compressor = ZSTD_createCCtx();
   std::string compressed;
   std::uint64_t first_time = ~std::uint64_t{0}, last_time = 0;
-  std::optional<DiskSync> sync;  // of the file
+  std::optional<DiskSync> sync;  // which closes the file
 
-  ~Impl() {
-    sync.reset();
-    if (file >= 0) ::close(file);
-    ZSTD_freeCCtx(compressor);
-  }
+  ~Impl() { ZSTD_freeCCtx(compressor); }
   Status put(std::string_view bytes);
   Status end_chunk();
-  Status judge_sync(int error);
+  Status judge_sync();
 };
 
 /// All or nothing: a part of a record would only take space from what can still be kept.
@@ -82,7 +78,8 @@ Status McapWriter::Impl::put(std::string_view bytes) {
     if (written <= 0) {
       status = Error{Errc::io_failure, "cannot write " + path.string() + ": " +
                                            std::strerror(errno) + "; free some space"};
-      if (::ftruncate(file, static_cast<off_t>(begin)) == 0) size = begin;
+      (void)!::ftruncate(file, static_cast<off_t>(begin));
+      size = begin;
       break;
     }
     bytes.remove_prefix(static_cast<std::size_t>(written));
@@ -128,10 +125,10 @@ Status McapWriter::Impl::end_chunk() {
 }
 
 /// What came of bringing it to the disk.
-Status McapWriter::Impl::judge_sync(int error) {
-  if (status && error != 0) {
-    status = Error{Errc::io_failure,
-                   "cannot bring " + path.string() + " to the disk: " + std::strerror(error)};
+Status McapWriter::Impl::judge_sync() {
+  if (const int error = sync->error(); status && error != 0) {
+    status = Error{Errc::io_failure, "cannot bring " + path.string() + " to the disk: " +
+                                         std::strerror(error) + "; check the disk"};
   }
   return status;
 }
@@ -142,7 +139,7 @@ McapWriter& McapWriter::operator=(McapWriter&&) noexcept = default;
 McapWriter::~McapWriter() {
   if (impl_ == nullptr) return;
   try {
-    (void)finish();
+    (void)end();
   } catch (const std::bad_alloc&) {
     // What was written stays readable.
   }
@@ -158,11 +155,11 @@ Result<McapWriter> McapWriter::create(const std::filesystem::path& path,
     return Error{Errc::io_failure, "cannot make " + path.string() + ": " + std::strerror(errno) +
                                        "; check the folder and its permissions"};
   }
+  impl->sync.emplace(impl->file);
   Bytes header, start;
   header.text("ros2").text("palpate");
   start.raw(mcap::kMagic).record(Op::header, header.str());
   if (const Status status = impl->put(start.str()); !status) return status.error();
-  impl->sync.emplace(impl->file);
   return McapWriter(std::move(impl));
 }
 
@@ -226,13 +223,13 @@ Status McapWriter::write(std::uint16_t channel, std::uint64_t time, std::string_
 Status McapWriter::flush() {
   Impl& d = *impl_;
   if (const Status status = d.end_chunk(); !status) return status;
-  return d.judge_sync(d.sync->request());
+  d.sync->request(d.size);
+  return d.judge_sync();
 }
 
-Status McapWriter::finish() {
+Status McapWriter::end() {
   Impl& d = *impl_;
-  if (d.is_finished) return d.status;
-  d.is_finished = true;
+  if (std::exchange(d.has_ended, true)) return d.status;
   if (const Status status = d.end_chunk(); !status) return status;
   Bytes end;
   end.record(Op::data_end, Bytes().number(std::uint32_t{0}).str());
@@ -276,9 +273,22 @@ Status McapWriter::finish() {
   footer.number(summary_start).number(std::uint64_t{0}).number(std::uint32_t{0});
   end.record(Op::footer, footer.str()).raw(mcap::kMagic);
   if (const Status status = d.put(end.str()); !status) return status;
-  return d.judge_sync(d.sync->finish());
+  d.sync->request(d.size);
+  return d.judge_sync();
+}
+
+bool McapWriter::waits_for_disk() const { return impl_->sync->is_busy(); }
+
+Status McapWriter::finish() {
+  if (const Status ended = end(); !ended) return ended;
+  impl_->sync->wait();
+  return impl_->judge_sync();
 }
 
 std::uint64_t McapWriter::bytes_written() const { return impl_->size; }
+
+std::uint64_t McapWriter::bytes_kept() const {
+  return impl_->sync->error() == 0 ? impl_->size : impl_->sync->size_on_disk();
+}
 
 }  // namespace palpate::inline v0

@@ -179,6 +179,18 @@ bool wait_for_end(RunLoop& loop, const RunOptions& options) {
   return true;
 }
 
+/// Calls `is_long` once where the disk takes seconds.
+void finish(RunRecorder& recorder, const std::function<void()>& is_long) {
+  constexpr auto kRound = std::chrono::milliseconds(5);
+  constexpr int kLongRounds = 400;
+  recorder.end();
+  for (int round = 0; recorder.waits_for_disk(); ++round) {
+    if (round == kLongRounds) is_long();
+    std::this_thread::sleep_for(kRound);
+  }
+  recorder.finish();
+}
+
 struct ChosenLoop {
   std::unique_ptr<RunLoop> loop;
   std::string why_not_cuda;
@@ -277,8 +289,8 @@ Result<RunOutcome> record_run(const Tool& tool, const DepthSources& sources, Hap
   notify_loop(nullptr);
   Status status = loop.status();
   loop.stop();
-  // Whether its motors could be switched off.
-  if (status && !is_simulated) status = device.status();
+  // Whether its motors could be switched off, and what was still to be recorded.
+  if (status && !is_simulated) status = loop.status();
   take_report(loop, status, log);
   recording.add_marks();
   recording.add_source_notes(log.loop.seconds);
@@ -287,7 +299,9 @@ Result<RunOutcome> record_run(const Tool& tool, const DepthSources& sources, Hap
   if (!log.loop.ending.empty()) recording.recorder().add_note(log.loop.ending);
   log.warnings.insert(log.warnings.end(), recording.source_notes().begin(),
                       recording.source_notes().end());
-  recording.recorder().finish();
+  finish(recording.recorder(), [&] {
+    if (options.say) options.say(log.loop.seconds, "waits until the disk has the recording");
+  });
   if (const std::string& trouble = recording.recorder().trouble(); !trouble.empty()) {
     log.add_not_kept(trouble);
   }

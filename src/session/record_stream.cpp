@@ -78,6 +78,8 @@ class StreamFile {
   }
   Status finish() { return writer_.finish(); }
   std::uint64_t num_bytes() const { return writer_.bytes_written(); }
+  /// Whether anything that was added is in the file.
+  bool is_begun() const { return num_bytes() > num_first_bytes_; }
 
  private:
   struct Camera {
@@ -110,6 +112,7 @@ class StreamFile {
   }
 
   McapWriter writer_;
+  const std::uint64_t num_first_bytes_ = writer_.bytes_written();
   std::vector<Camera> cameras_;
   std::uint16_t statics_ = 0, transforms_ = 0;
 };
@@ -252,16 +255,23 @@ Result<StreamRecording> record_stream(const DepthSources& sources,
                                        "; give another name, or wait until that has ended"};
   }
   StreamRecording done;
+  bool is_kept = false;  // though it failed
   const auto write = [&]() -> Status {
     auto file = StreamFile::create(partial, sources);
     if (!file) return file.error();
-    if (const Status status = Copy(sources, options, *file, done).run(); !status) return status;
+    const Status copied = Copy(sources, options, *file, done).run();
+    if (!copied) {
+      (void)file->finish();
+      is_kept = done.num_frames > 0 && file->is_begun();
+      return copied;
+    }
     for (std::size_t i = 0; i < sources.size(); ++i) {
       if (done.frames_of[i] > 0) continue;
       return Error{Errc::bad_input,
                    sources[i].info().name + " has sent no frame: nothing is recorded"};
     }
     const Status finished = file->finish();
+    is_kept = file->is_begun();
     done.num_bytes = file->num_bytes();
     return finished;
   };
@@ -278,8 +288,12 @@ Result<StreamRecording> record_stream(const DepthSources& sources,
     for (std::string& note : source->take_notes()) done.notes.push_back(std::move(note));
   }
   if (status) return done;
-  std::filesystem::remove(partial, error);
-  return status.error();
+  if (!is_kept) {
+    std::filesystem::remove(partial, error);
+    return status.error();
+  }
+  return Error{status.error().code, status.error().message + "; what was recorded before is in " +
+                                        partial.string() + ": rename it to keep it"};
 }
 
 }  // namespace palpate::inline v0

@@ -49,10 +49,11 @@ RunRecorder::RunRecorder(const fs::path& path, const Tool& tool, const RunSetup&
                          bool is_simulated, const RecordingOptions& options)
     : tool_(&tool),
       options_(options),
+      is_simulated_(is_simulated),
       place_(std::make_unique<Place>()),
       setups_{setup},
-      centre_of_mass_T_(tool.sphere_mass().centre_of_mass),
-      parts_{{path.filename(), 0}} {
+      centre_of_mass_T_(tool.sphere_mass().centre_of_mass) {
+  parts_.push_back({path.filename(), {{0, 0}}});
   place_->folder = path.parent_path();
   for (const DepthStreamInfo& stream : setup.streams) {
     cameras_.push_back({{}, 0, {}, LeadEstimate(stream)});
@@ -218,24 +219,19 @@ Status RunRecorder::begin_after(const HandSnapshot& snapshot) {
     return file.error();
   }
   std::optional<McapWriter> last = std::exchange(writer_, *std::move(file));
-  const auto before_it = std::tuple(paused_at_, next_try_, reason_, notes_);
+  const auto before_it = std::tuple(gap_, next_try_, reason_, notes_);
   ++num_parts_;
+  parts_.push_back({name, {{0, time_}}});
   if (const Status begun = begin(&snapshot); !begun) {
     writer_ = std::move(last);
     channels_ = before;
-    std::tie(paused_at_, next_try_, reason_, notes_) = before_it;
+    std::tie(gap_, next_try_, reason_, notes_) = before_it;
     --num_parts_;
+    parts_.pop_back();
     fs::remove(path, ignored);
     return begun;
   }
-  if (last) {
-    const Status ended = end_part(*last);
-    if (!ended) {
-      add_trouble(parts_.back().file.string() + " is cut off: " + ended.error().message);
-    }
-  }
-  parts_.back().end = time_;
-  parts_.push_back({name, time_});
+  if (last) end_part(parts_[parts_.size() - 2], *std::move(last));
   part_start_ = time_;
   return Done{};
 }
@@ -243,6 +239,8 @@ Status RunRecorder::begin_after(const HandSnapshot& snapshot) {
 void RunRecorder::add_hand_snapshot(const HandSnapshot& snapshot) {
   constexpr double kMaxReserve = 1 << 30, kShare = 0.02, kLongestPatience = 60,
                    kTolerance = 0.1;  // snapshots are not quite a second apart
+  take_ended(false);
+  remove_old();
   std::error_code error;
   const fs::space_info space = fs::space(folder(), error);
   const double reserve = options_.reserve_bytes.value_or(
@@ -250,14 +248,14 @@ void RunRecorder::add_hand_snapshot(const HandSnapshot& snapshot) {
   const bool has_space = error || static_cast<double>(space.available) >= reserve;
   if (writer_ && !has_space) {
     const auto left = static_cast<std::uint64_t>(space.available >> 20);
+    end_part(parts_.back(), *std::exchange(writer_, std::nullopt));
     pause({Errc::io_failure, "only " + std::to_string(left) + " MiB are free on the disk of " +
                                  folder().string() + "; free some space"});
     return;
   }
   if (!writer_) {
     if (time_ < next_try_ || !has_space) return;
-    const std::string gap =
-        "nothing was recorded from " + at(paused_at_) + " to " + at(time_) + ": " + reason_;
+    const std::string gap = gap_ + " to " + at(time_) + ": " + reason_;
     if (begin_after(snapshot)) {
       patience_ = 1;
       add_trouble(gap);
@@ -272,21 +270,68 @@ void RunRecorder::add_hand_snapshot(const HandSnapshot& snapshot) {
   // Ten or more parts in the time that is kept, but none of less than some seconds.
   const double longest = options_.is_bounded() ? std::max(options_.keep_seconds / 10, 2.0)
                                                : std::numeric_limits<double>::infinity();
-  if (static_cast<double>(writer_->bytes_written()) >= options_.split_bytes ||
-      time_ - part_start_ >= longest - kTolerance) {
-    // What the part has in memory is written before another one begins.
-    if (const Status written = writer_->flush(); !written) return pause(written.error());
-    // Where that fails, the part that there is goes on.
-    (void)begin_after(snapshot);
+  const bool is_long = static_cast<double>(writer_->bytes_written()) >= options_.split_bytes ||
+                       time_ - part_start_ >= longest - kTolerance;
+  if (!is_long) return;
+  // One part at a time is on its way to the disk: simulated runs wait, others have longer parts.
+  if (is_simulated_) take_ended(true);
+  if (waits_for_disk()) return;
+  // What the part has in memory is written before another one begins.
+  if (const Status written = writer_->flush(); !written) return pause(written.error());
+  const Status begun = begin_after(snapshot);
+  if (!begun && !std::exchange(has_told_no_part_, true)) {
+    notes_.push_back("the recording goes on in " + parts_.back().file.string() +
+                     ", because no other part can be begun: " + begun.error().message);
   }
-  remove_old();
 }
 
-/// Makes the last part whole.
-Status RunRecorder::end_part(McapWriter& writer) {
-  const Status ended = writer.finish();
-  if (ended) parts_.back().bytes = writer.bytes_written();
-  return ended;
+/// s: ticks until then are in it.
+double RunRecorder::Part::kept_until(const McapWriter& writer) const {
+  const auto is_lost = [kept = writer.bytes_kept()](const Mark& mark) { return mark.bytes > kept; };
+  return std::prev(std::find_if(marks.begin() + 1, marks.end(), is_lost))->time;
+}
+
+/// Since when it may lack what it was given.
+std::string RunRecorder::Part::gap(const McapWriter& writer) const {
+  const bool is_in_doubt = writer.bytes_kept() < writer.bytes_written();
+  return (is_in_doubt ? "it is not certain that anything was recorded from "
+                      : "nothing was recorded from ") +
+         at(kept_until(writer));
+}
+
+/// Once something was written since the last tick, that is in it.
+void RunRecorder::add_mark(Part& part, const McapWriter& writer) const {
+  const std::uint64_t bytes = writer.bytes_written();
+  if (bytes > part.marks.back().bytes) part.marks.push_back({bytes, time_});
+}
+
+/// It is whole, and goes to the disk while others are written.
+void RunRecorder::end_part(Part& part, McapWriter writer) {
+  (void)writer.end();  // `take_ended` tells what has become of it
+  add_mark(part, writer);
+  part.end = time_;
+  part.ending = std::move(writer);
+}
+
+/// Of those that are on the disk, or with `waits` of all.
+void RunRecorder::take_ended(bool waits) {
+  for (Part& part : parts_) {
+    if (!part.ending || (part.ending->waits_for_disk() && !waits)) continue;
+    if (const Status ended = part.ending->finish(); ended) {
+      part.bytes = part.ending->bytes_written();
+    } else {
+      const bool is_lost = part.kept_until(*part.ending) < part.end;
+      add_trouble((is_lost ? part.gap(*part.ending) + " to " + at(part.end)
+                           : part.file.string() + " is cut off") +
+                  ": " + ended.error().message);
+    }
+    part.ending.reset();
+  }
+}
+
+bool RunRecorder::waits_for_disk() const {
+  return std::any_of(parts_.begin(), parts_.end(),
+                     [](const Part& part) { return part.ending && part.ending->waits_for_disk(); });
 }
 
 void RunRecorder::add_trouble(const std::string& text) {
@@ -303,9 +348,12 @@ void RunRecorder::remove_old() {
 
 void RunRecorder::pause(const Error& error) {
   reason_ = error.message;
-  writer_.reset();
-  parts_.back().end = time_;
-  paused_at_ = time_;
+  gap_ = "nothing was recorded from " + at(time_);
+  if (writer_) {
+    gap_ = parts_.back().gap(*writer_);
+    parts_.back().end = time_;
+    writer_.reset();
+  }
   next_try_ = time_ + patience_;
   notes_.push_back("the recording pauses: " + reason_);
 }
@@ -335,6 +383,7 @@ void RunRecorder::add_frame(const FrameRecord& record, const DepthFrame& frame) 
   write_frame(record, frame);
   cameras_[record.camera].frames.push_back({record, frame});
   frame_revision_ = record.revision;
+  forget_frames();
 }
 
 void RunRecorder::write_frame(const FrameRecord& record, const DepthFrame& frame) {
@@ -375,6 +424,7 @@ void RunRecorder::add_contact(const ContactRecord& contact) {
 }
 
 void RunRecorder::add_tick(const TickRecord& tick) {
+  if (writer_) add_mark(parts_.back(), *writer_);
   time_ = tick.time;
   forget(tick);
   if (!writer_) return;
@@ -394,10 +444,17 @@ void RunRecorder::add_tick(const TickRecord& tick) {
 /// What no part that begins later needs: ticks rest on the contact of this one or on later ones,
 /// contacts on the frame of the first of these or on later ones, and frames on those in their lead.
 void RunRecorder::forget(const TickRecord& tick) {
-  constexpr std::int64_t kMaxIdleFrames = 4;  // frames, while nothing is measured
   while (!contacts_.empty() && contacts_.front().number < tick.contact_number) {
     contacts_.pop_front();
   }
+  forget_frames();
+  forget_settings(tick.revision);
+}
+
+/// Also while no ticks come: a device may take long to start, or be silent.
+void RunRecorder::forget_frames() {
+  // While nothing is measured, and at all.
+  constexpr std::int64_t kMaxIdleFrames = 4, kMaxFrames = 100;
   // A contact of earlier settings rests on what they look back at.
   std::int64_t lead = 0;
   for (const RunSetup& setup : setups_) {
@@ -409,15 +466,17 @@ void RunRecorder::forget(const TickRecord& tick) {
     const auto number = [](const RecordedDepth& frame) {
       return static_cast<std::int64_t>(frame.record.camera_frame);
     };
-    const std::int64_t needed = contacts_.empty() ? number(frames.back()) - kMaxIdleFrames
-                                                  : contacts_.front().cameras.of[k].camera_frame;
+    const std::int64_t newest = number(frames.back());
+    const std::int64_t needed =
+        contacts_.empty()
+            ? newest - kMaxIdleFrames
+            : std::max(contacts_.front().cameras.of[k].camera_frame, newest - kMaxFrames);
     // A contact may come before its frame.
     while (!frames.empty() && number(frames.front()) + lead < needed) {
       cameras_[k].lead.take(frames.front());
       frames.pop_front();
     }
   }
-  forget_settings(tick.revision);
 }
 
 void RunRecorder::add_transforms(const TickRecord& tick, std::uint64_t time) {
@@ -436,13 +495,18 @@ void RunRecorder::add_note(std::string_view text, double time) {
   write(channels_.note, wall_time(time), note_message(text));
 }
 
-void RunRecorder::finish() {
+void RunRecorder::end() {
+  if (std::exchange(has_ended_, true)) return;
   if (writer_) {
-    if (const Status ended = end_part(*writer_); !ended) pause(ended.error());
+    end_part(parts_.back(), *std::exchange(writer_, std::nullopt));
+  } else {
+    add_trouble(gap_ + " on: " + reason_);
   }
-  if (!writer_) {
-    add_trouble("nothing was recorded from " + at(paused_at_) + " on: " + reason_);
-  }
+}
+
+void RunRecorder::finish() {
+  end();
+  take_ended(true);
   // Writing to a file that has no name any more, or that another program has cut, never fails.
   for (const Part& part : parts_) {
     std::error_code error;

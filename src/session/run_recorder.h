@@ -20,9 +20,9 @@ namespace palpate::inline v0 {
 /// How recordings name a camera's frame of coordinates: "camera", "camera_2", ...
 std::string camera_frame(std::size_t camera);
 
-/// For the publishing thread of a loop. When a file cannot be written any more, or the disk is
-/// nearly full, the recording pauses and says so; everything else goes on. It goes on in another
-/// part once there is space again.
+/// For the publishing thread of a loop, which in live runs never waits for the disk. When a
+/// file cannot be written any more, or the disk is nearly full, the recording pauses and says so;
+/// everything else goes on. It goes on in another part once there is space again.
 class RunRecorder {
  public:
   /// `path`: the first file. `is_simulated`: times are not monotonic ones, but s since
@@ -45,7 +45,11 @@ class RunRecorder {
   /// Of that moment, s, monotonic.
   void add_note(std::string_view text, double time);
 
-  /// Makes the file whole.
+  /// Makes the file whole; nothing can be recorded any more.
+  void end();
+  /// Whether `finish` has to wait.
+  bool waits_for_disk() const;
+  /// `end`, and waits until all is on the disk.
   void finish();
   /// What was not recorded and why; else empty.
   const std::string& trouble() const { return trouble_; }
@@ -53,10 +57,20 @@ class RunRecorder {
   std::vector<std::string> take_notes() { return std::exchange(notes_, {}); }
 
  private:
+  /// The first `bytes` of a file hold all ticks until `time`, s.
+  struct Mark {
+    std::uint64_t bytes;
+    double time;
+  };
   struct Part {
-    std::filesystem::path file;  // its name in the folder
-    double end = 0;              // s, of its last tick
-    std::uint64_t bytes = 0;     // once it is whole
+    std::filesystem::path file;             // its name in the folder
+    std::vector<Mark> marks;                // one for each time that something was written
+    double end = 0;                         // s, of its last tick
+    std::uint64_t bytes = 0;                // once it is whole
+    std::optional<McapWriter> ending = {};  // on its way to the disk
+
+    double kept_until(const McapWriter& writer) const;
+    std::string gap(const McapWriter& writer) const;
   };
   struct Channels {
     std::uint16_t part, settings, estimate, frame, contact, tick, note, transforms, statics,
@@ -79,14 +93,18 @@ class RunRecorder {
   void add_camera_pose(std::uint32_t camera, const Pose& X_WC, std::uint64_t time);
   void pause(const Error& error);
   void forget(const TickRecord& tick);
+  void forget_frames();
   void forget_settings(std::uint32_t tick_revision);
   void remove_old();
-  Status end_part(McapWriter& writer);
+  void add_mark(Part& part, const McapWriter& writer) const;
+  void end_part(Part& part, McapWriter writer);
+  void take_ended(bool waits);
   void add_trouble(const std::string& text);
   std::filesystem::path folder() const;
 
   const Tool* tool_;
   RecordingOptions options_;
+  bool is_simulated_;
   struct Place {
     std::mutex mutex;
     std::filesystem::path folder;
@@ -114,8 +132,9 @@ class RunRecorder {
   std::deque<Part> parts_;  // that are there; the last is being written
   int num_parts_ = 1, num_troubles_ = 0;
   double time_ = 0, part_start_ = 0;  // s: of the last tick, of the part
-  double paused_at_ = 0, next_try_ = 0, patience_ = 1;
-  std::string reason_;  // of the pause
+  double next_try_ = 0, patience_ = 1;
+  std::string gap_, reason_;  // of the pause
+  bool has_ended_ = false, has_told_no_part_ = false;
   std::string trouble_;
   std::vector<std::string> notes_;
 };

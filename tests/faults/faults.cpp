@@ -12,6 +12,7 @@
 //   sluggish       every write takes 200 ms longer
 //   stuck          a file that is to reach the disk never does; "stuck" on stderr says so
 //   lazy           the disk takes two seconds longer for what is written (fdatasync)
+//   unsynced@N     from the N-th time on the disk fails to take what is written (fdatasync: EIO)
 //   threadless@N   the N-th thread and all later ones are refused (EAGAIN)
 //   memoryless@N   the N-th allocation of 64 KiB or more is refused, and so are all later ones
 //   yesterday@N    from the N-th look on, the calendar's clock goes wrong by a day
@@ -122,9 +123,12 @@ extern "C" int fsync(int descriptor) {
 
 extern "C" int fdatasync(int descriptor) {
   static auto* const real = next<int(int)>("fdatasync");
-  static Fault lazy("lazy");
-  if (is_file(descriptor) && lazy.comes()) usleep(2'000'000);
-  return real(descriptor);
+  static Fault lazy("lazy"), unsynced("unsynced");
+  if (!is_file(descriptor)) return real(descriptor);
+  if (lazy.comes()) usleep(2'000'000);
+  if (!unsynced.comes()) return real(descriptor);
+  errno = EIO;
+  return -1;
 }
 
 extern "C" int linkat(int from, const char* old_name, int to, const char* new_name, int flags) {

@@ -183,6 +183,31 @@ class Faults(Case):
         # A computer that is busy itself may lose some.
         self.assertTrue(any(is_whole() for _ in range(3)), self.last_error)
 
+    def test_nor_does_it_where_a_part_of_a_recording_ends(self):
+        def is_whole():
+            output = self.folder / "lazy-parts"
+            self.check(self.live_run(output, 4.5) + ("--record-keep", "20s"), "lazy", may_fail=False)
+            self.assertGreater(self.check_run(output), 0)
+            self.assertGreaterEqual(len(list(output.glob("recording*.mcap"))), 2)
+            return "records were lost" not in self.last_error
+        self.assertTrue(any(is_whole() for _ in range(3)), self.last_error)
+
+    def test_what_does_not_reach_a_disk_is_told_and_kept(self):
+        for begin, run_of in ((1, self.path_run), (1, self.live_run), (2, self.live_run)):
+            output = self.folder / f"{run_of.__name__}-unsynced-{begin}"
+            self.assertEqual(self.check(run_of(output, 3), f"unsynced@{begin}"), 1)
+            self.assertRegex(self.last_error, "cannot bring .* to the disk: Input/output error")
+            if begin > 1:  # until then it may not even have begun
+                self.assertIn("it is not certain that anything was recorded from ", self.last_error)
+                self.assertGreater(self.check_run(output), 0)
+        stream, partial = self.folder / "stream.mcap", self.folder / "stream.mcap.partial"
+        self.assertEqual(self.check(("record", "--camera", "scene:wall?size=32x24", "--duration", 0.2, "-o", stream),
+                                    "unsynced@1"), 1)
+        self.assertIn(f"what was recorded before is in {partial}", self.last_error)
+        self.assertFalse(stream.exists())
+        partial.rename(stream)
+        self.check(("cameras", "--selftest", f"bag:{stream}"), "", may_fail=False)
+
     def test_no_threads_and_no_memory(self):
         for begin in (1, 2, 3, 4, 5):
             output = self.folder / f"threadless-{begin}"

@@ -1,38 +1,35 @@
 // Brings a file to the disk while others go on writing it.
 #pragma once
 
-#include <condition_variable>
-#include <mutex>
-#include <thread>
+#include <cstdint>
+#include <memory>
 
 namespace palpate::inline v0 {
 
-/// Has a thread of its own, since a busy disk may take seconds for it. Where there is no thread to
-/// be had, the caller waits.
+/// Has a thread of its own, since a busy disk may take seconds for it, or for ever: nobody waits
+/// but who wants to. Where there is no thread to be had, the caller does it.
 class DiskSync {
  public:
-  /// `file`: a descriptor that stays open for as long.
+  /// Closes `file`, a descriptor, in the end.
   explicit DiskSync(int file);
   DiskSync(const DiskSync&) = delete;
   DiskSync& operator=(const DiskSync&) = delete;
-  ~DiskSync();  ///< waits for what is under way, and no more
+  ~DiskSync();  ///< waits for nothing: what was requested comes to the disk all the same
 
-  /// What was written until now is on the disk soon. Returns the `errno` of an earlier time, or 0.
-  int request();
-  /// The same, and waits for it. The last one.
-  int finish();
+  /// What was written until now, `size` bytes, is on the disk soon.
+  void request(std::uint64_t size);
+  /// Whether something that was requested is still on its way.
+  bool is_busy() const;
+  /// Until it is not. Signals are handled meanwhile.
+  void wait() const;
+  /// The `errno` of the first time that failed, or 0.
+  int error() const;
+  /// bytes that are on the disk for certain; after an error no more are
+  std::uint64_t size_on_disk() const;
 
  private:
-  int sync() const;
-  void serve();
-  void end();
-
-  const int file_;
-  std::mutex mutex_;  // of what follows
-  std::condition_variable changed_;
-  bool is_requested_ = false, is_ending_ = false;
-  int error_ = 0;  // of the first that failed
-  std::thread thread_;
+  struct Work;
+  const std::shared_ptr<Work> work_;
 };
 
 }  // namespace palpate::inline v0

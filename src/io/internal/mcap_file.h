@@ -31,7 +31,7 @@ struct McapOptions {
 };
 
 /// Appends, with the profile "ros2" and chunks compressed by Zstandard. Not for the haptic thread:
-/// writing may wait for memory, and the end for the disk.
+/// writing may wait for memory, and `finish` for the disk.
 class McapWriter {
  public:
   /// Errors: the file cannot be made.
@@ -39,7 +39,7 @@ class McapWriter {
                                    const McapOptions& options = {});
   McapWriter(McapWriter&&) noexcept;
   McapWriter& operator=(McapWriter&&) noexcept;
-  ~McapWriter();  ///< finishes as well as it can
+  ~McapWriter();  ///< `end`s as well as it can
 
   /// A whole file inside the recording. Before the first message. Error: as `write`.
   Status attach(std::string_view name, std::string_view media_type, std::string_view contents);
@@ -50,10 +50,15 @@ class McapWriter {
   Status write(std::uint16_t channel, std::uint64_t time, std::string_view message);
   /// Writes what is still in memory: it outlives the program, and is on the disk soon after.
   Status flush();
-  /// The rest, summary and index, and waits until all is on the disk. Nothing can be written any
-  /// more.
+  /// The rest, summary and index, likewise. Nothing can be written any more.
+  Status end();
+  /// Whether something written is on its way to the disk.
+  bool waits_for_disk() const;
+  /// `end`, and waits until all is on the disk.
   Status finish();
   std::uint64_t bytes_written() const;
+  /// Without those that may be lost, because they could not be brought to the disk.
+  std::uint64_t bytes_kept() const;
 
  private:
   struct Impl;

@@ -174,6 +174,7 @@ void SurfaceStage::read_frames(std::size_t number) {
     if (may_read(camera)) {
       const auto got = camera.source.read(newest.frame);
       if (!got) {
+        if (stop_.is_stopping()) return;  // what was cancelled has not failed
         const std::string& name = camera.source.info().name;
         return fail(error_of_camera(got.error(), name, number, cameras_.size()));
       }

@@ -29,8 +29,9 @@ struct StreamRecording {
 /// they are), /camera/depth/camera_info, /camera/depth/unit (metres per count, which ROS takes for
 /// 0.001) and /tf_static or /tf; /camera_2/... of a second camera. Live frames are stamped with
 /// their capture time since 1970 and written as they come, others with their own time stamps and in
-/// their order: the same bytes every time. Live cameras end together. The file is whole or absent.
-/// Errors: a source, the disk, a camera without any frame.
+/// their order: the same bytes every time. Live cameras end together. The file is whole or absent:
+/// where a source or the disk fails later, what there is stays under the name PATH.partial, which
+/// the error names. Errors: a source, the disk, a camera without any frame.
 Result<StreamRecording> record_stream(const DepthSources& sources,
                                       const std::filesystem::path& path,
                                       const RecordStreamOptions& options = {});
