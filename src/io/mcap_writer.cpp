@@ -288,7 +288,9 @@ Status McapWriter::finish() {
 std::uint64_t McapWriter::bytes_written() const { return impl_->size; }
 
 std::uint64_t McapWriter::bytes_kept() const {
-  return impl_->sync->error() == 0 ? impl_->size : impl_->sync->size_on_disk();
+  return impl_->sync->error() == 0 ? impl_->size : bytes_on_disk();
 }
+
+std::uint64_t McapWriter::bytes_on_disk() const { return impl_->sync->size_on_disk(); }
 
 }  // namespace palpate::inline v0

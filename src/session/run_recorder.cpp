@@ -302,7 +302,10 @@ std::string RunRecorder::Part::gap(const McapWriter& writer) const {
 /// Once something was written since the last tick, that is in it.
 void RunRecorder::add_mark(Part& part, const McapWriter& writer) const {
   const std::uint64_t bytes = writer.bytes_written();
-  if (bytes > part.marks.back().bytes) part.marks.push_back({bytes, time_});
+  if (bytes <= part.marks.back().bytes) return;
+  part.marks.push_back({bytes, time_});
+  const std::uint64_t on_disk = writer.bytes_on_disk();
+  while (part.marks.size() > 1 && part.marks[1].bytes <= on_disk) part.marks.pop_front();
 }
 
 /// It is whole, and goes to the disk while others are written.

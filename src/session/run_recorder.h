@@ -64,7 +64,8 @@ class RunRecorder {
   };
   struct Part {
     std::filesystem::path file;             // its name in the folder
-    std::vector<Mark> marks;                // one for each time that something was written
+    std::deque<Mark> marks;                 // of each time that something was written, the first
+                                            // the last one that the disk has for sure
     double end = 0;                         // s, of its last tick
     std::uint64_t bytes = 0;                // once it is whole
     std::optional<McapWriter> ending = {};  // on its way to the disk

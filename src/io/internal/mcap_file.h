@@ -59,6 +59,8 @@ class McapWriter {
   std::uint64_t bytes_written() const;
   /// Without those that may be lost, because they could not be brought to the disk.
   std::uint64_t bytes_kept() const;
+  /// Those that have been brought to it.
+  std::uint64_t bytes_on_disk() const;
 
  private:
   struct Impl;
