@@ -10,6 +10,7 @@
 
 #include "src/cameras/frame_intake.h"
 #include "src/cameras/plausibility.h"
+#include "src/core/bounded_call.h"
 #include "src/core/internal/guarded.h"
 #include "src/core/monotonic_clock.h"
 
@@ -89,6 +90,7 @@ struct LiveCamera {
   void run();
   void read_all();
   bool reopen(const Error& why);
+  void close();
   void take_raw_notes() {
     for (std::string& note : raw->take_notes()) intake.add_note(std::move(note));
   }
@@ -98,18 +100,30 @@ struct LiveCamera {
   const CameraTruth truth;
   Plausibility doubts;  // of the thread
 
-  std::mutex mutex;  // of what follows; not held while frames are waited for
+  // Of what follows. Not held in a call into a vendor's library: `cancel` and `take_notes` of raw
+  // streams make none.
+  std::mutex mutex;
   std::condition_variable ended;
   std::unique_ptr<DepthSource> raw;
-  bool has_ended = false;
+  bool has_ended = false, is_given_up = false;
 };
 
 void LiveCamera::run() {
   guarded([&] { read_all(); }, [&](const Error& error) { intake.end(error); });
+  close();
   const std::lock_guard lock(mutex);
-  raw.reset();
+  if (is_given_up) count_hung_calls(-1);
   has_ended = true;
   ended.notify_all();
+}
+
+/// May take long, or never return: meanwhile there is no stream.
+void LiveCamera::close() {
+  std::unique_ptr<DepthSource> closing;
+  {
+    const std::lock_guard lock(mutex);
+    closing = std::move(raw);
+  }
 }
 
 void LiveCamera::read_all() {
@@ -145,11 +159,7 @@ bool LiveCamera::reopen(const Error& why) {
   const double begin = monotonic_now();
   intake.add_note("was lost: " + why.message + "; it is tried again until it is back");
   while (intake.sleep_for(kRetryPeriod)) {
-    {
-      // A camera is released before it is opened again.
-      const std::lock_guard lock(mutex);
-      raw.reset();
-    }
+    close();  // before it is opened again
     auto opened = again();
     if (!opened) continue;
     {
@@ -175,6 +185,8 @@ class LiveSource final : public DepthSource {
     std::unique_lock lock(camera_->mutex);
     const bool has_ended =
         camera_->ended.wait_for(lock, kLongestVendorCall, [&] { return camera_->has_ended; });
+    camera_->is_given_up = !has_ended;
+    if (!has_ended) count_hung_calls(1);
     lock.unlock();
     has_ended ? thread_.join() : thread_.detach();
   }

@@ -133,7 +133,7 @@ class PipeSource final : public DepthSource {
     const std::string where = " of frame " + std::to_string(num_read_);
     const bool is_sound = std::memcmp(start_, kMagic, kMagicBytes) == 0 && size[0] >= 8 &&
                           size[1] >= 8 && size[0] <= kMaxImageWidth && size[1] <= kMaxImageHeight &&
-                          !(numbers[1] <= 0);
+                          (is_unit_given_ || !(numbers[1] <= 0));
     if (!is_sound) {
       return Error{Errc::bad_input,
                    info_.name + ": the header" + where +

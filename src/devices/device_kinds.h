@@ -4,6 +4,7 @@
 #include <memory>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "palpate/devices/devices.h"
 
@@ -31,5 +32,9 @@ FoundDevice find_open_haptics_device();
 FoundDevice find_vrpn_device();
 FoundDevice find_ros2_device();
 FoundDevice find_page_device();
+
+/// open_device and find_devices, which wait for a driver for 30 and 10 s.
+Result<std::unique_ptr<HapticDevice>> open_device_within(double patience, std::string_view uri);
+std::vector<FoundDevice> find_devices_within(double patience);
 
 }  // namespace palpate::inline v0

@@ -6,6 +6,7 @@
 
 #include "src/core/all_at_once.h"
 #include "src/core/bounded_call.h"
+#include "src/core/internal/number_text.h"
 #include "src/devices/device_kinds.h"
 
 namespace palpate::inline v0 {
@@ -45,35 +46,43 @@ constexpr Kind kKinds[] = {
 constexpr double kFindPatience = 10, kOpenPatience = 30;  // s
 
 /// Drivers may wait for a device for ever.
-Result<std::unique_ptr<HapticDevice>> open_in_time(const Kind& kind, std::string_view address) {
+Result<std::unique_ptr<HapticDevice>> open_in_time(const Kind& kind, std::string_view address,
+                                                   double patience) {
   const auto opened = std::make_shared<std::optional<Result<std::unique_ptr<HapticDevice>>>>();
-  if (returns_within(kOpenPatience, [opened, open = kind.open, where = std::string(address)] {
+  if (returns_within(patience, [opened, open = kind.open, where = std::string(address)] {
         *opened = open(where);
       })) {
     return *std::move(*opened);
   }
   return Error{Errc::unavailable, "the driver of " + std::string(kind.name) +
-                                      " has not returned for 30 s while the device was opened; "
+                                      " has not returned for " + number_text(patience) +
+                                      " s while the device was opened; "
                                       "switch the device off and on, end other programs that use "
                                       "it, and try again"};
 }
 
 }  // namespace
 
-std::vector<FoundDevice> find_devices() {
-  return find_all_at_once(kKinds, kFindPatience, [](const Kind& kind) {
+std::vector<FoundDevice> find_devices() { return find_devices_within(kFindPatience); }
+
+std::vector<FoundDevice> find_devices_within(double patience) {
+  return find_all_at_once(kKinds, patience, [patience](const Kind& kind) {
     return FoundDevice{std::string(kind.name), std::string(kind.name), false,
-                       "its driver has not returned for 10 s",
+                       "its driver has not returned for " + number_text(patience) + " s",
                        "switch the device off and on and end other programs that use it"};
   });
 }
 
 Result<std::unique_ptr<HapticDevice>> open_device(std::string_view uri) {
+  return open_device_within(kOpenPatience, uri);
+}
+
+Result<std::unique_ptr<HapticDevice>> open_device_within(double patience, std::string_view uri) {
   const std::size_t colon = std::min(uri.find(':'), uri.size());
   const std::string_view name = uri.substr(0, colon);
   const auto kind = std::ranges::find(kKinds, name, &Kind::name);
   if (kind != std::end(kKinds))
-    return open_in_time(*kind, uri.substr(std::min(colon + 1, uri.size())));
+    return open_in_time(*kind, uri.substr(std::min(colon + 1, uri.size())), patience);
   std::string known;
   for (const Kind& each : kKinds) known += (known.empty() ? "" : ", ") + std::string(each.usage);
   return Error{Errc::invalid_argument, "no kind of device is called '" +

@@ -12,8 +12,10 @@
 #include "src/cameras/camera_source.h"
 #include "src/cameras/frame_intake.h"
 #include "src/cameras/plausibility.h"
+#include "src/core/bounded_call.h"
 #include "src/core/monotonic_clock.h"
 #include "tests/cameras/conformance.h"
+#include "tests/test_util/wait_for.h"
 
 namespace palpate {
 namespace {
@@ -294,6 +296,66 @@ TEST(LiveCamera, ACallThatNeverReturnsHoldsUpNobody) {
   EXPECT_FALSE(has_left);
   is_over = true;
   while (!has_left) test::sleep_seconds(0.01);
+}
+
+/// Its driver does not return from closing it until it is let go.
+class UnclosableCamera final : public DepthSource {
+ public:
+  struct Gate {
+    std::atomic<bool> is_open = false;
+    std::atomic<int> num_waiting = 0;
+  };
+  UnclosableCamera(std::shared_ptr<Gate> gate, ScriptedCamera::Script script)
+      : gate_(std::move(gate)), camera_(stream_info(kWidth, kHeight), std::move(script)) {}
+  ~UnclosableCamera() override {
+    ++gate_->num_waiting;
+    while (!gate_->is_open) test::sleep_seconds(0.001);
+    --gate_->num_waiting;
+  }
+  const DepthStreamInfo& info() const override { return camera_.info(); }
+  Result<bool> next(DepthFrame& frame) override { return camera_.next(frame); }
+  void cancel() noexcept override { camera_.cancel(); }
+
+ private:
+  const std::shared_ptr<Gate> gate_;
+  ScriptedCamera camera_;
+};
+
+// When its cable is pulled, and at the end of a run: the thread that records asks every camera for
+// notes, the end of the run cancels it, and the end of the program must not wait for it.
+TEST(LiveCamera, OneThatDoesNotCloseHoldsUpNobody) {
+  for (const bool is_unplugged : {true, false}) {
+    const auto gate = std::make_shared<UnclosableCamera::Gate>();
+    auto raw =
+        std::make_unique<UnclosableCamera>(gate,
+                                           [=](int number, DepthFrame& frame, DepthStreamInfo&,
+                                               const auto& is_cancelled) -> Result<bool> {
+                                             if (number < 3) return give(frame, number, 0);
+                                             if (is_unplugged)
+                                               return Error{Errc::unavailable, "the cable is out"};
+                                             return wait(is_cancelled);
+                                           });
+    const OpenRaw again = []() -> Result<RawStream> { return Error{Errc::not_found, "no camera"}; };
+    auto camera =
+        make_live({std::move(raw), StampClock::none}, again, parse_camera_uri("test").value())
+            .value();
+    DepthFrame frame;
+    ASSERT_TRUE(*camera->next(frame));
+    if (!is_unplugged) camera->cancel();
+    EXPECT_TRUE(test::wait_for([&] { return gate->num_waiting == 1; }));
+    const bool has_ended = returns_within(60, [&] {
+      camera->take_notes();
+      camera->cancel();
+      while (*camera->next(frame)) {
+      }
+      camera.reset();
+    });
+    EXPECT_TRUE(has_ended) << (is_unplugged ? "unplugged" : "at the end");
+    EXPECT_EQ(gate->num_waiting, 1);
+    EXPECT_TRUE(is_any_call_hung());  // so the program does not wait for it
+    gate->is_open = true;
+    EXPECT_TRUE(test::wait_for([&] { return !is_any_call_hung() && gate->num_waiting == 0; }));
+  }
 }
 
 TEST(LiveCamera, AnotherSizeAndUnitAreFollowed) {

@@ -138,7 +138,9 @@ TEST_F(PipeCamera, SaysWhatIsWrong) {
   EXPECT_EQ(opened(header(1.7e9, 0.001) + raw(0), kNoSize), "");  // since 1970
   EXPECT_TRUE(has(opened(header(0, 2) + raw(0), kNoSize),
                   "the unit of frame 0 is 2 m per count; give at most 1 m, NaN for none, or"));
-  EXPECT_EQ(opened(header(0, 2) + raw(0), kNoSize + std::string("&unit=0.002")), "");
+  EXPECT_TRUE(has(opened(header(0, 0) + raw(0), kNoSize), "damaged"));
+  for (const double overruled : {2.0, 0.0, -1.0})
+    EXPECT_EQ(opened(header(0, overruled) + raw(0), kNoSize + std::string("&unit=0.002")), "");
   EXPECT_TRUE(has(opened(header(0, kInf) + raw(0), kNoSize), "frame 0 is inf m per count"));
   EXPECT_TRUE(has(open_camera("pipe:" + path("nothing") + kSize).error().message, "cannot open"));
   EXPECT_TRUE(has(open_camera("pipe:" + folder_.string() + kSize).error().message, "a folder"));

@@ -387,6 +387,26 @@ TEST_F(ForceDimension, ACallThatNeverReturnsIsGivenUp) {
   }
 }
 
+TEST_F(ForceDimension, ADriverThatDoesNotReturnFromOpeningOrLookingIsLeft) {
+  fake_.hang.in = "drdOpenID";
+  const auto device = open_device_within(0.1, "forcedimension");
+  ASSERT_FALSE(device);
+  EXPECT_TRUE(contains(device.error().message,
+                       "the driver of forcedimension has not returned for 0.1 s while the device "
+                       "was opened; switch"))
+      << device.error().message;
+  EXPECT_TRUE(is_any_call_hung());
+  fake_.hang.in = "dhdGetDeviceCount";  // the device that has been opened after all is closed
+  EXPECT_TRUE(eventually([&] { return !is_any_call_hung() && fake_.num_open == 0; }));
+  std::string what;
+  for (const FoundDevice& found : find_devices_within(0.1))
+    if (found.kind == "forcedimension") what = found.what;
+  EXPECT_EQ(what, "its driver has not returned for 0.1 s");
+  EXPECT_TRUE(is_any_call_hung());
+  fake_.hang.in = nullptr;
+  EXPECT_TRUE(eventually([] { return !is_any_call_hung(); }));
+}
+
 TEST_F(ForceDimension, ADeviceThatDoesNotCloseIsLeft) {
   auto device = running(kPush);
   fake_.hang.in = "drdClose";

@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "src/devices/device_kinds.h"
+#include "tests/devices/filtered_hand.h"
 #include "tests/devices/haply_service.h"
 #include "tests/devices/tick_log.h"
 
@@ -202,15 +203,8 @@ TEST(HaplyDevice, PiecesAndPingsAreNothingSpecial) {
 
 TEST(HaplyDevice, AServiceThatStandsStillForAMomentGoesOn) {
   Bench bench;
-  bench.start();
-  ASSERT_TRUE(eventually([&] { return bench.log.num_valid() > 20; }));
-  bench.service.faults.reply_delay = 300;
-  std::this_thread::sleep_for(std::chrono::milliseconds(100));
-  bench.service.faults.reply_delay = 0;
-  std::this_thread::sleep_for(std::chrono::milliseconds(250));
-  const std::size_t before = bench.log.num_valid();
-  EXPECT_TRUE(eventually([&] { return bench.log.num_valid() > before + 20; }));
-  EXPECT_TRUE(bench.device->status());
+  test::expect_to_fade_and_return(
+      *bench.device, [&](bool is_still) { bench.service.faults.reply_delay = is_still ? 300 : 0; });
 }
 
 TEST(HaplyDevice, EveryFaultEndsInASentence) {

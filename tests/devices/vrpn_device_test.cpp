@@ -9,8 +9,10 @@
 #include <cmath>
 #include <string>
 #include <thread>
+#include <utility>
 
 #include "src/devices/device_kinds.h"
+#include "tests/devices/filtered_hand.h"
 #include "tests/devices/tick_log.h"
 #include "tests/devices/vrpn_server.h"
 
@@ -182,14 +184,26 @@ TEST(VrpnDevice, MessagesInPiecesAreTheSame) {
 
 TEST(VrpnDevice, AServerThatStandsStillForAMomentGoesOn) {
   Bench bench;
+  test::expect_to_fade_and_return(*bench.device,
+                                  [&](bool is_still) { bench.server.is_silent = is_still; });
+}
+
+// Nobody knows where the hand is, and the last pose is no state.
+TEST(VrpnDevice, APoseIsAStateForATenthOfASecondAtMost) {
+  Bench bench;
+  bench.server.trembles = true;
   bench.start();
   ASSERT_TRUE(eventually([&] { return bench.log.num_valid() > 20; }));
   bench.server.is_silent = true;
-  std::this_thread::sleep_for(std::chrono::milliseconds(300));
-  const std::size_t before = bench.log.num_valid();
-  bench.server.is_silent = false;
-  EXPECT_TRUE(eventually([&] { return bench.log.num_valid() > before + 20; }));
-  EXPECT_TRUE(bench.device->status());
+  EXPECT_TRUE(eventually([&] { return !bench.device->status(); }));
+  double came = 0, oldest = 0;
+  Vec3d last;
+  for (const DeviceState& state : bench.log.states()) {
+    if (!(std::exchange(last, state.X_BH.translation) == state.X_BH.translation)) came = state.time;
+    if (state.is_valid) oldest = std::max(oldest, state.time - came);
+  }
+  EXPECT_LE(oldest, 0.1);
+  EXPECT_GT(bench.log.last().time, came + 0.1);
 }
 
 TEST(VrpnDevice, EveryFaultEndsInASentence) {

@@ -192,7 +192,7 @@ bool VrpnServer::report(int socket, int number) {
     put(pose, std::int32_t{0});
     const double away = is_wild && number % 2 == 0 ? 1e300 : 1;
     const double longer = is_wild && number % 2 == 1 ? 1e-160 : 1;
-    for (int i = 0; i < 3; ++i) put(pose, away * position_[i]);
+    for (int i = 0; i < 3; ++i) put(pose, away * position_[i] + (trembles ? 1e-9 * number : 0));
     for (double q : {rotation_.x, rotation_.y, rotation_.z, rotation_.w}) put(pose, longer * q);
     put(velocity, std::int32_t{0});
     put(velocity, std::int32_t{0});

@@ -59,6 +59,7 @@ class VrpnServer {
   std::atomic<bool> dribbles = false;         ///< every message in two parts
   std::atomic<bool> has_no_clock = false;     ///< all stamps are zero
   std::atomic<bool> ends_velocities = false;  ///< one of 1 m/s along x, then no more
+  std::atomic<bool> trembles = false;         ///< no two positions are the same
   std::atomic<bool> is_wild = false;          ///< positions and rotations that cannot be
   std::atomic<int> force_error = 4;           ///< 4: none
   std::atomic<std::uint32_t> buttons = 0;

@@ -271,6 +271,17 @@ TEST(LiveLoopChange, FramesThatAreExpectedInAnHourComeWhenTheyCome) {
   ASSERT_TRUE(touching.loop->change(settings));
   const std::uint64_t before = touching.loop->report().num_frames;
   EXPECT_TRUE(wait_for([&] { return touching.loop->report().num_frames > before + 20; }));
+  // A surface of that time is all that is felt.
+  const auto has_blended = [&] {
+    const std::lock_guard lock(touching.seen.mutex);
+    const auto& frames = touching.seen.frames;
+    const auto first = std::ranges::find(frames, 1u, &SeenFrameCopy::revision);
+    const auto number = static_cast<std::uint64_t>(first - frames.begin());
+    return std::ranges::any_of(touching.seen.contacts, [&](const ContactRecord& contact) {
+      return contact.frame_number > number && contact.cameras.of[0].progress == 1;
+    });
+  };
+  EXPECT_TRUE(wait_for(has_blended));
   settings.time.first_period = 0;
   EXPECT_TRUE(touching.loop->change(settings));
 }

@@ -1,6 +1,8 @@
 // What tests of the whole loop have in common.
 #pragma once
 
+#include <algorithm>
+
 #include "palpate/mesh/mesh.h"
 #include "palpate/packing/packing.h"
 #include "palpate/run/run_loop.h"
@@ -43,5 +45,8 @@ inline RunSettings patient_settings() {
   settings.safety.engage_timeout = 0.05;
   return settings;
 }
+
+/// The box goes from 5 mm before the wall to 15 mm into it.
+inline Vec3d pressing_hand(double time) { return {0, 0, 0.02 + 0.02 * std::min(1.0, 4 * time)}; }
 
 }  // namespace palpate::test

@@ -9,7 +9,6 @@
 #include <filesystem>
 #include <map>
 #include <optional>
-#include <stdexcept>
 #include <string>
 #include <thread>
 #include <vector>
@@ -24,12 +23,10 @@ namespace {
 
 using test::box_tool;
 using test::patient_settings;
+using test::pressing_hand;
 using test::ScriptedDevice;
 using test::wait_for;
 using test::WallSource;
-
-/// The box goes from 5 mm before the wall to 15 mm into it.
-Vec3d pressing_hand(double time) { return {0, 0, 0.02 + 0.02 * std::min(1.0, 4 * time)}; }
 
 /// Everything that an observer is told.
 struct Seen {
@@ -71,75 +68,6 @@ TEST(LiveLoop, RefusesRatesAtWhichEveryContactIsTooOld) {
   }
   settings.contact_rate *= 1.01;
   EXPECT_TRUE(RunLoop::create(box_tool(), source, device, settings));
-}
-
-TEST(LiveLoop, ASourceThatNeverReturnsHoldsUpNobody) {
-  test::SilentSource source;
-  ScriptedDevice device({});
-  auto loop = RunLoop::create(box_tool(), source, device, patient_settings()).value();
-  ASSERT_TRUE(loop->start());
-  ASSERT_TRUE(wait_for([&] { return source.is_waiting(); }));
-  loop->stop();
-  EXPECT_FALSE(loop->is_running());
-}
-
-/// Runs until it has ended by itself; says how.
-Status ending_of(RunLoop& loop) {
-  if (const Status started = loop.start(); !started) return started;
-  EXPECT_TRUE(wait_for([&] { return !loop.is_running(); }));
-  loop.stop();
-  return loop.status();
-}
-
-/// A wall whose thread has all the memory that it wants. When frames begin to have flow, which the
-/// stream has not told, the thread that makes surfaces needs room to keep it.
-class SparedWall final : public DepthSource {
- public:
-  std::atomic<bool> has_flow = false;
-
-  const DepthStreamInfo& info() const override { return wall_.info(); }
-  Result<bool> next(DepthFrame& frame) override {
-    test::RefusedAllocations::spare_this_thread();
-    const auto got = wall_.next(frame);
-    frame.flow.assign(has_flow ? 2 * frame.pixels.size() : 0, {});
-    return got;
-  }
-
- private:
-  WallSource wall_{{}};
-};
-
-TEST(LiveLoop, AThreadOfSurfacesWithoutMemoryEndsTheRunWell) {
-  SparedWall source;
-  ScriptedDevice device({.hand = pressing_hand});
-  RunObserver observer;
-  observer.on_frame = [](const FrameRecord&, const DepthFrame&) {};
-  auto loop =
-      RunLoop::create(box_tool(), source, device, patient_settings(), std::move(observer)).value();
-  test::RefusedAllocations::spare_this_thread();
-  ASSERT_TRUE(loop->start());
-  ASSERT_TRUE(wait_for([&] { return device.last_force() > 0; }));
-  {
-    const test::RefusedAllocations refused;
-    source.has_flow = true;
-    EXPECT_TRUE(wait_for([&] { return !loop->is_running(); }));
-  }
-  EXPECT_TRUE(wait_for([&] { return device.last_force() == 0; }));  // it has faded
-  loop->stop();
-  EXPECT_FALSE(loop->status());
-}
-
-TEST(LiveLoop, WhatACameraThrowsEndsTheRunWell) {
-  WallSource source({.depth = [](int frame) -> double {
-    if (frame == 10) throw std::runtime_error("a hole in the wall");
-    return 0.5;
-  }});
-  ScriptedDevice device({.hand = pressing_hand});
-  auto loop = RunLoop::create(box_tool(), source, device, patient_settings()).value();
-  const Status ending = ending_of(*loop);
-  ASSERT_FALSE(ending);
-  EXPECT_NE(ending.error().message.find("a hole in the wall"), std::string::npos)
-      << ending.error().message;
 }
 
 TEST(LiveLoop, TheHandFeelsTheWallAndAllIsRecorded) {
@@ -306,38 +234,6 @@ TEST(LiveLoop, NothingIsAllocatedWhileItRuns) {
   }
 }
 
-TEST(LiveLoop, EndsWithItsSource) {
-  WallSource source({.num_frames = 4});
-  ScriptedDevice device({.hand = pressing_hand});
-  auto loop = RunLoop::create(box_tool(), source, device, patient_settings());
-  ASSERT_TRUE(loop);
-  ASSERT_TRUE((*loop)->start());
-  EXPECT_TRUE(wait_for([&] { return !(*loop)->is_running(); }));
-  EXPECT_TRUE(wait_for([&] { return device.last_force() == 0; }));
-  EXPECT_TRUE((*loop)->status());
-  EXPECT_EQ((*loop)->report().fault, Fault::stopped);
-  // A source of one frame.
-  WallSource single({.num_frames = 1});
-  ScriptedDevice other({});
-  auto short_loop = RunLoop::create(box_tool(), single, other, patient_settings());
-  ASSERT_TRUE((*short_loop)->start());
-  EXPECT_TRUE(wait_for([&] { return !(*short_loop)->is_running(); }));
-}
-
-TEST(LiveLoop, FadesOutWhenTheSourceFails) {
-  WallSource source({.fails_at = 12});
-  ScriptedDevice device({.hand = pressing_hand});
-  auto loop = RunLoop::create(box_tool(), source, device, patient_settings());
-  ASSERT_TRUE(loop);
-  ASSERT_TRUE((*loop)->start());
-  EXPECT_TRUE(wait_for([&] { return !(*loop)->is_running(); }));
-  EXPECT_TRUE(wait_for([&] { return device.last_force() == 0; }));
-  EXPECT_GT(device.num_ticks(), 0);
-  EXPECT_EQ((*loop)->report().fault, Fault::sensor);
-  ASSERT_FALSE((*loop)->status());
-  EXPECT_EQ((*loop)->status().error().message, "the wall fell over");
-}
-
 TEST(LiveLoop, AForceThatStaysAwayComesWhenItIsAskedFor) {
   WallSource source({.stalls_at = 12, .stall_seconds = 0.6});
   ScriptedDevice device({});
@@ -359,81 +255,6 @@ TEST(LiveLoop, AForceThatStaysAwayComesWhenItIsAskedFor) {
   EXPECT_TRUE(comes_to(ForceState::engaged));
   EXPECT_TRUE((*loop)->is_running());
   EXPECT_TRUE((*loop)->status());
-}
-
-TEST(LiveLoop, ADeviceThatIsLostIsTheFaultOfItsReport) {
-  for (const double lost_after : {0.2, 1e9}) {
-    WallSource source({});
-    ScriptedDevice device({.hand = pressing_hand, .lost_after = lost_after});
-    auto loop = RunLoop::create(box_tool(), source, device, patient_settings());
-    ASSERT_TRUE(loop);
-    ASSERT_TRUE((*loop)->start());
-    if (lost_after < 1) {
-      EXPECT_TRUE(wait_for([&] { return !(*loop)->is_running(); }));
-    }
-    (*loop)->stop();
-    EXPECT_EQ((*loop)->report().fault, lost_after < 1 ? Fault::device : Fault::stopped);
-  }
-}
-
-// A robot's first pose may take ten seconds.
-TEST(LiveLoop, ADeviceMayTakeLongToStartAndTheUserIsTold) {
-  WallSource source({});
-  ScriptedDevice device({.hand = pressing_hand, .starts_for = 4, .first_tick = 0.3});
-  std::vector<std::string> notes;
-  RunObserver observer;
-  observer.on_note = [&](std::string_view note) { notes.emplace_back(note); };
-  auto loop = RunLoop::create(box_tool(), source, device, patient_settings(), observer);
-  ASSERT_TRUE(loop);
-  const Status started = (*loop)->start();
-  EXPECT_TRUE(started) << started.error().message;
-  (*loop)->stop();
-  const std::string note = "waits for " + device.info().name + " to start";
-  EXPECT_EQ(std::ranges::count(notes, note), 1);
-}
-
-TEST(LiveLoop, EndsWhenTheDeviceIsLost) {
-  WallSource source({});
-  ScriptedDevice device({.hand = pressing_hand, .lost_after = 0.2});
-  auto loop = RunLoop::create(box_tool(), source, device, patient_settings()).value();
-  const Status ending = ending_of(*loop);
-  ASSERT_FALSE(ending);
-  EXPECT_EQ(ending.error().message, "somebody pulled the plug");
-}
-
-// Its last force may still be there: nobody else would notice. But a silence that the settings
-// allow is no reason to end.
-TEST(LiveLoop, EndsWhenTheDeviceIsStuck) {
-  constexpr double kAllowed = 1.2;  // s
-  WallSource source({});
-  ScriptedDevice device({.hand = pressing_hand, .stuck_after = 0.2});
-  RunSettings settings = patient_settings();
-  settings.safety.max_device_silence = kAllowed;
-  auto loop = RunLoop::create(box_tool(), source, device, settings).value();
-  const Status ending = ending_of(*loop);
-  ASSERT_FALSE(ending);
-  EXPECT_NE(ending.error().message.find("does not tick any more"), std::string::npos);
-  TickRecord last;
-  ASSERT_TRUE(loop->latest(last));
-  EXPECT_GT(loop->report().seconds - last.time, kAllowed);
-}
-
-// Nobody waits for the time that the clock of a device has been at for a moment.
-TEST(LiveLoop, ALeapOfTheDevicesClockPasses) {
-  WallSource source({});
-  ScriptedDevice device({.hand = pressing_hand, .leaps_after = 0.3});
-  auto loop = RunLoop::create(box_tool(), source, device, patient_settings());
-  ASSERT_TRUE(loop);
-  ASSERT_TRUE((*loop)->start());
-  EXPECT_TRUE(wait_for([&] { return (*loop)->report().num_faults > 0; }));
-  const std::uint64_t before = (*loop)->report().num_contacts;
-  const auto begin = std::chrono::steady_clock::now();
-  EXPECT_TRUE(wait_for([&] { return (*loop)->report().num_contacts > before + 20; }));
-  EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(30));
-  TickRecord tick;
-  EXPECT_TRUE(wait_for([&] {
-    return (*loop)->latest(tick) && tick.contact_age < 30 && tick.safety.fault == Fault::none;
-  }));
 }
 
 TEST(LiveLoop, RealTimeIsAskedForAndRefusalsAreNoted) {

@@ -92,7 +92,6 @@ class ScriptedDevice final : public HapticDevice {
     double lost_after = 1e9;   // s since start
     double stuck_after = 1e9;  // likewise: it does not tick any more, and does not know it
     double leaps_after = 1e9;  // likewise: its clock is far ahead at one tick
-    double starts_for = 0;     // s that start() takes
     double first_tick = 0;     // s after start()
     std::optional<Error> refuses = std::nullopt;
   };
@@ -113,7 +112,6 @@ class ScriptedDevice final : public HapticDevice {
   const DeviceInfo& info() const override { return info_; }
   Status start(DeviceTick tick) override {
     if (options_.refuses) return *options_.refuses;
-    std::this_thread::sleep_for(std::chrono::duration<double>(options_.starts_for));
     tick_ = std::move(tick);
     thread_ = std::thread([this] { run(); });
     return Done{};

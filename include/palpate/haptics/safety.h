@@ -165,9 +165,10 @@ inline void add_settings(SettingTable& t, SafetyOptions& o) {
   t.add("max_sensor_age", o.max_sensor_age, {kShort, kLong, "s"},
         "an older depth frame is a fault");
   t.add("max_device_silence", o.max_device_silence, {kShort, kLong, "s"},
-        "a longer time without a usable state is a fault; above 1 s also how long a device that "
-        "does not answer is waited for");
-  t.add("max_tick", o.max_tick, {kShort, kLong, "s"}, "a longer time between ticks is a fault");
+        "a longer time without a usable state is a fault");
+  t.add("max_tick", o.max_tick, {kShort, kLong, "s"},
+        "a longer time between ticks is a fault; above 1 s also how long a device that does not "
+        "tick is waited for");
   t.add("dead_man", o.dead_man, "force only while button 0 is held");
   t.add("passivity_control", o.passivity_control, "adds damping when the hand is given energy");
   t.add("energy_tank", o.energy_tank, {1e-6, 1e3, "J"},

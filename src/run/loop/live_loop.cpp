@@ -32,7 +32,7 @@ constexpr double kFadeTimeout = 0.5;         // s, beyond the fade itself
 // A change is waited for no longer than this and three frames, s: whoever requests it may have the
 // end of the run to request as well.
 constexpr double kChangeTimeout = 2;
-constexpr double kMaxSilence = 1;  // s without a tick, or what settings allow: a device is stuck
+constexpr double kMaxSilence = 1;  // s without a tick, or safety.max_tick: a device is stuck
 constexpr double kLongStart = 2;   // s until the user is told what is waited for
 
 /// Waits for it, at most for `patience` s, of which the rest remains. Its rounds are counted: while
@@ -156,6 +156,7 @@ class LiveLoop final : public RunLoop {
   /// It ticks no more: lost, stuck, or at the end of its path.
   bool has_device_ended() const { return is_device_stuck_ || !device_.status(); }
   void end_with(const Error& error);
+  void end() noexcept;
   void fade_out() noexcept;
   std::vector<std::pair<std::string, std::string>> scheduling() const;
 
@@ -219,17 +220,20 @@ Status LiveLoop::start_all() {
     if (const Status seen = surfaces_.start(); !seen) return seen;
     start_time_ = monotonic_now();
     haptic_.set_start_time(start_time_);
+    is_device_starting_ = true;
+    is_running_.store(true, std::memory_order_release);  // until one of the threads ends it
     const auto fail = [this](const Error& error) { end_with(error); };
     contacts_.start(start_time_, fail);
-    publishing_thread_ = std::thread([this, fail] { guarded([&] { publish_all(); }, fail); });
+    publishing_thread_ = std::thread([this, fail] {
+      guarded([&] { publish_all(); }, fail);
+      end();  // without this thread nobody would notice
+    });
     minding_thread_ = std::thread([this, fail] { guarded([&] { mind_all(); }, fail); });
   } catch (const std::system_error& error) {
     return Error{Errc::unavailable, std::string("cannot start the threads of the loop: ") +
                                         error.what() + "; end other programs and try again"};
   }
   if (has_locked_memory_) lock_memory();  // what the threads have taken since: little
-  is_running_.store(true, std::memory_order_release);
-  is_device_starting_ = true;
   const Status ticks =
       device_.start([this](const DeviceState& state) { return haptic_.tick(state); });
   is_device_starting_ = false;
@@ -260,17 +264,25 @@ void LiveLoop::end_with(const Error& error) {
   if (failure_) failure_ = error;
 }
 
+void LiveLoop::end() noexcept {
+  if (is_running_.exchange(false)) end_time_ = monotonic_now();
+}
+
 void LiveLoop::fade_out() noexcept {
   haptic_.request_stop();
   double patience = first_settings_.safety.fade_seconds + kFadeTimeout;
   // A device that is lost or stuck does not tick.
-  wait_for(patience, [this] { return haptic_.has_faded() || has_device_ended(); });
+  wait_for(patience, [this] {
+    bool has_ended = haptic_.has_faded();
+    guarded([&] { has_ended = has_ended || has_device_ended(); }, [](const Error&) {});
+    return has_ended;
+  });
 }
 
 void LiveLoop::stop() noexcept {
   if (haptic_.num_ticks() > 0 && publishing_thread_.joinable()) fade_out();
   if (was_started_) device_.stop();
-  if (is_running_.exchange(false)) end_time_ = monotonic_now();
+  end();
   // The contact thread first: the surface thread waits for it at most until it is stopped.
   contacts_.stop();
   surfaces_.stop();
@@ -449,8 +461,7 @@ bool LiveLoop::has_stopped_ticking() {
   const bool is_silent = num_ticks > 0 && num_ticks == std::exchange(num_seen_ticks_, num_ticks);
   num_silent_rounds_ = is_silent ? num_silent_rounds_ + 1 : 0;
   return num_silent_rounds_ * kPublishingPeriod >
-         std::max(
-             {kMaxSilence, first_settings_.safety.max_device_silence, 10 / device_.info().rate});
+         std::max({kMaxSilence, first_settings_.safety.max_tick, 10 / device_.info().rate});
 }
 
 /// True once: a robot's first pose, for instance, may take ten seconds.
@@ -471,8 +482,8 @@ void LiveLoop::publish_all() {
       guarded([&] { publisher_.publish(); }, [&](const Error& error) { end_with(error); });
     }
     if (is_running() && has_stopped_ticking()) is_device_stuck_ = true;
-    const bool has_ended = haptic_.has_faded() || has_device_ended();
-    if (has_ended && is_running_.exchange(false)) end_time_ = monotonic_now();
+    // Until it has started, it may tell of an earlier run.
+    if (!is_device_starting_ && (haptic_.has_faded() || has_device_ended())) end();
   }
 }
 
