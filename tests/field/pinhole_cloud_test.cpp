@@ -51,6 +51,17 @@ TEST(PinholeCloud, PutsLoosePointsIntoAnImage) {
     ASSERT_TRUE(image->view().pinhole);
     EXPECT_GT(image->width(), 50);
     EXPECT_LT(image->size(), 2 * cloud.size());
+    int num = 0;
+    for (std::size_t i = 0; i < image->size(); ++i) {
+      const PointCloudView seen = image->view();
+      if (!(seen.z[i] > 0)) continue;
+      const auto width = static_cast<std::size_t>(seen.width);
+      const Intrinsics& k = seen.intrinsics;
+      EXPECT_NEAR(k.fx * seen.x[i] / seen.z[i] + k.cx, static_cast<double>(i % width), 0.501);
+      EXPECT_NEAR(k.fy * seen.y[i] / seen.z[i] + k.cy, static_cast<double>(i / width), 0.501);
+      ++num;
+    }
+    EXPECT_GT(num, static_cast<int>(cloud.size() / 3));
     ThreadPool pool(1);
     DepthField field = std::move(DepthField::create(image->width(), image->height())).value();
     field.update(image->view(), pool);
