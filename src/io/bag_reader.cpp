@@ -41,6 +41,11 @@ Result<fs::path> file_of(const fs::path& target) {
 
 }  // namespace
 
+Error unreadable(const fs::path& path, std::uint64_t place) {
+  return {Errc::io_failure, "cannot read " + path.string() + " at byte " + std::to_string(place) +
+                                "; check its disk"};
+}
+
 Result<std::unique_ptr<BagReader>> BagReader::open(const fs::path& target) {
   const auto found = file_of(target);
   if (!found) return found.error();
@@ -48,10 +53,12 @@ Result<std::unique_ptr<BagReader>> BagReader::open(const fs::path& target) {
   if (const Status status = check_regular_file(path); !status) return status.error();
   std::ifstream file(path, std::ios::binary);
   char bytes[16] = {};
-  if (!file || (!file.read(bytes, sizeof bytes) && file.bad())) {
+  if (!file) {
     return Error{Errc::not_found,
                  "cannot read " + path.string() + "; check the name and its permissions"};
   }
+  file.read(bytes, sizeof bytes);
+  if (file.bad()) return unreadable(path, 0);
   const std::string_view begin(bytes, static_cast<std::size_t>(file.gcount()));
   if (begin.starts_with(mcap::kMagic)) {
     auto reader = McapReader::open(path);
