@@ -27,12 +27,16 @@ class McapBag final : public BagReader {
 
 /// rosbag2 makes a folder with one file in it.
 Result<fs::path> file_of(const fs::path& target) {
-  std::error_code ignored;
-  if (!fs::is_directory(target, ignored)) return target;
+  std::error_code error;
+  if (!fs::is_directory(target, error)) return target;
   std::vector<fs::path> files;
-  for (const auto& entry : fs::directory_iterator(target, ignored)) {
-    const fs::path ending = entry.path().extension();
-    if (ending == ".mcap" || ending == ".db3") files.push_back(entry.path());
+  for (fs::directory_iterator it(target, error), end; !error && it != end; it.increment(error)) {
+    const fs::path ending = it->path().extension();
+    if (ending == ".mcap" || ending == ".db3") files.push_back(it->path());
+  }
+  if (error) {
+    return Error{Errc::io_failure, "cannot list " + target.string() + ": " + error.message() +
+                                       "; check its disk and permissions"};
   }
   if (files.size() == 1) return files.front();
   return Error{Errc::bad_input, target.string() + " holds " + std::to_string(files.size()) +

@@ -8,6 +8,7 @@
 //   broken@N       from the N-th write on the disk is broken (EIO)
 //   nameless       no file that is open is given a name (EPERM)
 //   unreadable@N   from the N-th read on it is (EIO)
+//   unlisted       no folder can be listed (EIO)
 //   slow           every write takes 50 ms longer
 //   sluggish       every write takes 200 ms longer
 //   stuck          a file that is to reach the disk never does; "stuck" on stderr says so
@@ -19,6 +20,7 @@
 //
 // PALPATE_FAULTS_TOLD names a file: it gets a line with the name of each fault when that comes
 // first.
+#include <dirent.h>
 #include <dlfcn.h>
 #include <errno.h>
 #include <fcntl.h>
@@ -183,6 +185,14 @@ extern "C" ssize_t pread64(int descriptor, void* data, size_t size, off64_t plac
     return -1;
   }
   return real(descriptor, data, size, place);
+}
+
+extern "C" dirent* readdir(DIR* folder) {
+  static auto* const real = next<dirent*(DIR*)>("readdir");
+  static Fault unlisted("unlisted");
+  if (!unlisted.comes()) return real(folder);
+  errno = EIO;
+  return nullptr;
 }
 
 extern "C" int pthread_create(pthread_t* thread, const pthread_attr_t* attributes,
