@@ -213,6 +213,7 @@ class Faults(Case):
             self.assertGreater(begin, least)
 
     def test_a_live_run_on_a_disk_that_fails_goes_on(self):
+        num_in_the_middle = 0
         for faults, status in (("full@9", 1), ("full@12", 1), ("broken@9", 1), ("broken@12", 1), ("sluggish", 0)):
             output = self.folder / faults
             # What could not be kept is no success, and nobody is sent to a report that is not there.
@@ -223,7 +224,9 @@ class Faults(Case):
             self.assertEqual(told, (output / "report.html").exists(), self.last_output)
             ticks, seconds = re.match(r"(\d+) ticks, .* in (\S+) s;", self.last_output).groups()
             self.assertGreaterEqual(float(seconds), 2)
-            self.assertGreaterEqual(int(ticks), self.num_ticks + status)
+            self.assertGreaterEqual(int(ticks), self.num_ticks)
+            num_in_the_middle += "nothing was recorded from" in self.last_error
+        self.assertGreater(num_in_the_middle, 0)
 
     def test_a_disk_that_takes_seconds_holds_up_no_record(self):
         def is_whole():
