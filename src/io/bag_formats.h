@@ -1,6 +1,9 @@
-// The formats of bags beside MCAP.
+// The formats of bags beside MCAP, and what readers of bags share.
 #pragma once
 
+#include <cstdint>
+#include <filesystem>
+#include <memory>
 #include <string_view>
 
 #include "src/io/internal/bag_file.h"
@@ -14,5 +17,8 @@ Result<std::unique_ptr<BagReader>> open_ros1_bag(const std::filesystem::path& pa
 inline constexpr std::string_view kSqliteMagic{"SQLite format 3\0", 16};
 /// What rosbag2 and RealSense cameras write.
 Result<std::unique_ptr<BagReader>> open_sqlite_bag(const std::filesystem::path& path);
+
+/// The system cannot read there, though the file is longer: it is not cut off.
+Error unreadable(const std::filesystem::path& path, std::uint64_t place);
 
 }  // namespace palpate::inline v0

@@ -27,12 +27,16 @@ class McapBag final : public BagReader {
 
 /// rosbag2 makes a folder with one file in it.
 Result<fs::path> file_of(const fs::path& target) {
-  std::error_code ignored;
-  if (!fs::is_directory(target, ignored)) return target;
+  std::error_code error;
+  if (!fs::is_directory(target, error)) return target;
   std::vector<fs::path> files;
-  for (const auto& entry : fs::directory_iterator(target, ignored)) {
-    const fs::path ending = entry.path().extension();
-    if (ending == ".mcap" || ending == ".db3") files.push_back(entry.path());
+  for (fs::directory_iterator it(target, error), end; !error && it != end; it.increment(error)) {
+    const fs::path ending = it->path().extension();
+    if (ending == ".mcap" || ending == ".db3") files.push_back(it->path());
+  }
+  if (error) {
+    return Error{Errc::io_failure, "cannot list " + target.string() + ": " + error.message() +
+                                       "; check its disk and permissions"};
   }
   if (files.size() == 1) return files.front();
   return Error{Errc::bad_input, target.string() + " holds " + std::to_string(files.size()) +
@@ -41,6 +45,11 @@ Result<fs::path> file_of(const fs::path& target) {
 
 }  // namespace
 
+Error unreadable(const fs::path& path, std::uint64_t place) {
+  return {Errc::io_failure, "cannot read " + path.string() + " at byte " + std::to_string(place) +
+                                "; check its disk"};
+}
+
 Result<std::unique_ptr<BagReader>> BagReader::open(const fs::path& target) {
   const auto found = file_of(target);
   if (!found) return found.error();
@@ -48,10 +57,12 @@ Result<std::unique_ptr<BagReader>> BagReader::open(const fs::path& target) {
   if (const Status status = check_regular_file(path); !status) return status.error();
   std::ifstream file(path, std::ios::binary);
   char bytes[16] = {};
-  if (!file || (!file.read(bytes, sizeof bytes) && file.bad())) {
+  if (!file) {
     return Error{Errc::not_found,
                  "cannot read " + path.string() + "; check the name and its permissions"};
   }
+  file.read(bytes, sizeof bytes);
+  if (file.bad()) return unreadable(path, 0);
   const std::string_view begin(bytes, static_cast<std::size_t>(file.gcount()));
   if (begin.starts_with(mcap::kMagic)) {
     auto reader = McapReader::open(path);

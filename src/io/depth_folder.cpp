@@ -123,6 +123,8 @@ Result<ImageSize> read_size(const fs::path& path) {
     return Error{Errc::io_failure, "cannot read " + path.string() + ": " + std::strerror(errno) +
                                        "; check its permissions"};
   file.read(bytes.data(), bytes.size());
+  if (file.bad())
+    return Error{Errc::io_failure, "cannot read " + path.string() + "; check the disk"};
   const std::string_view header(bytes.data(), static_cast<std::size_t>(file.gcount()));
   if (header.size() < bytes.size() || !header.starts_with(kStart) || !header.ends_with(kGrey16))
     return bad(path, "is not a 16-bit greyscale PNG; save depth with 16 bits and one channel");

@@ -7,6 +7,7 @@
 #include <optional>
 #include <utility>
 
+#include "src/io/bag_formats.h"
 #include "src/io/internal/atomic_file.h"
 #include "src/io/internal/mcap_file.h"
 #include "src/io/mcap_format.h"
@@ -46,7 +47,7 @@ struct McapReader::Impl {
                                  ": " + what + "; what comes before it can be read"};
   }
   bool read_at(std::uint64_t place, char* to, std::uint64_t size);
-  void find_attachments();
+  Status find_attachments();
   Status unpack(std::string_view records, std::string_view compression, std::uint64_t size);
   Result<bool> next_chunk();
   std::optional<McapMessage> take(Op op, std::string_view contents);
@@ -123,11 +124,11 @@ Result<bool> McapReader::Impl::next_chunk() {
       is_cut_off = true;
       return false;
     }
-    const bool is_read = read_at(position, head, sizeof head);
+    if (!read_at(position, head, sizeof head)) return unreadable(path, position);
     Cursor at(std::string_view(head, sizeof head));
     const auto op = static_cast<Op>(at.number<std::uint8_t>());
     const auto length = at.number<std::uint64_t>();
-    if (!is_read || length > file_size - position - sizeof head) {
+    if (length > file_size - position - sizeof head) {
       is_cut_off = true;
       return false;
     }
@@ -138,7 +139,7 @@ Result<bool> McapReader::Impl::next_chunk() {
     }
     std::string contents(static_cast<std::size_t>(length), '\0');
     if (!read_at(position + sizeof head, contents.data(), length)) {
-      return damaged("it cannot be read");
+      return unreadable(path, position);
     }
     if (op != Op::chunk) {
       // Outside of chunks, as other writers may put them: as if it were a chunk of one record.
@@ -190,6 +191,7 @@ Result<McapReader> McapReader::open(const std::filesystem::path& path) {
   impl->file_size = static_cast<std::uint64_t>(impl->file.tellg());
   impl->file.seekg(0);
   impl->file.read(magic.data(), static_cast<std::streamsize>(magic.size()));
+  if (impl->file.bad()) return unreadable(path, 0);
   if (!impl->file || magic != mcap::kMagic) {
     return Error{Errc::bad_input, path.string() + " is not an MCAP file"};
   }
@@ -233,40 +235,46 @@ const std::map<std::uint16_t, McapChannel>& McapReader::channels() const { retur
 bool McapReader::was_cut_off() const { return impl_->is_cut_off; }
 
 // They come before all messages. Of two of one name the first one counts.
-void McapReader::Impl::find_attachments() {
-  attachments.emplace();
+Status McapReader::Impl::find_attachments() {
+  std::map<std::string, Place, std::less<>> found;
   constexpr std::size_t kHead = 9;
-  for (std::uint64_t at = mcap::kMagic.size();;) {
+  for (std::uint64_t at = mcap::kMagic.size(); at + kHead <= file_size;) {
     std::string head(kHead, '\0');
-    if (at + kHead > file_size || !read_at(at, head.data(), kHead)) return;
+    if (!read_at(at, head.data(), kHead)) return unreadable(path, at);
     Cursor fields(head);
     const auto op = static_cast<Op>(fields.number<std::uint8_t>());
     const auto length = fields.number<std::uint64_t>();
     at += kHead;
-    if (op == Op::chunk || op == Op::data_end || length > file_size - at) return;
+    if (op == Op::chunk || op == Op::data_end || length > file_size - at) break;
     if (op == Op::attachment) {
       // Two times, then the name.
       std::string begin(std::min<std::uint64_t>(length, 8 + 8 + 4 + kLongestName), '\0');
-      if (!read_at(at, begin.data(), begin.size())) return;
+      if (!read_at(at, begin.data(), begin.size())) return unreadable(path, at);
       Cursor of_begin(begin);
       of_begin.number<std::uint64_t>();
       of_begin.number<std::uint64_t>();
       const std::string_view name = of_begin.text();
-      if (of_begin.is_good()) attachments->emplace(name, Place{at, length});
+      if (of_begin.is_good()) found.emplace(name, Place{at, length});
     }
     at += length;
   }
+  attachments = std::move(found);
+  return Done{};
 }
 
 Result<std::string> McapReader::attachment(std::string_view name) {
   Impl& d = *impl_;
-  if (!d.attachments) d.find_attachments();
+  if (!d.attachments) {
+    if (const Status looked = d.find_attachments(); !looked) return looked.error();
+  }
   const auto found = d.attachments->find(name);
-  std::string contents(found == d.attachments->end() ? 0 : found->second.length, '\0');
-  if (contents.empty() || !d.read_at(found->second.begin, contents.data(), contents.size())) {
+  if (found == d.attachments->end()) {
     return Error{Errc::not_found, d.path.string() + " holds no file " + std::string(name) +
                                       "; record the run again"};
   }
+  const auto [begin, length] = found->second;
+  std::string contents(length, '\0');
+  if (!d.read_at(begin, contents.data(), length)) return unreadable(d.path, begin);
   Cursor fields(contents);
   fields.number<std::uint64_t>();
   fields.number<std::uint64_t>();

@@ -108,16 +108,18 @@ class Ros1Bag final : public BagReader {
         found->second.channel, std::uint64_t{1'000'000'000} * seconds + nanoseconds, message_});
   }
 
-  /// Reads a length and what it says; false at the end of the file, wherever that is.
-  bool read(std::string& to) {
+  /// Reads a length and what it says; false if the file ends before that.
+  Result<bool> read(std::string& to) {
     std::string length(4, '\0');
-    if (!file_.read(length.data(), 4)) return false;
+    if (length.size() > size_ - at_) return false;
+    if (!file_.read(length.data(), 4)) return unreadable(path_, at_);
     const auto size = Cursor(length).number<std::uint32_t>();
     at_ += length.size();
     if (size > size_ - at_) return false;
     to.resize(size);
+    if (!file_.read(to.data(), size)) return unreadable(path_, at_);
     at_ += size;
-    return static_cast<bool>(file_.read(to.data(), size));
+    return true;
   }
 
   /// Into in_chunk_. False at the end of the data.
@@ -125,8 +127,11 @@ class Ros1Bag final : public BagReader {
     std::string header, data;
     position_ = at_;
     if (position_ == size_) return false;
-    is_cut_off_ = !read(header) || !read(data);
-    if (is_cut_off_) return false;
+    for (std::string* const part : {&header, &data}) {
+      const auto is_whole = read(*part);
+      is_cut_off_ = is_whole && !*is_whole;
+      if (!is_whole || is_cut_off_) return is_whole;
+    }
     const auto op = Op{number_of<std::uint8_t>(header, "op")};
     if (op == Op::bag && !value_of(header, "encryptor").empty()) {
       return Error{Errc::bad_input,

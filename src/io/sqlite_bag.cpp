@@ -87,7 +87,10 @@ class SqliteBag final : public BagReader {
             "SELECT count(*) FROM sqlite_master WHERE name IN ('topics', 'messages') AND type = "
             "'table' AND sql LIKE 'CREATE TABLE%' AND sql NOT LIKE '% AS %' AND sql NOT LIKE "
             "'% AS(%'") ||
-        sqlite_.step(query_) != kRow || sqlite_.number(query_, 0) != 2) {
+        sqlite_.step(query_) != kRow) {
+      return failure();
+    }
+    if (sqlite_.number(query_, 0) != 2) {
       return Error{Errc::bad_input, path_.string() +
                                         " is not a bag of ROS 2: it has no tables 'topics' and "
                                         "'messages'; give one that ros2 bag wrote"};

@@ -119,9 +119,10 @@ std::string part_file(int number) {
   return name;
 }
 
-std::vector<fs::path> recording_parts(const fs::path& folder) {
+std::vector<fs::path> recording_parts(const fs::path& folder, std::error_code* why) {
   std::vector<std::pair<int, fs::path>> found;
-  std::error_code error;
+  std::error_code own;
+  std::error_code& error = why != nullptr ? *why : own;
   for (auto entry = fs::directory_iterator(folder, error);
        !error && entry != fs::directory_iterator(); entry.increment(error)) {
     const int number = part_number(entry->path().filename().string());

@@ -18,10 +18,14 @@ Error RunReader::in_file(const Error& error) const {
 }
 
 Result<RunReader> RunReader::open(const fs::path& place) {
-  std::error_code ignored;
+  std::error_code why;
   std::vector<fs::path> parts{place};
-  if (fs::is_directory(place, ignored)) {
-    parts = recording_parts(place);
+  if (fs::is_directory(place, why)) {
+    parts = recording_parts(place, &why);
+    if (why) {
+      return Error{Errc::io_failure, "cannot list " + place.string() + ": " + why.message() +
+                                         "; check its disk and permissions"};
+    }
     if (parts.empty()) parts = {place / kRecordingFile};
   }
   const fs::path path = parts.front();

@@ -67,7 +67,7 @@ void McapIndex::read_all() {
       }
       if (got && *got) continue;
       if (!got) {
-        trouble = "the recording is damaged and shown as far as it goes: " + got.error().message;
+        trouble = "the recording is shown as far as it can be read: " + got.error().message;
       } else if (reader_.was_cut_off()) {
         trouble = "the recording was cut off; it is shown as far as it goes";
       }

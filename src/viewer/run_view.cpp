@@ -108,9 +108,9 @@ Result<std::string> RunView::command(std::string_view json) {
 
 Result<std::unique_ptr<ViewSource>> view_run(const std::filesystem::path& folder) {
   std::error_code error;
-  const bool is_there = !recording_parts(folder).empty();
-  (void)std::filesystem::exists(folder, error);
-  if (error) {
+  const bool is_there = !recording_parts(folder, &error).empty();
+  if (error && error != std::errc::no_such_file_or_directory &&
+      error != std::errc::not_a_directory) {
     return Error{Errc::io_failure, "cannot look into " + folder.string() + ": " + error.message() +
                                        "; check its name and permissions"};
   }

@@ -8,6 +8,7 @@
 //   broken@N       from the N-th write on the disk is broken (EIO)
 //   nameless       no file that is open is given a name (EPERM)
 //   unreadable@N   from the N-th read on it is (EIO)
+//   unlisted       no folder can be listed (EIO)
 //   slow           every write takes 50 ms longer
 //   sluggish       every write takes 200 ms longer
 //   stuck          a file that is to reach the disk never does; "stuck" on stderr says so
@@ -17,10 +18,17 @@
 //   memoryless@N   the N-th allocation of 64 KiB or more is refused, and so are all later ones
 //   yesterday@N    from the N-th look on, the calendar's clock goes wrong by a day
 // Reads and writes are those of regular files.
+//
+// PALPATE_FAULTS_TOLD names a file: it gets a line with the name of each fault when that comes
+// first.
+#include <dirent.h>
 #include <dlfcn.h>
 #include <errno.h>
+#include <fcntl.h>
 #include <pthread.h>
 #include <sys/stat.h>
+#include <sys/syscall.h>
+#include <sys/uio.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -53,10 +61,23 @@ long end_of(const char* name) {
   return *rest == '-' ? std::atol(rest + 1) : std::numeric_limits<long>::max();
 }
 
-/// Counts calls and says whether the fault has begun.
+/// By the system's own calls, which never fail here and need no memory.
+void tell(const char* name) {
+  const char* const path = std::getenv("PALPATE_FAULTS_TOLD");
+  if (path == nullptr) return;
+  const int before = errno;
+  const long file =
+      syscall(SYS_openat, AT_FDCWD, path, O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
+  const iovec line[] = {{const_cast<char*>(name), std::strlen(name)}, {const_cast<char*>("\n"), 1}};
+  syscall(SYS_writev, file, line, 2);
+  syscall(SYS_close, file);
+  errno = before;
+}
+
+/// Counts calls and says whether the fault has begun, for one call of `every`.
 class Fault {
  public:
-  explicit Fault(const char* name) : name_(name) {}
+  explicit Fault(const char* name, long every = 1) : name_(name), every_(every) {}
   bool comes() {
     if (begin_ < 0) {
       end_ = end_of(name_);
@@ -64,11 +85,15 @@ class Fault {
     }
     if (begin_ == 0) return false;
     const long call = ++calls_;
-    return call >= begin_ && call <= end_;
+    if (call < begin_ || call > end_ || call % every_ != 0) return false;
+    if (!is_told_.exchange(true)) tell(name_);
+    return true;
   }
 
  private:
   const char* name_;
+  const long every_;
+  std::atomic<bool> is_told_ = false;
   std::atomic<long> begin_ = -1, end_ = 0, calls_ = 0;
 };
 
@@ -87,9 +112,15 @@ std::size_t shortened(std::size_t size) {
 }
 
 bool is_interrupted() {
-  static Fault interrupted("interrupted");
-  static std::atomic<unsigned> calls = 0;
-  return interrupted.comes() && ++calls % 3 == 0;
+  static Fault interrupted("interrupted", 3);
+  return interrupted.comes();
+}
+
+/// Why a read of a file fails; 0: it does not.
+int read_error() {
+  static Fault unreadable("unreadable");
+  if (unreadable.comes()) return EIO;
+  return is_interrupted() ? EINTR : 0;
 }
 
 }  // namespace
@@ -141,17 +172,31 @@ extern "C" int linkat(int from, const char* old_name, int to, const char* new_na
 
 extern "C" ssize_t read(int descriptor, void* data, size_t size) {
   static auto* const real = next<ssize_t(int, void*, size_t)>("read");
-  static Fault shorter("short"), unreadable("unreadable");
+  static Fault shorter("short");
   if (!is_file(descriptor)) return real(descriptor, data, size);
-  if (unreadable.comes()) {
-    errno = EIO;
-    return -1;
-  }
-  if (is_interrupted()) {
-    errno = EINTR;
+  if (const int error = read_error(); error != 0) {
+    errno = error;
     return -1;
   }
   return real(descriptor, data, shorter.comes() ? shortened(size) : size);
+}
+
+// As SQLite reads.
+extern "C" ssize_t pread64(int descriptor, void* data, size_t size, off64_t place) {
+  static auto* const real = next<ssize_t(int, void*, size_t, off64_t)>("pread64");
+  if (const int error = is_file(descriptor) ? read_error() : 0; error != 0) {
+    errno = error;
+    return -1;
+  }
+  return real(descriptor, data, size, place);
+}
+
+extern "C" dirent* readdir(DIR* folder) {
+  static auto* const real = next<dirent*(DIR*)>("readdir");
+  static Fault unlisted("unlisted");
+  if (!unlisted.comes()) return real(folder);
+  errno = EIO;
+  return nullptr;
 }
 
 extern "C" int pthread_create(pthread_t* thread, const pthread_attr_t* attributes,

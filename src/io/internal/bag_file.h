@@ -23,7 +23,7 @@ class BagReader {
   virtual ~BagReader() = default;
 
   /// The next message, or nullopt at the end, also at that of a file that was cut off
-  /// (`was_cut_off`). Errors: a damaged file, with the place.
+  /// (`was_cut_off`). Errors: the file is damaged or cannot be read, with the place.
   virtual Result<std::optional<McapMessage>> next() = 0;
   /// Of the channels met so far.
   virtual const std::map<std::uint16_t, McapChannel>& channels() const = 0;

@@ -86,7 +86,7 @@ class McapReader {
 
   /// The next message, or nullopt at the end, also at that of a file that was cut off
   /// (`was_cut_off`). Errors: a damaged chunk (checksum), with its place in the file; a message of
-  /// a channel that was not met before.
+  /// a channel that was not met before; the disk cannot read on.
   Result<std::optional<McapMessage>> next();
   /// Of the channels met so far.
   const std::map<std::uint16_t, McapChannel>& channels() const;

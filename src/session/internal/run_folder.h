@@ -16,8 +16,10 @@ inline constexpr const char* kRecordingFile = "recording.mcap";
 /// The recording of a long run comes in parts: this one, then recording-0002.mcap and so on. Each
 /// can be read by itself.
 std::string part_file(int number);
-/// Those that are in the folder of a run, in order. Empty: there is none.
-std::vector<std::filesystem::path> recording_parts(const std::filesystem::path& folder);
+/// Those that are in the folder of a run, in order. Empty: there is none. `error`: the folder
+/// cannot be listed to its end.
+std::vector<std::filesystem::path> recording_parts(const std::filesystem::path& folder,
+                                                   std::error_code* error = nullptr);
 
 /// Whether `path` is `folder` or lies in it, so that replacing the folder would remove it.
 bool lies_inside(const std::filesystem::path& path, const std::filesystem::path& folder);
