@@ -1487,6 +1487,25 @@ pose = [1, 0, 0, 0, 0, {0.5 ** 0.5}, {0.5 ** 0.5}]
         os.close(full)
         self.expect_whole(run)
 
+    def forces(self, run, name="wrench.csv"):
+        """The force on the hand at every tick so far, N."""
+        lines = [line.split(",") for line in read(os.path.join(run, name)).split("\n")[:-1]]
+        places = [lines[0].index(f"hand_force_{axis}_N") for axis in "xyz"] if lines else []
+        return [math.hypot(*(float(line[i]) for i in places)) for line in lines[1:]]
+
+    def test_every_polite_signal_takes_the_force_and_keeps_the_run(self):
+        for how in (signal.SIGINT, signal.SIGTERM, signal.SIGQUIT):
+            run = self.path("polite")
+            with self.live_run(run, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as program:
+                self.wait_for(lambda: max(self.forces(run, "wrench.csv.part"), default=0) > 0.1, program)
+                program.send_signal(how)
+                output = program.communicate(timeout=120)[0]
+                self.assertEqual(program.returncode, 0, output)
+            self.expect_whole(run)
+            forces = self.forces(run)
+            self.assertGreater(max(forces), 0.1, how)
+            self.assertEqual(forces[-1], 0, how)
+
     def unread_run(self, run):
         """Its faults, of which there is something to say that nobody reads in time."""
         reader, full = self.full_pipe()

@@ -306,16 +306,46 @@ TEST(LiveLoop, NothingIsAllocatedWhileItRuns) {
   }
 }
 
+/// A wall that goes on to frame `last` once the hand feels it.
+WallSource::Options until_felt(const ScriptedDevice& device, int last) {
+  return {.depth = [&device, last](int frame) {
+    if (frame == last) wait_for([&] { return device.last_force() > 0.1; });
+    return 0.5;
+  }};
+}
+
+/// There was a force; from this fault on it only fell, tick by tick, to zero.
+void expect_fade(const std::vector<TickRecord>& ticks, Fault fault) {
+  const auto is_it = [fault](const TickRecord& tick) { return tick.safety.fault == fault; };
+  const auto first = std::ranges::find_if(ticks, is_it);
+  ASSERT_NE(first, ticks.end());
+  double force = norm(first->F_H_B.force);
+  EXPECT_GT(force, 0);
+  int num_fading = 0;
+  for (auto tick = first; tick != ticks.end(); ++tick) {
+    EXPECT_LE(norm(tick->F_H_B.force), force);
+    force = norm(tick->F_H_B.force);
+    num_fading += force > 0;
+  }
+  EXPECT_GT(num_fading, 1);
+  EXPECT_EQ(force, 0);
+}
+
 TEST(LiveLoop, EndsWithItsSource) {
-  WallSource source({.num_frames = 4});
   ScriptedDevice device({.hand = pressing_hand});
-  auto loop = RunLoop::create(box_tool(), source, device, patient_settings());
+  WallSource::Options options = until_felt(device, 3);
+  options.num_frames = 4;
+  WallSource source(options);
+  Seen seen;
+  auto loop = RunLoop::create(box_tool(), source, device, patient_settings(), seen.observer());
   ASSERT_TRUE(loop);
   ASSERT_TRUE((*loop)->start());
   EXPECT_TRUE(wait_for([&] { return !(*loop)->is_running(); }));
   EXPECT_TRUE(wait_for([&] { return device.last_force() == 0; }));
   EXPECT_TRUE((*loop)->status());
   EXPECT_EQ((*loop)->report().fault, Fault::stopped);
+  (*loop)->stop();
+  expect_fade(seen.ticks, Fault::stopped);
   // A source of one frame.
   WallSource single({.num_frames = 1});
   ScriptedDevice other({});
@@ -325,9 +355,12 @@ TEST(LiveLoop, EndsWithItsSource) {
 }
 
 TEST(LiveLoop, FadesOutWhenTheSourceFails) {
-  WallSource source({.fails_at = 12});
   ScriptedDevice device({.hand = pressing_hand});
-  auto loop = RunLoop::create(box_tool(), source, device, patient_settings());
+  WallSource::Options options = until_felt(device, 11);
+  options.fails_at = 12;
+  WallSource source(options);
+  Seen seen;
+  auto loop = RunLoop::create(box_tool(), source, device, patient_settings(), seen.observer());
   ASSERT_TRUE(loop);
   ASSERT_TRUE((*loop)->start());
   EXPECT_TRUE(wait_for([&] { return !(*loop)->is_running(); }));
@@ -336,6 +369,8 @@ TEST(LiveLoop, FadesOutWhenTheSourceFails) {
   EXPECT_EQ((*loop)->report().fault, Fault::sensor);
   ASSERT_FALSE((*loop)->status());
   EXPECT_EQ((*loop)->status().error().message, "the wall fell over");
+  (*loop)->stop();
+  expect_fade(seen.ticks, Fault::sensor);
 }
 
 TEST(LiveLoop, AForceThatStaysAwayComesWhenItIsAskedFor) {
@@ -418,14 +453,29 @@ TEST(LiveLoop, EndsWhenTheDeviceIsStuck) {
   EXPECT_GT(loop->report().seconds - last.time, kAllowed);
 }
 
-// Nobody waits for the time that the clock of a device has been at for a moment.
+// Nobody waits for the time that the clock of a device has been at for a moment. The force fades,
+// and comes back to a hand that has left the wall and touches it again.
 TEST(LiveLoop, ALeapOfTheDevicesClockPasses) {
   WallSource source({});
-  ScriptedDevice device({.hand = pressing_hand, .leaps_after = 0.3});
-  auto loop = RunLoop::create(box_tool(), source, device, patient_settings());
+  std::atomic<bool> is_pressing = true;
+  ScriptedDevice device({.hand =
+                             [&](double) {
+                               return Vec3d{0, 0, is_pressing ? 0.03 : 0.01};
+                             },
+                         .leaps_after = 0.3});
+  std::atomic<Fault> fault = Fault::none;
+  RunObserver observer;
+  observer.on_ticks = [&](std::span<const TickRecord> ticks) {
+    for (const TickRecord& tick : ticks) {
+      if (fault == Fault::none) fault = tick.safety.fault;
+    }
+  };
+  auto loop = RunLoop::create(box_tool(), source, device, patient_settings(), observer);
   ASSERT_TRUE(loop);
   ASSERT_TRUE((*loop)->start());
-  EXPECT_TRUE(wait_for([&] { return (*loop)->report().num_faults > 0; }));
+  EXPECT_TRUE(wait_for([&] { return fault != Fault::none; }));
+  EXPECT_EQ(fault, Fault::loop);
+  EXPECT_TRUE(wait_for([&] { return device.last_force() == 0; }));
   const std::uint64_t before = (*loop)->report().num_contacts;
   const auto begin = std::chrono::steady_clock::now();
   EXPECT_TRUE(wait_for([&] { return (*loop)->report().num_contacts > before + 20; }));
@@ -434,6 +484,12 @@ TEST(LiveLoop, ALeapOfTheDevicesClockPasses) {
   EXPECT_TRUE(wait_for([&] {
     return (*loop)->latest(tick) && tick.contact_age < 30 && tick.safety.fault == Fault::none;
   }));
+  EXPECT_EQ(device.last_force(), 0);  // not into the contact
+  is_pressing = false;
+  EXPECT_TRUE(wait_for([&] { return (*loop)->latest(tick) && tick.safety.is_engaged(); }));
+  is_pressing = true;
+  EXPECT_TRUE(wait_for([&] { return device.last_force() > 0.1; }));
+  EXPECT_EQ((*loop)->report().num_faults, 1u);
 }
 
 TEST(LiveLoop, RealTimeIsAskedForAndRefusalsAreNoted) {
