@@ -1466,6 +1466,7 @@ pose = [1, 0, 0, 0, 0, {0.5 ** 0.5}, {0.5 ** 0.5}]
     def test_impatient_people_get_a_whole_run_and_no_force(self):
         run = self.path("impatient")
         with self.live_run(run, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as program:
+            self.wait_for_force(run, program)
             for _ in range(5):  # as a key repeats
                 program.send_signal(signal.SIGINT)
                 time.sleep(0.03)
@@ -1493,11 +1494,14 @@ pose = [1, 0, 0, 0, 0, {0.5 ** 0.5}, {0.5 ** 0.5}]
         places = [lines[0].index(f"hand_force_{axis}_N") for axis in "xyz"] if lines else []
         return [math.hypot(*(float(line[i]) for i in places)) for line in lines[1:]]
 
+    def wait_for_force(self, run, program):
+        self.wait_for(lambda: max(self.forces(run, "wrench.csv.part"), default=0) > 0.1, program)
+
     def test_every_polite_signal_takes_the_force_and_keeps_the_run(self):
         for how in (signal.SIGINT, signal.SIGTERM, signal.SIGQUIT):
             run = self.path("polite")
             with self.live_run(run, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as program:
-                self.wait_for(lambda: max(self.forces(run, "wrench.csv.part"), default=0) > 0.1, program)
+                self.wait_for_force(run, program)
                 program.send_signal(how)
                 output = program.communicate(timeout=120)[0]
                 self.assertEqual(program.returncode, 0, output)
