@@ -88,11 +88,12 @@ class Found {
     for (std::size_t i = next_; i < plan_.size() && time >= begin_of(plan_[i]); ++i) {
       const Fault own = kFaults[static_cast<int>(plan_[i].trouble)];
       Fate& fate = fates_[i];
-      const bool was_away = !fate.is_seen && !now.is_engaged() && allowance(plan_[i]) == 0;
+      const bool was_away = !fate.is_seen && !was_engaged_ && allowance(plan_[i]) == 0;
       fate.is_seen = true;
       fate.is_found |= is_new && now.fault == own;
       fate.is_covered |= was_away || (is_of_busy_computers(now.fault) && now.fault != own);
     }
+    was_engaged_ = now.is_engaged();
   }
   /// Found by its name and in its time.
   std::size_t num_found() const { return std::ranges::count_if(fates_, &Fate::is_found); }
@@ -127,6 +128,7 @@ class Found {
   std::uint64_t num_ticks_ = 0;
   std::uint32_t num_faults_ = 0;
   double start_ = 0;
+  bool was_engaged_ = false;
 };
 
 /// A wall with bumps that breathes, seen 30 times a second; on the computer's clock a stalled
