@@ -1495,10 +1495,10 @@ pose = [1, 0, 0, 0, 0, {0.5 ** 0.5}, {0.5 ** 0.5}]
         return [math.hypot(*(float(line[i]) for i in places)) for line in lines[1:]]
 
     def wait_for_force(self, run, program):
-        self.wait_for(lambda: max(self.forces(run, "wrench.csv.part"), default=0) > 0.1, program)
+        self.wait_for(lambda: (self.forces(run, "wrench.csv.part") or [0])[-1] > 0.1, program)
 
-    def test_every_polite_signal_takes_the_force_and_keeps_the_run(self):
-        for how in (signal.SIGINT, signal.SIGTERM, signal.SIGQUIT):
+    def test_other_polite_signals_take_the_force_and_keep_the_run(self):
+        for how in (signal.SIGTERM, signal.SIGQUIT):
             run = self.path("polite")
             with self.live_run(run, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as program:
                 self.wait_for_force(run, program)
