@@ -137,8 +137,15 @@ Fault SafetyFilter::find_fault(const Wrench& desired, const SafetyInput& input,
 void SafetyFilter::step_gate(const Wrench& desired, const SafetyInput& input, double dt) noexcept {
   const ForceState before = gate_.state();
   const bool is_off = before == ForceState::off || before == ForceState::held_off;
-  const bool is_pressed = (input.state.buttons & ~last_buttons_ & 1u) != 0;
-  last_buttons_ = input.state.buttons;
+  // Of a state that is none, buttons say nothing either.
+  const bool is_known = input.state.is_valid && is_finite(input.state.X_BH);
+  const bool is_pressed = is_known && (input.state.buttons & ~last_buttons_ & 1u) != 0;
+  if (is_known) last_buttons_ = input.state.buttons;
+  // Whoever waits for a free hand may ask, too; there a dead-man switch permits, and no more. A
+  // button that works the clutch, or is pressed while nothing drives the hand, asks for nothing.
+  const bool waits_after_fault = before == ForceState::waiting && status_.num_faults > 0;
+  const bool can_ask = (is_off || (waits_after_fault && !options_.dead_man)) && input.is_driven &&
+                       !input.is_clutched;
 
   ForceGate::Input now;
   now.time = last_time_;
@@ -155,7 +162,7 @@ void SafetyFilter::step_gate(const Wrench& desired, const SafetyInput& input, do
   now.is_quiet = !input.is_clutched &&
                  (input.is_free || (norm(desired.force) < options_.engage_force && !is_turned));
   now.is_permitted = input.is_driven && (!options_.dead_man || (input.state.buttons & 1u) != 0);
-  now.is_requested = input.is_requested || (is_off && is_pressed);
+  now.is_requested = input.is_requested || (can_ask && is_pressed);
   gate_.step(now);
 
   if (status_.fault == Fault::none && gate_.fault() != Fault::none) fade_from_ = last_;

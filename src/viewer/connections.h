@@ -16,6 +16,7 @@
 #include <string>
 #include <utility>
 
+#include "src/viewer/door_limits.h"
 #include "src/viewer/rate_limit.h"
 #include "src/viewer/view_hub.h"
 
@@ -35,8 +36,6 @@ inline constexpr double kMessagesPerSecond = 1000, kMessagesAtOnce = 1000;
 inline double message_cost(std::size_t num_bytes) {
   return 1 + static_cast<double>(num_bytes) / 4096;
 }
-/// Of all clients together.
-inline constexpr double kConnectionsPerSecond = 250, kConnectionsAtOnce = 500;
 
 class HttpConnection;
 class PageSocket;
@@ -69,6 +68,7 @@ struct Shared {
   ViewHub hub;
   std::string token;
   std::size_t max_pages;
+  DoorLimits limits;
   std::list<HttpConnection*> connections = {};  // oldest first
   std::list<PageSocket*> pages = {};
   std::function<void()> wake = {};  // a page may want something now

@@ -29,7 +29,7 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
     parser_.emplace();
     parser_->header_limit(kMaxHeader);
     parser_->body_limit(kMaxMessage);
-    stream_.expires_after(kRequestTime);  // for the whole request
+    stream_.expires_after(shared_.limits.request_time);  // for the whole request
     http::async_read(stream_, buffer_, *parser_,
                      [self = shared_from_this()](error_code error, std::size_t) {
                        error ? self->refuse(error) : self->take(self->parser_->get());
@@ -44,7 +44,7 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
 
  private:
   static constexpr std::uint32_t kMaxHeader = 8 * 1024;
-  static constexpr std::chrono::seconds kRequestTime{10}, kAnswerTime{30}, kLingerTime{2};
+  static constexpr std::chrono::seconds kLingerTime{2};
 
   using Request = http::request<http::string_body>;
 
@@ -113,7 +113,7 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
     response_.keep_alive(is_kept);
     response_.prepare_payload();
     serializer_.emplace(response_);
-    stream_.expires_after(kAnswerTime);
+    stream_.expires_after(shared_.limits.answer_time);
     auto next = [self = shared_from_this(), is_kept](error_code error, std::size_t) {
       if (error) return;
       if (!is_kept) return self->print_closing();

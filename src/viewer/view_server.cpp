@@ -24,8 +24,10 @@ constexpr milliseconds kQuickTick{16}, kSlowTick{250};
 
 class Server : public ViewServer {
  public:
-  Server(ViewSource& source, const ViewServerOptions& options, asio::ip::address address)
-      : shared_{ViewHub(source), options.token, static_cast<std::size_t>(options.max_pages)},
+  Server(ViewSource& source, const ViewServerOptions& options, const DoorLimits& limits,
+         asio::ip::address address)
+      : shared_{ViewHub(source), options.token, static_cast<std::size_t>(options.max_pages),
+                limits},
         address_(std::move(address)),
         option_prefix_(options.option_prefix),
         acceptor_(context_),
@@ -137,7 +139,7 @@ class Server : public ViewServer {
   std::uint16_t port_ = 0;
   asio::io_context context_{1};
   tcp::acceptor acceptor_;
-  RateLimit limit_{kConnectionsPerSecond, kConnectionsAtOnce};
+  RateLimit limit_{shared_.limits.connections_per_second, shared_.limits.connections_at_once};
   Pause accept_pause_;
   asio::steady_timer ticker_;
   bool is_quick_ = false;
@@ -148,6 +150,12 @@ class Server : public ViewServer {
 
 Result<std::unique_ptr<ViewServer>> ViewServer::start(ViewSource& source,
                                                       const ViewServerOptions& options) {
+  return start_view_server(source, options, {});
+}
+
+Result<std::unique_ptr<ViewServer>> start_view_server(ViewSource& source,
+                                                      const ViewServerOptions& options,
+                                                      const DoorLimits& limits) {
   if (source.content().tool == nullptr)
     return Error{Errc::invalid_argument, "the viewer has no tool to show"};
   if (options.max_pages < 1) return Error{Errc::invalid_argument, "max_pages must be at least 1"};
@@ -168,7 +176,7 @@ Result<std::unique_ptr<ViewServer>> ViewServer::start(ViewSource& source,
   try {
     ViewServerOptions used = options;
     if (used.token.empty() && !address.is_loopback()) used.token = make_token();
-    auto server = std::make_unique<Server>(source, used, address);
+    auto server = std::make_unique<Server>(source, used, limits, address);
     if (const Status listening = server->listen(options.port); !listening) return listening.error();
     return std::unique_ptr<ViewServer>(std::move(server));
   } catch (const std::bad_alloc&) {

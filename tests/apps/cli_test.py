@@ -1466,6 +1466,7 @@ pose = [1, 0, 0, 0, 0, {0.5 ** 0.5}, {0.5 ** 0.5}]
     def test_impatient_people_get_a_whole_run_and_no_force(self):
         run = self.path("impatient")
         with self.live_run(run, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as program:
+            self.wait_for_force(run, program)
             for _ in range(5):  # as a key repeats
                 program.send_signal(signal.SIGINT)
                 time.sleep(0.03)
@@ -1486,6 +1487,28 @@ pose = [1, 0, 0, 0, 0, {0.5 ** 0.5}, {0.5 ** 0.5}]
         os.close(reader)
         os.close(full)
         self.expect_whole(run)
+
+    def forces(self, run, name="wrench.csv"):
+        """The force on the hand at every tick so far, N."""
+        lines = [line.split(",") for line in read(os.path.join(run, name)).split("\n")[:-1]]
+        places = [lines[0].index(f"hand_force_{axis}_N") for axis in "xyz"] if lines else []
+        return [math.hypot(*(float(line[i]) for i in places)) for line in lines[1:]]
+
+    def wait_for_force(self, run, program):
+        self.wait_for(lambda: (self.forces(run, "wrench.csv.part") or [0])[-1] > 0.1, program)
+
+    def test_other_polite_signals_take_the_force_and_keep_the_run(self):
+        for how in (signal.SIGTERM, signal.SIGQUIT):
+            run = self.path("polite")
+            with self.live_run(run, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as program:
+                self.wait_for_force(run, program)
+                program.send_signal(how)
+                output = program.communicate(timeout=120)[0]
+                self.assertEqual(program.returncode, 0, output)
+            self.expect_whole(run)
+            forces = self.forces(run)
+            self.assertGreater(max(forces), 0.1, how)
+            self.assertEqual(forces[-1], 0, how)
 
     def unread_run(self, run):
         """Its faults, of which there is something to say that nobody reads in time."""

@@ -1,5 +1,5 @@
 // Faults of every kind at random, with every coupling, friction, objects and bodies: what the
-// device is told stays within its limits, falls to zero, and comes back from there.
+// device is told stays within its limits, falls to zero in time, and comes back from there.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -26,6 +26,7 @@ RunSettings settings_with(CouplingKind kind) {
   settings.num_threads = 1;
   settings.coupling.X_WB.translation = {0, 0, 0.45};
   settings.coupling.kind = kind;
+  settings.coupling.clutch_button = 1;  // which is also the one that asks for the force
   settings.safety.ramp_seconds = 0.1;
   settings.safety.recover_seconds = 0.1;
   settings.safety.engage_timeout = 0.1;
@@ -115,6 +116,7 @@ struct HeldHandle {
   double time = 1000;
   double depth = -0.03;  // of the handle, m; the tool touches the wall at 0.025
   Vec3d pushed;          // along with a force
+  bool has_clutch = false;
 
   DeviceState state() const {
     DeviceState state;
@@ -122,10 +124,21 @@ struct HeldHandle {
     state.X_BH = {Vec3d{0.003 * std::sin(9 * time), 0.002 * std::sin(7 * time), depth} + pushed,
                   axis_angle({1, 2, 3}, 0.05 * std::sin(5 * time))};
     state.V_BH.linear = {0.027 * std::cos(9 * time), 0.014 * std::cos(7 * time), 0};
+    state.buttons = has_clutch ? 1 : 0;
     state.is_valid = true;
     return state;
   }
 };
+
+/// s from the last good tick before a fault to the tick that must find it, at the most.
+double found_within(Fault fault, const SafetyOptions& safety) {
+  switch (fault) {
+    case Fault::stale_contact: return safety.max_contact_age + kTick;
+    case Fault::stale_sensor: return safety.max_sensor_age + kTick;
+    case Fault::device: return safety.max_device_silence + kTick;
+    default: return kTick;
+  }
+}
 
 /// Checks every wrench as it comes.
 class Watch {
@@ -149,6 +162,8 @@ class Watch {
     if (!is_off) {
       ASSERT_LE(force, std::max(last_force_, now.gain * limits_.max_force) + 1e-9);
       ASSERT_LE(torque, std::max(last_torque_, now.gain * limits_.max_torque) + 1e-9);
+      ASSERT_TRUE(!was_engaged_ || now.gain <= last_gain_ + dt / safety_.ramp_seconds + 1e-9);
+      ASSERT_TRUE(!tick.step.is_clutched || now.gain == 0);
     }
     // Zero in time, by the clock or by ticks of which it says nothing.
     num_off_ = is_off ? num_off_ + 1 : 0;
@@ -166,8 +181,10 @@ class Watch {
     if (is_back && num_faults_ > num_faults_then_) {
       ++num_returns_;
       ASSERT_LE(last_force_ + last_torque_, 0);
+      // What a hand without the tool feels says nothing about where that is.
       const bool is_free =
-          tick.penetration.volume == 0 || norm(tick.step.F_H_B.force) < safety_.engage_force;
+          !tick.step.is_clutched &&
+          (tick.penetration.volume == 0 || norm(tick.step.F_H_B.force) < safety_.engage_force);
       ASSERT_TRUE(is_free || was_asked_);
       num_returns_into_contact_ += !is_free;
     }
@@ -175,7 +192,9 @@ class Watch {
     was_engaged_ = is_driven && now.is_engaged();
     last_force_ = force;
     last_torque_ = torque;
+    last_gain_ = now.gain;
   }
+  double last_force() const { return last_force_; }
   int num_returns() const { return num_returns_; }
   int num_returns_into_contact() const { return num_returns_into_contact_; }
   bool has_ended() const { return has_ended_; }
@@ -183,7 +202,7 @@ class Watch {
  private:
   SafetyOptions safety_;
   DeviceLimits limits_;
-  double time_ = 0, last_force_ = 0, last_torque_ = 0;
+  double time_ = 0, last_force_ = 0, last_torque_ = 0, last_gain_ = 0;
   std::uint32_t num_faults_ = 0, num_faults_then_ = 0;
   int num_off_ = 0, num_returns_ = 0, num_returns_into_contact_ = 0;
   bool was_engaged_ = false, has_ended_ = false, was_asked_ = false;
@@ -191,7 +210,8 @@ class Watch {
 
 constexpr int kNumFaults = static_cast<int>(Fault::stopped);
 struct Counts {
-  std::array<int, kNumFaults + 1> faults{};
+  std::array<int, kNumFaults + 1> faults{}, forces_taken{};
+  int num_clutched_faults = 0, num_let_go_in_contact = 0;
   int num_returns = 0, num_into_contact = 0, num_forces = 0, num_object_ticks = 0;
 };
 
@@ -240,7 +260,16 @@ void run(CouplingKind kind, bool with_friction, bool with_objects, unsigned seed
                     : 1 + static_cast<int>(random.bits() % (static_cast<int>(Fault::sensor) - 1)));
     const bool is_engaged = last.safety.is_engaged() && loop.kind() != CouplingKind::none;
     const std::uint32_t num_faults = last.safety.num_faults;
-    const int num_ticks = 60 + static_cast<int>(random.bits() % 700);
+    const int num_ticks =
+        (fault == Fault::stale_sensor ? 500 : 0) + 60 + static_cast<int>(random.bits() % 700);
+    // A hand that is pushed along would be somewhere else with the clutch.
+    const bool uses_clutch = fault != Fault::energy && random.uniform() < 0.4;
+    const int clutch_begin = static_cast<int>(random.bits() % static_cast<unsigned>(num_ticks));
+    // From here on there is no force, until all is well again: by the clock, not by what is told.
+    const double zero_after = hand.time + found_within(fault, settings.safety) +
+                              settings.safety.fade_seconds - 0.5 * kTick;
+    const bool has_force = watch.last_force() > 0.1;
+    bool is_zero_seen = false;
     std::optional<Fault> found;
     const int what = static_cast<int>(random.bits() % 3);
     for (int i = 0; i < num_ticks && !testing::Test::HasFatalFailure(); ++i) {
@@ -253,6 +282,7 @@ void run(CouplingKind kind, bool with_friction, bool with_objects, unsigned seed
       if (fault == Fault::energy && norm(last.F_H_B.force) > 0.1) {
         hand.pushed += 2e-3 * normalized(last.F_H_B.force);
       }
+      if (uses_clutch && i == clutch_begin) hand.has_clutch = true;
       DeviceState state = hand.state();
       if (fault == Fault::not_finite) state.X_BH.translation.y = std::nan("");
       if (fault == Fault::device) state.is_valid = false;
@@ -264,7 +294,14 @@ void run(CouplingKind kind, bool with_friction, bool with_objects, unsigned seed
       if (!is_limited && i % 200 == 100 && random.uniform() < 0.3) flags.is_force_requested = true;
       tick(state);
       if (!found && last.safety.num_faults > num_faults) found = last.safety.fault;
+      const bool lasts = fault != Fault::loop && fault != Fault::energy;
+      if (lasts && hand.time > zero_after) {
+        ASSERT_EQ(norm(last.F_H_B.force) + norm(last.F_H_B.torque), 0)
+            << name_of(fault) << ", tick " << i << ", round " << round;
+        is_zero_seen = true;
+      }
     }
+    counts.forces_taken[static_cast<std::size_t>(fault)] += has_force && is_zero_seen;
     has_contacts = has_frames = true;
     flags = {};
     if (found && is_engaged) {
@@ -274,6 +311,14 @@ void run(CouplingKind kind, bool with_friction, bool with_objects, unsigned seed
       ++counts.faults[static_cast<std::size_t>(*found)];
     }
     num_recovered = watch.num_returns();
+    // All is well, and the clutch is let go of, maybe in contact.
+    if (hand.has_clutch) {
+      ++counts.num_clutched_faults;
+      tick_well(static_cast<int>(random.bits() % 300));
+      hand.has_clutch = false;
+      tick_well(static_cast<int>(random.bits() % 200));
+      counts.num_let_go_in_contact += last.penetration.volume > 0;
+    }
     // Another coupling, or none for a while, whatever there is.
     if (round % 3 == 1) {
       tick_well(static_cast<int>(random.bits() % 400));
@@ -313,8 +358,13 @@ TEST(FaultRun, AnyFaultsWithAnyCouplingFrictionObjectsAndBodies) {
     }
   }
   for (int i = 1; i <= kNumFaults; ++i) {
-    EXPECT_GT(counts.faults[static_cast<std::size_t>(i)], 2) << name_of(static_cast<Fault>(i));
+    const auto fault = static_cast<Fault>(i);
+    EXPECT_GT(counts.faults[static_cast<std::size_t>(i)], 2) << name_of(fault);
+    if (fault == Fault::loop || fault == Fault::energy) continue;  // Watch and SafetyEnergy.*
+    EXPECT_GT(counts.forces_taken[static_cast<std::size_t>(i)], 2) << name_of(fault);
   }
+  EXPECT_GT(counts.num_clutched_faults, 30);
+  EXPECT_GT(counts.num_let_go_in_contact, 10);
   EXPECT_GT(counts.num_returns, 100);
   EXPECT_GT(counts.num_into_contact, 3);  // somebody has asked for it
   EXPECT_GT(counts.num_forces, 10'000);

@@ -112,10 +112,40 @@ class EndingWall final : public DepthSource {
   WallSource wall_{{}};
 };
 
+struct SeenTicks {
+  std::vector<TickRecord> ticks;
+
+  RunObserver observer() {
+    RunObserver observer;
+    observer.on_ticks = [this](std::span<const TickRecord> records) {
+      ticks.insert(ticks.end(), records.begin(), records.end());
+    };
+    return observer;
+  }
+};
+
+/// There was a force; from this fault on it only fell, tick by tick, to zero.
+void expect_fade(const std::vector<TickRecord>& ticks, Fault fault) {
+  const auto is_it = [fault](const TickRecord& tick) { return tick.safety.fault == fault; };
+  const auto first = std::ranges::find_if(ticks, is_it);
+  ASSERT_NE(first, ticks.end());
+  double force = norm(first->F_H_B.force);
+  EXPECT_GT(force, 0);
+  int num_fading = 0;
+  for (auto tick = first; tick != ticks.end(); ++tick) {
+    EXPECT_LE(norm(tick->F_H_B.force), force);
+    force = norm(tick->F_H_B.force);
+    num_fading += force > 0;
+  }
+  EXPECT_GT(num_fading, 1);
+  EXPECT_EQ(force, 0);
+}
+
 TEST(LiveLoop, EndsWithItsSource) {
   EndingWall source;
   ScriptedDevice device({.hand = pressing_hand});
-  auto loop = RunLoop::create(box_tool(), source, device, patient_settings());
+  SeenTicks seen;
+  auto loop = RunLoop::create(box_tool(), source, device, patient_settings(), seen.observer());
   ASSERT_TRUE(loop);
   ASSERT_TRUE((*loop)->start());
   ASSERT_TRUE(wait_for([&] { return device.last_force() > 0; }));
@@ -124,6 +154,8 @@ TEST(LiveLoop, EndsWithItsSource) {
   EXPECT_TRUE(wait_for([&] { return device.last_force() == 0; }));
   EXPECT_TRUE((*loop)->status());
   EXPECT_EQ((*loop)->report().fault, Fault::stopped);
+  (*loop)->stop();
+  expect_fade(seen.ticks, Fault::stopped);
   // A source of one frame.
   WallSource single({.num_frames = 1});
   ScriptedDevice other({});
@@ -135,7 +167,8 @@ TEST(LiveLoop, EndsWithItsSource) {
 TEST(LiveLoop, FadesOutWhenTheSourceFails) {
   EndingWall source;
   ScriptedDevice device({.hand = pressing_hand});
-  auto loop = RunLoop::create(box_tool(), source, device, patient_settings());
+  SeenTicks seen;
+  auto loop = RunLoop::create(box_tool(), source, device, patient_settings(), seen.observer());
   ASSERT_TRUE(loop);
   ASSERT_TRUE((*loop)->start());
   ASSERT_TRUE(wait_for([&] { return device.last_force() > 0; }));
@@ -145,6 +178,8 @@ TEST(LiveLoop, FadesOutWhenTheSourceFails) {
   EXPECT_EQ((*loop)->report().fault, Fault::sensor);
   ASSERT_FALSE((*loop)->status());
   EXPECT_EQ((*loop)->status().error().message, "the wall fell over");
+  (*loop)->stop();
+  expect_fade(seen.ticks, Fault::sensor);
 }
 
 TEST(LiveLoop, ADeviceThatIsLostIsTheFaultOfItsReport) {
@@ -275,35 +310,43 @@ TEST(LiveLoop, AThreadOfRecordsWithoutMemoryEndsTheRunWell) {
   EXPECT_NE(ending.error().message.find("out of memory"), std::string::npos);
 }
 
-// Nobody waits for the time that the clock of a device has been at for a moment.
+// Nobody waits for the time that the clock of a device has been at for a moment. The force fades,
+// and comes back to a hand that has left the wall and touches it again.
 TEST(LiveLoop, ALeapOfTheDevicesClockPasses) {
   WallSource source({});
-  // In and out of the wall: the force does not come back in contact.
+  std::atomic<bool> is_pressing = true;
   ScriptedDevice device({.hand =
-                             [](double time) {
-                               return Vec3d{0, 0, 0.03 + 0.01 * std::sin(5 * time)};
+                             [&](double) {
+                               return Vec3d{0, 0, is_pressing ? 0.03 : 0.01};
                              },
                          .leaps_after = 0.3});
-  std::atomic<bool> has_loop_fault = false;
+  std::atomic<Fault> fault = Fault::none;
   RunObserver observer;
   observer.on_ticks = [&](std::span<const TickRecord> ticks) {
-    for (const TickRecord& tick : ticks)
-      has_loop_fault = has_loop_fault || tick.safety.fault == Fault::loop;
+    for (const TickRecord& tick : ticks) {
+      if (fault == Fault::none) fault = tick.safety.fault;
+    }
   };
   auto loop = RunLoop::create(box_tool(), source, device, patient_settings(), observer);
   ASSERT_TRUE(loop);
   ASSERT_TRUE((*loop)->start());
-  EXPECT_TRUE(wait_for([&] { return (*loop)->report().num_faults > 0; }));
+  EXPECT_TRUE(wait_for([&] { return fault != Fault::none; }));
+  EXPECT_EQ(fault, Fault::loop);
+  EXPECT_TRUE(wait_for([&] { return device.last_force() == 0; }));
   const std::uint64_t before = (*loop)->report().num_contacts;
   const auto begin = std::chrono::steady_clock::now();
   EXPECT_TRUE(wait_for([&] { return (*loop)->report().num_contacts > before + 20; }));
   EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(30));
   TickRecord tick;
   EXPECT_TRUE(wait_for([&] {
-    return (*loop)->latest(tick) && tick.contact_age < 30 && tick.safety.fault == Fault::none &&
-           norm(tick.F_H_B.force) > 0;
+    return (*loop)->latest(tick) && tick.contact_age < 30 && tick.safety.fault == Fault::none;
   }));
-  EXPECT_TRUE(has_loop_fault);
+  EXPECT_EQ(device.last_force(), 0);  // not into the contact
+  is_pressing = false;
+  EXPECT_TRUE(wait_for([&] { return (*loop)->latest(tick) && tick.safety.is_engaged(); }));
+  is_pressing = true;
+  EXPECT_TRUE(wait_for([&] { return device.last_force() > 0.1; }));
+  EXPECT_EQ((*loop)->report().num_faults, 1u);
 }
 
 }  // namespace

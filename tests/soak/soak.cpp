@@ -4,8 +4,8 @@
 //   soak [--minutes 10] [--simulated] [--seed 1]
 //
 // Simulated: on a simulated clock, as fast as it can be computed; else live, with a simulated hand.
-// Afterwards: memory has stood still, every planned fault was found and passed, the recording is no
-// longer than it may be, and random parts of it repeat to the bit.
+// Afterwards: memory has stood still, every planned fault was found by its name and in its time and
+// passed, the recording is no longer than it may be, and random parts of it repeat to the bit.
 #include <malloc.h>
 #include <unistd.h>
 
@@ -20,6 +20,7 @@
 #include <random>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "palpate/devices/devices.h"
@@ -60,9 +61,11 @@ std::vector<Planned> make_plan(double seconds, unsigned seed) {
   return plan;
 }
 
-/// The trouble at this time, each for as long as it takes to be one.
+constexpr double kSeconds[] = {0.05, 0.02, 0.9};  // of each, so that it is one
+constexpr Fault kFaults[] = {Fault::device, Fault::not_finite, Fault::stale_sensor};
+
+/// The trouble at this time.
 std::optional<Trouble> trouble_at(const std::vector<Planned>& plan, double time) {
-  constexpr double kSeconds[] = {0.05, 0.02, 0.9};
   const auto next = std::upper_bound(plan.begin(), plan.end(), time,
                                      [](double t, const Planned& p) { return t < p.time; });
   if (next == plan.begin()) return std::nullopt;
@@ -70,6 +73,63 @@ std::optional<Trouble> trouble_at(const std::vector<Planned>& plan, double time)
   if (time - last.time > kSeconds[static_cast<int>(last.trouble)]) return std::nullopt;
   return last.trouble;
 }
+
+/// What became of the plan, by the ticks of the run.
+class Found {
+ public:
+  explicit Found(const std::vector<Planned>& plan) : plan_(plan), fates_(plan.size()) {}
+
+  void look(const TickRecord& tick) {
+    if (num_ticks_++ == 0) start_ = tick.device.time;
+    const double time = tick.device.time - start_;
+    const SafetyStatus& now = tick.safety;
+    const bool is_new = std::exchange(num_faults_, now.num_faults) != now.num_faults;
+    while (next_ < plan_.size() && time > end_of(plan_[next_])) ++next_;
+    for (std::size_t i = next_; i < plan_.size() && time >= begin_of(plan_[i]); ++i) {
+      const Fault own = kFaults[static_cast<int>(plan_[i].trouble)];
+      Fate& fate = fates_[i];
+      const bool was_away = !fate.is_seen && !was_engaged_ && allowance(plan_[i]) == 0;
+      fate.is_seen = true;
+      fate.is_found |= is_new && now.fault == own;
+      fate.is_covered |= was_away || (is_of_busy_computers(now.fault) && now.fault != own);
+    }
+    was_engaged_ = now.is_engaged();
+  }
+  /// Found by its name and in its time.
+  std::size_t num_found() const { return std::ranges::count_if(fates_, &Fate::is_found); }
+  /// Not found, but there was no force then: a busy computer had taken it.
+  std::size_t num_covered() const {
+    return std::ranges::count_if(fates_, [](const Fate& f) { return !f.is_found && f.is_covered; });
+  }
+  /// At a time of which no tick was recorded.
+  std::size_t num_unseen() const {
+    return std::ranges::count_if(fates_, [](const Fate& f) { return !f.is_seen; });
+  }
+
+ private:
+  struct Fate {
+    bool is_seen = false, is_found = false, is_covered = false;
+  };
+  static bool is_of_busy_computers(Fault fault) {
+    return fault == Fault::loop || fault == Fault::stale_contact || fault == Fault::stale_sensor;
+  }
+  /// The clock of a camera is that of the device, but for a second or two.
+  static double allowance(const Planned& planned) {
+    return planned.trouble == Trouble::stalled_camera ? 2 : 0;
+  }
+  static double begin_of(const Planned& planned) { return planned.time - allowance(planned); }
+  static double end_of(const Planned& planned) {
+    return planned.time + kSeconds[static_cast<int>(planned.trouble)] + allowance(planned);
+  }
+
+  const std::vector<Planned>& plan_;
+  std::vector<Fate> fates_;
+  std::size_t next_ = 0;
+  std::uint64_t num_ticks_ = 0;
+  std::uint32_t num_faults_ = 0;
+  double start_ = 0;
+  bool was_engaged_ = false;
+};
 
 /// A wall with bumps that breathes, seen 30 times a second; on the computer's clock a stalled
 /// camera sends nothing, on a simulated one its time stamps jump.
@@ -242,7 +302,7 @@ void expect(bool is_good, const std::string& what) {
 
 template <class Device>
 Result<RunOutcome> run(const Options& options, const Tool& tool, Camera& camera, Device& device,
-                       LiveView& view, const std::filesystem::path& folder,
+                       LiveView& view, const std::filesystem::path& folder, Found& found,
                        std::vector<Memory>& memory) {
   RunOptions run;
   run.monitor = &view.monitor();
@@ -258,6 +318,10 @@ Result<RunOutcome> run(const Options& options, const Tool& tool, Camera& camera,
   RunObserver& observer = view.monitor().observer;
   observer.on_hand_snapshot = [&](const HandSnapshot& moment) {
     time = static_cast<double>(moment.tick) / device.info().rate;
+  };
+  observer.on_ticks = [&found, show = observer.on_ticks](std::span<const TickRecord> ticks) {
+    for (const TickRecord& tick : ticks) found.look(tick);
+    show(ticks);
   };
   run.keep_going = [&] {
     if (time >= seconds / 60 * static_cast<double>(memory.size() + 1)) {
@@ -285,6 +349,7 @@ int soak(const Options& options) {
   }
   const std::string url = (*server)->url();
   std::vector<Memory> memory;
+  Found found(plan);
   Result<RunOutcome> outcome = Error{};
   double largest = 0, most = 0;
   int num_changes = 0, num_pages = 0;
@@ -293,7 +358,7 @@ int soak(const Options& options) {
     if (options.is_simulated) {
       auto hand = test::path_device(hand_at, 1000, seconds);
       Troubled<SteppedDevice> device(*std::move(hand), plan);
-      outcome = run(options, tool, camera, device, *view, folder, memory);
+      outcome = run(options, tool, camera, device, *view, folder, found, memory);
       largest = device.largest_force();
       most = device.info().limits.max_force;
     } else {
@@ -301,7 +366,7 @@ int soak(const Options& options) {
       simulated.model = device_models().front();
       simulated.target = hand_at;
       Troubled<HapticDevice> device(*SimulatedDevice::create(simulated), plan);
-      outcome = run(options, tool, camera, device, *view, folder, memory);
+      outcome = run(options, tool, camera, device, *view, folder, found, memory);
       largest = device.largest_force();
       most = device.info().limits.max_force;
     }
@@ -313,16 +378,25 @@ int soak(const Options& options) {
     return 1;
   }
   const LoopReport& loop = outcome->loop;
-  std::printf("%.0f s in %.0f s: %llu ticks, %u faults of %zu planned, %d changes, %d pages\n",
+  std::printf("%.0f s in %.0f s: %llu ticks, %u faults, %zu of %zu planned, %d changes, %d pages\n",
               loop.seconds, monotonic_now() - begin,
-              static_cast<unsigned long long>(loop.num_ticks), loop.num_faults, plan.size(),
-              num_changes, num_pages);
+              static_cast<unsigned long long>(loop.num_ticks), loop.num_faults, found.num_found(),
+              plan.size(), num_changes, num_pages);
   expect(outcome->failure.empty() && outcome->not_kept.empty(),
          "the run ended as it should: " + outcome->failure + outcome->not_kept);
   expect(loop.seconds >= seconds - 2, "it went on to its end");
-  expect(
-      loop.num_faults >= plan.size() && (!options.is_simulated || loop.num_faults == plan.size()),
-      "every planned fault was found, " + std::to_string(loop.num_faults) + " in all");
+  // On a computer that is too busy, its own faults may have taken the force before, or the records
+  // of that time may be lost.
+  const std::size_t num_covered = found.num_covered();
+  const std::size_t num_unseen = loop.num_lost_records > 0 ? found.num_unseen() : 0;
+  const bool is_exact = found.num_found() == plan.size() && loop.num_faults == plan.size();
+  expect((is_exact || !options.is_simulated) &&
+             found.num_found() + num_covered + num_unseen == plan.size() &&
+             2 * found.num_found() > plan.size(),
+         "every planned fault was found by its name and in its time: " +
+             std::to_string(found.num_found()) + "; while a busy computer held the force back " +
+             std::to_string(num_covered) + ", while records were lost " +
+             std::to_string(num_unseen) + "; faults in all " + std::to_string(loop.num_faults));
   expect(outcome->peaks.num_engaged > 0.7 * static_cast<double>(loop.num_ticks),
          "the force came back: it was there at " + std::to_string(outcome->peaks.num_engaged) +
              " ticks");
