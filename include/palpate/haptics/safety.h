@@ -214,8 +214,8 @@ std::string_view describe_change(const SafetyStatus& before, const SafetyStatus&
 ///
 /// A ForceGate decides when there is a force. While it waits, conditions that would otherwise be
 /// faults (no measurement yet, a silent device) only delay the force, for `engage_timeout`. During
-/// a fade, the fade sets the rate, not the slew limit. A press of button 0 while the force is off
-/// after a fault requests it.
+/// a fade, the fade sets the rate, not the slew limit. A press of button 0 requests a force that a
+/// fault has taken, unless the button works the clutch.
 class SafetyFilter {
  public:
   /// Creates a filter. Errors: options out of range or not finite, limits negative or not finite. A
