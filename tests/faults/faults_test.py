@@ -405,8 +405,8 @@ class Faults(Case):
             plan = []
             while len(plan) < 2:
                 plan = [f"{kind}@{choose.randint(1, most)}" for kind, most in
-                        (("short", 1), ("interrupted", 1), ("full", 40), ("broken", 40), ("unreadable", 4),
-                         ("slow", 1), ("threadless", 12), ("memoryless", 200), ("yesterday", 20))
+                        (("short", 1), ("interrupted", 1), ("full", 40), ("broken", 40), ("unreadable", 8),
+                         ("slow", 1), ("threadless", 12), ("memoryless", 200), ("yesterday", 2))
                         if choose.random() < 0.25]
             plan = [each + f"-{int(each.split('@')[1]) + choose.randint(0, 3)}"
                     if each.startswith(("full", "broken")) and choose.random() < 0.5 else each for each in plan]
