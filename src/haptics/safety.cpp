@@ -141,11 +141,10 @@ void SafetyFilter::step_gate(const Wrench& desired, const SafetyInput& input, do
   const bool is_known = input.state.is_valid && is_finite(input.state.X_BH);
   const bool is_pressed = is_known && (input.state.buttons & ~last_buttons_ & 1u) != 0;
   if (is_known) last_buttons_ = input.state.buttons;
-  // Whoever waits for a free hand may ask, too; there a dead-man switch permits, and no more. A
-  // button that works the clutch, or is pressed while nothing drives the hand, asks for nothing.
-  const bool waits_after_fault = before == ForceState::waiting && status_.num_faults > 0;
-  const bool can_ask = (is_off || (waits_after_fault && !options_.dead_man)) && input.is_driven &&
-                       !input.is_clutched;
+  // Whoever waits for a free hand may ask, too; there a dead-man switch permits, and no more. While
+  // the clutch holds the tool, or nothing drives the hand, the button asks for nothing.
+  const bool can_ask = (is_off || (gate_.waits_after_fault() && !options_.dead_man)) &&
+                       input.is_driven && !input.is_clutched;
 
   ForceGate::Input now;
   now.time = last_time_;

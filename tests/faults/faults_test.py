@@ -241,8 +241,7 @@ class Faults(Case):
             output = self.folder / "lazy-parts"
             self.check(self.live_run(output, 4.5) + ("--record-keep", "20s"), "lazy", may_fail=False)
             self.assertGreater(self.check_run(output), 0)
-            self.assertGreaterEqual(len(list(output.glob("recording*.mcap"))), 2)
-            return "records were lost" not in self.last_error
+            return len(list(output.glob("recording*.mcap"))) > 1 and "records were lost" not in self.last_error
         self.assertTrue(any(is_whole() for _ in range(3)), self.last_error)
 
     def test_what_does_not_reach_a_disk_is_told_and_kept(self):
@@ -358,7 +357,7 @@ class Faults(Case):
             self.assertGreater(self.check_run(output, is_whole=True), 0)
             rows = self.rows(output)
             after = next(k for k in range(1, len(rows))
-                         if float(rows[k]["time_s"]) > float(rows[k - 1]["time_s"]) + 0.9 * pause)
+                         if float(rows[k]["time_s"]) > max(stopped, float(rows[k - 1]["time_s"]) + 0.9 * pause))
             # A computer that is busy itself may have taken the force before.
             if force(rows[after - 1]) == 0:
                 return False

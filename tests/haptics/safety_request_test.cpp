@@ -97,6 +97,20 @@ TEST(SafetyRequest, ThePressOfTheClutchAsksForNothing) {
   }
 }
 
+// Whoever waits for another reason than a fault waits as at the start.
+TEST(SafetyRequest, APressAfterAFaultThatIsOverAsksForNothing) {
+  Rig rig;
+  wait_in_contact(rig);
+  ASSERT_NE(ticks_until_engaged(rig, 1000), -1);
+  rig.input.is_driven = false;
+  for (int i = 0; i < 1000; ++i) rig.tick(kPush);
+  rig.input.is_driven = true;
+  expect_no_force(rig, 100);
+  ASSERT_EQ(rig.filter.status().state, ForceState::waiting);
+  set_button(rig, true);
+  expect_no_force(rig, 1800);
+}
+
 TEST(SafetyRequest, APressWhileNothingDrivesTheHandAsksForNothing) {
   Rig rig;
   wait_in_contact(rig);

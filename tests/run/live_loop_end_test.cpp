@@ -300,6 +300,7 @@ TEST(LiveLoop, AThreadOfRecordsWithoutMemoryEndsTheRunWell) {
   ASSERT_TRUE(wait_for([&] { return device.last_force() > 0; }));
   device.is_forgetful = true;
   EXPECT_TRUE(wait_for([&] { return !loop->is_running(); }));
+  EXPECT_TRUE(wait_for([&] { return device.last_force() == 0; }));
   loop->stop();
   device.is_forgetful = false;
   TickRecord last;

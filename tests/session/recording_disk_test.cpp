@@ -104,7 +104,9 @@ class Disk {
   int num_interruptions_ = 0, num_by_owner_ = 0;
   std::thread::id owner_;
   std::atomic<double> good_time_ = 0;
-} disk;
+};
+/// Threads may use it until the program ends.
+Disk& disk = *new Disk;
 
 }  // namespace
 }  // namespace palpate
@@ -309,7 +311,10 @@ TEST_F(RecordingDisk, TheEndOfARunThatWaitsForItSaysSo) {
 
 TEST_F(RecordingDisk, OldPartsGoDuringAPauseToo) {
   make({.keep_seconds = 20});
-  for (int i = 0; i < 5; ++i) add_second();
+  for (int i = 0; i < 5; ++i) {
+    add_second();
+    ASSERT_TRUE(wait_for([&] { return !recorder_->waits_for_disk(); }));
+  }
   ASSERT_TRUE(fs::exists(path(3)));
   block(4);
   disk.break_after(name(3), 0);

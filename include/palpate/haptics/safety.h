@@ -94,6 +94,10 @@ class ForceGate {
   /// s: start of the fault.
   double fault_time() const noexcept { return fault_time_; }
   std::uint32_t num_faults() const noexcept { return num_faults_; }
+  /// Whether a force that a fault has taken waits for a hand without contact.
+  bool waits_after_fault() const noexcept {
+    return state_ == ForceState::waiting && is_after_fault_;
+  }
   /// Share of the desired force, 0 to 1; in `fading` the remaining share.
   double gain() const noexcept { return gain_; }
   /// In `fading`: share of the wrench at the start of the fault, from 1 to 0.
@@ -215,7 +219,7 @@ std::string_view describe_change(const SafetyStatus& before, const SafetyStatus&
 /// A ForceGate decides when there is a force. While it waits, conditions that would otherwise be
 /// faults (no measurement yet, a silent device) only delay the force, for `engage_timeout`. During
 /// a fade, the fade sets the rate, not the slew limit. A press of button 0 requests a force that a
-/// fault has taken, unless the button works the clutch.
+/// fault has taken, unless the clutch holds the tool.
 class SafetyFilter {
  public:
   /// Creates a filter. Errors: options out of range or not finite, limits negative or not finite. A

@@ -281,8 +281,8 @@ void LiveLoop::fade_out() noexcept {
 
 void LiveLoop::stop() noexcept {
   if (haptic_.num_ticks() > 0 && publishing_thread_.joinable()) fade_out();
+  end();  // from here on, a device that does not tick is not stuck
   if (was_started_) device_.stop();
-  end();
   // The contact thread first: the surface thread waits for it at most until it is stopped.
   contacts_.stop();
   surfaces_.stop();
