@@ -267,8 +267,9 @@ Result<StreamRecording> record_stream(const DepthSources& sources,
     }
     for (std::size_t i = 0; i < sources.size(); ++i) {
       if (done.frames_of[i] > 0) continue;
-      return Error{Errc::bad_input,
-                   sources[i].info().name + " has sent no frame: nothing is recorded"};
+      (void)file->finish();
+      is_kept = done.num_frames > 0 && file->is_begun();
+      return Error{Errc::bad_input, sources[i].info().name + " has sent no frame"};
     }
     const Status finished = file->finish();
     is_kept = file->is_begun();

@@ -390,7 +390,10 @@ class RecordingStreamDisk : public RecordingDisk {
     return num;
   }
   void expect_kept(SyntheticStream stream, int num_frames) {
-    const auto done = record_stream(stream, path(1));
+    expect_kept(DepthSources(stream), num_frames);
+  }
+  void expect_kept(const DepthSources& sources, int num_frames) {
+    const auto done = record_stream(sources, path(1));
     ASSERT_FALSE(done);
     EXPECT_NE(done.error().message.find("; what was recorded before is in " + partial_.string() +
                                         ": rename it to keep it"),
@@ -406,6 +409,11 @@ class RecordingStreamDisk : public RecordingDisk {
 TEST_F(RecordingStreamDisk, KeepsWhatItHasOfAStreamWhenTheDiskFailsAtTheEnd) {
   disk.break_after(partial_.filename(), 0);
   expect_kept(SyntheticStream(5), 5);
+}
+
+TEST_F(RecordingStreamDisk, KeepsWhatOtherCamerasHaveSentWhereOneHasSentNothing) {
+  SyntheticStream stream(5), silent(0);
+  expect_kept(DepthSources({&stream, &silent}), 5);
 }
 
 TEST_F(RecordingStreamDisk, KeepsWhatItHasOfAStreamThatFailsLater) {
