@@ -259,20 +259,14 @@ Result<StreamRecording> record_stream(const DepthSources& sources,
   const auto write = [&]() -> Status {
     auto file = StreamFile::create(partial, sources);
     if (!file) return file.error();
-    const Status copied = Copy(sources, options, *file, done).run();
-    if (!copied) {
-      (void)file->finish();
-      is_kept = done.num_frames > 0 && file->is_begun();
-      return copied;
-    }
-    for (std::size_t i = 0; i < sources.size(); ++i) {
+    Status copied = Copy(sources, options, *file, done).run();
+    for (std::size_t i = 0; i < sources.size() && copied; ++i) {
       if (done.frames_of[i] > 0) continue;
-      (void)file->finish();
-      is_kept = done.num_frames > 0 && file->is_begun();
-      return Error{Errc::bad_input, sources[i].info().name + " has sent no frame"};
+      copied = Error{Errc::bad_input, sources[i].info().name + " has sent no frame"};
     }
     const Status finished = file->finish();
-    is_kept = file->is_begun();
+    is_kept = done.num_frames > 0 && file->is_begun();
+    if (!copied) return copied;
     done.num_bytes = file->num_bytes();
     return finished;
   };

@@ -141,21 +141,27 @@ void expect_fade(const std::vector<TickRecord>& ticks, Fault fault) {
   EXPECT_EQ(force, 0);
 }
 
-TEST(LiveLoop, EndsWithItsSource) {
+/// How a run ends, in contact, when this becomes true of the wall: the force fades.
+Status ending_by(std::atomic<bool> EndingWall::*what, Fault fault) {
   EndingWall source;
   ScriptedDevice device({.hand = pressing_hand});
   SeenTicks seen;
-  auto loop = RunLoop::create(box_tool(), source, device, patient_settings(), seen.observer());
-  ASSERT_TRUE(loop);
-  ASSERT_TRUE((*loop)->start());
-  ASSERT_TRUE(wait_for([&] { return device.last_force() > 0; }));
-  source.has_ended = true;
-  EXPECT_TRUE(wait_for([&] { return !(*loop)->is_running(); }));
+  auto loop =
+      RunLoop::create(box_tool(), source, device, patient_settings(), seen.observer()).value();
+  if (const Status started = loop->start(); !started) return started;
+  EXPECT_TRUE(wait_for([&] { return device.last_force() > 0; }));
+  source.*what = true;
+  EXPECT_TRUE(wait_for([&] { return !loop->is_running(); }));
   EXPECT_TRUE(wait_for([&] { return device.last_force() == 0; }));
-  EXPECT_TRUE((*loop)->status());
-  EXPECT_EQ((*loop)->report().fault, Fault::stopped);
-  (*loop)->stop();
-  expect_fade(seen.ticks, Fault::stopped);
+  EXPECT_EQ(loop->report().fault, fault);
+  const Status ending = loop->status();
+  loop->stop();
+  expect_fade(seen.ticks, fault);
+  return ending;
+}
+
+TEST(LiveLoop, EndsWithItsSource) {
+  EXPECT_TRUE(ending_by(&EndingWall::has_ended, Fault::stopped));
   // A source of one frame.
   WallSource single({.num_frames = 1});
   ScriptedDevice other({});
@@ -165,21 +171,9 @@ TEST(LiveLoop, EndsWithItsSource) {
 }
 
 TEST(LiveLoop, FadesOutWhenTheSourceFails) {
-  EndingWall source;
-  ScriptedDevice device({.hand = pressing_hand});
-  SeenTicks seen;
-  auto loop = RunLoop::create(box_tool(), source, device, patient_settings(), seen.observer());
-  ASSERT_TRUE(loop);
-  ASSERT_TRUE((*loop)->start());
-  ASSERT_TRUE(wait_for([&] { return device.last_force() > 0; }));
-  source.has_failed = true;
-  EXPECT_TRUE(wait_for([&] { return !(*loop)->is_running(); }));
-  EXPECT_TRUE(wait_for([&] { return device.last_force() == 0; }));
-  EXPECT_EQ((*loop)->report().fault, Fault::sensor);
-  ASSERT_FALSE((*loop)->status());
-  EXPECT_EQ((*loop)->status().error().message, "the wall fell over");
-  (*loop)->stop();
-  expect_fade(seen.ticks, Fault::sensor);
+  const Status ending = ending_by(&EndingWall::has_failed, Fault::sensor);
+  ASSERT_FALSE(ending);
+  EXPECT_EQ(ending.error().message, "the wall fell over");
 }
 
 TEST(LiveLoop, ADeviceThatIsLostIsTheFaultOfItsReport) {
