@@ -114,6 +114,7 @@ class ForceDimensionDevice final : public PolledDevice {
 
   bool read(DeviceState& state) noexcept override {
     is_answering_ = true;
+    state.has_force = false;
     double matrix[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
     Vec3d p, v, w;
     const bool has_answered =
@@ -132,11 +133,13 @@ class ForceDimensionDevice final : public PolledDevice {
     state.X_BH = X_BH;
     state.V_BH = {v, w};
     state.buttons = api_.dhdGetButtonMask(id_);
-    return num_ticks_++ % kStatusPeriod != 0 || watch_force();
+    if (num_ticks_++ % kStatusPeriod == 0 && !watch_force()) return false;
+    state.has_force = has_force() && ramp_.is_full();
+    return true;
   }
 
   bool write(const Wrench& F_H_B) noexcept override {
-    const double share = ramp_.next(is_force_on_ && num_silent_ == 0);
+    const double share = ramp_.next(has_force());
     if (send(motor_wrench({share * F_H_B.force, share * F_H_B.torque}, info_.limits))) {
       if (is_answering_) num_silent_ = 0;
       return true;
@@ -161,6 +164,8 @@ class ForceDimensionDevice final : public PolledDevice {
   }
 
  private:
+  bool has_force() const noexcept { return is_force_on_ && num_silent_ == 0; }
+
   bool send(const Wrench& F) noexcept {
     const auto& [force, torque] = F;
     return api_.dhdSetForceAndTorqueAndGripperForce(force.x, force.y, force.z, torque.x, torque.y,

@@ -237,6 +237,7 @@ bool HaplyDevice::read(DeviceState& state) noexcept {
     state.is_valid = take(text, state);
     if (state.is_valid) last_usable_ = state.time;
   }
+  state.has_force = ramp_.is_full();
   if (!is_well()) return false;
   if (state.time - last_usable_ <= kMaxSilence) return true;
   return give_up(state.time - last_answer_ > kMaxSilence ? "it has not answered for 1 s"

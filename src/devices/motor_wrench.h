@@ -23,7 +23,8 @@ inline Wrench motor_wrench(const Wrench& F, const DeviceLimits& limits) {
 }
 
 /// Share of the wrench that the motors get: none in a tick in which the device has no force, and
-/// from there back to all of it in 0.2 s. Nobody else knows that the hand felt nothing meanwhile.
+/// from there back to all of it in 0.2 s. DeviceState::has_force tells the safety filter, which
+/// then takes the force away and ramps it itself; here is the last word.
 class MotorRamp {
  public:
   double next(bool has_force) noexcept {
@@ -32,6 +33,7 @@ class MotorRamp {
     return share_;
   }
   double share() const noexcept { return share_; }  ///< as next() said last
+  bool is_full() const noexcept { return share_ == 1; }
   void restart() noexcept { share_ = 1; }
 
  private:

@@ -54,6 +54,8 @@ unsigned OpenHapticsServo::frame() noexcept {
 
   api_.hdBeginFrame(device_);
   read();
+  const bool has_force = rest_ == 0 && state_.is_valid;
+  state_.has_force = has_force && ramp_.is_full();
   const bool is_last =
       failure() != 0 || wants_end_.load(std::memory_order_acquire) || !door_.enter();
   Wrench F_H_B;
@@ -61,7 +63,7 @@ unsigned OpenHapticsServo::frame() noexcept {
     F_H_B = tick_(state_);
     door_.leave();
   }
-  const double share = ramp_.next(rest_ == 0 && state_.is_valid);
+  const double share = ramp_.next(has_force);
   write({share * F_H_B.force, share * F_H_B.torque});
   api_.hdEndFrame(device_);
   judge(api_.take_errors().code);

@@ -2,8 +2,12 @@
 #pragma once
 
 #include "palpate/haptics/local_contact.h"
+#include "src/haptics/internal/matrix6.h"
 
 namespace palpate::inline v0 {
+
+/// What the tool has moved since it was measured, about its centre of mass.
+Vec6 motion_since(const LocalContact& contact, const Pose& X_WT_now);
 
 /// F - K (shift, turn), wherever it leads: beyond the end of the contact it pulls.
 Wrench contact_line(const LocalContact& contact, const Pose& X_WT_now);

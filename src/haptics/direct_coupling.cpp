@@ -33,6 +33,7 @@ class MovedFriction {
     X_WT_ = state.X_WT;
   }
   const FrictionState& state() const noexcept { return friction_.state(); }
+  double energy() const noexcept { return friction_.energy(); }
   void remember(StateNumbers& numbers) noexcept { numbers(friction_, X_WT_); }
 
   /// What is added to a contact with this wrench, once per tick.
@@ -74,7 +75,8 @@ class DirectCoupling final : public Coupling {
  public:
   DirectCoupling(const CouplingOptions& options, const DeviceLimits& limits,
                  const MassProperties& tool)
-      : hand_(options, tool.centre_of_mass),
+      : scale_(options.motion_scale),
+        hand_(options, tool.centre_of_mass),
         contact_(options.hold, radius_of_gyration(tool)),
         friction_(options, limits, 1, tool),
         approach_(tool.centre_of_mass) {}
@@ -117,10 +119,12 @@ class DirectCoupling final : public Coupling {
     step.contact_W = F_C_W + friction_.step(contact, F_C_W, X_WT_, h);
     step.F_H_B = hand_.at_handle(step.contact_W);
     step.is_clutched = hand_.is_clutched();
+    step.stored = (contact_.energy(X_WT_) + friction_.energy() + hand_.wall_energy()) / scale_;
     return step;
   }
 
  private:
+  double scale_;
   Hand hand_;
   HeldContact contact_;
   MovedFriction friction_;

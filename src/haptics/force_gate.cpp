@@ -70,7 +70,8 @@ void ForceGate::wait(double time) noexcept {
 
 void ForceGate::step_waiting(const Input& input) noexcept {
   if (!input.is_permitted) return wait(input.time);
-  num_quiet_ = input.is_ready && input.is_quiet ? num_quiet_ + 1 : 0;
+  if (!input.is_ready) num_quiet_ = 0;
+  if (input.is_ready && input.is_seen) num_quiet_ = input.is_quiet ? num_quiet_ + 1 : 0;
   const bool has_waited =
       !is_after_fault_ && waiting_seconds(input.time) >= options_.engage_timeout;
   if (!input.is_ready || !(num_quiet_ >= options_.engage_ticks || has_waited || is_requested_)) {

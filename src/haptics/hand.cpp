@@ -95,12 +95,15 @@ Vec3d Hand::beyond_workspace(const Vec3d& p_W) const noexcept {
   return beyond_B;
 }
 
+double Hand::wall_energy() const noexcept {
+  return wall_stiffness() / 2 * dot(excess_B_, excess_B_);
+}
+
 Wrench Hand::at_handle(const Wrench& F_C_W) const noexcept {
   if (is_clutched_) return {};
   const Quaternion q_BW = conjugate(options_.X_WB.rotation);
   // The walls of the workspace are springs, as stiff as the one that holds the tool.
-  const double stiffness = options_.stiffness / options_.motion_scale;
-  const Vec3d wall_W = rotate(options_.X_WB.rotation, -stiffness * excess_B_);
+  const Vec3d wall_W = rotate(options_.X_WB.rotation, -wall_stiffness() * excess_B_);
   const Vec3d torque_W = F_C_W.torque + cross(held_.p_WC - held_.p_WH, F_C_W.force) +
                          cross(held_.X_WT.translation - held_.p_WH, wall_W);
   return {rotate(q_BW, F_C_W.force + wall_W), rotate(q_BW, torque_W / options_.motion_scale)};

@@ -30,6 +30,8 @@ class Hand {
   const HeldTool& follow(const DeviceState& state) noexcept;
   /// What a wrench on the held tool, about its centre of mass, is at the handle in B.
   Wrench at_handle(const Wrench& F_C_W) const noexcept;
+  /// What the walls of the workspace have stored, J, in the tool's world.
+  double wall_energy() const noexcept;
 
   void remember(StateNumbers& numbers) noexcept {
     numbers(held_.X_WT, held_.p_WC, held_.p_WH, held_.velocity.linear, held_.velocity.angular,
@@ -42,6 +44,7 @@ class Hand {
   const Pose& X_BH() const noexcept { return X_BH_; }
 
  private:
+  double wall_stiffness() const noexcept { return options_.stiffness / options_.motion_scale; }
   bool is_clutch_pressed(const DeviceState& state) const noexcept;
   void hold(const Pose& X_WT) noexcept;
   void place(const Pose& X_BH) noexcept;

@@ -77,6 +77,15 @@ Wrench HeldContact::exact_wrench(const Pose& X_WT) const noexcept {
   return hold_ == ContactHold::interpolation ? between() : contact_.at(X_WT);
 }
 
+/// What was measured, and the work of moving the tool on along the line.
+double HeldContact::energy(const Pose& X_WT) const noexcept {
+  if (!is_there_) return 0;
+  const Vec6 motion = motion_since(contact_, X_WT);
+  const Vec6 mean = 0.5 * (to_vec6(contact_.F_C_W) + to_vec6(exact_wrench(X_WT)));
+  const double work = -dot(mean.linear, motion.linear) - dot(mean.angular, motion.angular);
+  return std::max(contact_.energy + work, 0.0);
+}
+
 bool HeldContact::pushes(const Wrench& wrench) const noexcept {
   const Vec3d& measured =
       hold_ == ContactHold::interpolation ? between().force : contact_.F_C_W.force;

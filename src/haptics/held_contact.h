@@ -24,6 +24,8 @@ class HeldContact {
   Wrench wrench(const Pose& X_WT) const noexcept;
   /// The wrench on the tool at this pose, as it is.
   Wrench exact_wrench(const Pose& X_WT) const noexcept;
+  /// What is stored with the tool at this pose, J.
+  double energy(const Pose& X_WT) const noexcept;
   /// Whether a wrench that a solver has arrived at is still one of contact.
   bool pushes(const Wrench& wrench) const noexcept;
   bool is_there() const noexcept { return is_there_; }

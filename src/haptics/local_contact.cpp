@@ -47,10 +47,14 @@ double largest_eigenvalue(const Stiffness& k) {
 
 }  // namespace
 
-Wrench contact_line(const LocalContact& contact, const Pose& X_WT_now) {
+Vec6 motion_since(const LocalContact& contact, const Pose& X_WT_now) {
   const Vec3d c_T = inverse(contact.X_WT) * contact.p_WC;
-  const Vec6 motion{X_WT_now * c_T - contact.p_WC,
-                    rotation_between(contact.X_WT.rotation, X_WT_now.rotation)};
+  return {X_WT_now * c_T - contact.p_WC,
+          rotation_between(contact.X_WT.rotation, X_WT_now.rotation)};
+}
+
+Wrench contact_line(const LocalContact& contact, const Pose& X_WT_now) {
+  const Vec6 motion = motion_since(contact, X_WT_now);
   Mat6 k;
   std::copy(&contact.stiffness.m[0][0], &contact.stiffness.m[0][0] + 36, &k.m[0][0]);
   return to_wrench(to_vec6(contact.F_C_W) - k * motion);
@@ -77,6 +81,17 @@ VolumeStiffness thesis_volume_stiffness(double max_force, double tool_volume) {
   return {scale > 0 && std::isfinite(scale) ? scale : 0};
 }
 
+/// A force that grows with the volume stores 0.20 times that in a ball and 0.13 in a cube of which
+/// an eighth is inside, 0.58 in a rod ten times as long as thick, end first; less of it less.
+double stored_energy(const Penetration& penetration, const VolumeStiffness& scale) {
+  constexpr double kMaxShare = 0.6;
+  const double measure =
+      penetration.potential > 0 || !(penetration.volume > 0)
+          ? penetration.potential
+          : kMaxShare * norm(penetration.measure_W.force) * std::cbrt(penetration.volume);
+  return scale.newtons_per_cubic_metre * measure;
+}
+
 LocalContact local_contact(const Penetration& penetration, const Stiffness& stiffness,
                            const Pose& X_WT, const Vec3d& centre_of_mass_T,
                            const VolumeStiffness& scale, double time, double surface_age,
@@ -91,6 +106,7 @@ LocalContact local_contact(const Penetration& penetration, const Stiffness& stif
   contact.volume = penetration.volume;
   const double gain = scale.newtons_per_cubic_metre;
   contact.F_C_W = scale * penetration.measure_W;
+  contact.energy = stored_energy(penetration, scale);
   bool finite = is_finite(X_WT) && is_finite(contact.F_C_W) && is_finite(patch.lever_W) &&
                 std::isfinite(patch.torsion_radius);
   for (int i = 0; i < 6; ++i) {

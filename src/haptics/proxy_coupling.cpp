@@ -73,6 +73,9 @@ class ProxyCoupling final : public Coupling {
     step.is_clutched = hand_.is_clutched();
     step.stretch = norm(stretch.linear);
     step.energy = spring_.energy(stretch) / scale_;
+    step.stored =
+        step.energy +
+        (contact_.energy(X_WT_shown_) + friction_.energy() + hand_.wall_energy()) / scale_;
     return step;
   }
 

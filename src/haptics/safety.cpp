@@ -12,6 +12,8 @@ namespace {
 
 /// A late tick does not earn a leap: the slew counts no more than this of it, s.
 constexpr double kLongestCountedTick = 0.005;
+/// What a tick of which the clock says nothing counts, s.
+constexpr double kLostTick = 1e-3;
 /// Share of the tank at which the controller begins. The rest is for a hand that moves faster than
 /// it did a moment ago, before the force has come down.
 constexpr double kControlledShare = 0.5;
@@ -77,10 +79,12 @@ Wrench SafetyFilter::filter(const Wrench& desired, const SafetyInput& input) noe
   const double dt = input.time - last_time_;
   if (std::isfinite(input.time)) last_time_ = input.time;
   if (input.state.is_valid) last_valid_time_ = last_time_;
-  observe(input.state, dt);
+  observe(input, dt);
   status_.damping = 0;
 
   step_gate(desired, input, dt);
+  // What the motors do not do is no force, and comes back by the ramp.
+  if (!input.state.has_force) return last_ = fade_from_ = {};
   // Beyond the tank nothing is given.
   const double rest = options_.passivity_control
                           ? std::max(options_.energy_tank - status_.energy, 0.0)
@@ -99,7 +103,9 @@ Wrench SafetyFilter::filter(const Wrench& desired, const SafetyInput& input) noe
   const bool is_waiting = status_.state == ForceState::waiting;
   const Wrench scaled = status_.gain * within;
   const Wrench target = limit(is_waiting ? scaled : damp(scaled, dt));
-  const Wrench out = within_tank(slew(target, dt), seen_motion_, unseen, rest);
+  // A force that is to go, goes even if the clock stands still.
+  const double slewed = is_waiting && dt == 0 ? kLostTick : dt;
+  const Wrench out = within_tank(slew(target, slewed), seen_motion_, unseen, rest);
   const bool was_limited = !(within.force == desired.force) || !(out.force == target.force) ||
                            (limits_.max_torque > 0 && !(within.torque == desired.torque)) ||
                            !(out.torque == target.torque);
@@ -126,6 +132,7 @@ Fault SafetyFilter::find_fault(const Wrench& desired, const SafetyInput& input,
                             : options_.max_device_silence)) {
     return Fault::device;
   }
+  if (!is_patient && !state.has_force) return Fault::device;
   if (!is_patient || gate_.waiting_seconds(last_time_) > options_.engage_timeout) {
     if (!is_fresh(input.contact_age, options_.max_contact_age)) return Fault::stale_contact;
     if (!is_fresh(input.sensor_age, options_.max_sensor_age)) return Fault::stale_sensor;
@@ -150,7 +157,11 @@ void SafetyFilter::step_gate(const Wrench& desired, const SafetyInput& input, do
   now.time = last_time_;
   now.dt = dt;
   now.fault = find_fault(desired, input, dt);
-  now.is_ready = has_pose_ && input.state.is_valid && dt <= options_.max_tick &&
+  // A device that leaves out a tick now and then has a state, too.
+  const double silence = last_time_ - last_valid_time_;
+  now.is_seen = input.state.is_valid;
+  now.is_ready = has_pose_ && input.state.has_force && dt <= options_.max_tick &&
+                 silence <= options_.max_device_silence &&
                  is_fresh(input.contact_age, options_.max_contact_age) &&
                  is_fresh(input.sensor_age, options_.max_sensor_age);
   const bool is_turned =
@@ -158,7 +169,7 @@ void SafetyFilter::step_gate(const Wrench& desired, const SafetyInput& input, do
       norm(desired.torque) * limits_.max_force >= options_.engage_force * limits_.max_torque;
   // What a hand without the tool feels says nothing about where that is.
   now.is_clutched = input.is_clutched;
-  now.is_quiet = !input.is_clutched &&
+  now.is_quiet = !input.is_clutched && input.is_measured &&
                  (input.is_free || (norm(desired.force) < options_.engage_force && !is_turned));
   now.is_permitted = input.is_driven && (!options_.dead_man || (input.state.buttons & 1u) != 0);
   now.is_requested = input.is_requested || (can_ask && is_pressed);
@@ -178,19 +189,29 @@ void SafetyFilter::step_gate(const Wrench& desired, const SafetyInput& input, do
 }
 
 /// The force stood still between the ticks, so what it has given the hand is force times way, plus
-/// where the hand gave way and minus where it won. No velocity estimate comes into it.
-void SafetyFilter::observe(const DeviceState& state, double dt) noexcept {
+/// where the hand gave way and minus where it won. No velocity estimate comes into it. Of what the
+/// hand has given, no more counts than is stored; the rest is lost. As that only ever raises the
+/// sum, which stays below the tank, no more than the tank and what is stored follows any tick.
+void SafetyFilter::observe(const SafetyInput& input, double dt) noexcept {
   motion_ = {};
-  if (!state.is_valid || !is_finite(state.X_BH)) return;
+  if (input.state.is_valid && is_finite(input.state.X_BH)) count_work(input.state.X_BH, dt);
+  const double stored = std::isfinite(input.stored) ? std::max(input.stored, 0.0) : 0;
+  status_.energy = std::max(status_.energy, -stored);
+}
+
+void SafetyFilter::count_work(const Pose& X_BH, double dt) noexcept {
   if (has_pose_ && dt > 0) {
-    const Vec3d way = limited(state.X_BH.translation - last_X_BH_.translation, kFastestHand * dt);
+    const Vec3d way = limited(X_BH.translation - last_X_BH_.translation, kFastestHand * dt);
     const Vec3d turn =
-        limited(rotation_between(normalized(last_X_BH_.rotation), normalized(state.X_BH.rotation)),
+        limited(rotation_between(normalized(last_X_BH_.rotation), normalized(X_BH.rotation)),
                 kFastestTurn * dt);
-    status_.energy += dot(last_.force, way) + dot(last_.torque, turn);
-    seen_motion_ = motion_ = {way / dt, turn / dt};
+    const double given = dot(last_.force, way) + dot(last_.torque, turn);
+    if (std::isfinite(given)) {  // else it is no way of any hand
+      status_.energy += given;
+      seen_motion_ = motion_ = {way / dt, turn / dt};
+    }
   }
-  last_X_BH_ = state.X_BH;
+  last_X_BH_ = X_BH;
   has_pose_ = true;
 }
 

@@ -20,8 +20,9 @@ std::string_view describe(Fault fault) {
       return "no depth frame came in time: the force is off; look at the camera, or allow a larger "
              "sensor age";
     case Fault::device:
-      return "the device reported no usable state in time: the force is off; check its cable, "
-             "power and calibration";
+      return "the device reported no usable state in time, or has taken its force away: the force "
+             "is off; check its cable, power and calibration, and whether it is too warm or moved "
+             "too fast";
     case Fault::loop:
       return "ticks came too late or time ran backwards: the force is off; allow real-time "
              "scheduling and close other programs";

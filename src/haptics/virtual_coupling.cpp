@@ -94,6 +94,9 @@ class VirtualCoupling final : public Coupling {
     step.is_clutched = hand_.is_clutched();
     step.stretch = norm(stretch.linear);
     step.energy = spring_.energy(stretch) / scale_;  // as the hand's side sees it
+    step.stored = step.energy + (motion_energy() + contact_.energy(X_WT_) + friction_.energy() +
+                                 hand_.wall_energy()) /
+                                    scale_;
     return step;
   }
 
@@ -130,6 +133,11 @@ class VirtualCoupling final : public Coupling {
       }
     }
     return mass;
+  }
+
+  double motion_energy() const {
+    const Vec6 momentum = mass_matrix() * velocity_;
+    return (dot(velocity_.linear, momentum.linear) + dot(velocity_.angular, momentum.angular)) / 2;
   }
 
   void move(const HeldTool& held, double dt) {

@@ -235,6 +235,9 @@ void ContactPart::set_contact(ContactRecord& record) const noexcept {
   record.contact =
       local_contact(record.penetration, stiffness_, record.X_WT, tool_mass_.centre_of_mass,
                     scale_.volume, time, time - record.capture_time, patch_);
+  const BodyMeasure& measured = world_.measured(kToolBody);
+  record.contact.energy =
+      stored_energy(measured.cloud, scale_.volume) + stored_energy(measured.bodies, scale_.volume);
 }
 
 // From a state to a wrench.
@@ -268,11 +271,21 @@ void HandPart::tick(const DeviceState& state, const ContactRecord& known, const 
   const Wrench& contact_W = record.step.contact_W;
   const bool is_free = known.contact.is_valid && known.penetration.volume == 0 &&
                        contact_W.force == Vec3d{} && contact_W.torque == Vec3d{};
-  record.F_H_B = safety_.filter(
-      record.step.F_H_B,
-      {state.time, state, record.contact_age, record.sensor_age, flags.has_backend_failed,
-       flags.has_sensor_failed, flags.is_force_requested, is_free, true, record.step.is_clutched});
+  const std::uint32_t num_faults = safety_.status().num_faults;
+  record.F_H_B = safety_.filter(record.step.F_H_B, {.time = state.time,
+                                                    .state = state,
+                                                    .contact_age = record.contact_age,
+                                                    .sensor_age = record.sensor_age,
+                                                    .backend_failed = flags.has_backend_failed,
+                                                    .sensor_failed = flags.has_sensor_failed,
+                                                    .is_requested = flags.is_force_requested,
+                                                    .is_free = is_free,
+                                                    .is_measured = known.contact.is_valid,
+                                                    .is_clutched = record.step.is_clutched,
+                                                    .stored = record.step.stored});
   record.safety = safety_.status();
+  status_without_force_.num_faults += record.safety.num_faults - num_faults;
+  record.safety.num_faults = status_without_force_.num_faults;
 }
 
 /// There is no force on a hand: the contact is reported whenever it is measured. What another

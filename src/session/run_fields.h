@@ -88,6 +88,7 @@ void visit_fields(T& state, auto&& visit) {
   visit("velocity", state.V_BH);
   visit("buttons", state.buttons);
   visit("is_valid", state.is_valid);
+  visit("has_force", state.has_force);
 }
 
 template <Of<CouplingStep> T>
@@ -98,6 +99,7 @@ void visit_fields(T& step, auto&& visit) {
   visit("contact", step.contact_W);
   visit("stretch", step.stretch);
   visit("energy", step.energy);
+  visit("stored", step.stored);
 }
 
 template <Of<SafetyStatus> T>
@@ -178,6 +180,7 @@ void visit_fields(T& contact, auto&& visit) {
   visit("patch", contact.patch);
   visit("volume", contact.volume);
   visit("max_stiffness", contact.max_stiffness);
+  visit("energy", contact.energy);
   visit("surface_age", contact.surface_age);
   visit("status", contact.status.bits);
   visit("is_valid", contact.is_valid);

@@ -11,6 +11,7 @@
 #include "src/devices/device_kinds.h"
 #include "tests/devices/fake_dhd.h"
 #include "tests/devices/fake_sdk.h"
+#include "tests/devices/filtered_hand.h"
 #include "tests/test_util/allocation_counter.h"
 
 namespace palpate {
@@ -433,6 +434,12 @@ TEST_F(ForceDimension, TheForceComesBackSlowlyWhenTheDeviceHadNone) {
     EXPECT_LT(fake_.largest_step, 0.01);  // 1 N in 200 ticks: 0.005 N at each
     EXPECT_TRUE(device->status().has_value());
   }
+}
+
+// And the safety filter knows of it.
+TEST_F(ForceDimension, AForceThatTheDeviceShutsOffIsAFaultThatPasses) {
+  const auto device = open();
+  test::expect_to_fade_and_return(*device, [&](bool is_off) { fake_.takes_force = !is_off; });
 }
 
 TEST_F(ForceDimension, ATransformThatIsNoRotationIsNoPose) {

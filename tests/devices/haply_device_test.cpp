@@ -7,6 +7,7 @@
 #include <chrono>
 #include <string>
 #include <thread>
+#include <utility>
 
 #include "src/devices/device_kinds.h"
 #include "tests/devices/filtered_hand.h"
@@ -140,6 +141,33 @@ TEST(HaplyDevice, ChangesItsWordsWhenNotHeardAndBeginsSoftly) {
     largest_step = std::max(largest_step, forces[i].y - forces[i - 1].y);
   EXPECT_LT(largest_step, 0.01);
   EXPECT_TRUE(bench.device->status());
+}
+
+// Of which the safety filter knows: meanwhile the hand may have felt nothing.
+TEST(HaplyDevice, HasNoForceUntilItsNewWordsHaveAllOfIt) {
+  HaplyServiceOptions options;
+  options.version = "";
+  options.accepts_vector = false;
+  Bench bench(options);
+  bench.log.set_force({0, 1, 0});
+  bench.start();
+  ASSERT_TRUE(eventually([&] { return bench.service.last_force().y > 0.999; }));
+  ASSERT_TRUE(eventually([&] { return bench.log.last().has_force; }));
+  int num_without = 0, num_changes = 0;
+  bool has_force = true;
+  for (const DeviceState& state : bench.log.states()) {
+    num_without += state.is_valid && !state.has_force;
+    num_changes += std::exchange(has_force, state.has_force) != state.has_force;
+  }
+  EXPECT_GE(num_without, 199);
+  EXPECT_EQ(num_changes, 2);
+}
+
+// One round trip of more than a tick: after a fault the force comes back all the same.
+TEST(HaplyDevice, TheForceReturnsFromASlowService) {
+  Bench bench;
+  test::expect_to_fade_and_return(
+      *bench.device, [&](bool is_still) { bench.service.faults.reply_delay = is_still ? 300 : 2; });
 }
 
 TEST(HaplyDevice, ADeafServiceEndsTheRun) {

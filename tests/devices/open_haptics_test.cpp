@@ -14,6 +14,7 @@
 #include "src/devices/device_kinds.h"
 #include "tests/devices/fake_hd.h"
 #include "tests/devices/fake_sdk.h"
+#include "tests/devices/filtered_hand.h"
 #include "tests/test_util/allocation_counter.h"
 
 namespace palpate {
@@ -278,6 +279,14 @@ TEST_F(OpenHaptics, ForceErrorsAreARestWithoutForce) {
   EXPECT_LT(fake_.largest_step, 0.01);  // 1 N in 200 frames: 0.005 N at each
   EXPECT_GT(fake_.num_frames, num_frames + 100);
   EXPECT_TRUE(device->status().has_value());
+}
+
+// What the driver keeps from the motors, the safety filter knows: it comes back by the filter's
+// ramp.
+TEST_F(OpenHaptics, AForceErrorIsAFaultThatPasses) {
+  const auto device = open();
+  test::expect_to_fade_and_return(
+      *device, [&](bool is_tired) { fake_.frame_error = is_tired ? kExceededMaxVelocity : 0; });
 }
 
 TEST_F(OpenHaptics, MotorsThatStayWarmAreTheEnd) {

@@ -75,6 +75,7 @@ struct Plate {
       for (int j = 0; j < 6; ++j) contact.stiffness.m[i][j] = k * along[i] * along[j];
     }
     contact.max_stiffness = k;
+    contact.energy = scale * k * depth * depth / 2;
     contact.volume = 1e-4 * depth;
     contact.patch.lever_W = lever;
     contact.patch.torsion_radius = torsion_radius;

@@ -15,7 +15,8 @@ namespace {
 using namespace test::safety_rig;  // NOLINT: all of it
 
 // The observer against the exact work of a force that is constant over each tick. A hand that jumps
-// counts as the fastest hand there is: 10 m/s and 100 rad/s.
+// counts as the fastest hand there is: 10 m/s and 100 rad/s. Of what it gives, what is stored
+// counts.
 TEST(SafetyFilter, CountsTheEnergyThatTheHandIsGiven) {
   SafetyOptions options;
   options.passivity_control = false;
@@ -27,18 +28,72 @@ TEST(SafetyFilter, CountsTheEnergyThatTheHandIsGiven) {
   test::Random random(1);
   Wrench out;
   double work = 0, angle = 0;
+  int num_lost = 0;
   for (int i = 0; i < 1000; ++i) {
     const bool jumps = i % 10 == 9;
-    const Vec3d way = jumps ? random.uniform(0.02, 1) * random.direction() : random.in_box(1e-3);
+    const Vec3d way = jumps ? random.uniform(0.02, 1) * random.direction()
+                            : random.in_box(1e-3) - 2e-4 * out.force;  // mostly against it
     const double turn = jumps ? random.uniform(0.2, 2) : random.uniform(-0.01, 0.01);
     angle += turn;
     rig.input.state.X_BH.translation += way;
     rig.input.state.X_BH.rotation = axis_angle({0, 0, 1}, angle);
     work += dot(out.force, jumps ? 10 * kTick * normalized(way) : way) +
             out.torque.z * (jumps ? 100 * kTick : turn);
+    rig.input.stored = random.uniform(0, 0.1);
+    num_lost += work < -rig.input.stored;
+    work = std::max(work, -rig.input.stored);
     out = rig.tick({random.in_box(4), {0, 0, random.uniform(-0.2, 0.2)}});
     ASSERT_NEAR(rig.filter.status().energy, work, 1e-9);
   }
+  EXPECT_GT(num_lost, 100);
+}
+
+// What friction takes is no credit: a hand that has rubbed for long is pushed along no farther.
+TEST(SafetyFilter, WhatTheHandHasLostIsNotGivenBack) {
+  for (const double stored : {0.0, 0.004, 0.02}) {
+    Rig rig;
+    for (int i = 0; i < 600; ++i) rig.tick(kNothing);
+    rig.input.stored = stored;
+    for (int i = 0; i < 10'000; ++i) {  // 1 m against 1 N
+      rig.input.state.X_BH.translation.x -= 1e-4;
+      rig.tick({{1, 0, 0}, {}});
+    }
+    ASSERT_EQ(rig.filter.status().energy, -stored);
+    double work = 0, most = 0, force = 1;
+    for (int i = 0; i < 3000; ++i) {  // along with 5 N
+      rig.input.state.X_BH.translation.x += 1e-4;
+      work += 1e-4 * force;
+      most = std::max(most, work);
+      force = rig.tick({{5, 0, 0}, {}}).force.x;
+    }
+    EXPECT_LE(most, SafetyOptions{}.energy_tank + stored);
+    EXPECT_GT(most, 0.004 + stored);
+  }
+}
+
+// Nor what is said to be stored but is no number, or less than nothing.
+TEST(SafetyFilter, NothingIsStoredWhereThatIsNoNumber) {
+  for (const double stored : {kNan, kInf, -kInf, -1.0}) {
+    Rig rig;
+    rig.hold({{1, 0, 0}, {}});
+    rig.input.stored = stored;
+    for (int i = 0; i < 100; ++i) {
+      rig.input.state.X_BH.translation.x -= 1e-4;
+      rig.tick({{1, 0, 0}, {}});
+    }
+    EXPECT_EQ(rig.filter.status().energy, 0) << stored;
+  }
+}
+
+// A position so far away that the way there is no number.
+TEST(SafetyFilter, AWayThatIsNoNumberIsNoWork) {
+  Rig rig;
+  rig.hold({{1, 0, 0}, {}});
+  rig.input.state.X_BH.translation.x = 1e308;
+  rig.tick({{1, 0, 0}, {}});
+  rig.input.state.X_BH.translation.x = -1e308;
+  rig.tick({{1, 0, 0}, {}});
+  EXPECT_TRUE(std::isfinite(rig.filter.status().energy));
 }
 
 TEST(SafetyFilter, AForceThatPushesTheHandAlongStopsAtTheTank) {
@@ -92,10 +147,12 @@ TEST(SafetyFilter, GivesBackWhatTheHandHasStored) {
   for (int i = 0; i <= 400; ++i) {
     const double depth = 0.01 * std::sin(kPi * i / 400);
     rig.input.state.X_BH.translation.z = -depth;
+    rig.input.stored = 500 * depth * depth / 2;
     const Wrench out = rig.tick({{0, 0, 500 * depth}, {}});
     ASSERT_NEAR(out.force.z, 500 * depth, 1e-9) << i;
   }
   EXPECT_LT(rig.filter.status().energy, 1e-3);
+  EXPECT_EQ(rig.filter.status().num_limited, 0u);
 }
 
 // A wall stiffer than device and rate bear, a hand that leans on it. Without the controller it
@@ -111,6 +168,7 @@ TEST(SafetyFilter, TamesAWallThatWouldShake) {
     for (int i = 0; i < 5000; ++i) {
       rig.input.state.X_BH.translation.z = z;
       rig.input.state.V_BH.linear.z = v;
+      rig.input.stored = z < 0 ? k * z * z / 2 : 0;
       const Wrench out = rig.tick({{0, 0, k * std::max(0.0, -z)}, {}});
       for (int sub = 0; sub < 10; ++sub) {
         v += (out.force.z + push - b * v) / m * kTick / 10;
@@ -309,8 +367,10 @@ TEST(SafetyEnergy, WhatGoesOutNeverEmptiesTheTank) {
       if (rig.input.state.is_valid) {
         work += (dot(last.force, hand.velocity) + last.torque.z * hand.spin.z) * dt;
       }
+      rig.input.stored = random.uniform(0, 0.005);
       const Wrench out =
           rig.input.state.is_valid ? hand.tick(rig, desired, dt) : rig.tick(desired, dt);
+      work = std::max(work, -rig.input.stored);
       ASSERT_EQ(rig.filter.status().state, ForceState::fading);
       ASSERT_NEAR(rig.filter.status().energy, work, 1e-9);
       const double next_fade = i == 0 ? 1 : fade - dt / options.fade_seconds;

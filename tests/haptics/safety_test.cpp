@@ -374,10 +374,10 @@ TEST(SafetyFilter, ARequestDoesNotOutliveAFault) {
   for (int i = 0; i < 700; ++i) rig.tick(kPush);
   ASSERT_EQ(rig.filter.status().state, ForceState::waiting);
   rig.input.is_requested = true;
-  rig.input.state.is_valid = false;  // so that it is not taken at once
+  rig.input.contact_age = 1;  // so that it is not taken at once
   rig.tick(kPush);
   rig.input.is_requested = false;
-  rig.input.state.is_valid = true;
+  rig.input.contact_age = 0;
   break_once(rig);
   EXPECT_EQ(rig.filter.status().num_faults, 2u);
   for (int i = 0; i < 3000; ++i) ASSERT_EQ(norm(rig.tick(kPush).force), 0) << i;

@@ -81,6 +81,8 @@ class Loop {
     settings_ = after;
   }
   CouplingKind kind() const { return settings_.coupling.kind; }
+  /// From now on, whether queries say that they could not measure.
+  void be_blind(bool is_blind) { is_blind_ = is_blind; }
 
  private:
   void measure(double time) {
@@ -92,6 +94,11 @@ class Loop {
     contact.capture_time = last_frame_;
     contact.contact.time = time;
     contact_part_->measure(views_.all(), true, contact);
+    if (is_blind_) {
+      contact.penetration = {};
+      contact.penetration.status = StepStatus::outside_window;
+      contact.contact = local_contact(contact.penetration, {}, contact.X_WT, {}, {1}, time, 0);
+    }
     contact_ = contact;
   }
 
@@ -108,6 +115,7 @@ class Loop {
   TickRecord record_;
   double last_frame_ = 0;
   int num_frames_ = 0;
+  bool is_blind_ = false;
   std::uint32_t revision_ = 0;
 };
 
@@ -181,9 +189,10 @@ class Watch {
     if (is_back && num_faults_ > num_faults_then_) {
       ++num_returns_;
       ASSERT_LE(last_force_ + last_torque_, 0);
-      // What a hand without the tool feels says nothing about where that is.
+      // What a hand without the tool feels says nothing about where that is, nor does a contact
+      // that could not be measured.
       const bool is_free =
-          !tick.step.is_clutched &&
+          !tick.step.is_clutched && !tick.penetration.status.is_unmeasured() &&
           (tick.penetration.volume == 0 || norm(tick.step.F_H_B.force) < safety_.engage_force);
       ASSERT_TRUE(is_free || was_asked_);
       num_returns_into_contact_ += !is_free;
@@ -369,6 +378,54 @@ TEST(FaultRun, AnyFaultsWithAnyCouplingFrictionObjectsAndBodies) {
   EXPECT_GT(counts.num_into_contact, 3);  // somebody has asked for it
   EXPECT_GT(counts.num_forces, 10'000);
   EXPECT_GT(counts.num_object_ticks, 1000);
+}
+
+/// A loop and the hand of one.
+struct HeldLoop {
+  explicit HeldLoop(const RunSettings& settings) : loop(settings) {}
+  const TickRecord& tick(int num, const TickFlags& flags = {}) {
+    const TickRecord* record = nullptr;
+    for (int i = 0; i < num; ++i) {
+      hand.time += kTick;
+      record = &loop.tick(hand.state(), flags, true, true);
+    }
+    return *record;
+  }
+  Loop loop;
+  HeldHandle hand;
+};
+
+// A tool that is in something, of which nobody knows: the force does not come back into that.
+TEST(FaultRun, AContactThatIsNotMeasuredIsNotFree) {
+  HeldLoop held(settings_with(CouplingKind::virtual_coupling));
+  held.tick(300);
+  held.hand.depth = 0.035;
+  ASSERT_GT(norm(held.tick(300).F_H_B.force), 0.5);
+  held.loop.be_blind(true);
+  held.tick(1, {.has_backend_failed = true});
+  EXPECT_EQ(held.tick(1000).safety.state, ForceState::waiting);
+  held.loop.be_blind(false);
+  EXPECT_EQ(held.tick(1000).safety.state, ForceState::waiting);
+  held.hand.depth = -0.03;
+  EXPECT_TRUE(held.tick(100).safety.is_engaged());
+}
+
+// With and without a coupling that gives a force, faults are counted on.
+TEST(FaultRun, FaultsAreCountedOverChangesOfTheCoupling) {
+  HeldLoop held(settings_with(CouplingKind::virtual_coupling));
+  held.tick(300);
+  const auto break_once = [&] {
+    return held.tick(1, {.has_backend_failed = true}).safety.num_faults;
+  };
+  EXPECT_EQ(break_once(), 1u);
+  EXPECT_EQ(held.tick(300).safety.num_faults, 1u);
+  held.loop.change(CouplingKind::none);
+  EXPECT_EQ(held.tick(300).safety.num_faults, 1u);
+  EXPECT_EQ(break_once(), 2u);
+  EXPECT_EQ(held.tick(300).safety.num_faults, 2u);
+  held.loop.change(CouplingKind::proxy);
+  EXPECT_EQ(held.tick(300).safety.num_faults, 2u);
+  EXPECT_EQ(break_once(), 3u);
 }
 
 // Nothing holds the hand for a while: the force does not stand where it was left.

@@ -88,9 +88,11 @@ TEST(RunMessages, TicksReadBackToTheSameBits) {
   tick.number = 18446744073709551615u;
   tick.time = 0.1 + 0.2;
   tick.dt = std::nextafter(0.001, 1.0);
-  tick.device = {1e5 / 3, {{1.0 / 3, -0.0, 5e-324}, axis_angle({1, 2, 3}, 0.7)}, {}, 5, true};
+  tick.device = {1e5 / 3, {{1.0 / 3, -0.0, 5e-324}, axis_angle({1, 2, 3}, 0.7)}, {}, 5, true,
+                 false};
   tick.step.stretch = std::numeric_limits<double>::quiet_NaN();
   tick.step.energy = -std::numeric_limits<double>::infinity();
+  tick.step.stored = 1.0 / 7;
   tick.F_H_B = {{1.7976931348623157e308, 2, 3}, {4, 5, 6}};
   tick.safety = {ForceState::off, Fault::stale_sensor, 12.5, 3, 0.25, 1e-3, 2.5, 77};
   tick.is_force_requested = true;
@@ -104,6 +106,9 @@ TEST(RunMessages, TicksReadBackToTheSameBits) {
   EXPECT_EQ(back->dt, tick.dt);
   EXPECT_EQ(back->device.X_BH, tick.device.X_BH);
   EXPECT_TRUE(std::signbit(back->device.X_BH.translation.y));
+  EXPECT_TRUE(back->device.is_valid);
+  EXPECT_FALSE(back->device.has_force);
+  EXPECT_EQ(back->step.stored, tick.step.stored);
   EXPECT_TRUE(std::isnan(back->step.stretch));
   EXPECT_EQ(back->step.energy, tick.step.energy);
   EXPECT_EQ(back->safety.fault, Fault::stale_sensor);

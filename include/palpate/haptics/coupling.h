@@ -160,6 +160,8 @@ struct CouplingStep {
   Wrench contact_W;          ///< contact and friction on the tool, about its center of mass
   double stretch = 0;        ///< m, between the two poses
   double energy = 0;         ///< J, stored in the spring
+  double stored = 0;         ///< J, that the hand may get back: `energy`, and what is stored in the
+                             ///< tool's motion, contact, sticking friction, and workspace walls
   bool is_clutched = false;  ///< the clutch: the hand moves without the tool
 };
 

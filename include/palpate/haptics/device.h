@@ -42,6 +42,9 @@ struct DeviceState {
   Twist V_BH;                 ///< of the handle's origin, in B
   std::uint32_t buttons = 0;  ///< bit per button
   bool is_valid = false;      ///< false: the device sent nothing usable this time; the rest is old
+  /// False: the motors do not follow the wrench, as the device or its driver has taken the force
+  /// away. Also known if the state is not valid.
+  bool has_force = true;
 };
 
 /// Computes the wrench for the hand from this state: force (N) and torque (N m) at the handle's

@@ -91,6 +91,7 @@ struct LocalContact {
   ContactPatch patch;        ///< of the query with the stiffness
   double volume = 0;         ///< m3
   double max_stiffness = 0;  ///< N/m: largest eigenvalue of the force-translation block, 0 or more
+  double energy = 0;         ///< J, stored: see stored_energy
   double surface_age = 0;    ///< s, age of the measured depth frame at `time`
   ContactStatus status;
   bool is_valid = false;  ///< false: no measurement yet
@@ -102,6 +103,10 @@ struct LocalContact {
 };
 
 VolumeStiffness thesis_volume_stiffness(double max_force, double tool_volume);
+
+/// What a contact gives back on the way out of it, J: its potential, if the method has one; else
+/// 0.6 times the force times the cube root of the volume, which is more for any compact tool.
+double stored_energy(const Penetration& penetration, const VolumeStiffness& scale);
 
 /// Converts a measure and its stiffness (m3 ...) to newtons by `scale`.
 LocalContact local_contact(const Penetration& penetration, const Stiffness& stiffness,
@@ -183,7 +188,7 @@ class StateNumbers {
   /// Without `ground`: each tick brings its own contact.
   void one(LocalContact& c) {
     (*this)(c.time, c.X_WT, c.p_WC, c.F_C_W, c.stiffness.m, c.patch.lever_W, c.patch.torsion_radius,
-            c.patch.share, c.patch.own_friction, c.volume, c.max_stiffness, c.surface_age,
+            c.patch.share, c.patch.own_friction, c.volume, c.max_stiffness, c.energy, c.surface_age,
             c.status.bits, c.is_valid);
   }
 

@@ -22,7 +22,7 @@ enum class Fault : std::uint8_t {
   not_finite,     ///< a wrench or a state is not finite
   stale_contact,  ///< no fresh contact within the limit
   stale_sensor,   ///< no fresh depth frame within the limit
-  device,         ///< the device gave no usable state within the limit
+  device,         ///< the device gave no usable state within the limit, or took its force away
   loop,           ///< ticks were too late
   backend,        ///< the contact query failed (StepStatus::backend_failed)
   energy,         ///< the passivity controller ran out of damping
@@ -53,8 +53,9 @@ constexpr auto names_of(ForceState) {
 struct ForceGateOptions {
   double ramp_seconds = 0.5;  ///< from zero to full force after engaging
   /// Engages only if the tool had no contact, or the desired force was below this (and the torque
-  /// below the same share of the device's limit), for `engage_ticks` ticks. A hand that starts in
-  /// contact gets the ramp after `engage_timeout` instead, but not after a fault.
+  /// below the same share of the device's limit), for `engage_ticks` ticks. Ticks without a state
+  /// do not count, and ticks without a measured contact are not free of contact. A hand that starts
+  /// in contact gets the ramp after `engage_timeout` instead, but not after a fault.
   double engage_force = 0.2;  ///< N
   int engage_ticks = 10;
   double engage_timeout = 2;     ///< s
@@ -75,6 +76,7 @@ class ForceGate {
     double dt = 0;              ///< s since the last tick
     Fault fault = Fault::none;  ///< the current fault
     bool is_ready = false;      ///< all inputs of a force are there and fresh
+    bool is_seen = true;        ///< the device gave a state; else is_quiet says nothing
     bool is_quiet = false;      ///< the hand is free of contact
     bool is_permitted = true;   ///< false: the dead-man switch is released
     bool is_requested = false;  ///< the user requests the force: also in contact
@@ -143,8 +145,8 @@ struct SafetyOptions : ForceGateOptions {
   double max_tick = 0.02;            ///< s between ticks
   bool dead_man = false;             ///< force only while button 0 is held
   bool passivity_control = true;
-  /// J, net energy that may be given to the hand. From half of it the controller damps; beyond it
-  /// the force is shut off.
+  /// J, energy that may be given to the hand beyond what coupling and contact have stored, from any
+  /// moment on. From half of it the controller damps; beyond it the force is shut off.
   double energy_tank = 0.01;
 };
 inline void add_settings(SettingTable& t, SafetyOptions& o) {
@@ -176,7 +178,8 @@ inline void add_settings(SettingTable& t, SafetyOptions& o) {
   t.add("dead_man", o.dead_man, "force only while button 0 is held");
   t.add("passivity_control", o.passivity_control, "adds damping when the hand is given energy");
   t.add("energy_tank", o.energy_tank, {1e-6, 1e3, "J"},
-        "energy that may be given to the hand; damping from half of it on");
+        "energy that may be given to the hand beyond what coupling and contact have stored; "
+        "damping from half of it on");
 }
 
 /// Inputs of the filter at a tick, in addition to the desired wrench.
@@ -189,8 +192,10 @@ struct SafetyInput {
   bool sensor_failed = false;  ///< permanently
   bool is_requested = false;   ///< the user requests the force
   bool is_free = false;        ///< the tool has no contact: the wrench only moves the tool
+  bool is_measured = true;     ///< false: nobody knows whether the tool has contact
   bool is_driven = true;       ///< false: as with a dead-man switch that is released
   bool is_clutched = false;    ///< the clutch: the force comes by the ramp afterwards
+  double stored = 0;           ///< J, what the hand may get back: CouplingStep::stored
 };
 
 /// State of the safety filter at a tick.
@@ -200,7 +205,8 @@ struct SafetyStatus {
   double fault_time = 0;         ///< s, on the clock of SafetyInput::time: start of the last fault
   std::uint32_t num_faults = 0;  ///< so far
   double gain = 0;               ///< ramp or fade, 0..1
-  /// J, passivity observer: net energy given to the hand. Beyond the tank: Fault::energy.
+  /// J, passivity observer: net energy given to the hand, but never less than minus what is stored:
+  /// what was lost on the way does not come back. Beyond the tank: Fault::energy.
   double energy = 0;
   double damping = 0;             ///< N s/m, of the passivity controller at this tick
   std::uint64_t num_limited = 0;  ///< ticks at which a limit changed the wrench
@@ -219,7 +225,11 @@ std::string_view describe_change(const SafetyStatus& before, const SafetyStatus&
 /// A ForceGate decides when there is a force. While it waits, conditions that would otherwise be
 /// faults (no measurement yet, a silent device) only delay the force, for `engage_timeout`. During
 /// a fade, the fade sets the rate, not the slew limit. A press of button 0 requests a force that a
-/// fault has taken, unless the clutch holds the tool.
+/// fault has taken, unless the clutch holds the tool. Where the device has no force, none goes out.
+///
+/// From any tick on, the hand is given at most SafetyOptions::energy_tank and what is stored at
+/// that tick (SafetyInput::stored). It is given back what it has put into springs, masses and
+/// contacts, but not what friction and damping have taken from it.
 class SafetyFilter {
  public:
   /// Creates a filter. Errors: options out of range or not finite, limits negative or not finite. A
@@ -243,7 +253,8 @@ class SafetyFilter {
       : limits_(limits), options_(options), gate_(options) {}
 
   Fault find_fault(const Wrench& desired, const SafetyInput& input, double dt) const noexcept;
-  void observe(const DeviceState& state, double dt) noexcept;
+  void observe(const SafetyInput& input, double dt) noexcept;
+  void count_work(const Pose& X_BH, double dt) noexcept;
   void step_gate(const Wrench& desired, const SafetyInput& input, double dt) noexcept;
   Wrench limit(const Wrench& wrench) const noexcept;
   Wrench damp(const Wrench& wrench, double dt) noexcept;

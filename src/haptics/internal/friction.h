@@ -78,6 +78,12 @@ class PatchFriction {
             double dt) const noexcept;
   void keep(const TouchedPatch& patch, const Grip& grip, double dt) noexcept;
 
+  /// What is stored in what sticks, J.
+  double energy() const noexcept {
+    const double turn = state_.bristle_rotation;
+    return stiffness_ / 2 * (dot(state_.bristle_W, state_.bristle_W) + turn * turn);
+  }
+
   /// Damping along the normal, N s/m, of a contact with this force that moves apart at `speed`
   /// (negative: approaches): such that it never pulls.
   double contact_damping(double normal_force, double speed) const noexcept;

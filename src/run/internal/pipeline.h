@@ -133,7 +133,8 @@ class HandPart {
   void end_without_force(const TickFlags& flags, TickRecord& record) noexcept;
 
   std::unique_ptr<Coupling> coupling_;
-  SafetyStatus status_without_force_;  // where the device is given no wrench
+  /// Where the device is given no wrench; but its num_faults is of the whole run.
+  SafetyStatus status_without_force_;
   SafetyFilter safety_;
   const double tick_seconds_;
   std::uint32_t revision_ = 0;
