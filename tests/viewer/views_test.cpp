@@ -17,6 +17,7 @@
 
 #include "palpate/session/run.h"
 #include "src/core/monotonic_clock.h"
+#include "src/haptics/hand.h"
 #include "src/io/internal/atomic_file.h"
 #include "src/io/internal/mcap_file.h"
 #include "src/run/internal/pipeline.h"
@@ -271,7 +272,7 @@ void play_to(std::size_t tick_number, const RunSettings& settings, int num_frame
     DeviceState state;
     state.X_BH = pressing_pose(time);
     state.is_valid = true;
-    pipeline->measure(prescribed_pose({}, state), time);
+    pipeline->measure(Hand({}, {}).held_by(state), time);
   }
   look(*pipeline);
 }

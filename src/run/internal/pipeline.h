@@ -126,6 +126,8 @@ class HandPart {
   }
 
   bool has_tool() const { return has_tool_; }
+  /// Where a hand in this state would hold the tool.
+  Pose held_pose(const DeviceState& state) const noexcept { return coupling_->held_pose(state); }
   std::uint64_t num_ticks() const { return num_ticks_; }
 
  private:
