@@ -262,6 +262,7 @@ void HandPart::tick(const DeviceState& state, const ContactRecord& known, const 
   record.frame_number = known.frame_number;
   record.is_stopping = is_stopping_ = is_stopping_ || flags.is_stopping;
   record.is_force_requested = flags.is_force_requested;
+  record.is_suspended = flags.is_suspended;
   record.has_sensor_failed = flags.has_sensor_failed;
   record.has_backend_failed = flags.has_backend_failed;
   if (is_stopping_) safety_.stop();
@@ -275,6 +276,7 @@ void HandPart::tick(const DeviceState& state, const ContactRecord& known, const 
                                                     .sensor_age = record.sensor_age,
                                                     .backend_failed = flags.has_backend_failed,
                                                     .sensor_failed = flags.has_sensor_failed,
+                                                    .is_suspended = flags.is_suspended,
                                                     .is_requested = flags.is_force_requested,
                                                     .is_free = is_free,
                                                     .is_clutched = record.step.is_clutched});
@@ -311,6 +313,7 @@ void HandPart::end_without_force(const TickFlags& flags, TickRecord& record) noe
                                        .sensor_age = record.sensor_age,
                                        .backend_failed = flags.has_backend_failed,
                                        .sensor_failed = flags.has_sensor_failed,
+                                       .is_suspended = flags.is_suspended,
                                        .is_driven = false});
   }
   record.safety = status_without_force_;

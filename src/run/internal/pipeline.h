@@ -94,6 +94,7 @@ class ContactPart {
 struct TickFlags {
   bool is_stopping = false;         ///< the force is to fade out
   bool is_force_requested = false;  ///< it is to come back after a fault
+  bool is_suspended = false;        ///< it is away until the program goes on
   bool has_sensor_failed = false, has_backend_failed = false;
 };
 
