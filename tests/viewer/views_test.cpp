@@ -17,7 +17,6 @@
 
 #include "palpate/session/run.h"
 #include "src/core/monotonic_clock.h"
-#include "src/haptics/hand.h"
 #include "src/io/internal/atomic_file.h"
 #include "src/io/internal/mcap_file.h"
 #include "src/run/internal/pipeline.h"
@@ -269,10 +268,8 @@ void play_to(std::size_t tick_number, const RunSettings& settings, int num_frame
       pipeline->push(frame, frame.timestamp - first);
       has_next = *stream.next(frame);
     }
-    DeviceState state;
-    state.X_BH = pressing_pose(time);
-    state.is_valid = true;
-    pipeline->measure(Hand({}, {}).held_by(state), time);
+    const Pose X_WT = pressing_pose(time);
+    pipeline->measure({X_WT.translation, normalized(X_WT.rotation)}, time);
   }
   look(*pipeline);
 }
