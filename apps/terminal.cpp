@@ -24,6 +24,8 @@ constexpr std::size_t kPiece = 512;                // bytes: as many find room w
 
 std::atomic<std::int64_t> g_interrupted_at = 0;  // ns, monotonic; 0: never
 static_assert(std::atomic<std::int64_t>::is_always_lock_free);
+std::atomic<bool> g_is_to_stop = false;  // by Ctrl-Z
+static_assert(std::atomic<bool>::is_always_lock_free);
 
 /// True for the first one.
 bool take_interrupt(std::int64_t now) {
@@ -45,6 +47,8 @@ void on_signal(int number) {
   signal(number, SIG_DFL);
   raise(number);
 }
+
+void on_suspension(int) { g_is_to_stop = true; }
 
 /// Lines for stderr that nobody has taken yet.
 class KeptLines {
@@ -154,6 +158,28 @@ void catch_interrupts() {
 }
 
 bool interrupted() { return g_interrupted_at != 0; }
+
+Suspension::Suspension() {
+  sigaction(SIGTSTP, nullptr, &before_);
+  if (before_.sa_handler == SIG_IGN) return;  // nobody would let the program go on
+  g_is_to_stop = false;
+  struct sigaction action {};
+  action.sa_handler = on_suspension;
+  action.sa_flags = SA_RESTART;
+  sigaction(SIGTSTP, &action, nullptr);
+  // In the background (bg) it may print, whatever the terminal wants: that would stop it, too.
+  action.sa_handler = SIG_IGN;
+  sigaction(SIGTTOU, &action, nullptr);
+}
+
+Suspension::~Suspension() { sigaction(SIGTSTP, &before_, nullptr); }
+
+bool Suspension::is_requested() const { return g_is_to_stop; }
+
+void Suspension::stop() {
+  g_is_to_stop = false;
+  raise(SIGSTOP);
+}
 
 std::string printable(const std::string& text) {
   std::string line;

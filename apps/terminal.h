@@ -1,6 +1,8 @@
 // Progress and a clean stop for programs that take long.
 #pragma once
 
+#include <signal.h>
+
 #include <chrono>
 #include <string>
 
@@ -11,6 +13,23 @@ namespace palpate::apps {
 /// keys repeat, and a force needs time to fade. Nobody who stops reading what is said ends it.
 void catch_interrupts();
 bool interrupted();
+
+/// As long as it lives, Ctrl-Z asks instead of stopping the program, which has a force to take away
+/// first. One at a time.
+class Suspension {
+ public:
+  Suspension();
+  ~Suspension();
+  Suspension(const Suspension&) = delete;
+  Suspension& operator=(const Suspension&) = delete;
+
+  bool is_requested() const;
+  /// Stops the program; returns once it goes on.
+  void stop();
+
+ private:
+  struct sigaction before_;
+};
 
 /// The text without anything that a terminal would obey; what is not UTF-8 becomes '?'. Others say
 /// what is in it: files, cameras, robots.

@@ -253,6 +253,7 @@ Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
     run.monitor = &view->monitor();
   }
   RunMonitor listener;
+  if (run.monitor == nullptr) run.monitor = &listener;
   std::unique_ptr<RosOutput> output;
   if (options.ros.is_requested) {
     RosOutputOptions ros = options.ros;
@@ -260,10 +261,16 @@ Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
     auto made = RosOutput::create(tool, settings.objects, DepthSources(sources).infos(), ros);
     if (!made) return made.error();
     output = *std::move(made);
-    if (run.monitor == nullptr) run.monitor = &listener;
     output->join(*run.monitor);
   }
+  RunLoop* loop = nullptr;
+  run.monitor->on_loop = [&loop, others = std::move(run.monitor->on_loop)](RunLoop* running) {
+    loop = running;
+    if (others) others(running);
+  };
   catch_interrupts();
+  std::optional<Suspension> suspension;
+  if (is_live) suspension.emplace();
   Progress bar("touching");
   const auto start = std::chrono::steady_clock::now();
   std::vector<std::string> said;
@@ -279,10 +286,16 @@ Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
       std::snprintf(words, sizeof words, "%.1f s; Ctrl-C ends the run", elapsed.count());
       bar.update(std::isfinite(expected) ? elapsed.count() / expected : 0, words);
     }
+    if (loop != nullptr && suspension && suspension->is_requested()) {
+      loop->suspend_force();
+      suspension->stop();
+      loop->resume_force();
+    }
     return !interrupted() && !view->wants_end();
   };
   const auto outcome =
       record_run(tool, DepthSources(std::move(sources)), **device, settings, options.output, run);
+  suspension.reset();
   if (page) page->print_closing();
   print_kept();
   if (!outcome) return outcome.error();

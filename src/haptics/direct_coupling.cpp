@@ -101,6 +101,7 @@ class DirectCoupling final : public Coupling {
             {held.velocity.linear, held.velocity.angular},
             friction_.state()};
   }
+  Pose held_pose(const DeviceState& state) const noexcept override { return hand_.held_by(state); }
 
   void remember(StateNumbers& numbers) noexcept override {
     numbers(hand_, contact_, friction_, approach_, X_WT_);
@@ -153,6 +154,7 @@ class NoCoupling final : public Coupling {
             {held.velocity.linear, held.velocity.angular},
             friction_.state()};
   }
+  Pose held_pose(const DeviceState& state) const noexcept override { return hand_.held_by(state); }
   void remember(StateNumbers& numbers) noexcept override { numbers(hand_, friction_); }
   CouplingStep step(const DeviceState& state, const LocalContact& contact,
                     double dt) noexcept override {
@@ -170,10 +172,6 @@ class NoCoupling final : public Coupling {
 };
 
 }  // namespace
-
-Pose prescribed_pose(const CouplingOptions& options, const DeviceState& state) noexcept {
-  return Hand(options, {}).follow(state).X_WT;
-}
 
 Pose handle_at(const CouplingOptions& options, const Pose& X_WT) noexcept {
   const auto& [X_WB, X_HT, scale] = std::tie(options.X_WB, options.X_HT, options.motion_scale);

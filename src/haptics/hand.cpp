@@ -2,11 +2,16 @@
 
 #include <algorithm>
 
+#include "src/haptics/rotated.h"
+
 namespace palpate::inline v0 {
 namespace {
 
 /// No device reaches as far (m) or moves as fast (m/s, rad/s): more than that is a glitch.
 constexpr double kFarthest = 1e3, kFastest = 1e3;
+/// A hand of which nothing is known goes on as it went for so long, s: as long as the default of
+/// safety.max_device_silence.
+constexpr double kLongestGap = 0.01;
 
 }  // namespace
 
@@ -20,7 +25,8 @@ Hand::Hand(const CouplingOptions& options, const Vec3d& centre_of_mass_T)
 }
 
 void Hand::take_over(const CouplingState& state) noexcept {
-  X_BH_ = state.X_BH;
+  X_BH_ = seen_X_BH_ = state.X_BH;
+  V_BH_ = {};
   hold(state.X_WT_hand);
   place(X_BH_);
   held_.velocity = {};
@@ -29,29 +35,59 @@ void Hand::take_over(const CouplingState& state) noexcept {
 
 const HeldTool& Hand::follow(const DeviceState& state) noexcept {
   held_.velocity = {};
-  if (!state.is_valid || !is_finite(state.X_BH)) return held_;
-  if (!(norm(state.X_BH.translation) < kFarthest)) return held_;
-  X_BH_ = state.X_BH;
+  if (!is_usable(state)) {
+    go_on(state.time);
+    return held_;
+  }
+  X_BH_ = seen_X_BH_ = state.X_BH;
+  seen_time_ = state.time;
+  const bool is_steady = norm(state.V_BH.linear) < kFastest && norm(state.V_BH.angular) < kFastest;
+  V_BH_ = is_steady ? state.V_BH : Twist{};
   const bool is_clutched = has_pose_ && is_clutch_pressed(state);
   if (is_clutched_ && !is_clutched) hold(held_.X_WT);
   is_clutched_ = is_clutched;
   if (is_clutched) return held_;
   has_pose_ = true;
   place(X_BH_);
-  if (!(norm(state.V_BH.linear) < kFastest && norm(state.V_BH.angular) < kFastest)) return held_;
-  const double scale = options_.motion_scale;
-  const Vec3d linear_W = rotate(options_.X_WB.rotation, scale * state.V_BH.linear);
-  const Vec3d angular_W = rotate(options_.X_WB.rotation, state.V_BH.angular);
-  held_.velocity = {linear_W + cross(angular_W, held_.p_WC - held_.p_WH), angular_W};
-  if (excess_B_ == Vec3d{}) return held_;
+  held_.velocity = velocity_of(V_BH_);
+  return held_;
+}
+
+Pose Hand::held_by(const DeviceState& state) const noexcept {
+  Hand then = *this;
+  return then.follow(state).X_WT;
+}
+
+bool Hand::is_usable(const DeviceState& state) const noexcept {
+  return state.is_valid && is_finite(state.X_BH) && norm(state.X_BH.translation) < kFarthest;
+}
+
+/// Between two usable states, at a time of the device's clock. A hand that stood still in between
+/// would pull at the coupling's damper.
+void Hand::go_on(double time) noexcept {
+  const double gap = time - seen_time_;
+  if (!has_pose_ || is_clutched_ || !(gap >= 0)) return;
+  const double counted = std::min(gap, kLongestGap);
+  X_BH_ = {seen_X_BH_.translation + counted * V_BH_.linear,
+           rotated(seen_X_BH_.rotation, counted * V_BH_.angular)};
+  place(X_BH_);
+  if (gap <= kLongestGap) held_.velocity = velocity_of(V_BH_);
+}
+
+/// Of the held tool, with the handle where it is.
+Vec6 Hand::velocity_of(const Twist& V_BH) const noexcept {
+  const Vec3d linear_W = rotate(options_.X_WB.rotation, options_.motion_scale * V_BH.linear);
+  const Vec3d angular_W = rotate(options_.X_WB.rotation, V_BH.angular);
+  Vec6 velocity{linear_W + cross(angular_W, held_.p_WC - held_.p_WH), angular_W};
+  if (excess_B_ == Vec3d{}) return velocity;
   // Of the tool's origin, which goes on along the walls alone.
   const Vec3d origin_W = linear_W + cross(angular_W, held_.X_WT.translation - held_.p_WH);
   Vec3d stopped_B = rotate(conjugate(options_.X_WB.rotation), origin_W);
   for (int axis = 0; axis < 3; ++axis) {
     if (excess_B_[axis] == 0) stopped_B[axis] = 0;
   }
-  held_.velocity.linear = held_.velocity.linear - rotate(options_.X_WB.rotation, stopped_B);
-  return held_;
+  velocity.linear = velocity.linear - rotate(options_.X_WB.rotation, stopped_B);
+  return velocity;
 }
 
 bool Hand::is_clutch_pressed(const DeviceState& state) const noexcept {

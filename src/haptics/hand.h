@@ -6,6 +6,8 @@
 //
 // A hand that lets go (the clutch) moves alone, feels nothing, and holds the tool where that is
 // once it takes hold again. Walls keep the held tool in its workspace, and the hand feels them.
+//
+// In a tick without a usable state the hand goes on as it went, for ten milliseconds.
 #pragma once
 
 #include "palpate/haptics/coupling.h"
@@ -26,8 +28,11 @@ class Hand {
 
   /// Goes on with the tool in the hand where it was.
   void take_over(const CouplingState& state) noexcept;
-  /// A state that is not valid or not finite leaves the hand where it was, at rest.
+  /// A state that is not valid or not finite has no pose: by its time the hand goes on as it went,
+  /// and after a while stands still.
   const HeldTool& follow(const DeviceState& state) noexcept;
+  /// X_WT of what `follow` would return, which changes nothing.
+  Pose held_by(const DeviceState& state) const noexcept;
   /// What a wrench on the held tool, about its centre of mass, is at the handle in B.
   Wrench at_handle(const Wrench& F_C_W) const noexcept;
   /// What the walls of the workspace have stored, J, in the tool's world.
@@ -35,16 +40,20 @@ class Hand {
 
   void remember(StateNumbers& numbers) noexcept {
     numbers(held_.X_WT, held_.p_WC, held_.p_WH, held_.velocity.linear, held_.velocity.angular,
-            X_BH_, shift_W_, turn_, excess_B_, is_clutched_, has_pose_);
+            X_BH_, seen_X_BH_, V_BH_, seen_time_, shift_W_, turn_, excess_B_, is_clutched_,
+            has_pose_);
   }
 
   const HeldTool& held() const noexcept { return held_; }
   bool is_clutched() const noexcept { return is_clutched_; }
-  /// The last usable one.
+  /// Where the hand is taken to be.
   const Pose& X_BH() const noexcept { return X_BH_; }
 
  private:
   double wall_stiffness() const noexcept { return options_.stiffness / options_.motion_scale; }
+  bool is_usable(const DeviceState& state) const noexcept;
+  void go_on(double time) noexcept;
+  Vec6 velocity_of(const Twist& V_BH) const noexcept;
   bool is_clutch_pressed(const DeviceState& state) const noexcept;
   void hold(const Pose& X_WT) noexcept;
   void place(const Pose& X_BH) noexcept;
@@ -55,6 +64,10 @@ class Hand {
   Pose X_HT_inverse_;
   HeldTool held_;
   Pose X_BH_;
+  // Of the last usable state.
+  Pose seen_X_BH_;
+  Twist V_BH_;
+  double seen_time_ = 0;  // s
   // Where the tool was when the motion scale was changed or the hand took hold of it: a shift of
   // all poses, and what the tool is turned in the hand.
   Vec3d shift_W_;

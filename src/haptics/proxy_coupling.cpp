@@ -49,6 +49,7 @@ class ProxyCoupling final : public Coupling {
             {velocity_.linear, velocity_.angular},
             friction_.state()};
   }
+  Pose held_pose(const DeviceState& state) const noexcept override { return hand_.held_by(state); }
 
   void remember(StateNumbers& numbers) noexcept override {
     numbers(hand_, contact_, friction_, approach_, X_WT_, X_WT_shown_, velocity_.linear,

@@ -125,7 +125,7 @@ Fault SafetyFilter::find_fault(const Wrench& desired, const SafetyInput& input,
   }
   if (input.backend_failed) return Fault::backend;
   const bool is_patient = gate_.state() == ForceState::waiting;
-  if (dt < 0 || (!is_patient && dt > options_.max_tick)) return Fault::loop;
+  if (input.is_suspended || dt < 0 || (!is_patient && dt > options_.max_tick)) return Fault::loop;
 
   const double silence = last_time_ - last_valid_time_;
   if (silence > (is_patient ? std::max(options_.max_device_silence, options_.engage_timeout)

@@ -70,6 +70,7 @@ class VirtualCoupling final : public Coupling {
             {velocity_.linear, velocity_.angular},
             friction_.state()};
   }
+  Pose held_pose(const DeviceState& state) const noexcept override { return hand_.held_by(state); }
 
   void remember(StateNumbers& numbers) noexcept override {
     numbers(hand_, contact_, friction_, X_WT_, p_WC_, velocity_.linear, velocity_.angular);

@@ -1,6 +1,7 @@
 #include "src/run/internal/pipeline.h"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "src/core/internal/assert.h"
@@ -247,7 +248,7 @@ HandPart::HandPart(std::unique_ptr<Coupling> coupling, SafetyFilter safety, doub
 
 void HandPart::tick(const DeviceState& state, const ContactRecord& known, const TickFlags& flags,
                     TickRecord& record) noexcept {
-  if (num_ticks_ == 0) first_tick_ = state.time;
+  if (num_ticks_ == 0 || !std::isfinite(first_tick_)) first_tick_ = state.time;
   const bool has_contact = known.number > 0;
   record.revision = revision_;
   record.number = num_ticks_++;
@@ -264,6 +265,7 @@ void HandPart::tick(const DeviceState& state, const ContactRecord& known, const 
   record.frame_number = known.frame_number;
   record.is_stopping = is_stopping_ = is_stopping_ || flags.is_stopping;
   record.is_force_requested = flags.is_force_requested;
+  record.is_suspended = flags.is_suspended;
   record.has_sensor_failed = flags.has_sensor_failed;
   record.has_backend_failed = flags.has_backend_failed;
   if (is_stopping_) safety_.stop();
@@ -278,6 +280,7 @@ void HandPart::tick(const DeviceState& state, const ContactRecord& known, const 
                                                     .sensor_age = record.sensor_age,
                                                     .backend_failed = flags.has_backend_failed,
                                                     .sensor_failed = flags.has_sensor_failed,
+                                                    .is_suspended = flags.is_suspended,
                                                     .is_requested = flags.is_force_requested,
                                                     .is_free = is_free,
                                                     .is_measured = known.contact.is_valid,
@@ -318,6 +321,7 @@ void HandPart::end_without_force(const TickFlags& flags, TickRecord& record) noe
                                        .sensor_age = record.sensor_age,
                                        .backend_failed = flags.has_backend_failed,
                                        .sensor_failed = flags.has_sensor_failed,
+                                       .is_suspended = flags.is_suspended,
                                        .is_driven = false});
   }
   record.safety = status_without_force_;
@@ -330,10 +334,13 @@ void HandPart::change(std::uint32_t revision, std::unique_ptr<Coupling>& couplin
   std::swap(coupling_, coupling);
 }
 
-/// The hand moves the tool, from the first usable state on; until then 0.
+/// The hand moves the tool, from the first usable state on; until then 0. Of a tick whose time is
+/// none only the next one knows how long it was.
 double HandPart::step_seconds(const DeviceState& state) noexcept {
+  const bool has_time = std::isfinite(state.time);
+  if (has_tool_ && !has_time) return tick_seconds_;
   if (!has_tool_) {
-    if (!state.is_valid) return 0;
+    if (!state.is_valid || !has_time) return 0;
     coupling_->reset(state);
     has_tool_ = true;
     last_state_time_ = state.time - tick_seconds_;
@@ -428,14 +435,17 @@ const ContactRecord& Pipeline::measure(const Pose& X_WT, double time) noexcept {
 }
 
 const TickRecord& Pipeline::tick(const DeviceState& state, TickFlags flags) noexcept {
-  if (!std::exchange(has_begun_, true)) {
+  const bool has_time = std::isfinite(state.time);
+  if (!has_begun_ && has_time) {
     start_time_ = state.time;
     hand_->set_start_time(start_time_);
+    has_begun_ = true;
   }
   const bool is_prescribed = settings_.coupling.kind == CouplingKind::none;
-  const bool can_measure = num_frames_ > 0 && !has_backend_failed_;
-  if (is_prescribed && can_measure && state.is_valid && is_finite(state.X_BH)) {
-    measure(prescribed_pose(checked_coupling_, state), state.time);
+  const bool can_measure = num_frames_ > 0 && !has_backend_failed_ && has_time;
+  if (is_prescribed && can_measure &&
+      (hand_->has_tool() || (state.is_valid && is_finite(state.X_BH)))) {
+    measure(hand_->held_pose(state), state.time);
   }
   flags.has_backend_failed = flags.has_backend_failed || has_backend_failed_;
   hand_->tick(state, contact_, flags, record_);

@@ -144,6 +144,7 @@ void visit_fields(T& tick, auto&& visit) {
   visit("frame_number", tick.frame_number);
   visit("is_stopping", tick.is_stopping);
   visit("is_force_asked_for", tick.is_force_requested);
+  visit("is_suspended", tick.is_suspended);
   visit("has_sensor_failed", tick.has_sensor_failed);
   visit("has_backend_failed", tick.has_backend_failed);
   visit("compute_nanoseconds", tick.compute_nanoseconds);

@@ -155,8 +155,8 @@ TickRecord TickRepetition::repeat(const TickRecord& recorded, const ContactRecor
   if (hand_->num_ticks() == 0) hand_->set_start_time(recorded.device.time - recorded.time);
   TickRecord tick;
   hand_->tick(recorded.device, contact,
-              {recorded.is_stopping, recorded.is_force_requested, recorded.has_sensor_failed,
-               recorded.has_backend_failed},
+              {recorded.is_stopping, recorded.is_force_requested, recorded.is_suspended,
+               recorded.has_sensor_failed, recorded.has_backend_failed},
               tick);
   tick.time = recorded.time;  // rounded otherwise
   tick.compute_nanoseconds = recorded.compute_nanoseconds;

@@ -31,6 +31,11 @@ PALPATE = None
 INTRINSICS = "200,200,79.5,59.5"
 
 
+def state_of(program):
+    """As ps(1) shows it, e.g. T: stopped."""
+    return read(f"/proc/{program.pid}/stat").rsplit(")", 1)[1].split()[0]
+
+
 def palpate(*arguments, timeout=300):
     return subprocess.run([PALPATE, *map(str, arguments)], capture_output=True, text=True,
                           timeout=timeout)
@@ -1496,6 +1501,36 @@ pose = [1, 0, 0, 0, 0, {0.5 ** 0.5}, {0.5 ** 0.5}]
 
     def wait_for_force(self, run, program):
         self.wait_for(lambda: (self.forces(run, "wrench.csv.part") or [0])[-1] > 0.1, program)
+
+    def test_ctrl_z_takes_the_force_before_the_program_stands_still(self):
+        """In contact, with limits that would let the force stay for a minute."""
+        settings, run = self.path("suspended.toml"), self.path("suspended")
+        with open(settings, "w") as file:
+            file.write("[safety]\nmax_contact_age = 60\nmax_sensor_age = 60\nmax_tick = 60\n"
+                       "max_device_silence = 60\nenergy_tank = 100\n")
+        with self.live_run(run, "--duration", 300, "--settings", settings,
+                           stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as program:
+            self.wait_for_force(run, program)
+            for _ in range(2):
+                program.send_signal(signal.SIGTSTP)
+                self.wait_for(lambda: state_of(program) == "T", program)
+                before = len(self.forces(run, "wrench.csv.part"))
+                time.sleep(2)
+                program.send_signal(signal.SIGCONT)
+                self.wait_for(lambda: len(self.forces(run, "wrench.csv.part")) > before + 800, program)
+            program.send_signal(signal.SIGINT)
+            output = program.communicate(timeout=120)[0].decode()
+            self.assertEqual(program.returncode, 0, output)
+        self.assertIn("the program is about to stand still", output)
+        summary = self.expect_whole(run)
+        self.assertIn("loop", [fault["fault"] for fault in summary["faults"]])
+        times, forces = self.columns(run)["time_s"], self.forces(run)
+        stands = [k for k in range(1, len(times)) if times[k] - times[k - 1] > 1.9]
+        self.assertEqual(len(stands), 2)
+        self.assertGreater(max(forces[:stands[0]]), 0.1)
+        for k in stands:
+            self.assertEqual(forces[k - 1], 0)
+        self.assertEqual(set(forces[stands[0]:]), {0})  # the hand stays in the wall, as after any fault
 
     def test_other_polite_signals_take_the_force_and_keep_the_run(self):
         for how in (signal.SIGTERM, signal.SIGQUIT):

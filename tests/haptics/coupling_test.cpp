@@ -156,6 +156,21 @@ TEST(CheckCoupling, FillsInWhatTheDeviceAllows) {
   EXPECT_TRUE(result->warnings.empty());
 }
 
+// Nobody has asked for the default damping ratio.
+TEST(CheckCoupling, LowersTheDefaultDampingRatioWithoutAWord) {
+  DeviceLimits limits = kLimits;
+  limits.max_damping = 5;
+  const auto result = check_coupling({}, limits, kTick, box_tool());
+  ASSERT_TRUE(result.has_value());
+  EXPECT_NEAR(result->options.damping_ratio, 5 / (2 * std::sqrt(0.1 * result->options.stiffness)),
+              1e-12);
+  EXPECT_LT(result->options.damping_ratio, 0.9);
+  EXPECT_TRUE(result->warnings.empty()) << result->warnings[0];
+  CouplingOptions options;
+  options.damping_ratio = 1.1;
+  EXPECT_EQ(check_coupling(options, limits, kTick, box_tool())->warnings.size(), 1u);
+}
+
 TEST(CheckCoupling, StaysBelowThePassivityBound) {
   CouplingOptions options;
   options.damping_ratio = 0;

@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "src/math/internal/rotation_vector.h"
@@ -58,9 +60,74 @@ TEST(Hand, ForcesAtTheHandleDoTheWorkOfThoseAtTheTool) {
   EXPECT_NEAR(at_tool, at_handle, 1e-12);
 }
 
+/// The time of a tick that brings no pose.
+DeviceState nothing_at(double time) {
+  DeviceState state;
+  state.time = time;
+  state.X_BH = {{7, 8, 9}, axis_angle({1, 0, 0}, 1)};
+  return state;
+}
+
 double apart(const Pose& a, const Pose& b) {
   return norm(a.translation - b.translation) +
          norm(rotation_vector(a.rotation * conjugate(b.rotation)));
+}
+
+// The device's next answer is where the hand was expected, at its pace; whoever is silent for long
+// stands still.
+TEST(Hand, GoesOnInTicksWithoutAState) {
+  const Vec3d c_T{0.01, -0.02, 0.05};
+  Hand hand(held_askew(), c_T), seen(held_askew(), c_T);
+  hand.follow(handle_at(0.2));
+  for (int k = 1; k < 10; ++k) {
+    const double time = 0.2 + 1e-3 * k;
+    const HeldTool& held = hand.follow(nothing_at(time));
+    const HeldTool& expected = seen.follow(handle_at(time));
+    EXPECT_LT(apart(held.X_WT, expected.X_WT), 1e-13) << k;
+    EXPECT_LT(norm(held.velocity.linear - expected.velocity.linear), 1e-13) << k;
+    EXPECT_EQ(held.velocity.angular, expected.velocity.angular);
+    EXPECT_LT(apart(hand.X_BH(), handle_at(time).X_BH), 1e-13);
+  }
+  for (const double time : {0.211, 0.5, 30.0}) {
+    const HeldTool& held = hand.follow(nothing_at(time));
+    EXPECT_LT(apart(held.X_WT, seen.follow(handle_at(0.21)).X_WT), 1e-13) << time;
+    EXPECT_EQ(norm(held.velocity.linear) + norm(held.velocity.angular), 0) << time;
+  }
+  // Of a time that is none, or lies before the last state, nothing is concluded.
+  hand.follow(handle_at(0.4));
+  for (const double time : {std::nan(""), 0.3}) {
+    EXPECT_EQ(hand.follow(nothing_at(time)).X_WT, seen.follow(handle_at(0.4)).X_WT);
+    EXPECT_EQ(norm(hand.held().velocity.linear), 0);
+  }
+}
+
+// A spring and a damper between hand and tool feel no kick, wherever states are missing.
+TEST(Hand, FeelsNothingInFreeAirFromADeviceThatLeavesOutTicks) {
+  const DeviceLimits limits{.max_force = 8, .max_stiffness = 1000, .max_damping = 6, .damping = 1};
+  MassProperties tool{1e-4, {0.05, 0, 0.01}, {}};
+  for (int i = 0; i < 3; ++i) tool.inertia.m[i][i] = 1e-4 * 0.02 * 0.02;
+  for (const CouplingKind kind : {CouplingKind::virtual_coupling, CouplingKind::proxy}) {
+    for (const int period : {2, 4, 9}) {  // ticks from state to state
+      CouplingOptions options;
+      options.kind = kind;
+      options = check_coupling(options, limits, 1e-3, tool)->options;
+      const auto coupling = make_coupling(options, limits, tool);
+      double most = 0;
+      for (int k = 0; k < 1000; ++k) {
+        const double time = 1e-3 * k;
+        DeviceState state = nothing_at(time);
+        if (k % period == 0) {
+          state.X_BH = {{0.3 * time, 0, 0}, {}};
+          state.V_BH.linear = {0.3, 0, 0};
+          state.is_valid = true;
+        }
+        if (k == 0) coupling->reset(state);
+        const CouplingStep step = coupling->step(state, {}, 1e-3);
+        if (k > 800) most = std::max(most, norm(step.F_H_B.force));  // it began at rest
+      }
+      EXPECT_LT(most, 1e-6) << static_cast<int>(kind) << " " << period;
+    }
+  }
 }
 
 // What the hand moves while it has let go is not moved, nor felt; from then on the tool makes the

@@ -205,7 +205,10 @@ TEST(LiveLoopChange, ContactsAreThoseOfTheirRevision) {
 }
 
 TEST(LiveLoopChange, WhatIsRefusedChangesNothing) {
-  Touching touching;
+  RunSettings limited = patient_settings();
+  limited.safety.max_contact_age = 1;
+  limited.may_thin = false;
+  Touching touching({}, limited);
   const auto refusal = [&](auto edit) {
     RunSettings settings = touching.loop->settings();
     settings.coupling.stiffness = 123;
@@ -228,6 +231,8 @@ TEST(LiveLoopChange, WhatIsRefusedChangesNothing) {
     EXPECT_NE(refusal(edit).find(name), std::string::npos) << name;
   }
   EXPECT_NE(refusal([](auto& s) { s.contact_rate = NAN; }), "");
+  EXPECT_NE(refusal([](auto& s) { s.contact_rate = 1; }).find("contact_rate of 1 Hz"),
+            std::string::npos);
   EXPECT_NE(refusal([](auto& s) { s.coupling.damping_ratio = -1; }), "");
   EXPECT_NE(refusal([](auto& s) { s.time.max_jump = -1; }), "");
   EXPECT_NE(refusal([](auto& s) { s.surface.filter.radius = 99; }), "");

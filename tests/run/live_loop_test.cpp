@@ -70,6 +70,56 @@ TEST(LiveLoop, RefusesRatesAtWhichEveryContactIsTooOld) {
   EXPECT_TRUE(RunLoop::create(box_tool(), source, device, settings));
 }
 
+// At its 30 Hz it would never be given a force, and the filter would say that ticks come too late.
+TEST(LiveLoop, RefusesDevicesThatTickMoreSeldomThanTheSafetyFilterAllows) {
+  WallSource source({});
+  class Slow final : public HapticDevice {
+   public:
+    Slow(double rate, DeviceLimits limits) {
+      info_.name = "my device";
+      info_.limits = limits;
+      info_.rate = rate;
+    }
+    const DeviceInfo& info() const override { return info_; }
+    Status start(DeviceTick) override { return Done{}; }
+    void stop() noexcept override {}
+    Status status() const override { return Done{}; }
+
+   private:
+    DeviceInfo info_;
+  };
+  const DeviceLimits limits = ScriptedDevice({}).info().limits;
+  Slow device(30, limits);
+  RunSettings settings;
+  const auto refused = RunLoop::create(box_tool(), source, device, settings);
+  ASSERT_FALSE(refused);
+  for (const char* words : {"my device ticks at 30 Hz", "safety.max_tick of 0.02 s"}) {
+    EXPECT_NE(refused.error().message.find(words), std::string::npos) << refused.error().message;
+  }
+  settings.safety.max_tick = 0.1;
+  const auto contacts = RunLoop::create(box_tool(), source, device, settings);
+  ASSERT_FALSE(contacts);
+  EXPECT_NE(contacts.error().message.find("safety.max_contact_age of 0.02 s"), std::string::npos);
+  settings.safety.max_contact_age = 0.1;
+  auto allowed = RunLoop::create(box_tool(), source, device, settings);
+  ASSERT_TRUE(allowed) << allowed.error().message;
+  // 10 mJ are what F gives a hand that it moves at 50 m/s2 from tick to tick: F = 10 mJ / (50 T^2).
+  const auto notes = (*allowed)->report().notes;
+  ASSERT_EQ(notes.size(), 1u);
+  EXPECT_NE(notes[0].find("at its 30 Hz my device gets no more than about 0.18 N at the first"),
+            std::string::npos)
+      << notes[0];
+  settings.safety.energy_tank = 1;
+  EXPECT_TRUE(
+      RunLoop::create(box_tool(), source, device, settings).value()->report().notes.empty());
+  // A robot gets no force.
+  RunSettings without;
+  without.coupling.kind = CouplingKind::none;
+  EXPECT_TRUE(RunLoop::create(box_tool(), source, device, without));
+  Slow usual(1000, limits);
+  EXPECT_TRUE(RunLoop::create(box_tool(), source, usual, {}).value()->report().notes.empty());
+}
+
 TEST(LiveLoop, TheHandFeelsTheWallAndAllIsRecorded) {
   WallSource source({.depth = [](int k) { return 0.5 + 0.002 * std::sin(k); }});
   ScriptedDevice device({.hand = pressing_hand});
@@ -192,6 +242,68 @@ TEST(LiveLoop, AToolThatLeavesTheWindowIsReportedAndRepeated) {
     has_note |= note.find("window.speed") != std::string::npos;
   }
   EXPECT_TRUE(has_note);
+}
+
+// A hand at 0.3 m/s moves the tool at 3 m/s: by 0.3 m until the next frames replace a surface.
+// Whoever begins to move has not shown it.
+TEST(LiveLoop, TheWindowHasRoomForAHandThatMovesTheToolTenTimesAsFar) {
+  WallSource source({.width = 640, .height = 480});
+  ScriptedDevice device({.hand = [](double) { return Vec3d{0, 0, -0.05}; }});
+  RunSettings settings = patient_settings();
+  settings.coupling.motion_scale = 0.1;
+  Seen seen;
+  std::atomic<int> last_width = 0;
+  RunObserver observer = seen.observer();
+  observer.on_frame = [&, others = observer.on_frame](const FrameRecord& record,
+                                                      const DepthFrame& frame) {
+    others(record, frame);
+    last_width = record.requested.right - record.requested.left;
+  };
+  auto loop = RunLoop::create(box_tool(), source, device, settings, observer);
+  ASSERT_TRUE(loop) << loop.error().message;
+  ASSERT_TRUE((*loop)->start());
+  // It is 0.45 m away.
+  const double focal = source.info().intrinsics.fx;
+  EXPECT_TRUE(wait_for([&] { return last_width > 0 && last_width < 2 * focal * 0.3 / 0.45; }));
+  settings.coupling.motion_scale = 10;
+  ASSERT_TRUE((*loop)->change(settings));
+  EXPECT_TRUE(wait_for([&] { return last_width >= 2 * focal * 0.3 / 0.45; })) << last_width;
+  (*loop)->stop();
+}
+
+// The program is about to stand still, in contact, with limits that would let the force stay.
+TEST(LiveLoop, TheForceIsAwayWhileItIsSuspendedAndReturnsToAFreeHand) {
+  WallSource source({});
+  std::atomic<bool> is_free = false;
+  ScriptedDevice device({.hand = [&](double) { return Vec3d{0, 0, is_free ? 0.0 : 0.04}; }});
+  RunSettings settings = patient_settings();
+  settings.safety.recover_seconds = 0.02;
+  Seen seen;
+  auto loop = RunLoop::create(box_tool(), source, device, settings, seen.observer());
+  ASSERT_TRUE(loop) << loop.error().message;
+  ASSERT_TRUE((*loop)->start());
+  ASSERT_TRUE(wait_for([&] { return device.last_force() > 0.5; }));
+  (*loop)->suspend_force();
+  EXPECT_EQ(device.last_force(), 0);
+  TickRecord tick;
+  const auto comes_to = [&](ForceState state) {
+    return wait_for([&] { return (*loop)->latest(tick) && tick.safety.state == state; });
+  };
+  EXPECT_TRUE(comes_to(ForceState::off));
+  EXPECT_EQ(tick.safety.fault, Fault::loop);
+  (*loop)->resume_force();
+  EXPECT_TRUE(comes_to(ForceState::waiting));
+  const std::uint64_t waiting = tick.number;
+  EXPECT_TRUE(wait_for([&] { return (*loop)->latest(tick) && tick.number > waiting + 100; }));
+  EXPECT_EQ(tick.safety.state, ForceState::waiting);  // as after any fault: not into a contact
+  is_free = true;
+  EXPECT_TRUE(comes_to(ForceState::engaged));
+  (*loop)->stop();
+  EXPECT_EQ((*loop)->report().num_faults, 2u);
+  // Faded, not switched off.
+  EXPECT_TRUE(std::ranges::any_of(seen.ticks, [](const TickRecord& one) {
+    return one.is_suspended && norm(one.F_H_B.force) > 0;
+  }));
 }
 
 // Contacts that take a thousandth of the time between them: however busy the machine, most bring

@@ -3,7 +3,9 @@
 
 #include <atomic>
 #include <cmath>
+#include <fstream>
 #include <random>
+#include <string>
 #include <thread>
 #include <vector>
 
@@ -272,6 +274,45 @@ TEST(RealTime, NamesWhyFramesWereLeftOut) {
   EXPECT_TRUE(has(by_camera, "frames came late 5 times")) << by_camera;
   EXPECT_FALSE(has(by_camera, "surfaces")) << by_camera;
   EXPECT_TRUE(has(frames_left_out(8, 0, fast, 1 / 30.0), "the processor was busy"));
+}
+
+/// kB of this program that cannot be paged out.
+long locked_memory() {
+  std::ifstream file("/proc/self/status");
+  for (std::string word; file >> word;) {
+    long kilobytes = 0;
+    if (word == "VmLck:" && file >> kilobytes) return kilobytes;
+  }
+  return -1;
+}
+
+// Two runs of one program: the end of the first leaves the second its memory.
+TEST(RealTime, MemoryIsLockedUntilTheLastRunHasEnded) {
+  MemoryLock first, second;
+  if (const int refused = first.hold()) GTEST_SKIP() << memory_lock_refused(refused);
+  ASSERT_EQ(second.hold(), 0);
+  ASSERT_EQ(second.hold(), 0);  // again, for what has come since
+  ASSERT_GT(locked_memory(), 0);
+  first.release();
+  first.release();
+  EXPECT_GT(locked_memory(), 0);
+  second.release();
+  EXPECT_EQ(locked_memory(), 0);
+}
+
+// With a tick of 10 ms a contact is that old, however much time there is.
+TEST(LoadCounts, ContactsAreAsOldAsATickAndNotLateForThat) {
+  const auto counts_of = [](double age, double tick_rate) {
+    LoopTimes times;
+    for (int k = 0; k < 100; ++k) times.contact_age.record(static_cast<std::int64_t>(1e9 * age));
+    LoadCounts counts;
+    counts.count_ages(times, SafetyOptions(), 30, 1000, tick_rate);
+    return counts;
+  };
+  EXPECT_EQ(counts_of(0.0105, 100).old_contacts, 0u);
+  EXPECT_EQ(counts_of(0.0105, 100).ageing_contacts, 0u);
+  EXPECT_EQ(counts_of(0.0105, 1000).old_contacts, 100u);
+  EXPECT_EQ(counts_of(0.0195, 100).old_contacts, 100u);
 }
 
 TEST(PacedSource, RefusesFramesThatDoNotFit) {

@@ -148,6 +148,64 @@ TEST(Pipeline, ChangesAreTakenBetweenTicks) {
   EXPECT_NE(refused.error().message.find("safety.max_slew"), std::string::npos);
 }
 
+// The tool stays where it is, as in a hand, and its contact is measured where the tick has it.
+TEST(Pipeline, WithoutCouplingAChangeOfScaleMeasuresWhereTheToolStays) {
+  RunSettings settings = patient_settings();
+  settings.coupling.kind = CouplingKind::none;
+  auto pipeline = make(settings);
+  ASSERT_TRUE(pipeline);
+  run(*pipeline, 800);
+  const Pose before = pipeline->contact().X_WT;
+  settings.coupling.motion_scale = 2;
+  ASSERT_TRUE(pipeline->change(settings));
+  DeviceState state = state_at(0.8);
+  for (int k = 800; k < 810; ++k) {
+    state.time = 1e-3 * k;
+    const TickRecord& tick = pipeline->tick(state);
+    EXPECT_EQ(pipeline->contact().X_WT, tick.step.X_WT) << k;
+    EXPECT_LT(norm(tick.step.X_WT.translation - before.translation), 1e-15) << k;
+    EXPECT_GT(tick.penetration.volume, 0);
+    DeviceState moved = state;
+    moved.time += 5e-4;
+    moved.X_BH.translation.y += 1e-4;
+    const Vec3d way = pipeline->tick(moved).step.X_WT.translation - before.translation;
+    EXPECT_LT(norm(way - Vec3d{0, 2e-4, 0}), 1e-15) << k;
+  }
+}
+
+// A tick whose time is none: the others have theirs.
+TEST(Pipeline, OneTickWithoutATimeIsOneTick) {
+  for (const CouplingKind kind : {CouplingKind::virtual_coupling, CouplingKind::none}) {
+    for (const int lost : {0, 100}) {
+      RunSettings settings = patient_settings();
+      settings.coupling.kind = kind;
+      auto pipeline = make(settings);
+      ASSERT_TRUE(pipeline);
+      WallSource source({});
+      DepthFrame frame;
+      ASSERT_TRUE(source.next(frame).value());
+      pipeline->push(frame, 0);
+      TickRecord last;
+      for (int k = 0; k < 2000; ++k) {
+        DeviceState state = state_at(2e-4 * k);  // at the wall after 1.7 s: a fault is over by then
+        state.time = k == lost ? std::nan("") : 1e-3 * k;
+        last = pipeline->tick(state);
+        if (k == lost) continue;
+        ASSERT_GT(last.dt, 0) << k;
+        ASSERT_LT(std::abs(last.time - 1e-3 * k), 1.1e-3) << k;
+        ASSERT_LT(
+            norm(last.step.X_WT_hand.translation - Vec3d{0, 0, 0.45} - state.X_BH.translation),
+            1e-12)
+            << k;
+      }
+      EXPECT_EQ(last.contact_number,
+                pipeline->contact().number - (kind == CouplingKind::none ? 0 : 1));
+      EXPECT_TRUE(last.safety.is_engaged());
+      EXPECT_GT(last.penetration.volume, 0);
+    }
+  }
+}
+
 // Whoever turns a setting for weeks does not fill the memory with what is said about it.
 TEST(Pipeline, NotesOfManyChangesHaveABound) {
   auto pipeline = make(patient_settings());

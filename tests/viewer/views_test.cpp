@@ -268,10 +268,8 @@ void play_to(std::size_t tick_number, const RunSettings& settings, int num_frame
       pipeline->push(frame, frame.timestamp - first);
       has_next = *stream.next(frame);
     }
-    DeviceState state;
-    state.X_BH = pressing_pose(time);
-    state.is_valid = true;
-    pipeline->measure(prescribed_pose({}, state), time);
+    const Pose X_WT = pressing_pose(time);
+    pipeline->measure({X_WT.translation, normalized(X_WT.rotation)}, time);
   }
   look(*pipeline);
 }

@@ -95,7 +95,8 @@ constexpr auto names_of(ContactHold) { return std::array{"local_model", "interpo
 struct CouplingOptions {
   CouplingKind kind = CouplingKind::virtual_coupling;
   ContactHold hold = ContactHold::local_model;
-  /// 0: the largest value that the device and the passivity bound K < 2 b / T allow.
+  /// 0: the largest value that the device and the passivity bound K < 2 b / T allow, with the
+  /// damping b of the device and of the coupling together.
   double stiffness = 0;          ///< N/m
   double angular_stiffness = 0;  ///< N m/rad
   double damping_ratio = 1;      ///< of the coupling, 1: critical
@@ -167,7 +168,7 @@ struct CouplingStep {
 
 /// State of a coupling after a tick.
 struct CouplingState {
-  Pose X_BH;       ///< the last usable pose of the handle
+  Pose X_BH;       ///< of the handle; in a tick without a usable state, where it went on to
   Pose X_WT_hand;  ///< the hand's pose of the tool
   Pose X_WT;       ///< pose of the simulated tool
   Twist V_WT;      ///< of its center of mass, in W
@@ -187,17 +188,16 @@ class Coupling {
   virtual CouplingState state() const noexcept = 0;
   virtual CouplingStep step(const DeviceState& state, const LocalContact& contact,
                             double dt) noexcept = 0;
+  /// Where a hand in this state would hold the tool, without a step.
+  virtual Pose held_pose(const DeviceState& state) const noexcept = 0;
   /// Saves or restores the complete state, for another coupling with the same options.
   virtual void remember(StateNumbers& numbers) noexcept = 0;
   /// True if the device gets a wrench at all.
   virtual bool drives_device() const noexcept { return true; }
 };
 
-/// Pose of a tool without coupling; with an unusable state, the tool is at the base.
-Pose prescribed_pose(const CouplingOptions& options, const DeviceState& state) noexcept;
-
-/// The inverse: the handle pose X_BH that holds the tool at X_WT, if the motion scale never
-/// changed. Exact if both frames are identical.
+/// The handle pose X_BH that holds the tool at X_WT, if the motion scale never changed. Exact if
+/// both frames are identical.
 Pose handle_at(const CouplingOptions& options, const Pose& X_WT) noexcept;
 
 /// `options` must come from check_coupling.

@@ -190,6 +190,7 @@ struct SafetyInput {
   double sensor_age = 0;   ///< s
   bool backend_failed = false;
   bool sensor_failed = false;  ///< permanently
+  bool is_suspended = false;   ///< the program is about to stand still: Fault::loop
   bool is_requested = false;   ///< the user requests the force
   bool is_free = false;        ///< the tool has no contact: the wrench only moves the tool
   bool is_measured = true;     ///< false: nobody knows whether the tool has contact

@@ -107,6 +107,7 @@ struct TickRecord {
   double dt = 0;                    ///< s, of the coupling's step; 0: no hand yet
   bool is_stopping = false;         ///< stop() was called on the safety filter
   bool is_force_requested = false;  ///< the user requests the force after a fault
+  bool is_suspended = false;        ///< RunLoop::suspend_force
   bool has_sensor_failed = false, has_backend_failed = false;
 };
 

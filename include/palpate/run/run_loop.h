@@ -28,14 +28,16 @@ namespace palpate::inline v0 {
 /// replace it. The rest is computed if the display needs it.
 struct WindowOptions {
   bool enabled = true;
-  /// Minimum expected speed of the tool, m/s; if it moves faster, twice its speed.
+  /// Minimum expected speed of the hand, m/s; the tool's is `motion_scale` times that where it is
+  /// above 1. If the tool moves faster, twice its speed.
   double speed = 0.5;
 };
 inline void add_settings(SettingTable& t, WindowOptions& o) {
   t.section("window");
   t.add("enabled", o.enabled, "live on a CPU, field: process frames only around the tool");
   t.add("speed", o.speed, {0, 100, "m/s"},
-        "minimum expected tool speed; for a faster tool, twice its speed");
+        "minimum expected speed of the hand (the tool's: times motion_scale, if that is above 1); "
+        "for a faster tool, twice its speed");
 }
 
 /// All settings of a run, as in a settings file (docs/settings.md).
@@ -224,6 +226,11 @@ class RunLoop {
   virtual Status start() = 0;
   /// After a fault: the force returns as soon as all is well, also in contact. From any thread.
   virtual void request_force() noexcept = 0;
+  /// Live, for a program that is about to stand still (Ctrl-Z): the force fades as by a fault
+  /// (Fault::loop) and stays away until `resume_force`; then it returns as after a late tick. Waits
+  /// until it is off, for at most the fade and half a second.
+  virtual void suspend_force() {}
+  virtual void resume_force() noexcept {}
   /// Fades the force out, then ends all threads. Waits for DepthSource::next (see cancel there).
   virtual void stop() noexcept = 0;
   /// True from `start` until the loop has ended.
@@ -245,7 +252,8 @@ class RunLoop {
   /// there are) stays as at the start. The tool stays in
   /// place; the slew limit of the safety filter smooths force jumps. Returns when every stage uses
   /// them, within two frames. Errors: see create(), or a setting that cannot change: then nothing
-  /// has changed; the loop has ended.
+  /// changes; the loop has ended; no frame or tick has come for a while: then the change comes with
+  /// the next ones.
   virtual Status change(const RunSettings& settings) = 0;
   /// True if the computer is too slow: observers should poll less often.
   virtual bool is_short_of_time() const noexcept { return false; }

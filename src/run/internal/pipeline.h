@@ -94,6 +94,7 @@ class ContactPart {
 struct TickFlags {
   bool is_stopping = false;         ///< the force is to fade out
   bool is_force_requested = false;  ///< it is to come back after a fault
+  bool is_suspended = false;        ///< it is away until the program goes on
   bool has_sensor_failed = false, has_backend_failed = false;
 };
 
@@ -126,6 +127,8 @@ class HandPart {
   }
 
   bool has_tool() const { return has_tool_; }
+  /// Where a hand in this state would hold the tool.
+  Pose held_pose(const DeviceState& state) const noexcept { return coupling_->held_pose(state); }
   std::uint64_t num_ticks() const { return num_ticks_; }
 
  private:

@@ -40,6 +40,7 @@ Wrench HapticStage::tick(const DeviceState& state) noexcept {
   TickFlags flags;
   flags.is_stopping = wants_stop_.load(std::memory_order_acquire) || surfaces_.has_source_ended();
   flags.is_force_requested = wants_force_.exchange(false, std::memory_order_acq_rel);
+  flags.is_suspended = is_suspended_.load(std::memory_order_acquire);
   flags.has_sensor_failed = surfaces_.has_source_failed();
   flags.has_backend_failed = contacts_.has_backend_failed() || surfaces_.has_backend_failed();
   if (settings_.keeps_records && is_snapshot_due(hand_.num_ticks(), settings_.tick_seconds)) {
@@ -52,6 +53,10 @@ Wrench HapticStage::tick(const DeviceState& state) noexcept {
     surfaces_.move_tool(record.step.X_WT);
   }
   const Wrench F_H_B = record.F_H_B;
+  const bool is_without = flags.is_suspended && F_H_B.force == Vec3d{} && F_H_B.torque == Vec3d{};
+  const int num_without = num_without_force_.load(std::memory_order_relaxed);
+  num_without_force_.store(is_without ? std::min(num_without + 1, 2) : 0,
+                           std::memory_order_release);
   if (HapticChange* const change = changes_.look()) {
     hand_.change(change->revision, change->coupling);
     changes_.settle();

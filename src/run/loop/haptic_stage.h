@@ -43,6 +43,14 @@ class HapticStage {
   void request_stop() noexcept { wants_stop_.store(true, std::memory_order_release); }
   /// It comes back after a fault; until the next tick, several wishes are one.
   void request_force() noexcept { wants_force_.store(true, std::memory_order_release); }
+  /// While it is suspended it is away, as by a fault.
+  void suspend(bool is_suspended) noexcept {
+    is_suspended_.store(is_suspended, std::memory_order_release);
+  }
+  /// The device has had none at a tick since.
+  bool is_without_force() const noexcept {
+    return num_without_force_.load(std::memory_order_acquire) > 1;
+  }
   /// For good.
   bool has_faded() const noexcept { return has_faded_.load(std::memory_order_acquire); }
   Mailbox<HapticChange>& changes() noexcept { return changes_; }
@@ -87,6 +95,8 @@ class HapticStage {
   std::atomic<Fault> fault_ = Fault::none;
   std::atomic<std::uint32_t> num_faults_ = 0;
   std::atomic<bool> wants_stop_ = false, wants_force_ = false, has_faded_ = false;
+  std::atomic<bool> is_suspended_ = false;
+  std::atomic<int> num_without_force_ = 0;  // ticks in a row, while it is suspended
   std::atomic<int> real_time_error_ = 0;
 };
 

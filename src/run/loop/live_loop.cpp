@@ -18,6 +18,7 @@
 #include "src/run/loop/haptic_stage.h"
 #include "src/run/loop/load_governor.h"
 #include "src/run/loop/publisher.h"
+#include "src/run/loop/rates.h"
 #include "src/run/loop/real_time.h"
 #include "src/run/loop/surface_stage.h"
 #include "src/run/setting_changes.h"
@@ -43,16 +44,6 @@ void wait_for(double& patience, const Condition& has_come) {
   for (; !has_come() && patience > 0; patience -= kRound) {
     std::this_thread::sleep_for(std::chrono::duration<double>(kRound));
   }
-}
-
-/// Queries that are too rare for the safety filter would end every run.
-Status check_contact_rate(const RunSettings& settings) {
-  const double rate = settings.contact_rate, most = settings.safety.max_contact_age;
-  if (!(rate * most <= 1)) return Done{};
-  return Error{Errc::invalid_argument,
-               "at a loop.contact_rate of " + shortest_decimal(rate) +
-                   " Hz contacts grow older than the safety.max_contact_age of " +
-                   shortest_decimal(most) + " s; raise one of the two"};
 }
 
 /// A query of a large tool takes more than one thread, which are woken a thousand times a second:
@@ -108,6 +99,8 @@ class LiveLoop final : public RunLoop {
 
   Status start() override;
   void request_force() noexcept override { haptic_.request_force(); }
+  void suspend_force() override;
+  void resume_force() noexcept override { haptic_.suspend(false); }
   void stop() noexcept override;
   bool is_running() const noexcept override { return is_running_.load(std::memory_order_acquire); }
   bool latest(TickRecord& record) noexcept override { return haptic_.latest(record); }
@@ -157,7 +150,7 @@ class LiveLoop final : public RunLoop {
   bool has_device_ended() const { return is_device_stuck_ || !device_.status(); }
   void end_with(const Error& error);
   void end() noexcept;
-  void fade_out() noexcept;
+  void wait_without(bool (HapticStage::*force)() const noexcept) noexcept;
   std::vector<std::pair<std::string, std::string>> scheduling() const;
 
   const std::shared_ptr<const ToolIndex> index_;
@@ -192,7 +185,8 @@ class LiveLoop final : public RunLoop {
   std::atomic<double> start_time_ = 0, end_time_ = 0;
   std::atomic<std::uint64_t> num_before_ticks_ = 0;  // frames before the first tick
   std::uint32_t revision_ = 0;
-  bool was_started_ = false, has_locked_memory_ = false;
+  bool was_started_ = false;
+  MemoryLock memory_;
   StopSignal stop_publishing_;
 
   SurfaceStage surfaces_;
@@ -233,7 +227,7 @@ Status LiveLoop::start_all() {
     return Error{Errc::unavailable, std::string("cannot start the threads of the loop: ") +
                                         error.what() + "; end other programs and try again"};
   }
-  if (has_locked_memory_) lock_memory();  // what the threads have taken since: little
+  if (memory_.is_held()) memory_.hold();  // what the threads have taken since: little
   const Status ticks =
       device_.start([this](const DeviceState& state) { return haptic_.tick(state); });
   is_device_starting_ = false;
@@ -251,9 +245,7 @@ Status LiveLoop::start_all() {
 
 void LiveLoop::lock_all_memory() {
   if (!first_settings_.wants_real_time) return;
-  const int refused = lock_memory();
-  has_locked_memory_ = refused == 0;
-  if (refused != 0) notes_.push_back(memory_lock_refused(refused));
+  if (const int refused = memory_.hold()) notes_.push_back(memory_lock_refused(refused));
 }
 
 /// A thread has failed. The hand needs no memory to fade out.
@@ -268,19 +260,28 @@ void LiveLoop::end() noexcept {
   if (is_running_.exchange(false)) end_time_ = monotonic_now();
 }
 
-void LiveLoop::fade_out() noexcept {
-  haptic_.request_stop();
+void LiveLoop::suspend_force() {
+  publisher_.add_note("the program is about to stand still: the force is off until it goes on");
+  haptic_.suspend(true);
+  wait_without(&HapticStage::is_without_force);
+}
+
+/// Until the force is away, which has been requested: for the fade, and not without end.
+void LiveLoop::wait_without(bool (HapticStage::*force)() const noexcept) noexcept {
   double patience = first_settings_.safety.fade_seconds + kFadeTimeout;
   // A device that is lost or stuck does not tick.
-  wait_for(patience, [this] {
-    bool has_ended = haptic_.has_faded();
+  wait_for(patience, [&] {
+    bool has_ended = (haptic_.*force)();
     guarded([&] { has_ended = has_ended || has_device_ended(); }, [](const Error&) {});
     return has_ended;
   });
 }
 
 void LiveLoop::stop() noexcept {
-  if (haptic_.num_ticks() > 0 && publishing_thread_.joinable()) fade_out();
+  if (haptic_.num_ticks() > 0 && publishing_thread_.joinable()) {
+    haptic_.request_stop();
+    wait_without(&HapticStage::has_faded);
+  }
   end();  // from here on, a device that does not tick is not stuck
   if (was_started_) device_.stop();
   // The contact thread first: the surface thread waits for it at most until it is stopped.
@@ -289,7 +290,7 @@ void LiveLoop::stop() noexcept {
   stop_publishing_.stop();
   if (publishing_thread_.joinable()) publishing_thread_.join();
   if (minding_thread_.joinable()) minding_thread_.join();
-  if (std::exchange(has_locked_memory_, false)) unlock_memory();
+  memory_.release();
 }
 
 Status LiveLoop::change(const RunSettings& settings) {
@@ -309,7 +310,7 @@ Status LiveLoop::change(const RunSettings& settings) {
 /// Makes what the stages need for it and offers it to them.
 Status LiveLoop::begin_change(const RunSettings& settings) {
   if (const Status status = check_change(settings_, settings); !status) return status;
-  if (const Status status = check_contact_rate(settings); !status) return status;
+  if (const Status status = check_rates(settings, device_.info()); !status) return status;
   const RunPartsOptions options{&settings_, SurfaceStage::kNumSpare, query_threads_.get()};
   auto parts = make_run_parts(index_, streams_, device_.info(), settings, options);
   if (!parts) return parts.error();
@@ -339,6 +340,7 @@ void LiveLoop::offer_change() {
   } else {
     surfaces_.set_revision(change_->revision);
   }
+  surfaces_.set_motion_scale(change_->settings.coupling.motion_scale);
   haptic_.changes().offer(change_->haptic);
 }
 
@@ -353,7 +355,8 @@ Status LiveLoop::finish_change() {
   if (!is_change_taken()) {
     return Error{Errc::unavailable,
                  is_running() ? "the loop has not taken the last change yet: no depth frame or "
-                                "tick comes; check the sensor and the device"
+                                "tick comes, and it will come with the next ones; check the "
+                                "sensor and the device"
                               : "the loop has ended before it took the change"};
   }
   end_change();
@@ -401,7 +404,8 @@ LoadCounts LiveLoop::count_load(double contact_rate) const {
   counts.ticks = haptic_.num_ticks();
   counts.frames = surfaces_.num_read();
   counts.pictures = num_pictures_.load();
-  counts.count_ages(times_, first_settings_.safety, slowest_rate(), contact_rate);
+  counts.count_ages(times_, first_settings_.safety, slowest_rate(), contact_rate,
+                    device_.info().rate);
   return counts;
 }
 
@@ -574,7 +578,7 @@ Status LiveLoop::status() const {
 Result<std::unique_ptr<RunLoop>> RunLoop::create(const Tool& tool, const DepthSources& sources,
                                                  HapticDevice& device, const RunSettings& settings,
                                                  RunObserver observer) {
-  if (const Status status = check_contact_rate(settings); !status) return status.error();
+  if (const Status status = check_rates(settings, device.info()); !status) return status.error();
   auto query_threads = make_query_threads(settings, tool.spheres().size());
   const RunPartsOptions options{nullptr, SurfaceStage::kNumSpare, query_threads.get()};
   auto index = ToolIndex::create(tool);
@@ -582,6 +586,7 @@ Result<std::unique_ptr<RunLoop>> RunLoop::create(const Tool& tool, const DepthSo
   if (!parts) return parts.error();
   auto safety = SafetyFilter::create(device.info().limits, settings.safety);
   if (!safety) return safety.error();
+  add_notes(parts->notes, notes_on_rates(settings, device.info()));
   return std::unique_ptr<RunLoop>(
       std::make_unique<LiveLoop>(std::move(index), sources, device, settings, std::move(observer),
                                  std::move(query_threads), *std::move(parts), *std::move(safety)));

@@ -13,8 +13,9 @@ constexpr int kMaxHalvings = 3, kSmallestSide = 30, kMinSpheres = 50;
 }  // namespace
 
 void LoadCounts::count_ages(const LoopTimes& times, const SafetyOptions& limits, double frame_rate,
-                            double contact_rate) {
-  const double frame = frame_rate > 0 ? 2.5 / frame_rate : 0, contact = 1.5 / contact_rate;
+                            double contact_rate, double tick_rate) {
+  const double frame = frame_rate > 0 ? 2.5 / frame_rate : 0;
+  const double contact = 1.5 / std::min(contact_rate, tick_rate);
   const auto num_above = [](const LatencyHistogram& ages, double limit, double share,
                             double usual) {
     return ages.num_above(

@@ -16,9 +16,10 @@ struct LoadCounts {
   std::uint64_t pictures = 0;  ///< that were requested
   std::uint64_t old_frames = 0, old_contacts = 0, ageing_frames = 0, ageing_contacts = 0;
 
-  /// Ticks by the age of what they worked on. What only comes rarely is not late for that.
+  /// Ticks by the age of what they worked on. What only comes rarely is not late for that: a
+  /// contact is as old as a tick at least. Rates: Hz.
   void count_ages(const LoopTimes& times, const SafetyOptions& limits, double frame_rate,
-                  double contact_rate);
+                  double contact_rate, double tick_rate);
 };
 
 /// One thread.

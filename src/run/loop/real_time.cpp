@@ -9,11 +9,27 @@
 #include <algorithm>
 #include <cerrno>
 #include <cmath>
+#include <mutex>
 #include <system_error>
 #include <thread>
+#include <utility>
 
 namespace palpate::inline v0 {
 namespace {
+
+std::mutex g_memory_mutex;
+int g_num_memory_locks = 0;
+
+#if defined(__linux__)
+int lock_memory() {
+  // Not what is mapped later: beyond the limit of locked memory it could not be mapped at all.
+  return mlockall(MCL_CURRENT) == 0 ? 0 : errno;
+}
+void unlock_memory() { munlockall(); }
+#else
+int lock_memory() { return ENOTSUP; }
+void unlock_memory() {}
+#endif
 
 std::string text_of(int error_number) {
   return std::error_code(error_number, std::generic_category()).message();
@@ -35,16 +51,17 @@ int num_threads_for(int allowed) noexcept {
   return allowed > 0 ? std::min(allowed, num_cores) : num_cores;
 }
 
-#if defined(__linux__)
-int lock_memory() noexcept {
-  // Not what is mapped later: beyond the limit of locked memory it could not be mapped at all.
-  return mlockall(MCL_CURRENT) == 0 ? 0 : errno;
+int MemoryLock::hold() noexcept {
+  const std::lock_guard lock(g_memory_mutex);
+  const int refused = lock_memory();
+  if (refused == 0 && !std::exchange(is_held_, true)) ++g_num_memory_locks;
+  return refused;
 }
-void unlock_memory() noexcept { munlockall(); }
-#else
-int lock_memory() noexcept { return ENOTSUP; }
-void unlock_memory() noexcept {}
-#endif
+
+void MemoryLock::release() noexcept {
+  const std::lock_guard lock(g_memory_mutex);
+  if (std::exchange(is_held_, false) && --g_num_memory_locks == 0) unlock_memory();
+}
 
 std::string scheduler_refused(const char* which_thread, int error_number) {
   return std::string("the scheduler refused real time (SCHED_FIFO) to the ") + which_thread +

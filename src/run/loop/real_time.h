@@ -16,9 +16,24 @@ int request_real_time(int priority) noexcept;
 /// there are cores, which would only wait for each other.
 int num_threads_for(int allowed) noexcept;
 
-/// Keeps all memory of the program that exists now from being paged out. 0 or the error number.
-int lock_memory() noexcept;
-void unlock_memory() noexcept;
+/// Keeps the program's memory from being paged out, as long as any of these holds it: several runs
+/// of one program share it.
+class MemoryLock {
+ public:
+  MemoryLock() = default;
+  ~MemoryLock() { release(); }
+  MemoryLock(const MemoryLock&) = delete;
+  MemoryLock& operator=(const MemoryLock&) = delete;
+
+  /// Of all memory that exists now. Once held, again for what has come since. 0 or the error
+  /// number.
+  int hold() noexcept;
+  void release() noexcept;
+  bool is_held() const noexcept { return is_held_; }
+
+ private:
+  bool is_held_ = false;
+};
 
 /// One sentence for humans: what was refused, and what to do.
 std::string scheduler_refused(const char* which_thread, int error_number);

@@ -85,7 +85,8 @@ SurfaceStage::SurfaceStage(const DepthSources& sources, std::vector<SurfaceTimel
       window_(window_of(settings)),
       tool_(tool),
       seen_(keeps_frames ? kNumFramesToPublish * sources.size() : 0,
-            PublishedFrame{blank_frame(largest_of(sources))}) {
+            PublishedFrame{blank_frame(largest_of(sources))}),
+      motion_scale_(settings.coupling.motion_scale) {
   for (std::size_t k = 0; k < sources.size(); ++k) {
     cameras_.push_back(std::make_unique<Camera>(sources[k], std::move(timelines[k])));
   }
@@ -234,7 +235,7 @@ PixelWindow SurfaceStage::next_window(Camera& camera, const Pose& X_WC, double t
   if (!has_tool_) return {};  // nobody holds one yet
   const Vec3d p_WQ = tools_.value() * tool_.p_TC;
   const Vec3d p_CQ = X_WC == Pose{} ? p_WQ : inverse(X_WC) * p_WQ;
-  double speed = window_.speed;
+  double speed = window_.speed * std::max(motion_scale_.load(), 1.0);
   if (camera.p_CQ && time > camera.tool_time) {
     speed = std::max(speed, 2 * norm(p_CQ - *camera.p_CQ) / (time - camera.tool_time));
   }

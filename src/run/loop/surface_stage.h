@@ -105,6 +105,8 @@ class SurfaceStage {
   Mailbox<SurfaceChange>& changes() noexcept { return changes_; }
   /// Of settings that do not concern surfaces.
   void set_revision(std::uint32_t revision) noexcept { revision_.store(revision); }
+  /// Of the coupling, from the next frame on: a hand moves the tool so many times as fast.
+  void set_motion_scale(double scale) noexcept { motion_scale_.store(scale); }
 
   /// While frames are held, the last one comes again and again, as from a camera; `step` lets one
   /// more through. Any thread.
@@ -196,6 +198,7 @@ class SurfaceStage {
   std::atomic<std::uint64_t> num_made_ = 0;  // of all cameras
   std::atomic<std::uint32_t> revision_ = 0, num_steps_ = 0;
   std::atomic<int> nice_ = 0;
+  std::atomic<double> motion_scale_;
   std::atomic<bool> is_held_ = false, wants_picture_ = false;
   std::atomic<int> ended_camera_ = -1;
   std::atomic<bool> source_failed_ = false, backend_failed_ = false;
