@@ -98,8 +98,7 @@ Vec3d Hand::beyond_workspace(const Vec3d& p_W) const noexcept {
 Wrench Hand::at_handle(const Wrench& F_C_W) const noexcept {
   if (is_clutched_) return {};
   const Quaternion q_BW = conjugate(options_.X_WB.rotation);
-  // The walls of the workspace are springs, as stiff as the one that holds the tool.
-  const double stiffness = options_.stiffness / options_.motion_scale;
+  const double stiffness = options_.wall_stiffness / options_.motion_scale;
   const Vec3d wall_W = rotate(options_.X_WB.rotation, -stiffness * excess_B_);
   const Vec3d torque_W = F_C_W.torque + cross(held_.p_WC - held_.p_WH, F_C_W.force) +
                          cross(held_.X_WT.translation - held_.p_WH, wall_W);
