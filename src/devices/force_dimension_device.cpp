@@ -33,10 +33,10 @@ constexpr int kMaxForceOffs = 25;  // looks at the status: 0.25 s
 constexpr int kMaxDeviceNumber = 126;
 constexpr double kClosePatience = 2;  // s
 
-/// The SDK has x towards the hand, y to the right and z up, with the origin in the middle (so do
-/// CHAI3D, which takes its numbers as they are, and H3D's HAPI, which reads dhdGetPosition(&z, &x,
-/// &y) and writes dhdSetForceAndTorque(z, x, y) for x right, y up, z to the viewer). A Falcon as
-/// this SDK sees it is the same.
+/// The SDK has x towards the hand, y to the right and z up, with the origin in the middle, for a
+/// Falcon, too. So H3D's HAPI reads dhdGetPosition(&z, &x, &y) and writes dhdSetForceAndTorque(z,
+/// x, y) for x right, y up, z to the viewer, and CHAI3D, with x to the viewer and z up, takes the
+/// numbers as they are.
 constexpr MakerAxes kSdkAxes{2, 3, 1};
 
 /// Model of a system type (dhdc.h); the weakest device for the ones that are not listed.

@@ -5,8 +5,8 @@
 // without a word. A Falcon's server grows it anew from a tenth with every field and lets x0 lag
 // behind the hand by ten ticks, so much smaller it may not be.
 //
-// B is the frame of the server, whichever that is: VRPN does not say. A Phantom's and a Falcon's
-// servers pass on x right, y up, z to the hand, as the libraries below them have it.
+// B is the frame of the server, whichever that is: VRPN does not say. A Falcon's has z towards the
+// hand and the origin in the middle (vrpn_Tracker_NovintFalcon.C).
 
 #include "src/devices/vrpn_device.h"
 #include "src/core/monotonic_clock.h"
