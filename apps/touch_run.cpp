@@ -17,17 +17,14 @@
 #include "palpate/devices/devices.h"
 #include "palpate/session/run.h"
 #include "palpate/viewer/viewer.h"
+#include "src/haptics/internal/place_hand.h"
 #include "src/run/internal/path_device.h"
 #include "src/run/internal/read_ahead.h"
 
 namespace palpate::apps {
 namespace {
 
-/// Devices have x to the right, y up and z towards the hand; cameras look along z with y down.
-const Quaternion kDeviceInCamera{1, 0, 0, 0};
-
-/// Where a hand that nobody has placed is: its middle where the path begins, with the tool as it is
-/// there. A path that is played is where it says.
+/// A hand that nobody has placed is where the path begins. A path that is played is where it says.
 void place(const TouchOptions& options, const TouchInput& input, CouplingOptions& coupling) {
   const bool has_hand = !options.device.empty() && !options.is_replay();
   const bool is_placed =
@@ -35,10 +32,7 @@ void place(const TouchOptions& options, const TouchInput& input, CouplingOptions
   if (!has_hand || input.path.empty() || is_placed) return;
   const auto stands = standing_pose(options.cameras.front());
   const Pose X_WC = input.X_WC ? *input.X_WC : stands ? stands->value_or(Pose{}) : Pose{};
-  const Quaternion q_WB = X_WC.rotation * kDeviceInCamera;
-  const Pose& X_WT = input.path.front().X_WT;
-  coupling.X_WB = {X_WT.translation, q_WB};
-  coupling.X_HT.rotation = normalized(conjugate(q_WB) * X_WT.rotation);
+  place_hand(X_WC, input.path.front().X_WT, coupling);
 }
 
 /// The handle along the path, at times since the run began.

@@ -27,7 +27,7 @@ _PathLike = Union[str, "os.PathLike[str]"]
 
 #: Kinds of devices; any other string is a path file.
 _DEVICE_KINDS = ("sim", "replay", "spacenav", "haply", "forcedimension", "openhaptics", "vrpn",
-                 "page")
+                 "ros2", "page")
 
 #: Active runs of this process, by folder.
 _going_on: "weakref.WeakValueDictionary[Path, Run]" = weakref.WeakValueDictionary()
@@ -293,7 +293,7 @@ def _end_all() -> None:
 
 def _is_device(given: object) -> bool:
     if isinstance(given, str):
-        return given.split(":", 1)[0] in _DEVICE_KINDS and not Path(given).exists()
+        return given.split(":", 1)[0] in _DEVICE_KINDS and not Path(given).is_file()
     return hasattr(given, "read") and hasattr(given, "write") and not hasattr(given, "__array__")
 
 

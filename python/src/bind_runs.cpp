@@ -18,14 +18,12 @@
 #include "python/src/run_in_thread.h"
 #include "python/src/tick.h"
 #include "scenes/scene.h"
+#include "src/haptics/internal/place_hand.h"
 #include "src/run/internal/path_device.h"
 #include "src/run/internal/read_ahead.h"
 
 namespace palpate::python {
 namespace {
-
-/// Devices have x to the right, y up and z towards the hand; cameras look along z with y down.
-const Quaternion kDeviceInCamera{1, 0, 0, 0};
 
 /// palpate.PushedCamera.
 struct PyPushedCamera {
@@ -161,20 +159,14 @@ struct Touch {
   std::vector<TimedPose> path;
   double duration = std::numeric_limits<double>::infinity();
   bool was_placed = false;  // somebody said where base or tool are
+  Pose X_WC;                // of the first camera, as far as it stands
 
   double path_length() const { return path.back().time - path.front().time; }
 
-  /// A hand whose middle is where the path begins, with the tool as it is there.
-  void place_hand() {
-    if (was_placed || path.empty()) return;
-    const Pose& X_WT = path.front().X_WT;
-    CouplingOptions& coupling = request.settings.coupling;
-    coupling.X_WB = {X_WT.translation, kDeviceInCamera};
-    coupling.X_HT.rotation = normalized(conjugate(kDeviceInCamera) * X_WT.rotation);
-  }
-
   void take_device(nb::handle device) {
-    place_hand();
+    if (!was_placed && !path.empty()) {
+      place_hand(X_WC, path.front().X_WT, request.settings.coupling);
+    }
     if (!nb::isinstance<nb::str>(device)) {
       PythonDevice made = make_python_device(device);
       request.device = std::move(made.device);
@@ -240,6 +232,7 @@ std::unique_ptr<RunInThread> start_run(const PyTool& tool, const nb::list& camer
   for (const nb::handle camera : cameras) {
     PyPushedCamera* pushed = nullptr;
     if (nb::try_cast<PyPushedCamera*>(camera, pushed, false) && pushed != nullptr) {
+      if (request.sources.empty()) touch.X_WC = pushed->camera.X_WC;
       request.sources.push_back(pushed->source);
       is_pushed = true;
       continue;
@@ -250,6 +243,9 @@ std::unique_ptr<RunInThread> start_run(const PyTool& tool, const nb::list& camer
     taken(check_one_world(uris));
     std::unique_ptr<DepthSource> source =
         taken(open_camera(uris.back(), {is_live, is_live ? std::optional(kLongest) : duration}));
+    if (const auto stands = standing_pose(uris.back()); stands && request.sources.empty()) {
+      touch.X_WC = stands->value_or(Pose{});
+    }
     if (touch.path.empty()) touch.path = path_of_scene(uri);
     if (is_live && !source->info().is_live) source = taken(read_ahead(std::move(source)));
     request.sources.push_back(std::move(source));

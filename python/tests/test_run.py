@@ -12,6 +12,7 @@ import time
 
 import numpy as np
 import pytest
+from conftest import pose_matrix
 
 import palpate
 
@@ -307,6 +308,47 @@ run = palpate.touch(tool, "scene:wall", device="sim", duration=600, output=sys.a
     here = os.path.dirname(__file__)
     subprocess.run([sys.executable, "-c", code, here, str(tmp_path / "run")], check=True, timeout=120)
     assert palpate.Run.open(tmp_path / "run").times.size > 0
+
+
+def test_a_hand_moves_as_in_the_picture_of_the_camera(cube):
+    class Shift:
+        rate, num_reads = 200, 0
+
+        def read(self):  # to the right
+            self.num_reads += 1
+            return [0.02 if self.num_reads > 20 else 0, 0, 0, 0, 0, 0, 1]
+
+        def write(self, wrench):
+            pass
+
+    X_WC = pose_matrix([0.3, -0.2, 0.1, 0.5, -0.5, 0.5, 0.5])
+    start = [[0, 0.3, 0.1, 0.2, 0, 0, 0.6, 0.8]]
+    posed = "scene:wall?pose=0.3,-0.2,0.1,0.5,-0.5,0.5,0.5"
+    pushed = palpate.PushedCamera(palpate.Camera(160, 120, 140.0, 140.0, 79.5, 59.5, pose=X_WC))
+    for camera in (posed, pushed):
+        poses = {}
+
+        def hear(tick):
+            poses[tick.hand_pose[0]] = tick.pose
+            return len(poses) < 2
+
+        pushed.push(np.ones((120, 160), np.float32))
+        palpate.touch(cube, camera, start, device=Shift(), duration=60, on_tick=hear, coupling_kind="none").wait()
+        np.testing.assert_allclose(poses[0], start[0][1:], atol=1e-12)
+        np.testing.assert_allclose(poses[0.02][:3] - poses[0][:3], 0.02 * X_WC[:3, 0], atol=1e-12)
+
+
+def test_what_is_a_device_and_what_a_path(tmp_path, monkeypatch):
+    from palpate._run import _is_device
+
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "haply").mkdir()
+    (tmp_path / "page").write_text("0 0 0 0 0 0 0 1\n")
+    for given in ("sim", "sim:touch", "replay:a.txt", "spacenav", "haply", "ros2:tool0@camera", "ros2:/pose",
+                  "vrpn:Falcon0@localhost"):
+        assert _is_device(given), given
+    for given in ("page", "sims", "path.txt", "folder/sim"):
+        assert not _is_device(given), given
 
 
 def test_bad_requests(cube, tmp_path):

@@ -10,6 +10,10 @@
 
 namespace palpate::inline v0 {
 
+/// The damping of a mechanism that its largest stiffness takes for granted: at 1 kHz a spring K is
+/// passive for K < 2 b / T (Colgate and Schenkel), so b = K T / 2.
+constexpr double assumed_damping(double max_stiffness) { return max_stiffness * 0.5e-3; }
+
 /// Opens by what follows the kind's name and a colon; empty: the first one there is.
 using OpenDevice = Result<std::unique_ptr<HapticDevice>> (*)(std::string_view address);
 /// Says what can be used; takes 0.3 s at most and never moves a device.

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cctype>
 
+#include "src/devices/device_kinds.h"
+
 namespace palpate::inline v0 {
 namespace {
 
@@ -11,11 +13,8 @@ namespace {
 // devices (CHaplyDevices.cpp). Where makers name larger forces (sigma.7: 20 N) the smaller one is
 // taken. A torque of 0: orientation is sensed at most, not driven.
 //
-// No maker specifies the damping of the mechanism. Assumed is what the stiffness takes for granted:
-// at 1 kHz a spring of stiffness K is passive for K < 2 b / T (Colgate and Schenkel), so b = K T
-// / 2. Moving masses are estimates too.
-
-constexpr double kHalfTick = 0.5e-3;  // s
+// No maker specifies the damping of the mechanism: assumed is what the stiffness takes for granted.
+// Moving masses are estimates too.
 
 constexpr DeviceModel model(std::string_view key, std::string_view name, double max_force,
                             double max_torque, double max_stiffness, double max_angular_stiffness,
@@ -28,8 +27,8 @@ constexpr DeviceModel model(std::string_view key, std::string_view name, double 
            .max_angular_stiffness = max_angular_stiffness,
            .max_damping = max_damping,
            .workspace_radius = workspace_radius,
-           .damping = max_stiffness * kHalfTick,
-           .angular_damping = max_angular_stiffness * kHalfTick},
+           .damping = assumed_damping(max_stiffness),
+           .angular_damping = assumed_damping(max_angular_stiffness)},
           moving_mass};
 }
 

@@ -13,6 +13,7 @@
 #include "palpate/devices/devices.h"
 #include "src/core/bounded_call.h"
 #include "src/devices/device_kinds.h"
+#include "src/devices/device_pose.h"
 #include "src/devices/force_dimension_api.h"
 #include "src/devices/motor_wrench.h"
 #include "src/devices/polling_device.h"
@@ -31,6 +32,12 @@ constexpr int kStatusPeriod = 10;  // ticks
 constexpr int kMaxForceOffs = 25;  // looks at the status: 0.25 s
 constexpr int kMaxDeviceNumber = 126;
 constexpr double kClosePatience = 2;  // s
+
+/// The SDK has x towards the hand, y to the right and z up, with the origin in the middle, for a
+/// Falcon, too. So H3D's HAPI reads dhdGetPosition(&z, &x, &y) and writes dhdSetForceAndTorque(z,
+/// x, y) for x right, y up, z to the viewer, and CHAI3D, with x to the viewer and z up, takes the
+/// numbers as they are.
+constexpr MakerAxes kSdkAxes{2, 3, 1};
 
 /// Model of a system type (dhdc.h); the weakest device for the ones that are not listed.
 DeviceModel model_of(int system_type) {
@@ -121,17 +128,17 @@ class ForceDimensionDevice final : public PolledDevice {
         api_.dhdGetPositionAndOrientationFrame(&p.x, &p.y, &p.z, matrix, id_) >= 0 &&
         api_.dhdGetLinearVelocity(&v.x, &v.y, &v.z, id_) >= 0 &&
         (!has_wrist_ || api_.dhdGetAngularVelocityRad(&w.x, &w.y, &w.z, id_) >= 0);
-    Pose X_BH{p, {}};
+    Pose X_BH{kSdkAxes.in_base(p), {}};
     Mat3d R = rotation_matrix({});
     if (has_wrist_) {
       std::memcpy(R.m, matrix, sizeof matrix);
-      X_BH.rotation = quaternion_of(R);
+      X_BH.rotation = kSdkAxes.in_base(quaternion_of(R));
     }
     state.is_valid =
-        has_answered && is_finite(X_BH) && is_rotation(R) && std::isfinite(norm(v) + norm(w));
+        has_answered && is_possible(X_BH) && is_rotation(R) && std::isfinite(norm(v) + norm(w));
     if (!state.is_valid) return is_still_there();
     state.X_BH = X_BH;
-    state.V_BH = {v, w};
+    state.V_BH = kSdkAxes.in_base(Twist{v, w});
     state.buttons = api_.dhdGetButtonMask(id_);
     if (num_ticks_++ % kStatusPeriod == 0 && !watch_force()) return false;
     state.has_force = has_force() && ramp_.is_full();
@@ -166,8 +173,8 @@ class ForceDimensionDevice final : public PolledDevice {
  private:
   bool has_force() const noexcept { return is_force_on_ && num_silent_ == 0; }
 
-  bool send(const Wrench& F) noexcept {
-    const auto& [force, torque] = F;
+  bool send(const Wrench& F_H_B) noexcept {
+    const auto [force, torque] = kSdkAxes.of_maker(F_H_B);
     return api_.dhdSetForceAndTorqueAndGripperForce(force.x, force.y, force.z, torque.x, torque.y,
                                                     torque.z, 0, id_) >= 0;
   }

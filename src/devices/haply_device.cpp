@@ -14,6 +14,7 @@
 
 #include "palpate/devices/devices.h"
 #include "src/devices/device_kinds.h"
+#include "src/devices/device_pose.h"
 #include "src/devices/haply_messages.h"
 #include "src/devices/motor_wrench.h"
 #include "src/devices/polling_device.h"
@@ -33,6 +34,20 @@ constexpr HaplyVersion kSaysVector{3, 5};
 // many ticks above this size, was sent in the wrong words.
 constexpr double kConfirmableForce = 0.05;  // N
 constexpr int kPatience = 50;               // ticks
+
+/// The service has x to the right, y away from the hand and z up, if no session asks for another
+/// basis (docs.haply.co, inverseSDK/service/commons/basis), and we do not.
+constexpr MakerAxes kServiceAxes{1, 3, -2};
+
+/// The middle of the workspace from the device's base, which is the origin by default
+/// (center_workspace in the examples of Haply's HardwareAPI), in the service's axes, m. The presets
+/// "..._centered" have the origin in the middle themselves, and with those that turn or move the
+/// device it is where the user has it (commons/mount-and-workspace).
+constexpr Vec3d kMiddle{0.0186, -0.153, 0.151};
+Vec3d middle_of(std::string_view preset) {
+  const bool is_base = preset.empty() || preset == "defaults" || preset == "arm_front";
+  return is_base ? kMiddle : Vec3d{};
+}
 
 bool is_usable(const Quaternion& q) {
   const double square = q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w;
@@ -150,6 +165,7 @@ class HaplyDevice final : public PolledDevice {
   HaplyAddress address_;
   Inventory found_;
   DeviceInfo info_;
+  Vec3d middle_;  // of the workspace, in the service's frame
   HaplyRequest request_;
   std::optional<WebSocket> socket_, events_;
   HaplyMessage message_;
@@ -174,11 +190,13 @@ Status HaplyDevice::begin() {
   end();
   Result<Connected> connected = connect(address_.service, kAnswerTimeout);
   if (!connected) return connected.error();
-  if (connected->inventory.find(HaplyKind::inverse3, found_.device_id) == nullptr) {
+  const HaplyEntry* arm = connected->inventory.find(HaplyKind::inverse3, found_.device_id);
+  if (arm == nullptr) {
     return Error{Errc::not_found, "Inverse3 " + found_.device_id + " is no longer at " +
                                       url_of(address_.service) +
                                       "; switch it on and open it again"};
   }
+  middle_ = middle_of(arm->preset);
   socket_ = std::move(connected->socket);
   // Without the event socket the loop still notices that states end or forces are not taken.
   if (Result<WebSocket> events =
@@ -260,11 +278,13 @@ bool HaplyDevice::take(std::string_view text, DeviceState& state) noexcept {
         "says so");
   if (!take_grip(message_, state)) return no("the grip is not connected; wake it up or charge it");
   // A hand is never exactly at the origin: without a position there is no state.
-  if (!arm->has_state || !arm->has_position || !is_finite(arm->position) ||
+  const Vec3d p_BH = kServiceAxes.in_base(arm->position - middle_);
+  if (!arm->has_state || !arm->has_position || !is_possible({p_BH, {}}) ||
       !is_finite(arm->velocity))
-    return no("its states hold no position");
-  state.X_BH.translation = arm->position;
-  state.V_BH = {arm->velocity, {}};  // the service measures no angular velocity
+    return no("its states hold no position that a hand can have");
+  state.X_BH.translation = p_BH;
+  // The service measures no angular velocity.
+  state.V_BH = {kServiceAxes.in_base(arm->velocity), {}};
   if (accepts_force(*arm)) return true;
   return no(
       "it does not take the forces sent; release the emergency brake, plug in the power "
@@ -276,7 +296,7 @@ bool HaplyDevice::take_grip(const HaplyMessage& message, DeviceState& state) noe
   if (const HaplyEntry* grip = message.find(found_.grip_kind, found_.grip_id)) {
     is_grip_connected_ = grip->is_connected.value_or(is_grip_connected_);
     if (grip->has_state && is_usable(grip->orientation)) {
-      orientation_ = normalized(grip->orientation);
+      orientation_ = kServiceAxes.in_base(normalized(grip->orientation));
       buttons_ = grip->buttons;
     }
   }
@@ -335,7 +355,7 @@ bool HaplyDevice::is_well() noexcept {
 bool HaplyDevice::write(const Wrench& F_H_B) noexcept {
   // No answer yet: the service drops the last force by itself, and gets the newest one next time.
   if (is_waiting_) return true;
-  sent_ = motor_wrench(F_H_B, info_.limits).force * ramp_.share();
+  sent_ = kServiceAxes.of_maker(motor_wrench(F_H_B, info_.limits).force) * ramp_.share();
   return send(sent_, 0) || give_up("the service no longer accepts messages");
 }
 

@@ -90,6 +90,17 @@ void read_state(JsonScanner& json, HaplyEntry& entry) noexcept {
   }
 }
 
+void read_config(JsonScanner& json, HaplyEntry& entry) noexcept {
+  if (!json.enter_object()) return;
+  for (std::string_view key; json.next_member(key);) {
+    if (key == "preset") {
+      json.read(entry.preset);
+    } else {
+      json.skip();
+    }
+  }
+}
+
 void read_status(JsonScanner& json, HaplyEntry& entry) noexcept {
   if (!json.enter_object()) return;
   for (std::string_view key; json.next_member(key);) {
@@ -115,6 +126,8 @@ void read_devices(JsonScanner& json, HaplyKind kind, HaplyMessage& message) noex
         json.read(entry.id);
       } else if (key == "state") {
         read_state(json, entry);
+      } else if (key == "config") {
+        read_config(json, entry);
       } else if (key == "status") {
         read_status(json, entry);
       } else {

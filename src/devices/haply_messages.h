@@ -28,6 +28,7 @@ struct HaplyEntry {
   Vec3d force;  ///< current_cursor_force: the last one received, N
   bool has_force = false;
   std::optional<bool> is_calibrated;
+  std::string_view preset;  ///< of its mount, e.g. "defaults"; the first message alone has it
 
   // grips
   Quaternion orientation;

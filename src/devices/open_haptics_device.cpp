@@ -77,6 +77,8 @@ DeviceLimits driver_limits(const OpenHapticsApi& api) {
     limits.max_angular_stiffness =
         requested(api, kHdMaxTorqueStiffness, kNewtonsPerMillinewton, 0, 1e3);
   }
+  limits.damping = assumed_damping(limits.max_stiffness);
+  limits.angular_damping = assumed_damping(limits.max_angular_stiffness);
   double box[6] = {};  // least x, y, z; largest
   api.hdGetDoublev(kHdUsableWorkspace, box);
   const double diameter = std::min({box[3] - box[0], box[4] - box[1], box[5] - box[2]});

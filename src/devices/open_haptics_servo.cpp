@@ -5,6 +5,7 @@
 
 #include "src/core/bounded_call.h"
 #include "src/core/monotonic_clock.h"
+#include "src/devices/device_pose.h"
 
 namespace palpate::inline v0 {
 namespace {
@@ -74,7 +75,8 @@ unsigned OpenHapticsServo::frame() noexcept {
   return kHdCallbackDone;
 }
 
-/// The transform is column by column, its translation in millimetres.
+/// The transform is column by column, its translation in millimetres. Its axes are those of B
+/// (HD_CURRENT_POSITION: "Right is +x, up is +y, toward user is +z").
 void OpenHapticsServo::read() noexcept {
   double m[16] = {}, v[3] = {}, w[3] = {};
   int buttons = 0;
@@ -93,7 +95,7 @@ void OpenHapticsServo::read() noexcept {
     X_BH.rotation = quaternion_of(R);
   }
   const Twist V_BH{vector(v) * kMetresPerMillimetre, vector(w)};
-  state_.is_valid = (error == 0 || is_force_error(error)) && is_finite(X_BH) && is_rotation(R) &&
+  state_.is_valid = (error == 0 || is_force_error(error)) && is_possible(X_BH) && is_rotation(R) &&
                     std::isfinite(norm(V_BH.linear) + norm(V_BH.angular));
   if (!state_.is_valid) return;
   state_.X_BH = X_BH;

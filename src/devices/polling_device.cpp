@@ -4,6 +4,7 @@
 
 #include "src/core/bounded_call.h"
 #include "src/core/internal/guarded.h"
+#include "src/devices/device_pose.h"
 
 namespace palpate::inline v0 {
 namespace {
@@ -53,7 +54,12 @@ void PollingDevice::give_up() noexcept {
 
 bool PollingDevice::Polled::round(double time) noexcept {
   state.time = time;
+  const DeviceState last = state;
   bool is_there = device->read(state);
+  if (state.is_valid && !is_possible(state.X_BH)) {
+    state = last;
+    state.is_valid = false;
+  }
   if (is_there) {
     if (!door.enter()) return false;
     const Wrench F_H_B = tick(state);

@@ -32,12 +32,11 @@ double share(std::int32_t counts) {
 }
 
 /// The daemon's axes are x right, y up, z away from the user, and turns are about x, y and -z of
-/// the right-handed x right, y up, z to the user (libspnav, spnav_posrot_moveobj). B is like the
-/// frame of a camera that looks over the user's shoulder: x right, y down, z away.
+/// the right-handed x right, y up, z to the user, which is B (libspnav, spnav_posrot_moveobj).
 Twist twist_of(const SpacenavConnection::Event& motion) {
   const auto axis = [&motion](int i) { return share(motion[static_cast<std::size_t>(i)]); };
-  return {kFastest * Vec3d{axis(1), -axis(2), axis(3)},
-          kFastestTurn * Vec3d{axis(4), -axis(5), axis(6)}};
+  return {kFastest * Vec3d{axis(1), axis(2), -axis(3)},
+          kFastestTurn * Vec3d{axis(4), axis(5), -axis(6)}};
 }
 
 class Spacenav final : public PolledDevice {

@@ -4,6 +4,9 @@
 // which adds no stiffness of its own. The radius bounds where a force is felt if we end
 // without a word. A Falcon's server grows it anew from a tenth with every field and lets x0 lag
 // behind the hand by ten ticks, so much smaller it may not be.
+//
+// B is the frame of the server, whichever that is: VRPN does not say. A Falcon's has z towards the
+// hand and the origin in the middle (vrpn_Tracker_NovintFalcon.C).
 
 #include "src/devices/vrpn_device.h"
 #include "src/core/monotonic_clock.h"
@@ -21,6 +24,7 @@
 
 #include "palpate/devices/devices.h"
 #include "src/devices/device_kinds.h"
+#include "src/devices/device_pose.h"
 #include "src/devices/motor_wrench.h"
 #include "src/devices/polling_device.h"
 #include "src/devices/twist_between.h"
@@ -37,7 +41,6 @@ constexpr double kLongestStep = 0.1;       // s between poses that a velocity co
 constexpr double kAnswerTimeout = 1.0;     // s for anything before the first tick
 constexpr double kVelocityFilter = 0.005;  // s, of velocities from positions
 constexpr double kMaxVelocityAge = 0.05;   // s: the server has said nothing since, so it is over
-constexpr double kFarthest = 100;          // m: no device reaches as far
 constexpr int kMaxMessages = 256;          // of one tick: more must wait for the next
 
 // Servers smooth the field, a Falcon's by default with a time constant of 9.5 ms. A spring through
@@ -116,13 +119,6 @@ Result<VrpnConnection> connect(const VrpnAddress& address) {
   return Error{Errc::not_found, "the VRPN server at " + describe(address.server) +
                                     " has no device " + address.name +
                                     (names.empty() ? "; see its vrpn.cfg" : ", but: " + names)};
-}
-
-/// Of a device, and no mistake of its server. Rotations may be off by what they were rounded to.
-bool is_possible(const Pose& X_BH) {
-  const Quaternion& q = X_BH.rotation;
-  const double square = q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w;
-  return is_finite(X_BH) && norm(X_BH.translation) < kFarthest && square > 0.25 && square < 4;
 }
 
 class VrpnDevice final : public PolledDevice {

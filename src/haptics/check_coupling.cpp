@@ -121,6 +121,8 @@ Result<CheckedCoupling> check_coupling(const CouplingOptions& options, const Dev
                  "no stiffness of the coupling is passive without any damping; give a stiffness or "
                  "a damping ratio above 0"};
   }
+  // The mechanism alone damps a wall: what holds the tool stands still there.
+  o.wall_stiffness = std::min(o.stiffness, 2 * limits.damping / tick_seconds);
   if (o.kind == CouplingKind::proxy && o.hold == ContactHold::interpolation) {
     checked.warnings.push_back(
         "the proxy needs to know how contact changes and uses the local model, not interpolation");

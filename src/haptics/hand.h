@@ -50,7 +50,7 @@ class Hand {
   const Pose& X_BH() const noexcept { return X_BH_; }
 
  private:
-  double wall_stiffness() const noexcept { return options_.stiffness / options_.motion_scale; }
+  double wall_stiffness() const noexcept { return options_.wall_stiffness / options_.motion_scale; }
   bool is_usable(const DeviceState& state) const noexcept;
   void go_on(double time) noexcept;
   Vec6 velocity_of(const Twist& V_BH) const noexcept;

@@ -17,11 +17,14 @@ namespace {
 
 using test::wait_for;
 
+constexpr double kStep = 1.0 / 1024;  // m at each tick
+
 /// What a driver is told, and when it gives up.
 struct Diary {
   bool begins = true;
   std::function<void()> while_beginning;
   int lost_at_read = -1, lost_at_write = -1;
+  std::atomic<bool> is_wild = false;
   std::atomic<int> num_begun = 0, num_ended = 0, num_read = 0, num_written = 0;
   bool was_motor_on_in_read = true;
   double written = 0;
@@ -40,7 +43,7 @@ class ScriptedDevice final : public PolledDevice {
   }
   bool read(DeviceState& state) noexcept override {
     diary_.was_motor_on_in_read &= diary_.num_begun == diary_.num_ended + 1;
-    state.X_BH.translation.x += 1;
+    state.X_BH.translation.x = diary_.is_wild ? 1e308 : state.X_BH.translation.x + kStep;
     state.is_valid = true;
     return ++diary_.num_read != diary_.lost_at_read;
   }
@@ -67,8 +70,9 @@ TEST(PollingDevice, ReadsTicksAndWritesInTurnWithoutAllocating) {
     if (num_ticks == 0) first_allocations = test::num_allocations();
     allocations = test::num_allocations();
     ++num_ticks;
-    is_in_order = is_in_order && state.time > last_time && state.X_BH.translation.x == num_ticks &&
-                  diary.num_read == num_ticks && diary.num_written == num_ticks - 1;
+    is_in_order = is_in_order && state.time > last_time &&
+                  state.X_BH.translation.x == kStep * num_ticks && diary.num_read == num_ticks &&
+                  diary.num_written == num_ticks - 1;
     last_time = state.time;
     return Wrench{{static_cast<double>(num_ticks), 0, 0}, {}};
   }));
@@ -115,6 +119,27 @@ TEST(PollingDevice, ALostDeviceTurnsItsMotorsOffAndSaysWhy) {
     device.stop();
     EXPECT_EQ(diary.num_ended, 2);
   }
+}
+
+// Whatever drivers take for a pose: the last possible one stays, and the hand goes on from there.
+TEST(PollingDevice, APositionThatNoDeviceReachesIsNoState) {
+  Diary diary;
+  PollingDevice device(std::make_unique<ScriptedDevice>(diary));
+  std::atomic<int> num_valid = 0, num_invalid = 0;
+  std::atomic<bool> is_steady = true;
+  ASSERT_TRUE(device.start([&](const DeviceState& state) {
+    ++(state.is_valid ? num_valid : num_invalid);
+    if (state.X_BH.translation.x != kStep * num_valid) is_steady = false;
+    return Wrench{};
+  }));
+  EXPECT_TRUE(wait_for([&] { return num_valid > 5; }));
+  diary.is_wild = true;
+  EXPECT_TRUE(wait_for([&] { return num_invalid > 5; }));
+  diary.is_wild = false;
+  const int num_then = num_valid;
+  EXPECT_TRUE(wait_for([&] { return num_valid > num_then + 5; }));
+  device.stop();
+  EXPECT_TRUE(is_steady);
 }
 
 TEST(PollingDevice, CanBeStoppedFromATick) {

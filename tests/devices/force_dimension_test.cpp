@@ -195,16 +195,16 @@ TEST_F(ForceDimension, StateAndWrench) {
   EXPECT_EQ(fake_.gravity, 1);
   EXPECT_EQ(fake_.max_force, 12);
   EXPECT_EQ(fake_.max_torque, 0.2);
-  const double expected[] = {1, 2, 3, 0.01, 0.02, 0.03, 0};
+  const double expected[] = {3, 1, 2, 0.03, 0.01, 0.02, 0};
   for (int i = 0; i < 7; ++i) EXPECT_EQ(fake_.wrench[i], expected[i]) << i;
   device->stop();
   expect_no_force();
   EXPECT_TRUE(seen.is_valid);
-  EXPECT_EQ(seen.X_BH.translation, (Vec3d{0.01, 0.02, 0.03}));
+  EXPECT_EQ(seen.X_BH.translation, (Vec3d{0.02, 0.03, 0.01}));
   const Quaternion& q = seen.X_BH.rotation;
-  EXPECT_NEAR(std::abs(q.x * turn.x + q.y * turn.y + q.z * turn.z + q.w * turn.w), 1, 1e-12);
-  EXPECT_EQ(seen.V_BH.linear, (Vec3d{0.1, 0.2, 0.1 * 3}));
-  EXPECT_EQ(seen.V_BH.angular, (Vec3d{1, 2, 3}));
+  EXPECT_NEAR(std::abs(q.x * turn.y + q.y * turn.z + q.z * turn.x + q.w * turn.w), 1, 1e-12);
+  EXPECT_EQ(seen.V_BH.linear, (Vec3d{0.2, 0.1 * 3, 0.1}));
+  EXPECT_EQ(seen.V_BH.angular, (Vec3d{2, 3, 1}));
   EXPECT_EQ(seen.buttons, 5u);
 
   // Once more, and gone with the device.
@@ -235,8 +235,12 @@ TEST_F(ForceDimension, EveryRotationSurvivesAsAQuaternion) {
                       .has_value());
       ASSERT_TRUE(eventually([&] { return has_seen.load(); }));
       device->stop();
-      const Mat3d back = rotation_matrix(seen.X_BH.rotation);
-      for (int i = 0; i < 9; ++i) EXPECT_NEAR(back.m[i / 3][i % 3], R.m[i / 3][i % 3], 1e-12);
+      // The same turn about the same axis of the room, whose x, y and z the SDK calls y, z and x.
+      const Vec3d axis_B{axis.y, axis.z, axis.x};
+      const Mat3d back = rotation_matrix(seen.X_BH.rotation),
+                  expected = rotation_matrix(axis_angle(axis_B, angle));
+      for (int i = 0; i < 9; ++i)
+        EXPECT_NEAR(back.m[i / 3][i % 3], expected.m[i / 3][i % 3], 1e-12);
     }
   }
 }
@@ -263,8 +267,8 @@ TEST_F(ForceDimension, WithoutAWristItIsStraightAndWithoutTorque) {
 
 TEST_F(ForceDimension, TooMuchIsShortenedAndNonsenseIsNoForce) {
   auto device = running({{30, 0, 40}, {}});
-  EXPECT_NEAR(fake_.wrench[0], 12 * 0.6, 1e-12);
-  EXPECT_NEAR(fake_.wrench[2], 12 * 0.8, 1e-12);
+  EXPECT_NEAR(fake_.wrench[1], 12 * 0.6, 1e-12);
+  EXPECT_NEAR(fake_.wrench[0], 12 * 0.8, 1e-12);
   device->stop();
   fake_.reset();
   const double nan = std::numeric_limits<double>::quiet_NaN();
@@ -305,7 +309,7 @@ TEST_F(ForceDimension, NoForceWhileTheDeviceSaysNothing) {
                   ->start([&](const DeviceState& state) {
                     ++(state.is_valid ? num_valid : num_invalid);
                     if (!state.is_valid && num_invalid == 5) fake_.position[0] = 0;
-                    EXPECT_EQ(state.X_BH.translation.y, 0.5);  // the old one when invalid
+                    EXPECT_EQ(state.X_BH.translation.x, 0.5);  // the old one when invalid
                     return kPush;
                   })
                   .has_value());
@@ -421,7 +425,7 @@ TEST_F(ForceDimension, ADeviceThatDoesNotCloseIsLeft) {
 // Without a force for a moment, the hand has moved on: all of it at once would be a blow.
 TEST_F(ForceDimension, TheForceComesBackSlowlyWhenTheDeviceHadNone) {
   auto device = running(kPush);
-  EXPECT_TRUE(eventually([&] { return fake_.wrench[0] == 1; }));
+  EXPECT_TRUE(eventually([&] { return fake_.wrench[0] == 3; }));
   for (const bool is_silent : {false, true}) {
     (is_silent ? fake_.read_result : fake_.status_result) = is_silent ? -1 : 0;
     fake_.takes_force = is_silent;
@@ -429,9 +433,9 @@ TEST_F(ForceDimension, TheForceComesBackSlowlyWhenTheDeviceHadNone) {
     fake_.largest_step = 0;
     fake_.read_result = 0;
     fake_.takes_force = true;
-    ASSERT_TRUE(eventually([&] { return fake_.wrench[0] == 1; })) << fake_.wrench[0].load();
+    ASSERT_TRUE(eventually([&] { return fake_.wrench[0] == 3; })) << fake_.wrench[0].load();
     EXPECT_GT(fake_.largest_step, 0);
-    EXPECT_LT(fake_.largest_step, 0.01);  // 1 N in 200 ticks: 0.005 N at each
+    EXPECT_LT(fake_.largest_step, 0.03);  // 3 N in 200 ticks: 0.015 N at each
     EXPECT_TRUE(device->status().has_value());
   }
 }
@@ -459,6 +463,20 @@ TEST_F(ForceDimension, ATransformThatIsNoRotationIsNoPose) {
     EXPECT_TRUE(eventually([&] { return !device->status(); }));  // so many in a row
     EXPECT_FALSE(has_valid);
   }
+}
+
+TEST_F(ForceDimension, APositionThatNoDeviceReachesIsNoPose) {
+  fake_.position[1] = 0.05;
+  auto device = running(kPush);
+  std::atomic<bool> is_far = false;
+  device->stop();
+  ASSERT_TRUE(device->start([&](const DeviceState& state) {
+    is_far = is_far || norm(state.X_BH.translation) > 1;
+    return kPush;
+  }));
+  fake_.position[2] = 1e308;
+  EXPECT_TRUE(eventually([&] { return !device->status(); }));
+  EXPECT_FALSE(is_far);
 }
 
 TEST_F(ForceDimension, ALostStatusIsALostDevice) {

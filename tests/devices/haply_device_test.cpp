@@ -75,7 +75,7 @@ TEST(HaplyDevice, ProbesBeforeTheFirstTickThenSendsEveryForce) {
   EXPECT_NE(messages[2].find("probe_orientation"), std::string::npos) << messages[2];
   const auto forces = bench.service.forces();
   ASSERT_FALSE(forces.empty());
-  EXPECT_EQ(forces.front(), (Vec3d{0.25, -0.5, 1}));
+  EXPECT_EQ(forces.front(), (Vec3d{0.25, -1, -0.5}));  // its y is away from the hand, its z up
   EXPECT_TRUE(bench.device->status());
 }
 
@@ -83,18 +83,34 @@ TEST(HaplyDevice, TheHandFeelsTheForce) {
   HaplyServiceOptions options;
   options.force_timeout = 5;  // of a client that may be late
   Bench bench(options);
-  const Vec3d rest = bench.service.hand_position();
-  bench.log.set_force({0, 0, 1});
+  bench.service.set_target({0.02, -0.15, 0.15});
+  bench.log.set_force({0, 1, 0});
   bench.start();
-  // At rest the force is held by the hand's spring of 100 N/m: one centimetre.
+  // At rest the force is held by the hand's spring of 100 N/m: one centimetre, upwards.
   EXPECT_TRUE(eventually([&] {
-    const DeviceState state = bench.log.last();
-    return state.is_valid && std::abs(state.X_BH.translation.z - rest.z - 0.01) < 0.002 &&
-           std::abs(state.V_BH.linear.z) < 0.01;
+    return bench.log.last().is_valid &&
+           norm(bench.service.hand_position() - Vec3d{0.02, -0.15, 0.16}) < 0.002;
   }));
+  const std::vector<DeviceState> states = bench.log.states();
+  EXPECT_NEAR(states.back().X_BH.translation.y - states.front().X_BH.translation.y, 0.01, 0.003);
   bool has_moved = false;
-  for (const DeviceState& state : bench.log.states()) has_moved |= state.V_BH.linear.z > 0.01;
+  for (const DeviceState& state : states) has_moved |= state.V_BH.linear.y > 0.01;
   EXPECT_TRUE(has_moved) << "velocities come with the states";
+}
+
+// Where the maker's own example has the middle of the workspace, seen from the device's base.
+TEST(HaplyDevice, TheOriginIsTheMiddleOfTheWorkspace) {
+  const Vec3d off{0.01, 0.02, 0.03};  // to the right, away from the hand, up
+  for (const std::string preset : {"defaults", "arm_front", "", "arm_front_centered", "custom"}) {
+    HaplyServiceOptions options;
+    options.preset = preset;
+    Bench bench(options);
+    const bool is_base = preset.empty() || preset == "defaults" || preset == "arm_front";
+    bench.service.set_target(is_base ? Vec3d{0.0186, -0.153, 0.151} + off : off);
+    bench.start();
+    ASSERT_TRUE(eventually([&] { return bench.log.num_valid() > 5; }));
+    EXPECT_LT(norm(bench.log.last().X_BH.translation - Vec3d{0.01, 0.03, -0.02}), 1e-9) << preset;
+  }
 }
 
 TEST(HaplyDevice, EveryGrip) {
@@ -109,8 +125,11 @@ TEST(HaplyDevice, EveryGrip) {
     ASSERT_TRUE(eventually([&] { return bench.log.num_valid() > 5; }));
     const DeviceState state = bench.log.last();
     EXPECT_EQ(bench.device->info().senses_orientation, !grip.empty());
-    const Quaternion expected = grip.empty() ? Quaternion{} : turned;
+    // The same turn about the same axis: the service's y is away from the hand, its z up.
+    const Quaternion expected = grip.empty() ? Quaternion{} : axis_angle({1, 3, -2}, 0.7);
     EXPECT_NEAR(state.X_BH.rotation.x, expected.x, 1e-12) << grip;
+    EXPECT_NEAR(state.X_BH.rotation.y, expected.y, 1e-12) << grip;
+    EXPECT_NEAR(state.X_BH.rotation.z, expected.z, 1e-12) << grip;
     EXPECT_NEAR(state.X_BH.rotation.w, expected.w, 1e-12) << grip;
     EXPECT_EQ(state.buttons, grip.empty() ? 0u : (grip == "verse_grip" ? 1u : 0b1101u)) << grip;
   }
@@ -124,7 +143,7 @@ TEST(HaplyDevice, OlderServicesGetOlderWords) {
   bench.log.set_force({0, 1, 0});
   bench.start();
   ASSERT_TRUE(eventually([&] { return bench.log.num_valid() > 20; }));
-  EXPECT_EQ(bench.service.forces().front(), (Vec3d{0, 1, 0}));
+  EXPECT_EQ(bench.service.forces().front(), (Vec3d{0, 0, 1}));
 }
 
 TEST(HaplyDevice, ChangesItsWordsWhenNotHeardAndBeginsSoftly) {
@@ -134,11 +153,11 @@ TEST(HaplyDevice, ChangesItsWordsWhenNotHeardAndBeginsSoftly) {
   Bench bench(options);
   bench.log.set_force({0, 1, 0});
   bench.start();
-  ASSERT_TRUE(eventually([&] { return bench.service.last_force().y > 0.999; }));
+  ASSERT_TRUE(eventually([&] { return bench.service.last_force().z > 0.999; }));
   double largest_step = 0;
   const auto forces = bench.service.forces();
   for (std::size_t i = 1; i < forces.size(); ++i)
-    largest_step = std::max(largest_step, forces[i].y - forces[i - 1].y);
+    largest_step = std::max(largest_step, forces[i].z - forces[i - 1].z);
   EXPECT_LT(largest_step, 0.01);
   EXPECT_TRUE(bench.device->status());
 }
@@ -201,9 +220,18 @@ TEST(HaplyDevice, MissingFieldsAreTheIdentityOrAsTheyWere) {
   ASSERT_TRUE(eventually([&] { return bench.log.size() > before + 20; }));
   const DeviceState state = bench.log.last();
   EXPECT_TRUE(bench.device->status());
-  EXPECT_NEAR(norm(state.X_BH.translation - Vec3d{0, 0, 0.15}), 0, 1e-3);
+  EXPECT_NEAR(norm(state.X_BH.translation - Vec3d{-0.0186, -0.001, -0.153}), 0, 1e-3);
   EXPECT_EQ(state.V_BH.linear, Vec3d{});
-  EXPECT_EQ(state.X_BH.rotation, (Quaternion{0, 0, 1, 0})) << "the grip was not mentioned";
+  EXPECT_EQ(state.X_BH.rotation, (Quaternion{0, 1, 0, 0})) << "the grip was not mentioned";
+}
+
+TEST(HaplyDevice, APositionThatNoDeviceReachesIsNoState) {
+  Bench bench;
+  bench.start();
+  ASSERT_TRUE(eventually([&] { return bench.log.num_valid() > 5; }));
+  bench.service.set_target({1e308, 0, 0});
+  bench.wait_until_lost("hold no position");
+  for (const DeviceState& state : bench.log.states()) EXPECT_LT(norm(state.X_BH.translation), 1);
 }
 
 TEST(HaplyDevice, LateAnswersAreTicksWithoutAState) {

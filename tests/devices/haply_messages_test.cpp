@@ -20,6 +20,7 @@ using nlohmann::json;
 constexpr std::string_view kInventory = R"( {"session_id":7,
  "inverse3":[{"config":{"type":"inverse3","port":"COM12","device_info":{"id":"049D","uuid":"\"\\u00e9"},
    "gravity_compensation":{"enabled":true,"scaling_factor":1.0},"basis":{"permutation":"XYZ"},
+   "preset":"arm_front",
    "mount":{"position":{},"rotation":{},"scale":{}},"filters":[1,[2,{"a":[]}],null]},
    "state":{"cursor_position":{"x":0.25,"y":-0.12,"z":1.5e-1},"cursor_velocity":{"z":-1},
      "body_orientation":{"w":1,"x":0,"y":0,"z":0},"current_cursor_force":{"x":0,"y":0.5,"z":0},
@@ -42,10 +43,12 @@ TEST(HaplyMessages, ReadsAnInventory) {
   EXPECT_EQ(arm->velocity, (Vec3d{0, 0, -1}));
   EXPECT_EQ(arm->force, (Vec3d{0, 0.5, 0}));
   EXPECT_EQ(arm->is_calibrated, false);
+  EXPECT_EQ(arm->preset, "arm_front");
   const HaplyEntry* empty = message.find(HaplyKind::inverse3, "0000");
   ASSERT_NE(empty, nullptr);
   EXPECT_TRUE(empty->has_state);
   EXPECT_FALSE(empty->has_position || empty->has_force || empty->is_calibrated);
+  EXPECT_EQ(empty->preset, "");
   const HaplyEntry* wired = message.find(HaplyKind::verse_grip);
   EXPECT_EQ(wired->orientation, (Quaternion{0.5, 0.5, 0.5, 0.5}));
   EXPECT_EQ(wired->buttons, 1u);

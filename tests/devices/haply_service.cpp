@@ -163,8 +163,10 @@ json HaplyService::Impl::inventory(bool is_first) {
         if (arm["state"]["cursor_position"][key] == 0.0) arm["state"]["cursor_position"].erase(key);
       }
     }
-    if (is_first)
-      arm["config"] = {{"type", "inverse3"}, {"preset", "defaults"}, {"mount", {{"x", {1, 2}}}}};
+    if (is_first) {
+      arm["config"] = {{"type", "inverse3"}, {"mount", {{"x", {1, 2}}}}};
+      if (!options.preset.empty()) arm["config"]["preset"] = options.preset;
+    }
     message["inverse3"] = json::array({arm});
   } else {
     message["inverse3"] = json::array();

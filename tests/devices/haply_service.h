@@ -18,6 +18,7 @@ struct HaplyServiceOptions {
   bool accepts_vector = true, accepts_values = true;
   bool echoes_forces = true;        ///< states tell current_cursor_force at all
   std::string grip = "verse_grip";  ///< its kind; empty: none
+  std::string preset = "defaults";  ///< of the arm's mount; empty: it does not say
   bool has_arm = true;
   bool has_events = true;
   double force_timeout = 0.01;  ///< s without a message, then the force is forgotten

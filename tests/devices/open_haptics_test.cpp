@@ -144,6 +144,9 @@ TEST_F(OpenHaptics, LimitsAreAskedFor) {
   EXPECT_DOUBLE_EQ(limits.max_stiffness, 800);
   EXPECT_DOUBLE_EQ(limits.max_damping, 5);
   EXPECT_DOUBLE_EQ(limits.max_angular_stiffness, 0.3);
+  // What is passive at 1 kHz with these stiffnesses, as of the models: K = 2 b / T.
+  EXPECT_DOUBLE_EQ(limits.damping, 0.4);
+  EXPECT_DOUBLE_EQ(limits.angular_damping, 0.15e-3);
   EXPECT_DOUBLE_EQ(limits.workspace_radius, 0.07);
   fake_.output_dof = 3;
   limits = open()->info().limits;
@@ -419,6 +422,14 @@ TEST_F(OpenHaptics, ATransformThatIsNoRotationIsNoPose) {
   fake_.transform[0] = 0;
   EXPECT_TRUE(eventually([&] { return fake_.force[0] == 0; }));
   fake_.transform[0] = 1;
+  EXPECT_TRUE(eventually([&] { return fake_.force[0] == 1; }));
+}
+
+TEST_F(OpenHaptics, APositionThatNoDeviceReachesIsNoPose) {
+  auto device = running(kPush);
+  fake_.transform[13] = 1e6;  // mm
+  EXPECT_TRUE(eventually([&] { return fake_.force[0] == 0; }));
+  fake_.transform[13] = 1;
   EXPECT_TRUE(eventually([&] { return fake_.force[0] == 1; }));
 }
 

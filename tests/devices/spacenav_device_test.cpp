@@ -158,11 +158,11 @@ TEST_F(SpacenavDevice, MovesAtTheSpeedOfThePush) {
     return now.X_BH.translation.x > 0.01 && now.V_BH.linear.x > 0;
   }));
   EXPECT_NEAR(state.V_BH.linear.x, 0.1, 1e-12);
-  EXPECT_NEAR(state.V_BH.linear.y, -0.05, 1e-12);  // y is down
-  EXPECT_NEAR(state.V_BH.linear.z, 0.1, 1e-12);
+  EXPECT_NEAR(state.V_BH.linear.y, 0.05, 1e-12);
+  EXPECT_NEAR(state.V_BH.linear.z, -0.1, 1e-12);  // z is towards the hand
   EXPECT_NEAR(state.V_BH.angular.x, -1, 1e-12);
   EXPECT_EQ(state.V_BH.angular.y, 0);
-  EXPECT_NEAR(state.V_BH.angular.z, -1, 1e-12);
+  EXPECT_NEAR(state.V_BH.angular.z, 1, 1e-12);
   device_->stop();
 
   // The pose is the integral of the velocity, over steps of 20 ms at most.
@@ -182,13 +182,13 @@ TEST_F(SpacenavDevice, MovesAtTheSpeedOfThePush) {
 TEST_F(SpacenavDevice, StandsStillWhenTheDaemonFallsSilent) {
   double z = 0;  // before the last push
   EXPECT_TRUE(comes([&](const DeviceState& state) {
-    if (state.V_BH.linear.z > 0) return true;
+    if (state.V_BH.linear.z < 0) return true;
     z = state.X_BH.translation.z;
     daemon_.motion(0, 0, 200, 0, 0, 0);
     return false;
   }));
   EXPECT_TRUE(comes([](const DeviceState& state) { return state.V_BH.linear.z == 0; }));
-  EXPECT_LT(newest().X_BH.translation.z - z, 0.1 * 0.6);
+  EXPECT_GT(newest().X_BH.translation.z - z, -0.1 * 0.6);
   EXPECT_TRUE(newest().is_valid);
   EXPECT_TRUE(device_->status().has_value());
 }
@@ -205,7 +205,7 @@ TEST_F(SpacenavDevice, IsLostWithTheDaemonAndComesBackWithIt) {
   start();
   daemon_.accept();
   EXPECT_TRUE(comes([this](const DeviceState& state) {
-    if (state.V_BH.linear.y > 0) return true;
+    if (state.V_BH.linear.y < 0) return true;
     daemon_.motion(0, -350, 0, 0, 0, 0);
     return false;
   }));

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <utility>
 
+#include "src/haptics/internal/place_hand.h"
 #include "src/math/internal/rotation_vector.h"
 
 namespace palpate {
@@ -190,7 +191,7 @@ TEST(Hand, TheClutchAsASettingTakesOver) {
 // The held tool stays in its box; what the hand feels there is the gradient of a spring's energy.
 TEST(Hand, WallsKeepTheToolInItsWorkspace) {
   CouplingOptions options = held_askew();
-  options.stiffness = 300;
+  options.wall_stiffness = 300;
   options.workspace_x = 0.05;
   options.workspace_z = 0.08;
   Hand hand(options, {0.01, -0.02, 0.05});
@@ -228,7 +229,7 @@ TEST(Hand, WallsKeepTheToolInItsWorkspace) {
   // A wall across one axis alone.
   for (int axis = 0; axis < 3; ++axis) {
     CouplingOptions one = held_askew();
-    one.stiffness = 300;
+    one.wall_stiffness = 300;
     (axis == 0 ? one.workspace_x : axis == 1 ? one.workspace_y : one.workspace_z) = 1e-3;
     Hand between(one, {});
     for (double time = -0.4; time < 0.4; time += 0.1) {
@@ -240,6 +241,71 @@ TEST(Hand, WallsKeepTheToolInItsWorkspace) {
   EXPECT_GT(
       norm((inverse(options.X_WB) * Hand(options, {}).follow(handle_at(0.4)).X_WT).translation),
       0.2);
+}
+
+/// How fast a handle of 45 g still is after two seconds against a wall of the workspace, if a hand
+/// pushes it there with 1 N and damps it by 0.3 N s/m beside what the device does.
+double speed_at_the_wall(const DeviceLimits& limits) {
+  constexpr double kTick = 1e-3, kMass = 0.045, kPush = 1, kWall = 0.05;
+  constexpr int kSubsteps = 100;
+  CouplingOptions options;
+  options.workspace_x = kWall;
+  MassProperties tool{1e-6, {}, {}};
+  for (int i = 0; i < 3; ++i) tool.inertia.m[i][i] = 1e-10;
+  const auto checked = check_coupling(options, limits, kTick, tool);
+  EXPECT_TRUE(checked.has_value());
+  EXPECT_TRUE(checked->warnings.empty());
+  const auto coupling = make_coupling(checked->options, limits, tool);
+  DeviceState state;
+  state.is_valid = true;
+  state.X_BH.translation.x = kWall;
+  coupling->reset(state);
+  double fastest = 0;
+  for (int i = 0; i < 3000; ++i) {
+    state.time = kTick * i;
+    const double force = coupling->step(state, {}, kTick).F_H_B.force.x + kPush;
+    double& x = state.X_BH.translation.x;
+    double& v = state.V_BH.linear.x;
+    for (int k = 0; k < kSubsteps; ++k) {
+      v += (force - (limits.damping + 0.3) * v) * (kTick / kSubsteps / kMass);
+      x += v * (kTick / kSubsteps);
+    }
+    if (i > 2000) fastest = std::max(fastest, std::abs(v));
+  }
+  return fastest;
+}
+
+// A driver may name a stiffness that its mechanism damps by far too little for.
+TEST(Hand, AWallIsNoStifferThanTheMechanismDamps) {
+  DeviceLimits limits{.max_force = 8, .max_stiffness = 1500, .max_damping = 4, .damping = 0.2};
+  EXPECT_LT(speed_at_the_wall(limits), 1e-3);
+  limits.max_stiffness = 300;  // less than 2 b / T
+  EXPECT_LT(speed_at_the_wall(limits), 1e-3);
+  CouplingOptions options;
+  options.motion_scale = 3;
+  const MassProperties tool{1e-6, {}, {}};
+  EXPECT_DOUBLE_EQ(check_coupling(options, limits, 1e-3, tool)->options.wall_stiffness, 300);
+  EXPECT_DOUBLE_EQ(check_coupling(options, limits, 2e-3, tool)->options.wall_stiffness, 200);
+}
+
+// Whatever the pose of the camera: to the right in the hand is to the right in its picture.
+TEST(Hand, MovesAsInThePictureOfTheCamera) {
+  const Pose X_WC{{1, 2, 3}, axis_angle({3, -1, 2}, 1.1)};
+  const Pose X_WT{{0.2, -0.1, 0.7}, axis_angle({1, 1, -2}, 0.8)};
+  CouplingOptions options;
+  place_hand(X_WC, X_WT, options);
+  Hand hand(options, {});
+  DeviceState state;
+  state.is_valid = true;
+  EXPECT_LT(apart(hand.follow(state).X_WT, X_WT), 1e-14);
+  const auto moved_C = [&](const Vec3d& p_BH) {
+    state.X_BH.translation = p_BH;
+    const Vec3d way_W = hand.follow(state).X_WT.translation - X_WT.translation;
+    return rotate(conjugate(X_WC.rotation), way_W);
+  };
+  EXPECT_LT(norm(moved_C({0.1, 0, 0}) - Vec3d{0.1, 0, 0}), 1e-14);   // right
+  EXPECT_LT(norm(moved_C({0, 0.1, 0}) - Vec3d{0, -0.1, 0}), 1e-14);  // up
+  EXPECT_LT(norm(moved_C({0, 0, 0.1}) - Vec3d{0, 0, -0.1}), 1e-14);  // towards the hand: nearer
 }
 
 }  // namespace

@@ -108,6 +108,8 @@ struct CouplingOptions {
   /// m: range of the origin of the held tool to either side of the origin of X_WB, along its axes.
   /// 0: unlimited.
   double workspace_x = 0, workspace_y = 0, workspace_z = 0;
+  /// N/m, of the walls of that range. No setting: check_coupling fills it in.
+  double wall_stiffness = 0;
   Pose X_WB;  ///< pose of the device's base in the scene
   Pose X_HT;  ///< pose of the tool in the hand
   FrictionOptions friction;

@@ -1,0 +1,18 @@
+// Where a hand that nobody has placed is.
+#pragma once
+
+#include "palpate/haptics/coupling.h"
+
+namespace palpate::inline v0 {
+
+/// The middle of the device's workspace is where the tool begins, with the tool as it is there. The
+/// hand moves as in the picture of the camera: devices have x to the right, y up and z towards the
+/// hand, cameras look along z with y down.
+inline void place_hand(const Pose& X_WC, const Pose& X_WT, CouplingOptions& coupling) {
+  constexpr Quaternion kHalfTurnAboutX{1, 0, 0, 0};
+  const Quaternion q_WB = X_WC.rotation * kHalfTurnAboutX;
+  coupling.X_WB = {X_WT.translation, q_WB};
+  coupling.X_HT.rotation = normalized(conjugate(q_WB) * X_WT.rotation);
+}
+
+}  // namespace palpate::inline v0
