@@ -102,11 +102,17 @@ Result<std::unique_ptr<HapticDevice>> make_device(const TouchOptions& options,
   if (options.is_simulated_hand() && !input.path.empty()) {
     return make_simulated_hand(options, follow(options, input, settings.coupling));
   }
-  if (options.is_robot() && options.device.find('@') == std::string::npos) {
-    const std::string& frame = input.stream().frame;
-    return open_device(options.device + (frame.empty() ? "" : "@" + frame));
+  if (!options.is_robot()) return open_device(options.device);
+  // Where its poses are and how old they may be is said once for the tool and the rest of the run.
+  const std::size_t parameters = std::min(options.device.find('?'), options.device.size());
+  std::string address = options.device.substr(0, parameters);
+  std::string more = options.device.substr(parameters);
+  const std::string& frame = input.stream().frame;
+  if (address.find('@') == std::string::npos && !frame.empty()) address += "@" + frame;
+  if (options.ros.is_requested && more.find("max_age=") == std::string::npos) {
+    more += (more.empty() ? "?" : "&") + ("max_age=" + shortest_decimal(options.ros.max_age));
   }
-  return open_device(options.device);
+  return open_device(address + more);
 }
 
 void print_result(const Tool& tool, const RunOutcome& outcome) {

@@ -40,6 +40,7 @@ TouchOptions touch_options(const Options& options) {
   }
   touch.device = "ros2:" + (options.pose.empty() ? options.tool_frame : options.pose);
   if (!touch.ros.camera_frame.empty()) touch.device += "@" + touch.ros.camera_frame;
+  if (options.clock == "shared") touch.device += "?clock=shared";
   if (!options.tool_frame.empty()) touch.ros.tool_frame = options.tool_frame;
   touch.ros.is_requested = true;
   RobotFiles& robot = touch.robot.files;
@@ -79,9 +80,10 @@ void add_ros2(CLI::App& program, Action& action) {
                  "camera, which is the world")
       ->type_name("FRAME");
   app.add_option("--clock", options->clock,
-                 "clock of the stamps: the robot's own, or one shared with this computer (PTP, "
-                 "NTP), so that ages include the network delay: own, shared")
-      ->check(CLI::IsMember({"own", "shared"}).description(""))
+                 "clock of the stamps: the robot's own, one shared with this computer (PTP, NTP), "
+                 "so that ages include the network delay, or a simulator's, which may be slow, so "
+                 "that ages begin at the arrival: own, shared, arrival")
+      ->check(CLI::IsMember({"own", "shared", "arrival"}).description(""))
       ->type_name("NAME")
       ->capture_default_str();
   add_number(app, "--latency", options->latency, {0, 1, "s"},

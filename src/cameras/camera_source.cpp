@@ -4,6 +4,9 @@
 #include <chrono>
 #include <condition_variable>
 #include <mutex>
+#include <optional>
+#include <set>
+#include <string>
 #include <system_error>
 #include <thread>
 #include <utility>
@@ -17,6 +20,10 @@
 namespace palpate::inline v0 {
 namespace {
 
+using namespace std::string_literals;
+
+constexpr char kNoRays[] = "has frames without positive, finite intrinsics";
+constexpr int kMaxTold = 10;                           // losses of a camera
 constexpr double kRetryPeriod = 0.5;                   // s
 constexpr std::chrono::seconds kLongestVendorCall{2};  // at the end
 
@@ -56,6 +63,7 @@ class RectifiedSource final : public DepthSource {
     if (!got || !*got) return got;
     if (truth_.unit) frame.unit = *truth_.unit;
     const CameraModel model = truth_.model_of(raw_->info(), frame.width, frame.height);
+    if (!has_rays(model)) return Error{Errc::bad_input, info_.name + " " + kNoRays};
     if (const std::string doubt = doubts_.look(frame, model); !doubt.empty()) {
       const std::lock_guard lock(mutex_);
       notes_.push_back(info_.name + ": " + doubt);
@@ -90,21 +98,31 @@ struct LiveCamera {
   void run();
   void read_all();
   bool reopen(const Error& why);
+  void note_return();
   void close();
+  /// While `mutex` is held. What a camera says each time it is opened is told once.
   void take_raw_notes() {
-    for (std::string& note : raw->take_notes()) intake.add_note(std::move(note));
+    constexpr std::size_t kMaxNotes = 100;
+    for (const std::string& note : raw->take_notes()) {
+      if (raw_notes.size() < kMaxNotes && raw_notes.insert(note).second) intake.add_note(note);
+    }
   }
 
   FrameIntake intake;
   const OpenRaw again;
   const CameraTruth truth;
-  Plausibility doubts;  // of the thread
+  // Of the thread.
+  Plausibility doubts;
+  bool has_no_rays = false;       // of some frames
+  std::optional<double> lost_at;  // s, monotonic; until a frame has come again
+  int num_losses = 0;
 
   // Of what follows. Not held in a call into a vendor's library: `cancel` and `take_notes` of raw
   // streams make none.
   std::mutex mutex;
   std::condition_variable ended;
   std::unique_ptr<DepthSource> raw;
+  std::set<std::string> raw_notes;  // so far
   bool has_ended = false, is_given_up = false;
 };
 
@@ -131,7 +149,10 @@ void LiveCamera::read_all() {
   for (;;) {
     const auto got = raw->next(frame);
     const double arrival = monotonic_now();
-    take_raw_notes();
+    {
+      const std::lock_guard lock(mutex);
+      take_raw_notes();
+    }
     if (intake.is_cancelled()) break;
     if (!got) {
       if (reopen(got.error())) continue;
@@ -141,8 +162,13 @@ void LiveCamera::read_all() {
       intake.end(false);
       break;
     }
+    note_return();
     if (truth.unit) frame.unit = *truth.unit;
     const CameraModel model = truth.model_of(raw->info(), frame.width, frame.height);
+    if (!has_rays(model)) {
+      if (!std::exchange(has_no_rays, true)) intake.add_note(kNoRays + "; they are dropped"s);
+      continue;
+    }
     if (std::string doubt = doubts.look(frame, model); !doubt.empty()) {
       intake.add_note(std::move(doubt));
     }
@@ -156,8 +182,13 @@ bool LiveCamera::reopen(const Error& why) {
     intake.end(why);
     return false;
   }
-  const double begin = monotonic_now();
-  intake.add_note("was lost: " + why.message + "; it is tried again until it is back");
+  if (!lost_at) {  // else it has been opened again, and nothing came
+    lost_at = monotonic_now();
+    if (++num_losses <= kMaxTold) {
+      intake.add_note("was lost: " + why.message + "; it is tried again until it is back" +
+                      (num_losses == kMaxTold ? "; from now on, that is not told" : ""));
+    }
+  }
   while (intake.sleep_for(kRetryPeriod)) {
     close();  // before it is opened again
     auto opened = again();
@@ -167,11 +198,17 @@ bool LiveCamera::reopen(const Error& why) {
       raw = std::move(opened->source);
     }
     intake.restart();
-    intake.add_note("is back after " +
-                    std::to_string(static_cast<int>(monotonic_now() - begin + 0.5)) + " s");
     return !intake.is_cancelled();
   }
   return false;
+}
+
+/// With its first frame; before that, nobody knows.
+void LiveCamera::note_return() {
+  if (!lost_at) return;
+  const double seconds = monotonic_now() - *std::exchange(lost_at, std::nullopt);
+  if (num_losses > kMaxTold) return;
+  intake.add_note("is back after " + std::to_string(static_cast<int>(seconds + 0.5)) + " s");
 }
 
 class LiveSource final : public DepthSource {

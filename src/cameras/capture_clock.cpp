@@ -2,25 +2,51 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 namespace palpate::inline v0 {
 
+StampOrder::Step StampOrder::add(double stamp, double arrival) {
+  if (stamp > newest_) {
+    newest_ = stamp;
+    num_older_ = 0;
+    return Step::newer;
+  }
+  if (num_older_ == 0 || stamp <= last_older_) {
+    first_older_ = {stamp, arrival};
+    num_older_ = 0;
+  }
+  last_older_ = stamp;
+  const double between = arrival - first_older_.arrival;
+  const double more = stamp - first_older_.stamp - between;
+  const bool goes_on = ++num_older_ >= kNumOlder && std::abs(more) <= kPace * between;
+  if (stamp >= newest_ - kLongestBack && !goes_on) return Step::older;
+  newest_ = stamp;
+  num_older_ = 0;
+  return Step::set_back;
+}
+
 double CaptureClock::add(double stamp, double arrival) {
-  const double delay = arrival - stamp;
-  if (has_begun_ && std::abs(delay - (offset_ + slope_ * (stamp - first_stamp_))) > kLongestJump) {
-    const int num = num_restarts_ + 1;
-    reset();
-    num_restarts_ = num;
+  const StampOrder::Step step = order_.add(stamp, arrival);
+  const double delay = arrival - stamp, early = has_begun_ ? least_.y - delay : 0;
+  const bool is_confirmed = early < kEarly || arrival - last_early_ < kConfirmed;
+  if (early >= kEarly) last_early_ = arrival;
+  const bool is_set = step == StampOrder::Step::set_back || (is_confirmed && early > kLongestJump);
+  if (is_set) ++num_restarts_;
+  if (is_set || !has_begun_) begin(stamp);
+  if (is_set || (is_confirmed && step == StampOrder::Step::newer)) {
+    keep({stamp - first_stamp_, delay});
+    fit();
+    follow(stamp - first_stamp_);
   }
-  if (!has_begun_) {
-    has_begun_ = true;
-    first_stamp_ = stamp;
-    bin_end_ = 0;
-  }
-  keep({stamp - first_stamp_, delay});
-  fit();
-  return std::min(stamp + offset_ + slope_ * (stamp - first_stamp_), arrival);
+  return std::min(stamp + least_.y, arrival);
+}
+
+void CaptureClock::begin(double stamp) {
+  has_begun_ = true;
+  first_stamp_ = stamp;
+  bin_end_ = 0;
+  num_bins_ = 0;
+  least_ = {0, std::numeric_limits<double>::infinity()};
 }
 
 void CaptureClock::keep(const Point& point) {
@@ -62,6 +88,10 @@ void CaptureClock::fit() {
   for (std::size_t i = 0; i < num_bins_; ++i) {
     offset_ = std::min(offset_, bins_[i].y - slope_ * bins_[i].x);
   }
+}
+
+void CaptureClock::follow(double x) {
+  least_ = {x, std::min(offset_ + slope_ * x, least_.y + kLargestDrift * (x - least_.x))};
 }
 
 }  // namespace palpate::inline v0

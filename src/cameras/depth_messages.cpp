@@ -1,6 +1,7 @@
 #include "src/cameras/depth_messages.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <string>
 #include <vector>
@@ -18,6 +19,17 @@ namespace {
 constexpr double kMillimetre = 0.001;
 
 Error damaged(const char* what) { return {Errc::bad_input, std::string(what) + " is damaged"}; }
+
+bool is_positive(const Intrinsics& k) {
+  return k.fx > 0 && k.fy > 0 && std::isfinite(k.fx + k.fy + k.cx + k.cy);
+}
+
+/// Of a rectified topic, P is the image's camera and distortion has been removed.
+bool is_rectified(const RosCameraModel& camera, const std::string& topic) {
+  const std::string_view image = ros_image_topic(topic);
+  return image.substr(image.rfind('/') + 1).find("rect") != std::string_view::npos &&
+         is_positive(camera.rectified);
+}
 
 Error damaged_info() { return {Errc::bad_input, "a camera_info is damaged; record it again"}; }
 
@@ -86,6 +98,17 @@ Result<RosCameraModel> read_camera_model(std::string_view message) {
   if (!from.is_good()) return damaged_info();
   camera.raw = {k[0], k[4], k[2], k[5]};
   camera.rectified = {p[0], p[5], p[2], p[6]};
+  for (int i = 0; i < 2; ++i) from.number<std::uint32_t>();  // binning shows in the image's size
+  const auto roi_x = from.number<std::uint32_t>(), roi_y = from.number<std::uint32_t>();
+  const auto roi_height = from.number<std::uint32_t>(), roi_width = from.number<std::uint32_t>();
+  const auto is_inside = [](std::uint32_t first, std::uint32_t length, int of) {
+    return std::uint64_t{first} + length <= static_cast<std::uint64_t>(std::max(of, 0));
+  };
+  // Beyond that size it is not of it: who writes so means an image of that size.
+  if (is_inside(roi_x, roi_width, camera.width) && is_inside(roi_y, roi_height, camera.height)) {
+    camera.roi = {static_cast<int>(roi_x), static_cast<int>(roi_y), static_cast<int>(roi_width),
+                  static_cast<int>(roi_height)};
+  }
   const bool is_bent = std::any_of(d.begin(), d.end(), [](double c) { return c != 0; });
   if (!is_bent) return camera;
   const bool is_known = model == "plumb_bob" || model == "rational_polynomial";
@@ -107,15 +130,23 @@ Result<RosCameraModel> read_camera_model(std::string_view message) {
   return camera;
 }
 
+bool is_calibrated(const RosCameraModel& camera, const std::string& topic) {
+  return is_positive(camera.raw) || is_rectified(camera, topic);
+}
+
 void set_ros_camera(const RosCameraModel& camera, const std::string& topic, DepthStreamInfo& info) {
-  // Of a rectified topic, P is the image's camera and distortion has been removed.
-  const std::string_view image = ros_image_topic(topic);
-  const bool is_rectified =
-      image.substr(image.rfind('/') + 1).find("rect") != std::string_view::npos &&
-      camera.rectified.fx > 0;
-  info.intrinsics = is_rectified ? camera.rectified : camera.raw;
-  info.distortion = is_rectified ? Distortion{} : camera.distortion;
-  scale_camera({camera.width, camera.height}, info);
+  const bool has_no_lens = is_rectified(camera, topic);
+  info.intrinsics = has_no_lens ? camera.rectified : camera.raw;
+  info.distortion = has_no_lens ? Distortion{} : camera.distortion;
+  const auto& roi = camera.roi;
+  ImageSize shown{camera.width, camera.height};
+  const bool is_whole = shown == ImageSize{info.width, info.height};
+  if (!is_whole && roi.width > 0 && roi.height > 0) {
+    info.intrinsics.cx -= roi.x;
+    info.intrinsics.cy -= roi.y;
+    shown = {roi.width, roi.height};
+  }
+  scale_camera(shown, info);
 }
 
 }  // namespace palpate::inline v0

@@ -14,7 +14,12 @@ namespace palpate::inline v0 {
 Result<DepthFrame> read_compressed_depth(std::string_view message, double unit);
 
 struct RosCameraModel {
-  int width = 0, height = 0;
+  int width = 0, height = 0;  ///< of all that the camera sees
+  struct Region {
+    int x = 0, y = 0, width = 0, height = 0;  ///< pixels of it; 0 x 0: all
+    friend bool operator==(const Region&, const Region&) = default;
+  };
+  Region roi;                 ///< what the images show of it, maybe with fewer pixels (binning)
   Intrinsics raw, rectified;  ///< matrix K, and P of the undistorted image; fx = 0: not given
   Distortion distortion;      ///< of the raw image
   friend bool operator==(const RosCameraModel&, const RosCameraModel&) = default;
@@ -22,7 +27,10 @@ struct RosCameraModel {
 /// sensor_msgs/CameraInfo. Errors: a distortion model other than plumb_bob and rational_polynomial,
 /// a damaged message.
 Result<RosCameraModel> read_camera_model(std::string_view message);
-/// Intrinsics and distortion of the images on that topic, for the size that `info` has.
+/// Whether it has intrinsics for images on that topic: a camera that is not calibrated sends 0.
+bool is_calibrated(const RosCameraModel& camera, const std::string& topic);
+/// Intrinsics and distortion of the images on that topic, for the size that `info` has. An image
+/// of the whole size is the whole one, whatever region is told.
 void set_ros_camera(const RosCameraModel& camera, const std::string& topic, DepthStreamInfo& info);
 
 /// Of depth in metres, in counts: up to 16 m in steps of 0.25 mm.

@@ -16,7 +16,7 @@ namespace {
 
 constexpr double kFirstFrameTimeout = 10;  // s
 constexpr double kBlackSeconds = 1;        // s without any measurement until a note
-constexpr double kLongestBack = 1;         // s; a stamp before that is of a clock that was set back
+constexpr double kLate = 1;                // s: more than that is worth a note
 constexpr std::size_t kMaxNotes = 100;
 constexpr std::uint64_t kMaxTold = 10;  // of what may happen with every frame
 
@@ -56,10 +56,22 @@ void FrameIntake::give(DepthFrame& frame, const CameraModel& model, double arriv
 /// Of a time stamp, which may show that the camera has started its clock anew.
 double FrameIntake::capture_time_of(double stamp, double arrival) {
   if (options_.stamps == StampClock::cameras) return clock_.add(stamp, arrival);
-  // What says to be of this computer's clock is believed as far as it can be.
-  constexpr double kOldest = 1;  // s
-  const bool is_too_old = options_.stamps == StampClock::ours && stamp < arrival - kOldest;
-  return stamp > arrival || is_too_old ? arrival : stamp;
+  // What says to be of this computer's clock is believed once it can be: then old is late.
+  constexpr double kOldest = 1;         // s
+  constexpr double kLargestOff = 0.01;  // s, as clocks that are synchronized may be
+  constexpr int kNumForeign = 10;       // frames in a row
+  const bool is_ahead = stamp > arrival;
+  is_our_clock_ = is_our_clock_ || options_.stamps == StampClock::shared ||
+                  (!is_ahead && stamp >= arrival - kOldest);
+  const bool is_foreign = !is_our_clock_ || stamp > arrival + kLargestOff;
+  num_foreign_ = is_foreign ? num_foreign_ + 1 : 0;
+  if (num_foreign_ == kNumForeign && !has_foreign_stamps_) {
+    has_foreign_stamps_ = true;
+    note(
+        "has time stamps that are not of this computer's clock; its frames count as captured "
+        "when they arrive");
+  }
+  return is_ahead || !is_our_clock_ ? arrival : stamp;
 }
 
 /// Sets last_capture_ if the frame is used.
@@ -75,11 +87,12 @@ bool FrameIntake::accept(const DepthFrame& frame, const CameraModel& model, doub
     }
   } else if (options_.stamps != StampClock::none) {
     const int num_restarts = clock_.num_restarts();
+    const StampOrder::Step step = order_.add(stamp, arrival);
+    if (step == StampOrder::Step::set_back) is_our_clock_ = false;
     const double earliest = capture_time_of(stamp, arrival);
-    const bool is_set_back = stamp < last_stamp_ - kLongestBack;
-    if (clock_.num_restarts() > num_restarts || is_set_back) {
+    if (clock_.num_restarts() > num_restarts || step == StampOrder::Step::set_back) {
       note_again(num_restarts_, "has restarted its clock");
-    } else if (!(stamp > last_stamp_)) {
+    } else if (step == StampOrder::Step::older) {
       if (num_from_past_++ == 0) note("sends frames with old timestamps, which are dropped");
       return false;
     } else if (options_.rate > 0) {
@@ -88,11 +101,9 @@ bool FrameIntake::accept(const DepthFrame& frame, const CameraModel& model, doub
       if (periods < 1e6) num_missing_ += static_cast<std::uint64_t>(std::max(0.0, num_between));
     }
     num_without_stamp_since_ = 0;
-    if (options_.stamps != StampClock::cameras && earliest != stamp && !has_foreign_stamps_) {
-      has_foreign_stamps_ = true;
-      note(
-          "has time stamps that are not of this computer's clock; its frames count as captured "
-          "when they arrive");
+    if (arrival - earliest > kLate && num_late_++ == 0) {
+      note("sends frames that are " + number("%.1f", arrival - earliest) +
+           " s late; is what sends them, or the network, too slow for them?");
     }
     last_stamp_ = stamp;
     lateness_.record(static_cast<std::int64_t>(1e9 * std::max(0.0, arrival - earliest)));
@@ -149,6 +160,8 @@ void FrameIntake::restart() {
   clock_.reset();
   // Time stamps of another start are not compared with those before.
   last_stamp_ = -std::numeric_limits<double>::infinity();
+  order_ = {};
+  is_our_clock_ = false;
 }
 
 Result<bool> FrameIntake::next(DepthFrame& frame) {
@@ -214,6 +227,7 @@ std::string FrameIntake::closing_words() const {
   add(num_missing_, "are missing between them");
   add(num_left_out_, "were dropped for newer ones");
   add(num_from_past_, "had old timestamps");
+  add(num_late_, "came more than a second late");
   add(num_without_stamp_, "had time stamps that are no seconds");
   add(num_black_, "had no measurement");
   if (num_restarts_ > kMaxTold) add(num_restarts_, "times, its clock was restarted");

@@ -75,12 +75,15 @@ class FrameIntake {
   double last_stamp_ = -std::numeric_limits<double>::infinity();  // since the camera has started
   double num_without_stamp_since_ = 0;
   bool has_new_ = false, has_ended_ = false, is_cancelled_ = false, has_last_ = false;
-  bool has_foreign_stamps_ = false;
+  bool has_foreign_stamps_ = false, is_our_clock_ = false;
+  int num_foreign_ = 0;  // frames in a row whose stamps are not of our clock
   Result<bool> ending_ = false;
-  CaptureClock clock_;
+  StampOrder order_;
+  CaptureClock clock_;  // of a camera's own clock
   std::vector<std::string> notes_;
   LatencyHistogram lateness_;  // ns after the earliest that the clock expects
-  std::uint64_t num_arrived_ = 0, num_missing_ = 0, num_left_out_ = 0, num_from_past_ = 0;
+  std::uint64_t num_arrived_ = 0, num_missing_ = 0, num_left_out_ = 0, num_from_past_ = 0,
+                num_late_ = 0;
   std::uint64_t num_without_stamp_ = 0, num_black_ = 0, num_black_in_a_row_ = 0;
   std::uint64_t num_restarts_ = 0, num_changes_ = 0;  // of its clock; of images, lens and unit
 };

@@ -29,7 +29,9 @@ void JointHistory::add(std::string_view joint, double time, double position) {
   const auto number = numbers_.find(joint);
   if (number == numbers_.end()) return;
   if (!(std::abs(position) <= kLargestPosition)) {
-    impossible_[number->second] = {position, true};
+    Impossible& newest = impossible_[number->second];
+    const bool is_reported = std::abs(newest.position) > kLargestPosition;  // that is kept
+    newest = {is_reported && std::isnan(position) ? newest.position : position, true};
     return;
   }
   const auto impossible = impossible_.find(number->second);
@@ -54,7 +56,10 @@ Result<double> JointHistory::at(std::size_t joint, double time, double max_age,
   if (samples.empty() || nearest_in_time(samples, time) > max_age) {
     const auto impossible = impossible_.find(joint);
     const bool is_reason = impossible != impossible_.end() && impossible->second.is_newest;
-    const std::string why = is_reason ? "; it was told to be where no joint is" : "";
+    const std::string why = !is_reason ? ""
+                            : std::isnan(impossible->second.position)
+                                ? "; it is told to be at NaN"
+                                : "; it was told to be where no joint is";
     char text[80] = "'";
     if (!samples.empty()) {
       std::snprintf(text, sizeof text, "' within %.3g s, the nearest is %.3g s away", max_age,
@@ -78,17 +83,22 @@ Result<double> JointHistory::at(std::size_t joint, double time, double max_age,
 }
 
 std::string JointHistory::impossible() const {
-  if (impossible_.empty()) return "";
-  const auto& [joint, reported] = *impossible_.begin();
-  char text[40];
-  std::snprintf(text, sizeof text, "' is at %.3g rad or m", reported.position);
-  return "joint '" + joints_[joint].name + text;
+  for (const auto& [joint, reported] : impossible_) {
+    if (std::isnan(reported.position)) continue;
+    char text[40];
+    std::snprintf(text, sizeof text, "' is at %.3g rad or m", reported.position);
+    return "joint '" + joints_[joint].name + text;
+  }
+  return "";
 }
 
 std::string JointHistory::missing() const {
   std::string names;
   for (std::size_t i = 0; i < joints_.size(); ++i) {
-    if (samples_[i].empty()) names += (names.empty() ? "" : ", ") + joints_[i].name;
+    if (!samples_[i].empty()) continue;
+    const auto impossible = impossible_.find(i);
+    const bool is_nan = impossible != impossible_.end() && std::isnan(impossible->second.position);
+    names += (names.empty() ? "" : ", ") + joints_[i].name + (is_nan ? " (at NaN)" : "");
   }
   return names;
 }

@@ -37,9 +37,10 @@ class JointHistory {
   Result<double> at(std::size_t joint, double time, double max_age, bool may_stay) const;
   /// Until when all joints have samples, s; minus infinity: not all have.
   double known_until() const;
-  /// "joint 'elbow' is at 1e+300 rad or m"; empty: nobody has said such a thing.
+  /// "joint 'elbow' is at 1e+300 rad or m"; empty: nobody has said such a thing. NaN is no
+  /// position: it says that nothing is known.
   std::string impossible() const;
-  /// Names of joints without samples, separated by commas.
+  /// Names of joints without samples, separated by commas, and why if others have told of them.
   std::string missing() const;
 
  private:

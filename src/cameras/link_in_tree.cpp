@@ -1,5 +1,7 @@
 #include "src/cameras/link_in_tree.h"
 
+#include <filesystem>
+#include <system_error>
 #include <utility>
 #include <vector>
 
@@ -64,9 +66,18 @@ Result<std::unique_ptr<RobotStates>> open_joint_states(const RobotModel& model,
   return states;
 }
 
+std::size_t end_of_file(const std::string& address) {
+  const std::size_t first = address.find('#');
+  for (std::size_t at = first; at != std::string::npos; at = address.find('#', at + 1)) {
+    std::error_code ignored;
+    if (std::filesystem::is_regular_file(address.substr(0, at), ignored)) return at;
+  }
+  return first;
+}
+
 Result<LinkInTree> LinkInTree::open(const std::string& address, const std::string& joints,
                                     bool is_received) {
-  const std::size_t first = address.find('#'), second = address.find('#', first + 1);
+  const std::size_t first = end_of_file(address), second = address.find('#', first + 1);
   const std::string file = address.substr(0, first);
   if (first == std::string::npos || first == 0) {
     return Error{Errc::invalid_argument, "give FILE.urdf#LINK, the link that is meant, not '" +

@@ -44,6 +44,10 @@ class LinkInTree {
   std::shared_ptr<const RobotStates> states_;
 };
 
+/// Where FILE ends in FILE#LINK..., whose name may have a '#' in it: at the first one before which
+/// there is such a file, else at the first one.
+std::size_t end_of_file(const std::string& address);
+
 /// The source of these joint states of a robot, once all have been received; null if there are
 /// none. `robot` is its file, for messages. Errors: as of RobotStates::open; a floating joint;
 /// nobody was named, or one where nothing moves; a joint without states.

@@ -32,8 +32,9 @@ struct CameraDistortion {
 #pragma pack(pop)
 
 inline constexpr int kDepthSensor = 3;
-inline constexpr int kY16 = 8, kZ16 = 28;                    // formats
-inline constexpr int kBrownConrady = 3, kBrownConrady6 = 4;  // models of distortion
+inline constexpr int kY16 = 8, kZ16 = 28;  // formats
+// Models of distortion.
+inline constexpr int kNoDistortion = 0, kBrownConrady = 3, kBrownConrady6 = 4;
 inline constexpr int kLogOff = 5;
 
 struct Api {

@@ -63,6 +63,7 @@ class OrbbecSource final : public DepthSource {
     if (!profiles) return failed("has no depth", check);
     const auto config = own(api_.create_config(check), api_.delete_config);
     if (const Status status = choose_profile(uri, *profiles, config.get()); !status) return status;
+    if (has_unknown_lens_ && !uri.distortion) notes_.add(kUnknownLens);
     api_.start(pipeline_.get(), config.get(), check);
     if (!check.is_fine()) return failed("does not start", check);
     is_started_ = true;
@@ -71,6 +72,7 @@ class OrbbecSource final : public DepthSource {
 
   const DepthStreamInfo& info() const override { return info_; }
   void cancel() noexcept override { is_cancelled_ = true; }
+  std::vector<std::string> take_notes() override { return notes_.take(); }
 
   Result<bool> next(DepthFrame& frame) override {
     const double begin = monotonic_now();
@@ -137,6 +139,8 @@ class OrbbecSource final : public DepthSource {
     const CameraDistortion bent = api_.distortion(&profile, check);
     info_.distortion = {};
     const bool is_known = bent.model == kBrownConrady || bent.model == kBrownConrady6;
+    const bool is_bent = (bent.k1 != 0 || bent.k2 != 0 || bent.p1 != 0 || bent.p2 != 0);
+    has_unknown_lens_ = check.is_fine() && is_bent && !is_known && bent.model != kNoDistortion;
     if (!check.is_fine() || !is_known) return;
     info_.distortion = {d(bent.k1), d(bent.k2), d(bent.p1), d(bent.p2),
                         d(bent.k3), d(bent.k4), d(bent.k5), d(bent.k6)};
@@ -170,7 +174,8 @@ class OrbbecSource final : public DepthSource {
   Owned<Device> device_;
   Owned<Pipeline> pipeline_;
   DepthStreamInfo info_;
-  bool is_started_ = false;
+  bool is_started_ = false, has_unknown_lens_ = false;
+  RawNotes notes_;
   std::atomic<bool> is_cancelled_ = false;
 };
 

@@ -1,9 +1,11 @@
 #include "src/cameras/posed_source.h"
 
+#include <cstdint>
 #include <cstdio>
 #include <mutex>
 #include <string>
 #include <utility>
+#include <vector>
 
 namespace palpate::inline v0 {
 namespace {
@@ -16,25 +18,37 @@ class PosedSource final : public DepthSource {
   }
 
   const DepthStreamInfo& info() const override { return info_; }
-  void cancel() noexcept override { source_->cancel(); }
+  void cancel() noexcept override {
+    source_->cancel();
+    const std::lock_guard lock(mutex_);
+    has_ended_ = true;
+  }
   Result<bool> next(DepthFrame& frame) override {
     for (;;) {
       const auto got = source_->next(frame);
-      if (!got || !*got) return got;
+      if (!got || !*got) {
+        const std::lock_guard lock(mutex_);
+        has_ended_ = true;
+        return got;
+      }
       const auto X_WC = poses_.at(frame);
       if (X_WC) {
         frame.X_WC = *X_WC;
         return true;
       }
       const std::lock_guard lock(mutex_);
-      ++num_unposed_;
       why_ = X_WC.error().message;
+      if (num_unposed_++ == 0 && info_.is_live) {
+        notes_.push_back(info_.name + ": frames are dropped: " + why_);
+      }
     }
   }
+  /// Live, of frames that are dropped hour after hour: of the first, and of all at the end.
   std::vector<std::string> take_notes() override {
     std::vector<std::string> notes = source_->take_notes();
     const std::lock_guard lock(mutex_);
-    if (num_unposed_ > 0) {
+    for (std::string& note : std::exchange(notes_, {})) notes.push_back(std::move(note));
+    if (has_ended_ && num_unposed_ > 0) {
       notes.push_back(std::to_string(num_unposed_) + " frames were dropped: " + why_);
       num_unposed_ = 0;
     }
@@ -46,8 +60,10 @@ class PosedSource final : public DepthSource {
   CameraPoses poses_;
   DepthStreamInfo info_;
   std::mutex mutex_;
-  int num_unposed_ = 0;
+  std::uint64_t num_unposed_ = 0;
+  bool has_ended_ = false;
   std::string why_;
+  std::vector<std::string> notes_;
 };
 
 }  // namespace

@@ -1,10 +1,12 @@
 // What cameras of all makers have in common: modes to choose from, rows to copy, how long to wait.
 #pragma once
 
+#include <mutex>
 #include <optional>
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "palpate/cameras/cameras.h"
@@ -31,6 +33,28 @@ void copy_rows(const void* data, std::ptrdiff_t stride, int width, int height, D
 
 /// Intrinsics and distortion that are of the size `of`, for the size that `info` has.
 void scale_camera(ImageSize of, DepthStreamInfo& info);
+
+/// What a raw stream has to say. Any threads.
+class RawNotes {
+ public:
+  void add(std::string text) {
+    const std::lock_guard lock(mutex_);
+    notes_.push_back(std::move(text));
+  }
+  std::vector<std::string> take() {
+    const std::lock_guard lock(mutex_);
+    return std::exchange(notes_, {});
+  }
+
+ private:
+  std::mutex mutex_;
+  std::vector<std::string> notes_;
+};
+/// Of a lens with a model of distortion that is not removed.
+inline constexpr char kUnknownLens[] =
+    "has a lens whose distortion is of a model that is not known here, such as the inverse "
+    "Brown-Conrady of an SR300: it is not removed, and towards the edge of the image positions are "
+    "wrong, by 5 cm at 1 m for an SR300; pass ?distortion=k1,k2,p1,p2,k3, or keep to the middle";
 
 /// The number in "1", at most three digits; 0 of an empty text.
 std::optional<int> camera_number(const std::string& target);

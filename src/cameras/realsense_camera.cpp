@@ -67,6 +67,9 @@ class RealsenseSource final : public DepthSource {
                    info_.name + " has no such depth mode; it has " + listed(all_modes_)};
     }
     set_image(profile, mode.width, mode.height);
+    if (has_unknown_lens_ && !uri.distortion) {
+      notes_.add(info_.is_live ? kUnknownLens : info_.name + " " + kUnknownLens);
+    }
     info_.rate = uri.rate.value_or(mode.rate > 0 ? mode.rate : 30);
     Check check(api_);
     if (api_.supports_option(sensor_, kEmitter, Check(api_)) != 0 && info_.is_live) {
@@ -86,6 +89,7 @@ class RealsenseSource final : public DepthSource {
 
   const DepthStreamInfo& info() const override { return info_; }
   void cancel() noexcept override { is_cancelled_ = true; }
+  std::vector<std::string> take_notes() override { return notes_.take(); }
 
   Result<bool> next(DepthFrame& frame) override {
     const double begin = monotonic_now();
@@ -178,6 +182,7 @@ class RealsenseSource final : public DepthSource {
     info_.intrinsics = {d(camera.fx), d(camera.fy), d(camera.ppx), d(camera.ppy)};
     const float* const c = camera.coefficients;
     const bool is_bent = std::any_of(c, c + 5, [](float value) { return value != 0; });
+    has_unknown_lens_ = is_bent && camera.model != kNoDistortion && camera.model != kBrownConrady;
     if (is_bent && camera.model == kBrownConrady) {
       info_.distortion = {d(c[0]), d(c[1]), d(c[2]), d(c[3]), d(c[4]), 0, 0, 0};
     }
@@ -215,7 +220,8 @@ class RealsenseSource final : public DepthSource {
   std::vector<ImageMode> all_modes_;
   Queue* queue_ = nullptr;
   DepthStreamInfo info_;
-  bool is_open_ = false, is_started_ = false;
+  bool is_open_ = false, is_started_ = false, has_unknown_lens_ = false;
+  RawNotes notes_;
   std::atomic<bool> is_cancelled_ = false;
 };
 

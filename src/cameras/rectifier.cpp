@@ -1,5 +1,6 @@
 #include "src/cameras/rectifier.h"
 
+#include <cmath>
 #include <utility>
 
 namespace palpate::inline v0 {
@@ -23,6 +24,11 @@ CameraModel CameraTruth::model_of(const DepthStreamInfo& stream, int width, int 
   }
   if (distortion) model.distortion = *distortion;
   return model;
+}
+
+bool has_rays(const CameraModel& model) {
+  const auto& [fx, fy, cx, cy] = model.intrinsics;
+  return fx > 0 && fy > 0 && std::isfinite(fx + fy + cx + cy) && check_distortion(model.distortion);
 }
 
 Error flow_of_lens(const std::string& name) {

@@ -23,6 +23,9 @@ struct CameraTruth {
   CameraModel model_of(const DepthStreamInfo& stream, int width, int height) const;
 };
 
+/// Whether a ray can be had of its pixels: positive focal lengths, and all of it is finite.
+bool has_rays(const CameraModel& model);
+
 /// The part of a pinhole image whose every pixel a camera of that model sees: the largest rectangle
 /// of such pixels, of several the uppermost and then leftmost. The whole image if that is smaller
 /// than a surface may be (8 x 8). O(pixels).

@@ -12,6 +12,7 @@
 
 #include "palpate/field/sensor.h"
 #include "palpate/settings/setting_table.h"
+#include "src/cameras/link_in_tree.h"
 #include "src/io/internal/toml_file.h"
 
 namespace palpate::inline v0 {
@@ -29,7 +30,7 @@ std::string numbers_text(const toml::node& node) {
   std::string text;
   const auto add = [&](const toml::node& number) {
     if (!number.is_number()) return false;
-    text += (text.empty() ? "" : ",") + shortest_decimal(*number.value<double>());
+    text += (text.empty() ? "" : ",") + shortest_decimal(number_of(number));
     return true;
   };
   if (const toml::array* const array = node.as_array()) {
@@ -82,9 +83,9 @@ class Reader {
   Status read_frames(const toml::table& frames) {
     for (const auto& [key, node] : frames) {
       const std::string from = node.value_or(std::string());
-      const auto uri =
-          parse_camera_uri(from.starts_with(kUrdf) ? "frame?urdf=" + link_in_world(from)
-                                                   : "frame?pose=" + numbers_text(node));
+      const bool is_link = from.starts_with(kUrdf) && from.find('#') != from.npos;
+      auto uri = parse_camera_uri(is_link ? "frame" : "frame?pose=" + numbers_text(node));
+      if (is_link) uri->urdf = link_in_world(from);
       if (!uri) {
         return refuse(key.source(), "[frames] " + std::string(key.str()) +
                                         " must be [tx, ty, tz, qx, qy, qz, qw] or "
@@ -126,12 +127,14 @@ class Reader {
     return Done{};
   }
 
-  /// Everything becomes words of a URI, which says what is wrong with them.
+  /// Numbers become words of a URI, which says what is wrong with them. Names of files do not: they
+  /// may have '&' in them.
   Status read_camera(const toml::table& table) {
     const std::string number = std::to_string(rig_.cameras.size() + 1);
     const auto text_of = [&](const char* key) { return table[key].value_or(std::string()); };
     const std::string name = table.contains("name") ? text_of("name") : "camera " + number;
     std::string uri = text_of("uri"), more;
+    CameraUri files;
     if (name.empty()) {
       return refuse(table.source(), "camera " + number + " needs a name = \"NAME\", or none");
     }
@@ -150,17 +153,32 @@ class Reader {
       }
       if (word == "pose_from") {
         const std::string from = text_of("pose_from");
-        more += from.starts_with("tf:")   ? "&world=" + rig_.frame + "&frame=" + from.substr(3)
-                : from.starts_with(kUrdf) ? "&urdf=" + link_in_world(from)
-                                          : "&poses=" + beside(from);
+        const bool is_urdf = from.starts_with(kUrdf);
+        if (from.empty() || (is_urdf && from.find('#') == from.npos)) {
+          return refuse(node.source(), "camera " + name +
+                                           ": pose_from must be \"FILE\" of lines 't tx ty tz qx "
+                                           "qy qz qw', \"urdf:FILE.urdf#LINK\" or \"tf:FRAME\"");
+        }
+        if (from.starts_with("tf:")) {
+          more += "&world=" + rig_.frame + "&frame=" + from.substr(3);
+        } else if (is_urdf) {
+          files.urdf = link_in_world(from);
+        } else {
+          files.poses = beside(from);
+        }
         continue;
       }
       if (word == "joints") {
         constexpr std::string_view kBag = "bag:";
         const std::string from = text_of("joints");
-        more += "&joints=" + (from.starts_with("ros2:") ? from
-                              : from.starts_with(kBag)  ? "bag:" + beside(from.substr(kBag.size()))
-                                                        : beside(from));
+        if (from.empty()) {
+          return refuse(node.source(), "camera " + name +
+                                           ": joints must be \"FILE.csv\", \"bag:FILE\" or "
+                                           "\"ros2:[/T]\"");
+        }
+        files.joints = from.starts_with("ros2:") ? from
+                       : from.starts_with(kBag)  ? "bag:" + beside(from.substr(kBag.size()))
+                                                 : beside(from);
         continue;
       }
       const std::string numbers = numbers_text(node);
@@ -174,6 +192,15 @@ class Reader {
     if (uri.ends_with('?') || uri.ends_with('&')) more.erase(0, 1);
     auto parsed = parse_camera_uri(uri + more);
     if (!parsed) return refuse(table.source(), parsed.error().message);
+    for (std::string CameraUri::*const file :
+         {&CameraUri::poses, &CameraUri::urdf, &CameraUri::joints}) {
+      if ((files.*file).empty()) continue;
+      if (!((*parsed).*file).empty()) {
+        return refuse(table.source(), "camera " + name + ": '" + (files.*file) +
+                                          "' must be given once: here or in its uri");
+      }
+      (*parsed).*file = files.*file;
+    }
     std::error_code ignored;  // a name may be too long for a file
     const bool is_file = parsed->kind == "folder" || fs::exists(beside(parsed->target), ignored);
     if (is_file) parsed->target = beside(parsed->target);
@@ -187,7 +214,7 @@ class Reader {
   /// "urdf:FILE#LINK" as a URI has it, in the link that W is called like, if people say how.
   std::string link_in_world(const std::string& from) const {
     const std::string address = beside(from.substr(kUrdf.size()));
-    const bool has_base = address.find('#') != address.rfind('#');
+    const bool has_base = end_of_file(address) != address.rfind('#');
     return has_base || !names_world_ ? address : address + "#" + rig_.frame;
   }
   std::string beside(const std::string& file) const {

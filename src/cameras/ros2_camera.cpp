@@ -42,6 +42,9 @@ double seconds_since_1970() {
 /// What the subscriptions have received. Their threads write, one reads.
 class ReceivedMessages {
  public:
+  /// `topic`: of the images.
+  explicit ReceivedMessages(std::string topic) : topic_(std::move(topic)) {}
+
   void image(std::string_view message) {
     CdrReader from(message);
     const RosStamp stamp = read_ros_header(from);
@@ -62,6 +65,12 @@ class ReceivedMessages {
     const std::lock_guard lock(mutex_);
     if (!model) {
       note(model.error().message + "; it is ignored");
+      return;
+    }
+    if (!is_calibrated(*model, topic_)) {
+      note(
+          "has a camera_info without intrinsics, as of a camera that is not calibrated; it is "
+          "ignored");
       return;
     }
     models_.emplace_back(stamp, *model);
@@ -192,6 +201,7 @@ class ReceivedMessages {
     if (said_.insert(text.substr(0, text.find('\''))).second) notes_.push_back(text);
   }
 
+  const std::string topic_;
   mutable std::mutex mutex_;
   std::condition_variable changed_;
   std::string image_, frame_;
@@ -224,7 +234,7 @@ class Ros2Source final : public DepthSource {
   const DepthStreamInfo& info() const override { return info_; }
   void cancel() noexcept override { received_.cancel(); }
   std::vector<std::string> take_notes() override { return received_.take_notes(); }
-  StampClock stamps() const { return has_our_clock_ ? StampClock::shared : StampClock::cameras; }
+  StampClock stamps() const { return clock_; }
 
   Result<bool> next(DepthFrame& frame) override {
     if (has_first_) {
@@ -267,9 +277,10 @@ class Ros2Source final : public DepthSource {
   Status set_clock() {
     const auto given = uri_.extras.find("clock");
     if (given == uri_.extras.end() || given->second == "own") return Done{};
-    has_our_clock_ = given->second == "shared";
-    if (has_our_clock_) return Done{};
-    return Error{Errc::invalid_argument, "camera " + uri_.text + ": clock is own or shared, not '" +
+    clock_ = given->second == "shared" ? StampClock::shared : StampClock::none;
+    if (given->second == "shared" || given->second == "arrival") return Done{};
+    return Error{Errc::invalid_argument, "camera " + uri_.text +
+                                             ": clock is own, shared or arrival, not '" +
                                              given->second.substr(0, 40) + "'"};
   }
 
@@ -369,7 +380,7 @@ class Ros2Source final : public DepthSource {
     frame = *std::move(got);
     if (frame.timestamp != 0) frame.stamp = frame.timestamp - uri_.latency;
     if (!place(frame)) return false;
-    if (has_our_clock_) frame.timestamp += monotonic_now() - seconds_since_1970();
+    if (clock_ == StampClock::shared) frame.timestamp += monotonic_now() - seconds_since_1970();
     if (image_.model) {
       info_.width = frame.width;
       info_.height = frame.height;
@@ -402,11 +413,12 @@ class Ros2Source final : public DepthSource {
   std::string info_topic_;
   const std::shared_ptr<RosNode> node_;
   DepthStreamInfo info_;
-  ReceivedMessages received_;
+  ReceivedMessages received_{topic_};
   ReceivedMessages::Image image_;
   DepthFrame first_;
   std::string world_, camera_;  // frames of tf; no world: the camera's own is
-  bool has_first_ = false, is_open_ = false, has_our_clock_ = false, is_unplaced_ = false;
+  bool has_first_ = false, is_open_ = false, is_unplaced_ = false;
+  StampClock clock_ = StampClock::cameras;
   double last_image_ = monotonic_now();
   std::unique_ptr<RosSubscription> images_, infos_, transforms_,
       statics_;  // last: they speak to what is above

@@ -87,7 +87,8 @@ class Reader {
                             " of at most 1000");
   }
 
-  /// <origin xyz rpy> of a link's geometry or of a joint.
+  /// <origin xyz rpy>, or in newer files <origin xyz quat_xyzw>, of a link's geometry or of a
+  /// joint.
   Result<Pose> origin_of(const Element& element) const {
     constexpr std::array<double, 3> kZero{};
     const Element* const origin = element.FirstChildElement("origin");
@@ -95,9 +96,19 @@ class Reader {
     const auto xyz = numbers<3>(*origin, "xyz", kZero), rpy = numbers<3>(*origin, "rpy", kZero);
     if (!xyz) return xyz.error();
     if (!rpy) return rpy.error();
+    const Vec3d p{(*xyz)[0], (*xyz)[1], (*xyz)[2]};
+    if (origin->Attribute("quat_xyzw") != nullptr) {
+      const auto q = numbers<4>(*origin, "quat_xyzw", std::nullopt);
+      if (!q) return q.error();
+      const double length = std::hypot(std::hypot((*q)[0], (*q)[1]), std::hypot((*q)[2], (*q)[3]));
+      if (std::abs(length - 1) > 0.01 || origin->Attribute("rpy") != nullptr) {
+        return bad(*origin, "<origin> needs either rpy or quat_xyzw with a quaternion 1 long");
+      }
+      return Pose{p, normalized(Quaternion{(*q)[0], (*q)[1], (*q)[2], (*q)[3]})};
+    }
     const Quaternion turned = axis_angle({0, 0, 1}, (*rpy)[2]) * axis_angle({0, 1, 0}, (*rpy)[1]) *
                               axis_angle({1, 0, 0}, (*rpy)[0]);
-    return Pose{{(*xyz)[0], (*xyz)[1], (*xyz)[2]}, normalized(turned)};
+    return Pose{p, normalized(turned)};
   }
 
   /// What xacro would still add is missing here: the arm would be felt.

@@ -18,6 +18,7 @@ inline constexpr float kNoAverage = std::numeric_limits<float>::quiet_NaN();
 struct PixelAverage {
   std::uint32_t sum = 0;         ///< moving: of the ring
   float mean = 0;                ///< exponential, in counts
+  float unit = 0;                ///< m per count: those of another unit are not averaged with these
   std::uint8_t num = 0;          ///< measurements in the average; exponential: 0 or 1
   std::uint8_t next = 0;         ///< moving: where the ring is written next
   std::uint8_t num_missing = 0;  ///< frames since the last measurement
@@ -67,11 +68,14 @@ PALPATE_HOSTDEV inline void add_measurement(PixelAverage& average, const PixelRi
 PALPATE_HOSTDEV inline float update_average(PixelAverage& average, const PixelRing& ring,
                                             std::uint16_t count, double unit,
                                             const DepthAverageOptions& options) {
+  const auto narrow_unit = static_cast<float>(unit);
+  if (average.unit != narrow_unit) average = {};
   if (is_measurement(count)) {
     add_measurement(average, ring, count, options);
   } else if (average.num > 0 && ++average.num_missing > options.keep_frames) {
     average = {};
   }
+  average.unit = narrow_unit;
   return average.num > 0 ? static_cast<float>(mean_of(average, options) * unit) : kNoAverage;
 }
 

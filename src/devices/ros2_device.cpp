@@ -1,6 +1,9 @@
 #include "src/devices/ros2_device.h"
 
+#include <algorithm>
 #include <atomic>
+#include <charconv>
+#include <chrono>
 #include <cmath>
 #include <memory>
 #include <mutex>
@@ -21,13 +24,14 @@ namespace palpate::inline v0 {
 namespace {
 
 constexpr double kFirstPose = 10;         // s, at the start
-constexpr double kMaxAge = 0.1;           // s: a pose is taken for present until then
 constexpr double kVelocityFilter = 0.02;  // s, of velocities from positions
 constexpr double kShortestStep = 1e-4;    // s between poses that a velocity comes from
 
+/// Times: s, monotonic. With tf a pose has several parts, which come one by one.
 struct ReceivedPose {
   Pose X_BH;
-  double time = 0;  // s, monotonic: when it came
+  double oldest = 0;  // when the part came that has not come again for longest
+  double newest = 0;  // when it changed
 };
 
 class Ros2Tool final : public PolledDevice {
@@ -63,8 +67,7 @@ class Ros2Tool final : public PolledDevice {
 
   bool read(DeviceState& state) noexcept override {
     if (poses_.refresh()) take(poses_.value());
-    const double age = state.time - last_.time;
-    state.is_valid = last_.time > 0 && age <= kMaxAge;
+    state.is_valid = last_.newest > 0 && state.time - last_.oldest <= address_.max_age;
     state.X_BH = last_.X_BH;
     state.V_BH = state.is_valid ? V_BH_ : Twist{};
     return true;  // a robot that is silent may come back
@@ -75,31 +78,25 @@ class Ros2Tool final : public PolledDevice {
     transforms_.reset();
     statics_.reset();
     num_poses_ = 0;
+    tree_.clear();
   }
   Error trouble() const override { return {}; }
 
  private:
   Status listen() {
-    const auto handler = [this](std::string_view message) {
-      const auto transforms = read_transforms(message);
-      if (!transforms) return;
-      for (const RosStampedTransform& each : *transforms) tree_.add(each);
-      if (address_.topic.empty()) follow_frame();
-    };
-    const auto join = [&](const char* topic, const RosQos& qos,
+    const auto join = [&](const char* topic, bool is_static,
                           std::unique_ptr<RosSubscription>& to) -> Status {
-      auto subscription = node_->subscribe(topic, "tf2_msgs/TFMessage", qos, handler);
+      const RosQos qos{.is_reliable = true, .is_kept = is_static, .depth = 100};
+      auto subscription = node_->subscribe(
+          topic, "tf2_msgs/TFMessage", qos,
+          [this, is_static](std::string_view message) { add_transforms(message, is_static); });
       if (!subscription) return subscription.error();
       to = *std::move(subscription);
       return Done{};
     };
     if (address_.topic.empty() || !address_.base.empty()) {
-      const Status moving =
-          join("/tf", {.is_reliable = true, .is_kept = false, .depth = 100}, transforms_);
-      if (!moving) return moving;
-      const Status fixed =
-          join("/tf_static", {.is_reliable = true, .is_kept = true, .depth = 100}, statics_);
-      if (!fixed) return fixed;
+      if (const Status moving = join("/tf", false, transforms_); !moving) return moving;
+      if (const Status fixed = join("/tf_static", true, statics_); !fixed) return fixed;
     }
     if (address_.topic.empty()) return Done{};
     auto poses = node_->subscribe(address_.topic, "geometry_msgs/PoseStamped", RosQos::sensor(),
@@ -111,21 +108,41 @@ class Ros2Tool final : public PolledDevice {
 
   // Threads of the subscriptions.
 
+  void add_transforms(std::string_view message, bool is_static) {
+    const auto transforms = read_transforms(message);
+    if (!transforms) return;
+    for (const RosStampedTransform& each : *transforms) {
+      tree_.add(each, is_static, arrival_of(each.time));
+    }
+    if (address_.topic.empty()) follow_frame();
+  }
+  /// Messages about others change nothing: the pose is as old as it was.
   void follow_frame() {
-    if (const auto found = tree_.find(address_.base, address_.frame)) tell(found->X_AB);
+    const auto found = tree_.find(address_.base, address_.frame);
+    if (!found) return;
+    const bool is_fixed = std::isinf(found->oldest);
+    tell({found->X_AB, found->oldest, is_fixed ? monotonic_now() : found->newest});
   }
   void follow_pose(std::string_view message) {
     const auto pose = read_pose(message);
     if (!pose) return;
+    const double time = arrival_of(pose->time);
     if (address_.base.empty() || pose->frame.empty() || pose->frame == address_.base) {
-      tell(pose->pose);
+      tell({pose->pose, time, time});
     } else if (const auto found = tree_.find(address_.base, pose->frame)) {
-      tell(found->X_AB * pose->pose);
+      tell({found->X_AB * pose->pose, std::min(time, found->oldest), time});
     }
   }
-  void tell(const Pose& X_BH) {
+  /// s, monotonic: when what has this stamp came, or by a shared clock when it was true.
+  double arrival_of(double stamp) const {
+    const double now = monotonic_now();
+    if (!address_.has_our_clock) return now;
+    const auto wall = std::chrono::system_clock::now().time_since_epoch();
+    return std::min(now, now + stamp - std::chrono::duration<double>(wall).count());
+  }
+  void tell(const ReceivedPose& pose) {
     const std::lock_guard lock(mutex_);
-    poses_.publish({X_BH, monotonic_now()});
+    poses_.publish(pose);
     ++num_poses_;
   }
 
@@ -145,9 +162,10 @@ class Ros2Tool final : public PolledDevice {
 
   /// The ticking thread.
   void take(const ReceivedPose& pose) noexcept {
-    const double seconds = pose.time - last_.time;
-    if (last_.time > 0 && seconds > kShortestStep) {
-      const Twist now = seconds < kMaxAge ? twist_between(last_.X_BH, pose.X_BH, seconds) : Twist{};
+    const double seconds = pose.newest - last_.newest;
+    if (last_.newest > 0 && seconds > kShortestStep) {
+      const bool goes_on = seconds < address_.max_age;
+      const Twist now = goes_on ? twist_between(last_.X_BH, pose.X_BH, seconds) : Twist{};
       const double share = 1 - std::exp(-seconds / kVelocityFilter);
       V_BH_.linear += share * (now.linear - V_BH_.linear);
       V_BH_.angular += share * (now.angular - V_BH_.angular);
@@ -167,26 +185,66 @@ class Ros2Tool final : public PolledDevice {
   std::unique_ptr<RosSubscription> pose_, transforms_, statics_;  // last: they speak to the others
 };
 
+/// What stands before the first `mark`; `rest` is left with what comes after it.
+std::string_view take_until(std::string_view& rest, char mark) {
+  const std::size_t at = std::min(rest.find(mark), rest.size());
+  const std::string_view part = rest.substr(0, at);
+  rest.remove_prefix(std::min(at + 1, rest.size()));
+  return part;
+}
+
+/// s; 0: it is none from 0.001 to 10.
+double max_age_of(std::string_view text) {
+  double seconds = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), seconds);
+  const bool is_number = error == std::errc() && end == text.data() + text.size();
+  return is_number && seconds >= 0.001 && seconds <= 10 ? seconds : 0;
+}
+
 }  // namespace
 
 Result<Ros2ToolAddress> parse_ros2_tool(std::string_view address) {
-  const std::size_t at = std::min(address.find('@'), address.size());
-  const std::string what(address.substr(0, at));
-  const std::string base(address.substr(std::min(at + 1, address.size())));
-  if (what.starts_with('/') && what.size() > 1) return Ros2ToolAddress{what, {}, base};
-  if (!what.empty() && !base.empty()) return Ros2ToolAddress{{}, what, base};
-  return Error{Errc::invalid_argument,
-               "ros2:" + std::string(address) +
-                   " names no tool; write ros2:/POSE_TOPIC[@CAMERA_FRAME] or "
-                   "ros2:TOOL_FRAME@CAMERA_FRAME, e.g. ros2:tool0@camera_depth_optical_frame"};
+  std::string_view rest = address;
+  std::string_view frames = take_until(rest, '?');
+  Ros2ToolAddress tool;
+  const std::string what(take_until(frames, '@'));
+  tool.base = frames;
+  if (what.starts_with('/') && what.size() > 1) {
+    tool.topic = what;
+  } else if (!what.empty() && !tool.base.empty()) {
+    tool.frame = what;
+  } else {
+    return Error{Errc::invalid_argument,
+                 "ros2:" + std::string(address) +
+                     " names no tool; write ros2:/POSE_TOPIC[@CAMERA_FRAME] or "
+                     "ros2:TOOL_FRAME@CAMERA_FRAME, e.g. ros2:tool0@camera_depth_optical_frame"};
+  }
+  while (!rest.empty()) {
+    const std::string_view one = take_until(rest, '&');
+    std::string_view value = one;
+    const std::string_view name = take_until(value, '=');
+    const double max_age = name == "max_age" ? max_age_of(value) : 0;
+    if (max_age > 0) {
+      tool.max_age = max_age;
+    } else if (one == "clock=own" || one == "clock=shared") {
+      tool.has_our_clock = value == "shared";
+    } else {
+      return Error{Errc::invalid_argument,
+                   "ros2:" + std::string(address) + ": '" + std::string(one.substr(0, 40)) +
+                       "' is not known; there are max_age=S, from 0.001 to 10 s, and "
+                       "clock=own|shared"};
+    }
+  }
+  return tool;
 }
 
 Result<std::unique_ptr<HapticDevice>> open_ros2_device(std::string_view address) {
   auto parsed = parse_ros2_tool(address);
   if (!parsed) return parsed.error();
   if (const auto& api = dds::api(); !api) return api.error();
-  return std::unique_ptr<HapticDevice>(std::make_unique<PollingDevice>(
-      std::make_unique<Ros2Tool>(*std::move(parsed), "ros2:" + std::string(address))));
+  const std::string name = "ros2:" + std::string(address.substr(0, address.find('?')));
+  return std::unique_ptr<HapticDevice>(
+      std::make_unique<PollingDevice>(std::make_unique<Ros2Tool>(*std::move(parsed), name)));
 }
 
 FoundDevice find_ros2_device() {

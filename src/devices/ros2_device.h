@@ -9,11 +9,14 @@
 namespace palpate::inline v0 {
 
 /// "/topic[@FRAME]": geometry_msgs/PoseStamped, transformed to FRAME if that is given and the
-/// message names another one. "FRAME@BASE": a frame of tf, in the frame BASE.
+/// message names another one. "FRAME@BASE": a frame of tf, in the frame BASE. Behind both:
+/// "?max_age=S" and "&clock=own|shared".
 struct Ros2ToolAddress {
   std::string topic, frame, base;  ///< either a topic or a frame
+  double max_age = 0.1;            ///< s: a pose is taken for present until then
+  bool has_our_clock = false;      ///< stamps are of this computer's clock: poses count from them
 };
-/// Error: neither of them.
+/// Error: neither of them, a parameter that there is not.
 Result<Ros2ToolAddress> parse_ros2_tool(std::string_view address);
 
 }  // namespace palpate::inline v0

@@ -46,7 +46,7 @@ Error no_pose(const char* what) {
 }
 
 constexpr const char* kNoJointState =
-    "a JointState is damaged or has not one finite position for each name";
+    "a JointState is damaged or has not one position for each name";
 
 struct RosMarker {
   std::string_view name;
@@ -350,7 +350,7 @@ Result<std::vector<RosStampedTransform>> read_transforms(std::string_view messag
     transform.time = time;
     transform.parent = frame;
     transform.child = from.text();
-    if (!take_pose(from, transform.X_PC)) return no_pose("a TFMessage");
+    if (!take_pose(from, transform.X_PC)) transforms.pop_back();  // as tf2 does
   }
   if (!from.is_good()) return no_pose("a TFMessage");
   return transforms;
@@ -375,7 +375,6 @@ Result<RosJointState> read_joint_state(std::string_view message) {
   const std::size_t num = from.number<std::uint32_t>();
   for (std::size_t i = 0; i < num && from.is_good(); ++i) {
     state.positions.push_back(from.number<double>());
-    if (!std::isfinite(state.positions.back())) return Error{Errc::bad_input, kNoJointState};
   }
   if (!from.is_good() || (num != 0 && num != num_names)) {
     return Error{Errc::bad_input, kNoJointState};

@@ -112,6 +112,8 @@ std::string entities_message(const RosEntities& entities);
 
 // Readers. Errors: a damaged message, numbers that are no pose.
 
+/// Transforms whose numbers are no pose are left out.
+
 struct RosStampedTransform {
   double time = 0;  ///< s since 1970
   std::string parent, child;
@@ -127,7 +129,7 @@ Result<RosStampedPose> read_pose(std::string_view message);
 struct RosJointState {
   double time = 0;  ///< s since 1970
   std::vector<std::string> names;
-  std::vector<double> positions;  ///< of each, rad or m
+  std::vector<double> positions;  ///< of each, rad or m; NaN: its hardware reports nothing
 };
 /// sensor_msgs/JointState; those without positions have no names here.
 Result<RosJointState> read_joint_state(std::string_view message);

@@ -17,14 +17,17 @@ inline std::string plain_frame(const std::string& frame) {
   return frame.starts_with('/') ? frame.substr(1) : frame;
 }
 
-/// The newest transform of every frame to its parent. Any threads.
+/// The newest transform of every frame to its parent, and when it came. Any threads.
 class TfTree {
  public:
-  void add(const RosStampedTransform& transform);
+  /// `time`: s, when it came, on any clock. A static one stays true.
+  void add(const RosStampedTransform& transform, bool is_static, double time);
+  void clear();
+  /// Times are of the transforms between the two frames that are not static: none of them came
+  /// before `oldest`. If all are static, `oldest` is infinity and `newest` minus infinity.
   struct Found {
     Pose X_AB;
-    double time =
-        0;  ///< s since 1970: the oldest of the stamps of frames that move; 0 if none does
+    double oldest = 0, newest = 0;  ///< s
   };
   /// Frame B in frame A. None: nothing joins them yet.
   std::optional<Found> find(const std::string& a, const std::string& b) const;
@@ -33,7 +36,8 @@ class TfTree {
   struct Link {
     std::string parent;
     Pose X_PC;
-    double time = 0;  // s; 0: static
+    bool is_static = false;
+    double time = 0;  // s
   };
   const Link* parent_of(const std::string& frame) const;
 

@@ -11,14 +11,14 @@ namespace {
 
 std::optional<SettingValue> value_of(const toml::node& node) {
   if (const auto* const flag = node.as_boolean()) return SettingValue(**flag);
-  if (node.is_number()) return SettingValue(*node.value<double>());
+  if (node.is_number()) return SettingValue(number_of(node));
   if (const auto* const word = node.as_string()) return SettingValue(**word);
   const toml::array* const array = node.as_array();
   std::vector<double> numbers;
   for (std::size_t i = 0; array != nullptr && i < array->size(); ++i) {
     const toml::node& element = *array->get(i);
     if (!element.is_number()) return std::nullopt;
-    numbers.push_back(*element.value<double>());
+    numbers.push_back(number_of(element));
   }
   return pose_of(numbers);
 }

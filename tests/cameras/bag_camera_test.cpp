@@ -1,6 +1,7 @@
 // Bags of ROS 1 whose camera, stamps and types change in mid-stream.
 #include <gtest/gtest.h>
 
+#include <array>
 #include <bit>
 #include <cmath>
 #include <cstdint>
@@ -26,6 +27,8 @@ struct Shot {
   std::uint32_t seconds = 100, nanoseconds = 0;
   int width = kWidth, height = kHeight;
   double fx = 30;  // of an image of kWidth
+  std::uint32_t binning = 0;
+  std::array<std::uint32_t, 4> roi{};  // x, y, height, width
 };
 
 std::string camera_info(const Shot& shot) {
@@ -38,7 +41,8 @@ std::string camera_info(const Shot& shot) {
   for (const double k : K) add(k);
   for (const double r : R) add(r);
   for (const double p : P) add(p);
-  for (int i = 0; i < 6; ++i) info.number(std::uint32_t{0});
+  for (int i = 0; i < 2; ++i) info.number(shot.binning);
+  for (const std::uint32_t number : shot.roi) info.number(number);
   return info.number(std::uint8_t{0}).str();
 }
 
@@ -108,6 +112,40 @@ TEST_F(BagCamera, OfAStillCameraThereIsNothingToSay) {
   EXPECT_EQ(frames_.size(), 10u);
   EXPECT_NEAR(info_.rate, 20, 1e-6);
   EXPECT_TRUE(notes_.empty()) << notes_.front();
+}
+
+// camera_info is that of all that the camera sees: its pixels are 1 and, binned, 2 x 2 of those.
+TEST_F(BagCamera, ShowsARegionOfWhatItsCameraSees) {
+  struct Case {
+    int width, height;
+    std::uint32_t binning;
+    std::array<std::uint32_t, 4> roi;
+    Intrinsics expected;
+  };
+  for (const Case& one : {Case{16, 12, 0, {8, 6, 12, 16}, {30, 30, 7.5, 5.5}},
+                          Case{16, 12, 1, {4, 2, 12, 16}, {30, 30, 11.5, 9.5}},
+                          Case{32, 12, 1, {0, 10, 12, 32}, {30, 30, 15.5, 1.5}},
+                          Case{8, 8, 2, {16, 8, 16, 16}, {15, 15, -0.5, 1.5}},
+                          Case{16, 12, 2, {0, 0, 0, 0}, {15, 15, 7.5, 5.5}},
+                          Case{16, 12, 2, {0, 0, 24, 32}, {15, 15, 7.5, 5.5}},
+                          Case{32, 24, 0, {8, 6, 12, 16}, {30, 30, 15.5, 11.5}},
+                          Case{32, 24, 0, {20, 6, 24, 32}, {30, 30, 15.5, 11.5}}}) {
+    write([&](int k) {
+      Shot shot = in_time(k);
+      shot.width = one.width;
+      shot.height = one.height;
+      shot.binning = one.binning;
+      shot.roi = one.roi;
+      return shot;
+    });
+    read();
+    EXPECT_EQ(info_.width, one.width);
+    const Intrinsics& k = info_.intrinsics;
+    EXPECT_NEAR(k.fx, one.expected.fx, 1e-12);
+    EXPECT_NEAR(k.fy, one.expected.fy, 1e-12);
+    EXPECT_NEAR(k.cx, one.expected.cx, 1e-12);
+    EXPECT_NEAR(k.cy, one.expected.cy, 1e-12);
+  }
 }
 
 // Each image is seen by the lens of its time, whichever message comes first, and turned into the

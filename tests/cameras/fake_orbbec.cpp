@@ -112,7 +112,7 @@ CameraIntrinsic ob_video_stream_profile_get_intrinsic(const Object* profile, Err
           static_cast<std::int16_t>(profile->height)};
 }
 CameraDistortion ob_video_stream_profile_get_distortion(const Object*, Error) {
-  return {0, 0, 0, 0, 0, 0, 0, 0, 4};
+  return {control.k1, 0, 0, 0, 0, 0, 0, 0, control.lens};
 }
 
 Object* ob_create_config(Error) { return new Object; }

@@ -115,7 +115,7 @@ TEST(FrameIntake, WhatHappensWithEveryFrameIsToldTenTimesAndThenCounted) {
   intake.cancel();
   const std::string last = joined(intake.take_notes());
   EXPECT_TRUE(has(last,
-                  "; 49 times, its clock was restarted; 49 times, image, intrinsics or unit "
+                  "; 48 times, its clock was restarted; 49 times, image, intrinsics or unit "
                   "changed; "))
       << last;
 }
@@ -250,6 +250,37 @@ TEST(LiveCamera, ComesBackAfterItWasUnplugged) {
   const std::string notes = joined(camera->take_notes());
   EXPECT_TRUE(has(notes, "was lost: the cable is out")) << notes;
   EXPECT_TRUE(has(notes, "is back after")) << notes;
+}
+
+// It opens again and again, and sends nothing: nobody is told that it is back.
+TEST(LiveCamera, IsBackWithItsFirstFrame) {
+  std::atomic<int> num_opened = 0;
+  const auto script = [&](int number, DepthFrame& frame, DepthStreamInfo&,
+                          const auto&) -> Result<bool> {
+    const bool sends_nothing = num_opened > 0 && num_opened < 4;
+    if (sends_nothing || number == 5) return Error{Errc::unavailable, "it sends no frames"};
+    return give(frame, number, 0);
+  };
+  const OpenRaw again = [&]() -> Result<RawStream> {
+    ++num_opened;
+    return RawStream{std::make_unique<ScriptedCamera>(stream_info(kWidth, kHeight), script),
+                     StampClock::none};
+  };
+  const auto camera = live(script, again);
+  DepthFrame frame;
+  std::string notes;
+  while (num_opened < 4) {
+    ASSERT_TRUE(*camera->next(frame));
+    notes += joined(camera->take_notes());
+  }
+  notes += joined(camera->take_notes());
+  const auto count = [&](const std::string& what) {
+    int num = 0;
+    for (auto at = notes.find(what); at != std::string::npos; at = notes.find(what, at + 1)) ++num;
+    return num;
+  };
+  EXPECT_EQ(count("was lost: it sends no frames"), 1) << notes;
+  EXPECT_EQ(count("is back after"), 1) << notes;
 }
 
 TEST(LiveCamera, WithoutASecondChanceTheErrorIsTold) {
@@ -389,6 +420,23 @@ TEST(LiveCamera, AnotherSizeAndUnitAreFollowed) {
   }();
   ASSERT_GE(number, 5);
   EXPECT_EQ(frame.pixels[17], test::count_at(8, 0, number));
+}
+
+TEST(LiveCamera, FramesOfALensOfZerosAreLeftOut) {
+  const auto camera = live([](int number, DepthFrame& frame, DepthStreamInfo& info, const auto&) {
+    info.intrinsics = stream_info(kWidth, kHeight).intrinsics;
+    if (number % 3 == 1) info.intrinsics = {};
+    if (number % 3 == 2) info.intrinsics.cx = std::numeric_limits<double>::quiet_NaN();
+    return give(frame, number, 0);
+  });
+  DepthFrame frame;
+  for (int k = 0; k < 5; ++k) {
+    ASSERT_TRUE(*camera->next(frame));
+    EXPECT_EQ(test::number_of(frame, 4000) % 3, 0);
+  }
+  const std::string notes = joined(camera->take_notes());
+  EXPECT_TRUE(has(notes, "without positive, finite intrinsics; they are dropped")) << notes;
+  EXPECT_FALSE(has(notes, "has changed its intrinsics")) << notes;
 }
 
 TEST(LiveCamera, BlackFramesAndFramesFromThePastAreLeftOut) {

@@ -67,6 +67,26 @@ TEST_F(Orbbec, Conforms) {
   test::expect_outlives_a_stall(open, [](bool is_stalled) { control_->is_stalled = is_stalled; });
 }
 
+TEST_F(Orbbec, SaysThatALensIsNotKnown) {
+  const auto notes_of = [](int lens, float k1, const char* uri) {
+    control_->lens = lens;
+    control_->k1 = k1;
+    const auto camera = open_camera(uri).value();
+    DepthFrame frame;
+    EXPECT_TRUE(*camera->next(frame));
+    control_->lens = 4;
+    control_->k1 = 0;
+    return test::all_notes(*camera);
+  };
+  const char* const words = "distortion is of a model that is not known";
+  EXPECT_NE(notes_of(2, 0.1f, "orbbec?size=64x48").find(words), std::string::npos);
+  for (const auto& [lens, k1] : {std::pair(3, 0.1f), {4, 0.1f}, {2, 0.0f}, {0, 0.1f}}) {
+    EXPECT_EQ(notes_of(lens, k1, "orbbec?size=64x48").find(words), std::string::npos) << lens;
+  }
+  EXPECT_EQ(notes_of(2, 0.1f, "orbbec?size=64x48&distortion=0.1,0,0,0").find(words),
+            std::string::npos);
+}
+
 TEST_F(Orbbec, FollowsAnotherSizeAndUnit) {
   const auto camera = open().value();
   DepthFrame frame;

@@ -54,15 +54,15 @@ class Realsense : public testing::Test {
 /// A camera in memory, and the thread that sends its frames.
 class SoftwareCamera {
  public:
-  SoftwareCamera(const Api& api, void* library) : api_(api), library_(library) {
+  SoftwareCamera(const Api& api, void* library, int lens = realsense::kBrownConrady, float k1 = 0)
+      : api_(api), library_(library) {
     Failure* error = nullptr;
     device_ = call<Device*(Failure**)>("rs2_create_software_device")(&error);
     call<void(Device*, int, const char*, Failure**)>("rs2_software_device_register_info")(
         device_, realsense::kSerial, "1234", &error);
     sensor_ = call<Sensor*(Device*, const char*, Failure**)>("rs2_software_device_add_sensor")(
         device_, "Depth", &error);
-    const CameraIntrinsics camera{
-        kWidth, kHeight, 31.5f, 23.5f, 60, 61, realsense::kBrownConrady, {0, 0, 0, 0, 0}};
+    const CameraIntrinsics camera{kWidth, kHeight, 31.5f, 23.5f, 60, 61, lens, {k1, 0, 0, 0, 0}};
     profile_ = call<Profile*(Sensor*, VideoStream, Failure**)>(
         "rs2_software_sensor_add_video_stream")(
         sensor_, {realsense::kDepthStream, 0, 1, kWidth, kHeight, 30, 2, realsense::kZ16, camera},
@@ -230,6 +230,21 @@ TEST_F(Realsense, MeasuresByThePresetThatIsGiven) {
   ASSERT_FALSE(refused);
   EXPECT_NE(refused.error().message.find("no preset '9'"), std::string::npos)
       << refused.error().message;
+}
+
+TEST_F(Realsense, SaysThatALensIsNotKnown) {
+  constexpr int kInverseBrownConrady = 2;
+  const auto is_noted = [](int lens, float k1, const char* uri) {
+    SoftwareCamera software(api(), library(), lens, k1);
+    const auto raw =
+        realsense::open_device(software.hand_over(), parse_camera_uri(uri).value(), "").value();
+    return test::all_notes(*raw).find("distortion is of a model that is not known") !=
+           std::string::npos;
+  };
+  EXPECT_TRUE(is_noted(kInverseBrownConrady, 0.1f, "realsense"));
+  EXPECT_FALSE(is_noted(kInverseBrownConrady, 0.1f, "realsense?distortion=0.1,0,0,0"));
+  EXPECT_FALSE(is_noted(kInverseBrownConrady, 0, "realsense"));
+  EXPECT_FALSE(is_noted(realsense::kBrownConrady, 0.1f, "realsense"));
 }
 
 TEST_F(Realsense, ComesBackAsAnotherDevice) {

@@ -308,6 +308,37 @@ joints = "joints.csv"
             std::string::npos);
 }
 
+// Anybody's folders are called as they are.
+TEST_F(RigFile, TakesFilesWhoseNamesHaveSignsOfAUri) {
+  const auto folder = folder_.path() / "R&D #3?";
+  std::filesystem::create_directory(folder);
+  write(folder / "a&b #1.urdf", kCell);
+  write(folder / "a=1&b.csv", "time,neck\n0,0\n1,0\n");
+  write(folder / "way #2&3.tum", "0 1 0 0 0 0 0 1\n");
+  write(folder / "rig.toml", R"([world]
+frame = "table"
+[frames]
+bench = "urdf:a&b #1.urdf#bench"
+[[camera]]
+uri = "scene:wall"
+pose_from = "urdf:a&b #1.urdf#front_optical"
+joints = "a=1&b.csv"
+[[camera]]
+uri = "scene:wall"
+pose_from = "way #2&3.tum"
+)");
+  const auto rig = load_rig(folder / "rig.toml");
+  ASSERT_TRUE(rig) << rig.error().message;
+  expect_near(rig->frames.at("bench"), Pose{{1, 2, 0}, axis_angle({0, 0, 1}, kPi / 2)});
+  for (const CameraRig::Camera& camera : rig->cameras) {
+    const auto opened = open_camera(camera.uri);
+    ASSERT_TRUE(opened) << opened.error().message;
+    DepthFrame frame;
+    ASSERT_TRUE(*(*opened)->next(frame));
+    EXPECT_NEAR(frame.X_WC.translation.x, camera.name == "camera 1" ? 0.6 : 1, 1e-9);
+  }
+}
+
 TEST_F(RigFile, SaysWhatIsWrongAndWhere) {
   EXPECT_NE(why_not("").find("has 0 [[camera]]"), std::string::npos);
   EXPECT_NE(why_not("[[camera]]\nuri = ").find("line 2"), std::string::npos);
@@ -321,6 +352,16 @@ TEST_F(RigFile, SaysWhatIsWrongAndWhere) {
   EXPECT_NE(why_not("[[camera]]\nname = 'a'\nuri = 'scene:wall'\n[[camera]]\nname = 'a'\n"
                     "uri = 'scene:wall'")
                 .find("two cameras are called 'a'"),
+            std::string::npos);
+  EXPECT_NE(why_not("[world]\ngravity = [0, 9007199254740993, 0]").find("gravity must be numbers"),
+            std::string::npos);
+  for (const char* const wrong : {"''", "3", "'urdf:a.urdf'"}) {
+    EXPECT_NE(why_not("[[camera]]\nuri = 'scene:wall'\npose_from = " + std::string(wrong))
+                  .find("camera 1: pose_from must be"),
+              std::string::npos);
+  }
+  EXPECT_NE(why_not("[[camera]]\nuri = 'scene:wall?poses=a.tum'\npose_from = 'b.tum'")
+                .find("must be given once"),
             std::string::npos);
   EXPECT_NE(why_not("[world]\ngravity = [1]").find("gravity = [x, y, z]"), std::string::npos);
   EXPECT_NE(why_not("[world]\ngravity = [0, nan, 0]").find("line 2: gravity must be numbers from"),

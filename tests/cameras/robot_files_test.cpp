@@ -178,6 +178,17 @@ TEST(Urdf, SaysWhatIsWrongAndWhere) {
             std::string::npos);
   EXPECT_NE(why_not(two + joint("fixed", ends + "<origin xyz='0 0 nan'/>")).find("3 numbers"),
             std::string::npos);
+  const auto turned =
+      parsed("<robot>" + two +
+             joint("fixed", ends + "<origin xyz='1 2 3' quat_xyzw='0 0 0.6 0.8'/>") + "</robot>");
+  ASSERT_TRUE(turned) << turned.error().message;
+  EXPECT_EQ(turned->joints[0].X_PJ, (Pose{{1, 2, 3}, {0, 0, 0.6, 0.8}}));
+  for (const char* const wrong : {"0 0 0 0", "0 0 1", "0 0 0.6 0.8' rpy='0 0 0"}) {
+    EXPECT_NE(why_not(two + joint("fixed", ends + "<origin quat_xyzw='" + wrong + "'/>"))
+                  .find("quat_xyzw"),
+              std::string::npos)
+        << wrong;
+  }
   EXPECT_NE(why_not(two).find("2 links that are the child of no joint"), std::string::npos);
   EXPECT_NE(why_not("<link name='c'/>" + two + joint("fixed", ends) +
                     "<joint name='k' type='fixed'><parent link='b'/><child link='a'/></joint>")
@@ -272,6 +283,18 @@ TEST(JointHistory, HoldsAJointThatIsToldToBeWhereNoneIs) {
   EXPECT_EQ(silent.error().message,
             "no state for joint 'elbow' within 0.2 s, the nearest is 1 s away");
   EXPECT_NE(history.impossible().find("joint 'elbow' is at "), std::string::npos);
+}
+
+TEST(JointHistory, SaysWhichJointIsAtNaN) {
+  JointHistory history({{"elbow", false}, {"finger", false}, {"wrist", false}});
+  history.add("elbow", 1, 0.5);
+  history.add("finger", 1, std::nan(""));
+  EXPECT_EQ(history.missing(), "finger (at NaN), wrist");
+  EXPECT_NE(history.at(1, 1, 0.1, false).error().message.find("it is told to be at NaN"),
+            std::string::npos);
+  EXPECT_EQ(history.impossible(), "");  // others of the recording are right
+  history.add("finger", 2, 0.1);
+  EXPECT_EQ(history.missing(), "wrist");
 }
 
 TEST(JointTable, IsReadAndRefused) {

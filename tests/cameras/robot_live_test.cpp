@@ -10,6 +10,7 @@
 #include <functional>
 #include <thread>
 
+#include "src/cameras/posed_source.h"
 #include "src/cameras/robot_model.h"
 #include "src/core/monotonic_clock.h"
 #include "src/io/ros_messages.h"
@@ -35,6 +36,7 @@ class LiveFrames : public DepthSource {
   Result<bool> next(DepthFrame& frame) override {
     if (num_left == 0) return false;
     --num_left;
+    if (before_next) before_next();
     frame = shown_;
     frame.timestamp = monotonic_now() + later;
     return true;
@@ -42,6 +44,7 @@ class LiveFrames : public DepthSource {
 
   int num_left = 1;
   double later = 0;  ///< s
+  std::function<void()> before_next;
 
  private:
   const DepthFrame shown_;
@@ -287,6 +290,32 @@ TEST_F(RobotOverRos, TellsOfItsJoints) {
   files_.joints = "ros2:/arm/joint_states";
   files_.pose = "-0.35 0.1 0.8 0 0.70710678118654757 0 0.70710678118654757";
   expect_no_arm();
+}
+
+// Nobody could read a note for each frame, and a run of hours would keep all of them.
+TEST_F(RobotOverRos, WhoseCameraIsNowhereIsToldOnce) {
+  const PublishingRobot robot(robot_node());
+  const CameraUri uri =
+      parse_camera_uri("live?urdf=" + files_.robot + "#hand&joints=ros2:/arm/joint_states").value();
+  auto poses = CameraPoses::of(uri);
+  ASSERT_TRUE(poses) << poses.error().message;
+  auto frames =
+      std::make_unique<LiveFrames>(test::frames_of_arm([](double) { return Pose{}; }, false)[0]);
+  LiveFrames& camera = *frames;
+  const auto posed = make_posed(std::move(frames), *std::move(poses)).value();
+  camera.num_left = 300;
+  camera.later = 60;  // after the last state
+  std::vector<std::string> notes;
+  camera.before_next = [&] {
+    for (std::string& note : posed->take_notes()) notes.push_back(std::move(note));
+  };
+  DepthFrame frame;
+  EXPECT_FALSE(*posed->next(frame));
+  camera.before_next();
+  ASSERT_EQ(notes.size(), 2u);
+  EXPECT_NE(notes[0].find("live: frames are dropped: no state for joint"), std::string::npos)
+      << notes[0];
+  EXPECT_NE(notes[1].find("300 frames were dropped"), std::string::npos) << notes[1];
 }
 
 TEST_F(RobotOverRos, TellsOfItsFrames) {

@@ -87,6 +87,21 @@ TEST(DepthAverager, EqualsBruteForce) {
   }
 }
 
+// A wall that rests, by a camera that scales its counts: half a percent is less than `max_jump`.
+TEST(DepthAverager, CountsOfAnotherUnitAreNotMixed) {
+  ThreadPool pool(2);
+  for (const DepthAverage kind : {DepthAverage::moving, DepthAverage::exponential}) {
+    const DepthAverageOptions options{kind, 4, 0.3, 0.03, 2};
+    DepthAverager averager = std::move(DepthAverager::create(kWidth, kHeight, options)).value();
+    for (int k = 0; k < 12; ++k) {
+      const std::uint16_t count = k / 3 % 2 == 0 ? 1000 : 1005;
+      const DepthFrame frame{kWidth, kHeight, 1.0 / count, std::vector<std::uint16_t>(kSize, count),
+                             0};
+      for (const float z : averager.update(frame, pool)) ASSERT_NEAR(z, 1, 1e-6) << k;
+    }
+  }
+}
+
 TEST(DepthAverager, NoneOnlyConverts) {
   const std::vector<DepthFrame> frames = random_stream(2, 2);
   ThreadPool pool(1);

@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "src/io/ros_messages.h"
 #include "src/io/sha256.h"
 
@@ -60,6 +62,27 @@ TEST(RosMessages, read_back_what_was_written) {
   Pose wrong = X;
   wrong.rotation = {0, 0, 0, 0};
   EXPECT_FALSE(read_pose(pose_message({0, ""}, wrong)));
+}
+
+// A gripper that reports nothing, and the link behind it.
+TEST(RosMessages, one_bad_joint_or_transform_spoils_no_other) {
+  const std::string names[] = {"elbow", "finger"};
+  const double positions[] = {0.1, std::nan("")};
+  const auto state = read_joint_state(joint_state_message({1, ""}, names, positions));
+  ASSERT_TRUE(state);
+  ASSERT_EQ(state->names.size(), 2u);
+  EXPECT_EQ(state->positions[0], 0.1);
+  EXPECT_TRUE(std::isnan(state->positions[1]));
+  const RosTransform transforms[] = {{"base", "arm", {{1, 0, 0}, {}}},
+                                     {"arm", "finger", {{}, {0, 0, 0, 0}}},
+                                     {"arm", "tip", {{std::nan(""), 0, 0}, {}}},
+                                     {"arm", "tool", {{0, 2, 0}, {}}}};
+  const auto read = read_transforms(transform_message(1, transforms));
+  ASSERT_TRUE(read);
+  ASSERT_EQ(read->size(), 2u);
+  EXPECT_EQ(read->front().child, "arm");
+  EXPECT_EQ(read->back().child, "tool");
+  EXPECT_EQ(read->back().X_PC.translation, (Vec3d{0, 2, 0}));
 }
 
 }  // namespace

@@ -11,6 +11,7 @@ float:              32FC1
 bent:               two lenses in turn, each image with its camera_info, which comes after it
 bent_late:          the same, but it comes 0.15 s after it
 once:               one camera_info, with the stamp of one image, as soon as somebody listens, and none after it
+uncalibrated:       some camera_infos are all 0; the corner of the images, which all of them would be then, is nearer
 moving:             a camera that moves; tf tells late where it was
 two:                two cameras, one behind the other; the second one sees the wall half of the time
 late:               images come 0.2 to 0.25 s late, 5 % of them do not come
@@ -153,8 +154,8 @@ def compressed_image(stamp, depths, behavior):
                            list(struct.pack("<iff", 0, a, b) + data))
 
 
-def info(stamp, k1=0.0, frame="camera"):
-    k = [FOCAL, 0, U0, 0, FOCAL, V0, 0, 0, 1.0]
+def info(stamp, k1=0.0, frame="camera", is_calibrated=True):
+    k = [0.0] * 9 if not is_calibrated else [FOCAL, 0, U0, 0, FOCAL, V0, 0, 0, 1.0]
     return CameraInfo(header(stamp, frame), HEIGHT, WIDTH, "plumb_bob", [k1, 0.0, 0.0, 0.0, 0.0], k,
                       [1.0, 0, 0, 0, 1, 0, 0, 0, 1], k[:3] + [0.0] + k[3:6] + [0.0] + k[6:] + [0.0], 0, 0,
                       RegionOfInterest())
@@ -275,7 +276,7 @@ class Cameras:
             self.later(at, self.infos, info(now))
             self.later(at, self.images, count_image(now, flat(NEAR)))
             return
-        self.infos.write(info(now))
+        self.infos.write(info(now, is_calibrated=behavior != "uncalibrated" or self.num % 30 < 20))
         if self.is_compressed:
             shown = self.drawing(is_near, lambda: compressed_image(now, flat(NEAR if is_near else FAR), behavior))
             shown.header = header(now)
@@ -286,6 +287,8 @@ class Cameras:
             self.images.write(float_image(now, flat(NEAR - camera_height(now))))
         elif behavior == "spheres":
             self.images.write(count_image(now, [NEAR if i % WIDTH <= U0 else 0 for i in range(WIDTH * HEIGHT)]))
+        elif behavior == "uncalibrated":
+            self.images.write(count_image(now, [0.3] + flat(NEAR)[1:]))
         elif behavior == "two":
             self.images.write(count_image(now, flat(NEAR)))
             self.other_infos.write(info(now, frame="behind_camera"))

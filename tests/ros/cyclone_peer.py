@@ -8,7 +8,8 @@ It goes on until its standard input ends. Standard error tells that it has begun
 seen enough for a test. BEHAVIOR is what it does from the second after the first
 wrench on: good, silent, flood (1000 images per second), wrong_encoding, wrong_size, tomorrow, dies,
 talks (each image is of another encoding, which clears the screen);
-tf: good, and the tool's pose comes by tf; watches: no more than that, another robot has the camera.
+tf: good, and the tool's pose comes by tf; tf_stops: the same, and then tf tells of others only;
+slow: a pose comes every half second; watches: no more than that, another robot has the camera.
 NAMESPACE and WRENCH are where it looks for what the program tells, as topics of DDS.
 """
 
@@ -294,7 +295,7 @@ def main(domain, behavior="good", size=f"{WIDTH}x{HEIGHT}", namespace="rt/palpat
     begin = time.time()
     seen = {"images": 0, "wrenches": 0, "touching": 0, "frames": [], "states": [], "turns": [], "reasons": [],
             "nodes": [], "hashes": {}, "contact": None, "wild_touching": 0, "wild_from": None}
-    next_image = begin
+    next_image = next_pose = begin
     wild_from = wild_since = float("inf")
     shown, is_touching, has_enough = 0, False, False
     sent, counts, latencies, delays, came = [], [], [], [], []
@@ -310,10 +311,11 @@ def main(domain, behavior="good", size=f"{WIDTH}x{HEIGHT}", namespace="rt/palpat
             wild_since = min(wild_since, now)
         if is_wild and behavior == "dies":
             os.kill(os.getpid(), signal.SIGKILL)
-        if behavior == "tf":
-            moving.write(TFMessage([TransformStamped(header(now, "base"), "tool0",
-                                                     Vector3(0, 0, 0.5), turned)]))
-        elif has_camera:
+        if behavior in ("tf", "tf_stops"):
+            told = ("odom", "base_footprint") if is_wild and behavior == "tf_stops" else ("base", "tool0")
+            moving.write(TFMessage([TransformStamped(header(now, told[0]), told[1], Vector3(0, 0, 0.5), turned)]))
+        elif has_camera and (behavior != "slow" or now >= next_pose):
+            next_pose = now + 0.5
             poses.write(PoseStamped(header(now), Pose(Vector3(0, 0, 0.5), upright)))
         is_flood = is_wild and behavior == "flood"
         period = 0.001 if is_flood else 1 / 30
@@ -377,9 +379,14 @@ def main(domain, behavior="good", size=f"{WIDTH}x{HEIGHT}", namespace="rt/palpat
                 data = next((policy.data for policy in offer.qos
                              if isinstance(policy, Policy.Userdata)), b"")
                 seen["hashes"][topic] = bytes(data).decode()
-        if (not has_enough and seen["wrenches"] > 1000 and seen["touching"] > 100 and seen["contact"]
+        if behavior == "tf_stops":
+            is_enough = now > wild_since + 1 and "the tool's pose" in seen["reasons"]
+        else:
+            is_enough = (
+                seen["wrenches"] > 1000 and seen["touching"] > 100 and seen["contact"]
                 and sum(stamp > sent[0] for stamp, _ in counts) > 4 and (behavior != "flood" or seen["images"] > 5000)
-                and (behavior not in ("flood", "tomorrow") or seen["wild_touching"] > 10)):
+                and (behavior not in ("flood", "tomorrow") or seen["wild_touching"] > 10))
+        if is_enough and not has_enough:
             has_enough = True
             tell("enough")
         time.sleep(0.0005 if is_flood else max(0, min(0.004, next_image - time.time())))

@@ -68,6 +68,22 @@ class InteropTest(PeerCase):
         self.assertEqual(seen["frames"], ["tool0"])
         self.expect_push_along(1, seen)  # it is turned
 
+    def test_a_tool_that_tf_stops_telling_of_is_stale_whatever_else_tf_tells(self):
+        block = os.path.join(self.folder.name, "ball.palp")  # that moves: palpate tells of it by tf, too
+        seen, _ = self.converse(self.cyclone("tf_stops"), "--object", f"{block}@0.5 0 0.5 0 0 0 1,moving",
+                                tool=("--tool-frame", "tool0"), until=has_enough)
+        self.assertIn(0, [state for _, state in seen["turns"]])
+        self.assertEqual(seen["wild_touching"], 0)
+        self.assertIn("the tool's pose", seen["reasons"])
+
+    def test_max_age_is_that_of_the_tools_pose_too(self):
+        seen, _ = self.converse(self.cyclone("slow"), "--max-age", "5", until=has_enough)
+        states = [state for _, state in seen["turns"]]
+        # At the beginning and at the end there is none.
+        self.assertEqual(states[states.index(0):], [0, 2], seen["turns"])
+        seen, _ = self.converse(self.cyclone("slow"), until=has_enough)
+        self.assertIn("the tool's pose", seen["reasons"])
+
     def test_a_robot_on_fast_dds_loses_nothing(self):
         if FASTDDS_PEER is None:
             self.skipTest("SKIPPED: scripts/setup.sh --test installs libfastrtps-dev")

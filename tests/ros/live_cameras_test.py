@@ -59,6 +59,13 @@ class LiveCamerasTest(PeerCase):
     def test_a_lens_that_is_told_once_is_that_of_all_images(self):
         self.touched(self.watch("once"))
 
+    def test_a_camera_info_without_intrinsics_is_no_lens(self):
+        seen, said = self.converse(self.cyclone("uncalibrated", "camera_peer.py", "0,0,0.5"), until=has_enough)
+        self.touched(seen)
+        # Through a lens of zeros the tool would be deep in a wall that is not there.
+        self.assertLess(max(seen["fractions"]) - min(seen["fractions"]), 0.01)
+        self.expect_one_note("camera_info without intrinsics", said)
+
     def test_a_camera_that_moves_is_where_tf_had_it_at_the_images_stamp(self):
         seen = self.watch("moving", "--world", "base", "--max-age", "0.5")
         self.assertEqual(seen["frames"], ["base"])

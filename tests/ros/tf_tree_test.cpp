@@ -3,6 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
+#include <utility>
+
 #include "src/ros/tf_history.h"
 
 namespace palpate {
@@ -21,14 +24,13 @@ void expect_near(const Pose& a, const Pose& b) {
 TEST(TfTree, joins_frames_over_their_common_parent) {
   TfTree tree;
   EXPECT_FALSE(tree.find("camera", "tool"));
-  tree.add({10, "arm", "tool", kArmTool});
-  tree.add({0, "base", "camera", kBaseCamera});
+  tree.add({0, "arm", "tool", kArmTool}, false, 10);
+  tree.add({0, "base", "camera", kBaseCamera}, true, 1);
   EXPECT_FALSE(tree.find("camera", "tool"));
-  tree.add({20, "/base", "/arm", kBaseArm});  // with the slash of ROS 1
+  tree.add({0, "/base", "/arm", kBaseArm}, false, 20);  // with the slash of ROS 1
   const auto found = tree.find("camera", "tool");
   ASSERT_TRUE(found);
   expect_near(found->X_AB, inverse(kBaseCamera) * kBaseArm * kArmTool);
-  EXPECT_EQ(found->time, 10);
   expect_near(tree.find("tool", "camera")->X_AB, inverse(found->X_AB));
   expect_near(tree.find("base", "tool")->X_AB, kBaseArm * kArmTool);
   expect_near(tree.find("tool", "arm")->X_AB, inverse(kArmTool));
@@ -37,15 +39,39 @@ TEST(TfTree, joins_frames_over_their_common_parent) {
 
 TEST(TfTree, follows_what_moves) {
   TfTree tree;
-  tree.add({1, "base", "arm", kBaseArm});
-  tree.add({2, "base", "arm", kArmTool});
+  tree.add({1, "base", "arm", kBaseArm}, false, 1);
+  tree.add({2, "base", "arm", kArmTool}, false, 2);
   expect_near(tree.find("base", "arm")->X_AB, kArmTool);
+  tree.clear();
+  EXPECT_FALSE(tree.find("base", "arm"));
+}
+
+TEST(TfTree, a_pose_is_as_old_as_the_oldest_of_its_moving_parts) {
+  constexpr double kInf = std::numeric_limits<double>::infinity();
+  TfTree tree;
+  const auto times = [&] {
+    const auto found = tree.find("camera", "tool");
+    return std::pair(found->oldest, found->newest);
+  };
+  tree.add({0, "flange", "tool", kArmTool}, true, 1);
+  tree.add({0, "base", "camera", kBaseCamera}, true, 1);
+  tree.add({0, "base", "flange", kBaseArm}, true, 2);
+  EXPECT_EQ(times(), std::pair(kInf, -kInf));
+  tree.add({0, "base", "arm", kBaseArm}, false, 3);
+  tree.add({0, "arm", "flange", kBaseArm}, false, 4);
+  EXPECT_EQ(times(), std::pair(3.0, 4.0));
+  tree.add({0, "arm", "flange", kBaseArm}, false, 5);
+  EXPECT_EQ(times(), std::pair(3.0, 5.0));
+  tree.add({0, "odom", "base", kBaseArm}, false, 6);  // of others
+  EXPECT_EQ(times(), std::pair(3.0, 5.0));
+  tree.add({0, "base", "camera", kBaseCamera}, false, 2);
+  EXPECT_EQ(times(), std::pair(2.0, 5.0));
 }
 
 TEST(TfTree, comes_to_an_end_in_a_ring) {
   TfTree tree;
-  tree.add({1, "a", "b", {}});
-  tree.add({1, "b", "a", {}});
+  tree.add({1, "a", "b", {}}, false, 1);
+  tree.add({1, "b", "a", {}}, false, 1);
   EXPECT_FALSE(tree.find("a", "c"));
   EXPECT_FALSE(tree.find("c", "a"));
 }

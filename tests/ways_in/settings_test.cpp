@@ -394,6 +394,13 @@ std::string repeated(const std::string& part, int num) {
   return text;
 }
 
+// As people write "no limit".
+TEST(SettingsFile, WholeNumbersBeyondThoseOfADoubleAreNumbers) {
+  EXPECT_NE(file_error("[surface]\nmax_depth = 9007199254740993\n").find("max_depth must be"),
+            std::string::npos)
+      << file_error("[surface]\nmax_depth = 9007199254740993\n");
+}
+
 TEST(SettingsFile, KeysThatNestWithoutEndAreRefused) {
   // The parser builds and frees tables by recursion.
   for (const int num : {600, 20000, 200000}) {

@@ -21,4 +21,10 @@ namespace palpate::inline v0 {
 /// with the line.
 Result<toml::table> read_toml(const std::filesystem::path& path);
 
+/// Of a node that is a number. toml++ gives no double for whole ones beyond 2^53.
+inline double number_of(const toml::node& number) {
+  const auto* const whole = number.as_integer();
+  return whole != nullptr ? static_cast<double>(whole->get()) : number.as_floating_point()->get();
+}
+
 }  // namespace palpate::inline v0
