@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import argparse
+import math
+import re
 import sys
-from typing import List, NoReturn, Optional
+from typing import List, NoReturn, Optional, Tuple
 
 from palpate import _core
 from palpate.poses import Frames, measure_file, parse_shard
 
 
+class _WrongUsage(Exception):
+    """Exit status 2, as everywhere in the program."""
+
+
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
-        raise _core.Error(f"{message}; palpate query --help lists what there is, and of poses in Parquet "
+        raise _WrongUsage(f"{message}; palpate query --help lists what there is, and of poses in Parquet "
                           "docs/guide/batches.md")
 
 
@@ -25,14 +31,49 @@ def is_requested(arguments: List[str]) -> bool:
     return any(value.endswith((".parquet", ".pq")) for value in values)
 
 
-def _numbers(text: str, nums: List[int], option: str) -> List[float]:
-    try:
-        numbers = [float(part) for part in text.replace(",", " ").split()]
-    except ValueError:
-        numbers = []
-    if len(numbers) not in nums:
-        raise _core.Error(f"{option} {text}: give {' or '.join(map(str, nums))} numbers")
+# Options are as strict as those of the program (apps/options.cpp).
+
+
+def _number(text: str) -> float:
+    """NaN: it is none."""
+    return float(text) if re.fullmatch(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", text, re.ASCII) else math.nan
+
+
+def _depth_unit(text: str) -> float:
+    number = _number(text)
+    if not 1e-6 <= number <= 1:
+        raise _WrongUsage(f"--depth-unit: must be a number from 1e-6 to 1 m, not {text}")
+    return number
+
+
+def _intrinsics(text: str) -> List[float]:
+    numbers = [_number(part) for part in text.split(",")]
+    if len(numbers) != 4 or any(map(math.isnan, numbers)):
+        raise _WrongUsage(f"--intrinsics: give fx,fy,cx,cy, not '{text}'")
+    if max(map(abs, numbers)) > 1e6 or min(numbers[:2]) < 1:
+        raise _WrongUsage("--intrinsics: must be fx,fy,cx,cy, numbers of pixels up to a million, "
+                          "with fx and fy of at least 1 pixel")
     return numbers
+
+
+def _camera_pose(text: str) -> List[float]:
+    numbers = [_number(part) for part in text.split()]
+    if len(numbers) != 7 or not all(map(math.isfinite, numbers)) or not any(numbers[3:]):
+        raise _WrongUsage(f"--camera-pose: give 'tx ty tz qx qy qz qw', a position in m and a quaternion, not '{text}'")
+    return numbers
+
+
+def _threads(text: str) -> int:
+    if not re.fullmatch(r"\d+", text, re.ASCII) or int(text) > 256:
+        raise _WrongUsage(f"--threads: must be a whole number from 0 to 256, not {text}")
+    return int(text)
+
+
+def _shard(text: str) -> Tuple[int, int]:
+    try:
+        return parse_shard(text)
+    except _core.Error as error:
+        raise _WrongUsage(str(error)) from error
 
 
 def _parse(arguments: List[str]) -> argparse.Namespace:
@@ -40,26 +81,36 @@ def _parse(arguments: List[str]) -> argparse.Namespace:
     parser.add_argument("tool")
     parser.add_argument("--poses", required=True)
     parser.add_argument("--depth", required=True)
-    parser.add_argument("--intrinsics", required=True)
-    parser.add_argument("--depth-unit", type=float, default=0.001)
-    parser.add_argument("--camera-pose")
-    parser.add_argument("--shard", default="1/1")
+    parser.add_argument("--intrinsics", type=_intrinsics, required=True)
+    parser.add_argument("--depth-unit", type=_depth_unit, default=0.001)
+    parser.add_argument("--camera-pose", type=_camera_pose)
+    parser.add_argument("--shard", type=_shard, default=(1, 1))
     parser.add_argument("-o", "--output", required=True)
-    parser.add_argument("--backend", choices=["cpu", "cuda"], default="cpu")
-    parser.add_argument("--threads", type=int, default=0)
+    parser.add_argument("--backend", choices=["cpu", "cuda", "auto"], default="cpu")
+    parser.add_argument("--threads", type=_threads, default=0)
     parser.add_argument("--volumes", choices=["auto", "spheres", "represented"])
     return parser.parse_args(arguments)
 
 
 def _camera(given: argparse.Namespace) -> _core.Camera:
-    fx, fy, cx, cy = _numbers(given.intrinsics, [4], "--intrinsics")
-    pose = _numbers(given.camera_pose, [7], "--camera-pose") if given.camera_pose else None
     probe = Frames.open(given.depth, _core.Camera(1, 1, 1, 1, 0, 0))
     shape = probe.image(0).shape
     if len(shape) != 2:
         raise _core.Error(f"--depth {given.depth}: images of shape {shape} are no depth images (H, W)")
     height, width = shape
-    return _core.Camera(width, height, fx, fy, cx, cy, unit=given.depth_unit, pose=pose)
+    return _core.Camera(width, height, *given.intrinsics, unit=given.depth_unit, pose=given.camera_pose)
+
+
+def _place(backend: str, camera: _core.Camera) -> str:
+    """auto: a GPU if one is usable, else the CPU, and why."""
+    if backend != "auto":
+        return backend
+    try:
+        _core.Sensor(camera, place="cuda")
+    except _core.Error as error:
+        print(f"palpate: note: backend cpu is used: {error}", file=sys.stderr)
+        return "cpu"
+    return "cuda"
 
 
 def _progress(done: int, num: int) -> None:
@@ -71,10 +122,14 @@ def main(arguments: Optional[List[str]] = None) -> int:
     """The exit status."""
     try:
         given = _parse((sys.argv[1:] if arguments is None else arguments)[1:])
-        frames = Frames.open(given.depth, _camera(given))
+        camera = _camera(given)
+        frames = Frames.open(given.depth, camera)
         options = {"volumes": given.volumes} if given.volumes else {}
-        num = measure_file(given.tool, given.poses, given.output, frames, shard=parse_shard(given.shard),
-                           progress=_progress, place=given.backend, threads=given.threads, **options)
+        num = measure_file(given.tool, given.poses, given.output, frames, shard=given.shard, progress=_progress,
+                           place=_place(given.backend, camera), threads=given.threads, **options)
+    except _WrongUsage as error:
+        print(f"palpate query: {error}", file=sys.stderr)
+        return 2
     except (_core.Error, ValueError, OSError) as error:
         print(f"palpate query: {error}", file=sys.stderr)
         return 1

@@ -6,6 +6,7 @@ import atexit
 import csv
 import json
 import os
+import shutil
 import tempfile
 import warnings
 import weakref
@@ -33,6 +34,19 @@ _DEVICE_KINDS = ("sim", "replay", "spacenav", "haply", "forcedimension", "openha
 _going_on: "weakref.WeakValueDictionary[Path, Run]" = weakref.WeakValueDictionary()
 
 
+class _TemporaryFolder:
+    """Removed with its last reference, but not by a child of os.fork: it is the parent's."""
+
+    def __init__(self) -> None:
+        self.path = Path(tempfile.mkdtemp(prefix="palpate-"))
+        weakref.finalize(self, self._remove, self.path, os.getpid())
+
+    @staticmethod
+    def _remove(path: Path, process: int) -> None:
+        if os.getpid() == process:
+            shutil.rmtree(path, ignore_errors=True)
+
+
 class Run:
     """A run: live, or as it was recorded. Made by `touch` and `Run.open`.
 
@@ -43,7 +57,7 @@ class Run:
     def __init__(self, folder: _PathLike) -> None:
         self._folder = Path(folder)
         self._loop: Optional[_core.RunInThread] = None
-        self._temporary: Optional[tempfile.TemporaryDirectory[str]] = None
+        self._temporary: Optional[_TemporaryFolder] = None  # after the loop, which writes there
         self._table: Optional[Dict[str, _Floats]] = None
         self._recording: Optional[Dict[str, Any]] = None
         self._summary: Optional[Dict[str, Any]] = None
@@ -279,6 +293,18 @@ class Run:
         return self._recording
 
 
+def _leave_to_parent() -> None:
+    """After os.fork: runs go on in the parent, which has their threads."""
+    for run in list(_going_on.values()):
+        if run._loop is not None:
+            run._loop.leave()
+            run._loop = None
+    _going_on.clear()
+
+
+os.register_at_fork(after_in_child=_leave_to_parent)
+
+
 @atexit.register
 def _end_all() -> None:
     """Ends all runs when Python exits; their recordings are kept."""
@@ -289,6 +315,7 @@ def _end_all() -> None:
                 run._loop.wait()
             except Exception as error:
                 warnings.warn(f"{run} ended in an error: {error}", stacklevel=1)
+    _core.wait_for_interrupted_work()
 
 
 def _is_device(given: object) -> bool:
@@ -342,8 +369,8 @@ def touch(
         if device is not None:
             raise _core.Error("touch takes one device: give it once")
         device, path = path_or_device, None  # type: ignore[assignment]
-    temporary = tempfile.TemporaryDirectory(prefix="palpate-") if output is None else None
-    folder = Path(temporary.name) / "run" if temporary is not None else Path(output or "")
+    temporary = _TemporaryFolder() if output is None else None
+    folder = temporary.path / "run" if temporary is not None else Path(output or "")
     run = Run(folder)
     run._temporary = temporary
     run._loop = _core.start_run(

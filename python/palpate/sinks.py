@@ -65,6 +65,7 @@ def _moments(run: Run, stride: int) -> Iterator[_Moment]:
         time = max(0.0, float(records["capture_time"][row]) - start)
         tick = max(0, int(np.searchsorted(times, time + 1e-9, side="right")) - 1)
         unit = float(records["unit"][row])
+        depth = np.where(depth == 65535, 0, depth).astype(np.uint16)  # neither is a measurement
         # It may have changed in mid-stream.
         seen = depth if unit == frames.camera.unit else np.where(depth == 0, np.nan, depth * unit).astype(np.float32)
         surface = sensor.update(seen, pose=[float(records[name][row]) for name in _CAMERA_POSE])

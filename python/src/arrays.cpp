@@ -104,14 +104,33 @@ std::optional<CallerStream> stream_of(nb::handle given) {
   return CallerStream{reinterpret_cast<void*>(nb::cast<std::uintptr_t>(number))};
 }
 
-std::optional<AnyArray> array_on_gpu(nb::handle given, nb::handle stream) {
+int memory_of(int device_type, int device_id, const char* name) {
+  switch (device_type) {
+    case nb::device::cpu::value:
+    case nb::device::cuda_host::value: return kHostMemory;
+    case nb::device::cuda::value:
+    case nb::device::cuda_managed::value: return device_id;
+    default: break;
+  }
+  const char* const kind = device_type == nb::device::rocm::value     ? " (ROCm)"
+                           : device_type == nb::device::oneapi::value ? " (oneAPI)"
+                           : device_type == nb::device::vulkan::value ? " (Vulkan)"
+                           : device_type == nb::device::metal::value  ? " (Metal)"
+                                                                      : "";
+  throw nb::value_error((std::string(name) + ": is in the memory of a device of DLPack's type " +
+                         std::to_string(device_type) + kind +
+                         "; host memory and CUDA GPUs are read: copy it to host memory")
+                            .c_str());
+}
+
+std::optional<AnyArray> array_on_gpu(nb::handle given, const char* name, nb::handle stream) {
   if (!nb::hasattr(given, "__dlpack_device__")) return std::nullopt;
   const auto device = nb::cast<nb::tuple>(given.attr("__dlpack_device__")());
-  if (nb::cast<int>(device[0]) != nb::device::cuda::value) return std::nullopt;
-  const std::optional<CallerStream> reader = stream_of(stream);
-  if (!reader) return nb::cast<AnyArray>(given, false);
-  // By the standard 1 is the default stream, and 0 nothing.
-  const auto number = reinterpret_cast<std::uintptr_t>(reader->handle);
+  const int type = nb::cast<int>(device[0]), id = nb::cast<int>(device[1]);
+  if (memory_of(type, id, name) == kHostMemory) return std::nullopt;
+  // By the standard 1 is the default stream, and 0 nothing. None would not make PyTorch wait.
+  const CallerStream reader = stream_of(stream).value_or(CallerStream{});
+  const auto number = reinterpret_cast<std::uintptr_t>(reader.handle);
   const nb::object capsule =
       given.attr("__dlpack__")(nb::arg("stream") = number == 0 ? std::uintptr_t{1} : number);
   return nb::cast<AnyArray>(capsule, false);

@@ -69,10 +69,16 @@ void require_dense(const Array& array, const char* name, nb::dlpack::dtype type)
 
 /// A queue of a GPU: None, a number, or an object of PyTorch or CuPy.
 std::optional<CallerStream> stream_of(nb::handle given);
-/// An array in the memory of a GPU; nothing if it is elsewhere. Its maker gets the queue in
-/// which it is read, and waits there for what still writes it; without one that is CUDA's default
-/// stream.
-std::optional<AnyArray> array_on_gpu(nb::handle given, nb::handle stream);
+/// The GPU whose memory this DLPack device is, or kHostMemory. ValueError: another accelerator's.
+int memory_of(int device_type, int device_id, const char* name);
+template <class Array>
+int memory_of(const Array& array, const char* name) {
+  return memory_of(array.device_type(), array.device_id(), name);
+}
+/// An array in the memory of a GPU; nothing if it is in host memory. Its producer gets the stream
+/// in which it is read, which then waits for the work that still writes it; None: CUDA's default
+/// stream. ValueError: memory of another accelerator.
+std::optional<AnyArray> array_on_gpu(nb::handle given, const char* name, nb::handle stream);
 
 /// Numbers of any array or nested list in host memory, without a copy if they are doubles row by
 /// row already. ValueError: not numbers.

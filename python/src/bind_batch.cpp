@@ -64,8 +64,7 @@ class Layout {
     if (!nb::try_cast<WritableArray>(given, array, false)) {
       throw nb::type_error((std::string(name) + ": not an array that can be written").c_str());
     }
-    const int where =
-        array.device_type() == nb::device::cuda::value ? array.device_id() : kHostMemory;
+    const int where = memory_of(array, name);
     std::vector<std::size_t> desired{array.ndim() > 0 ? array.shape(0) : 0};
     if (!batch_.given.empty()) desired[0] = batch_.num;
     desired.insert(desired.end(), inner.begin(), inner.end());
@@ -114,10 +113,12 @@ struct SurfaceArgument {
   std::vector<SurfaceView> views;
   std::vector<Pose> X_WC;  // empty: all cameras are at the origin of W
   SurfaceBatch batch;
+  std::vector<nb::object> owners;
 
   explicit SurfaceArgument(nb::handle given) {
     PySurfaces* many = nullptr;
     if (nb::try_cast<PySurfaces*>(given, many, false) && many != nullptr) {
+      owners.push_back(nb::borrow(given));
       batch = many->batch;
       if (!(many->X_WC == Pose{})) X_WC.assign(static_cast<std::size_t>(batch.size()), many->X_WC);
       return;
@@ -129,6 +130,7 @@ struct SurfaceArgument {
         throw nb::type_error(
             "surfaces: a palpate.Surface, a list of them or palpate.Surfaces is taken");
       }
+      owners.push_back(nb::borrow(one));
       views.push_back(surface->view);
       X_WC.push_back(surface->X_WC);
       is_anywhere = is_anywhere || !surface->is_in_camera_frame;
@@ -145,17 +147,17 @@ struct SurfaceArgument {
 };
 
 /// Bodies in place of surfaces: one, or a list that begins with one; empty: none.
-std::vector<PyBody*> bodies_of(nb::handle given) {
-  std::vector<PyBody*> bodies;
+std::vector<PyBody> bodies_of(nb::handle given) {
+  std::vector<PyBody> bodies;
   PyBody* body = nullptr;
-  if (nb::try_cast<PyBody*>(given, body, false) && body != nullptr) return {body};
+  if (nb::try_cast<PyBody*>(given, body, false) && body != nullptr) return {*body};
   if (!nb::isinstance<nb::list>(given) && !nb::isinstance<nb::tuple>(given)) return {};
   for (nb::handle one : nb::borrow<nb::sequence>(given)) {
     if (!nb::try_cast<PyBody*>(one, body, false) || body == nullptr) {
       if (bodies.empty()) return {};
       throw nb::type_error("surfaces: a list has bodies or surfaces, not both");
     }
-    bodies.push_back(body);
+    bodies.push_back(*body);
   }
   return bodies;
 }
@@ -170,7 +172,7 @@ struct PoseArgument {
 
   PoseArgument(nb::handle given, nb::handle numbers, nb::handle stream) {
     static_assert(sizeof(Pose) == 7 * sizeof(double));
-    const std::optional<AnyArray> array = array_on_gpu(given, stream);
+    const std::optional<AnyArray> array = array_on_gpu(given, "poses", stream);
     if (array) {
       if (array->ndim() != 2 || array->shape(1) != 7) {
         refuse_shape("poses", shape_of(*array), "(P, 7), which it has to be on a GPU");
@@ -196,7 +198,7 @@ struct PoseArgument {
       shape = shape_of(surface_of_pose);
       batch.surface_of_pose = {surface_of_pose.data(), num};
     } else {
-      const std::optional<AnyArray> on_gpu = array_on_gpu(given, stream);
+      const std::optional<AnyArray> on_gpu = array_on_gpu(given, "surface_of_pose", stream);
       if (!on_gpu || on_gpu->device_id() != batch.gpu) {
         throw nb::value_error("surface_of_pose: has to be on the GPU where the poses are");
       }
@@ -217,7 +219,7 @@ struct PoseArgument {
 nb::object measure_batch(PyContact& self, nb::handle surfaces, nb::handle poses,
                          nb::handle surface_of_pose, bool stiffness, nb::handle out,
                          nb::handle stream) {
-  const std::vector<PyBody*> bodies = bodies_of(surfaces);
+  const std::vector<PyBody> bodies = bodies_of(surfaces);
   if (!bodies.empty() && (self.place().backend != Backend::cpu || self.method() != "field")) {
     throw PalpateError(
         "batches against bodies are measured on the CPU by the method field: create the contact "
@@ -259,9 +261,9 @@ nb::object measure_batch(PyContact& self, nb::handle surfaces, nb::handle poses,
   if (!fields) {
     std::vector<PlacedBody> placed;
     std::vector<PyTool> shapes;
-    for (const PyBody* body : bodies) {
-      placed.push_back(body->placed);
-      shapes.push_back(body->shape);
+    for (const PyBody& body : bodies) {
+      placed.push_back(body.placed);
+      shapes.push_back(body.shape);
     }
     check(self.measure_bodies(placed, std::move(shapes), given.batch, answers));
     return result;
@@ -294,7 +296,9 @@ data of their shape.)")
           "__init__",
           [](PyBody* self, const PyTool& shape, nb::handle pose) {
             const Pose X_WB = pose.is_none() ? Pose{} : pose_of(pose, "pose");
-            new (self) PyBody{shape, {ToolIndex::create(*shape.tool), X_WB}};
+            const PyTool held = shape;
+            const nb::gil_scoped_release no_gil;
+            new (self) PyBody{held, {ToolIndex::create(*held.tool), X_WB}};
           },
           nb::arg("shape"), nb::arg("pose") = nb::none(),
           nb::sig(

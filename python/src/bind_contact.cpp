@@ -67,8 +67,16 @@ std::vector<nb::object> surfaces_of(nb::handle given) {
   throw nb::type_error("surface: a palpate.Surface or a list of them is taken");
 }
 
-/// Several can be joined.
-void check_joined(const std::vector<nb::object>& surfaces, const PyContact& contact) {
+/// Whether this contact can measure them.
+void check_surfaces(const std::vector<nb::object>& surfaces, const PyContact& contact) {
+  for (const nb::object& one : surfaces) {
+    const Place& where = nb::cast<PySurface&>(one).place;
+    if (where.backend == Backend::cpu || contact.place().backend != Backend::cpu) continue;
+    const std::string gpu = std::to_string(where.gpu);
+    throw PalpateError("a surface in the memory of GPU " + gpu +
+                       " was given to a contact on the CPU; create the contact with place=\"cuda:" +
+                       gpu + "\", or the sensor with place=\"cpu\"");
+  }
   if (surfaces.size() < 2) return;
   if (surfaces.size() > kMaxCameras) {
     throw nb::value_error("surface: at most 16 surfaces are joined");
@@ -91,7 +99,7 @@ PyResult measure(PyContact& self, nb::handle given, nb::handle pose, bool with_s
   const std::vector<nb::object> surfaces = surfaces_of(given);
   // With the bits of a batch, which takes quaternions as they are.
   const Pose X_WT = surfaces.size() == 1 ? given_pose(pose, "pose") : pose_of(pose, "pose");
-  check_joined(surfaces, self);
+  check_surfaces(surfaces, self);
   std::vector<SurfaceBlend> cameras;
   for (const nb::object& one : surfaces) {
     const auto& surface = nb::cast<PySurface&>(one);

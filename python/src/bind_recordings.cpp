@@ -5,6 +5,7 @@
 #include <nanobind/stl/vector.h>
 
 #include <map>
+#include <mutex>
 #include <optional>
 
 #include "python/src/arrays.h"
@@ -121,16 +122,30 @@ nb::dict read_recording(const std::filesystem::path& folder) {
   return all;
 }
 
-PyTool tool_of_recording(const std::filesystem::path& folder) {
-  auto reader = taken(RunReader::open(folder));
-  return {std::make_shared<const Tool>(taken(reader.load_tools()))};
+RunReader opened(const std::filesystem::path& folder) {
+  Result<RunReader> reader = Error{};
+  {
+    const nb::gil_scoped_release no_gil;
+    reader = RunReader::open(folder);
+  }
+  return taken(std::move(reader));
 }
 
-/// palpate.RecordedFrames: the images one after the other.
+PyTool tool_of_recording(const std::filesystem::path& folder) {
+  auto reader = opened(folder);
+  Result<Tool> tool = Error{};
+  {
+    const nb::gil_scoped_release no_gil;
+    tool = reader.load_tools();
+  }
+  return {std::make_shared<const Tool>(taken(std::move(tool)))};
+}
+
+/// palpate.RecordedFrames: the images one after the other, to one thread or several.
 class RecordedFrames {
  public:
   RecordedFrames(const std::filesystem::path& folder, std::uint32_t camera)
-      : reader_(taken(RunReader::open(folder))), camera_(camera) {
+      : reader_(opened(folder)), camera_(camera) {
     const std::size_t num = reader_.setup().streams.size();
     if (camera_ >= num) {
       throw nb::value_error(
@@ -151,6 +166,7 @@ class RecordedFrames {
     Result<bool> got = false;
     {
       const nb::gil_scoped_release no_gil;
+      const std::lock_guard lock(mutex_);
       do {
         got = reader_.next_frame(depth);
       } while (got && *got && depth.record.camera != camera_);
@@ -163,6 +179,7 @@ class RecordedFrames {
   }
 
  private:
+  std::mutex mutex_;
   RunReader reader_;
   std::uint32_t camera_;
 };

@@ -8,12 +8,14 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <mutex>
 
 #include "palpate/cameras/cameras.h"
 #include "palpate/devices/devices.h"
 #include "palpate/session/run.h"
 #include "python/src/arrays.h"
 #include "python/src/bindings.h"
+#include "python/src/interruptible.h"
 #include "python/src/keywords.h"
 #include "python/src/run_in_thread.h"
 #include "python/src/tick.h"
@@ -26,47 +28,76 @@ namespace palpate::python {
 namespace {
 
 /// palpate.PushedCamera.
-struct PyPushedCamera {
-  std::shared_ptr<PushedSource> source;
-  PyCamera camera;
-  DepthFrame frame = {};
+class PyPushedCamera {
+ public:
+  PyPushedCamera(const PyCamera& camera, double rate, bool has_time_stamps, double latency,
+                 bool is_moving, bool has_flow)
+      : camera_(camera), has_time_stamps_(has_time_stamps) {
+    DepthStreamInfo info = camera.stream();
+    info.rate = rate;
+    info.is_live = true;
+    info.is_moving = is_moving;
+    info.has_flow = has_flow;
+    info.name = "a camera in Python";
+    source_ = taken(PushedSource::create(info, {has_time_stamps, latency}));
+  }
+
+  const std::shared_ptr<PushedSource>& source() const { return source_; }
+  const Pose& X_WC() const { return camera_.X_WC; }
+  /// A run cancels the sources that it has had.
+  bool has_run() const { return has_run_; }
+  void begin_run() { has_run_ = true; }
 
   void push(nb::handle depth, std::optional<double> time, const nb::object& pose,
             const nb::object& flow) {
-    if (!pose.is_none() && !source->info().is_moving) {
+    if (time && !has_time_stamps_) {
+      throw nb::value_error(
+          "time: this camera has no clock of its own; create it with has_time_stamps=True");
+    }
+    if (!time && has_time_stamps_) {
+      throw nb::value_error("time: this camera has timestamps; pass that of the image, s");
+    }
+    if (time && !std::isfinite(*time)) throw nb::value_error("time: not finite");
+    if (!pose.is_none() && !source_->info().is_moving) {
       throw nb::value_error("pose: this camera is static; create it with moving=True");
     }
-    frame.X_WC = pose.is_none() ? camera.X_WC : pose_of(pose, "pose");
-    if (!is_finite(frame.X_WC)) throw nb::value_error("pose: not finite");
-    const auto counts = counts_of(depth);
+    const Pose X_WC = pose.is_none() ? camera_.X_WC : pose_of(pose, "pose");
+    if (!is_finite(X_WC)) throw nb::value_error("pose: not finite");
+    const Counts counts = counts_of(depth);
     if (counts.ndim() != 2) refuse_shape("depth", shape_of(counts), "(H, W)");
-    frame.width = static_cast<int>(counts.shape(1));
-    frame.height = static_cast<int>(counts.shape(0));
-    frame.unit = camera.unit;
-    frame.timestamp = time.value_or(0);
-    frame.pixels.assign(counts.data(), counts.data() + counts.size());
-    take_flow(flow);
+    const Flow pixels_per_second = flow_of(flow, counts);
     const nb::gil_scoped_release no_gil;
-    source->push(frame);
+    const std::lock_guard lock(mutex_);
+    frame_.X_WC = X_WC;
+    frame_.width = static_cast<int>(counts.shape(1));
+    frame_.height = static_cast<int>(counts.shape(0));
+    frame_.unit = camera_.unit;
+    frame_.timestamp = time.value_or(0);
+    frame_.pixels.assign(counts.data(), counts.data() + counts.size());
+    frame_.flow.assign(pixels_per_second.data(),
+                       pixels_per_second.data() + pixels_per_second.size());
+    source_->push(frame_);
   }
 
  private:
-  void take_flow(const nb::object& flow) {
-    frame.flow.clear();
-    if (flow.is_none()) return;
-    if (!source->info().has_flow) {
+  using Counts = nb::ndarray<const std::uint16_t, nb::c_contig, nb::device::cpu>;
+  using Flow = nb::ndarray<const float, nb::c_contig, nb::device::cpu>;
+
+  /// (H, W, 2), or empty.
+  Flow flow_of(const nb::object& flow, const Counts& counts) const {
+    if (flow.is_none()) return {};
+    if (!source_->info().has_flow) {
       throw nb::value_error("flow: this camera has none; make it with flow=True");
     }
     const nb::module_ numpy = nb::module_::import_("numpy");
-    const auto given = nb::cast<nb::ndarray<const float, nb::c_contig, nb::device::cpu>>(
-        numpy.attr("ascontiguousarray")(flow, "float32"));
-    if (given.ndim() != 3 || given.shape(2) != 2 || given.size() != 2 * frame.pixels.size()) {
+    Flow given = nb::cast<Flow>(numpy.attr("ascontiguousarray")(flow, "float32"));
+    if (given.ndim() != 3 || given.shape(0) != counts.shape(0) ||
+        given.shape(1) != counts.shape(1) || given.shape(2) != 2) {
       refuse_shape("flow", shape_of(given), "(H, W, 2), H and W of the depth image");
     }
-    frame.flow.assign(given.data(), given.data() + given.size());
+    return given;
   }
 
-  using Counts = nb::ndarray<const std::uint16_t, nb::c_contig, nb::device::cpu>;
   /// uint16 as they are; metres become counts.
   Counts counts_of(nb::handle depth) const {
     Counts counts;
@@ -76,33 +107,29 @@ struct PyPushedCamera {
     const nb::module_ numpy = nb::module_::import_("numpy");
     nb::object array = numpy.attr("asarray")(depth);
     if (nb::cast<std::string>(array.attr("dtype").attr("kind")) == "f") {
-      const nb::object rounded =
-          numpy.attr("rint")(numpy.attr("nan_to_num")(array) / nb::float_(camera.unit));
-      array = numpy.attr("where")(rounded.attr("__lt__")(65535), rounded, 0);
+      const nb::object rounded = numpy.attr("rint")(array / nb::float_(camera_.unit));
+      const nb::object is_measured =
+          numpy.attr("logical_and")(rounded.attr("__gt__")(0), rounded.attr("__lt__")(65535));
+      array = numpy.attr("where")(is_measured, rounded, 0);
     } else if (nb::cast<std::string>(array.attr("dtype").attr("name")) != "uint16") {
       throw nb::value_error("depth: uint16 counts or float32 meters are taken, no other type");
     }
     return nb::cast<Counts>(numpy.attr("ascontiguousarray")(array, "uint16"));
   }
-};
 
-PyPushedCamera make_pushed(const PyCamera& camera, double rate, bool has_time_stamps,
-                           double latency, bool is_moving, bool has_flow) {
-  DepthStreamInfo info = camera.stream();
-  info.rate = rate;
-  info.is_live = true;
-  info.is_moving = is_moving;
-  info.has_flow = has_flow;
-  info.name = "a camera in Python";
-  return {taken(PushedSource::create(info, {has_time_stamps, latency})), camera};
-}
+  std::shared_ptr<PushedSource> source_;
+  PyCamera camera_;
+  bool has_time_stamps_ = false, has_run_ = false;
+  std::mutex mutex_;  // of the frame: threads push without the GIL
+  DepthFrame frame_;
+};
 
 /// Times and poses, (N, 8), or the trajectory of a file.
 std::vector<TimedPose> path_of(nb::handle given) {
   if (given.is_none()) return {};
   if (nb::isinstance<nb::str>(given) || nb::hasattr(given, "__fspath__")) {
     const auto path = nb::cast<std::filesystem::path>(given);
-    return taken(load_trajectory(path));
+    return taken(interruptible([path] { return load_trajectory(path); }));
   }
   const Doubles rows = doubles_of(given, "path");
   if (rows.ndim() != 2 || rows.shape(1) != 8 || rows.shape(0) == 0) {
@@ -143,11 +170,15 @@ HandTarget follow(std::vector<TimedPose> path, const CouplingOptions& coupling) 
   };
 }
 
+std::unique_ptr<HapticDevice> opened_device(const std::string& uri) {
+  return taken(interruptible([uri] { return open_device(uri); }));
+}
+
 std::unique_ptr<HapticDevice> simulated_hand(const std::string& uri,
                                              const std::vector<TimedPose>& path,
                                              const CouplingOptions& coupling) {
   const auto model = uri.size() > 4 ? find_device_model(uri.substr(4)) : device_models().front();
-  if (!model || path.empty()) return taken(open_device(uri));
+  if (!model || path.empty()) return opened_device(uri);
   SimulatedDeviceOptions simulated;
   simulated.model = *model;
   simulated.target = follow(path, coupling);
@@ -175,7 +206,7 @@ struct Touch {
       const auto uri = nb::cast<std::string>(device);
       const bool is_hand = uri == "sim" || uri.starts_with("sim:");
       const CouplingOptions& coupling = request.settings.coupling;
-      request.device = is_hand ? simulated_hand(uri, path, coupling) : taken(open_device(uri));
+      request.device = is_hand ? simulated_hand(uri, path, coupling) : opened_device(uri);
       if (is_hand && path.size() > 1) duration = std::min(duration, path_length());
     }
     request.options.duration = duration;
@@ -212,6 +243,16 @@ struct Touch {
   }
 };
 
+/// With a live device, others than live cameras are read ahead.
+std::shared_ptr<DepthSource> opened_camera(const CameraUri& uri, const CameraOpening& opening,
+                                           bool is_live) {
+  return taken(interruptible([=]() -> Result<std::unique_ptr<DepthSource>> {
+    auto source = open_camera(uri, opening);
+    if (!source || !is_live || (*source)->info().is_live) return source;
+    return read_ahead(*std::move(source));
+  }));
+}
+
 /// `cameras`: a list of words of open_camera and PyPushedCameras.
 std::unique_ptr<RunInThread> start_run(const PyTool& tool, const nb::list& cameras, nb::handle path,
                                        nb::handle device, std::optional<double> duration,
@@ -227,28 +268,29 @@ std::unique_ptr<RunInThread> start_run(const PyTool& tool, const nb::list& camer
   touch.duration = duration.value_or(touch.duration);
   const bool is_live = !device.is_none();
   touch.path = path_of(path);
-  bool is_pushed = false;
+  std::vector<PyPushedCamera*> all_pushed;
   std::vector<CameraUri> uris;
   for (const nb::handle camera : cameras) {
     PyPushedCamera* pushed = nullptr;
     if (nb::try_cast<PyPushedCamera*>(camera, pushed, false) && pushed != nullptr) {
-      if (request.sources.empty()) touch.X_WC = pushed->camera.X_WC;
-      request.sources.push_back(pushed->source);
-      is_pushed = true;
+      if (std::ranges::find(all_pushed, pushed) != all_pushed.end()) {
+        throw nb::value_error("cameras: the same PushedCamera is there twice");
+      }
+      all_pushed.push_back(pushed);
+      if (request.sources.empty()) touch.X_WC = pushed->X_WC();
+      request.sources.push_back(pushed->source());
       continue;
     }
     const auto uri = nb::cast<std::string>(camera);
     constexpr double kLongest = 86400;  // a hand takes its time
     uris.push_back(taken(parse_camera_uri(uri)));
     taken(check_one_world(uris));
-    std::unique_ptr<DepthSource> source =
-        taken(open_camera(uris.back(), {is_live, is_live ? std::optional(kLongest) : duration}));
     if (const auto stands = standing_pose(uris.back()); stands && request.sources.empty()) {
       touch.X_WC = stands->value_or(Pose{});
     }
+    request.sources.push_back(opened_camera(
+        uris.back(), {is_live, is_live ? std::optional(kLongest) : duration}, is_live));
     if (touch.path.empty()) touch.path = path_of_scene(uri);
-    if (is_live && !source->info().is_live) source = taken(read_ahead(std::move(source)));
-    request.sources.push_back(std::move(source));
   }
   if (request.sources.empty()) throw nb::value_error("cameras: give one, or several");
   const DepthStreamInfo& stream = request.sources.front()->info();
@@ -280,8 +322,12 @@ std::unique_ptr<RunInThread> start_run(const PyTool& tool, const nb::list& camer
   } else {
     touch.take_path(duration.has_value());
   }
+  for (PyPushedCamera* pushed : all_pushed) {
+    if (pushed->has_run()) throw PalpateError("a PushedCamera is for one run; create another one");
+  }
+  for (PyPushedCamera* pushed : all_pushed) pushed->begin_run();
   auto run = std::make_unique<RunInThread>(std::move(request));
-  if (!is_pushed) run->wait_for_ticks();  // else the first image is pushed after this
+  if (all_pushed.empty()) run->wait_for_ticks();  // else the first image is pushed after this
   return run;
 }
 
@@ -347,35 +393,32 @@ void bind_runs(nb::module_& m) {
 
 camera: size and intrinsics of the images. rate: nominal, frames per second. has_time_stamps: `push`
 gets times of the camera's own clock, s; otherwise an image counts as captured when it is pushed.
-latency: s, from the exposure to the timestamp. moving: each push has the pose of the camera. flow:
-pushes may have an optical flow.)")
-      .def(
-          "__init__",
-          [](PyPushedCamera* self, const PyCamera& camera, double rate, bool has_time_stamps,
-             double latency, bool moving, bool flow) {
-            new (self)
-                PyPushedCamera(make_pushed(camera, rate, has_time_stamps, latency, moving, flow));
-          },
-          nb::arg("camera"), nb::kw_only(), nb::arg("rate") = 30.0,
-          nb::arg("has_time_stamps") = false, nb::arg("latency") = 0.0, nb::arg("moving") = false,
-          nb::arg("flow") = false)
+latency: s, 0 to 1, from the exposure to the timestamp. moving: each push has the pose of the camera.
+flow: pushes may have an optical flow. A PushedCamera is for one run.)")
+      .def(nb::init<const PyCamera&, double, bool, double, bool, bool>(), nb::arg("camera"),
+           nb::kw_only(), nb::arg("rate") = 30.0, nb::arg("has_time_stamps") = false,
+           nb::arg("latency") = 0.0, nb::arg("moving") = false, nb::arg("flow") = false)
       .def(
           "push", &PyPushedCamera::push, nb::arg("depth"), nb::kw_only(),
           nb::arg("time") = nb::none(), nb::arg("pose") = nb::none(), nb::arg("flow") = nb::none(),
           nb::sig("def push(self, depth: palpate._types.Array, *, time: float | None = None, "
                   "pose: palpate._types.Array | None = None, "
                   "flow: palpate._types.Array | None = None) -> None"),
-          R"(depth: (H, W) uint16 counts or float32 metres. pose: X_WC of this image, (4, 4) or (7,), if
-the camera moves; None: that of the camera. flow: (H, W, 2), the velocity of what each pixel shows, u and
-v in pixels per second, NaN where unknown; None: unknown. Never waits for the run: the newest image wins. From any
-thread.)")
+          R"(depth: (H, W) uint16 counts or float32 metres; negative ones are no measurement. time: s on the
+camera's own clock, of a camera made with has_time_stamps=True. pose: X_WC of this image, (4, 4) or (7,),
+if the camera moves; None: that of the camera. flow: (H, W, 2), the velocity of what each pixel shows, u
+and v in pixels per second, NaN where unknown; None: unknown. Never waits for the run: the newest image
+wins. From any thread.)")
       .def(
-          "end", [](PyPushedCamera& self) { self.source->end(); }, "Ends the stream.");
+          "end", [](PyPushedCamera& self) { self.source()->end(); }, "Ends the stream.");
 
   nb::class_<RunInThread>(m, "RunInThread", "A run whose loop is in C++, inside of palpate.Run.")
       .def("stop", &RunInThread::stop, "Fades the force out and ends the run.")
       .def("wait", &RunInThread::wait, nb::arg("seconds") = nb::none(),
            "Waits until it has ended, at most so many seconds. True if it has. Ctrl-C ends it.")
+      .def(
+          "leave", [](nb::handle self) { self.inc_ref(); },
+          "In a child of os.fork: the run and its threads are the parent's, and never end here.")
       .def("mark", &RunInThread::mark, nb::arg("text"), "Adds a note to the recording.")
       .def_prop_ro("is_running", &RunInThread::is_running)
       .def_prop_ro("notes", &RunInThread::notes)
@@ -395,6 +438,8 @@ thread.)")
                 "settings_file: str | os.PathLike[str] | None, "
                 "settings: dict[str, typing.Any]) -> RunInThread"),
         "Starts a run, for palpate.touch.");
+  m.def("wait_for_interrupted_work", wait_for_interrupted_work,
+        "Waits for cameras and devices that are still being opened after Ctrl-C.");
 }
 
 }  // namespace palpate::python

@@ -43,13 +43,15 @@ class PySensor {
  public:
   PySensor(const PyCamera& camera, const Place& place, const SensorOptions& options)
       : camera_(camera), place_(place), options_(options) {
+    const nb::gil_scoped_release no_gil;
     owners_.push_back(make());
   }
 
   const PyCamera& camera() const { return camera_; }
   const Place& place() const { return place_; }
 
-  PySurface update(nb::handle given, std::optional<double> time, const nb::object& pose) {
+  PySurface update(nb::handle given, std::optional<double> time, const nb::object& pose,
+                   nb::handle stream) {
     PySurface surface;
     surface.X_WC = pose.is_none() ? camera_.X_WC : pose_of(pose, "pose");
     if (!is_finite(surface.X_WC)) throw nb::value_error("pose: not finite");
@@ -57,14 +59,17 @@ class PySensor {
     surface.is_in_camera_frame = surface.X_WC == Pose{};
     surface.time = time.value_or(std::numeric_limits<double>::quiet_NaN());
     surface.place = place_;
-    const AnyArray image = dense_of(given, 2, nb::none());
+    const AnyArray image = dense_of(given, 2, stream);
     const DepthImageView view = view_of_image(image);
-    if (view.gpu != kHostMemory) wait_for_producers();
+    const CallerStream where = stream_of(stream).value_or(CallerStream{});
     const nb::gil_scoped_release no_gil;
-    const std::lock_guard lock(mutex_);
-    surface.owner = free_owner();
-    surface.view = surface.owner->update(view);
-    const Status status = surface.owner->status();
+    Status status = view.gpu == kHostMemory ? Done{} : wait_for_producers(view.gpu, where);
+    if (status) {
+      const std::lock_guard lock(mutex_);
+      surface.owner = free_owner();
+      surface.view = surface.owner->update(view);
+      status = surface.owner->status();
+    }
     const nb::gil_scoped_acquire gil;
     check(status);
     return surface;
@@ -82,15 +87,17 @@ class PySensor {
     const auto num = static_cast<int>(images.shape(0));
     const DepthImageView first = view_of_image(images);
     const std::optional<CallerStream> where = stream_of(stream);
-    if (first.gpu != kHostMemory && !where) wait_for_producers();
     const nb::gil_scoped_release no_gil;
-    const std::lock_guard lock(mutex_);
-    if (is_given && std::find(owners_.begin(), owners_.end(), surfaces->owner) == owners_.end()) {
-      throw nb::value_error("out: another sensor made these surfaces");
+    Status status = first.gpu == kHostMemory || where ? Done{} : wait_for_producers(first.gpu, {});
+    if (status) {
+      const std::lock_guard lock(mutex_);
+      if (is_given && std::find(owners_.begin(), owners_.end(), surfaces->owner) == owners_.end()) {
+        throw nb::value_error("out: another sensor made these surfaces");
+      }
+      if (surfaces->owner == nullptr) surfaces->owner = free_owner();
+      surfaces->batch = surfaces->owner->update_batch(first, num, where);
+      status = surfaces->owner->status();
     }
-    if (surfaces->owner == nullptr) surfaces->owner = free_owner();
-    surfaces->batch = surfaces->owner->update_batch(first, num, where);
-    const Status status = surfaces->owner->status();
     const nb::gil_scoped_acquire gil;
     check(status);
     return result;
@@ -112,8 +119,7 @@ class PySensor {
 
   DepthImageView view_of_image(const AnyArray& image) const {
     const auto& [width, height] = std::tie(camera_.camera.width, camera_.camera.height);
-    const int gpu =
-        image.device_type() == nb::device::cuda::value ? image.device_id() : kHostMemory;
+    const int gpu = memory_of(image, "depth");
     if (image.dtype() == nb::dtype<std::uint16_t>()) {
       const auto* counts = static_cast<const std::uint16_t*>(image.data());
       return {width, height, counts, camera_.unit, gpu};
@@ -125,7 +131,7 @@ class PySensor {
   AnyArray dense_of(nb::handle given, std::size_t num_axes, nb::handle stream) const {
     AnyArray image;
     nb::object plain;
-    if (const std::optional<AnyArray> there = array_on_gpu(given, stream)) {
+    if (const std::optional<AnyArray> there = array_on_gpu(given, "depth", stream)) {
       image = *there;
     } else if (given = plain = plain_image(given); !nb::try_cast<AnyArray>(given, image, false)) {
       image = AnyArray(numbers_of<float>(given, "depth", "float32"));
@@ -148,10 +154,10 @@ class PySensor {
     bool is_dense = true;
     std::int64_t stride = 1;
     for (std::size_t axis = num_axes; axis-- > 0; stride *= std::int64_t(image.shape(axis))) {
-      is_dense = is_dense && image.stride(axis) == stride;
+      is_dense = is_dense && (image.shape(axis) == 1 || image.stride(axis) == stride);
     }
     if (is_dense && (is_counts || type == nb::dtype<float>())) return image;
-    if (image.device_type() != nb::device::cpu::value) {
+    if (memory_of(image, "depth") != kHostMemory) {
       throw nb::value_error("depth: an image on a GPU has to be uint16 or float32, row by row");
     }
     const nb::module_ numpy = nb::module_::import_("numpy");
@@ -459,13 +465,17 @@ options: of docs/settings.md [surface] and [field], e.g. max_depth=3.0, unknown=
                   "joined: bool = False, **options: bool | float | str) -> None"))
       .def("update", &PySensor::update, nb::arg("depth"), nb::kw_only(),
            nb::arg("time") = nb::none(), nb::arg("pose") = nb::none(),
+           nb::arg("stream") = nb::none(),
            nb::sig("def update(self, depth: palpate._types.Array, *, time: float | None = None, "
-                   "pose: palpate._types.Array | None = None) -> Surface"),
+                   "pose: palpate._types.Array | None = None, "
+                   "stream: palpate._types.Stream | None = None) -> Surface"),
            R"(Makes the surface of an image. Releases the GIL.
 
 depth: (H, W) uint16 counts (0 and 65535: no measurement) or float32 metres (0 and NaN), of any
     library with DLPack or the buffer protocol; on the GPU of this sensor or in host memory.
 time: s, stored in the surface. pose: X_WC of this image, if it is not that of the camera.
+stream: a CUDA stream, as a number or an object of PyTorch or CuPy: an image on the GPU is read after
+    its earlier work. None: after the work of the image's library in its current stream.
 A surface does not change while it is referenced; the memory of released ones is reused.)")
       .def(
           "update_batch", &PySensor::update_batch, nb::arg("depth"), nb::kw_only(),

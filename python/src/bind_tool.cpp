@@ -204,7 +204,12 @@ Immutable. Made by `pack`, `pack_file` or `load_tool`. Arrays are read-only view
       .def(
           "save",
           [](const PyTool& self, const std::filesystem::path& path) {
-            check(save_tool(*self.tool, path));
+            Status status = Done{};
+            {
+              const nb::gil_scoped_release no_gil;
+              status = save_tool(*self.tool, path);
+            }
+            check(status);
           },
           nb::arg("path"), "Writes a tool file (.palp), completely or not at all.");
 

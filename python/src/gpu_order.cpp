@@ -1,19 +1,21 @@
 #include "python/src/gpu_order.h"
 
-#include <dlfcn.h>
+#ifdef PALPATE_CUDA
+#include "src/gpu/runtime.h"
+#endif
 
 namespace palpate::python {
 
-void wait_for_producers() {
-  // By the driver, which whoever has arrays on a GPU has loaded: this module need not link CUDA.
-  using Synchronize = int (*)(void*);
-  static const auto synchronize = [] {
-    void* const driver = dlopen("libcuda.so.1", RTLD_NOW | RTLD_LOCAL);
-    return driver == nullptr ? Synchronize()
-                             : reinterpret_cast<Synchronize>(dlsym(driver, "cuStreamSynchronize"));
-  }();
-  void* const legacy_default = reinterpret_cast<void*>(1);  // CU_STREAM_LEGACY
-  if (synchronize != nullptr) synchronize(legacy_default);
+#ifdef PALPATE_CUDA
+Status wait_for_producers(int gpu, CallerStream stream) {
+  constexpr double kPatience = 600;  // s: a step of training may come first
+  gpu::Stream producers(gpu);
+  if (!producers.status()) return producers.status();
+  producers.continue_in(stream.handle);
+  return producers.wait(kPatience);
 }
+#else
+Status wait_for_producers(int, CallerStream) { return Done{}; }  // nothing here reads its memory
+#endif
 
 }  // namespace palpate::python

@@ -1,10 +1,13 @@
 // In which order a GPU does the work of others and ours.
 #pragma once
 
+#include "palpate/core/core.h"
+#include "palpate/gpu/devices.h"
+
 namespace palpate::python {
 
-/// Waits for whoever writes an array on a GPU: DLPack has made CUDA's default stream wait for them,
-/// and this waits for it. Does nothing where there is no CUDA.
-void wait_for_producers();
+/// Waits for the work in a stream of a GPU: DLPack has made it wait for whoever writes an array
+/// (array_on_gpu). Without the GIL. Error: the GPU has failed, or has not finished in ten minutes.
+Status wait_for_producers(int gpu, CallerStream stream);
 
 }  // namespace palpate::python

@@ -102,9 +102,15 @@ class PolledInPython final : public PolledDevice {
 
  private:
   bool keep(nb::python_error& error, const char* where) {
-    const std::string kind = nb::cast<std::string>(error.type().attr("__name__"));
     if (!raised_->is_valid()) *raised_ = nb::borrow(error.value());
-    return fail(where, kind + ": " + nb::cast<std::string>(nb::str(error.value())));
+    std::string text = "an exception without a text";
+    try {
+      text = nb::cast<std::string>(error.type().attr("__name__"));
+      text += ": " + nb::cast<std::string>(nb::str(error.value()));
+    } catch (const std::exception&) {
+      PyErr_Clear();  // its __str__ raises, or gives what is no UTF-8
+    }
+    return fail(where, text);
   }
   bool fail(const char* where, const std::string& what) {
     if (trouble_.message.empty()) {

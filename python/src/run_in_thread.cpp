@@ -26,10 +26,25 @@ RunInThread::RunInThread(RunRequest request) : request_(std::move(request)) {
               const std::lock_guard lock(mutex_);
               error_ = error;
             });
-    const std::lock_guard lock(mutex_);
-    has_ended_ = true;
-    changed_.notify_all();
+    finish();
   });
+}
+
+// Cameras and the device close with the run, and its end may be the end of this object, too.
+void RunInThread::finish() {
+  std::vector<std::shared_ptr<DepthSource>> sources;
+  {
+    const std::lock_guard lock(mutex_);
+    sources.swap(request_.sources);
+  }
+  sources.clear();
+  request_.device.reset();
+  const nb::gil_scoped_acquire gil;
+  // What it refers to may refer to the run, which Python's garbage collector does not see.
+  const nb::object on_tick = std::exchange(request_.on_tick, nb::object());
+  const std::lock_guard lock(mutex_);
+  has_ended_ = true;
+  changed_.notify_all();
 }
 
 void RunInThread::wait_for_ticks() {
@@ -46,12 +61,16 @@ void RunInThread::wait_for_ticks() {
 
 RunInThread::~RunInThread() {
   is_stopping_ = true;
-  for (const auto& source : request_.sources) source->cancel();
-  {
-    const nb::gil_scoped_release no_gil;
-    thread_.join();
-    request_.device.reset();
+  if (thread_.get_id() == std::this_thread::get_id()) {  // see finish
+    thread_.detach();
+    return;
   }
+  const nb::gil_scoped_release no_gil;
+  {
+    const std::lock_guard lock(mutex_);
+    for (const auto& source : request_.sources) source->cancel();
+  }
+  thread_.join();
 }
 
 void RunInThread::run() {

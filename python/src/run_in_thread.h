@@ -54,6 +54,7 @@ class RunInThread {
 
  private:
   void run();
+  void finish();
   void hear(std::span<const TickRecord> ticks);
   bool wait_without_gil(double seconds, bool until_ticking);
   void raise_what_went_wrong();

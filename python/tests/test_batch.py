@@ -1,5 +1,7 @@
 """Contact.measure_batch and Sensor.update_batch: the same bits as one by one, and what is refused."""
 
+import ctypes
+
 import numpy as np
 import pytest
 from conftest import pose_matrix
@@ -172,13 +174,55 @@ class OnGpu:
         return self.array.__dlpack__()
 
 
-@pytest.mark.parametrize("given, told", [(None, None), (77, 77), (0, 1)])  # 0 is CUDA's default, which DLPack calls 1
+@pytest.mark.parametrize("given, told", [(None, 1), (77, 77), (0, 1)])  # 0 is CUDA's default, which DLPack calls 1
 def test_makers_of_arrays_are_told_the_stream(cube, scene, given, told):
     *_, surface, poses = scene
     array = OnGpu(poses)
     with pytest.raises(palpate.Error, match="memory of GPU 0"):
         palpate.Contact(cube).measure_batch(surface, array, stream=given)
     assert array.stream == told
+
+
+@pytest.mark.parametrize("given", [None, 0])
+def test_makers_of_images_are_told_the_stream(scene, given):
+    """Without one they would not wait for the stream in which they write."""
+    depth, camera, *_ = scene
+    sensor = palpate.Sensor(camera)
+    for update, image in ((sensor.update, OnGpu(depth)), (sensor.update_batch, OnGpu(depth[None]))):
+        # It is in host memory in truth, and then no image of a GPU.
+        update(image, stream=given)
+        assert image.stream == 1
+
+
+class OfAnotherAccelerator:
+    """In the memory of a ROCm GPU, it says; it is in host memory."""
+
+    def __init__(self, array):
+        self.array = array
+
+    def __dlpack_device__(self):
+        return 10, 0
+
+    def __dlpack__(self, **_):
+        capsule = self.array.__dlpack__()
+        pointer = ctypes.pythonapi.PyCapsule_GetPointer
+        pointer.restype, pointer.argtypes = ctypes.c_void_p, [ctypes.py_object, ctypes.c_char_p]
+        ctypes.c_int32.from_address(pointer(capsule, b"dltensor") + 8).value = 10  # DLTensor.device.device_type
+        return capsule
+
+
+def test_arrays_of_other_accelerators_are_refused(cube, scene):
+    depth, camera, surface, poses = scene
+    refused = r"is in the memory of a device of DLPack's type 10 \(ROCm\); host memory and CUDA GPUs are read"
+    sensor, contact = palpate.Sensor(camera), palpate.Contact(cube)
+    with pytest.raises(ValueError, match="depth: " + refused):
+        sensor.update(OfAnotherAccelerator(depth))
+    with pytest.raises(ValueError, match="depth: " + refused):
+        sensor.update_batch(OfAnotherAccelerator(depth[None]))
+    with pytest.raises(ValueError, match="poses: " + refused):
+        contact.measure_batch(surface, OfAnotherAccelerator(poses))
+    with pytest.raises(ValueError, match="volume: " + refused):
+        palpate.Batch(volume=OfAnotherAccelerator(np.zeros(200)))
 
 
 def test_what_cannot_be_measured_is_told_by_pose(cube, scene):

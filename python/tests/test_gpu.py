@@ -1,5 +1,7 @@
 """Arrays of PyTorch and CuPy on a GPU: in and out without a copy, in the caller's stream, captured in a graph."""
 
+import threading
+
 import numpy as np
 import pytest
 
@@ -165,6 +167,47 @@ def test_one_image(cube, scene, library):
         palpate.Contact(cube).measure(palpate.Sensor(camera).update(images[0]), poses[0]).volume, rel=1e-4, abs=1e-12)
 
 
+@pytest.mark.parametrize("is_given", [False, True])
+def test_one_image_that_a_side_stream_still_writes(scene, library, is_given):
+    """Without `stream` the library says when it is written, with it the stream does. Other threads go on."""
+    camera, images, *_ = scene
+    sensor = palpate.Sensor(camera, place="cuda")
+    late, image = library.on_gpu(images[0]), library.on_gpu(images[0] * 0 + 3)
+    sensor.update(image)  # takes the memory
+    library.wait()
+    stream = library.stream()
+    with library.within(stream):
+        library.keep_busy()
+        library.write(image, late)
+        surface = sensor.update(image, **({"stream": stream} if is_given else {}))
+    points = library.taken(surface.points_C)
+    expected = palpate.Sensor(camera).update(images[0]).points
+    assert np.array_equal(np.isfinite(points), np.isfinite(expected))
+    assert np.nanmax(np.abs(points - expected)) < 1e-5
+
+
+def test_other_threads_go_on_while_an_image_is_written(scene, library):
+    camera, images, *_ = scene
+    sensor, image = palpate.Sensor(camera, place="cuda"), library.on_gpu(images[0])
+    sensor.update(image)
+    library.wait()
+    ticks, is_over = [0], threading.Event()
+
+    def count():
+        while not is_over.wait(0.001):
+            ticks[0] += 1
+
+    counter = threading.Thread(target=count)
+    counter.start()
+    library.keep_busy()  # in the default stream
+    before = ticks[0]
+    sensor.update(image)
+    during = ticks[0] - before
+    is_over.set()
+    counter.join()
+    assert during > 3
+
+
 def test_work_is_done_in_the_stream_of_the_caller(cube, scene, library):
     """What the stream still has to do when it is asked comes first."""
     camera, images, poses, which = scene
@@ -207,6 +250,14 @@ def test_captured_in_a_graph(cube, scene, library):
         replay()
         library.wait()
         assert_same(there, on_cpu(cube, scene, shift), library)
+
+
+@pytest.mark.parametrize("method", ["field", "weighted", "simplified", "graph"])
+def test_a_contact_on_the_cpu_refuses_a_surface_on_the_gpu(cube, scene, method):
+    camera, images, poses, _ = scene
+    surface = palpate.Sensor(camera, place="cuda").update(images[0])
+    with pytest.raises(palpate.Error, match="surface in the memory of GPU 0 was given to a contact on the CPU"):
+        palpate.Contact(cube, method).measure(surface, poses[0])
 
 
 def test_what_a_gpu_cannot_take(cube, scene, library):

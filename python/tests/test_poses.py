@@ -265,6 +265,17 @@ class TestProgram:
         whole = measured(task, tmp_path / "whole.parquet")
         assert bytes_of(parquet.read_table(tmp_path / "out.parquet")) == bytes_of(whole.slice(begin, end - begin))
 
+    def test_auto_is_the_cpu_where_there_is_no_gpu(self, task, tmp_path):
+        try:
+            palpate.Sensor(task[1], place="cuda")
+            pytest.skip("there is a GPU")
+        except palpate.Error:
+            pass
+        run = subprocess.run(self.query(task, "-o", tmp_path / "out.parquet", "--backend", "auto"), capture_output=True,
+                             text=True)
+        assert run.returncode == 0 and run.stderr.startswith("palpate: note: backend cpu is used: "), run.stderr
+        assert bytes_of(parquet.read_table(tmp_path / "out.parquet")) == bytes_of(measured(task, tmp_path / "b.parquet"))
+
     def test_it_goes_on_after_a_kill(self, task, tmp_path):
         output = tmp_path / "out.parquet"
         command = self.query(task, "-o", output)
@@ -282,8 +293,16 @@ class TestProgram:
                 (["-o", tmp_path / "out.parquet", "--shard", "9/3"], "give K/N"),
                 (["-o", tmp_path / "out.parquet", "--pose", "1"], "unrecognized arguments"),
                 ([], "-o/--output"),
-                (["-o", tmp_path / "out.parquet", "--intrinsics", "1,2"], "give 4 numbers")):
+                (["-o", tmp_path / "out.parquet", "--intrinsics", "1,2"], "give fx,fy,cx,cy, not '1,2'"),
+                (["-o", tmp_path / "out.parquet", "--intrinsics", "525 525 319.5 239.5"], "give fx,fy,cx,cy"),
+                (["-o", tmp_path / "out.parquet", "--intrinsics", "525,525 319.5,239.5"], "give fx,fy,cx,cy"),
+                (["-o", tmp_path / "out.parquet", "--intrinsics", "0.5,525,319.5,239.5"], "at least 1 pixel"),
+                (["-o", tmp_path / "out.parquet", "--depth-unit", "5"], "--depth-unit: must be a number from 1e-6 to 1 m"),
+                (["-o", tmp_path / "out.parquet", "--depth-unit", "nan"], "--depth-unit: must be"),
+                (["-o", tmp_path / "out.parquet", "--camera-pose", "0 0 0 0 0 0 0"], "give 'tx ty tz qx qy qz qw'"),
+                (["-o", tmp_path / "out.parquet", "--threads", "-1"], "--threads: must be a whole number from 0 to 256"),
+                (["-o", tmp_path / "out.parquet", "--backend", "gpu"], "--backend")):
             run = subprocess.run(self.query(task, *more), capture_output=True, text=True)
-            assert run.returncode == 1 and words in run.stderr, run.stderr
+            assert run.returncode == 2 and words in run.stderr, run.stderr
             assert len(run.stderr.splitlines()) == 1 and run.stdout == ""
             assert os.listdir(tmp_path) == []

@@ -238,6 +238,56 @@ def test_a_camera_in_python(cube):
         pushed.push(np.zeros((120, 160), np.int64))
 
 
+def pushed_in_a_run(cube, camera, *images, **keywords):
+    """The first frame of a run whose camera gets these images."""
+    is_over = threading.Event()
+
+    def push():
+        while not is_over.wait(0.02):
+            for image in images:
+                camera.push(image, **keywords)
+
+    pusher = threading.Thread(target=push)
+    pusher.start()
+    try:
+        run = palpate.touch(cube, camera, RESTING)
+        return next(iter(run.frames()))[1]
+    finally:
+        is_over.set()
+        pusher.join()
+
+
+def test_pushed_metres_below_zero_are_no_measurement(cube):
+    image = np.full((120, 160), 1.0, np.float32)
+    image[:, :40], image[:, 40:60], image[:, 60:80], image[:, 80:100] = -1, np.nan, np.inf, -np.inf
+    fine = palpate.PushedCamera(palpate.Camera(160, 120, 140, 140, 79.5, 59.5, unit=0.0001))
+    frame = pushed_in_a_run(cube, fine, image)
+    assert (frame[:, :100] == 0).all() and (frame[:, 100:] == 10000).all()
+
+
+def test_bad_pushes(cube):
+    camera = palpate.Camera(160, 120, 140, 140, 79.5, 59.5)
+    image = np.full((120, 160), 1000, np.uint16)
+    plain, timed = palpate.PushedCamera(camera), palpate.PushedCamera(camera, has_time_stamps=True)
+    with pytest.raises(ValueError, match="time: this camera has no clock of its own.*has_time_stamps=True"):
+        plain.push(image, time=1.0)
+    with pytest.raises(ValueError, match="time: this camera has timestamps; pass that of the image"):
+        timed.push(image)
+    for bad in (np.nan, np.inf):
+        with pytest.raises(ValueError, match="time: not finite"):
+            timed.push(image, time=bad)
+    with pytest.raises(ValueError, match=r"flow: shape \(160, 120, 2\) is not \(H, W, 2\)"):
+        palpate.PushedCamera(camera, flow=True).push(image, flow=np.zeros((160, 120, 2), np.float32))
+    for latency in (33, -0.1, np.nan):
+        with pytest.raises(palpate.Error, match="latency of pushed frames must be from 0 to 1 s"):
+            palpate.PushedCamera(camera, latency=latency)
+    with pytest.raises(ValueError, match="the same PushedCamera is there twice"):
+        palpate.touch(cube, [plain, plain], RESTING)
+    pushed_in_a_run(cube, plain, image)
+    with pytest.raises(palpate.Error, match="a PushedCamera is for one run; create another one"):
+        palpate.touch(cube, plain, RESTING)
+
+
 def test_a_pushed_flow_drags_the_tool(cube):
     camera = palpate.Camera(160, 120, 140, 140, 79.5, 59.5)
     plain = palpate.PushedCamera(camera)
@@ -279,6 +329,22 @@ def test_what_a_device_raises_is_raised(cube, where):
             super().write(wrench)
 
     with pytest.raises(ArithmeticError, match="is gone"):
+        palpate.touch(cube, "scene:wall", Broken(), duration=20).wait()
+
+
+@pytest.mark.parametrize("text", [None, "\ud800"])
+def test_an_exception_of_a_device_need_not_have_a_text(cube, text):
+    class Unprintable(Exception):
+        def __str__(self):
+            return 1 / 0 if text is None else text
+
+    class Broken(Plunger):
+        def read(self):
+            if len(self.told) > 20:
+                raise Unprintable
+            return super().read()
+
+    with pytest.raises(Unprintable):
         palpate.touch(cube, "scene:wall", Broken(), duration=20).wait()
 
 

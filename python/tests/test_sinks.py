@@ -36,6 +36,33 @@ def test_states_of_spheres(cube):
     assert (there[clear] == wanted[clear]).all() and set(there) == {0, 1, 2}
 
 
+def test_what_is_no_measurement_is_no_point(run, cube):
+    """0 and 65535, also where the unit of a frame is not that of the camera."""
+    records = dict(run.frame_records)
+    records["unit"] = np.full_like(records["unit"], 0.0001)
+    records["unit"][0] = 0.001
+
+    class Frames:
+        camera = run.camera
+
+        def __iter__(self):
+            for number, (at, image) in zip(range(3), run.frames()):
+                image = image * (1 if number == 0 else 10)  # the wall at 1 m
+                image[:, :200], image[:, -200:] = 0, 65535
+                yield at, image.astype(np.uint16)
+
+    class Changed:
+        frames, frame_records, tool = staticmethod(Frames), records, cube
+        times, poses, wrench, ticks = run.times, run.poses, run.wrench, run.ticks
+
+    moments = list(sinks._moments(Changed, 1))
+    assert len(moments) == 3
+    for moment in moments:
+        assert len(moment.points) > 480 * 200 and moment.points[:, 2] == pytest.approx(1, abs=0.02)
+        assert np.abs(moment.points[:, 0]).max() < 0.3
+        assert (moment.depth[:, -200:] == 0).all()
+
+
 def test_rerun(run, cube, tmp_path):
     pytest.importorskip("rerun", reason="rerun-sdk is not installed")
     file = tmp_path / "run.rrd"

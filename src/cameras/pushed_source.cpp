@@ -62,6 +62,9 @@ Result<std::unique_ptr<PushedSource>> PushedSource::create(const DepthStreamInfo
     return Error{Errc::invalid_argument,
                  "pushed frames need a size from 8x8 to 4096x4096 and focal lengths above 0"};
   }
+  if (!(options.latency >= 0 && options.latency <= 1)) {
+    return Error{Errc::invalid_argument, "the latency of pushed frames must be from 0 to 1 s"};
+  }
   if (const Status status = check_distortion(info.distortion); !status) return status.error();
   if (info.has_flow && !(info.distortion == Distortion{})) return flow_of_lens(info.name);
   return std::unique_ptr<PushedSource>(std::make_unique<Pushed>(info, options));

@@ -558,6 +558,11 @@ TEST(PushedSource, RemovesDistortionAndRefusesWhatDoesNotFit) {
   EXPECT_EQ(frame.pixels[12 * kWidth + 16], test::count_at(16, 12, 1));
   EXPECT_TRUE(has(joined(camera->take_notes()), "does not match its size"));
   EXPECT_FALSE(PushedSource::create(stream_info(2, 2)));
+  for (const double latency : {-0.01, 33.0, std::nan("")}) {
+    PushedSource::Options options;
+    options.latency = latency;
+    EXPECT_FALSE(PushedSource::create(stream_info(kWidth, kHeight), options)) << latency;
+  }
 }
 
 TEST(Plausibility, DoubtsUnitsAndIntrinsicsThatCannotBe) {

@@ -62,6 +62,35 @@ TEST(Contact, ACubeInAWallIsFeltByItsVolume) {
   }
 }
 
+/// Memory that a CPU cannot read: a view of it is not followed.
+TEST(Contact, OnACpuASurfaceInTheMemoryOfAGpuIsNoSurface) {
+  const Tool tool = cube();
+  const auto counts = wall(0.6);
+  SensorOptions joined;
+  joined.field.one_of_several = true;
+  Sensor sensor = Sensor::create(kCamera, Place::cpu(), joined).value();
+  const SurfaceView here = sensor.update(image(counts));
+  SurfaceView there = here;
+  there.cloud.gpu = there.field.gpu = there.seen_free.gpu = 0;
+  for (const ContactMethod& method :
+       {ContactMethod(FieldMethod{}), ContactMethod(WeightedMethod{}),
+        ContactMethod(SimplifiedMethod{}), ContactMethod(GraphMethod{})}) {
+    const Contact contact = std::move(Contact::create(tool, method)).value();
+    const Pose X_WT = pushed_in(0.03);
+    ASSERT_GT(contact.measure(here, X_WT).penetration.volume, 0);
+    for (const SurfaceBlend& camera :
+         {SurfaceBlend{there, there, 1}, SurfaceBlend{here, there, 0.5},
+          SurfaceBlend{there, here, 0.5}}) {
+      const auto measured = contact.measure({&camera, 1}, X_WT, {.stiffness = true});
+      EXPECT_TRUE(measured.penetration.status.has(StepStatus::no_surface));
+      if (!std::holds_alternative<FieldMethod>(method)) continue;
+      EXPECT_EQ(measured.penetration.volume, 0);
+      const SurfaceBlend both[] = {{here, here, 1}, camera};
+      EXPECT_EQ(contact.measure(both, X_WT).penetration.status, StepStatus::no_surface);
+    }
+  }
+}
+
 TEST(Contact, CountsAndMetresAreTheSame) {
   const Tool tool = cube();
   const auto counts = wall(0.6);

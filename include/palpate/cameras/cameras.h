@@ -169,11 +169,11 @@ class PushedSource : public DepthSource {
     /// Timestamps are the camera's own, s on its own clock: capture times on this computer's clock
     /// are estimated from them. Otherwise a frame counts as captured when it is pushed.
     bool has_time_stamps = false;
-    double latency = 0;  ///< s, from the exposure to the timestamp
+    double latency = 0;  ///< s, from the exposure to the timestamp, 0 to 1
   };
   /// `info` describes the frames; they are undistorted by `info.distortion`. Each frame has the
   /// pose of its camera (DepthFrame::X_WC), and `info.is_moving` says whether it changes. Errors:
-  /// an invalid size or focal length, an optical flow of a camera with distortion.
+  /// an invalid size, focal length or latency, an optical flow of a camera with distortion.
   static Result<std::unique_ptr<PushedSource>> create(const DepthStreamInfo& info,
                                                       const Options& options);
   static Result<std::unique_ptr<PushedSource>> create(const DepthStreamInfo& info);

@@ -72,7 +72,7 @@ class ContactQuery {
   /// image window + spheres); stiffness adds half, states or planes double it. No allocation, no
   /// lock. The same input gives the same bits, whatever was measured before and for any number of
   /// threads. A GPU accepts views of host memory and of other GPUs: they are copied once per stamp,
-  /// with an allocation for the first ones of their size.
+  /// with an allocation for the first ones of their size. To a CPU, those of GPUs are no surface.
   ContactResult measure(const SurfaceView& surface, const Pose& X_WT,
                         const ContactWants& wants = {}) const noexcept {
     return measure(surface, surface, 1, X_WT, wants);

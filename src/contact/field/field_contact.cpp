@@ -20,6 +20,14 @@ namespace {
 
 constexpr FieldContactKernels kKernels[] = PALPATE_BY_ISA(kFieldContact);
 
+bool is_in_host_memory(const SurfaceView& surface) {
+  const auto is_here = [](const DepthFieldView& field) {
+    return field.num_levels == 0 || field.gpu == kHostMemory;
+  };
+  return is_here(surface.field) && is_here(surface.seen_free) && is_here(surface.in_front) &&
+         is_here(surface.remembered);
+}
+
 }  // namespace
 
 FieldContactKernels field_contact_kernels(Isa isa) { return select_isa(kKernels, isa); }
@@ -39,6 +47,12 @@ FieldContact::~FieldContact() = default;
 
 ContactResult FieldContact::measure_hull(std::span<const SurfaceBlend> cameras, const Pose& X_WT,
                                          const ContactWants& wants) const noexcept {
+  const auto is_readable = [](const SurfaceBlend& camera) {
+    return is_in_host_memory(camera.to) && (camera.progress >= 1 || is_in_host_memory(camera.from));
+  };
+  if (!std::ranges::all_of(cameras, is_readable)) {
+    return unmeasured(StepStatus::no_surface, wants, true);
+  }
   return hull_->measure(cameras, X_WT, wants, *pool_);
 }
 
@@ -54,6 +68,9 @@ ContactResult FieldContact::measure_one(const SurfaceView& from, const SurfaceVi
                                         double alpha, const Pose& X_WT,
                                         const ContactWants& wants) const noexcept {
   if (!is_finite(X_WT)) return unmeasured(StepStatus::non_finite_pose, wants, true);
+  if (!is_in_host_memory(to) || (alpha < 1 && !is_in_host_memory(from))) {
+    return unmeasured(StepStatus::no_surface, wants, true);
+  }
   const Pose X{X_WT.translation, normalized(X_WT.rotation)};
   if (is_outside_window(from, to, alpha, X * p_TC_, elements_->reach)) {
     return unmeasured(StepStatus::outside_window, wants, true);

@@ -156,7 +156,7 @@ PointMeasurement::PointMeasurement(const ToolIndex& index, const ContactOptions&
 }
 
 Penetration PointMeasurement::measure(const PointCloudView& cloud, const Pose& X_WT) {
-  cloud_ = cloud;
+  cloud_ = cloud.gpu == kHostMemory ? cloud : PointCloudView{};
   forget_last_query();
   Penetration result;
   if (cloud_.size() == 0) {
