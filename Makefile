@@ -9,10 +9,10 @@ cmake --preset $(1)
 cmake --build --preset $(1) -j $(JOBS)
 endef
 
-.PHONY: help setup lint format tidy build demo test quick-test busy-test golden clang fuzz mutants bench bench-compare live-figures camera-figures ros2-figures sensor-figures soak packing-curves peer-times eval eval-quick asan tsan large-inputs cuda gpu-check view-soak arm64 wheel packages try-packages try-demo try-test ci-all clean
+.PHONY: help setup lint format tidy build demo test quick-test busy-test golden clang fuzz mutants bench bench-compare live-figures camera-figures ros2-figures sensor-figures soak docs packing-curves peer-times eval eval-quick asan tsan large-inputs cuda gpu-check view-soak arm64 wheel packages try-packages try-demo try-test ci-all clean
 
 help:  ## this list
-	@grep -hE '^[a-z -]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z -]+):.*## */\1\t/' | expand -t 16
+	@grep -hE '^[a-z0-9 -]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z0-9 -]+):.*## */\1\t/' | expand -t 16
 
 setup:  ## install missing packages (apt; root or sudo)
 	scripts/setup.sh
@@ -134,7 +134,7 @@ clang:  ## the library and its tests built by Clang as users build it: golden.tx
 	scripts/test.sh clang
 
 # In the build of the fuzz targets: the library is compiled once for both.
-asan:  ## tests with the address and undefined behaviour sanitizers; not evaluation, pages, commands of the guides and figures of ROS 2
+asan:  ## tests with the address and undefined behaviour sanitizers; not evaluation, pages, guides, figures of ROS 2, fault plans, Python and packages
 	scripts/setup.sh --fuzz
 	$(call build_preset,fuzz)
 	scripts/test.sh fuzz -E '^(page_|docs_|ros_interop)'
@@ -195,15 +195,15 @@ packages:  ## Debian packages and an archive, into build/packages/packages; make
 	scripts/setup.sh --packages
 	scripts/make_packages.sh $(JOBS)
 
-try-packages: packages
+try-packages: packages  ## install the packages in a fresh Debian 12 and use them
 	scripts/try_fresh.sh packages
 
 try-demo try-test:  ## make demo or make test in a fresh Debian 12, each line with its second
 	scripts/setup.sh --packages
 	scripts/try_fresh.sh $(@:try-%=%)
 
-ci-all:  ## all that needs no special hardware: tests, sanitizers, Clang, fuzzing and clang-tidy, Arm, packages; hours
-	for check in test clang asan tsan fuzz tidy arm64 try-packages; do $(MAKE) $$check || exit 1; done
+ci-all:  ## all that needs no special hardware: tests, sanitizers, Clang, fuzzing, large inputs and clang-tidy, Arm, packages; hours
+	for check in test clang asan tsan fuzz large-inputs tidy arm64 try-packages; do $(MAKE) $$check || exit 1; done
 
 clean:  ## remove build/ and demo/
 	rm -rf build demo

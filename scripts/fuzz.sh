@@ -4,7 +4,7 @@
 # tests/fuzz/corpus/NAME, where every later run of the tests meets it.
 #
 # usage: scripts/fuzz.sh HOURS [TARGET ...]
-#   HOURS   for all targets together; 0: a minute each
+#   HOURS   for all targets together, e.g. 0.5; 0: a minute each
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -15,7 +15,7 @@ if [ ${#targets[@]} -eq 0 ]; then
   for program in build/fuzz/bin/fuzz_*; do targets+=("${program##*/fuzz_}"); done
 fi
 seconds=60
-if [ "$hours" != 0 ]; then seconds=$((hours * 3600 / ${#targets[@]})); fi
+if [ "$hours" != 0 ]; then seconds=$(awk "BEGIN { print int($hours * 3600 / ${#targets[@]}) }"); fi
 memory_limit_mb=2048
 
 status=0

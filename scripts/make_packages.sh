@@ -9,6 +9,7 @@ build=build/packages
 
 cmake --preset packages -DCMAKE_INSTALL_RPATH=
 cmake --build --preset packages -j "$jobs"
+scripts/require_pages.sh "$build"
 rm -rf "$build/packages"
 (cd "$build" && cpack -G DEB)
 # In the archive, libraries find each other beside themselves.

@@ -24,6 +24,7 @@ for option in "$@"; do options+=(-C "cmake.args=$option"); done
 CMAKE_BUILD_PARALLEL_LEVEL=$jobs PATH="$PWD/$tools:$PATH" \
   "$tools/python" -m pip wheel --quiet --no-build-isolation --no-deps --no-index "${options[@]}" -w "$raw" .
 
+scripts/require_pages.sh build/wheel
 # What a fresh Linux lacks goes into the wheel. Its C library has to be as new as that of this machine.
 rm -rf build/wheels
 PATH="$PWD/$tools:$PATH" "$tools/auditwheel" repair --only-plat -z 9 -w build/wheels "$raw"/palpate-*.whl >build/wheel/auditwheel.log 2>&1 || {

@@ -1,6 +1,8 @@
 #!/usr/bin/env python3
 """Refuses pages that name what is not there: links to files and headings, files of the project, and tests.
 
+Also decisions that are called by the number of another one, and text that a table swallows.
+
 usage: tools/check_docs.py [ROOT]
 """
 
@@ -17,6 +19,7 @@ CODE = re.compile(r"`([^`\n]+)`")
 TEST = re.compile(r"([A-Z]\w+)?\.([A-Z]\w{5,})")
 TEST_DEFINED = re.compile(r"\bTEST(?:_[FP])?\(\s*(\w+),\s*(\w+)\s*\)")
 FILE = re.compile(r"(?:bench|cmake|docs|examples|include|plugins|python|scripts|src|tests|tools)/[\w./-]*\w")
+DECISION = re.compile(r"decision (\d+)\]\([^()\s]*?(\d{4})-[^()\s]*\)")
 PLACEHOLDER = re.compile(r"\b[A-Z]{2,}\b")
 
 
@@ -43,7 +46,14 @@ def test_is_there(suite, name, tests):
 
 def problems(page, path, root, tests):
     """(line number, what is wrong) of a page at `path`, relative to `root`."""
+    is_table = False
     for number, line in enumerate(without_blocks(page).splitlines(), 1):
+        if is_table and line.strip() and not line.startswith("|"):
+            yield number, "text right below a table belongs to it: leave a line empty"
+        is_table = line.startswith("|")
+        for named, linked in DECISION.findall(line):
+            if int(named) != int(linked):
+                yield number, f"decision {named} links to decision {int(linked)}"
         for link in LINK.findall(line):
             file, _, anchor = link.partition("#")
             if re.match(r"[a-z]+:", file):

@@ -41,6 +41,15 @@ class CheckDocsTest(unittest.TestCase):
     def test_blocks_of_code_are_not_read_but_counted(self):
         self.assertEqual(self.found("```\n[a](gone.md)\n```\n[b](gone.md)\n"), [4])
 
+    def test_decisions_have_their_numbers(self):
+        (self.root / "docs/0027-x.md").write_text("")
+        self.assertEqual(self.found("[decision 27](0027-x.md)"), [])
+        self.assertEqual(self.found("[decision 26](0027-x.md), [decision 27](0027-x.md)"), [1])
+
+    def test_text_is_not_swallowed_by_a_table(self):
+        self.assertEqual(self.found("| a |\n|---|\n| b |\n\ntext"), [])
+        self.assertEqual(self.found("| a |\n|---|\n| b |\ntext"), [4])
+
     def test_headings_and_sources(self):
         self.assertEqual(anchors("# A b\n## C-d: e's `f_g`\n```\n# no\n```\n"), {"a-b", "c-d-es-f_g"})
         self.assertEqual(tests_of("TEST(One, Two) {\nTEST_F(Three,\n       Four) {\nTEST_P(Five, Six) {"),

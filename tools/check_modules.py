@@ -52,7 +52,6 @@ MOST_PUBLIC_HEADERS = 30
 
 # Private headers that more than one module may include.
 SHARED_PRIVATE = {
-    "src/cameras/rectifier.h": ("python",),
     "src/session/run_fields.h": ("python",),
     "src/contact/field/field_element.h": ("python",),
     "src/contact/index/field_elements.h": ("python",),
@@ -72,7 +71,7 @@ SHARED_PRIVATE = {
     "src/run/loop/real_time.h": ("apps",),
     "src/io/cdr.h": ("ros", "session", "cameras"),
     "src/io/ros_image.h": ("ros", "session", "cameras"),
-    "src/io/ros_messages.h": ("ros", "session", "cameras", "devices", "apps"),
+    "src/io/ros_messages.h": ("ros", "session", "cameras", "apps"),
     "src/io/ros_types.h": ("ros", "session", "cameras"),
     "src/io/rvl.h": ("cameras",),
     "src/io/text_scanner.h": ("cameras",),
@@ -81,15 +80,9 @@ SHARED_PRIVATE = {
     "src/session/run_reader.h": ("viewer", "python"),
     "src/session/run_messages.h": ("viewer",),
     "src/session/lead_frames.h": ("viewer",),
-    "src/session/html_page.h": ("eval",),
-    "src/session/base64.h": ("eval",),
-    "src/session/cut_picture.h": ("eval",),
-    "src/session/scene_picture.h": ("eval",),
-    "src/session/svg_parts.h": ("eval",),
     "src/core/simd.h": ("cloud", "contact", "field"),
-    "src/core/one_lane.h": ("cloud", "contact"),
     "src/core/lanes.h": ("cloud", "contact", "field"),
-    "src/core/select_isa.h": ("cloud", "contact", "field"),
+    "src/core/select_isa.h": ("contact",),
     # Tests of queries keep frames on the emulated GPU, too.
     "src/field/key_frames.h": ("contact",),
     # The evaluation times the stages of a query one by one.
@@ -97,27 +90,26 @@ SHARED_PRIVATE = {
     "src/contact/points/scan/point_scan.h": ("eval",),
     "src/contact/index/sphere_grid.h": ("eval",),
     "src/gpu/runtime.h": ("cloud", "field", "contact", "cameras", "python"),
-    "src/gpu/device_code.cuh": ("cloud", "field", "contact", "cameras"),
+    "src/gpu/device_code.cuh": ("contact",),
     "src/gpu/team.cuh": ("cloud", "field", "contact", "cameras"),
-    "src/gpu/emulator.h": ("cloud", "field", "contact", "cameras"),
+    "src/gpu/emulator.h": ("contact",),
     "src/cloud/surface_cuda.h": ("field",),
     "src/cloud/raw_frame_cuda.h": ("cameras",),
     "src/cloud/depth_average_cuda.h": ("field",),
     "src/cloud/cloud_blend_cuda.h": ("field",),
-    "src/cloud/image_rows.h": ("field",),
 }
 
 # Libraries and where they are at home, beside tests and bench.
 LIBRARIES = (
     (r"assimp/", ("io",)),
-    (r"png\.h", ("io", "session")),
+    (r"png\.h", ("io",)),
     (r"(lib)?lzf\.h", ("io",)),
     (r"tinyxml2\.h", ("cameras",)),
     (r"xxhash\.h", ("session",)),
     (r"zlib\.h", ("io", "session")),
     (r"zstd\.h", ("io",)),
-    (r"nlohmann/", ("io", "devices", "session", "viewer", "eval", "apps")),
-    (r"boost/(beast|asio)", ("devices", "viewer")),
+    (r"nlohmann/", ("io", "session", "viewer", "eval", "apps")),
+    (r"boost/(beast|asio)", ("viewer",)),
     (r"toml\+\+/", ("io",)),
     (r"CLI/", ("apps",)),
     (r"embree\d*/", ("scenes",)),
@@ -229,17 +221,45 @@ def check_text(name, text):
             yield number, problem
 
 
+def uses(name, text):
+    """The permissions of SHARED_PRIVATE and LIBRARIES that the file `name` needs."""
+    parts = Path(name).parts
+    module = parts[1] if parts[0] == "tests" else module_of(name)
+    for line in text.splitlines():
+        if not (match := INCLUDE.match(line)):
+            continue
+        library, target = match.groups()
+        if target is not None and module_of(target) != module:
+            yield target, module
+        for pattern, _ in LIBRARIES if library is not None and parts[0] != "tests" else ():
+            if re.match(pattern, library):
+                yield pattern, module
+
+
+def unused(used):
+    """Permissions that nobody needs."""
+    for what, modules in [*SHARED_PRIVATE.items(), *LIBRARIES]:
+        for module in modules:
+            if (what, module) not in used:
+                yield f"nothing in {module} includes {what}: take out the permission"
+
+
 def main(root=ROOT):
     num_files = num_problems = num_public = 0
+    used = set()
     for path in project_files(root):
         if path.suffix not in SOURCE:
             continue
         num_files += 1
         num_public += path.suffix == ".h" and is_public(path.as_posix())
         text = (root / path).read_text(encoding="utf-8", errors="replace")
+        used.update(uses(path.as_posix(), text))
         for number, problem in check_text(path.as_posix(), text):
             num_problems += 1
             print(f"{path.as_posix()}:{number}: {problem}")
+    for problem in unused(used):
+        num_problems += 1
+        print(f"tools/check_modules.py: {problem}")
     if num_public > MOST_PUBLIC_HEADERS:
         num_problems += 1
         print(f"include/palpate: {num_public} public headers, at most {MOST_PUBLIC_HEADERS}: put what is new into one "

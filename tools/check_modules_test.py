@@ -2,7 +2,7 @@
 
 import unittest
 
-from check_modules import BELOW, allowed_modules, check_text
+from check_modules import BELOW, SHARED_PRIVATE, allowed_modules, check_text, unused, uses
 
 
 def problems(name, *lines):
@@ -48,6 +48,16 @@ class CheckModulesTest(unittest.TestCase):
         self.assert_refused("src/mesh/a.cpp", '#include "src/core/simd.h"', "private to core")
         self.assert_refused("tests/mesh/a.cpp", '#include "src/packing/b.h"', "private headers of packing")
         self.assert_refused("include/palpate/mesh/a.h", '#include "src/mesh/b.h"', "public header")
+
+    def test_permissions_that_nobody_needs_are_refused(self):
+        used = {(header, module) for header, modules in SHARED_PRIVATE.items() for module in modules}
+        header, (module, *_) = next(iter(SHARED_PRIVATE.items()))
+        before = set(unused(used))
+        self.assertFalse(any(header in problem for problem in before))
+        self.assertIn(header, (set(unused(used - {(header, module)})) - before).pop())
+        lines = '#include "src/core/simd.h"\n#include <zlib.h>'
+        self.assertEqual(set(uses("src/cloud/a.cpp", lines)), {("src/core/simd.h", "cloud"), (r"zlib\.h", "cloud")})
+        self.assertEqual(set(uses("tests/cloud/a.cpp", lines)), {("src/core/simd.h", "cloud")})
 
     def test_libraries(self):
         self.assert_passes("src/io/a.cpp", "#include <assimp/Importer.hpp>")

@@ -27,6 +27,11 @@ for file in "${json_files[@]}"; do
   python3 -m json.tool "$file" >/dev/null || problem "$file:1: not JSON"
 done
 
+# Targets of the Makefile are names: one that a folder has, too, would be up to date for ever.
+for target in $(grep -oE '^[a-z0-9 -]+:' Makefile | tr -d :); do
+  grep -qE "^\.PHONY:.* $target( |\$)" Makefile || problem "Makefile:1: $target is not in .PHONY"
+done
+
 # A link in the documentation, outside of its code, leads to a file that is there.
 mapfile -t documents < <(python3 tools/project_files.py .md)
 for file in "${documents[@]}"; do

@@ -38,7 +38,7 @@ struct Frame {
 };
 
 inline constexpr int kApiVersion = 2002;  // major * 1000 + minor
-inline constexpr int kOk = 0, kNoDevice = 6, kTimeOut = 102;
+inline constexpr int kOk = 0, kTimeOut = 102;
 inline constexpr int kDepth = 3;                                                   // sensor
 inline constexpr int kMillimetres = 100, kTenths = 101;                            // formats
 inline constexpr int kRegistration = 5, kSpeed = 100, kRepeat = 101, kSerial = 3;  // of a device

@@ -130,7 +130,7 @@ Json seen_tool_json(const Tool& tool, const Pose& X_CT, const DepthStreamInfo& s
               {"fy", fy / n},
               {"cx", cx / n},
               {"cy", cy / n},
-              {"unit", stream.unit}}},
+              {"unit", image.unit}}},
             {"depth", packed_depth(frame)}};
   add_states(json, states.first(num_shown), planes.empty() ? planes : planes.first(num_shown));
   return json;

@@ -4,14 +4,15 @@
 #include <cmath>
 
 #include "palpate/math/geometry.h"
+#include "src/session/internal/probing_path.h"
 
 namespace palpate::inline v0 {
 namespace {
 
-constexpr double kLean = 0.45;       // rad, between the tool's axis and the viewing ray
-constexpr double kMaxTurn = 0.3;     // rad, about the viewing ray
-constexpr double kTurnRate = 0.95;   // rad/s
-constexpr double kSideSpeed = 0.03;  // m/s, of the slide, and of the turn
+constexpr double kLean = 0.45;    // rad, between the tool's axis and the viewing ray
+constexpr double kMaxTurn = 0.3;  // rad, about the viewing ray
+constexpr double kTurnRate = 0.95 * kProbeTurnRate;   // rad/s
+constexpr double kSideSpeed = 0.03;                   // m/s, of the slide, and of the turn
 constexpr double kSlideBegin = 0.4, kSlideEnd = 0.7;  // shares of the path's time
 
 /// 0 before `start`, 1 after `end`, smooth in between.

@@ -285,10 +285,10 @@ Result<std::string> LiveViewImpl::command(std::string_view json) {
   if (!command) return command.error();
   const std::string& name = command->name();
   constexpr const char* kKnown =
-      "show, get, set, pause, resume, step, force, mark, end, hold and let_go";
+      "show, get, set, pause, resume, step, force, mark, end, hold and release";
   const bool is_known = name == "set" || name == "pause" || name == "resume" || name == "step" ||
                         name == "force" || name == "mark" || name == "end";
-  if (name == "hold" || name == "let_go") {
+  if (name == "hold" || name == "release") {
     return Error{Errc::invalid_argument, "the tool is held over a WebSocket: send " + name +
                                              " there; closing it releases the tool"};
   }

@@ -11,6 +11,14 @@ namespace palpate::inline v0 {
 namespace {
 
 constexpr std::chrono::milliseconds kPatience{1000};  // for what is short to be known as a whole
+// Of what a person should see in the time of the run.
+constexpr std::size_t kMaxMarks = 5000, kMaxAlike = 200, kLongestMark = 1000;
+
+/// What is said again and again differs by its numbers.
+std::string without_digits(std::string text) {
+  std::erase_if(text, [](char c) { return c >= '0' && c <= '9'; });
+  return text;
+}
 
 Error no_run(const std::filesystem::path& path, const std::string& why) {
   return {Errc::bad_input, path.string() + " cannot be shown: " + why + "; record the run again"};
@@ -122,9 +130,19 @@ Status McapIndex::take(const RunReader::Message& message) {
     auto note = read_note(message.data);
     if (!note) return note.error();
     const std::lock_guard lock(mutex_);
-    marks_.emplace_back(message.time, *std::move(note));
+    add_mark(message.time, *std::move(note));
   }
   return Done{};
+}
+
+/// A program that says the same all night does not bury what others said.
+void McapIndex::add_mark(std::uint64_t wall_time, std::string text) {
+  if (marks_.size() == kMaxMarks) return;
+  if (text.size() > kLongestMark) text.resize(kLongestMark);
+  const std::size_t num = ++num_alike_[without_digits(text)];
+  if (num > kMaxAlike) return;
+  if (num == kMaxAlike) text += " (later ones are not shown)";
+  marks_.emplace_back(wall_time, std::move(text));
 }
 
 /// Something was measured then: notes it for the chunk that it is in.
@@ -156,9 +174,14 @@ std::vector<RecordedMark> McapIndex::marks() const {
   for (const auto& [wall_time, text] : marks_) {
     const auto time =
         1e-9 * static_cast<double>(static_cast<std::int64_t>(wall_time - wall_start_));
-    marks.push_back({std::clamp(time, 0.0, duration_), text});
+    marks.push_back({std::max(time, 0.0), text});
   }
   return marks;
+}
+
+std::size_t McapIndex::num_marks() const {
+  const std::lock_guard lock(mutex_);
+  return marks_.size();
 }
 
 std::string McapIndex::note() const {

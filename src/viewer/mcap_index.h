@@ -47,7 +47,9 @@ class McapIndex {
 
   double duration() const;
   RunSettings settings(std::uint32_t revision) const;
+  /// Notes of the run, a limited number of those that are alike; from any thread.
   std::vector<RecordedMark> marks() const;
+  std::size_t num_marks() const;
   /// What is wrong with the file, or how far it has been read; else empty.
   std::string note() const;
   std::size_t num_frames() const;
@@ -64,6 +66,7 @@ class McapIndex {
   void read_all();
   Result<bool> read_next();
   Status take(const RunReader::Message& message);
+  void add_mark(std::uint64_t wall_time, std::string text);
   void take_wall_time(std::uint64_t wall_time);
 
   RunReader reader_;
@@ -81,6 +84,7 @@ class McapIndex {
   std::vector<FramePeriods> periods_;  // of each camera
   std::map<std::uint32_t, RunSettings> settings_;
   std::vector<std::pair<std::uint64_t, std::string>> marks_;  // wall time
+  std::map<std::string, std::size_t> num_alike_;              // of marks, by their words
   double duration_ = 0;
   std::string trouble_;
   std::atomic<bool> is_short_of_memory_ = false;

@@ -138,10 +138,9 @@ Json parse_object(std::string_view text) {
 Json to_json(const Vec3d& v) { return {v.x, v.y, v.z}; }
 
 Json to_json(const DepthStreamInfo& s) {
-  return {{"name", s.name},          {"width", s.width},      {"height", s.height},
-          {"fx", s.intrinsics.fx},   {"fy", s.intrinsics.fy}, {"cx", s.intrinsics.cx},
-          {"cy", s.intrinsics.cy},   {"unit", s.unit},        {"rate", s.rate},
-          {"is_moving", s.is_moving}};
+  return {{"name", s.name},        {"width", s.width},      {"height", s.height},
+          {"fx", s.intrinsics.fx}, {"fy", s.intrinsics.fy}, {"cx", s.intrinsics.cx},
+          {"cy", s.intrinsics.cy}, {"rate", s.rate},        {"is_moving", s.is_moving}};
 }
 
 /// x y z qx qy qz qw, as they come: nobody has looked at the numbers yet.
@@ -212,10 +211,11 @@ std::string encode_tree(const InnerSphereTree& tree) {
 
 std::string encode_frame(const ViewFrame& view) {
   const DepthFrame& frame = view.frame;
-  Writer writer(Kind::frame, view.number, view.time, 64 + 2 * frame.pixels.size());
+  Writer writer(Kind::frame, view.number, view.time, 72 + 2 * frame.pixels.size());
   writer.put(static_cast<std::uint16_t>(frame.width), static_cast<std::uint16_t>(frame.height));
   writer.put(static_cast<std::uint16_t>(view.camera), std::uint16_t{0});
   writer.put(frame.X_WC);
+  writer.put(frame.unit);
   writer.put_all(std::span<const std::uint16_t>(frame.pixels));
   return writer.take();
 }

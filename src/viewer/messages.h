@@ -14,7 +14,7 @@
 
 namespace palpate::inline v0 {
 
-inline constexpr int kViewProtocol = 2;
+inline constexpr int kViewProtocol = 3;
 
 /// Made once and shared by all pages that it goes to. Null: none.
 struct ViewMessage {

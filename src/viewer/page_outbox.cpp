@@ -26,7 +26,7 @@ void PageOutbox::receive(std::string_view text) {
   if (request.hand) return move(request);
   if (request.error.empty() && request.command.empty()) return acknowledge(request);
   if (request.error.empty() && request.command == "hold") return say(request, hub_.hold(number_));
-  if (request.error.empty() && request.command == "let_go") {
+  if (request.error.empty() && request.command == "release") {
     hub_.release(number_);
     return say(request, Done{});
   }

@@ -53,7 +53,8 @@ class RunInFile final : public RecordedRun {
   Result<RecordedFrame> read_frame(std::size_t index) override;
   Result<RecordedQuery> query_at(double time) override;
   Result<std::vector<ViewSample>> samples(double after, double until) override;
-  std::vector<RecordedMark> marks() override { return index_->marks(); }
+  std::vector<RecordedMark> marks() const override { return index_->marks(); }
+  std::size_t num_marks() const override { return index_->num_marks(); }
   std::string note() override { return index_->note(); }
 
  private:

@@ -61,7 +61,9 @@ class RecordedRun {
   virtual Result<RecordedQuery> query_at(double time) = 0;
   /// Ticks later than `after` until `until`, in order.
   virtual Result<std::vector<ViewSample>> samples(double after, double until) = 0;
-  virtual std::vector<RecordedMark> marks() = 0;
+  /// Also from another thread. There are more once more of the recording is known.
+  virtual std::vector<RecordedMark> marks() const = 0;
+  virtual std::size_t num_marks() const = 0;
   /// What a person should know of the recording; else empty.
   virtual std::string note() = 0;
 };

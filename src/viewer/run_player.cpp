@@ -294,11 +294,11 @@ void RunPlayer::tell(std::string note) {
   add_note(note, run_->note());
   add_note(note, repetition_.note());
   add_note(note, what_if_);
-  auto marks = run_->marks();
+  const std::size_t num_marks = run_->num_marks();
   const std::uint64_t number = run_->frame_number(frame_);
   const std::lock_guard lock(mutex_);
   shown_.note = std::move(note);
-  shown_.marks = std::move(marks);
+  shown_.num_marks = num_marks;
   shown_.frame_number = number;
 }
 

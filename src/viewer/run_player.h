@@ -20,7 +20,7 @@ struct PlayerState {
   std::uint64_t frame_number = 0;
   std::uint32_t revision = 0;  ///< how often a setting was changed here
   RunSettings settings;        ///< by which contacts are computed
-  std::vector<RecordedMark> marks;
+  std::size_t num_marks = 0;
   std::string note;  ///< else empty
 };
 
@@ -38,6 +38,7 @@ class RunPlayer {
   // For one other thread; none of these waits for a picture.
   void poll(const ViewSubscription& subscription, ViewUpdate& update);
   PlayerState shown() const;
+  std::vector<RecordedMark> marks() const { return run_->marks(); }
   void pause();
   void resume();  ///< at the end: from the beginning
   void seek(double time);

@@ -39,6 +39,7 @@ class RunView final : public ViewSource {
 
  private:
   Result<std::string> set(const ViewCommand& command);
+  std::string marks() const;
 
   RunPlayer player_;
   const ViewContent content_;
@@ -46,14 +47,11 @@ class RunView final : public ViewSource {
 
 std::string RunView::state() {
   const PlayerState shown = player_.shown();
-  Json note, marks = Json::array();
+  Json note;
   if (!shown.note.empty()) {
     note = shown.note;
   } else if (shown.is_paused && shown.time >= shown.duration) {
     note = "the recording ends here; it plays again from its beginning";
-  }
-  for (const RecordedMark& mark : shown.marks) {
-    marks.push_back({{"time", mark.time}, {"text", mark.text}});
   }
   const Json state{{"time", shown.time},
                    {"running", !shown.is_paused},
@@ -65,8 +63,16 @@ std::string RunView::state() {
                    {"frame_number", shown.frame_number},
                    {"duration", shown.duration},
                    {"speed", shown.speed},
-                   {"marks", std::move(marks)}};
+                   {"num_marks", shown.num_marks}};
   return state.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+std::string RunView::marks() const {
+  Json marks = Json::array();
+  for (const RecordedMark& mark : player_.marks()) {
+    marks.push_back({{"time", mark.time}, {"text", mark.text}});
+  }
+  return Json{{"marks", std::move(marks)}}.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
 Result<std::string> RunView::set(const ViewCommand& command) {
@@ -82,6 +88,7 @@ Result<std::string> RunView::command(std::string_view json) {
   if (!command) return command.error();
   const std::string& name = command->name();
   if (name == "set") return set(*command);
+  if (name == "marks") return marks();
   if (name == "pause") {
     player_.pause();
   } else if (name == "resume") {
@@ -99,7 +106,7 @@ Result<std::string> RunView::command(std::string_view json) {
     if (!factor) return factor.error();
     player_.set_speed(*factor);
   } else {
-    return command->unknown("show, get, set, pause, resume, step, seek and speed");
+    return command->unknown("show, get, set, pause, resume, step, seek, speed and marks");
   }
   return std::string("{}");
 }

@@ -349,6 +349,8 @@ class CommandLine(unittest.TestCase):
                 result = subprocess.run([PALPATE, *map(str, arguments)], stdout=full, stderr=subprocess.PIPE, text=True)
             self.assertEqual((result.returncode, result.stderr),
                              (1, "palpate: cannot write to the standard output\n"), arguments)
+        closed = subprocess.run(["sh", "-c", '"$0" --version >&-', PALPATE], stderr=subprocess.PIPE, text=True)
+        self.assertEqual((closed.returncode, closed.stderr), (1, "palpate: cannot write to the standard output\n"))
 
     def test_a_recording_without_a_tick_is_not_identical(self):
         """Cut off where a run can be killed: before its first tick there is nothing to repeat."""
@@ -1423,6 +1425,7 @@ pose = [1, 0, 0, 0, 0, {0.5 ** 0.5}, {0.5 ** 0.5}]
             "--settings", settings, "-o", self.path("short"), "--json"))
         self.assertEqual(summary["ending"], "")
         self.assertGreater(summary["ticks"], 0)
+        self.assertGreaterEqual(summary["seconds"], 0.19)  # from its first tick on
 
     @contextlib.contextmanager
     def live_run(self, run, *options, **streams):

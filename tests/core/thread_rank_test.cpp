@@ -1,17 +1,15 @@
 #include "src/core/thread_rank.h"
 
 #include <gtest/gtest.h>
-#include <sys/resource.h>
-#include <sys/syscall.h>
-#include <unistd.h>
 
 #include <thread>
+
+#include "tests/test_util/own_nice.h"
 
 namespace palpate {
 namespace {
 
-/// The nice value of the calling thread, as Linux says it.
-int own_nice() { return getpriority(PRIO_PROCESS, static_cast<id_t>(syscall(SYS_gettid))); }
+using test::own_nice;
 
 int rank_of_a_thread(ThreadRank rank) {
   int reported = 0, seen = 0;

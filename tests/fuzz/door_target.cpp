@@ -42,7 +42,7 @@ std::vector<std::string> seeds() {
       kFrames + frame(R"({"comm)", '\x01') + frame(R"(and":"get","what":"spheres"})", '\x80'),
       kFrames + frame(R"({"ack":1})"),
       kFrames + frame(R"({"id":1,"command":"hold"})") + frame(R"({"hand":[0.1,0,0.5,0,0,0,1]})") +
-          frame(R"({"hand":[0,1e300,0,2,0,0,1]})") + frame(R"({"id":2,"command":"let_go"})")};
+          frame(R"({"hand":[0,1e300,0,2,0,0,1]})") + frame(R"({"id":2,"command":"release"})")};
 }
 
 }  // namespace palpate::fuzz

@@ -4,11 +4,13 @@
 
 #include <sys/stat.h>
 
+#include <chrono>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <random>
 #include <string>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -138,6 +140,16 @@ TEST_F(McapFile, AFileThatWasNeverFinishedLosesNothingThatWasFlushed) {
   EXPECT_FALSE(got.failed) << got.error;
   EXPECT_TRUE(got.was_cut_off);
   EXPECT_EQ(got.messages.size(), sent.size());
+}
+
+TEST_F(McapFile, WhatIsHalfASecondOldIsWritten) {
+  auto writer = std::move(McapWriter::create(path_)).value();
+  const auto channel = writer.add_channel({"/a", "palpate.A", "string text\n"});
+  ASSERT_TRUE(writer.write(channel, 1, cdr_text("old")));
+  EXPECT_TRUE(read_all(path_).messages.empty());  // it would be lost by now
+  std::this_thread::sleep_for(std::chrono::milliseconds(500));
+  ASSERT_TRUE(writer.write(channel, 2, cdr_text("new")));
+  EXPECT_EQ(read_all(path_).messages.size(), 2u);
 }
 
 TEST_F(McapFile, AFileThatWasCutOffAnywhereIsReadUpToItsLastWholeChunk) {

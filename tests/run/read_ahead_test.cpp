@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/run/loop_fakes.h"
+#include "tests/test_util/own_nice.h"
 
 namespace palpate {
 namespace {
@@ -21,10 +22,13 @@ class GuardedWall final : public DepthSource {
       : wall_(options), num_requested_(num_requested), num_allowed_(num_allowed) {}
   const DepthStreamInfo& info() const override { return wall_.info(); }
   Result<bool> next(DepthFrame& frame) override {
+    nice = test::own_nice();
     const int number = num_requested_++;
     for (int num = num_allowed_; num <= number; num = num_allowed_) num_allowed_.wait(num);
     return wall_.next(frame);
   }
+
+  static inline std::atomic<int> nice = 0;  ///< of the thread that asked last
 
  private:
   WallSource wall_;
@@ -87,6 +91,9 @@ TEST(ReadAhead, IsAheadButNotByMoreThanWanted) {
   EXPECT_EQ(num_requested, 2 + 4 + 1);
   ASSERT_TRUE(ahead->next(frame).value());
   while (num_requested < 2 + 4 + 2) std::this_thread::yield();
+  // Whoever needs the frames comes first.
+  const int usual = test::own_nice();
+  EXPECT_TRUE(GuardedWall::nice > usual || usual == 19) << GuardedWall::nice;
 }  // and ends while all places are taken
 
 }  // namespace

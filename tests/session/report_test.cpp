@@ -12,6 +12,7 @@
 #include "src/session/internal/compact_json.h"
 #include "src/session/run_series.h"
 #include "src/session/statistics.h"
+#include "tests/session/other_unit_stream.h"
 #include "tests/session/path_run.h"
 #include "tests/session/synthetic_stream.h"
 #include "tests/session/wrench_csv.h"
@@ -110,6 +111,18 @@ TEST(Report, HasTheNumbersOfTheFilesBesideIt) {
       ASSERT_EQ((left + bytes[i] + 256 * bytes[num_pixels + i]) % 65536, frame.pixels[i]) << i;
     }
   }
+}
+
+TEST(Report, ShowsTheDeepestMomentInTheUnitOfItsFrame) {
+  PALPATE_PAGES_OR_SKIP();
+  const test::TemporaryFolder folder;
+  test::OtherUnitStream stream(5, 1);
+  auto device = test::path_device([](double) { return test::pressing_pose(0.3); }, 200);
+  ASSERT_TRUE(record_run(test::small_tool(), stream, **device, test::path_settings(200),
+                         folder.path() / kName));
+  const auto page = test::report_data_of(folder.path() / kName / "report.html");
+  ASSERT_GT(page.at("moment").at("time_s"), 0.04);  // the wall comes nearer
+  EXPECT_EQ(page.at("moment").at("image").at("unit"), SyntheticStream(1).info().unit / 5);
 }
 
 TEST(Report, IsWholeEscapedAndAsksNobody) {

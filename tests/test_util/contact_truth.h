@@ -1,6 +1,6 @@
 // The obvious answer to a contact query: every point against every sphere, every sphere against
 // every boundary sphere, all in double, in the world frame. Shares no code with the library's
-// query.
+// query but the volume of a ball cut by two planes (two_plane_cut.h), which has tests of its own.
 #pragma once
 
 #include <algorithm>

@@ -47,7 +47,7 @@ Json requested(PageClient& page, const std::string& text) {
   return {};
 }
 constexpr const char* kHold = R"({"id": 1, "command": "hold"})";
-constexpr const char* kLetGo = R"({"id": 2, "command": "let_go"})";
+constexpr const char* kLetGo = R"({"id": 2, "command": "release"})";
 constexpr const char* kHand = R"({"hand": [0.1, 0.2, 0.3, 0, 0, 0, 1]})";
 
 TEST(HeldTool, OnePageHoldsItUntilItLetsGo) {

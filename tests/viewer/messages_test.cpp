@@ -20,7 +20,7 @@ using Json = nlohmann::json;
 MessageReader read(const std::string& bytes, int kind) {
   MessageReader reader(bytes);
   EXPECT_EQ(reader.kind, kind);
-  EXPECT_EQ(reader.protocol, 2);
+  EXPECT_EQ(reader.protocol, 3);
   return reader;
 }
 
@@ -95,7 +95,7 @@ TEST(Messages, TreeHasInnerNodesWithTheirLevels) {
 
 TEST(Messages, FrameIsTheRawImageOfACameraSomewhere) {
   const Pose X_WC{{1, 2, 3}, {0, 0.6, 0, 0.8}};
-  ViewFrame frame{7, 2.5, {3, 2, 0.001, {0, 65535, 1, 2, 3, 0x1234}, 0, X_WC}, 5};
+  ViewFrame frame{7, 2.5, {3, 2, 0.00025, {0, 65535, 1, 2, 3, 0x1234}, 0, X_WC}, 5};
   MessageReader reader = read(encode_frame(frame), 10);
   EXPECT_EQ(reader.number, 7u);
   EXPECT_EQ(reader.time, 2.5);
@@ -105,7 +105,8 @@ TEST(Messages, FrameIsTheRawImageOfACameraSomewhere) {
   EXPECT_EQ(reader.take<std::uint16_t>(), 0);
   EXPECT_EQ(reader.position() % 8, 0u);  // pages look at the numbers where they lie
   EXPECT_EQ(reader.take<double>(7), (std::vector<double>{1, 2, 3, 0, 0.6, 0, 0.8}));
-  EXPECT_EQ(reader.position(), 80u);
+  EXPECT_EQ(reader.take<double>(), 0.00025);
+  EXPECT_EQ(reader.position(), 88u);
   EXPECT_EQ(reader.take<std::uint16_t>(6), frame.frame.pixels);
   EXPECT_TRUE(reader.is_at_end());
 }
@@ -238,7 +239,7 @@ TEST(Messages, HelloAndStateSayWhatThereIs) {
   ScriptedSource source(scene);
   const Json hello = Json::parse(hello_text(source, tool_radius(source.tool())));
   EXPECT_EQ(hello["type"], "hello");
-  EXPECT_EQ(hello["protocol"], 2);
+  EXPECT_EQ(hello["protocol"], 3);
   EXPECT_EQ(hello["kind"], "live");
   EXPECT_EQ(hello["tool"]["spheres"], 4);
   EXPECT_NEAR(hello["tool"]["volume"].get<double>(), 0.2 * 0.2 * 0.1, 1e-12);

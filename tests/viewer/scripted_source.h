@@ -221,7 +221,7 @@ class ScriptedSource : public ViewSource {
     } else if (scene_.kind == "recording") {
       state["duration"] = 60.0;
       state["speed"] = speed_;
-      state["marks"] = {{{"time", 1.5}, {"text", "first touch"}}};
+      state["num_marks"] = 1;
     }
     return state.dump();
   }
@@ -278,6 +278,8 @@ class ScriptedSource : public ViewSource {
       offset_ += number_of("time", 0) - now();
     } else if (name == "speed" && scene_.kind == "recording") {
       speed_ = number_of("factor", 1);
+    } else if (name == "marks" && scene_.kind == "recording") {
+      return nlohmann::json{{"marks", {{{"time", 1.5}, {"text", "first touch"}}}}}.dump();
     } else if (name == "mark" && scene_.kind == "live") {
       return nlohmann::json{{"time", now()}}.dump();
     } else if (name == "end" && scene_.kind == "live") {

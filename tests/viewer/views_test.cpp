@@ -23,12 +23,15 @@
 #include "src/session/internal/run_folder.h"
 #include "src/session/run_messages.h"
 #include "src/viewer/controls.h"
+#include "src/viewer/messages.h"
 #include "src/viewer/repetition.h"
 #include "src/viewer/stages.h"
 #include "tests/session/live_hand.h"
+#include "tests/session/other_unit_stream.h"
 #include "tests/session/path_run.h"
 #include "tests/session/synthetic_stream.h"
-#include "tests/test_util/wait_for.h"
+#include "tests/viewer/message_reader.h"
+#include "tests/viewer/watcher.h"
 
 namespace palpate {
 namespace {
@@ -41,42 +44,7 @@ using test::pressing_pose;
 using test::small_tool;
 using test::SyntheticStream;
 using test::TemporaryFolder;
-using test::wait_for;
-
-constexpr ViewSubscription kAll{true, true, true, true};
-
-/// A server that keeps what it gets.
-struct Watcher {
-  explicit Watcher(ViewSource& watched) : source(watched) {}
-
-  void poll() {
-    ViewUpdate update;
-    source.poll(subscription, update);
-    if (!update.frames.empty()) frame = update.frames.back();
-    if (update.contact) contact = update.contact;
-    if (update.surface) surface = update.surface;
-    samples.insert(samples.end(), update.samples.begin(), update.samples.end());
-  }
-  bool until(const std::function<bool()>& condition) {
-    return wait_for([&] {
-      poll();
-      return condition();
-    });
-  }
-  Json state() const { return Json::parse(source.state()); }
-  Result<std::string> command(const Json& json) const { return source.command(json.dump()); }
-  void execute(const Json& json) const {
-    const auto answer = command(json);
-    EXPECT_TRUE(answer) << json << ": " << answer.error().message;
-  }
-
-  ViewSource& source;
-  ViewSubscription subscription = kAll;
-  std::shared_ptr<const ViewFrame> frame;
-  std::shared_ptr<const ViewContact> contact;
-  std::shared_ptr<const ViewSurface> surface;
-  std::vector<ViewSample> samples;
-};
+using test::Watcher;
 
 bool same_planes(const std::vector<Plane<float>>& a, std::span<const Plane<float>> b) {
   return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](const auto& p, const auto& q) {
@@ -563,6 +531,65 @@ TEST(RunView, ShowsWhatWouldHaveBeen) {
   EXPECT_EQ(watcher.contact->spheres.states, recorded->spheres.states);
 }
 
+// Of what a camera says at each frame of a night there are tens of thousands.
+TEST(RunView, ManyNotesDoNotBuryTheOthersNorThePage) {
+  const TemporaryFolder folder;
+  SyntheticStream stream(12);
+  auto device = test::path_device(pressing_pose, kRate);
+  RunMonitor monitor;
+  for (int i = 0; i < 20000; ++i) monitor.marks.add("frame " + std::to_string(i) + " was dropped");
+  monitor.marks.add("here");
+  RunOptions options;
+  options.monitor = &monitor;
+  ASSERT_TRUE(
+      record_run(small_tool(), stream, **device, path_settings(), folder.path() / "run", options));
+  auto view = view_run(folder.path() / "run");
+  ASSERT_TRUE(view) << view.error().message;
+  Watcher watcher(**view);
+  watcher.execute({{"command", "pause"}});
+  Json marks;
+  const auto num_with = [&](const char* words) {
+    return std::ranges::count_if(marks, [&](const Json& mark) {
+      return mark["text"].get<std::string>().find(words) != std::string::npos;
+    });
+  };
+  ASSERT_TRUE(watcher.until([&] {  // all is read
+    marks = watcher.marks();
+    return num_with("here") == 1;
+  })) << marks;
+  EXPECT_EQ(num_with("was dropped"), 200);
+  EXPECT_EQ(num_with("later ones are not shown"), 1);
+  EXPECT_TRUE(watcher.until([&] { return watcher.state()["num_marks"] == marks.size(); }));
+  EXPECT_LT((*view)->state().size(), 10000u);
+}
+
+TEST(RunView, AUnitThatChangesInMidStreamLeavesTheSceneWhereItIs) {
+  const TemporaryFolder folder;
+  test::OtherUnitStream stream(12, 6);
+  auto device = test::path_device(pressing_pose, kRate);
+  ASSERT_TRUE(record_run(small_tool(), stream, **device, path_settings(), folder.path() / "run"));
+  auto view = view_run(folder.path() / "run");
+  ASSERT_TRUE(view) << view.error().message;
+  Watcher watcher(**view);
+  watcher.execute({{"command", "pause"}});
+  SyntheticStream truth(12);
+  for (std::uint64_t number = 0; number < 12; ++number) {
+    watcher.execute({{"command", "seek"}, {"time", (static_cast<double>(number) + 0.5) / 30}});
+    ASSERT_TRUE(watcher.until([&] { return watcher.frame && watcher.frame->number == number; }));
+    DepthFrame frame;
+    ASSERT_TRUE(*truth.next(frame));
+    test::MessageReader reader(encode_frame(*watcher.frame));
+    reader.take<std::uint16_t>(4);
+    reader.take<double>(7);
+    const double unit = reader.take<double>();
+    EXPECT_EQ(unit, number < 6 ? frame.unit : frame.unit / 5);
+    const auto counts = reader.take<std::uint16_t>(frame.pixels.size());
+    for (std::size_t i = 0; i < counts.size(); ++i) {
+      ASSERT_NEAR(unit * counts[i], frame.unit * frame.pixels[i], 1e-9) << number;
+    }
+  }
+}
+
 TEST(RunView, AWrongFolderIsOneClearError) {
   const TemporaryFolder folder;
   EXPECT_FALSE(view_run(folder.path()));
@@ -727,10 +754,9 @@ TEST_F(LiveRunTest, IsSeenAndSeenAgain) {
   EXPECT_EQ(again.contact->frame_number, seen->frame_number);
   EXPECT_EQ(again.contact->spheres.states, seen->spheres.states);
   EXPECT_TRUE(same_planes(again.contact->spheres.planes, seen->spheres.planes));
-  const Json marks = again.state()["marks"];
-  EXPECT_TRUE(std::any_of(marks.begin(), marks.end(), [](const Json& mark) {
-    return mark["text"] == "here";
-  })) << marks;
+  const auto marks = again.marks();
+  EXPECT_TRUE(std::ranges::any_of(marks, [](const Json& mark) { return mark["text"] == "here"; }))
+      << marks;
   // The samples are those that were seen, too.
   const auto sample = std::find_if(watcher_.samples.begin(), watcher_.samples.end(),
                                    [](const ViewSample& s) { return s.time > 0.2; });

@@ -29,6 +29,7 @@ export interface Listener {
 }
 
 const FIRST_WAIT = 250, LONGEST_WAIT = 4000; // ms
+const PATIENCE = 3000; // ms, for an answer to a request
 
 export class Connection {
   link: Link = 'connecting';
@@ -120,6 +121,7 @@ export class Connection {
       resolve({ id, ok: false, error: 'The connection to Palpate was lost.' });
     }
     this.waiting.clear();
+    if (this.link === 'open') this.setLink('lost');
     this.setLink((await this.isRefused()) ? 'refused' : 'lost');
     setTimeout(() => this.open(), this.wait);
     this.wait = Math.min(2 * this.wait, LONGEST_WAIT);
@@ -128,7 +130,9 @@ export class Connection {
   /// A WebSocket does not say why it could not be opened; a request does.
   private async isRefused(): Promise<boolean> {
     try {
-      const { status } = await fetch(this.address('api/hello'), { cache: 'no-store' });
+      const { status } = await fetch(this.address('api/hello'), {
+        cache: 'no-store', signal: AbortSignal.timeout(PATIENCE),
+      });
       return status === 401 || status === 403;
     } catch {
       return false;

@@ -2,7 +2,7 @@
 // the arrays look into the message itself, whose parts are aligned for that.
 import type { Contact, Edges, Frame, Graph, Mesh, Normals, Pose, Sample, Spheres, Tree } from './types';
 
-export const PROTOCOL = 2;
+export const PROTOCOL = 3;
 
 export type Message =
   | { kind: 'spheres'; spheres: Spheres }
@@ -64,8 +64,8 @@ export function decode(buffer: ArrayBuffer, columns: string[]): Message | null {
     }
     case 10: {
       const width = u16(HEADER), height = u16(18), camera = u16(20);
-      const depth = new Uint16Array(buffer, 80, width * height);
-      return { kind: 'frame', frame: { number, time, camera, X_WC: pose(view, 24), width, height, depth } };
+      const unit = view.getFloat64(80, true), depth = new Uint16Array(buffer, 88, width * height);
+      return { kind: 'frame', frame: { number, time, camera, X_WC: pose(view, 24), width, height, unit, depth } };
     }
     case 11: {
       const count = u32(72);

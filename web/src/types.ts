@@ -10,7 +10,7 @@ export interface Pose {
 
 export interface Stream {
   name: string;
-  width: number; height: number; fx: number; fy: number; cx: number; cy: number; unit: number; rate: number;
+  width: number; height: number; fx: number; fy: number; cx: number; cy: number; rate: number;
   is_moving: boolean;
 }
 
@@ -65,8 +65,10 @@ export interface State {
   sensor_age?: number;
   stages?: Stage[];
   duration?: number; speed?: number;
-  marks?: { time: number; text: string }[];
+  num_marks?: number; // that can be got
 }
+
+export interface Mark { time: number; text: string }
 
 /// n x (x y z r), tool frame.
 export interface Spheres { count: number; data: Float32Array }
@@ -76,7 +78,7 @@ export interface Tree { count: number; data: Float32Array; levels: Uint8Array }
 export interface Frame {
   number: number; time: number;
   camera: number; X_WC: Pose; // which one, and where it was
-  width: number; height: number; depth: Uint16Array;
+  width: number; height: number; unit: number; depth: Uint16Array; // counts of `unit` m
 }
 export interface Contact {
   number: number; time: number; X_WT: Pose;

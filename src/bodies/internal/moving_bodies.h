@@ -68,7 +68,6 @@ class MovingBodies {
   std::span<const BodyTouch> touches() const { return touches_; }
 
  private:
-  static constexpr int kCloud = -1;
   struct Body {
     std::size_t object = 0;
     std::shared_ptr<const Tool> shape;

@@ -3,7 +3,7 @@
 //
 // What slides has three numbers: two along the surface and the turn about its normal times the
 // torsion radius. In these the limit surface of the patch is a ball of radius mu N (an ellipsoid of
-// force and torque), and the spring that sticks is the same in all directions. Decision 26 says why
+// force and torque), and the spring that sticks is the same in all directions. Decision 27 says why
 // this loses energy whatever the tool and the surface do.
 #pragma once
 

@@ -30,7 +30,6 @@ class StiffnessSchedule {
     const double left = std::max(budget_ - query_, budget_ / kMaxSkipped);
     num_to_skip_ = static_cast<int>(std::clamp(std::ceil(stiffness_ / left), 1.0, kMaxSkipped)) - 1;
   }
-  double stiffness_seconds() const { return std::max(stiffness_, 0.0); }
 
  private:
   static constexpr double kShare = 0.8, kSmoothing = 0.125, kMaxSkipped = 32;

@@ -1,7 +1,7 @@
 // The server goes and comes back; the stream stands still; the loop faults: the page says so.
 import assert from 'node:assert/strict';
 
-import { banner, drawn, openPage, pageTest, Served, stat, state, until } from './harness.mjs';
+import { banner, command, drawn, openPage, pageTest, Served, sleep, stat, state, until } from './harness.mjs';
 import { lively, oneSphere } from './worlds.mjs';
 
 const says = (page, words) => until(`the page says ${words}`, async () => words.test(await banner(page)));
@@ -42,6 +42,25 @@ pageTest('a short loss of the server is survived more than once', async () => {
   await isQuiet(page);
 });
 
+pageTest('a host that takes requests and does not answer them is lost at once', async () => {
+  const served = await Served.start(oneSphere);
+  await served.apply(lively);
+  const page = await openPage(served.url, { expectErrors: true });
+  await drawn(page);
+  let isSilent = true;
+  await page.route('**/api/hello*', (route) => (isSilent ? undefined : route.continue()));
+  await served.apply({ server: 'stop' });
+  for (let i = 0; i < 20; ++i) {  // whatever it is asked for is answered, and at once
+    assert.equal((await command(page, { command: 'pause' })).ok, false);
+    await sleep(50);
+  }
+  await says(page, /does not answer/);
+  // The page tries again although nobody has answered its request.
+  await served.apply({ server: 'start' });
+  await drawn(page);
+  isSilent = false;
+});
+
 pageTest('a stale stream is said', async () => {
   const served = await Served.start(oneSphere);
   await served.apply(lively);
@@ -73,6 +92,15 @@ pageTest('a fault, a note and the end are said in their words', async () => {
   await served.apply({ state: { fault: '<img src=x onerror="window.harmed=1">' } });
   await says(page, /<img/);
   assert.equal(await page.evaluate(() => window.harmed), undefined);
-  await served.apply({ state: { fault: null, note: null, running: false } });
+  await served.apply({ state: { fault: null, note: 'Depth frames are held.', force: 'engaged' } });
+  await says(page, /are held/);
+  const button = page.locator('.banner button');
+  assert.equal(await button.isVisible(), false, 'there is a force');
+  await served.apply({ state: { force: 'held_off', note: 'too many faults (for 3 s, fault 12)' } });
+  await says(page, /too many faults \(for 3 s, fault 12\)/);
+  await button.click();
+  await served.heard('force');
+  await isQuiet(page);
+  await served.apply({ state: { running: false } });
   await says(page, /has ended/);
 });

@@ -188,7 +188,7 @@ pageTest('one page holds the tool at a time, and who closes it lets go', async (
     socket.onmessage = ({ data }) => typeof data === 'string' && answers.push(JSON.parse(data));
     await new Promise((resolve) => { socket.onopen = resolve; });
     socket.send(JSON.stringify({ id: 1, command: 'hold' }));
-    socket.send(JSON.stringify({ id: 2, command: 'let_go' }));
+    socket.send(JSON.stringify({ id: 2, command: 'release' }));
     socket.send(JSON.stringify({ hand: [0, 0, 0.2, 0, 0, 0, 1] }));
     while (answers.filter(({ type }) => type === 'answer').length < 3) await new Promise((resolve) => setTimeout(resolve, 20));
     socket.close();

@@ -178,13 +178,17 @@ pageTest('the cloud lies where the depth image says', async () => {
   assert.ok(!isJust(near[0], far[0]), 'depth is seen as colour');
 
   // From above the walls are two lines; nothing is between or behind them.
+  // Also when the camera has changed its unit.
   await options(page, { view: 'bird' });
-  await drawn(page, 3);
-  picture = await look(page);
-  const lines = await seen(picture, [point(20, 60, 0.5), point(40, 60, 0.5), point(110, 60, 0.9), point(140, 60, 0.9)]);
-  for (const c of lines) assert.ok(!isJust(c, ground), `line ${c}`);
-  const empty = await seen(picture, [point(30, 60, 0.63), point(30, 60, 0.81), point(130, 60, 0.72), point(130, 60, 0.935)]);
-  for (const c of empty) assert.ok(isJust(c, ground), `empty ${c}`);
+  for (const unit of [0.001, 0.0002]) {
+    await served.apply({ unit });
+    await drawn(page, 3);
+    picture = await look(page);
+    const lines = await seen(picture, [point(20, 60, 0.5), point(40, 60, 0.5), point(110, 60, 0.9), point(140, 60, 0.9)]);
+    for (const c of lines) assert.ok(!isJust(c, ground), `line ${c}`);
+    const empty = await seen(picture, [point(30, 60, 0.63), point(30, 60, 0.81), point(130, 60, 0.72), point(130, 60, 0.935)]);
+    for (const c of empty) assert.ok(isJust(c, ground), `empty ${c}`);
+  }
 });
 
 pageTest('the camera view is the pinhole camera, the bird sees from above', async () => {

@@ -78,9 +78,12 @@ pageTest('the recording is played and searched', async () => {
   const page = await openPage(run.url);
   await until('a state', () => state(page));
   assert.ok((await command(page, { command: 'pause' })).ok);
-  const { duration, marks } = await state(page);
+  const { duration } = await state(page);
+  const { marks } = await command(page, { command: 'marks' });
   assert.ok(duration > 0.5, `${duration} s`);
   assert.ok(marks.some(({ text }) => text === 'here'), JSON.stringify(marks));
+  await until('a tick of the mark', () => page.evaluate(() =>
+    [...document.querySelectorAll('.ticks button')].some((tick) => tick.title.includes('here'))));
   for (const share of [0.75, 0.25]) {
     assert.ok((await command(page, { command: 'seek', time: share * duration })).ok);
     await until(`time ${share}`, async () => Math.abs((await state(page)).time - share * duration) < 0.1);

@@ -100,6 +100,7 @@ void ScriptedWorld::apply(const Json& change) {
   if (change.contains("cameras")) place(change["cameras"]);
   if (change.contains("sample")) sample_ = change["sample"];
   if (change.contains("state")) state_.update(change["state"]);
+  unit_ = change.value("unit", unit_);
   is_frozen_ = change.value("frozen", is_frozen_);
   is_moving_ = change.value("moving", is_moving_);
 }
@@ -153,7 +154,7 @@ std::shared_ptr<const ViewFrame> ScriptedWorld::make_frame(std::size_t camera) c
   const DepthStreamInfo& stream = content_.streams[camera];
   image.width = stream.width;
   image.height = stream.height;
-  image.unit = stream.unit;
+  image.unit = unit_;
   image.X_WC = X_WC_[camera];
   frame->camera = camera;
   image.timestamp = time_;
@@ -253,7 +254,7 @@ Json ScriptedWorld::current_state() const {
                                            {"histogram", histogram}}})}});
   }
   if (content_.kind == "recording") {
-    state.update({{"duration", kDuration}, {"speed", speed_}, {"marks", marks_}});
+    state.update({{"duration", kDuration}, {"speed", speed_}, {"num_marks", marks_.size()}});
   }
   state.update(state_);
   return state;
@@ -306,6 +307,11 @@ Result<std::string> ScriptedWorld::command(std::string_view text) {
     speed_ = factor;
   } else if (name == "mark") {
     marks_.push_back({{"time", time_}, {"text", command.value("text", "")}});
+  } else if (name == "marks" && content_.kind == "recording") {
+    return Json{{"marks", marks_}}.dump();
+  } else if (name == "force") {
+    state_["force"] = "engaged";
+    state_["note"] = nullptr;
   } else if (name == "end") {
     state_["running"] = false;
   } else {

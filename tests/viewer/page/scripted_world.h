@@ -26,10 +26,11 @@ class ScriptedWorld : public ViewSource {
                                                        std::function<void(std::string_view)> heard);
 
   /// Any of: "contact" {"position", "quaternion", "states", "planes": [[x, y, z, d] per sphere]},
-  /// "depth" [[first column, metres], ...] (0 m: no measurement) of all cameras, or "depths" of
-  /// each, "cameras" as at first, "sample" {"force", "torque", "contact_force", "contact_torque",
-  /// "volume", "hand": position}, "state" {members that replace those of `state`}, "frozen"
-  /// (nothing new is seen), "moving" (tool and wall go to and fro).
+  /// "unit" (m, of all frames from now on), "depth" [[first column, metres], ...] (0 m: no
+  /// measurement) of all cameras, or "depths" of each, "cameras" as at first, "sample" {"force",
+  /// "torque", "contact_force", "contact_torque", "volume", "hand": position}, "state" {members
+  /// that replace those of `state`}, "frozen" (nothing new is seen), "moving" (tool and wall go to
+  /// and fro).
   void apply(const Json& change);
 
   const ViewContent& content() const override { return content_; }
@@ -65,7 +66,7 @@ class ScriptedWorld : public ViewSource {
   bool is_frozen_ = false, is_moving_ = false, is_paused_ = false;
   std::uint64_t num_polls_ = 0, num_ticks_ = 0, frame_number_ = 0, num_contacts_ = 0;
   int revision_ = 0;
-  double time_ = 0, speed_ = 1;
+  double time_ = 0, speed_ = 1, unit_ = 0.001;
   Json marks_ = Json::array();
 };
 

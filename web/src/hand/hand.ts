@@ -65,7 +65,7 @@ export class Hand {
   letGo(): void {
     if (!this.holds) return;
     this.stop();
-    void this.links.send({ command: 'let_go' });
+    void this.links.send({ command: 'release' });
   }
 
   /// The connection has gone, and with it the hold.

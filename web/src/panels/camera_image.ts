@@ -66,7 +66,7 @@ export class CameraImage {
       this.pixels = this.context.createImageData(width, height);
     }
     this.range.update(frame);
-    this.updateShades();
+    this.updateShades(frame.unit);
     const target = new Uint32Array(this.pixels.data.buffer);
     for (let v = 0, i = 0; v < height; ++v) {
       for (let u = 0, from = v * step * frame.width; u < width; ++u, from += step) {
@@ -76,15 +76,15 @@ export class CameraImage {
     this.context.putImageData(this.pixels, 0, 0);
   }
 
-  /// A grey for each raw depth, made again when the range has moved by some percent.
-  private updateShades(): void {
+  /// A grey for each count of `unit` m, made again when the range has moved by some percent.
+  private updateShades(unit: number): void {
     const { near, far } = this.range;
-    const grain = Math.max(1, 0.02 * (far - near));
-    const key = `${Math.round(near / grain)} ${Math.round(far / grain)}`;
+    const grain = Math.max(unit, 0.02 * (far - near));
+    const key = `${unit} ${Math.round(near / grain)} ${Math.round(far / grain)}`;
     if (key === this.shadesOf) return;
     this.shadesOf = key;
     for (let raw = 1; raw < 65535; ++raw) {
-      const share = Math.min(1, Math.max(0, (raw - near) / Math.max(1, far - near)));
+      const share = Math.min(1, Math.max(0, (raw * unit - near) / Math.max(unit, far - near)));
       const grey = Math.round(235 - 190 * share);
       this.shades[raw] = 0xff000000 | (grey << 16) | (grey << 8) | grey;
     }

@@ -1,6 +1,6 @@
 import { button, element, icon, write } from '../dom';
 import { clock } from '../format';
-import type { Hello, State } from '../types';
+import type { Hello, Mark, State } from '../types';
 import type { Answer, Command } from '../connection';
 
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4];
@@ -23,7 +23,7 @@ export class Timeline {
   private desired: number | null = null; // s, to seek once the last seek is answered
   private isSeeking = false;
   private isPaused: boolean | null = null;
-  private shownMarks = '';
+  private numMarks = 0; // that were asked for
   private kind: Hello['kind'] = 'tool';
 
   constructor(private readonly send: Send) {
@@ -53,6 +53,8 @@ export class Timeline {
     const isRecording = hello.kind === 'recording';
     for (const part of [this.back, this.track, this.speed, this.time]) part.hidden = !isRecording;
     this.note.hidden = isRecording;
+    this.numMarks = 0;
+    this.ticks.replaceChildren();
   }
 
   update(state: State): void {
@@ -64,7 +66,8 @@ export class Timeline {
     this.slider.style.setProperty('--share', `${(100 * Number(this.slider.value)) / total}%`);
     write(this.time, `${clock(Number(this.slider.value))} / ${clock(total)}`);
     if (state.speed && document.activeElement !== this.speed) this.setSpeed(state.speed);
-    this.setMarks(state.marks ?? [], total);
+    this.ticks.style.setProperty('--total', String(total));
+    if (state.num_marks !== undefined && state.num_marks !== this.numMarks) void this.getMarks(state.num_marks);
   }
 
   toggle(): void {
@@ -112,14 +115,14 @@ export class Timeline {
     this.speed.value = value;
   }
 
-  private setMarks(marks: NonNullable<State['marks']>, total: number): void {
-    const key = JSON.stringify(marks);
-    if (key === this.shownMarks) return;
-    this.shownMarks = key;
+  private async getMarks(num: number): Promise<void> {
+    this.numMarks = num;
+    const { ok, marks } = await this.send({ command: 'marks' });
+    if (!ok) return;
     this.ticks.replaceChildren(
-      ...marks.map(({ time, text }) => {
+      ...(marks as Mark[]).map(({ time, text }) => {
         const tick = button('tick', `${clock(time)} ${text}`, () => this.seek(time));
-        tick.style.left = `${(100 * time) / total}%`;
+        tick.style.left = `min(100%, ${time} * 100% / var(--total))`;
         return tick;
       }),
     );

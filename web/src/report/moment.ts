@@ -47,7 +47,8 @@ export function seenTool(tool: SeenTool, depth: Depth, name: string, caption: st
     const data = floats(tool.spheres);
     scene.setSpheres({ count: data.length / 4, data });
     scene.setFrame({
-      number: 0, time: 0, camera: 0, X_WC: NO_POSE, width: depth.width, height: depth.height, depth: depth.values,
+      number: 0, time: 0, camera: 0, X_WC: NO_POSE, width: depth.width, height: depth.height,
+      unit: tool.image.unit, depth: depth.values,
     });
     scene.setContact({
       number: 0, time: 0, X_WT: poseOf(tool.X_WT), objects: [], states: bytes(tool.states), planes: floats(tool.planes),

@@ -155,8 +155,8 @@ function plots(data: RunData): HTMLElement[] {
     }),
     ...(series.unseen ? [simple('share of the tool in %', [{ name: 'where no camera sees', values: column('unseen', 100) }],
       unseenWords(summary))] : []),
-    vector('force', 'N', 'F', 'force in N', 'Force on the tool in camera axes (x right, y down, z away from the ' +
-      `camera): volume times direction, times the volume stiffness of ${stiffness(summary)}.`),
+    vector('force', 'N', 'F', 'force in N', 'Force on the tool in the axes of the world W (those of the first camera, ' +
+      `x right, y down, z away from it, unless cameras have poses): volume times direction, times the volume stiffness of ${stiffness(summary)}.`),
     vector('torque', 'Nm', 'M', 'torque in N m', "Torque of the same forces about the tool's center of mass."),
   ];
   if (!hasHand(summary)) return made;

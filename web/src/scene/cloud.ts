@@ -92,8 +92,7 @@ export class Cloud {
 
   /// Depths in the frame of this camera between which most of its image lies, m.
   get depths(): [near: number, far: number] {
-    const unit = this.image.uniforms.unit.value as number;
-    return [this.range.near * unit, this.range.far * unit + 1e-3];
+    return [this.range.near, this.range.far + 1e-3];
   }
 
   /// Where this camera is seen from the first one, and the depths there that colours go over.

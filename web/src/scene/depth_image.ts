@@ -93,7 +93,6 @@ export class DepthImage {
   /// `numCameras`: between two frames of this one there may be one of each of the others.
   constructor(stream: Stream, private readonly numCameras: number) {
     (this.uniforms.intrinsics.value as Vector4).set(stream.fx, stream.fy, stream.cx, stream.cy);
-    this.uniforms.unit.value = stream.unit;
   }
 
   setFrame(frame: Frame): void {
@@ -105,6 +104,7 @@ export class DepthImage {
       this.height = height;
     }
     this.fill('depth_image', frame.depth);
+    this.uniforms.unit.value = frame.unit;
     this.number = frame.number;
     this.updateHasNormals();
   }

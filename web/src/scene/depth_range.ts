@@ -6,7 +6,7 @@ import type { Frame } from '../types';
 const SAMPLES = 2048;
 
 export class DepthRange {
-  near = 0; // raw numbers
+  near = 0; // m
   far = 0;
   private readonly sorted = new Uint16Array(SAMPLES);
 
@@ -19,7 +19,7 @@ export class DepthRange {
     }
     if (n < 16) return;
     const valid = this.sorted.subarray(0, n).sort();
-    const near = valid[Math.floor(n * 0.02)], far = valid[Math.floor(n * 0.98)];
+    const near = valid[Math.floor(n * 0.02)] * frame.unit, far = valid[Math.floor(n * 0.98)] * frame.unit;
     const pace = this.far === 0 ? 1 : 0.1;
     this.near += pace * (near - this.near);
     this.far += pace * (far - this.far);

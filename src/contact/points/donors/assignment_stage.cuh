@@ -1,6 +1,7 @@
-// Borrow stage of a query on a GPU: the boundary spheres' own caps, and planes for the spheres that
-// no point touches (thesis section 3.2.2, Algs. 3.1, 3.3 and 3.4 corrected). All threads of the
-// grid call; each returns the sums of its share, which depends on the sizes of grid and tool alone.
+// Assignment of donor planes in a query on a GPU: the boundary spheres' own caps, and planes for
+// the spheres that no point touches (thesis section 3.2.2, Algs. 3.1, 3.3 and 3.4 corrected). All
+// threads of the grid call; each returns the sums of its share, which depends on the sizes of grid
+// and tool alone.
 //
 // A kernel made for one method, or for clouds without edges, says so by constants.
 #pragma once
