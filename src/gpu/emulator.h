@@ -146,18 +146,10 @@ T atomicOr(T* to, T value) {
   return atomicExch(to, *to | value);
 }
 template <class T>
-T atomicAnd(T* to, T value) {
-  return atomicExch(to, *to & value);
-}
-template <class T>
 T atomicMin(T* to, T value) {
   return atomicExch(to, std::min(*to, value));
 }
 template <class T>
 T atomicMax(T* to, T value) {
   return atomicExch(to, std::max(*to, value));
-}
-template <class T>
-T atomicCAS(T* to, T expected, T value) {
-  return atomicExch(to, *to == expected ? value : *to);
 }

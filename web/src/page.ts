@@ -101,7 +101,7 @@ export class Page implements Listener {
   /// Errors of commands are shown, and in the answer.
   async command(command: Command): Promise<Answer> {
     const answer = await this.connection.send(command);
-    if (!answer.ok && command.command !== 'get') this.tell(answer.error ?? 'That could not be done.');
+    if (!answer.ok && !['get', 'marks'].includes(command.command)) this.tell(answer.error ?? 'That could not be done.');
     return answer;
   }
 

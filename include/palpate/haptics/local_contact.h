@@ -134,7 +134,6 @@ class StateNumbers {
     }
   }
 
-  bool is_saving() const { return is_saving_; }
   std::span<const double> numbers() const { return {numbers_.data(), end_}; }
   /// Saving: everything fit. Restoring: all numbers were there, and none is left.
   bool is_good() const { return is_good_ && (is_saving_ || at_ == end_); }
