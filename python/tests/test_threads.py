@@ -146,14 +146,16 @@ def test_what_on_tick_refers_to_goes_with_the_run(cube):
 
 def test_a_run_that_only_on_tick_refers_to_ends(cube):
     """Its end is then the end of the object, in its own thread."""
-    runs = []
+    begun, runs = threading.Event(), []
 
     def touch():
         def hear(tick):
+            begun.wait()
             return tick.number < 100 or run is None
 
         run = palpate.touch(cube, "scene:wall", device="sim", duration=60, on_tick=hear)
         runs.append((weakref.ref(run), run.folder))
+        begun.set()
 
     touch()
     run, folder = runs[0]
