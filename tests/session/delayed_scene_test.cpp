@@ -108,13 +108,16 @@ RunSettings settings_with(const SafetyOptions& safety) {
   return settings;
 }
 
-/// A hand that goes 2 cm to and fro where the wall is.
+constexpr double kRubs = 0.02;  // m, to either side
+
+/// A hand that goes 2 cm to and fro where the wall is, and less aside.
 DelayedRun feel(const std::string& model, const RunSettings& settings,
-                const std::vector<Image>& images, const Wall& scene, double hand_turn) {
+                const std::vector<Image>& images, const Wall& scene, double hand_turn,
+                double aside = 0.003) {
   SimulatedDeviceOptions options;
   options.model = *find_device_model(model);
-  options.target = [hand_turn](double time) {
-    return Pose{{0.003 * std::sin(9 * time), 0, 0.02 - 0.03 * std::cos(hand_turn * time)},
+  options.target = [hand_turn, aside](double time) {
+    return Pose{{aside * std::sin(9 * time), 0, 0.02 - 0.03 * std::cos(hand_turn * time)},
                 axis_angle({1, 2, 3}, 0.1 * std::sin(5 * time))};
   };
   options.in_real_time = false;
@@ -143,19 +146,23 @@ double work_between(const TickRecord& a, const TickRecord& b) {
 }
 
 struct Given {
-  double most = 0, sum = 0;  // J, net: since the force came (back), and in all
+  // J, net: in all, since the force came (back), and from any moment since then on beyond what was
+  // stored at that.
+  double sum = 0, most = 0, most_beyond_stored = 0;
 };
 Given energy_given(const std::vector<TickRecord>& ticks) {
   Given given;
-  double since = 0;
+  double since = 0, least = 0;
   for (std::size_t i = 1; i < ticks.size(); ++i) {
     const double work = work_between(ticks[i - 1], ticks[i]);
     given.sum += work;
     since += work;
     given.most = std::max(given.most, since);
+    given.most_beyond_stored = std::max(given.most_beyond_stored, since - least);
+    least = std::min(least, since + ticks[i].step.stored);
     const bool has_faded = ticks[i - 1].safety.state == ForceState::fading &&
                            ticks[i].safety.state != ForceState::fading;
-    if (has_faded) since = 0;
+    if (has_faded) since = least = 0;
   }
   return given;
 }
@@ -189,6 +196,61 @@ TEST(DelayedScene, NoUpdateGivesTheHandMoreThanTheTankAllows) {
   }
   EXPECT_GE(num_tamed, 6);
   EXPECT_GE(num_given, 12);  // it is not that there was no force
+}
+
+// What friction has taken from the hand is no credit for what the scene does next.
+TEST(DelayedScene, NorMoreThanThatAndWhatIsStoredHoweverMuchFrictionTook) {
+  int num_tamed = 0, num_rubbed = 0;
+  for (int seed = 0; seed < 12; ++seed) {
+    SCOPED_TRACE(seed);
+    test::Random random(static_cast<std::uint64_t>(seed + 101));
+    const Link link{0.05 * (seed % 7), random.uniform(0, 0.05), 0.05};
+    const Wall scene(random);
+    const auto images = sent_over(link, random);
+    const double hand_turn = random.uniform(1, 8);
+    SafetyOptions safety;
+    safety.energy_tank = kTank;
+    RunSettings settings = settings_with(safety);
+    settings.coupling.kind = static_cast<CouplingKind>(seed % 3);
+    settings.coupling.friction.coefficient = 0.4;
+    const char* const model = kModels[seed / 3 % 3];
+    const Given given = energy_given(feel(model, settings, images, scene, hand_turn, kRubs).ticks);
+    EXPECT_LE(given.most_beyond_stored, kTank + kBehind);
+    num_rubbed += given.sum < -3 * kTank;
+
+    settings.safety.passivity_control = false;
+    const DelayedRun wild = feel(model, settings, images, scene, hand_turn, kRubs);
+    num_tamed += energy_given(wild.ticks).most_beyond_stored > kTank;
+  }
+  EXPECT_GE(num_tamed, 6);
+  EXPECT_GE(num_rubbed, 6);
+}
+
+// Of a scene that stands still, the hand gets back what it has put in: nothing is held back, though
+// that is more than the tank.
+TEST(DelayedScene, ASceneThatStandsStillGivesBackAllThatItWasGiven) {
+  test::Random random(7);
+  Wall scene(random);
+  scene.swing = 0;
+  scene.jumps = {{0, 0}};
+  for (const CouplingKind kind :
+       {CouplingKind::virtual_coupling, CouplingKind::proxy, CouplingKind::direct}) {
+    SafetyOptions safety;
+    safety.energy_tank = kTank / 2;
+    RunSettings settings = settings_with(safety);
+    settings.coupling.kind = kind;
+    const auto images = sent_over({}, random);
+    const DelayedRun run = feel("omega.6", settings, images, scene, 4);
+    double least = 0, most = 0, damping = 0;
+    for (const TickRecord& tick : run.ticks) {
+      least = std::min(least, tick.safety.energy);
+      most = std::max(most, tick.safety.energy);
+      damping = std::max(damping, tick.safety.damping);
+    }
+    EXPECT_EQ(damping, 0) << name_of(kind) << ": the hand was given " << most << " J";
+    EXPECT_EQ(run.ticks.back().safety.num_faults, 0u);
+    EXPECT_LT(least, -safety.energy_tank) << name_of(kind);
+  }
 }
 
 // Of a scene that stands still, a delay is not felt: the same wrenches, only older.
