@@ -1,11 +1,9 @@
 // Feeds every reader with large inputs, each in a process of its own, and says how long it took and
 // how much memory: no more than 10 s of computing for 100 MB, and 256 MiB + 2000 n for n bytes.
 //
-// usage: large_inputs [--megabytes 100] [--only TEXT] [--csv FILE] [--growth]
+// usage: large_inputs [--megabytes 100] [--only TEXT] [--csv FILE] [--timeless]
 //   --only      inputs whose name contains this
-//   --growth    in place of the limit of time: four times the input takes no more than eight times
-//   as
-//               much of it. For tests, which run on busy machines
+//   --timeless  only memory, and whether they are taken or refused: for tests
 #include "tests/fuzz/large_inputs.h"
 
 #include <sys/resource.h>
@@ -96,17 +94,16 @@ Outcome alone(const Task& task) {
 struct Options {
   double megabytes = 100;
   std::string only, csv;
-  bool is_growth = false;
+  bool is_timeless = false;
 };
 
-/// What is wrong with it; empty: nothing. `seconds`: what it took.
-std::string measure(const LargeInput& input, double megabytes, const Options& options,
-                    std::FILE* csv, double& seconds) {
+/// What is wrong with it; empty: nothing.
+std::string measure(const LargeInput& input, const Options& options, std::FILE* csv) {
   const fs::path folder =
       fs::temp_directory_path() / ("palpate-large-" + std::to_string(::getpid()));
   const fs::path path = folder / ("input" + input.extension);
   fs::create_directories(folder);
-  const auto desired = static_cast<std::size_t>(1e6 * megabytes);
+  const auto desired = static_cast<std::size_t>(1e6 * options.megabytes);
   alone([&] {
     input.make(path, desired);
     return 0;
@@ -119,7 +116,6 @@ std::string measure(const LargeInput& input, double megabytes, const Options& op
     return status ? kTaken : kRefused;
   });
   fs::remove_all(folder);
-  seconds = outcome.seconds;
   const double memory = outcome.megabytes - before, per_100 = outcome.seconds * 100 / size;
   std::printf("%-12s %-42s %8.1f MB %8.2f s %8.2f s/100 MB %8.0f MB  %s\n", input.reader.c_str(),
               input.what.c_str(), size, outcome.seconds, per_100, memory,
@@ -136,21 +132,11 @@ std::string measure(const LargeInput& input, double megabytes, const Options& op
   if (input.is_taken.value_or(is_taken) != is_taken) return is_taken ? "is taken" : "is refused";
   if (!test::kIsSanitized && memory > kMaxMegabytes + kMaxPerByte * size)
     return "takes too much memory";
-  if (!options.is_growth &&
+  if (!options.is_timeless &&
       outcome.seconds > 0.01 * input.max_seconds * std::max(size, kMinMegabytes)) {
     return "takes too long";
   }
   return "";
-}
-
-std::string measure(const LargeInput& input, const Options& options, std::FILE* csv) {
-  double seconds = 0, more_seconds = 0;
-  std::string fault = measure(input, options.megabytes, options, csv, seconds);
-  if (!fault.empty() || !options.is_growth) return fault;
-  fault = measure(input, 4 * options.megabytes, options, csv, more_seconds);
-  constexpr double kNoticeable = 0.5;  // s
-  const bool is_steep = more_seconds > kNoticeable && more_seconds > 8 * seconds;
-  return fault.empty() && is_steep ? "takes longer than its size explains" : fault;
 }
 
 int run(const Options& options) {
@@ -189,8 +175,8 @@ int main(int argc, char** argv) {
       options.only = value();
     } else if (word == "--csv") {
       options.csv = value();
-    } else if (word == "--growth") {
-      options.is_growth = true;
+    } else if (word == "--timeless") {
+      options.is_timeless = true;
     } else {
       std::fprintf(stderr, "large_inputs: unknown option %s\n", word.c_str());
       return 2;
