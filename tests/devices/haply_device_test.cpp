@@ -170,7 +170,7 @@ TEST(HaplyDevice, HasNoForceUntilItsNewWordsHaveAllOfIt) {
   Bench bench(options);
   bench.log.set_force({0, 1, 0});
   bench.start();
-  ASSERT_TRUE(eventually([&] { return bench.service.last_force().y > 0.999; }));
+  ASSERT_TRUE(eventually([&] { return bench.service.last_force().z > 0.999; }));
   ASSERT_TRUE(eventually([&] { return bench.log.last().has_force; }));
   int num_without = 0, num_changes = 0;
   bool has_force = true;
