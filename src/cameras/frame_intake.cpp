@@ -103,7 +103,8 @@ bool FrameIntake::accept(const DepthFrame& frame, const CameraModel& model, doub
     num_without_stamp_since_ = 0;
     if (arrival - earliest > kLate && num_late_++ == 0) {
       note("sends frames that are " + number("%.1f", arrival - earliest) +
-           " s late; is what sends them, or the network, too slow for them?");
+           " s late; is what sends them, or the network, too slow for them? If it stood still "
+           "and goes on where it was (a simulator, a player), start the run again");
     }
     last_stamp_ = stamp;
     lateness_.record(static_cast<std::int64_t>(1e9 * std::max(0.0, arrival - earliest)));
