@@ -16,6 +16,19 @@ constexpr int kToolBody = 0;
 /// Objects that move go on no farther at once, s.
 constexpr double kLongestStep = 0.02;
 
+/// What the filter is told of a tick whether or not there is a force on the hand.
+SafetyInput safety_input(const TickRecord& record) {
+  SafetyInput input;
+  input.time = record.device.time;
+  input.state = record.device;
+  input.contact_age = record.contact_age;
+  input.sensor_age = record.sensor_age;
+  input.backend_failed = record.has_backend_failed;
+  input.sensor_failed = record.has_sensor_failed;
+  input.is_suspended = record.is_suspended;
+  return input;
+}
+
 }  // namespace
 
 void add_notes(std::vector<std::string>& notes, const std::vector<std::string>& news) {
@@ -269,23 +282,18 @@ void HandPart::tick(const DeviceState& state, const ContactRecord& known, const 
   record.has_sensor_failed = flags.has_sensor_failed;
   record.has_backend_failed = flags.has_backend_failed;
   if (is_stopping_) safety_.stop();
-  if (!coupling_->drives_device()) return end_without_force(flags, record);
+  if (!coupling_->drives_device()) return end_without_force(record);
   const Wrench& contact_W = record.step.contact_W;
   const bool is_free = known.contact.is_valid && known.penetration.volume == 0 &&
                        contact_W.force == Vec3d{} && contact_W.torque == Vec3d{};
   const std::uint32_t num_faults = safety_.status().num_faults;
-  record.F_H_B = safety_.filter(record.step.F_H_B, {.time = state.time,
-                                                    .state = state,
-                                                    .contact_age = record.contact_age,
-                                                    .sensor_age = record.sensor_age,
-                                                    .backend_failed = flags.has_backend_failed,
-                                                    .sensor_failed = flags.has_sensor_failed,
-                                                    .is_suspended = flags.is_suspended,
-                                                    .is_requested = flags.is_force_requested,
-                                                    .is_free = is_free,
-                                                    .is_measured = known.contact.is_valid,
-                                                    .is_clutched = record.step.is_clutched,
-                                                    .stored = record.step.stored});
+  SafetyInput input = safety_input(record);
+  input.is_requested = record.is_force_requested;
+  input.is_free = is_free;
+  input.is_measured = known.contact.is_valid;
+  input.is_clutched = record.step.is_clutched;
+  input.stored = record.step.stored;
+  record.F_H_B = safety_.filter(record.step.F_H_B, input);
   record.safety = safety_.status();
   status_without_force_.num_faults += record.safety.num_faults - num_faults;
   record.safety.num_faults = status_without_force_.num_faults;
@@ -293,7 +301,7 @@ void HandPart::tick(const DeviceState& state, const ContactRecord& known, const 
 
 /// There is no force on a hand: the contact is reported whenever it is measured. What another
 /// coupling has left goes through the filter to zero, and comes back through it.
-void HandPart::end_without_force(const TickFlags& flags, TickRecord& record) noexcept {
+void HandPart::end_without_force(TickRecord& record) noexcept {
   const Fault fault = record.is_stopping          ? Fault::stopped
                       : record.has_sensor_failed  ? Fault::sensor
                       : record.has_backend_failed ? Fault::backend
@@ -314,15 +322,9 @@ void HandPart::end_without_force(const TickFlags& flags, TickRecord& record) noe
   }
   record.F_H_B = {};
   if (safety_.has_ticked()) {
-    const double time = record.device.time;
-    record.F_H_B = safety_.filter({}, {.time = time,
-                                       .state = record.device,
-                                       .contact_age = record.contact_age,
-                                       .sensor_age = record.sensor_age,
-                                       .backend_failed = flags.has_backend_failed,
-                                       .sensor_failed = flags.has_sensor_failed,
-                                       .is_suspended = flags.is_suspended,
-                                       .is_driven = false});
+    SafetyInput input = safety_input(record);
+    input.is_driven = false;
+    record.F_H_B = safety_.filter({}, input);
   }
   record.safety = status_without_force_;
 }

@@ -133,7 +133,7 @@ class HandPart {
 
  private:
   double step_seconds(const DeviceState& state) noexcept;
-  void end_without_force(const TickFlags& flags, TickRecord& record) noexcept;
+  void end_without_force(TickRecord& record) noexcept;
 
   std::unique_ptr<Coupling> coupling_;
   /// Where the device is given no wrench; but its num_faults is of the whole run.
