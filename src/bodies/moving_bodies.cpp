@@ -71,7 +71,7 @@ Result<std::unique_ptr<MovingBodies>> MovingBodies::create(const std::vector<Sce
   std::unique_ptr<MovingBodies> bodies(new MovingBodies(options));
   if (const Status status = bodies->add(objects, place, threads); !status) return status.error();
   if (const Status status = bodies->add_pairs(place); !status) return status.error();
-  bodies->add_energy();
+  bodies->keep_stored(0, {});
   return bodies;
 }
 
@@ -349,6 +349,13 @@ void MovingBodies::add_energy() {
   for (const RigidBody& body : bodies_) {
     energy_ += kinetic_energy(body) - body.mass * dot(gravity(), body.center_W());
   }
+  least_energy_ = std::min(least_energy_, energy_);
+}
+
+/// What was stored under a gravity; under another one nobody has lifted anything yet.
+void MovingBodies::keep_stored(double stored, const Vec3d& gravity_then) {
+  add_energy();
+  least_energy_ = gravity_then == gravity() ? energy_ - stored : energy_;
 }
 
 bool MovingBodies::step(std::span<const SurfaceBlend> cameras, std::span<const Push> pushes,
@@ -377,6 +384,8 @@ bool MovingBodies::step(std::span<const SurfaceBlend> cameras, std::span<const P
 }
 
 void MovingBodies::use(const BodyOptions& options, const ObjectFrictions& frictions) noexcept {
+  const double stored_before = stored();
+  const Vec3d gravity_before = gravity();
   const auto has_changed = [&](const auto& one) {
     return one.friction != frictions[one.object].coefficient.value_or(options.friction);
   };
@@ -395,6 +404,7 @@ void MovingBodies::use(const BodyOptions& options, const ObjectFrictions& fricti
   options_.friction = options.friction;
   options_.sink = options.sink;
   use_materials(frictions);
+  keep_stored(stored_before, gravity_before);
 }
 
 void MovingBodies::take_over(const MovingBodies& other) noexcept {
@@ -412,6 +422,7 @@ void MovingBodies::take_over(const MovingBodies& other) noexcept {
     rests_[i].seconds = 0;
   }
   solver_->take_over(*other.solver_);
+  keep_stored(other.stored(), other.gravity());
 }
 
 }  // namespace palpate::inline v0

@@ -121,7 +121,7 @@ class ForceDimensionDevice final : public PolledDevice {
 
   bool read(DeviceState& state) noexcept override {
     is_answering_ = true;
-    state.has_force = false;
+    state.has_force = has_force() && ramp_.is_full();
     double matrix[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
     Vec3d p, v, w;
     const bool has_answered =
@@ -136,7 +136,11 @@ class ForceDimensionDevice final : public PolledDevice {
     }
     state.is_valid =
         has_answered && is_possible(X_BH) && is_rotation(R) && std::isfinite(norm(v) + norm(w));
-    if (!state.is_valid) return is_still_there();
+    if (!state.is_valid) {
+      const bool is_there = is_still_there();
+      state.has_force = state.has_force && has_force();
+      return is_there;
+    }
     state.X_BH = X_BH;
     state.V_BH = kSdkAxes.in_base(Twist{v, w});
     state.buttons = api_.dhdGetButtonMask(id_);
@@ -171,7 +175,8 @@ class ForceDimensionDevice final : public PolledDevice {
   }
 
  private:
-  bool has_force() const noexcept { return is_force_on_ && num_silent_ == 0; }
+  /// A call that fails now and then leaves on the motors what they were told last.
+  bool has_force() const noexcept { return is_force_on_ && num_silent_ <= kPatientTicks; }
 
   bool send(const Wrench& F_H_B) noexcept {
     const auto [force, torque] = kSdkAxes.of_maker(F_H_B);

@@ -22,6 +22,10 @@ inline Wrench motor_wrench(const Wrench& F, const DeviceLimits& limits) {
   return {shortened(F.force, limits.max_force), shortened(F.torque, limits.max_torque)};
 }
 
+/// So many ticks without a usable state, in a row, leave a device its force: one call that fails
+/// now and then is no fault.
+inline constexpr int kPatientTicks = 5;
+
 /// Share of the wrench that the motors get: none in a tick in which the device has no force, and
 /// from there back to all of it in 0.2 s. DeviceState::has_force tells the safety filter, which
 /// then takes the force away and ramps it itself; here is the last word.

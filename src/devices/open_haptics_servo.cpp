@@ -55,7 +55,8 @@ unsigned OpenHapticsServo::frame() noexcept {
 
   api_.hdBeginFrame(device_);
   read();
-  const bool has_force = rest_ == 0 && state_.is_valid;
+  num_unusable_ = state_.is_valid ? 0 : num_unusable_ + 1;
+  const bool has_force = rest_ == 0 && num_unusable_ <= kPatientTicks;
   state_.has_force = has_force && ramp_.is_full();
   const bool is_last =
       failure() != 0 || wants_end_.load(std::memory_order_acquire) || !door_.enter();

@@ -53,8 +53,9 @@ class OpenHapticsServo {
   DeviceState state_;
   MotorRamp ramp_;
   TickDoor door_;
-  int rest_ = 0;       // ticks without force to come
-  int num_weary_ = 0;  // ticks without force so far
+  int rest_ = 0;          // ticks without force to come
+  int num_weary_ = 0;     // ticks without force so far
+  int num_unusable_ = 0;  // states in a row
   std::atomic<bool> wants_end_ = false;
   enum class Life { running, given_up, ended };
   std::atomic<Life> life_ = Life::running;

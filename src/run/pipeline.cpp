@@ -252,6 +252,7 @@ void ContactPart::set_contact(ContactRecord& record) const noexcept {
   const BodyMeasure& measured = world_.measured(kToolBody);
   record.contact.energy =
       stored_energy(measured.cloud, scale_.volume) + stored_energy(measured.bodies, scale_.volume);
+  if (moving_) record.contact.energy += moving_->stored();
 }
 
 // From a state to a wrench.

@@ -64,6 +64,43 @@ TEST(MovingBodies, FallOnTheTableThatTheCameraSees) {
   EXPECT_FALSE(body.is_asleep);
 }
 
+// What falls has only what it had; what is lifted has stored its weight times the way, and gives
+// that back on the way down.
+TEST(MovingBodies, StoreWhatTheyAreLiftedBy) {
+  TableTop world({box_at(0.01, 0.03)}, {}, awake());
+  for (int i = 0; i < 1000; ++i) {
+    world.step();
+    EXPECT_LT(world.bodies->stored(), 1e-5) << i;
+  }
+  const double weight = 0.3 * 9.81, begin = world.body(0).center_W().z;
+  MovingBodies::Push push;
+  double most = 0;
+  for (const double force : {1.5 * weight, 0.5 * weight}) {  // faster and slower again
+    push.F_B_W.force = {0, 0, -force};
+    for (int i = 0; i < 100; ++i) {
+      world.step({&push, 1});
+      const double way = begin - world.body(0).center_W().z;
+      const double moved = kinetic_energy(world.body(0));
+      most = std::max(most, weight * way);
+      // Of the last step's beginning.
+      EXPECT_NEAR(world.bodies->stored(), weight * way + moved, 0.005) << i;
+    }
+  }
+  EXPECT_GT(most, 0.1);
+  const double stored = world.bodies->stored();
+  BodyOptions other = awake();
+  other.gravity_y = 0;
+  other.gravity_z = 9.81;
+  other.friction = 0.1;
+  world.bodies->use(other, {{}});
+  EXPECT_NEAR(world.bodies->stored(), stored, 0.005);
+  for (int i = 0; i < 2000; ++i) world.step();
+  EXPECT_LT(world.bodies->stored(), 0.01 * most) << "it lies again";
+  other.gravity_z = 20;
+  world.bodies->use(other, {{}});
+  EXPECT_EQ(world.bodies->stored(), 0) << "another gravity is no lift";
+}
+
 // Corners, edges and faces, on the table and on each other: what contacts hold counts as well.
 TEST(MovingBodies, NeverHaveMoreEnergyThanBefore) {
   const double fallen = 3 * 0.3 * 9.81 * 0.1;  // J, about

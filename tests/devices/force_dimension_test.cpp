@@ -440,6 +440,29 @@ TEST_F(ForceDimension, TheForceComesBackSlowlyWhenTheDeviceHadNone) {
   }
 }
 
+// A call that fails once is no device without a force: that would be a fault, and four of them in a
+// minute an end.
+TEST_F(ForceDimension, ACallThatFailsNowAndThenLeavesTheForce) {
+  auto device = open();
+  std::atomic<int> num_failed = 0, num_without = 0;
+  std::atomic<bool> has_begun = false;
+  int num_ticks = 0;
+  ASSERT_TRUE(device->start([&](const DeviceState& state) {
+    if (!has_begun) return kPush;
+    num_without += state.has_force ? 0 : 1;
+    num_failed += state.is_valid ? 0 : 1;
+    fake_.read_result = ++num_ticks % 20 < 3 ? -1 : 0;
+    return kPush;
+  }));
+  ASSERT_TRUE(eventually([&] { return fake_.wrench[0] == 3; }));
+  fake_.largest_step = 0;
+  has_begun = true;
+  EXPECT_TRUE(eventually([&] { return num_failed >= 30; }));
+  EXPECT_EQ(num_without, 0);
+  EXPECT_EQ(fake_.largest_step, 0);
+  EXPECT_TRUE(device->status().has_value());
+}
+
 // And the safety filter knows of it.
 TEST_F(ForceDimension, AForceThatTheDeviceShutsOffIsAFaultThatPasses) {
   const auto device = open();

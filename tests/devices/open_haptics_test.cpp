@@ -336,6 +336,21 @@ TEST_F(OpenHaptics, NoForceForAPoseThatIsNoNumber) {
   EXPECT_TRUE(device->status().has_value());
 }
 
+TEST_F(OpenHaptics, OnePoseThatIsNoNumberLeavesTheForce) {
+  auto device = open();
+  std::atomic<int> num_unusable = 0, num_without = 0;
+  int num_ticks = 0;
+  ASSERT_TRUE(device->start([&](const DeviceState& state) {
+    num_without += state.has_force ? 0 : 1;
+    num_unusable += state.is_valid ? 0 : 1;
+    fake_.transform[12] = ++num_ticks % 20 < 3 ? std::numeric_limits<double>::quiet_NaN() : 0;
+    return kPush;
+  }));
+  EXPECT_TRUE(eventually([&] { return num_unusable >= 30; }));
+  EXPECT_EQ(num_without, 0);
+  EXPECT_TRUE(device->status().has_value());
+}
+
 TEST_F(OpenHaptics, ASchedulerThatDoesNotStart) {
   fake_.start_error = 0x304;
   auto device = open();

@@ -64,6 +64,9 @@ class MovingBodies {
 
   /// J, at the beginning of the last step: of motion and height, and of all that is pressed.
   double energy() const { return energy_; }
+  /// J, of it: what is there above the least that there has been. What was lifted and set moving
+  /// can give back no more; what it had from the beginning was given to it by no hand.
+  double stored() const { return energy_ - least_energy_; }
   /// Of the last step, for tests.
   std::span<const BodyTouch> touches() const { return touches_; }
 
@@ -116,6 +119,7 @@ class MovingBodies {
   void add_touch(const BodyTouch& touch);
   void wake(double dt);
   void add_energy();
+  void keep_stored(double stored, const Vec3d& gravity_then);
   void fall_asleep(double dt);
   int group_of(int body);
 
@@ -132,7 +136,7 @@ class MovingBodies {
   std::vector<Rest> rests_;
   std::vector<int> groups_;  // of bodies that touch: another one of it, or itself
   std::vector<BodyTouch> touches_;
-  double pressed_ = 0, energy_ = 0;  // J
+  double pressed_ = 0, energy_ = 0, least_energy_ = 0;  // J
   std::unique_ptr<BodySolver> solver_;
 };
 
