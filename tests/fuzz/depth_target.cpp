@@ -1,4 +1,5 @@
-// Depth images (PNG, RVL), images of labels (PNG) and clouds (PCD, PLY): the first byte says which.
+// Depth images (PNG, RVL), images of labels (PNG), optical flow (.flo) and clouds (PCD, PLY): the
+// first byte says which.
 #include "palpate/io/formats.h"
 #include "src/io/rvl.h"
 #include "tests/fuzz/target.h"
@@ -7,7 +8,7 @@
 namespace palpate::fuzz {
 namespace {
 
-constexpr char kPng = 'n', kRvl = 'r', kPcd = 'd', kPly = 'l', kLabels = 'b';
+constexpr char kPng = 'n', kRvl = 'r', kPcd = 'd', kPly = 'l', kLabels = 'b', kFlow = 'o';
 
 DepthFrame small_frame() {
   DepthFrame frame{12, 9, 0.001, {}, 0};
@@ -105,6 +106,34 @@ void read_rvl(std::string_view bytes) {
   require(again && again->pixels == frame->pixels, "an image comes back with the same counts");
 }
 
+/// A folder with one small image, whose flow is what the input says.
+void read_flow(std::string_view bytes) {
+  static ScratchFile name(".flow");
+  const std::filesystem::path& folder = name.path();
+  std::error_code ignored;
+  std::filesystem::create_directories(folder, ignored);
+  require(save_depth_png(small_frame(), folder / "a.png").has_value(), "an image can be written");
+  std::FILE* const file = std::fopen((folder / "a.flo").c_str(), "wb");
+  require(file != nullptr, "the flow can be written");
+  std::fwrite(bytes.data(), 1, bytes.size(), file);
+  std::fclose(file);
+  DepthFolderOptions options{{8, 8, 5.5, 4}};
+  options.flow = folder;
+  const auto source = open_depth_folder(folder, options);
+  require(source.has_value(), "a folder with one image can be opened");
+  DepthFrame frame;
+  const auto got = (*source)->next(frame);
+  if (got) require(frame.flow.size() == 2 * frame.pixels.size(), "every pixel has a flow");
+  std::filesystem::remove_all(folder, ignored);
+}
+
+std::string flow_file(int width, int height) {
+  const std::int32_t size[2] = {width, height};
+  std::string bytes = "PIEH" + std::string(reinterpret_cast<const char*>(size), sizeof size);
+  const std::vector<float> flow(2 * static_cast<std::size_t>(width * height), 0.25f);
+  return bytes.append(reinterpret_cast<const char*>(flow.data()), sizeof(float) * flow.size());
+}
+
 void read_cloud(std::string_view bytes, const char* extension) {
   static ScratchFile pcd(".pcd"), ply(".ply"), again(".again.ply");
   ScratchFile& file = extension[2] == 'c' ? pcd : ply;
@@ -139,6 +168,7 @@ std::vector<std::string> seeds() {
       kPng + *encode_depth_png(small_frame(), "seed"),
       kLabels + label_image(0),
       kLabels + label_image(3),
+      kFlow + flow_file(12, 9),
       kPly + file.read(),
       kPcd + header + "DATA ascii\n0 0 1 0 0 -1\n1 0 1 0 0 -1\n0 1 1 0 0 -1\nnan nan nan 0 0 0\n",
       kPcd + header + "DATA binary\n" + raw,
@@ -156,6 +186,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     case kPng: read_png(bytes); break;
     case kRvl: read_rvl(bytes); break;
     case kLabels: read_labels(bytes); break;
+    case kFlow: read_flow(bytes); break;
     case kPcd: read_cloud(bytes, ".pcd"); break;
     case kPly: read_cloud(bytes, ".ply"); break;
     default: break;
