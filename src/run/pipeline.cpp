@@ -411,14 +411,16 @@ const ContactRecord& Pipeline::measure(const Pose& X_WT, double time) noexcept {
   ContactRecord contact;
   contact.capture_time = time;
   contact.cameras.num = static_cast<std::uint32_t>(timelines_.size());
-  bool has_failed = false;
+  bool has_failed = false, is_seen = false;
   cameras_.begin();
   for (std::size_t k = 0; k < timelines_.size(); ++k) {
     cameras_[k] = timelines_[k].at(time);
     cameras_.remember(timelines_[k].key_frames(), cameras_[k].progress);
     contact.cameras.of[k] = {seen_[k].number, cameras_[k].progress};
     if (seen_[k].number >= 0) {
-      contact.capture_time = std::min(contact.capture_time, seen_[k].capture_time);
+      contact.capture_time =
+          is_seen ? std::min(contact.capture_time, seen_[k].capture_time) : seen_[k].capture_time;
+      is_seen = true;
     }
     has_failed = has_failed || !timelines_[k].status();
   }

@@ -45,7 +45,8 @@ struct Options {
 
 // What goes wrong, and when: one thing every twelve seconds or so.
 
-enum class Trouble { silent_device, nonsense, stalled_camera };
+enum class Trouble { silent_device, nonsense, stalled_camera, motors_off, leap_of_clock };
+constexpr int kNumTroubles = 5;
 struct Planned {
   double time = 0;  // s of the run
   Trouble trouble = Trouble::nonsense;
@@ -56,13 +57,15 @@ std::vector<Planned> make_plan(double seconds, unsigned seed) {
   std::uniform_real_distribution<double> gap(10, 14);
   std::vector<Planned> plan;
   for (double time = 5; (time += gap(random)) < seconds - 5;) {
-    plan.push_back({time, static_cast<Trouble>(random() % 3)});
+    plan.push_back({time, static_cast<Trouble>(random() % kNumTroubles)});
   }
   return plan;
 }
 
-constexpr double kSeconds[] = {0.05, 0.02, 0.9};  // of each, so that it is one
-constexpr Fault kFaults[] = {Fault::device, Fault::not_finite, Fault::stale_sensor};
+constexpr double kSeconds[kNumTroubles] = {0.05, 0.02, 0.9, 0.02, 0.02};  // of each: it is one
+constexpr Fault kFaults[kNumTroubles] = {Fault::device, Fault::not_finite, Fault::stale_sensor,
+                                         Fault::device, Fault::loop};
+constexpr double kLeap = 0.3;  // s, backwards
 
 /// The trouble at this time.
 std::optional<Trouble> trouble_at(const std::vector<Planned>& plan, double time) {
@@ -84,6 +87,7 @@ class Found {
     const double time = tick.device.time - start_;
     const SafetyStatus& now = tick.safety;
     const bool is_new = std::exchange(num_faults_, now.num_faults) != now.num_faults;
+    look_at_force(tick, time, is_new);
     while (next_ < plan_.size() && time > end_of(plan_[next_])) ++next_;
     for (std::size_t i = next_; i < plan_.size() && time >= begin_of(plan_[i]); ++i) {
       const Fault own = kFaults[static_cast<int>(plan_[i].trouble)];
@@ -95,6 +99,9 @@ class Found {
     }
     was_engaged_ = now.is_engaged();
   }
+  /// Ticks with a force on the hand where there may be none, and faults whose force took longer
+  /// than its fade and the longest tick.
+  int num_forces_too_late() const { return num_forces_too_late_; }
   /// Found by its name and in its time.
   std::size_t num_found() const { return std::ranges::count_if(fates_, &Fate::is_found); }
   /// Not found, but there was no force then: a busy computer had taken it.
@@ -110,11 +117,23 @@ class Found {
   struct Fate {
     bool is_seen = false, is_found = false, is_covered = false;
   };
+  void look_at_force(const TickRecord& tick, double time, bool is_new) {
+    const SafetyStatus& now = tick.safety;
+    const bool has_force = norm(tick.F_H_B.force) > 0 || norm(tick.F_H_B.torque) > 0;
+    if (is_new) fault_time_ = time;
+    const bool may_have = now.is_engaged() || now.state == ForceState::fading ||
+                          now.state == ForceState::waiting;  // a dead-man switch that was let go
+    const double longest = SafetyOptions{}.fade_seconds + SafetyOptions{}.max_tick;
+    const bool is_late = now.state == ForceState::fading && time > fault_time_ + longest;
+    num_forces_too_late_ += has_force && (!may_have || is_late);
+  }
   static bool is_of_busy_computers(Fault fault) {
     return fault == Fault::loop || fault == Fault::stale_contact || fault == Fault::stale_sensor;
   }
-  /// The clock of a camera is that of the device, but for a second or two.
+  /// The clock of a camera is that of the device, but for a second or two; one that has leapt is
+  /// off by its leap.
   static double allowance(const Planned& planned) {
+    if (planned.trouble == Trouble::leap_of_clock) return kLeap;
     return planned.trouble == Trouble::stalled_camera ? 2 : 0;
   }
   static double begin_of(const Planned& planned) { return planned.time - allowance(planned); }
@@ -127,7 +146,8 @@ class Found {
   std::size_t next_ = 0;
   std::uint64_t num_ticks_ = 0;
   std::uint32_t num_faults_ = 0;
-  double start_ = 0;
+  double start_ = 0, fault_time_ = 0;
+  int num_forces_too_late_ = 0;
   bool was_engaged_ = false;
 };
 
@@ -189,6 +209,8 @@ class Troubled final : public Base {
       const auto trouble = trouble_at(plan_, state.time - start_);
       if (trouble == Trouble::silent_device) reported.is_valid = false;
       if (trouble == Trouble::nonsense) reported.X_BH.translation.x = std::nan("");
+      if (trouble == Trouble::motors_off) reported.has_force = false;
+      if (trouble == Trouble::leap_of_clock) reported.time -= kLeap;
       const Wrench felt = tick(reported);
       largest_ = std::max(largest_.load(), norm(felt.force));
       return felt;
@@ -300,10 +322,38 @@ void expect(bool is_good, const std::string& what) {
   num_failures += !is_good;
 }
 
+/// Some of the parts that are gone by the end of a long run, as they were when they had been
+/// written.
+class KeptParts {
+ public:
+  KeptParts(std::filesystem::path run, std::filesystem::path folder)
+      : run_(std::move(run)), folder_(std::move(folder)) {
+    std::filesystem::create_directories(folder_);
+  }
+  void keep_one() {
+    const auto parts = recording_parts(run_);
+    if (parts.size() < 3) return;
+    const auto& part = parts[parts.size() - 2];  // the last one is being written
+    std::error_code ignored;                     // it may just have gone, or been kept
+    std::filesystem::create_hard_link(part, folder_ / part.filename(), ignored);
+  }
+  std::vector<std::filesystem::path> all() const {
+    std::vector<std::filesystem::path> parts;
+    for (const auto& entry : std::filesystem::directory_iterator(folder_)) {
+      parts.push_back(entry.path());
+    }
+    std::sort(parts.begin(), parts.end());
+    return parts;
+  }
+
+ private:
+  std::filesystem::path run_, folder_;
+};
+
 template <class Device>
 Result<RunOutcome> run(const Options& options, const Tool& tool, Camera& camera, Device& device,
                        LiveView& view, const std::filesystem::path& folder, Found& found,
-                       std::vector<Memory>& memory) {
+                       std::vector<Memory>& memory, KeptParts& kept) {
   RunOptions run;
   run.monitor = &view.monitor();
   run.recording = {.keep_seconds = 120, .split_bytes = 2e7};
@@ -326,6 +376,7 @@ Result<RunOutcome> run(const Options& options, const Tool& tool, Camera& camera,
   run.keep_going = [&] {
     if (time >= seconds / 60 * static_cast<double>(memory.size() + 1)) {
       memory.push_back(memory_now());
+      if (memory.size() % 8 == 0) kept.keep_one();
     }
     return true;
   };
@@ -349,6 +400,7 @@ int soak(const Options& options) {
   }
   const std::string url = (*server)->url();
   std::vector<Memory> memory;
+  KeptParts kept(folder, root.path() / "kept");
   Found found(plan);
   Result<RunOutcome> outcome = Error{};
   double largest = 0, most = 0;
@@ -358,7 +410,7 @@ int soak(const Options& options) {
     if (options.is_simulated) {
       auto hand = test::path_device(hand_at, 1000, seconds);
       Troubled<SteppedDevice> device(*std::move(hand), plan);
-      outcome = run(options, tool, camera, device, *view, folder, found, memory);
+      outcome = run(options, tool, camera, device, *view, folder, found, memory, kept);
       largest = device.largest_force();
       most = device.info().limits.max_force;
     } else {
@@ -366,7 +418,7 @@ int soak(const Options& options) {
       simulated.model = device_models().front();
       simulated.target = hand_at;
       Troubled<HapticDevice> device(*SimulatedDevice::create(simulated), plan);
-      outcome = run(options, tool, camera, device, *view, folder, found, memory);
+      outcome = run(options, tool, camera, device, *view, folder, found, memory, kept);
       largest = device.largest_force();
       most = device.info().limits.max_force;
     }
@@ -401,6 +453,8 @@ int soak(const Options& options) {
          "the force came back: it was there at " + std::to_string(outcome->peaks.num_engaged) +
              " ticks");
   expect(largest > 0.1 && largest <= most, "the force kept its limit: " + std::to_string(largest));
+  expect(found.num_forces_too_late() == 0, "no force was there for longer than its fade: " +
+                                               std::to_string(found.num_forces_too_late()));
   expect(num_changes > 10 && num_pages > 3, "settings changed and pages came");
   char text[160];
   std::snprintf(text, sizeof text, "memory stood still: resident %+.2f MiB, heap %+.2f MiB",
@@ -418,6 +472,8 @@ int soak(const Options& options) {
   std::shuffle(parts.begin(), parts.end(), random);
   parts.resize(std::min<std::size_t>(parts.size(), 4));
   parts.push_back(folder);
+  const auto early = kept.all();
+  parts.insert(parts.end(), early.begin(), early.end());
   for (const auto& part : parts) {
     const auto replay = replay_run(part);
     const bool is_lossy = !options.is_simulated && loop.num_lost_records > 0;
