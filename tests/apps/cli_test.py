@@ -1497,7 +1497,9 @@ pose = [1, 0, 0, 0, 0, {0.5 ** 0.5}, {0.5 ** 0.5}]
         self.expect_whole(run)
 
     def forces(self, run, name="wrench.csv"):
-        """The force on the hand at every tick so far, N."""
+        """The force on the hand at every tick so far, N; a run that has just begun may have no file yet."""
+        if not os.path.exists(os.path.join(run, name)):
+            return []
         lines = [line.split(",") for line in read(os.path.join(run, name)).split("\n")[:-1]]
         places = [lines[0].index(f"hand_force_{axis}_N") for axis in "xyz"] if lines else []
         return [math.hypot(*(float(line[i]) for i in places)) for line in lines[1:]]
