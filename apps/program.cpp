@@ -1,6 +1,11 @@
 #include "apps/program.h"
 
+#include <unistd.h>
+
+#include <cstdlib>
+#include <exception>
 #include <iostream>
+#include <new>
 
 #include "apps/terminal.h"
 #include "palpate/version.h"
@@ -54,6 +59,25 @@ int fail_usage(const CLI::App& program, const CLI::ParseError& error) {
   return fail(name, what + "; see " + name + " " + verb + "--help", kWrongUsage);
 }
 
+void say_without_memory(std::string_view text) {
+  if (::write(STDERR_FILENO, text.data(), text.size()) < 0) return;  // nobody is there to read it
+}
+
+/// Where memory ends in what must not throw (the destructor of a large Json takes some), the
+/// program cannot go on: it says why.
+[[noreturn]] void end_without_memory() noexcept {
+  try {
+    if (const auto thrown = std::current_exception()) std::rethrow_exception(thrown);
+  } catch (const std::bad_alloc&) {
+    say_without_memory("palpate: ");
+    say_without_memory(out_of_memory().message);
+    say_without_memory("\n");
+    std::_Exit(kInputAtFault);
+  } catch (...) {
+  }
+  std::abort();
+}
+
 /// An empty name is mostly a variable of a script that is not set. To take it for an option that
 /// was not given would leave out the robot, the path or the settings without a word.
 const CLI::Option* empty_option(const CLI::App& verb) {
@@ -79,6 +103,8 @@ void add_common_options(CLI::App& program) {
 
 int run_program(CLI::App& program, const Action& action, int argc, char** argv) {
   const std::string& name = program.get_name();
+  (void)out_of_memory();  // while there is some
+  std::set_terminate(end_without_memory);
   try {
     program.parse(argc, argv);
   } catch (const CLI::Success& help_or_version) {

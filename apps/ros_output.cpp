@@ -286,7 +286,9 @@ class Output final : public RosOutput {
 
   void publish_contact(const Published& published) {
     const std::uint64_t time = wall_time(published.tick.device.time);
-    pose_->publish(pose_message({time, options_.camera_frame}, published.tick.step.X_WT));
+    if (published.tick.dt > 0) {  // else there is no hand yet
+      pose_->publish(pose_message({time, options_.camera_frame}, published.tick.step.X_WT));
+    }
     publish_twist(time, published);
     contact_->publish(ros_contact_message({time, options_.tool_frame}, contact_of(published)));
   }

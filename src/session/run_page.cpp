@@ -2,6 +2,8 @@
 #include <algorithm>
 #include <cmath>
 #include <deque>
+#include <functional>
+#include <string>
 #include <utility>
 
 #include "src/pages/internal/report_page.h"
@@ -17,13 +19,25 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-/// Columns as in wrench.csv, and the two energies.
-Json series_json(const Tool& tool, const RunLog& log) {
+/// Long arrays are text from the beginning: what a Json of them takes to be destroyed is more
+/// memory, and where there is none left, that would be the end of the program.
+template <class Items, class Value>
+void add_numbers(std::string& text, const Items& items, Value value, int digits) {
+  char separator = '[';
+  for (const auto& item : items) {
+    text += std::exchange(separator, ',');
+    text += compact(value(item), digits).dump();
+  }
+  text += separator == '[' ? "[]" : "]";
+}
+
+/// Columns as in wrench.csv, and the two energies: an object, as text.
+std::string series_text(const Tool& tool, const RunLog& log) {
   const auto& ticks = log.series.ticks();
-  Json json = Json::object();
+  std::string text = "{";
   const auto add = [&](const std::string& name, auto value, int digits = 5) {
-    Json& column = json[name] = Json::array();
-    for (const TickRecord& tick : ticks) column.push_back(compact(value(tick), digits));
+    text += (text.size() > 1 ? ",\"" : "\"") + name + "\":";
+    add_numbers(text, ticks, value, digits);
   };
   const auto add_vector = [&](const std::string& name, const char* unit, auto vector) {
     constexpr const char* kAxes[] = {"_x_", "_y_", "_z_"};
@@ -57,7 +71,7 @@ Json series_json(const Tool& tool, const RunLog& log) {
   add_vector("torque", "Nm", [&](const TickRecord& tick) {
     return tick.step.contact_W.torque * measured(tick, 1);
   });
-  if (!log.has_hand()) return json;
+  if (!log.has_hand()) return text + "}";
   add_vector("hand_force", "N", [](const TickRecord& tick) { return tick.F_H_B.force; });
   add_vector("hand_torque", "Nm", [](const TickRecord& tick) { return tick.F_H_B.torque; });
   add("stretch_m", [](const TickRecord& tick) { return tick.step.stretch; });
@@ -67,7 +81,7 @@ Json series_json(const Tool& tool, const RunLog& log) {
   add("fault", [](const TickRecord& tick) { return static_cast<int>(reported_fault(tick)); });
   add("sensor_age_s", [](const TickRecord& tick) { return tick.sensor_age; });
   add("contact_age_s", [](const TickRecord& tick) { return tick.contact_age; });
-  return json;
+  return text + "}";
 }
 
 /// [lower end in microseconds, count] of every bucket that has any.
@@ -150,8 +164,6 @@ Result<std::string> run_page(const Json& summary, const Tool& tool, const RunLog
   Json json{{"kind", "run"},
             {"summary", summary},
             {"defaults", usual_settings(tool, log)},
-            {"series", series_json(tool, log)},
-            {"frame_times_s", Json::array()},
             {"latencies", latencies_json(times)},
             {"moment", nullptr},
             {"moment_trouble", ""}};
@@ -161,7 +173,6 @@ Result<std::string> run_page(const Json& summary, const Tool& tool, const RunLog
   for (Json& camera : json["summary"]["cameras"]) {
     camera["name"] = short_name(camera["name"].get<std::string>());
   }
-  for (const double time : log.frame_times) json["frame_times_s"].push_back(compact(time, 7));
   if (!log.deepest_frames.empty() && !log.deepest_frames.front().pixels.empty()) {
     auto moment = moment_json(tool, log);
     if (moment) {
@@ -176,7 +187,10 @@ Result<std::string> run_page(const Json& summary, const Tool& tool, const RunLog
       json["moment_trouble"] = moment.error().message;
     }
   }
-  return report_page("Palpate: " + tool.source() + " in " + stream_name, page_text(json));
+  std::string text = "{\"series\":" + series_text(tool, log) + ",\"frame_times_s\":";
+  add_numbers(text, log.frame_times, std::identity(), 7);
+  text += "," + page_text(json).substr(1);
+  return report_page("Palpate: " + tool.source() + " in " + stream_name, text);
 }
 
 }  // namespace palpate::inline v0

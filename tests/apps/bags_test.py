@@ -11,7 +11,7 @@ import sys
 import unittest
 
 from camera_case import HEIGHT, WIDTH, CameraCase, header, palpate, wall
-from cli_test import write_depth_png
+from made_files import write_depth_png
 
 HERE = pathlib.Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent / "ros"))

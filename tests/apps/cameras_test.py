@@ -14,6 +14,7 @@ import time
 import unittest
 
 from camera_case import HEIGHT, INTRINSICS, PALPATE, WIDTH, CameraCase, header, palpate, parts, wall
+from made_files import write_depth_png
 
 
 class Cameras(CameraCase):
@@ -352,9 +353,8 @@ class Cameras(CameraCase):
         query = ["query", self.tool, "--pose", "0 0 0.49 0 0 0 1", "--json"]
         frames = self.folder / "query"
         frames.mkdir()
-        import cli_test
-        cli_test.write_depth_png(frames / "0.png", WIDTH, HEIGHT,
-                                 lambda u, v: 500 + (u - 80) ** 2 // 400 + v % 2)
+        write_depth_png(frames / "0.png", WIDTH, HEIGHT,
+                        lambda u, v: 500 + (u - 80) ** 2 // 400 + v % 2)
         raw = self.folder / "query.raw"
         raw.write_bytes(wall(0) + wall(1))
 

@@ -58,6 +58,8 @@ def force(row):
 
 
 class Case(unittest.TestCase):
+    LARGE_WALL = ("--scene", "wall")
+    WALL = ("--camera", "scene:wall?size=160x120")  # little to compute, and few writes
 
     def setUp(self):
         self.maxDiff = None
@@ -71,12 +73,12 @@ class Case(unittest.TestCase):
                           ("pack", self.mesh, "-o", self.tool, "--spheres", 200)):
             self.assertEqual(run(*arguments).returncode, 0)
 
-    def path_run(self, output, duration=0.3):
-        return ("touch", self.tool, "--scene", "wall", "--duration", duration, "-o", output)
+    def path_run(self, output, duration=0.3, wall=None):
+        return ("touch", self.tool, *(wall or self.WALL), "--duration", duration, "-o", output)
 
-    def live_run(self, output, duration=0.5, is_patient=True):
+    def live_run(self, output, duration=0.5, is_patient=True, wall=None):
         settings = ("--settings", self.settings) if is_patient else ()
-        return ("touch", self.tool, "--scene", "wall", "--device", "sim", "--duration", duration,
+        return ("touch", self.tool, *(wall or self.WALL), "--device", "sim", "--duration", duration,
                 *settings, "-o", output)
 
     def check(self, arguments, faults, may_fail=True, timeout=300):
@@ -143,7 +145,7 @@ class BusyComputer(Case):
                 for _ in range(os.cpu_count()) for body in (compute, walk)]
         try:
             output = self.folder / "busy"
-            self.check_touch(self.live_run(output, 6, is_patient=False), "", may_fail=False)
+            self.check_touch(self.live_run(output, 6, is_patient=False, wall=self.LARGE_WALL), "", may_fail=False)
         finally:
             for process in busy:
                 process.kill()
@@ -186,7 +188,8 @@ class Faults(Case):
                 self.assertEqual((status, self.came), (1, {kind}) if begin == 1 else (0, set()))
                 self.assertEqual(tool.exists(), status == 0)
                 tool.unlink(missing_ok=True)
-                self.assertEqual(self.check_touch(self.path_run(self.folder / f"{kind}-{begin}"), faults), 1)
+                output = self.folder / f"{kind}-{begin}"
+                self.assertEqual(self.check_touch(self.path_run(output, wall=self.LARGE_WALL), faults), 1)
                 self.assertEqual(list(self.folder.glob("*.part")), [])
 
     def test_whatever_cannot_be_read_is_no_end_of_a_file(self):
@@ -217,7 +220,7 @@ class Faults(Case):
         for faults, status in (("full@9", 1), ("full@12", 1), ("broken@9", 1), ("broken@12", 1), ("sluggish", 0)):
             output = self.folder / faults
             # What could not be kept is no success, and nobody is sent to a report that is not there.
-            self.assertEqual(self.check_touch(self.live_run(output, 2), faults), status, self.last_error)
+            self.assertEqual(self.check_touch(self.live_run(output, 2, wall=self.LARGE_WALL), faults), status, self.last_error)
             self.assertTrue(self.came)
             self.assertGreater(self.num_ticks, 0)
             told = "report: " in self.last_output
