@@ -349,13 +349,13 @@ void MovingBodies::add_energy() {
   for (const RigidBody& body : bodies_) {
     energy_ += kinetic_energy(body) - body.mass * dot(gravity(), body.center_W());
   }
-  least_energy_ = std::min(least_energy_, energy_);
+  min_energy_ = std::min(min_energy_, energy_);
 }
 
 /// What was stored under a gravity; under another one nobody has lifted anything yet.
 void MovingBodies::keep_stored(double stored, const Vec3d& gravity_then) {
   add_energy();
-  least_energy_ = gravity_then == gravity() ? energy_ - stored : energy_;
+  min_energy_ = gravity_then == gravity() ? energy_ - stored : energy_;
 }
 
 bool MovingBodies::step(std::span<const SurfaceBlend> cameras, std::span<const Push> pushes,

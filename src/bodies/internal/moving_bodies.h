@@ -66,7 +66,7 @@ class MovingBodies {
   double energy() const { return energy_; }
   /// J, of it: what is there above the least that there has been. What was lifted and set moving
   /// can give back no more; what it had from the beginning was given to it by no hand.
-  double stored() const { return energy_ - least_energy_; }
+  double stored() const { return energy_ - min_energy_; }
   /// Of the last step, for tests.
   std::span<const BodyTouch> touches() const { return touches_; }
 
@@ -136,7 +136,7 @@ class MovingBodies {
   std::vector<Rest> rests_;
   std::vector<int> groups_;  // of bodies that touch: another one of it, or itself
   std::vector<BodyTouch> touches_;
-  double pressed_ = 0, energy_ = 0, least_energy_ = 0;  // J
+  double pressed_ = 0, energy_ = 0, min_energy_ = 0;  // J
   std::unique_ptr<BodySolver> solver_;
 };
 
