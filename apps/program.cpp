@@ -59,6 +59,8 @@ int fail_usage(const CLI::App& program, const CLI::ParseError& error) {
   return fail(name, what + "; see " + name + " " + verb + "--help", kWrongUsage);
 }
 
+std::string g_program;  // its name, set before anything can end it
+
 void say_without_memory(std::string_view text) {
   if (::write(STDERR_FILENO, text.data(), text.size()) < 0) return;  // nobody is there to read it
 }
@@ -69,7 +71,8 @@ void say_without_memory(std::string_view text) {
   try {
     if (const auto thrown = std::current_exception()) std::rethrow_exception(thrown);
   } catch (const std::bad_alloc&) {
-    say_without_memory("palpate: ");
+    say_without_memory(g_program);
+    say_without_memory(": ");
     say_without_memory(out_of_memory().message);
     say_without_memory("\n");
     std::_Exit(kInputAtFault);
@@ -103,6 +106,7 @@ void add_common_options(CLI::App& program) {
 
 int run_program(CLI::App& program, const Action& action, int argc, char** argv) {
   const std::string& name = program.get_name();
+  g_program = name;
   (void)out_of_memory();  // while there is some
   std::set_terminate(end_without_memory);
   try {

@@ -349,7 +349,6 @@ void MovingBodies::add_energy() {
   for (const RigidBody& body : bodies_) {
     energy_ += kinetic_energy(body) - body.mass * dot(gravity(), body.center_W());
   }
-  min_energy_ = std::min(min_energy_, energy_);
 }
 
 /// What was stored under a gravity; under another one nobody has lifted anything yet.
@@ -378,6 +377,7 @@ bool MovingBodies::step(std::span<const SurfaceBlend> cameras, std::span<const P
   wake(dt);
   solver_->collect(bodies_, touches_);
   add_energy();
+  min_energy_ = std::min(min_energy_, energy_);
   solver_->step(bodies_, touches_, {gravity(), options_.damping}, dt);
   fall_asleep(dt);
   return true;

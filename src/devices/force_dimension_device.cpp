@@ -121,7 +121,7 @@ class ForceDimensionDevice final : public PolledDevice {
 
   bool read(DeviceState& state) noexcept override {
     is_answering_ = true;
-    state.has_force = has_force() && ramp_.is_full();
+    state.has_force = false;
     double matrix[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
     Vec3d p, v, w;
     const bool has_answered =
@@ -138,7 +138,7 @@ class ForceDimensionDevice final : public PolledDevice {
         has_answered && is_possible(X_BH) && is_rotation(R) && std::isfinite(norm(v) + norm(w));
     if (!state.is_valid) {
       const bool is_there = is_still_there();
-      state.has_force = state.has_force && has_force();
+      state.has_force = has_force() && ramp_.is_full();
       return is_there;
     }
     state.X_BH = X_BH;
