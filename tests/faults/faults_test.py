@@ -240,12 +240,13 @@ class Faults(Case):
         self.assertTrue(any(is_whole() for _ in range(3)), self.last_error)
 
     def test_nor_does_it_where_a_part_of_a_recording_ends(self):
-        def is_whole():
-            output = self.folder / "lazy-parts"
-            self.check(self.live_run(output, 4.5) + ("--record-keep", "20s"), "lazy", may_fail=False)
+        def is_whole(duration):
+            output = self.folder / f"lazy-parts-{duration}"
+            self.check(self.live_run(output, duration) + ("--record-keep", "20s"), "lazy", may_fail=False)
             self.assertGreater(self.check_run(output), 0)
             return len(list(output.glob("recording*.mcap"))) > 1 and "records were lost" not in self.last_error
-        self.assertTrue(any(is_whole() for _ in range(3)), self.last_error)
+        # A computer that is busy itself may lose some, or not come to a second part.
+        self.assertTrue(any(is_whole(duration) for duration in (4.5, 6, 30)), self.last_error)
 
     def test_what_does_not_reach_a_disk_is_told_and_kept(self):
         num_ticks = 0
@@ -320,9 +321,12 @@ class Faults(Case):
             self.assertGreater(num_in_the_middle, 0, run_of.__name__)
 
     def test_a_recording_goes_on_when_the_disk_has_space_again(self):
-        output = self.folder / "gap"
-        self.assertEqual(self.check_touch(self.live_run(output, 8), "full@8-9"), 1)
-        self.assertIn("nothing was recorded from", self.last_error)
+        for duration in (8, 60):  # a busy computer may not come to the tenth write in 8 s
+            output = self.folder / f"gap-{duration}"
+            self.assertEqual(self.check_touch(self.live_run(output, duration), "full@8-9"), 1)
+            self.assertIn("nothing was recorded from", self.last_error)
+            if len(list(output.glob("recording*.mcap"))) >= 2:
+                break
         self.assertGreaterEqual(len(list(output.glob("recording*.mcap"))), 2)
         self.assertGreater(self.num_ticks, 1000)
         self.check_viewable(output)
