@@ -109,7 +109,7 @@ void BodySolver::reset() noexcept {
   for (Place& place : places_) {
     place.friction.reset();
     place.force = {};
-    place.potential = place.paid = 0;
+    place.potential = place.paid = place.given = 0;
     place.is_held = place.was_held = false;
   }
 }
@@ -362,7 +362,10 @@ void BodySolver::find_islands(std::span<const RigidBody> bodies,
 
 void BodySolver::step(std::span<RigidBody> bodies, std::span<const BodyTouch> touches,
                       const Forces& forces, double dt) noexcept {
-  for (Place& place : places_) place.was_held = std::exchange(place.is_held, false);
+  for (Place& place : places_) {
+    place.was_held = std::exchange(place.is_held, false);
+    place.given = 0;
+  }
   find_islands(bodies, touches);
   for (int first = 0; first < static_cast<int>(bodies.size()); ++first) {
     if (islands_[static_cast<std::size_t>(first)] != first) continue;
@@ -393,11 +396,19 @@ void BodySolver::solve_island(std::span<RigidBody> bodies, std::span<const BodyT
   if (is_solved) solve_friction(touches, dt);
   for (std::size_t i = 0; is_solved && i < touches.size(); ++i) {
     const Work& work = work_[i];
-    if (!work.is_pushing || touches[i].potential == BodyTouch::kUnknown) continue;
+    if (!work.is_pushing) continue;
+    Place& place = places_[static_cast<std::size_t>(touches[i].place)];
     const Vec6 moves = motion(touches[i], work, velocities_);
     const Vec6 push = to_vec6(work.wrench) - work.resistance * (work.stiffness * moves);
-    places_[static_cast<std::size_t>(touches[i].place)].paid =
-        -dt * (dot(push.linear, moves.linear) + dot(push.angular, moves.angular));
+    const auto work_of = [dt](const Vec6& wrench, const Vec6& v) {
+      return dt * (dot(wrench.linear, v.linear) + dot(wrench.angular, v.angular));
+    };
+    if (touches[i].potential != BodyTouch::kUnknown) place.paid = -work_of(push, moves);
+    if (touches[i].b != BodyTouch::kNoBody || row(touches[i].a) < 0) continue;
+    const Vec6 held = work.is_held ? work.patch.wrench(work.grip.force) : Vec6{};
+    const double given =
+        work_of(push + held, velocities_[static_cast<std::size_t>(row(touches[i].a))]);
+    place.given = std::isfinite(given) ? given : 0;
   }
   for (std::size_t i = 0; i < bodies.size(); ++i) {
     RigidBody& body = bodies[i];

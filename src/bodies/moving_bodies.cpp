@@ -71,7 +71,7 @@ Result<std::unique_ptr<MovingBodies>> MovingBodies::create(const std::vector<Sce
   std::unique_ptr<MovingBodies> bodies(new MovingBodies(options));
   if (const Status status = bodies->add(objects, place, threads); !status) return status.error();
   if (const Status status = bodies->add_pairs(place); !status) return status.error();
-  bodies->keep_stored(0, {});
+  bodies->forget_stored();
   return bodies;
 }
 
@@ -204,7 +204,7 @@ bool MovingBodies::touch_clouds(std::span<const SurfaceBlend> cameras) {
     own.force_W += touch.F_A_W.force;
     own.stiffness = std::max(own.stiffness, largest(touch.stiffness));
     touch.potential = body.scale * found.potential;
-    pressed_ += touch.potential;
+    own.pressed += touch.potential;
     add_touch(touch);
   }
   return true;
@@ -244,10 +244,13 @@ void MovingBodies::touch_pairs() {
     touch.friction = (a.friction + other) / 2;
     touch.place = 2 * num_bodies() + static_cast<int>(i);
     touch.potential = scale * found.on_a.potential;
-    pressed_ += touch.potential;
     if (pair.is_fixture) {
-      rest(pair.a).force_W += touch.F_A_W.force;
-      rest(pair.a).stiffness = std::max(rest(pair.a).stiffness, largest(touch.stiffness));
+      Rest& own = rest(pair.a);
+      own.pressed += touch.potential;
+      own.force_W += touch.F_A_W.force;
+      own.stiffness = std::max(own.stiffness, largest(touch.stiffness));
+    } else {
+      for (const int body : {pair.a, pair.b}) rest(body).pressed += touch.potential / 2;
     }
     add_touch(touch);
   }
@@ -344,26 +347,39 @@ void MovingBodies::fall_asleep(double dt) {
   }
 }
 
-void MovingBodies::add_energy() {
-  energy_ = pressed_ + solver_->friction_energy();
-  for (const RigidBody& body : bodies_) {
-    energy_ += kinetic_energy(body) - body.mass * dot(gravity(), body.center_W());
-  }
+/// Of motion, height, and where it is pressed.
+double MovingBodies::energy_of(int body) const {
+  const RigidBody& own = bodies_[static_cast<std::size_t>(body)];
+  return kinetic_energy(own) - own.mass * dot(gravity(), own.center_W()) +
+         rests_[static_cast<std::size_t>(body)].pressed;
 }
 
-/// What was stored under a gravity; under another one nobody has lifted anything yet.
-void MovingBodies::keep_stored(double stored, const Vec3d& gravity_then) {
+void MovingBodies::add_energy() {
+  double above = solver_->friction_energy();
+  energy_ = above;
+  for (int i = 0; i < num_bodies(); ++i) {
+    const double own = energy_of(i);
+    double& least = rest(i).min_energy;
+    least = std::min(least, own);
+    energy_ += own;
+    above += own - least;
+  }
+  stored_ = std::clamp(stored_ + std::exchange(given_, 0), 0.0, std::max(above, 0.0));
+}
+
+/// Under another gravity nobody has lifted anything yet.
+void MovingBodies::forget_stored() {
+  for (int i = 0; i < num_bodies(); ++i) rest(i).min_energy = energy_of(i);
+  stored_ = given_ = 0;
   add_energy();
-  min_energy_ = gravity_then == gravity() ? energy_ - stored : energy_;
 }
 
 bool MovingBodies::step(std::span<const SurfaceBlend> cameras, std::span<const Push> pushes,
                         double dt) noexcept {
   touches_.clear();
-  pressed_ = 0;
   for (Rest& rest : rests_) {
     rest.force_W = {};
-    rest.stiffness = 0;
+    rest.stiffness = rest.pressed = 0;
     rest.is_touched = rest.is_pushed = false;
   }
   const bool has_surfaces =
@@ -377,14 +393,13 @@ bool MovingBodies::step(std::span<const SurfaceBlend> cameras, std::span<const P
   wake(dt);
   solver_->collect(bodies_, touches_);
   add_energy();
-  min_energy_ = std::min(min_energy_, energy_);
   solver_->step(bodies_, touches_, {gravity(), options_.damping}, dt);
+  for (int i = 0; i < num_bodies(); ++i) given_ += solver_->given(num_bodies() + i);
   fall_asleep(dt);
   return true;
 }
 
 void MovingBodies::use(const BodyOptions& options, const ObjectFrictions& frictions) noexcept {
-  const double stored_before = stored();
   const Vec3d gravity_before = gravity();
   const auto has_changed = [&](const auto& one) {
     return one.friction != frictions[one.object].coefficient.value_or(options.friction);
@@ -404,7 +419,7 @@ void MovingBodies::use(const BodyOptions& options, const ObjectFrictions& fricti
   options_.friction = options.friction;
   options_.sink = options.sink;
   use_materials(frictions);
-  keep_stored(stored_before, gravity_before);
+  if (gravity() != gravity_before) forget_stored();
 }
 
 void MovingBodies::take_over(const MovingBodies& other) noexcept {
@@ -422,7 +437,9 @@ void MovingBodies::take_over(const MovingBodies& other) noexcept {
     rests_[i].seconds = 0;
   }
   solver_->take_over(*other.solver_);
-  keep_stored(other.stored(), other.gravity());
+  stored_ = other.stored_;
+  given_ = other.given_;
+  if (gravity() != other.gravity()) forget_stored();
 }
 
 }  // namespace palpate::inline v0

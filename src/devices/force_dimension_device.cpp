@@ -186,8 +186,8 @@ class ForceDimensionDevice final : public PolledDevice {
 
   /// After something went wrong: a few times in a row is bad luck, more is a lost device.
   bool is_still_there() noexcept {
-    is_answering_ = false;
-    if (++num_silent_ == 1) remember_what_was_said();
+    const bool is_first = std::exchange(is_answering_, false);  // of this tick
+    if (is_first && ++num_silent_ == 1) remember_what_was_said();
     return num_silent_ < kMaxSilentTicks;
   }
 
@@ -196,9 +196,13 @@ class ForceDimensionDevice final : public PolledDevice {
   bool watch_force() noexcept {
     std::array<int, kDhdStatusCapacity> status{};
     const bool has_answered = api_.dhdGetStatus(status.data(), id_) >= 0;
-    if (!has_answered) remember_what_was_said();
-    is_force_on_ = has_answered && status[kDhdStatusForce] != 0;
-    num_force_offs_ = is_force_on_ ? 0 : num_force_offs_ + 1;
+    if (has_answered) {
+      is_force_on_ = status[kDhdStatusForce] != 0;
+    } else {  // one time leaves it as it was
+      remember_what_was_said();
+      is_force_on_ = is_force_on_ && num_force_offs_ == 0;
+    }
+    num_force_offs_ = has_answered && is_force_on_ ? 0 : num_force_offs_ + 1;
     if (num_force_offs_ <= kMaxForceOffs) return true;
     has_lost_force_ = has_answered;
     force_off_cause_ = status[kDhdStatusForceOffCause];

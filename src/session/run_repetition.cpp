@@ -86,6 +86,20 @@ void ContactRepetition::push_next(Camera& camera, SurfaceBlend& blend) {
   camera.frames.pop_front();
 }
 
+/// Of several changes at once the run has used the last one only, as far as it goes.
+void ContactRepetition::use_measuring(std::uint32_t revision) {
+  const auto end = measuring_.upper_bound(revision);
+  if (end == measuring_.begin()) return;
+  std::unique_ptr<ContactPart> newest;
+  for (auto due = measuring_.begin(); due != end; ++due) {
+    if (due->second.part) newest = std::move(due->second.part);
+  }
+  if (newest && part_) newest->take_over(*part_);
+  if (newest) part_ = std::move(newest);
+  part_->use(std::prev(end)->second.scale);
+  measuring_.erase(measuring_.begin(), end);
+}
+
 ContactRecord ContactRepetition::repeat(const ContactRecord& recorded) {
   ContactRecord repeated = recorded;
   bool is_seen = false;
@@ -102,13 +116,7 @@ ContactRecord ContactRepetition::repeat(const ContactRecord& recorded) {
         is_seen ? std::min(repeated.capture_time, camera.capture_time) : camera.capture_time;
     is_seen = true;
   }
-  while (!measuring_.empty() && measuring_.begin()->first <= recorded.revision) {
-    auto& [scale, part] = measuring_.begin()->second;
-    if (part && part_) part->take_over(*part_);
-    if (part) part_ = std::move(part);
-    part_->use(scale);
-    measuring_.erase(measuring_.begin());
-  }
+  use_measuring(recorded.revision);
   part_->measure(views_.all(), recorded.has_new_stiffness, repeated);
   if (!recorded.has_new_stiffness) {
     // Kept from an earlier contact, which may not have been recorded.

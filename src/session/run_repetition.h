@@ -54,6 +54,7 @@ class ContactRepetition {
     std::span<const SurfaceBlend> key_frames;            // and after it
   };
   void push_next(Camera& camera, SurfaceBlend& blend);
+  void use_measuring(std::uint32_t revision);
   /// The revision of its timelines, and how they use the frames of a camera.
   const std::pair<const std::uint32_t, TimeOptions>& time_of(const ContactRecord& contact) const;
 

@@ -101,6 +101,58 @@ TEST(MovingBodies, StoreWhatTheyAreLiftedBy) {
   EXPECT_EQ(world.bodies->stored(), 0) << "another gravity is no lift";
 }
 
+// What begins within the table comes out of it by no hand, and what a hand drags along has what the
+// friction of the tool has given it.
+TEST(MovingBodies, StoreOnlyWhatTheToolDoes) {
+  TableTop sunk({box_at(0.01, -0.01)}, {}, awake());
+  double highest = 0;
+  for (int i = 0; i < 500; ++i) {
+    sunk.step();
+    EXPECT_EQ(sunk.bodies->stored(), 0) << i;
+    highest = std::max(highest, kTable - kSize.z / 2 - sunk.body(0).center_W().z);
+  }
+  EXPECT_GT(highest, -1e-3);
+
+  BodyOptions smooth = awake();
+  smooth.friction = 0;
+  TableTop world({box_at(0.01, 0)}, {}, smooth);
+  for (int i = 0; i < 500; ++i) world.step();
+  MovingBodies::Push push;
+  push.F_B_W.force = {0, 0, 1};
+  push.friction = 0.5;
+  push.grip = 1000;
+  push.V_W.linear = {0.3, 0, 0};
+  double moved = 0;
+  for (int i = 0; i < 300; ++i) {
+    world.step({&push, 1});
+    if (i < 100) continue;
+    moved = kinetic_energy(world.body(0));
+    EXPECT_NEAR(world.bodies->stored(), moved, 0.1 * moved + 1e-4) << i;
+  }
+  EXPECT_NEAR(moved, 0.3 * 0.09 / 2, 1e-3) << "it goes along";
+}
+
+// A second one that falls past the table, and loses by damping what it had, takes nothing from what
+// the first one was lifted by.
+TEST(MovingBodies, StoreWhatEachIsLiftedBy) {
+  SceneObject lost = box_at(0, 0);
+  lost.X_WB.translation = {3, 0, 0};
+  BodyOptions damped = awake();
+  damped.damping = 2;
+  TableTop world({box_at(0.01, 0), lost}, {}, damped);
+  const double weight = 0.3 * 9.81, begin = world.body(0).center_W().z;
+  MovingBodies::Push push;
+  for (int i = 0; i < 700; ++i) {
+    const RigidBody& held = world.body(0);
+    push.F_B_W.force = {0, 0, -weight + 10 * (-0.2 - held.V_W.linear.z)};  // 0.2 m/s up
+    world.step({&push, 1});
+  }
+  const double way = begin - world.body(0).center_W().z;
+  EXPECT_GT(way, 0.1);
+  EXPECT_GT(world.body(1).center_W().z, 1) << "it has fallen";
+  EXPECT_NEAR(world.bodies->stored(), weight * way, 0.03 * weight * way);
+}
+
 // Corners, edges and faces, on the table and on each other: what contacts hold counts as well.
 TEST(MovingBodies, NeverHaveMoreEnergyThanBefore) {
   const double fallen = 3 * 0.3 * 9.81 * 0.1;  // J, about

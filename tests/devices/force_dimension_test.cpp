@@ -452,6 +452,8 @@ TEST_F(ForceDimension, ACallThatFailsNowAndThenLeavesTheForce) {
     num_without += state.has_force ? 0 : 1;
     num_failed += state.is_valid ? 0 : 1;
     fake_.read_result = ++num_ticks % 20 < 3 ? -1 : 0;
+    // Looked at once in ten ticks: every other look fails.
+    fake_.status_result = num_ticks % 20 < 10 ? -1 : 0;
     return kPush;
   }));
   ASSERT_TRUE(eventually([&] { return fake_.wrench[0] == 3; }));

@@ -218,15 +218,18 @@ class Faults(Case):
     def test_a_live_run_on_a_disk_that_fails_goes_on(self):
         num_in_the_middle = 0
         for faults, status in (("full@9", 1), ("full@12", 1), ("broken@9", 1), ("broken@12", 1), ("sluggish", 0)):
-            output = self.folder / faults
+            for duration in (2, 30):  # a busy computer may not come to the twelfth write in 2 s
+                output = self.folder / f"{faults}-{duration}"
+                ended = self.check_touch(self.live_run(output, duration, wall=self.LARGE_WALL), faults)
+                if self.came:
+                    break
             # What could not be kept is no success, and nobody is sent to a report that is not there.
-            self.assertEqual(self.check_touch(self.live_run(output, 2, wall=self.LARGE_WALL), faults), status, self.last_error)
-            self.assertTrue(self.came)
+            self.assertEqual((ended, bool(self.came)), (status, True), self.last_error)
             self.assertGreater(self.num_ticks, 0)
             told = "report: " in self.last_output
             self.assertEqual(told, (output / "report.html").exists(), self.last_output)
             ticks, seconds = re.match(r"(\d+) ticks, .* in (\S+) s;", self.last_output).groups()
-            self.assertGreaterEqual(float(seconds), 2)
+            self.assertGreaterEqual(float(seconds), duration)
             self.assertGreaterEqual(int(ticks), self.num_ticks)
             num_in_the_middle += "nothing was recorded from" in self.last_error
         self.assertGreater(num_in_the_middle, 0)
@@ -373,7 +376,7 @@ class Faults(Case):
             if force(rows[after - 1]) == 0:
                 return False
             back = float(rows[after]["time_s"])
-            self.assertEqual({force(row) for row in rows[after:] if float(row["time_s"]) > back + 0.1}, {0})
+            self.assertEqual({force(row) for row in rows[after:] if back + 0.1 < float(row["time_s"]) < back + 0.5}, {0})
             self.assertIn("loop", [each["fault"] for each in self.summary(output)["faults"]])
             return True
 

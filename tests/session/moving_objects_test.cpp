@@ -1,7 +1,10 @@
 // Runs with objects that move: felt, pushed, recorded and repeated to the bit.
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <nlohmann/json.hpp>
+#include <thread>
+#include <utility>
 
 #include "palpate/session/run.h"
 #include "src/io/internal/atomic_file.h"
@@ -12,6 +15,7 @@
 #include "tests/session/repeated_run.h"
 #include "tests/session/synthetic_stream.h"
 #include "tests/test_util/allocation_counter.h"
+#include "tests/test_util/wait_for.h"
 
 namespace palpate {
 namespace {
@@ -157,6 +161,48 @@ TEST_F(MovingObjects, RunsAreRecordedAndRepeatedIdentically) {
       });
   ASSERT_TRUE(other) << other.error().message;
   EXPECT_GT(other->forces.max, 0);
+}
+
+// Of several changes before the next frame the run has used the last one only: what the tool has
+// put into objects outlives a gravity that was none for no time.
+TEST_F(MovingObjects, RepeatChangesThatFollowEachOtherAtOnce) {
+  settings_.bodies.damping = 20;
+  SyntheticStream stream(100000);
+  auto device = test::path_device(pressing_pose, settings_.contact_rate);
+  std::atomic<bool> is_done = false;
+  std::thread person;
+  RunMonitor monitor;
+  monitor.on_loop = [&](RunLoop* loop) {
+    if (loop == nullptr) {
+      person.join();
+      return;
+    }
+    person = std::thread([&, loop] {
+      const auto wait_for_ticks = [&](std::uint64_t num) {
+        const std::uint64_t end = loop->report().num_ticks + num;
+        EXPECT_TRUE(test::wait_for([&] { return loop->report().num_ticks >= end; }));
+      };
+      for (int i = 0; i < 8; ++i) {
+        wait_for_ticks(150);
+        loop->hold_frames(true);
+        RunSettings other = loop->settings();
+        const double gravity = std::exchange(other.bodies.gravity_z, 0);
+        other.surface.filter.enabled = !other.surface.filter.enabled;
+        EXPECT_TRUE(loop->change(other));
+        other.bodies.gravity_z = gravity;
+        EXPECT_TRUE(loop->change(other));
+        loop->hold_frames(false);
+      }
+      wait_for_ticks(700);
+      is_done = true;
+    });
+  };
+  RunOptions options;
+  options.keep_going = [&] { return !is_done.load(); };
+  options.monitor = &monitor;
+  const auto outcome = record_run(tool_, stream, **device, settings_, run(), options);
+  ASSERT_TRUE(outcome) << outcome.error().message;
+  EXPECT_GT(test::repeated(run()).num_contacts, 1500u);
 }
 
 TEST_F(MovingObjects, PosesAreInTheMessages) {

@@ -58,6 +58,8 @@ class BodySolver {
   void step(std::span<RigidBody> bodies, std::span<const BodyTouch> touches, const Forces& forces,
             double dt) noexcept;
 
+  /// J, that a place has put into its body a in the last step, where nobody is on the other side.
+  double given(int place) const { return places_[static_cast<std::size_t>(place)].given; }
   /// J, in what sticks.
   double friction_energy() const noexcept;
 
@@ -73,6 +75,7 @@ class BodySolver {
     void use(double new_stiffness);
     Vec3d force;                     // of the last step, where the next one looks first
     double potential = 0, paid = 0;  // J: at the last step, and what bodies put into it since
+    double given = 0;                // J
     bool is_held = false, was_held = false;
   };
   struct Work {

@@ -64,9 +64,9 @@ class MovingBodies {
 
   /// J, at the beginning of the last step: of motion and height, and of all that is pressed.
   double energy() const { return energy_; }
-  /// J, of it: what is there above the least that there has been. What was lifted and set moving
-  /// can give back no more; what it had from the beginning was given to it by no hand.
-  double stored() const { return energy_ - min_energy_; }
+  /// J, of it: what the tool has put into them and may get back. No more than its work, and no more
+  /// than what each has above the least that it has had, and what sticks.
+  double stored() const { return stored_; }
   /// Of the last step, for tests.
   std::span<const BodyTouch> touches() const { return touches_; }
 
@@ -107,6 +107,8 @@ class MovingBodies {
     bool is_pushed = false;   // by the tool, or lies on what moves
     bool is_asleep = false;
     bool is_covered = false;  // by what a camera sees before it
+    double pressed = 0;       // of this step, J: half of it where two bodies touch
+    double min_energy = 0;    // the least that it has had, J
   };
 
   MovingBodies(const BodyOptions& options) : options_(options) {}
@@ -118,8 +120,9 @@ class MovingBodies {
   void use_materials(const ObjectFrictions& frictions);
   void add_touch(const BodyTouch& touch);
   void wake(double dt);
+  double energy_of(int body) const;
   void add_energy();
-  void keep_stored(double stored, const Vec3d& gravity_then);
+  void forget_stored();
   void fall_asleep(double dt);
   int group_of(int body);
 
@@ -136,7 +139,8 @@ class MovingBodies {
   std::vector<Rest> rests_;
   std::vector<int> groups_;  // of bodies that touch: another one of it, or itself
   std::vector<BodyTouch> touches_;
-  double pressed_ = 0, energy_ = 0, min_energy_ = 0;  // J
+  double energy_ = 0, stored_ = 0;  // J, as the last step has found them
+  double given_ = 0;                // J, by the tool in the last step
   std::unique_ptr<BodySolver> solver_;
 };
 
