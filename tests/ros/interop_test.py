@@ -100,19 +100,24 @@ class InteropTest(PeerCase):
         for words in (["shape", "box", "--size", "0.04", "-o", mesh], ["pack", mesh, "-o", block, "--spheres", "100"]):
             subprocess.run([PALPATE, *words], check=True, capture_output=True)
         gravity = 0.02
-        seen, said = self.converse(
-            [FASTDDS_PEER, self.domain, 640, 480, 30, "arm"], "--object", f"{block}@0.2 0 0.3 0 0 0.6 0.8,moving", "--set",
-            "bodies.gravity_y=0", "--set", f"bodies.gravity_z={-gravity}", "--set", "bodies.damping=0",
-            tool=("--tool-frame", "tool0"))
         store = get_typestore(Stores.ROS2_JAZZY)
         store.register(get_types_from_msg(CONTACT, "palpate_msgs/msg/Contact"))
 
         def read(name, kind):
             return [store.deserialize_cdr(bytes.fromhex(each), kind) for each in seen["messages"][name]]
 
-        contacts = read("contact", "palpate_msgs/msg/Contact")
-        touching = [each for each in contacts if each.state == 0 and each.volume > 0]
-        self.assertGreater(len(touching), 50, said)
+        for duration in (4, 30):  # a busy computer may not have enough after the first
+            seen, said = self.converse(
+                [FASTDDS_PEER, self.domain, 640, 480, 30, "arm"], "--object", f"{block}@0.2 0 0.3 0 0 0.6 0.8,moving",
+                "--set", "bodies.gravity_y=0", "--set", f"bodies.gravity_z={-gravity}", "--set", "bodies.damping=0",
+                tool=("--tool-frame", "tool0"), duration=duration)
+            contacts = read("contact", "palpate_msgs/msg/Contact")
+            touching = [each for each in contacts if each.state == 0 and each.volume > 0]
+            told = [each for message in read("tf", "tf2_msgs/msg/TFMessage") for each in message.transforms
+                    if each.child_frame_id != "tool0"]
+            if min(len(touching), len(told)) > 50 and any(each.stiffness[14] > 0 for each in touching):
+                break
+        self.assertGreater(min(len(touching), len(told)), 50, said)
         for each in touching:
             self.assertEqual(each.header.frame_id, "tool0")
             self.assertTrue(0 < each.fraction < 1)
@@ -124,9 +129,6 @@ class InteropTest(PeerCase):
         # A computer that is busy leaves some out.
         self.assertTrue(any(each.stiffness[14] > 0 for each in touching))
         self.assertEqual((contacts[-1].state, contacts[-1].reason), (2, "the run has ended"))
-        told = [each for message in read("tf", "tf2_msgs/msg/TFMessage") for each in message.transforms
-                if each.child_frame_id != "tool0"]
-        self.assertGreater(len(told), 50, said)
         self.assertEqual({(each.header.frame_id, each.child_frame_id) for each in told}, {("camera", "palpate/block")})
         stamps = [each.header.stamp.sec + 1e-9 * each.header.stamp.nanosec for each in told]
         fallen = [(2 * max(0, 0.3 - each.transform.translation.z) / gravity)**0.5 for each in told]
