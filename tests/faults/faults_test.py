@@ -356,8 +356,9 @@ class Faults(Case):
             shutil.rmtree(output, ignore_errors=True)
             process = subprocess.Popen([PALPATE, *map(str, self.live_run(output, 60))],
                                        stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
-            self.wait_until(lambda: process.poll() is not None or any(force(row) > 0.5 for row in self.rows(output)), process)
-            if process.poll() is not None:  # and before there was one
+            self.wait_until(lambda: process.poll() is not None or any(force(row) > 0.5 for row in self.rows(output)),
+                            process)
+            if process.poll() is not None:  # before there was a force
                 self.assertEqual(process.returncode, 0, process.stderr.read())
                 return False
             process.send_signal(signal.SIGSTOP)
@@ -376,7 +377,8 @@ class Faults(Case):
             if force(rows[after - 1]) == 0:
                 return False
             back = float(rows[after]["time_s"])
-            self.assertEqual({force(row) for row in rows[after:] if back + 0.1 < float(row["time_s"]) < back + 0.5}, {0})
+            soon = [row for row in rows[after:] if back + 0.1 < float(row["time_s"]) < back + 0.5]
+            self.assertEqual({force(row) for row in soon}, {0})
             self.assertIn("loop", [each["fault"] for each in self.summary(output)["faults"]])
             return True
 
