@@ -167,6 +167,7 @@ Status MovingBodies::add_pairs(const Place& place) {
   solver_ = std::make_unique<BodySolver>(num_bodies(), masses);
   touches_.reserve(masses.size());
   groups_.resize(bodies_.size());
+  given_.resize(bodies_.size());
   return Done{};
 }
 
@@ -355,23 +356,51 @@ double MovingBodies::energy_of(int body) const {
 }
 
 void MovingBodies::add_energy() {
-  double above = solver_->friction_energy();
-  energy_ = above;
+  energy_ = solver_->friction_energy();
   for (int i = 0; i < num_bodies(); ++i) {
-    const double own = energy_of(i);
-    double& least = rest(i).min_energy;
-    least = std::min(least, own);
-    energy_ += own;
-    above += own - least;
+    Rest& own = rest(i);
+    const double before = std::exchange(own.energy, energy_of(i));
+    own.growth = std::max(own.energy - before, 0.0);
+    own.min_energy = std::min(own.min_energy, own.energy);
+    energy_ += own.energy;
   }
-  stored_ = std::clamp(stored_ + std::exchange(given_, 0), 0.0, std::max(above, 0.0));
+}
+
+/// What the tool has given to bodies that touch each other is stored where their energy has grown
+/// by it, and what it has taken is gone from what all of them have stored. What friction and
+/// damping have taken since is gone, too.
+void MovingBodies::add_stored() {
+  for (int first = 0; first < num_bodies(); ++first) {
+    double given = 0, growth = 0, stored = 0;
+    for (int i = first; i < num_bodies(); ++i) {
+      if (solver_->island(i) != first) continue;
+      given += std::exchange(given_[static_cast<std::size_t>(i)], 0);
+      growth += rest(i).growth;
+      stored += rest(i).stored;
+    }
+    for (int i = first; i < num_bodies() && given != 0; ++i) {
+      if (solver_->island(i) != first) continue;
+      Rest& own = rest(i);
+      own.stored += given > 0 ? own.growth * std::min(given / std::max(growth, given), 1.0)
+                              : std::max(given, -stored) * (stored > 0 ? own.stored / stored : 0);
+    }
+  }
+  stored_ = 0;
+  for (Rest& own : rests_) {
+    own.stored = std::clamp(own.stored, 0.0, own.energy - own.min_energy);
+    stored_ += own.stored;
+  }
 }
 
 /// Under another gravity nobody has lifted anything yet.
 void MovingBodies::forget_stored() {
-  for (int i = 0; i < num_bodies(); ++i) rest(i).min_energy = energy_of(i);
-  stored_ = given_ = 0;
   add_energy();
+  for (Rest& own : rests_) {
+    own.min_energy = own.energy;
+    own.stored = 0;
+  }
+  stored_ = 0;
+  std::ranges::fill(given_, 0);
 }
 
 bool MovingBodies::step(std::span<const SurfaceBlend> cameras, std::span<const Push> pushes,
@@ -393,8 +422,11 @@ bool MovingBodies::step(std::span<const SurfaceBlend> cameras, std::span<const P
   wake(dt);
   solver_->collect(bodies_, touches_);
   add_energy();
+  add_stored();
   solver_->step(bodies_, touches_, {gravity(), options_.damping}, dt);
-  for (int i = 0; i < num_bodies(); ++i) given_ += solver_->given(num_bodies() + i);
+  for (int i = 0; i < num_bodies(); ++i) {
+    given_[static_cast<std::size_t>(i)] = solver_->given(num_bodies() + i);
+  }
   fall_asleep(dt);
   return true;
 }
@@ -438,7 +470,7 @@ void MovingBodies::take_over(const MovingBodies& other) noexcept {
   }
   solver_->take_over(*other.solver_);
   stored_ = other.stored_;
-  given_ = other.given_;
+  std::ranges::copy(other.given_, given_.begin());
   if (gravity() != other.gravity()) forget_stored();
 }
 

@@ -79,6 +79,7 @@ Wrench HeldContact::exact_wrench(const Pose& X_WT) const noexcept {
 
 /// What was measured, and the work of moving the tool on along the line.
 double HeldContact::energy(const Pose& X_WT) const noexcept {
+  if (!contact_.is_valid && std::isfinite(contact_.energy)) return std::max(contact_.energy, 0.0);
   if (!is_there_) return 0;
   const Vec6 motion = motion_since(contact_, X_WT);
   const Vec6 mean = 0.5 * (to_vec6(contact_.F_C_W) + to_vec6(exact_wrench(X_WT)));

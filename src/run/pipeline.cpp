@@ -250,8 +250,10 @@ void ContactPart::set_contact(ContactRecord& record) const noexcept {
       local_contact(record.penetration, stiffness_, record.X_WT, tool_mass_.centre_of_mass,
                     scale_.volume, time, time - record.capture_time, patch_);
   const BodyMeasure& measured = world_.measured(kToolBody);
-  record.contact.energy =
-      stored_energy(measured.cloud, scale_.volume) + stored_energy(measured.bodies, scale_.volume);
+  if (record.contact.is_valid) {
+    record.contact.energy = stored_energy(measured.cloud, scale_.volume) +
+                            stored_energy(measured.bodies, scale_.volume);
+  }
   if (moving_) record.contact.energy += moving_->stored();
 }
 

@@ -15,7 +15,8 @@ void ContactRepetition::add(const RunSetup& setup, RunParts& parts) {
   for (std::size_t k = 0; k < parts.timelines.size(); ++k) {
     cameras_[k].timelines.emplace(setup.revision, std::move(parts.timelines[k]));
   }
-  measuring_[setup.revision] = {parts.scale, std::move(parts.contact)};
+  const bool waits = !parts.timelines.empty() && (part_ || !measuring_.empty());
+  measuring_[setup.revision] = {parts.scale, std::move(parts.contact), waits};
 }
 
 bool ContactRepetition::add(RecordedDepth frame) {
@@ -86,18 +87,21 @@ void ContactRepetition::push_next(Camera& camera, SurfaceBlend& blend) {
   camera.frames.pop_front();
 }
 
-/// Of several changes at once the run has used the last one only, as far as it goes.
+/// A change takes effect at once, but where one waits for a depth frame, those after it wait with
+/// it, and the last one is all that is used.
 void ContactRepetition::use_measuring(std::uint32_t revision) {
-  const auto end = measuring_.upper_bound(revision);
-  if (end == measuring_.begin()) return;
   std::unique_ptr<ContactPart> newest;
-  for (auto due = measuring_.begin(); due != end; ++due) {
-    if (due->second.part) newest = std::move(due->second.part);
+  bool waits = false;
+  while (!measuring_.empty() && measuring_.begin()->first <= revision) {
+    const auto due = measuring_.extract(measuring_.begin());
+    Measuring& next = due.mapped();
+    if (next.part) newest = std::move(next.part);
+    waits = waits || next.waits;
+    if (waits && !measuring_.empty() && measuring_.begin()->first <= revision) continue;
+    if (newest && part_) newest->take_over(*part_);
+    if (newest) part_ = std::move(newest);
+    part_->use(next.scale);
   }
-  if (newest && part_) newest->take_over(*part_);
-  if (newest) part_ = std::move(newest);
-  part_->use(std::prev(end)->second.scale);
-  measuring_.erase(measuring_.begin(), end);
 }
 
 ContactRecord ContactRepetition::repeat(const ContactRecord& recorded) {

@@ -44,6 +44,7 @@ class ContactRepetition {
   struct Measuring {
     ContactScale scale;
     std::unique_ptr<ContactPart> part;
+    bool waits = false;  // for the next depth frame
   };
   struct Camera {
     std::map<std::uint32_t, SurfaceTimeline> timelines;  // by revision, from the present one on

@@ -55,13 +55,13 @@ class Bags(CameraCase):
             done = json.loads(self.check(palpate("record", *arguments, "--duration", 1, "-o", file,
                                                  "--json")).stdout)
             self.assertEqual(done["frames_of"], [20, 16])
-        self.assertEqual(both.read_bytes(), again.read_bytes())
-        self.refused("several depth streams", "record", "--camera", f"bag:{both}", "-o", again)
+        self.refused("several depth streams", "record", "--camera", f"bag:{both}", "-o", self.folder / "never.mcap")
         for k, camera in enumerate(cameras):
             topic = f"/camera{'_2' * k}/depth/image_rect_raw"
             alone = self.taken(camera, options=("--duration", 1))
-            joined = self.taken(f"bag:{both}?topic={topic}&world=world")
-            self.assertEqual(alone, joined)
+            for file in (both, again):  # a busy computer ends their chunks elsewhere
+                joined = self.taken(f"bag:{file}?topic={topic}&world=world")
+                self.assertEqual(alone, joined)
             self.assertEqual(joined[2], {(0.1, 0, 0)} if k == 0 else {(0, 0, 0)})
             said = self.check(palpate("cameras", "--selftest", f"bag:{both}?topic={topic}")).stdout
             self.assertIn(b"0.0002 m per count" if k == 1 else b"m per count", said)

@@ -153,6 +153,29 @@ TEST(MovingBodies, StoreWhatEachIsLiftedBy) {
   EXPECT_NEAR(world.bodies->stored(), weight * way, 0.03 * weight * way);
 }
 
+// What the tool loses by pushing something along is not stored because another one has come up.
+TEST(MovingBodies, StoreNothingOfWhatFrictionTakes) {
+  SceneObject sunk = box_at(0, -0.01);
+  sunk.X_WB.translation.x = -0.15;
+  BodyOptions rough = awake();
+  rough.friction = 0.5;
+  TableTop world({box_at(0.01, 0), sunk}, {}, rough);
+  for (int i = 0; i < 500; ++i) world.step();
+  const double begin = world.body(0).center_W().x, up = world.body(1).center_W().z;
+  EXPECT_LT(up, sunk.X_WB.translation.z - 0.005) << "it has come up";
+  MovingBodies::Push push;
+  double work = 0;
+  for (int i = 0; i < 1500; ++i) {
+    const RigidBody& pushed = world.body(0);
+    push.F_B_W.force = {1.5 + 20 * (0.1 - pushed.V_W.linear.x), 0, 0};
+    work += push.F_B_W.force.x * 1e-3 * pushed.V_W.linear.x;
+    world.step({&push, 1});
+    EXPECT_LT(world.bodies->stored(), 0.005) << i;
+  }
+  EXPECT_GT(world.body(0).center_W().x - begin, 0.1);
+  EXPECT_GT(work, 0.15);
+}
+
 // Corners, edges and faces, on the table and on each other: what contacts hold counts as well.
 TEST(MovingBodies, NeverHaveMoreEnergyThanBefore) {
   const double fallen = 3 * 0.3 * 9.81 * 0.1;  // J, about

@@ -82,6 +82,25 @@ CouplingOptions options_of(CouplingKind kind, double friction, double scale, boo
   return checked->options;
 }
 
+// What moving objects have stored stays where the tool's own contact cannot be measured for a
+// while.
+TEST(StoredEnergy, OfObjectsOutlivesAContactThatIsNotMeasured) {
+  for (const CouplingKind kind : kMaxBallGrowth) {
+    const auto coupling =
+        make_coupling(options_of(kind, 0.4, 1, false), test::kLimits, test::box_tool());
+    const DeviceState hand = test::hand_at({{0, 0, 0.1}, {}});
+    coupling->reset(hand);
+    LocalContact contact = test::Plate{}.contact(hand.X_BH, 0);
+    ASSERT_TRUE(contact.is_valid);
+    for (const bool is_measured : {true, false, true}) {
+      contact.time += 1e-3;
+      contact.is_valid = is_measured;
+      contact.energy = 0.3;
+      EXPECT_GE(coupling->step(hand, contact, 1e-3).stored, 0.3) << is_measured;
+    }
+  }
+}
+
 // Whatever a hand gets back, it had put in before, and it was stored.
 TEST(StoredEnergy, TheHandGetsBackNoMoreThanThat) {
   test::Random random(41);

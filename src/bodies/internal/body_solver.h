@@ -58,6 +58,8 @@ class BodySolver {
   void step(std::span<RigidBody> bodies, std::span<const BodyTouch> touches, const Forces& forces,
             double dt) noexcept;
 
+  /// Of the last step: bodies that touched have the same; -1: asleep.
+  int island(int body) const { return islands_[static_cast<std::size_t>(body)]; }
   /// J, that a place has put into its body a in the last step, where nobody is on the other side.
   double given(int place) const { return places_[static_cast<std::size_t>(place)].given; }
   /// J, in what sticks.
@@ -66,7 +68,10 @@ class BodySolver {
   /// Nothing has touched yet.
   void reset() noexcept;
   /// Of another one with the same places.
-  void take_over(const BodySolver& other) { places_ = other.places_; }
+  void take_over(const BodySolver& other) {
+    places_ = other.places_;
+    islands_ = other.islands_;
+  }
 
  private:
   struct Place {

@@ -64,8 +64,8 @@ class MovingBodies {
 
   /// J, at the beginning of the last step: of motion and height, and of all that is pressed.
   double energy() const { return energy_; }
-  /// J, of it: what the tool has put into them and may get back. No more than its work, and no more
-  /// than what each has above the least that it has had, and what sticks.
+  /// J, of it: what the tool has put into them and may get back. No more than its work, as far as
+  /// it has raised the energy of what it moved, and no more than each still has above its least.
   double stored() const { return stored_; }
   /// Of the last step, for tests.
   std::span<const BodyTouch> touches() const { return touches_; }
@@ -108,7 +108,10 @@ class MovingBodies {
     bool is_asleep = false;
     bool is_covered = false;  // by what a camera sees before it
     double pressed = 0;       // of this step, J: half of it where two bodies touch
-    double min_energy = 0;    // the least that it has had, J
+    double energy = 0;        // at the last step, J; the least that it has had
+    double min_energy = 0;
+    double growth = 0;  // since the step before, J, if any
+    double stored = 0;  // of its energy, from the tool, J
   };
 
   MovingBodies(const BodyOptions& options) : options_(options) {}
@@ -122,6 +125,7 @@ class MovingBodies {
   void wake(double dt);
   double energy_of(int body) const;
   void add_energy();
+  void add_stored();
   void forget_stored();
   void fall_asleep(double dt);
   int group_of(int body);
@@ -137,10 +141,10 @@ class MovingBodies {
   std::vector<Pair> pairs_;
   std::vector<RigidBody> bodies_;
   std::vector<Rest> rests_;
-  std::vector<int> groups_;  // of bodies that touch: another one of it, or itself
+  std::vector<int> groups_;    // of bodies that touch: another one of it, or itself
+  std::vector<double> given_;  // J, by the tool in the last step, to each body
   std::vector<BodyTouch> touches_;
   double energy_ = 0, stored_ = 0;  // J, as the last step has found them
-  double given_ = 0;                // J, by the tool in the last step
   std::unique_ptr<BodySolver> solver_;
 };
 
