@@ -232,7 +232,9 @@ class Faults(Case):
             self.assertGreaterEqual(float(seconds), duration)
             self.assertGreaterEqual(int(ticks), self.num_ticks)
             num_in_the_middle += "nothing was recorded from" in self.last_error
-        self.assertGreater(num_in_the_middle, 0)
+        if num_in_the_middle == 0:  # on a busy computer all of these may be the run's end
+            self.check_touch(self.live_run(self.folder / "later", 30, wall=self.LARGE_WALL), "full@12")
+            self.assertIn("nothing was recorded from", self.last_error)
 
     def test_a_disk_that_takes_seconds_holds_up_no_record(self):
         def is_whole():
