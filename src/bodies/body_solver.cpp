@@ -362,10 +362,8 @@ void BodySolver::find_islands(std::span<const RigidBody> bodies,
 
 void BodySolver::step(std::span<RigidBody> bodies, std::span<const BodyTouch> touches,
                       const Forces& forces, double dt) noexcept {
-  for (Place& place : places_) {
-    place.was_held = std::exchange(place.is_held, false);
-    place.given = 0;
-  }
+  for (Place& place : places_) place.was_held = std::exchange(place.is_held, false);
+  forget_given();
   find_islands(bodies, touches);
   for (int first = 0; first < static_cast<int>(bodies.size()); ++first) {
     if (islands_[static_cast<std::size_t>(first)] != first) continue;

@@ -167,7 +167,6 @@ Status MovingBodies::add_pairs(const Place& place) {
   solver_ = std::make_unique<BodySolver>(num_bodies(), masses);
   touches_.reserve(masses.size());
   groups_.resize(bodies_.size());
-  given_.resize(bodies_.size());
   return Done{};
 }
 
@@ -374,7 +373,7 @@ void MovingBodies::add_stored() {
     double given = 0, growth = 0, stored = 0;
     for (int i = first; i < num_bodies(); ++i) {
       if (solver_->island(i) != first) continue;
-      given += std::exchange(given_[static_cast<std::size_t>(i)], 0);
+      given += solver_->given(num_bodies() + i);
       growth += rest(i).growth;
       stored += rest(i).stored;
     }
@@ -385,10 +384,8 @@ void MovingBodies::add_stored() {
                               : std::max(given, -stored) * (stored > 0 ? own.stored / stored : 0);
     }
   }
-  stored_ = 0;
   for (Rest& own : rests_) {
     own.stored = std::clamp(own.stored, 0.0, own.energy - own.min_energy);
-    stored_ += own.stored;
   }
 }
 
@@ -399,8 +396,13 @@ void MovingBodies::forget_stored() {
     own.min_energy = own.energy;
     own.stored = 0;
   }
-  stored_ = 0;
-  std::ranges::fill(given_, 0);
+  solver_->forget_given();
+}
+
+double MovingBodies::stored() const {
+  double sum = 0;
+  for (const Rest& own : rests_) sum += own.stored;
+  return sum;
 }
 
 bool MovingBodies::step(std::span<const SurfaceBlend> cameras, std::span<const Push> pushes,
@@ -424,9 +426,6 @@ bool MovingBodies::step(std::span<const SurfaceBlend> cameras, std::span<const P
   add_energy();
   add_stored();
   solver_->step(bodies_, touches_, {gravity(), options_.damping}, dt);
-  for (int i = 0; i < num_bodies(); ++i) {
-    given_[static_cast<std::size_t>(i)] = solver_->given(num_bodies() + i);
-  }
   fall_asleep(dt);
   return true;
 }
@@ -469,8 +468,6 @@ void MovingBodies::take_over(const MovingBodies& other) noexcept {
     rests_[i].seconds = 0;
   }
   solver_->take_over(*other.solver_);
-  stored_ = other.stored_;
-  std::ranges::copy(other.given_, given_.begin());
   if (gravity() != other.gravity()) forget_stored();
 }
 

@@ -90,14 +90,15 @@ void ContactRepetition::push_next(Camera& camera, SurfaceBlend& blend) {
 /// A change takes effect at once, but where one waits for a depth frame, those after it wait with
 /// it, and the last one is all that is used.
 void ContactRepetition::use_measuring(std::uint32_t revision) {
+  const auto is_due = [&] { return !measuring_.empty() && measuring_.begin()->first <= revision; };
   std::unique_ptr<ContactPart> newest;
   bool waits = false;
-  while (!measuring_.empty() && measuring_.begin()->first <= revision) {
+  while (is_due()) {
     const auto due = measuring_.extract(measuring_.begin());
     Measuring& next = due.mapped();
     if (next.part) newest = std::move(next.part);
     waits = waits || next.waits;
-    if (waits && !measuring_.empty() && measuring_.begin()->first <= revision) continue;
+    if (waits && is_due()) continue;
     if (newest && part_) newest->take_over(*part_);
     if (newest) part_ = std::move(newest);
     part_->use(next.scale);

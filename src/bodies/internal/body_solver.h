@@ -62,6 +62,9 @@ class BodySolver {
   int island(int body) const { return islands_[static_cast<std::size_t>(body)]; }
   /// J, that a place has put into its body a in the last step, where nobody is on the other side.
   double given(int place) const { return places_[static_cast<std::size_t>(place)].given; }
+  void forget_given() noexcept {
+    for (Place& place : places_) place.given = 0;
+  }
   /// J, in what sticks.
   double friction_energy() const noexcept;
 

@@ -66,7 +66,7 @@ class MovingBodies {
   double energy() const { return energy_; }
   /// J, of it: what the tool has put into them and may get back. No more than its work, as far as
   /// it has raised the energy of what it moved, and no more than each still has above its least.
-  double stored() const { return stored_; }
+  double stored() const;
   /// Of the last step, for tests.
   std::span<const BodyTouch> touches() const { return touches_; }
 
@@ -108,10 +108,10 @@ class MovingBodies {
     bool is_asleep = false;
     bool is_covered = false;  // by what a camera sees before it
     double pressed = 0;       // of this step, J: half of it where two bodies touch
-    double energy = 0;        // at the last step, J; the least that it has had
-    double min_energy = 0;
-    double growth = 0;  // since the step before, J, if any
-    double stored = 0;  // of its energy, from the tool, J
+    double energy = 0;        // at the last step, J
+    double min_energy = 0;    // the least that it has had, J
+    double growth = 0;        // since the step before, J, if any
+    double stored = 0;        // of its energy, from the tool, J
   };
 
   MovingBodies(const BodyOptions& options) : options_(options) {}
@@ -141,10 +141,9 @@ class MovingBodies {
   std::vector<Pair> pairs_;
   std::vector<RigidBody> bodies_;
   std::vector<Rest> rests_;
-  std::vector<int> groups_;    // of bodies that touch: another one of it, or itself
-  std::vector<double> given_;  // J, by the tool in the last step, to each body
+  std::vector<int> groups_;  // of bodies that touch: another one of it, or itself
   std::vector<BodyTouch> touches_;
-  double energy_ = 0, stored_ = 0;  // J, as the last step has found them
+  double energy_ = 0;  // J
   std::unique_ptr<BodySolver> solver_;
 };
 
