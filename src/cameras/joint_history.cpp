@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <unordered_set>
 #include <utility>
 
 #include "src/io/text_scanner.h"
@@ -125,10 +126,11 @@ Status read_joint_table(std::string_view text, const std::string& name, JointHis
         return bad("must name the columns: time, then joints; e.g. 'time,elbow,wrist'");
       }
       joints.assign(cells.begin() + 1, cells.end());
-      for (auto joint = joints.begin(); joint != joints.end(); ++joint) {
-        if (*joint == "time") return bad("must have the time as its first column");
-        if (std::find(joints.begin(), joint, *joint) == joint) continue;
-        return bad("has two columns '" + joint->substr(0, 40) + "'; leave one of them out");
+      std::unordered_set<std::string_view> known;
+      for (const std::string& joint : joints) {
+        if (joint == "time") return bad("must have the time as its first column");
+        if (known.insert(joint).second) continue;
+        return bad("has two columns '" + joint.substr(0, 40) + "'; leave one of them out");
       }
       continue;
     }

@@ -3,7 +3,7 @@
 //
 // usage: large_inputs [--megabytes 100] [--only TEXT] [--csv FILE] [--timeless]
 //   --only      inputs whose name contains this
-//   --timeless  only memory, and whether they are taken or refused: for tests
+//   --timeless  not the time, but that it grows no faster than the input: for tests
 #include "tests/fuzz/large_inputs.h"
 
 #include <sys/resource.h>
@@ -97,44 +97,66 @@ struct Options {
   bool is_timeless = false;
 };
 
-/// What is wrong with it; empty: nothing.
-std::string measure(const LargeInput& input, const Options& options, std::FILE* csv) {
+struct Reading {
+  Outcome outcome;
+  double size = 0;  // of the input, MB
+};
+
+/// Makes an input of that many bytes, or as many as its format takes, and reads it.
+Reading read_alone(const LargeInput& input, double num_bytes) {
   const fs::path folder =
       fs::temp_directory_path() / ("palpate-large-" + std::to_string(::getpid()));
   const fs::path path = folder / ("input" + input.extension);
   fs::create_directories(folder);
-  const auto desired = static_cast<std::size_t>(1e6 * options.megabytes);
   alone([&] {
-    input.make(path, desired);
+    input.make(path, static_cast<std::size_t>(num_bytes));
     return 0;
   });
   const double size = 1e-6 * static_cast<double>(size_on_disk(path));
   const double before = alone([] { return 0; }).megabytes;
-  const Outcome outcome = alone([&] {
+  Outcome outcome = alone([&] {
     const Status status = input.read(path);
     if (!status) std::printf("    %.200s\n", status.error().message.c_str());
     return status ? kTaken : kRefused;
   });
+  outcome.megabytes -= before;
   fs::remove_all(folder);
-  const double memory = outcome.megabytes - before, per_100 = outcome.seconds * 100 / size;
+  return {outcome, size};
+}
+
+/// Whether half of the input takes less than a third of the time, if it takes long at all. Holds on
+/// a busy computer, too.
+bool grows_faster_than_input(const LargeInput& input, double num_bytes, double seconds) {
+  constexpr double kLong = 2;  // s
+  return seconds > kLong && read_alone(input, num_bytes / 2).outcome.seconds < seconds / 3;
+}
+
+/// What is wrong with it; empty: nothing.
+std::string measure(const LargeInput& input, const Options& options, std::FILE* csv) {
+  const double num_bytes = 1e6 * options.megabytes;
+  const auto [outcome, size] = read_alone(input, num_bytes);
+  const double per_100 = outcome.seconds * 100 / size;
   std::printf("%-12s %-42s %8.1f MB %8.2f s %8.2f s/100 MB %8.0f MB  %s\n", input.reader.c_str(),
-              input.what.c_str(), size, outcome.seconds, per_100, memory,
+              input.what.c_str(), size, outcome.seconds, per_100, outcome.megabytes,
               outcome.status == kTaken     ? "taken"
               : outcome.status == kRefused ? "refused"
                                            : "BROKEN");
   if (csv != nullptr) {
     std::fprintf(csv, "%s,\"%s\",%.1f,%.2f,%.2f,%.0f,%s\n", input.reader.c_str(),
-                 input.what.c_str(), size, outcome.seconds, per_100, memory,
+                 input.what.c_str(), size, outcome.seconds, per_100, outcome.megabytes,
                  outcome.status == kTaken ? "taken" : "refused");
   }
   if (outcome.status != kTaken && outcome.status != kRefused) return "ends the program";
   const bool is_taken = outcome.status == kTaken;
   if (input.is_taken.value_or(is_taken) != is_taken) return is_taken ? "is taken" : "is refused";
-  if (!test::kIsSanitized && memory > kMaxMegabytes + kMaxPerByte * size)
+  if (!test::kIsSanitized && outcome.megabytes > kMaxMegabytes + kMaxPerByte * size)
     return "takes too much memory";
   if (!options.is_timeless &&
       outcome.seconds > 0.01 * input.max_seconds * std::max(size, kMinMegabytes)) {
     return "takes too long";
+  }
+  if (grows_faster_than_input(input, num_bytes, outcome.seconds)) {
+    return "takes three times as long as half of it";
   }
   return "";
 }
