@@ -401,6 +401,7 @@ TEST_F(ForceDimension, ADriverThatDoesNotReturnFromOpeningOrLookingIsLeft) {
                        "was opened; switch"))
       << device.error().message;
   EXPECT_TRUE(is_any_call_hung());
+  ASSERT_TRUE(eventually([&] { return fake_.hang.num_hanging > 0; }));
   fake_.hang.in = "dhdGetDeviceCount";  // the device that has been opened after all is closed
   EXPECT_TRUE(eventually([&] { return !is_any_call_hung() && fake_.num_open == 0; }));
   std::string what;
@@ -424,15 +425,23 @@ TEST_F(ForceDimension, ADeviceThatDoesNotCloseIsLeft) {
 
 // Without a force for a moment, the hand has moved on: all of it at once would be a blow.
 TEST_F(ForceDimension, TheForceComesBackSlowlyWhenTheDeviceHadNone) {
-  auto device = running(kPush);
-  EXPECT_TRUE(eventually([&] { return fake_.wrench[0] == 3; }));
+  auto device = open();
+  std::atomic<bool> is_without = false;
+  ASSERT_TRUE(device->start([&, F = kPush](const DeviceState&) {
+    if (is_without && fake_.wrench[0] == 0) {  // before the device is given up
+      fake_.largest_step = 0;
+      fake_.read_result = 0;
+      fake_.takes_force = true;
+      is_without = false;
+    }
+    return F;
+  }));
+  ASSERT_TRUE(eventually([&] { return fake_.wrench[0] == 3; }));
   for (const bool is_silent : {false, true}) {
     (is_silent ? fake_.read_result : fake_.status_result) = is_silent ? -1 : 0;
     fake_.takes_force = is_silent;
-    ASSERT_TRUE(eventually([&] { return fake_.wrench[0] == 0; }));
-    fake_.largest_step = 0;
-    fake_.read_result = 0;
-    fake_.takes_force = true;
+    is_without = true;
+    ASSERT_TRUE(eventually([&] { return !is_without; }));
     ASSERT_TRUE(eventually([&] { return fake_.wrench[0] == 3; })) << fake_.wrench[0].load();
     EXPECT_GT(fake_.largest_step, 0);
     EXPECT_LT(fake_.largest_step, 0.03);  // 3 N in 200 ticks: 0.015 N at each

@@ -240,7 +240,9 @@ TEST(HaplyDevice, APositionThatNoDeviceReachesIsNoState) {
 }
 
 TEST(HaplyDevice, LateAnswersAreTicksWithoutAState) {
-  Bench bench;
+  HaplyServiceOptions options;
+  options.force_timeout = 5;  // it takes the forces, however late
+  Bench bench(options);
   bench.log.set_force({0, 0, 1});
   bench.start();
   bench.service.faults.reply_delay = 20;

@@ -105,10 +105,16 @@ double fastest(const VrpnServerOptions& options) {
   Bench bench(options);
   bench.start();
   EXPECT_TRUE(eventually([&] { return bench.log.num_valid() > 50; }));
-  bench.log.set_force({0, 0, 4});
-  EXPECT_TRUE(eventually([&] { return bench.log.last().X_BH.translation.z > 0.045; }));
   double speed = 0;
-  for (const DeviceState& state : bench.log.states()) speed = std::max(speed, state.V_BH.linear.z);
+  // Again if the computer stood still during the motion.
+  for (int turn = 0; turn < 20 && speed < 0.03; ++turn) {
+    bench.log.set_force({0, 0, 4});
+    EXPECT_TRUE(eventually([&] { return bench.log.last().X_BH.translation.z > 0.045; }));
+    for (const DeviceState& state : bench.log.states())
+      speed = std::max(speed, state.V_BH.linear.z);
+    bench.log.set_force({});
+    EXPECT_TRUE(eventually([&] { return bench.log.last().X_BH.translation.z < 0.033; }));
+  }
   return speed;
 }
 

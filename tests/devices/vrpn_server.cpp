@@ -8,6 +8,8 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
+#include <cerrno>
 #include <chrono>
 #include <cstring>
 
@@ -51,6 +53,15 @@ std::string cookie_of(const std::string& text) {
 bool send_all(int socket, const std::string& bytes) {
   return ::send(socket, bytes.data(), bytes.size(), MSG_NOSIGNAL) ==
          static_cast<ssize_t>(bytes.size());
+}
+
+/// What has come is added to `received`; false: the other side has closed.
+bool receive(int socket, std::string& received) {
+  std::array<char, 4096> buffer;
+  ssize_t count = 0;
+  while ((count = ::recv(socket, buffer.data(), buffer.size(), MSG_DONTWAIT)) > 0)
+    received.append(buffer.data(), static_cast<std::size_t>(count));
+  return count < 0 && (errno == EAGAIN || errno == EINTR);
 }
 
 }  // namespace
@@ -125,18 +136,23 @@ void VrpnServer::serve(int socket) {
     next = std::max(next + std::chrono::nanoseconds(1'000'000'000 / options_.rate),
                     std::chrono::steady_clock::now());
     std::this_thread::sleep_until(next);
-    std::array<char, 4096> buffer;
-    ssize_t count = 0;
-    while ((count = ::recv(socket, buffer.data(), buffer.size(), MSG_DONTWAIT)) > 0)
-      received.append(buffer.data(), static_cast<std::size_t>(count));
+    const bool is_connected = receive(socket, received);
     if (!has_cookie && received.size() >= 24) {
       if (!received.starts_with("vrpn: ver. 07.")) return;
       received.erase(0, 24);
       has_cookie = true;
     }
     if (has_cookie) take(received);
-    if (count == 0) return;  // the other side has closed
-    if (!is_silent && !report(socket, number)) return;
+    if (!is_connected) return;
+    if (is_silent || report(socket, number)) continue;
+    receive(socket, received);  // what the other side has sent before it closed
+    if (has_cookie) take(received);
+    return;
+  }
+  // Closing with messages unread would be an error to the other side instead of an end.
+  ::shutdown(socket, SHUT_WR);
+  while (!is_stopping_ && receive(socket, received)) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
 }
 

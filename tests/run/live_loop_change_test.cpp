@@ -154,9 +154,10 @@ TEST(LiveLoopChange, EveryStageGoesOnAndNothingJumps) {
     EXPECT_LT(norm(now.step.X_WT_hand.translation - last.step.X_WT_hand.translation),
               2 * moved + 1e-9)
         << now.revision;
-    // A coupling without a mass follows the wall of another frame at once; where a sanitizer makes
-    // contacts late, also what another method says of it: how far in the tool is at most.
-    const bool is_late = test::kIsSanitized && now.revision == kOtherMethod;
+    // A coupling without a mass follows the wall of another frame at once; where
+    // contacts are late, also what another method says of it: how far in the tool is at most.
+    const bool is_late =
+        now.revision == kOtherMethod && (test::kIsSanitized || last.contact_age > 0.005);
     const double wall_moved = is_late ? 0.015 : now.frame_number == last.frame_number ? 0 : 0.002;
     EXPECT_LT(norm(now.step.X_WT.translation - last.step.X_WT.translation),
               2 * moved + went_on + wall_moved + 300 * now.dt * now.dt)
@@ -181,6 +182,7 @@ TEST(LiveLoopChange, ContactsAreThoseOfTheirRevision) {
   }
   touching.loop->stop();
   Seen& seen = touching.seen;
+  ASSERT_EQ(touching.loop->report().num_lost_records, 0u);
   seen.settings.insert(seen.settings.begin(), patient_settings());
   ThreadPool pool(1);
   eval::MethodQueries query(Backend::cpu, box_tool());
@@ -613,6 +615,7 @@ TEST(LiveLoopPictures, AreWhatAFreshQuerySays) {
     touching.loop->stop();
 
     const Seen& seen = touching.seen;
+    ASSERT_EQ(touching.loop->report().num_lost_records, 0u);
     const ContactRecord& contact = seen.contacts.at(picture->contact_number - 1);
     EXPECT_EQ(contact.number, picture->contact_number);
     EXPECT_EQ(contact.frame_number, picture->frame_number);
