@@ -246,6 +246,7 @@ Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
   const auto view = LiveView::create(tool, DepthSources(sources).infos(), info.name, handle,
                                      options.settings.objects);
   std::optional<OpenPage> page;
+  catch_interrupts();  // from the line on that says where the page is
   if (options.has_page) {
     auto served = OpenPage::serve(*view, options.page, std::cerr);
     if (!served) return served.error();
@@ -268,7 +269,6 @@ Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
     loop = running;
     if (others) others(running);
   };
-  catch_interrupts();
   std::optional<Suspension> suspension;
   if (is_live) suspension.emplace();
   Progress bar("touching");

@@ -19,7 +19,7 @@ import palpate
 #: Into the wall at 1 m, 10 mm deep, in half a second.
 PATH = np.array([[0, 0, 0, 0.95, 0, 0, 0, 1], [0.5, 0, 0, 0.99, 0, 0, 0, 1]])
 #: As long and as deep, for real time: it rests there, as the measurement of its end may come late.
-RESTING = np.array([[0, 0, 0, 0.97, 0, 0, 0, 1], [0.2, 0, 0, 0.99, 0, 0, 0, 1], [0.5, 0, 0, 0.99, 0, 0, 0, 1]])
+RESTING = np.array([[0, 0, 0, 0.97, 0, 0, 0, 1], [0.2, 0, 0, 0.99, 0, 0, 0, 1], [2, 0, 0, 0.99, 0, 0, 0, 1]])
 
 
 @pytest.fixture(scope="module")

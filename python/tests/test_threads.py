@@ -19,7 +19,7 @@ import palpate
 WIDTH, HEIGHT = 64, 48
 INTRINSICS = "intrinsics=60,60,31.5,23.5"
 #: Before the wall at 1 m, in real time.
-RESTING = np.array([[0, 0, 0, 0.97, 0, 0, 0, 1], [0.3, 0, 0, 0.99, 0, 0, 0, 1]])
+RESTING = np.array([[0, 0, 0, 0.97, 0, 0, 0, 1], [0.3, 0, 0, 0.99, 0, 0, 0, 1], [2, 0, 0, 0.99, 0, 0, 0, 1]])
 
 
 @pytest.fixture

@@ -105,7 +105,8 @@ class LiveRuns(CommandLineCase):
                        "--settings", settings, "-o", run, "--view", "--view-port", 0) as (
                 program, address):
             self.assertEqual(self.ask(address, "hello")["kind"], "live")
-            self.wait_for(lambda: self.ask(address, "state")["ticks"] > 100, program)
+            # Settings change once something has been felt.
+            self.wait_for(lambda: (state := self.ask(address, "state"))["ticks"] > 100 and state["contacts"] > 0, program)
             for command in ({"command": "set", "key": "contact.method", "value": "graph"},
                             {"command": "pause"}, {"command": "step"}, {"command": "resume"},
                             {"command": "mark", "text": "a word"}, {"command": "end"}):
@@ -210,8 +211,11 @@ class LiveRuns(CommandLineCase):
 
     def wait_for(self, condition, program=None):
         deadline = time.monotonic() + 120
-        while not condition():
-            self.assertTrue(time.monotonic() < deadline and (program is None or program.poll() is None))
+        while True:
+            has_ended = program is not None and program.poll() is not None
+            if condition():
+                return
+            self.assertTrue(time.monotonic() < deadline and not has_ended)
             time.sleep(0.02)
 
     def stand_still(self, program):

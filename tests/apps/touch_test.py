@@ -159,7 +159,7 @@ class Touching(CommandLineCase):
         """Poses are those of the tool in the camera frame, with and without a device."""
         path, along, played = self.path("same.txt"), self.path("along"), self.path("played")
         with open(path, "w") as file:
-            file.write("0 0 0 0.45 0 0 0 1\n0.5 0.003 0 0.49 0 0.1 0 0.995\n0.9 0.003 0 0.49 0 0.1 0 0.995\n")
+            file.write("0 0 0 0.45 0 0 0 1\n0.5 0.003 0 0.49 0 0.1 0 0.995\n3 0.003 0 0.49 0 0.1 0 0.995\n")
         settings = self.patient_settings("patient_path.toml")
         touch = (*self.sequence("--settings", settings), "--depth-rate", 0.5)
         self.succeed(*touch, "-o", along, "--path", path)

@@ -160,7 +160,8 @@ class FakeV4l2 final : public v4l2::System {
     if (is_damaged && num_damaged % 2 == 0) to.flags |= V4L2_BUF_FLAG_ERROR;
     if (is_damaged && num_damaged % 2 == 1) to.bytesused /= 2;
     if (is_monotonic) to.flags |= V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC;
-    const double stamp = monotonic_now() - 0.02;  // exposed and transferred until now
+    // Exposed and transferred until now; by another clock it is earlier.
+    const double stamp = monotonic_now() - (is_monotonic ? 0.02 : 0.5);
     to.timestamp.tv_sec = static_cast<time_t>(stamp);
     to.timestamp.tv_usec =
         static_cast<suseconds_t>(1e6 * (stamp - static_cast<double>(to.timestamp.tv_sec)));

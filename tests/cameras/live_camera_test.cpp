@@ -258,7 +258,8 @@ TEST(LiveCamera, IsBackWithItsFirstFrame) {
   const auto script = [&](int number, DepthFrame& frame, DepthStreamInfo&,
                           const auto&) -> Result<bool> {
     const bool sends_nothing = num_opened > 0 && num_opened < 4;
-    if (sends_nothing || number == 5) return Error{Errc::unavailable, "it sends no frames"};
+    const bool is_lost = num_opened == 0 && number == 5;
+    if (sends_nothing || is_lost) return Error{Errc::unavailable, "it sends no frames"};
     return give(frame, number, 0);
   };
   const OpenRaw again = [&]() -> Result<RawStream> {
@@ -463,15 +464,13 @@ TEST(LiveCamera, BlackFramesAndFramesFromThePastAreLeftOut) {
 }
 
 TEST(LiveCamera, CountsWhatIsMissingAndDeclaresLatency) {
-  std::atomic<double> sent = 0;
+  const double begin = monotonic_now();
   const auto camera = live(
       [&](int number, DepthFrame& frame, DepthStreamInfo&,
           const auto& is_cancelled) -> Result<bool> {
         if (number == 20) return wait(is_cancelled);
         // Every second frame does not come.
-        const auto got = give(frame, number, 1e6 + 2 * number / 100.0);
-        sent = monotonic_now();
-        return got;
+        return give(frame, number, 1e6 + 2 * number / 100.0);
       },
       {}, "test?rate=100&latency=0.5", StampClock::cameras);
   DepthFrame frame;
@@ -481,7 +480,7 @@ TEST(LiveCamera, CountsWhatIsMissingAndDeclaresLatency) {
     ++num;
   }
   EXPECT_LE(frame.timestamp, monotonic_now() - 0.5);
-  EXPECT_GT(frame.timestamp, sent - 2);
+  EXPECT_GT(frame.timestamp, begin - 0.5);
   camera->cancel();
   const std::string notes = joined(camera->take_notes());
   EXPECT_TRUE(has(notes, "has sent 20 frames; 19 are missing")) << notes;

@@ -319,7 +319,7 @@ TEST_F(PipeCamera, LiveCamerasAreRecordedTogetherThoughOneFallsSilent) {
     }
   });
   RecordStreamOptions options;
-  options.duration = 0.5;
+  options.duration = 2;
   options.keep_going = [&](double, std::uint64_t num) {
     num_recorded = num;
     return true;

@@ -120,7 +120,7 @@ class SwingingRobot {
           again = again < newest ? again + 1 : kOldest;
           tell(again);
         }
-        std::this_thread::sleep_for(std::chrono::microseconds(500));
+        std::this_thread::sleep_for(std::chrono::milliseconds(5));  // readers keep the last 100
       }
     });
   }
@@ -347,7 +347,7 @@ TEST_F(RobotOverRos, GoesByStampsAgainAfterStatesWithoutThem) {
       gripper->publish(joint_state_message({}, names, positions));
       std::this_thread::sleep_for(std::chrono::milliseconds(20));
     }
-    std::this_thread::sleep_for(std::chrono::milliseconds(5200));  // they count for 5 s
+    std::this_thread::sleep_for(std::chrono::milliseconds(7000));  // they count for 5 s
   });
 }
 

@@ -104,8 +104,8 @@ TEST_F(V4l2, BelievesTimesOfItsOwnClockAndLeavesDamagedFramesOut) {
   EXPECT_NE(notes.find("by this computer's clock"), std::string::npos) << notes;
   camera.reset();
   kernel_.is_monotonic = false;
-  const auto other = open(kSmall).value();
   const double before = monotonic_now();
+  const auto other = open(kSmall).value();
   ASSERT_TRUE(*other->next(frame));
   EXPECT_GE(frame.timestamp, before - 0.02);
 }

@@ -96,7 +96,8 @@ void reset() {
     g_fake.velocity[i] = g_fake.angular_velocity[i] = g_fake.force[i] = g_fake.torque[i] = 0;
   g_fake.buttons = 0;
   g_fake.largest_force = g_fake.largest_step = 0;
-  g_fake.num_frames = g_fake.num_calls = g_fake.num_idle = g_fake.num_outside = g_fake.num_illegal = 0;
+  g_fake.num_frames = g_fake.num_calls = g_fake.num_idle = g_fake.num_outside = g_fake.num_illegal =
+      0;
   for (auto& capability : g_fake.capabilities) capability = false;
   g_fake.updated_style = 0;
   g_fake.opened_name.clear();

@@ -34,7 +34,7 @@ struct FakeHd {
   std::atomic<double> largest_force{0};
   std::atomic<double> largest_step{0};  ///< up, of the force along x from one frame to the next
   std::atomic<int> num_frames{0}, num_calls{0};
-  std::atomic<int> num_idle{0};  ///< times that the scheduler called nobody, as it is hanging
+  std::atomic<int> num_idle{0};       ///< times that the scheduler called nobody, as it is hanging
   std::atomic<int> num_outside{0};    ///< forces set outside a frame
   std::atomic<int> num_illegal{0};    ///< second frame in one call, frames that do not match
   std::atomic<int> num_scheduled{0};  ///< call backs that want to be called

@@ -87,7 +87,8 @@ TEST(HaplyDevice, TheHandFeelsTheForce) {
   bench.start();
   ASSERT_TRUE(eventually([&] { return bench.log.last().is_valid; }));
   const double y = bench.log.last().X_BH.translation.y;
-  // At rest the force is held by the hand's spring of 100 N/m: one centimetre, upwards and downwards.
+  // At rest the force is held by the hand's spring of 100 N/m: one centimetre, upwards and
+  // downwards.
   bool has_moved = false;
   for (int turn = 0; turn < 100 && !has_moved; ++turn) {
     const double force = turn % 2 == 0 ? 1 : -1;
@@ -96,7 +97,8 @@ TEST(HaplyDevice, TheHandFeelsTheForce) {
       const Vec3d hand = bench.service.hand_position();
       return norm(hand - Vec3d{0.02, -0.15, 0.15 + 0.01 * force}) < 0.002 &&
              std::abs(bench.log.last().X_BH.translation.y - y - 0.01 * force) < 0.002;
-    })) << force << " N";
+    })) << force
+        << " N";
     // A computer that stands still during the whole way sees no velocity: there and back again.
     for (const DeviceState& state : bench.log.states()) has_moved |= state.V_BH.linear.y > 0.01;
   }

@@ -136,7 +136,9 @@ def run_page(page, palpate, brought):
                 print(f"SKIPPED: {name}:{line}: {why}")
                 continue
             for command in re.sub(r"\\\n\s*", "", body).splitlines():
-                command = shortened(command.split("  #")[0].strip())
+                command = command.split("  #")[0].strip()
+                if not SERVES.search(command):  # which is ended once its page has been seen
+                    command = shortened(command)
                 if not command or command.startswith(("#", "alias ")):
                     continue
                 begin = time.monotonic()

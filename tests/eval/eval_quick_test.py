@@ -23,7 +23,7 @@ VERDICTS = {"thesis": {"agrees", "differs", "contradicts", "not comparable", "no
 
 def palpate_eval(*arguments):
     return subprocess.run([PALPATE_EVAL, *arguments], capture_output=True, text=True,
-                          timeout=900)
+                          timeout=3000)
 
 
 def wanted_rows():

@@ -380,6 +380,8 @@ class Faults(Case):
                 return False
             back = float(rows[after]["time_s"])
             soon = [row for row in rows[after:] if back + 0.1 < float(row["time_s"]) < back + 0.5]
+            if not soon:
+                return False
             self.assertEqual({force(row) for row in soon}, {0})
             self.assertIn("loop", [each["fault"] for each in self.summary(output)["faults"]])
             return True
@@ -451,11 +453,13 @@ class Faults(Case):
     def wait_until(self, is_so, process):
         """While it runs."""
         deadline = time.monotonic() + 120
-        while not (found := is_so()):
-            self.assertIsNone(process.poll())
+        while True:
+            status = process.poll()
+            if found := is_so():
+                return found
+            self.assertIsNone(status)
             self.assertLess(time.monotonic(), deadline)
             time.sleep(0.01)
-        return found
 
     def wait_for(self, path, process):
         self.wait_until(path.exists, process)

@@ -266,7 +266,7 @@ class Cameras:
         if behavior == "once":
             self.images.write(count_image(now, flat(NEAR)))
             self.num_heard += bool(self.infos.get_matched_subscriptions())
-            if self.num_heard == 15:  # the other side knows of it too
+            if self.num_heard == 60:  # the other side knows of it too
                 self.later(now + 0.005, self.infos, info(now))
             return
         if behavior == "late":
@@ -363,8 +363,12 @@ def main(domain, behavior, place="0,0,0.5"):
         for twist in taken(twists, 200):
             stamp, v, w = twist.header.stamp, twist.twist.linear, twist.twist.angular
             seen["twists"].append([stamp.sec + 1e-9 * stamp.nanosec, v.x, v.y, v.z, w.x, w.y, w.z])
-        if not has_enough and len(seen["fractions"]) > (500 if behavior in ("moving", "two") else 250) and (
-                seen["touching"] > 100 or behavior == "bent") and (seen["spheres"] or not drawn):
+        if behavior == "follow":
+            is_enough = len(seen["poses"]) > 1000 and sum(any(twist[1:]) for twist in seen["twists"][-1000:]) > 500
+        else:
+            is_enough = len(seen["fractions"]) > (500 if behavior in ("moving", "two") else 250) and (
+                seen["touching"] > 100 or behavior == "bent") and (seen["spheres"] or not drawn)
+        if is_enough and not has_enough:
             has_enough = True
             tell("enough")
         time.sleep(0.002)

@@ -353,7 +353,7 @@ def main(domain, behavior="good", size=f"{WIDTH}x{HEIGHT}", namespace="rt/palpat
                 if shown > 0:
                     latencies.append(sent[-1] - shown)
                     shown = 0
-            if sent[-1] > wild_since + 0.5:
+            if sent[-1] > wild_since + 1:
                 seen["wild_touching"] += is_touching
             if wrench.header.frame_id not in seen["frames"]:
                 seen["frames"].append(wrench.header.frame_id)
@@ -380,11 +380,15 @@ def main(domain, behavior="good", size=f"{WIDTH}x{HEIGHT}", namespace="rt/palpat
                              if isinstance(policy, Policy.Userdata)), b"")
                 seen["hashes"][topic] = bytes(data).decode()
         if behavior == "tf_stops":
-            is_enough = now > wild_since + 1 and "the tool's pose" in seen["reasons"]
+            is_enough = now > wild_since + 2 and "the tool's pose" in seen["reasons"]
+        elif behavior == "silent":  # which is told after 2 s
+            is_enough = now > wild_since + 4 and "the depth image" in seen["reasons"]
+        elif behavior in ("wrong_encoding", "wrong_size", "talks"):
+            is_enough = now > wild_since + 2
         else:
             is_enough = (
                 seen["wrenches"] > 1000 and seen["touching"] > 100 and seen["contact"]
-                and sum(stamp > sent[0] for stamp, _ in counts) > 4 and (behavior != "flood" or seen["images"] > 5000)
+                and sum(stamp > sent[0] for stamp, _ in counts) > 7 and (behavior != "flood" or seen["images"] > 5000)
                 and (behavior not in ("flood", "tomorrow") or seen["wild_touching"] > 10))
         if is_enough and not has_enough:
             has_enough = True
@@ -394,7 +398,7 @@ def main(domain, behavior="good", size=f"{WIDTH}x{HEIGHT}", namespace="rt/palpat
     # How many were sent and had not come here, by each word of how many there are: the same number from the first one
     # on, if none is lost. A word that was sent long after it was counted says less; the last one was not.
     missing = [count - bisect.bisect_right(sent, stamp) for stamp, count in counts if sent and stamp > sent[0]]
-    seen["lost"] = missing[-1] - max(missing[:3]) if len(missing) > 3 else None
+    seen["lost"] = missing[-1] - max(missing[:6]) if len(missing) > 6 else None
     seen["delay_ms"] = parts(delays)
     seen["sent_gap_ms"] = parts([after - before for before, after in zip(sent, sent[1:])])
     seen["image_to_sent_ms"], seen["measured"] = parts(latencies), len(latencies)

@@ -172,6 +172,10 @@ class RecordingObserver final : public fast::DataReaderListener {
       if (info.valid_data) messages_.push_back(message);
     }
   }
+  bool has_newest_with(const std::string& words) {
+    const std::lock_guard lock(mutex_);
+    return !messages_.empty() && messages_.back().find(words) != std::string::npos;
+  }
   /// "name": ["hexadecimal digits", ...]
   std::string reported(const std::string& name) {
     const std::lock_guard lock(mutex_);
@@ -343,6 +347,9 @@ int main(int argc, char** argv) {
       std::fputs("enough\n", stderr);
     }
   }
+  // The last word may still be on its way.
+  for (int k = 0; is_arm && k < 1000 && !contacts.has_newest_with("the run has ended"); ++k)
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
   listener.print(num_images, dropper.num(),
                  contacts.reported("contact") + ", " + transforms.reported("tf") + ", " +
                      markers.reported("markers"));

@@ -161,15 +161,18 @@ class LiveCamerasTest(PeerCase):
         for words in (["shape", "box", "--size", "0.04", "-o", mesh], ["pack", mesh, "-o", block, "--spheres", "100"]):
             subprocess.run([PALPATE, *words], check=True, capture_output=True)
         with open(path, "w", encoding="utf-8") as file:
-            file.write("".join(f"{0.1 * k} 1.3 2.3 3 0 0 0 1\n" for k in range(61)))
+            file.write("".join(f"{0.1 * k} 1.3 2.3 3 0 0 0 1\n" for k in range(351)))
         # The camera looks along the world's y; a block falls from before it along -z, another one stays.
         gravity, turned = 0.1, [0, 0, 0.6, 0.8]
-        seen, said = self.converse(self.cyclone("bodies", "camera_peer.py"), words=[
-            "touch", self.tool, "--camera", f"ros2:/camera/depth/image_raw?pose=1,2,3,{-(0.5**0.5)},0,0,{0.5**0.5}",
-            "--device", f"replay:{path}", "--ros2", "--ros2-camera-frame", "map", "--ros2-namespace", "/palpate",
-            "--object", f"{block}@1 2.3 3 0 0 0.6 0.8,moving", "--object", f"{block}@0 2 1 0 0 0.6 0.8",
-            "--set", "bodies.gravity_y=0", "--set", f"bodies.gravity_z={-gravity}", "--set", "bodies.damping=0"])
-        told = seen["bodies"]
+        for duration in (4, 30):  # a busy computer needs longer for as many
+            seen, said = self.converse(self.cyclone("bodies", "camera_peer.py"), duration=duration, words=[
+                "touch", self.tool, "--camera", f"ros2:/camera/depth/image_raw?pose=1,2,3,{-(0.5**0.5)},0,0,{0.5**0.5}",
+                "--device", f"replay:{path}", "--ros2", "--ros2-camera-frame", "map", "--ros2-namespace", "/palpate",
+                "--object", f"{block}@1 2.3 3 0 0 0.6 0.8,moving", "--object", f"{block}@0 2 1 0 0 0.6 0.8",
+                "--set", "bodies.gravity_y=0", "--set", f"bodies.gravity_z={-gravity}", "--set", "bodies.damping=0"])
+            told = seen["bodies"]
+            if len(told) > 50 and len(seen["shapes"]) == 3:
+                break
         self.assertGreater(len(told), 50, said)
         self.assertEqual({tuple(each[1:3]) for each in told}, {("map", "palpate/block")})
         for each in told:
@@ -183,7 +186,7 @@ class LiveCamerasTest(PeerCase):
             self.assertLess(after[1] - before[1], after[0] - before[0] + 0.001)
             if after[0] - before[0] < 0.02:
                 self.assertGreater(after[1] - before[1], after[0] - before[0] - 0.001)
-        self.assertGreater(fallen[-1][1] - fallen[0][1], 0.5 * (fallen[-1][0] - fallen[0][0]))
+        self.assertGreater(fallen[-1][1] - fallen[0][1], 0.2 * (fallen[-1][0] - fallen[0][0]))
         shapes = seen["shapes"]
         self.assertEqual({name: shape["frame"] for name, shape in shapes.items()},
                          {"tool": "palpate_tool", "block": "palpate/block", "block_2": "map"})
@@ -201,10 +204,16 @@ class LiveCamerasTest(PeerCase):
                 file.write(f"{0.01 * k} {0.05 * math.sin(0.02 * math.pi * k)} 0 0.3 0 0 0 1\n")
 
         def change(key, value):
+            """When it was asked for, and when it was done."""
+            asked = time.time()
             with urllib.request.urlopen(f"{address}/api/command", timeout=60, data=json.dumps(
                     {"command": "set", "key": key, "value": value}).encode()) as answer:
                 self.assertTrue(json.load(answer)["ok"])
-            return time.time()
+            return asked, time.time()
+
+        def num_contacts():
+            with urllib.request.urlopen(f"{address}/api/state", timeout=60) as answer:
+                return json.load(answer)["contacts"]
 
         robot = self.start(self.cyclone("follow", "camera_peer.py"))
         run = subprocess.Popen(
@@ -220,12 +229,14 @@ class LiveCamerasTest(PeerCase):
                     break
             else:
                 self.fail("the run has ended")
+            while run.poll() is None and num_contacts() == 0:
+                time.sleep(0.05)
             time.sleep(3)
-            held = change("coupling.clutch", True)
+            asked_to_hold, held = change("coupling.clutch", True)
             time.sleep(4)
-            released = change("coupling.clutch", False)
+            asked_to_release, released = change("coupling.clutch", False)
             time.sleep(4)
-            walled = change("coupling.workspace_x", 0.01)
+            asked_for_walls, walled = change("coupling.workspace_x", 0.01)
             time.sleep(4)
         finally:
             run.send_signal(signal.SIGINT)
@@ -238,13 +249,13 @@ class LiveCamerasTest(PeerCase):
             self.assertGreater(len(values), 10, said)
             return min(values), max(values)
 
-        low, high = span(0, held)
+        low, high = span(0, asked_to_hold)
         self.assertGreater(high - low, 0.06)
-        low, high = span(held + 2.5, released - 0.1)  # once it has come to rest
+        low, high = span(held + 2.5, asked_to_release)  # once it has come to rest
         self.assertLess(high - low, 0.0005)
-        low, high = span(held + 2.5, released - 0.1, "twists")
+        low, high = span(held + 2.5, asked_to_release, "twists")
         self.assertLess(max(-low, high), 0.01)
-        low, high = span(released, walled)
+        low, high = span(released, asked_for_walls)
         self.assertGreater(high - low, 0.06)
         low, high = span(walled + 2.5, float("inf"))
         self.assertLess(max(-low, high), 0.012)
@@ -267,12 +278,13 @@ class LiveCamerasTest(PeerCase):
     def test_a_follower_hears_of_the_tool(self):
         path = os.path.join(self.folder.name, "path.txt")
         with open(path, "w", encoding="utf-8") as file:
-            for k in range(401):  # to and fro in front of the wall, and turning
+            for k in range(12001):  # to and fro in front of the wall, and turning
                 t = 0.01 * k
                 file.write(f"{t} {0.1 * (t % 2 if t % 4 < 2 else 2 - t % 2) - 0.05} 0 0.3 0 0 "
-                           f"{(0.1 * t)} {(1 - (0.1 * t)**2)**0.5}\n")
-        words = ["touch", self.tool, "--camera", "ros2:/camera/depth/image_raw", "--device", f"replay:{path}", "--ros2"]
-        seen, _ = self.converse(self.cyclone("follow", "camera_peer.py"), words=words)
+                           f"{math.sin(0.1 * t)} {math.cos(0.1 * t)}\n")
+        words = ["touch", self.tool, "--camera", "ros2:/camera/depth/image_raw", "--device", f"replay:{path}", "--ros2",
+                 "--max-age", "0.5"]
+        seen, _ = self.converse(self.cyclone("follow", "camera_peer.py"), words=words, until=has_enough)
         poses = sorted(seen["poses"])
         self.assertGreater(len(poses), 100)
         # Twists lead from one pose to the next one.

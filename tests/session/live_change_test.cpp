@@ -75,6 +75,7 @@ Result<RunOutcome> run_with_changes(const std::filesystem::path& folder, RunMoni
         const std::uint64_t end = loop->report().num_ticks + num_ticks;
         EXPECT_TRUE(wait_for([&] { return loop->report().num_ticks >= end; }));
       };
+      EXPECT_TRUE(wait_for([&] { return loop->report().num_contacts > 0; }));  // changes need one
       pause();
       for (const Edit edit : edits) {
         RunSettings settings = loop->settings();
@@ -313,7 +314,7 @@ TEST(LiveRun, LeavesOutWhatItHasNoTimeForAndIsRepeated) {
   options.monitor = &monitor;
   options.keep_going = [&] {
     const bool is_late = std::chrono::steady_clock::now() - begin > std::chrono::minutes(5);
-    return num_settings < 2 && !is_late;
+    return (num_settings < 2 || num_notes < 2) && !is_late;
   };
   const auto outcome = record_run(tool, stream, *device, settings, run, options);
   ASSERT_TRUE(outcome) << outcome.error().message;

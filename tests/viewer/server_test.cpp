@@ -433,8 +433,8 @@ TEST(ViewServer, HasRoomForSoManyPages) {
 TEST(ViewServer, RestsWhenNobodyLooks) {
   const Fixture fixture;
   sleep_for(0.1);
-  const std::int64_t before = fixture.source.num_polls();
   const double begin = monotonic_now();
+  const std::int64_t before = fixture.source.num_polls();
   sleep_for(1);
   const std::int64_t num_polls = fixture.source.num_polls() - before;
   EXPECT_LE(static_cast<double>(num_polls), 6 * (monotonic_now() - begin));

@@ -503,7 +503,8 @@ TEST(RunView, ShowsWhatWouldHaveBeen) {
   other.contact.method = MethodKind::graph;
   play_to(40, other, 12, [&](Pipeline& pipeline) { expect_same(*watcher.contact, pipeline); });
   EXPECT_NE(watcher.contact->spheres.states, recorded->spheres.states);
-  EXPECT_NE(watcher.state()["note"].get<std::string>().find("contact.method"), std::string::npos);
+  ASSERT_TRUE(watcher.until(
+      [&] { return watcher.state()["note"].dump().find("contact.method") != std::string::npos; }));
 
   // Refused, and nothing has changed.
   for (const Json& command : std::initializer_list<Json>{
