@@ -139,6 +139,11 @@ void check_materials(const MaterialOptions& options) {
 
 Result<std::vector<std::shared_ptr<const MaterialRegions>>> load_regions(
     const MaterialOptions& options) {
+  if (options.labels.size() > kMaxCameras) {
+    return Error{Errc::invalid_argument,
+                 "--labels is given " + std::to_string(options.labels.size()) +
+                     " times; there are at most " + std::to_string(kMaxCameras) + " cameras"};
+  }
   std::vector<std::shared_ptr<const MaterialRegions>> regions;
   for (const std::string& file : options.labels) {
     auto image = load_label_png(file);

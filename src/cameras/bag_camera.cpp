@@ -29,6 +29,8 @@ constexpr std::string_view kTransforms = "tf2_msgs/msg/TFMessage";
 constexpr std::string_view kNumber = "std_msgs/msg/Float32";
 constexpr std::string_view kDepthUnit = "palpate_msgs/msg/DepthUnit";
 
+constexpr std::size_t kLongestTopic = 1024;
+
 double seconds(std::uint64_t nanoseconds) { return 1e-9 * static_cast<double>(nanoseconds); }
 
 /// The lens of a camera from a stamp on, s.
@@ -40,7 +42,8 @@ struct Contents {
     std::string schema;
     int num_frames = 0;
     std::vector<double> stamps;  // s
-    DepthFrame frame;            // the first one
+    int width = 0, height = 0;   // of the first one
+    double unit = 0;             // likewise
     std::string frame_id;        // likewise
   };
   std::map<std::string, Topic> images;
@@ -98,6 +101,12 @@ Result<Contents> look_through(BagReader& reader, const std::string& desired) {
     if (!message) return message.error();
     if (!*message) break;
     const McapChannel& channel = reader.channels().at((*message)->channel);
+    if (channel.topic.size() > kLongestTopic) {
+      return Error{Errc::bad_input, "the topic '" + channel.topic.substr(0, 40) + "...' has " +
+                                        std::to_string(channel.topic.size()) +
+                                        " characters, and at most " +
+                                        std::to_string(kLongestTopic) + " are read"};
+    }
     ++contents.messages[channel.topic];
     if (const auto unit = declared_unit(channel, (*message)->data)) {
       contents.units.emplace(channel.topic, *unit);
@@ -138,7 +147,9 @@ Result<Contents> look_through(BagReader& reader, const std::string& desired) {
       if (topic.num_frames == 0) {
         topic.schema = channel.schema_name;
         topic.frame_id = std::string(stamp_of(**message).frame);
-        topic.frame = *std::move(frame);
+        topic.width = frame->width;
+        topic.height = frame->height;
+        topic.unit = frame->unit;
       }
       ++topic.num_frames;
       topic.stamps.push_back(stamp_of(**message).time);
@@ -364,11 +375,11 @@ Result<RawStream> open_bag_camera(const CameraUri& uri, const CameraOpening&) {
 
   const Contents::Topic& images = contents->images.at(*topic);
   DepthStreamInfo info;
-  info.width = images.frame.width;
-  info.height = images.frame.height;
+  info.width = images.width;
+  info.height = images.height;
   // Counts of our own recordings may be of any unit; those of metres are made here.
-  const bool is_count = images.frame.unit != kFloatUnit;
-  const double unit = is_count ? images.frame.unit : uri.unit.value_or(kFloatUnit);
+  const bool is_count = images.unit != kFloatUnit;
+  const double unit = is_count ? images.unit : uri.unit.value_or(kFloatUnit);
   const auto said = is_count ? find_unit(*contents, *topic) : std::nullopt;
   if (said && *said > kLargestUnit && !uri.unit) {
     return Error{Errc::bad_input, "camera " + uri.text + " declares a unit of " +

@@ -67,8 +67,9 @@ Result<std::unique_ptr<RobotStates>> open_joint_states(const RobotModel& model,
 }
 
 std::size_t end_of_file(const std::string& address) {
+  constexpr std::size_t kLongestPath = 4096;  // of Linux
   const std::size_t first = address.find('#');
-  for (std::size_t at = first; at != std::string::npos; at = address.find('#', at + 1)) {
+  for (std::size_t at = first; at < kLongestPath; at = address.find('#', at + 1)) {
     std::error_code ignored;
     if (std::filesystem::is_regular_file(address.substr(0, at), ignored)) return at;
   }

@@ -48,7 +48,7 @@ std::optional<Pose> TfHistory::Link::in_parent(double time, double max_gap) cons
 
 std::vector<std::string> TfHistory::ancestors(const std::string& frame, double time) const {
   std::vector<std::string> chain{plain_frame(frame)};
-  for (auto link = links_.find(chain.back()); link != links_.end() && chain.size() < kMaxFrames;
+  for (auto link = links_.find(chain.back()); link != links_.end() && chain.size() < kMaxDepth;
        link = links_.find(chain.back())) {
     chain.push_back(link->second.parent_at(time));
   }

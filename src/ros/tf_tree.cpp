@@ -44,13 +44,13 @@ std::optional<TfTree::Found> TfTree::find(const std::string& a, const std::strin
   std::vector<Step> steps{{plain_frame(a), {}, {}}};
   while (const Link* link = parent_of(steps.back().frame)) {
     const Step& last = steps.back();
-    if (steps.size() > kMaxFrames) return std::nullopt;
+    if (steps.size() > kMaxDepth) return std::nullopt;
     steps.push_back({link->parent, link->X_PC * last.X_FA, last.times.with(*link)});
   }
   std::string frame = plain_frame(b);
   Pose X_FB;
   Times times;
-  for (std::size_t i = 0; i < kMaxFrames; ++i) {
+  for (std::size_t i = 0; i < kMaxDepth; ++i) {
     const auto met = std::ranges::find(steps, frame, &Step::frame);
     if (met != steps.end()) {
       const auto [oldest, newest] = times.with(met->times);

@@ -10,7 +10,8 @@
 
 namespace palpate::inline v0 {
 
-inline constexpr std::size_t kMaxFrames = 10000;  // of a tree, and in a chain of a damaged one
+inline constexpr std::size_t kMaxFrames = 10000;  // of a tree
+inline constexpr std::size_t kMaxDepth = 1000;    // of a chain to the root, as in tf2
 
 /// ROS 1 wrote a slash before.
 inline std::string plain_frame(const std::string& frame) {

@@ -231,7 +231,8 @@ Result<ProbingPath> probing_path(const OpenDepthSource& open, const Tool& tool,
     return Error{Errc::invalid_argument,
                  "the depth stream has no end: give the duration of the probing path"};
   }
-  if (duration && !(*duration > 0 && *duration * kPoseRate < 1e7)) {
+  const auto is_possible = [](double seconds) { return seconds > 0 && seconds * kPoseRate < 1e7; };
+  if (duration && !is_possible(*duration)) {
     return Error{Errc::invalid_argument,
                  "a probing path must be longer than 0 s and shorter than a day"};
   }
@@ -242,6 +243,12 @@ Result<ProbingPath> probing_path(const OpenDepthSource& open, const Tool& tool,
                         *pixel, duration.value_or(kShortestProbe));
   if (!scene) return scene.error();
   const double end = duration.value_or(scene->duration());
+  if (!is_possible(end)) {
+    return Error{
+        Errc::bad_input,
+        "the timestamps of the depth stream are more than a day apart: give the duration of "
+        "the probing path"};
+  }
   const auto target = *pixel ? aimed_target(*scene, aim) : find_target(*scene);
   if (!target) return target.error();
   const ProbingMotion motion(*scene, *target, tool, *lead, aim.tip_T.has_value(), end);

@@ -406,7 +406,14 @@ Result<RunSetup> setup_of(const SettingsText& text) {
   const Status settings = read_json(settings_of(setup.settings), json.at("settings"));
   if (!settings) return settings.error();
   setup.settings.objects = objects_from(json.at("objects"));
-  if (json.contains("regions")) setup.settings.regions = regions_from(json.at("regions"));
+  if (json.contains("regions")) {
+    if (json.at("regions").size() > kMaxCameras) {
+      return Error{
+          Errc::bad_input,
+          "the recording has labels for more cameras than there can be; record the run again"};
+    }
+    setup.settings.regions = regions_from(json.at("regions"));
+  }
   for (const Json& stream : json.at("streams")) setup.streams.push_back(stream_from_json(stream));
   if (setup.streams.empty() || setup.streams.size() > kMaxCameras) {
     return Error{Errc::bad_input,

@@ -86,10 +86,11 @@ std::optional<Pose> pose_of(std::span<const double> v) {
 }
 
 std::string nearest_word(std::string_view word, std::span<const std::string> words) {
-  const std::string_view start = word.substr(0, 80);  // bounds the time
-  return *std::min_element(words.begin(), words.end(), [&](const auto& a, const auto& b) {
-    return edit_distance(start, a) < edit_distance(start, b);
-  });
+  const auto distance = [&](std::string_view other) {
+    constexpr std::size_t kLongest = 80;  // bounds the time
+    return edit_distance(word.substr(0, kLongest), other.substr(0, kLongest));
+  };
+  return *std::ranges::min_element(words, {}, distance);
 }
 
 // One setting

@@ -251,6 +251,7 @@ class Usage(CommandLineCase):
         write_depth_png(other, 160, 120, lambda u, v: 1)
         self.expect_failure(1, *touch, "--labels", other, *wood,
                             mentions="other.png is not a PNG of labels; save it with 8 bits")
+        self.expect_failure(1, *touch, *(17 * ("--labels", labels)), *wood, mentions="--labels is given 17 times")
         self.assertFalse(os.path.exists(out))
         self.succeed(*touch, "--labels", labels, "--material", "0=viscous=2", *wood)
 
@@ -325,6 +326,18 @@ class Usage(CommandLineCase):
         for file in (text, self.mesh, self.tool):
             self.expect_failure(1, *query, file, mentions=f"{file} is not a PNG file; depth images are 16-bit greyscale "
                                 "PNG files, and organized point clouds are read as .pcd files")
+
+    def test_small_inputs_of_large_numbers_are_refused(self):
+        frames, out = self.path("far_apart"), self.path("never")
+        os.mkdir(frames)
+        write_depth_png(os.path.join(frames, "a.png"), 160, 120, lambda u, v: 1000)
+        with open(os.path.join(frames, "depth.txt"), "w") as file:
+            file.write("0 a.png\n1000000 a.png\n")
+        self.expect_failure(1, "touch", self.tool, "--depth-sequence", frames, "--intrinsics", INTRINSICS, "-o", out,
+                            mentions="are more than a day apart")
+        # Took 12 s for 32 kB: each # may be the end of a file's name.
+        self.expect_failure(1, "touch", self.tool, "--camera", f"folder:{frames}?urdf={50000 * '#/'}", "-o", out)
+        self.assertFalse(os.path.exists(out))
 
     def test_cuda_is_refused_where_there_is_none(self):
         result = palpate(*self.sequence("-o", self.path("cuda"), "--backend", "cuda"))

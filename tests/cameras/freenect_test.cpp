@@ -95,7 +95,7 @@ TEST(Freenect, ARecordingThatFakenectPlaysConforms) {
   }
   // What is left of the recording, less the slower it is read, takes no memory. Its end is a camera
   // that is lost.
-  test::expect_no_growth(*raw.source, 5000);
+  test::expect_no_growth(*raw.source, 2000);
   Result<bool> got = true;
   while (got) got = raw.source->next(frame);
   EXPECT_NE(got.error().message.find("has been lost"), std::string::npos);
