@@ -88,7 +88,8 @@ class Live(unittest.TestCase):
 
     def have_seen_enough(self):
         # Frames, contacts, normals, samples; spheres and objects were asked for.
-        return len(self.pages) - self.num_dropped > 2 and self.num_pictures() > 5 and self.answers.count(True) > 5 and self.kinds() >= {1, 5, 10, 11, 12, 20}
+        return (len(self.pages) - self.num_dropped > 2 and self.num_pictures() > 5
+                and self.answers.count(True) > 5 and self.kinds() >= {1, 5, 10, 11, 12, 20})
 
     def end_in_time(self, program):
         """Once the pages have seen enough, which may take long on a busy machine."""

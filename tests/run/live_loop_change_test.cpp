@@ -154,8 +154,8 @@ TEST(LiveLoopChange, EveryStageGoesOnAndNothingJumps) {
     EXPECT_LT(norm(now.step.X_WT_hand.translation - last.step.X_WT_hand.translation),
               2 * moved + 1e-9)
         << now.revision;
-    // A coupling without a mass follows the wall of another frame at once; where
-    // contacts are late, also what another method says of it: how far in the tool is at most.
+    // A coupling without a mass follows the wall of another frame at once; where contacts are late,
+    // also what another method says of it: how far in the tool is at most.
     const bool is_late =
         now.revision == kOtherMethod && (test::kIsSanitized || last.contact_age > 0.005);
     const double wall_moved = is_late ? 0.015 : now.frame_number == last.frame_number ? 0 : 0.002;
