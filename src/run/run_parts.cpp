@@ -132,13 +132,15 @@ Error lost_backend() {
 }
 
 Result<SurfaceTimeline> make_surfaces(std::span<const DepthStreamInfo> streams, std::size_t camera,
-                                      const RunSettings& settings, int num_spare) {
+                                      const RunSettings& settings, int num_spare,
+                                      double first_period) {
   std::optional<DepthFieldOptions> field;
   if (settings.contact.method == MethodKind::field) {
     field = settings.field;
     field->one_of_several = streams.size() > 1;
   }
   TimeOptions time = settings.time;
+  if (first_period > 0) time.first_period = first_period;
   time.memory.frames = std::min(time.memory.frames, num_key_frames(streams));
   return SurfaceTimeline::create(streams[camera], settings.surface, field, time,
                                  {backend_of(settings), settings.sensing_gpu}, num_spare,
@@ -177,6 +179,19 @@ Result<std::unique_ptr<ContactPart>> make_contact_part(std::shared_ptr<const Too
   return part;
 }
 
+Result<std::unique_ptr<ContactPart>> make_contact_part(std::shared_ptr<const ToolIndex> index,
+                                                       std::span<const DepthStreamInfo> streams,
+                                                       const RunSettings& settings,
+                                                       const ContactScale& scale,
+                                                       ThreadPool* threads) {
+  auto part = make_contact_part(std::move(index), settings, scale, threads);
+  if (!part) return part.error();
+  auto regions = region_lookups(settings.regions, streams);
+  if (!regions) return regions.error();
+  (*part)->set_regions(*std::move(regions));
+  return part;
+}
+
 Result<RunParts> make_run_parts(const std::shared_ptr<const ToolIndex>& index,
                                 std::span<const DepthStreamInfo> streams, const DeviceInfo& device,
                                 const RunSettings& settings, const RunPartsOptions& options) {
@@ -201,25 +216,22 @@ Result<RunParts> make_run_parts(const std::shared_ptr<const ToolIndex>& index,
     parts.coupling = make_coupling(coupling->options, device.limits, tool.sphere_mass());
     parts.notes = std::move(coupling->warnings);
   }
-  if (before == nullptr || !keeps_surfaces(*before, settings)) {
+  parts.needs_timelines = before == nullptr || !keeps_surfaces(*before, settings);
+  parts.needs_contact = before == nullptr || before->backend != settings.backend ||
+                        before->contact != settings.contact ||
+                        before->num_spheres != settings.num_spheres;
+  if (options.leaves_out_large) return parts;
+  if (parts.needs_timelines) {
     for (std::size_t k = 0; k < streams.size(); ++k) {
-      RunSettings made_with = settings;
-      if (k < options.first_periods.size() && options.first_periods[k] > 0) {
-        made_with.time.first_period = options.first_periods[k];
-      }
-      auto timeline = make_surfaces(streams, k, made_with, options.num_spare_surfaces);
+      auto timeline = make_surfaces(streams, k, settings, options.num_spare_surfaces);
       if (!timeline) return timeline.error();
       parts.timelines.push_back(*std::move(timeline));
     }
   }
-  if (before == nullptr || before->backend != settings.backend ||
-      before->contact != settings.contact || before->num_spheres != settings.num_spheres) {
-    auto contact = make_contact_part(index, settings, parts.scale, options.query_threads);
+  if (parts.needs_contact) {
+    auto contact = make_contact_part(index, streams, settings, parts.scale, options.query_threads);
     if (!contact) return contact.error();
     parts.contact = *std::move(contact);
-    auto regions = region_lookups(settings.regions, streams);
-    if (!regions) return regions.error();
-    parts.contact->set_regions(*std::move(regions));
   }
   return parts;
 }

@@ -8,15 +8,30 @@
 
 namespace palpate::inline v0 {
 
-void ContactRepetition::add(const RunSetup& setup, RunParts& parts) {
+void ContactRepetition::add(const RunSetup& setup, const RunParts& parts) {
+  const bool is_first = cameras_.empty();
   cameras_.resize(setup.streams.size());
   if (views_.num_cameras() != setup.streams.size()) views_ = CameraViews(setup.streams.size());
-  if (!parts.timelines.empty()) times_.emplace(setup.revision, setup.settings.time);
-  for (std::size_t k = 0; k < parts.timelines.size(); ++k) {
-    cameras_[k].timelines.emplace(setup.revision, std::move(parts.timelines[k]));
+  const auto shared = std::make_shared<const RunSetup>(setup);
+  if (parts.needs_timelines) {
+    times_.emplace(setup.revision, setup.settings.time);
+    for (std::size_t k = 0; k < cameras_.size(); ++k) {
+      const double first_period = is_first && k < first_periods_.size() ? first_periods_[k] : 0;
+      cameras_[k].timelines[setup.revision] = {shared, first_period, {}};
+    }
   }
-  const bool waits = !parts.timelines.empty() && (part_ || !measuring_.empty());
-  measuring_[setup.revision] = {parts.scale, std::move(parts.contact), waits};
+  const bool waits = parts.needs_timelines && (part_ || !measuring_.empty());
+  measuring_[setup.revision] = {parts.scale, parts.needs_contact ? shared : nullptr, waits};
+}
+
+Result<SurfaceTimeline*> ContactRepetition::made(Timeline& timeline, std::size_t camera) {
+  if (!timeline.surfaces) {
+    const RunSetup& setup = *timeline.setup;
+    auto surfaces = make_surfaces(setup.streams, camera, setup.settings, 0, timeline.first_period);
+    if (!surfaces) return surfaces.error();
+    timeline.surfaces = *std::move(surfaces);
+  }
+  return &*timeline.surfaces;
 }
 
 bool ContactRepetition::add(RecordedDepth frame) {
@@ -39,7 +54,9 @@ Status ContactRepetition::add(const EstimateStart& estimate) {
   auto of_it = timelines.upper_bound(estimate.revision);
   if (of_it != timelines.begin()) --of_it;
   if (of_it == timelines.end()) return Done{};
-  return of_it->second.resume_from(estimate.state);
+  const auto timeline = made(of_it->second, estimate.camera);
+  if (!timeline) return timeline.error();
+  return (*timeline)->resume_from(estimate.state);
 }
 
 bool ContactRepetition::has_frames_of(const ContactRecord& contact) const {
@@ -71,41 +88,50 @@ bool ContactRepetition::rests_on_all(const ContactRecord& contact) const {
   return time_of(contact).second.average.kind == DepthAverage::kalman;
 }
 
-void ContactRepetition::push_next(Camera& camera, SurfaceBlend& blend) {
+Status ContactRepetition::push_next(std::size_t k) {
+  Camera& camera = cameras_[k];
   const RecordedDepth& next = camera.frames.front();
   // The newest timeline that there was for this frame.
   auto& timelines = camera.timelines;
   while (timelines.size() > 1 && std::next(timelines.begin())->first <= next.record.revision) {
     timelines.erase(timelines.begin());
   }
-  SurfaceTimeline& timeline = timelines.begin()->second;
-  timeline.push(next.frame, next.record.capture_time, *pool_, next.record.requested);
-  blend = timeline.at(next.record.capture_time);
-  camera.key_frames = timeline.key_frames();
+  const auto timeline = made(timelines.begin()->second, k);
+  if (!timeline) return timeline.error();
+  (*timeline)->push(next.frame, next.record.capture_time, pool_, next.record.requested);
+  views_[k] = (*timeline)->at(next.record.capture_time);
+  camera.key_frames = (*timeline)->key_frames();
   camera.capture_time = next.record.capture_time;
   camera.pushed = static_cast<std::int64_t>(next.record.camera_frame);
   camera.frames.pop_front();
+  return Done{};
 }
 
 /// A change takes effect at once, but where one waits for a depth frame, those after it wait with
 /// it, and the last one is all that is used.
-void ContactRepetition::use_measuring(std::uint32_t revision) {
+Status ContactRepetition::use_measuring(std::uint32_t revision) {
   const auto is_due = [&] { return !measuring_.empty() && measuring_.begin()->first <= revision; };
-  std::unique_ptr<ContactPart> newest;
+  Setup newest;
   bool waits = false;
   while (is_due()) {
     const auto due = measuring_.extract(measuring_.begin());
-    Measuring& next = due.mapped();
-    if (next.part) newest = std::move(next.part);
+    const Measuring& next = due.mapped();
+    if (next.part) newest = next.part;
     waits = waits || next.waits;
     if (waits && is_due()) continue;
-    if (newest && part_) newest->take_over(*part_);
-    if (newest) part_ = std::move(newest);
+    if (newest) {
+      auto part = make_contact_part(index_, newest->streams, newest->settings, next.scale);
+      if (!part) return part.error();
+      if (part_) (*part)->take_over(*part_);
+      part_ = *std::move(part);
+      newest = nullptr;
+    }
     part_->use(next.scale);
   }
+  return Done{};
 }
 
-ContactRecord ContactRepetition::repeat(const ContactRecord& recorded) {
+Result<ContactRecord> ContactRepetition::repeat(const ContactRecord& recorded) {
   ContactRecord repeated = recorded;
   bool is_seen = false;
   times_.erase(times_.begin(), times_.find(time_of(recorded).first));
@@ -113,7 +139,9 @@ ContactRecord ContactRepetition::repeat(const ContactRecord& recorded) {
   for (std::size_t k = 0; k < cameras_.size(); ++k) {
     Camera& camera = cameras_[k];
     const auto& [desired, progress] = recorded.cameras.of[k];
-    while (camera.pushed < desired && !camera.frames.empty()) push_next(camera, views_[k]);
+    while (camera.pushed < desired && !camera.frames.empty()) {
+      if (const Status status = push_next(k); !status) return status.error();
+    }
     views_[k].progress = progress;
     if (desired < 0) continue;
     views_.remember(camera.key_frames, progress);
@@ -121,7 +149,7 @@ ContactRecord ContactRepetition::repeat(const ContactRecord& recorded) {
         is_seen ? std::min(repeated.capture_time, camera.capture_time) : camera.capture_time;
     is_seen = true;
   }
-  use_measuring(recorded.revision);
+  if (const Status status = use_measuring(recorded.revision); !status) return status.error();
   part_->measure(views_.all(), recorded.has_new_stiffness, repeated);
   if (!recorded.has_new_stiffness) {
     // Kept from an earlier contact, which may not have been recorded.

@@ -18,12 +18,17 @@ namespace palpate::inline v0 {
 /// The contact side: frames to surfaces, poses to contacts.
 class ContactRepetition {
  public:
-  /// With `start` the first frames of the cameras are not those of the run.
-  ContactRepetition(int num_threads, const std::optional<PartStart>& start)
-      : pool_(std::make_unique<ThreadPool>(num_threads)), has_start_(start.has_value()) {}
+  /// With `start` the first frames of the cameras are not those of the run. `pool` must outlive it.
+  ContactRepetition(std::shared_ptr<const ToolIndex> index, ThreadPool& pool,
+                    const std::optional<PartStart>& start)
+      : index_(std::move(index)),
+        pool_(pool),
+        first_periods_(start ? start->periods : std::vector<double>()),
+        has_start_(start.has_value()) {}
 
-  /// In order, the first one before all else.
-  void add(const RunSetup& setup, RunParts& parts);
+  /// In order, the first one before all else. Of the parts only the small ones are used: the others
+  /// are made once a frame or a contact rests on them, for a message does not pay for them.
+  void add(const RunSetup& setup, const RunParts& parts);
   /// False if one before it, of its camera, is not there.
   bool add(RecordedDepth frame);
 
@@ -37,34 +42,44 @@ class ContactRepetition {
   /// Whether a contact rests on all frames before it: an estimate has seen them.
   bool rests_on_all(const ContactRecord& contact) const;
 
-  /// What a query at the same moment and pose gives. Its frames must be there.
-  ContactRecord repeat(const ContactRecord& recorded);
+  /// What a query at the same moment and pose gives. Its frames must be there. Errors: its settings
+  /// cannot be used here.
+  Result<ContactRecord> repeat(const ContactRecord& recorded);
 
  private:
+  using Setup = std::shared_ptr<const RunSetup>;
   struct Measuring {
     ContactScale scale;
-    std::unique_ptr<ContactPart> part;
+    Setup part;          // what it is made with; null: the one before goes on
     bool waits = false;  // for the next depth frame
   };
-  struct Camera {
-    std::map<std::uint32_t, SurfaceTimeline> timelines;  // by revision, from the present one on
-    std::deque<RecordedDepth> frames;                    // not yet pushed
-    std::int64_t first = -1, newest = -1, pushed = -1;   // camera_frame: there; pushed last
-    std::uint32_t first_revision = 0;                    // of that frame
-    double capture_time = 0;                             // of that one
-    std::span<const SurfaceBlend> key_frames;            // and after it
+  struct Timeline {
+    Setup setup;
+    double first_period = 0;  // s; 0: that of its settings
+    std::optional<SurfaceTimeline> surfaces;
   };
-  void push_next(Camera& camera, SurfaceBlend& blend);
-  void use_measuring(std::uint32_t revision);
+  struct Camera {
+    std::map<std::uint32_t, Timeline> timelines;        // by revision, from the present one on
+    std::deque<RecordedDepth> frames;                   // not yet pushed
+    std::int64_t first = -1, newest = -1, pushed = -1;  // camera_frame: there; pushed last
+    std::uint32_t first_revision = 0;                   // of that frame
+    double capture_time = 0;                            // of that one
+    std::span<const SurfaceBlend> key_frames;           // and after it
+  };
+  static Result<SurfaceTimeline*> made(Timeline& timeline, std::size_t camera);
+  Status push_next(std::size_t camera);
+  Status use_measuring(std::uint32_t revision);
   /// The revision of its timelines, and how they use the frames of a camera.
   const std::pair<const std::uint32_t, TimeOptions>& time_of(const ContactRecord& contact) const;
 
+  std::shared_ptr<const ToolIndex> index_;
+  ThreadPool& pool_;
+  std::vector<double> first_periods_;  // s, of cameras whose frames do not begin here
   std::deque<Camera> cameras_;
   std::map<std::uint32_t, TimeOptions> times_;    // of timelines by revision, as above
   CameraViews views_{0};                          // of each
   std::map<std::uint32_t, Measuring> measuring_;  // not yet used
   std::unique_ptr<ContactPart> part_;
-  std::unique_ptr<ThreadPool> pool_;
   bool has_start_;
 };
 

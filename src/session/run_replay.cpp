@@ -20,11 +20,11 @@ class Repetition {
  public:
   /// From the beginning of a run, or of a part of it. `first` has the shapes of all objects.
   Repetition(std::shared_ptr<const ToolIndex> index, const RunSetup& first, SafetyFilter safety,
-             int num_threads, const std::optional<PartStart>& start)
+             ThreadPool& pool, const std::optional<PartStart>& start)
       : index_(std::move(index)),
         first_(first),
         start_(start),
-        contacts_(num_threads, start),
+        contacts_(index_, pool, start),
         ticks_(std::move(safety), start),
         first_revision_(start ? start->revision : 0),
         num_settings_(first_revision_),
@@ -45,11 +45,12 @@ class Repetition {
   Status take(RunSetup setup) {
     if (has_settings_ && setup.revision < num_settings_) return Done{};  // a part begins with them
     if (setup.revision != num_settings_) return missing_settings();
+    if (setup.streams.size() != first_.streams.size()) return other_settings("cameras");
     if (const Status status = know_objects(setup.settings.objects); !status) return status;
     setup.settings.regions = first_.settings.regions;  // and labels
     RunPartsOptions options;
     if (has_settings_) options.before = &settings_;
-    if (!has_settings_ && start_) options.first_periods = start_->periods;
+    options.leaves_out_large = true;
     auto parts = make_run_parts(index_, setup.streams, setup.device, setup.settings, options);
     if (!parts) return parts.error();
     has_settings_ = true;
@@ -62,8 +63,8 @@ class Repetition {
 
   /// Whether a part goes on where the one before has ended: then what it begins with is known. Else
   /// it has to be repeated by itself.
-  bool goes_on_with(const PartStart& part) {
-    repeat_contacts();
+  Result<bool> goes_on_with(const PartStart& part) {
+    if (const Status status = repeat_contacts(); !status) return status.error();
     repeat_ticks();
     if (part.hand.tick != num_seen_ || !can_repeat_ticks_ || !can_repeat_contacts_) return false;
     if (waiting_ticks_.empty() && outcome_.num_ticks > 0 && !ticks_.is_at(part.hand)) {
@@ -124,7 +125,7 @@ class Repetition {
       if (tick->number != num_seen_++) return end_ticks("ticks"), Done{};
       waiting_ticks_.push_back(*tick);
     }
-    repeat_contacts();
+    if (const Status status = repeat_contacts(); !status) return status;
     repeat_ticks();
     return Done{};
   }
@@ -140,10 +141,7 @@ class Repetition {
   /// Those of the first settings, which have their shapes, with the friction that they have now.
   Status know_objects(std::vector<SceneObject>& objects) const {
     const std::vector<SceneObject>& first = first_.settings.objects;
-    if (objects.size() != first.size()) {
-      return Error{Errc::bad_input, "settings of revision " + std::to_string(num_settings_) +
-                                        " have other objects; record the run again"};
-    }
+    if (objects.size() != first.size()) return other_settings("objects");
     for (std::size_t i = 0; i < objects.size(); ++i) {
       const SceneObject now = objects[i];
       objects[i] = first[i];
@@ -152,6 +150,10 @@ class Repetition {
       objects[i].viscous = now.viscous;
     }
     return Done{};
+  }
+  Error other_settings(const char* what) const {
+    return {Errc::bad_input, "settings of revision " + std::to_string(num_settings_) +
+                                 " have other " + what + "; record the run again"};
   }
   Error missing_settings() const {
     return {Errc::bad_input, "settings of revision " + std::to_string(num_settings_) +
@@ -186,24 +188,28 @@ class Repetition {
     }
   }
 
-  void repeat_contacts() {
+  Status repeat_contacts() {
     while (!has_differed() && can_repeat_contacts_ && !waiting_contacts_.empty() &&
            contacts_.has_frames_of(waiting_contacts_.front())) {
       const ContactRecord& recorded = waiting_contacts_.front();
       if (contacts_.lacks_frame_of(recorded)) {
         if (has_moving_objects(first_.settings) || contacts_.rests_on_all(recorded)) {
-          return end_contacts("a depth frame");
+          end_contacts("a depth frame");
+          break;
         }
         if (!std::exchange(lacks_frames_, true)) {
           add_note("contact " + std::to_string(recorded.number) +
                    " is not repeated: its depth frames were not all recorded");
         }
       } else {
-        compare("contact", recorded, contacts_.repeat(recorded));
+        const auto repeated = contacts_.repeat(recorded);
+        if (!repeated) return repeated.error();
+        compare("contact", recorded, *repeated);
         ++outcome_.num_contacts;
       }
       waiting_contacts_.pop_front();
     }
+    return Done{};
   }
 
   void repeat_ticks() {
@@ -337,14 +343,13 @@ Result<ReplayOutcome> replay_run(const fs::path& folder, const ReplayOptions& op
   if (!tool) return tool.error();
   const RunSetup& setup = reader->setup();
   const auto index = ToolIndex::create(*tool);
+  ThreadPool pool(options.num_threads.value_or(setup.settings.num_threads));
   ReplayOutcome all;
   const auto begin =
       [&](const std::optional<PartStart>& start) -> Result<std::unique_ptr<Repetition>> {
     auto safety = SafetyFilter::create(setup.device.limits, setup.settings.safety);
     if (!safety) return safety.error();
-    return std::make_unique<Repetition>(index, setup, *std::move(safety),
-                                        options.num_threads.value_or(setup.settings.num_threads),
-                                        start);
+    return std::make_unique<Repetition>(index, setup, *std::move(safety), pool, start);
   };
   const auto add = [&](const ReplayOutcome& part) {
     all.num_ticks += part.num_ticks;
@@ -369,7 +374,9 @@ Result<ReplayOutcome> replay_run(const fs::path& folder, const ReplayOptions& op
     if ((*message)->topic == kPartTopic) {
       const auto part = read_part((*message)->data);
       if (!part) return in_run(part.error());
-      if ((*repetition)->goes_on_with(*part)) continue;
+      const auto goes_on = (*repetition)->goes_on_with(*part);
+      if (!goes_on) return in_run(goes_on.error());
+      if (*goes_on) continue;
       (*repetition)->break_off();
       add((*repetition)->outcome());
       repetition = begin(*part);

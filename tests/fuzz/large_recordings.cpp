@@ -6,6 +6,7 @@
 
 #include "palpate/cameras/cameras.h"
 #include "palpate/io/files.h"
+#include "palpate/session/run.h"
 #include "src/core/shared_library.h"
 #include "src/io/internal/bag_file.h"
 #include "src/io/mcap_format.h"
@@ -125,6 +126,49 @@ void objects_mcap(const fs::path& path, std::size_t num_bytes) {
   const auto settings = writer->add_channel(settings_channel());
   (void)writer->write(settings, 1, settings_message(setup));
   (void)writer->finish();
+}
+
+/// A run of four large cameras, of which no frame ever comes; `more` adds to it. Its messages are
+/// much longer than what they are packed to.
+void frameless_mcap(const fs::path& path, std::size_t num_bytes,
+                    const std::function<void(McapWriter&, RunSetup&)>& more) {
+  auto writer = McapWriter::create(path);
+  RunSetup setup;
+  DepthStreamInfo stream;
+  stream.width = stream.height = 1024;
+  stream.intrinsics = {900, 900, 511.5, 511.5};
+  setup.streams.assign(4, stream);
+  setup.settings.contact.method = MethodKind::field;
+  setup.settings.coupling.kind = CouplingKind::none;
+  setup.device.rate = 1000;
+  (void)writer->attach(std::string(kToolFile), "a/b",
+                       *tool_to_bytes(test::random_tool(1, 0.03, 1)));
+  const auto settings = writer->add_channel(settings_channel());
+  (void)writer->write(settings, 1, settings_message(setup));
+  while (writer->bytes_written() < std::min(num_bytes, std::size_t{1'000'000}))
+    more(*writer, setup);
+  (void)writer->finish();
+}
+/// Settings that each need other surfaces.
+void settings_mcap(const fs::path& path, std::size_t num_bytes) {
+  std::optional<std::uint16_t> channel;
+  frameless_mcap(path, num_bytes, [&](McapWriter& writer, RunSetup& setup) {
+    if (!channel) channel = writer.add_channel(settings_channel());
+    ++setup.revision;
+    setup.settings.binning = setup.settings.binning == 1 ? 2 : 1;
+    (void)writer.write(*channel, 1, settings_message(setup));
+  });
+}
+/// Parts that do not go on from each other.
+void parts_mcap(const fs::path& path, std::size_t num_bytes) {
+  std::optional<std::uint16_t> channel;
+  PartStart part;
+  frameless_mcap(path, num_bytes, [&](McapWriter& writer, RunSetup&) {
+    if (!channel) channel = writer.add_channel(part_channel());
+    ++part.number;
+    ++part.hand.tick;
+    (void)writer.write(*channel, 1, part_message(part));
+  });
 }
 
 /// An image, and transforms that come in the order of `time_of`.
@@ -295,6 +339,7 @@ Status read_tools(const fs::path& path) {
   if (!run) return run.error();
   return status_of(run->load_tools());
 }
+Status repeat_run(const fs::path& path) { return status_of(replay_run(path)); }
 Status read_camera(const std::string& uri) {
   const auto camera = open_camera(uri, {.in_real_time = false});
   if (!camera) return camera.error();
@@ -331,6 +376,8 @@ std::vector<LargeInput> large_recordings() {
       {"MCAP", "1.2 GB of zeros", true, zeros_mcap, read_all, ".mcap", 3e5},
       {"MCAP", "a chunk of 1 GB of zeros", false, one_zero_chunk_mcap, read_all, ".mcap"},
       {"MCAP", "a run with many objects", {}, objects_mcap, read_tools, ".mcap"},
+      {"MCAP", "a run that changes its surfaces", false, settings_mcap, repeat_run, ".mcap", 300},
+      {"MCAP", "a run in many parts", false, parts_mcap, repeat_run, ".mcap", 60},
       {"MCAP", "transforms", true, ordered_mcap, read_moving_camera, ".mcap"},
       {"MCAP", "transforms, the last one first", true, reversed_mcap, read_moving_camera, ".mcap"},
       {"ROS 1", "images", true, images("none"), read_images, ".bag"},

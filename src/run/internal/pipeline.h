@@ -191,15 +191,23 @@ Error lost_backend();
 /// What a run ends with whose threads get no memory any more.
 
 /// Of one of the cameras, by the backend, the GPU and the options of the settings. Cameras that
-/// move remember no more frames than a query can take of all together (kMaxCameras).
+/// move remember no more frames than a query can take of all together (kMaxCameras). With
+/// `first_period`, s, instead of time.first_period; 0: that.
 Result<SurfaceTimeline> make_surfaces(std::span<const DepthStreamInfo> streams, std::size_t camera,
-                                      const RunSettings& settings, int num_spare = 0);
+                                      const RunSettings& settings, int num_spare = 0,
+                                      double first_period = 0);
 inline Result<SurfaceTimeline> make_surfaces(const DepthStreamInfo& stream,
                                              const RunSettings& settings) {
   return make_surfaces({&stream, 1}, 0, settings);
 }
 /// The same, with `threads` for queries too, which may be null and must outlive it.
 Result<std::unique_ptr<ContactPart>> make_contact_part(std::shared_ptr<const ToolIndex> index,
+                                                       const RunSettings& settings,
+                                                       const ContactScale& scale,
+                                                       ThreadPool* threads = nullptr);
+/// With the regions of the settings, too, as these cameras see them.
+Result<std::unique_ptr<ContactPart>> make_contact_part(std::shared_ptr<const ToolIndex> index,
+                                                       std::span<const DepthStreamInfo> streams,
                                                        const RunSettings& settings,
                                                        const ContactScale& scale,
                                                        ThreadPool* threads = nullptr);
@@ -213,6 +221,7 @@ struct RunParts {
   std::unique_ptr<Coupling> coupling;
   std::vector<SurfaceTimeline> timelines;  ///< of each camera; empty: those before go on
   std::unique_ptr<ContactPart> contact;
+  bool needs_timelines = false, needs_contact = false;  ///< made, or left out
   CouplingOptions checked_coupling;
   ContactScale scale;
   std::vector<std::string> notes;  ///< for humans
@@ -222,8 +231,7 @@ struct RunPartsOptions {
   const RunSettings* before = nullptr;
   int num_spare_surfaces = 0;           ///< see SurfaceTimeline
   ThreadPool* query_threads = nullptr;  ///< for queries too; must outlive them
-  /// s, of each camera: instead of time.first_period; empty or 0: that.
-  std::span<const double> first_periods = {};
+  bool leaves_out_large = false;        ///< the timelines and the contact part
 };
 /// Errors: settings out of range, the backend, a device that cannot be used; no camera, more than
 /// kMaxCameras, or several with a method that takes one.
