@@ -98,18 +98,28 @@ ObjectOption parse_object(const std::string& text, bool can_move) {
   return object;
 }
 
-std::string new_name(const std::string& file, const std::vector<SceneObject>& others) {
-  constexpr std::size_t kLongest = 60;
-  std::string stem = std::filesystem::path(file).stem().string().substr(0, kLongest);
-  for (char& letter : stem) {
-    if (std::isalnum(static_cast<unsigned char>(letter)) == 0) letter = '_';
+/// Gives each object a name of its own: block, block_2, block_3, ...
+class ObjectNames {
+ public:
+  std::string take(const std::string& file) {
+    constexpr std::size_t kLongest = 60;
+    std::string stem = std::filesystem::path(file).stem().string().substr(0, kLongest);
+    for (char& letter : stem) {
+      if (std::isalnum(static_cast<unsigned char>(letter)) == 0) letter = '_';
+    }
+    int& number = last_numbers_[stem];
+    std::string name;
+    do {
+      ++number;
+      name = number == 1 ? stem : stem + "_" + std::to_string(number);
+    } while (!taken_.insert(name).second);
+    return name;
   }
-  std::string name = stem;
-  for (int number = 2; std::ranges::count(others, name, &SceneObject::name) > 0; ++number) {
-    name = stem + "_" + std::to_string(number);
-  }
-  return name;
-}
+
+ private:
+  std::set<std::string> taken_;
+  std::map<std::string, int> last_numbers_;  // by stem
+};
 
 }  // namespace
 
@@ -133,6 +143,7 @@ void add_object_option(CLI::App& app, std::vector<ObjectOption>& objects, bool c
 Result<std::vector<SceneObject>> load_objects(const std::vector<ObjectOption>& options) {
   std::map<std::string, std::shared_ptr<const Tool>> shapes;
   std::vector<SceneObject> objects;
+  ObjectNames names;
   for (const ObjectOption& option : options) {
     std::shared_ptr<const Tool>& shape = shapes[option.file];
     if (shape == nullptr) {
@@ -147,7 +158,7 @@ Result<std::vector<SceneObject>> load_objects(const std::vector<ObjectOption>& o
       shape = std::make_shared<const Tool>(*std::move(tool));
     }
     objects.push_back({shape, option.X_WB, option.friction, option.moves, option.mass,
-                       new_name(option.file, objects), option.static_ratio, option.viscous});
+                       names.take(option.file), option.static_ratio, option.viscous});
   }
   return objects;
 }

@@ -1,5 +1,7 @@
 #include <algorithm>
 #include <cmath>
+#include <set>
+#include <string_view>
 #include <utility>
 
 #include "src/run/internal/pipeline.h"
@@ -9,8 +11,8 @@ namespace {
 
 Backend backend_of(const RunSettings& settings) { return settings.backend.value_or(Backend::cpu); }
 
-/// Of an object: settings are found by it.
-Status check_name(const std::string& name, const std::vector<SceneObject>& objects) {
+/// Of an object: settings are found by it. `taken`: those of the objects before it.
+Status check_name(const std::string& name, std::set<std::string_view>& taken) {
   constexpr std::size_t kLongest = 64;
   const auto is_plain = [](char c) {
     return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_';
@@ -20,7 +22,7 @@ Status check_name(const std::string& name, const std::vector<SceneObject>& objec
                  "the name of an object must be up to 64 letters, digits and _, not '" +
                      name.substr(0, kLongest) + "'"};
   }
-  if (!name.empty() && std::ranges::count(objects, name, &SceneObject::name) > 1) {
+  if (!name.empty() && !taken.insert(name).second) {
     return Error{Errc::invalid_argument,
                  "two objects are called '" + name + "'; give each a name of its own"};
   }
@@ -32,8 +34,9 @@ Status check(const RunSettings& settings, const DeviceInfo& device) {
   if (!(device.rate > 0 && std::isfinite(device.rate))) {
     return Error{Errc::invalid_argument, device.name + " reports no tick rate; it cannot be used"};
   }
+  std::set<std::string_view> names;
   for (const SceneObject& object : settings.objects) {
-    if (const Status status = check_name(object.name, settings.objects); !status) return status;
+    if (const Status status = check_name(object.name, names); !status) return status;
     if (object.shape == nullptr || !is_finite(object.X_WB)) {
       return Error{Errc::invalid_argument, "every object needs a shape and a finite pose"};
     }
