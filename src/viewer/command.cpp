@@ -2,11 +2,18 @@
 
 #include <utility>
 
+#include "src/io/internal/json_shape.h"
+
 namespace palpate::inline v0 {
 
 using Json = nlohmann::ordered_json;
 
 Result<ViewCommand> ViewCommand::parse(std::string_view json) {
+  constexpr std::size_t kMaxDepth = 16, kMaxMembers = 64;
+  if (const std::string fault = JsonShape::fault_of(json, kMaxDepth, kMaxMembers); !fault.empty()) {
+    return Error{Errc::invalid_argument, "a command " + fault.substr(0, 80) +
+                                             "; docs/viewer-protocol.md lists what commands have"};
+  }
   ViewCommand command;
   command.json_ = Json::parse(json, nullptr, false);
   const Json& name = command["command"];

@@ -55,8 +55,10 @@ Json list_controls(const SettingTable& table, IsControl is_control) {
 
 Json control_values(const SettingTable& table, IsControl is_control) {
   Json values = Json::object();
+  auto& members = values.get_ref<Json::object_t&>();
   for (const Setting& setting : table) {
-    if (is_control(setting)) values[setting.key()] = value_to_json(setting);
+    // Each key comes once. Looking for it in an ordered object takes as long as there are members.
+    if (is_control(setting)) members.emplace_back(setting.key(), value_to_json(setting));
   }
   return values;
 }

@@ -22,6 +22,7 @@
 #include "src/run/internal/pipeline.h"
 #include "src/session/internal/run_folder.h"
 #include "src/session/run_messages.h"
+#include "src/viewer/command.h"
 #include "src/viewer/controls.h"
 #include "src/viewer/messages.h"
 #include "src/viewer/repetition.h"
@@ -81,6 +82,22 @@ TEST(ToolView, ShowsTheToolAndNothingElse) {
   }
   for (const char* text : {"", "no JSON", "[]", "7", R"({"command": 3})"}) {
     EXPECT_FALSE(view->command(text)) << text;
+  }
+}
+
+TEST(ViewCommand, ThatNoPageWouldSendIsRefusedBeforeItIsTaken) {
+  EXPECT_TRUE(ViewCommand::parse(R"({"command": "set", "value": [0, 0, 0.1, 0, 0, 0, 1]})"));
+  std::string many = R"({"command": "pause")";
+  for (int i = 0; i < 5000; ++i) many += ",\"" + std::to_string(i) + "\":0";
+  const std::string deep = std::string(1000, '[') + std::string(1000, ']');
+  for (const auto& [text, fault] :
+       {std::pair(many + "}", "more than 64 members"),
+        std::pair(R"({"command": "set", "value": )" + deep + "}", "more than 16 levels"),
+        std::pair(std::string(R"({"command": "pause", "command": "end"})"), "twice")}) {
+    const auto command = ViewCommand::parse(text);
+    ASSERT_FALSE(command) << fault;
+    EXPECT_NE(command.error().message.find(fault), std::string::npos) << command.error().message;
+    EXPECT_LT(command.error().message.size(), 200u);
   }
 }
 
