@@ -27,8 +27,12 @@ Result<std::shared_ptr<const RecordedFrame>> FrameCache::get(std::size_t index) 
     frames_.splice(frames_.begin(), frames_, known);
     return frames_.front().second;
   }
+  if (const auto lost = lost_.find(index); lost != lost_.end()) return lost->second;
   auto frame = run_.read_frame(index);
-  if (!frame) return frame.error();
+  if (!frame) {
+    if (frame.error().code == Errc::bad_input) lost_.emplace(index, frame.error());
+    return frame.error();
+  }
   frames_.emplace_front(index, std::make_shared<const RecordedFrame>(*std::move(frame)));
   if (frames_.size() > max_frames_) frames_.pop_back();
   return frames_.front().second;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <list>
+#include <map>
 #include <memory>
 
 #include "src/viewer/recorded_run.h"
@@ -19,6 +20,7 @@ class FrameCache {
   RecordedRun& run_;
   std::size_t max_frames_;
   std::list<std::pair<std::size_t, std::shared_ptr<const RecordedFrame>>> frames_;
+  std::map<std::size_t, Error> lost_;  // what the recording does not hold is looked for once
 };
 
 }  // namespace palpate::inline v0

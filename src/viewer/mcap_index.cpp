@@ -31,7 +31,7 @@ McapIndex::McapIndex(RunReader reader)
   for (const DepthStreamInfo& stream : setup_.streams) {
     periods_.emplace_back(stream, setup_.settings.time);
   }
-  settings_[setup_.revision] = setup_.settings;
+  settings_[setup_.revision] = std::make_shared<const RunSettings>(setup_.settings);
 }
 
 McapIndex::~McapIndex() {
@@ -124,8 +124,9 @@ Status McapIndex::take(const RunReader::Message& message) {
   } else if (topic == kSettingsTopic) {
     auto setup = read_settings(message.data);
     if (!setup) return setup.error();
+    auto settings = std::make_shared<const RunSettings>(std::move(setup->settings));
     const std::lock_guard lock(mutex_);
-    settings_[setup->revision] = setup->settings;
+    settings_[setup->revision] = std::move(settings);
   } else if (topic == kNoteTopic) {
     auto note = read_note(message.data);
     if (!note) return note.error();
@@ -162,7 +163,7 @@ double McapIndex::duration() const {
   return duration_;
 }
 
-RunSettings McapIndex::settings(std::uint32_t revision) const {
+std::shared_ptr<const RunSettings> McapIndex::settings(std::uint32_t revision) const {
   const std::lock_guard lock(mutex_);
   const auto next = settings_.upper_bound(revision);
   return (next == settings_.begin() ? next : std::prev(next))->second;

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <map>
+#include <memory>
 #include <mutex>
 #include <string>
 #include <thread>
@@ -46,7 +47,8 @@ class McapIndex {
   double start() const { return start_; }
 
   double duration() const;
-  RunSettings settings(std::uint32_t revision) const;
+  /// Not null.
+  std::shared_ptr<const RunSettings> settings(std::uint32_t revision) const;
   /// Notes of the run, a limited number of those that are alike; from any thread.
   std::vector<RecordedMark> marks() const;
   std::size_t num_marks() const;
@@ -82,7 +84,7 @@ class McapIndex {
   std::vector<IndexedChunk> chunks_;
   std::vector<IndexedFrame> frames_;
   std::vector<FramePeriods> periods_;  // of each camera
-  std::map<std::uint32_t, RunSettings> settings_;
+  std::map<std::uint32_t, std::shared_ptr<const RunSettings>> settings_;
   std::vector<std::pair<std::uint64_t, std::string>> marks_;  // wall time
   std::map<std::string, std::size_t> num_alike_;              // of marks, by their words
   double duration_ = 0;

@@ -30,6 +30,13 @@ struct ChunkContent {
   std::vector<ViewSample> samples;
 };
 
+/// What stays known of a chunk, so that it is not read again for what it does not hold.
+struct ChunkSummary {
+  bool has_queries = false;
+  double first_query = 0;  ///< its time
+  std::uint64_t newest_frame = 0;
+};
+
 class RunInFile final : public RecordedRun {
  public:
   RunInFile(Tool tool, std::unique_ptr<McapIndex> index, RunReader reader)
@@ -40,7 +47,7 @@ class RunInFile final : public RecordedRun {
   const std::vector<SceneObject>& objects() const override {
     return reader_.setup().settings.objects;
   }
-  RunSettings settings(std::uint32_t revision) override { return index_->settings(revision); }
+  RunSettings settings(std::uint32_t revision) override { return *index_->settings(revision); }
   double duration() override { return index_->duration(); }
   std::size_t num_frames() override { return index_->num_frames(); }
   std::uint64_t frame_number(std::size_t index) override { return index_->frame(index).number; }
@@ -53,6 +60,7 @@ class RunInFile final : public RecordedRun {
   Result<RecordedFrame> read_frame(std::size_t index) override;
   Result<RecordedQuery> query_at(double time) override;
   Result<std::vector<ViewSample>> samples(double after, double until) override;
+  Result<std::optional<double>> first_touch(double until) override;
   std::vector<RecordedMark> marks() const override { return index_->marks(); }
   std::size_t num_marks() const override { return index_->num_marks(); }
   std::string note() override { return index_->note(); }
@@ -60,11 +68,20 @@ class RunInFile final : public RecordedRun {
  private:
   Result<const ChunkContent*> content(std::size_t chunk);
   Result<ChunkContent> read_content(std::uint64_t place);
+  void summarize(std::size_t chunk, const ChunkContent& content);
+  /// True of a chunk that has not been read yet.
+  template <class Holds>
+  bool may_hold(std::size_t chunk, Holds holds) const {
+    const bool is_known = chunk < summaries_.size() && summaries_[chunk];
+    return !is_known || (summaries_[chunk]->has_queries && holds(*summaries_[chunk]));
+  }
 
   Tool tool_;
   std::unique_ptr<McapIndex> index_;
   RunReader reader_;
-  std::list<std::pair<std::size_t, ChunkContent>> contents_;  // the one used last in front
+  // The one used last in front. Of one that is damaged, the error.
+  std::list<std::pair<std::size_t, Result<ChunkContent>>> contents_;
+  std::vector<std::optional<ChunkSummary>> summaries_;  // of chunks that were read
 };
 
 Result<ChunkContent> RunInFile::read_content(std::uint64_t place) {
@@ -78,7 +95,7 @@ Result<ChunkContent> RunInFile::read_content(std::uint64_t place) {
     if (topic == kTickTopic) {
       const auto tick = read_tick((*message)->data);
       if (!tick) return tick.error();
-      const CouplingKind kind = index_->settings(tick->revision).coupling.kind;
+      const CouplingKind kind = index_->settings(tick->revision)->coupling.kind;
       content.samples.push_back(sample_of(*tick, kind != CouplingKind::none));
     } else if (topic == kContactTopic) {
       const auto query = read_contact((*message)->data);
@@ -99,28 +116,45 @@ Result<const ChunkContent*> RunInFile::content(std::size_t chunk) {
                             [&](const auto& entry) { return entry.first == chunk; });
   if (known == contents_.end()) {
     auto content = read_content(index_->chunk(chunk).place);
-    if (!content) return content.error();
+    if (!content && content.error().code != Errc::bad_input) return content.error();
+    if (content) summarize(chunk, *content);
     // The last chunk that is known by now may yet be one of which not all is indexed: no matter.
-    contents_.emplace_front(chunk, *std::move(content));
+    contents_.emplace_front(chunk, std::move(content));
     if (contents_.size() > kMaxChunks) contents_.pop_back();
   } else {
     contents_.splice(contents_.begin(), contents_, known);
   }
-  return &contents_.front().second;
+  const Result<ChunkContent>& used = contents_.front().second;
+  if (!used) return used.error();
+  return &*used;
+}
+
+void RunInFile::summarize(std::size_t chunk, const ChunkContent& content) {
+  ChunkSummary summary;
+  for (const KnownQuery& query : content.queries) {
+    summary.newest_frame = std::max(summary.newest_frame, query.frame_number);
+  }
+  summary.has_queries = !content.queries.empty();
+  if (summary.has_queries) summary.first_query = content.queries.front().time;
+  if (summaries_.size() <= chunk) summaries_.resize(chunk + 1);
+  summaries_[chunk] = summary;
 }
 
 Result<RecordedFrame> RunInFile::read_frame(std::size_t index) {
   const IndexedFrame desired = index_->frame(index);
+  const Error gone{Errc::bad_input, "a depth frame of the recording is gone; was it changed?"};
   FrameJoiner joiner;
   if (const Status found = reader_.seek(desired.place); !found) return found.error();
   for (;;) {
     const auto message = reader_.next();
     if (!message) return message.error();
-    if (!*message) {
-      return Error{Errc::bad_input, "a depth frame of the recording is gone; was it changed?"};
-    }
+    if (!*message) return gone;
     auto joined = joiner.take((*message)->topic, (*message)->data);
     if (!joined) return joined.error();
+    if ((*message)->topic == kFrameTopic) {
+      const auto record = v0::read_frame((*message)->data);
+      if (record && record->number > desired.number) return gone;  // its image never came
+    }
     if (!*joined || (*joined)->record.number != desired.number) continue;
     DepthFrame& frame = (*joined)->frame;
     const DepthStreamInfo& stream = index_->setup().streams[desired.camera];
@@ -137,16 +171,20 @@ Result<RecordedFrame> RunInFile::read_frame(std::size_t index) {
 Result<RecordedQuery> RunInFile::query_at(double time) {
   const KnownQuery* found = nullptr;
   std::size_t chunk = index_->chunk_at(time + kRounding);
+  const auto begins_by_then = [&](const ChunkSummary& s) { return !(time < s.first_query); };
   for (;; --chunk) {
-    const auto content = this->content(chunk);
-    if (!content) return content.error();
-    const auto& queries = (*content)->queries;
-    const auto next = std::upper_bound(queries.begin(), queries.end(), time,
-                                       [](double t, const KnownQuery& q) { return t < q.time; });
-    if (next != queries.begin()) found = &*std::prev(next);
+    if (may_hold(chunk, begins_by_then)) {
+      const auto content = this->content(chunk);
+      if (!content) return content.error();
+      const auto& queries = (*content)->queries;
+      const auto next = std::upper_bound(queries.begin(), queries.end(), time,
+                                         [](double t, const KnownQuery& q) { return t < q.time; });
+      if (next != queries.begin()) found = &*std::prev(next);
+    }
     if (found != nullptr || chunk == 0) break;
   }
   for (; found == nullptr && chunk < index_->num_chunks(); ++chunk) {
+    if (!may_hold(chunk, [](const ChunkSummary&) { return true; })) continue;
     const auto content = this->content(chunk);
     if (!content) return content.error();
     if (!(*content)->queries.empty()) found = &(*content)->queries.front();
@@ -164,8 +202,10 @@ double RunInFile::needed_from(std::size_t index) {
   const IndexedFrame frame = index_->frame(index);
   const double captured = frame.capture_time - index_->start();
   constexpr double kLongest = 2;  // s
+  const auto is_of_frame = [&](const ChunkSummary& s) { return s.newest_frame >= frame.number; };
   for (std::size_t chunk = index_->chunk_at(captured);
        chunk < index_->num_chunks() && index_->chunk(chunk).first < captured + kLongest; ++chunk) {
+    if (!may_hold(chunk, is_of_frame)) continue;
     const auto content = this->content(chunk);
     if (!content) break;
     for (const KnownQuery& query : (*content)->queries) {
@@ -177,6 +217,7 @@ double RunInFile::needed_from(std::size_t index) {
 
 Result<std::vector<ViewSample>> RunInFile::samples(double after, double until) {
   std::vector<ViewSample> samples;
+  if (until <= after) return samples;
   std::size_t chunk = index_->chunk_at(after);
   // Ticks and queries of one moment may be in neighbouring chunks.
   if (chunk > 0) --chunk;
@@ -189,6 +230,19 @@ Result<std::vector<ViewSample>> RunInFile::samples(double after, double until) {
     }
   }
   return samples;
+}
+
+Result<std::optional<double>> RunInFile::first_touch(double until) {
+  until += kRounding;
+  for (std::size_t chunk = 0; chunk < index_->num_chunks() && index_->chunk(chunk).first <= until;
+       ++chunk) {
+    const auto content = this->content(chunk);
+    if (!content) return content.error();
+    for (const ViewSample& sample : (*content)->samples) {
+      if (sample.volume > 0 && sample.time <= until) return std::optional(sample.time);
+    }
+  }
+  return std::optional<double>();
 }
 
 }  // namespace

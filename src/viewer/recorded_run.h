@@ -61,6 +61,8 @@ class RecordedRun {
   virtual Result<RecordedQuery> query_at(double time) = 0;
   /// Ticks later than `after` until `until`, in order.
   virtual Result<std::vector<ViewSample>> samples(double after, double until) = 0;
+  /// Of the first tick with a contact until `until`, if there is one.
+  virtual Result<std::optional<double>> first_touch(double until) = 0;
   /// Also from another thread. There are more once more of the recording is known.
   virtual std::vector<RecordedMark> marks() const = 0;
   virtual std::size_t num_marks() const = 0;

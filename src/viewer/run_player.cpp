@@ -41,18 +41,9 @@ void add_note(std::string& note, const std::string& more) {
 /// Shortly before the first contact, s: there a run becomes worth a look. It is looked for in the
 /// first minute; the beginning if there is none.
 double opening_time(RecordedRun& run) {
-  constexpr double kLead = 0.5, kSearched = 60, kStep = 0.5;  // s
-  const double end = std::min(run.duration(), kSearched);
-  double after = -1;
-  while (after < end) {
-    const auto samples = run.samples(after, after + kStep);
-    if (!samples) return 0;
-    const auto touches = [](const ViewSample& sample) { return sample.volume > 0; };
-    const auto first = std::find_if(samples->begin(), samples->end(), touches);
-    if (first != samples->end()) return std::max(0.0, first->time - kLead);
-    after += kStep;
-  }
-  return 0;
+  constexpr double kLead = 0.5, kSearched = 60;  // s
+  const auto first = run.first_touch(std::min(run.duration(), kSearched));
+  return first && *first ? std::max(0.0, **first - kLead) : 0;
 }
 
 }  // namespace

@@ -38,7 +38,8 @@ inline std::vector<RecordedMessage> messages(const std::filesystem::path& run,
 }
 
 /// With the tool and the objects that the recording has.
-inline void rewrite(const std::filesystem::path& run, const std::vector<RecordedMessage>& all) {
+inline void rewrite(const std::filesystem::path& run, const std::vector<RecordedMessage>& all,
+                    const McapOptions& options = {}) {
   auto reader = McapReader::open(run / kRecordingFile);
   ASSERT_TRUE(reader) << reader.error().message;
   std::map<std::string, std::string> files;
@@ -50,14 +51,16 @@ inline void rewrite(const std::filesystem::path& run, const std::vector<Recorded
     if (!object) break;
     files[object_file(i)] = *object;
   }
-  auto writer = McapWriter::create(run / kRecordingFile);
+  auto writer = McapWriter::create(run / kRecordingFile, options);
   ASSERT_TRUE(writer);
   for (const auto& [name, bytes] : files) ASSERT_TRUE(writer->attach(name, "", bytes));
   std::map<std::string, std::uint16_t> channels;
-  for (const RecordedMessage& message : all) {
+  for (const RecordedMessage& message : all) {  // before the first message, as runs do
     if (!channels.contains(message.channel.topic)) {
       channels[message.channel.topic] = writer->add_channel(message.channel);
     }
+  }
+  for (const RecordedMessage& message : all) {
     ASSERT_TRUE(writer->write(channels[message.channel.topic], message.time, message.data));
   }
   ASSERT_TRUE(writer->finish());
