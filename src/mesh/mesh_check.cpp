@@ -138,7 +138,9 @@ std::optional<Error> repair(SolidMesh& solid, double tolerance) {
 }
 
 std::optional<Error> check_crossings(const TriangleMesh& mesh) {
-  const auto pair = find_self_intersection(mesh);
+  const auto search = find_self_intersection(mesh);
+  if (!search) return search.error();
+  const std::optional<FacePair>& pair = *search;
   if (!pair) return std::nullopt;
   const std::vector<std::uint32_t> shell = shell_of_faces(mesh.triangles);
   const std::string where = point(face_centre(mesh, pair->first));
@@ -160,25 +162,24 @@ void flip_triangles(TriangleMesh& mesh, Shell& shell) {
 /// Bodies look outwards and their cavities inwards. A body that is inside out is turned together
 /// with everything in it; after that, anything wrong is the user's to decide.
 std::optional<Error> orient(SolidMesh& solid, std::vector<Shell> shells) {
-  const auto enclosing = find_enclosing_shells(solid.mesh, shells);
-  std::size_t num_turned = 0;
-  for (std::size_t body = 0; body < shells.size(); ++body) {
-    if (!enclosing[body].empty() || shells[body].signed_volume > 0) continue;
-    flip_triangles(solid.mesh, shells[body]);
-    ++num_turned;
-    for (std::size_t inner = 0; inner < shells.size(); ++inner) {
-      if (std::count(enclosing[inner].begin(), enclosing[inner].end(), body)) {
-        flip_triangles(solid.mesh, shells[inner]);
-      }
-    }
+  const auto nesting = find_nesting(solid.mesh, shells);
+  if (!nesting) return nesting.error();
+  std::vector<bool> is_turned(shells.size());
+  for (std::size_t i = 0; i < shells.size(); ++i) {
+    is_turned[i] = (*nesting)[i].num_around == 0 && shells[i].signed_volume <= 0;
   }
+  for (std::size_t i = 0; i < shells.size(); ++i) {
+    if (is_turned[(*nesting)[i].outermost]) flip_triangles(solid.mesh, shells[i]);
+  }
+  const auto num_turned =
+      static_cast<std::size_t>(std::count(is_turned.begin(), is_turned.end(), true));
   if (num_turned > 0) {
     solid.warnings.push_back((shells.size() == 1 ? "the mesh was inside out: all faces were turned"
                                                  : "turned " + count(num_turned, "part") +
                                                        " of the mesh that looked inside out"));
   }
   for (std::size_t i = 0; i < shells.size(); ++i) {
-    const bool is_cavity = enclosing[i].size() % 2 == 1;
+    const bool is_cavity = (*nesting)[i].num_around % 2 == 1;
     if ((shells[i].signed_volume < 0) == is_cavity) continue;
     return bad_mesh("a closed part of the mesh at " + point(shells[i].sample) +
                     " is inside another one with the same orientation; remove it, or flip its "

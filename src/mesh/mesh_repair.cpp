@@ -1,6 +1,7 @@
 #include "src/mesh/mesh_repair.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <limits>
 #include <unordered_map>
@@ -11,12 +12,16 @@ namespace {
 
 constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 
-/// Kept vertices in cubic cells, for a search around a point.
+/// Kept vertices in cubic cells, for a search around a point. They are farther apart than the
+/// tolerance: a cell has few of them, however close together they lie. Without a tolerance, equal
+/// vertices alone share a cell.
 class VertexGrid {
  public:
-  VertexGrid(const Bounds& box, double tolerance) : low_(box.low), tolerance_(tolerance) {
-    constexpr double kCellsPerSide = 4096;
-    cell_ = std::max(norm(box.high - box.low) / kCellsPerSide, std::numeric_limits<double>::min());
+  VertexGrid(const Bounds& box, double tolerance) : tolerance_(tolerance) {
+    if (tolerance == 0) return;
+    constexpr double kTolerancesPerCell = 4, kMaxCellsPerSide = 0x1p40;
+    low_ = box.low;
+    cell_ = std::max(kTolerancesPerCell * tolerance, norm(box.high - box.low) / kMaxCellsPerSide);
   }
 
   /// The lowest kept vertex within the tolerance of p, or kNone.
@@ -50,17 +55,27 @@ class VertexGrid {
   }
 
  private:
-  std::int64_t cell(double x) const { return static_cast<std::int64_t>(std::floor(x / cell_)); }
+  std::int64_t cell(double x) const {
+    if (tolerance_ == 0) return std::bit_cast<std::int64_t>(x + 0.0);  // -0 is 0
+    return static_cast<std::int64_t>(std::floor(x / cell_));
+  }
   std::pair<std::int64_t, std::int64_t> range(double x) const {
     return {cell(x - tolerance_), cell(x + tolerance_)};
   }
+  /// Cells of the same key share a list. Mixed as by SplitMix64.
   static std::uint64_t key(std::int64_t x, std::int64_t y, std::int64_t z) {
-    constexpr std::int64_t kMask = (1 << 21) - 1;
-    return static_cast<std::uint64_t>(((x & kMask) << 42) | ((y & kMask) << 21) | (z & kMask));
+    std::uint64_t mixed = 0;
+    for (const std::int64_t part : {x, y, z}) {
+      mixed += static_cast<std::uint64_t>(part) + 0x9e3779b97f4a7c15;
+      mixed = (mixed ^ (mixed >> 30)) * 0xbf58476d1ce4e5b9;
+      mixed = (mixed ^ (mixed >> 27)) * 0x94d049bb133111eb;
+      mixed ^= mixed >> 31;
+    }
+    return mixed;
   }
 
   Vec3d low_;
-  double tolerance_, cell_;
+  double tolerance_, cell_ = 0;
   std::unordered_map<std::uint64_t, std::uint32_t> first_in_cell_;
   std::vector<std::uint32_t> next_in_cell_;
 };

@@ -13,7 +13,7 @@ void drop_unused_vertices(TriangleMesh& mesh);
 
 /// Vertices closer than `tolerance` to an earlier kept vertex become that vertex, and faces that
 /// lose a corner by it are dropped: their other two edges cancel, so a closed mesh stays closed.
-/// Returns the number of dropped faces. O(n) for vertices spread over the box.
+/// Returns the number of dropped faces. O(n).
 std::size_t weld_vertices(TriangleMesh& mesh, double tolerance);
 
 /// True if the height of the face over its longest edge is at most `tolerance`.

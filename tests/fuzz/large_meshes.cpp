@@ -1,4 +1,5 @@
 // Large mesh and tool files.
+#include <array>
 #include <cmath>
 #include <cstdint>
 
@@ -61,10 +62,15 @@ void broken_lines_obj(const fs::path& path, std::size_t num_bytes) {
       [](std::size_t) { return "\\\n"; }, "\n");
 }
 
+std::string stl_head(std::size_t num_facets) {
+  std::string head(80, ' ');
+  for (int shift = 0; shift < 32; shift += 8) head += static_cast<char>(num_facets >> shift);
+  return head;
+}
+
 void facets_stl(const fs::path& path, std::size_t num_bytes) {
   const std::size_t num = num_bytes / 50;
-  std::string head(80, ' ');
-  for (int shift = 0; shift < 32; shift += 8) head += static_cast<char>(num >> shift);
+  const std::string head = stl_head(num);
   std::string facet(50, '\0');
   const float corners[] = {0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0};
   facet.replace(0, 48, reinterpret_cast<const char*>(corners), 48);
@@ -202,7 +208,73 @@ void spheres_tool(const fs::path& path, std::size_t num_bytes) {
   (void)save_tool(test::block_of_spheres(static_cast<int>(std::cbrt(num))), path);
 }
 
+using Tetrahedron = std::array<Vec3d, 4>;
+
+/// each(i) is the i-th of so many.
+void tetrahedra_stl(const fs::path& path, std::size_t num,
+                    const std::function<Tetrahedron(std::size_t)>& each) {
+  constexpr std::size_t kBytes = 4 * 50;
+  const std::string head = stl_head(4 * num);
+  write_pieces(path, head.size() + kBytes * num, head, [&](std::size_t i) {
+    std::string facets;
+    const Tetrahedron corners = each(i);
+    for (const auto& face : {std::array{0, 2, 1}, {0, 1, 3}, {1, 2, 3}, {2, 0, 3}}) {
+      facets.append(12, '\0');
+      for (const int corner : face) {
+        const Vec3f p = to_float(corners[corner]);
+        facets.append(reinterpret_cast<const char*>(&p), sizeof p);
+      }
+      facets.append(2, '\0');
+    }
+    return facets;
+  });
+}
+std::size_t num_tetrahedra(std::size_t num_bytes) { return num_bytes / 200; }
+
+/// Side by side, along a diagonal.
+void needles_stl(const fs::path& path, std::size_t num_bytes) {
+  const Quaternion turn = axis_angle({1, -2, 3}, 0.9);
+  tetrahedra_stl(path, num_tetrahedra(num_bytes), [&](std::size_t i) {
+    const Vec3d column{1e-4 * static_cast<double>(i % 128), 1e-4 * static_cast<double>(i / 128), 0};
+    Tetrahedron needle{{{4e-5, 0, 0}, {-2e-5, 3e-5, 0}, {-2e-5, -3e-5, 0}, {0, 0, 0.5}}};
+    for (Vec3d& p : needle) p = rotate(turn, column + p);
+    return needle;
+  });
+}
+
+/// One in the other, every second a cavity.
+void nested_stl(const fs::path& path, std::size_t num_bytes) {
+  const std::size_t num = num_tetrahedra(num_bytes);
+  tetrahedra_stl(path, num, [&](std::size_t i) {
+    const double s = 0.1 * (1 - 0.5 * static_cast<double>(i) / static_cast<double>(num));
+    Tetrahedron shell{{{s, s, s}, {-s, s, -s}, {-s, -s, s}, {s, -s, -s}}};
+    if (i % 2 == 1) std::swap(shell[0], shell[1]);
+    return shell;
+  });
+}
+
+/// All but the first in a place much smaller than the distance to it.
+void crowded_stl(const fs::path& path, std::size_t num_bytes) {
+  const std::size_t num = num_tetrahedra(num_bytes);
+  const auto side = static_cast<std::size_t>(std::cbrt(static_cast<double>(num))) + 1;
+  const double step = 2e-4 / static_cast<double>(side), s = step / 3;
+  tetrahedra_stl(path, num, [&](std::size_t i) {
+    const Vec3d at =
+        i == 0 ? Vec3d{1, 0, 0}
+               : step * Vec3d{static_cast<double>(i % side), static_cast<double>(i / side % side),
+                              static_cast<double>(i / side / side)};
+    return Tetrahedron{at, at + Vec3d{0, s, 0}, at + Vec3d{s, 0, 0}, at + Vec3d{0, 0, s}};
+  });
+}
+
+constexpr double kCheckSeconds = 60;  // for self-intersections, too
+
 Status read_mesh(const fs::path& path) { return status_of(load_mesh(path)); }
+Status read_solid(const fs::path& path) {
+  const auto mesh = load_mesh(path);
+  if (!mesh) return mesh.error();
+  return status_of(check_solid(*mesh));
+}
 Status read_tool(const fs::path& path) { return status_of(load_tool(path)); }
 
 }  // namespace
@@ -214,6 +286,9 @@ std::vector<LargeInput> large_meshes() {
           {"STL", "binary", true, facets_stl, read_mesh, ".stl"},
           {"STL", "text", true, text_stl, read_mesh, ".stl"},
           {"STL", "empty solids", {}, solids_stl, read_mesh, ".stl"},
+          {"solid", "needles", true, needles_stl, read_solid, ".stl", kCheckSeconds},
+          {"solid", "one in the other", {}, nested_stl, read_solid, ".stl", kCheckSeconds},
+          {"solid", "crowded", {}, crowded_stl, read_solid, ".stl", kCheckSeconds},
           {"PLY", "text", true, strip_ply, read_mesh, ".ply"},
           {"PLY", "polygons of 1000 corners", {}, polygons_ply, read_mesh, ".ply"},
           {"PLY", "a header of elements", false, elements_ply, read_mesh, ".ply"},

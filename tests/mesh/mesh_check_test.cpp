@@ -254,6 +254,56 @@ TEST(CheckSolid, IsIdempotentAndRepeatable) {
   EXPECT_EQ(first->mesh.triangles, second->mesh.triangles);
 }
 
+TEST(CheckSolid, FindsWhichPartsAreInOthers) {
+  // Beside each other, but where one looks along x from another: in the hole of a ring, in a bowl.
+  const TriangleMesh ring = make_torus(0.05, 0.01, 40, 20), ball = make_icosphere(0.02, 2);
+  const Quaternion turn = axis_angle({0, 1, 0}, 1.1);
+  const auto turned = [&](TriangleMesh mesh) {
+    for (Vec3d& p : mesh.vertices) p = rotate(turn, p);
+    return mesh;
+  };
+  const double volume = mass_properties(ring).volume + mass_properties(ball).volume;
+  expect_accepted(joined(ring, ball), volume);
+  expect_accepted(turned(joined(ball, ring)), volume);
+  expect_refused(turned(joined(ring, shifted(make_icosphere(0.005, 1), {0.05, 0, 0}))),
+                 "same orientation");
+  // A ray along x from the end of one meets edges and corners of the others.
+  const TriangleMesh octahedra =
+      joined(make_octahedron(0.02), shifted(make_octahedron(0.02), {0.03, 0, 0}));
+  expect_accepted(octahedra, 8.0 / 3 * 1e-6);
+  expect_accepted(joined(octahedra, rotated(shifted(make_octahedron(0.01), {0.03, 0, 0}))),
+                  8.0 / 3 * 1e-6 - 1.0 / 6 * 1e-6);
+  expect_refused(joined(octahedra, shifted(make_octahedron(0.01), {0.03, 0, 0})),
+                 "same orientation");
+}
+
+TEST(CheckSolid, ManyNestedPartsAreFine) {
+  TriangleMesh mesh;
+  double volume = 0;
+  for (int i = 0; i < 4000; ++i) {
+    const TriangleMesh shell = make_tetrahedron(0.1 + 2e-5 * i);
+    volume += (i % 2 ? 1 : -1) * mass_properties(shell).volume;
+    const auto first = static_cast<std::uint32_t>(mesh.vertices.size());
+    mesh.vertices.insert(mesh.vertices.end(), shell.vertices.begin(), shell.vertices.end());
+    for (Triangle t : shell.triangles) {
+      if (i % 2 == 0) std::swap(t[1], t[2]);
+      mesh.triangles.push_back({first + t[0], first + t[1], first + t[2]});
+    }
+  }
+  expect_accepted(mesh, volume);
+  for (int k = 0; k < 4; ++k) std::swap(mesh.triangles[k][1], mesh.triangles[k][2]);
+  expect_refused(mesh, "same orientation");
+}
+
+TEST(CheckSolid, ManyCornersInOnePlaceAreFine) {
+  // A fine sphere of 0.1 mm beside a tetrahedron at 1 m.
+  const TriangleMesh ball = make_icosphere(1e-4, 4),
+                     far = shifted(make_tetrahedron(0.01), {1, 0, 0});
+  const SolidMesh solid =
+      expect_accepted(soup(joined(ball, far)), mass_properties(joined(ball, far)).volume);
+  EXPECT_EQ(solid.mesh.vertices.size(), ball.vertices.size() + 4);
+}
+
 TEST(CheckSolid, ManyPartsAreFine) {
   TriangleMesh mesh;
   for (int i = 0; i < 1000; ++i) {

@@ -58,7 +58,7 @@ bool brute_force(const TriangleMesh& mesh) {
 }
 
 void expect_same_as_brute_force(const TriangleMesh& mesh, int& num_meeting) {
-  const auto found = find_self_intersection(mesh);
+  const auto found = *find_self_intersection(mesh);
   EXPECT_EQ(found.has_value(), brute_force(mesh));
   if (!found) return;
   ++num_meeting;
@@ -192,11 +192,11 @@ TEST(SelfIntersection, GridKeepsItsFullRange) {
 }
 
 TEST(SelfIntersection, LargeMeshesAreFine) {
-  EXPECT_FALSE(find_self_intersection(make_torus(0.05, 0.02, 400, 125)));  // 100,000 faces.
+  EXPECT_FALSE(*find_self_intersection(make_torus(0.05, 0.02, 400, 125)));  // 100,000 faces.
   TriangleMesh touching = make_torus(0.05, 0.02, 200, 100);
   touching.vertices[0] = {-0.05, 0, 0};
-  EXPECT_TRUE(find_self_intersection(touching));
-  EXPECT_FALSE(find_self_intersection({}));
+  EXPECT_TRUE(*find_self_intersection(touching));
+  EXPECT_FALSE(*find_self_intersection({}));
 }
 
 // All boxes overlap at the tip: pair by pair this would take minutes.
@@ -204,12 +204,61 @@ TEST(SelfIntersection, LargeFansAreFine) {
   const Quaternion turn = axis_angle({1, 2, 3}, 0.7);
   for (const double height : {0.0, 1.0}) {
     TriangleMesh fan = make_cone(25000, height, false);
-    EXPECT_FALSE(find_self_intersection(fan));
+    EXPECT_FALSE(*find_self_intersection(fan));
     for (Vec3d& p : fan.vertices) p = rotate(turn, p);
-    EXPECT_FALSE(find_self_intersection(fan));
+    EXPECT_FALSE(*find_self_intersection(fan));
     fan.vertices[2 + 7000] = fan.vertices[2 + 12000] * 0.9 + fan.vertices[0] * 0.1;
-    EXPECT_TRUE(find_self_intersection(fan));
+    EXPECT_TRUE(*find_self_intersection(fan));
   }
+}
+
+/// Needles side by side, all along (1, 2, 3): any two boxes along the axes overlap.
+TEST(SelfIntersection, TiltedNeedlesAreFine) {
+  const Quaternion turn = axis_angle({1, -2, 3}, 0.9);
+  const int n = 100;
+  TriangleMesh mesh;
+  for (int i = 0; i < n * n; ++i) {
+    const auto first = static_cast<std::uint32_t>(mesh.vertices.size());
+    const Vec3d at{i % n * 1e-4, i / n * 1e-4, 0};
+    for (const Vec3d& p : {Vec3d{4e-5, 0, 0}, {-2e-5, 3e-5, 0}, {-2e-5, -3e-5, 0}, {0, 0, 1}}) {
+      mesh.vertices.push_back(rotate(turn, at + p));
+    }
+    for (const Triangle& t : {Triangle{0, 2, 1}, {0, 1, 3}, {1, 2, 3}, {2, 0, 3}}) {
+      mesh.triangles.push_back({first + t[0], first + t[1], first + t[2]});
+    }
+  }
+  const auto found = find_self_intersection(mesh);
+  ASSERT_TRUE(found) << found.error().message;
+  EXPECT_FALSE(*found);
+  mesh.vertices[4 * 5050] = mesh.vertices[4 * 4040];
+  EXPECT_TRUE(*find_self_intersection(mesh));
+}
+
+/// Both ends of a coin: thousands of thin faces around either middle.
+TEST(SelfIntersection, CoinsAreFine) {
+  const auto found = find_self_intersection(make_cylinder(0.01, 1e-4, 25000));
+  ASSERT_TRUE(found) << found.error().message;
+  EXPECT_FALSE(*found);
+}
+
+/// The two families of lines of z = x y, one of them raised: each line passes close by all of the
+/// other family, and no box keeps them apart.
+TEST(SelfIntersection, GivesUpOnFacesThatAllPassEachOther) {
+  constexpr int kNum = 4000;
+  constexpr double kWidth = 1e-6, kLift = 1e-5;
+  TriangleMesh mesh;
+  for (int i = 0; i < 2 * kNum; ++i) {
+    const double x = i % kNum * 1.0 / kNum;
+    const auto at = [&](double s, double t) {
+      return i < kNum ? Vec3d{s, t, s * t} : Vec3d{t, s, s * t + kLift};
+    };
+    const auto first = static_cast<std::uint32_t>(mesh.vertices.size());
+    mesh.vertices.insert(mesh.vertices.end(), {at(x, 0), at(x, 1), at(x + kWidth, 1)});
+    mesh.triangles.push_back({first, first + 1, first + 2});
+  }
+  const auto found = find_self_intersection(mesh);
+  ASSERT_FALSE(found);
+  EXPECT_NE(found.error().message.find("cannot be checked"), std::string::npos);
 }
 
 }  // namespace
