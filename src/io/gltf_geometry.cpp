@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <initializer_list>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -73,44 +74,106 @@ Json parse_json(std::string_view text) {
   return document;
 }
 
-/// Bytes that a buffer can have at most: those of the GLB, of its data URI, or of its file.
-std::uint64_t available_bytes(const Json& buffer, const std::filesystem::path& folder,
-                              std::size_t num_file_bytes) {
-  const auto uri = buffer.find("uri");
-  if (uri == buffer.end()) return num_file_bytes;
-  if (!uri->is_string()) throw Fault{"has a 'uri' that is not a string"};
-  const std::string& name = uri->get_ref<const std::string&>();
-  if (name.starts_with("data:")) return name.size();
-  std::error_code error;
-  // Assimp appends the name to the folder, even if it looks like an absolute one.
-  const std::filesystem::path path = (folder / "").string() + name;
-  const bool is_file = std::filesystem::is_regular_file(path, error);
-  const std::uintmax_t size = is_file ? std::filesystem::file_size(path, error) : 0;
-  if (!is_file || error) throw Fault{"needs " + path.string() + ", which is not a readable file"};
-  return size;
+/// The files that buffers name, each once, however it is spelled.
+class BufferFiles {
+ public:
+  struct File {
+    std::uint64_t size;
+    std::size_t number;  // of the buffer that keeps it
+  };
+
+  explicit BufferFiles(const std::filesystem::path& folder) : folder_((folder / "").string()) {}
+
+  /// `number`: of the buffer, which keeps the file if it is the first.
+  const File& find(const std::string& name, std::size_t number) {
+    const auto [named, is_new] = by_name_.try_emplace(name);
+    if (!is_new) return *named->second;
+    std::error_code error;
+    // Assimp appends the name to the folder, even if it looks like an absolute one.
+    const std::filesystem::path path = folder_ + name;
+    const bool is_file = std::filesystem::is_regular_file(path, error);
+    const std::uintmax_t size = is_file ? std::filesystem::file_size(path, error) : 0;
+    if (!is_file || error) {
+      throw Fault{"needs " + path.string() + ", which is not a readable file"};
+    }
+    const std::filesystem::path place = std::filesystem::canonical(path, error);
+    const auto file = by_place_.try_emplace(error ? path : place, File{size, number}).first;
+    return *(named->second = &file->second);
+  }
+
+ private:
+  std::string folder_;
+  std::map<std::string, const File*> by_name_;
+  std::map<std::filesystem::path, File> by_place_;
+};
+
+/// Copies members that are there and are whole numbers.
+void copy_whole(const Json& from, std::initializer_list<const char*> keys, Json& to) {
+  for (const char* key : keys) {
+    if (const auto value = whole_member(from, key)) to[key] = *value;
+  }
+}
+
+Json buffer_geometry(const Json& buffer) {
+  Json kept = Json::object();
+  copy_whole(buffer, {"byteLength"}, kept);
+  if (const auto uri = buffer.find("uri"); uri != buffer.end()) kept["uri"] = *uri;
+  return kept;
+}
+
+struct Buffers {
+  std::vector<std::uint64_t> lengths;
+  std::vector<std::size_t> numbers;  // of each among those that are kept
+  Json kept = Json::array();         // one of each file: Assimp would read it for every other, too
+};
+
+Buffers check_buffers(const Json& root, const std::filesystem::path& folder,
+                      std::size_t num_file_bytes) {
+  BufferFiles files(folder);
+  Buffers buffers;
+  for (const Json& buffer : list(root, "buffers")) {
+    const std::uint64_t length = whole_member(buffer, "byteLength").value_or(0);
+    // Those of the GLB, of the data URI, or of the file.
+    std::uint64_t num_available = num_file_bytes;
+    std::size_t number = buffers.kept.size();
+    if (const auto uri = buffer.find("uri"); uri != buffer.end()) {
+      if (!uri->is_string()) throw Fault{"has a 'uri' that is not a string"};
+      const std::string& name = uri->get_ref<const std::string&>();
+      if (name.starts_with("data:")) {
+        num_available = name.size();
+      } else {
+        const BufferFiles::File& file = files.find(name, number);
+        num_available = file.size;
+        number = file.number;
+      }
+    }
+    if (length > num_available) {
+      throw Fault{"is truncated: " + item("buffer", buffers.lengths.size()) + " announces " +
+                  std::to_string(length) + " bytes, more than there are"};
+    }
+    if (number == buffers.kept.size()) {
+      buffers.kept.push_back(buffer_geometry(buffer));
+    } else if (Json& kept = buffers.kept[number];
+               length > kept.value("byteLength", std::uint64_t(0))) {
+      kept["byteLength"] = length;
+    }
+    buffers.lengths.push_back(length);
+    buffers.numbers.push_back(number);
+  }
+  return buffers;
 }
 
 struct View {
   std::uint64_t length, stride;
 };
 
-std::vector<View> check_views(const Json& root, const std::filesystem::path& folder,
-                              std::size_t num_file_bytes) {
-  std::vector<std::uint64_t> buffers;
-  for (const Json& buffer : list(root, "buffers")) {
-    const std::uint64_t length = whole_member(buffer, "byteLength").value_or(0);
-    if (length > available_bytes(buffer, folder, num_file_bytes)) {
-      throw Fault{"is truncated: " + item("buffer", buffers.size()) + " announces " +
-                  std::to_string(length) + " bytes, more than there are"};
-    }
-    buffers.push_back(length);
-  }
+std::vector<View> check_views(const Json& root, const Buffers& buffers) {
   std::vector<View> views;
   for (const Json& view : list(root, "bufferViews")) {
     const std::uint64_t length = whole_member(view, "byteLength").value_or(0);
     const std::uint64_t offset = whole_member(view, "byteOffset").value_or(0);
-    const std::uint64_t buffer = buffers[index_into(
-        buffers.size(), whole_member(view, "buffer").value_or(UINT64_MAX), "buffer")];
+    const std::uint64_t buffer = buffers.lengths[index_into(
+        buffers.lengths.size(), whole_member(view, "buffer").value_or(UINT64_MAX), "buffer")];
     if (offset > buffer || length > buffer - offset) {
       throw Fault{"has " + item("bufferView", views.size()) + " that does not fit into its buffer"};
     }
@@ -245,13 +308,6 @@ void check_nodes(const Json& root, const std::vector<double>& mesh_sizes,
   }
 }
 
-/// Copies members that are there and are whole numbers.
-void copy_whole(const Json& from, std::initializer_list<const char*> keys, Json& to) {
-  for (const char* key : keys) {
-    if (const auto value = whole_member(from, key)) to[key] = *value;
-  }
-}
-
 /// Copies a member that is there and is a list of `num` numbers.
 void copy_numbers(const Json& from, const char* key, std::size_t num, Json& to) {
   const Json& numbers = list(from, key);
@@ -310,21 +366,14 @@ Json accessor_geometry(const Json& accessor) {
   return kept;
 }
 
-Json view_geometry(const Json& view) {
-  Json kept = Json::object();
-  copy_whole(view, {"buffer", "byteOffset", "byteLength", "byteStride"}, kept);
-  return kept;
-}
-
-Json buffer_geometry(const Json& buffer) {
-  Json kept = Json::object();
-  copy_whole(buffer, {"byteLength"}, kept);
-  if (const auto uri = buffer.find("uri"); uri != buffer.end()) kept["uri"] = *uri;
+Json view_geometry(const Json& view, const Buffers& buffers) {
+  Json kept = {{"buffer", buffers.numbers[view["buffer"].get<std::size_t>()]}};
+  copy_whole(view, {"byteOffset", "byteLength", "byteStride"}, kept);
   return kept;
 }
 
 /// Of a file that was checked, whose accessors have so many elements.
-Json geometry_of(const Json& root, const std::vector<double>& counts) {
+Json geometry_of(const Json& root, const std::vector<double>& counts, Buffers buffers) {
   Json kept = {{"asset", {{"version", "2.0"}}}};
   copy_whole(root, {"scene"}, kept);
   kept["scenes"] = each(list(root, "scenes"), [](const Json& scene) {
@@ -334,8 +383,9 @@ Json geometry_of(const Json& root, const std::vector<double>& counts) {
   kept["meshes"] =
       each(list(root, "meshes"), [&](const Json& mesh) { return mesh_geometry(mesh, counts); });
   kept["accessors"] = each(list(root, "accessors"), accessor_geometry);
-  kept["bufferViews"] = each(list(root, "bufferViews"), view_geometry);
-  kept["buffers"] = each(list(root, "buffers"), buffer_geometry);
+  kept["bufferViews"] = each(list(root, "bufferViews"),
+                             [&](const Json& view) { return view_geometry(view, buffers); });
+  kept["buffers"] = std::move(buffers.kept);
   return kept;
 }
 
@@ -362,10 +412,12 @@ Result<std::string> gltf_geometry(std::string_view json, const std::filesystem::
     throw Fault{"is not of glTF version 2"};
   }
   check_extensions(root);
-  const std::vector<View> views = check_views(root, folder, num_file_bytes);
+  Buffers buffers = check_buffers(root, folder, num_file_bytes);
+  const std::vector<View> views = check_views(root, buffers);
   const std::vector<double> counts = check_accessors(root, views, num_file_bytes);
   check_nodes(root, check_meshes(root, counts), num_file_bytes);
-  return geometry_of(root, counts).dump(-1, ' ', false, Json::error_handler_t::replace);
+  return geometry_of(root, counts, std::move(buffers))
+      .dump(-1, ' ', false, Json::error_handler_t::replace);
 } catch (const Fault& fault) {
   return Error{Errc::bad_input, fault.what};
 } catch (const Json::exception& error) {

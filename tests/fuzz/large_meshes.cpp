@@ -158,6 +158,29 @@ void scenes_gltf(const fs::path& path, std::size_t num_bytes) {
   write_pieces(path, 0, text + "]}", nullptr);
 }
 
+/// Many buffers, all of one other file, which is as large.
+void buffers_gltf(const fs::path& path, std::size_t num_bytes) {
+  constexpr std::size_t kBytesPerBuffer = 160;
+  write_pieces(path.parent_path() / "all.bin", num_bytes, "",
+               [](std::size_t) { return std::string(1000, '\0'); });
+  std::string primitives, accessors, views, buffers;
+  for (std::size_t i = 0; i < json_size(num_bytes) / kBytesPerBuffer; ++i) {
+    const std::string n = std::to_string(i), comma = i == 0 ? "" : ",";
+    primitives += comma + R"({"attributes":{"POSITION":)" + n + "}}";
+    accessors +=
+        comma + R"({"bufferView":)" + n + R"(,"componentType":5126,"type":"VEC3","count":3})";
+    views += comma + R"({"buffer":)" + n + R"(,"byteLength":36})";
+    buffers += comma + R"({"uri":"all.bin","byteLength":)" + std::to_string(num_bytes) + "}";
+  }
+  write_pieces(
+      path, 0,
+      R"({"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],"nodes":[{"mesh":0}],)"
+      R"("meshes":[{"primitives":[)" +
+          primitives + R"(]}],"accessors":[)" + accessors + R"(],"bufferViews":[)" + views +
+          R"(],"buffers":[)" + buffers + "]}",
+      nullptr);
+}
+
 /// One mesh of half the file, placed as often as the other half says.
 void placed_glb(const fs::path& path, std::size_t num_bytes) {
   const std::size_t half = json_size(num_bytes) / 2, num_vertices = half / 12;
@@ -295,6 +318,7 @@ std::vector<LargeInput> large_meshes() {
           {"OFF", "corners", true, strip_off, read_mesh, ".off"},
           {"OFF", "polygons of 1000 corners", {}, polygons_off, read_mesh, ".off"},
           {"glTF", "nodes and scenes", {}, scenes_gltf, read_mesh, ".gltf"},
+          {"glTF", "buffers of one file", {}, buffers_gltf, read_mesh, ".gltf"},
           {"GLB", "triangles", true, round_glb, read_mesh, ".glb"},
           {"GLB", "a mesh that is placed often", {}, placed_glb, read_mesh, ".glb"},
           {"tool", "mesh", true, mesh_tool, read_tool, ".palp"},

@@ -12,6 +12,7 @@
 
 #include "palpate/mesh/mesh.h"
 #include "src/io/internal/atomic_file.h"
+#include "src/io/mesh_parsers.h"
 #include "tests/test_util/data.h"
 #include "tests/test_util/random.h"
 #include "tests/test_util/temporary_folder.h"
@@ -316,6 +317,32 @@ TEST_F(MeshFile, HostileGltfIsReadOrRefused) {
     const auto mesh = load_mesh(folder / (std::string(name) + ".gltf"));
     EXPECT_TRUE(mesh || !mesh.error().message.empty()) << name;
   }
+}
+
+TEST_F(MeshFile, ReadsAFileThatManyBuffersNameOnce) {
+  // Other spellings, and the buffer that is needed whole is not the first.
+  write("m.bin", gltf_buffer(sample()));
+  std::string json = gltf_json(sample(), R"("uri":"./m.bin",)");
+  const auto replace = [&](const std::string& from, const std::string& to) {
+    ASSERT_NE(json.find(from), std::string::npos);
+    json.replace(json.find(from), from.size(), to);
+  };
+  replace(R"("buffers":[)",
+          R"("buffers":[{"uri":"m.bin","byteLength":4},)"
+          R"({"uri":"data:application/octet-stream;base64,AAAA","byteLength":3},)");
+  replace(R"({"buffer":0)", R"({"buffer":2)");
+  replace(R"({"buffer":0)", R"({"buffer":2)");
+  const auto read = load_mesh(write("m.gltf", json));
+  ASSERT_TRUE(read) << read.error().message;
+  EXPECT_EQ(read->vertices, load_mesh(write("g.glb", glb(sample())))->vertices);
+
+  const auto geometry = gltf_geometry(json, folder_ / "", json.size());
+  ASSERT_TRUE(geometry);
+  std::size_t num = 0;
+  for (auto at = geometry->find("m.bin"); at != geometry->npos;
+       at = geometry->find("m.bin", at + 1))
+    ++num;
+  EXPECT_EQ(num, 1u);
 }
 
 TEST_F(MeshFile, ReadsGltfWithItsNodes) {
