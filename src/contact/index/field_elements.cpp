@@ -15,6 +15,9 @@ constexpr double kLargest = 0.2;
 constexpr double kLargestEven = 0.2214;
 // A ball has at most so many times the radius of its sphere.
 constexpr double kMaxGrowth = 1.5;
+// So many times the volume of the ball around the tool is more than disjoint spheres can have,
+// grown to balls.
+constexpr double kMaxFilling = kMaxGrowth * kMaxGrowth * kMaxGrowth;
 
 struct Element {
   Vec3d centre;
@@ -36,15 +39,23 @@ std::vector<Element> elements_of(const Tool& tool, SphereVolumes volumes, LargeS
         {to_double(ball.centre) - tool.sphere_mass().centre_of_mass, radius, volume, true});
     reach = std::max(reach, norm(elements.back().centre) + radius);
   }
+  double filling = 0;  // of the ball around the tool
+  for (const Element& e : elements) filling += sphere_volume(e.radius) / sphere_volume(reach);
   const bool is_even = large == LargeSpheres::evenly;
-  const double largest =
+  double largest =
       reach *
       (is_even ? kLargestEven / std::pow(static_cast<double>(elements.size()), 1.0 / 6) : kLargest);
-  const std::vector<BallPart> thirty = thirty_parts();
+  if (filling > kMaxFilling) largest *= std::cbrt(filling / kMaxFilling);
+  std::vector<BallPart> parts = thirty_parts();
+  double parted = 0;  // radius of the last sphere in even parts
   for (std::size_t i = 0; i < elements.size(); ++i) {
     if (elements[i].radius <= largest || (is_even && !elements[i].counted)) continue;
     const Element whole = elements[i];
-    for (const BallPart& part : is_even ? even_parts(largest / whole.radius) : thirty) {
+    if (is_even && whole.radius != parted) {
+      parts = even_parts(largest / whole.radius);
+      parted = whole.radius;
+    }
+    for (const BallPart& part : parts) {
       elements.push_back({whole.centre + whole.radius * part.centre, whole.radius * part.radius,
                           whole.volume * part.share, false});
     }

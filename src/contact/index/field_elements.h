@@ -19,7 +19,8 @@ Sphere field_ball(const Tool& tool, std::size_t id, SphereVolumes volumes);
 /// A ball takes one value of the field and cuts itself by one plane. That is exact for a flat
 /// surface, and wrong by percents of the tool's volume for a ball as large as a third of the tool
 /// at a ridge or a curved surface. So large balls are split into smaller ones that together have
-/// their volume and second moments.
+/// their volume and second moments. Of spheres that overlap far more than those of a packing only
+/// still larger ones are split, so that their parts are not more.
 enum class LargeSpheres {
   in_thirty,  ///< thirty parts (thirty_parts): few, for the surfaces that cameras see
   evenly,     ///< many (even_parts): for bodies, of which a corner goes between thirty

@@ -547,6 +547,27 @@ TEST(FieldElements, AreAsLargeAsWhatTheyStandFor) {
   }
 }
 
+/// Each of them is as large as the tool: in parts as fine as those of a packing they would be a
+/// million.
+TEST(FieldElements, CoincidentSpheresHaveFewParts) {
+  constexpr std::size_t kNum = 500;
+  SpherePacking packing;
+  packing.spheres.assign(kNum, {{0, 0, 0}, 0.01f});
+  const Tool tool =
+      Tool::build(make_icosphere(0.011, 2), std::move(packing), GapRule::relative, "same").value();
+  for (const LargeSpheres large : {LargeSpheres::in_thirty, LargeSpheres::evenly}) {
+    const FieldElements elements(tool, SphereVolumes::own, large);
+    EXPECT_LT(elements.radius.size(), 60 * kNum);
+    double sum = 0;
+    for (std::size_t i = 0; i < elements.radius.size(); ++i) {
+      sum += static_cast<double>(elements.factor[i]) *
+             sphere_volume(static_cast<double>(elements.radius[i]));
+    }
+    const double all = full_volume(tool, SphereVolumes::own);
+    EXPECT_NEAR(sum, all, 1e-5 * all);
+  }
+}
+
 TEST(FieldContact, BadPosesAndNoFieldGiveNothing) {
   const Tool tool = test::random_tool(50, 0.05, 18);
   const FrozenField scene = rough_wall(19);
