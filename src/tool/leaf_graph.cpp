@@ -1,6 +1,7 @@
 #include "palpate/tool/tool.h"
 
 #include <algorithm>
+#include <optional>
 
 #include "src/tool/components.h"
 #include "src/tool/gap_search.h"
@@ -10,9 +11,14 @@ namespace {
 
 using Edge = std::pair<int, int>;
 
-/// All pairs that the gap rule makes neighbours, sorted (thesis section 3.3.1).
-std::vector<Edge> edges_by_rule(std::span<const Sphere> spheres, GapRule rule,
-                                const GapSearch& search) {
+/// All pairs that the gap rule makes neighbours, sorted (thesis section 3.3.1). Nothing if they are
+/// too many.
+std::optional<std::vector<Edge>> edges_by_rule(std::span<const Sphere> spheres, GapRule rule,
+                                               const GapSearch& search) {
+  // Both ends of each, and of the bridges, are counted with 31 bits.
+  constexpr std::size_t kMaxEdges = std::size_t(1) << 29;
+  const std::size_t max_edges =
+      std::min(kMaxEdges, spheres.size() * LeafGraph::kMaxMeanNeighbours / 2);
   float smallest_radius = std::numeric_limits<float>::infinity();
   for (const Sphere& sphere : spheres) smallest_radius = std::min(smallest_radius, sphere.radius);
 
@@ -24,6 +30,7 @@ std::vector<Edge> edges_by_rule(std::span<const Sphere> spheres, GapRule rule,
       const double g = gap(spheres, i, j);
       if (absolute ? g < limit : g <= limit) edges.emplace_back(std::min(i, j), std::max(i, j));
     });
+    if (edges.size() > max_edges) return std::nullopt;
   }
   std::sort(edges.begin(), edges.end());
   return edges;
@@ -60,7 +67,9 @@ std::vector<Edge> bridges(std::span<const Sphere> spheres, Components& component
 
 LeafGraph::LeafGraph(std::span<const Sphere> spheres, GapRule rule) {
   GapSearch search(spheres);
-  std::vector<Edge> all_edges = edges_by_rule(spheres, rule, search);
+  std::optional<std::vector<Edge>> found = edges_by_rule(spheres, rule, search);
+  if (!found) return;
+  std::vector<Edge>& all_edges = *found;
   Components components(spheres.size());
   for (const auto& [a, b] : all_edges) components.join(a, b);
   num_components_before_bridging_ = components.count();

@@ -82,11 +82,16 @@ Result<Tool> Tool::build(TriangleMesh mesh, SpherePacking packing, GapRule rule,
                          int num_threads) {
   // Graph and volumes need spheres that passed the check.
   if (auto error = check(mesh, packing)) return *std::move(error);
+  LeafGraph graph(packing.spheres, rule);
+  if (graph.row_starts().empty())
+    return bad("the spheres of the tool have more than " +
+               std::to_string(LeafGraph::kMaxMeanNeighbours) +
+               " neighbors on average: they overlap too much; pack the mesh again");
   ThreadPool pool(num_threads);
   auto volumes = palpate::represented_volumes(mesh, packing.spheres, pool);
   if (!volumes) return volumes.error();
   const InnerSphereTree tree(packing.spheres);
-  StoredParts parts{LeafGraph(packing.spheres, rule),
+  StoredParts parts{std::move(graph),
                     rule,
                     *std::move(volumes),
                     {tree.nodes().begin(), tree.nodes().end()},

@@ -130,6 +130,14 @@ TEST(LeafGraph, HubsAreFoundFromTheirSmallNeighbours) {
   EXPECT_EQ(LeafGraph(spheres, GapRule::relative).row_starts()[1], 1000);
 }
 
+TEST(LeafGraph, SpheresThatAllOverlapHaveNone) {
+  const std::vector<Sphere> few(1000, {{0, 0, 0}, 0.01f}), many(20'000, {{0, 0, 0}, 0.01f});
+  for (const GapRule rule : {GapRule::absolute, GapRule::relative}) {
+    EXPECT_EQ(LeafGraph(few, rule).num_edges(), 1000 * 999 / 2);
+    EXPECT_TRUE(LeafGraph(many, rule).row_starts().empty());
+  }
+}
+
 TEST(LeafGraph, RestoredGraphIsTheSame) {
   const std::vector<Sphere> spheres = random_packing(300, 77);
   const LeafGraph built(spheres, GapRule::relative);

@@ -69,6 +69,8 @@ TEST(Tool, RefusesBadSpheres) {
         Sphere{{0, 0, 0}, -1}, Sphere{{0, 0, 0}, nan}, Sphere{{0, 0, 0}, infinity}}) {
     expect_refused(tetrahedron(), packing_of({{{0, 0, 0}, 1}, bad}), "sphere 1");
   }
+  expect_refused(tetrahedron(), packing_of(std::vector<Sphere>(3000, {{.2f, .2f, .2f}, .1f})),
+                 "1000 neighbors on average");
 }
 
 TEST(Tool, RefusesBadMeshes) {

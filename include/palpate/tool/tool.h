@@ -69,9 +69,13 @@ constexpr auto names_of(GapRule) { return std::array{"absolute", "relative"}; }
 /// neighbours()[row_starts()[i] ... row_starts()[i+1]), ascending.
 class LeafGraph {
  public:
+  /// Disjoint spheres have less than a fifth of it, by either rule.
+  static constexpr std::size_t kMaxMeanNeighbours = 1000;
+
   LeafGraph() = default;
   /// Edges by the gap rule, then the shortest bridges (smallest gap, ties by lower indices) until
-  /// one component remains. O(n log n) for packings.
+  /// one component remains. O(n log n) for packings. Without rows if there are more than
+  /// kMaxMeanNeighbours neighbors of a sphere on average.
   LeafGraph(std::span<const Sphere> spheres, GapRule rule);
   /// From stored edges (a, b) with a < b. The ids must be valid; they are not checked here.
   LeafGraph(std::size_t num_spheres, std::span<const std::pair<int, int>> edges, int num_bridges,
@@ -103,7 +107,8 @@ class LeafGraph {
 class Tool {
  public:
   /// Builds tree, graph, mass properties and represented volumes; same bits for any `num_threads`
-  /// (0: one per core). Errors: no spheres, or more than 2^30; the mesh encloses no volume.
+  /// (0: one per core). Errors: no spheres, or more than 2^30; spheres that overlap far more than
+  /// those of a packing (LeafGraph::kMaxMeanNeighbours); the mesh encloses no volume.
   static Result<Tool> build(TriangleMesh mesh, SpherePacking packing, GapRule rule,
                             std::string source, int num_threads = 0);
   /// Parts that take long to compute and are stored in tool files.
@@ -121,7 +126,7 @@ class Tool {
   static Result<Tool> restore(TriangleMesh mesh, SpherePacking packing, StoredParts parts,
                               std::string source);
   /// A coarser tool of the first `num_spheres` spheres, identical to a packing of that number.
-  /// Errors: fewer than one, or more than there are.
+  /// Errors: fewer than one, or more than there are; those of build.
   Result<Tool> prefix(int num_spheres, int num_threads = 0) const;
 
   /// The same, but torques keep the reference point of this tool: replaces it in a run that cannot
