@@ -6,6 +6,7 @@
 #include <unordered_set>
 #include <utility>
 
+#include "src/cameras/shown_name.h"
 #include "src/io/text_scanner.h"
 
 namespace palpate::inline v0 {
@@ -66,7 +67,7 @@ Result<double> JointHistory::at(std::size_t joint, double time, double max_age,
       std::snprintf(text, sizeof text, "' within %.3g s, the nearest is %.3g s away", max_age,
                     nearest_in_time(samples, time));
     }
-    return Error{Errc::unavailable, "no state for joint '" + name + text + why};
+    return Error{Errc::unavailable, "no state for joint '" + shown(name) + text + why};
   }
   const auto after = samples.lower_bound(time);
   if (after == samples.begin()) return after->second;
@@ -88,7 +89,7 @@ std::string JointHistory::impossible() const {
     if (std::isnan(reported.position)) continue;
     char text[40];
     std::snprintf(text, sizeof text, "' is at %.3g rad or m", reported.position);
-    return "joint '" + joints_[joint].name + text;
+    return "joint '" + shown(joints_[joint].name) + text;
   }
   return "";
 }
@@ -99,7 +100,7 @@ std::string JointHistory::missing() const {
     if (!samples_[i].empty()) continue;
     const auto impossible = impossible_.find(i);
     const bool is_nan = impossible != impossible_.end() && std::isnan(impossible->second.position);
-    names += (names.empty() ? "" : ", ") + joints_[i].name + (is_nan ? " (at NaN)" : "");
+    names += (names.empty() ? "" : ", ") + shown(joints_[i].name) + (is_nan ? " (at NaN)" : "");
   }
   return names;
 }

@@ -5,6 +5,7 @@
 #include <utility>
 #include <vector>
 
+#include "src/cameras/shown_name.h"
 #include "src/io/internal/atomic_file.h"
 
 namespace palpate::inline v0 {
@@ -25,12 +26,12 @@ Result<std::vector<JointHistory::Joint>> desired_joints(const RobotModel& model,
   for (const std::size_t i : required) {
     const RobotJoint& joint = model.joints[i];
     if (joint.kind == RobotJoint::Kind::floating) {
-      return Error{Errc::bad_input, robot + ": joint '" + joint.name +
+      return Error{Errc::bad_input, robot + ": joint '" + shown(joint.name) +
                                         "' is floating or planar: a joint position does not place "
                                         "it; use the frames of tf (world=FRAME)"};
     }
     desired.push_back({joint.name, joint.is_endless});
-    all += (all.empty() ? "" : ", ") + joint.name;
+    all += (all.empty() ? "" : ", ") + shown(joint.name);
   }
   if (desired.empty() && !joints.empty()) {
     return Error{Errc::invalid_argument,
@@ -77,22 +78,24 @@ std::size_t end_of_file(const std::string& address) {
 }
 
 Result<LinkInTree> LinkInTree::open(const std::string& address, const std::string& joints,
-                                    bool is_received) {
+                                    bool is_received, RobotTrees& trees) {
   const std::size_t first = end_of_file(address), second = address.find('#', first + 1);
   const std::string file = address.substr(0, first);
   if (first == std::string::npos || first == 0) {
     return Error{Errc::invalid_argument, "give FILE.urdf#LINK, the link that is meant, not '" +
                                              address.substr(0, 60) + "'"};
   }
-  const auto text = read_file(file, kMaxBytes);
-  if (!text) return text.error();
-  auto model = parse_urdf(*text, file, {}, std::nullopt);
+  const auto model = trees.get(file, [&](const std::filesystem::path&) -> Result<RobotModel> {
+    const auto text = read_file(file, kMaxBytes);
+    if (!text) return text.error();
+    return parse_urdf(*text, file, {}, std::nullopt);
+  });
   if (!model) return model.error();
   LinkInTree found;
-  found.model_ = *std::move(model);
-  found.base_ = found.model_.root;
+  found.model_ = *model;
+  found.base_ = found.model_->root;
   const auto find = [&](const std::string& name, std::size_t& link) -> Status {
-    const auto number = found.model_.find_link(name);
+    const auto number = found.model_->find_link(name);
     if (!number) return Error{number.error().code, file + ": " + number.error().message};
     link = *number;
     return Done{};
@@ -101,28 +104,28 @@ Result<LinkInTree> LinkInTree::open(const std::string& address, const std::strin
   Status status = find(address.substr(first + 1, length), found.link_);
   if (status && second != std::string::npos) status = find(address.substr(second + 1), found.base_);
   if (!status) return status.error();
-  found.required_ = found.model_.joints_between(found.base_, found.link_);
+  found.required_ = found.model_->joints_between(found.base_, found.link_);
   if (!is_received) {
-    const auto desired = desired_joints(found.model_, found.required_, joints, file);
+    const auto desired = desired_joints(*found.model_, found.required_, joints, file);
     if (!desired) return desired.error();
     return found;
   }
-  auto states = open_joint_states(found.model_, found.required_, joints, file);
+  auto states = open_joint_states(*found.model_, found.required_, joints, file);
   if (!states) return states.error();
   found.states_ = *std::move(states);
   return found;
 }
 
 Result<Pose> LinkInTree::at(double time, double stamp) const {
-  std::vector<double> values, positions(model_.joints.size());
+  std::vector<double> values, positions(model_->joints.size());
   if (states_) {
     if (const Status status = states_->positions({time, stamp, kMaxAge}, values); !status) {
       return status.error();
     }
     for (std::size_t i = 0; i < required_.size(); ++i) positions[required_[i]] = values[i];
   }
-  std::vector<Pose> X_RL(model_.links.size());  // in the root
-  model_.place(positions, X_RL);
+  std::vector<Pose> X_RL(model_->links.size());  // in the root
+  model_->place(positions, X_RL);
   return inverse(X_RL[base_]) * X_RL[link_];
 }
 

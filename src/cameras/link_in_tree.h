@@ -8,11 +8,15 @@
 #include <string>
 #include <thread>
 
+#include "src/cameras/files_once.h"
 #include "src/cameras/robot_model.h"
 #include "src/cameras/robot_states.h"
 #include "src/core/monotonic_clock.h"
 
 namespace palpate::inline v0 {
+
+/// URDFs without their meshes, of what is opened together.
+using RobotTrees = FilesOnce<RobotModel>;
 
 /// Of FILE.urdf#LINK[#BASE]: the pose of the link in the base, by default the URDF's root. Optical
 /// frames of ROS have x right, y down, z forward (REP 103), as cameras here.
@@ -23,7 +27,7 @@ class LinkInTree {
   /// or that do not move. Not received: no source of joint states is opened or waited for, and
   /// the pose of a moving link may not be queried.
   static Result<LinkInTree> open(const std::string& address, const std::string& joints,
-                                 bool is_received);
+                                 bool is_received, RobotTrees& trees);
 
   /// Whether anything between the two moves.
   bool is_moving() const { return !required_.empty(); }
@@ -38,7 +42,7 @@ class LinkInTree {
  private:
   LinkInTree() = default;
 
-  RobotModel model_;
+  std::shared_ptr<const RobotModel> model_;
   std::size_t link_ = 0, base_ = 0;
   std::vector<std::size_t> required_;  // joints
   std::shared_ptr<const RobotStates> states_;

@@ -101,18 +101,15 @@ std::vector<FoundCameras> find_cameras() {
 }
 
 Result<std::optional<Pose>> standing_pose(const CameraUri& uri) {
-  const auto poses = CameraPoses::of(uri, false);
-  if (!poses) return poses.error();
-  if (poses->is_moving() || uri.extras.contains("world")) return std::optional<Pose>();
-  const auto X_WC = poses->at(0);
-  if (!X_WC) return X_WC.error();
-  return std::optional(*X_WC);
+  RobotTrees trees;
+  return standing_pose(uri, trees);
 }
 
 std::optional<Vec3d> gravity_seen(std::span<const CameraUri> cameras) {
+  RobotTrees trees;
   for (const CameraUri& camera : cameras) {
     if (!camera.accelerometer) continue;
-    const auto X_WC = standing_pose(camera);
+    const auto X_WC = standing_pose(camera, trees);
     // At rest it is held against gravity.
     if (X_WC && *X_WC) return -rotate((*X_WC)->rotation, *camera.accelerometer);
   }

@@ -68,7 +68,12 @@ class PosedSource final : public DepthSource {
 
 }  // namespace
 
-Result<CameraPoses> CameraPoses::of(const CameraUri& uri, bool is_received) {
+Result<CameraPoses> CameraPoses::of(const CameraUri& uri) {
+  RobotTrees trees;
+  return of(uri, true, trees);
+}
+
+Result<CameraPoses> CameraPoses::of(const CameraUri& uri, bool is_received, RobotTrees& trees) {
   CameraPoses poses;
   poses.X_HC_ = uri.X_WC;
   poses.frames_have_poses_ = uri.extras.contains("world");
@@ -85,7 +90,7 @@ Result<CameraPoses> CameraPoses::of(const CameraUri& uri, bool is_received) {
     poses.path_ = *std::move(path);
   }
   if (!uri.urdf.empty()) {
-    auto link = LinkInTree::open(uri.urdf, uri.joints, is_received);
+    auto link = LinkInTree::open(uri.urdf, uri.joints, is_received, trees);
     if (!link) {
       return Error{link.error().code, "camera " + uri.text + ": " + link.error().message};
     }
@@ -117,6 +122,15 @@ Result<Pose> CameraPoses::at(double time, double stamp) const {
 Result<Pose> CameraPoses::at(const DepthFrame& frame) const {
   if (frames_have_poses_) return frame.X_WC * X_HC_;
   return at(frame.timestamp, frame.stamp);
+}
+
+Result<std::optional<Pose>> standing_pose(const CameraUri& uri, RobotTrees& trees) {
+  const auto poses = CameraPoses::of(uri, false, trees);
+  if (!poses) return poses.error();
+  if (poses->is_moving() || uri.extras.contains("world")) return std::optional<Pose>();
+  const auto X_WC = poses->at(0);
+  if (!X_WC) return X_WC.error();
+  return std::optional(*X_WC);
 }
 
 Result<std::unique_ptr<DepthSource>> make_posed(std::unique_ptr<DepthSource> source,

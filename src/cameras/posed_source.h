@@ -17,7 +17,8 @@ class CameraPoses {
  public:
   /// Of a URI: its pose, in the frame that its file of poses, its URDF or tf provides. Errors: of
   /// the files; several of them. Not received: only whether and where it is static is needed.
-  static Result<CameraPoses> of(const CameraUri& uri, bool is_received = true);
+  static Result<CameraPoses> of(const CameraUri& uri);
+  static Result<CameraPoses> of(const CameraUri& uri, bool is_received, RobotTrees& trees);
 
   bool is_moving() const { return path_.size() > 1 || (link_ && link_->is_moving()); }
   /// The camera stays where others take it to be: at the origin of W, or where tf has it.
@@ -37,6 +38,9 @@ class CameraPoses {
   bool frames_have_poses_ = false;  // X_WH, by tf
   Pose X_HC_;
 };
+
+/// As the one of cameras.h, for several cameras.
+Result<std::optional<Pose>> standing_pose(const CameraUri& uri, RobotTrees& trees);
 
 /// The same frames with their poses. Of a camera that moves, frames for whose time there is no pose
 /// are left out, and a note says so. Error: a moving camera is live and the source of its poses is

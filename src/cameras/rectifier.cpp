@@ -1,6 +1,8 @@
 #include "src/cameras/rectifier.h"
 
+#include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <utility>
 
 namespace palpate::inline v0 {
@@ -81,18 +83,22 @@ CameraModel valid_part(const CameraModel& pinhole, const CameraModel& raw) {
   return part;
 }
 
-Rectifier::Rectifier(const CameraModel& pinhole) : pinhole_(pinhole), table_model_(pinhole) {
-  pinhole_.distortion = {};
-  table_model_.width = 0;  // there is no table yet
-}
+Rectifier::Rectifier(const CameraModel& pinhole) : pinhole_(pinhole) { pinhole_.distortion = {}; }
 
 void Rectifier::apply(const CameraModel& model, DepthFrame& frame) {
   if (model == pinhole_) return;
-  if (!(model == table_model_)) raw_pixels_ = lens_table(pinhole_, table_model_ = model);
+  constexpr std::size_t kMaxTables = 4;
+  auto table = std::ranges::find(tables_, model, &Table::model);
+  if (table == tables_.end()) {
+    if (tables_.size() == kMaxTables) tables_.pop_back();
+    table = tables_.insert(tables_.end(), {model, lens_table(pinhole_, model)});
+  }
+  std::rotate(tables_.begin(), table, std::next(table));
+  const std::vector<std::uint32_t>& raw_pixels = tables_.front().raw_pixels;
   frame.pixels.push_back(0);  // what is seen where the camera sees nothing
-  spare_.resize(raw_pixels_.size());
+  spare_.resize(raw_pixels.size());
   const std::uint16_t* const raw = frame.pixels.data();
-  for (std::size_t i = 0; i < raw_pixels_.size(); ++i) spare_[i] = raw[raw_pixels_[i]];
+  for (std::size_t i = 0; i < raw_pixels.size(); ++i) spare_[i] = raw[raw_pixels[i]];
   std::swap(frame.pixels, spare_);
   frame.flow.clear();  // of the pixels before
   frame.width = pinhole_.width;

@@ -34,8 +34,8 @@ CameraModel valid_part(const CameraModel& pinhole, const CameraModel& raw);
 /// Nobody turns the vectors of a flow as a lens does.
 Error flow_of_lens(const std::string& name);
 
-/// Applies lens tables to frames in host memory. A table is made when the model changes. Not for
-/// several threads at once.
+/// Applies lens tables to frames in host memory. A table is made when the model changes to one that
+/// is not among the last four. Not for several threads at once.
 class Rectifier {
  public:
   /// `pinhole`: of all images that come out. Its distortion is none.
@@ -47,8 +47,12 @@ class Rectifier {
   void apply(const CameraModel& model, DepthFrame& frame);
 
  private:
-  CameraModel pinhole_, table_model_;
-  std::vector<std::uint32_t> raw_pixels_;
+  struct Table {
+    CameraModel model;
+    std::vector<std::uint32_t> raw_pixels;
+  };
+  CameraModel pinhole_;
+  std::vector<Table> tables_;  // that of the newest image first
   std::vector<std::uint16_t> spare_;
 };
 

@@ -12,7 +12,7 @@
 
 #include "palpate/field/sensor.h"
 #include "palpate/settings/setting_table.h"
-#include "src/cameras/link_in_tree.h"
+#include "src/cameras/posed_source.h"
 #include "src/io/internal/toml_file.h"
 
 namespace palpate::inline v0 {
@@ -91,7 +91,7 @@ class Reader {
                                         " must be [tx, ty, tz, qx, qy, qz, qw] or "
                                         "\"urdf:FILE.urdf#LINK\"");
       }
-      const auto X_WF = standing_pose(*uri);
+      const auto X_WF = standing_pose(*uri, trees_);
       if (!X_WF) return refuse(key.source(), X_WF.error().message);
       rig_.frames[std::string(key.str())] = **X_WF;
     }
@@ -227,6 +227,7 @@ class Reader {
 
   fs::path path_;
   CameraRig rig_;
+  RobotTrees trees_;
   bool names_world_ = false;
   std::set<std::string> names_;
 };
@@ -248,10 +249,11 @@ Result<std::string> rig_text_with_poses(const fs::path& path, const std::vector<
   if (cameras == nullptr || cameras->size() != X_WC.size()) {
     return Error{Errc::bad_input, path.string() + " has changed meanwhile"};
   }
+  RobotTrees trees;
   for (std::size_t i = 0; i < X_WC.size(); ++i) {
     CameraUri unposed = rig->cameras[i].uri;
     unposed.X_WC = {};
-    const auto X_WH = standing_pose(unposed);
+    const auto X_WH = standing_pose(unposed, trees);
     if (!X_WH) return X_WH.error();
     const auto [p, q] = inverse(X_WH->value_or(Pose{})) * X_WC[i];
     toml::table& camera = *(*cameras)[i].as_table();

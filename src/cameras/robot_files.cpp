@@ -8,6 +8,7 @@
 #include "src/cameras/link_in_tree.h"
 #include "src/cameras/robot_model.h"
 #include "src/cameras/robot_states.h"
+#include "src/cameras/shown_name.h"
 #include "src/io/internal/atomic_file.h"
 
 namespace palpate::inline v0 {
@@ -61,7 +62,8 @@ class TreePoses final : public LinkPoses {
     for (std::size_t i = 0; i < shown_.size(); ++i) {
       X_WL[i] = base * X_BL[shown_[i]];
       if (!is_finite(X_WL[i])) {
-        return Error{Errc::bad_input, "link '" + model_.links[shown_[i]].name + "' is nowhere"};
+        return Error{Errc::bad_input,
+                     "link '" + shown(model_.links[shown_[i]].name) + "' is nowhere"};
       }
     }
     return Done{};

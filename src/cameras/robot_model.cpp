@@ -1,5 +1,8 @@
 #include "src/cameras/robot_model.h"
 
+#include <algorithm>
+
+#include "src/cameras/shown_name.h"
 #include "src/core/shared_library.h"
 
 namespace palpate::inline v0 {
@@ -56,13 +59,12 @@ std::vector<std::size_t> RobotModel::joints_between(std::size_t a, std::size_t b
 }
 
 Result<std::size_t> RobotModel::find_link(const std::string& link) const {
+  const auto found = std::ranges::find(links, link, &RobotLink::name);
+  if (found != links.end()) return static_cast<std::size_t>(found - links.begin());
   std::vector<std::string> names;
-  for (const RobotLink& each : links) {
-    if (each.name == link) return names.size();
-    names.push_back(each.name);
-  }
-  return Error{Errc::bad_input, "there is no link '" + link.substr(0, 60) +
-                                    "'; the nearest one is '" + nearest_word(link, names) + "'"};
+  for (const RobotLink& each : links) names.push_back(shown(each.name));
+  return Error{Errc::bad_input, "there is no link '" + shown(link) + "'; the nearest one is '" +
+                                    nearest_word(link, names) + "'"};
 }
 
 std::vector<std::filesystem::path> RobotFolders::packages_of(std::string_view list) {

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "palpate/cameras/cameras.h"
+#include "src/cameras/shown_name.h"
 #include "src/core/monotonic_clock.h"
 #include "src/io/internal/atomic_file.h"
 #include "src/io/internal/bag_file.h"
@@ -139,7 +140,7 @@ Status RobotStates::links_in_world(std::span<const std::string> links, const Mom
       continue;
     }
     const double until = states.transforms.known_until(address_.world, links[i], time);
-    std::string why = "tf has no transform for '" + links[i] + "'";
+    std::string why = "tf has no transform for '" + shown(links[i]) + "'";
     if (until < time && until > -kForEver) {
       char text[80];
       std::snprintf(text, sizeof text, " later than %.3g s before the image", time - until);
@@ -160,7 +161,7 @@ std::string RobotStates::missing_links(const std::vector<std::string>& links) co
   std::string names;
   for (const std::string& link : links) {
     if (by_time_.transforms.are_joined(address_.world, link)) continue;
-    names += (names.empty() ? "" : ", ") + link;
+    names += (names.empty() ? "" : ", ") + shown(link);
   }
   return names;
 }

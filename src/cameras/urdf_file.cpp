@@ -9,7 +9,9 @@
 
 #include "palpate/io/formats.h"
 #include "palpate/mesh/mesh.h"
+#include "src/cameras/files_once.h"
 #include "src/cameras/robot_model.h"
+#include "src/cameras/shown_name.h"
 #include "src/io/text_scanner.h"
 
 namespace palpate::inline v0 {
@@ -18,12 +20,10 @@ namespace {
 namespace fs = std::filesystem;
 using Element = tinyxml2::XMLElement;
 
-constexpr std::size_t kMaxCharacters = 60;                          // characters of the user's text
+constexpr std::size_t kLongestName = 4096;                          // as a path may be
 constexpr std::size_t kMaxLinks = 2000, kMaxTriangles = 2'000'000;  // more than any robot has
 constexpr int kSegments = 32;                                       // of a cylinder
 constexpr double kLargest = 1e3;                                    // m, and times as large
-
-std::string shown(std::string_view text) { return std::string(text.substr(0, kMaxCharacters)); }
 
 /// Reads one document. What is wrong is kept until the end, so that readers can go straight on.
 class Reader {
@@ -64,7 +64,10 @@ class Reader {
     if (given == nullptr || *given == '\0') {
       return bad(element, "<" + shown(element.Name()) + "> needs " + attribute + "=\"...\"");
     }
-    return std::string(given);
+    std::string name(given);
+    if (name.size() <= kLongestName) return name;
+    return bad(element, "<" + shown(element.Name()) + "> has a longer " + attribute + " than " +
+                            std::to_string(kLongestName) + " letters; give it a shorter one");
   }
 
   /// Numbers of an attribute; `preset` if there is none of that name.
@@ -170,7 +173,7 @@ class Reader {
   }
 
   /// Round ones are drawn around the true shape, not into it.
-  Result<TriangleMesh> shape_of(const Element& shape) const {
+  Result<TriangleMesh> shape_of(const Element& shape) {
     const std::string_view kind = shape.Name();
     const auto positive = [&](double value) { return value > 0; };
     const auto no_size = [&] { return bad(shape, "<" + shown(kind) + "> needs sizes above zero"); };
@@ -200,7 +203,7 @@ class Reader {
                           "sphere and mesh");
   }
 
-  Result<TriangleMesh> mesh_of(const Element& shape) const {
+  Result<TriangleMesh> mesh_of(const Element& shape) {
     const auto filename = name_of(shape, "filename");
     if (!filename) return filename.error();
     const auto scale = numbers<3>(shape, "scale", std::array<double, 3>{1, 1, 1});
@@ -210,9 +213,10 @@ class Reader {
     }
     const auto path = find(*filename);
     if (!path) return bad(shape, path.error().message);
-    auto mesh = load_mesh(*path);
-    if (!mesh) return bad(shape, mesh.error().message);
-    for (Vec3d& p : mesh->vertices) {
+    const auto unscaled = meshes_.get(*path, [](const fs::path& file) { return load_mesh(file); });
+    if (!unscaled) return bad(shape, unscaled.error().message);
+    TriangleMesh mesh = **unscaled;
+    for (Vec3d& p : mesh.vertices) {
       p = {p.x * (*scale)[0], p.y * (*scale)[1], p.z * (*scale)[2]};
       if (!std::isfinite(p.x + p.y + p.z)) return bad(shape, "has a vertex that is not a number");
     }
@@ -391,6 +395,7 @@ class Reader {
   const std::optional<RobotGeometry> geometry_;
   RobotModel model_;
   std::map<std::string, std::size_t, std::less<>> links_, joints_;
+  FilesOnce<TriangleMesh> meshes_;
   std::size_t num_triangles_ = 0;
   std::vector<const Element*> mimics_;  // of each joint; null: it has a position of its own
 };

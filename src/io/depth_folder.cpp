@@ -7,6 +7,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <unordered_set>
 #include <utility>
 #include <vector>
 
@@ -146,6 +147,18 @@ fs::path flow_file(const fs::path& folder, const fs::path& frame) {
   return (folder / frame.filename()).replace_extension(".flo");
 }
 
+/// Whether it is there of any of the frames: they may be millions, too many to ask for each.
+bool has_flow(const fs::path& folder, const std::vector<Entry>& entries) {
+  std::error_code error;
+  std::unordered_set<std::string> names;
+  for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
+    if (it->path().extension() == ".flo") names.insert(it->path().stem().string());
+  }
+  return std::ranges::any_of(entries, [&](const Entry& entry) {
+    return names.contains(fs::path(entry.path).stem().string());
+  });
+}
+
 /// Middlebury's format, little-endian: "PIEH", width, height, then u and v of each pixel as floats.
 Result<std::vector<float>> load_flow(const fs::path& path, int width, int height) {
   const auto content = read_file(path);
@@ -251,10 +264,7 @@ Result<std::unique_ptr<DepthSource>> open_depth_folder(const fs::path& folder,
       return bad(folder / "depth.txt", "has timestamps that are not seconds; correct them");
   }
   info.has_flow = !options.flow.empty();
-  const auto has_own = [&](const Entry& entry) {
-    return fs::exists(flow_file(options.flow, entry.path), ignored);
-  };
-  if (info.has_flow && std::ranges::none_of(*entries, has_own)) {
+  if (info.has_flow && !has_flow(options.flow, *entries)) {
     return bad(options.flow, "has no optical flow of these frames: NAME.flo goes with NAME.png");
   }
   return std::unique_ptr<DepthSource>(

@@ -24,11 +24,13 @@ struct Sqlite {
   const unsigned char* (*text)(Query*, int column);
   const void* (*blob)(Query*, int column);
   int (*size)(Query*, int column);
+  int (*type)(Query*, int column);
   const char* (*message)(Database*);
   int (*limit)(Database*, int which, int most);
   void (*on_progress)(Database*, int num_steps, int (*is_over)(void*), void*);
 };
 constexpr int kOk = 0, kRow = 100, kDone = 101, kReadOnly = 1;
+constexpr int kText = 3, kBlob = 4;
 constexpr int kLengthLimit = 0, kLargestRow = 256 << 20;  // bytes
 /// Of its machine, between two looks at how many there were; at most, and for each byte of the
 /// file.
@@ -51,12 +53,15 @@ Result<Sqlite> load() {
   library->require("sqlite3_column_text", sqlite.text);
   library->require("sqlite3_column_blob", sqlite.blob);
   library->require("sqlite3_column_bytes", sqlite.size);
+  library->require("sqlite3_column_type", sqlite.type);
   library->require("sqlite3_errmsg", sqlite.message);
   library->require("sqlite3_limit", sqlite.limit);
   library->require("sqlite3_progress_handler", sqlite.on_progress);
   if (library->missing().empty()) return sqlite;
   return Error{Errc::unavailable, library->path() + " lacks " + listed(library->missing())};
 }
+
+constexpr const char* kShared = "its rows have more bytes than the file";
 
 class SqliteBag final : public BagReader {
  public:
@@ -70,12 +75,11 @@ class SqliteBag final : public BagReader {
   Status open() {
     if (sqlite_.open(path_.c_str(), &database_, kReadOnly, nullptr) != kOk) return failure();
     // Of tables alone, whose rows lie in the file: views and columns that are computed can be of
-    // any size. No row is larger than the file, and none is read twice, whatever its pages say.
-    std::error_code ignored;
-    const std::uint64_t file_size = std::filesystem::file_size(path_, ignored);
+    // any size. All rows together are no larger than the file, whatever its pages say.
+    bytes_left_ = size_on_disk();
     sqlite_.limit(database_, kLengthLimit,
-                  static_cast<int>(std::min<std::uint64_t>(kLargestRow, file_size)));
-    steps_left_ = kMaxSteps + kStepsPerByte * file_size;
+                  static_cast<int>(std::min<std::uint64_t>(kLargestRow, bytes_left_)));
+    steps_left_ = kMaxSteps + kStepsPerByte * bytes_left_;
     sqlite_.on_progress(
         database_, kSteps,
         [](void* left) {
@@ -98,6 +102,7 @@ class SqliteBag final : public BagReader {
     if (!prepare("SELECT id, name, type, serialization_format FROM topics")) return failure();
     int status = 0;
     while ((status = sqlite_.step(query_)) == kRow) {
+      if (!takes_row(4)) return failure(kShared);
       const std::int64_t id = sqlite_.number(query_, 0);
       const std::string type = text(2), format = text(3);
       if (id < 0 || id > 65535) {
@@ -107,8 +112,9 @@ class SqliteBag final : public BagReader {
       channels_[static_cast<std::uint16_t>(id)] = {text(1), format == "cdr" ? type : "", ""};
     }
     if (status != kDone) return failure();
-    // In the order in which they were written.
-    if (!prepare("SELECT topic_id, timestamp, data FROM messages ORDER BY id")) return failure();
+    // As they lie there, by row: in the order in which they were written. Nothing is sorted, which
+    // would read all of them at once.
+    if (!prepare("SELECT topic_id, timestamp, data FROM messages NOT INDEXED")) return failure();
     return Done{};
   }
 
@@ -121,6 +127,8 @@ class SqliteBag final : public BagReader {
       is_over_ = status != kRow;
       if (status == kDone) return std::optional<McapMessage>();
       if (status != kRow) return failure();
+      is_over_ = !takes_row(3);
+      if (is_over_) return failure(kShared);
       const std::int64_t id = sqlite_.number(query_, 0);
       if (id < 0 || id > 65535 || !channels_.contains(static_cast<std::uint16_t>(id))) continue;
       const void* const data = sqlite_.blob(query_, 2);
@@ -142,10 +150,28 @@ class SqliteBag final : public BagReader {
     const unsigned char* const found = sqlite_.text(query_, column);
     return found == nullptr ? "" : reinterpret_cast<const char*>(found);
   }
-  Error failure() const {
-    return {Errc::bad_input,
-            path_.string() + " cannot be read as a bag of ROS 2: " + sqlite_.message(database_) +
-                "; copy it again, or repair it with .recover of sqlite3"};
+  /// Of the file, and of what was written last and lies beside it.
+  std::uint64_t size_on_disk() const {
+    std::error_code no_file, none_beside;
+    const std::uint64_t size = std::filesystem::file_size(path_, no_file);
+    const std::uint64_t beside = std::filesystem::file_size(path_.string() + "-wal", none_beside);
+    return (no_file ? 0 : size) + (none_beside ? 0 : beside);
+  }
+  /// Whether its bytes are not those of rows before.
+  bool takes_row(int num_columns) {
+    for (int column = 0; column < num_columns; ++column) {
+      const int type = sqlite_.type(query_, column);
+      if (type != kText && type != kBlob) continue;
+      const auto size = static_cast<std::uint64_t>(sqlite_.size(query_, column));
+      if (size > bytes_left_) return false;
+      bytes_left_ -= size;
+    }
+    return true;
+  }
+  Error failure() const { return failure(sqlite_.message(database_)); }
+  Error failure(const std::string& why) const {
+    return {Errc::bad_input, path_.string() + " cannot be read as a bag of ROS 2: " + why +
+                                 "; copy it again, or repair it with .recover of sqlite3"};
   }
 
   const Sqlite& sqlite_;
@@ -153,7 +179,7 @@ class SqliteBag final : public BagReader {
   Database* database_ = nullptr;
   Query* query_ = nullptr;
   std::map<std::uint16_t, McapChannel> channels_;
-  std::uint64_t steps_left_ = 0;
+  std::uint64_t steps_left_ = 0, bytes_left_ = 0;
   bool is_over_ = false;
 };
 

@@ -372,14 +372,14 @@ std::vector<std::shared_ptr<const MaterialRegions>> regions_from(const Json& lis
   std::vector<std::shared_ptr<const MaterialRegions>> regions;
   for (const Json& json : list) {
     MaterialRegions own{json.at("width").get<int>(), json.at("height").get<int>(), {}, {}};
-    for (std::size_t label = 0; label < 256; ++label) {
-      const auto found = json.at("materials").find(std::to_string(label));
-      if (found == json.at("materials").end()) continue;
-      own.materials.resize(label + 1);
-      own.materials[label] =
-          Material{found->at("friction").get<double>(), found->at("static_ratio").get<double>(),
-                   found->at("viscous").get<double>(), found->at("ridges").get<double>(),
-                   found->at("grain").get<double>()};
+    for (const auto& [name, m] : json.at("materials").get_ref<const Json::object_t&>()) {
+      std::uint8_t label = 0;
+      std::from_chars(name.data(), name.data() + name.size(), label);
+      if (name != std::to_string(label)) continue;
+      if (own.materials.size() <= label) own.materials.resize(label + 1u);
+      own.materials[label] = Material{
+          m.at("friction").get<double>(), m.at("static_ratio").get<double>(),
+          m.at("viscous").get<double>(), m.at("ridges").get<double>(), m.at("grain").get<double>()};
     }
     regions.push_back(std::make_shared<const MaterialRegions>(std::move(own)));
   }

@@ -98,6 +98,20 @@ TEST(Rectifier, AnotherSizeIsTheSameView) {
   expect_nearest({-0.1, 0, 0, 0, 0, 0, 0, 0}, {200, 150, {175, 177.5, 99.25, 75.25}, {}});
 }
 
+TEST(Rectifier, GivesTheSameInWhateverOrderSizesCome) {
+  Rectifier one({kWidth, kHeight, kCamera, {}});
+  const auto model = [](int k) {
+    return CameraModel{40 + k, 30 + k, {35, 35, 19.5 + k, 14.5}, {0.01 * k, 0, 0, 0, 0, 0, 0, 0}};
+  };
+  for (const int k : {0, 1, 0, 1, 2, 3, 4, 5, 0, 5, 4, 3, 1, 1, 2}) {
+    Rectifier fresh({kWidth, kHeight, kCamera, {}});
+    DepthFrame frame = test::pattern_frame(40 + k, 30 + k, k, 0), same = frame;
+    one.apply(model(k), frame);
+    fresh.apply(model(k), same);
+    EXPECT_EQ(frame.pixels, same.pixels) << k;
+  }
+}
+
 TEST(Rectifier, APinholeIsLeftAlone) {
   Rectifier rectifier({kWidth, kHeight, kCamera, {}});
   DepthFrame frame = test::pattern_frame(kWidth, kHeight, 3, 0);

@@ -213,6 +213,12 @@ TEST(Urdf, SaysWhatIsWrongAndWhere) {
             std::string::npos);
   EXPECT_NE(shape("<mesh filename='no.stl'/>").find("no mesh no.stl"), std::string::npos);
   EXPECT_NE(shape("<mesh filename='package://'/>").find("package://"), std::string::npos);
+  const std::string longest(4096, 'n');
+  EXPECT_NE(why_not("<link name='" + longest + "n'/>").find("<link> has a longer name than 4096"),
+            std::string::npos);
+  const auto model = parsed("<robot><link name='" + longest + "'/></robot>");
+  ASSERT_TRUE(model) << model.error().message;
+  EXPECT_LT(model->find_link(longest + "m").error().message.size(), 200u);
 }
 
 TEST(JointHistory, GoesBetweenWhatWasTold) {
@@ -241,6 +247,9 @@ TEST(JointHistory, GoesBetweenWhatWasTold) {
   EXPECT_NE(gap.error().message.find("'elbow'"), std::string::npos);
   EXPECT_NE(gap.error().message.find("0.1 s"), std::string::npos) << gap.error().message;
   EXPECT_EQ(JointHistory({{"a", false}, {"b", false}}).missing(), "a, b");
+  const JointHistory long_name({{std::string(10'000, 'n'), false}});
+  EXPECT_LT(long_name.missing().size(), 200u);
+  EXPECT_LT(long_name.at(0, 1, 0.1, false).error().message.size(), 200u);
   EXPECT_EQ(history.missing(), "");
 }
 

@@ -5,7 +5,10 @@
 #include <cmath>
 #include <cstdint>
 
+#include "palpate/cameras/cameras.h"
 #include "palpate/io/formats.h"
+#include "src/io/internal/mcap_file.h"
+#include "src/io/ros_messages.h"
 #include "src/io/rvl.h"
 #include "tests/fuzz/large_inputs.h"
 #include "tests/test_util/random.h"
@@ -152,11 +155,38 @@ void text_ply(const fs::path& path, std::size_t num_bytes) {
   write_pieces(path, head.size() + 26 * num, head, [](std::size_t) { return kPoint; });
 }
 
+/// A recording whose images are of two sizes in turn, both smaller than the first one.
+void sizes_mcap(const fs::path& path, std::size_t num_bytes) {
+  const std::size_t size = std::min<std::size_t>(num_bytes, 1'000'000);
+  auto writer = McapWriter::create(path, {.chunk_bytes = size, .chunk_seconds = 1e9});
+  const auto channel = writer->add_channel({"/depth", "sensor_msgs/msg/Image", ""});
+  const auto add = [&](std::uint64_t i, const DepthFrame& frame) {
+    const std::uint64_t time = 1'000'000'000 + 100'000'000 * i;
+    (void)writer->write(channel, time, image_message({time, "cam"}, frame));
+  };
+  add(0, noise(size / 4));
+  for (std::uint64_t i = 1; i < size / 600; ++i) {
+    add(i, noise(i % 2 == 0 ? 128 : 162));
+  }
+  (void)writer->finish();
+}
+
 Status read_png(const fs::path& path) { return status_of(load_depth_png(path)); }
 Status read_rvl(const fs::path& path) {
   return status_of(decode_depth_rvl(file_bytes(path), "image", 0.001));
 }
 Status read_cloud(const fs::path& path) { return status_of(load_cloud(path)); }
+Status read_images(const fs::path& path) {
+  const auto camera =
+      open_camera("bag:" + path.string() + "?intrinsics=300,300,200,200", {.in_real_time = false});
+  if (!camera) return camera.error();
+  DepthFrame frame;
+  for (;;) {
+    const auto got = (*camera)->next(frame);
+    if (!got) return got.error();
+    if (!*got) return Done{};
+  }
+}
 
 }  // namespace
 
@@ -169,7 +199,8 @@ std::vector<LargeInput> large_images() {
           {"PCD", "binary", true, binary_pcd, read_cloud, ".pcd"},
           {"PCD", "packed as far as can be", {}, packed_pcd, read_cloud, ".pcd"},
           {"PCD", "a header of fields", false, fields_pcd, read_cloud, ".pcd"},
-          {"PLY", "cloud as text", true, text_ply, read_cloud, ".ply"}};
+          {"PLY", "cloud as text", true, text_ply, read_cloud, ".ply"},
+          {"camera", "images of two sizes in turn", true, sizes_mcap, read_images, ".mcap", 40}};
 }
 
 }  // namespace palpate::fuzz

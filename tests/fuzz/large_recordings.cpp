@@ -305,6 +305,38 @@ void computed_db3(const fs::path& path, std::size_t num_bytes) {
               std::to_string(num_bytes / 11) +
               ") INSERT INTO messages(id, topic_id, timestamp) SELECT i, 1, 1 FROM c;"));
 }
+/// One long row, to which all branches of the tree lead.
+void shared_rows_db3(const fs::path& path, std::size_t num_bytes) {
+  constexpr std::size_t kPage = 65536, kRoot = 2 * kPage, kTrunks = 40;
+  const std::size_t num_branches = std::min<std::size_t>(num_bytes / 128, 9000);
+  sqlite(path, kMessages + ("INSERT INTO messages VALUES(1, 1, 1, zeroblob(" +
+                            std::to_string(num_bytes - num_bytes / 4) +
+                            ")); PRAGMA page_size=65536; VACUUM;"));
+  std::string bytes = file_bytes(path);
+  const auto put = [](std::string& to, std::size_t at, std::size_t value, int size) {
+    for (int i = 0; i < size; ++i) to[at + i] = static_cast<char>(value >> 8 * (size - 1 - i));
+  };
+  const auto branches = [&](std::size_t num, std::size_t page) {
+    std::string all(kPage, '\0');
+    all[0] = 5;
+    put(all, 3, num, 2);
+    put(all, 5, kPage - 5 * num, 2);
+    put(all, 8, page, 4);
+    for (std::size_t i = 0; i < num; ++i) {
+      const std::size_t at = kPage - 5 * (i + 1);
+      put(all, 12 + 2 * i, at, 2);
+      put(all, at, page, 4);
+      all[at + 4] = 1;
+    }
+    return all;
+  };
+  if (bytes.size() < kRoot + kPage) return;
+  const std::size_t num_pages = bytes.size() / kPage;
+  bytes += bytes.substr(kRoot, kPage) + branches(num_branches, num_pages + 1);
+  bytes.replace(kRoot, kPage, branches(kTrunks, num_pages + 2));
+  put(bytes, 28, num_pages + 2, 4);
+  write_pieces(path, 0, bytes, nullptr);
+}
 
 // Raw frames.
 
@@ -389,6 +421,7 @@ std::vector<LargeInput> large_recordings() {
       {"SQLite", "large rows", true, large_rows_db3, read_all, ".db3"},
       {"SQLite", "small rows", true, small_rows_db3, read_all, ".db3"},
       {"SQLite", "data that is computed", false, computed_db3, read_all, ".db3"},
+      {"SQLite", "rows that share their bytes", false, shared_rows_db3, read_all, ".db3"},
       {"raw", "frames", true, frames_raw, read_raw, ".raw"}};
 }
 

@@ -35,6 +35,13 @@ void list_txt(const fs::path& path, std::size_t num_bytes) {
                [](std::size_t i) { return time_of(i) + " a.png\n"; });
 }
 
+/// No image has an optical flow; another one has.
+void flowless_txt(const fs::path& path, std::size_t num_bytes) {
+  list_txt(path, num_bytes);
+  fs::create_directories(path / "flow");
+  write_pieces(path / "flow" / "b.flo", 0, "PIEH", nullptr);
+}
+
 void joints_csv(const fs::path& path, std::size_t num_bytes) {
   write_pieces(path, num_bytes, "time,elbow,shoulder\n",
                [](std::size_t i) { return time_of(i) + ",0.123456,-1.5\n"; });
@@ -78,6 +85,31 @@ void followers_urdf(const fs::path& path, std::size_t num_bytes) {
   write_pieces(path, 0, text + "</robot>", nullptr);
 }
 
+/// One mesh of long comments, named again and again.
+void meshes_urdf(const fs::path& path, std::size_t num_bytes) {
+  fs::create_directories(path);
+  write_pieces(path / "a.obj", num_bytes / 2, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n",
+               [](std::size_t) { return "#\n"; });
+  write_pieces(
+      path / "robot.urdf", urdf_size(num_bytes / 2), "<robot><link name='a'>",
+      [](std::size_t i) {
+        return "<collision><geometry><mesh filename='" + std::string(i % 2 == 0 ? "./" : "") +
+               "a.obj'/></geometry></collision>";
+      },
+      "</link></robot>");
+}
+
+/// Frames in one robot, as many as a rig has room for.
+void frames_toml(const fs::path& path, std::size_t num_bytes) {
+  fs::create_directories(path);
+  elements_urdf(path / "a.urdf", num_bytes);
+  write_pieces(path / "rig.toml", std::min<std::size_t>(num_bytes / 16, 65'000),
+               "camera = [{uri = 'scene:wall'}]\n[frames]\n", [](std::size_t i) {
+                 return "f" + std::to_string(i) + " = 'urdf:" + (i % 2 == 0 ? "./" : "") +
+                        "a.urdf#a'\n";
+               });
+}
+
 void keys_json(const fs::path& path, std::size_t num_bytes) {
   write_pieces(
       path, num_bytes, "{", [](std::size_t i) { return "\"" + std::to_string(i) + "\":1,"; },
@@ -104,12 +136,19 @@ Status read_poses(const fs::path& path) { return status_of(load_trajectory(path)
 Status read_list(const fs::path& path) {
   return status_of(open_depth_folder(path, {{8, 8, 3.5, 3.5}}));
 }
+Status read_flow(const fs::path& path) {
+  return status_of(open_depth_folder(path, {{8, 8, 3.5, 3.5}, 0.001, 30, path / "flow"}));
+}
 Status read_joints(const fs::path& path) {
   JointHistory history({{"elbow", false}, {"shoulder", true}});
   return read_joint_table(file_bytes(path), "joints", history);
 }
 Status read_robot(const fs::path& path) {
   return status_of(parse_urdf(file_bytes(path), "robot.urdf", {}, RobotGeometry::collision));
+}
+Status read_robot_folder(const fs::path& path) {
+  return status_of(parse_urdf(file_bytes(path / "robot.urdf"), "robot.urdf", {path, {}},
+                              RobotGeometry::collision));
 }
 
 /// The text as that of settings in a recording: it is the last of its message's members.
@@ -126,22 +165,26 @@ Status read_settings_text(const fs::path& path) {
 }
 Status read_toml_file(const fs::path& path) { return status_of(load_settings<RunSettings>(path)); }
 Status read_rig(const fs::path& path) { return status_of(load_rig(path)); }
+Status read_rig_folder(const fs::path& path) { return read_rig(path / "rig.toml"); }
 
 }  // namespace
 
 std::vector<LargeInput> large_texts() {
   return {{"TUM", "poses", true, poses_txt, read_poses, ".txt"},
           {"depth.txt", "one image again and again", true, list_txt, read_list, ""},
+          {"depth.txt", "no optical flow of its images", false, flowless_txt, read_flow, ""},
           {"joints", "rows", true, joints_csv, read_joints, ".csv"},
           {"joints", "columns", true, columns_csv, read_joints, ".csv"},
           {"URDF", "elements", true, elements_urdf, read_robot, ".urdf"},
           {"URDF", "attributes", {}, attributes_urdf, read_robot, ".urdf"},
           {"URDF", "joints that follow each other", true, followers_urdf, read_robot, ".urdf"},
+          {"URDF", "one mesh again and again", true, meshes_urdf, read_robot_folder, ""},
           {"settings", "keys in a recording", false, keys_json, read_settings_text, ".json"},
           {"settings", "lists in a recording", false, lists_json, read_settings_text, ".json"},
           {"settings", "TOML", false, toml, read_toml_file, ".toml"},
           {"settings", "TOML of 64 KiB of nested keys", false, deep_toml, read_toml_file, ".toml"},
-          {"rig", "TOML", false, toml, read_rig, ".toml"}};
+          {"rig", "TOML", false, toml, read_rig, ".toml"},
+          {"rig", "frames in one robot", true, frames_toml, read_rig_folder, ""}};
 }
 
 }  // namespace palpate::fuzz
