@@ -1,4 +1,5 @@
 // Large mesh and tool files.
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
@@ -252,7 +253,11 @@ void tetrahedra_stl(const fs::path& path, std::size_t num,
     return facets;
   });
 }
-std::size_t num_tetrahedra(std::size_t num_bytes) { return num_bytes / 200; }
+/// Their check takes a large part of the time that an input may take at most: it is not of any
+/// size.
+std::size_t num_tetrahedra(std::size_t num_bytes) {
+  return std::min<std::size_t>(num_bytes, 20'000'000) / 200;
+}
 
 /// Side by side, along a diagonal.
 void needles_stl(const fs::path& path, std::size_t num_bytes) {
@@ -290,7 +295,8 @@ void crowded_stl(const fs::path& path, std::size_t num_bytes) {
   });
 }
 
-constexpr double kCheckSeconds = 60;  // for self-intersections, too
+// With the check of what is to be packed, for self-intersections and parts in each other.
+constexpr double kCheckSeconds = 100;
 
 Status read_mesh(const fs::path& path) { return status_of(load_mesh(path)); }
 Status read_solid(const fs::path& path) {
