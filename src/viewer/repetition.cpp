@@ -78,14 +78,12 @@ bool Repetition::goes_on_to(const std::vector<Lead>& leads, std::size_t num_used
 
 Status Repetition::prepare(const std::vector<Lead>& leads, const RunSettings& settings) {
   cameras_.clear();
+  RunSettings used = settings;
+  used.backend = backend_;
   for (std::size_t k = 0; k < leads.size(); ++k) {
-    RunSettings used = settings;
-    used.backend = backend_;
-    if (!leads[k].empty() && run_.camera_frame(leads[k].front()).second > 0) {
-      const double period = run_.period_after(leads[k].front());
-      if (period > 0) used.time.first_period = period;
-    }
-    auto timeline = make_surfaces(run_.streams(), k, used);
+    const bool goes_on = !leads[k].empty() && run_.camera_frame(leads[k].front()).second > 0;
+    const double first_period = goes_on ? run_.period_after(leads[k].front()) : 0;
+    auto timeline = make_surfaces(run_.streams(), k, used, 0, first_period);
     if (!timeline) return timeline.error();
     cameras_.push_back({*std::move(timeline)});
   }

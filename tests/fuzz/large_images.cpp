@@ -5,7 +5,6 @@
 #include <cmath>
 #include <cstdint>
 
-#include "palpate/cameras/cameras.h"
 #include "palpate/io/formats.h"
 #include "src/io/internal/mcap_file.h"
 #include "src/io/ros_messages.h"
@@ -177,15 +176,7 @@ Status read_rvl(const fs::path& path) {
 }
 Status read_cloud(const fs::path& path) { return status_of(load_cloud(path)); }
 Status read_images(const fs::path& path) {
-  const auto camera =
-      open_camera("bag:" + path.string() + "?intrinsics=300,300,200,200", {.in_real_time = false});
-  if (!camera) return camera.error();
-  DepthFrame frame;
-  for (;;) {
-    const auto got = (*camera)->next(frame);
-    if (!got) return got.error();
-    if (!*got) return Done{};
-  }
+  return read_camera("bag:" + path.string() + "?intrinsics=300,300,200,200");
 }
 
 }  // namespace

@@ -18,6 +18,7 @@
 #include <fstream>
 #include <iterator>
 
+#include "palpate/cameras/cameras.h"
 #include "tests/test_util/sanitized.h"
 
 namespace palpate::fuzz {
@@ -40,6 +41,17 @@ void write_pieces(const fs::path& path, std::size_t num_bytes, const std::string
 std::string file_bytes(const fs::path& path) {
   std::ifstream file(path, std::ios::binary);
   return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
+}
+
+Status read_camera(const std::string& uri) {
+  const auto camera = open_camera(uri, {.in_real_time = false});
+  if (!camera) return camera.error();
+  DepthFrame frame;
+  for (;;) {
+    const auto got = (*camera)->next(frame);
+    if (!got) return got.error();
+    if (!*got) return Done{};
+  }
 }
 
 namespace {

@@ -37,6 +37,9 @@ void write_pieces(const std::filesystem::path& path, std::size_t num_bytes, cons
 /// The whole file.
 std::string file_bytes(const std::filesystem::path& path);
 
+/// All images of a camera.
+Status read_camera(const std::string& uri);
+
 /// For readers whose answer does not matter here.
 template <class T>
 Status status_of(const Result<T>& result) {

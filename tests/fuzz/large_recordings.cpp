@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <map>
 
-#include "palpate/cameras/cameras.h"
 #include "palpate/io/files.h"
 #include "palpate/session/run.h"
 #include "src/core/shared_library.h"
@@ -372,16 +371,6 @@ Status read_tools(const fs::path& path) {
   return status_of(run->load_tools());
 }
 Status repeat_run(const fs::path& path) { return status_of(replay_run(path)); }
-Status read_camera(const std::string& uri) {
-  const auto camera = open_camera(uri, {.in_real_time = false});
-  if (!camera) return camera.error();
-  DepthFrame frame;
-  for (;;) {
-    const auto got = (*camera)->next(frame);
-    if (!got) return got.error();
-    if (!*got) return Done{};
-  }
-}
 Status read_moving_camera(const fs::path& path) {
   return read_camera("bag:" + path.string() + "?intrinsics=10,10,3.5,3.5&world=map");
 }
