@@ -81,7 +81,7 @@ void volumes(benchmark::State& state, const TriangleMesh& mesh) {
   const SpherePacking packing = pack_spheres(mesh, options).value();
   ThreadPool pool(static_cast<int>(state.range(1)));
   for (auto _ : state)
-    benchmark::DoNotOptimize(represented_volumes(mesh, packing.spheres, pool).value().data());
+    benchmark::DoNotOptimize(represented_parts(mesh, packing.spheres, pool).value().volumes.data());
 }
 
 void volumes_cube(benchmark::State& state) { volumes(state, cube()); }

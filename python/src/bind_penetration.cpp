@@ -7,7 +7,8 @@
 #include "palpate/core/core.h"
 #include "python/src/arrays.h"
 #include "python/src/bindings.h"
-#include "src/contact/field/field_element.h"
+#include "src/contact/field/ball_cut.h"
+#include "src/contact/index/ball_parts.h"
 #include "src/contact/index/field_elements.h"
 #include "src/field/internal/field_curvature.h"
 
@@ -29,46 +30,129 @@ void add(double (&to)[6], const Vec3d& lever, const Vec3d& force) {
   }
 }
 
+/// A number for each element of a cluster.
+typedef double Row __attribute__((vector_size(8 * SphereClusters::kSize)));
+struct SumOfRow {
+  double operator()(const Row& row) const {
+    double sum = 0;
+    for (int i = 0; i < SphereClusters::kSize; ++i) sum += row[i];
+    return sum;
+  }
+};
+
 /// As FieldContact, but in double, and gradients are never shortened: the wrench is the exact
 /// derivative of the potential everywhere.
 class Differentiated {
  public:
   explicit Differentiated(const PyTool& tool)
-      : tool_(tool), elements_(*tool.tool, SphereVolumes::represented) {}
+      : tool_(tool), elements_(*tool.tool, SphereVolumes::represented) {
+    const auto& places = ball_places().rows;
+    Row* const rows[] = {&parts_.x, &parts_.y, &parts_.z, &parts_.is_part};
+    for (int row = 0; row < 4; ++row) {
+      for (int i = 0; i < SphereClusters::kSize; ++i) (*rows[row])[i] = places[row][i];
+    }
+  }
 
   Derivatives at(const DepthFieldView& field, const Pose& X_CT) const {
-    Derivatives sum;
-    StiffnessSums stiffness;
-    const Vec3d p_CC = X_CT * tool_.tool->sphere_mass().centre_of_mass;
-    const Mat3d R_CT = rotation_matrix(X_CT.rotation);
-    const SphereClusters& places = elements_.clusters;
-    for (std::size_t i = 0; i < elements_.factor.size(); ++i) {
-      if (places.sphere_id[i] < 0) continue;  // padding
-      const Vec3d lever = R_CT * Vec3d{places.x[i], places.y[i], places.z[i]};
-      const double r = elements_.radius[i], factor = elements_.factor[i];
-      const CurvedFieldSample at = sample_field_curvature(field, p_CC + lever, r);
-      if (at.phi >= r) continue;
-      const double h = std::min(r - at.phi, 2 * r);
-      const double volume = factor * cap_volume(r, at.phi);
-      const double disc = factor * kPi * std::max(r * r - at.phi * at.phi, 0.0);
-      sum.volume += volume;
-      sum.potential += factor * (kPi / 12 * h * h * h * (4 * r - h) +
-                                 sphere_volume(r) * std::max(-at.phi - r, 0.0));
-      add(sum.volume_gradient, lever, at.gradient * -disc);
-      add(sum.wrench, lever, at.gradient * volume);
-      const auto& H = at.hessian.m;
-      double terms[StiffnessSums::kNum];
-      constexpr double kPolar = 0;  // of moments, which are not needed here
-      stiffness_terms<double>({lever.x, lever.y, lever.z}, volume, disc, kPolar,
-                              {at.gradient.x, at.gradient.y, at.gradient.z},
-                              {H[0][0], H[0][1], H[0][2], H[1][1], H[1][2], H[2][2]}, terms);
-      for (int k = 0; k < StiffnessSums::kNum; ++k) stiffness.numbers[k] += terms[k];
+    Sums sums;
+    constexpr std::size_t kSize = SphereClusters::kSize;
+    for (std::size_t begin = 0; begin < elements_.factor.size(); begin += kSize) {
+      if (begin / kSize < static_cast<std::size_t>(elements_.first_ball())) {
+        for (std::size_t i = begin; i < begin + kSize; ++i) {
+          const Element e = element(field, X_CT, i);
+          if (e.at.phi < e.radius) add(e, e.volume(), e.disc(), sums);
+        }
+      } else {
+        add_ball(field, X_CT, begin, sums);
+      }
     }
-    sum.stiffness = stiffness.stiffness();
-    return sum;
+    sums.to.stiffness = sums.stiffness.stiffness();
+    return sums.to;
   }
 
  private:
+  struct Element {
+    Vec3d lever;
+    double radius, factor;
+    CurvedFieldSample at;
+    bool is_before_camera;
+
+    double volume() const { return factor * cap_volume(radius, at.phi); }
+    double disc() const {
+      return factor * kPi * std::max(radius * radius - at.phi * at.phi, 0.0);
+    }
+    double potential() const { return cut_ball(radius, factor, at.phi).potential; }
+  };
+  struct Sums {
+    Derivatives to;
+    StiffnessSums stiffness;
+  };
+
+  Element element(const DepthFieldView& field, const Pose& X_CT, std::size_t slot) const {
+    const SphereClusters& places = elements_.clusters;
+    const Vec3d lever = rotate(X_CT.rotation, to_double(Vec3f{places.x[slot], places.y[slot],
+                                                              places.z[slot]}));
+    const Vec3d p_C = X_CT * tool_.tool->sphere_mass().centre_of_mass + lever;
+    const double radius = elements_.radius[slot];
+    return {lever, radius, elements_.factor[slot], sample_field_curvature(field, p_C, radius),
+            p_C.z > kMinDepth};
+  }
+
+  /// Adds an element with the force `volume` grad phi, which changes by `disc` times its product.
+  static void add(const Element& e, double volume, double disc, Sums& sums) {
+    const Vec3d& n = e.at.gradient;
+    sums.to.volume += volume;
+    sums.to.potential += e.potential();
+    palpate::python::add(sums.to.volume_gradient, e.lever, n * -disc);
+    palpate::python::add(sums.to.wrench, e.lever, n * volume);
+    const auto& H = e.at.hessian.m;
+    double terms[StiffnessSums::kNum];
+    constexpr double kPolar = 0;  // of moments, which are not needed here
+    stiffness_terms<double>({e.lever.x, e.lever.y, e.lever.z}, volume, disc, kPolar, {n.x, n.y, n.z},
+                            {H[0][0], H[0][1], H[0][2], H[1][1], H[1][2], H[2][2]}, terms);
+    for (int k = 0; k < StiffnessSums::kNum; ++k) sums.stiffness.numbers[k] += terms[k];
+  }
+
+  /// Adds the ball in parts that a cluster is (ball_cut.h).
+  void add_ball(const DepthFieldView& field, const Pose& X_CT, std::size_t begin,
+                Sums& sums) const {
+    std::vector<Element> parts;
+    Row phi{};
+    bool is_complete = true;
+    for (int i = 0; i <= kNumBallParts; ++i) {
+      parts.push_back(element(field, X_CT, begin + static_cast<std::size_t>(i)));
+      is_complete &= parts.back().is_before_camera;
+      phi[i] = parts.back().at.phi;
+    }
+    const double R = parts.back().radius;
+    BallPlane<Row, double> plane;
+    if (is_complete) plane = ball_plane<double>(parts_, phi / R, SumOfRow{}, true);
+    const double twice = parts[0].factor * kNumBallParts * std::pow(double{kPartRadius}, 3) * R * R;
+    Row weights[5];
+    form_weights(parts_, plane.residual, weights);
+    double X[5][6] = {};
+    sums.to.potential += twice * R * R * plane.potential;
+    for (int i = 0; i < kNumBallParts; ++i) {
+      const Element& e = parts[static_cast<std::size_t>(i)];
+      const double touches = e.at.phi < e.radius ? 1 : 0;
+      add(e, touches * e.volume() + twice * R * plane.volume[i],
+          touches * e.disc() + twice * plane.disc, sums);
+      for (int k = 0; k < 5; ++k) {
+        palpate::python::add(X[k], e.lever, e.at.gradient * weights[k][i]);
+      }
+    }
+    if (!plane.is_plane) return;
+    add_form(plane.form, X, twice, sums.stiffness.numbers);
+    // The volume is the sum of minus the potential's derivatives by all values, so its gradient is
+    // the form's with a change of all of them: 1 in the first of its five sums.
+    for (int i = 0; i < 5; ++i) {
+      for (int k = 0; k < 6; ++k) {
+        sums.to.volume_gradient[k] -= twice * plane.form[0][i] * X[i][k];
+      }
+    }
+  }
+
+  BallRows<Row> parts_{};
   PyTool tool_;
   FieldElements elements_;
 };

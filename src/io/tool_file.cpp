@@ -1,8 +1,8 @@
 // Layout, all little endian, every section at a multiple of 8 bytes:
 //   header          magic, format version, number of sections, length of the file
 //   section table   per section: name, element size, offset, number of elements
-//   sections        vertices, triangles, spheres, facts, edges, source, represented volumes,
-//                   tree nodes; of tools that have one the distance field, grid and values
+//   sections        vertices, triangles, spheres, facts, edges, source, represented volumes and
+//                   balls, tree nodes; of tools that have one the distance field, grid and values
 //   checksum        XXH3-64 of everything before it
 #include "palpate/io/files.h"
 
@@ -23,7 +23,7 @@ namespace {
 static_assert(std::endian::native == std::endian::little, "tool files are little endian");
 
 constexpr std::array<char, 8> kMagic{'\x89', 'P', 'A', 'L', 'P', '\r', '\n', '\x1a'};
-constexpr std::uint32_t kVersion = 3;
+constexpr std::uint32_t kVersion = 4;
 constexpr std::size_t kAlignment = 8;
 constexpr std::size_t kMaxSource = std::size_t(1) << 20;
 
@@ -44,9 +44,10 @@ enum class SectionName : std::uint32_t {
   represented_volumes,
   tree_nodes,
   solid_grid,  // optional, both or neither
-  solid_values
+  solid_values,
+  represented_balls
 };
-constexpr std::size_t kNeededSections = 8;
+constexpr std::size_t kNeededSections = 9;
 
 struct Section {
   SectionName name{};
@@ -236,9 +237,10 @@ Result<Tool> parse_tool(std::string_view content) {
   const auto stored_edges = reader.find<StoredEdge>(SectionName::edges);
   const auto source = reader.take<char>(SectionName::source);
   auto volumes = reader.take<float>(SectionName::represented_volumes);
+  auto balls = reader.take<Sphere>(SectionName::represented_balls);
   auto tree_nodes = reader.take<IstNode>(SectionName::tree_nodes);
   if (!vertices || !triangles || !spheres || !facts || !stored_edges || !source || !volumes ||
-      !tree_nodes)
+      !balls || !tree_nodes)
     return bad(Reader::damaged("a section is missing or does not fit"));
   if (facts->size() != 1 || source->size() > kMaxSource)
     return bad(Reader::damaged("a section has the wrong size"));
@@ -260,7 +262,8 @@ Result<Tool> parse_tool(std::string_view content) {
                   static_cast<int>(fact.num_components_before_bridging));
   SpherePacking packing{std::move(*spheres), fact.mesh_volume, static_cast<PackStop>(fact.stop)};
   Tool::StoredParts parts{std::move(graph), static_cast<GapRule>(fact.gap_rule),
-                          std::move(*volumes), std::move(*tree_nodes), *std::move(solid_field)};
+                          {std::move(*volumes), std::move(*balls)}, std::move(*tree_nodes),
+                          *std::move(solid_field)};
   auto tool = Tool::restore({std::move(*vertices), std::move(*triangles)}, std::move(packing),
                             std::move(parts), std::string(source->begin(), source->end()));
   if (!tool) return bad("holds a bad tool: " + tool.error().message);
@@ -293,6 +296,8 @@ Result<std::string> tool_to_bytes(const Tool& tool) {
   writer.add(SectionName::source, tool.source().data(), tool.source().size());
   writer.add(SectionName::represented_volumes, tool.represented_volumes().data(),
              tool.represented_volumes().size());
+  writer.add(SectionName::represented_balls, tool.represented_balls().data(),
+             tool.represented_balls().size());
   writer.add(SectionName::tree_nodes, tool.tree().nodes().data(), tool.tree().nodes().size());
   if (field != nullptr) {
     const SolidField::Layout& layout = field->layout();

@@ -1,9 +1,9 @@
-// The volume of a power cell, from inside: rays leave the centre of the sphere, and each runs until
-// the first plane of equal power, which ends its power cell. A ray of length t stands for a cone of
-// t^3 / 3 per solid angle. Where it leaves the solid it loses the rest of its cone, and where it
-// enters again it gets that back, so the solid may have any shape and no crossing is first or last.
-// The sphere itself is free of planes and facets. Spheres are looked at one by one: any number of
-// threads gives the same bits.
+// The moments of a power cell, from inside: rays leave the center of the sphere, and each runs until
+// the first plane of equal power, which ends its power cell. A ray u of length t stands for a cone
+// with the volume t^3 / 3, the first moment t^4 / 4 u and the second moment t^5 / 5 per solid angle.
+// Where it leaves the solid it loses the rest of its cone, and where it enters again it gets that
+// back, so the solid may have any shape and no crossing is first or last. The sphere itself is free
+// of planes and facets. Spheres are looked at one by one: any number of threads gives the same bits.
 #include "palpate/packing/packing.h"
 
 #include <algorithm>
@@ -32,6 +32,10 @@ constexpr std::size_t kTaskSize = 16;  // spheres
 constexpr Float4 kOne{1, 1, 1, 1};
 constexpr double kBall = 4 * kPi / 3;
 
+// The longest radius of a ball, in radii of the ball of the same volume. It bounds how far a ball
+// reaches out of a long cell, and so how early it touches.
+constexpr double kMaxStretch = 1.5;
+
 // A number for each ray of a patch.
 struct Rays {
   Float4 part[RayPatch::kParts];
@@ -41,6 +45,13 @@ struct Rays {
     for (const Float4& other : part) low = other < low ? other : low;
     return std::min(std::min(low[0], low[1]), std::min(low[2], low[3]));
   }
+};
+
+/// Moments about the center of a sphere; the second one is the sum of those along three axes.
+struct Moments {
+  double volume = 0;  // m3
+  Vec3d first;        // m4
+  double second = 0;  // m5
 };
 
 // A triangle, seen from a point: a ray u meets it if no side . u is negative.
@@ -89,9 +100,9 @@ class PowerCells {
         std::max(kFirstMargin * static_cast<double>(*median), kMinMargin * 2 * half_diagonal_);
   }
 
-  /// What each cell holds besides its sphere, m3.
-  std::vector<double> measure(ThreadPool& pool) const {
-    std::vector<double> result(neighbours_.size());
+  /// Measures what each cell holds besides its sphere.
+  std::vector<Moments> measure(ThreadPool& pool) const {
+    std::vector<Moments> result(neighbours_.size());
     const std::size_t num_tasks = (result.size() + kTaskSize - 1) / kTaskSize;
     pool.parallel_for(static_cast<int>(num_tasks), [&](int task) {
       View view;
@@ -111,7 +122,7 @@ class PowerCells {
     std::vector<Facet> facets;
   };
 
-  double void_of(std::size_t i, View& view) const {
+  Moments void_of(std::size_t i, View& view) const {
     const Sphere& sphere = neighbours_.sphere(i);
     const Vec3d centre = to_double(sphere.centre);
     const double radius = sphere.radius;
@@ -119,12 +130,15 @@ class PowerCells {
     for (double margin = margin_;; margin *= 2) {
       const double reach = std::min(radius + margin, whole);
       view.planes.clear();
-      if (!neighbours_.gather(i, reach, view.planes)) return 0;
+      if (!neighbours_.gather(i, reach, view.planes)) return {};
       const float weakest = find_ends(view);
       find_facets(centre, reach, reach / static_cast<double>(weakest), view);
-      double mean = 0;  // of the lengths cubed
-      if (add_cones(view, mean) || reach == whole)
-        return std::max(0.0, kBall * (mean * reach * reach * reach - radius * radius * radius));
+      Moments mean;  // of t^3, t^4 u and t^5
+      if (!add_cones(view, radius / reach, mean) && reach != whole) continue;
+      const double reach3 = reach * reach * reach, reach4 = reach3 * reach;
+      const double volume = kBall * (mean.volume * reach3 - radius * radius * radius);
+      if (!(volume > 0)) return {};
+      return {volume, mean.first * (kPi * reach4), 0.8 * kPi * mean.second * reach4 * reach};
     }
   }
 
@@ -160,16 +174,23 @@ class PowerCells {
     for (const int t : view.triangles) view.facets.emplace_back(mesh_.triangle(t), centre, unit);
   }
 
-  // The mean of what the rays measure; false if one is still in the solid where it was given up.
-  bool add_cones(const View& view, double& mean) const {
+  // Takes the means of what the rays measure, of the moments without the sphere; false if a ray is
+  // still in the solid where it was given up.
+  bool add_cones(const View& view, double radius, Moments& mean) const {
     bool complete = true;
+    const auto sphere4 = static_cast<float>(std::pow(radius, 4));
+    const auto sphere5 = static_cast<float>(std::pow(radius, 5));
     for (std::size_t p = 0; p < patches_.size(); ++p) {
       const RayPatch& patch = patches_[p];
       const Rays& ends = view.ends[p];
       const float low = ends.least();
-      Rays whole, cones;
-      for (std::size_t k = 0; k < RayPatch::kParts; ++k)
+      Rays whole, cones, whole4, cones4, whole5, cones5;
+      for (std::size_t k = 0; k < RayPatch::kParts; ++k) {
+        const Float4 length = 1 / ends.part[k];
         cones.part[k] = whole.part[k] = 1 / (ends.part[k] * ends.part[k] * ends.part[k]);
+        cones4.part[k] = whole4.part[k] = whole.part[k] * length;
+        cones5.part[k] = whole5.part[k] = whole4.part[k] * length;
+      }
       for (const Facet& facet : view.facets) {
         if (!facet.may_meet(patch, low)) continue;
         for (std::size_t k = 0; k < RayPatch::kParts; ++k) {
@@ -177,18 +198,30 @@ class PowerCells {
           const auto meets = (pull > ends.part[k]) & (patch.along(facet.sides[0].pull, k) >= 0) &
                              (patch.along(facet.sides[1].pull, k) >= 0) &
                              (patch.along(facet.sides[2].pull, k) >= 0);
-          const Float4 lost = facet.turn * (whole.part[k] - 1 / (pull * pull * pull));
-          cones.part[k] -= meets ? lost : Float4{};
+          const Float4 length = 1 / pull, cone = 1 / (pull * pull * pull);
+          const auto lose = [&](Float4& left, const Float4& all, const Float4& here) {
+            left -= meets ? facet.turn * (all - here) : Float4{};
+          };
+          lose(cones.part[k], whole.part[k], cone);
+          lose(cones4.part[k], whole4.part[k], cone * length);
+          lose(cones5.part[k], whole5.part[k], cone * length * length);
         }
       }
-      for (const Float4& part : cones.part) {
-        for (int k = 0; k < 4; ++k) {
-          mean += static_cast<double>(part[k]);
-          complete &= part[k] != 1;
+      for (std::size_t k = 0; k < RayPatch::kParts; ++k) {
+        for (int i = 0; i < 4; ++i) {
+          mean.volume += static_cast<double>(cones.part[k][i]);
+          const float lever = cones4.part[k][i] - sphere4;
+          mean.first += to_double(
+              Vec3f{patch.x[k][i] * lever, patch.y[k][i] * lever, patch.z[k][i] * lever});
+          mean.second += static_cast<double>(cones5.part[k][i] - sphere5);
+          complete &= cones.part[k][i] != 1;
         }
       }
     }
-    mean /= static_cast<double>(patches_.size() * RayPatch::kSize);
+    const double share = 1 / static_cast<double>(patches_.size() * RayPatch::kSize);
+    mean.volume /= static_cast<double>(patches_.size() * RayPatch::kSize);
+    mean.first = mean.first * share;
+    mean.second *= share;
     return complete;
   }
 
@@ -200,10 +233,22 @@ class PowerCells {
   double margin_ = 0;
 };
 
+/// Returns the ball with the centroid and the second moment of a sphere with what its cell holds
+/// besides.
+Sphere ball_of(const Sphere& sphere, double own, const Moments& besides) {
+  const double volume = own + besides.volume, radius = sphere.radius;
+  const Vec3d shift = besides.first / volume;
+  const double second = (0.6 * own * radius * radius + besides.second) / volume - dot(shift, shift);
+  const double least = std::cbrt(volume / kBall);
+  const double desired = std::sqrt(std::max(0.0, second) * (5.0 / 3));
+  return {to_float(to_double(sphere.centre) + shift),
+          static_cast<float>(std::clamp(desired, least, kMaxStretch * least))};
+}
+
 }  // namespace
 
-Result<std::vector<float>> represented_volumes(const TriangleMesh& solid,
-                                               std::span<const Sphere> spheres, ThreadPool& pool) {
+Result<RepresentedParts> represented_parts(const TriangleMesh& solid,
+                                           std::span<const Sphere> spheres, ThreadPool& pool) {
   if (spheres.empty()) {
     return Error{Errc::invalid_argument,
                  "no spheres to share the volume of the mesh; pack the mesh first"};
@@ -216,23 +261,28 @@ Result<std::vector<float>> represented_volumes(const TriangleMesh& solid,
   }
   // A sphere is known exactly. Only what its cell holds besides is measured, and scaled so that the
   // sum is right.
-  const std::vector<double> voids = PowerCells(solid, spheres).measure(pool);
+  const std::vector<Moments> voids = PowerCells(solid, spheres).measure(pool);
   std::vector<double> own;
   double sphere_sum = 0, void_sum = 0;
   for (std::size_t i = 0; i < spheres.size(); ++i) {
     own.push_back(sphere_volume(static_cast<double>(spheres[i].radius)));
     sphere_sum += own[i];
-    void_sum += voids[i];
+    void_sum += voids[i].volume;
   }
   const double rest = mesh_volume - sphere_sum;
   const bool fits = rest > 0 && void_sum > 0;  // else the spheres are none of this mesh
-  std::vector<float> volumes;
+  RepresentedParts parts;
   for (std::size_t i = 0; i < spheres.size(); ++i) {
+    const double scale = rest / void_sum;
     const double volume =
-        fits ? own[i] + voids[i] * (rest / void_sum) : own[i] * (mesh_volume / sphere_sum);
-    volumes.push_back(static_cast<float>(volume));
+        fits ? own[i] + voids[i].volume * scale : own[i] * (mesh_volume / sphere_sum);
+    parts.volumes.push_back(static_cast<float>(volume));
+    parts.balls.push_back(
+        fits ? ball_of(spheres[i], own[i],
+                       {voids[i].volume * scale, voids[i].first * scale, voids[i].second * scale})
+             : spheres[i]);
   }
-  return volumes;
+  return parts;
 }
 
 }  // namespace palpate::inline v0

@@ -62,14 +62,18 @@ bool is_connected(const LeafGraph& graph, std::size_t num_spheres) {
   return num_seen == num_spheres;
 }
 
-/// One per sphere, and together the mesh. Rounding to float moves the sum by less than 1e-6.
-std::optional<Error> check_volumes(std::span<const float> volumes, std::size_t num_spheres,
-                                   double mesh_volume) {
+/// Checks that there is one part for each sphere, and that together they are the mesh. Rounding to
+/// float moves the sum by less than 1e-6.
+std::optional<Error> check_parts(const RepresentedParts& parts, std::size_t num_spheres,
+                                 double mesh_volume) {
   double sum = 0;
-  bool good = volumes.size() == num_spheres;
-  for (const float volume : volumes) {
+  bool good = parts.volumes.size() == num_spheres && parts.balls.size() == num_spheres;
+  for (const float volume : parts.volumes) {
     good = good && volume >= 0;
     sum += static_cast<double>(volume);
+  }
+  for (const Sphere& ball : parts.balls) {
+    good = good && is_finite(ball.centre) && std::isfinite(ball.radius) && ball.radius > 0;
   }
   if (good && std::abs(sum - mesh_volume) <= 1e-6 * mesh_volume) return std::nullopt;
   return bad(
@@ -88,12 +92,12 @@ Result<Tool> Tool::build(TriangleMesh mesh, SpherePacking packing, GapRule rule,
                std::to_string(LeafGraph::kMaxMeanNeighbours) +
                " neighbors on average: they overlap too much; pack the mesh again");
   ThreadPool pool(num_threads);
-  auto volumes = palpate::represented_volumes(mesh, packing.spheres, pool);
-  if (!volumes) return volumes.error();
+  auto represented = represented_parts(mesh, packing.spheres, pool);
+  if (!represented) return represented.error();
   const InnerSphereTree tree(packing.spheres);
   StoredParts parts{std::move(graph),
                     rule,
-                    *std::move(volumes),
+                    *std::move(represented),
                     {tree.nodes().begin(), tree.nodes().end()},
                     nullptr};
   return restore(std::move(mesh), std::move(packing), std::move(parts), std::move(source));
@@ -113,8 +117,7 @@ Result<Tool> Tool::restore(TriangleMesh mesh, SpherePacking packing, StoredParts
   if (!is_connected(parts.graph, packing.spheres.size()))
     return bad("the tool's graph falls into several parts; build the tool again");
   const MassProperties mesh_mass = mass_properties(mesh);
-  if (auto error =
-          check_volumes(parts.represented_volumes, packing.spheres.size(), mesh_mass.volume))
+  if (auto error = check_parts(parts.represented, packing.spheres.size(), mesh_mass.volume))
     return *std::move(error);
   auto tree = InnerSphereTree::restore(std::move(parts.tree_nodes), packing.spheres);
   if (!tree) return tree.error();

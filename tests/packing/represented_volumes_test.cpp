@@ -85,7 +85,7 @@ bool in_corner(const Vec3d& p) { return !(p.x > 0 && p.y > 0); }
 TEST(RepresentedVolumes, OneSphereStandsForAll) {
   ThreadPool pool;
   const std::vector<Sphere> one{{{0, 0, 0}, 0.04f}};
-  const auto volumes = represented_volumes(make_box({0.1, 0.1, 0.1}), one, pool).value();
+  const auto volumes = represented_parts(make_box({0.1, 0.1, 0.1}), one, pool).value().volumes;
   EXPECT_NEAR(volumes[0], 1e-3, 1e-10);
 }
 
@@ -96,7 +96,7 @@ TEST(RepresentedVolumes, TwoSpheresShareABox) {
   const double r = 0.45, s = 0.2, a = -0.5, b = 0.7;
   const std::vector<Sphere> spheres{{{static_cast<float>(a), 0, 0}, static_cast<float>(r)},
                                     {{static_cast<float>(b), 0.05f, 0}, static_cast<float>(s)}};
-  const auto volumes = represented_volumes(box, spheres, pool).value();
+  const auto volumes = represented_parts(box, spheres, pool).value().volumes;
   // |x-a|^2 - r^2 = |x-b|^2 - s^2 on average over y, z (both symmetric about 0).
   const double face = (b * b + 0.05 * 0.05 - s * s - a * a + r * r) / (2 * (b - a));
   EXPECT_NEAR(volumes[0], face + 1, 2e-4);
@@ -107,7 +107,7 @@ TEST(RepresentedVolumes, TwoSpheresShareABox) {
 TEST(RepresentedVolumes, CellsReachRoundACorner) {
   ThreadPool pool;
   const std::vector<Sphere> spheres{{{0.03f, -0.012f, 0}, 0.01f}, {{-0.045f, 0.045f, 0}, 0.003f}};
-  const auto volumes = represented_volumes(make_corner(0.1), spheres, pool).value();
+  const auto volumes = represented_parts(make_corner(0.1), spheres, pool).value().volumes;
   const auto truth = sampled_volumes(0.1, in_corner, spheres);
   for (std::size_t k = 0; k < 2; ++k)
     EXPECT_NEAR(static_cast<double>(volumes[k]), truth[k], 0.003 * truth[k]);
@@ -119,7 +119,7 @@ TEST(RepresentedVolumes, SumToTheMeshAndHoldTheirSpheres) {
     SCOPED_TRACE(name);
     const TriangleMesh mesh = rotated(make_shape(name, 0.1).value());
     const auto spheres = pack(mesh, 500);
-    const auto volumes = represented_volumes(mesh, spheres, pool).value();
+    const auto volumes = represented_parts(mesh, spheres, pool).value().volumes;
     ASSERT_EQ(volumes.size(), spheres.size());
     const double mesh_volume = mass_properties(mesh).volume;
     EXPECT_NEAR(sum(volumes), mesh_volume, 6.1e-8 * mesh_volume);  // half a unit each
@@ -145,7 +145,7 @@ TEST(RepresentedVolumes, AgreeWithAFineSampling) {
       {make_corner(size), in_corner}};
   for (const Solid& solid : solids) {
     const auto spheres = pack(solid.mesh, 100);
-    const auto volumes = represented_volumes(solid.mesh, spheres, pool).value();
+    const auto volumes = represented_parts(solid.mesh, spheres, pool).value().volumes;
     const auto truth = sampled_volumes(size, solid.inside, spheres);
     double error2 = 0, worst = 0;
     for (std::size_t k = 0; k < spheres.size(); ++k) {
@@ -165,7 +165,7 @@ TEST_P(RepresentedVolumesOfScans, AgreeWithRandomPoints) {
   PALPATE_SCAN_OR_SKIP(mesh);
   ThreadPool pool(2);
   const auto spheres = pack(mesh, 1000);
-  const auto volumes = represented_volumes(mesh, spheres, pool).value();
+  const auto volumes = represented_parts(mesh, spheres, pool).value().volumes;
   const TriangleBvh bvh(mesh);
   const Bounds box = bounds(mesh);
   test::Random random(7);
@@ -194,7 +194,7 @@ TEST(RepresentedVolumes, ThinSolidsAndManyFacetsEndWell) {
     const auto all = pack(mesh, 100);
     for (const std::size_t num : {1u, 10u, 100u}) {
       const std::vector<Sphere> spheres(all.begin(), all.begin() + static_cast<long>(num));
-      const auto volumes = represented_volumes(mesh, spheres, pool).value();
+      const auto volumes = represented_parts(mesh, spheres, pool).value().volumes;
       const double mesh_volume = mass_properties(mesh).volume;
       EXPECT_NEAR(sum(volumes), mesh_volume, 6.1e-8 * mesh_volume);
     }
@@ -205,19 +205,19 @@ TEST(RepresentedVolumes, SameBitsForAnyThreadCount) {
   const TriangleMesh mesh = make_shape("spiral", 0.1).value();
   const auto spheres = pack(mesh, 400);
   ThreadPool one(1), three(3);
-  const auto expected = represented_volumes(mesh, spheres, one).value();
-  EXPECT_EQ(represented_volumes(mesh, spheres, three).value(), expected);
+  const auto expected = represented_parts(mesh, spheres, one).value().volumes;
+  EXPECT_EQ(represented_parts(mesh, spheres, three).value().volumes, expected);
 }
 
 TEST(RepresentedVolumes, OddInputEndsWell) {
   ThreadPool pool;
   const TriangleMesh box = make_box({1, 1, 1});
-  EXPECT_EQ(represented_volumes(box, {}, pool).error().code, Errc::invalid_argument);
+  EXPECT_EQ(represented_parts(box, {}, pool).error().code, Errc::invalid_argument);
   const std::vector<Sphere> one{{{0, 0, 0}, 0.1f}};
-  EXPECT_EQ(represented_volumes({}, one, pool).error().code, Errc::bad_input);
+  EXPECT_EQ(represented_parts({}, one, pool).error().code, Errc::bad_input);
   TriangleMesh inside_out = box;
   for (auto& t : inside_out.triangles) std::swap(t[0], t[1]);
-  EXPECT_EQ(represented_volumes(inside_out, one, pool).error().code, Errc::bad_input);
+  EXPECT_EQ(represented_parts(inside_out, one, pool).error().code, Errc::bad_input);
 
   // Spheres that are none of this mesh: too large, far away, all the same, extremely small.
   const std::vector<std::vector<Sphere>> strange{
@@ -226,7 +226,7 @@ TEST(RepresentedVolumes, OddInputEndsWell) {
       std::vector<Sphere>(20, one[0]),
       {{{0.3f, 0, 0}, 1e-38f}, {{-0.3f, 0, 0}, 1e-38f}, {{0, 0.3f, 0}, 1e-38f}}};
   for (const auto& spheres : strange) {
-    const auto volumes = represented_volumes(box, spheres, pool).value();
+    const auto volumes = represented_parts(box, spheres, pool).value().volumes;
     EXPECT_NEAR(sum(volumes), 1, 1e-6);
     for (const float volume : volumes) EXPECT_GE(volume, 0);
   }

@@ -3,41 +3,117 @@
 
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "palpate/contact/contact.h"
+#include "src/contact/field/ball_cut.h"
 #include "src/contact/index/field_elements.h"
 #include "src/field/internal/field_sample.h"
+#include "tests/test_util/ball_truth.h"
 
 namespace palpate::test {
 
 /// The longest gradient that a force follows.
 inline constexpr double kLongest = 1.05;
 
+/// An element of a tool and what a field says to it.
+struct ElementTruth {
+  Vec3d lever;  ///< from the centre of mass, in W
+  double radius = 0, factor = 0;
+  bool is_counted = false;
+  double phi = 0;
+  Vec3d gradient;
+  bool has_value = true;  ///< false: it does not touch
+  bool is_unseen = false;
+  double volume = 0, potential = 0;  ///< what it counts
+  double scale = 1;                  ///< of its force
+};
+
+/// All elements of a tool at a pose, without padding; sample(element, p_W, extent) fills in what the
+/// field says, where values up to `extent` count.
+template <class Sample>
+std::vector<ElementTruth> elements_truth(const Tool& tool, const FieldElements& elements,
+                                         const Pose& X_WT, double longest, const Sample& sample) {
+  std::vector<ElementTruth> all;
+  const SphereClusters& at = elements.clusters;
+  const auto first_part = static_cast<std::size_t>(elements.first_ball()) * SphereClusters::kSize;
+  for (std::size_t i = 0; i < elements.factor.size(); ++i) {
+    if (at.sphere_id[i] < 0) continue;
+    ElementTruth e;
+    e.lever = rotate(X_WT.rotation, to_double(Vec3f{at.x[i], at.y[i], at.z[i]}));
+    e.radius = elements.radius[i];
+    e.factor = elements.factor[i];
+    e.is_counted = elements.counted[i] > 0;
+    sample(e, X_WT * tool.sphere_mass().centre_of_mass + e.lever,
+           i < first_part ? e.radius : double{kBallExtent} * e.radius);
+    if (e.has_value) {
+      e.volume = e.factor * cap_volume(e.radius, e.phi);
+      e.potential = e.factor * cap_potential(e.radius, e.phi);
+    }
+    all.push_back(e);
+    // The parts of a ball, and the ball itself behind them.
+    if (i < first_part || i % SphereClusters::kSize != 30) continue;
+    const auto parts = all.end() - 31;
+    const double R = e.radius;
+    const double count = parts->factor * 30 * std::pow(parts->radius / R, 3);
+    BallValues values;
+    for (std::size_t k = 0; k < 30; ++k) values[k] = parts[static_cast<long>(k)].phi / R;
+    if (std::all_of(parts, parts + 31, [](const ElementTruth& part) { return part.has_value; })) {
+      const BallValues volumes = ball_volumes(values);
+      for (std::size_t k = 0; k < 30; ++k) {
+        parts[static_cast<long>(k)].volume = count * R * R * R * volumes[k];
+        parts[static_cast<long>(k)].potential = 0;
+      }
+      parts->potential = std::max(count * R * R * R * R * ball_potential(values), 0.0);
+    }
+    double volume = 0;
+    Vec3d force;
+    for (auto part = parts; part < all.end(); ++part) {
+      volume += part->volume;
+      force += part->volume / std::max(norm(part->gradient) / longest, 1.0) * part->gradient;
+    }
+    // No force without volume, and none longer than the bound.
+    for (auto part = parts; part < all.end(); ++part) {
+      if (volume <= 0) part->volume = 0;
+      part->scale = std::min(1.0, longest * volume / std::max(norm(force), 1e-300));
+    }
+  }
+  return all;
+}
+
+/// Their sum.
+inline Penetration sum_of(const std::vector<ElementTruth>& elements, double longest) {
+  Penetration sum;
+  for (const ElementTruth& e : elements) {
+    sum.volume += e.volume;
+    sum.potential += e.potential;
+    const Vec3d force =
+        e.scale * e.volume / std::max(norm(e.gradient) / longest, 1.0) * e.gradient;
+    sum.measure_W.force += force;
+    sum.measure_W.torque += cross(e.lever, force);
+    sum.num_inside_spheres += e.has_value && e.is_counted && e.phi <= -e.radius;
+    sum.num_boundary_spheres +=
+        e.has_value && e.is_counted && e.phi > -e.radius && e.phi < e.radius;
+    if (e.is_unseen) sum.unseen_volume += e.factor * sphere_volume(e.radius);
+  }
+  return sum;
+}
+
+/// Fills in what a depth field says.
+inline auto sampling(const DepthFieldView& field) {
+  return [&field](ElementTruth& e, const Vec3d& p_C, double) {
+    const FieldSample<double> at = sample_field(field, p_C, e.radius);
+    e.phi = at.phi;
+    e.gradient = at.gradient;
+    e.has_value = p_C.z > double{kMinDepth};
+  };
+}
+
 /// U = sum f G(phi) and its parts by their definition.
 inline Penetration field_truth(const Tool& tool, const DepthFieldView& field, const Pose& X_WT,
                                SphereVolumes volumes, double longest = kLongest) {
   const FieldElements elements(tool, volumes);
-  Penetration sum;
-  for (std::size_t i = 0; i < elements.factor.size(); ++i) {
-    if (elements.clusters.sphere_id[i] < 0) continue;
-    const Vec3d lever = rotate(
-        X_WT.rotation,
-        to_double(Vec3f{elements.clusters.x[i], elements.clusters.y[i], elements.clusters.z[i]}));
-    const Vec3d c = X_WT * tool.sphere_mass().centre_of_mass + lever;
-    const double r = elements.radius[i], factor = elements.factor[i];
-    const FieldSample<double> at = sample_field(field, c, r);
-    const double h = std::clamp(r - at.phi, 0.0, 2 * r);
-    sum.volume += factor * cap_volume(r, at.phi);
-    sum.potential += factor * (kPi / 12 * h * h * h * (4 * r - h) +
-                               sphere_volume(r) * std::max(-at.phi - r, 0.0));
-    const double too_long = std::max(norm(at.gradient) / longest, 1.0);
-    const Vec3d force = factor * cap_volume(r, at.phi) / too_long * at.gradient;
-    sum.measure_W.force += force;
-    sum.measure_W.torque += cross(lever, force);
-    sum.num_inside_spheres += elements.counted[i] > 0 && at.phi <= -r;
-    sum.num_boundary_spheres += elements.counted[i] > 0 && at.phi > -r && at.phi < r;
-  }
-  return sum;
+  return sum_of(elements_truth(tool, elements, X_WT, longest, sampling(field)), longest);
 }
 
 }  // namespace palpate::test

@@ -8,8 +8,7 @@
 #include <span>
 
 #include "palpate/contact/contact.h"
-#include "src/contact/index/field_elements.h"
-#include "src/field/internal/field_sample.h"
+#include "tests/test_util/field_truth.h"
 
 namespace palpate::test {
 
@@ -47,7 +46,7 @@ inline HullSample agreed_of(const HullSample& a, const HullSample& b, double wid
 /// What one of a camera's fields says at a point of the world to a ball, between its two moments.
 /// What a camera has seen to be free is closed at its eye.
 inline HullSample hull_view(const SurfaceBlend& view, const Vec3d& p_W, double radius,
-                            DepthFieldView SurfaceView::*field, bool is_closed,
+                            double extent, DepthFieldView SurfaceView::*field, bool is_closed,
                             bool joins_in_front = false) {
   const bool has_moved = !(view.from.X_WC == view.to.X_WC);
   const auto before_eye = [&](const HullSample& now, const Pose& X_WC) {
@@ -57,7 +56,7 @@ inline HullSample hull_view(const SurfaceBlend& view, const Vec3d& p_W, double r
   const auto at = [&](const SurfaceView& surface) {
     const Vec3d p_C = inverse(surface.X_WC) * p_W;
     const auto [phi, gradient] = sample_field(surface.*field, p_C, radius);
-    const HullSample far{2 * radius + agreement_of(radius), {}};
+    const HullSample far{radius + extent + agreement_of(radius), {}};
     HullSample here =
         rounded_min({phi, rotate(surface.X_WC.rotation, gradient)}, far, 0.25 * radius);
     if (joins_in_front) {
@@ -89,7 +88,8 @@ struct HullTruth {
   double seen_phi = 0;  ///< of what they have seen to be free, or remember to be
   int decider = -1;     ///< of the cameras
 };
-inline HullTruth hull_of(std::span<const SurfaceBlend> views, const Vec3d& p_W, double radius) {
+inline HullTruth hull_of(std::span<const SurfaceBlend> views, const Vec3d& p_W, double radius,
+                         double extent) {
   const double w = 0.1 * radius, wide = agreement_of(radius);
   const auto is_remembered = [](const SurfaceBlend& view) {
     return view.to.remembered.num_levels > 0;
@@ -97,14 +97,14 @@ inline HullTruth hull_of(std::span<const SurfaceBlend> views, const Vec3d& p_W, 
   // The free space of a single camera is not queried.
   if (views.size() == 1 && !is_remembered(views[0])) {
     const bool joins = views[0].to.in_front.num_levels > 0;
-    return {hull_view(views[0], p_W, radius, &SurfaceView::field, false, joins), 0, 0};
+    return {hull_view(views[0], p_W, radius, extent, &SurfaceView::field, false, joins), 0, 0};
   }
   std::optional<HullSample> seen, shown, known, least;
   int seer = -1, shower = -1, knower = -1;
   double max_seen = -1e9, min_shown = 1e9, max_known = -1e9;
   for (std::size_t k = 0; k < views.size(); ++k) {
     const auto evaluate = [&](DepthFieldView SurfaceView::*field, bool is_closed) {
-      return hull_view(views[k], p_W, radius, field, is_closed);
+      return hull_view(views[k], p_W, radius, extent, field, is_closed);
     };
     const bool has_in_front = views[k].to.in_front.num_levels > 0;
     if (views[k].to.seen_free.num_levels > 0) {
@@ -139,40 +139,21 @@ inline HullTruth hull_of(std::span<const SurfaceBlend> views, const Vec3d& p_W, 
   join(*least, wide, -1);
   return hull;
 }
-inline HullSample hull_at(std::span<const SurfaceBlend> views, const Vec3d& p_W, double radius,
-                          double* seen_phi = nullptr) {
-  const HullTruth hull = hull_of(views, p_W, radius);
-  if (seen_phi != nullptr) *seen_phi = hull.seen_phi;
-  return hull.at;
+inline HullTruth hull_of(std::span<const SurfaceBlend> views, const Vec3d& p_W, double radius) {
+  return hull_of(views, p_W, radius, radius);
 }
 
 /// U = sum f G(phi) and its parts; the force follows gradients up to a length of `longest`.
 inline Penetration hull_truth(const Tool& tool, std::span<const SurfaceBlend> views,
-                              const Pose& X_WT, SphereVolumes volumes, double longest = 1.05) {
+                              const Pose& X_WT, SphereVolumes volumes, double longest = kLongest) {
   const FieldElements elements(tool, volumes);
-  Penetration sum;
-  for (std::size_t i = 0; i < elements.factor.size(); ++i) {
-    if (elements.clusters.sphere_id[i] < 0) continue;
-    const Vec3d lever = rotate(
-        X_WT.rotation,
-        to_double(Vec3f{elements.clusters.x[i], elements.clusters.y[i], elements.clusters.z[i]}));
-    const Vec3d c = X_WT * tool.sphere_mass().centre_of_mass + lever;
-    const double r = elements.radius[i], factor = elements.factor[i];
-    double seen_phi = 0;
-    const HullSample at = hull_at(views, c, r, &seen_phi);
-    const double h = std::clamp(r - at.phi, 0.0, 2 * r);
-    sum.volume += factor * cap_volume(r, at.phi);
-    sum.potential += factor * (kPi / 12 * h * h * h * (4 * r - h) +
-                               sphere_volume(r) * std::max(-at.phi - r, 0.0));
-    const Vec3d force =
-        factor * cap_volume(r, at.phi) / std::max(norm(at.gradient) / longest, 1.0) * at.gradient;
-    sum.measure_W.force += force;
-    sum.measure_W.torque += cross(lever, force);
-    sum.num_inside_spheres += elements.counted[i] > 0 && at.phi <= -r;
-    sum.num_boundary_spheres += elements.counted[i] > 0 && at.phi > -r && at.phi < r;
-    if (seen_phi < -kSeenBehind) sum.unseen_volume += factor * sphere_volume(r);
-  }
-  return sum;
+  const auto sample = [&](ElementTruth& e, const Vec3d& p_W, double extent) {
+    const HullTruth hull = hull_of(views, p_W, e.radius, extent);
+    e.phi = hull.at.phi;
+    e.gradient = hull.at.gradient;
+    e.is_unseen = hull.seen_phi < -kSeenBehind;
+  };
+  return sum_of(elements_truth(tool, elements, X_WT, longest, sample), longest);
 }
 
 }  // namespace palpate::test

@@ -79,15 +79,23 @@ Result<SpherePacking> pack_spheres(const TriangleMesh& solid, const PackOptions&
 
 // The part of a solid that each sphere of its packing represents.
 
-/// Represented volume of each sphere, m3. Spheres fill 80 to 90 % of a solid; the rest is assigned
-/// to them. It is the volume of the sphere's power cell (the points x where |x - c|^2 - r^2 is
+/// One entry for each sphere.
+struct RepresentedParts {
+  std::vector<float> volumes;  ///< m3
+  /// Ball with the centroid of the part and its second moment about it (the sum over three axes),
+  /// mesh frame, m. Its radius is at most 1.5 times that of the ball of the part's volume.
+  std::vector<Sphere> balls;
+};
+
+/// Shares a solid among the spheres of its packing. Spheres fill 80 to 90 % of a solid; the rest is
+/// assigned to them. A part is the sphere's power cell (the points x where |x - c|^2 - r^2 is
 /// smallest), clipped to the solid. The sphere itself is exact; the rest of the cell is measured
 /// along at least 512 rays, to .5 % rms of the volume or better, and over 10 % for single cells
-/// that reach into a sharp edge. The measured parts are scaled so that the sum is the volume of the
-/// mesh. No value is below the sphere's volume if the spheres are disjoint and inside. Same bits
-/// for any number of threads. Errors: the mesh encloses no volume; no spheres.
-Result<std::vector<float>> represented_volumes(const TriangleMesh& solid,
-                                               std::span<const Sphere> spheres, ThreadPool& pool);
+/// that reach into a sharp edge. The measured parts are scaled so that the sum of the volumes is
+/// the volume of the mesh. No volume is below the sphere's if the spheres are disjoint and inside.
+/// Same bits for any number of threads. Errors: the mesh encloses no volume; no spheres.
+Result<RepresentedParts> represented_parts(const TriangleMesh& solid,
+                                           std::span<const Sphere> spheres, ThreadPool& pool);
 
 // Distance field of a solid: a smooth scalar field in the frame of its mesh.
 

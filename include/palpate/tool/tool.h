@@ -115,7 +115,7 @@ class Tool {
   struct StoredParts {
     LeafGraph graph;
     GapRule gap_rule = GapRule::relative;  ///< rule of the graph
-    std::vector<float> represented_volumes;
+    RepresentedParts represented;
     std::vector<IstNode> tree_nodes;
     std::shared_ptr<const SolidField> solid_field = nullptr;  ///< null: none
   };
@@ -140,7 +140,9 @@ class Tool {
   const LeafGraph& graph() const { return parts_.graph; }
   GapRule gap_rule() const { return parts_.gap_rule; }
   /// The part of the solid that each sphere represents, m3. The sum is the volume of the mesh.
-  std::span<const float> represented_volumes() const { return parts_.represented_volumes; }
+  std::span<const float> represented_volumes() const { return parts_.represented.volumes; }
+  /// Balls with the centroids and second moments of these parts (RepresentedParts).
+  std::span<const Sphere> represented_balls() const { return parts_.represented.balls; }
   /// The distance field of its surface; null if the tool has none: then contact with other bodies
   /// computes one (ToolIndex).
   const std::shared_ptr<const SolidField>& solid_field() const { return parts_.solid_field; }

@@ -110,7 +110,12 @@ __device__ void add_clusters(const BatchJob& job, const FieldLook& field, double
                                            elements.largest_radius[mine], kMaxTilesPerLane, 0, 1));
     for (; touching != 0; touching &= touching - 1) {
       const int cluster = begin + (__ffs(static_cast<int>(touching)) - 1) * num_warps;
-      add_element<Sample>(field, element_of(elements, cluster, field.frame), share, &stiffness);
+      const Element element = element_of(elements, cluster, field.frame);
+      if (cluster < elements.first_ball) {
+        add_element<Sample>(field, element, share, &stiffness);
+      } else {
+        add_ball<Sample>(field, elements, element, share, &stiffness);
+      }
     }
     double values[kNumTerms] = {share.volume,   share.potential, share.force[0],  share.force[1],
                                 share.force[2], share.torque[0], share.torque[1], share.torque[2]};

@@ -53,6 +53,7 @@ struct MeasureJob {
   const SphereClusters* clusters = nullptr;
   const float *radius = nullptr, *factor = nullptr, *counted = nullptr;  ///< per slot
   const float* largest_radius = nullptr;                                 ///< per cluster
+  int first_ball = 0;  ///< clusters from this one on are the parts of balls
   DepthFieldView fields[2];  ///< of one camera and one size
   int num_fields = 1;
   FieldFrame frame;
@@ -65,6 +66,7 @@ inline MeasureJob measure_job(const FieldElements& elements) {
           elements.factor.data(),
           elements.counted.data(),
           elements.largest_radius.data(),
+          elements.first_ball(),
           {},
           1,
           {}};

@@ -61,7 +61,11 @@ __global__ void __launch_bounds__(kThreadsOf<Sample>, 3)
       if (kNumFields > 1 && field.last_level < 0) continue;
       element.factor = kNumFields > 1 ? factor * field.weight : factor;
       element.is_counted = is_counted && k == kNumFields - 1;
-      add_element<Sample>(field, element, share, &stiffness);
+      if (cluster < elements.first_ball) {
+        add_element<Sample>(field, element, share, &stiffness);
+      } else {
+        add_ball<Sample>(field, elements, element, share, &stiffness);
+      }
     }
   }
   MeasureTerms mine;

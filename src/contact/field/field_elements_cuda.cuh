@@ -4,7 +4,7 @@
 #include <type_traits>
 
 #include "src/contact/cuda/query_answer.h"
-#include "src/contact/field/field_element.h"
+#include "src/contact/field/ball_cut.h"
 #include "src/contact/field/field_tool_cuda.h"
 #include "src/gpu/team.cuh"
 
@@ -260,6 +260,112 @@ __device__ void add_element(const FieldLook& field, const Element& e, FieldShare
                          field.frame.fy);
   }
   add_cut<kWithStiffness>(e, g.phi, gradient, h, sum, sums);
+}
+
+// Adds up the numbers of a warp, in the order of SumOfRow.
+struct SumOverWarp {
+  __device__ float operator()(float number) const {
+#pragma unroll
+    for (int half = gpu::kWarpSize / 2; half > 0; half /= 2) {
+      number += __shfl_xor_sync(gpu::kWholeWarp, number, half);
+    }
+    return number;
+  }
+};
+
+// Adds a ball in parts that the elements of a warp are, corrected by a plane if every part has a
+// value. The field is `phi` at each, with this gradient and these second derivatives in W.
+template <bool kWithStiffness>
+__device__ __noinline__ void add_ball(const ElementsView& elements, const Element& e, float phi,
+                                      bool is_touching, bool is_complete,
+                                      const Gradient3<float>& gradient, const Symmetric<float>& h,
+                                      FieldShare& sum, StiffnessShare* sums) {
+  constexpr int kSize = SphereClusters::kSize;
+  const SumOverWarp over_warp;
+  const int lane = gpu::lane_id();
+  const float* const at = elements.places + lane;
+  const BallRows<float> part{at[0], at[kSize], at[2 * kSize], at[3 * kSize]};
+  const float radius = __shfl_sync(gpu::kWholeWarp, e.radius, kNumBallParts);
+  BallPlane<float, float> plane;
+  if (__all_sync(gpu::kWholeWarp, is_complete)) {
+    plane = ball_plane<float>(part, phi * (1.0f / radius), over_warp, kWithStiffness);
+  }
+  const float touching = is_touching ? phi : e.radius;
+  const CutBall<float> cut = cut_ball(e.radius, e.factor, touching);
+  const float length =
+      sqrtf(gradient.x * gradient.x + gradient.y * gradient.y + gradient.z * gradient.z);
+  const Gradient3<float> n = bounded(gradient, length);
+  // The ball counts so often, times powers of its radius.
+  constexpr float kPerPart = kNumBallParts * kPartRadius * kPartRadius * kPartRadius;
+  const float twice = __shfl_sync(gpu::kWholeWarp, e.factor, 0) * kPerPart * radius * radius;
+  const float thrice = twice * radius;
+  float volume = cut.volume + thrice * plane.volume;
+  const float total = over_warp(volume);
+  const float force[3] = {over_warp(volume * n.x), over_warp(volume * n.y),
+                          over_warp(volume * n.z)};
+  const float scale = ball_scale(
+      total, sqrtf(force[0] * force[0] + force[1] * force[1] + force[2] * force[2]));
+  if (!(total > 0)) volume = 0;
+  const float least = -over_warp(cut.potential), more = thrice * radius * plane.potential;
+  sum.volume += volume;
+  sum.potential += cut.potential;
+  if (lane == 0) sum.potential += more > least ? more : least;
+  const float weight = scale * volume;
+  const float pull[3] = {weight * n.x, weight * n.y, weight * n.z};
+  for (int a = 0; a < 3; ++a) {
+    const int b = (a + 1) % 3, c = (a + 2) % 3;
+    sum.force[a] += pull[a];
+    sum.torque[a] += e.lever[b] * pull[c] - e.lever[c] * pull[b];
+  }
+  if (is_touching && e.is_counted) {
+    ++(phi <= -e.radius ? sum.num_inside : sum.num_boundary);
+  }
+  if constexpr (kWithStiffness) {
+    const float squared = e.radius * e.radius - touching * touching;
+    const float disc = e.factor * static_cast<float>(kPi) * (squared > 0.0f ? squared : 0.0f);
+    float terms[StiffnessSums::kNum];
+    stiffness_terms<float>({e.lever[0], e.lever[1], e.lever[2]}, weight,
+                           scale * (disc + twice * plane.disc * part.is_part),
+                           polar_moment<float>(e.radius, e.factor, touching), n,
+                           bounded(h, gradient, length), terms);
+    if (plane.is_plane) {
+      float weights[5];
+      form_weights(part, plane.residual, weights);
+      const float changes[6] = {n.x,
+                                n.y,
+                                n.z,
+                                e.lever[1] * n.z - e.lever[2] * n.y,
+                                e.lever[2] * n.x - e.lever[0] * n.z,
+                                e.lever[0] * n.y - e.lever[1] * n.x};
+      float X[5][6];
+      for (int i = 0; i < 5; ++i) {
+        for (int k = 0; k < 6; ++k) X[i][k] = over_warp(weights[i] * changes[k]);
+      }
+      if (lane == 0) add_form(plane.form, X, scale * twice, terms);
+    }
+    for (int k = 0; k < StiffnessSums::kNum; ++k) sums->numbers[k] += terms[k];
+  }
+}
+
+// Adds what a ball in parts is answered by one field. The whole warp calls.
+template <class Sample>
+__device__ void add_ball(const FieldLook& field, const ElementsView& elements, const Element& e,
+                         FieldShare& sum, StiffnessShare* sums) {
+  constexpr bool kWithStiffness = std::is_same_v<Sample, Curvature>;
+  const bool is_before_camera = e.p[2] > kMinDepth;
+  const float p[3] = {e.p[0], e.p[1], is_before_camera ? e.p[2] : kMinDepth};
+  const ElementLook at = look_at(field.frame, p);
+  const Sample answer = query_deep<Sample>(field, at, e.radius);
+  const Gradient& g = first_of(answer);
+  const Gradient3<float> gradient =
+      to_space(g, at.from_u, at.from_v, at.inverse_depth, field.frame.fx, field.frame.fy);
+  Symmetric<float> h{};
+  if constexpr (kWithStiffness) {
+    h = hessian_in_space(answer, at.from_u, at.from_v, at.inverse_depth, field.frame.fx,
+                         field.frame.fy);
+  }
+  add_ball<kWithStiffness>(elements, e, g.phi, is_before_camera && g.phi < e.radius,
+                           is_before_camera, gradient, h, sum, sums);
 }
 
 /// Adds what a thread has found.

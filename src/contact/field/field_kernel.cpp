@@ -1,5 +1,5 @@
 // Elements against the depth field, compiled once per instruction set.
-#include "src/contact/field/group_totals.h"
+#include "src/contact/field/ball_totals.h"
 
 namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
 namespace {
@@ -38,18 +38,27 @@ template <class Sample, int kFields>
 }
 
 /// Calls f(slot, lanes, field, sample, which lanes touch, part of the sums) for vectors of elements
-/// that touch the surface of a field. Returns false if none can.
-template <class Sample, int kFields, class F>
-[[gnu::always_inline]] inline bool for_touching(const MeasureJob& job, int group, const F& f) {
+/// that touch the surface of a field, and ball(slot, field, answers) for each ball in parts that may.
+/// Returns false if none can.
+template <class Sample, int kFields, class F, class Ball>
+[[gnu::always_inline]] inline bool for_touching(const MeasureJob& job, int group, const F& f,
+                                                const Ball& ball) {
   if (!is_group_near<kFields>(job, group)) return false;
   const Grid grid(job.fields[0]);
   Pixels fields[kFields];
   for (int k = 0; k < kFields; ++k) fields[k] = pixels_of(job.fields[k]);
   Answers<Sample, kFields> answers;
   for_near_clusters<kFields>(job, group, [&](std::size_t begin, std::uint32_t near) {
-    const int num = job.clusters->num_spheres(static_cast<int>(begin / kSize));
+    const int cluster = static_cast<int>(begin / kSize);
+    const int num = job.clusters->num_spheres(cluster);
     const int num_vectors = (num + kLanes - 1) / kLanes;
     query_cluster<Sample, kFields>(job, grid, fields, begin, num_vectors, near, answers);
+    if (cluster >= job.first_ball) {
+      for (int k = 0; k < kFields; ++k) {
+        if ((near >> k & 1) != 0) ball(begin, k, answers);
+      }
+      return;
+    }
     for (int i = 0; i < num_vectors; ++i) {
       const std::size_t slot = begin + static_cast<std::size_t>(i * kLanes);
       Answer<Sample, kFields>& answer = answers.fields[i];
@@ -77,6 +86,22 @@ template <class Sample, int kFields>
           h = hessian_in_space(sample, e.from_u, e.from_v, e.inverse_depth, fx, fy);
         }
         totals[k].add(job, slot, e, is_touching, g.phi, n, h, part);
+      },
+      [&](std::size_t begin, int k, Answers<Sample, kFields>& answers) {
+        BallSamples ball;
+        for (int i = 0; i < kNumVectors; ++i) {
+          const Lanes& e = ball.lanes[i] = answers.lanes[i];
+          Sample& sample = answers.fields[i].samples[k];
+          const Gradient& g = first_of(sample);
+          ball.is_touching[i] = answers.fields[i].is_touching[k];
+          ball.is_complete &= mask_bits(~(e.lz + job.frame.p_WC[2] > splat(kMinDepth))) == 0;
+          ball.phi[i] = g.phi;
+          ball.n[i] = to_space(g, e.from_u, e.from_v, e.inverse_depth, fx, fy);
+          if constexpr (kWithStiffness) {
+            ball.h[i] = hessian_in_space(sample, e.from_u, e.from_v, e.inverse_depth, fx, fy);
+          }
+        }
+        add_ball(job, begin, ball, totals[k]);
       });
   if (!is_near) {
     std::fill_n(to, kFields, GroupSums{});
@@ -97,10 +122,18 @@ void measure_group(const MeasureJob& job, int group, bool with_stiffness, GroupS
 
 // The planes that whole spheres are cut by.
 void describe_group(const MeasureJob& job, int group, const SphereCuts& to) {
+  const auto describe_vector = [&](std::size_t slot, const Lanes& e, int, Gradient& g,
+                                   VecI is_touching, int) {
+    describe(job, slot, e, is_touching, g.phi,
+             to_space(g, e.from_u, e.from_v, e.inverse_depth, job.frame.fx, job.frame.fy), to);
+  };
   for_touching<Gradient, 1>(
-      job, group, [&](std::size_t slot, const Lanes& e, int, Gradient& g, VecI is_touching, int) {
-        describe(job, slot, e, is_touching, g.phi,
-                 to_space(g, e.from_u, e.from_v, e.inverse_depth, job.frame.fx, job.frame.fy), to);
+      job, group, describe_vector, [&](std::size_t begin, int, Answers<Gradient, 1>& answers) {
+        for (int i = 0; i < kNumVectors; ++i) {
+          const std::size_t slot = begin + static_cast<std::size_t>(i * kLanes);
+          Answer<Gradient, 1>& answer = answers.fields[i];
+          describe_vector(slot, answers.lanes[i], 0, answer.samples[0], answer.is_touching[0], 0);
+        }
       });
 }
 

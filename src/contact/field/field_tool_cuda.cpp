@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <vector>
 
+#include "src/contact/index/ball_parts.h"
+
 namespace palpate::inline v0 {
 
 ElementsView elements_view(const FieldElements& elements, gpu::Memory& memory) {
@@ -14,8 +16,15 @@ ElementsView elements_view(const FieldElements& elements, gpu::Memory& memory) {
     const float factor = elements.factor[slot];
     factors[slot] = elements.counted[slot] > 0 ? factor : -factor;
   }
-  return {memory.copy_of(balls), memory.copy_of(factors), memory.copy_of(c.clusters),
-          memory.copy_of(elements.largest_radius), c.num_clusters()};
+  const auto& rows = ball_places().rows;
+  const std::vector<float> places(&rows[0][0], &rows[0][0] + sizeof rows / sizeof(float));
+  return {memory.copy_of(balls),
+          memory.copy_of(factors),
+          memory.copy_of(c.clusters),
+          memory.copy_of(elements.largest_radius),
+          c.num_clusters(),
+          elements.first_ball(),
+          memory.copy_of(places)};
 }
 
 FieldTool make_field_tool(const ToolIndex& index, SphereVolumes volumes, gpu::Memory& memory) {
@@ -28,8 +37,8 @@ FieldTool make_field_tool(const ToolIndex& index, SphereVolumes volumes, gpu::Me
   for (std::size_t slot = 0; slot < c.x.size(); ++slot) {
     const float from_centre = norm(Vec3f{c.x[slot], c.y[slot], c.z[slot]});
     made.whole.reach = std::max(made.whole.reach, 1.00001f * (from_centre + elements.radius[slot]));
-    made.largest_radius = std::max(made.largest_radius, elements.radius[slot]);
   }
+  made.largest_radius = *std::ranges::max_element(elements.largest_radius);
   return made;
 }
 

@@ -19,6 +19,8 @@ struct ElementsView {
   const Cluster* clusters = nullptr;
   const float* largest_radius = nullptr;  ///< per cluster
   int num_clusters = 0;
+  int first_ball = 0;             ///< clusters from this one on are the parts of balls
+  const float* places = nullptr;  ///< BallPlaces
 };
 
 /// The elements and spheres of a tool for one of SphereVolumes, on a GPU.
@@ -27,7 +29,7 @@ struct FieldTool {
   const Sphere* spheres = nullptr;  ///< field_ball of each sphere of the tool
   double reach = 0;                 ///< as FieldElements
   Cluster whole;                    ///< around all elements
-  float largest_radius = 0;         ///< of them
+  float largest_radius = 0;         ///< the largest one of a cluster
 };
 
 /// Copies that `memory` owns; it also keeps failures.

@@ -25,13 +25,13 @@ struct Totals {
   return sqrt(n.x * n.x + n.y * n.y + n.z * n.z);
 }
 
-// Volumes, energies and forces of a vector of elements; returns the volumes.
+// Adds volumes, energies and forces of a vector of elements; the force is `weight` n.
 template <class Job, class Element>
-[[gnu::always_inline]] inline VecF add_measure(const Job& job, std::size_t slot, const Element& e,
-                                               VecF phi, VecF factor, const Gradient3<VecF>& n,
-                                               int part, Totals& totals) {
-  const CutBall<VecF> cut = cut_ball(e.radius, factor, phi);
-  const VecF x = cut.volume * n.x, y = cut.volume * n.y, z = cut.volume * n.z;
+[[gnu::always_inline]] inline void add_measure(const Job& job, std::size_t slot, const Element& e,
+                                               VecF phi, const CutBall<VecF>& cut, VecF weight,
+                                               const Gradient3<VecF>& n, int part,
+                                               Totals& totals) {
+  const VecF x = weight * n.x, y = weight * n.y, z = weight * n.z;
   totals.volume.add(part, cut.volume);
   totals.potential.add(part, cut.potential);
   totals.fx.add(part, x);
@@ -44,10 +44,14 @@ template <class Job, class Element>
   const VecI is_inside = phi <= -e.radius;
   totals.inside.add(part, select(is_inside, counted, VecF{}));
   totals.boundary.add(part, select((phi < e.radius) & ~is_inside, counted, VecF{}));
-  return cut.volume;
 }
 
-/// Of one group, with what the stiffness needs if it is requested.
+/// Areas of the discs in which elements are cut.
+[[gnu::always_inline]] inline VecF disc_of(VecF radius, VecF factor, VecF phi) {
+  return factor * (static_cast<float>(kPi) * max(radius * radius - phi * phi, VecF{}));
+}
+
+/// Sums of one group, with what the stiffness needs if it is requested.
 template <bool kWithStiffness>
 struct GroupTotals {
   Totals totals;
@@ -61,14 +65,22 @@ struct GroupTotals {
                                   const Symmetric<VecF>& h, int part) {
     const VecF phi = select(is_touching, field, e.radius);
     const VecF factor = load(job.factor + slot);
+    const CutBall<VecF> cut = cut_ball(e.radius, factor, phi);
+    add(job, slot, e, phi, cut, cut.volume, disc_of(e.radius, factor, phi), n, h, part);
+  }
+
+  /// Adds a vector of elements with the force `weight` n, which changes by `disc` n n^T.
+  template <class Job, class Element>
+  [[gnu::always_inline]] void add(const Job& job, std::size_t slot, const Element& e, VecF phi,
+                                  const CutBall<VecF>& cut, VecF weight, VecF disc,
+                                  const Gradient3<VecF>& n, const Symmetric<VecF>& h, int part) {
     const VecF length = length_of(n);
     const Gradient3<VecF> shortened = bounded(n, length);
-    const VecF volume = add_measure(job, slot, e, phi, factor, shortened, part, totals);
+    add_measure(job, slot, e, phi, cut, weight, shortened, part, totals);
     if constexpr (kWithStiffness) {
-      const VecF disc =
-          factor * (static_cast<float>(kPi) * max(e.radius * e.radius - phi * phi, VecF{}));
+      const VecF factor = load(job.factor + slot);
       VecF terms[StiffnessSums::kNum];
-      stiffness_terms<VecF>({e.lx, e.ly, e.lz}, volume, disc,
+      stiffness_terms<VecF>({e.lx, e.ly, e.lz}, weight, disc,
                             polar_moment<VecF>(e.radius, factor, phi), shortened,
                             bounded(h, n, length), terms);
       for (int i = 0; i < StiffnessSums::kNum; ++i) numbers[i].add(part, terms[i]);

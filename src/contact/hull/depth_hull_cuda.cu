@@ -44,9 +44,10 @@ template <class Sample>
 using InSpace = std::conditional_t<std::is_same_v<Sample, Curvature>, SpaceCurvature<float>,
                                    SpaceGradient<float>>;
 
-// A point of the tool, from C, in a frame that the tool has a pose in.
+// A point of the tool, from C, in a frame that the tool has a pose in, and up to which value the
+// fields count there.
 struct Ball {
-  float x, y, z, radius;
+  float x, y, z, radius, extent;
 };
 __device__ inline void place(const FieldFrame& frame, const Ball& ball, float (&p)[3]) {
   for (int row = 0; row < 3; ++row) {
@@ -79,14 +80,14 @@ __device__ InSpace<Sample> between(const HullEye& eye, const FieldLook (&fields)
     if (p[2] > kMinDepth) {
       const ElementLook at = look_at(frame, p);
       here = in_world(eye.R_WC[seat], frame, at, query_deep<Sample>(fields[f], at, ball.radius),
-                      ball.radius);
+                      ball.radius, ball.extent);
       if (queries_in_front) {
         const auto front = rotated_to_world(eye.R_WC[seat], frame, at,
                                             query_deep<Sample>(eye.in_front[f], at, ball.radius));
         here = lesser_of(here, front, hull_width(ball.radius));
       }
     } else {
-      set(here, SpaceGradient<float>{free_limit(ball.radius)});
+      set(here, SpaceGradient<float>{free_limit(ball.radius, ball.extent)});
     }
     if (is_closed && eye.has_moved) here = before_eye(eye.R_WC[seat], here, p[2], ball.radius);
     now = f == 0 ? here : plus(here, eye.progress, plus(now, -1.0f, here));
@@ -197,8 +198,8 @@ __device__ Space join_fields(const HullQuery<kMaxViews>& query, float radius, co
 }
 template <class Space, int kMaxViews>
 __device__ bool needs_wider(const HullQuery<kMaxViews>& query, const Joined<Space>& at,
-                            float radius) {
-  return !query.is_alone && first_of(at.hull).phi < radius;
+                            float extent) {
+  return !query.is_alone && first_of(at.hull).phi < extent;
 }
 
 // Does a field of the camera say that all elements in a ball are well in front of everything? The
@@ -292,7 +293,8 @@ __global__ void __launch_bounds__(kHullThreads, 2)
       if (is_skipped) continue;
     }
     const ElementBall at = elements.balls[cluster * SphereClusters::kSize + gpu::lane_id()];
-    const Ball ball{at.x, at.y, at.z, at.radius};
+    const bool is_ball = cluster >= elements.first_ball;
+    const Ball ball{at.x, at.y, at.z, at.radius, (is_ball ? kBallExtent : 1.0f) * at.radius};
     for (int view = gpu::warp_id(); view < num_views(query); view += kHullWarps) {
       views.store(view,
                   query_view<Sample>(query, view, ball, queries_in_front(query, view, cluster)));
@@ -304,13 +306,13 @@ __global__ void __launch_bounds__(kHullThreads, 2)
     Space fields{};
     if (gpu::warp_id() == 0) {
       at_ball = join_seen<Space>(query, ball.radius, said);
-      if (needs_wider(query, at_ball, ball.radius)) {
+      if (needs_wider(query, at_ball, ball.extent)) {
         fields = join_fields<Space>(query, ball.radius, said);
       }
     }
     if (query.has_memory) {
       // What was said makes room for what is remembered, if anybody needs it.
-      const bool needs_memory = gpu::warp_id() == 0 && needs_wider(query, at_ball, ball.radius);
+      const bool needs_memory = gpu::warp_id() == 0 && needs_wider(query, at_ball, ball.extent);
       const bool any = __any_sync(gpu::kWholeWarp, needs_memory);
       if (threadIdx.x == 0) views.queries_memory = any;
       __syncthreads();
@@ -323,7 +325,7 @@ __global__ void __launch_bounds__(kHullThreads, 2)
       }
     }
     if (gpu::warp_id() == 0) {
-      if (needs_wider(query, at_ball, ball.radius)) at_ball.take(fields, ball.radius, -1);
+      if (needs_wider(query, at_ball, ball.extent)) at_ball.take(fields, ball.radius, -1);
       const Element element = element_of(elements, cluster, query.tool);
       const Space& hull = at_ball.hull;
       if (is_unseen(at_ball)) {
@@ -331,9 +333,13 @@ __global__ void __launch_bounds__(kHullThreads, 2)
                         (static_cast<float>(4 * kPi / 3) * ball.radius * ball.radius * ball.radius);
       }
       const SpaceGradient<float>& g = first_of(hull);
-      if (g.phi < ball.radius) {
-        Symmetric<float> h{};
-        if constexpr (kWithStiffness) h = hull.h;
+      const bool is_touching = g.phi < ball.radius;
+      Symmetric<float> h{};
+      if constexpr (kWithStiffness) h = hull.h;
+      if (is_ball) {
+        add_ball<kWithStiffness>(elements, element, g.phi, is_touching, true, {g.x, g.y, g.z}, h,
+                                 share, &stiffness);
+      } else if (is_touching) {
         add_cut<kWithStiffness>(element, g.phi, {g.x, g.y, g.z}, h, share, &stiffness);
       }
     }
@@ -355,7 +361,7 @@ __global__ void describe_hull(const __grid_constant__ HullQuery<kMaxViews> query
   for (int id = gpu::grid_thread(); id < num; id += gpu::grid_threads()) {
     const Sphere sphere = spheres[id];
     const Vec3f c = sphere.centre - p_TC;
-    const Ball ball{c.x, c.y, c.z, sphere.radius};
+    const Ball ball{c.x, c.y, c.z, sphere.radius, sphere.radius};
     const auto said = [&](int view) {
       return query_view<Gradient>(query, view, ball, eye_of(query, view).has_in_front);
     };

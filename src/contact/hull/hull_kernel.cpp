@@ -1,7 +1,7 @@
 // Elements against the depth hull of several cameras, compiled once per instruction set.
 #include <limits>
 
-#include "src/contact/field/group_totals.h"
+#include "src/contact/field/ball_totals.h"
 #include "src/contact/hull/depth_hull.h"
 #include "src/contact/hull/hull_rules.h"
 
@@ -78,10 +78,10 @@ template <class Space>
 // What lies behind the camera is not seen, and what is near its eye is as free as it is before it.
 template <class Space>
 [[gnu::always_inline]] inline Space before_eye(const float (&R_WC)[3][3], const Space& seen,
-                                               VecF before, VecF radius) {
+                                               VecF before, VecF radius, VecF extent) {
   const VecI is_before = before > VecF{};
   Space nowhere, plane;
-  set(nowhere, SpaceGradient<VecF>{free_limit(radius)});
+  set(nowhere, SpaceGradient<VecF>{free_limit(radius, extent)});
   set(plane, SpaceGradient<VecF>{before, splat(R_WC[0][2]), splat(R_WC[1][2]), splat(R_WC[2][2])});
   return lesser_of(chosen(is_before, seen, nowhere), plane, hull_width(radius));
 }
@@ -149,9 +149,10 @@ class Hull {
     }
   }
 
-  // False if some camera sees that all elements are free.
-  bool evaluate(std::size_t slot) {
+  // Returns false if some camera sees that all elements are free. Values count up to so many radii.
+  bool evaluate(std::size_t slot, float radii) {
     radius_ = load(job_.tool.radius + slot);
+    extent_ = radii * radius_;
     if (!look(slot)) return false;
     join_seen_free();
     if (job_.has_memory) join_remembered(slot);
@@ -210,14 +211,14 @@ class Hull {
       const Lanes& at = answer.lanes[seat];
       answer.samples[f] = query_field<Sample>(eye.seen_free.grid, eye.seen_free.pixels[f], look,
                                               at.depth, at.inverse_depth);
-      phi[f] = limited(first_of(answer.samples[f]).phi, e.radius).value;
+      phi[f] = limited(first_of(answer.samples[f]).phi, e.radius, extent_).value;
       if (answer.queries_in_front) {
         answer.in_front[f] = query_field<Sample>(eye.in_front.grid, eye.in_front.pixels[f], look,
                                                  at.depth, at.inverse_depth);
         phi[f] = min(phi[f], first_of(answer.in_front[f]).phi);
       }
       if (job_.is_alone) {
-        phi[f] = select(answer.before[seat] > VecF{}, phi[f], free_limit(e.radius));
+        phi[f] = select(answer.before[seat] > VecF{}, phi[f], free_limit(e.radius, extent_));
       } else if (eye.camera->has_moved) {
         phi[f] = min(phi[f], answer.before[seat]);
       }
@@ -230,7 +231,7 @@ class Hull {
     if (!eye.camera->has_moved && !job_.is_alone) now = min(now, answer.before[0]);
     shallowest_ = max(shallowest_, now);
     // Rounding makes the lesser of two no more than this less.
-    VecF limit = e.radius + free_margin(job_.num_seeing, e.radius);
+    VecF limit = extent_ + free_margin(job_.num_seeing, e.radius);
     if (answer.queries_in_front) limit += front_margin(e.radius);
     is_free |= now > limit;
     return mask_bits(~is_free) != 0;
@@ -254,7 +255,8 @@ class Hull {
         const float(&R_WC)[3][3] = eye.camera->R_WC[seat];
         deepen(eye.seen_free, f, answer.lanes[seat], may_be_deep, answer.samples[f]);
         moments[f] =
-            in_world(R_WC, eye.camera->field.frame, answer.lanes[seat], answer.samples[f], radius_);
+            in_world(R_WC, eye.camera->field.frame, answer.lanes[seat], answer.samples[f],
+                              radius_, extent_);
         if (answer.queries_in_front) {
           deepen(eye.in_front, f, answer.lanes[seat], may_be_deep, answer.in_front[f]);
           answer.front[f] = rotated_to_world(R_WC, eye.camera->field.frame, answer.lanes[seat],
@@ -264,12 +266,12 @@ class Hull {
         if (job_.is_alone) {
           moments[f] = chosen(answer.before[seat] > VecF{}, moments[f], nowhere());
         } else if (eye.camera->has_moved) {
-          moments[f] = before_eye(R_WC, moments[f], answer.before[seat], radius_);
+          moments[f] = before_eye(R_WC, moments[f], answer.before[seat], radius_, extent_);
         }
       }
       Space seen = between(eye, moments);
       if (!eye.camera->has_moved && !job_.is_alone) {
-        seen = before_eye(eye.camera->R_WC[0], seen, answer.before[0], radius_);
+        seen = before_eye(eye.camera->R_WC[0], seen, answer.before[0], radius_, extent_);
       }
       hull = is_first ? seen : agreed(hull, seen, agreement(radius_));
       is_first = false;
@@ -282,7 +284,7 @@ class Hull {
   // that up.
   void join_remembered(std::size_t slot) {
     const HullWidth<VecF> width = hull_width(radius_);
-    VecI counts = may_touch_ & (first_of(hull).phi < radius_);
+    VecI counts = may_touch_ & (first_of(hull).phi < extent_);
     if (mask_bits(counts) == 0) return;
     Space shown = nowhere();
     VecI who{}, who_shows{};
@@ -334,18 +336,19 @@ class Hull {
       const int seat = eye.seat(f);
       moments[f] = evaluate(eye, eye.remembered, f, answer.lanes[seat], counts);
       if (eye.camera->has_moved) {
-        moments[f] = before_eye(eye.camera->R_WC[seat], moments[f], answer.before[seat], radius_);
+        moments[f] =
+            before_eye(eye.camera->R_WC[seat], moments[f], answer.before[seat], radius_, extent_);
       }
     }
     const Space here = between(eye, moments);
     if (eye.camera->has_moved) return here;
-    return before_eye(eye.camera->R_WC[0], here, answer.before[0], radius_);
+    return before_eye(eye.camera->R_WC[0], here, answer.before[0], radius_, extent_);
   }
 
   // What holds where no camera looks, as long as all of them say so.
   void join_fields(std::size_t slot) {
     const HullWidth<VecF> width = hull_width(radius_);
-    const VecI is_touching = may_touch_ & (first_of(hull).phi < radius_);
+    const VecI is_touching = may_touch_ & (first_of(hull).phi < extent_);
     if (!job_.may_be_unseen || mask_bits(is_touching) == 0) return;
     const VecF later = -agreement(radius_);
     Space least = nowhere();
@@ -380,7 +383,7 @@ class Hull {
   }
   static void decide(VecI which, int camera, VecI& who) { who = which ? splat(camera) : who; }
 
-  Space nowhere() const { return shifted(free_limit(radius_)); }
+  Space nowhere() const { return shifted(free_limit(radius_, extent_)); }
   static Space shifted(VecF phi) {
     Space space;
     set(space, SpaceGradient<VecF>{phi});
@@ -400,7 +403,8 @@ class Hull {
     Sample sample = query_field<Sample>(field.grid, field.pixels[f],
                                         look_of(field.grid, e, radius_), e.depth, e.inverse_depth);
     deepen(field, f, e, which, sample);
-    return in_world(eye.camera->R_WC[eye.seat(f)], eye.camera->field.frame, e, sample, radius_);
+    return in_world(eye.camera->R_WC[eye.seat(f)], eye.camera->field.frame, e, sample, radius_,
+                    extent_);
   }
 
   void deepen(const FieldPair& field, int f, const Lanes& e, VecI which, Sample& sample) {
@@ -414,15 +418,17 @@ class Hull {
   const HullJob& job_;
   const Eye* eyes_;
   EyeAnswer<Sample> answers_[kMaxCameras];
-  VecF shallowest_, radius_;
+  VecF shallowest_, radius_, extent_;
   VecI may_touch_;
   bool is_between_ = false;
 };
 
 /// Calls f(slot, elements in the world, hull, part of the sums) for vectors of elements of which no
-/// camera sees that all are free.
-template <class Sample, class F>
-[[gnu::always_inline]] inline void for_each_touching(const HullJob& job, int group, const F& f) {
+/// camera sees that all are free, and ball(slot, hull) behind all of a ball in parts of which one was
+/// called.
+template <class Sample, class F, class Ball>
+[[gnu::always_inline]] inline void for_each_touching(const HullJob& job, int group, const F& f,
+                                                     const Ball& ball) {
   const SphereClusters& clusters = *job.tool.clusters;
   const int first = group * SphereClusters::kClustersPerGroup;
   const int last = std::min(first + SphereClusters::kClustersPerGroup, clusters.num_clusters());
@@ -434,14 +440,18 @@ template <class Sample, class F>
   for (int k = 0; k < job.num_cameras; ++k) new (eyes + k) Eye(job.cameras[k]);
   Hull<Sample> hull(job, eyes);
   for (int cluster = first; cluster < last; ++cluster) {
-    const Cluster& ball = clusters.clusters[static_cast<std::size_t>(cluster)];
-    if (is_seen_free(job, ball, job.tool.largest_radius[cluster])) continue;
-    hull.aim_at(ball, job.tool.largest_radius[cluster]);
+    const Cluster& around = clusters.clusters[static_cast<std::size_t>(cluster)];
+    if (is_seen_free(job, around, job.tool.largest_radius[cluster])) continue;
+    hull.aim_at(around, job.tool.largest_radius[cluster]);
+    const bool is_ball = cluster >= job.tool.first_ball;
+    bool is_touching = false;
     for (int i = 0; i < kNumVectors; ++i) {
       const auto slot = static_cast<std::size_t>(cluster * kSize + i * kLanes);
-      if (!hull.evaluate(slot)) continue;
+      if (!hull.evaluate(slot, is_ball ? kBallExtent : 1.0f)) continue;
       f(slot, aim(job.tool, eyes[0].field.grid, slot), hull, i % RowSums::kParts);
+      is_touching = true;
     }
+    if (is_ball && is_touching) ball(static_cast<std::size_t>(cluster) * kSize);
   }
 }
 
@@ -450,13 +460,42 @@ template <class Sample>
   constexpr bool kWithStiffness = std::is_same_v<Sample, Curvature>;
   GroupTotals<kWithStiffness> totals;
   RowSums unseen;
+  BallSamples parts;  // of the ball in parts whose vectors come now
+  std::uint32_t known = 0;
+  const std::size_t first_part = static_cast<std::size_t>(job.tool.first_ball) * kSize;
   for_each_touching<Sample>(
-      job, group, [&](std::size_t slot, const Lanes& e, Hull<Sample>& at, int part) {
+      job, group,
+      [&](std::size_t slot, const Lanes& e, Hull<Sample>& at, int part) {
         const SpaceGradient<VecF>& g = first_of(at.hull);
         Symmetric<VecF> h;
         if constexpr (kWithStiffness) h = at.hull.h;
-        totals.add(job.tool, slot, e, g.phi < e.radius, g.phi, {g.x, g.y, g.z}, h, part);
         unseen.add(part, select(at.is_unseen(), whole_volume(job.tool, slot, e.radius), VecF{}));
+        if (slot < first_part) {
+          totals.add(job.tool, slot, e, g.phi < e.radius, g.phi, {g.x, g.y, g.z}, h, part);
+          return;
+        }
+        const std::size_t i = slot % kSize / kLanes;
+        parts.lanes[i] = e;
+        parts.is_touching[i] = g.phi < e.radius;
+        parts.phi[i] = g.phi;
+        parts.n[i] = {g.x, g.y, g.z};
+        parts.h[i] = h;
+        known |= 1u << i;
+      },
+      [&](std::size_t begin) {
+        for (std::size_t i = 0; i < kNumVectors; ++i) {
+          if ((known >> i & 1) != 0) continue;
+          const std::size_t slot = begin + i * kLanes;  // free
+          const VecF radius = load(job.tool.radius + slot);
+          parts.lanes[i] = Lanes{};
+          parts.lanes[i].radius = radius;
+          parts.is_touching[i] = VecI{};
+          parts.phi[i] = free_limit(radius, kBallExtent * radius);
+          parts.n[i] = Gradient3<VecF>{};
+          parts.h[i] = Symmetric<VecF>{};
+        }
+        known = 0;
+        add_ball(job.tool, begin, parts, totals);
       });
   totals.write(*to);
   to->measure.unseen = unseen.total();
@@ -471,7 +510,8 @@ void measure_hull_group(const HullJob& job, int group, bool with_stiffness, Grou
 
 void describe_hull_group(const HullJob& job, int group, const SphereCuts& to) {
   for_each_touching<Gradient>(
-      job, group, [&](std::size_t slot, const Lanes& e, Hull<Gradient>& at, int) {
+      job, group,
+      [&](std::size_t slot, const Lanes& e, Hull<Gradient>& at, int) {
         const SpaceGradient<VecF>& g = at.hull;
         const VecI nobody = at.decider < VecI{};
         VecI number{};
@@ -481,7 +521,8 @@ void describe_hull_group(const HullJob& job, int group, const SphereCuts& to) {
         describe(job.tool, slot, e, g.phi < e.radius, g.phi, {g.x, g.y, g.z}, to,
                  nobody ? splat(kNoCamera) : number);
         mark_unseen(job.tool, slot, at.is_unseen(), to.unseen);
-      });
+      },
+      [](std::size_t) {});
 }
 
 }  // namespace palpate::inline v0::PALPATE_ISA_NAMESPACE

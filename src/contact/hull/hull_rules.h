@@ -138,17 +138,18 @@ template <class Real>
 PALPATE_FORMULA Real front_margin(Real radius) {
   return (0.25f * kHullCorner) * radius;
 }
-/// From there on all is equally free. So what appears in a frame has contact from the beginning of
-/// the way from the last one on, however far behind it was free.
+/// Returns the distance from which on all is equally free. So what appears in a frame has contact
+/// from the beginning of the way from the last one on, however far behind it was free. Values up to
+/// `extent` count, which is the radius but for the parts of balls.
 template <class Real>
-PALPATE_FORMULA Real free_limit(Real radius) {
-  return 2.0f * radius + agreement(radius);
+PALPATE_FORMULA Real free_limit(Real radius, Real extent) {
+  return radius + extent + agreement(radius);
 }
 
 /// What is free by more has not come before anything.
 template <class Real>
 PALPATE_FORMULA Real front_limit(Real radius) {
-  return free_limit(radius) + kHullCorner * radius;
+  return free_limit(radius, radius) + kHullCorner * radius;
 }
 
 /// The greater one of two, rounded; `Sample` is a SpaceGradient or a SpaceCurvature.
@@ -187,13 +188,14 @@ PALPATE_FORMULA Sample agreed(const Sample& a, const Sample& b, Real wide) {
                              apart));
 }
 
-/// The lesser one of phi and free_limit, by phi.
+/// Returns the lesser one of phi and free_limit, by phi.
 template <class Real>
-PALPATE_FORMULA Curved<Real> limited(Real phi, Real radius) {
-  // Nothing changes below 1.75 radii and W, and a ball is free from 1 on.
+PALPATE_FORMULA Curved<Real> limited(Real phi, Real radius, Real extent) {
+  // Nothing changes below the extent, 0.75 radii and W.
   constexpr float kShare = 0.25f;
   const Real k = kShare * radius;
-  const Curved<Real> above = even_corner(phi - free_limit(radius) + k, k, (1.0f / kShare) / radius);
+  const Curved<Real> above =
+      even_corner(phi - free_limit(radius, extent) + k, k, (1.0f / kShare) / radius);
   return {phi - above.value, 1.0f - above.slope, -above.bend};
 }
 
@@ -218,9 +220,9 @@ PALPATE_FORMULA SpaceCurvature<Real> rotated_to_world(const float (&R_WC)[3][3],
 /// And limited, to balls of this radius.
 template <class Real, class At, class Sample>
 PALPATE_FORMULA auto in_world(const float (&R_WC)[3][3], const FieldFrame& frame, const At& at,
-                              const Sample& sample, Real radius) {
+                              const Sample& sample, Real radius, Real extent) {
   const auto space = rotated_to_world(R_WC, frame, at, sample);
-  return composed(limited(first_of(space).phi, radius), space);
+  return composed(limited(first_of(space).phi, radius, extent), space);
 }
 
 }  // namespace palpate::inline v0

@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "src/contact/field/ball_cut.h"
+
 namespace palpate::inline v0 {
 namespace {
 
@@ -37,10 +39,10 @@ BallPart cut_cell(const Vec3d& site, double half) {
 }  // namespace
 
 std::vector<BallPart> thirty_parts() {
-  constexpr double kRadius = 0.43, kDistance = 0.7;
+  constexpr double kRadius = kPartRadius, kDistance = kPartDistance;
   std::vector<BallPart> parts;
   const auto add = [&](const Vec3d& corner) {
-    parts.push_back({kDistance * normalized(corner), kRadius, 1.0 / 30});
+    parts.push_back({kDistance * normalized(corner), kRadius, 1.0 / kNumBallParts});
   };
   const double golden = (1 + std::sqrt(5.0)) / 2;
   for (const double a : {-1.0, 1.0}) {
@@ -52,6 +54,21 @@ std::vector<BallPart> thirty_parts() {
     }
   }
   return parts;
+}
+
+const BallPlaces& ball_places() {
+  static const BallPlaces places = [] {
+    BallPlaces made;
+    const std::vector<BallPart> parts = thirty_parts();
+    for (std::size_t i = 0; i < parts.size(); ++i) {
+      for (int axis = 0; axis < 3; ++axis) {
+        made.rows[axis][i] = static_cast<float>(parts[i].centre[axis]);
+      }
+      made.rows[3][i] = 1;
+    }
+    return made;
+  }();
+  return places;
 }
 
 std::vector<BallPart> even_parts(double radius) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "src/contact/field/ball_cut.h"
 #include "src/contact/index/ball_parts.h"
 
 namespace palpate::inline v0 {
@@ -13,11 +14,12 @@ constexpr double kLargest = 0.2;
 // And evenly in parts of this share, over the sixth root of the number of spheres: that of all
 // parts grows as its square root, from about 1,300 for 1,000 spheres.
 constexpr double kLargestEven = 0.2214;
-// A ball has at most so many times the radius of its sphere.
-constexpr double kMaxGrowth = 1.5;
 // So many times the volume of the ball around the tool is more than disjoint spheres can have,
-// grown to balls.
-constexpr double kMaxFilling = kMaxGrowth * kMaxGrowth * kMaxGrowth;
+// stretched to balls (RepresentedParts).
+constexpr double kMaxFilling = 1.5 * 1.5 * 1.5;
+// Values of a ball in parts that lie on a plane off the ball have a part that is farther from it than
+// this, in its radii.
+constexpr float kBallMargin = 1.25f;
 
 struct Element {
   Vec3d centre;
@@ -26,7 +28,9 @@ struct Element {
   bool counted;
 };
 
-std::vector<Element> elements_of(const Tool& tool, SphereVolumes volumes, LargeSpheres large) {
+/// `balls`: numbers of the elements of balls in thirty parts.
+std::vector<Element> elements_of(const Tool& tool, SphereVolumes volumes, LargeSpheres large,
+                                 std::vector<std::int32_t>& balls) {
   double reach = 0;
   std::vector<Element> elements;
   for (std::size_t id = 0; id < tool.spheres().size(); ++id) {
@@ -48,21 +52,23 @@ std::vector<Element> elements_of(const Tool& tool, SphereVolumes volumes, LargeS
   if (filling > kMaxFilling) largest *= std::cbrt(filling / kMaxFilling);
   std::vector<BallPart> parts = thirty_parts();
   double parted = 0;  // radius of the last sphere in even parts
-  for (std::size_t i = 0; i < elements.size(); ++i) {
-    if (elements[i].radius <= largest || (is_even && !elements[i].counted)) continue;
+  const std::size_t num_spheres = elements.size();
+  for (std::size_t i = 0; i < num_spheres; ++i) {
+    if (elements[i].radius <= largest) continue;
     const Element whole = elements[i];
     if (is_even && whole.radius != parted) {
       parts = even_parts(largest / whole.radius);
       parted = whole.radius;
     }
     for (const BallPart& part : parts) {
+      if (!is_even) balls.push_back(static_cast<std::int32_t>(elements.size()));
       elements.push_back({whole.centre + whole.radius * part.centre, whole.radius * part.radius,
                           whole.volume * part.share, false});
     }
     // What is left of it is only counted.
     elements[i].volume = 0;
+    if (!is_even) balls.push_back(static_cast<std::int32_t>(i));
   }
-  std::erase_if(elements, [](const Element& e) { return e.volume == 0 && !e.counted; });
   return elements;
 }
 
@@ -77,18 +83,14 @@ std::vector<Sphere> balls_of(const std::vector<Element>& elements) {
 }  // namespace
 
 Sphere field_ball(const Tool& tool, std::size_t id, SphereVolumes volumes) {
-  Sphere ball = tool.spheres()[id];
-  if (volumes == SphereVolumes::own) return ball;
-  const double radius = ball.radius, volume = tool.represented_volumes()[id];
-  const double growth = std::cbrt(volume / sphere_volume(radius));
-  ball.radius = static_cast<float>(radius * std::clamp(growth, 1.0, kMaxGrowth));
-  return ball;
+  return volumes == SphereVolumes::own ? tool.spheres()[id] : tool.represented_balls()[id];
 }
 
 FieldElements::FieldElements(const Tool& tool, SphereVolumes volumes, LargeSpheres large)
     : clusters(std::vector<Sphere>{}) {
-  const std::vector<Element> elements = elements_of(tool, volumes, large);
-  clusters = SphereClusters(balls_of(elements));
+  std::vector<std::int32_t> balls;
+  const std::vector<Element> elements = elements_of(tool, volumes, large, balls);
+  clusters = SphereClusters(balls_of(elements), balls, kNumBallParts + 1);
   radius = clusters.radius;
   factor.resize(radius.size());
   counted.resize(radius.size());
@@ -105,8 +107,10 @@ FieldElements::FieldElements(const Tool& tool, SphereVolumes volumes, LargeSpher
     factor[slot] = static_cast<float>(e.volume / sphere_volume(e.radius));
     counted[slot] = e.counted ? 1.0f : 0.0f;
   }
-  for (auto begin = radius.begin(); begin != radius.end(); begin += SphereClusters::kSize) {
-    largest_radius.push_back(*std::max_element(begin, begin + SphereClusters::kSize));
+  for (int cluster = 0; cluster < clusters.num_clusters(); ++cluster) {
+    const auto begin = radius.begin() + std::ptrdiff_t{cluster} * SphereClusters::kSize;
+    const float largest = *std::max_element(begin, begin + SphereClusters::kSize);
+    largest_radius.push_back(cluster < first_ball() ? largest : kBallMargin * largest);
   }
 }
 

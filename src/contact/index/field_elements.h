@@ -9,11 +9,11 @@
 
 namespace palpate::inline v0 {
 
-/// The ball that stands for a sphere of a tool. With own volumes it is the sphere. With represented
-/// volumes it is as large as the part of the solid that the sphere stands for: a sphere of the
-/// skin, which stands for the gaps around it, becomes wider, not denser, and a layer of such
-/// spheres goes in without a jerk. It grows by half at most, which bounds how early it touches;
-/// what is missing is made up for by its factor.
+/// Returns the ball that stands for a sphere of a tool. With own volumes it is the sphere. With
+/// represented volumes it has the centroid and the second moment of the part of the solid that the
+/// sphere stands for, and by its factor also the volume: so all elements together have the volume,
+/// the center of mass and the second moment of the solid, and a layer of spheres of the skin, which
+/// stand for the gaps around them, goes in without a jerk.
 Sphere field_ball(const Tool& tool, std::size_t id, SphereVolumes volumes);
 
 /// A ball takes one value of the field and cuts itself by one plane. That is exact for a flat
@@ -22,12 +22,14 @@ Sphere field_ball(const Tool& tool, std::size_t id, SphereVolumes volumes);
 /// their volume and second moments. Of spheres that overlap far more than those of a packing only
 /// still larger ones are split, so that their parts are not more.
 enum class LargeSpheres {
-  in_thirty,  ///< thirty parts (thirty_parts): few, for the surfaces that cameras see
+  in_thirty,  ///< thirty parts, corrected by a plane (ball_cut.h), for surfaces that cameras see
   evenly,     ///< many (even_parts): for bodies, of which a corner goes between thirty
 };
 
-/// Elements are in cluster order; centres are relative to the tool's centre of mass. The numbers
-/// (`sphere_id`) of those that are counted are those of their spheres.
+/// Elements are in cluster order; centers are relative to the tool's center of mass. The numbers
+/// (`sphere_id`) of those that are counted are those of their spheres. The parts of a ball in thirty
+/// are a cluster of their own, in the order of ball_places, with an element behind them that stands
+/// for the sphere where spheres are counted and has its radius, but no volume.
 struct FieldElements {
   FieldElements(const Tool& tool, SphereVolumes volumes,
                 LargeSpheres large = LargeSpheres::in_thirty);
@@ -36,12 +38,15 @@ struct FieldElements {
     return clusters.num_bytes() + bytes_of(radius, factor, counted, largest_radius);
   }
 
+  /// The clusters from this one on are the parts of balls.
+  int first_ball() const { return clusters.num_loose; }
+
   SphereClusters clusters;
   // Per slot:
   std::vector<float> radius;          ///< as in `clusters`; padding is the ball before it again
   std::vector<float> factor;          ///< volume that counts / volume of the ball; padding: 0
   std::vector<float> counted;         ///< 1: stands for its sphere when spheres are counted
-  std::vector<float> largest_radius;  ///< per cluster
+  std::vector<float> largest_radius;  ///< per cluster: nothing touches that is farther away
   double reach = 0;                   ///< no centre is farther from the tool's centre of mass, m
 };
 

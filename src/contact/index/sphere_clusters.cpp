@@ -1,7 +1,6 @@
 #include "src/contact/index/sphere_clusters.h"
 
 #include <algorithm>
-#include <numeric>
 
 namespace palpate::inline v0 {
 namespace {
@@ -51,9 +50,16 @@ Cluster enclose(const SphereClusters& c, std::size_t begin, std::size_t end) {
 
 }  // namespace
 
-SphereClusters::SphereClusters(std::span<const Sphere> spheres) {
-  std::vector<std::int32_t> order(spheres.size());
-  std::iota(order.begin(), order.end(), 0);
+SphereClusters::SphereClusters(std::span<const Sphere> spheres,
+                               std::span<const std::int32_t> together, int in_run)
+    : run(in_run) {
+  std::vector<char> is_loose(spheres.size(), 1);
+  for (const std::int32_t id : together) is_loose[static_cast<std::size_t>(id)] = 0;
+  std::vector<std::int32_t> order;
+  for (std::size_t id = 0; id < spheres.size(); ++id) {
+    if (is_loose[id] != 0) order.push_back(static_cast<std::int32_t>(id));
+  }
+  num_loose_spheres = static_cast<int>(order.size());
   sort_spatially(spheres, order);
   // Spheres of like size next to each other: vectors of them take the same branches.
   for (std::size_t begin = 0; begin < order.size(); begin += kSize) {
@@ -67,12 +73,21 @@ SphereClusters::SphereClusters(std::span<const Sphere> spheres) {
     });
   }
 
-  const std::size_t num_slots = (order.size() + kSize - 1) / kSize * kSize;
+  constexpr std::size_t kClusterSize = kSize;
+  order.resize((order.size() + kClusterSize - 1) / kClusterSize * kClusterSize, -1);
+  num_loose = static_cast<int>(order.size() / kClusterSize);
+  for (std::size_t i = 0; i < together.size(); ++i) {
+    order.push_back(together[i]);
+    if (static_cast<int>(i) % run != run - 1) continue;
+    order.resize((order.size() + kClusterSize - 1) / kClusterSize * kClusterSize, -1);
+  }
+  const std::size_t num_slots = order.size();
   for (std::vector<float>* array : {&x, &y, &z, &radius, &volume}) array->assign(num_slots, 0.0f);
   sphere_id.assign(num_slots, -1);
   slot_of.resize(spheres.size());
   for (std::size_t slot = 0; slot < order.size(); ++slot) {
     const std::int32_t id = order[slot];
+    if (id < 0) continue;
     const Sphere& s = spheres[static_cast<std::size_t>(id)];
     x[slot] = s.centre.x;
     y[slot] = s.centre.y;

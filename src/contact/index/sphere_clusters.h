@@ -20,22 +20,23 @@ struct Cluster {
 };
 
 /// Structure of arrays in cluster order, each cluster kSize long, each group kClustersPerGroup
-/// clusters. Padding has radius 0 and sphere_id -1.
+/// clusters. The last slots of a cluster may be padding, with radius 0 and sphere_id -1.
 class SphereClusters {
  public:
   static constexpr int kSize = 32;
   static constexpr int kClustersPerGroup = 16;
 
-  explicit SphereClusters(std::span<const Sphere> spheres);
+  explicit SphereClusters(std::span<const Sphere> spheres) : SphereClusters(spheres, {}, kSize) {}
+  /// Numbers of spheres that stay together, `run` at a time and in this order: clusters behind those
+  /// of all other spheres.
+  SphereClusters(std::span<const Sphere> spheres, std::span<const std::int32_t> together, int run);
 
   int num_clusters() const { return static_cast<int>(clusters.size()); }
   int num_groups() const { return static_cast<int>(groups.size()); }
-  /// Of a cluster, without padding.
+  /// The spheres of a cluster, without padding.
   int num_spheres(int cluster) const {
-    return std::min(kSize, static_cast<int>(slot_of.size()) - cluster * kSize);
+    return cluster < num_loose ? std::min(kSize, num_loose_spheres - cluster * kSize) : run;
   }
-  /// All spheres in cluster order.
-  std::span<const std::int32_t> order() const { return std::span(sphere_id).first(slot_of.size()); }
 
   std::size_t num_bytes() const {
     return bytes_of(x, y, z, radius, volume, sphere_id, slot_of, clusters, groups);
@@ -44,6 +45,8 @@ class SphereClusters {
   std::vector<float> x, y, z, radius, volume;  ///< one per slot
   std::vector<std::int32_t> sphere_id;         ///< of each slot; -1 for padding
   std::vector<std::int32_t> slot_of;           ///< of each sphere
+  int num_loose = 0;                           ///< clusters before those that stay together
+  int num_loose_spheres = 0, run = kSize;
   std::vector<Cluster> clusters;
   std::vector<Cluster> groups;  ///< around kClustersPerGroup clusters
 };

@@ -37,7 +37,8 @@ Tool tool_of(std::vector<Sphere> spheres) {
   for (int i = 1; i < static_cast<int>(num); ++i) chain.emplace_back(i - 1, i);
   Tool::StoredParts parts;
   parts.graph = LeafGraph(num, chain, 0, 1);
-  parts.represented_volumes.assign(num, 1.0f / static_cast<float>(num));
+  parts.represented.volumes.assign(num, 1.0f / static_cast<float>(num));
+  parts.represented.balls = packing.spheres;
   const InnerSphereTree tree(packing.spheres);
   parts.tree_nodes.assign(tree.nodes().begin(), tree.nodes().end());
   return Tool::restore(make_box({1, 1, 1}), std::move(packing), std::move(parts), "").value();

@@ -94,18 +94,11 @@ std::vector<Isa> isas() {
 /// Force and torque (about the centre of mass) of gradients that are not shortened, in double.
 VolumeWrench unbounded_wrench(const Tool& tool, const FieldElements& elements,
                               const DepthFieldView& field, const Pose& X_WT) {
-  VolumeWrench sum;
-  const SphereClusters& at = elements.clusters;
-  for (std::size_t i = 0; i < elements.factor.size(); ++i) {
-    if (at.sphere_id[i] < 0) continue;
-    const Vec3d lever = rotate(X_WT.rotation, to_double(Vec3f{at.x[i], at.y[i], at.z[i]}));
-    const double r = elements.radius[i];
-    const auto reported = sample_field(field, X_WT * tool.sphere_mass().centre_of_mass + lever, r);
-    const Vec3d force = elements.factor[i] * cap_volume(r, reported.phi) * reported.gradient;
-    sum.force += force;
-    sum.torque += cross(lever, force);
-  }
-  return sum;
+  constexpr double kUnbounded = 1e9;
+  return test::sum_of(
+             test::elements_truth(tool, elements, X_WT, kUnbounded, test::sampling(field)),
+             kUnbounded)
+      .measure_W;
 }
 
 TEST_P(FieldOnRealFrames, NoForceIsLongerThanTheBoundOnAnyInstructionSet) {

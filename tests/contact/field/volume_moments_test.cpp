@@ -3,8 +3,8 @@
 #include <gtest/gtest.h>
 
 #include "src/contact/field/field_contact.h"
-#include "src/field/internal/field_sample.h"
 #include "tests/test_util/contact_scenes.h"
+#include "tests/test_util/field_truth.h"
 #include "tests/test_util/frozen_field.h"
 
 namespace palpate {
@@ -17,16 +17,13 @@ VolumeMoments brute_force(const Tool& tool, const FrozenField& scene, const Pose
                           SphereVolumes volumes) {
   const FieldElements elements(tool, volumes);
   VolumeMoments sum;
-  for (std::size_t i = 0; i < elements.factor.size(); ++i) {
-    if (elements.clusters.sphere_id[i] < 0) continue;
-    const Vec3d lever = rotate(
-        X_WT.rotation,
-        to_double(Vec3f{elements.clusters.x[i], elements.clusters.y[i], elements.clusters.z[i]}));
-    const double r = elements.radius[i], factor = elements.factor[i];
-    const FieldSample<double> at =
-        sample_field(scene.field.view(), X_WT * tool.sphere_mass().centre_of_mass + lever, r);
-    const Vec3d n = at.gradient / std::max(norm(at.gradient) / 1.05, 1.0);
-    const double volume = factor * cap_volume(r, at.phi);
+  for (const test::ElementTruth& at :
+       test::elements_truth(tool, elements, X_WT, test::kLongest,
+                            test::sampling(scene.field.view()))) {
+    const Vec3d& lever = at.lever;
+    const double r = at.radius, factor = at.factor;
+    const Vec3d n = at.gradient / std::max(norm(at.gradient) / test::kLongest, 1.0);
+    const double volume = at.scale * at.volume;
     for (int row = 0; row < 3; ++row) {
       for (int column = 0; column < 3; ++column) {
         sum.first[row][column] += lever[row] * volume * n[column];

@@ -541,7 +541,7 @@ TEST(DepthHull, DescribesItsSpheres) {
     for (std::size_t s = 0; s < states.size(); ++s) {
       const double r = tool.spheres()[s].radius;
       const Vec3d c_T = to_double(tool.spheres()[s].centre);
-      const test::HullSample at = test::hull_at(scene.views, X_WT * c_T, r);
+      const test::HullSample at = test::hull_of(scene.views, X_WT * c_T, r).at;
       if (std::abs(std::abs(at.phi) - r) < 1e-5) continue;
       EXPECT_EQ(states[s], test::state_at(at.phi, r));
       if (at.phi >= r || norm(at.gradient) < 0.1) continue;

@@ -49,6 +49,7 @@ TEST(HullRules, DerivativesAreThoseOfTheValues) {
   Random random(81);
   for (int n = 0; n < 3000; ++n) {
     const double radius = random.uniform(0.001, 0.02), wide = agreement(radius);
+    const double extent = random.uniform(1, 4) * radius;
     const HullWidth<double> width = hull_width(radius);
     const double scale = n % 3 == 0 ? width.w : wide, around = random.uniform(-0.02, 0.02);
     const Quadric a = Quadric::random(random, around, 20),
@@ -59,7 +60,7 @@ TEST(HullRules, DerivativesAreThoseOfTheValues) {
         case 0: return greater_of(s, t, width);
         case 1: return lesser_of(s, t, width);
         case 2: return agreed(s, t, wide);
-        default: return composed(limited(s.first.phi + free_limit(radius), radius), s);
+        default: return composed(limited(s.first.phi + free_limit(radius, extent), radius, extent), s);
       }
     };
     for (int rule = 0; rule < 4; ++rule) {

@@ -1,0 +1,126 @@
+// What a ball in thirty parts adds to the measure: its parts, corrected by a plane (ball_cut.h), as
+// the elements of one cluster. Included by kernel files only.
+#pragma once
+
+#include "src/contact/field/ball_cut.h"
+#include "src/contact/field/group_totals.h"
+#include "src/contact/index/ball_parts.h"
+
+namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
+namespace {
+
+/// A number for each element of a cluster.
+typedef float Row __attribute__((vector_size(4 * SphereClusters::kSize)));
+
+/// Adds in an order that does not depend on the width of vectors.
+struct SumOfRow {
+  [[gnu::always_inline]] float operator()(const Row& row) const {
+    float numbers[kSize];
+    std::memcpy(numbers, &row, sizeof numbers);
+    for (int half = kSize / 2; half > 0; half /= 2) {
+      for (int i = 0; i < half; ++i) numbers[i] += numbers[i + half];
+    }
+    return numbers[0];
+  }
+};
+
+inline Row row_of(const float* from) {
+  Row row;
+  std::memcpy(&row, from, sizeof row);
+  return row;
+}
+inline VecF vector_of(const Row& row, int number) {
+  return load(reinterpret_cast<const float*>(&row) + number * kLanes);
+}
+inline void put(VecF vector, int number, Row& row) {
+  store(reinterpret_cast<float*>(&row) + number * kLanes, vector);
+}
+
+/// What a field says to the elements of a cluster.
+struct BallSamples {
+  Lanes lanes[kNumVectors];
+  VecI is_touching[kNumVectors];
+  VecF phi[kNumVectors];
+  Gradient3<VecF> n[kNumVectors];
+  Symmetric<VecF> h[kNumVectors];
+  bool is_complete = true;  ///< every part has a value
+};
+
+/// Adds the ball that the cluster from slot `begin` on is; few tools have more than a dozen.
+template <bool kWithStiffness>
+[[gnu::noinline]] void add_ball(const MeasureJob& job, std::size_t begin, const BallSamples& at,
+                                GroupTotals<kWithStiffness>& totals) {
+  const auto& places = ball_places().rows;
+  const BallRows<Row> parts{row_of(places[0]), row_of(places[1]), row_of(places[2]),
+                            row_of(places[3])};
+  const SumOfRow sum;
+  Row phi{}, volume{}, energy{}, n[3] = {}, lever[3] = {};
+  for (int i = 0; i < kNumVectors; ++i) {
+    const Lanes& e = at.lanes[i];
+    const VecF factor = load(job.factor + begin + i * kLanes);
+    const CutBall<VecF> cut =
+        cut_ball(e.radius, factor, select(at.is_touching[i], at.phi[i], e.radius));
+    const Gradient3<VecF> shortened = bounded(at.n[i], length_of(at.n[i]));
+    put(at.phi[i], i, phi);
+    put(cut.volume, i, volume);
+    put(cut.potential, i, energy);
+    const VecF numbers[6] = {shortened.x, shortened.y, shortened.z, e.lx, e.ly, e.lz};
+    for (int axis = 0; axis < 3; ++axis) {
+      put(numbers[axis], i, n[axis]);
+      put(numbers[axis + 3], i, lever[axis]);
+    }
+  }
+  const float radius = job.radius[begin + kNumBallParts];
+  BallPlane<Row, float> plane;
+  if (at.is_complete) {
+    plane = ball_plane<float>(parts, phi * (1.0f / radius), sum, kWithStiffness);
+  }
+  // The ball counts so often, times powers of its radius.
+  constexpr float kPerPart = kNumBallParts * kPartRadius * kPartRadius * kPartRadius;
+  const float twice = job.factor[begin] * kPerPart * radius * radius, thrice = twice * radius;
+  volume += thrice * plane.volume;
+  const float total = sum(volume);
+  const float force[3] = {sum(volume * n[0]), sum(volume * n[1]), sum(volume * n[2])};
+  const float scale = ball_scale(
+      total, std::sqrt(force[0] * force[0] + force[1] * force[1] + force[2] * force[2]));
+  if (!(total > 0)) volume = Row{};
+  const float more = std::max(thrice * radius * plane.potential, -sum(energy));
+  for (int i = 0; i < kNumVectors; ++i) {
+    const std::size_t slot = begin + static_cast<std::size_t>(i * kLanes);
+    const Lanes& e = at.lanes[i];
+    const VecF touching = select(at.is_touching[i], at.phi[i], e.radius);
+    VecF potential = vector_of(energy, i), disc{};
+    if (i == 0) potential[0] += more;
+    if constexpr (kWithStiffness) {
+      disc = scale * (disc_of(e.radius, load(job.factor + slot), touching) +
+                      twice * plane.disc * vector_of(parts.is_part, i));
+    }
+    const VecF here = vector_of(volume, i);
+    totals.add(job, slot, e, touching, {here, potential}, scale * here, disc, at.n[i], at.h[i],
+               i % RowSums::kParts);
+  }
+  if constexpr (kWithStiffness) {
+    if (!plane.is_plane) return;
+    Row weights[5];
+    form_weights(parts, plane.residual, weights);
+    const Row changes[6] = {n[0],
+                            n[1],
+                            n[2],
+                            lever[1] * n[2] - lever[2] * n[1],
+                            lever[2] * n[0] - lever[0] * n[2],
+                            lever[0] * n[1] - lever[1] * n[0]};
+    float X[5][6], terms[StiffnessSums::kNum] = {};
+    for (int i = 0; i < 5; ++i) {
+      for (int k = 0; k < 6; ++k) X[i][k] = sum(weights[i] * changes[k]);
+    }
+    add_form(plane.form, X, scale * twice, terms);
+    for (int k = 0; k < StiffnessSums::kNum; ++k) {
+      VecF first{};
+      first[0] = terms[k];
+      totals.numbers[k].add(0, first);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace palpate::inline v0::PALPATE_ISA_NAMESPACE
