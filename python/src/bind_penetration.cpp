@@ -78,9 +78,7 @@ class Differentiated {
     bool is_before_camera;
 
     double volume() const { return factor * cap_volume(radius, at.phi); }
-    double disc() const {
-      return factor * kPi * std::max(radius * radius - at.phi * at.phi, 0.0);
-    }
+    double disc() const { return factor * kPi * std::max(radius * radius - at.phi * at.phi, 0.0); }
     double potential() const { return cut_ball(radius, factor, at.phi).potential; }
   };
   struct Sums {
@@ -90,8 +88,8 @@ class Differentiated {
 
   Element element(const DepthFieldView& field, const Pose& X_CT, std::size_t slot) const {
     const SphereClusters& places = elements_.clusters;
-    const Vec3d lever = rotate(X_CT.rotation, to_double(Vec3f{places.x[slot], places.y[slot],
-                                                              places.z[slot]}));
+    const Vec3d lever =
+        rotate(X_CT.rotation, to_double(Vec3f{places.x[slot], places.y[slot], places.z[slot]}));
     const Vec3d p_C = X_CT * tool_.tool->sphere_mass().centre_of_mass + lever;
     const double radius = elements_.radius[slot];
     return {lever, radius, elements_.factor[slot], sample_field_curvature(field, p_C, radius),
@@ -108,8 +106,9 @@ class Differentiated {
     const auto& H = e.at.hessian.m;
     double terms[StiffnessSums::kNum];
     constexpr double kPolar = 0;  // of moments, which are not needed here
-    stiffness_terms<double>({e.lever.x, e.lever.y, e.lever.z}, volume, disc, kPolar, {n.x, n.y, n.z},
-                            {H[0][0], H[0][1], H[0][2], H[1][1], H[1][2], H[2][2]}, terms);
+    stiffness_terms<double>({e.lever.x, e.lever.y, e.lever.z}, volume, disc, kPolar,
+                            {n.x, n.y, n.z}, {H[0][0], H[0][1], H[0][2], H[1][1], H[1][2], H[2][2]},
+                            terms);
     for (int k = 0; k < StiffnessSums::kNum; ++k) sums.stiffness.numbers[k] += terms[k];
   }
 
@@ -127,7 +126,7 @@ class Differentiated {
     const double R = parts.back().radius;
     BallPlane<Row, double> plane;
     if (is_complete) plane = ball_plane<double>(parts_, phi / R, SumOfRow{}, true);
-    const double twice = parts[0].factor * kNumBallParts * std::pow(double{kPartRadius}, 3) * R * R;
+    const double twice = elements_.ball_factor[begin / SphereClusters::kSize] * R * R;
     Row weights[5];
     form_weights(parts_, plane.residual, weights);
     double X[5][6] = {};

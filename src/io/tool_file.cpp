@@ -261,8 +261,10 @@ Result<Tool> parse_tool(std::string_view content) {
   LeafGraph graph(spheres->size(), *edges, static_cast<int>(fact.num_bridges),
                   static_cast<int>(fact.num_components_before_bridging));
   SpherePacking packing{std::move(*spheres), fact.mesh_volume, static_cast<PackStop>(fact.stop)};
-  Tool::StoredParts parts{std::move(graph), static_cast<GapRule>(fact.gap_rule),
-                          {std::move(*volumes), std::move(*balls)}, std::move(*tree_nodes),
+  Tool::StoredParts parts{std::move(graph),
+                          static_cast<GapRule>(fact.gap_rule),
+                          {std::move(*volumes), std::move(*balls)},
+                          std::move(*tree_nodes),
                           *std::move(solid_field)};
   auto tool = Tool::restore({std::move(*vertices), std::move(*triangles)}, std::move(packing),
                             std::move(parts), std::string(source->begin(), source->end()));

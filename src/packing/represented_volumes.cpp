@@ -1,9 +1,10 @@
-// The moments of a power cell, from inside: rays leave the center of the sphere, and each runs until
-// the first plane of equal power, which ends its power cell. A ray u of length t stands for a cone
-// with the volume t^3 / 3, the first moment t^4 / 4 u and the second moment t^5 / 5 per solid angle.
-// Where it leaves the solid it loses the rest of its cone, and where it enters again it gets that
-// back, so the solid may have any shape and no crossing is first or last. The sphere itself is free
-// of planes and facets. Spheres are looked at one by one: any number of threads gives the same bits.
+// The moments of a power cell, from inside: rays leave the center of the sphere, and each runs
+// until the first plane of equal power, which ends its power cell. A ray u of length t stands for a
+// cone with the volume t^3 / 3, the first moment t^4 / 4 u and the second moment t^5 / 5 per solid
+// angle. Where it leaves the solid it loses the rest of its cone, and where it enters again it gets
+// that back, so the solid may have any shape and no crossing is first or last. The sphere itself is
+// free of planes and facets. Spheres are looked at one by one: any number of threads gives the same
+// bits.
 #include "palpate/packing/packing.h"
 
 #include <algorithm>
@@ -211,8 +212,8 @@ class PowerCells {
         for (int i = 0; i < 4; ++i) {
           mean.volume += static_cast<double>(cones.part[k][i]);
           const float lever = cones4.part[k][i] - sphere4;
-          mean.first += to_double(
-              Vec3f{patch.x[k][i] * lever, patch.y[k][i] * lever, patch.z[k][i] * lever});
+          mean.first +=
+              to_double(Vec3f{patch.x[k][i] * lever, patch.y[k][i] * lever, patch.z[k][i] * lever});
           mean.second += static_cast<double>(cones5.part[k][i] - sphere5);
           complete &= cones.part[k][i] != 1;
         }

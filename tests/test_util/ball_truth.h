@@ -20,15 +20,13 @@ inline double cap_potential(double radius, double phi) {
          sphere_volume(radius) * std::max(-phi - radius, 0.0);
 }
 
-/// Potential of a ball of radius 1: its parts, and their plane by least squares instead of what the
-/// parts say of that plane.
-inline double ball_potential(const BallValues& phi) {
+/// What a ball of radius 1 gets for the plane by least squares through the values of its parts,
+/// instead of what the parts say of that plane: its potential.
+inline double ball_correction(const BallValues& phi) {
   static const std::vector<BallPart> parts = thirty_parts();
-  double sum = 0, mean = 0, squares = 0;
+  double mean = 0, squares = 0;
   Vec3d slope;
   for (std::size_t k = 0; k < 30; ++k) {
-    const double radius = parts[k].radius, count = parts[k].share / (radius * radius * radius);
-    sum += count * cap_potential(radius, phi[k]);
     mean += phi[k] / 30;
     slope += parts[k].centre * (3 * phi[k] / (30 * dot(parts[k].centre, parts[k].centre)));
   }
@@ -39,24 +37,24 @@ inline double ball_potential(const BallValues& phi) {
   const double length = norm(slope), bent = length * length - 1;
   const double y = std::min((squares + 0.055 * bent * bent) / 0.0225, 1.0);
   const double weight = 1 - y * y * (3 - 2 * y);
-  if (weight == 0) return sum;
+  if (!(weight > 0)) return 0;
   double plane = cap_potential(1, mean / length);
   for (const BallPart& part : parts) {
     const double count = part.share / (part.radius * part.radius * part.radius);
     plane -= count * cap_potential(part.radius, (mean + dot(slope, part.centre)) / length);
   }
-  return sum + weight * length * plane;
+  return weight * length * plane;
 }
 
 /// Minus its derivatives by the values.
-inline BallValues ball_volumes(const BallValues& phi) {
+inline BallValues ball_corrections(const BallValues& phi) {
   BallValues volumes;
   constexpr double kStep = 1e-5;
   for (std::size_t k = 0; k < 30; ++k) {
     BallValues more = phi, less = phi;
     more[k] += kStep;
     less[k] -= kStep;
-    volumes[k] = (ball_potential(less) - ball_potential(more)) / (2 * kStep);
+    volumes[k] = (ball_correction(less) - ball_correction(more)) / (2 * kStep);
   }
   return volumes;
 }

@@ -26,14 +26,13 @@ struct ElementTruth {
   bool has_value = true;  ///< false: it does not touch
   bool is_unseen = false;
   double volume = 0, potential = 0;  ///< what it counts
-  double scale = 1;                  ///< of its force
 };
 
-/// All elements of a tool at a pose, without padding; sample(element, p_W, extent) fills in what the
-/// field says, where values up to `extent` count.
+/// All elements of a tool at a pose, without padding; sample(element, p_W, extent) fills in what
+/// the field says, where values up to `extent` count.
 template <class Sample>
 std::vector<ElementTruth> elements_truth(const Tool& tool, const FieldElements& elements,
-                                         const Pose& X_WT, double longest, const Sample& sample) {
+                                         const Pose& X_WT, const Sample& sample) {
   std::vector<ElementTruth> all;
   const SphereClusters& at = elements.clusters;
   const auto first_part = static_cast<std::size_t>(elements.first_ball()) * SphereClusters::kSize;
@@ -45,7 +44,8 @@ std::vector<ElementTruth> elements_truth(const Tool& tool, const FieldElements& 
     e.factor = elements.factor[i];
     e.is_counted = elements.counted[i] > 0;
     sample(e, X_WT * tool.sphere_mass().centre_of_mass + e.lever,
-           i < first_part ? e.radius : double{kBallExtent} * e.radius);
+           i >= first_part && i % SphereClusters::kSize < 30 ? double{kPartExtent} * e.radius
+                                                             : e.radius);
     if (e.has_value) {
       e.volume = e.factor * cap_volume(e.radius, e.phi);
       e.potential = e.factor * cap_potential(e.radius, e.phi);
@@ -54,29 +54,15 @@ std::vector<ElementTruth> elements_truth(const Tool& tool, const FieldElements& 
     // The parts of a ball, and the ball itself behind them.
     if (i < first_part || i % SphereClusters::kSize != 30) continue;
     const auto parts = all.end() - 31;
-    const double R = e.radius;
-    const double count = parts->factor * 30 * std::pow(parts->radius / R, 3);
+    const double R = e.radius, count = elements.ball_factor[i / SphereClusters::kSize] * R * R * R;
+    if (!std::all_of(parts, parts + 31, [](const ElementTruth& part) { return part.has_value; })) {
+      continue;
+    }
     BallValues values;
     for (std::size_t k = 0; k < 30; ++k) values[k] = parts[static_cast<long>(k)].phi / R;
-    if (std::all_of(parts, parts + 31, [](const ElementTruth& part) { return part.has_value; })) {
-      const BallValues volumes = ball_volumes(values);
-      for (std::size_t k = 0; k < 30; ++k) {
-        parts[static_cast<long>(k)].volume = count * R * R * R * volumes[k];
-        parts[static_cast<long>(k)].potential = 0;
-      }
-      parts->potential = std::max(count * R * R * R * R * ball_potential(values), 0.0);
-    }
-    double volume = 0;
-    Vec3d force;
-    for (auto part = parts; part < all.end(); ++part) {
-      volume += part->volume;
-      force += part->volume / std::max(norm(part->gradient) / longest, 1.0) * part->gradient;
-    }
-    // No force without volume, and none longer than the bound.
-    for (auto part = parts; part < all.end(); ++part) {
-      if (volume <= 0) part->volume = 0;
-      part->scale = std::min(1.0, longest * volume / std::max(norm(force), 1e-300));
-    }
+    const BallValues volumes = ball_corrections(values);
+    parts->potential += count * R * ball_correction(values);
+    for (std::size_t k = 0; k < 30; ++k) parts[static_cast<long>(k)].volume += count * volumes[k];
   }
   return all;
 }
@@ -87,8 +73,7 @@ inline Penetration sum_of(const std::vector<ElementTruth>& elements, double long
   for (const ElementTruth& e : elements) {
     sum.volume += e.volume;
     sum.potential += e.potential;
-    const Vec3d force =
-        e.scale * e.volume / std::max(norm(e.gradient) / longest, 1.0) * e.gradient;
+    const Vec3d force = e.volume / std::max(norm(e.gradient) / longest, 1.0) * e.gradient;
     sum.measure_W.force += force;
     sum.measure_W.torque += cross(e.lever, force);
     sum.num_inside_spheres += e.has_value && e.is_counted && e.phi <= -e.radius;
@@ -96,6 +81,13 @@ inline Penetration sum_of(const std::vector<ElementTruth>& elements, double long
         e.has_value && e.is_counted && e.phi > -e.radius && e.phi < e.radius;
     if (e.is_unseen) sum.unseen_volume += e.factor * sphere_volume(e.radius);
   }
+  // No force without volume, and none longer than the bound.
+  const double most = std::max(longest * sum.volume, 0.0), force = norm(sum.measure_W.force);
+  if (force > most) {
+    sum.measure_W = {most / force * sum.measure_W.force, most / force * sum.measure_W.torque};
+  }
+  sum.volume = std::max(sum.volume, 0.0);
+  sum.potential = std::max(sum.potential, 0.0);
   return sum;
 }
 
@@ -113,7 +105,7 @@ inline auto sampling(const DepthFieldView& field) {
 inline Penetration field_truth(const Tool& tool, const DepthFieldView& field, const Pose& X_WT,
                                SphereVolumes volumes, double longest = kLongest) {
   const FieldElements elements(tool, volumes);
-  return sum_of(elements_truth(tool, elements, X_WT, longest, sampling(field)), longest);
+  return sum_of(elements_truth(tool, elements, X_WT, sampling(field)), longest);
 }
 
 }  // namespace palpate::test

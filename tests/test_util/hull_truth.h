@@ -153,7 +153,7 @@ inline Penetration hull_truth(const Tool& tool, std::span<const SurfaceBlend> vi
     e.gradient = hull.at.gradient;
     e.is_unseen = hull.seen_phi < -kSeenBehind;
   };
-  return sum_of(elements_truth(tool, elements, X_WT, longest, sample), longest);
+  return sum_of(elements_truth(tool, elements, X_WT, sample), longest);
 }
 
 }  // namespace palpate::test

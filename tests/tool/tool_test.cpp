@@ -97,7 +97,7 @@ TEST(Tool, RestoreRefusesPartsOfOtherTools) {
     return Tool::restore(tetrahedron(), packing_of(spheres),
                          {edges,
                           GapRule::relative,
-                          represented,
+                          {represented, spheres},
                           {nodes.nodes().begin(), nodes.nodes().end()}},
                          "")
         .has_value();

@@ -153,6 +153,7 @@ ContactResult FieldBatch::Worker::evaluate(std::size_t pose, BatchPose& at) {
   ContactResult result;
   result.penetration = sums.penetration();
   if (with_stiffness) result.stiffness = of_all->stiffness();
+  keep_bounds(result);
   return result;
 }
 

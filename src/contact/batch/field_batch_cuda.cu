@@ -114,7 +114,8 @@ __device__ void add_clusters(const BatchJob& job, const FieldLook& field, double
       if (cluster < elements.first_ball) {
         add_element<Sample>(field, element, share, &stiffness);
       } else {
-        add_ball<Sample>(field, elements, element, share, &stiffness);
+        add_ball<Sample>(field, elements.places, elements.ball_factor[cluster], element, share,
+                         &stiffness);
       }
     }
     double values[kNumTerms] = {share.volume,   share.potential, share.force[0],  share.force[1],
@@ -177,7 +178,8 @@ constexpr int kBlocksOf = std::is_same_v<Sample, Curvature> ? 3 : 2;
 template <class Sample>
 __global__ void __launch_bounds__(kThreadsOf<Sample>, kBlocksOf<Sample>)
     measure_poses(const __grid_constant__ BatchJob job) {
-  auto& shared = gpu::shared_memory<BatchScratch<Sample>>();
+  using Scratch = BatchScratch<Sample>;
+  auto& shared = gpu::shared_memory<Scratch>();
   const int pose = static_cast<int>(blockIdx.x), thread = static_cast<int>(threadIdx.x);
   prepare(job, pose, shared);
   double of_warp = 0, of_stiffness = 0;
@@ -187,7 +189,15 @@ __global__ void __launch_bounds__(kThreadsOf<Sample>, kBlocksOf<Sample>)
   }
   add_warps(of_warp, of_stiffness, shared);
   const BatchAnswers& out = job.out;
-  const double* const sums = shared.sums;
+  double* const sums = shared.sums;
+  // As keep_bounds.
+  const double scale =
+      force_scale(sums[0], sqrt(sums[2] * sums[2] + sums[3] * sums[3] + sums[4] * sums[4]));
+  __syncthreads();
+  for (int k = thread; k < Scratch::kNum; k += static_cast<int>(blockDim.x)) {
+    sums[k] = k < 2 ? (sums[k] > 0 ? sums[k] : 0.0) : scale * sums[k];
+  }
+  __syncthreads();
   const std::ptrdiff_t row = 3 * static_cast<std::ptrdiff_t>(pose);
   const bool is_turned = job.X_WC != nullptr && shared.status == 0;
   if (thread == 0 && out.volume != nullptr) out.volume[pose] = sums[0];

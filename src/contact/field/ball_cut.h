@@ -1,14 +1,15 @@
 // A large sphere is measured by thirty small balls, its parts (index/ball_parts.h), which follow
 // bends that one value of the field cannot show. But balls inside a ball do not fill it evenly: at
-// a plane they are off by up to 0.8 % of it. So they are corrected by a plane, as a control variate:
+// a plane they are off by up to 0.8 % of it. So they are corrected by a plane, as a control
+// variate:
 //
 //   U = sum_k G_k(phi_k) + w |b| ( G(s) - sum_k G_k(s + d . x_k) ),   s = a / |b|,  d = b / |b|
 //
 // phi_k are the values of the parts at x_k, a + b . x their plane by least squares, G the integral
-// of the cap volume of the sphere over the depth and G_k those of the parts. Where the values lie on
-// a plane with a gradient of length 1, the sums cancel and the ball is cut exactly; where they bend,
-// the brackets keep what the parts know. It is one function of the thirty values, so force and
-// stiffness are its derivatives by the chain rule. w falls from 1 to 0 where the values are no
+// of the cap volume of the sphere over the depth and G_k those of the parts. Where the values lie
+// on a plane with a gradient of length 1, the sums cancel and the ball is cut exactly; where they
+// bend, the brackets keep what the parts know. It is one function of the thirty values, so force
+// and stiffness are its derivatives by the chain rule. w falls from 1 to 0 where the values are no
 // plane: there the parts count alone.
 //
 // Shared by host and device, for single and double precision: `Row` holds a number for each of the
@@ -23,9 +24,9 @@ namespace palpate::inline v0 {
 /// Number of the parts of a ball, their distance from its center and their radius, in its radii.
 inline constexpr int kNumBallParts = 30;
 inline constexpr float kPartDistance = 0.7f, kPartRadius = 0.43f;
-/// Radius up to which the values of a part count, over the radius of the part: values on a plane
-/// that touches any part are no larger than 1.13 + 0.7 radii of the ball.
-inline constexpr float kBallExtent = 4.5f;
+/// Values of a part count up to so many of its radii: on a plane that touches any part they are no
+/// larger than 1.13 + 0.7 radii of the ball.
+inline constexpr float kPartExtent = 4.3f;
 
 /// Elements of a cluster as the parts of a ball: their places in its radii, and 1; elements that
 /// are no parts have zeros.
@@ -38,10 +39,10 @@ struct BallRows {
 /// once.
 template <class Row, class Real>
 struct BallPlane {
-  bool is_plane = false;   ///< else all that follows is 0
+  bool is_plane = false;  ///< else all that follows is 0
   Real potential{};
-  Row volume{};            ///< minus the derivatives of the potential by the values
-  Row residual{};          ///< values of the parts off the plane
+  Row volume{};    ///< minus the derivatives of the potential by the values
+  Row residual{};  ///< values of the parts off the plane
   // Second derivatives: disc sum_k J_k J_k^T + sum_ij form_ij X_i X_j^T for changes J_k of the
   // values, with X_i = sum_k weights_ik J_k (form_weights).
   Real disc{};
@@ -50,8 +51,7 @@ struct BallPlane {
 
 /// Writes how a, b and the residual's mean square change with the values.
 template <class Row>
-PALPATE_FORMULA void form_weights(const BallRows<Row>& at, const Row& residual,
-                                  Row (&weights)[5]) {
+PALPATE_FORMULA void form_weights(const BallRows<Row>& at, const Row& residual, Row (&weights)[5]) {
   constexpr float kShare = 1.0f / kNumBallParts;
   constexpr float kSlope = 3 * kShare / (kPartDistance * kPartDistance);
   weights[0] = kShare * at.is_part;
@@ -138,8 +138,8 @@ PALPATE_FORMULA BallPlane<Row, Real> ball_plane(const BallRows<Row>& at, const R
   const Real off_by[5] = {zero, off_b * b[0], off_b * b[1], off_b * b[2], one * (1.0f / kNoPlane)};
   for (int i = 0; i < 5; ++i) {
     for (int j = 0; j < 5; ++j) {
-      plane.form[i][j] = w_off * (by[i] * off_by[j] + off_by[i] * by[j]) +
-                         w_off2 * c * off_by[i] * off_by[j];
+      plane.form[i][j] =
+          w_off * (by[i] * off_by[j] + off_by[i] * by[j]) + w_off2 * c * off_by[i] * off_by[j];
       if (i < 4 && j < 4) plane.form[i][j] += w * hessian[i][j];
     }
   }
@@ -153,8 +153,8 @@ PALPATE_FORMULA BallPlane<Row, Real> ball_plane(const BallRows<Row>& at, const R
   return plane;
 }
 
-/// Adds the second derivatives of BallPlane::form to the terms of a stiffness; `X` are the sums over
-/// J_k = (n_k, l_k x n_k), forces and torques for each change of a value.
+/// Adds the second derivatives of BallPlane::form to the terms of a stiffness; `X` are the sums
+/// over J_k = (n_k, l_k x n_k), forces and torques for each change of a value.
 template <class Real, class Terms>
 PALPATE_FORMULA void add_form(const Real (&form)[5][5], const Real (&X)[5][6], Real scale,
                               Terms& terms) {
@@ -182,13 +182,12 @@ PALPATE_FORMULA void add_form(const Real (&form)[5][5], const Real (&X)[5][6], R
   }
 }
 
-/// Returns the factor by which the force of a ball counts, so that it is never longer than
-/// kLongestGradient times its volume: some of its parts may have less than nothing. A ball with less
-/// than nothing has none.
+/// Returns the factor by which the force of a tool counts, so that it is never longer than
+/// kLongestGradient times the volume, although corrections may take a little from light contacts.
 template <class Real>
-PALPATE_FORMULA Real ball_scale(Real volume, Real force) {
-  const Real most = kLongestGradient * volume;
-  return volume > Real{} ? (force > most ? most / force : Real{} + 1.0f) : Real{};
+PALPATE_FORMULA Real force_scale(Real volume, Real force) {
+  const Real most = volume * kLongestGradient;
+  return force > most ? (volume > Real{} ? most / force : Real{}) : Real{} + 1.0f;
 }
 
 }  // namespace palpate::inline v0

@@ -36,6 +36,20 @@ inline void put(VecF vector, int number, Row& row) {
   store(reinterpret_cast<float*>(&row) + number * kLanes, vector);
 }
 
+[[gnu::always_inline]] inline Gradient3<VecF> chosen(VecI which, const Gradient3<VecF>& n) {
+  return {select(which, n.x, VecF{}), select(which, n.y, VecF{}), select(which, n.z, VecF{})};
+}
+[[gnu::always_inline]] inline Symmetric<VecF> chosen(VecI which, const Symmetric<VecF>& h) {
+  return {select(which, h.xx, VecF{}), select(which, h.xy, VecF{}), select(which, h.xz, VecF{}),
+          select(which, h.yy, VecF{}), select(which, h.yz, VecF{}), select(which, h.zz, VecF{})};
+}
+
+/// Up to where the values of the elements count that are vector `number` of a cluster.
+[[gnu::always_inline]] inline VecF extent_of(VecF radius, bool is_ball, int number) {
+  if (!is_ball) return radius;
+  return select(lane_ids() + number * kLanes < splat(kNumBallParts), kPartExtent * radius, radius);
+}
+
 /// What a field says to the elements of a cluster.
 struct BallSamples {
   Lanes lanes[kNumVectors];
@@ -48,55 +62,43 @@ struct BallSamples {
 
 /// Adds the ball that the cluster from slot `begin` on is; few tools have more than a dozen.
 template <bool kWithStiffness>
-[[gnu::noinline]] void add_ball(const MeasureJob& job, std::size_t begin, const BallSamples& at,
+[[gnu::noinline]] void add_ball(const MeasureJob& job, std::size_t begin, BallSamples& at,
                                 GroupTotals<kWithStiffness>& totals) {
   const auto& places = ball_places().rows;
   const BallRows<Row> parts{row_of(places[0]), row_of(places[1]), row_of(places[2]),
                             row_of(places[3])};
   const SumOfRow sum;
-  Row phi{}, volume{}, energy{}, n[3] = {}, lever[3] = {};
-  for (int i = 0; i < kNumVectors; ++i) {
-    const Lanes& e = at.lanes[i];
-    const VecF factor = load(job.factor + begin + i * kLanes);
-    const CutBall<VecF> cut =
-        cut_ball(e.radius, factor, select(at.is_touching[i], at.phi[i], e.radius));
-    const Gradient3<VecF> shortened = bounded(at.n[i], length_of(at.n[i]));
-    put(at.phi[i], i, phi);
-    put(cut.volume, i, volume);
-    put(cut.potential, i, energy);
-    const VecF numbers[6] = {shortened.x, shortened.y, shortened.z, e.lx, e.ly, e.lz};
-    for (int axis = 0; axis < 3; ++axis) {
-      put(numbers[axis], i, n[axis]);
-      put(numbers[axis + 3], i, lever[axis]);
-    }
-  }
+  Row phi{};
+  for (int i = 0; i < kNumVectors; ++i) put(at.phi[i], i, phi);
   const float radius = job.radius[begin + kNumBallParts];
   BallPlane<Row, float> plane;
   if (at.is_complete) {
     plane = ball_plane<float>(parts, phi * (1.0f / radius), sum, kWithStiffness);
   }
   // The ball counts so often, times powers of its radius.
-  constexpr float kPerPart = kNumBallParts * kPartRadius * kPartRadius * kPartRadius;
-  const float twice = job.factor[begin] * kPerPart * radius * radius, thrice = twice * radius;
-  volume += thrice * plane.volume;
-  const float total = sum(volume);
-  const float force[3] = {sum(volume * n[0]), sum(volume * n[1]), sum(volume * n[2])};
-  const float scale = ball_scale(
-      total, std::sqrt(force[0] * force[0] + force[1] * force[1] + force[2] * force[2]));
-  if (!(total > 0)) volume = Row{};
-  const float more = std::max(thrice * radius * plane.potential, -sum(energy));
+  const float twice = job.ball_factor[begin / kSize] * radius * radius, thrice = twice * radius;
+  Row n[3] = {}, lever[3] = {};
   for (int i = 0; i < kNumVectors; ++i) {
     const std::size_t slot = begin + static_cast<std::size_t>(i * kLanes);
     const Lanes& e = at.lanes[i];
+    const VecF factor = load(job.factor + slot);
+    const VecI counts = at.is_touching[i] | splat(plane.is_plane ? -1 : 0);
+    const Gradient3<VecF> gradient = chosen(counts, at.n[i]);
     const VecF touching = select(at.is_touching[i], at.phi[i], e.radius);
-    VecF potential = vector_of(energy, i), disc{};
-    if (i == 0) potential[0] += more;
+    CutBall<VecF> cut = cut_ball(e.radius, factor, touching);
+    cut.volume += thrice * vector_of(plane.volume, i);
+    if (i == 0) cut.potential[0] += thrice * radius * plane.potential;
+    VecF disc{};
     if constexpr (kWithStiffness) {
-      disc = scale * (disc_of(e.radius, load(job.factor + slot), touching) +
-                      twice * plane.disc * vector_of(parts.is_part, i));
+      disc = disc_of(e.radius, factor, touching) + twice * plane.disc * vector_of(parts.is_part, i);
+      const Gradient3<VecF> shortened = bounded(gradient, length_of(gradient));
+      const VecF numbers[6] = {shortened.x, shortened.y, shortened.z, e.lx, e.ly, e.lz};
+      for (int axis = 0; axis < 3; ++axis) {
+        put(numbers[axis], i, n[axis]);
+        put(numbers[axis + 3], i, lever[axis]);
+      }
     }
-    const VecF here = vector_of(volume, i);
-    totals.add(job, slot, e, touching, {here, potential}, scale * here, disc, at.n[i], at.h[i],
+    totals.add(job, slot, e, touching, cut, disc, gradient, chosen(counts, at.h[i]),
                i % RowSums::kParts);
   }
   if constexpr (kWithStiffness) {
@@ -113,7 +115,7 @@ template <bool kWithStiffness>
     for (int i = 0; i < 5; ++i) {
       for (int k = 0; k < 6; ++k) X[i][k] = sum(weights[i] * changes[k]);
     }
-    add_form(plane.form, X, scale * twice, terms);
+    add_form(plane.form, X, twice, terms);
     for (int k = 0; k < StiffnessSums::kNum; ++k) {
       VecF first{};
       first[0] = terms[k];

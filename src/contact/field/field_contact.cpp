@@ -120,9 +120,11 @@ void FieldContact::evaluate(std::span<const DepthFieldView> fields, const Pose& 
       if (with_stiffness) stiffness.add(group_sums_[i].stiffness);
     }
     results[k].penetration = sums.penetration();
-    if (!with_stiffness) continue;
-    results[k].stiffness = stiffness.stiffness();
-    results[k].moments = stiffness.moments();
+    if (with_stiffness) {
+      results[k].stiffness = stiffness.stiffness();
+      results[k].moments = stiffness.moments();
+    }
+    keep_bounds(results[k]);
   }
 }
 

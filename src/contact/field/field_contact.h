@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "palpate/contact/contact.h"
+#include "src/contact/field/ball_cut.h"
 #include "src/contact/field/field_bound.h"
-#include "src/contact/field/field_element.h"
 #include "src/contact/index/tool_parts.h"
 
 namespace palpate::inline v0 {
@@ -42,6 +42,22 @@ struct FieldSums {
   }
 };
 
+/// Keeps what a tool measures within its bounds: light contacts of balls in parts may have less
+/// than nothing by a hair, which is nothing, and no force is longer than kLongestGradient times the
+/// volume.
+inline void keep_bounds(ContactResult& result) {
+  Penetration& at = result.penetration;
+  const double scale = force_scale(at.volume, norm(at.measure_W.force));
+  if (at.volume < 0) at.volume = 0;
+  if (at.potential < 0) at.potential = 0;
+  if (scale == 1) return;
+  at.measure_W = {scale * at.measure_W.force, scale * at.measure_W.torque};
+  if (!result.stiffness) return;
+  for (double(&row)[6] : result.stiffness->m) {
+    for (double& entry : row) entry *= scale;
+  }
+}
+
 /// Of one group of clusters against one field.
 struct GroupSums {
   FieldSums measure;
@@ -53,7 +69,8 @@ struct MeasureJob {
   const SphereClusters* clusters = nullptr;
   const float *radius = nullptr, *factor = nullptr, *counted = nullptr;  ///< per slot
   const float* largest_radius = nullptr;                                 ///< per cluster
-  int first_ball = 0;  ///< clusters from this one on are the parts of balls
+  const float* ball_factor = nullptr;                                    ///< per cluster
+  int first_ball = 0;        ///< clusters from this one on are the parts of balls
   DepthFieldView fields[2];  ///< of one camera and one size
   int num_fields = 1;
   FieldFrame frame;
@@ -66,6 +83,7 @@ inline MeasureJob measure_job(const FieldElements& elements) {
           elements.factor.data(),
           elements.counted.data(),
           elements.largest_radius.data(),
+          elements.ball_factor.data(),
           elements.first_ball(),
           {},
           1,

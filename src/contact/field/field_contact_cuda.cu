@@ -8,6 +8,7 @@
 
 #include "src/contact/blend.h"
 #include "src/contact/cuda/finish_measure.cuh"
+#include "src/contact/field/field_contact.h"
 #include "src/contact/field/field_elements_cuda.cuh"
 
 namespace palpate::inline v0 {
@@ -64,7 +65,8 @@ __global__ void __launch_bounds__(kThreadsOf<Sample>, 3)
       if (cluster < elements.first_ball) {
         add_element<Sample>(field, element, share, &stiffness);
       } else {
-        add_ball<Sample>(field, elements, element, share, &stiffness);
+        const float count = elements.ball_factor[cluster] * (kNumFields > 1 ? field.weight : 1.0f);
+        add_ball<Sample>(field, elements.places, count, element, share, &stiffness);
       }
     }
   }
@@ -214,6 +216,7 @@ ContactResult FieldContactCuda::evaluate(const FieldQuestion& question,
     result.stiffness = sums.stiffness();
     result.moments = sums.moments();
   }
+  keep_bounds(result);
   return result;
 }
 

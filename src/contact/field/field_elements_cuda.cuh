@@ -205,12 +205,14 @@ __device__ Sample query_deep(const FieldLook& field, const ElementLook& at, floa
   return answer;
 }
 
-// Adds an element that touches a surface: the field is `phi`, with this gradient and, if
-// `kWithStiffness`, these second derivatives in W.
+// Adds an element that is cut so at `phi` and whose volume shrinks by `disc` phi: there the field
+// has this gradient and, if `kWithStiffness`, these second derivatives in W. Returns the gradient
+// that the force follows.
 template <bool kWithStiffness>
-__device__ void add_cut(const Element& e, float phi, const Gradient3<float>& gradient,
-                        const Symmetric<float>& h, FieldShare& sum, StiffnessShare* sums) {
-  const CutBall<float> cut = cut_ball(e.radius, e.factor, phi);
+__device__ inline Gradient3<float> add_cut(const Element& e, float phi, const CutBall<float>& cut,
+                                           float disc, const Gradient3<float>& gradient,
+                                           const Symmetric<float>& h, FieldShare& sum,
+                                           StiffnessShare* sums) {
   const float length =
       sqrtf(gradient.x * gradient.x + gradient.y * gradient.y + gradient.z * gradient.z);
   const Gradient3<float> n = bounded(gradient, length);
@@ -222,10 +224,7 @@ __device__ void add_cut(const Element& e, float phi, const Gradient3<float>& gra
     sum.force[a] += force[a];
     sum.torque[a] += e.lever[b] * force[c] - e.lever[c] * force[b];
   }
-  if (e.is_counted) ++(phi <= -e.radius ? sum.num_inside : sum.num_boundary);
   if constexpr (kWithStiffness) {
-    const float squared = e.radius * e.radius - phi * phi;
-    const float disc = e.factor * static_cast<float>(kPi) * (squared > 0.0f ? squared : 0.0f);
     float terms[StiffnessSums::kNum];
     stiffness_terms<float>({e.lever[0], e.lever[1], e.lever[2]}, cut.volume, disc,
                            polar_moment<float>(e.radius, e.factor, phi), n,
@@ -233,6 +232,17 @@ __device__ void add_cut(const Element& e, float phi, const Gradient3<float>& gra
 #pragma unroll
     for (int k = 0; k < StiffnessSums::kNum; ++k) sums->numbers[k] += terms[k];
   }
+  return n;
+}
+
+// Adds an element that touches a surface.
+template <bool kWithStiffness>
+__device__ inline void add_cut(const Element& e, float phi, const Gradient3<float>& gradient,
+                               const Symmetric<float>& h, FieldShare& sum, StiffnessShare* sums) {
+  const float squared = e.radius * e.radius - phi * phi;
+  const float disc = e.factor * static_cast<float>(kPi) * (squared > 0.0f ? squared : 0.0f);
+  add_cut<kWithStiffness>(e, phi, cut_ball(e.radius, e.factor, phi), disc, gradient, h, sum, sums);
+  if (e.is_counted) ++(phi <= -e.radius ? sum.num_inside : sum.num_boundary);
 }
 
 // Adds what an element is answered by one field. `sums` is null if Sample is a Gradient.
@@ -273,83 +283,59 @@ struct SumOverWarp {
   }
 };
 
-// Adds a ball in parts that the elements of a warp are, corrected by a plane if every part has a
-// value. The field is `phi` at each, with this gradient and these second derivatives in W.
+// Adds the ball in parts that the elements of a warp are, which counts `count` times, corrected by
+// a plane if every part has a value. The field is `phi` at each, with this gradient and these
+// second derivatives in W.
 template <bool kWithStiffness>
-__device__ __noinline__ void add_ball(const ElementsView& elements, const Element& e, float phi,
+__device__ __noinline__ void add_ball(const float* places, float count, const Element& e, float phi,
                                       bool is_touching, bool is_complete,
                                       const Gradient3<float>& gradient, const Symmetric<float>& h,
                                       FieldShare& sum, StiffnessShare* sums) {
   constexpr int kSize = SphereClusters::kSize;
   const SumOverWarp over_warp;
   const int lane = gpu::lane_id();
-  const float* const at = elements.places + lane;
+  const float* const at = places + lane;
   const BallRows<float> part{at[0], at[kSize], at[2 * kSize], at[3 * kSize]};
   const float radius = __shfl_sync(gpu::kWholeWarp, e.radius, kNumBallParts);
   BallPlane<float, float> plane;
   if (__all_sync(gpu::kWholeWarp, is_complete)) {
     plane = ball_plane<float>(part, phi * (1.0f / radius), over_warp, kWithStiffness);
   }
+  const float twice = count * radius * radius, thrice = twice * radius;
+  const bool counts = is_touching || plane.is_plane;
   const float touching = is_touching ? phi : e.radius;
-  const CutBall<float> cut = cut_ball(e.radius, e.factor, touching);
-  const float length =
-      sqrtf(gradient.x * gradient.x + gradient.y * gradient.y + gradient.z * gradient.z);
-  const Gradient3<float> n = bounded(gradient, length);
-  // The ball counts so often, times powers of its radius.
-  constexpr float kPerPart = kNumBallParts * kPartRadius * kPartRadius * kPartRadius;
-  const float twice = __shfl_sync(gpu::kWholeWarp, e.factor, 0) * kPerPart * radius * radius;
-  const float thrice = twice * radius;
-  float volume = cut.volume + thrice * plane.volume;
-  const float total = over_warp(volume);
-  const float force[3] = {over_warp(volume * n.x), over_warp(volume * n.y),
-                          over_warp(volume * n.z)};
-  const float scale = ball_scale(
-      total, sqrtf(force[0] * force[0] + force[1] * force[1] + force[2] * force[2]));
-  if (!(total > 0)) volume = 0;
-  const float least = -over_warp(cut.potential), more = thrice * radius * plane.potential;
-  sum.volume += volume;
-  sum.potential += cut.potential;
-  if (lane == 0) sum.potential += more > least ? more : least;
-  const float weight = scale * volume;
-  const float pull[3] = {weight * n.x, weight * n.y, weight * n.z};
-  for (int a = 0; a < 3; ++a) {
-    const int b = (a + 1) % 3, c = (a + 2) % 3;
-    sum.force[a] += pull[a];
-    sum.torque[a] += e.lever[b] * pull[c] - e.lever[c] * pull[b];
-  }
-  if (is_touching && e.is_counted) {
-    ++(phi <= -e.radius ? sum.num_inside : sum.num_boundary);
+  CutBall<float> cut = cut_ball(e.radius, e.factor, touching);
+  cut.volume += thrice * plane.volume;
+  if (lane == 0) cut.potential += thrice * radius * plane.potential;
+  const float squared = e.radius * e.radius - touching * touching;
+  const float disc = e.factor * static_cast<float>(kPi) * (squared > 0.0f ? squared : 0.0f) +
+                     twice * plane.disc * part.is_part;
+  Gradient3<float> n{};
+  if (counts) {
+    n = add_cut<kWithStiffness>(e, touching, cut, disc, gradient, h, sum, sums);
+    if (is_touching && e.is_counted) ++(phi <= -e.radius ? sum.num_inside : sum.num_boundary);
   }
   if constexpr (kWithStiffness) {
-    const float squared = e.radius * e.radius - touching * touching;
-    const float disc = e.factor * static_cast<float>(kPi) * (squared > 0.0f ? squared : 0.0f);
-    float terms[StiffnessSums::kNum];
-    stiffness_terms<float>({e.lever[0], e.lever[1], e.lever[2]}, weight,
-                           scale * (disc + twice * plane.disc * part.is_part),
-                           polar_moment<float>(e.radius, e.factor, touching), n,
-                           bounded(h, gradient, length), terms);
-    if (plane.is_plane) {
-      float weights[5];
-      form_weights(part, plane.residual, weights);
-      const float changes[6] = {n.x,
-                                n.y,
-                                n.z,
-                                e.lever[1] * n.z - e.lever[2] * n.y,
-                                e.lever[2] * n.x - e.lever[0] * n.z,
-                                e.lever[0] * n.y - e.lever[1] * n.x};
-      float X[5][6];
-      for (int i = 0; i < 5; ++i) {
-        for (int k = 0; k < 6; ++k) X[i][k] = over_warp(weights[i] * changes[k]);
-      }
-      if (lane == 0) add_form(plane.form, X, scale * twice, terms);
+    if (!plane.is_plane) return;
+    float weights[5];
+    form_weights(part, plane.residual, weights);
+    const float changes[6] = {n.x,
+                              n.y,
+                              n.z,
+                              e.lever[1] * n.z - e.lever[2] * n.y,
+                              e.lever[2] * n.x - e.lever[0] * n.z,
+                              e.lever[0] * n.y - e.lever[1] * n.x};
+    float X[5][6];
+    for (int i = 0; i < 5; ++i) {
+      for (int k = 0; k < 6; ++k) X[i][k] = over_warp(weights[i] * changes[k]);
     }
-    for (int k = 0; k < StiffnessSums::kNum; ++k) sums->numbers[k] += terms[k];
+    if (lane == 0) add_form(plane.form, X, twice, sums->numbers);
   }
 }
 
 // Adds what a ball in parts is answered by one field. The whole warp calls.
 template <class Sample>
-__device__ void add_ball(const FieldLook& field, const ElementsView& elements, const Element& e,
+__device__ void add_ball(const FieldLook& field, const float* places, float count, const Element& e,
                          FieldShare& sum, StiffnessShare* sums) {
   constexpr bool kWithStiffness = std::is_same_v<Sample, Curvature>;
   const bool is_before_camera = e.p[2] > kMinDepth;
@@ -364,7 +350,7 @@ __device__ void add_ball(const FieldLook& field, const ElementsView& elements, c
     h = hessian_in_space(answer, at.from_u, at.from_v, at.inverse_depth, field.frame.fx,
                          field.frame.fy);
   }
-  add_ball<kWithStiffness>(elements, e, g.phi, is_before_camera && g.phi < e.radius,
+  add_ball<kWithStiffness>(places, count, e, g.phi, is_before_camera && g.phi < e.radius,
                            is_before_camera, gradient, h, sum, sums);
 }
 

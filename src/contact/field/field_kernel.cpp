@@ -38,8 +38,8 @@ template <class Sample, int kFields>
 }
 
 /// Calls f(slot, lanes, field, sample, which lanes touch, part of the sums) for vectors of elements
-/// that touch the surface of a field, and ball(slot, field, answers) for each ball in parts that may.
-/// Returns false if none can.
+/// that touch the surface of a field, and ball(slot, field, answers) for each ball in parts that
+/// may. Returns false if none can.
 template <class Sample, int kFields, class F, class Ball>
 [[gnu::always_inline]] inline bool for_touching(const MeasureJob& job, int group, const F& f,
                                                 const Ball& ball) {

@@ -18,13 +18,10 @@ ElementsView elements_view(const FieldElements& elements, gpu::Memory& memory) {
   }
   const auto& rows = ball_places().rows;
   const std::vector<float> places(&rows[0][0], &rows[0][0] + sizeof rows / sizeof(float));
-  return {memory.copy_of(balls),
-          memory.copy_of(factors),
-          memory.copy_of(c.clusters),
-          memory.copy_of(elements.largest_radius),
-          c.num_clusters(),
-          elements.first_ball(),
-          memory.copy_of(places)};
+  return {memory.copy_of(balls),      memory.copy_of(factors),
+          memory.copy_of(c.clusters), memory.copy_of(elements.largest_radius),
+          c.num_clusters(),           memory.copy_of(elements.ball_factor),
+          elements.first_ball(),      memory.copy_of(places)};
 }
 
 FieldTool make_field_tool(const ToolIndex& index, SphereVolumes volumes, gpu::Memory& memory) {

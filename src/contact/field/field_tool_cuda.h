@@ -19,8 +19,9 @@ struct ElementsView {
   const Cluster* clusters = nullptr;
   const float* largest_radius = nullptr;  ///< per cluster
   int num_clusters = 0;
-  int first_ball = 0;             ///< clusters from this one on are the parts of balls
-  const float* places = nullptr;  ///< BallPlaces
+  const float* ball_factor = nullptr;  ///< per cluster
+  int first_ball = 0;                  ///< clusters from this one on are the parts of balls
+  const float* places = nullptr;       ///< BallPlaces
 };
 
 /// The elements and spheres of a tool for one of SphereVolumes, on a GPU.

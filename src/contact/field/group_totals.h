@@ -25,13 +25,12 @@ struct Totals {
   return sqrt(n.x * n.x + n.y * n.y + n.z * n.z);
 }
 
-// Adds volumes, energies and forces of a vector of elements; the force is `weight` n.
+// Adds volumes, energies and forces of a vector of elements.
 template <class Job, class Element>
 [[gnu::always_inline]] inline void add_measure(const Job& job, std::size_t slot, const Element& e,
-                                               VecF phi, const CutBall<VecF>& cut, VecF weight,
-                                               const Gradient3<VecF>& n, int part,
-                                               Totals& totals) {
-  const VecF x = weight * n.x, y = weight * n.y, z = weight * n.z;
+                                               VecF phi, const CutBall<VecF>& cut,
+                                               const Gradient3<VecF>& n, int part, Totals& totals) {
+  const VecF x = cut.volume * n.x, y = cut.volume * n.y, z = cut.volume * n.z;
   totals.volume.add(part, cut.volume);
   totals.potential.add(part, cut.potential);
   totals.fx.add(part, x);
@@ -66,21 +65,21 @@ struct GroupTotals {
     const VecF phi = select(is_touching, field, e.radius);
     const VecF factor = load(job.factor + slot);
     const CutBall<VecF> cut = cut_ball(e.radius, factor, phi);
-    add(job, slot, e, phi, cut, cut.volume, disc_of(e.radius, factor, phi), n, h, part);
+    add(job, slot, e, phi, cut, disc_of(e.radius, factor, phi), n, h, part);
   }
 
-  /// Adds a vector of elements with the force `weight` n, which changes by `disc` n n^T.
+  /// Adds a vector of elements whose volumes shrink by `disc` phi.
   template <class Job, class Element>
   [[gnu::always_inline]] void add(const Job& job, std::size_t slot, const Element& e, VecF phi,
-                                  const CutBall<VecF>& cut, VecF weight, VecF disc,
-                                  const Gradient3<VecF>& n, const Symmetric<VecF>& h, int part) {
+                                  const CutBall<VecF>& cut, VecF disc, const Gradient3<VecF>& n,
+                                  const Symmetric<VecF>& h, int part) {
     const VecF length = length_of(n);
     const Gradient3<VecF> shortened = bounded(n, length);
-    add_measure(job, slot, e, phi, cut, weight, shortened, part, totals);
+    add_measure(job, slot, e, phi, cut, shortened, part, totals);
     if constexpr (kWithStiffness) {
       const VecF factor = load(job.factor + slot);
       VecF terms[StiffnessSums::kNum];
-      stiffness_terms<VecF>({e.lx, e.ly, e.lz}, weight, disc,
+      stiffness_terms<VecF>({e.lx, e.ly, e.lz}, cut.volume, disc,
                             polar_moment<VecF>(e.radius, factor, phi), shortened,
                             bounded(h, n, length), terms);
       for (int i = 0; i < StiffnessSums::kNum; ++i) numbers[i].add(part, terms[i]);

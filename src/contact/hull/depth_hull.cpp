@@ -183,6 +183,7 @@ ContactResult DepthHull::measure(std::span<const SurfaceBlend> cameras, const Po
     result.stiffness = sums.stiffness.stiffness();
     result.moments = sums.stiffness.moments();
   }
+  keep_bounds(result);
   if (!wants.has_spheres()) return result;
   std::fill(wants.states.begin(), wants.states.end(), SphereState::outside);
   std::fill(wants.planes.begin(), wants.planes.end(), Plane<float>{});

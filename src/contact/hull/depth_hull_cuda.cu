@@ -5,6 +5,7 @@
 
 #include "src/contact/blend.h"
 #include "src/contact/cuda/finish_measure.cuh"
+#include "src/contact/field/field_contact.h"
 #include "src/contact/field/field_elements_cuda.cuh"
 #include "src/contact/hull/camera_seats.h"
 #include "src/contact/hull/hull_rules.h"
@@ -294,7 +295,8 @@ __global__ void __launch_bounds__(kHullThreads, 2)
     }
     const ElementBall at = elements.balls[cluster * SphereClusters::kSize + gpu::lane_id()];
     const bool is_ball = cluster >= elements.first_ball;
-    const Ball ball{at.x, at.y, at.z, at.radius, (is_ball ? kBallExtent : 1.0f) * at.radius};
+    const bool is_part = is_ball && gpu::lane_id() < kNumBallParts;
+    const Ball ball{at.x, at.y, at.z, at.radius, (is_part ? kPartExtent : 1.0f) * at.radius};
     for (int view = gpu::warp_id(); view < num_views(query); view += kHullWarps) {
       views.store(view,
                   query_view<Sample>(query, view, ball, queries_in_front(query, view, cluster)));
@@ -337,8 +339,8 @@ __global__ void __launch_bounds__(kHullThreads, 2)
       Symmetric<float> h{};
       if constexpr (kWithStiffness) h = hull.h;
       if (is_ball) {
-        add_ball<kWithStiffness>(elements, element, g.phi, is_touching, true, {g.x, g.y, g.z}, h,
-                                 share, &stiffness);
+        add_ball<kWithStiffness>(elements.places, elements.ball_factor[cluster], element, g.phi,
+                                 is_touching, true, {g.x, g.y, g.z}, h, share, &stiffness);
       } else if (is_touching) {
         add_cut<kWithStiffness>(element, g.phi, {g.x, g.y, g.z}, h, share, &stiffness);
       }
@@ -559,6 +561,7 @@ ContactResult DepthHullCuda::measure(std::span<const SurfaceBlend> cameras, cons
     result.stiffness = sums.stiffness();
     result.moments = sums.moments();
   }
+  keep_bounds(result);
   if (!wants.has_spheres()) return result;
   if (is_few) {
     describe<kFewCameras>(views, wants, cuts, stream);

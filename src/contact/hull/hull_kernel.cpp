@@ -149,10 +149,10 @@ class Hull {
     }
   }
 
-  // Returns false if some camera sees that all elements are free. Values count up to so many radii.
-  bool evaluate(std::size_t slot, float radii) {
+  // Returns false if some camera sees that all elements of vector `number` of a cluster are free.
+  bool evaluate(std::size_t slot, bool is_ball, int number) {
     radius_ = load(job_.tool.radius + slot);
-    extent_ = radii * radius_;
+    extent_ = extent_of(radius_, is_ball, number);
     if (!look(slot)) return false;
     join_seen_free();
     if (job_.has_memory) join_remembered(slot);
@@ -254,8 +254,7 @@ class Hull {
         const int seat = eye.seat(f);
         const float(&R_WC)[3][3] = eye.camera->R_WC[seat];
         deepen(eye.seen_free, f, answer.lanes[seat], may_be_deep, answer.samples[f]);
-        moments[f] =
-            in_world(R_WC, eye.camera->field.frame, answer.lanes[seat], answer.samples[f],
+        moments[f] = in_world(R_WC, eye.camera->field.frame, answer.lanes[seat], answer.samples[f],
                               radius_, extent_);
         if (answer.queries_in_front) {
           deepen(eye.in_front, f, answer.lanes[seat], may_be_deep, answer.in_front[f]);
@@ -424,8 +423,8 @@ class Hull {
 };
 
 /// Calls f(slot, elements in the world, hull, part of the sums) for vectors of elements of which no
-/// camera sees that all are free, and ball(slot, hull) behind all of a ball in parts of which one was
-/// called.
+/// camera sees that all are free, and ball(slot, hull) behind all of a ball in parts of which one
+/// was called.
 template <class Sample, class F, class Ball>
 [[gnu::always_inline]] inline void for_each_touching(const HullJob& job, int group, const F& f,
                                                      const Ball& ball) {
@@ -447,7 +446,7 @@ template <class Sample, class F, class Ball>
     bool is_touching = false;
     for (int i = 0; i < kNumVectors; ++i) {
       const auto slot = static_cast<std::size_t>(cluster * kSize + i * kLanes);
-      if (!hull.evaluate(slot, is_ball ? kBallExtent : 1.0f)) continue;
+      if (!hull.evaluate(slot, is_ball, i)) continue;
       f(slot, aim(job.tool, eyes[0].field.grid, slot), hull, i % RowSums::kParts);
       is_touching = true;
     }
@@ -490,7 +489,7 @@ template <class Sample>
           parts.lanes[i] = Lanes{};
           parts.lanes[i].radius = radius;
           parts.is_touching[i] = VecI{};
-          parts.phi[i] = free_limit(radius, kBallExtent * radius);
+          parts.phi[i] = free_limit(radius, kPartExtent * radius);
           parts.n[i] = Gradient3<VecF>{};
           parts.h[i] = Symmetric<VecF>{};
         }

@@ -32,6 +32,8 @@ namespace palpate::inline v0 {
 
 /// In radii: half the width over which two cameras are joined.
 inline constexpr float kHullCorner = 0.1f;
+/// In radii: half the width over which values are limited.
+inline constexpr float kLimitCorner = 0.25f;
 /// Cameras that differ by less, m, may see the same surface.
 inline constexpr float kAgreement = 0.003f;
 
@@ -143,7 +145,8 @@ PALPATE_FORMULA Real front_margin(Real radius) {
 /// `extent` count, which is the radius but for the parts of balls.
 template <class Real>
 PALPATE_FORMULA Real free_limit(Real radius, Real extent) {
-  return radius + extent + agreement(radius);
+  const Real own = 2.0f * radius + agreement(radius), least = extent + kLimitCorner * radius;
+  return own < least ? least : own;
 }
 
 /// What is free by more has not come before anything.
@@ -191,11 +194,10 @@ PALPATE_FORMULA Sample agreed(const Sample& a, const Sample& b, Real wide) {
 /// Returns the lesser one of phi and free_limit, by phi.
 template <class Real>
 PALPATE_FORMULA Curved<Real> limited(Real phi, Real radius, Real extent) {
-  // Nothing changes below the extent, 0.75 radii and W.
-  constexpr float kShare = 0.25f;
-  const Real k = kShare * radius;
+  // Nothing changes up to the extent.
+  const Real k = kLimitCorner * radius;
   const Curved<Real> above =
-      even_corner(phi - free_limit(radius, extent) + k, k, (1.0f / kShare) / radius);
+      even_corner(phi - free_limit(radius, extent) + k, k, (1.0f / kLimitCorner) / radius);
   return {phi - above.value, 1.0f - above.slope, -above.bend};
 }
 

@@ -17,8 +17,8 @@ constexpr double kLargestEven = 0.2214;
 // So many times the volume of the ball around the tool is more than disjoint spheres can have,
 // stretched to balls (RepresentedParts).
 constexpr double kMaxFilling = 1.5 * 1.5 * 1.5;
-// Values of a ball in parts that lie on a plane off the ball have a part that is farther from it than
-// this, in its radii.
+// Values of a ball in parts that lie on a plane off the ball have a part that is farther from it
+// than this, in its radii.
 constexpr float kBallMargin = 1.25f;
 
 struct Element {
@@ -28,9 +28,10 @@ struct Element {
   bool counted;
 };
 
-/// `balls`: numbers of the elements of balls in thirty parts.
+/// Also gives the numbers of the elements of each ball in thirty parts, and the volume of each.
 std::vector<Element> elements_of(const Tool& tool, SphereVolumes volumes, LargeSpheres large,
-                                 std::vector<std::int32_t>& balls) {
+                                 std::vector<std::int32_t>& balls,
+                                 std::vector<double>& volumes_of_balls) {
   double reach = 0;
   std::vector<Element> elements;
   for (std::size_t id = 0; id < tool.spheres().size(); ++id) {
@@ -53,21 +54,28 @@ std::vector<Element> elements_of(const Tool& tool, SphereVolumes volumes, LargeS
   std::vector<BallPart> parts = thirty_parts();
   double parted = 0;  // radius of the last sphere in even parts
   const std::size_t num_spheres = elements.size();
-  for (std::size_t i = 0; i < num_spheres; ++i) {
-    if (elements[i].radius <= largest) continue;
+  for (std::size_t i = 0; i < elements.size(); ++i) {
+    // Even parts are small enough, and so is what only stands behind the parts of a ball.
+    if (elements[i].radius <= largest || elements[i].volume == 0) continue;
+    if (is_even && i >= num_spheres) break;
     const Element whole = elements[i];
     if (is_even && whole.radius != parted) {
       parts = even_parts(largest / whole.radius);
       parted = whole.radius;
     }
+    std::vector<std::int32_t> run;
     for (const BallPart& part : parts) {
-      if (!is_even) balls.push_back(static_cast<std::int32_t>(elements.size()));
+      run.push_back(static_cast<std::int32_t>(elements.size()));
       elements.push_back({whole.centre + whole.radius * part.centre, whole.radius * part.radius,
                           whole.volume * part.share, false});
     }
-    // What is left of it is only counted.
     elements[i].volume = 0;
-    if (!is_even) balls.push_back(static_cast<std::int32_t>(i));
+    if (is_even) continue;
+    // A part has its place in the cluster of the larger ball.
+    run.push_back(static_cast<std::int32_t>(i < num_spheres ? i : elements.size()));
+    if (i >= num_spheres) elements.push_back({whole.centre, whole.radius, 0, false});
+    balls.insert(balls.end(), run.begin(), run.end());
+    volumes_of_balls.push_back(whole.volume);
   }
   return elements;
 }
@@ -88,8 +96,10 @@ Sphere field_ball(const Tool& tool, std::size_t id, SphereVolumes volumes) {
 
 FieldElements::FieldElements(const Tool& tool, SphereVolumes volumes, LargeSpheres large)
     : clusters(std::vector<Sphere>{}) {
+  (void)ball_places();  // made now, not by the first query
   std::vector<std::int32_t> balls;
-  const std::vector<Element> elements = elements_of(tool, volumes, large, balls);
+  std::vector<double> volumes_of_balls;
+  const std::vector<Element> elements = elements_of(tool, volumes, large, balls, volumes_of_balls);
   clusters = SphereClusters(balls_of(elements), balls, kNumBallParts + 1);
   radius = clusters.radius;
   factor.resize(radius.size());
@@ -110,7 +120,12 @@ FieldElements::FieldElements(const Tool& tool, SphereVolumes volumes, LargeSpher
   for (int cluster = 0; cluster < clusters.num_clusters(); ++cluster) {
     const auto begin = radius.begin() + std::ptrdiff_t{cluster} * SphereClusters::kSize;
     const float largest = *std::max_element(begin, begin + SphereClusters::kSize);
-    largest_radius.push_back(cluster < first_ball() ? largest : kBallMargin * largest);
+    const int ball = cluster - first_ball();
+    largest_radius.push_back(ball < 0 ? largest : kBallMargin * largest);
+    const double share = ball < 0 ? 0
+                                  : volumes_of_balls[static_cast<std::size_t>(ball)] /
+                                        sphere_volume(static_cast<double>(largest));
+    ball_factor.push_back(static_cast<float>(share));
   }
 }
 

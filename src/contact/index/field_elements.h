@@ -27,15 +27,17 @@ enum class LargeSpheres {
 };
 
 /// Elements are in cluster order; centers are relative to the tool's center of mass. The numbers
-/// (`sphere_id`) of those that are counted are those of their spheres. The parts of a ball in thirty
-/// are a cluster of their own, in the order of ball_places, with an element behind them that stands
-/// for the sphere where spheres are counted and has its radius, but no volume.
+/// (`sphere_id`) of those that are counted are those of their spheres. The parts of a ball in
+/// thirty are a cluster of their own, in the order of ball_places, with an element behind them that
+/// has the radius of the ball and no volume. Parts that are still large are balls in parts
+/// themselves: in the cluster of the larger ball they have no volume either, and only tell where
+/// its plane lies.
 struct FieldElements {
   FieldElements(const Tool& tool, SphereVolumes volumes,
                 LargeSpheres large = LargeSpheres::in_thirty);
 
   std::size_t num_bytes() const {
-    return clusters.num_bytes() + bytes_of(radius, factor, counted, largest_radius);
+    return clusters.num_bytes() + bytes_of(radius, factor, counted, largest_radius, ball_factor);
   }
 
   /// The clusters from this one on are the parts of balls.
@@ -47,6 +49,7 @@ struct FieldElements {
   std::vector<float> factor;          ///< volume that counts / volume of the ball; padding: 0
   std::vector<float> counted;         ///< 1: stands for its sphere when spheres are counted
   std::vector<float> largest_radius;  ///< per cluster: nothing touches that is farther away
+  std::vector<float> ball_factor;     ///< per cluster: that of the ball, 0 if it is none
   double reach = 0;                   ///< no centre is farther from the tool's centre of mass, m
 };
 

@@ -27,8 +27,8 @@ class SphereClusters {
   static constexpr int kClustersPerGroup = 16;
 
   explicit SphereClusters(std::span<const Sphere> spheres) : SphereClusters(spheres, {}, kSize) {}
-  /// Numbers of spheres that stay together, `run` at a time and in this order: clusters behind those
-  /// of all other spheres.
+  /// Numbers of spheres that stay together, `run` at a time and in this order: clusters behind
+  /// those of all other spheres.
   SphereClusters(std::span<const Sphere> spheres, std::span<const std::int32_t> together, int run);
 
   int num_clusters() const { return static_cast<int>(clusters.size()); }

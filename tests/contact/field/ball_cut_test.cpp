@@ -1,5 +1,5 @@
-// A ball in thirty parts, corrected by a plane: exact on planes, the derivative of one potential, and
-// never a force without volume.
+// A ball in thirty parts, corrected by a plane: exact on planes, the derivative of one potential,
+// and never a force without volume.
 #include "src/contact/field/ball_cut.h"
 
 #include <gtest/gtest.h>
@@ -82,12 +82,12 @@ TEST(BallCut, IsTheDerivativeOfOnePotential) {
     const Row phi = rough_values(at, random.uniform(0, 0.35), random);
     const auto plane = ball_plane<double>(at, phi, sum, true);
     (plane.is_plane ? num_planes : num_bent)++;
-    const Row volume = parts_only(at, phi) + plane.volume;
     test::BallValues values;
     for (int k = 0; k < 30; ++k) values[static_cast<std::size_t>(k)] = phi[k];
-    const test::BallValues want = test::ball_volumes(values);
+    const test::BallValues want = test::ball_corrections(values);
+    ASSERT_NEAR(plane.potential, test::ball_correction(values), 1e-6);
     for (int k = 0; k < 30; ++k) {
-      ASSERT_NEAR(volume[k], want[static_cast<std::size_t>(k)], 2e-6);
+      ASSERT_NEAR(plane.volume[k], want[static_cast<std::size_t>(k)], 2e-6);
     }
     // Second derivatives, along some change of the values.
     Row change{};
@@ -127,10 +127,11 @@ TEST(BallCut, TakesLittleAndOnlyFromPlanes) {
   EXPECT_FALSE(ball_plane<double>(at, edge, sum, false).is_plane);
   EXPECT_LT(most, 0.0077 * kWhole);
   EXPECT_GT(least, -0.003 * kWhole);
-  EXPECT_EQ(ball_scale(0.0, 1.0), 0);
-  EXPECT_EQ(ball_scale(-1.0, 1.0), 0);
-  EXPECT_EQ(ball_scale(1.0, 1.04), 1);
-  EXPECT_NEAR(ball_scale(1.0, 2.1), 0.5, 1e-6);
+  EXPECT_EQ(force_scale(0.0, 1.0), 0);
+  EXPECT_EQ(force_scale(-1.0, 1.0), 0);
+  EXPECT_EQ(force_scale(0.0, 0.0), 1);
+  EXPECT_EQ(force_scale(1.0, 1.04), 1);
+  EXPECT_NEAR(force_scale(1.0, 2.1), 0.5, 1e-6);
 }
 
 }  // namespace

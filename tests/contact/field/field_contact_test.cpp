@@ -535,8 +535,9 @@ TEST(FieldElements, AreWhereTheVolumeIs) {
       const Vec3d lever = mass.centre_of_mass - C_T;
       EXPECT_LE(norm(first - all * lever), 2e-5 * all) << "metres";
       // Half the trace of the inertia about the centre of mass is the second moment.
-      const double want = 0.5 * (mass.inertia.m[0][0] + mass.inertia.m[1][1] + mass.inertia.m[2][2]) +
-                          all * dot(lever, lever);
+      const double want =
+          0.5 * (mass.inertia.m[0][0] + mass.inertia.m[1][1] + mass.inertia.m[2][2]) +
+          all * dot(lever, lever);
       EXPECT_NEAR(second, want, 0.003 * want);
     }
   }

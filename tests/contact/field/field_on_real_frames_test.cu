@@ -95,9 +95,7 @@ std::vector<Isa> isas() {
 VolumeWrench unbounded_wrench(const Tool& tool, const FieldElements& elements,
                               const DepthFieldView& field, const Pose& X_WT) {
   constexpr double kUnbounded = 1e9;
-  return test::sum_of(
-             test::elements_truth(tool, elements, X_WT, kUnbounded, test::sampling(field)),
-             kUnbounded)
+  return test::sum_of(test::elements_truth(tool, elements, X_WT, test::sampling(field)), kUnbounded)
       .measure_W;
 }
 

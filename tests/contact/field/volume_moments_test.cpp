@@ -18,12 +18,11 @@ VolumeMoments brute_force(const Tool& tool, const FrozenField& scene, const Pose
   const FieldElements elements(tool, volumes);
   VolumeMoments sum;
   for (const test::ElementTruth& at :
-       test::elements_truth(tool, elements, X_WT, test::kLongest,
-                            test::sampling(scene.field.view()))) {
+       test::elements_truth(tool, elements, X_WT, test::sampling(scene.field.view()))) {
     const Vec3d& lever = at.lever;
     const double r = at.radius, factor = at.factor;
     const Vec3d n = at.gradient / std::max(norm(at.gradient) / test::kLongest, 1.0);
-    const double volume = at.scale * at.volume;
+    const double volume = at.volume;
     for (int row = 0; row < 3; ++row) {
       for (int column = 0; column < 3; ++column) {
         sum.first[row][column] += lever[row] * volume * n[column];

@@ -443,7 +443,8 @@ TEST(DepthHull, OneCameraSaysWhatItDoesNotSee) {
       int num_wrong = 0;
       for (std::size_t s = 0; s < marks.size(); ++s) {
         EXPECT_EQ(deciders[s], 0);
-        num_wrong += marks[s] != !is_seen_by(view.to, X_CT * to_double(tool.spheres()[s].centre));
+        num_wrong +=
+            marks[s] != !is_seen_by(view.to, X_CT * to_double(tool.represented_balls()[s].centre));
       }
       EXPECT_LE(num_wrong, 2);
     }

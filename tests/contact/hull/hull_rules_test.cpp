@@ -60,7 +60,8 @@ TEST(HullRules, DerivativesAreThoseOfTheValues) {
         case 0: return greater_of(s, t, width);
         case 1: return lesser_of(s, t, width);
         case 2: return agreed(s, t, wide);
-        default: return composed(limited(s.first.phi + free_limit(radius, extent), radius, extent), s);
+        default:
+          return composed(limited(s.first.phi + free_limit(radius, extent), radius, extent), s);
       }
     };
     for (int rule = 0; rule < 4; ++rule) {
