@@ -8,6 +8,7 @@
 #include "python/src/arrays.h"
 #include "python/src/bindings.h"
 #include "src/contact/field/ball_cut.h"
+#include "src/contact/hull/hull_rules.h"
 #include "src/contact/index/ball_parts.h"
 #include "src/contact/index/field_elements.h"
 #include "src/field/internal/field_curvature.h"
@@ -112,6 +113,20 @@ class Differentiated {
     for (int k = 0; k < StiffnessSums::kNum; ++k) sums.stiffness.numbers[k] += terms[k];
   }
 
+  /// Limits what the field says to a part that is far off, as FieldContact does.
+  static void limit(Element& e) {
+    const Vec3d n = e.at.gradient;
+    const Curved<double> f = limited(e.at.phi, e.radius, kPartExtent * e.radius);
+    for (int row = 0; row < 3; ++row) {
+      for (int column = 0; column < 3; ++column) {
+        double& h = e.at.hessian.m[row][column];
+        h = f.slope * h + f.bend * n[row] * n[column];
+      }
+    }
+    e.at.phi = f.value;
+    e.at.gradient = f.slope * n;
+  }
+
   /// Adds the ball in parts that a cluster is (ball_cut.h).
   void add_ball(const DepthFieldView& field, const Pose& X_CT, std::size_t begin,
                 Sums& sums) const {
@@ -120,8 +135,10 @@ class Differentiated {
     bool is_complete = true;
     for (int i = 0; i <= kNumBallParts; ++i) {
       parts.push_back(element(field, X_CT, begin + static_cast<std::size_t>(i)));
-      is_complete &= parts.back().is_before_camera;
-      phi[i] = parts.back().at.phi;
+      Element& e = parts.back();
+      is_complete &= e.is_before_camera;
+      if (i < kNumBallParts) limit(e);
+      phi[i] = e.at.phi;
     }
     const double R = parts.back().radius;
     BallPlane<Row, double> plane;

@@ -93,11 +93,18 @@ inline Penetration sum_of(const std::vector<ElementTruth>& elements, double long
 
 /// Fills in what a depth field says.
 inline auto sampling(const DepthFieldView& field) {
-  return [&field](ElementTruth& e, const Vec3d& p_C, double) {
+  return [&field](ElementTruth& e, const Vec3d& p_C, double extent) {
     const FieldSample<double> at = sample_field(field, p_C, e.radius);
     e.phi = at.phi;
     e.gradient = at.gradient;
     e.has_value = p_C.z > double{kMinDepth};
+    if (extent == e.radius) return;
+    // The lesser one of it and what is free, rounded.
+    const double corner = 0.25 * e.radius, free = extent + corner;
+    const double limit = std::max(2 * e.radius + 0.003 + 0.2 * e.radius, free);
+    const double over = std::clamp((at.phi - limit + corner) / (2 * corner), 0.0, 1.0);
+    e.phi = over < 1 ? at.phi - corner * over * over : limit;
+    e.gradient = (1 - over) * at.gradient;
   };
 }
 

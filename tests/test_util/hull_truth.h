@@ -56,7 +56,7 @@ inline HullSample hull_view(const SurfaceBlend& view, const Vec3d& p_W, double r
   const auto at = [&](const SurfaceView& surface) {
     const Vec3d p_C = inverse(surface.X_WC) * p_W;
     const auto [phi, gradient] = sample_field(surface.*field, p_C, radius);
-    const HullSample far{radius + extent + agreement_of(radius), {}};
+    const HullSample far{std::max(2 * radius + agreement_of(radius), extent + 0.25 * radius), {}};
     HullSample here =
         rounded_min({phi, rotate(surface.X_WC.rotation, gradient)}, far, 0.25 * radius);
     if (joins_in_front) {
@@ -88,14 +88,15 @@ struct HullTruth {
   double seen_phi = 0;  ///< of what they have seen to be free, or remember to be
   int decider = -1;     ///< of the cameras
 };
+inline bool is_remembered(const SurfaceBlend& view) { return view.to.remembered.num_levels > 0; }
+/// The free space of a single camera is not queried, and nothing is behind its eye.
+inline bool is_alone(std::span<const SurfaceBlend> views) {
+  return views.size() == 1 && !is_remembered(views[0]);
+}
 inline HullTruth hull_of(std::span<const SurfaceBlend> views, const Vec3d& p_W, double radius,
                          double extent) {
   const double w = 0.1 * radius, wide = agreement_of(radius);
-  const auto is_remembered = [](const SurfaceBlend& view) {
-    return view.to.remembered.num_levels > 0;
-  };
-  // The free space of a single camera is not queried.
-  if (views.size() == 1 && !is_remembered(views[0])) {
+  if (is_alone(views)) {
     const bool joins = views[0].to.in_front.num_levels > 0;
     return {hull_view(views[0], p_W, radius, extent, &SurfaceView::field, false, joins), 0, 0};
   }
@@ -152,6 +153,11 @@ inline Penetration hull_truth(const Tool& tool, std::span<const SurfaceBlend> vi
     e.phi = hull.at.phi;
     e.gradient = hull.at.gradient;
     e.is_unseen = hull.seen_phi < -kSeenBehind;
+    if (!is_alone(views)) return;
+    for (const SurfaceView* const at : {&views[0].from, &views[0].to}) {
+      if (views[0].progress >= 1 && at == &views[0].from) continue;
+      e.has_value &= (inverse(at->X_WC) * p_W).z > double{kMinDepth};
+    }
   };
   return sum_of(elements_truth(tool, elements, X_WT, sample), longest);
 }

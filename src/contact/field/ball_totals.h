@@ -4,6 +4,7 @@
 
 #include "src/contact/field/ball_cut.h"
 #include "src/contact/field/group_totals.h"
+#include "src/contact/hull/hull_rules.h"
 #include "src/contact/index/ball_parts.h"
 
 namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
@@ -50,26 +51,24 @@ inline void put(VecF vector, int number, Row& row) {
   return select(lane_ids() + number * kLanes < splat(kNumBallParts), kPartExtent * radius, radius);
 }
 
-/// What a field says to the elements of a cluster.
+/// What a field says to the elements of a cluster, in W.
 struct BallSamples {
   Lanes lanes[kNumVectors];
   VecI is_touching[kNumVectors];
-  VecF phi[kNumVectors];
-  Gradient3<VecF> n[kNumVectors];
-  Symmetric<VecF> h[kNumVectors];
+  SpaceCurvature<VecF> field[kNumVectors];
   bool is_complete = true;  ///< every part has a value
 };
 
 /// Adds the ball that the cluster from slot `begin` on is; few tools have more than a dozen.
 template <bool kWithStiffness>
-[[gnu::noinline]] void add_ball(const MeasureJob& job, std::size_t begin, BallSamples& at,
+[[gnu::noinline]] void add_ball(const MeasureJob& job, std::size_t begin, const BallSamples& at,
                                 GroupTotals<kWithStiffness>& totals) {
   const auto& places = ball_places().rows;
   const BallRows<Row> parts{row_of(places[0]), row_of(places[1]), row_of(places[2]),
                             row_of(places[3])};
   const SumOfRow sum;
   Row phi{};
-  for (int i = 0; i < kNumVectors; ++i) put(at.phi[i], i, phi);
+  for (int i = 0; i < kNumVectors; ++i) put(at.field[i].first.phi, i, phi);
   const float radius = job.radius[begin + kNumBallParts];
   BallPlane<Row, float> plane;
   if (at.is_complete) {
@@ -83,8 +82,9 @@ template <bool kWithStiffness>
     const Lanes& e = at.lanes[i];
     const VecF factor = load(job.factor + slot);
     const VecI counts = at.is_touching[i] | splat(plane.is_plane ? -1 : 0);
-    const Gradient3<VecF> gradient = chosen(counts, at.n[i]);
-    const VecF touching = select(at.is_touching[i], at.phi[i], e.radius);
+    const SpaceGradient<VecF>& g = at.field[i].first;
+    const Gradient3<VecF> gradient = chosen(counts, Gradient3<VecF>{g.x, g.y, g.z});
+    const VecF touching = select(at.is_touching[i], g.phi, e.radius);
     CutBall<VecF> cut = cut_ball(e.radius, factor, touching);
     cut.volume += thrice * vector_of(plane.volume, i);
     if (i == 0) cut.potential[0] += thrice * radius * plane.potential;
@@ -98,7 +98,7 @@ template <bool kWithStiffness>
         put(numbers[axis + 3], i, lever[axis]);
       }
     }
-    totals.add(job, slot, e, touching, cut, disc, gradient, chosen(counts, at.h[i]),
+    totals.add(job, slot, e, touching, cut, disc, gradient, chosen(counts, at.field[i].h),
                i % RowSums::kParts);
   }
   if constexpr (kWithStiffness) {

@@ -6,6 +6,7 @@
 #include "src/contact/cuda/query_answer.h"
 #include "src/contact/field/ball_cut.h"
 #include "src/contact/field/field_tool_cuda.h"
+#include "src/contact/hull/hull_rules.h"
 #include "src/gpu/team.cuh"
 
 namespace palpate::inline v0 {
@@ -343,15 +344,19 @@ __device__ void add_ball(const FieldLook& field, const float* places, float coun
   const ElementLook at = look_at(field.frame, p);
   const Sample answer = query_deep<Sample>(field, at, e.radius);
   const Gradient& g = first_of(answer);
-  const Gradient3<float> gradient =
+  const Gradient3<float> n =
       to_space(g, at.from_u, at.from_v, at.inverse_depth, field.frame.fx, field.frame.fy);
-  Symmetric<float> h{};
+  SpaceCurvature<float> here{{g.phi, n.x, n.y, n.z}, {}};
   if constexpr (kWithStiffness) {
-    h = hessian_in_space(answer, at.from_u, at.from_v, at.inverse_depth, field.frame.fx,
-                         field.frame.fy);
+    here.h = hessian_in_space(answer, at.from_u, at.from_v, at.inverse_depth, field.frame.fx,
+                              field.frame.fy);
   }
-  add_ball<kWithStiffness>(places, count, e, g.phi, is_before_camera && g.phi < e.radius,
-                           is_before_camera, gradient, h, sum, sums);
+  // As in the depth hull, what is far off is limited.
+  const float extent = (gpu::lane_id() < kNumBallParts ? kPartExtent : 1.0f) * e.radius;
+  here = composed(limited(g.phi, e.radius, extent), here);
+  const SpaceGradient<float>& first = here.first;
+  add_ball<kWithStiffness>(places, count, e, first.phi, is_before_camera && first.phi < e.radius,
+                           is_before_camera, {first.x, first.y, first.z}, here.h, sum, sums);
 }
 
 /// Adds what a thread has found.

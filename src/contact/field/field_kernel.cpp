@@ -95,11 +95,13 @@ template <class Sample, int kFields>
           const Gradient& g = first_of(sample);
           ball.is_touching[i] = answers.fields[i].is_touching[k];
           ball.is_complete &= mask_bits(~(e.lz + job.frame.p_WC[2] > splat(kMinDepth))) == 0;
-          ball.phi[i] = g.phi;
-          ball.n[i] = to_space(g, e.from_u, e.from_v, e.inverse_depth, fx, fy);
+          const Gradient3<VecF> n = to_space(g, e.from_u, e.from_v, e.inverse_depth, fx, fy);
+          SpaceCurvature<VecF>& field = ball.field[i] = {{g.phi, n.x, n.y, n.z}, {}};
           if constexpr (kWithStiffness) {
-            ball.h[i] = hessian_in_space(sample, e.from_u, e.from_v, e.inverse_depth, fx, fy);
+            field.h = hessian_in_space(sample, e.from_u, e.from_v, e.inverse_depth, fx, fy);
           }
+          // As in the depth hull.
+          field = composed(limited(g.phi, e.radius, extent_of(e.radius, true, i)), field);
         }
         add_ball(job, begin, ball, totals[k]);
       });

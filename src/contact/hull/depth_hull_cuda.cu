@@ -123,6 +123,19 @@ __device__ InSpace<Sample> query_memory(const HullQuery<kMaxViews>& query, int v
   return between<Sample>(eye, is_seen ? eye.in_front : eye.remembered, ball, !is_seen, false);
 }
 
+// Has a ball a value? A single camera knows nothing of what is behind its eye.
+template <int kMaxViews>
+__device__ bool is_complete(const HullQuery<kMaxViews>& query, const Ball& ball) {
+  if (!query.is_alone) return true;
+  const HullEye& eye = query.eyes[0];
+  for (int seat = 0; seat < (eye.has_moved ? eye.num_fields : 1); ++seat) {
+    float p[3];
+    place(eye.field[seat].frame, ball, p);
+    if (!(p[2] > kMinDepth)) return false;
+  }
+  return true;
+}
+
 // What all views together say about a ball of this radius, and which camera decides it (-1: none);
 // view(number) is what one of them says.
 template <class Space>
@@ -340,7 +353,8 @@ __global__ void __launch_bounds__(kHullThreads, 2)
       if constexpr (kWithStiffness) h = hull.h;
       if (is_ball) {
         add_ball<kWithStiffness>(elements.places, elements.ball_factor[cluster], element, g.phi,
-                                 is_touching, true, {g.x, g.y, g.z}, h, share, &stiffness);
+                                 is_touching, is_complete(query, ball), {g.x, g.y, g.z}, h, share,
+                                 &stiffness);
       } else if (is_touching) {
         add_cut<kWithStiffness>(element, g.phi, {g.x, g.y, g.z}, h, share, &stiffness);
       }

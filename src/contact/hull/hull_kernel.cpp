@@ -3,7 +3,6 @@
 
 #include "src/contact/field/ball_totals.h"
 #include "src/contact/hull/depth_hull.h"
-#include "src/contact/hull/hull_rules.h"
 
 namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
 namespace {
@@ -159,6 +158,14 @@ class Hull {
     seen_phi = first_of(hull).phi;
     join_fields(slot);
     return true;
+  }
+
+  // Has every element a value? A single camera knows nothing of what is behind its eye.
+  bool is_complete() const {
+    if (!job_.is_alone) return true;
+    VecI is_before = answers_[0].before[0] > VecF{};
+    if (eyes_[0].seat(eyes_[0].num_fields - 1) > 0) is_before &= answers_[0].before[1] > VecF{};
+    return mask_bits(~is_before) == 0;
   }
 
   VecI is_unseen() const { return seen_phi < splat(-static_cast<float>(kSeenBehind)); }
@@ -476,9 +483,8 @@ template <class Sample>
         const std::size_t i = slot % kSize / kLanes;
         parts.lanes[i] = e;
         parts.is_touching[i] = g.phi < e.radius;
-        parts.phi[i] = g.phi;
-        parts.n[i] = {g.x, g.y, g.z};
-        parts.h[i] = h;
+        parts.field[i] = {g, h};
+        parts.is_complete &= at.is_complete();
         known |= 1u << i;
       },
       [&](std::size_t begin) {
@@ -489,12 +495,11 @@ template <class Sample>
           parts.lanes[i] = Lanes{};
           parts.lanes[i].radius = radius;
           parts.is_touching[i] = VecI{};
-          parts.phi[i] = free_limit(radius, kPartExtent * radius);
-          parts.n[i] = Gradient3<VecF>{};
-          parts.h[i] = Symmetric<VecF>{};
+          parts.field[i] = SpaceCurvature<VecF>{{free_limit(radius, kPartExtent * radius)}, {}};
         }
-        known = 0;
         add_ball(job.tool, begin, parts, totals);
+        parts.is_complete = true;
+        known = 0;
       });
   totals.write(*to);
   to->measure.unseen = unseen.total();
