@@ -62,22 +62,32 @@ std::size_t nearest_by_power(const std::vector<Sphere>& spheres, const Vec3d& p)
   return best;
 }
 
+/// Moments about the origin.
+struct SampledPart {
+  double volume = 0, second = 0;
+  Vec3d first;
+};
+
 // The truth: points on a jittered grid over a cube about the origin, each looked up among all
 // spheres. Whether one is inside is known by the closed form of the solid, not by its triangles.
 template <class Inside>
-std::vector<double> sampled_volumes(double size, Inside&& inside,
-                                    const std::vector<Sphere>& spheres) {
+std::vector<SampledPart> sampled_parts(double size, Inside&& inside,
+                                       const std::vector<Sphere>& spheres) {
   constexpr int kSide = 200;
   test::Random random(1);
   const double h = size / kSide;
-  std::vector<double> volumes(spheres.size());
+  std::vector<SampledPart> parts(spheres.size());
   for (int i = 0; i < kSide * kSide * kSide; ++i) {
     const Vec3d cell{double(i % kSide), double(i / kSide % kSide), double(i / kSide / kSide)};
     const Vec3d p =
         (cell + Vec3d{0.5, 0.5, 0.5} + random.in_box(0.5)) * h - Vec3d{size, size, size} * 0.5;
-    if (inside(p)) volumes[nearest_by_power(spheres, p)] += h * h * h;
+    if (!inside(p)) continue;
+    SampledPart& part = parts[nearest_by_power(spheres, p)];
+    part.volume += h * h * h;
+    part.first += p * (h * h * h);
+    part.second += dot(p, p) * h * h * h;
   }
-  return volumes;
+  return parts;
 }
 
 bool in_corner(const Vec3d& p) { return !(p.x > 0 && p.y > 0); }
@@ -87,6 +97,19 @@ TEST(RepresentedVolumes, OneSphereStandsForAll) {
   const std::vector<Sphere> one{{{0, 0, 0}, 0.04f}};
   const auto volumes = represented_parts(make_box({0.1, 0.1, 0.1}), one, pool).value().volumes;
   EXPECT_NEAR(volumes[0], 1e-3, 1e-10);
+}
+
+// The ball of a cube about its center: a second moment of side^2 / 4 in all, which is 3/5 R^2.
+TEST(RepresentedVolumes, ABallHasTheSecondMomentOfItsPart) {
+  ThreadPool pool;
+  const std::vector<Sphere> one{{{0, 0, 0}, 0.04f}};
+  const RepresentedParts parts = represented_parts(make_box({0.1, 0.1, 0.1}), one, pool).value();
+  EXPECT_NEAR(norm(to_double(parts.balls[0].centre)), 0, 1e-7);
+  EXPECT_NEAR(parts.balls[0].radius, std::sqrt(5.0 / 12) * 0.1, 1e-5);
+  // A needle's ball is not as long as the needle.
+  const RepresentedParts needle =
+      represented_parts(make_box({0.1, 0.01, 0.01}), {{{{0, 0, 0}, 0.005f}}}, pool).value();
+  EXPECT_NEAR(needle.balls[0].radius, 1.5 * std::cbrt(1e-5 / sphere_volume(1.0)), 1e-6);
 }
 
 // Two spheres share a box at the plane of equal power: closed form.
@@ -108,9 +131,9 @@ TEST(RepresentedVolumes, CellsReachRoundACorner) {
   ThreadPool pool;
   const std::vector<Sphere> spheres{{{0.03f, -0.012f, 0}, 0.01f}, {{-0.045f, 0.045f, 0}, 0.003f}};
   const auto volumes = represented_parts(make_corner(0.1), spheres, pool).value().volumes;
-  const auto truth = sampled_volumes(0.1, in_corner, spheres);
+  const auto truth = sampled_parts(0.1, in_corner, spheres);
   for (std::size_t k = 0; k < 2; ++k)
-    EXPECT_NEAR(static_cast<double>(volumes[k]), truth[k], 0.003 * truth[k]);
+    EXPECT_NEAR(static_cast<double>(volumes[k]), truth[k].volume, 0.003 * truth[k].volume);
 }
 
 TEST(RepresentedVolumes, SumToTheMeshAndHoldTheirSpheres) {
@@ -130,7 +153,8 @@ TEST(RepresentedVolumes, SumToTheMeshAndHoldTheirSpheres) {
   }
 }
 
-// Measured: .1 to .45 % rms, most of it noise of the points: .04 to .16 % with four times as many.
+// Volumes, measured: .1 to .45 % rms, most of it noise of the points: .04 to .16 % with four times
+// as many.
 TEST(RepresentedVolumes, AgreeWithAFineSampling) {
   ThreadPool pool(2);
   const double size = 0.1;
@@ -145,16 +169,31 @@ TEST(RepresentedVolumes, AgreeWithAFineSampling) {
       {make_corner(size), in_corner}};
   for (const Solid& solid : solids) {
     const auto spheres = pack(solid.mesh, 100);
-    const auto volumes = represented_parts(solid.mesh, spheres, pool).value().volumes;
-    const auto truth = sampled_volumes(size, solid.inside, spheres);
-    double error2 = 0, worst = 0;
+    const auto parts = represented_parts(solid.mesh, spheres, pool).value();
+    const auto truth = sampled_parts(size, solid.inside, spheres);
+    double error2 = 0, worst = 0, shift2 = 0, radius2 = 0;
+    Vec3d first;
     for (std::size_t k = 0; k < spheres.size(); ++k) {
-      const double error = truth[k] / static_cast<double>(volumes[k]) - 1;
+      const double volume = truth[k].volume;
+      const double error = volume / static_cast<double>(parts.volumes[k]) - 1;
       error2 += error * error;
       worst = std::max(worst, std::abs(error));
+      // The ball has the centroid of the part, and its second moment about that.
+      const Vec3d c = truth[k].first / volume, got = to_double(parts.balls[k].centre);
+      const double r = parts.balls[k].radius;
+      const double want = std::sqrt(5.0 / 3 * (truth[k].second / volume - dot(c, c)));
+      const double most = 1.5 * std::cbrt(volume / sphere_volume(1.0));
+      shift2 += dot(got - c, got - c) / (r * r);
+      radius2 += std::pow(r / std::min(want, most) - 1, 2);
+      first += got * static_cast<double>(parts.volumes[k]);
     }
-    EXPECT_LT(std::sqrt(error2 / static_cast<double>(spheres.size())), 0.006);
+    const auto num = static_cast<double>(spheres.size());
+    EXPECT_LT(std::sqrt(error2 / num), 0.006);
     EXPECT_LT(worst, 0.02);
+    EXPECT_LT(std::sqrt(shift2 / num), 0.01);
+    EXPECT_LT(std::sqrt(radius2 / num), 0.01);
+    const MassProperties mass = mass_properties(solid.mesh);
+    EXPECT_LT(norm(first / mass.volume - mass.centre_of_mass), 2e-5 * size);
   }
 }
 

@@ -19,7 +19,7 @@ constexpr SolidContactKernels kKernels[] = PALPATE_BY_ISA(kSolidContact);
 // A direction of sampling with less weight is not worth its time.
 constexpr double kMinWeight = 0.1;
 // Potential of a single sphere in a light touch, over the square of the coarseness.
-constexpr double kSingle = 0.5;
+constexpr double kSingle = 0.05;
 
 void copy(const Mat3d& from, float (&to)[3][3]) {
   for (int row = 0; row < 3; ++row) {

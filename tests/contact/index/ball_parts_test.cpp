@@ -58,8 +58,8 @@ TEST(BallParts, HaveTheMomentsOfTheBall) {
 TEST(BallParts, AreCutAsTheBallIs) {
   for (const double radius : {0.15, 0.08}) {
     const PlaneError even = behind_planes(even_parts(radius));
-    EXPECT_LT(even.rms, 0.003) << radius;
-    EXPECT_LT(even.most, 0.01) << radius;
+    EXPECT_LT(even.rms, 0.0012) << radius;
+    EXPECT_LT(even.most, 0.004) << radius;
   }
 }
 
