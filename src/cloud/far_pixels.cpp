@@ -9,8 +9,6 @@ namespace {
 
 constexpr int kWordBits = 64;
 
-int side_of(int width, int height) { return std::max(width, height); }
-
 }  // namespace
 
 FarGroups::FarGroups(int width, int height)
@@ -82,15 +80,15 @@ void FarGroups::measure_groups() {
     Run& group = runs_[run.group];
     if (run.group == i) {
       group.num = 0;
-      group.least_left = run.left;
-      group.most_right = run.right;
+      group.group_left = run.left;
+      group.group_right = run.right;
       group.nearest = kNoDepth;
       group.farthest = 0;
     }
     group.num += run.right - run.left;
-    group.least_left = std::min(group.least_left, run.left);
-    group.most_right = std::max(group.most_right, run.right);
-    group.bottom = run.row;
+    group.group_left = std::min(group.group_left, run.left);
+    group.group_right = std::max(group.group_right, run.right);
+    group.group_bottom = run.row;
   }
 }
 
@@ -98,8 +96,7 @@ void FarGroups::look_beside(const float* depth, std::ptrdiff_t stride) {
   for (std::int32_t i = 0; i < num_runs_; ++i) {
     const Run& run = runs_[i];
     Run& group = runs_[run.group];
-    const int side = side_of(group.most_right - group.least_left, group.bottom - group.row + 1);
-    if (group.num < kFewestFar || side > kFarSide) continue;  // it does not matter
+    if (group.num < kMinFarPixels || group.side() > kFarSide) continue;  // it does not matter
     for (int v = run.row - 1; v <= run.row + 1; ++v) {
       const float* const row = depth + v * stride;
       for (int u = run.left - 1; u <= run.right; ++u) {  // into the margin
@@ -120,8 +117,7 @@ void FarGroups::drop_errors(float* depth, std::ptrdiff_t stride, const PixelWind
   for (std::int32_t i = 0; i < num_runs_; ++i) {
     const Run& run = runs_[i];
     const Run& group = runs_[run.group];
-    const int side = side_of(group.most_right - group.least_left, group.bottom - group.row + 1);
-    if (!is_far_error(group.num, side, group.nearest, group.farthest)) continue;
+    if (!is_far_error(group.num, group.side(), group.nearest, group.farthest)) continue;
     if (run.row < own.top || run.row >= own.bottom) continue;
     float* const row = depth + run.row * stride;
     for (int u = std::max<int>(run.left, own.left); u < std::min<int>(run.right, own.right); ++u) {

@@ -4,6 +4,7 @@
 // Rules are shared by host and device.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <memory>
 #include <vector>
@@ -13,7 +14,7 @@
 
 namespace palpate::inline v0 {
 
-inline constexpr int kFewestFar = 9;  ///< pixels of a group that is no error
+inline constexpr int kMinFarPixels = 9;  ///< pixels of a group that is no error
 /// Pixels: a group that is wider or higher is no error. So wide is the widest hole that is filled
 /// (DepthFieldOptions::fill_levels up to 5).
 inline constexpr int kFarSide = 32;
@@ -23,7 +24,7 @@ inline constexpr float kFarSlope = 0.012f;
 /// Is a group of `num` pixels an error, the box around which has at most `side` pixels a side? The
 /// measurements beside it lie between `nearest` and `farthest`, m; kNoDepth and 0: there are none.
 PALPATE_HOSTDEV inline bool is_far_error(int num, int side, float nearest, float farthest) {
-  if (num < kFewestFar) return true;
+  if (num < kMinFarPixels) return true;
   if (side > kFarSide) return false;
   return !(farthest - nearest > kFarSlope * static_cast<float>(side + 1) * nearest);
 }
@@ -33,21 +34,23 @@ class FarGroups {
  public:
   FarGroups(int width, int height);
 
-  /// One bit a pixel, written anew for each image: measured as far.
+  /// One bit a pixel, written anew for each image: measured as far. Rows begin at a word.
   std::uint64_t* bits() { return bits_.data(); }
-  int words_per_row() const { return words_per_row_; }
 
   /// Replaces kFarDepth by kNoDepth where it is an error, inside the window of a padded image whose
   /// bits are there. O(far pixels), and the rows of the window.
   void drop_errors(float* depth, std::ptrdiff_t stride, const PixelWindow& window);
 
  private:
-  /// Neighbouring pixels of a row. The first run of a group stands for all of it.
+  /// Neighbouring pixels of a row. The first run of a group also knows the group.
   struct Run {
-    std::int32_t group;
-    std::int32_t num;  // of the group, as what follows
-    std::uint16_t row, left, right, least_left, most_right, bottom;
-    float nearest, farthest;
+    std::int32_t group;  // its first run
+    std::uint16_t row, left, right;
+    std::uint16_t group_left, group_right, group_bottom;
+    std::int32_t num;         // pixels of the group
+    float nearest, farthest;  // beside the group
+
+    int side() const { return std::max(group_right - group_left, group_bottom - row + 1); }
   };
 
   template <class Use>

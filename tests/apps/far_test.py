@@ -33,7 +33,7 @@ def depth_at(u, v, far):
 
 
 class Far(CameraCase):
-    BESIDE = "0.185 0 0.99 0 0 0 1"  # 3 cm from the edge: the box is 6 cm wide
+    BESIDE = "0.215 0 0.99 0 0 0 1"  # 3 cm from the edge: the box is 6 cm wide
     OVER_THE_EDGE = "0.15 0 0.99 0 0 0 1"
 
     def fractions(self, source, *options):
