@@ -1,5 +1,6 @@
 // Which pixels that were measured as too far are free: the rules of far_pixels.h. A block does one
-// tile and sees as far around it as an error can reach; groups grow bit by bit.
+// tile and sees as far around it as an error can reach: what goes on beyond is larger. Groups grow
+// bit by bit.
 #pragma once
 
 #include "src/cloud/far_pixels.h"
@@ -50,7 +51,7 @@ __device__ inline void grow_group(FarShared& shared, bool has_word, int row, int
   } while (shared.is_growing != 0);
 }
 
-/// Is a group that is whole an error? All threads call.
+/// Is a group an error? All threads call.
 __device__ inline bool is_group_error(const FilterJob& job, const Tile& tile, FarShared& shared,
                                       bool has_word, int row, int word) {
   if (threadIdx.x == 0) {
@@ -109,18 +110,8 @@ __global__ void __launch_bounds__(kFarThreads) mark_far(const __grid_constant__ 
   __syncthreads();
   if (first_undecided(shared) < 0) return;
 
-  // What reaches the end of the surroundings is larger than an error.
-  if (has_word) {
-    const bool is_end = row == 0 || row == kFarRows - 1;
-    const unsigned end = is_end ? ~0u : word == 0 ? 1u : word == kFarWords - 1 ? 1u << 31 : 0u;
-    shared.group[row][word] = shared.far[row][word] & end;
-  }
-  grow_group(shared, has_word, row, word);
   const bool is_own = has_word && word == 1 && row >= kFarSide && row < kFarSide + kStripRows;
-  if (is_own) shared.free[row - kFarSide] = shared.group[row][word];
-  if (has_word) shared.far[row][word] &= ~shared.group[row][word];
-  __syncthreads();
-
+  if (is_own) shared.free[row - kFarSide] = 0;
   for (int first = first_undecided(shared); first >= 0; first = first_undecided(shared)) {
     if (has_word) {
       const unsigned bits = row == first && word == 1 ? shared.far[row][word] : 0;

@@ -115,6 +115,16 @@ TEST(FarPixels, NineOfTwoSurfacesAreFree) {
   }
 }
 
+// Three pixels wide, from the pixel before to the one behind there are four steps of 1.2 %.
+TEST(FarPixels, OneSurfaceIsAsSteepAsThatOfAField) {
+  for (const auto& [behind, num] : {std::pair{1.047f, 0}, {1.05f, 9}}) {
+    Wall wall;
+    wall.block(50, 0, 70, 100, behind);
+    wall.block(48, 40, 3, 3);
+    EXPECT_EQ(wall.num_free(), num) << behind;
+  }
+}
+
 TEST(FarPixels, InsideOneSurfaceTheyAreErrorsUpToASize) {
   for (const auto& [width, height, num] : {std::tuple{3, 3, 0},
                                            {16, 16, 0},
