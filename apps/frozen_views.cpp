@@ -12,6 +12,7 @@
 #include "palpate/cameras/cameras.h"
 #include "palpate/io/files.h"
 #include "palpate/io/formats.h"
+#include "src/cloud/internal/frame_limits.h"
 #include "src/core/internal/stamp.h"
 #include "src/field/internal/pinhole_cloud.h"
 
@@ -123,10 +124,12 @@ Result<FrozenViews> FrozenViews::read(const FrozenOptions& options, const RunSet
     if (!frozen) return frozen.error();
     return scene.add(*std::move(frozen), X_WC, settings, pool);
   };
-  const auto from_frame = [&](const std::string& name, const Result<DepthFrame>& frame,
+  const auto from_frame = [&](const std::string& name, Result<DepthFrame> frame,
                               const Intrinsics& intrinsics, SensorKind sensor) {
     SurfaceOptions surface = settings.surface;
-    use_sensor(options.sensor.value_or(sensor), given, surface);
+    sensor = options.sensor.value_or(sensor);
+    use_sensor(sensor, given, surface);
+    if (frame) drop_far_codes(*frame, sensor);
     return Frozen::from_frame(name, frame, intrinsics, surface, pool);
   };
   Status status = Done{};

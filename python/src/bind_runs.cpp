@@ -108,9 +108,8 @@ class PyPushedCamera {
     nb::object array = numpy.attr("asarray")(depth);
     if (nb::cast<std::string>(array.attr("dtype").attr("kind")) == "f") {
       const nb::object rounded = numpy.attr("rint")(array / nb::float_(camera_.unit));
-      const nb::object is_measured =
-          numpy.attr("logical_and")(rounded.attr("__gt__")(0), rounded.attr("__lt__")(65535));
-      array = numpy.attr("where")(is_measured, rounded, 0);
+      const nb::object nearer = numpy.attr("minimum")(rounded, nb::float_(kFarCount));
+      array = numpy.attr("where")(rounded.attr("__gt__")(0), nearer, 0);
     } else if (nb::cast<std::string>(array.attr("dtype").attr("name")) != "uint16") {
       throw nb::value_error("depth: uint16 counts or float32 meters are taken, no other type");
     }

@@ -471,8 +471,9 @@ options: of docs/settings.md [surface] and [field], e.g. max_depth=3.0, unknown=
                    "stream: palpate._types.Stream | None = None) -> Surface"),
            R"(Makes the surface of an image. Releases the GIL.
 
-depth: (H, W) uint16 counts (0 and 65535: no measurement) or float32 metres (0 and NaN), of any
-    library with DLPack or the buffer protocol; on the GPU of this sensor or in host memory.
+depth: (H, W) uint16 counts (0: no measurement, 65535: farther) or float32 metres (0 and NaN: no
+    measurement, inf: farther), of any library with DLPack or the buffer protocol; on the GPU of
+    this sensor or in host memory.
 time: s, stored in the surface. pose: X_WC of this image, if it is not that of the camera.
 stream: a CUDA stream, as a number or an object of PyTorch or CuPy: an image on the GPU is read after
     its earlier work. None: after the work of the image's library in its current stream.

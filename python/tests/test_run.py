@@ -262,7 +262,8 @@ def test_pushed_metres_below_zero_are_no_measurement(cube):
     image[:, :40], image[:, 40:60], image[:, 60:80], image[:, 80:100] = -1, np.nan, np.inf, -np.inf
     fine = palpate.PushedCamera(palpate.Camera(160, 120, 140, 140, 79.5, 59.5, unit=0.0001))
     frame = pushed_in_a_run(cube, fine, image)
-    assert (frame[:, :100] == 0).all() and (frame[:, 100:] == 10000).all()
+    assert (frame[:, :60] == 0).all() and (frame[:, 80:100] == 0).all() and (frame[:, 100:] == 10000).all()
+    assert (frame[:, 60:80] == 65535).all()  # farther than can be counted
 
 
 def test_bad_pushes(cube):

@@ -81,6 +81,27 @@ def test_pixels_without_measurement(camera):
         assert np.isfinite(points[:, 40:-40]).all()
 
 
+def test_beside_an_object_before_what_is_far(camera, cube):
+    """REP 117: +inf is free space, NaN and -inf are holes, which the object fills."""
+    def felt(background, dtype):
+        image = np.full((120, 160), background, np.float32)
+        image[40:80, :80] = 1.0
+        if dtype == np.uint16:
+            image = np.where(np.isfinite(image), np.minimum(image, 65.535) * 1000, 65535).round().astype(dtype)
+        surface = palpate.Sensor(camera).update(image)
+        assert np.isnan(surface.points[:, 100:]).all() == (background != 9.5)
+        beside, over = (palpate.Contact(cube).measure(surface, [x, 0, 0.99, 0, 0, 0, 1]).fraction for x in (0.05, 0.02))
+        return beside, over
+
+    beside, over = felt(9.5, np.float32)
+    assert beside == 0 and 0.05 < over < 0.95
+    for background in (10.01, 12, 30, 1e30, np.inf):
+        for dtype in (np.float32, np.uint16):
+            assert felt(background, dtype) == pytest.approx((0, over), abs=0.01), (background, dtype)
+    for background in (np.nan, 0, -1, -np.inf):
+        assert felt(background, np.float32)[0] > 0.1, background
+
+
 def test_surfaces_stay_while_they_are_held(camera):
     sensor = palpate.Sensor(camera)
     depths = [0.5, 0.6, 0.7, 0.8]

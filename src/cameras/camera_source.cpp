@@ -13,6 +13,7 @@
 
 #include "src/cameras/frame_intake.h"
 #include "src/cameras/plausibility.h"
+#include "src/cloud/internal/frame_limits.h"
 #include "src/core/bounded_call.h"
 #include "src/core/internal/guarded.h"
 #include "src/core/monotonic_clock.h"
@@ -62,6 +63,7 @@ class RectifiedSource final : public DepthSource {
     auto got = raw_->next(frame);
     if (!got || !*got) return got;
     if (truth_.unit) frame.unit = *truth_.unit;
+    drop_far_codes(frame, info_.sensor);
     const CameraModel model = truth_.model_of(raw_->info(), frame.width, frame.height);
     if (!has_rays(model)) return Error{Errc::bad_input, info_.name + " " + kNoRays};
     if (const std::string doubt = doubts_.look(frame, model); !doubt.empty()) {
@@ -91,9 +93,13 @@ class RectifiedSource final : public DepthSource {
 
 /// Shared with the thread, which may outlive the source if a vendor's call never returns.
 struct LiveCamera {
-  LiveCamera(RawStream first, OpenRaw open, const CameraTruth& said,
+  LiveCamera(RawStream first, OpenRaw open, const CameraTruth& said, SensorKind kind,
              const FrameIntake::Options& options)
-      : intake(options), again(std::move(open)), truth(said), raw(std::move(first.source)) {}
+      : intake(options),
+        again(std::move(open)),
+        truth(said),
+        sensor(kind),
+        raw(std::move(first.source)) {}
 
   void run();
   void read_all();
@@ -111,6 +117,7 @@ struct LiveCamera {
   FrameIntake intake;
   const OpenRaw again;
   const CameraTruth truth;
+  const SensorKind sensor;
   // Of the thread.
   Plausibility doubts;
   bool has_no_rays = false;       // of some frames
@@ -164,6 +171,7 @@ void LiveCamera::read_all() {
     }
     note_return();
     if (truth.unit) frame.unit = *truth.unit;
+    drop_far_codes(frame, sensor);
     const CameraModel model = truth.model_of(raw->info(), frame.width, frame.height);
     if (!has_rays(model)) {
       if (!std::exchange(has_no_rays, true)) intake.add_note(kNoRays + "; they are dropped"s);
@@ -294,7 +302,8 @@ Result<std::unique_ptr<DepthSource>> make_live(RawStream raw, OpenRaw again, con
   const FrameIntake::Options options{pinhole_of(info), info.rate, raw.stamps, uri.latency,
                                      info.name};
   auto source = std::make_unique<LiveSource>(
-      std::make_shared<LiveCamera>(std::move(raw), std::move(again), *truth, options), info);
+      std::make_shared<LiveCamera>(std::move(raw), std::move(again), *truth, info.sensor, options),
+      info);
   if (const Status started = source->start(); !started) return started.error();
   return std::unique_ptr<DepthSource>(std::move(source));
 }

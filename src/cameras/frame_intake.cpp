@@ -22,7 +22,7 @@ constexpr std::uint64_t kMaxTold = 10;  // of what may happen with every frame
 
 bool is_black(const DepthFrame& frame) {
   return std::all_of(frame.pixels.begin(), frame.pixels.end(),
-                     [](std::uint16_t count) { return count == 0 || count == 65535; });
+                     [](std::uint16_t count) { return count == 0; });
 }
 
 std::string size_text(const CameraModel& model) {

@@ -2,6 +2,7 @@
 
 #include "src/cameras/frame_intake.h"
 #include "src/cameras/rectifier.h"
+#include "src/cloud/internal/frame_limits.h"
 #include "src/cloud/internal/lens_table.h"
 #include "src/core/monotonic_clock.h"
 
@@ -34,6 +35,7 @@ class Pushed final : public PushedSource {
       intake_.add_note("got a frame whose number of pixels does not match its size; it is dropped");
       return;
     }
+    drop_far_codes(frame, info_.sensor);
     const Pose X_WC = frame.X_WC;
     intake_.give(frame, truth_.model_of(raw_info_, frame.width, frame.height), now);
     frame.X_WC = X_WC;  // of the memory that came back: what the caller has set stays

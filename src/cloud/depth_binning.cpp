@@ -4,8 +4,6 @@
 #include <array>
 #include <cstdint>
 
-#include "src/cloud/raw_depth.h"
-
 namespace palpate::inline v0 {
 
 DepthStreamInfo binned(const DepthStreamInfo& stream, int binning) {
@@ -37,7 +35,7 @@ void bin_depth(const DepthImageView& image, int binning, DepthFrame& small) {
       for (std::size_t y = 0; y < side; ++y) {
         for (std::size_t x = 0; x < side; ++x) {
           const std::uint16_t count = corner[y * width + x];
-          if (is_measurement(count)) *end++ = count;
+          if (count != 0) *end++ = count;
         }
       }
       if (end == counts.begin()) {
@@ -47,6 +45,10 @@ void bin_depth(const DepthImageView& image, int binning, DepthFrame& small) {
       const auto median = counts.begin() + (end - counts.begin() - 1) / 2;
       std::nth_element(counts.begin(), median, end);
       const std::uint32_t middle = *median;
+      if (middle == kFarCount) {
+        *out++ = kFarCount;
+        continue;
+      }
       std::uint32_t sum = 0, num = 0;
       for (auto count = counts.begin(); count != end; ++count) {
         const std::uint32_t off = *count > middle ? *count - middle : middle - *count;

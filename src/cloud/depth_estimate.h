@@ -16,6 +16,7 @@
 #pragma once
 
 #include "palpate/cloud/depth_source.h"
+#include "src/cloud/raw_depth.h"
 #include "src/core/lanes.h"
 
 namespace palpate::inline v0 {
@@ -100,15 +101,20 @@ PALPATE_FORMULA VecF change_of(VecF deviation) {
   return min(max((deviation - 3.0f) * 0.5f, splat(0.0f)), splat(1.0f));
 }
 
+/// What goes into the mean: nothing where it is too far to be counted (kFar).
+PALPATE_FORMULA VecF counted(VecF measured) {
+  return select(measured < splat(kFarthest), measured, splat(0.0f));
+}
+
 struct PixelDeviation {
   VecF gain;  ///< of this measurement, if only the pixel itself is read
   VecF sum, num, squares, num_known, num_gone;  ///< what it adds to those of its tile
 };
 
 /// `scale`: noise over the model's.
-PALPATE_FORMULA PixelDeviation deviation_of(VecF measured, VecF mean, VecF gain, VecF scale,
+PALPATE_FORMULA PixelDeviation deviation_of(VecF seen, VecF mean, VecF gain, VecF scale,
                                             const EstimateModel& model) {
-  const VecF zero = splat(0.0f);
+  const VecF zero = splat(0.0f), measured = counted(seen);
   const VecF variance = gain + (1.0f + model.drift);  // of what is off, in those of a measurement
   const VecF noise = scale * (model.noise + model.noise_growth * measured * measured);
   const VecF deviation = (measured - mean) / (noise * sqrt(variance));
@@ -126,14 +132,15 @@ PALPATE_FORMULA PixelDeviation deviation_of(VecF measured, VecF mean, VecF gain,
 
 struct PixelEstimate {
   VecF mean, gain;
-  VecF depth;  ///< what the pixel shows; 0: nothing
+  VecF depth;  ///< what the pixel shows; 0: nothing; kFar at once if it is measured so
 };
 
-/// measured: 0 where there is none. `own_gain` is PixelDeviation::gain, `gain` the one before.
-PALPATE_FORMULA PixelEstimate estimate_of(VecF measured, VecF mean, VecF gain, VecF own_gain,
+/// seen: 0 where there is no measurement. `own_gain` is PixelDeviation::gain, `gain` the one
+/// before.
+PALPATE_FORMULA PixelEstimate estimate_of(VecF seen, VecF mean, VecF gain, VecF own_gain,
                                           VecF follow, VecF shared_gain, VecF keep,
                                           const EstimateModel& model) {
-  const VecF zero = splat(0.0f), one = splat(1.0f);
+  const VecF zero = splat(0.0f), one = splat(1.0f), measured = counted(seen);
   const Mask is_seen = measured > zero;
   const VecF share = max(own_gain, shared_gain);
   // Written so that a share of 1 gives the measurement to the bit.
@@ -144,7 +151,7 @@ PALPATE_FORMULA PixelEstimate estimate_of(VecF measured, VecF mean, VecF gain, V
   const VecF kept = select(is_kept, mean, zero);
   return {select(is_seen, updated, kept),
           select(is_seen, share, select(is_kept, aged, splat(kUnknownGain))),
-          select(is_seen, shown, kept)};
+          select(is_seen, shown, select(seen > zero, seen, kept))};
 }
 
 }  // namespace

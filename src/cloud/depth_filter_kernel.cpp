@@ -1,4 +1,5 @@
 // Reading and bilateral filter of depth (thesis eq. 3.12), compiled once per instruction set.
+#include <algorithm>
 #include <limits>
 
 #include "src/cloud/bilateral.h"
@@ -10,20 +11,41 @@
 namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
 namespace {
 
+/// A bit for each pixel of a padded row that is too far.
+[[gnu::always_inline]] inline void mark_far(const float* depth, int width, std::uint64_t* bits) {
+  constexpr int kWordBits = 64;
+  for (int begin = 0; begin < width; begin += kWordBits) {
+    std::uint64_t word = 0;
+    for (int u = begin; u < std::min(begin + kWordBits, width); u += kLanes) {
+      word |= std::uint64_t{mask_bits(load(depth + u) > kNoDepth)} << (u - begin);
+    }
+    *bits++ = word;
+  }
+}
+
 /// Each number by itself, as the compiler's vectors have it.
 template <class ToDepth>
 [[gnu::always_inline]] inline int read_rows(const RawPass& pass, const PixelWindow& part,
                                             const ToDepth& to_depth) {
   int num_valid = 0;
+  const int words_per_row = (pass.width + 63) / 64;
   for (int v = part.top; v < part.bottom; ++v) {
     float* const out = pass.out + v * pass.stride;
     const std::ptrdiff_t begin = static_cast<std::ptrdiff_t>(v) * pass.width;
     const float least = pass.min_depth, most = pass.max_depth;
+    int num_far = 0;
     for (int u = part.left; u < part.right; ++u) {
       const float z = to_depth(begin + u);
-      const bool valid = is_usable_depth(z, least, most);
-      out[u] = valid ? z : kNoDepth;
+      const bool valid = is_usable_depth(z, least, most), far = z > most;
+      out[u] = valid ? z : far ? kFarDepth : kNoDepth;
       num_valid += valid;
+      num_far += far;
+    }
+    std::uint64_t* const bits = pass.far + static_cast<std::ptrdiff_t>(v) * words_per_row;
+    if (num_far > 0) {
+      mark_far(out, pass.width, bits);
+    } else {
+      std::fill_n(bits, words_per_row, 0);
     }
   }
   return num_valid;
@@ -32,7 +54,7 @@ template <class ToDepth>
 [[gnu::always_inline]] inline void filter_rows(const FilterPass& pass, const PixelWindow& part,
                                                int radius) {
   const VecF nan = splat(std::numeric_limits<float>::quiet_NaN());
-  const VecF none = splat(kNoDepth);
+  const VecF none = splat(kNoDepth), far = splat(kFar);
   for (int v = part.top; v < part.bottom; ++v) {
     const float* in = pass.in.row(v);
     float* out = pass.out + v * pass.in.stride;
@@ -47,7 +69,7 @@ template <class ToDepth>
                         none);
       }
       store(out + u, result);  // lanes beyond the width are margin and stay kNoDepth
-      store_first(depth + u, select(valid, result, nan), pass.in.width - u);
+      store_first(depth + u, select(valid, result, select(z > none, far, nan)), pass.in.width - u);
     }
   }
 }

@@ -64,7 +64,8 @@ PALPATE_HOSTDEV inline void add_measurement(PixelAverage& average, const PixelRi
   average.next = static_cast<std::uint8_t>((average.next + 1) % options.frames);
 }
 
-/// Takes one more count, which may be no measurement. Returns metres, NaN where there is none.
+/// Takes one more count, which may be no measurement. Returns metres, NaN where there is none, kFar
+/// at once for what is too far to be counted, of which there is no mean.
 PALPATE_HOSTDEV inline float update_average(PixelAverage& average, const PixelRing& ring,
                                             std::uint16_t count, double unit,
                                             const DepthAverageOptions& options) {
@@ -76,12 +77,13 @@ PALPATE_HOSTDEV inline float update_average(PixelAverage& average, const PixelRi
     average = {};
   }
   average.unit = narrow_unit;
+  if (count == kFarCount) return kFar;
   return average.num > 0 ? static_cast<float>(mean_of(average, options) * unit) : kNoAverage;
 }
 
 /// The same without an average.
 PALPATE_HOSTDEV inline float newest_depth(std::uint16_t count, double unit) {
-  return is_measurement(count) ? static_cast<float>(count * unit) : kNoAverage;
+  return count == 0 ? kNoAverage : depth_of(count, unit);
 }
 
 }  // namespace palpate::inline v0

@@ -1,15 +1,22 @@
 // The meaning of the counts of a raw depth frame. Shared by host and device.
 #pragma once
 
+#include <limits>
+
+#include "palpate/cloud/depth_source.h"
 #include "palpate/core/core.h"
 
 namespace palpate::inline v0 {
 
-PALPATE_HOSTDEV inline bool is_measurement(int count) { return count != 0 && count != 65535; }
+inline constexpr float kFar = std::numeric_limits<float>::infinity();  ///< m; see kFarCount
+inline constexpr float kFarthest = std::numeric_limits<float>::max();  ///< m, of what is not kFar
+
+/// Is it a distance?
+PALPATE_HOSTDEV inline bool is_measurement(int count) { return count != 0 && count != kFarCount; }
 
 /// Metres; 0: no measurement.
 PALPATE_HOSTDEV inline float depth_of(int count, double unit) {
-  return static_cast<float>(count == 65535 ? 0.0 : count * unit);
+  return count == kFarCount ? kFar : static_cast<float>(count * unit);
 }
 
 /// NaN is not.

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "src/cloud/cloud_arrays_cuda.h"
+#include "src/cloud/far_pixels.cuh"
 #include "src/cloud/surface_kernels.cuh"
 #include "src/cloud/surface_options.h"
 #include "src/cloud/surface_settings.h"
@@ -88,6 +89,9 @@ SurfaceCuda::Impl::Impl(int image_width, int image_height, const Intrinsics& k,
   }
   const auto raw_pixels = lens_table_of(width, height, k, distortion);
   if (!raw_pixels.empty()) filter.raw_pixels = memory.copy_of(raw_pixels);
+  filter.far = memory.take<unsigned>(static_cast<std::size_t>(std::max(num_images, 1)) *
+                                     static_cast<std::size_t>(tiles_per_row) *
+                                     static_cast<std::size_t>(height));
   filter.num_valid = memory.take_pinned<int>(num_tiles);
   filter.min_depth = static_cast<float>(options.min_depth);
   filter.max_depth = static_cast<float>(options.max_depth);
@@ -100,6 +104,7 @@ SurfaceCuda::Impl::Impl(int image_width, int image_height, const Intrinsics& k,
 
   normals.tiling = filter.tiling;
   normals.depth = filter.depth;
+  normals.max_depth = filter.max_depth;
   normals.pass = normal_settings(options.normals, k);
   std::copy(std::begin(cloud.channels), std::end(cloud.channels), normals.pass.cloud);
   normals.pass.ray_x = memory.copy_of(ray_table(width, k.fx, k.cx));
@@ -109,6 +114,8 @@ SurfaceCuda::Impl::Impl(int image_width, int image_height, const Intrinsics& k,
   float* change[3];
   for (float*& axis : change) axis = memory.take<float>(padded_size);
   if (options.depth_change.enabled) std::copy(change, change + 3, normals.change);
+  cloud.view.depth = filter.depth;
+  cloud.view.max_depth = filter.max_depth;
   cloud.view.edge_x = change[0];
   cloud.view.edge_y = change[1];
   cloud.view.edge_z = change[2];
@@ -133,6 +140,15 @@ void SurfaceCuda::Impl::enqueue(gpu::Stream& stream, const std::uint16_t* counts
     job.tiling.first_tile = filtered.begin * tiles_per_row;
     job.tiling.num_tiles = (filtered.end - filtered.begin) * tiles_per_row;
     gpu::launch(stream, shape(filtered, sizeof(FilterShared)), filter_kernel(job), job);
+  }
+  if (part.part == part.num_parts - 1) {
+    FilterJob job = filter;
+    job.metres = metres;
+    if (counts != nullptr) job.raw.pixels = counts;
+    job.tiling.num_tiles = part.num_strips * tiles_per_row;
+    gpu::LaunchShape tiles = shape({0, part.num_strips}, sizeof(one_lane::FarShared));
+    tiles.threads = one_lane::kFarThreads;
+    gpu::launch(stream, tiles, one_lane::mark_far, job);
   }
   if (finished.begin < finished.end) {
     NormalJob job = normals;

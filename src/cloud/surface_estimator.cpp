@@ -70,6 +70,8 @@ PointCloudView SurfaceEstimator::cloud() const {
     view.edge_y = depth_change(1).data();
     view.edge_z = depth_change(2).data();
   }
+  view.depth = depth().data();
+  view.max_depth = impl_->stages.max_depth();
   view.stamp = impl_->stamp;
   return view;
 }

@@ -25,6 +25,11 @@ struct Tiling {
   int first_tile;
   int num_tiles;
   std::ptrdiff_t points_apart;  // from one image to the next, of all arrays but what is raw
+
+  /// Of FilterJob::far: of row v in the column of tiles `column`.
+  PALPATE_HOSTDEV std::ptrdiff_t word(int image, int v, int column) const {
+    return (static_cast<std::ptrdiff_t>(image) * height + v) * tiles_per_row + column;
+  }
 };
 
 inline constexpr int kMaxTaps = (2 * kMaxWindowRadius + 1) * (2 * kMaxWindowRadius + 1);
@@ -34,8 +39,9 @@ struct FilterJob {
   RawFrameView raw;
   const float* metres = nullptr;              // instead of the raw frame, or null
   const std::uint32_t* raw_pixels = nullptr;  // as RawPass
-  float* depth = nullptr;                     // filtered, NaN where invalid
-  int* num_valid = nullptr;                   // of each tile
+  float* depth = nullptr;                     // filtered, NaN where invalid, kFar where free
+  unsigned* far = nullptr;   // of each row of a tile: bits of the pixels that are too far
+  int* num_valid = nullptr;  // of each tile
   float min_depth, max_depth;
   int radius;  // 0: no filter
   float range;
@@ -48,7 +54,8 @@ struct FilterJob {
 
 struct NormalJob {
   Tiling tiling;
-  const float* depth = nullptr;    // filtered
+  const float* depth = nullptr;  // filtered
+  float max_depth = 0;
   NormalPass pass;                 // without an image
   TangentPlane* planes = nullptr;  // wanted instead of the points and their normals, or null
   float* change[3] = {};           // null: not requested
@@ -114,6 +121,23 @@ struct FilterShared {
   float depths[kMaxTileDepths];
 };
 
+/// Raw depth of a pixel: kNoDepth, kFarDepth or metres.
+__device__ inline float raw_depth(const FilterJob& job, int image, int u, int v) {
+  const Tiling& tiling = job.tiling;
+  auto pixel = static_cast<std::uint32_t>(v * tiling.width + u);
+  if (job.raw_pixels != nullptr) {
+    pixel = job.raw_pixels[pixel];
+    if (pixel >= static_cast<std::uint32_t>(tiling.width * tiling.height)) return kNoDepth;
+  }
+  const std::ptrdiff_t i =
+      static_cast<std::ptrdiff_t>(image) * tiling.width * tiling.height + pixel;
+  const float z =
+      job.metres != nullptr ? job.metres[i] : depth_of(job.raw.pixels[i], *job.raw.unit);
+  return is_usable_depth(z, job.min_depth, job.max_depth) ? z
+         : z > job.max_depth                              ? kFarDepth
+                                                          : kNoDepth;
+}
+
 /// kRadius < 0: job.radius. 0: nothing is looked at around a pixel.
 template <int kRadius>
 __global__ void __launch_bounds__(kTileThreads)
@@ -123,31 +147,23 @@ __global__ void __launch_bounds__(kTileThreads)
   const int radius = kRadius < 0 ? job.radius : kRadius;
   const int margin = kRadius < 0 ? job.margin() : kRadius;
   const int stride = padded(kTileWidth, margin);
-  const double unit = *job.raw.unit;
-  const std::ptrdiff_t first_raw =
-      static_cast<std::ptrdiff_t>(tile.image) * job.tiling.width * job.tiling.height;
   float* const filtered_depth = job.depth + tile.image * job.tiling.points_apart;
   if (threadIdx.x == 0) shared.num_valid = 0;
-  load_tile(job.tiling, tile, margin, shared.depths, [&](int at_u, int at_v) {
-    auto pixel = static_cast<std::uint32_t>(at_v * job.tiling.width + at_u);
-    if (job.raw_pixels != nullptr) {
-      pixel = job.raw_pixels[pixel];
-      if (pixel >= static_cast<std::uint32_t>(job.tiling.width * job.tiling.height))
-        return kNoDepth;
-    }
-    const std::ptrdiff_t i = first_raw + pixel;
-    const float z = job.metres != nullptr ? job.metres[i] : depth_of(job.raw.pixels[i], unit);
-    return is_usable_depth(z, job.min_depth, job.max_depth) ? z : kNoDepth;
-  });
+  load_tile(job.tiling, tile, margin, shared.depths,
+            [&](int at_u, int at_v) { return raw_depth(job, tile.image, at_u, at_v); });
   __syncthreads();
 
   const int column = gpu::lane_id(), u = tile.u0 + column;
   int num_valid = 0;
   for (int k = 0; k < kRowsPerWarp; ++k) {
     const int row = gpu::warp_id() * kRowsPerWarp + k, v = tile.v0 + row;
-    if (u >= job.tiling.width || v >= job.tiling.height) continue;
     const float* const centre = shared.depths + (row + margin) * stride + column + margin;
     const float z = *centre;
+    const unsigned far = __ballot_sync(gpu::kWholeWarp, z > kNoDepth);
+    if (v < job.tiling.height && column == 0) {
+      job.far[job.tiling.word(tile.image, v, tile.u0 / kTileWidth)] = far;
+    }
+    if (u >= job.tiling.width || v >= job.tiling.height) continue;
     float result = kInvalid;
     num_valid += z < kAnyDepth;
     if (z < kAnyDepth && !(job.flying_gap > 0 && is_flying(centre, stride, z, job.flying_gap))) {
@@ -214,9 +230,10 @@ __device__ inline float column_reference(const float* depths, int stride, int nu
 __device__ inline void store_point(const NormalJob& job, std::ptrdiff_t at, float z,
                                    const PixelFrame& frame, const Vector& n, bool valid) {
   if (job.planes != nullptr) {
-    job.planes[at] =
+    const TangentPlane plane =
         valid ? tangent_plane<TangentPlane>(frame.ray_x * z, frame.ray_y * z, z, n.x, n.y, n.z)
               : TangentPlane{};
+    job.planes[at] = plane_or_far(plane, job.depth[at], job.max_depth);
     return;
   }
   const NormalPass& pass = job.pass;

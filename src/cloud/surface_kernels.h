@@ -13,6 +13,8 @@ namespace palpate::inline v0 {
 /// itself, and unlike NaN it survives minima and maxima.
 inline constexpr float kNoDepth = 1e9f;
 inline constexpr float kAnyDepth = 1e8f;  ///< valid means depth < kAnyDepth
+/// The same, of what was measured as farther than `max_depth`.
+inline constexpr float kFarDepth = 2 * kNoDepth;
 
 inline constexpr int kMaxWindowRadius = 7;
 inline constexpr int kStripRows = 16;  ///< rows per task
@@ -28,7 +30,7 @@ struct PaddedDepth {
   const float* row(int v) const { return pixels + v * stride; }
 };
 
-/// Raw depth to metres, kNoDepth for what is no measurement.
+/// Raw depth to metres, kNoDepth for what is no measurement, kFarDepth for what is too far.
 struct RawPass {
   const std::uint16_t* counts = nullptr;  ///< width a row, of `unit` metres
   const float* metres = nullptr;          ///< instead, if there are no counts
@@ -37,6 +39,7 @@ struct RawPass {
   float* out = nullptr;  ///< padded
   std::ptrdiff_t stride = 0;
   int width = 0;
+  std::uint64_t* far = nullptr;               ///< one bit a pixel: too far; rows begin at a word
   const std::uint32_t* raw_pixels = nullptr;  ///< where each is read; null: where it is
   std::uint32_t num_pixels = 0;               ///< those from there on see nothing
 };
@@ -48,7 +51,7 @@ struct RawPass {
 struct FilterPass {
   PaddedDepth in;
   float* out = nullptr;          ///< padded like `in`
-  float* depth = nullptr;        ///< width * height, NaN where invalid
+  float* depth = nullptr;        ///< width * height, NaN where invalid, infinite where far
   int radius = 0;                ///< 0: copy
   const float* space = nullptr;  ///< -(du^2 + dv^2) / (2 sigma_space^2 ln 2), row-major window
   float range = 0;               ///< 1 / (2 sigma_depth^2 ln 2)
@@ -86,7 +89,7 @@ struct DepthChangePass {
 inline constexpr int kColumnStep = 16;
 
 /// Each does one part of the image: rows of one strip, columns from a multiple of kColumnStep to
-/// another one or to the end of the rows.
+/// another one or to the end of the rows; depth is read in whole rows.
 struct SurfaceKernels {
   int (*read_depth)(const RawPass&, const PixelWindow& part);  ///< number of measurements
   void (*filter_depth)(const FilterPass&, const PixelWindow& part);

@@ -54,6 +54,7 @@ SurfaceStages::SurfaceStages(int width, int height, const Intrinsics& k,
       raw_pixels_(lens_table_of(width, height, k, distortion)),
       raw_(padded_image(height, stride_)),
       filtered_(padded_image(height, stride_)),
+      far_(width, height),
       ray_x_(ray_table(width, k.fx, k.cx)),
       ray_y_(ray_table(height, k.fy, k.cy)),
       space_(space_exponents(options.filter)),
@@ -68,6 +69,7 @@ SurfaceStages::SurfaceStages(int width, int height, const Intrinsics& k,
   raw_pass_.out = first_pixel(raw_, stride_);
   raw_pass_.stride = stride_;
   raw_pass_.width = width;
+  raw_pass_.far = far_.bits();
   if (!raw_pixels_.empty()) raw_pass_.raw_pixels = raw_pixels_.data();
   raw_pass_.num_pixels = static_cast<std::uint32_t>(num_pixels);
 
@@ -125,7 +127,10 @@ int SurfaceStages::read(const RawPass& pass, ThreadPool& pool) {
 void SurfaceStages::filter(ThreadPool& pool, const PixelWindow& desired) {
   // Normals are made in whole parts.
   const PixelWindow normals = desired.clipped(width_, height_).aligned(kColumnStep);
-  sum_over_strips(pool, normals.grown(normal_pass_.radius), [&](const PixelWindow& part) {
+  const PixelWindow filtered = normals.grown(normal_pass_.radius);
+  far_.drop_errors(first_pixel(raw_, stride_), stride_,
+                   filtered.clipped(width_, height_).aligned(kColumnStep));
+  sum_over_strips(pool, filtered, [&](const PixelWindow& part) {
     kernels_.filter_depth(filter_pass_, part);
     return 0;
   });

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "palpate/cloud/surface_estimator.h"
+#include "src/cloud/far_pixels.h"
 #include "src/cloud/surface_kernels.h"
 
 namespace palpate::inline v0 {
@@ -19,13 +20,16 @@ class SurfaceStages {
   SurfaceStages(const SurfaceStages&) = delete;  // the passes point into the buffers
   SurfaceStages& operator=(const SurfaceStages&) = delete;
 
-  /// Depth in metres with kNoDepth for what is no measurement; returns the number of the others.
+  /// Depth in metres, kNoDepth for what is no measurement, kFarDepth for what is too far; returns
+  /// the number of depths.
   int read(const DepthImageView& image, ThreadPool& pool);
+  /// Too far or an error: that is decided here.
   void filter(ThreadPool& pool, const PixelWindow& desired = {});
   int estimate_normals(ThreadPool& pool, const PixelWindow& desired = {});  ///< number of points
   void find_depth_change(ThreadPool& pool);
 
   const PointCloud& cloud() const { return cloud_; }
+  float max_depth() const { return raw_pass_.max_depth; }
   std::span<const float> depth() const { return depth_; }
   std::span<const float> depth_change(int axis) const { return change_[axis]; }
   std::size_t num_pixels() const { return depth_.size(); }
@@ -41,6 +45,7 @@ class SurfaceStages {
   std::ptrdiff_t stride_;
   std::vector<std::uint32_t> raw_pixels_;  // of the lens; empty: none bends the image
   std::vector<float> raw_, filtered_;      // padded
+  FarGroups far_;
   std::vector<float> ray_x_, ray_y_, space_;
   std::vector<float> depth_, change_[3];
   std::vector<int> strip_counts_;

@@ -159,10 +159,7 @@ __global__ void __launch_bounds__(kThreads)
   for_quad(job, place, [&](int k, int u, int v) {
     const std::ptrdiff_t i =
         place.image * job.points_apart + static_cast<std::ptrdiff_t>(v) * cloud.width + u;
-    quad[k] = job.given != nullptr
-                  ? job.given[i]
-                  : tangent_plane<TangentPlane>(cloud.x[i], cloud.y[i], cloud.z[i], cloud.nx[i],
-                                                cloud.ny[i], cloud.nz[i]);
+    quad[k] = job.given != nullptr ? job.given[i] : plane_of(cloud, i);
     has_hole = has_hole || !quad[k].is_surface();
     *pixel(job, arrays.planes, 0, u, v) = quad[k];
   });

@@ -26,7 +26,8 @@ void FieldMemory::update(const PointCloudView& cloud, double interval, ThreadPoo
       rows_.take_planes(cloud, seen, {0, 0, width_, height_}, v);
       const std::size_t begin = static_cast<std::size_t>(v) * static_cast<std::size_t>(width_);
       for (std::size_t i = begin; i < begin + static_cast<std::size_t>(width_); ++i) {
-        const MemoryPlanes planes = remember(behind_[i], cloud.z[i], rule_, seconds, pixels_[i]);
+        const float depth = seen_depth(cloud, static_cast<std::ptrdiff_t>(i));
+        const MemoryPlanes planes = remember(behind_[i], depth, rule_, seconds, pixels_[i]);
         behind_[i] = planes.behind;
         in_front_[i] = planes.in_front;
       }

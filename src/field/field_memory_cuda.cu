@@ -13,9 +13,8 @@ __global__ void __launch_bounds__(kThreads)
                     const __grid_constant__ PointCloudView cloud) {
   const int i = gpu::grid_thread();
   if (i >= job.num_pixels) return;
-  const float z = cloud.z[i];
-  const TangentPlane now =
-      tangent_plane<TangentPlane>(cloud.x[i], cloud.y[i], z, cloud.nx[i], cloud.ny[i], cloud.nz[i]);
+  const TangentPlane now = plane_of(cloud, i);
+  const float z = seen_depth(cloud, i);
   const MemoryPlanes planes = remember(now, z, job.rule, *job.interval, job.pixels[i]);
   job.behind[i] = planes.behind;
   job.in_front[i] = planes.in_front;

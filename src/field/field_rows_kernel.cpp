@@ -32,17 +32,19 @@ bool take_planes(const PointCloudView& cloud, const FieldImage& image, const Pix
   const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(v) * cloud.width;
   const float* const in[6] = {cloud.x + first,  cloud.y + first,  cloud.z + first,
                               cloud.nx + first, cloud.ny + first, cloud.nz + first};
+  const float* const depth = cloud.depth == nullptr ? in[2] : cloud.depth + first;
   std::uint32_t holes = 0;
   int u = window.left;
   for (; u + kLanes <= window.right; u += kLanes) {
-    const Planes planes = tangent_plane<Planes>(load(in[0] + u), load(in[1] + u), load(in[2] + u),
-                                                load(in[3] + u), load(in[4] + u), load(in[5] + u));
+    const Planes planes =
+        plane_or_far(tangent_plane<Planes>(load(in[0] + u), load(in[1] + u), load(in[2] + u),
+                                           load(in[3] + u), load(in[4] + u), load(in[5] + u)),
+                     load(depth + u), cloud.max_depth);
     store(out + u, planes);
     holes |= mask_bits(is_hole(planes));
   }
   for (; u < window.right; ++u) {
-    out[u] =
-        tangent_plane<TangentPlane>(in[0][u], in[1][u], in[2][u], in[3][u], in[4][u], in[5][u]);
+    out[u] = plane_of(cloud, first + u);
     holes |= !out[u].is_surface();
   }
   return holes != 0;

@@ -219,7 +219,8 @@ void KeyFrames::change(Seat& seat, int i, float depth) const {
                       static_cast<std::size_t>(i % grid.width * kGridStride + x);
       const std::uint32_t pixel = pixels_[at];
       if (pixel >= seat.image.pixels.size()) continue;
-      seat.image.pixels[pixel] = counts < 65534 ? static_cast<std::uint16_t>(counts + 0.5) : 0;
+      seat.image.pixels[pixel] =
+          static_cast<std::uint16_t>(std::min(counts + 0.5, double{kFarCount}));
     }
   }
   seat.has_changed = true;

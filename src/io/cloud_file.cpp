@@ -6,6 +6,7 @@
 #include "palpate/io/formats.h"
 #include "src/io/cloud_columns.h"
 #include "src/io/internal/atomic_file.h"
+#include "src/io/ros_image.h"
 
 namespace palpate::inline v0 {
 namespace {
@@ -62,11 +63,7 @@ Result<DepthFrame> load_depth_pcd(const std::filesystem::path& path, double unit
     return in_file(path, "is larger than 4096 x 4096 points; give a smaller image");
   DepthFrame frame{columns->width, columns->height, unit, {}, 0};
   frame.pixels.reserve(columns->values[0].size());
-  for (const float z : columns->values[0]) {
-    const double count = std::round(double(z) / unit);
-    const bool measured = count > 0 && count < 65535;  // false for NaN
-    frame.pixels.push_back(measured ? static_cast<std::uint16_t>(count) : std::uint16_t(0));
-  }
+  for (const float z : columns->values[0]) frame.pixels.push_back(count_of(double(z), unit));
   return frame;
 }
 

@@ -36,7 +36,8 @@ RosStamp read_ros_header(CdrReader& from) {
 
 std::uint16_t count_of(double metres, double unit) {
   const double count = std::floor(metres / unit + 0.5);
-  return count >= 1 && count < 65535 ? static_cast<std::uint16_t>(count) : std::uint16_t{0};
+  if (!(count >= 1)) return 0;  // nor is NaN a measurement
+  return count < kFarCount ? static_cast<std::uint16_t>(count) : kFarCount;
 }
 
 Result<DepthFrame> read_depth_image(std::string_view message, double unit) {

@@ -445,10 +445,11 @@ TEST(LiveCamera, BlackFramesAndFramesFromThePastAreLeftOut) {
       [](int number, DepthFrame& frame, DepthStreamInfo&, const auto&) -> Result<bool> {
         const bool is_late = number % 7 == 3, is_black = number % 7 == 5;
         const auto got = give(frame, number, (number - (is_late ? 2.5 : 0)) / 100.0);
+        // Of a sensor that has a code of its own for what it has not measured.
         if (is_black) frame.pixels.assign(frame.pixels.size(), number % 2 == 0 ? 0 : 65535);
         return got;
       },
-      {}, "test?rate=100", StampClock::cameras);
+      {}, "test?rate=100&sensor=structured_light", StampClock::cameras);
   DepthFrame frame;
   for (int k = 0; k < 30; ++k) {
     ASSERT_TRUE(*camera->next(frame));
@@ -461,6 +462,19 @@ TEST(LiveCamera, BlackFramesAndFramesFromThePastAreLeftOut) {
   const std::string notes = joined(camera->take_notes());
   EXPECT_TRUE(has(notes, "frames with old timestamps")) << notes;
   EXPECT_TRUE(has(notes, "had no measurement")) << notes;
+}
+
+TEST(LiveCamera, FramesInWhichAllIsFarAreMeasurements) {
+  const auto camera = live(
+      [](int number, DepthFrame& frame, DepthStreamInfo&, const auto&) -> Result<bool> {
+        const auto got = give(frame, number, number / 100.0);
+        frame.pixels.assign(frame.pixels.size(), kFarCount);
+        return got;
+      },
+      {}, "test?rate=100", StampClock::cameras);
+  DepthFrame frame;
+  ASSERT_TRUE(*camera->next(frame));
+  EXPECT_EQ(frame.pixels, std::vector<std::uint16_t>(frame.pixels.size(), kFarCount));
 }
 
 TEST(LiveCamera, CountsWhatIsMissingAndDeclaresLatency) {

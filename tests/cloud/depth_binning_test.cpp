@@ -115,5 +115,18 @@ TEST(DepthBinning, TheMeanIsOfWhatAgreesWithTheLowerMedian) {
   EXPECT_EQ(out.pixels, std::vector<std::uint16_t>{65534});
 }
 
+TEST(DepthBinning, MostOfWhatWasMeasuredSaysWhetherItIsFar) {
+  DepthFrame frame{2, 2, 0.001, {}, 0}, out;
+  const auto binned = [&](std::vector<std::uint16_t> pixels) {
+    frame.pixels = std::move(pixels);
+    bin_depth(frame, 2, out);
+    return out.pixels.at(0);
+  };
+  EXPECT_EQ(binned({65535, 65535, 65535, 65535}), 65535);
+  EXPECT_EQ(binned({65535, 0, 0, 65535}), 65535);
+  EXPECT_EQ(binned({65535, 65535, 64000, 65535}), 65535);
+  EXPECT_EQ(binned({65535, 65535, 700, 700}), 700);
+}
+
 }  // namespace
 }  // namespace palpate

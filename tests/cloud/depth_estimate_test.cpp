@@ -140,6 +140,33 @@ TEST(DepthEstimate, TakesANewSurfaceAtOnce) {
   }
 }
 
+// No mean has a part of it, and what comes back is shown at once.
+TEST(DepthEstimate, WhatIsFarIsFarAtOnce) {
+  Estimator estimator(options_with(300));
+  Camera camera;
+  const auto is_hand = [](int u, int v) { return u > 30 && u < 60 && v > 20 && v < 70; };
+  for (int k = 0; k < 90; ++k) {
+    DepthFrame frame = camera.see([](int, int) { return 0.5; });
+    for (int v = 0; v < kHeight; ++v) {
+      for (int u = 0; u < kWidth; ++u) {
+        const bool is_far = is_hand(u, v) ? k >= 40 && k < 60 : u > 100;
+        if (is_far) frame.pixels[static_cast<std::size_t>(v * kWidth + u)] = kFarCount;
+      }
+    }
+    const auto depth = estimator.update(frame);
+    for (int v = 0; v < kHeight; ++v) {
+      for (int u = 0; u < kWidth; ++u) {
+        const std::uint16_t count = frame.pixels[static_cast<std::size_t>(v * kWidth + u)];
+        ASSERT_EQ(at(depth, u, v) == INFINITY, count == kFarCount) << k;
+        ASSERT_FALSE(std::isnan(at(depth, u, v))) << k;
+        if (k == 60 && is_hand(u, v)) {
+          ASSERT_EQ(at(depth, u, v), measured(frame, u, v));
+        }
+      }
+    }
+  }
+}
+
 // Two surfaces, 6 noises apart: pixels beside the edge are as calm as others, and stay on theirs
 // while the other one moves.
 TEST(DepthEstimate, DoesNotSmearEdges) {

@@ -1,7 +1,9 @@
 // Frames of real sensors: nearly every measurement gets a normal, and it faces the camera.
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <memory>
+#include <string>
 
 #include <gtest/gtest.h>
 #include <png.h>
@@ -72,6 +74,36 @@ TEST_P(RealFrames, NormalsAreThereAreUnitAndFaceTheCamera) {
     EXPECT_EQ(num_points, stats.num_points);
     EXPECT_GT(num_compared, 3000);
     EXPECT_LE(worst_angle, 0.05);
+  }
+}
+
+/// Pixels of a recorded frame that are free up to max_depth.
+int num_free_of(const std::filesystem::path& path, const Intrinsics& intrinsics) {
+  const DepthFrame frame = read_png(path, 0.001);
+  EXPECT_EQ(frame.pixels.size(), 640u * 480u) << path;
+  if (frame.pixels.empty()) return -1;
+  ThreadPool pool(1);
+  SurfaceEstimator estimator = SurfaceEstimator::create(640, 480, intrinsics).value();
+  estimator.update(frame, pool);
+  return static_cast<int>(std::ranges::count(estimator.depth(), INFINITY));
+}
+
+TEST(FarPixelsOfRealSensors, AreErrorsInsideADesk) {
+  PALPATE_DATA_OR_SKIP(folder, "sequences/visp_rbt/depth");
+  for (const char* name : {"000034", "000038", "000042", "000050", "000090"}) {
+    EXPECT_EQ(
+        num_free_of(folder / (std::string(name) + ".png"), {607.178, 607.234, 321.391, 241.918}), 0)
+        << name;
+  }
+}
+
+TEST(FarPixelsOfRealSensors, AreFreeInAWindow) {
+  PALPATE_DATA_OR_SKIP(folder, "recordings/aims-d4xx-lab/depth");
+  for (int number = 139; number <= 155; ++number) {
+    const int num_free =
+        num_free_of(folder / (std::to_string(number) + ".png"), {600, 600, 319.5, 239.5});
+    EXPECT_GT(num_free, 4500) << number;
+    EXPECT_LT(num_free, 5500) << number;
   }
 }
 

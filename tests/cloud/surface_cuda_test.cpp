@@ -2,9 +2,11 @@
 #include "src/cloud/surface_cuda.h"
 
 #include <algorithm>
+#include <cmath>
 #include <string>
 
 #include "tests/cloud/depth_scenes.h"
+#include "tests/cloud/far_images.h"
 #include "tests/cloud/gpu_copies.h"
 #include "tests/test_util/gpu.h"
 
@@ -119,6 +121,25 @@ TEST(SurfaceCuda, KnowsWhatIsNoMeasurement) {
   pair.cuda.enqueue(pair.stream);
   pair.compare();
   EXPECT_LT(pair.expected.num_valid, 40 * 24);
+}
+
+TEST(SurfaceCuda, DecidesWhatIsFree) {
+  PALPATE_GPU_OR_SKIP();
+  int num_free = 0;
+  for (std::uint64_t seed = 1; seed <= 12; ++seed) {
+    SCOPED_TRACE(seed);
+    const DepthScene scene = test::far_scene(60 + 13 * static_cast<int>(seed), 97, seed);
+    Pair pair(scene, default_options());
+    pair.expected = pair.cpu.update(scene.depth, pair.pool);
+    gpu::Memory memory(0);
+    const float* const metres = memory.copy_of(scene.depth);
+    pair.cuda.enqueue_depth(pair.stream, metres);
+    ASSERT_NO_FATAL_FAILURE(pair.compare());
+    for (int part = 0; part < 3; ++part) pair.cuda.enqueue_depth(pair.stream, metres, part, 3);
+    ASSERT_NO_FATAL_FAILURE(pair.compare());
+    num_free += static_cast<int>(std::ranges::count(pair.cpu.depth(), INFINITY));
+  }
+  EXPECT_GT(num_free, 1000);
 }
 
 TEST(SurfaceCuda, StraightensBentImages) {

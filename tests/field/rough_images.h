@@ -1,4 +1,5 @@
-// Depth images of one size, one after the other: walls with a block before them, noise and holes.
+// Depth images of one size, one after the other: walls with a block before them, noise, holes, and
+// in every second one a corner and single pixels that are too far.
 #pragma once
 
 #include <cmath>
@@ -27,8 +28,9 @@ struct RoughImages {
           const bool is_block = u > left * width && u < (left + 0.3) * width && v > 0.4 * height;
           double z = depth - (is_block ? 0.2 : 0) + 0.002 * random.normal();
           if (random.uniform() < 0.03 || std::hypot(u - 3, v - 0.8 * height) < 0.15 * width) z = 0;
-          counts.push_back(static_cast<std::uint16_t>(std::lround(1000 * z)));
-          metres.push_back(static_cast<float>(z));
+          const bool is_far = i % 2 == 1 && (3 * u + 4 * v < width || random.uniform() < 0.02);
+          counts.push_back(is_far ? kFarCount : static_cast<std::uint16_t>(std::lround(1000 * z)));
+          metres.push_back(is_far ? INFINITY : static_cast<float>(z));
         }
       }
     }

@@ -29,7 +29,8 @@ SlotSettings settings_with(TimeMode mode, DepthAverage average) {
   return settings;
 }
 
-/// A bumpy wall that comes nearer, in front of it a ball that moves sideways; with holes.
+/// A bumpy wall that comes nearer, in front of it a ball that moves sideways; with holes, and a
+/// corner that is too far.
 DepthFrame frame(int k) {
   DepthFrame result;
   result.width = kWidth;
@@ -42,6 +43,10 @@ DepthFrame frame(int k) {
       const double z = (is_ball ? 0.4 : 0.6) - 0.003 * k + 0.004 * std::sin(0.3 * u + k) +
                        0.001 * random.normal();
       const bool is_hole = random.uniform() < 0.03;
+      if (u + v < 20 + 2 * k) {
+        result.pixels.push_back(kFarCount);
+        continue;
+      }
       result.pixels.push_back(is_hole ? 0
                                       : static_cast<std::uint16_t>(std::lround(z / result.unit)));
     }

@@ -85,7 +85,7 @@ inline HullScene rough_scene(int num_cameras, const DepthFieldOptions& field, Ra
   HullScene scene;
   const Camera camera{160, 120, {140, 140, 79.5, 59.5}};
   for (int k = 0; k < num_cameras; ++k) {
-    const DepthFrame frame = random_frame(camera.width, camera.height, random);
+    const DepthFrame frame = random_frame(camera.width, camera.height, random, false);
     std::vector<float> metres;
     for (const std::uint16_t count : frame.pixels) {
       metres.push_back(static_cast<float>(count) * static_cast<float>(frame.unit));
@@ -137,7 +137,7 @@ inline HullScene rough_memories(int num_cameras, Random& random, bool is_joined)
   std::vector<DepthFrame> frames;
   for (int i = 0; i < 5; ++i) {
     const bool is_new = i == 0 || i > 2;
-    frames.push_back(is_new ? random_frame(camera.width, camera.height, random) : frames[0]);
+    frames.push_back(is_new ? random_frame(camera.width, camera.height, random, false) : frames[0]);
   }
   for (int k = 0; k < num_cameras; ++k) {
     const Pose X_WC{random.in_box(0.01), random.rotation(0.01)};

@@ -10,8 +10,9 @@
 
 namespace palpate::test {
 
-/// Slanted walls in front of each other, with noise, single holes and wide ones.
-inline DepthFrame random_frame(int width, int height, Random& random) {
+/// Slanted walls in front of each other, with noise, single holes and wide ones, of which one may
+/// be a part that is too far to be a surface.
+inline DepthFrame random_frame(int width, int height, Random& random, bool has_far = true) {
   DepthFrame frame{width, height, 0.001, {}, 0};
   frame.pixels.resize(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
   struct Piece {
@@ -20,7 +21,10 @@ inline DepthFrame random_frame(int width, int height, Random& random) {
   std::vector<Piece> pieces = {{0, 0, 1e9, 1.2, 0.2, -0.1}};
   for (int i = 0; i < 8; ++i) {
     pieces.push_back({random.uniform(0, width), random.uniform(0, height),
-                      random.uniform(0.02, 0.25) * width, i % 3 == 0 ? 0 : random.uniform(0.4, 1.1),
+                      random.uniform(0.02, 0.25) * width,
+                      i == 3 && has_far ? 30
+                      : i % 3 == 0      ? 0
+                                        : random.uniform(0.4, 1.1),
                       random.uniform(-0.5, 0.5), random.uniform(-0.5, 0.5)});
   }
   for (int v = 0; v < height; ++v) {

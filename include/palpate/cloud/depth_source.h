@@ -56,8 +56,18 @@ constexpr auto names_of(SensorKind) {
 inline constexpr int kMaxImageWidth = 4096;
 inline constexpr int kMaxImageHeight = 4096;
 
-/// One frame as the sensor delivers it. Depth in meters is pixel * unit; 0 and 65535 mean "no
-/// measurement".
+/// Measured, but farther than can be counted. What some sensors mean by it is none of their streams
+/// (`can_be_far`).
+inline constexpr std::uint16_t kFarCount = 65535;
+
+/// Whether a sensor of this kind measures as far as kFarCount: stereo does, and simulated cameras.
+/// Of structured light and time of flight, which end before 10 m, it is an error code.
+constexpr bool can_be_far(SensorKind sensor) {
+  return sensor == SensorKind::none || sensor == SensorKind::active_stereo;
+}
+
+/// One frame as the sensor delivers it. Depth in meters is pixel * unit; 0 means "no measurement",
+/// and kFarCount "farther".
 struct DepthFrame {
   int width = 0, height = 0;
   double unit = 0.001;                ///< metres per count
@@ -74,9 +84,9 @@ struct DepthFrame {
   std::vector<float> flow = {};
 };
 
-/// A non-owning view of one depth image: `counts` times `unit` meters (0 and 65535: no
-/// measurement), or `metres` (0 and NaN: no measurement). Row-major, width * height values, in host
-/// or GPU memory.
+/// A non-owning view of one depth image: `counts` times `unit` meters (0: no measurement,
+/// kFarCount: farther), or `metres` (0, NaN and less: no measurement, infinite: farther).
+/// Row-major, width * height values, in host or GPU memory.
 struct DepthImageView {
   int width = 0, height = 0;
   const std::uint16_t* counts = nullptr;
@@ -169,8 +179,8 @@ DepthStreamInfo binned(const DepthStreamInfo& stream, int binning);
 
 /// Each pixel is the rounded mean of the pixels in its square on the same surface:
 /// measurements within 1/32 of their (lower) median. So no pixel lies between two surfaces. 0
-/// if nothing was measured. `image`: counts in host memory. Allocates only if `small` is too
-/// small. O(pixels).
+/// if nothing was measured; kFarCount if that is the median. `image`: counts in host memory.
+/// Allocates only if `small` is too small. O(pixels).
 void bin_depth(const DepthImageView& image, int binning, DepthFrame& small);
 
 // Averages of raw depth over time: the smoothing that thesis section 3.6 compares with
@@ -246,8 +256,9 @@ class DepthAverager {
   ~DepthAverager();
 
   /// Adds a frame of the size given at construction; all frames have the same unit. Returns depth
-  /// in meters, width * height values, NaN where there is no measurement; valid until the next
-  /// update. Same bits for any number of threads. O(pixels).
+  /// in meters, width * height values, NaN where there is no measurement, infinite where the frame
+  /// has kFarCount, which no mean has a part of; valid until the next update. Same bits for any
+  /// number of threads. O(pixels).
   std::span<const float> update(const DepthImageView& counts, ThreadPool& pool);
 
   /// kalman: the complete state as bytes, identical on every backend; about 8 bytes per pixel.

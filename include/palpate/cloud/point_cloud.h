@@ -77,6 +77,10 @@ struct PointCloudView {
   /// Depth-change vector of each point, camera axes, m (SurfaceEstimator::depth_change); zero away
   /// from edges. Null if there are none.
   const float *edge_x = nullptr, *edge_y = nullptr, *edge_z = nullptr;
+  /// Measured depth of each pixel of a pinhole cloud, m; infinite: farther than `max_depth`, so
+  /// that there is no point, and the ray is free up to there. Null: unknown.
+  const float* depth = nullptr;
+  float max_depth = 0;
   int gpu = kHostMemory;  ///< whose memory the arrays are in
   /// Two views with the same stamp show the same values, except for stamp 0.
   std::uint64_t stamp = 0;

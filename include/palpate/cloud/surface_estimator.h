@@ -89,7 +89,7 @@ struct SurfaceOptions {
   NormalOptions normals;
   DepthChangeOptions depth_change;
   double min_depth = 0.1;   ///< metres; nearer pixels are no measurement
-  double max_depth = 10.0;  ///< metres; farther pixels are no measurement
+  double max_depth = 10.0;  ///< metres; farther pixels are no points: space is free up to here
   /// Flying pixels: a pixel between the depths of two opposite neighbors and farther from both than
   /// this share of its own depth lies on neither surface and is discarded. So are surfaces steeper
   /// than atan(this * focal length in pixels). 0: no pixel is discarded.
@@ -98,7 +98,8 @@ struct SurfaceOptions {
 inline void add_settings(SettingTable& t, SurfaceOptions& o) {
   t.section("surface");
   t.add("min_depth", o.min_depth, {1e-3, 1e3, "m"}, "nearer pixels are no measurement");
-  t.add("max_depth", o.max_depth, {1e-3, 1e3, "m"}, "farther pixels are no measurement");
+  t.add("max_depth", o.max_depth, {1e-3, 1e3, "m"},
+        "farther pixels are no surface: space is free up to here");
   t.add("flying_pixel_gap", o.flying_pixel_gap, {0, 1},
         "share of the depth; removes pixels between two opposite neighbors and farther "
         "from both; 0: off");
@@ -151,7 +152,8 @@ class SurfaceEstimator {
 
   /// Valid until the next update. Has edge vectors only if the depth change was computed.
   PointCloudView cloud() const;
-  /// Filtered depth in meters, width * height values, NaN where there is no measurement.
+  /// Filtered depth in meters, width * height values: NaN where there is no measurement, infinite
+  /// where everything is farther than max_depth.
   std::span<const float> depth() const;
   /// Depth-change vectors, camera axes, m; zero away from edges. `axis`: 0 x, 1 y, 2 z.
   std::span<const float> depth_change(int axis) const;

@@ -1,7 +1,11 @@
 // Limits of the numbers of a depth frame.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
+#include <cstdint>
+
+#include "palpate/cloud/depth_source.h"
 
 namespace palpate::inline v0 {
 
@@ -16,5 +20,10 @@ inline bool is_in_seconds(double time_stamp) { return std::abs(time_stamp) <= kL
 inline constexpr double kLargestUnit = 1;
 
 inline bool is_depth_unit(double unit) { return unit > 0 && unit <= kLargestUnit; }
+
+/// Leaves kFarCount only to a sensor that can measure so far.
+inline void drop_far_codes(DepthFrame& frame, SensorKind sensor) {
+  if (!can_be_far(sensor)) std::ranges::replace(frame.pixels, kFarCount, std::uint16_t{0});
+}
 
 }  // namespace palpate::inline v0

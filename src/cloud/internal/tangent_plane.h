@@ -2,7 +2,11 @@
 // points and vectors of them.
 #pragma once
 
+#include <cstddef>
+
+#include "palpate/cloud/point_cloud.h"
 #include "palpate/core/core.h"
+#include "src/cloud/raw_depth.h"
 
 namespace palpate::inline v0 {
 
@@ -27,6 +31,27 @@ PALPATE_FORMULA Plane tangent_plane(Real x, Real y, Real z, Real nx, Real ny, Re
   const Real d = -(x * nx + y * ny + z * nz), least = kMinOffset * z;
   const Real offset = d < least ? least : d;
   return {z > Real{} ? offset : Real{} + kFreeOffset, z > Real{} ? offset / z : Real{}};
+}
+
+/// Of a pixel whose measured depth is `depth`: where that is infinite there is no point, and its
+/// ray is free up to `max_depth`, m. There it ends squarely.
+template <class Plane, class Real>
+PALPATE_FORMULA Plane plane_or_far(const Plane& plane, Real depth, float max_depth) {
+  const auto is_far = depth > kFarthest;
+  return {is_far ? Real{} + max_depth : plane.offset, is_far ? Real{} + 1.0f : plane.slope};
+}
+
+/// Of point i.
+PALPATE_HOSTDEV inline TangentPlane plane_of(const PointCloudView& cloud, std::ptrdiff_t i) {
+  const auto plane = tangent_plane<TangentPlane>(cloud.x[i], cloud.y[i], cloud.z[i], cloud.nx[i],
+                                                 cloud.ny[i], cloud.nz[i]);
+  return cloud.depth == nullptr ? plane : plane_or_far(plane, cloud.depth[i], cloud.max_depth);
+}
+
+/// m, as far as a pixel sees: to its point, or to `max_depth` if it is free up to there. Not
+/// positive: it sees nothing.
+PALPATE_HOSTDEV inline float seen_depth(const PointCloudView& cloud, std::ptrdiff_t i) {
+  return cloud.depth != nullptr && cloud.depth[i] > kFarthest ? cloud.max_depth : cloud.z[i];
 }
 
 }  // namespace palpate::inline v0

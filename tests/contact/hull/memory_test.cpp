@@ -220,7 +220,7 @@ TEST(Memory, WithNothingInFrontItIsOneCamera) {
   Random random(45);
   HullScene scene;
   const Camera camera{160, 120, {140, 140, 79.5, 59.5}};
-  const DepthFrame frame = test::random_frame(camera.width, camera.height, random);
+  const DepthFrame frame = test::random_frame(camera.width, camera.height, random, false);
   test::add_memory(scene, camera, {frame, frame}, {}, 0.5, false);
   SurfaceView plain = scene.views[0].to;
   plain.in_front = plain.seen_free = {};

@@ -29,7 +29,7 @@ bool is_seen_${i}(vec3 p) {
   ivec2 pixel = ivec2(floor(other_intrinsics_${i}.xy * q.xy / q.z + other_intrinsics_${i}.zw + 0.5));
   if (any(lessThan(pixel, ivec2(0))) || any(greaterThanEqual(pixel, other_size_${i}))) return false;
   uint raw = texelFetch(other_image_${i}, pixel, 0).r;
-  return raw != 0u && raw != 65535u && q.z < float(raw) * other_unit_${i} + SEEN_BEHIND;
+  return raw != 0u && q.z < float(raw) * other_unit_${i} + SEEN_BEHIND;
 }`).join('\n')}
 
 // From 0 to 1, of a pixel: dots in layers would look like surfaces.
