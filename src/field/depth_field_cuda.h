@@ -14,8 +14,9 @@ namespace palpate::inline v0 {
 
 /// Those of one field on the GPU.
 struct FieldArrays {
-  TangentPlane* planes = nullptr;   ///< of all levels
-  TangentPlane* nearest = nullptr;  ///< likewise, from level 1 on: Choice::nearest, for filling
+  TangentPlane* planes = nullptr;  ///< of all levels
+  /// Likewise, for filling: of level 0 as they were taken, from level 1 on by Choice::nearest.
+  TangentPlane* nearest = nullptr;
   Silhouette* silhouettes = nullptr;
   std::uint8_t* near_silhouette = nullptr;
   DepthTile* tiles = nullptr;
@@ -33,8 +34,11 @@ struct RimTiling {
 /// What the kernels of some fields work on.
 struct FieldJob {
   PyramidLayout layout;
-  int num_filled = 0;  ///< over so many levels holes are filled
+  int num_filled = 0;              ///< over so many levels holes are filled
+  bool fills_runs = false;         ///< see PyramidLayout
+  float width_u = 0, width_v = 0;  ///< of a pixel of level 0, over the focal lengths
   UnknownSpace unknown = UnknownSpace::free;
+  int going_on = 0;                                  ///< see PyramidLayout
   FieldArrays arrays;                                ///< of the first field
   std::ptrdiff_t pixels_apart = 0, tiles_apart = 0;  ///< from one field to the next
   std::ptrdiff_t points_apart = 0;                   ///< from one image's points to the next

@@ -104,8 +104,7 @@ TEST(FieldWindows, HaveTheBitsOfTheWholeImage) {
       const int top = static_cast<int>(random.uniform(0, 500));
       const PixelWindow requested{left, top, left + 1 + static_cast<int>(random.uniform(0, 99)),
                                   top + 1 + static_cast<int>(random.uniform(0, 99))};
-      const FieldWindows windows =
-          field_windows(layout, layout.num_filled(options.field), requested);
+      const FieldWindows windows = field_windows(layout, options.field, requested);
       EXPECT_EQ(windows.points, part_field.points_for(requested));
       whole_surface.update(frame, pool);
       whole_field.update(whole_surface.cloud(), pool);
