@@ -61,7 +61,7 @@ struct TangentPlane;  // of a pixel, see src/field/field_pixels.h
 
 /// Space where the camera measured nothing and hole filling did not reach.
 enum class UnknownSpace {
-  free,   ///< nothing: contact fades out over the width of a sphere at the border
+  free,   ///< nothing: contact fades out over about the width of a sphere at the border
   solid,  ///< the surrounding surface continues flat, however wide the hole
   /// Everything is solid unless seen to be free. Not with a thickness.
   blocked,
@@ -84,8 +84,8 @@ constexpr auto names_of(UnseenSpace) { return std::array{"solid", "free", "fade"
 /// Options of the depth field: the meaning of pixels without depth and of occluded space.
 struct DepthFieldOptions {
   UnknownSpace unknown = UnknownSpace::free;
-  /// Holes up to about 2^fill_levels pixels wide are filled by interpolation from their borders; 0
-  /// fills none.
+  /// Holes up to about 2^fill_levels pixels wide are filled by interpolation from their borders,
+  /// runs of up to 64 pixels between two surfaces by the farther one. 0 fills none.
   int fill_levels = 4;
   UnseenSpace unseen = UnseenSpace::solid;
   /// m, unless `unseen` is solid: up to this depth behind the first surface, along its normal, a
