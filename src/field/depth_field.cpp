@@ -70,7 +70,7 @@ void DepthField::Impl::widen(int level, Choice choice, const PixelWindow& window
            [&](int v) { rows.widen(fine, level, choice, coarse, window, v); });
 }
 
-/// Runs between surfaces that are not one: rows first, whose pixels columns then leave alone.
+/// Runs between surfaces that are not one: of rows, then what they left, of columns.
 void DepthField::Impl::fill_runs(const Intrinsics& k, const PixelWindow& window, ThreadPool& pool) {
   for_rows(pool, window.top, window.bottom, [&](int v) {
     if (row_has_hole[static_cast<std::size_t>(v)]) runs.fill_row(k, image(0), window, v);

@@ -257,12 +257,10 @@ __device__ void fill_quad(const FieldJob& job, const FieldArrays& arrays, const 
   for_quad(job, place, [&](int k, int u, int v) {
     if (quad[k].is_surface()) return;
     if (job.fills_runs) {
-      const TangentPlane* const taken = pixel(job, arrays.nearest, 0, u, v);
-      const PyramidLayout::Level& image = job.layout.levels[0];
-      quad[k] = filling_at(taken, u, image.width, 1, job.width_u);
-      if (!quad[k].is_surface()) {
-        quad[k] = filling_at(taken, v, image.height, job.layout.stride, job.width_v);
-      }
+      const TangentPlane* const by_row = pixel(job, arrays.nearest, 0, u, v);
+      quad[k] = by_row->is_surface() ? *by_row
+                                     : filling_at(by_row, v, job.layout.levels[0].height,
+                                                  job.layout.stride, job.width_v);
     }
     if (!quad[k].is_surface()) quad[k] = look_up(1, u, v);
     *pixel(job, arrays.planes, 0, u, v) = quad[k];
@@ -274,7 +272,20 @@ struct WidenScratch {
   Surroundings around;
 };
 
-/// Second kernel: fills holes and finishes their squares.
+/// Second kernel, where runs are filled: those of rows.
+__global__ void __launch_bounds__(kThreads) fill_rows(const __grid_constant__ FieldJob job) {
+  if (!job.has_hole[blockIdx.x]) return;
+  const Place place(job);
+  const FieldArrays arrays = job.arrays_of(place.image);
+  for_quad(job, place, [&](int, int u, int v) {
+    const TangentPlane* const taken = pixel(job, arrays.planes, 0, u, v);
+    if (taken->is_surface()) return;
+    *pixel(job, arrays.nearest, 0, u, v) =
+        filling_at(taken, u, job.layout.levels[0].width, 1, job.width_u);
+  });
+}
+
+/// Next kernel: fills holes and finishes their squares.
 __global__ void __launch_bounds__(kThreads) widen_planes(const __grid_constant__ FieldJob job) {
   if (!job.has_hole[blockIdx.x]) return;
   auto& shared = gpu::shared_memory<WidenScratch>();
@@ -403,6 +414,10 @@ void DepthFieldCuda::enqueue(FieldJob job, const PointCloudView& cloud, int num,
   const int squares = num * job.num_squares();
   gpu::launch(stream, {.blocks = squares, .threads = kThreads, .shared_bytes = sizeof(TakeScratch)},
               take_planes, job, cloud);
+  if (job.fills_runs) {
+    gpu::launch(stream, {.blocks = squares, .threads = kThreads, .shared_bytes = 0}, fill_rows,
+                job);
+  }
   gpu::launch(stream,
               {.blocks = squares, .threads = kThreads, .shared_bytes = sizeof(WidenScratch)},
               widen_planes, job);

@@ -15,7 +15,8 @@ namespace palpate::inline v0 {
 /// Those of one field on the GPU.
 struct FieldArrays {
   TangentPlane* planes = nullptr;  ///< of all levels
-  /// Likewise, for filling: of level 0 as they were taken, from level 1 on by Choice::nearest.
+  /// Likewise, for filling: of level 0 with the runs of rows filled, from level 1 on by
+  /// Choice::nearest.
   TangentPlane* nearest = nullptr;
   Silhouette* silhouettes = nullptr;
   std::uint8_t* near_silhouette = nullptr;
@@ -68,7 +69,7 @@ class DepthFieldCuda {
                                        int gpu, int num_fields = 1, int num_at_once = 1);
 
   /// Rebuilds the field from an organised pinhole cloud in the memory of this GPU, of the size
-  /// given at construction. Three kernels, no allocation; can be recorded.
+  /// given at construction. At most four kernels, no allocation; can be recorded.
   void enqueue(const PointCloudView& cloud, gpu::Stream& stream);
   /// The same from the planes of all points of a camera, row by row.
   void enqueue(const TangentPlane* planes, const PointCloudView& camera, gpu::Stream& stream);

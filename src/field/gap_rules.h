@@ -6,7 +6,8 @@
 
 namespace palpate::inline v0 {
 
-/// The longest run of missing pixels, along a row or a column, that its two ends decide about.
+/// The longest run of missing pixels that its two ends decide about: along rows first, then, of the
+/// pixels that those left, along columns.
 inline constexpr int kMaxRun = 64;
 
 /// Does a surface end between two surfaces that are `width` apart, over the depth? Silhouettes are

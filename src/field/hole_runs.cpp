@@ -30,6 +30,7 @@ int HoleRuns::next(int v, int u, int end, bool missing) const {
 
 void HoleRuns::put(const FieldImage& image, int v, int u, const TangentPlane& plane) {
   image.row(v)[u] = plane;
+  missing_[word(v, u / kBits)] &= ~(std::uint64_t{1} << u % kBits);
   filled_[2 * word(v, 0) + static_cast<std::size_t>(u / 32)] |= 1u << u % 32;
 }
 
@@ -64,9 +65,7 @@ void HoleRuns::fill_columns(const Intrinsics& k, const FieldImage& image, const 
       const TangentPlane filling = filling_of_run(image.row(v - 1)[u], image.row(end)[u],
                                                   static_cast<float>(end - v + 1) * width);
       if (!filling.is_surface()) continue;
-      for (int row = v; row < end; ++row) {
-        if (!image.row(row)[u].is_surface()) put(image, row, u, filling);
-      }
+      for (int row = v; row < end; ++row) put(image, row, u, filling);
     }
     above = here;
   }

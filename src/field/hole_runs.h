@@ -23,10 +23,9 @@ class HoleRuns {
   /// The bits of a row's missing pixels, to be set.
   std::uint64_t* missing(int v) { return missing_.data() + word(v, 0); }
 
-  /// Fills the runs of row v of level 0 inside of a window.
+  /// Fills the runs of row v of level 0 inside of a window. Their pixels are not missing any more.
   void fill_row(const Intrinsics& k, const FieldImage& image, const PixelWindow& window, int v);
-  /// Fills the runs of the columns of word `number` inside of a window, where rows left them: both
-  /// ends of the run are of one surface there, or it is longer than kMaxRun or has only one end.
+  /// Fills the runs that are left in the columns of word `number`, inside of a window.
   void fill_columns(const Intrinsics& k, const FieldImage& image, const PixelWindow& window,
                     int number);
   int words_in_row() const { return words_; }

