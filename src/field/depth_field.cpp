@@ -7,6 +7,8 @@
 #include "src/core/internal/stamp.h"
 #include "src/field/field_rows.h"
 #include "src/field/field_windows.h"
+#include "src/field/gap_rules.h"
+#include "src/field/hole_runs.h"
 
 namespace palpate::inline v0 {
 namespace {
@@ -37,22 +39,25 @@ struct DepthField::Impl {
   SilhouetteScratch scratch;
   FieldImage images[DepthFieldView::kMaxLevels];
   FieldRows rows;
-  std::vector<char> row_has_hole;  // of level 0
+  std::vector<char> row_has_hole;  // of level 0, likewise
+  HoleRuns runs{0, 0};
   std::vector<DepthTile> tiles;
   DepthFieldView view;
 
   const FieldImage& image(int level) const { return images[level]; }
   FieldWindows windows_for(const PixelWindow& requested) const {
-    return field_windows(layout, layout.num_filled(options),
-                         requested.clipped(image(0).width, image(0).height));
+    return field_windows(layout, options, requested.clipped(image(0).width, image(0).height));
   }
-  /// take(row) fills a row of level 0 and says whether it has a hole.
+  /// take(window, v) fills a row of level 0.
   template <class Take>
   void make(const Intrinsics& k, const PixelWindow& requested, ThreadPool& pool, const Take& take);
   void widen(int level, Choice choice, const PixelWindow& window, ThreadPool& pool);
-  void fill_holes(const FieldWindows& windows, ThreadPool& pool);
+  void fill_holes(const Intrinsics& k, const FieldWindows& windows, ThreadPool& pool);
+  void fill_runs(const Intrinsics& k, const PixelWindow& window, ThreadPool& pool);
   void block_holes(const PixelWindow& window, ThreadPool& pool);
-  void extend_border(int level) const;
+  void let_surfaces_go_on(int level, const PixelWindow& window) const;
+  void join_border(int level, const PixelWindow& window);
+  void extend_border(int level, const PixelWindow& window);
   void find_silhouettes(const Intrinsics& k, int level, const PixelWindow& window,
                         ThreadPool& pool);
   void find_tiles(const PixelWindow& window, ThreadPool& pool);
@@ -65,13 +70,25 @@ void DepthField::Impl::widen(int level, Choice choice, const PixelWindow& window
            [&](int v) { rows.widen(fine, level, choice, coarse, window, v); });
 }
 
-/// Closes holes from the outside in: the widest level that has to be read is made first.
-void DepthField::Impl::fill_holes(const FieldWindows& windows, ThreadPool& pool) {
+/// Runs between surfaces that are not one: of rows, then what they left, of columns.
+void DepthField::Impl::fill_runs(const Intrinsics& k, const PixelWindow& window, ThreadPool& pool) {
+  for_rows(pool, window.top, window.bottom, [&](int v) {
+    if (row_has_hole[static_cast<std::size_t>(v)]) runs.fill_row(k, image(0), window, v);
+  });
+  pool.parallel_for(runs.words_in_row(),
+                    [&](int number) { runs.fill_columns(k, image(0), window, number); });
+}
+
+/// Closes holes from the outside in: the widest level that has to be read is made first, of what
+/// was measured.
+void DepthField::Impl::fill_holes(const Intrinsics& k, const FieldWindows& windows,
+                                  ThreadPool& pool) {
   if (std::find(row_has_hole.begin(), row_has_hole.end(), 1) == row_has_hole.end()) return;
   const int num_filled = layout.num_filled(options);
   for (int level = 1; level <= num_filled; ++level) {
     widen(level, Choice::nearest, windows.nearest[level], pool);
   }
+  if (layout.fills_runs(options)) fill_runs(k, windows.points, pool);
   for (int level = num_filled - 1; level >= 0; --level) {
     const PixelWindow& window = windows.filled[level];
     for_rows(pool, window.top, window.bottom, [&](int v) {
@@ -91,9 +108,65 @@ void DepthField::Impl::block_holes(const PixelWindow& window, ThreadPool& pool) 
   });
 }
 
-/// Around the image: the surface of the outermost pixels going on, or what is so from the beginning
-/// on.
-void DepthField::Impl::extend_border(int level) const {
+/// Around the image: the outermost surfaces go on for a few pixels, to the left and right of the
+/// rows of a window, then above and below.
+void DepthField::Impl::let_surfaces_go_on(int level, const PixelWindow& window) const {
+  const FieldImage& of = image(level);
+  const auto from = [&](TangentPlane* last, std::ptrdiff_t step) {
+    const GoingOn surface({last[0], last[-step], last[-2 * step], last[-3 * step]}, level);
+    for (int i = 1; i <= DepthFieldLevel::kGoesOn; ++i) last[i * step] = surface.at(i);
+  };
+  for (int v = window.top; v < window.bottom; ++v) {
+    from(of.row(v), -1);
+    from(of.row(v) + of.width - 1, 1);
+  }
+  for (int u = window.left - DepthFieldLevel::kGoesOn; u < window.right + DepthFieldLevel::kGoesOn;
+       ++u) {
+    from(of.row(0) + u, -of.stride);
+    from(of.row(of.height - 1) + u, of.stride);
+  }
+}
+
+/// The tiles at the border of the image stand for what goes on beyond it, too. The outermost pixels
+/// bound those between them and the image, which change evenly. Of a tile whose pixels of this
+/// level are not all inside the window nothing is known.
+void DepthField::Impl::join_border(int level, const PixelWindow& window) {
+  constexpr int kSize = DepthFieldView::kTileSize, kGoesOn = DepthFieldLevel::kGoesOn;
+  const FieldImage& of = image(level);
+  const int last_u = view.tiles_wide - 1, last_v = view.tiles_high - 1;
+  for (int v = 0; v <= last_v; ++v) {
+    const bool is_inner = v > 0 && v < last_v;
+    for (int u = 0; u <= last_u; u += is_inner && u < last_u ? last_u : 1) {
+      DepthTile& tile = tiles[static_cast<std::size_t>(v * view.tiles_wide + u)];
+      PixelWindow at{u * kSize >> level, v * kSize >> level, (((u + 1) * kSize - 1) >> level) + 1,
+                     (((v + 1) * kSize - 1) >> level) + 1};
+      at = at.clipped(of.width, of.height);
+      if (!window.contains(at)) tile = unknown_tile<DepthTile>();
+      if (u == 0) at.left = -kGoesOn;
+      if (v == 0) at.top = -kGoesOn;
+      if (u == last_u) at.right = of.width + kGoesOn;
+      if (v == last_v) at.bottom = of.height + kGoesOn;
+      const auto take = [&](int column, int row) {
+        tile = join(tile, tile_of<DepthTile>(of.row(row)[column]));
+      };
+      for (int row = at.top; row < at.bottom; ++row) {
+        if (u == 0) take(at.left, row);
+        if (u == last_u) take(at.right - 1, row);
+      }
+      for (int column = at.left; column < at.right; ++column) {
+        if (v == 0) take(column, at.top);
+        if (v == last_v) take(column, at.bottom - 1);
+      }
+    }
+  }
+}
+
+/// Around the image, beyond what is so from the beginning on.
+void DepthField::Impl::extend_border(int level, const PixelWindow& window) {
+  if (PyramidLayout::going_on(options) > 0) {
+    let_surfaces_go_on(level, window);
+    join_border(level, window);
+  }
   if (options.unknown != UnknownSpace::solid) return;
   const int w = image(level).width, h = image(level).height;
   for (int v = -kBorder; v < h + kBorder; ++v) {
@@ -163,10 +236,13 @@ Result<DepthField> DepthField::create(int width, int height, const DepthFieldOpt
                        layout->levels[level].height,      layout->stride};
   }
   d.row_has_hole.resize(static_cast<std::size_t>(height));
+  d.runs = HoleRuns(width, height);
   d.tiles.resize(layout->num_tiles());
   d.view = layout->view(d.planes.data(), d.silhouettes.data(), d.near_silhouette.data(),
                         d.tiles.data(), options);
   d.view.num_levels = 0;
+  d.view.filled_behind = d.runs.filled();
+  d.view.filled_stride = 2 * d.runs.words_in_row();
   return DepthField(std::move(impl));
 }
 
@@ -183,14 +259,18 @@ void DepthField::Impl::make(const Intrinsics& k, const PixelWindow& requested, T
   view.requested = requested.clipped(image(0).width, image(0).height);
   const FieldWindows windows = windows_for(requested);
   std::fill(row_has_hole.begin(), row_has_hole.end(), 0);
-  for_rows(pool, windows.points.top, windows.points.bottom,
-           [&](int v) { row_has_hole[static_cast<std::size_t>(v)] = take(windows.points, v); });
-  fill_holes(windows, pool);
+  runs.clear();
+  for_rows(pool, windows.points.top, windows.points.bottom, [&](int v) {
+    take(windows.points, v);
+    row_has_hole[static_cast<std::size_t>(v)] =
+        rows.find_holes(image(0), windows.points, v, runs.missing(v));
+  });
+  fill_holes(k, windows, pool);
   block_holes(windows.planes[0], pool);
   find_tiles(windows.planes[0], pool);
   for (int level = 0; level < view.num_levels; ++level) {
     if (level > 0) widen(level, Choice::majority, windows.planes[level], pool);
-    extend_border(level);
+    extend_border(level, windows.planes[level]);
     find_silhouettes(k, level, windows.silhouettes[level], pool);
   }
   view.stamp = next_stamp();
@@ -202,7 +282,7 @@ void DepthField::update(const PointCloudView& cloud, ThreadPool& pool,
   PALPATE_ASSERT(cloud.pinhole && cloud.width == d.image(0).width &&
                  cloud.height == d.image(0).height);
   d.make(cloud.intrinsics, requested, pool, [&](const PixelWindow& window, int v) {
-    return d.rows.take_planes(cloud, d.image(0), window, v);
+    d.rows.take_planes(cloud, d.image(0), window, v);
   });
 }
 
@@ -211,13 +291,7 @@ void DepthField::update(const TangentPlane* planes, const Intrinsics& intrinsics
   Impl& d = *impl_;
   d.make(intrinsics, requested, pool, [&](const PixelWindow& window, int v) {
     const TangentPlane* const from = planes + std::ptrdiff_t{v} * d.image(0).width;
-    TangentPlane* const to = d.image(0).row(v);
-    bool has_hole = false;
-    for (int u = window.left; u < window.right; ++u) {
-      to[u] = from[u];
-      has_hole |= !from[u].is_surface();
-    }
-    return has_hole;
+    std::copy(from + window.left, from + window.right, d.image(0).row(v) + window.left);
   });
 }
 

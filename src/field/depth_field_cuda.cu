@@ -6,6 +6,7 @@
 
 #include "src/core/internal/assert.h"
 #include "src/core/internal/stamp.h"
+#include "src/field/gap_rules.h"
 #include "src/field/silhouettes_cuda.cuh"
 #include "src/gpu/team.cuh"
 
@@ -162,6 +163,7 @@ __global__ void __launch_bounds__(kThreads)
     quad[k] = job.given != nullptr ? job.given[i] : plane_of(cloud, i);
     has_hole = has_hole || !quad[k].is_surface();
     *pixel(job, arrays.planes, 0, u, v) = quad[k];
+    if (job.fills_runs) *pixel(job, arrays.nearest, 0, u, v) = quad[k];
   });
   if (has_hole) shared.has_hole = 1;
   complete_quad(job, place, quad);
@@ -192,6 +194,24 @@ struct Surroundings {
     return square * (kSquare >> level) + start(level);
   }
 };
+
+/// What fills the run of missing pixels around one of them, number `at` of `size` in a row or
+/// column whose pixels lie `step` apart.
+__device__ TangentPlane filling_at(const TangentPlane* pixel, int at, int size, std::ptrdiff_t step,
+                                   float width) {
+  const auto find_end = [&](int most, int sign) {
+    int to = 1;
+    while (to <= most && !pixel[sign * to * step].is_surface()) ++to;
+    return to;
+  };
+  const int before = find_end(at < kMaxRun ? at : kMaxRun, -1);
+  const int room = size - 1 - at, left = kMaxRun + 1 - before;
+  if (before > at || left <= 0) return {};
+  const int after = find_end(room < left ? room : left, 1);
+  if (after > room || after > left) return {};
+  return filling_of_run(pixel[-before * step], pixel[after * step],
+                        static_cast<float>(before + after) * width);
+}
 
 __device__ void fill_quad(const FieldJob& job, const FieldArrays& arrays, const Place& place,
                           TangentPlane (&quad)[4], Surroundings& around) {
@@ -233,7 +253,13 @@ __device__ void fill_quad(const FieldJob& job, const FieldArrays& arrays, const 
   }
   for_quad(job, place, [&](int k, int u, int v) {
     if (quad[k].is_surface()) return;
-    quad[k] = look_up(1, u, v);
+    if (job.fills_runs) {
+      const TangentPlane* const by_row = pixel(job, arrays.nearest, 0, u, v);
+      quad[k] = by_row->is_surface() ? *by_row
+                                     : filling_at(by_row, v, job.layout.levels[0].height,
+                                                  job.layout.stride, job.width_v);
+    }
+    if (!quad[k].is_surface()) quad[k] = look_up(1, u, v);
     *pixel(job, arrays.planes, 0, u, v) = quad[k];
   });
 }
@@ -243,7 +269,20 @@ struct WidenScratch {
   Surroundings around;
 };
 
-/// Second kernel: fills holes and finishes their squares.
+/// Second kernel, where runs are filled: those of rows.
+__global__ void __launch_bounds__(kThreads) fill_rows(const __grid_constant__ FieldJob job) {
+  if (!job.has_hole[blockIdx.x]) return;
+  const Place place(job);
+  const FieldArrays arrays = job.arrays_of(place.image);
+  for_quad(job, place, [&](int, int u, int v) {
+    const TangentPlane* const taken = pixel(job, arrays.planes, 0, u, v);
+    if (taken->is_surface()) return;
+    *pixel(job, arrays.nearest, 0, u, v) =
+        filling_at(taken, u, job.layout.levels[0].width, 1, job.width_u);
+  });
+}
+
+/// Next kernel: fills holes and finishes their squares.
 __global__ void __launch_bounds__(kThreads) widen_planes(const __grid_constant__ FieldJob job) {
   if (!job.has_hole[blockIdx.x]) return;
   auto& shared = gpu::shared_memory<WidenScratch>();
@@ -263,15 +302,15 @@ __global__ void __launch_bounds__(kThreads) widen_planes(const __grid_constant__
 }
 
 /// Of tiles of a size, for the largest level.
-RimTiling rim_tiling(const PyramidLayout& layout, int wide, int high) {
+RimTiling rim_tiling(const FieldJob& job, int wide, int high) {
   // See RimSpans: pixels that are requested, and that have planes.
   const auto num_requested = [](int tile, int size) {
     return std::min(tile + 2, size + 2 * kSilhouetteBorder + 1);
   };
   const auto num_planes = [&](int tile, int size) {
-    return std::min(num_requested(tile, size) + 2 * kReach, size + 2);
+    return std::min(num_requested(tile, size) + 2 * kReach, size + 2 * (job.going_on + 1));
   };
-  const auto& image = layout.levels[0];
+  const auto& image = job.layout.levels[0];
   RimTiling tiling{wide, high};
   tiling.num_planes = num_planes(wide, image.width) * num_planes(high, image.height);
   tiling.num_rows = num_requested(high, image.height) + 2 * kReach;
@@ -282,12 +321,12 @@ RimTiling rim_tiling(const PyramidLayout& layout, int wide, int high) {
 }
 
 /// Large tiles look at little twice: as high as shared memory allows, all alike in level 0.
-RimTiling large_rim_tiles(const PyramidLayout& layout) {
+RimTiling large_rim_tiles(const FieldJob& job) {
   constexpr std::size_t kMaxShared = 48 << 10;
   constexpr int kWide = 89;  // with what is around it, three words
-  const int rows = layout.levels[0].height + 2 * DepthFieldLevel::kBorder;
+  const int rows = job.layout.levels[0].height + 2 * DepthFieldLevel::kBorder;
   for (int num = 1;; ++num) {
-    const RimTiling tiling = rim_tiling(layout, kWide, (rows + num - 1) / num);
+    const RimTiling tiling = rim_tiling(job, kWide, (rows + num - 1) / num);
     if (tiling.shared_bytes <= kMaxShared) return tiling;
   }
 }
@@ -302,12 +341,14 @@ Result<DepthFieldCuda> DepthFieldCuda::create(int width, int height,
   FieldJob job;
   job.layout = *layout;
   job.num_filled = layout->num_filled(options);
+  job.fills_runs = layout->fills_runs(options);
+  job.going_on = PyramidLayout::going_on(options);
   job.unknown = options.unknown;
   const auto blocks_over = [](int size, int part) { return (size + part - 1) / part; };
   job.squares_wide = blocks_over(width, kSquare);
   job.squares_high = blocks_over(height, kSquare);
   // One image alone needs many tiles to fill the GPU.
-  job.rim = num_at_once > 1 ? large_rim_tiles(*layout) : rim_tiling(*layout, 57, 16);
+  job.rim = num_at_once > 1 ? large_rim_tiles(job) : rim_tiling(job, 57, 16);
   constexpr int kBorders = 2 * DepthFieldLevel::kBorder;
   for (int level = 0; level < layout->num_levels; ++level) {
     const auto& image = layout->levels[level];
@@ -364,9 +405,16 @@ void DepthFieldCuda::enqueue(FieldJob job, const PointCloudView& cloud, int num,
   PALPATE_ASSERT(cloud.pinhole && cloud.gpu == memory_.gpu() &&
                  cloud.width == job_.layout.levels[0].width &&
                  cloud.height == job_.layout.levels[0].height);
+  const one_lane::RuleLevel finest = one_lane::rule_level(cloud.intrinsics, 0);
+  job.width_u = finest.width_u;
+  job.width_v = finest.width_v;
   const int squares = num * job.num_squares();
   gpu::launch(stream, {.blocks = squares, .threads = kThreads, .shared_bytes = sizeof(TakeScratch)},
               take_planes, job, cloud);
+  if (job.fills_runs) {
+    gpu::launch(stream, {.blocks = squares, .threads = kThreads, .shared_bytes = 0}, fill_rows,
+                job);
+  }
   gpu::launch(stream,
               {.blocks = squares, .threads = kThreads, .shared_bytes = sizeof(WidenScratch)},
               widen_planes, job);

@@ -14,8 +14,10 @@ namespace palpate::inline v0 {
 
 /// Those of one field on the GPU.
 struct FieldArrays {
-  TangentPlane* planes = nullptr;   ///< of all levels
-  TangentPlane* nearest = nullptr;  ///< likewise, from level 1 on: Choice::nearest, for filling
+  TangentPlane* planes = nullptr;  ///< of all levels
+  /// Likewise, for filling: of level 0 with the runs of rows filled, from level 1 on by
+  /// Choice::nearest.
+  TangentPlane* nearest = nullptr;
   Silhouette* silhouettes = nullptr;
   std::uint8_t* near_silhouette = nullptr;
   DepthTile* tiles = nullptr;
@@ -33,8 +35,11 @@ struct RimTiling {
 /// What the kernels of some fields work on.
 struct FieldJob {
   PyramidLayout layout;
-  int num_filled = 0;  ///< over so many levels holes are filled
+  int num_filled = 0;              ///< over so many levels holes are filled
+  bool fills_runs = false;         ///< see PyramidLayout
+  float width_u = 0, width_v = 0;  ///< of a pixel of level 0, over the focal lengths
   UnknownSpace unknown = UnknownSpace::free;
+  int going_on = 0;                                  ///< see PyramidLayout
   FieldArrays arrays;                                ///< of the first field
   std::ptrdiff_t pixels_apart = 0, tiles_apart = 0;  ///< from one field to the next
   std::ptrdiff_t points_apart = 0;                   ///< from one image's points to the next
@@ -64,7 +69,7 @@ class DepthFieldCuda {
                                        int gpu, int num_fields = 1, int num_at_once = 1);
 
   /// Rebuilds the field from an organised pinhole cloud in the memory of this GPU, of the size
-  /// given at construction. Three kernels, no allocation; can be recorded.
+  /// given at construction. At most four kernels, no allocation; can be recorded.
   void enqueue(const PointCloudView& cloud, gpu::Stream& stream);
   /// The same from the planes of all points of a camera, row by row.
   void enqueue(const TangentPlane* planes, const PointCloudView& camera, gpu::Stream& stream);

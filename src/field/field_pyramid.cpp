@@ -53,8 +53,8 @@ DepthFieldView PyramidLayout::view(const TangentPlane* planes, const Silhouette*
     level.height = levels[number].height;
     level.stride = stride;
     level.scale = scale;
-    level.last_u = static_cast<float>(levels[0].width) * scale + 5;
-    level.last_v = static_cast<float>(levels[0].height) * scale + 5;
+    level.last_u = static_cast<float>(levels[0].width) * scale - DepthFieldLevel::kFirst;
+    level.last_v = static_cast<float>(levels[0].height) * scale - DepthFieldLevel::kFirst;
   }
   view.tiles = tiles;
   view.tiles_wide = tiles_wide();

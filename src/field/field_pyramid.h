@@ -10,7 +10,7 @@
 namespace palpate::inline v0 {
 
 /// So far beyond the image silhouettes are looked for.
-inline constexpr int kSilhouetteBorder = 5;
+inline constexpr int kSilhouetteBorder = static_cast<int>(-DepthFieldLevel::kFirst);
 static_assert(kSilhouetteBorder + DepthFieldLevel::kSilhouetteReach + 2 <=
               DepthFieldLevel::kBorder);
 
@@ -37,8 +37,8 @@ struct PyramidLayout {
   // Whole vectors are read where fewer pixels are needed, and bytes four at a time.
   std::size_t num_planes() const { return num_pixels() + 32; }
   std::size_t num_bytes() const { return num_pixels() + 3; }
-  int tiles_wide() const { return tiles_over(levels[0].width); }
-  int tiles_high() const { return tiles_over(levels[0].height); }
+  PALPATE_HOSTDEV int tiles_wide() const { return tiles_over(levels[0].width); }
+  PALPATE_HOSTDEV int tiles_high() const { return tiles_over(levels[0].height); }
   std::size_t num_tiles() const {
     return static_cast<std::size_t>(tiles_wide()) * static_cast<std::size_t>(tiles_high());
   }
@@ -46,11 +46,20 @@ struct PyramidLayout {
   DepthFieldView view(const TangentPlane* planes, const Silhouette* silhouettes,
                       const std::uint8_t* near_silhouette, const DepthTile* tiles,
                       const DepthFieldOptions& options) const;
+  /// So many pixels around the image show its outermost surface.
+  static int going_on(const DepthFieldOptions& options) {
+    return options.unknown == UnknownSpace::free ? DepthFieldLevel::kGoesOn : 0;
+  }
   /// Over how many levels holes are filled.
   int num_filled(const DepthFieldOptions& options) const;
+  /// Do surfaces go on behind others where nothing was measured (gap_rules.h)? What blocks is not
+  /// known to be free there.
+  bool fills_runs(const DepthFieldOptions& options) const {
+    return num_filled(options) > 0 && options.unknown != UnknownSpace::blocked;
+  }
 
  private:
-  static int tiles_over(int size) {
+  PALPATE_HOSTDEV static int tiles_over(int size) {
     return (size + DepthFieldView::kTileSize - 1) / DepthFieldView::kTileSize;
   }
 };

@@ -6,7 +6,8 @@ namespace palpate::inline v0 {
 
 #define PALPATE_DECLARE_FIELD_ROWS(isa)                                                        \
   namespace isa {                                                                              \
-  bool take_planes(const PointCloudView&, const FieldImage&, const PixelWindow&, int);         \
+  void take_planes(const PointCloudView&, const FieldImage&, const PixelWindow&, int);         \
+  bool find_holes(const FieldImage&, const PixelWindow&, int, std::uint64_t*);                 \
   void widen(const FieldImage&, int, Choice, const FieldImage&, const PixelWindow&, int);      \
   void fill(const FieldImage&, int, const FieldImage&, const PixelWindow&, int);               \
   void find_edges(const Intrinsics&, const FieldImage&, int, const PixelWindow&, int,          \
@@ -17,9 +18,9 @@ namespace palpate::inline v0 {
                         const SilhouetteScratch&);                                             \
   void mark_silhouettes(const FieldImage&, const PixelWindow&, int, const SilhouetteScratch&); \
   void find_tiles(const FieldImage&, const PixelWindow&, int, DepthTile*);                     \
-  constexpr FieldRows kFieldRows{take_planes,      widen,       fill,                          \
-                                 find_edges,       find_in_row, find_silhouettes,              \
-                                 mark_silhouettes, find_tiles};                                \
+  constexpr FieldRows kFieldRows{                                                              \
+      take_planes,      find_holes,       widen,     fill, find_edges, find_in_row,            \
+      find_silhouettes, mark_silhouettes, find_tiles};                                         \
   }
 PALPATE_DECLARE_FIELD_ROWS(isa_baseline)
 #if defined(__x86_64__)

@@ -59,9 +59,12 @@ struct SilhouetteScratch {
 
 /// Each does row v of the image named last, in the columns of a window (field_windows.h).
 struct FieldRows {
-  /// Level 0: the tangent plane of every point. True if there is none in a pixel.
-  bool (*take_planes)(const PointCloudView& cloud, const FieldImage& image,
+  /// Level 0: the tangent plane of every point.
+  void (*take_planes)(const PointCloudView& cloud, const FieldImage& image,
                       const PixelWindow& window, int v);
+  /// Sets the bits of the pixels without surface, 64 to a word. True if there is one.
+  bool (*find_holes)(const FieldImage& image, const PixelWindow& window, int v,
+                     std::uint64_t* holes);
   /// A level from the one before: one pixel of two by two.
   void (*widen)(const FieldImage& fine, int level, Choice choice, const FieldImage& coarse,
                 const PixelWindow& window, int v);

@@ -26,28 +26,35 @@ inline void store(TangentPlane* to, const Planes& planes) {
 
 }  // namespace
 
-bool take_planes(const PointCloudView& cloud, const FieldImage& image, const PixelWindow& window,
+void take_planes(const PointCloudView& cloud, const FieldImage& image, const PixelWindow& window,
                  int v) {
   TangentPlane* const out = image.row(v);
   const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(v) * cloud.width;
   const float* const in[6] = {cloud.x + first,  cloud.y + first,  cloud.z + first,
                               cloud.nx + first, cloud.ny + first, cloud.nz + first};
   const float* const depth = cloud.depth == nullptr ? in[2] : cloud.depth + first;
-  std::uint32_t holes = 0;
   int u = window.left;
   for (; u + kLanes <= window.right; u += kLanes) {
-    const Planes planes =
-        plane_or_far(tangent_plane<Planes>(load(in[0] + u), load(in[1] + u), load(in[2] + u),
-                                           load(in[3] + u), load(in[4] + u), load(in[5] + u)),
-                     load(depth + u), cloud.max_depth);
-    store(out + u, planes);
-    holes |= mask_bits(is_hole(planes));
+    store(out + u,
+          plane_or_far(tangent_plane<Planes>(load(in[0] + u), load(in[1] + u), load(in[2] + u),
+                                             load(in[3] + u), load(in[4] + u), load(in[5] + u)),
+                       load(depth + u), cloud.max_depth));
   }
-  for (; u < window.right; ++u) {
-    out[u] = plane_of(cloud, first + u);
-    holes |= !out[u].is_surface();
+  for (; u < window.right; ++u) out[u] = plane_of(cloud, first + u);
   }
-  return holes != 0;
+}
+
+bool find_holes(const FieldImage& image, const PixelWindow& window, int v, std::uint64_t* holes) {
+  const TangentPlane* const row = image.row(v);
+  std::uint64_t any = 0;
+  const auto set = [&](int u, std::uint64_t bits) {
+    any |= bits;
+    holes[u / 64] |= bits << u % 64;
+  };
+  int u = window.left;  // a multiple of kLanes
+  for (; u + kLanes <= window.right; u += kLanes) set(u, mask_bits(is_hole(load(row + u))));
+  for (; u < window.right; ++u) set(u, row[u].is_surface() ? 0 : 1);
+  return any != 0;
 }
 
 void widen(const FieldImage& fine, int level, Choice choice, const FieldImage& coarse,

@@ -1,5 +1,7 @@
 #include "src/field/field_windows.h"
 
+#include "src/field/gap_rules.h"
+
 namespace palpate::inline v0 {
 namespace {
 
@@ -22,9 +24,10 @@ PixelWindow around_wider(const PixelWindow& w) {
 
 }  // namespace
 
-FieldWindows field_windows(const PyramidLayout& layout, int num_filled,
+FieldWindows field_windows(const PyramidLayout& layout, const DepthFieldOptions& options,
                            const PixelWindow& requested) {
   constexpr int kReach = DepthFieldLevel::kSilhouetteReach;
+  const int num_filled = layout.num_filled(options);
   const auto inside = [&](const PixelWindow& window, int level) {
     const auto [width, height, first_row] = layout.levels[level];
     PixelWindow columns = window.aligned(std::max(FieldWindows::kColumnStep >> level, 1));
@@ -58,6 +61,9 @@ FieldWindows field_windows(const PyramidLayout& layout, int num_filled,
   }
   if (num_filled > 0) {
     windows.points = inside(windows.points.joined(finer(windows.nearest[1])), 0);
+  }
+  if (layout.fills_runs(options)) {
+    windows.points = inside(windows.points.joined(windows.planes[0].grown(kMaxRun)), 0);
   }
   return windows;
 }

@@ -22,7 +22,7 @@ struct FieldWindows {
 };
 
 /// `requested` as PixelWindow at(...): at least one pixel, inside of the image.
-FieldWindows field_windows(const PyramidLayout& layout, int num_filled,
+FieldWindows field_windows(const PyramidLayout& layout, const DepthFieldOptions& options,
                            const PixelWindow& requested);
 
 }  // namespace palpate::inline v0

@@ -7,7 +7,7 @@
 #include <cstdint>
 
 #include "src/field/depth_field_cuda.h"
-#include "src/field/silhouette_rules.h"
+#include "src/field/gap_rules.h"
 #include "src/gpu/team.cuh"
 
 namespace palpate::inline v0 {
@@ -42,19 +42,19 @@ __device__ inline int clamped_to(int value, int least, int most) {
 }
 
 /// Along one axis of a level of `size` pixels: the tile, the pixels of it and just around it that
-/// queries look at, and those whose planes are read. Beyond one pixel around the image all planes
-/// are those of that pixel.
+/// queries look at, and those whose planes are read. Beyond `around` pixels around the image all
+/// planes are those of the last one.
 struct RimSpans {
   Span tile, requested, planes;
 
-  __device__ RimSpans(int first, int tile_size, int size) {
+  __device__ RimSpans(int first, int tile_size, int size, int around) {
     constexpr int kBorder = DepthFieldLevel::kBorder;
     const int end = first + tile_size;
     tile = {first, end < size + kBorder ? end : size + kBorder};
     requested = {clamped_to(tile.begin - 1, -kSilhouetteBorder, size + kSilhouetteBorder + 1),
                  clamped_to(tile.end + 1, -kSilhouetteBorder, size + kSilhouetteBorder + 1)};
-    planes = {clamped_to(requested.begin - kReach, -1, size),
-              clamped_to(requested.end + kReach - 1, -1, size) + 1};
+    planes = {clamped_to(requested.begin - kReach, -around, size - 1 + around),
+              clamped_to(requested.end + kReach - 1, -around, size - 1 + around) + 1};
   }
 };
 
@@ -201,6 +201,49 @@ struct RimSearch {
   }
 };
 
+/// The plane of a pixel beyond the image where its outermost surface goes on.
+__device__ TangentPlane plane_beyond(const TangentPlane* image, std::ptrdiff_t stride, int width,
+                                     int height, int u, int v, int level) {
+  // Pixel `at` of a line of `size`, from those inside of the image.
+  const auto in_line = [=](int at, int size, const auto& inside) {
+    if (at >= 0 && at < size) return inside(at);
+    const int last = at < 0 ? 0 : size - 1, inwards = at < 0 ? 1 : -1;
+    const TangentPlane line[GoingOn::kNum] = {inside(last), inside(last + inwards),
+                                              inside(last + 2 * inwards),
+                                              inside(last + 3 * inwards)};
+    return GoingOn(line, level).at(at < 0 ? -at : at - last);
+  };
+  return in_line(v, height, [&](int row) {
+    return in_line(u, width, [&](int column) { return image[row * stride + column]; });
+  });
+}
+
+/// Makes the tiles at the border stand for a pixel of a level beyond the image, too: those of the
+/// outermost pixels bound the others.
+__device__ void join_tiles(const FieldJob& job, DepthTile* tiles, int level, int u, int v,
+                           const TangentPlane& plane) {
+  constexpr int kTile = DepthFieldView::kTileSize;
+  const DepthTile tile = tile_of<DepthTile>(plane);
+  // Tiles that show column or row `at` of a level.
+  const auto find = [&](int at, int size, int num) -> Span {
+    if (at < 0) return {0, 1};
+    if (at >= size) return {num - 1, num};
+    const int last = ((at + 1) * (1 << level) - 1) / kTile;
+    return {at * (1 << level) / kTile, (last < num ? last : num - 1) + 1};
+  };
+  const PyramidLayout::Level& image = job.layout.levels[level];
+  const int tiles_wide = job.layout.tiles_wide(), tiles_high = job.layout.tiles_high();
+  const Span us = find(u, image.width, tiles_wide), vs = find(v, image.height, tiles_high);
+  for (int y = vs.begin; y < vs.end; ++y) {
+    for (int x = us.begin; x < us.end; ++x) {
+      DepthTile& to = tiles[y * tiles_wide + x];
+      // Their bits grow as positive numbers do.
+      atomicMin(reinterpret_cast<int*>(&to.nearest), one_lane::bits_of(tile.nearest));
+      atomicMin(reinterpret_cast<int*>(&to.min_slope), one_lane::bits_of(tile.min_slope));
+    }
+  }
+}
+
 /// Third kernel of a field: borders and silhouettes.
 __global__ void __launch_bounds__(kRimThreads, kRimBlocks)
     find_silhouettes(const __grid_constant__ FieldJob job, const __grid_constant__ RimLevels rims) {
@@ -214,14 +257,20 @@ __global__ void __launch_bounds__(kRimThreads, kRimBlocks)
   const int width = job.layout.levels[level].width, height = job.layout.levels[level].height;
   const int blocks_wide = (width + 2 * kBorder + job.rim.wide - 1) / job.rim.wide;
   const int number = block - job.first_rim_block[level];
-  const RimSpans us(number % blocks_wide * job.rim.wide - kBorder, job.rim.wide, width);
-  const RimSpans vs(number / blocks_wide * job.rim.high - kBorder, job.rim.high, height);
+  const int going_on = job.going_on, reach = going_on + 1;
+  const RimSpans us(number % blocks_wide * job.rim.wide - kBorder, job.rim.wide, width, reach);
+  const RimSpans vs(number / blocks_wide * job.rim.high - kBorder, job.rim.high, height, reach);
   const one_lane::RuleLevel& rules = rims.levels[level];
   const std::ptrdiff_t origin = job.layout.origin(level);
-  // Outside of the image: nothing, what blocks the view, or the surface of the outermost pixels
-  // going on. The border in memory is not read here. Where all is the same, no surface ends.
-  const bool goes_on = job.unknown == UnknownSpace::solid;
-  const auto is_inside = [&](int u, int v) { return u >= 0 && u < width && v >= 0 && v < height; };
+  // Outside of the image: the surface of the outermost pixels going on, for a few pixels or without
+  // end, nothing, or what blocks the view. The border in memory is not read here. Where all is the
+  // same, no surface ends.
+  const bool is_endless = job.unknown == UnknownSpace::solid;
+  const auto is_within = [&](int u, int v, int beyond) {
+    return u >= -beyond && u < width + beyond && v >= -beyond && v < height + beyond;
+  };
+  const auto is_inside = [&](int u, int v) { return is_within(u, v, 0); };
+  const auto is_shown = [&](int u, int v) { return is_within(u, v, going_on); };
 
   if (thread < 2) shared.num_listed[thread] = 0;
   if (thread == 0) *shared.has_edge = 0;
@@ -233,19 +282,22 @@ __global__ void __launch_bounds__(kRimThreads, kRimBlocks)
     row += step_rows, column += step_columns;
     if (column >= planes_wide) column -= planes_wide, ++row;
     TangentPlane plane = completed({}, job.unknown);
-    if (goes_on || is_inside(u, v)) {
+    if (is_endless || is_inside(u, v)) {
       plane = arrays.planes[origin + clamped_to(v, 0, height - 1) * job.layout.stride +
                             clamped_to(u, 0, width - 1)];
+    } else if (is_shown(u, v)) {
+      plane = plane_beyond(arrays.planes + origin, job.layout.stride, width, height, u, v, level);
     }
     shared.planes[i] = plane;
     shared.depths[i] = one_lane::surface_depth({plane.offset, plane.slope});
   }
   __syncthreads();
   const auto row_of = [&](int v) {
-    return (clamped_to(v, -1, height) - vs.planes.begin) * planes_wide - us.planes.begin;
+    return (clamped_to(v, -reach, height - 1 + reach) - vs.planes.begin) * planes_wide -
+           us.planes.begin;
   };
   const auto pixel_in = [&](int first, int u) -> RimPixel {
-    const int i = first + clamped_to(u, -1, width);
+    const int i = first + clamped_to(u, -reach, width - 1 + reach);
     const TangentPlane plane = shared.planes[i];
     return {{plane.offset, plane.slope}, shared.depths[i]};
   };
@@ -287,6 +339,9 @@ __global__ void __launch_bounds__(kRimThreads, kRimBlocks)
         if (!is_inside(u, v)) {
           const RulePlane plane = pixel_at(u, v).plane;
           arrays.planes[at] = {plane.offset, plane.slope};
+          if (is_shown(u, v) && !is_within(u, v, going_on - 1)) {
+            join_tiles(job, arrays.tiles, level, u, v, arrays.planes[at]);
+          }
         }
       }
     }
@@ -295,11 +350,12 @@ __global__ void __launch_bounds__(kRimThreads, kRimBlocks)
   // Edges.
   for (int row = warp; row < num_rows; row += kRimWarps) {
     const int v = first_v + row, planes = row_of(v), planes_below = row_of(v + 1);
-    const bool has_edges = goes_on || (v >= -1 && v < height);
+    const bool has_edges = is_endless || (v >= -reach && v < height + going_on);
     for (int word = 0; word < num_words; ++word) {
       const int column = word * kWordBits + lane, u = first_u + column;
       bool ends_right = false, ends_below = false;
-      if (has_edges && column < num_columns && (goes_on || (u >= -1 && u < width))) {
+      if (has_edges && column < num_columns &&
+          (is_endless || (u >= -reach && u < width + going_on))) {
         const RimPixel own = pixel_in(planes, u);
         ends_right = is_edge(own, pixel_in(planes, u + 1), rules.width_u);
         // Below the last row no plane is at hand, and nobody reaches as far.

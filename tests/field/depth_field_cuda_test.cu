@@ -85,6 +85,22 @@ TEST(DepthFieldCuda, FillsHolesAsTheCpuDoes) {
             {.fill_levels = fill_levels, .unseen = UnseenSpace::free, .thickness = 0.03});
   }
   compare(PointCloud(40, 50, Intrinsics{40, 40, 20, 25}), {.unknown = UnknownSpace::solid});
+  // Shadows of all widths beside a block, to its left and below, and some at the border.
+  PointCloud block = rough_cloud(170, 180, 9, false);
+  for (int v = 0; v < 180; ++v) {
+    for (int u = 0; u < 170; ++u) {
+      const bool is_beside = v < 100 && u < 110 && u >= 110 - v % 83;
+      const bool is_below = v >= 100 && v < 100 + u % 79 && u >= 60;
+      const bool is_block = v < 100 && u >= 110;
+      const double z = is_beside || is_below ? NAN : (is_block ? 0.4 : 0.9);
+      block.set(static_cast<std::size_t>(v * 170 + u),
+                to_float({(u - 85) * z / 153, (v - 91.8) * z / 158.1, z}), {0, 0, -1});
+    }
+  }
+  for (const UnknownSpace unknown :
+       {UnknownSpace::free, UnknownSpace::solid, UnknownSpace::blocked}) {
+    compare(block, {.unknown = unknown});
+  }
   // Squares with and without holes side by side.
   PointCloud corner = rough_cloud(100, 70, 8, false);
   for (std::size_t v = 20; v < 45; ++v) {

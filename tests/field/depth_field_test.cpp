@@ -315,8 +315,8 @@ TEST(DepthField, IsHardlySteeperDeepInAShadow) {
       num_steepest += norm(at.gradient) > 1.2;
     }
     EXPECT_GT(num, 10000);
-    EXPECT_LT(num_steep, 0.1 * num) << far;
-    EXPECT_LT(num_steepest, 0.09 * num) << far;
+    EXPECT_LT(num_steep, 0.12 * num) << far;
+    EXPECT_LT(num_steepest, 0.1 * num) << far;
   }
 }
 
@@ -502,21 +502,32 @@ TEST(DepthField, LevelsAndTilesAreWhatTheyAreSaidToBe) {
     }
   }
   EXPECT_GT(num_free, 10);
-  constexpr int kSize = DepthFieldView::kTileSize;
-  const DepthFieldLevel& image = view.levels[0];
+  // Tiles at the border also stand for the pixels of any level where its surface goes on.
+  constexpr int kSize = DepthFieldView::kTileSize, kGoesOn = DepthFieldLevel::kGoesOn;
+  const int last_u = view.tiles_wide - 1, last_v = view.tiles_high - 1;
   for (int tile = 0; tile < view.tiles_wide * view.tiles_high; ++tile) {
     float nearest = 1e30f, min_slope = 1;
-    const int u0 = tile % view.tiles_wide * kSize, v0 = tile / view.tiles_wide * kSize;
-    for (int v = v0; v < std::min(v0 + kSize, image.height); ++v) {
-      for (int u = u0; u < std::min(u0 + kSize, image.width); ++u) {
-        const float* plane = image.planes + 2 * (std::ptrdiff_t{v} * image.stride + u);
-        if (plane[1] == 0) continue;
-        nearest = std::min(nearest, plane[0] / plane[1]);
-        min_slope = std::min(min_slope, plane[1]);
+    const int tile_u = tile % view.tiles_wide, tile_v = tile / view.tiles_wide;
+    for (int k = 0; k < view.num_levels; ++k) {
+      const DepthFieldLevel& level = view.levels[k];
+      const int u0 = tile_u == 0 ? -kGoesOn : tile_u * kSize >> k;
+      const int v0 = tile_v == 0 ? -kGoesOn : tile_v * kSize >> k;
+      const int u1 =
+          tile_u == last_u ? level.width + kGoesOn : (((tile_u + 1) * kSize - 1) >> k) + 1;
+      const int v1 =
+          tile_v == last_v ? level.height + kGoesOn : (((tile_v + 1) * kSize - 1) >> k) + 1;
+      for (int v = v0; v < v1; ++v) {
+        for (int u = u0; u < u1; ++u) {
+          const bool is_inside = u >= 0 && u < level.width && v >= 0 && v < level.height;
+          const float* plane = level.planes + 2 * (std::ptrdiff_t{v} * level.stride + u);
+          if (plane[1] == 0 || (is_inside && k > 0)) continue;
+          nearest = std::min(nearest, plane[0] / plane[1]);
+          min_slope = std::min(min_slope, plane[1]);
+        }
       }
     }
-    EXPECT_EQ(view.tiles[tile].nearest, nearest) << tile;
-    EXPECT_EQ(view.tiles[tile].min_slope, min_slope) << tile;
+    EXPECT_NEAR(view.tiles[tile].nearest, nearest, 1e-6) << tile;
+    EXPECT_NEAR(view.tiles[tile].min_slope, min_slope, 1e-6) << tile;
   }
 }
 

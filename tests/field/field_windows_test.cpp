@@ -104,8 +104,7 @@ TEST(FieldWindows, HaveTheBitsOfTheWholeImage) {
       const int top = static_cast<int>(random.uniform(0, 500));
       const PixelWindow requested{left, top, left + 1 + static_cast<int>(random.uniform(0, 99)),
                                   top + 1 + static_cast<int>(random.uniform(0, 99))};
-      const FieldWindows windows =
-          field_windows(layout, layout.num_filled(options.field), requested);
+      const FieldWindows windows = field_windows(layout, options.field, requested);
       EXPECT_EQ(windows.points, part_field.points_for(requested));
       whole_surface.update(frame, pool);
       whole_field.update(whole_surface.cloud(), pool);
@@ -150,6 +149,67 @@ TEST(FieldWindows, HaveTheBitsOfTheWholeImage) {
       }
       EXPECT_GT(num_known, 0);
     }
+  }
+}
+
+// Runs of missing pixels of any length, between surfaces that are not one; what lies beyond the
+// points that an update reads is another image.
+TEST(FieldWindows, HaveTheRunsOfTheWholeImage) {
+  constexpr int kWidth = 800, kHeight = 600;
+  const Intrinsics k{700, 710, 390, 310};
+  Random random(16);
+  ThreadPool pool(2);
+  DepthField whole = DepthField::create(kWidth, kHeight).value();
+  DepthField part = DepthField::create(kWidth, kHeight).value();
+  const PyramidLayout layout = pyramid_layout(kWidth, kHeight, {}).value();
+  const auto random_planes = [&] {
+    // Stripes of a depth and of holes, by turns along rows and along columns.
+    const bool is_column = random.uniform() < 0.5;
+    std::vector<TangentPlane> line;
+    while (line.size() < kWidth) {
+      const auto depth = static_cast<float>(random.uniform(0.5, 2));
+      const auto num = static_cast<std::size_t>(random.uniform(1, 40));
+      line.insert(line.end(), num, {depth, 1});
+      line.insert(line.end(), static_cast<std::size_t>(random.uniform(1, 67)), {});
+    }
+    std::vector<TangentPlane> planes;
+    for (std::size_t v = 0; v < kHeight; ++v) {
+      for (std::size_t u = 0; u < kWidth; ++u) planes.push_back(line[is_column ? v : u]);
+    }
+    return planes;
+  };
+  for (int i = 0; i < 60; ++i) {
+    const std::vector<TangentPlane> planes = random_planes();
+    const int left = static_cast<int>(random.uniform(0, 700));
+    const int top = static_cast<int>(random.uniform(0, 500));
+    const PixelWindow requested{left, top, left + 99, top + 99};
+    std::vector<TangentPlane> others = random_planes();
+    part.update(others.data(), k, pool);
+    for_pixels(part.points_for(requested), [&](int u, int v) {
+      const auto p = static_cast<std::size_t>(v * kWidth + u);
+      others[p] = planes[p];
+    });
+    part.update(others.data(), k, pool, requested);
+    whole.update(planes.data(), k, pool);
+    const FieldWindows windows = field_windows(layout, {}, requested);
+    for (int number = 0; number < layout.num_levels; ++number) {
+      const DepthFieldLevel& a = part.view().levels[number];
+      const DepthFieldLevel& b = whole.view().levels[number];
+      int num_wrong = 0;
+      for_pixels(windows.planes[number], [&](int u, int v) {
+        const std::ptrdiff_t p = v * a.stride + u;
+        num_wrong += !has_same_bits(a.planes + 2 * p, b.planes + 2 * p, 2);
+      });
+      EXPECT_EQ(num_wrong, 0) << i << ", level " << number;
+    }
+    int num_wrong = 0;
+    for_pixels(windows.planes[0], [&](int u, int v) {
+      const auto is_filled = [&](const DepthFieldView& view) {
+        return view.filled_behind[v * view.filled_stride + u / 32] >> u % 32 & 1;
+      };
+      num_wrong += is_filled(part.view()) != is_filled(whole.view());
+    });
+    EXPECT_EQ(num_wrong, 0) << i;
   }
 }
 

@@ -61,7 +61,7 @@ struct TangentPlane;  // of a pixel, see src/field/field_pixels.h
 
 /// Space where the camera measured nothing and hole filling did not reach.
 enum class UnknownSpace {
-  free,   ///< nothing: contact fades out over the width of a sphere at the border
+  free,   ///< nothing: contact fades out over about the width of a sphere at the border
   solid,  ///< the surrounding surface continues flat, however wide the hole
   /// Everything is solid unless seen to be free. Not with a thickness.
   blocked,
@@ -84,8 +84,8 @@ constexpr auto names_of(UnseenSpace) { return std::array{"solid", "free", "fade"
 /// Options of the depth field: the meaning of pixels without depth and of occluded space.
 struct DepthFieldOptions {
   UnknownSpace unknown = UnknownSpace::free;
-  /// Holes up to about 2^fill_levels pixels wide are filled by interpolation from their borders; 0
-  /// fills none.
+  /// Holes up to about 2^fill_levels pixels wide are filled by interpolation from their borders,
+  /// runs of up to 64 pixels between two surfaces by the farther one. 0 fills none.
   int fill_levels = 4;
   UnseenSpace unseen = UnseenSpace::solid;
   /// m, unless `unseen` is solid: up to this depth behind the first surface, along its normal, a
@@ -130,7 +130,7 @@ struct alignas(16) Silhouette {
 /// Pixel (u, v) is number v * stride + u, and kBorder more pixels follow on all sides; all levels
 /// have one stride.
 struct DepthFieldLevel {
-  static constexpr int kBorder = 10;
+  static constexpr int kBorder = 16;
   /// Search radius of silhouettes, pixels; coarser levels see those farther away.
   static constexpr int kSilhouetteReach = 3;
 
@@ -142,10 +142,13 @@ struct DepthFieldLevel {
   int width = 0, height = 0;
   int stride = 0;
   float scale = 1;  ///< pixels of this level per pixel of the depth image: 2^-level
-  /// Largest column and row that may be queried: image width and height plus 5; the smallest is
-  /// kFirst. Beyond them everything is constant: there is no silhouette nearby.
+  /// Pixels around the image in which its outermost surface goes on, with UnknownSpace::free. So
+  /// nothing that is seen in the image, or half a pixel beyond it, knows where that ends.
+  static constexpr int kGoesOn = 5;
+  /// Largest column and row that may be queried: image width and height minus kFirst, which is the
+  /// smallest. Beyond them everything is constant: there is no silhouette nearby.
   float last_u = 0, last_v = 0;
-  static constexpr float kFirst = -5;
+  static constexpr float kFirst = -5 - kGoesOn;
 };
 
 /// A bound for a square of kTileSize pixels: at depth z, each of their planes is at least
@@ -166,6 +169,10 @@ struct DepthFieldView {
   PixelWindow requested;
   const DepthTile* tiles = nullptr;  ///< row-major; pixels beyond the image count to the outermost
   int tiles_wide = 0, tiles_high = 0;
+  /// Pixels of level 0 that were not measured and show the farther one of two surfaces beside them:
+  /// a bit each from the lowest one on, filled_stride words in a row. Null on a GPU.
+  const std::uint32_t* filled_behind = nullptr;
+  int filled_stride = 0;
   Intrinsics intrinsics;
   /// See DepthFieldOptions; kSolidBehind: UnseenSpace::solid, negative: UnseenSpace::fade.
   float thickness = 0;

@@ -55,6 +55,7 @@ DepthFieldView GpuFields::on_gpu(const DepthFieldView& field, gpu::Stream& strea
     slots_.note(slot, source);
   }
   DepthFieldView view = field;
+  view.filled_behind = nullptr;
   for (int k = 0; k < view.num_levels; ++k) {
     DepthFieldLevel& level = view.levels[k];
     level.planes = copy.planes + 2 * before + (level.planes - finest.planes);

@@ -84,8 +84,8 @@ __device__ inline DepthFieldLevel level_of(const FieldLook& field, int number) {
   level.near_silhouette = field.near_silhouette + start;
   level.stride = field.stride;
   level.scale = scale_of(number);
-  level.last_u = field.width * level.scale + 5.0f;
-  level.last_v = field.height * level.scale + 5.0f;
+  level.last_u = field.width * level.scale - DepthFieldLevel::kFirst;
+  level.last_v = field.height * level.scale - DepthFieldLevel::kFirst;
   return level;
 }
 

@@ -139,13 +139,21 @@ void describe_group(const MeasureJob& job, int group, const SphereCuts& to) {
       });
 }
 
+// Which pixels of a field were measured, or lie inside of what was.
+inline VecI is_measured(const DepthFieldView& field, VecI column, VecI row, VecF slope) {
+  if (field.filled_behind == nullptr) return slope > VecF{};
+  const auto* const words = reinterpret_cast<const std::int32_t*>(field.filled_behind);
+  const VecI word = gather(words, row * field.filled_stride + (column >> 5));
+  return (slope > VecF{}) & ((word >> (column & 31) & 1) == 0);
+}
+
 // A camera by itself: what lies more than kSeenBehind behind the surface that its pixel shows,
-// where that shows none, or out of its sight.
+// where that shows none or was not measured, or out of its sight. A memory's second field shows
+// what was measured now.
 double unseen_in_group(const MeasureJob& job, int group, std::uint8_t* spheres) {
   const SphereClusters& clusters = *job.clusters;
   const DepthFieldView& field = job.fields[0];
   const Grid grid(field);
-  const float* const planes = field.levels[0].planes;
   const int first = group * SphereClusters::kClustersPerGroup;
   const int last = std::min(first + SphereClusters::kClustersPerGroup, clusters.num_clusters());
   RowSums unseen;
@@ -156,10 +164,16 @@ double unseen_in_group(const MeasureJob& job, int group, std::uint8_t* spheres) 
       const VecF u = e.from_u + (grid.cx + 0.5f), v = e.from_v + (grid.cy + 0.5f);
       const VecI is_in_image = (e.lz + job.frame.p_WC[2] > splat(kMinDepth)) & (u >= VecF{}) &
                                (v >= VecF{}) & (u < splat(grid.width)) & (v < splat(grid.height));
-      const VecI pixel = is_in_image ? to_int(v) * grid.stride + to_int(u) : VecI{};
-      const VecF offset = gather(planes, 2 * pixel), slope = gather(planes + 1, 2 * pixel);
-      const VecI is_seen = is_in_image & (slope > VecF{}) &
-                           (offset - e.depth * slope >= splat(-static_cast<float>(kSeenBehind)));
+      const VecI column = is_in_image ? to_int(u) : VecI{}, row = is_in_image ? to_int(v) : VecI{};
+      VecI is_seen = is_in_image;
+      for (int k = 0; k < job.num_fields; ++k) {
+        const float* const planes = job.fields[k].levels[0].planes;
+        const VecI pixel = 2 * (row * grid.stride + column);
+        const VecF offset = gather(planes, pixel), slope = gather(planes + 1, pixel);
+        is_seen &= is_measured(job.fields[k], column, row, slope);
+        if (k > 0) continue;  // behind what has come before it space is remembered
+        is_seen &= offset - e.depth * slope >= splat(-static_cast<float>(kSeenBehind));
+      }
       unseen.add(i % RowSums::kParts, select(is_seen, VecF{}, whole_volume(job, slot, e.radius)));
       mark_unseen(job, slot, ~is_seen, spheres);
     }

@@ -61,8 +61,9 @@ struct Spot {
   const VecF scale = scale_of(level);
   const auto place = [&](VecF pixels, float size, VecF& offset) {
     VecF p = (pixels + 0.5f) * scale - 0.5f;
-    p = min(max(p, splat(DepthFieldLevel::kFirst)), size * scale + 5.0f);
-    const VecI pixel = to_int(p + 8.5f) - 8;  // rounded down: p > -8
+    p = min(max(p, splat(DepthFieldLevel::kFirst)), size * scale - DepthFieldLevel::kFirst);
+    static_assert(DepthFieldLevel::kFirst > -16);
+    const VecI pixel = to_int(p + 16.5f) - 16;  // rounded down
     offset = p - to_float(pixel);
     return pixel;
   };

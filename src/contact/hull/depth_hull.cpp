@@ -51,7 +51,8 @@ float out_of_image(const DepthFieldView& field, const Vec3d& p_C, double reach) 
   if (p_C.z + reach < 0) return static_cast<float>(p_C.z + reach + kMargin);
   const double z = p_C.z - reach;
   if (!(z > static_cast<double>(kMinDepth))) return std::numeric_limits<float>::infinity();
-  const double border = 6 << (field.num_levels - 1);  // pixels
+  const double border =
+      (1 - static_cast<double>(DepthFieldLevel::kFirst)) * (1 << (field.num_levels - 1));  // pixels
   const auto is_beyond = [&](double x, double focal, double centre, int size) {
     // Of the planes through the eye and the borders, far out.
     const double low = (-border - centre) / focal, high = (size + border - centre) / focal;

@@ -395,6 +395,8 @@ bool is_seen_by(const SurfaceView& surface, const Vec3d& p_C) {
   const double v = std::floor(k.fy * p_C.y / p_C.z + k.cy + 0.5);
   const DepthFieldLevel& level = field.levels[0];
   if (!(p_C.z > 0.02 && u >= 0 && v >= 0 && u < level.width && v < level.height)) return false;
+  const auto column = static_cast<int>(u), row = static_cast<int>(v);
+  if (field.filled_behind[row * field.filled_stride + column / 32] >> column % 32 & 1) return false;
   const auto at =
       2 * (static_cast<std::ptrdiff_t>(v) * level.stride + static_cast<std::ptrdiff_t>(u));
   const double offset = level.planes[at], slope = level.planes[at + 1];
