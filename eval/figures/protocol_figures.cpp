@@ -26,7 +26,7 @@ constexpr double kSameWay = 10, kAlmost = 20;        // degrees
 constexpr std::size_t kNumOfThesis = 3, kField = 4;  // of all_methods_alike()
 
 /// What one method makes of a run, tick by tick, in shares of the whole tool.
-struct Felt {
+struct Measured {
   std::vector<Vec3d> force;
   std::vector<double> volume;
 
@@ -54,8 +54,8 @@ struct Replays {
   std::string key, name;
   std::vector<double> time;  ///< s
   std::vector<Pose> X_WT;
-  std::vector<Felt> felt;  ///< as all_methods_alike()
-  std::string difference;  ///< of its repetition
+  std::vector<Measured> measured;  ///< as all_methods_alike()
+  std::string difference;          ///< of its repetition
 };
 
 double degrees_between(const Vec3d& a, const Vec3d& b) {
@@ -76,14 +76,14 @@ Result<Replays> replays(Context& context, std::string key, std::string name,
     const auto ticks = run->by(method.options);
     if (!ticks) return ticks.error();
     const double whole = full_volume(tool, method.options);
-    Felt& felt = all.felt.emplace_back();
+    Measured& measured = all.measured.emplace_back();
     all.time.clear(), all.X_WT.clear();
     for (const TickRecord& tick : *ticks) {
-      felt.force.push_back(tick.penetration.measure_W.force / whole);
-      felt.volume.push_back(tick.penetration.volume / whole);
+      measured.force.push_back(tick.penetration.measure_W.force / whole);
+      measured.volume.push_back(tick.penetration.volume / whole);
       all.time.push_back(tick.time), all.X_WT.push_back(tick.step.X_WT);
     }
-    context.progress(done + 0.08 * static_cast<double>(all.felt.size()));
+    context.progress(done + 0.08 * static_cast<double>(all.measured.size()));
   }
   return all;
 }
@@ -94,18 +94,18 @@ struct AgainstField {
   std::vector<double> angles;
   double lost = 0, volume_rms = 0;  ///< %, % of the tool
 };
-AgainstField against_field(const Felt& felt, const Felt& field) {
+AgainstField against_field(const Measured& measured, const Measured& field) {
   AgainstField result;
   double num = 0, squares = 0;
-  for (std::size_t i = 0; i < felt.force.size(); ++i) {
-    const double off = 100 * (felt.volume[i] - field.volume[i]);
+  for (std::size_t i = 0; i < measured.force.size(); ++i) {
+    const double off = 100 * (measured.volume[i] - field.volume[i]);
     squares += off * off;
-    if (field.volume[i] > kLost) ++num, result.lost += felt.volume[i] == 0;
-    if (field.volume[i] < kInContact || norm(felt.force[i]) == 0) continue;
-    result.angles.push_back(degrees_between(felt.force[i], field.force[i]));
+    if (field.volume[i] > kLost) ++num, result.lost += measured.volume[i] == 0;
+    if (field.volume[i] < kInContact || norm(measured.force[i]) == 0) continue;
+    result.angles.push_back(degrees_between(measured.force[i], field.force[i]));
   }
   result.lost *= 100 / std::max(1.0, num);
-  result.volume_rms = std::sqrt(squares / static_cast<double>(felt.force.size()));
+  result.volume_rms = std::sqrt(squares / static_cast<double>(measured.force.size()));
   return result;
 }
 
@@ -119,22 +119,22 @@ void add_run(FigureResult& result, const Replays& run) {
   Plot plot{run.name, "time, s", "force towards the camera, N", {}, false, false, ""};
   std::vector<double> steps, medians;
   for (std::size_t m = 0; m < methods.size(); ++m) {
-    const Felt& felt = run.felt[m];
-    const AgainstField off = against_field(felt, run.felt[kField]);
-    steps.push_back(felt.largest_step());
+    const Measured& measured = run.measured[m];
+    const AgainstField off = against_field(measured, run.measured[kField]);
+    steps.push_back(measured.largest_step());
     medians.push_back(off.angles.empty() ? std::nan("") : percentile(off.angles, 0.5));
     table.rows.push_back(
-        {methods[m].name, words("%.2f", 100 * largest_of(felt.volume)), words("%.3f", steps[m]),
-         words("%.4f", felt.rms_step()), words("%.2f", off.volume_rms),
+        {methods[m].name, words("%.2f", 100 * largest_of(measured.volume)), words("%.3f", steps[m]),
+         words("%.4f", measured.rms_step()), words("%.2f", off.volume_rms),
          off.angles.empty() ? "none"
                             : words("%.2f / %.2f", medians[m], percentile(off.angles, 0.95)),
          words("%.1f", off.lost)});
     const std::string key = run.key + "." + methods[m].name + ".";
     result.numbers.push_back({key + "largest_step", steps[m], "%"});
-    result.numbers.push_back({key + "rms_step", felt.rms_step(), "%"});
+    result.numbers.push_back({key + "rms_step", measured.rms_step(), "%"});
     result.numbers.push_back({key + "lost", off.lost, "%"});
     Curve curve{methods[m].name, methods[m].name, run.time, {}};
-    for (const Vec3d& f : felt.force) curve.y.push_back(-kFullForce * f.z);
+    for (const Vec3d& f : measured.force) curve.y.push_back(-kFullForce * f.z);
     plot.curves.push_back(std::move(curve));
   }
   const std::string of_thesis = words(
@@ -192,15 +192,15 @@ void add_truth(FigureResult& result, Context& context, const Replays& run, const
               {}};
   std::vector<double> volume, direction;
   for (std::size_t m = 0; m < methods.size(); ++m) {
-    const Felt& felt = run.felt[m];
+    const Measured& measured = run.measured[m];
     double squares = 0, turned = 0, num_turned = 0, num_lost = 0, num_in = 0;
     for (std::size_t i = 0; i < num; ++i) {
-      const double off = 100 * (felt.volume[tick_of(i)] - truth[i].share);
+      const double off = 100 * (measured.volume[tick_of(i)] - truth[i].share);
       squares += off * off;
       num_in += truth[i].share > kLost;
-      num_lost += truth[i].share > kLost && felt.volume[tick_of(i)] == 0;
-      if (truth[i].share < kInContact || norm(felt.force[tick_of(i)]) == 0) continue;
-      const double angle = degrees_between(felt.force[tick_of(i)], truth[i].force);
+      num_lost += truth[i].share > kLost && measured.volume[tick_of(i)] == 0;
+      if (truth[i].share < kInContact || norm(measured.force[tick_of(i)]) == 0) continue;
+      const double angle = degrees_between(measured.force[tick_of(i)], truth[i].force);
       turned += angle * angle, ++num_turned;
     }
     volume.push_back(std::sqrt(squares / static_cast<double>(num)));

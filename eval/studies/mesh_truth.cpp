@@ -7,7 +7,7 @@
 namespace palpate::eval {
 namespace {
 
-constexpr double kMostCells = 200;  // along an axis
+constexpr double kMaxCells = 200;  // along an axis
 
 /// The point of a triangle that is nearest to p (Ericson, Real-Time Collision Detection, 5.1.5).
 Vec3d nearest_on(const Vec3d& a, const Vec3d& b, const Vec3d& c, const Vec3d& p) {
@@ -35,7 +35,7 @@ void extend(Bounds& box, const Vec3d& p) {
 
 MeshInside::MeshInside(const TriangleMesh& mesh) : box_(bounds(mesh)) {
   const Vec3d size = box_.high - box_.low;
-  cell_ = std::max(size.x, size.y) / kMostCells;
+  cell_ = std::max(size.x, size.y) / kMaxCells;
   columns_ = static_cast<int>(size.x / cell_) + 1;
   rows_ = static_cast<int>(size.y / cell_) + 1;
   by_column_.resize(static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_));
@@ -126,14 +126,14 @@ std::vector<Vec3d> points_inside(const TriangleMesh& mesh, double spacing) {
 SampledPenetration sampled_penetration(const std::vector<Vec3d>& points_T, const Pose& X_BT,
                                        const MeshInside& body, std::size_t every) {
   std::size_t num = 0;
-  std::vector<Vec3d> asked;
+  std::vector<Vec3d> used;
   for (const Vec3d& p_T : points_T) {
     const Vec3d p = X_BT * p_T;
-    if (body.contains(p) && num++ % every == 0) asked.push_back(p);
+    if (body.contains(p) && num++ % every == 0) used.push_back(p);
   }
   const auto all = static_cast<double>(points_T.size());
-  const double each = static_cast<double>(num) / std::max<double>(1, asked.size());
-  return {static_cast<double>(num) / all, each / all * body.outward(asked)};
+  const double each = static_cast<double>(num) / std::max<double>(1, used.size());
+  return {static_cast<double>(num) / all, each / all * body.outward(used)};
 }
 
 }  // namespace palpate::eval

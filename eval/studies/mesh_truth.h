@@ -9,7 +9,7 @@
 
 namespace palpate::eval {
 
-/// A closed mesh that is asked for points inside. O(triangles of a column) per point.
+/// A closed mesh that says which points are inside. O(triangles of a column) per point.
 class MeshInside {
  public:
   explicit MeshInside(const TriangleMesh& mesh);
