@@ -9,7 +9,7 @@ cmake --preset $(1)
 cmake --build --preset $(1) -j $(JOBS)
 endef
 
-.PHONY: help setup lint format tidy build demo test quick-test busy-test golden clang fuzz mutants bench bench-compare live-figures camera-figures ros2-figures sensor-figures soak docs packing-curves peer-times eval eval-quick asan tsan large-inputs cuda gpu-check view-soak arm64 wheel packages try-packages try-demo try-test ci-all clean
+.PHONY: help setup lint format tidy build demo test quick-test busy-test golden clang fuzz mutants bench bench-compare live-figures camera-figures ros2-figures sensor-figures soak docs packing-curves peer-times eval eval-quick eval-check asan tsan large-inputs cuda gpu-check view-soak arm64 wheel packages try-packages try-demo try-test ci-all clean
 
 help:  ## this list
 	@grep -hE '^[a-z0-9 -]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z0-9 -]+):.*## */\1\t/' | expand -t 16
@@ -40,10 +40,11 @@ busy-test:  ## every test that waits for something, in random order beside stres
 	$(call build_preset,release)
 	scripts/busy_test.sh release $(or $(ROUNDS),5)
 
-golden:  ## write tests/contact/golden.txt anew: the bits of a few fixed measurements; says what moved
+golden:  ## write tests/contact/golden.txt anew: the bits of a few fixed measurements; says what moved, here and on docs/evaluation.md
 	cmake --preset release
 	cmake --build --preset release -j $(JOBS) --target test_golden
 	build/release/bin/test_golden --renew
+	tools/check_evaluation.py --mark
 
 bench:  ## run the benchmarks: make bench [PEERS=1]
 	scripts/setup.sh $(if $(PEERS),--peers)
@@ -90,13 +91,16 @@ packing-curves:  ## the packing comparison page, into build/packing-curves
 # Real depth frames, and measurements of other machines and libraries that the report shows beside its own.
 DATA ?= $(or $(PALPATE_DATA),$(wildcard ../shared/data))
 GPU_REPORT ?= $(lastword $(sort $(wildcard bench/results/eval-gpu-*)))
-GPU ?= $(lastword $(sort $(wildcard bench/results/gpu-*.csv)))
+# In the order in which they were measured, as far as git knows it: a figure takes the newest rows that have all it needs.
+GPU_KNOWN = $(filter $(wildcard bench/results/gpu-*.csv),$(shell git log --reverse --format= --name-only --diff-filter=A -- bench/results 2>/dev/null))
+GPU ?= $(GPU_KNOWN) $(filter-out $(GPU_KNOWN),$(wildcard bench/results/gpu-*.csv))
 PEER_TIMES ?= $(shell ls build/peers/peers.csv 2>/dev/null || ls bench/results/peers-*.csv 2>/dev/null | tail -1)
 define evaluate
 cmake --preset release
 cmake --build --preset release -j $(JOBS) --target eval_program
-build/release/bin/palpate_eval $(FIGURE) -o build/$(1) $(if $(DATA),--data $(DATA)) $(if $(GPU),--gpu $(GPU)) $(if $(GPU_REPORT),--gpu-report $(GPU_REPORT)) \
-  $(if $(PEER_TIMES),--peers $(PEER_TIMES)) --commit "$$(git describe --always --dirty=+ --exclude '*' 2>/dev/null || echo unknown)"
+build/release/bin/palpate_eval $(FIGURE) -o build/$(1) $(if $(DATA),--data $(DATA)) $(if $(strip $(GPU)),--gpu $(GPU)) $(if $(GPU_REPORT),--gpu-report $(GPU_REPORT)) \
+  $(if $(PEER_TIMES),--peers $(PEER_TIMES)) --golden "$$(tools/check_evaluation.py --hash)" \
+  --commit "$$(git describe --always --dirty=+ --exclude '*' 2>/dev/null || echo unknown)"
 endef
 
 # Other libraries, measured once per build of the benchmark. What cannot be installed here is no error.
@@ -114,6 +118,9 @@ eval: setup $(if $(filter file,$(origin PEER_TIMES)),peer-times)  ## make all fi
 
 eval-quick: setup  ## the same with fewer steps, in two minutes; leaves docs/ alone
 	$(call evaluate,eval-quick) --quick
+
+eval-check:  ## is docs/evaluation.md of today's arithmetic (golden.txt), with all its figures?
+	tools/check_evaluation.py
 
 lint:  ## all checks that need no build
 	tools/lint.sh
@@ -202,8 +209,8 @@ try-demo try-test:  ## make demo or make test in a fresh Debian 12, each line wi
 	scripts/setup.sh --packages
 	scripts/try_fresh.sh $(@:try-%=%)
 
-ci-all:  ## all that needs no special hardware: tests, sanitizers, Clang, fuzzing, large inputs and clang-tidy, Arm, packages; hours
-	for check in test clang asan tsan fuzz large-inputs tidy arm64 try-packages; do $(MAKE) $$check || exit 1; done
+ci-all:  ## all that needs no special hardware: tests, sanitizers, Clang, fuzzing, large inputs and clang-tidy, Arm, packages, the page of the evaluation; hours
+	for check in test clang asan tsan fuzz large-inputs tidy arm64 try-packages eval-check; do $(MAKE) $$check || exit 1; done
 
 clean:  ## remove build/ and demo/
 	rm -rf build demo

@@ -63,7 +63,8 @@ std::string command_of(const Options& options) {
   if (!options.evaluation.gpu_report.empty()) {
     text += " --gpu-report " + options.evaluation.gpu_report.string();
   }
-  if (!settings.gpu.empty()) text += " --gpu " + settings.gpu.string();
+  if (!settings.gpu.empty()) text += " --gpu";
+  for (const auto& path : settings.gpu) text += " " + path.string();
   if (!settings.peers.empty()) text += " --peers " + settings.peers.string();
   return text;
 }
@@ -181,9 +182,12 @@ void add_options(CLI::App& app, Options& options) {
                  "folder of real depth frames; default: the environment variable PALPATE_DATA")
       ->check(CLI::Validator(CLI::ExistingDirectory).description(""))
       ->type_name("DIR");
-  app.add_option("--gpu", settings.gpu, "times of a GPU, written by scripts/gpu_check.sh")
+  app.add_option(
+         "--gpu", settings.gpu,
+         "times of GPUs, written by scripts/gpu_check.sh, older files first; a figure takes "
+         "the newest rows that have all it needs")
       ->check(CLI::Validator(CLI::ExistingFile).description(""))
-      ->type_name("FILE.csv");
+      ->type_name("FILE.csv...");
   app.add_option("--gpu-report", options.evaluation.gpu_report,
                  "folder data of a report made with --backend cuda on a machine with a GPU, to "
                  "show beside this one")
@@ -200,6 +204,10 @@ void add_options(CLI::App& app, Options& options) {
       ->type_name("NUMBER");
   app.add_option("--commit", options.evaluation.commit, "commit of the source, shown in the report")
       ->type_name("NAME");
+  app.add_option("--golden", options.evaluation.golden,
+                 "hash of the program's arithmetic (tools/check_evaluation.py --hash), shown in "
+                 "docs/evaluation.md")
+      ->type_name("HASH");
   app.add_option("--write-docs", options.write_docs,
                  "also update the tables in these documents that quote them; of a folder, all its "
                  "documents, with claims and verdicts in its evaluation.md")

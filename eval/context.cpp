@@ -97,7 +97,7 @@ struct Context::Cache {
   struct Entry {
     TriangleMesh mesh;
     SpherePacking packing;
-    std::map<int, std::shared_ptr<const Tool>> tools;
+    std::map<std::pair<int, GapRule>, std::shared_ptr<const Tool>> tools;
   };
   std::map<std::pair<std::string, double>, Entry> entries;
 };
@@ -142,7 +142,7 @@ Result<TriangleMesh> load_shape(const std::string& shape, double size, const fs:
 }  // namespace
 
 Result<std::shared_ptr<const Tool>> Context::tool(const std::string& shape, double size,
-                                                  int num_spheres) {
+                                                  int num_spheres, GapRule rule) {
   if (num_spheres < 1) {
     return Error{Errc::invalid_argument, "a tool of " + std::to_string(num_spheres) +
                                              " spheres was asked for; ask for one or more"};
@@ -154,7 +154,7 @@ Result<std::shared_ptr<const Tool>> Context::tool(const std::string& shape, doub
     found = cache_->entries.insert({{shape, size}, {*std::move(mesh), {}, {}}}).first;
   }
   Cache::Entry& entry = found->second;
-  if (const auto made = entry.tools.find(num_spheres); made != entry.tools.end()) {
+  if (const auto made = entry.tools.find({num_spheres, rule}); made != entry.tools.end()) {
     return made->second;
   }
   const auto count = static_cast<std::size_t>(num_spheres);
@@ -170,11 +170,10 @@ Result<std::shared_ptr<const Tool>> Context::tool(const std::string& shape, doub
   }
   SpherePacking prefix = entry.packing;
   prefix.spheres.resize(std::min(count, prefix.spheres.size()));
-  auto tool =
-      Tool::build(entry.mesh, std::move(prefix), GapRule::relative, shape, settings_.num_threads);
+  auto tool = Tool::build(entry.mesh, std::move(prefix), rule, shape, settings_.num_threads);
   if (!tool) return tool.error();
   const auto made = std::make_shared<const Tool>(*std::move(tool));
-  entry.tools[num_spheres] = made;
+  entry.tools[{num_spheres, rule}] = made;
   return made;
 }
 

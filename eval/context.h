@@ -17,12 +17,12 @@
 namespace palpate::eval {
 
 struct Settings {
-  bool quick = false;              ///< two minutes in all instead of forty-five
-  int num_threads = 0;             ///< 0: one per core; times are always measured on one
-  std::filesystem::path data;      ///< real frames; may be absent
-  std::filesystem::path gpu;       ///< CSV of scripts/gpu_check.sh; may be empty
-  std::filesystem::path peers;     ///< CSV of the peer benchmark; may be empty
-  Backend backend = Backend::cpu;  ///< where the figures that time queries make them
+  bool quick = false;                      ///< two minutes in all instead of forty-five
+  int num_threads = 0;                     ///< 0: one per core; times are always measured on one
+  std::filesystem::path data;              ///< real frames; may be absent
+  std::vector<std::filesystem::path> gpu;  ///< CSV of scripts/gpu_check.sh, older ones first
+  std::filesystem::path peers;             ///< CSV of the peer benchmark; may be empty
+  Backend backend = Backend::cpu;          ///< where the figures that time queries make them
 };
 
 /// A method with its options, its name and its colour.
@@ -63,8 +63,14 @@ class Context {
 
   /// Packed once for all figures, and prefixes of it: `shape` of mesh/mesh.h or the path of a
   /// mesh, absolute or in the folder of data; its longest side becomes `size` metres. The leaf
-  /// graph is that of `palpate pack`.
-  Result<std::shared_ptr<const Tool>> tool(const std::string& shape, double size, int num_spheres);
+  /// graph is that of `palpate pack` by default.
+  Result<std::shared_ptr<const Tool>> tool(const std::string& shape, double size, int num_spheres,
+                                           GapRule rule = GapRule::relative);
+  /// The same with the thesis' own leaf graph: for claims of the thesis.
+  Result<std::shared_ptr<const Tool>> thesis_tool(const std::string& shape, double size,
+                                                  int num_spheres) {
+    return tool(shape, size, num_spheres, GapRule::absolute);
+  }
 
   /// A real recording, one of recording_names(), or nullopt if the data are not there.
   Result<std::optional<std::vector<DepthFrame>>> recorded(const std::string& name,

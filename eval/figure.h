@@ -114,6 +114,7 @@ struct FigureSpec {
 std::vector<FigureSpec> all_figures();
 std::vector<FigureSpec> speed_figures();       // 3.3, 3.9, 3.10, 5.1-5.6, 4.2, 4.3
 std::vector<FigureSpec> recorded_figures();    // 3.4-3.6, 3.11, 5.7-5.16
+std::vector<FigureSpec> protocol_figures();    // a moving hand, recorded and replayed: protocol
 std::vector<FigureSpec> synthetic_figures();   // 5.17-5.19, 5.21-5.29
 std::vector<FigureSpec> accuracy_figures();    // every method against the exact wrench: accuracy
 std::vector<FigureSpec> option_figures();      // continuity, bodies, fill, graphs, ...

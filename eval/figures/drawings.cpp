@@ -77,7 +77,7 @@ Result<FigureResult> leaf_graph(Context& context) {
               {"spheres", "edges", "per sphere", "parts", "bridges"},
               {}};
   for (const int num_spheres : {100, kFewSpheres, context.choose(kManySpheres, 1000)}) {
-    const auto tool = context.tool("torus", kToolSize, num_spheres);
+    const auto tool = context.thesis_tool("torus", kToolSize, num_spheres);
     if (!tool) return tool.error();
     const LeafGraph& graph = (*tool)->graph();
     const double num = static_cast<double>((*tool)->spheres().size());

@@ -63,7 +63,7 @@ Result<double> wall_stiffness(Context& context, const char* shape, double size,
 Result<FigureResult> figure_eighth(Context& context) {
   const auto scene = hand_interaction(context);
   if (!scene) return scene.error();
-  const auto tool = context.tool(scene->shape, scene->size, context.choose(2000, 300));
+  const auto tool = context.thesis_tool(scene->shape, scene->size, context.choose(2000, 300));
   if (!tool) return tool.error();
   // A hand that means to go in by half.
   const auto path = hand_path(scene->frame, **tool, 0.5, context.choose<std::size_t>(400, 40), 0.4,

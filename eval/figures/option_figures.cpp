@@ -36,7 +36,7 @@ Result<std::vector<Sinking>> sink(Context& context, const NoisySolid& solid, dou
   const RenderedScene seen = see_noisy(solid);
   const Measure exact = exact_measure(tool, solid.environment);
   std::vector<Sinking> all{{solid.name, "exact", {force_steps(exact)}}};
-  for (const Method& method : all_methods()) {
+  for (const Method& method : all_methods_alike()) {
     const bool has_choice = method.options.method != MethodKind::field;
     Sinking sinking{solid.name, method.name, {}};
     for (std::size_t c = 0; c < (has_choice ? kNumContinuities : 1); ++c) {

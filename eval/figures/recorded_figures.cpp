@@ -14,7 +14,6 @@
 namespace palpate::eval {
 namespace {
 
-constexpr double kFullForce = 10;     // N of a tool wholly inside, as in the thesis' plots
 constexpr double kClean = 1;          // largest step of a calm plot, % of its height
 constexpr double kSpikes = 2;         // times the step of a clean plot
 constexpr double kVisible = 2;        // of the brightness, %: what an eye sees in a smooth shade
@@ -51,7 +50,7 @@ Result<ForceSeries> forces_by(const RecordedRun& run, const Tool& tool,
   ForceSeries series;
   for (std::size_t i = 0; i < measured->size(); ++i) {
     series.at.push_back(100 * static_cast<double>(i) / static_cast<double>(measured->size()));
-    series.force.push_back((*measured)[i].measure_W.force / full_volume(tool, options));
+    series.force.push_back((*measured)[i].penetration.measure_W.force / full_volume(tool, options));
   }
   return series;
 }
@@ -79,10 +78,11 @@ struct Comparison {
 };
 
 Result<Comparison> compare(Context& context, int num_spheres, double depth,
-                           const std::vector<Method>& methods, std::size_t finer = 1) {
+                           const std::vector<Method>& methods, std::size_t finer = 1,
+                           GapRule rule = GapRule::absolute) {
   const auto scene = hand_interaction(context);
   if (!scene) return scene.error();
-  const auto tool = context.tool(scene->shape, scene->size, num_spheres);
+  const auto tool = context.tool(scene->shape, scene->size, num_spheres, rule);
   if (!tool) return tool.error();
   const auto path =
       hand_path(scene->frame, **tool, depth, finer * context.choose<std::size_t>(2000, 200), kSwing,
@@ -134,11 +134,13 @@ void add_forces(FigureResult& result, const Comparison& c, const std::vector<Met
   result.notes.push_back(c.name +
                          ": a recorded hand is a trajectory of 30 s that a motion capture system "
                          "saw of something held in a hand (TUM fr1/xyz), as it turned, its shifts "
-                         "scaled to 15 mm rms across the place that is touched.");
+                         "scaled to 15 mm rms across the place that is touched; the frame stands "
+                         "still. All methods count the volumes that spheres represent. A hand that "
+                         "moves is in the figure protocol.");
 }
 
 std::vector<Method> with_priority(Priority priority) {
-  std::vector<Method> methods = thesis_methods();
+  std::vector<Method> methods = all_methods_alike();
   methods.resize(2);
   for (Method& method : methods) method.options.priority = priority;
   return methods;
@@ -205,7 +207,7 @@ Result<FigureResult> figure_3_6(Context& context) {
   if (!scene) return scene.error();
   const auto frame = seen_scene(context, *scene, false);
   if (!frame) return frame.error();
-  const auto tool = context.tool(scene->tool_shape, scene->tool_size, 3000);
+  const auto tool = context.thesis_tool(scene->tool_shape, scene->tool_size, 3000);
   if (!tool) return tool.error();
   auto query = query_on(*frame, **tool);
 
@@ -389,37 +391,31 @@ Result<FigureResult> figure_3_11(Context& context) {
   return result;
 }
 
-/// 5.7-5.15: what was shown, and what was said of which method.
+/// 5.7-5.15: what was shown, and what was said of it. Figures of one run have one claim.
 enum class Finding {
-  continuous_smoother,  ///< continuous, and smoother than the graph
-  continuous,
-  rougher,  ///< than with 7 % and 5,000 spheres
-  bad,      ///< the roughest of the thesis' methods
-  good,     ///< not the roughest
-  best,     ///< the smoothest of them
-  as_good,  ///< as with `other` spheres
+  continuous,  ///< weighted and graph, and weighted smoother
+  rougher,     ///< the graph, than with 7 % and 5,000 spheres
+  ranked,      ///< weighted the smoothest, simplified nearly, the graph the roughest
+  as_good,     ///< weighted, as with `other` spheres
 };
 struct Shown {
   const char* id;
   double depth;
   int spheres;
-  std::size_t method;  ///< of all_methods()
   Finding finding;
   int other;  ///< spheres
   const char* claim;
 };
 constexpr Shown kShown[] = {
-    {"5.7", 0.07, 5000, 0, Finding::continuous_smoother, 0,
-     "7 %, brute force: continuous, slightly smoother than the graph."},
-    {"5.8", 0.07, 5000, 2, Finding::continuous, 0, "7 %, graph: continuous."},
-    {"5.9", 0.10, 3000, 2, Finding::rougher, 5000, "10 %, graph: more discontinuity."},
-    {"5.10", 0.31, 1000, 2, Finding::bad, 0, "31 %, 1,000 spheres: graph is bad."},
-    {"5.11", 0.31, 1000, 1, Finding::good, 0, "31 %, 1,000 spheres: simplified is good."},
-    {"5.12", 0.31, 1000, 0, Finding::best, 0, "31 %, 1,000 spheres: weighted is best."},
-    {"5.13", 0.40, 8000, 0, Finding::as_good, 1000, "40 %, 8,000 spheres: as good as with fewer."},
-    {"5.14", 0.46, 12000, 0, Finding::as_good, 1000,
-     "46 %, 12,000 spheres: as good as with fewer."},
-    {"5.15", 0.70, 1500, 0, Finding::as_good, 8000,
+    {"5.7-5.8", 0.07, 5000, Finding::continuous, 0,
+     "7 %: brute force and the graph are continuous with small x noise, brute force slightly "
+     "smoother."},
+    {"5.9", 0.10, 3000, Finding::rougher, 5000, "10 %, graph: more discontinuity."},
+    {"5.10-5.12", 0.31, 1000, Finding::ranked, 0,
+     "31 %, 1,000 spheres: the graph is bad, simplified good and weighted best."},
+    {"5.13", 0.40, 8000, Finding::as_good, 1000, "40 %, 8,000 spheres: as good as with fewer."},
+    {"5.14", 0.46, 12000, Finding::as_good, 1000, "46 %, 12,000 spheres: as good as with fewer."},
+    {"5.15", 0.70, 1500, Finding::as_good, 8000,
      "70 %, 1,500 spheres, weighted: as good as with more."},
 };
 
@@ -433,81 +429,79 @@ double x_noise(const ForceSeries& series) {
   return kFullForce * std::sqrt(sum / static_cast<double>(series.force.size() - 2));
 }
 
+/// Largest steps of one method on a run of another kind, %.
+Result<double> largest_step(Context& context, const Method& method, int num_spheres, double depth,
+                            std::size_t finer = 1, GapRule rule = GapRule::absolute) {
+  const auto c = compare(context, num_spheres, depth, {method}, finer, rule);
+  if (!c) return c.error();
+  return c->series[0].largest_step();
+}
+
+/// What is claimed of the thesis' methods, which are the first three of `methods`.
+Result<Claim> judge(Context& context, const Shown& figure, const Comparison& c,
+                    const std::vector<Method>& methods, const std::string& steps) {
+  const Method &weighted = methods[0], &graph = methods[2];
+  const auto step = [&](std::size_t m) { return c.series[m].largest_step(); };
+  switch (figure.finding) {
+    case Finding::continuous: {
+      const auto half = largest_step(context, weighted, figure.spheres, figure.depth, 2);
+      const auto half_of_graph = largest_step(context, graph, figure.spheres, figure.depth, 2);
+      if (!half) return half.error();
+      if (!half_of_graph) return half_of_graph.error();
+      const double noise = x_noise(c.series[0]), noise_of_graph = x_noise(c.series[2]);
+      return Claim{
+          figure.claim,
+          words("Largest step of weighted %.2f %% of the whole force, %.2f %% in half as long "
+                "steps, of the graph %.2f and %.2f %%; x noise %.3f and %.3f N rms of %.0f.",
+                step(0), *half, step(2), *half_of_graph, noise, noise_of_graph, kFullForce),
+          are_true({is_continuous(step(0), *half) == Verdict::agrees,
+                    is_continuous(step(2), *half_of_graph) == Verdict::agrees, step(0) < step(2),
+                    noise < kSmallNoise, noise_of_graph < kSmallNoise})};
+    }
+    case Finding::rougher: {
+      const auto before = largest_step(context, graph, figure.other, 0.07);
+      if (!before) return before.error();
+      return Claim{figure.claim,
+                   words("Largest step %.2f %%; 7 %% deep with %d spheres %.2f %%.", step(2),
+                         figure.other, *before),
+                   is_less(*before, step(2))};
+    }
+    case Finding::ranked:
+      return Claim{figure.claim, "Largest steps: " + steps + ".",
+                   are_ranked(step(0), step(1), step(2))};
+    case Finding::as_good: break;
+  }
+  const auto other = largest_step(context, weighted, figure.other, figure.depth);
+  if (!other) return other.error();
+  return Claim{
+      figure.claim,
+      words("Largest step %.2f %%, with %d spheres %.2f %%.", step(0), figure.other, *other),
+      is_as_good(step(0), *other)};
+}
+
 Result<FigureResult> shown(Context& context, const Shown& figure) {
-  const auto methods = all_methods();
+  const auto methods = all_methods_alike();
   const auto c = compare(context, figure.spheres, figure.depth, methods);
   if (!c) return c.error();
   FigureResult result;
   add_forces(
       result, *c, methods,
       words("%s, %.0f %% deep, %d spheres", c->name.c_str(), 100 * figure.depth, figure.spheres));
-  const char* name = methods[figure.method].name;
+  const auto of_pack =
+      largest_step(context, methods[2], figure.spheres, figure.depth, 1, GapRule::relative);
+  if (!of_pack) return of_pack.error();
+  result.numbers.push_back({"graph.gap_rule_relative.largest_step", *of_pack, "%"});
   const auto step = [&](std::size_t m) { return c->series[m].largest_step(); };
-  const double own = step(figure.method);
-  const std::string of_others =
-      words("weighted %.2f %%, simplified %.2f, graph %.2f", step(0), step(1), step(2));
-  const auto add = [&](const std::string& measured, Verdict verdict) {
-    result.claims.push_back({figure.claim, measured, verdict});
-  };
-  const double roughest = std::max({step(0), step(1), step(2)});
-  const double smoothest = std::min({step(0), step(1), step(2)});
-  switch (figure.finding) {
-    case Finding::continuous_smoother:
-    case Finding::continuous: {
-      const auto finer =
-          compare(context, figure.spheres, figure.depth, {methods[figure.method]}, 2);
-      if (!finer) return finer.error();
-      const double half = finer->series[0].largest_step();
-      const std::string measured =
-          words("Largest step of %s %.2f %% of the whole force, %.2f %% in half as long steps",
-                name, own, half);
-      if (figure.finding == Finding::continuous) {
-        add(measured + ".", is_continuous(own, half));
-      } else {
-        add(measured + words("; of the graph %.2f %%.", step(2)),
-            are_true({is_continuous(own, half) == Verdict::agrees, own < step(2)}));
-      }
-      const double noise = x_noise(c->series[figure.method]);
-      result.claims.push_back(
-          {words("7 %%, %s: small x noise.", figure.method == 2 ? "graph" : "brute force"),
-           words("%.3f N rms of %.0f.", noise, kFullForce), are_true({noise < kSmallNoise})});
-      result.numbers.push_back({"x_noise", noise, "N"});
-      break;
-    }
-    case Finding::rougher: {
-      const auto before = compare(context, figure.other, 0.07, {methods[figure.method]});
-      if (!before) return before.error();
-      const double other = before->series[0].largest_step();
-      add(words("Largest step %.2f %%; 7 %% deep with %d spheres %.2f %%.", own, figure.other,
-                other),
-          is_less(other, own));
-      break;
-    }
-    case Finding::bad:
-      add("Largest steps: " + of_others + ".",
-          are_true({own == roughest, is_as_good(own, smoothest) != Verdict::agrees}));
-      break;
-    case Finding::good:
-      add("Largest steps: " + of_others + ".",
-          are_true({own < roughest, is_as_good(own, smoothest) == Verdict::agrees}));
-      break;
-    case Finding::best:
-      add("Largest steps: " + of_others + ".", is_less(own, min_of({step(1), step(2)})));
-      break;
-    case Finding::as_good: {
-      const auto with_other =
-          compare(context, figure.other, figure.depth, {methods[figure.method]});
-      if (!with_other) return with_other.error();
-      const double other = with_other->series[0].largest_step();
-      add(words("Largest step %.2f %%, with %d spheres %.2f %%.", own, figure.other, other),
-          is_as_good(own, other));
-      break;
-    }
-  }
+  const std::string steps = words(
+      "weighted %.2f %%, simplified %.2f, graph %.2f (with the gap rule of our packings %.2f)",
+      step(0), step(1), step(2), *of_pack);
+  auto claim = judge(context, figure, *c, methods, steps);
+  if (!claim) return claim.error();
+  result.claims.push_back(*std::move(claim));
   result.claims.push_back(
       {"The field is smoother than the smoothest of the thesis' methods.",
-       words("Largest step of the field %.2f %% of the whole force; ", step(4)) + of_others + ".",
-       is_better(step(4), smoothest), Source::ours});
+       words("Largest step of the field %.2f %% of the whole force; ", step(4)) + steps + ".",
+       is_better(step(4), std::min({step(0), step(1), step(2)})), Source::ours});
   return result;
 }
 
@@ -515,8 +509,8 @@ Result<FigureResult> figure_5_16(Context& context) {
   const auto scene = hand_interaction(context);
   if (!scene) return scene.error();
   const int many = context.choose(17000, 5000);
-  const auto fine = context.tool(scene->shape, scene->size, many);
-  const auto coarse = context.tool(scene->shape, scene->size, 1000);
+  const auto fine = context.thesis_tool(scene->shape, scene->size, many);
+  const auto coarse = context.thesis_tool(scene->shape, scene->size, 1000);
   if (!fine) return fine.error();
   if (!coarse) return coarse.error();
   const auto path = hand_path(scene->frame, **fine, 0.28, context.choose<std::size_t>(500, 100),
@@ -533,7 +527,7 @@ Result<FigureResult> figure_5_16(Context& context) {
               {"method", "difference of the force, % rms", "times as long"},
               {}};
   double weighted_difference = 0, weighted_cost = 0;
-  for (const Method& method : all_methods()) {
+  for (const Method& method : all_methods_alike()) {
     const auto coarse_forces = forces_by(*coarse_run, **coarse, method.options);
     const auto fine_forces = forces_by(*fine_run, **fine, method.options);
     if (!coarse_forces) return coarse_forces.error();

@@ -30,7 +30,7 @@ Result<FigureResult> figure_5_5(Context& context) {
     Curve simplified{"simplified: all after it", "simplified", {}, {}};
     for (const int size :
          context.quick() ? std::vector{500, 5000} : std::vector{500, 2000, 5000, 10000, 17000}) {
-      const auto tool = context.tool(scene->shape, scene->size, size);
+      const auto tool = context.thesis_tool(scene->shape, scene->size, size);
       if (!tool) return tool.error();
       const auto path =
           hand_path(scene->frame, **tool, depth, context.choose<std::size_t>(200, 30));

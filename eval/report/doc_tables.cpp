@@ -31,6 +31,12 @@ std::optional<Quote> parse_mark(const std::string& line) {
   return Quote{inner.substr(0, colon), inner.substr(colon + 2)};
 }
 
+/// Machine and commit of rows that another program has measured.
+std::string rows_of(const StoredFigure& figure) {
+  const std::string& place = figure.result.rows_of;
+  return place.empty() ? "" : "; rows of " + markdown_cell(place);
+}
+
 /// The block of a quote; nullopt: leave what is there.
 Result<std::optional<std::string>> block_of(const Quote& quote, const Evaluation& evaluation) {
   const auto figure = std::find_if(
@@ -56,8 +62,8 @@ Result<std::optional<std::string>> block_of(const Quote& quote, const Evaluation
                                       "'; it has " + (titles.empty() ? "none" : titles)};
   }
   return std::optional("\n" + markdown_table(*table) + "\n*Evaluation, " +
-                       markdown_cell(quote.figure) + ": `make eval FIGURE=" + quote.figure +
-                       "`.*\n\n");
+                       markdown_cell(quote.figure) + ": `make eval FIGURE=" + quote.figure + "`" +
+                       rows_of(*figure->stored) + ".*\n\n");
 }
 
 Result<std::string> read_text(const fs::path& path) {

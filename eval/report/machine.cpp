@@ -36,7 +36,9 @@ Key key_of(const Settings& settings) {
   key.program = checksum_of("/proc/self/exe");
   key.form = settings.quick ? "quick" : "full";
   key.data = std::filesystem::is_directory(settings.data) ? "present" : "absent";
-  key.gpu = checksum_of(settings.gpu);
+  std::string of_gpu;
+  for (const auto& path : settings.gpu) of_gpu += checksum_of(path);
+  key.gpu = of_gpu.empty() ? "" : checksum(of_gpu);
   key.peers = checksum_of(settings.peers);
   key.processor = processor_name();
   key.num_cores = static_cast<int>(std::thread::hardware_concurrency());

@@ -1,5 +1,6 @@
 #include "eval/report/report.h"
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 
 #include "palpate/version.h"
@@ -81,7 +82,10 @@ std::vector<PlacedClaim> claims_of(const ReportFigure& figure) {
     claims.push_back({rows_of.empty() ? "" : " (rows of " + rows_of + ")", claim});
   }
   if (!figure.on_gpu) return claims;
+  const auto& made = figure.stored->result.claims;
   for (const Claim& claim : figure.on_gpu->result.claims) {
+    // One that an older program made and this one does not is withdrawn.
+    if (std::ranges::find(made, claim.claim, &Claim::claim) == made.end()) continue;
     claims.push_back(
         {" (" + figure.on_gpu->key.isa + ", commit " + figure.on_gpu->commit + ")", claim});
   }

@@ -20,8 +20,8 @@ std::string summary_markdown(const Evaluation& evaluation);
 inline constexpr Source kSources[] = {Source::thesis, Source::ours, Source::docs};
 /// "Claims of the thesis", ...
 const char* heading_of(Source source);
-/// Claims of a figure and, if it was made on a GPU too, of that; `where` says on which machine, if
-/// not this one.
+/// Claims of a figure and, if it was made on a GPU too, the same ones of that; `where` says on
+/// which machine, if not this one.
 struct PlacedClaim {
   std::string where;
   Claim claim;

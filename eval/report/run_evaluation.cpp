@@ -184,6 +184,7 @@ Result<Evaluation> run_evaluation(std::span<const FigureSpec> all,
   Evaluation evaluation;
   evaluation.key = key_of(options.settings);
   evaluation.commit = options.commit;
+  evaluation.golden = options.golden;
   evaluation.command = options.command;
   for (const FigureSpec& spec : all) {
     evaluation.figures.push_back(look_up(spec, options.output / kDataFolder, evaluation));

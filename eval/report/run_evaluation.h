@@ -20,6 +20,7 @@ struct EvaluationOptions {
   std::filesystem::path gpu_report;  ///< data of a report made with Backend::cuda; may be empty
   bool fresh = false;                ///< make figures again that are there
   std::string commit;                ///< of the source, for humans; may be empty
+  std::string golden;                ///< hash of tests/contact/golden.txt; may be empty
   std::string command;               ///< that makes this report, for humans
 };
 
@@ -33,7 +34,7 @@ struct ReportFigure {
 
 struct Evaluation {
   Key key;
-  std::string commit, command, finished;           ///< `finished`: UTC
+  std::string commit, golden, command, finished;   ///< `finished`: UTC
   std::vector<ReportFigure> figures;               ///< all there are, in the order of the report
   int num_made = 0, num_kept = 0, num_failed = 0;  ///< of those that were requested
   bool interrupted = false;

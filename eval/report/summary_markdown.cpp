@@ -39,6 +39,20 @@ std::string claim_tables(const Evaluation& evaluation, Source source) {
   return std::string("\n## ") + heading_of(source) + "\n" + text;
 }
 
+/// What tools/check_evaluation.py reads.
+std::string arithmetic(const Evaluation& evaluation) {
+  if (evaluation.golden.empty()) return "";
+  return "**Arithmetic:** `tests/contact/golden.txt` of hash `" + evaluation.golden +
+         "`; if that is not today's, the top of this page says so.\n\n";
+}
+
+constexpr const char* kRules =
+    "In the figures of the thesis the graph is the thesis' own (gap rule `absolute`), with ours "
+    "beside it where that matters; our studies, the\nrows of graphics cards and the tables of the "
+    "guides have the graph that `palpate pack` makes by default (`relative`). Volumes, forces and\n"
+    "directions are compared with all methods counting the same volumes. Numbers within a tenth of "
+    "each other are a tie. One run has one\nverdict, and times of other machines have none.\n";
+
 }  // namespace
 
 std::string summary_markdown(const Evaluation& evaluation) {
@@ -52,24 +66,29 @@ std::string summary_markdown(const Evaluation& evaluation) {
       "numbers and verdicts below are computed from the measurements, not written by hand.\n\n"
       "**From:** " +
       markdown_cell(machine_words(evaluation.key)) + "; " + markdown_cell(form_words(evaluation)) +
-      "; real frames " + evaluation.key.data +
-      ".\n\n**Claims of the thesis** (do its methods, built as printed and corrected, show what it "
+      "; real frames " + evaluation.key.data + ".\n\n" + arithmetic(evaluation) +
+      "**Claims of the thesis** (do its methods, built as printed and corrected, show what it "
       "says?): " +
       counts_words(evaluation, Source::thesis) +
       ".\n\n**Is Palpate better** than those methods and other libraries? " +
       counts_words(evaluation, Source::ours) + ".\n\n**Do our own claims hold?** " +
       counts_words(evaluation, Source::docs) +
       ".\n\nTimes are of single calls on one thread: compare them within one report. All else is "
-      "the same on every machine.\n";
-  std::string missing;
+      "the same on every machine.\n\n" +
+      kRules;
+  std::string missing, drawn;
   int num_earlier = 0;
   for (const ReportFigure& figure : evaluation.figures) {
     if (!figure.stored) {
       missing += (missing.empty() ? "" : ", ") + markdown_cell(figure.spec.id);
-    } else if (!figure.is_current) {
-      ++num_earlier;
+      continue;
+    }
+    num_earlier += !figure.is_current;
+    if (claims_of(figure).empty() && figure.stored->failure.empty()) {
+      drawn += (drawn.empty() ? "" : ", ") + markdown_cell(figure.spec.id);
     }
   }
+  if (!drawn.empty()) text += "\nDrawn, in the report only: " + drawn + ".\n";
   if (!missing.empty()) text += "\nNot made: " + missing + ".\n";
   if (num_earlier > 0) {
     text += "\n" + std::to_string(num_earlier) +

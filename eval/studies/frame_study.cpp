@@ -133,8 +133,8 @@ double Study::noise(const Way& way, std::size_t method) const {
 
 Result<Study> make_study(Context& context) {
   Study study;
-  study.methods = thesis_methods();
-  study.methods.insert(study.methods.begin(), all_methods().back());
+  const auto methods = all_methods_alike();
+  study.methods = {methods.back(), methods[0], methods[1], methods[2]};
   const std::vector<const Way*> modes(std::begin(kModes), std::end(kModes));
   const std::vector<const Way*> averages(std::begin(kAverages), std::end(kAverages));
   auto gaussian = touch_wall(context, DepthNoise::gaussian, true);

@@ -32,8 +32,8 @@ Result<FrozenFrame> seen_pillar(Context& context, bool with_noise) {
   return seen_scene(context, *scene, with_noise);
 }
 
-Result<std::shared_ptr<const Tool>> pillar_box(Context& context, int num_spheres) {
-  return context.tool("box", kBox, num_spheres);
+Result<std::shared_ptr<const Tool>> pillar_box(Context& context, int num_spheres, GapRule rule) {
+  return context.tool("box", kBox, num_spheres, rule);
 }
 
 std::vector<Pose> pillar_way(PillarSide side, double step) {

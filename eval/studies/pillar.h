@@ -23,7 +23,8 @@ const char* name_of(PillarSide side);
 Result<FrozenFrame> seen_pillar(Context& context, bool with_noise);
 
 /// A cube of 8 cm.
-Result<std::shared_ptr<const Tool>> pillar_box(Context& context, int num_spheres);
+Result<std::shared_ptr<const Tool>> pillar_box(Context& context, int num_spheres,
+                                               GapRule rule = GapRule::relative);
 
 /// How the box, tilted by 20 degrees and half inside, moves to the side until it has left the
 /// pillar.

@@ -5,6 +5,8 @@
 #include <cstdarg>
 #include <cstdio>
 
+#include "eval/studies/verdict_rules.h"
+
 namespace palpate::eval {
 
 std::vector<double> SpeedSweep::medians(std::size_t method) const {
@@ -71,7 +73,7 @@ std::string where_below(const std::vector<double>& x, const std::vector<double>&
                         const std::vector<double>& b, const char* what, const char* unit) {
   std::vector<double> below;
   for (std::size_t i = 0; i < x.size(); ++i) {
-    if (a[i] < b[i]) below.push_back(x[i]);
+    if (is_clearly_less(a[i], b[i])) below.push_back(x[i]);
   }
   if (below.empty()) return words("at no %s up to %.0f %s", what, x.back(), unit);
   if (below.size() == x.size()) {

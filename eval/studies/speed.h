@@ -30,8 +30,8 @@ std::string time_words(double microseconds);
 /// Median, p99 and largest of every method at every x, as numbers `prefix.method.x.median_us`.
 void add_numbers(FigureResult& result, const SpeedSweep& sweep, const std::string& prefix);
 
-/// At which of the measured x curve a lies below curve b, e.g. "at no size up to 17000", "up to 500
-/// spheres", "from 8000 spheres on", "at 3 of 7 sizes".
+/// At which of the measured x curve a lies clearly below curve b, e.g. "at no size up to 17000",
+/// "up to 500 spheres", "from 8000 spheres on", "at 3 of 7 sizes".
 std::string where_below(const std::vector<double>& x, const std::vector<double>& a,
                         const std::vector<double>& b, const char* what = "size",
                         const char* unit = "spheres");

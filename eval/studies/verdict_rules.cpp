@@ -7,7 +7,6 @@
 namespace palpate::eval {
 namespace {
 
-constexpr double kAlike = 1.1;      // of two numbers: scatter and luck
 constexpr double kAsExact = 1.02;   // errors of two libraries on the same image
 constexpr double kAsGood = 1.25;    // not worse as far as anybody would say
 constexpr double kFarFrom = 2;      // not as good, whoever looks
@@ -16,16 +15,20 @@ constexpr double kHalfStep = 0.75;  // of the largest step, if it shrinks with t
 bool are_finite(double a, double b) { return std::isfinite(a) && std::isfinite(b); }
 
 struct Share {
-  int num = 0, num_below = 0;
+  int num = 0, num_below = 0, num_above = 0;
+
+  bool is_below() const { return num_below > 0 && num_above == 0; }
+  bool is_above() const { return num_above > 0 && num_below == 0; }
 };
-/// At how many of the x in [from, to) is a below b?
+/// At how many of the x in [from, to) is a clearly below b, and above?
 Share share_below(const std::vector<double>& x, const std::vector<double>& a,
                   const std::vector<double>& b, double from, double to) {
   Share share;
   for (std::size_t i = 0; i < x.size(); ++i) {
     if (x[i] < from || x[i] >= to || !are_finite(a[i], b[i])) continue;
     ++share.num;
-    share.num_below += a[i] < b[i];
+    share.num_below += is_clearly_less(a[i], b[i]);
+    share.num_above += is_clearly_less(b[i], a[i]);
   }
   return share;
 }
@@ -43,7 +46,9 @@ Verdict all_better(std::span<const Verdict> verdicts) {
 
 Verdict is_less(double a, double b) {
   if (!are_finite(a, b)) return Verdict::not_measured;
-  return a < b ? Verdict::agrees : a <= kAlike * b ? Verdict::differs : Verdict::contradicts;
+  return is_clearly_less(a, b)   ? Verdict::agrees
+         : is_clearly_less(b, a) ? Verdict::contradicts
+                                 : Verdict::differs;
 }
 
 Verdict is_as_good(double a, double b) {
@@ -60,6 +65,14 @@ Verdict is_times(double a, double b, double factor) {
   return (measured > 1) == (factor > 1) ? Verdict::differs : Verdict::contradicts;
 }
 
+Verdict are_ranked(double best, double good, double bad) {
+  if (!are_finite(best, good) || !std::isfinite(bad)) return Verdict::not_measured;
+  const double least = std::min({best, good, bad});
+  return are_true({is_clearly_less(best, std::min(good, bad)),
+                   is_as_good(good, least) == Verdict::agrees,
+                   bad > std::max(best, good) && is_as_good(bad, least) != Verdict::agrees});
+}
+
 Verdict are_true(std::initializer_list<bool> parts) {
   const auto num = std::count(parts.begin(), parts.end(), true);
   return num == static_cast<std::ptrdiff_t>(parts.size()) ? Verdict::agrees
@@ -67,13 +80,21 @@ Verdict are_true(std::initializer_list<bool> parts) {
                                                           : Verdict::contradicts;
 }
 
+Verdict agrees_with(std::initializer_list<Verdict> parts) {
+  const auto num = [&](Verdict v) { return std::count(parts.begin(), parts.end(), v); };
+  if (num(Verdict::not_measured) > 0) return Verdict::not_measured;
+  if (num(Verdict::agrees) == static_cast<std::ptrdiff_t>(parts.size())) return Verdict::agrees;
+  return num(Verdict::agrees) == 0 && num(Verdict::contradicts) > 0 ? Verdict::contradicts
+                                                                    : Verdict::differs;
+}
+
 Verdict is_below_until(const std::vector<double>& x, const std::vector<double>& a,
                        const std::vector<double>& b, double limit) {
   const Share share = share_below(x, a, b, std::nextafter(0.0, 1.0), limit);
   if (share.num == 0) return Verdict::not_measured;
-  return share.num_below == share.num ? Verdict::agrees
-         : share.num_below > 0        ? Verdict::differs
-                                      : Verdict::contradicts;
+  return share.is_below()   ? Verdict::agrees
+         : share.is_above() ? Verdict::contradicts
+                            : Verdict::differs;
 }
 
 Verdict is_below_from(const std::vector<double>& x, const std::vector<double>& a,
@@ -81,8 +102,8 @@ Verdict is_below_from(const std::vector<double>& x, const std::vector<double>& a
   const Share before = share_below(x, a, b, -INFINITY, from);
   const Share after = share_below(x, a, b, from, INFINITY);
   if (before.num == 0 || after.num == 0) return Verdict::not_measured;
-  if (after.num_below == 0) return Verdict::contradicts;
-  return before.num_below == 0 && after.num_below == after.num ? Verdict::agrees : Verdict::differs;
+  if (after.is_above()) return Verdict::contradicts;
+  return before.num_below == 0 && after.is_below() ? Verdict::agrees : Verdict::differs;
 }
 
 Verdict waits_less_and_less(const std::vector<double>& waits) {
@@ -112,9 +133,9 @@ Verdict is_continuous(double largest_step, double largest_of_half_steps) {
 
 Verdict is_better(double ours, double theirs) {
   if (!are_finite(ours, theirs)) return Verdict::not_measured;
-  return kAlike * ours < theirs    ? Verdict::better
-         : ours <= kAlike * theirs ? Verdict::even
-                                   : Verdict::worse;
+  return is_clearly_less(ours, theirs)   ? Verdict::better
+         : is_clearly_less(theirs, ours) ? Verdict::worse
+                                         : Verdict::even;
 }
 
 Verdict is_better_in_all(std::initializer_list<Verdict> verdicts) {
@@ -141,8 +162,8 @@ Verdict is_faster_and_as_exact(const Cost& ours, const Cost& theirs) {
   const bool is_known = ours.error > 0 && theirs.error > 0;
   const bool is_less_exact = is_known && ours.error > kAsExact * theirs.error;
   const bool is_more_exact = is_known && theirs.error > kAsExact * ours.error;
-  if (ours.time < theirs.time && !is_less_exact) return Verdict::better;
-  return ours.time >= theirs.time && !is_more_exact ? Verdict::worse : Verdict::even;
+  if (is_clearly_less(ours.time, theirs.time) && !is_less_exact) return Verdict::better;
+  return is_clearly_less(theirs.time, ours.time) && !is_more_exact ? Verdict::worse : Verdict::even;
 }
 
 Verdict holds_below(double value, double limit, double in_part) {

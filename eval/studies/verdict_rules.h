@@ -12,9 +12,15 @@
 
 namespace palpate::eval {
 
-// Claims of the thesis. A number that is not finite was not measured.
+/// Two numbers within this factor are a tie: scatter and luck.
+inline constexpr double kAlike = 1.1;
+/// Less, and no tie.
+constexpr bool is_clearly_less(double a, double b) { return kAlike * a < b; }
 
-/// "a is less than b." Contradicted where it is more by over a tenth.
+// Claims of the thesis. A number that is not finite was not measured. Each rule gives the opposite
+// verdict for a and b exchanged; a tie is `differs`.
+
+/// "a is less than b." Contradicted where b is clearly less.
 Verdict is_less(double a, double b);
 
 /// "a is as good as b": not more by over a quarter; contradicted where it is twice as much.
@@ -24,15 +30,23 @@ Verdict is_as_good(double a, double b);
 /// (or, for a factor below 1, not less).
 Verdict is_times(double a, double b, double factor);
 
+/// "Of these, the first is best, the second good and the third bad": clearly less than the others;
+/// as good as the best; more than the others and not as good as the best.
+Verdict are_ranked(double best, double good, double bad);
+
 /// A claim of several parts: agrees if all are true, contradicts if none is.
 Verdict are_true(std::initializer_list<bool> parts);
 
-/// "Curve a lies below curve b for x in (0, limit)." Contradicted where it never does there.
+/// A claim of several comparisons: agrees if all do, contradicts if some do and none agrees.
+Verdict agrees_with(std::initializer_list<Verdict> parts);
+
+/// "Curve a lies below curve b for x in (0, limit)": clearly somewhere and nowhere clearly above.
+/// Contradicted where it is the other way round.
 Verdict is_below_until(const std::vector<double>& x, const std::vector<double>& a,
                        const std::vector<double>& b, double limit);
 
-/// "Curve a lies below curve b from x = `from` on, and not before." Contradicted where it does at
-/// no x from there on.
+/// "Curve a lies below curve b from x = `from` on, and not before", with ties left out.
+/// Contradicted where it is somewhere above from there on and nowhere below.
 Verdict is_below_from(const std::vector<double>& x, const std::vector<double>& a,
                       const std::vector<double>& b, double from);
 
@@ -62,7 +76,8 @@ Verdict is_better_throughout(const std::vector<Verdict>& verdicts);
 struct Cost {
   double time = 0, error = 0;
 };
-/// "Ours is faster and as exact": better; worse if it is slower and no more exact.
+/// "Ours is faster and as exact": better; worse if it is slower and no more exact. Times that are
+/// alike are a tie: even.
 Verdict is_faster_and_as_exact(const Cost& ours, const Cost& theirs);
 
 // Do our own claims hold? A number that is not finite was not measured.

@@ -54,6 +54,14 @@ TEST(DocTables, TakeThePlaceOfWhatStoodThere) {
   EXPECT_EQ(with_tables(desired + desired, some_evaluation()).value(), desired + desired);
 }
 
+TEST(DocTables, SayWhoseRowsTheyAre) {
+  Evaluation evaluation = some_evaluation();
+  evaluation.figures[0].stored->result.rows_of = "a card, commit abc";
+  const std::string made = with_tables(quoting("edges: Error, %", ""), evaluation).value();
+  EXPECT_NE(made.find("`make eval FIGURE=edges`; rows of a card, commit abc.*"), std::string::npos)
+      << made;
+}
+
 TEST(DocTables, StayAsTheyAreWithoutTheirFigure) {
   for (const char* quote : {"5.1: Median, ms", "5.2: Median, ms"}) {
     const std::string text = quoting(quote, "| what | was |\n");

@@ -12,6 +12,9 @@ import sys
 import tempfile
 import unittest
 
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "tools"))
+import check_evaluation
+
 PALPATE, DATA, PALPATE_EVAL = sys.argv[1:4]
 HERE = os.path.dirname(os.path.abspath(__file__))
 SOURCE = os.path.join(HERE, "..", "..")
@@ -27,8 +30,7 @@ def palpate_eval(*arguments):
 
 
 def wanted_rows():
-    with open(os.path.join(HERE, "rows.txt")) as file:
-        return [line.strip() for line in file if line.strip() and not line.startswith("#")]
+    return check_evaluation.wanted_rows(check_evaluation.ROWS.read_text())
 
 
 class QuickEvaluation(unittest.TestCase):
@@ -41,7 +43,7 @@ class QuickEvaluation(unittest.TestCase):
         shutil.copytree(os.path.join(SOURCE, "docs"), os.path.join(cls.texts, "docs"))
         shutil.copy(os.path.join(SOURCE, "README.md"), cls.texts)
         arguments = ["--quick", "-o", cls.report, "--json", "--commit", "0123abc",
-                     "--write-docs", *(os.path.join(cls.texts, name) for name in TEXTS)]
+                     "--golden", check_evaluation.hash_of("bits of a program\n"), "--write-docs", *(os.path.join(cls.texts, name) for name in TEXTS)]
         if os.path.isdir(DATA):
             arguments += ["--data", DATA]
         cls.result = palpate_eval(*arguments)
@@ -72,6 +74,31 @@ class QuickEvaluation(unittest.TestCase):
                                             for claim in claims):
                 covered |= set(figure["thesis_figures"]) | {figure["id"]}
         self.assertEqual([row for row in wanted_rows() if row not in covered], [])
+
+    def test_the_page_has_every_row_and_its_arithmetic(self):
+        with open(os.path.join(self.texts, "docs", "evaluation.md")) as file:
+            page = file.read()
+        rows = check_evaluation.ROWS.read_text()
+        self.assertEqual(list(check_evaluation.problems(page, "bits of a program\n", rows)), [])
+        self.assertNotEqual(check_evaluation.marked(page, "other bits\n"), page)
+
+    def test_one_run_has_one_verdict(self):
+        """Nothing is counted twice: no two claims of a kind come from the same measurement."""
+        measured = {}
+        for figure in self.figures():
+            for claim in figure["claims"]:
+                # Words like "never" and whole percents are the same by chance.
+                if re.search(r"[0-9]\.[0-9]", claim["measured"]):
+                    key = (claim["source"], claim["measured"])
+                    measured.setdefault(key, []).append((figure["id"], claim["claim"]))
+        self.assertEqual([where for where in measured.values() if len(where) > 1], [])
+
+    def test_hardware_of_another_time_is_not_compared(self):
+        claims = [claim for figure in self.figures() for claim in figure["claims"]
+                  if "GTX" in claim["claim"] + claim["measured"]]
+        self.assertGreater(len(claims), 1)
+        self.assertEqual({claim["verdict"] for claim in claims} - {"not comparable", "not measured"},
+                         set())
 
     def test_claims_are_sentences(self):
         for figure in self.figures():

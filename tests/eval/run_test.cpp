@@ -58,6 +58,11 @@ Result<FigureResult> make_elsewhere(Context&) {
   result.rows_of = "another machine, commit abc";
   return result;
 }
+Result<FigureResult> make_drawing(Context&) {
+  FigureResult result;
+  result.tables = some_result().tables;
+  return result;
+}
 Result<FigureResult> make_silent(Context&) { return FigureResult(); }
 
 const FigureSpec kGood{"5.1-5.3", "Times & sizes", "Speed", make_good};
@@ -253,6 +258,16 @@ TEST_F(Run, TheReportHasEveryClaim) {
   EXPECT_NE(docs.find("what it says?): 2 contradicts."), std::string::npos);
   EXPECT_NE(docs.find("other libraries? 2 better."), std::string::npos);
   EXPECT_NE(docs.find("own claims hold?** 2 not measured."), std::string::npos);
+  EXPECT_EQ(docs.find("Arithmetic"), std::string::npos);
+  EXPECT_EQ(docs.find("Drawn"), std::string::npos);
+}
+
+TEST_F(Run, TheSummaryHasItsArithmeticAndWhatIsDrawn) {
+  options_.golden = "0123456789abcdef";
+  const FigureSpec drawing{"3.1", "A drawing", "Drawings", make_drawing};
+  const std::string docs = summary_markdown(run({kGood, drawing}));
+  EXPECT_NE(docs.find("`tests/contact/golden.txt` of hash `0123456789abcdef`"), std::string::npos);
+  EXPECT_NE(docs.find("\nDrawn, in the report only: 3.1.\n"), std::string::npos);
 }
 
 TEST_F(Run, ClaimsSayWhoseRowsTheyAreMadeOf) {
@@ -268,7 +283,9 @@ TEST_F(Run, FiguresOfAGpuStandBesideOurs) {
   Key key;
   key.isa = "queries on a GPU";
   FigureResult there;
-  there.claims = {{"1.7 times faster", "1.0 times", Verdict::differs}};
+  // And one of an older program, which nobody makes any more.
+  there.claims = {{some_result().claims[0].claim, "1.0 times", Verdict::differs},
+                  {"newer is better", "1 ms", Verdict::better}};
   for (const char* id : {"timed", "noise"}) {
     ASSERT_TRUE(save_figure({id, key, "abc", "", 0, "", there}, gpu));
   }
@@ -280,8 +297,9 @@ TEST_F(Run, FiguresOfAGpuStandBesideOurs) {
   // Only of a figure that times queries.
   EXPECT_EQ(count_verdicts(evaluation, Source::thesis)[Verdict::differs], 1);
   const std::string docs = summary_markdown(evaluation);
-  EXPECT_NE(docs.find("1.7 times faster (queries on a GPU, commit abc) | 1.0 times | differs"),
+  EXPECT_NE(docs.find("\\<simpler> (queries on a GPU, commit abc) | 1.0 times | differs"),
             std::string::npos);
+  EXPECT_EQ(docs.find("newer is better"), std::string::npos);
   if (report_template().empty()) return;
   const auto figures = test::report_data_of(folder_ / kReportPage).at("figures");
   EXPECT_EQ(figures[0].at("on_gpu").at("key").at("isa"), "queries on a GPU");

@@ -2,6 +2,8 @@
 #include "eval/studies/verdict_rules.h"
 
 #include <cmath>
+#include <utility>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -13,10 +15,44 @@ const std::vector<double> kDepths{0, 10, 20, 30, 40, 60, 80, 100};
 
 TEST(VerdictRules, Less) {
   EXPECT_EQ(is_less(1, 2), Verdict::agrees);
-  EXPECT_EQ(is_less(2.1, 2), Verdict::differs);
   EXPECT_EQ(is_less(3, 2), Verdict::contradicts);
   EXPECT_EQ(is_less(kNan, 2), Verdict::not_measured);
   EXPECT_EQ(is_less(1, INFINITY), Verdict::not_measured);
+}
+
+// 29 against 31 µs is the load of the machine, whichever way round it is.
+TEST(VerdictRules, ATieIsNobodysAdvantage) {
+  const std::vector<double> x{10, 20, 30}, low{29, 29, 29}, high{31, 31, 31}, far{50, 50, 50};
+  for (const auto& [a, b] : {std::pair{29.0, 31.0}, {31.0, 29.0}, {30.0, 30.0}}) {
+    EXPECT_EQ(is_less(a, b), Verdict::differs) << a;
+    EXPECT_EQ(is_better(a, b), Verdict::even) << a;
+    EXPECT_EQ(is_faster_and_as_exact({a, 1}, {b, 1}), Verdict::even) << a;
+    EXPECT_FALSE(is_clearly_less(a, b)) << a;
+  }
+  for (const auto& [a, b] : {std::pair{low, high}, {high, low}, {low, low}}) {
+    EXPECT_EQ(is_below_until(x, a, b, 40), Verdict::differs);
+    EXPECT_EQ(is_below_from(x, a, b, 20), Verdict::differs);
+  }
+  // Beyond it, exchanging the two exchanges the verdicts.
+  EXPECT_EQ(is_less(29, 50), Verdict::agrees);
+  EXPECT_EQ(is_less(50, 29), Verdict::contradicts);
+  EXPECT_EQ(is_below_until(x, low, far, 40), Verdict::agrees);
+  EXPECT_EQ(is_below_until(x, far, low, 40), Verdict::contradicts);
+  // A tie beside a win takes nothing from it, nor beside a loss.
+  const std::vector<double> mixed{29, 50, 50};
+  EXPECT_EQ(is_below_until(x, low, mixed, 40), Verdict::agrees);
+  EXPECT_EQ(is_below_until(x, mixed, low, 40), Verdict::contradicts);
+}
+
+TEST(VerdictRules, RankedIsOneVerdictOfThreeParts) {
+  EXPECT_EQ(are_ranked(1, 1.2, 3), Verdict::agrees);
+  EXPECT_EQ(are_ranked(1, 1.05, 3), Verdict::differs);  // a tie: the first is not best
+  EXPECT_EQ(are_ranked(1.2, 1, 3), Verdict::differs);
+  EXPECT_EQ(are_ranked(1, 2, 3), Verdict::differs);       // the second is not good
+  EXPECT_EQ(are_ranked(1, 1.2, 1.22), Verdict::differs);  // the third is not bad
+  EXPECT_EQ(are_ranked(3, 2, 1), Verdict::contradicts);
+  EXPECT_EQ(are_ranked(1, kNan, 3), Verdict::not_measured);
+  EXPECT_EQ(are_ranked(1, 1.2, kNan), Verdict::not_measured);
 }
 
 TEST(VerdictRules, AsGoodNeedsTheOtherNumber) {
@@ -41,6 +77,16 @@ TEST(VerdictRules, Parts) {
   EXPECT_EQ(are_true({true, true}), Verdict::agrees);
   EXPECT_EQ(are_true({true, false}), Verdict::differs);
   EXPECT_EQ(are_true({false, false}), Verdict::contradicts);
+}
+
+TEST(VerdictRules, SeveralComparisons) {
+  const Verdict agrees = Verdict::agrees, differs = Verdict::differs, no = Verdict::contradicts;
+  EXPECT_EQ(agrees_with({agrees, agrees}), agrees);
+  EXPECT_EQ(agrees_with({agrees, differs}), differs);
+  EXPECT_EQ(agrees_with({agrees, no}), differs);
+  EXPECT_EQ(agrees_with({differs, differs}), differs);
+  EXPECT_EQ(agrees_with({differs, no}), no);
+  EXPECT_EQ(agrees_with({agrees, Verdict::not_measured}), Verdict::not_measured);
 }
 
 TEST(VerdictRules, BelowUntil) {
