@@ -41,7 +41,6 @@ void take_planes(const PointCloudView& cloud, const FieldImage& image, const Pix
                        load(depth + u), cloud.max_depth));
   }
   for (; u < window.right; ++u) out[u] = plane_of(cloud, first + u);
-  }
 }
 
 bool find_holes(const FieldImage& image, const PixelWindow& window, int v, std::uint64_t* holes) {
