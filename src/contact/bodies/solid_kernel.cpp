@@ -74,13 +74,6 @@ template <class Sample>
   return sample;
 }
 
-[[gnu::always_inline]] inline Gradient3<VecF> to_world(const float (&R)[3][3],
-                                                       const Gradient3<VecF>& n) {
-  return {R[0][0] * n.x + R[0][1] * n.y + R[0][2] * n.z,
-          R[1][0] * n.x + R[1][1] * n.y + R[1][2] * n.z,
-          R[2][0] * n.x + R[2][1] * n.y + R[2][2] * n.z};
-}
-
 template <class Sample>
 [[gnu::always_inline]] inline void measure_solid(const SolidJob& job, int group, GroupSums* to) {
   constexpr bool kWithStiffness = std::is_same_v<Sample, SolidCurvature<VecF>>;
@@ -107,7 +100,7 @@ template <class Sample>
       if (mask_bits(is_touching) == 0) continue;
       Symmetric<VecF> h;
       if constexpr (kWithStiffness) h = turned(job.frame.R_WF, sample.h);
-      totals.add(job, slot, e, is_touching, g.phi, to_world(job.frame.R_WF, g.n), h,
+      totals.add(job, slot, e, is_touching, g.phi, turned(job.frame.R_WF, g.n), h,
                  i % RowSums::kParts);
     }
   }

@@ -82,21 +82,6 @@ PALPATE_FORMULA void sample_spline(Real s, Real t, Real w, Real per_spacing, con
   to.h.zz = z.bend * squared;
 }
 
-/// R h R^T: second derivatives in other axes.
-template <class Real>
-PALPATE_FORMULA Symmetric<Real> turned(const float (&R)[3][3], const Symmetric<Real>& h) {
-  Real rh[3][3];
-  for (int i = 0; i < 3; ++i) {
-    rh[i][0] = R[i][0] * h.xx + R[i][1] * h.xy + R[i][2] * h.xz;
-    rh[i][1] = R[i][0] * h.xy + R[i][1] * h.yy + R[i][2] * h.yz;
-    rh[i][2] = R[i][0] * h.xz + R[i][1] * h.yz + R[i][2] * h.zz;
-  }
-  const auto at = [&](int i, int j) {
-    return rh[i][0] * R[j][0] + rh[i][1] * R[j][1] + rh[i][2] * R[j][2];
-  };
-  return {at(0, 0), at(0, 1), at(0, 2), at(1, 1), at(1, 2), at(2, 2)};
-}
-
 /// A SolidField where a query runs.
 struct SolidFieldView {
   const float* values = nullptr;

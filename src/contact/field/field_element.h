@@ -43,6 +43,25 @@ PALPATE_FORMULA Symmetric<Real> bounded(const Symmetric<Real>& h, const Gradient
           scale * (h.yz - e.y * w.z - e.z * w.y), scale * (h.zz - 2.0f * e.z * w.z)};
 }
 
+/// Turns derivatives into other axes, those of a world from those of a camera: R n and R H R^T.
+template <class Real>
+PALPATE_FORMULA Gradient3<Real> turned(const float (&R)[3][3], const Gradient3<Real>& n) {
+  return {R[0][0] * n.x + R[0][1] * n.y + R[0][2] * n.z,
+          R[1][0] * n.x + R[1][1] * n.y + R[1][2] * n.z,
+          R[2][0] * n.x + R[2][1] * n.y + R[2][2] * n.z};
+}
+template <class Real>
+PALPATE_FORMULA Symmetric<Real> turned(const float (&R)[3][3], const Symmetric<Real>& h) {
+  // The columns of R H, row by row.
+  const Gradient3<Real> x = turned(R, Gradient3<Real>{h.xx, h.xy, h.xz});
+  const Gradient3<Real> y = turned(R, Gradient3<Real>{h.xy, h.yy, h.yz});
+  const Gradient3<Real> z = turned(R, Gradient3<Real>{h.xz, h.yz, h.zz});
+  const Gradient3<Real> first = turned(R, Gradient3<Real>{x.x, y.x, z.x});
+  const Gradient3<Real> second = turned(R, Gradient3<Real>{x.y, y.y, z.y});
+  const Gradient3<Real> third = turned(R, Gradient3<Real>{x.z, y.z, z.z});
+  return {first.x, first.y, first.z, second.y, second.z, third.z};
+}
+
 /// A ball that counts `factor` times, and the field at its centre.
 template <class Real>
 struct CutBall {

@@ -94,25 +94,6 @@ PALPATE_FORMULA SpaceCurvature<Real> plus(const SpaceCurvature<Real>& a, Real t,
            a.h.yz + t * b.h.yz, a.h.zz + t * b.h.zz}};
 }
 
-/// Derivatives in the world of a field in a camera.
-template <class Real>
-PALPATE_FORMULA Gradient3<Real> turned(const float (&R_WC)[3][3], const Gradient3<Real>& n) {
-  return {R_WC[0][0] * n.x + R_WC[0][1] * n.y + R_WC[0][2] * n.z,
-          R_WC[1][0] * n.x + R_WC[1][1] * n.y + R_WC[1][2] * n.z,
-          R_WC[2][0] * n.x + R_WC[2][1] * n.y + R_WC[2][2] * n.z};
-}
-template <class Real>
-PALPATE_FORMULA Symmetric<Real> turned(const float (&R_WC)[3][3], const Symmetric<Real>& h) {
-  // The columns of R H, row by row.
-  const Gradient3<Real> x = turned(R_WC, Gradient3<Real>{h.xx, h.xy, h.xz});
-  const Gradient3<Real> y = turned(R_WC, Gradient3<Real>{h.xy, h.yy, h.yz});
-  const Gradient3<Real> z = turned(R_WC, Gradient3<Real>{h.xz, h.yz, h.zz});
-  const Gradient3<Real> first = turned(R_WC, Gradient3<Real>{x.x, y.x, z.x});
-  const Gradient3<Real> second = turned(R_WC, Gradient3<Real>{x.y, y.y, z.y});
-  const Gradient3<Real> third = turned(R_WC, Gradient3<Real>{x.z, y.z, z.z});
-  return {first.x, first.y, first.z, second.y, second.z, third.z};
-}
-
 /// Over what a sphere's cameras are joined, and its inverse.
 template <class Real>
 struct HullWidth {
