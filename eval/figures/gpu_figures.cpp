@@ -17,7 +17,7 @@ struct Row {
   double median = 0, p99 = 0, p999 = 0, max = 0;
   double mean = 0, deviation = 0;  ///< NaN: an older file without them
 };
-/// Of one commit on one machine.
+/// Rows of one commit on one machine.
 struct GpuRows {
   std::string date, machine, commit;
   std::map<std::string, Row> rows;  ///< by case

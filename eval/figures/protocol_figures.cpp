@@ -25,7 +25,7 @@ constexpr std::size_t kTicksPerTruth = 20;
 constexpr double kSameWay = 10, kAlmost = 20;        // degrees
 constexpr std::size_t kNumOfThesis = 3, kField = 4;  // of all_methods_alike()
 
-/// What one method makes of a run, tick by tick, in shares of the whole tool.
+/// The answers of one method to a run, tick by tick, in shares of the whole tool.
 struct Measured {
   std::vector<Vec3d> force;
   std::vector<double> volume;

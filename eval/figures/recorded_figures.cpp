@@ -437,7 +437,7 @@ Result<double> largest_step(Context& context, const Method& method, int num_sphe
   return c->series[0].largest_step();
 }
 
-/// What is claimed of the thesis' methods, which are the first three of `methods`.
+/// Claims about the thesis' methods, which are the first three of `methods`.
 Result<Claim> judge(Context& context, const Shown& figure, const Comparison& c,
                     const std::vector<Method>& methods, const std::string& steps) {
   const Method &weighted = methods[0], &graph = methods[2];

@@ -115,7 +115,8 @@ Result<FigureResult> moving(Context& context, const char* title, const Touch& to
        are_true({interpolated_steps[0] <= kRemoved * latest_steps[0],
                  interpolated_steps[1] <= kRemoved * latest_steps[1],
                  interpolated_steps[2] <= kRemoved * latest_steps[2], lag <= kFrameMs})});
-  // Of each method's own step: one that feels too little steps less, whatever is done about it.
+  // Shares of each method's own step: one that feels too little steps less, whatever is done about
+  // it.
   double others = INFINITY;
   for (std::size_t m = 0; m < 3; ++m) {
     others = std::min(others, interpolated_steps[m] / latest_steps[m]);

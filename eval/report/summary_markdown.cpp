@@ -39,7 +39,7 @@ std::string claim_tables(const Evaluation& evaluation, Source source) {
   return std::string("\n## ") + heading_of(source) + "\n" + text;
 }
 
-/// What tools/check_evaluation.py reads.
+/// Writes the line that tools/check_evaluation.py reads.
 std::string arithmetic(const Evaluation& evaluation) {
   if (evaluation.golden.empty()) return "";
   return "**Arithmetic:** `tests/contact/golden.txt` of hash `" + evaluation.golden +

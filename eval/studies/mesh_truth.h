@@ -1,4 +1,4 @@
-// How much of a tool lies in a closed mesh and where that pushes it: by brute force over points, in
+// The part of a tool in a closed mesh, and where that pushes it: by brute force over points, in
 // double. The yardstick where the scene is a mesh.
 #pragma once
 

@@ -33,8 +33,8 @@ class RecordedRun {
                                    const std::vector<DepthFrame>& frames,
                                    const std::function<Pose(double time)>& X_WT);
 
-  /// What the tool measures by this method wherever the recorded hand was, tick by tick. Repeats
-  /// the run and takes as long.
+  /// Returns what the tool measures by this method wherever the recorded hand was, tick by tick.
+  /// Repeats the run and takes as long.
   Result<std::vector<TickRecord>> by(const ContactOptions& options) const;
 
   /// Repeats it as it was recorded. Empty: the same to the bit; else the first difference.

@@ -101,7 +101,7 @@ PALPATE_FORMULA VecF change_of(VecF deviation) {
   return min(max((deviation - 3.0f) * 0.5f, splat(0.0f)), splat(1.0f));
 }
 
-/// What goes into the mean: nothing where it is too far to be counted (kFar).
+/// Returns what goes into the mean: nothing where it is too far to be counted (kFar).
 PALPATE_FORMULA VecF counted(VecF measured) {
   return select(measured < splat(kFarthest), measured, splat(0.0f));
 }

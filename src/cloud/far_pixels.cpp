@@ -109,7 +109,7 @@ void FarGroups::look_beside(const float* depth, std::ptrdiff_t stride) {
 }
 
 void FarGroups::drop_errors(float* depth, std::ptrdiff_t stride, const PixelWindow& window) {
-  // What goes on beyond is larger than an error.
+  // A group that goes on beyond is larger than an error.
   find_runs(window.grown(kFarSide + 1).clipped(width_, height_));
   measure_groups();
   look_beside(depth, stride);

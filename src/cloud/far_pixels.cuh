@@ -1,4 +1,4 @@
-// Which pixels that were measured as too far are free: the rules of far_pixels.h. A block does one
+// Finds the pixels measured as too far that are free: the rules of far_pixels.h. A block does one
 // tile and sees as far around it as an error can reach: what goes on beyond is larger. Groups grow
 // bit by bit.
 #pragma once

@@ -26,7 +26,7 @@ struct Tiling {
   int num_tiles;
   std::ptrdiff_t points_apart;  // from one image to the next, of all arrays but what is raw
 
-  /// Of FilterJob::far: of row v in the column of tiles `column`.
+  /// The word of FilterJob::far for row v in the column of tiles `column`.
   PALPATE_HOSTDEV std::ptrdiff_t word(int image, int v, int column) const {
     return (static_cast<std::ptrdiff_t>(image) * height + v) * tiles_per_row + column;
   }

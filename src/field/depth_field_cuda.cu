@@ -195,8 +195,8 @@ struct Surroundings {
   }
 };
 
-/// What fills the run of missing pixels around one of them, number `at` of `size` in a row or
-/// column whose pixels lie `step` apart.
+/// Returns the plane that fills the run of missing pixels around one of them, number `at` of `size`
+/// in a row or column whose pixels lie `step` apart.
 __device__ TangentPlane filling_at(const TangentPlane* pixel, int at, int size, std::ptrdiff_t step,
                                    float width) {
   const auto find_end = [&](int most, int sign) {

@@ -46,7 +46,7 @@ struct PyramidLayout {
   DepthFieldView view(const TangentPlane* planes, const Silhouette* silhouettes,
                       const std::uint8_t* near_silhouette, const DepthTile* tiles,
                       const DepthFieldOptions& options) const;
-  /// So many pixels around the image show its outermost surface.
+  /// Number of pixels around the image that show its outermost surface.
   static int going_on(const DepthFieldOptions& options) {
     return options.unknown == UnknownSpace::free ? DepthFieldLevel::kGoesOn : 0;
   }

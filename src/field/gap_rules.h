@@ -1,4 +1,4 @@
-// Which surface goes on where nothing was measured: between two surfaces that are not one, and
+// The surface that goes on where nothing was measured: between two surfaces that are not one, and
 // beyond the border of the image. Shared by host and device.
 #pragma once
 
@@ -17,8 +17,8 @@ PALPATE_HOSTDEV inline bool are_apart(const TangentPlane& a, const TangentPlane&
   return one_lane::is_edge({a.offset, a.slope}, {b.offset, b.slope}, width);
 }
 
-/// What fills a run of missing pixels between two surfaces whose pixels are `width` apart: the
-/// farther one, if they are not one surface; else a plane without surface.
+/// Returns what fills a run of missing pixels between two surfaces whose pixels are `width` apart:
+/// the farther one, if they are not one surface; else a plane without surface.
 PALPATE_HOSTDEV inline TangentPlane filling_of_run(const TangentPlane& a, const TangentPlane& b,
                                                    float width) {
   if (!are_apart(a, b, width)) return {};
@@ -48,7 +48,7 @@ class GoingOn {
     step_ = are_even ? last_.offset * step : 0.0f;
   }
 
-  /// So many pixels beyond the last one; at most twice as far away or near as that.
+  /// The plane `num` pixels beyond the last one; at most twice as far away or near as that.
   PALPATE_HOSTDEV TangentPlane at(int num) const {
     const float slope = last_.slope + static_cast<float>(num) * step_;
     const float least = 0.5f * last_.slope, most = 2.0f * last_.slope;

@@ -445,7 +445,7 @@ TEST(LiveCamera, BlackFramesAndFramesFromThePastAreLeftOut) {
       [](int number, DepthFrame& frame, DepthStreamInfo&, const auto&) -> Result<bool> {
         const bool is_late = number % 7 == 3, is_black = number % 7 == 5;
         const auto got = give(frame, number, (number - (is_late ? 2.5 : 0)) / 100.0);
-        // Of a sensor that has a code of its own for what it has not measured.
+        // The sensor has a code of its own for what it has not measured.
         if (is_black) frame.pixels.assign(frame.pixels.size(), number % 2 == 0 ? 0 : 65535);
         return got;
       },

@@ -50,7 +50,7 @@ inline DepthScene far_scene(int width, int height, std::uint64_t seed) {
   return scene;
 }
 
-/// Of each pixel: is its ray free up to max_depth? From the definition, group by group.
+/// Tells for each pixel: is its ray free up to max_depth? From the definition, group by group.
 inline std::vector<bool> free_by_brute_force(const DepthScene& scene, double max_depth) {
   const int w = scene.width, h = scene.height;
   const auto z = [&](int u, int v) {

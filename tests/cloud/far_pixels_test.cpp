@@ -40,7 +40,7 @@ struct Wall {
       for (int u = u0; u < u0 + width; ++u) scene.at(u, v) = z;
     }
   }
-  /// Of the whole image.
+  /// The answer for the whole image.
   int num_free() const {
     ThreadPool pool(1);
     SurfaceEstimator estimator = estimator_of(scene);

@@ -30,7 +30,7 @@ TEST(MeshTruth, OfABlockIsThatOfAWall) {
   }
 }
 
-// Where the surface is round: balls that overlap have a volume in closed form, and push along the
+// Round surfaces: balls that overlap have a volume in closed form, and push along the
 // line of their centres.
 TEST(MeshTruth, OfTwoBallsIsTheirLens) {
   const double big = 0.1, small = 0.04, apart = 0.09;

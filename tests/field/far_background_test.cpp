@@ -1,4 +1,4 @@
-// What is measured as farther than max_depth, in the fields and in the memory of a camera.
+// Pixels measured as farther than max_depth, in the fields and in the memory of a camera.
 #include <cmath>
 #include <limits>
 #include <vector>

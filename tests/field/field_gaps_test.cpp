@@ -1,4 +1,4 @@
-// What a depth field shows where nothing was measured: in holes, and beyond the image.
+// Depth fields where nothing was measured: in holes, and beyond the image.
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -105,7 +105,7 @@ TEST(FieldGaps, NothingNearGoesOnBeyondItsEdge) {
   }
 }
 
-/// What the rule says about a pixel of a hole, in double, with the end whose surface goes on, and
+/// The ruling about a pixel of a hole, in double, with the end whose surface goes on, and
 /// what kind of a pixel it is.
 enum class Kind { unsure, by_row, by_column, silent };
 struct Ruling {

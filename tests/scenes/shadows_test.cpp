@@ -34,7 +34,7 @@ std::vector<DepthField> fields_of(const Scene& scene, const NoiseModel& noise, i
   return fields;
 }
 
-/// How far outward from an edge of the hand a ball that is as deep as the hand is felt, m.
+/// Distance outward from an edge of the hand a ball that is as deep as the hand is felt, m.
 double felt_beside(const DepthFieldView& field, const Vec3d& at_edge, double outward) {
   constexpr double kRadius = 0.004, kStep = 1e-4, kFarthest = 0.03;
   double felt = 0;

@@ -20,7 +20,7 @@ inline double cap_potential(double radius, double phi) {
          sphere_volume(radius) * std::max(-phi - radius, 0.0);
 }
 
-/// What a ball of radius 1 gets for the plane by least squares through the values of its parts,
+/// The gain of a ball of radius 1 by the plane by least squares through the values of its parts,
 /// instead of what the parts say of that plane: its potential.
 inline double ball_correction(const BallValues& phi) {
   static const std::vector<BallPart> parts = thirty_parts();

@@ -60,8 +60,8 @@ inline constexpr int kMaxImageHeight = 4096;
 /// (`can_be_far`).
 inline constexpr std::uint16_t kFarCount = 65535;
 
-/// Whether a sensor of this kind measures as far as kFarCount: stereo does, and simulated cameras.
-/// Of structured light and time of flight, which end before 10 m, it is an error code.
+/// Tells if a sensor of this kind measures as far as kFarCount: stereo does, and simulated cameras.
+/// From structured light and time of flight, which end before 10 m, it is an error code.
 constexpr bool can_be_far(SensorKind sensor) {
   return sensor == SensorKind::none || sensor == SensorKind::active_stereo;
 }

@@ -33,7 +33,7 @@ PALPATE_FORMULA Plane tangent_plane(Real x, Real y, Real z, Real nx, Real ny, Re
   return {z > Real{} ? offset : Real{} + kFreeOffset, z > Real{} ? offset / z : Real{}};
 }
 
-/// Of a pixel whose measured depth is `depth`: where that is infinite there is no point, and its
+/// The plane of a pixel with the depth `depth`: where that is infinite there is no point, and its
 /// ray is free up to `max_depth`, m. There it ends squarely.
 template <class Plane, class Real>
 PALPATE_FORMULA Plane plane_or_far(const Plane& plane, Real depth, float max_depth) {
@@ -41,7 +41,7 @@ PALPATE_FORMULA Plane plane_or_far(const Plane& plane, Real depth, float max_dep
   return {is_far ? Real{} + max_depth : plane.offset, is_far ? Real{} + 1.0f : plane.slope};
 }
 
-/// Of point i.
+/// The plane of point i.
 PALPATE_HOSTDEV inline TangentPlane plane_of(const PointCloudView& cloud, std::ptrdiff_t i) {
   const auto plane = tangent_plane<TangentPlane>(cloud.x[i], cloud.y[i], cloud.z[i], cloud.nx[i],
                                                  cloud.ny[i], cloud.nz[i]);

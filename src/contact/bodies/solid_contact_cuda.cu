@@ -87,9 +87,7 @@ __device__ void add_solid_element(const SolidQuery& query, int cluster, FieldSha
   e.factor = fabsf(factor);
   e.is_counted = __float_as_int(factor) >= 0;
   const float(&R)[3][3] = query.frame.R_WF;
-  const Gradient3<float> n{R[0][0] * g.n.x + R[0][1] * g.n.y + R[0][2] * g.n.z,
-                           R[1][0] * g.n.x + R[1][1] * g.n.y + R[1][2] * g.n.z,
-                           R[2][0] * g.n.x + R[2][1] * g.n.y + R[2][2] * g.n.z};
+  const Gradient3<float> n = turned(R, g.n);
   Symmetric<float> h{};
   if constexpr (kIsCurvature<Sample>) h = turned(R, sample.h);
   add_cut<kIsCurvature<Sample>>(e, g.phi, n, h, share, &stiffness);

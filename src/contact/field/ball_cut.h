@@ -90,7 +90,7 @@ PALPATE_FORMULA BallPlane<Row, Real> ball_plane(const BallRows<Row>& at, const R
   plane.is_plane = true;
   const Real w = one - off * off * (3.0f - 2.0f * off);
   const Real w_off = -6.0f * off * (one - off), w_off2 = 12.0f * off - 6.0f;
-  // What the ball and the parts have behind the plane.
+  // Volumes of the ball and the parts behind the plane.
   const Real d[3] = {b[0] * per_length, b[1] * per_length, b[2] * per_length};
   const Row t = s * at.is_part + d[0] * at.x + d[1] * at.y + d[2] * at.z;
   const Row part_radius = Row{} + kPartRadius;

@@ -1,5 +1,5 @@
-// What a ball in thirty parts adds to the measure: its parts, corrected by a plane (ball_cut.h), as
-// the elements of one cluster. Included by kernel files only.
+// A ball in thirty parts as it adds to the measure: its parts, corrected by a plane (ball_cut.h),
+// as the elements of one cluster. Included by kernel files only.
 #pragma once
 
 #include "src/contact/field/ball_cut.h"
@@ -51,7 +51,7 @@ inline void put(VecF vector, int number, Row& row) {
   return select(lane_ids() + number * kLanes < splat(kNumBallParts), kPartExtent * radius, radius);
 }
 
-/// What a field says to the elements of a cluster, in W.
+/// Values of a field for the elements of a cluster, in W.
 struct BallSamples {
   Lanes lanes[kNumVectors];
   VecI is_touching[kNumVectors];

@@ -139,7 +139,7 @@ void describe_group(const MeasureJob& job, int group, const SphereCuts& to) {
       });
 }
 
-// Which pixels of a field were measured, or lie inside of what was.
+// Finds the pixels of a field that were measured, or lie inside of what was.
 inline VecI is_measured(const DepthFieldView& field, VecI column, VecI row, VecF slope) {
   if (field.filled_behind == nullptr) return slope > VecF{};
   const auto* const words = reinterpret_cast<const std::int32_t*>(field.filled_behind);
