@@ -16,6 +16,7 @@
 #include "tests/test_util/contact_scenes.h"
 #include "tests/test_util/data.h"
 #include "tests/test_util/field_probe.h"
+#include "tests/test_util/field_truth.h"
 #include "tests/test_util/gpu.h"
 #include "tests/test_util/real_frames.h"
 
