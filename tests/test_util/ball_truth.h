@@ -36,7 +36,7 @@ inline double ball_correction(const BallValues& phi) {
   }
   const double length = norm(slope), bent = length * length - 1;
   const double y = std::min((squares + 0.055 * bent * bent) / 0.0225, 1.0);
-  const double weight = 1 - y * y * (3 - 2 * y);
+  const double weight = 1 - y * y * y * (10 - 15 * y + 6 * y * y);
   if (!(weight > 0)) return 0;
   double plane = cap_potential(1, mean / length);
   for (const BallPart& part : parts) {

@@ -115,7 +115,7 @@ class ScriptedSource : public ViewSource {
         Tool::restore(make_box({0.2, 0.2, 0.1}), {scene_.spheres, volume, PackStop::count},
                       {LeafGraph(scene_.spheres, GapRule::relative),
                        GapRule::relative,
-                       std::move(volumes),
+                       {std::move(volumes), scene_.spheres},
                        {tree.nodes().begin(), tree.nodes().end()}},
                       "scripted");
     tool_ = std::make_unique<Tool>(*std::move(tool));

@@ -61,6 +61,13 @@ PALPATE_FORMULA void form_weights(const BallRows<Row>& at, const Row& residual, 
   weights[4] = 2 * kShare * residual;
 }
 
+/// Area of the disc in which a ball that counts `factor` times is cut.
+template <class Real>
+PALPATE_FORMULA Real cut_area(Real radius, Real factor, Real phi) {
+  const Real squared = radius * radius - phi * phi;
+  return factor * (static_cast<float>(kPi) * (squared > Real{} ? squared : Real{}));
+}
+
 /// In radii of the ball: the residual's mean square, and the square of the gradient's length off 1
 /// with a weight, at which the values are no plane any more.
 inline constexpr float kNoPlane = 0.0225f, kLengthWeight = 0.055f;
@@ -88,14 +95,16 @@ PALPATE_FORMULA BallPlane<Row, Real> ball_plane(const BallRows<Row>& at, const R
     return plane;
   }
   plane.is_plane = true;
-  const Real w = one - off * off * (3.0f - 2.0f * off);
-  const Real w_off = -6.0f * off * (one - off), w_off2 = 12.0f * off - 6.0f;
+  const Real left = one - off;
+  const Real w = one - off * off * off * (10.0f - off * (15.0f - 6.0f * off));
+  const Real w_off = -30.0f * off * off * left * left;
+  const Real w_off2 = -60.0f * off * left * (left - off);
   // Volumes of the ball and the parts behind the plane.
   const Real d[3] = {b[0] * per_length, b[1] * per_length, b[2] * per_length};
   const Row t = s * at.is_part + d[0] * at.x + d[1] * at.y + d[2] * at.z;
   const Row part_radius = Row{} + kPartRadius;
   const Row factor = at.is_part * (kShare / (kPartRadius * kPartRadius * kPartRadius));
-  const CutBall<Row> parts = cut_ball<Row>(part_radius, factor, t);
+  const CutBall<Row> parts = cut_ball(part_radius, factor, t);
   const CutBall<Real> ball = cut_ball<Real>(one, one, s);
   const Real missing = ball.volume - sum(parts.volume);
   const Real c = length * (ball.potential - sum(parts.potential));
@@ -116,12 +125,8 @@ PALPATE_FORMULA BallPlane<Row, Real> ball_plane(const BallRows<Row>& at, const R
   if (!with_forms) return plane;
   // |b| G((a + b . x) / |b|) has the second derivatives A / |b| (1, z) (1, z)^T, z = x - t d, and
   // (G + t V) (1 - d d^T) / |b| by b; A is the area of the cut disc.
-  const auto area = [](const auto& radius, const auto& count, const auto& depth) {
-    const auto left = radius * radius - depth * depth;
-    return count * (static_cast<float>(kPi) * (left > left * 0.0f ? left : left * 0.0f));
-  };
-  const Row discs = area(part_radius, factor, t);
-  const Real disc = area(one, one, s);
+  const Row discs = cut_area(part_radius, factor, t);
+  const Real disc = cut_area(one, one, s);
   const Row z[3] = {at.x - t * d[0], at.y - t * d[1], at.z - t * d[2]};
   Real hessian[4][4];
   hessian[0][0] = per_length * (disc - sum(discs));

@@ -11,30 +11,65 @@ namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
 namespace {
 
 /// A number for each element of a cluster.
-typedef float Row __attribute__((vector_size(4 * SphereClusters::kSize)));
+struct Row {
+  VecF vectors[kNumVectors] = {};
+};
+template <class F>
+[[gnu::always_inline]] inline Row for_each_vector(const F& f) {
+  Row row;
+  for (int i = 0; i < kNumVectors; ++i) row.vectors[i] = f(i);
+  return row;
+}
+[[gnu::always_inline]] inline Row operator+(const Row& a, const Row& b) {
+  return for_each_vector([&](int i) { return a.vectors[i] + b.vectors[i]; });
+}
+[[gnu::always_inline]] inline Row operator-(const Row& a, const Row& b) {
+  return for_each_vector([&](int i) { return a.vectors[i] - b.vectors[i]; });
+}
+[[gnu::always_inline]] inline Row operator*(const Row& a, const Row& b) {
+  return for_each_vector([&](int i) { return a.vectors[i] * b.vectors[i]; });
+}
+[[gnu::always_inline]] inline Row operator*(const Row& a, float b) {
+  return for_each_vector([&](int i) { return a.vectors[i] * b; });
+}
+[[gnu::always_inline]] inline Row operator*(float a, const Row& b) { return b * a; }
+[[gnu::always_inline]] inline Row operator+(const Row& a, float b) {
+  return for_each_vector([&](int i) { return a.vectors[i] + b; });
+}
+[[gnu::always_inline]] inline CutBall<Row> cut_ball(const Row& radius, const Row& factor,
+                                                    const Row& phi) {
+  CutBall<Row> cuts;
+  for (int i = 0; i < kNumVectors; ++i) {
+    const CutBall<VecF> cut =
+        palpate::cut_ball(radius.vectors[i], factor.vectors[i], phi.vectors[i]);
+    cuts.volume.vectors[i] = cut.volume;
+    cuts.potential.vectors[i] = cut.potential;
+  }
+  return cuts;
+}
+[[gnu::always_inline]] inline Row cut_area(const Row& radius, const Row& factor, const Row& phi) {
+  return for_each_vector([&](int i) {
+    return palpate::cut_area(radius.vectors[i], factor.vectors[i], phi.vectors[i]);
+  });
+}
 
 /// Adds in an order that does not depend on the width of vectors.
 struct SumOfRow {
-  [[gnu::always_inline]] float operator()(const Row& row) const {
-    float numbers[kSize];
-    std::memcpy(numbers, &row, sizeof numbers);
-    for (int half = kSize / 2; half > 0; half /= 2) {
+  [[gnu::always_inline]] float operator()(Row row) const {
+    for (int half = kNumVectors / 2; half > 0; half /= 2) {
+      for (int i = 0; i < half; ++i) row.vectors[i] += row.vectors[i + half];
+    }
+    float numbers[kLanes];
+    store(numbers, row.vectors[0]);
+    for (int half = kLanes / 2; half > 0; half /= 2) {
       for (int i = 0; i < half; ++i) numbers[i] += numbers[i + half];
     }
     return numbers[0];
   }
 };
 
-inline Row row_of(const float* from) {
-  Row row;
-  std::memcpy(&row, from, sizeof row);
-  return row;
-}
-inline VecF vector_of(const Row& row, int number) {
-  return load(reinterpret_cast<const float*>(&row) + number * kLanes);
-}
-inline void put(VecF vector, int number, Row& row) {
-  store(reinterpret_cast<float*>(&row) + number * kLanes, vector);
+[[gnu::always_inline]] inline Row row_of(const float* from) {
+  return for_each_vector([&](int i) { return load(from + i * kLanes); });
 }
 
 [[gnu::always_inline]] inline Gradient3<VecF> chosen(VecI which, const Gradient3<VecF>& n) {
@@ -68,7 +103,7 @@ template <bool kWithStiffness>
                             row_of(places[3])};
   const SumOfRow sum;
   Row phi{};
-  for (int i = 0; i < kNumVectors; ++i) put(at.field[i].first.phi, i, phi);
+  for (int i = 0; i < kNumVectors; ++i) phi.vectors[i] = at.field[i].first.phi;
   const float radius = job.radius[begin + kNumBallParts];
   BallPlane<Row, float> plane;
   if (at.is_complete) {
@@ -85,17 +120,18 @@ template <bool kWithStiffness>
     const SpaceGradient<VecF>& g = at.field[i].first;
     const Gradient3<VecF> gradient = chosen(counts, Gradient3<VecF>{g.x, g.y, g.z});
     const VecF touching = select(at.is_touching[i], g.phi, e.radius);
-    CutBall<VecF> cut = cut_ball(e.radius, factor, touching);
-    cut.volume += thrice * vector_of(plane.volume, i);
+    CutBall<VecF> cut = palpate::cut_ball(e.radius, factor, touching);
+    cut.volume += thrice * plane.volume.vectors[i];
     if (i == 0) cut.potential[0] += thrice * radius * plane.potential;
     VecF disc{};
     if constexpr (kWithStiffness) {
-      disc = disc_of(e.radius, factor, touching) + twice * plane.disc * vector_of(parts.is_part, i);
+      disc = palpate::cut_area(e.radius, factor, touching) +
+             twice * plane.disc * parts.is_part.vectors[i];
       const Gradient3<VecF> shortened = bounded(gradient, length_of(gradient));
       const VecF numbers[6] = {shortened.x, shortened.y, shortened.z, e.lx, e.ly, e.lz};
       for (int axis = 0; axis < 3; ++axis) {
-        put(numbers[axis], i, n[axis]);
-        put(numbers[axis + 3], i, lever[axis]);
+        n[axis].vectors[i] = numbers[axis];
+        lever[axis].vectors[i] = numbers[axis + 3];
       }
     }
     totals.add(job, slot, e, touching, cut, disc, gradient, chosen(counts, at.field[i].h),

@@ -240,9 +240,8 @@ __device__ inline Gradient3<float> add_cut(const Element& e, float phi, const Cu
 template <bool kWithStiffness>
 __device__ inline void add_cut(const Element& e, float phi, const Gradient3<float>& gradient,
                                const Symmetric<float>& h, FieldShare& sum, StiffnessShare* sums) {
-  const float squared = e.radius * e.radius - phi * phi;
-  const float disc = e.factor * static_cast<float>(kPi) * (squared > 0.0f ? squared : 0.0f);
-  add_cut<kWithStiffness>(e, phi, cut_ball(e.radius, e.factor, phi), disc, gradient, h, sum, sums);
+  add_cut<kWithStiffness>(e, phi, cut_ball(e.radius, e.factor, phi),
+                          cut_area(e.radius, e.factor, phi), gradient, h, sum, sums);
   if (e.is_counted) ++(phi <= -e.radius ? sum.num_inside : sum.num_boundary);
 }
 
@@ -308,9 +307,7 @@ __device__ __noinline__ void add_ball(const float* places, float count, const El
   CutBall<float> cut = cut_ball(e.radius, e.factor, touching);
   cut.volume += thrice * plane.volume;
   if (lane == 0) cut.potential += thrice * radius * plane.potential;
-  const float squared = e.radius * e.radius - touching * touching;
-  const float disc = e.factor * static_cast<float>(kPi) * (squared > 0.0f ? squared : 0.0f) +
-                     twice * plane.disc * part.is_part;
+  const float disc = cut_area(e.radius, e.factor, touching) + twice * plane.disc * part.is_part;
   Gradient3<float> n{};
   if (counts) {
     n = add_cut<kWithStiffness>(e, touching, cut, disc, gradient, h, sum, sums);

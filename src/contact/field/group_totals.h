@@ -45,11 +45,6 @@ template <class Job, class Element>
   totals.boundary.add(part, select((phi < e.radius) & ~is_inside, counted, VecF{}));
 }
 
-/// Areas of the discs in which elements are cut.
-[[gnu::always_inline]] inline VecF disc_of(VecF radius, VecF factor, VecF phi) {
-  return factor * (static_cast<float>(kPi) * max(radius * radius - phi * phi, VecF{}));
-}
-
 /// Sums of one group, with what the stiffness needs if it is requested.
 template <bool kWithStiffness>
 struct GroupTotals {
@@ -65,7 +60,7 @@ struct GroupTotals {
     const VecF phi = select(is_touching, field, e.radius);
     const VecF factor = load(job.factor + slot);
     const CutBall<VecF> cut = cut_ball(e.radius, factor, phi);
-    add(job, slot, e, phi, cut, disc_of(e.radius, factor, phi), n, h, part);
+    add(job, slot, e, phi, cut, palpate::cut_area(e.radius, factor, phi), n, h, part);
   }
 
   /// Adds a vector of elements whose volumes shrink by `disc` phi.
