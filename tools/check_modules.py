@@ -53,7 +53,9 @@ MOST_PUBLIC_HEADERS = 30
 # Private headers that more than one module may include.
 SHARED_PRIVATE = {
     "src/session/run_fields.h": ("python",),
-    "src/contact/field/field_element.h": ("python",),
+    "src/contact/field/ball_cut.h": ("python",),
+    "src/contact/hull/hull_rules.h": ("python",),
+    "src/contact/index/ball_parts.h": ("python",),
     "src/contact/index/field_elements.h": ("python",),
     "src/devices/polling_device.h": ("python",),
     "src/devices/twist_between.h": ("python",),
