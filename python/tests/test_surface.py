@@ -90,7 +90,7 @@ def test_beside_an_object_before_what_is_far(camera, cube):
             image = np.where(np.isfinite(image), np.minimum(image, 65.535) * 1000, 65535).round().astype(dtype)
         surface = palpate.Sensor(camera).update(image)
         assert np.isnan(surface.points[:, 100:]).all() == (background != 9.5)
-        beside, over = (palpate.Contact(cube).measure(surface, [x, 0, 0.99, 0, 0, 0, 1]).fraction for x in (0.05, 0.02))
+        beside, over = (palpate.Contact(cube).measure(surface, [x, 0, 0.99, 0, 0, 0, 1]).fraction for x in (0.05, 0.0))
         return beside, over
 
     beside, over = felt(9.5, np.float32)

@@ -44,6 +44,10 @@ void expect_same(const Tool& a, const Tool& b) {
   EXPECT_EQ(a.graph().num_components_before_bridging(), b.graph().num_components_before_bridging());
   EXPECT_EQ(a.gap_rule(), b.gap_rule());
   EXPECT_TRUE(std::ranges::equal(a.represented_volumes(), b.represented_volumes()));
+  ASSERT_EQ(a.represented_balls().size(), b.represented_balls().size());
+  EXPECT_EQ(std::memcmp(a.represented_balls().data(), b.represented_balls().data(),
+                        a.represented_balls().size_bytes()),
+            0);
   EXPECT_EQ(a.sphere_mass().volume, b.sphere_mass().volume);
   EXPECT_EQ(a.source(), b.source());
 }
@@ -140,7 +144,7 @@ TEST(ToolFile, CraftedFilesWithGoodChecksumsAreErrorsToo) {
     expect_error(load_tool(folder / "bad.palp"), words);
   };
   constexpr std::size_t kTable = 24, kEntry = 24;
-  for (std::size_t section = 0; section < 8; ++section) {
+  for (std::size_t section = 0; section < 9; ++section) {
     const std::size_t entry = kTable + section * kEntry;
     for (const std::uint64_t huge : {~std::uint64_t(0), std::uint64_t(1) << 62,
                                      std::uint64_t(1) << 32, std::uint64_t(100000)}) {
@@ -185,15 +189,17 @@ TEST(ToolFile, CraftedFilesWithGoodChecksumsAreErrorsToo) {
   expect_value_refused(at(4) + 4, std::uint32_t(0x80000001u), "edges");
   expect_value_refused(at(6), std::nanf(""), "volumes");
   expect_value_refused(at(6) + 4, 1.0f, "volumes");
+  expect_value_refused(at(7), std::nanf(""), "volumes");
+  expect_value_refused(at(7) + 12, -1.0f, "volumes");
   // The tree: every number of every node. Balls may grow, and zeros change their sign.
-  const std::size_t num_tree_bytes = 32 * peek<std::uint64_t>(good, kTable + 7 * kEntry + 16);
+  const std::size_t num_tree_bytes = 32 * peek<std::uint64_t>(good, kTable + 8 * kEntry + 16);
   for (std::size_t i = 0; i < num_tree_bytes; i += 4) {
     for (const std::uint32_t value : {0x80000000u, 0x7fc00000u, 0x7fffffffu, 0xfffffffeu}) {
-      expect_value_refused(at(7) + i, value, "tree");
+      expect_value_refused(at(8) + i, value, "tree");
     }
   }
   bytes = good;
-  poke<std::uint64_t>(bytes, kTable + 7 * kEntry + 16, 0);
+  poke<std::uint64_t>(bytes, kTable + 8 * kEntry + 16, 0);
   expect_bad(bytes, "tree");
   bytes = good;
   poke<std::uint64_t>(bytes, kTable + 4 * kEntry + 16, 1);  // only one edge left, and no bridges
@@ -216,7 +222,7 @@ TEST(ToolFile, KeepsADistanceField) {
   // A file of the time before fields: what a tool without one is still written as.
   ASSERT_TRUE(save_tool(without, folder / "old.palp").has_value());
   const std::string old = read_bytes(folder / "old.palp");
-  EXPECT_EQ(peek<std::uint32_t>(old, 12), 8u) << "sections";
+  EXPECT_EQ(peek<std::uint32_t>(old, 12), 9u) << "sections";
   EXPECT_EQ(load_tool(folder / "old.palp")->solid_field(), nullptr);
 }
 
@@ -224,7 +230,7 @@ TEST(ToolFile, DamagedDistanceFieldsAreErrors) {
   const TemporaryFolder folder;
   ASSERT_TRUE(save_tool(small_tool(5).with_solid_field(), folder / "tool.palp").has_value());
   const std::string good = read_bytes(folder / "tool.palp");
-  constexpr std::size_t kTable = 24, kEntry = 24, kGrid = kTable + 8 * kEntry,
+  constexpr std::size_t kTable = 24, kEntry = 24, kGrid = kTable + 9 * kEntry,
                         kValues = kGrid + kEntry;
   const auto expect_bad = [&](std::size_t where, auto value, const std::string& words) {
     std::string bytes = good;

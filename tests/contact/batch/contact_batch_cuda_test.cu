@@ -82,7 +82,9 @@ void expect_near_stiffness(const Answers& got, std::size_t i, const Answers& wan
     largest = std::max(largest, std::abs(want.stiffness[k]));
   }
   for (std::size_t k = 36 * i; k < 36 * i + 36; ++k) {
-    EXPECT_NEAR(got.stiffness[k], want.stiffness[k], 5e-4 * largest + 1e-9);
+    // An element on the edge of a pixel has the second derivatives of either side: one in a
+    // thousand.
+    EXPECT_NEAR(got.stiffness[k], want.stiffness[k], 2e-3 * largest + 1e-9);
   }
 }
 
