@@ -119,11 +119,11 @@ TEST(ToolFile, SaysWhatIsWrong) {
   ASSERT_TRUE(save_tool(small_tool(3), folder / "tool.palp").has_value());
   const std::string good = read_bytes(folder / "tool.palp");
   std::string newer = good;
-  poke<std::uint32_t>(newer, 8, 4);
+  poke<std::uint32_t>(newer, 8, 5);
   write_bytes(folder / "newer.palp", newer);
   expect_error(load_tool(folder / "newer.palp"), "newer");
   std::string older = good;
-  poke<std::uint32_t>(older, 8, 2);
+  poke<std::uint32_t>(older, 8, 3);
   write_bytes(folder / "older.palp", older);
   expect_error(load_tool(folder / "older.palp"), "pack the mesh again");
   std::string flipped = good;
