@@ -87,8 +87,8 @@ class QuickEvaluation(unittest.TestCase):
         measured = {}
         for figure in self.figures():
             for claim in figure["claims"]:
-                # Words like "never" and whole percents are the same by chance.
-                if re.search(r"[0-9]\.[0-9]", claim["measured"]):
+                # Words like "never", whole percents and numbers of two digits are the same by chance.
+                if re.search(r"[1-9][0-9]*\.[0-9]{2}|0\.0*[1-9][0-9]{2}", claim["measured"]):
                     key = (claim["source"], claim["measured"])
                     measured.setdefault(key, []).append((figure["id"], claim["claim"]))
         self.assertEqual([where for where in measured.values() if len(where) > 1], [])
