@@ -31,6 +31,7 @@ struct DepthField::Impl {
   DepthFieldOptions options;
   PyramidLayout layout;
   std::vector<TangentPlane> planes;           // of all levels
+  std::vector<float> shares;                  // likewise
   std::vector<Silhouette> silhouettes;        // two a pixel, likewise
   std::vector<std::uint8_t> near_silhouette;  // likewise
   std::vector<float> found;                   // of `scratch`
@@ -210,6 +211,7 @@ Result<DepthField> DepthField::create(int width, int height, const DepthFieldOpt
   d.options = options;
   d.layout = *layout;
   d.planes.resize(layout->num_planes(), completed({}, options.unknown));
+  d.shares.resize(layout->num_planes(), 1);
   d.silhouettes.resize(2 * layout->num_pixels());
   d.near_silhouette.resize(layout->num_bytes());
   d.rows = field_rows(isa);
@@ -231,9 +233,13 @@ Result<DepthField> DepthField::create(int width, int height, const DepthFieldOpt
   }
   for (int level = 0; level < layout->num_levels; ++level) {
     const std::ptrdiff_t origin = layout->origin(level);
-    d.images[level] = {d.planes.data() + origin,          d.silhouettes.data() + 2 * origin,
-                       d.near_silhouette.data() + origin, layout->levels[level].width,
-                       layout->levels[level].height,      layout->stride};
+    d.images[level] = {d.planes.data() + origin,
+                       d.shares.data() + origin,
+                       d.silhouettes.data() + 2 * origin,
+                       d.near_silhouette.data() + origin,
+                       layout->levels[level].width,
+                       layout->levels[level].height,
+                       layout->stride};
   }
   d.row_has_hole.resize(static_cast<std::size_t>(height));
   d.runs = HoleRuns(width, height);

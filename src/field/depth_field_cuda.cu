@@ -22,14 +22,14 @@ static_assert(kSquare == 2 * kTile && kThreads == 256);
 
 /// The pixels of the levels from 1 on that belong to a square.
 struct SquareLevels {
-  TangentPlane pixels[(kThreads * 4 - 1) / 3];
+  SharedPixel<TangentPlane> pixels[(kThreads * 4 - 1) / 3];
 
   __device__ static int first(int level) {
     int at = 0;
     for (int k = 1; k < level; ++k) at += (kSquare >> k) * (kSquare >> k);
     return at;
   }
-  __device__ TangentPlane& at(int level, int x, int y) {
+  __device__ SharedPixel<TangentPlane>& at(int level, int x, int y) {
     return pixels[first(level) + y * (kSquare >> level) + x];
   }
 };
@@ -52,27 +52,34 @@ struct Place {
   __device__ int v() const { return square_v * kSquare + 2 * y; }
 };
 
-__device__ inline TangentPlane* pixel(const FieldJob& job, TangentPlane* planes, int level, int u,
-                                      int v) {
-  return planes + job.layout.origin(level) + static_cast<std::ptrdiff_t>(v) * job.layout.stride + u;
+template <class Pixel>
+__device__ Pixel* pixel(const FieldJob& job, Pixel* pixels, int level, int u, int v) {
+  return pixels + job.layout.origin(level) + static_cast<std::ptrdiff_t>(v) * job.layout.stride + u;
 }
 
-/// Makes the levels 1..top of a square in `out`, from the four pixels that each thread has of level
-/// 0. `quad` outside of the image is not looked at.
+/// Makes the levels 1..top of a square in `out`, and with Choice::majority their shares, from the
+/// four pixels that each thread has of level 0. `quad` outside of the image is not looked at.
 __device__ void widen_square(const FieldJob& job, const Place& place, const TangentPlane (&quad)[4],
-                             int top, Choice choice, TangentPlane* out, SquareLevels& levels) {
+                             int top, Choice choice, TangentPlane* out, float* shares,
+                             SquareLevels& levels) {
   if (top < 1) return;
-  const auto store = [&](int level, int x, int y, const TangentPlane& plane) {
-    levels.at(level, x, y) = plane;
-    const int size = kSquare >> level;
-    *pixel(job, out, level, place.square_u * size + x, place.square_v * size + y) = plane;
+  const auto store = [&](int level, int x, int y, const SharedPixel<TangentPlane>& wide) {
+    levels.at(level, x, y) = wide;
+    const int u = place.square_u * (kSquare >> level) + x;
+    const int v = place.square_v * (kSquare >> level) + y;
+    *pixel(job, out, level, u, v) = wide.plane;
+    if (choice == Choice::majority) *pixel(job, shares, level, u, v) = wide.share;
   };
   const auto inside = [&](int level, int x, int y) {
     const int size = kSquare >> level;
     return place.square_u * size + x < job.layout.levels[level].width &&
            place.square_v * size + y < job.layout.levels[level].height;
   };
-  if (inside(1, place.x, place.y)) store(1, place.x, place.y, widened(quad, 1, choice));
+  if (inside(1, place.x, place.y)) {
+    const SharedPixel<TangentPlane> four[4] = {
+        {quad[0], 1}, {quad[1], 1}, {quad[2], 1}, {quad[3], 1}};
+    store(1, place.x, place.y, widened(four, 1, choice));
+  }
   for (int level = 2; level <= top; ++level) {
     __syncthreads();
     const int size = kSquare >> level;
@@ -81,9 +88,9 @@ __device__ void widen_square(const FieldJob& job, const Place& place, const Tang
     // At an odd end the last one counts twice.
     const int x1 = 2 * x + inside(level - 1, 2 * x + 1, 2 * y);
     const int y1 = 2 * y + inside(level - 1, 2 * x, 2 * y + 1);
-    const TangentPlane four[4] = {levels.at(level - 1, 2 * x, 2 * y),
-                                  levels.at(level - 1, x1, 2 * y), levels.at(level - 1, 2 * x, y1),
-                                  levels.at(level - 1, x1, y1)};
+    const SharedPixel<TangentPlane> four[4] = {
+        levels.at(level - 1, 2 * x, 2 * y), levels.at(level - 1, x1, 2 * y),
+        levels.at(level - 1, 2 * x, y1), levels.at(level - 1, x1, y1)};
     store(level, x, y, widened(four, level, choice));
   }
 }
@@ -127,7 +134,7 @@ __device__ void finish_square(const FieldJob& job, const FieldArrays& arrays, co
 
   complete_quad(job, place, quad);
   widen_square(job, place, quad, job.layout.num_levels - 1, Choice::majority, arrays.planes,
-               shared.levels);
+               arrays.shares, shared.levels);
   __syncthreads();
   if (threadIdx.x < 4) {
     const int side = static_cast<int>(threadIdx.x) % 2, row = static_cast<int>(threadIdx.x) / 2;
@@ -167,7 +174,7 @@ __global__ void __launch_bounds__(kThreads)
   });
   if (has_hole) shared.has_hole = 1;
   complete_quad(job, place, quad);
-  widen_square(job, place, quad, job.num_filled, Choice::nearest, arrays.nearest,
+  widen_square(job, place, quad, job.num_filled, Choice::nearest, arrays.nearest, nullptr,
                shared.square.levels);
   __syncthreads();
   if (threadIdx.x == 0) job.has_hole[blockIdx.x] = shared.has_hole;
@@ -367,6 +374,7 @@ Result<DepthFieldCuda> DepthFieldCuda::create(int width, int height,
   job.arrays = {memory.take<TangentPlane>(more + layout->num_planes()),
                 memory.take<TangentPlane>(more_at_once + layout->num_planes()),
                 memory.take<Silhouette>(2 * (more + layout->num_pixels())),
+                memory.take<float>(more + layout->num_pixels()),
                 memory.take<std::uint8_t>(more + layout->num_bytes()),
                 memory.take<DepthTile>(static_cast<std::size_t>(num_fields) * layout->num_tiles())};
   job.has_hole = memory.take<int>(static_cast<std::size_t>(num_at_once) *
@@ -376,7 +384,7 @@ Result<DepthFieldCuda> DepthFieldCuda::create(int width, int height,
 }
 
 std::size_t DepthFieldCuda::num_bytes(const PyramidLayout& layout) {
-  return layout.num_pixels() * (sizeof(TangentPlane) + 2 * sizeof(Silhouette) + 1) +
+  return layout.num_pixels() * (sizeof(TangentPlane) + 2 * sizeof(Silhouette) + sizeof(float) + 1) +
          layout.num_tiles() * sizeof(DepthTile);
 }
 

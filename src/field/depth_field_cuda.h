@@ -19,6 +19,7 @@ struct FieldArrays {
   /// Choice::nearest.
   TangentPlane* nearest = nullptr;
   Silhouette* silhouettes = nullptr;
+  float* shares = nullptr;  ///< SharedPixel::share of all levels but level 0, likewise
   std::uint8_t* near_silhouette = nullptr;
   DepthTile* tiles = nullptr;
 };
@@ -55,7 +56,8 @@ struct FieldJob {
   /// Of field `number`; what holes are filled with is that of some fields at a time.
   PALPATE_HOSTDEV FieldArrays arrays_of(int number) const {
     const std::ptrdiff_t pixels = number * pixels_apart;
-    return {arrays.planes + pixels, arrays.nearest + pixels, arrays.silhouettes + 2 * pixels,
+    return {arrays.planes + pixels,          arrays.nearest + pixels,
+            arrays.silhouettes + 2 * pixels, arrays.shares + pixels,
             arrays.near_silhouette + pixels, arrays.tiles + number * tiles_apart};
   }
 };

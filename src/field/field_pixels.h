@@ -24,7 +24,8 @@ PALPATE_FORMULA float tolerance_of(int level) {
 
 /// Which of a few pixels a wider one stands for.
 enum class Choice {
-  majority,  ///< the surface, or absence of one, that most of them show; the nearest if undecided
+  /// The surface, or absence of one, that most of their area shows; the nearest if undecided.
+  majority,
   nearest,   ///< any surface, the nearest one
   farthest,  ///< any surface, the farthest one: what goes on behind an edge
 };
@@ -36,20 +37,30 @@ PALPATE_FORMULA auto is_same_surface(Real a, Real b, float tolerance) {
   return (apart <= tolerance * least) & ((a > Real{}) == (b > Real{}));
 }
 
-/// Mean of the planes of one surface among four pixels with positive weights.
+/// A pixel of some level and the share of its area that shows the surface of its plane; the rest
+/// shows another one. It tells where inside of a wide pixel a surface ends.
 template <class Plane>
-PALPATE_FORMULA Plane merge(const Plane (&pixels)[4], const float (&weights)[4], float tolerance,
-                            Choice choice) {
+struct SharedPixel {
+  Plane plane;
+  decltype(Plane::offset) share;
+};
+
+/// Mean of the planes of one surface among four pixels with positive weights, and its share of
+/// them.
+template <class Plane>
+PALPATE_FORMULA SharedPixel<Plane> merge(const SharedPixel<Plane> (&pixels)[4],
+                                         const float (&weights)[4], float tolerance,
+                                         Choice choice) {
   using Real = decltype(Plane::offset);
   const Real zero{}, one = zero + 1.0f;
   Real w[4];
-  for (int i = 0; i < 4; ++i) w[i] = pixels[i].slope / pixels[i].offset;
-  Real best = -one, best_votes = zero;  // the chosen pixel's w
+  for (int i = 0; i < 4; ++i) w[i] = pixels[i].plane.slope / pixels[i].plane.offset;
+  Real best = -one, best_votes = zero;  // the chosen pixel's w, and four times its share
   for (int i = 0; i < 4; ++i) {
     Real votes = zero;
     if (choice == Choice::majority) {
       for (int j = 0; j < 4; ++j) {
-        votes += is_same_surface(w[i], w[j], tolerance) ? one : zero;
+        votes += is_same_surface(w[i], w[j], tolerance) ? pixels[j].share : one - pixels[j].share;
       }
     }
     const auto is_nearer = choice == Choice::farthest ? w[i] < best : w[i] > best;
@@ -61,16 +72,19 @@ PALPATE_FORMULA Plane merge(const Plane (&pixels)[4], const float (&weights)[4],
   Real offset = zero, slope = zero, total = zero;
   for (int i = 0; i < 4; ++i) {
     const auto is_of_it = is_same_surface(w[i], best, tolerance);
-    offset += is_of_it ? weights[i] * pixels[i].offset : zero;
-    slope += is_of_it ? weights[i] * pixels[i].slope : zero;
+    offset += is_of_it ? weights[i] * pixels[i].plane.offset : zero;
+    slope += is_of_it ? weights[i] * pixels[i].plane.slope : zero;
     total += is_of_it ? zero + weights[i] : zero;
   }
-  return {best > zero ? offset / total : zero + kFreeOffset, best > zero ? slope / total : zero};
+  return {{best > zero ? offset / total : zero + kFreeOffset, best > zero ? slope / total : zero},
+          0.25f * best_votes};
 }
 
-/// One pixel of two by two; at an odd end the last one counts twice.
+/// One pixel of two by two; at an odd end the last one counts twice. Shares only matter to, and are
+/// only known from, Choice::majority.
 template <class Plane>
-PALPATE_FORMULA Plane widened(const Plane (&pixels)[4], int level, Choice choice) {
+PALPATE_FORMULA SharedPixel<Plane> widened(const SharedPixel<Plane> (&pixels)[4], int level,
+                                           Choice choice) {
   constexpr float kEqual[4] = {1, 1, 1, 1};
   return merge(pixels, kEqual, tolerance_of(level), choice);
 }
@@ -78,9 +92,11 @@ PALPATE_FORMULA Plane widened(const Plane (&pixels)[4], int level, Choice choice
 /// What the next wider level, `level`, knows where a pixel has no surface; of its four pixels
 /// around the centre of that one, the nearest comes first and the farthest last.
 template <class Plane>
-PALPATE_FORMULA Plane interpolated(const Plane (&pixels)[4], int level) {
+PALPATE_FORMULA Plane interpolated(const Plane (&planes)[4], int level) {
   constexpr float kBilinear[4] = {9, 3, 3, 1};
-  return merge(pixels, kBilinear, tolerance_of(level), Choice::farthest);
+  const SharedPixel<Plane> pixels[4] = {
+      {planes[0], {}}, {planes[1], {}}, {planes[2], {}}, {planes[3], {}}};
+  return merge(pixels, kBilinear, tolerance_of(level), Choice::farthest).plane;
 }
 /// The second nearest of `num` wider columns to column u >= 0 (or rows); the nearest is u / 2.
 template <class Int>

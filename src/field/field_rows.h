@@ -14,12 +14,14 @@ namespace palpate::inline v0 {
 /// One level.
 struct FieldImage {
   TangentPlane* planes = nullptr;  ///< pixel (0, 0)
+  float* shares = nullptr;  ///< SharedPixel::share, likewise; 1 in level 0 and beyond the image
   Silhouette* silhouettes = nullptr;
   std::uint8_t* near_silhouette = nullptr;
   int width = 0, height = 0;
   std::ptrdiff_t stride = 0;
 
   TangentPlane* row(int v) const { return planes + v * stride; }
+  float* share_row(int v) const { return shares + v * stride; }
 };
 
 /// What is known of a level's silhouettes while they are looked for; the memory serves all levels.
@@ -65,7 +67,7 @@ struct FieldRows {
   /// Sets the bits of the pixels without surface, 64 to a word. True if there is one.
   bool (*find_holes)(const FieldImage& image, const PixelWindow& window, int v,
                      std::uint64_t* holes);
-  /// A level from the one before: one pixel of two by two.
+  /// A level from the one before: one pixel of two by two. Shares are those of Choice::majority.
   void (*widen)(const FieldImage& fine, int level, Choice choice, const FieldImage& coarse,
                 const PixelWindow& window, int v);
   /// Gives the pixels without surface what the next wider level, `level`, knows there.

@@ -58,25 +58,35 @@ bool find_holes(const FieldImage& image, const PixelWindow& window, int v, std::
 
 void widen(const FieldImage& fine, int level, Choice choice, const FieldImage& coarse,
            const PixelWindow& window, int v) {
-  const TangentPlane* const rows[2] = {
-      fine.row(2 * v), fine.row(2 * v + 1 < fine.height ? 2 * v + 1 : fine.height - 1)};
+  const int low = 2 * v, high = 2 * v + 1 < fine.height ? 2 * v + 1 : fine.height - 1;
+  const TangentPlane* const rows[2] = {fine.row(low), fine.row(high)};
+  const float* const shares[2] = {fine.share_row(low), fine.share_row(high)};
   TangentPlane* const out = coarse.row(v);
+  float* const out_shares = coarse.share_row(v);
   int u = window.left;
   for (; u + kLanes <= window.right && 2 * (u + kLanes) <= fine.width; u += kLanes) {
-    Planes four[4];
+    SharedPixel<Planes> four[4];
     for (int k = 0; k < 2; ++k) {
       const Planes left = load(rows[k] + 2 * u), right = load(rows[k] + 2 * u + kLanes);
       const Pairs offsets = split_pairs(left.offset, right.offset);
       const Pairs slopes = split_pairs(left.slope, right.slope);
-      four[2 * k] = {offsets.first, slopes.first};
-      four[2 * k + 1] = {offsets.second, slopes.second};
+      const Pairs share = split_pairs(load(shares[k] + 2 * u), load(shares[k] + 2 * u + kLanes));
+      four[2 * k] = {{offsets.first, slopes.first}, share.first};
+      four[2 * k + 1] = {{offsets.second, slopes.second}, share.second};
     }
-    store(out + u, widened(four, level, choice));
+    const SharedPixel<Planes> wide = widened(four, level, choice);
+    store(out + u, wide.plane);
+    if (choice == Choice::majority) store(out_shares + u, wide.share);
   }
   for (; u < window.right; ++u) {
     const int u0 = 2 * u, u1 = 2 * u + 1 < fine.width ? 2 * u + 1 : fine.width - 1;
-    const TangentPlane four[4] = {rows[0][u0], rows[0][u1], rows[1][u0], rows[1][u1]};
-    out[u] = widened(four, level, choice);
+    const SharedPixel<TangentPlane> four[4] = {{rows[0][u0], shares[0][u0]},
+                                               {rows[0][u1], shares[0][u1]},
+                                               {rows[1][u0], shares[1][u0]},
+                                               {rows[1][u1], shares[1][u1]}};
+    const SharedPixel<TangentPlane> wide = widened(four, level, choice);
+    out[u] = wide.plane;
+    if (choice == Choice::majority) out_shares[u] = wide.share;
   }
 }
 

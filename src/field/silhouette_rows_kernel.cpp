@@ -120,6 +120,7 @@ void find_in_row(const Intrinsics& k, const FieldImage& image, int level, const 
                  int v, const SilhouetteScratch& scratch) {
   const RuleLevel rules = rule_level(k, level);
   const TangentPlane* const row = image.row(v);
+  const float* const shares = image.share_row(v);
   const Segments segments(image, window);
   for (int segment = segments.first; segment < segments.end; ++segment) {
     if (!scratch.is_active(v, segment)) continue;
@@ -132,8 +133,9 @@ void find_in_row(const Intrinsics& k, const FieldImage& image, int level, const 
       const auto take = [&](int from) {
         const Lanes is_any = lanes_of(edges >> (kSegment + (at - first) + from));
         if (is_any.bits == 0) return;
+        const VecF shift = edge_shift(load(shares + u + from), load(shares + u + from + 1));
         take_edge(own, load_plane(row + u + from), load_plane(row + u + from + 1), is_any.mask(),
-                  splat(static_cast<float>(from) + 0.5f), splat(0.0f), rules.width_u, found);
+                  static_cast<float>(from) + 0.5f + shift, splat(0.0f), rules.width_u, found);
       };
       for (int n = 1; n <= kReach; ++n) {
         take(n - 1);
@@ -172,9 +174,11 @@ void find_silhouettes(const Intrinsics& k, const FieldImage& image, int level,
         const Lanes is_any =
             lanes_of(scratch.edges_down[scratch.segment(v + from, segment)] >> (at - first));
         if (is_any.bits == 0) return;
+        const VecF shift = edge_shift(load(image.share_row(v + from) + u),
+                                      load(image.share_row(v + from + 1) + u));
         take_edge(own, load_plane(image.row(v + from) + u), load_plane(image.row(v + from + 1) + u),
-                  is_any.mask(), splat(0.0f), splat(static_cast<float>(from) + 0.5f), rules.width_v,
-                  found);
+                  is_any.mask(), splat(0.0f), static_cast<float>(from) + 0.5f + shift,
+                  rules.width_v, found);
       };
       for (int n = 1; n <= kReach; ++n) {
         take(n - 1);

@@ -68,6 +68,14 @@ PALPATE_FORMULA Mask ends_between(const RulePlane& near, VecF near_depth, const 
   return (near.slope > splat(0.0f)) & is_apart(near, far, gap, width * near_depth, splat(1.0f));
 }
 
+/// Columns (or rows) from the middle between two pixels side by side to where one surface ends, by
+/// how much of both each covers: 0 in level 0. At least an eighth away from the middle of a pixel,
+/// where corners would be sharp.
+PALPATE_FORMULA VecF edge_shift(VecF share, VecF next_share) {
+  constexpr float kMost = 0.375f;
+  return max(min(share - next_share, splat(kMost)), splat(-kMost));
+}
+
 /// The nearest silhouette found so far.
 struct NearestSilhouette {
   VecF du = splat(0.0f), dv = splat(0.0f);  ///< pixels

@@ -302,6 +302,18 @@ __global__ void __launch_bounds__(kRimThreads, kRimBlocks)
     return {{plane.offset, plane.slope}, shared.depths[i]};
   };
   const auto pixel_at = [&](int u, int v) { return pixel_in(row_of(v), u); };
+  const auto share_at = [&](int u, int v) {
+    return level > 0 && is_inside(u, v) ? arrays.shares[origin + v * job.layout.stride + u] : 1.0f;
+  };
+  // Columns from a pixel of column u to the edge between pixels u + from and u + from + 1.
+  const auto du_to = [&](int u, int v, int from) {
+    return static_cast<float>(from) + 0.5f +
+           one_lane::edge_shift(share_at(u + from, v), share_at(u + from + 1, v));
+  };
+  const auto dv_to = [&](int u, int v, int from) {
+    return static_cast<float>(from) + 0.5f +
+           one_lane::edge_shift(share_at(u, v + from), share_at(u, v + from + 1));
+  };
 
   const int first_u = us.requested.begin - kReach, first_v = vs.requested.begin - kReach;
   const int num_rows = vs.requested.size() + 2 * kReach;
@@ -410,7 +422,7 @@ __global__ void __launch_bounds__(kRimThreads, kRimBlocks)
         const int from = side == 0 ? n - 1 : -n;
         if ((edges >> (kReach + from) & 1) == 0) continue;
         const Edge edge(pixel_at(u + from, v), pixel_at(u + from + 1, v));
-        const float du = static_cast<float>(from) + 0.5f;
+        const float du = du_to(u, v, from);
         search.offer_exit(edge, du, 0.0f, limits);
         search.offer_occluder(edge, du, 0.0f, rules.width_u);
         if (search.exit.du == du) exit = from + kFoundBias;
@@ -458,14 +470,14 @@ __global__ void __launch_bounds__(kRimThreads, kRimBlocks)
       const int from = code - kFoundBias, planes = row_of(v + k);
       return Edge(pixel_in(planes, u + from), pixel_in(planes, u + from + 1));
     };
-    const auto du_of = [](int code) { return static_cast<float>(code - kFoundBias) + 0.5f; };
+    const auto du_of = [&](int code, int k) { return du_to(u, v + k, code - kFoundBias); };
 
     RimSearch search{pixel_at(u, v), {}, {}};
     const RimPixel& own = search.own;
     // What is in the own row is nearer than all beyond so many rows.
     const auto take_own = [&](int code, one_lane::NearestSilhouette& nearest, bool is_exit) {
       if (code == 0) return kReach;
-      const float du = du_of(code);
+      const float du = du_of(code, 0);
       const Edge edge = edge_in(code, 0);
       nearest = {du, 0.0f, du * du, is_exit ? edge.far.plane : edge.near.plane};
       return code < kFoundBias ? kFoundBias - code - 1 : code - kFoundBias;
@@ -487,7 +499,7 @@ __global__ void __launch_bounds__(kRimThreads, kRimBlocks)
         const int from = side == 0 ? n - 1 : -n;
         if (((side == 0 ? below >> 8 * (n - 1) : above >> 8 * n) & kEdgeBelow) == 0) continue;
         const Edge edge(pixel_at(u, v + from), pixel_at(u, v + from + 1));
-        const float dv = static_cast<float>(from) + 0.5f;
+        const float dv = dv_to(u, v, from);
         search.offer_exit(edge, 0.0f, dv, limits_v);
         search.offer_occluder(edge, 0.0f, dv, rules.width_v);
       }
@@ -497,13 +509,13 @@ __global__ void __launch_bounds__(kRimThreads, kRimBlocks)
         if (found == 0) continue;
         const float dv = static_cast<float>(k);
         if (const int code = found & (kEdgeBelow - 1); code != 0) {
-          const float du = du_of(code);
+          const float du = du_of(code, k);
           if (search.wants_exit(du * du + dv * dv)) {
             search.offer_exit(edge_in(code, k), du, dv, limits_u);
           }
         }
         if (const int code = found >> kFoundBits; code != 0) {
-          const float du = du_of(code);
+          const float du = du_of(code, k);
           if (search.wants_occluder(du * du + dv * dv)) {
             search.offer_occluder(edge_in(code, k), du, dv, rules.width_u);
           }

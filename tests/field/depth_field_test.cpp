@@ -251,9 +251,9 @@ TEST(DepthField, OutsideOfTheImageIsFreeUnlessUnknownSpaceIsSolid) {
   EXPECT_LT(sample_field(make_field(cloud, {UnknownSpace::solid, 4}).view(), left, radius).phi, 0);
 }
 
-/// Two frontal walls, the near one at the left of column 80.
-PointCloud step_cloud(double near, double far) {
-  return make_cloud([=](int u, int) { return u < 80 ? near : far; },
+/// Two frontal walls, the near one at the left of column `first_far`.
+PointCloud step_cloud(double near, double far, int first_far = 80) {
+  return make_cloud([=](int u, int) { return u < first_far ? near : far; },
                     [](int, int) {
                       return Vec3d{0, 0, -1};
                     });
@@ -283,7 +283,7 @@ TEST(DepthField, IsTheDistanceToFreeSpaceAtAStep) {
       if (std::abs(side - front) < 0.5 * -exact + 3 * width || -exact < width) continue;
       const Vec3d way = side > front ? out : Vec3d{0, 0, -1};
       ++(side > front ? num_sideways : num_forward);
-      // Between two levels, whose walls are half a pixel apart, the field may be flat.
+      // Between two levels, whose walls may be apart, the field may be flat.
       const bool points_out =
           dot(way, at.gradient) > std::cos(15 * kPi / 180) * norm(at.gradient) + 1e-9;
       num_astray += !points_out;
@@ -297,8 +297,24 @@ TEST(DepthField, IsTheDistanceToFreeSpaceAtAStep) {
   EXPECT_LT(num_steep, 1000);
 }
 
+// Wherever an edge lies in the wide pixels of large spheres, half of each is behind it where its
+// middle is: a pixel that shows two surfaces tells how much of it each covers. The remainder is an
+// eighth of a wide pixel, where the edge goes through its middle.
+TEST(DepthField, WideSpheresEndWhereTheSurfaceEnds) {
+  for (int first_far = 72; first_far < 88; ++first_far) {
+    const DepthField field = make_field(step_cloud(0.5, 1.5, first_far));
+    for (const double pixels : {1, 2, 4, 8}) {
+      const double z = 0.5 + 0.04 * pixels,
+                   radius = pixels * z / kCamera.fx / static_cast<double>(kFootprint);
+      const FieldSample<double> at =
+          sample_field(field.view(), at_pixel(first_far - 0.5, 60, z), radius);
+      EXPECT_NEAR(at.phi, 0, 0.13 * pixels * z / kCamera.fx) << first_far << ", " << pixels;
+    }
+  }
+}
+
 // However deep behind the near wall, and whatever lies how far behind it. In places, where the
-// walls of two levels are half a wide pixel apart, it is steeper; there forces are bounded.
+// walls of two levels are apart, it is steeper; there forces are bounded.
 TEST(DepthField, IsHardlySteeperDeepInAShadow) {
   for (const double far : {0.52, 0.6, 1.5, 9.0}) {
     const DepthField field = make_field(step_cloud(0.5, far));
@@ -320,12 +336,79 @@ TEST(DepthField, IsHardlySteeperDeepInAShadow) {
   }
 }
 
+/// Shares of one level, pixel by pixel: how much of its area shows the surface of its plane.
+struct Shares {
+  std::vector<float> values;
+  int width = 0, height = 0;
+
+  explicit Shares(const DepthFieldLevel& level)
+      : values(static_cast<std::size_t>(level.width * level.height), 1.0f),
+        width(level.width),
+        height(level.height) {}
+  float& at(int u, int v) { return values[static_cast<std::size_t>(v * width + u)]; }
+  /// Beyond the image a pixel shows one surface.
+  double around(int u, int v) const {
+    if (u < 0 || v < 0 || u >= width || v >= height) return 1;
+    return static_cast<double>(values[static_cast<std::size_t>(v * width + u)]);
+  }
+};
+
+struct WidePixel {
+  float offset = 0, slope = 0, share = 0;
+};
+
+/// One pixel of a level by the words of decisions 11 and 13: the surface, or absence of one, that
+/// most of the area of the four pixels before shows, the nearest if undecided, and the mean of its
+/// planes. What is not of a pixel's own surface is of the other one.
+WidePixel merged(const DepthFieldLevel& fine, Shares& shares, int level, int u, int v) {
+  float offset[4], slope[4], w[4], share[4];
+  for (int k = 0; k < 4; ++k) {
+    const int at_u = std::min(2 * u + k % 2, fine.width - 1);
+    const int at_v = std::min(2 * v + k / 2, fine.height - 1);
+    const float* plane = fine.planes + 2 * (std::ptrdiff_t{at_v} * fine.stride + at_u);
+    offset[k] = plane[0], slope[k] = plane[1], w[k] = plane[1] / plane[0];
+    share[k] = shares.at(at_u, at_v);
+  }
+  const float tolerance = std::min(0.05f, 0.012f * static_cast<float>(1 << level));
+  const auto is_same = [&](float a, float b) {
+    if (a == 0 || b == 0) return a == b;
+    return std::max(a, b) - std::min(a, b) <= tolerance * std::min(a, b);
+  };
+  std::pair<float, float> best{-1.0f, 0.0f};  // pixels, then w
+  for (const float a : w) {
+    float num = 0;
+    for (int k = 0; k < 4; ++k) num += is_same(a, w[k]) ? share[k] : 1 - share[k];
+    best = std::max(best, {num, a});
+  }
+  if (best.second == 0) return {10.0f, 0.0f, best.first / 4};
+  float sum_offset = 0, sum_slope = 0, num = 0;
+  for (int k = 0; k < 4; ++k) {
+    if (!is_same(w[k], best.second)) continue;
+    sum_offset += offset[k], sum_slope += slope[k], num += 1;
+  }
+  return {sum_offset / num, sum_slope / num, best.first / 4};
+}
+
+/// Of all levels.
+std::vector<Shares> shares_of(const DepthFieldView& view) {
+  std::vector<Shares> all;
+  for (int k = 0; k < view.num_levels; ++k) {
+    all.emplace_back(view.levels[k]);
+    for (int v = 0; k > 0 && v < view.levels[k].height; ++v) {
+      for (int u = 0; u < view.levels[k].width; ++u) {
+        all.back().at(u, v) = merged(view.levels[k - 1], all[all.size() - 2], k, u, v).share;
+      }
+    }
+  }
+  return all;
+}
+
 /// The nearest silhouettes of a pixel by their definition: over all places between two pixels side
 /// by side, in double.
 struct TrueSilhouettes {
   double exit = 1e9, occluder = 1e9;  ///< pixels
 };
-TrueSilhouettes true_silhouettes(const DepthFieldLevel& level, int u, int v) {
+TrueSilhouettes true_silhouettes(const DepthFieldLevel& level, const Shares& shares, int u, int v) {
   struct Pixel {
     double offset, slope;
     double depth() const { return slope > 0 ? offset / slope : 1e9; }
@@ -350,7 +433,11 @@ TrueSilhouettes true_silhouettes(const DepthFieldLevel& level, int u, int v) {
         const Pixel near = a.depth() < b.depth() ? a : b, far = a.depth() < b.depth() ? b : a;
         const double f = is_right ? kCamera.fx : kCamera.fy;
         const double width = 1 / (static_cast<double>(level.scale) * f);
-        const double du = x - u + (is_right ? 0.5 : 0), dv = y - v + (is_right ? 0 : 0.5);
+        // Both show two surfaces: the edge lies where their areas meet.
+        const double next = is_right ? shares.around(x + 1, y) : shares.around(x, y + 1);
+        const double shift = std::clamp(shares.around(x, y) - next, -0.375, 0.375);
+        const double du = x - u + (is_right ? 0.5 + shift : 0);
+        const double dv = y - v + (is_right ? 0 : 0.5 + shift);
         const double distance = std::hypot(du, dv);
         if (near.slope <= 0 || std::max(std::abs(du), std::abs(dv)) > 3) continue;
         const double z = near.depth();
@@ -376,13 +463,15 @@ TrueSilhouettes true_silhouettes(const DepthFieldLevel& level, int u, int v) {
 // What is found along rows first and columns then is the nearest silhouette or hardly farther.
 TEST(DepthField, SilhouettesAreTheNearestOnes) {
   const DepthField field = make_field(rough_cloud(42));
+  const std::vector<Shares> shares = shares_of(field.view());
   int num_exits = 0, num_occluders = 0, num_missed = 0, num_farther = 0;
   for (int k = 0; k < 3; ++k) {
     const DepthFieldLevel& level = field.view().levels[k];
     for (int v = 4; v < level.height - 4; ++v) {
       for (int u = 4; u < level.width - 4; ++u) {
         const std::ptrdiff_t i = std::ptrdiff_t{v} * level.stride + u;
-        const TrueSilhouettes want = true_silhouettes(level, u, v);
+        const TrueSilhouettes want =
+            true_silhouettes(level, shares[static_cast<std::size_t>(k)], u, v);
         if (level.near_silhouette[i] == 0) {
           num_missed += (want.exit < 1e8) + (want.occluder < 1e8);
           EXPECT_GT(std::min(want.exit, want.occluder), 1.5) << u << " " << v;
@@ -450,39 +539,10 @@ TEST_P(DepthFieldIsa, SameBitsAsBaseline) {
 INSTANTIATE_TEST_SUITE_P(All, DepthFieldIsa, testing::Values(Isa::avx2, Isa::avx512),
                          [](const auto& isa) { return std::string(isa_name(isa.param)); });
 
-/// One pixel of a level by the words of decision 11: the surface, or absence of one, that most of
-/// the four pixels before show, the nearest if undecided, and the mean of its planes.
-std::pair<float, float> merged(const DepthFieldLevel& fine, int level, int u, int v) {
-  float offset[4], slope[4], w[4];
-  for (int k = 0; k < 4; ++k) {
-    const int at_u = std::min(2 * u + k % 2, fine.width - 1);
-    const int at_v = std::min(2 * v + k / 2, fine.height - 1);
-    const float* plane = fine.planes + 2 * (std::ptrdiff_t{at_v} * fine.stride + at_u);
-    offset[k] = plane[0], slope[k] = plane[1], w[k] = plane[1] / plane[0];
-  }
-  const float tolerance = std::min(0.05f, 0.012f * static_cast<float>(1 << level));
-  const auto is_same = [&](float a, float b) {
-    if (a == 0 || b == 0) return a == b;
-    return std::max(a, b) - std::min(a, b) <= tolerance * std::min(a, b);
-  };
-  std::pair<int, float> best{-1, 0};  // votes, then w
-  for (const float a : w) {
-    const int votes =
-        static_cast<int>(std::count_if(w, w + 4, [&](float b) { return is_same(a, b); }));
-    best = std::max(best, {votes, a});
-  }
-  if (best.second == 0) return {10.0f, 0.0f};
-  float sum_offset = 0, sum_slope = 0, num = 0;
-  for (int k = 0; k < 4; ++k) {
-    if (!is_same(w[k], best.second)) continue;
-    sum_offset += offset[k], sum_slope += slope[k], num += 1;
-  }
-  return {sum_offset / num, sum_slope / num};
-}
-
 TEST(DepthField, LevelsAndTilesAreWhatTheyAreSaidToBe) {
   const DepthField field = make_field(rough_cloud(9), {UnknownSpace::free, 1});
   const DepthFieldView& view = field.view();
+  std::vector<Shares> shares = shares_of(view);
   int num_free = 0;
   for (int k = 0; k < view.num_levels; ++k) {
     const DepthFieldLevel& level = view.levels[k];
@@ -494,9 +554,10 @@ TEST(DepthField, LevelsAndTilesAreWhatTheyAreSaidToBe) {
         const float* plane = plane_at(u, v);
         num_free += plane[1] == 0;
         if (k > 0) {
-          const auto [offset, slope] = merged(view.levels[k - 1], k, u, v);
-          ASSERT_EQ(plane[0], offset) << k << ": " << u << ", " << v;
-          ASSERT_EQ(plane[1], slope) << k << ": " << u << ", " << v;
+          const WidePixel want =
+              merged(view.levels[k - 1], shares[static_cast<std::size_t>(k - 1)], k, u, v);
+          ASSERT_EQ(plane[0], want.offset) << k << ": " << u << ", " << v;
+          ASSERT_EQ(plane[1], want.slope) << k << ": " << u << ", " << v;
         }
       }
     }

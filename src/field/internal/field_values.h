@@ -19,8 +19,8 @@ struct Curved {
   Real value, slope, bend;
 };
 
-/// Corners are rounded over this share of a pixel to each side. Silhouettes are half a pixel away
-/// or more, aslant 0.35: so a pixel's value is smooth where its silhouette changes.
+/// Corners are rounded over this share of a pixel to each side, or over the distance of the
+/// silhouette if that is less: so a pixel's value is smooth where its silhouette changes.
 inline constexpr float kCorner = 0.35f;
 /// max(0, x) with a parabola from 0 to 2 k, flattened by k from there on; by some variable of which
 /// k is a linear function of slope `k_by`.
@@ -89,13 +89,17 @@ PALPATE_FORMULA Curved<Real> with_back(const Curved<Real>& x, Real thickness) {
 }
 
 /// A pixel's value next to a silhouette: `own` is that of its own surface, `other` of the other
-/// one, at depth z where corners are rounded over k = z k_by.
+/// one, at depth z where corners are rounded over z widest_by at most.
 template <class Real>
 PALPATE_FORMULA Curved<Real> clamped_at_silhouette(const Curved<Real>& own,
                                                    const Curved<Real>& other, Real side, Real z,
-                                                   Real k_by) {
-  const Real zero{}, k = z * k_by;
+                                                   Real widest_by) {
+  const Real zero{};
   const auto is_near = side < zero;
+  const auto has_any = is_near | (side > zero);
+  const Real away = is_near ? -side : side;
+  const auto is_close = has_any & (away < widest_by);
+  const Real k_by = is_close ? away : widest_by, k = z * k_by;
   // The other one counts as far as it lies on the right side of the own one.
   const Curved<Real> apart = minus(other, own);
   const Curved<Real> gap = corner(
@@ -104,7 +108,6 @@ PALPATE_FORMULA Curved<Real> clamped_at_silhouette(const Curved<Real>& own,
   const Curved<Real> wall{side * z + k, side + k_by, zero};
   const Curved<Real> value =
       minus(plus(near, corner(minus(wall, near), k, k_by)), corner(minus(wall, far), k, k_by));
-  const auto has_any = (is_near) | (side > zero);
   return chosen(has_any, value, own);
 }
 
