@@ -387,7 +387,8 @@ TEST_F(ArmInContact, IsNotThere) {
   const Vec3d behind = in_arm * (0.5 * (in_arm.z + test::kTableDepth) / in_arm.z);
   EXPECT_GT(felt(with, behind).volume, 0.9 * volume_);
   EXPECT_EQ(felt(left, behind).volume, 0);
-  EXPECT_GT(felt(left, behind).unseen_volume, 0.9 * volume_);
+  // The rims of the hole are filled, 40 pixels wide: some spheres lie within 2 cm of them.
+  EXPECT_GT(felt(left, behind).unseen_volume, 0.75 * volume_);
   EXPECT_EQ(felt(without, behind).unseen_volume, 0);
 }
 
