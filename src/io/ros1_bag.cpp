@@ -6,8 +6,6 @@
 
 #include "src/io/bag_formats.h"
 #include "src/io/mcap_format.h"
-#include "src/io/ros1_messages.h"
-#include "src/io/ros_types.h"
 #include "src/io/unpack.h"
 
 namespace palpate::inline v0 {
@@ -79,33 +77,22 @@ class Ros1Bag final : public BagReader {
   Result<std::optional<McapMessage>> take(std::string_view header, std::string_view data) {
     const auto op = Op{number_of<std::uint8_t>(header, "op")};
     const auto connection = number_of<std::uint32_t>(header, "conn");
-    if (op == Op::connection && !types_.contains(connection)) {
-      if (types_.size() > 65535) return damaged("it has more topics than anybody has");
-      const auto channel = static_cast<std::uint16_t>(types_.size());
-      std::string type(value_of(data, "type"));
-      if (type == "tf/tfMessage") type = "tf2_msgs/TFMessage";  // its name of old
-      channels_[channel].topic = std::string(value_of(header, "topic"));
-      if (type.find('/') != std::string::npos) {
-        channels_[channel].schema_name = ros_interface_name(type);
-      }
-      types_[connection] = {channel, std::move(type)};
+    if (op == Op::connection && !numbers_.contains(connection)) {
+      if (numbers_.size() > 65535) return damaged("it has more topics than anybody has");
+      const auto channel = static_cast<std::uint16_t>(numbers_.size());
+      channels_[channel] = {std::string(value_of(header, "topic")),
+                            std::string(value_of(data, "type")), "", "ros1"};
+      numbers_[connection] = channel;
     }
     if (op != Op::message) return std::optional<McapMessage>();
-    const auto found = types_.find(connection);
-    if (found == types_.end()) return damaged("a message refers to an undeclared connection");
+    const auto found = numbers_.find(connection);
+    if (found == numbers_.end()) return damaged("a message refers to an undeclared connection");
     const std::string_view time = value_of(header, "time");
     Cursor at(time);
     const auto seconds = at.number<std::uint32_t>(), nanoseconds = at.number<std::uint32_t>();
     if (!at.is_good()) return damaged("a message has no time");
-    const bool is_known = !ros_fields(found->second.name).empty();
-    auto message = cdr_of_ros1(found->second.name, data);
-    if (is_known && !message) {
-      return damaged("a message on " + channels_[found->second.channel].topic +
-                     " is shorter than a " + found->second.name);
-    }
-    message_ = message ? *std::move(message) : "";
-    return std::optional(McapMessage{
-        found->second.channel, std::uint64_t{1'000'000'000} * seconds + nanoseconds, message_});
+    return std::optional(
+        McapMessage{found->second, std::uint64_t{1'000'000'000} * seconds + nanoseconds, data});
   }
 
   /// Reads a length and what it says; false if the file ends before that.
@@ -167,17 +154,13 @@ class Ros1Bag final : public BagReader {
     return true;
   }
 
-  struct Type {
-    std::uint16_t channel;
-    std::string name;
-  };
   const std::filesystem::path path_;
   std::ifstream file_;
   std::uint64_t size_ = 0, at_ = 0, position_ = 0;  // of the file, what is read next, the chunk
-  std::string chunk_, message_;
+  std::string chunk_;
   Cursor in_chunk_{{}};
   std::map<std::uint16_t, McapChannel> channels_;
-  std::map<std::uint32_t, Type> types_;  // by connection
+  std::map<std::uint32_t, std::uint16_t> numbers_;  // of channels, by connection
   bool is_over_ = false, is_cut_off_ = false;
 };
 
