@@ -18,7 +18,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-class McapBag final : public BagReader {
+class McapBag final : public BagFile {
  public:
   explicit McapBag(McapReader reader) : reader_(std::move(reader)) {}
   Result<std::optional<McapMessage>> next() override { return reader_.next(); }
@@ -45,7 +45,8 @@ constexpr Packing kPackings[] = {{kZstdMagic, "zstd -d"},
                                  {"\x04\x22\x4d\x18", "lz4 -d"},
                                  {"PK\x03\x04", "unzip"}};
 
-Result<std::unique_ptr<BagReader>> open_file(const fs::path& path) {
+Result<std::unique_ptr<BagFile>> open_file(const fs::path& path, std::size_t number,
+                                           KeptChunks& kept) {
   if (const Status status = check_regular_file(path); !status) return status.error();
   std::ifstream file(path, std::ios::binary);
   char bytes[16] = {};
@@ -59,9 +60,9 @@ Result<std::unique_ptr<BagReader>> open_file(const fs::path& path) {
   if (begin.starts_with(mcap::kMagic)) {
     auto reader = McapReader::open(path);
     if (!reader) return reader.error();
-    return std::unique_ptr<BagReader>(std::make_unique<McapBag>(*std::move(reader)));
+    return std::unique_ptr<BagFile>(std::make_unique<McapBag>(*std::move(reader)));
   }
-  if (begin.starts_with(kRos1Magic)) return open_ros1_bag(path);
+  if (begin.starts_with(kRos1Magic)) return open_ros1_bag(path, number, kept);
   if (begin.starts_with(kSqliteMagic)) return open_sqlite_bag(path);
   if (begin.starts_with("#ROSBAG V1")) {
     return Error{
@@ -173,7 +174,7 @@ class Recording final : public BagReader {
 
   Status open_next() {
     if (file_) was_cut_off_ = was_cut_off();
-    auto opened = open_file(files_[num_opened_]);
+    auto opened = open_file(files_[num_opened_], num_opened_, kept_);
     if (!opened) return opened.error();
     file_ = *std::move(opened);
     ++num_opened_;
@@ -201,6 +202,10 @@ class Recording final : public BagReader {
   }
   const std::map<std::uint16_t, McapChannel>& channels() const override { return channels_; }
   bool was_cut_off() const override { return was_cut_off_ || file_->was_cut_off(); }
+  Status rewind() override {
+    num_opened_ = 0;
+    return open_next();
+  }
 
  private:
   /// What a channel of the file is here.
@@ -238,8 +243,9 @@ class Recording final : public BagReader {
   }
 
   const std::vector<fs::path> files_;
+  KeptChunks kept_;
   std::size_t num_opened_ = 0;
-  std::unique_ptr<BagReader> file_;
+  std::unique_ptr<BagFile> file_;
   std::map<std::uint16_t, McapChannel> channels_;
   std::map<std::uint16_t, Known> known_;  // by their numbers in the file
   std::string turned_;

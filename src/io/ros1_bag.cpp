@@ -1,5 +1,7 @@
 // Bags of ROS 1, format 2.0 (http://wiki.ros.org/Bags/Format/2.0): records of a header, which is a
 // list of NAME=VALUE, and data; all numbers little-endian.
+#include <zstd.h>
+
 #include <fstream>
 #include <string>
 #include <utility>
@@ -12,6 +14,8 @@ namespace palpate::inline v0 {
 namespace {
 
 using mcap::Cursor;
+
+constexpr int kFastest = 1;  // level of Zstandard
 
 enum class Op : std::uint8_t { message = 2, bag = 3, chunk = 5, connection = 7 };
 
@@ -31,9 +35,10 @@ Int number_of(std::string_view header, std::string_view name) {
   return Cursor(value_of(header, name)).number<Int>();
 }
 
-class Ros1Bag final : public BagReader {
+class Ros1Bag final : public BagFile {
  public:
-  explicit Ros1Bag(std::filesystem::path path) : path_(std::move(path)) {}
+  Ros1Bag(std::filesystem::path path, std::size_t number, KeptChunks& kept)
+      : path_(std::move(path)), number_(number), kept_(kept) {}
 
   Status open() {
     file_.open(path_, std::ios::binary | std::ios::ate);
@@ -140,7 +145,10 @@ class Ros1Bag final : public BagReader {
       } else if (packing == "lz4") {
         unpacked = unpack_lz4(data, size, chunk_);
       } else if (packing == "bz2") {
-        unpacked = unpack_bzip2(data, size, chunk_);
+        if (!kept_.find({number_, position_}, chunk_)) {
+          unpacked = unpack_bzip2(data, size, chunk_);
+          if (unpacked) kept_.add({number_, position_}, chunk_);
+        }
       } else {
         return damaged("its chunks are compressed by '" + std::string(packing.substr(0, 20)) + "'");
       }
@@ -155,6 +163,8 @@ class Ros1Bag final : public BagReader {
   }
 
   const std::filesystem::path path_;
+  const std::size_t number_;
+  KeptChunks& kept_;
   std::ifstream file_;
   std::uint64_t size_ = 0, at_ = 0, position_ = 0;  // of the file, what is read next, the chunk
   std::string chunk_;
@@ -166,10 +176,25 @@ class Ros1Bag final : public BagReader {
 
 }  // namespace
 
-Result<std::unique_ptr<BagReader>> open_ros1_bag(const std::filesystem::path& path) {
-  auto bag = std::make_unique<Ros1Bag>(path);
+void KeptChunks::add(const Place& place, std::string_view chunk) {
+  std::string packed(ZSTD_compressBound(chunk.size()), '\0');
+  packed.resize(ZSTD_compress(packed.data(), packed.size(), chunk.data(), chunk.size(), kFastest));
+  if (packed.size() > room_) return;
+  room_ -= packed.size();
+  packed.shrink_to_fit();
+  packed_[place] = std::move(packed);
+}
+
+bool KeptChunks::find(const Place& place, std::string& to) const {
+  const auto found = packed_.find(place);
+  return found != packed_.end() && unpack_zstd(found->second, {}, to);
+}
+
+Result<std::unique_ptr<BagFile>> open_ros1_bag(const std::filesystem::path& path,
+                                               std::size_t number, KeptChunks& kept) {
+  auto bag = std::make_unique<Ros1Bag>(path, number, kept);
   if (const Status opened = bag->open(); !opened) return opened.error();
-  return std::unique_ptr<BagReader>(std::move(bag));
+  return std::unique_ptr<BagFile>(std::move(bag));
 }
 
 }  // namespace palpate::inline v0

@@ -17,7 +17,7 @@ constexpr std::uint64_t kLargest = std::uint64_t{1} << 30, kFirstStep = std::uin
 constexpr std::uint64_t kMaxRatio = 1000, kSmall = std::uint64_t{64} << 20;
 
 /// Bytes that somebody may have packed into so many; depth images are packed to a tenth.
-std::uint64_t most_in(std::uint64_t packed) {
+std::uint64_t max_unpacked(std::uint64_t packed) {
   return std::min(kLargest, kSmall + kMaxRatio * std::min(packed, kLargest));
 }
 
@@ -33,8 +33,8 @@ Status fill(std::string_view packed, std::optional<std::uint64_t> size, std::str
             const Step& step) {
   std::uint64_t filled = 0;
   to.clear();
-  const std::uint64_t most = size.value_or(most_in(packed.size()));
-  if (most > most_in(packed.size())) {
+  const std::uint64_t most = size.value_or(max_unpacked(packed.size()));
+  if (most > max_unpacked(packed.size())) {
     return Error{Errc::bad_input, "a compressed chunk of " + std::to_string(packed.size()) +
                                       " bytes would be " + std::to_string(most) +
                                       " bytes, which is implausible"};

@@ -29,6 +29,9 @@ class BagReader {
   /// Of the channels met so far.
   virtual const std::map<std::uint16_t, McapChannel>& channels() const = 0;
   virtual bool was_cut_off() const = 0;
+  /// The next message is the first one again. What took long to unpack has been kept. Errors: as of
+  /// `open`.
+  virtual Status rewind() = 0;
 };
 
 }  // namespace palpate::inline v0
