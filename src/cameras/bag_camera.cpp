@@ -254,6 +254,9 @@ Result<RawStream> open_bag_camera(const CameraUri& uri, const CameraOpening&) {
   auto place = place_of(uri, *contents, images);
   if (!place) return place.error();
   if (*place) info.is_moving = (*place)->transforms.is_moving((*place)->world, (*place)->frame);
+  if (*place && !contents->tf_trouble.empty()) {
+    notes.push_back(info.name + ": a message of transforms is left out: " + contents->tf_trouble);
+  }
   if (const Status again = (*reader)->rewind(); !again) return again.error();
   return RawStream{std::make_unique<BagSource>(*std::move(reader), *topic, unit, *scale, said,
                                                std::move(info), *std::move(models),
@@ -262,7 +265,7 @@ Result<RawStream> open_bag_camera(const CameraUri& uri, const CameraOpening&) {
 
 FoundCameras find_bag_cameras() {
   return {"bag",
-          "bag:FILE.mcap|FILE.bag|FILE.db3[?topic=/T&world=FRAME]",
+          "bag:FILE.mcap|FILE.bag|FILE.db3|FOLDER[?topic=/T&info=/T&world=FRAME]",
           true,
           "",
           "",

@@ -56,7 +56,7 @@ Result<TriangleMesh> parse_text_stl(std::string_view content) {
   bool is_in_solid = false, is_in_facet = false;
   content = without_mark(content);
   for (int number = 1; !content.empty(); ++number) {
-    const std::string where = " in line " + std::to_string(number);
+    const auto where = [&] { return " in line " + std::to_string(number); };
     std::string_view line = take_line(content);
     for (std::string_view word = take_word(line); !ends_line(word); word = take_word(line)) {
       if (is_word(word, "solid") || (is_word(word, "endsolid") && !is_in_facet)) {
@@ -73,15 +73,15 @@ Result<TriangleMesh> parse_text_stl(std::string_view content) {
         corners.clear();
       } else if (is_word(word, "vertex")) {
         const auto vertex = take_vertex(line);
-        if (!vertex) return bad("has a damaged vertex" + where);
+        if (!vertex) return bad("has a damaged vertex" + where());
         corners.push_back(static_cast<double>(mesh.vertices.size()));
         mesh.vertices.push_back(*vertex);
       } else if (is_word(word, "endloop")) {
-        if (auto error = polygons.add(corners, where)) return *error;
+        if (auto error = polygons.add(corners, where())) return *error;
       } else if (is_word(word, "endfacet")) {
         is_in_facet = false;
       } else if (!is_word(word, "outer")) {
-        return bad("has '" + std::string(word.substr(0, 40)) + "' in a facet" + where);
+        return bad("has '" + std::string(word.substr(0, 40)) + "' in a facet" + where());
       }
     }
   }

@@ -90,6 +90,8 @@ TEST_F(BagContents, WhatCannotBeReadOfAnotherCameraIsNoMatter) {
   EXPECT_EQ(info_.intrinsics.fx, 30);
   // Of the camera itself it is told.
   EXPECT_WORDS(read("?world=map"), "a TFMessage is damaged");
+  EXPECT_EQ(read("?world=cam"), "");
+  EXPECT_WORDS(notes_, "a message of transforms is left out: a TFMessage is damaged");
   EXPECT_WORDS(read("?info=/a/fisheye/camera_info"),
                "/a/fisheye/camera_info: a camera_info has the distortion model 'equidistant'");
   write({{kInfo, kCameraInfo, camera_info(fisheye)}, {kTopic, kImage, image(at(0))}});
@@ -231,6 +233,7 @@ TEST_F(BagContents, TransformsWithoutARotationAreNamed) {
   };
   EXPECT_EQ(with({0, 0, 0, 1}), "");
   EXPECT_EQ(frames_.at(0).X_WC.translation.x, 1);
+  EXPECT_EQ(notes_, "") << "that of the other frame is no matter";
   EXPECT_WORDS(with({0, 0, 0, 0}),
                "what it says of cam, other is no pose: its quaternion is not 1 long, as 0 0 0 0");
 }
