@@ -203,19 +203,29 @@ Result<RawStream> open_bag_camera(const CameraUri& uri, const CameraOpening&) {
   if (!scale) return scale.error();
   auto reader = BagReader::open(uri.target);
   if (!reader) return reader.error();
-  auto contents = look_through(**reader, uri);
-  if (!contents) return contents.error();
-  const auto topic = contents->choose_images(uri);
+  BagContents contents;
+  std::vector<std::string> notes;
+  if (const auto first = first_part_of(uri.target); !first.empty()) {
+    const auto part = BagReader::open(first);
+    if (part && look_through_first_part(**part, contents)) {
+      notes.push_back("bag:" + uri.target +
+                      " is a part of a recording: what is sent once is read in " + first.string() +
+                      ", too");
+    }
+  }
+  const Status looked = look_through(**reader, uri, contents);
+  if (!looked) return looked.error();
+  const auto topic = contents.choose_images(uri);
   if (!topic) return topic.error();
 
-  const BagContents::Images& images = contents->images.at(*topic);
+  const BagContents::Images& images = contents.images.at(*topic);
   DepthStreamInfo info;
   info.width = images.width;
   info.height = images.height;
   // Counts of our own recordings may be of any unit; those of metres are made here.
   const bool is_count = images.unit != kFloatUnit;
   const double unit = is_count ? images.unit : uri.unit.value_or(kFloatUnit);
-  const auto said = is_count ? find_unit(*contents, *topic) : std::nullopt;
+  const auto said = is_count ? find_unit(contents, *topic) : std::nullopt;
   if (said && *said > kLargestUnit && !uri.unit) {
     return Error{Errc::bad_input, "camera " + uri.text + " declares a unit of " +
                                       number_text(*said) +
@@ -224,8 +234,7 @@ Result<RawStream> open_bag_camera(const CameraUri& uri, const CameraOpening&) {
   info.unit = said.value_or(unit);
   info.num_frames = images.num_frames;
   info.name = "bag:" + uri.target;
-  std::vector<std::string> notes;
-  if (contents->was_cut_off) {
+  if (contents.was_cut_off) {
     notes.push_back(info.name + " was cut off: it ends where its last whole chunk does");
   }
   const Periods periods = periods_of(images.stamps);
@@ -240,22 +249,22 @@ Result<RawStream> open_bag_camera(const CameraUri& uri, const CameraOpening&) {
                     std::to_string(images.num_frames) +
                     " frames are left out, as their stamps are not later than that of one before");
   }
-  if (const int num = contents->messages[*topic] - images.num_frames - images.num_bad; num > 0) {
+  if (const int num = contents.messages[*topic] - images.num_frames - images.num_bad; num > 0) {
     notes.push_back(info.name + ": " + std::to_string(num) + " messages on " + *topic +
                     " are left out, as they are of another type than its images");
   }
   info.rate = uri.rate.value_or(periods.rate > 0 ? periods.rate : info.rate);
-  for (const auto& [name, sensor] : contents->sensors) {
+  for (const auto& [name, sensor] : contents.sensors) {
     if (ros_parent(name) == ros_parent(*topic)) info.sensor = sensor;
   }
-  auto models = contents->choose_lens(uri, *topic, notes);
+  auto models = contents.choose_lens(uri, *topic, notes);
   if (!models) return models.error();
   if (!models->empty()) set_ros_camera(models->front().second, *topic, info);
-  auto place = place_of(uri, *contents, images);
+  auto place = place_of(uri, contents, images);
   if (!place) return place.error();
   if (*place) info.is_moving = (*place)->transforms.is_moving((*place)->world, (*place)->frame);
-  if (*place && !contents->tf_trouble.empty()) {
-    notes.push_back(info.name + ": a message of transforms is left out: " + contents->tf_trouble);
+  if (*place && !contents.tf_trouble.empty()) {
+    notes.push_back(info.name + ": a message of transforms is left out: " + contents.tf_trouble);
   }
   if (const Status again = (*reader)->rewind(); !again) return again.error();
   return RawStream{std::make_unique<BagSource>(*std::move(reader), *topic, unit, *scale, said,

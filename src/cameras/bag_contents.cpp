@@ -53,6 +53,12 @@ void add_camera(const McapMessage& message, BagContents::Camera& camera) {
   }
 }
 
+void add_transforms(std::string_view data, bool is_static, BagContents& contents) {
+  const auto transforms = read_transforms(data, &contents.unplaced);
+  if (!transforms) return keep_first(contents.tf_trouble, transforms.error());
+  for (const RosStampedTransform& each : *transforms) contents.transforms.add(each, is_static);
+}
+
 /// Of images only the first good one is unpacked: the others are met again when they are read.
 void add_image(const std::string& schema, const McapMessage& message, BagContents::Images& topic) {
   const RosStamp stamp = stamp_of(message);
@@ -133,9 +139,22 @@ bool is_unit_of(std::string_view unit, const std::string& images) {
   return option != std::string_view::npos && of_images.starts_with(unit.substr(0, option + 1));
 }
 
-Result<BagContents> look_through(BagReader& reader, const CameraUri& uri) {
+Status look_through_first_part(BagReader& reader, BagContents& contents) {
+  for (;;) {
+    const auto message = reader.next();
+    if (!message) return message.error();
+    if (!*message) return Done{};
+    const McapChannel& channel = reader.channels().at((*message)->channel);
+    if (channel.schema_name == kTransforms && channel.topic.ends_with("static")) {
+      add_transforms((*message)->data, true, contents);
+    } else if (channel.schema_name == kCameraInfo && channel.topic.size() <= kLongestTopic) {
+      add_camera(**message, contents.cameras[channel.topic]);
+    }
+  }
+}
+
+Status look_through(BagReader& reader, const CameraUri& uri, BagContents& contents) {
   const std::string desired = given(uri, "topic");
-  BagContents contents;
   for (;;) {
     const auto message = reader.next();
     if (!message) return message.error();
@@ -153,14 +172,7 @@ Result<BagContents> look_through(BagReader& reader, const CameraUri& uri) {
       contents.units.emplace(channel.topic, *unit);
     }
     if (channel.schema_name == kTransforms) {
-      const auto transforms = read_transforms(data, &contents.unplaced);
-      if (!transforms) {
-        keep_first(contents.tf_trouble, transforms.error());
-        continue;
-      }
-      for (const RosStampedTransform& each : *transforms) {
-        contents.transforms.add(each, channel.topic.ends_with("static"));
-      }
+      add_transforms(data, channel.topic.ends_with("static"), contents);
     } else if (channel.schema_name == kText && channel.topic.ends_with("/sensor")) {
       CdrReader from(data);
       const auto sensor = value_named<SensorKind>(from.text());
@@ -173,7 +185,7 @@ Result<BagContents> look_through(BagReader& reader, const CameraUri& uri) {
     }
   }
   contents.was_cut_off = reader.was_cut_off();
-  return contents;
+  return Done{};
 }
 
 Result<std::string> BagContents::choose_images(const CameraUri& uri) const {

@@ -55,8 +55,11 @@ struct BagContents {
                                   std::vector<std::string>& notes) const;
 };
 
-/// Errors: of the file.
-Result<BagContents> look_through(BagReader& reader, const CameraUri& uri);
+/// Adds what is found. Errors: of the file.
+Status look_through(BagReader& reader, const CameraUri& uri, BagContents& contents);
+/// The same of what is sent once, and so lies in the first part of a recording: transforms that
+/// stay, and lenses.
+Status look_through_first_part(BagReader& reader, BagContents& contents);
 
 /// An image of either type, or why it is none.
 Result<DepthFrame> read_bag_frame(const std::string& schema, const McapMessage& message,

@@ -259,6 +259,13 @@ Error unreadable(const fs::path& path, std::uint64_t place) {
                                 "; check its disk"};
 }
 
+fs::path first_part_of(const fs::path& file) {
+  const std::vector<fs::path> parts = noted_files(file.parent_path());
+  const auto is_it = [&](const fs::path& part) { return part.filename() == file.filename(); };
+  const auto found = std::ranges::find_if(parts, is_it);
+  return found == parts.end() || found == parts.begin() ? fs::path() : parts.front();
+}
+
 Result<std::unique_ptr<BagReader>> BagReader::open(const fs::path& target) {
   auto files = files_of(target);
   if (!files) return files.error();

@@ -178,11 +178,11 @@ class Ros1Bag final : public BagFile {
 
 void KeptChunks::add(const Place& place, std::string_view chunk) {
   std::string packed(ZSTD_compressBound(chunk.size()), '\0');
-  packed.resize(ZSTD_compress(packed.data(), packed.size(), chunk.data(), chunk.size(), kFastest));
-  if (packed.size() > room_) return;
-  room_ -= packed.size();
-  packed.shrink_to_fit();
-  packed_[place] = std::move(packed);
+  const std::size_t size =
+      ZSTD_compress(packed.data(), packed.size(), chunk.data(), chunk.size(), kFastest);
+  if (ZSTD_isError(size) != 0 || size > room_ || packed_.contains(place)) return;
+  room_ -= size;
+  packed_[place] = packed.substr(0, size);
 }
 
 bool KeptChunks::find(const Place& place, std::string& to) const {

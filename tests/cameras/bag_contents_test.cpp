@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <filesystem>
 #include <fstream>
 #include <string>
 #include <vector>
@@ -220,6 +221,23 @@ TEST_F(BagContents, FloatsInMillimetresAreToldAndRead) {
   EXPECT_EQ(read(), "");
   EXPECT_EQ(notes_, "");
   expect_depth(frames_[0]);
+}
+
+TEST_F(BagContents, ALaterPartAloneKnowsWhatWasSentOnceInTheFirstOne) {
+  write({{"/tf_static", "tf2_msgs/TFMessage", test::transform("map", "cam", {0, 0, 0, 1})},
+         {kInfo, kCameraInfo, camera_info(at(0))},
+         {kTopic, kImage, image(at(0))}});
+  std::filesystem::rename(path_, folder_ / "first.bag");
+  write({{kTopic, kImage, image(at(1))}});
+  EXPECT_WORDS(read("?world=map"), "no transform joins");
+  std::ofstream(folder_ / "metadata.yaml")
+      << "a:\n  relative_file_paths:\n  - first.bag\n  - scene.bag\n";
+  EXPECT_EQ(read("?world=map"), "");
+  ASSERT_EQ(frames_.size(), 1u);
+  EXPECT_EQ(frames_[0].X_WC.translation.x, 1);
+  EXPECT_EQ(info_.intrinsics.fx, 30);
+  EXPECT_WORDS(notes_, "is a part of a recording: what is sent once is read in " +
+                           (folder_ / "first.bag").string());
 }
 
 TEST_F(BagContents, TransformsWithoutARotationAreNamed) {

@@ -34,4 +34,8 @@ class BagReader {
   virtual Status rewind() = 0;
 };
 
+/// The first file of the recording of which this is a later part, by rosbag2's metadata.yaml beside
+/// it; empty: it is none. What is sent once lies there: transforms that stay, for one.
+std::filesystem::path first_part_of(const std::filesystem::path& file);
+
 }  // namespace palpate::inline v0
