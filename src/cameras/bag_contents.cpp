@@ -247,11 +247,10 @@ Result<LensHistory> BagContents::choose_lens(const CameraUri& uri, const std::st
                               described(camera.frame_id, shown.width, shown.height) +
                               ", the images on " + topic + " are of " +
                               described(frame, of_images.width, of_images.height);
-    if (is_other_frame && is_other_size) {
-      if (uri.intrinsics) return LensHistory();
-      return refused(whose);
-    }
-    if (is_other_frame || is_other_size) notes.push_back(whose + "; it is taken for theirs");
+    if (uri.intrinsics && (is_other_frame || camera.models.empty())) return LensHistory();
+    if (is_other_frame && is_other_size) return refused(whose);
+    if (!camera.models.empty() && (is_other_frame || is_other_size))
+      notes.push_back(whose + "; it is taken for theirs");
   }
   if (chosen == cameras.end()) return LensHistory();
   const auto& [name, camera] = *chosen;

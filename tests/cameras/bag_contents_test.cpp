@@ -134,6 +134,15 @@ TEST_F(BagContents, TheLensOfAnotherCameraIsNotTakenWithoutAWord) {
   EXPECT_EQ(read("?intrinsics=31,31,15.5,11.5"), "");
   EXPECT_EQ(info_.intrinsics.fx, 31);
   EXPECT_WORDS(read("?info=/nowhere"), "holds no camera_info on /nowhere");
+  Shot fisheye = at(0);
+  fisheye.frame = "fisheye";
+  fisheye.model = "equidistant";
+  fisheye.distortion = {0.1, 0, 0, 0};
+  write({{"/fisheye/camera_info", kCameraInfo, camera_info(fisheye)},
+         {kTopic, kImage, image(at(0))}});
+  EXPECT_WORDS(read(), "/fisheye/camera_info: a camera_info has the distortion model");
+  EXPECT_EQ(read("?intrinsics=31,31,15.5,11.5"), "");
+  EXPECT_EQ(notes_, "");
 }
 
 // Of several elsewhere, that of their frame is theirs.
