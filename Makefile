@@ -9,7 +9,7 @@ cmake --preset $(1)
 cmake --build --preset $(1) -j $(JOBS)
 endef
 
-.PHONY: help setup lint format tidy build demo test quick-test busy-test golden clang fuzz mutants bench bench-compare live-figures camera-figures ros2-figures sensor-figures soak docs packing-curves peer-times eval eval-quick eval-check asan tsan large-inputs cuda gpu-check view-soak arm64 wheel packages try-packages try-demo try-test ci-all clean
+.PHONY: help setup lint format tidy build demo test quick-test busy-test golden clang fuzz mutants bench bench-compare live-figures camera-figures ros2-figures sensor-figures soak docs packing-curves peer-times eval eval-quick eval-check asan tsan large-inputs peers-of-files cuda gpu-check view-soak arm64 wheel packages try-packages try-demo try-test ci-all clean
 
 help:  ## this list
 	@grep -hE '^[a-z0-9 -]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z0-9 -]+):.*## */\1\t/' | expand -t 16
@@ -165,6 +165,11 @@ large-inputs: setup  ## how long every reader takes for 100 MB, and how much mem
 	cmake --build --preset release -j $(JOBS) --target large_inputs
 	build/release/bin/large_inputs --csv build/large-inputs.csv
 
+peers-of-files: setup  ## files that trimesh, rosbags, mcap, yourdfpy and Open3D write in every variant, read as they read them
+	scripts/setup.sh --files
+	$(call build_preset,release) --target palpate
+	build/python-files/bin/python tests/apps/file_peers.py $(CURDIR)/build/release/bin/palpate
+
 mutants: setup  ## do the tests notice? 200 small changes to contact, field and haptics, for hours; goes on where it was
 	tools/mutants.py --count $(or $(COUNT),200)
 
@@ -209,8 +214,8 @@ try-demo try-test:  ## make demo or make test in a fresh Debian 12, each line wi
 	scripts/setup.sh --packages
 	scripts/try_fresh.sh $(@:try-%=%)
 
-ci-all:  ## all that needs no special hardware: tests, sanitizers, Clang, fuzzing, large inputs and clang-tidy, Arm, packages, the page of the evaluation; hours
-	for check in test clang asan tsan fuzz large-inputs tidy arm64 try-packages eval-check; do $(MAKE) $$check || exit 1; done
+ci-all:  ## all that needs no special hardware: tests, sanitizers, Clang, fuzzing, large inputs, files of other libraries and clang-tidy, Arm, packages, the page of the evaluation; hours
+	for check in test clang asan tsan fuzz large-inputs peers-of-files tidy arm64 try-packages eval-check; do $(MAKE) $$check || exit 1; done
 
 clean:  ## remove build/ and demo/
 	rm -rf build demo

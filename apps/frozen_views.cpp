@@ -59,8 +59,10 @@ struct FrozenViews::Frozen {
 };
 
 Result<FrozenViews::Frozen> FrozenViews::Frozen::from_points(const std::string& file) {
-  auto cloud = load_cloud(file);
+  std::string note;
+  auto cloud = load_cloud(file, &note);
   if (!cloud) return cloud.error();
+  if (!note.empty()) warn(note);
   Frozen frozen;
   frozen.name = file;
   frozen.cloud = *std::move(cloud);

@@ -18,12 +18,17 @@ void add_robot_options(CLI::App& app, RobotOptions& options) {
       "pose of its base in the world: 'tx ty tz qx qy qz qw', or a file of poses by time (TUM)");
   add("--robot-packages", options.files.packages, "DIR[:DIR]",
       "folders searched for package://, in addition to ROS_PACKAGE_PATH and AMENT_PREFIX_PATH");
+  app.add_option("--robot-skip", options.files.skip,
+                 "links of the URDF that are not removed, and whose meshes are not read")
+      ->type_name("LINK[,LINK]")
+      ->delimiter(',')
+      ->group(group);
   add_setting_options(app, group, settings_of(options.filter), kRobotOptions);
 }
 
 void check_robot(const CLI::App& app, const std::string& verb) {
   if (app.count("--robot") > 0) return;
-  std::vector<std::string> flags{"--joints", "--robot-pose", "--robot-packages"};
+  std::vector<std::string> flags{"--joints", "--robot-pose", "--robot-packages", "--robot-skip"};
   for (const SettingOption& option : kRobotOptions) flags.emplace_back(option.flag);
   for (const std::string& flag : flags) {
     if (app.count(flag) > 0) usage_error(verb + ": " + flag + " goes with --robot");

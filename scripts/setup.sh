@@ -2,7 +2,7 @@
 # Installs what is missing to build and test Palpate on Debian 12 or Ubuntu 24.04, and nothing else.
 # A second run finds everything in place and needs neither network nor rights.
 #
-# usage: scripts/setup.sh [--program] [--test] [--wheel] [--fuzz] [--tidy] [--docs] [--packages] [--arm64] [--peers] [--robot] [--list]
+# usage: scripts/setup.sh [--program] [--test] [--wheel] [--fuzz] [--tidy] [--docs] [--packages] [--arm64] [--peers] [--files] [--robot] [--list]
 #   --program only what the program itself needs
 #   --test    also what only the tests need; Python packages for them go into build/python, and what
 #             makes and tries the Python package into build/wheel-tools and build/wheelhouse
@@ -13,6 +13,7 @@
 #   --packages also what making and trying packages needs
 #   --arm64   also what building and testing for 64-bit Arm needs
 #   --peers   also what the benchmark against other libraries needs
+#   --files   also what the comparison of files with other libraries needs (Python packages, 1 GB)
 #   --robot   also what only the example with a robot's arm needs (Python packages, 60 MB)
 #   --list    only print the names of all packages
 set -euo pipefail
@@ -31,10 +32,11 @@ for argument in "$@"; do
     --packages) groups="$groups packages " ;;
     --arm64) groups="$groups arm64 " ;;
     --peers) groups="$groups peers " ;;
+    --files) groups="$groups files " ;;
     --robot) groups="$groups robot " ;;
     --list) list_only=yes ;;
     *)
-      echo "setup: unknown option $argument; usage: scripts/setup.sh [--program] [--test] [--wheel] [--fuzz] [--tidy] [--docs] [--packages] [--arm64] [--peers] [--robot] [--list]" >&2
+      echo "setup: unknown option $argument; usage: scripts/setup.sh [--program] [--test] [--wheel] [--fuzz] [--tidy] [--docs] [--packages] [--arm64] [--peers] [--files] [--robot] [--list]" >&2
       exit 2
       ;;
   esac
@@ -187,11 +189,25 @@ install_peer_packages() {
   done
 }
 
+# Libraries that write and read the files that we do.
+file_packages=(trimesh scipy yourdfpy rosbags mcap open3d-cpu)
+install_file_packages() {
+  case "$groups" in *" files "*) ;; *) return 0 ;; esac
+  local python=build/python-files/bin/python
+  if "$python" -c "import mcap, open3d, rosbags, scipy, trimesh, yourdfpy" 2>/dev/null; then return 0; fi
+  echo "setup: installing ${file_packages[*]} into build/python-files"
+  [ -x "$python" ] || python3 -m venv build/python-files
+  for package in "${file_packages[@]}"; do
+    "$python" -m pip install -q "$package" || echo "setup: could not install $package: it is left out of the peers." >&2
+  done
+}
+
 if [ ${#missing[@]} -eq 0 ]; then
   echo "setup: all ${#wanted[@]} packages are installed"
   install_node
   install_python_packages
   install_peer_packages
+  install_file_packages
   exit 0
 fi
 
@@ -236,4 +252,5 @@ fi
 install_node
 install_python_packages
 install_peer_packages
+install_file_packages
 echo "setup: done"

@@ -66,7 +66,7 @@ SHARED_PRIVATE = {
     "src/ros/dds_api.h": ("cameras", "devices"),
     "src/ros/by_time.h": ("cameras",),
     "src/ros/tf_history.h": ("cameras",),
-    "src/ros/tf_tree.h": ("devices",),
+    "src/ros/tf_tree.h": ("devices", "cameras"),
     "src/ros/ros_node.h": ("devices", "cameras", "apps"),
     "src/core/thread_rank.h": ("run", "viewer", "apps"),
     "src/run/loop/event.h": ("apps",),

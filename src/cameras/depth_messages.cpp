@@ -12,6 +12,7 @@
 #include "src/io/cdr.h"
 #include "src/io/ros_image.h"
 #include "src/io/rvl.h"
+#include "src/io/text_scanner.h"
 
 namespace palpate::inline v0 {
 namespace {
@@ -35,7 +36,20 @@ Error damaged_info() { return {Errc::bad_input, "a camera_info is damaged; recor
 
 }  // namespace
 
-Result<DepthFrame> read_compressed_depth(std::string_view message, double unit) {
+Result<double> scale_of_floats(const CameraUri& uri) {
+  constexpr double kMin = 1e-6, kMax = 1000;
+  const auto given = uri.extras.find("scale");
+  if (given == uri.extras.end()) return 1.0;
+  const auto scale = parse_number<double>(given->second);
+  if (scale && *scale >= kMin && *scale <= kMax) return *scale;
+  return Error{Errc::invalid_argument,
+               "camera " + uri.text +
+                   ": 'scale' must be meters per number of a 32FC1 image, e.g. "
+                   "0.001 for millimeters, not '" +
+                   given->second.substr(0, 40) + "'"};
+}
+
+Result<DepthFrame> read_compressed_depth(std::string_view message, double unit, double scale) {
   // Before the PNG: the kind of compression, and the two numbers of a depth that was turned into
   // counts as count = a / depth + b.
   struct Config {
@@ -46,7 +60,19 @@ Result<DepthFrame> read_compressed_depth(std::string_view message, double unit) 
   const double stamp = read_ros_header(from).time;
   const std::string_view format = from.text();
   const std::string_view data = from.bytes();
-  if (!from.is_good() || data.size() < sizeof(Config)) return damaged("a compressed depth image");
+  constexpr const char* kWhat = "a compressed depth image";
+  if (from.is_good() && data.starts_with("\xff\xd8\xff")) {
+    return Error{Errc::bad_input,
+                 "an image is a JPEG, which keeps 8 bits and so has lost the depth; record the "
+                 "image itself, or by the transport compressedDepth"};
+  }
+  // By the transport `compressed`, or by OpenCV.
+  if (from.is_good() && data.starts_with("\x89PNG")) {
+    auto frame = decode_depth_png(data, kWhat, kMillimetre);
+    if (frame) frame->timestamp = stamp;
+    return frame;
+  }
+  if (!from.is_good() || data.size() < sizeof(Config)) return damaged(kWhat);
   // "16UC1; compressedDepth rvl"; without a word behind it, it is PNG.
   constexpr std::string_view kTransport = "compressedDepth";
   const std::size_t at = format.find(kTransport);
@@ -56,11 +82,11 @@ Result<DepthFrame> read_compressed_depth(std::string_view message, double unit) 
   if (!is_rvl && codec != " png" && !codec.empty()) {
     return Error{Errc::bad_input, "an image is of the format '" +
                                       std::string(format.substr(0, 60)) +
-                                      "'; depth is 'compressedDepth png' or 'compressedDepth rvl'"};
+                                      "'; depth is PNG of 16 bits, 'compressedDepth png' or "
+                                      "'compressedDepth rvl'"};
   }
   Config config;
   std::memcpy(&config, data.data(), sizeof config);
-  constexpr const char* kWhat = "a compressed depth image";
   const std::string_view image = data.substr(sizeof config);
   auto frame = is_rvl ? decode_depth_rvl(image, kWhat, kMillimetre)
                       : decode_depth_png(image, kWhat, kMillimetre);
@@ -71,7 +97,7 @@ Result<DepthFrame> read_compressed_depth(std::string_view message, double unit) 
       const double depth =
           count == 0 ? 0.0
                      : static_cast<double>(config.a) / (count - static_cast<double>(config.b));
-      count = count_of(depth, unit);
+      count = count_of(scale * depth, unit);
     }
     frame->unit = unit;
   }

@@ -5,13 +5,16 @@
 #include <string>
 #include <string_view>
 
-#include "palpate/cloud/depth_source.h"
+#include "palpate/cameras/cameras.h"
 
 namespace palpate::inline v0 {
 
-/// sensor_msgs/CompressedImage of the transport compressedDepth: PNG or RVL of 16UC1 or 32FC1.
-/// Errors: another format, a damaged image.
-Result<DepthFrame> read_compressed_depth(std::string_view message, double unit);
+/// Metres per number of 32FC1 images, as `scale=` says; else 1. Error: it is no such number.
+Result<double> scale_of_floats(const CameraUri& uri);
+
+/// sensor_msgs/CompressedImage of the transport compressedDepth: PNG or RVL of 16UC1 or 32FC1; or
+/// a PNG of 16 bits. Errors: another format, a damaged image.
+Result<DepthFrame> read_compressed_depth(std::string_view message, double unit, double scale = 1);
 
 struct RosCameraModel {
   int width = 0, height = 0;  ///< of all that the camera sees
@@ -39,8 +42,9 @@ inline constexpr double kFloatUnit = 0.00025;
 /// The topic without the transport that is written behind it: "/camera/depth/image_raw" of
 /// "/camera/depth/image_raw/compressedDepth".
 inline std::string_view ros_image_topic(std::string_view topic) {
-  constexpr std::string_view kTransport = "/compressedDepth";
-  if (topic.ends_with(kTransport)) topic.remove_suffix(kTransport.size());
+  for (const std::string_view transport : {"/compressedDepth", "/compressed"}) {
+    if (topic.ends_with(transport)) return topic.substr(0, topic.size() - transport.size());
+  }
   return topic;
 }
 

@@ -23,8 +23,8 @@ struct Kind {
 constexpr Kind kKinds[] = {
     {"scene", "scene:NAME", open_scene_camera, find_scene_cameras},
     {"folder", "folder:DIR", open_folder_camera, find_folder_cameras},
-    {"bag", "bag:FILE.mcap|FILE.bag|FILE.db3[?topic=/T&world=FRAME]", open_bag_camera,
-     find_bag_cameras},
+    {"bag", "bag:FILE.mcap|FILE.bag|FILE.db3|FOLDER[?topic=/T&info=/T&world=FRAME]",
+     open_bag_camera, find_bag_cameras},
     {"openni2", "openni2[:NAME|FILE.oni]", open_openni2_camera, find_openni2_cameras},
     {"realsense", "realsense[:SERIAL|FILE.db3|FILE.bag]", open_realsense_camera,
      find_realsense_cameras},

@@ -8,7 +8,7 @@
 namespace palpate::inline v0 {
 namespace {
 
-bool is_measurement(int count) { return count != 0 && count != 65535; }
+bool is_measurement(int count) { return count != 0 && count != kFarCount; }
 
 /// Depth of the middle of all measurements, m; 0: there are too few.
 double median_depth(const DepthFrame& frame) {
@@ -58,6 +58,14 @@ std::string doubt_unit(const DepthFrame& frame) {
     return text;
   }
   const double depth = median_depth(frame);
+  const auto num_far = static_cast<std::size_t>(std::ranges::count(frame.pixels, kFarCount));
+  if (depth == 0 && 2 * num_far > frame.pixels.size()) {
+    std::snprintf(text, sizeof text,
+                  "all that it sees is more than %.3g m away: does it look like that because its "
+                  "images are of 32FC1 in millimeters? Then give scale=0.001",
+                  kFarCount * frame.unit);
+    return text;
+  }
   if (depth == 0 || (depth >= kNearest && depth <= kFarthest)) return {};
   std::snprintf(
       text, sizeof text,

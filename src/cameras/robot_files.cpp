@@ -104,7 +104,11 @@ Result<RobotModel> load_robot(const RobotFiles& files, RobotGeometry geometry) {
     const auto text = read_file(path, kMaxBytes);
     if (!text) return text.error();
     const RobotFolders folders{path.parent_path(), RobotFolders::packages_of(files.packages)};
-    return parse_urdf(*text, files.robot, folders, geometry);
+    return parse_urdf(*text, files.robot, folders, geometry, files.skip);
+  }
+  if (!files.skip.empty()) {
+    return Error{Errc::invalid_argument,
+                 files.robot + " is a mesh: it has no link '" + files.skip.front() + "' to skip"};
   }
   auto mesh = load_mesh(path);
   if (!mesh) return mesh.error();
@@ -146,7 +150,8 @@ Result<SelfFilter> open_self_filter(const RobotFiles& files, const SelfFilterOpt
   if (links.empty()) {
     return Error{Errc::bad_input, files.robot +
                                       ": no link has a shape; there is nothing to leave "
-                                      "out of depth images"};
+                                      "out of depth images" +
+                                      (model->notes.empty() ? "" : "; " + model->notes.front())};
   }
   if (!address->world.empty()) {
     if (!files.pose.empty()) {
@@ -164,16 +169,17 @@ Result<SelfFilter> open_self_filter(const RobotFiles& files, const SelfFilterOpt
     return SelfFilter::create(
         std::move(links),
         std::make_shared<FramePoses>(std::move(names), *std::move(states), options.max_age),
-        options);
+        options, std::move(model->notes));
   }
 
   auto X_WB = base_poses(files.pose);
   if (!X_WB) return X_WB.error();
   auto states = open_joint_states(*model, model->required_joints(), files.joints, files.robot);
   if (!states) return states.error();
+  std::vector<std::string> notes = model->notes;
   auto poses = std::make_shared<TreePoses>(*std::move(model), *std::move(X_WB), *std::move(states),
                                            options.max_age);
-  return SelfFilter::create(std::move(links), std::move(poses), options);
+  return SelfFilter::create(std::move(links), std::move(poses), options, std::move(notes));
 }
 
 Status check_one_world(std::span<const CameraUri> cameras, const RobotFiles& robot) {

@@ -35,7 +35,8 @@ struct RobotModel {
   std::string name;
   std::vector<RobotLink> links;  ///< meshes in link frames; some have none
   std::vector<RobotJoint> joints;
-  std::size_t root = 0;  ///< link whose frame is that of the base, B
+  std::size_t root = 0;            ///< link whose frame is that of the base, B
+  std::vector<std::string> notes;  ///< of links that are left out, and why
 
   /// X_BL of every link. `positions`: of every joint; those of fixed and of following ones are not
   /// looked at.
@@ -58,9 +59,11 @@ struct RobotFolders {
 
 /// URDF: links with boxes, cylinders, spheres and meshes, joints of all kinds; limits are not
 /// looked at. Errors: not XML, with the line; what is missing, or no number, with its name; a link
-/// or joint that is not there, or is there twice; not a tree; a mesh that cannot be read. Without a
-/// `geometry` links have no meshes, and none is looked for.
+/// or joint that is not there, or is there twice; not a tree; a mesh that cannot be read, unless it
+/// is how a link looks that has no collision mesh: that link is left out, with a note. Without a
+/// `geometry` links have no meshes, and none is looked for; nor do links that are `skipped`.
 Result<RobotModel> parse_urdf(std::string_view text, const std::string& name,
-                              const RobotFolders& folders, std::optional<RobotGeometry> geometry);
+                              const RobotFolders& folders, std::optional<RobotGeometry> geometry,
+                              const std::vector<std::string>& skipped = {});
 
 }  // namespace palpate::inline v0

@@ -222,9 +222,11 @@ class Ros2Source final : public DepthSource {
  public:
   static Result<std::unique_ptr<Ros2Source>> open(const CameraUri& uri,
                                                   const CameraOpening& opening) {
+    const auto scale = scale_of_floats(uri);
+    if (!scale) return scale.error();
     auto node = RosNode::join();
     if (!node) return node.error();
-    std::unique_ptr<Ros2Source> source(new Ros2Source(uri, *node));
+    std::unique_ptr<Ros2Source> source(new Ros2Source(uri, *scale, *node));
     if (const Status status = source->set_clock(); !status) return status.error();
     if (const Status status = source->listen(); !status) return status.error();
     if (const Status status = source->wait_for_first(opening); !status) return status.error();
@@ -253,15 +255,16 @@ class Ros2Source final : public DepthSource {
   }
 
  private:
-  Ros2Source(const CameraUri& uri, std::shared_ptr<RosNode> node)
+  Ros2Source(const CameraUri& uri, double scale, std::shared_ptr<RosNode> node)
       : uri_(uri),
         topic_(uri.target.starts_with('/') ? uri.target : "/" + uri.target),
-        is_compressed_(topic_.ends_with("/compressedDepth")),
+        is_compressed_(ros_image_topic(topic_) != topic_),
+        scale_(scale),
         node_(std::move(node)) {
     const auto given = uri.extras.find("info");
-    const std::string image = is_compressed_ ? std::string(ros_parent(topic_)) : topic_;
-    info_topic_ =
-        given == uri.extras.end() ? std::string(ros_parent(image)) + "/camera_info" : given->second;
+    info_topic_ = given == uri.extras.end()
+                      ? std::string(ros_parent(ros_image_topic(topic_))) + "/camera_info"
+                      : given->second;
     info_.name = "ros2:" + topic_;
     info_.rate = uri.rate.value_or(30);
     info_.unit = uri.unit.value_or(info_.unit);
@@ -371,8 +374,8 @@ class Ros2Source final : public DepthSource {
     if (!received_.take(image_)) return false;
     last_image_ = monotonic_now();
     const double unit = uri_.unit.value_or(kFloatUnit);
-    auto got = is_compressed_ ? read_compressed_depth(image_.message, unit)
-                              : read_depth_image(image_.message, unit);
+    auto got = is_compressed_ ? read_compressed_depth(image_.message, unit, scale_)
+                              : read_depth_image(image_.message, unit, scale_);
     if (!got) {
       received_.add_note("sends images that are dropped: " + got.error().message);
       return false;
@@ -410,6 +413,7 @@ class Ros2Source final : public DepthSource {
   const CameraUri uri_;
   const std::string topic_;
   const bool is_compressed_;
+  const double scale_;
   std::string info_topic_;
   const std::shared_ptr<RosNode> node_;
   DepthStreamInfo info_;
@@ -427,7 +431,8 @@ class Ros2Source final : public DepthSource {
 }  // namespace
 
 Result<RawStream> open_ros2_camera(const CameraUri& uri, const CameraOpening& opening) {
-  if (const Status status = uri.check_extras({"info", "qos", "clock", "world", "frame"}); !status)
+  if (const Status status = uri.check_extras({"info", "qos", "clock", "world", "frame", "scale"});
+      !status)
     return status.error();
   if (uri.target.empty()) {
     return Error{Errc::invalid_argument,

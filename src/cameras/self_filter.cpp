@@ -15,6 +15,7 @@ struct SelfFilter::Robot {
   std::vector<RobotLink> links;
   std::shared_ptr<const LinkPoses> poses;
   double padding = 0;
+  std::vector<std::string> notes;
 };
 
 namespace {
@@ -35,7 +36,7 @@ class SelfFilteredSource final : public DepthSource {
  public:
   SelfFilteredSource(std::unique_ptr<DepthSource> source, std::span<const RobotLink> links,
                      std::shared_ptr<const void> owner, const LinkPoses& poses, double padding,
-                     const Place& place)
+                     const Place& place, const std::vector<std::string>& notes)
       : source_(std::move(source)),
         owner_(std::move(owner)),
         links_(links),
@@ -43,6 +44,7 @@ class SelfFilteredSource final : public DepthSource {
         X_WL_(links.size()),
         X_CL_(links.size()),
         image_(source_->info().intrinsics, padding) {
+    for (const std::string& each : notes) note(info().name + ": " + each);
     auto on_gpu = links_at(links, info(), padding, place);
     if (on_gpu) {
       on_gpu_ = *std::move(on_gpu);
@@ -159,7 +161,8 @@ void scale_about_middle(TriangleMesh& mesh, double scale) {
 
 Result<SelfFilter> SelfFilter::create(std::vector<RobotLink> links,
                                       std::shared_ptr<const LinkPoses> poses,
-                                      const SelfFilterOptions& options) {
+                                      const SelfFilterOptions& options,
+                                      std::vector<std::string> notes) {
   if (const Status status = check_settings(options); !status) return status.error();
   if (poses == nullptr) {
     return Error{Errc::invalid_argument, "a self filter needs a source of link poses"};
@@ -179,8 +182,8 @@ Result<SelfFilter> SelfFilter::create(std::vector<RobotLink> links,
   if (options.scale != 1) {
     for (RobotLink& link : links) scale_about_middle(link.mesh, options.scale);
   }
-  return SelfFilter(
-      std::make_shared<Robot>(Robot{std::move(links), std::move(poses), options.padding}));
+  return SelfFilter(std::make_shared<Robot>(
+      Robot{std::move(links), std::move(poses), options.padding, std::move(notes)}));
 }
 
 Result<std::unique_ptr<DepthSource>> SelfFilter::applied_to(std::unique_ptr<DepthSource> source,
@@ -194,8 +197,9 @@ Result<std::unique_ptr<DepthSource>> SelfFilter::applied_to(std::unique_ptr<Dept
                                    : " is recorded and the robot's poses are live") +
                      ": they cannot be matched; use one clock for both"};
   }
-  return std::unique_ptr<DepthSource>(std::make_unique<SelfFilteredSource>(
-      std::move(source), robot_->links, robot_, *robot_->poses, robot_->padding, place));
+  return std::unique_ptr<DepthSource>(
+      std::make_unique<SelfFilteredSource>(std::move(source), robot_->links, robot_, *robot_->poses,
+                                           robot_->padding, place, robot_->notes));
 }
 
 }  // namespace palpate::inline v0

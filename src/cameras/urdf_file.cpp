@@ -29,8 +29,8 @@ constexpr double kLargest = 1e3;                                    // m, and ti
 class Reader {
  public:
   Reader(const std::string& name, const RobotFolders& folders,
-         std::optional<RobotGeometry> geometry)
-      : name_(name), folders_(folders), geometry_(geometry) {}
+         std::optional<RobotGeometry> geometry, const std::vector<std::string>& skipped)
+      : name_(name), folders_(folders), geometry_(geometry), skipped_(skipped) {}
 
   Result<RobotModel> read(std::string_view text) {
     if (text.find_first_not_of(" \t\r\n") == std::string_view::npos) {
@@ -51,6 +51,11 @@ class Reader {
     if (status) status = resolve_mimics();
     if (status) status = put_in_order();
     if (!status) return status.error();
+    for (const std::string& link : skipped_) {
+      if (const auto found = model_.find_link(link); !found) {
+        return Error{found.error().code, name_ + ": " + found.error().message};
+      }
+    }
     return std::move(model_);
   }
 
@@ -135,14 +140,23 @@ class Reader {
       }
       if (model_.links.size() == kMaxLinks) return bad(*link, "more links than any robot has");
       model_.links.push_back({*name, {}});
-      if (!geometry_) continue;
+      if (!geometry_ || std::ranges::count(skipped_, *name) > 0) continue;
       const bool is_visual = geometry_ == RobotGeometry::visual;
       const char* const desired = is_visual ? "visual" : "collision";
       const char* const else_taken = is_visual ? "collision" : "visual";
       const bool has_desired = link->FirstChildElement(desired) != nullptr;
-      if (const Status status = read_geometry(*link, has_desired ? desired : else_taken); !status) {
-        return status;
+      lacks_mesh_ = false;
+      const Status status = read_geometry(*link, has_desired ? desired : else_taken);
+      if (status) continue;
+      if (!lacks_mesh_) return status;
+      if (link->FirstChildElement("collision") != nullptr) {
+        return Error{status.error().code, status.error().message + "; or leave that link out (" +
+                                              "--robot-skip " + shown(*name) + ")"};
       }
+      model_.links.back().mesh = {};
+      model_.notes.push_back(
+          "link '" + shown(*name) +
+          "' of the robot is left out, and stays in the images: " + status.error().message);
     }
     if (model_.links.empty()) return Error{Errc::bad_input, name_ + ": has no <link>"};
     return Done{};
@@ -211,10 +225,12 @@ class Reader {
     if (std::ranges::find(*scale, 0) != scale->end()) {
       return bad(shape, "<mesh> has a scale of zero: nothing would be left of it; write 1 1 1");
     }
+    lacks_mesh_ = true;
     const auto path = find(*filename);
     if (!path) return bad(shape, path.error().message);
     const auto unscaled = meshes_.get(*path, [](const fs::path& file) { return load_mesh(file); });
     if (!unscaled) return bad(shape, unscaled.error().message);
+    lacks_mesh_ = false;
     TriangleMesh mesh = **unscaled;
     for (Vec3d& p : mesh.vertices) {
       p = {p.x * (*scale)[0], p.y * (*scale)[1], p.z * (*scale)[2]};
@@ -393,6 +409,8 @@ class Reader {
   const std::string& name_;
   const RobotFolders& folders_;
   const std::optional<RobotGeometry> geometry_;
+  const std::vector<std::string>& skipped_;
+  bool lacks_mesh_ = false;  // the link that is read: a file of its mesh cannot be read
   RobotModel model_;
   std::map<std::string, std::size_t, std::less<>> links_, joints_;
   FilesOnce<TriangleMesh> meshes_;
@@ -403,8 +421,9 @@ class Reader {
 }  // namespace
 
 Result<RobotModel> parse_urdf(std::string_view text, const std::string& name,
-                              const RobotFolders& folders, std::optional<RobotGeometry> geometry) {
-  return Reader(name, folders, geometry).read(text);
+                              const RobotFolders& folders, std::optional<RobotGeometry> geometry,
+                              const std::vector<std::string>& skipped) {
+  return Reader(name, folders, geometry, skipped).read(text);
 }
 
 }  // namespace palpate::inline v0

@@ -114,22 +114,6 @@ void add_node(const aiScene& scene, const aiNode& node, const aiMatrix4x4& paren
 
 std::optional<Error> check_stl_size(std::string_view content) {
   constexpr std::size_t kHeaderBytes = 84, kFacetBytes = 50;
-  const bool is_text =
-      content.starts_with("solid") && content.substr(0, 1024).find('\0') == std::string_view::npos;
-  if (is_text) {
-    // Assimp makes a mesh of a kilobyte of each.
-    constexpr std::string_view kWord = "solid";  // at the begin of each, and in its end
-    constexpr int kMaxWords = 200'000;
-    int num_words = 0;
-    for (auto at = content.find(kWord); at != content.npos; at = content.find(kWord, at + 1)) {
-      if (++num_words > kMaxWords) return bad("has more than 100,000 solids");
-    }
-    if (content.find("endsolid") != std::string_view::npos ||
-        content.find("ENDSOLID") != std::string_view::npos) {
-      return std::nullopt;
-    }
-    return bad("is truncated: it has no 'endsolid'");
-  }
   if (content.size() < kHeaderBytes) return bad("is neither a text nor a binary STL file");
   const std::uint32_t num_facets = u32_at(content, kHeaderBytes - 4);
   if (num_facets <= (content.size() - kHeaderBytes) / kFacetBytes) return std::nullopt;

@@ -3,20 +3,48 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <memory>
+#include <optional>
+#include <string>
 #include <string_view>
+#include <utility>
 
 #include "src/io/internal/bag_file.h"
 
 namespace palpate::inline v0 {
 
+/// One file of a recording; see BagReader. Schemas and messages are as they lie there.
+class BagFile {
+ public:
+  virtual ~BagFile() = default;
+  virtual Result<std::optional<McapMessage>> next() = 0;
+  virtual const std::map<std::uint16_t, McapChannel>& channels() const = 0;
+  virtual bool was_cut_off() const = 0;
+};
+
+/// Chunks of a recording that took long to unpack, as what takes little: for who reads it again.
+class KeptChunks {
+ public:
+  using Place = std::pair<std::size_t, std::uint64_t>;  // number of the file, byte in it
+  void add(const Place& place, std::string_view chunk);
+  /// False: it is not there.
+  bool find(const Place& place, std::string& to) const;
+
+ private:
+  std::size_t room_ = std::size_t{512} << 20;  // bytes, for all
+  std::map<Place, std::string> packed_;
+};
+
 inline constexpr std::string_view kRos1Magic = "#ROSBAG V2.0\n";
 /// Format 2.0 of ROS 1, with chunks by LZ4, bzip2 or as they are; its index is not needed.
-Result<std::unique_ptr<BagReader>> open_ros1_bag(const std::filesystem::path& path);
+/// `number`: of the file in `kept`.
+Result<std::unique_ptr<BagFile>> open_ros1_bag(const std::filesystem::path& path,
+                                               std::size_t number, KeptChunks& kept);
 
 inline constexpr std::string_view kSqliteMagic{"SQLite format 3\0", 16};
 /// What rosbag2 and RealSense cameras write.
-Result<std::unique_ptr<BagReader>> open_sqlite_bag(const std::filesystem::path& path);
+Result<std::unique_ptr<BagFile>> open_sqlite_bag(const std::filesystem::path& path);
 
 /// The system cannot read there, though the file is longer: it is not cut off.
 Error unreadable(const std::filesystem::path& path, std::uint64_t place);

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "palpate/core/core.h"
+#include "palpate/math/geometry.h"
 
 namespace palpate::inline v0 {
 
@@ -15,6 +16,7 @@ namespace palpate::inline v0 {
 struct CloudColumns {
   int width = 0, height = 1;
   std::vector<std::vector<float>> values;
+  Vec3d eye;  // where it stood, as VIEWPOINT of a PCD says; else the origin
 };
 
 /// Columns of the element "vertex" of a PLY file (text or binary, float or double).

@@ -1,6 +1,7 @@
 #include <array>
 #include <bit>
 #include <cmath>
+#include <cstdio>
 #include <string>
 
 #include "palpate/io/formats.h"
@@ -27,9 +28,28 @@ bool is_pcd(std::string_view content) {
   return content.starts_with("# .PCD") || content.starts_with("VERSION");
 }
 
+/// What is to be said of normals that were turned to where the eye stood.
+std::string words_of_eye(const std::filesystem::path& path, const Vec3d& eye,
+                         std::size_t num_turned, std::size_t num_usable) {
+  char text[240] = "";
+  const double share = 100.0 * static_cast<double>(num_turned) / static_cast<double>(num_usable);
+  if (norm(eye) > 0) {
+    std::snprintf(text, sizeof text,
+                  ": its VIEWPOINT is (%g, %g, %g): normals are turned to there (%.3g %% of them), "
+                  "points stay where they are",
+                  eye.x, eye.y, eye.z, num_turned == 0 ? 0 : share);
+  } else if (num_turned > 0) {
+    std::snprintf(text, sizeof text,
+                  ": %.3g %% of its normals pointed away from the camera, which is at the origin: "
+                  "they are turned to it",
+                  share);
+  }
+  return *text == '\0' ? "" : path.string() + text;
+}
+
 }  // namespace
 
-Result<PointCloud> load_cloud(const std::filesystem::path& path) {
+Result<PointCloud> load_cloud(const std::filesystem::path& path, std::string* note) {
   const auto content = read_file(path);
   if (!content) return content.error();
   if (!is_ply(*content) && !is_pcd(*content))
@@ -44,8 +64,17 @@ Result<PointCloud> load_cloud(const std::filesystem::path& path) {
   if (columns->width == 0) return in_file(path, "has no points; give a cloud that has some");
   PointCloud cloud(columns->width, columns->height);
   const auto& v = columns->values;
-  for (std::size_t i = 0; i < cloud.size(); ++i)
-    cloud.set(i, {v[0][i], v[1][i], v[2][i]}, {v[3][i], v[4][i], v[5][i]});
+  const Vec3f eye = to_float(columns->eye);
+  std::size_t num_turned = 0, num_usable = 0;
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    const Vec3f p{v[0][i], v[1][i], v[2][i]}, n{v[3][i], v[4][i], v[5][i]};
+    const bool is_turned = dot(n, eye - p) < 0;
+    cloud.set(i, p, is_turned ? -n : n);
+    if (std::isnan(cloud.channel(0)[i])) continue;
+    ++num_usable;
+    num_turned += is_turned;
+  }
+  if (note != nullptr) *note = words_of_eye(path, columns->eye, num_turned, num_usable);
   return cloud;
 }
 

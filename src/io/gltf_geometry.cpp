@@ -338,10 +338,30 @@ Json node_geometry(const Json& node) {
   return kept;
 }
 
+/// Assimp takes the numbers of any other types for those of these.
+void check_types(const Json& accessors, std::uint64_t corners,
+                 std::optional<std::uint64_t> indices) {
+  constexpr std::uint64_t kByte = 5121, kShort = 5123, kInt = 5125, kFloat = 5126;
+  const auto type = [&](std::uint64_t number) { return accessors[number].value("type", ""); };
+  const auto component = [&](std::uint64_t number) {
+    return whole_member(accessors[number], "componentType").value_or(0);
+  };
+  if (type(corners) != "VEC3" || component(corners) != kFloat) {
+    throw Fault{"has " + item("accessor", corners) +
+                " of positions that are not three floats each (as by KHR_mesh_quantization), which "
+                "is not supported; save it without quantization"};
+  }
+  if (!indices) return;
+  const std::uint64_t kind = component(*indices);
+  if (type(*indices) != "SCALAR" || (kind != kByte && kind != kShort && kind != kInt)) {
+    throw Fault{"has " + item("accessor", *indices) + " of indices that are not whole numbers"};
+  }
+}
+
 /// Left out is what has no triangles: points, lines, and what has no corners or too few. Assimp
 /// crashes on a line loop whose indices are wrong, and counts two corners less than none in a
 /// strip.
-Json mesh_geometry(const Json& mesh, const std::vector<double>& counts) {
+Json mesh_geometry(const Json& mesh, const Json& accessors, const std::vector<double>& counts) {
   constexpr std::uint64_t kTriangles = 4, kTriangleFan = 6;
   Json primitives = Json::array();
   for (const Json& primitive : list(mesh, "primitives")) {
@@ -353,6 +373,7 @@ Json mesh_geometry(const Json& mesh, const std::vector<double>& counts) {
     const auto corners = whole_member(*attributes, "POSITION");
     const auto indices = whole_member(primitive, "indices");
     if (!corners || counts[indices.value_or(*corners)] < 3) continue;
+    check_types(accessors, *corners, indices);
     Json kept = {{"mode", mode}, {"attributes", {{"POSITION", *corners}}}};
     if (indices) kept["indices"] = *indices;
     primitives.push_back(std::move(kept));
@@ -380,8 +401,9 @@ Json geometry_of(const Json& root, const std::vector<double>& counts, Buffers bu
     return Json{{"nodes", list(scene, "nodes")}};
   });
   kept["nodes"] = each(list(root, "nodes"), node_geometry);
-  kept["meshes"] =
-      each(list(root, "meshes"), [&](const Json& mesh) { return mesh_geometry(mesh, counts); });
+  kept["meshes"] = each(list(root, "meshes"), [&](const Json& mesh) {
+    return mesh_geometry(mesh, list(root, "accessors"), counts);
+  });
   kept["accessors"] = each(list(root, "accessors"), accessor_geometry);
   kept["bufferViews"] = each(list(root, "bufferViews"),
                              [&](const Json& view) { return view_geometry(view, buffers); });
@@ -389,15 +411,17 @@ Json geometry_of(const Json& root, const std::vector<double>& counts, Buffers bu
   return kept;
 }
 
-/// Extensions without which the triangles are not there.
+/// Of what a file needs, only what says how its surface looks does not change its geometry.
 void check_extensions(const Json& root) {
-  for (const Json& name : list(root, "extensionsRequired")) {
-    for (const char* known : {"KHR_draco_mesh_compression", "EXT_meshopt_compression"}) {
-      if (name == known) {
-        throw Fault{std::string("is compressed by ") + known +
-                    ", which is not supported; save it without compression"};
-      }
-    }
+  constexpr std::string_view kLooks[] = {"KHR_materials_", "KHR_texture_", "EXT_texture_",
+                                         "MSFT_texture_", "KHR_lights_"};
+  for (const Json& required : list(root, "extensionsRequired")) {
+    if (!required.is_string()) throw Fault{"requires an extension without a name"};
+    const std::string name = required.get<std::string>();
+    const auto begins = [&](std::string_view start) { return name.starts_with(start); };
+    if (std::ranges::any_of(kLooks, begins)) continue;
+    throw Fault{"needs the extension " + name.substr(0, 80) +
+                ", which is not supported; save it without compression, quantization and the like"};
   }
 }
 

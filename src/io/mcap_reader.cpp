@@ -1,5 +1,4 @@
 #include <zlib.h>
-#include <zstd.h>
 
 #include <algorithm>
 #include <fstream>
@@ -78,7 +77,8 @@ std::optional<McapMessage> McapReader::Impl::take(Op op, std::string_view conten
   } else if (op == Op::channel) {
     const auto id = at.number<std::uint16_t>();
     const std::string& schema = schemas[at.number<std::uint16_t>()];
-    channels[id] = {std::string(at.text()), schema, ""};
+    std::string topic(at.text());
+    channels[id] = {std::move(topic), schema, "", std::string(at.text())};
   } else if (op == Op::message) {
     McapMessage message;
     message.channel = at.number<std::uint16_t>();
@@ -95,25 +95,15 @@ std::optional<McapMessage> McapReader::Impl::take(Op op, std::string_view conten
 // Into `chunk`. What a damaged file says of its size is not believed before memory is taken.
 Status McapReader::Impl::unpack(std::string_view records, std::string_view compression,
                                 std::uint64_t size) {
-  if (compression == mcap::kLz4) {
-    const Status unpacked = unpack_lz4(records, size, chunk);
-    if (unpacked || unpacked.error().code != Errc::bad_input) return unpacked;
-    return damaged(unpacked.error().message);
-  }
   if (compression.empty()) {
     if (records.size() != size) return damaged("a chunk is too short");
     chunk = std::string(records);
     return Done{};
   }
-  const auto declared = ZSTD_getFrameContentSize(records.data(), records.size());
-  if (declared != size) return damaged("a compressed chunk has a wrong size");
-  if (const Status plausible = check_unpacked_size(records.size(), size); !plausible) {
-    return damaged(plausible.error().message);
-  }
-  chunk.resize(static_cast<std::size_t>(size));
-  const auto got = ZSTD_decompress(chunk.data(), chunk.size(), records.data(), records.size());
-  if (ZSTD_isError(got) != 0 || got != size) return damaged("a chunk cannot be unpacked");
-  return Done{};
+  const Status unpacked = compression == mcap::kLz4 ? unpack_lz4(records, size, chunk)
+                                                    : unpack_zstd(records, size, chunk);
+  if (unpacked || unpacked.error().code != Errc::bad_input) return unpacked;
+  return damaged(unpacked.error().message);
 }
 
 // False at the end of the data.

@@ -28,6 +28,7 @@ Result<TriangleMesh> parse(const std::filesystem::path& path, const std::string&
   if (extension == ".obj") return parse_obj_mesh(content);
   if (extension == ".ply") return parse_ply_mesh(content);
   if (extension == ".off") return parse_off_mesh(content);
+  if (extension == ".stl" && is_text_stl(content)) return parse_text_stl(content);
   if (extension == ".stl") {
     if (auto error = check_stl_size(content)) return *error;
   }

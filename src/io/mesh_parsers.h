@@ -1,7 +1,8 @@
 // Readers of mesh files by format. Errors are the rest of a sentence that starts with the name of
-// the file. OBJ, PLY and OFF have readers of our own: Assimp repairs PLY and OFF silently (it
-// clamps the indices of OFF files and invents faces for PLY files that end early), does not know
-// numbers like ".5" in OBJ files, and rounds all of them to single precision.
+// the file. OBJ, PLY, OFF and STL as text have readers of our own: Assimp repairs PLY and OFF
+// silently (it clamps the indices of OFF files and invents faces for PLY files that end early),
+// does not know numbers like ".5" in OBJ files, rounds all of them to single precision, and knows
+// no STL with an empty solid, a comment or capitals.
 #pragma once
 
 #include <cstdint>
@@ -26,11 +27,15 @@ Result<TriangleMesh> parse_obj_mesh(std::string_view content);
 /// OFF, COFF, NOFF and CNOFF as text.
 Result<TriangleMesh> parse_off_mesh(std::string_view content);
 
-/// STL, glTF and GLB from memory. All parts are placed by their nodes and joined. `path` gives the
-/// format, and where other files lie that the content names.
+/// STL as text: any number of solids, also empty ones; comments, and capitals or not.
+Result<TriangleMesh> parse_text_stl(std::string_view content);
+bool is_text_stl(std::string_view content);
+
+/// Binary STL, glTF and GLB from memory. All parts are placed by their nodes and joined. `path`
+/// gives the format, and where other files lie that the content names.
 Result<TriangleMesh> load_with_assimp(const std::filesystem::path& path, std::string_view content);
 
-/// Does the file hold the facets that a binary STL announces, or the end of a text STL?
+/// Does the file hold the facets that a binary STL announces?
 std::optional<Error> check_stl_size(std::string_view content);
 /// The JSON of a GLB (version 2). Error: the file does not hold the bytes that it announces.
 Result<std::string_view> glb_json(std::string_view content);

@@ -1,6 +1,7 @@
 #include <lzf.h>
 
 #include <bit>
+#include <cmath>
 #include <cstdint>
 #include <cstring>
 #include <limits>
@@ -29,6 +30,7 @@ struct Header {
   std::uint64_t width = 0, height = 0;
   std::string_view encoding;
   std::size_t words_per_row = 0, bytes_per_row = 0;
+  Vec3d eye;
 };
 
 /// One word per field; false if there are more or fewer, or one is not acceptable.
@@ -46,7 +48,14 @@ bool parse_header_line(std::string_view key, std::string_view rest, Header& head
                        std::optional<std::uint64_t>& num_points) {
   constexpr std::uint64_t kMaxCount = 1 << 16;
   const auto number = [&](std::string_view word) { return parse_number<std::uint64_t>(word); };
-  if (key == "VERSION" || key == "VIEWPOINT") return true;
+  if (key == "VERSION") return true;
+  if (key == "VIEWPOINT") {
+    // Then its rotation, which changes no point.
+    for (int axis = 0; axis < 3; ++axis) {
+      header.eye[axis] = parse_number<double>(take_word(rest)).value_or(0);
+    }
+    return std::isfinite(norm(header.eye));
+  }
   if (key == "FIELDS" || key == "COLUMNS") {
     for (auto word = take_word(rest); !word.empty(); word = take_word(rest))
       header.fields.push_back({word});
@@ -197,7 +206,8 @@ Result<CloudColumns> read_pcd_columns(std::string_view content,
   }
   if (num_points > (content.size() + 1) / row_bytes) return truncated(*header);
 
-  CloudColumns columns{static_cast<int>(header->width), static_cast<int>(header->height), {}};
+  CloudColumns columns{
+      static_cast<int>(header->width), static_cast<int>(header->height), {}, header->eye};
   columns.values.assign(names.size(), std::vector<float>(num_points));
   if (is_text) {
     if (auto error = read_text(content, *header, fields, columns)) return *std::move(error);

@@ -1,19 +1,21 @@
 // Bags of ROS 1, format 2.0 (http://wiki.ros.org/Bags/Format/2.0): records of a header, which is a
 // list of NAME=VALUE, and data; all numbers little-endian.
+#include <zstd.h>
+
 #include <fstream>
 #include <string>
 #include <utility>
 
 #include "src/io/bag_formats.h"
 #include "src/io/mcap_format.h"
-#include "src/io/ros1_messages.h"
-#include "src/io/ros_types.h"
 #include "src/io/unpack.h"
 
 namespace palpate::inline v0 {
 namespace {
 
 using mcap::Cursor;
+
+constexpr int kFastest = 1;  // level of Zstandard
 
 enum class Op : std::uint8_t { message = 2, bag = 3, chunk = 5, connection = 7 };
 
@@ -33,9 +35,10 @@ Int number_of(std::string_view header, std::string_view name) {
   return Cursor(value_of(header, name)).number<Int>();
 }
 
-class Ros1Bag final : public BagReader {
+class Ros1Bag final : public BagFile {
  public:
-  explicit Ros1Bag(std::filesystem::path path) : path_(std::move(path)) {}
+  Ros1Bag(std::filesystem::path path, std::size_t number, KeptChunks& kept)
+      : path_(std::move(path)), number_(number), kept_(kept) {}
 
   Status open() {
     file_.open(path_, std::ios::binary | std::ios::ate);
@@ -79,33 +82,22 @@ class Ros1Bag final : public BagReader {
   Result<std::optional<McapMessage>> take(std::string_view header, std::string_view data) {
     const auto op = Op{number_of<std::uint8_t>(header, "op")};
     const auto connection = number_of<std::uint32_t>(header, "conn");
-    if (op == Op::connection && !types_.contains(connection)) {
-      if (types_.size() > 65535) return damaged("it has more topics than anybody has");
-      const auto channel = static_cast<std::uint16_t>(types_.size());
-      std::string type(value_of(data, "type"));
-      if (type == "tf/tfMessage") type = "tf2_msgs/TFMessage";  // its name of old
-      channels_[channel].topic = std::string(value_of(header, "topic"));
-      if (type.find('/') != std::string::npos) {
-        channels_[channel].schema_name = ros_interface_name(type);
-      }
-      types_[connection] = {channel, std::move(type)};
+    if (op == Op::connection && !numbers_.contains(connection)) {
+      if (numbers_.size() > 65535) return damaged("it has more topics than anybody has");
+      const auto channel = static_cast<std::uint16_t>(numbers_.size());
+      channels_[channel] = {std::string(value_of(header, "topic")),
+                            std::string(value_of(data, "type")), "", "ros1"};
+      numbers_[connection] = channel;
     }
     if (op != Op::message) return std::optional<McapMessage>();
-    const auto found = types_.find(connection);
-    if (found == types_.end()) return damaged("a message refers to an undeclared connection");
+    const auto found = numbers_.find(connection);
+    if (found == numbers_.end()) return damaged("a message refers to an undeclared connection");
     const std::string_view time = value_of(header, "time");
     Cursor at(time);
     const auto seconds = at.number<std::uint32_t>(), nanoseconds = at.number<std::uint32_t>();
     if (!at.is_good()) return damaged("a message has no time");
-    const bool is_known = !ros_fields(found->second.name).empty();
-    auto message = cdr_of_ros1(found->second.name, data);
-    if (is_known && !message) {
-      return damaged("a message on " + channels_[found->second.channel].topic +
-                     " is shorter than a " + found->second.name);
-    }
-    message_ = message ? *std::move(message) : "";
-    return std::optional(McapMessage{
-        found->second.channel, std::uint64_t{1'000'000'000} * seconds + nanoseconds, message_});
+    return std::optional(
+        McapMessage{found->second, std::uint64_t{1'000'000'000} * seconds + nanoseconds, data});
   }
 
   /// Reads a length and what it says; false if the file ends before that.
@@ -153,7 +145,10 @@ class Ros1Bag final : public BagReader {
       } else if (packing == "lz4") {
         unpacked = unpack_lz4(data, size, chunk_);
       } else if (packing == "bz2") {
-        unpacked = unpack_bzip2(data, size, chunk_);
+        if (!kept_.find({number_, position_}, chunk_)) {
+          unpacked = unpack_bzip2(data, size, chunk_);
+          if (unpacked) kept_.add({number_, position_}, chunk_);
+        }
       } else {
         return damaged("its chunks are compressed by '" + std::string(packing.substr(0, 20)) + "'");
       }
@@ -167,26 +162,39 @@ class Ros1Bag final : public BagReader {
     return true;
   }
 
-  struct Type {
-    std::uint16_t channel;
-    std::string name;
-  };
   const std::filesystem::path path_;
+  const std::size_t number_;
+  KeptChunks& kept_;
   std::ifstream file_;
   std::uint64_t size_ = 0, at_ = 0, position_ = 0;  // of the file, what is read next, the chunk
-  std::string chunk_, message_;
+  std::string chunk_;
   Cursor in_chunk_{{}};
   std::map<std::uint16_t, McapChannel> channels_;
-  std::map<std::uint32_t, Type> types_;  // by connection
+  std::map<std::uint32_t, std::uint16_t> numbers_;  // of channels, by connection
   bool is_over_ = false, is_cut_off_ = false;
 };
 
 }  // namespace
 
-Result<std::unique_ptr<BagReader>> open_ros1_bag(const std::filesystem::path& path) {
-  auto bag = std::make_unique<Ros1Bag>(path);
+void KeptChunks::add(const Place& place, std::string_view chunk) {
+  std::string packed(ZSTD_compressBound(chunk.size()), '\0');
+  const std::size_t size =
+      ZSTD_compress(packed.data(), packed.size(), chunk.data(), chunk.size(), kFastest);
+  if (ZSTD_isError(size) != 0 || size > room_ || packed_.contains(place)) return;
+  room_ -= size;
+  packed_[place] = packed.substr(0, size);
+}
+
+bool KeptChunks::find(const Place& place, std::string& to) const {
+  const auto found = packed_.find(place);
+  return found != packed_.end() && unpack_zstd(found->second, {}, to);
+}
+
+Result<std::unique_ptr<BagFile>> open_ros1_bag(const std::filesystem::path& path,
+                                               std::size_t number, KeptChunks& kept) {
+  auto bag = std::make_unique<Ros1Bag>(path, number, kept);
   if (const Status opened = bag->open(); !opened) return opened.error();
-  return std::unique_ptr<BagReader>(std::move(bag));
+  return std::unique_ptr<BagFile>(std::move(bag));
 }
 
 }  // namespace palpate::inline v0

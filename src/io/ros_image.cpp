@@ -40,7 +40,7 @@ std::uint16_t count_of(double metres, double unit) {
   return count < kFarCount ? static_cast<std::uint16_t>(count) : kFarCount;
 }
 
-Result<DepthFrame> read_depth_image(std::string_view message, double unit) {
+Result<DepthFrame> read_depth_image(std::string_view message, double unit, double scale) {
   CdrReader from(message);
   DepthFrame frame;
   frame.timestamp = read_ros_header(from).time;
@@ -73,8 +73,9 @@ Result<DepthFrame> read_depth_image(std::string_view message, double unit) {
     }
     for (std::size_t u = 0; u < width; ++u) {
       const std::size_t at = v * step + u * bytes;
-      row[u] = is_count ? value_at<std::uint16_t>(data, at, is_big)
-                        : count_of(static_cast<double>(value_at<float>(data, at, is_big)), unit);
+      row[u] = is_count
+                   ? value_at<std::uint16_t>(data, at, is_big)
+                   : count_of(scale * static_cast<double>(value_at<float>(data, at, is_big)), unit);
     }
   }
   return frame;

@@ -10,9 +10,9 @@ namespace palpate::inline v0 {
 
 class CdrReader;
 
-/// sensor_msgs/Image, 16UC1 (mm) or 32FC1 (m, in counts of `unit`). DepthFrame::timestamp is the
-/// header's. Errors: another encoding, a damaged message.
-Result<DepthFrame> read_depth_image(std::string_view message, double unit);
+/// sensor_msgs/Image, 16UC1 (mm) or 32FC1 (numbers of `scale` metres, in counts of `unit`).
+/// DepthFrame::timestamp is the header's. Errors: another encoding, a damaged message.
+Result<DepthFrame> read_depth_image(std::string_view message, double unit, double scale = 1);
 /// As flow_message writes it: DepthFrame::flow. Error: damaged.
 Result<std::vector<float>> read_flow_image(std::string_view message);
 

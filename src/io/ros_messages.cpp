@@ -340,7 +340,8 @@ std::string entities_message(const RosEntities& entities) {
   return to.take();
 }
 
-Result<std::vector<RosStampedTransform>> read_transforms(std::string_view message) {
+Result<std::vector<RosStampedTransform>> read_transforms(std::string_view message,
+                                                         std::set<std::string>* no_poses) {
   CdrReader from(message);
   const std::size_t num = from.number<std::uint32_t>();
   std::vector<RosStampedTransform> transforms;
@@ -350,7 +351,9 @@ Result<std::vector<RosStampedTransform>> read_transforms(std::string_view messag
     transform.time = time;
     transform.parent = frame;
     transform.child = from.text();
-    if (!take_pose(from, transform.X_PC)) transforms.pop_back();  // as tf2 does
+    if (take_pose(from, transform.X_PC)) continue;
+    if (no_poses != nullptr && from.is_good()) no_poses->insert(transform.child);
+    transforms.pop_back();  // as tf2 does
   }
   if (!from.is_good()) return no_pose("a TFMessage");
   return transforms;

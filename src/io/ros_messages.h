@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstdint>
+#include <set>
 #include <span>
 #include <string>
 #include <string_view>
@@ -112,14 +113,14 @@ std::string entities_message(const RosEntities& entities);
 
 // Readers. Errors: a damaged message, numbers that are no pose.
 
-/// Transforms whose numbers are no pose are left out.
-
 struct RosStampedTransform {
   double time = 0;  ///< s since 1970
   std::string parent, child;
   Pose X_PC;
 };
-Result<std::vector<RosStampedTransform>> read_transforms(std::string_view message);
+/// Those whose numbers are no pose are left out, and their children named.
+Result<std::vector<RosStampedTransform>> read_transforms(std::string_view message,
+                                                         std::set<std::string>* no_poses = nullptr);
 struct RosStampedPose {
   double time = 0;  ///< s since 1970
   std::string frame;

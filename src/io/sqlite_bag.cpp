@@ -1,6 +1,7 @@
 // Bags of ROS 2 in SQLite databases (rosbag2_storage_sqlite3), by libsqlite3, which is found when
 // the program runs.
 #include <algorithm>
+#include <fstream>
 #include <string>
 #include <system_error>
 #include <utility>
@@ -29,7 +30,7 @@ struct Sqlite {
   int (*limit)(Database*, int which, int most);
   void (*on_progress)(Database*, int num_steps, int (*is_over)(void*), void*);
 };
-constexpr int kOk = 0, kRow = 100, kDone = 101, kReadOnly = 1;
+constexpr int kOk = 0, kRow = 100, kDone = 101, kReadOnly = 1, kIsUri = 0x40;
 constexpr int kText = 3, kBlob = 4;
 constexpr int kLengthLimit = 0, kLargestRow = 256 << 20;  // bytes
 /// Of its machine, between two looks at how many there were; at most, and for each byte of the
@@ -63,7 +64,7 @@ Result<Sqlite> load() {
 
 constexpr const char* kShared = "its rows have more bytes than the file";
 
-class SqliteBag final : public BagReader {
+class SqliteBag final : public BagFile {
  public:
   SqliteBag(const Sqlite& sqlite, std::filesystem::path path)
       : sqlite_(sqlite), path_(std::move(path)) {}
@@ -73,7 +74,7 @@ class SqliteBag final : public BagReader {
   }
 
   Status open() {
-    if (sqlite_.open(path_.c_str(), &database_, kReadOnly, nullptr) != kOk) return failure();
+    if (!open_database()) return failure();
     // Of tables alone, whose rows lie in the file: views and columns that are computed can be of
     // any size. All rows together are no larger than the file, whatever its pages say.
     bytes_left_ = size_on_disk();
@@ -97,7 +98,8 @@ class SqliteBag final : public BagReader {
     if (sqlite_.number(query_, 0) != 2) {
       return Error{Errc::bad_input, path_.string() +
                                         " is not a bag of ROS 2: it has no tables 'topics' and "
-                                        "'messages'; give one that ros2 bag wrote"};
+                                        "'messages'; give one that ros2 bag wrote" +
+                                        (is_in_wal_mode() ? ", with its -wal file beside it" : "")};
     }
     if (!prepare("SELECT id, name, type, serialization_format FROM topics")) return failure();
     int status = 0;
@@ -141,6 +143,36 @@ class SqliteBag final : public BagReader {
   }
 
  private:
+  /// Who reads a database in WAL mode makes files beside it for all who share it, unless these are
+  /// there. Nothing is made where others keep their data, or where nothing can be.
+  bool open_database() {
+    std::error_code none;
+    const std::string wal = path_.string() + "-wal", shared = path_.string() + "-shm";
+    const bool has_wal = std::filesystem::file_size(wal, none) > 0 && !none;
+    if (!is_in_wal_mode() || (has_wal && std::filesystem::exists(shared, none))) {
+      return sqlite_.open(path_.c_str(), &database_, kReadOnly, nullptr) == kOk;
+    }
+    if (!has_wal) {
+      return sqlite_.open((uri() + "?immutable=1").c_str(), &database_, kReadOnly | kIsUri,
+                          nullptr) == kOk;
+    }
+    return sqlite_.open(path_.c_str(), &database_, kReadOnly, "unix-none") == kOk &&
+           prepare("PRAGMA locking_mode = EXCLUSIVE") && sqlite_.step(query_) == kRow;
+  }
+  /// As its header says.
+  bool is_in_wal_mode() const {
+    constexpr std::size_t kVersions = 18;  // of who may write and read it; 2: WAL
+    char header[kVersions + 2] = {};
+    std::ifstream(path_, std::ios::binary).read(header, sizeof header);
+    return header[kVersions] == 2 && header[kVersions + 1] == 2;
+  }
+  std::string uri() const {
+    std::string uri = "file://";
+    for (const char c : std::filesystem::absolute(path_).string()) {
+      uri += c == '%' ? "%25" : c == '?' ? "%3f" : c == '#' ? "%23" : std::string(1, c);
+    }
+    return uri;
+  }
   bool prepare(const char* question) {
     sqlite_.finalize(query_);
     query_ = nullptr;
@@ -185,12 +217,12 @@ class SqliteBag final : public BagReader {
 
 }  // namespace
 
-Result<std::unique_ptr<BagReader>> open_sqlite_bag(const std::filesystem::path& path) {
+Result<std::unique_ptr<BagFile>> open_sqlite_bag(const std::filesystem::path& path) {
   static const Result<Sqlite> sqlite = load();
   if (!sqlite) return Error{Errc::unavailable, path.string() + ": " + sqlite.error().message};
   auto bag = std::make_unique<SqliteBag>(*sqlite, path);
   if (const Status opened = bag->open(); !opened) return opened.error();
-  return std::unique_ptr<BagReader>(std::move(bag));
+  return std::unique_ptr<BagFile>(std::move(bag));
 }
 
 }  // namespace palpate::inline v0

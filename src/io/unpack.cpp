@@ -1,6 +1,9 @@
 #include "src/io/unpack.h"
 
+#include <zstd.h>
+
 #include <algorithm>
+#include <bit>
 #include <memory>
 #include <new>
 
@@ -13,6 +16,11 @@ constexpr std::uint64_t kLargest = std::uint64_t{1} << 30, kFirstStep = std::uin
 /// What is all zeros is small.
 constexpr std::uint64_t kMaxRatio = 1000, kSmall = std::uint64_t{64} << 20;
 
+/// Bytes that somebody may have packed into so many; depth images are packed to a tenth.
+std::uint64_t max_unpacked(std::uint64_t packed) {
+  return std::min(kLargest, kSmall + kMaxRatio * std::min(packed, kLargest));
+}
+
 Result<SharedLibrary> library(const std::string& name, const char* package) {
   auto found = SharedLibrary::open({&name, 1});
   if (found) return found;
@@ -21,17 +29,26 @@ Result<SharedLibrary> library(const std::string& name, const char* package) {
 
 /// `step(place, room)` puts up to `room` bytes there and returns how many, 0 at the end or damage.
 template <class Step>
-Status fill(std::string_view packed, std::uint64_t size, std::string& to, const Step& step) {
+Status fill(std::string_view packed, std::optional<std::uint64_t> size, std::string& to,
+            const Step& step) {
   std::uint64_t filled = 0;
   to.clear();
-  if (const Status plausible = check_unpacked_size(packed.size(), size); !plausible) {
-    return plausible.error();
+  const std::uint64_t most = size.value_or(max_unpacked(packed.size()));
+  if (most > max_unpacked(packed.size())) {
+    return Error{Errc::bad_input, "a compressed chunk of " + std::to_string(packed.size()) +
+                                      " bytes would be " + std::to_string(most) +
+                                      " bytes, which is implausible"};
   }
-  while (filled < size) {
-    to.resize(static_cast<std::size_t>(std::min(size, std::max(kFirstStep, 2 * filled))));
+  const std::uint64_t first = std::min(kFirstStep, 4096 + 16 * std::uint64_t{packed.size()});
+  while (filled < most) {
+    to.resize(static_cast<std::size_t>(std::min(most, std::max(first, 2 * filled))));
     while (filled < to.size()) {
       const std::size_t got = step(to.data() + filled, to.size() - filled);
-      if (got == 0) return Error{Errc::bad_input, "a compressed chunk is damaged"};
+      if (got == 0 && size) return Error{Errc::bad_input, "a compressed chunk is damaged"};
+      if (got == 0) {
+        to.resize(static_cast<std::size_t>(filled));
+        return Done{};
+      }
       filled += got;
     }
   }
@@ -94,11 +111,24 @@ Result<Bzip2> load_bzip2() {
 
 }  // namespace
 
-Status check_unpacked_size(std::uint64_t packed, std::uint64_t size) {
-  if (size <= kLargest && size <= kSmall + kMaxRatio * packed) return Done{};
-  return Error{Errc::bad_input, "a compressed chunk of " + std::to_string(packed) +
-                                    " bytes would be " + std::to_string(size) +
-                                    " bytes, which is implausible"};
+Status unpack_zstd(std::string_view packed, std::optional<std::uint64_t> size, std::string& to) {
+  constexpr int kUsualWindow = 27;  // bits of an offset, of those that writers of streams may use
+  const std::unique_ptr<ZSTD_DCtx, std::size_t (*)(ZSTD_DCtx*)> context(ZSTD_createDCtx(),
+                                                                        ZSTD_freeDCtx);
+  if (!context) throw std::bad_alloc();
+  ZSTD_DCtx_setParameter(
+      context.get(), ZSTD_d_windowLogMax,
+      std::max(kUsualWindow, static_cast<int>(std::bit_width(size.value_or(0)))));
+  ZSTD_inBuffer from{packed.data(), packed.size(), 0};
+  return fill(packed, size, to, [&](char* place, std::size_t room) -> std::size_t {
+    // A frame may be followed by others, and by some to be skipped.
+    ZSTD_outBuffer into{place, room, 0};
+    for (std::size_t taken = from.size; into.pos == 0 && taken != from.pos;) {
+      taken = from.pos;
+      if (ZSTD_isError(ZSTD_decompressStream(context.get(), &into, &from)) != 0) return 0;
+    }
+    return into.pos;
+  });
 }
 
 Status unpack_lz4(std::string_view packed, std::uint64_t size, std::string& to) {

@@ -1,7 +1,9 @@
-// Compressed parts of recordings, by libraries that are found when the program runs.
+// Compressed parts of recordings: Zstandard, and others by libraries that are found when the
+// program runs.
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -9,13 +11,13 @@
 
 namespace palpate::inline v0 {
 
-/// Depth images are packed to a tenth: error if so few bytes would become so many that nobody has
-/// packed them, or more than 1 GiB.
-Status check_unpacked_size(std::uint64_t packed, std::uint64_t size);
+inline constexpr std::string_view kZstdMagic = "\x28\xb5\x2f\xfd";  // of its frames
 
-/// LZ4 frames (liblz4) and bzip2 (libbz2): `size` bytes that were packed into `packed`. Memory is
-/// taken as it is filled, whatever `size` says. Errors: the library is not there, the bytes are
-/// damaged or too few.
+/// Frames of Zstandard, LZ4 frames (liblz4) and bzip2 (libbz2): `size` bytes that were packed into
+/// `packed`, whatever the frames say of their size; none: whatever is in them. Memory is taken as
+/// it is filled. Errors: the library is not there; the bytes are damaged, too few or too many;
+/// nobody would have packed as much into them, or it is more than 1 GiB.
+Status unpack_zstd(std::string_view packed, std::optional<std::uint64_t> size, std::string& to);
 Status unpack_lz4(std::string_view packed, std::uint64_t size, std::string& to);
 Status unpack_bzip2(std::string_view packed, std::uint64_t size, std::string& to);
 

@@ -2,8 +2,6 @@
 #include <gtest/gtest.h>
 
 #include <array>
-#include <bit>
-#include <cmath>
 #include <cstdint>
 #include <fstream>
 #include <functional>
@@ -11,51 +9,16 @@
 #include <vector>
 
 #include "palpate/cameras/cameras.h"
-#include "tests/io/ros1_bag_writer.h"
+#include "tests/cameras/made_bag.h"
 #include "tests/test_util/temporary_folder.h"
 
 namespace palpate {
 namespace {
 
-using test::Bytes;
+using test::Bytes, test::Shot, test::camera_info, test::image, test::kHeight, test::kWidth;
 
-constexpr int kWidth = 32, kHeight = 24, kNumFrames = 10;
+constexpr int kNumFrames = 10;
 constexpr char kTopic[] = "/cam/depth/image_raw";
-
-/// A frame of a bag: how the camera is then.
-struct Shot {
-  std::uint32_t seconds = 100, nanoseconds = 0;
-  int width = kWidth, height = kHeight;
-  double fx = 30;  // of an image of kWidth
-  std::uint32_t binning = 0;
-  std::array<std::uint32_t, 4> roi{};  // x, y, height, width
-};
-
-std::string camera_info(const Shot& shot) {
-  Bytes info = test::ros1_stamp(shot.seconds, shot.nanoseconds, "cam");
-  info.number(kHeight).number(kWidth).text("plumb_bob").number(std::uint32_t{0});
-  const double K[] = {shot.fx, 0, 15.5, 0, shot.fx, 11.5, 0, 0, 1};
-  const double R[] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
-  const double P[] = {shot.fx, 0, 15.5, 0, 0, shot.fx, 11.5, 0, 0, 0, 1, 0};
-  const auto add = [&info](double number) { info.number(std::bit_cast<std::uint64_t>(number)); };
-  for (const double k : K) add(k);
-  for (const double r : R) add(r);
-  for (const double p : P) add(p);
-  for (int i = 0; i < 2; ++i) info.number(shot.binning);
-  for (const std::uint32_t number : shot.roi) info.number(number);
-  return info.number(std::uint8_t{0}).str();
-}
-
-/// Half a metre left of the middle, twice as far right of it.
-std::string image(const Shot& shot) {
-  std::string counts;
-  for (int v = 0; v < shot.height; ++v) {
-    for (int u = 0; u < shot.width; ++u)
-      counts += test::bytes_of(std::uint16_t(2 * u < shot.width ? 500 : 1000));
-  }
-  return test::ros1_image(test::ros1_stamp(shot.seconds, shot.nanoseconds, "cam"), shot.width,
-                          shot.height, counts);
-}
 
 class BagCamera : public testing::Test {
  protected:

@@ -399,6 +399,42 @@ TEST_F(ArmFiles, LeaveTheTable) {
   }
 }
 
+// Most of the robot is better than none of it, if that is said.
+TEST_F(ArmFiles, OfWhichAnOrnamentCannotBeReadLeaveItOutWithANote) {
+  write_joints();
+  const auto plain = filtered();
+  const auto with = [&](const char* kind, const std::string& mesh) {
+    std::string urdf = test::kArmUrdf;
+    urdf.insert(urdf.rfind("</robot>"),
+                "<link name='lamp'><" + std::string(kind) + "><geometry><mesh filename='" + mesh +
+                    "'/></geometry></" + kind +
+                    "></link><joint name='on' type='fixed'><parent link='" +
+                    parsed(test::kArmUrdf)->links.front().name + "'/><child link='lamp'/></joint>");
+    write(files_.robot, urdf);
+  };
+  write(folder_ / "lamp.dae", "<COLLADA/>");
+  write(folder_ / "lamp.stl", "damaged");
+  for (const char* mesh : {"lamp.dae", "lamp.stl", "package://lamps/lamp.dae"}) {
+    files_.skip = {};
+    with("visual", mesh);
+    std::vector<std::string> notes;
+    const auto left = filtered(&notes);
+    ASSERT_EQ(notes.size(), 1u);
+    EXPECT_NE(notes[0].find("link 'lamp' of the robot is left out"), std::string::npos) << notes[0];
+    ASSERT_EQ(left.size(), plain.size());
+    for (std::size_t k = 0; k < left.size(); ++k) EXPECT_EQ(left[k].pixels, plain[k].pixels);
+    with("collision", mesh);
+    EXPECT_NE(why_not().find("or leave that link out (--robot-skip lamp)"), std::string::npos)
+        << why_not();
+    files_.skip = {"lamp"};
+    EXPECT_EQ(filtered(&notes).size(), plain.size());
+    EXPECT_TRUE(notes.empty());
+  }
+  files_.skip = {"lamp", "lump"};
+  EXPECT_NE(why_not().find("there is no link 'lump'; the nearest one is 'lamp'"), std::string::npos)
+      << why_not();
+}
+
 TEST_F(ArmFiles, ThatAreTooOldLeaveFramesOut) {
   write_joints(0.15);
   std::vector<std::string> notes;

@@ -106,13 +106,14 @@ DepthStreamInfo small_stream() {
 }
 
 /// sensor_msgs/CompressedImage, by the words of RVL's and PNG's transport.
-std::string compressed_image(std::string_view format, std::string_view image) {
+std::string compressed_image(std::string_view format, std::string_view image,
+                             std::size_t num_before = 12) {
   mcap::Bytes message;
   message.raw({"\0\1\0\0", 4}).number(1).number(0).text({"cam\0", 4});
   std::string text(format);
   message.text(text + '\0');
   while ((message.str().size() - 4) % 4 != 0) message.number(std::uint8_t{0});
-  return message.text(std::string(12, '\0') + std::string(image)).str();
+  return message.text(std::string(num_before, '\0') + std::string(image)).str();
 }
 
 struct Reported {
@@ -284,6 +285,7 @@ std::vector<std::string> seeds() {
       kCompressed + compressed_image("32FC1; compressedDepth", png),
       kCompressed + compressed_image("16UC1; compressedDepth rvl",
                                      std::string("\x08\0\0\0\x08\0\0\0\0\0\x10\x88", 12)),
+      kCompressed + compressed_image("16UC1; png compressed ", png, 0),
       kInfo + camera_info_message({1, "cam"}, small_stream()),
       kBag + mcap_bag()};
   for (const std::string& bag : ros1_bags()) all.push_back(kBag + bag);

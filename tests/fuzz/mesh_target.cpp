@@ -49,6 +49,9 @@ std::vector<std::string> seeds() {
     all.push_back(
         "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 "
         "0\nendloop\nendfacet\nendsolid a\n");
+    all.push_back(
+        "# c\nSOLID\nENDSOLID\nSOLID b\nCOLOR 1 0 0\nFACET NORMAL 0 0 1 OUTER LOOP\nVERTEX 0 0 "
+        "0\nVERTEX 1 0 0 VERTEX 1 1 0\nVERTEX 0 1 0\nENDLOOP ENDFACET\nENDSOLID b\n");
   }
   if (kFormat == ".ply") {
     all.push_back(

@@ -6,6 +6,7 @@
 #include "src/session/run_messages.h"
 #include "src/session/run_reader.h"
 #include "tests/fuzz/target.h"
+#include "tests/io/made_mcap.h"
 #include "tests/io/ros1_bag_writer.h"
 
 namespace palpate::fuzz {
@@ -100,6 +101,11 @@ std::string small_file() {
   return file.read();
 }
 
+/// In a frame of Zstandard, as rosbag2 compresses messages one by one.
+std::string packed_message() {
+  return {"\x28\xb5\x2f\xfd\x20\x0d\x69\0\0\0\1\0\0\5\0\0\0four\0", 22};
+}
+
 }  // namespace
 
 std::vector<std::string> seeds() {
@@ -110,6 +116,10 @@ std::vector<std::string> seeds() {
                                        test::ros1_message(1, 1, 2, image))});
   return {kFile + small_file(),
           kBag + bag,
+          kBag + test::mcap_file(test::mcap_channel(1, "/depth", "sensor_msgs/Image", "ros1") +
+                                 test::mcap_message(1, 5, image) +
+                                 test::mcap_channel(2, "/text", "std_msgs/String") +
+                                 test::mcap_message(2, 6, packed_message())),
           kSettings + settings_message(one_camera()),
           kFrame + frame_message(FrameRecord{}),
           kContact + contact_message(seen_by_two()),

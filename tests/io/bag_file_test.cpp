@@ -1,7 +1,9 @@
-// Bags of ROS 1 and databases of ROS 2: messages in the bytes of CDR, whatever they were stored in,
-// and nothing but an error of damaged ones. Those that the programs of ROS wrote are read in
-// tests/apps/bags_test.py.
+// Bags of ROS 1, databases of ROS 2 and what else messages are stored in: they come in the bytes of
+// CDR, and damaged files give nothing but an error. Those that the programs of ROS wrote are read
+// in tests/apps/bags_test.py.
 #include "src/io/internal/bag_file.h"
+
+#include <zstd.h>
 
 #include <fstream>
 #include <random>
@@ -10,7 +12,9 @@
 
 #include "src/io/ros1_messages.h"
 #include "src/io/ros_messages.h"
+#include "tests/io/made_mcap.h"
 #include "tests/io/ros1_bag_writer.h"
+#include "tests/test_util/temporary_folder.h"
 
 namespace palpate {
 namespace {
@@ -72,7 +76,6 @@ TEST(Ros1Messages, ThatSayTheyAreHugeTakeNoMemory) {
 
 class Ros1Bag : public testing::Test {
  protected:
-  void TearDown() override { std::filesystem::remove(path_); }
   Result<std::unique_ptr<BagReader>> open(const std::string& bytes) {
     std::ofstream(path_, std::ios::binary) << bytes;
     return BagReader::open(path_);
@@ -94,8 +97,8 @@ class Ros1Bag : public testing::Test {
     }
     return test::ros1_bag(chunks);
   }
-  const std::filesystem::path path_ =
-      std::filesystem::temp_directory_path() / ("palpate_" + std::to_string(getpid()) + ".bag");
+  const test::TemporaryFolder folder_;
+  const std::filesystem::path path_ = folder_ / "x.bag";
 };
 
 TEST_F(Ros1Bag, GivesItsMessages) {
@@ -115,6 +118,31 @@ TEST_F(Ros1Bag, GivesItsMessages) {
   }
   EXPECT_FALSE(bag->next().value());
   EXPECT_FALSE(bag->was_cut_off());
+}
+
+TEST_F(Ros1Bag, IsReadAgainFromItsBegin) {
+  // A chunk of bzip2 that is there once, and gone when it is read again.
+  const std::string records = test::ros1_connection(0, "/depth", "sensor_msgs/Image") +
+                              test::ros1_message(0, 1, 2, image(1));
+  const std::string packed = test::packed_by_bzip2(records, folder_.path());
+  if (packed.empty()) GTEST_SKIP() << "SKIPPED: there is no bzip2";
+  std::string bytes =
+      test::ros1_bag({test::ros1_chunk(records), test::ros1_chunk(packed, "bz2", records.size())});
+  const auto bag = open(bytes).value();
+  const auto expect_both = [&] {
+    for (int k = 0; k < 2; ++k) {
+      const auto message = bag->next();
+      ASSERT_TRUE(message) << message.error().message;
+      ASSERT_TRUE(*message);
+      EXPECT_EQ((*message)->data, cdr_of_ros1("sensor_msgs/Image", image(1)));
+    }
+    EXPECT_FALSE(bag->next().value());
+  };
+  expect_both();
+  bytes.replace(bytes.find(packed), packed.size(), packed.size(), '?');
+  std::ofstream(path_, std::ios::binary) << bytes;
+  ASSERT_TRUE(bag->rewind());
+  expect_both();
 }
 
 TEST_F(Ros1Bag, IsReadUpToWhereItWasCutOff) {
@@ -171,8 +199,6 @@ TEST_F(Ros1Bag, SaysWhatIsWrong) {
   const std::string topic = test::ros1_connection(0, "/depth", "sensor_msgs/Image");
   expect(test::ros1_bag({test::ros1_chunk(test::ros1_message(0, 1, 2, image(1)))}),
          "refers to an undeclared connection");
-  expect(test::ros1_bag({test::ros1_chunk(topic + test::ros1_message(0, 1, 2, "short"))}),
-         "shorter than a sensor_msgs/Image");
   expect(test::ros1_bag({test::ros1_chunk(topic, "zip")}), "compressed by 'zip'");
   expect(test::ros1_bag({test::ros1_chunk(topic, "bz2")}), "damaged");
   expect(test::ros1_bag({test::ros1_chunk(topic, "lz4")}), "damaged");
@@ -182,6 +208,142 @@ TEST_F(Ros1Bag, SaysWhatIsWrong) {
   EXPECT_NE(open("SQLite format 3" + std::string(100, '\0')).error().message.find(path_.string()),
             std::string::npos);
   EXPECT_EQ(BagReader::open("/nowhere/x.bag").error().code, Errc::not_found);
+}
+
+// Who reads the recording says what it lacks; others on the same topic are whole.
+TEST_F(Ros1Bag, AMessageThatIsShorterThanItsFieldsIsEmpty) {
+  const auto bag =
+      open(test::ros1_bag({test::ros1_chunk(
+               test::ros1_connection(0, "/depth", "sensor_msgs/Image") +
+               test::ros1_message(0, 1, 2, "short") + test::ros1_message(0, 1, 3, image(1)))}))
+          .value();
+  EXPECT_EQ(bag->next().value()->data, "");
+  EXPECT_EQ(bag->next().value()->data, cdr_of_ros1("sensor_msgs/Image", image(1)));
+}
+
+/// Files of a folder, and what a recording has in it: topic, type, time and message of each.
+class Recordings : public testing::Test {
+ protected:
+  struct Got {
+    std::string topic, type;
+    std::uint64_t time;
+    std::string data;
+    friend bool operator==(const Got&, const Got&) = default;
+  };
+  void write(const std::string& name, const std::string& bytes) const {
+    std::ofstream(folder_ / name, std::ios::binary) << bytes;
+  }
+  static std::vector<Got> read(const std::filesystem::path& path) {
+    const auto bag = BagReader::open(path);
+    EXPECT_TRUE(bag) << bag.error().message;
+    std::vector<Got> all;
+    for (auto message = (*bag)->next(); message && *message; message = (*bag)->next()) {
+      const McapChannel& channel = (*bag)->channels().at((*message)->channel);
+      all.push_back(
+          {channel.topic, channel.schema_name, (*message)->time, std::string((*message)->data)});
+    }
+    return all;
+  }
+  std::string error_of(const std::string& name) const {
+    const auto bag = BagReader::open(folder_ / name);
+    return bag ? "none" : bag.error().message;
+  }
+  /// A part whose channels have numbers of its own.
+  static std::string part(std::uint16_t number) {
+    const auto id = static_cast<std::uint16_t>(7 * number);
+    return test::mcap_file(
+        test::mcap_channel(id, "/b", "std_msgs/msg/String") +
+        test::mcap_channel(static_cast<std::uint16_t>(id + 1), "/a", "std_msgs/msg/String") +
+        test::mcap_message(static_cast<std::uint16_t>(id + 1), number, "a") +
+        test::mcap_message(id, number, "b"));
+  }
+  std::vector<std::uint64_t> times(const std::string& name) const {
+    std::vector<std::uint64_t> times;
+    for (const Got& each : read(folder_ / name)) {
+      EXPECT_EQ("/" + each.data, each.topic);
+      if (each.data == "a") times.push_back(each.time);
+    }
+    return times;
+  }
+
+  const test::TemporaryFolder folder_;
+};
+
+TEST_F(Recordings, PartsOfOneAreReadOneAfterTheOther) {
+  std::filesystem::create_directory(folder_ / "bag");
+  for (const std::uint16_t k : {10, 0, 2}) {
+    write("bag/run_2024_" + std::string(k == 10 ? "11" : "09") + "_" + std::to_string(k) + ".mcap",
+          part(k));
+  }
+  using Times = std::vector<std::uint64_t>;
+  EXPECT_EQ(times("bag"), (Times{0, 2, 10}));
+  // As it was noted; a file that was unpacked since, and the older way to name them.
+  write("bag/metadata.yaml",
+        "rosbag2_bagfile_information:\n  compression_format: ''\n  relative_file_paths:\n"
+        "    - bag/run_2024_09_2.mcap\r\n    - \"run_2024_11_10.mcap.zstd\"\n"
+        "    - run_2024_09_7.mcap\n  version: 4\n  topics:\n    - run_2024_09_0.mcap\n");
+  EXPECT_EQ(times("bag"), (Times{2, 10}));
+  // Notes of other files are none.
+  write("bag/metadata.yaml", "  relative_file_paths:\n  - other.mcap\n");
+  EXPECT_EQ(times("bag"), (Times{0, 2, 10}));
+}
+
+TEST_F(Recordings, OthersInOneFolderAreNotJoined) {
+  for (const auto& [a, b] : {std::pair{"run_0.mcap", "other_1.mcap"},
+                             {"run.mcap", "run_1.mcap"},
+                             {"run_0.mcap", "run_1.db3"},
+                             {"run_2024_01_0.mcap", "run_2024_02_0.mcap"}}) {
+    std::filesystem::create_directory(folder_ / "bag");
+    for (const std::string name : {a, b}) write("bag/" + name, part(1));
+    EXPECT_NE(
+        error_of("bag").find("holds 2 .mcap, .db3 and .bag files, not parts of one recording"),
+        std::string::npos)
+        << error_of("bag");
+    std::filesystem::remove_all(folder_ / "bag");
+  }
+}
+
+TEST_F(Recordings, ThatAreCompressedAsAWholeAreNamed) {
+  std::filesystem::create_directory(folder_ / "bag");
+  std::string packed(1000, '\0');
+  packed.resize(ZSTD_compress(packed.data(), packed.size(), "MCAP", 4, 1));
+  write("bag/run_0.mcap.zstd", packed);
+  EXPECT_NE(error_of("bag/run_0.mcap.zstd").find("compressed as a whole; unpack it with 'zstd -d'"),
+            std::string::npos);
+  EXPECT_EQ(error_of("bag"), error_of("bag/run_0.mcap.zstd"));
+  write("x.bag.gz", "\x1f\x8b more");
+  EXPECT_NE(error_of("x.bag.gz").find("gunzip"), std::string::npos);
+}
+
+TEST_F(Recordings, MessagesThatAreCompressedOneByOneAreUnpacked) {
+  const std::string text("\0\1\0\0\5\0\0\0four\0", 13);
+  std::string packed(1000, '\0');
+  packed.resize(ZSTD_compress(packed.data(), packed.size(), text.data(), text.size(), 1));
+  write("x.mcap",
+        test::mcap_file(test::mcap_channel(1, "/a", "std_msgs/msg/String") +
+                        test::mcap_message(1, 5, packed) + test::mcap_message(1, 6, text) +
+                        test::mcap_message(1, 7, packed.substr(0, 6))));
+  const std::vector<Got> got = read(folder_ / "x.mcap");
+  ASSERT_EQ(got.size(), 3u);
+  EXPECT_EQ(got[0].data, text);
+  EXPECT_EQ(got[1].data, text);
+  EXPECT_EQ(got[2].data, "") << "damaged";
+}
+
+TEST_F(Recordings, MessagesOfRos1InMcapAndTypesOfOldAreThoseOfRos2) {
+  const std::string counts(24, 'x');
+  const std::string image = test::ros1_image(stamp(), 4, 3, counts);
+  const std::string cdr = cdr_of_ros1("sensor_msgs/Image", image).value();
+  write("x.mcap", test::mcap_file(test::mcap_channel(1, "/a", "sensor_msgs/Image", "ros1") +
+                                  test::mcap_message(1, 5, image) +
+                                  test::mcap_channel(2, "/tf", "tf/tfMessage", "ros1") +
+                                  test::mcap_message(2, 6, Bytes().number(0).str()) +
+                                  test::mcap_channel(3, "/b", "sensor_msgs/Image") +
+                                  test::mcap_message(3, 7, cdr)));
+  const std::string none = cdr_of_ros1("tf2_msgs/TFMessage", Bytes().number(0).str()).value();
+  EXPECT_EQ(read(folder_ / "x.mcap"), (std::vector<Got>{{"/a", "sensor_msgs/msg/Image", 5, cdr},
+                                                        {"/tf", "tf2_msgs/msg/TFMessage", 6, none},
+                                                        {"/b", "sensor_msgs/msg/Image", 7, cdr}}));
 }
 
 }  // namespace

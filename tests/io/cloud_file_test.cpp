@@ -1,4 +1,5 @@
 #include <lzf.h>
+#include <array>
 
 #include <algorithm>
 #include <cmath>
@@ -116,12 +117,12 @@ TEST(CloudPly, ReadsTextAndBothByteOrdersAndOtherElements) {
       "element patch 2\nproperty list uchar int ids\nelement vertex 2\nproperty uchar red\n" +
       kPlyNames + "element face 1\nproperty list uchar int vertex_indices\n";
   write_bytes(folder / "text.ply", ply("ascii", text_elements,
-                                       "2 8 9\n0\n255 1 2 3 0 0 2\n255 nan 5 6 1 0 0\n3 0 1 0\n"));
+                                       "2 8 9\n0\n255 1 2 3 0 0 -2\n255 nan 5 6 1 0 0\n3 0 1 0\n"));
   const auto text = load_cloud(folder / "text.ply");
   ASSERT_TRUE(text.has_value()) << text.error().message;
   EXPECT_EQ(text->size(), 2u);
   EXPECT_EQ(text->point(0), (Vec3f{1, 2, 3}));
-  EXPECT_EQ(text->normal(0), (Vec3f{0, 0, 1}));
+  EXPECT_EQ(text->normal(0), (Vec3f{0, 0, -1}));
   EXPECT_TRUE(std::isnan(text->point(1).y));
 
   std::string doubles = kPlyNames;
@@ -139,6 +140,41 @@ TEST(CloudPly, ReadsTextAndBothByteOrdersAndOtherElements) {
     EXPECT_EQ(cloud->point(0), (Vec3f{1, 2, 3}));
     EXPECT_EQ(cloud->normal(0), (Vec3f{0, -1, 0}));
   }
+}
+
+// A camera sees no surface from behind.
+TEST(CloudFiles, NormalsAreTurnedToWhereTheEyeStood) {
+  const TemporaryFolder folder;
+  const auto expect_turned = [&](const std::string& name, const std::string& bytes,
+                                 const std::array<float, 4>& z_of_normals,
+                                 const std::string& words) {
+    write_bytes(folder / name, bytes);
+    std::string note;
+    const auto cloud = load_cloud(folder / name, &note);
+    ASSERT_TRUE(cloud.has_value()) << cloud.error().message;
+    for (std::size_t i = 0; i < 4; ++i) {
+      EXPECT_EQ(cloud->point(i), (Vec3f{0, 0, float(i + 1)})) << "no point is moved";
+      EXPECT_EQ(cloud->normal(i).z, z_of_normals[i]) << i;
+    }
+    EXPECT_EQ(note.empty(), words.empty()) << note;
+    EXPECT_NE(note.find(words), std::string::npos) << note;
+  };
+  const std::string rows = "0 0 1 0 0 -1\n0 0 2 0 0 1\n0 0 3 0 0 -1\n0 0 4 0 0 -1\n";
+  const std::string good = "0 0 1 0 0 -1\n0 0 2 0 0 -1\n0 0 3 0 0 -1\n0 0 4 0 0 -1\n";
+  const auto as_pcd = [](const std::string& viewpoint, const std::string& body) {
+    return "VERSION 0.7\nFIELDS x y z normal_x normal_y normal_z\nSIZE 4 4 4 4 4 4\n"
+           "TYPE F F F F F F\nCOUNT 1 1 1 1 1 1\nWIDTH 4\nHEIGHT 1\nVIEWPOINT " +
+           viewpoint + " 1 0 0 0\nPOINTS 4\nDATA ascii\n" + body;
+  };
+  const std::string vertices = "element vertex 4\n" + kPlyNames;
+  expect_turned("a.ply", ply("ascii", vertices, good), {-1, -1, -1, -1}, "");
+  expect_turned("b.ply", ply("ascii", vertices, rows), {-1, -1, -1, -1},
+                "25 % of its normals pointed away from the camera");
+  expect_turned("a.pcd", as_pcd("0 0 0", good), {-1, -1, -1, -1}, "");
+  expect_turned("b.pcd", as_pcd("0 0 0", rows), {-1, -1, -1, -1}, "25 % of its normals");
+  expect_turned("c.pcd", as_pcd("0 0 2.5", rows), {1, 1, -1, -1},
+                "its VIEWPOINT is (0, 0, 2.5): normals are turned to there (25 % of them), points "
+                "stay where they are");
 }
 
 TEST(CloudPly, SaysWhatIsWrong) {

@@ -3,6 +3,7 @@
 #include "src/io/internal/mcap_file.h"
 
 #include <sys/stat.h>
+#include <zstd.h>
 
 #include <chrono>
 #include <cstdio>
@@ -17,6 +18,7 @@
 #include <gtest/gtest.h>
 
 #include "src/io/internal/bag_file.h"
+#include "tests/io/made_mcap.h"
 
 namespace palpate {
 namespace {
@@ -42,6 +44,24 @@ std::string cdr_text(const std::string& text) {
   std::string bytes("\0\1\0\0", 4);
   for (int i = 0; i < 4; ++i) bytes += static_cast<char>((text.size() + 1) >> (8 * i) & 255);
   return bytes + text + '\0';
+}
+
+/// A frame of Zstandard that does not say how much is in it, as those who write a stream make them.
+std::string streamed(std::string_view bytes) {
+  const std::unique_ptr<ZSTD_CCtx, std::size_t (*)(ZSTD_CCtx*)> context(ZSTD_createCCtx(),
+                                                                        ZSTD_freeCCtx);
+  std::string packed(ZSTD_compressBound(bytes.size()) + 100, '\0');
+  ZSTD_outBuffer to{packed.data(), packed.size(), 0};
+  for (const bool is_end : {false, true}) {
+    const std::size_t half = bytes.size() / 2;
+    const std::string_view part = is_end ? bytes.substr(half) : bytes.substr(0, half);
+    ZSTD_inBuffer from{part.data(), part.size(), 0};
+    EXPECT_EQ(ZSTD_isError(ZSTD_compressStream2(context.get(), &to, &from,
+                                                is_end ? ZSTD_e_end : ZSTD_e_flush)),
+              0u);
+  }
+  EXPECT_EQ(ZSTD_getFrameContentSize(packed.data(), to.pos), ZSTD_CONTENTSIZE_UNKNOWN);
+  return packed.substr(0, to.pos);
 }
 
 class McapFile : public testing::Test {
@@ -184,6 +204,30 @@ TEST_F(McapFile, DamageIsFoundAndSaid) {
     expect_begins_with(sent, got.messages);
   }
   EXPECT_GT(num_found, 20);
+}
+
+TEST_F(McapFile, ChunksOfZstandardAreReadWhateverTheirFramesSayOfTheirSize) {
+  const std::string message = noise(200'000, 3) + std::string(9'000'000, 'x') + noise(50, 4);
+  const std::string records =
+      test::mcap_channel(1, "/a", "palpate.A") + test::mcap_message(1, 5, message);
+  const std::string_view all = records;
+  const std::string skipped("\x50\x2a\x4d\x18\3\0\0\0pad", 11);
+  for (const std::string& packed :
+       {streamed(all), streamed(all.substr(0, 1000)) + streamed(all.substr(1000)),
+        streamed(all) + skipped,
+        skipped + streamed(all.substr(0, 7)) + skipped + streamed("") + streamed(all.substr(7))}) {
+    replace(test::mcap_file(test::mcap_chunk(packed, all.size(), "zstd")));
+    const Got got = read_all(path_);
+    EXPECT_FALSE(got.failed) << got.error;
+    ASSERT_EQ(got.messages.size(), 1u);
+    EXPECT_EQ(got.messages[0].data, message);
+  }
+  for (const std::uint64_t size : {all.size() - 1, all.size() + 1, std::size_t{1} << 29}) {
+    replace(test::mcap_file(test::mcap_chunk(streamed(all), size, "zstd")));
+    EXPECT_TRUE(read_all(path_).failed) << size;
+  }
+  replace(test::mcap_file(test::mcap_chunk(streamed(all).substr(0, 100'000), all.size(), "zstd")));
+  EXPECT_TRUE(read_all(path_).failed);
 }
 
 TEST_F(McapFile, AMessageOfAChannelThatNobodyToldIsDamage) {

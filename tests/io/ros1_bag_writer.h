@@ -2,6 +2,11 @@
 // (http://wiki.ros.org/Bags/Format/2.0).
 #pragma once
 
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -40,11 +45,20 @@ inline std::string ros1_message(std::uint32_t connection, std::uint32_t seconds,
                       {"time", bytes_of(seconds) + bytes_of(nanoseconds)}},
                      data);
 }
-inline std::string ros1_chunk(std::string_view records, const std::string& compression = "none") {
+inline std::string ros1_chunk(std::string_view packed, const std::string& compression = "none",
+                              std::optional<std::size_t> size = {}) {
   return ros1_record({{"op", op(5)},
                       {"compression", compression},
-                      {"size", bytes_of(static_cast<std::uint32_t>(records.size()))}},
-                     records);
+                      {"size", bytes_of(static_cast<std::uint32_t>(size.value_or(packed.size())))}},
+                     packed);
+}
+/// By the program of that name, with files in the folder; empty: there is none.
+inline std::string packed_by_bzip2(std::string_view bytes, const std::filesystem::path& folder) {
+  std::ofstream(folder / "plain", std::ios::binary) << bytes;
+  const std::string command = "bzip2 -f '" + (folder / "plain").string() + "'";
+  if (std::system(command.c_str()) != 0) return {};
+  std::ifstream file(folder / "plain.bz2", std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), {}};
 }
 /// Without its index, as a recorder that was killed leaves it.
 inline std::string ros1_bag(const std::vector<std::string>& chunks) {

@@ -49,6 +49,27 @@ TEST(TrajectoryFile, AcceptsTabsLineEndsCommentsAndPlusSigns) {
   EXPECT_EQ((*loaded)[1].X_WT, (Pose{{1, 2, 3}, {0, 0, 1, 0}}));
 }
 
+TEST(TrajectoryFile, TimesInOtherUnitsThanSecondsAreToldAndRefused) {
+  const TemporaryFolder folder;
+  const auto with = [&](const std::vector<std::string>& times) {
+    std::string lines = "# t tx ty tz qx qy qz qw\n";
+    for (const std::string& time : times) lines += time + " 1 2 3 0 0 0 1\n";
+    write_bytes(folder / "path.txt", lines);
+    const auto loaded = load_trajectory(folder / "path.txt");
+    return loaded ? "" : loaded.error().message;
+  };
+  EXPECT_EQ(with({"1700000000.1", "1700000000.2"}), "");
+  const std::string words = "as if in nanoseconds or the like";
+  for (const std::vector<std::string>& times :
+       {std::vector<std::string>{"1700000000000000000", "1700000000033333333"},
+        {"1.7e18"},
+        {"1700000000000", "1700000000033"},
+        {"0", "33333333", "66666666", "100000000"}}) {
+    EXPECT_NE(with(times).find(words), std::string::npos) << with(times);
+  }
+  EXPECT_NE(with({"1.7e18"}).find("path.txt line 2 has the time 1.7e+18"), std::string::npos);
+}
+
 TEST(TrajectoryFile, SkipsAByteOrderMark) {
   const TemporaryFolder folder;
   write_bytes(folder / "path.txt",

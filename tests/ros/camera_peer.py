@@ -7,6 +7,7 @@ usage: camera_peer.py DOMAIN BEHAVIOR [X,Y,Z]
 X,Y,Z: where the tool is, m, in the camera's frame or, with tf, in the base's.
 
 png, rvl, inverse:  compressedDepth; inverse: RVL of 32FC1
+plain:              PNG by the transport `compressed`
 float:              32FC1
 bent:               two lenses in turn, each image with its camera_info, which comes after it
 bent_late:          the same, but it comes 0.15 s after it
@@ -148,6 +149,8 @@ def compressed_image(stamp, depths, behavior):
     a, b = 500.0, 20.0  # of depth in metres: count = a / depth + b
     is_inverse = behavior == "inverse"
     counts = [round(a / z + b) if is_inverse else round(1000 * z) for z in depths]
+    if behavior == "plain":
+        return CompressedImage(header(stamp), "16UC1; png compressed ", list(png(counts)))
     codec = "png" if behavior == "png" else "rvl"
     data = png(counts) if codec == "png" else rvl.compressed(counts, WIDTH, HEIGHT)
     return CompressedImage(header(stamp), f"{'32FC1' if is_inverse else '16UC1'}; compressedDepth {codec}",
@@ -213,9 +216,10 @@ def transform(stamp, child, z):
 class Cameras:
     def __init__(self, robot, behavior):
         self.behavior = behavior
-        self.is_compressed = behavior in ("png", "rvl", "inverse")
+        self.is_compressed = behavior in ("png", "rvl", "inverse", "plain")
         qos = {"reliable": False, "depth": 5}
-        self.images = (robot.writer(TOPIC + "/compressedDepth", CompressedImage, **qos) if self.is_compressed
+        transport = "/compressed" if behavior == "plain" else "/compressedDepth"
+        self.images = (robot.writer(TOPIC + transport, CompressedImage, **qos) if self.is_compressed
                        else robot.writer(TOPIC, Image, **qos))
         self.infos = robot.writer("rt/camera/depth/camera_info", CameraInfo, **qos)
         self.others = robot.writer("rt/behind/depth/image_raw", Image, **qos)

@@ -40,9 +40,11 @@ class LiveCamerasTest(PeerCase):
 
     def test_all_ways_to_send_a_wall_feel_alike(self):
         plain = self.touched(self.watch("float"))
-        for behavior, delta in (("png", 0.002), ("rvl", 0.002), ("inverse", 0.012)):  # of steps of half a millimetre
+        plain_png = "/camera/depth/image_raw/compressed"
+        for behavior, depth, delta in (("png", COMPRESSED, 0.002), ("rvl", COMPRESSED, 0.002), ("plain", plain_png, 0.002),
+                                       ("inverse", COMPRESSED, 0.012)):  # of steps of half a millimetre
             with self.subTest(behavior):
-                other = self.touched(self.watch(behavior, depth=COMPRESSED))
+                other = self.touched(self.watch(behavior, depth=depth))
                 self.assertAlmostEqual(other, plain, delta=delta)
 
     def test_each_image_is_seen_by_its_own_lens(self):

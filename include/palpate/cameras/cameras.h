@@ -237,10 +237,11 @@ class LinkPoses {
 /// on a CPU or a GPU, with the same bits.
 class SelfFilter {
  public:
-  /// Creates a filter. Error: an option out of its range.
+  /// Creates a filter. `notes` are among those of every source. Error: an option out of its range.
   static Result<SelfFilter> create(std::vector<RobotLink> links,
                                    std::shared_ptr<const LinkPoses> poses,
-                                   const SelfFilterOptions& options = {});
+                                   const SelfFilterOptions& options = {},
+                                   std::vector<std::string> notes = {});
 
   /// The frames without the links. Without the GPU of `place`, or once it is lost, the CPU removes
   /// them, with a note. Error: live frames with poses that are not live, or the reverse.
@@ -258,10 +259,11 @@ struct RobotFiles {
   std::string robot;   ///< FILE.urdf, or a mesh: a robot of one link
   std::string joints;  ///< FILE.csv, bag:FILE[?topic=/T], ros2:[/T]; with ?world=FRAME by tf
   std::string pose;    ///< X_WB of its base: "tx ty tz qx qy qz qw" or a TUM file; empty: identity
-  std::string packages;  ///< folders for package://, separated by ':'
+  std::string packages;                ///< folders for package://, separated by ':'
+  std::vector<std::string> skip = {};  ///< links of a URDF that stay in the images
 };
 /// Opens the files. Errors: an unreadable file, with its path; a missing mesh, with the paths that
-/// were tried; joints without a state in the source.
+/// were tried; joints without a state in the source; a link to skip that is not there.
 Result<SelfFilter> open_self_filter(const RobotFiles& files, const SelfFilterOptions& options = {});
 /// Checks the worlds. Error: tf places the robot in another world than one of the cameras.
 Status check_one_world(std::span<const CameraUri> cameras, const RobotFiles& robot);

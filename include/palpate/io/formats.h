@@ -78,9 +78,11 @@ Result<std::unique_ptr<DepthSource>> open_depth_folder(const std::filesystem::pa
 
 /// Reads a cloud with normals from a PLY (ascii or binary; properties x y z nx ny nz) or PCD
 /// (ascii, binary, binary_compressed; fields x y z normal_x normal_y normal_z). A PCD with height >
-/// 1 stays organized. Errors: no normals; truncated files; counts that the file cannot hold
-/// (checked before allocating).
-Result<PointCloud> load_cloud(const std::filesystem::path& path);
+/// 1 stays organized. Normals are turned to where the eye stood: the VIEWPOINT of a PCD, which
+/// moves no points, else the origin. `note` gets what is to be said of that; empty: nothing.
+/// Errors: no normals; truncated files; counts that the file cannot hold (checked before
+/// allocating).
+Result<PointCloud> load_cloud(const std::filesystem::path& path, std::string* note = nullptr);
 
 /// Depth image of an organized PCD without normals: z as 16-bit counts of `unit` (m).
 Result<DepthFrame> load_depth_pcd(const std::filesystem::path& path, double unit = 0.001);

@@ -13,12 +13,13 @@
 namespace palpate::inline v0 {
 
 /// Messages in the order of the file, one chunk in memory at a time. Whatever the file, schemas are
-/// named as in ROS 2 ("sensor_msgs/msg/Image") and messages are in CDR; those of a type of ROS 1
-/// that is not known here are empty.
+/// named as in ROS 2 ("sensor_msgs/msg/Image") and messages are in CDR, unpacked; those of a type
+/// of ROS 1 that is not known here, and those that are damaged in themselves, are empty.
 class BagReader {
  public:
-  /// By what the file begins with; or the one file in a folder that rosbag2 has made. Errors: no
-  /// such file, none of these formats, a library that is not there (SQLite; see io/unpack.h).
+  /// By what the file begins with; or the files of a folder one after the other, if they are parts
+  /// of one recording (by rosbag2's metadata.yaml, or by their numbers). Errors: no such file, none
+  /// of these formats, a library that is not there (SQLite; see io/unpack.h).
   static Result<std::unique_ptr<BagReader>> open(const std::filesystem::path& path);
   virtual ~BagReader() = default;
 
@@ -28,6 +29,13 @@ class BagReader {
   /// Of the channels met so far.
   virtual const std::map<std::uint16_t, McapChannel>& channels() const = 0;
   virtual bool was_cut_off() const = 0;
+  /// The next message is the first one again. What took long to unpack has been kept. Errors: as of
+  /// `open`.
+  virtual Status rewind() = 0;
 };
+
+/// The first file of the recording of which this is a later part, by rosbag2's metadata.yaml beside
+/// it; empty: it is none. What is sent once lies there: transforms that stay, for one.
+std::filesystem::path first_part_of(const std::filesystem::path& file);
 
 }  // namespace palpate::inline v0

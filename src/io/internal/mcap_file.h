@@ -23,6 +23,7 @@ struct McapChannel {
   std::string topic;        ///< e.g. "/tick"
   std::string schema_name;  ///< e.g. "palpate_msgs/msg/Tick"
   std::string schema;       ///< that text, and those of all types in it; readers leave it empty
+  std::string encoding = "cdr";  ///< of its messages; writers write CDR
 };
 
 struct McapOptions {
