@@ -74,7 +74,18 @@ async function seen(page, names) {
 }
 
 const cardTexts = (page) => page.locator('.card b').allInnerTexts();
-const lastX = (page) => page.evaluate(() => document.querySelectorAll('.plot canvas')[0].toDataURL());
+
+/// The first and the last time, s, that a plot shows, as its legend tells them when they are pointed at.
+async function shownTimes(page, plot) {
+  await plot.scrollIntoViewIfNeeded();
+  const { x, y, width, height } = await plot.locator('.u-over').boundingBox();
+  const times = [];
+  for (const u of [x + 1, x + width - 1]) {
+    await page.mouse.move(u, y + height / 2);
+    times.push(parseFloat(await plot.locator('.u-legend .u-value').first().innerText()));
+  }
+  return times;
+}
 
 pageTest('a run: its numbers are those of summary.json', async () => {
   await make();
@@ -122,30 +133,38 @@ pageTest('a run: the deepest moment shows cloud, tool and wrench', async () => {
   });
 });
 
-pageTest('a run: dragging zooms all plots of time, a double click shows all again', async () => {
+pageTest('a run: dragging zooms all plots of time to what was dragged, a double click shows all again', async () => {
   await make();
   const page = await openReport(['hand', 'report.html']);
   assert.ok((await page.locator('main').innerText()).includes('What the hand felt'));
   assert.equal(await empty(page, '.plot canvas'), 0);
-  const plots = page.locator('.plot');
-  const before = await lastX(page);
   const whole = page.locator('.whole:visible');
-  assert.equal(await whole.count(), 0);
-  // Across the second plot; the first follows.
-  const box = await plots.nth(1).locator('.u-over').boundingBox();
-  await plots.nth(1).scrollIntoViewIfNeeded();
-  const at = await plots.nth(1).locator('.u-over').boundingBox();
-  assert.equal(at.width, box.width);
-  await page.mouse.move(at.x + 0.4 * at.width, at.y + 40);
-  await page.mouse.down();
-  await page.mouse.move(at.x + 0.6 * at.width, at.y + 60, { steps: 5 });
-  await page.mouse.up();
+  const plots = page.locator('.plot');
   const numTime = (await plots.count()) - 1; // all but the one of latencies
-  await until('zoomed plots', async () => (await whole.count()) === numTime);
-  assert.notEqual(await lastX(page), before);
-  assert.equal(await empty(page, '.plot canvas'), 0);
-  await page.mouse.dblclick(at.x + 0.5 * at.width, at.y + 50);
-  await until('all again', async () => (await whole.count()) === 0);
+  const [first, last] = await shownTimes(page, plots.first());
+  for (const dragged of [0, 1, numTime - 1]) {
+    assert.equal(await whole.count(), 0);
+    const plot = plots.nth(dragged);
+    await plot.scrollIntoViewIfNeeded();
+    const { x, y, width } = await plot.locator('.u-over').boundingBox();
+    await page.mouse.move(x + 0.25 * width, y + 40);
+    await page.mouse.down();
+    await page.mouse.move(x + 0.75 * width, y + 60, { steps: 40 });
+    await page.mouse.up();
+    await until('zoomed plots', async () => (await whole.count()) === numTime);
+    for (let i = 0; i < numTime; ++i) {
+      const [from, to] = await shownTimes(page, plots.nth(i));
+      const near = 0.01 * (last - first);
+      assert.ok(Math.abs(from - (first + 0.25 * (last - first))) < near && Math.abs(to - (first + 0.75 * (last - first))) < near,
+        `dragged plot ${dragged}, plot ${i}: ${from} to ${to} s of ${first} to ${last} s`);
+    }
+    assert.equal(await empty(page, '.plot canvas'), 0);
+    await plot.scrollIntoViewIfNeeded();
+    const at = await plot.locator('.u-over').boundingBox();
+    await page.mouse.dblclick(at.x + 0.5 * at.width, at.y + 50);
+    await until('all again', async () => (await whole.count()) === 0);
+    assert.deepEqual(await shownTimes(page, plots.first()), [first, last]);
+  }
 });
 
 pageTest('an evaluation: every claim is there, curves go where their numbers are', async () => {
