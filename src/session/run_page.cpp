@@ -182,9 +182,8 @@ Result<std::string> run_page(const Json& summary, const Tool& tool, const RunLog
       for (Json& camera : json["moment"]["cameras"]) shorten_name(camera);
       if (log.setup.settings.time.memory.kind != DepthMemory::off) {
         json["moment_trouble"] =
-            "The picture is made of the depth image of that moment alone: what the camera "
-            "remembered "
-            "behind it is missing, so spheres there are shown as inside.";
+            "The picture is made of the depth images of that moment alone: what cameras remembered "
+            "behind them is missing, so spheres there are shown as inside.";
       }
     } else {
       json["moment_trouble"] = moment.error().message;
