@@ -218,16 +218,19 @@ Progress::~Progress() {
 
 bool Progress::due() const { return Clock::now() >= next_; }
 
-void Progress::update(double share, const std::string& words) {
+void Progress::update(std::optional<double> done, const std::string& words) {
   if (!due()) return;
   const auto now = Clock::now();
   next_ = now + std::chrono::milliseconds(is_terminal_ ? 100 : 5000);
   drawn_ = true;
-  share = std::clamp(share, 0.0, 1.0);
+  const double share = std::clamp(done.value_or(0), 0.0, 1.0);
   const double elapsed = std::chrono::duration<double>(now - start_).count();
   const std::string left = share > 0.01 ? clock_text(elapsed * (1 - share) / share) : "-:--";
   char line[240];
-  if (is_terminal_) {
+  if (!done) {
+    std::snprintf(line, sizeof line, is_terminal_ ? "\r\033[K%s  %s" : "%s: %s\n", title_.c_str(),
+                  words.c_str());
+  } else if (is_terminal_) {
     constexpr int kBar = 28;
     const int full = static_cast<int>(share * kBar);
     std::snprintf(line, sizeof line, "\r\033[K%s [%s%s] %3.0f %%  %s left  %s", title_.c_str(),

@@ -4,6 +4,7 @@
 #include <signal.h>
 
 #include <chrono>
+#include <optional>
 #include <string>
 
 namespace palpate::apps {
@@ -38,7 +39,7 @@ std::string printable(const std::string& text);
 /// "palpate: note: ..." on stderr. Waits for whoever reads it.
 void print_note(const std::string& text);
 
-/// Progress on stderr: a bar with the time left on a terminal, else a line every few seconds. Left
+/// Progress on stderr: on a terminal a bar with the time left, else a line every few seconds. Left
 /// out while nobody reads it.
 class Progress {
  public:
@@ -47,8 +48,9 @@ class Progress {
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;
 
-  /// `share` of the work done, 0 ... 1, and a few words. Cheap to call often.
-  void update(double share, const std::string& words);
+  /// `share` of the work done, 0 ... 1, or none of what has no end, and a few words. Cheap to call
+  /// often.
+  void update(std::optional<double> share, const std::string& words);
   /// True if `update` would show something now; saves making the words.
   bool due() const;
 

@@ -1,7 +1,6 @@
 // palpate touch, once everything is open: on a simulated clock along a path, or live in a hand.
 #include <algorithm>
 #include <atomic>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <iostream>
@@ -114,6 +113,37 @@ Result<std::unique_ptr<HapticDevice>> make_device(const TouchOptions& options,
   }
   return open_device(address + more);
 }
+
+/// The newest tick, in a few words: written by one thread, read by another.
+class TickWatch {
+ public:
+  void take(const TickRecord& tick) {
+    time_ = tick.time;
+    force_ = norm(tick.step.contact_W.force);
+    number_ = tick.number;
+  }
+
+  double time() const { return time_; }
+  /// Time since the start, force on the tool and, of a live run, the rate of its ticks.
+  std::string words(bool is_live) {
+    const double elapsed = time_ - counted_time_;
+    if (elapsed >= 1) {
+      rate_ = static_cast<double>(number_ - counted_number_) / elapsed;
+      counted_time_ = time_;
+      counted_number_ = number_;
+    }
+    char text[48], rate[24] = "";
+    std::snprintf(text, sizeof text, "%.1f s, %.2f N", time(), force_.load());
+    if (is_live && rate_ > 0) std::snprintf(rate, sizeof rate, ", %.0f Hz", rate_);
+    return std::string(text) + rate + "; Ctrl-C ends the run";
+  }
+
+ private:
+  std::atomic<double> time_ = 0, force_ = 0;  // s, N
+  std::atomic<std::uint64_t> number_ = 0;
+  double rate_ = 0, counted_time_ = 0;  // Hz, s
+  std::uint64_t counted_number_ = 0;
+};
 
 void print_result(const Tool& tool, const RunOutcome& outcome) {
   const LoopReport& loop = outcome.loop;
@@ -271,8 +301,13 @@ Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
   };
   std::optional<Suspension> suspension;
   if (is_live) suspension.emplace();
-  Progress bar("touching");
-  const auto start = std::chrono::steady_clock::now();
+  TickWatch watch;
+  run.monitor->observer.on_ticks = [&watch, others = std::move(run.monitor->observer.on_ticks)](
+                                       std::span<const TickRecord> ticks) {
+    watch.take(ticks.back());
+    if (others) others(ticks);
+  };
+  std::optional<Progress> bar("touching");
   std::vector<std::string> said;
   run.say = [&said](double time, std::string_view text) {
     char seconds[32];
@@ -280,11 +315,9 @@ Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
     print_beside_progress(seconds + said.emplace_back(text));
   };
   run.keep_going = [&] {
-    if (is_live && bar.due()) {
-      const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
-      char words[64];
-      std::snprintf(words, sizeof words, "%.1f s; Ctrl-C ends the run", elapsed.count());
-      bar.update(std::isfinite(expected) ? elapsed.count() / expected : 0, words);
+    if (bar->due()) {
+      bar->update(std::isfinite(expected) ? std::optional(watch.time() / expected) : std::nullopt,
+                  watch.words(is_live));
     }
     if (loop != nullptr && suspension && suspension->is_requested()) {
       loop->suspend_force();
@@ -296,6 +329,7 @@ Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
   const auto outcome =
       record_run(tool, DepthSources(std::move(sources)), **device, settings, options.output, run);
   suspension.reset();
+  bar.reset();
   if (page) page->print_closing();
   print_kept();
   if (!outcome) return outcome.error();

@@ -85,7 +85,8 @@ Status run(const Options& options) {
       char words[80];
       std::snprintf(words, sizeof words, "%.1f s, %llu frames; Ctrl-C ends it", seconds,
                     static_cast<unsigned long long>(num_frames));
-      bar.update(options.duration ? seconds / *options.duration : 0, words);
+      bar.update(options.duration ? std::optional(seconds / *options.duration) : std::nullopt,
+                 words);
     }
     for (DepthSource* source : sources) {
       for (const std::string& note : source->take_notes()) print_beside_progress(note);

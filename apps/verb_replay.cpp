@@ -4,6 +4,7 @@
 #include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "apps/options.h"
 #include "apps/terminal.h"
@@ -14,6 +15,8 @@
 
 namespace palpate::apps {
 namespace {
+
+constexpr const char* kHowToEnd = "Ctrl-C ends it";
 
 struct Options {
   std::string run, output;
@@ -89,7 +92,10 @@ Status repeat(const Options& options) {
   ReplayOptions replay;
   replay.num_threads = options.num_threads;
   replay.keep_going = [] { return !interrupted(); };
+  std::optional<Progress> bar("repeating");
+  replay.progress = [&](double share) { bar->update(share, kHowToEnd); };
   const auto outcome = replay_run(options.run, replay);
+  bar.reset();
   if (!outcome) return outcome.error();
   if (!outcome->difference.empty()) {
     return Error{Errc::bad_input, "the replay differs from " + options.run + "/" + kRecordingFile +
@@ -116,9 +122,12 @@ Status retry(const Options& options) {
   RunOptions run;
   run.keep_going = [] { return !interrupted(); };
   std::string note;
+  std::optional<Progress> bar("repeating");
   const auto outcome = retry_run(
       options.run, options.output,
-      [&](RunSettings& settings) { return change(options.changes, settings, note); }, run);
+      [&](RunSettings& settings) { return change(options.changes, settings, note); }, run,
+      [&](double share) { bar->update(share, kHowToEnd); });
+  bar.reset();
   if (!outcome) return outcome.error();
   if (!note.empty()) print_note(note);
   note_backend(outcome->run.why_not_cuda);

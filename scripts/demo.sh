@@ -30,9 +30,15 @@ say "A stylus, filled with spheres"
 "$palpate" shape stylus --size 0.12 -o demo/stylus.stl
 "$palpate" pack demo/stylus.stl -o demo/stylus.palp
 
+reports=()
+# A run, and its report for the list at the end. usage: feel FOLDER TOOL [OPTION ...]
+feel() {
+  "$palpate" touch "${@:2}" -o "$1"
+  reports+=("$1/report.html")
+}
+
 say "The stylus feels a hand in front of a simulated depth camera"
-"$palpate" touch demo/stylus.palp --scene hand -o demo/hand
-reports=(demo/hand/report.html)
+feel demo/hand demo/stylus.palp --scene hand
 
 say "Blocks fall on the hand and on the wall behind it, which gravity makes a table, and the stylus pushes them"
 "$palpate" shape box --size 0.03 -o demo/block.stl
@@ -41,13 +47,13 @@ blocks=(--set bodies.gravity_y=0 --set bodies.gravity_z=9.81)
 for place in '0.01 0 0.5' '-0.15 0.05 1.05' '-0.15 0.05 1.0' '0.15 -0.05 1.05'; do
   blocks+=(--object "demo/block.palp@$place 0 0 0 1,moving")
 done
-"$palpate" touch demo/stylus.palp --scene hand "${blocks[@]}" -o demo/blocks
+feel demo/blocks demo/stylus.palp --scene hand "${blocks[@]}"
 echo "To look at them: $palpate view demo/blocks"
 
-say "Two cameras see a ball from two sides, and the stylus goes into it"
-"$palpate" touch demo/stylus.palp -o demo/two-cameras --duration 2 \
-  --camera scene:sphere-out-320 --camera 'scene:sphere-out-320?pose=0.5,0,0.134,0,-0.259,0,0.966'
-reports+=(demo/two-cameras/report.html)
+say "The stylus touches a ball at its side, which one camera sees and the other does not"
+printf '0 0.68 0 1.5 0 0.7071 0 0.7071\n2 0.598 0 1.5 0 0.7071 0 0.7071\n' >demo/beside.tum
+feel demo/two-cameras demo/stylus.palp --path demo/beside.tum \
+  --camera scene:sphere-out-320 --camera 'scene:sphere-out-320?pose=1.4,0,1,0,-0.574,0,0.819'
 echo "To look at it, with both cameras: $palpate view demo/two-cameras"
 
 recording=$data/sequences/visp_rbt/depth
@@ -55,9 +61,8 @@ bottle=$data/meshes_good/fuze_bottle.obj
 if [ -d "$recording" ] && [ -f "$bottle" ]; then
   say "A bottle feels a desk that a real camera recorded"
   "$palpate" pack "$bottle" -o demo/fuze_bottle.palp
-  "$palpate" touch demo/fuze_bottle.palp --depth-sequence "$recording" \
-    --intrinsics 607.178,607.234,321.391,241.918 -o demo/visp_rbt
-  reports+=(demo/visp_rbt/report.html)
+  feel demo/visp_rbt demo/fuze_bottle.palp --depth-sequence "$recording" \
+    --intrinsics 607.178,607.234,321.391,241.918
 else
   say "Skipped: a real recording (no data in '$data'; set PALPATE_DATA to their folder)"
 fi

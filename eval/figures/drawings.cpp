@@ -122,7 +122,8 @@ Result<Picture> states_in(Context& context, const char* name) {
   query->query(deepest, ContactOptions{});
   return Picture{
       Picture::Kind::seen, words("In the scene %s", name),
-      seen_tool_json(**tool, deepest, image->stream, image->frame, query->states(), {}).dump(),
+      seen_tool_json(**tool, deepest, {&image->stream, 1}, {&image->frame, 1}, query->states(), {})
+          .dump(),
       words("%.0f %% deep: inside blue, boundary purple, outside red.", 100 * most)};
 }
 

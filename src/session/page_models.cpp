@@ -16,9 +16,15 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr std::size_t kMaxPixels = 1280 * 1024;  // of a depth image
+constexpr std::size_t kMaxPixels = 1280 * 1024;  // of all depth images together
 
 Json list(const Vec3d& v) { return {compact(v.x, 6), compact(v.y, 6), compact(v.z, 6)}; }
+
+Json list(const Pose& pose) {
+  Json numbers = Json::array();
+  for (const double value : seven_numbers(pose)) numbers.push_back(compact(value, 9));
+  return numbers;
+}
 
 Json mesh_json(const TriangleMesh& mesh) {
   if (mesh.triangles.size() > kMaxPageTriangles) return nullptr;
@@ -79,6 +85,16 @@ std::string packed_depth(const DepthFrame& frame) {
   return base64(packed);
 }
 
+Json camera_json(const DepthStreamInfo& stream, const DepthFrame& image, int n) {
+  const auto& [fx, fy, cx, cy] = stream.intrinsics;
+  const DepthFrame frame = thinned(image, n);
+  return {{"name", stream.name},  {"X_WC", list(frame.X_WC)},
+          {"width", frame.width}, {"height", frame.height},
+          {"fx", fx / n},         {"fy", fy / n},
+          {"cx", cx / n},         {"cy", cy / n},
+          {"unit", frame.unit},   {"depth", packed_depth(frame)}};
+}
+
 /// States and planes of the spheres that a page shows, as the viewer's messages have them.
 void add_states(Json& json, std::span<const SphereState> states,
                 std::span<const Plane<float>> planes) {
@@ -107,33 +123,39 @@ Json solid_json(const Tool& tool, std::span<const Sphere> spheres) {
           {"mesh", mesh_json(tool.mesh())}};
 }
 
-Json seen_tool_json(const Tool& tool, const Pose& X_CT, const DepthStreamInfo& stream,
-                    const DepthFrame& image, std::span<const SphereState> states,
+Json seen_tool_json(const Tool& tool, const Pose& X_WT, std::span<const DepthStreamInfo> streams,
+                    std::span<const DepthFrame> images, std::span<const SphereState> states,
                     std::span<const Plane<float>> planes) {
   // Spheres are stored by size, as good as.
   const std::size_t num_shown = std::min(states.size(), kMaxPageSpheres);
-  const auto& [fx, fy, cx, cy] = stream.intrinsics;
+  std::size_t num_pixels = 0;
+  for (const DepthFrame& image : images) num_pixels += image.pixels.size();
   const int n =
-      static_cast<int>(std::ceil(std::sqrt(static_cast<double>(image.pixels.size()) / kMaxPixels)));
-  const DepthFrame frame = thinned(image, n);
-  Json pose = Json::array();
-  for (const double value : seven_numbers(X_CT)) pose.push_back(compact(value, 9));
-  Json json{{"X_WT", pose},
+      static_cast<int>(std::ceil(std::sqrt(static_cast<double>(num_pixels) / kMaxPixels)));
+  Json cameras = Json::array();
+  for (std::size_t k = 0; k < images.size(); ++k) {
+    if (!images[k].pixels.empty()) cameras.push_back(camera_json(streams[k], images[k], n));
+  }
+  Json json{{"X_WT", list(X_WT)},
             {"centre_of_mass_m", list(tool.sphere_mass().centre_of_mass)},
             {"radius_m", compact(reach(tool, tool.spheres()))},
             {"spheres", packed<Sphere>(tool.spheres().first(num_shown))},
             {"spheres_left_out", states.size() - num_shown},
-            {"image",
-             {{"width", frame.width},
-              {"height", frame.height},
-              {"fx", fx / n},
-              {"fy", fy / n},
-              {"cx", cx / n},
-              {"cy", cy / n},
-              {"unit", image.unit}}},
-            {"depth", packed_depth(frame)}};
+            {"cameras", std::move(cameras)}};
   add_states(json, states.first(num_shown), planes.empty() ? planes : planes.first(num_shown));
   return json;
+}
+
+Json seen_objects_json(std::span<const SceneObject> objects, std::span<const Pose> X_WB) {
+  Json made = Json::array();
+  std::size_t num_triangles = 0;
+  for (std::size_t i = 0; i < objects.size(); ++i) {
+    const TriangleMesh& mesh = objects[i].shape->mesh();
+    num_triangles += mesh.triangles.size();
+    made.push_back({{"X_WB", list(X_WB[i])},
+                    {"mesh", num_triangles > kMaxPageTriangles ? Json() : mesh_json(mesh)}});
+  }
+  return made;
 }
 
 }  // namespace palpate::inline v0

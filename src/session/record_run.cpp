@@ -76,6 +76,7 @@ class RecordingObserver {
     };
     observer.on_contact = [this](const ContactRecord& contact) {
       recorder_->add_contact(contact);
+      results_->add_contact(contact);
       unit_.take(contact);
       if (unit_.has_waited(contact.time)) add_unit_doubts(contact.time);
       tell(&RunObserver::on_contact, contact);

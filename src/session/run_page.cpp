@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "src/pages/internal/report_page.h"
+#include "src/run/internal/object_poses.h"
 #include "src/run/internal/pipeline.h"
 #include "src/session/internal/compact_json.h"
 #include "src/session/internal/page_models.h"
@@ -125,15 +126,15 @@ Result<Json> moment_json(const Tool& tool, const RunLog& log) {
   std::vector<Plane<float>> planes(states.size());
   (*part)->query().measure(cameras, X_WT, {.states = states, .planes = planes});
 
-  // As the first camera sees it.
-  const DepthFrame& image = log.deepest_frames.front();
-  const Pose X_CW = inverse(image.X_WC);
-  const auto in_camera = [&](const Vec3d& v_W) { return list(rotate(X_CW.rotation, v_W)); };
-  Json json = seen_tool_json(tool, X_CW * X_WT, log.setup.streams.front(), image, states, planes);
+  Json json = seen_tool_json(tool, X_WT, log.setup.streams, log.deepest_frames, states, planes);
+  const std::vector<SceneObject>& objects = log.setup.settings.objects;
+  const auto& [num_moving, moving] = log.deepest_bodies;
+  json["objects"] = seen_objects_json(objects, objects_at(objects, std::span(moving, num_moving)));
   json["time_s"] = tick.time;
   json["volume_m3"] = compact(tick.penetration.volume);
-  json["force_N"] = in_camera(tick.step.contact_W.force);
-  json["torque_Nm"] = in_camera(tick.step.contact_W.torque);
+  json["objects_volume_m3"] = compact(tick.objects.volume);
+  json["force_N"] = list(tick.step.contact_W.force);
+  json["torque_Nm"] = list(tick.step.contact_W.torque);
   return json;
 }
 
@@ -170,18 +171,19 @@ Result<std::string> run_page(const Json& summary, const Tool& tool, const RunLog
   // Pages are sent to others, who need not know whose folders these were.
   const std::string stream_name = short_name(log.setup.streams.front().name);
   json["summary"]["stream"]["name"] = stream_name;
-  for (Json& camera : json["summary"]["cameras"]) {
+  const auto shorten_name = [](Json& camera) {
     camera["name"] = short_name(camera["name"].get<std::string>());
-  }
+  };
+  for (Json& camera : json["summary"]["cameras"]) shorten_name(camera);
   if (!log.deepest_frames.empty() && !log.deepest_frames.front().pixels.empty()) {
     auto moment = moment_json(tool, log);
     if (moment) {
       json["moment"] = *std::move(moment);
+      for (Json& camera : json["moment"]["cameras"]) shorten_name(camera);
       if (log.setup.settings.time.memory.kind != DepthMemory::off) {
         json["moment_trouble"] =
-            "The picture is made of the depth image of that moment alone: what the camera "
-            "remembered "
-            "behind it is missing, so spheres there are shown as inside.";
+            "The picture is made of the depth images of that moment alone: what cameras remembered "
+            "behind them is missing, so spheres there are shown as inside.";
       }
     } else {
       json["moment_trouble"] = moment.error().message;

@@ -7,6 +7,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "palpate/tool/tool.h"
@@ -80,6 +81,26 @@ class RunReader {
   RunSetup setup_;
   std::optional<PartStart> start_;
   NewestFrames last_frames_;
+};
+
+/// Tells how far a reader has come, once for each chunk of the recording.
+class ReadShare {
+ public:
+  ReadShare(const RunReader& reader, std::function<void(double share)> tell)
+      : num_bytes_(static_cast<double>(reader.num_bytes())), tell_(std::move(tell)) {}
+
+  void look(const RunReader& reader) {
+    const std::uint64_t place = reader.chunk_place();
+    if (!tell_ || place == std::exchange(place_, place)) return;
+    const auto before = static_cast<double>(reader.num_bytes_before(place));
+    if (first_ < 0) first_ = before;
+    tell_((before - first_) / (num_bytes_ - first_));
+  }
+
+ private:
+  double num_bytes_, first_ = -1;  // before the first chunk there are tools
+  std::function<void(double share)> tell_;
+  std::uint64_t place_ = 0;
 };
 
 /// Joins a frame's record with its optical flow, if it has one, and its image, which follow it.

@@ -282,8 +282,9 @@ class RecordedHand final : public SteppedDevice {
     tick_(state);
     return true;
   }
-  /// During a tick: what was recorded at it.
+  /// During a tick: what was recorded at it, and where.
   const TickRecord& recorded() const { return recorded_; }
+  const RunReader& reader() const { return reader_; }
 
  private:
   RunReader reader_;
@@ -364,6 +365,7 @@ Result<ReplayOutcome> replay_run(const fs::path& folder, const ReplayOptions& op
   if (!repetition) return repetition.error();
   if (const Status status = (*repetition)->take(setup); !status) return in_run(status.error());
 
+  ReadShare share(*reader, options.progress);
   while (!(*repetition)->has_differed()) {
     if (options.keep_going && !options.keep_going()) {
       return Error{Errc::cancelled, "the replay was interrupted before its end"};
@@ -371,6 +373,7 @@ Result<ReplayOutcome> replay_run(const fs::path& folder, const ReplayOptions& op
     const auto message = reader->next();
     if (!message) return message.error();
     if (!*message) break;
+    share.look(*reader);
     if ((*message)->topic == kPartTopic) {
       const auto part = read_part((*message)->data);
       if (!part) return in_run(part.error());
@@ -398,7 +401,8 @@ Result<ReplayOutcome> replay_run(const fs::path& folder, const ReplayOptions& op
 
 Result<RetryOutcome> retry_run(const fs::path& folder, const fs::path& output,
                                const std::function<Status(RunSettings&)>& change,
-                               const RunOptions& options) {
+                               const RunOptions& options,
+                               const std::function<void(double share)>& progress) {
   const auto start = start_of(folder);
   if (!start) return start.error();
   auto ticks = RunReader::open(folder);
@@ -432,11 +436,13 @@ Result<RetryOutcome> retry_run(const fs::path& folder, const fs::path& output,
     if (!images) return images.error();
     sources.push_back(&frames.emplace_back(*std::move(images), k, *start));
   }
+  ReadShare share(*ticks, progress);
   RecordedHand hand(*std::move(ticks), *start);
   RetryOutcome outcome;
   RunMonitor monitor;
   monitor.observer.on_ticks = [&](std::span<const TickRecord> repeated) {
     for (const TickRecord& tick : repeated) compare(hand.recorded(), tick, outcome.forces);
+    share.look(hand.reader());
     if (options.monitor != nullptr && options.monitor->observer.on_ticks) {
       options.monitor->observer.on_ticks(repeated);
     }

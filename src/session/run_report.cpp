@@ -44,6 +44,7 @@ Json peaks_json(const Tool& tool, const RunLog& log) {
     json["energy_given_J"] = peaks.energy;
   }
   if (!log.setup.settings.objects.empty()) {
+    json["volume_in_objects_m3"] = log.deepest.objects.volume;
     json["objects_volume_m3"] = peaks.objects_volume;
     json["objects_volume_time_s"] = peaks.objects_volume_time;
   }

@@ -33,6 +33,7 @@ struct RunLog {
   std::vector<FaultPeriod> faults;  ///< the first kMaxFaultPeriods, without the end of the run
   TickRecord deepest;               ///< the tick with the largest volume, or the first one
   RunSettings deepest_settings;     ///< of that tick
+  BodyPoses deepest_bodies;         ///< at its contact
   /// The frame in use then, of each camera; no pixels where it is not known.
   std::vector<DepthFrame> deepest_frames;
   std::vector<double> frame_times;    ///< s since the run began

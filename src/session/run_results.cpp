@@ -51,6 +51,7 @@ RunResults::RunResults(const fs::path& folder, const Tool& tool, const RunSetup&
       has_output_columns_(!(output_ == OutputOptions{})),
       X_WB_(setup.settings.coupling.X_WB),
       cameras_(setup.streams.size()),
+      has_moving_objects_(has_moving_objects(setup.settings)),
       reports_unseen_(reports_unseen(setup)),
       all_ticks_(all_ticks),
       changes_(setup.settings),
@@ -101,10 +102,15 @@ void RunResults::keep_pose(const FrameRecord& record) {
   first_poses_.push_back({record.number, record.X_WC});
 }
 
+void RunResults::add_contact(const ContactRecord& contact) {
+  if (has_moving_objects_) bodies_.push_back({contact.number, contact.bodies});
+}
+
 void RunResults::add_tick(const TickRecord& tick) {
   if (all_ticks_) add_row(tick);
   series_.add(tick);
   while (revisions_.size() > 1 && revisions_[1].number <= tick.revision) revisions_.pop_front();
+  while (bodies_.size() > 1 && bodies_[1].number <= tick.contact_number) bodies_.pop_front();
   if (!has_ticked_ || tick.penetration.volume > peaks_.volume) keep_deepest(tick);
   peaks_.add(tick);
   add_fault(tick);
@@ -204,6 +210,7 @@ void RunResults::add_fault(const TickRecord& tick) {
 void RunResults::keep_deepest(const TickRecord& tick) {
   deepest_ = tick;
   deepest_settings_ = revisions_.front().settings;
+  if (!bodies_.empty()) deepest_bodies_ = bodies_.front().bodies;
   for (auto& [recent, deepest] : cameras_) {
     // The newest one up to that which the tick names, which is one of the cameras'.
     const NumberedFrame* used = nullptr;
@@ -234,6 +241,7 @@ void RunResults::move_to(RunLog& log) {
   log.changes = std::move(changes_);
   log.deepest = deepest_;
   log.deepest_settings = std::move(deepest_settings_);
+  log.deepest_bodies = deepest_bodies_;
   // If the newest one was not published, the others are unknown too.
   const bool is_known = std::any_of(cameras_.begin(), cameras_.end(), [&](const Camera& camera) {
     return camera.deepest.number == deepest_.frame_number;

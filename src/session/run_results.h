@@ -20,6 +20,8 @@ class RunResults {
 
   void add_settings(const RunSettings& settings);
   void add_frame(const FrameRecord& record, const DepthFrame& frame);
+  void add_contact(const ContactRecord& contact);
+  /// After its contact.
   void add_tick(const TickRecord& tick);
 
   /// After the last tick: what was added goes into `log`, and all into files. The folder may have
@@ -60,6 +62,12 @@ class RunResults {
   const Pose X_WB_;
   std::deque<PoseAtTime> first_poses_;  // of the first camera
   std::vector<Camera> cameras_;
+  struct BodiesAtContact {
+    std::uint64_t number = 0;
+    BodyPoses bodies;
+  };
+  const bool has_moving_objects_;
+  std::deque<BodiesAtContact> bodies_;  // at the contact of the last tick, and at later ones
   bool reports_unseen_;
   const bool all_ticks_;
   std::ofstream csv_;
@@ -78,6 +86,7 @@ class RunResults {
   double start_ = 0;              // s, on that clock: of the run
   TickRecord deepest_;
   RunSettings deepest_settings_;
+  BodyPoses deepest_bodies_;
   bool has_ticked_ = false;
   std::uint64_t first_scarce_ = 0, num_scarce_ = 0, num_frames_ = 0;
   int scarce_points_ = 0, pixels_of_scarce_ = 0;

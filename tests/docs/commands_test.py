@@ -6,7 +6,8 @@ usage: tests/docs/commands_test.py PALPATE [PAGE ...]
 A fenced block is run unless the line before it is `<!-- not run: WHY -->`; then WHY is printed. A
 block in python or c++ is not a command. What a reader brings (meshes, frames, recordings of pages
 before) is made by the program itself; long runs are cut to two or three seconds, and pages are
-served until they answer. Every command has to end with 0.
+served until they answer. Every command has to end with 0, no tool may be packed that feels nothing at
+an end, and what a page is about has to be in its runs (subjects.py).
 """
 import fcntl
 import gzip
@@ -26,6 +27,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests/test_util"))
 import parts  # noqa: E402
+from subjects import SUBJECTS  # noqa: E402
 
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.S | re.M)
 NOT_RUN = re.compile(r"<!-- not run: (.+) -->\s*\Z")
@@ -121,7 +123,7 @@ def serve(command, folder, environment):
 def run_page(page, palpate, brought):
     """The number of commands that failed, and of those that were run."""
     num_failed = num_run = 0
-    name = page.relative_to(ROOT)
+    name, all_said = page.relative_to(ROOT), ""
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         text = page.read_text()
@@ -152,11 +154,20 @@ def run_page(page, palpate, brought):
                                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
                     status, said = run.returncode, run.stdout
                 num_run += 1
+                all_said += said
+                if "stays empty and feels nothing" in said:
+                    status = status or 1
                 print(f"{name}:{line}: {command}: {status}, {time.monotonic() - begin:.1f} s",
                       flush=True)
                 if status != 0:
                     num_failed += 1
                     print(said[-3000:])
+        if str(name) in SUBJECTS and num_failed == 0:
+            try:
+                SUBJECTS[str(name)](folder, all_said)
+            except (AssertionError, OSError) as error:
+                num_failed += 1
+                print(f"{name}: does not show its subject: {SUBJECTS[str(name)].__doc__} {error!r}")
     return num_failed, num_run
 
 

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <thread>
 #include <utility>
@@ -12,9 +13,11 @@
 #include "src/session/internal/run_folder.h"
 #include "src/session/run_messages.h"
 #include "tests/session/path_run.h"
+#include "tests/session/recorded_messages.h"
 #include "tests/session/repeated_run.h"
 #include "tests/session/synthetic_stream.h"
 #include "tests/test_util/allocation_counter.h"
+#include "tests/test_util/report_data.h"
 #include "tests/test_util/wait_for.h"
 
 namespace palpate {
@@ -161,6 +164,43 @@ TEST_F(MovingObjects, RunsAreRecordedAndRepeatedIdentically) {
       });
   ASSERT_TRUE(other) << other.error().message;
   EXPECT_GT(other->forces.max, 0);
+}
+
+// The report has them where they were when the tool was deepest.
+TEST_F(MovingObjects, AreInTheReport) {
+  PALPATE_PAGES_OR_SKIP();
+  settings_.objects[0].X_WB.translation = {0.06, 0, 0.4};  // falls before it is touched
+  ASSERT_TRUE(record(run()));
+  const auto page = test::report_data_of(run() / "report.html");
+  const auto& moment = page.at("moment");
+  std::map<std::uint64_t, ContactRecord> contacts;
+  std::uint64_t deepest = 0;
+  for (const test::RecordedMessage& message : test::messages(run())) {
+    if (message.channel.topic == kContactTopic) {
+      const ContactRecord contact = read_contact(message.data).value();
+      contacts[contact.number] = contact;
+    } else if (message.channel.topic == kTickTopic) {
+      const TickRecord tick = read_tick(message.data).value();
+      if (tick.time == moment.at("time_s")) deepest = tick.contact_number;
+    }
+  }
+  const ContactRecord& contact = contacts.at(deepest);
+  const Pose poses[] = {contact.bodies.of[0], settings_.objects[1].X_WB, contact.bodies.of[1]};
+  EXPECT_GT(norm(poses[0].translation - settings_.objects[0].X_WB.translation), 1e-3);
+  ASSERT_EQ(moment.at("objects").size(), 3u);
+  for (std::size_t i = 0; i < 3; ++i) {
+    const auto& object = moment.at("objects")[i];
+    for (std::size_t k = 0; k < 7; ++k) {
+      EXPECT_NEAR(object.at("X_WB")[k], seven_numbers(poses[i])[k], 1e-8) << i << ": " << k;
+    }
+    const TriangleMesh& mesh = settings_.objects[i].shape->mesh();
+    EXPECT_EQ(test::from_packed<float>(object.at("mesh").at("positions")).size(),
+              3 * mesh.vertices.size());
+  }
+  EXPECT_GT(contact.objects.volume, 0);
+  EXPECT_NEAR(moment.at("objects_volume_m3"), contact.objects.volume,
+              1e-4 * contact.objects.volume);
+  EXPECT_EQ(page.at("summary").at("peaks").at("volume_in_objects_m3"), contact.objects.volume);
 }
 
 // Changes after one that waits for the next frame wait with it, and the last one is all that is

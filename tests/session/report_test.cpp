@@ -97,7 +97,7 @@ TEST(Report, HasTheNumbersOfTheFilesBesideIt) {
     SyntheticStream stream(5);
     DepthFrame frame;
     for (int i = 0; i <= columns["frame"][k]; ++i) ASSERT_TRUE(stream.next(frame));
-    std::string packed = test::from_base64(moment.at("depth"));
+    std::string packed = test::from_base64(moment.at("cameras").at(0).at("depth"));
     const std::size_t num_pixels = frame.pixels.size();
     std::vector<unsigned char> bytes(2 * num_pixels);
     uLongf size = bytes.size();
@@ -105,7 +105,7 @@ TEST(Report, HasTheNumbersOfTheFilesBesideIt) {
                          packed.size()),
               Z_OK);
     ASSERT_EQ(size, bytes.size());
-    EXPECT_EQ(moment.at("image").at("width"), frame.width);
+    EXPECT_EQ(moment.at("cameras").at(0).at("width"), frame.width);
     for (std::size_t i = 0; i < num_pixels; ++i) {
       const int left = i % 96 == 0 ? 0 : frame.pixels[i - 1];
       ASSERT_EQ((left + bytes[i] + 256 * bytes[num_pixels + i]) % 65536, frame.pixels[i]) << i;
@@ -122,7 +122,7 @@ TEST(Report, ShowsTheDeepestMomentInTheUnitOfItsFrame) {
                          folder.path() / kName));
   const auto page = test::report_data_of(folder.path() / kName / "report.html");
   ASSERT_GT(page.at("moment").at("time_s"), 0.04);  // the wall comes nearer
-  EXPECT_EQ(page.at("moment").at("image").at("unit"), SyntheticStream(1).info().unit / 5);
+  EXPECT_EQ(page.at("moment").at("cameras").at(0).at("unit"), SyntheticStream(1).info().unit / 5);
 }
 
 TEST(Report, IsWholeEscapedAndAsksNobody) {

@@ -181,6 +181,31 @@ TEST(RunsOfSeveralCameras, SayWhatNobodySees) {
   }
 }
 
+// The report has the images of all, each where its camera was.
+TEST(RunsOfSeveralCameras, AreAllInTheReport) {
+  PALPATE_PAGES_OR_SKIP();
+  const TemporaryFolder folder;
+  ASSERT_TRUE(record(folder.path() / "run", test::path_settings(kRate)));
+  const auto page = test::report_data_of(folder.path() / "run" / "report.html");
+  const auto& moment = page.at("moment");
+  Walls walls;
+  const auto streams = walls.sources().infos();
+  ASSERT_EQ(moment.at("cameras").size(), 3u);
+  for (std::size_t k = 0; k < 3; ++k) {
+    const auto& camera = moment.at("cameras")[k];
+    EXPECT_EQ(camera.at("name"), streams[k].name);
+    EXPECT_EQ(camera.at("width"), streams[k].width);
+  }
+  const auto expect_at = [&](std::size_t k, const Pose& X_WC, double tolerance) {
+    for (std::size_t i = 0; i < 7; ++i) {
+      EXPECT_NEAR(moment.at("cameras")[k].at("X_WC")[i], seven_numbers(X_WC)[i], tolerance) << k;
+    }
+  };
+  expect_at(0, beside_wall(0.5), 1e-8);
+  expect_at(1, beside_wall(-0.4), 1e-8);
+  expect_at(2, orbit(moment.at("time_s")), 0.1);  // the newest image is of a moment before
+}
+
 // What is lost of one camera ends what can be repeated, and says so.
 TEST(RunsOfSeveralCameras, MissAFrame) {
   const TemporaryFolder folder;

@@ -17,6 +17,7 @@ export function withoutScene(): SceneView {
     setCut: nothing,
     setNormals: nothing,
     setEdges: nothing,
+    setArrowScale: nothing,
     addSamples: nothing,
     resize: nothing,
     render: nothing,

@@ -129,6 +129,9 @@ export type Grasp =
 /// eye are there, m. The caller's own.
 export interface PictureAxes { right: Vector3; up: Vector3; away: Vector3; perPixel: number; distance: number }
 
+/// What arrows of full length stand for, N and N m, and what is written beside them.
+export interface ArrowScale { force: number; torque: number; forceWords: string; torqueWords: string }
+
 /// The 3-D part, as the page sees it (scene/scene_view.ts).
 export interface SceneView {
   readonly options: SceneOptions;
@@ -144,6 +147,8 @@ export interface SceneView {
   setCut(n: readonly number[], d: number): void;
   setNormals(normals: Normals): void;
   setEdges(edges: Edges): void;
+  /// For all samples from now on. Until then the scale follows them, and nothing is written.
+  setArrowScale(scale: ArrowScale): void;
   addSamples(samples: Sample[]): void;
   resize(width: number, height: number, pixelRatio: number): void;
   render(): void;

@@ -161,6 +161,7 @@ struct ReplayOutcome {
 struct ReplayOptions {
   std::optional<int> num_threads = {};  ///< nullopt: as recorded
   std::function<bool()> keep_going = {};
+  std::function<void(double share)> progress = {};  ///< called with how much has been repeated
 };
 
 /// Repeats every contact and every tick from recording.mcap alone, as fast as possible, and
@@ -182,11 +183,13 @@ struct RetryOutcome {
   ForceComparison forces;
 };
 /// Computes the same hand motion and frames with other settings, on a simulated clock, and writes a
-/// new run. `change` gets the recorded settings; a monitor gets the ticks.
+/// new run. `change` gets the recorded settings; a monitor gets the ticks; `progress` as in
+/// ReplayOptions, from another thread.
 Result<RetryOutcome> retry_run(const std::filesystem::path& folder,
                                const std::filesystem::path& output,
                                const std::function<Status(RunSettings&)>& change,
-                               const RunOptions& options = {});
+                               const RunOptions& options = {},
+                               const std::function<void(double share)>& progress = {});
 
 // Settings files (TOML).
 

@@ -52,6 +52,24 @@ pageTest('the mesh of the tool', async () => {
   assert.ok(isLit(seen, colour('metal')) || isPale(seen, colour('metal')), `${seen}`);
   assert.ok(isDrawn(picture.at(...corner)));
   assert.ok(isJust(picture.at(...beside), ground));
+
+  // A face of a box is flat: light is the same all over it.
+  const places = [[-0.06, -0.06], [0.06, -0.06], [0.06, 0.06], [-0.06, 0.06], [0, 0.065], [0.03, -0.02]];
+  for (const place of await project(page, places.map(([x, y]) => [x, y, 0.425]))) {
+    assert.ok(isJust(picture.at(...place), seen), `${picture.at(...place)} at ${place}, ${seen} in the middle`);
+  }
+  await only(page, { toolLook: 'mesh', view: 'tool' });
+  const turned = await look(page);
+  const shades = new Map();
+  for (let v = 0; v < turned.height; ++v) {
+    for (let u = 0; u < turned.width; ++u) {
+      const shade = turned.at(u, v).map((c) => c >> 2).join();
+      shades.set(shade, (shades.get(shade) ?? 0) + 1);
+    }
+  }
+  const largest = [...shades.values()].sort((a, b) => b - a).slice(0, 4);
+  const share = largest.reduce((sum, number) => sum + number) / (turned.width * turned.height);
+  assert.ok(share > 0.97, `the ground and three faces: ${largest}`);
 });
 
 pageTest('arrows point where forces point', async () => {

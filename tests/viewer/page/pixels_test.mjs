@@ -208,4 +208,8 @@ pageTest('the camera view is the pinhole camera, the bird sees from above', asyn
   assert.ok(right[0] > middle[0] + 10 && Math.abs(right[1] - middle[1]) < 2, 'x goes right');
   assert.ok(far[1] < middle[1] - 10 && Math.abs(far[0] - middle[0]) < 2, 'what is farther is higher up');
   assert.ok(Math.hypot(low[0] - middle[0], low[1] - middle[1]) < 10, 'one looks along y');
+  await page.setViewportSize({ width: 400, height: 500 });
+  await drawn(page, 3);
+  const [origin, along_x, along_z] = await project(page, [[0, 0, 0.6], [0.1, 0, 0.6], [0, 0, 0.7]]);
+  assert.ok(Math.abs((along_x[0] - origin[0]) / (origin[1] - along_z[1]) - 1) < 0.02, 'as long in both directions');
 });

@@ -22,7 +22,8 @@ async function finished(args, which) {
 const hasEvaluation = existsSync(evaluation);
 const tool = join(folder, 'tool.palp');
 let isMade = false;
-/// A tool with its page, and two runs with theirs: along a path, and with a hand.
+/// A tool with its page, and runs with theirs: along a path, with a hand, against a block that it pushes
+/// over a table, and before two cameras.
 async function make() {
   if (isMade) return;
   isMade = true;
@@ -31,6 +32,15 @@ async function make() {
   await finished(['pack', mesh, '-o', tool, '--spheres', '1000', '--report', join(folder, 'packing.html')]);
   await finished(['touch', tool, '--scene', 'hand', '--duration', '4', '-o', join(folder, 'path')]);
   await finished(['touch', tool, '--scene', 'hand', '--device', 'sim', '--duration', '3', '-o', join(folder, 'hand')]);
+  const block = join(folder, 'block.palp'), push = join(folder, 'push.tum'), around = join(folder, 'around.tum');
+  await finished(['shape', 'box', '--size', '0.05', '-o', mesh]);
+  await finished(['pack', mesh, '-o', block, '--spheres', '300']);
+  writeFileSync(push, '0 -0.295 0.1 1.03 1 0 0 0\n2 -0.195 0.1 1.03 1 0 0 0\n');
+  await finished(['touch', tool, '--scene', 'hand', '--path', push, '--set', 'bodies.gravity_y=0', '--set', 'bodies.gravity_z=9.81',
+    '--object', `${block}@-0.25 0.1 1.07 0 0 0 1,moving`, '-o', join(folder, 'pushed')]);
+  writeFileSync(around, '0 0.62 0 1.5 0 0 0 1\n1 0.575 0 1.5 0 0 0 1\n');
+  await finished(['touch', block, '--path', around, '--camera', 'scene:sphere-out-320',
+    '--camera', 'scene:sphere-out-320?pose=1.4,0,1,0,-0.574,0,0.819', '-o', join(folder, 'two')]);
   // With pictures of both kinds, plots of each kind of axis, and a verdict against the thesis.
   if (hasEvaluation) await finished(['--quick', '-o', join(folder, 'evaluation'), '3.2', '4.4', '4.5-4.7', 'noise'], evaluation);
 }
@@ -49,6 +59,19 @@ async function openReport(where, how = {}) {
   return page;
 }
 
+/// A report with other data in it.
+function changed(name, change) {
+  const before = readFileSync(join(folder, name, 'report.html'), 'utf8');
+  const after = before.replace(/(id="data">)(.*)(?=<\/script>)/, (_, begin, text) => {
+    const data = JSON.parse(text);
+    change(data);
+    return begin + JSON.stringify(data).replaceAll('<', '\\u003c');
+  });
+  assert.notEqual(after, before);
+  writeFileSync(join(folder, 'changed.html'), after);
+  return ['changed.html'];
+}
+
 /// How many of the canvases of a kind show one colour only.
 const empty = (page, selector) => page.evaluate((wanted) =>
   [...document.querySelectorAll(wanted)].filter((canvas) => {
@@ -57,6 +80,23 @@ const empty = (page, selector) => page.evaluate((wanted) =>
     const data = new Uint32Array(canvas.getContext('2d').getImageData(0, 0, width, height).data.buffer);
     return new Set(data).size < 4;
   }).length, selector);
+
+/// How many pixels of its 3-D picture are as `wanted` says, once it stands still.
+async function count(page, wanted) {
+  let before = null;
+  const number = await until('a picture that stands still', async () => {
+    const picture = await decoded(await page.locator('canvas.scene').screenshot());
+    let found = 0;
+    for (let v = 0; v < picture.height; ++v) for (let u = 0; u < picture.width; ++u) found += wanted(picture.at(u, v)) ? 1 : 0;
+    const stands = found === before;
+    before = found;
+    return stands && [found];
+  });
+  return number[0];
+}
+/// Small words in the dark; what else is bright is not bluish.
+const isText = (rgb) => Math.min(...rgb) > 190 && rgb[2] >= rgb[0];
+const isShaded = (name) => (rgb) => isLit(rgb, colour(name)) || isPale(rgb, colour(name));
 
 /// Whether its 3-D picture shows these colours of the scene.
 async function seen(page, names) {
@@ -74,7 +114,18 @@ async function seen(page, names) {
 }
 
 const cardTexts = (page) => page.locator('.card b').allInnerTexts();
-const lastX = (page) => page.evaluate(() => document.querySelectorAll('.plot canvas')[0].toDataURL());
+
+/// The first and the last time, s, that a plot shows, as its legend tells them when they are pointed at.
+async function shownTimes(page, plot) {
+  await plot.scrollIntoViewIfNeeded();
+  const { x, y, width, height } = await plot.locator('.u-over').boundingBox();
+  const times = [];
+  for (const u of [x + 1, x + width - 1]) {
+    await page.mouse.move(u, y + height / 2);
+    times.push(parseFloat(await plot.locator('.u-legend .u-value').first().innerText()));
+  }
+  return times;
+}
 
 pageTest('a run: its numbers are those of summary.json', async () => {
   await make();
@@ -122,30 +173,91 @@ pageTest('a run: the deepest moment shows cloud, tool and wrench', async () => {
   });
 });
 
-pageTest('a run: dragging zooms all plots of time, a double click shows all again', async () => {
+pageTest('a run: dragging zooms all plots of time to what was dragged, a double click shows all again', async () => {
   await make();
   const page = await openReport(['hand', 'report.html']);
   assert.ok((await page.locator('main').innerText()).includes('What the hand felt'));
   assert.equal(await empty(page, '.plot canvas'), 0);
-  const plots = page.locator('.plot');
-  const before = await lastX(page);
   const whole = page.locator('.whole:visible');
-  assert.equal(await whole.count(), 0);
-  // Across the second plot; the first follows.
-  const box = await plots.nth(1).locator('.u-over').boundingBox();
-  await plots.nth(1).scrollIntoViewIfNeeded();
-  const at = await plots.nth(1).locator('.u-over').boundingBox();
-  assert.equal(at.width, box.width);
-  await page.mouse.move(at.x + 0.4 * at.width, at.y + 40);
-  await page.mouse.down();
-  await page.mouse.move(at.x + 0.6 * at.width, at.y + 60, { steps: 5 });
-  await page.mouse.up();
+  const plots = page.locator('.plot');
   const numTime = (await plots.count()) - 1; // all but the one of latencies
-  await until('zoomed plots', async () => (await whole.count()) === numTime);
-  assert.notEqual(await lastX(page), before);
-  assert.equal(await empty(page, '.plot canvas'), 0);
-  await page.mouse.dblclick(at.x + 0.5 * at.width, at.y + 50);
-  await until('all again', async () => (await whole.count()) === 0);
+  const [first, last] = await shownTimes(page, plots.first());
+  for (const dragged of [0, 1, numTime - 1]) {
+    assert.equal(await whole.count(), 0);
+    const plot = plots.nth(dragged);
+    await plot.scrollIntoViewIfNeeded();
+    const { x, y, width } = await plot.locator('.u-over').boundingBox();
+    await page.mouse.move(x + 0.25 * width, y + 40);
+    await page.mouse.down();
+    await page.mouse.move(x + 0.75 * width, y + 60, { steps: 40 });
+    await page.mouse.up();
+    await until('zoomed plots', async () => (await whole.count()) === numTime);
+    for (let i = 0; i < numTime; ++i) {
+      const [from, to] = await shownTimes(page, plots.nth(i));
+      const near = 0.01 * (last - first);
+      assert.ok(Math.abs(from - (first + 0.25 * (last - first))) < near && Math.abs(to - (first + 0.75 * (last - first))) < near,
+        `dragged plot ${dragged}, plot ${i}: ${from} to ${to} s of ${first} to ${last} s`);
+    }
+    assert.equal(await empty(page, '.plot canvas'), 0);
+    await plot.scrollIntoViewIfNeeded();
+    const at = await plot.locator('.u-over').boundingBox();
+    await page.mouse.dblclick(at.x + 0.5 * at.width, at.y + 50);
+    await until('all again', async () => (await whole.count()) === 0);
+    assert.deepEqual(await shownTimes(page, plots.first()), [first, last]);
+  }
+});
+
+pageTest('a run: arrows have the scale of its largest force and torque, with their values beside them', async () => {
+  await make();
+  const page = await openReport(['path', 'report.html']);
+  const { moment, summary: { peaks } } = JSON.parse(
+    readFileSync(join(folder, 'path', 'report.html'), 'utf8').match(/id="data">(.*)<\/script>/)[1]);
+  const text = await page.locator('main').innerText();
+  for (const [words, value, unit] of [
+    ['force on the tool: ', Math.hypot(...moment.force_N), 'N'], ['torque on the tool: ', 1000 * Math.hypot(...moment.torque_Nm), 'N mm'],
+    ['at the largest of the run: ', peaks.force_N, 'N'], ['N and ', 1000 * peaks.torque_Nm, 'N mm']]) {
+    const [, number, found] = text.match(new RegExp(`${words}([\\d.]+)\\s(N mm|N)`));
+    assert.equal(found, unit, words);
+    assert.ok(Math.abs(number / value - 1) < 6e-3, `${words}${number} ${found}, ${value}`);
+  }
+  await page.getByRole('button', { name: 'no cloud' }).click();
+  assert.ok(await count(page, isText) > 40, 'values at the arrows');
+  // The same moment in a run with larger ones.
+  const other = await openReport(changed('path', ({ summary }) => {
+    summary.peaks.force_N *= 3;
+    summary.peaks.torque_Nm *= 3;
+  }));
+  await other.getByRole('button', { name: 'no cloud' }).click();
+  for (const name of ['force', 'torque']) {
+    const [long, short] = [await count(page, isShaded(name)), await count(other, isShaded(name))];
+    assert.ok(short > 0.1 * long && short < 0.6 * long, `${name}: ${short} of ${long} pixels`);
+  }
+});
+
+pageTest('a run: objects are in the picture, and what is felt of them is said to be theirs', async () => {
+  await make();
+  const page = await openReport(['pushed', 'report.html']);
+  assert.match(await page.locator('.card').first().innerText(), /in objects/);
+  assert.match(await page.locator('h2').first().innerText(), /^The deepest moment, at .* s, in objects$/);
+  assert.match(await page.locator('.below').innerText(), /depth images and 1 object /);
+  assert.ok(await count(page, isShaded('wood')) > 500, 'the block');
+  const cloud = await openReport(['path', 'report.html']);
+  assert.ok(!(await cloud.locator('main').innerText()).includes('in objects'));
+});
+
+pageTest('a run: all cameras are in the picture, and counted', async () => {
+  await make();
+  const page = await openReport(['two', 'report.html']);
+  const text = await page.locator('main').innerText();
+  for (const words of ['seen by 2 cameras', 'the depth images of 2 cameras', 'camera 1: image', 'camera 2: image']) {
+    assert.ok(text.includes(words), words);
+  }
+  const alone = await openReport(changed('two', ({ moment }) => moment.cameras.pop()));
+  const isDrawn = (rgb) => !isJust(rgb, colour('ground'));
+  const [both, first] = [await count(page, isDrawn), await count(alone, isDrawn)];
+  assert.ok(both > 1.2 * first, `${both} and ${first} pixels`);
+  await page.getByRole('button', { name: 'above' }).click();
+  assert.ok(await count(page, isText) > 40, 'their names');
 });
 
 pageTest('an evaluation: every claim is there, curves go where their numbers are', async () => {

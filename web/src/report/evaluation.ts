@@ -3,7 +3,7 @@ import './evaluation.css';
 
 import { element } from '../dom';
 import { floats } from './bytes';
-import { depthOf, seenTool, STATE_KEY, type SeenTool } from './moment';
+import { depthsOf, seenTool, STATE_KEY, type SeenTool } from './moment';
 import { short } from './numbers';
 import { captioned, folded, footer, heading, key, paragraph, table, title, warning } from './parts';
 import { plot, type Curve } from './plot';
@@ -172,8 +172,7 @@ async function figureSection(figure: Figure, { sources }: EvaluationData): Promi
 async function pictureOf(one: PictureData): Promise<HTMLElement> {
   const above = element('h4', '', one.title), caption = `${one.caption} Drag to turn, scroll or pinch to zoom.`;
   if (one.kind === 'cut open') return element('div', '', above, cutOpen(one.data, one.title, caption).root, cutColours());
-  const depth = await depthOf(one.data);
-  return element('div', '', above, ...(depth ? [seenTool(one.data, depth, one.title, caption), key(STATE_KEY)] : []));
+  return element('div', '', above, seenTool(one.data, await depthsOf(one.data), one.title, caption), key(STATE_KEY));
 }
 
 function plotsAndTables({ plots, tables }: Stored): HTMLElement[] {

@@ -1,15 +1,14 @@
-// The deepest moment of a run in 3-D, and the depth image of that moment.
+// The deepest moment of a run in 3-D, and the depth images of that moment.
 
 import { element } from '../dom';
-import { STATE_COLOURS, ARROW_COLOURS } from '../scene/colours';
-import type { Pose, Sample } from '../types';
+import { ARROW_COLOURS, STATE_COLOURS, THEMES } from '../scene/colours';
+import type { ArrowScale, Pose, Sample } from '../types';
 import { bytes, floats, unpackDepth, type Depth } from './bytes';
 import { captioned, heading, key, paragraph, warning } from './parts';
-import { hello, picture } from './picture';
-import { NO_POSE } from '../scene/poses';
-import { newtons, short, VOLUME, withUnit } from './numbers';
+import { hello, meshOf, picture, type PackedMesh } from './picture';
+import { newtons, percent, short, TORQUE, VOLUME, withUnit } from './numbers';
 
-/// A tool in the image of a depth camera, in whose frame all of it is.
+/// A tool among what depth cameras see, all in W.
 export interface SeenTool {
   X_WT: number[]; // tx ty tz qx qy qz qw
   centre_of_mass_m: number[];
@@ -18,42 +17,54 @@ export interface SeenTool {
   states: string; // base64 of bytes: 0 outside, 1 boundary, 2 inside; plus 4: a plane cuts it
   planes: string; // base64 of floats: nx ny nz d in T, for each sphere with 4
   spheres_left_out: number;
-  image: { width: number; height: number; fx: number; fy: number; cx: number; cy: number; unit: number };
-  depth: string; // unpackDepth()
+  cameras: {
+    name: string; X_WC: number[];
+    width: number; height: number; fx: number; fy: number; cx: number; cy: number; unit: number;
+    depth: string; // unpackDepth()
+  }[];
+  objects?: { X_WB: number[]; mesh: PackedMesh | null }[]; // null: not in this page
 }
 
 export interface Moment extends SeenTool {
   time_s: number;
   volume_m3: number;
+  objects_volume_m3: number; // the objects' share of it
   force_N: number[];
   torque_Nm: number[];
 }
 
-/// Of the depth image at that moment, if it is known.
-export async function depthOf(moment: SeenTool | null): Promise<Depth | null> {
-  return moment ? unpackDepth(moment.depth, moment.image.width, moment.image.height) : null;
+/// Of each camera.
+export function depthsOf({ cameras }: SeenTool): Promise<Depth[]> {
+  return Promise.all(cameras.map(({ depth, width, height }) => unpackDepth(depth, width, height)));
 }
 
-/// `samples`: the wrench, if there is one to be shown.
-export function seenTool(tool: SeenTool, depth: Depth, name: string, caption: string, samples: Sample[] = []): HTMLElement {
+/// `wrench`: if there is one to be shown.
+export function seenTool(
+  tool: SeenTool, depths: Depth[], name: string, caption: string, wrench?: { sample: Sample; scale: ArrowScale },
+): HTMLElement {
   return picture(name, caption, [
     [['free', { view: 'free' }], ['camera', { view: 'camera' }], ['above', { view: 'bird' }], ['tool', { view: 'tool' }]],
     [['cut spheres', { toolLook: 'caps' }], ['whole spheres', { toolLook: 'spheres' }]],
     [['shaded', { cloud: true, cloudColour: 'shaded' }], ['by depth', { cloud: true, cloudColour: 'depth' }],
       ['no cloud', { cloud: false }]],
   ], (scene) => {
-    scene.setHello(hello(tool, [{ ...tool.image, name: '', rate: 0, is_moving: false }]));
+    const { objects = [] } = tool;
+    scene.setHello(hello(tool, tool.cameras.map((camera) => ({ ...camera, rate: 0, is_moving: false })), objects.length));
     scene.options.ghost = false;
     const data = floats(tool.spheres);
     scene.setSpheres({ count: data.length / 4, data });
-    scene.setFrame({
-      number: 0, time: 0, camera: 0, X_WC: NO_POSE, width: depth.width, height: depth.height,
-      unit: tool.image.unit, depth: depth.values,
-    });
+    tool.cameras.forEach(({ X_WC, width, height, unit }, camera) => scene.setFrame({
+      number: 0, time: 0, camera, X_WC: poseOf(X_WC), width, height, unit, depth: depths[camera].values,
+    }));
+    const shown = objects.filter(({ mesh }) => mesh);
+    scene.setObjects(shown.map(({ mesh }) => meshOf(mesh!)));
     scene.setContact({
-      number: 0, time: 0, X_WT: poseOf(tool.X_WT), objects: [], states: bytes(tool.states), planes: floats(tool.planes),
+      number: 0, time: 0, X_WT: poseOf(tool.X_WT), objects: shown.map(({ X_WB }) => poseOf(X_WB)),
+      states: bytes(tool.states), planes: floats(tool.planes),
     });
-    if (samples.length > 0) scene.addSamples(samples);
+    if (!wrench) return;
+    scene.setArrowScale(wrench.scale);
+    scene.addSamples([wrench.sample]);
   }).root;
 }
 
@@ -62,21 +73,35 @@ export const STATE_KEY: [string, string][] = [
   [STATE_COLOURS.outside, 'outside: free'],
 ];
 
-export function momentSection(moment: Moment, depth: Depth): HTMLElement[] {
-  const touches = moment.volume_m3 > 0;
+/// How much of a volume is in objects, to be said after it; nothing where none is.
+export function inObjects(volume: number, objectsVolume: number): string {
+  const share = objectsVolume / volume;
+  return !(share > 0) ? '' : share > 0.995 ? ', in objects' : `, ${percent(share, 2)} of it in objects`;
+}
+
+/// `peaks`: the largest force and torque of the run, N and N m.
+export function momentSection(moment: Moment, depths: Depth[], peaks: { force: number; torque: number }): HTMLElement[] {
+  const touches = moment.volume_m3 > 0, { objects = [] } = moment;
+  const where = inObjects(moment.volume_m3, moment.objects_volume_m3);
   const parts: HTMLElement[] = [heading(touches ?
-    `The deepest moment, at ${short(moment.time_s)} s` : 'The tool never touched the surface')];
+    `The deepest moment, at ${short(moment.time_s)} s${where}` : 'The tool never touched the surface')];
   if (!touches) parts.push(paragraph('The picture shows the start.'));
   if (!moment.X_WT.every((x) => typeof x === 'number')) return [...parts, warning('The pose of the tool was no pose.')];
-  const [fx, fy, fz] = moment.force_N;
+  const force = newtons(Math.hypot(...moment.force_N)), torque = withUnit(Math.hypot(...moment.torque_Nm), TORQUE);
+  const turning = 'Drag to turn, scroll or pinch to zoom.';
   const caption = touches ?
-    `${withUnit(moment.volume_m3, VOLUME)} of the tool behind the surface, pushed out with ` +
-    `${newtons(Math.hypot(fx, fy, fz))}. Drag to turn, scroll or pinch to zoom. Where the tool is, the cloud is thinner, so ` +
-    'that one sees what of it is inside.' : 'Drag to turn, scroll or pinch to zoom.';
-  parts.push(seenTool(moment, depth, 'the deepest moment in 3-D', caption, touches ? [sampleOf(moment)] : []), key([
+    `${withUnit(moment.volume_m3, VOLUME)} of the tool${where || ' behind the surface'}, pushed out with ${force}. ` +
+    `Arrow and arc are full at the largest of the run: ${newtons(peaks.force)} and ${withUnit(peaks.torque, TORQUE)}. ` +
+    `${turning} Where the tool is, the cloud is thinner, so that one sees what of it is inside.` : turning;
+  const wrench = touches ?
+    { sample: sampleOf(moment), scale: { ...peaks, forceWords: force, torqueWords: torque } } : undefined;
+  parts.push(seenTool(moment, depths, 'the deepest moment in 3-D', caption, wrench), key([
     ...STATE_KEY,
-    ...(touches ? [[ARROW_COLOURS.force, 'force on the tool'], [ARROW_COLOURS.torque, 'torque on the tool']] : []),
+    ...(objects.length > 0 ? [[THEMES.light.wood, 'objects; spheres in them are not marked']] : []),
+    ...(touches ? [[ARROW_COLOURS.force, `force on the tool: ${force}`], [ARROW_COLOURS.torque, `torque on the tool: ${torque}`]] : []),
   ] as [string, string][]));
+  const numHidden = objects.filter(({ mesh }) => !mesh).length;
+  if (numHidden > 0) parts.push(paragraph(`${numHidden} of ${objects.length} objects are not in this page: their meshes are too large.`));
   if (moment.spheres_left_out > 0) {
     parts.push(paragraph(`The ${moment.spheres_left_out} smallest spheres are not in this page.`));
   }

@@ -5,6 +5,7 @@ export interface Unit { name: string; factor: number }
 const units = (...list: [string, number][]): Unit[] => list.map(([name, factor]) => ({ name, factor }));
 export const LENGTH = units(['m', 1], ['mm', 1e3], ['µm', 1e6]);
 export const VOLUME = units(['m³', 1], ['cm³', 1e6], ['mm³', 1e9]);
+export const TORQUE = units(['N m', 1], ['N mm', 1e3]);
 export const TIME = units(['s', 1], ['ms', 1e3], ['µs', 1e6]);
 
 /// At most so many significant digits, no zeros at the end.
@@ -29,3 +30,4 @@ export const microseconds = (value: number) => withUnit(1e-6 * value, TIME);
 export const newtons = (value: number) => `${short(value, 3)}\u00a0N`;
 export const percent = (share: number, digits = 3) => `${short(100 * share, digits)}\u00a0%`;
 export const list = (values: number[], digits = 4) => values.map((value) => short(value, digits)).join(', ');
+export const counted = (number: number, what: string) => `${number} ${what}${number === 1 ? '' : 's'}`;

@@ -3,7 +3,8 @@
 import { button, element } from '../dom';
 import { Drawing } from '../drawing';
 import { createScene } from '../scene/scene_view';
-import type { Hello, SceneOptions, SceneView, Stream } from '../types';
+import type { Hello, Mesh, SceneOptions, SceneView, Stream } from '../types';
+import { floats, integers } from './bytes';
 import { isDark, onInk, onPaper } from './ink';
 
 const PAPER_SIZE = [680, 420]; // CSS pixels
@@ -63,12 +64,17 @@ export function picture(
   return { root, tools, requestDraw: () => drawing.requestDraw() };
 }
 
-/// What the scene wants to know of a tool before all else.
+export interface PackedMesh { positions: string; triangles: string } // base64 of floats and of whole numbers
+
+export const meshOf = ({ positions, triangles }: PackedMesh): Mesh =>
+  ({ positions: floats(positions), triangles: integers(triangles) });
+
+/// What the scene wants to know of a tool before all else; `objects`: how many.
 export function hello(
-  tool: { centre_of_mass_m: number[]; radius_m: number }, streams: Stream[],
+  tool: { centre_of_mass_m: number[]; radius_m: number }, streams: Stream[], objects = 0,
 ): Hello {
   return {
-    protocol: 0, version: '', kind: streams.length > 0 ? 'recording' : 'tool', title: '', streams, objects: 0, handle: null, columns: [], controls: [],
+    protocol: 0, version: '', kind: streams.length > 0 ? 'recording' : 'tool', title: '', streams, objects, handle: null, columns: [], controls: [],
     tool: {
       spheres: 0, volume: 0, radius: tool.radius_m,
       centre_of_mass: tool.centre_of_mass_m as [number, number, number],

@@ -175,7 +175,8 @@ class ZoomedPlot {
       legend: { show: !spec.curves && (spec.lines.length > 1 || !onPaper()), live: !onPaper(), markers: { width: 2 } },
       cursor: {
         drag: { x: true, y: false, dist: 6, setScale: false },
-        ...(spec.together ? { sync: { key: spec.together, setSeries: false } } : {}),
+        // Others follow where one points; what is dragged or clicked is for the plot itself, which then zooms all.
+        ...(spec.together ? { sync: { key: spec.together, setSeries: false, filters: { pub: isPointing } } } : {}),
         points: { size: 6 },
       },
       scales: {
@@ -296,6 +297,8 @@ class ZoomedPlot {
     }
   }
 }
+
+const isPointing = (type: string) => type === 'mousemove' || type === 'mouseleave';
 
 /// One to nine of each power of ten. uPlot's own never end on an axis that begins shortly before a
 /// power of ten, as at 0.0096.

@@ -1,13 +1,14 @@
 // The report of a run. Its numbers are those of summary.json and wrench.csv.
 
 import { element } from '../dom';
-import { depthOf, momentSection, probeSection, type Moment, type Probe } from './moment';
-import { LENGTH, list, microseconds, newtons, percent, short, TIME, unitFor, VOLUME, withUnit } from './numbers';
+import { depthsOf, inObjects, momentSection, probeSection, type Moment, type Probe } from './moment';
+import { counted, LENGTH, list, microseconds, newtons, percent, short, TIME, unitFor, VOLUME, withUnit } from './numbers';
 import { cards, columns, folded, footer, heading, paragraph, table, title, warning, type Row } from './parts';
 import { plot, type Line, type Plot } from './plot';
 
 type Value = string | number | boolean | number[];
 type Settings = Record<string, Record<string, Value>>;
+interface Camera { name: string; width: number; height: number; fx: number; fy: number; cx: number; cy: number; unit: number; sensor: string }
 interface Times { p50: number; p99: number; p999: number; max: number; mean: number; num: number }
 
 /// As summary.json has it, as far as it is shown.
@@ -17,15 +18,16 @@ interface Summary {
   full_volume_m3: number;
   device: { kind: string; name: string; max_force_N: number; max_torque_Nm: number };
   rate: number;
-  stream: { name: string; width: number; height: number; fx: number; fy: number; cx: number; cy: number; unit: number;
-    sensor: string };
+  stream: Camera;
+  cameras: Camera[];
   objects: { source: string; spheres: number; position_m: number[] }[];
   seconds: number; ticks: number; contacts: number; frames: number; missed: number; lost_records: number;
   interrupted: boolean; ending: string; failure: string; not_kept: string;
   faults: { time_s: number; fault: string; meaning: string; seconds: number | null }[];
   newtons_per_m3: number;
   peaks: {
-    volume_m3: number; fraction: number; volume_time_s: number; force_N: number;
+    volume_m3: number; fraction: number; volume_time_s: number; force_N: number; torque_Nm: number;
+    volume_in_objects_m3?: number;
     hand_force_N?: number; wanted_force_N?: number; stretch_m?: number;
   };
   limited_ticks: number;
@@ -60,10 +62,12 @@ const STAGES: Record<string, string> = {
 
 export async function runReport(main: HTMLElement, data: RunData): Promise<void> {
   const { summary, moment } = data;
-  const { tool, stream } = summary;
+  const { tool, stream, cameras, objects } = summary;
   const seconds = `${short(summary.seconds, 3)} s`;
-  title(main, `${tool.source} in ${stream.name}`, `A tool of ${tool.spheres} spheres on ` +
-    `${summary.device.name}, measured against a stream of depth images for ${seconds}.`);
+  const seen = cameras.length > 1 ? `the depth images of ${cameras.length} cameras` : 'a stream of depth images';
+  title(main, `${tool.source} in ${stream.name}${cameras.length > 1 ? `, seen by ${cameras.length} cameras` : ''}`,
+    `A tool of ${tool.spheres} spheres on ${summary.device.name}, measured against ${seen}` +
+    `${objects.length > 0 ? ` and ${counted(objects.length, 'object')}` : ''} for ${seconds}.`);
   if (summary.interrupted) {
     main.append(warning(`This run was interrupted after ${seconds}. What is shown is complete up to there.`));
   }
@@ -77,13 +81,15 @@ export async function runReport(main: HTMLElement, data: RunData): Promise<void>
     footer(`Palpate ${summary.program}. All of it is in recording.mcap, which ROS 2 tools and Foxglove open; the numbers ` +
       'are in wrench.csv and summary.json, too; palpate replay repeats it.'));
 
-  const depth = await depthOf(moment).catch((error: Error) => {
-    pictures.append(warning(`The depth image could not be read: ${error.message}`));
+  const depths = moment && await depthsOf(moment).catch((error: Error) => {
+    pictures.append(warning(`The depth images could not be read: ${error.message}`));
     return null;
   });
-  if (moment && depth) pictures.append(...momentSection(moment, depth));
+  const { force_N: force, torque_Nm: torque } = summary.peaks;
+  if (depths) pictures.append(...momentSection(moment, depths, { force, torque }));
   if (data.moment_trouble) pictures.append(warning(data.moment_trouble));
-  if (summary.probe) pictures.append(...probeSection(summary.probe, depth, depth ? stream.width / depth.width : 1));
+  const first = depths?.[0] ?? null; // for which a path is made
+  if (summary.probe) pictures.append(...probeSection(summary.probe, first, first ? stream.width / first.width : 1));
 }
 
 const hasHand = (summary: Summary) => summary.settings.coupling.kind !== 'none';
@@ -91,7 +97,8 @@ const hasHand = (summary: Summary) => summary.settings.coupling.kind !== 'none';
 function headline(summary: Summary): HTMLElement {
   const { peaks, microseconds: stages } = summary;
   const made: [string, string][] = [
-    [withUnit(peaks.volume_m3, VOLUME), `deepest penetration, ${percent(peaks.fraction)} of the tool`],
+    [withUnit(peaks.volume_m3, VOLUME),
+      `deepest penetration${inObjects(peaks.volume_m3, peaks.volume_in_objects_m3 ?? 0)}; ${percent(peaks.fraction)} of the tool`],
     [newtons(peaks.force_N), 'largest force on the tool'],
   ];
   if (hasHand(summary)) {
@@ -243,7 +250,7 @@ const each = (settings: Settings): [string, string, Value][] => Object.entries(s
   ([section, keys]) => Object.entries(keys).map(([key, value]): [string, string, Value] => [section, key, value]));
 
 function settings({ summary, defaults }: RunData): HTMLElement[] {
-  const { tool, stream, device } = summary;
+  const { tool, cameras, device } = summary;
   const facts: Row[] = [
     ['tool', tool.source], ['spheres', tool.spheres],
     ['sphere volume / mesh volume', `${withUnit(tool.sphere_volume_m3, VOLUME)} / ${withUnit(tool.mesh_volume_m3, VOLUME)}`],
@@ -261,9 +268,12 @@ function settings({ summary, defaults }: RunData): HTMLElement[] {
       ['ticks bent by a limit', summary.limited_ticks]);
   }
   const more: Row[] = [
-    ['depth frames from', stream.name], ['image', `${stream.width} × ${stream.height}`],
-    ['fx, fy, cx, cy', list([stream.fx, stream.fy, stream.cx, stream.cy], 6)],
-    ['depth unit', `${short(stream.unit, 6)} m`], ['kind of sensor', stream.sensor.replace('_', ' ')],
+    ...cameras.flatMap(({ name, width, height, fx, fy, cx, cy, unit, sensor }, i): Row[] => {
+      const of = cameras.length > 1 ? `camera ${i + 1}: ` : '';
+      return [[`${of}depth frames from`, name], [`${of}image`, `${width} × ${height}`],
+        [`${of}fx, fy, cx, cy`, list([fx, fy, cx, cy], 6)],
+        [`${of}depth unit`, `${short(unit, 6)} m`], [`${of}kind of sensor`, sensor.replace('_', ' ')]];
+    }),
     ['ticks', summary.ticks], ['queries', summary.contacts], ['depth frames', summary.frames],
     ['records lost', summary.lost_records], ['duration', `${short(summary.seconds)} s`],
   ];

@@ -3,16 +3,16 @@
 import { button, element } from '../dom';
 import { OTHER_COLOURS, STATE_COLOURS } from '../scene/colours';
 import type { SceneView } from '../types';
-import { floats, integers } from './bytes';
+import { floats } from './bytes';
 import { key } from './parts';
-import { hello, picture } from './picture';
+import { hello, meshOf, picture, type PackedMesh } from './picture';
 
 export interface Solid {
   low_m: number[]; high_m: number[]; // of the mesh's box
   centre_of_mass_m: number[];
   radius_m: number; // about the centre of mass
   spheres: string; // base64 of floats: x y z r
-  mesh: { positions: string; triangles: string } | null; // of floats and of whole numbers
+  mesh: PackedMesh | null;
 }
 
 /// Across its shortest side, at first.
@@ -33,9 +33,7 @@ export function cutOpen(solid: Solid, name: string, caption: string): { root: HT
       made.setHello(hello(solid, []));
       Object.assign(made.options, { outside: false, ghost: false, arrows: false });
       made.setSpheres({ count: shown.length / 4, data: shown });
-      if (solid.mesh) {
-        made.setMesh({ positions: floats(solid.mesh.positions), triangles: integers(solid.mesh.triangles) });
-      }
+      if (solid.mesh) made.setMesh(meshOf(solid.mesh));
       cut();
     });
   const slider = element('input');

@@ -91,6 +91,15 @@ export class Arrow {
     this.place(centre, axis, radius * angle, width, radius);
   }
 
+  /// Where it points to.
+  get tip(): Vector3 {
+    const { size, bend } = this.object.material.uniforms;
+    const angle = size.value / bend.value;
+    const end = bend.value > 0 ? new Vector3(Math.cos(angle), Math.sin(angle), 0).multiplyScalar(bend.value) :
+      new Vector3(0, 0, size.value);
+    return end.applyQuaternion(this.object.quaternion).add(this.object.position);
+  }
+
   dispose(): void {
     this.object.geometry.dispose();
     this.object.material.dispose();

@@ -7,9 +7,10 @@
 // tool is. That is how it is drawn, with the length of the device's force.
 
 import { Group } from 'three';
-import type { Pose, Sample } from '../types';
+import type { ArrowScale, Pose, Sample } from '../types';
 import { Arrow } from './arrow';
-import { ARROW_COLOURS } from './colours';
+import { ARROW_COLOURS, THEMES } from './colours';
+import { Label } from './label';
 import { sampledVector, transformed } from './poses';
 import { SteadyScale } from './steady_scale';
 
@@ -22,6 +23,8 @@ export class Arrows {
   private readonly hand = new Arrow(ARROW_COLOURS.hand);
   private readonly newtons = new SteadyScale(0.05);
   private readonly newtonMetres = new SteadyScale(0.0005);
+  private scale: ArrowScale | null = null; // null: of what was seen lately
+  private labels: Label[] = []; // of force and torque
   private radius = 0.1; // of the tool
   private hasSpring = false;
   private centre: [number, number, number] = [0, 0, 0]; // of mass, in T
@@ -38,6 +41,13 @@ export class Arrows {
     for (const arrow of [this.force, this.torque, this.hand]) arrow.object.visible = false;
   }
 
+  setScale(scale: ArrowScale): void {
+    this.scale = scale;
+    this.forgetLabels();
+    this.labels = [scale.forceWords, scale.torqueWords].map((words) => new Label(words, [0.5, 0.5], true));
+    this.object.add(...this.labels.map(({ object }) => object));
+  }
+
   setSample(sample: Sample, X_WT: Pose, X_WT_hand: Pose | null): void {
     const { radius } = this;
     const centre = transformed(X_WT, this.centre);
@@ -45,12 +55,19 @@ export class Arrows {
     const contactTorque = sampledVector(sample, 'contact_torque');
     const handForce = sampledVector(sample, 'force').length();
     // An arrow of the scale's full length is twice as long as the tool's radius.
-    const perNewton = (2 * radius) / this.newtons.update(sample.time, Math.max(contactForce.length(), handForce));
+    const perNewton = (2 * radius) /
+      (this.scale?.force ?? this.newtons.update(sample.time, Math.max(contactForce.length(), handForce)));
     this.force.straight(centre, contactForce.multiplyScalar(perNewton), 0.042 * radius);
 
-    const full = this.newtonMetres.update(sample.time, contactTorque.length());
+    const full = this.scale?.torque ?? this.newtonMetres.update(sample.time, contactTorque.length());
     this.torque.bent(centre, contactTorque, 1.15 * radius, (1.75 * Math.PI * contactTorque.length()) / full,
       0.028 * radius);
+    [this.force, this.torque].forEach(({ object, tip }, i) => {
+      const label = this.labels[i]?.object;
+      if (!label) return;
+      label.visible = object.visible;
+      label.position.subVectors(tip, centre).setLength(0.45 * radius).add(tip);
+    });
 
     this.hand.object.visible = false;
     if (!X_WT_hand || this.hasSpring) return;
@@ -60,7 +77,18 @@ export class Arrows {
     this.hand.straight(held, stretch.setLength(handForce * perNewton), 0.034 * radius);
   }
 
+  update(shown: boolean, isDark: boolean): void {
+    this.object.visible = shown;
+    for (const label of this.labels) label.paint(THEMES[isDark ? 'dark' : 'light']);
+  }
+
   dispose(): void {
     for (const arrow of [this.force, this.torque, this.hand]) arrow.dispose();
+    this.forgetLabels();
+  }
+
+  private forgetLabels(): void {
+    this.object.remove(...this.labels.map(({ object }) => object));
+    for (const label of this.labels) label.dispose();
   }
 }

@@ -20,6 +20,7 @@ export class Cameras {
   private readonly bird = new OrthographicCamera();
   private orbit: OrbitControls;
   private birdControls: OrbitControls;
+  private birdSees = { high: 1, wide: 1 }; // half of it, m
   private stream: Stream | null = null; // of the first depth camera
   private X_WC: Pose = NO_POSE;         // likewise
   private aspect = 1;
@@ -94,6 +95,7 @@ export class Cameras {
       this.eye.far = 40;
       this.eye.updateProjectionMatrix();
     } else if (this.view === 'bird') {
+      this.fitBird();
       this.birdControls.update();
     } else {
       this.fitSensor();
@@ -139,19 +141,24 @@ export class Cameras {
     const breadth = this.stream ? this.stream.width / this.stream.fx : 1;
     const high = hasScene ? 0.55 * (along[1] - along[0]) : 1.2 * radius;
     const wide = high * breadth + (hasScene ? 0.5 * (across[1] - across[0]) : 0);
-    const half = Math.max(high, wide / this.aspect);
+    this.birdSees = { high, wide };
     const { bird } = this;
-    bird.top = half;
-    bird.bottom = -half;
-    bird.left = -half * this.aspect;
-    bird.right = half * this.aspect;
     bird.near = 0.01;
     bird.far = 2 * ABOVE;
     bird.zoom = 1;
-    bird.updateProjectionMatrix();
+    this.fitBird();
     bird.position.copy(transformed(this.X_WC, [x, centre_C.y - ABOVE, z]));
     this.birdControls.target.copy(transformed(this.X_WC, [x, centre_C.y, z]));
     this.birdControls.update();
+  }
+
+  private fitBird(): void {
+    const { bird, birdSees: { high, wide }, aspect } = this;
+    bird.top = Math.max(high, wide / aspect);
+    bird.bottom = -bird.top;
+    bird.right = bird.top * aspect;
+    bird.left = -bird.right;
+    bird.updateProjectionMatrix();
   }
 
   /// A direction of the first depth camera in W.

@@ -4,7 +4,7 @@
 import { Color, Group, Quaternion, Scene, Vector3 } from 'three';
 import { defaultOptions } from '../options';
 import type {
-  Contact, Edges, Frame, Grasp, Graph, Hello, Mesh, Normals, PictureAxes, Pose, Sample, SceneView, Spheres, Tree,
+  ArrowScale, Contact, Edges, Frame, Grasp, Graph, Hello, Mesh, Normals, PictureAxes, Pose, Sample, SceneView, Spheres, Tree,
 } from '../types';
 import { Arrows } from './arrows';
 import { Cameras } from './cameras';
@@ -157,6 +157,10 @@ class View implements SceneView {
     this.edges.setEdges(edges);
   }
 
+  setArrowScale(scale: ArrowScale): void {
+    this.arrows.setScale(scale);
+  }
+
   addSamples(samples: Sample[]): void {
     const centre = this.hello?.tool.centre_of_mass ?? [0, 0, 0];
     for (const sample of samples) {
@@ -282,7 +286,7 @@ class View implements SceneView {
     this.graph.update(options);
     this.tree.update(options);
     this.ghost.update(options.ghost);
-    this.arrows.object.visible = options.arrows;
+    this.arrows.update(options.arrows, options.dark);
     this.trace.update(options.trace, width, height, ratio);
     this.landmarks.update(options);
     this.cameras.update(options.view);

@@ -1,31 +1,30 @@
 // The tool as its mesh, semi-metal; and the same mesh as a ghost. Objects are of wood.
 
-import { BufferAttribute, BufferGeometry, Mesh as DrawnMesh, Vector4 } from 'three';
+import { BufferAttribute, BufferGeometry, Float32BufferAttribute, Mesh as DrawnMesh, Vector4 } from 'three';
+import { toCreasedNormals } from 'three/addons/utils/BufferGeometryUtils.js';
 import type { Mesh, SceneOptions } from '../types';
 import { heat, OTHER_COLOURS, rgb, THEMES } from './colours';
 import { shaderMaterial } from './glsl';
 import { OPENS_WINDOW } from './window';
 
+const CREASE = 0.55; // rad: triangles that meet at more make an edge of the part
+/// three.js takes corners within a hundredth of a unit for one: with so many units a metre, within 1 µm.
+const PER_METRE = 1e4;
+
 const VERTEX = `
 in vec3 position, normal;
-out vec3 point, smooth_normal; // view frame
+out vec3 smooth_normal; // view frame
 
 void main() {
-  vec4 p = modelViewMatrix * vec4(position, 1.0);
-  point = p.xyz;
   smooth_normal = mat3(modelViewMatrix) * normal;
-  gl_Position = projectionMatrix * p;
+  gl_Position = projectionMatrix * (modelViewMatrix * vec4(position, 1.0));
 }
 `;
 
-/// Where the normals of the corners are far from the triangle's there is an edge of the part, and
-/// the triangle is drawn flat.
 const NORMAL = `
-in vec3 point, smooth_normal;
+in vec3 smooth_normal;
 vec3 surface_normal() {
-  vec3 face = normalize(cross(dFdx(point), dFdy(point)));
   vec3 n = normalize(smooth_normal);
-  n = dot(n, face) < 0.7 ? face : n;
   return gl_FrontFacing ? n : -n;
 }
 `;
@@ -59,7 +58,6 @@ export class ToolMesh {
   readonly object: DrawnMesh;
   /// Shares the geometry.
   readonly ghost: DrawnMesh;
-  private readonly geometry = new BufferGeometry();
   private readonly metal = shaderMaterial({
     metal_colour: { value: rgb(THEMES.dark.metal) }, glow: { value: new Vector4() },
   }, VERTEX, METAL, OPENS_WINDOW);
@@ -68,14 +66,14 @@ export class ToolMesh {
   }, VERTEX, GHOST, { transparent: true, depthWrite: false });
 
   constructor(private readonly stuff: 'metal' | 'wood' = 'metal') {
-    this.object = new DrawnMesh(this.geometry, this.metal);
-    this.ghost = new DrawnMesh(this.geometry, this.glass);
+    this.object = new DrawnMesh(new BufferGeometry(), this.metal);
+    this.ghost = new DrawnMesh(this.object.geometry, this.glass);
     this.object.frustumCulled = this.ghost.frustumCulled = false;
     this.object.renderOrder = -2; // before the cloud
   }
 
   get loaded(): boolean {
-    return this.geometry.index !== null;
+    return this.object.geometry.hasAttribute('position');
   }
 
   set ghostIsInFront(value: boolean) {
@@ -93,11 +91,13 @@ export class ToolMesh {
   }
 
   setMesh(mesh: Mesh): void {
-    this.geometry.dispose();
-    this.geometry.deleteAttribute('normal');
-    this.geometry.setAttribute('position', new BufferAttribute(mesh.positions, 3));
-    this.geometry.setIndex(new BufferAttribute(mesh.triangles, 1));
-    this.geometry.computeVertexNormals();
+    const geometry = new BufferGeometry();
+    geometry.setAttribute('position', new Float32BufferAttribute(mesh.positions, 3)); // a copy
+    geometry.setIndex(new BufferAttribute(mesh.triangles, 1));
+    geometry.scale(PER_METRE, PER_METRE, PER_METRE);
+    this.object.geometry.dispose();
+    this.object.geometry = this.ghost.geometry =
+      toCreasedNormals(geometry, CREASE).scale(1 / PER_METRE, 1 / PER_METRE, 1 / PER_METRE);
   }
 
   update(options: SceneOptions): void {
@@ -106,7 +106,7 @@ export class ToolMesh {
   }
 
   dispose(): void {
-    this.geometry.dispose();
+    this.object.geometry.dispose();
     this.metal.dispose();
     this.glass.dispose();
   }

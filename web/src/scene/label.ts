@@ -1,0 +1,56 @@
+// Words in the scene, as large as text on the page wherever they are, and legible before anything.
+
+import { CanvasTexture, Sprite, SpriteMaterial, SRGBColorSpace } from 'three';
+import type { Theme } from './colours';
+
+const TEXT = 40, MARGIN = 6; // pixels of the texture
+const SIZE = 0.073; // height of a line, of half the canvas
+
+export class Label {
+  readonly object: Sprite;
+  private readonly canvas = document.createElement('canvas');
+  private readonly context = this.canvas.getContext('2d')!;
+  private readonly texture: CanvasTexture;
+  private painted: Theme | null = null;
+
+  /// `anchor`: what of the words is at their place, from 0 to 1 to the right and up.
+  constructor(private readonly words: string, anchor: [number, number], isBeforeAll = false) {
+    this.context.font = `${0.7 * TEXT}px system-ui, sans-serif`;
+    this.canvas.width = Math.ceil(this.context.measureText(words).width) + 2 * MARGIN;
+    this.canvas.height = TEXT;
+    this.texture = new CanvasTexture(this.canvas);
+    this.texture.colorSpace = SRGBColorSpace;
+    this.object = new Sprite(new SpriteMaterial({
+      map: this.texture, sizeAttenuation: false, depthWrite: false, depthTest: !isBeforeAll,
+    }));
+    this.object.renderOrder = isBeforeAll ? 2 : 0;
+    this.object.center.set(...anchor);
+    // The same in every view, with perspective or without.
+    this.object.onBeforeRender = (_, __, { projectionMatrix }) => {
+      const height = SIZE / projectionMatrix.elements[5];
+      this.object.scale.set((height * this.canvas.width) / TEXT, height, 1);
+      this.object.updateMatrixWorld();
+    };
+  }
+
+  paint(theme: Theme): void {
+    if (theme === this.painted) return;
+    this.painted = theme;
+    const { canvas, context, words } = this;
+    context.clearRect(0, 0, canvas.width, canvas.height);
+    context.font = `${0.7 * TEXT}px system-ui, sans-serif`;
+    context.textBaseline = 'middle';
+    context.lineJoin = 'round';
+    context.lineWidth = MARGIN;
+    context.strokeStyle = theme.ground;
+    context.strokeText(words, MARGIN, TEXT / 2);
+    context.fillStyle = theme.text;
+    context.fillText(words, MARGIN, TEXT / 2);
+    this.texture.needsUpdate = true;
+  }
+
+  dispose(): void {
+    this.texture.dispose();
+    this.object.material.dispose();
+  }
+}
