@@ -224,6 +224,11 @@ Result<RawStream> open_bag_camera(const CameraUri& uri, const CameraOpening&) {
   info.height = images.height;
   // Counts of our own recordings may be of any unit; those of metres are made here.
   const bool is_count = images.unit != kFloatUnit;
+  if (is_count && uri.extras.contains("scale")) {
+    return Error{Errc::invalid_argument, "camera " + uri.text +
+                                             ": 'scale' is for images of 32FC1, and those on " +
+                                             *topic + " are counts: pass ?unit=METERS"};
+  }
   const double unit = is_count ? images.unit : uri.unit.value_or(kFloatUnit);
   const auto said = is_count ? find_unit(contents, *topic) : std::nullopt;
   if (said && *said > kLargestUnit && !uri.unit) {

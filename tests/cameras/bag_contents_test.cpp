@@ -226,6 +226,8 @@ TEST_F(BagContents, FloatsInMillimetresAreToldAndRead) {
   ASSERT_EQ(frames_.size(), 1u);
   expect_depth(frames_[0]);
   EXPECT_WORDS(read("?scale=mm"), "'scale' must be meters per number");
+  write({{kInfo, kCameraInfo, camera_info(at(0))}, {kTopic, kImage, image(at(0))}});
+  EXPECT_WORDS(read("?scale=0.001"), "are counts: pass ?unit=METERS");
   write({{kInfo, kCameraInfo, camera_info(at(0))}, {kTopic, kImage, test::float_image(at(0), 1)}});
   EXPECT_EQ(read(), "");
   EXPECT_EQ(notes_, "");
