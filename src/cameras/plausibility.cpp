@@ -53,8 +53,9 @@ std::string doubt_unit(const DepthFrame& frame) {
   if (divisor > 1 && frame.unit > 0.9 * 0.001) {
     std::snprintf(text, sizeof text,
                   "all its depths are multiples of %d counts, as in files of 1/%d m read as "
-                  "millimeters; if everything looks %d times too far, give unit=%g",
-                  divisor, 1000 * divisor, divisor, 0.001 / divisor);
+                  "millimeters; if everything looks %d times too far, give --depth-unit %g (of a "
+                  "--camera ?unit=%g)",
+                  divisor, 1000 * divisor, divisor, 0.001 / divisor, 0.001 / divisor);
     return text;
   }
   const double depth = median_depth(frame);

@@ -90,9 +90,10 @@ std::vector<std::string> UnitWatch::doubts() {
     char text[300];
     std::snprintf(text, sizeof text,
                   "%s: around the tool it sees nothing %s than %.3g times the tool's own distance; "
-                  "if they should meet, its unit is not %g m per count: unit=%g would fit",
+                  "if they should meet, its unit is not %g m per count: --depth-unit %g (of a "
+                  "--camera ?unit=%g) would fit",
                   camera.stream.name.substr(0, 80).c_str(), is_far ? "nearer" : "farther",
-                  is_far ? camera.least : camera.most, camera.unit, unit);
+                  is_far ? camera.least : camera.most, camera.unit, unit, unit);
     doubts.emplace_back(text);
   }
   return doubts;

@@ -244,7 +244,8 @@ Json LiveViewImpl::note(const TickRecord& last) const {
     return "all is well again: the force comes back once the hand is free of contact";
   }
   if (last.sensor_age > stale_age_ && last.contact_number > 0) {
-    return "the depth images are stale: the last one was taken " + tenths(last.sensor_age) + " ago";
+    return "no new depth image for " + tenths(last.sensor_age) +
+           (safety.is_engaged() ? ": the force is that of the last one" : "");
   }
   if (are_frames_held_) return "depth frames are held: the scene is frozen";
   return {};

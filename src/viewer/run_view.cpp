@@ -51,7 +51,7 @@ std::string RunView::state() {
   if (!shown.note.empty()) {
     note = shown.note;
   } else if (shown.is_paused && shown.time >= shown.duration) {
-    note = "the recording ends here; it plays again from its beginning";
+    note = "the recording has ended: Play (Space) begins it again";
   }
   const Json state{{"time", shown.time},
                    {"running", !shown.is_paused},

@@ -516,7 +516,7 @@ class Cameras(CameraCase):
                                       f"pipe:{raw}?size=160x120&intrinsics={INTRINSICS}{unit}",
                                       "--path", self.path, "-o", run))
             for told in (done.stderr.decode(), "\n".join(self.summary(run)["warnings"])):
-                self.assertEqual("unit=0.0002 would fit" in told, doubted, told)
+                self.assertEqual("--depth-unit 0.0002 (of a --camera ?unit=0.0002) would fit" in told, doubted, told)
 
     def test_an_image_is_cropped_to_what_the_lens_sees(self):
         raw = self.folder / "bent.raw"

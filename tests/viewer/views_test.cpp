@@ -448,7 +448,7 @@ TEST(RunView, BeginsWhenSomebodyLooksAndStopsAtTheEnd) {
   const Json end = watcher.state();
   EXPECT_NEAR(end["duration"].get<double>(), 0.4, 1.01 / kRate);
   EXPECT_EQ(end["time"], end["duration"]);
-  EXPECT_TRUE(end["note"].is_string());
+  EXPECT_EQ(end["note"], "the recording has ended: Play (Space) begins it again");
   EXPECT_EQ(end["fault"], nullptr);
   const auto num_ticks =
       static_cast<std::size_t>(std::lround(kRate * end["duration"].get<double>())) + 1;

@@ -147,6 +147,11 @@ export class Page implements Listener {
     this.handling.setState(state);
     this.controls.update(state);
     this.plots.latencies.update(state.stages);
+    this.updateLegend();
+  }
+
+  private updateLegend(): void {
+    if (this.hello) this.legend.update(this.hello, this.scene.options, this.state?.settings['coupling.kind'] !== 'none');
   }
 
   onBinary(buffer: ArrayBuffer): void {
@@ -257,7 +262,7 @@ export class Page implements Listener {
     this.controls.refresh();
     this.drawing.requestDraw();
     if (!this.hello || this.connection.link !== 'open') return;
-    this.legend.update(this.hello, this.scene.options);
+    this.updateLegend();
     const subscription: Subscription = pictureSubscription(this.hello, this.scene.options, this.dock.isOpen('image'));
     if (JSON.stringify(subscription) !== this.subscription) {
       this.subscription = JSON.stringify(subscription);

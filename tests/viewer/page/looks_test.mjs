@@ -93,6 +93,17 @@ pageTest('arrows point where forces point', async () => {
   assert.equal(count(await only(page, { arrows: true }), isDrawn), 0, 'no force, no arrow');
 });
 
+pageTest('the legend has a hand only where there is one', async () => {
+  const served = await Served.start(oneSphere);
+  await served.apply({ contact: { position: [0, 0, 0.4], states: [1], planes: [uncut] }, depth: [[0, 0.5]] });
+  const page = await openPage(served.url);
+  const legend = () => page.locator('.legend').innerText();
+  await until('a hand', async () => /red arrow[^]*force on the hand[^]*where the hand is/.test(await legend()));
+  await served.apply({ state: { settings: { 'coupling.kind': 'none' } } });
+  await until('none', async () => !(await legend()).includes('hand'));
+  assert.match(await legend(), /yellow arrow\s*force on the tool/);
+});
+
 pageTest('edges, normals, ghost, path, graph and tree', async () => {
   const served = await Served.start(threeSpheres);
   await served.apply({

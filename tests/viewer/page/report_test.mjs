@@ -181,6 +181,11 @@ pageTest('a run: dragging zooms all plots of time to what was dragged, a double 
   const whole = page.locator('.whole:visible');
   const plots = page.locator('.plot');
   const numTime = (await plots.count()) - 1; // all but the one of latencies
+  const sides = await page.evaluate(() => [...document.querySelectorAll('.plot .u-over')].map((over) => {
+    const { left, right } = over.getBoundingClientRect();
+    return `${left} ${right}`;
+  }));
+  assert.equal(new Set(sides.slice(0, numTime)).size, 1, `plots of time below each other: ${sides}`);
   const [first, last] = await shownTimes(page, plots.first());
   for (const dragged of [0, 1, numTime - 1]) {
     assert.equal(await whole.count(), 0);

@@ -6,7 +6,7 @@ import type { Hello, State } from '../types';
 export interface Notice {
   level: 'error' | 'warning' | 'note';
   words: string;
-  /// The force is off and can be requested.
+  /// The force is off and can be requested: of a tool that a page holds, once it does.
   offersForce?: boolean;
 }
 
@@ -48,7 +48,7 @@ export function notice({ link, hello, state, pictureAge, trouble }: Situation): 
     if (!state.running) return { level: 'note', words: 'The run has ended. This is its last moment.' };
     if (state.note && state.force && WITHOUT_FORCE.includes(state.force)) {
       const level = state.force === 'waiting' ? 'note' : 'warning';
-      return { level, words: state.note, offersForce: true };
+      return { level, words: state.note, offersForce: state.handle !== 'free' };
     }
     if (!state.paused && state.sensor_age !== undefined && state.sensor_age > OLD_SENSOR) {
       const words = `The camera has sent nothing for ${age(state.sensor_age)}: the scene that you see is old.`;

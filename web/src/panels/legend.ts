@@ -13,8 +13,9 @@ export class Legend {
     this.root.setAttribute('aria-label', 'what the colors mean');
   }
 
-  update(hello: Hello, options: SceneOptions): void {
-    const list = entries(hello, options);
+  /// `hasHand`: the run has one.
+  update(hello: Hello, options: SceneOptions, hasHand: boolean): void {
+    const list = entries(hello, options, hasHand);
     const key = JSON.stringify(list);
     if (key === this.shown) return;
     this.shown = key;
@@ -29,7 +30,7 @@ export class Legend {
   }
 }
 
-function entries(hello: Hello, options: SceneOptions): Entry[] {
+function entries(hello: Hello, options: SceneOptions, hasHand: boolean): Entry[] {
   const list: Entry[] = [];
   const hasStates = options.toolLook === 'spheres' || options.toolLook === 'caps';
   if (hello.kind !== 'tool') {
@@ -46,11 +47,11 @@ function entries(hello: Hello, options: SceneOptions): Entry[] {
       if (options.outside) list.push([STATE_COLOURS.outside, 'red', 'outside']);
     }
     if (options.arrows) {
-      list.push([ARROW_COLOURS.force, 'arrow', 'force on the tool']);
-      list.push([ARROW_COLOURS.torque, 'arc', 'torque on the tool']);
-      if (!hello.handle) list.push([ARROW_COLOURS.hand, 'arrow', 'force on the hand']);
+      list.push([ARROW_COLOURS.force, 'yellow arrow', 'force on the tool']);
+      list.push([ARROW_COLOURS.torque, 'green arc', 'torque on the tool']);
+      if (hasHand && !hello.handle) list.push([ARROW_COLOURS.hand, 'red arrow', 'force on the hand']);
     }
-    if (options.ghost) list.push([OTHER_COLOURS.ghost, 'ghost', 'where the hand is']);
+    if (hasHand && options.ghost) list.push([OTHER_COLOURS.ghost, 'ghost', 'where the hand is']);
     if (hello.handle) list.push([heat(0.5), 'spring', 'hand to tool: its force']);
     if (options.trace) list.push([OTHER_COLOURS.trace, 'line', 'path of the tool']);
     if (options.fog) list.push([OTHER_COLOURS.fog, 'fog', 'where no camera sees']);

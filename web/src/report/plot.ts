@@ -46,6 +46,7 @@ export interface Plot {
 
 const COLOURS = ['--series-1', '--series-2', '--series-3', '--series-4'];
 const HEIGHT = 250;
+const RIGHT_AXIS = 62; // CSS pixels, with its label
 const PAPER_WIDTH = 680; // CSS pixels
 
 /// Pages with many plots draw those that somebody is about to see.
@@ -146,6 +147,14 @@ class ZoomedPlot {
     return low <= high ? [low, high] : yLogarithmic ? [1, 10] : [0, 1];
   }
 
+  /// So that the last label, of seven digits, is whole, and plots that are zoomed together begin and end
+  /// below each other.
+  private paddingRight(): number {
+    const { right, xLogarithmic } = this.spec;
+    if (right) return 0;
+    return [...this.peers].some(({ spec }) => spec.right) ? RIGHT_AXIS : xLogarithmic ? 28 : 16;
+  }
+
   private look(): uPlot.Options {
     const { spec } = this;
     const isNarrow = this.width < 520;
@@ -165,13 +174,13 @@ class ZoomedPlot {
     ];
     if (spec.right) {
       axes.push({
-        ...axis, scale: 'right', side: 1, label: spec.right.words, labelSize: 18, size: 44, space: 32,
+        ...axis, scale: 'right', side: 1, label: spec.right.words, labelSize: 18, size: RIGHT_AXIS - 18, space: 32,
         grid: { show: false },
       });
     }
     return {
       width: this.width, height: HEIGHT, axes,
-      padding: [12, spec.right ? 0 : spec.xLogarithmic ? 28 : 16, 0, 0], // so that the last label, of seven digits, is whole
+      padding: [12, this.paddingRight(), 0, 0],
       legend: { show: !spec.curves && (spec.lines.length > 1 || !onPaper()), live: !onPaper(), markers: { width: 2 } },
       cursor: {
         drag: { x: true, y: false, dist: 6, setScale: false },

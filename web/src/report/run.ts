@@ -2,7 +2,7 @@
 
 import { element } from '../dom';
 import { depthsOf, inObjects, momentSection, probeSection, type Moment, type Probe } from './moment';
-import { counted, LENGTH, list, microseconds, newtons, percent, short, TIME, unitFor, VOLUME, withUnit } from './numbers';
+import { counted, LENGTH, list, microseconds, newtons, percent, short, TIME, TORQUE, unitFor, VOLUME, withUnit } from './numbers';
 import { cards, columns, folded, footer, heading, paragraph, table, title, warning, type Row } from './parts';
 import { plot, type Line, type Plot } from './plot';
 
@@ -108,8 +108,12 @@ function headline(summary: Summary): HTMLElement {
     const stage = stages?.[key];
     if (stage) made.push([microseconds(stage.p50), `median of ${words}; 99 %: ${microseconds(stage.p99)}${rest}`]);
   };
-  if (hasHand(summary)) median('sensor_to_force', 'the way from depth frame to force');
-  median('haptic_compute', 'a tick');
+  if (hasHand(summary)) {
+    median('sensor_to_force', 'the way from depth frame to force');
+    median('haptic_compute', 'a tick');
+  } else {
+    made.push([withUnit(peaks.torque_Nm, TORQUE), 'largest torque on the tool']);
+  }
   made.push([String(summary.missed),
     `of ${summary.ticks} ticks computed longer than ${withUnit(1 / summary.rate, TIME)}`]);
   median('contact_compute', 'a query');
@@ -133,7 +137,9 @@ function plots(data: RunData): HTMLElement[] {
   const x = series.time_s as number[];
   if (x.length === 0) return [];
   const column = (name: string, factor = 1) => series[name].map((value) => (value === null ? null : factor * value));
-  const base = { x, xWords: 'time in s', strokes: data.frame_times_s, together: 'time' };
+  const { peaks, settings, device } = summary;
+  const deepest = peaks.volume_m3 > 0 ? [{ x: peaks.volume_time_s, words: 'deepest' }] : [];
+  const base = { x, xWords: 'time in s', strokes: data.frame_times_s, together: 'time', markers: deepest };
   const simple = (yWords: string, lines: Line[], caption: string, more: Partial<Plot> = {}) =>
     plot({ ...base, yWords, lines, ...more }, caption);
   /// Components and length.
@@ -147,7 +153,6 @@ function plots(data: RunData): HTMLElement[] {
     return simple(yWords, [...lines, { name: `|${symbol}|`, values: size }], caption, more);
   };
 
-  const { peaks, settings, device } = summary;
   const unit = unitFor(peaks.volume_m3, VOLUME);
   const volumes = [{ name: 'penetration volume', values: column('volume_m3', unit.factor) }];
   const hasObjects = summary.objects.length > 0;
@@ -158,7 +163,6 @@ function plots(data: RunData): HTMLElement[] {
     simple(`volume in ${unit.name}`, volumes, `How much of the tool lies behind the surface${
       hasObjects ? ' or in an object' : ''}. At each stroke on the top edge a depth frame was captured.`, {
       right: { factor: 100 / (summary.full_volume_m3 * unit.factor), words: '% of the tool' },
-      markers: peaks.volume_m3 > 0 ? [{ x: peaks.volume_time_s, words: 'deepest' }] : [],
     }),
     ...(series.unseen ? [simple('share of the tool in %', [{ name: 'where no camera sees', values: column('unseen', 100) }],
       unseenWords(summary))] : []),

@@ -4,6 +4,7 @@ import { CanvasTexture, Sprite, SpriteMaterial, SRGBColorSpace } from 'three';
 import type { Theme } from './colours';
 
 const TEXT = 40, MARGIN = 6; // pixels of the texture
+const FONT = `600 ${0.7 * TEXT}px system-ui, sans-serif`;
 const SIZE = 0.073; // height of a line, of half the canvas
 
 export class Label {
@@ -15,7 +16,7 @@ export class Label {
 
   /// `anchor`: what of the words is at their place, from 0 to 1 to the right and up.
   constructor(private readonly words: string, anchor: [number, number], isBeforeAll = false) {
-    this.context.font = `${0.7 * TEXT}px system-ui, sans-serif`;
+    this.context.font = FONT;
     this.canvas.width = Math.ceil(this.context.measureText(words).width) + 2 * MARGIN;
     this.canvas.height = TEXT;
     this.texture = new CanvasTexture(this.canvas);
@@ -38,7 +39,7 @@ export class Label {
     this.painted = theme;
     const { canvas, context, words } = this;
     context.clearRect(0, 0, canvas.width, canvas.height);
-    context.font = `${0.7 * TEXT}px system-ui, sans-serif`;
+    context.font = FONT;
     context.textBaseline = 'middle';
     context.lineJoin = 'round';
     context.lineWidth = MARGIN;
