@@ -72,8 +72,8 @@ PALPATE_FORMULA Mask ends_between(const RulePlane& near, VecF near_depth, const 
 /// how much of both each covers: 0 in level 0. At least an eighth away from the middle of a pixel,
 /// where corners would be sharp.
 PALPATE_FORMULA VecF edge_shift(VecF share, VecF next_share) {
-  constexpr float kMost = 0.375f;
-  return max(min(share - next_share, splat(kMost)), splat(-kMost));
+  constexpr float kMaxShift = 0.375f;
+  return max(min(share - next_share, splat(kMaxShift)), splat(-kMaxShift));
 }
 
 /// The nearest silhouette found so far.
