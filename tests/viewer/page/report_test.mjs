@@ -300,7 +300,7 @@ pageTest('an evaluation: every claim is there, curves go where their numbers are
   assert.deepEqual(found, [true, false, false]);
 });
 
-for (const name of ['path/report.html', 'hand/report.html', 'packing.html', ...(hasEvaluation ? ['evaluation/index.html'] : [])]) {
+for (const name of ['path/report.html', 'hand/report.html', 'two/report.html', 'packing.html', ...(hasEvaluation ? ['evaluation/index.html'] : [])]) {
   pageTest(`${name}: on a phone, in the dark and on paper`, async () => {
     await make();
     const phone = await openReport([name], { width: 390, height: 844 });
