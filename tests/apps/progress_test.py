@@ -33,7 +33,7 @@ class Terminal:
             pass
 
     def end(self):
-        """Its status, and what it showed: each line that replaced another one is a line."""
+        """Waits for it; returns its status, its output, and the lines that it showed, also those that were replaced."""
         output = self.program.communicate(timeout=300)[0]
         self.reader.join()
         os.close(self.master)
