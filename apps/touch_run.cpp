@@ -124,7 +124,7 @@ class TickWatch {
   }
 
   double time() const { return time_; }
-  /// Time since the start, force on the tool and, of a live run, the rate of its ticks.
+  /// Tells time since the start, force on the tool and, of a live run, the rate of its ticks.
   std::string words(bool is_live) {
     const double elapsed = time_ - counted_time_;
     if (elapsed >= 1) {

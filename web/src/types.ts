@@ -129,7 +129,7 @@ export type Grasp =
 /// eye are there, m. The caller's own.
 export interface PictureAxes { right: Vector3; up: Vector3; away: Vector3; perPixel: number; distance: number }
 
-/// What arrows of full length stand for, N and N m, and what is written beside them.
+/// Force and torque of arrows of full length, N and N m, and the words beside them.
 export interface ArrowScale { force: number; torque: number; forceWords: string; torqueWords: string }
 
 /// The 3-D part, as the page sees it (scene/scene_view.ts).
@@ -147,7 +147,7 @@ export interface SceneView {
   setCut(n: readonly number[], d: number): void;
   setNormals(normals: Normals): void;
   setEdges(edges: Edges): void;
-  /// For all samples from now on. Until then the scale follows them, and nothing is written.
+  /// Holds for all samples from now on. Until then the scale follows them, and nothing is written.
   setArrowScale(scale: ArrowScale): void;
   addSamples(samples: Sample[]): void;
   resize(width: number, height: number, pixelRatio: number): void;

@@ -7,7 +7,7 @@
 
 namespace palpate::inline v0 {
 
-/// Poses of all objects, of which those that move are at `moving`, in their order.
+/// Returns the poses of all objects, of which those that move are at `moving`, in their order.
 template <class Poses>
 std::vector<Pose> objects_at(const std::vector<SceneObject>& objects, const Poses& moving) {
   std::vector<Pose> poses;

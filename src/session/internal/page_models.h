@@ -24,7 +24,7 @@ nlohmann::ordered_json seen_tool_json(const Tool& tool, const Pose& X_WT,
                                       std::span<const SphereState> states,
                                       std::span<const Plane<float>> planes);
 
-/// Objects at their poses, each with its mesh, or null where those before it leave no room for it.
+/// Lists objects at their poses, each with its mesh, or null where those before it leave no room.
 nlohmann::ordered_json seen_objects_json(std::span<const SceneObject> objects,
                                          std::span<const Pose> X_WB);
 

@@ -59,7 +59,7 @@ async function openReport(where, how = {}) {
   return page;
 }
 
-/// A report with other data in it.
+/// Writes a report with other data in it.
 function changed(name, change) {
   const before = readFileSync(join(folder, name, 'report.html'), 'utf8');
   const after = before.replace(/(id="data">)(.*)(?=<\/script>)/, (_, begin, text) => {
@@ -81,7 +81,7 @@ const empty = (page, selector) => page.evaluate((wanted) =>
     return new Set(data).size < 4;
   }).length, selector);
 
-/// How many pixels of its 3-D picture are as `wanted` says, once it stands still.
+/// Counts the pixels of its 3-D picture that are as `wanted` says, once it stands still.
 async function count(page, wanted) {
   let before = null;
   const number = await until('a picture that stands still', async () => {
@@ -94,7 +94,7 @@ async function count(page, wanted) {
   });
   return number[0];
 }
-/// Small words in the dark; what else is bright is not bluish.
+/// Recognizes small words in the dark; what else is bright is not bluish.
 const isText = (rgb) => Math.min(...rgb) > 190 && rgb[2] >= rgb[0];
 const isShaded = (name) => (rgb) => isLit(rgb, colour(name)) || isPale(rgb, colour(name));
 
@@ -115,7 +115,7 @@ async function seen(page, names) {
 
 const cardTexts = (page) => page.locator('.card b').allInnerTexts();
 
-/// The first and the last time, s, that a plot shows, as its legend tells them when they are pointed at.
+/// Reads the first and the last time, s, that a plot shows, in its legend, where one points at them.
 async function shownTimes(page, plot) {
   await plot.scrollIntoViewIfNeeded();
   const { x, y, width, height } = await plot.locator('.u-over').boundingBox();
@@ -300,7 +300,7 @@ pageTest('an evaluation: every claim is there, curves go where their numbers are
   assert.deepEqual(found, [true, false, false]);
 });
 
-for (const name of ['path/report.html', 'hand/report.html', 'packing.html', ...(hasEvaluation ? ['evaluation/index.html'] : [])]) {
+for (const name of ['path/report.html', 'hand/report.html', 'two/report.html', 'packing.html', ...(hasEvaluation ? ['evaluation/index.html'] : [])]) {
   pageTest(`${name}: on a phone, in the dark and on paper`, async () => {
     await make();
     const phone = await openReport([name], { width: 390, height: 844 });

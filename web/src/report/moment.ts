@@ -33,7 +33,7 @@ export interface Moment extends SeenTool {
   torque_Nm: number[];
 }
 
-/// Of each camera.
+/// Unpacks the image of each camera.
 export function depthsOf({ cameras }: SeenTool): Promise<Depth[]> {
   return Promise.all(cameras.map(({ depth, width, height }) => unpackDepth(depth, width, height)));
 }
@@ -73,7 +73,7 @@ export const STATE_KEY: [string, string][] = [
   [STATE_COLOURS.outside, 'outside: free'],
 ];
 
-/// How much of a volume is in objects, to be said after it; nothing where none is.
+/// Says how much of a volume is in objects, to be put after it; nothing where none is.
 export function inObjects(volume: number, objectsVolume: number): string {
   const share = objectsVolume / volume;
   return !(share > 0) ? '' : share > 0.995 ? ', in objects' : `, ${percent(share, 2)} of it in objects`;

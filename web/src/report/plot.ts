@@ -147,8 +147,8 @@ class ZoomedPlot {
     return low <= high ? [low, high] : yLogarithmic ? [1, 10] : [0, 1];
   }
 
-  /// So that the last label, of seven digits, is whole, and plots that are zoomed together begin and end
-  /// below each other.
+  /// Leaves room for the last label, of seven digits, or for the right axis that a plot has which is
+  /// zoomed with it: so they begin and end below each other.
   private paddingRight(): number {
     const { right, xLogarithmic } = this.spec;
     if (right) return 0;

@@ -91,7 +91,7 @@ export class Arrow {
     this.place(centre, axis, radius * angle, width, radius);
   }
 
-  /// Where it points to.
+  /// Returns where it points to.
   get tip(): Vector3 {
     const { size, bend } = this.object.material.uniforms;
     const angle = size.value / bend.value;

@@ -62,9 +62,8 @@ export class Arrows {
     const full = this.scale?.torque ?? this.newtonMetres.update(sample.time, contactTorque.length());
     this.torque.bent(centre, contactTorque, 1.15 * radius, (1.75 * Math.PI * contactTorque.length()) / full,
       0.028 * radius);
-    [this.force, this.torque].forEach(({ object, tip }, i) => {
-      const label = this.labels[i]?.object;
-      if (!label) return;
+    this.labels.forEach(({ object: label }, i) => {
+      const { object, tip } = [this.force, this.torque][i];
       label.visible = object.visible;
       label.position.subVectors(tip, centre).setLength(0.45 * radius).add(tip);
     });

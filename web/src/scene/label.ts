@@ -5,7 +5,7 @@ import type { Theme } from './colours';
 
 const TEXT = 40, MARGIN = 6; // pixels of the texture
 const FONT = `600 ${0.7 * TEXT}px system-ui, sans-serif`;
-const SIZE = 0.073; // height of a line, of half the canvas
+const SIZE = 0.073; // height of a line, of half the shorter side of the canvas
 
 export class Label {
   readonly object: Sprite;
@@ -27,8 +27,8 @@ export class Label {
     this.object.renderOrder = isBeforeAll ? 2 : 0;
     this.object.center.set(...anchor);
     // The same in every view, with perspective or without.
-    this.object.onBeforeRender = (_, __, { projectionMatrix }) => {
-      const height = SIZE / projectionMatrix.elements[5];
+    this.object.onBeforeRender = (_, __, { projectionMatrix: { elements } }) => {
+      const height = SIZE / Math.max(elements[0], elements[5]);
       this.object.scale.set((height * this.canvas.width) / TEXT, height, 1);
       this.object.updateMatrixWorld();
     };
