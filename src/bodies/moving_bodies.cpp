@@ -18,7 +18,8 @@ constexpr double kMeanSeconds = 0.25;
 /// Half of what it held changes, or something comes in by so much: it wakes up.
 constexpr double kWakeShare = 0.5, kWakeDepth = 1e-3 /* m */;
 /// Of a body within a surface: something stands between it and the camera, where nothing is known.
-constexpr double kCoveredShare = 0.5;
+/// Between two frames that goes away by and by, and throws nothing on its way.
+constexpr double kCoveredShare = 0.5, kUncoveredShare = 0.05;
 
 double largest(const Stiffness& k) {
   double squares = 0;
@@ -185,7 +186,8 @@ bool MovingBodies::touch_clouds(std::span<const SurfaceBlend> cameras) {
     const ContactResult result = body.cloud->measure(cameras, moving(i).X_WB, {.stiffness = true});
     const Penetration& found = result.penetration;
     if (found.status.has(StepStatus::backend_failed)) return false;
-    own.is_covered = found.volume > kCoveredShare * body.volume;
+    own.is_covered =
+        found.volume > (own.is_covered ? kUncoveredShare : kCoveredShare) * body.volume;
     if (found.status.is_unmeasured() || own.is_covered || !result.stiffness) continue;
     BodyTouch touch;
     touch.a = i;

@@ -41,8 +41,9 @@ TEST(UnitWatch, NamesTheRightUnitWhateverItIsReadAs) {
   for (const double stored : units) {
     for (const double reported : units) {
       if (std::abs(std::log(stored / reported)) < std::log(2.2)) continue;
-      char right[40];
-      std::snprintf(right, sizeof right, "unit=%g would", stored);
+      char right[80];
+      std::snprintf(right, sizeof right, "--depth-unit %g (of a --camera ?unit=%g) would", stored,
+                    stored);
       EXPECT_NE(doubt(stored, reported, 0.4, 0.49).find(right), std::string::npos)
           << stored << " read as " << reported << ": " << doubt(stored, reported, 0.4, 0.49);
     }
