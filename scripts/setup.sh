@@ -176,30 +176,30 @@ sys.exit(None in map(find_spec, ('pyrealsense2', 'k4a_module', 'pyorbbecsdk')))"
   fi
 }
 
-# Collision libraries, and Warp's queries of meshes: peers, where the wheel of make wheel may be installed beside them.
-peer_packages=(coal mujoco numpy warp-lang)
-install_peer_packages() {
-  case "$groups" in *" peers "*) ;; *) return 0 ;; esac
-  local python=build/python-peers/bin/python
-  if "$python" -c "import coal, mujoco, numpy, warp" 2>/dev/null; then return 0; fi
-  echo "setup: installing ${peer_packages[*]} into build/python-peers"
-  [ -x "$python" ] || python3 -m venv build/python-peers
-  for package in "${peer_packages[@]}"; do
+# Installs libraries to compare with into an environment of their own, one by one: what cannot be had is left out.
+# usage: install_peers GROUP FOLDER MODULES PACKAGE ...
+install_peers() {
+  local group=$1 folder=$2 modules=$3 package
+  shift 3
+  case "$groups" in *" $group "*) ;; *) return 0 ;; esac
+  local python=$folder/bin/python
+  if "$python" -c "import $modules" 2>/dev/null; then return 0; fi
+  echo "setup: installing $* into $folder"
+  [ -x "$python" ] || python3 -m venv "$folder"
+  for package in "$@"; do
     "$python" -m pip install -q "$package" || echo "setup: could not install $package: it is left out of the peers." >&2
   done
 }
 
+# Collision libraries, and Warp's queries of meshes: peers, where the wheel of make wheel may be installed beside them.
+install_peer_packages() {
+  install_peers peers build/python-peers "coal, mujoco, numpy, warp" coal mujoco numpy warp-lang
+}
+
 # Libraries that write and read the files that we do.
-file_packages=(trimesh scipy yourdfpy rosbags mcap open3d-cpu)
 install_file_packages() {
-  case "$groups" in *" files "*) ;; *) return 0 ;; esac
-  local python=build/python-files/bin/python
-  if "$python" -c "import mcap, open3d, rosbags, scipy, trimesh, yourdfpy" 2>/dev/null; then return 0; fi
-  echo "setup: installing ${file_packages[*]} into build/python-files"
-  [ -x "$python" ] || python3 -m venv build/python-files
-  for package in "${file_packages[@]}"; do
-    "$python" -m pip install -q "$package" || echo "setup: could not install $package: it is left out of the peers." >&2
-  done
+  install_peers files build/python-files "mcap, open3d, rosbags, scipy, trimesh, yourdfpy" \
+    trimesh scipy yourdfpy rosbags mcap open3d-cpu
 }
 
 if [ ${#missing[@]} -eq 0 ]; then

@@ -23,7 +23,7 @@ constexpr std::string_view kDepthUnit = "palpate_msgs/msg/DepthUnit";
 
 constexpr std::size_t kLongestTopic = 1024;
 
-/// What the user has said under a name; empty: nothing.
+/// Returns the user's word under a name; empty: none.
 std::string given(const CameraUri& uri, const char* name) {
   const auto found = uri.extras.find(name);
   return found == uri.extras.end() ? std::string() : found->second;
@@ -33,7 +33,7 @@ void keep_first(std::string& trouble, const Error& error) {
   if (trouble.empty()) trouble = error.message;
 }
 
-/// Whether a camera_info is that of the images: it lies beside them, or where RealSense puts it.
+/// Tells if a camera_info is that of the images: it lies beside them, or where RealSense puts it.
 bool is_camera_of(const std::string& info, const std::string& images) {
   const std::string_view parent = ros_parent(ros_image_topic(images));
   if (ros_parent(info) == parent) return true;
@@ -59,7 +59,7 @@ void add_transforms(std::string_view data, bool is_static, BagContents& contents
   for (const RosStampedTransform& each : *transforms) contents.transforms.add(each, is_static);
 }
 
-/// Of images only the first good one is unpacked: the others are met again when they are read.
+/// Unpacks the first good image only: the others are met again when they are read.
 void add_image(const std::string& schema, const McapMessage& message, BagContents::Images& topic) {
   const RosStamp stamp = stamp_of(message);
   if (topic.num_frames == 0) {

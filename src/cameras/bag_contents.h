@@ -1,4 +1,4 @@
-// What a look through a whole recording finds, and which of it a camera is made of.
+// Contents of a recording after one look through all of it, and the parts that make a camera.
 #pragma once
 
 #include <map>
@@ -20,7 +20,8 @@ namespace palpate::inline v0 {
 /// The lens of a camera from a stamp on, s.
 using LensHistory = std::vector<std::pair<double, RosCameraModel>>;
 
-/// What cannot be read is no error of the recording: it is kept with its topic, for who needs that.
+/// An unreadable message is no error of the recording: it is kept with its topic, for who needs
+/// that.
 struct BagContents {
   struct Images {
     int num_frames = 0;          // without those that are of another type than the first one
@@ -69,7 +70,7 @@ bool is_image_type(const std::string& schema);
 RosStamp stamp_of(const McapMessage& message);
 /// Meters per count, as in our recordings and those of RealSense cameras.
 std::optional<double> declared_unit(const McapChannel& channel, std::string_view message);
-/// Whether a unit is that of the images: it lies beside them, or is an option of their sensor.
+/// Tells if a unit is that of the images: it lies beside them, or is an option of their sensor.
 bool is_unit_of(std::string_view unit, const std::string& images);
 
 }  // namespace palpate::inline v0

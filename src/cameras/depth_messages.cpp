@@ -66,7 +66,7 @@ Result<DepthFrame> read_compressed_depth(std::string_view message, double unit, 
                  "an image is a JPEG, which keeps 8 bits and so has lost the depth; record the "
                  "image itself, or by the transport compressedDepth"};
   }
-  // By the transport `compressed`, or by OpenCV.
+  // The transport `compressed`, or OpenCV.
   if (from.is_good() && data.starts_with("\x89PNG")) {
     auto frame = decode_depth_png(data, kWhat, kMillimetre);
     if (frame) frame->timestamp = stamp;

@@ -31,7 +31,7 @@ class McapBag final : public BagFile {
   McapReader reader_;
 };
 
-/// How files are packed as a whole, by their first bytes.
+/// Compressions of whole files, by their first bytes.
 struct Packing {
   std::string_view begin;
   const char* unpack;
@@ -208,7 +208,7 @@ class Recording final : public BagReader {
   }
 
  private:
-  /// What a channel of the file is here.
+  /// The channel of the file as a topic here.
   struct Known {
     std::uint16_t number;
     std::string ros1_type;  // of messages in the bytes of ROS 1

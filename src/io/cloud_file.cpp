@@ -28,7 +28,7 @@ bool is_pcd(std::string_view content) {
   return content.starts_with("# .PCD") || content.starts_with("VERSION");
 }
 
-/// What is to be said of normals that were turned to where the eye stood.
+/// Returns the note about normals that were turned to where the eye stood.
 std::string words_of_eye(const std::filesystem::path& path, const Vec3d& eye,
                          std::size_t num_turned, std::size_t num_usable) {
   char text[240] = "";

@@ -411,7 +411,7 @@ Json geometry_of(const Json& root, const std::vector<double>& counts, Buffers bu
   return kept;
 }
 
-/// Of what a file needs, only what says how its surface looks does not change its geometry.
+/// Extensions of looks alone: all others that a file requires may change its geometry.
 void check_extensions(const Json& root) {
   constexpr std::string_view kLooks[] = {"KHR_materials_", "KHR_texture_", "EXT_texture_",
                                          "MSFT_texture_", "KHR_lights_"};

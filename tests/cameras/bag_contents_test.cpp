@@ -56,7 +56,7 @@ class BagContents : public testing::Test {
     shot.nanoseconds = static_cast<std::uint32_t>(k) * 50'000'000;
     return shot;
   }
-  /// Of the usual image, 0.5 and 1 m away.
+  /// The usual image, 0.5 and 1 m away.
   void expect_depth(const DepthFrame& frame) const {
     ASSERT_EQ(frame.width, test::kWidth);
     for (int u = 0; u < frame.width; ++u) {

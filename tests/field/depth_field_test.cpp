@@ -389,7 +389,7 @@ WidePixel merged(const DepthFieldLevel& fine, Shares& shares, int level, int u, 
   return {sum_offset / num, sum_slope / num, best.first / 4};
 }
 
-/// Of all levels.
+/// Returns the shares of all levels.
 std::vector<Shares> shares_of(const DepthFieldView& view) {
   std::vector<Shares> all;
   for (int k = 0; k < view.num_levels; ++k) {

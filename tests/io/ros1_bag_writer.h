@@ -52,7 +52,7 @@ inline std::string ros1_chunk(std::string_view packed, const std::string& compre
                       {"size", bytes_of(static_cast<std::uint32_t>(size.value_or(packed.size())))}},
                      packed);
 }
-/// By the program of that name, with files in the folder; empty: there is none.
+/// Runs the program of that name, with files in the folder; empty: there is none.
 inline std::string packed_by_bzip2(std::string_view bytes, const std::filesystem::path& folder) {
   std::ofstream(folder / "plain", std::ios::binary) << bytes;
   const std::string command = "bzip2 -f '" + (folder / "plain").string() + "'";
