@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """Refuses what belongs to one machine or one day: absolute paths of a machine, names of package
-registry hosts, and notes to oneself; and in names of the code, words that the field does not use.
+registry hosts, and notes to oneself; in names of the code, words that the field does not use; and
+comments and errors that open with a relative word instead of naming the thing.
 
 usage: tools/check_words.py [ROOT]
 """
@@ -54,11 +55,35 @@ TERMS = tuple(
     )
 )
 NAMED = re.compile(r"(?:apps|eval|include|src|python/src|web/src)/.*\.(?:h|cpp|cu|cuh|ts)")
+
+# "Shift of the edge, pixels", not "By how much the edge is shifted".
+RELATIVE = re.compile(r"(?:Of|By|What|How|Where|Whether|Which|That|So|Who|Whose|Whom)\b", re.IGNORECASE)
+EXPLAINED = re.compile(r"(?:apps|bench|eval|include|python|src|tests|web/src)/.*\.(?:h|cpp|cu|cuh|ts|py)")
+COMMENT_OF_PYTHON = re.compile(r'(?P<code>.*?)(?:(?<!\S)#|""")\s*(?P<text>.*)')
+COMMENT = re.compile(r"(?P<code>.*?)(?:(?<!:)//[/!]?<?|/\*\*?|^\s*\*(?=\s))\s*(?P<text>.*)")
+ERROR = re.compile(r'Errc::\w+,\s*"(?P<text>[^"]*)')
 STRING = re.compile(r"\"(?:\\.|[^\"\\])*\"|'(?:\\.|[^'\\])*'|//.*")
+
+
+def find_openers(text, name):
+    """Yields (line number, first words) of each comment and error that opens with a relative word."""
+    comment = COMMENT_OF_PYTHON if name.endswith(".py") else COMMENT
+    was_comment = False
+    for number, line in enumerate(text.splitlines(), start=1):
+        match = comment.match(line)
+        is_alone = match is not None and not match["code"].strip()
+        if match and not (is_alone and was_comment) and match["text"][:1].isupper() and RELATIVE.match(match["text"]):
+            yield number, match["text"][:40]
+        was_comment = is_alone and match["text"] != ""
+    for error in ERROR.finditer(text):
+        if RELATIVE.match(error["text"]):
+            yield text.count("\n", 0, error.start("text")) + 1, error["text"][:40]
 
 
 def check_text(text, name=""):
     """Yields (line number, found words, what is wrong)."""
+    for number, found in find_openers(text, name) if EXPLAINED.fullmatch(name) else ():
+        yield number, found, "an opening that names nothing: say what the thing is or does"
     has_names = NAMED.fullmatch(name) is not None
     for number, line in enumerate(text.splitlines(), start=1):
         for pattern, problem in REFUSED:
