@@ -14,6 +14,7 @@ struct Options {
   std::vector<std::string> depths, camera_infos;
   std::string world, clock = "own", qos = "best_effort", tool_frame, pose;
   double latency = 0;  // s
+  double scale = 1;    // m per number of a 32FC1 image
 };
 
 /// The same as palpate touch --camera ros2:... --device ros2:... --ros2.
@@ -31,6 +32,7 @@ TouchOptions touch_options(const Options& options) {
                       "&clock=" + options.clock + "&latency=" + shortest_decimal(options.latency);
     if (!options.camera_infos.empty()) uri += "&info=" + options.camera_infos[k];
     if (!options.world.empty()) uri += "&world=" + options.world;
+    if (options.scale != 1) uri += "&scale=" + shortest_decimal(options.scale);
     const auto camera = parse_camera_uri(uri);
     if (!camera) usage_error("ros2: --depth: " + camera.error().message);
     touch.cameras.push_back(*camera);
@@ -76,6 +78,8 @@ void add_ros2(CLI::App& program, Action& action) {
                  "their CameraInfo; default: camera_info beside the images")
       ->allow_extra_args(false)
       ->type_name("TOPIC");
+  add_number(app, "--depth-scale", options->scale, {1e-6, 1000, "m"},
+             "meters per number of 32FC1 images: 0.001 if they are in millimeters");
   app.add_option("--world", options->world,
                  "tf frame in which cameras are placed, each image by its stamp; default: one "
                  "camera, which is the world")

@@ -168,19 +168,23 @@ void RunPlayer::work() {
 
 /// Takes new orders. What is to be shown now, s.
 double RunPlayer::advance() {
+  const double duration = run_->duration();
   int num_steps = 0;
+  double from = 0;
   {
     const std::lock_guard lock(mutex_);
     num_steps = std::exchange(num_steps_, 0);
+    from = std::min(clock_.now(), duration);
     subscription_ = desired_;
     taken_seeks_ = num_seeks_;
   }
-  const double duration = run_->duration();
   double stepped_to = 0;
   if (num_steps != 0) {
+    // Steps count from the frame at the clock's time: after a seek it is not the one shown last.
+    const auto query = run_->query_at(from);
+    const auto first = static_cast<std::ptrdiff_t>(query ? query->frame : frame_);
     const auto last = static_cast<std::ptrdiff_t>(run_->num_frames()) - 1;
-    const auto target =
-        std::clamp<std::ptrdiff_t>(static_cast<std::ptrdiff_t>(frame_) + num_steps, 0, last);
+    const auto target = std::clamp<std::ptrdiff_t>(first + num_steps, 0, last);
     stepped_to = run_->needed_from(static_cast<std::size_t>(target));
   }
   const std::lock_guard lock(mutex_);

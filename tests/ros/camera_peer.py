@@ -9,6 +9,7 @@ X,Y,Z: where the tool is, m, in the camera's frame or, with tf, in the base's.
 png, rvl, inverse:  compressedDepth; inverse: RVL of 32FC1
 plain:              PNG by the transport `compressed`
 float:              32FC1
+millimeters:        32FC1 in millimeters
 bent:               two lenses in turn, each image with its camera_info, which comes after it
 bent_late:          the same, but it comes 0.15 s after it
 once:               one camera_info, with the stamp of one image, as soon as somebody listens, and none after it
@@ -287,6 +288,8 @@ class Cameras:
             self.images.write(shown)
         elif behavior == "float":
             self.images.write(float_image(now, flat(NEAR if is_near else FAR)))
+        elif behavior == "millimeters":
+            self.images.write(float_image(now, [1000 * z for z in flat(NEAR if is_near else FAR)]))
         elif behavior == "moving":  # the wall stands in the base
             self.images.write(float_image(now, flat(NEAR - camera_height(now))))
         elif behavior == "spheres":

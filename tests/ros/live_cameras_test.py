@@ -46,6 +46,9 @@ class LiveCamerasTest(PeerCase):
             with self.subTest(behavior):
                 other = self.touched(self.watch(behavior, depth=depth))
                 self.assertAlmostEqual(other, plain, delta=delta)
+        with self.subTest("millimeters"):
+            scaled = self.touched(self.watch("millimeters", "--depth-scale", "0.001"))
+            self.assertAlmostEqual(scaled, plain, delta=0.002)
 
     def test_each_image_is_seen_by_its_own_lens(self):
         seen = self.watch("bent", place="0.2,0,0.5")

@@ -581,6 +581,27 @@ TEST(RunView, ManyNotesDoNotBuryTheOthersNorThePage) {
   EXPECT_LT((*view)->state().size(), 10000u);
 }
 
+TEST(RunView, AStepRightAfterASeekCountsFromWhereTheSeekWent) {
+  const TemporaryFolder folder;
+  record_path(folder.path() / "run", path_settings(), 12);
+  auto view = view_run(folder.path() / "run");
+  ASSERT_TRUE(view) << view.error().message;
+  Watcher watcher(**view);
+  watcher.execute({{"command", "pause"}});
+  const auto go_to = [&](double time, int number) {
+    watcher.execute({{"command", "seek"}, {"time", time}});
+    ASSERT_TRUE(watcher.until([&] { return watcher.state()["frame_number"] == number; })) << number;
+  };
+  go_to(8.5 / 30, 8);
+  for (int repeat = 0; repeat < 20; ++repeat) {  // the player's thread may be in between
+    go_to(0.5 / 30, 0);
+    watcher.execute({{"command", "seek"}, {"time", 8.5 / 30}});
+    watcher.execute({{"command", "step"}, {"frames", 1}});
+    ASSERT_TRUE(watcher.until([&] { return watcher.state()["frame_number"] == 9; }));
+    EXPECT_GE(watcher.state()["time"], 9.0 / 30 - 1e-9);
+  }
+}
+
 TEST(RunView, AUnitThatChangesInMidStreamLeavesTheSceneWhereItIs) {
   const TemporaryFolder folder;
   test::OtherUnitStream stream(12, 6);
