@@ -22,8 +22,9 @@
 // A sphere of radius r covers r f / z pixels and samples a level whose pixels are about as wide as
 // itself (a B-spline then weighs the surface as a disc of radius r would); between two levels both
 // are blended, and the blend is part of the gradient. Deep spheres also sample wider pixels, which
-// see exits that are farther away and smooth out noise: the field there is the
-// differentiable in p, so forces are continuous.
+// see exits that are farther away and smooth out noise: the field there is the maximum of the
+// values for spheres of radius r, 4 r, 16 r, ... phi is once continuously differentiable in p, so
+// forces are continuous.
 #pragma once
 
 #include <cmath>

@@ -7,8 +7,8 @@
 // a slot puts it on the list for the next round. Offers and lists are unordered, but all offers of
 // a round are compared, and all slots of a list are settled.
 //
-// Rows of neighbors are processed in parts, each by some lanes of a warp: the more lanes, the fewer
-// parts. Many parts are shared by all blocks in a round, and a barrier ends it. A few are faster by
+// Rows of neighbors are processed in parts, each by some lanes of a warp: the fewer parts, the more
+// lanes. Many parts are shared by all blocks in a round, and a barrier ends it. A few are faster by
 // one block alone, which continues round by round until there are many again; the others wait at
 // the barrier meanwhile. The data of the round before was complete at the barrier.
 #pragma once

@@ -1,9 +1,9 @@
 // Boundary stage of a query on a GPU: the touched spheres in ascending order, their planes
 // (boundary_plane.h) and their pieces of edges (edge_pieces.h).
+//
 // Each block has its share of the words of q.touched. The position of its spheres in the list
 // follows from the number of bits before its share, which each block counts for itself: no barrier
 // is needed.
-// needed.
 #pragma once
 
 #include <cstddef>
