@@ -9,19 +9,19 @@
 namespace palpate::inline v0 {
 namespace {
 
-constexpr double kMinPoints = 500;     // that hold a view
-constexpr double kMaxDistance = 5e-3;  // m
-constexpr double kMinShape = 0.003;    // least eigenvalue for two views: below, normals are noise
+constexpr double kMinPoints = 500;        // matches of a view, at least
+constexpr double kMaxDistance = 5e-3;     // m
+constexpr double kMinShape = 0.003;       // eigenvalue for two views: below it, normals are noise
 constexpr double kMaxUncertainty = 3e-3;  // m; see AlignedViews::uncertainty
 constexpr double kSigmaOfMedian = 1.4826;
 constexpr double kMinNoise = 5e-4;   // m: no camera is better
-constexpr double kPointsAlike = 50;  // errors of so many neighbours are one
+constexpr double kPointsAlike = 50;  // neighbors whose errors count as one
 constexpr double kSameNormal = 0.8;  // cosine
 constexpr double kMinSlant = 0.3;    // cosine between a normal and the viewing ray
 constexpr int kEdgeWidth = 3;        // pixels
 constexpr float kEdgeStep = 0.03f;   // share of the depth
-constexpr double kStill = 1e-4;      // m, and rad times the scene's size: nothing moves any more
-constexpr int kPatience = 5;         // rounds at the least reach, at least
+constexpr double kStill = 1e-4;      // m, and rad times the scene's size: converged below
+constexpr int kPatience = 5;         // minimum of rounds at the smallest reach
 
 Vec3d point(const PointCloudView& view, std::size_t i) {
   return {static_cast<double>(view.x[i]), static_cast<double>(view.y[i]),
@@ -32,7 +32,7 @@ Vec3d normal(const PointCloudView& view, std::size_t i) {
           static_cast<double>(view.nz[i])};
 }
 
-/// Well inside of a surface that is seen from the front: edges show another place to each camera.
+/// True well inside a surface that is seen from the front: edges differ from camera to camera.
 bool is_good(const PointCloudView& view, int u, int v) {
   const auto index = [&](int column, int row) {
     return static_cast<std::size_t>(row) * static_cast<std::size_t>(view.width) +
@@ -97,7 +97,7 @@ class Normal {
     }
     return b;
   }
-  /// By inverse iteration.
+  /// Computes it by inverse iteration.
   double smallest_eigenvalue() const {
     std::vector<double> v(size_);
     for (std::size_t i = 0; i < size_; ++i) v[i] = 1 + 0.1 * static_cast<double>(i % 7);
@@ -158,7 +158,7 @@ class Alignment {
     return view < names_.size() ? names_[view] : "camera " + std::to_string(view + 1);
   }
 
-  /// The middle of all points, and their usual distance from it.
+  /// Sets the center of all points, and their RMS distance from it.
   void place_middle() {
     Vec3d sum;
     double num = 0, squares = 0;
@@ -197,7 +197,7 @@ class Alignment {
     }
   }
 
-  /// One step of Gauss and Newton for all views but the first. By how much it has moved them.
+  /// Makes a Gauss-Newton step for all views but the first. Returns the largest motion, m.
   Result<double> improve(double reach) {
     const std::size_t num_free = num_views() - 1, size = 6 * num_free;
     Normal matrix(size);
@@ -241,7 +241,7 @@ class Alignment {
                        " sees too little of what the others see: check its pose, and that "
                        "their images overlap"};
     }
-    // As many points or few: the shape counts.
+    // Independent of the number of points: the shape counts.
     for (std::size_t i = 0; i < size; ++i) {
       for (std::size_t k = 0; k < size; ++k) {
         matrix.at(i, k) /= std::sqrt(weights[1 + i / 6] * weights[1 + k / 6]);
@@ -271,8 +271,8 @@ class Alignment {
   static Error not_held() {
     return {
         Errc::bad_input,
-        "what the cameras see together does not hold them: it is too flat or too round, or some "
-        "share nothing with the others; put a few things with edges there"};
+        "the surfaces in common do not fix the cameras' poses: they are too flat or too round, or "
+        "some cameras share nothing with the others; put a few objects with edges there"};
   }
 
   Result<AlignedViews> finish() const {
@@ -324,7 +324,7 @@ class Alignment {
     pair.before = apart(first_, false);
     pair.after = apart(now_, true);
     if (pair.num_points == 0) return pair;
-    // Where the middle of what both see has gone, seen from a.
+    // Displacement of the center of the shared points, in the frame of a.
     const Vec3d p_B = inverse(now_[b]) * (sum / static_cast<double>(pair.num_points));
     const Pose before = inverse(first_[a]) * first_[b], after = inverse(now_[a]) * now_[b];
     const Quaternion q = after.rotation * conjugate(before.rotation);

@@ -9,8 +9,8 @@
 namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
 namespace {
 
-/// The mean is taken over differences to the centre, which keeps all digits and a flat patch exact.
-/// Invalid neighbours need no test: kNoDepth is so far off that their weight, 2^-100, times their
+/// The mean is taken over differences to the center, which keeps all digits and a flat patch exact.
+/// Invalid neighbors need no test: kNoDepth is so far off that their weight, 2^-100, times their
 /// difference is nothing beside any depth.
 PALPATE_FORMULA VecF filtered(const float* centre, std::ptrdiff_t stride, VecF z, int radius,
                               const float* space, float range_scale) {

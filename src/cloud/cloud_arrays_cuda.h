@@ -1,4 +1,4 @@
-// An organised cloud in the memory of a GPU.
+// An organized cloud in the memory of a GPU.
 #pragma once
 
 #include <limits>

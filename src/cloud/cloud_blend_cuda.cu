@@ -10,7 +10,7 @@
 
 namespace palpate::inline v0 {
 
-/// What the kernel reads and writes.
+/// Arguments of the blending kernel.
 struct CloudBlendJob {
   const double* progress = nullptr;
   double max_jump = 0;

@@ -23,8 +23,8 @@ class CloudBlendCuda {
   CloudBlendCuda& operator=(CloudBlendCuda&&) noexcept;
   ~CloudBlendCuda();
 
-  /// How far from the old cloud (0) to the new one (1) and beyond. Kept in page-locked memory: do
-  /// not change it while work that was submitted before has still to read it.
+  /// Sets the position between the old cloud (0) and the new one (1), or beyond it. Kept in
+  /// page-locked memory: do not change it while submitted work has still to read it.
   void set_progress(double t);
   /// Both clouds are on this GPU, and neither is the blended one.
   void enqueue(gpu::Stream& stream, const PointCloudView& old_cloud,

@@ -129,7 +129,7 @@ DepthAverager::DepthAverager(DepthAverager&&) noexcept = default;
 DepthAverager& DepthAverager::operator=(DepthAverager&&) noexcept = default;
 DepthAverager::~DepthAverager() = default;
 
-// Means and gains of all pixels, row by row, then what blocks remember.
+// Means and gains of all pixels, row by row, then the memory of the blocks.
 
 std::string DepthAverager::state() const {
   const Impl& d = *impl_;

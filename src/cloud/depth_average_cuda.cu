@@ -11,7 +11,7 @@
 
 namespace palpate::inline v0 {
 
-/// What the kernel reads and writes.
+/// Arguments of the averaging kernel.
 struct DepthAverageJob {
   DepthAverageOptions options;
   RawFrameView raw;
@@ -22,7 +22,7 @@ struct DepthAverageJob {
   float* depth = nullptr;
 };
 
-/// The same for estimates.
+/// Arguments of the kernel of the Kalman filter.
 struct DepthEstimateJob {
   EstimateModel model;
   RawFrameView raw;
@@ -59,8 +59,8 @@ constexpr int kRows = kEstimateTile;  // of a thread, which does its column of a
 constexpr int kEstimateThreads = kColumns * kTilesPerBlock;
 constexpr int kTiles = kTilesPerBlock * kTilesPerBlock;
 
-// What is remembered of a block is read and written by all threads at once, a word each: tests that
-// wait for each other then wait for no memory.
+// All threads read and write the memory of a block at once, a word each, so that the tests, which
+// wait for each other, do not wait for memory.
 constexpr int kMemoryWords = static_cast<int>(sizeof(BlockMemory) / sizeof(float));
 static_assert(sizeof(BlockMemory) % sizeof(float) == 0 && kMemoryWords <= kEstimateThreads);
 

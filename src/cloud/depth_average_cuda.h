@@ -26,7 +26,7 @@ class DepthAveragerCuda {
   DepthAveragerCuda& operator=(DepthAveragerCuda&&) noexcept;
   ~DepthAveragerCuda();
 
-  /// Page-locked memory where the host puts the next raw frame and its unit (metres per count), as
+  /// Page-locked memory where the host puts the next raw frame and its unit (meters per count), as
   /// of SurfaceCuda.
   std::span<std::uint16_t> input();
   void set_unit(double unit);
@@ -39,7 +39,7 @@ class DepthAveragerCuda {
   /// As DepthAverager::resume_from; `state` must stay until the stream has done its work.
   Status resume_from(gpu::Stream& stream, std::string_view state);
 
-  /// Metres on the GPU, NaN where there is no measurement; always the same array.
+  /// Meters on the GPU, NaN where there is no measurement; always the same array.
   const float* depth() const;
 
  private:

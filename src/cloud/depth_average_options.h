@@ -8,7 +8,7 @@ namespace palpate::inline v0 {
 /// An error says what is out of range.
 Status check_average_settings(int width, int height, const DepthAverageOptions& options);
 
-/// Of DepthAverager::state, and what is said of another one.
+/// Size of DepthAverager::state in bytes, and the error for any other state.
 std::size_t estimate_bytes(int width, int height);
 Error no_estimate(int width, int height);
 

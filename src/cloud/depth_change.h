@@ -10,7 +10,7 @@
 namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
 namespace {
 
-/// Depth, or 0 where there is none: never farther than anything.
+/// Returns the depth, or 0 where there is none: then it is not the farther one.
 PALPATE_HOSTDEV inline VecF near_depth(const float* from) {
   const VecF z = load(from);
   return select(z < kAnyDepth, z, splat(0.0f));
@@ -18,7 +18,7 @@ PALPATE_HOSTDEV inline VecF near_depth(const float* from) {
 
 PALPATE_HOSTDEV inline VecF max_of_three(VecF a, VecF b, VecF c) { return max(max(a, b), c); }
 
-/// The eight neighbours of a pixel, row by row.
+/// The eight neighbors of a pixel, row by row.
 struct Around {
   VecF a, b, c, d, e, f, g, h;
 };

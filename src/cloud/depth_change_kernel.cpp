@@ -1,5 +1,5 @@
-// Where the surface ends towards something farther away (thesis section 3.5), compiled once per
-// instruction set.
+// Depth-change vectors at the edges of surfaces (thesis section 3.5), compiled once per instruction
+// set.
 #include "src/cloud/depth_change.h"
 #include "src/cloud/surface_kernels.h"
 #include "src/core/simd.h"

@@ -1,18 +1,18 @@
-// What a pixel's depth is, from all frames so far: a Kalman filter of each pixel, with tests for
-// change that neighbours share. Shared code for vectors and for single numbers (core/lanes.h).
+// Depth of a pixel from all frames so far: a Kalman filter per pixel, with tests for change that
+// neighbors share. Shared code for vectors and for single numbers (core/lanes.h).
 //
-// A pixel has a mean and the variance of it, in variances of one measurement (`gain`: it is also
-// how much of the last measurement went into the mean). At rest gains fall as 1, 1/2, 1/3, ... What
-// a measurement is off, over what noise lets it be off, is its deviation: of unit variance as long
-// as nothing moves. Deviations are tested for each pixel and as means over 8, 16, 32 and 64 pixels
-// a side: what one pixel cannot tell from noise, a thousand can. What a finer test has explained is
-// left out of the coarser ones. A pixel that has changed begins anew. Where a neighbourhood moves,
-// the newest frame is what counts: measurements go past the filter as they are, and the means,
-// which follow behind, only serve to tell when it rests again. So no lag, no trail; and no value is
-// ever taken from another pixel.
+// A pixel has a mean and its variance, in variances of one measurement (`gain`: also the share of
+// the last measurement in the mean). At rest gains fall as 1, 1/2, 1/3, ... The deviation of a
+// measurement is its difference from the mean over the expected noise: of unit variance as long as
+// nothing moves. Deviations are tested for each pixel and as means over squares of 8, 16, 32 and 64
+// pixels a side: a thousand pixels show changes that one cannot tell from noise. Changes that a
+// finer test has explained are left out of the coarser ones. A pixel that has changed starts anew.
+// Where a neighborhood moves, measurements pass the filter unchanged, and the means, which lag
+// behind, only serve to detect when it rests again. So there is no lag and no trail, and no value
+// is ever taken from another pixel.
 //
-// How large noise is, is learned between limits of the sensor: that of the pixels of a tile, and
-// that of each neighbourhood's mean.
+// The level of the noise is learned between limits of the sensor: for the pixels of a tile, and for
+// the mean of each neighborhood.
 #pragma once
 
 #include "palpate/cloud/depth_source.h"
@@ -23,10 +23,10 @@ namespace palpate::inline v0 {
 
 /// Numbers that all pixels share.
 struct EstimateModel {
-  float noise = 0, noise_growth = 0;  ///< of a measurement of z m at least noise + noise_growth z^2
-  float patch = 1;                    ///< pixels whose noise is alike, at most
-  float drift = 0;                    ///< what a gain grows by in a frame
-  float missing = 0;                  ///< the same where nothing is measured
+  float noise = 0, noise_growth = 0;  ///< at least noise + noise_growth z^2 at depth z, m
+  float patch = 1;                    ///< pixels that share their noise, at most
+  float drift = 0;                    ///< growth of a gain per frame
+  float missing = 0;                  ///< the same for a pixel without measurement
 
   EstimateModel() = default;
   explicit EstimateModel(const DepthAverageOptions& o)
@@ -39,25 +39,25 @@ struct EstimateModel {
         missing(1.0f / static_cast<float>(o.keep_frames + 1)) {}
 };
 
-/// A pixel that shows nothing has no mean: its variance is without bounds, and the formulas below
-/// need no other word for it.
+/// Gain of a pixel without a mean: its variance is unbounded, so the formulas below need no special
+/// case.
 inline constexpr float kUnknownGain = 1e30f;
 
-inline constexpr int kEstimateBlock = 64;  ///< pixels a side; blocks do not know of each other
-inline constexpr int kEstimateTile = 8;    ///< of the finest neighbourhood
+inline constexpr int kEstimateBlock = 64;  ///< side in pixels; blocks are independent
+inline constexpr int kEstimateTile = 8;    ///< side of the finest neighborhood, pixels
 inline constexpr int kTilesPerBlock = kEstimateBlock / kEstimateTile;
 
-/// Sums over a neighbourhood.
+/// Sums over a neighborhood.
 struct DeviationSum {
   float sum = 0, num = 0;
 };
 
 /// Sums over a tile.
 struct TileSum {
-  DeviationSum deviations;  ///< of what has not changed by itself
-  float squares = 0;        ///< of deviations, of what was seen before and is now
-  float num_known = 0;      ///< what was seen before
-  float num_gone = 0;       ///< of this is not seen now, or shows something else
+  DeviationSum deviations;  ///< of pixels without a change of their own
+  float squares = 0;        ///< of deviations of pixels that were seen before and now
+  float num_known = 0;      ///< pixels that were seen before
+  float num_gone = 0;       ///< those that are missing now or show something else
 
   PALPATE_FORMULA void add(const TileSum& s) {
     deviations.sum += s.deviations.sum;
@@ -68,8 +68,8 @@ struct TileSum {
   }
 };
 
-/// A variance that is learned: a mean of all values at first, with one more that is expected, and a
-/// running one later. All zero: it has seen nothing.
+/// A learned variance: the mean of all values and one more, the expected one; later a running mean.
+/// All zero: no value yet.
 struct LearnedVariance {
   float value = 0, weight = 0;
 
@@ -83,11 +83,11 @@ struct LearnedVariance {
   }
 };
 
-/// What a neighbourhood says to its pixels.
+/// Change that a neighborhood reports to its pixels.
 struct SharedChange {
-  float follow = 0;  ///< 0: it rests; 1: it moves
-  float gain = 0;    ///< at least
-  float keep = 0;    ///< 1: what is not seen may still be there
+  float follow = 0;  ///< 0: at rest; 1: moving
+  float gain = 0;    ///< lower bound of the gain
+  float keep = 0;    ///< 1: a missing surface may still be there
 };
 
 }  // namespace palpate::inline v0
@@ -95,27 +95,27 @@ struct SharedChange {
 namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
 namespace {
 
-/// From 0 to 1: how surely something changed, by a number that is normal and of unit variance if
-/// nothing did. 0.3 % of all are above 3, less than one in a million above 5.
+/// Returns the certainty of a change, 0 to 1, by a deviation that is standard normal without one:
+/// 0.3 % of all are above 3, less than one in a million above 5.
 PALPATE_FORMULA VecF change_of(VecF deviation) {
   return min(max((deviation - 3.0f) * 0.5f, splat(0.0f)), splat(1.0f));
 }
 
-/// Returns what goes into the mean: nothing where it is too far to be counted (kFar).
+/// Returns the measurement to average: 0 where it is too far to be counted (kFar).
 PALPATE_FORMULA VecF counted(VecF measured) {
   return select(measured < splat(kFarthest), measured, splat(0.0f));
 }
 
 struct PixelDeviation {
-  VecF gain;  ///< of this measurement, if only the pixel itself is read
-  VecF sum, num, squares, num_known, num_gone;  ///< what it adds to those of its tile
+  VecF gain;                                    ///< of this measurement, from the pixel alone
+  VecF sum, num, squares, num_known, num_gone;  ///< added to those of its tile
 };
 
-/// `scale`: noise over the model's.
+/// Computes the deviation of a pixel. `scale`: its noise over the model's.
 PALPATE_FORMULA PixelDeviation deviation_of(VecF seen, VecF mean, VecF gain, VecF scale,
                                             const EstimateModel& model) {
   const VecF zero = splat(0.0f), measured = counted(seen);
-  const VecF variance = gain + (1.0f + model.drift);  // of what is off, in those of a measurement
+  const VecF variance = gain + (1.0f + model.drift);  // of seen - mean, in those of a measurement
   const VecF noise = scale * (model.noise + model.noise_growth * measured * measured);
   const VecF deviation = (measured - mean) / (noise * sqrt(variance));
   const VecF change = change_of(abs(deviation));
@@ -132,11 +132,11 @@ PALPATE_FORMULA PixelDeviation deviation_of(VecF seen, VecF mean, VecF gain, Vec
 
 struct PixelEstimate {
   VecF mean, gain;
-  VecF depth;  ///< what the pixel shows; 0: nothing; kFar at once if it is measured so
+  VecF depth;  ///< output; 0: none; kFar as soon as it is measured
 };
 
-/// seen: 0 where there is no measurement. `own_gain` is PixelDeviation::gain, `gain` the one
-/// before.
+/// Updates a pixel. `seen` is 0 where there is no measurement, `own_gain` is PixelDeviation::gain,
+/// `gain` the previous one.
 PALPATE_FORMULA PixelEstimate estimate_of(VecF seen, VecF mean, VecF gain, VecF own_gain,
                                           VecF follow, VecF shared_gain, VecF keep,
                                           const EstimateModel& model) {
@@ -163,36 +163,36 @@ PALPATE_FORMULA float clamped(float value, float least, float most) {
   return value < least ? least : value > most ? most : value;
 }
 
-/// Of one neighbourhood. All zero: it has seen nothing.
+/// Memory of one neighborhood. All zero: nothing seen yet.
 struct NeighbourhoodMemory {
   LearnedVariance noise;  ///< of the mean deviation
-  float follow = 0;       ///< what it said last
+  float follow = 0;       ///< last result
 };
 
-/// What a neighbourhood says by itself.
+/// Tests a neighborhood for a change by its own deviations.
 PALPATE_FORMULA SharedChange change_in(const DeviationSum& s, NeighbourhoodMemory& memory,
                                        const EstimateModel& model) {
   SharedChange change;
   if (s.num > 0.0f) {
     const float mean = s.sum / s.num, squared = mean * mean;
-    // That of independent pixels, and the most of what pixels have in common.
+    // Variance of the mean for independent pixels, and for pixels that share their noise.
     const float least = 1.0f / s.num, most = model.patch / (s.num + (model.patch - 1.0f));
     const float variance = clamped(memory.noise.or_expected(most), least, most);
     const float deviation = sqrtf(squared / variance);
-    // What moved rests again only when its means have caught up.
+    // A moving neighborhood is at rest only when its means have caught up.
     change.follow = memory.follow > 0 ? clamped(deviation - 1.0f, 0, 1)
                                       : clamped((deviation - 3.5f) / 1.5f, 0, 1);
-    // Means follow what moves so far behind that the next frame tells it again: at v noises a frame
-    // they are 5.7 sqrt(v) noises behind, and those of four frames at least.
+    // Means lag behind a motion far enough for the next frame to detect it again: at v noises a
+    // frame by 5.7 sqrt(v) noises, and by those of four frames at least.
     change.gain = change.follow * clamped(deviation / 32.0f, 0.25f, 1.0f);
-    // What begins to move is no noise.
+    // The beginning of a motion is not learned as noise.
     memory.noise.learn(squared < 9.0f * variance ? squared : 9.0f * variance, most);
   }
   memory.follow = change.follow;
   return change;
 }
 
-/// Adds what a finer neighbourhood has not explained.
+/// Adds the deviations that a finer neighborhood has not explained.
 PALPATE_FORMULA void add_unexplained(DeviationSum& to, const DeviationSum& finer,
                                      const SharedChange& change) {
   to.sum += (1.0f - change.follow) * finer.sum;
@@ -203,8 +203,8 @@ PALPATE_FORMULA SharedChange stronger(const SharedChange& a, const SharedChange&
   return {a.follow > b.follow ? a.follow : b.follow, a.gain > b.gain ? a.gain : b.gain, 0};
 }
 
-/// Tests are of four levels of neighbourhoods, each four times as large as those before. Entries:
-/// tiles row by row, then those of the coarser levels.
+/// Neighborhoods have four levels, each four times as large as the one before. Entries: tiles row
+/// by row, then those of the coarser levels.
 inline constexpr int kEstimateLevels = 4;
 inline constexpr int kNeighbourhoods = 64 + 16 + 4 + 1;
 PALPATE_FORMULA int first_entry(int level) {
@@ -212,7 +212,7 @@ PALPATE_FORMULA int first_entry(int level) {
 }
 PALPATE_FORMULA int level_side(int level) { return kTilesPerBlock >> level; }
 
-/// What is remembered of a block beside its pixels. All zero: it has seen nothing.
+/// Memory of a block beside its pixels. All zero: nothing seen yet.
 struct BlockMemory {
   NeighbourhoodMemory neighbourhoods[kNeighbourhoods];
   LearnedVariance pixels[kTilesPerBlock * kTilesPerBlock];  ///< of deviations, by tile
@@ -222,7 +222,7 @@ struct BlockMemory {
     constexpr float kMaxWeight = 16;
     return sqrtf(clamped(pixels[tile].value, 1.0f, kMaxWeight));
   }
-  /// From sums over a tile of deviations, which are shares of `scale`.
+  /// Learns from sums over a tile of deviations, which are shares of `scale`.
   PALPATE_FORMULA void learn_noise(int tile, const TileSum& s, float scale) {
     if (s.deviations.num > 8) pixels[tile].learn(scale * scale * s.squares / s.num_known, 1);
   }
@@ -232,10 +232,10 @@ struct BlockMemory {
 struct BlockChange {
   DeviationSum sums[kNeighbourhoods];
   float
-      keep[kTilesPerBlock * kTilesPerBlock];  ///< 1: what is not seen in a tile may still be there
+      keep[kTilesPerBlock * kTilesPerBlock];  ///< 1: a missing surface of a tile may still be there
   SharedChange changes[kNeighbourhoods];
 
-  /// Entry (u, v) of a level above the tiles, from the level below.
+  /// Computes entry (u, v) of a level above the tiles from the level below.
   PALPATE_FORMULA void join(int level, int u, int v) {
     DeviationSum& to = sums[first_entry(level) + v * level_side(level) + u];
     to = {};
@@ -252,14 +252,14 @@ struct BlockChange {
   PALPATE_FORMULA void test(int entry, BlockMemory& memory, const EstimateModel& model) {
     changes[entry] = change_in(sums[entry], memory.neighbourhoods[entry], model);
   }
-  /// What all levels say to a tile.
+  /// Combines the changes of all levels at a tile.
   PALPATE_FORMULA SharedChange of_tile(int u, int v) const {
     SharedChange all = changes[v * kTilesPerBlock + u];
     for (int level = 1; level < kEstimateLevels; ++level) {
       all = stronger(all,
                      changes[first_entry(level) + (v >> level) * level_side(level) + (u >> level)]);
     }
-    // Where something moves, what was there is no guess of what is.
+    // Missing pixels do not keep their depth where something moves.
     all.keep = all.follow < 0.5f ? keep[v * kTilesPerBlock + u] : 0.0f;
     return all;
   }

@@ -12,7 +12,7 @@ namespace {
 
 constexpr int kSide = kEstimateBlock, kTile = kEstimateTile;
 
-/// Of a block, row by row. What lies beyond the image is no measurement.
+/// Measurements and gains of a block, row by row; there are no measurements beyond the image.
 struct Block {
   alignas(64) float measured[kSide * kSide];
   alignas(64) float own_gain[kSide * kSide];
@@ -25,13 +25,13 @@ struct Block {
     const std::uint16_t* const counts =
         pass.counts + static_cast<std::ptrdiff_t>(block.top + v) * pass.width + block.left;
     float* const to = block.measured + v * kSide;
-    // Each number by itself, as the compiler's vectors have it.
+    // A scalar loop, which the compiler vectorizes.
     for (int u = 0; u < block.width; ++u) to[u] = depth_of(counts[u], unit);
     for (int u = block.width; u < kSide; ++u) to[u] = 0;
   }
 }
 
-/// A number of each tile of a row of tiles, for each of its columns.
+/// Copies a number of each tile of a row of tiles to all of its columns.
 template <class OfTile>
 [[gnu::always_inline]] inline void spread(float* columns, const OfTile& of_tile) {
   for (int tile = 0; tile < kTilesPerBlock; ++tile) {
@@ -39,7 +39,7 @@ template <class OfTile>
   }
 }
 
-/// Of each column of a row of tiles the sum from the top down: the same in vectors of any width.
+/// Sums over each column of a row of tiles, from the top down: the same in vectors of any width.
 struct ColumnSums {
   alignas(64) float sum[kSide], num[kSide], squares[kSide], num_known[kSide], num_gone[kSide];
 };

@@ -1,5 +1,5 @@
-// What estimating depth over time reads and writes. Blocks do not depend on each other, so any
-// number of threads gives the same bits.
+// Input and output of depth estimation over time. Blocks do not depend on each other, so any number
+// of threads gives the same bits.
 #pragma once
 
 #include <cstddef>
@@ -12,10 +12,10 @@ namespace palpate::inline v0 {
 
 struct EstimatePass {
   EstimateModel model;
-  const std::uint16_t* counts = nullptr;  ///< width * height, of `unit` metres
+  const std::uint16_t* counts = nullptr;  ///< width * height, of `unit` meters
   double unit = 0;
   int width = 0, height = 0;
-  float *mean = nullptr, *gain = nullptr;  ///< what is remembered, `stride` a row
+  float *mean = nullptr, *gain = nullptr;  ///< state of each pixel, `stride` a row
   std::ptrdiff_t stride = 0;               ///< a multiple of kEstimateBlock
   BlockMemory* blocks = nullptr;           ///< likewise, of each block
   float* depth = nullptr;                  ///< width * height, m, NaN where there is none
@@ -26,7 +26,7 @@ struct EstimatePass {
   }
 };
 
-/// Does one block; they are counted row by row.
+/// Processes one block; blocks are numbered row by row.
 using EstimateBlock = void (*)(const EstimatePass&, int block);
 
 #define PALPATE_DECLARE_ESTIMATE_BLOCK(isa)            \

@@ -11,7 +11,7 @@
 namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
 namespace {
 
-/// A bit for each pixel of a padded row that is too far.
+/// Sets a bit for each pixel of a padded row that is too far.
 [[gnu::always_inline]] inline void mark_far(const float* depth, int width, std::uint64_t* bits) {
   constexpr int kWordBits = 64;
   for (int begin = 0; begin < width; begin += kWordBits) {
@@ -23,7 +23,7 @@ namespace {
   }
 }
 
-/// Each number by itself, as the compiler's vectors have it.
+/// Reads depth in scalar loops, which the compiler vectorizes.
 template <class ToDepth>
 [[gnu::always_inline]] inline int read_rows(const RawPass& pass, const PixelWindow& part,
                                             const ToDepth& to_depth) {

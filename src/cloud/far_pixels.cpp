@@ -96,7 +96,7 @@ void FarGroups::look_beside(const float* depth, std::ptrdiff_t stride) {
   for (std::int32_t i = 0; i < num_runs_; ++i) {
     const Run& run = runs_[i];
     Run& group = runs_[run.group];
-    if (group.num < kMinFarPixels || group.side() > kFarSide) continue;  // it does not matter
+    if (group.num < kMinFarPixels || group.side() > kFarSide) continue;  // decided already
     for (int v = run.row - 1; v <= run.row + 1; ++v) {
       const float* const row = depth + v * stride;
       for (int u = run.left - 1; u <= run.right; ++u) {  // into the margin

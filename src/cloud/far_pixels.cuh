@@ -1,5 +1,5 @@
 // Finds the pixels measured as too far that are free: the rules of far_pixels.h. A block does one
-// tile and sees as far around it as an error can reach: what goes on beyond is larger. Groups grow
+// tile with a margin as wide as an error can be: a group that goes on beyond is larger. Groups grow
 // bit by bit.
 #pragma once
 
@@ -51,7 +51,7 @@ __device__ inline void grow_group(FarShared& shared, bool has_word, int row, int
   } while (shared.is_growing != 0);
 }
 
-/// Is a group an error? All threads call.
+/// True if the group is an error. All threads call.
 __device__ inline bool is_group_error(const FilterJob& job, const Tile& tile, FarShared& shared,
                                       bool has_word, int row, int word) {
   if (threadIdx.x == 0) {
@@ -86,7 +86,7 @@ __device__ inline bool is_group_error(const FilterJob& job, const Tile& tile, Fa
                       __int_as_float(shared.farthest));
 }
 
-/// The first pixel of the tile that is not decided: its row; -1: none.
+/// Returns the row of the first undecided pixel of the tile; -1: none.
 __device__ inline int first_undecided(const FarShared& shared) {
   for (int row = kFarSide; row < kFarSide + kStripRows; ++row) {
     if (shared.far[row][1] != 0) return row;

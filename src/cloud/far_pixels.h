@@ -1,6 +1,6 @@
 // Pixels that were measured as farther than `max_depth`. Their rays are free up to there, unless
 // the sensor erred: a real camera has such pixels in the middle of near surfaces, up to 65 m away.
-// A group of connected ones (8 neighbours) is an error if it is small or lies inside one surface.
+// A group of connected ones (8 neighbors) is an error if it is small or lies inside one surface.
 // Rules are shared by host and device.
 #pragma once
 
@@ -15,13 +15,13 @@
 namespace palpate::inline v0 {
 
 inline constexpr int kMinFarPixels = 9;  ///< pixels of a group that is no error
-/// Pixels: a group that is wider or higher is no error. So wide is the widest hole that is filled
+/// Largest width and height of an error, pixels: those of the widest hole that is filled
 /// (DepthFieldOptions::fill_levels up to 5).
 inline constexpr int kFarSide = 32;
 /// Share of the depth from one pixel to the next on one surface, as in depth fields.
 inline constexpr float kFarSlope = 0.012f;
 
-/// Is a group of `num` pixels an error, the box around which has at most `side` pixels a side? The
+/// True if a group of `num` pixels, in a box of at most `side` pixels a side, is an error. The
 /// measurements beside it lie between `nearest` and `farthest`, m; kNoDepth and 0: there are none.
 PALPATE_HOSTDEV inline bool is_far_error(int num, int side, float nearest, float farthest) {
   if (num < kMinFarPixels) return true;
@@ -42,7 +42,7 @@ class FarGroups {
   void drop_errors(float* depth, std::ptrdiff_t stride, const PixelWindow& window);
 
  private:
-  /// Neighbouring pixels of a row. The first run of a group also knows the group.
+  /// Neighboring pixels of a row. The first run of a group also knows the group.
   struct Run {
     std::int32_t group;  // its first run
     std::uint16_t row, left, right;

@@ -10,8 +10,8 @@
 namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
 namespace {
 
-/// Does `z` lie between the depths of two opposite neighbours, farther than `gap` z from both?
-/// Where a neighbour was not measured there is nothing to lie between.
+/// True if `z` lies between the depths of two opposite neighbors, farther than `gap` z from both.
+/// False where a neighbor was not measured.
 PALPATE_FORMULA Mask lies_between(const float* one, const float* other, VecF z, VecF gap) {
   const VecF a = load(one), b = load(other);
   const VecF nearer = min(a, b), farther = max(a, b);

@@ -47,7 +47,7 @@ struct RowsAround {
 };
 
 // kLanes columns of a strip. Each step runs over all rows before the next starts: the eigenvectors
-// are long chains of dependent operations, and only neighbours of their kind can fill the gaps.
+// are long chains of dependent operations, and only neighbors of their kind can fill the gaps.
 [[gnu::always_inline]] inline int do_columns(const NormalPass& pass, int u, int row_begin,
                                              int row_end, int radius, bool along_ray) {
   const bool separable = !pass.anchoring && !pass.weighting && !pass.normalization;

@@ -14,13 +14,13 @@ namespace palpate::inline v0 {
 
 inline constexpr float kNoAverage = std::numeric_limits<float>::quiet_NaN();
 
-/// What a pixel remembers. Sums of counts are whole numbers, so that nothing drifts.
+/// State of a pixel's average. Sums of counts are integers, so that nothing drifts.
 struct PixelAverage {
   std::uint32_t sum = 0;         ///< moving: of the ring
   float mean = 0;                ///< exponential, in counts
-  float unit = 0;                ///< m per count: those of another unit are not averaged with these
+  float unit = 0;                ///< m per count: another unit starts a new average
   std::uint8_t num = 0;          ///< measurements in the average; exponential: 0 or 1
-  std::uint8_t next = 0;         ///< moving: where the ring is written next
+  std::uint8_t next = 0;         ///< moving: next index in the ring
   std::uint8_t num_missing = 0;  ///< frames since the last measurement
 };
 
@@ -32,7 +32,7 @@ struct PixelRing {
   PALPATE_HOSTDEV std::uint16_t& operator[](int i) const { return first[i * stride]; }
 };
 
-/// Counts.
+/// Returns the mean, in counts.
 PALPATE_HOSTDEV inline double mean_of(const PixelAverage& average,
                                       const DepthAverageOptions& options) {
   return options.kind == DepthAverage::moving
@@ -64,8 +64,8 @@ PALPATE_HOSTDEV inline void add_measurement(PixelAverage& average, const PixelRi
   average.next = static_cast<std::uint8_t>((average.next + 1) % options.frames);
 }
 
-/// Takes one more count, which may be no measurement. Returns metres, NaN where there is none, kFar
-/// at once for what is too far to be counted, of which there is no mean.
+/// Takes one more count, which may be no measurement. Returns the average in meters, NaN if there
+/// is none; kFar at once for a pixel that is too far, which has no mean.
 PALPATE_HOSTDEV inline float update_average(PixelAverage& average, const PixelRing& ring,
                                             std::uint16_t count, double unit,
                                             const DepthAverageOptions& options) {
@@ -81,7 +81,7 @@ PALPATE_HOSTDEV inline float update_average(PixelAverage& average, const PixelRi
   return average.num > 0 ? static_cast<float>(mean_of(average, options) * unit) : kNoAverage;
 }
 
-/// The same without an average.
+/// Returns the depth of a count without averaging.
 PALPATE_HOSTDEV inline float newest_depth(std::uint16_t count, double unit) {
   return count == 0 ? kNoAverage : depth_of(count, unit);
 }

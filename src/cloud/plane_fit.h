@@ -1,8 +1,8 @@
 // The algebra behind the normals: moments of a pixel window, their covariance, and the plane that
 // fits it best. Shared code for vectors and for single numbers (core/lanes.h).
 //
-// Moments are taken in pixel units around the centre pixel p, not in metres: with
-// e = (du z_q, dv z_q, z_q - z_p), neighbour q is
+// Moments are taken in pixel units around the center pixel p, not in meters: with
+// e = (du z_q, dv z_q, z_q - z_p), neighbor q is
 //   q - p = M e,   M = [1/fx 0 a_x; 0 1/fy a_y; 0 0 1],   a = ((u - cx) / fx, (v - cy) / fy, 1),
 // where a is the ray of p. So the covariance of the points is C = M E M^T with that of the e's. All
 // terms stay small and single precision suffices at any distance.
@@ -13,8 +13,8 @@
 namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
 namespace {
 
-/// Of the determinant of the spread in the image, relative to the spread itself: less means that
-/// the points are on one line.
+/// Smallest determinant of the spread in the image, relative to the spread itself: below it the
+/// points are on one line.
 inline constexpr float kMinSpread = 1e-5f;
 
 /// Sums over a window of some value times 1, du, dv, du^2, du dv, dv^2.
@@ -52,7 +52,7 @@ PALPATE_HOSTDEV inline SymmetricMatrix blend(Mask mask, const SymmetricMatrix& a
           select(mask, a.yy, b.yy), select(mask, a.yz, b.yz), select(mask, a.zz, b.zz)};
 }
 
-/// What carries pixel units to camera axes at one pixel.
+/// Transform from pixel units to camera axes at one pixel.
 struct PixelFrame {
   VecF ray_x, ray_y;       ///< ray = (ray_x, ray_y, 1)
   float pixel_x, pixel_y;  ///< 1 / fx, 1 / fy
@@ -106,7 +106,7 @@ PALPATE_HOSTDEV inline SymmetricMatrix with_unit_trace(const SymmetricMatrix& c)
 }
 
 /// The plane if only the distance along the ray is noisy, as a depth camera's is: its normal
-/// minimises n^T C n subject to n.a = 1, which is n ~ C^-1 a ~ adj(C) a. As a = M (0, 0, 1), that
+/// minimizes n^T C n subject to n.a = 1, which is n ~ C^-1 a ~ adj(C) a. As a = M (0, 0, 1), that
 /// is M^-T times the last column of adj(E): three minors. E itself is not inverted, so points
 /// without noise, whose E is singular, do no harm. The last minor is n.a, positive unless the
 /// points are on one line of the image: then the result is zero.

@@ -1,4 +1,4 @@
-// The point between two (thesis eq. 3.18). Shared by host and device.
+// Interpolation between two points (thesis eq. 3.18). Shared by host and device.
 #pragma once
 
 #include <cmath>

@@ -9,17 +9,17 @@
 namespace palpate::inline v0 {
 
 inline constexpr float kFar = std::numeric_limits<float>::infinity();  ///< m; see kFarCount
-inline constexpr float kFarthest = std::numeric_limits<float>::max();  ///< m, of what is not kFar
+inline constexpr float kFarthest = std::numeric_limits<float>::max();  ///< m, the largest but kFar
 
-/// Is it a distance?
+/// True if the count is a distance.
 PALPATE_HOSTDEV inline bool is_measurement(int count) { return count != 0 && count != kFarCount; }
 
-/// Metres; 0: no measurement.
+/// Meters; 0: no measurement.
 PALPATE_HOSTDEV inline float depth_of(int count, double unit) {
   return count == kFarCount ? kFar : static_cast<float>(count * unit);
 }
 
-/// NaN is not.
+/// False for NaN.
 PALPATE_HOSTDEV inline bool is_usable_depth(float z, float min_depth, float max_depth) {
   return (z >= min_depth) & (z <= max_depth);
 }

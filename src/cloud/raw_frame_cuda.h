@@ -36,12 +36,12 @@ class RawFrameCuda {
     const std::size_t begin = rows.begin == 0 ? 0 : row_start(rows.begin);
     stream.copy(device_ + begin, host_ + begin, row_start(rows.end) - begin);
   }
-  /// The unit that was set, and pixels that are on this GPU already.
+  /// Submits copies of the unit that was set, and of pixels that are on this GPU.
   void enqueue_copy_of(gpu::Stream& stream, const std::uint16_t* pixels) {
     enqueue_unit(stream);
     stream.copy(device_ + kPixels, pixels, 2 * num_pixels_);
   }
-  /// The unit that was set.
+  /// Submits a copy of the unit that was set.
   void enqueue_unit(gpu::Stream& stream) { stream.copy(device_, host_, kPixels); }
   RawFrameView view() const {
     return {reinterpret_cast<const double*>(device_),

@@ -21,8 +21,8 @@ using one_lane::FilterJob;
 using one_lane::FilterShared;
 using one_lane::NormalJob;
 
-/// Which strips each stage of a part does: the filter is one strip ahead of the normals, so that
-/// their windows are ready, and reading is one strip ahead of the filter.
+/// Strips that each stage processes in a part: the filter is one strip ahead of the normals, whose
+/// windows need it, and reading is one strip ahead of the filter.
 struct Part {
   int num_strips, part, num_parts;
 

@@ -23,7 +23,7 @@ class Stream;
 class SurfaceCuda {
  public:
   /// Errors: those of SurfaceEstimator::create, no such GPU, not enough memory on it.
-  /// Bent images are straightened as by SurfaceEstimator; then frames are done in one part.
+  /// Distorted images are undistorted as by SurfaceEstimator; then frames are done in one part.
   static Result<SurfaceCuda> create(int width, int height, const Intrinsics& intrinsics,
                                     const SurfaceOptions& options, int gpu, int num_images = 0,
                                     const Distortion& distortion = {});
@@ -31,7 +31,7 @@ class SurfaceCuda {
   SurfaceCuda& operator=(SurfaceCuda&&) noexcept;
   ~SurfaceCuda();
 
-  /// Page-locked memory where the host puts the next raw frame and its unit (metres per count). Do
+  /// Page-locked memory where the host puts the next raw frame and its unit (meters per count). Do
   /// not write while work that was submitted before has still to read it.
   std::span<std::uint16_t> input();
   void set_unit(double unit);
@@ -42,7 +42,7 @@ class SurfaceCuda {
   void enqueue(gpu::Stream& stream, int part = 0, int num_parts = 1);
   /// The same of a whole frame whose counts are on this GPU; the unit is the one that was set.
   void enqueue_counts(gpu::Stream& stream, const std::uint16_t* counts);
-  /// The same from depth in metres (NaN or 0: no measurement), width * height values on this GPU.
+  /// The same from depth in meters (NaN or 0: no measurement), width * height values on this GPU.
   void enqueue_depth(gpu::Stream& stream, const float* depth, int part = 0, int num_parts = 1);
   /// The same of `num` images, one after the other in the memory of this GPU: of counts, or of
   /// depth if they are null. Makes only the planes of their points; no depth change.
@@ -53,13 +53,13 @@ class SurfaceCuda {
 
   /// Arrays on the GPU, always the same ones; they hold a frame when its last part is done.
   PointCloudView cloud() const;
-  /// Of the points of all images of a batch, on the GPU.
+  /// Planes of the points of all images of a batch, on the GPU.
   const TangentPlane* planes() const;
-  /// From one image's points to those of the next.
+  /// Distance from one image's points to those of the next.
   std::ptrdiff_t points_apart() const;
-  /// Filtered depth in metres on the GPU, NaN where there is no measurement.
+  /// Filtered depth in meters on the GPU, NaN where there is no measurement.
   const float* depth() const;
-  /// Of the last frame that is done.
+  /// Statistics of the last frame that is done.
   SurfaceStats stats() const;
 
  private:

@@ -17,8 +17,8 @@
 #include "src/gpu/team.cuh"
 
 namespace palpate::inline v0::one_lane {
-/// Which tiles a launch does: block b is tile first_tile + b of the image, row by row. Of several
-/// images each has num_tiles of these blocks.
+/// Tiles of a launch: block b is tile first_tile + b of the image, row by row. With several images
+/// each has num_tiles of these blocks.
 struct Tiling {
   int width, height;
   int tiles_per_row;
@@ -48,7 +48,7 @@ struct FilterJob {
   float flying_gap;
   float space[kMaxTaps];
 
-  /// Of a tile: what is looked at around a pixel.
+  /// Margin of a tile, pixels: the reach of the filter.
   PALPATE_HOSTDEV int margin() const { return radius == 0 && flying_gap > 0 ? 1 : radius; }
 };
 
@@ -57,7 +57,7 @@ struct NormalJob {
   const float* depth = nullptr;  // filtered
   float max_depth = 0;
   NormalPass pass;                 // without an image
-  TangentPlane* planes = nullptr;  // wanted instead of the points and their normals, or null
+  TangentPlane* planes = nullptr;  // output instead of points and normals, or null
   float* change[3] = {};           // null: not requested
   float min_step = 0;
   int* num_points = nullptr;  // of each tile
@@ -71,7 +71,7 @@ inline constexpr int kWarps = kTileThreads / gpu::kWarpSize;
 inline constexpr int kRowsPerWarp = kStripRows / kWarps;
 inline constexpr float kInvalid = std::numeric_limits<float>::quiet_NaN();
 
-/// Where a block is.
+/// Position of a block.
 struct Tile {
   int image;
   int index;   // in the image
@@ -86,7 +86,7 @@ struct Tile {
   }
 };
 
-/// Depths of a tile with a margin of `radius` pixels.
+/// Size of a tile with a margin of `radius` pixels.
 PALPATE_HOSTDEV constexpr int padded(int size, int radius) { return size + 2 * radius; }
 inline constexpr int kMaxTileDepths =
     padded(kTileWidth, kMaxWindowRadius) * padded(kStripRows, kMaxWindowRadius);
@@ -121,7 +121,7 @@ struct FilterShared {
   float depths[kMaxTileDepths];
 };
 
-/// Raw depth of a pixel: kNoDepth, kFarDepth or metres.
+/// Raw depth of a pixel: kNoDepth, kFarDepth or meters.
 __device__ inline float raw_depth(const FilterJob& job, int image, int u, int v) {
   const Tiling& tiling = job.tiling;
   auto pixel = static_cast<std::uint32_t>(v * tiling.width + u);
@@ -138,7 +138,7 @@ __device__ inline float raw_depth(const FilterJob& job, int image, int u, int v)
                                                           : kNoDepth;
 }
 
-/// kRadius < 0: job.radius. 0: nothing is looked at around a pixel.
+/// kRadius < 0: job.radius. 0: no neighbor is read.
 template <int kRadius>
 __global__ void __launch_bounds__(kTileThreads)
     read_and_filter(const __grid_constant__ FilterJob job) {
@@ -184,7 +184,7 @@ struct alignas(16) Quad {
   float a, b, c, d;
 };
 
-/// The row moments of a tile: neighbouring columns side by side.
+/// The row moments of a tile: neighboring columns side by side.
 struct RowStore {
   Quad first[kTileWidth], second[kTileWidth];
 

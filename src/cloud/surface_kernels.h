@@ -1,4 +1,4 @@
-// What the three stages of surface estimation read and write. Each stage works on strips of whole
+// Input and output of the three stages of surface estimation. Each stage works on strips of whole
 // rows that do not depend on each other, so any number of threads gives the same bits.
 #pragma once
 
@@ -9,11 +9,11 @@
 
 namespace palpate::inline v0 {
 
-/// Inside the room an invalid depth is this large number: it fails every "close enough" test by
-/// itself, and unlike NaN it survives minima and maxima.
+/// Invalid depth in padded images: a large number that fails every "close enough" test by itself
+/// and, unlike NaN, survives minima and maxima.
 inline constexpr float kNoDepth = 1e9f;
 inline constexpr float kAnyDepth = 1e8f;  ///< valid means depth < kAnyDepth
-/// The same, of what was measured as farther than `max_depth`.
+/// Invalid depth that was measured as farther than `max_depth`.
 inline constexpr float kFarDepth = 2 * kNoDepth;
 
 inline constexpr int kMaxWindowRadius = 7;
@@ -30,9 +30,9 @@ struct PaddedDepth {
   const float* row(int v) const { return pixels + v * stride; }
 };
 
-/// Raw depth to metres, kNoDepth for what is no measurement, kFarDepth for what is too far.
+/// Raw depth to meters: kNoDepth without measurement, kFarDepth where it is too far.
 struct RawPass {
-  const std::uint16_t* counts = nullptr;  ///< width a row, of `unit` metres
+  const std::uint16_t* counts = nullptr;  ///< width a row, of `unit` meters
   const float* metres = nullptr;          ///< instead, if there are no counts
   double unit = 0;
   float min_depth = 0, max_depth = 0;
@@ -40,14 +40,14 @@ struct RawPass {
   std::ptrdiff_t stride = 0;
   int width = 0;
   std::uint64_t* far = nullptr;               ///< one bit a pixel: too far; rows begin at a word
-  const std::uint32_t* raw_pixels = nullptr;  ///< where each is read; null: where it is
-  std::uint32_t num_pixels = 0;               ///< those from there on see nothing
+  const std::uint32_t* raw_pixels = nullptr;  ///< raw pixel of each pixel; null: the same one
+  std::uint32_t num_pixels = 0;               ///< raw pixels; larger numbers see nothing
 };
 
-/// Bilateral filter (eq. 3.12): z_p' = sum w z_q / sum w over the valid q of the window,
-/// w = exp(-(du^2 + dv^2) / (2 sigma_space^2)) exp(-(z_q - z_p)^2 / (2 s^2)), s = sigma_depth
-/// z_p^2. Invalid pixels stay invalid, and flying ones become so; to others they still are
-/// neighbours, too far off to count.
+/// Bilateral filter (eq. 3.12): z_p' = sum w z_q / sum w over the valid q of the window, w =
+/// exp(-(du^2 + dv^2) / (2 sigma_space^2)) exp(-(z_q - z_p)^2 / (2 s^2)), s = sigma_depth z_p^2.
+/// Invalid pixels stay invalid, and flying ones become so; they stay neighbors of other pixels, too
+/// far off to count.
 struct FilterPass {
   PaddedDepth in;
   float* out = nullptr;          ///< padded like `in`
@@ -58,7 +58,7 @@ struct FilterPass {
   float flying_gap = 0;          ///< SurfaceOptions::flying_pixel_gap
 };
 
-/// Unprojection and plane fit (eqs. 3.7-3.11). Neighbours of p: the valid pixels q of the window
+/// Unprojection and plane fit (eqs. 3.7-3.11). Neighbors of p: the valid pixels q of the window
 /// with |z_q - z_p| <= max_depth_change z_p, p included. No normal if they are fewer than
 /// min_neighbours or all on one line of the image.
 struct NormalPass {
@@ -76,7 +76,7 @@ struct NormalPass {
 };
 
 /// Depth change (eqs. 3.13-3.16 corrected): l = sum max(0, z_q - z_p - min_step) (du, dv, 0) over
-/// the valid ones of the eight neighbours, then l - (l.v) v with v = p / |p|.
+/// the valid ones of the eight neighbors, then l - (l.v) v with v = p / |p|.
 struct DepthChangePass {
   PaddedDepth in;
   float* change[3] = {};

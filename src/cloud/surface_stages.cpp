@@ -94,8 +94,8 @@ SurfaceStages::SurfaceStages(int width, int height, const Intrinsics& k,
   change_pass_.min_step = static_cast<float>(options.depth_change.min_step);
 }
 
-// Runs `task(part)`, which returns a count, for each strip of the window and what is left to make
-// its parts whole.
+// Returns the sum of `task(part)`, which is a count, over the strips of the window, enlarged to
+// whole parts.
 template <class Task>
 int SurfaceStages::sum_over_strips(ThreadPool& pool, const PixelWindow& window, const Task& task) {
   static_assert(kColumnStep == kStripRows);

@@ -20,10 +20,10 @@ class SurfaceStages {
   SurfaceStages(const SurfaceStages&) = delete;  // the passes point into the buffers
   SurfaceStages& operator=(const SurfaceStages&) = delete;
 
-  /// Depth in metres, kNoDepth for what is no measurement, kFarDepth for what is too far; returns
+  /// Depth in meters, kNoDepth for what is no measurement, kFarDepth for what is too far; returns
   /// the number of depths.
   int read(const DepthImageView& image, ThreadPool& pool);
-  /// Too far or an error: that is decided here.
+  /// Filters depth, and decides which of the far pixels are errors.
   void filter(ThreadPool& pool, const PixelWindow& desired = {});
   int estimate_normals(ThreadPool& pool, const PixelWindow& desired = {});  ///< number of points
   void find_depth_change(ThreadPool& pool);
@@ -43,7 +43,7 @@ class SurfaceStages {
   SurfaceKernels kernels_;
   int width_, height_;
   std::ptrdiff_t stride_;
-  std::vector<std::uint32_t> raw_pixels_;  // of the lens; empty: none bends the image
+  std::vector<std::uint32_t> raw_pixels_;  // undistortion table; empty: no distortion
   std::vector<float> raw_, filtered_;      // padded
   FarGroups far_;
   std::vector<float> ray_x_, ray_y_, space_;

@@ -1,4 +1,4 @@
-// The moments of a pixel's window and its neighbours' covariance (thesis section 3.4,
+// The moments of a pixel's window and its neighbors' covariance (thesis section 3.4,
 // eqs. 3.9-3.11). Shared code for vectors and for single numbers (core/lanes.h).
 //
 // Most windows of a frame are whole: every pixel valid and within the depth gate. Then all weights
@@ -19,7 +19,7 @@ namespace {
 /// lose digits of the depth noise; such pixels go the direct way.
 inline constexpr float kMaxReferenceOffset = 0.04f;
 
-/// Neighbours nearer to the centre than this (times depth) have no direction (eq. 3.11).
+/// Neighbors nearer to the center than this (times depth) have no direction (eq. 3.11).
 inline constexpr float kMinDifference = 1e-5f;
 
 // --- Whole windows -----------------------------------------------------------------------------
@@ -69,7 +69,7 @@ struct WholeWindow {
   VecF min, max;
 };
 
-/// `row(k)` is the WindowRow k rows below the centre.
+/// `row(k)` is the WindowRow k rows below the center.
 template <class Rows>
 PALPATE_FORMULA WholeWindow sum_columns(const Rows& row, VecF reference, int radius) {
   const VecF zero = splat(0.0f);
@@ -96,7 +96,7 @@ PALPATE_FORMULA WholeWindow sum_columns(const Rows& row, VecF reference, int rad
   return window;
 }
 
-/// Is every pixel of the window around depth z a neighbour, and the reference near enough?
+/// True if all pixels of the window around depth z are neighbors and the reference is near enough.
 PALPATE_FORMULA Mask is_whole(const WholeWindow& window, VecF z, float max_depth_change) {
   const VecF gate = max_depth_change * z;
   return (window.max - z <= gate) & (z - window.min <= gate) &
@@ -111,7 +111,7 @@ PALPATE_HOSTDEV inline int reference_row(int i, int num_rows) {
 
 // --- Any window --------------------------------------------------------------------------------
 
-/// 1 for a neighbour, 0 for others.
+/// 1 for a neighbor, 0 for others.
 struct GateWeight {
   VecF gate;
 
@@ -120,7 +120,7 @@ struct GateWeight {
   }
 };
 
-/// exp(-|p - q|^2 / (2 sigma^2)), eq. 3.10, for neighbours.
+/// exp(-|p - q|^2 / (2 sigma^2)), eq. 3.10, for neighbors.
 struct DistanceWeight {
   GateWeight neighbour;
   PixelFrame frame;
@@ -151,7 +151,7 @@ PALPATE_HOSTDEV inline void add_row(Moments& sum, const RowMoments& row, float d
   sum.vv += dv * dv * row.s;
 }
 
-/// Moments about p itself.
+/// Computes the moments about p itself.
 template <class Weight>
 PALPATE_FORMULA WindowSums sum_window(const float* centre, std::ptrdiff_t stride, int radius,
                                       const Weight& weight) {
@@ -181,7 +181,7 @@ PALPATE_FORMULA WindowSums sum_window(const float* centre, std::ptrdiff_t stride
   return sums;
 }
 
-/// The same of directions instead of differences (eq. 3.11), up to a factor.
+/// Covariance of directions instead of differences (eq. 3.11), up to a factor.
 template <class Weight>
 PALPATE_HOSTDEV inline SymmetricMatrix direction_covariance(const float* centre,
                                                             std::ptrdiff_t stride, int radius,
@@ -212,7 +212,7 @@ PALPATE_HOSTDEV inline SymmetricMatrix direction_covariance(const float* centre,
   return c;
 }
 
-/// Enough neighbours, not all on one line of the image: the spread of (du, dv) has full rank.
+/// True if there are enough neighbors, not all on one line: the spread of (du, dv) has full rank.
 PALPATE_HOSTDEV inline Mask spans_plane(const Moments& count, float min_neighbours) {
   const VecF uu = count.s * count.uu - count.u * count.u;
   const VecF uv = count.s * count.uv - count.u * count.v;

@@ -7,7 +7,7 @@
 
 namespace palpate::inline v0 {
 
-/// (1 - alpha) times `from` and alpha times `to`, whose are counts, states and planes.
+/// Returns (1 - alpha) `from` + alpha `to`; counts, states and planes are those of `to`.
 inline ContactResult blend(const ContactResult& from, const ContactResult& to, double alpha) {
   const double s = 1 - alpha, t = alpha;
   const Penetration &a = from.penetration, &b = to.penetration;
@@ -34,7 +34,7 @@ inline ContactResult blend(const ContactResult& from, const ContactResult& to, d
   return both;
 }
 
-/// What a query gives that cannot measure. Stiffness, states and planes are those of free space.
+/// Result of a query that cannot measure. Stiffness, states and planes are those of free space.
 inline ContactResult unmeasured(StepStatus why, const ContactWants& wants, bool has_stiffness) {
   ContactResult result;
   result.penetration.status = why;

@@ -1,4 +1,4 @@
-// How the fields of many images of one camera model are made at once.
+// Depth fields of many images of one camera model at once.
 #pragma once
 
 #include <memory>
@@ -15,15 +15,15 @@ class BatchFrames {
  public:
   virtual ~BatchFrames() = default;
 
-  /// Memory for so many images. Errors: there is too little.
+  /// Allocates memory for `num_images`. Errors: there is too little.
   virtual Status reserve(int num_images) = 0;
-  /// The fields of `num` images, one after the other in the memory that `first` is in.
+  /// Computes the fields of `num` images, which follow each other in the memory of `first`.
   virtual Result<SurfaceBatch> update(const DepthImageView& first, int num,
                                       std::optional<CallerStream> stream, ThreadPool& pool) = 0;
 };
 
 Result<std::unique_ptr<BatchFrames>> make_batch_frames_cpu(const SlotSettings& settings);
-/// So many pixels at once are enough for any GPU.
+/// `pixels_at_once`: the default is enough to fill any GPU.
 Result<std::unique_ptr<BatchFrames>> make_batch_frames_cuda(const SlotSettings& settings, int gpu,
                                                             int pixels_at_once = 1 << 23);
 

@@ -9,7 +9,7 @@
 namespace palpate::inline v0 {
 namespace {
 
-/// Each image is made by one thread.
+/// Fields on the CPU: each image is processed by one thread.
 class BatchFramesCpu final : public BatchFrames {
  public:
   explicit BatchFramesCpu(const SlotSettings& settings) : settings_(settings) {}

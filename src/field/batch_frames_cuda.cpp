@@ -10,7 +10,7 @@
 namespace palpate::inline v0 {
 namespace {
 
-/// Five kernels for every few million pixels.
+/// Fields on a GPU: five kernels for every few million pixels.
 class BatchFramesCuda final : public BatchFrames {
  public:
   BatchFramesCuda(const SlotSettings& settings, const PyramidLayout& layout, int gpu,
@@ -119,7 +119,7 @@ class BatchFramesCuda final : public BatchFrames {
   PyramidLayout layout_;
   int pixels_at_once_;
   int gpu_;
-  int num_ = 0, num_at_once_ = 0;  // that there is room for
+  int num_ = 0, num_at_once_ = 0;  // there is room for
   gpu::Memory memory_;
   float* staged_ = nullptr;  // images from host memory
   std::optional<SurfaceCuda> surface_;

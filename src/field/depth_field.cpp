@@ -71,7 +71,7 @@ void DepthField::Impl::widen(int level, Choice choice, const PixelWindow& window
            [&](int v) { rows.widen(fine, level, choice, coarse, window, v); });
 }
 
-/// Runs between surfaces that are not one: of rows, then what they left, of columns.
+/// Fills runs between separate surfaces: in rows, then those that are left in columns.
 void DepthField::Impl::fill_runs(const Intrinsics& k, const PixelWindow& window, ThreadPool& pool) {
   for_rows(pool, window.top, window.bottom, [&](int v) {
     if (row_has_hole[static_cast<std::size_t>(v)]) runs.fill_row(k, image(0), window, v);
@@ -80,8 +80,8 @@ void DepthField::Impl::fill_runs(const Intrinsics& k, const PixelWindow& window,
                     [&](int number) { runs.fill_columns(k, image(0), window, number); });
 }
 
-/// Closes holes from the outside in: the widest level that has to be read is made first, of what
-/// was measured.
+/// Closes holes from the outside in, beginning with the widest level that is needed, which is made
+/// of the measured pixels.
 void DepthField::Impl::fill_holes(const Intrinsics& k, const FieldWindows& windows,
                                   ThreadPool& pool) {
   if (std::find(row_has_hole.begin(), row_has_hole.end(), 1) == row_has_hole.end()) return;
@@ -99,7 +99,7 @@ void DepthField::Impl::fill_holes(const Intrinsics& k, const FieldWindows& windo
   }
 }
 
-/// What could not be filled.
+/// Blocks the holes that could not be filled.
 void DepthField::Impl::block_holes(const PixelWindow& window, ThreadPool& pool) {
   if (options.unknown != UnknownSpace::blocked) return;
   for_rows(pool, window.top, window.bottom, [&](int v) {
@@ -109,7 +109,7 @@ void DepthField::Impl::block_holes(const PixelWindow& window, ThreadPool& pool) 
   });
 }
 
-/// Around the image: the outermost surfaces go on for a few pixels, to the left and right of the
+/// Continues the outermost surfaces around the image for a few pixels, to the left and right of the
 /// rows of a window, then above and below.
 void DepthField::Impl::let_surfaces_go_on(int level, const PixelWindow& window) const {
   const FieldImage& of = image(level);
@@ -128,9 +128,9 @@ void DepthField::Impl::let_surfaces_go_on(int level, const PixelWindow& window) 
   }
 }
 
-/// The tiles at the border of the image stand for what goes on beyond it, too. The outermost pixels
-/// bound those between them and the image, which change evenly. Of a tile whose pixels of this
-/// level are not all inside the window nothing is known.
+/// Joins what lies beyond the image into the tiles at its border. The outermost pixels bound those
+/// between them and the image, which change evenly. A tile whose pixels of this level are not all
+/// inside the window becomes unknown.
 void DepthField::Impl::join_border(int level, const PixelWindow& window) {
   constexpr int kSize = DepthFieldView::kTileSize, kGoesOn = DepthFieldLevel::kGoesOn;
   const FieldImage& of = image(level);
@@ -162,7 +162,7 @@ void DepthField::Impl::join_border(int level, const PixelWindow& window) {
   }
 }
 
-/// Around the image, beyond what is so from the beginning on.
+/// Fills the border around the image, as far as it changes from frame to frame.
 void DepthField::Impl::extend_border(int level, const PixelWindow& window) {
   if (PyramidLayout::going_on(options) > 0) {
     let_surfaces_go_on(level, window);
@@ -180,7 +180,7 @@ void DepthField::Impl::extend_border(int level, const PixelWindow& window) {
   }
 }
 
-/// In all rows that queries look at, and as far beyond as that takes.
+/// Processes all rows that queries read, and those around them that this takes.
 void DepthField::Impl::find_silhouettes(const Intrinsics& k, int level, const PixelWindow& window,
                                         ThreadPool& pool) {
   const FieldImage& of = image(level);
@@ -194,7 +194,7 @@ void DepthField::Impl::find_silhouettes(const Intrinsics& k, int level, const Pi
   for_rows_beyond(-1, [&](int v) { rows.mark_silhouettes(of, window, v, scratch); });
 }
 
-/// Wider pixels are means of those of level 0.
+/// Level 0 is enough: wider pixels are means of its pixels.
 void DepthField::Impl::find_tiles(const PixelWindow& window, ThreadPool& pool) {
   for_rows(pool, 0, view.tiles_high, [&](int v) {
     rows.find_tiles(image(0), window, v,

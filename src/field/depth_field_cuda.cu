@@ -58,7 +58,7 @@ __device__ Pixel* pixel(const FieldJob& job, Pixel* pixels, int level, int u, in
 }
 
 /// Makes the levels 1..top of a square in `out`, and with Choice::majority their shares, from the
-/// four pixels that each thread has of level 0. `quad` outside of the image is not looked at.
+/// four pixels that each thread has of level 0. Entries of `quad` outside of the image are ignored.
 __device__ void widen_square(const FieldJob& job, const Place& place, const TangentPlane (&quad)[4],
                              int top, Choice choice, TangentPlane* out, float* shares,
                              SquareLevels& levels) {
@@ -152,7 +152,7 @@ struct TakeScratch {
   int has_hole;
 };
 
-/// First kernel: the planes of level 0, and what holes are filled with. Squares without a hole are
+/// First kernel: the planes of level 0, and those that fill holes. Squares without a hole are
 /// finished.
 __global__ void __launch_bounds__(kThreads)
     take_planes(const __grid_constant__ FieldJob job,
@@ -181,8 +181,8 @@ __global__ void __launch_bounds__(kThreads)
   if (shared.has_hole == 0) finish_square(job, arrays, place, quad, shared.square);
 }
 
-/// What the holes of a square are filled with: of each level the pixels from
-/// `start` on, counted from the square's first one: all that the level before reads.
+/// Pixels that fill the holes of a square: of each level those from `start` on, counted from the
+/// square's first one, as many as the level before reads.
 struct Surroundings {
   static constexpr int kNum = 18 * 18 + 12 * 12 + 8 * 8 + 6 * 6 + 5 * 5;
 
@@ -233,7 +233,7 @@ __device__ void fill_quad(const FieldJob& job, const FieldArrays& arrays, const 
       f(u, v, around.pixels[Surroundings::first(level) + i]);
     }
   };
-  // What `level` knows about pixel (u, v) of the level before.
+  // Interpolates `level` at pixel (u, v) of the level before.
   const auto look_up = [&](int level, int u, int v) {
     const PyramidLayout::Level& image = job.layout.levels[level];
     const int u1 = second_nearest(u, image.width), v1 = second_nearest(v, image.height);
@@ -308,7 +308,7 @@ __global__ void __launch_bounds__(kThreads) widen_planes(const __grid_constant__
   finish_square(job, arrays, place, quad, shared.square);
 }
 
-/// Of tiles of a size, for the largest level.
+/// Returns the tiling of the largest level by tiles of a size.
 RimTiling rim_tiling(const FieldJob& job, int wide, int high) {
   // See RimSpans: pixels that are requested, and that have planes.
   const auto num_requested = [](int tile, int size) {
@@ -327,7 +327,7 @@ RimTiling rim_tiling(const FieldJob& job, int wide, int high) {
   return tiling;
 }
 
-/// Large tiles look at little twice: as high as shared memory allows, all alike in level 0.
+/// Returns large tiles, which share little: as high as shared memory allows, all alike in level 0.
 RimTiling large_rim_tiles(const FieldJob& job) {
   constexpr std::size_t kMaxShared = 48 << 10;
   constexpr int kWide = 89;  // with what is around it, three words

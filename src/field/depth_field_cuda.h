@@ -12,7 +12,7 @@
 
 namespace palpate::inline v0 {
 
-/// Those of one field on the GPU.
+/// The arrays of one field on the GPU.
 struct FieldArrays {
   TangentPlane* planes = nullptr;  ///< of all levels
   /// Likewise, for filling: of level 0 with the runs of rows filled, from level 1 on by
@@ -33,10 +33,10 @@ struct RimTiling {
   std::size_t shared_bytes = 0;
 };
 
-/// What the kernels of some fields work on.
+/// Arguments of the kernels for some fields.
 struct FieldJob {
   PyramidLayout layout;
-  int num_filled = 0;              ///< over so many levels holes are filled
+  int num_filled = 0;              ///< number of levels over which holes are filled
   bool fills_runs = false;         ///< see PyramidLayout
   float width_u = 0, width_v = 0;  ///< of a pixel of level 0, over the focal lengths
   UnknownSpace unknown = UnknownSpace::free;
@@ -53,7 +53,7 @@ struct FieldJob {
 
   PALPATE_HOSTDEV int num_squares() const { return squares_wide * squares_high; }
   PALPATE_HOSTDEV int num_rim_blocks() const { return first_rim_block[layout.num_levels]; }
-  /// Of field `number`; what holes are filled with is that of some fields at a time.
+  /// Arrays of field `number`; those that fill holes are shared by some fields at a time.
   PALPATE_HOSTDEV FieldArrays arrays_of(int number) const {
     const std::ptrdiff_t pixels = number * pixels_apart;
     return {arrays.planes + pixels,          arrays.nearest + pixels,
@@ -70,7 +70,7 @@ class DepthFieldCuda {
   static Result<DepthFieldCuda> create(int width, int height, const DepthFieldOptions& options,
                                        int gpu, int num_fields = 1, int num_at_once = 1);
 
-  /// Rebuilds the field from an organised pinhole cloud in the memory of this GPU, of the size
+  /// Rebuilds the field from an organized pinhole cloud in the memory of this GPU, of the size
   /// given at construction. At most four kernels, no allocation; can be recorded.
   void enqueue(const PointCloudView& cloud, gpu::Stream& stream);
   /// The same from the planes of all points of a camera, row by row.
@@ -80,10 +80,10 @@ class DepthFieldCuda {
   void enqueue(const TangentPlane* planes, std::ptrdiff_t points_apart,
                const PointCloudView& camera, int first, int num, gpu::Stream& stream);
 
-  /// Of the first field: arrays on the GPU, with the values of the last enqueued update that is
-  /// done; no levels before the first one.
+  /// View of the first field: arrays on the GPU, with the values of the last enqueued update that
+  /// is done; no levels before the first one.
   const DepthFieldView& view() const { return view_; }
-  /// From one field to the next.
+  /// Distance from one field to the next.
   std::ptrdiff_t pixels_apart() const { return job_.pixels_apart; }
   std::ptrdiff_t tiles_apart() const { return job_.tiles_apart; }
   /// Memory that one field takes on the GPU.

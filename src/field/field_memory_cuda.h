@@ -10,7 +10,7 @@
 
 namespace palpate::inline v0 {
 
-/// What the kernel reads and writes.
+/// Arguments of the kernel.
 struct FieldMemoryJob {
   MemoryRule rule;
   const float* interval = nullptr;
@@ -26,8 +26,8 @@ class FieldMemoryCuda {
   static Result<FieldMemoryCuda> create(int width, int height, const MemoryOptions& options,
                                         int gpu);
 
-  /// Between the next frame and the one before, s. Kept in page-locked memory: do not change it
-  /// while work that was submitted before has still to read it.
+  /// Sets the time between the next frame and the one before, s. Kept in page-locked memory: do not
+  /// change it while submitted work has still to read it.
   void set_interval(double seconds) { *interval_ = static_cast<float>(seconds); }
   /// The cloud is on this GPU.
   void enqueue(const PointCloudView& cloud, gpu::Stream& stream);

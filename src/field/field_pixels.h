@@ -9,8 +9,8 @@
 
 namespace palpate::inline v0 {
 
-/// A pixel about which nothing is known when all holes are filled. With UnknownSpace::blocked it is
-/// a surface right in front of the camera, which it looks at squarely.
+/// Completes a pixel that is still unknown when all holes are filled. With UnknownSpace::blocked it
+/// is a surface right in front of the camera, which faces it.
 PALPATE_FORMULA TangentPlane completed(const TangentPlane& plane, UnknownSpace unknown) {
   return unknown == UnknownSpace::blocked && !plane.is_surface() ? TangentPlane{0.02f, 1} : plane;
 }
@@ -22,7 +22,7 @@ PALPATE_FORMULA float tolerance_of(int level) {
   return share < 0.05f ? share : 0.05f;
 }
 
-/// Which of a few pixels a wider one stands for.
+/// Choice of the surface that a wider pixel shows, among those of a few pixels.
 enum class Choice {
   /// The surface, or absence of one, that most of their area shows; the nearest if undecided.
   majority,
@@ -30,7 +30,7 @@ enum class Choice {
   farthest,  ///< any surface, the farthest one: what goes on behind an edge
 };
 
-/// Do pixels of these inverse depths (0: no surface) show one surface?
+/// True if pixels of these inverse depths (0: no surface) show one surface.
 template <class Real>
 PALPATE_FORMULA auto is_same_surface(Real a, Real b, float tolerance) {
   const Real apart = a < b ? b - a : a - b, least = a < b ? a : b;
@@ -89,8 +89,8 @@ PALPATE_FORMULA SharedPixel<Plane> widened(const SharedPixel<Plane> (&pixels)[4]
   return merge(pixels, kEqual, tolerance_of(level), choice);
 }
 
-/// What the next wider level, `level`, knows where a pixel has no surface; of its four pixels
-/// around the centre of that one, the nearest comes first and the farthest last.
+/// Interpolates the next wider level, `level`, where a pixel has no surface. Of its four pixels
+/// around the center of that one, the nearest comes first and the farthest last.
 template <class Plane>
 PALPATE_FORMULA Plane interpolated(const Plane (&planes)[4], int level) {
   constexpr float kBilinear[4] = {9, 3, 3, 1};
@@ -106,13 +106,13 @@ PALPATE_FORMULA Int second_nearest(Int u, int num) {
   return at >= num ? Int{} + (num - 1) : at;
 }
 
-/// Of a tile without any surface.
+/// Returns a tile without any surface.
 template <class Tile>
 PALPATE_FORMULA Tile empty_tile() {
   using Real = decltype(Tile::nearest);
   return {Real{} + 1e30f, Real{} + 1.0f};
 }
-/// Of a tile about which nothing is known: anything may be near.
+/// Returns a tile of unknown content: anything may be near.
 template <class Tile>
 PALPATE_FORMULA Tile unknown_tile() {
   using Real = decltype(Tile::nearest);
@@ -123,7 +123,7 @@ PALPATE_FORMULA Tile join(const Tile& a, const Tile& b) {
   return {b.nearest < a.nearest ? b.nearest : a.nearest,
           b.min_slope < a.min_slope ? b.min_slope : a.min_slope};
 }
-/// Of pixels of level 0.
+/// Returns the tile of pixels of level 0.
 template <class Tile, class Plane>
 PALPATE_FORMULA Tile tile_of(const Plane& plane) {
   const Tile empty = empty_tile<Tile>();

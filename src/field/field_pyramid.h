@@ -9,12 +9,12 @@
 
 namespace palpate::inline v0 {
 
-/// So far beyond the image silhouettes are looked for.
+/// Distance beyond the image up to which silhouettes are found, pixels.
 inline constexpr int kSilhouetteBorder = static_cast<int>(-DepthFieldLevel::kFirst);
 static_assert(kSilhouetteBorder + DepthFieldLevel::kSilhouetteReach + 2 <=
               DepthFieldLevel::kBorder);
 
-/// Where the levels of a field lie: all of one stride, one below the other, each with its border.
+/// Layout of a field's levels: all of one stride, one below the other, each with its border.
 struct PyramidLayout {
   struct Level {
     int width = 0, height = 0;
@@ -28,13 +28,13 @@ struct PyramidLayout {
   std::size_t num_pixels() const {
     return static_cast<std::size_t>(num_rows) * static_cast<std::size_t>(stride);
   }
-  /// Of pixel (0, 0) of a level.
+  /// Index of pixel (0, 0) of a level.
   PALPATE_HOSTDEV std::ptrdiff_t origin(int level) const {
     return static_cast<std::ptrdiff_t>(levels[level].first_row + DepthFieldLevel::kBorder) *
                stride +
            DepthFieldLevel::kBorder;
   }
-  // Whole vectors are read where fewer pixels are needed, and bytes four at a time.
+  // Room for vectors that read past the end, and for bytes read four at a time.
   std::size_t num_planes() const { return num_pixels() + 32; }
   std::size_t num_bytes() const { return num_pixels() + 3; }
   PALPATE_HOSTDEV int tiles_wide() const { return tiles_over(levels[0].width); }
@@ -42,7 +42,7 @@ struct PyramidLayout {
   std::size_t num_tiles() const {
     return static_cast<std::size_t>(tiles_wide()) * static_cast<std::size_t>(tiles_high());
   }
-  /// How queries see the levels, wherever their arrays are.
+  /// Returns the levels as queries read them; the arrays may be on the CPU or on a GPU.
   DepthFieldView view(const TangentPlane* planes, const Silhouette* silhouettes,
                       const std::uint8_t* near_silhouette, const DepthTile* tiles,
                       const DepthFieldOptions& options) const;
@@ -50,10 +50,10 @@ struct PyramidLayout {
   static int going_on(const DepthFieldOptions& options) {
     return options.unknown == UnknownSpace::free ? DepthFieldLevel::kGoesOn : 0;
   }
-  /// Over how many levels holes are filled.
+  /// Number of levels over which holes are filled.
   int num_filled(const DepthFieldOptions& options) const;
-  /// Do surfaces go on behind others where nothing was measured (gap_rules.h)? What blocks is not
-  /// known to be free there.
+  /// True if surfaces go on behind others where nothing was measured (gap_rules.h). Blocked space
+  /// is not known to be free there.
   bool fills_runs(const DepthFieldOptions& options) const {
     return num_filled(options) > 0 && options.unknown != UnknownSpace::blocked;
   }

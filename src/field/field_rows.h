@@ -11,7 +11,7 @@
 
 namespace palpate::inline v0 {
 
-/// One level.
+/// The arrays of one level.
 struct FieldImage {
   TangentPlane* planes = nullptr;  ///< pixel (0, 0)
   float* shares = nullptr;  ///< SharedPixel::share, likewise; 1 in level 0 and beyond the image
@@ -24,13 +24,13 @@ struct FieldImage {
   float* share_row(int v) const { return shares + v * stride; }
 };
 
-/// What is known of a level's silhouettes while they are looked for; the memory serves all levels.
-/// Rows are cut into segments of kSegment pixels, the first of which begins at the border.
+/// Scratch of the search for a level's silhouettes; the memory serves all levels. Rows are cut into
+/// segments of kSegment pixels, the first of which begins at the border.
 struct SilhouetteScratch {
   static constexpr int kSegment = 16, kBorder = DepthFieldLevel::kBorder;
 
-  /// Of each pixel the nearest silhouette of its own row as a way out, and the nearest one of what
-  /// stands in front of it: columns to there (0: none), offset and slope of the other surface.
+  /// Nearest silhouettes of each pixel's own row, as an exit and as an occluder: columns to there
+  /// (0: none), offset and slope of the other surface.
   float* found[6] = {};
   std::uint8_t* has_any = nullptr;  ///< per pixel: some silhouette is near
   /// Per segment, a bit for each pixel: a surface ends between it and the next one to the right, or
@@ -44,11 +44,11 @@ struct SilhouetteScratch {
     return std::ptrdiff_t{v + kBorder} * num_segments + number;
   }
   std::ptrdiff_t pixel(int v, int number) const { return segment(v, number) * kSegment; }
-  /// Did a surface end in a segment or beside it?
+  /// True if a surface ends in a segment or beside it.
   bool is_active(int v, int number) const {
     return is_around(edges_right, v, number) || is_around(edges_down, v, number);
   }
-  /// Is some silhouette near in a segment or beside it?
+  /// True if some silhouette is near in a segment or beside it.
   bool has_found(int v, int number) const { return is_around(any_found, v, number); }
 
  private:
@@ -59,7 +59,7 @@ struct SilhouetteScratch {
   }
 };
 
-/// Each does row v of the image named last, in the columns of a window (field_windows.h).
+/// Each function does row v of the image named last, in the columns of a window (field_windows.h).
 struct FieldRows {
   /// Level 0: the tangent plane of every point.
   void (*take_planes)(const PointCloudView& cloud, const FieldImage& image,
@@ -67,27 +67,27 @@ struct FieldRows {
   /// Sets the bits of the pixels without surface, 64 to a word. True if there is one.
   bool (*find_holes)(const FieldImage& image, const PixelWindow& window, int v,
                      std::uint64_t* holes);
-  /// A level from the one before: one pixel of two by two. Shares are those of Choice::majority.
+  /// Computes a level from the one before, a pixel of two by two; shares are of Choice::majority.
   void (*widen)(const FieldImage& fine, int level, Choice choice, const FieldImage& coarse,
                 const PixelWindow& window, int v);
-  /// Gives the pixels without surface what the next wider level, `level`, knows there.
+  /// Fills the pixels without surface from the next wider level, `level`.
   void (*fill)(const FieldImage& coarse, int level, const FieldImage& fine,
                const PixelWindow& window, int v);
-  /// In which segments of a row surfaces end, towards the right or the next row; also in the
-  /// segments beside the window.
+  /// Finds the segments of a row in which surfaces end, towards the right or the next row; also in
+  /// the segments beside the window.
   void (*find_edges)(const Intrinsics& k, const FieldImage& image, int level,
                      const PixelWindow& window, int v, const SilhouetteScratch& scratch);
-  /// SilhouetteScratch::found of a row.
+  /// Finds SilhouetteScratch::found of a row.
   void (*find_in_row)(const Intrinsics& k, const FieldImage& image, int level,
                       const PixelWindow& window, int v, const SilhouetteScratch& scratch);
-  /// The silhouettes of a row, from what was found in the rows around it.
+  /// Finds the silhouettes of a row, from those found in the rows around it.
   void (*find_silhouettes)(const Intrinsics& k, const FieldImage& image, int level,
                            const PixelWindow& window, int v, const SilhouetteScratch& scratch);
-  /// FieldImage::near_silhouette of a row.
+  /// Sets FieldImage::near_silhouette of a row.
   void (*mark_silhouettes)(const FieldImage& image, const PixelWindow& window, int v,
                            const SilhouetteScratch& scratch);
-  /// What is nearest in each tile of the row of tiles v, of level 0; of a tile that is not wholly
-  /// inside the window nothing is known.
+  /// Finds the nearest surface in each tile of the row of tiles v of level 0; a tile that is not
+  /// wholly inside the window is unknown.
   void (*find_tiles)(const FieldImage& image, const PixelWindow& window, int v, DepthTile* tiles);
 };
 /// An instruction set that the processor lacks is lowered.

@@ -5,9 +5,9 @@
 namespace palpate::inline v0 {
 namespace {
 
-/// On a level: the spots of what is seen from `left` to `right`, pixels of level 0, rounded to
-/// either side, and the neighbours that the spline reads. Samples at the border go on
-/// beyond it.
+/// Finds the pixels of a level that samples between `left` and `right`, pixels of level 0, read:
+/// rounded to either side, with the neighbors for the spline. Samples at the border go on beyond
+/// it.
 void find_columns(int level, int image_size, int size, int left, int right, int& first, int& end) {
   const int last = size + kSilhouetteBorder;
   first = left <= 0 ? -kSilhouetteBorder : ((left - 1) >> level) - 1;

@@ -11,7 +11,7 @@ namespace palpate::inline v0 {
 struct FieldWindows {
   static constexpr int kColumnStep = 16;
 
-  /// That have silhouettes.
+  /// Pixels that have silhouettes.
   PixelWindow silhouettes[DepthFieldView::kMaxLevels];
   /// Planes, of which level 0 has no holes.
   PixelWindow planes[DepthFieldView::kMaxLevels];

@@ -11,7 +11,7 @@
 
 namespace palpate::inline v0 {
 
-/// What the surfaces of frames depend on.
+/// Settings of the surfaces of frames.
 struct SlotSettings {
   DepthStreamInfo stream;
   SurfaceOptions surface;
@@ -21,14 +21,13 @@ struct SlotSettings {
   bool wants_depth_change = true;
   int binning = 1;  ///< `stream` is the binned one
 
-  /// A camera that stands still remembers by its pixels, one that moves by frames from where it
-  /// was.
+  /// A static camera remembers by its pixels, a moving one by frames from earlier poses.
   bool has_pixel_memory() const { return in_front() && !stream.is_moving; }
   bool has_key_frames() const {
     return field && time.memory.kind != DepthMemory::off && stream.is_moving;
   }
-  /// The fields of each frame beside that of what it shows: of what was seen to be free, of what is
-  /// in front, and of what is remembered to be free.
+  /// Options of the fields of each frame beside `field`: of space seen to be free, of surfaces in
+  /// front, and of space remembered to be free.
   std::optional<DepthFieldOptions> seen_free() const {
     if (!field || !(field->one_of_several || has_key_frames())) return {};
     return options_of_seen_free(*field);

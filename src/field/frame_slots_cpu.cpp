@@ -33,8 +33,8 @@ class FrameSlotsCpu final : public FrameSlots {
     Slot& slot = slots_[static_cast<std::size_t>(number)];
     const bool has_all = !slot.field || requested.has_all(frame.width, frame.height);
     SurfaceParts parts{{}, wants_depth_change_};
-    // What is predicted takes the points of both frames, which have windows of their own, and a
-    // memory those of all.
+    // A prediction takes the points of both frames, which have windows of their own, and a memory
+    // takes all points.
     if (!has_all && !slot.predicted && !memory_) parts = {slot.field->points_for(requested), false};
     const SurfaceStats stats =
         averager_ ? slot.estimator.update(averager_->update(frame, pool), pool, parts)
@@ -77,7 +77,7 @@ class FrameSlotsCpu final : public FrameSlots {
     SurfaceView& surfaces = slot.surfaces;
     const PointCloudView& cloud = surfaces.cloud;
     if (memory_) memory_->update(cloud, interval, pool);
-    // Of planes, or of what the frame shows.
+    // Updates a field from planes, or from the cloud of the frame.
     const auto make = [&](std::optional<DepthField>& field, const TangentPlane* planes,
                           DepthFieldView& view) {
       if (!field) return;

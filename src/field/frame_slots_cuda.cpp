@@ -74,7 +74,7 @@ class FrameSlotsCuda final : public FrameSlots {
       enqueue_image(slot, frame);
       enqueue_rest(slot, motion ? &before(number) : nullptr);
     }
-    // What was there before stays, should the GPU have failed.
+    // A slot keeps its previous content if the GPU has failed.
     if (!stream_.wait()) return {};
     SurfaceView& surfaces = surfaces_[static_cast<std::size_t>(number)];
     surfaces.cloud = motion ? slot.predicted_cloud() : slot.estimator.cloud();
@@ -120,7 +120,7 @@ class FrameSlotsCuda final : public FrameSlots {
   }
 
  private:
-  /// The work of a frame that goes into `slot`, predicted from the frame in `last` if there is one.
+  /// Records the work of a frame that goes into `slot`, predicted from the frame in `last` if any.
   gpu::Graph record(Slot& slot, const Slot* last) {
     stream_.begin_recording();
     if (averager_) {
@@ -132,7 +132,7 @@ class FrameSlotsCuda final : public FrameSlots {
     enqueue_rest(slot, last);
     return stream_.end_recording();
   }
-  /// Prediction and fields.
+  /// Submits prediction and fields.
   void enqueue_rest(Slot& slot, const Slot* last) {
     PointCloudView cloud = slot.estimator.cloud();
     if (last != nullptr) {
@@ -140,7 +140,7 @@ class FrameSlotsCuda final : public FrameSlots {
       cloud = slot.predicted_cloud();
     }
     if (field_memory_) field_memory_->enqueue(cloud, stream_);
-    // Of planes, or of what the frame shows.
+    // Submits a field from planes, or from the cloud of the frame.
     const auto make = [&](std::optional<DepthFieldCuda>& field, const TangentPlane* planes) {
       if (!field) return;
       if (planes != nullptr) {
@@ -155,7 +155,7 @@ class FrameSlotsCuda final : public FrameSlots {
     make(slot.in_front, is_alone ? field_memory_->in_front() : nullptr);
     make(slot.remembered, field_memory_ ? field_memory_->behind() : nullptr);
   }
-  /// A frame in metres, or in the memory of this GPU: it has no place of its own in the graphs.
+  /// Submits a frame in meters, or in the memory of this GPU: the graphs have no place for it.
   void enqueue_image(Slot& slot, const DepthImageView& frame) {
     PALPATE_ASSERT(!averager_ && (frame.gpu == kHostMemory || frame.gpu == stream_.gpu()));
     if (frame.counts != nullptr) {
@@ -181,7 +181,7 @@ class FrameSlotsCuda final : public FrameSlots {
   std::vector<Slot> slots_;
   std::vector<SurfaceView> surfaces_;
   gpu::Memory memory_;
-  float* metres_;  // of a frame in metres from host memory
+  float* metres_;  // of a frame in meters from host memory
   gpu::Stream stream_;
 };
 

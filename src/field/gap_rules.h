@@ -1,4 +1,4 @@
-// The surface that goes on where nothing was measured: between two surfaces that are not one, and
+// Rules for surfaces that go on where nothing was measured: between two separate surfaces, and
 // beyond the border of the image. Shared by host and device.
 #pragma once
 
@@ -6,12 +6,12 @@
 
 namespace palpate::inline v0 {
 
-/// The longest run of missing pixels that its two ends decide about: along rows first, then, of the
-/// pixels that those left, along columns.
+/// Longest run of missing pixels that is filled from its two ends: along rows first, then, for the
+/// pixels that are left, along columns.
 inline constexpr int kMaxRun = 64;
 
-/// Does a surface end between two surfaces that are `width` apart, over the depth? Silhouettes are
-/// told by this rule from pixel to pixel: a smooth surface at the slant of both could not join
+/// True if a surface ends between two surfaces that are `width` apart, over the depth: the rule of
+/// silhouettes from pixel to pixel, by which a smooth surface at the slant of both could not join
 /// them.
 PALPATE_HOSTDEV inline bool are_apart(const TangentPlane& a, const TangentPlane& b, float width) {
   return one_lane::is_edge({a.offset, a.slope}, {b.offset, b.slope}, width);

@@ -17,7 +17,7 @@ void HoleRuns::clear() {
   std::fill(filled_.begin(), filled_.end(), 0);
 }
 
-/// The first column from u on that is missing, or that is not; `end` if there is none.
+/// Returns the first column from u on that is missing, or that is not; `end` if there is none.
 int HoleRuns::next(int v, int u, int end, bool missing) const {
   while (u < end) {
     const std::uint64_t bits = missing_[word(v, u / kBits)];

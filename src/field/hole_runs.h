@@ -1,5 +1,5 @@
-// The runs of missing pixels in a depth image, and what fills those between two surfaces that are
-// not one (gap_rules.h).
+// The runs of missing pixels in a depth image, and the filling of those between two separate
+// surfaces (gap_rules.h).
 #pragma once
 
 #include <cstdint>

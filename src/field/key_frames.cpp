@@ -9,20 +9,20 @@
 namespace palpate::inline v0 {
 namespace {
 
-constexpr int kWidestImage = 320;  // pixels, of what is kept
-constexpr int kGridStride = 2;     // of these, from one point that is compared to the next
-/// A frame is kept when more of what it has seen is known by no other.
+constexpr int kWidestImage = 320;  // pixels, of a grid
+constexpr int kGridStride = 2;     // of these, between compared points
+/// Share of newly seen space from which on a frame is kept.
 constexpr double kWorthKeeping = 0.05;
-/// At these shares of a ray's depth the other key frames are queried.
+/// Shares of a ray's depth at which the other key frames are queried.
 constexpr double kAlongRay[] = {0.4, 0.7, 1.0};
-/// Surfaces that are made at a frame: the others wait for the next ones.
+/// Largest number of surfaces made at a frame: the others wait for the next ones.
 constexpr int kMaxMadePerFrame = 3;
-/// What is new is sampled at so many points of its thickness.
+/// Number of samples of the thickness of a new surface.
 constexpr int kNumInside = 8;
-/// Points of nine that say the same: fewer are noise, or an edge that two frames see otherwise.
+/// Smallest number of points of nine that agree: fewer are noise, or an edge where frames differ.
 constexpr int kMinMarked = 7;
 
-/// The least of what was seen; 0: nothing.
+/// Keeps the least depth that was seen; 0: none.
 void see(float& least, float depth) { least = least > 0 ? std::min(least, depth) : depth; }
 
 bool knows(const DepthGrid& grid, const Vec3d& p_C, double tolerance) {
@@ -43,7 +43,7 @@ FrameEvidence::FrameEvidence(int num_points, const MemoryOptions& options)
 
 void FrameEvidence::look(const DepthGrid& kept, const DepthGrid& now) {
   for (auto* depths : {&near_, &beyond_, &inside_}) std::fill(depths->begin(), depths->end(), 0.0f);
-  // What is seen now, along the rays of what is kept.
+  // Depths of the current frame along the rays of the kept one.
   const Pose X_KN = inverse(kept.X_WC) * now.X_WC, X_NK = inverse(X_KN);
   for (int j = 0; j < now.width * now.height; ++j) {
     if (!(now.depth[static_cast<std::size_t>(j)] > 0)) continue;
@@ -56,7 +56,7 @@ void FrameEvidence::look(const DepthGrid& kept, const DepthGrid& now) {
     if (z < shown * (1 - tolerance_)) see(near_[at], z);
     if (z > shown * (1 + tolerance_)) see(beyond_[at], z);
   }
-  // And the other way round: is what is kept still there?
+  // And the reverse: points of the kept frame through which the current one sees.
   for (int i = 0; i < kept.width * kept.height; ++i) {
     const auto at = static_cast<std::size_t>(i);
     is_through_[at] = kept.depth[at] > 0 && sight(now, X_NK * kept.point(i)) == Sight::through;
@@ -68,7 +68,7 @@ void FrameEvidence::look(const DepthGrid& kept, const DepthGrid& now) {
   thicken(kept, now);
 }
 
-/// What several points side by side say counts, and then who is beside them and says the same.
+/// Marks points where `says` holds and for enough neighbors too, then those beside such points.
 template <class Says>
 void FrameEvidence::mark(const DepthGrid& kept, const Says& says, std::vector<Mark>& marks) {
   std::fill(marks.begin(), marks.end(), Mark::none);
@@ -90,7 +90,7 @@ void FrameEvidence::mark(const DepthGrid& kept, const Says& says, std::vector<Ma
   mark_all(Mark::beside, 1, [&](std::size_t i) { return marks[i] == Mark::several; });
 }
 
-/// What has come is solid for some way behind where it is seen.
+/// Extends the new surfaces behind the points where they are seen, by the thickness.
 void FrameEvidence::thicken(const DepthGrid& kept, const DepthGrid& now) {
   const auto has_come = [](Mark mark) { return mark != Mark::none; };
   if (std::none_of(come_.begin(), come_.end(), has_come)) return;
@@ -201,13 +201,13 @@ void KeyFrames::sample(const DepthFrame& image, DepthGrid& grid) const {
   for (std::size_t i = 0; i < grid.depth.size(); ++i) {
     const auto width = static_cast<std::size_t>(grid.width);
     const std::uint32_t pixel = pixels_[i / width * kGridStride * row + i % width * kGridStride];
-    // Where nothing was measured a binned image has 0.
+    // A binned image has 0 where nothing was measured.
     const std::uint16_t count = pixel < image.pixels.size() ? image.pixels[pixel] : 0;
     grid.depth[i] = static_cast<float>(count * image.unit);
   }
 }
 
-/// A point of a frame, and the pixels that it stands for.
+/// Changes a point of a frame, and the pixels that it stands for.
 void KeyFrames::change(Seat& seat, int i, float depth) const {
   DepthGrid& grid = seat.grid;
   grid.depth[static_cast<std::size_t>(i)] = depth;
@@ -226,7 +226,7 @@ void KeyFrames::change(Seat& seat, int i, float depth) const {
   seat.has_changed = true;
 }
 
-/// By the newest frame.
+/// Removes from a kept frame what the newest frame contradicts.
 void KeyFrames::contradict(Seat& seat) const {
   DepthGrid& grid = seat.grid;
   seat.evidence.look(grid, now_);
@@ -240,7 +240,7 @@ void KeyFrames::contradict(Seat& seat) const {
     if (before > 0) {
       const Sight sight = seat.evidence.sight(now_, X_NK * grid.point(i, before));
       if (sight == Sight::through) before = 0;
-      // It has been there when it was seen last.
+      // It was still there when last seen.
       if (sight == Sight::outside) change(seat, i, std::exchange(before, 0.0f));
     } else if (const std::optional<float> beyond = seat.evidence.gone(i)) {
       change(seat, i, *beyond);
@@ -248,7 +248,7 @@ void KeyFrames::contradict(Seat& seat) const {
   }
 }
 
-/// Of what a frame has seen: what no frame that is kept knows, but that in `but`, nor `also`.
+/// Share of a frame's seen space that is new: unknown to all kept frames but `but`, and to `also`.
 double KeyFrames::share_of_new(const DepthGrid& grid, int stride, const Seat* but,
                                const DepthGrid* also) const {
   struct Other {
@@ -281,7 +281,7 @@ double KeyFrames::share_of_new(const DepthGrid& grid, int stride, const Seat* bu
   return num > 0 ? static_cast<double>(num_new) / num : 0;
 }
 
-/// The newest frame, if it is worth that: in a place of its own, or of the one that adds least.
+/// Keeps the newest frame if it adds enough: in a free seat, or that of the one that adds least.
 KeyFrames::Seat* KeyFrames::keep() {
   if (!(share_of_new(now_, 4, nullptr, nullptr) > kWorthKeeping)) return nullptr;
   Seat* to = nullptr;
@@ -301,7 +301,7 @@ KeyFrames::Seat* KeyFrames::keep() {
   return to;
 }
 
-/// Shown by no view that may still be looked at.
+/// Returns the slot that no view in use shows: the one shown longest ago.
 int KeyFrames::free_slot() const {
   return static_cast<int>(std::min_element(last_shown_.begin(), last_shown_.end()) -
                           last_shown_.begin());

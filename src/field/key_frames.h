@@ -35,7 +35,7 @@ struct DepthGrid {
   }
 };
 
-/// What a frame shows of a point.
+/// Visibility of a point in a frame.
 enum class Sight {
   outside,  ///< of the image
   unknown,  ///< nothing was measured there
@@ -44,22 +44,22 @@ enum class Sight {
   through,  ///< what is farther away: there is nothing
 };
 
-/// What a newer frame says about the points of an older one.
+/// Changes that a newer frame shows at the points of an older one.
 class FrameEvidence {
  public:
   FrameEvidence(int num_points, const MemoryOptions& options);
 
-  /// Compares what `kept` shows with what is seen now.
+  /// Compares the points of `kept` with the current frame.
   void look(const DepthGrid& kept, const DepthGrid& now);
-  /// Of a point of `kept` after that: the depth of what has come before it, as thick as
-  /// MemoryOptions::thickness along the rays of `now`; 0: nothing has.
+  /// Depth of a new surface in front of a point of `kept`, as thick as MemoryOptions::thickness
+  /// along the rays of `now`; 0: none.
   float come(int i) const;
-  /// If what it showed has gone: the depth of what is seen behind that, 0 if nobody knows.
+  /// Depth of the surface behind a point of `kept` that has gone, 0 if unknown; none if it has not.
   std::optional<float> gone(int i) const;
   Sight sight(const DepthGrid& now, const Vec3d& p_N) const;
 
  private:
-  /// What speaks for a change of a point.
+  /// Evidence for a change of a point.
   enum class Mark : std::uint8_t { none, several, beside };
 
   template <class Says>
@@ -68,28 +68,28 @@ class FrameEvidence {
 
   float tolerance_;
   double thickness_;
-  // Of each point: the depth of what is seen before it and behind it, and of what must be behind
-  // what has come; 0: of nothing.
+  // Per point: depths of the surfaces seen before it and behind it, and of the inside of new
+  // surfaces; 0: none.
   std::vector<float> near_, beyond_, inside_;
   std::vector<Mark> come_, gone_;
   std::vector<std::uint8_t> is_through_;
 };
 
-/// The frames that are kept, and their surfaces. One more is kept when enough of what it has seen
-/// to be free is known by none of them; once there is no place left, for the one that adds least.
-/// What newer frames see otherwise goes out of them: at once where these see through what a frame
-/// shows, and where something has come before that once it is out of sight.
+/// The kept frames and their surfaces. A frame is kept when enough of the free space that it has
+/// seen is known by none of them; without a free seat it replaces the one that adds least. A newer
+/// frame removes contradicted points: at once where it sees through a surface, and where a new
+/// surface has come before one once that is out of sight.
 class KeyFrames {
  public:
   using MakeSlots = std::function<Result<std::unique_ptr<FrameSlots>>(const SlotSettings&)>;
-  /// Of the frames of a timeline that is made with `settings`. Errors: those of `make_slots`.
+  /// Keeps frames of a timeline that is made with `settings`. Errors: those of `make_slots`.
   static Result<KeyFrames> create(const SlotSettings& settings, const MakeSlots& make_slots);
 
   /// Takes the next frame, counts in host memory. Makes at most three surfaces. The same bits for
   /// any number of threads; no allocation. O(points of all frames).
   void take(const DepthImageView& frame, ThreadPool& pool);
-  /// Each from what it was before the last frame to what it is now, for as long as the views of a
-  /// timeline.
+  /// Views from the state before the last frame to the current one, valid for as long as the views
+  /// of a timeline.
   std::span<const SurfaceBlend> views() const { return {views_.data(), num_used_}; }
   /// An error if the last frame could not be taken, or the GPU has failed.
   const Status& status() const { return status_ ? slots_->status() : status_; }
@@ -100,7 +100,7 @@ class KeyFrames {
 
     DepthFrame image;           // in half the resolution, with what has changed
     DepthGrid grid;             // some of its points
-    std::vector<float> before;  // what has come before these; 0: nothing
+    std::vector<float> before;  // depth of new surfaces before these; 0: none
     FrameEvidence evidence;
     bool has_changed = false;
     int slot = -1;  // of its surface

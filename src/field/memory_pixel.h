@@ -9,11 +9,11 @@
 
 namespace palpate::inline v0 {
 
-/// So many frames have to show a surface for it to be remembered: what flies through the image for
-/// one frame, or is measured wrongly in it, is not.
+/// Smallest number of frames that show a surface before it is remembered: an object that flies
+/// through the image, or a wrong measurement, for one frame is not.
 inline constexpr std::int32_t kMinSeen = 3;
-/// Depth of what stands for "nothing is in front here": a surface that no sphere is near, not a
-/// hole, which what is around would close.
+/// Depth that stands for "nothing is in front here": a surface out of reach of any sphere, not a
+/// hole, which its surroundings would close.
 inline constexpr float kNothingInFront = 1000.0f;
 
 struct MemoryRule {
@@ -24,7 +24,7 @@ inline MemoryRule memory_rule(const MemoryOptions& options) {
   return {static_cast<float>(options.horizon), static_cast<float>(options.step)};
 }
 
-/// Of the field of what is in front.
+/// Options of the field of surfaces in front.
 inline DepthFieldOptions options_of_in_front(const DepthFieldOptions& field,
                                              const MemoryOptions& memory) {
   DepthFieldOptions options;
@@ -37,16 +37,16 @@ inline DepthFieldOptions options_of_in_front(const DepthFieldOptions& field,
 struct PixelMemory {
   TangentPlane plane;  ///< as it was seen last
   float depth = 0;     ///< when it was seen first, which later depths are compared with; 0: nothing
-  float hidden = 0;    ///< so long it has not been seen, s
-  std::int32_t num_seen = 0;  ///< in so many frames, at most kMinSeen
+  float hidden = 0;    ///< time since it was last seen, s
+  std::int32_t num_seen = 0;  ///< number of frames, at most kMinSeen
 };
 
-/// A pixel's frame, taken apart.
+/// A pixel's frame, split into surfaces behind and in front.
 struct MemoryPlanes {
   TangentPlane behind, in_front;
 };
 
-/// Takes what a pixel sees now, which is at depth z (m) if z is positive, `interval` s after the
+/// Updates a pixel by the current plane, at depth z (m) if z is positive, `interval` s after the
 /// frame before.
 PALPATE_HOSTDEV inline MemoryPlanes remember(const TangentPlane& now, float z,
                                              const MemoryRule& rule, float interval,

@@ -37,7 +37,7 @@ void for_points(const PointCloudView& cloud, const Use& use) {
 Vec3f point(const PointCloudView& c, std::size_t i) { return {c.x[i], c.y[i], c.z[i]}; }
 Vec3f normal(const PointCloudView& c, std::size_t i) { return {c.nx[i], c.ny[i], c.nz[i]}; }
 
-/// The pinhole camera whose rays an organised cloud lies on.
+/// The pinhole camera whose rays an organized cloud lies on.
 std::optional<Intrinsics> intrinsics_of(const PointCloudView& cloud) {
   if (cloud.pinhole) return cloud.intrinsics;
   constexpr double kTolerance = 0.25;  // pixels

@@ -1,5 +1,5 @@
-// Which silhouettes a pixel of a depth field sees: the nearest places around it where a surface
-// ends in front of another one. Shared by the CPU's vector kernels and CUDA (core/lanes.h).
+// Rules for the silhouettes of a pixel of a depth field: the nearest places around it where a
+// surface ends in front of another one. Shared by the CPU's vector kernels and CUDA (core/lanes.h).
 #pragma once
 
 #include <cstdint>
@@ -11,12 +11,12 @@ namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
 namespace {
 
 inline constexpr int kReach = DepthFieldLevel::kSilhouetteReach;
-// A surface ends between two pixels if the farther one lies so many widths of a pixel deeper than
-// a smooth surface could at the slant of both.
+// Smallest step at which a surface ends between two pixels, in widths of a pixel: depth of the
+// farther one beyond a smooth surface at the slant of both.
 inline constexpr float kMinStep = 1.0f;
-// A far surface beyond the near edge is not looked at deeper than this behind it, metres.
+// Depth behind the near edge down to which a far surface is considered, m.
 inline constexpr float kFarEnough = 0.5f;
-// No surface is taken for steeper than this.
+// Smallest slope of a surface: steeper ones count as this.
 inline constexpr float kMinSlope = 0.02f;
 
 /// The planes of pixels of a level.
@@ -24,7 +24,7 @@ struct RulePlane {
   VecF offset, slope;
 };
 
-/// What one level has in common: widths are of a pixel at a depth of 1 m.
+/// Constants of one level: widths are of a pixel at a depth of 1 m.
 struct RuleLevel {
   float width_u, width_v;  ///< over the focal lengths
   float first_u, first_v;  ///< direction x / z and y / z of pixel (0, 0)
@@ -51,8 +51,8 @@ PALPATE_FORMULA RulePlane chosen(Mask mask, const RulePlane& a, const RulePlane&
   return {select(mask, a.offset, b.offset), select(mask, a.slope, b.slope)};
 }
 
-/// Is `far` by the squared share `reach` of a pixel's width farther than a smooth surface through
-/// `near` could be, at depth z? Both are real surfaces or `far` is none.
+/// True if `far` is farther than a smooth surface through `near` could be at depth z, by the
+/// squared share `reach` of a pixel's width. Both are real surfaces or `far` is none.
 PALPATE_FORMULA Mask is_apart(const RulePlane& near, const RulePlane& far, VecF gap, VecF span,
                               VecF reach) {
   const VecF miss = gap - kMinStep * span;
@@ -61,7 +61,7 @@ PALPATE_FORMULA Mask is_apart(const RulePlane& near, const RulePlane& far, VecF 
   return (miss > splat(0.0f)) & (miss * miss > span * span * squared_sine * reach);
 }
 
-/// Does a surface end between two pixels side by side, the near one of which comes first?
+/// True if a surface ends between two pixels side by side, the near one of which comes first.
 PALPATE_FORMULA Mask ends_between(const RulePlane& near, VecF near_depth, const RulePlane& far,
                                   float width) {
   const VecF gap = far.offset - near_depth * far.slope;
@@ -97,31 +97,31 @@ PALPATE_FORMULA void take(NearestSilhouette& nearest, Mask fits, VecF du, VecF d
   nearest.other = chosen(is_better, other, nearest.other);
 }
 
-/// What a pixel knows of the silhouettes around it: those that its own surface ends at, with the
-/// surface beyond, and those of what stands in front of it.
+/// Nearest silhouettes around a pixel: one where its own surface ends, with the surface beyond, and
+/// one of a surface that stands in front of it.
 struct PixelSilhouettes {
   NearestSilhouette exit, occluder;
 };
 
-/// What a pixel asks of a surface beyond a silhouette, with pixels so wide.
+/// Limits of a surface beyond a silhouette that is an exit, with pixels so wide.
 struct ExitLimits {
-  VecF behind;  ///< depth of what lies kReach pixels behind the pixel
-  VecF least;   ///< so far in front of the far surface this has to be
+  VecF behind;  ///< depth kReach pixels behind the pixel
+  VecF least;   ///< least distance of that point in front of the far surface
 };
 PALPATE_FORMULA ExitLimits exit_limits(const RulePlane& own, VecF depth, float width) {
   return {depth * (1.0f + kReach * width / max(own.slope, splat(kMinSlope))),
           (kMinStep - kReach) * width * depth};
 }
 
-/// A silhouette is a way out for what lies kReach pixels behind `own` if the far surface is less
+/// True if a silhouette is an exit for points kReach pixels behind `own`: the far surface is less
 /// deep there.
 PALPATE_FORMULA Mask is_exit(const RulePlane& own, const ExitLimits& limits, const RulePlane& far) {
   const VecF out = far.offset - limits.behind * far.slope;
   return (own.slope > splat(0.0f)) & (out > limits.least);
 }
 
-/// A silhouette at a distance of so many pixels stands in front of `own` if its near surface is of
-/// another piece.
+/// True if a silhouette, at a distance in pixels, stands in front of `own`: its near surface is a
+/// different one.
 PALPATE_FORMULA Mask is_occluder(const RulePlane& own, VecF own_depth, const RulePlane& near,
                                  VecF near_depth, VecF squared_distance, float width) {
   const VecF depth = min(own_depth, near_depth + kFarEnough);
@@ -143,14 +143,14 @@ PALPATE_FORMULA void take_occluder(const RulePlane& own, const RulePlane& near, 
        dv, near);
 }
 
-/// Does a surface end between two pixels side by side?
+/// True if a surface ends between two pixels side by side.
 PALPATE_FORMULA Mask is_edge(const RulePlane& a, const RulePlane& b, float width) {
   const Mask a_is_near = is_nearer(a, b);
   const RulePlane near = chosen(a_is_near, a, b);
   return ends_between(near, surface_depth(near), chosen(a_is_near, b, a), width);
 }
 
-/// The edge between two pixels side by side, where there is one.
+/// Takes the edge between two pixels side by side, where there is one.
 PALPATE_FORMULA void take_edge(const RulePlane& own, const RulePlane& a, const RulePlane& b,
                                Mask is_any, VecF du, VecF dv, float width,
                                PixelSilhouettes& found) {
@@ -160,7 +160,7 @@ PALPATE_FORMULA void take_edge(const RulePlane& own, const RulePlane& a, const R
   take_occluder(own, near, is_any, du, dv, width, found.occluder);
 }
 
-/// What was found at another pixel of the same column.
+/// Takes the silhouettes found at another pixel of the same column.
 PALPATE_FORMULA void take_found(const RulePlane& own, const PixelSilhouettes& there, VecF dv,
                                 float width, PixelSilhouettes& found) {
   const Mask has_exit = is_any(there.exit), has_occluder = is_any(there.occluder);

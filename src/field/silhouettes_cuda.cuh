@@ -18,14 +18,14 @@ using one_lane::RulePlane;
 constexpr int kReach = DepthFieldLevel::kSilhouetteReach;
 constexpr int kRimThreads = 256, kRimWarps = kRimThreads / gpu::kWarpSize;
 constexpr int kWordBits = gpu::kWarpSize;
-// So many blocks share the registers of a multiprocessor; older ones have no room for five.
+// Blocks that share the registers of a multiprocessor; older ones have no room for five.
 #if defined(__CUDA_ARCH__) && __CUDA_ARCH__ < 800
 constexpr int kRimBlocks = 4;
 #else
 constexpr int kRimBlocks = 5;
 #endif
 
-/// What all levels are measured with.
+/// Constants of all levels.
 struct RimLevels {
   one_lane::RuleLevel levels[DepthFieldView::kMaxLevels];
 };
@@ -58,13 +58,13 @@ struct RimSpans {
   }
 };
 
-/// A bit for each pixel of a block's rows, 32 to a word; one more word of a row is 0.
+/// One bit per pixel of a block's rows, 32 to a word; one more word of a row is 0.
 struct RimBits {
   std::uint32_t* words;
   int stride;
 
   __device__ std::uint32_t& at(int row, int word) const { return words[row * stride + word]; }
-  /// Of `num` rows together.
+  /// Joins the bits of `num` rows.
   __device__ std::uint32_t any_of(int first_row, int num, int word) const {
     std::uint32_t bits = 0;
     for (int row = first_row; row < first_row + num; ++row) bits |= at(row, word);
@@ -96,9 +96,9 @@ struct RimMemory {
   int* num_listed;  ///< from the front of the list, and from its end
   std::uint16_t* list;
   int list_size;
-  /// Of each pixel, the nearest edges of its own row: of an exit in the lowest three bits (columns
-  /// to the pixel left of the edge, and kFoundBias; 0: none), of an occluder likewise from bit 4
-  /// on. Bit 3: there is an edge between the pixel and the one below.
+  /// Nearest edges in each pixel's own row: of an exit in the lowest three bits (columns to the
+  /// pixel left of the edge, and kFoundBias; 0: none), of an occluder likewise from bit 4 on. Bit
+  /// 3: there is an edge between the pixel and the one below.
   std::uint8_t* found;
   int found_stride;
 
@@ -171,8 +171,8 @@ struct Edge {
   }
 };
 
-/// The nearest silhouettes of a pixel, of those that are offered. What is farther than one that is
-/// known already is not looked at.
+/// Search for the nearest silhouettes of a pixel among those that are offered. Edges farther than a
+/// known one are skipped.
 struct RimSearch {
   RimPixel own;
   one_lane::NearestSilhouette exit, occluder;
@@ -201,7 +201,7 @@ struct RimSearch {
   }
 };
 
-/// The plane of a pixel beyond the image where its outermost surface goes on.
+/// Returns the plane of a pixel beyond the image, where its outermost surface goes on.
 __device__ TangentPlane plane_beyond(const TangentPlane* image, std::ptrdiff_t stride, int width,
                                      int height, int u, int v, int level) {
   // Pixel `at` of a line of `size`, from those inside of the image.
@@ -218,8 +218,8 @@ __device__ TangentPlane plane_beyond(const TangentPlane* image, std::ptrdiff_t s
   });
 }
 
-/// Makes the tiles at the border stand for a pixel of a level beyond the image, too: those of the
-/// outermost pixels bound the others.
+/// Joins a pixel of a level beyond the image into the tiles at the border: those of the outermost
+/// pixels bound the others.
 __device__ void join_tiles(const FieldJob& job, DepthTile* tiles, int level, int u, int v,
                            const TangentPlane& plane) {
   constexpr int kTile = DepthFieldView::kTileSize;
@@ -262,9 +262,9 @@ __global__ void __launch_bounds__(kRimThreads, kRimBlocks)
   const RimSpans vs(number / blocks_wide * job.rim.high - kBorder, job.rim.high, height, reach);
   const one_lane::RuleLevel& rules = rims.levels[level];
   const std::ptrdiff_t origin = job.layout.origin(level);
-  // Outside of the image: the surface of the outermost pixels going on, for a few pixels or without
-  // end, nothing, or what blocks the view. The border in memory is not read here. Where all is the
-  // same, no surface ends.
+  // Pixels outside of the image: the outermost surface going on, for a few pixels or without end,
+  // nothing, or a blocking surface. The border in memory is not read here. No surface ends where
+  // all pixels are the same.
   const bool is_endless = job.unknown == UnknownSpace::solid;
   const auto is_within = [&](int u, int v, int beyond) {
     return u >= -beyond && u < width + beyond && v >= -beyond && v < height + beyond;
@@ -305,7 +305,7 @@ __global__ void __launch_bounds__(kRimThreads, kRimBlocks)
   const auto share_at = [&](int u, int v) {
     return level > 0 && is_inside(u, v) ? arrays.shares[origin + v * job.layout.stride + u] : 1.0f;
   };
-  // Columns from a pixel of column u to the edge between pixels u + from and u + from + 1.
+  // Returns the columns from pixel u to the edge between pixels u + from and u + from + 1.
   const auto du_to = [&](int u, int v, int from) {
     return static_cast<float>(from) + 0.5f +
            one_lane::edge_shift(share_at(u + from, v), share_at(u + from + 1, v));
@@ -336,7 +336,7 @@ __global__ void __launch_bounds__(kRimThreads, kRimBlocks)
     }
   };
 
-  // Writes what is near and the border.
+  // Writes near_silhouette and the border.
   const RimBits& is_near = shared.may_have;
   const auto mark = [&](bool has_edge) {
     for (int v = vs.tile.begin + warp; v < vs.tile.end; v += kRimWarps) {
@@ -370,7 +370,7 @@ __global__ void __launch_bounds__(kRimThreads, kRimBlocks)
           (is_endless || (u >= -reach && u < width + going_on))) {
         const RimPixel own = pixel_in(planes, u);
         ends_right = is_edge(own, pixel_in(planes, u + 1), rules.width_u);
-        // Below the last row no plane is at hand, and nobody reaches as far.
+        // Below the last row no plane is at hand, and no pixel reaches as far.
         if (row + 1 < num_rows) ends_below = is_edge(own, pixel_in(planes_below, u), rules.width_v);
       }
       const std::uint32_t right = __ballot_sync(gpu::kWholeWarp, ends_right);
@@ -405,7 +405,7 @@ __global__ void __launch_bounds__(kRimThreads, kRimBlocks)
   });
   __syncthreads();
 
-  // Of each pixel the nearest edges of its row.
+  // The nearest edges in the row of each pixel.
   for_listed(false, [&](int row, int column) {
     const int u = first_u + column, v = first_v + row;
     // Bit kReach + from: the edge between pixels u + from and u + from + 1.
@@ -445,14 +445,14 @@ __global__ void __launch_bounds__(kRimThreads, kRimBlocks)
     const auto around = [&](int at) { return shared.may_have.any_of(row - 2, 5, at); };
     const std::uint32_t bits = shared.may_have.at(row, word);
     shared.put(bits, row, word, false);
-    // Whoever asks beside a silhouette also reads pixels that have none.
+    // Samples beside a silhouette also read pixels that have none.
     const std::uint32_t beside =
         widened_bits(word > 0 ? around(word - 1) : 0, around(word), around(word + 1), 2, 2);
     shared.put(beside & ~bits & requested_bits(word), row, word, true);
   });
   __syncthreads();
 
-  // Those just around the tile are written by two blocks, the same by both.
+  // Pixels just around the tile are written by two blocks, the same by both.
   const auto silhouettes_of = [&](int u, int v) {
     return arrays.silhouettes +
            2 * (origin + static_cast<std::ptrdiff_t>(v) * job.layout.stride + u);
@@ -474,7 +474,7 @@ __global__ void __launch_bounds__(kRimThreads, kRimBlocks)
 
     RimSearch search{pixel_at(u, v), {}, {}};
     const RimPixel& own = search.own;
-    // What is in the own row is nearer than all beyond so many rows.
+    // An edge in the own row is nearer than all edges beyond so many rows.
     const auto take_own = [&](int code, one_lane::NearestSilhouette& nearest, bool is_exit) {
       if (code == 0) return kReach;
       const float du = du_of(code, 0);
@@ -541,7 +541,7 @@ __global__ void __launch_bounds__(kRimThreads, kRimBlocks)
   });
   __syncthreads();
 
-  // Near are those beside one that has a silhouette.
+  // Pixels are near if they or a neighbor have a silhouette.
   for_words(kReach, end_row, [&](int row, int word) {
     const auto around = [&](int at) { return shared.has_any.any_of(row - 1, 3, at); };
     is_near.at(row, word) =

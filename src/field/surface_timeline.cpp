@@ -53,7 +53,7 @@ Result<std::unique_ptr<FrameSlots>> make_frame_slots(const SlotSettings& setting
 }
 
 struct SurfaceTimeline::Impl {
-  /// Of a frame in a slot.
+  /// Optical flow of a frame in a slot.
   struct Flow {
     std::vector<float> pixels;  // of the whole image, also if the surface has a smaller one
     FlowView view;              // without pixels: none was given
@@ -72,7 +72,7 @@ struct SurfaceTimeline::Impl {
   std::vector<Pose> X_WC = std::vector<Pose>(static_cast<std::size_t>(num_slots));
   std::vector<Flow> flows = {};  // of each slot; empty: frames have none
 
-  /// What is in a slot.
+  /// Returns the surface in a slot.
   SurfaceView surface(int slot) const {
     SurfaceView view = slots->surfaces(slot);
     view.X_WC = X_WC[static_cast<std::size_t>(slot)];
@@ -83,7 +83,7 @@ struct SurfaceTimeline::Impl {
   void keep_flow(const DepthImageView& frame, double interval);
 };
 
-/// A running mean over about eight frames; a dropped frame or a burst hardly moves it.
+/// Updates a running mean over about eight frames; a dropped frame or a burst hardly moves it.
 void SurfaceTimeline::Impl::expect_next(double new_time) {
   if (num_frames > 0) {
     constexpr double kShare = 0.125;
@@ -92,7 +92,7 @@ void SurfaceTimeline::Impl::expect_next(double new_time) {
   time = new_time;
 }
 
-/// Nothing is known of how things moved before the first frame.
+/// Keeps the flow of a frame; that of the first one is ignored: it has no interval.
 void SurfaceTimeline::Impl::keep_flow(const DepthImageView& frame, double interval) {
   if (flows.empty()) return;
   Flow& flow = flows[static_cast<std::size_t>(newest)];

@@ -9,7 +9,7 @@
 
 namespace palpate::inline v0 {
 
-/// How one image was taken.
+/// Camera model of one image.
 struct CameraModel {
   int width = 0, height = 0;
   Intrinsics intrinsics;
@@ -21,13 +21,13 @@ struct CameraModel {
 /// An error names the first coefficient that is no number from -1e6 to 1e6.
 Status check_distortion(const Distortion& distortion);
 
-/// For each pixel of the pinhole image the number of the raw one that is nearest to where its ray
-/// is seen, never a mixture of two depths; past the end (raw.width * raw.height) where the camera
-/// sees nothing. The distortion of `pinhole` is not looked at. O(pixels): some milliseconds.
+/// Returns for each pixel of the pinhole image the raw pixel nearest to the image of its ray, never
+/// a mixture of two depths; past the end (raw.width * raw.height) where the camera sees nothing.
+/// The distortion of `pinhole` is ignored. O(pixels): some milliseconds.
 std::vector<std::uint32_t> lens_table(const CameraModel& pinhole, const CameraModel& raw);
 
-/// How far from the optical axis a lens still maps different rays to different pixels: the largest
-/// r (X / Z) up to `limit` below which the radial distortion grows with r.
+/// Returns the largest radius r (X / Z), up to `limit`, at which a lens still maps different rays
+/// to different pixels: below it the radial distortion grows with r.
 double largest_radius(const Distortion& distortion, double limit);
 
 }  // namespace palpate::inline v0

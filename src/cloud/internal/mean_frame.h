@@ -5,8 +5,8 @@
 
 namespace palpate::inline v0 {
 
-/// Of each pixel the mean of its measurements in the next `num_frames` frames, or in those that are
-/// left, if it has them in at least half. Errors: of the source; it has no frame left.
+/// Averages each pixel over the next `num_frames` frames, or those that are left; pixels measured
+/// in fewer than half of them have no depth. Errors: of the source; it has no frame left.
 Result<DepthFrame> mean_frame(DepthSource& source, int num_frames);
 
 }  // namespace palpate::inline v0

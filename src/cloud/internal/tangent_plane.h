@@ -10,7 +10,7 @@
 
 namespace palpate::inline v0 {
 
-// Where there is no surface: so far in front that no sphere is near.
+// Offset of a pixel without surface, m: out of reach of any sphere.
 inline constexpr float kFreeOffset = 10.0f;
 
 /// A pixel's tangent plane; no surface if the slope is 0.
@@ -21,8 +21,8 @@ struct alignas(8) TangentPlane {
 };
 static_assert(sizeof(TangentPlane) == 2 * sizeof(float));  // read as pairs of numbers
 
-/// Of the points at depth z; none where z is not positive. Their planes pass the eye at the
-/// distance -(p . n).
+/// Returns the tangent planes of points at depth z; none where z is not positive. The distance of a
+/// plane from the eye is -(p . n).
 template <class Plane, class Real>
 PALPATE_FORMULA Plane tangent_plane(Real x, Real y, Real z, Real nx, Real ny, Real nz) {
   // A surface seen so aslant that its plane passes the eye closer than this share of its depth
@@ -33,8 +33,8 @@ PALPATE_FORMULA Plane tangent_plane(Real x, Real y, Real z, Real nx, Real ny, Re
   return {z > Real{} ? offset : Real{} + kFreeOffset, z > Real{} ? offset / z : Real{}};
 }
 
-/// The plane of a pixel with the depth `depth`: where that is infinite there is no point, and its
-/// ray is free up to `max_depth`, m. There it ends squarely.
+/// Returns the plane of a pixel. An infinite depth has no point: the ray is free up to `max_depth`,
+/// m, and ends in a plane that faces the camera.
 template <class Plane, class Real>
 PALPATE_FORMULA Plane plane_or_far(const Plane& plane, Real depth, float max_depth) {
   const auto is_far = depth > kFarthest;
@@ -48,7 +48,7 @@ PALPATE_HOSTDEV inline TangentPlane plane_of(const PointCloudView& cloud, std::p
   return cloud.depth == nullptr ? plane : plane_or_far(plane, cloud.depth[i], cloud.max_depth);
 }
 
-/// m, as far as a pixel sees: to its point, or to `max_depth` if it is free up to there. Not
+/// Depth that a pixel sees, m: of its point, or `max_depth` if it is free up to there. Not
 /// positive: it sees nothing.
 PALPATE_HOSTDEV inline float seen_depth(const PointCloudView& cloud, std::ptrdiff_t i) {
   return cloud.depth != nullptr && cloud.depth[i] > kFarthest ? cloud.max_depth : cloud.z[i];

@@ -6,7 +6,7 @@
 
 namespace palpate::inline v0 {
 
-/// Where the tool is measured.
+/// Pose of the tool in the camera that sees the surface.
 struct BatchPose {
   Pose X_CT;
   Mat3d R_WC;  ///< if there is an X_WC
@@ -32,7 +32,7 @@ PALPATE_HOSTDEV inline BatchPose pose_in_camera(const Pose& X_WT, const Pose* X_
   return pose;
 }
 
-/// Shift and turn, force and torque turn with the camera.
+/// Rotates a stiffness from the camera to W: shift and turn, force and torque.
 PALPATE_HOSTDEV inline void rotate_stiffness(const Mat3d& R, Stiffness& k) {
   for (int row = 0; row < 6; row += 3) {
     for (int column = 0; column < 6; column += 3) {
@@ -51,7 +51,7 @@ PALPATE_HOSTDEV inline void rotate_stiffness(const Mat3d& R, Stiffness& k) {
   }
 }
 
-/// Against which surface a pose is measured; -1: there is no such surface.
+/// Number of the surface that a pose is measured against; -1: there is no such surface.
 PALPATE_HOSTDEV inline int surface_of(const std::int32_t* surface_of_pose, int num_surfaces,
                                       int pose) {
   if (surface_of_pose == nullptr) return num_surfaces == 1 ? 0 : pose;

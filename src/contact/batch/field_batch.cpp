@@ -11,7 +11,7 @@ namespace palpate::inline v0 {
 namespace {
 
 constexpr int kMaxPosesPerTask = 4096, kMinPosesPerTask = 64;
-/// With fewer poses for each surface an overview costs more than it saves.
+/// Smallest number of poses per surface for which an overview saves more than it costs.
 constexpr std::size_t kPosesPerOverview = 32;
 
 }  // namespace
@@ -34,7 +34,7 @@ struct FieldBatch::Overview {
     }
   }
 
-  /// If so, no sphere in the ball touches anything.
+  /// True if no sphere in the ball touches anything.
   bool is_in_front(const BallWindow& window, float largest_radius) const {
     if (!window.is_before_camera()) return false;
     for (int v = window.top >> shift_v; v <= window.bottom >> shift_v; ++v) {
@@ -114,7 +114,7 @@ int FieldBatch::Worker::surface_number_of(std::size_t pose) const {
   return surface_of(numbers, surfaces.size(), static_cast<int>(pose));
 }
 
-/// Takes a surface into the job. Returns whether it has a field.
+/// Takes a surface into the job. Returns true if it has a field.
 bool FieldBatch::Worker::look_at(int requested) {
   const DepthFieldView& field = job.fields[0];
   if (requested != surface) {
@@ -178,8 +178,8 @@ void FieldBatch::Worker::put_nothing(std::size_t pose) const {
   if (answers.status != nullptr) answers.status[pose] = 0;
 }
 
-/// Is a pose so far in front that its answer is nothing? Else, where its surface and its tiles are
-/// among all of them. The tool is taken as a ball around its origin: that needs no rotation.
+/// True if a pose is so far in front that nothing is touched. Otherwise `place` is the sort key by
+/// surface and tile. The tool is taken as a ball around its origin: that needs no rotation.
 bool FieldBatch::Worker::is_in_front(std::size_t pose, std::uint64_t& place) {
   place = 0;
   const int requested = surface_number_of(pose);
@@ -206,7 +206,7 @@ bool FieldBatch::Worker::is_in_front(std::size_t pose, std::uint64_t& place) {
   return overview.is_in_front(window, query.largest_radius_);
 }
 
-/// What is seen at one place lies together in memory: poses are measured in that order.
+/// Measures poses in the order of the places that they see, which lie together in memory.
 void FieldBatch::Worker::measure(std::size_t first, std::size_t last) {
   std::uint64_t order[kMaxPosesPerTask];
   std::size_t num = 0;

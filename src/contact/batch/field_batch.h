@@ -11,7 +11,7 @@
 
 namespace palpate::inline v0 {
 
-/// What all backends refuse.
+/// Checks that all backends share. Errors: batches that do not fit together.
 Status check_batch(const SurfaceBatch& surfaces, const PoseBatch& poses);
 
 /// Each pose is measured by one thread, as FieldContact does it.
@@ -30,8 +30,8 @@ class FieldBatch final : public BatchQuery {
   struct Worker;
 
   std::shared_ptr<const ToolIndex> index_;
-  const FieldElements* elements_;  // of the index
-  Vec3d p_TC_;                     // centre of mass
+  const FieldElements* elements_;  // owned by the index
+  Vec3d p_TC_;                     // center of mass
   FieldContactKernels kernels_;
   float largest_radius_, reach_;             // of elements; of the tool from its origin
   mutable std::vector<Overview> overviews_;  // of the surfaces, if that pays
@@ -39,7 +39,7 @@ class FieldBatch final : public BatchQuery {
   ThreadPool* pool_;
 };
 
-/// Writes what one pose is answered to the arrays that there are.
+/// Writes the results of one pose to the arrays that are not null.
 void put_answers(std::size_t pose, const Penetration& measured,
                  const std::optional<Stiffness>& stiffness, const BatchAnswers& answers);
 

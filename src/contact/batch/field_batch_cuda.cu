@@ -32,13 +32,13 @@ namespace {
 static_assert(sizeof(FieldLook) == 19 * sizeof(std::uint64_t), "no padding: looks are compared");
 
 constexpr int kMaxWarps = 8;
-// A warp adds up so many clusters in single precision.
+// Clusters that a warp adds up in single precision.
 constexpr int kClustersAtOnce = gpu::kWarpSize;
-// Whether a whole tool is in front is found out from so many tiles, or not at all.
+// Largest number of tiles from which a tool is found to be wholly in front.
 constexpr int kMaxTiles = 2 * gpu::kWarpSize;
-constexpr int kMaxTilesPerLane = 24;  // balls that cover more are taken for near
+constexpr int kMaxTilesPerLane = 24;  // balls that cover more count as near
 
-// Of a pose: volume, potential, force, torque, then StiffnessSums and zeros.
+// Sums of a pose: volume, potential, force, torque, then StiffnessSums and zeros.
 constexpr int kNumTerms = 8, kNumStiffness = 32;
 template <class Sample>
 constexpr int kNumSums = std::is_same_v<Sample, Curvature> ? kNumTerms + kNumStiffness : kNumTerms;
@@ -91,7 +91,7 @@ __device__ void prepare(const BatchJob& job, int pose, Scratch& shared) {
   __syncthreads();
 }
 
-// What the elements of this lane add, each sum folded over the warp: of_warp is sum lane / 4, and
+// Adds the elements of this lane, each sum folded over the warp: of_warp is sum lane / 4, and
 // of_stiffness number `lane`.
 template <class Sample>
 __device__ void add_clusters(const BatchJob& job, const FieldLook& field, double& of_warp,
@@ -133,7 +133,7 @@ __device__ void add_clusters(const BatchJob& job, const FieldLook& field, double
   }
 }
 
-// From the sums of each warp to those of the block.
+// Adds the sums of each warp up to those of the block.
 template <class Scratch>
 __device__ void add_warps(double of_warp, double of_stiffness, Scratch& shared) {
   const int lane = gpu::lane_id(), thread = static_cast<int>(threadIdx.x);
@@ -171,7 +171,7 @@ __device__ void put_stiffness(const BatchJob& job, int pose, Scratch& shared) {
   }
 }
 
-// Blocks of a multiprocessor at least: of gradients so few that nothing spills out of registers.
+// Smallest number of blocks of a multiprocessor: gradients have so few that no register spills.
 template <class Sample>
 constexpr int kBlocksOf = std::is_same_v<Sample, Curvature> ? 3 : 2;
 
@@ -218,12 +218,12 @@ Error refuse(std::string message) { return {Errc::invalid_argument, std::move(me
 
 struct FieldBatchCuda::Table {
   std::optional<gpu::Memory> memory;
-  int num = 0;  // that there is room for
+  int num = 0;  // there is room for
   FieldLook* on_gpu = nullptr;
-  Pose* X_WC = nullptr;          // from host memory
-  std::vector<FieldLook> known;  // that are there
+  Pose* X_WC = nullptr;          // copied from host memory
+  std::vector<FieldLook> known;  // in the table
   std::vector<FieldLook> desired;
-  std::vector<GpuFields> copies;  // of surfaces in host memory, each at its place
+  std::vector<GpuFields> copies;  // of surfaces in host memory, by their numbers
 };
 
 FieldBatchCuda::FieldBatchCuda(std::shared_ptr<const ToolIndex> index, const FieldMethod& method,
@@ -237,7 +237,7 @@ FieldBatchCuda::FieldBatchCuda(std::shared_ptr<const ToolIndex> index, const Fie
       own_stream_(gpu, gpu::Priority::low),
       caller_stream_(gpu),
       table_(std::make_unique<Table>()) {
-  // Fewer warps share less between them, more of them are done sooner.
+  // Fewer warps share less work, more of them finish sooner.
   const int num_clusters = field_tool_.elements.num_clusters;
   const int fitting = num_clusters <= 8 ? 1 : (num_clusters <= 96 ? 4 : 8);
   for (int& warps : num_warps_) warps = num_warps > 0 ? num_warps : fitting;
@@ -297,7 +297,7 @@ Status FieldBatchCuda::grow_staged(int num_poses) const {
   num_poses = std::min(num_poses, max_staged_);
   if (num_poses <= staged_.num_poses) return Done{};
   staged_ = {};
-  // Less at a time where there is no room for more.
+  // Halves the number at a time where memory is short.
   constexpr int kMinPoses = 1024;
   for (int num = num_poses;; num /= 2) {
     const auto size = static_cast<std::size_t>(num);
@@ -468,7 +468,7 @@ Status FieldBatchCuda::measure(const SurfaceBatch& surfaces, const PoseBatch& po
     measure_part(poses, answers, first, std::min(at_once, num - first), job, stream);
   }
   if (requested_stream && !is_staged) return stream.status();
-  // Far more than it takes.
+  // Far more time than it takes.
   constexpr double kSlowest = 1e8;  // elements/s
   const double elements = 32.0 * field_tool_.elements.num_clusters;
   return stream.wait(2 + elements * num / kSlowest);

@@ -16,8 +16,8 @@ struct BatchJob;  // the argument of the kernel
 /// All memory is allocated at construction or by `reserve`, or with the first batch that needs it.
 class FieldBatchCuda final : public BatchQuery {
  public:
-  /// `num_warps`: of a block, 1 to 8; 0: as fits the tool. The bits depend on it. `max_staged`: so
-  /// many poses from host memory or answers to it are on the GPU at a time.
+  /// `num_warps`: of a block, 1 to 8; 0: as fits the tool. The bits depend on it. `max_staged`:
+  /// largest number of poses from host memory, or of answers to it, on the GPU at a time.
   FieldBatchCuda(std::shared_ptr<const ToolIndex> index, const FieldMethod& method, int gpu,
                  int num_warps = 0, int max_staged = 1 << 16);
   ~FieldBatchCuda() override;
@@ -32,12 +32,12 @@ class FieldBatchCuda final : public BatchQuery {
   /// Arrays on the GPU in place of those in host memory.
   struct Staged {
     std::optional<gpu::Memory> memory;
-    int num_poses = 0;  ///< that there is room for
+    int num_poses = 0;  ///< there is room for
     Pose* X_WT = nullptr;
     std::int32_t* surface = nullptr;
     BatchAnswers answers;
   };
-  /// What is known of surfaces that do not lie at equal distances.
+  /// Surfaces that do not lie at equal distances, on the GPU.
   struct Table;
 
   Status check(const SurfaceBatch& surfaces, const PoseBatch& poses,
@@ -54,7 +54,7 @@ class FieldBatchCuda final : public BatchQuery {
   int max_staged_;
   gpu::Memory memory_;
   FieldTool field_tool_;
-  Vec3d p_TC_;  // centre of mass
+  Vec3d p_TC_;  // center of mass
   mutable gpu::Stream own_stream_, caller_stream_;
   mutable Staged staged_;
   mutable std::unique_ptr<Table> table_;

@@ -17,7 +17,7 @@ Error refused(const std::string& message) { return {Errc::invalid_argument, mess
 
 class BodyBatch final : public BodyBatchQuery {
  public:
-  /// `shape_of_body`: which of the pairs a body is; `pairs`: of each thread, one of each shape.
+  /// `shape_of_body`: the pair of each body; `pairs`: for each thread, one of each shape.
   BodyBatch(std::vector<Pose> X_WB, std::vector<std::size_t> shape_of_body,
             std::vector<std::vector<std::unique_ptr<BodyPairQuery>>> pairs, ThreadPool* pool)
       : X_WB_(std::move(X_WB)),

@@ -14,7 +14,7 @@
 namespace palpate::inline v0 {
 namespace {
 
-/// Two nodes whose balls overlap, with the second centre where it is in the frame of the first.
+/// Two nodes whose balls overlap, with the second center in the frame of the first.
 struct NodePair {
   std::int32_t a, b;
   Vec3d b_centre_A;
@@ -52,7 +52,7 @@ void for_each_overlap(const InnerSphereTree& tree_a, const InnerSphereTree& tree
   while (num_waiting > 0) {
     const NodePair pair = waiting[--num_waiting];
     const IstNode &a = nodes_a[pair.a], &b = nodes_b[pair.b];
-    // Into the larger ball: its children say most about what is apart.
+    // Descends into the larger ball: its children separate most.
     if (b.num_children == 0 || (a.num_children > 0 && a.bound.radius >= b.bound.radius)) {
       for (std::int32_t i = a.first_child; i < a.first_child + a.num_children; ++i)
         consider(i, pair.b, pair.b_centre_A);
@@ -104,7 +104,7 @@ bool is_non_finite(const Pose& X_WA, const Pose& X_WB, BodyPenetration& result) 
 
 BodyPenetration body_penetration(const BodySums& sums, const Tool& a, const Tool& b,
                                  const Pose& X_WA, const Pose& X_WB) {
-  // The same forces on B, opposite and about its own centre of mass.
+  // The same forces on B, opposite and about its own center of mass.
   const Vec3d C_A = a.sphere_mass().centre_of_mass;
   const Vec3d C_B_A = relative_pose(X_WA, X_WB) * b.sphere_mass().centre_of_mass;
   const Vec3d torque_B_A = -(sums.torque_A + cross(C_A - C_B_A, sums.force_A));

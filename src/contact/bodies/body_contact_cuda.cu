@@ -1,7 +1,7 @@
 // Body against body on a GPU. Instead of descending two trees, warps take clusters of 32
-// neighbouring spheres of A and look which clusters of B are near, group by group: all lanes do the
-// same at the same time. Pairs of spheres are chosen in single precision with room for rounding,
-// and decided in double as on the CPU.
+// neighboring spheres of A and find the near clusters of B, group by group: all lanes do the same
+// at the same time. Pairs of spheres are chosen in single precision with room for rounding, and
+// decided in double as on the CPU.
 #include "src/contact/bodies/body_contact_cuda.h"
 
 #include <algorithm>
@@ -16,7 +16,7 @@ namespace palpate::inline v0 {
 namespace {
 
 constexpr int kThreads = 256, kWarps = kThreads / gpu::kWarpSize;
-/// Warps that share a cluster of A: each takes every so many of the clusters of B that are near.
+/// Warps that share a cluster of A: each takes every kWarpsPerCluster-th of the near clusters of B.
 constexpr int kWarpsPerCluster = 4;
 constexpr int kSize = SphereClusters::kSize, kClustersPerGroup = SphereClusters::kClustersPerGroup;
 static_assert(kSize == gpu::kWarpSize && 2 * kClustersPerGroup == gpu::kWarpSize);
@@ -27,7 +27,7 @@ struct alignas(16) Ball {
   __host__ __device__ Vec3d centre() const { return to_double(Vec3f{x, y, z}); }
 };
 
-/// SphereClusters of one body, as this kernel looks at them.
+/// SphereClusters of one body on the GPU.
 struct BodyView {
   const Ball* spheres = nullptr;   // of each slot; a negative radius is padding
   const Ball* clusters = nullptr;  // around their surfaces
@@ -39,12 +39,12 @@ struct BodyView {
 struct BodyJob {
   BodyView a, b;
   Mat3d R_AB;
-  Vec3d p_AB, C_A;  // B's origin and A's centre of mass, in A
+  Vec3d p_AB, C_A;  // B's origin and A's center of mass, in A
 
   __device__ Vec3d in_A(const Ball& ball_B) const { return R_AB * ball_B.centre() + p_AB; }
 };
 
-/// What one thread adds up. Each touched sphere is counted by one thread alone.
+/// Sums of one thread. Each touched sphere is counted by one thread alone.
 struct BodyShare {
   double volume = 0;
   Vec3d force_A, torque_A;
@@ -57,7 +57,7 @@ struct Scratch {
   Ball balls[kWarps][kSize];  // one cluster of B for each warp
 };
 
-/// 1 for the first thread that finds this sphere touched.
+/// Returns 1 for the first thread that finds this sphere touched.
 __device__ int touch(std::uint32_t* touched, std::uint32_t query) {
   if (gpu::read_now(touched) == query) return 0;
   return atomicExch(touched, query) != query;
@@ -69,8 +69,8 @@ __device__ bool are_near(const Ball& ball_A, const BodyJob& job, const Ball& bal
       .overlaps();
 }
 
-/// Bit k: this lane's sphere may overlap ball k. Balls are in A, their radii have room for
-/// rounding.
+/// Returns a bit for each ball k that this lane's sphere may overlap. Balls are in A, their radii
+/// have room for rounding.
 __device__ unsigned candidates(const Ball& mine, const Ball (&balls)[kSize]) {
   if (mine.radius < 0) return 0;
   const float radius = mine.radius * 1.000001f;
@@ -85,19 +85,19 @@ __device__ unsigned candidates(const Ball& mine, const Ball (&balls)[kSize]) {
   return found;
 }
 
-/// One sphere of A in each lane, against one cluster of B. Returns whether mine overlaps any.
+/// Measures one sphere of A per lane against one cluster of B. True if this lane's overlaps any.
 __device__ bool measure_cluster(const BodyJob& job, const Ball& mine, const Ball& cluster_A,
                                 std::int32_t cluster_b, std::uint32_t query, Ball (&balls)[kSize],
                                 BodyShare& share, Vec3d& force_A) {
   const std::int32_t first = cluster_b * kSize;
   const Ball theirs = job.b.spheres[first + gpu::lane_id()];
   const Vec3d p = job.in_A(theirs);
-  // Spheres that overlap lie no farther from A's origin; as floats, they are wrong by 1e-7 of that.
+  // Overlapping spheres lie no farther from A's origin; floats are off by 1e-7 of that.
   const float reach = cluster_A.radius + job.b.clusters[cluster_b].radius;
   const double largest = norm(cluster_A.centre()) + 2 * static_cast<double>(reach);
   const float room = static_cast<float>(1e-6 * largest);
   const bool is_padding = theirs.radius < 0;
-  __syncwarp();  // the cluster before this one has been read
+  __syncwarp();  // all lanes have read the previous cluster
   balls[gpu::lane_id()] = {is_padding ? 1e30f : static_cast<float>(p.x), static_cast<float>(p.y),
                            static_cast<float>(p.z), theirs.radius * 1.000001f + room};
   __syncwarp();
@@ -125,7 +125,7 @@ __device__ bool measure_cluster(const BodyJob& job, const Ball& mine, const Ball
   return overlapped != 0;
 }
 
-/// Calls visit(cluster of B) for all that are near a cluster of A, in a fixed order; all lanes.
+/// Calls visit(cluster of B) for all near a cluster of A, in a fixed order; all lanes call.
 template <class Visit>
 __device__ void for_each_near(const BodyJob& job, const Ball& cluster_A, const Visit& visit) {
   const int lane = gpu::lane_id();
@@ -276,7 +276,7 @@ class BodyContactCuda final : public BodyPairQuery {
   AnswerBox answers_;
   BodyJob job_;
   Pose X_WA_, X_WB_;
-  BodyPenetration nothing_;  // with the status of a measurement that cannot be
+  BodyPenetration nothing_;  // status of an impossible measurement
 };
 
 }  // namespace

@@ -1,4 +1,4 @@
-// A pair of bodies, sphere by sphere: what two spheres share, and what follows for the bodies.
+// A pair of bodies, sphere by sphere: the overlap of two spheres, and the wrenches that follow.
 // Shared code for host and device.
 #pragma once
 
@@ -9,10 +9,10 @@
 
 namespace palpate::inline v0 {
 
-/// A sphere of A and one of B. Inner nodes of their trees, too.
+/// A sphere of A and one of B, or inner nodes of their trees.
 struct SpherePair {
   double radius_a = 0, radius_b = 0;
-  Vec3d offset;  ///< from the centre of B's to that of A's
+  Vec3d offset;  ///< from the center of B's to that of A's
   double distance2 = 0;
 
   PALPATE_HOSTDEV SpherePair(double a, double b, const Vec3d& offset_ba)
@@ -25,7 +25,7 @@ struct SpherePair {
   PALPATE_HOSTDEV double distance() const { return std::sqrt(distance2); }
 };
 
-/// What a pair of spheres shares, and the force on A's.
+/// Volume that a pair of spheres shares, and the force on A's.
 struct SharedLens {
   double volume = 0;
   Vec3d force;
@@ -40,19 +40,19 @@ struct SharedLens {
 /// Sums over all pairs of two bodies, in the frame of A.
 struct BodySums {
   double volume = 0;
-  Vec3d force_A, torque_A;  ///< on A, about its centre of mass
+  Vec3d force_A, torque_A;  ///< on A, about its center of mass
   std::int64_t num_pairs = 0;
   int num_touched_a = 0, num_touched_b = 0;  ///< spheres
 };
 
-/// X_AB from the poses of both in W.
+/// Returns X_AB from the poses of both in W.
 Pose relative_pose(const Pose& X_WA, const Pose& X_WB);
 
-/// Wrenches on the bodies.
+/// Computes the wrenches on the bodies.
 BodyPenetration body_penetration(const BodySums& sums, const Tool& a, const Tool& b,
                                  const Pose& X_WA, const Pose& X_WB);
 
-/// With a pose that is not finite: the status that says so. False if both are finite.
+/// True if a pose is not finite; sets the status.
 bool is_non_finite(const Pose& X_WA, const Pose& X_WB, BodyPenetration& result);
 
 }  // namespace palpate::inline v0

@@ -16,7 +16,7 @@ namespace {
 
 constexpr SolidContactKernels kKernels[] = PALPATE_BY_ISA(kSolidContact);
 
-// A direction of sampling with less weight is not worth its time.
+// Smallest weight of a direction of sampling that is worth its time.
 constexpr double kMinWeight = 0.1;
 // Potential of a single sphere in a light touch, over the square of the coarseness.
 constexpr double kSingle = 0.05;
@@ -29,7 +29,7 @@ void copy(const Mat3d& from, float (&to)[3][3]) {
   }
 }
 
-/// The elements of a body E to the field of a body F.
+/// Places the elements of a body E in the field of a body F.
 SolidFrame frame_of(const Pose& X_WE, const Vec3d& centre_E, const Pose& X_WF,
                     const SolidField& field) {
   const Pose X_FE = relative_pose(X_WF, X_WE);
@@ -60,9 +60,9 @@ Vec3d times(const Stiffness& k, int first_row, const Vec3d& shift, const Vec3d& 
   return sum;
 }
 
-/// From how the wrench (about its centre C_E) on a body E changes with its own pose, how that on
-/// the other body F, about C_F, changes with F's: moving F is moving both, which turns all wrenches
-/// along, and E back. `d` is from C_F to C_E.
+/// Returns the stiffness of the wrench on the other body F, about C_F, by F's own pose, from that
+/// of the wrench on a body E, about its center C_E, by E's. Moving F is moving both, which turns
+/// all wrenches along, and E back. `d` is from C_F to C_E.
 Stiffness of_other(const Stiffness& k, const VolumeWrench& on_e, const Vec3d& d) {
   Stiffness other;
   for (int column = 0; column < 6; ++column) {
@@ -80,8 +80,8 @@ Stiffness of_other(const Stiffness& k, const VolumeWrench& on_e, const Vec3d& d)
   return other;
 }
 
-/// From the moments of the force on body F about its own centre, those of the opposite forces about
-/// another point, from which F's centre lies `d` away.
+/// Returns the moments of the opposite forces about another point, from which F's center lies `d`
+/// away, given those of the force on body F about its own center.
 VolumeMoments of_opposite(const VolumeMoments& f, const Vec3d& force, const Vec3d& d) {
   VolumeMoments other;
   const Vec3d n = normalized(force);
@@ -115,12 +115,12 @@ void add_product(Stiffness& sum, double scale, const VolumeWrench& F) {
   }
 }
 
-/// The potential U of a pair, a mean of what both ways say with the exponent 8, and its slope by
-/// each of them. Wrenches are on one body, about one point.
+/// The potential U of a pair, a mean of the potentials of both directions of sampling with the
+/// exponent 8, and its slope by each of them. Wrenches are on one body, about one point.
 ///
 ///   (U + e)^8 = w_a (U_a + e)^8 + w_b (U_b + e)^8
 ///
-/// e is what single spheres are worth: where both ways have little more, neither knows better.
+/// e is the potential of single spheres: where both have little more, neither is preferred.
 class PairPotential {
  public:
   PairPotential(double of_a, double weight_a, double of_b, double weight_b, double e)
@@ -143,7 +143,7 @@ class PairPotential {
   VolumeWrench wrench(const VolumeWrench& a, const VolumeWrench& b) const {
     return {slope_a_ * a.force + slope_b_ * b.force, slope_a_ * a.torque + slope_b_ * b.torque};
   }
-  /// How that changes; the slopes do, too.
+  /// Derivative of the wrench, including that of the slopes.
   Stiffness stiffness(const Stiffness& k_a, const VolumeWrench& a, const Stiffness& k_b,
                       const VolumeWrench& b) const {
     Stiffness sum = sum_of(k_a, slope_a_, k_b, slope_b_);
@@ -153,7 +153,7 @@ class PairPotential {
     add_product(sum, -7 / raised_, wrench(a, b));
     return sum;
   }
-  /// Of the force by its slopes, of the volume by its weights.
+  /// Moments of the force, weighted by its slopes; that of the volume by its weights.
   VolumeMoments moments(const VolumeMoments& a, double weight_a, const VolumeMoments& b,
                         double weight_b) const {
     VolumeMoments sum;
@@ -173,7 +173,7 @@ class PairPotential {
   }
 
   double value_, slope_a_, slope_b_;
-  double raised_ = 0, raised_a_ = 0, raised_b_ = 0;  // with e; 0: one direction alone is sampled
+  double raised_ = 0, raised_a_ = 0, raised_b_ = 0;  // with e; 0: only one direction is sampled
 };
 
 }  // namespace
@@ -207,8 +207,8 @@ SolidSampling::SolidSampling(const FieldElements& elements, const SolidField& fi
     const double counts = elements.factor[slot] * sphere_volume(radius);
     volume += counts;
     squares += counts * radius * radius;
-    // Second moments, in those of the finest grid: what the ball has lies between those of two
-    // grids, and it samples the one by which all so far have theirs most nearly.
+    // Second moments, in those of the finest grid. That of the ball lies between those of two
+    // grids; the choice keeps the sum over all elements so far nearest to that of their balls.
     const double desired = std::max(1.0, std::pow(kSpacingPerRadius * radius / spacing, 2));
     double moment = 1;
     while (moment * 4 <= desired && level[slot] < last) {
@@ -265,7 +265,7 @@ BodyPenetration SolidPair::penetration(const GroupSums& of_a, const GroupSums& o
                                        const Pose& X_WB) const {
   const Pose X_A{X_WA.translation, normalized(X_WA.rotation)};
   const Pose X_B{X_WB.translation, normalized(X_WB.rotation)};
-  // From the one centre of mass to the other.
+  // From one center of mass to the other.
   const Vec3d d_BA =
       X_A * a->tool().sphere_mass().centre_of_mass - X_B * b->tool().sphere_mass().centre_of_mass;
   const VolumeWrench measure_a{of_a.measure.force, of_a.measure.torque};
@@ -279,7 +279,7 @@ BodyPenetration SolidPair::penetration(const GroupSums& of_a, const GroupSums& o
     part->volume = weight_a * of_a.measure.volume + weight_b * of_b.measure.volume;
     part->potential = both.value();
   }
-  // What each way says of both bodies.
+  // Wrenches of each direction on both bodies.
   const VolumeWrench b_on_a{-measure_b.force, -(measure_b.torque - cross(d_BA, measure_b.force))};
   const VolumeWrench a_on_b{-measure_a.force, -(measure_a.torque + cross(d_BA, measure_a.force))};
   result.on_a.measure_W = both.wrench(measure_a, b_on_a);

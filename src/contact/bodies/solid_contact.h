@@ -1,4 +1,4 @@
-// Contact of bodies by distance fields: the spheres of each query the field of the other.
+// Contact of bodies by distance fields: the spheres of each sample the field of the other.
 #pragma once
 
 #include <memory>
@@ -10,22 +10,22 @@
 
 namespace palpate::inline v0 {
 
-/// A SolidField in the memory of this machine, which must stay.
+/// View of a SolidField in host memory, which must outlive it.
 SolidFieldView view_of(const SolidField& field);
 
-/// How the elements of one body sample the field of another one, whatever the poses.
+/// Sampling of the field of one body by the elements of another one, whatever the poses.
 struct SolidSampling {
   SolidSampling(const FieldElements& elements, const SolidField& field);
 
   // Per slot of the elements:
   std::vector<std::int32_t> level;  ///< the grid that is sampled
   std::vector<float> rounding;      ///< per cluster: see is_clear
-  /// Mean square of the lengths, m2, below which nothing is distinguished: radii and spacing.
+  /// Mean square of the lengths, m2, below which nothing is resolved: radii and spacing.
   double coarseness = 0;
   bool is_possible = true;  ///< no element is too large for the widest grid
 };
 
-/// What a query computes for each group of clusters.
+/// Arguments of a query for each group of clusters.
 struct SolidJob {
   const SphereClusters* clusters = nullptr;
   const float *radius = nullptr, *factor = nullptr, *counted = nullptr;  ///< per slot
@@ -36,22 +36,22 @@ struct SolidJob {
 };
 
 struct SolidContactKernels {
-  /// Writes the sums over the elements of one group, in W; torques are about the centre that
+  /// Writes the sums over the elements of one group, in W; torques are about the center that
   /// elements are relative to.
   void (*measure_solid_group)(const SolidJob&, int group, bool with_stiffness, GroupSums* sums);
 };
 /// An instruction set that the processor lacks is lowered.
 SolidContactKernels solid_contact_kernels(Isa isa);
 
-/// Both directions of sampling and their weights. The finer one weighs more, as the square of how
-/// much finer, and in the force the one whose potential says more (decision 30). A way that would
+/// Both directions of sampling and their weights. The finer one weighs more, as the square of the
+/// ratio, and in the force the one with the larger potential (decision 30). A direction that would
 /// count less than a tenth, or whose spheres are too large for the other body, is not sampled.
 struct SolidPair {
   SolidPair(std::shared_ptr<const ToolIndex> a, std::shared_ptr<const ToolIndex> b);
 
-  /// At finite poses.
+  /// Places the elements of both; poses are finite.
   void place(const Pose& X_WA, const Pose& X_WB, SolidFrame& of_a, SolidFrame& of_b) const;
-  /// From the sums of each way.
+  /// Combines the sums of both directions.
   BodyPenetration penetration(const GroupSums& of_a, const GroupSums& of_b, bool with_stiffness,
                               const Pose& X_WA, const Pose& X_WB) const;
 
@@ -60,10 +60,10 @@ struct SolidPair {
   const SolidField *field_a, *field_b;
   SolidSampling sampling_a, sampling_b;  ///< A's elements B's field; B's elements A's field
   double weight_a = 0, weight_b = 0;
-  double single_potential = 0;  ///< m4: about what one sphere says of a light touch
+  double single_potential = 0;  ///< m4: potential of about one sphere in a light touch
 };
 
-/// On the CPU.
+/// Pairs of bodies by distance fields, on the CPU.
 class SolidContact final : public BodyPairQuery {
  public:
   SolidContact(std::shared_ptr<const ToolIndex> a, std::shared_ptr<const ToolIndex> b,

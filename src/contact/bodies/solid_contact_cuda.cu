@@ -1,4 +1,4 @@
-// Bodies that sample each other's distance fields, on a GPU: a launch for each way, a warp for each
+// Bodies that sample each other's distance fields, on a GPU: a launch per direction, a warp per
 // cluster of elements.
 #include "src/contact/bodies/solid_contact_cuda.h"
 
@@ -23,7 +23,7 @@ struct SolidQuery {
   SolidFrame frame;
 };
 
-/// At p, from the corner of the grids. False if the grid has no node there.
+/// Samples at p, from the corner of the grids. False if the grid has no node there.
 template <class Sample>
 __device__ bool sample_level(const SolidFieldView& field, const float (&p)[3], int level,
                              Sample& sample) {
@@ -241,7 +241,7 @@ class SolidContactCuda final : public BodyPairQuery {
   SolidWay way_a_, way_b_;
   Pose X_WA_, X_WB_;
   bool wants_stiffness_ = false;
-  BodyPenetration nothing_;  // with the status of a measurement that cannot be
+  BodyPenetration nothing_;  // status of an impossible measurement
 };
 
 }  // namespace

@@ -5,7 +5,7 @@
 namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
 namespace {
 
-// The grids of a field, to pick from by the level of each lane.
+// The grids of a field, selected by the level of each lane.
 struct Grids {
   explicit Grids(const SolidFieldView& view) : values(view.values) {
     float spacing = view.spacing;
@@ -22,7 +22,7 @@ struct Grids {
   LaneTable<std::int32_t> first, num[3];
 };
 
-// Where the elements of a vector are: from the centre in W, from the corner of the grids in F.
+// Positions of a vector of elements: from the center in W, from the corner of the grids in F.
 struct SolidLanes {
   VecF lx, ly, lz;
   VecF p[3];
@@ -44,7 +44,7 @@ struct SolidLanes {
   return e;
 }
 
-// The field of one grid, in the axes of the field; `is_inside`: of the nodes that there are.
+// Samples one grid, in the axes of the field; `is_inside`: the grid has nodes there.
 template <class Sample>
 [[gnu::always_inline]] inline Sample sample_level(const Grids& grids, const SolidLanes& e,
                                                   VecI level, VecI& is_inside) {

@@ -1,5 +1,5 @@
-// The distance field of a body at a point, and which of its grids a sphere samples. Shared code for
-// host and device, for single numbers and vectors of them.
+// The distance field of a body at a point, and the choice of the grid that a sphere samples. Shared
+// code for host and device, for single numbers and vectors of them.
 #pragma once
 
 #include "palpate/packing/packing.h"
@@ -14,7 +14,7 @@ struct SolidGradient {
   Real phi;
   Gradient3<Real> n;
 };
-/// The second derivatives, too.
+/// Includes the second derivatives.
 template <class Real>
 struct SolidCurvature {
   SolidGradient<Real> first;
@@ -82,7 +82,7 @@ PALPATE_FORMULA void sample_spline(Real s, Real t, Real w, Real per_spacing, con
   to.h.zz = z.bend * squared;
 }
 
-/// A SolidField where a query runs.
+/// A SolidField in the memory of a query's device.
 struct SolidFieldView {
   const float* values = nullptr;
   std::int32_t num_levels = 0;
@@ -92,19 +92,19 @@ struct SolidFieldView {
   std::int32_t num_nodes[3][SolidField::kMaxLevels] = {};
 };
 
-/// Elements of a body as they lie to the field of another one.
+/// Pose of a body's elements relative to the field of another one.
 struct SolidFrame {
   float R_FE[3][3] = {};  ///< from the axes of the elements' body to those of the field's
-  float p_FC[3] = {};     ///< of the centre that elements are relative to, from the box's corner
+  float p_FC[3] = {};     ///< of the center that elements are relative to, from the box's corner
   float R_WE[3][3] = {}, R_WF[3][3] = {};
 };
 
 /// The second moment of a B-spline of spacing d is d^2 / 4 along each axis, that of a ball r^2 / 5.
 inline constexpr float kSpacingPerRadius = 0.8944272f;
-/// A mean over the nodes of a B-spline of spacing 1 is less than what it is of by this at most.
+/// Largest amount by which a B-spline of spacing 1 over distances is below the distance itself.
 inline constexpr float kMaxRounding = 0.8660255f;
 
-/// Does everything in a ball lie off the solid? `rounding`: of the widest grid that is sampled.
+/// True if everything in a ball lies off the solid. `rounding`: of the widest sampled grid.
 PALPATE_FORMULA bool is_clear(const SolidFieldView& field, const SolidFrame& frame,
                               const Cluster& ball, float rounding) {
   constexpr int kMargin = SolidField::kMargin;
@@ -117,9 +117,9 @@ PALPATE_FORMULA bool is_clear(const SolidFieldView& field, const SolidFrame& fra
     if (outside > 0) outside2 += outside * outside;
   }
   const float reach = ball.reach * 1.0001f;
-  // The mean of the distance to the box, which is convex, is no less than that distance.
+  // The mean of the distance to the box, a convex function, is no less than the distance itself.
   if (!(outside2 <= reach * reach)) return true;
-  // From a node near the middle.
+  // Distance from a node near the middle.
   float from_node2 = 0;
   std::int32_t at = 0;
   for (int axis = 2; axis >= 0; --axis) {

@@ -25,7 +25,7 @@
 namespace palpate::inline v0 {
 namespace {
 
-// The shares of all threads, and what one of them says about the whole query.
+// Adds up the shares of all threads; one of them adds the numbers of the whole query.
 __device__ void finish(const PointQuery& q, const MeasureOutput& out, const MeasureSums& sums,
                        int num_rounds) {
   MeasureTerms mine;
@@ -41,7 +41,7 @@ __device__ void finish(const PointQuery& q, const MeasureOutput& out, const Meas
     mine.status = *q.boundary.status;
     mine.num_rounds = num_rounds;
   }
-  __syncthreads();  // shared memory has another use now
+  __syncthreads();  // shared memory is used anew from here
   finish_measure(out, mine, gpu::shared_memory<FinishScratch>());
 }
 
@@ -102,7 +102,7 @@ int num_blocks(int gpu) {
   return std::max(num, 1);
 }
 
-// One measurement by points after the other, each with the memory of the one before.
+// Successive measurements by points, each with the memory of the one before.
 class PointMeasurementCuda {
  public:
   PointMeasurementCuda(const ToolIndex& index, const ContactOptions& options, int gpu)
@@ -118,7 +118,7 @@ class PointMeasurementCuda {
     take_scratch();
   }
 
-  /// The first failure to get what a query needs.
+  /// Returns the first failed allocation or stream.
   Status status() const {
     for (const Status* status : {&memory_.status(), &answers_.status()}) {
       if (!*status) return *status;
@@ -128,7 +128,7 @@ class PointMeasurementCuda {
 
   /// `X_WT` is finite, its quaternion unit.
   Penetration measure(const PointCloudView& cloud, const Pose& X_WT) noexcept;
-  /// Of the last measurement, as the CPU describes it.
+  /// Describes the last measurement, like the CPU.
   void describe(const ContactWants& wants) noexcept;
 
  private:
@@ -157,7 +157,7 @@ class PointMeasurementCuda {
   bool is_measured_ = false;  // by the last query
 };
 
-// What never changes.
+// Copies the constant data of the tool.
 void PointMeasurementCuda::take_tool() {
   const ToolIndex::Parts& parts = index_.parts();
   const Tool& tool = index_.tool();
@@ -228,7 +228,7 @@ void PointMeasurementCuda::take_scratch() {
   barrier_ = memory_.take<unsigned long long>(1);
 }
 
-// Grows with the first cloud of its size that has edges.
+// Allocates memory for candidates; grows with the first cloud of its size that has edges.
 void PointMeasurementCuda::take_edge_candidates(std::size_t num_points) {
   if (num_points <= max_edge_candidates_) return;
   max_edge_candidates_ = 0;

@@ -1,5 +1,5 @@
-// Two copies are kept, for the surfaces of a blend between two frames: which
-// one shows a view, and which one is to be made anew.
+// Choice among two copies, kept for the surfaces of a blend between two frames: the one that shows
+// a view, or the one to replace.
 #pragma once
 
 #include <cstdint>
@@ -8,7 +8,7 @@
 
 namespace palpate::inline v0 {
 
-/// Where values come from. With one stamp they are the same, unless it is 0.
+/// Source of values. Equal stamps mean equal values, unless they are 0.
 struct CopySource {
   std::uint64_t stamp = 0;
   const void* data = nullptr;
@@ -21,7 +21,7 @@ class CopySlots {
 
   struct Choice {
     int slot;
-    bool is_known;  ///< the slot shows the source; else it is the one that was used longer ago
+    bool is_known;  ///< the slot shows the source; else it is the one used longest ago
   };
   Choice choose(const CopySource& source) {
     for (int slot = 0; slot < kNum; ++slot) {
@@ -36,7 +36,7 @@ class CopySlots {
     uses_[oldest] = {{}, ++num_uses_};
     return {oldest, false};
   }
-  /// After the copy has been made.
+  /// Call after the copy has been made.
   void note(int slot, const CopySource& source) { uses_[slot].source = source; }
 
  private:

@@ -1,5 +1,5 @@
-// The end of every query's kernel: sums of all threads, in an order that does not depend on when
-// they come, straight into the host's memory.
+// The end of every query's kernel: sums of all threads, in an order independent of their timing,
+// straight into the host's memory.
 #pragma once
 
 #include <cstdint>
@@ -21,9 +21,9 @@ struct FinishScratchOf {
 using FinishScratch = FinishScratchOf<MeasureTerms::kNum>;
 using FinishStiffnessScratch = FinishScratchOf<MeasureTerms::kNum + MeasureTerms::kNumStiffness>;
 
-/// One half of 2 kHalf values of this lane is handed over to a lane that keeps that half, and added
-/// to what it has of it; the same the other way round. Then again, with half of the half. Lanes
-/// are kStride kHalf apart.
+/// Folds 2 kHalf values over lanes: hands one half over to a lane that keeps that half, which adds
+/// it to its own, and takes the other half in turn. Then again, with half of the half. Lanes are
+/// kStride kHalf apart.
 template <int kHalf, int kStride, int kNum>
 __device__ inline void fold_over_warp(double (&values)[kNum]) {
   const bool keeps_upper = (gpu::lane_id() & kStride * kHalf) != 0;
@@ -37,8 +37,8 @@ __device__ inline void fold_over_warp(double (&values)[kNum]) {
   if constexpr (kHalf > 1) fold_over_warp<kHalf / 2, kStride>(values);
 }
 
-/// values[first] + values[first + step] + ... while the index is below `end`, which is not before
-/// `first`. Eight at a time are on their way.
+/// Returns values[first] + values[first + step] + ... while the index is below `end`, which is not
+/// before `first`. Eight loads at a time are in flight.
 __device__ inline double sum_of_every(const double* values, unsigned first, unsigned end,
                                       unsigned step) {
   constexpr unsigned kAtOnce = 8;
@@ -57,7 +57,7 @@ __device__ inline double sum_of_every(const double* values, unsigned first, unsi
   return sum;
 }
 
-/// The sums of this warp: value k in lanes 2 k and 2 k + 1.
+/// Returns the sums of this warp: value k in lanes 2 k and 2 k + 1.
 __device__ inline double measure_of_warp(const MeasureTerms& mine) {
   double values[MeasureTerms::kNum] = {mine.volume,
                                        mine.potential,
@@ -79,7 +79,7 @@ __device__ inline double measure_of_warp(const MeasureTerms& mine) {
   return values[0] + __shfl_xor_sync(gpu::kWholeWarp, values[0], 1);
 }
 
-/// Two halves of a number, each with the number of the query above it.
+/// Writes two halves of a number, each with the number of the query above it.
 __device__ inline void answer(const MeasureOutput& out, int number, double value) {
   std::uint64_t bits;
   memcpy(&bits, &value, sizeof bits);
@@ -89,8 +89,8 @@ __device__ inline void answer(const MeasureOutput& out, int number, double value
   static_cast<volatile std::uint64_t*>(out.words)[2 * number + 1] = query | bits >> 32;
 }
 
-/// From the sums of each warp in shared.terms to the answer, in the host's memory when the last
-/// block is done. A block has at least kNum threads.
+/// Adds the sums of each warp in shared.terms up to the answer, which is in the host's memory when
+/// the last block is done. A block has at least kNum threads.
 template <int kNum>
 __device__ inline void finish_sums(const MeasureOutput& out, FinishScratchOf<kNum>& shared) {
   const int thread = static_cast<int>(threadIdx.x);
@@ -113,8 +113,8 @@ __device__ inline void finish_sums(const MeasureOutput& out, FinishScratchOf<kNu
   if (thread < kNum) answer(out, thread, sum);
 }
 
-/// Every thread of the grid calls this last, with what it has found. The answer is in the host's
-/// memory when the last block is done. `shared` is for this alone.
+/// Every thread of the grid calls this last, with its sums. The answer is in the host's memory when
+/// the last block is done. `shared` is for this alone.
 __device__ inline void finish_measure(const MeasureOutput& out, const MeasureTerms& mine,
                                       FinishScratch& shared) {
   const int lane = gpu::lane_id();

@@ -10,14 +10,14 @@
 
 namespace palpate::inline v0 {
 
-/// Keeps copies of the last two clouds: the surfaces of a moment between two frames. Memory grows
+/// Keeps copies of the last two clouds: the surfaces of a blend between two frames. Memory grows
 /// with the first cloud of its size.
 class GpuClouds {
  public:
   explicit GpuClouds(int gpu) : gpu_(gpu) {}
 
-  /// The cloud itself if it is on this GPU, else a copy, made in `stream` unless there is one with
-  /// its stamp. A failure goes to the stream.
+  /// Returns the cloud itself if it is on this GPU, else a copy, made in `stream` unless there is
+  /// one with its stamp. A failure goes to the stream.
   PointCloudView on_gpu(const PointCloudView& cloud, gpu::Stream& stream);
 
  private:

@@ -16,7 +16,7 @@ PointCloudView GpuClouds::on_gpu(const PointCloudView& cloud, gpu::Stream& strea
   constexpr std::size_t kPadding = PointCloudView::kPadding;
   const std::size_t num = (cloud.size() + kPadding - 1) / kPadding * kPadding;
   if (num > copy.capacity) {
-    stream.wait();  // nobody may still look at what is given up
+    stream.wait();  // the memory given up may still be in use
     copy.memory.emplace(gpu_);
     copy.data = copy.memory->take<float>(kNumChannels * num);
     copy.capacity = copy.data != nullptr ? num : 0;

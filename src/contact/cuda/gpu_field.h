@@ -10,14 +10,14 @@
 
 namespace palpate::inline v0 {
 
-/// Keeps copies of the last two fields: the surfaces of a moment between two frames. Memory grows
+/// Keeps copies of the last two fields: the surfaces of a blend between two frames. Memory grows
 /// with the first field of its size.
 class GpuFields {
  public:
   explicit GpuFields(int gpu) : gpu_(gpu) {}
 
-  /// The field itself if it is on this GPU, else a copy, made in `stream` unless there is one with
-  /// its stamp. A failure goes to the stream.
+  /// Returns the field itself if it is on this GPU, else a copy, made in `stream` unless there is
+  /// one with its stamp. A failure goes to the stream.
   DepthFieldView on_gpu(const DepthFieldView& field, gpu::Stream& stream) noexcept;
 
  private:
@@ -27,7 +27,7 @@ class GpuFields {
     Silhouette* silhouettes = nullptr;
     std::uint8_t* near_silhouette = nullptr;
     DepthTile* tiles = nullptr;
-    std::size_t num_pixels = 0, num_tiles = 0;  ///< that there is room for
+    std::size_t num_pixels = 0, num_tiles = 0;  ///< there is room for
   };
 
   bool grow(Copy& copy, std::size_t num_pixels, std::size_t num_tiles, gpu::Stream& stream);

@@ -9,7 +9,7 @@ bool GpuFields::grow(Copy& copy, std::size_t num_pixels, std::size_t num_tiles,
   if (num_pixels <= copy.num_pixels && num_tiles <= copy.num_tiles) return true;
   num_pixels = std::max(num_pixels, copy.num_pixels);
   num_tiles = std::max(num_tiles, copy.num_tiles);
-  stream.wait();  // nobody may still look at what is given up
+  stream.wait();  // the memory given up may still be in use
   copy = Copy{};
   copy.memory.emplace(gpu_);
   copy.planes = copy.memory->take<float>(2 * num_pixels);

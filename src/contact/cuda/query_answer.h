@@ -1,5 +1,5 @@
-// How the result of a query comes from a GPU to the host: straight from the kernel into page-locked
-// memory that the host watches, without a copy and without waiting for the stream.
+// The transfer of a query's result from a GPU to the host: straight from the kernel into
+// page-locked memory that the host polls, without a copy and without waiting for the stream.
 #pragma once
 
 #include <chrono>
@@ -12,7 +12,7 @@
 
 namespace palpate::inline v0 {
 
-/// What the threads of a query add up. Counts are whole numbers.
+/// Sums over the threads of a query. Counts are integers.
 struct MeasureTerms {
   double volume = 0;
   double potential = 0;
@@ -24,14 +24,14 @@ struct MeasureTerms {
   double unused[2] = {};
 
   static constexpr int kNum = 16;
-  /// StiffnessSums that follow if they are requested, and as many zeros as make a warp full.
+  /// StiffnessSums that follow if they are requested, padded with zeros to a full warp.
   static constexpr int kNumStiffness = 32;
 };
 static_assert(sizeof(MeasureTerms) == MeasureTerms::kNum * sizeof(double));
 
 /// Sums over all threads.
 struct QueryAnswer : MeasureTerms {
-  /// Force and torque in the frame in which they were added up.
+  /// Force and torque are in the frame in which they were added up.
   Penetration penetration() const {
     Penetration result;
     result.volume = volume;
@@ -47,13 +47,13 @@ struct QueryAnswer : MeasureTerms {
 };
 static_assert(std::is_trivially_copyable_v<QueryAnswer>);
 
-/// Where finish_measure (finish_measure.cuh) puts sums. An argument of the kernel.
+/// Destination of the sums of finish_measure (finish_measure.cuh). An argument of the kernel.
 struct MeasureOutput {
   double* partials = nullptr;           ///< all numbers of each block
   unsigned long long* count = nullptr;  ///< of the blocks that are done
   /// Page-locked. Each word is half of one of the numbers, and above it the number of the query:
-  /// words are written at once, so each shows by itself whether it is there yet, and no fence holds
-  /// the kernel up.
+  /// words are written at once, so each shows by itself that it has arrived, and the kernel needs
+  /// no fence.
   std::uint64_t* words = nullptr;
   std::uint32_t query = 0;
 };
@@ -63,7 +63,7 @@ class AnswerBox {
  public:
   static constexpr int kMaxNumbers = MeasureTerms::kNum + MeasureTerms::kNumStiffness;
 
-  /// `num_numbers`: kMaxNumbers for kernels that answer a stiffness too.
+  /// `num_numbers`: kMaxNumbers for kernels that also return a stiffness.
   AnswerBox(int gpu, int num_blocks, int num_numbers = MeasureTerms::kNum);
 
   /// Arguments for the kernel of the next query. One query at a time.

@@ -9,14 +9,14 @@
 namespace palpate::inline v0 {
 namespace {
 
-// Longer under a debugger or a checker, which make kernels slow.
+// Limit of the wait; longer under a debugger or a checker, which make kernels slow.
 std::chrono::milliseconds longest_wait() {
   const char* const factor = std::getenv("PALPATE_GPU_PATIENCE");
   const int times = factor != nullptr ? std::atoi(factor) : 1;
   return std::chrono::milliseconds(50) * std::clamp(times, 1, 1000);
 }
 
-// Lets the other thread of this core go on, and the memory bus rest.
+// Yields to the other thread of this core, and spares the memory bus.
 inline void relax() {
 #if defined(__x86_64__)
   __builtin_ia32_pause();
@@ -41,7 +41,7 @@ MeasureOutput AnswerBox::next() noexcept {
   return output_;
 }
 
-// Have all words come?
+// True once all words have arrived.
 bool AnswerBox::take() noexcept {
   for (int i = 0; i < num_numbers_; ++i) {
     std::uint64_t bits = 0;
@@ -80,7 +80,7 @@ bool AnswerBox::await(gpu::Stream& stream) noexcept {
     if (look % kLooksPerTime != 0) continue;
     const Clock::time_point now = Clock::now();
     if (now < next_poll) continue;
-    // Polling costs the driver some time, so seldom. A device that is done must have answered.
+    // Polling costs the driver some time, so it is rare. A device that is done must have answered.
     next_poll = now + kPollPeriod;
     const bool is_done = stream.is_idle();
     if (!stream.status()) return false;

@@ -24,8 +24,8 @@ namespace palpate::inline v0 {
 /// Number of the parts of a ball, their distance from its center and their radius, in its radii.
 inline constexpr int kNumBallParts = 30;
 inline constexpr float kPartDistance = 0.7f, kPartRadius = 0.43f;
-/// Values of a part count up to so many of its radii: on a plane that touches any part they are no
-/// larger than 1.13 + 0.7 radii of the ball.
+/// Limit up to which values of a part count, in its radii: on a plane that touches any part they
+/// are no larger than 1.13 + 0.7 radii of the ball.
 inline constexpr float kPartExtent = 4.3f;
 
 /// Elements of a cluster as the parts of a ball: their places in its radii, and 1; elements that
@@ -49,7 +49,7 @@ struct BallPlane {
   Real form[5][5] = {};
 };
 
-/// Writes how a, b and the residual's mean square change with the values.
+/// Writes the derivatives of a, b and the residual's mean square by the values.
 template <class Row>
 PALPATE_FORMULA void form_weights(const BallRows<Row>& at, const Row& residual, Row (&weights)[5]) {
   constexpr float kShare = 1.0f / kNumBallParts;
@@ -61,15 +61,15 @@ PALPATE_FORMULA void form_weights(const BallRows<Row>& at, const Row& residual, 
   weights[4] = 2 * kShare * residual;
 }
 
-/// Area of the disc in which a ball that counts `factor` times is cut.
+/// Returns the area of the disc in which a ball that counts `factor` times is cut.
 template <class Real>
 PALPATE_FORMULA Real cut_area(Real radius, Real factor, Real phi) {
   const Real squared = radius * radius - phi * phi;
   return factor * (static_cast<float>(kPi) * (squared > Real{} ? squared : Real{}));
 }
 
-/// In radii of the ball: the residual's mean square, and the square of the gradient's length off 1
-/// with a weight, at which the values are no plane any more.
+/// Limits of a plane, in radii of the ball: the residual's mean square, and a weight of the squared
+/// deviation of the gradient's length from 1.
 inline constexpr float kNoPlane = 0.0225f, kLengthWeight = 0.055f;
 
 template <class Real, class Row, class Sum>

@@ -1,5 +1,5 @@
-// A ball in thirty parts as it adds to the measure: its parts, corrected by a plane (ball_cut.h),
-// as the elements of one cluster. Included by kernel files only.
+// Sums of a ball in thirty parts: its parts, corrected by a plane (ball_cut.h), as the elements of
+// one cluster. Included by kernel files only.
 #pragma once
 
 #include "src/contact/field/ball_cut.h"
@@ -80,7 +80,7 @@ struct SumOfRow {
           select(which, h.yy, VecF{}), select(which, h.yz, VecF{}), select(which, h.zz, VecF{})};
 }
 
-/// Up to where the values of the elements count that are vector `number` of a cluster.
+/// Returns the limit up to which values count for vector `number` of a cluster's elements.
 [[gnu::always_inline]] inline VecF extent_of(VecF radius, bool is_ball, int number) {
   if (!is_ball) return radius;
   return select(lane_ids() + number * kLanes < splat(kNumBallParts), kPartExtent * radius, radius);
@@ -94,7 +94,7 @@ struct BallSamples {
   bool is_complete = true;  ///< every part has a value
 };
 
-/// Adds the ball that the cluster from slot `begin` on is; few tools have more than a dozen.
+/// Adds the ball whose cluster begins at slot `begin`; few tools have more than a dozen.
 template <bool kWithStiffness>
 [[gnu::noinline]] void add_ball(const MeasureJob& job, std::size_t begin, const BallSamples& at,
                                 GroupTotals<kWithStiffness>& totals) {
@@ -109,7 +109,7 @@ template <bool kWithStiffness>
   if (at.is_complete) {
     plane = ball_plane<float>(parts, phi * (1.0f / radius), sum, kWithStiffness);
   }
-  // The ball counts so often, times powers of its radius.
+  // The factor of the ball times powers of its radius.
   const float twice = job.ball_factor[begin / kSize] * radius * radius, thrice = twice * radius;
   Row n[3] = {}, lever[3] = {};
   for (int i = 0; i < kNumVectors; ++i) {

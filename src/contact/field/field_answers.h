@@ -11,7 +11,7 @@ using Curvature = ImageCurvature<VecF>;
 
 inline constexpr int kNumVectors = kSize / kLanes;  // of a cluster
 
-// Where the elements of a vector are.
+// Positions of a vector of elements.
 struct Lanes {
   VecF lx, ly, lz;      // from C, in W
   VecF from_u, from_v;  // pixels of level 0 from the principal point
@@ -43,7 +43,7 @@ struct Lanes {
   return look_at(grid, e.from_u + grid.cx, e.from_v + grid.cy, e.inverse_depth, radius);
 }
 
-// What the fields say to elements of a vector.
+// Values of the fields for a vector of elements.
 template <class Sample, int kFields>
 struct Answer {
   Sample samples[kFields];
@@ -56,7 +56,7 @@ struct Answer {
   }
 };
 
-// What lies deep samples wider pixels, too.
+// Samples wider pixels, too, for deep elements.
 template <class Sample, int kFields>
 [[gnu::always_inline]] inline void query_deeper(const Grid& grid, const Pixels (&fields)[kFields],
                                                 const Lanes& e, Answer<Sample, kFields>& answer) {

@@ -1,5 +1,5 @@
-// Bounds from the tiles of a depth field for all spheres in a ball at once: that they lie wholly in
-// front of the surface, mostly. shared by host and device.
+// Bounds from the tiles of a depth field for all spheres in a ball at once, mostly that they lie
+// wholly in front of the surface. Shared by host and device.
 #pragma once
 
 #include "palpate/field/sensor.h"
@@ -13,10 +13,10 @@ namespace palpate::inline v0 {
 struct FieldFrame {
   float fx = 0, fy = 0, cx = 0, cy = 0;
   float R_WT[3][3] = {};
-  float p_WC[3] = {};  ///< of the centre of mass, which centres of elements are relative to
+  float p_WC[3] = {};  ///< of the center of mass, which centers of elements are relative to
 };
 
-/// Puts the tool at a pose, a unit quaternion in it.
+/// Places the tool at a pose with a unit quaternion.
 PALPATE_HOSTDEV inline void place_tool(const Pose& X_WT, const Vec3d& centre_of_mass,
                                        FieldFrame& frame) {
   const Mat3d R_WT = rotation_matrix(X_WT.rotation);
@@ -40,8 +40,7 @@ inline FieldFrame frame_of(const Intrinsics& k, const Pose& X_WT, const Vec3d& c
   return frame;
 }
 
-/// Whether elements look at the same pixels of both: as they do at those of two frames of one
-/// camera.
+/// True if elements sample the same pixels of both, as in two frames of one camera.
 inline bool have_one_grid(const DepthFieldView& a, const DepthFieldView& b) {
   const Intrinsics &k = a.intrinsics, &l = b.intrinsics;
   return a.num_levels == b.num_levels && a.levels[0].width == b.levels[0].width &&
@@ -50,7 +49,7 @@ inline bool have_one_grid(const DepthFieldView& a, const DepthFieldView& b) {
          a.thickness == b.thickness && k.fx == l.fx && k.fy == l.fy && k.cx == l.cx && k.cy == l.cy;
 }
 
-/// Is something queried that one of two surfaces does not know? `from` counts below alpha = 1.
+/// True if a query reads pixels that one of two surfaces lacks. `from` counts below alpha = 1.
 inline bool is_outside_window(const SurfaceView& from, const SurfaceView& to, double alpha,
                               const Vec3d& p_WC, double reach) {
   const auto is_outside = [&](const DepthFieldView& field) {
@@ -59,18 +58,18 @@ inline bool is_outside_window(const SurfaceView& from, const SurfaceView& to, do
   return is_outside(to.field) || (alpha < 1 && is_outside(from.field));
 }
 
-/// Where a ball is, and which tiles can show what its elements sample.
+/// Position of a ball, and the tiles that can show the samples of its elements.
 struct BallWindow {
   float nearest = 0, farthest = 0;  ///< depths
   int left = 0, right = 0, top = 0, bottom = 0;
   float first_u = 0, last_u = 0, first_v = 0, last_v = 0;  ///< pixels, also beyond the image
 
-  /// Only then it has tiles.
+  /// The ball has tiles only if it lies before the camera.
   PALPATE_FORMULA bool is_before_camera() const { return nearest > kMinDepth; }
 };
 
-/// The pixels of a row that show what is between x - reach and x + reach, and `margin` more.
-/// Scales: 1 / depth of what is nearest and farthest.
+/// Finds the pixels of a row that show the range from x - reach to x + reach, with a margin.
+/// Scales: 1 / depth of the nearest and farthest points.
 PALPATE_FORMULA void find_pixels(float x, float reach, float near_scale, float far_scale,
                                  float focal, float middle, float margin, float& first,
                                  float& last) {
@@ -80,7 +79,7 @@ PALPATE_FORMULA void find_pixels(float x, float reach, float near_scale, float f
   last = high + middle;
 }
 
-/// First and last of `num` tiles in a row that have pixels from `first_pixel` to `last_pixel`.
+/// Finds the first and last of `num` tiles in a row with pixels from `first_pixel` to `last_pixel`.
 PALPATE_FORMULA void find_tiles(float first_pixel, float last_pixel, int num, int& first,
                                 int& last) {
   const float most = static_cast<float>(num - 1);
@@ -90,8 +89,8 @@ PALPATE_FORMULA void find_tiles(float first_pixel, float last_pixel, int num, in
   last = static_cast<int>(to > 0 ? (to < most ? to : most) : 0.0f);
 }
 
-/// The tiles of the ball's image, and of the four and a half footprints around in which there may
-/// be a silhouette that is nearer than a radius.
+/// Returns the tiles of the ball's image, and of the four and a half footprints around in which a
+/// silhouette may be nearer than a radius.
 PALPATE_FORMULA BallWindow window_of(const FieldFrame& frame, const Cluster& ball,
                                      float largest_radius, int tiles_wide, int tiles_high) {
   float at[3];
@@ -106,7 +105,7 @@ PALPATE_FORMULA BallWindow window_of(const FieldFrame& frame, const Cluster& bal
   if (!window.is_before_camera()) return window;
   const float near_scale = 1.0f / window.nearest, far_scale = 1.0f / window.farthest;
   const float margin_u = 2.01f + 5 * kFootprint * largest_radius * frame.fx * near_scale;
-  // Rows of pixels are asked as far around as columns, also where they are higher.
+  // Samples reach as many rows as columns around, also where pixels are higher.
   const float focal_v = frame.fx > frame.fy ? frame.fx : frame.fy;
   const float margin_v = 2.01f + 5 * kFootprint * largest_radius * focal_v * near_scale;
   find_pixels(at[0], reach, near_scale, far_scale, frame.fx, frame.cx, margin_u, window.first_u,
@@ -118,7 +117,7 @@ PALPATE_FORMULA BallWindow window_of(const FieldFrame& frame, const Cluster& bal
   return window;
 }
 
-/// Do all planes of a tile stay farther away than `radius` at all depths to `farthest`?
+/// True if all planes of a tile stay farther away than `radius` at all depths to `farthest`.
 PALPATE_FORMULA bool is_behind(const DepthTile& tile, float farthest, float radius) {
   return tile.min_slope * (tile.nearest - farthest) > radius;
 }

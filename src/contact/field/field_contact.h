@@ -13,7 +13,7 @@
 
 namespace palpate::inline v0 {
 
-/// Sums over some elements, in W; the torque is about the centre of mass C.
+/// Sums over some elements, in W; the torque is about the center of mass C.
 struct FieldSums {
   double volume = 0;
   double potential = 0;  ///< m4
@@ -42,9 +42,8 @@ struct FieldSums {
   }
 };
 
-/// Keeps what a tool measures within its bounds: light contacts of balls in parts may have less
-/// than nothing by a hair, which is nothing, and no force is longer than kLongestGradient times the
-/// volume.
+/// Keeps the results within their bounds: light contacts of balls in parts may have slightly
+/// negative volumes, which become 0, and no force is longer than kLongestGradient times the volume.
 inline void keep_bounds(ContactResult& result) {
   Penetration& at = result.penetration;
   const double scale = force_scale(at.volume, norm(at.measure_W.force));
@@ -58,13 +57,13 @@ inline void keep_bounds(ContactResult& result) {
   }
 }
 
-/// Of one group of clusters against one field.
+/// Sums of one group of clusters against one field.
 struct GroupSums {
   FieldSums measure;
   StiffnessSums stiffness;  ///< if it was requested
 };
 
-/// What one query computes for each group of clusters.
+/// Arguments of a query for each group of clusters.
 struct MeasureJob {
   const SphereClusters* clusters = nullptr;
   const float *radius = nullptr, *factor = nullptr, *counted = nullptr;  ///< per slot
@@ -90,11 +89,11 @@ inline MeasureJob measure_job(const FieldElements& elements) {
           {}};
 }
 
-/// Where a description goes: a slot for each sphere of the tool, by its number.
+/// Destination of a description: a slot for each sphere of the tool, by its number.
 struct SphereCuts {
   SphereState* states = nullptr;
   Plane<float>* planes = nullptr;  ///< in T
-  float p_TC[3] = {};              ///< the centre of mass
+  float p_TC[3] = {};              ///< the center of mass
   std::int8_t* deciders = nullptr;
   std::uint8_t* unseen = nullptr;
 };
@@ -106,13 +105,13 @@ inline SphereCuts cuts_of(const ContactWants& wants, const Vec3d& p_TC) {
           wants.unseen.data()};
 }
 
-/// Each does the elements of one group of clusters, in a fixed order.
+/// Each kernel does the elements of one group of clusters, in a fixed order.
 struct FieldContactKernels {
   /// Writes the sums against each field: the same bits as against that field alone.
   void (*measure_group)(const MeasureJob&, int group, bool with_stiffness, GroupSums* sums);
-  /// Writes what is cut or inside of the first field; the rest is outside.
+  /// Writes the spheres that the first field cuts or contains; the others are outside.
   void (*describe_group)(const MeasureJob&, int group, const SphereCuts& to);
-  /// What of it the camera of the first field does not see, m3; and which spheres, if requested.
+  /// Returns the volume unseen by the camera of the first field, m3; marks spheres if requested.
   double (*unseen_in_group)(const MeasureJob&, int group, std::uint8_t* spheres);
 };
 
@@ -149,7 +148,7 @@ class FieldContact final : public ContactQuery {
   MeasureJob job(std::span<const DepthFieldView> fields, const Pose& X_WT) const;
 
   const FieldElements* elements_;  // of the index
-  Vec3d p_TC_;                     // centre of mass
+  Vec3d p_TC_;                     // center of mass
   FieldContactKernels kernels_;
   mutable ThreadPool own_pool_{1};
   ThreadPool* pool_;

@@ -22,7 +22,7 @@ struct FieldQuery {
   FieldLook fields[kNumFields];
 };
 
-// Is no element of a cluster near any surface?
+// True if no element of a cluster is near any surface.
 template <int kNumFields>
 __device__ bool is_cluster_in_front(const FieldQuery<kNumFields>& query, int cluster) {
   const float radius = query.elements.largest_radius[cluster];
@@ -33,7 +33,7 @@ __device__ bool is_cluster_in_front(const FieldQuery<kNumFields>& query, int clu
   return true;
 }
 
-// What a kernel has for a block.
+// Shared memory of a block.
 template <class Sample>
 constexpr std::size_t kSharedBytes = std::is_same_v<Sample, Curvature>
                                          ? sizeof(FinishStiffnessScratch)
@@ -104,7 +104,7 @@ __global__ void describe_spheres(const __grid_constant__ DepthFieldView field, c
   }
 }
 
-// Blocks for so many threads, but not more than run at once.
+// Returns the number of blocks for so many threads, but not more than run at once.
 int blocks_for(int num_threads, int threads, int most) {
   return std::max(1, std::min((num_threads + threads - 1) / threads, most));
 }

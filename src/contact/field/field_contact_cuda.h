@@ -26,11 +26,11 @@ class FieldContactCuda final : public ContactQuery {
 
   using ContactQuery::measure;
   /// As FieldContact, to 1e-5 of its results, in one launch; the same bits on every run. With a
-  /// stiffness other blocks add up: what is measured then differs by rounding.
+  /// stiffness other blocks add up: results then differ by rounding.
   ContactResult measure_one(const SurfaceView& from, const SurfaceView& to, double alpha,
                             const Pose& X_WT, const ContactWants& wants) const noexcept override;
 
-  /// The first failure.
+  /// Returns the first failure.
   const Status& status() const;
 
  protected:

@@ -1,5 +1,5 @@
-// What one element of the tool adds to the field measure: shared by host and device, for single
-// numbers and for vectors of them.
+// Contribution of one element of the tool to the field measure: shared by host and device, for
+// single numbers and for vectors of them.
 #pragma once
 
 #include "palpate/contact/contact.h"
@@ -14,7 +14,7 @@ namespace palpate::inline v0 {
 /// longer is the derivative of the potential.
 inline constexpr float kLongestGradient = 1.05f;
 
-/// n of this length, but not longer than kLongestGradient.
+/// Returns n of this length, but not longer than kLongestGradient.
 template <class Real>
 PALPATE_FORMULA Gradient3<Real> bounded(const Gradient3<Real>& n, Real length) {
   const Real one = Real{} + 1.0f;
@@ -22,8 +22,8 @@ PALPATE_FORMULA Gradient3<Real> bounded(const Gradient3<Real>& n, Real length) {
   return {n.x * scale, n.y * scale, n.z * scale};
 }
 
-/// Its second derivatives where it was shortened, but for what no potential has: of the motion of n
-/// only what turns it.
+/// Returns its second derivatives where it was shortened, without parts that no potential has: of
+/// the motion of n only its rotation.
 template <class Real>
 PALPATE_FORMULA Symmetric<Real> bounded(const Symmetric<Real>& h, const Gradient3<Real>& n,
                                         Real length) {
@@ -62,7 +62,7 @@ PALPATE_FORMULA Symmetric<Real> turned(const float (&R)[3][3], const Symmetric<R
   return {first.x, first.y, first.z, second.y, second.z, third.z};
 }
 
-/// A ball that counts `factor` times, and the field at its centre.
+/// A ball that counts `factor` times, and the field at its center.
 template <class Real>
 struct CutBall {
   Real volume;     ///< behind the surface; times the gradient of the field it is the force
@@ -81,8 +81,8 @@ PALPATE_FORMULA CutBall<Real> cut_ball(Real radius, Real factor, Real phi) {
       factor * (static_cast<float>(kPi / 12) * h * h * h * (4.0f * radius - h)) + whole * deeper};
 }
 
-/// Second moment of that volume about the axis along which the ball is cut: discs of the radius rho
-/// have pi / 2 rho^4 each.
+/// Second moment of that volume about the axis along which the ball is cut: a disc of radius rho
+/// has pi / 2 rho^4.
 template <class Real>
 PALPATE_FORMULA Real polar_moment(Real radius, Real factor, Real phi) {
   Real h = radius - phi;
@@ -92,10 +92,10 @@ PALPATE_FORMULA Real polar_moment(Real radius, Real factor, Real phi) {
                    (static_cast<float>(4.0 / 3) * radius * radius - h * (radius - 0.2f * h)));
 }
 
-/// What all elements together say about the stiffness, as sums over them. F = sum f V(phi) n with n
-/// = grad phi, so dF = sum S dc with S = f (V H - A n n^T): A is the area of the cut disc, H holds
-/// the second derivatives of phi. A motion of the tool by `shift` and a small `turn` about C moves
-/// the element at lever l by dc = shift + turn x l, and its torque l x F changes with both factors.
+/// Sums over all elements for the stiffness. F = sum f V(phi) n with n = grad phi, so dF = sum S dc
+/// with S = f (V H - A n n^T): A is the area of the cut disc, H holds the second derivatives of
+/// phi. A motion of the tool by `shift` and a small `turn` about C moves the element at lever l by
+/// dc = shift + turn x l, and its torque l x F changes with both factors.
 struct StiffnessSums {
   // S: 6 numbers (xx, xy, xz, yy, yz, zz); L S with L w = l x w: 9, row by row; L S L: 6; l F^T: 9.
   // And V |l x n|^2 with what a cut ball has about its own axis, for VolumeMoments.
@@ -137,7 +137,7 @@ struct StiffnessSums {
   }
 };
 
-/// An element's terms; volume, disc and the polar moment of the cut ball include its factor.
+/// Terms of an element; volume, disc and the polar moment of the cut ball include its factor.
 template <class Real>
 PALPATE_FORMULA void stiffness_terms(const Gradient3<Real>& l, Real volume, Real disc, Real polar,
                                      const Gradient3<Real>& n, const Symmetric<Real>& h,

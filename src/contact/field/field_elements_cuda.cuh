@@ -1,4 +1,4 @@
-// What an element of a tool reads from a depth field on a GPU, and what it adds to the measure.
+// Samples of a depth field at the elements of a tool on a GPU, and their sums.
 #pragma once
 
 #include <type_traits>
@@ -12,7 +12,7 @@
 namespace palpate::inline v0 {
 static_assert(SphereClusters::kSize == gpu::kWarpSize);
 
-// A field as a kernel looks at it: what all its levels share, and what differs.
+// A field as kernels read it: constants of all levels, and the arrays of each.
 struct FieldLook {
   const float* planes = nullptr;  // of level 0; the other levels follow
   const Silhouette* silhouettes = nullptr;
@@ -114,8 +114,8 @@ __device__ inline LevelChoice<float> choose(float footprint, int last_level, flo
 __device__ inline const Gradient& first_of(const Gradient& g) { return g; }
 __device__ inline const Gradient& first_of(const Curvature& c) { return c.first; }
 
-// What the one or two levels of its size answer a sphere of this radius. `Sample` is a Gradient or
-// a Curvature.
+// Samples a sphere of this radius on the one or two levels of its size. `Sample` is a Gradient or a
+// Curvature.
 template <class Sample>
 __device__ Sample query_field(const FieldLook& field, float u, float v, float depth,
                               float inverse_depth, float radius) {
@@ -145,14 +145,14 @@ __device__ Sample query_field(const FieldLook& field, float u, float v, float de
   return answer;
 }
 
-// Where an element is, and what it counts.
+// Position and weight of an element.
 struct Element {
   float lever[3], p[3];  // from C and from the camera, in W
   float radius, factor;
   bool is_counted;
 };
 
-/// That of this lane in a cluster.
+/// Returns the element of this lane in a cluster.
 __device__ inline Element element_of(const ElementsView& elements, int cluster,
                                      const FieldFrame& frame) {
   const int slot = cluster * SphereClusters::kSize + gpu::lane_id();
@@ -170,7 +170,7 @@ __device__ inline Element element_of(const ElementsView& elements, int cluster,
   return element;
 }
 
-// Where an element is seen.
+// Image of an element.
 struct ElementLook {
   float depth, inverse_depth, from_u, from_v, u, v;
 };
@@ -185,7 +185,7 @@ __device__ inline ElementLook look_at(const FieldFrame& frame, const float (&p)[
   return look;
 }
 
-// What a field answers a sphere of this radius, and wider ones if that lies deep.
+// Samples a sphere of this radius, and wider ones if it lies deep.
 template <class Sample>
 __device__ Sample query_deep(const FieldLook& field, const ElementLook& at, float radius) {
   Sample answer{};
@@ -206,9 +206,9 @@ __device__ Sample query_deep(const FieldLook& field, const ElementLook& at, floa
   return answer;
 }
 
-// Adds an element that is cut so at `phi` and whose volume shrinks by `disc` phi: there the field
-// has this gradient and, if `kWithStiffness`, these second derivatives in W. Returns the gradient
-// that the force follows.
+// Adds an element cut at `phi` whose volume shrinks by `disc` phi: the field has this gradient
+// there and, if `kWithStiffness`, these second derivatives in W. Returns the gradient that the
+// force follows.
 template <bool kWithStiffness>
 __device__ inline Gradient3<float> add_cut(const Element& e, float phi, const CutBall<float>& cut,
                                            float disc, const Gradient3<float>& gradient,
@@ -245,7 +245,7 @@ __device__ inline void add_cut(const Element& e, float phi, const Gradient3<floa
   if (e.is_counted) ++(phi <= -e.radius ? sum.num_inside : sum.num_boundary);
 }
 
-// Adds what an element is answered by one field. `sums` is null if Sample is a Gradient.
+// Adds an element against one field. `sums` is null if Sample is a Gradient.
 template <class Sample>
 __device__ void add_element(const FieldLook& field, const Element& e, FieldShare& sum,
                             StiffnessShare* sums) {
@@ -283,9 +283,9 @@ struct SumOverWarp {
   }
 };
 
-// Adds the ball in parts that the elements of a warp are, which counts `count` times, corrected by
-// a plane if every part has a value. The field is `phi` at each, with this gradient and these
-// second derivatives in W.
+// Adds a ball in parts, the elements of a warp, which counts `count` times, corrected by a plane if
+// every part has a value. The field is `phi` at each, with this gradient and these second
+// derivatives in W.
 template <bool kWithStiffness>
 __device__ __noinline__ void add_ball(const float* places, float count, const Element& e, float phi,
                                       bool is_touching, bool is_complete,
@@ -331,7 +331,7 @@ __device__ __noinline__ void add_ball(const float* places, float count, const El
   }
 }
 
-// Adds what a ball in parts is answered by one field. The whole warp calls.
+// Adds a ball in parts against one field. The whole warp calls.
 template <class Sample>
 __device__ void add_ball(const FieldLook& field, const float* places, float count, const Element& e,
                          FieldShare& sum, StiffnessShare* sums) {
@@ -348,7 +348,7 @@ __device__ void add_ball(const FieldLook& field, const float* places, float coun
     here.h = hessian_in_space(answer, at.from_u, at.from_v, at.inverse_depth, field.frame.fx,
                               field.frame.fy);
   }
-  // As in the depth hull, what is far off is limited.
+  // Values far off are limited, as in the depth hull.
   const float extent = (gpu::lane_id() < kNumBallParts ? kPartExtent : 1.0f) * e.radius;
   here = composed(limited(g.phi, e.radius, extent), here);
   const SpaceGradient<float>& first = here.first;
@@ -356,7 +356,7 @@ __device__ void add_ball(const FieldLook& field, const float* places, float coun
                            is_before_camera, {first.x, first.y, first.z}, here.h, sum, sums);
 }
 
-/// Adds what a thread has found.
+/// Adds the sums of a thread.
 __device__ inline void add_share(const FieldShare& share, MeasureTerms& to) {
   to.volume += share.volume;
   to.potential += share.potential;
@@ -369,8 +369,8 @@ __device__ inline void add_share(const FieldShare& share, MeasureTerms& to) {
   to.num_inside += share.num_inside;
 }
 
-/// Is no element in a ball near the surface, as far as every `step`-th of the tiles that it covers
-/// says, from the tile `first` on? If there are more than so many, nobody knows.
+/// True if no element in a ball is near the surface, by every `step`-th tile of those it covers
+/// from tile `first` on. False if there are more than `max_tiles`.
 __device__ inline bool is_before_tiles(const FieldLook& field, const Cluster& ball,
                                        float largest_radius, int max_tiles, int first, int step) {
   const BallWindow window =
@@ -388,7 +388,7 @@ __device__ inline bool is_before_tiles(const FieldLook& field, const Cluster& ba
   return true;
 }
 
-/// The same of all tiles. Every lane of the warp looks at some of them.
+/// The same by all tiles. Every lane of the warp reads some of them.
 __device__ inline bool is_in_front(const FieldLook& field, const Cluster& ball,
                                    float largest_radius, int max_tiles = 1 << 30) {
   return __all_sync(gpu::kWholeWarp, is_before_tiles(field, ball, largest_radius, max_tiles,

@@ -4,7 +4,7 @@
 namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
 namespace {
 
-// The elements of a cluster and what the fields say to them. Each step is a short loop: then the
+// The elements of a cluster and their samples of the fields. Each step is a short loop: then the
 // processor has several vectors in flight, where one long loop would wait for each vector's chain.
 template <class Sample, int kFields>
 struct Answers {
@@ -100,7 +100,7 @@ template <class Sample, int kFields>
           if constexpr (kWithStiffness) {
             field.h = hessian_in_space(sample, e.from_u, e.from_v, e.inverse_depth, fx, fy);
           }
-          // As in the depth hull.
+          // Limited, as in the depth hull.
           field = composed(limited(g.phi, e.radius, extent_of(e.radius, true, i)), field);
         }
         add_ball(job, begin, ball, totals[k]);
@@ -122,7 +122,7 @@ void measure_group(const MeasureJob& job, int group, bool with_stiffness, GroupS
   measure<Gradient, 1>(job, group, sums);
 }
 
-// The planes that whole spheres are cut by.
+// Writes the planes that cut whole spheres.
 void describe_group(const MeasureJob& job, int group, const SphereCuts& to) {
   const auto describe_vector = [&](std::size_t slot, const Lanes& e, int, Gradient& g,
                                    VecI is_touching, int) {
@@ -139,7 +139,7 @@ void describe_group(const MeasureJob& job, int group, const SphereCuts& to) {
       });
 }
 
-// Finds the pixels of a field that were measured, or lie inside of what was.
+// Finds the pixels of a field that were measured, or lie inside a measured surface.
 inline VecI is_measured(const DepthFieldView& field, VecI column, VecI row, VecF slope) {
   if (field.filled_behind == nullptr) return slope > VecF{};
   const auto* const words = reinterpret_cast<const std::int32_t*>(field.filled_behind);
@@ -147,9 +147,9 @@ inline VecI is_measured(const DepthFieldView& field, VecI column, VecI row, VecF
   return (slope > VecF{}) & ((word >> (column & 31) & 1) == 0);
 }
 
-// A camera by itself: what lies more than kSeenBehind behind the surface that its pixel shows,
-// where that shows none or was not measured, or out of its sight. A memory's second field shows
-// what was measured now.
+// Unseen by a single camera is space more than kSeenBehind behind the surface that its pixel shows,
+// behind pixels without surface or measurement, and out of its sight. A memory's second field shows
+// the current measurement.
 double unseen_in_group(const MeasureJob& job, int group, std::uint8_t* spheres) {
   const SphereClusters& clusters = *job.clusters;
   const DepthFieldView& field = job.fields[0];
@@ -171,7 +171,7 @@ double unseen_in_group(const MeasureJob& job, int group, std::uint8_t* spheres) 
         const VecI pixel = 2 * (row * grid.stride + column);
         const VecF offset = gather(planes, pixel), slope = gather(planes + 1, pixel);
         is_seen &= is_measured(job.fields[k], column, row, slope);
-        if (k > 0) continue;  // behind what has come before it space is remembered
+        if (k > 0) continue;  // behind a new surface space is remembered
         is_seen &= offset - e.depth * slope >= splat(-static_cast<float>(kSeenBehind));
       }
       unseen.add(i % RowSums::kParts, select(is_seen, VecF{}, whole_volume(job, slot, e.radius)));

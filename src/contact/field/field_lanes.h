@@ -13,7 +13,7 @@ namespace {
 
 inline constexpr int kSize = SphereClusters::kSize;
 
-// What all fields of a query have in common: the camera and the sizes of the levels.
+// Camera and level sizes that all fields of a query share.
 struct Grid {
   explicit Grid(const DepthFieldView& view)
       : fx(static_cast<float>(view.intrinsics.fx)),
@@ -46,7 +46,7 @@ inline Pixels pixels_of(const DepthFieldView& view) {
   return {view.levels[0].planes, view.levels[0].silhouettes, view.levels[0].near_silhouette};
 }
 
-// Where on one level elements are seen.
+// Positions of elements on one level.
 struct Spot {
   VecI pixel;
   VecF s, t;  // from the middle of the pixel
@@ -73,8 +73,8 @@ struct Spot {
   return spot;
 }
 
-// Which level elements sample, and how much of the next wider one is blended in: a footprint m 2^e
-// with m in [1, 2) lies between levels e and e + 1.
+// Level that elements sample, and the blend with the next wider one: a footprint m 2^e with m in
+// [1, 2) lies between levels e and e + 1.
 struct LevelBlend {
   VecI level, is_single;
   VecF x, x_by_z;  // of smooth_step
@@ -109,7 +109,7 @@ struct LevelBlend {
   return choice;
 }
 
-// The value of a pixel at `depth` as its silhouettes have it.
+// Returns the value of a pixel at `depth`, limited by its silhouettes.
 [[gnu::always_inline]] inline Curved<VecF> silhouette_value(const Grid& grid, const Pixels& pixels,
                                                             VecI pixel, const Curved<VecF>& own,
                                                             VecF depth, VecF k_by) {
@@ -125,13 +125,13 @@ struct LevelBlend {
   return clamped_at_silhouette(own, plane, side, depth, k_by);
 }
 
-// Is one of the nine pixels around an element near a silhouette?
+// True if one of the nine pixels around an element is near a silhouette.
 [[gnu::always_inline]] inline bool is_near_silhouette(const Pixels& pixels, VecI pixel) {
   return any_byte(pixels.near_silhouette, pixel) &&
          mask_bits(gather_bytes(pixels.near_silhouette, pixel) != 0) != 0;
 }
 
-// The values of the nine pixels around, row by row, each element on a level of its own.
+// Computes the values of the nine pixels around, row by row, each element on its own level.
 [[gnu::always_inline]] inline void values_around(const Grid& grid, const Pixels& pixels, VecI pixel,
                                                  VecI level, VecF depth,
                                                  Curved<VecF> (&values)[3][3]) {
@@ -146,7 +146,7 @@ struct LevelBlend {
       if (grid.thickness < static_cast<float>(kSolidBehind)) {
         value = with_back(value, splat(grid.thickness));
       }
-      // Elsewhere what is written there may be old.
+      // Memory of other pixels may be stale.
       const VecI at = is_near ? pixel + (q - 1) * grid.stride + (p - 1) : VecI{};
       value = chosen(is_near, silhouette_value(grid, pixels, at, value, depth, k_by), value);
     }
@@ -171,7 +171,7 @@ template <class Sample>
 struct Planes {
   VecF value[3][3], slope[3][3];
 
-  /// Does with_back leave the values of all elements as they are?
+  /// True if with_back keeps the values of all elements.
   [[gnu::always_inline]] bool have_no_back(float thickness) const {
     if (!(thickness < static_cast<float>(kSolidBehind))) return true;
     VecF least = value[0][0];
@@ -248,7 +248,7 @@ template <class Sample>
   return blended(c, next, choice.blend(), choice.blend_by_z(), choice.blend_by_zz(inverse_depth));
 }
 
-// Where elements of some radius look: the pixels on the one or two levels of their size.
+// Pixels of elements of some radius on the one or two levels of their size.
 struct Look {
   LevelBlend levels;
   VecI wider_level;
@@ -266,7 +266,7 @@ struct Look {
   return look;
 }
 
-// What elements see there.
+// Samples the pixels of `look`.
 template <class Sample>
 [[gnu::always_inline]] inline Sample query_field(const Grid& grid, const Pixels& pixels,
                                                  const Look& look, VecF depth, VecF inverse_depth) {
@@ -276,8 +276,8 @@ template <class Sample>
   return with_wider(own, next, look.levels, inverse_depth);
 }
 
-// Which fields' tiles, of those that elements in a ball can sample, are not all well behind it:
-// in the others every plane is at least the largest radius away from every element.
+// Bits of the fields near a ball: the tiles that its elements can sample are not all well behind
+// it. In the others every plane is at least the largest radius away from every element.
 template <int kFields>
 std::uint32_t fields_near(const MeasureJob& job, const Cluster& ball, float largest_radius) {
   constexpr std::uint32_t kAll = (1u << kFields) - 1;
@@ -296,7 +296,7 @@ std::uint32_t fields_near(const MeasureJob& job, const Cluster& ball, float larg
   return near;
 }
 
-/// Is a group not well in front of everything?
+/// True if a group is not well in front of everything.
 template <int kFields>
 [[gnu::always_inline]] inline bool is_group_near(const MeasureJob& job, int group) {
   const SphereClusters& clusters = *job.clusters;
@@ -308,7 +308,7 @@ template <int kFields>
   return fields_near<kFields>(job, all, largest_radius) != 0;
 }
 
-/// Calls f(first slot, which fields) for the clusters of a group that are not well in front of
+/// Calls f(first slot, bits of fields) for the clusters of a group that are not well in front of
 /// everything.
 template <int kFields, class F>
 [[gnu::always_inline]] inline void for_near_clusters(const MeasureJob& job, int group, const F& f) {

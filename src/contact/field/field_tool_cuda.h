@@ -7,7 +7,7 @@
 
 namespace palpate::inline v0 {
 
-/// An element: its centre from the centre of mass, in T.
+/// An element: its center from the center of mass, in T.
 struct alignas(16) ElementBall {
   float x = 0, y = 0, z = 0, radius = 0;
 };
@@ -33,7 +33,7 @@ struct FieldTool {
   float largest_radius = 0;         ///< the largest one of a cluster
 };
 
-/// Copies that `memory` owns; it also keeps failures.
+/// Copies arrays to the GPU; `memory` owns them and keeps failures.
 ElementsView elements_view(const FieldElements& elements, gpu::Memory& memory);
 FieldTool make_field_tool(const ToolIndex& index, SphereVolumes volumes, gpu::Memory& memory);
 

@@ -1,5 +1,5 @@
-// What the elements of a group add to the measure, and how they are cut, as many at once as a
-// vector has lanes. Included by kernel files only.
+// Sums over the elements of a group and their cuts, as many at once as a vector has lanes. Included
+// by kernel files only.
 #pragma once
 
 #include "src/contact/field/field_answers.h"
@@ -45,7 +45,7 @@ template <class Job, class Element>
   totals.boundary.add(part, select((phi < e.radius) & ~is_inside, counted, VecF{}));
 }
 
-/// Sums of one group, with what the stiffness needs if it is requested.
+/// Sums of one group, with those of the stiffness if it is requested.
 template <bool kWithStiffness>
 struct GroupTotals {
   Totals totals;
@@ -100,14 +100,14 @@ inline void mark_unseen(const MeasureJob& job, std::size_t first, VecI is_unseen
   }
 }
 
-/// What elements are together that are wholly inside, m3.
+/// Volume of elements that are wholly inside, m3.
 [[gnu::always_inline]] inline VecF whole_volume(const MeasureJob& job, std::size_t slot,
                                                 VecF radius) {
   return load(job.factor + slot) * (static_cast<float>(4 * kPi / 3) * radius * radius * radius);
 }
 
-/// Writes how the spheres of a vector of elements are cut that touch a surface: at `phi` from their
-/// centres, with the gradient n in W, as one of several cameras decided.
+/// Writes the cuts of the spheres of a vector of elements that touch a surface: at `phi` from their
+/// centers, with the gradient n in W, as one of several cameras decided.
 inline void describe(const MeasureJob& job, std::size_t first, const Lanes& e, VecI is_touching,
                      VecF phi, const Gradient3<VecF>& n, const SphereCuts& to,
                      VecI decider = VecI{}) {

@@ -10,11 +10,11 @@ namespace palpate::inline v0 {
 
 inline bool has_in_front(const SurfaceView& surface) { return surface.in_front.num_levels > 0; }
 inline bool is_remembered(const SurfaceView& surface) { return surface.remembered.num_levels > 0; }
-/// Has it what a camera sees now?
+/// True if the surface has the field of space that its camera sees to be free now.
 inline bool is_seen(const SurfaceView& surface, bool is_alone) {
   return is_alone || surface.seen_free.num_levels > 0;
 }
-/// Has the surface the fields that cameras are joined by? One that is alone needs `field` only.
+/// True if the surface has the fields that join cameras. A single camera needs `field` only.
 inline bool has_fields(const SurfaceView& surface, bool is_alone) {
   return surface.field.num_levels > 0 && (is_seen(surface, is_alone) || is_remembered(surface));
 }
@@ -23,7 +23,7 @@ inline bool are_alike(const SurfaceView& a, const SurfaceView& b) {
          (a.seen_free.num_levels > 0) == (b.seen_free.num_levels > 0);
 }
 
-/// Is this one camera that is sampled by itself, without its seen-free space?
+/// True for one camera that is sampled by itself, without its seen-free space.
 inline bool is_alone(std::span<const SurfaceBlend> cameras) {
   return cameras.size() == 1 && cameras.front().to.seen_free.num_levels == 0;
 }
@@ -44,7 +44,7 @@ struct CameraSeats {
     }
   }
 
-  /// Has the tool left what the fields were made for? `p_TC`, `reach`: a ball around it.
+  /// True if the tool has left the window of the fields. `p_TC`, `reach`: a ball around it.
   bool is_outside_window(const SurfaceBlend& view, const Vec3d& p_TC, double reach) const {
     const SurfaceView &from = view.from, &to = view.to;
     const double progress = view.progress;

@@ -18,8 +18,8 @@ namespace {
 
 constexpr DepthHullKernels kKernels[] = PALPATE_BY_ISA(kDepthHull);
 
-/// Has the camera measured wherever elements look that are at most `reach` from p_C, also those
-/// that lie deep and sample the widest pixels? There its two fields are one, if all is solid behind
+/// True if the camera has measured all pixels of elements at most `reach` from p_C, also the widest
+/// ones, which deep elements sample. There its two fields are equal, if all is solid behind
 /// surfaces.
 bool has_measured_around(const MeasureJob& seen_free, const Vec3d& p_C, double reach) {
   constexpr int kReach = 6;  // pixels around one that a sphere is seen in, of the widest level
@@ -43,9 +43,8 @@ bool has_measured_around(const MeasureJob& seen_free, const Vec3d& p_C, double r
   return true;
 }
 
-/// The greatest that a camera says, which sees all that it has not measured as blocked, about a
-/// ball that is out of its image, by so much that none of its levels has a silhouette there.
-/// Infinity: it is not.
+/// Returns the upper bound of a camera's field, with all unmeasured space blocked, for a ball so
+/// far out of its image that none of its levels has a silhouette there. Infinity: it is not.
 float out_of_image(const DepthFieldView& field, const Vec3d& p_C, double reach) {
   constexpr double kMargin = 1e-3;  // m, for what rounding does
   if (p_C.z + reach < 0) return static_cast<float>(p_C.z + reach + kMargin);
@@ -54,7 +53,7 @@ float out_of_image(const DepthFieldView& field, const Vec3d& p_C, double reach) 
   const double border =
       (1 - static_cast<double>(DepthFieldLevel::kFirst)) * (1 << (field.num_levels - 1));  // pixels
   const auto is_beyond = [&](double x, double focal, double centre, int size) {
-    // Of the planes through the eye and the borders, far out.
+    // Planes through the eye and the borders, far out.
     const double low = (-border - centre) / focal, high = (size + border - centre) / focal;
     return x - low * p_C.z < -reach * std::hypot(1, low) ||
            x - high * p_C.z > reach * std::hypot(1, high);
@@ -64,11 +63,11 @@ float out_of_image(const DepthFieldView& field, const Vec3d& p_C, double reach) 
       !is_beyond(p_C.y, fy, cy, field.levels[0].height)) {
     return std::numeric_limits<float>::infinity();
   }
-  // Unmeasured is blocked from there on.
+  // Unmeasured space is blocked from there on.
   return static_cast<float>(kMinDepth - z + kMargin);
 }
 
-/// Does a field in host memory have no surface beyond its image?
+/// True if a field in host memory has no surface beyond its image.
 bool is_free_beyond(const DepthFieldView& field) {
   const DepthFieldLevel& level = field.levels[0];
   const int at = static_cast<int>(DepthFieldLevel::kFirst);
@@ -83,7 +82,7 @@ DepthHull::DepthHull(const FieldElements& elements, const Vec3d& p_TC, Isa isa)
       kernels_(select_isa(kKernels, isa)),
       group_sums_(static_cast<std::size_t>(elements.clusters.num_groups())) {}
 
-// Those that show something go into the job.
+// Adds the cameras that show something to the job.
 ContactStatus DepthHull::take(std::span<const SurfaceBlend> cameras, const Pose& X_WT) {
   HullJob& job = *job_;
   job.tool = measure_job(*elements_);
@@ -95,7 +94,7 @@ ContactStatus DepthHull::take(std::span<const SurfaceBlend> cameras, const Pose&
   for (const bool sees : {true, false}) {
     for (std::size_t k = 0; k < cameras.size(); ++k) {
       const SurfaceView& surface = cameras[k].to;
-      if (surface.field.num_levels == 0) continue;  // it shows nothing yet: it abstains
+      if (surface.field.num_levels == 0) continue;  // no frame yet: it abstains
       if (is_seen(surface, job.is_alone) != sees) continue;
       const ContactStatus status = take(cameras[k], X_WT, static_cast<int>(k));
       if (status.is_unmeasured()) return status;
@@ -129,7 +128,7 @@ ContactStatus DepthHull::take(const SurfaceBlend& view, const Pose& X_WT, int nu
   show(camera.seen_free, job.is_alone ? &SurfaceView::field
                          : sees       ? &SurfaceView::seen_free
                                       : &SurfaceView::remembered);
-  // What has no thickness is solid as far as its camera sees.
+  // A surface without thickness is solid as far as its camera sees.
   show(camera.in_front, has_in_front(to) ? &SurfaceView::in_front : &SurfaceView::field);
   show(camera.remembered, is_remembered(to) ? &SurfaceView::remembered : &SurfaceView::field);
   camera.progress = static_cast<float>(progress);
@@ -146,7 +145,7 @@ ContactStatus DepthHull::take(const SurfaceBlend& view, const Pose& X_WT, int nu
   return StepStatus::ok;
 }
 
-/// Says what it can be left out by.
+/// Sets the bound by which a camera may be skipped.
 void DepthHull::leave_out(const SurfaceBlend& view, const CameraSeats& seats,
                           HullCamera& camera) const {
   camera.at_most = std::numeric_limits<float>::infinity();

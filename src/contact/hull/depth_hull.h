@@ -12,19 +12,19 @@ namespace palpate::inline v0 {
 
 struct CameraSeats;
 
-/// A camera as the elements of a tool look at it.
+/// A camera as seen by the elements of a tool.
 struct HullCamera {
-  /// With the pose of the tool in the camera; its fields, the newer one first.
+  /// Fields, the newer one first, with the pose of the tool in the camera.
   MeasureJob seen_free, field, in_front, remembered;
   bool has_in_front = false;  ///< a camera by itself, with a memory
   bool is_remembered = false;
   int number = 0;  ///< in the call
-  /// The tool is out of its image: what it has seen to be free is at most this, and its `field` has
-  /// nothing there. Infinity: it may see some of the tool.
+  /// Upper bound of seen-free space if the tool is out of its image, where `field` has no surface.
+  /// Infinity: it may see some of the tool.
   float at_most = std::numeric_limits<float>::infinity();
   float progress = 1;  ///< from the older to the newer one
-  /// The camera has moved in between: then each moment has a pose of its own, and `older` that of
-  /// the tool in the older one.
+  /// The camera has moved between its frames: each has a pose of its own, and `older` that of the
+  /// tool in the older one.
   bool has_moved = false;
 
   bool may_see() const { return at_most == std::numeric_limits<float>::infinity(); }
@@ -32,14 +32,14 @@ struct HullCamera {
   MeasureJob older;
 };
 
-/// What a query computes for each group of clusters.
+/// Arguments of a query for each group of clusters.
 struct HullJob {
   MeasureJob tool;  ///< without fields; the pose in the world
   HullCamera cameras[kMaxCameras];
   int num_cameras = 0;
-  int num_seeing = 0;  ///< those that show something now come first
+  int num_seeing = 0;  ///< cameras that show something now come first
   bool has_memory = false;
-  /// A single camera: its `field` stands for `seen_free`, and behind the eye nothing is.
+  /// A single camera: its `field` stands for `seen_free`, and behind the eye is free space.
   bool is_alone = false;
   /// No camera has measured all around the tool: `field` has to be sampled, too.
   bool may_be_unseen = true;
@@ -66,7 +66,7 @@ class DepthHull {
   void leave_out(const SurfaceBlend& view, const CameraSeats& seats, HullCamera& camera) const;
 
   const FieldElements* elements_;
-  Vec3d p_TC_;  // centre of mass
+  Vec3d p_TC_;  // center of mass
   DepthHullKernels kernels_;
   // Scratch.
   std::unique_ptr<HullJob> job_ = std::make_unique<HullJob>();

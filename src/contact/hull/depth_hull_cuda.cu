@@ -12,14 +12,14 @@
 
 namespace palpate::inline v0 {
 
-// A camera as the kernel looks at it: its fields, the newer one first, with the pose of the tool in
-// the camera at that moment.
+// A camera on the GPU: its fields, the newer one first, with the pose of the tool in the camera at
+// that frame.
 struct HullEye {
   FieldLook seen_free[2], field[2], in_front[2], remembered[2];
   float R_WC[2][3][3] = {};
   float progress = 1;
   std::int32_t num_fields = 1;
-  bool has_moved = false;     // between its moments
+  bool has_moved = false;     // between its frames
   bool has_in_front = false;  // a camera by itself, with a memory
   bool is_remembered = false;
   std::int32_t number = 0;  // in the call
@@ -32,7 +32,7 @@ struct HullQuery {
   ElementsView elements;
   FieldFrame tool;  ///< its pose in the world
   std::int32_t num_cameras = 0;
-  std::int32_t num_seeing = 0;  ///< those that show something now come first
+  std::int32_t num_seeing = 0;  ///< cameras that show something now come first
   bool has_memory = false;
   bool skips_clusters = false;  ///< those in front: pays if blocks have several
   bool is_alone = false;        ///< as HullJob
@@ -45,8 +45,8 @@ template <class Sample>
 using InSpace = std::conditional_t<std::is_same_v<Sample, Curvature>, SpaceCurvature<float>,
                                    SpaceGradient<float>>;
 
-// A point of the tool, from C, in a frame that the tool has a pose in, and up to which value the
-// fields count there.
+// A point of the tool, from C, in a frame in which the tool has a pose, and the limit up to which
+// values count there.
 struct Ball {
   float x, y, z, radius, extent;
 };
@@ -57,7 +57,7 @@ __device__ inline void place(const FieldFrame& frame, const Ball& ball, float (&
   }
 }
 
-// What is near a camera's eye is as free as it is before it.
+// Limits the field near a camera's eye to that right before it.
 template <class Space>
 __device__ Space before_eye(const float (&R_WC)[3][3], const Space& seen, float z, float radius) {
   Space plane{};
@@ -65,8 +65,8 @@ __device__ Space before_eye(const float (&R_WC)[3][3], const Space& seen, float 
   return lesser_of(seen, plane, hull_width(radius));
 }
 
-// What a field of a camera says between the camera's two moments; behind the camera all is free,
-// or blocked if it `is_closed`.
+// Interpolates a field between the camera's two frames; behind the camera all is free, or blocked
+// if it `is_closed`.
 template <class Sample>
 __device__ InSpace<Sample> between(const HullEye& eye, const FieldLook (&fields)[2],
                                    const Ball& ball, bool is_closed, bool queries_in_front) {
@@ -96,8 +96,8 @@ __device__ InSpace<Sample> between(const HullEye& eye, const FieldLook (&fields)
   return is_closed && !eye.has_moved ? before_eye(eye.R_WC[0], now, p[2], ball.radius) : now;
 }
 
-// A view is one field of one camera. First what each camera sees to be free, then the fields; and
-// of memories the surfaces that each camera sees, then what each remembers to be free.
+// A view is one field of one camera. First the seen-free space of each camera, then the fields; for
+// memories the surfaces that each camera sees, then the remembered free space of each.
 template <int kMaxViews>
 __device__ int num_views(const HullQuery<kMaxViews>& query) {
   return query.is_alone ? 1 : query.num_seeing + query.num_cameras;
@@ -123,7 +123,7 @@ __device__ InSpace<Sample> query_memory(const HullQuery<kMaxViews>& query, int v
   return between<Sample>(eye, is_seen ? eye.in_front : eye.remembered, ball, !is_seen, false);
 }
 
-// Has a ball a value? A single camera knows nothing of what is behind its eye.
+// True if a ball has a value. A single camera knows nothing of the space behind its eye.
 template <int kMaxViews>
 __device__ bool is_complete(const HullQuery<kMaxViews>& query, const Ball& ball) {
   if (!query.is_alone) return true;
@@ -136,8 +136,8 @@ __device__ bool is_complete(const HullQuery<kMaxViews>& query, const Ball& ball)
   return true;
 }
 
-// What all views together say about a ball of this radius, and which camera decides it (-1: none);
-// view(number) is what one of them says.
+// Joined value of all views for a ball of this radius, and the camera that decides it (-1: none);
+// view(number) is the value of one of them.
 template <class Space>
 struct Joined {
   Space hull;
@@ -174,7 +174,7 @@ __device__ Joined<Space> join_seen(const HullQuery<kMaxViews>& query, float radi
   now.seen_phi = first_of(now.hull).phi;
   return now;
 }
-// Likewise of memories: what counts where no camera sees a surface now.
+// Joins memories, too: they count where no camera sees a surface now.
 template <class Space, int kMaxViews, class View>
 __device__ void join_memories(const HullQuery<kMaxViews>& query, float radius, const View& view,
                               Joined<Space>& to) {
@@ -216,8 +216,8 @@ __device__ bool needs_wider(const HullQuery<kMaxViews>& query, const Joined<Spac
   return !query.is_alone && first_of(at.hull).phi < extent;
 }
 
-// Does a field of the camera say that all elements in a ball are well in front of everything? The
-// warp together.
+// True if a field of the camera has all elements in a ball well in front of everything. The warp
+// together.
 __device__ bool sees_free(const HullEye& eye, const FieldLook (&fields)[2], const Cluster& ball,
                           float distance) {
   for (int f = 0; f < eye.num_fields; ++f) {
@@ -247,7 +247,7 @@ __device__ bool is_seen_free(const HullQuery<kMaxViews>& query, int cluster) {
   }
   return false;
 }
-// May anything that came before what a camera remembers be near?
+// True if a surface that came before a remembered one may be near.
 template <int kMaxViews>
 __device__ bool queries_in_front(const HullQuery<kMaxViews>& query, int view, int cluster) {
   const HullEye& eye = eye_of(query, view);
@@ -256,11 +256,11 @@ __device__ bool queries_in_front(const HullQuery<kMaxViews>& query, int view, in
   return !sees_free(eye, eye.in_front, query.elements.clusters[cluster], distance);
 }
 
-// A block has one cluster at a time; each of its warps samples some views about all its elements,
-// and the first one joins what they say.
+// A block has one cluster at a time; each of its warps samples some views for all its elements, and
+// the first one joins the samples.
 constexpr int kHullWarps = 8, kHullThreads = kHullWarps * gpu::kWarpSize;
 
-// What views have said about the elements of a cluster.
+// Samples of the views for the elements of a cluster.
 template <int kMaxViews, class Sample>
 struct ViewScratch {
   static constexpr int kNum = sizeof(InSpace<Sample>) / sizeof(float);
@@ -326,7 +326,7 @@ __global__ void __launch_bounds__(kHullThreads, 2)
       }
     }
     if (query.has_memory) {
-      // What was said makes room for what is remembered, if anybody needs it.
+      // Samples of memories replace those of the views, if any element needs them.
       const bool needs_memory = gpu::warp_id() == 0 && needs_wider(query, at_ball, ball.extent);
       const bool any = __any_sync(gpu::kWholeWarp, needs_memory);
       if (threadIdx.x == 0) views.queries_memory = any;
@@ -424,7 +424,7 @@ int num_blocks(int gpu, int num_clusters) {
 
 }  // namespace
 
-// All that a query reads, but the tool.
+// Arguments of a query but the tool.
 struct DepthHullCuda::Views {
   HullEye eyes[kMaxCameras];
   int num = 0, num_seeing = 0;
@@ -453,7 +453,7 @@ ContactStatus DepthHullCuda::take(std::span<const SurfaceBlend> cameras, const P
   for (const bool sees : {true, false}) {
     for (std::size_t k = 0; k < cameras.size(); ++k) {
       const SurfaceView& surface = cameras[k].to;
-      if (surface.field.num_levels == 0) continue;  // it shows nothing yet: it abstains
+      if (surface.field.num_levels == 0) continue;  // no frame yet: it abstains
       if (is_seen(surface, views.is_alone) != sees) continue;
       const ContactStatus status = take(cameras[k], X_WT, static_cast<int>(k), stream, views);
       if (status.is_unmeasured()) return status;
@@ -488,7 +488,7 @@ ContactStatus DepthHullCuda::take(const SurfaceBlend& view, const Pose& X_WT, in
     eye.field[f] = look(copies[0], surface.field, f);
     eye.seen_free[f] =
         surface.seen_free.num_levels > 0 ? look(copies[1], surface.seen_free, f) : eye.field[f];
-    // What has no thickness is solid as far as its camera sees.
+    // A surface without thickness is solid as far as its camera sees.
     eye.in_front[f] = has_in_front(to) ? look(copies[2], surface.in_front, f) : eye.field[f];
     if (eye.is_remembered) eye.remembered[f] = look(copies[3], surface.remembered, f);
   }

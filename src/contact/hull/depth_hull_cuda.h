@@ -11,7 +11,7 @@
 
 namespace palpate::inline v0 {
 
-/// Where a description goes on the GPU, a place for each sphere of the tool.
+/// Destination of a description on the GPU, a slot for each sphere of the tool.
 struct SphereCutsOnGpu {
   SphereState* states = nullptr;
   Plane<float>* planes = nullptr;  ///< in T
@@ -30,7 +30,7 @@ class DepthHullCuda {
                         const ContactWants& wants, const SphereCutsOnGpu& cuts,
                         gpu::Stream& stream) noexcept;
 
-  /// The first failure.
+  /// Returns the first failure.
   const Status& status() const;
 
  private:
@@ -47,7 +47,7 @@ class DepthHullCuda {
                 gpu::Stream& stream) noexcept;
 
   FieldTool tool_;
-  Vec3d p_TC_;  // centre of mass
+  Vec3d p_TC_;  // center of mass
   int num_spheres_;
   // Scratch.
   std::vector<GpuFields> copies_;  // four per camera, in the order of SurfaceView

@@ -46,7 +46,7 @@ struct Eye {
         remembered(of.remembered),
         num_fields(of.field.num_fields) {}
 
-  /// Whose lanes and rotation a moment has.
+  /// Index of the lanes and the rotation of frame f.
   int seat(int f) const { return camera->has_moved ? f : 0; }
 
   const HullCamera* camera;
@@ -54,19 +54,19 @@ struct Eye {
   int num_fields;
 };
 
-// What one camera says about a vector of elements.
+// Samples of one camera for a vector of elements.
 template <class Sample>
 struct EyeAnswer {
-  Lanes lanes[2];        // in the camera at its moments; the older one's only if it has moved
-  VecF before[2];        // how far before the camera, likewise
-  Sample samples[2];     // of seen_free, not yet of what lies deep
-  bool is_used = false;  // else it has no say
+  Lanes lanes[2];        // in the camera at its frames; the older only if it has moved
+  VecF before[2];        // distance before the camera, likewise
+  Sample samples[2];     // of seen_free, not yet with wider pixels
+  bool is_used = false;  // else it is skipped
   bool queries_in_front = false;
   Sample in_front[2];  // likewise
   InSpace<Sample> front[2];
 };
 
-// Between a camera's two moments.
+// Interpolates between a camera's two frames.
 template <class Space>
 [[gnu::always_inline]] inline Space between(const Eye& eye, const Space (&moments)[2]) {
   if (eye.num_fields == 1) return moments[0];
@@ -74,7 +74,7 @@ template <class Space>
   return plus(moments[1], progress, plus(moments[0], splat(-1.0f), moments[1]));
 }
 
-// What lies behind the camera is not seen, and what is near its eye is as free as it is before it.
+// Makes space behind the camera unseen, and limits the field near its eye to that right before it.
 template <class Space>
 [[gnu::always_inline]] inline Space before_eye(const float (&R_WC)[3][3], const Space& seen,
                                                VecF before, VecF radius, VecF extent) {
@@ -85,8 +85,8 @@ template <class Space>
   return lesser_of(chosen(is_before, seen, nowhere), plane, hull_width(radius));
 }
 
-// Does the camera see that all elements in a ball are well in front of everything?
-// By its moments from first to last.
+// True if the camera sees all elements in a ball well in front of everything, in its frames from
+// first to last.
 bool sees_free(const MeasureJob& job, const FieldFrame& frame, int first, int last,
                const Cluster& ball, float largest_radius, float distance) {
   const DepthFieldView& field = job.fields[0];
@@ -108,7 +108,7 @@ bool sees_free(const MeasureJob& job, const FieldFrame& frame, int first, int la
   }
   return true;
 }
-// By all its moments.
+// True for all its frames.
 bool sees_free(const HullCamera& camera, const MeasureJob& job, const Cluster& ball,
                float largest_radius, float distance) {
   const int last = camera.has_moved ? 0 : job.num_fields - 1;
@@ -130,7 +130,7 @@ bool is_seen_free(const HullJob& job, const Cluster& ball, float largest_radius)
   return false;
 }
 
-// What the cameras together say about a vector of elements.
+// Joined values of the cameras for a vector of elements.
 template <class Sample>
 class Hull {
  public:
@@ -138,7 +138,7 @@ class Hull {
 
   Hull(const HullJob& job, const Eye* eyes) : job_(job), eyes_(eyes) {}
 
-  // The elements sampled next are in this ball.
+  // Announces the ball that contains the next sampled elements.
   void aim_at(const Cluster& ball, float largest_radius) {
     for (int k = 0; k < job_.num_cameras; ++k) {
       const HullCamera& camera = job_.cameras[k];
@@ -160,7 +160,7 @@ class Hull {
     return true;
   }
 
-  // Has every element a value? A single camera knows nothing of what is behind its eye.
+  // True if every element has a value. A single camera knows nothing of the space behind its eye.
   bool is_complete() const {
     if (!job_.is_alone) return true;
     VecI is_before = answers_[0].before[0] > VecF{};
@@ -171,11 +171,11 @@ class Hull {
   VecI is_unseen() const { return seen_phi < splat(-static_cast<float>(kSeenBehind)); }
 
   Space hull;
-  VecF seen_phi;  // of what was seen to be free alone
-  VecI decider;   // whose numbers they are
+  VecF seen_phi;  // of seen-free space alone
+  VecI decider;   // the camera with the largest value
 
  private:
-  // Every camera's first answer, until all elements are free by one.
+  // Takes the first sample of every camera, until all elements are free by one.
   bool look(std::size_t slot) {
     VecI is_free{};
     shallowest_ = splat(-1e9f);
@@ -191,14 +191,14 @@ class Hull {
     return true;
   }
 
-  // What a camera says that does not see the tool, is it far below what others say?
+  // True if the bound of a camera that does not see the tool is far below the other values.
   bool cannot_decide(int k, VecI is_free) const {
-    // What is deep may get half as deep again as it appears to the pixels of its size.
+    // Wider pixels may make a deep element half as deep again.
     const VecF least = min(shallowest_, 1.5f * shallowest_) - 3.0f * agreement(radius_);
     return mask_bits(~is_free & ~(least > splat(job_.cameras[k].at_most))) == 0;
   }
 
-  // One camera's first answer. False: now all elements are free.
+  // Takes the first sample of one camera. False: now all elements are free.
   bool look(std::size_t slot, int k, VecI& is_free) {
     const Eye& eye = eyes_[k];
     const MeasureJob& seen = eye.camera->seen_free;
@@ -237,15 +237,15 @@ class Hull {
     }
     if (!eye.camera->has_moved && !job_.is_alone) now = min(now, answer.before[0]);
     shallowest_ = max(shallowest_, now);
-    // Rounding makes the lesser of two no more than this less.
+    // Rounding lowers the lesser of two by no more than this.
     VecF limit = extent_ + free_margin(job_.num_seeing, e.radius);
     if (answer.queries_in_front) limit += front_margin(e.radius);
     is_free |= now > limit;
     return mask_bits(~is_free) != 0;
   }
 
-  // The greatest of what the cameras have seen to be free. Who is deep and not the least deep one
-  // need not look farther: that does not change the maximum.
+  // Joins the seen-free space of the cameras: the maximum. Only the camera with the smallest depth
+  // needs wider pixels.
   void join_seen_free() {
     const VecF limit = -deep_limit(radius_);
     const VecI may_be_deep =
@@ -286,8 +286,8 @@ class Hull {
     }
   }
 
-  // What cameras have seen to be free before, where no camera sees a surface now: it counts from
-  // that up.
+  // Joins remembered free space, limited by the surfaces seen now, where these exceed the value
+  // joined so far.
   void join_remembered(std::size_t slot) {
     const HullWidth<VecF> width = hull_width(radius_);
     VecI counts = may_touch_ & (first_of(hull).phi < extent_);
@@ -319,7 +319,7 @@ class Hull {
       for (int k = 0; k < job_.num_cameras; ++k) {
         const HullCamera& camera = job_.cameras[k];
         if (!camera.is_remembered || camera.may_see() != may_see) continue;
-        // The others know more.
+        // A camera whose bound is too low to decide is skipped.
         const VecI may_decide = most < splat(camera.at_most) + 2.0f * agreement(radius_);
         if (!may_see && mask_bits(counts & may_decide) == 0) continue;
         const Space here = remembered_by(k, slot, counts);
@@ -351,7 +351,7 @@ class Hull {
     return before_eye(eye.camera->R_WC[0], here, answer.before[0], radius_, extent_);
   }
 
-  // What holds where no camera looks, as long as all of them say so.
+  // Joins the fields: space that no camera sees has the value on which all of them agree.
   void join_fields(std::size_t slot) {
     const HullWidth<VecF> width = hull_width(radius_);
     const VecI is_touching = may_touch_ & (first_of(hull).phi < extent_);
@@ -404,7 +404,7 @@ class Hull {
     }
   }
 
-  // What a field says at a moment, in the world.
+  // Samples a field at a frame, in the world.
   Space evaluate(const Eye& eye, const FieldPair& field, int f, const Lanes& e, VecI which) {
     Sample sample = query_field<Sample>(field.grid, field.pixels[f],
                                         look_of(field.grid, e, radius_), e.depth, e.inverse_depth);
@@ -429,9 +429,9 @@ class Hull {
   bool is_between_ = false;
 };
 
-/// Calls f(slot, elements in the world, hull, part of the sums) for vectors of elements of which no
-/// camera sees that all are free, and ball(slot, hull) behind all of a ball in parts of which one
-/// was called.
+/// Calls f(slot, elements in the world, hull, part of the sums) for vectors of elements unless a
+/// camera sees that all are free, and ball(slot, hull) after the vectors of a ball in parts if it
+/// was called for any of them.
 template <class Sample, class F, class Ball>
 [[gnu::always_inline]] inline void for_each_touching(const HullJob& job, int group, const F& f,
                                                      const Ball& ball) {
@@ -466,7 +466,7 @@ template <class Sample>
   constexpr bool kWithStiffness = std::is_same_v<Sample, Curvature>;
   GroupTotals<kWithStiffness> totals;
   RowSums unseen;
-  BallSamples parts;  // of the ball in parts whose vectors come now
+  BallSamples parts;  // of the current ball in parts
   std::uint32_t known = 0;
   const std::size_t first_part = static_cast<std::size_t>(job.tool.first_ball) * kSize;
   for_each_touching<Sample>(

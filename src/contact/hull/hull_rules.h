@@ -1,28 +1,27 @@
-// How several cameras' fields are joined to one: the depth hull
+// Rules that join the fields of several cameras: the depth hull
 // (docs/decisions/0029-depth-hull.md). Shared by host and device, for single numbers and vectors of
 // them.
 //
-// Of each camera there are two fields: `seen_free` is positive only where the camera has seen that
-// there is nothing, `field` also where it does not look (UnknownSpace). With both limited to what
-// is well free,
+// Each camera has two fields: `seen_free` is positive only in space that the camera has seen to be
+// free, `field` also in space that it does not see (UnknownSpace). With both limited in free space,
 //
 //   phi = max( agreed over k of seen_free_k,  min over k of field_k - W )
 //
-// a sphere is as deep as the camera says that has it least deep, and where no camera looks what
-// their fields agree on holds. Two cameras that differ by less than W may see one surface with
+// the depth of a sphere is the smallest of any camera, and space that no camera sees has the depth
+// on which their fields agree. Two cameras that differ by less than W may see one surface with
 // noise: then `agreed` is between their mean and the greater one. Maximum and minimum are rounded
 // over w = kHullCorner radii to each side. So phi is once continuously differentiable as the fields
-// are, and what is W deeper than another camera says has no influence at all.
+// are, and values W deeper than another camera's have no influence at all.
 //
-// With a memory (docs/decisions/0033-memory.md) the field of a camera by itself shows what is
-// behind, which may be remembered, and another one what has come before it: the lesser of both
-// counts. Of several cameras
+// With a memory (docs/decisions/0033-memory.md) the field of a single camera shows the surfaces
+// behind, which may be remembered, and another one those that have come before them: the lesser of
+// both counts. For several cameras
 //
 //   max( agreed over k of seen_free_k,
 //        min( agreed over k of remembered_k, min over k of in_front_k ) - w )
 //
-// takes the place of the first part: what they see outranks what they remember, which counts only
-// where none of them sees a surface, as thick as in_front has it.
+// takes the place of the first part: the seen outranks the remembered, which counts only where no
+// camera sees a surface, as thick as in_front has it.
 #pragma once
 
 #include "src/contact/field/field_bound.h"
@@ -66,7 +65,7 @@ PALPATE_FORMULA void set(SpaceCurvature<Real>& to, const SpaceGradient<Real>& s)
   to = {s, {}};
 }
 
-/// f(s) for a function f of one number.
+/// Returns f(s) for a function f of one number.
 template <class Real>
 PALPATE_FORMULA SpaceGradient<Real> composed(const Curved<Real>& f, const SpaceGradient<Real>& s) {
   return {f.value, f.slope * s.x, f.slope * s.y, f.slope * s.z};
@@ -80,7 +79,7 @@ PALPATE_FORMULA SpaceCurvature<Real> composed(const Curved<Real>& f,
            f.slope * s.h.xz + f.bend * g.x * g.z, f.slope * s.h.yy + f.bend * g.y * g.y,
            f.slope * s.h.yz + f.bend * g.y * g.z, f.slope * s.h.zz + f.bend * g.z * g.z}};
 }
-/// a + t b for a number t.
+/// Returns a + t b for a number t.
 template <class Real>
 PALPATE_FORMULA SpaceGradient<Real> plus(const SpaceGradient<Real>& a, Real t,
                                          const SpaceGradient<Real>& b) {
@@ -94,7 +93,7 @@ PALPATE_FORMULA SpaceCurvature<Real> plus(const SpaceCurvature<Real>& a, Real t,
            a.h.yz + t * b.h.yz, a.h.zz + t * b.h.zz}};
 }
 
-/// Over what a sphere's cameras are joined, and its inverse.
+/// Half width over which a sphere's cameras are joined, and its inverse.
 template <class Real>
 struct HullWidth {
   Real w, per_w;
@@ -103,40 +102,40 @@ template <class Real>
 PALPATE_FORMULA HullWidth<Real> hull_width(Real radius) {
   return {kHullCorner * radius, (1.0f / kHullCorner) / radius};
 }
-/// Within what cameras are taken to say the same: W.
+/// Difference within which cameras are taken to agree: W.
 template <class Real>
 PALPATE_FORMULA Real agreement(Real radius) {
   return kAgreement + 2.0f * kHullCorner * radius;
 }
-/// What so many cameras agree on is at most this less than what each of them says: a ball that is
-/// by more than that free for one camera is free. `agreed` stays up to W 4 / 27 / 2 below the
-/// greater.
+/// Largest amount by which the joined value of so many cameras is below that of one of them: a ball
+/// that is free by more than that for one camera is free. `agreed` stays up to W 4 / 27 / 2 below
+/// the greater.
 template <class Real>
 PALPATE_FORMULA Real free_margin(int num_cameras, Real radius) {
   return static_cast<float>(num_cameras - 1) * 0.0741f * agreement(radius);
 }
-/// What has come before what a camera remembers is joined to that by the lesser of both, which is
-/// at most this less than each of them.
+/// Largest amount by which a remembered surface and the one before it, joined by the lesser of
+/// both, are below each of them.
 template <class Real>
 PALPATE_FORMULA Real front_margin(Real radius) {
   return (0.25f * kHullCorner) * radius;
 }
-/// Returns the distance from which on all is equally free. So what appears in a frame has contact
-/// from the beginning of the way from the last one on, however far behind it was free. Values up to
-/// `extent` count, which is the radius but for the parts of balls.
+/// Returns the distance beyond which all is equally free. So a surface that appears in a frame has
+/// contact from the beginning of the blend with the last one, however far behind it was free.
+/// Values up to `extent` count, which is the radius but for the parts of balls.
 template <class Real>
 PALPATE_FORMULA Real free_limit(Real radius, Real extent) {
   const Real own = 2.0f * radius + agreement(radius), least = extent + kLimitCorner * radius;
   return own < least ? least : own;
 }
 
-/// What is free by more has not come before anything.
+/// Distance beyond which a surface has not come before another one.
 template <class Real>
 PALPATE_FORMULA Real front_limit(Real radius) {
   return free_limit(radius, radius) + kHullCorner * radius;
 }
 
-/// The greater one of two, rounded; `Sample` is a SpaceGradient or a SpaceCurvature.
+/// Returns the greater of two, rounded; `Sample` is a SpaceGradient or a SpaceCurvature.
 template <class Sample, class Real>
 PALPATE_FORMULA Sample greater_of(const Sample& a, const Sample& b, const HullWidth<Real>& width) {
   const Real one = Real{} + 1.0f;
@@ -144,7 +143,7 @@ PALPATE_FORMULA Sample greater_of(const Sample& a, const Sample& b, const HullWi
   return plus(a, one,
               composed(even_corner(first_of(apart).phi + width.w, width.w, width.per_w), apart));
 }
-/// And the lesser one.
+/// Returns the lesser of two, rounded.
 template <class Sample, class Real>
 PALPATE_FORMULA Sample lesser_of(const Sample& a, const Sample& b, const HullWidth<Real>& width) {
   const Real one = Real{} + 1.0f;
@@ -153,9 +152,9 @@ PALPATE_FORMULA Sample lesser_of(const Sample& a, const Sample& b, const HullWid
               composed(even_corner(first_of(apart).phi + width.w, width.w, width.per_w), apart));
 }
 
-/// What two cameras say together: the greater one, and where they differ by less than `wide` less
-/// than that, their mean where they say the same. Noise makes the greater of two too great; cameras
-/// that agree shall be better than one.
+/// Joins two cameras: the greater value, or less where they differ by less than `wide`, down to
+/// their mean where they are equal. Noise makes the greater of two too great; cameras that agree
+/// shall be better than one.
 template <class Sample, class Real>
 PALPATE_FORMULA Sample agreed(const Sample& a, const Sample& b, Real wide) {
   const Real one = Real{} + 1.0f;
@@ -175,14 +174,14 @@ PALPATE_FORMULA Sample agreed(const Sample& a, const Sample& b, Real wide) {
 /// Returns the lesser one of phi and free_limit, by phi.
 template <class Real>
 PALPATE_FORMULA Curved<Real> limited(Real phi, Real radius, Real extent) {
-  // Nothing changes up to the extent.
+  // Values up to the extent stay as they are.
   const Real k = kLimitCorner * radius;
   const Curved<Real> above =
       even_corner(phi - free_limit(radius, extent) + k, k, (1.0f / kLimitCorner) / radius);
   return {phi - above.value, 1.0f - above.slope, -above.bend};
 }
 
-/// What a camera says at `at` (from_u, from_v, inverse_depth), in the world. `Sample` is an
+/// Returns a camera's sample at `at` (from_u, from_v, inverse_depth), in the world. `Sample` is an
 /// ImageGradient or an ImageCurvature.
 template <class Real, class At>
 PALPATE_FORMULA SpaceGradient<Real> rotated_to_world(const float (&R_WC)[3][3],
@@ -200,7 +199,7 @@ PALPATE_FORMULA SpaceCurvature<Real> rotated_to_world(const float (&R_WC)[3][3],
       hessian_in_space(c, at.from_u, at.from_v, at.inverse_depth, frame.fx, frame.fy);
   return {rotated_to_world(R_WC, frame, at, c.first), turned(R_WC, h)};
 }
-/// And limited, to balls of this radius.
+/// Returns it limited, for balls of this radius.
 template <class Real, class At, class Sample>
 PALPATE_FORMULA auto in_world(const float (&R_WC)[3][3], const FieldFrame& frame, const At& at,
                               const Sample& sample, Real radius, Real extent) {

@@ -1,4 +1,4 @@
-// Measurements against cameras that stand somewhere in the world.
+// Measurements against cameras at any pose in the world.
 #include <algorithm>
 
 #include "src/contact/blend.h"
@@ -23,7 +23,7 @@ Mat3d transposed(const Mat3d& a) {
   return t;
 }
 
-/// What was measured in the frame of a camera, in the world.
+/// Rotates a result from the frame of a camera to the world.
 void turn(const Quaternion& q_WC, ContactResult& result) {
   VolumeWrench& measure = result.penetration.measure_W;
   measure = {rotate(q_WC, measure.force), rotate(q_WC, measure.torque)};
@@ -89,7 +89,7 @@ ContactResult ContactQuery::measure(std::span<const SurfaceBlend> cameras, const
   return result;
 }
 
-/// A camera that has moved between its two frames is measured against where it was at each.
+/// Measures against a camera, which may have moved between its frames, at the pose of each.
 ContactResult ContactQuery::measure_camera(const SurfaceBlend& camera, const Pose& X_WT,
                                            const ContactWants& wants) const noexcept {
   const SurfaceView &from = camera.from, &to = camera.to;
@@ -105,14 +105,14 @@ ContactResult ContactQuery::measure_camera(const SurfaceBlend& camera, const Pos
   const ContactResult before = measure_at(from, from, 1, {.stiffness = wants.stiffness});
   const ContactResult now = measure_at(to, to, 1, wants);
   if (before.penetration.status.is_unmeasured()) {
-    // Nothing had been seen yet.
+    // There was no frame yet.
     if (!before.penetration.status.has(StepStatus::no_surface)) return before;
     return now;
   }
   return now.penetration.status.is_unmeasured() ? now : blend(before, now, progress);
 }
 
-/// By what it remembers and by what has come before that, not by what it has seen to be free.
+/// Measures against the remembered surfaces and those before them, without seen-free space.
 ContactResult ContactQuery::measure_alone(SurfaceBlend camera, const Pose& X_WT,
                                           const ContactWants& wants) const noexcept {
   camera.from.seen_free = camera.to.seen_free = {};

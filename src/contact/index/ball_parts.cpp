@@ -7,18 +7,18 @@
 namespace palpate::inline v0 {
 namespace {
 
-// Cells at the surface are cut by looking at so many points along each axis of their boxes.
+// Number of points along each axis of a cell's box by which cells at the surface are cut.
 constexpr int kLooks = 12;
-// Of a cell: what is less goes to the others.
+// Smallest share of a cell that is kept: less goes to the others.
 constexpr double kMinShare = 0.05;
 
-/// In half lattice constants, about a site: is no other site nearer?
+/// True if p, from a site in half lattice constants, is nearer to it than to any other site.
 bool is_in_cell(const Vec3d& p) {
   const double x = std::abs(p.x), y = std::abs(p.y), z = std::abs(p.z);
   return x + y <= 1 && x + z <= 1 && y + z <= 1;
 }
 
-/// What of the cell around a site lies in the unit ball; share: of the cell.
+/// Cuts the cell around a site by the unit ball; share: of the cell.
 BallPart cut_cell(const Vec3d& site, double half) {
   if (norm(site) + half <= 1) return {site, 0, 1};
   Vec3d sum;

@@ -24,8 +24,8 @@ struct BallPlaces {
 };
 const BallPlaces& ball_places();
 
-/// Of the unit ball, which they fill evenly: the cells of a face-centred cubic lattice, cut off at
-/// its surface, each a ball of its volume at its centroid. Whole ones have this radius.
+/// Splits the unit ball evenly: into the cells of a face-centered cubic lattice, cut off at its
+/// surface, each a ball of its volume at its centroid. Whole ones have this radius.
 std::vector<BallPart> even_parts(double radius);
 
 }  // namespace palpate::inline v0

@@ -11,11 +11,11 @@ namespace {
 
 // Spheres larger than this share of the tool's reach are split into parts.
 constexpr double kLargest = 0.2;
-// And evenly in parts of this share, over the sixth root of the number of spheres: that of all
-// parts grows as its square root, from about 1,300 for 1,000 spheres.
+// Share for even parts, over the sixth root of the number of spheres: the number of all parts grows
+// as its square root, from about 1,300 for 1,000 spheres.
 constexpr double kLargestEven = 0.2214;
-// So many times the volume of the ball around the tool is more than disjoint spheres can have,
-// stretched to balls (RepresentedParts).
+// Largest filling of the ball around the tool: disjoint spheres, stretched to balls
+// (RepresentedParts), have less.
 constexpr double kMaxFilling = 1.5 * 1.5 * 1.5;
 // Values of a ball in parts that lie on a plane off the ball have a part that is farther from it
 // than this, in its radii.
@@ -24,11 +24,11 @@ constexpr float kBallMargin = 1.25f;
 struct Element {
   Vec3d centre;
   double radius;
-  double volume;  ///< that counts
+  double volume;  ///< that counts, m3
   bool counted;
 };
 
-/// Also gives the numbers of the elements of each ball in thirty parts, and the volume of each.
+/// Also returns the indices of the elements of each ball in thirty parts, and each volume.
 std::vector<Element> elements_of(const Tool& tool, SphereVolumes volumes, LargeSpheres large,
                                  std::vector<std::int32_t>& balls,
                                  std::vector<double>& volumes_of_balls) {
@@ -55,7 +55,7 @@ std::vector<Element> elements_of(const Tool& tool, SphereVolumes volumes, LargeS
   double parted = 0;  // radius of the last sphere in even parts
   const std::size_t num_spheres = elements.size();
   for (std::size_t i = 0; i < elements.size(); ++i) {
-    // Even parts are small enough, and so is what only stands behind the parts of a ball.
+    // Even parts are small enough, and so are the elements without volume.
     if (elements[i].radius <= largest || elements[i].volume == 0) continue;
     if (is_even && i >= num_spheres) break;
     const Element whole = elements[i];
@@ -96,7 +96,7 @@ Sphere field_ball(const Tool& tool, std::size_t id, SphereVolumes volumes) {
 
 FieldElements::FieldElements(const Tool& tool, SphereVolumes volumes, LargeSpheres large)
     : clusters(std::vector<Sphere>{}) {
-  (void)ball_places();  // made now, not by the first query
+  (void)ball_places();  // made here, not by the first query
   std::vector<std::int32_t> balls;
   std::vector<double> volumes_of_balls;
   const std::vector<Element> elements = elements_of(tool, volumes, large, balls, volumes_of_balls);
@@ -105,7 +105,7 @@ FieldElements::FieldElements(const Tool& tool, SphereVolumes volumes, LargeSpher
   factor.resize(radius.size());
   counted.resize(radius.size());
   for (std::size_t slot = 0; slot < radius.size(); ++slot) {
-    if (clusters.sphere_id[slot] < 0) {  // samples what its neighbour samples, with no weight
+    if (clusters.sphere_id[slot] < 0) {  // repeats its neighbor, with no weight
       for (std::vector<float>* const array : {&clusters.x, &clusters.y, &clusters.z, &radius}) {
         (*array)[slot] = (*array)[slot - 1];
       }

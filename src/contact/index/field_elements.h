@@ -48,9 +48,9 @@ struct FieldElements {
   std::vector<float> radius;          ///< as in `clusters`; padding is the ball before it again
   std::vector<float> factor;          ///< volume that counts / volume of the ball; padding: 0
   std::vector<float> counted;         ///< 1: stands for its sphere when spheres are counted
-  std::vector<float> largest_radius;  ///< per cluster: nothing touches that is farther away
-  std::vector<float> ball_factor;     ///< per cluster: that of the ball, 0 if it is none
-  double reach = 0;                   ///< no centre is farther from the tool's centre of mass, m
+  std::vector<float> largest_radius;  ///< per cluster: nothing farther away touches
+  std::vector<float> ball_factor;     ///< per cluster: factor of the ball, 0 if none
+  double reach = 0;                   ///< no center is farther from the tool's center of mass, m
 };
 
 }  // namespace palpate::inline v0

@@ -1,4 +1,4 @@
-// How far it is from each sphere of a tool to each other along the leaf graph: Priority::path.
+// Path lengths between all spheres of a tool along the leaf graph: Priority::path.
 #pragma once
 
 #include <vector>
@@ -8,9 +8,9 @@
 
 namespace palpate::inline v0 {
 
-/// The way goes from centre to centre.
+/// Paths go from center to center.
 struct PathLengths {
-  /// A row for each sphere, by sphere ids, m. The graph has bridges, so that there is always a way.
+  /// A row for each sphere, by sphere ids, m. The graph has bridges, so there is always a path.
   std::vector<float> lengths;
 
   /// Dijkstra from each sphere: O(spheres edges log spheres), a second for 2,000 spheres.

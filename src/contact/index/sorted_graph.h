@@ -1,4 +1,4 @@
-// The leaf graph over slots: spheres in a spatial order, so that neighbours lie near each other in
+// The leaf graph over slots: spheres in a spatial order, so that neighbors lie near each other in
 // memory.
 #pragma once
 
@@ -18,7 +18,7 @@ struct SortedGraph {
   std::vector<std::int32_t> row_starts;  ///< of each slot, and one past the last
   std::vector<std::int32_t> neighbours;  ///< slots
 
-  /// `ids_of_slots`: of each slot, every sphere once; -1 (padding) has no neighbours.
+  /// `ids_of_slots`: of each slot, every sphere once; -1 (padding) has no neighbors.
   SortedGraph(const LeafGraph& graph, std::span<const std::int32_t> ids_of_slots)
       : sphere_ids(ids_of_slots.begin(), ids_of_slots.end()),
         slot_of(graph.row_starts().size() - 1) {

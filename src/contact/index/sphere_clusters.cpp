@@ -6,7 +6,7 @@ namespace palpate::inline v0 {
 namespace {
 
 // Puts ids into an order in which every aligned run of `kSize * 2^k` is compact: halves the longest
-// side of the box around the centres, at a multiple of the run length, again and again.
+// side of the box around the centers, at a multiple of the run length, again and again.
 void sort_spatially(std::span<const Sphere> spheres, std::span<std::int32_t> ids) {
   if (ids.size() <= SphereClusters::kSize) return;
   Vec3f low = spheres[static_cast<std::size_t>(ids[0])].centre, high = low;

@@ -11,7 +11,7 @@
 
 namespace palpate::inline v0 {
 
-/// A few neighbouring spheres: the box around their *centres*, and a ball around its middle that
+/// A few neighboring spheres: the box around their *centers*, and a ball around its middle that
 /// covers their surfaces.
 struct Cluster {
   Vec3f centre;
@@ -27,8 +27,8 @@ class SphereClusters {
   static constexpr int kClustersPerGroup = 16;
 
   explicit SphereClusters(std::span<const Sphere> spheres) : SphereClusters(spheres, {}, kSize) {}
-  /// Numbers of spheres that stay together, `run` at a time and in this order: clusters behind
-  /// those of all other spheres.
+  /// `together`: numbers of spheres that stay together, `run` at a time and in this order, in
+  /// clusters behind those of all other spheres.
   SphereClusters(std::span<const Sphere> spheres, std::span<const std::int32_t> together, int run);
 
   int num_clusters() const { return static_cast<int>(clusters.size()); }

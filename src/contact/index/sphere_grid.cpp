@@ -7,7 +7,7 @@ namespace palpate::inline v0 {
 namespace {
 
 // Cells are tested as if they were this much larger on every side (in cells), so that a point which
-// rounding put into the neighbouring cell still finds its sphere.
+// rounding put into the neighboring cell still finds its sphere.
 constexpr double kInflation = 1e-3;
 
 // About 1.5 cells per sphere along an axis: finer grids fall out of the L2 cache, coarser ones have

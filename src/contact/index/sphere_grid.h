@@ -1,6 +1,6 @@
-// Which sphere contains a point? A uniform grid over the tool whose cells know it at once (wholly
-// inside sphere k), or hold the few spheres to try. Replaces the tree of thesis Alg. 3.2 for
-// points: same answer, independent of the number of spheres.
+// Lookup of the sphere that contains a point: a uniform grid over the tool whose cells lie wholly
+// inside sphere k, or hold the few spheres to try. Replaces the tree of thesis Alg. 3.2 for points:
+// same answer, independent of the number of spheres.
 #pragma once
 
 #include <cstddef>

@@ -18,7 +18,7 @@
 
 namespace palpate::inline v0 {
 
-/// Made by the first thread that needs it; the others wait for it.
+/// A value made by the first thread that needs it; the others wait for it.
 template <class Value>
 class Lazy {
  public:
@@ -62,13 +62,13 @@ struct ToolIndex::Parts {
   const FieldElements& elements(SphereVolumes volumes) const {
     return elements_[static_cast<int>(volumes)].get([&] { return FieldElements(tool, volumes); });
   }
-  /// What samples the fields of other bodies.
+  /// Returns the elements that sample the fields of other bodies.
   const FieldElements& solid_elements() const {
     return solid_elements_.get(
         [&] { return FieldElements(tool, SphereVolumes::represented, LargeSpheres::evenly); });
   }
 
-  /// The tool's, or one made now.
+  /// Returns the tool's field, or one made now.
   const SolidField& solid_field() const {
     if (tool.solid_field() != nullptr) return *tool.solid_field();
     return solid_field_.get([&] {
@@ -83,7 +83,7 @@ struct ToolIndex::Parts {
            elements_[1].num_bytes() + solid_elements_.num_bytes() + solid_field_.num_bytes();
   }
 
-  /// `paths`: of paths(), where the query runs; needed for Priority::path alone.
+  /// `paths`: those of paths(), on the query's device; needed for Priority::path alone.
   PriorityRule priority_rule(Priority by, const float* paths) const {
     const Vec3d size = box_T.high - box_T.low;
     const double s = std::max({size.x, size.y, size.z}) / 12;

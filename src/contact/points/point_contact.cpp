@@ -27,7 +27,7 @@ constexpr ScanPoints kScanPoints[] = PALPATE_BY_ISA(scan_points);
 constexpr AssignNearest kAssignNearest[] = PALPATE_BY_ISA(assign_nearest);
 constexpr AssignWeighted kAssignWeighted[] = PALPATE_BY_ISA(assign_weighted);
 
-// One measurement after the other, each with the memory of the one before.
+// Successive measurements, each with the memory of the one before.
 class PointMeasurement {
  public:
   PointMeasurement(const ToolIndex& index, const ContactOptions& options,
@@ -35,7 +35,7 @@ class PointMeasurement {
 
   /// `X_WT` is finite, its quaternion unit.
   Penetration measure(const PointCloudView& cloud, const Pose& X_WT);
-  /// Of the last measurement, whose options have no field.
+  /// Describes the last measurement, whose options have no field.
   void describe(const ContactWants& wants) const;
 
  private:
@@ -57,9 +57,9 @@ class PointMeasurement {
   }
   const EdgesView* found_edges() const { return edges_.empty() ? nullptr : &edges_view_; }
   const Vec3d& origin() const { return index_.tool().sphere_mass().centre_of_mass; }
-  // Whether the spheres that no point touches lay donors over each other.
+  // True if the spheres that no point touches composite donors.
   bool overlays() const { return fades_in_ && options_.method == MethodKind::simplified; }
-  // Whether they compare all donors, which the kernels do not.
+  // True if they compare all donors, which the kernels do not.
   bool compares_all() const {
     return priority_.compares_all(options_.method == MethodKind::weighted);
   }
@@ -72,7 +72,7 @@ class PointMeasurement {
   ThreadPool* pool_;
   AssignNearest assign_nearest_;
   AssignWeighted assign_weighted_;
-  // Of the index.
+  // Parts of the index.
   const SphereGrid& grid_;
   const SphereClusters& clusters_;
   const VolumeScales& scales_;
@@ -81,7 +81,7 @@ class PointMeasurement {
 
   std::optional<GraphTraversal> traversal_;  // graph
   BoundaryPoints points_;
-  EdgePlanes edges_;  // without room for any if they do not matter
+  EdgePlanes edges_;  // without room if edges do not matter
   EdgesView edges_view_;
   PointCloudView cloud_;
   double sum_scale_ = 1;  // of the last query
@@ -188,7 +188,7 @@ void PointMeasurement::forget_last_query() {
   reached_ = {};
 }
 
-// Stage 1: which points are in which spheres.
+// Stage 1: finds the spheres that contain points, and sums over these.
 void PointMeasurement::find_boundary_points(const Pose& X_WT) {
   PointScan scan;
   scan.cloud = cloud_;
@@ -203,7 +203,7 @@ void PointMeasurement::find_boundary_points(const Pose& X_WT) {
   points_.collect(scan, image_window(cloud_, box_T_, X_WT), uses_edges());
 }
 
-// Stage 2: mean point and unit mean normal of each boundary sphere (eq. 3.3), in the tool frame.
+// Stage 2: computes the mean point and normal of each boundary sphere (eq. 3.3), in the tool frame.
 Penetration PointMeasurement::find_boundary_planes(const Pose& X_WT) {
   Penetration result;
   const Mat3d R_TW = rotation_matrix(conjugate(X_WT.rotation));
@@ -234,9 +234,9 @@ Penetration PointMeasurement::find_boundary_planes(const Pose& X_WT) {
   return result;
 }
 
-// V_s n_s of the boundary spheres, each cut by its own plane (Alg. 3.1) and, by `cut`, by its edge;
-// the lever is the centre. A sphere that a point has just entered is still measured as if it were
-// untouched: V = (1 - presence) V_state + presence V_cap.
+// Sums V_s n_s over the boundary spheres, each cut by its own plane (Alg. 3.1) and, by `cut`, by
+// its edge; the lever is the center. A sphere that a point has just entered is still measured as if
+// it were untouched: V = (1 - presence) V_state + presence V_cap.
 MeasureSums PointMeasurement::measure_boundary_spheres() {
   MeasureSums sums;
   AssignmentRule own_rule = assignment_rule();
@@ -272,7 +272,7 @@ Candidates PointMeasurement::candidates(int which) {
           candidate_donors_.data() + static_cast<std::size_t>(which) * size};
 }
 
-// Weighted and simplified: groups of clusters in any order, added up in group order.
+// Weighted and simplified: measures groups of clusters in any order, added up in group order.
 MeasureSums PointMeasurement::measure_by_assignment() {
   MeasureSums sums;
   if (donors_.empty()) return sums;
@@ -326,8 +326,8 @@ MeasureSums PointMeasurement::measure_by_assignment() {
   return sums;
 }
 
-// Untouched spheres that an edge concerns, or that lay donors over each other or compare all: those
-// that the kernels left out.
+// Measures untouched spheres that the kernels leave out: those at edges, and all if they composite
+// or compare all donors.
 MeasureSums PointMeasurement::measure_one_by_one() {
   const AssignmentRule rule = assignment_rule();
   const bool from_nearest = options_.method == MethodKind::simplified && !overlays();
@@ -337,7 +337,7 @@ MeasureSums PointMeasurement::measure_one_by_one() {
   };
   const int num_tasks = pool_->num_threads();
   pool_->parallel_for(num_tasks, [&](int t) {
-    // Every so many: spheres that need it lie together.
+    // Strided: spheres that need it lie together.
     const auto num = static_cast<std::size_t>(num_tasks);
     for (auto slot = static_cast<std::size_t>(t); slot < touched_slots_.size(); slot += num) {
       if (!is_one_of_them(slot)) continue;
@@ -376,8 +376,8 @@ double PointMeasurement::reached_volume(const GraphTraversal::Visit& visit) cons
                                                                  found_edges());
 }
 
-// All spheres with one reference push along one normal: their volumes and first moments are added
-// up first.
+// Measures the spheres reached by the graph. All with one reference push along one normal: their
+// volumes and first moments are added up first.
 MeasureSums PointMeasurement::measure_along_graph() {
   MeasureSums sums;
   reached_ = traversal_->run(seeds_, found_edges());

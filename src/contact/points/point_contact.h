@@ -7,7 +7,7 @@
 
 namespace palpate::inline v0 {
 
-/// `method` is none of the field.
+/// `method` is one of the point methods.
 std::unique_ptr<ContactQuery> make_point_contact(std::shared_ptr<const ToolIndex> index,
                                                  const ContactMethod& method,
                                                  const ExecutionOptions& capacities);

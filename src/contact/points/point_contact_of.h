@@ -1,4 +1,4 @@
-// The contact query by points, whatever measures one surface: the CPU or a GPU.
+// The contact query by points, for measurements on the CPU or on a GPU.
 #pragma once
 
 #include <memory>
@@ -8,7 +8,7 @@
 
 namespace palpate::inline v0 {
 
-/// `Measurement` has measure(cloud, pose) and describe(wants), which is of the last measure.
+/// `Measurement` has measure(cloud, pose), and describe(wants) for the last measurement.
 template <class Measurement>
 class PointContactOf final : public ContactQuery {
  public:

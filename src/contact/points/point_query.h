@@ -1,5 +1,5 @@
-// One query of the point-hit methods on a GPU: what its kernel reads and writes, passed by value.
-// All pointers are to memory of one GPU.
+// Arguments of one query of the point-hit methods on a GPU, passed by value. All pointers are to
+// memory of one GPU.
 //
 // The kernel is one cooperative grid that runs the stages below, with a barrier between them:
 //
@@ -11,8 +11,8 @@
 //   graph_stage.cuh     graph: the same along the leaf graph
 //   (contact_query_cuda.cu adds the measures up in a fixed order and hands them to the host)
 //
-// Nothing depends on the order in which threads run: sums of points are whole numbers, lists are in
-// the order of sphere ids or used as sets, and measures are added up slot by slot.
+// Nothing depends on the order in which threads run: sums of points are integers, lists are in the
+// order of sphere ids or used as sets, and measures are added up slot by slot.
 #pragma once
 
 #include <cstdint>
@@ -42,21 +42,21 @@ struct ClustersView {
   PALPATE_HOSTDEV std::int32_t num_slots() const { return num_clusters * SphereClusters::kSize; }
 };
 
-/// A sphere, to be read at once.
+/// A sphere, loaded at once.
 struct alignas(16) SlotSphere {
   float x = 0, y = 0, z = 0, radius = 0;
 
   PALPATE_HOSTDEV Vec3d centre() const { return to_double(Vec3f{x, y, z}); }
 };
 
-/// Some neighbours of a slot: neighbours[begin ... end) of a row.
+/// Some neighbors of a slot: neighbors[begin ... end) of a row.
 struct alignas(16) RowPart {
   std::int32_t slot = 0, row_begin = 0, begin = 0, end = 0;
 };
 
 /// The leaf graph by slots, rows one after the other; edges go both ways. See SortedGraph.
 struct SortedGraphView {
-  /// Large spheres have thousands of neighbours: rows are worked at in parts of so many.
+  /// Parts by which rows are processed: large spheres have thousands of neighbors.
   static constexpr int kPart = 16;
 
   const SlotSphere* spheres = nullptr;  ///< of each slot
@@ -76,7 +76,7 @@ struct BoundaryList {
   std::int32_t* sphere_id = nullptr;
   Donor* donors = nullptr;
   /// The same in single precision, for hot loops.
-  float *x = nullptr, *y = nullptr, *z = nullptr;  ///< centres
+  float *x = nullptr, *y = nullptr, *z = nullptr;  ///< centers
   float *nx = nullptr, *ny = nullptr, *nz = nullptr, *offset = nullptr;
   float *weight = nullptr, *presence = nullptr;
   std::int32_t* num_points = nullptr;  ///< sum
@@ -86,7 +86,7 @@ struct BoundaryList {
   unsigned long long* heaviest = nullptr;
 };
 
-/// A point inside a sphere that may be an edge point: the second step of the scan looks around it.
+/// A point inside a sphere that may be an edge point: the second step of the scan decides.
 struct EdgeCandidate {
   std::int32_t point, sphere_id;
 };
@@ -97,19 +97,19 @@ struct SeenPieces {
   std::int32_t* number = nullptr;  ///< among PointQuery::pieces
 };
 
-/// What the graph search knows of a slot.
+/// State of a slot in the graph search.
 struct alignas(8) SlotState {
   std::int32_t round = 0;       ///< reached in this query if >= GraphSearch::first_round
   std::int32_t num_offers = 0;  ///< 0 between queries
 };
 
 struct GraphSearch {
-  /// That many are read whether they are there or not: so many more lie behind all.
+  /// Number of offers that are always read; the array has so many more at its end.
   static constexpr int kFirstOffers = 4;
 
   SlotState* slots = nullptr;
   double* path_length = nullptr;  ///< of each slot reached
-  Offer* offers = nullptr;        ///< as many for each slot as it has neighbours, at its row
+  Offer* offers = nullptr;        ///< as many for each slot as it has neighbors, at its row
   /// Two, used in turn: the rows of the slots that a round reached, in parts, in any order, and an
   /// empty part for each further offer. Room for as many as there are edges, and all parts.
   RowPart* listed[2] = {};
@@ -127,7 +127,7 @@ struct PointQuery {
   GridTransform to_grid;  ///< grid_transform(scan)
   PointScan scan;
   Mat3d R_WT;
-  Vec3d origin;  ///< centre of mass: torques are about it
+  Vec3d origin;  ///< center of mass: torques are about it
   MethodKind method = MethodKind::simplified;
   PriorityRule priority;
   InsideVolume inside = InsideVolume::full;
@@ -165,7 +165,7 @@ struct PointQuery {
   PALPATE_HOSTDEV EdgesView edges_view() const {
     return {scan.spheres, pieces, piece_of, edge_distance, edge_side};
   }
-  /// To be called after the boundary stage.
+  /// Call after the boundary stage.
   PALPATE_HOSTDEV DonorsView donors_view() const {
     return {scan.spheres, boundary.donors, *boundary.num};
   }

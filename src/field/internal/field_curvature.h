@@ -20,7 +20,7 @@ struct ImageCurvature {
   Real uu{}, uv{}, vv{}, uz{}, vz{}, zz{};
 };
 
-/// Of three by three pixels, row by row.
+/// Derivatives of the spline over three by three pixels, given row by row.
 template <class Real>
 PALPATE_FORMULA ImageCurvature<Real> curvature_of(const Curved<Real> (&values)[3][3], Real s,
                                                   Real t, Real scale) {

@@ -21,10 +21,10 @@
 //
 // A sphere of radius r covers r f / z pixels and samples a level whose pixels are about as wide as
 // itself (a B-spline then weighs the surface as a disc of radius r would); between two levels both
-// are blended, and the blend is part of the gradient. What lies deep is sampled with wider
-// pixels, which see exits that are farther away and smooth out noise: the field there is the
-// maximum of the values for spheres of radius r, 4 r, 16 r, ... phi is once continuously
-// differentiable in p, so forces are continuous.
+// are blended, and the blend is part of the gradient. Deep spheres also sample wider pixels, which
+// see exits that are farther away and smooth out noise: the field there is the maximum of the
+// values for spheres of radius r, 4 r, 16 r, ... phi is once continuously differentiable in p, so
+// forces are continuous.
 #pragma once
 
 #include <cmath>
@@ -34,7 +34,7 @@
 
 namespace palpate::inline v0 {
 
-/// The quadratic B-spline over three neighbours, at t in [-1/2, 1/2] from the middle one.
+/// The quadratic B-spline over three neighbors, at t in [-1/2, 1/2] from the middle one.
 template <class Value, class Real>
 PALPATE_FORMULA Curved<Value> spline(const Value& left, const Value& middle, const Value& right,
                                      Real t) {
@@ -50,13 +50,13 @@ PALPATE_FORMULA Curved<Value> spline(const Value& left, const Value& middle, con
 inline constexpr float kFootprint = 0.7f;
 /// A footprint between 1 and kBlendEnd pixels of a level is answered from it and the next one.
 inline constexpr float kBlendEnd = 1.25f;
-/// Nothing nearer to the camera than this is behind a surface, metres.
+/// Depth in front of which nothing counts as behind a surface, m.
 inline constexpr float kMinDepth = 0.02f;
 
-/// In footprints: deeper than this wider pixels are sampled too, and how far that is rounded.
+/// In footprints: depth from which on wider pixels are sampled too, and the rounding of that limit.
 inline constexpr float kDeep = 2.0f, kDeepCorner = 0.4f;
-/// By so much deeper than it is what lies deep appears to the finer pixels, so that wider ones
-/// decide where both know the same way out.
+/// Share by which finer pixels overstate a depth beyond kDeep, so that wider ones decide where both
+/// know the same exit.
 inline constexpr float kSteepening = 0.05f;
 /// The spheres that sample what lies deep: growth of their radii, and how many at most.
 inline constexpr float kDeepGrowth = 4.0f;
@@ -88,7 +88,7 @@ PALPATE_FORMULA Gradient3<Real> to_space(const ImageGradient<Real>& g, Real from
           g.by_z - (g.by_u * from_centre_u + g.by_v * from_centre_v) * inverse_z};
 }
 
-/// Where a point is seen.
+/// Image of a point.
 template <class Real>
 struct PixelPosition {
   Real u, v;                          ///< pixels of level 0
@@ -100,7 +100,7 @@ PALPATE_HOSTDEV inline PixelPosition<Real> project(const Intrinsics& k, const Ve
   return {from_u + Real(k.cx), from_v + Real(k.cy), from_u, from_v};
 }
 
-/// Which level a sphere samples, and how much of the next wider one is blended in.
+/// Level that a sphere samples, and the blend with the next wider one.
 template <class Real>
 struct LevelChoice {
   int level = 0;
@@ -188,15 +188,15 @@ PALPATE_FORMULA ImageGradient<Real> chosen(const auto& condition, const ImageGra
           condition ? a.by_z : b.by_z};
 }
 
-/// How deep a sphere has to be for a wider one to be sampled too.
+/// Depth from which on a sphere also samples wider pixels.
 template <class Real>
 PALPATE_FORMULA Real deep_limit(Real radius) {
   return (kDeep - kDeepCorner) * kFootprint * radius;
 }
 
-/// By how much the maximum of `deepened` is deeper than -depth where fine and wide pixels both say
-/// depth: steepening makes it so, and it stays behind by the corner of the maximum. By the depth of
-/// the maximum; a cubic, off by less than a thousandth of the depth.
+/// Depth of the maximum of `deepened` beyond -depth where fine and wide pixels agree on `depth`:
+/// the gain by steepening less the corner of the maximum, with derivatives by the depth of the
+/// maximum; a cubic, off by less than a thousandth of the depth.
 template <class Real>
 PALPATE_FORMULA Curved<Real> deep_excess(Real depth, Real footprint, Real per_footprint) {
   constexpr float kEnd = 2.0f * kDeepCorner / kSteepening + kDeepCorner;  // from there on constant
@@ -213,9 +213,9 @@ PALPATE_FORMULA Curved<Real> deep_excess(Real depth, Real footprint, Real per_fo
           growth * e.slope, growth * e.bend + (is_bent ? bend : zero)};
 }
 
-/// The value for a sphere of this radius, and for the next wider one: the maximum of both, where
-/// the wider one knows only of what is deeper than kDeep footprints, stretched so that it says what
-/// both say where they agree. `AnySample` is an ImageGradient or an ImageCurvature.
+/// Value for a sphere of this radius, and for the next wider one: the maximum of both, where the
+/// wider one only counts deeper than kDeep footprints, stretched to return the common value where
+/// they agree. `AnySample` is an ImageGradient or an ImageCurvature.
 template <class AnySample, class Real>
 PALPATE_FORMULA AnySample deepened(const AnySample& fine, const AnySample& wide, Real fine_phi,
                                    Real wide_phi, Real radius) {

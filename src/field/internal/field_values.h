@@ -68,15 +68,15 @@ PALPATE_FORMULA Curved<Real> plane_value(Real offset, Real slope, Real z) {
   return {offset - z * slope, -slope, Real{}};
 }
 
-/// How far below the values that with_back leaves as they are; where this is 0 or less it adds 0.
+/// Returns the depth below the values that with_back keeps; with_back adds 0 where it is 0 or less.
 template <class Real>
 PALPATE_FORMULA Real below_unbent(Real value, Real thickness) {
   const Real zero{}, most = thickness < zero ? -thickness : thickness;
   return (-most - value) + 0.25f * most;
 }
 
-/// As deep as it is down to -thickness, from there on out of the back: |x + thickness| - thickness,
-/// rounded. With a negative thickness no deeper than that: max(x, thickness).
+/// Depth that grows down to -thickness and shrinks from there on towards the back: |x + thickness|
+/// - thickness, rounded. A negative thickness limits it: max(x, thickness).
 template <class Real>
 PALPATE_FORMULA Curved<Real> with_back(const Curved<Real>& x, Real thickness) {
   const Real zero{}, one = zero + 1.0f;
@@ -111,12 +111,12 @@ PALPATE_FORMULA Curved<Real> clamped_at_silhouette(const Curved<Real>& own,
   return chosen(has_any, value, own);
 }
 
-/// Two neighbours among DepthFieldLevel::planes, which a GPU loads at once.
+/// Two neighbors among DepthFieldLevel::planes, which a GPU loads at once.
 struct alignas(2 * sizeof(float)) PlanePair {
   float offset, slope;
 };
 
-/// A pixel's value at depth z by z, as its silhouettes have it.
+/// Returns a pixel's value at depth z, with derivatives by z, limited by its silhouettes.
 template <class Real>
 PALPATE_HOSTDEV inline Curved<Real> silhouette_value(const DepthFieldLevel& level,
                                                      std::ptrdiff_t pixel, const Curved<Real>& own,

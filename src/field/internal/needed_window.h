@@ -7,9 +7,9 @@
 
 namespace palpate::inline v0 {
 
-/// The pixels of the image where points are seen that are at most `reach` (m) from p_C. A window at
-/// the border of the image stands for all that is beyond, too. Of a ball that is not in front of
-/// the camera: the whole image.
+/// Returns the pixels that show the points at most `reach` (m) from p_C. A window at the border of
+/// the image includes all beyond. For a ball that is not in front of the camera it is the whole
+/// image.
 inline PixelWindow needed_window(const Intrinsics& k, int width, int height, const Vec3d& p_C,
                                  double reach) {
   if (!(p_C.z - reach > static_cast<double>(kMinDepth))) return {0, 0, width, height};
@@ -29,7 +29,7 @@ inline PixelWindow needed_window(const Intrinsics& k, int width, int height, con
   return window;
 }
 
-/// Does the field know all that is read at points within `reach` (m) of p_C?
+/// True if the field has all pixels that are read at points within `reach` (m) of p_C.
 inline bool is_known_around(const DepthFieldView& field, const Vec3d& p_C, double reach) {
   const int width = field.levels[0].width, height = field.levels[0].height;
   return field.requested.has_all(width, height) ||

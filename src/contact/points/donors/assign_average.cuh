@@ -1,6 +1,6 @@
 // Untouched spheres take from all boundary spheres (thesis Alg. 3.3), on a GPU.
 //
-// A warp takes a few neighbouring spheres. If some plane reaches their cluster, its lanes share the
+// A warp takes a few neighboring spheres. If some plane reaches their cluster, its lanes share the
 // donors; each donor is compared with four spheres at a time, so that it is read once for four.
 #pragma once
 
@@ -31,7 +31,7 @@ class AverageAssignment {
   __device__ MeasureSums run() {
     const std::int32_t num_slots = q_.clusters.num_slots();
     const int warps = num_grid_warps(), lane = gpu::lane_id();
-    // As many spheres at a time as leave enough to do for every warp.
+    // As many spheres at a time as leave enough work for every warp.
     int size = SphereClusters::kSize;
     while (size > kAtOnce && num_slots / size < 2 * warps) size /= 2;
     for (std::int32_t first = spread_warp() * size; first < num_slots; first += warps * size) {
@@ -62,7 +62,7 @@ class AverageAssignment {
  private:
   static constexpr int kAtOnce = 4;  // spheres
 
-  // What donors give to one sphere, without factors common to all.
+  // Sums of donors for one sphere, without factors common to all.
   struct Share {
     float weight = 0, volume = 0, force_x = 0, force_y = 0, force_z = 0;
   };
@@ -70,7 +70,7 @@ class AverageAssignment {
     float x, y, z, radius;
   };
 
-  // Does the plane of any donor reach the cluster?
+  // True if the plane of any donor reaches the cluster.
   __device__ bool is_reached(const Cluster& cluster) const {
     const BoundaryList& b = q_.boundary;
     const Vec3f m = cluster.centre;
@@ -92,7 +92,7 @@ class AverageAssignment {
     return false;
   }
 
-  // Of the balls of the lanes in `mine`.
+  // Averages the donors for the balls of the lanes in `mine`.
   template <Priority kPriority>
   __device__ Assigned average(const Ball& ball, unsigned mine) const {
     Assigned result;
@@ -128,8 +128,8 @@ class AverageAssignment {
     return result;
   }
 
-  // Sums over all lanes, of ball number lane % 4: in the first two steps, a lane hands over what it
-  // does not keep.
+  // Returns the sums over all lanes of ball number lane % 4: in the first two steps, a lane hands
+  // over the half that it does not keep.
   __device__ static Share sum_of_warp(const Share (&shares)[kAtOnce]) {
     static_assert(kAtOnce == 4);
     const bool is_odd = (gpu::lane_id() & 1) != 0, is_upper = (gpu::lane_id() & 2) != 0;
@@ -149,7 +149,7 @@ class AverageAssignment {
             sum(a.force_y, b.force_y), sum(a.force_z, b.force_z)};
   }
 
-  // The donors of this lane. cap_volume without its factor pi / 3, with fused multiply-add.
+  // Adds the donors of this lane. cap_volume without its factor pi / 3, with fused multiply-add.
   template <Priority kPriority>
   __device__ void sum_over_donors(const Ball (&balls)[kAtOnce], Share (&shares)[kAtOnce]) const {
     const BoundaryList& b = q_.boundary;

@@ -1,8 +1,8 @@
 // Untouched spheres take from the best boundary sphere (thesis Alg. 3.4), on a GPU.
 //
-// A block takes a run of neighbouring clusters and keeps the donors that can be the nearest one to
-// some centre of the run; the same for each tile of the run; then each warp, or several if
-// clusters are few, does so for a cluster and compares what is left with each centre, a sphere per
+// A block takes a run of neighboring clusters and keeps the donors that can be the nearest one to
+// some center of the run; the same for each tile of the run; then each warp, or several if
+// clusters are few, does so for a cluster and compares what is left with each center, a sphere per
 // lane. Lists of donors are sets: their order, which is that of arrival, changes nothing.
 #pragma once
 
@@ -21,7 +21,7 @@ class NearestAssignment : private DonorPruning {
   /// `from` holds at least one donor.
   __device__ MeasureSums run(const DonorCentres& from) {
     const int num_clusters = q_.clusters.num_clusters, blocks = static_cast<int>(gridDim.x);
-    // Neighbouring clusters lie close together. Many are best taken in runs of a power of two.
+    // Neighboring clusters lie close together. Many are best taken in runs of a power of two.
     const int tile_size = min_of(divided(num_clusters, blocks), kMaxPerTile);
     int run_size = tile_size;
     while (run_size < kMaxPerRun && run_size * blocks < num_clusters) run_size *= 2;
@@ -65,14 +65,14 @@ class NearestAssignment : private DonorPruning {
     return {slot, c.sphere_id[slot], {c.x[slot], c.y[slot], c.z[slot]}, c.radius[slot]};
   }
 
-  // By the block: clusters [first, last).
+  // Measures clusters [first, last) by the block.
   __device__ void measure_tile(const DonorCentres& from, int first, int last) {
     const int warp = gpu::warp_id(), warps = gpu::warps_per_block(), num = last - first;
     const int shares = num >= warps ? 1 : warps / num;
     const int share = warp % shares;
     int cluster = first + warp / shares;
     Ball ball;
-    if (cluster < last) ball = ball_of_lane(cluster);  // meanwhile
+    if (cluster < last) ball = ball_of_lane(cluster);  // loads in the meantime
     const Pruned pruned = from.num <= kFew * shares ? Pruned{from, true}
                                                     : prune(from, first, last, shared_.of_tile,
                                                             AssignmentShared::kOfTile);
@@ -80,7 +80,7 @@ class NearestAssignment : private DonorPruning {
       leave_outside(first, last);
       return;
     }
-    // A warp for each cluster, one after the other; or several, and then there is but one for each.
+    // A warp for each cluster in turn; or several warps, and then one cluster for each.
     for (;;) {
       NearestDonor found;
       bool is_reached = false;
@@ -102,8 +102,8 @@ class NearestAssignment : private DonorPruning {
     }
   }
 
-  // By a warp, each lane for a centre of the cluster: the nearest of this share of the donors.
-  // Returns false, the same for all shares, if no plane that may be needed reaches the cluster.
+  // Finds the nearest of this share of the donors, by a warp with a lane per center. Returns false,
+  // the same for all shares, if no plane that may be needed reaches the cluster.
   __device__ bool find_nearest(const DonorCentres& from, int cluster, const Vec3f& centre,
                                int share, int num_shares, NearestDonor& found) {
     const int lane = gpu::lane_id();
@@ -156,7 +156,7 @@ class NearestAssignment : private DonorPruning {
     }
     return true;
   }
-  // With what other lanes have just put into the list.
+  // Compares donors that other lanes have just put into the list.
   __device__ static void compare(const DonorCentre* list, int num, const Vec3f& centre,
                                  NearestDonor& found) {
     __syncwarp();
@@ -168,7 +168,7 @@ class NearestAssignment : private DonorPruning {
     __syncwarp();
   }
 
-  // By a warp: V_s of the sphere of each lane. Its nearest donor is known but for close calls.
+  // Adds V_s of each lane's sphere, by a warp. Its nearest donor is known but for close calls.
   __device__ void settle(const DonorCentres& from, const Ball& ball, std::uint32_t touched,
                          bool is_reached, NearestDonor found) {
     const bool is_untouched = context_.is_untouched(ball.id, touched);
@@ -202,7 +202,7 @@ class NearestAssignment : private DonorPruning {
     return {static_cast<double>(volume), to_double(volume * to_float(plane.normal))};
   }
 
-  // By a warp: the nearest of the donors by distance in double, ties to the lowest sphere id.
+  // Returns the nearest donor by distance in double, ties to the lowest sphere id; by a warp.
   __device__ std::int32_t nearest_exactly(const DonorCentres& from, const Vec3d& centre) const {
     double least = 1e300;
     std::int32_t donor = 0x7fffffff;

@@ -1,5 +1,5 @@
-// What the parts of the take stage share: how spheres take in this query, which slots have
-// been touched, and how measures are added up.
+// State that the parts of the assignment stage share: the rule of this query, the touched slots,
+// and the sums.
 #pragma once
 
 #include <cstdint>
@@ -11,7 +11,7 @@
 
 namespace palpate::inline v0 {
 
-/// Warps are numbered so that neighbouring numbers are in different blocks: work lies together.
+/// Neighboring numbers of warps are in different blocks, which spreads work that lies together.
 __device__ inline int spread_warp() {
   return gpu::warp_id() * static_cast<int>(gridDim.x) + static_cast<int>(blockIdx.x);
 }
@@ -37,14 +37,14 @@ class AssignmentContext {
     return {method == MethodKind::weighted, q.priority, has_edges ? &edges : nullptr};
   }
   __device__ bool fades_in() const { return q.plane_rule.fades_in; }
-  /// Do untouched spheres lay donors over each other?
+  /// True if untouched spheres composite donors.
   __device__ bool overlays() const { return fades_in() && method == MethodKind::simplified; }
-  /// Do they compare all donors?
+  /// True if untouched spheres compare all donors.
   __device__ bool compares_all() const {
     return q.priority.compares_all(method == MethodKind::weighted);
   }
   __device__ bool is_at_edge(std::int32_t id) const { return has_edges && edges.concerns(id); }
-  /// Untouched spheres for which a warp looks at all donors in double.
+  /// True for untouched spheres for which a warp reads all donors in double.
   __device__ bool is_one_by_one(std::int32_t id) const {
     return overlays() || compares_all() || (method == MethodKind::weighted && is_at_edge(id));
   }
@@ -57,7 +57,7 @@ class AssignmentContext {
     return id >= 0 && (word >> (id % 32) & 1u) == 0;
   }
 
-  /// Adds V_s n_s; the lever is the centre of the sphere.
+  /// Adds V_s n_s; the lever is the center of the sphere.
   __device__ void add(MeasureSums& sums, const Vec3f& centre, const Assigned& measured) const {
     sums.volume += measured.volume;
     sums.force += measured.force;
@@ -76,8 +76,8 @@ class AssignmentContext {
     return {scale * assigned.volume, scale * assigned.force};
   }
 
-  /// Untouched spheres of slots [first, last) have nothing inside. By threads of the block, or of
-  /// the grid.
+  /// Leaves untouched spheres of slots [first, last) outside. By threads of the block, or of the
+  /// grid.
   __device__ void leave_outside(std::int32_t first, std::int32_t last, int thread,
                                 int num_threads) const {
     for (std::int32_t slot = first + thread; slot < last; slot += num_threads) {
@@ -114,7 +114,7 @@ class AssignmentContext {
   }
 
  private:
-  // The best of all lanes' choices, the same in all lanes. Ties go to the lowest index.
+  // Returns the best of all lanes' choices, the same in all lanes. Ties go to the lowest index.
   __device__ static DonorChoices best_of_warp(DonorChoices mine) {
     constexpr int kMaxDonors = DonorChoices::kMaxDonors;
     DonorChoices best;
@@ -133,7 +133,7 @@ class AssignmentContext {
       best.cost[slot] = cost;
       best.donor[slot] = donor;
       if (donor < 0 || donor != mine.donor[0]) continue;
-        // It was this lane's: its next one comes up.
+        // It was this lane's: the next one moves up.
 #pragma unroll
       for (int i = 0; i + 1 < kMaxDonors; ++i) {
         mine.cost[i] = mine.cost[i + 1];

@@ -3,7 +3,7 @@
 // threads of the grid call; each returns the sums of its share, which depends on the sizes of grid
 // and tool alone.
 //
-// A kernel made for one method, or for clouds without edges, says so by constants.
+// Kernels for one method, or for clouds without edges, pass constants.
 #pragma once
 
 #include <cstddef>
@@ -26,9 +26,9 @@ __device__ inline Assigned own_cap(const AssignmentContext& context, std::int32_
   return context.donors.assign_from(donor, donor.sphere_id, rule);
 }
 
-/// measure_boundary_spheres where they fade in. A sphere that a point has just entered is still
-/// measured as if it were untouched: V = (1 - presence) V_state + presence V_cap. Rarely used, so
-/// its code is kept out of the others' way.
+/// measure_boundary_spheres with fading. A sphere that a point has just entered is still measured
+/// as if it were untouched: V = (1 - presence) V_state + presence V_cap. Rarely used, so its code
+/// is kept out of line.
 __device__ __noinline__ inline MeasureSums measure_fading_spheres(const PointQuery& q,
                                                                   MethodKind method,
                                                                   bool with_edges) {
@@ -48,13 +48,13 @@ __device__ __noinline__ inline MeasureSums measure_fading_spheres(const PointQue
   return sums;
 }
 
-/// V_s n_s of the boundary spheres.
+/// Sums V_s n_s over the boundary spheres.
 __device__ inline MeasureSums measure_boundary_spheres(const PointQuery& q, MethodKind method,
                                                        bool with_edges) {
   if (q.plane_rule.fades_in) return measure_fading_spheres(q, method, with_edges);
   const AssignmentContext context(q, method, with_edges);
   MeasureSums sums;
-  // By the last blocks first: those that have the fewest untouched spheres, if any.
+  // The last blocks begin: they have the fewest untouched spheres, if any.
   const int blocks = static_cast<int>(gridDim.x), block = blocks - 1 - static_cast<int>(blockIdx.x);
   const int first = (gpu::warp_id() * blocks + block) * gpu::kWarpSize + gpu::lane_id();
   for (std::int32_t i = first; i < context.donors.num; i += gpu::grid_threads()) {
@@ -64,15 +64,15 @@ __device__ inline MeasureSums measure_boundary_spheres(const PointQuery& q, Meth
   return sums;
 }
 
-/// Untouched spheres for which all donors are looked at in double; a warp for each. Rarely used,
-/// so its code is kept out of the others' way.
+/// Measures the untouched spheres that read all donors in double; a warp for each. Rarely used, so
+/// its code is kept out of line.
 __device__ __noinline__ inline MeasureSums measure_one_by_one(const PointQuery& q,
                                                               MethodKind method, bool with_edges) {
   const AssignmentContext context(q, method, with_edges);
   MeasureSums sums;
   const std::int32_t num_slots = q.clusters.num_slots();
   const int warps = num_grid_warps();
-  // Every so many: spheres that need it lie together.
+  // Strided: spheres that need it lie together.
   for (std::int32_t first = spread_warp(); first < num_slots; first += warps * gpu::kWarpSize) {
     const std::int32_t slot = first + warps * gpu::lane_id();
     const std::int32_t id = slot < num_slots ? q.clusters.sphere_id[slot] : -1;
@@ -93,7 +93,7 @@ __device__ __noinline__ inline MeasureSums measure_one_by_one(const PointQuery& 
   return sums;
 }
 
-/// Weighted by a priority that is not of the thesis. Kept out of the others' way likewise.
+/// Averages by a priority that is not in the thesis. Kept out of line likewise.
 __device__ __noinline__ inline MeasureSums average_by_other_priorities(const PointQuery& q,
                                                                        bool with_edges) {
   const AssignmentContext context(q, MethodKind::weighted, with_edges);
@@ -103,8 +103,8 @@ __device__ __noinline__ inline MeasureSums average_by_other_priorities(const Poi
   return assignment.run<Priority::agreement>();
 }
 
-/// Weighted and simplified: every untouched sphere takes. Writes PointQuery::donor (-1 where
-/// there is no single one, or nothing can be inside) and PointQuery::assigned_volume of their
+/// Weighted and simplified: assigns a plane to every untouched sphere. Writes PointQuery::donor (-1
+/// where there is no single one, or nothing can be inside) and PointQuery::assigned_volume of their
 /// slots.
 __device__ inline MeasureSums assign_planes(const PointQuery& q, MethodKind method,
                                             bool with_edges) {

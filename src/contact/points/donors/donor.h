@@ -11,14 +11,14 @@
 namespace palpate::inline v0 {
 
 struct Donor {
-  std::int32_t sphere_id = -1;  ///< -1: gives nothing
+  std::int32_t sphere_id = -1;  ///< -1: no donor
   Plane<double> plane_T;
   DonorPoint point;
   double weight = 0;    ///< points inside, or the sum of their kernel weights: priority `count`
   double presence = 1;  ///< 0 for a sphere that a point is about to enter; see Continuity
 };
 
-/// V_s and V_s n_s.
+/// Volume V_s and force V_s n_s of a sphere.
 struct Assigned {
   double volume = 0;
   Vec3d force;
@@ -29,20 +29,20 @@ struct Assigned {
 inline constexpr double kMaxExponent = 40, kMinCosine = 1e-3;
 inline constexpr double kDoublings = 1.4426950408889634;  // 1 / ln 2
 
-/// A priority with what it has to know of the tool.
+/// A priority with the data that it needs of the tool.
 struct PriorityRule {
   Priority by = Priority::distance;
   double per_square = 0;         ///< gaussian: 1 / 2 s^2, in 1/m2
   const float* paths = nullptr;  ///< path: PathLengths, a row of num_spheres for each sphere
   std::int32_t num_spheres = 0;
 
-  /// Does the best donor not follow from the distance or from the number of points? Then all are
-  /// compared for each sphere.
+  /// True if the best donor does not follow from the distance or from the number of points: then
+  /// all are compared for each sphere.
   PALPATE_HOSTDEV bool compares_all(bool average) const {
     return by == Priority::path || (by == Priority::agreement && !average);
   }
-  /// Of a donor with this weight (Donor::weight) and normal to a sphere; `d` is the way from the
-  /// sphere's centre to the donor's.
+  /// Weight of a donor with this Donor::weight and normal for a sphere; `d` is the vector from the
+  /// sphere's center to the donor's.
   PALPATE_HOSTDEV double weight(double count, const Vec3d& normal, std::int32_t donor_id,
                                 std::int32_t sphere_id, const Vec3d& d) const {
     switch (by) {
@@ -65,14 +65,14 @@ struct PriorityRule {
   }
 };
 
-/// How a sphere takes.
+/// Rule by which a sphere takes from donors.
 struct AssignmentRule {
   bool average = false;  ///< over all donors; otherwise from the best one
   PriorityRule priority;
   const EdgesView* edges = nullptr;  ///< null: there are none
 };
 
-/// An average of what donors give, in the making.
+/// Running average over donors.
 struct DonorAverage {
   double weights = 0;
   Assigned sum;
@@ -94,10 +94,10 @@ struct DonorChoices {
   double cost[kMaxDonors] = {1e300, 1e300, 1e300, 1e300};
   std::int32_t donor[kMaxDonors] = {-1, -1, -1, -1};
 
-  /// To be called with ascending `l`.
+  /// Call with ascending `l`.
   PALPATE_HOSTDEV void offer(double its_cost, std::int32_t l) {
     if (!(its_cost < cost[kMaxDonors - 1])) return;
-    // Up from the end, to behind those that are as good.
+    // Inserts from the end, behind equally good ones.
     for (int slot = kMaxDonors - 1; slot > 0; --slot) {
       if (!(its_cost < cost[slot - 1])) {
         cost[slot] = its_cost;
@@ -118,7 +118,7 @@ struct DonorsView {
   const Donor* donors = nullptr;
   std::int32_t num = 0;
 
-  /// What one donor gives to a sphere.
+  /// Returns the share that one donor gives to a sphere.
   PALPATE_HOSTDEV Assigned assign_from(const Donor& donor, std::int32_t sphere_id,
                                        const AssignmentRule& rule) const {
     const Sphere& sphere = spheres[sphere_id];
@@ -131,9 +131,9 @@ struct DonorsView {
     return {volume, volume * plane.normal};
   }
 
-  /// What all donors but the sphere itself give to it. The best one covers those behind it, but
-  /// only as far as it is present: up to four are laid over each other, nearest first. So a donor
-  /// that appears or vanishes changes nothing suddenly.
+  /// Returns the share that all donors but the sphere itself give to it. The best one covers those
+  /// behind it, but only as far as it is present: up to four are composited, nearest first. So a
+  /// donor that appears or vanishes changes nothing suddenly.
   PALPATE_HOSTDEV Assigned assign(std::int32_t sphere_id, const AssignmentRule& rule) const {
     if (rule.edges != nullptr && rule.edges->cuts_off(sphere_id)) return {};
     if (rule.average) {
@@ -149,7 +149,7 @@ struct DonorsView {
     return best;
   }
 
-  // The steps of `assign`, for those who share the donors among them.
+  // The steps of `assign`, for threads that share the donors.
   PALPATE_HOSTDEV void add_to(DonorAverage& average, std::int32_t l, std::int32_t sphere_id,
                               const AssignmentRule& rule) const {
     const Donor& donor = donors[l];

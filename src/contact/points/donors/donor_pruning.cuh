@@ -1,4 +1,4 @@
-// Which donors can be the nearest one to some sphere of a neighbourhood, on a GPU.
+// Selection of donors that can be the nearest to some sphere of a neighborhood, on a GPU.
 #pragma once
 
 #include <cstdint>
@@ -27,7 +27,7 @@ struct DonorCentres {
   }
 };
 
-/// The nearest donor of one sphere; squared distances of it and of the one that follows.
+/// The nearest donor of one sphere; squared distances of it and of the next one.
 struct NearestDonor {
   float least = 1e30f, second = 1e30f;
   std::int32_t donor = -1;
@@ -54,7 +54,7 @@ struct AssignmentShared {
   int num, is_reached;
 };
 
-/// How a block, and a warp of it, chooses among donors.
+/// Selection among donors by a block, and by a warp of it.
 class DonorPruning {
  protected:
   __device__ explicit DonorPruning(const PointQuery& q)
@@ -82,7 +82,7 @@ class DonorPruning {
   __device__ static bool reaches(const Plane<float>& plane, const Cluster& box, float limit) {
     return dot(plane.normal, box.centre) - plane.offset < limit;
   }
-  // The first lane that has the least value; none is negative.
+  // Returns the first lane that has the least value; none is negative.
   __device__ static int lane_of_min(float value) {
     const auto bits = static_cast<unsigned>(__float_as_int(value));
     unsigned least = bits;
@@ -109,7 +109,7 @@ class DonorPruning {
     if (squared < best.squared_distance) best = {c.x, c.y, c.z, squared};
   }
 
-  // Around clusters [first, last); each warp finds it for itself.
+  // Encloses clusters [first, last); each warp finds the box for itself.
   __device__ Cluster enclose(int first, int last) const {
     if (last - first == 1) return q_.clusters.clusters[first];
     Vec3f low{1e30f, 1e30f, 1e30f}, high = -low;
@@ -140,10 +140,10 @@ class DonorPruning {
     return value;
   }
 
-  // By the block: of `from`, those that may be nearest to some centre of clusters [first, last), in
-  // `list`, or all of `from` if they are too many for it; and whether the plane of one reaches
-  // them. Most of the time goes by in waiting for memory, so each thread prefetches its first donor
-  // and its plane at once.
+  // Keeps, by the block, the donors of `from` that may be nearest to some center of clusters
+  // [first, last) in `list`, or all of `from` if they are too many for it; and checks if the plane
+  // of one reaches them. Memory latency dominates, so each thread prefetches its first donor and
+  // its plane at once.
   __device__ Pruned prune(const DonorCentres& from, int first, int last, DonorCentre* list,
                           int capacity) {
     const int thread = static_cast<int>(threadIdx.x), threads = static_cast<int>(blockDim.x);
@@ -162,7 +162,7 @@ class DonorPruning {
       offer(best, from.at(q_.boundary, i), box);
     }
     const int nearest_lane = lane_of_min(best.squared_distance);
-    __syncthreads();  // nobody reads what the last call left any more
+    __syncthreads();  // all threads have read the result of the last call
     if (lane == nearest_lane) shared_.nearest[gpu::warp_id()] = best;
     if (thread == 0) shared_.num = shared_.is_reached = 0;
     __syncthreads();
@@ -185,7 +185,7 @@ class DonorPruning {
       if (end < capacity) list[end] = c;
       is_reached = is_reached || reaches(begin > 0 ? plane_of(c.donor) : its_plane, box, limit);
     }
-    if (is_reached) shared_.is_reached = 1;  // whoever writes, writes the same
+    if (is_reached) shared_.is_reached = 1;  // all writers write the same
     __syncthreads();
     const int num = shared_.num;
     return {num <= capacity ? DonorCentres{list, 0, num} : from, shared_.is_reached != 0};

@@ -21,16 +21,16 @@ class Donors {
 
   void clear();
   void add(const Donor& donor);
-  /// After the last one.
+  /// Call after the last one.
   void pad();
 
   bool empty() const { return donors_.empty(); }
   int size() const { return static_cast<int>(donors_.size()); }
   const Donor& operator[](std::int32_t i) const { return donors_[static_cast<std::size_t>(i)]; }
 
-  /// For the kernels. With presences only if requested: they cost time.
+  /// Returns the arrays for the kernels. Presences only if requested: they cost time.
   BoundaryPlanes view(bool with_presence) const;
-  /// Most weight, ties to the lowest sphere id. There must be one.
+  /// Returns the donor with most weight, ties to the lowest sphere id. There must be one.
   std::int32_t heaviest() const;
 
   DonorsView donors() const { return {spheres_.data(), donors_.data(), size()}; }
@@ -40,7 +40,7 @@ class Donors {
 
   std::span<const Sphere> spheres_;
   std::vector<Donor> donors_;
-  // The same as the kernels want it.
+  // The same in the layout of the kernels.
   std::vector<std::int32_t> ids_;
   std::vector<Plane<double>> planes_;
   std::vector<float> channels_[kNumChannels];

@@ -16,7 +16,7 @@ namespace palpate::inline v0 {
 struct BoundaryPlanes {
   int num = 0;
   const std::int32_t* sphere_id = nullptr;
-  const float *x = nullptr, *y = nullptr, *z = nullptr;  ///< centres
+  const float *x = nullptr, *y = nullptr, *z = nullptr;  ///< centers
   const float *nx = nullptr, *ny = nullptr, *nz = nullptr, *offset = nullptr;
   const float* count = nullptr;          ///< points inside: the priority `count`
   const float* presence = nullptr;       ///< factors of the weights; null: all ones
@@ -37,7 +37,7 @@ struct MeasureSums {
   }
 };
 
-/// What the stage reads and writes. `donor[slot]` < 0 requests a plane; `kTouched` marks boundary
+/// Input and output of the stage. `donor[slot]` < 0 requests a plane; `kTouched` marks boundary
 /// spheres, which are left alone.
 struct PlaneAssignment {
   static constexpr std::int32_t kNone = -1, kTouched = -2;
@@ -45,11 +45,11 @@ struct PlaneAssignment {
   const SphereClusters* clusters = nullptr;
   const Sphere* spheres = nullptr;
   BoundaryPlanes boundary;
-  Vec3d origin;  ///< centre of mass
+  Vec3d origin;  ///< center of mass
   /// Weighted: anything but `path`. Simplified: the nearest, or by count, see `first_donor`.
   Priority priority = Priority::distance;
   float doublings_per_square = 0;  ///< gaussian: kDoublings * PriorityRule::per_square, in 1/m2
-  /// Simplified: only these of `boundary` may give; by count that is the one with the most points.
+  /// Simplified: the only donors of `boundary`; by count that is the one with the most points.
   std::int32_t first_donor = 0, num_donors = 0;
   const std::int32_t* numbers = nullptr;  ///< 0, 1, 2, ..., as many as `boundary` and 16 more
   const std::int32_t* touched = nullptr;  ///< per slot: kTouched or kNone
@@ -61,7 +61,7 @@ struct PlaneAssignment {
 /// Boundary spheres that can be the nearest one to some sphere of a group or cluster.
 struct Candidates {
   int num = 0;
-  float *x = nullptr, *y = nullptr, *z = nullptr;  ///< centres
+  float *x = nullptr, *y = nullptr, *z = nullptr;  ///< centers
   float* squared_distance = nullptr;               ///< scratch, as large as `boundary`
   std::int32_t* donor = nullptr;                   ///< index into BoundaryPlanes
 };

@@ -18,7 +18,7 @@ inline VecF cap_volume_v(VecF radius, VecF distance) {
   return static_cast<float>(kPi / 3.0) * h * h * (3.0f * radius - h);
 }
 
-// Centres to choose from, and whose they are.
+// Centers of donors to choose from, and their indices.
 struct CandidateList {
   int num;
   const float *x, *y, *z;
@@ -27,7 +27,7 @@ struct CandidateList {
 
 CandidateList list_of(const Candidates& c) { return {c.num, c.x, c.y, c.z, c.donor}; }
 
-// Of `from`, those that may be nearest to some centre in the box. `to` may not overlap `from`;
+// Keeps those of `from` that may be nearest to some center in the box. `to` may not overlap `from`;
 // its squared distances are scratch.
 void prune_candidates(const CandidateList& from, const Cluster& box, Candidates& to) {
   VecF least = splat(1e30f);
@@ -82,8 +82,8 @@ void leave_outside(const PlaneAssignment& job, int first, int last) {
   std::fill(job.donor + begin, job.donor + end, PlaneAssignment::kNone);
 }
 
-// The nearest boundary sphere by centre distance in double, ties to the lowest sphere id (boundary
-// spheres are in ascending order).
+// Returns the nearest boundary sphere by center distance in double, ties to the lowest sphere id
+// (boundary spheres are in ascending order).
 std::int32_t nearest_exactly(const PlaneAssignment& job, std::int32_t sphere_id,
                              const Candidates& candidates) {
   const Vec3d c = to_double(job.spheres[sphere_id].centre);
@@ -98,7 +98,7 @@ std::int32_t nearest_exactly(const PlaneAssignment& job, std::int32_t sphere_id,
   return best;
 }
 
-// V_s of one sphere behind a plane, in double.
+// Returns V_s of one sphere behind a plane, in double.
 double exact_volume(const PlaneAssignment& job, std::int32_t sphere_id, std::int32_t donor) {
   const Sphere& sphere = job.spheres[sphere_id];
   const Plane<double>& plane = job.boundary.plane[donor];
@@ -106,7 +106,7 @@ double exact_volume(const PlaneAssignment& job, std::int32_t sphere_id, std::int
                     dot(plane.normal, to_double(sphere.centre)) - plane.offset);
 }
 
-// Which boundary sphere gives its plane to each lane: the nearest one of the candidates.
+// Returns the boundary sphere whose plane each lane takes: the nearest one of the candidates.
 VecI nearest_candidates(const PlaneAssignment& job, std::size_t slot,
                         const Candidates& candidates) {
   const SphereClusters& c = *job.clusters;
@@ -131,7 +131,7 @@ VecI nearest_candidates(const PlaneAssignment& job, std::size_t slot,
   return best;
 }
 
-// Of boundary spheres b, b + 1, ... to a sphere at (x, y, z).
+// Weights of boundary spheres b, b + 1, ... for a sphere at (x, y, z).
 template <Priority kPriority>
 inline VecF weights_of(const PlaneAssignment& job, int b, float x, float y, float z) {
   const BoundaryPlanes& boundary = job.boundary;
@@ -263,7 +263,7 @@ MeasureSums assign_nearest(const PlaneAssignment& job, int group, AssignmentScra
       const VecF nx = gather(boundary.nx, donor), ny = gather(boundary.ny, donor),
                  nz = gather(boundary.nz, donor);
       const VecF distance = nx * x + ny * y + nz * z - gather(boundary.offset, donor);
-      // Wholly behind or in front of the plane, or cut by it: then in double.
+      // Spheres wholly behind or in front of the plane; those it cuts are computed in double.
       const VecF unsure = cut_distance(x, y, z, radius);
       VecF volume = select(wants & (distance < 0.0f), load(&c.volume[slot]), VecF{});
       const VecI cut = wants & (distance < unsure) & (distance > -unsure);

@@ -1,9 +1,9 @@
-// Where the surface ends: planes along viewing rays that keep the tool's spheres from taking
-// beyond it (thesis section 3.5, eq. 3.17 corrected). shared by host and device.
+// Ends of the surface: planes along viewing rays that keep the tool's spheres from taking beyond it
+// (thesis section 3.5, eq. 3.17 corrected). Shared by host and device.
 //
-// A boundary sphere has up to four pieces of edge, one for each side of the image. What matters to
-// a sphere is the piece nearest to it *in the image*, whoever found it: so an edge may bend and
-// turn corners. An edge says nothing about surfaces behind it: planes of donors that lie beyond
+// A boundary sphere has up to four pieces of edge, one for each side of the image. The piece that
+// counts for a sphere is the nearest one *in the image*, of any boundary sphere: so an edge may
+// bend and turn corners. Surfaces behind an edge are unaffected: planes of donors that lie beyond
 // the edge and farther away are not cut by it.
 #pragma once
 
@@ -50,24 +50,24 @@ PALPATE_HOSTDEV inline EdgePiece edge_piece(const PointSums& sums, double sum_sc
   return {p_W.x / p_W.z, p_W.y / p_W.z, norm(p_W), plane_T};
 }
 
-/// Where a sphere is to the edge that matters to it. Behind it, with all that counts, it is as
+/// Position of a sphere relative to its edge. A sphere behind it, as far as the rule counts, is as
 /// without edges.
 enum class EdgeSide : std::uint8_t { behind, cut, beyond };
 
-/// `distance` of the centre in front of the edge plane; `rule` is not `none`.
+/// `distance` of the center in front of the edge plane; `rule` is not `none`.
 PALPATE_HOSTDEV inline EdgeSide edge_side(double distance, double radius, Edges rule) {
   const double from = rule == Edges::centre ? 0 : -radius;
   const double to = rule == Edges::cut ? radius : from;
   return distance < from ? EdgeSide::behind : (distance < to ? EdgeSide::cut : EdgeSide::beyond);
 }
 
-/// Which piece of which edge cuts which sphere; not owning.
+/// Assignment of pieces of edges to the spheres that they cut; not owning.
 struct EdgesView {
   const Sphere* spheres = nullptr;
   const EdgePiece* pieces = nullptr;
   // Per sphere:
   const std::int32_t* piece_of = nullptr;
-  const double* distance = nullptr;  ///< of its centre in front of its edge
+  const double* distance = nullptr;  ///< of its center in front of its edge
   const EdgeSide* side = nullptr;
 
   /// False if the sphere lies behind its edge with all that counts: it is as without edges.
@@ -90,7 +90,7 @@ struct EdgesView {
     const Vec3d& edge_normal = piece(id).plane_T.normal;
     return two_plane_cut(radius, d, distance[id], dot(plane_T.normal, edge_normal)).volume;
   }
-  /// The same of a sphere that would be inside as a whole.
+  /// The same for a sphere that would be wholly inside.
   PALPATE_HOSTDEV double full_volume(std::int32_t id, const DonorPoint& donor) const {
     const double radius = static_cast<double>(spheres[id].radius);
     if (is_as_without(id, donor)) return sphere_volume(radius);

@@ -25,8 +25,8 @@ void EdgePlanes::add_pieces(const EdgeSums& edges, double sum_scale, const Mat3d
   }
 }
 
-// A piece is nearest to some sphere of the cluster only if it is at most twice the radius of the
-// cluster in the image farther from its middle than the nearest one there.
+// A piece is nearest to some sphere of the cluster only if its distance from the middle exceeds
+// that of the nearest one by at most twice the radius of the cluster in the image.
 void EdgePlanes::find_nearest(std::span<const Seen> cluster) {
   const Seen& middle = cluster[cluster.size() / 2];
   const auto squared_distance = [](const EdgePiece& piece, const Seen& seen) {

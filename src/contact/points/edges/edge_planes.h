@@ -21,13 +21,13 @@ class EdgePlanes {
   /// The pieces of one boundary sphere (eq. 3.17). R_TW and translation_W are those of X_WT.
   void add_pieces(const EdgeSums& sums, double sum_scale, const Mat3d& R_TW,
                   const Vec3d& translation_W);
-  /// After all of them: finds the piece of every sphere. `rule` is not `none`.
+  /// Call after all of them: finds the piece of every sphere. `rule` is not `none`.
   void find_nearest(const Pose& X_WT, Edges rule);
-  /// After that, for every donor: lets the edges know which of them they cannot cut off.
+  /// Call after that, for every donor: marks the edges that cannot cut it off.
   void note(const DonorPoint& donor);
 
   bool empty() const { return pieces_.empty(); }
-  /// After all of that.
+  /// Call after all of that.
   EdgesView view() const {
     return {spheres_.data(), pieces_.data(), piece_of_.data(), distance_.data(), side_.data()};
   }
@@ -46,7 +46,7 @@ class EdgePlanes {
   std::vector<EdgePiece> pieces_;
   std::vector<std::int32_t> near_;      // pieces that may be nearest to a sphere of a cluster
   std::vector<std::int32_t> piece_of_;  // nearest piece of each sphere
-  std::vector<double> distance_;        // of each sphere's centre in front of it
+  std::vector<double> distance_;        // of each sphere's center in front of it
   std::vector<EdgeSide> side_;          // of each sphere
 };
 

@@ -19,17 +19,17 @@ struct EdgeMean {
     change += other_change;
     num += 1;
   }
-  /// The side of the image that the edge looks to: place in EdgeSums::towards.
+  /// Side of the image towards which the edge faces: index in EdgeSums::towards.
   PALPATE_FORMULA int direction() const {
     const bool sideways = std::fabs(change.x) >= std::fabs(change.y);
     return sideways ? (change.x > 0 ? 0 : 1) : (change.y > 0 ? 2 : 3);
   }
-  /// What is added to the sums: mean point as an offset from the translation, unit direction.
+  /// Terms of the sums: mean point as an offset from the translation, unit direction.
   PALPATE_FORMULA Vec3d offset(const Vec3d& translation_W) const { return p / num - translation_W; }
   PALPATE_FORMULA Vec3d unit_change() const { return change / std::sqrt(dot(change, change)); }
 };
 
-/// The edges of an organised cloud.
+/// The edges of an organized cloud.
 struct EdgePoints {
   const PointCloudView* cloud;
 
@@ -38,7 +38,7 @@ struct EdgePoints {
     return {cloud->x[i], cloud->y[i], cloud->z[i]};
   }
 
-  /// Depth-change vector, across missing pixels where nothing is known beside the point.
+  /// Returns the depth-change vector, across missing pixels where it is unknown beside the point.
   PALPATE_FORMULA Vec3d change(std::int32_t i, int row, int column) const {
     const Vec3d known = known_change(i);
     if (known.x != 0 || known.y != 0 || !is_point(i)) return known;
@@ -64,7 +64,7 @@ struct EdgePoints {
     return dot(change, change) > EdgeSums::kMinChange * EdgeSums::kMinChange;
   }
 
-  /// False if the point is surely no edge; without looking across holes.
+  /// False if the point is surely no edge; holes are not searched.
   PALPATE_FORMULA bool may_be_edge(std::int32_t i, int row, int column) const {
     const Vec3d known = known_change(i);
     if (known.x != 0 || known.y != 0) return is_edge(known);
@@ -72,14 +72,14 @@ struct EdgePoints {
            is_hole(i, above(row));
   }
 
-  /// Whether the edge point `other` belongs to the edge of point i: same surface, about the same
+  /// True if the edge point `other` belongs to the edge of point i: same surface, about the same
   /// direction.
   PALPATE_FORMULA bool belong_together(std::int32_t i, const Vec3d& change, std::int32_t other,
                                        const Vec3d& other_change) const {
     if (!(dot(change, other_change) > 0)) return false;
     const float step = cloud->z[other] - cloud->z[i];
     constexpr float kSame = static_cast<float>(EdgeSums::kSameSurface);
-    return step < kSame && step > -kSame;  // not if it is no point
+    return step < kSame && step > -kSame;  // false if it is no point
   }
 
  private:
@@ -87,7 +87,7 @@ struct EdgePoints {
     return {cloud->edge_x[i], cloud->edge_y[i], cloud->edge_z[i]};
   }
 
-  // The pixels on one side of a point: how far the next one is, how many there are.
+  // The pixels on one side of a point: index step to the next one, and their number.
   struct Beside {
     int step, room;
   };

@@ -1,5 +1,5 @@
-// Edge stage of a query on a GPU: which piece of which edge cuts which sphere (thesis section 3.5).
-// The result is that of EdgePlanes: the first of the nearest pieces in the image.
+// Edge stage of a query on a GPU: the pieces of edges that cut spheres (thesis section 3.5). The
+// result is that of EdgePlanes: the first of the nearest pieces in the image.
 #pragma once
 
 #include <cstddef>
@@ -13,7 +13,7 @@ namespace palpate::inline v0 {
 /// Run by all threads of blocks of kQueryThreads.
 class EdgeStage {
  public:
-  /// Shared memory of a block: donors that are shown to all pieces.
+  /// Shared memory of a block: donors that are compared with all pieces.
   struct Scratch {
     DonorPoint donors[kQueryThreads];
   };
@@ -48,9 +48,9 @@ class EdgeStage {
   };
   __device__ Seen seen_piece(int i) const { return {q_.seen_pieces.u[i], q_.seen_pieces.v[i]}; }
 
-  // The spheres of a cluster, one per lane. A piece is nearest to some sphere of the cluster only
-  // if it is at most twice the radius of the cluster in the image farther from its middle than the
-  // nearest one there.
+  // Finds the pieces for the spheres of a cluster, one per lane. A piece is nearest to some sphere
+  // only if its distance from the middle exceeds that of the nearest one by at most twice the
+  // radius of the cluster in the image.
   __device__ void find_nearest(int cluster) const {
     const int lane = gpu::lane_id();
     const std::int32_t id = q_.clusters.sphere_id[cluster * SphereClusters::kSize + lane];
@@ -95,7 +95,7 @@ class EdgeStage {
         const int from = __ffs(static_cast<int>(near)) - 1;
         const double squared = piece.of_lane(from).squared_distance(sphere);
         const std::int32_t its_number = __shfl_sync(gpu::kWholeWarp, number, from);
-        // The list is in any order: of the nearest, the first by number.
+        // The list is unordered: among the nearest, the first by number.
         if (squared < nearest || (squared == nearest && its_number < nearest_number)) {
           nearest = squared;
           nearest_number = its_number;
@@ -103,7 +103,7 @@ class EdgeStage {
       }
     }
     if (!is_visible) return;
-    if (nearest_number < 0) {  // too far to say
+    if (nearest_number < 0) {  // too far to tell
       q_.edge_side[id] = EdgeSide::behind;
       return;
     }
@@ -115,8 +115,8 @@ class EdgeStage {
         edge_side(distance, static_cast<double>(q_.scan.spheres[id].radius), q_.edges);
   }
 
-  // Lets the pieces know which donors they cannot cut off: each block shows its share of the
-  // donors to all pieces. Several may find one for the same piece and write the same.
+  // Marks the pieces that cannot cut off a donor: each block compares its share of the donors with
+  // all pieces. Several may find one for the same piece and write the same.
   __device__ void note_donors() const {
     const std::int64_t num = *q_.boundary.num;
     const auto begin = static_cast<int>(num * blockIdx.x / gridDim.x);
@@ -145,8 +145,8 @@ class EdgeStage {
   int num_pieces_;
 };
 
-/// After find_boundary and a barrier, if q.edges is not `none`: the piece that matters to each
-/// sphere, and which pieces have donors beyond. Does nothing if *q.num_pieces is 0: then edges
+/// Call after find_boundary and a barrier, if q.edges is not `none`: finds the piece of each
+/// sphere, and the pieces with donors beyond. Does nothing if *q.num_pieces is 0: then edges
 /// concern no sphere. Shared memory: kEdgeSharedBytes.
 __device__ inline void find_edges(const PointQuery& q) { EdgeStage(q).run(); }
 

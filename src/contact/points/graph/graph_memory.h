@@ -1,4 +1,4 @@
-// What the graph stage of a query on a GPU (graph_stage.cuh) reads and writes: its memory.
+// Memory of the graph stage of a query on a GPU (graph_stage.cuh).
 #pragma once
 
 #include <algorithm>
@@ -28,7 +28,7 @@ inline SortedGraphView sorted_graph_on_gpu(gpu::Memory& memory, const SortedGrap
           static_cast<std::int32_t>(more_parts.size())};
 }
 
-/// For the graph as sorted_graph_on_gpu gives it.
+/// Allocates the search for a graph of sorted_graph_on_gpu.
 inline GraphSearch graph_search_on_gpu(gpu::Memory& memory, const SortedGraphView& graph,
                                        std::size_t num_slots, std::size_t num_edges) {
   const std::size_t num_listed = num_edges + static_cast<std::size_t>(graph.num_more_parts);

@@ -1,5 +1,5 @@
-// How the search along the leaf graph decides (thesis section 3.3.2; Algs. 3.5 and 3.6 corrected).
-// shared by host and device.
+// Decisions of the search along the leaf graph (thesis section 3.3.2; Algs. 3.5 and 3.6 corrected).
+// Shared by host and device.
 #pragma once
 
 #include <cstdint>
@@ -8,12 +8,12 @@
 
 namespace palpate::inline v0 {
 
-/// An edge is walked only if it points away from the collision normal of its start's reference.
+/// True if an edge points away from the collision normal of its start's reference: it is walked.
 PALPATE_HOSTDEV inline bool leads_inside(const Vec3d& edge, const Vec3d& normal) {
   return dot(edge, normal) < 0;
 }
 
-/// A reference offered to a sphere: the seed, and how long the path from there is.
+/// A reference offered to a sphere: the seed, and the length of the path from there.
 struct alignas(16) Offer {
   double path_length = 0;
   std::int32_t seed = -1;
@@ -25,8 +25,8 @@ struct alignas(16) Offer {
   }
 };
 
-/// V_s of a sphere that the graph reached from this donor: whole (Alg. 3.7), or cut by its plane
-/// (footnote).
+/// Returns V_s of a sphere that the graph reached from this donor: whole (Alg. 3.7), or cut by its
+/// plane (footnote).
 PALPATE_HOSTDEV inline double reached_volume(const DonorsView& donors, const Donor& donor,
                                              std::int32_t sphere_id, InsideVolume inside,
                                              const EdgesView* edges) {

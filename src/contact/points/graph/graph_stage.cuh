@@ -1,16 +1,16 @@
-// Graph stage of a query on a GPU: which untouched spheres are inside, and whose plane is theirs
+// Graph stage of a query on a GPU: finds the untouched spheres that are inside, and their planes
 // (thesis section 3.3.2; Algs. 3.5 to 3.7 corrected). The result is that of GraphTraversal.
 //
 // In a round, each slot that the round before has *reached* is settled: it takes the best of the
-// offers that were left for it. Now that it knows its reference, it offers it to those of its
-// neighbours that no earlier round has reached, if the reference lets it walk there. The first to
-// make an offer to a slot puts it on the list for the next round. Offers and lists lie in any
-// order, but all offers of a round are compared, and all of a list are settled.
+// offers made to it as its reference. Then it offers that reference to those of its neighbors that
+// no earlier round has reached, if the reference lets it walk there. The first to make an offer to
+// a slot puts it on the list for the next round. Offers and lists are unordered, but all offers of
+// a round are compared, and all slots of a list are settled.
 //
-// Rows of neighbours are worked at in parts, each by some lanes of a warp: as many as there are for
-// each part. With many parts all blocks share a round, and a barrier ends it. Few are quicker done
-// by one block alone, which goes on from round to round until there are many again; the others wait
-// at the barrier meanwhile. What a round reads of the round before was complete at the barrier.
+// Rows of neighbors are processed in parts, each by some lanes of a warp: the fewer parts, the more
+// lanes. Many parts are shared by all blocks in a round, and a barrier ends it. A few are faster by
+// one block alone, which continues round by round until there are many again; the others wait at
+// the barrier meanwhile. The data of the round before was complete at the barrier.
 #pragma once
 
 #include <cstdint>
@@ -63,15 +63,15 @@ class GraphStage {
 
  private:
   static constexpr int kFew = 64;      // parts of rows
-  static constexpr int kBatch = 2;     // neighbours that a lane reads at the same time
+  static constexpr int kBatch = 2;     // neighbors that a lane reads at the same time
   static constexpr int kMinLanes = 3;  // for each part, as the exponent of 2
 
-  /// Those who share a round, and where they count the parts that they list.
+  /// Warps that share a round, and the counters of the parts that they list.
   struct Team {
     int warp, num_warps;
     std::int32_t* num_listed;
   };
-  /// How many lanes have a part together: 2^log2.
+  /// Number of lanes that share a part: 2^log2.
   struct Lanes {
     int log2;
     __device__ int num() const { return 1 << log2; }
@@ -79,13 +79,13 @@ class GraphStage {
     __device__ int number_of_group() const { return gpu::lane_id() >> log2; }
     __device__ int number_of_this() const { return gpu::lane_id() & (num() - 1); }
   };
-  /// Where what a round reaches is listed.
+  /// Destination of the slots that a round reaches.
   struct Reached {
     std::int32_t round;
     RowPart* parts;
     std::int32_t* num;
   };
-  /// Some neighbours, read together.
+  /// Some neighbors, read together.
   struct Ahead {
     std::int32_t slot[kBatch], round[kBatch], row_begin[kBatch], row_end[kBatch];
     SlotSphere sphere[kBatch];
@@ -95,13 +95,13 @@ class GraphStage {
     *static_cast<volatile std::int32_t*>(to) = value;
   }
 
-  /// Rounds by this block, from the list of this turn to that of the next: few slots are left.
+  /// Runs rounds by this block, from the list of this turn to that of the next: few slots are left.
   __device__ void go_on_alone(int turn, std::int32_t num, int rounds) const {
     std::int32_t* const num_listed = gpu::shared_memory<Scratch>().num_listed;
     const Team block{gpu::warp_id(), gpu::warps_per_block(), num_listed};
     if (threadIdx.x < 3) num_listed[threadIdx.x] = 0;
     __syncthreads();
-    // Lists lie as if each round were a turn; the last one has to be that of the next turn.
+    // Each round uses the lists of a turn; the last one has to be that of the next turn.
     int from = turn;
     do {
       settle_listed(block, from, num, search_.first_round + rounds++);
@@ -164,10 +164,10 @@ class GraphStage {
     return end < row_end ? end : row_end;
   }
 
-  /// One part; an empty one by those that have none. All lanes of the warp call.
+  /// Settles one part; lanes without one pass an empty part. All lanes of the warp call.
   __device__ void settle(const RowPart& part, const Lanes& lanes, const Reached& reached) const {
     const bool has_part = part.begin < part.end;
-    // All that does not need the reference is loaded before it is known.
+    // Loads all that does not depend on the reference first.
     const Offer* const offers = search_.offers + part.row_begin;
     const int num = has_part ? gpu::read_now(&search_.slots[part.slot].num_offers) : 0;
     Offer first[GraphSearch::kFirstOffers];
@@ -190,7 +190,7 @@ class GraphStage {
     walk(part, lanes, best, ahead, reached);
   }
 
-  /// The best of some offers, after the first. All lanes of the warp call.
+  /// Returns the best of the offers after the first ones. All lanes of the warp call.
   __device__ static Offer best_of_many(Offer best, const Offer* offers, int num,
                                        const Lanes& lanes) {
 #pragma unroll 4
@@ -206,7 +206,7 @@ class GraphStage {
     return best;
   }
 
-  /// Neighbours of the part, from `begin` on, as many as its lanes look at together. Behind its
+  /// Loads neighbors of the part, from `begin` on, as many as its lanes read together. Behind its
   /// end: one that is never open.
   __device__ Ahead look_ahead(const RowPart& part, const Lanes& lanes) const {
     Ahead ahead;
@@ -228,7 +228,7 @@ class GraphStage {
     return ahead;
   }
 
-  /// Offers the reference of a slot, if it has one, to those neighbours to which it leads.
+  /// Offers the reference of a slot, if it has one, to those neighbors to which it leads.
   /// `ahead`: the first of them. All lanes of the warp call.
   __device__ void walk(RowPart part, const Lanes& lanes, const Offer& from, Ahead ahead,
                        const Reached& reached) const {
@@ -241,7 +241,7 @@ class GraphStage {
       double length[kBatch];
 #pragma unroll
       for (int b = 0; b < kBatch; ++b) {
-        // Some may have been reached by others in this round.
+        // Other slots may have reached some in this round.
         walks[b] = has_seed &&
                    (ahead.round[b] < search_.first_round || ahead.round[b] == reached.round) &&
                    leads_inside(ahead.sphere[b].centre() - c, normal) &&
@@ -251,7 +251,7 @@ class GraphStage {
         num_slots += __popc(all);
       }
       if (num_slots > 0) {
-        // Not all will be the first to reach the slot, but to wait for that would take longer.
+        // Not all will be the first to reach the slot, but waiting for that would take longer.
         int number[kBatch], base = 0;
 #pragma unroll
         for (int b = 0; b < kBatch; ++b) {
@@ -303,18 +303,18 @@ class GraphStage {
 
 inline constexpr std::size_t kGraphSharedBytes = sizeof(GraphStage::Scratch);
 
-/// Finds all slots that the boundary spheres reach, whose round is first_round; `with_edges` if
+/// Finds all slots that the boundary spheres, whose round is first_round, reach; `with_edges` if
 /// edges matter. Called by all threads of a cooperative grid, after a barrier behind the boundary
-/// stage and that of the edges; what it writes is visible to all when it returns. Returns the
-/// number of rounds after the first. Shared memory: kGraphSharedBytes.
+/// and edge stages; the results are visible to all when it returns. Returns the number of rounds
+/// after the first. Shared memory: kGraphSharedBytes.
 __device__ inline int search_graph(const PointQuery& q, unsigned long long* barrier,
                                    bool with_edges) {
   if (*q.boundary.num == 0) return 0;
   return GraphStage(q, with_edges).run(barrier);
 }
 
-/// This thread's part of the measure of what was reached: V_s n_s, with the sphere's centre as
-/// lever. Fills in donor and assigned_volume of all spheres that no point touches.
+/// Returns this thread's share of the sums over the reached spheres: V_s n_s, with the sphere's
+/// center as lever. Fills in donor and assigned_volume of all spheres that no point touches.
 __device__ inline MeasureSums measure_reached(const PointQuery& q, bool with_edges) {
   const DonorsView donors = q.donors_view();
   const EdgesView edges = q.edges_view();

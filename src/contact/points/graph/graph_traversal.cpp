@@ -21,7 +21,7 @@ GraphTraversal::GraphTraversal(std::span<const Sphere> spheres, const SortedGrap
   ahead_.resize(static_cast<std::size_t>(longest_row));
 }
 
-// Offers the reference of one sphere to its neighbours and appends those it is the first to reach.
+// Offers the reference of one sphere to its neighbors and appends those it is the first to reach.
 template <bool kWithEdgePlanes>
 std::size_t GraphTraversal::walk_edges(const Visit& from, Slot slot, const Seed& seed,
                                        const EdgesView* edge_planes, std::size_t num_visits) {
@@ -33,7 +33,7 @@ std::size_t GraphTraversal::walk_edges(const Visit& from, Slot slot, const Seed&
   Slot* const slots = slots_.data();
   Slot* const ahead = ahead_.data();
   const std::int32_t end = graph_.row_starts[static_cast<std::size_t>(slot) + 1];
-  // What stays is written on, what goes is written over: a branch per edge would be mispredicted
+  // Kept entries advance the end, others are overwritten: a branch per edge would be mispredicted
   // too often.
   std::size_t num_ahead = 0;
   for (std::int32_t e = graph_.row_starts[static_cast<std::size_t>(slot)]; e < end; ++e) {
@@ -86,7 +86,7 @@ std::span<const GraphTraversal::Visit> GraphTraversal::run(std::span<const Seed>
                        ? walk_edges<false>(visits_[v], slots_[v], seed, nullptr, num_visits)
                        : walk_edges<true>(visits_[v], slots_[v], seed, edge_planes, num_visits);
     }
-    // What the round reached is settled now.
+    // Settles the spheres that the round reached.
     for (std::size_t v = round_end; v < num_visits; ++v) {
       const auto slot = static_cast<std::size_t>(slots_[v]);
       states_[slot] = kSettled;

@@ -1,4 +1,4 @@
-// Second stage of the graph method: which untouched spheres are inside, and whose plane is theirs
+// Second stage of the graph method: finds the untouched spheres that are inside, and their planes
 // (thesis section 3.3.2; Algs. 3.5 and 3.6 corrected).
 #pragma once
 
@@ -20,7 +20,7 @@ namespace palpate::inline v0 {
 /// path, then the lowest index. So the result does not depend on any order of execution.
 class GraphTraversal {
  public:
-  /// In the order of `graph`, neighbours in space are neighbours in memory: the search stays within
+  /// In the order of `graph`, neighbors in space are neighbors in memory: the search stays within
   /// a few cache lines. `graph` must outlive it.
   GraphTraversal(std::span<const Sphere> spheres, const SortedGraph& graph);
 
@@ -58,7 +58,7 @@ class GraphTraversal {
 
   std::vector<Vec3f> centres_;  // of each slot
   const SortedGraph& graph_;
-  std::vector<Slot> ahead_;    // of one sphere: neighbours not settled and in its direction
+  std::vector<Slot> ahead_;    // of one sphere: neighbors not settled and in its direction
   std::vector<State> states_;  // of each slot
   std::vector<Offer> offers_;  // of each slot: the best one it has had in this round
   std::vector<Visit> visits_;  // seeds, then the spheres reached

@@ -8,14 +8,14 @@
 
 namespace palpate::inline v0 {
 
-/// How planes are made of sums.
+/// Rule by which planes follow from sums.
 struct BoundaryPlaneRule {
   bool weighted = false;    ///< the sums carry kernel weights (Continuity)
-  bool fades_in = false;    ///< a boundary sphere counts as one only as far as points are in it
+  bool fades_in = false;    ///< a boundary sphere counts as far as points have entered it
   bool with_range = false;  ///< DonorPoint::range is needed
 };
 
-/// A sphere that contains points. Without a plane its normal is 0 and it gives nothing.
+/// A sphere that contains points. Without a plane its normal is 0 and it is no donor.
 struct BoundarySphere {
   std::int32_t sphere_id = -1;
   Donor donor;  ///< unit mean normal, plane through the mean point, tool frame
@@ -28,7 +28,7 @@ struct BoundarySphere {
 /// Sum of kernel weights at which a boundary sphere counts by half as one (Continuity::entry).
 inline constexpr double kHalfPresence = 0.25;
 
-/// R_TW and X_WT belong together.
+/// Computes a boundary sphere; R_TW and translation_W are those of X_WT.
 PALPATE_HOSTDEV inline BoundarySphere boundary_sphere(std::int32_t sphere_id, const PointSums& sums,
                                                       double sum_scale,
                                                       const BoundaryPlaneRule& rule,
@@ -38,13 +38,13 @@ PALPATE_HOSTDEV inline BoundarySphere boundary_sphere(std::int32_t sphere_id, co
   result.sphere_id = sphere_id;
   result.num_points = static_cast<std::int32_t>(sums.num_points(sum_scale));
   const double weight = rule.weighted ? sums.weight(sum_scale) : sums.num_points(sum_scale);
-  // Points that only graze the sphere weigh nothing.
+  // Points that only graze the sphere have no weight.
   if (rule.weighted && !(weight > 1e-6)) return result;
   const Vec3d offset_W = sums.offset(sum_scale) / weight,
               mean_normal_W = sums.normal(sum_scale) / weight;
   const double length = norm(mean_normal_W);
   result.is_ambiguous = length < 0.5;
-  // Normals that cancel out say nothing: such a sphere has no plane.
+  // Normals that cancel out: such a sphere has no plane.
   if (!(length > 1e-6)) return result;
   const Vec3d p_T = R_TW * offset_W, n_T = R_TW * (mean_normal_W / length);
   Donor& donor = result.donor;

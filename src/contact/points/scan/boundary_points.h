@@ -16,9 +16,9 @@ class BoundaryPoints {
   /// `pool` must outlive it. Without `has_edges` edges cannot be requested.
   BoundaryPoints(std::size_t num_spheres, ThreadPool& pool, ScanPoints scan_points, bool has_edges);
 
-  /// Adds up the points of the window. Rows (or runs of an unorganised cloud) are shared out; the
-  /// sums are whole numbers, so merging them in any order gives the same bits. `scan` needs no
-  /// edge sums: they are filled in if `with_edges`.
+  /// Adds up the points of the window. Rows (or runs of an unorganized cloud) are shared out; the
+  /// sums are integers, so merging them in any order gives the same bits. `scan` needs no edge
+  /// sums: they are filled in if `with_edges`.
   void collect(PointScan scan, const ImageWindow& window, bool with_edges);
 
   /// Calls visit(sphere_id, sums, edge_sums) for every sphere that contains points, ascending, and

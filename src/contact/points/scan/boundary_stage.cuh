@@ -1,9 +1,9 @@
 // Boundary stage of a query on a GPU: the touched spheres in ascending order, their planes
 // (boundary_plane.h) and their pieces of edges (edge_pieces.h).
 //
-// Each block has its share of the words of q.touched. Where its spheres stand in the list follows
-// from the number of bits before its share, which each block counts for itself: no barrier is
-// needed.
+// Each block has its share of the words of q.touched. The position of its spheres in the list
+// follows from the number of bits before its share, which each block counts for itself: no barrier
+// is needed.
 #pragma once
 
 #include <cstddef>
@@ -24,9 +24,9 @@ class BoundaryStage {
   /// Shared memory of a block.
   struct Scratch {
     Count counts[kQueryThreads / gpu::kWarpSize];  ///< of each warp
-    std::uint32_t words[kQueryThreads];            ///< that a block looks at at the same time
-    std::int32_t slots[kQueryThreads];             ///< of the first sphere of each, among theirs
-    std::int32_t sphere_ids[kQueryThreads];        ///< taken at the same time
+    std::uint32_t words[kQueryThreads];            ///< read at the same time by a block
+    std::int32_t slots[kQueryThreads];             ///< of the first sphere of each word
+    std::int32_t sphere_ids[kQueryThreads];        ///< processed at the same time
   };
 
   __device__ BoundaryStage(const PointQuery& q, bool with_edges)
@@ -65,7 +65,7 @@ class BoundaryStage {
     } while (pass < end);
     if (blockIdx.x == gridDim.x - 1 && thread_ == 0) {
       *q_.boundary.num = first;
-      *q_.num_edge_candidates = 0;  // for the next query: nobody reads it any more
+      *q_.num_edge_candidates = 0;  // for the next query: no thread reads it any more
     }
     hand_in();
   }
@@ -77,8 +77,8 @@ class BoundaryStage {
 
   __device__ static int min_of(int a, int b) { return a < b ? a : b; }
 
-  // Sums over the threads of the block: of what each has counted before the share, and of what the
-  // threads up to this one have in it. What the last call left has been read: a barrier follows it.
+  // Returns sums over the threads of the block: of all counts before the share, and of the counts
+  // in it up to this thread. The result of the last call has been read: a barrier follows it.
   __device__ Slots count(std::int32_t before_share, std::int32_t in_share) {
     std::int32_t up_to_here = in_share;
     for (int step = 1; step < gpu::kWarpSize; step *= 2) {
@@ -102,7 +102,7 @@ class BoundaryStage {
     return slots;
   }
 
-  // The spheres of this pass with slots from `from` on. A warp looks at a word at a time.
+  // Lists the spheres of this pass with slots from `from` on. A warp reads a word at a time.
   __device__ void list_spheres(int first_word, int num_words, std::int32_t from) {
     const int lane = gpu::lane_id();
     for (int w = gpu::warp_id(); w < num_words; w += kQueryThreads / gpu::kWarpSize) {
@@ -114,7 +114,7 @@ class BoundaryStage {
     }
   }
 
-  // All planes first, then the pieces of each side.
+  // Computes all planes first, then the pieces of each side.
   __device__ void take_spheres(std::int32_t first, int num) {
     if (thread_ < num) take_plane(first + thread_, shared_.sphere_ids[thread_]);
     for (int item = num + thread_; item < num * num_parts_; item += kQueryThreads) {
@@ -124,7 +124,7 @@ class BoundaryStage {
   }
 
   __device__ void take_plane(std::int32_t i, std::int32_t id) {
-    // All that has to come from memory, at once.
+    // Loads all from memory at once.
     const PointSums sums = q_.sums[id];
     const Vec3f its_centre = q_.scan.spheres[id].centre;
     const std::int32_t slot = q_.clusters.slot_of[id];
@@ -179,7 +179,7 @@ class BoundaryStage {
     q_.seen_pieces.number[slot] = number;
   }
 
-  // What the threads of a warp counted goes to the list's counters.
+  // Adds the counts of the threads of a warp to the list's counters.
   __device__ void hand_in() {
     if (!__any_sync(gpu::kWholeWarp, any_)) return;
     const std::int32_t num_donors = gpu::warp_sum(num_donors_);
@@ -201,22 +201,22 @@ class BoundaryStage {
   const PointQuery& q_;
   Scratch& shared_;
   const int thread_, num_parts_;
-  // Of the spheres that this thread took.
+  // Counts of the spheres that this thread took.
   bool any_ = false, ambiguous_ = false;
   std::int32_t num_donors_ = 0, num_points_ = 0;
   unsigned long long heaviest_ = 0;
 };
 
-/// After scan_points (and scan_edges) and a barrier: fills q.boundary and, with edges, q.pieces and
-/// q.seen_pieces. Leaves sums and edge sums zero. Shared memory: kBoundarySharedBytes. A kernel for
-/// clouds without edges says so by a constant.
+/// Call after scan_points (and scan_edges) and a barrier: fills q.boundary and, with edges,
+/// q.pieces and q.seen_pieces. Leaves sums and edge sums zero. Shared memory: kBoundarySharedBytes.
+/// Kernels for clouds without edges pass a constant.
 __device__ inline void find_boundary(const PointQuery& q, bool with_edges) {
   BoundaryStage(q, with_edges).run();
 }
 
 inline constexpr std::size_t kBoundarySharedBytes = sizeof(BoundaryStage::Scratch);
 
-/// By one thread, before the barrier that find_boundary waits for: counters of the query before.
+/// Resets the counters, by one thread, before the barrier that find_boundary waits for.
 __device__ inline void reset_counters(const PointQuery& q) {
   *q.boundary.num_donors = 0;
   *q.boundary.num_points = 0;

@@ -20,12 +20,12 @@ struct ImageWindow {
 /// The box around some spheres.
 Bounds bounds_of(std::span<const Sphere> spheres);
 
-/// The image of a box given in the tool frame, one pixel larger on every side; the whole cloud
-/// where that cannot be said (no pinhole cloud, box at or behind the camera).
+/// Returns the image of a box given in the tool frame, one pixel larger on every side; the whole
+/// cloud if there is none (no pinhole cloud, box at or behind the camera).
 ImageWindow image_window(const PointCloudView& cloud, const Bounds& box_T, const Pose& X_WT);
 
-/// No point of the tool, nor the mean of edge points around one, is farther from the tool's origin
-/// than this, m.
+/// Largest distance of a point of the tool, or of the mean of edge points around one, from the
+/// tool's origin, m.
 inline double reach_of_sums(const Bounds& box_T) {
   Vec3d far;
   for (int axis = 0; axis < 3; ++axis) {

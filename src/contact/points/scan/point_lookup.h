@@ -1,5 +1,5 @@
-// Which sphere contains a point, and what the point adds to the sphere's sums (thesis section 3.2.1
-// and eq. 3.3). Shared code for the vector kernels and the device; only their loops differ.
+// Lookup of the sphere that contains a point, and the point's terms of its sums (thesis section
+// 3.2.1 and eq. 3.3). Shared code for the vector kernels and the device; only their loops differ.
 #pragma once
 
 #include <cstdint>
@@ -51,14 +51,14 @@ PALPATE_FORMULA GridPoint<Number> to_grid_units(const GridTransform& to_grid, Nu
           m[6] * dx + m[7] * dy + m[8] * dz + to_grid.offset[2]};
 }
 
-/// NaN (no measurement) fails every comparison. `limit` is the number of cells along each axis.
+/// False for NaN (no measurement). `limit` is the number of cells along each axis.
 template <class Number>
 PALPATE_FORMULA auto is_in_grid(const GridPoint<Number>& g, const GridPoint<Number>& limit) {
   return (g.x >= 0.0f) & (g.x < limit.x) & (g.y >= 0.0f) & (g.y < limit.y) & (g.z >= 0.0f) &
          (g.z < limit.z);
 }
 
-/// |p - c| <= r in double, on the stored single-precision numbers.
+/// True if |p - c| <= r in double, on the stored single-precision numbers.
 PALPATE_FORMULA bool contains_exactly(const PointScan& scan, std::int32_t sphere_id,
                                       std::int32_t point) {
   const Vec3d p_W{scan.cloud.x[point], scan.cloud.y[point], scan.cloud.z[point]};
@@ -76,7 +76,7 @@ PALPATE_FORMULA int lowest_bit(std::uint32_t bits) {
 #endif
 }
 
-/// The candidate of a cell that contains the point, or -1: at most one can, the packing is
+/// Returns the candidate of a cell that contains the point, or -1: at most one can, the packing is
 /// disjoint. `test.squared_distances(block)` are those of the point to the spheres of a block, and
 /// `test.up_to(distances, limits)` has a bit for each that is not above its limit.
 template <class BlockTest>
@@ -108,7 +108,7 @@ PALPATE_FORMULA Int to_fixed(Real v, double scale) {
   return bits - kMagicBits;
 }
 
-/// (1 - |p - c|^2 / r^2)^2 of a point at `offset_W` from the tool's translation.
+/// Returns (1 - |p - c|^2 / r^2)^2 of a point at `offset_W` from the tool's translation.
 PALPATE_FORMULA double kernel_weight(const PointScan& scan, const Vec3d& offset_W,
                                      std::int32_t sphere_id) {
   const Sphere& sphere = scan.spheres[sphere_id];

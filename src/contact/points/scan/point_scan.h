@@ -1,5 +1,5 @@
-// First stage of a query: which points lie in which sphere, and their sums per sphere (thesis
-// section 3.2.1 and eq. 3.3).
+// First stage of a query: finds the points in each sphere, and their sums (thesis section 3.2.1 and
+// eq. 3.3).
 #pragma once
 
 #include <algorithm>
@@ -15,10 +15,10 @@
 
 namespace palpate::inline v0 {
 
-/// Sums of the points inside one sphere, in fixed point: whole numbers add up to the same bits in
-/// any order, on any number of threads and on any backend. One cache line.
+/// Sums of the points inside one sphere, in fixed point: integers add up to the same bits in any
+/// order, on any number of threads and on any backend. One cache line.
 struct alignas(64) PointSums {
-  /// Counts per metre (and per unit of a normal, and per point): see finest_sum_scale. Rounds at
+  /// Counts per meter (and per unit of a normal, and per point): see finest_sum_scale. Rounds at
   /// 5e-13 m.
   static constexpr double kFinestScale = 1099511627776.0;  // 2^40
 
@@ -64,7 +64,7 @@ inline double finest_sum_scale(std::size_t num_points, double reach) {
 /// Kernel weights (1 - |p - c|^2 / r^2)^2 of the points of a sphere.
 enum class PointWeights {
   none,
-  beside,   ///< only added up
+  beside,   ///< only summed
   in_sums,  ///< applied to offsets and normals as well
 };
 
@@ -88,7 +88,7 @@ struct EdgeSums {
   PointSums towards[kDirections];
 };
 
-/// Everything a scan reads, and the sums that all scans share.
+/// Input of a scan, and the sums that all scans share.
 struct PointScan {
   PointCloudView cloud;
   SphereGridView grid;

@@ -76,8 +76,8 @@ inline void add_to(std::int64_t* sum, Vec4L value) {
   std::memcpy(sum, &total, sizeof total);
 }
 
-// Where sums go. Holds copies of the pointers: the sums are written through memcpy, which might be
-// writing anything as far as the compiler knows.
+// Destination of sums. Holds copies of the pointers: the sums are written through memcpy, which may
+// alias anything as far as the compiler knows.
 struct Accumulator {
   const float *x, *y, *z, *nx, *ny, *nz;
   Vec4D translation_W;
@@ -85,7 +85,7 @@ struct Accumulator {
   PointSums* sums;
   std::uint8_t* touched;
 
-  // The three coordinates and the count at once.
+  // Adds the three coordinates and the count at once.
   void add(std::int32_t i, std::int32_t id) const {
     const Vec4F p{x[i], y[i], z[i], 1.0f};
     const Vec4F n{nx[i], ny[i], nz[i], 0.0f};
@@ -149,7 +149,7 @@ struct EdgeAccumulator {
   }
 };
 
-// A point against the spheres of a block, all at once.
+// Tests a point against the spheres of a block, all at once.
 struct PointInBlock {
   Vec8F x, y, z;
 
@@ -163,7 +163,7 @@ struct PointInBlock {
   }
 };
 
-// Step 2: the sphere of each point.
+// Step 2: finds the sphere of each point.
 template <class To>
 void add_points(const PointScan& scan, const Survivors& in, const To& to) {
   constexpr int kAhead = 6;  // blocks come from the L2 or L3 cache
@@ -176,7 +176,7 @@ void add_points(const PointScan& scan, const Survivors& in, const To& to) {
       __builtin_prefetch(next + 128);
     }
     const std::int32_t tag = in.tag[s];
-    // The cell is wholly inside a sphere, or there are some to try.
+    // The cell is wholly inside a sphere, or has candidates.
     const PointInBlock test{in.x[s] - Vec8F{}, in.y[s] - Vec8F{}, in.z[s] - Vec8F{}};
     const std::int32_t id =
         tag > 0 ? tag - 1 : find_sphere(scan, scan.grid.blocks - (tag + 1), in.index[s], test);
@@ -184,7 +184,7 @@ void add_points(const PointScan& scan, const Survivors& in, const To& to) {
   }
 }
 
-// Part of the window.
+// A part of the window.
 struct Pixels {
   int row_begin, row_end, column_begin, column_end;
 };

@@ -1,9 +1,8 @@
-// Scan stage of a query on a GPU: which points lie in which sphere, and their sums per sphere
-// (thesis section 3.2.1 and eq. 3.3). The sums are the CPU's, bit for bit: whole numbers that are
-// added in any order.
+// Scan stage of a query on a GPU: finds the points in each sphere, and their sums (thesis section
+// 3.2.1 and eq. 3.3). The sums are the CPU's, bit for bit: integers that are added in any order.
 //
 // Warps take tiles of the image window, so that their points lie close together and most of them in
-// few spheres: these are added up in the warp first. Edge points need their neighbours as well;
+// few spheres: these are added up in the warp first. Edge points need their neighbors as well;
 // they are few, lie in rows and cost much, so they are only listed here and, after a barrier,
 // looked at by a warp each (scan_edges).
 #pragma once
@@ -17,7 +16,7 @@
 
 namespace palpate::inline v0 {
 
-/// What one point adds to a sphere, as the eight numbers of PointSums.
+/// Terms of one point in a sphere's sums, as the eight numbers of PointSums.
 struct FixedPoint {
   static constexpr int kSize = 8;
   static_assert(sizeof(PointSums) == kSize * sizeof(unsigned long long));
@@ -55,7 +54,7 @@ class WindowTiles {
   }
   __device__ int num() const { return per_row_ > 0 && rows_ > 0 ? per_row_ * rows_ : 0; }
 
-  /// The point of this lane, or -1 if it lies outside the window.
+  /// Returns the point of this lane, or -1 if it lies outside the window.
   __device__ std::int32_t point(int tile) const {
     const int lane = gpu::lane_id(), tile_row = tile / per_row_;
     const int row = window_.row_begin + (tile_row << (5 - log_width_)) + (lane >> log_width_);
@@ -80,10 +79,10 @@ class ScanStage {
   __device__ void run(bool with_edges) const {
     const WindowTiles tiles(q_);
     const int num_tiles = tiles.num();
-    // Neighbouring tiles go to different blocks: those on the tool cost much more than the others.
+    // Neighboring tiles go to different blocks: those on the tool cost much more than the others.
     const int warps = gpu::warps_per_block() * static_cast<int>(gridDim.x);
     int tile = gpu::warp_id() * static_cast<int>(gridDim.x) + static_cast<int>(blockIdx.x);
-    // The next tile is on its way while this one is looked at.
+    // The next tile is loaded while this one is processed.
     Point next = tile < num_tiles ? load(tiles.point(tile)) : Point{};
     while (tile < num_tiles) {
       const Point point = next;
@@ -94,7 +93,7 @@ class ScanStage {
   }
 
   /// Adds the mean edge around each edge point to the edge sums of its sphere. A warp looks at the
-  /// neighbours at the same time and adds them one after the other, in the order of their pixels,
+  /// neighbors at the same time and adds them one after the other, in the order of their pixels,
   /// like the CPU.
   __device__ void add_edges() const {
     const int warps = gpu::grid_threads() / gpu::kWarpSize;
@@ -103,7 +102,7 @@ class ScanStage {
       const int width = scan_.cloud.width, i = candidate.point;
       const int row = i / width, column = i % width;
       const Vec3d own = edges_.change(i, row, column);
-      if (!EdgePoints::is_edge(own)) continue;  // of all lanes alike
+      if (!EdgePoints::is_edge(own)) continue;  // the same in all lanes
       const EdgeMean mean = mean_around(i, row, column, own);
       if (gpu::lane_id() != 0) continue;
       FixedPoint(mean.offset(scan_.translation_W), mean.unit_change(), 0.0, scan_.sum_scale)
@@ -117,7 +116,7 @@ class ScanStage {
     float x = 0, y = 0, z = 0;
   };
 
-  // The point against the spheres of a block, one after the other.
+  // Tests the point against the spheres of a block, one after the other.
   struct PointInBlock {
     struct Distances {
       float squared[CandidateBlock::kSize];
@@ -203,8 +202,8 @@ class ScanStage {
     if (is_first) atomicOr(q_.touched + id / 32, 1u << (id % 32));
   }
 
-  // The sums over the lanes of one sphere: lanes exchange halves of what they hold, until each set
-  // of four has one of the eight numbers.
+  // Adds up the lanes of one sphere: lanes exchange halves of their sums, until each set of four
+  // has one of the eight numbers.
   __device__ void add_together(std::int32_t sphere_id, bool is_member,
                                const FixedPoint& value) const {
     const int lane = gpu::lane_id();
@@ -272,7 +271,7 @@ class ScanStage {
 };
 
 /// Adds up the points of the window in q.sums and q.touched, lists points that may be edge points,
-/// and clears q.touched_before. A kernel for clouds without edges says so by a constant.
+/// and clears q.touched_before. Kernels for clouds without edges pass a constant.
 __device__ inline void scan_points(const PointQuery& q, bool with_edges) {
   ScanStage(q).run(with_edges);
   const int num_words = (q.num_spheres + 31) / 32;
@@ -281,7 +280,7 @@ __device__ inline void scan_points(const PointQuery& q, bool with_edges) {
   }
 }
 
-/// Only if q.scan.edges is not null, after scan_points and a barrier: fills q.edge_sums.
+/// Call only if q.scan.edges is not null, after scan_points and a barrier: fills q.edge_sums.
 __device__ inline void scan_edges(const PointQuery& q) { ScanStage(q).add_edges(); }
 
 }  // namespace palpate::inline v0
