@@ -18,8 +18,8 @@ class OpenHapticsServo {
   OpenHapticsServo(const OpenHapticsApi& api, HdHandle device, const DeviceInfo& info,
                    DeviceTick tick);
 
-  /// Callback to be scheduled, with the servo as its data. No allocation, no wait. After an error one
-  /// more call takes the force away; only one frame is allowed per call. The last call sends no
+  /// Callback to be scheduled, with the servo as its data. No allocation, no wait. After an error
+  /// one more call takes the force away; only one frame is allowed per call. The last call sends no
   /// force and returns "done".
   static unsigned call_back(void* servo) noexcept;
 

@@ -86,8 +86,8 @@ class DeviceInMemory final : public SimulatedDevice {
     has_refused_ = false;
     is_running_ = true;
     if (!options_.in_real_time) return Done{};
-    // Overslept ticks move the hand on under the last wrench, but not for more than 0.1 s: no driver
-    // leaves motors on for longer.
+    // Overslept ticks move the hand on under the last wrench, but not for more than 0.1 s: no
+    // driver leaves motors on for longer.
     return thread_.start(
         options_.rate,
         [this, most = static_cast<int>(options_.rate / 10)](double time, int periods) {

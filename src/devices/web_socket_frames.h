@@ -31,7 +31,7 @@ class WebSocketReader {
 
   WebSocketReader() : bytes_(kMaxMessage + 16), message_(kMaxMessage) {}
 
-  /// Where to put bytes, and how many have been put there. Never empty after next() said `nothing`.
+  /// Free space for received bytes, and how many were written there. Never empty after `nothing`.
   std::span<char> space() noexcept;
   void added(std::size_t count) noexcept { end_ += count; }
 
