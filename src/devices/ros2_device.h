@@ -14,8 +14,7 @@ namespace palpate::inline v0 {
 struct Ros2ToolAddress {
   std::string topic, frame, base;  ///< either a topic or a frame
   double max_age = 0.1;            ///< s: a pose counts as current until then
-  bool has_our_clock =
-      false;  ///< stamps are of this computer's clock: ages of poses count from them
+  bool has_our_clock = false;      ///< stamps are of this computer's clock and date the poses
 };
 /// Errors: neither of them, an unknown parameter.
 Result<Ros2ToolAddress> parse_ros2_tool(std::string_view address);
