@@ -1,4 +1,4 @@
-// From which depth on the pixels of a depth image show meshes with poses, or what these hide.
+// Depth from which on the pixels of a depth image show meshes with poses, or parts that these hide.
 #pragma once
 
 #include <algorithm>
