@@ -236,7 +236,7 @@ class FreenectSource final : public DepthSource {
   const Connection connection_;
   Device* device_ = nullptr;
   DepthStreamInfo info_;
-  std::vector<std::uint16_t> millimetres_;  // of disparities, if these are what comes
+  std::vector<std::uint16_t> millimetres_;  // of each disparity, if the camera sends disparities
   DepthFrame* desired_ = nullptr;           // the frame to fill
   std::int64_t ticks_ = 0;                  // since the first frame
   std::uint32_t last_stamp_ = 0;

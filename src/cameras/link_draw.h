@@ -198,7 +198,7 @@ class LinkRaster {
     const double per_u = (abw * acv - acw * abv) / area;
     per_v_ = (acw * abu - abw * acu) / area;
     constexpr float kSteepest =
-        0.01f;  // m: of depth per pixel, and within what is not cut any more
+        0.01f;  // m: largest change of depth per pixel, and within a piece that is not cut any more
     if (std::abs(per_u) + std::abs(per_v_) > kSteepest * nearest_ * nearest_ &&
         nearest_ - farthest_ > kSteepest * nearest_ * farthest_) {
       kind_ = Kind::steep;
@@ -242,7 +242,7 @@ class LinkRaster {
   }
 
  private:
-  static constexpr double kHalf = 0.501;  // of a pixel, and a little for what is rounded
+  static constexpr double kHalf = 0.501;  // half a pixel, and a margin for rounding
   static constexpr int kFar = 1 << 28;    // pixels
   static constexpr double kNever = 1e300;
 
@@ -283,7 +283,7 @@ PALPATE_HOSTDEV inline void draw_rows(const LinkTriangle& whole, const LinkWindo
   }
 }
 
-/// Does a pixel show what was drawn there, or what lies behind it? depth >= 1 / front - padding
+/// True if a pixel shows a drawn mesh or lies behind it: depth >= 1 / front - padding
 PALPATE_HOSTDEV inline bool shows_link(std::uint16_t count, float unit, float padding,
                                        float front) {
   const float depth = static_cast<float>(count) * unit;

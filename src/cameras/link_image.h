@@ -1,4 +1,4 @@
-// Depth from which on the pixels of a depth image show meshes with poses, or parts that these hide.
+// Images of the depth of meshes with poses, which mask the pixels that show them or lie behind.
 #pragma once
 
 #include <algorithm>

@@ -73,7 +73,7 @@ struct Api {
 LibraryThread& caller();
 
 /// Loads and initialises it, once. On the thread of `caller`. Errors: every place that was tried;
-/// what it says itself.
+/// the library's own error.
 const Result<Api>& api();
 
 }  // namespace palpate::inline v0::openni2

@@ -46,7 +46,7 @@ struct ForceDimensionApi {
 /// dhdGetStatus fills 13 to 17 numbers, depending on the release.
 inline constexpr int kDhdStatusCapacity = 32, kDhdStatusForce = 5, kDhdStatusForceOffCause = 14;
 
-/// Looks for the library and loads it. Errors: nowhere, with what was tried; not usable, with why.
+/// Finds and loads the library. Errors: not found, and every path tried; not usable, and why.
 Result<ForceDimensionApi> load_force_dimension();
 
 }  // namespace palpate::inline v0

@@ -174,7 +174,7 @@ class HaplyDevice final : public PolledDevice {
   bool is_waiting_ = false;                   // for the answer to our last message
   double last_answer_ = 0, last_usable_ = 0;  // s, when any and when a usable state came last
   bool is_calibrated_ = true, is_grip_connected_ = true;
-  std::string_view unusable_;  // what was wrong with the last state
+  std::string_view unusable_;  // fault of the last state
   Quaternion orientation_;     // kept by states without the grip
   std::uint32_t buttons_ = 0;
 

@@ -15,7 +15,8 @@ namespace palpate::inline v0 {
 enum class HaplyKind { inverse3, verse_grip, wireless_verse_grip, custom_verse_grip };
 std::string_view name_of(HaplyKind kind);  ///< as in the messages
 
-/// State of one device in a message. Fields that a message leaves out have the identity's value.
+/// State of one device in a message. Fields that a message leaves out have the identity's
+/// value.
 struct HaplyEntry {
   HaplyKind kind = HaplyKind::inverse3;
   std::string_view id;  ///< points into the message

@@ -187,7 +187,7 @@ class OpenHapticsDevice final : public HapticDevice {
       };
       guarded(end_here, [](const Error&) {});
     } else {
-      --g_num_running;  // nobody stops a scheduler that hangs
+      --g_num_running;  // a scheduler that hangs is never stopped
     }
     is_running_ = false;
     if (!is_off) give_up();

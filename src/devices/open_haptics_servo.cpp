@@ -37,7 +37,7 @@ void OpenHapticsServo::give_up(std::shared_ptr<OpenHapticsServo> self) noexcept 
   if (life_.compare_exchange_strong(expected, Life::given_up)) {
     count_hung_calls(1);
   } else if (expected == Life::ended) {
-    self_.reset();  // the servo has ended: nobody needs it
+    self_.reset();  // the servo has ended: the driver does not need it
   }
 }
 

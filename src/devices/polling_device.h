@@ -10,8 +10,9 @@
 
 namespace palpate::inline v0 {
 
-/// Driver of one polled device. `begin` is called while start() waits for it, all the others (but
-/// info, trouble and cut_force) from the ticking thread, which must not wait, allocate or throw.
+/// Driver of one polled device. `begin` is called while start() waits for it, all the others
+/// (but info, trouble and cut_force) from the ticking thread, which must not wait, allocate or
+/// throw.
 class PolledDevice {
  public:
   virtual ~PolledDevice() = default;

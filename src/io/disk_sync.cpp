@@ -65,7 +65,7 @@ DiskSync::DiskSync(int file) : work_(std::make_shared<Work>(file)) {
   try {
     std::thread([work = work_] { work->serve(); }).detach();
     work_->has_thread = true;
-  } catch (const std::system_error&) {  // none to be had
+  } catch (const std::system_error&) {  // the system starts no thread
   }
 }
 

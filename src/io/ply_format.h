@@ -46,8 +46,7 @@ class PlyValues {
   /// nullopt at the end, or if the text there is no number.
   std::optional<double> next(PlyType type);
 
-  /// Reads the length of a list; nullopt if there is no number, or the rest is shorter than the
-  /// list.
+  /// Length of a list; nullopt if there is no number, or the rest of the file is too short for it.
   std::optional<std::size_t> list_size(const PlyProperty& property);
 
   /// Passes over a list; false if it does not end.

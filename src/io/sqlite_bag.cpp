@@ -161,7 +161,7 @@ class SqliteBag final : public BagFile {
   }
   /// True if the header says so.
   bool is_in_wal_mode() const {
-    constexpr std::size_t kVersions = 18;  // of who may write and read it; 2: WAL
+    constexpr std::size_t kVersions = 18;  // offset of the write and read versions; 2: WAL
     char header[kVersions + 2] = {};
     std::ifstream(path_, std::ios::binary).read(header, sizeof header);
     return header[kVersions] == 2 && header[kVersions + 1] == 2;

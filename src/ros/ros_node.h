@@ -60,7 +60,7 @@ struct RosTopic {
 class RosNode : public std::enable_shared_from_this<RosNode> {
  public:
   /// The node with these options: one in this process, while it is in use. Errors: no
-  /// Cyclone DDS here; what it says.
+  /// Cyclone DDS here; its own error.
   static Result<std::shared_ptr<RosNode>> join(const RosNodeOptions& options);
   static Result<std::shared_ptr<RosNode>> join();  ///< with those of the environment
   virtual ~RosNode() = default;
