@@ -30,7 +30,7 @@ struct CameraInTree {
   std::string world, frame;
 };
 
-/// None unless it is requested. Error: nothing joins the frames.
+/// Returns the camera's transforms if the URI requests them. Error: nothing joins the frames.
 Result<std::optional<CameraInTree>> place_of(const CameraUri& uri, BagContents& contents,
                                              const BagContents::Images& images) {
   const auto extra = [&](const char* name) {
@@ -54,14 +54,14 @@ Result<std::optional<CameraInTree>> place_of(const CameraUri& uri, BagContents& 
                                     place.world + "' and the camera '" + place.frame + "'" + why};
 }
 
-/// What the stamps of frames say, s.
+/// Periods of the time stamps of frames, s.
 struct Periods {
   double rate = 0;  // Hz; 0: nothing
   double longest = 0;
-  int num_not_later = 0;  // frames that are no news
+  int num_not_later = 0;  // frames whose stamp is not later
 };
 
-/// Stamps may leap: then the rate is that of most frames, not of all together.
+/// Stamps may leap: then the rate is that of most frames, not the mean.
 Periods periods_of(const std::vector<double>& stamps) {
   Periods periods;
   std::vector<double> all;
@@ -154,7 +154,7 @@ class BagSource final : public DepthSource {
     const std::lock_guard lock(mutex_);
     notes_.push_back(std::move(text));
   }
-  /// Images of another lens or size are turned into those of the first one by who reads info().
+  /// Reports a new lens or size in info(); its reader turns images into those of the first one.
   void follow_camera(const DepthFrame& frame) {
     const ImageSize size{frame.width, frame.height};
     const std::size_t before = model_;
@@ -190,7 +190,7 @@ class BagSource final : public DepthSource {
   int num_read_ = 0, num_bad_ = 0;
   std::atomic<int> num_unplaced_ = 0;
   bool has_other_lens_ = false, has_other_size_ = false;
-  std::mutex mutex_;  // of what follows
+  std::mutex mutex_;  // guards the members below
   std::vector<std::string> notes_;
 };
 

@@ -23,7 +23,7 @@ constexpr std::string_view kDepthUnit = "palpate_msgs/msg/DepthUnit";
 
 constexpr std::size_t kLongestTopic = 1024;
 
-/// Returns the user's word under a name; empty: none.
+/// Returns the value of a parameter of the URI; empty: none.
 std::string given(const CameraUri& uri, const char* name) {
   const auto found = uri.extras.find(name);
   return found == uri.extras.end() ? std::string() : found->second;

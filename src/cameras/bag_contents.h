@@ -20,8 +20,8 @@ namespace palpate::inline v0 {
 /// The lens of a camera from a stamp on, s.
 using LensHistory = std::vector<std::pair<double, RosCameraModel>>;
 
-/// An unreadable message is no error of the recording: it is kept with its topic, for who needs
-/// that.
+/// Contents of a recording. An unreadable message is no error of the recording: why it is
+/// unreadable is kept with its topic.
 struct BagContents {
   struct Images {
     int num_frames = 0;          // without those that are of another type than the first one
@@ -56,17 +56,17 @@ struct BagContents {
                                   std::vector<std::string>& notes) const;
 };
 
-/// Adds what is found. Errors: of the file.
+/// Adds everything that is found. Errors: of the file.
 Status look_through(BagReader& reader, const CameraUri& uri, BagContents& contents);
-/// The same of what is sent once, and so lies in the first part of a recording: transforms that
-/// stay, and lenses.
+/// Adds messages that are sent once, and so lie in the first part of a recording: static transforms
+/// and lenses.
 Status look_through_first_part(BagReader& reader, BagContents& contents);
 
-/// An image of either type, or why it is none.
+/// Reads an image of either type. Error: why it is none.
 Result<DepthFrame> read_bag_frame(const std::string& schema, const McapMessage& message,
                                   double unit, double scale);
 bool is_image_type(const std::string& schema);
-/// When an image was captured, or recorded if it does not say, s; and in which frame.
+/// Returns when an image was captured, or recorded if it has no stamp, s; and in which frame.
 RosStamp stamp_of(const McapMessage& message);
 /// Meters per count, as in our recordings and those of RealSense cameras.
 std::optional<double> declared_unit(const McapChannel& channel, std::string_view message);

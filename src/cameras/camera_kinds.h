@@ -7,7 +7,7 @@ namespace palpate::inline v0 {
 
 /// Opens the raw stream that a URI of its kind names.
 using OpenKind = Result<RawStream>(const CameraUri& uri, const CameraOpening& opening);
-/// What of the kind can be used here.
+/// Finds the cameras of a kind that can be used here.
 using FindKind = FoundCameras();
 
 OpenKind open_folder_camera, open_scene_camera, open_pipe_camera, open_bag_camera,

@@ -28,7 +28,7 @@ constexpr int kMaxTold = 10;                           // losses of a camera
 constexpr double kRetryPeriod = 0.5;                   // s
 constexpr std::chrono::seconds kLongestVendorCall{2};  // at the end
 
-/// What comes out: the first image's size and intrinsics, without distortion, or a part of it.
+/// Returns the format of output: that of the first image without distortion, or a part of it.
 DepthStreamInfo pinhole_info(const DepthStreamInfo& stream, const CameraTruth& truth,
                              const CameraUri& uri) {
   DepthStreamInfo info = stream;
@@ -106,7 +106,7 @@ struct LiveCamera {
   bool reopen(const Error& why);
   void note_return();
   void close();
-  /// While `mutex` is held. What a camera says each time it is opened is told once.
+  /// Requires `mutex`. A note that a camera repeats each time it is opened is told once.
   void take_raw_notes() {
     constexpr std::size_t kMaxNotes = 100;
     for (const std::string& note : raw->take_notes()) {
@@ -118,14 +118,14 @@ struct LiveCamera {
   const OpenRaw again;
   const CameraTruth truth;
   const SensorKind sensor;
-  // Of the thread.
+  // Members that only the thread uses.
   Plausibility doubts;
   bool has_no_rays = false;       // of some frames
   std::optional<double> lost_at;  // s, monotonic; until a frame has come again
   int num_losses = 0;
 
-  // Of what follows. Not held in a call into a vendor's library: `cancel` and `take_notes` of raw
-  // streams make none.
+  // Guards the members below. Not held in a call into a vendor's library: `cancel` and `take_notes`
+  // of raw streams make none.
   std::mutex mutex;
   std::condition_variable ended;
   std::unique_ptr<DepthSource> raw;
@@ -184,7 +184,7 @@ void LiveCamera::read_all() {
   }
 }
 
-/// False: it is over.
+/// Opens the camera again. False: the stream is over.
 bool LiveCamera::reopen(const Error& why) {
   if (!again) {
     intake.end(why);
@@ -211,7 +211,7 @@ bool LiveCamera::reopen(const Error& why) {
   return false;
 }
 
-/// With its first frame; before that, nobody knows.
+/// Notes that the camera is back; called with its first frame.
 void LiveCamera::note_return() {
   if (!lost_at) return;
   const double seconds = monotonic_now() - *std::exchange(lost_at, std::nullopt);

@@ -29,7 +29,7 @@ Result<std::unique_ptr<DepthSource>> make_rectified(std::unique_ptr<DepthSource>
 /// intrinsics; the system starts no thread.
 Result<std::unique_ptr<DepthSource>> make_live(RawStream raw, OpenRaw again, const CameraUri& uri);
 
-/// What the URI says of such a stream. Error: neither says what the intrinsics are.
+/// Returns the URI's parameters of such a stream. Error: neither of them has the intrinsics.
 Result<CameraTruth> truth_of(const CameraUri& uri, const DepthStreamInfo& stream);
 
 }  // namespace palpate::inline v0

@@ -16,7 +16,7 @@ namespace {
 
 constexpr std::size_t kMaxCharacters = 60;  // characters of the user's text
 
-/// What stands before the first `mark`; `rest` is left with what comes after it.
+/// Returns the text before the first `mark`; `rest` keeps the text after it.
 std::string_view take_until(std::string_view& rest, char mark) {
   const std::size_t at = rest.find(mark);
   const std::string_view part = rest.substr(0, at);

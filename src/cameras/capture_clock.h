@@ -8,21 +8,21 @@
 
 namespace palpate::inline v0 {
 
-/// Whose clock time stamps are by: nobody's (there are none), the camera's own, this computer's.
+/// Clock of the time stamps: none (there are no stamps), the camera's own, or this computer's.
 enum class StampClock {
   none,
   cameras,  ///< of a clock of their own
-  ours,     ///< say to be of this computer's, as far as that can be
+  ours,     ///< said to be this computer's, and believed if plausible
   shared,   ///< of a clock declared to be synchronized with this computer's: old ones are old
 };
 
-/// Whether time stamps go on, one after the other.
+/// Detects time stamps that are not in order, and clocks that were set back.
 class StampOrder {
  public:
   enum class Step {
     newer,
     older,     ///< not after the newest one: a frame that was overtaken, or is sent again
-    set_back,  ///< the clock was: by more than a second, or it goes on from there
+    set_back,  ///< the clock was set back: by more than a second, or it goes on from there
   };
   /// `arrival`: s, monotonic.
   Step add(double stamp, double arrival);
@@ -56,9 +56,9 @@ class CaptureClock {
   double add(double stamp, double arrival);
   void reset() { *this = CaptureClock(); }
 
-  /// How much faster than ours the camera's clock goes, 1 = twice as fast.
+  /// Rate of the camera's clock relative to ours, minus 1: 1 = twice as fast.
   double drift() const { return -slope_; }
-  /// How often it was set back, or forward by more than a second.
+  /// Number of times that it was set back, or forward by more than a second.
   int num_restarts() const { return num_restarts_; }
 
  private:

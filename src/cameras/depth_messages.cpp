@@ -25,7 +25,7 @@ bool is_positive(const Intrinsics& k) {
   return k.fx > 0 && k.fy > 0 && std::isfinite(k.fx + k.fy + k.cx + k.cy);
 }
 
-/// Of a rectified topic, P is the image's camera and distortion has been removed.
+/// True for a rectified topic: P is the image's camera and distortion has been removed.
 bool is_rectified(const RosCameraModel& camera, const std::string& topic) {
   const std::string_view image = ros_image_topic(topic);
   return image.substr(image.rfind('/') + 1).find("rect") != std::string_view::npos &&
@@ -130,7 +130,7 @@ Result<RosCameraModel> read_camera_model(std::string_view message) {
   const auto is_inside = [](std::uint32_t first, std::uint32_t length, int of) {
     return std::uint64_t{first} + length <= static_cast<std::uint64_t>(std::max(of, 0));
   };
-  // Beyond that size it is not of it: who writes so means an image of that size.
+  // A region beyond that size is ignored: its sender means an image of that size.
   if (is_inside(roi_x, roi_width, camera.width) && is_inside(roi_y, roi_height, camera.height)) {
     camera.roi = {static_cast<int>(roi_x), static_cast<int>(roi_y), static_cast<int>(roi_width),
                   static_cast<int>(roi_height)};

@@ -9,7 +9,7 @@
 
 namespace palpate::inline v0 {
 
-/// Metres per number of 32FC1 images, as `scale=` says; else 1. Error: it is no such number.
+/// Returns meters per number of 32FC1 images, by `scale=`; else 1. Error: an invalid number.
 Result<double> scale_of_floats(const CameraUri& uri);
 
 /// sensor_msgs/CompressedImage of the transport compressedDepth: PNG or RVL of 16UC1 or 32FC1; or
@@ -30,13 +30,13 @@ struct RosCameraModel {
 /// sensor_msgs/CameraInfo. Errors: a distortion model other than plumb_bob and rational_polynomial,
 /// a damaged message.
 Result<RosCameraModel> read_camera_model(std::string_view message);
-/// Whether it has intrinsics for images on that topic: a camera that is not calibrated sends 0.
+/// True if it has intrinsics for images on that topic: a camera that is not calibrated sends 0.
 bool is_calibrated(const RosCameraModel& camera, const std::string& topic);
-/// Intrinsics and distortion of the images on that topic, for the size that `info` has. An image
-/// of the whole size is the whole one, whatever region is told.
+/// Sets intrinsics and distortion of the images on that topic, for the size that `info` has. Images
+/// of the whole size are taken as whole, whatever the region.
 void set_ros_camera(const RosCameraModel& camera, const std::string& topic, DepthStreamInfo& info);
 
-/// Of depth in metres, in counts: up to 16 m in steps of 0.25 mm.
+/// Unit of the counts of depth in meters: up to 16 m in steps of 0.25 mm.
 inline constexpr double kFloatUnit = 0.00025;
 
 /// The topic without the transport that is written behind it: "/camera/depth/image_raw" of

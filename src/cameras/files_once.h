@@ -15,12 +15,12 @@ namespace palpate::inline v0 {
 template <class Content>
 class FilesOnce {
  public:
-  /// What `load` makes of the file, or has made of it. Error: as of `load`.
+  /// Returns the content that `load` makes of the file; `load` is called once. Error: as of `load`.
   template <class Load>
   Result<std::shared_ptr<const Content>> get(const std::filesystem::path& path, const Load& load) {
     std::shared_ptr<const Content>& named = contents_[path.string()];
     if (named) return named;
-    // However it is spelled.
+    // A file may be spelled in several ways.
     std::error_code error;
     const std::filesystem::path file = std::filesystem::canonical(path, error);
     std::shared_ptr<const Content>& found = error ? named : contents_[file.string()];

@@ -53,10 +53,10 @@ void FrameIntake::give(DepthFrame& frame, const CameraModel& model, double arriv
   changed_.notify_all();
 }
 
-/// Of a time stamp, which may show that the camera has started its clock anew.
+/// Returns the capture time of a stamp, s; may find that the camera has started its clock anew.
 double FrameIntake::capture_time_of(double stamp, double arrival) {
   if (options_.stamps == StampClock::cameras) return clock_.add(stamp, arrival);
-  // What says to be of this computer's clock is believed once it can be: then old is late.
+  // Stamps said to be of this computer's clock are believed once plausible: then old is late.
   constexpr double kOldest = 1;         // s
   constexpr double kLargestOff = 0.01;  // s, as clocks that are synchronized may be
   constexpr int kNumForeign = 10;       // frames in a row
@@ -214,7 +214,7 @@ void FrameIntake::note(std::string text) {
   if (notes_.size() < kMaxNotes) notes_.push_back(options_.name + " " + std::move(text));
 }
 
-/// Ten times; then it is only counted.
+/// Adds the note ten times; then only counts.
 void FrameIntake::note_again(std::uint64_t& count, std::string text) {
   if (++count > kMaxTold) return;
   note(std::move(text) + (count == kMaxTold ? "; from now on, that is only counted" : ""));

@@ -16,7 +16,7 @@
 namespace palpate::inline v0 {
 
 /// The newest frame wins. Frames without any measurement and frames from the past are left out, so
-/// that what the hand feels gets old and fades, as with a camera that sends nothing.
+/// that the surface gets old and forces fade, as with a camera that sends nothing.
 class FrameIntake {
  public:
   struct Options {
@@ -33,7 +33,7 @@ class FrameIntake {
   /// Takes the frame's memory and gives other memory back. Waits at most while another thread swaps
   /// two vectors. `arrival`: s, monotonic.
   void give(DepthFrame& frame, const CameraModel& model, double arrival);
-  /// No more frames come: they have ended, or why not.
+  /// Ends the stream: at the end of the frames, or by an error.
   void end(Result<bool> how);
   void add_note(std::string text);
   /// The camera has been opened again: its clock may have started anew.
@@ -67,7 +67,7 @@ class FrameIntake {
   DepthFrame taken_;
   CameraModel taken_model_;
 
-  mutable std::mutex mutex_;  // of all that follows
+  mutable std::mutex mutex_;  // guards the members below
   std::condition_variable changed_;
   Arrived newest_;
   std::optional<CameraModel> last_model_;

@@ -171,7 +171,7 @@ class FreenectSource final : public DepthSource {
     info_.rate = uri.rate.value_or(mode->rate > 0 ? mode->rate : 30);
     info_.is_live = true;
     info_.sensor = SensorKind::structured_light;
-    // By what the library itself turns pixels into directions; it does not report the camera's own.
+    // The library turns pixels into directions by this; it reports no intrinsics of the camera.
     constexpr double kFocal = kReference / (2 * kHalfPixel);
     info_.intrinsics = {kFocal, kFocal, 319.5, 239.5};
     api_.set_user(device_, this);
@@ -205,7 +205,7 @@ class FreenectSource final : public DepthSource {
   }
 
  private:
-  /// Millimetres, else disparities.
+  /// Prefers millimeters to disparities.
   std::optional<FrameMode> choose_mode() const {
     for (const int format : {kMillimetres, kDisparity}) {
       for (int i = 0; i < api_.num_modes(); ++i) {
@@ -236,7 +236,7 @@ class FreenectSource final : public DepthSource {
   const Connection connection_;
   Device* device_ = nullptr;
   DepthStreamInfo info_;
-  std::vector<std::uint16_t> millimetres_;  // of disparities, if these are what comes
+  std::vector<std::uint16_t> millimetres_;  // of each disparity, if the camera sends disparities
   DepthFrame* desired_ = nullptr;           // the frame to fill
   std::int64_t ticks_ = 0;                  // since the first frame
   std::uint32_t last_stamp_ = 0;

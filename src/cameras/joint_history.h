@@ -15,7 +15,7 @@ namespace palpate::inline v0 {
 /// rad or m: no joint is farther away, however often it has turned.
 inline constexpr double kLargestPosition = 1e6;
 
-/// Of the joints of one robot.
+/// Position histories of the joints of one robot.
 class JointHistory {
  public:
   /// Continuous joints are interpolated the short way.
@@ -23,22 +23,22 @@ class JointHistory {
     std::string name;
     bool is_endless = false;
   };
-  /// Of each joint, what is older than its newest by more than that, s, is forgotten: live ones.
+  /// Forgets samples older than a joint's newest one by more than `kept_seconds`: for live ones.
   explicit JointHistory(std::vector<Joint> joints,
                         double kept_seconds = std::numeric_limits<double>::infinity());
 
-  /// Samples of other joints are ignored, and so are positions that no joint has: the joint is
-  /// held, until it is missed. `position`: rad or m.
+  /// Adds a sample. Other joints are ignored, and so are impossible positions: the joint is held,
+  /// until it is missed. `position`: rad or m.
   void add(std::string_view joint, double time, double position);
 
   /// Position of a joint, by its number: interpolated between samples. After the
   /// last one it is extrapolated with the velocity of the 20 ms before. A single sample of a file
   /// stays. Error: no sample within `max_age` of that time.
   Result<double> at(std::size_t joint, double time, double max_age, bool may_stay) const;
-  /// Until when all joints have samples, s; minus infinity: not all have.
+  /// Returns the time until which all joints have samples, s; minus infinity: not all have.
   double known_until() const;
-  /// "joint 'elbow' is at 1e+300 rad or m"; empty: nobody has said such a thing. NaN is no
-  /// position: it says that nothing is known.
+  /// "joint 'elbow' is at 1e+300 rad or m"; empty: no such position was reported. NaN is no
+  /// position: it means unknown.
   std::string impossible() const;
   /// Names of joints without samples, separated by commas, and why if others have told of them.
   std::string missing() const;
@@ -46,7 +46,7 @@ class JointHistory {
  private:
   struct Impossible {
     double position = 0;
-    bool is_newest = false;  // nothing better has been told since
+    bool is_newest = false;  // no possible position has been reported since
   };
   std::vector<Joint> joints_;
   double kept_seconds_;

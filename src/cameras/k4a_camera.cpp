@@ -63,7 +63,7 @@ struct Api {
   int (*stride)(Handle* image);
   std::uint64_t (*microseconds)(Handle* image);
   void (*release_image)(Handle* image);
-  // Of libk4arecord, which may be missing.
+  // Functions of libk4arecord, which may be missing.
   int (*open_file)(const char* path, Handle** playback);
   void (*close_file)(Handle* playback);
   int (*file_calibration)(Handle* playback, Calibration* calibration);

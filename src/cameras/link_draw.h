@@ -1,4 +1,4 @@
-// How triangles are cut and drawn into an image of inverse depth. Shared by host and device: both
+// Cutting of triangles and drawing into an image of inverse depth. Shared by host and device: both
 // draw the same bits.
 #pragma once
 
@@ -59,7 +59,7 @@ struct LinkWindow {
   PALPATE_HOSTDEV int width() const { return right - left; }
   PALPATE_HOSTDEV int height() const { return bottom - top; }
   PALPATE_HOSTDEV bool is_empty() const { return right <= left || bottom <= top; }
-  /// What both have.
+  /// Returns the intersection of both.
   PALPATE_HOSTDEV LinkWindow common(const LinkWindow& b) const {
     return {larger(left, b.left), larger(top, b.top), lesser(right, b.right),
             lesser(bottom, b.bottom)};
@@ -98,7 +98,7 @@ struct LinkCamera {
   }
 };
 
-/// From near to far.
+/// Returns the shell of an inverse depth; shells are numbered from near to far.
 PALPATE_HOSTDEV inline int shell_of(float w) {
   constexpr int kDigitsLeftOut = 21;
   const float depth[2] = {static_cast<float>(kNearestLink), 1 / w};
@@ -109,7 +109,7 @@ PALPATE_HOSTDEV inline int shell_of(float w) {
   return larger(0, lesser(number, kNumLinkShells - 1));
 }
 
-/// The part of a triangle that is not too near: so many corners, 0, 3 or 4.
+/// Cuts off the part of a triangle that is too near. Returns the number of corners: 0, 3 or 4.
 PALPATE_HOSTDEV inline int cut_at_nearest(const LinkCamera& camera,
                                           const LinkVertex* const (&vertices)[3],
                                           LinkCorner (&to)[4]) {
@@ -198,7 +198,7 @@ class LinkRaster {
     const double per_u = (abw * acv - acw * abv) / area;
     per_v_ = (acw * abu - abw * acu) / area;
     constexpr float kSteepest =
-        0.01f;  // m: of depth per pixel, and within what is not cut any more
+        0.01f;  // m: largest change of depth per pixel, and within a piece that is not cut any more
     if (std::abs(per_u) + std::abs(per_v_) > kSteepest * nearest_ * nearest_ &&
         nearest_ - farthest_ > kSteepest * nearest_ * farthest_) {
       kind_ = Kind::steep;
@@ -219,7 +219,7 @@ class LinkRaster {
   PALPATE_HOSTDEV Kind kind() const { return kind_; }
   PALPATE_HOSTDEV const LinkWindow& box() const { return box_; }
 
-  /// Of a row, within columns.
+  /// Columns first to end of a row; `start`: inverse depth at column 0, 1 / m.
   struct Row {
     int first = 0, end = 0;
     float start = 0;
@@ -242,7 +242,7 @@ class LinkRaster {
   }
 
  private:
-  static constexpr double kHalf = 0.501;  // of a pixel, and a little for what is rounded
+  static constexpr double kHalf = 0.501;  // half a pixel, and a margin for rounding
   static constexpr int kFar = 1 << 28;    // pixels
   static constexpr double kNever = 1e300;
 
@@ -283,7 +283,7 @@ PALPATE_HOSTDEV inline void draw_rows(const LinkTriangle& whole, const LinkWindo
   }
 }
 
-/// Does a pixel show what was drawn there, or what lies behind it? depth >= 1 / front - padding
+/// True if a pixel shows a drawn mesh or lies behind it: depth >= 1 / front - padding
 PALPATE_HOSTDEV inline bool shows_link(std::uint16_t count, float unit, float padding,
                                        float front) {
   const float depth = static_cast<float>(count) * unit;

@@ -60,7 +60,7 @@ void LinkImage::add(const TriangleMesh& mesh, const Pose& X_CL) {
   }
 }
 
-/// In pieces of which no corner is padded much wider than it needs.
+/// Adds a triangle in pieces of which no corner is padded much wider than it needs.
 void LinkImage::add_triangle(const LinkTriangle& triangle) {
   const auto add_piece = [this](const LinkTriangle& piece) {
     const float nearest = piece.nearest();
@@ -87,7 +87,7 @@ void LinkImage::draw() {
 
 void LinkImage::draw_shell(const Shell& shell) {
   const int radius = camera_.radius_of(shell.nearest);
-  // What is drawn beside the image reaches into it by the padding.
+  // Triangles beside the image reach into it by the padding.
   LinkWindow drawn{width_ + radius, height_ + radius, -radius, -radius};
   const LinkWindow all{-radius, -radius, width_ + radius, height_ + radius};
   for (const LinkTriangle& triangle : shell.triangles) {

@@ -1,4 +1,4 @@
-// From which depth on the pixels of a depth image show meshes with poses, or what these hide.
+// Images of the depth of meshes with poses, which mask the pixels that show them or lie behind.
 #pragma once
 
 #include <algorithm>

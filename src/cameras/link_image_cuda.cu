@@ -33,11 +33,11 @@ struct ShellBounds {
 };
 
 struct LinkAnswer {
-  int frame;  // that was done; another one: the GPU did nothing
+  int frame;  // number of the frame that was done; another one: the GPU did nothing
   int does_not_fit;
 };
 
-/// What the kernel reads and writes.
+/// Input, output and buffers of the kernel.
 struct LinkJob {
   LinkCamera camera;
   int width = 0, height = 0;
@@ -53,7 +53,7 @@ struct LinkJob {
   std::ptrdiff_t canvas_size = 0, rows_size = 0;
   float* front = nullptr;  // of the image
   RawFrameView raw;
-  std::uint16_t* pixels = nullptr;  // what is left
+  std::uint16_t* pixels = nullptr;  // the image without the links
   LinkAnswer* answer = nullptr;
   int frame = 0;
   unsigned long long* barrier = nullptr;
@@ -85,7 +85,7 @@ __device__ inline int corners_of(const LinkJob& job, int face, LinkCorner (&corn
   return cut_at_nearest(job.camera, vertices, corners);
 }
 
-/// Where the triangles of each shell are.
+/// Finds the nearest depth and the box of the triangles of each shell.
 __device__ void bound_shells(const LinkJob& job, ShellBounds* mine) {
   const int thread = static_cast<int>(threadIdx.x);
   if (thread < kNumLinkShells) mine[thread] = no_bounds();
@@ -178,7 +178,7 @@ __device__ inline void raise_to_widest(const float* from, int num_from, std::ptr
   }
 }
 
-/// What is drawn, wider by `radius`, into `front`. All blocks call.
+/// Adds the shell that was drawn, wider by `radius`, to `front`. All blocks call.
 __device__ void pad_shell(const LinkJob& job, const LinkWindow& drawn, int radius) {
   const int span = 2 * radius + 1;
   const LinkWindow reached = LinkWindow{drawn.left - radius, drawn.top - radius,

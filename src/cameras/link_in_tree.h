@@ -15,10 +15,10 @@
 
 namespace palpate::inline v0 {
 
-/// URDFs without their meshes, of what is opened together.
+/// URDFs without their meshes, each read once for everything that is opened together.
 using RobotTrees = FilesOnce<RobotModel>;
 
-/// Of FILE.urdf#LINK[#BASE]: the pose of the link in the base, by default the URDF's root. Optical
+/// Pose of a link in a base, FILE.urdf#LINK[#BASE]; the base is the URDF's root by default. Optical
 /// frames of ROS have x right, y down, z forward (REP 103), as cameras here.
 class LinkInTree {
  public:
@@ -29,14 +29,14 @@ class LinkInTree {
   static Result<LinkInTree> open(const std::string& address, const std::string& joints,
                                  bool is_received, RobotTrees& trees);
 
-  /// Whether anything between the two moves.
+  /// True if anything between the two moves.
   bool is_moving() const { return !required_.empty(); }
-  /// Whether times are on the clock of this computer. None: nothing moves.
+  /// True if times are on the clock of this computer. None: nothing moves.
   std::optional<bool> is_live() const {
     return states_ ? std::optional(states_->is_live()) : std::nullopt;
   }
-  /// X_BL at a time on the clock of the frames, s; `stamp`: as of DepthFrame. Error: nothing
-  /// reported of a joint within 0.1 s.
+  /// X_BL at a time on the clock of the frames, s; `stamp`: as of DepthFrame. Error: a joint has no
+  /// state within 0.1 s.
   Result<Pose> at(double time, double stamp = 0) const;
 
  private:
@@ -48,13 +48,13 @@ class LinkInTree {
   std::shared_ptr<const RobotStates> states_;
 };
 
-/// Where FILE ends in FILE#LINK..., whose name may have a '#' in it: at the first one before which
-/// there is such a file, else at the first one.
+/// Returns where FILE ends in FILE#LINK..., as its name may have a '#': at the first one before
+/// which there is such a file, else at the first one.
 std::size_t end_of_file(const std::string& address);
 
 /// The source of these joint states of a robot, once all have been received; null if there are
 /// none. `robot` is its file, for messages. Errors: as of RobotStates::open; a floating joint;
-/// nobody was named, or one where nothing moves; a joint without states.
+/// no source is given, or one where nothing moves; a joint without states.
 Result<std::unique_ptr<RobotStates>> open_joint_states(const RobotModel& model,
                                                        std::span<const std::size_t> required,
                                                        const std::string& joints,

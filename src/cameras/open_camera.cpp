@@ -54,7 +54,7 @@ Error unused(const CameraUri& uri, const char* parameter, const std::string& why
           "camera " + uri.text.substr(0, 60) + ": leave out '" + parameter + "': " + why};
 }
 
-/// No parameter is ignored without a word.
+/// Refuses parameters that the kind does not know.
 Status check_unused(const Kind& kind, const CameraUri& uri) {
   const bool is_played = uri.target.ends_with(".oni") || kind.name == "k4a";
   if (uri.size &&

@@ -68,12 +68,12 @@ struct Api {
   std::string path;  ///< of the library
 };
 
-/// Whoever calls the library does it here: it remembers every thread that has called it and asks
-/// the system later on whether that still exists, which is fatal if it does not.
+/// Returns the thread that makes all calls: the library remembers every thread that has called it
+/// and asks the system later on whether that still exists, which is fatal if it does not.
 LibraryThread& caller();
 
 /// Loads and initialises it, once. On the thread of `caller`. Errors: every place that was tried;
-/// what it says itself.
+/// the library's own error.
 const Result<Api>& api();
 
 }  // namespace palpate::inline v0::openni2

@@ -93,7 +93,7 @@ class Openni2Source final : public DepthSource {
     return Error{Errc::unavailable, info_.name + " " + what + (why.empty() ? "" : ": " + why)};
   }
 
-  /// Preferably in millimetres.
+  /// Chooses a mode, preferably in millimeters.
   Status choose_mode(const CameraUri& uri) {
     const SensorInfo* const sensor = api_.sensor_info(device_, kDepth);
     if (sensor == nullptr) return failed("reports no modes");
@@ -118,7 +118,7 @@ class Openni2Source final : public DepthSource {
     return Done{};
   }
 
-  /// What part of which image comes.
+  /// Sets size, unit and intrinsics by the mode and the part of its image that comes.
   void set_image(const VideoMode& mode, int width, int height, int crop_x, int crop_y) {
     info_.width = width;
     info_.height = height;
@@ -193,7 +193,7 @@ class Openni2Source final : public DepthSource {
   std::atomic<bool> is_cancelled_ = false;
 };
 
-/// Without files that were opened before: the library keeps them, also those that it cannot play.
+/// Lists devices without files opened before: the library keeps them, even unplayable ones.
 std::vector<DeviceInfo> list_devices(const Api& api) {
   DeviceInfo* devices = nullptr;
   int num = 0;

@@ -161,7 +161,7 @@ class OrbbecSource final : public DepthSource {
       const auto profile = own(api_.profile_of(raw, check), api_.delete_profile);
       if (profile) set_camera(*profile, width, height);
     }
-    // Told in single precision: 0.1 is meant.
+    // Reported in single precision: 0.1 is meant.
     const auto scale = static_cast<double>(api_.millimetres(raw, check));
     if (scale > 0) info_.unit = std::round(scale * 1e6) * 1e-9;
     frame.unit = info_.unit;

@@ -176,7 +176,7 @@ class PipeSource final : public DepthSource {
         return Error{Errc::io_failure, "cannot read " + info_.name + ": " + std::strerror(errno)};
       }
       if (got == 0) {
-        // Nobody has opened a named pipe for writing yet.
+        // No program has opened the named pipe for writing yet.
         if (may_be_early_) {
           sleep_until(monotonic_now() + 1e-3 * kPollMilliseconds);
           continue;

@@ -8,7 +8,7 @@
 
 namespace palpate::inline v0 {
 
-/// Looks at the first frames of a stream. What it says are doubts: nothing is changed.
+/// Looks at the first frames of a stream. It only reports doubts: nothing is changed.
 class Plausibility {
  public:
   /// One sentence, once; empty if there is nothing to doubt. Cost: nothing after a few frames.

@@ -15,8 +15,8 @@ namespace palpate::inline v0 {
 /// X_WC by time stamps: where something is, and where the camera is in it (hand-eye).
 class CameraPoses {
  public:
-  /// Of a URI: its pose, in the frame that its file of poses, its URDF or tf provides. Errors: of
-  /// the files; several of them. Not received: only whether and where it is static is needed.
+  /// Opens the pose of a URI's camera, in the frame that its file of poses, URDF or tf provides.
+  /// Errors: of the files; several of them. `is_received`: false if only a static pose is needed.
   static Result<CameraPoses> of(const CameraUri& uri);
   static Result<CameraPoses> of(const CameraUri& uri, bool is_received, RobotTrees& trees);
 
@@ -25,11 +25,11 @@ class CameraPoses {
   bool is_left_alone() const {
     return path_.size() == 1 && path_.front().X_WT == Pose{} && !link_ && X_HC_ == Pose{};
   }
-  /// Whether times are on the clock of this computer. None: it stands still.
+  /// True if times are on the clock of this computer. None: it stands still.
   std::optional<bool> is_live() const;
   /// Error: no pose for that time.
   Result<Pose> at(double time, double stamp = 0) const;
-  /// When this was captured; with tf, the frame has X_WH.
+  /// Returns the pose at the capture of a frame; with tf, the frame has X_WH.
   Result<Pose> at(const DepthFrame& frame) const;
 
  private:

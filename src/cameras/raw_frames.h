@@ -1,4 +1,4 @@
-// What cameras of all makers have in common: modes to choose from, rows to copy, how long to wait.
+// Parts that cameras of all makers share: choice of modes, copies of rows, times to wait.
 #pragma once
 
 #include <mutex>
@@ -21,20 +21,20 @@ struct ImageMode {
   int width = 0, height = 0;
   int rate = 0;  ///< Hz
 };
-/// Which of them: of the requested size, else the largest one up to `usual`; of these the
-/// rate nearest to the requested one, else to 30 Hz; the first one of equals. None: no such size.
+/// Chooses a mode: of the requested size, else the largest one up to `usual`; of these the rate
+/// nearest to the requested one, else to 30 Hz; the first one of equals. None: no such size.
 std::optional<std::size_t> choose_mode(std::span<const ImageMode> modes, const CameraUri& uri,
                                        ImageSize usual);
 /// "640x480 at 30 Hz, ..."; "none" without any.
 std::string listed(std::span<const ImageMode> modes);
 
-/// An image whose rows begin every `stride` bytes.
+/// Copies an image whose rows begin every `stride` bytes.
 void copy_rows(const void* data, std::ptrdiff_t stride, int width, int height, DepthFrame& frame);
 
-/// Intrinsics and distortion that are of the size `of`, for the size that `info` has.
+/// Scales intrinsics and distortion from the size `of` to the size that `info` has.
 void scale_camera(ImageSize of, DepthStreamInfo& info);
 
-/// What a raw stream has to say. Any threads.
+/// Notes of a raw stream. Any threads.
 class RawNotes {
  public:
   void add(std::string text) {
@@ -50,7 +50,7 @@ class RawNotes {
   std::mutex mutex_;
   std::vector<std::string> notes_;
 };
-/// Of a lens with a model of distortion that is not removed.
+/// Note on a lens whose distortion is of a model that is not removed.
 inline constexpr char kUnknownLens[] =
     "has a lens whose distortion is of a model that is not known here, such as the inverse "
     "Brown-Conrady of an SR300: it is not removed, and towards the edge of the image positions are "
@@ -59,12 +59,12 @@ inline constexpr char kUnknownLens[] =
 /// The number in "1", at most three digits; 0 of an empty text.
 std::optional<int> camera_number(const std::string& target);
 
-/// How a camera with this name of its maker measures: "Intel RealSense D435" is active stereo.
-/// None: the name says nothing.
+/// Returns the kind of sensor by a maker's name of the camera: "Intel RealSense D435" is active
+/// stereo. None: unknown.
 SensorKind sensor_of_model(std::string_view name);
 
-/// What kind of camera it is, "Intel RealSense D435, Intel RealSense SR305", each model once; else
-/// `otherwise`.
+/// Lists models of cameras, each once: "Intel RealSense D435, Intel RealSense SR305"; without any
+/// returns `otherwise`.
 std::string listed_models(std::vector<std::string> models, std::string_view otherwise);
 
 /// "2.59.1" of 25901.

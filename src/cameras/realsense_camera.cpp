@@ -114,7 +114,7 @@ class RealsenseSource final : public DepthSource {
   }
 
  private:
-  /// Of the sensor with depth, which becomes `sensor_`. Null: there is no such mode.
+  /// Chooses a mode of a depth sensor, which becomes `sensor_`. Null: there is no such mode.
   const Profile* choose_profile(const CameraUri& uri, ImageMode& chosen) {
     const Profile* best = nullptr;
     SensorList* const sensors = api_.query_sensors(device_, Check(api_));
@@ -154,7 +154,7 @@ class RealsenseSource final : public DepthSource {
     return best;
   }
 
-  /// One of the ways to measure that are built into a camera: 3 of a D400 is high accuracy.
+  /// Selects a preset of the camera for its way to measure: 3 of a D400 is high accuracy.
   Status set_preset(const CameraUri& uri) {
     const auto given = uri.extras.find("preset");
     if (given == uri.extras.end()) return Done{};
@@ -203,7 +203,7 @@ class RealsenseSource final : public DepthSource {
     frame.timestamp = 1e-3 * api_.milliseconds(raw, Check(api_));
     Check has_unit(api_);
     const float unit = api_.unit(raw, has_unit);
-    // Told in single precision: 0.001 is meant.
+    // Reported in single precision: 0.001 is meant.
     if (has_unit.is_fine() && unit > 0) {
       info_.unit = std::round(static_cast<double>(unit) * 1e9) * 1e-9;
     }

@@ -47,8 +47,8 @@ CameraModel valid_part(const CameraModel& pinhole, const CameraModel& raw) {
   struct Column {
     int first = 0, height = 0;
   };
-  // Of each row the highest columns of valid pixels that end in it; a stack of those that still
-  // grow.
+  // Heights of the columns of valid pixels that end in each row, and a stack of the columns that
+  // still grow.
   std::vector<int> heights(static_cast<std::size_t>(pinhole.width) + 1, 0);
   std::vector<Column> growing;
   int left = 0, top = 0, width = 0, height = 0;
@@ -95,7 +95,7 @@ void Rectifier::apply(const CameraModel& model, DepthFrame& frame) {
   }
   std::rotate(tables_.begin(), table, std::next(table));
   const std::vector<std::uint32_t>& raw_pixels = tables_.front().raw_pixels;
-  frame.pixels.push_back(0);  // what is seen where the camera sees nothing
+  frame.pixels.push_back(0);  // the measurement where the camera sees nothing
   spare_.resize(raw_pixels.size());
   const std::uint16_t* const raw = frame.pixels.data();
   for (std::size_t i = 0; i < raw_pixels.size(); ++i) spare_[i] = raw[raw_pixels[i]];

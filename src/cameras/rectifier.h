@@ -12,8 +12,8 @@
 
 namespace palpate::inline v0 {
 
-/// What the user declares of a camera; it overrides what the camera reports. Intrinsics are those
-/// of the first image size and are scaled for others.
+/// Parameters that the user declares of a camera; they override those that it reports. Intrinsics
+/// are those of the first image size and are scaled for others.
 struct CameraTruth {
   std::optional<Intrinsics> intrinsics;
   std::optional<Distortion> distortion;
@@ -23,7 +23,7 @@ struct CameraTruth {
   CameraModel model_of(const DepthStreamInfo& stream, int width, int height) const;
 };
 
-/// Whether a ray can be had of its pixels: positive focal lengths, and all of it is finite.
+/// True if its pixels have rays: focal lengths are positive, and all of it is finite.
 bool has_rays(const CameraModel& model);
 
 /// The part of a pinhole image whose every pixel a camera of that model sees: the largest rectangle
@@ -31,7 +31,7 @@ bool has_rays(const CameraModel& model);
 /// than a surface may be (8 x 8). O(pixels).
 CameraModel valid_part(const CameraModel& pinhole, const CameraModel& raw);
 
-/// Nobody turns the vectors of a flow as a lens does.
+/// Error for optical flow of an image with distortion: no vectors of flow are undistorted.
 Error flow_of_lens(const std::string& name);
 
 /// Applies lens tables to frames in host memory. A table is made when the model changes to one that

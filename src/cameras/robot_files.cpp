@@ -18,7 +18,7 @@ namespace fs = std::filesystem;
 
 constexpr std::size_t kMaxBytes = 64u << 20;  // of a URDF
 
-/// By joints, from the base on.
+/// Poses of links by joints, from the base on.
 class TreePoses final : public LinkPoses {
  public:
   /// `states`: null if no joint state is needed.
@@ -77,7 +77,7 @@ class TreePoses final : public LinkPoses {
   std::vector<std::size_t> shown_;           // links with a mesh
 };
 
-/// By the frames of tf that are called like the links.
+/// Poses of links by the frames of tf that have their names.
 class FramePoses final : public LinkPoses {
  public:
   FramePoses(std::vector<std::string> links, std::unique_ptr<RobotStates> states, double max_age)

@@ -43,17 +43,17 @@ struct RobotModel {
   void place(std::span<const double> positions, std::span<Pose> X_BL) const;
   /// Joints whose positions are needed to place every link with a mesh.
   std::vector<std::size_t> required_joints() const;
-  /// The same, so that these links have a place in each other.
+  /// Joints whose positions are needed to place these links in each other.
   std::vector<std::size_t> joints_between(std::size_t a, std::size_t b) const;
-  /// Error: no link is called so, with the nearest one that there is.
+  /// Error: no link has this name; it names the nearest one.
   Result<std::size_t> find_link(const std::string& name) const;
 };
 
-/// Where files of a robot are looked for.
+/// Folders that are searched for files of a robot.
 struct RobotFolders {
   std::filesystem::path beside;                 ///< the robot's own folder
   std::vector<std::filesystem::path> packages;  ///< folders with packages of ROS
-  /// Of a list with ':' between; then those of ROS_PACKAGE_PATH and AMENT_PREFIX_PATH.
+  /// Splits a list at ':'; then adds the folders of ROS_PACKAGE_PATH and AMENT_PREFIX_PATH.
   static std::vector<std::filesystem::path> packages_of(std::string_view list);
 };
 

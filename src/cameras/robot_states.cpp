@@ -96,15 +96,15 @@ std::pair<const RobotStates::Histories&, double> RobotStates::states_at(
   changed_.wait_for(lock, longest, [&] {
     const auto [what, time] = found();
     const double until = known_until(what, time);
-    // Who has been silent for long is not waited for with every image.
+    // A source that has been silent for long is not waited for with every image.
     return until >= time || until < time - moment.max_age;
   });
   return found();
 }
 
 Status RobotStates::positions(const Moment& moment, std::vector<double>& positions) const {
-  // A robot that stands still is written as one line; a recording in which a joint falls silent is
-  // none.
+  // A table of one line is a robot that stands still; a recording in which a joint falls silent is
+  // not.
   const bool may_stay = address_.kind == StateAddress::Kind::table;
   positions.resize(num_joints_);
   std::unique_lock lock(mutex_);
@@ -247,7 +247,7 @@ class LiveStates final : public RobotStates {
     node_ = *std::move(node);
     if (address_.world.empty()) {
       const std::string topic = address_.target.empty() ? "/joint_states" : address_.target;
-      // Everything that came while this computer was busy is read.
+      // Deep enough for everything that comes while this computer is busy.
       const RosQos sensor{.is_reliable = false, .is_kept = false, .depth = 100};
       return join(topic, "sensor_msgs/JointState", sensor,
                   [this](std::string_view message) { add_joint_message(message); });
@@ -280,7 +280,7 @@ class LiveStates final : public RobotStates {
   std::shared_ptr<RosNode> node_;
   std::map<std::string, CaptureClock> clocks_;
   std::vector<std::unique_ptr<RosSubscription>>
-      subscriptions_;  // last: they speak to what is above
+      subscriptions_;  // last: their threads use the members above
 };
 
 template <class States>

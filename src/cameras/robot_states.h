@@ -19,7 +19,7 @@
 
 namespace palpate::inline v0 {
 
-/// Their source.
+/// Source of the states.
 struct StateAddress {
   enum class Kind { table, bag, ros2 };
   Kind kind = Kind::table;
@@ -42,7 +42,7 @@ class RobotStates {
   RobotStates(StateAddress address, std::vector<JointHistory::Joint> joints);
   virtual ~RobotStates() = default;
 
-  /// They go on.
+  /// True if states go on coming.
   virtual bool is_live() const { return false; }
 
   /// When a frame was captured. Live it is looked for by its stamp, as messages say it, if both
@@ -67,12 +67,12 @@ class RobotStates {
  protected:
   void add_joint_message(std::string_view message);
   void add_transform_message(std::string_view message, bool is_static);
-  /// From a time stamp to the clock of the frames; `who` may have one of his own.
+  /// Converts a time stamp to the clock of the frames; `who` may have a clock of its own.
   virtual double time_of(double stamp, [[maybe_unused]] const std::string& who) { return stamp; }
 
   /// Live, if everything received in the last seconds has stamps.
   bool goes_by_stamps() const;
-  /// Whether a message that came now counts by its stamp, too. One that has none ends that for all.
+  /// True if a message that came now counts by its stamp, too. One without ends that for all.
   bool counts_by_stamp(bool has_stamp);
 
   struct Histories {

@@ -39,7 +39,7 @@ double seconds_since_1970() {
   return std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count();
 }
 
-/// What the subscriptions have received. Their threads write, one reads.
+/// Messages that the subscriptions have received. Their threads write, one reads.
 class ReceivedMessages {
  public:
   /// `topic`: of the images.
@@ -161,7 +161,7 @@ class ReceivedMessages {
     const std::lock_guard lock(mutex_);
     return is_cancelled_;
   }
-  /// Said once.
+  /// Adds a note once.
   void add_note(const std::string& text) {
     const std::lock_guard lock(mutex_);
     note(text);
@@ -182,7 +182,7 @@ class ReceivedMessages {
     return std::all_of(models_.begin(), models_.end(),
                        [&](const auto& each) { return each.second == models_.back().second; });
   }
-  /// Whether this camera_info may be the first of many, with a lens that changes, or be sent once.
+  /// True if this camera_info may be the first of many, with a lens that changes, or be sent once.
   bool may_be_first_of_many() const {
     return models_.size() == 1 && std::abs(image_stamp_ - models_.back().first) < kLongestLone;
   }
@@ -196,7 +196,7 @@ class ReceivedMessages {
     since_ = now;
     num_since_ = 0;
   }
-  /// Once for each kind: what stands in quotes is of others, who may write what they like there.
+  /// Adds a note once for each kind: text in quotes is of others, who may write anything there.
   void note(const std::string& text) {
     if (said_.insert(text.substr(0, text.find('\''))).second) notes_.push_back(text);
   }
@@ -246,7 +246,7 @@ class Ros2Source final : public DepthSource {
     }
     while (!received_.is_cancelled()) {
       if (read(frame)) return true;
-      // Whoever sends may come back: DDS finds it again by itself.
+      // The sender may come back: DDS finds it again by itself.
       if (monotonic_now() - last_image_ > kLongestSilence) {
         received_.add_note("has stopped sending images; they are used again when it resumes");
       }
@@ -425,7 +425,7 @@ class Ros2Source final : public DepthSource {
   StampClock clock_ = StampClock::cameras;
   double last_image_ = monotonic_now();
   std::unique_ptr<RosSubscription> images_, infos_, transforms_,
-      statics_;  // last: they speak to what is above
+      statics_;  // last: they use the members above
 };
 
 }  // namespace
@@ -459,7 +459,7 @@ FoundCameras find_ros2_cameras() {
   found.is_usable = true;
   found.library = api->path;
   found.version = api->version;
-  // Who has nothing to do with ROS is not joined to a network unasked.
+  // Users who have nothing to do with ROS are not joined to a network unasked.
   if (environment("ROS_DOMAIN_ID").empty() && environment("ROS_DISTRO").empty()) {
     found.reason =
         "depth images of ROS 2, without a ROS installation; set ROS_DOMAIN_ID to see "

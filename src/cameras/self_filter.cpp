@@ -137,7 +137,7 @@ class SelfFilteredSource final : public DepthSource {
   }
 
   const std::unique_ptr<DepthSource> source_;
-  const std::shared_ptr<const void> owner_;  // of what follows
+  const std::shared_ptr<const void> owner_;  // owns links_ and poses_
   const std::span<const RobotLink> links_;
   const LinkPoses& poses_;
   std::vector<Pose> X_WL_, X_CL_;

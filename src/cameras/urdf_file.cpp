@@ -119,7 +119,7 @@ class Reader {
     return Pose{p, normalized(turned)};
   }
 
-  /// What xacro would still add is missing here: the arm would be felt.
+  /// Refuses xacro: links that it would still add are missing here, and the arm would be felt.
   Status check_expanded(const Element& robot) const {
     for (const Element* child = robot.FirstChildElement(); child != nullptr;
          child = child->NextSiblingElement()) {
@@ -186,7 +186,7 @@ class Reader {
     return Done{};
   }
 
-  /// Round ones are drawn around the true shape, not into it.
+  /// Returns the mesh of a shape. Round ones are drawn around the true shape, not into it.
   Result<TriangleMesh> shape_of(const Element& shape) {
     const std::string_view kind = shape.Name();
     const auto positive = [&](double value) { return value > 0; };
@@ -239,7 +239,7 @@ class Reader {
     return mesh;
   }
 
-  /// Of "package://NAME/...", "file:///..." and plain ones.
+  /// Finds a file by "package://NAME/...", "file:///..." or a plain path.
   Result<fs::path> find(const std::string& filename) const {
     constexpr std::string_view kPackage = "package://", kFile = "file://";
     std::error_code ignored;
@@ -329,7 +329,7 @@ class Reader {
     return Done{};
   }
 
-  /// A joint that follows one that follows another one follows the last of them.
+  /// Resolves chains of mimic joints: each follows the last joint of its chain.
   Status resolve_mimics() {
     struct Mimic {
       std::size_t followed = 0;

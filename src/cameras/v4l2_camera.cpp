@@ -217,7 +217,7 @@ class V4l2Source final : public DepthSource {
     return Done{};
   }
 
-  /// False: nothing yet, or a damaged image.
+  /// False: no image yet, or a damaged one.
   Result<bool> take(DepthFrame& frame) {
     v4l2_buffer buffer = buffer_of(0);
     if (!device_.control(VIDIOC_DQBUF, buffer)) {
@@ -232,7 +232,7 @@ class V4l2Source final : public DepthSource {
       copy_rows(buffers_[buffer.index].data(), static_cast<std::ptrdiff_t>(stride_), info_.width,
                 info_.height, frame);
       frame.unit = info_.unit;
-      // By CLOCK_MONOTONIC, as all of the program; else of no known clock.
+      // Stamps are by CLOCK_MONOTONIC, as all of the program; else of no known clock.
       const bool is_ours =
           (buffer.flags & V4L2_BUF_FLAG_TIMESTAMP_MASK) == V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC;
       frame.timestamp = is_ours ? static_cast<double>(buffer.timestamp.tv_sec) +

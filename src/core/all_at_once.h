@@ -13,9 +13,9 @@
 
 namespace palpate::inline v0 {
 
-/// The answers of `kind.find()` for all kinds, in their order; `otherwise(kind)` for one whose
-/// driver has not come back after `patience` seconds. Most of the time goes into waiting, so each
-/// is called on a thread of its own while there are any to be had.
+/// Returns `kind.find()` for all kinds, in their order; `otherwise(kind)` for one whose driver has
+/// not come back after `patience` seconds. Most of the time goes into waiting, so each is called on
+/// a thread of its own while the system starts any.
 template <class Kinds, class Otherwise>
 auto find_all_at_once(const Kinds& kinds, double patience, const Otherwise& otherwise) {
   using Answer = decltype(std::begin(kinds)->find());

@@ -16,7 +16,7 @@ std::atomic<int> g_num_hung{0};
 
 }  // namespace
 
-/// What is called, and who has settled it: its return, or the end of the patience.
+/// One call. Either its return or the end of the patience settles it, whichever comes first.
 class BoundedCall::Call {
  public:
   explicit Call(std::function<void()> work) : work_(std::move(work)) {}
@@ -28,7 +28,7 @@ class BoundedCall::Call {
     } catch (...) {
       thrown = std::current_exception();
     }
-    work_ = nullptr;  // what it owns goes before anybody hears of it
+    work_ = nullptr;  // frees what it owns before the waiting thread is notified
     if (is_settled_.exchange(true)) count_hung_calls(-1);
     if (thrown) {
       has_returned_.set_exception(std::move(thrown));
@@ -37,7 +37,7 @@ class BoundedCall::Call {
     }
   }
   bool returns_within(double patience) {
-    // Short waits: while the whole process stands still, nobody hangs.
+    // Waits in short steps: time in which the whole process stands still does not count.
     constexpr double kWait = 0.01;
     bool is_ready = false;
     for (double left = patience; left > 0 && !is_ready; left -= kWait)
@@ -82,7 +82,7 @@ std::shared_ptr<BoundedCall::Call> LibraryThread::start(std::function<void()> wo
   return call;
 }
 
-/// False: this is the thread, or there is none.
+/// Queues the call. False: the caller is this thread, or the system starts none.
 bool LibraryThread::hand_over(std::function<void()> call) {
   const std::lock_guard lock(mutex_);
   if (id_ == std::this_thread::get_id()) return false;

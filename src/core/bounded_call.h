@@ -12,14 +12,14 @@
 
 namespace palpate::inline v0 {
 
-/// Runs `work` on a thread of its own. It must own all that it needs. Where no thread is to be had,
-/// it runs in this one.
+/// Runs `work`, which must own all that it needs, on a thread of its own; in the calling thread if
+/// the system starts none.
 class BoundedCall {
  public:
   explicit BoundedCall(std::function<void()> work);
-  /// Once. Waits for it, but no longer than `patience` seconds in which this program runs. False:
-  /// it has not come back; should it do so later, nobody waits for it. What it throws in time is
-  /// thrown here.
+  /// To be called once. Waits for the work, but no longer than `patience` seconds in which this
+  /// program runs. False: it has not returned; should it do so later, nobody waits for it. An
+  /// exception that it throws in time is thrown here.
   bool returns_within(double patience);
 
  private:
@@ -57,16 +57,16 @@ class LibraryThread {
   void wait_for(std::function<void()> work);
   void serve();
 
-  std::mutex mutex_;  // of what follows
+  std::mutex mutex_;  // guards the members below
   std::condition_variable changed_;
   std::queue<std::function<void()>> calls_;
   std::thread::id id_;  // none: there is no thread yet
 };
 
-/// Whether a call has not come back to this day. A program ends by _exit then: what libraries do at
-/// an ordinary end may wait for that call, too.
+/// True while any call that was given up has not returned. The program must then end by _exit:
+/// libraries may wait for that call at an ordinary end.
 bool is_any_call_hung() noexcept;
-/// For whoever gives up a call of another kind: 1; -1 if it does come back.
+/// Counts calls of other kinds: 1 when one is given up, -1 if it does come back.
 void count_hung_calls(int change) noexcept;
 
 }  // namespace palpate::inline v0

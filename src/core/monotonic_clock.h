@@ -6,11 +6,11 @@ namespace palpate::inline v0 {
 /// The monotonic clock of this computer, s: DeviceState::time.
 double monotonic_now() noexcept;
 
-/// What the calling thread has computed so far, s: without the time that it waited or that others
+/// Returns the CPU time of the calling thread, s: without the time that it waited or that others
 /// ran on its core. 0 where the system does not report it.
 double thread_cpu_now() noexcept;
 
-/// Until monotonic_now() is `time`. No allocation.
+/// Sleeps until monotonic_now() is `time`. No allocation.
 void sleep_until(double time) noexcept;
 
 }  // namespace palpate::inline v0

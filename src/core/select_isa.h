@@ -1,12 +1,12 @@
-// Which of the implementations of a kernel runs: one for each vector instruction set.
+// Selects the implementation of a kernel at run time: there is one for each vector instruction set.
 #pragma once
 
 #include <algorithm>
 
 #include "palpate/core/core.h"
 
-// Declares what stands between the brackets in the namespace of each instruction set, and lists
-// what has a name in all of them.
+// Declares the text between the brackets in the namespace of each instruction set, and lists the
+// implementations of one name.
 #if defined(__x86_64__)
 #define PALPATE_DECLARE_KERNELS(...) \
   namespace isa_baseline {           \
@@ -31,7 +31,7 @@
 
 namespace palpate::inline v0 {
 
-/// The best of PALPATE_BY_ISA(...) that this processor runs, but none better than `isa`.
+/// Returns the best of PALPATE_BY_ISA(...) that this processor runs, but none better than `isa`.
 template <class Kernel>
 Kernel select_isa(const Kernel (&kernels)[3], Isa isa) {
   return kernels[static_cast<int>(std::min(isa, best_isa()))];

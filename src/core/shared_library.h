@@ -14,8 +14,8 @@ namespace palpate::inline v0 {
 /// some fail when they are loaded a second time.
 class SharedLibrary {
  public:
-  /// Whose symbols a library takes where this program has some of the same name. Some bring others
-  /// inside of them (LZ4, xxHash, ...) of another version, and need their own.
+  /// Definition that a library uses of a symbol that this program has, too. Some libraries contain
+  /// others (LZ4, xxHash, ...) of another version, and need their own.
   enum class Symbols { of_the_program, their_own_first };
 
   /// The first of `candidates` (paths, or names for the loader's own search) that loads. Errors:

@@ -91,7 +91,7 @@ struct ThreadPool::Workers {
     }
   }
 
-  /// The caller's.
+  /// Closes the loop; called by its caller.
   void close() {
     std::uint32_t num = num_inside.fetch_or(kClosed, std::memory_order_acq_rel) | kClosed;
     for (int spin = 0; spin < kSpins && num != kClosed; ++spin) {

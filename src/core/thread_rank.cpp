@@ -11,7 +11,7 @@
 namespace palpate::inline v0 {
 
 #if defined(__linux__)
-/// Of one thread, which POSIX does not know but Linux does.
+/// Sets the priority of one thread: Linux allows that, POSIX sets it for whole processes only.
 int take_rank(ThreadRank rank) noexcept {
   constexpr int kSteps[] = {-5, 2, 1, 6}, kHighestPriority = -20, kLowestPriority = 19;
   const auto thread = static_cast<id_t>(syscall(SYS_gettid));

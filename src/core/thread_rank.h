@@ -3,14 +3,14 @@
 
 namespace palpate::inline v0 {
 
-/// Who waits when processors are short, beside the haptic and the contact thread, which come first.
+/// Priority of a thread when processors are short; the haptic and the contact thread come first.
 enum class ThreadRank {
   surface,   ///< makes surfaces; before other programs where that is allowed
   frames,    ///< reads or renders frames ahead of time
   recorder,  ///< compresses and writes
   viewer,    ///< serves pages
 };
-/// The calling thread's, once: a nice value. Returns the one that it has then. No allocation.
+/// Sets the rank of the calling thread, once. Returns its nice value then. No allocation.
 int take_rank(ThreadRank rank) noexcept;
 
 }  // namespace palpate::inline v0

@@ -10,13 +10,13 @@
 
 namespace palpate::inline v0 {
 
-/// The damping of a mechanism that its largest stiffness takes for granted: at 1 kHz a spring K is
-/// passive for K < 2 b / T (Colgate and Schenkel), so b = K T / 2.
+/// Damping of a mechanism that its largest stiffness implies: at 1 kHz a spring K is passive for
+/// K < 2 b / T (Colgate and Schenkel), so b = K T / 2.
 constexpr double assumed_damping(double max_stiffness) { return max_stiffness * 0.5e-3; }
 
-/// Opens by what follows the kind's name and a colon; empty: the first one there is.
+/// Opens the device at the address after the kind's name and colon; empty: the first one found.
 using OpenDevice = Result<std::unique_ptr<HapticDevice>> (*)(std::string_view address);
-/// Says what can be used; takes 0.3 s at most and never moves a device.
+/// Reports the usable devices of a kind; takes 0.3 s at most and never moves a device.
 using FindDevice = FoundDevice (*)();
 
 Result<std::unique_ptr<HapticDevice>> open_simulated_device(std::string_view address);

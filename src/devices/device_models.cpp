@@ -13,7 +13,7 @@ namespace {
 // devices (CHaplyDevices.cpp). Where makers name larger forces (sigma.7: 20 N) the smaller one is
 // taken. A torque of 0: orientation is sensed at most, not driven.
 //
-// No maker specifies the damping of the mechanism: assumed is what the stiffness takes for granted.
+// No maker specifies the damping of the mechanism: the one that the stiffness implies is assumed.
 // Moving masses are estimates too.
 
 constexpr DeviceModel model(std::string_view key, std::string_view name, double max_force,

@@ -1,4 +1,4 @@
-// What drivers make of the poses that they read.
+// Poses of devices in one common base frame.
 //
 // All devices have one base frame B: x to the right, y up, z towards the hand, the origin in the
 // middle of the workspace. So one placement in the scene fits them all. Makers have frames M of
@@ -12,7 +12,7 @@ namespace palpate::inline v0 {
 /// The axes of a maker's right-handed frame M.
 class MakerAxes {
  public:
-  /// Which axes of M are x, y and z of B: 1, 2, 3 for x, y, z; negative: they point the other way.
+  /// Axes of M that are x, y and z of B: 1, 2, 3 for x, y, z; negative: they point the other way.
   constexpr MakerAxes(int x, int y, int z) : axes_{x, y, z} {}
 
   Vec3d in_base(const Vec3d& v_M) const noexcept {
@@ -45,8 +45,8 @@ class MakerAxes {
   int axes_[3];
 };
 
-/// Of a device, and no mistake of its driver or server. Rotations may be off by what they were
-/// rounded to.
+/// True if a device can have this pose: otherwise its driver or server is wrong. Rotations may be
+/// off by rounding.
 inline bool is_possible(const Pose& X_BH) noexcept {
   constexpr double kFarthest = 100;  // m
   const Quaternion& q = X_BH.rotation;

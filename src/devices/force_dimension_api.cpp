@@ -15,8 +15,8 @@ constexpr const char* kSdkFolder = "/lib/release/lin-aarch64-gcc";
 constexpr const char* kSdkFolder = "/lib/release/lin-x86_64-gcc";
 #endif
 
-/// libdrd holds the functions of libdhd, too. Without it nobody could say whether a device is
-/// initialised.
+/// libdrd holds the functions of libdhd, too. It alone reports whether a device is
+/// initialized.
 std::vector<std::string> candidates() {
   std::vector<std::string> folders;
   for (const char* variable : {"FDSDK", "FORCEDIM_SDK"}) {

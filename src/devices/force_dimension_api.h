@@ -19,10 +19,10 @@ struct ForceDimensionApi {
   void (*dhdGetSDKVersion)(int* major, int* minor, int* release, int* revision);
   const char* (*dhdErrorGetLastStr)();
   int (*dhdGetDeviceCount)();
-  int (*dhdGetAvailableCount)();  ///< of those, not in use by another program
+  int (*dhdGetAvailableCount)();  ///< of those that no other program uses
   int (*drdOpenID)(char id);
   int (*drdClose)(char id);
-  bool (*drdIsInitialized)(char id);  ///< false: positions mean nothing yet
+  bool (*drdIsInitialized)(char id);  ///< false: positions are not valid yet
   int (*dhdGetSystemType)(char id);
   const char* (*dhdGetSystemName)(char id);
   bool (*dhdHasWrist)(char id);
@@ -38,7 +38,7 @@ struct ForceDimensionApi {
   int (*dhdSetGravityCompensation)(int on, char id);
   int (*dhdGetStatus)(int* status, char id);
 
-  // Of newer releases; may be null.
+  // Functions of newer releases; may be null.
   int (*dhdSetMaxForce)(double newtons, char id);
   int (*dhdSetMaxTorque)(double newton_metres, char id);
 };
@@ -46,7 +46,7 @@ struct ForceDimensionApi {
 /// dhdGetStatus fills 13 to 17 numbers, depending on the release.
 inline constexpr int kDhdStatusCapacity = 32, kDhdStatusForce = 5, kDhdStatusForceOffCause = 14;
 
-/// Looks for the library and loads it. Errors: nowhere, with what was tried; not usable, with why.
+/// Finds and loads the library. Errors: not found, and every path tried; not usable, and why.
 Result<ForceDimensionApi> load_force_dimension();
 
 }  // namespace palpate::inline v0

@@ -175,7 +175,7 @@ class ForceDimensionDevice final : public PolledDevice {
   }
 
  private:
-  /// A call that fails now and then leaves on the motors what they were told last.
+  /// False while the force is off or calls fail in a row; one failure leaves the last wrench on.
   bool has_force() const noexcept { return is_force_on_ && num_silent_ <= kPatientTicks; }
 
   bool send(const Wrench& F_H_B) noexcept {
@@ -184,7 +184,7 @@ class ForceDimensionDevice final : public PolledDevice {
                                                     torque.z, 0, id_) >= 0;
   }
 
-  /// After something went wrong: a few times in a row is bad luck, more is a lost device.
+  /// Counts failed ticks. Several in a row mean that the device is lost; then returns false.
   bool is_still_there() noexcept {
     const bool is_first = std::exchange(is_answering_, false);  // of this tick
     if (is_first && ++num_silent_ == 1) remember_what_was_said();

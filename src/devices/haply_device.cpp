@@ -30,8 +30,8 @@ constexpr double kAnswerTimeout = 1.0;  // s for anything before the first tick
 constexpr HaplyVersion kOldest{3, 1};   // speaks the format of haply_messages.h
 constexpr HaplyVersion kSaysVector{3, 5};
 
-// A force that the service has understood comes back in its states. One that never does, for this
-// many ticks above this size, was sent in the wrong words.
+// The service returns a force that it has understood in its states. One that is above this size
+// and has not come back for this many ticks was sent under the wrong key.
 constexpr double kConfirmableForce = 0.05;  // N
 constexpr int kPatience = 50;               // ticks
 
@@ -80,7 +80,7 @@ Result<Connected> connect(const NetAddress& address, double timeout) {
   return connected;
 }
 
-/// What was found at an address, in values of our own.
+/// Devices found at an address, as copies.
 struct Inventory {
   std::optional<HaplyVersion> version;
   std::string device_id, grip_id;
@@ -174,8 +174,8 @@ class HaplyDevice final : public PolledDevice {
   bool is_waiting_ = false;                   // for the answer to our last message
   double last_answer_ = 0, last_usable_ = 0;  // s, when any and when a usable state came last
   bool is_calibrated_ = true, is_grip_connected_ = true;
-  std::string_view unusable_;  // what was wrong with the last state
-  Quaternion orientation_;     // states that leave the grip out leave it as it was
+  std::string_view unusable_;  // fault of the last state
+  Quaternion orientation_;     // kept by states without the grip
   std::uint32_t buttons_ = 0;
 
   Vec3d sent_;
@@ -277,7 +277,7 @@ bool HaplyDevice::take(std::string_view text, DeviceState& state) noexcept {
         "the Inverse3 is not calibrated; put it into its calibration pose until its light "
         "says so");
   if (!take_grip(message_, state)) return no("the grip is not connected; wake it up or charge it");
-  // A hand is never exactly at the origin: without a position there is no state.
+  // A hand is never exactly at the origin: such a state has no position and is not used.
   const Vec3d p_BH = kServiceAxes.in_base(arm->position - middle_);
   if (!arm->has_state || !arm->has_position || !is_possible({p_BH, {}}) ||
       !is_finite(arm->velocity))
@@ -316,8 +316,8 @@ bool HaplyDevice::accepts_force(const HaplyEntry& arm) noexcept {
     ignores_force_ = true;
     return false;
   }
-  // The other words; or back to the first ones for good, with a service that never says what it
-  // has received. Until now the hand may have felt nothing: the force must not come at once.
+  // Changes to the other key; or back to the first one for good, with a service that never reports
+  // the force. Until now the hand may have felt nothing, so the force is ramped up.
   request_.force_key =
       request_.force_key == HaplyForceKey::vector ? HaplyForceKey::values : HaplyForceKey::vector;
   is_force_confirmed_ = uses_other_key_;
@@ -327,7 +327,7 @@ bool HaplyDevice::accepts_force(const HaplyEntry& arm) noexcept {
   return true;
 }
 
-/// Reads what the service sends beside the states.
+/// Reads the events that the service sends beside the states.
 bool HaplyDevice::is_well() noexcept {
   if (!events_) return true;
   std::string_view text;

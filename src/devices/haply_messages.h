@@ -15,7 +15,7 @@ namespace palpate::inline v0 {
 enum class HaplyKind { inverse3, verse_grip, wireless_verse_grip, custom_verse_grip };
 std::string_view name_of(HaplyKind kind);  ///< as in the messages
 
-/// What a message says about one device. Fields that a message leaves out have the identity's
+/// State of one device in a message. Fields that a message leaves out have the identity's
 /// value.
 struct HaplyEntry {
   HaplyKind kind = HaplyKind::inverse3;
@@ -37,10 +37,10 @@ struct HaplyEntry {
 };
 
 struct HaplyMessage {
-  std::array<HaplyEntry, 16> entries;  ///< what does not fit is left out
+  std::array<HaplyEntry, 16> entries;  ///< further ones are left out
   std::size_t num_entries = 0;
 
-  /// The first of a kind that has this id (any, if empty); null: none.
+  /// Returns the first of a kind that has this id (any, if empty); null: none.
   const HaplyEntry* find(HaplyKind kind, std::string_view id = {}) const;
 };
 
@@ -56,14 +56,14 @@ bool read_haply_event(std::string_view text, HaplyEvent& event) noexcept;
 /// The key of a force's components: services from 3.5 on say "vector", older ones "values".
 enum class HaplyForceKey { vector, values };
 
-/// What to request: both ids are the service's own text.
+/// Request to the service; both ids are its own text.
 struct HaplyRequest {
   std::string_view device_id;
   std::optional<Vec3d> force;  ///< N; none: only requests the state
   HaplyForceKey force_key = HaplyForceKey::vector;
   HaplyKind grip_kind = HaplyKind::verse_grip;
   std::string_view grip_id;    ///< empty: no grip
-  bool introduces_us = false;  ///< the first message of a connection says who we are
+  bool introduces_us = false;  ///< the first message of a connection introduces the client
 };
 /// Replaces `text`; does not allocate if it has room.
 void write_haply_request(const HaplyRequest& request, std::string& text);

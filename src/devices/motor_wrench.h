@@ -15,20 +15,20 @@ inline Vec3d shortened(const Vec3d& v, double longest) {
   return length > longest ? v * (longest / length) : v;
 }
 
-/// What may go to the motors: within the limits each by itself, and zero if anything is not finite.
-/// The safety filter has seen to it already; here is where a mistake would reach the hand.
+/// Returns the wrench for the motors: force and torque each within its limit, and zero if anything
+/// is not finite. The safety filter has done so before; this is the last check.
 inline Wrench motor_wrench(const Wrench& F, const DeviceLimits& limits) {
   if (!std::isfinite(norm(F.force) + norm(F.torque))) return {};
   return {shortened(F.force, limits.max_force), shortened(F.torque, limits.max_torque)};
 }
 
-/// So many ticks without a usable state, in a row, leave a device its force: one call that fails
-/// now and then is no fault.
+/// Largest number of consecutive ticks without a usable state in which a device keeps its force:
+/// one call that fails now and then is no fault.
 inline constexpr int kPatientTicks = 5;
 
 /// Share of the wrench that the motors get: none in a tick in which the device has no force, and
 /// from there back to all of it in 0.2 s. DeviceState::has_force tells the safety filter, which
-/// then takes the force away and ramps it itself; here is the last word.
+/// then takes the force away and ramps it itself; this ramp works even without it.
 class MotorRamp {
  public:
   double next(bool has_force) noexcept {
@@ -36,7 +36,7 @@ class MotorRamp {
     share_ = has_force ? std::min(share_ + kStep, 1.0) : 0;
     return share_;
   }
-  double share() const noexcept { return share_; }  ///< as next() said last
+  double share() const noexcept { return share_; }  ///< as returned last by next()
   bool is_full() const noexcept { return share_ == 1; }
   void restart() noexcept { share_ = 1; }
 
@@ -44,7 +44,7 @@ class MotorRamp {
   double share_ = 1;
 };
 
-/// Whether a matrix is a rotation, as far as a device may be off by rounding.
+/// True if a matrix is a rotation, up to the rounding of a device.
 inline bool is_rotation(const Mat3d& R) {
   constexpr double kRounding = 0.01;
   const Vec3d x{R.m[0][0], R.m[1][0], R.m[2][0]}, y{R.m[0][1], R.m[1][1], R.m[2][1]},

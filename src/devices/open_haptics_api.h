@@ -75,7 +75,7 @@ constexpr bool is_force_error(HdEnum code) {
   return code >= kHdWarmMotors && code <= kHdLastForceError;
 }
 
-/// Looks for the library and loads it. Errors: nowhere, with what was tried; not usable, with why.
+/// Finds and loads the library. Errors: not found, and every path tried; not usable, and why.
 Result<OpenHapticsApi> load_open_haptics();
 
 }  // namespace palpate::inline v0

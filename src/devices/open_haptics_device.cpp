@@ -187,7 +187,7 @@ class OpenHapticsDevice final : public HapticDevice {
       };
       guarded(end_here, [](const Error&) {});
     } else {
-      --g_num_running;  // nobody stops a scheduler that hangs
+      --g_num_running;  // a scheduler that hangs is never stopped
     }
     is_running_ = false;
     if (!is_off) give_up();
@@ -210,7 +210,7 @@ class OpenHapticsDevice final : public HapticDevice {
   }
 
  private:
-  /// The error; then nothing is scheduled. The same if it was given up meanwhile.
+  /// Schedules the servo. Returns the error; then, or if it was given up meanwhile, unschedules it.
   static HdErrorInfo schedule(const OpenHapticsApi& api, HdHandle device,
                               const std::shared_ptr<OpenHapticsServo>& servo) noexcept {
     api.hdMakeCurrentDevice(device);
@@ -232,7 +232,7 @@ class OpenHapticsDevice final : public HapticDevice {
     return error;
   }
 
-  /// The driver hangs. Should it come back one day, it must still find the servo.
+  /// Gives up a driver that hangs. Should it return one day, it must still find the servo.
   void give_up() noexcept {
     is_stuck_ = true;
     const auto servo = this->servo();
@@ -244,7 +244,7 @@ class OpenHapticsDevice final : public HapticDevice {
     guarded(cut, [](const Error&) {});
   }
 
-  /// The loop asks for its status while it is started.
+  /// Returns the servo of the last start. Locked: the loop queries the status meanwhile.
   std::shared_ptr<OpenHapticsServo> servo() const {
     const std::lock_guard lock(mutex_);
     return servo_;

@@ -37,14 +37,14 @@ void OpenHapticsServo::give_up(std::shared_ptr<OpenHapticsServo> self) noexcept 
   if (life_.compare_exchange_strong(expected, Life::given_up)) {
     count_hung_calls(1);
   } else if (expected == Life::ended) {
-    self_.reset();  // after all
+    self_.reset();  // the servo has ended: the driver does not need it
   }
 }
 
-/// Whoever sees the end may free it.
+/// Marks the end. A thread that sees it may free the servo.
 void OpenHapticsServo::end() noexcept {
   if (life_.exchange(Life::ended) != Life::given_up) return;
-  const auto self = std::move(self_);  // goes at the return
+  const auto self = std::move(self_);  // freed at the return
   count_hung_calls(-1);
 }
 

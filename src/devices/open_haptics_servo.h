@@ -1,4 +1,4 @@
-// What runs in the thread of the OpenHaptics driver: one tick per call back.
+// The tick that runs in the thread of the OpenHaptics driver, once per callback.
 #pragma once
 
 #include <atomic>
@@ -18,9 +18,9 @@ class OpenHapticsServo {
   OpenHapticsServo(const OpenHapticsApi& api, HdHandle device, const DeviceInfo& info,
                    DeviceTick tick);
 
-  /// To be scheduled, with the servo as its data. No allocation, no wait. After an error one more
-  /// call takes the force away; only one frame is allowed per call. The last call sends no force
-  /// and says that it is done.
+  /// Callback to be scheduled, with the servo as its data. No allocation, no wait. After an error
+  /// one more call takes the force away; only one frame is allowed per call. The last call sends no
+  /// force and returns "done".
   static unsigned call_back(void* servo) noexcept;
 
   /// The next call is the last one.
@@ -28,12 +28,12 @@ class OpenHapticsServo {
   /// No tick runs or starts any more, whenever the driver calls again. Until that call is over, it
   /// keeps `self`, which is this servo.
   void give_up(std::shared_ptr<OpenHapticsServo> self) noexcept;
-  /// It will not be called any more. By the driver's thread, which may not touch it afterwards.
+  /// Called by the driver's thread after the last callback; it may not touch the servo afterwards.
   void end() noexcept;
   bool has_ended() const noexcept { return life_.load() == Life::ended; }
-  /// Even if it has ended since.
+  /// True even if it has ended since.
   bool is_given_up() const noexcept { return door_.is_closed(); }
-  /// Of the newest call; 0 before the first one.
+  /// Time of the newest callback, s; 0 before the first one.
   double last_time() const noexcept { return last_time_.load(std::memory_order_acquire); }
   /// The error that ended it; 0: none.
   HdEnum failure() const noexcept { return failure_.load(std::memory_order_acquire); }
@@ -42,7 +42,7 @@ class OpenHapticsServo {
   unsigned frame() noexcept;
   void read() noexcept;
   void write(const Wrench& F_H_B) noexcept;
-  /// A force error means a rest, many of them in a row or any other error the end.
+  /// Decides on an error: force errors pause the force; many in a row or any other error end it.
   void judge(HdEnum code) noexcept;
 
   const OpenHapticsApi api_;

@@ -19,7 +19,7 @@ Vec3d limited(const Vec3d& v, double limit) {
   return length > limit ? v * (limit / length) : v;
 }
 
-/// How far a critically damped spring comes in `seconds` towards what is `away`, and its speed
+/// Motion of a critically damped spring in `seconds` towards a target at `away`, and its velocity
 /// then.
 struct Followed {
   Vec3d way, velocity;
@@ -92,7 +92,7 @@ void PageHand::follow(DeviceState& state, double seconds) const noexcept {
   state.V_BH = {velocity, angular};
 }
 
-/// Without mass: a spring that pushes it comes to rest exponentially.
+/// Moves a handle without mass: a spring that pushes it comes to rest exponentially.
 void PageHand::yield_to_spring(DeviceState& state, double seconds) const noexcept {
   const DeviceLimits& limits = info_.limits;
   state.V_BH = {limited(felt_.force / (kYield * limits.max_stiffness), kFastest),

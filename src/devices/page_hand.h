@@ -22,7 +22,7 @@ class PageHand final : public PolledDevice {
   static constexpr double kFastestTurn = 10;  // rad/s
   static constexpr double kSilence = 0.3;     // s without a pose: nobody holds it
   static constexpr double kGivesWay = 0.5;    // s, after that
-  /// s: of the motion by which it gives way to the stiffest spring.
+  /// Time constant with which it gives way to the stiffest spring, s.
   static constexpr double kYield = 0.02;
 
   explicit PageHand(std::shared_ptr<PageHandle> handle);

@@ -54,7 +54,7 @@ Status PeriodicThread::start(double rate, Round round, std::function<void()> fin
   return Done{};
 }
 
-/// False: there is nothing to wait for.
+/// Returns false if there is nothing to wait for.
 bool PeriodicThread::request_stop() noexcept {
   shared_->wants_stop.store(true, std::memory_order_release);
   return shared_->running.load() != std::this_thread::get_id() && thread_.joinable();
@@ -64,7 +64,7 @@ void PeriodicThread::stop() noexcept {
   if (request_stop()) thread_.join();
 }
 
-/// Counts its own rounds: while the whole process stands still, nobody hangs.
+/// Counts its own rounds: time in which the whole process stands still does not count.
 bool PeriodicThread::stop_within(double patience) noexcept {
   if (!request_stop()) return true;
   constexpr auto kLook = std::chrono::milliseconds(1);

@@ -15,8 +15,8 @@ namespace palpate::inline v0 {
 /// start and the end.
 class PeriodicThread {
  public:
-  /// `time`: s, monotonic; `periods`: beats since the last round, 1 when in time. False: was the
-  /// last round.
+  /// `time`: s, monotonic; `periods`: beats since the last round, 1 when in time. Returns false to
+  /// make this round the last one.
   using Round = std::function<bool(double time, int periods)>;
 
   PeriodicThread() = default;
@@ -27,8 +27,8 @@ class PeriodicThread {
   /// `rate` rounds a second from now on. `finish` runs in the same thread after the last round, for
   /// whichever reason it was the last. Errors: runs already; the system gives no thread.
   Status start(double rate, Round round, std::function<void()> finish);
-  /// No round runs or comes any more, and `finish` has run. From within a round: this one is the
-  /// last.
+  /// Stops: no round runs or comes any more, and `finish` has run. From within a round: this one is
+  /// the last.
   void stop() noexcept;
   /// The same for rounds that may hang: waits for about `patience` seconds in which this program
   /// runs. False: the thread is given up. Should it come back, it calls `finish` and no round. So

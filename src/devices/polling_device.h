@@ -10,7 +10,7 @@
 
 namespace palpate::inline v0 {
 
-/// What differs between such devices. `begin` is called while start() waits for it, all the others
+/// Driver of one polled device. `begin` is called while start() waits for it, all the others
 /// (but info, trouble and cut_force) from the ticking thread, which must not wait, allocate or
 /// throw.
 class PolledDevice {
@@ -18,7 +18,7 @@ class PolledDevice {
   virtual ~PolledDevice() = default;
 
   virtual const DeviceInfo& info() const = 0;
-  /// Before the first tick: motors on. Errors: the device does not answer, what it said.
+  /// Before the first tick: motors on. Errors: the device does not answer, or what it reported.
   virtual Status begin() = 0;
   /// Fills `state`, which comes as it was at the last tick, but with the new time. Nothing usable
   /// this time: is_valid = false. False: the device is lost or has refused to go on.
@@ -27,7 +27,7 @@ class PolledDevice {
   virtual bool write(const Wrench& F_H_B) noexcept = 0;
   /// After the last tick, for whichever reason it was the last: motors off.
   virtual void end() noexcept = 0;
-  /// What was wrong when read or write said false. From any thread, after that.
+  /// Returns the reason why read or write returned false. From any thread, after that.
   virtual Error trouble() const = 0;
   /// Motors off while another call hangs in the driver, from a thread of its own. May hang as well.
   virtual void cut_force() noexcept {}

@@ -27,11 +27,11 @@ constexpr double kFirstPose = 10;         // s, at the start
 constexpr double kVelocityFilter = 0.02;  // s, of velocities from positions
 constexpr double kShortestStep = 1e-4;    // s between poses that a velocity comes from
 
-/// Times: s, monotonic. With tf a pose has several parts, which come one by one.
+/// Received pose; times: s, monotonic. With tf it has several parts, which come one by one.
 struct ReceivedPose {
   Pose X_BH;
-  double oldest = 0;  // when the part came that has not come again for longest
-  double newest = 0;  // when it changed
+  double oldest = 0;  // arrival of the part that has not come again for longest
+  double newest = 0;  // when the pose changed
 };
 
 class Ros2Tool final : public PolledDevice {
@@ -116,7 +116,7 @@ class Ros2Tool final : public PolledDevice {
     }
     if (address_.topic.empty()) follow_frame();
   }
-  /// Messages about others change nothing: the pose is as old as it was.
+  /// Updates the pose from tf. Messages about other frames leave the pose as old as it was.
   void follow_frame() {
     const auto found = tree_.find(address_.base, address_.frame);
     if (!found) return;
@@ -133,7 +133,7 @@ class Ros2Tool final : public PolledDevice {
       tell({found->X_AB * pose->pose, std::min(time, found->oldest), time});
     }
   }
-  /// s, monotonic: when what has this stamp came, or by a shared clock when it was true.
+  /// Arrival of a message with this stamp, or its stamp if clocks are shared; s, monotonic.
   double arrival_of(double stamp) const {
     const double now = monotonic_now();
     if (!address_.has_our_clock) return now;
@@ -160,7 +160,7 @@ class Ros2Tool final : public PolledDevice {
                 : "");
   }
 
-  /// The ticking thread.
+  /// Takes the newest pose; called by the ticking thread.
   void take(const ReceivedPose& pose) noexcept {
     const double seconds = pose.newest - last_.newest;
     if (last_.newest > 0 && seconds > kShortestStep) {
@@ -177,15 +177,15 @@ class Ros2Tool final : public PolledDevice {
   DeviceInfo info_;
   std::shared_ptr<RosNode> node_;
   TfTree tree_;
-  std::mutex mutex_;  // of the subscriptions
+  std::mutex mutex_;  // guards the members that subscriptions write
   TripleBuffer<ReceivedPose> poses_;
   std::atomic<std::uint64_t> num_poses_ = 0;
   ReceivedPose last_;
   Twist V_BH_;
-  std::unique_ptr<RosSubscription> pose_, transforms_, statics_;  // last: they speak to the others
+  std::unique_ptr<RosSubscription> pose_, transforms_, statics_;  // last: they use the others
 };
 
-/// What stands before the first `mark`; `rest` is left with what comes after it.
+/// Returns the text before the first `mark`; `rest` keeps the text after it.
 std::string_view take_until(std::string_view& rest, char mark) {
   const std::size_t at = std::min(rest.find(mark), rest.size());
   const std::string_view part = rest.substr(0, at);
@@ -193,7 +193,7 @@ std::string_view take_until(std::string_view& rest, char mark) {
   return part;
 }
 
-/// s; 0: it is none from 0.001 to 10.
+/// Returns an age, s; 0 if the text is not a number from 0.001 to 10.
 double max_age_of(std::string_view text) {
   double seconds = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), seconds);

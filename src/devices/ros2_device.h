@@ -13,10 +13,10 @@ namespace palpate::inline v0 {
 /// "?max_age=S" and "&clock=own|shared".
 struct Ros2ToolAddress {
   std::string topic, frame, base;  ///< either a topic or a frame
-  double max_age = 0.1;            ///< s: a pose is taken for present until then
-  bool has_our_clock = false;      ///< stamps are of this computer's clock: poses count from them
+  double max_age = 0.1;            ///< s: a pose counts as current until then
+  bool has_our_clock = false;      ///< stamps are of this computer's clock and date the poses
 };
-/// Error: neither of them, a parameter that there is not.
+/// Errors: neither of them, an unknown parameter.
 Result<Ros2ToolAddress> parse_ros2_tool(std::string_view address);
 
 }  // namespace palpate::inline v0

@@ -16,7 +16,7 @@
 namespace palpate::inline v0 {
 namespace {
 
-/// At most so long, in the same direction.
+/// v, shortened to `most` in the same direction.
 Vec3d limited(const Vec3d& v, double most) {
   const double length = norm(v);
   return length > most ? v * (most / length) : v;
@@ -24,7 +24,7 @@ Vec3d limited(const Vec3d& v, double most) {
 
 bool is_finite(const Vec3d& v) { return std::isfinite(v.x + v.y + v.z); }
 
-/// What the encoders of the device make of a true pose, and its driver of their positions.
+/// Encoders and driver of the device: rounds positions and derives velocities from them.
 class Sensor {
  public:
   Sensor(double quantum, double velocity_filter, double tick_seconds)
@@ -86,8 +86,8 @@ class DeviceInMemory final : public SimulatedDevice {
     has_refused_ = false;
     is_running_ = true;
     if (!options_.in_real_time) return Done{};
-    // The hand moves on under the last wrench while ticks are overslept, but not for more than
-    // 0.1 s: nobody's motors are left on for longer.
+    // Overslept ticks move the hand on under the last wrench, but not for more than 0.1 s: no
+    // driver leaves motors on for longer.
     return thread_.start(
         options_.rate,
         [this, most = static_cast<int>(options_.rate / 10)](double time, int periods) {
@@ -124,7 +124,7 @@ class DeviceInMemory final : public SimulatedDevice {
     double energy_given = 0;
   };
 
-  /// The hand moves on since the last round, then its new wrench is computed.
+  /// Moves the hand on since the last round, then computes its new wrench.
   bool round(double time, int periods) noexcept {
     if (num_ticks_ > 0)
       for (int i = 0; i < periods; ++i) hand_.advance(F_H_B_);
@@ -135,7 +135,7 @@ class DeviceInMemory final : public SimulatedDevice {
       has_refused_ = true;
       return false;
     }
-    // Motors give what they can.
+    // Motors are limited.
     F_H_B_ = {limited(desired.force, info_.limits.max_force),
               limited(desired.torque, info_.limits.max_torque)};
     return true;
@@ -162,7 +162,7 @@ class DeviceInMemory final : public SimulatedDevice {
   std::int64_t num_ticks_ = 0;
   std::atomic<bool> has_refused_ = false, is_running_ = false;
   mutable TripleBuffer<Truth> truth_;
-  PeriodicThread thread_;  // last: stops before anything else goes
+  PeriodicThread thread_;  // last: stops before the other members are destroyed
 };
 
 }  // namespace

@@ -21,7 +21,7 @@ Matrix3 operator*(const Matrix3& a, const Matrix3& b) {
   return product;
 }
 
-/// By Taylor series of a power of 1/2 of the matrix, then squaring.
+/// Matrix exponential by scaling and squaring: Taylor series of 2^-n times the matrix.
 Matrix3 exponential(Matrix3 a) {
   double size = 0;
   for (const auto& row : a)

@@ -54,10 +54,10 @@ class SimulatedHand {
   double energy_given_ = 0;
 };
 
-/// Where a hand goes that explores whatever lies before it: it sets out at the back of the
-/// workspace, moves forward along the z axis of B and back again once in 8 s (to 0.6 workspace
-/// radii on either side of the origin), circles around this axis once in 3 s, and tilts by up to
-/// 0.15 rad. With the default X_WB, B looks as the camera does: forward is into the scene.
+/// Target of a hand that explores the scene before it: it sets out at the back of the workspace,
+/// moves forward along the z axis of B and back again once in 8 s (to 0.6 workspace radii on
+/// either side of the origin), circles around this axis once in 3 s, and tilts by up to 0.15 rad.
+/// With the default X_WB, B looks as the camera does: forward is into the scene.
 HandTarget exploring_hand(double workspace_radius);
 
 }  // namespace palpate::inline v0

@@ -33,7 +33,7 @@ class SpacenavConnection {
   }
   ~SpacenavConnection();
 
-  /// Does not wait. Errors: nobody listens there, or it is no socket; what to do.
+  /// Does not wait. Errors: no daemon listens there, or it is no socket; what to do.
   static Result<SpacenavConnection> open(const std::string& path);
   bool is_open() const { return socket_ >= 0; }
 

@@ -94,7 +94,7 @@ class Spacenav final : public PolledDevice {
   Error trouble() const override {
     if (answer_ == SpacenavConnection::Answer::not_understood)
       return {Errc::bad_input,
-              "what answers at " + path_ + " is not spacenavd; check the socket's path"};
+              "the server at " + path_ + " is not spacenavd; check the socket's path"};
     return {Errc::io_failure,
             "spacenavd at " + path_ +
                 " has closed the connection; see whether it runs and the mouse is "

@@ -16,7 +16,7 @@ struct NetAddress {
   std::string host;
   int port = 0;
 };
-/// Empty if the text is no such thing; `default_port` where it names none.
+/// Parses an address; empty if the text is none. `default_port` is used where it names no port.
 std::optional<NetAddress> parse_net_address(std::string_view text, int default_port);
 std::string describe(const NetAddress& address);  ///< HOST:PORT
 
@@ -30,13 +30,13 @@ class TcpSocket {
   TcpSocket& operator=(TcpSocket&& other) noexcept;
 
   /// Tries every address of the host, for `timeout` seconds in all (looking up a name that is not
-  /// local may take the resolver's own time). Errors: what the system said, about HOST:PORT.
+  /// local may take the resolver's own time). Errors: those of the system, about HOST:PORT.
   static Result<TcpSocket> connect(const NetAddress& address, double timeout);
 
   enum class Got { bytes, nothing, closed };
   /// Waits at most `timeout` seconds for bytes; `count` is how many came.
   Got read(std::span<char> buffer, std::size_t& count, double timeout) noexcept;
-  /// All of them within `timeout` seconds, or false: then the connection is of no use any more.
+  /// Sends all bytes within `timeout` seconds. False: the connection is not usable any more.
   bool write(std::string_view bytes, double timeout) noexcept;
   /// Closes once the other side has closed too, or after `timeout` seconds. To close with bytes
   /// unread would make the system throw away what the other side has not read yet, such as a last

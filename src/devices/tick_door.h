@@ -1,4 +1,4 @@
-// Keeps ticks from a thread that may hang in a driver, once nobody waits for it any more.
+// Keeps ticks from a thread that may hang in a driver, once it has been given up.
 #pragma once
 
 #include <atomic>
@@ -9,15 +9,15 @@ namespace palpate::inline v0 {
 
 class TickDoor {
  public:
-  /// The driver's thread, around every tick. False: there must be no tick any more.
+  /// Called by the driver's thread before every tick. False: no tick may run any more.
   bool enter() noexcept {
     State expected = State::open;
     return state_.compare_exchange_strong(expected, State::inside);
   }
   void leave() noexcept { state_.store(State::open); }
 
-  /// Any other thread. Afterwards no tick runs or starts. A tick that runs is waited for: ticks
-  /// never wait themselves.
+  /// Called by any other thread. Afterwards no tick runs or starts. Waits for a tick that runs:
+  /// ticks never wait themselves.
   void close() noexcept {
     for (State expected = State::open;
          !state_.compare_exchange_strong(expected, State::closed) && expected != State::closed;

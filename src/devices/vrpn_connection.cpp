@@ -16,7 +16,7 @@ constexpr std::int32_t kOurSender = 0, kForceFieldType = 0, kPingType = 1;
 // Servers number names from zero and give some dozens; a number beyond this is nonsense.
 constexpr std::int32_t kMaxNames = 2000;
 
-// The sender of what concerns the connection itself.
+// The sender of messages about the connection itself.
 constexpr std::string_view kControl = "VRPN Control";
 
 // Messages of other devices that one call looks through: it must come to an end in any flood.

@@ -14,11 +14,11 @@ namespace palpate::inline v0 {
 /// The messages of a device that we understand, and one that we send.
 enum class VrpnKind { other, pose, velocity, button, buttons, force_error };
 
-/// TCP only: a server to which nobody has said a UDP port sends everything this way.
+/// TCP only: a server that was given no UDP port sends everything this way.
 class VrpnConnection {
  public:
-  /// Says who we are and waits for the other side to do so; then subscribes to what the device
-  /// named `device` has to report. Errors: no server, another version.
+  /// Exchanges cookies with the server, then subscribes to what the device named `device` reports.
+  /// Errors: no server, another version.
   static Result<VrpnConnection> connect(const NetAddress& address, std::string_view device,
                                         double timeout);
 
@@ -26,7 +26,7 @@ class VrpnConnection {
   /// The next message that the device has sent, waiting for it at most `timeout` seconds; valid
   /// until the next call. Allocates only while the server gives new names.
   Got receive(VrpnMessage& message, VrpnKind& kind, double timeout);
-  /// False: the connection is of no use any more.
+  /// False: the connection is not usable any more.
   bool send(const VrpnForceField& field) noexcept;
   /// Says goodbye and gives the server 0.1 s to take it.
   void close() noexcept;

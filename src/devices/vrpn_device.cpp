@@ -79,7 +79,7 @@ std::string join(const std::vector<std::string>& names) {
   return text;
 }
 
-/// What the name lets guess of the device; the smallest one if nothing.
+/// Returns the limits of the device that the name suggests; else those of the smallest one.
 DeviceLimits guess_limits(std::string_view name) {
   std::string lower(name);
   for (char& c : lower) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
@@ -91,7 +91,7 @@ DeviceLimits guess_limits(std::string_view name) {
   return limits;
 }
 
-/// Connects and waits until the device has said where it is.
+/// Connects and waits for the first pose of the device.
 Result<VrpnConnection> connect(const VrpnAddress& address) {
   Result<VrpnConnection> connection =
       VrpnConnection::connect(address.server, address.name, kAnswerTimeout);
@@ -150,9 +150,9 @@ class VrpnDevice final : public PolledDevice {
   Twist V_BH_;
   std::uint32_t buttons_ = 0;
   bool has_pose_ = false;
-  double last_stamp_ = 0;     // s, of the last pose, by the server's clock
-  double last_pose_ = 0;      // s, when it came, by ours
-  double last_velocity_ = 0;  // s, when the server's came, by ours
+  double last_stamp_ = 0;     // stamp of the last pose by the server's clock, s
+  double last_pose_ = 0;      // its arrival by ours, s
+  double last_velocity_ = 0;  // arrival of the server's last velocity by ours, s
   Vec3d difference_;          // velocity from positions
   Vec3d reported_;            // velocity by the server
   double sum_difference_ = 0, sum_reported_ = 0;
@@ -235,7 +235,7 @@ bool VrpnDevice::take(const VrpnMessage& message, VrpnKind kind, double time) no
 }
 
 void VrpnDevice::take_pose(const Pose& X_BH, double stamp, double time) noexcept {
-  // Of a server whose stamps stand still or go back, the poses have come when they came.
+  // Stamps of some servers stand still or go back: then the arrival of poses counts.
   const bool is_stamped = stamp > last_stamp_;
   const double interval = is_stamped ? stamp - last_stamp_ : time - last_pose_;
   if (has_pose_ && interval > 0 && interval < kLongestStep) {
@@ -243,8 +243,8 @@ void VrpnDevice::take_pose(const Pose& X_BH, double stamp, double time) noexcept
     difference_ += (raw - difference_) * (interval / (interval + kVelocityFilter));
     sum_difference_ += norm(difference_);
   }
-  // A Falcon's server reports metres per microsecond. Velocities of the server are used if they
-  // are, all in all, as large as the positions say.
+  // A Falcon's server reports meters per microsecond. Velocities of the server are used if they
+  // are, on average, as large as the positions say.
   const bool is_plausible =
       sum_reported_ > 0.5 * sum_difference_ && sum_reported_ < 2 * sum_difference_;
   const bool is_fresh = time - last_velocity_ <= kMaxVelocityAge;

@@ -1,4 +1,4 @@
-// What goes over a VRPN connection (TCP): a cookie each way, then messages with a header of six
+// Wire format of VRPN connections (TCP): a cookie each way, then messages with a header of six
 // big-endian integers and a payload, both padded to eight bytes. VRPN 7, vrpn_Connection.C.
 #pragma once
 
@@ -14,7 +14,7 @@
 
 namespace palpate::inline v0 {
 
-/// 24 bytes: the version and that nothing is to be logged. Versions agree up to the last point.
+/// 24 bytes: the version and that nothing is to be logged. Only the minor version may differ.
 std::string vrpn_cookie();
 bool is_vrpn_cookie(std::string_view cookie);
 
@@ -40,7 +40,7 @@ class VrpnReader {
 
   VrpnReader() : bytes_(2 * kMaxPayload) {}
 
-  /// Where to put bytes, and how many have been put there. Never empty after next() said `nothing`.
+  /// Free space for received bytes, and how many were written there. Never empty after `nothing`.
   std::span<char> space() noexcept;
   void added(std::size_t count) noexcept { end_ += count; }
 
@@ -57,7 +57,7 @@ class VrpnReader {
 
 // Payloads. Readers return false for a wrong size.
 
-/// Of sender and type descriptions.
+/// Payload of sender and type descriptions.
 bool read_vrpn_name(std::string_view payload, std::string_view& name) noexcept;
 std::string vrpn_name(std::string_view name);
 

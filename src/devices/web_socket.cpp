@@ -44,7 +44,7 @@ bool has_status(std::string_view head, std::string_view status) {
   return head.starts_with("HTTP/1.") && head.size() > 12 && head.substr(9, 3) == status;
 }
 
-/// One response: its head, and what has come of the rest so far.
+/// One response: its head, and the part of its body received so far.
 struct Response {
   std::string text;
   std::size_t body = std::string::npos;

@@ -12,20 +12,20 @@
 
 namespace palpate::inline v0 {
 
-/// The body of what the server answers to GET `path`, if that is 200 and comes within `timeout`
+/// Returns the body of the answer to GET `path`, if its status is 200 and it comes within `timeout`
 /// seconds. At most 64 KiB.
 Result<std::string> http_get(const NetAddress& address, std::string_view path, double timeout);
 
 class WebSocket {
  public:
-  /// Errors: no connection, or what answers there is no WebSocket.
+  /// Errors: no connection, or the server there speaks no WebSocket.
   static Result<WebSocket> connect(const NetAddress& address, double timeout);
 
   enum class Got { message, nothing, closed };
   /// The next whole message, waiting for it at most `timeout` seconds. Answers pings. `message` is
   /// valid until the next call. Does not allocate.
   Got receive(std::string_view& message, double timeout) noexcept;
-  /// False: the connection is of no use any more. Allocates only while messages grow.
+  /// False: the connection is not usable any more. Allocates only while messages grow.
   bool send(std::string_view text, double timeout) noexcept;
   /// Says goodbye and gives the other side 0.1 s to take it.
   void close() noexcept;

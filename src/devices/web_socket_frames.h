@@ -31,7 +31,7 @@ class WebSocketReader {
 
   WebSocketReader() : bytes_(kMaxMessage + 16), message_(kMaxMessage) {}
 
-  /// Where to put bytes, and how many have been put there. Never empty after next() said `nothing`.
+  /// Free space for received bytes, and how many were written there. Never empty after `nothing`.
   std::span<char> space() noexcept;
   void added(std::size_t count) noexcept { end_ += count; }
 
@@ -45,7 +45,7 @@ class WebSocketReader {
                  std::string_view& message) noexcept;
 
   std::vector<char> bytes_, message_;
-  std::size_t begin_ = 0, end_ = 0;  // of what is unread in bytes_
+  std::size_t begin_ = 0, end_ = 0;  // unread part of bytes_
   std::size_t message_size_ = 0;     // of a message in several frames
   bool is_in_message_ = false, is_broken_ = false;
 };

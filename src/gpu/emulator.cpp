@@ -55,7 +55,7 @@ std::deque<Thread*> ready;  // in the order in which they go on
 std::uint32_t order_seed = 0;
 bool is_gpu_lost = false;
 
-// Back to the scheduler.
+// Switches back to the scheduler.
 void pause() {
   Thread* const self = running;
   self->scheduler = std::move(self->scheduler).resume();

@@ -25,7 +25,7 @@ struct Index {
   unsigned x = 0, y = 0, z = 0;
 };
 
-/// Where the running thread is in its grid.
+/// Position of the running thread in its grid.
 struct ThreadPlace {
   Index thread, block, block_size, grid_size;
 };
@@ -34,12 +34,12 @@ const ThreadPlace& place();
 /// Lets the other threads go on.
 void yield();
 void block_barrier();
-/// For the lanes of `mask`, which all call.
+/// Waits for the lanes of `mask`, all of which call.
 void warp_barrier(unsigned mask);
-/// 16 bytes of each lane of the running thread's warp.
+/// Returns the 16 bytes of a lane of the running thread's warp.
 void* lane_slot(int lane);
 int lane();
-/// Of the running thread's block.
+/// Returns the shared memory of the running thread's block.
 void* shared_memory();
 
 /// Runs a grid. All blocks of a cooperative grid run at the same time, others one after the other.
@@ -48,7 +48,7 @@ void run_grid(int blocks, int threads, std::size_t shared_bytes, bool cooperativ
               const std::function<void()>& kernel);
 /// Threads are taken in a new order from now on: nothing may depend on it.
 void set_order(std::uint32_t seed);
-/// As if the GPU were lost: grids do nothing until it is back.
+/// Acts as if the GPU were lost: grids do nothing until it is back.
 void lose_gpu(bool is_lost);
 
 template <class T>

@@ -1,4 +1,4 @@
-// What both runtimes share.
+// Code that both runtimes share.
 #include "src/gpu/runtime.h"
 
 namespace palpate::inline v0::gpu {

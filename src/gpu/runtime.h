@@ -1,4 +1,4 @@
-// What the CUDA backend needs of its runtime: memory, streams, launches. Two implementations:
+// The interface of the CUDA backend to its runtime: memory, streams, launches. Two implementations:
 // CUDA's own (runtime_cuda.cpp), and the emulator that tests use where no GPU is
 // (runtime_emulated.cpp).
 //
@@ -45,7 +45,7 @@ class Memory {
   T* copy_of(const std::vector<T>& values) {
     return copy_of(std::span<const T>(values));
   }
-  /// Into an array of this; waits. Failures are left in `status`.
+  /// Copies into an array of this; waits. Failures are left in `status`.
   void upload(void* to, const void* from, std::size_t num_bytes);
   /// `num` zeroed values in page-locked host memory, which kernels of this GPU may read and write
   /// at the same address (over the bus); null after a failure.
@@ -73,8 +73,8 @@ class Memory {
   Status status_ = Done{};
 };
 
-/// How a kernel is run. All blocks of a cooperative one run at the same time and may wait for each
-/// other (gpu/team.h, grid_barrier); see resident_blocks.
+/// Launch configuration of a kernel. All blocks of a cooperative one run at the same time and may
+/// wait for each other (gpu/team.cuh, grid_barrier); see resident_blocks.
 struct LaunchShape {
   int blocks = 1;
   int threads = 128;  ///< per block, a multiple of 32
@@ -103,13 +103,13 @@ class Graph {
 class Stream {
  public:
   Stream(int gpu, Priority priority);
-  /// One that goes on in queues of others; see `continue_in`.
+  /// Makes a stream that works only in queues of others; see `continue_in`.
   explicit Stream(int gpu);
   Stream(Stream&&) noexcept;
   Stream& operator=(Stream&&) noexcept;
   ~Stream();
 
-  /// Between any two of host, this GPU and other GPUs. Host memory should be page-locked.
+  /// Copies between any two of host, this GPU and other GPUs. Host memory should be page-locked.
   void copy(void* to, const void* from, std::size_t num_bytes) noexcept;
   /// Sets all bytes to 0.
   void clear(void* data, std::size_t num_bytes) noexcept;
@@ -166,8 +166,8 @@ void launch(Stream& stream, const LaunchShape& shape, void (*kernel)(Parameters.
 #endif
 }
 
-/// How many blocks of a kernel run on the GPU at the same time, at most; 0 after a failure. Raises
-/// the kernel's limit of shared memory to `shared_bytes`.
+/// Returns the largest number of blocks of a kernel that run on the GPU at the same time; 0 after a
+/// failure. Raises the kernel's limit of shared memory to `shared_bytes`.
 int resident_blocks(int gpu, const void* kernel, int threads, std::size_t shared_bytes);
 
 /// Bytes that can still be taken on a GPU; 0 after a failure.

@@ -24,7 +24,7 @@ Error failure(cudaError_t code, const std::string& what, int gpu) {
                                  "; check it with nvidia-smi, or use the CPU (--backend cpu)"};
 }
 
-/// How many GPUs there are, or why there is none.
+/// Returns the number of GPUs, at least 1. Error: there is none, and why.
 Result<int> count_gpus() {
   const std::string otherwise = "; use the CPU (--backend cpu or auto)";
   int driver = 0, runtime = 0, num = 0;

@@ -1,4 +1,4 @@
-// How the threads of a kernel work together: shared memory, barriers, sums in a fixed order.
+// Cooperation of the threads of a kernel: shared memory, barriers, sums in a fixed order.
 #pragma once
 
 #include <cstdint>
@@ -40,8 +40,8 @@ __device__ inline T read_now(const T* value) {
   return *static_cast<const volatile T*>(value);
 }
 
-/// Adds to a counter that blocks share, and returns what it was. Who sees the new value by this or
-/// by read_acquire sees all that was written before.
+/// Adds to a counter that blocks share, and returns its old value. A thread that sees the new value
+/// by this or by read_acquire sees all that was written before.
 __device__ inline unsigned long long add_release(unsigned long long* count,
                                                  unsigned long long value) {
 #if defined(PALPATE_EMULATE_CUDA)

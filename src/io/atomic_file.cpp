@@ -63,8 +63,8 @@ std::filesystem::path folder_of(const std::filesystem::path& path) {
   return path.has_parent_path() ? path.parent_path() : ".";
 }
 
-/// Makes a file by `make(name)`, 0 or more if it has, under a name in the folder that nobody has.
-/// Empty: errno tells why not.
+/// Makes a file by `make(name)`, which returns 0 or more if it has, under a name in the folder that
+/// no file has. Empty: errno tells why not.
 template <class Make>
 std::filesystem::path make_temporary(const std::filesystem::path& folder, const Make& make) {
   static std::atomic<unsigned> counter{0};
@@ -119,7 +119,7 @@ class NewFile {
   }
 
  private:
-  /// By which a file without a name is linked.
+  /// Path by which a file without a name is linked.
   std::string link() const { return "/proc/self/fd/" + std::to_string(file_.get()); }
 
   const std::filesystem::path& target_;
@@ -153,7 +153,7 @@ Status write_file_atomically(const std::filesystem::path& path, std::string_view
                             (!replaces || ::fchmod(file.get(), earlier.st_mode & 0777) == 0) &&
                             write_all(file.get(), content) && ::fsync(file.get()) == 0;
     if (is_written && file.publish()) break;
-    // What has no name cannot be given one everywhere: not without /proc, for instance.
+    // A file without a name cannot be given one everywhere: not without /proc, for instance.
     if (has_name || (is_open && !is_written)) {
       return failure(Errc::io_failure, "cannot write", path, kAdvice);
     }

@@ -14,7 +14,7 @@
 
 namespace palpate::inline v0 {
 
-/// One file of a recording; see BagReader. Schemas and messages are as they lie there.
+/// One file of a recording; see BagReader. Schemas and messages are as stored.
 class BagFile {
  public:
   virtual ~BagFile() = default;
@@ -23,12 +23,12 @@ class BagFile {
   virtual bool was_cut_off() const = 0;
 };
 
-/// Chunks of a recording that took long to unpack, as what takes little: for who reads it again.
+/// Cache of chunks that took long to unpack, in a form that takes little, for reading them again.
 class KeptChunks {
  public:
   using Place = std::pair<std::size_t, std::uint64_t>;  // number of the file, byte in it
   void add(const Place& place, std::string_view chunk);
-  /// False: it is not there.
+  /// False: it is not in the cache.
   bool find(const Place& place, std::string& to) const;
 
  private:
@@ -43,10 +43,10 @@ Result<std::unique_ptr<BagFile>> open_ros1_bag(const std::filesystem::path& path
                                                std::size_t number, KeptChunks& kept);
 
 inline constexpr std::string_view kSqliteMagic{"SQLite format 3\0", 16};
-/// What rosbag2 and RealSense cameras write.
+/// The format of rosbag2 and RealSense cameras.
 Result<std::unique_ptr<BagFile>> open_sqlite_bag(const std::filesystem::path& path);
 
-/// The system cannot read there, though the file is longer: it is not cut off.
+/// Error for a read that fails before the end of the file: it is not cut off.
 Error unreadable(const std::filesystem::path& path, std::uint64_t place);
 
 }  // namespace palpate::inline v0

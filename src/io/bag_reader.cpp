@@ -78,7 +78,7 @@ Result<std::unique_ptr<BagFile>> open_file(const fs::path& path, std::size_t num
                path.string() + " is not a recording (MCAP, ROS 1 .bag or ROS 2 .db3)"};
 }
 
-/// As rosbag2 notes them in the order of time. None: it has noted nothing that is there.
+/// Files that rosbag2 lists, in the order of time. None: it lists no file that exists.
 std::vector<fs::path> noted_files(const fs::path& folder) {
   constexpr std::size_t kMaxText = 16 << 20;  // bytes
   const auto text = read_file(folder / "metadata.yaml", kMaxText);
@@ -232,7 +232,7 @@ class Recording final : public BagReader {
     return &known_.emplace(in_file, Known{number, std::move(type)}).first->second;
   }
 
-  /// Empty, if it is none.
+  /// Returns the message in CDR; empty if it is damaged or of an unknown type.
   std::string_view as_cdr(const std::string& ros1_type, std::string_view data) {
     if (!ros1_type.empty()) {
       turned_ = cdr_of_ros1(ros1_type, data).value_or("");

@@ -1,5 +1,5 @@
-// What PLY and PCD files have in common: named columns of numbers, one row per point. Errors are
-// the rest of a sentence that starts with the name of the file.
+// Named columns of numbers, one row per point, as in PLY and PCD files. Errors are the rest of a
+// sentence that starts with the name of the file.
 #pragma once
 
 #include <span>
@@ -16,7 +16,7 @@ namespace palpate::inline v0 {
 struct CloudColumns {
   int width = 0, height = 1;
   std::vector<std::vector<float>> values;
-  Vec3d eye;  // where it stood, as VIEWPOINT of a PCD says; else the origin
+  Vec3d eye;  // position of the sensor, VIEWPOINT of a PCD; else the origin
 };
 
 /// Columns of the element "vertex" of a PLY file (text or binary, float or double).

@@ -142,12 +142,12 @@ Result<ImageSize> read_size(const fs::path& path) {
   return size;
 }
 
-/// Of a frame.
+/// Returns the file with the flow of a frame.
 fs::path flow_file(const fs::path& folder, const fs::path& frame) {
   return (folder / frame.filename()).replace_extension(".flo");
 }
 
-/// Whether it is there of any of the frames: they may be millions, too many to ask for each.
+/// True if any of the frames has a flow file: there may be millions, too many to look up each.
 bool has_flow(const fs::path& folder, const std::vector<Entry>& entries) {
   std::error_code error;
   std::unordered_set<std::string> names;

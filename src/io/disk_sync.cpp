@@ -22,7 +22,7 @@ int sync(int file) {
 
 }  // namespace
 
-/// The thread may outlive who has requested it.
+/// State of the thread, which may outlive the DiskSync.
 struct DiskSync::Work {
   explicit Work(int descriptor) : file(descriptor) {}
   ~Work() { ::close(file); }
@@ -32,7 +32,7 @@ struct DiskSync::Work {
   void bring(std::unique_lock<std::mutex>& lock);
 
   const int file;
-  std::mutex mutex;  // of what follows
+  std::mutex mutex;  // guards the members below
   std::condition_variable changed;
   bool has_thread = false, is_requested = false, is_under_way = false, is_ending = false;
   std::uint64_t size = 0, size_on_disk = 0;  // bytes: requested, done
@@ -65,7 +65,7 @@ DiskSync::DiskSync(int file) : work_(std::make_shared<Work>(file)) {
   try {
     std::thread([work = work_] { work->serve(); }).detach();
     work_->has_thread = true;
-  } catch (const std::system_error&) {  // none to be had
+  } catch (const std::system_error&) {  // the system starts no thread
   }
 }
 

@@ -26,7 +26,7 @@ constexpr std::size_t kMaxNodes = 1'000'000;  // and scenes
 /// Vertices and indices of all placed meshes together; of small files fewer, for so many bytes.
 constexpr double kMaxElements = 5e7, kElementsOfAny = 2.5e6, kElementsPerByte = 20;
 
-/// What is wrong; thrown and caught in this file only.
+/// Fault of a file; thrown and caught here only.
 struct Fault {
   std::string what;
 };
@@ -84,7 +84,7 @@ class BufferFiles {
 
   explicit BufferFiles(const std::filesystem::path& folder) : folder_((folder / "").string()) {}
 
-  /// `number`: of the buffer, which keeps the file if it is the first.
+  /// Finds a file; `number`: of the buffer, which keeps the file if it is the first.
   const File& find(const std::string& name, std::size_t number) {
     const auto [named, is_new] = by_name_.try_emplace(name);
     if (!is_new) return *named->second;
@@ -250,7 +250,7 @@ std::vector<double> check_meshes(const Json& root, const std::vector<double>& co
   return sizes;
 }
 
-/// Nodes form trees of bounded depth, of which each scene names the roots.
+/// Checks that nodes form trees of bounded depth and that scenes list only their roots.
 void check_nodes(const Json& root, const std::vector<double>& mesh_sizes,
                  std::size_t num_file_bytes) {
   const Json& nodes = list(root, "nodes");
@@ -338,7 +338,7 @@ Json node_geometry(const Json& node) {
   return kept;
 }
 
-/// Assimp takes the numbers of any other types for those of these.
+/// Checks types: Assimp takes the numbers of any other types for those of these.
 void check_types(const Json& accessors, std::uint64_t corners,
                  std::optional<std::uint64_t> indices) {
   constexpr std::uint64_t kByte = 5121, kShort = 5123, kInt = 5125, kFloat = 5126;
@@ -358,9 +358,9 @@ void check_types(const Json& accessors, std::uint64_t corners,
   }
 }
 
-/// Left out is what has no triangles: points, lines, and what has no corners or too few. Assimp
-/// crashes on a line loop whose indices are wrong, and counts two corners less than none in a
-/// strip.
+/// Leaves out primitives without triangles: points, lines, and those with no corners or too few.
+/// Assimp crashes on a line loop whose indices are wrong, and counts two corners less than none in
+/// a strip.
 Json mesh_geometry(const Json& mesh, const Json& accessors, const std::vector<double>& counts) {
   constexpr std::uint64_t kTriangles = 4, kTriangleFan = 6;
   Json primitives = Json::array();
@@ -393,7 +393,7 @@ Json view_geometry(const Json& view, const Buffers& buffers) {
   return kept;
 }
 
-/// Of a file that was checked, whose accessors have so many elements.
+/// Returns the geometry of a checked file, whose accessors have these numbers of elements.
 Json geometry_of(const Json& root, const std::vector<double>& counts, Buffers buffers) {
   Json kept = {{"asset", {{"version", "2.0"}}}};
   copy_whole(root, {"scene"}, kept);

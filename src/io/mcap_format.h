@@ -46,7 +46,7 @@ class Bytes {
   Bytes& text(std::string_view value) {
     return number(static_cast<std::uint32_t>(value.size())).raw(value);
   }
-  /// All of it, or, where memory ends, nothing.
+  /// Appends a whole record, or nothing if memory is exhausted.
   Bytes& record(Op op, std::string_view contents) {
     make_room(9 + contents.size());
     return number(static_cast<std::uint8_t>(op))
@@ -54,7 +54,7 @@ class Bytes {
         .raw(contents);
   }
 
-  /// What is added next, up to so many bytes, needs no memory.
+  /// Reserves memory for so many bytes to be added next.
   void make_room(std::size_t num_bytes) { text_.reserve(text_.size() + num_bytes); }
 
   const std::string& str() const { return text_; }
@@ -66,7 +66,7 @@ class Bytes {
   std::string text_;
 };
 
-/// Takes them off again. Past the end everything is 0 and `is_good` false.
+/// Reads them back. Past the end everything is 0 and `is_good` false.
 class Cursor {
  public:
   explicit Cursor(std::string_view bytes) : rest_(bytes) {}

@@ -19,7 +19,7 @@ using mcap::Op;
 
 namespace {
 
-/// A type's name is shorter; what does not end there is none of ours. Of a schema nothing else is
+/// Limit of a type's name: a longer one is none that is known here. The rest of a schema is not
 /// kept.
 constexpr std::size_t kLongestName = 256;
 
@@ -52,8 +52,8 @@ struct McapReader::Impl {
   std::optional<McapMessage> take(Op op, std::string_view contents);
 };
 
-// Seeks only where it must: that throws away what has been read ahead, which small records can ill
-// afford.
+// Seeks only where it must: a seek throws away bytes read ahead, which is expensive for small
+// records.
 bool McapReader::Impl::read_at(std::uint64_t place, char* to, std::uint64_t size) {
   constexpr std::uint64_t kNear = 4096;
   if (place < file_at || place > file_at + kNear || !file) {
@@ -67,7 +67,7 @@ bool McapReader::Impl::read_at(std::uint64_t place, char* to, std::uint64_t size
   return static_cast<bool>(file);
 }
 
-// Notes schemas and channels; returns a message if it is one.
+// Notes schemas and channels; returns a message if the record is one.
 std::optional<McapMessage> McapReader::Impl::take(Op op, std::string_view contents) {
   Cursor at(contents);
   if (op == Op::schema) {
@@ -92,7 +92,7 @@ std::optional<McapMessage> McapReader::Impl::take(Op op, std::string_view conten
   return std::nullopt;
 }
 
-// Into `chunk`. What a damaged file says of its size is not believed before memory is taken.
+// Unpacks into `chunk`. Memory is not taken by the size that a damaged file may announce.
 Status McapReader::Impl::unpack(std::string_view records, std::string_view compression,
                                 std::uint64_t size) {
   if (compression.empty()) {
@@ -224,7 +224,7 @@ Result<std::optional<McapMessage>> McapReader::next() {
 const std::map<std::uint16_t, McapChannel>& McapReader::channels() const { return impl_->channels; }
 bool McapReader::was_cut_off() const { return impl_->is_cut_off; }
 
-// They come before all messages. Of two of one name the first one counts.
+// Attachments come before all messages. Of two of one name the first one counts.
 Status McapReader::Impl::find_attachments() {
   std::map<std::string, Place, std::less<>> found;
   constexpr std::size_t kHead = 9;

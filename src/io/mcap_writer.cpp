@@ -29,7 +29,7 @@ std::uint32_t checksum(std::string_view bytes) {
 
 constexpr int kLevel = 1;  // of compression: the fastest, half of what depth images need
 
-/// Where a chunk lies in the file.
+/// Position of a chunk in the file.
 struct ChunkPlace {
   std::uint64_t start_time, end_time, offset, length, num_bytes;
   std::uint64_t compressed_bytes, index_length;
@@ -69,7 +69,7 @@ struct McapWriter::Impl {
   Status judge_sync();
 };
 
-/// All or nothing: a part of a record would only take space from what can still be kept.
+/// Writes all bytes or none: a part of a record would only take space that others need.
 Status McapWriter::Impl::put(std::string_view bytes) {
   const std::uint64_t begin = size;
   while (status && !bytes.empty()) {
@@ -124,7 +124,7 @@ Status McapWriter::Impl::end_chunk() {
   return status;
 }
 
-/// What came of bringing it to the disk.
+/// Takes over the error of bringing bytes to the disk.
 Status McapWriter::Impl::judge_sync() {
   if (const int error = sync->error(); status && error != 0) {
     status = Error{Errc::io_failure, "cannot bring " + path.string() + " to the disk: " +
@@ -141,7 +141,7 @@ McapWriter::~McapWriter() {
   try {
     (void)end();
   } catch (const std::bad_alloc&) {
-    // What was written stays readable.
+    // Chunks written so far stay readable.
   }
 }
 
@@ -204,7 +204,7 @@ Status McapWriter::write(std::uint16_t channel, std::uint64_t time, std::string_
   d.chunk_end = std::max(d.chunk_end, time);
   d.first_time = std::min(d.first_time, time);
   d.last_time = std::max(d.last_time, time);
-  // Where memory ends, neither the record nor its place in the index is half there.
+  // If memory is exhausted, neither the record nor its index entry is written in part.
   const std::size_t begin = d.chunk.size();
   Bytes contents, &index = d.chunk_index[channel];
   contents.number(channel).number(d.sequence[channel]).number(time).number(time).raw(message);

@@ -146,7 +146,7 @@ Error truncated(const Header& header) {
 
 /// Unpacks the body of a binary_compressed file, where each field lies in one piece.
 Result<std::string> decompress(std::string_view content, const Header& header) {
-  // LZF could copy 264 bytes for 3; clouds become a third, and what has no points is small.
+  // LZF could copy 264 bytes for 3; clouds shrink to a third, and those without points are small.
   constexpr std::uint64_t kSmall = std::uint64_t{64} << 20, kMaxRatio = 25;
   std::uint32_t sizes[2];  // packed, unpacked
   if (content.size() < sizeof(sizes)) return truncated(header);

@@ -43,10 +43,10 @@ class PlyValues {
 
   std::size_t bytes_left() const { return rest_.size(); }
 
-  /// nullopt at the end, or where no number stands.
+  /// nullopt at the end, or if the text there is no number.
   std::optional<double> next(PlyType type);
 
-  /// Of values in a list; nullopt where no number stands, or one that the rest cannot hold.
+  /// Length of a list; nullopt if there is no number, or the rest of the file is too short for it.
   std::optional<std::size_t> list_size(const PlyProperty& property);
 
   /// Passes over a list; false if it does not end.

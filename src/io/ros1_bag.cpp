@@ -19,7 +19,7 @@ constexpr int kFastest = 1;  // level of Zstandard
 
 enum class Op : std::uint8_t { message = 2, bag = 3, chunk = 5, connection = 7 };
 
-/// What a header says under a name; empty if it does not.
+/// Returns the value of a header's field; empty if there is none.
 std::string_view value_of(std::string_view header, std::string_view name) {
   for (Cursor at(header); !at.at_end();) {
     const std::string_view field = at.text();
@@ -78,7 +78,7 @@ class Ros1Bag final : public BagFile {
                                  ": " + what + "; rosbag fix may repair it"};
   }
 
-  /// Notes connections; gives a message if it is one.
+  /// Notes connections; returns a message if the record is one.
   Result<std::optional<McapMessage>> take(std::string_view header, std::string_view data) {
     const auto op = Op{number_of<std::uint8_t>(header, "op")};
     const auto connection = number_of<std::uint32_t>(header, "conn");
@@ -100,7 +100,7 @@ class Ros1Bag final : public BagFile {
         McapMessage{found->second, std::uint64_t{1'000'000'000} * seconds + nanoseconds, data});
   }
 
-  /// Reads a length and what it says; false if the file ends before that.
+  /// Reads a length and so many bytes; false if the file ends before that.
   Result<bool> read(std::string& to) {
     std::string length(4, '\0');
     if (length.size() > size_ - at_) return false;
@@ -114,7 +114,7 @@ class Ros1Bag final : public BagFile {
     return true;
   }
 
-  /// Into in_chunk_. False at the end of the data.
+  /// Reads the next chunk into in_chunk_. False at the end of the data.
   Result<bool> next_chunk() {
     std::string header, data;
     position_ = at_;

@@ -15,7 +15,7 @@ constexpr double kMillimetre = 0.001;
 
 Error damaged() { return {Errc::bad_input, "a depth image is damaged"}; }
 
-/// Of rows that may be longer than their pixels, in either byte order.
+/// Reads a number at any position, as rows may be longer than their pixels, in either byte order.
 template <class Number>
 Number value_at(std::string_view data, std::size_t at, bool is_big) {
   std::array<char, sizeof(Number)> bytes;

@@ -23,8 +23,8 @@ struct RosStamp {
 };
 RosStamp read_ros_header(CdrReader& from);
 
-/// Metres to counts, kFarCount for what is farther than can be counted, up to +inf (REP 117:
-/// nothing is within range). NaN, what is too near and -inf are no measurement, 0.
+/// Converts meters to counts, kFarCount for depth beyond the range, up to +inf (REP 117: nothing is
+/// within range). NaN, depth that is too near and -inf are no measurement, 0.
 std::uint16_t count_of(double metres, double unit);
 
 }  // namespace palpate::inline v0

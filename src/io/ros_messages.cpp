@@ -58,7 +58,7 @@ struct RosMarker {
 };
 constexpr std::int32_t kSphereList = 7, kTriangleList = 11;
 
-/// One without points is taken away.
+/// Writes a marker; without points, viewers delete it.
 void put(CdrWriter& to, const RosHeader& header, const RosMarker& marker,
          std::span<const Vec3d> points) {
   const std::int32_t add = 0, remove = 2;
@@ -89,7 +89,7 @@ void put(CdrWriter& to, const RosHeader& header, const RosMarker& marker,
 
 constexpr RosMarker kToolMarker{"tool", 0, kTriangleList, 1, {0.35f, 0.6f, 0.85f, 1}, true};
 
-/// Of large meshes every n-th triangle.
+/// Writes a mesh as a marker, of large ones every n-th triangle.
 void put(CdrWriter& to, const RosHeader& header, const RosMarker& marker,
          const TriangleMesh& mesh) {
   constexpr std::size_t kMaxTriangles = 20000;

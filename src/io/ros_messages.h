@@ -1,5 +1,5 @@
-// Messages of ROS 2 as bytes (CDR, little-endian): what recordings hold and what goes to other
-// programs. ros_types.h says what they are made of.
+// Messages of ROS 2 as bytes (CDR, little-endian), for recordings and other programs. ros_types.h
+// has their definitions.
 #pragma once
 
 #include <array>
@@ -55,13 +55,13 @@ struct RosBody {
 std::string mesh_markers_message(std::string_view tool_frame, const TriangleMesh& tool,
                                  std::span<const RosBody> bodies);
 
-/// How a sphere of the tool is shown.
+/// State of a sphere of the tool, by which it is colored.
 enum class RosSphere : std::uint8_t { free, touching, inside, unseen };
 constexpr auto names_of(RosSphere) { return std::array{"free", "touching", "inside", "unseen"}; }
-/// visualization_msgs/MarkerArray: of each state one SPHERE_LIST for each of its eight ranges of
-/// radii (all spheres of one are as large as their mean), in its color; those that hold none are
-/// taken away. In the frame of the header, by poses that the tool had at that time. `states`: of
-/// each sphere.
+/// visualization_msgs/MarkerArray: for each state and each of eight ranges of radii one SPHERE_LIST
+/// (all its spheres are as large as their mean), in the color of the state; empty lists are
+/// deleted. In the frame of the header, by poses that the tool had at that time. `states`: of each
+/// sphere.
 std::string sphere_markers_message(const RosHeader& header, std::span<const Sphere> spheres,
                                    std::span<const RosSphere> states);
 std::string pose_message(const RosHeader& header, const Pose& X);
@@ -90,7 +90,7 @@ struct RosContact {
   std::string reason;        ///< why it is not valid: then all numbers are 0
   double volume = 0;         ///< m3
   double fraction = 0;       ///< of the tool's volume
-  double unseen = 0;         ///< of it: what lies where no camera sees
+  double unseen = 0;         ///< share of it where no camera sees
   double potential = 0;      ///< m4
   double max_stiffness = 0;  ///< N/m
   Wrench wrench;             ///< N, N m

@@ -1,5 +1,5 @@
-// What messages of ROS 2 are made of: their definitions, and what follows from them. One text per
-// type serves recordings (the schema), DDS (how a message lies in memory) and the type's hash.
+// Message types of ROS 2: their definitions, and data derived from them. One text per type serves
+// recordings (the schema), DDS (the layout of a message in memory) and the type's hash.
 #pragma once
 
 #include <cstdint>
@@ -40,7 +40,7 @@ struct RosField {
   std::uint32_t max_text = 0;  ///< bytes of a bounded text; 0: any
 };
 
-/// Of a type as "sensor_msgs/Image"; empty: it is not known here.
+/// Returns the fields of a type such as "sensor_msgs/Image"; empty: it is not known here.
 const std::vector<RosField>& ros_fields(std::string_view type);
 
 /// Definition of a message type with those of all types in it. `more(type)` is the text of a type

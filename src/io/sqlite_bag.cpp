@@ -33,8 +33,8 @@ struct Sqlite {
 constexpr int kOk = 0, kRow = 100, kDone = 101, kReadOnly = 1, kIsUri = 0x40;
 constexpr int kText = 3, kBlob = 4;
 constexpr int kLengthLimit = 0, kLargestRow = 256 << 20;  // bytes
-/// Of its machine, between two looks at how many there were; at most, and for each byte of the
-/// file.
+/// Steps of SQLite's virtual machine: between two calls of the progress handler; limit for any file
+/// and for each byte of the file.
 constexpr int kSteps = 1'000'000;
 constexpr std::uint64_t kMaxSteps = 10'000'000, kStepsPerByte = 10;
 
@@ -75,8 +75,8 @@ class SqliteBag final : public BagFile {
 
   Status open() {
     if (!open_database()) return failure();
-    // Of tables alone, whose rows lie in the file: views and columns that are computed can be of
-    // any size. All rows together are no larger than the file, whatever its pages say.
+    // Only tables are read, whose rows lie in the file: views and computed columns can be of any
+    // size. All rows together are no larger than the file, whatever its pages say.
     bytes_left_ = size_on_disk();
     sqlite_.limit(database_, kLengthLimit,
                   static_cast<int>(std::min<std::uint64_t>(kLargestRow, bytes_left_)));
@@ -114,8 +114,8 @@ class SqliteBag final : public BagFile {
       channels_[static_cast<std::uint16_t>(id)] = {text(1), format == "cdr" ? type : "", ""};
     }
     if (status != kDone) return failure();
-    // As they lie there, by row: in the order in which they were written. Nothing is sorted, which
-    // would read all of them at once.
+    // Rows in the order in which they were written. Nothing is sorted, which would read all of them
+    // at once.
     if (!prepare("SELECT topic_id, timestamp, data FROM messages NOT INDEXED")) return failure();
     return Done{};
   }
@@ -143,8 +143,8 @@ class SqliteBag final : public BagFile {
   }
 
  private:
-  /// Who reads a database in WAL mode makes files beside it for all who share it, unless these are
-  /// there. Nothing is made where others keep their data, or where nothing can be.
+  /// Opens the database without making files: SQLite makes the -shm file that readers of a WAL
+  /// share, unless it is there or the database is opened as immutable or exclusively.
   bool open_database() {
     std::error_code none;
     const std::string wal = path_.string() + "-wal", shared = path_.string() + "-shm";
@@ -159,9 +159,9 @@ class SqliteBag final : public BagFile {
     return sqlite_.open(path_.c_str(), &database_, kReadOnly, "unix-none") == kOk &&
            prepare("PRAGMA locking_mode = EXCLUSIVE") && sqlite_.step(query_) == kRow;
   }
-  /// As its header says.
+  /// True if the header says so.
   bool is_in_wal_mode() const {
-    constexpr std::size_t kVersions = 18;  // of who may write and read it; 2: WAL
+    constexpr std::size_t kVersions = 18;  // offset of the write and read versions; 2: WAL
     char header[kVersions + 2] = {};
     std::ifstream(path_, std::ios::binary).read(header, sizeof header);
     return header[kVersions] == 2 && header[kVersions + 1] == 2;
@@ -182,14 +182,14 @@ class SqliteBag final : public BagFile {
     const unsigned char* const found = sqlite_.text(query_, column);
     return found == nullptr ? "" : reinterpret_cast<const char*>(found);
   }
-  /// Of the file, and of what was written last and lies beside it.
+  /// Returns the size of the file and of its write-ahead log.
   std::uint64_t size_on_disk() const {
     std::error_code no_file, none_beside;
     const std::uint64_t size = std::filesystem::file_size(path_, no_file);
     const std::uint64_t beside = std::filesystem::file_size(path_.string() + "-wal", none_beside);
     return (no_file ? 0 : size) + (none_beside ? 0 : beside);
   }
-  /// Whether its bytes are not those of rows before.
+  /// True if the bytes of this row and all before it fit into the file.
   bool takes_row(int num_columns) {
     for (int column = 0; column < num_columns; ++column) {
       const int type = sqlite_.type(query_, column);

@@ -11,14 +11,14 @@ namespace {
 
 Error bad(std::string message) { return {Errc::bad_input, std::move(message)}; }
 
-/// Whatever its capitals. `lower`: in small letters.
+/// True if `word` is `lower`, which is in small letters, whatever its capitals.
 bool is_word(std::string_view word, std::string_view lower) {
   return std::ranges::equal(word, lower, [](char a, char b) {
     return (a >= 'A' && a <= 'Z' ? static_cast<char>(a - 'A' + 'a') : a) == b;
   });
 }
 
-/// Nothing of a line counts from there on.
+/// True if a line ends before this word: it is empty or begins a comment.
 bool ends_line(std::string_view word) {
   return word.empty() || word.starts_with('#') || word.starts_with(';') || word.starts_with("//");
 }

@@ -19,8 +19,8 @@ Error no_toml(const std::string& file, std::size_t line, std::string_view why) {
           file + " line " + std::to_string(line) + " is not TOML: " + std::string(why)};
 }
 
-/// Whether a line opens a section with something that begins no name: the parser takes for granted
-/// that it does not.
+/// True if a line opens a section with a character that begins no name: the parser does not check
+/// for that.
 bool opens_nothing(std::string_view line) {
   constexpr std::string_view kBlanks = " \t";
   std::size_t at = line.find_first_not_of(kBlanks);
@@ -33,16 +33,16 @@ bool opens_nothing(std::string_view line) {
   return !is_word && std::string_view("_-\"']").find(c) == std::string_view::npos;
 }
 
-/// Knows, letter by letter, whether a text is between quotes or in a comment.
+/// Tracks, character by character, whether a text is between quotes or in a comment.
 class Quotes {
  public:
-  /// Whether text[at] is; to be called for each letter in turn.
+  /// True if text[at] is; to be called for each character in turn.
   bool hold(std::string_view text, std::size_t at) {
     if (at < skip_to_) return is_open_;
     const char c = text[at];
     if (!is_open_) {
       if (c == '#') open("\n", at);
-      // In the middle of a word it is none, for the parser.
+      // In the middle of a word the parser takes it for no quote.
       const bool is_at_word = at == 0 || kBefore.find(text[at - 1]) != std::string_view::npos;
       if (is_at_word && (c == '"' || c == '\'')) open(closing(text, at), at);
       return is_open_;
@@ -80,9 +80,9 @@ class Quotes {
   std::size_t skip_to_ = 0;
 };
 
-/// The text without what the parser cannot bear: a byte order mark, letters beyond ASCII in keys
-/// (which none has) and comments (which may be in any encoding), lines without end and sections
-/// without a name.
+/// Returns the text without parts that break the parser: a byte order mark, letters beyond ASCII in
+/// keys (no key has them) and comments (which may be in any encoding), lines without end and
+/// sections without a name.
 Result<std::string> harmless(std::string text, const std::string& file) {
   if (text.starts_with("\xEF\xBB\xBF")) text.erase(0, 3);
   Quotes quotes;

@@ -74,7 +74,7 @@ using Checksum = std::uint64_t;
 using StoredEdge = std::array<std::uint32_t, 2>;
 using StoredTriangle = std::array<std::uint32_t, 3>;
 
-// What is copied byte by byte has no holes.
+// These types are copied byte by byte, so they have no padding.
 static_assert(sizeof(Header) == 24 && sizeof(Section) == 24 && sizeof(Facts) == 24);
 static_assert(sizeof(Vec3d) == 24 && sizeof(Sphere) == 16 && sizeof(StoredTriangle) == 12);
 static_assert(sizeof(IstNode) == 32 && sizeof(SolidGrid) == 48);

@@ -13,10 +13,10 @@ namespace palpate::inline v0 {
 namespace {
 
 constexpr std::uint64_t kLargest = std::uint64_t{1} << 30, kFirstStep = std::uint64_t{1} << 22;
-/// What is all zeros is small.
+/// Largest ratio of compression, and the size that is allowed at any ratio: zeros pack well.
 constexpr std::uint64_t kMaxRatio = 1000, kSmall = std::uint64_t{64} << 20;
 
-/// Bytes that somebody may have packed into so many; depth images are packed to a tenth.
+/// Largest plausible size of data packed into so many bytes; depth images are packed to a tenth.
 std::uint64_t max_unpacked(std::uint64_t packed) {
   return std::min(kLargest, kSmall + kMaxRatio * std::min(packed, kLargest));
 }

@@ -13,10 +13,10 @@ namespace palpate::inline v0 {
 
 inline constexpr std::string_view kZstdMagic = "\x28\xb5\x2f\xfd";  // of its frames
 
-/// Frames of Zstandard, LZ4 frames (liblz4) and bzip2 (libbz2): `size` bytes that were packed into
-/// `packed`, whatever the frames say of their size; none: whatever is in them. Memory is taken as
-/// it is filled. Errors: the library is not there; the bytes are damaged, too few or too many;
-/// nobody would have packed as much into them, or it is more than 1 GiB.
+/// Unpacks frames of Zstandard, LZ4 frames (liblz4) and bzip2 (libbz2). `size`: bytes that were
+/// packed, whatever the frames say; none: any number. Memory is taken as it is filled. Errors: the
+/// library is missing; the bytes are damaged, too few or too many; an implausible ratio of
+/// compression; more than 1 GiB.
 Status unpack_zstd(std::string_view packed, std::optional<std::uint64_t> size, std::string& to);
 Status unpack_lz4(std::string_view packed, std::uint64_t size, std::string& to);
 Status unpack_bzip2(std::string_view packed, std::uint64_t size, std::string& to);

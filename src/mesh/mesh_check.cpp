@@ -111,7 +111,7 @@ std::optional<Error> repair(SolidMesh& solid, double tolerance) {
 
   EdgeFaults faults = find_edge_faults(mesh.triangles);
   if (!faults.none()) {
-    // Perhaps the faces without area are what is too much.
+    // Faces without area may be the ones in excess.
     std::vector<Triangle> others = mesh.triangles;
     const std::size_t num_needles =
         std::erase_if(others, [&](const Triangle& t) { return is_needle(mesh, t, tolerance); });

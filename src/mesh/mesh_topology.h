@@ -1,4 +1,4 @@
-// Which faces of a mesh meet at which edges, and which faces hang together.
+// Topology of a mesh: its edges with the faces that meet there, and its connected shells.
 #pragma once
 
 #include <cstddef>
@@ -23,7 +23,7 @@ std::vector<HalfEdge> sorted_half_edges(const std::vector<Triangle>& triangles);
 /// True if both run between the same two vertices, whatever the direction.
 bool same_edge(const HalfEdge& a, const HalfEdge& b);
 
-/// What is wrong with the edges of a mesh. All zero: the surface is closed and oriented.
+/// Numbers of faulty edges of a mesh. All zero: the surface is closed and oriented.
 struct EdgeFaults {
   std::size_t open = 0;          ///< edges of one face
   std::size_t non_manifold = 0;  ///< edges of more than two faces

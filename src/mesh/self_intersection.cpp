@@ -50,7 +50,7 @@ class Search {
       if (other) return std::optional<FacePair>(std::minmax(face, *other));
       if (num_visits_left_ == 0) {
         return Error{Errc::bad_input,
-                     "so many faces of the mesh lie side by side that it cannot be checked for "
+                     "the mesh has too many faces side by side to be checked for "
                      "self-intersections; remesh it with fewer long thin faces"};
       }
     }

@@ -34,8 +34,8 @@ constexpr NamedShape kShapes[] = {
     {"stylus", [] { return make_stylus(0.04, 1, 0.2, 48); }},
     {"spiral", [] { return make_spiral(0.020, 0.004, 0.014, 4, 48, 16); }},
     {"torus", [] { return make_torus(0.35, 0.15, 96, 48); }},
-    // What is thin at one end. A gripper's finger: a mounting block, an arm, and a tip of sheet
-    // metal.
+    // Parts that are thin at one end. A gripper's finger: a mounting block, an arm, and a tip of
+    // sheet metal.
     {"finger",
      [] {
        return make_bar({{0, 26, 18}, {36, 26, 18}, {54, 14, 16}, {182, 0.8, 10}, {196, 0.25, 8}});

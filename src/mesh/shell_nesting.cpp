@@ -61,7 +61,7 @@ class Ray {
   GridPoint from_;
 };
 
-/// Rays from where each shell ends along x: what one meets first is the shell around it, or one
+/// Casts rays from where each shell ends along x: the first shell met is the one around it, or one
 /// beside it in the same shell.
 class NestingSearch {
  public:
@@ -84,7 +84,7 @@ class NestingSearch {
   }
 
   Result<std::vector<Nesting>> find() {
-    // What a ray meets ends farther along x: it is known by then.
+    // The shell that a ray meets ends farther along x: its own nesting is known by then.
     std::vector<std::uint32_t> farthest_first(shells_.size());
     std::iota(farthest_first.begin(), farthest_first.end(), 0u);
     std::sort(farthest_first.begin(), farthest_first.end(), [&](std::uint32_t a, std::uint32_t b) {
@@ -99,8 +99,8 @@ class NestingSearch {
       const First first = find_first(shell);
       if (num_visits_left_ == 0) {
         return Error{Errc::bad_input,
-                     "so many faces of the mesh lie side by side that it cannot be found which of "
-                     "its parts are inside others; remesh it with fewer long thin faces"};
+                     "the mesh has too many faces side by side to find which of its parts are "
+                     "inside others; remesh it with fewer long thin faces"};
       }
       if (first.face == kNone) continue;
       const std::uint32_t met = shell_of_[first.face];

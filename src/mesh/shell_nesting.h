@@ -20,14 +20,14 @@ struct Shell {
 /// The shells of a closed mesh in the order of their first faces.
 std::vector<Shell> find_shells(const TriangleMesh& mesh);
 
-/// Where a shell lies among the others.
+/// Position of a shell among the others.
 struct Nesting {
   std::size_t outermost = 0;   ///< of the shells around it; itself if there are none
   std::size_t num_around = 0;  ///< shells around it
 };
 
-/// For each shell. The shells must not meet. O(n log n) for surfaces. Errors: far more faces lie
-/// side by side than on any part, so that the search takes too long.
+/// Returns the nesting of each shell. The shells must not meet. O(n log n) for surfaces. Errors:
+/// far more faces lie side by side than on any part, so that the search takes too long.
 Result<std::vector<Nesting>> find_nesting(const TriangleMesh& mesh,
                                           const std::vector<Shell>& shells);
 

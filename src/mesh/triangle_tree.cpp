@@ -8,9 +8,9 @@ namespace palpate::inline v0 {
 namespace {
 
 constexpr std::uint32_t kLeafSize = 4;
-// Axes are found from so many triangles of a node.
+// Number of triangles of a node from which its axes are found.
 constexpr std::uint32_t kMaxSamples = 16;
-// Triangles around one corner are divided from the others of a node of so many.
+// A node of at least kMinFan triangles is divided by a corner that 1 / kMinFanShare of them share.
 constexpr std::uint32_t kMinFan = 64, kMinFanShare = 8;
 
 std::vector<GridTriangle> round_to_grid(const TriangleMesh& mesh) {

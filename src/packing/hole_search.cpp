@@ -12,7 +12,7 @@ constexpr std::size_t kMaxObstacles = 512;
 constexpr double kReach = 3;       // of the sphere's radius: room for holes as large as the sphere
 constexpr double kSameHole = 0.2;  // of the radius: closer balls are one hole
 
-// Directions on a Fibonacci spiral and who lies next to whom.
+// Directions on a Fibonacci spiral and the neighbors of each.
 struct Directions {
   std::array<float, kNumDirections> x, y, z;
   std::array<std::vector<std::size_t>, kNumDirections> neighbours;

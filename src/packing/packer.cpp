@@ -38,8 +38,8 @@ constexpr double kProgressPeriod = 0.2;  // seconds
 constexpr double kMinRadiusOfExtent = 2e-6;
 constexpr double kMinRadiusOfCoordinate = 1e-6;
 
-// How much a ball may grow from a starting point, as fraction of the grid's spacing: starting
-// points are looked at that much before their own radius is due. The first hundred spheres decide
+// Largest growth of a ball from a starting point, as fraction of the grid's spacing: starting
+// points are examined that much before their own radius is due. The first hundred spheres decide
 // about the fill of all later ones.
 constexpr double kHeadStart = 0.75;
 

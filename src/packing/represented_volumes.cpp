@@ -115,7 +115,7 @@ class PowerCells {
   }
 
  private:
-  // What is seen from the centre of a sphere. Unit of length: how far the rays are followed.
+  // Planes and facets around the center of a sphere. Unit of length: the reach of the rays.
   struct View {
     std::vector<Pull> planes;
     std::vector<Rays> ends;  ///< per patch: the planes' pull on each ray, 1 / its length
@@ -143,7 +143,7 @@ class PowerCells {
     }
   }
 
-  // Where the rays meet the first plane; returns the weakest pull on any of them.
+  // Finds where the rays meet the first plane; returns the weakest pull on any of them.
   float find_ends(View& view) const {
     std::sort(view.planes.begin(), view.planes.end(),
               [](const Pull& a, const Pull& b) { return a.strength > b.strength; });
@@ -175,8 +175,8 @@ class PowerCells {
     for (const int t : view.triangles) view.facets.emplace_back(mesh_.triangle(t), centre, unit);
   }
 
-  // Takes the means of what the rays measure, of the moments without the sphere; false if a ray is
-  // still in the solid where it was given up.
+  // Computes the mean moments of the rays' cones, without those of the sphere; false if a ray is
+  // still in the solid at its end.
   bool add_cones(const View& view, double radius, Moments& mean) const {
     bool complete = true;
     const auto sphere4 = static_cast<float>(std::pow(radius, 4));

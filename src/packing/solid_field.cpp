@@ -14,9 +14,9 @@ namespace {
 constexpr int kFewCells = 4;
 // No box needs a finer grid; also keeps plates and needles within the levels that there are.
 constexpr int kMaxCells = kFewCells << (SolidField::kMaxLevels - 1);
-// How much wider the spacing gets until the nodes are few enough.
+// Factor by which the spacing grows until the nodes are few enough.
 constexpr double kWiden = 1.01;
-// Of distances: long searches may stop so near to the nearest triangle.
+// Relative tolerance of distances: long searches may stop so near to the nearest triangle.
 constexpr double kTolerance = 1e-4;
 
 std::array<std::int32_t, 3> cells_of(const Vec3d& size, double spacing) {
@@ -113,8 +113,8 @@ Result<SolidField> SolidField::restore(const Layout& layout, std::span<const flo
   if (!fits || num_nodes_of(layout.num_cells) > kMaxNodes) return bad("has no grid");
   SolidField field(layout);
   if (values.size() != field.values().size()) return bad("is not of its grid");
-  // No node of the widest grid, which reaches farthest, is farther from the surface than from
-  // another.
+  // The diagonal of the widest grid, which reaches farthest, bounds the distance of its nodes from
+  // the surface.
   const Level& widest = field.levels_.back();
   const Vec3d nodes{static_cast<double>(widest.num_nodes[0]),
                     static_cast<double>(widest.num_nodes[1]),

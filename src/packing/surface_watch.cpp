@@ -11,7 +11,7 @@ namespace palpate::inline v0 {
 namespace {
 
 constexpr std::size_t kPlacesPerTask = 256;
-// What p80 may have shrunk to since it was last known, as a first guess.
+// First guess of the factor by which p80 has shrunk since it was last known.
 constexpr double kShrunk = 0.93;
 
 }  // namespace
@@ -30,7 +30,7 @@ SurfaceWatch::SurfaceWatch(const TriangleMesh& solid, const SphereLevels& sphere
   standoff_.assign(points_.size(), p80_);
 }
 
-// Of the first `num` places.
+// Measures those of the first `num` places again whose last standoff is beyond `bound`.
 void SurfaceWatch::measure_beyond(double bound, std::size_t num) {
   stale_.clear();
   for (std::size_t i = 0; i < num; ++i) {
@@ -46,7 +46,7 @@ void SurfaceWatch::measure_beyond(double bound, std::size_t num) {
   });
 }
 
-// What was not measured again is below the guess. If the requested values are above it, they are
+// Standoffs that were not measured again are below the guess. Quantiles above it are therefore
 // exact.
 SurfaceWatch::Quantiles SurfaceWatch::quantiles() {
   const auto value_at = [&](double share) {

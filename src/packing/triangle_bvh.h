@@ -39,7 +39,7 @@ class TriangleBvh {
   /// appended, as soon as they are more than `limit`.
   bool gather(const Vec3d& p, double distance, std::size_t limit, std::vector<int>& out) const;
 
-  /// Whether p lies in the solid: majority of the parities of three rays.
+  /// True if p lies in the solid: majority of the parities of three rays.
   bool inside(const Vec3d& p) const;
 
   const Triangle& triangle(int i) const { return triangles_[static_cast<std::size_t>(i)]; }

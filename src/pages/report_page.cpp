@@ -7,7 +7,7 @@
 namespace palpate::inline v0 {
 namespace {
 
-// Where title and data belong (web/report_template.html).
+// Marks where title and data belong (web/report_template.html).
 constexpr std::string_view kTitleMark = "{{title}}", kDataMark = "{{data}}";
 
 void append_escaped(std::string& html, std::string_view text) {

@@ -8,13 +8,13 @@
 
 namespace palpate::inline v0 {
 
-/// By time, s.
+/// Samples by time, s.
 template <class Value>
 using ByTime = std::map<double, Value>;
 
-/// Of two of one time the first one counts. Of all that is older than the newest one by more than
-/// `kept` s, only the newest is kept. If that is not for ever, a clock that was set back has
-/// started anew.
+/// Inserts a sample; of two of one time the first one counts. Of all that is older than the newest
+/// one by more than `kept` s, only the newest is kept. If `kept` is finite, a jump back by more
+/// than 1 s drops all: the clock has started anew.
 template <class Value>
 void insert_by_time(ByTime<Value>& all, double time, const Value& reported, double kept) {
   constexpr double kLongestBack = 1;  // s that a message may be late
@@ -26,7 +26,7 @@ void insert_by_time(ByTime<Value>& all, double time, const Value& reported, doub
   if (first != all.begin()) all.erase(all.begin(), std::prev(first));
 }
 
-/// s: how far the nearest of them is from a time. There is at least one.
+/// Returns how far the nearest sample is from a time, s. `all` is not empty.
 template <class Value>
 double nearest_in_time(const ByTime<Value>& all, double time) {
   const auto after = all.lower_bound(time);

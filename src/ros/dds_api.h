@@ -22,7 +22,7 @@ inline constexpr std::int16_t kXcdr1 = 0;
 inline constexpr std::uint32_t kAnyState = 127;
 inline constexpr Entity kPublications = 0x7fff0003;  // a topic of Cyclone's own
 
-/// How messages lie in memory, as programs of this kind (dds_opcodes.h).
+/// Opcodes that describe the layout of messages in memory (dds_opcodes.h).
 enum Op : std::uint32_t { kReturn = 0, kAddress = 1u << 24 };
 enum Type : std::uint32_t {
   k1Byte = 1,
@@ -108,7 +108,7 @@ struct Api {
   void (*set_representation)(Qos*, std::uint32_t num, const std::int16_t*);
 };
 
-/// Loaded once. Error: no Cyclone DDS here; every place that was tried, and what to do.
+/// Returns the functions, loaded once. Error: no Cyclone DDS, every path tried, what to do.
 const Result<Api>& api();
 
 }  // namespace palpate::inline v0::dds

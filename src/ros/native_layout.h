@@ -31,7 +31,7 @@ class NativeMessage {
 
 class NativeLayout {
  public:
-  /// Of a type that ros_types.h knows.
+  /// Computes the layout of a type that ros_types.h knows.
   explicit NativeLayout(const std::string& type);
 
   std::size_t size() const { return size_; }

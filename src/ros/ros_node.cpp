@@ -49,7 +49,7 @@ const DdsType& dds_type(const std::string& type) {
   return types.try_emplace(type, type).first->second;
 }
 
-/// Deletes what it names.
+/// Owns an entity of DDS.
 class DdsEntity {
  public:
   explicit DdsEntity(dds::Entity entity = 0) : entity_(entity) {}
@@ -80,7 +80,7 @@ using QosPointer = std::unique_ptr<dds::Qos, QosDeleter>;
 QosPointer make_qos(const RosQos& desired, std::string_view user_data) {
   const dds::Api& api = *dds::api();
   QosPointer qos(api.create_qos());
-  // Who writes does not wait for readers: with so few messages kept there is always room.
+  // Writers do not wait for readers: with so few messages kept there is always room.
   api.set_reliability(qos.get(), desired.is_reliable ? dds::kReliable : dds::kBestEffort, 0);
   api.set_durability(qos.get(), desired.is_kept ? dds::kTransientLocal : dds::kVolatile);
   api.set_history(qos.get(), dds::kKeepLast, desired.depth);
@@ -89,7 +89,7 @@ QosPointer make_qos(const RosQos& desired, std::string_view user_data) {
   return qos;
 }
 
-/// What every topic is called between DDS programs of ROS 2.
+/// Returns the name of a topic between DDS programs of ROS 2.
 std::string dds_topic(const std::string& topic) { return "rt" + topic; }
 
 /// A topic with its writer or reader.
@@ -131,7 +131,7 @@ bool write(const DdsEndpoint& writer, std::string_view message) {
 
 class Node;
 
-/// Tells the node when it goes.
+/// Lists an endpoint in the graph as long as it lives.
 class Registration {
  public:
   Registration(std::shared_ptr<Node> node, RosGid gid, bool is_writer);
@@ -154,7 +154,7 @@ class Publisher final : public RosPublisher {
   }
 
  private:
-  const Registration registration_;  // goes last
+  const Registration registration_;  // destroyed last
   const DdsEndpoint writer_;
 };
 
@@ -206,14 +206,14 @@ class Subscription final : public RosSubscription {
         dds::api()->take(reader_.endpoint.get(), samples, infos, kMaxSamples, kMaxSamples);
     for (int i = 0; i < num && !is_ending_; ++i) {
       if (!infos[i].has_data) continue;
-      // What there is no memory for is lost, as on a bad network.
+      // A message for which there is no memory is lost, as on a bad network.
       guarded([&] { received_(reader_.type->layout.from_native(samples[i])); },
               [](const Error&) {});
     }
     if (num > 0) dds::api()->return_loan(reader_.endpoint.get(), samples, num);
   }
 
-  const Registration registration_;  // goes last
+  const Registration registration_;  // destroyed last
   const DdsEndpoint reader_;
   const RosNode::MessageHandler received_;
   DdsEntity waitset_, ending_, data_;
@@ -280,7 +280,7 @@ class Node final : public RosNode {
 
   std::vector<RosTopic> topics() override;
 
-  /// Into or out of the list that graph tools show.
+  /// Adds to or removes from the list that graph tools show.
   void change_entities(const RosGid& gid, bool is_writer, bool is_there) {
     const std::lock_guard lock(mutex_);
     auto& gids = is_writer ? entities_.writers : entities_.readers;

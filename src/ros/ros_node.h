@@ -15,13 +15,13 @@
 
 namespace palpate::inline v0 {
 
-/// What publishers offer and subscribers request.
+/// Quality of service that publishers offer and subscribers request.
 struct RosQos {
   bool is_reliable = true;  ///< else best effort, which matches both kinds of publishers
-  bool is_kept = false;     ///< transient local: who comes later gets the last ones too
+  bool is_kept = false;     ///< transient local: late subscribers get the last ones, too
   int depth = 10;
 
-  /// As robots send images: what is lost is lost.
+  /// As robots send images: lost ones are not sent again.
   static RosQos sensor() { return {false, false, 5}; }
 };
 
@@ -31,7 +31,7 @@ struct RosNodeOptions {
   bool is_local = false;  ///< nothing leaves this computer
 
   /// Domain and reach as ROS_DOMAIN_ID, ROS_LOCALHOST_ONLY and ROS_AUTOMATIC_DISCOVERY_RANGE say.
-  /// Error: a domain that there is not.
+  /// Error: an invalid domain.
   static Result<RosNodeOptions> of_environment();
   friend bool operator==(const RosNodeOptions&, const RosNodeOptions&) = default;
 };
@@ -60,13 +60,13 @@ struct RosTopic {
 class RosNode : public std::enable_shared_from_this<RosNode> {
  public:
   /// The node with these options: one in this process, while it is in use. Errors: no
-  /// Cyclone DDS here; what it says.
+  /// Cyclone DDS here; its own error.
   static Result<std::shared_ptr<RosNode>> join(const RosNodeOptions& options);
   static Result<std::shared_ptr<RosNode>> join();  ///< with those of the environment
   virtual ~RosNode() = default;
 
-  /// Of messages of a type that ros_types.h knows. Names without "/" are in the node's namespace.
-  /// Errors: no name of a topic; what Cyclone DDS says.
+  /// Publishes messages of a type that ros_types.h knows. Names without "/" are in the node's
+  /// namespace. Errors: not a valid topic name; what Cyclone DDS says.
   virtual Result<std::unique_ptr<RosPublisher>> publish(const std::string& topic,
                                                         const std::string& type,
                                                         const RosQos& qos) = 0;
@@ -75,13 +75,13 @@ class RosNode : public std::enable_shared_from_this<RosNode> {
                                                              const std::string& type,
                                                              const RosQos& qos,
                                                              MessageHandler handler) = 0;
-  /// What others and we publish, as far as it is known by now.
+  /// Returns the topics of all publishers known by now, ours included.
   virtual std::vector<RosTopic> topics() = 0;
 };
 
 /// "/robot/wrench" of "wrench" in the namespace "/robot"; as it is if it begins with "/".
 std::string full_topic(const std::string& topic, const std::string& node_namespace);
-/// Error: ROS has no topics that are called like this.
+/// Error: not a valid topic name of ROS.
 Status check_topic(const std::string& full_topic);
 
 }  // namespace palpate::inline v0

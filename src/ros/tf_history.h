@@ -1,4 +1,4 @@
-// How frames of ROS 2 lay to each other at any time of a recording, or of the last seconds.
+// Relative poses of ROS 2 frames at any time of a recording, or of the last seconds.
 #pragma once
 
 #include <limits>
@@ -16,7 +16,7 @@ namespace palpate::inline v0 {
 /// Transforms, which may come in any order.
 class TfHistory {
  public:
-  /// Of each frame, what is older than its newest one by more than that, s, is forgotten.
+  /// Forgets samples of a frame that are older than its newest one by more than `kept_seconds`.
   explicit TfHistory(double kept_seconds = std::numeric_limits<double>::infinity())
       : kept_seconds_(kept_seconds) {}
 
@@ -28,15 +28,15 @@ class TfHistory {
   /// has samples only before or only after that time, or not within `max_gap` s of it.
   std::optional<Pose> find(const std::string& a, const std::string& b, double time,
                            double max_gap = 1) const;
-  /// Until when all that moves between the two is known, s, by the parents of that time; infinity
-  /// if nothing may move. Minus infinity: nothing joins them.
+  /// Returns the time until which all moving transforms between the two are known, s, by the
+  /// parents of that time; infinity if nothing may move. Minus infinity: nothing joins them.
   double known_until(const std::string& a, const std::string& b,
                      double time = std::numeric_limits<double>::infinity()) const;
-  /// Whether they belong to one tree, at any time.
+  /// True if both belong to one tree, at any time.
   bool are_joined(const std::string& a, const std::string& b) const {
     return known_until(a, b) >= 0 || known_until(a, b, 0) >= 0;
   }
-  /// Whether anything between the two moves, as far as is known.
+  /// True if any frame between the two moves, as far as is known.
   bool is_moving(const std::string& a, const std::string& b) const;
   std::vector<std::string> frames() const;
 
@@ -46,7 +46,7 @@ class TfHistory {
     Pose X_PC;
   };
   struct Link {
-    std::vector<std::string> parents;  // that it had
+    std::vector<std::string> parents;  // all that it had
     bool is_static = false;
     ByTime<Sample> samples;
     ByTime<Sample>::const_iterator before(double time) const;  // the last one; else the first one

@@ -13,7 +13,7 @@ namespace palpate::inline v0 {
 inline constexpr std::size_t kMaxFrames = 10000;  // of a tree
 inline constexpr std::size_t kMaxDepth = 1000;    // of a chain to the root, as in tf2
 
-/// ROS 1 wrote a slash before.
+/// Removes the slash that ROS 1 wrote before names.
 inline std::string plain_frame(const std::string& frame) {
   return frame.starts_with('/') ? frame.substr(1) : frame;
 }

@@ -9,7 +9,7 @@
 namespace palpate::inline v0 {
 namespace {
 
-/// Of a pose: metres, and how far the quaternion's length may be from 1.
+/// Limits of a pose: its coordinates, m, and the deviation of the quaternion's length from 1.
 constexpr double kFarthest = 1000, kLengthTolerance = 1e-3;
 
 std::string end_of_range(double value) {

@@ -16,7 +16,7 @@ bool is_finite(const Vec3<T>& v) {
   return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
 }
 
-/// What every tool keeps, however it was made.
+/// Checks the conditions that every tool meets, however it was made.
 std::optional<Error> check(const TriangleMesh& mesh, const SpherePacking& packing) {
   for (std::size_t i = 0; i < mesh.vertices.size(); ++i) {
     if (!is_finite(mesh.vertices[i]))

@@ -1,4 +1,4 @@
-// What stands around the work of every thread: nothing that is thrown there ends the program.
+// Runs the work of a thread such that no exception ends the program.
 #pragma once
 
 #include <exception>
@@ -9,7 +9,7 @@
 
 namespace palpate::inline v0 {
 
-/// Made before it is needed: then there may be no memory for it.
+/// Returns an error that is made before it is needed: then there may be no memory for it.
 inline const Error& out_of_memory() {
   static const Error error{
       Errc::unavailable,
@@ -17,7 +17,7 @@ inline const Error& out_of_memory() {
   return error;
 }
 
-/// Does `work`. What it throws goes to `fail` as an Error, once the work has been left: locks are
+/// Runs `work`. An exception goes to `fail` as an Error after the work has been left: locks are
 /// open again and its memory is free. `fail` sets its flags before it does what needs memory.
 template <class Work, class Fail>
 void guarded(const Work& work, const Fail& fail) noexcept {
@@ -33,7 +33,7 @@ void guarded(const Work& work, const Fail& fail) noexcept {
     } catch (...) {
       fail(Error{Errc::unavailable, "something unexpected has failed; please report it"});
     }
-  } catch (...) {  // nor can it be told
+  } catch (...) {  // no memory for the error either
   }
 }
 

@@ -11,13 +11,13 @@
 namespace palpate::inline v0 {
 
 /// Writes a file without a name in the same folder, flushes it to disk and gives it the name
-/// `path`: a program that is ended meanwhile, by Ctrl-C too, leaves what was there before. (Some
+/// `path`: a program that ends meanwhile, by Ctrl-C too, leaves the earlier file there. (Some
 /// network file systems have no files without a name: there, .palpate.PID.N.part may be left.) A
 /// symbolic link is followed; a file that is replaced keeps its permissions; anything but a regular
 /// file in the way is an error.
 Status write_file_atomically(const std::filesystem::path& path, std::string_view content);
 
-/// Is it a file that can be read to its end? Opening a pipe waits for who writes into it. Errors:
+/// Checks that a file can be read to its end; opening a pipe waits for its writer. Errors:
 /// absent, a folder, a pipe, a device.
 Status check_regular_file(const std::filesystem::path& path);
 

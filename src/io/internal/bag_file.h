@@ -17,25 +17,25 @@ namespace palpate::inline v0 {
 /// of ROS 1 that is not known here, and those that are damaged in themselves, are empty.
 class BagReader {
  public:
-  /// By what the file begins with; or the files of a folder one after the other, if they are parts
-  /// of one recording (by rosbag2's metadata.yaml, or by their numbers). Errors: no such file, none
-  /// of these formats, a library that is not there (SQLite; see io/unpack.h).
+  /// Opens a file by its first bytes, or the files of a folder one after the other, if they are
+  /// parts of one recording (by rosbag2's metadata.yaml, or by their numbers). Errors: no such
+  /// file, none of these formats, a missing library (SQLite; see io/unpack.h).
   static Result<std::unique_ptr<BagReader>> open(const std::filesystem::path& path);
   virtual ~BagReader() = default;
 
   /// The next message, or nullopt at the end, also at that of a file that was cut off
   /// (`was_cut_off`). Errors: the file is damaged or cannot be read, with the place.
   virtual Result<std::optional<McapMessage>> next() = 0;
-  /// Of the channels met so far.
+  /// Returns the channels met so far.
   virtual const std::map<std::uint16_t, McapChannel>& channels() const = 0;
   virtual bool was_cut_off() const = 0;
-  /// The next message is the first one again. What took long to unpack has been kept. Errors: as of
-  /// `open`.
+  /// Makes the first message the next one. Chunks that took long to unpack are cached. Errors: as
+  /// of `open`.
   virtual Status rewind() = 0;
 };
 
-/// The first file of the recording of which this is a later part, by rosbag2's metadata.yaml beside
-/// it; empty: it is none. What is sent once lies there: transforms that stay, for one.
+/// Returns the first file of the recording of which this is a later part, by rosbag2's
+/// metadata.yaml beside it; else empty. It holds messages sent once, such as static transforms.
 std::filesystem::path first_part_of(const std::filesystem::path& file);
 
 }  // namespace palpate::inline v0

@@ -6,25 +6,25 @@
 
 namespace palpate::inline v0 {
 
-/// Has a thread of its own, since a busy disk may take seconds for it, or for ever: nobody waits
-/// but who wants to. Where there is no thread to be had, the caller does it.
+/// Has a thread of its own, since a busy disk may take seconds for it, or for ever: only `wait`
+/// waits. If the system starts no thread, the caller does it.
 class DiskSync {
  public:
   /// Closes `file`, a descriptor, in the end.
   explicit DiskSync(int file);
   DiskSync(const DiskSync&) = delete;
   DiskSync& operator=(const DiskSync&) = delete;
-  ~DiskSync();  ///< waits for nothing: what was requested comes to the disk all the same
+  ~DiskSync();  ///< waits for nothing: requested bytes come to the disk all the same
 
-  /// What was written until now, `size` bytes, is on the disk soon.
+  /// Requests that the `size` bytes written until now come to the disk soon.
   void request(std::uint64_t size);
-  /// Whether something that was requested is still on its way.
+  /// True while requested bytes are still on their way.
   bool is_busy() const;
-  /// Until it is not. Signals are handled meanwhile.
+  /// Waits until they have arrived. Signals are handled meanwhile.
   void wait() const;
   /// The `errno` of the first time that failed, or 0.
   int error() const;
-  /// bytes that are on the disk for certain; after an error no more are
+  /// Bytes that are on the disk for certain; after an error they grow no more.
   std::uint64_t size_on_disk() const;
 
  private:

@@ -17,8 +17,8 @@ namespace palpate::inline v0 {
 /// objects for many members.
 class JsonShape final : public nlohmann::json_sax<nlohmann::json> {
  public:
-  /// What is wrong: the rest of a sentence that begins with the name of the text; empty if nothing
-  /// is.
+  /// Returns the fault: the rest of a sentence that begins with the name of the text; empty if
+  /// there is none.
   static std::string fault_of(std::string_view text, std::size_t max_depth,
                               std::size_t max_members = SIZE_MAX) {
     JsonShape shape(max_depth, max_members);

@@ -18,7 +18,7 @@
 
 namespace palpate::inline v0 {
 
-/// What a channel carries: messages of ROS 2 (CDR), described by their `.msg` text.
+/// Channel of messages of ROS 2 (CDR), described by their `.msg` text.
 struct McapChannel {
   std::string topic;        ///< e.g. "/tick"
   std::string schema_name;  ///< e.g. "palpate_msgs/msg/Tick"
@@ -42,7 +42,7 @@ class McapWriter {
   McapWriter& operator=(McapWriter&&) noexcept;
   ~McapWriter();  ///< `end`s as well as it can
 
-  /// A whole file inside the recording. Before the first message. Error: as `write`.
+  /// Writes a whole file into the recording. Before the first message. Error: as `write`.
   Status attach(std::string_view name, std::string_view media_type, std::string_view contents);
   /// Returns the number that messages of this channel are written with.
   std::uint16_t add_channel(const McapChannel& channel);
@@ -51,16 +51,16 @@ class McapWriter {
   Status write(std::uint16_t channel, std::uint64_t time, std::string_view message);
   /// Writes what is still in memory: it outlives the program, and is on the disk soon after.
   Status flush();
-  /// The rest, summary and index, likewise. Nothing can be written any more.
+  /// Writes the rest, summary and index, likewise. No writing after that.
   Status end();
-  /// Whether something written is on its way to the disk.
+  /// True while written bytes are on their way to the disk.
   bool waits_for_disk() const;
   /// `end`, and waits until all is on the disk.
   Status finish();
   std::uint64_t bytes_written() const;
-  /// Without those that may be lost, because they could not be brought to the disk.
+  /// Without bytes that may be lost because the disk failed.
   std::uint64_t bytes_kept() const;
-  /// Those that have been brought to it.
+  /// Bytes that have reached the disk.
   std::uint64_t bytes_on_disk() const;
 
  private:
@@ -89,16 +89,16 @@ class McapReader {
   /// (`was_cut_off`). Errors: a damaged chunk (checksum), with its place in the file; a message of
   /// a channel that was not met before; the disk cannot read on.
   Result<std::optional<McapMessage>> next();
-  /// Of the channels met so far.
+  /// Returns the channels met so far.
   const std::map<std::uint16_t, McapChannel>& channels() const;
   bool was_cut_off() const;
 
   /// A file inside the recording. Errors: there is none of that name, or it is damaged.
   Result<std::string> attachment(std::string_view name);
 
-  /// Where the chunk of the last message begins in the file; 0 before the first one.
+  /// Returns where the chunk of the last message begins in the file; 0 before the first one.
   std::uint64_t chunk_place() const;
-  /// The next message is the first one of the chunk there, as `chunk_place` returned for this file.
+  /// Makes the first message of a chunk the next one. `chunk_place`: as returned for this file.
   void seek(std::uint64_t chunk_place);
 
  private:

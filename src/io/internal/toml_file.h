@@ -3,8 +3,8 @@
 
 #define TOML_EXCEPTIONS 0
 #include <toml++/impl/preprocessor.h>
-// The parser asserts, or takes for granted, what a damaged file may break (`[1,}`), before the
-// checks that find the error: only these are to decide.
+// The parser asserts on, or relies on, conditions that a damaged file may break (`[1,}`), before
+// its checks find the error: only these checks are to decide.
 #undef TOML_ASSERT
 #undef TOML_ASSERT_ASSUME
 #define TOML_ASSERT(expression) static_assert(true)
@@ -21,7 +21,7 @@ namespace palpate::inline v0 {
 /// with the line.
 Result<toml::table> read_toml(const std::filesystem::path& path);
 
-/// Of a node that is a number. toml++ gives no double for whole ones beyond 2^53.
+/// Returns the value of a node that is a number. toml++ gives no double for integers beyond 2^53.
 inline double number_of(const toml::node& number) {
   const auto* const whole = number.as_integer();
   return whole != nullptr ? static_cast<double>(whole->get()) : number.as_floating_point()->get();

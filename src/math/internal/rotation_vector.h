@@ -5,7 +5,7 @@
 
 namespace palpate::inline v0 {
 
-/// Of a unit quaternion; at most pi long.
+/// Returns the rotation vector of a unit quaternion; at most pi long.
 inline Vec3d rotation_vector(const Quaternion& q) {
   const double sign = q.w < 0 ? -1 : 1;
   const Vec3d v = Vec3d{q.x, q.y, q.z} * sign;
@@ -15,13 +15,13 @@ inline Vec3d rotation_vector(const Quaternion& q) {
   return v * factor;
 }
 
-/// The other way: exp(turn).
+/// Returns the quaternion of a rotation vector: exp(turn).
 inline Quaternion rotation_by(const Vec3d& turn) {
   const double angle = norm(turn);
   return angle > 0 ? axis_angle(turn, angle) : Quaternion{};
 }
 
-/// What turns `from` into `to`, in the frame that both are in: to = exp(result) from.
+/// Returns the rotation from `from` to `to` in the frame that both are in: to = exp(result) from.
 inline Vec3d rotation_between(const Quaternion& from, const Quaternion& to) {
   return rotation_vector(to * conjugate(from));
 }

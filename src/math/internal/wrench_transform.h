@@ -19,7 +19,7 @@ Any expressed_in(const Quaternion& q_WA, const Any& F_W) {
   return {rotate(q_AW, F_W.force), rotate(q_AW, F_W.torque)};
 }
 
-/// About A's origin in A's axes.
+/// The same wrench about A's origin, in A's axes.
 template <class Any>
 Any transformed_to(const Pose& X_WA, const Any& F_p_W, const Vec3d& p_W) {
   return expressed_in(X_WA.rotation, moved_to(X_WA.translation, F_p_W, p_W));
