@@ -14,7 +14,7 @@ class Mailbox {
   void offer(T& news) noexcept { offered_.store(&news, std::memory_order_release); }
   bool is_settled() const noexcept { return offered_.load(std::memory_order_acquire) == nullptr; }
 
-  /// Taker: what is offered, or null; and back it goes.
+  /// Taker: returns the offer or null; `settle` gives it back.
   T* look() const noexcept { return offered_.load(std::memory_order_acquire); }
   void settle() noexcept { offered_.store(nullptr, std::memory_order_release); }
 
