@@ -56,7 +56,7 @@ struct PackingStatistics {
 };
 PackingStatistics packing_statistics(const Tool& tool);
 
-/// What a page shows beside the tool itself; empty parts are left out.
+/// Notes that a page shows beside the tool itself; empty parts are left out.
 struct PackingNotes {
   std::string stopped;                                       ///< why there are no more spheres
   std::vector<std::pair<std::string, std::string>> options;  ///< name and value, for humans
