@@ -17,9 +17,8 @@ struct RegionLookup {
   Intrinsics intrinsics;                           ///< of the whole image, not of a smaller one
 };
 
-/// Creates the lookup of each camera; empty if none has regions. Errors: regions of another
-/// size than the images, more of them than cameras, a moving camera, an impossible
-/// material.
+/// Creates the lookup of each camera; empty if none has regions. Errors: regions of another size
+/// than the images, more of them than cameras, a moving camera, an impossible material.
 Result<std::vector<RegionLookup>> region_lookups(
     std::span<const std::shared_ptr<const MaterialRegions>> regions,
     std::span<const DepthStreamInfo> streams);

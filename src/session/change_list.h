@@ -1,5 +1,4 @@
-// Changes of settings while a run went on: a list that weeks of changes do not make
-// long.
+// Changes of settings while a run went on: a list that weeks of changes do not make long.
 #pragma once
 
 #include <cstddef>

@@ -22,8 +22,7 @@ struct Reach {
   double most = INFINITY;  ///< kMaxFraction is in: no farther
 };
 
-/// Probes single frames with the query itself, which sees what any part of the tool
-/// meets.
+/// Probes single frames with the query itself, which sees what any part of the tool meets.
 class DepthProbe {
  public:
   static Result<DepthProbe> create(const DepthStreamInfo& info, const Tool& tool) {

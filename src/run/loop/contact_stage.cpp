@@ -69,9 +69,8 @@ void ContactStage::work() {
   }
 }
 
-/// Returns the time of the next look, s: shortly after the next tick is expected. A late
-/// tick is polled, less often the later it is; a leap of the device's clock is not waited
-/// for.
+/// Returns the time of the next look, s: shortly after the next tick is expected. A late tick is
+/// polled, less often the later it is; a leap of the device's clock is not waited for.
 double ContactStage::next_look(double now) const {
   const double tick = settings_.tick_seconds;
   const double expected =
