@@ -18,7 +18,7 @@ namespace palpate::inline v0 {
 /// Detects frames that come twice, once in each of two parts.
 class NewestFrames {
  public:
-  /// True if no frame of its camera so far was as new.
+  /// True if the frame is newer than all earlier ones of its camera.
   bool is_new(const FrameRecord& frame) {
     if (frame.camera >= kMaxCameras) return false;
     std::int64_t& newest = newest_[frame.camera];

@@ -1,4 +1,4 @@
-// One HTTP request, as far as we look at it, and the answer to it.
+// The used parts of an HTTP request, and the answer to it.
 #pragma once
 
 #include <optional>

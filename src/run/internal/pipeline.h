@@ -23,7 +23,7 @@ namespace palpate::inline v0 {
 /// Scale of contacts in newtons, and the other settings of contacts that a run can change.
 struct ContactScale {
   VolumeStiffness volume;
-  FrictionOptions friction = {};  ///< where an object has none of its own
+  FrictionOptions friction = {};  ///< for objects without their own
   double grip = 0;                ///< N/m: of what sticks to the tool
   BodyOptions bodies = {};
   ObjectFrictions object_frictions = {};  ///< of all objects, see frictions_of

@@ -53,8 +53,8 @@ class ContactStage {
   /// Start function of the other threads that compute queries, if real time is requested.
   static void begin_thread();
 
-  /// Haptic thread: the tool has moved. The contact thread looks by itself when it expects that:
-  /// to wake it would take the haptic thread longer than all that it computes.
+  /// Haptic thread: the tool has moved. The contact thread polls when it expects that: waking it
+  /// would take the haptic thread longer than all its own computation.
   void move_tool(const TimedToolPose& tool) noexcept;
   /// Haptic thread: the newest contact; its number is 0 if nothing has been measured yet.
   const ContactRecord& newest() noexcept;

@@ -175,7 +175,7 @@ void SurfaceStage::read_frames(std::size_t number) {
     if (may_read(camera)) {
       const auto got = camera.source.read(newest.frame);
       if (!got) {
-        if (stop_.is_stopping()) return;  // what was cancelled has not failed
+        if (stop_.is_stopping()) return;  // a cancelled source has not failed
         const std::string& name = camera.source.info().name;
         return fail(error_of_camera(got.error(), name, number, cameras_.size()));
       }
@@ -185,7 +185,7 @@ void SurfaceStage::read_frames(std::size_t number) {
                                      std::nextafter(newest.capture_time, kLaterThanAll));
     } else {
       newest.capture_time = std::max(newest.capture_time + camera.period, monotonic_now());
-      newest.frame.flow.clear();  // what is held stands still
+      newest.frame.flow.clear();  // a held frame stands still
     }
     if (stop_.sleep_for(newest.capture_time - monotonic_now())) return;
     camera.frames.draft() = newest;
@@ -232,7 +232,7 @@ SurfaceStage::Camera* SurfaceStage::next_camera(std::size_t& last) {
 /// Returns the pixels that the tool can reach until the surface made now is replaced.
 PixelWindow SurfaceStage::next_window(Camera& camera, const Pose& X_WC, double time) {
   has_tool_ = tools_.refresh() || has_tool_;
-  if (!has_tool_) return {};  // nobody holds one yet
+  if (!has_tool_) return {};  // no hand holds one yet
   const Vec3d p_WQ = tools_.value() * tool_.p_TC;
   const Vec3d p_CQ = X_WC == Pose{} ? p_WQ : inverse(X_WC) * p_WQ;
   double speed = window_.speed * std::max(motion_scale_.load(), 1.0);
