@@ -41,7 +41,7 @@ class PathDevice final : public SteppedDevice {
   }
 
  private:
-  /// Poses are far apart, compared with ticks: the velocity of some ticks around this one.
+  /// Returns the mean velocity of some ticks around this time: poses are far apart in comparison.
   Twist velocity_at(double time) const {
     constexpr double kReach = 0.005;  // s
     const double before = std::max(time - kReach, 0.0), after = time + kReach;

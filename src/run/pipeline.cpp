@@ -13,10 +13,10 @@ namespace palpate::inline v0 {
 namespace {
 
 constexpr int kToolBody = 0;
-/// Objects that move go on no farther at once, s.
+/// Longest time step of moving objects, s.
 constexpr double kLongestStep = 0.02;
 
-/// What the filter is told of a tick whether or not there is a force on the hand.
+/// Returns the filter's input of a tick, apart from the force on the hand.
 SafetyInput safety_input(const TickRecord& record) {
   SafetyInput input;
   input.time = record.device.time;
@@ -119,7 +119,7 @@ void ContactPart::place_bodies(ContactRecord& record) noexcept {
   }
 }
 
-/// By what was measured just now.
+/// Moves bodies by the forces that were measured just now.
 void ContactPart::move_bodies(std::span<const SurfaceBlend> cameras,
                               ContactRecord& record) noexcept {
   const double time = record.contact.time;
@@ -135,8 +135,8 @@ void ContactPart::move_bodies(std::span<const SurfaceBlend> cameras,
   carry(record.X_WT);
 }
 
-/// How what the tool touches is going to move until the next measurement: what sticks to it then
-/// is as far from where it was touched as the body is, and not a step behind.
+/// Extrapolates the motion of touched bodies to the next measurement: a sticking point then keeps
+/// its distance from the body instead of lagging one step behind.
 void ContactPart::carry(const Pose& X_WT) noexcept {
   const BodyMeasure& measured = world_.measured(kToolBody);
   Ground& ground = patch_.ground;
@@ -156,7 +156,7 @@ void ContactPart::carry(const Pose& X_WT) noexcept {
   }
 }
 
-/// The opposite of its wrench on the tool.
+/// Returns the tool's push on a body: the opposite of the body's wrench on the tool.
 MovingBodies::Push ContactPart::push_on(int body, const Pose& X_WT, double dt) const noexcept {
   const std::size_t object = moving_->object(body);
   const BodyMeasure& measured = world_.measured(kToolBody + 1 + static_cast<int>(object));
@@ -168,7 +168,7 @@ MovingBodies::Push ContactPart::push_on(int body, const Pose& X_WT, double dt) c
   for (int i = 0; i < 6; ++i) {
     for (int j = 0; j < 6; ++j) push.stiffness.m[i][j] = gain * measured.bodies_stiffness->m[i][j];
   }
-  // Where the tool has it, so that both feel one friction.
+  // The patch is the tool's, so that both feel one friction.
   const Vec3d center = own.center_W();
   push.patch = contact_patch({-measured.bodies.measure_W.force, {}}, measured.bodies.volume, {},
                              measured.bodies_moments);
@@ -181,7 +181,7 @@ MovingBodies::Push ContactPart::push_on(int body, const Pose& X_WT, double dt) c
   return push;
 }
 
-/// Of what was measured just now.
+/// Returns the contact patch of the last measurement.
 ContactPatch ContactPart::patch_at(std::span<const SurfaceBlend> cameras,
                                    const Pose& X_WT) const noexcept {
   const BodyMeasure& measured = world_.measured(kToolBody);
@@ -302,8 +302,8 @@ void HandPart::tick(const DeviceState& state, const ContactRecord& known, const 
   record.safety.num_faults = status_without_force_.num_faults;
 }
 
-/// There is no force on a hand: the contact is reported whenever it is measured. What another
-/// coupling has left goes through the filter to zero, and comes back through it.
+/// Ends a tick without a force on a hand: reports the contact whenever it is measured. The force of
+/// the coupling before fades through the filter, and so does that of the next one.
 void HandPart::end_without_force(TickRecord& record) noexcept {
   const Fault fault = record.is_stopping          ? Fault::stopped
                       : record.has_sensor_failed  ? Fault::sensor
@@ -339,8 +339,8 @@ void HandPart::change(std::uint32_t revision, std::unique_ptr<Coupling>& couplin
   std::swap(coupling_, coupling);
 }
 
-/// The hand moves the tool, from the first usable state on; until then 0. Of a tick whose time is
-/// none only the next one knows how long it was.
+/// Returns the time step, s; 0 until the first usable state, from which on the hand moves the tool.
+/// A tick without a time counts as a nominal one; the next one covers both.
 double HandPart::step_seconds(const DeviceState& state) noexcept {
   const bool has_time = std::isfinite(state.time);
   if (has_tool_ && !has_time) return tick_seconds_;
@@ -350,7 +350,7 @@ double HandPart::step_seconds(const DeviceState& state) noexcept {
     has_tool_ = true;
     last_state_time_ = state.time - tick_seconds_;
   }
-  // A late tick is a longer step, but not one without bounds.
+  // A late tick is a longer step, within bounds.
   const double dt =
       std::clamp(state.time - last_state_time_, tick_seconds_ / 10, 10 * tick_seconds_);
   last_state_time_ = state.time;
@@ -398,8 +398,8 @@ SurfaceStats Pipeline::push(const DepthFrame& frame, double time, std::size_t ca
     seen_[camera] = now;
     return timelines_[camera].push(frame, time, *pool_);
   }
-  // A tool is not measured against the surfaces of some cameras made in the old way and of others
-  // in the new one.
+  // A query never mixes surfaces made with the old settings and with the new ones: these wait until
+  // all cameras have one.
   const SurfaceStats stats = pending_->timelines[camera].push(frame, time, *pool_);
   pending_->seen[camera] = now;
   frame_revision_ = pending_->revision;

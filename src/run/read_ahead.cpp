@@ -93,7 +93,7 @@ class ReadAhead final : public DepthSource {
   std::condition_variable has_changed_;
   std::vector<DepthFrame> frames_;  // a ring
   std::size_t num_read_ = 0, num_given_ = 0;
-  Result<bool> end_ = false;  // what the source said last
+  Result<bool> end_ = false;  // last result of the source
   bool has_ended_ = false, is_stopping_ = false;
 
   std::thread thread_;

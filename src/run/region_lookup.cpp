@@ -9,7 +9,7 @@
 namespace palpate::inline v0 {
 namespace {
 
-/// What labels say at one place: of materials their weights, and what they would be without any.
+/// Materials that the labels give at one place, each by its weight.
 struct Mix {
   Ground ground;
   double seen = 0;  // weight of all pixels
@@ -24,7 +24,7 @@ struct Mix {
   }
 };
 
-/// Between the four pixels around it; beyond the image, nothing.
+/// Adds the materials of the four pixels around a point, by weight; none beyond the image.
 void look_at(const RegionLookup& camera, const Vec3d& p_C, Mix& mix) {
   const MaterialRegions& regions = *camera.regions;
   if (!(p_C.z > 0)) return;
@@ -97,7 +97,7 @@ Ground ground_at(std::span<const RegionLookup> lookups, std::span<const SurfaceB
   const double length = norm(disc.n_W);
   if (!(length > 0) || lookups.empty()) return {};
   const Vec3d n = disc.n_W / length;
-  // The disc turns with the picture, and nobody sees a surface whose normal lies in that.
+  // The disc's axis t follows the image's x axis; a surface whose normal is that axis is not seen.
   const std::size_t num = std::min(lookups.size(), cameras.size());
   const double radius = disc.radius();
   Ground ground;

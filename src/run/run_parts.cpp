@@ -11,7 +11,7 @@ namespace {
 
 Backend backend_of(const RunSettings& settings) { return settings.backend.value_or(Backend::cpu); }
 
-/// Of an object: settings are found by it. `taken`: those of the objects before it.
+/// Checks the name of an object, by which settings find it. `taken`: names of those before it.
 Status check_name(const std::string& name, std::set<std::string_view>& taken) {
   constexpr std::size_t kLongest = 64;
   const auto is_plain = [](char c) {
@@ -88,7 +88,7 @@ Status check_cameras(std::size_t num, const RunSettings& settings) {
   return Done{};
 }
 
-/// Of the first spheres alone, with torques about the point that the whole tool has them about.
+/// Creates the index of the first spheres alone, with torques about the whole tool's point.
 Result<std::shared_ptr<const ToolIndex>> thinned_index(const Tool& tool, int num_spheres) {
   struct Thinned {
     Tool tool;
@@ -101,7 +101,7 @@ Result<std::shared_ptr<const ToolIndex>> thinned_index(const Tool& tool, int num
   return std::shared_ptr<const ToolIndex>(thinned, thinned->index.get());
 }
 
-/// So many frames may each camera that moves remember.
+/// Returns the number of key frames that each moving camera may keep.
 int num_key_frames(std::span<const DepthStreamInfo> streams) {
   const auto num_moving =
       static_cast<int>(std::ranges::count_if(streams, &DepthStreamInfo::is_moving));
@@ -109,7 +109,7 @@ int num_key_frames(std::span<const DepthStreamInfo> streams) {
   return std::max(1, num_moving > 0 ? num / num_moving : num);
 }
 
-/// As frames of the cameras are called.
+/// Returns the name of a camera as its frames have it.
 std::string camera_name(const std::string& name, std::size_t camera) {
   return "camera" + (camera > 0 ? "_" + std::to_string(camera + 1) : "") + " (" + name + ")";
 }

@@ -19,7 +19,7 @@ constexpr std::string_view kFixed[] = {"safety",
                                        "coupling.base_in_scene",
                                        "coupling.tool_in_hand"};
 
-/// But for what can change.
+/// True if the objects are the same except for settings that can change.
 bool has_same_objects(const std::vector<SceneObject>& before,
                       const std::vector<SceneObject>& after) {
   return std::ranges::equal(before, after, [](const SceneObject& a, const SceneObject& b) {

@@ -1,4 +1,4 @@
-// Which settings of a running loop can change.
+// Checks which settings differ that a running loop cannot change.
 #pragma once
 
 #include "palpate/run/run_loop.h"

@@ -1,5 +1,4 @@
-// What was changed of the settings while a run went on: a list that weeks of changes do not make
-// long.
+// Changes of settings while a run went on: a list that weeks of changes do not make long.
 #pragma once
 
 #include <cstddef>
@@ -13,7 +12,7 @@
 
 namespace palpate::inline v0 {
 
-/// Of many changes the first ones and the last ones; a recording has all.
+/// List of the first and the last of many changes; a recording has all.
 class ChangeList {
  public:
   static constexpr std::size_t kNumKept = 200;  ///< first ones, and as many last ones
@@ -21,9 +20,9 @@ class ChangeList {
   explicit ChangeList(const RunSettings& first) : before_(first) {}
 
   void add(const RunSettings& settings);
-  /// Of all, also those that are not kept.
+  /// Number of all changes, also those that are not kept.
   std::uint64_t num() const { return num_; }
-  /// What each of them changed: [{"section": {"key": value}}, ...].
+  /// Returns the changed settings of each change: [{"section": {"key": value}}, ...].
   nlohmann::ordered_json json() const;
 
  private:

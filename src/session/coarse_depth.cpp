@@ -12,13 +12,13 @@ namespace palpate::inline v0 {
 namespace {
 
 constexpr int kCellsAcross = 24;       // of the whole image's width
-constexpr int kFinerCellsAcross = 72;  // around a pixel that the user chose
+constexpr int kFinerCellsAcross = 72;  // likewise, around a pixel that the user chose
 constexpr int kCellsAround = 5;        // in each direction, around such a pixel
-constexpr double kUsedShare = 0.75;    // of the image: a tool at its border leaves it
+constexpr double kUsedShare = 0.75;    // of the image's side: a tool at its border leaves it
 constexpr double kMinValid = 0.3;      // of a cell's pixels
 constexpr double kMoment = 0.1;        // s
-constexpr double kMissingCost = 0.5;   // like a neighbour that is half as far away
-const SurfaceOptions kRange;           // what a surface is made of
+constexpr double kMissingCost = 0.5;   // as for a neighbor half as far away
+const SurfaceOptions kRange;           // range of depths that surfaces use
 
 /// The largest odd number of cells within the middle part of the image, so that one is central.
 int odd_count(int num_pixels, int cell) {
@@ -26,13 +26,13 @@ int odd_count(int num_pixels, int cell) {
   return std::max(1, count % 2 == 1 ? count : count - 1);
 }
 
-/// How much two depths differ, as far as it counts.
+/// Returns the relative difference of two depths, at most kMissingCost.
 double difference(double here, double there) {
   if (std::isnan(there)) return kMissingCost;
   return std::min(kMissingCost, std::abs(there - here) / here);
 }
 
-/// Linear over NaNs, constant at both ends.
+/// Fills NaNs: linear between known values, constant at both ends.
 void fill_gaps(std::vector<double>& values) {
   std::size_t known = values.size();  // index of the last known value
   for (std::size_t k = 0; k < values.size(); ++k) {
@@ -49,7 +49,7 @@ void fill_gaps(std::vector<double>& values) {
   for (std::size_t k = known + 1; k < values.size(); ++k) values[k] = values[known];
 }
 
-/// Replaces every value by a function of itself and its two neighbours on each side; the ends count
+/// Replaces every value by a function of itself and its two neighbors on each side; the ends count
 /// repeatedly.
 template <class Function>
 std::vector<double> over_five(const std::vector<double>& values, Function function) {
@@ -167,7 +167,7 @@ void CoarseDepth::add(const DepthFrame& frame) {
   }
 }
 
-/// Median of the measurements in a cell.
+/// Returns the median depth of a cell, m; NaN if too few pixels are measured. Adds their share.
 double CoarseDepth::measure(const DepthFrame& frame, int column, int row) {
   const int u0 = first_u_ + column * cell_, v0 = first_v_ + row * cell_;
   cell_pixels_.clear();
@@ -223,7 +223,7 @@ double CoarseDepth::unevenness(int column, int row) const {
   return missing(column, row) > 0.5 ? INFINITY : std::sqrt(squares / duration_);
 }
 
-/// 0: even, like `before`, and every pixel of it measured; 1 and more: not seen.
+/// Returns a cell's flaw: 0 if it is even, like `before`, and fully measured; 1 and more: not seen.
 double CoarseDepth::flaw_at(std::size_t frame, int column, int row, double before) const {
   const double here = depth(frame, column, row);
   if (std::isnan(here)) return 1;

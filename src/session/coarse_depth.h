@@ -14,20 +14,20 @@ namespace palpate::inline v0 {
 
 /// Depths over time: linear in between, constant before the first and after the last.
 struct DepthProfile {
-  std::vector<double> times, depths;  ///< seconds, metres along z
+  std::vector<double> times, depths;  ///< s, and m along z
 
   double at(double time) const;
 };
 
-/// For something that cannot jump: NaNs filled, outliers removed, smoothed over five values.
+/// Returns a profile without jumps: NaNs filled, outliers removed, smoothed over five values.
 DepthProfile smooth_profile(std::vector<double> times, std::vector<double> depths);
 
-/// What is seen of a stream. A frame counts for as long as it is current, in moments of 0.1 s at
-/// most.
+/// Coarse depths of a stream over time. A frame counts for as long as it is current, in moments of
+/// 0.1 s at most.
 class CoarseDepth {
  public:
   /// Reads the stream up to `until` seconds after its first frame. Cells of a 24th of the image's
-  /// width lie around the image centre, but not at its border; with `around`, smaller ones lie
+  /// width lie around the image center, but not at its border; with `around`, smaller ones lie
   /// around this pixel. If the stream ends before `shortest`, its last frame stays until then.
   /// Errors: no frame; what the stream reports.
   static Result<CoarseDepth> scan(DepthSource& stream,
@@ -41,15 +41,15 @@ class CoarseDepth {
   double duration() const { return duration_; }
   /// The middle of a cell.
   std::array<double, 2> pixel(int column, int row) const;
-  /// Through the middle of a cell, with z = 1.
+  /// The viewing ray through the middle of a cell, with z = 1.
   Vec3d ray(int column, int row) const;
-  /// From the image centre to the middle of a cell, as a share of half the image's width.
+  /// Distance from the image center to the middle of a cell, over half the image's width.
   double off_centre(int column, int row) const;
 
   /// Share of the time without a depth here.
   double missing(int column, int row) const;
-  /// How badly a cell is seen: the quadratic mean over time, so that a bad while counts, of the
-  /// relative depth differences to its neighbours and to the frame before (each counted up to 0.5)
+  /// Unevenness of a cell: the quadratic mean over time, so that a bad while counts, of the
+  /// relative depth differences to its neighbors and to the frame before (each counted up to 0.5)
   /// and the missing measurements. Infinite if more than half of the time has no depth here.
   double unevenness(int column, int row) const;
   /// Mean depth over time, m.
@@ -64,7 +64,7 @@ class CoarseDepth {
   std::size_t index(std::size_t frame, int column, int row) const;
   double depth(std::size_t frame, int column, int row) const;
   double flaw_at(std::size_t frame, int column, int row, double before) const;
-  /// How long a frame is current, s.
+  /// Time that a frame is current, s.
   double period(std::size_t frame) const;
 
   int cell_ = 0;  ///< pixels per side

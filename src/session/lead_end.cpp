@@ -33,7 +33,7 @@ Extent extent_along(const Tool& tool, const Vec3d& axis_T) {
   return extent;
 }
 
-/// Of the spheres, in front of a plane across `direction_T` that lies `depth` behind the foremost.
+/// Returns the spheres' volume in front of a plane `depth` behind the foremost point, m3.
 double volume_of_end(const Tool& tool, const Vec3d& direction_T, double depth) {
   const double plane = extent_along(tool, direction_T).high - depth;
   double volume = 0;
@@ -44,7 +44,7 @@ double volume_of_end(const Tool& tool, const Vec3d& direction_T, double depth) {
   return volume;
 }
 
-/// The foremost point of all spheres.
+/// Returns the foremost point of all spheres.
 Vec3d foremost(const Tool& tool, const Vec3d& direction_T) {
   Vec3d best;
   double front = -INFINITY;
@@ -52,7 +52,7 @@ Vec3d foremost(const Tool& tool, const Vec3d& direction_T) {
     const Vec3d p = to_double(s.centre) + direction_T * static_cast<double>(s.radius);
     if (dot(p, direction_T) > front) front = dot(p, direction_T), best = p;
   }
-  // To a micrometre, so that 0 is printed as 0.
+  // Rounded to a micrometer, so that 0 is printed as 0.
   for (int i = 0; i < 3; ++i) best[i] = std::round(best[i] * 1e6) / 1e6 + 0.0;
   return best;
 }
@@ -92,7 +92,7 @@ std::array<Vec3d, 3> eigenvectors(const Mat3d& matrix, double (&values)[3]) {
 /// The axes of the tool's frame, z first.
 constexpr Vec3d kFrameAxes[] = {{0, 0, 1}, {1, 0, 0}, {0, 1, 0}};
 
-/// A frame axis instead of one that is nearly it; any other one with its largest part positive.
+/// Returns the frame axis that is nearly this one, else the axis with its largest part positive.
 Vec3d tidied(const Vec3d& axis) {
   for (const Vec3d& frame_axis : kFrameAxes) {
     if (std::abs(dot(axis, frame_axis)) > kNearlyParallel) return frame_axis;
@@ -104,7 +104,7 @@ Vec3d tidied(const Vec3d& axis) {
   return largest < 0 ? -axis : axis;
 }
 
-/// Both ends of the principal axes that stand out (a cube has none), then of the frame's axes.
+/// Returns both ends of the principal axes that stand out (a cube has none), then of kFrameAxes.
 std::vector<Vec3d> candidates(const Tool& tool) {
   double values[3];
   const std::array<Vec3d, 3> principal = eigenvectors(tool.sphere_mass().inertia, values);

@@ -20,8 +20,8 @@ struct LeadEnd {
 /// end before the positive one.
 LeadEnd thinnest_end(const Tool& tool);
 
-/// The end at a point of the tool: away from the centre of mass. Errors: a point that is farther
-/// from the tool than a tenth of its length; the centre of mass, from which no end is nearer.
+/// Returns the end at a point of the tool: away from the center of mass. Errors: a point farther
+/// from the tool than a tenth of its length; the center of mass, from which no end is nearer.
 Result<LeadEnd> end_at(const Tool& tool, const Vec3d& tip_T);
 
 }  // namespace palpate::inline v0

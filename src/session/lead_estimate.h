@@ -1,5 +1,5 @@
-// What the estimate of a camera's depth knew before the first frame of a part of a recording: a
-// Kalman filter never forgets, so no number of frames before is enough to repeat it.
+// Depth estimate of a camera before the first frame of a part of a recording: a Kalman filter never
+// forgets, so no number of earlier frames is enough to repeat it.
 #pragma once
 
 #include <cstdint>
@@ -12,24 +12,24 @@
 
 namespace palpate::inline v0 {
 
-/// Follows a run, one camera's frames one after the other, as far as no part needs them any more.
+/// Follows the depth estimate of one camera, frame by frame, up to the first that a part may need.
 class LeadEstimate {
  public:
   explicit LeadEstimate(const DepthStreamInfo& stream) : stream_(stream) {}
 
-  /// From this revision on surfaces are made anew with these settings.
+  /// Begins anew with these settings at the first frame of this revision.
   void begin(std::uint32_t revision, const RunSettings& settings);
-  /// The next frame. A missing frame spoils the estimate until it
-  /// begins anew. O(pixels) with an estimate, else O(1).
+  /// Takes the next frame. A missing frame spoils the estimate until it begins anew. O(pixels) with
+  /// an estimate, else O(1).
   void take(const RecordedDepth& frame);
 
-  /// Whether a run that goes on with this frame, of this revision, can be repeated from here.
+  /// True if a run that goes on with this frame, of this revision, can be repeated from here.
   bool is_known_before(std::int64_t camera_frame, std::uint32_t revision) const;
-  /// Whether a frame of this revision goes on with an estimate that others have begun.
+  /// True if a frame of this revision continues an estimate that earlier frames began.
   bool has_estimate(std::uint32_t revision) const {
     return averager_ != nullptr && !begins_with(revision);
   }
-  /// Of the settings with which it began.
+  /// Revision of the settings with which the estimate began.
   std::uint32_t revision() const { return revision_; }
   std::string state() const { return averager_->state(); }
 
@@ -40,13 +40,13 @@ class LeadEstimate {
     int binning = 1;
   };
 
-  /// Whether surfaces are made anew with the next frame if it is of this revision.
+  /// True if the next frame begins an estimate anew if it is of this revision.
   bool begins_with(std::uint32_t revision) const {
     return !beginnings_.empty() && beginnings_.front().revision <= revision;
   }
 
   DepthStreamInfo stream_;
-  std::deque<Beginning> beginnings_;  // that no frame was of yet
+  std::deque<Beginning> beginnings_;  // those without a frame yet
   std::unique_ptr<DepthAverager> averager_;
   std::unique_ptr<ThreadPool> pool_;
   DepthFrame small_;

@@ -10,14 +10,14 @@ namespace palpate::inline v0 {
 
 inline constexpr int kMaxLeadFrames = 128;
 
-/// So many frames before it the surface of a frame is blended with or predicted from.
+/// Returns the number of earlier frames that a surface is blended with or predicted from.
 inline int num_blended_frames(const TimeOptions& time) {
   return time.mode == TimeMode::latest ? 0 : time.mode == TimeMode::interpolate ? 1 : 2;
 }
 
-/// How many frames before it decide what the surface of a frame is like: those that it is blended
-/// with or predicted from, and those in its average or memory. What is further back is not seen in
-/// an average with 8 bits, or too long ago to be made up for (kMaxLeadFrames).
+/// Returns the number of earlier frames that decide a surface: those that it is blended with or
+/// predicted from, and those in its average or memory. Frames further back are not seen in an
+/// average with 8 bits, or too long ago to be made up for (kMaxLeadFrames).
 inline int num_lead_frames(const TimeOptions& time) {
   const DepthAverageOptions& average = time.average;
   double averaged = 0;
@@ -34,15 +34,15 @@ inline int num_lead_frames(const TimeOptions& time) {
   return num_blended_frames(time) + static_cast<int>(std::min<double>(averaged, kMaxLeadFrames));
 }
 
-/// Whether that gives the same bits: an exponential average and a memory go back farther, and so
-/// does an estimate, of which a recording has what it knew before (LeadEstimate).
+/// True if these frames give the same bits: an exponential average and a memory go back farther,
+/// and so does an estimate, whose earlier state a recording has (LeadEstimate).
 inline bool has_whole_lead(const TimeOptions& time) {
   if (time.memory.kind != DepthMemory::off) return false;
   return time.average.kind == DepthAverage::none || time.average.kind == DepthAverage::kalman ||
          (time.average.kind == DepthAverage::moving && num_lead_frames(time) < kMaxLeadFrames);
 }
 
-/// How many frames before it a part of a recording has of the first frame that it needs.
+/// Returns the number of frames that a part of a recording has before the first one it needs.
 inline int num_recorded_lead_frames(const TimeOptions& time) {
   if (time.average.kind == DepthAverage::kalman) return num_blended_frames(time);
   return has_whole_lead(time) ? num_lead_frames(time) : 2;

@@ -13,14 +13,14 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-// What a page holds at most.
+// Largest number of values of a list on the page.
 constexpr std::size_t kMaxValues = 4000;
 
 Json list(const Vec3d& v, int digits = 6) {
   return {compact(v.x, digits), compact(v.y, digits), compact(v.z, digits)};
 }
 
-/// Ascending values, or those of evenly many ranks from the smallest to the largest.
+/// Returns ascending values, all or those at evenly spaced ranks from the smallest to the largest.
 template <class Value>
 Json ranks(const std::vector<Value>& sorted) {
   Json json = Json::array();

@@ -15,14 +15,14 @@ double distance(const Vec3d& p, const Sphere& sphere) {
   return norm(p - to_double(sphere.centre)) - static_cast<double>(sphere.radius);
 }
 
-// Half of the surface is within 0.39 to 0.48 of what 95 % are within, in all packings alike. Only
-// where more than 5 % of it belong to a part that is thinner than the spheres it is less: then this
-// many times p50 is about what 95 % of the rest are within.
+// The median standoff is 0.39 to 0.48 of its 95th percentile in all packings alike. It is less only
+// where more than 5 % of the surface belong to a part thinner than the spheres: then this many
+// times p50 is about the 95th percentile of the rest.
 constexpr double kMaxOfHalf = 3;
 
-/// Nearest sphere to p, by branch and bound: no sphere is nearer than the node that contains it.
-/// `guess` is any sphere; a near one saves work. One that is not farther than `floor` is near
-/// enough.
+/// Returns the nearest sphere to p, by branch and bound: no sphere is nearer than the node that
+/// contains it. `guess` is any sphere; a near one saves work. The search ends at a sphere that is
+/// not farther than `floor`.
 int nearest_sphere(const Tool& tool, const Vec3d& p, int guess, double floor) {
   const auto nodes = tool.tree().nodes();
   struct Waiting {
@@ -118,7 +118,7 @@ Standoff standoff(const Tool& tool, int num_samples) {
   for (const Vec3d& p : surface_points(tool.mesh(), num_samples)) {
     result.samples.push_back(measure(p, -INFINITY));
   }
-  // Ends are corners. Only one that is farther off than all before needs its exact distance.
+  // Ends are corners. Only a corner that is farther off than all before needs its exact distance.
   for (const auto& triangle : tool.mesh().triangles) {
     for (const std::uint32_t corner : triangle) measure(tool.mesh().vertices[corner], result.max);
   }

@@ -39,7 +39,7 @@ Json mesh_json(const TriangleMesh& mesh) {
   return {{"positions", packed<float>(positions)}, {"triangles", packed<std::uint32_t>(corners)}};
 }
 
-/// Of all spheres about the centre of mass of the tool.
+/// Returns the radius of all spheres about the tool's center of mass, m.
 double reach(const Tool& tool, std::span<const Sphere> spheres) {
   double radius = 0;
   for (const Sphere& s : spheres) {
@@ -49,7 +49,7 @@ double reach(const Tool& tool, std::span<const Sphere> spheres) {
   return radius;
 }
 
-/// Every n-th pixel in both directions, so that it is not too large for a page.
+/// Keeps every n-th pixel in both directions, so that the frame is not too large for a page.
 DepthFrame thinned(const DepthFrame& frame, int n) {
   if (n == 1) return frame;
   DepthFrame thin = frame;
@@ -64,8 +64,8 @@ DepthFrame thinned(const DepthFrame& frame, int n) {
   return thin;
 }
 
-/// What each pixel has more than the one to its left, modulo 2^16: first all low bytes, then all
-/// high bytes; by zlib, in base64. Empty if there is no memory for it.
+/// Packs the difference of each pixel and the one to its left, modulo 2^16: first all low bytes,
+/// then all high bytes; by zlib, in base64. Empty if there is no memory for it.
 std::string packed_depth(const DepthFrame& frame) {
   const std::size_t num = frame.pixels.size();
   std::vector<Bytef> bytes(2 * num);
@@ -95,7 +95,7 @@ Json camera_json(const DepthStreamInfo& stream, const DepthFrame& image, int n) 
           {"unit", frame.unit},   {"depth", packed_depth(frame)}};
 }
 
-/// States and planes of the spheres that a page shows, as the viewer's messages have them.
+/// Adds states and planes of the spheres that a page shows, as the viewer's messages have them.
 void add_states(Json& json, std::span<const SphereState> states,
                 std::span<const Plane<float>> planes) {
   constexpr std::uint8_t kIsCut = 4;
@@ -126,7 +126,7 @@ Json solid_json(const Tool& tool, std::span<const Sphere> spheres) {
 Json seen_tool_json(const Tool& tool, const Pose& X_WT, std::span<const DepthStreamInfo> streams,
                     std::span<const DepthFrame> images, std::span<const SphereState> states,
                     std::span<const Plane<float>> planes) {
-  // Spheres are stored by size, as good as.
+  // Spheres are stored about by size.
   const std::size_t num_shown = std::min(states.size(), kMaxPageSpheres);
   std::size_t num_pixels = 0;
   for (const DepthFrame& image : images) num_pixels += image.pixels.size();

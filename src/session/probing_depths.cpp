@@ -12,18 +12,17 @@ namespace palpate::inline v0 {
 namespace {
 
 constexpr double kFraction = ProbingMotion::kFraction;  // of the tool, behind the surface
-constexpr double kMaxFraction = 0.22;                   // never more, by what single frames show
+constexpr double kMaxFraction = 0.22;                   // the largest one, in single frames
 constexpr std::size_t kStudySpheres = 1000;
 
-/// How deep the tool may be, as distances of its tip from the camera.
+/// Limits of the tool's depth at one time, as distances of its tip from the camera.
 struct Reach {
   double free = INFINITY;  ///< nothing is touched up to here
   double aim = INFINITY;   ///< kFraction of the tool is in, or its tip is kFraction deep
   double most = INFINITY;  ///< kMaxFraction is in: no farther
 };
 
-/// Feels its way into single frames with the query itself, which sees what any part of the tool
-/// meets.
+/// Probes single frames with the query itself, which sees what any part of the tool meets.
 class DepthProbe {
  public:
   static Result<DepthProbe> create(const DepthStreamInfo& info, const Tool& tool) {
@@ -50,7 +49,7 @@ class DepthProbe {
     }
   }
 
-  /// Comes in along the path's ray at `time` until too much of the tool is in.
+  /// Moves the tool in along the path's ray at `time` until too much of it is in.
   Reach reach(const ProbingMotion& motion, double time) {
     const double surface = motion.surface(time), aim = surface + motion.press();
     const double last = aim + motion.press();
@@ -92,7 +91,7 @@ class DepthProbe {
     return query_->measure(surface, motion.pose(time, distance)).penetration.volume /
            full_volume(*coarse_, FieldMethod{}.volumes);
   }
-  /// Where between two distances the fraction is reached: the nearer end of a small interval.
+  /// Returns where between two distances the fraction is reached: the near end of a small interval.
   double cross(const ProbingMotion& motion, double time, double low, double high, double level) {
     for (int i = 0; i < 6; ++i) {
       const double middle = (low + high) / 2;
@@ -123,7 +122,7 @@ Result<ProbeDepths> probe_stream(DepthSource& stream, const Tool& tool, const Pr
     const Reach a = probe->reach(motion, begin), b = probe->reach(motion, stop);
     middles.push_back((begin + stop) / 2);
     aims.push_back((a.aim + b.aim) / 2);
-    // Straight lines between these points respect the limits of both neighbours.
+    // Straight lines between these points respect the limits of both neighbors.
     const double free = std::min(a.free, b.free), most = std::min(a.most, b.most);
     depths.free.times.push_back(begin);
     depths.free.depths.push_back(std::min(free_before, free));

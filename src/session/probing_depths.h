@@ -1,4 +1,4 @@
-// How deep a tool may go in each frame of a stream, found out with the query itself.
+// Limits of a tool's depth in each frame of a stream, measured with the query itself.
 #pragma once
 
 #include "palpate/cloud/depth_source.h"
@@ -10,11 +10,11 @@ namespace palpate::inline v0 {
 struct ProbeDepths {
   DepthProfile free;  ///< nothing is touched up to here
   DepthProfile aim;   ///< a tenth of the tool is in, or its tip is as deep as if it were; smooth
-  DepthProfile most;  ///< so much of the tool is in that it may go no farther
+  DepthProfile most;  ///< upper limit: too much of the tool is in
 };
 
 /// Tries `motion` in every frame of `stream` while it is current, up to `end` seconds. Errors:
-/// images that no SurfaceEstimator takes; no frame; what the stream reports.
+/// images that no SurfaceEstimator takes; no frame; errors of the stream.
 Result<ProbeDepths> probe_stream(DepthSource& stream, const Tool& tool, const ProbingMotion& motion,
                                  double end);
 

@@ -1,4 +1,4 @@
-// How a tool is held and moved while it probes: everything but how deep it is.
+// Pose of a tool while it probes: everything except its depth.
 #pragma once
 
 #include <vector>
@@ -9,7 +9,7 @@
 
 namespace palpate::inline v0 {
 
-/// Where the tool will touch, and where its slide ends: cells of a CoarseDepth.
+/// Touched place and end of the slide: cells of a CoarseDepth.
 struct ProbeTarget {
   int column = 0, row = 0, end_column = 0, end_row = 0;
 };
@@ -18,12 +18,13 @@ struct ProbeTarget {
 struct Imprint {
   double front = 0, back = 0;  ///< m along the direction
   double press = 0;  ///< m, how far the front must go beyond the plane for a tenth of the volume
-  Vec3d centre_T;    ///< what is to stay on the viewing ray, moved along the direction to 0
+  Vec3d centre_T;    ///< point to keep on the viewing ray, moved along the direction to 0
   double reach = 0;  ///< m, from there to the farthest point of mesh, spheres and frame origin
 };
 
-/// On the viewing ray of the target the tool comes in, slides to the next cell with a slow turn,
-/// and leaves. It is held like a pen: its end leads, the rest leans to the upper right.
+/// Motion of a probing tool on the viewing ray of a target: comes in, slides to the next cell with
+/// a slow turn, and leaves. It is held like a pen: its end leads, the rest leans to the upper
+/// right.
 class ProbingMotion {
  public:
   static constexpr double kFraction = 0.1;  ///< of the tool, behind the surface when pressed in
@@ -33,19 +34,19 @@ class ProbingMotion {
                 const LeadEnd& lead, bool tip_is_given, double end);
 
   double length() const { return tip_.front - tip_.back; }
-  /// How far the tip may go beyond a plane.
+  /// Largest depth of the tip beyond a plane, m.
   double press() const { return tip_.press; }
   /// Distance of the surface from the camera on the ray that the tool follows at this time.
   double surface(double time) const;
-  /// The tip at `distance` from the camera.
+  /// Pose of the tool with its tip at `distance` from the camera.
   Pose pose(double time, double distance) const;
   Vec3d direction(double time) const { return normalized(ray(time)); }
-  /// 0: in free space; 1: pressed in.
+  /// Degree of pressing: 0 in free space, 1 pressed in.
   double pressed(double time) const;
-  /// When it begins to slide.
+  /// Time at which the slide begins, s.
   double arrival() const;
-  /// How fast any point of the tool moves at most between two times if the distance stays the same,
-  /// which is at most `farthest`: m/s.
+  /// Returns the largest speed of any point of the tool between two times if the distance stays the
+  /// same, which is at most `farthest`: m/s.
   double sideways_speed(double begin, double end, double farthest) const;
 
  private:
@@ -60,8 +61,8 @@ class ProbingMotion {
   Imprint tip_;
 };
 
-/// The largest distances that are nowhere above `desired` and change by at most `steps[i]` from i -
-/// 1 to i: where `desired` jumps, they turn in time.
+/// Returns the largest distances that are nowhere above `desired` and change by at most `steps[i]`
+/// from i - 1 to i: where `desired` jumps, they turn in time.
 std::vector<double> within_speed(std::vector<double> desired, const std::vector<double>& steps);
 
 }  // namespace palpate::inline v0

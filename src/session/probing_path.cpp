@@ -14,12 +14,12 @@
 namespace palpate::inline v0 {
 namespace {
 
-constexpr double kClearance = 0.02;    // m, at least, between the tool and everything at both ends
+constexpr double kClearance = 0.02;    // m, least distance of the tool from everything at both ends
 constexpr double kPoseRate = 100;      // poses per second
 constexpr double kSpeedMargin = 0.98;  // of kProbeSpeed: straight lines between poses bend a little
-constexpr double kUnevenCost = 20;     // of a place, per unevenness
-constexpr double kAsideCost = 2;       // per distance from the image centre in half widths
-constexpr double kLost = 0.03;         // m away from where it wants to be: the tool lifts
+constexpr double kUnevenCost = 20;     // cost of a place per unevenness
+constexpr double kAsideCost = 2;       // likewise per half width from the image center
+constexpr double kLost = 0.03;         // m from the desired distance: the tool lifts
 constexpr double kJumpMargin = 0.1;    // s, before and after a jump
 constexpr double kOffPoint = 0.1;      // m along z, between the user's point and the surface
 
@@ -29,7 +29,7 @@ Error bad_aim(const char* format, auto... values) {
   return {Errc::invalid_argument, text};
 }
 
-/// The pixel that the user targets; nullopt: none.
+/// Returns the pixel that the user targets; nullopt: none.
 Result<std::optional<std::array<double, 2>>> aimed_pixel(const ProbeAim& aim,
                                                          const DepthStreamInfo& info) {
   if (!aim.pixel && !aim.point_W) return std::optional<std::array<double, 2>>();
@@ -61,7 +61,7 @@ Result<std::optional<std::array<double, 2>>> aimed_pixel(const ProbeAim& aim,
   return std::optional(pixel);
 }
 
-/// The neighbour to which the tool slides: the one that is seen best.
+/// Sets the neighbor to which the tool slides: the one that is seen best.
 void choose_slide(const CoarseDepth& scene, int step, ProbeTarget& target) {
   target.end_column = target.column;
   target.end_row = target.row;
@@ -77,7 +77,7 @@ void choose_slide(const CoarseDepth& scene, int step, ProbeTarget& target) {
   }
 }
 
-/// The place that is seen well and near: to the camera, and to the image centre.
+/// Returns the place that is seen well and near: to the camera, and to the image center.
 Result<ProbeTarget> find_target(const CoarseDepth& scene) {
   ProbeTarget best;
   double lowest = INFINITY;
@@ -101,7 +101,7 @@ Result<ProbeTarget> find_target(const CoarseDepth& scene) {
       "with --probe, or give a tool path with --path"};
 }
 
-/// The user's target, in the middle of the cells around it.
+/// Returns the user's target, in the middle of the cells around it.
 Result<ProbeTarget> aimed_target(const CoarseDepth& scene, const ProbeAim& aim) {
   ProbeTarget target{scene.columns() / 2, scene.rows() / 2, 0, 0};
   const auto [u, v] = scene.pixel(target.column, target.row);
@@ -128,23 +128,23 @@ Result<ProbeTarget> aimed_target(const CoarseDepth& scene, const ProbeAim& aim) 
   return target;
 }
 
-/// Distances of the tip over time, and what became of the plan.
+/// Distances of the tip over time, and the outcome of the plan.
 struct Plan {
   std::vector<double> times, distances;
-  double lifted = 0;     ///< s, because the surface was too fast
-  bool arrives = false;  ///< where it wants to be, at some time
+  double lifted = 0;     ///< s, time lifted as the surface was too fast
+  bool arrives = false;  ///< reaches the desired distance at some time
 };
 
-/// Where the tool wants to be, but lifted where it cannot follow: around jumps of the surface, so
-/// that it does not stand in what comes, and as long as the surface is out of reach behind one,
-/// where it must not press through what else is there on its way.
+/// Returns the desired distances, but lifted where the tool cannot follow: around jumps of the
+/// surface, so that it does not stand in what comes, and as long as the surface behind a jump is
+/// out of reach, so that it presses through nothing on its way there.
 std::vector<double> lifted_at_jumps(const std::vector<double>& desired,
                                     const std::vector<double>& free,
                                     const std::vector<double>& steps, double period) {
   std::vector<double> lifted = desired;
   const auto margin = static_cast<std::size_t>(std::ceil(kJumpMargin / period));
   const std::size_t last = desired.size() - 1;
-  double reached = desired[0];  // at this speed, if nothing ever came nearer again
+  double reached = desired[0];  // reached at the largest speed, if nothing comes nearer again
   for (std::size_t i = 0; i <= last; ++i) {
     if (i > 0) reached = std::min(desired[i], reached + steps[i]);
     if (desired[i] - reached > kLost) lifted[i] = std::min(lifted[i], free[i] - kClearance);

@@ -19,10 +19,10 @@ class UnseenWatch {
  public:
   explicit UnseenWatch(double full_volume) : full_volume_(full_volume) {}
 
-  /// What there is to say at this tick; mostly nothing.
+  /// Returns the warning at this tick; mostly empty.
   std::string_view look(const TickRecord& tick) {
     const double share = tick.penetration.unseen_volume / full_volume_;
-    // Somewhere in between it stays as it was.
+    // Between the two limits the state stays as it was.
     const bool is_unseen = is_reported_ ? share > kSeen : share > kUnseen;
     if (is_unseen == is_reported_) {
       since_ = tick.time;
@@ -51,7 +51,7 @@ class RecordingObserver {
         unit_(tool, sources.infos()),
         monitor_(options.monitor),
         say_(options.say) {}
-  /// Before the run begins.
+  /// Sets recorder and results, before the run begins.
   void begin(RunRecorder recorder, RunResults results) {
     recorder_.emplace(std::move(recorder));
     results_.emplace(std::move(results));
@@ -94,7 +94,7 @@ class RecordingObserver {
     };
     return observer;
   }
-  /// Of the depth stream: printed at once, recorded, and kept for the summary.
+  /// Adds notes of the depth streams: printed at once, recorded, and kept for the summary.
   void add_source_notes(double time) {
     for (DepthSource* source : sources_) {
       for (std::string& text : source->take_notes()) {
@@ -108,7 +108,7 @@ class RecordingObserver {
     for (std::string& text : unit_.doubts()) add_source_note(time, std::move(text));
   }
   const std::vector<std::string>& source_notes() const { return source_notes_; }
-  /// Of users.
+  /// Adds the marks of users.
   void add_marks() {
     if (monitor_ == nullptr) return;
     for (const auto& [time, text] : monitor_->marks.take()) recorder_->add_note(text, time);
@@ -118,7 +118,7 @@ class RecordingObserver {
   RunResults& results() { return *results_; }
 
  private:
-  /// What the monitor wants to hear.
+  /// Calls a callback of the monitor, if it has that one.
   template <class Callback, class... What>
   void tell(Callback RunObserver::*callback, const What&... what) {
     if (monitor_ != nullptr && monitor_->observer.*callback) {
@@ -134,7 +134,7 @@ class RecordingObserver {
     recorder_->add_tick(tick);
     results_->add_tick(tick);
     time_ = tick.time;
-    // That the force comes up at the beginning and fades at the end needs no words.
+    // The force's rise at the beginning and its fade at the end need no note.
     const std::string_view change =
         describe_change(std::exchange(safety_, tick.safety), tick.safety);
     if (!change.empty() && safety_.num_faults > 0 && safety_.fault != Fault::stopped) {
@@ -165,7 +165,7 @@ class RecordingObserver {
   double time_ = 0;      // likewise, s
 };
 
-/// False to end the run.
+/// Waits for the end of the run; false: the user has ended it.
 bool wait_for_end(RunLoop& loop, const RunOptions& options) {
   using Clock = std::chrono::steady_clock;
   const auto start = Clock::now();
@@ -180,7 +180,7 @@ bool wait_for_end(RunLoop& loop, const RunOptions& options) {
   return true;
 }
 
-/// Calls `is_long` once where the disk takes seconds.
+/// Waits for the recorder; calls `is_long` once if the disk takes seconds.
 void finish(RunRecorder& recorder, const std::function<void()>& is_long) {
   constexpr auto kRound = std::chrono::milliseconds(5);
   constexpr int kLongRounds = 400;
@@ -197,7 +197,7 @@ struct ChosenLoop {
   std::string why_not_cuda;
 };
 
-/// On the backend of the settings, which is chosen if they leave it open.
+/// Makes a loop on the backend of the settings, which is chosen if they leave it open.
 Result<ChosenLoop> choose_loop(const Tool& tool, const DepthSources& sources, HapticDevice& device,
                                RunSettings& settings, const RunOptions& options,
                                const RunObserver& observer) {
@@ -219,7 +219,7 @@ Result<ChosenLoop> choose_loop(const Tool& tool, const DepthSources& sources, Ha
   return ChosenLoop{*std::move(loop), why_not_cuda};
 }
 
-/// What the loop reports after it has stopped.
+/// Takes the report of a loop that has stopped.
 void take_report(const RunLoop& loop, const Status& status, RunLog& log) {
   log.loop = loop.report();
   // A path that was played to its end is no failure.
@@ -273,7 +273,7 @@ Result<RunOutcome> record_run(const Tool& tool, const DepthSources& sources, Hap
   recording.begin(*std::move(recorder),
                   RunResults(folder->partial(), tool, log.setup, !options.recording.is_bounded()));
   if (const Status status = loop.start(); !status) return status.error();
-  // From here on a folder of this name is kept, whatever happens to the program.
+  // From here on the folder is kept under its name, whatever happens to the program.
   if (const Status status = folder->commit(); !status) {
     loop.stop();
     return status.error();
@@ -290,7 +290,7 @@ Result<RunOutcome> record_run(const Tool& tool, const DepthSources& sources, Hap
   notify_loop(nullptr);
   Status status = loop.status();
   loop.stop();
-  // Whether its motors could be switched off, and what was still to be recorded.
+  // The loop may have failed to switch off the motors, or to record the rest.
   if (status && !is_simulated) status = loop.status();
   take_report(loop, status, log);
   recording.add_marks();

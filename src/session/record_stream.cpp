@@ -36,7 +36,7 @@ std::string unit_message(double unit) {
   return to.take();
 }
 
-/// s to add to the time stamps of a live stream: from the monotonic clock to 1970.
+/// Returns the offset from the monotonic clock to 1970, s: for the time stamps of a live stream.
 double since_1970() {
   using std::chrono::duration;
   return duration<double>(std::chrono::system_clock::now().time_since_epoch()).count() -
@@ -78,7 +78,7 @@ class StreamFile {
   }
   Status finish() { return writer_.finish(); }
   std::uint64_t num_bytes() const { return writer_.bytes_written(); }
-  /// Whether anything that was added is in the file.
+  /// True if the file holds anything that was added.
   bool is_begun() const { return num_bytes() > num_first_bytes_; }
 
  private:
@@ -117,7 +117,7 @@ class StreamFile {
   std::uint16_t statics_ = 0, transforms_ = 0;
 };
 
-/// Each camera is read by a thread of its own, since a live one may wait; one at a time writes.
+/// Copies streams, with a thread for each camera, as live ones may wait; one writes at a time.
 class Copy {
  public:
   Copy(const DepthSources& sources, const RecordStreamOptions& options, StreamFile& file,
@@ -187,7 +187,7 @@ class Copy {
       if (is_over || has_ended_) return;
     }
   }
-  /// Recorded cameras write in the order of their time stamps.
+  /// True if this camera may write: recorded ones write in the order of their time stamps.
   bool is_next(std::size_t camera) const {
     const Turn& mine = turns_[camera];
     if (mine.is_live) return true;
@@ -214,7 +214,7 @@ class Copy {
 
   const DepthSources& sources_;
   const RecordStreamOptions& options_;
-  std::mutex mutex_;  // of all that follows
+  std::mutex mutex_;  // guards the members below
   std::condition_variable changed_;
   StreamFile& file_;
   StreamRecording& done_;
@@ -223,7 +223,7 @@ class Copy {
   bool has_ended_ = false;
 };
 
-/// Of the file that is being written: a second program would write into the same one.
+/// Lock on the file being written: a second program would write into the same one.
 class FileLock {
  public:
   explicit FileLock(const std::filesystem::path& path)

@@ -1,4 +1,4 @@
-// What the messages of a recording hold: each structure once, for writing, reading and describing
+// Fields of the messages of a recording: each structure once, for writing, reading and describing
 // it. `visit(name, member)` is called for every member.
 #pragma once
 

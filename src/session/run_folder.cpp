@@ -20,7 +20,7 @@ namespace palpate::inline v0 {
 namespace fs = std::filesystem;
 namespace {
 
-/// Of "recording.mcap" and "recording-0002.mcap"; 0: it is no such name.
+/// Returns the number of a part, named "recording.mcap" or "recording-0002.mcap"; 0: no such name.
 int part_number(std::string_view name) {
   constexpr std::string_view kBegin = "recording-", kEnd = ".mcap";
   if (name == kRecordingFile) return 1;
@@ -31,7 +31,7 @@ int part_number(std::string_view name) {
   return bad == std::errc{} && end == name.data() + name.size() && number > 1 ? number : 0;
 }
 
-/// Whether a run has a file of this name.
+/// True if a run has a file of this name.
 bool is_our_file(const std::string& name) {
   constexpr std::string_view kNames[] = {"wrench.csv", "wrench.csv.part", "summary.json",
                                          "report.html"};
@@ -40,7 +40,7 @@ bool is_our_file(const std::string& name) {
          std::find(std::begin(kNames), std::end(kNames), name) != std::end(kNames);
 }
 
-/// The first thing in the folder that no run has there; empty if there is none.
+/// Returns the first entry of the folder that no run has there; empty if there is none.
 fs::path find_foreign(const fs::path& folder, std::error_code& error) {
   for (auto entry = fs::directory_iterator(folder, error);
        !error && entry != fs::directory_iterator(); entry.increment(error)) {
@@ -52,8 +52,8 @@ fs::path find_foreign(const fs::path& folder, std::error_code& error) {
   return {};
 }
 
-/// The folder of a run, locked against every other program that writes a run; -1: there is none,
-/// or `is_taken`. File systems that know no locks have none.
+/// Opens and locks the folder of a run against all other programs that write a run; -1: there is
+/// none, or `is_taken`. File systems without locks never lock.
 int lock_recording(const fs::path& folder, bool& is_taken) {
   const int file = open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   is_taken = file >= 0 && flock(file, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK;
@@ -61,7 +61,7 @@ int lock_recording(const fs::path& folder, bool& is_taken) {
   return is_taken ? -1 : file;
 }
 
-/// Nothing, an empty folder, or a run of ours and nothing else: what may be replaced.
+/// Checks that a folder may be replaced: absent, empty, or a run of ours and nothing else.
 Status check_replaceable(const fs::path& folder) {
   std::error_code error;
   const fs::file_status status = fs::symlink_status(folder, error);
@@ -86,7 +86,7 @@ Status check_replaceable(const fs::path& folder) {
                                      "; give a new name"};
 }
 
-/// Removes what killed processes left of the same run: NAME.partial-PID of a PID that is gone.
+/// Removes leftovers of killed processes of the same run: NAME.partial-PID of a PID that is gone.
 void clear_leftovers(const fs::path& target) {
   const std::string prefix = target.filename().string() + ".partial-";
   std::error_code error;
@@ -181,7 +181,7 @@ Status RunFolder::commit() {
   old += ".replaced";
   bool is_taken = false;
   if (lock_ < 0) lock_ = lock_recording(partial_, is_taken);
-  // Once more, should another run of the same name get in between.
+  // Tries again if another run of the same name gets in between.
   for (int attempt = 0; attempt < 20; ++attempt) {
     const bool replaces = fs::exists(target_, ignored);
     if (replaces) {

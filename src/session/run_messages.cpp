@@ -22,7 +22,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-/// The settings as JSON, beside what is a message by itself.
+/// The settings as JSON, beside the fields of their own.
 struct SettingsText {
   std::uint32_t revision = 0;
   double time_origin = 0;
@@ -40,7 +40,7 @@ void visit_fields(T& settings, auto&& visit) {
 /// A sequence of numbers.
 using Numbers = std::vector<double>;
 
-/// In the order of its fields; none: nothing special.
+/// Length of a ground as numbers, in the order of its fields; none: nothing special.
 constexpr std::uint32_t kGroundNumbers = 12;
 
 struct PartText {
@@ -171,7 +171,7 @@ struct Reader {
   }
 };
 
-// What ROS calls a type.
+// Name of a type in ROS.
 template <class T>
 std::string type_name() {
   if constexpr (std::same_as<T, bool>) return "bool";
@@ -213,7 +213,7 @@ std::string type_name() {
   if constexpr (std::same_as<T, Note>) return "palpate_msgs/Note";
 }
 
-/// Notes the definitions of our types.
+/// Writes down the definitions of our types.
 struct Describer {
   std::map<std::string, std::string>& texts;
   std::string& text;
@@ -267,7 +267,7 @@ Result<T> read(std::string_view message) {
   return Error{Errc::bad_input, "a message is no " + type_name<T>() + "; record the run again"};
 }
 
-/// Every number with its place.
+/// Collects every number with its place.
 struct Flattener {
   std::vector<std::pair<std::string, std::string>>& values;
   std::string place;
@@ -342,13 +342,13 @@ std::vector<SceneObject> objects_from(const Json& list) {
     optional("viscous", object.viscous);
     object.moves = json.contains("mass");
     if (object.moves) object.mass = json["mass"].get<double>();
-    object.name = json.value("name", "");  // those of before have none
+    object.name = json.value("name", "");  // older recordings have none
     objects.push_back(object);
   }
   return objects;
 }
 
-/// Of each camera: materials by label, and the size of its labels.
+/// Returns, for each camera, the materials by label and the size of its labels.
 Json json_of(const std::vector<std::shared_ptr<const MaterialRegions>>& regions) {
   Json list = Json::array();
   for (const auto& own : regions) {
@@ -465,7 +465,7 @@ McapChannel note_channel() { return channel_of<Note>(kNoteTopic); }
 
 std::string settings_message(const RunSetup& setup) {
   RunSettings settings = setup.settings;
-  settings.objects.clear();  // theirs are in a list of their own
+  settings.objects.clear();  // they have a list of their own
   Json json{{"format", kRunFormat},
             {"version", kRunVersion},
             {"program", PALPATE_VERSION},

@@ -1,4 +1,4 @@
-// Our own messages in a recording, beside those of ROS: what it takes to repeat a run bit for bit.
+// Our own messages in a recording, beside those of ROS: all data to repeat a run bit for bit.
 #pragma once
 
 #include <optional>
@@ -19,39 +19,39 @@ struct RunSetup {
   RunSettings settings;                  ///< shapes of objects are files inside the recording
   std::vector<DepthStreamInfo> streams;  ///< of the cameras
   DeviceInfo device;
-  std::uint32_t revision = 0;  ///< of the settings: counts what was changed while the run went on
-  /// s since 1970, or on the clock of path and frames: when a run on a simulated clock began, whose
-  /// own clock begins at 0.
+  std::uint32_t revision = 0;  ///< of the settings: counts their changes during the run
+  /// Start of a run on a simulated clock, which begins at 0: s since 1970, or on the clock of path
+  /// and frames.
   double time_origin = 0;
-  std::optional<ProbeChoice> probe = {};  ///< where the hand was led, if nobody gave a path
+  std::optional<ProbeChoice> probe = {};  ///< path of the hand, if the user gave none
 };
 
-/// Is it known how much of the tool no camera sees?
+/// True if the part of the tool that no camera sees is known.
 inline bool reports_unseen(const RunSetup& setup) {
   const RunSettings& settings = setup.settings;
   return settings.contact.method == MethodKind::field &&
          (setup.streams.size() > 1 || settings.backend.value_or(Backend::cpu) == Backend::cpu);
 }
 
-/// How a part of a recording begins that is not the first one, before its settings.
+/// Start of a part of a recording that is not the first one, before its settings.
 struct PartStart {
   std::int32_t number = 0;     ///< of the part
   std::uint32_t revision = 0;  ///< of the first settings that follow
-  /// s, of each camera: FrameRecord::period of its first frame that follows, which looks back no
-  /// more; 0: none follows at once.
+  /// FrameRecord::period of each camera's first frame that follows, which looks back no more, s; 0:
+  /// none follows at once.
   std::vector<double> periods;
   bool has_surfaces = true;  ///< frames and contacts that follow can be repeated from here
-  HandSnapshot hand;         ///< how the hand's side stands
+  HandSnapshot hand;         ///< state of the hand's side
 };
 
-/// What the estimate of a camera's depth knew before the first frame of a part.
+/// State of a camera's depth estimate before the first frame of a part.
 struct EstimateStart {
   std::uint32_t camera = 0;
   std::uint32_t revision = 0;  ///< of the settings with which it began
   std::string state;           ///< DepthAverager::state
 };
 
-/// A depth frame with all that it takes to repeat its surface.
+/// A depth frame with all data to repeat its surface.
 struct RecordedDepth {
   FrameRecord record;
   DepthFrame frame;
@@ -76,7 +76,7 @@ inline constexpr const char* kToolFile = "tool.palp";
 std::string object_file(std::size_t index);
 std::string labels_file(std::size_t camera);  ///< a byte for each pixel
 
-/// Of a type of ROS, "sensor_msgs/Image".
+/// Returns the channel of a ROS type, "sensor_msgs/Image".
 McapChannel ros_channel(const std::string& topic, const std::string& type);
 
 McapChannel part_channel();

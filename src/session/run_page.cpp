@@ -1,4 +1,4 @@
-// The page of a run: its summary, its course as plots want it, and the deepest moment.
+// The page of a run: its summary, its course for plots, and the deepest moment.
 #include <algorithm>
 #include <cmath>
 #include <deque>
@@ -20,8 +20,8 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-/// Long arrays are text from the beginning: what a Json of them takes to be destroyed is more
-/// memory, and where there is none left, that would be the end of the program.
+/// Adds numbers as text: destroying a Json of a long array takes more memory, and where there is
+/// none left, that would end the program.
 template <class Items, class Value>
 void add_numbers(std::string& text, const Items& items, Value value, int digits) {
   char separator = '[';
@@ -32,7 +32,7 @@ void add_numbers(std::string& text, const Items& items, Value value, int digits)
   text += separator == '[' ? "[]" : "]";
 }
 
-/// Columns as in wrench.csv, and the two energies: an object, as text.
+/// Returns the columns of wrench.csv and the two energies: an object, as text.
 std::string series_text(const Tool& tool, const RunLog& log) {
   const auto& ticks = log.series.ticks();
   std::string text = "{";
@@ -100,7 +100,7 @@ Json latencies_json(const LoopTimes& times) {
 
 Json list(const Vec3d& v) { return {compact(v.x), compact(v.y), compact(v.z)}; }
 
-/// Measured once more, on the CPU: shows the same, also when a GPU has failed.
+/// Measures the deepest moment again, on the CPU: shows the same, also when a GPU has failed.
 Result<Json> moment_json(const Tool& tool, const RunLog& log) {
   const TickRecord& tick = log.deepest;
   const Pose& X_WT = tick.step.X_WT;
@@ -138,7 +138,7 @@ Result<Json> moment_json(const Tool& tool, const RunLog& log) {
   return json;
 }
 
-/// The last two parts of a path.
+/// Returns the last two parts of a path.
 std::string short_name(const std::string& name) {
   const std::size_t last = name.find_last_of('/', name.empty() ? 0 : name.size() - 2);
   if (last == std::string::npos || last == 0) return name;
@@ -146,7 +146,7 @@ std::string short_name(const std::string& name) {
   return before == std::string::npos ? name : name.substr(before + 1);
 }
 
-/// What the settings of such a run are if nobody changes any.
+/// Returns the default settings of such a run.
 Json usual_settings(const Tool& tool, const RunLog& log) {
   RunSettings usual;
   usual.coupling.kind = log.coupling.kind;
@@ -168,7 +168,7 @@ Result<std::string> run_page(const Json& summary, const Tool& tool, const RunLog
             {"latencies", latencies_json(times)},
             {"moment", nullptr},
             {"moment_trouble", ""}};
-  // Pages are sent to others, who need not know whose folders these were.
+  // Pages are sent to others, who need not know the folders.
   const std::string stream_name = short_name(log.setup.streams.front().name);
   json["summary"]["stream"]["name"] = stream_name;
   const auto shorten_name = [](Json& camera) {

@@ -68,7 +68,7 @@ Status RunReader::open_part(std::size_t part) {
   return Done{};
 }
 
-// A place is the number of a part before that of a byte.
+// A place has the number of a part in its high bits and a byte's in its low ones.
 constexpr int kPlaceBits = 48;
 
 std::uint64_t RunReader::chunk_place() const {
@@ -79,7 +79,7 @@ Status RunReader::seek(std::uint64_t chunk_place) {
   const auto part = static_cast<std::size_t>(chunk_place >> kPlaceBits);
   if (part != part_) {
     if (const Status opened = open_part(part); !opened) return opened;
-    // What the part calls its channels stands before its first message.
+    // The channels of a part stand before its first message.
     if (const auto first = reader_.next(); !first) return first.error();
   }
   reader_.seek(chunk_place & ((std::uint64_t{1} << kPlaceBits) - 1));

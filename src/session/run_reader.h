@@ -15,10 +15,10 @@
 
 namespace palpate::inline v0 {
 
-/// Tells frames that come twice, once in each of two parts.
+/// Detects frames that come twice, once in each of two parts.
 class NewestFrames {
  public:
-  /// Whether its camera has shown none as new yet.
+  /// True if the frame is newer than all earlier ones of its camera.
   bool is_new(const FrameRecord& frame) {
     if (frame.camera >= kMaxCameras) return false;
     std::int64_t& newest = newest_[frame.camera];
@@ -37,35 +37,35 @@ class RunReader {
   /// first settings. Errors: no such file, not the recording of a run.
   static Result<RunReader> open(const std::filesystem::path& path);
 
-  /// How the first file begins, if it is not the first part of its run.
+  /// Start of the first file, if it is not the first part of its run.
   const std::optional<PartStart>& start() const { return start_; }
 
-  /// With `load_tools`, objects have their shapes.
+  /// Setup of the run; objects have their shapes after `load_tools`.
   const RunSetup& setup() const { return setup_; }
-  /// The tool, and the shapes of the objects. Errors: missing or damaged.
+  /// Loads the tool and the shapes of the objects. Errors: missing or damaged.
   Result<Tool> load_tools();
 
   struct Message {
     std::string_view topic, data;  ///< valid until the next call
     std::uint64_t time = 0;        ///< ns
   };
-  /// The next one after the first settings; none at the end of the last part. A part begins with
-  /// what the one before ended with: its messages come twice. Errors: name the file.
+  /// Returns the next message after the first settings; none at the end of the last part. A part
+  /// begins with the last messages of the one before: these come twice. Errors: name the file.
   Result<std::optional<Message>> next();
-  /// The next frame or tick, whatever lies between, each once; false at the end. `on_frame` hears
-  /// of frames on the way.
+  /// Reads the next frame or tick, whatever lies between, each once; false at the end. `on_frame`
+  /// is called with frames on the way.
   Result<bool> next_frame(RecordedDepth& frame);
   Result<bool> next_tick(TickRecord& tick,
                          const std::function<void(const FrameRecord&)>& on_frame = {});
 
-  /// The last part.
+  /// True if the last part was cut off.
   bool was_cut_off() const { return reader_.was_cut_off(); }
 
-  /// Where the chunk of the last message begins, in which part; 0 before the first one.
+  /// Part and start of the chunk of the last message, as one number; 0 before the first one.
   std::uint64_t chunk_place() const;
-  /// The next message is the first one of the chunk there. Error: the part is gone.
+  /// Moves to the first message of the chunk at a place. Error: the part is gone.
   Status seek(std::uint64_t chunk_place);
-  /// Of all parts, bytes; and of those before that place.
+  /// Sizes of all parts, bytes; and of the data before a place.
   std::uint64_t num_bytes() const;
   std::uint64_t num_bytes_before(std::uint64_t chunk_place) const;
 
@@ -76,14 +76,14 @@ class RunReader {
   Error in_file(const Error& error) const;
 
   std::vector<std::filesystem::path> parts_;
-  std::size_t part_ = 0;  // that is being read
+  std::size_t part_ = 0;  // index of the part being read
   McapReader reader_;
   RunSetup setup_;
   std::optional<PartStart> start_;
   NewestFrames last_frames_;
 };
 
-/// Tells how far a reader has come, once for each chunk of the recording.
+/// Reports the share that a reader has read, once for each chunk of the recording.
 class ReadShare {
  public:
   ReadShare(const RunReader& reader, std::function<void(double share)> tell)

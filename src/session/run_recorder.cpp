@@ -90,7 +90,7 @@ fs::path RunRecorder::folder() const {
   return place_->folder;
 }
 
-/// With tool and objects on the disk: without them nothing else can be understood.
+/// Makes a file with tool and objects on the disk: nothing else is of use without them.
 Result<McapWriter> RunRecorder::make_file(const fs::path& path) {
   auto writer = McapWriter::create(path);
   if (!writer) return writer.error();
@@ -138,7 +138,7 @@ Result<McapWriter> RunRecorder::make_file(const fs::path& path) {
   return writer;
 }
 
-/// Whether contacts can be repeated from here on.
+/// True if contacts can be repeated from here on.
 bool RunRecorder::can_begin_here() const {
   const bool has_leads = std::all_of(setups_.begin(), setups_.end(), [](const RunSetup& setup) {
     return has_whole_lead(setup.settings.time) && !has_moving_objects(setup.settings);
@@ -151,8 +151,8 @@ bool RunRecorder::can_begin_here() const {
          });
 }
 
-/// Settings that nothing has any more which comes after a tick of this revision. Contacts and
-/// frames may come after a tick with later settings.
+/// Drops settings that no record after a tick of this revision uses. Contacts and frames may come
+/// after a tick with later settings.
 void RunRecorder::forget_settings(std::uint32_t tick_revision) {
   std::uint32_t first =
       std::min({tick_revision, setups_.back().revision, frame_revision_, contact_revision_});
@@ -164,7 +164,7 @@ void RunRecorder::forget_settings(std::uint32_t tick_revision) {
   while (setups_.size() > 1 && setups_[1].revision <= first) setups_.pop_front();
 }
 
-/// What every part begins with; one that is not the first has its `snapshot`.
+/// Writes the beginning of a part; one that is not the first has its `snapshot`.
 Status RunRecorder::begin(const HandSnapshot* snapshot) {
   PartStart start;
   if (snapshot != nullptr) {
@@ -207,7 +207,7 @@ Status RunRecorder::begin(const HandSnapshot* snapshot) {
   return writer_->flush();
 }
 
-/// Another part, whose first tick is the one that the snapshot names.
+/// Begins another part, whose first tick is the one that the snapshot names.
 Status RunRecorder::begin_after(const HandSnapshot& snapshot) {
   const fs::path name = part_file(num_parts_ + 1), path = folder() / name;
   const Channels before = channels_;
@@ -273,10 +273,10 @@ void RunRecorder::add_hand_snapshot(const HandSnapshot& snapshot) {
   const bool is_long = static_cast<double>(writer_->bytes_written()) >= options_.split_bytes ||
                        time_ - part_start_ >= longest - kTolerance;
   if (!is_long) return;
-  // One part at a time is on its way to the disk: simulated runs wait, others have longer parts.
+  // Only one part at a time is being flushed: simulated runs wait, others get longer parts.
   if (is_simulated_) take_ended(true);
   if (waits_for_disk()) return;
-  // What the part has in memory is written before another one begins.
+  // The part's data in memory is written before another part begins.
   if (const Status written = writer_->flush(); !written) return pause(written.error());
   const Status begun = begin_after(snapshot);
   if (!begun && !std::exchange(has_told_no_part_, true)) {
@@ -285,13 +285,13 @@ void RunRecorder::add_hand_snapshot(const HandSnapshot& snapshot) {
   }
 }
 
-/// s: ticks until then are in it.
+/// Returns the time up to which all ticks are in the part, s.
 double RunRecorder::Part::kept_until(const McapWriter& writer) const {
   const auto is_lost = [kept = writer.bytes_kept()](const Mark& mark) { return mark.bytes > kept; };
   return std::prev(std::find_if(marks.begin() + 1, marks.end(), is_lost))->time;
 }
 
-/// Since when it may lack what it was given.
+/// Describes from when on records may be missing.
 std::string RunRecorder::Part::gap(const McapWriter& writer) const {
   const bool is_in_doubt = writer.bytes_kept() < writer.bytes_written();
   return (is_in_doubt ? "it is not certain that anything was recorded from "
@@ -299,7 +299,7 @@ std::string RunRecorder::Part::gap(const McapWriter& writer) const {
          at(kept_until(writer));
 }
 
-/// Once something was written since the last tick, that is in it.
+/// Marks the last tick as in the file if something was written since the last mark.
 void RunRecorder::add_mark(Part& part, const McapWriter& writer) const {
   const std::uint64_t bytes = writer.bytes_written();
   if (bytes <= part.marks.back().bytes) return;
@@ -308,15 +308,15 @@ void RunRecorder::add_mark(Part& part, const McapWriter& writer) const {
   while (part.marks.size() > 1 && part.marks[1].bytes <= on_disk) part.marks.pop_front();
 }
 
-/// It is whole, and goes to the disk while others are written.
+/// Ends a whole part, which goes to the disk while others are written.
 void RunRecorder::end_part(Part& part, McapWriter writer) {
-  (void)writer.end();  // `take_ended` tells what has become of it
+  (void)writer.end();  // `take_ended` reports its outcome
   add_mark(part, writer);
   part.end = time_;
   part.ending = std::move(writer);
 }
 
-/// Of those that are on the disk, or with `waits` of all.
+/// Takes the outcome of ended parts that are on the disk, or with `waits` of all.
 void RunRecorder::take_ended(bool waits) {
   for (Part& part : parts_) {
     if (!part.ending || (part.ending->waits_for_disk() && !waits)) continue;
@@ -411,7 +411,7 @@ void RunRecorder::write_frame(const FrameRecord& record, const DepthFrame& frame
   write(channels.points, time, points_message(header, frame, stream.intrinsics));
 }
 
-/// Where a camera stands, once, or where it is at each frame.
+/// Writes the pose of a camera: once, or at each frame if it moves.
 void RunRecorder::add_camera_pose(std::uint32_t camera, const Pose& X_WC, std::uint64_t time) {
   cameras_[camera].X_WC = X_WC;
   const bool is_moving = setups_.back().streams[camera].is_moving;
@@ -433,7 +433,7 @@ void RunRecorder::add_tick(const TickRecord& tick) {
   if (!writer_) return;
   const std::uint64_t time = wall_time(tick.device.time);
   write(channels_.tick, time, tick_message(tick));
-  // At the origins of their frames, in their axes.
+  // Wrenches act at the origins of their frames, in their axes.
   const Pose& X_WT = tick.step.X_WT;
   Wrench on_tool_W = tick.step.contact_W;
   on_tool_W.torque += cross(rotate(X_WT.rotation, centre_of_mass_T_), on_tool_W.force);
@@ -444,7 +444,7 @@ void RunRecorder::add_tick(const TickRecord& tick) {
   if (time >= next_transforms_) add_transforms(tick, time);
 }
 
-/// What no part that begins later needs: ticks rest on the contact of this one or on later ones,
+/// Drops records that no later part needs: ticks rest on the contact of this one or on later ones,
 /// contacts on the frame of the first of these or on later ones, and frames on those in their lead.
 void RunRecorder::forget(const TickRecord& tick) {
   while (!contacts_.empty() && contacts_.front().number < tick.contact_number) {
@@ -454,11 +454,11 @@ void RunRecorder::forget(const TickRecord& tick) {
   forget_settings(tick.revision);
 }
 
-/// Also while no ticks come: a device may take long to start, or be silent.
+/// Drops old frames, also while no ticks come: a device may take long to start, or be silent.
 void RunRecorder::forget_frames() {
-  // While nothing is measured, and at all.
+  // Numbers of frames kept while nothing is measured, and at most.
   constexpr std::int64_t kMaxIdleFrames = 4, kMaxFrames = 100;
-  // A contact of earlier settings rests on what they look back at.
+  // A contact of earlier settings rests on the frames in their lead.
   std::int64_t lead = 0;
   for (const RunSetup& setup : setups_) {
     lead = std::max<std::int64_t>(lead, num_recorded_lead_frames(setup.settings.time));

@@ -17,12 +17,12 @@
 
 namespace palpate::inline v0 {
 
-/// How recordings name a camera's frame of coordinates: "camera", "camera_2", ...
+/// Returns the name of a camera's coordinate frame in recordings: "camera", "camera_2", ...
 std::string camera_frame(std::size_t camera);
 
-/// For the publishing thread of a loop, which in live runs never waits for the disk. When a
-/// file cannot be written any more, or the disk is nearly full, the recording pauses and says so;
-/// everything else goes on. It goes on in another part once there is space again.
+/// Records a run, called by the publishing thread of a loop, which in live runs never waits for the
+/// disk. If a file can no longer be written, or the disk is nearly full, it pauses with a note;
+/// everything else goes on. It resumes in another part once there is space again.
 class RunRecorder {
  public:
   /// `path`: the first file. `is_simulated`: times are not monotonic ones, but s since
@@ -31,27 +31,27 @@ class RunRecorder {
                                     const RunSetup& setup, bool is_simulated,
                                     const RecordingOptions& options = {});
 
-  /// The folder has got this name. Any thread.
+  /// Sets the new name of the folder. Any thread.
   void has_moved_to(const std::filesystem::path& folder);
 
-  /// Of a later revision; its first ones are those of the setup.
+  /// Adds settings of a later revision; the first ones are those of the setup.
   void add_settings(std::uint32_t revision, const RunSettings& settings);
   void add_frame(const FrameRecord& record, const DepthFrame& frame);
   void add_contact(const ContactRecord& contact);
-  /// Before the tick that it names: here a part can end and another one begin.
+  /// Adds a snapshot before the tick that it names: here a part can end and another one begin.
   void add_hand_snapshot(const HandSnapshot& snapshot);
   void add_tick(const TickRecord& tick);
   void add_note(std::string_view text);
-  /// Of that moment, s, monotonic.
+  /// Adds a note at a time, s, monotonic.
   void add_note(std::string_view text, double time);
 
-  /// Makes the file whole; nothing can be recorded any more.
+  /// Completes the file; nothing can be recorded any more.
   void end();
-  /// Whether `finish` has to wait.
+  /// True if `finish` has to wait.
   bool waits_for_disk() const;
   /// `end`, and waits until all is on the disk.
   void finish();
-  /// What was not recorded and why; else empty.
+  /// Description of missing records and their cause; else empty.
   const std::string& trouble() const { return trouble_; }
   /// Notes for the user since the last call.
   std::vector<std::string> take_notes() { return std::exchange(notes_, {}); }
@@ -68,7 +68,7 @@ class RunRecorder {
                                             // the last one that the disk has for sure
     double end = 0;                         // s, of its last tick
     std::uint64_t bytes = 0;                // once it is whole
-    std::optional<McapWriter> ending = {};  // on its way to the disk
+    std::optional<McapWriter> ending = {};  // being flushed to the disk
 
     double kept_until(const McapWriter& writer) const;
     std::string gap(const McapWriter& writer) const;
@@ -111,19 +111,19 @@ class RunRecorder {
     std::filesystem::path folder;
   };
   std::unique_ptr<Place> place_;
-  std::optional<McapWriter> writer_;  // none: paused
+  std::optional<McapWriter> writer_;  // nullopt: paused
   Channels channels_{};
-  std::deque<RunSetup> setups_;  // the newest last; those before that the next part may need
+  std::deque<RunSetup> setups_;  // the newest last, after those that the next part may need
   Vec3d centre_of_mass_T_;
   double wall_offset_ = 0;       // s from the run's clock to the time since 1970
   std::uint64_t last_time_ = 0;  // ns since 1970
   std::uint64_t next_transforms_ = 0;
-  /// What is known of a camera, and what the next part would begin with.
+  /// State of a camera, and the records that the next part would begin with.
   struct Camera {
     std::deque<RecordedDepth> frames;
     std::uint64_t next_points = 0;
     std::optional<Pose> X_WC;
-    LeadEstimate lead;  // of the frames before those
+    LeadEstimate lead;  // of frames before `frames`
   };
   bool can_begin_here() const;
   std::vector<Camera> cameras_;

@@ -76,7 +76,7 @@ bool ContactRepetition::lacks_frame_of(const ContactRecord& contact) const {
   const auto& [revision, time] = time_of(contact);
   for (std::size_t k = 0; k < cameras_.size(); ++k) {
     const std::int64_t desired = contact.cameras.of[k].camera_frame;
-    // A timeline knows nothing of the frames before its own first one.
+    // A timeline does not depend on frames before its own first one.
     const bool is_whole = cameras_[k].first_revision < revision;
     const std::int64_t lead = is_whole ? 0 : num_recorded_lead_frames(time);
     if (desired >= 0 && std::max<std::int64_t>(desired - lead, 0) < cameras_[k].first) return true;
@@ -91,7 +91,7 @@ bool ContactRepetition::rests_on_all(const ContactRecord& contact) const {
 Status ContactRepetition::push_next(std::size_t k) {
   Camera& camera = cameras_[k];
   const RecordedDepth& next = camera.frames.front();
-  // The newest timeline that there was for this frame.
+  // Uses the newest timeline that existed at this frame.
   auto& timelines = camera.timelines;
   while (timelines.size() > 1 && std::next(timelines.begin())->first <= next.record.revision) {
     timelines.erase(timelines.begin());
@@ -107,8 +107,8 @@ Status ContactRepetition::push_next(std::size_t k) {
   return Done{};
 }
 
-/// A change takes effect at once, but where one waits for a depth frame, those after it wait with
-/// it, and the last one is all that is used.
+/// Applies due changes of settings. If one waits for a depth frame, those after it wait with it,
+/// and only the last one is used.
 Status ContactRepetition::use_measuring(std::uint32_t revision) {
   const auto is_due = [&] { return !measuring_.empty() && measuring_.begin()->first <= revision; };
   Setup newest;
@@ -178,7 +178,7 @@ void TickRepetition::use_couplings(std::uint32_t revision) {
 }
 
 bool TickRepetition::is_at(const HandSnapshot& snapshot) {
-  // A change that the last tick has taken is known by the next one only.
+  // A change taken by the last tick is recorded with the next one only.
   use_couplings(snapshot.revision);
   const HandSnapshot now = hand_->snapshot();
   const auto a = now.numbers.numbers(), b = snapshot.numbers.numbers();
@@ -199,7 +199,7 @@ TickRecord TickRepetition::repeat(const TickRecord& recorded, const ContactRecor
               {recorded.is_stopping, recorded.is_force_requested, recorded.is_suspended,
                recorded.has_sensor_failed, recorded.has_backend_failed},
               tick);
-  tick.time = recorded.time;  // rounded otherwise
+  tick.time = recorded.time;  // it would be rounded otherwise
   tick.compute_nanoseconds = recorded.compute_nanoseconds;
   return tick;
 }

@@ -1,4 +1,4 @@
-// The two sides of a run once more: frames and poses to contacts, contacts and states to
+// Repetition of the two sides of a run: frames and poses to contacts, contacts and states to
 // wrenches.
 #pragma once
 
@@ -18,7 +18,7 @@ namespace palpate::inline v0 {
 /// The contact side: frames to surfaces, poses to contacts.
 class ContactRepetition {
  public:
-  /// With `start` the first frames of the cameras are not those of the run. `pool` must outlive it.
+  /// `start`: the first frames of the cameras are not those of the run. `pool` must outlive it.
   ContactRepetition(std::shared_ptr<const ToolIndex> index, ThreadPool& pool,
                     const std::optional<PartStart>& start)
       : index_(std::move(index)),
@@ -26,23 +26,23 @@ class ContactRepetition {
         first_periods_(start ? start->periods : std::vector<double>()),
         has_start_(start.has_value()) {}
 
-  /// In order, the first one before all else. Of the parts only the small ones are used: the others
-  /// are made once a frame or a contact rests on them, for a message does not pay for them.
+  /// Adds settings in order, the first ones before all else. It uses only the small parts: the
+  /// others are made once a frame or a contact rests on them, so that a mere message costs little.
   void add(const RunSetup& setup, const RunParts& parts);
-  /// False if one before it, of its camera, is not there.
+  /// Adds a frame. False if an earlier one of its camera is missing.
   bool add(RecordedDepth frame);
 
-  /// What a camera's estimate knew before its first frame; later it is known.
+  /// Sets the state of a camera's estimate before its first frame; later it is known.
   Status add(const EstimateStart& estimate);
 
-  /// Whether all frames that it rests on are there.
+  /// True if all frames that the contact rests on are there.
   bool has_frames_of(const ContactRecord& contact) const;
-  /// Whether it rests on a frame before the first one that is there, so none will do.
+  /// True if it rests on a frame before the first one that is there: no later frame will do.
   bool lacks_frame_of(const ContactRecord& contact) const;
-  /// Whether a contact rests on all frames before it: an estimate has seen them.
+  /// True if it rests on all frames before it, as an estimate has used them.
   bool rests_on_all(const ContactRecord& contact) const;
 
-  /// What a query at the same moment and pose gives. Its frames must be there. Errors: its settings
+  /// Repeats a query at the same moment and pose. Its frames must be there. Errors: its settings
   /// cannot be used here.
   Result<ContactRecord> repeat(const ContactRecord& recorded);
 
@@ -50,7 +50,7 @@ class ContactRepetition {
   using Setup = std::shared_ptr<const RunSetup>;
   struct Measuring {
     ContactScale scale;
-    Setup part;          // what it is made with; null: the one before goes on
+    Setup part;          // settings of a new part; null: the present part stays
     bool waits = false;  // for the next depth frame
   };
   struct Timeline {
@@ -69,7 +69,7 @@ class ContactRepetition {
   static Result<SurfaceTimeline*> made(Timeline& timeline, std::size_t camera);
   Status push_next(std::size_t camera);
   Status use_measuring(std::uint32_t revision);
-  /// The revision of its timelines, and how they use the frames of a camera.
+  /// Returns the revision of its timelines and their time options.
   const std::pair<const std::uint32_t, TimeOptions>& time_of(const ContactRecord& contact) const;
 
   std::shared_ptr<const ToolIndex> index_;
@@ -86,21 +86,21 @@ class ContactRepetition {
 /// The hand's side: device states and contacts to wrenches.
 class TickRepetition {
  public:
-  /// With `start` the hand's side goes on from there.
+  /// `start`: the hand's side goes on from there.
   TickRepetition(SafetyFilter safety, const std::optional<PartStart>& start)
       : safety_(std::make_unique<SafetyFilter>(std::move(safety))), start_(start) {}
 
-  /// In order, the first one before all else.
+  /// Adds settings in order, the first ones before all else.
   void add(const RunSetup& setup, RunParts& parts);
   TickRecord repeat(const TickRecord& recorded, const ContactRecord& contact);
-  /// Whether the hand's side stands as a part says that it did.
+  /// True if the state of the hand's side is that of a snapshot, to the bit.
   bool is_at(const HandSnapshot& snapshot);
 
  private:
   void use_couplings(std::uint32_t revision);
 
   std::map<std::uint32_t, std::unique_ptr<Coupling>> couplings_;  // by revision, not yet used
-  std::unique_ptr<SafetyFilter> safety_;                          // of the hand to be
+  std::unique_ptr<SafetyFilter> safety_;                          // for `hand_`, until it is made
   std::unique_ptr<HandPart> hand_;
   std::optional<PartStart> start_;  // until the first tick
 };

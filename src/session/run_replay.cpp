@@ -1,4 +1,4 @@
-// A run once more, from its recording alone.
+// Repeats a run from its recording alone.
 #include <deque>
 #include <map>
 #include <memory>
@@ -14,11 +14,11 @@ namespace palpate::inline v0 {
 namespace fs = std::filesystem;
 namespace {
 
-/// Both sides, fed with messages in the order of the file. What belongs together may come out of
-/// order by a few milliseconds, so each side waits for what it needs.
+/// Repeats both sides from messages in the order of the file. Related messages may come out of
+/// order by a few milliseconds, so each side waits for those that it needs.
 class Repetition {
  public:
-  /// From the beginning of a run, or of a part of it. `first` has the shapes of all objects.
+  /// Starts at the beginning of a run, or of a part of it. `first` has the shapes of all objects.
   Repetition(std::shared_ptr<const ToolIndex> index, const RunSetup& first, SafetyFilter safety,
              ThreadPool& pool, const std::optional<PartStart>& start)
       : index_(std::move(index)),
@@ -41,7 +41,7 @@ class Repetition {
     }
   }
 
-  /// The settings of the run, then those that followed while it went on.
+  /// Takes the settings of the run, then those of later changes.
   Status take(RunSetup setup) {
     if (has_settings_ && setup.revision < num_settings_) return Done{};  // a part begins with them
     if (setup.revision != num_settings_) return missing_settings();
@@ -61,7 +61,7 @@ class Repetition {
     return Done{};
   }
 
-  /// Whether a part goes on where the one before has ended: then what it begins with is known. Else
+  /// True if a part goes on where the one before has ended: then its first messages are known. Else
   /// it has to be repeated by itself.
   Result<bool> goes_on_with(const PartStart& part) {
     if (const Status status = repeat_contacts(); !status) return status.error();
@@ -72,7 +72,7 @@ class Repetition {
     }
     return true;
   }
-  /// What comes next does not go on from here.
+  /// Ends the repetition here, as the next part does not go on from here.
   void break_off() {
     note_missing();
     if (!waiting_contacts_.empty()) end_contacts("a depth frame");
@@ -138,7 +138,7 @@ class Repetition {
   }
 
  private:
-  /// Those of the first settings, which have their shapes, with the friction that they have now.
+  /// Gives objects the shapes of those in the first settings; they keep their present friction.
   Status know_objects(std::vector<SceneObject>& objects) const {
     const std::vector<SceneObject>& first = first_.settings.objects;
     if (objects.size() != first.size()) return other_settings("objects");
@@ -162,7 +162,7 @@ class Repetition {
   void add_note(const std::string& note) {
     outcome_.note += (outcome_.note.empty() ? "" : "; ") + note;
   }
-  /// Those that no tick needs, too.
+  /// Notes the contacts that were not recorded, also those that no tick needs.
   void note_missing() {
     if (num_missing_ == 0) return;
     add_note(std::to_string(num_missing_) +
@@ -248,9 +248,9 @@ class Repetition {
   ReplayOutcome outcome_;
 };
 
-// The same hand and the same frames once more, for other settings.
+// The same hand and the same frames, for other settings.
 
-/// s, on the clock of the recording: when the run began. Error: there is no tick.
+/// Returns the start of the run, s, on the clock of the recording. Error: there is no tick.
 Result<double> start_of(const fs::path& path) {
   auto reader = RunReader::open(path);
   if (!reader) return reader.error();
@@ -261,7 +261,7 @@ Result<double> start_of(const fs::path& path) {
   return tick.device.time - tick.time;
 }
 
-/// The hand as it was recorded, whatever it feels.
+/// The hand as it was recorded, whatever the force.
 class RecordedHand final : public SteppedDevice {
  public:
   RecordedHand(RunReader reader, double start) : reader_(std::move(reader)), start_(start) {}
@@ -282,7 +282,7 @@ class RecordedHand final : public SteppedDevice {
     tick_(state);
     return true;
   }
-  /// During a tick: what was recorded at it, and where.
+  /// During a tick: its record, and its reader.
   const TickRecord& recorded() const { return recorded_; }
   const RunReader& reader() const { return reader_; }
 
@@ -333,7 +333,7 @@ void compare(const TickRecord& before, const TickRecord& after, ForceComparison&
 
 bool is_run(const fs::path& folder) {
   const auto reader = RunReader::open(folder);
-  // One of another version is a run, too.
+  // A recording of another version is a run, too.
   return reader || reader.error().code == Errc::unavailable;
 }
 

@@ -23,7 +23,7 @@ double peak_memory_bytes() {
 #endif
 }
 
-/// That the force was faded out at the end is none.
+/// Returns the fault of a run; the fade at its end is none.
 Fault fault_of(const RunLog& log) {
   return log.loop.fault == Fault::stopped ? Fault::none : log.loop.fault;
 }

@@ -1,4 +1,4 @@
-// What a run reports: as JSON, and as a page for humans.
+// Report of a run: as JSON, and as a page for humans.
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>
@@ -21,7 +21,7 @@ struct FaultPeriod {
   std::optional<double> seconds = {};  ///< until the force came back; none: it did not
 };
 
-/// All that is known once a run has ended.
+/// All data of a run that has ended.
 struct RunLog {
   RunSetup setup;
   CouplingOptions coupling;                        ///< checked
@@ -47,7 +47,7 @@ struct RunLog {
   bool has_hand() const { return coupling.kind != CouplingKind::none; }
 };
 
-/// What summary.json holds.
+/// Returns the content of summary.json.
 nlohmann::ordered_json run_summary(const Tool& tool, const RunLog& log, const LoopTimes& times);
 /// JSON as a file.
 std::string file_text(const nlohmann::ordered_json& json);

@@ -75,7 +75,7 @@ void RunResults::add_settings(const RunSettings& settings) {
 void RunResults::add_frame(const FrameRecord& record, const DepthFrame& frame) {
   if (captures_.size() < kMaxCaptures) captures_.push_back(record.capture_time);
   ++num_frames_;
-  // Where only a window was made, the measurements are those of the whole image all the same.
+  // If only a window was made, num_valid still counts the measurements of the whole image.
   const bool has_all = record.requested.has_all(frame.width, frame.height);
   const int num_points = has_all ? record.surface.num_points : record.surface.num_valid;
   if (num_points < 0.001 * frame.width * frame.height) {
@@ -88,7 +88,7 @@ void RunResults::add_frame(const FrameRecord& record, const DepthFrame& frame) {
   if (record.camera == 0 && all_ticks_ && has_output_columns_) keep_pose(record);
   std::deque<NumberedFrame>& recent = cameras_[record.camera].recent;
   if (recent.size() == kNumRecent) {
-    // Its memory once more.
+    // Reuses the memory of the oldest.
     recent.push_back(std::move(recent.front()));
     recent.pop_front();
   } else {
@@ -164,9 +164,9 @@ void RunResults::add_row(const TickRecord& tick) {
   csv_ << line_;
 }
 
-/// Where it was at the newest of its images that the tick rests on.
+/// Returns the first camera's pose at its newest image that the tick rests on.
 Pose RunResults::first_camera_at(const TickRecord& tick) {
-  // Ticks come in order: what one of them has left behind no later one needs.
+  // Ticks come in order: no later one needs poses that this one has passed.
   const auto is_passed = [&](std::size_t i) {
     return i < first_poses_.size() && first_poses_[i].number <= tick.frame_number;
   };
@@ -174,7 +174,7 @@ Pose RunResults::first_camera_at(const TickRecord& tick) {
   return is_passed(0) ? first_poses_.front().X_WC : Pose{};
 }
 
-/// As long as the volume of the tool is counted as in the last settings.
+/// Writes the rows of the recorded ticks, with the tool's full volume by the last settings.
 void RunResults::write_kept_rows(const fs::path& folder, RunLog& log) {
   begin_csv(folder);
   first_poses_.clear();
@@ -199,7 +199,7 @@ void RunResults::add_fault(const TickRecord& tick) {
   const bool is_new = safety.num_faults > num_faults_ && safety.fault != Fault::stopped;
   num_faults_ = safety.num_faults;
   if (!is_new || faults_.size() == kMaxFaultPeriods) return;
-  // One that came while the force was still away: the time without force goes on.
+  // A fault that came while the force was still away extends the time without force.
   if (is_open) {
     faults_.back().fault = safety.fault;
   } else {
@@ -212,7 +212,7 @@ void RunResults::keep_deepest(const TickRecord& tick) {
   deepest_settings_ = revisions_.front().settings;
   if (!bodies_.empty()) deepest_bodies_ = bodies_.front().bodies;
   for (auto& [recent, deepest] : cameras_) {
-    // The newest one up to that which the tick names, which is one of the cameras'.
+    // The newest frame up to the one that the tick names, which is of any camera.
     const NumberedFrame* used = nullptr;
     for (const NumberedFrame& seen : recent) {
       if (seen.number <= tick.frame_number) used = &seen;
@@ -242,7 +242,7 @@ void RunResults::move_to(RunLog& log) {
   log.deepest = deepest_;
   log.deepest_settings = std::move(deepest_settings_);
   log.deepest_bodies = deepest_bodies_;
-  // If the newest one was not published, the others are unknown too.
+  // If the newest frame was not published, the others are unknown too.
   const bool is_known = std::any_of(cameras_.begin(), cameras_.end(), [&](const Camera& camera) {
     return camera.deepest.number == deepest_.frame_number;
   });

@@ -24,9 +24,9 @@ class RunResults {
   /// Takes a tick, whose contact has been added.
   void add_tick(const TickRecord& tick);
 
-  /// After the last tick: what was added goes into `log`, and all into files. The folder may have
-  /// another name by now. A disk that is full takes nothing from what there is: what is missing is
-  /// reported in `log.not_kept`. Returns what summary.json holds.
+  /// Writes all files after the last tick and moves the added data into `log`. The folder may have
+  /// another name by now. A full disk destroys nothing that is there: missing data is reported in
+  /// `log.not_kept`. Returns the content of summary.json.
   std::string write(const std::filesystem::path& folder, const Tool& tool, const LoopTimes& times,
                     RunLog& log);
 
@@ -58,7 +58,7 @@ class RunResults {
   const Tool& tool_;
   double full_volume_, time_origin_;
   const OutputOptions output_;
-  const bool has_output_columns_;  // than the world's axes and the center of mass
+  const bool has_output_columns_;  // other than the world's axes and the center of mass
   const Pose X_WB_;
   std::deque<PoseAtTime> first_poses_;  // of the first camera
   std::vector<Camera> cameras_;

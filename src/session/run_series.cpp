@@ -7,12 +7,12 @@
 namespace palpate::inline v0 {
 namespace {
 
-/// Of hand or tool.
+/// Returns the larger of the forces on hand and tool, N.
 double force(const TickRecord& tick) {
   return std::max(norm(tick.F_H_B.force), norm(tick.step.contact_W.force));
 }
 
-/// Notes when a value is largest, first.
+/// Keeps the largest value and the time when it was first reached.
 void raise(double value, double time, double& most, double& time_of_max) {
   if (!(value > most)) return;
   most = value;

@@ -7,7 +7,7 @@
 
 namespace palpate::inline v0 {
 
-/// Ticks of a run of any length in bounded memory: of each group of neighbours the one with the
+/// Ticks of a run of any length in bounded memory: of each group of neighbors the one with the
 /// largest force stays; groups double when there are too many.
 class RunSeries {
  public:
@@ -20,9 +20,9 @@ class RunSeries {
   std::size_t group_size_ = 1, num_in_group_ = 0;  // the last of ticks_ stands for the open group
 };
 
-/// Nothing was measured: not zero.
+/// True if nothing was measured, which is not zero.
 bool is_contact_lost(const TickRecord& tick);
-/// That the force fades at the end is none.
+/// Returns the fault of a tick; the fade at the end is none.
 Fault reported_fault(const TickRecord& tick);
 
 }  // namespace palpate::inline v0

@@ -135,7 +135,7 @@ DepthStreamInfo stream_from_json(const Json& json) {
   visit_stream(stream, reader(json));
   stream.sensor =
       value_named<SensorKind>(json.at("sensor").get<std::string>()).value_or(SensorKind::none);
-  stream.has_flow = json.value("has_flow", false);  // streams of before have none
+  stream.has_flow = json.value("has_flow", false);  // older streams have none
   return stream;
 }
 

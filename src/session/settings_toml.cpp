@@ -27,7 +27,7 @@ class Reader {
  public:
   Reader(std::string file, SettingTable& table) : file_(std::move(file)), table_(table) {}
 
-  /// The keys that it names.
+  /// Reads a document; returns the keys that it names.
   Result<std::vector<std::string>> read(const toml::table& document) {
     for (const auto& [name, node] : document) {
       const std::vector<std::string> names = names_in(name.str());
@@ -82,7 +82,7 @@ class Reader {
   std::vector<std::string> keys_;
 };
 
-/// With a point so that they stay decimals.
+/// Returns a number with a point or an exponent, so that it stays a decimal.
 std::string decimal(double value) {
   const std::string text = shortest_decimal(value);
   return text.find_first_of(".e") == std::string::npos ? text + ".0" : text;
@@ -128,7 +128,7 @@ std::string settings_toml(const SettingTable& table) {
       section = setting.section;
       text += (text.empty() ? "[" : "\n[") + std::string(section) + "]\n";
     }
-    // Identity is a pose like any other: as long as nobody gives one, there is none in the file.
+    // Identity is a pose like any other, so a pose that is not set is left out of the file.
     const bool is_left_out =
         setting.kind == SettingKind::pose && std::get<Pose>(setting.get()) == Pose{};
     std::string line =

@@ -9,14 +9,14 @@ namespace palpate::inline v0 {
 namespace {
 
 constexpr double kUsualUnits[] = {0.001, 0.00025, 0.0002, 0.000125, 0.0001};
-constexpr double kApart = 1.8;     // times: nearer than this the tool may have met something
-constexpr double kAlike = 1.2;     // times: a factor is about that of two units
-constexpr double kNearest = 0.05;  // m, of a tool that a camera sees
+constexpr double kApart = 1.8;                // factor; below it the tool may have met something
+constexpr double kAlike = 1.2;                // factor; within it a ratio is that of two units
+constexpr double kNearest = 0.05;             // m, of a tool that a camera sees
 constexpr std::size_t kMinMeasurements = 20;  // measurements around the tool
 constexpr int kMinLooks = 3, kSamples = 15;   // a side
 
-/// The unit with which what is seen `ratio` times as far as the tool would be where the tool is; 0:
-/// none that is used.
+/// Returns the usual unit with which a surface `ratio` times as far as the tool would be where the
+/// tool is; 0: none.
 double likely_unit(double unit, double ratio) {
   double best = 0, least = std::log(kAlike);
   for (const double usual : kUsualUnits) {
@@ -83,7 +83,7 @@ std::vector<std::string> UnitWatch::doubts() {
   for (Camera& camera : cameras_) {
     if (camera.has_reported || camera.num_looks < kMinLooks) continue;
     const bool is_far = camera.least > kApart, is_near = camera.most < 1 / kApart;
-    // A tool that goes to something is nearest to it, in the right unit, where this is least.
+    // A tool that approaches something is nearest to it, in the right unit, where this is least.
     const double unit = is_far || is_near ? likely_unit(camera.unit, camera.least) : 0;
     if (unit == 0) continue;
     camera.has_reported = true;

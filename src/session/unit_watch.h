@@ -10,20 +10,20 @@
 
 namespace palpate::inline v0 {
 
-/// In a run in which the tool never meets what is seen, though both lie in the same directions, by
-/// a usual factor of wrong units (counts of 1/5000 m read as millimetres: everything is
-/// five times as far as the tool). A doubt: nothing is changed.
+/// Finds runs in which the tool never meets what is seen, though both lie in the same directions,
+/// by a usual factor of wrong units (counts of 1/5000 m read as millimeters: everything is five
+/// times as far as the tool). A doubt: nothing is changed.
 class UnitWatch {
  public:
   UnitWatch(const Tool& tool, std::vector<DepthStreamInfo> streams);
 
   /// Keeps the newest frame of each camera. O(pixels).
   void take(const FrameRecord& record, const DepthFrame& frame);
-  /// Some hundred pixels around the tool, ten times a second of the run.
+  /// Looks at some hundred pixels around the tool, ten times a second of the run.
   void take(const ContactRecord& contact);
-  /// One sentence for each camera that is doubted, with the likely right unit, once.
+  /// Returns one sentence for each camera in doubt, with the likely right unit, once.
   std::vector<std::string> doubts();
-  /// Whether the tool had time to find something.
+  /// True if the tool had time to find something.
   bool has_waited(double time) const { return time > kPatience; }
 
  private:
@@ -34,7 +34,7 @@ class UnitWatch {
     Pose X_WC;
     double unit = 0.001;
     int num_looks = 0;
-    double least = 0, most = 0;  ///< how many times as far as the tool the rest is
+    double least = 0, most = 0;  ///< distance of the rest over that of the tool
     bool has_reported = false;
   };
 

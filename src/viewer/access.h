@@ -10,18 +10,18 @@
 
 namespace palpate::inline v0 {
 
-/// 16 to 128 letters, digits, - and _.
+/// True for 16 to 128 letters, digits, - and _.
 bool is_good_token(std::string_view token);
-/// 128 random bits.
+/// Returns a token of 128 random bits.
 std::string make_token();
 
-/// The refusal of a request that another web page may have caused, of its own or by a name that it
-/// has pointed at this computer (DNS rebinding). Without a token, the server is addressed as
-/// localhost or by a loopback address, at any port, as it may be forwarded; with one, by any name,
-/// as no other page knows the token. An Origin must be what is addressed.
+/// Refuses a request that another web page may have caused, of its own or by a name that it has
+/// pointed at this computer (DNS rebinding). Without a token, the server is addressed as localhost
+/// or by a loopback address, at any port, as it may be forwarded; with one, by any name, as no
+/// other page knows the token. An Origin must be the address itself.
 std::optional<HttpAnswer> refuse_stranger(const HttpQuestion& question, std::string_view token);
 
-/// The refusal of a request without the token, if there is one. It is compared in constant time.
+/// Refuses a request without the token, if there is one. It is compared in constant time.
 std::optional<HttpAnswer> refuse_without_token(const HttpQuestion& question,
                                                std::string_view token);
 

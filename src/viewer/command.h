@@ -24,7 +24,7 @@ class ViewCommand {
                         std::optional<double> preset = std::nullopt) const;
   /// Error: absent, empty or longer.
   Result<std::string> text(const char* member, std::size_t max_length) const;
-  /// That this command is not among those known here.
+  /// Returns the error for a command that is not among those known here.
   Error unknown(std::string_view known) const;
 
  private:

@@ -1,5 +1,5 @@
-// What the server's connections share. Only view_server.cpp includes what knows Boost.Beast, which
-// takes long to compile.
+// Shared state of the server's connections. Only view_server.cpp includes headers with Boost.Beast,
+// which takes long to compile.
 #pragma once
 
 #define BOOST_ASIO_DISABLE_FENCED_BLOCK  // one thread; the thread sanitizer knows no fences
@@ -29,10 +29,10 @@ using asio::ip::tcp;
 using boost::system::error_code;
 
 inline constexpr std::size_t kMaxMessage = 64 * 1024;
-/// Of one connection: messages of a page, or requests. A page that holds the tool sends one for
-/// every frame of its screen and one for every picture.
+/// Rate limits of one connection: messages of a page, or requests. A page that holds the tool sends
+/// one for every frame of its screen and one for every picture.
 inline constexpr double kMessagesPerSecond = 1000, kMessagesAtOnce = 1000;
-/// What a message counts as: long ones take longer to read.
+/// Returns the cost of a message in the rate limit: long ones take longer to read.
 inline double message_cost(std::size_t num_bytes) {
   return 1 + static_cast<double>(num_bytes) / 4096;
 }
@@ -40,7 +40,7 @@ inline double message_cost(std::size_t num_bytes) {
 class HttpConnection;
 class PageSocket;
 
-/// Does something after a while, at once if that is 0; no more once its connection has ended.
+/// Calls a function after a delay, at once if that is 0; never once its connection has ended.
 class Pause {
  public:
   explicit Pause(const asio::any_io_executor& executor) : timer_(executor) {}
@@ -63,7 +63,7 @@ class Pause {
   bool is_on_ = false;
 };
 
-/// What every connection knows of the server.
+/// State of the server that every connection uses.
 struct Shared {
   ViewHub hub;
   std::string token;
@@ -71,7 +71,7 @@ struct Shared {
   DoorLimits limits;
   std::list<HttpConnection*> connections = {};  // oldest first
   std::list<PageSocket*> pages = {};
-  std::function<void()> wake = {};  // a page may want something now
+  std::function<void()> wake = {};  // call it when a page may need data now
 };
 
 /// A member of a list of raw pointers, for as long as it lives or until it leaves.

@@ -8,11 +8,11 @@
 
 namespace palpate::inline v0 {
 
-/// Which settings are controls.
+/// Predicate that selects the settings that are controls.
 using IsControl = bool(const Setting& setting);
-/// What RunLoop::change changes.
+/// True for settings that RunLoop::change can change.
 inline bool is_live_control(const Setting& setting) { return !is_fixed_while_running(setting); }
-/// Settings that change the contact with a recorded frame.
+/// True for settings that change the contact with a recorded frame.
 inline bool is_recorded_control(const Setting& setting) {
   return setting.section == "contact" || setting.section == "surface" ||
          setting.section == "field" || setting.section == "time";
@@ -22,8 +22,8 @@ inline bool is_recorded_control(const Setting& setting) {
 nlohmann::ordered_json list_controls(const SettingTable& table, IsControl is_control);
 /// {key: value} of each control.
 nlohmann::ordered_json control_values(const SettingTable& table, IsControl is_control);
-/// Sets one. Returns the value as it is now: whole numbers are rounded. Errors: no such control,
-/// with the nearest one or why it cannot change; a value out of range. Then nothing has changed.
+/// Sets a control; returns its value, with whole numbers rounded. Errors: no such control, with the
+/// nearest one or why it cannot change; a value out of range. Then nothing has changed.
 Result<nlohmann::ordered_json> set_control(SettingTable table, IsControl is_control,
                                            std::string_view key,
                                            const nlohmann::ordered_json& value);

@@ -1,4 +1,4 @@
-// The limits of the viewer's door, for clients that are slow or come too often.
+// Limits of the viewer's server, for clients that are slow or come too often.
 #pragma once
 
 #include <chrono>
@@ -11,7 +11,7 @@ namespace palpate::inline v0 {
 struct DoorLimits {
   std::chrono::milliseconds request_time{10'000};  ///< for a whole request, however it trickles in
   std::chrono::milliseconds answer_time{30'000};   ///< until an answer has been taken
-  /// Of all clients together.
+  /// Rate of new connections, of all clients together.
   double connections_per_second = 250, connections_at_once = 500;
 };
 

@@ -20,7 +20,7 @@ class FrameCache {
   RecordedRun& run_;
   std::size_t max_frames_;
   std::list<std::pair<std::size_t, std::shared_ptr<const RecordedFrame>>> frames_;
-  std::map<std::size_t, Error> lost_;  // what the recording does not hold is looked for once
+  std::map<std::size_t, Error> lost_;  // missing frames are looked for once
 };
 
 }  // namespace palpate::inline v0

@@ -9,7 +9,7 @@
 
 namespace palpate::inline v0 {
 
-/// A timeline of tiny frames has the same sense of time as one of large ones.
+/// Expected periods, from a timeline of tiny frames, which has the timing of one of large ones.
 class FramePeriods {
  public:
   FramePeriods(const DepthStreamInfo& stream, const TimeOptions& time) {
@@ -24,7 +24,7 @@ class FramePeriods {
     }
   }
 
-  /// s from the next frame to the one after it; 0 if that is not known.
+  /// Adds a frame at `clock`, s; returns the expected time to the next one, s; 0: unknown.
   double add(double clock) {
     if (!timeline_) return 0;
     timeline_->push(frame_, clock, *pool_);

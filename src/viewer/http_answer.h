@@ -1,4 +1,4 @@
-// One HTTP request, as far as we look at it, and the answer to it.
+// The used parts of an HTTP request, and the answer to it.
 #pragma once
 
 #include <optional>
@@ -26,7 +26,7 @@ struct HttpAnswer {
   std::span<const unsigned char> gzip = {};  ///< instead of the text
   std::string_view allow = {};               ///< methods, with status 405
 };
-/// With a sentence for the client.
+/// Returns an error with a sentence for the client.
 HttpAnswer http_error(int status, std::string_view error);
 
 /// Answers everything but the WebSocket.

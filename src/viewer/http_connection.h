@@ -76,7 +76,7 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
       switch (request.count(name)) {
         case 0: return std::nullopt;
         case 1: return view(request[name]);
-        default: return "";  // contradicts itself, and fits nothing
+        default: return "";  // contradictory, and matches nothing
       }
     };
     return {.method = view(request.method_string()),
@@ -133,8 +133,8 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
       response_.set(http::field::allow,
                     beast::string_view(answer_.allow.data(), answer_.allow.size()));
     response_.set(http::field::cache_control, answer_.gzip.empty() ? "no-store" : "no-cache");
-    // The page loads from here alone, nobody may show it inside another page, and nobody gets
-    // its address, which may hold the token.
+    // The page loads from here alone, cannot be shown inside another page, and sends nobody its
+    // address, which may hold the token.
     response_.set("Content-Security-Policy",
                   "default-src 'self'; connect-src 'self'; img-src 'self' data: blob:; "
                   "style-src 'self' 'unsafe-inline'; object-src 'none'; base-uri 'none'; "
@@ -146,8 +146,8 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
     response_.set("Cross-Origin-Opener-Policy", "same-origin");
   }
 
-  /// What is still being sent to us is read for a moment: closing at once would take the answer
-  /// away from whoever has not read it.
+  /// Reads incoming data for a moment: closing at once would take the answer away from a client
+  /// that has not read it yet.
   void print_closing() {
     error_code ignored;
     stream_.socket().shutdown(tcp::socket::shutdown_send, ignored);

@@ -19,12 +19,12 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr double kPicturePeriod = 1.0 / 60;  // s
-constexpr double kSparePeriod = 0.25;        // s, where the computer is short of time
+constexpr double kSparePeriod = 0.25;        // s, if computing time is short
 constexpr std::size_t kNumContacts = 4096;   // whose times are known
 constexpr std::size_t kLongestMark = 1000;
 constexpr double kMaxSteps = 1000;
 
-/// What the publishing thread has written, until the server comes for it.
+/// Data of the publishing thread, until the server takes it.
 class PendingData {
  public:
   explicit PendingData(std::size_t num_cameras) : frames_(num_cameras) {}
@@ -49,8 +49,8 @@ class PendingData {
     has_ticked_ = has_ticked_ || !ticks.empty();
   }
 
-  /// The newest frame of each camera that has a new one. Its time is that of the run, which the
-  /// first tick tells.
+  /// Takes the newest frame of each camera that has a new one. Its time is relative to the run's
+  /// start, which the first tick reports.
   void take_frames(std::vector<std::shared_ptr<const ViewFrame>>& frames) {
     const std::lock_guard lock(mutex_);
     if (!has_ticked_) return;
@@ -68,8 +68,8 @@ class PendingData {
     const std::lock_guard lock(mutex_);
     samples_.take(samples);
   }
-  /// Time of the contact of that number, s since the run began: now, if it has not been published
-  /// yet.
+  /// Returns the time of the contact of that number, s since the run began: the last tick's if it
+  /// has not been published yet.
   double contact_time(std::uint64_t number) const {
     const std::lock_guard lock(mutex_);
     const auto found = std::lower_bound(
@@ -91,7 +91,7 @@ class PendingData {
   bool has_ticked_ = false, has_hand_ = true;
 };
 
-/// Of an image that is late, s: by the slowest camera.
+/// Returns the age at which an image is late, s: by the slowest camera.
 double stale_age(const std::vector<DepthStreamInfo>& streams) {
   double longest = 0;
   for (const DepthStreamInfo& stream : streams) {
@@ -114,7 +114,7 @@ class LiveViewImpl final : public LiveView {
         handle_(std::move(handle)),
         stale_age_(stale_age(content_.streams)),
         pending_(content_.streams.size()) {
-    settings_.objects = objects_;  // pages ask for controls before there is a loop
+    settings_.objects = objects_;  // pages need controls before there is a loop
     RunObserver& observer = monitor_.observer;
     observer.on_frame = [this](const FrameRecord& record, const DepthFrame& frame) {
       pending_.add_frame(record, frame);
@@ -144,13 +144,13 @@ class LiveViewImpl final : public LiveView {
 
   const ViewContent content_;
   const std::vector<SceneObject> objects_;
-  const std::shared_ptr<PageHandle> handle_;  // the server's thread; null: it is held elsewhere
+  const std::shared_ptr<PageHandle> handle_;  // server's thread; null: no page holds the tool
   const double stale_age_;                    // s
   RunMonitor monitor_;
   PendingData pending_;
   std::atomic<bool> wants_end_ = false;
 
-  std::mutex mutex_;         // of what follows: the server's thread and that of the run
+  std::mutex mutex_;         // guards the members below: server's and run's threads
   RunLoop* loop_ = nullptr;  // not before it has begun, nor after its end
   bool has_begun_ = false, are_frames_held_ = false;
   std::uint32_t revision_ = 0;
@@ -163,7 +163,7 @@ class LiveViewImpl final : public LiveView {
   Recycler<ViewSurface> surfaces_;
 };
 
-/// Before it goes away, what there was is looked at once more.
+/// Keeps the last state of the loop before it goes away.
 void LiveViewImpl::show(RunLoop* loop) {
   const std::lock_guard lock(mutex_);
   look_at_loop();
@@ -172,7 +172,7 @@ void LiveViewImpl::show(RunLoop* loop) {
   look_at_loop();
 }
 
-/// State that needs no loop.
+/// Copies the state that pages need without a loop.
 void LiveViewImpl::look_at_loop() {
   if (loop_ == nullptr) return;
   settings_ = loop_->settings();
@@ -185,7 +185,7 @@ void LiveViewImpl::look_at_loop() {
 
 void LiveViewImpl::poll(const ViewSubscription& subscription, ViewUpdate& update) {
   {
-    // All at once, and seldom: what is not sent is not drawn either.
+    // Everything at once, and rarely if time is short: data that is not sent is not drawn either.
     const std::lock_guard lock(mutex_);
     const double now = monotonic_now();
     if (loop_ != nullptr && loop_->is_short_of_time() && now < last_poll_ + kSparePeriod) return;
@@ -220,7 +220,7 @@ void LiveViewImpl::take_pictures(const ViewSubscription& subscription, ViewUpdat
   }
 }
 
-/// What a person should know now, the most important first.
+/// Returns the note for the user now, the most important one first.
 Json LiveViewImpl::note(const TickRecord& last) const {
   if (!has_begun_) return "the run has not begun yet";
   if (loop_ == nullptr) {
@@ -325,7 +325,7 @@ Result<std::string> LiveViewImpl::set(const ViewCommand& command) {
   if (!value) return value.error();
   if (const Status status = loop_->change(changed); !status) return status.error();
   ++revision_;
-  if (handle_) handle_->grip_anew();  // what scales motions may have changed
+  if (handle_) handle_->grip_anew();  // the motion scale may have changed
   return Json{{"value", *value}}.dump();
 }
 

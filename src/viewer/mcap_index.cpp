@@ -10,11 +10,11 @@
 namespace palpate::inline v0 {
 namespace {
 
-constexpr std::chrono::milliseconds kPatience{1000};  // for what is short to be known as a whole
-// Of what a person should see in the time of the run.
+constexpr std::chrono::milliseconds kPatience{1000};  // to read all of a short recording
+// Limits of marks in the time of the run.
 constexpr std::size_t kMaxMarks = 5000, kMaxAlike = 200, kLongestMark = 1000;
 
-/// What is said again and again differs by its numbers.
+/// Removes digits: repeated notes differ by their numbers only.
 std::string without_digits(std::string text) {
   std::erase_if(text, [](char c) { return c >= '0' && c <= '9'; });
   return text;
@@ -46,7 +46,7 @@ Result<std::unique_ptr<McapIndex>> McapIndex::open(const std::filesystem::path& 
   auto reader = RunReader::open(path);
   if (!reader) return reader.error();
   std::unique_ptr<McapIndex> index(new McapIndex(*std::move(reader)));
-  // Until there is something to see; then in the background.
+  // Reads until there is something to see, then in the background.
   while (index->frames_.empty() || index->chunks_.empty()) {
     const auto got = index->read_next();
     if (!got) return no_run(path, got.error().message);
@@ -136,7 +136,7 @@ Status McapIndex::take(const RunReader::Message& message) {
   return Done{};
 }
 
-/// A program that says the same all night does not bury what others said.
+/// Adds a mark; a program that repeats itself all night does not crowd out other marks.
 void McapIndex::add_mark(std::uint64_t wall_time, std::string text) {
   if (marks_.size() == kMaxMarks) return;
   if (text.size() > kLongestMark) text.resize(kLongestMark);
@@ -146,7 +146,7 @@ void McapIndex::add_mark(std::uint64_t wall_time, std::string text) {
   marks_.emplace_back(wall_time, std::move(text));
 }
 
-/// Something was measured then: notes it for the chunk that it is in.
+/// Extends the time span of the present chunk by a measurement.
 void McapIndex::take_wall_time(std::uint64_t wall_time) {
   const double time =
       1e-9 * static_cast<double>(static_cast<std::int64_t>(wall_time - wall_start_));

@@ -33,32 +33,33 @@ struct IndexedFrame {
   double period = 0;        ///< s, SurfaceTimeline::period after it
 };
 
-/// Is made by a thread of its own that reads the file once; what has been read can be looked up
-/// meanwhile, from one thread.
+/// Index of a recording. A thread of its own reads the file once; entries read so far can be looked
+/// up meanwhile, from one thread.
 class McapIndex {
  public:
-  /// `path`: as of RunReader::open. Returns when it is known how the run begins, or all is known.
-  /// Errors: no such file, not a recording of a run, nothing happens in it, no thread to be had.
+  /// `path`: as of RunReader::open. Returns once the run's beginning is known, or all of it.
+  /// Errors: no such file, not a recording of a run, nothing happens in it, no thread can
+  /// start.
   static Result<std::unique_ptr<McapIndex>> open(const std::filesystem::path& path);
   ~McapIndex();
 
   const RunSetup& setup() const { return setup_; }
-  /// Of the run's beginning, s, monotonic.
+  /// Start of the run, s, monotonic.
   double start() const { return start_; }
 
   double duration() const;
-  /// Not null.
+  /// Settings of a revision; not null.
   std::shared_ptr<const RunSettings> settings(std::uint32_t revision) const;
   /// Notes of the run, a limited number of those that are alike; from any thread.
   std::vector<RecordedMark> marks() const;
   std::size_t num_marks() const;
-  /// What is wrong with the file, or how far it has been read; else empty.
+  /// Description of the file's damage, or of how far it has been read; else empty.
   std::string note() const;
   std::size_t num_frames() const;
   IndexedFrame frame(std::size_t index) const;
   /// The newest frame up to this number, as index.
   std::size_t index_of(std::uint64_t number) const;
-  /// How many chunks there are by now, and the last one that begins up to `time`; else 0.
+  /// Number of chunks by now, and index of the last one that begins up to `time`; else 0.
   std::size_t num_chunks() const;
   std::size_t chunk_at(double time) const;
   IndexedChunk chunk(std::size_t index) const;
@@ -78,7 +79,7 @@ class McapIndex {
   double start_ = 0;
   std::uint64_t wall_start_ = 0;  // ns since 1970, of the run's beginning
 
-  mutable std::mutex mutex_;  // of what follows
+  mutable std::mutex mutex_;  // guards the members below
   std::condition_variable has_grown_;
   bool is_complete_ = false, is_stopping_ = false;
   std::vector<IndexedChunk> chunks_;

@@ -33,7 +33,7 @@ enum class Kind : std::uint16_t {
 /// Appends values as they lie in memory.
 class Writer {
  public:
-  /// `size`: of all that follows the header, as far as it is known.
+  /// `size`: of all data after the header, as far as it is known.
   Writer(Kind kind, std::uint64_t number, double time, std::size_t size) {
     bytes_.reserve(16 + size);
     put(kind, std::uint16_t{kViewProtocol}, static_cast<std::uint32_t>(number), time);
@@ -83,14 +83,14 @@ bool is_finite(const Vec3f& v) {
   return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
 }
 
-/// -127 to 127 for -1 to 1; no number is 0.
+/// Maps -1 to 1 to -127 to 127; NaN and infinity to 0.
 std::int8_t to_byte(float value) {
   return std::isfinite(value)
              ? static_cast<std::int8_t>(std::lround(127 * std::clamp(value, -1.f, 1.f)))
              : std::int8_t{0};
 }
 
-/// A sphere that no point touches may have a plane that lies beside it.
+/// True if a plane cuts a sphere: one that no point touches may have a plane beside it.
 bool cuts(const Plane<float>& plane, const Sphere& sphere) {
   const bool has_plane = !(plane.normal == Vec3f{});
   return has_plane && std::abs(dot(plane.normal, sphere.centre) - plane.offset) < sphere.radius;
@@ -125,7 +125,7 @@ std::array<float, kNumColumns> row_of(const ViewSample& s, double first_time) {
 
 // Text.
 
-/// Names of files may be in any encoding.
+/// Returns JSON as text; names of files may be in any encoding.
 std::string dump(const Json& json) {
   return json.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
@@ -143,7 +143,7 @@ Json to_json(const DepthStreamInfo& s) {
           {"cy", s.intrinsics.cy}, {"rate", s.rate},        {"is_moving", s.is_moving}};
 }
 
-/// x y z qx qy qz qw, as they come: nobody has looked at the numbers yet.
+/// Returns the pose x y z qx qy qz qw, not yet validated.
 std::optional<Pose> pose_from(const Json& json) {
   if (!json.is_array() || json.size() != 7) return std::nullopt;
   std::array<double, 7> n;
@@ -193,7 +193,7 @@ std::string encode_objects(std::span<const std::shared_ptr<const Tool>> objects)
 }
 
 std::string encode_tree(const InnerSphereTree& tree) {
-  // A node's parent comes before it.
+  // A parent comes before its children.
   const std::span<const IstNode> nodes = tree.nodes();
   std::vector<std::uint8_t> levels(nodes.size()), inner_levels;
   for (std::size_t i = 0; i < nodes.size(); ++i) {

@@ -16,7 +16,7 @@ namespace palpate::inline v0 {
 
 inline constexpr int kViewProtocol = 3;
 
-/// Made once and shared by all pages that it goes to. Null: none.
+/// A message, made once and shared by all pages that it goes to. Null: none.
 struct ViewMessage {
   std::shared_ptr<const std::string> bytes;
   bool is_text = false;
@@ -39,7 +39,7 @@ std::string encode_normals(const ViewSurface& surface, std::uint64_t number, dou
 std::string encode_edges(const ViewSurface& surface, std::uint64_t number, double time);
 std::string encode_samples(std::span<const ViewSample> samples, std::uint64_t number);
 
-// Text messages. What a source says in JSON is taken as nothing where it is not JSON.
+// Text messages. A source's JSON counts as nothing where it is invalid.
 std::string hello_text(ViewSource& source, double radius);
 std::string state_text(ViewSource& source, int num_pages);
 std::string picture_text(std::uint64_t number);
@@ -47,7 +47,7 @@ std::string picture_text(std::uint64_t number);
 std::string answer_text(const nlohmann::json& id, std::string_view extra);
 std::string error_text(const nlohmann::json& id, std::string_view error);
 
-/// Of a ball around the centre of mass that holds spheres and mesh. O(n).
+/// Returns the radius of a ball around the center of mass that holds spheres and mesh, m. O(n).
 double tool_radius(const Tool& tool);
 
 /// Names of the columns of encode_samples.
@@ -57,9 +57,9 @@ std::vector<std::string> sample_columns();
 struct ViewRequest {
   nlohmann::json json;  ///< all of it, an object
   nlohmann::json id;    ///< a number, or null
-  std::string command;  ///< empty: an acknowledgement, or where the hand is
+  std::string command;  ///< empty: an acknowledgement, or a pose of the hand
   std::optional<Pose> hand;
-  std::string error;  ///< what is wrong with it; empty: nothing so far
+  std::string error;  ///< empty: none so far
 };
 ViewRequest parse_request(std::string_view text);
 

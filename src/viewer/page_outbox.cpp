@@ -15,7 +15,7 @@ PageOutbox::PageOutbox(ViewHub& hub) : hub_(hub), sent_parts_(hub.num_parts()) {
   number_ = hub_.add(this);
 }
 
-/// Whoever goes away lets go of the tool.
+/// Releases the tool of a page that goes away.
 PageOutbox::~PageOutbox() {
   hub_.release(number_);
   hub_.remove(this);
@@ -35,7 +35,7 @@ void PageOutbox::receive(std::string_view text) {
   answers_.push_back(text_message(hub_.execute(request, text).text));
 }
 
-/// Poses come sixty times a second: only what is wrong with them is answered.
+/// Moves the tool. Poses come sixty times a second: only errors are answered.
 void PageOutbox::move(const ViewRequest& request) {
   if (const Status status = hub_.move(number_, *request.hand); !status) say(request, status);
 }
@@ -50,7 +50,7 @@ void PageOutbox::receive_binary() {
 }
 
 void PageOutbox::acknowledge(const ViewRequest& request) {
-  // Of another picture, or before all of it was sent: not drawn.
+  // An acknowledgement of another picture, or before all of it was sent, does not count.
   if (picture_.empty() && request.json["ack"].get<std::uint64_t>() == picture_number_)
     awaits_ack_ = false;
 }
@@ -105,7 +105,7 @@ bool PageOutbox::wants(PicturePart part) const {
 }
 
 void PageOutbox::begin_picture(double now) {
-  // What is newest may be from before the page subscribed to it.
+  // The newest data may be from before the page subscribed to it.
   if (awaits_ack_ || hub_.num_polls() == poll_of_subscription_) return;
   for (std::size_t part = 0; part < hub_.num_parts(); ++part) {
     if (!wants(hub_.kind(part)) || hub_.number(part) == sent_parts_[part]) continue;

@@ -11,26 +11,25 @@
 namespace palpate::inline v0 {
 
 /// Holds no more than the picture that is being sent and a few answers, whatever the page does: the
-/// next picture is put together when the page has acknowledged the last one, of what is newest
-/// then.
+/// next picture is made of the newest data when the page has acknowledged the last one.
 class PageOutbox {
  public:
-  /// Begins with hello and state.
+  /// The first messages are hello and state.
   explicit PageOutbox(ViewHub& hub);
   ~PageOutbox();
   PageOutbox(const PageOutbox&) = delete;
   PageOutbox& operator=(const PageOutbox&) = delete;
 
-  /// A text message of the page's; one of another kind is answered with an error.
+  /// Takes a text message of the page; one of another kind is answered with an error.
   void receive(std::string_view text);
   void receive_binary();
-  /// The page must be read from no further until it has taken some answers.
+  /// True if the page must not be read from until it has taken some answers.
   bool is_full() const { return answers_.size() >= kMaxAnswers; }
 
-  /// What goes to the page next; null: nothing now.
+  /// Returns the next message to the page; null: nothing now.
   ViewMessage next(double now);
-  /// A page that has not drawn for a second, e.g. in a hidden tab, subscribes to samples alone:
-  /// nobody need make pictures for it.
+  /// Returns the page's subscription: samples alone if it has not drawn for a second, e.g. in a
+  /// hidden tab, so that no pictures are made for it.
   ViewSubscription subscription(double now) const;
 
  private:
@@ -48,15 +47,15 @@ class PageOutbox {
   std::uint64_t number_;
   ViewSubscription subscription_;
   std::uint64_t poll_of_subscription_ = 0;  // pictures come of later polls than this
-  std::deque<ViewMessage> answers_;         // and what was got
+  std::deque<ViewMessage> answers_;         // and requested data
   std::uint64_t sent_state_ = 0;
 
-  std::deque<ViewMessage> picture_;  // what is left of it
+  std::deque<ViewMessage> picture_;  // parts not yet sent
   std::uint64_t picture_number_ = 0;
   double picture_time_ = 0;
   bool awaits_ack_ = false;
   std::vector<std::uint64_t> sent_parts_;  // the number of each
-  std::uint64_t next_sample_ = 0;          // a new page begins with those that the hub has
+  std::uint64_t next_sample_ = 0;          // a new page begins with the hub's oldest
 };
 
 }  // namespace palpate::inline v0

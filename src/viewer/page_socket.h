@@ -38,7 +38,7 @@ class PageSocket : public std::enable_shared_from_this<PageSocket> {
     });
   }
 
-  /// Sends what there is to send.
+  /// Starts sending the next message, if there is one.
   void pump(double now) {
     if (!outbox_ || is_writing_ || is_closed_) return;
     sending_ = outbox_->next(now);
@@ -55,7 +55,7 @@ class PageSocket : public std::enable_shared_from_this<PageSocket> {
  private:
   static constexpr std::chrono::seconds kHandshakeTime{10}, kSilence{60};
   static constexpr double kStallTime = 10;  // s
-  /// Long messages go in pieces, so that a slow connection can be told from one that stands still.
+  /// Size of the pieces of long messages, bytes: a slow connection differs from one that stalls.
   static constexpr std::size_t kPiece = 256 * 1024;
 
   void read() {
@@ -82,7 +82,7 @@ class PageSocket : public std::enable_shared_from_this<PageSocket> {
     shared_.wake();
   }
 
-  /// A page that takes no answers is not listened to, nor for a while one that says too much.
+  /// Reads, except from a page that takes no answers or, for a while, one that sends too much.
   void read_if_it_may() {
     if (!is_closed_ && !is_reading_ && !pause_.is_on() && !outbox_->is_full()) read();
   }
@@ -111,7 +111,7 @@ class PageSocket : public std::enable_shared_from_this<PageSocket> {
     read_if_it_may();
   }
 
-  /// Whatever is being read or written ends with an error.
+  /// Closes the socket: pending reads and writes end with an error.
   void close() {
     is_closed_ = true;
     pause_.end();

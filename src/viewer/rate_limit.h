@@ -1,19 +1,18 @@
-// How often a client may do something.
+// Rate limit of a client's actions.
 #pragma once
 
 #include <algorithm>
 
 namespace palpate::inline v0 {
 
-/// So many a second on average, and some at once: a bucket that fills by itself. No clock, no
-/// thread.
+/// Token bucket: a rate per second on average, and some at once. No clock, no thread.
 class RateLimit {
  public:
   RateLimit(double per_second, double at_once)
       : per_second_(per_second), at_once_(at_once), left_(at_once) {}
 
-  /// One more, now (s, does not decrease); it counts as `cost`. Returns how long to wait for the
-  /// next one, s; 0: it may be at once.
+  /// Takes one action now (s, does not decrease), which counts as `cost`. Returns the wait until
+  /// the next one, s; 0: none.
   double take(double now, double cost = 1) {
     if (!has_begun_) last_ = now;
     has_begun_ = true;

@@ -1,4 +1,4 @@
-// A run, as it was recorded.
+// Reads a recorded run.
 #include <algorithm>
 #include <list>
 #include <utility>
@@ -24,13 +24,13 @@ struct KnownQuery {
   std::vector<Pose> bodies;
 };
 
-/// What happened in a chunk, in order.
+/// Queries and samples of a chunk, in order.
 struct ChunkContent {
   std::vector<KnownQuery> queries;
   std::vector<ViewSample> samples;
 };
 
-/// What stays known of a chunk, so that it is not read again for what it does not hold.
+/// Summary of a chunk, kept so that it is not read again for data that it does not hold.
 struct ChunkSummary {
   bool has_queries = false;
   double first_query = 0;  ///< its time
@@ -69,7 +69,7 @@ class RunInFile final : public RecordedRun {
   Result<const ChunkContent*> content(std::size_t chunk);
   Result<ChunkContent> read_content(std::uint64_t place);
   void summarize(std::size_t chunk, const ChunkContent& content);
-  /// True of a chunk that has not been read yet.
+  /// True if a chunk may hold the data, or has not been read yet.
   template <class Holds>
   bool may_hold(std::size_t chunk, Holds holds) const {
     const bool is_known = chunk < summaries_.size() && summaries_[chunk];
@@ -79,7 +79,7 @@ class RunInFile final : public RecordedRun {
   Tool tool_;
   std::unique_ptr<McapIndex> index_;
   RunReader reader_;
-  // The one used last in front. Of one that is damaged, the error.
+  // Contents of chunks, the last used one in front; for a damaged one, the error.
   std::list<std::pair<std::size_t, Result<ChunkContent>>> contents_;
   std::vector<std::optional<ChunkSummary>> summaries_;  // of chunks that were read
 };
@@ -118,7 +118,7 @@ Result<const ChunkContent*> RunInFile::content(std::size_t chunk) {
     auto content = read_content(index_->chunk(chunk).place);
     if (!content && content.error().code != Errc::bad_input) return content.error();
     if (content) summarize(chunk, *content);
-    // The last chunk that is known by now may yet be one of which not all is indexed: no matter.
+    // The last chunk known by now may be indexed only in part: no matter.
     contents_.emplace_front(chunk, std::move(content));
     if (contents_.size() > kMaxChunks) contents_.pop_back();
   } else {
@@ -153,7 +153,7 @@ Result<RecordedFrame> RunInFile::read_frame(std::size_t index) {
     if (!joined) return joined.error();
     if ((*message)->topic == kFrameTopic) {
       const auto record = v0::read_frame((*message)->data);
-      if (record && record->number > desired.number) return gone;  // its image never came
+      if (record && record->number > desired.number) return gone;  // its image is missing
     }
     if (!*joined || (*joined)->record.number != desired.number) continue;
     DepthFrame& frame = (*joined)->frame;
@@ -196,8 +196,7 @@ Result<RecordedQuery> RunInFile::query_at(double time) {
                        found->revision};
 }
 
-/// Surfaces take their time: the frame was captured, made into one, and waited for the blend
-/// before.
+/// Surfaces come late: the frame was captured, made into one, and waited for the blend before.
 double RunInFile::needed_from(std::size_t index) {
   const IndexedFrame frame = index_->frame(index);
   const double captured = frame.capture_time - index_->start();
@@ -219,7 +218,7 @@ Result<std::vector<ViewSample>> RunInFile::samples(double after, double until) {
   std::vector<ViewSample> samples;
   if (until <= after) return samples;
   std::size_t chunk = index_->chunk_at(after);
-  // Ticks and queries of one moment may be in neighbouring chunks.
+  // Ticks and queries of one moment may be in neighboring chunks.
   if (chunk > 0) --chunk;
   for (; chunk < index_->num_chunks() && index_->chunk(chunk).first <= until + kRounding; ++chunk) {
     if (index_->chunk(chunk).last < after - kRounding) continue;

@@ -13,7 +13,7 @@
 
 namespace palpate::inline v0 {
 
-/// A query that was made.
+/// A recorded query.
 struct RecordedQuery {
   double time = 0;   ///< s since the run began
   double clock = 0;  ///< the same moment on the clock by which frames were taken
@@ -41,19 +41,19 @@ class RecordedRun {
 
   virtual const Tool& tool() const = 0;
   virtual const std::vector<DepthStreamInfo>& streams() const = 0;
-  /// With their shapes.
+  /// All objects, with their shapes.
   virtual const std::vector<SceneObject>& objects() const = 0;
-  /// Those of a query.
+  /// Settings of a revision.
   virtual RunSettings settings(std::uint32_t revision) = 0;
-  /// s; how much of the recording is known by now.
+  /// Duration of the recording that is known by now, s.
   virtual double duration() = 0;
   virtual std::size_t num_frames() = 0;
-  /// As the run numbered it: some may have been lost.
+  /// Number of a frame in the run: some may have been lost.
   virtual std::uint64_t frame_number(std::size_t index) = 0;
-  /// Which camera saw it, and FrameRecord::camera_frame.
+  /// Index of the frame's camera, and FrameRecord::camera_frame.
   virtual std::pair<std::size_t, std::int64_t> camera_frame(std::size_t index) = 0;
   virtual Result<RecordedFrame> read_frame(std::size_t index) = 0;
-  /// What SurfaceTimeline::period was after this frame, s.
+  /// SurfaceTimeline::period after this frame, s.
   virtual double period_after(std::size_t index) = 0;
   /// Time of its first use, s since the run began.
   virtual double needed_from(std::size_t index) = 0;
@@ -61,16 +61,16 @@ class RecordedRun {
   virtual Result<RecordedQuery> query_at(double time) = 0;
   /// Ticks later than `after` until `until`, in order.
   virtual Result<std::vector<ViewSample>> samples(double after, double until) = 0;
-  /// Of the first tick with a contact until `until`, if there is one.
+  /// Time of the first tick with a contact until `until`, if there is one, s.
   virtual Result<std::optional<double>> first_touch(double until) = 0;
-  /// Also from another thread. There are more once more of the recording is known.
+  /// Marks so far, also from another thread: there are more once more of the recording is known.
   virtual std::vector<RecordedMark> marks() const = 0;
   virtual std::size_t num_marks() const = 0;
-  /// What a person should know of the recording; else empty.
+  /// Note on the recording for the user; else empty.
   virtual std::string note() = 0;
 };
 
-/// The run in this folder.
+/// Opens the run in this folder.
 Result<std::unique_ptr<RecordedRun>> open_recorded_run(const std::filesystem::path& folder);
 
 }  // namespace palpate::inline v0

@@ -6,11 +6,11 @@
 
 namespace palpate::inline v0 {
 
-/// One thread: of this and of all who hold what it gave.
+/// Pool of large objects. It and all holders of its objects use one thread.
 template <class T>
 class Recycler {
  public:
-  /// One that nobody holds any more, with its old contents.
+  /// Returns an object that nobody holds any more, with its old contents.
   std::shared_ptr<T> take() {
     for (std::shared_ptr<T>& kept : kept_) {
       if (kept == nullptr) kept = std::make_shared<T>();

@@ -9,7 +9,7 @@
 namespace palpate::inline v0 {
 namespace {
 
-/// Are surfaces made alike with these?
+/// True if both settings make the same surfaces.
 bool makes_same_surfaces(const RunSettings& a, const RunSettings& b) {
   const auto has_field = [](const RunSettings& settings) {
     return settings.contact.method == MethodKind::field;
@@ -24,7 +24,7 @@ bool makes_same_surfaces(const RunSettings& a, const RunSettings& b) {
 Repetition::Repetition(RecordedRun& run)
     : run_(run), frames_(run), pool_(0), index_(ToolIndex::create(run.tool())) {}
 
-/// On the backend of the run if it is there.
+/// Makes the contact part on the backend of the run, or else on the CPU.
 Status Repetition::make_part(RunSettings settings) {
   settings.objects.clear();  // spheres are shown as the cloud has them
   backend_ = settings.backend.value_or(Backend::cpu);
@@ -41,8 +41,8 @@ Status Repetition::make_part(RunSettings settings) {
   return Done{};
 }
 
-/// Some frames of each camera up to the one that the query rests on. One that was silent for long
-/// is not looked for.
+/// Returns frames of each camera up to the one that the query rests on. A camera that was silent
+/// for long is not searched for.
 std::vector<Repetition::Lead> Repetition::leads_of(const RecordedQuery& query, int num_lead) {
   constexpr std::size_t kMaxSilentFrames = 64;  // frames of each of the others
   const std::size_t num_cameras = run_.streams().size(), num_requested = 1 + num_lead;
@@ -59,7 +59,7 @@ std::vector<Repetition::Lead> Repetition::leads_of(const RecordedQuery& query, i
   return leads;
 }
 
-/// Whether the timelines come to these frames by the next ones of each camera, and have all of the
+/// True if the timelines reach these frames by the next ones of each camera, and have all of the
 /// last `num_used` of them.
 bool Repetition::goes_on_to(const std::vector<Lead>& leads, std::size_t num_used) {
   if (cameras_.empty()) return false;
@@ -109,7 +109,7 @@ Result<bool> Repetition::go_to(const RecordedQuery& query, const RunSettings& se
     Camera& camera = cameras_[k];
     std::size_t num_left = leads[k].size();
     for (const std::size_t index : leads[k]) {
-      // Of those before only what averages take from them matters.
+      // Earlier frames matter only for averages.
       const bool is_used = num_left-- <= num_used;
       const PixelWindow window = is_used ? PixelWindow{} : PixelWindow{0, 0, 1, 1};
       const std::int64_t number = run_.camera_frame(index).second;
@@ -125,7 +125,7 @@ Result<bool> Repetition::go_to(const RecordedQuery& query, const RunSettings& se
       camera.index = index;
     }
     if (!camera.timeline.status()) return camera.timeline.status().error();
-    if (camera.last < 0) continue;  // it had shown nothing yet
+    if (camera.last < 0) continue;  // no frame yet
     views_[k] = camera.timeline.at(std::max(query.clock, camera.clock));
     if (is_as_recorded) views_[k].progress = query.cameras.of[k].progress;
     views_.remember(camera.timeline.key_frames(), views_[k].progress);

@@ -17,20 +17,20 @@ class Repetition {
   /// `run` must outlive it.
   explicit Repetition(RecordedRun& run);
 
-  /// The surfaces as they were for this query: on from where they are if that is near, else anew
+  /// Makes the surfaces of this query: continues from the present ones if that is near, else anew
   /// from some frames before. False if keep_going() has become false. Errors: a frame, the
   /// settings.
   Result<bool> go_to(const RecordedQuery& query, const RunSettings& settings,
                      const std::function<bool()>& keep_going);
-  /// After go_to.
+  /// Repeats the query; call it after go_to.
   const Penetration& measure();
   const ContactQuery& query() const { return part_->query(); }
-  /// What is measured, of each camera.
+  /// Surfaces that are measured, of each camera.
   std::span<const SurfaceBlend> cameras() const { return views_.all(); }
-  /// The first camera's.
+  /// Returns the surface of the first camera.
   ViewSurface surface();
 
-  /// Begins anew with the next go_to: memory has ended in the middle of one.
+  /// Makes the next go_to begin anew, after memory ran out in the middle of one.
   void forget() {
     cameras_.clear();
     part_.reset();
@@ -41,7 +41,7 @@ class Repetition {
   using Lead = std::vector<std::size_t>;
   std::vector<Lead> leads_of(const RecordedQuery& query, int num_lead);
   FrameCache& frames() { return frames_; }
-  /// Where it is computed, if not where it was; else empty.
+  /// Note on the backend if it is another one than in the run; else empty.
   const std::string& note() const { return note_; }
 
  private:
@@ -62,7 +62,7 @@ class Repetition {
   struct Camera {
     SurfaceTimeline timeline;
     std::int64_t first = -1, last = -1;  // camera_frame: pushed from, until; -1: none
-    std::int64_t unused = -1;            // likewise: the last one of which little was requested
+    std::int64_t unused = -1;            // likewise: the last one made only in a small window
     double clock = 0;                    // of the last one
     std::size_t index = 0;               // likewise
   };

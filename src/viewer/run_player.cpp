@@ -15,7 +15,7 @@ using Json = nlohmann::ordered_json;
 
 constexpr std::chrono::microseconds kPeriod{16667};
 
-/// With what a person has changed.
+/// Returns settings with the user's changes.
 RunSettings changed_by(RunSettings settings, const Json& changes) {
   for (const auto& [key, value] : changes.items()) {
     (void)set_control(settings_of(settings), is_recorded_control, key, value);
@@ -23,7 +23,7 @@ RunSettings changed_by(RunSettings settings, const Json& changes) {
   return settings;
 }
 
-/// The keys of what differs.
+/// Returns the keys of settings that differ.
 std::string differences(const RunSettings& a, const RunSettings& b) {
   const Json values = control_values(settings_of(a), is_recorded_control),
              others = control_values(settings_of(b), is_recorded_control);
@@ -38,8 +38,8 @@ void add_note(std::string& note, const std::string& more) {
   if (!more.empty()) note += (note.empty() ? "" : "; ") + more;
 }
 
-/// Shortly before the first contact, s: there a run becomes worth a look. It is looked for in the
-/// first minute; the beginning if there is none.
+/// Returns a time shortly before the first contact, s, where a run becomes worth a look. It is
+/// searched for in the first minute; the beginning if there is none.
 double opening_time(RecordedRun& run) {
   constexpr double kLead = 0.5, kSearched = 60;  // s
   const auto first = run.first_touch(std::min(run.duration(), kSearched));
@@ -90,9 +90,9 @@ PlayerState RunPlayer::shown() const {
   return shown;
 }
 
-/// Under the lock: the player is to look at its orders.
+/// Makes the player look at its orders. Under the lock.
 void RunPlayer::change() {
-  was_looked_at_ = true;  // what a person does counts, from now on
+  was_looked_at_ = true;  // from now on the user decides
   ++num_orders_;
   has_changed_.notify_all();
 }
@@ -166,7 +166,7 @@ void RunPlayer::work() {
   }
 }
 
-/// Takes new orders. What is to be shown now, s.
+/// Takes new orders. Returns the time to show now, s.
 double RunPlayer::advance() {
   const double duration = run_->duration();
   int num_steps = 0;
@@ -212,7 +212,7 @@ void RunPlayer::show(double time) {
   tell(trouble);
 }
 
-/// As the run had them, with what was changed here; also for queries.
+/// Uses the run's settings with the user's changes; also for queries.
 void RunPlayer::use_settings_of(const RecordedQuery& query) {
   const std::lock_guard lock(mutex_);
   const SettingsInUse desired{query.revision, shown_.revision};
@@ -228,7 +228,7 @@ void RunPlayer::use_settings_of(const RecordedQuery& query) {
   }
 }
 
-/// Those that the query rests on.
+/// Shows the frames that the query rests on.
 void RunPlayer::show_frames(const RecordedQuery& query, std::string& trouble) {
   if (!subscription_.frames) return;
   const auto leads = repetition_.leads_of(query, 0);
@@ -238,7 +238,7 @@ void RunPlayer::show_frames(const RecordedQuery& query, std::string& trouble) {
     if (!frame) return add_note(trouble, frame.error().message);
     last_.frames[k] = leads[k].back();
     const std::lock_guard lock(mutex_);
-    // A part of what the cache holds, which it keeps.
+    // Points into a cached frame and keeps it alive.
     pending_.frames[k] = std::shared_ptr<const ViewFrame>(*frame, &(*frame)->shown);
   }
 }
@@ -272,7 +272,7 @@ void RunPlayer::show_contact(const RecordedQuery& query, std::string& trouble) {
   if (made.surface) pending_.surface = std::move(made.surface);
 }
 
-/// Those since the last time; after a leap those of the seconds before.
+/// Shows the samples since the last time; after a leap those of the seconds before.
 void RunPlayer::show_samples(double time, std::string& trouble) {
   const bool leaps = seen_seeks_ != taken_seeks_ || time < last_.sample_time;
   seen_seeks_ = taken_seeks_;

@@ -18,16 +18,16 @@ struct PlayerState {
   double time = 0, duration = 0, speed = 1;
   bool is_paused = false;
   std::uint64_t frame_number = 0;
-  std::uint32_t revision = 0;  ///< how often a setting was changed here
-  RunSettings settings;        ///< by which contacts are computed
+  std::uint32_t revision = 0;  ///< number of changes by the user
+  RunSettings settings;        ///< settings of the computed contacts
   std::size_t num_marks = 0;
   std::string note;  ///< else empty
 };
 
 class RunPlayer {
  public:
-  /// Paused shortly before the first contact until a page is open, then plays.
-  /// Lets std::system_error out if there is no thread to be had.
+  /// Starts paused shortly before the first contact, and plays once a page is open. Lets
+  /// std::system_error out if the thread cannot start.
   explicit RunPlayer(std::unique_ptr<RecordedRun> run);
   ~RunPlayer();
 
@@ -44,11 +44,11 @@ class RunPlayer {
   void seek(double time);
   void step(int num_frames);  ///< negative: back
   void set_speed(double factor);
-  /// The value as it is then. Errors: as set_control; settings that do not go together.
+  /// Sets a control; returns its value. Errors: as set_control; settings that do not go together.
   Result<nlohmann::ordered_json> set(std::string_view key, const nlohmann::ordered_json& value);
 
  private:
-  /// What was shown last, to know what is new.
+  /// State shown last, to detect news.
   struct Last {
     struct Picture {
       double when = -1;
@@ -59,7 +59,7 @@ class RunPlayer {
     Picture contact, surface;
     double sample_time = -1;
   };
-  /// Of the run and of what was changed here: which of them are in use.
+  /// Revisions in use: of the run's settings, and of the user's changes.
   struct SettingsInUse {
     std::uint32_t recorded = 0, changed = 0;
     bool operator==(const SettingsInUse&) const = default;
@@ -77,7 +77,7 @@ class RunPlayer {
 
   std::unique_ptr<RecordedRun> run_;
 
-  // Of the player's thread.
+  // Used by the player's thread only.
   Repetition repetition_;
   Last last_;
   std::size_t frame_ = 0;  // the newest one shown now
@@ -85,10 +85,10 @@ class RunPlayer {
   std::uint32_t taken_seeks_ = 0, seen_seeks_ = 0;
   std::optional<SettingsInUse> used_;
   RunSettings settings_;
-  std::uint64_t num_settings_ = 0;  // counts when they change
+  std::uint64_t num_settings_ = 0;  // counts their changes
   std::string what_if_;
 
-  mutable std::mutex mutex_;  // of what follows
+  mutable std::mutex mutex_;  // guards the members below
   std::condition_variable has_changed_;
   ViewClock clock_;
   bool was_looked_at_ = false;
@@ -100,7 +100,7 @@ class RunPlayer {
   ViewUpdate pending_;  // `frames` of each camera, null where there is no news
   SampleQueue samples_;
 
-  std::atomic<std::uint32_t> num_orders_ = 0;  // whatever makes a long way to a frame useless
+  std::atomic<std::uint32_t> num_orders_ = 0;  // orders, each of which cancels a long repetition
   std::atomic<bool> is_stopping_ = false, is_short_of_memory_ = false;
   std::thread thread_;
 };

@@ -9,10 +9,10 @@
 
 namespace palpate::inline v0 {
 
-/// Without a hand, F_H_B is the force on the tool.
+/// Returns the sample of a tick. Without a hand, F_H_B is the force on the tool.
 ViewSample sample_of(const TickRecord& tick, bool has_hand);
 
-/// The last seconds; older ones that nobody has fetched are dropped.
+/// Samples of the last seconds; older ones that were not fetched are dropped.
 class SampleQueue {
  public:
   static constexpr double kSeconds = 4;

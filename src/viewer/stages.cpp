@@ -9,8 +9,8 @@ using Json = nlohmann::ordered_json;
 
 constexpr int kMaxBars = 60;
 
-/// The buckets between the first and the last that hold something, neighbours together until they
-/// are few enough; empty ones are left out.
+/// Lists the buckets between the first and the last used one, neighbors merged until they are few
+/// enough; empty ones are left out.
 Json histogram_json(const LatencyHistogram& times) {
   int first = 0, end = LatencyHistogram::kNumBuckets;
   while (first < end && times.count(first) == 0) ++first;

@@ -6,7 +6,7 @@
 namespace palpate::inline v0 {
 namespace {
 
-/// Nothing moves, and nothing can be turned.
+/// Shows a tool alone: nothing moves, and there are no controls.
 class ToolView final : public ViewSource {
  public:
   ToolView(const Tool& tool, std::string title) : content_{"tool", std::move(title), &tool} {}

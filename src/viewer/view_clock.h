@@ -7,7 +7,7 @@
 
 namespace palpate::inline v0 {
 
-/// One thread at a time.
+/// Clock of playback. One thread at a time.
 class ViewClock {
  public:
   static constexpr double kSlowest = 0.01, kFastest = 10;

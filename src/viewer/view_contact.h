@@ -7,7 +7,7 @@
 
 namespace palpate::inline v0 {
 
-/// How the spheres were at the last query.
+/// Returns the states of the spheres at the last query.
 ViewContact view_contact(const ContactQuery& query, std::span<const SurfaceBlend> cameras,
                          const Pose& X_WT, double time, std::uint64_t frame_number);
 

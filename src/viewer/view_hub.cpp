@@ -85,7 +85,7 @@ void ViewHub::take_parts(ViewUpdate& update) {
   }
 }
 
-/// A page that joins a paused or ended run gets them too: they age with the run, not by the clock.
+/// Ages samples by the run, not by the clock: a page that joins a paused or ended run gets them.
 void ViewHub::take_samples(const std::vector<ViewSample>& samples) {
   for (const ViewSample& sample : samples) {
     const bool goes_back = !samples_.empty() && sample.time < samples_.back().time;  // a seek

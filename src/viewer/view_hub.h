@@ -16,28 +16,27 @@ namespace palpate::inline v0 {
 
 class PageOutbox;
 
-/// What a picture is made of, beside samples.
+/// Parts of a picture, beside samples.
 enum class PicturePart { frame, contact, normals, edges };
 
-/// Only the newest of each part is kept, of frames that of each camera, so that what a slow page
-/// misses is never stored for it.
-/// One thread, but for num_pages(). Times are monotonic_now().
+/// Keeps only the newest of each part, and of each camera's frames: data that a slow page misses is
+/// never stored for it. One thread, but for num_pages(). Times are monotonic_now().
 class ViewHub {
  public:
   explicit ViewHub(ViewSource& source);
 
-  /// Gets from the source what the pages have subscribed to, and its state when it is time.
+  /// Gets the subscribed data from the source, and its state when it is due.
   void poll(double now);
   std::uint64_t num_polls() const { return num_polls_; }
-  /// Some page wants to be sent something.
+  /// True if a page needs data.
   bool is_requested(double now) const;
 
   /// Parts of a picture, in the order in which they are sent.
   std::size_t num_parts() const { return parts_.size(); }
   PicturePart kind(std::size_t part) const { return parts_[part].kind; }
-  /// Counts how often there has been a new one of this part; 0: never.
+  /// Number of versions of this part so far; 0: none.
   std::uint64_t number(std::size_t part) const { return parts_[part].number; }
-  /// The newest; encoded when the first page takes it.
+  /// Returns the newest version, encoded when the first page takes it.
   const ViewMessage& message(std::size_t part);
   /// Number of samples since the start of the server.
   std::uint64_t num_samples() const { return first_sample_ + samples_.size(); }
@@ -46,26 +45,26 @@ class ViewHub {
 
   std::uint64_t state_number() const { return state_number_; }
   const ViewMessage& state() const { return state_; }
-  /// One that is new enough for repeated requests.
+  /// Returns a state that is new enough for repeated requests.
   const ViewMessage& fresh_state(double now);
-  /// With the controls as they are now.
+  /// Returns the hello message with the present controls.
   std::string hello() { return hello_text(source_, tool_radius_); }
-  /// What can be got: spheres, graph, mesh, tree, objects. Null: there is no such thing.
+  /// Returns stored data: spheres, graph, mesh, tree, objects. Null: there is no such thing.
   ViewMessage stored(std::string_view what);
 
-  /// Executes a command of the source's; the answer for whom it came from.
+  /// Answer to a command that the source executes, for the page that sent it.
   struct Answer {
     bool is_ok = false;
     std::string text;
   };
   Answer execute(const ViewRequest& request, std::string_view text);
 
-  /// A page holds, moves and releases the tool.
+  /// Lets a page hold, move and release the tool.
   Status hold(std::uint64_t page);
   Status move(std::uint64_t page, const Pose& X_WT) { return source_.move(page, X_WT); }
   void release(std::uint64_t page);
 
-  /// Returns its number.
+  /// Adds a page; returns its number.
   std::uint64_t add(PageOutbox* page);
   void remove(PageOutbox* page);
   int num_pages() const noexcept { return num_pages_; }

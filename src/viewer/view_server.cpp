@@ -19,7 +19,7 @@ namespace {
 
 using std::chrono::milliseconds;
 
-constexpr std::size_t kMaxConnections = 64;  // that are not pages
+constexpr std::size_t kMaxConnections = 64;  // limit of those that are not pages
 constexpr milliseconds kQuickTick{16}, kSlowTick{250};
 
 class Server : public ViewServer {
@@ -94,7 +94,7 @@ class Server : public ViewServer {
 
   void run() {
     take_rank(ThreadRank::viewer);
-    // Out of memory for one connection: the others go on.
+    // If memory runs out for one connection, the others go on.
     for (bool has_ended = false; !has_ended;) {
       guarded([&] { has_ended = (context_.run(), true); }, [](const Error&) {});
     }
@@ -102,11 +102,11 @@ class Server : public ViewServer {
 
   void accept() {
     acceptor_.async_accept([this](error_code error, tcp::socket socket) {
-      // Without a connection there are no file descriptors left, perhaps.
+      // An error may mean that no file descriptors are left: waits.
       const double wait = error ? 0.1 : limit_.take(monotonic_now());
       accept_pause_.begin(wait, [this] { accept(); });
       if (error) return;
-      // Who only holds connections must not keep others out.
+      // Idle connections must not keep others out: the oldest one is closed.
       if (shared_.connections.size() >= kMaxConnections) shared_.connections.front()->close();
       error_code ignored;
       socket.set_option(tcp::no_delay(true), ignored);

@@ -1,4 +1,4 @@
-// Where the objects of a run are.
+// Poses of the objects of a run.
 #pragma once
 
 #include <vector>

@@ -13,7 +13,7 @@ struct PathDeviceOptions {
   std::function<Pose(double time)> X_BH;  ///< the handle at a time, s, from 0 to `duration`
   double duration = 0;                    ///< s; ticks at times before it
   double rate = 1000;                     ///< ticks per second
-  DeviceLimits limits;                    ///< what forces are computed for
+  DeviceLimits limits;                    ///< limits of computed forces
   std::string name;                       ///< for humans
 };
 

@@ -20,10 +20,10 @@
 
 namespace palpate::inline v0 {
 
-/// What a contact counts in newtons, and what else of the settings decides it while a run goes on.
+/// Scale of contacts in newtons, and the other settings of contacts that a run can change.
 struct ContactScale {
   VolumeStiffness volume;
-  FrictionOptions friction = {};  ///< where an object has none of its own
+  FrictionOptions friction = {};  ///< for objects without their own
   double grip = 0;                ///< N/m: of what sticks to the tool
   BodyOptions bodies = {};
   ObjectFrictions object_frictions = {};  ///< of all objects, see frictions_of
@@ -37,26 +37,26 @@ class ContactPart {
   ContactPart(const Tool& tool, std::unique_ptr<ContactQuery> query, const ContactScale& scale,
               const std::vector<SceneObject>& objects = {}, BodyMethod bodies = BodyMethod::field,
               std::unique_ptr<MovingBodies> moving = nullptr);
-  /// Where pairs of tool and objects are measured, too. Error: too little memory there.
+  /// Sets the backend that measures pairs of tool and objects. Error: too little memory there.
   Status measure_pairs_at(Backend backend, int gpu);
 
-  /// From the next measurement on. `scale` has the friction of as many objects as there are. No
-  /// allocation.
+  /// Uses `scale` from the next measurement on. It has the friction of as many objects as there
+  /// are. No allocation.
   void use(const ContactScale& scale) noexcept;
-  /// Of each camera, where it sees what things are made of.
+  /// Sets the material regions of each camera.
   void set_regions(std::vector<RegionLookup> regions) { regions_ = std::move(regions); }
-  /// Objects that move go on from where they are in the part before.
+  /// Takes over the poses of moving objects from the part before.
   void take_over(const ContactPart& before) noexcept;
 
-  /// What the tool meets at record.X_WT: fills in penetration, objects and, with the stiffness that
-  /// was measured last, `contact`, whose time is the record's `contact.time`. Then objects that
-  /// move go on, by the time since the measurement before. No allocation.
+  /// Measures the tool at record.X_WT: fills in penetration, objects and, with the stiffness that
+  /// was measured last, `contact`, whose time is the record's `contact.time`. Then moves objects by
+  /// the time since the measurement before. No allocation.
   void measure(std::span<const SurfaceBlend> cameras, bool with_stiffness,
                ContactRecord& record) noexcept;
-  /// Whether contacts have a stiffness that can be measured; if not, that of `measure` is right.
+  /// True if contacts have a stiffness that can be measured; if not, that of `measure` is right.
   bool has_stiffness() const noexcept;
 
-  /// The tool's.
+  /// The tool's query.
   const ContactQuery& query() const { return *query_; }
 
  private:
@@ -66,9 +66,9 @@ class ContactPart {
   };
   void set_contact(ContactRecord& record) const noexcept;
   ContactPatch patch_at(std::span<const SurfaceBlend> cameras, const Pose& X_WT) const noexcept;
-  /// `sum`, and one by one the normal forces of all objects on the tool, N.
+  /// Returns `sum` plus the normal forces of all objects on the tool, N, one by one.
   double plus_object_forces(double sum) const noexcept;
-  /// Materials under the tool's contact with objects. `all_forces` > 0: sum over them, N.
+  /// Sets the frictions of the tool's contact with objects. `all_forces` > 0: sum over them, N.
   void take_frictions(double all_forces, ContactPatch& objects) const noexcept;
   void place_bodies(ContactRecord& record) noexcept;
   void carry(const Pose& X_WT) noexcept;
@@ -87,14 +87,14 @@ class ContactPart {
   std::optional<ToolAt> before_;  // at the last measurement
   Stiffness stiffness_;           // measured last
   ContactPatch patch_;            // likewise, or of this measurement if there is no stiffness
-  Twist scene_V_W_;               // share of its ground's motion that is of what cameras see
+  Twist scene_V_W_;               // part of its ground's motion that cameras measure
 };
 
-/// What a tick cannot see by itself.
+/// State of the run that a tick cannot know by itself.
 struct TickFlags {
   bool is_stopping = false;         ///< the force is to fade out
-  bool is_force_requested = false;  ///< it is to come back after a fault
-  bool is_suspended = false;        ///< it is away until the program goes on
+  bool is_force_requested = false;  ///< the force is to return after a fault
+  bool is_suspended = false;        ///< no force until the program resumes
   bool has_sensor_failed = false, has_backend_failed = false;
 };
 
@@ -109,11 +109,11 @@ class HandPart {
   /// that it took. Never allocates, locks or waits.
   void tick(const DeviceState& state, const ContactRecord& known, const TickFlags& flags,
             TickRecord& record) noexcept;
-  /// For the next tick. Another coupling takes the tool over where it is, and `coupling` is then
-  /// the one before; null: the one that there is stays.
+  /// Changes revision and coupling from the next tick on. Another coupling takes the tool over
+  /// where it is, and `coupling` then holds the one before; null: the coupling stays.
   void change(std::uint32_t revision, std::unique_ptr<Coupling>& coupling) noexcept;
 
-  /// All that it knows of the ticks before, but for the kind of its coupling: see StateNumbers.
+  /// Visits its whole state, except for the kind of its coupling: see StateNumbers.
   void remember(StateNumbers& numbers) noexcept {
     coupling_->remember(numbers);
     numbers(status_without_force_, safety_, revision_, num_ticks_, has_tool_, is_stopping_,
@@ -127,7 +127,7 @@ class HandPart {
   }
 
   bool has_tool() const { return has_tool_; }
-  /// Where a hand in this state would hold the tool.
+  /// Returns the pose in which a hand in this state would hold the tool.
   Pose held_pose(const DeviceState& state) const noexcept { return coupling_->held_pose(state); }
   std::uint64_t num_ticks() const { return num_ticks_; }
 
@@ -136,7 +136,7 @@ class HandPart {
   void end_without_force(TickRecord& record) noexcept;
 
   std::unique_ptr<Coupling> coupling_;
-  /// Where the device is given no wrench; but its num_faults is of the whole run.
+  /// Safety status while the device gets no wrench; but its num_faults is of the whole run.
   SafetyStatus status_without_force_;
   SafetyFilter safety_;
   const double tick_seconds_;
@@ -146,14 +146,14 @@ class HandPart {
   double start_time_ = 0, last_state_time_ = 0, first_tick_ = 0;
 };
 
-/// Once a second.
+/// True once a second.
 inline bool is_snapshot_due(std::uint64_t num_ticks, double tick_seconds) {
   const auto period = static_cast<std::uint64_t>(1 / tick_seconds + 0.5);
   return num_ticks > 0 && num_ticks % (period > 0 ? period : 1) == 0;
 }
 
-/// What a query is measured against: a blend of each camera, and after those what the ones that
-/// move remember, at the progress of its camera.
+/// Surfaces that a query is measured against: a blend of each camera, then the key frames of moving
+/// cameras, each at the progress of its camera.
 class CameraViews {
  public:
   explicit CameraViews(std::size_t num_cameras) : num_cameras_(num_cameras) {
@@ -162,7 +162,7 @@ class CameraViews {
   }
   /// No camera shows anything.
   void clear() { views_.assign(num_cameras_, {}); }
-  /// Forgets what cameras remember: for the next query. No allocation.
+  /// Drops the key frames, for the next query. No allocation.
   void begin() { views_.resize(num_cameras_); }
   SurfaceBlend& operator[](std::size_t camera) { return views_[camera]; }
   const SurfaceBlend& operator[](std::size_t camera) const { return views_[camera]; }
@@ -181,18 +181,17 @@ class CameraViews {
   std::vector<SurfaceBlend> views_;
 };
 
-/// What a run says at the end of the frames of one of its cameras.
+/// Returns the ending of a run after the last frame of one of its cameras.
 std::string frames_have_ended(const std::string& name, std::size_t camera, std::size_t num_cameras);
 /// An error of one of several cameras, by its name.
 Error error_of_camera(const Error& error, const std::string& name, std::size_t camera,
                       std::size_t num_cameras);
-/// What StepStatus::backend_failed means.
+/// Returns the error that StepStatus::backend_failed stands for.
 Error lost_backend();
-/// What a run ends with whose threads get no memory any more.
 
-/// Of one of the cameras, by the backend, the GPU and the options of the settings. Cameras that
-/// move remember no more frames than a query can take of all together (kMaxCameras). With
-/// `first_period`, s, instead of time.first_period; 0: that.
+/// Creates the timeline of one camera, with the backend, the GPU and the options of the settings.
+/// All moving cameras together keep no more key frames than a query can take (kMaxCameras).
+/// `first_period`, s, replaces time.first_period unless it is 0.
 Result<SurfaceTimeline> make_surfaces(std::span<const DepthStreamInfo> streams, std::size_t camera,
                                       const RunSettings& settings, int num_spare = 0,
                                       double first_period = 0);
@@ -205,21 +204,21 @@ Result<std::unique_ptr<ContactPart>> make_contact_part(std::shared_ptr<const Too
                                                        const RunSettings& settings,
                                                        const ContactScale& scale,
                                                        ThreadPool* threads = nullptr);
-/// With the regions of the settings, too, as these cameras see them.
+/// Adds the regions of the settings, as these cameras see them.
 Result<std::unique_ptr<ContactPart>> make_contact_part(std::shared_ptr<const ToolIndex> index,
                                                        std::span<const DepthStreamInfo> streams,
                                                        const RunSettings& settings,
                                                        const ContactScale& scale,
                                                        ThreadPool* threads = nullptr);
 
-/// For humans: each once, and of a run with many changes the first ones.
+/// Adds notes for humans: each once, and at most kMaxNotes in a run.
 inline constexpr std::size_t kMaxNotes = 100;
 void add_notes(std::vector<std::string>& notes, const std::vector<std::string>& news);
 
 /// The parts of a run, made from its settings.
 struct RunParts {
   std::unique_ptr<Coupling> coupling;
-  std::vector<SurfaceTimeline> timelines;  ///< of each camera; empty: those before go on
+  std::vector<SurfaceTimeline> timelines;  ///< of each camera; empty: the present ones stay
   std::unique_ptr<ContactPart> contact;
   bool needs_timelines = false, needs_contact = false;  ///< made, or left out
   CouplingOptions checked_coupling;
@@ -227,7 +226,7 @@ struct RunParts {
   std::vector<std::string> notes;  ///< for humans
 };
 struct RunPartsOptions {
-  /// What a running loop has: what it keeps of that is left out.
+  /// Settings of a running loop, whose unchanged parts are left out; null: none runs.
   const RunSettings* before = nullptr;
   int num_spare_surfaces = 0;           ///< see SurfaceTimeline
   ThreadPool* query_threads = nullptr;  ///< for queries too; must outlive them
@@ -266,39 +265,39 @@ class Pipeline {
   /// prescribed path (CouplingKind::none) is measured where it is first. No allocation.
   const TickRecord& tick(const DeviceState& state, TickFlags flags = {}) noexcept;
 
-  /// From the next tick on. What needs other surfaces waits for the next frame. Errors: as of
-  /// create(), or a setting that cannot change; nothing has changed then.
+  /// Changes settings from the next tick on. Parts that need other surfaces wait for the next
+  /// frame. Errors: as of create(), or a setting that cannot change; nothing has changed then.
   Status change(const RunSettings& settings);
 
   const RunSettings& settings() const { return settings_; }
   std::uint32_t revision() const { return revision_; }
-  /// Of the surface that was made last; contacts use it once each camera has one.
+  /// Revision of the newest surface; contacts use it once each camera has one.
   std::uint32_t frame_revision() const { return frame_revision_; }
   const std::vector<std::string>& notes() const { return notes_; }
-  /// With the zeros filled in.
+  /// Coupling options with the zeros filled in.
   const CouplingOptions& coupling() const { return checked_coupling_; }
   /// An error once the backend has failed.
   Status status() const;
 
-  /// Of the hand, before the next tick.
+  /// Returns the state of the hand before the next tick.
   HandSnapshot hand_snapshot() noexcept { return hand_->snapshot(); }
   const ContactRecord& contact() const { return contact_; }
   const ContactQuery& query() const { return contacts_->query(); }
-  /// For pictures: of one camera, in its frame.
+  /// Returns the newest cloud of one camera, in its frame, for pictures.
   PointCloud newest_cloud(std::size_t camera = 0) {
     return timelines_[camera].newest_cloud(*pool_);
   }
-  /// What was measured last, of each camera, and after these what they remember.
+  /// Surfaces of the last measurement: one of each camera, then the key frames.
   std::span<const SurfaceBlend> cameras() const { return cameras_.all(); }
   double period(std::size_t camera = 0) const { return timelines_[camera].period(); }
 
  private:
-  /// The newest one of a camera.
+  /// The newest frame of a camera.
   struct CameraFrame {
     std::int64_t number = -1;  // of the camera; -1: none
     double capture_time = 0;   // s
   };
-  /// What waits for a frame of each camera.
+  /// A change that waits for a frame of each camera.
   struct Pending {
     std::uint32_t revision = 0;
     std::vector<SurfaceTimeline> timelines;
@@ -326,7 +325,7 @@ class Pipeline {
   std::uint64_t num_frames_ = 0;
   double start_time_ = 0;
   bool has_begun_ = false, has_backend_failed_ = false;
-  // Of each camera.
+  // One for each camera:
   CameraViews cameras_;
   std::vector<CameraFrame> seen_;
   std::vector<std::int64_t> num_camera_frames_;

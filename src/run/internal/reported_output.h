@@ -6,7 +6,7 @@
 
 namespace palpate::inline v0 {
 
-/// What the frames of OutputOptions depend on, at one time.
+/// Frames and points that OutputOptions refers to, at one time.
 struct OutputFrames {
   Pose X_WT;
   Vec3d p_WC;      ///< center of mass of the tool's spheres
@@ -33,7 +33,7 @@ class ReportedOutput {
     }
   }
 
-  /// X_FE: of the tool's centre point.
+  /// X_FE: pose of the tool's center point.
   Pose pose() const { return inverse(X_WF_) * X_WE_; }
   /// A Wrench or a VolumeWrench in the axes of F.
   template <class Any>

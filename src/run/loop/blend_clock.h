@@ -8,9 +8,9 @@
 namespace palpate::inline v0 {
 
 /// A new surface is taken up when the blend to the one before is complete, so that no surface that
-/// comes early makes a step in the force. What was waited is made up for by a shorter blend, down
-/// to half a period: after a late surface the lag goes back to what it was. The blend begins at the
-/// query before, which was the last one of the surface before: so the first query of a new surface
+/// comes early makes a step in the force. A shorter blend, down to half a period, makes up for the
+/// wait: after a late surface the lag goes back to what it was. The blend begins at the query
+/// before, which was the last one of the surface before: so the first query of a new surface
 /// already feels it.
 class BlendClock {
  public:

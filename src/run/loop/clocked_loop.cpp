@@ -18,7 +18,7 @@
 namespace palpate::inline v0 {
 namespace {
 
-constexpr double kMaxLag = 0.25;  // s; what is later is not made up for
+constexpr double kMaxLag = 0.25;  // s; a larger lag is not made up for
 constexpr std::chrono::milliseconds kLongestWait{20};
 
 std::int64_t nanoseconds(double seconds) { return static_cast<std::int64_t>(1e9 * seconds); }
@@ -75,7 +75,7 @@ class ClockedLoop final : public RunLoop {
   const SimulatedClock clock_;
   LoopTimes times_;
 
-  mutable std::mutex mutex_;  // of what follows
+  mutable std::mutex mutex_;  // guards the members below
   std::condition_variable has_changed_;
   struct Camera {
     Camera(DepthSource& source, std::optional<double> zero) : frames(source, zero) {}
@@ -146,7 +146,7 @@ void ClockedLoop::work() {
   is_running_ = false;
 }
 
-/// Until a tick may come; false: none will.
+/// Waits until a tick may come; false: none will.
 bool ClockedLoop::wait_for_turn(Lock& lock) {
   while (!is_stopping_) {
     if (contact_number_ > 0) make_pictures();
@@ -170,7 +170,7 @@ void ClockedLoop::end(std::string ending) {
   report_.ending = std::move(ending);
 }
 
-/// The frames that are current at this time; false: there are none any more.
+/// Takes the frames that are current at this time; false: there are none any more.
 bool ClockedLoop::take_frames(double time) {
   const std::uint64_t before = report_.num_frames;
   for (std::size_t k = 0; k < cameras_.size(); ++k) {
@@ -241,7 +241,7 @@ Wrench ClockedLoop::tick(const DeviceState& state) {
   }
   if (observer_.on_ticks) observer_.on_ticks({&record, 1});
   report_.num_faults = record.safety.num_faults;
-  // On this clock nobody waits for a force: measurements of two backends are not mixed.
+  // On this clock nobody needs the force: the run ends rather than mixes two backends.
   if (status_ = pipeline_.status(); !status_) has_ended_ = true;
   const Wrench F_H_B = record.F_H_B;
   newest_.publish();

@@ -13,10 +13,10 @@ namespace {
 
 constexpr int kPriority = 70;              // below the haptic thread
 constexpr std::size_t kNumRecords = 8192;  // some seconds
-/// Of a tick, from its begin on: by then it has published where the tool is.
+/// Share of a tick after which the haptic thread has published the tool's pose.
 constexpr double kAfterTick = 0.05;
 
-/// With room for every sphere: a picture allocates nothing.
+/// Returns a picture with room for every sphere, so that filling it allocates nothing.
 ContactPicture blank_picture(std::size_t num_spheres) {
   ContactPicture picture;
   picture.spheres.wants(num_spheres);
@@ -48,7 +48,7 @@ void ContactStage::stop() noexcept {
   if (thread_.joinable()) thread_.join();
 }
 
-/// Notes speak of the contact thread, which is granted or refused the same.
+/// Reports no error: the contact thread does, which is granted or refused the same.
 void ContactStage::begin_thread() { request_real_time(kPriority); }
 
 void ContactStage::move_tool(const TimedToolPose& tool) noexcept { tools_.publish(tool); }
@@ -69,8 +69,8 @@ void ContactStage::work() {
   }
 }
 
-/// Shortly after the next tick is expected. One that is late is looked for again and again, less
-/// often the longer it is silent. Nobody waits for a time to which a device's clock has leapt.
+/// Returns the time of the next look, s: shortly after the next tick is expected. A late tick is
+/// polled, less often the later it is; a leap of the device's clock is not waited for.
 double ContactStage::next_look(double now) const {
   const double tick = settings_.tick_seconds;
   const double expected =
@@ -80,7 +80,7 @@ double ContactStage::next_look(double now) const {
   return late < 0 ? expected : now + std::clamp(late / 4, tick / 16, tick);
 }
 
-/// Half a tick early is in time: ticks do not come at the microsecond.
+/// True if a query is due; half a tick early is in time, as ticks jitter.
 bool ContactStage::is_due(double time) {
   if (!std::isfinite(time)) return false;
   // The device's clock was ahead for a while.
@@ -90,8 +90,8 @@ bool ContactStage::is_due(double time) {
   return true;
 }
 
-/// What all cameras show at this time. Surfaces that a change has requested are looked at once all
-/// cameras have them: until then those before stay, whose timelines the change keeps.
+/// Updates the views of all cameras to this time. Surfaces that a change has requested are used
+/// once all cameras have them; until then those before stay, whose timelines the change keeps.
 void ContactStage::look(double time) {
   oldest_revision_ = ~std::uint32_t{0};
   for (std::size_t k = 0; k < views_.size(); ++k) {
@@ -159,7 +159,7 @@ void ContactStage::measure(const TimedToolPose& tool) {
   part_->measure(cameras_.all(), part_->has_stiffness() && schedule_.is_due(), contact);
   const bool has_failed = contact.penetration.status.has(StepStatus::backend_failed);
   backend_failed_.store(has_failed, std::memory_order_release);
-  if (has_failed) return;  // it may pass: another part comes by a change
+  if (has_failed) return;  // a change may bring another part
   const double end = monotonic_now();
   schedule_.took(end - begin, contact.has_new_stiffness);
   if (part_->has_stiffness() && contact.penetration.volume > 0 && !contact.has_new_stiffness) {

@@ -18,16 +18,16 @@
 
 namespace palpate::inline v0 {
 
-/// Where the tool is.
+/// Pose of the tool at a time.
 struct TimedToolPose {
   double time = 0;  ///< s, monotonic
   Pose X_WT;
 };
 
-/// Other settings of queries, and another part or none; once settled, the one before.
+/// New settings of queries, and another part or null; once settled, it holds the previous part.
 struct ContactChange {
   std::uint32_t revision = 0;
-  std::uint32_t surface_revision = 0;  ///< is taken with the first surfaces of this revision
+  std::uint32_t surface_revision = 0;  ///< taken with the first surfaces of this revision
   double rate = 1000;
   ContactScale scale;
   std::unique_ptr<ContactPart> part;
@@ -47,19 +47,19 @@ class ContactStage {
                LatencyHistogram& contact_compute);
   ~ContactStage() { stop(); }
 
-  /// `fail` hears what its thread throws.
+  /// Starts the thread, which reports what it throws to `fail`.
   void start(double start_time, std::function<void(const Error&)> fail);
   void stop() noexcept;
-  /// What other threads that compute for queries do first, where real time is requested.
+  /// Start function of the other threads that compute queries, if real time is requested.
   static void begin_thread();
 
-  /// Haptic thread: the tool has moved. The contact thread looks by itself when it expects that:
-  /// to wake it would take the haptic thread longer than all that it computes.
+  /// Haptic thread: the tool has moved. The contact thread polls when it expects that: waking it
+  /// would take the haptic thread longer than all its own computation.
   void move_tool(const TimedToolPose& tool) noexcept;
   /// Haptic thread: the newest contact; its number is 0 if nothing has been measured yet.
   const ContactRecord& newest() noexcept;
 
-  /// Must be offered before the surfaces that it waits for.
+  /// A change must be offered before the surfaces that it waits for.
   Mailbox<ContactChange>& changes() noexcept { return changes_; }
 
   void request_picture(PictureConsumer who) noexcept {
@@ -81,7 +81,7 @@ class ContactStage {
   std::uint64_t num_spared_stiffnesses() const noexcept { return num_spared_.load(); }
   /// Contacts of a tool that had left the window of the surfaces.
   std::uint64_t num_outside_window() const noexcept { return num_outside_.load(); }
-  /// Of requesting real time; 0: granted or not requested.
+  /// Error number of the request for real time; 0: granted or not requested.
   int real_time_error() const noexcept { return real_time_error_.load(); }
   /// Publishing thread; empty unless records are kept.
   RecordQueue<ContactRecord>& records() noexcept { return records_; }
@@ -101,14 +101,14 @@ class ContactStage {
   Settings settings_;
   LatencyHistogram& contact_compute_;
 
-  // Of the contact thread: what it looks at of each camera.
+  // Used by the contact thread: its view of each camera.
   struct View {
     LiveSurfaces surfaces;
     BlendClock blend;
   };
   std::vector<View> views_;
-  CameraViews cameras_;                // likewise, at the moment
-  std::uint64_t newest_frame_ = 0;     // of these
+  CameraViews cameras_;                // their blends at the last look
+  std::uint64_t newest_frame_ = 0;     // in these views
   double last_look_ = 0;               // s, monotonic
   std::uint32_t oldest_revision_ = 0;  // of the surfaces taken last
   StiffnessSchedule schedule_;

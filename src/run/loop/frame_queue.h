@@ -42,7 +42,7 @@ class FrameQueue {
   const DepthFrame& current() const { return current_; }
   /// s, on the simulated clock.
   double current_time() const { return current_.timestamp - *zero_; }
-  /// The last frame has had its share of time.
+  /// True if the last frame has had its period.
   bool ended(double time) const {
     return !has_upcoming_ && time >= current_time() + 1 / source_.info().rate;
   }

@@ -13,7 +13,7 @@ constexpr int kPriority = 80;
 constexpr std::size_t kNumRecords = 8192;  // eight seconds at 1 kHz
 constexpr std::size_t kNumSnapshots = 16;
 
-/// Also of what a device with a broken clock says.
+/// Returns s in ns; 0 if out of range, as from a device with a broken clock.
 std::int64_t nanoseconds(double seconds) {
   constexpr double kMax = 9e18;
   const double number = 1e9 * seconds;
@@ -65,7 +65,7 @@ Wrench HapticStage::tick(const DeviceState& state) noexcept {
   return F_H_B;
 }
 
-/// Statistics, and the record on its way to the others.
+/// Updates the statistics and publishes the record.
 void HapticStage::keep_time(const TickStart& start, const TickRecord& record) noexcept {
   num_faults_.store(record.safety.num_faults, std::memory_order_relaxed);
   if (is_lasting(record.safety.fault)) {

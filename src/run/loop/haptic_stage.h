@@ -1,4 +1,4 @@
-// What the device's thread does at each tick: from the pose of the hand to its wrench.
+// The haptic thread's work at each tick: from the pose of the hand to its wrench.
 #pragma once
 
 #include <atomic>
@@ -15,7 +15,7 @@
 
 namespace palpate::inline v0 {
 
-/// Another coupling, or none: only the number changes. Once settled, the one before.
+/// Another coupling; null: only the revision changes. Once settled, it holds the previous one.
 struct HapticChange {
   std::uint32_t revision = 0;
   std::unique_ptr<Coupling> coupling;
@@ -39,38 +39,38 @@ class HapticStage {
   Wrench tick(const DeviceState& state) noexcept;
 
   // Any thread.
-  /// The force fades out.
+  /// Lets the force fade out.
   void request_stop() noexcept { wants_stop_.store(true, std::memory_order_release); }
-  /// It comes back after a fault; until the next tick, several wishes are one.
+  /// Lets the force return after a fault; requests before the next tick count as one.
   void request_force() noexcept { wants_force_.store(true, std::memory_order_release); }
-  /// While it is suspended it is away, as by a fault.
+  /// Suspends the force, as a fault does, or resumes it.
   void suspend(bool is_suspended) noexcept {
     is_suspended_.store(is_suspended, std::memory_order_release);
   }
-  /// The device has had none at a tick since.
+  /// True once the device has had no force at a tick since it was suspended.
   bool is_without_force() const noexcept {
     return num_without_force_.load(std::memory_order_acquire) > 1;
   }
-  /// For good.
+  /// True once the force has faded out for good.
   bool has_faded() const noexcept { return has_faded_.load(std::memory_order_acquire); }
   Mailbox<HapticChange>& changes() noexcept { return changes_; }
-  /// The lasting one, if there is one.
+  /// The lasting fault, if there is one.
   Fault fault() const noexcept { return fault_; }
   std::uint32_t num_faults() const noexcept { return num_faults_; }
   std::uint64_t num_ticks() const noexcept { return num_ticks_.load(std::memory_order_acquire); }
   std::uint64_t num_missed() const noexcept { return num_missed_; }
   std::uint64_t num_lost() const noexcept { return records_.num_lost(); }
-  /// Of requesting real time; 0: granted or not requested.
+  /// Error number of the request for real time; 0: granted or not requested.
   int real_time_error() const noexcept { return real_time_error_.load(); }
   /// The newest tick; one reader.
   bool latest(TickRecord& record) noexcept;
   /// Publishing thread; empty unless records are kept.
   RecordQueue<TickRecord>& records() noexcept { return records_; }
-  /// Likewise, one a second.
+  /// Likewise, snapshots of the hand, one a second.
   RecordQueue<HandSnapshot>& snapshots() noexcept { return snapshots_; }
 
  private:
-  /// When a tick began: by the clock, and by what the thread has computed until then.
+  /// Start of a tick, s: on the clock, and in CPU time of the thread.
   struct TickStart {
     double time, cpu;
   };
@@ -82,11 +82,11 @@ class HapticStage {
   const Settings settings_;
   LoopTimes& times_;
 
-  // Of the haptic thread.
+  // Used by the haptic thread only.
   HandPart hand_;
   double last_begin_ = 0;
 
-  // Between the haptic thread and others.
+  // Shared by the haptic thread and others.
   Mailbox<HapticChange> changes_;
   TripleBuffer<TickRecord> newest_;
   RecordQueue<TickRecord> records_;

@@ -30,14 +30,14 @@ constexpr double kPublishingPeriod = 0.005;  // s
 constexpr double kMindingPeriod = 0.02;      // s
 constexpr double kFirstTickTimeout = 2;      // s
 constexpr double kFadeTimeout = 0.5;         // s, beyond the fade itself
-// A change is waited for no longer than this and three frames, s: whoever requests it may have the
-// end of the run to request as well.
+// Longest wait for a change, s, beyond three frames: its caller may also need to request the end of
+// the run.
 constexpr double kChangeTimeout = 2;
 constexpr double kMaxSilence = 1;  // s without a tick, or safety.max_tick: a device is stuck
-constexpr double kLongStart = 2;   // s until the user is told what is waited for
+constexpr double kLongStart = 2;   // s until a note says that the device is starting
 
-/// Waits for it, at most for `patience` s, of which the rest remains. Its rounds are counted: while
-/// the whole process stands still, nobody waits.
+/// Waits for a condition, at most for `patience` s, of which the rest remains. It counts its
+/// rounds: time in which the whole process stands still is not counted.
 template <class Condition>
 void wait_for(double& patience, const Condition& has_come) {
   constexpr double kRound = 1e-3;  // s
@@ -61,7 +61,7 @@ std::unique_ptr<ThreadPool> make_query_threads(const RunSettings& settings,
 struct Change {
   RunSettings settings;
   std::uint32_t revision = 0;
-  double patience = 0;  // s that people wait for it
+  double patience = 0;  // s left to wait for it
   SurfaceChange surfaces;
   ContactChange contacts;
   HapticChange haptic;
@@ -146,7 +146,7 @@ class LiveLoop final : public RunLoop {
   void publish_all();
   bool has_stopped_ticking();
   bool is_start_long();
-  /// It ticks no more: lost, stuck, or at the end of its path.
+  /// True if the device ticks no more: lost, stuck, or at the end of its path.
   bool has_device_ended() const { return is_device_stuck_ || !device_.status(); }
   void end_with(const Error& error);
   void end() noexcept;
@@ -161,20 +161,20 @@ class LiveLoop final : public RunLoop {
   LoopTimes times_;
   const std::unique_ptr<ThreadPool> query_threads_;
 
-  // Of who changes settings.
+  // Used by the thread that changes settings.
   std::mutex changing_;
-  std::unique_ptr<Change> change_;  // what the stages have not all taken yet
-  // Between that thread and the publishing one.
+  std::unique_ptr<Change> change_;  // not yet taken by all stages
+  // Shared by that thread and the publishing one.
   mutable std::mutex mutex_;
   RunSettings settings_;  // as all stages have them
   std::vector<std::string> notes_;
   Status failure_ = Done{};          // of the first thread that threw
   std::array<double, 3> thinned_{};  // s: page, image, spheres
-  // Of the publishing thread.
+  // Used by the publishing thread only.
   std::uint64_t num_seen_ticks_ = 0;
   int num_silent_rounds_ = 0;
   bool was_start_long_ = false;
-  // Of the minding thread.
+  // Used by the minding thread only.
   bool is_changing_backend_ = false;
   LoadGovernor governor_;
 
@@ -207,7 +207,7 @@ Status LiveLoop::start() {
   return started;
 }
 
-/// Memory is locked first, which takes a tenth of a second or more: meanwhile frames would pass by.
+/// Locks memory first, which takes 0.1 s or more: later, frames would pass by meanwhile.
 Status LiveLoop::start_all() {
   lock_all_memory();
   try {
@@ -227,7 +227,7 @@ Status LiveLoop::start_all() {
     return Error{Errc::unavailable, std::string("cannot start the threads of the loop: ") +
                                         error.what() + "; end other programs and try again"};
   }
-  if (memory_.is_held()) memory_.hold();  // what the threads have taken since: little
+  if (memory_.is_held()) memory_.hold();  // memory of the new threads: little
   const Status ticks =
       device_.start([this](const DeviceState& state) { return haptic_.tick(state); });
   is_device_starting_ = false;
@@ -248,7 +248,7 @@ void LiveLoop::lock_all_memory() {
   if (const int refused = memory_.hold()) notes_.push_back(memory_lock_refused(refused));
 }
 
-/// A thread has failed. The hand needs no memory to fade out.
+/// Ends the run after a thread has failed. The hand needs no memory to fade out.
 void LiveLoop::end_with(const Error& error) {
   has_failed_ = true;
   haptic_.request_stop();
@@ -266,7 +266,7 @@ void LiveLoop::suspend_force() {
   wait_without(&HapticStage::is_without_force);
 }
 
-/// Until the force is away, which has been requested: for the fade, and not without end.
+/// Waits until the force is away, as requested: for the fade and at most kFadeTimeout longer.
 void LiveLoop::wait_without(bool (HapticStage::*force)() const noexcept) noexcept {
   double patience = first_settings_.safety.fade_seconds + kFadeTimeout;
   // A device that is lost or stuck does not tick.
@@ -307,7 +307,7 @@ Status LiveLoop::change(const RunSettings& settings) {
   return begun ? finish_change() : begun;
 }
 
-/// Makes what the stages need for it and offers it to them.
+/// Makes the parts of a change and offers them to the stages.
 Status LiveLoop::begin_change(const RunSettings& settings) {
   if (const Status status = check_change(settings_, settings); !status) return status;
   if (const Status status = check_rates(settings, device_.info()); !status) return status;
@@ -349,7 +349,7 @@ bool LiveLoop::is_change_taken() {
          surfaces_.changes().is_settled();
 }
 
-/// Waits until all stages have taken it.
+/// Waits until all stages have taken the change.
 Status LiveLoop::finish_change() {
   wait_for(change_->patience, [this] { return is_change_taken() || !is_running(); });
   if (!is_change_taken()) {
@@ -363,7 +363,7 @@ Status LiveLoop::finish_change() {
   return Done{};
 }
 
-/// Destroys what it has replaced.
+/// Makes the new settings the present ones and destroys the parts that they have replaced.
 void LiveLoop::end_change() {
   {
     const std::lock_guard lock(mutex_);
@@ -372,12 +372,12 @@ void LiveLoop::end_change() {
   change_.reset();
 }
 
-/// Changes settings without a request of the user. A thread of its own, because new parts may take
-/// long to make, and what is to be recorded must not wait for them.
+/// Changes settings without a request of the user. It has its own thread, because new parts may
+/// take long to make, and recording must not wait for them.
 void LiveLoop::mind_all() {
   if (first_settings_.wants_real_time) take_rank(ThreadRank::recorder);
   while (!stop_publishing_.sleep_for(kMindingPeriod)) {
-    // Whoever changes settings comes first.
+    // A change that the user requests comes first.
     const std::unique_lock lock(changing_, std::try_to_lock);
     if (!lock || !is_running()) continue;
     look_after_backend();
@@ -385,14 +385,14 @@ void LiveLoop::mind_all() {
   }
 }
 
-/// The last change has gone through all stages.
+/// True if no change is on its way through the stages; ends the last one if it is through.
 bool LiveLoop::may_begin_change() {
   if (change_ && !is_change_taken()) return false;
   if (change_) end_change();
   return true;
 }
 
-/// Hz, of the camera whose frames are the farthest apart: contacts are as old as its.
+/// Returns the lowest frame rate of all cameras, Hz: contacts are as old as its frames.
 double LiveLoop::slowest_rate() const {
   double slowest = streams_.front().rate;
   for (const DepthStreamInfo& stream : streams_) slowest = std::min(slowest, stream.rate);
@@ -409,7 +409,7 @@ LoadCounts LiveLoop::count_load(double contact_rate) const {
   return counts;
 }
 
-/// Less, if there is too little time; later more again.
+/// Reduces the load if computing time is short, and restores it later.
 void LiveLoop::look_after_load() {
   if (!may_begin_change()) return;
   const RunSettings present = settings();
@@ -426,11 +426,11 @@ void LiveLoop::look_after_load() {
   thinned_ = {governor_.page_seconds(), governor_.image_seconds(), governor_.spheres_seconds()};
   if (decision.note.empty()) return;
   publisher_.add_note(std::move(decision.note));
-  // What follows is judged by itself.
+  // The new settings are judged by a window of their own.
   governor_.begin_window(monotonic_now(), count_load(present.contact_rate));
 }
 
-/// A GPU that is lost has a CPU beside it.
+/// Replaces a lost GPU by the CPU.
 void LiveLoop::look_after_backend() {
   const auto has_failed = [&] {
     return surfaces_.has_backend_failed() || contacts_.has_backend_failed();
@@ -458,8 +458,8 @@ void LiveLoop::look_after_backend() {
   haptic_.request_stop();
 }
 
-/// A device may be stuck without knowing it. What counts are rounds of this thread: while the whole
-/// process stood still, there were none.
+/// True if the device is stuck, which it may not know. It counts rounds of this thread: while the
+/// whole process stood still, there were none.
 bool LiveLoop::has_stopped_ticking() {
   const std::uint64_t num_ticks = haptic_.num_ticks();
   const bool is_silent = num_ticks > 0 && num_ticks == std::exchange(num_seen_ticks_, num_ticks);
@@ -468,25 +468,25 @@ bool LiveLoop::has_stopped_ticking() {
          std::max({kMaxSilence, first_settings_.safety.max_tick, 10 / device_.info().rate});
 }
 
-/// True once: a robot's first pose, for instance, may take ten seconds.
+/// True once if the start takes long: a robot's first pose, for instance, may take ten seconds.
 bool LiveLoop::is_start_long() {
   const bool is_long = is_device_starting_ && monotonic_now() - start_time_ > kLongStart;
   return is_long && !std::exchange(was_start_long_, true);
 }
 
-/// Also notices when the haptic thread cannot: a device that is lost does not tick.
+/// Publishes all records, and ends the run of a lost device, whose haptic thread ticks no more.
 void LiveLoop::publish_all() {
   if (first_settings_.wants_real_time) recorder_nice_ = take_rank(ThreadRank::recorder);
   bool is_last = false;
   while (!is_last) {
     is_last = stop_publishing_.sleep_for(kPublishingPeriod);
     if (is_start_long()) publisher_.add_note("waits for " + device_.info().name + " to start");
-    // The observer may have kept half of it.
+    // After a failure, the observer may hold half of a record.
     if (!has_failed_) {
       guarded([&] { publisher_.publish(); }, [&](const Error& error) { end_with(error); });
     }
     if (is_running() && has_stopped_ticking()) is_device_stuck_ = true;
-    // Until it has started, it may tell of an earlier run.
+    // Before its start, the device may report the end of an earlier run.
     if (!is_device_starting_ && (haptic_.has_faded() || has_device_ended())) end();
   }
 }
@@ -518,7 +518,7 @@ LoopReport LiveLoop::report() const {
   }
   report.scheduling = scheduling();
   report.fault = haptic_.fault();
-  // The safety filter hears of a device only by its ticks. A path that has ended is no fault.
+  // The safety filter knows a device only by its ticks. A path that has ended is no fault.
   const Status device = device_.status();
   if (is_device_stuck_ || (!device && device.error().code != Errc::cancelled))
     report.fault = Fault::device;

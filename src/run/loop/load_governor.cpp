@@ -34,7 +34,7 @@ LoadGovernor::LoadGovernor(const DepthStreamInfo& stream, const RunSettings& set
       whole_(settings),
       relief_(make_relief(settings)) {}
 
-/// How much can be left out, at the most.
+/// Returns a relief with as many steps as image and tool allow.
 LoadRelief LoadGovernor::make_relief(const RunSettings& settings) const {
   int image = 0, spheres = 0;
   const int side = std::min(stream_.width, stream_.height) / settings.binning;
@@ -46,7 +46,7 @@ LoadRelief LoadGovernor::make_relief(const RunSettings& settings) const {
   return {image, spheres};
 }
 
-/// Spheres, without any steps.
+/// Returns the number of spheres without any steps.
 std::size_t LoadGovernor::num_requested() const {
   const auto some = static_cast<std::size_t>(std::max(whole_.num_spheres, 0));
   return some == 0 ? num_spheres_ : std::min(some, num_spheres_);

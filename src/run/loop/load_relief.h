@@ -1,11 +1,11 @@
-// What a live loop does about too little computing time, before it costs the force: step by step
-// less, and back again by itself.
+// Load relief of a live loop: computes less, step by step, before too little computing time costs
+// the force, and more again by itself.
 //
 //   a page is open           -> it is drawn less often
 //   depth frames get old     -> images are made smaller, by 2, then by 4
 //   contacts get old         -> half of the spheres are evaluated, then a quarter, then an eighth
 //
-// A step is taken back when all has been well for a while. If that was too early, the while
+// A step is taken back when all has been well for some time. If that was too early, the time
 // doubles.
 #pragma once
 
@@ -13,7 +13,7 @@
 
 namespace palpate::inline v0 {
 
-/// How far it went; each from 0.
+/// Numbers of steps taken; each from 0.
 struct ReliefSteps {
   int page = 0, image = 0, spheres = 0;
 
@@ -21,13 +21,13 @@ struct ReliefSteps {
   friend bool operator==(const ReliefSteps&, const ReliefSteps&) = default;
 };
 
-/// What a window of time looked like. An age is "old" beyond half of the limit of the safety
-/// filter, "getting old" beyond a quarter of it.
+/// Ticks in a window of time. An age is "old" beyond half of the limit of the safety filter,
+/// "getting old" beyond a quarter of it.
 struct LoadWindow {
   double seconds = 1;
-  /// Share of the ticks that had to do with ...
+  /// Share of the ticks that used old frames, old contacts, and any that are getting old.
   double old_frames = 0, old_contacts = 0, ageing = 0;
-  bool has_frames = true;  ///< the source sent some: else nothing here helps
+  bool has_frames = true;  ///< the source sent frames: else no step helps
   bool has_page = false;   ///< a page is open
 };
 
@@ -35,11 +35,11 @@ struct LoadWindow {
 class LoadRelief {
  public:
   static constexpr double kFew = 0.02;     ///< share of ticks that may be late
-  static constexpr double kCalm = 5;       ///< s, all well, before a step is taken back
-  static constexpr double kMaxCalm = 160;  ///< s, the longest that this becomes
-  static constexpr double kRelapse = 30;   ///< s after taking back: then it was too early
+  static constexpr double kCalm = 5;       ///< s without overload before a step is taken back
+  static constexpr double kMaxCalm = 160;  ///< s, its upper limit
+  static constexpr double kRelapse = 30;   ///< s; an overload so soon after: it was too early
 
-  /// The most steps that image and tool have to give.
+  /// Takes the largest numbers of steps of image and spheres.
   LoadRelief(int max_image, int max_spheres) : max_steps_{1, max_image, max_spheres} {}
 
   const ReliefSteps& steps() const { return steps_; }
@@ -56,7 +56,7 @@ class LoadRelief {
       if (steps_.any()) {
         take_back();
       } else {
-        // It was not too early.
+        // The last step back was not too early.
         patience_ = std::max(patience_ / 2, kCalm);
         calm_ = 0;
       }
@@ -69,7 +69,7 @@ class LoadRelief {
     return w.old_frames > kFew || w.old_contacts > kFew || (w.has_page && w.ageing > kFew);
   }
 
-  /// The page first: it does not affect the force.
+  /// Takes the next step: the page first, as it does not affect the force.
   void go_on(const LoadWindow& w) {
     ReliefSteps next = steps_;
     if (w.has_page && steps_.page < max_steps_.page) {
@@ -85,7 +85,7 @@ class LoadRelief {
     since_back_ = kRelapse;
   }
 
-  /// In the other order: what affects the force comes back first.
+  /// Takes one step back in the other order: those that affect the force first.
   void take_back() {
     int& step = steps_.spheres > 0 ? steps_.spheres : steps_.image > 0 ? steps_.image : steps_.page;
     --step;

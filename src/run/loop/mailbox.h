@@ -5,8 +5,8 @@
 
 namespace palpate::inline v0 {
 
-/// One giver, one taker. What is offered belongs to the taker until it is settled: it exchanges
-/// what it has for what is new, and the giver finds there what was replaced, to keep or to destroy.
+/// One giver, one taker. An offered object belongs to the taker until it is settled: the taker
+/// swaps its old contents into it, and the giver finds them there, to keep or to destroy.
 template <class T>
 class Mailbox {
  public:
@@ -14,7 +14,7 @@ class Mailbox {
   void offer(T& news) noexcept { offered_.store(&news, std::memory_order_release); }
   bool is_settled() const noexcept { return offered_.load(std::memory_order_acquire) == nullptr; }
 
-  /// Taker: what is offered, or null; and back it goes.
+  /// Taker: returns the offer or null; `settle` gives it back.
   T* look() const noexcept { return offered_.load(std::memory_order_acquire); }
   void settle() noexcept { offered_.store(nullptr, std::memory_order_release); }
 

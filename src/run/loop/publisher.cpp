@@ -41,7 +41,7 @@ void Publisher::publish() {
   publish_notes();
 }
 
-/// Up to this number.
+/// Publishes frames up to this number.
 void Publisher::publish_frames(std::uint64_t last) {
   for (const PublishedFrame* seen = records_.frames.front();
        seen != nullptr && seen->record.number <= last; seen = records_.frames.front()) {
@@ -51,7 +51,7 @@ void Publisher::publish_frames(std::uint64_t last) {
   }
 }
 
-/// Up to this number.
+/// Publishes contacts up to this number.
 void Publisher::publish_contacts(std::uint64_t last) {
   for (const ContactRecord* contact = records_.contacts.front();
        contact != nullptr && contact->number <= last; contact = records_.contacts.front()) {
@@ -83,7 +83,7 @@ void Publisher::publish_ticks() {
   }
 }
 
-/// Also where there was no room for the record of the contact.
+/// True if the tick's contact is published, or its record was lost for lack of room.
 bool Publisher::has_published_contact_of(const TickRecord& tick) {
   if (records_.num_contacts() < tick.contact_number) return false;
   publish_contacts(tick.contact_number);
@@ -91,7 +91,7 @@ bool Publisher::has_published_contact_of(const TickRecord& tick) {
   return next == nullptr || next->number > tick.contact_number;
 }
 
-/// Before the tick of this number. A snapshot comes before its tick, and may have lost it.
+/// Publishes the snapshot before the tick of this number. One whose tick was lost is dropped.
 void Publisher::publish_snapshot(std::uint64_t tick) {
   RecordQueue<HandSnapshot>& snapshots = records_.snapshots;
   for (const HandSnapshot* now = snapshots.front(); now != nullptr && now->tick <= tick;
@@ -101,7 +101,7 @@ void Publisher::publish_snapshot(std::uint64_t tick) {
   }
 }
 
-/// Up to this revision, each once.
+/// Publishes settings up to this revision, each once.
 void Publisher::publish_settings(std::uint32_t revision) {
   while (publishes_settings_ && published_revision_ < revision) {
     RunSettings settings;

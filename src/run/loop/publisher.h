@@ -15,7 +15,7 @@ namespace palpate::inline v0 {
 
 struct PublishedFrame;
 
-/// What the stages have written, and how many frames and contacts they are through with: a record
+/// Records of the stages, and the numbers of frames and contacts that they have finished: a record
 /// is written before it is counted, and may be used by others before both.
 struct LoopRecords {
   RecordQueue<PublishedFrame>& frames;
@@ -25,9 +25,9 @@ struct LoopRecords {
   std::function<std::uint64_t()> num_frames, num_contacts;
 };
 
-/// Empties the queues of the stages, in one thread. Where ticks are behind, contacts and frames
-/// that only later ticks rest on wait in their queues: an observer that keeps them for those ticks
-/// (a recording, which may begin another part there) keeps no more, however slow it is.
+/// Empties the queues of the stages, in one thread. Where ticks are behind, contacts and frames of
+/// later ticks wait in their queues: an observer that keeps them for those ticks (a recording,
+/// which may begin another part there) keeps no more, however slow it is.
 class Publisher {
  public:
   Publisher(const RunObserver& observer, LoopRecords records);
@@ -36,8 +36,8 @@ class Publisher {
   void add_settings(const RunSettings& settings);
   void add_note(std::string text);
 
-  /// What is there. A surface can be felt, and a contact too, a moment before its record is
-  /// written: what has to wait for that is published the next time.
+  /// Publishes the records that are there. A surface can be felt, and a contact too, a moment
+  /// before its record is written: records that need it are published the next time.
   void publish();
 
  private:
@@ -56,7 +56,7 @@ class Publisher {
   std::mutex mutex_;
   std::deque<RunSettings> settings_;  // those after `published_revision_`
   std::vector<std::string> notes_;
-  // Of the publishing thread.
+  // Used by the publishing thread only.
   std::uint32_t published_revision_ = 0;
   std::vector<TickRecord> batch_;
 };

@@ -8,7 +8,7 @@
 namespace palpate::inline v0 {
 namespace {
 
-/// What the safety filter lets out for a hand at rest that presses on nothing yet, N.
+/// Returns the force that the safety filter allows a hand at rest at its first touch, N.
 double largest_force(const SafetyOptions& options, const DeviceInfo& device) {
   constexpr int kNumTicks = 20;
   SafetyOptions at_once = options;
@@ -40,7 +40,7 @@ Status check_rates(const RunSettings& settings, const DeviceInfo& device) {
                      shortest_decimal(most) + " s; raise one of the two"};
   }
   if (settings.coupling.kind == CouplingKind::none) return Done{};
-  // At a tick the contact is that of the one before.
+  // A tick uses the contact of the tick before.
   const double longest = std::min(most, settings.safety.max_tick);
   if (device.rate > 0 && device.rate * longest <= 1) {
     const char* const name =

@@ -1,4 +1,4 @@
-// Whether a device ticks, and queries come, often enough for a force.
+// Checks that ticks and queries come often enough for a force.
 #pragma once
 
 #include <string>
@@ -8,10 +8,10 @@
 
 namespace palpate::inline v0 {
 
-/// Errors: by the limits of the safety filter there would never be a force.
+/// Errors: rates at which the safety filter would never allow a force.
 Status check_rates(const RunSettings& settings, const DeviceInfo& device);
 
-/// For humans: that the device ticks so rarely that the safety filter keeps force back.
+/// Returns a note if the device ticks so rarely that the safety filter limits the force.
 std::vector<std::string> notes_on_rates(const RunSettings& settings, const DeviceInfo& device);
 
 }  // namespace palpate::inline v0

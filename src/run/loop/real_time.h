@@ -12,8 +12,8 @@ namespace palpate::inline v0 {
 /// the error number. No allocation.
 int request_real_time(int priority) noexcept;
 
-/// How many threads compute together where so many are allowed (0: any number): none more than
-/// there are cores, which would only wait for each other.
+/// Returns the number of threads to compute with, of those allowed (0: any number): at most one for
+/// each core, as more would only wait for each other.
 int num_threads_for(int allowed) noexcept;
 
 /// Keeps the program's memory from being paged out, as long as any of these holds it: several runs
@@ -25,7 +25,7 @@ class MemoryLock {
   MemoryLock(const MemoryLock&) = delete;
   MemoryLock& operator=(const MemoryLock&) = delete;
 
-  /// Of all memory that exists now. Once held, again for what has come since. 0 or the error
+  /// Locks all memory that exists now; called again, memory that has come since. 0 or the error
   /// number.
   int hold() noexcept;
   void release() noexcept;
@@ -38,8 +38,8 @@ class MemoryLock {
 /// One sentence for humans: what was refused, and what to do.
 std::string scheduler_refused(const char* which_thread, int error_number);
 std::string memory_lock_refused(int error_number);
-/// Why depth frames were left out: `num_late` came too late by themselves; `period`, s, is the time
-/// between two.
+/// Explains why depth frames were left out: `num_late` came too late by themselves; `period`, s, is
+/// the time between two.
 std::string frames_left_out(std::uint64_t num, std::uint64_t num_late,
                             const LatencyHistogram& surface_compute, double period);
 

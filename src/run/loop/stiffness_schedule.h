@@ -13,13 +13,13 @@ class StiffnessSchedule {
  public:
   explicit StiffnessSchedule(double period) : budget_(kShare * period) {}
 
-  /// At each query, first.
+  /// True if the stiffness is due; called once before each query.
   bool is_due() {
     if (num_to_skip_ == 0) return true;
     --num_to_skip_;
     return false;
   }
-  /// After it: what it took, s, and whether the stiffness was computed too.
+  /// Records the time of a query, s, with or without the stiffness.
   void took(double query, bool with_stiffness) {
     if (!with_stiffness) {
       query_ += kSmoothing * (query - query_);

@@ -19,10 +19,10 @@ namespace {
 constexpr double kFirstFrameTimeout = 10;        // s
 constexpr std::size_t kNumFramesToPublish = 32;  // a second
 constexpr double kUsualPeriod = 1.0 / 30;        // s, where the stream says none
-/// Frame periods from the begin of a surface to the moment when nobody looks at it any more: until
-/// the next one is made, or that one has been blended in and the one after that is made.
+/// Longest use of a surface, frame periods from the start of making it: until the next one has been
+/// made and blended in, and the one after that is made.
 constexpr double kMaxPeriods = 3;
-/// s, or three frames: no blend takes longer, whatever is expected. The next surface waits for it.
+/// Longest blend, s, or three frames if they are longer: the next surface waits for it.
 constexpr double kLongestBlend = 0.25;
 constexpr double kLaterThanAll = std::numeric_limits<double>::infinity();
 
@@ -38,7 +38,7 @@ DepthFrame blank_frame(const DepthStreamInfo& stream) {
   return frame;
 }
 
-/// With room for a frame of each camera.
+/// Returns a stream whose frames have room for those of each camera.
 DepthStreamInfo largest_of(const DepthSources& sources) {
   DepthStreamInfo largest;
   for (const DepthSource* source : sources) {
@@ -49,7 +49,7 @@ DepthStreamInfo largest_of(const DepthSources& sources) {
   return largest;
 }
 
-/// Objects that move can be anywhere.
+/// Returns the window options; no window if objects move, which can be anywhere.
 WindowOptions window_of(const RunSettings& settings) {
   WindowOptions window = settings.window;
   window.enabled = window.enabled && !has_moving_objects(settings);
@@ -134,7 +134,7 @@ void SurfaceStage::stop() noexcept {
   if (surface_thread_.joinable()) surface_thread_.join();
 }
 
-/// The force fades out: no surface comes any more.
+/// Keeps the first error of a source; the force fades out, as no surface comes any more.
 void SurfaceStage::fail(const Error& error) {
   const std::lock_guard lock(error_mutex_);
   source_failed_.store(true, std::memory_order_release);
@@ -161,7 +161,7 @@ std::uint64_t SurfaceStage::num_late() const noexcept {
 std::uint64_t SurfaceStage::num_skipped() const noexcept {
   std::uint64_t sum = 0;
   for (const auto& camera : cameras_) {
-    // The newest frame may be in work.
+    // The newest frame may still be in progress.
     const std::uint64_t read = camera->num_read.load(), made = camera->num_made.load();
     if (read > made + 1) sum += read - made - 1;
   }
@@ -175,7 +175,7 @@ void SurfaceStage::read_frames(std::size_t number) {
     if (may_read(camera)) {
       const auto got = camera.source.read(newest.frame);
       if (!got) {
-        if (stop_.is_stopping()) return;  // what was cancelled has not failed
+        if (stop_.is_stopping()) return;  // a cancelled source has not failed
         const std::string& name = camera.source.info().name;
         return fail(error_of_camera(got.error(), name, number, cameras_.size()));
       }
@@ -185,7 +185,7 @@ void SurfaceStage::read_frames(std::size_t number) {
                                      std::nextafter(newest.capture_time, kLaterThanAll));
     } else {
       newest.capture_time = std::max(newest.capture_time + camera.period, monotonic_now());
-      newest.frame.flow.clear();  // what is held stands still
+      newest.frame.flow.clear();  // a held frame stands still
     }
     if (stop_.sleep_for(newest.capture_time - monotonic_now())) return;
     camera.frames.draft() = newest;
@@ -200,7 +200,7 @@ void SurfaceStage::read_frames(std::size_t number) {
   if (!stop_.is_stopping()) ended_camera_.compare_exchange_strong(none, static_cast<int>(number));
 }
 
-/// Whether the next frame is to come, not the last one again.
+/// True if the next frame is to be read; false: the last one is repeated.
 bool SurfaceStage::may_read(Camera& camera) {
   if (!is_held_.load()) {
     camera.num_stepped = num_steps_.load();
@@ -211,7 +211,7 @@ bool SurfaceStage::may_read(Camera& camera) {
   return true;
 }
 
-/// The next camera in turn with a new frame, once its surface has a place; null at the end.
+/// Returns the next camera in turn with a new frame and a free surface; null at the end.
 SurfaceStage::Camera* SurfaceStage::next_camera(std::size_t& last) {
   for (;;) {
     const std::uint32_t count = event_.count();
@@ -229,10 +229,10 @@ SurfaceStage::Camera* SurfaceStage::next_camera(std::size_t& last) {
   }
 }
 
-/// Where the tool can be until the surface that is made now is replaced.
+/// Returns the pixels that the tool can reach until the surface made now is replaced.
 PixelWindow SurfaceStage::next_window(Camera& camera, const Pose& X_WC, double time) {
   has_tool_ = tools_.refresh() || has_tool_;
-  if (!has_tool_) return {};  // nobody holds one yet
+  if (!has_tool_) return {};  // no hand holds one yet
   const Vec3d p_WQ = tools_.value() * tool_.p_TC;
   const Vec3d p_CQ = X_WC == Pose{} ? p_WQ : inverse(X_WC) * p_WQ;
   double speed = window_.speed * std::max(motion_scale_.load(), 1.0);
@@ -266,7 +266,7 @@ void SurfaceStage::make_surface(Camera& camera, std::uint32_t index) {
                                            next_window(camera, newest.frame.X_WC, begin));
   const double end = monotonic_now();
   surface_compute_.record(static_cast<std::int64_t>(1e9 * (end - begin)));
-  // It may pass: another timeline comes by a change.
+  // A change may bring another timeline.
   backend_failed_.store(!timeline.status(), std::memory_order_release);
   if (!timeline.status()) return;
   const SurfaceBlend blend = timeline.at(newest.capture_time);
@@ -302,7 +302,7 @@ void SurfaceStage::make_surface(Camera& camera, std::uint32_t index) {
   if (index == 0 && wants_picture_.exchange(false)) make_picture(number);
 }
 
-/// The revision that the next surface is made with.
+/// Takes a change if there is one; returns the revision of the next surface.
 std::uint32_t SurfaceStage::take_change() {
   if (SurfaceChange* const change = changes_.look()) {
     for (std::size_t k = 0; k < cameras_.size(); ++k) {
@@ -320,7 +320,7 @@ void SurfaceStage::make_picture(std::uint64_t number) {
     make_surface_picture(cameras_.front()->timeline.newest_cloud(pool_), number, pictures_.draft());
     pictures_.publish();
   } catch (const std::bad_alloc&) {
-    // There is no picture, then.
+    // Too little memory: no picture.
   }
 }
 

@@ -22,7 +22,7 @@
 
 namespace palpate::inline v0 {
 
-/// SurfaceTimeline::key_frames. Copies are as long as there are any.
+/// Views of SurfaceTimeline::key_frames. Copying takes only those that there are.
 class KeyFrameViews {
  public:
   KeyFrameViews() = default;
@@ -40,7 +40,7 @@ class KeyFrameViews {
   std::size_t num_ = 0;
 };
 
-/// What the contact thread looks at of a camera until it takes the next ones.
+/// Surfaces of a camera that the contact thread uses until it takes the next ones.
 struct LiveSurfaces {
   SurfaceBlend blend;  ///< progress 1: there is nothing to blend
   KeyFrameViews key_frames;
@@ -57,26 +57,26 @@ struct PublishedFrame {
   FrameRecord record = {};
 };
 
-/// What the surface thread is to know about the tool.
+/// Ball around the tool, for the window of the surface thread.
 struct ToolBall {
-  Vec3d p_TC;        ///< centre of mass
-  double reach = 0;  ///< no element's centre is farther from it, m
+  Vec3d p_TC;        ///< center of mass
+  double reach = 0;  ///< bound on the distance of all its elements' centers, m
 };
 ToolBall ball_of(const Tool& tool);
 
-/// Other timelines; once settled, those before.
+/// Other timelines; once settled, it holds the previous ones.
 struct SurfaceChange {
   std::uint32_t revision = 0;
   std::vector<SurfaceTimeline> timelines;
 };
 
-/// A timeline keeps one surface more than are looked at: the next frame is made into that one while
-/// the contact thread looks at the last two. Before the camera's frame after that, which goes into
-/// the older of these two, the surface thread waits until the contact thread has taken the new
+/// A timeline keeps one surface more than are in use: the next frame is made into that one while
+/// the contact thread uses the last two. Before the camera's frame after that, which goes into the
+/// older of these two, the surface thread waits until the contact thread has taken the new
 /// surfaces. The contact thread never waits.
 class SurfaceStage {
  public:
-  /// A timeline for this has kNumSpare spare surfaces.
+  /// Number of spare surfaces in each timeline.
   static constexpr int kNumSpare = 1;
 
   SurfaceStage(const DepthSources& sources, std::vector<SurfaceTimeline> timelines,
@@ -90,8 +90,8 @@ class SurfaceStage {
   void stop() noexcept;
 
   std::size_t num_cameras() const noexcept { return cameras_.size(); }
-  /// Contact thread: takes the newest surfaces of a camera if there are new ones; looks no more at
-  /// the older.
+  /// Contact thread: takes the newest surfaces of a camera if there are new ones; releases the
+  /// older.
   bool take(std::size_t camera) noexcept;
   const LiveSurfaces& taken(std::size_t camera) const noexcept {
     return cameras_[camera]->surfaces.value();
@@ -100,12 +100,12 @@ class SurfaceStage {
   /// Haptic thread: where the tool is.
   void move_tool(const Pose& X_WT) noexcept { tools_.publish(X_WT); }
 
-  /// The next frames go into other timelines. The surfaces of those before are looked at until the
+  /// Changes the timelines of the next frames. The surfaces of those before are used until the
   /// contact thread has newer ones of all cameras.
   Mailbox<SurfaceChange>& changes() noexcept { return changes_; }
-  /// Of settings that do not concern surfaces.
+  /// Sets the revision of settings that do not concern surfaces.
   void set_revision(std::uint32_t revision) noexcept { revision_.store(revision); }
-  /// Of the coupling, from the next frame on: a hand moves the tool so many times as fast.
+  /// Sets the coupling's motion scale from the next frame on: tool speed over hand speed.
   void set_motion_scale(double scale) noexcept { motion_scale_.store(scale); }
 
   /// While frames are held, the last one comes again and again, as from a camera; `step` lets one
@@ -119,12 +119,12 @@ class SurfaceStage {
     return pictures_.refresh() ? &pictures_.value() : nullptr;
   }
 
-  /// How the stage has ended, if it has: by the first camera that did. A backend that has failed
-  /// may be changed. Any thread.
+  /// Ends and failures of the stage, by the first camera that ends or fails. A backend that has
+  /// failed may be changed. Any thread.
   bool has_source_ended() const noexcept {
     return ended_camera_.load(std::memory_order_acquire) >= 0;
   }
-  /// Which camera's frames have ended first; -1: none.
+  /// Index of the camera whose frames ended first; -1: none.
   int ended_camera() const noexcept { return ended_camera_.load(std::memory_order_acquire); }
   bool has_source_failed() const noexcept { return source_failed_.load(std::memory_order_acquire); }
   bool has_backend_failed() const noexcept {
@@ -158,9 +158,9 @@ class SurfaceStage {
     SurfaceTimeline timeline;
     const double period;  // s, of frames, as the stream says
 
-    // Of the sensor thread.
+    // Used by the sensor thread only.
     std::uint32_t num_stepped = 0;
-    // Of the surface thread: the tool, from the camera, at the last frame.
+    // Used by the surface thread only: the tool's center in the camera frame, at the last frame.
     std::optional<Vec3d> p_CQ;
     double tool_time = 0;
 
@@ -189,7 +189,7 @@ class SurfaceStage {
   const ToolBall tool_;
 
   TripleBuffer<Pose> tools_;          // haptic thread to surface thread
-  bool has_tool_ = false;             // of the surface thread
+  bool has_tool_ = false;             // for the surface thread
   RecordQueue<PublishedFrame> seen_;  // surface thread to publishing thread
   TripleBuffer<SurfacePicture> pictures_;
   Mailbox<SurfaceChange> changes_;

@@ -34,7 +34,7 @@ struct Standoff {
   std::vector<double> samples;  ///< m, ascending
   double mean = 0, p95 = 0;     ///< m, of the samples
   double max = 0;               ///< m, of the samples and the corners of the mesh
-  Vec3d worst;                  ///< where the largest is: a point of the surface
+  Vec3d worst;                  ///< point of the surface with the largest
 };
 /// At surface_points, exact in double for each of them, and at all corners, because thin ends are
 /// corners. O(num_samples log num_spheres).
@@ -56,7 +56,7 @@ struct PackingStatistics {
 };
 PackingStatistics packing_statistics(const Tool& tool);
 
-/// What a page shows beside the tool itself; empty parts are left out.
+/// Notes that a page shows beside the tool itself; empty parts are left out.
 struct PackingNotes {
   std::string stopped;                                       ///< why there are no more spheres
   std::vector<std::pair<std::string, std::string>> options;  ///< name and value, for humans

@@ -10,7 +10,7 @@
 
 namespace palpate::inline v0 {
 
-/// What a page holds at most.
+/// Largest numbers of spheres and triangles on a page.
 inline constexpr std::size_t kMaxPageSpheres = 200000, kMaxPageTriangles = 200000;
 
 /// The mesh of a tool, or null where it is too large, and spheres in its frame: its own, or others.

@@ -22,9 +22,9 @@ struct ProbingPath {
   ProbeChoice choice;
 };
 
-/// No point of the tool, nor the origin of its frame, moves faster on a probing path, m/s.
+/// Largest speed of any point of the tool and of its frame's origin on a probing path, m/s.
 inline constexpr double kProbeSpeed = 0.15;
-/// Nor does the tool turn faster, rad/s.
+/// Largest angular speed of the tool, rad/s.
 inline constexpr double kProbeTurnRate = 1;
 
 /// Touches one place of what a depth stream shows, as a person would: along the viewing ray out of
@@ -32,10 +32,10 @@ inline constexpr double kProbeTurnRate = 1;
 /// slow turn, and out again. The tool is held like a pen: its thinnest end, or `aim.tip_T`, points
 /// into the scene, the rest leans to the upper right.
 ///
-/// Of the places that are seen well (measured, even and calm over time), the one that is nearest to
-/// camera and image centre is touched: the one with the least depth times 1 + its distance from the
-/// image centre in quarters of the image's width; badly seen places count as farther. `aim` may
-/// choose another one.
+/// The place to touch is, of those seen well (measured, even and calm over time), the one nearest
+/// to camera and image center: the one with the least depth times 1 + its distance from the image
+/// center in quarters of the image's width; badly seen places count as farther. `aim` may choose
+/// another one.
 ///
 /// The path is tried in every frame: it starts and ends where the whole tool is clear of
 /// everything, and presses less where other parts of the tool would be in as well. Where the
@@ -44,12 +44,12 @@ inline constexpr double kProbeTurnRate = 1;
 ///
 /// Reads the stream twice, up to `duration` seconds (nullopt: to its end, which is then the end of
 /// the path; if that comes too early to touch anything, the last frame stays for kShortestProbe in
-/// all). Errors: no usable surface near the image centre, or where `aim` says; an `aim` outside the
+/// all). Errors: no usable surface near the image center, or where `aim` says; an `aim` outside the
 /// image or off the tool; images that no SurfaceEstimator takes; duration not > 0, or none for an
 /// endless stream; what the stream reports.
 Result<ProbingPath> probing_path(const OpenDepthSource& open, const Tool& tool,
                                  std::optional<double> duration, const ProbeAim& aim = {});
-/// s.
+/// Shortest probing path, s.
 inline constexpr double kShortestProbe = 3;
 
 }  // namespace palpate::inline v0

@@ -26,7 +26,7 @@ struct StreamRecording {
 };
 
 /// Writes an MCAP file with /camera/depth/image_rect_raw (sensor_msgs/Image of 16UC1, the counts as
-/// they are), /camera/depth/camera_info, /camera/depth/unit (metres per count, which ROS takes for
+/// they are), /camera/depth/camera_info, /camera/depth/unit (meters per count, which ROS takes for
 /// 0.001) and /tf_static or /tf; /camera_2/... of a second camera. Live frames are stamped with
 /// their capture time since 1970 and written as they come, others with their own time stamps and in
 /// their order: the same bytes every time. Live cameras end together. The file is whole or absent:

@@ -16,15 +16,15 @@ inline constexpr const char* kRecordingFile = "recording.mcap";
 /// The recording of a long run comes in parts: this one, then recording-0002.mcap and so on. Each
 /// can be read by itself.
 std::string part_file(int number);
-/// Those that are in the folder of a run, in order. Empty: there is none. `error`: the folder
+/// Returns the parts in the folder of a run, in order. Empty: there is none. `error`: the folder
 /// cannot be listed to its end.
 std::vector<std::filesystem::path> recording_parts(const std::filesystem::path& folder,
                                                    std::error_code* error = nullptr);
 
-/// Whether `path` is `folder` or lies in it, so that replacing the folder would remove it.
+/// True if `path` is `folder` or lies in it, so that replacing the folder would remove it.
 bool lies_inside(const std::filesystem::path& path, const std::filesystem::path& folder);
 
-/// Removes what it wrote unless `commit` succeeded.
+/// Folder of a run that is being written; removed at the end unless `commit` succeeded.
 class RunFolder {
  public:
   /// `target` must be new, empty, or hold an earlier run and nothing else, which `commit` will
@@ -34,12 +34,12 @@ class RunFolder {
   RunFolder& operator=(RunFolder&&) = delete;
   ~RunFolder();
 
-  /// Where to write until `commit`.
+  /// Folder to write to until `commit`.
   const std::filesystem::path& partial() const { return partial_; }
   /// Gives the folder its name. Files that are open stay so, and more may be added. From here to
   /// the end of this object no other program replaces the folder. Error: another one writes there.
   Status commit();
-  /// The name.
+  /// Final folder.
   const std::filesystem::path& target() const { return target_; }
 
  private:
