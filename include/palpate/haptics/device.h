@@ -129,7 +129,7 @@ class PageHandle {
 
   PageNumber holder_ = 0;
   std::uint64_t grip_ = 0, sent_grip_ = 0;
-  double last_time_ = 0;  // s: when the holder was last heard of
+  double last_time_ = 0;  // s: time of the last message of the holder
   Pose last_X_BH_;
   std::unique_ptr<Mailbox> mailbox_;
 };
