@@ -1,5 +1,5 @@
-// palpate.Camera, palpate.Sensor and palpate.Surface: depth images become what tools are measured
-// against.
+// palpate.Camera, palpate.Sensor and palpate.Surface: from depth images to surfaces for contact
+// queries.
 #include <nanobind/stl/filesystem.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
@@ -38,7 +38,7 @@ std::vector<double> seven_of(const Pose& X) {
   return {seven.begin(), seven.end()};
 }
 
-/// Makes surfaces, each of which stays as long as somebody holds it.
+/// Class palpate.Sensor: computes surfaces, each valid as long as Python holds it.
 class PySensor {
  public:
   PySensor(const PyCamera& camera, const Place& place, const SensorOptions& options)
@@ -200,7 +200,7 @@ nb::object normals_in_camera(nb::handle self) {
   return channels(surface, {c.nx, c.ny, c.nz}, self);
 }
 
-/// In W: those of the camera themselves where W is C.
+/// Returns points or normals in W: those in C themselves if W is C.
 nb::object in_world(nb::handle self, nb::object in_camera, const Vec3d& shift) {
   const auto& surface = nb::cast<PySurface&>(self);
   if (surface.is_in_camera_frame) return in_camera;
@@ -248,7 +248,7 @@ struct FieldQuestion {
     }
   }
 
-  /// Of point i: phi, and the gradient in C.
+  /// Returns phi and its gradient in C at point i.
   FieldSample<double> evaluate(const PySurface& surface, std::size_t i) const {
     const double* p = points.data() + 3 * i;
     const Vec3d p_C = surface.X_CW * Vec3d{p[0], p[1], p[2]};

@@ -1,4 +1,4 @@
-// palpate.Tool: packing meshes, tool files, and what a tool is made of.
+// palpate.Tool: packing meshes, tool files, and the parts of a tool.
 #include <nanobind/stl/filesystem.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
@@ -69,14 +69,14 @@ PackRequest request_of(int spheres, std::uint64_t seed, int threads, const nb::d
   return request;
 }
 
-/// Warnings about the mesh become warnings of Python.
+/// Turns warnings about the mesh into Python warnings.
 void warn(const std::vector<std::string>& warnings) {
   for (const std::string& text : warnings) {
     if (PyErr_WarnEx(PyExc_UserWarning, text.c_str(), 2) != 0) throw nb::python_error();
   }
 }
 
-/// Without the GIL but where `progress` is called or Ctrl-C is polled.
+/// Packs without the GIL, except to call `progress` and to poll Ctrl-C.
 PyTool packed(const TriangleMesh& raw, PackRequest request, const nb::object& progress,
               const std::string& source) {
   request.options.progress = [&](const PackProgress& now) {
