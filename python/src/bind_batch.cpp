@@ -283,11 +283,11 @@ void bind_batch(nb::module_& m) {
   };
   nb::class_<PySurfaces>(
       m, "Surfaces",
-      R"(The depth fields of many images, made by Sensor.update_batch. They stay while it is held.)")
+      R"(The depth fields of many images from Sensor.update_batch. They stay valid while referenced.)")
       .def("__len__", [](const PySurfaces& self) { return self.batch.size(); });
 
   nb::class_<PyBody>(m, "Body",
-                     R"(A rigid body that stays where it is, to be touched by Contact.measure_batch.
+                     R"(A fixed rigid body, for Contact.measure_batch.
 
 shape: a Tool with a distance field; without one (older files) it is computed now, in about a second.
 pose: X_WB, (4, 4) or (7,) tx ty tz qx qy qz qw, m; None: its frame is W. Bodies made by `at` share the

@@ -240,8 +240,8 @@ void bind_penetration(nb::module_& m) {
            nb::sig("def __call__(self, surface: Surface, poses: palpate._types.Array, "
                    "threads: int = 0) -> tuple[numpy.typing.NDArray[numpy.float64], ...]"),
            R"(Volume (P,) m3, potential (P,) m4, the volume's gradient (P, 6) m2 and m3, force and
-torque (P, 6) m3 and m4, stiffness (P, 6, 6): all in W, by a shift of the tool and a small turn
-about its centre of mass. poses: (P, 4, 4) or (P, 7).)");
+torque (P, 6) m3 and m4, stiffness (P, 6, 6): all in W, by a shift of the tool and a small rotation
+about its center of mass. poses: (P, 4, 4) or (P, 7).)");
 }
 
 }  // namespace palpate::python

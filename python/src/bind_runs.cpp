@@ -403,18 +403,18 @@ flow: pushes may have an optical flow. A PushedCamera is for one run.)")
           nb::sig("def push(self, depth: palpate._types.Array, *, time: float | None = None, "
                   "pose: palpate._types.Array | None = None, "
                   "flow: palpate._types.Array | None = None) -> None"),
-          R"(depth: (H, W) uint16 counts or float32 metres; negative ones are no measurement. time: s on the
-camera's own clock, of a camera made with has_time_stamps=True. pose: X_WC of this image, (4, 4) or (7,),
-if the camera moves; None: that of the camera. flow: (H, W, 2), the velocity of what each pixel shows, u
-and v in pixels per second, NaN where unknown; None: unknown. Never waits for the run: the newest image
-wins. From any thread.)")
+          R"(depth: (H, W) uint16 counts or float32 meters; negative ones are no measurement. time: s on the
+camera's own clock, if created with has_time_stamps=True. pose: X_WC of this image, (4, 4) or (7,), if the
+camera moves; None: that of the camera. flow: (H, W, 2), optical flow, u and v of each pixel in pixels per
+second, NaN where unknown; None: unknown. Never waits for the run: the newest image wins. From any
+thread.)")
       .def(
           "end", [](PyPushedCamera& self) { self.source()->end(); }, "Ends the stream.");
 
   nb::class_<RunInThread>(m, "RunInThread", "A run whose loop is in C++, inside of palpate.Run.")
       .def("stop", &RunInThread::stop, "Fades the force out and ends the run.")
       .def("wait", &RunInThread::wait, nb::arg("seconds") = nb::none(),
-           "Waits until it has ended, at most so many seconds. True if it has. Ctrl-C ends it.")
+           "Waits for the end, at most `seconds`. True if it has ended. Ctrl-C ends it.")
       .def(
           "leave", [](nb::handle self) { self.inc_ref(); },
           "In a child of os.fork: the run and its threads are the parent's, and never end here.")

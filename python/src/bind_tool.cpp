@@ -241,7 +241,7 @@ Immutable. Made by `pack`, `pack_file` or `load_tool`. Arrays are read-only view
               "**limits: float) -> Tool"),
       R"(Fills a solid with disjoint spheres.
 
-vertices: (V, 3) float; times `scale` they are metres in the tool frame T.
+vertices: (V, 3) float; times `scale` they are meters in the tool frame T.
 triangles: (F, 3) int, counter-clockwise seen from outside; they must enclose a solid.
 spheres: maximum number of spheres.
 seed: jitters the starting grid.
@@ -274,7 +274,7 @@ Releases the GIL; Ctrl-C ends it. palpate.Error: not a solid, with the defect an
               "**limits: float) -> Tool"),
       R"(Fills the solid of a mesh file (OBJ, STL, PLY, OFF, glTF, GLB) with disjoint spheres.
 
-unit: of its coordinates: "m", "mm", "cm" or "in". For the others see `pack`.)");
+unit: of its coordinates: "m", "mm", "cm" or "in". See `pack` for the other parameters.)");
 }
 
 }  // namespace palpate::python

@@ -35,7 +35,7 @@ Vec3d limited(const Vec3d& v, double limit) {
   return length > limit / scale ? unit * (limit * kJustBelow / length) : v;
 }
 
-/// Returns `from`, moved towards `to` by at most `step`.
+/// Returns `from`, moved toward `to` by at most `step`.
 Vec3d approached(const Vec3d& from, const Vec3d& to, double step) {
   const Vec3d way = to - from, allowed = limited(way, step);
   return allowed == way ? to : from + allowed;

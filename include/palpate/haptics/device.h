@@ -35,7 +35,7 @@ struct DeviceInfo {
   int num_buttons = 0;
 };
 
-/// State of the hand at one tick. Base frame B of the device: x to the right, y up, z towards the
+/// State of the hand at one tick. Base frame B of the device: x to the right, y up, z toward the
 /// hand, the origin in the middle of the workspace. Handle frame H.
 struct DeviceState {
   double time = 0;  ///< s, monotonic clock of this computer
