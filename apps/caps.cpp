@@ -9,7 +9,7 @@
 namespace palpate::apps {
 namespace {
 
-/// Spheres and what cuts them.
+/// Spheres and the planes that cut them.
 struct Parts {
   std::vector<Sphere> spheres;
   std::vector<Plane<double>> planes;
@@ -20,14 +20,14 @@ struct Parts {
   }
 };
 
-/// What the measure takes of each sphere, as far as one plane can say it.
+/// Parts of the spheres that the measure counts, if one plane cuts each sphere.
 struct InsideParts {
   Parts cut, whole;
 };
 
 InsideParts inside_parts(std::span<const Sphere> spheres, const ContactQuery& query,
                          std::span<const SurfaceBlend> cameras, const Pose& X_WT) {
-  // The graph counts spheres that it reaches whole, whatever plane they have taken.
+  // The graph counts the whole spheres that it reaches, whatever plane they have taken.
   const auto* const graph = std::get_if<GraphMethod>(&query.method());
   const bool reached_are_whole = graph != nullptr && graph->inside == InsideVolume::full;
   std::vector<SphereState> states(spheres.size());

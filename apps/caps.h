@@ -20,7 +20,7 @@ void add_caps_options(CLI::App& app, CapsOptions& options);
 /// Wrong usage unless a picture can be written under this name.
 void check_caps_options(const CapsOptions& options);
 
-/// Writes the part of every sphere that is inside, in W, by what `query` finds at `X_WT`: cut
+/// Writes the part of every sphere inside the scene, in W, as `query` measures it at `X_WT`: cut
 /// spheres purple, whole ones blue (thesis Fig. 4.4). Returns the number of triangles. Error:
 /// nothing is inside, or too much for a picture.
 Result<std::size_t> write_caps(const CapsOptions& options, const Tool& tool,

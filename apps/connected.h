@@ -8,9 +8,9 @@
 
 namespace palpate::apps {
 
-/// The one depth camera that is plugged in. Errors: there is none, or several, which are named.
+/// Finds the only plugged-in depth camera. Errors: there is none, or several, which are named.
 Result<CameraUri> connected_camera();
-/// The one haptic device that is there, other than simulated ones. Errors: as above.
+/// Finds the only connected haptic device, except simulated ones. Errors: as above.
 Result<std::string> connected_device();
 
 }  // namespace palpate::apps

@@ -7,7 +7,7 @@
 namespace palpate::apps {
 namespace {
 
-/// 'x y z', or that with a quaternion.
+/// Parses 'x y z', or that with a quaternion.
 Pose parse_tcp(const std::string& text) {
   std::string blanks = text;
   std::ranges::replace(blanks, ',', ' ');
@@ -20,7 +20,7 @@ Pose parse_tcp(const std::string& text) {
   return pose ? *pose : *point;
 }
 
-/// No word of --wrench-frame and --path-frame that means something else.
+/// True unless the name is a word of --wrench-frame or --path-frame with another meaning.
 bool is_free(const std::string& name) {
   const std::initializer_list<std::string_view> words{"auto", "base", "tool", "device", "named"};
   return std::ranges::find(words, name) == words.end();
@@ -65,7 +65,7 @@ Status NamedFrames::add(const std::string& name, const Pose& X_WF) {
   return frames_.emplace(name, X_WF).second ? Status(Done{}) : taken(name);
 }
 
-/// A camera may be called as it is called anyway: camera, camera_2, ...
+/// A camera may also have its default name: camera, camera_2, ...
 Status NamedFrames::add_of_rig(const std::string& name, const std::optional<Pose>& X_WF) {
   const auto [known, is_new] = frames_.emplace(name, X_WF);
   const bool is_same = known->second && X_WF && *known->second == *X_WF;

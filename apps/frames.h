@@ -24,17 +24,17 @@ struct FrameOptions {
 /// --wrench-frame, --wrench-point and --tcp; they end up in `settings`.
 void add_output_options(CLI::App& app, FrameOptions& options, RunSettings& settings);
 
-/// Frames of the world that stand still.
+/// Named frames that are fixed in the world.
 class NamedFrames {
  public:
-  /// `cameras`: camera, camera_2, ... Errors: of the files of their poses.
+  /// Names `cameras` camera, camera_2, ... Errors: of the files of their poses.
   static Result<NamedFrames> of(std::span<const CameraUri> cameras);
-  /// By their names in the rig, too, with its own frames. Errors: a name twice, or one that is a
-  /// word of the options (tool, device, base, auto, named).
+  /// Adds the cameras by their names in the rig, and the rig's own frames. Errors: a name twice, or
+  /// one that is a word of the options (tool, device, base, auto, named).
   Status add(const CameraRig& rig);
   Status add(const std::string& name, const Pose& X_WF);
 
-  /// X_WF. Error: no frame is called so, or it moves, with those that there are.
+  /// Returns X_WF. Error: no frame has this name, or it moves; with the names of all frames.
   Result<Pose> find(const std::string& name) const;
 
  private:
@@ -43,8 +43,8 @@ class NamedFrames {
   std::map<std::string, std::optional<Pose>> frames_{{"world", Pose{}}};  // none: it moves
 };
 
-/// What was given in other frames is put into the world's, and what is to be reported in a frame of
-/// the user's is given its pose. Error: as of NamedFrames::find.
+/// Transforms settings that are given in other frames into the world, and sets the pose of the
+/// named frame of reported wrenches. Error: as of NamedFrames::find.
 Status put_in_world(const NamedFrames& frames, const FrameOptions& options, RunSettings& settings);
 Status put_in_world(const NamedFrames& frames, std::vector<ObjectOption>& objects);
 

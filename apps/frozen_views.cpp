@@ -41,7 +41,7 @@ Result<DepthFrame> first_frame(const CameraUri& uri, Intrinsics& intrinsics, Sen
 
 }  // namespace
 
-/// What one camera shows, with whatever owns its memory.
+/// The surface of one camera, and the owners of its memory.
 struct FrozenViews::Frozen {
   std::string name;  ///< for messages
   PointCloud cloud;

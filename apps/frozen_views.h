@@ -1,4 +1,4 @@
-// What one or more cameras see at one moment, read once: what palpate query measures against.
+// Views of one or more cameras at one moment, read once: the surfaces of palpate query.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -24,23 +24,23 @@ struct FrozenOptions {
   std::vector<CameraUri> cameras = {};       ///< the streams, once they are checked
 };
 void add_frozen_options(CLI::App& app, FrozenOptions& options);
-/// What the parser cannot see by itself; wrong usage ends the program.
+/// Checks combinations of options, which the parser cannot; wrong usage ends the program.
 void check(FrozenOptions& options);
 
-/// Owns all that the views show.
+/// Owns the data of the views.
 class FrozenViews {
  public:
-  /// With depth fields, and what each camera has seen to be free, for the field method; the methods
-  /// of points get one cloud of all points. `given`: keys of settings that no kind of sensor
-  /// changes. Warns of images that show little. Errors: a file or a stream that cannot be read;
-  /// options that cameras do not take.
+  /// Reads the views. For the field method they have depth fields, and fields of free space; point
+  /// methods get one cloud of all points. `given`: keys of settings that no kind of sensor changes.
+  /// Warns of images that show little. Errors: a file or a stream that cannot be read; options that
+  /// cameras do not take.
   static Result<FrozenViews> read(const FrozenOptions& options, const RunSettings& settings,
                                   const std::vector<std::string>& given, ThreadPool& pool);
 
-  /// Of each camera.
+  /// Returns the pose of each camera.
   std::span<const Pose> X_WC() const { return X_WC_; }
   std::span<const SurfaceBlend> views() const { return views_; }
-  /// Points with a normal.
+  /// Number of points with a normal.
   std::size_t num_usable() const { return num_usable_; }
 
  private:

@@ -1,5 +1,5 @@
-// Depth frames that begin later than their stream, go on when it has ended, come again, or are
-// those of a camera that stands elsewhere.
+// Depth sources that begin later than their stream, hold its last frame, repeat its first frames,
+// or move its camera.
 #pragma once
 
 #include <algorithm>
@@ -12,7 +12,7 @@
 
 namespace palpate::apps {
 
-/// Leaves out what is older than the frame that is current at a time stamp.
+/// Drops the frames before the one that is current at a time stamp.
 class FramesFrom : public DepthSource {
  public:
   FramesFrom(std::unique_ptr<DepthSource> stream, double start)
@@ -50,10 +50,10 @@ class FramesFrom : public DepthSource {
   bool has_next_ = false, has_ended_ = false;
 };
 
-/// For a run that lasts longer than the few frames there are.
+/// Repeats the last frame, for runs that last longer than their frames.
 class HeldFrames : public DepthSource {
  public:
-  /// At the stream's rate until `duration` seconds after its first frame.
+  /// Continues at the stream's rate until `duration` seconds after its first frame.
   HeldFrames(std::unique_ptr<DepthSource> stream, double duration)
       : stream_(std::move(stream)), info_(stream_->info()), duration_(duration) {
     const int num_needed = static_cast<int>(std::ceil(duration * info_.rate));
@@ -75,7 +75,7 @@ class HeldFrames : public DepthSource {
       }
     }
     last_.timestamp += 1 / info_.rate;
-    last_.flow.clear();  // what is held stands still
+    last_.flow.clear();  // a held frame stands still
     if (last_.pixels.empty() || last_.timestamp - start_ >= duration_) return false;
     frame = last_;
     return true;

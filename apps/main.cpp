@@ -12,7 +12,7 @@
 #include "apps/verbs.h"
 #include "src/core/bounded_call.h"
 
-// What it throws is a mistake in the options of a verb, which ends it.
+// Exceptions are mistakes in the options of a verb, which end the program.
 // NOLINTNEXTLINE(bugprone-exception-escape)
 int main(int argc, char** argv) {
   CLI::App program(

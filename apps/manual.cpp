@@ -9,7 +9,7 @@
 namespace palpate::apps {
 namespace {
 
-/// Text for roff: no sign of it is a command.
+/// Escapes text for roff.
 std::string plain(std::string_view text) {
   std::string roff;
   bool begins_line = true;
@@ -27,7 +27,7 @@ std::string plain(std::string_view text) {
   return roff;
 }
 
-/// "-o,--output FILE" as it stands in --help.
+/// Returns "-o,--output FILE" as in --help.
 std::string signature(const CLI::Option& option) {
   const bool is_flag = option.get_items_expected_max() == 0;
   std::string text = "\\fB" + plain(option.get_name(option.get_positional())) + "\\fR";
@@ -75,7 +75,7 @@ std::string page_of(const CLI::App& program, const CLI::App* verb) {
   return page + ".SH SEE ALSO\n.BR palpate (1)\n";
 }
 
-/// The words that an option takes: the list at the end of its description.
+/// Returns the words that an option takes: the list at the end of its description.
 std::string words_of(const CLI::Option& option) {
   if (!std::string_view(option.get_type_name()).starts_with("NAME")) return {};
   const std::string& text = option.get_description();

@@ -52,7 +52,7 @@ double parse_number(const std::string& whole, std::string_view name, std::string
   return value;
 }
 
-/// "ice", or "friction=0.3".
+/// Parses "ice", or "friction=0.3".
 void parse_property(const std::string& whole, std::string_view text, Material& material,
                     std::set<std::string_view>& given) {
   const std::string_view property = text.substr(0, text.find('='));

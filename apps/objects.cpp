@@ -34,7 +34,7 @@ double parse_number(const std::string& object, const char* what, std::string_vie
   return value;
 }
 
-/// "friction=0.3", "static_ratio=1.2", "viscous=0.1", "mass=0.5" or "moving".
+/// Parses "friction=0.3", "static_ratio=1.2", "viscous=0.1", "mass=0.5" or "moving".
 void parse_property(std::string_view text, bool can_move, ObjectOption& object) {
   constexpr std::string_view kFriction = "friction=", kMass = "mass=", kFrame = "frame=";
   constexpr std::string_view kStaticRatio = "static_ratio=", kViscous = "viscous=";

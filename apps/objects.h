@@ -11,7 +11,7 @@
 
 namespace palpate::apps {
 
-/// An object as the command line names it.
+/// An object of the command line.
 struct ObjectOption {
   std::string file;
   Pose X_WB;          ///< in `frame`, until that is known
@@ -21,9 +21,9 @@ struct ObjectOption {
   double mass = 0;  ///< kg; 0: by its volume
 };
 
-/// --object, as often as there are objects; some of them may move, where that `can` be.
+/// Adds --object, one per object; `can`: objects may move.
 void add_object_option(CLI::App& app, std::vector<ObjectOption>& objects, bool can_move);
-/// Reads the tool files, each once. Each object is called as its file, in letters, digits and _;
+/// Reads the tool files, each once. Each object has the name of its file, in letters, digits and _;
 /// the second one of a name ends in _2.
 Result<std::vector<SceneObject>> load_objects(const std::vector<ObjectOption>& options);
 

@@ -16,7 +16,7 @@
 namespace palpate::apps {
 namespace {
 
-/// All of the text, or nullopt.
+/// Parses a number from all of the text, or returns nullopt.
 template <class Number>
 std::optional<Number> parse_number(std::string_view text) {
   if (text.starts_with('+')) text.remove_prefix(1);
@@ -86,13 +86,13 @@ void add_setting_options(CLI::App& app, const std::string& group, const SettingT
 
 namespace {
 
-/// Options that are no setting as it stands, but of the same meaning as one.
+/// Options that are not settings themselves, but mean the same as one.
 constexpr SettingOption kOtherOptions[] = {{"--threads", "loop.threads"},
                                            {"--wrench-frame", "output.wrench_frame"},
                                            {"--wrench-point", "output.wrench_point"},
                                            {"--tcp", "output.tcp"}};
 
-/// The option of a setting that the command line gives; null: none.
+/// Returns the option of a setting if the command line has it; else null.
 const CLI::Option* option_given(const CLI::App& app, std::string_view key) {
   using Options = std::span<const SettingOption>;
   for (const Options options :
@@ -107,7 +107,7 @@ const CLI::Option* option_given(const CLI::App& app, std::string_view key) {
   return nullptr;
 }
 
-/// What that option makes of the setting.
+/// Returns the value that an option gives to a setting.
 SettingValue value_given(const CLI::Option& option, const Setting& setting) {
   if (setting.kind == SettingKind::flag) return !option.get_name().starts_with("--no-");
   const std::string& text = option.results().back();
@@ -117,7 +117,7 @@ SettingValue value_given(const CLI::Option& option, const Setting& setting) {
   return is_point ? parse_value(setting, text + " 0 0 0 1") : value;
 }
 
-/// Two ways to say the same thing must say the same: neither wins without a word.
+/// Checks that two options for the same setting agree: neither overrides the other silently.
 void refuse_contradiction(const CLI::App& app, const Setting& setting, const std::string& text) {
   const CLI::Option* const option = option_given(app, setting.key());
   if (option == nullptr || value_given(*option, setting) == parse_value(setting, text)) return;

@@ -20,11 +20,11 @@ namespace palpate::apps {
   throw CLI::ParseError(message, CLI::ExitCodes::ValidationError);
 }
 
-/// What a text means to a setting; a text if it is nothing that the setting takes.
+/// Parses the value of a setting; returns the text itself if the setting does not accept it.
 SettingValue parse_value(const Setting& setting, const std::string& text);
 
-/// An option for a setting, with its help, range and default; a flag for true or false, which turns
-/// the default around.
+/// Adds an option for a setting, with its help, range and default; a Boolean one becomes a flag
+/// that inverts the default.
 CLI::Option* add_setting(CLI::App& app, const std::string& flag, Setting setting);
 /// The same for a setting of a table.
 struct SettingOption {
@@ -33,7 +33,7 @@ struct SettingOption {
 };
 void add_setting_options(CLI::App& app, const std::string& group, const SettingTable& table,
                          std::span<const SettingOption> options);
-/// An option for a number in a range or a word of an enumeration.
+/// Adds an option for a number in a range or a word of an enumeration.
 template <class Number>
 CLI::Option* add_number(CLI::App& app, const std::string& flag, Number& value,
                         const NumberRange& range, const std::string& help) {
@@ -48,22 +48,22 @@ CLI::Option* add_word(CLI::App& app, const std::string& flag, Word& value,
   table.add(flag, value, help);
   return add_setting(app, flag, *table.begin());
 }
-/// --set KEY=VALUE for any setting of the table, as a settings file names it.
+/// Adds --set KEY=VALUE for any setting of the table, named as in a settings file.
 void add_set_option(CLI::App& app, const SettingTable& table);
-/// Wrong usage: options that have no use with the method or the backend that is chosen.
+/// Ends in wrong usage for options that the chosen method or backend does not use.
 void check_use(const CLI::App& app, const RunSettings& settings);
-/// The keys of settings that the command line gives, by options of their own or by --set.
+/// Returns the keys of settings on the command line, with options of their own or with --set.
 std::vector<std::string> given_settings(const CLI::App& app,
                                         std::initializer_list<std::span<const SettingOption>> all);
-/// A whole number below 2^64.
+/// Parses a whole number below 2^64.
 void add_seed_option(CLI::App& app, std::uint64_t& seed, const std::string& help);
 
-/// --threads, of which there may be a few per core.
+/// Adds --threads; a few per core are allowed.
 void add_threads_option(CLI::App& app, int& num_threads, const std::string& help);
 inline constexpr const char* kThreadsHelp =
     "threads; 0: one per core for surfaces, one for queries, live one more per 50,000 spheres";
 
-/// The settings of a run that have an option of their own.
+/// Settings of a run that have an option of their own.
 inline constexpr SettingOption kContactOptions[] = {
     {"--method", "contact.method"},         {"--priority", "contact.priority"},
     {"--inside", "contact.inside"},         {"--volumes", "contact.volumes"},
@@ -72,13 +72,13 @@ inline constexpr SettingOption kContactOptions[] = {
     {"--fill-levels", "field.fill_levels"}, {"--unseen", "field.unseen"},
     {"--thickness", "field.thickness"},     {"--backend", "loop.backend"},
     {"--contact-gpu", "loop.contact_gpu"}};
-/// From depth to surface.
+/// Options of surfaces from depth images.
 inline constexpr SettingOption kSurfaceOptions[] = {
     {"--no-filter", "surface.filter"},    {"--min-depth", "surface.min_depth"},
     {"--max-depth", "surface.max_depth"}, {"--normal-radius", "surface.normal_radius"},
     {"--plane-fit", "surface.plane_fit"}, {"--weighting", "surface.weighting"},
     {"--anchoring", "surface.anchoring"}, {"--normalization", "surface.normalization"}};
-/// Between depth images.
+/// Options of the time between depth images.
 inline constexpr SettingOption kTimeOptions[] = {{"--time", "time.mode"},
                                                  {"--average", "time.average"},
                                                  {"--average-frames", "time.average_frames"},
@@ -89,24 +89,24 @@ inline constexpr SettingOption kTimeOptions[] = {{"--time", "time.mode"},
                                                  {"--memory-frames", "time.memory_frames"}};
 inline constexpr SettingOption kLoopOptions[] = {{"--rate", "loop.contact_rate"},
                                                  {"--sensing-gpu", "loop.sensing_gpu"}};
-/// Between tool, surface and hand.
+/// Options of tool, surface and hand.
 inline constexpr SettingOption kHandOptions[] = {{"--coupling", "coupling.kind"},
                                                  {"--friction", "friction.coefficient"},
                                                  {"--texture", "texture.kind"},
                                                  {"--dead-man", "safety.dead_man"}};
-/// Of a robot that cameras see.
+/// Options of a robot that cameras see.
 inline constexpr SettingOption kRobotOptions[] = {{"--robot-padding", "robot.padding"},
                                                   {"--robot-scale", "robot.scale"},
                                                   {"--robot-max-age", "robot.max_age"},
                                                   {"--robot-geometry", "robot.geometry"}};
-/// Of `pack`: the limits of a packing but for --spheres, which takes a word too.
+/// Options of `pack`: limits of a packing except --spheres, which takes a word too.
 inline constexpr SettingOption kPackLimits[] = {{"--max-radius", "packing.max_radius"},
                                                 {"--min-radius", "packing.min_radius"},
                                                 {"--max-fill", "packing.max_fill"},
                                                 {"--max-seconds", "packing.max_seconds"}};
-/// Tells people on stderr that --backend auto did not find a GPU, if so.
+/// Prints a note on stderr if --backend auto did not find a GPU.
 void note_backend(const std::string& why_not_cuda);
-/// Says on stdout where the report of a run is, if it has one.
+/// Prints the path of a run's report on stdout, if it has one.
 void print_report(const std::string& run_folder);
 /// --intrinsics fx,fy,cx,cy and --depth-unit.
 struct CameraOptions {
@@ -114,21 +114,21 @@ struct CameraOptions {
   double unit = 0.001;
 };
 void add_camera_options(CLI::App& app, CameraOptions& options);
-/// --intrinsics fx,fy,cx,cy, each time to `take`, if it can be true; else wrong usage.
+/// Adds --intrinsics fx,fy,cx,cy; calls `take` with each plausible one, else wrong usage.
 CLI::Option* add_intrinsics_option(CLI::App& app, std::function<void(const Intrinsics&)> take,
                                    const std::string& help);
-/// A length of time from 1 ms to a day.
+/// Adds an option for a duration from 1 ms to a day.
 void add_seconds_option(CLI::App& app, const std::string& flag, std::optional<double>& seconds,
                         const std::string& help);
 
-/// --sensor: the kind of depth camera; none: as the camera says.
+/// Adds --sensor: the kind of depth camera; none: as the camera reports.
 void add_sensor_option(CLI::App& app, std::optional<SensorKind>& sensor);
-/// Gives surfaces the defaults for this kind of camera, but for the settings `given`, and says so.
+/// Sets the defaults of surfaces for this kind of camera, except the settings `given`, with a note.
 void use_sensor(SensorKind sensor, std::span<const std::string> given, SurfaceOptions& surface);
 /// The same for estimates of depth over time; other averages stay as they are.
 void use_sensor(SensorKind sensor, std::span<const std::string> given, TimeOptions& time);
 
-/// --spheres: how many spheres of a tool file to use; 0: all.
+/// Adds --spheres: number of spheres of a tool file to use; 0: all.
 void add_prefix_option(CLI::App& app, int& num_spheres);
 /// Reads a tool file, the first `num_spheres` of it unless that is 0.
 Result<Tool> load_tool_prefix(const std::filesystem::path& path, int num_spheres, int num_threads);

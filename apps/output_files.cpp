@@ -16,8 +16,8 @@
 namespace palpate::apps {
 namespace {
 
-/// The absolute path that a name leads to, links followed, whether or not it is there; without
-/// links that lead nowhere or in a circle.
+/// Resolves a name, which need not exist, to an absolute path. Follows links, except those that
+/// lead nowhere or in a circle.
 std::filesystem::path resolved(const std::filesystem::path& path) {
   std::error_code error;
   const std::filesystem::path absolute = std::filesystem::absolute(path, error);
@@ -38,7 +38,7 @@ const char* name_of_kind(OutputKind kind) {
   return "";
 }
 
-/// "v", "o" or another word that begins a line of an OBJ file.
+/// True for "v", "o" or another word that begins a line of an OBJ file.
 bool is_obj(std::string_view text) {
   static constexpr std::string_view kWords[] = {"v", "vn",     "vt",     "f", "o",
                                                 "g", "mtllib", "usemtl", "s"};
@@ -52,7 +52,7 @@ bool is_obj(std::string_view text) {
   return false;
 }
 
-/// Text, or a header of 80 bytes, the number of triangles and 50 bytes for each.
+/// True for STL: text, or a header of 80 bytes, the number of triangles and 50 bytes for each.
 bool is_stl(std::string_view begin, std::uintmax_t size) {
   std::uint32_t num = 0;
   if (begin.starts_with("solid")) return true;
@@ -68,7 +68,7 @@ bool is_page(std::string_view begin) {
                             [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
 }
 
-/// What is empty is of every kind.
+/// True if the file has this kind of content; an empty file counts as every kind.
 bool is_of_kind(const std::filesystem::path& path, OutputKind kind) {
   char bytes[4096];
   std::ifstream file(path, std::ios::binary);

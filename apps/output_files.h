@@ -1,4 +1,4 @@
-// Files that a verb writes: what is in their place is checked before the work begins.
+// Output files of a verb: existing files in their place are checked before the work begins.
 #pragma once
 
 #include <filesystem>
@@ -8,17 +8,17 @@
 
 namespace palpate::apps {
 
-/// What is written; a mesh, also of caps, has its format in its name.
+/// Kind of an output file; the name of a mesh, also of caps, determines its format.
 enum class OutputKind { tool, mesh, table, page, stamp, recording, rig };
 
-/// Do two names, through links too, mean one file?
+/// True if two names, also through links, refer to the same file.
 bool is_same_file(const std::filesystem::path& a, const std::filesystem::path& b);
-/// A file can be written to `path` as far as one can see before hours of work: its folder exists
-/// and may be written to, nothing has its name but a file of the same kind (or an empty one), which
-/// it replaces, and it is not the file `input`.
+/// Checks before hours of work that a file can be written to `path`: its folder exists and is
+/// writable, an existing file is of the same kind (or empty) and will be replaced, and it is not
+/// the file `input`.
 Status check_output_file(const std::filesystem::path& path, OutputKind kind,
                          const std::filesystem::path& input = {});
-/// Wrong usage unless a mesh can be written under this name.
+/// Ends in wrong usage unless a mesh can be written under this name.
 void check_mesh_name(const std::string& flag, const std::filesystem::path& path);
 
 }  // namespace palpate::apps

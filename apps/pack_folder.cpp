@@ -30,7 +30,7 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-/// Does load_mesh know this kind of file?
+/// True if load_mesh reads this kind of file.
 bool is_mesh_name(const fs::path& path) {
   static constexpr std::string_view kKnown[] = {".obj", ".stl", ".ply", ".off", ".gltf", ".glb"};
   std::string extension = path.extension().string();
@@ -39,7 +39,7 @@ bool is_mesh_name(const fs::path& path) {
   return std::find(std::begin(kKnown), std::end(kKnown), extension) != std::end(kKnown);
 }
 
-/// The meshes of a folder by name; hidden files are passed over.
+/// Lists the meshes of a folder by name; skips hidden files.
 Result<std::vector<fs::path>> list_meshes(const fs::path& folder) {
   std::vector<fs::path> meshes;
   std::error_code failed;
@@ -65,7 +65,7 @@ Result<std::vector<fs::path>> list_meshes(const fs::path& folder) {
   return meshes;
 }
 
-/// Makes the folder of tools if it is not there, and makes sure that files can be put into it.
+/// Creates the folder of tools if it does not exist, and checks that it is writable.
 Status prepare(const fs::path& folder) {
   std::error_code failed;
   fs::create_directory(folder, failed);
@@ -85,7 +85,7 @@ std::string checksum_of(const std::vector<Element>& elements) {
       {reinterpret_cast<const char*>(elements.data()), elements.size() * sizeof(Element)});
 }
 
-/// The files that one mesh becomes.
+/// The output files of one mesh.
 struct Outputs {
   fs::path tool, page, stamp;
 
@@ -95,11 +95,11 @@ struct Outputs {
         stamp(folder / mesh.stem().concat(".pack.json")) {}
 };
 
-/// Counts changes of what the same mesh and options become.
+/// Version of the packing: counts changes of the result for the same mesh and options.
 constexpr int kPackingVersion = 3;
 
-/// What the tool came from and what it is: equal text means that packing again would give the same
-/// files. Nothing if a file is not there.
+/// Returns a text about inputs and outputs of a tool: if it is equal, packing again would give the
+/// same files. None if a file does not exist.
 std::optional<std::string> stamp_text(const TriangleMesh& raw, const std::string& source,
                                       const PackRequest& request, const Outputs& outputs,
                                       bool with_page) {
@@ -189,7 +189,7 @@ class Log {
   Json packed_ = Json::array(), skipped_ = Json::array(), failed_ = Json::array();
 };
 
-/// Packs one mesh unless it is up to date. Error: why it could not be.
+/// Packs one mesh unless its tool is up to date.
 Status process(const fs::path& mesh, const FolderJob& job, const std::string& title, Log& log) {
   const Outputs outputs(job.tools, mesh);
   const std::string source = mesh.filename().string();

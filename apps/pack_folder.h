@@ -1,4 +1,4 @@
-// Every mesh of a folder becomes a tool of another folder.
+// Packs every mesh of a folder into a tool of another folder.
 #pragma once
 
 #include <string>
@@ -14,9 +14,9 @@ struct FolderJob {
   bool json = false;
 };
 
-/// Packs what is not up to date, in the order of names; carries on past bad meshes. A tool is up to
-/// date if NAME.pack.json beside it names this mesh as read, these options, this version of Palpate
-/// and the tool file as it is. Prints what was done; Error: something failed, or interrupted.
+/// Packs meshes whose tool is not up to date, in the order of names; continues after bad meshes. A
+/// tool is up to date if NAME.pack.json beside it matches this mesh, these options, this version of
+/// Palpate and the tool file. Prints a summary. Error: something failed, or interrupted.
 Status pack_folder(const FolderJob& job);
 
 }  // namespace palpate::apps

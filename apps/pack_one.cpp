@@ -44,7 +44,7 @@ const char* reason(PackStop stop) {
   return "";
 }
 
-/// Longest side of the box around all faces; NaN if a corner is not finite or not there.
+/// Returns the longest side of the box around all faces; NaN if a corner is missing or not finite.
 double longest_side(const TriangleMesh& mesh) {
   TriangleMesh corners;
   for (const auto& triangle : mesh.triangles) {
@@ -86,7 +86,7 @@ Result<SolidMesh> check_tool_mesh(const PackRequest& request, const TriangleMesh
 
 const Error kInterrupted{Errc::cancelled, "interrupted; nothing was written"};
 
-/// Why there are no spheres, in terms of the options.
+/// Explains why there are no spheres, in terms of the options.
 Error no_sphere(const PackRequest& request, const std::string& path, const Error& error) {
   if (error.code == Errc::cancelled) return kInterrupted;
   if (error.code != Errc::bad_input) return error;
@@ -118,7 +118,7 @@ Result<SpherePacking> pack(const TriangleMesh& solid, const PackRequest& request
   return pack_spheres(solid, options);
 }
 
-/// The options that shaped the packing, as rows for humans.
+/// Returns the options that affected the packing, as rows for display.
 std::vector<std::pair<std::string, std::string>> option_rows(const PackRequest& request) {
   const PackOptions& pack = request.pack;
   const PackOptions defaults;

@@ -1,4 +1,4 @@
-// One mesh becomes one tool.
+// Packs one mesh into a tool.
 #pragma once
 
 #include <array>
@@ -14,7 +14,7 @@
 
 namespace palpate::apps {
 
-/// Of mesh files.
+/// Length unit of mesh files.
 enum class LengthUnit { m, mm, cm, in };
 constexpr auto names_of(LengthUnit) { return std::array{"m", "mm", "cm", "in"}; }
 constexpr double metres(LengthUnit unit) {
@@ -22,18 +22,18 @@ constexpr double metres(LengthUnit unit) {
   return kMetres[static_cast<int>(unit)];
 }
 
-/// How meshes are to be packed.
+/// Options of packing a mesh.
 struct PackRequest {
   LengthUnit unit = LengthUnit::m;
   double scale = 1;
   PackOptions pack;                    ///< its least radius is that of the camera, if that is more
   bool as_many_as_needed = false;      ///< spheres, for a standoff of kFeltShare of the tool's size
-  std::vector<double> camera_spacing;  ///< depth in metres and focal length in pixels, or empty
+  std::vector<double> camera_spacing;  ///< depth in meters and focal length in pixels, or empty
   GapRule gap_rule = GapRule::relative;
 };
 
-/// --spheres auto: a standoff of 95 % of the surface, as share of the tool's longest side, and the
-/// most spheres it may take. It takes kReachingSpheres at least.
+/// Limits of --spheres auto: standoff of 95 % of the surface, as share of the tool's longest side,
+/// and maximum number of spheres. It uses at least kReachingSpheres.
 inline constexpr double kFeltShare = 0.005;
 inline constexpr int kMaxSpheresNeeded = 50000;
 
@@ -46,8 +46,8 @@ struct PackedTool {
 
 /// Reads a mesh in its unit and scale.
 Result<TriangleMesh> load_mesh_for(const PackRequest& request, const std::string& path);
-/// Checks, packs and builds. Warnings go to stderr, progress under `title`. Error: the mesh is no
-/// solid or has no sane size; no sphere fits; interrupted.
+/// Checks and packs a mesh, and builds the tool. Warnings go to stderr, progress under `title`.
+/// Error: the mesh is no solid or of implausible size; no sphere fits; interrupted.
 Result<PackedTool> pack_one(const TriangleMesh& raw, const std::string& path,
                             const PackRequest& request, const std::string& title);
 /// Writes the page that shows the packing.

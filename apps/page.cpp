@@ -15,14 +15,14 @@ std::string environment(const char* name) {
   return value == nullptr ? "" : value;
 }
 
-/// "8787" of "http://127.0.0.1:8787/?token=...".
+/// Returns "8787" for "http://127.0.0.1:8787/?token=...".
 std::string port_of(const std::string& url) {
   const std::size_t host = url.find("://") + 3;
   const std::size_t end = url.find('/', host), colon = url.rfind(':', end);
   return colon == std::string::npos || colon < host ? "80" : url.substr(colon + 1, end - colon - 1);
 }
 
-/// What to type on the computer that sits in front of the person, if that is another one.
+/// Returns the ssh command to type on the user's own computer, if the session came by ssh.
 std::string tunnel(const std::string& url) {
   // "client port server port"
   const std::string connection = environment("SSH_CONNECTION");

@@ -14,14 +14,14 @@ namespace palpate::apps {
 /// PREFIX-port, PREFIX-address and PREFIX-token, e.g. "--view-port" for the prefix "--view-".
 void add_page_options(CLI::App& app, const std::string& prefix, ViewServerOptions& options);
 
-/// Serves `source` while it exists, and prints how to open it: on another computer too, if
-/// they have come here by ssh.
+/// Serves `source` while it exists, and prints how to open it, also from the user's own computer
+/// in an ssh session.
 class OpenPage {
  public:
   static Result<OpenPage> serve(ViewSource& source, const ViewServerOptions& options,
                                 std::ostream& out);
   const ViewServer& server() const { return *server_; }
-  /// Lets pages hear how it ended.
+  /// Gives pages time to receive the end of the run.
   void print_closing() const;
 
  private:

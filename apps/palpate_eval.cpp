@@ -49,7 +49,7 @@ void list_figures(const Options& options) {
   }
 }
 
-/// The command that makes this report again.
+/// Returns the command that makes this report again.
 std::string command_of(const Options& options) {
   std::string text = "palpate_eval";
   for (const std::string& word : options.words) {
@@ -105,7 +105,7 @@ void print_summary(const Options& options, const eval::Evaluation& evaluation) {
   std::cout << "report: " << report << "\n";
 }
 
-/// What the run left behind, as an error if it is not what was requested.
+/// Returns an error if the run did not make all requested figures.
 Status outcome(const Options& options, const eval::Evaluation& evaluation) {
   const std::string folder = options.evaluation.output.string();
   if (evaluation.interrupted) {

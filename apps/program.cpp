@@ -21,11 +21,11 @@ int fail(const std::string& program, const std::string& message, int status) {
 
 namespace {
 
-/// One line for a command line that cannot be understood.
+/// Prints one line about an invalid command line.
 int fail_usage(const CLI::App& program, const CLI::ParseError& error) {
   std::string what = error.what(), verb;
   const std::string& name = program.get_name();
-  // Of lists, also of a list too short, which ends in the next option.
+  // The parser's message about lists, also about one that is too short and ends in the next option.
   if (const std::string start = "Could not convert: "; what.starts_with(start)) {
     const auto chosen = program.get_subcommands();
     const CLI::App& app = chosen.empty() ? program : *chosen.front();
@@ -65,8 +65,8 @@ void say_without_memory(std::string_view text) {
   if (::write(STDERR_FILENO, text.data(), text.size()) < 0) return;  // nobody is there to read it
 }
 
-/// Where memory ends in what must not throw (the destructor of a large Json takes some), the
-/// program cannot go on: it says why.
+/// Ends the program with a message when memory runs out in code that must not throw (the destructor
+/// of a large Json allocates).
 [[noreturn]] void end_without_memory() noexcept {
   try {
     if (const auto thrown = std::current_exception()) std::rethrow_exception(thrown);
@@ -81,8 +81,8 @@ void say_without_memory(std::string_view text) {
   std::abort();
 }
 
-/// An empty name is mostly a variable of a script that is not set. To take it for an option that
-/// was not given would leave out the robot, the path or the settings without a word.
+/// Refuses empty values: mostly unset variables of a script. Taken as options that were not given,
+/// they would silently leave out the robot, the path or the settings.
 const CLI::Option* empty_option(const CLI::App& verb) {
   for (const CLI::Option* option : verb.get_options()) {
     if (option->count() == 0 || option->get_expected_min() == 0) continue;

@@ -1,4 +1,4 @@
-// Common to all programs of this folder: one line for an error, and the
+// Common parts of all programs of this folder: one line for an error, and the
 // exit status.
 #pragma once
 
@@ -9,10 +9,10 @@
 
 namespace palpate::apps {
 
-/// Exit status where the input or the environment is at fault, and for wrong usage.
+/// Exit status for errors of the input or the environment, and for wrong usage.
 inline constexpr int kInputAtFault = 1, kWrongUsage = 2;
 
-/// One printable line on stderr, even if the message quotes a file that is not text. Returns
+/// Prints one line on stderr, printable even if the message quotes a file that is not text. Returns
 /// `status`.
 int fail(const std::string& program, const std::string& message, int status);
 

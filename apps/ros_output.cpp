@@ -29,11 +29,11 @@ namespace {
 using State = RosContact::State;
 
 constexpr double kDiagnosticsPeriod = 1, kShortestDiagnosticsPeriod = 0.1;  // s
-constexpr double kLongestLag = 0.02;  // s behind the clock; what is later is left out
-constexpr double kLooks = 100;        // Hz, at least: how often the rest is looked after
+constexpr double kLongestLag = 0.02;  // s behind the clock; later publications are left out
+constexpr double kLooks = 100;        // Hz: minimum rate of the thread that publishes the rest
 constexpr int kPriority = 60;         // below the contact thread
-/// Of a period: so long after a tick its wrench is published. Where ticks are is followed slowly,
-/// so that a wrench is not late because a tick was.
+/// Delay of a wrench after its tick, in periods, and gain of the filter that follows the phase of
+/// the ticks: slow, so that a late tick does not make its wrench late.
 constexpr double kAfterTick = 0.1, kFollowing = 0.01;
 
 double seconds_of(auto time) { return std::chrono::duration<double>(time).count(); }
@@ -133,7 +133,7 @@ class Output final : public RosOutput {
  private:
   using Why = RosVerdict::Why;
 
-  /// A contact, and the time of its bodies: that of the contact before, since bodies move after
+  /// Contact, and the time of its bodies: that of the contact before, since bodies move after
   /// they are measured. NaN: that contact was not published.
   struct MeasuredBodies {
     ContactRecord contact;
@@ -144,7 +144,7 @@ class Output final : public RosOutput {
     double time = std::numeric_limits<double>::quiet_NaN();  // s, monotonic; before the first: none
   };
 
-  /// What the wrench thread hands over: the published tick and its verdict.
+  /// Output of the wrench thread for the other one: the published tick and its verdict.
   struct Published {
     TickRecord tick;
     RosVerdict verdict;
@@ -156,7 +156,7 @@ class Output final : public RosOutput {
     full_volume_ = full_volume(tool_, loop.settings().contact);
     is_ending_ = false;
     try {
-      // In them, what there is no memory for is not sent.
+      // Both threads skip messages for which there is no memory.
       const auto left_out = [](const Error&) {};
       rest_thread_ =
           std::thread([this, &loop, left_out] { guarded([&] { publish_rest(loop); }, left_out); });
@@ -171,7 +171,7 @@ class Output final : public RosOutput {
     if (rest_thread_.joinable()) end_with({State::failed, Why::has_ended});
   }
 
-  /// Whoever follows the wrench is not left with the last one.
+  /// Publishes a last, invalid wrench, so that subscribers do not keep the one before.
   void end_with(const RosVerdict& verdict) {
     is_ending_ = true;
     event_.ring();
@@ -270,7 +270,7 @@ class Output final : public RosOutput {
     }
   }
 
-  /// Who is interrupted between the two clocks looks at them again.
+  /// Converts monotonic time to wall time, ns; reads both clocks again if interrupted in between.
   static std::uint64_t wall_time(double time) {
     constexpr double kShort = 20e-6;  // s
     double shortest = std::numeric_limits<double>::infinity(), from_1970 = 0;
@@ -303,7 +303,8 @@ class Output final : public RosOutput {
     transforms_->publish(transform_message(wall_time(measured.bodies_time), transforms));
   }
 
-  /// Since the last published pose. Zero while the wrench is not valid: a follower then stops.
+  /// Twist since the last published pose. Zero while the wrench is not valid: a follower then
+  /// stops.
   void publish_twist(std::uint64_t time, const Published& published) {
     const double tick_time = published.tick.device.time, seconds = tick_time - last_pose_time_;
     const bool is_valid = published.verdict.is_valid();
@@ -352,7 +353,7 @@ class Output final : public RosOutput {
                                     streams_[record.camera].intrinsics, record.X_WC));
   }
 
-  /// From the thread of the observer: what cameras see, for requests for the spheres' states.
+  /// From the thread of the observer: images of the cameras, for requests for the spheres' states.
   void keep(const FrameRecord& record, const DepthFrame& frame) {
     if (!(options_.points_rate > 0) || spheres_->num_readers() == 0) return;
     const std::lock_guard lock(seen_mutex_);
@@ -377,7 +378,7 @@ class Output final : public RosOutput {
     return false;
   }
 
-  /// As the last requested contact found them.
+  /// States of the spheres at the last requested contact.
   void publish_spheres(RunLoop& loop, double time) {
     if (const ContactPicture* const now = loop.new_contact_picture(PictureConsumer::robots)) {
       const std::lock_guard lock(seen_mutex_);
@@ -442,13 +443,13 @@ class Output final : public RosOutput {
   TripleBuffer<MeasuredBodies> contacts_;  // from it
   ContactTime last_contact_;               // of it
 
-  // Of the wrench's thread, which others read.
+  // Written by the wrench's thread, read by others.
   TripleBuffer<Published> published_;
   Event event_;
   LatencyHistogram periods_;
   std::atomic<std::uint64_t> num_sent_ = 0, num_not_sent_ = 0;
 
-  // Of the thread that publishes the rest.
+  // State of the thread that publishes the rest.
   bool has_last_pose_ = false;
   Pose last_X_WT_;
   double last_pose_time_ = 0;

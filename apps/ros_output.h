@@ -1,4 +1,4 @@
-// What a run publishes over ROS 2.
+// Topics of a run over ROS 2.
 #pragma once
 
 #include <array>
@@ -20,18 +20,18 @@ struct RosOutputOptions {
   /// Frame of the published wrench (its origin and axes); if it is not the tool's, it is W.
   WrenchFrame frame = WrenchFrame::tool;
   double rate = 1000, contact_rate = 100, points_rate = 2;  ///< Hz
-  double max_age = 0.1;                                     ///< s, of what a wrench rests on
+  double max_age = 0.1;                                     ///< s, of the inputs of a wrench
 };
-/// Of a verb; their group in its help is "ROS 2".
+/// Adds the options to a verb; their group in its help is "ROS 2".
 void add_ros_options(CLI::App& app, RosOutputOptions& options);
-/// Wrong usage: --wrench-frame is one that no frame of ROS 2 stands for, or torques are requested
-/// about a point that is not the origin of a frame.
+/// Ends in wrong usage if --wrench-frame has no frame in ROS 2, or torques are requested about a
+/// point that is not the origin of a frame.
 void check_ros_output(const RosOutputOptions& options, const std::string& frame,
                       const OutputOptions& output, const std::string& verb);
 
-/// Publishes the wrench from a thread of its own, which looks at the newest tick: the haptic thread
-/// knows nothing of it. Everything else is published by another thread of lower priority. A wrench
-/// that rests on what is older than `max_age` is zero, and says why.
+/// Publishes the wrench of the newest tick from a thread of its own, independent of the haptic
+/// thread. Everything else is published by another thread of lower priority. A wrench with inputs
+/// older than `max_age` is zero, with the reason.
 ///
 ///   NAMESPACE/wrench     geometry_msgs/WrenchStamped, on the tool
 ///   NAMESPACE/contact    palpate_msgs/Contact
@@ -44,13 +44,13 @@ void check_ros_output(const RosOutputOptions& options, const std::string& frame,
 ///   /diagnostics         diagnostic_msgs/DiagnosticArray
 class RosOutput {
  public:
-  /// `tool` must outlive it. Errors: no Cyclone DDS, what it says.
+  /// `tool` must outlive it. Errors: no Cyclone DDS, or its own message.
   static Result<std::unique_ptr<RosOutput>> create(const Tool& tool,
                                                    const std::vector<SceneObject>& objects,
                                                    std::vector<DepthStreamInfo> streams,
                                                    const RosOutputOptions& options);
   virtual ~RosOutput() = default;
-  /// Gets what the monitor gets, before it. Call once, before the run.
+  /// Gets the data of the monitor, before it. Call once, before the run.
   virtual void join(RunMonitor& monitor) = 0;
 };
 

@@ -1,4 +1,4 @@
-// Whether the wrench is valid to publish over ROS 2, and if not, why.
+// Validity of the wrench for ROS 2, with the reason if it is invalid.
 #pragma once
 
 #include <cstdint>
@@ -9,7 +9,7 @@
 
 namespace palpate::apps {
 
-/// Made a thousand times a second, so without words.
+/// Created a thousand times per second, so without text.
 struct RosVerdict {
   enum class Why : std::uint8_t {
     none,
@@ -29,11 +29,11 @@ struct RosVerdict {
   double depth_age = 0, contact_age = 0;  // s
 
   bool is_valid() const { return state == RosContact::State::valid; }
-  /// Empty: it is valid.
+  /// Returns the reason; empty if it is valid.
   std::string reason() const;
 };
 
-/// Of the newest tick, at a time, s, monotonic: what it rests on may be as old as `max_age`, s.
+/// Judges the newest tick at a time, s, monotonic: its inputs may be as old as `max_age`, s.
 RosVerdict judge(const TickRecord& tick, double time, double max_age);
 
 }  // namespace palpate::apps

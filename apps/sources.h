@@ -1,4 +1,4 @@
-// The options that say where depth frames come from.
+// Options for the sources of depth frames.
 #pragma once
 
 #include <string>
@@ -9,7 +9,7 @@
 
 namespace palpate::apps {
 
-/// --camera, and what is shorter for the commonest ones.
+/// Options --camera, and shorter ones for the most common cameras.
 struct SourceOptions {
   std::vector<std::string> cameras;  ///< as open_camera takes them
   std::string rig;                   ///< file of several
@@ -22,11 +22,11 @@ struct SourceOptions {
 };
 void add_source_options(CLI::App& app, SourceOptions& options);
 
-/// What they name but for a rig, all in the one way that open_camera takes. Wrong usage: sources of
-/// more than one kind, or what does not go with them. `verb` is for messages.
+/// Returns the cameras of the options except those of a rig, as URIs for open_camera. Wrong usage:
+/// sources of more than one kind, or options that do not match them. `verb` is for messages.
 std::vector<CameraUri> cameras_of(const SourceOptions& options, const std::string& verb);
 
-/// How they are opened: on stderr, people hear at once what is waited for.
+/// Returns the options to open a camera, which print on stderr what a camera waits for.
 CameraOpening opening(bool in_real_time = true, std::optional<double> duration = {});
 
 }  // namespace palpate::apps

@@ -20,7 +20,7 @@ namespace {
 
 constexpr std::int64_t kPatience = 2'000'000'000;  // ns
 constexpr std::size_t kMaxKept = 64 << 10;         // bytes
-constexpr std::size_t kPiece = 512;                // bytes: as many find room where any do
+constexpr std::size_t kPiece = 512;                // bytes that fit if stderr accepts any
 
 std::atomic<std::int64_t> g_interrupted_at = 0;  // ns, monotonic; 0: never
 static_assert(std::atomic<std::int64_t>::is_always_lock_free);
@@ -50,7 +50,7 @@ void on_signal(int number) {
 
 void on_suspension(int) { g_is_to_stop = true; }
 
-/// Lines for stderr that nobody has taken yet.
+/// Lines that stderr has not accepted yet.
 class KeptLines {
  public:
   void add(const std::string& line) {
@@ -62,7 +62,7 @@ class KeptLines {
     }
     write_some();
   }
-  /// Of what is out of date later. Written whole or not at all.
+  /// Writes text that is soon out of date: completely or not at all.
   void say_now(const std::string& text) {
     const std::lock_guard lock(mutex_);
     write_some();
@@ -70,7 +70,7 @@ class KeptLines {
     text_ = text;
     write_some();
   }
-  /// All that is left, to whoever reads it at last.
+  /// Writes all remaining text; waits for a reader.
   void finish() {
     const std::lock_guard lock(mutex_);
     std::fputs(std::exchange(text_, {}).c_str(), stderr);
@@ -83,7 +83,7 @@ class KeptLines {
  private:
   static bool has_room() {
     pollfd file{STDERR_FILENO, POLLOUT, 0};
-    return poll(&file, 1, 0) > 0;  // an error too: writing tells
+    return poll(&file, 1, 0) > 0;  // also for an error, which writing then reports
   }
   void write_some() {
     while (!text_.empty() && has_room()) {
@@ -108,7 +108,7 @@ KeptLines& kept_lines() {
   return lines;
 }
 
-/// Length of the UTF-8 character at `at`, 0 if these bytes are none.
+/// Returns the length of the UTF-8 character at `at`; 0 if invalid.
 std::size_t utf8_length(const std::string& text, std::size_t at) {
   const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(text[i]); };
   const std::size_t length = byte(at) < 0x80       ? 1
@@ -123,7 +123,7 @@ std::size_t utf8_length(const std::string& text, std::size_t at) {
   return length;
 }
 
-/// Of one byte, or U+0080 to U+009F, which some terminals obey too.
+/// True for a control character of one byte, or U+0080 to U+009F, which some terminals obey too.
 bool is_control(const std::string& text, std::size_t at, std::size_t length) {
   const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(text[i]); };
   return length == 1 ? byte(at) < 0x20 || byte(at) == 0x7f
@@ -161,7 +161,7 @@ bool interrupted() { return g_interrupted_at != 0; }
 
 Suspension::Suspension() {
   sigaction(SIGTSTP, nullptr, &before_);
-  if (before_.sa_handler == SIG_IGN) return;  // nobody would let the program go on
+  if (before_.sa_handler == SIG_IGN) return;  // no shell would continue the program
   g_is_to_stop = false;
   struct sigaction action {};
   action.sa_handler = on_suspension;

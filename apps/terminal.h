@@ -9,13 +9,13 @@
 
 namespace palpate::apps {
 
-/// From now on Ctrl-C (and Ctrl-\, a polite kill, or a closed terminal) sets a flag instead of
-/// ending the program. A second Ctrl-C or kill ends it, two seconds after the first at the soonest:
-/// keys repeat, and a force needs time to fade. Nobody who stops reading what is said ends it.
+/// Makes Ctrl-C (and Ctrl-\, SIGTERM, or a closed terminal) set a flag instead of ending the
+/// program. A second Ctrl-C or kill ends it, two seconds after the first at the earliest: keys
+/// repeat, and a force needs time to fade. A closed pipe does not end it.
 void catch_interrupts();
 bool interrupted();
 
-/// As long as it lives, Ctrl-Z asks instead of stopping the program, which has a force to take away
+/// While it exists, Ctrl-Z sets a flag instead of stopping the program, which has to fade its force
 /// first. One at a time.
 class Suspension {
  public:
@@ -25,22 +25,22 @@ class Suspension {
   Suspension& operator=(const Suspension&) = delete;
 
   bool is_requested() const;
-  /// Stops the program; returns once it goes on.
+  /// Stops the program; returns once it continues.
   void stop();
 
  private:
   struct sigaction before_;
 };
 
-/// The text without anything that a terminal would obey; what is not UTF-8 becomes '?'. Others say
-/// what is in it: files, cameras, robots.
+/// Returns the text without control characters, for text from files, cameras and robots; invalid
+/// UTF-8 becomes '?'.
 std::string printable(const std::string& text);
 
-/// "palpate: note: ..." on stderr. Waits for whoever reads it.
+/// Prints "palpate: note: ..." on stderr. Waits for its reader.
 void print_note(const std::string& text);
 
-/// Progress on stderr: on a terminal a bar with the time left, else a line every few seconds. Left
-/// out while nobody reads it.
+/// Progress on stderr: on a terminal a bar with the remaining time, else a line every few seconds.
+/// Omitted while stderr accepts nothing.
 class Progress {
  public:
   explicit Progress(std::string title);
@@ -48,10 +48,10 @@ class Progress {
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;
 
-  /// `share` of the work done, 0 ... 1, or none of what has no end, and a few words. Cheap to call
+  /// Shows the `share` of the work done, 0 to 1 (none: without end), and a few words. Cheap to call
   /// often.
   void update(std::optional<double> share, const std::string& words);
-  /// True if `update` would show something now; saves making the words.
+  /// True if `update` would show something now; else the words need not be composed.
   bool due() const;
 
  private:
@@ -62,10 +62,10 @@ class Progress {
   bool drawn_ = false;
 };
 
-/// A line on stderr while a bar may be shown. Any thread. Never waits: while nobody reads (Ctrl-S,
-/// a pipe that is full), lines are kept for later, up to 64 KiB of them.
+/// Prints a line on stderr while a bar may be shown. Any thread. Never waits: while stderr accepts
+/// nothing (Ctrl-S, a full pipe), lines are kept for later, up to 64 KiB of them.
 void print_beside_progress(const std::string& text);
-/// What was kept. Waits.
+/// Prints the lines that were kept. Waits.
 void print_kept();
 
 }  // namespace palpate::apps

@@ -1,4 +1,4 @@
-// The options of palpate touch, and what it opens.
+// The options of palpate touch, and its inputs.
 #pragma once
 
 #include <algorithm>
@@ -23,7 +23,7 @@
 
 namespace palpate::apps {
 
-/// How the times of a path and of depth frames belong together.
+/// Alignment of the times of a path and of depth frames.
 enum class Align {
   automatic,  ///< by their time stamps if both count from 1970, else both begin at once
   stamps,     ///< by their time stamps
@@ -33,21 +33,21 @@ constexpr auto names_of(Align) { return std::array{"auto", "stamps", "starts"}; 
 
 struct TouchOptions {
   std::string tool, path, output;
-  std::vector<CameraUri> cameras;  ///< empty: those of the rig, or the one that is there
+  std::vector<CameraUri> cameras;  ///< empty: those of the rig, or the only connected one
   std::string rig;                 ///< file; empty: none
   std::optional<CameraRig> rig_read;
-  std::optional<SensorKind> sensor;  ///< of the one that is there
+  std::optional<SensorKind> sensor;  ///< of the only connected camera
   RobotOptions robot;
   std::optional<SelfFilter> self_filter;  ///< of that robot, once it is open
   RunSettings settings;
-  std::vector<std::string> given;  ///< keys of settings that somebody gave
+  std::vector<std::string> given;  ///< keys of settings that the user gave
   Status settings_read = Done{};   ///< of --settings
   std::vector<ObjectOption> objects;
   MaterialOptions materials;
   std::optional<double> duration;
-  ProbeAim aim;  ///< of a path that is not given
+  ProbeAim aim;  ///< of a generated path
   std::string
-      device;  ///< empty: the tool follows a path on a simulated clock; "auto": what is there
+      device;  ///< empty: the tool follows a path on a simulated clock; "auto": the connected one
   Align align = Align::automatic;
   FrameOptions frames;
   Pose X_WF;            ///< of the frame that the poses of a path are in
@@ -70,13 +70,13 @@ struct TouchOptions {
 struct TouchInput {
   std::vector<std::unique_ptr<DepthSource>> sources;  ///< of each camera
   std::vector<TimedPose> path;                        ///< X_WT, or X_BH where the options say so
-  std::optional<ProbeChoice> probe;                   ///< if the path was made up
-  std::optional<Pose> X_WC;          ///< of the first camera, if the path was made up
+  std::optional<ProbeChoice> probe;                   ///< if the path is generated
+  std::optional<Pose> X_WC;          ///< of the first camera, if the path is generated
   double path_start = 0;             ///< on the path's clock: when the run begins
   std::optional<double> frame_zero;  ///< on that of the frames; none: with the first one
   double time_origin = 0;            ///< of wrench.csv: when the run begins
 
-  /// The camera that a path is made up for.
+  /// The camera for which a path is generated.
   const DepthStreamInfo& stream() const { return sources.front()->info(); }
 };
 
@@ -84,18 +84,18 @@ struct TouchInput {
 /// and of the robot; none, or several.
 Status find_connected(TouchOptions& options);
 
-/// Puts what was given in frames that people name into the world, and lets gravity be what rig or
-/// cameras know of it. Errors: a frame that there is not, or that moves.
+/// Transforms options given in named frames into the world, and takes gravity from the rig or the
+/// cameras. Errors: an unknown frame, or one that moves.
 Status know_frames(TouchOptions& options);
 
-/// Opens frames and path, makes up the path if there is none, and sets their clocks. Errors: what
-/// cannot be read; clocks that have nothing in common.
+/// Opens frames and path, generates a path if there is none, and aligns their clocks. Errors: files
+/// that cannot be read; clocks that have nothing in common.
 Result<TouchInput> open_touch_input(const TouchOptions& options, const Tool& tool);
 
-/// All of it: finds, opens, runs.
+/// Runs palpate touch: finds and opens its inputs, and runs the loop.
 Status run_touch(const TouchOptions& options);
 
-/// Runs and says what came out.
+/// Runs the loop and prints the results.
 Status touch(const TouchOptions& options, const Tool& tool, TouchInput input);
 
 }  // namespace palpate::apps

@@ -1,4 +1,4 @@
-// What palpate touch opens: depth frames, a path, and how their clocks belong together.
+// Inputs of palpate touch: depth frames, a path, and the alignment of their clocks.
 #include <algorithm>
 #include <cmath>
 #include <iostream>
@@ -20,7 +20,7 @@ bool counts_from_1970(double time) { return time > 1e8; }
 
 bool is_aimed(const ProbeAim& aim) { return aim.pixel || aim.point_W || aim.tip_T; }
 
-/// The frames that a user requests. `duration`: of simulated ones, nullopt for the scene's.
+/// Opens the frames that a user requests. `duration`: of simulated ones, nullopt for the scene's.
 Result<std::unique_ptr<DepthSource>> open_stream(const TouchOptions& options,
                                                  const CameraUri& camera,
                                                  std::optional<double> duration) {
@@ -30,15 +30,15 @@ Result<std::unique_ptr<DepthSource>> open_stream(const TouchOptions& options,
                        place_of_surfaces(options.settings));
 }
 
-/// The camera that paths are made up for.
+/// Returns the camera for which paths are generated.
 const CameraUri& first_camera(const TouchOptions& options) { return options.cameras.front(); }
 
-/// What cannot be opened once more from its first frame: cameras and pipes.
+/// True if the stream cannot be opened again from its first frame: cameras and pipes.
 bool comes_once(const TouchOptions& options, const DepthStreamInfo& stream) {
   return stream.is_live || first_camera(options).kind == "pipe";
 }
 
-/// With the pose of its camera and its time stamp. Error: there is none.
+/// Returns the first frame, with camera pose and time stamp. Error: there is none.
 Result<DepthFrame> first_frame(const OpenDepthSource& open) {
   const auto source = open();
   if (!source) return source.error();
@@ -49,7 +49,7 @@ Result<DepthFrame> first_frame(const OpenDepthSource& open) {
   return frame;
 }
 
-/// Makes up the path: in the frame of the first camera, which stands still.
+/// Generates the path, in the frame of the first camera, which must be static.
 Status add_probing_path(const TouchOptions& options, const Tool& tool, const OpenDepthSource& open,
                         TouchInput& input) {
   if (input.stream().is_moving) {
@@ -78,7 +78,7 @@ Status add_probing_path(const TouchOptions& options, const Tool& tool, const Ope
   return Done{};
 }
 
-/// Makes up the path from what is seen first, and goes on with what comes next.
+/// Generates the path from the first frames of a stream that cannot be opened again.
 Status add_path_at_first_sight(const TouchOptions& options, const Tool& tool, TouchInput& input) {
   constexpr std::size_t kNumLooks = 8;
   std::vector<DepthFrame> seen;
@@ -114,12 +114,12 @@ Status add_path_of_scene(const std::string& name, TouchInput& input) {
   return Done{};
 }
 
-/// Empty unless the frames are of a scene, which may have a path of its own.
+/// Returns the name of the simulated scene, which may have a path of its own; else empty.
 std::string scene_name(const TouchOptions& options) {
   return first_camera(options).kind == "scene" ? first_camera(options).target : "";
 }
 
-/// The path that is given, or is led by; else one that is made up.
+/// Reads the given path or that of a replay device; else takes the scene's or generates one.
 Status add_path(const TouchOptions& options, const Tool& tool, TouchInput& input) {
   if (options.is_robot()) return Done{};  // it moves the tool
   const std::string given = options.is_replay() ? options.device.substr(7) : options.path;
@@ -146,7 +146,8 @@ Status add_path(const TouchOptions& options, const Tool& tool, TouchInput& input
 }
 
 Status add_sources(const TouchOptions& options, TouchInput& input) {
-  // A hand takes its time, and a run counts it from its first tick, long after the first frame.
+  // A run with a hand has no fixed length, and begins at its first tick, long after the first
+  // frame.
   constexpr double kLongest = 86400;
   const bool is_live = !options.device.empty();
   for (const CameraUri& camera : options.cameras) {
@@ -158,7 +159,7 @@ Status add_sources(const TouchOptions& options, TouchInput& input) {
   return Done{};
 }
 
-/// Nothing is shifted silently: what counts from 1970 is taken at its word.
+/// Aligns the clocks of path and frames. Time stamps since 1970 are never shifted silently.
 Status set_clocks(const TouchOptions& options, TouchInput& input) {
   input.path_start = input.path.empty() ? 0 : input.path.front().time;
   input.time_origin = input.path_start;

@@ -23,7 +23,7 @@
 namespace palpate::apps {
 namespace {
 
-/// A hand that nobody has placed is where the path begins. A path that is played is where it says.
+/// Places a hand at the beginning of the path unless the settings place it. Replays are not moved.
 void place(const TouchOptions& options, const TouchInput& input, CouplingOptions& coupling) {
   const bool has_hand = !options.device.empty() && !options.is_replay();
   const bool is_placed =
@@ -34,7 +34,7 @@ void place(const TouchOptions& options, const TouchInput& input, CouplingOptions
   place_hand(X_WC, input.path.front().X_WT, coupling);
 }
 
-/// The handle along the path, at times since the run began.
+/// Returns the pose of the handle along the path, by time since the start of the run.
 HandTarget follow(const TouchOptions& options, const TouchInput& input,
                   const CouplingOptions& coupling) {
   const bool is_handle = options.is_path_of_handle();
@@ -48,7 +48,7 @@ Result<std::unique_ptr<HapticDevice>> make_simulated_hand(const TouchOptions& op
                                                           HandTarget target) {
   const std::string model_name = options.device.size() > 4 ? options.device.substr(4) : "";
   const auto model = model_name.empty() ? device_models().front() : find_device_model(model_name);
-  if (!model) return open_device(options.device);  // which says what is wrong
+  if (!model) return open_device(options.device);  // for its error message
   SimulatedDeviceOptions simulated;
   simulated.model = *model;
   simulated.target = std::move(target);
@@ -57,7 +57,7 @@ Result<std::unique_ptr<HapticDevice>> make_simulated_hand(const TouchOptions& op
   return std::unique_ptr<HapticDevice>(*std::move(device));
 }
 
-/// How long the run is to last by the path and what people say; infinite: until the frames end.
+/// Returns the duration of the run from --duration or the path, s; infinite: until the frames end.
 Result<double> path_duration(const TouchOptions& options, const TouchInput& input) {
   if (input.path.empty()) {
     return Error{Errc::bad_input, input.stream().name + " has no path of its own: give --path"};
@@ -102,7 +102,7 @@ Result<std::unique_ptr<HapticDevice>> make_device(const TouchOptions& options,
     return make_simulated_hand(options, follow(options, input, settings.coupling));
   }
   if (!options.is_robot()) return open_device(options.device);
-  // Where its poses are and how old they may be is said once for the tool and the rest of the run.
+  // Frame and maximum age of the robot's poses default to those of the camera and of the output.
   const std::size_t parameters = std::min(options.device.find('?'), options.device.size());
   std::string address = options.device.substr(0, parameters);
   std::string more = options.device.substr(parameters);
@@ -114,7 +114,7 @@ Result<std::unique_ptr<HapticDevice>> make_device(const TouchOptions& options,
   return open_device(address + more);
 }
 
-/// The newest tick, in a few words: written by one thread, read by another.
+/// Short text about the newest tick: written by one thread, read by another.
 class TickWatch {
  public:
   void take(const TickRecord& tick) {
@@ -124,7 +124,7 @@ class TickWatch {
   }
 
   double time() const { return time_; }
-  /// Tells time since the start, force on the tool and, of a live run, the rate of its ticks.
+  /// Returns time since the start, force on the tool and, for a live run, its tick rate, as text.
   std::string words(bool is_live) {
     const double elapsed = time_ - counted_time_;
     if (elapsed >= 1) {
@@ -172,8 +172,8 @@ void print_probe(const ProbeChoice& probe) {
   std::cout << text << kHowToAim << "\n";
 }
 
-/// Says what came out and was not `said` meanwhile; an error where the run did not end as it
-/// should.
+/// Prints the results and warnings, except those already `said`; error if the run ended
+/// prematurely.
 Status tell(const TouchOptions& options, const Tool& tool, const RunOutcome& outcome,
             const std::optional<ProbeChoice>& probe, std::span<const std::string> said,
             bool is_cut_short) {
@@ -220,7 +220,7 @@ Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
   for (const auto& source : input.sources) streams.push_back(source->info());
   if (!options.is_given("time.average")) settings.time.average.kind = usual_average(streams);
   use_sensor(input.stream().sensor, options.given, settings.time);
-  // What a robot hides is no gap that an estimate may fill.
+  // Estimates must not fill the gaps that removing the robot leaves.
   if (options.self_filter && !options.is_given("time.average_keep_frames")) {
     settings.time.average.keep_frames = 0;
   }
@@ -245,7 +245,7 @@ Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
     if (!duration) return duration.error();
     expected = *duration;
     device = make_path(options, input, settings, *duration);
-    // A probe of a few frames goes on at the last one.
+    // A probe of a few frames continues with the last one.
     run.clock = {input.frame_zero, !options.duration && !input.probe, options.has_page};
   }
   if (!device) return device.error();
@@ -276,7 +276,7 @@ Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
   const auto view = LiveView::create(tool, DepthSources(sources).infos(), info.name, handle,
                                      options.settings.objects);
   std::optional<OpenPage> page;
-  catch_interrupts();  // from the line on that says where the page is
+  catch_interrupts();  // before the address of the page is printed
   if (options.has_page) {
     auto served = OpenPage::serve(*view, options.page, std::cerr);
     if (!served) return served.error();

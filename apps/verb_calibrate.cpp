@@ -1,4 +1,4 @@
-// palpate calibrate: where the cameras of a rig are, refined by what they see.
+// palpate calibrate: refines the poses of the cameras of a rig from their images.
 
 #include <cmath>
 #include <cstdio>
@@ -30,7 +30,7 @@ struct Options {
   bool json = false;
 };
 
-/// Its surface; `estimator` owns it.
+/// Surface of one camera; `estimator` owns it.
 Result<SurfaceEstimator> look(const CameraUri& uri, const std::string& name, int num_frames) {
   const auto X_WC = standing_pose(uri);
   if (!X_WC) return X_WC.error();

@@ -1,4 +1,4 @@
-// palpate cameras: which depth cameras can be used here.
+// palpate cameras: lists and tests the depth cameras that can be used here.
 
 #include <algorithm>
 #include <chrono>
@@ -50,10 +50,10 @@ Status run(bool json) {
   return Done{};
 }
 
-/// Of the whole program, s of one core.
+/// Returns the CPU time of the program, s of one core.
 double cpu_seconds() { return static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
 
-/// What a camera sends in a few seconds, for whoever owns it to tell us.
+/// Prints a report on the frames of a camera over a few seconds, for bug reports.
 Status try_camera(const std::string& uri, double seconds) {
   auto source = open_camera(uri);
   if (!source) return source.error();
@@ -101,7 +101,7 @@ Status try_camera(const std::string& uri, double seconds) {
   return Done{};
 }
 
-/// Every camera that is there, or those that are named; all of them, whatever one says.
+/// Tests all cameras that are connected, or those named; continues after errors.
 Status self_test(std::vector<std::string> uris, double seconds) {
   const bool is_all = uris.empty();
   std::cout << "palpate " PALPATE_VERSION "\n";

@@ -1,4 +1,4 @@
-// palpate devices: what a hand can hold here.
+// palpate devices: lists the haptic devices that can be used here.
 
 #include <iostream>
 #include <memory>

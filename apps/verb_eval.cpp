@@ -1,4 +1,4 @@
-// palpate eval: hands its words to the program palpate_eval, which lies beside this one.
+// palpate eval: runs the program palpate_eval, which is beside this one, with its arguments.
 
 #include <unistd.h>
 

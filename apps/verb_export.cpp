@@ -19,7 +19,7 @@ struct Options {
   std::string tool, spheres, edges, mesh;
 };
 
-/// Nine digits tell every single-precision number from its neighbours.
+/// Digits that distinguish every single-precision number from its neighbors.
 std::string spheres_csv(const Tool& tool) {
   std::string text = "x,y,z,r\n";
   for (const Sphere& s : tool.spheres()) {
@@ -43,7 +43,7 @@ std::string edges_csv(const Tool& tool) {
 Status run(const Options& options) {
   const auto tool = load_tool(options.tool);
   if (!tool) return tool.error();
-  // Everything that can be seen to go wrong is seen before the first file is written.
+  // All checks come before the first file is written.
   const std::array outputs{options.spheres, options.edges, options.mesh};
   for (std::size_t i = 0; i < outputs.size(); ++i) {
     if (outputs[i].empty()) continue;

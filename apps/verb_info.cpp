@@ -1,4 +1,4 @@
-// palpate info: what is in a tool file.
+// palpate info: prints the contents of a tool file.
 
 #include <iostream>
 #include <memory>

@@ -24,7 +24,7 @@ struct Options {
   std::string input, output;
   PackRequest request;
   bool report = false;
-  std::string page;  ///< empty for a folder: its pages lie beside the tools
+  std::string page;  ///< empty for a folder: its pages are beside the tools
   bool json = false;
 };
 
@@ -94,7 +94,7 @@ bool is_folder(const std::string& path) {
   return std::filesystem::is_directory(path, ignored);
 }
 
-/// What the single options cannot know about each other.
+/// Checks combinations of options.
 void check(Options& options) {
   PackOptions& limits = options.request.pack;
   if (const auto& spacing = options.request.camera_spacing; !spacing.empty()) {

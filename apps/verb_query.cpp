@@ -42,9 +42,9 @@ struct Options {
 struct Measurement {
   Penetration penetration;
   BodyMeasure shares;  ///< of cloud and objects
-  /// Penetration::unseen_volume; none where it is not known: of one camera on a GPU.
+  /// Penetration::unseen_volume; none if unknown: with one camera on a GPU.
   std::optional<double> unseen;
-  std::vector<int> decided;  ///< spheres in contact by each camera, and last where none looks
+  std::vector<int> decided;  ///< spheres in contact decided by each camera; last: by none
   double seconds = 0;
   Pose X_WT;
 };
@@ -55,7 +55,7 @@ std::string camera_name(std::size_t number) {
 
 nlohmann::ordered_json to_json(const Vec3d& v) { return {v.x, v.y, v.z}; }
 
-/// As --wrench-frame, --wrench-point and --tcp want it.
+/// Returns pose and wrench in the frame of --wrench-frame, --wrench-point and --tcp.
 nlohmann::ordered_json reported_json(const OutputOptions& output, const Tool& tool,
                                      const Pose& X_WCamera, const Measurement& at) {
   const ReportedOutput reported(
@@ -130,7 +130,8 @@ struct ChosenQuery {
   std::unique_ptr<ContactQuery> query;
 };
 
-/// On the backend of the settings, or the fastest one that works here. `pool` must outlive it.
+/// Creates the query on the backend of the settings, or the fastest one that works here. `pool`
+/// must outlive it.
 Result<ChosenQuery> choose_query(const RunSettings& settings, const Tool& tool, ThreadPool& pool) {
   const auto method = contact_method(settings.contact);
   if (!method) return method.error();
@@ -148,7 +149,7 @@ Result<ChosenQuery> choose_query(const RunSettings& settings, const Tool& tool, 
   return ChosenQuery{backend, *std::move(query)};
 }
 
-/// Unseen volume at a pose, and the camera that decided each sphere.
+/// Computes the unseen volume at a pose, and the number of spheres that each camera decided.
 void find_evidence(const ContactQuery& query, Backend backend,
                    std::span<const SurfaceBlend> cameras, Measurement& at) {
   SpherePicture spheres;
@@ -164,7 +165,7 @@ void find_evidence(const ContactQuery& query, Backend backend,
   }
 }
 
-/// Where the cameras of the query are, by name.
+/// Returns the named frames of the query's cameras.
 Result<NamedFrames> frames_of(const FrozenViews& scene) {
   auto frames = NamedFrames::of({});
   if (!frames) return frames.error();
@@ -262,7 +263,7 @@ Status run(const Options& given) {
   return Done{};
 }
 
-/// What the parser cannot see by itself.
+/// Checks combinations of options, which the parser cannot.
 void check(const CLI::App& app, Options& options) {
   if (const auto method = contact_method(options.settings.contact); !method) {
     usage_error("--" + method.error().message);
@@ -330,7 +331,7 @@ void add_query(CLI::App& program, Action& action) {
   add_threads_option(app, options->settings.num_threads, kThreadsHelp);
   add_setting_options(app, "From depth to surface", settings_of(options->settings),
                       kSurfaceOptions);
-  SettingTable frozen;  // what counts where time stands still
+  SettingTable frozen;  // settings that apply without time
   add_settings(frozen, options->settings.contact);
   add_settings(frozen, options->settings.surface);
   add_settings(frozen, options->settings.field);

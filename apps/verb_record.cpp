@@ -1,4 +1,4 @@
-// palpate record: depth streams alone, as an MCAP file.
+// palpate record: records depth streams alone, as an MCAP file.
 
 #include <atomic>
 #include <chrono>
@@ -30,7 +30,7 @@ struct Options {
   bool json = false;
 };
 
-/// Lets an interrupt end a wait for a camera that sends nothing.
+/// Ends a wait for a camera that sends nothing on an interrupt.
 class InterruptWatch {
  public:
   explicit InterruptWatch(const DepthSources& sources)

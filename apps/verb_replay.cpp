@@ -1,4 +1,4 @@
-// palpate replay: the same run again, bit for bit; or what other settings would have given.
+// palpate replay: repeats a run, bit for bit, or with other settings.
 
 #include <cmath>
 #include <iostream>
@@ -20,13 +20,13 @@ constexpr const char* kHowToEnd = "Ctrl-C ends it";
 
 struct Options {
   std::string run, output;
-  RunSettings settings;              ///< only to check what is given
+  RunSettings settings;              ///< only to check the given values
   std::vector<std::string> changes;  ///< words of the command line that change settings
   std::optional<int> num_threads;
   bool json = false;
 };
 
-/// Everything that a run can be tried with. What it was recorded with are the defaults.
+/// Adds options for all settings; the defaults are those of the recorded run.
 void add_all_settings(CLI::App& app, RunSettings& settings) {
   app.add_option_function<std::string>(
          "--settings",
@@ -47,7 +47,7 @@ void add_all_settings(CLI::App& app, RunSettings& settings) {
   add_set_option(app, table);
 }
 
-/// What was given of them, as on a command line.
+/// Returns the given ones of these options as words of a command line.
 std::vector<std::string> given_words(const CLI::App& app, const CLI::App& known) {
   std::vector<std::string> words;
   for (const CLI::Option* option : app.get_options()) {
@@ -73,8 +73,8 @@ Status parse(const std::vector<std::string>& words, RunSettings& settings) {
   return Done{};
 }
 
-/// What the run was recorded with, but for the options that another method does not have: `note`
-/// names those.
+/// Applies the words to the recorded settings; options that a new method does not have are dropped,
+/// and named in `note`.
 Status change(const std::vector<std::string>& words, RunSettings& settings, std::string& note) {
   RunSettings desired = settings;
   if (const Status status = parse(words, desired); !status) return status;

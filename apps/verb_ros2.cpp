@@ -17,7 +17,7 @@ struct Options {
   double scale = 1;    // m per number of a 32FC1 image
 };
 
-/// The same as palpate touch --camera ros2:... --device ros2:... --ros2.
+/// Returns the options of the equivalent palpate touch --camera ros2:... --device ros2:... --ros2.
 TouchOptions touch_options(const Options& options) {
   TouchOptions touch = options.touch;
   if (!options.camera_infos.empty() && options.camera_infos.size() != options.depths.size()) {

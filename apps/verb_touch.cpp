@@ -20,7 +20,7 @@ using Options = TouchOptions;
 
 bool is_aimed(const ProbeAim& aim) { return aim.pixel || aim.point_W || aim.tip_T; }
 
-/// A run must not replace what it reads.
+/// Checks that the run does not overwrite its inputs.
 Status check_inputs(const Options& options) {
   std::vector<std::string> inputs{options.tool, options.path, options.rig};
   std::error_code ignored;
@@ -78,7 +78,7 @@ Status run_touch(const TouchOptions& given) {
 
 namespace {
 
-/// Numbers with commas between them; none: it is not that.
+/// Parses numbers separated by commas; returns none if the text is invalid.
 std::vector<double> parse_place(const std::string& text) {
   std::vector<double> numbers;
   std::string part;
@@ -93,7 +93,7 @@ std::vector<double> parse_place(const std::string& text) {
   return numbers;
 }
 
-/// What a path that is not given touches.
+/// Adds options for the target of a generated path.
 void add_aim_options(CLI::App& app, const std::shared_ptr<Options>& options) {
   const std::string group = "Without --path: target of the probing";
   const std::string places = "a pixel u,v of the depth image or a point x,y,z in meters";
@@ -126,7 +126,7 @@ void add_aim_options(CLI::App& app, const std::shared_ptr<Options>& options) {
       ->group(group);
 }
 
-/// "10min" or "1.5 GB" in the first unit; 0: it is not that. Units: name and factor.
+/// Parses "10min" or "1.5 GB", in the first unit; returns 0 if invalid. Units: name and factor.
 double parse_amount(const std::string& text,
                     std::initializer_list<std::pair<std::string_view, double>> units) {
   std::istringstream stream(text);
@@ -141,7 +141,7 @@ double parse_amount(const std::string& text,
   return 0;
 }
 
-/// How much of a long run is kept.
+/// Adds options that limit the recording of a long run.
 void add_record_options(CLI::App& app, const std::shared_ptr<Options>& options) {
   const std::string group = "Recording";
   const auto refuse = [](const char* option, const std::string& text, const char* desired) {
@@ -172,7 +172,7 @@ void add_record_options(CLI::App& app, const std::shared_ptr<Options>& options) 
       ->group(group);
 }
 
-/// Of the page that is shown meanwhile.
+/// Adds options of the page that shows the run.
 void add_view_options(CLI::App& app, Options& options) {
   app.add_flag("--view", options.has_page,
                "show the run in a browser; without --device it then runs in real time");
@@ -187,7 +187,7 @@ void check_view(const CLI::App& app, const Options& options) {
   }
 }
 
-/// What goes with a device and what with a path.
+/// Checks which options go with a device or with a path.
 void check_motion(const CLI::App& app, const Options& options) {
   if ((!options.path.empty() || options.is_replay()) && is_aimed(options.aim)) {
     usage_error(
@@ -230,7 +230,7 @@ void check_motion(const CLI::App& app, const Options& options) {
   }
 }
 
-/// What needs friction, or a node of ROS 2.
+/// Checks options that need friction or a ROS 2 node.
 void check_feel(const CLI::App& app, const Options& options) {
   const bool has_friction = options.settings.coupling.friction.coefficient > 0 ||
                             !options.materials.materials.empty() ||
@@ -254,15 +254,15 @@ void check(const Options& options) {
   }
 }
 
-/// What runs have unless somebody says otherwise.
+/// Returns the default settings of runs.
 RunSettings settings_of_runs() {
   RunSettings settings;
   settings.time.average.kind = usual_average({});
   return settings;
 }
 
-/// Every key behind a #: what stands in a file counts as given, also where a run would choose by
-/// its cameras or its device.
+/// Returns the default settings with every key commented out: a key in a file counts as given, and
+/// would override choices by camera or device.
 std::string commented_settings() {
   const RunSettings defaults = settings_of_runs();
   std::istringstream lines(settings_toml(settings_of(defaults)));
@@ -274,7 +274,7 @@ std::string commented_settings() {
   return text;
 }
 
-/// The hand, and what is between it and the tool.
+/// Adds options of the device and its coupling to the tool.
 void add_hand_options(CLI::App& app, const std::shared_ptr<Options>& options) {
   const std::string group = "Hand and settings";
   app.add_option("--device", options->device,
@@ -286,7 +286,7 @@ void add_hand_options(CLI::App& app, const std::shared_ptr<Options>& options) {
       ->type_name("DEVICE")
       ->expected(0, 1)
       ->group(group);
-  // Read when it is met, so that all other options win over the file.
+  // Read while parsing, so that all other options override the file.
   app.add_option_function<std::string>(
          "--settings",
          [options](const std::string& path) {
@@ -378,7 +378,7 @@ void add_touch(CLI::App& program, Action& action) {
     for (std::string& key : given_settings(app, {kSurfaceOptions, kTimeOptions, kHandOptions})) {
       options->given.push_back(std::move(key));
     }
-    // A frame alone says where the base is, too.
+    // A frame alone also places the base.
     if (!options->frames.base.empty()) options->given.push_back("coupling.base_in_scene");
     check_motion(app, *options);
     check_use(app, options->settings);

@@ -1,4 +1,4 @@
-// palpate view: a run or a tool in a browser.
+// palpate view: shows a run or a tool in a browser.
 
 #include <spawn.h>
 
@@ -25,7 +25,7 @@ struct Options {
   bool opens_browser = false;
 };
 
-/// The person's own browser, where there is a screen.
+/// Opens the user's browser if there is a display.
 void open_browser(const std::string& url) {
   const bool has_screen =
       std::getenv("DISPLAY") != nullptr || std::getenv("WAYLAND_DISPLAY") != nullptr;
@@ -39,7 +39,7 @@ void open_browser(const std::string& url) {
 }
 
 Status show(ViewSource& source, const Options& options) {
-  catch_interrupts();  // from the line on that says where the page is
+  catch_interrupts();  // before the address of the page is printed
   const auto page = OpenPage::serve(source, options.server, std::cout);
   if (!page) return page.error();
   if (options.opens_browser) open_browser(page->server().url());

@@ -12,7 +12,7 @@ class App;
 
 namespace palpate::apps {
 
-/// What THIRD_PARTY.md says.
+/// Returns the text of THIRD_PARTY.md.
 const char* license_notices();
 
 /// The work of a verb. An Error means exit status 1; wrong usage is found before, while parsing.

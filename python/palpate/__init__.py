@@ -7,8 +7,8 @@
 
 SI units. Frames: W the world, C the camera (x right, y down, z forward), T the tool; X_WT is the
 pose of T in W, (4, 4) or (7,) tx ty tz qx qy qz qw. Arrays come from any library with DLPack or the
-buffer protocol and are not copied where type and place fit. What goes wrong raises palpate.Error;
-arrays of a wrong shape raise ValueError.
+buffer protocol and are not copied if type and place match. Failures raise palpate.Error; arrays of
+a wrong shape raise ValueError.
 """
 
 from palpate._core import (

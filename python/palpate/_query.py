@@ -13,7 +13,7 @@ from palpate.poses import Frames, measure_file, parse_shard
 
 
 class _WrongUsage(Exception):
-    """Exit status 2, as everywhere in the program."""
+    """Error in the arguments: exit status 2, as everywhere in the program."""
 
 
 class _Parser(argparse.ArgumentParser):
@@ -23,7 +23,7 @@ class _Parser(argparse.ArgumentParser):
 
 
 def is_requested(arguments: List[str]) -> bool:
-    """Whether these arguments of the program request poses in Parquet."""
+    """True if these arguments of the program request poses in Parquet."""
     if not arguments or arguments[0] != "query":
         return False
     values = [value.split("=", 1)[1] for value in arguments if value.startswith("--poses=")]
@@ -35,7 +35,7 @@ def is_requested(arguments: List[str]) -> bool:
 
 
 def _number(text: str) -> float:
-    """NaN: it is none."""
+    """Parses a number; NaN if it is none."""
     return float(text) if re.fullmatch(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", text, re.ASCII) else math.nan
 
 
@@ -102,7 +102,7 @@ def _camera(given: argparse.Namespace) -> _core.Camera:
 
 
 def _place(backend: str, camera: _core.Camera) -> str:
-    """auto: a GPU if one is usable, else the CPU, and why."""
+    """Resolves the backend auto: a GPU if one is usable, else the CPU, with a note."""
     if backend != "auto":
         return backend
     try:
@@ -119,7 +119,7 @@ def _progress(done: int, num: int) -> None:
 
 
 def main(arguments: Optional[List[str]] = None) -> int:
-    """The exit status."""
+    """Runs the query and returns the exit status."""
     try:
         given = _parse((sys.argv[1:] if arguments is None else arguments)[1:])
         camera = _camera(given)

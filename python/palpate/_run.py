@@ -1,4 +1,4 @@
-"""palpate.touch and palpate.Run: runs while they go on, and what is kept of them."""
+"""palpate.touch and palpate.Run: live runs and their recordings."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class _TemporaryFolder:
 
 
 class Run:
-    """A run: live, or as it was recorded. Made by `touch` and `Run.open`.
+    """A run: live, or as it was recorded. Created by `touch` and `Run.open`.
 
     While it runs, `latest` is its newest tick. Everything recorded (arrays, summary, frames) is read
     from its folder: access waits for the end of the run.
@@ -84,12 +84,12 @@ class Run:
 
     @property
     def is_running(self) -> bool:
-        """Does it go on?"""
+        """True while the run is in progress."""
         return self._loop is not None and self._loop.is_running
 
     @property
     def latest(self) -> Optional[_core.Tick]:
-        """The newest tick of a run of this process; None: there was none yet."""
+        """The newest tick of a run of this process; None if there was none yet."""
         return self._loop.latest if self._loop is not None else None
 
     def mark(self, text: str) -> None:
@@ -99,10 +99,10 @@ class Run:
         self._loop.mark(text)
 
     def wait(self, seconds: Optional[float] = None) -> bool:
-        """Waits until it has ended, at most `seconds`. Returns True if it has ended.
+        """Waits until the run has ended, at most `seconds`. Returns True if it has ended.
 
-        Ctrl-C ends the run and raises KeyboardInterrupt; what was recorded is kept. Raises what
-        `on_tick` or a device in Python raised, and palpate.Error if the run ended in a failure.
+        Ctrl-C ends the run and raises KeyboardInterrupt; the recording is kept. Raises exceptions of
+        `on_tick` or of a device in Python again, and palpate.Error if the run ended in a failure.
         """
         if self._loop is None:
             return True
@@ -132,24 +132,24 @@ class Run:
             self._loop.stop()
             try:
                 self._loop.wait()
-            except Exception as also:  # the one that is on its way says more
+            except Exception as also:  # `error`, which is being raised, says more
                 warnings.warn(f"the run that was left ended in an error: {also}", stacklevel=2)
 
-    # What is kept of it
+    # The recording
 
     @property
     def folder(self) -> Path:
-        """Where it is kept."""
+        """Folder of the recording."""
         return self._folder
 
     @property
     def times(self) -> _Floats:
-        """(N,) s since the run began, of its ticks."""
+        """(N,) times of the ticks, s since the start of the run."""
         return self._columns("time_s")[:, 0]
 
     @property
     def wrench(self) -> _Floats:
-        """(N, 6) force and torque on the tool, N and N m, in W about its centre of mass.
+        """(N, 6) force and torque on the tool, N and N m, in W about its center of mass.
 
         NaN where there is no measurement.
         """
@@ -174,7 +174,7 @@ class Run:
 
     @property
     def volume(self) -> _Floats:
-        """(N,) m3 of the tool inside what is seen; NaN where there is no measurement."""
+        """(N,) volume of the tool inside the scene, m3; NaN where there is no measurement."""
         return self._columns("volume_m3")[:, 0]
 
     @property
@@ -186,7 +186,7 @@ class Run:
 
     @property
     def summary(self) -> Dict[str, Any]:
-        """What summary.json says: settings, counts, peaks, percentiles of every stage, faults."""
+        """Contents of summary.json: settings, counts, peaks, percentiles of every stage, faults."""
         self.wait()
         if self._summary is None:
             path = self._folder / "summary.json"
@@ -211,35 +211,35 @@ class Run:
 
     @property
     def frame_records(self) -> Mapping[str, _Floats]:
-        """What is known of every depth frame in the recording but its image: (F,) each."""
+        """Every number of every depth frame in the recording except its image: (F,) each."""
         return self._read_recording()["frames"]  # type: ignore[no-any-return]
 
     @property
     def notes(self) -> List[str]:
-        """What was noted while it went on."""
+        """Notes in the recording: messages of the run, and marks of the user (`mark`)."""
         return self._read_recording()["notes"]  # type: ignore[no-any-return]
 
     def frames(self, camera: int = 0) -> _core.RecordedFrames:
-        """The depth images of a camera one after the other: time (s) and (H, W) uint16 counts.
+        """The depth images of a camera in sequence: time (s) and (H, W) uint16 counts.
 
-        camera: its number, from 0. Where it was: frame_records["camera_pose.position.x"] and so on,
-        at the rows whose "camera" is its number."""
+        camera: its index, from 0. Its poses are in frame_records["camera_pose.position.x"] and so on,
+        in the rows whose "camera" is this index."""
         self.wait()
         return _core.RecordedFrames(self._folder, camera)
 
     @property
     def camera(self) -> _core.Camera:
-        """That of its depth images."""
+        """Model of the first camera, for its depth images."""
         return self.frames().camera
 
     @property
     def tool(self) -> _core.Tool:
-        """Its tool."""
+        """The tool of the run."""
         self.wait()
         return _core.recorded_tool(self._folder)
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """`table` as a DataFrame of pandas, a row for each tick."""
+        """Returns `table` as a pandas DataFrame, one row per tick."""
         try:
             import pandas
         except ImportError as error:
@@ -273,7 +273,7 @@ class Run:
         return {name: np.ascontiguousarray(rows[:, i]) for i, name in enumerate(names)}
 
     def _table_of_recording(self) -> Dict[str, _Floats]:
-        """Of a run that was cut off before wrench.csv was finished: what arrays are made of."""
+        """Returns the columns for the arrays of a run that was cut off before wrench.csv was finished."""
         ticks = self.ticks
         members = {"time_s": "time", "volume_m3": "penetration.volume"}
         for axis in "xyz":
@@ -294,7 +294,7 @@ class Run:
 
 
 def _leave_to_parent() -> None:
-    """After os.fork: runs go on in the parent, which has their threads."""
+    """Detaches all runs after os.fork: they continue in the parent, which has their threads."""
     for run in list(_going_on.values()):
         if run._loop is not None:
             run._loop.leave()

@@ -44,12 +44,12 @@ def torque(run: Run, axes: Optional[Axes] = None) -> Axes:
 
 
 def volume(run: Run, axes: Optional[Axes] = None) -> Axes:
-    """Volume of the tool inside what is seen over time, cm3."""
+    """Volume of the tool inside the scene over time, cm3."""
     return _lines(axes, run, run.volume * 1e6, "volume", "volume, cm3")
 
 
 def latency(run: Run, axes: Optional[Axes] = None) -> Axes:
-    """How old contact and depth image are that a force rests on, over time, ms."""
+    """Age of the contact and of the depth image behind each force over time, ms."""
     ages = np.stack([run.table["contact_age_s"], run.table["sensor_age_s"]], axis=1)
     drawn = _lines(axes, run, ages * 1e3, "contact depth", "age, ms")
     drawn.set_yscale("symlog", linthresh=0.1)

@@ -29,14 +29,14 @@ _Columns = Dict[str, NDArray[Any]]
 
 #: Columns of a pose X_WT: m, and a quaternion of any length.
 POSE = ("tx", "ty", "tz", "qx", "qy", "qz", "qw")
-#: Which frame a pose is measured against, from 0; left out: the only one.
+#: Column of the index of a pose's frame, from 0; may be left out if there is one frame.
 FRAME = "frame"
-#: Columns of an answer, in W, torque about the centre of mass of the tool. A status other than 0 says
-#: why a pose was not measured (palpate.Status).
+#: Columns of an answer, in W, torque about the tool's center of mass. A status other than 0 is the
+#: reason why a pose was not measured (palpate.Status).
 ANSWERS = ("volume_m3", "potential_m4", "force_x_m3", "force_y_m3", "force_z_m3", "torque_x_m4",
            "torque_y_m4", "torque_z_m4", "status")
 
-_NUM_SURFACES = 8  # that are kept: about 30 MB each at 640 x 480
+_NUM_SURFACES = 8  # in the cache: about 30 MB each at 640 x 480
 _ROWS_IN_PART = 1 << 18
 _LIBRARY = "files of poses in Parquet need pyarrow: pip install pyarrow"
 
@@ -44,9 +44,9 @@ _LIBRARY = "files of poses in Parquet need pyarrow: pip install pyarrow"
 class Frames:
     """Depth images of one camera, read on access.
 
-    images: an array (F, H, W) of whatever has a shape and gives images by number (NumPy, Zarr, a
-    memory map): counts of `camera.unit` or m; or a list of files: PNGs of 16 bits, or .npy of one
-    image each. poses: X_WC of each frame, (F, 4, 4) or (F, 7); none: those of the camera.
+    images: an array (F, H, W) of any type with a shape and indexing (NumPy, Zarr, a memory map),
+    in counts of `camera.unit` or m; or a list of files: 16-bit PNGs, or .npy with one image each.
+    poses: X_WC of each frame, (F, 4, 4) or (F, 7); none: that of the camera.
     """
 
     def __init__(self, images: Any, camera: _core.Camera, poses: Optional[Any] = None) -> None:
@@ -59,8 +59,8 @@ class Frames:
 
     @staticmethod
     def open(path: _PathLike, camera: _core.Camera) -> Frames:
-        """A folder of PNGs in the order of their names, one PNG, an .npy of (F, H, W) or (H, W), a
-        .zarr of (F, H, W). palpate.Error: there is none."""
+        """Opens a folder of PNGs in the order of their names, one PNG, an .npy of (F, H, W) or
+        (H, W), or a .zarr of (F, H, W). palpate.Error: there is none."""
         where = Path(path)
         if where.suffix == ".zarr":
             try:
@@ -83,7 +83,7 @@ class Frames:
         return int(self.images.shape[0]) if hasattr(self.images, "shape") else len(self.images)
 
     def image(self, frame: int) -> NDArray[Any]:
-        """(H, W) counts or m."""
+        """Returns the image of a frame: (H, W) counts or m."""
         image = self.images[frame]
         if not isinstance(image, (str, os.PathLike)):
             return np.asarray(image)
@@ -93,7 +93,7 @@ class Frames:
 
 
 class Measurer:
-    """Answers columns of poses, and keeps what it has made of the last frames.
+    """Measures columns of poses; keeps the surfaces of the last frames.
 
     tool: a Tool or its file. frames: `Frames`. place, threads and options are those of Contact.
     """
@@ -110,7 +110,7 @@ class Measurer:
         if frame in self._surfaces:
             self._surfaces.move_to_end(frame)
             return self._surfaces[frame]
-        # A sensor of its own: its surface stays as it is when others are made.
+        # Each surface has its own sensor, so it stays valid when others are computed.
         sensor = _core.Sensor(self._frames.camera, place=self._place, threads=self._threads)
         pose = None if self._frames.poses is None else self._frames.poses[frame]
         surface = sensor.update(self._frames.image(frame), pose=pose)
@@ -120,7 +120,7 @@ class Measurer:
         return surface
 
     def __call__(self, columns: Mapping[str, NDArray[Any]]) -> _Columns:
-        """The columns that came, and those of ANSWERS. ValueError: a column of POSE is missing."""
+        """Returns the given columns and those of ANSWERS. ValueError: a column of POSE is missing."""
         missing = [name for name in POSE if name not in columns]
         if missing:
             raise ValueError(f"poses: there is no column {', '.join(missing)}; a pose has {', '.join(POSE)}")
@@ -184,7 +184,7 @@ def _parquet() -> Tuple[Any, Any]:
 
 
 def parse_shard(text: str) -> Tuple[int, int]:
-    """K/N: the K-th of N shards, from 1."""
+    """Parses K/N: the K-th of N shards, from 1."""
     try:
         k, n = (int(part) for part in text.split("/"))
     except ValueError:
@@ -195,8 +195,8 @@ def parse_shard(text: str) -> Tuple[int, int]:
 
 
 def _rows(file: Any, begin: int, end: int) -> Iterator[Any]:
-    """Tables of the rows from `begin` to `end`, in parts that depend on these alone. Of a row group only what lies
-    before a part is read with it: Parquet has no way to rows in its middle."""
+    """Yields tables of the rows from `begin` to `end`, in parts that depend on these alone. Row groups are read
+    from their first row, as Parquet cannot seek to rows in the middle, but not beyond the last part."""
     pyarrow, _ = _parquet()
     ends = np.cumsum([file.metadata.row_group(group).num_rows for group in range(file.metadata.num_row_groups)])
     groups = np.flatnonzero((ends > begin) & (np.append(0, ends[:-1]) < end))
@@ -244,7 +244,7 @@ def _checksum_of_frames(frames: Frames) -> str:
 
 @contextlib.contextmanager
 def _alone(folder: Path, output: Path) -> Iterator[None]:
-    """Nobody else writes the same file meanwhile."""
+    """Locks the output against other processes."""
     folder.mkdir(parents=True, exist_ok=True)
     with open(folder / "lock", "w") as lock:
         try:
@@ -285,7 +285,7 @@ def measure_file(tool: _PathLike, poses: _PathLike, output: _PathLike, frames: F
                        "frames": _checksum_of_frames(frames), "rows": [begin, end],
                        "how": repr(sorted((name, value) for name, value in how.items() if name != "threads")),
                        "program": __version__})
-    # What cannot be answered is refused before anything is written.
+    # Measuring an empty table checks the columns before anything is written.
     schema = _answered(pyarrow, measurer, file.schema_arrow.empty_table()).schema
     folder = target.with_name(target.name + ".parts")
     if _is_done(pyarrow, parquet, target, task):
@@ -314,7 +314,7 @@ def measure_file(tool: _PathLike, poses: _PathLike, output: _PathLike, frames: F
 
 
 def _answered(pyarrow: Any, measurer: Measurer, table: Any) -> Any:
-    """The table with the columns of the answers; columns that are no numbers pass by."""
+    """Returns the table with the columns of the answers appended; other columns are kept."""
     names = [name for name in (*POSE, FRAME, *ANSWERS) if name in table.column_names]
     answers = measurer({name: table[name].to_numpy() for name in names})
     for name in ANSWERS:
@@ -323,7 +323,7 @@ def _answered(pyarrow: Any, measurer: Measurer, table: Any) -> Any:
 
 
 def _is_done(pyarrow: Any, parquet: Any, target: Path, task: str) -> bool:
-    """palpate.Error: something else is there."""
+    """True if the output of this task is complete. palpate.Error: another file is there."""
     if not target.exists():
         return False
     with contextlib.suppress(OSError, pyarrow.ArrowInvalid):
@@ -339,7 +339,7 @@ def _join(parquet: Any, schema: Any, parts: Sequence[Path], to: Path, task: str)
 
 
 def _write(path: Path, fill: Callable[[Path], Any]) -> None:
-    """Whole or not at all."""
+    """Writes a file completely or not at all."""
     temporary = path.with_name(path.name + ".new")
     try:
         fill(temporary)

@@ -28,7 +28,7 @@ __all__ = ["measure"]
 
 
 class _Worker:
-    """An actor that holds the tool, and makes surfaces of the frames of its poses."""
+    """An actor that holds the tool, and computes the surfaces of the frames of its poses."""
 
     def __init__(self, tool: Any, frames: Any, camera: Mapping[str, Any], poses: Any, how: Mapping[str, Any]) -> None:
         with tempfile.TemporaryDirectory() as folder:
@@ -45,23 +45,23 @@ class _Worker:
 def measure(dataset: Any, tool: Union[_core.Tool, str, "os.PathLike[str]"], frames: Frames, *,
             workers: Optional[int] = None, gpus_per_worker: float = 0, batch_size: int = 1 << 16,
             **how: Any) -> Any:
-    """The dataset with columns of answers: a ray.data.Dataset, computed when it is consumed.
+    """Returns the dataset with columns of answers: a ray.data.Dataset, computed when it is consumed.
 
     dataset: a ray.data.Dataset with the columns palpate.poses.POSE and, with several frames, FRAME;
-    others are passed on. What makes a row that row (a number of yours) should be among them: Ray keeps
-    no order. tool: a Tool or its file, which is sent to the workers. frames: those in memory are sent
-    once; those that are files have to be there on every machine. workers: actors, at most, each with
-    the tool in memory; none: as many as the cluster has room for. how: as palpate.poses.Measurer takes it;
-    place is "cuda" where gpus_per_worker is given.
+    others are passed on. Include a column that identifies each row: Ray does not keep the order.
+    tool: a Tool or its file, which is sent to the workers. frames: images in memory are sent once;
+    files must exist on every machine. workers: maximum number of actors, each with the tool in memory;
+    none: as many as the cluster has room for. how: arguments of palpate.poses.Measurer; place defaults
+    to "cuda" if gpus_per_worker is above 0.
 
-    A worker that is lost is replaced, and its batches are measured again: the answers are the same.
+    A lost worker is replaced, and its batches are measured again, with the same answers.
     """
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "tool.palp"
         if isinstance(tool, _core.Tool):
             tool.save(file)
         content = (file if isinstance(tool, _core.Tool) else Path(tool)).read_bytes()
-    # Files are read where they are asked for; a memory map is only a file, too.
+    # Workers read files on demand; a memory map is a file, too.
     is_in_memory = isinstance(frames.images, np.ndarray) and not isinstance(frames.images, np.memmap)
     sent = ray.put(np.ascontiguousarray(frames.images)) if is_in_memory else frames.images
     of = frames.camera
@@ -70,7 +70,7 @@ def measure(dataset: Any, tool: Union[_core.Tool, str, "os.PathLike[str]"], fram
     if len(of.distortion) > 0:
         camera["distortion"] = np.array(of.distortion)
     settings: Dict[str, Any] = {"place": "cuda" if gpus_per_worker > 0 else "cpu", **how}
-    # Of one file, too, each worker has its share, and of a lost one only a batch is repeated.
+    # Blocks of one batch: workers share even a single file, and a lost one costs only a batch.
     return dataset.repartition(target_num_rows_per_block=batch_size).map_batches(
         _Worker,
         fn_constructor_args=(ray.put(content), sent, camera, frames.poses, settings),

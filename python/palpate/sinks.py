@@ -25,18 +25,18 @@ _Floats = NDArray[np.float64]
 #: Outside, boundary and inside: the colors of the viewer.
 _STATE_COLORS = np.array([[229, 71, 47, 255], [180, 92, 242, 255], [31, 102, 232, 255]], np.uint8)
 _FORCE_COLOR, _TORQUE_COLOR = (255, 176, 0, 255), (18, 184, 134, 255)
-_NEWTON, _NEWTON_METRE = 0.02, 0.5  # m, how long arrows are
+_NEWTON, _NEWTON_METRE = 0.02, 0.5  # m: length of arrows per N and N m
 _CAMERA_POSE = tuple(f"camera_pose.{name}" for name in (
     "position.x", "position.y", "position.z", "orientation.x", "orientation.y", "orientation.z", "orientation.w"))
 _COLUMNS = ("volume_m3", "force_x_N", "force_y_N", "force_z_N", "torque_x_Nm", "torque_y_Nm", "torque_z_Nm")
 
 
 class _Moment(NamedTuple):
-    """What is shown of a frame; all in W."""
+    """Data shown for one frame; all in W."""
 
-    time: float  # s since the run began
+    time: float  # s since the start of the run
     depth: NDArray[np.uint16]
-    unit: float  # m, of its counts
+    unit: float  # m per count
     points: _Floats  # (N, 3) of the cloud
     X_WT: _Floats  # (7,)
     states: NDArray[np.uint8]  # of the spheres
@@ -45,7 +45,7 @@ class _Moment(NamedTuple):
 
 
 def _rotated(X: _Floats, points: _Floats) -> _Floats:
-    """Points in the frame of a pose (7,), in the one it is given in."""
+    """Transforms points by a pose (7,)."""
     axis, w = X[3:6], X[6]
     turned = np.cross(axis, points) + w * points
     made: _Floats = points + 2 * np.cross(axis, turned) + X[:3]
@@ -53,20 +53,20 @@ def _rotated(X: _Floats, points: _Floats) -> _Floats:
 
 
 def _moments(run: Run, stride: int) -> Iterator[_Moment]:
-    """Of the first camera, each at the time when it was captured."""
+    """Yields the frames of the first camera, each at its capture time."""
     frames, tool = run.frames(), run.tool
     sensor, contact = _core.Sensor(frames.camera), _core.Contact(tool)
     times, poses, wrenches = run.times, run.poses, run.wrench
     ticks, records = run.ticks, run.frame_records
     of_first = np.flatnonzero(records["camera"] == 0)
-    # Frames tell the clock of the device, ticks the time since the run began as well.
+    # Times of frames are on the device's clock; ticks have both this and the time since the start.
     start = float(np.median(ticks["device.time"] - ticks["time"]))
     for row, (_, depth) in zip(of_first, frames):
         time = max(0.0, float(records["capture_time"][row]) - start)
         tick = max(0, int(np.searchsorted(times, time + 1e-9, side="right")) - 1)
         unit = float(records["unit"][row])
         depth = np.where(depth == 65535, 0, depth).astype(np.uint16)  # neither is a measurement
-        # It may have changed in mid-stream.
+        # The unit may have changed in mid-stream.
         seen = depth if unit == frames.camera.unit else np.where(depth == 0, np.nan, depth * unit).astype(np.float32)
         surface = sensor.update(seen, pose=[float(records[name][row]) for name in _CAMERA_POSE])
         points = np.asarray(surface.points, np.float64)[::stride, ::stride].reshape(-1, 3)
@@ -96,10 +96,10 @@ def _check_stride(stride: int) -> None:
 
 
 def to_rerun(run: Run, path: Optional[_PathLike] = None, *, stride: int = 4) -> None:
-    """Writes a run as Rerun's .rrd; without a path its viewer is started with it.
+    """Writes a run as Rerun's .rrd; without a path, opens it in Rerun's viewer.
 
     stride: the cloud has every stride-th pixel in both directions. palpate.Error: rerun-sdk is missing,
-    the file is there already, or the run holds no frames.
+    the file exists already, or the run has no frames.
     """
     _check_stride(stride)
     try:
@@ -145,8 +145,8 @@ def _send_to_rerun(rerun: Any, stream: Any, run: Run, stride: int) -> None:
 def to_foxglove(run: Run, path: _PathLike, *, stride: int = 4) -> None:
     """Writes a run as an MCAP file with Foxglove's own messages: /cloud, /tool, /wrench, /tf, /ticks.
 
-    stride: as `to_rerun` has it. palpate.Error: foxglove-sdk is missing, the file is there already, or
-    the run holds no frames.
+    stride: as for `to_rerun`. palpate.Error: foxglove-sdk is missing, the file exists already, or the
+    run has no frames.
     """
     _check_stride(stride)
     try:
@@ -197,7 +197,7 @@ def to_foxglove(run: Run, path: _PathLike, *, stride: int = 4) -> None:
 
 
 def _arrow(messages: Any, tail: _Floats, vector: _Floats, color: Any) -> Any:
-    """An arrow of Foxglove points along its own x."""
+    """Returns an arrow for a vector; Foxglove's arrows point along their own x."""
     length = float(np.linalg.norm(vector))
     way = vector / length if length > 0 else np.array([1.0, 0, 0])
     q = np.array([1 + way[0], 0, -way[2], way[1]]) if way[0] > -0.999999 else np.array([0, 0, 0, 1.0])

@@ -25,11 +25,11 @@ _differentiated: "weakref.WeakKeyDictionary[_core.Tool, _core.Differentiated]" =
 
 
 class Penetration(NamedTuple):
-    """What `penetration` gives: (P,) each."""
+    """Result of `penetration`: (P,) each."""
 
-    #: m3 of the tool inside what is seen.
+    #: Volume of the tool inside the scene, m3.
     volume: torch.Tensor
-    #: m4; its negative gradient by the pose is the wrench.
+    #: Potential, m4; its negative gradient by the pose is the wrench.
     potential: torch.Tensor
 
 
@@ -42,9 +42,9 @@ def _measure(tool: _core.Tool, surface: _core.Surface, poses: torch.Tensor) -> T
 
 
 def _motions(tool: _core.Tool, poses: torch.Tensor) -> torch.Tensor:
-    """How the tool moves with the numbers of its pose: (P, 6, K), K = 7 or 16.
+    """Jacobian of the tool's motion by the numbers of its pose: (P, 6, K), K = 7 or 16.
 
-    Rows: the shift of its centre of mass, and its turn about it, both in W.
+    Rows: shift of its center of mass, and rotation about it, both in W.
     """
     num = poses.shape[0]
     p_TC = torch.as_tensor(np.array(tool.centre_of_mass), dtype=poses.dtype)
@@ -52,7 +52,7 @@ def _motions(tool: _core.Tool, poses: torch.Tensor) -> torch.Tensor:
     if poses.ndim == 2:
         q = poses[:, 3:]
         x, y, z, w = q.unbind(1)
-        # turn = 2 vec(dq q*) / |q|^2, whatever the length of q
+        # turn = 2 vec(dq q*) / |q|^2, for any length of q
         turn = torch.stack(
             [
                 torch.stack([w, -z, y, -x], 1),
@@ -89,7 +89,7 @@ def _rotated(q: torch.Tensor, v: torch.Tensor) -> torch.Tensor:
 
 
 def _cross_matrix(v: torch.Tensor) -> torch.Tensor:
-    """[v] with [v] a = v x a: (P, 3, 3)."""
+    """Returns [v] with [v] a = v x a: (P, 3, 3)."""
     x, y, z = v.unbind(1)
     zero = torch.zeros_like(x)
     rows = [torch.stack(row, 1) for row in ((zero, -z, y), (z, zero, -x), (-y, x, zero))]
@@ -127,7 +127,7 @@ class _Penetration(torch.autograd.Function):
     def backward(ctx: Any, by_volume: torch.Tensor, by_potential: torch.Tensor) -> Tuple[Any, ...]:
         (poses,) = ctx.saved_tensors
         inside = poses.to("cpu", torch.float64)
-        # The wrench is differentiable in its turn, and so is this.
+        # The wrench is differentiable, and so is this gradient.
         wrench_W = _Wrench.apply(inside, ctx.tool, ctx.surface)
         by_motion = by_volume[:, None] * ctx.volume_gradient - by_potential[:, None] * wrench_W
         gradient = (by_motion[:, None] @ _motions(ctx.tool, inside)).reshape(poses.shape)
@@ -146,20 +146,20 @@ def _checked(poses: torch.Tensor) -> torch.Tensor:
 def penetration(tool: _core.Tool, surface: _core.Surface, poses: torch.Tensor) -> Penetration:
     """Volume (P,) m3 and potential (P,) m4 of the tool at poses X_WT, differentiable by the poses.
 
-    poses: (P, 7) tx ty tz qx qy qz qw, which need not be of unit length, or (P, 4, 4). The gradient
-    of the potential is minus the wrench, exactly, and its second derivative the stiffness; that of
-    the volume is exact, too, but only once differentiable. Of (P, 4, 4) the gradient is the one
-    along rotations. `surface` has to be in host memory.
+    poses: (P, 7) tx ty tz qx qy qz qw, with quaternions of any length, or (P, 4, 4). The gradient of
+    the potential is exactly minus the wrench, and its second derivative the stiffness; the gradient
+    of the volume is exact, too, but has no second derivative. For (P, 4, 4) it is the gradient along
+    rotations. `surface` must be in host memory.
     """
     volume, potential = _Penetration.apply(_checked(poses), tool, surface)  # type: ignore[no-untyped-call]
     return Penetration(volume, potential)
 
 
 def wrench(tool: _core.Tool, surface: _core.Surface, poses: torch.Tensor) -> torch.Tensor:
-    """Force and torque (P, 6), m3 and m4, in W about the tool's centre of mass; see `penetration`.
+    """Force and torque (P, 6), m3 and m4, in W about the tool's center of mass; see `penetration`.
 
-    Its backward is the stiffness in closed form. Where the field's gradient is longer than 1.05,
-    Contact.measure shortens it and this does not: here the wrench is the derivative of the
-    potential everywhere.
+    Its backward is the stiffness in closed form. Gradients of the field longer than 1.05 are not
+    shortened, unlike in Contact.measure: here the wrench is the derivative of the potential
+    everywhere.
     """
     return _Wrench.apply(_checked(poses), tool, surface)  # type: ignore[no-untyped-call,no-any-return]

@@ -5,7 +5,7 @@
 namespace palpate::python {
 namespace {
 
-/// From the largest of the four numbers, which is then at least a half.
+/// Computes the largest of the four numbers first, which is at least a half.
 Quaternion quaternion_of(const double* m, std::size_t stride) {
   const auto at = [&](std::size_t row, std::size_t column) { return m[row * stride + column]; };
   const double trace = at(0, 0) + at(1, 1) + at(2, 2);
@@ -128,7 +128,7 @@ std::optional<AnyArray> array_on_gpu(nb::handle given, const char* name, nb::han
   const auto device = nb::cast<nb::tuple>(given.attr("__dlpack_device__")());
   const int type = nb::cast<int>(device[0]), id = nb::cast<int>(device[1]);
   if (memory_of(type, id, name) == kHostMemory) return std::nullopt;
-  // By the standard 1 is the default stream, and 0 nothing. None would not make PyTorch wait.
+  // In DLPack, 1 is the default stream, and 0 is not allowed. None would not make PyTorch wait.
   const CallerStream reader = stream_of(stream).value_or(CallerStream{});
   const auto number = reinterpret_cast<std::uintptr_t>(reader.handle);
   const nb::object capsule =

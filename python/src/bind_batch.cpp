@@ -11,7 +11,7 @@
 namespace palpate::python {
 namespace {
 
-/// palpate.Batch: the answers, in host memory or on a GPU, in W.
+/// Class palpate.Batch: results of a batch, in host memory or on a GPU, in W.
 struct PyBatch {
   std::size_t num = 0;
   std::vector<double> numbers;        // host: volume, potential, force, torque, stiffness
@@ -51,7 +51,7 @@ std::unique_ptr<PyBatch> make_batch(std::size_t num, bool with_stiffness, int gp
   return batch;
 }
 
-/// A batch over arrays of the caller's.
+/// Creates a batch over arrays of the caller.
 class Layout {
  public:
   explicit Layout(PyBatch& batch) : batch_(batch) {}
@@ -108,7 +108,7 @@ nb::object array_in(nb::handle self, const T* at, std::initializer_list<std::siz
                                                       nb::device::cuda::value, gpu));
 }
 
-/// The surfaces of a batch, and what keeps them.
+/// The surfaces of a batch, and the objects that keep them alive.
 struct SurfaceArgument {
   std::vector<SurfaceView> views;
   std::vector<Pose> X_WC;  // empty: all cameras are at the origin of W
@@ -162,7 +162,7 @@ std::vector<PyBody> bodies_of(nb::handle given) {
   return bodies;
 }
 
-/// Poses and numbers of surfaces, and what keeps them.
+/// Poses and surface indices of a batch, and the arrays that keep them alive.
 struct PoseArgument {
   Doubles numbers_of_poses;  // of the caller, where they are as they have to be
   std::vector<Pose> poses;
@@ -283,11 +283,11 @@ void bind_batch(nb::module_& m) {
   };
   nb::class_<PySurfaces>(
       m, "Surfaces",
-      R"(The depth fields of many images, made by Sensor.update_batch. They stay while it is held.)")
+      R"(The depth fields of many images from Sensor.update_batch. They stay valid while referenced.)")
       .def("__len__", [](const PySurfaces& self) { return self.batch.size(); });
 
   nb::class_<PyBody>(m, "Body",
-                     R"(A rigid body that stays where it is, to be touched by Contact.measure_batch.
+                     R"(A fixed rigid body, for Contact.measure_batch.
 
 shape: a Tool with a distance field; without one (older files) it is computed now, in about a second.
 pose: X_WB, (4, 4) or (7,) tx ty tz qx qy qz qw, m; None: its frame is W. Bodies made by `at` share the

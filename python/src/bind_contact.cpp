@@ -11,7 +11,7 @@
 namespace palpate::python {
 namespace {
 
-/// palpate.Result: a measurement in W, and of what.
+/// Class palpate.Result: a measurement in W, with its tool, surface and pose.
 struct PyResult {
   double volume = 0, fraction = 0, potential = 0;
   Vec3d force, torque;
@@ -20,11 +20,11 @@ struct PyResult {
   std::shared_ptr<const Tool> tool;
   nb::object surface;  ///< the first one
   Pose X_WT;
-  std::optional<double> unseen;  ///< as the library says, of joined surfaces
+  std::optional<double> unseen;  ///< of joined surfaces, from the library
   SpherePicture spheres;         ///< empty: not requested
 };
 
-/// Is there a measurement where a point is seen?
+/// True if the pixel at which a point is seen has a measurement.
 bool is_seen(const PointCloudView& cloud, const Vec3d& p_C) {
   if (!(p_C.z > 0)) return false;
   const Intrinsics& k = cloud.intrinsics;
@@ -34,7 +34,7 @@ bool is_seen(const PointCloudView& cloud, const Vec3d& p_C) {
   return std::isfinite(cloud.z[static_cast<std::size_t>(v * cloud.width + u)]);
 }
 
-/// The share of the volume of all spheres whose centres are not seen.
+/// Returns the share of the spheres' volume whose centers are not seen.
 double unseen_share(const PyResult& result) {
   if (result.unseen) return *result.unseen;
   const auto& surface = nb::cast<PySurface&>(result.surface);
@@ -53,7 +53,7 @@ double unseen_share(const PyResult& result) {
   return unseen / result.tool->sphere_mass().volume;
 }
 
-/// A surface, or a list of them.
+/// Converts a surface, or a list of them.
 std::vector<nb::object> surfaces_of(nb::handle given) {
   if (nb::isinstance<PySurface>(given)) return {nb::borrow(given)};
   std::vector<nb::object> surfaces;
@@ -67,7 +67,7 @@ std::vector<nb::object> surfaces_of(nb::handle given) {
   throw nb::type_error("surface: a palpate.Surface or a list of them is taken");
 }
 
-/// Whether this contact can measure them.
+/// Checks that this contact can measure the surfaces. Error: they are on a GPU, and it is not.
 void check_surfaces(const std::vector<nb::object>& surfaces, const PyContact& contact) {
   for (const nb::object& one : surfaces) {
     const Place& where = nb::cast<PySurface&>(one).place;
@@ -97,7 +97,7 @@ void check_surfaces(const std::vector<nb::object>& surfaces, const PyContact& co
 PyResult measure(PyContact& self, nb::handle given, nb::handle pose, bool with_stiffness,
                  bool with_states) {
   const std::vector<nb::object> surfaces = surfaces_of(given);
-  // With the bits of a batch, which takes quaternions as they are.
+  // Same bits as in a batch, which does not normalize quaternions.
   const Pose X_WT = surfaces.size() == 1 ? given_pose(pose, "pose") : pose_of(pose, "pose");
   check_surfaces(surfaces, self);
   std::vector<SurfaceBlend> cameras;

@@ -1,4 +1,4 @@
-// What palpate.torch differentiates: the field measure and its derivatives by their definition, one
+// The function behind palpate.torch: the field measure and its derivatives by their definition, one
 // element after the other, in double.
 #include <algorithm>
 #include <cmath>
@@ -16,7 +16,7 @@
 namespace palpate::python {
 namespace {
 
-/// Of one pose, in W. Gradients: by a shift of the tool and a small turn about its centre of mass.
+/// Result at one pose, in W. Gradients: by a shift and a small rotation about the center of mass.
 struct Derivatives {
   double volume = 0, potential = 0;
   double volume_gradient[6] = {}, wrench[6] = {};
@@ -113,7 +113,7 @@ class Differentiated {
     for (int k = 0; k < StiffnessSums::kNum; ++k) sums.stiffness.numbers[k] += terms[k];
   }
 
-  /// Limits what the field says to a part that is far off, as FieldContact does.
+  /// Limits the field's value at a distant part, as FieldContact does.
   static void limit(Element& e) {
     const Vec3d n = e.at.gradient;
     const Curved<double> f = limited(e.at.phi, e.radius, kPartExtent * e.radius);
@@ -127,7 +127,7 @@ class Differentiated {
     e.at.gradient = f.slope * n;
   }
 
-  /// Adds the ball in parts that a cluster is (ball_cut.h).
+  /// Adds the ball of a cluster in parts (ball_cut.h).
   void add_ball(const DepthFieldView& field, const Pose& X_CT, std::size_t begin,
                 Sums& sums) const {
     std::vector<Element> parts;
@@ -173,7 +173,7 @@ class Differentiated {
   FieldElements elements_;
 };
 
-/// Six numbers of C in W.
+/// Rotates six numbers from C to W.
 void turn(const Mat3d& R_WC, double* six) {
   for (int half = 0; half < 6; half += 3) {
     const Vec3d v = R_WC * Vec3d{six[half], six[half + 1], six[half + 2]};
@@ -240,8 +240,8 @@ void bind_penetration(nb::module_& m) {
            nb::sig("def __call__(self, surface: Surface, poses: palpate._types.Array, "
                    "threads: int = 0) -> tuple[numpy.typing.NDArray[numpy.float64], ...]"),
            R"(Volume (P,) m3, potential (P,) m4, the volume's gradient (P, 6) m2 and m3, force and
-torque (P, 6) m3 and m4, stiffness (P, 6, 6): all in W, by a shift of the tool and a small turn
-about its centre of mass. poses: (P, 4, 4) or (P, 7).)");
+torque (P, 6) m3 and m4, stiffness (P, 6, 6): all in W, by a shift of the tool and a small rotation
+about its center of mass. poses: (P, 4, 4) or (P, 7).)");
 }
 
 }  // namespace palpate::python

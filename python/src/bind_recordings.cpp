@@ -1,4 +1,4 @@
-// Recordings as arrays: what palpate.Run reads.
+// Recordings as arrays, for palpate.Run.
 #include <nanobind/stl/filesystem.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
@@ -71,7 +71,7 @@ struct Notes {
   std::vector<std::string> texts;
 };
 
-/// Everything but the images.
+/// Reads a recording except its images.
 nb::dict read_recording(const std::filesystem::path& folder) {
   Columns ticks, contacts, frames;
   Notes notes;
@@ -141,7 +141,7 @@ PyTool tool_of_recording(const std::filesystem::path& folder) {
   return {std::make_shared<const Tool>(taken(std::move(tool)))};
 }
 
-/// palpate.RecordedFrames: the images one after the other, to one thread or several.
+/// Class palpate.RecordedFrames: the images in sequence, for one thread or several.
 class RecordedFrames {
  public:
   RecordedFrames(const std::filesystem::path& folder, std::uint32_t camera)

@@ -1,4 +1,4 @@
-// What palpate.touch is made of: opening depth streams and devices, and the run itself.
+// Parts of palpate.touch: opening of depth streams and devices, and the run itself.
 #include <nanobind/stl/filesystem.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
@@ -27,7 +27,7 @@
 namespace palpate::python {
 namespace {
 
-/// palpate.PushedCamera.
+/// Class palpate.PushedCamera.
 class PyPushedCamera {
  public:
   PyPushedCamera(const PyCamera& camera, double rate, bool has_time_stamps, double latency,
@@ -44,7 +44,7 @@ class PyPushedCamera {
 
   const std::shared_ptr<PushedSource>& source() const { return source_; }
   const Pose& X_WC() const { return camera_.X_WC; }
-  /// A run cancels the sources that it has had.
+  /// True if a run has used it: the run cancels its sources at the end.
   bool has_run() const { return has_run_; }
   void begin_run() { has_run_ = true; }
 
@@ -98,7 +98,7 @@ class PyPushedCamera {
     return given;
   }
 
-  /// uint16 as they are; metres become counts.
+  /// Copies uint16 counts; converts meters to counts.
   Counts counts_of(nb::handle depth) const {
     Counts counts;
     const nb::object plain = plain_image(depth);
@@ -123,7 +123,7 @@ class PyPushedCamera {
   DepthFrame frame_;
 };
 
-/// Times and poses, (N, 8), or the trajectory of a file.
+/// Reads times and poses, (N, 8), or the trajectory of a file.
 std::vector<TimedPose> path_of(nb::handle given) {
   if (given.is_none()) return {};
   if (nb::isinstance<nb::str>(given) || nb::hasattr(given, "__fspath__")) {
@@ -162,7 +162,7 @@ std::vector<TimedPose> path_of_scene(const std::string& camera) {
   return path;
 }
 
-/// The handle along the path, at times since its beginning.
+/// Returns the pose of the handle along the path, by time since its beginning.
 HandTarget follow(std::vector<TimedPose> path, const CouplingOptions& coupling) {
   return [path = std::move(path), coupling](double time) {
     return handle_at(coupling, pose_at(path, path.front().time + time));
@@ -188,8 +188,8 @@ struct Touch {
   RunRequest request;
   std::vector<TimedPose> path;
   double duration = std::numeric_limits<double>::infinity();
-  bool was_placed = false;  // somebody said where base or tool are
-  Pose X_WC;                // of the first camera, as far as it stands
+  bool was_placed = false;  // the settings place base or tool
+  Pose X_WC;                // of the first camera, if static
 
   double path_length() const { return path.back().time - path.front().time; }
 
@@ -211,7 +211,7 @@ struct Touch {
     request.options.duration = duration;
   }
 
-  /// On a simulated clock.
+  /// Sets up the path on a simulated clock.
   void take_path(bool has_duration) {
     PathDeviceOptions options;
     options.X_BH = follow(path, request.settings.coupling);
@@ -230,7 +230,7 @@ struct Touch {
     request.options.time_origin = path.front().time;
   }
 
-  /// In real time, for frames that come when they come.
+  /// Sets up the path in real time, for live frames.
   void play_path() {
     const HandTarget target = follow(path, request.settings.coupling);
     std::vector<TimedPose> X_BH;
@@ -242,7 +242,7 @@ struct Touch {
   }
 };
 
-/// With a live device, others than live cameras are read ahead.
+/// Opens a camera; with a live device, sources that are not live are read ahead.
 std::shared_ptr<DepthSource> opened_camera(const CameraUri& uri, const CameraOpening& opening,
                                            bool is_live) {
   return taken(interruptible([=]() -> Result<std::unique_ptr<DepthSource>> {
@@ -252,7 +252,7 @@ std::shared_ptr<DepthSource> opened_camera(const CameraUri& uri, const CameraOpe
   }));
 }
 
-/// `cameras`: a list of words of open_camera and PyPushedCameras.
+/// Starts a run. `cameras`: a list of URIs for open_camera and of PyPushedCameras.
 std::unique_ptr<RunInThread> start_run(const PyTool& tool, const nb::list& cameras, nb::handle path,
                                        nb::handle device, std::optional<double> duration,
                                        nb::object on_tick, const std::filesystem::path& folder,
@@ -308,7 +308,7 @@ std::unique_ptr<RunInThread> start_run(const PyTool& tool, const nb::list& camer
       average.kind == DepthAverage::kalman) {
     average = depth_average_options_for(stream.sensor);
     average.kind = DepthAverage::kalman;
-    take_settings();  // what is given wins
+    take_settings();  // given settings override the file
   }
   const CouplingOptions& coupling = request.settings.coupling;
   touch.was_placed = !(coupling.X_WB == Pose{}) || !(coupling.X_HT == Pose{});
@@ -403,18 +403,18 @@ flow: pushes may have an optical flow. A PushedCamera is for one run.)")
           nb::sig("def push(self, depth: palpate._types.Array, *, time: float | None = None, "
                   "pose: palpate._types.Array | None = None, "
                   "flow: palpate._types.Array | None = None) -> None"),
-          R"(depth: (H, W) uint16 counts or float32 metres; negative ones are no measurement. time: s on the
-camera's own clock, of a camera made with has_time_stamps=True. pose: X_WC of this image, (4, 4) or (7,),
-if the camera moves; None: that of the camera. flow: (H, W, 2), the velocity of what each pixel shows, u
-and v in pixels per second, NaN where unknown; None: unknown. Never waits for the run: the newest image
-wins. From any thread.)")
+          R"(depth: (H, W) uint16 counts or float32 meters; negative ones are no measurement. time: s on the
+camera's own clock, if created with has_time_stamps=True. pose: X_WC of this image, (4, 4) or (7,), if the
+camera moves; None: that of the camera. flow: (H, W, 2), optical flow, u and v of each pixel in pixels per
+second, NaN where unknown; None: unknown. Never waits for the run: the newest image wins. From any
+thread.)")
       .def(
           "end", [](PyPushedCamera& self) { self.source()->end(); }, "Ends the stream.");
 
   nb::class_<RunInThread>(m, "RunInThread", "A run whose loop is in C++, inside of palpate.Run.")
       .def("stop", &RunInThread::stop, "Fades the force out and ends the run.")
       .def("wait", &RunInThread::wait, nb::arg("seconds") = nb::none(),
-           "Waits until it has ended, at most so many seconds. True if it has. Ctrl-C ends it.")
+           "Waits for the end, at most `seconds`. True if it has ended. Ctrl-C ends it.")
       .def(
           "leave", [](nb::handle self) { self.inc_ref(); },
           "In a child of os.fork: the run and its threads are the parent's, and never end here.")

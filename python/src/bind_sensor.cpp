@@ -1,5 +1,5 @@
-// palpate.Camera, palpate.Sensor and palpate.Surface: depth images become what tools are measured
-// against.
+// palpate.Camera, palpate.Sensor and palpate.Surface: from depth images to surfaces for contact
+// queries.
 #include <nanobind/stl/filesystem.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
@@ -38,7 +38,7 @@ std::vector<double> seven_of(const Pose& X) {
   return {seven.begin(), seven.end()};
 }
 
-/// Makes surfaces, each of which stays as long as somebody holds it.
+/// Class palpate.Sensor: computes surfaces, each valid as long as Python holds it.
 class PySensor {
  public:
   PySensor(const PyCamera& camera, const Place& place, const SensorOptions& options)
@@ -200,7 +200,7 @@ nb::object normals_in_camera(nb::handle self) {
   return channels(surface, {c.nx, c.ny, c.nz}, self);
 }
 
-/// In W: those of the camera themselves where W is C.
+/// Returns points or normals in W: those in C themselves if W is C.
 nb::object in_world(nb::handle self, nb::object in_camera, const Vec3d& shift) {
   const auto& surface = nb::cast<PySurface&>(self);
   if (surface.is_in_camera_frame) return in_camera;
@@ -248,7 +248,7 @@ struct FieldQuestion {
     }
   }
 
-  /// Of point i: phi, and the gradient in C.
+  /// Returns phi and its gradient in C at point i.
   FieldSample<double> evaluate(const PySurface& surface, std::size_t i) const {
     const double* p = points.data() + 3 * i;
     const Vec3d p_C = surface.X_CW * Vec3d{p[0], p[1], p[2]};
@@ -305,9 +305,9 @@ void bind_camera(nb::module_& m) {
       m, "Camera",
       R"(A depth camera: a pinhole, x right, y down, z forward (frame C), and its pose.
 
-width, height: pixels, 8 to 4096. fx, fy, cx, cy: pixels, pixel centres at whole numbers.
-unit: metres per count of uint16 images.
-distortion: k1 k2 p1 p2 [k3 [k4 k5 k6]] as OpenCV and ROS have them; images are undistorted.
+width, height: pixels, 8 to 4096. fx, fy, cx, cy: pixels, pixel centers at whole numbers.
+unit: meters per count of uint16 images.
+distortion: k1 k2 p1 p2 [k3 [k4 k5 k6]] as in OpenCV and ROS; images are undistorted.
 pose: X_WC, (4, 4) or (7,) tx ty tz qx qy qz qw, pose of the camera in the world W.)")
       .def(
           "__init__",
@@ -440,7 +440,7 @@ void bind_sensor(nb::module_& m) {
               "numpy.typing.NDArray[numpy.uint16]"),
       "Reads a 16-bit PNG depth image: (H, W) uint16 counts; 0: no measurement.");
   bind_surface(m);
-  nb::class_<PySensor>(m, "Sensor", R"(Makes a surface of each depth image.
+  nb::class_<PySensor>(m, "Sensor", R"(Computes a surface from each depth image.
 
 place: "cpu", "cuda" or "cuda:1": where it computes, and the memory of its surfaces.
 threads: on a CPU; 0: one per core. The same bits for any number.
@@ -469,9 +469,9 @@ options: of docs/settings.md [surface] and [field], e.g. max_depth=3.0, unknown=
            nb::sig("def update(self, depth: palpate._types.Array, *, time: float | None = None, "
                    "pose: palpate._types.Array | None = None, "
                    "stream: palpate._types.Stream | None = None) -> Surface"),
-           R"(Makes the surface of an image. Releases the GIL.
+           R"(Computes the surface of an image. Releases the GIL.
 
-depth: (H, W) uint16 counts (0: no measurement, 65535: farther) or float32 metres (0 and NaN: no
+depth: (H, W) uint16 counts (0: no measurement, 65535: farther) or float32 meters (0 and NaN: no
     measurement, inf: farther), of any library with DLPack or the buffer protocol; on the GPU of
     this sensor or in host memory.
 time: s, stored in the surface. pose: X_WC of this image, if it is not that of the camera.
@@ -484,9 +484,9 @@ A surface does not change while it is referenced; the memory of released ones is
           nb::sig("def update_batch(self, depth: palpate._types.Array, *, "
                   "out: Surfaces | None = None, stream: palpate._types.Stream | None = None) "
                   "-> Surfaces"),
-          R"(Makes the depth fields of many images at once, for Contact.measure_batch. Releases the GIL.
+          R"(Computes the depth fields of many images at once, for Contact.measure_batch. Releases the GIL.
 
-depth: (F, H, W) uint16 counts or float32 metres, one image after the other; on the GPU of this
+depth: (F, H, W) uint16 counts or float32 meters, one image after the other; on the GPU of this
     sensor or in host memory. The values are those of update, to the bit.
 out: Surfaces of this sensor to overwrite. stream: as for Contact.measure_batch; the images must
     not change until its work is done.)")

@@ -1,4 +1,4 @@
-// palpate.Tool: packing meshes, tool files, and what a tool is made of.
+// palpate.Tool: packing meshes, tool files, and the parts of a tool.
 #include <nanobind/stl/filesystem.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
@@ -69,14 +69,14 @@ PackRequest request_of(int spheres, std::uint64_t seed, int threads, const nb::d
   return request;
 }
 
-/// Warnings about the mesh become warnings of Python.
+/// Turns warnings about the mesh into Python warnings.
 void warn(const std::vector<std::string>& warnings) {
   for (const std::string& text : warnings) {
     if (PyErr_WarnEx(PyExc_UserWarning, text.c_str(), 2) != 0) throw nb::python_error();
   }
 }
 
-/// Without the GIL but where `progress` is called or Ctrl-C is polled.
+/// Packs without the GIL, except to call `progress` and to poll Ctrl-C.
 PyTool packed(const TriangleMesh& raw, PackRequest request, const nb::object& progress,
               const std::string& source) {
   request.options.progress = [&](const PackProgress& now) {
@@ -241,7 +241,7 @@ Immutable. Made by `pack`, `pack_file` or `load_tool`. Arrays are read-only view
               "**limits: float) -> Tool"),
       R"(Fills a solid with disjoint spheres.
 
-vertices: (V, 3) float; times `scale` they are metres in the tool frame T.
+vertices: (V, 3) float; times `scale` they are meters in the tool frame T.
 triangles: (F, 3) int, counter-clockwise seen from outside; they must enclose a solid.
 spheres: maximum number of spheres.
 seed: jitters the starting grid.
@@ -274,7 +274,7 @@ Releases the GIL; Ctrl-C ends it. palpate.Error: not a solid, with the defect an
               "**limits: float) -> Tool"),
       R"(Fills the solid of a mesh file (OBJ, STL, PLY, OFF, glTF, GLB) with disjoint spheres.
 
-unit: of its coordinates: "m", "mm", "cm" or "in". For the others see `pack`.)");
+unit: of its coordinates: "m", "mm", "cm" or "in". See `pack` for the other parameters.)");
 }
 
 }  // namespace palpate::python

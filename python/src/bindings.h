@@ -1,4 +1,4 @@
-// What each file of bindings adds to the module.
+// Python classes, and the functions that add them to the module, one per file of bindings.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -20,33 +20,33 @@ void bind_runs(nanobind::module_& m);
 void bind_recordings(nanobind::module_& m);
 void bind_scenes(nanobind::module_& m);
 
-/// palpate.Tool.
+/// Class palpate.Tool.
 struct PyTool {
   std::shared_ptr<const Tool> tool;
-  /// Pairs of neighbours, when they are first requested.
+  /// Pairs of neighbors, computed when first requested.
   std::shared_ptr<const std::vector<std::int32_t>> edges = nullptr;
 };
 
-/// palpate.Camera: a Camera, how its numbers are to be read, and where it is.
+/// Class palpate.Camera: a Camera with its unit and pose.
 struct PyCamera {
   Camera camera;
-  double unit = 0.001;  ///< metres per count
+  double unit = 0.001;  ///< meters per count
   Pose X_WC;
 
   DepthStreamInfo stream() const;
 };
 
-/// palpate.Surface. As long as it is held, so are its arrays.
+/// Class palpate.Surface. Keeps its arrays alive.
 struct PySurface {
   std::shared_ptr<Sensor> owner;
   SurfaceView view;
   Pose X_WC, X_CW;
   bool is_in_camera_frame = true;  ///< X_WC is the identity
-  double time = 0;                 ///< s; NaN: nobody has said
+  double time = 0;                 ///< s; NaN: unknown
   Place place;
 };
 
-/// palpate.Surfaces: those of many images at once. As long as it is held, so are their arrays.
+/// Class palpate.Surfaces: those of many images at once. Keeps their arrays alive.
 struct PySurfaces {
   std::shared_ptr<Sensor> owner;
   SurfaceBatch batch;
@@ -54,9 +54,9 @@ struct PySurfaces {
   Place place;
 };
 
-/// palpate.Body: a rigid body that stays where it is.
+/// Class palpate.Body: a fixed rigid body.
 struct PyBody {
-  PyTool shape;  // outlives what is known of it
+  PyTool shape;  // outlives its index in `placed`
   PlacedBody placed;
 };
 

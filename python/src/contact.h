@@ -31,8 +31,8 @@ class PyContact {
     const std::lock_guard lock(mutex_);
     return work(contact_);
   }
-  /// Many poses against bodies. What is made for some bodies is kept until other bodies are
-  /// queried. `keeper`: of the bodies' shapes.
+  /// Measures many poses against bodies. The query of some bodies is kept until other bodies are
+  /// queried. `keeper`: keeps the bodies' shapes alive.
   Status measure_bodies(const std::vector<PlacedBody>& bodies, std::vector<PyTool> keeper,
                         const PoseBatch& poses, const BatchAnswers& answers) {
     const nb::gil_scoped_release no_gil;
@@ -74,7 +74,7 @@ class PyContact {
   std::mutex mutex_;
 };
 
-/// In bind_batch.cpp: P poses at once.
+/// Measures P poses at once; in bind_batch.cpp.
 nb::object measure_batch(PyContact& self, nb::handle surfaces, nb::handle poses,
                          nb::handle surface_of_pose, bool stiffness, nb::handle out,
                          nb::handle stream);

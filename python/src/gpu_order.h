@@ -1,4 +1,4 @@
-// In which order a GPU does the work of others and ours.
+// Order of the work of other libraries and ours on a GPU.
 #pragma once
 
 #include "palpate/core/core.h"

@@ -14,14 +14,14 @@
 namespace palpate::python {
 namespace {
 
-/// All work of this process that is not done.
+/// All unfinished work of this process.
 struct Running {
   const pid_t process = getpid();
   std::mutex mutex;
   std::condition_variable changed;
   int num = 0;
 
-  /// With the GIL, which it releases. Throws KeyboardInterrupt.
+  /// Waits with the GIL, which it releases. Throws KeyboardInterrupt.
   template <class IsOver>
   void wait(const IsOver& is_over) {
     constexpr std::chrono::milliseconds kLook{50};  // between two looks at Ctrl-C

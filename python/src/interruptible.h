@@ -1,4 +1,4 @@
-// Work that takes long and knows nothing of Python, such as opening cameras and devices.
+// Interruptible long work outside of Python, such as opening cameras and devices.
 #pragma once
 
 #include <functional>
@@ -11,12 +11,12 @@
 
 namespace palpate::python {
 
-/// Does `work` in a thread of its own and waits for it without the GIL. Ctrl-C is raised at once as
-/// KeyboardInterrupt; the work then goes on by itself.
+/// Runs `work` in a thread of its own and waits for it without the GIL. Ctrl-C is raised at once as
+/// KeyboardInterrupt; the work then continues in its thread.
 void do_interruptibly(std::function<void()> work);
 
 /// The same for work with a Result. It must own all that it needs. After Ctrl-C its result is
-/// destroyed where it was made.
+/// destroyed in its thread.
 template <class Work>
 auto interruptible(Work work) {
   const auto result = std::make_shared<std::invoke_result_t<Work>>(Error{});
@@ -26,8 +26,8 @@ auto interruptible(Work work) {
   return std::move(*result);
 }
 
-/// Waits for work that goes on after Ctrl-C, which would meet the end of the program; Ctrl-C ends
-/// the wait.
+/// Waits for work that continues after Ctrl-C, before the program ends; another Ctrl-C ends the
+/// wait.
 void wait_for_interrupted_work();
 
 }  // namespace palpate::python

@@ -1,4 +1,4 @@
-// Settings as keyword arguments: every table of settings is a way into Python too.
+// Settings as keyword arguments, from the same tables as files and command line.
 #pragma once
 
 #include "palpate/settings/setting_table.h"
@@ -6,9 +6,9 @@
 
 namespace palpate::python {
 
-/// Sets what the keywords name: "stiffness" if only one section has it, "coupling_stiffness" or
-/// "coupling.stiffness". palpate.Error: nothing is called so, with the nearest name; as of
-/// Setting::set.
+/// Sets the settings that the keywords name: "stiffness" if only one section has it,
+/// "coupling_stiffness" or "coupling.stiffness". palpate.Error: an unknown name, with the nearest
+/// one; those of Setting::set.
 void apply(const nb::dict& keywords, SettingTable& table);
 
 }  // namespace palpate::python

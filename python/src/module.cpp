@@ -1,4 +1,4 @@
-// The module palpate._core: the public headers for Python. What is better said in Python lies in
+// The module palpate._core: the public headers for Python. The parts written in Python are in
 // python/palpate.
 #include <nanobind/nanobind.h>
 
@@ -12,8 +12,8 @@ namespace nb = nanobind;
 NB_MODULE(_core, m) {
   using namespace palpate;
   using namespace palpate::python;
-  // At the end of a script nanobind reports whatever global variables still hold, such as a run and
-  // its device. To users that looks like a fault.
+  // At the end of a script nanobind reports objects that global variables still hold, such as a run
+  // and its device. To users that looks like a fault.
 #ifdef NDEBUG
   nb::set_leak_warnings(false);
 #endif

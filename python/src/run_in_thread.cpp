@@ -30,7 +30,7 @@ RunInThread::RunInThread(RunRequest request) : request_(std::move(request)) {
   });
 }
 
-// Cameras and the device close with the run, and its end may be the end of this object, too.
+// Closes cameras and the device. Releasing on_tick may destroy this object.
 void RunInThread::finish() {
   std::vector<std::shared_ptr<DepthSource>> sources;
   {
@@ -40,7 +40,7 @@ void RunInThread::finish() {
   sources.clear();
   request_.device.reset();
   const nb::gil_scoped_acquire gil;
-  // What it refers to may refer to the run, which Python's garbage collector does not see.
+  // on_tick may refer to the run: a cycle that Python's garbage collector does not see.
   const nb::object on_tick = std::exchange(request_.on_tick, nb::object());
   const std::lock_guard lock(mutex_);
   has_ended_ = true;

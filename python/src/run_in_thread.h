@@ -1,4 +1,4 @@
-// A run that goes on in a thread of C++ while Python does something else.
+// A run in a C++ thread that continues while Python does other things.
 #pragma once
 
 #include <atomic>
@@ -17,7 +17,7 @@
 
 namespace palpate::python {
 
-/// All that a run needs, and owns.
+/// The inputs of a run, which owns them.
 struct RunRequest {
   PyTool tool;
   std::vector<std::shared_ptr<DepthSource>> sources;
@@ -29,25 +29,25 @@ struct RunRequest {
   nb::object on_tick;
 };
 
-/// record_run in a thread. From Python's threads, with the GIL.
+/// Calls record_run in a thread. From Python's threads, with the GIL.
 class RunInThread {
  public:
-  /// Begins.
+  /// Starts the run.
   explicit RunInThread(RunRequest request);
   ~RunInThread();
   RunInThread(const RunInThread&) = delete;
   RunInThread& operator=(const RunInThread&) = delete;
 
-  /// Until it ticks or has ended. palpate.Error: nothing has run.
+  /// Waits until it ticks or has ended. palpate.Error: it failed to start.
   void wait_for_ticks();
   /// Ends the run soon: the force fades out first.
   void stop() { is_stopping_ = true; }
   bool is_running() const { return !has_ended_; }
-  /// Until it has ended, or so many seconds; was it in time? Ctrl-C ends the run and is raised.
-  /// What on_tick or the device raised is raised; palpate.Error: nothing has run, or it ended in a
-  /// failure.
+  /// Waits for its end, at most `seconds`; false: it still runs. Ctrl-C ends the run and is raised.
+  /// Raises exceptions of on_tick or the device again; palpate.Error: the run failed to start, or
+  /// ended in a failure.
   bool wait(std::optional<double> seconds);
-  /// The newest tick; none: there was none yet.
+  /// Returns the newest tick; none if there was none yet.
   std::optional<TickRecord> latest() const;
   void mark(std::string text) { monitor_.marks.add(std::move(text)); }
   std::vector<std::string> notes() const;

@@ -1,4 +1,4 @@
-"""What the tests of the Python module share: a tool, surfaces with known truth."""
+"""Fixtures of the Python module's tests: a tool, surfaces with known truth."""
 
 import os
 from pathlib import Path

@@ -114,7 +114,7 @@ def test_out_over_arrays_of_the_caller(cube, scene):
     assert np.shares_memory(out.volume, volume)
     with pytest.raises(palpate.Error, match="no array for that"):
         out.torque
-    # Of arrays that have no other name, too.
+    # The same for the remaining arrays.
     whole = palpate.Batch(potential=np.zeros(200), torque=np.zeros((200, 3)), stiffness=np.zeros((200, 6, 6)),
                           status=np.ones(200, np.uint32))
     contact.measure_batch(surface, poses, stiffness=True, out=whole)
@@ -161,7 +161,7 @@ def test_surfaces_are_made_again(cube, scene):
 
 
 class OnGpu:
-    """Says that it is on GPU 0, and keeps in which stream it was asked for."""
+    """Pretends to be on GPU 0, and stores the stream that it is requested for."""
 
     def __init__(self, array):
         self.array, self.stream = array, "nobody asked"
@@ -185,17 +185,17 @@ def test_makers_of_arrays_are_told_the_stream(cube, scene, given, told):
 
 @pytest.mark.parametrize("given", [None, 0])
 def test_makers_of_images_are_told_the_stream(scene, given):
-    """Without one they would not wait for the stream in which they write."""
+    """Without a stream, image producers would not wait for the one in which they write."""
     depth, camera, *_ = scene
     sensor = palpate.Sensor(camera)
     for update, image in ((sensor.update, OnGpu(depth)), (sensor.update_batch, OnGpu(depth[None]))):
-        # It is in host memory in truth, and then no image of a GPU.
+        # The image is really in host memory, and is then treated as such.
         update(image, stream=given)
         assert image.stream == 1
 
 
 class OfAnotherAccelerator:
-    """In the memory of a ROCm GPU, it says; it is in host memory."""
+    """Pretends to be in the memory of a ROCm GPU; it is in host memory."""
 
     def __init__(self, array):
         self.array = array
@@ -306,7 +306,7 @@ def test_bodies_in_place_of_surfaces(cube, block):
     assert alone.volume[7:] == pytest.approx(side**2 * depth[7:], rel=0.05)
     assert (alone.force[6:, 2] < 0).all() and alone.volume[:3].max() < 2e-3 * alone.volume[-1]
     assert alone.potential[-1] > 0 and alone.stiffness.shape == (11, 6, 6)
-    # The force is how the potential changes with a shift.
+    # The force is the derivative of the potential by a shift.
     step = 1e-5
     shifted = [contact.measure_batch(near, poses + [0, 0, s, 0, 0, 0, 0]).potential for s in (step, -step)]
     assert -(shifted[0] - shifted[1]) / (2 * step) == pytest.approx(alone.force[:, 2], rel=2e-3, abs=1e-9)

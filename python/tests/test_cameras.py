@@ -1,4 +1,4 @@
-"""Several cameras: what they know together, against exact rays and by derivatives."""
+"""Several cameras combined, against exact rays and by derivatives."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ def look_at(position):
 
 
 def first_hit(origin, rays):
-    """How often each ray fits between its origin and what it hits: a ball in front of a wall."""
+    """Distances to a ball in front of a wall along rays, in lengths of each ray."""
     with np.errstate(divide="ignore", invalid="ignore"):
         to_wall = (WALL - origin[2]) / rays[..., 2]
         a, b = (rays * rays).sum(-1), rays @ (origin - BALL)
@@ -50,7 +50,7 @@ def views():
 
 
 def share_of_hull(poses, centre):
-    """Of a cube of 40 mm, by exact rays: what no camera sees to be free."""
+    """Share of a 40 mm cube that no camera sees to be free, by exact rays."""
     steps = 0.02 * ((np.arange(24) + 0.5) / 12 - 1)
     points = centre + np.stack(np.meshgrid(steps, steps, steps), -1).reshape(-1, 3)
     solid = np.ones(len(points), bool)
@@ -78,7 +78,7 @@ def test_the_shadow_shrinks_with_every_camera(views, cube):
 def test_spheres_tell_who_decided(views, cube):
     surfaces, _ = views
     contact = palpate.Contact(cube)
-    # In the ball, and behind it, where three cameras see that there is nothing.
+    # In the ball, and behind it, where three cameras see free space.
     for pose, touches in (([0.01, 0, 0.93, 0, 0, 0, 1], True), ([0, 0, 1.15, 0, 0, 0, 1], False)):
         result = contact.measure(surfaces, pose, states=True)
         felt = result.states > 0

@@ -10,7 +10,7 @@ STANDS = [0.3, -0.2, 0.5, 0.1, 0.7, -0.3, 0.6]
 
 
 def cap_volume(r, d):
-    """Of the part of a ball behind a plane whose centre is d in front of it."""
+    """Volume of the part of a ball behind a plane, with its center d in front of the plane."""
     h = np.clip(r - d, 0, 2 * r)
     return np.pi / 3 * h * h * (3 * r - h)
 
@@ -35,7 +35,7 @@ def test_spheres_behind_a_plane(cube, slanted, method):
         volumes = cap_volume(cube.spheres[:, 3].astype(float), centres @ normal + distance)
         levers = centres - (X[:3, :3] @ cube.centre_of_mass + X[:3, 3])
         result = contact.measure(surface, X)
-        # The field feels large balls by smaller ones; points are 6 mm apart.
+        # The field measures large balls by smaller ones; points are 6 mm apart.
         tolerance = (0.008 if method == "field" else 0.04) * cube.sphere_volume
         assert result.volume == pytest.approx(volumes.sum(), abs=tolerance)
         assert result.force == pytest.approx(volumes.sum() * normal, abs=tolerance)
@@ -57,7 +57,7 @@ def test_half_a_cube_behind_a_wall(cube, camera):
 
 @pytest.mark.parametrize("pose", [None, STANDS])
 def test_wrench_and_stiffness_are_derivatives(cube, pose):
-    """Of the potential and of the wrench, by differences over poses, in a scene with edges."""
+    """The wrench against differences of the potential, and the stiffness against those of the wrench, with edges."""
     depth, camera, _ = palpate.render_scene("pillar", 0.0, width=160, height=120)
     surface = palpate.Sensor(camera).update(depth, pose=pose)
     contact = palpate.Contact(cube)
@@ -119,7 +119,7 @@ def test_poses_of_all_kinds_are_one_pose(cube, slanted):
         assert result.torque == pytest.approx(expected.torque, rel=1e-4, abs=1e-13)
     single = contact.measure(surface, X.astype(np.float32))
     assert single.volume == pytest.approx(expected.volume, rel=1e-4)
-    # Half a turn about each axis and what is near it: every branch of matrix to quaternion.
+    # Half a turn about each axis and nearby rotations: every branch of matrix to quaternion.
     for q in np.concatenate([np.eye(4), np.eye(4) + 0.01, -np.eye(4) + 0.02]):
         a = contact.measure(surface, [*seven[:3], *q])
         b = contact.measure(surface, pose_matrix([*seven[:3], *q]))
@@ -154,7 +154,7 @@ def test_what_cannot_be_measured_is_told(cube, slanted):
 
 
 def test_what_is_unseen(cube, camera):
-    """By brute force: the pixel that each centre is seen at."""
+    """The unseen share by brute force, from the pixel at which each center is seen."""
     image = np.where(np.arange(160) < 80, 0.8, 0).astype(np.float32) * np.ones((120, 1), np.float32)
     surface = palpate.Sensor(camera, fill_levels=0).update(image)
     contact = palpate.Contact(cube)

@@ -12,7 +12,7 @@ NUM_IMAGES, NUM = 4, 500
 
 @pytest.fixture(scope="module")
 def scene():
-    """Images, poses before and in what they show, and what the CPU says."""
+    """Images, poses in front of and inside their surfaces, and the results of the CPU."""
     depth, camera, _ = palpate.render_scene("pillar", 0.0, width=160, height=120)
     try:
         palpate.Sensor(camera, place="cuda")
@@ -28,7 +28,7 @@ def scene():
 
 
 class Torch:
-    """What the tests ask of a library of arrays."""
+    """Operations of an array library that the tests need."""
 
     def __init__(self):
         self.torch = pytest.importorskip("torch", reason="PyTorch is not installed")
@@ -117,7 +117,7 @@ def library(request, scene):
 
 
 def answers(library, num=NUM):
-    """A Batch over arrays of the library, and they."""
+    """A Batch over arrays of the library, and these arrays."""
     arrays = {"volume": np.full(num, np.nan), "potential": np.full(num, np.nan), "force": np.full((num, 3), np.nan),
               "torque": np.full((num, 3), np.nan), "status": np.full(num, 77, np.int32).view(np.uint32)}
     there = {name: library.on_gpu(array) for name, array in arrays.items()}
@@ -169,7 +169,7 @@ def test_one_image(cube, scene, library):
 
 @pytest.mark.parametrize("is_given", [False, True])
 def test_one_image_that_a_side_stream_still_writes(scene, library, is_given):
-    """Without `stream` the library says when it is written, with it the stream does. Other threads go on."""
+    """Without `stream` the array library orders the work, with it the stream does. Other threads continue."""
     camera, images, *_ = scene
     sensor = palpate.Sensor(camera, place="cuda")
     late, image = library.on_gpu(images[0]), library.on_gpu(images[0] * 0 + 3)
@@ -209,7 +209,7 @@ def test_other_threads_go_on_while_an_image_is_written(scene, library):
 
 
 def test_work_is_done_in_the_stream_of_the_caller(cube, scene, library):
-    """What the stream still has to do when it is asked comes first."""
+    """Work that is pending in the stream at the call is done first."""
     camera, images, poses, which = scene
     sensor, contact = palpate.Sensor(camera, place="cuda"), palpate.Contact(cube, place="cuda")
     some, where, number = library.on_gpu(images * 0), library.on_gpu(poses * 0), library.on_gpu(which)

@@ -1,4 +1,4 @@
-"""The arm of examples/guard_arm.py, held to what a box on a block is in closed form."""
+"""The arm of examples/guard_arm.py, against the closed form of a box on a block."""
 
 import pathlib
 import sys
@@ -24,7 +24,7 @@ def scene():
 
 
 def above_the_block(path):
-    """How far the guard's bottom is above the top of the block, m, while all of it is over that."""
+    """Height of the guard's bottom above the top of the block, m, while all of it is over the block."""
     over = path[abs(path[:, 1] - 0.6) < 0.06]
     return over[:, 3] - HALF - 0.1
 
@@ -41,7 +41,7 @@ def test_with_it_the_arm_slides_along_and_arrives(scene):
     assert met[:, 0].max() < 1.02 * MOST
     deepest = np.sqrt(2 * MOST / BOTTOM)  # U = A d^2 / 2
     assert above_the_block(path).min() > -1.3 * deepest
-    assert above_the_block(path).min() < -0.5 * deepest  # it did come there
+    assert above_the_block(path).min() < -0.5 * deepest  # it did get there
     assert np.linalg.norm(path[-1, 1:4] - goal) < 0.002
 
 
@@ -61,7 +61,7 @@ def test_it_does_not_go_where_nothing_was_measured():
     dark = guard_arm.dark_strip(depth)
     tool, surface = guard_arm.guard_body(), palpate.Sensor(camera).update(dark)
     way = [(0, guard_arm.START), (4, guard_arm.START + [0.3, 0, 0])]
-    # A row of what is seen allows it.
+    # One row of the unseen share allows it.
     _, met = guard_arm.go(tool, surface, way, most=MOST)
     assert met[:, 2].max() == 1
     path, met = guard_arm.go(tool, surface, way, most=MOST, unseen=guard_arm.not_seen_free(dark, camera))

@@ -1,4 +1,4 @@
-"""palpate.poses and palpate query of Parquet: shards, interruptions and files that are none."""
+"""palpate.poses and palpate query of Parquet: shards, interruptions and invalid files."""
 
 import os
 import signal
@@ -90,7 +90,7 @@ def test_a_shard_reads_its_rows_of_one_large_group(task, tmp_path, monkeypatch):
         assert [len(part) for part in parts] == [min(200, end - at) for at in range(begin, end, 200)]
         if parts:
             assert pyarrow.concat_tables(parts).equals(table.slice(begin, end - begin))
-    # What comes after a shard is not read for it.
+    # Rows after a shard are not read.
     taken = []
 
     class Counted:
@@ -145,7 +145,7 @@ def test_what_is_interrupted_goes_on(task, tmp_path, monkeypatch):
     assert bytes_of(measured(task, output, progress=look)) == whole
     assert seen[0] == before  # not made again
     assert not (tmp_path / "out.parquet.parts").exists()
-    # What is done is not done again; what is another task is not written over.
+    # A finished task is not repeated; the output of another task is not overwritten.
     when = output.stat().st_mtime_ns
     measured(task, output)
     assert output.stat().st_mtime_ns == when

@@ -1,4 +1,4 @@
-"""palpate.touch and palpate.Run: what is felt, what is kept, who may interfere."""
+"""palpate.touch and palpate.Run: forces, recordings, interruptions."""
 
 import csv
 import gc
@@ -30,7 +30,7 @@ def recorded(cube, tmp_path_factory):
 
 
 def test_several_cameras_of_which_one_moves(cube, recorded, tmp_path):
-    """The wall stays where it is, whoever looks at it."""
+    """The wall is at the same place from every camera pose."""
     poses = tmp_path / "poses.tum"
     times = np.linspace(0, 2, 41)
     poses.write_text("".join(f"{t} {0.1 * t} 0 {-0.05 * t} 0 0 0 1\n" for t in times))
@@ -212,7 +212,7 @@ def test_a_device_in_python(cube):
     assert numbers == list(range(len(numbers))) and len(numbers) == run.times.size
     assert np.array_equal(np.array([wrench for _, wrench in heard]), run.hand_wrench)
     period = run.summary["microseconds"]["haptic_period"]
-    assert period["p50"] >= 2000  # what it really was: 400 Hz were asked for
+    assert period["p50"] >= 2000  # the real one: 400 Hz were requested
 
 
 def test_a_camera_in_python(cube):

@@ -1,4 +1,4 @@
-"""palpate.sinks: what they write is read back by the other makers' own readers."""
+"""palpate.sinks: their files, read back by the vendors' own readers."""
 
 import json
 import os
@@ -76,7 +76,7 @@ def test_rerun(run, cube, tmp_path):
 
 
 def test_frames_of_a_live_run_are_where_they_were_felt(cube, tmp_path):
-    """The camera has a clock of its own there: frames are to be found by contacts, which say what they felt."""
+    """The camera has its own clock here: contacts, which store their frame, locate the frames in time."""
     with palpate.touch(cube, "scene:hand", device="sim", duration=1.5, output=tmp_path / "run",
                        max_sensor_age=30, max_contact_age=30) as live:
         live.wait()
@@ -88,7 +88,7 @@ def test_frames_of_a_live_run_are_where_they_were_felt(cube, tmp_path):
         felt = np.flatnonzero(contacts["frame_number"] == number)
         if len(felt) == 0:
             continue
-        # Captured before it was felt, and at most as long before as its age then said.
+        # Captured before the contact, by at most the age that the contact reports.
         first = contacts["time"][felt[0]]
         age = first + offset - contacts["capture_time"][felt[0]]
         assert moment.time == pytest.approx(max(0, first - age), abs=1e-6)

@@ -52,7 +52,7 @@ def test_a_thread_of_this_process_feeds_the_camera_that_is_opened(cube, fifo):
 
 
 def test_ctrl_c_ends_the_opening_of_a_camera(cube, fifo):
-    """That sends nothing. Other threads go on meanwhile, such as the one that asks for the end here."""
+    """The camera sends nothing. Other threads continue meanwhile, such as the one that sends SIGINT here."""
     threading.Timer(0.3, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
     with pytest.raises(KeyboardInterrupt):
         palpate.touch(cube, f"pipe:{fifo}?{INTRINSICS}", RESTING)
@@ -60,7 +60,7 @@ def test_ctrl_c_ends_the_opening_of_a_camera(cube, fifo):
 
 
 def test_many_threads_push_to_one_camera(cube, tmp_path):
-    """Images of two sizes: what arrives is one of them, whole."""
+    """Images of two sizes: each recorded frame is one of them, complete."""
     camera = palpate.PushedCamera(palpate.Camera(WIDTH, HEIGHT, 60, 60, 31.5, 23.5))
     is_over = threading.Event()
     raised = []
@@ -93,8 +93,8 @@ def test_many_threads_push_to_one_camera(cube, tmp_path):
 
 
 def test_a_batch_keeps_the_surfaces_that_it_measures(cube):
-    """The list of surfaces loses them while the poses are read, as another thread may cause; their memory is used
-    again then."""
+    """The list of surfaces loses them while the poses are read, as another thread may cause; then their memory is
+    reused."""
     depth, camera, _ = palpate.render_scene("wall", width=160, height=120)
     sensor, contact = palpate.Sensor(camera), palpate.Contact(cube)
     poses = np.array([[0, 0, 0.99, 0, 0, 0, 1.0]])
@@ -124,7 +124,7 @@ def test_two_threads_read_one_recording(cube, tmp_path):
 
 
 def test_what_on_tick_refers_to_goes_with_the_run(cube):
-    """The run itself, usually: a cycle that Python's garbage collector does not see."""
+    """Usually on_tick refers to the run: a cycle that Python's garbage collector does not see."""
     begun, runs = threading.Event(), []
 
     def touch():
@@ -145,7 +145,7 @@ def test_what_on_tick_refers_to_goes_with_the_run(cube):
 
 
 def test_a_run_that_only_on_tick_refers_to_ends(cube):
-    """Its end is then the end of the object, in its own thread."""
+    """The run's end then destroys the object, in the run's own thread."""
     begun, runs = threading.Event(), []
 
     def touch():

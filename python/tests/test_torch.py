@@ -25,7 +25,7 @@ def felt(request):
 
 
 def scaled(tool, surface):
-    """Of the size of one, so that gradcheck's tolerances mean something."""
+    """Volume and potential scaled to about one, to suit gradcheck's tolerances."""
     def numbers(poses):
         volume, potential = penetration(tool, surface, poses)
         return volume / tool.volume, potential / (tool.volume * 0.01)

@@ -37,7 +37,7 @@ def test_the_package_itself(tmp_path):
     run("mypy", "--strict", "--ignore-missing-imports", *modules, cwd=tmp_path)
 
 
-#: What stubtest says of every module of nanobind, whose functions and classes are objects of its own.
+#: Messages of stubtest about every nanobind module, whose functions and classes have their own types.
 OF_NANOBIND = (
     "is not a function",
     "is a disjoint base at runtime",

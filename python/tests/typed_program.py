@@ -1,4 +1,4 @@
-"""What a user writes, for mypy --strict; never run."""
+"""A typical program of a user, for mypy --strict; never run."""
 
 from pathlib import Path
 from typing import List, Optional

@@ -7,24 +7,24 @@
 namespace palpate::inline v0 {
 namespace {
 
-/// Of the stiffest direction of a contact: what falls does not bounce.
+/// Damping ratio of the stiffest direction of a contact: falling bodies do not bounce.
 constexpr double kContactDampingRatio = 0.7;
-/// A patch that sticks gives way by so much where it holds the weight of the lighter body.
+/// Stretch of a sticking patch that holds the weight of the lighter body.
 constexpr double kStretch = 2e-5;  // m
 constexpr double kGravity = 9.81;
 
-/// What has come in deep, as a hand into a body between two frames, is let out as fast as this.
+/// Largest speed at which deep contacts, as of a hand that enters a body between two frames, part.
 constexpr double kFastestOut = 1;  // m/s
 
-constexpr int kMaxTries = 4;     // without what would pull
+constexpr int kMaxTries = 4;     // each without the contacts that would pull
 constexpr int kMaxSweeps = 100;  // of friction: some ten do
 constexpr double kClose = 1e-9;  // of the largest limit
 
 /// a += s b.
 void add(Mat6& a, double s, const Mat6& b) { a = sum(a, s, b); }
 
-/// T of v_at_a = T v: how the point that lies at a's center of mass moves with a body whose center
-/// of mass is `d` away from it.
+/// Returns T of v_at_a = T v: the velocity of the point at a's center of mass that moves with a
+/// body whose own center of mass is `d` away from it.
 Mat6 transport(const Vec3d& d) {
   Mat6 t;
   for (int i = 0; i < 6; ++i) t.m[i][i] = 1;
@@ -59,7 +59,7 @@ Vec6 at_other(const Vec6& wrench_a, const Vec3d& d) {
   return {-wrench_a.linear, -(wrench_a.angular + cross(d, wrench_a.linear))};
 }
 
-/// Of the stiffest direction, at most by the square root of 3 too much.
+/// Returns the stiffness of the stiffest direction, too large by at most the square root of 3.
 double largest(const Mat6& k) {
   double squares = 0;
   for (int i = 0; i < 3; ++i) {
@@ -210,7 +210,7 @@ bool BodySolver::solve_pushes(std::span<const RigidBody> bodies, std::span<const
   return true;
 }
 
-/// What would pull at the end of the step has come loose within it. Whether there was any.
+/// Drops contacts that would pull at the end of the step. True if there was any.
 bool BodySolver::drop_pulls(std::span<const BodyTouch> touches) {
   bool has_any = false;
   for (std::size_t i = 0; i < touches.size(); ++i) {
@@ -225,7 +225,7 @@ bool BodySolver::drop_pulls(std::span<const BodyTouch> touches) {
   return has_any;
 }
 
-/// And how the bodies move by forces in their directions.
+/// Computes the patches, and the motions of the bodies by forces in their directions.
 void BodySolver::find_patches(std::span<const BodyTouch> touches, double dt) {
   for (std::size_t i = 0; i < touches.size(); ++i) {
     const BodyTouch& touch = touches[i];
@@ -307,8 +307,8 @@ void BodySolver::solve_friction(std::span<const BodyTouch> touches, double dt) {
   }
 }
 
-/// What a contact holds, its bodies have paid, or pay now: from what they come together with. The
-/// step only knew what touched at its beginning, and how stiff that was there.
+/// Balances the energy of each contact: bodies pay the part that their work has not covered from
+/// their approach speed. The last step knew only the contacts and stiffnesses at its beginning.
 void BodySolver::collect(std::span<RigidBody> bodies, std::span<const BodyTouch> touches) noexcept {
   for (Place& place : places_) place.paid += std::exchange(place.potential, 0);
   for (const BodyTouch& touch : touches) {
@@ -324,7 +324,7 @@ void BodySolver::collect(std::span<RigidBody> bodies, std::span<const BodyTouch>
       const Vec6 opposite = at_other(to_vec6(on[0]), of[0]->center_W() - of[1]->center_W());
       on[1] = {opposite.linear, opposite.angular};
     }
-    // J per share of the wrench that pushes for a second: power, and what that itself moves.
+    // Work of an impulse of `share` seconds: share * power + share^2 * moved / 2.
     double power = 0, moved = 0;
     Twist change[2];
     for (int i = 0; i < 2; ++i) {
@@ -345,7 +345,7 @@ void BodySolver::collect(std::span<RigidBody> bodies, std::span<const BodyTouch>
   for (Place& place : places_) place.paid = 0;
 }
 
-/// Of bodies that are awake, by what they touch: one that is asleep joins nobody.
+/// Joins awake bodies that touch each other; a sleeping one joins no island.
 void BodySolver::find_islands(std::span<const RigidBody> bodies,
                               std::span<const BodyTouch> touches) {
   for (std::size_t i = 0; i < bodies.size(); ++i) {
@@ -414,7 +414,7 @@ void BodySolver::solve_island(std::span<RigidBody> bodies, std::span<const BodyT
     const RigidBody before = body;
     const Vec6& v = velocities_[static_cast<std::size_t>(rows_[i])];
     body.V_W = {v.linear, v.angular};
-    // What falls freely moves as the mean of both velocities says.
+    // A free body moves at the mean of both velocities, as in free fall.
     const bool is_free = std::none_of(touches.begin(), touches.end(), [i](const BodyTouch& touch) {
       return touch.a == static_cast<int>(i) || touch.b == static_cast<int>(i);
     });

@@ -11,14 +11,14 @@
 namespace palpate::inline v0 {
 namespace {
 
-// At rest: so long within so much.
+// Thresholds of rest: time within a shift and a rotation.
 constexpr double kStillSeconds = 0.5, kStillShift = 1e-3 /* m */, kStillTurn = 0.03 /* rad */;
-/// Over which what carries a body is averaged, s: sensors shake it 30 times a second.
+/// Averaging time of the supporting force, s: sensors shake it 30 times a second.
 constexpr double kMeanSeconds = 0.25;
-/// Half of what it held changes, or something comes in by so much: it wakes up.
+/// Wake thresholds: share of the supporting force, penetration (m).
 constexpr double kWakeShare = 0.5, kWakeDepth = 1e-3 /* m */;
-/// Of a body within a surface: something stands between it and the camera, where nothing is known.
-/// Between two frames that goes away by and by, and throws nothing on its way.
+/// Shares of a body's volume behind a surface at which it becomes covered (something stands between
+/// it and the camera) and uncovered: a cover that goes away between two frames throws no body.
 constexpr double kCoveredShare = 0.5, kUncoveredShare = 0.05;
 
 double largest(const Stiffness& k) {
@@ -54,7 +54,7 @@ Result<std::shared_ptr<const Tool>> thinned(const std::shared_ptr<const Tool>& s
   return std::make_shared<const Tool>(*std::move(tool));
 }
 
-/// Whether what is at rest by the one stays so by the other.
+/// True if a resting body stays at rest when the options change from a to b.
 bool is_carried_alike(const BodyOptions& a, const BodyOptions& b) {
   return a.gravity_x == b.gravity_x && a.gravity_y == b.gravity_y && a.gravity_z == b.gravity_z &&
          a.friction == b.friction && a.sink == b.sink;
@@ -139,7 +139,7 @@ void MovingBodies::use_materials(const ObjectFrictions& frictions) {
   }
 }
 
-/// And the places of all contacts: with surfaces, with the tool, with each other.
+/// Adds all pairs, and the places of all contacts: with surfaces, with the tool, with each other.
 Status MovingBodies::add_pairs(const Place& place) {
   std::vector<double> masses;
   for (int turn = 0; turn < 2; ++turn) {
@@ -178,7 +178,7 @@ void MovingBodies::add_touch(const BodyTouch& touch) {
   if (touch.b != BodyTouch::kNoBody) rest(touch.b).is_touched = true;
 }
 
-/// False: the backend has failed. Without a surface yet, none is touched.
+/// Adds the contacts with surfaces. False: the backend has failed.
 bool MovingBodies::touch_clouds(std::span<const SurfaceBlend> cameras) {
   for (int i = 0; i < num_bodies(); ++i) {
     const Body& body = shown(i);
@@ -199,7 +199,7 @@ bool MovingBodies::touch_clouds(std::span<const SurfaceBlend> cameras) {
     const Twist V_W = surface_motion(
         cameras, {center + touch.patch.lever_W, found.measure_W.force, touch.patch.torsion_radius});
     touch.V_W = {V_W.linear - cross(V_W.angular, touch.patch.lever_W), V_W.angular};
-    // Nobody sleeps on what moves.
+    // Bodies on a moving surface stay awake.
     own.is_pushed = norm(V_W.linear) > kStillShift / kStillSeconds ||
                     norm(V_W.angular) > kStillTurn / kStillSeconds;
     touch.place = i;
@@ -275,7 +275,7 @@ void MovingBodies::touch_tool(std::span<const Push> pushes) {
   }
 }
 
-/// What holds a body that sleeps has changed, or one that is not still touches it.
+/// Wakes sleeping bodies whose supporting force has changed or that a moving body touches.
 void MovingBodies::wake(double dt) {
   const double share = dt / (dt + kMeanSeconds);
   for (int i = 0; i < num_bodies(); ++i) {
@@ -313,7 +313,7 @@ int MovingBodies::group_of(int body) {
   return body;
 }
 
-/// All that touch each other together, once none of them moves.
+/// Puts bodies that touch each other to sleep together, once none of them moves.
 void MovingBodies::fall_asleep(double dt) {
   for (int i = 0; i < num_bodies(); ++i) {
     Rest& own = rest(i);
@@ -349,7 +349,7 @@ void MovingBodies::fall_asleep(double dt) {
   }
 }
 
-/// Of motion, height, and where it is pressed.
+/// Returns the energy of a body, J: of motion, height and its contacts.
 double MovingBodies::energy_of(int body) const {
   const RigidBody& own = bodies_[static_cast<std::size_t>(body)];
   return kinetic_energy(own) - own.mass * dot(gravity(), own.center_W()) +
@@ -367,9 +367,9 @@ void MovingBodies::add_energy() {
   }
 }
 
-/// What the tool has given to bodies that touch each other is stored where their energy has grown
-/// by it, and what it has taken is gone from what all of them have stored. What friction and
-/// damping have taken since is gone, too.
+/// Updates the stored energy from the work of the tool on each island: positive work is stored in
+/// the bodies whose energy has grown, negative work is taken from all in proportion. Losses to
+/// friction and damping lower it, too.
 void MovingBodies::add_stored() {
   for (int first = 0; first < num_bodies(); ++first) {
     double given = 0, growth = 0, stored = 0;
@@ -391,7 +391,7 @@ void MovingBodies::add_stored() {
   }
 }
 
-/// Under another gravity nobody has lifted anything yet.
+/// Restarts the account of stored energy: at the beginning, and under another gravity.
 void MovingBodies::forget_stored() {
   add_energy();
   for (Rest& own : rests_) {

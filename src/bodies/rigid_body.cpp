@@ -8,7 +8,7 @@ namespace {
 
 constexpr int kMaxIterations = 50;  // five do at 100 rad/s and a millisecond
 constexpr double kClose = 1e-15;
-/// Of the mean: what rods have about their axis at least.
+/// Smallest moment of inertia over the mean one: that of rods about their axis.
 constexpr double kMinInertia = 1e-3;
 
 Mat3d inverse(const Mat3d& a) {

@@ -17,7 +17,7 @@ void subtract_product(Mat6& a, const Mat6& b, const Mat6& c) {
   }
 }
 
-/// Of the lower half; the upper one stays as it is.
+/// Factors the lower half in place; the upper one stays.
 bool factor_block(Mat6& a) {
   for (int j = 0; j < 6; ++j) {
     double diagonal = a.m[j][j];
@@ -33,7 +33,7 @@ bool factor_block(Mat6& a) {
   return true;
 }
 
-/// a l^-T, of a lower triangle l.
+/// a = a l^-T, with a lower triangle l.
 void divide(Mat6& a, const Mat6& l) {
   for (int i = 0; i < 6; ++i) {
     for (int j = 0; j < 6; ++j) {

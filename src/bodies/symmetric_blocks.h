@@ -1,4 +1,4 @@
-// Symmetric positive definite systems of which a few blocks of 6 x 6 are there: who touches whom.
+// Symmetric positive definite systems with sparse 6 x 6 blocks: one for each pair that touches.
 #pragma once
 
 #include <cstdint>
@@ -9,21 +9,20 @@
 
 namespace palpate::inline v0 {
 
-/// Cholesky by blocks. What is zero costs nothing: bodies that do not touch each other, directly or
+/// Cholesky by blocks. Zero blocks cost nothing: bodies that do not touch each other, directly or
 /// by others, are solved as if alone.
 class SymmetricBlocks {
  public:
-  /// With room for so many rows of blocks.
+  /// Allocates memory for `max_rows` rows of blocks.
   explicit SymmetricBlocks(int max_rows);
 
-  /// All zero.
+  /// Sets all blocks to zero.
   void begin(int num_rows) noexcept;
-  /// Of the lower half: row >= column.
+  /// Returns a block of the lower half: row >= column.
   Mat6& at(int row, int column) noexcept;
-  /// In place. False: not positive definite.
+  /// Factors the system in place. False: not positive definite.
   bool factor() noexcept;
-  /// In place: from the right hand side to the solution, of which there is none before row
-  /// `first` on the right hand side.
+  /// Replaces the right hand side by the solution; the right hand side is zero before row `first`.
   void solve(std::span<Vec6> x, int first = 0) const noexcept;
 
  private:

@@ -1,4 +1,4 @@
-// How a tool without mass takes over from another coupling.
+// The approach of a tool without mass that takes over from another coupling.
 #pragma once
 
 #include <utility>
@@ -9,8 +9,8 @@
 
 namespace palpate::inline v0 {
 
-/// Such a tool is at once where it belongs. Unless another coupling had it elsewhere: then it comes
-/// from there, within some tenths of a second.
+/// Moves a tool from where another coupling left it to where it belongs, within some tenths of a
+/// second. Without such a takeover it is there at once.
 class Approach {
  public:
   explicit Approach(const Vec3d& centre_of_mass_T) : c_T_(centre_of_mass_T) {}
@@ -22,7 +22,7 @@ class Approach {
   void remember(StateNumbers& numbers) noexcept {
     numbers(from_, offset_.linear, offset_.angular, has_begun_);
   }
-  /// Where the tool is, `dt` after the last time, if it belongs to X_WT.
+  /// Returns the pose of the tool, `dt` after the last call, if it belongs at X_WT.
   Pose at(const Pose& X_WT, double dt) noexcept {
     if (!std::exchange(has_begun_, true)) {
       offset_ = {from_ * c_T_ - X_WT * c_T_, rotation_between(X_WT.rotation, from_.rotation)};
@@ -38,12 +38,12 @@ class Approach {
   }
 
  private:
-  static constexpr double kTime = 0.05;   // s, to a third
+  static constexpr double kTime = 0.05;   // s, time constant
   static constexpr double kThere = 1e-6;  // m or rad
 
   Vec3d c_T_;
   Pose from_;
-  Vec6 offset_;  // of the centre of mass, and about it
+  Vec6 offset_;  // of the center of mass, and about it
   bool has_begun_ = true;
 };
 

@@ -7,7 +7,7 @@
 namespace palpate::inline v0 {
 namespace {
 
-/// Where the device renders no force, the tool still stops at surfaces, N.
+/// Default of force_at_eighth for devices without force, N: the tool still stops at surfaces.
 constexpr double kForceWithoutDevice = 5;
 
 /// Spring and damper along one degree of freedom, and what the device can bear.
@@ -38,7 +38,7 @@ struct Axis {
   }
 };
 
-/// Fills in a stiffness or checks the given one, with what there is to say about it.
+/// Fills in a stiffness or checks the given one; adds warnings.
 void settle(const Axis& axis, const std::string& what, const std::string& unit, double if_unknown,
             double& stiffness, std::vector<std::string>& warnings) {
   if (stiffness == 0) {
@@ -102,8 +102,8 @@ Result<CheckedCoupling> check_coupling(const CouplingOptions& options, const Dev
     o.damping_ratio = lowered;
   }
 
-  // As large as the tool is in the hand. What the hand does not feel needs no limit: only the tool
-  // hangs on it.
+  // The tool's radius of gyration at the hand's scale. Without torque on the device the angular
+  // spring needs no limit: only the tool hangs on it.
   const double radius = radius_of_gyration(tool) / o.motion_scale;
   const bool has_torque = limits.max_torque > 0;
   const Axis turn{o.tool_mass * radius * radius,
@@ -121,7 +121,7 @@ Result<CheckedCoupling> check_coupling(const CouplingOptions& options, const Dev
                  "no stiffness of the coupling is passive without any damping; give a stiffness or "
                  "a damping ratio above 0"};
   }
-  // The mechanism alone damps a wall: what holds the tool stands still there.
+  // The mechanism alone damps a wall: the spring that holds the tool stands still there.
   o.wall_stiffness = std::min(o.stiffness, 2 * limits.damping / tick_seconds);
   if (o.kind == CouplingKind::proxy && o.hold == ContactHold::interpolation) {
     checked.warnings.push_back(

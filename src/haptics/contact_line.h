@@ -6,13 +6,13 @@
 
 namespace palpate::inline v0 {
 
-/// What the tool has moved since it was measured, about its centre of mass.
+/// Returns the tool's motion since the measurement, about its center of mass.
 Vec6 motion_since(const LocalContact& contact, const Pose& X_WT_now);
 
-/// F - K (shift, turn), wherever it leads: beyond the end of the contact it pulls.
+/// Returns F - K (shift, turn) without limits: beyond the end of the contact it pulls.
 Wrench contact_line(const LocalContact& contact, const Pose& X_WT_now);
 
-/// The part of a wrench on that line that the tool may feel.
+/// Limits a wrench on that line: it never pulls and grows to a few times the measured one.
 Wrench limit_contact(const LocalContact& contact, const Wrench& line);
 
 }  // namespace palpate::inline v0

@@ -20,11 +20,11 @@ double mean_distance(double variance, double other) {
   return a + b - std::sqrt((3 * a + b) * (a + 3 * b)) / 3;
 }
 
-/// How much of the spread of the cut area lies along its long axis, 1/2 to 1.
+/// Returns the share of the spread of the cut area along its long axis, 1/2 to 1.
 ///
 /// With S = -A n n^T, a stiffness about C has in its torques A (l x n)(l x n)^T + (l.F) 1 - l F^T.
-/// The moments say the rest, so what is left are the second moments of the area, turned by 90
-/// degrees; about its own middle after what A (l x n) of all of it has is taken off.
+/// The moments give the last two terms; their removal leaves the second moments of the area, turned
+/// by 90 degrees, which are then taken about its own center (parallel axis theorem).
 double elongation(const Vec3d& n, const Stiffness& k, const VolumeMoments& moments) {
   const Vec3d t[2] = {first_tangent(n), cross(n, first_tangent(n))};
   double force[3][3], turning[3][3], torque[3][3];

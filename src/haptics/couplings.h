@@ -6,14 +6,14 @@
 
 namespace palpate::inline v0 {
 
-/// Longest time that one step covers, s: a tick that comes later than this is taken as this late.
+/// Longest time that one step covers, s; later ticks count as this late.
 inline constexpr double kMaxStep = 0.02;
 
-/// What sticks to a surface is so many times as stiff as the coupling: little gives way, and the
-/// hand feels the coupling. Where there is none the hand feels it itself, and it is as stiff.
+/// Stiffness of sticking friction over that of the coupling: little gives way, and the hand feels
+/// the coupling. With direct coupling the hand feels the friction itself, and the ratio is 1.
 inline constexpr double kStiffer = 10;
 
-/// Between 0 and kMaxStep, whatever the clock says.
+/// Returns dt clamped to 0 to kMaxStep; 0 for NaN.
 inline double step_length(double dt) { return dt > 0 ? (dt < kMaxStep ? dt : kMaxStep) : 0; }
 
 std::unique_ptr<Coupling> make_virtual_coupling(const CouplingOptions& options,
@@ -28,7 +28,7 @@ std::unique_ptr<Coupling> make_proxy_coupling(const CouplingOptions& options,
                                               const DeviceLimits& limits,
                                               const MassProperties& tool);
 
-/// Of the tool, m: what a radian of it counts as.
+/// Returns the tool's radius of gyration, m: the length that a radian counts as.
 double radius_of_gyration(const MassProperties& tool);
 
 }  // namespace palpate::inline v0

@@ -1,5 +1,5 @@
-// The tool is at the hand: which feels the contact itself (a penalty method, as stiff as the
-// contact), or nothing.
+// Couplings with the tool at the hand, which feels the contact itself (a penalty method, as stiff
+// as the contact) or nothing.
 #include <tuple>
 
 #include "src/haptics/approach.h"
@@ -10,11 +10,11 @@
 namespace palpate::inline v0 {
 namespace {
 
-/// A spring that is held over a tick gives back more than it took, see check_coupling: as long as
-/// ticks are no longer than this (s), the damping of what sticks takes it.
+/// Damping over stiffness of sticking friction, s. A spring held over a tick gives back more than
+/// it took, see check_coupling: this damping takes it while ticks are no longer than this.
 constexpr double kDampingTime = 1e-3;
 
-/// Friction of a tool that is moved, whatever it meets.
+/// Friction of a tool whose motion is given.
 class MovedFriction {
  public:
   MovedFriction(const CouplingOptions& options, const DeviceLimits& limits, double share,
@@ -36,7 +36,7 @@ class MovedFriction {
   double energy() const noexcept { return friction_.energy(); }
   void remember(StateNumbers& numbers) noexcept { numbers(friction_, X_WT_); }
 
-  /// What is added to a contact with this wrench, once per tick.
+  /// Returns the friction and damping of a contact with this wrench. Call once per tick.
   Wrench step(const LocalContact& contact, const Wrench& contact_W, const Pose& X_WT,
               double dt) noexcept {
     const Vec6 motion{X_WT * c_T_ - X_WT_ * c_T_, rotation_between(X_WT_.rotation, X_WT.rotation)};

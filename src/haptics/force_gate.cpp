@@ -6,13 +6,13 @@
 namespace palpate::inline v0 {
 namespace {
 
-/// A late tick does not earn a leap of the ramp, s.
+/// Longest tick that the ramp counts, s: a late tick makes no leap.
 constexpr double kLongestCountedTick = 0.005;
-/// Of a fade at a tick of which the clock says nothing: it ends even if the clock stands still.
+/// Decrease of the fade at a tick without measured time: it ends even if the clock stands still.
 constexpr double kFadePerLostTick = 1e-3;
 /// The force of a clock that stands still never becomes too old, so it may not stay for longer.
 constexpr int kMaxLostTicks = 20;
-constexpr double kPart = 5;  // s, of a minute
+constexpr double kPart = 5;  // s: returns within a minute are counted in parts
 
 }  // namespace
 
@@ -23,7 +23,7 @@ void ForceGate::step(const Input& input) noexcept {
   is_requested_ = (is_requested_ || input.is_requested) && state_ != ForceState::engaged;
   const bool has_force = state_ == ForceState::waiting || state_ == ForceState::engaged;
   if (input.fault != Fault::none && has_force) return fail(input.fault, input.time);
-  // What lasts takes the place of what would have passed.
+  // A lasting fault replaces a passing one.
   if (is_lasting(input.fault) && !is_lasting(fault_)) fault_ = input.fault;
   switch (state_) {
     case ForceState::waiting: return step_waiting(input);
@@ -47,7 +47,7 @@ void ForceGate::age_returns(double dt) noexcept {
   }
 }
 
-/// The tick that finds a fault still gives the force that there was, unless it may not fade.
+/// The tick that finds a fault keeps the previous force, unless the fade takes no time.
 void ForceGate::fail(Fault fault, double time) noexcept {
   state_ = ForceState::fading;
   fault_ = fault;

@@ -10,13 +10,12 @@ namespace {
 constexpr int kMaxIterations = 30;  // three to six do
 constexpr double kClose = 1e-13;    // of the limit
 
-/// No tool is so large (m), and no coefficient either: something is wrong with the contact.
+/// Lengths (m) and friction coefficients above these mean that the contact is wrong.
 constexpr double kFarthest = 1e3, kMaxCoefficient = 100;
 
-/// The distance of texture begins anew after so many lengths: a whole number, so that nothing
-/// jumps.
+/// Texture lengths after which the distance wraps around: a whole number, so that nothing jumps.
 constexpr double kTextureLengths = 4096;
-/// Speed at which texture is half as strong as at higher ones: what stands still has none.
+/// Speed at which texture has half its strength; at rest it has none.
 constexpr double kTextureSpeed = 5e-3;  // m/s
 
 Vec3d operator*(const Mat3s& a, const Vec3d& v) {
@@ -24,7 +23,7 @@ Vec3d operator*(const Mat3s& a, const Vec3d& v) {
           a.xz * v.x + a.yz * v.y + a.zz * v.z};
 }
 
-/// (diagonal 1 + scale a)^-1, of which all eigenvalues are positive.
+/// Returns (diagonal 1 + scale a)^-1; all eigenvalues are positive.
 Mat3s inverse_of_sum(double diagonal, double scale, const Mat3s& a) {
   const double xx = diagonal + scale * a.xx, yy = diagonal + scale * a.yy,
                zz = diagonal + scale * a.zz;
@@ -39,7 +38,7 @@ Mat3s inverse_of_sum(double diagonal, double scale, const Mat3s& a) {
           by * (xx * yy - xy * xy)};
 }
 
-/// a b of matrices that commute.
+/// Returns a b for matrices that commute.
 Mat3s product(const Mat3s& a, const Mat3s& b) {
   return {a.xx * b.xx + a.xy * b.xy + a.xz * b.xz, a.xx * b.xy + a.xy * b.yy + a.xz * b.yz,
           a.xx * b.xz + a.xy * b.yz + a.xz * b.zz, a.xy * b.xy + a.yy * b.yy + a.yz * b.yz,
@@ -50,11 +49,11 @@ double dot6(const Vec6& a, const Vec6& b) {
   return dot(a.linear, b.linear) + dot(a.angular, b.angular);
 }
 
-/// Whether a step is long enough for a velocity.
+/// True if a step is long enough to divide a motion by it.
 bool is_time(double dt) { return dt > 1e-9; }
 
-/// Share of a wave of texture that is left at so many of them per second: all of it up to half the
-/// bandwidth, nothing from there on.
+/// Returns the gain of a texture wave at a frequency, Hz: 1 up to half the bandwidth, falling to 0
+/// at the bandwidth.
 double passed(double frequency, double bandwidth) {
   const double x = std::clamp(2 * frequency / bandwidth - 1, 0.0, 1.0);
   return 1 - x * x * (3 - 2 * x);
@@ -102,7 +101,7 @@ bool PatchFriction::touch(const LocalContact& contact, const Wrench& contact_W, 
     return false;
   }
   const Vec3d n = contact_W.force / force;
-  // What holds stays as long as it is; only its direction turns with the surface.
+  // The bristle keeps its length; only its direction turns with the surface.
   if (!(dot(state_.normal_W, n) > 0)) state_.bristle_rotation = 0;
   state_.bristle_W = rotated_along(state_.bristle_W, state_.normal_W, n);
   state_.normal_W = n;
@@ -143,7 +142,7 @@ PatchFriction::Grip PatchFriction::hold(const TouchedPatch& patch, const Vec3d& 
   const Vec3d before{dot(state_.bristle_W, t), dot(state_.bristle_W, u), state_.bristle_rotation};
   const double damping = is_time(dt) ? damping_time_ * stiffness_ / dt : 0,
                k = stiffness_ + damping;
-  // What grows with speed is a damper beside it.
+  // Viscous friction is a damper in parallel with the bristle.
   Vec3d a = slid - patch.carried;
   Mat3s w = compliance;
   const double slope = is_time(dt) ? patch.slope / dt : 0;
@@ -194,8 +193,8 @@ double PatchFriction::contact_damping(double normal_force, double speed) const n
   return damping * speed > normal_force ? normal_force / speed : damping;
 }
 
-/// Between -depth and depth. Grain is waves of a fourth of the length and so on, with phases that
-/// do not fit: irregular, but the same for the same way.
+/// Returns the texture's change of the limit, -depth to depth. Grain is a sum of shorter waves with
+/// unrelated phases: irregular, but the same for the same path.
 double PatchFriction::wave(TextureKind kind, double depth, double dt) const noexcept {
   if (kind == TextureKind::none || !is_time(dt)) return 0;
   const double bandwidth = std::min(texture_.bandwidth, 0.2 / dt);

@@ -7,9 +7,9 @@
 namespace palpate::inline v0 {
 namespace {
 
-/// No device reaches as far (m) or moves as fast (m/s, rad/s): more than that is a glitch.
+/// Reach (m) and speed (m/s, rad/s) beyond any device: larger readings are glitches.
 constexpr double kFarthest = 1e3, kFastest = 1e3;
-/// A hand of which nothing is known goes on as it went for so long, s: as long as the default of
+/// Longest extrapolation of the hand's motion, s: as long as the default of
 /// safety.max_device_silence.
 constexpr double kLongestGap = 0.01;
 
@@ -17,7 +17,7 @@ constexpr double kLongestGap = 0.01;
 
 Hand::Hand(const CouplingOptions& options, const Vec3d& centre_of_mass_T)
     : options_(options), c_T_(centre_of_mass_T), X_HT_inverse_(inverse(options.X_HT)) {
-  // Who holds the tool otherwise than by this hand has it where it is.
+  // Without a coupling the device's pose is that of the tool: no clutch, no walls.
   if (options.kind != CouplingKind::none) return;
   options_.clutch = false;
   options_.clutch_button = 0;
@@ -62,8 +62,8 @@ bool Hand::is_usable(const DeviceState& state) const noexcept {
   return state.is_valid && is_finite(state.X_BH) && norm(state.X_BH.translation) < kFarthest;
 }
 
-/// Between two usable states, at a time of the device's clock. A hand that stood still in between
-/// would pull at the coupling's damper.
+/// Extrapolates the hand from the last usable state to a time of the device's clock. A hand that
+/// stood still in between would pull at the coupling's damper.
 void Hand::go_on(double time) noexcept {
   const double gap = time - seen_time_;
   if (!has_pose_ || is_clutched_ || !(gap >= 0)) return;
@@ -74,13 +74,13 @@ void Hand::go_on(double time) noexcept {
   if (gap <= kLongestGap) held_.velocity = velocity_of(V_BH_);
 }
 
-/// Of the held tool, with the handle where it is.
+/// Returns the velocity of the held tool, with the handle where it is.
 Vec6 Hand::velocity_of(const Twist& V_BH) const noexcept {
   const Vec3d linear_W = rotate(options_.X_WB.rotation, options_.motion_scale * V_BH.linear);
   const Vec3d angular_W = rotate(options_.X_WB.rotation, V_BH.angular);
   Vec6 velocity{linear_W + cross(angular_W, held_.p_WC - held_.p_WH), angular_W};
   if (excess_B_ == Vec3d{}) return velocity;
-  // Of the tool's origin, which goes on along the walls alone.
+  // Velocity of the tool's origin, which the walls let move only along themselves.
   const Vec3d origin_W = linear_W + cross(angular_W, held_.X_WT.translation - held_.p_WH);
   Vec3d stopped_B = rotate(conjugate(options_.X_WB.rotation), origin_W);
   for (int axis = 0; axis < 3; ++axis) {
@@ -95,7 +95,7 @@ bool Hand::is_clutch_pressed(const DeviceState& state) const noexcept {
   return options_.clutch || (button > 0 && ((state.buttons >> (button - 1)) & 1u) != 0);
 }
 
-/// The tool is to be there with the handle where it is.
+/// Sets the offset that puts the tool at X_WT with the handle where it is.
 void Hand::hold(const Pose& X_WT) noexcept {
   const Pose X_WH = X_WT * X_HT_inverse_;
   const Quaternion hand = options_.X_WB.rotation * normalized(X_BH_.rotation);
@@ -119,7 +119,7 @@ void Hand::place(const Pose& X_BH_now) noexcept {
   held_.p_WC = held_.X_WT * c_T_;
 }
 
-/// How far a point is outside, from the nearest one that is not, in B.
+/// Returns the offset of a point from the nearest one of the workspace, in B.
 Vec3d Hand::beyond_workspace(const Vec3d& p_W) const noexcept {
   const double half[] = {options_.workspace_x, options_.workspace_y, options_.workspace_z};
   if (half[0] == 0 && half[1] == 0 && half[2] == 0) return {};

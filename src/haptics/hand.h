@@ -1,13 +1,13 @@
 // From the device's handle to the tool and back.
 //
-// With a motion scale the tool lives in a world that the hand sees 1 / scale times as large: forces
+// With a motion scale the tool is in a world that the hand sees 1 / scale times as large: forces
 // are the same on both sides, lengths and so torques differ by the scale. Power then differs by one
 // factor for force and torque alike, and what is passive for the tool is passive for the hand.
 //
-// A hand that lets go (the clutch) moves alone, feels nothing, and holds the tool where that is
-// once it takes hold again. Walls keep the held tool in its workspace, and the hand feels them.
+// With the clutch pressed the hand moves without the tool and feels nothing; on release it holds
+// the tool where that is. Walls keep the held tool in its workspace, and the hand feels them.
 //
-// In a tick without a usable state the hand goes on as it went, for ten milliseconds.
+// In ticks without a usable state the hand keeps its velocity, for ten milliseconds.
 #pragma once
 
 #include "palpate/haptics/coupling.h"
@@ -18,24 +18,24 @@ namespace palpate::inline v0 {
 /// The tool as the hand holds it.
 struct HeldTool {
   Pose X_WT;
-  Vec3d p_WC, p_WH;  ///< centre of mass, handle
-  Vec6 velocity;     ///< of the centre of mass, in W
+  Vec3d p_WC, p_WH;  ///< center of mass, handle
+  Vec6 velocity;     ///< of the center of mass, in W
 };
 
 class Hand {
  public:
   Hand(const CouplingOptions& options, const Vec3d& centre_of_mass_T);
 
-  /// Goes on with the tool in the hand where it was.
+  /// Continues with the tool in the hand where it was.
   void take_over(const CouplingState& state) noexcept;
-  /// A state that is not valid or not finite has no pose: by its time the hand goes on as it went,
-  /// and after a while stands still.
+  /// Moves the held tool with the device. A state that is not valid or not finite has no pose: the
+  /// hand is extrapolated to its time, and after a while stands still.
   const HeldTool& follow(const DeviceState& state) noexcept;
-  /// X_WT of what `follow` would return, which changes nothing.
+  /// Returns the X_WT that `follow` would return, and changes nothing.
   Pose held_by(const DeviceState& state) const noexcept;
-  /// What a wrench on the held tool, about its centre of mass, is at the handle in B.
+  /// Returns the wrench at the handle, in B: of F_C_W, about the center of mass, and of the walls.
   Wrench at_handle(const Wrench& F_C_W) const noexcept;
-  /// What the walls of the workspace have stored, J, in the tool's world.
+  /// Returns the energy stored in the walls of the workspace, J, in the tool's world.
   double wall_energy() const noexcept;
 
   void remember(StateNumbers& numbers) noexcept {
@@ -46,7 +46,7 @@ class Hand {
 
   const HeldTool& held() const noexcept { return held_; }
   bool is_clutched() const noexcept { return is_clutched_; }
-  /// Where the hand is taken to be.
+  /// Returns the pose of the hand, extrapolated in ticks without a usable state.
   const Pose& X_BH() const noexcept { return X_BH_; }
 
  private:
@@ -64,12 +64,12 @@ class Hand {
   Pose X_HT_inverse_;
   HeldTool held_;
   Pose X_BH_;
-  // Of the last usable state.
+  // The last usable state.
   Pose seen_X_BH_;
   Twist V_BH_;
   double seen_time_ = 0;  // s
-  // Where the tool was when the motion scale was changed or the hand took hold of it: a shift of
-  // all poses, and what the tool is turned in the hand.
+  // Offset of the tool from the hand since the motion scale was changed or the hand took hold of
+  // it: a shift of all poses, and the rotation of the tool in the hand.
   Vec3d shift_W_;
   Quaternion turn_;
   Vec3d excess_B_;  // beyond the workspace, in the tool's world

@@ -11,14 +11,14 @@ namespace {
 /// V^(2/3), and the force grows with the depth as the volume does, by that area.
 constexpr double kAreaOfCap = 6;
 
-/// More than that is no contact, N and N m.
+/// Force and torque above which a contact is not usable, N and N m.
 constexpr double kLargestWrench = 1e6;
 
 /// Longest time over which wrenches are interpolated, s.
 constexpr double kMaxInterval = 0.1;
 
-/// The measures of the thesis have no derivative. What is likely: resistance against more of the
-/// same, along the wrench.
+/// Sets a stiffness along the wrench for measures that have no derivative (those of the thesis):
+/// most likely, the contact resists more of the same motion.
 void assume_stiffness(LocalContact& contact) {
   const double force = norm(contact.F_C_W.force);
   if (!(force > 0 && contact.volume > 0)) return;
@@ -77,7 +77,7 @@ Wrench HeldContact::exact_wrench(const Pose& X_WT) const noexcept {
   return hold_ == ContactHold::interpolation ? between() : contact_.at(X_WT);
 }
 
-/// What was measured, and the work of moving the tool on along the line.
+/// Sums the measured energy and the work of moving the tool along the line since.
 double HeldContact::energy(const Pose& X_WT) const noexcept {
   if (!contact_.is_valid && std::isfinite(contact_.energy)) return std::max(contact_.energy, 0.0);
   if (!is_there_) return 0;

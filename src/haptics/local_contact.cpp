@@ -9,11 +9,11 @@
 namespace palpate::inline v0 {
 namespace {
 
-/// A line through one measurement says little about a force of several times that size: force and
-/// torque grow to so many times what was measured and no further.
+/// Largest ratio of force and torque to the measured ones: a line through one measurement says
+/// little about a force of several times that size.
 constexpr double kMaxGrowth = 4;
 
-/// v, shortened to `limit`.
+/// Returns v, shortened to `limit`.
 Vec3d shortened(const Vec3d& v, double limit) {
   const double length = norm(v);
   return length > limit ? v * (limit / length) : v;
@@ -23,7 +23,7 @@ double trace(const Stiffness& k, int first) {
   return k.m[first][first] + k.m[first + 1][first + 1] + k.m[first + 2][first + 2];
 }
 
-/// Radius of gyration of the contact: how far from the centre of mass its stiffness lies.
+/// Returns the radius of gyration of the contact's stiffness about the center of mass.
 double lever(const Stiffness& k) {
   const double forces = trace(k, 0), torques = trace(k, 3);
   return forces > 0 && torques > 0 ? std::sqrt(torques / forces) : 0;
@@ -60,8 +60,8 @@ Wrench contact_line(const LocalContact& contact, const Pose& X_WT_now) {
   return to_wrench(to_vec6(contact.F_C_W) - k * motion);
 }
 
-// What is left of the force along its measured direction says how much of the contact is left. As
-// it falls to zero, so do sideways force and torque: the wrench ends without a jump.
+// The share of the force that remains along its measured direction bounds force and torque. As it
+// falls to zero, so do sideways force and torque: the wrench ends without a jump.
 Wrench limit_contact(const LocalContact& contact, const Wrench& line) {
   const double force = norm(contact.F_C_W.force);
   const double remaining = force > 0 ? dot(line.force, contact.F_C_W.force / force) / force : 1;
@@ -81,8 +81,9 @@ VolumeStiffness thesis_volume_stiffness(double max_force, double tool_volume) {
   return {scale > 0 && std::isfinite(scale) ? scale : 0};
 }
 
-/// A force that grows with the volume stores 0.20 times that in a ball and 0.13 in a cube of which
-/// an eighth is inside, 0.58 in a rod ten times as long as thick, end first; less of it less.
+/// Without a potential, estimates the energy as a share of force times cube root of volume: with an
+/// eighth inside, 0.20 for a ball, 0.13 for a cube and 0.58 for a rod ten times as long as thick,
+/// end first; less for less inside.
 double stored_energy(const Penetration& penetration, const VolumeStiffness& scale) {
   constexpr double kMaxShare = 0.6;
   const double measure =

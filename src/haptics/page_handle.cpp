@@ -29,8 +29,8 @@ PageHandle::PageHandle() : mailbox_(std::make_unique<Mailbox>()) {}
 PageHandle::~PageHandle() = default;
 
 DeviceLimits PageHandle::limits() {
-  // At the largest force the spring is as long as a thumb is wide. As of other devices, damping is
-  // what makes that stiffness passive at 1 kHz.
+  // At the largest force the spring is as long as a thumb is wide. As with other devices, damping
+  // makes that stiffness passive at 1 kHz.
   return {.max_force = 10,
           .max_torque = 0.6,
           .max_stiffness = 400,

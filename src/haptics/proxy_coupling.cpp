@@ -1,6 +1,5 @@
-// A tool without mass: at every tick it is where the spring and the contact balance. What keeps it
-// out of the surface is the contact's stiffness against the spring's, and the hand feels the
-// spring.
+// A tool without mass: at every tick it is where the spring and the contact balance. The contact's
+// stiffness against the spring's keeps it out of the surface, and the hand feels the spring.
 #include "src/haptics/approach.h"
 #include "src/haptics/couplings.h"
 #include "src/haptics/internal/friction.h"
@@ -12,7 +11,7 @@ namespace {
 constexpr int kMaxIterations = 8;       // the spring may saturate on the way: two or three do
 constexpr double kSmallestStep = 1e-9;  // m
 
-/// A larger move than any contact causes, m.
+/// Motion larger than any that a contact causes, m.
 constexpr double kLost = 1e6;
 
 class ProxyCoupling final : public Coupling {
@@ -154,8 +153,8 @@ class ProxyCoupling final : public Coupling {
   Approach approach_;
   Vec3d c_T_;
   double radius_;
-  Pose X_WT_;        // where it belongs
-  Pose X_WT_shown_;  // where it is: there, unless it has just taken over
+  Pose X_WT_;        // at equilibrium
+  Pose X_WT_shown_;  // reported: the same, unless it has just taken over
   Vec6 velocity_;
 };
 

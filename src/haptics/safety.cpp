@@ -10,23 +10,23 @@
 namespace palpate::inline v0 {
 namespace {
 
-/// A late tick does not earn a leap: the slew counts no more than this of it, s.
+/// Longest tick that the slew limit counts, s: a late tick makes no leap.
 constexpr double kLongestCountedTick = 0.005;
-/// What a tick of which the clock says nothing counts, s.
+/// Duration of a tick at which the clock stands still, s.
 constexpr double kLostTick = 1e-3;
 /// Share of the tank at which the controller begins. The rest is for a hand that moves faster than
 /// it did a moment ago, before the force has come down.
 constexpr double kControlledShare = 0.5;
-/// How quickly a hand gets faster, m/s2 and rad/s2: 10 N make 0.2 kg do so.
+/// Acceleration of a hand, m/s2 and rad/s2: that of 0.2 kg by 10 N.
 constexpr double kRise = 50, kTurnRise = 1000;
-/// Faster than any hand, m/s and rad/s: more than that is a glitch of the device.
+/// Speed above that of any hand, m/s and rad/s: more is a glitch of the device.
 constexpr double kFastestHand = 10, kFastestTurn = 100;
-/// Keeps what was scaled to a limit from being rounded above it.
+/// Factor that keeps vectors scaled to a limit from being rounded above it.
 constexpr double kJustBelow = 1 - 1e-12;
 
 double largest(const Vec3d& v) { return std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)}); }
 
-/// v with its direction, no longer than `limit`; for any finite v, as large as it may be.
+/// Returns v, shortened to `limit`; for any finite v, however large.
 Vec3d limited(const Vec3d& v, double limit) {
   const double scale = largest(v);
   if (!(scale > 0) || !(limit > 0)) return {};
@@ -35,7 +35,7 @@ Vec3d limited(const Vec3d& v, double limit) {
   return length > limit / scale ? unit * (limit * kJustBelow / length) : v;
 }
 
-/// `to`, or as near to it as one comes from `from` by `step`.
+/// Returns `from`, moved toward `to` by at most `step`.
 Vec3d approached(const Vec3d& from, const Vec3d& to, double step) {
   const Vec3d way = to - from, allowed = limited(way, step);
   return allowed == way ? to : from + allowed;
@@ -45,11 +45,11 @@ bool is_fresh(double age, double limit) { return std::abs(age) <= limit; }  // f
 
 Wrench operator*(double s, const Wrench& w) { return {s * w.force, s * w.torque}; }
 
-/// What a force gives within dt at most, J, to a hand that gets faster at the rate `rise`.
+/// Returns the largest work of a force within dt, J, on a hand that accelerates at `rise`.
 double max_given(const Vec3d& force, const Vec3d& velocity, double rise, double dt) {
   return std::max(dot(force, velocity) + rise * dt * norm(force), 0.0) * dt;
 }
-/// The force with so much less along a motion, and then in all, that this is no more than `rest`.
+/// Lowers the force along a motion, and then as a whole, so that this work is at most `rest`.
 Vec3d within(const Vec3d& force, const Vec3d& velocity, double rise, double dt, double rest) {
   if (!(max_given(force, velocity, rise, dt) > rest)) return force;
   Vec3d kept = force;
@@ -59,9 +59,9 @@ Vec3d within(const Vec3d& force, const Vec3d& velocity, double rise, double dt, 
   const double given = max_given(kept, velocity, rise, dt);
   return given > rest ? kept * (rest / given) : kept;
 }
-/// The last word about energy: what was planned for a steady hand is too late for one that the
-/// force makes faster, and no slew limit keeps a force that would empty the tank. `dt`: for how
-/// long nobody will have seen the hand by the next tick, if that comes as soon as this one.
+/// Limits the wrench to the energy left in the tank, `rest`. The controller plans for a steady
+/// hand, too late for one that the force accelerates; this limit overrides the slew limit. `dt`:
+/// age of the hand's pose at the next tick, s, if that comes as soon as this one.
 Wrench within_tank(const Wrench& wrench, const Twist& motion, double dt, double rest) {
   if (!(dt > 0)) return wrench;
   const Vec3d force = within(wrench.force, motion.linear, kRise, dt, rest);
@@ -83,9 +83,9 @@ Wrench SafetyFilter::filter(const Wrench& desired, const SafetyInput& input) noe
   status_.damping = 0;
 
   step_gate(desired, input, dt);
-  // What the motors do not do is no force, and comes back by the ramp.
+  // A device that renders no force gets none; the force comes back by the ramp.
   if (!input.state.has_force) return last_ = fade_from_ = {};
-  // Beyond the tank nothing is given.
+  // The energy left in the tank bounds the work of the force.
   const double rest = options_.passivity_control
                           ? std::max(options_.energy_tank - status_.energy, 0.0)
                           : std::numeric_limits<double>::infinity();
@@ -94,16 +94,16 @@ Wrench SafetyFilter::filter(const Wrench& desired, const SafetyInput& input) noe
     const double fade = gate_.fade();
     if (!(fade > 0)) return last_ = {};
     last_ = within_tank(fade * fade_from_, seen_motion_, unseen, rest);
-    fade_from_ = (1 / fade) * last_;  // what was taken away does not come back
+    fade_from_ = (1 / fade) * last_;  // a lowered force stays lowered
     return last_;
   }
 
   const Wrench within = limit(desired);
-  // Who waits gets no force, and no damping either.
+  // While waiting there is no force, and no damping either.
   const bool is_waiting = status_.state == ForceState::waiting;
   const Wrench scaled = status_.gain * within;
   const Wrench target = limit(is_waiting ? scaled : damp(scaled, dt));
-  // A force that is to go, goes even if the clock stands still.
+  // While waiting the force falls to zero even if the clock stands still.
   const double slewed = is_waiting && dt == 0 ? kLostTick : dt;
   const Wrench out = within_tank(slew(target, slewed), seen_motion_, unseen, rest);
   const bool was_limited = !(within.force == desired.force) || !(out.force == target.force) ||
@@ -144,12 +144,12 @@ Fault SafetyFilter::find_fault(const Wrench& desired, const SafetyInput& input,
 void SafetyFilter::step_gate(const Wrench& desired, const SafetyInput& input, double dt) noexcept {
   const ForceState before = gate_.state();
   const bool is_off = before == ForceState::off || before == ForceState::held_off;
-  // Of a state that is none, buttons say nothing either.
+  // The buttons of an invalid state are ignored, too.
   const bool is_known = input.state.is_valid && is_finite(input.state.X_BH);
   const bool is_pressed = is_known && (input.state.buttons & ~last_buttons_ & 1u) != 0;
   if (is_known) last_buttons_ = input.state.buttons;
-  // Whoever waits for a free hand may ask, too; there a dead-man switch permits, and no more. While
-  // the clutch holds the tool, or nothing drives the hand, the button asks for nothing.
+  // Button 0 requests the force while it is off, and while a free hand is awaited after a fault
+  // unless it is the dead-man switch; never while clutched or while the device is not driven.
   const bool can_ask = (is_off || (gate_.waits_after_fault() && !options_.dead_man)) &&
                        input.is_driven && !input.is_clutched;
 
@@ -157,7 +157,7 @@ void SafetyFilter::step_gate(const Wrench& desired, const SafetyInput& input, do
   now.time = last_time_;
   now.dt = dt;
   now.fault = find_fault(desired, input, dt);
-  // A device that leaves out a tick now and then has a state, too.
+  // A device may leave out a tick now and then: its last state still counts.
   const double silence = last_time_ - last_valid_time_;
   now.is_seen = input.state.is_valid;
   now.is_ready = has_pose_ && input.state.has_force && dt <= options_.max_tick &&
@@ -167,7 +167,7 @@ void SafetyFilter::step_gate(const Wrench& desired, const SafetyInput& input, do
   const bool is_turned =
       limits_.max_force > 0 && limits_.max_torque > 0 &&
       norm(desired.torque) * limits_.max_force >= options_.engage_force * limits_.max_torque;
-  // What a hand without the tool feels says nothing about where that is.
+  // A clutched hand feels no force, so a small one does not mean that the tool is free.
   now.is_clutched = input.is_clutched;
   now.is_quiet = !input.is_clutched && input.is_measured &&
                  (input.is_free || (norm(desired.force) < options_.engage_force && !is_turned));
@@ -176,7 +176,7 @@ void SafetyFilter::step_gate(const Wrench& desired, const SafetyInput& input, do
   gate_.step(now);
 
   if (status_.fault == Fault::none && gate_.fault() != Fault::none) fade_from_ = last_;
-  // What was given to the hand is settled once there is no force.
+  // The energy given to the hand is settled once there is no force.
   const bool has_faded = before == ForceState::fading && gate_.state() != before;
   const bool has_none = gate_.state() == ForceState::waiting && largest(last_.force) == 0 &&
                         largest(last_.torque) == 0;
@@ -188,10 +188,10 @@ void SafetyFilter::step_gate(const Wrench& desired, const SafetyInput& input, do
   status_.gain = gate_.gain();
 }
 
-/// The force stood still between the ticks, so what it has given the hand is force times way, plus
-/// where the hand gave way and minus where it won. No velocity estimate comes into it. Of what the
-/// hand has given, no more counts than is stored; the rest is lost. As that only ever raises the
-/// sum, which stays below the tank, no more than the tank and what is stored follows any tick.
+/// Counts the energy given to the hand. The force was constant between the ticks, so its work is
+/// force times displacement, without any velocity estimate. Energy from the hand counts up to the
+/// stored one; the rest is lost. As that only raises the sum, which stays below the tank, the hand
+/// gets no more than the tank and the stored energy after any tick.
 void SafetyFilter::observe(const SafetyInput& input, double dt) noexcept {
   motion_ = {};
   if (input.state.is_valid && is_finite(input.state.X_BH)) count_work(input.state.X_BH, dt);
@@ -206,7 +206,7 @@ void SafetyFilter::count_work(const Pose& X_BH, double dt) noexcept {
         limited(rotation_between(normalized(last_X_BH_.rotation), normalized(X_BH.rotation)),
                 kFastestTurn * dt);
     const double given = dot(last_.force, way) + dot(last_.torque, turn);
-    if (std::isfinite(given)) {  // else it is no way of any hand
+    if (std::isfinite(given)) {  // else not the motion of a hand
       status_.energy += given;
       seen_motion_ = motion_ = {way / dt, turn / dt};
     }
@@ -221,7 +221,7 @@ Wrench SafetyFilter::limit(const Wrench& wrench) const noexcept {
 }
 
 /// Passivity controller (Hannaford and Ryu 2002). While a force goes down from f to zero at the
-/// slew limit S, a hand that goes along at v is given v (f T + f^2 / (2 S)). If the tank's share
+/// slew limit S, a hand that moves along at v is given v (f T + f^2 / (2 S)). If the tank's share
 /// does not hold that, the force along the motion is lowered to the f for which it does; once the
 /// share is overdrawn, damping takes energy back, as much as the device can bear.
 Wrench SafetyFilter::damp(const Wrench& wrench, double dt) noexcept {

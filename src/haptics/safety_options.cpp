@@ -3,7 +3,7 @@
 namespace palpate::inline v0 {
 namespace {
 
-/// More than any device renders: N, N m, N s/m.
+/// Largest limit accepted of a device: N, N m, N s/m.
 constexpr double kStrongest = 1e4;
 
 }  // namespace

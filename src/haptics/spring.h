@@ -7,11 +7,11 @@
 
 namespace palpate::inline v0 {
 
-/// In the tool's world: see hand.h for what the motion scale does.
+/// Spring in the tool's world: hand.h explains the motion scale.
 struct Spring {
   double stiffness = 0, angular_stiffness = 0;
-  /// Beyond the stretch at which these are reached, force and torque stay as they are, along the
-  /// stretch: still the gradient of a potential, so a spring that gives back what it was given.
+  /// Beyond the stretch at which these are reached, force and torque stay constant, along the
+  /// stretch: still the gradient of a potential, so the spring returns the energy that it stores.
   double max_force = std::numeric_limits<double>::infinity();
   double max_torque = std::numeric_limits<double>::infinity();
 
@@ -28,7 +28,7 @@ struct Spring {
 
 Spring make_spring(const CouplingOptions& options, const DeviceLimits& limits);
 
-/// From the tool to where the hand holds it: of the centre of mass, and the short way round.
+/// Returns the offset from the tool to its held pose: of its center of mass, and the rotation.
 Vec6 stretch_between(const Pose& X_WT, const Vec3d& p_WC, const HeldTool& held);
 
 }  // namespace palpate::inline v0

@@ -9,17 +9,17 @@
 namespace palpate::inline v0 {
 namespace {
 
-/// Pixels per second; nothing is as fast that a camera can follow.
+/// Speed that no camera can follow, pixels per second.
 constexpr float kFastest = 1e6F;
-/// Cosine of normal and ray: surfaces that are seen more edge-on tell nothing.
+/// Smallest cosine of normal and ray: surfaces seen more edge-on are skipped.
 constexpr double kMinCosine = 0.05;
-/// A surface that comes by this share of the depth from one frame to the next is another one.
+/// Share of the depth that a surface can move between two frames: beyond it is another one.
 constexpr double kLongestWay = 0.1;
-/// Second moment of what is known of a disc over that of the whole disc: with less it does not
-/// turn.
+/// Smallest second moment of the measured samples over that of the whole disc: with less no
+/// rotation is fitted.
 constexpr double kMinSpread = 0.05;
 
-/// m: how far a ball is out of what a frame shows.
+/// Returns the signed distance of a ball's center from the surfaces of a frame, m.
 double distance_to(const SurfaceView& view, const Vec3d& p_W, double radius) {
   const Vec3d p_C = inverse(view.X_WC) * p_W;
   double distance = sample_field(view.field, p_C, radius).phi;
@@ -29,8 +29,7 @@ double distance_to(const SurfaceView& view, const Vec3d& p_W, double radius) {
   return distance;
 }
 
-/// Velocities of places of a disc, of which weights are known: sums for the rigid motion that fits
-/// them best.
+/// Weighted sums over velocities on a disc, for the rigid motion that fits them best.
 struct MotionSums {
   double weight = 0, spread = 0, turn = 0;
   Vec3d place, velocity;
@@ -54,7 +53,7 @@ struct MotionSums {
   }
 };
 
-/// Of one camera.
+/// Adds the velocities that one camera measures under a disc.
 void look_at(const SurfaceBlend& camera, const TouchedDisc& disc, const Vec3d& n,
              MotionSums& sums) {
   const FlowView& flow = camera.flow;
@@ -88,7 +87,7 @@ void look_at(const SurfaceBlend& camera, const TouchedDisc& disc, const Vec3d& n
       seen += w;
     });
     if (!(seen > 0)) continue;
-    // A camera that moves takes with it what stands still in its image.
+    // Points that stand still in the image of a moving camera move with it.
     const Vec3d taken_W = (p_W - camera.from.X_WC * p_C) / flow.interval;
     const double scale = p_C.z / seen;
     const Vec3d across_W =

@@ -1,6 +1,6 @@
-// A tool with mass, on a spring and damper that the hand holds the other end of.
+// A tool with mass, connected to the hand by a spring and damper.
 //
-// One step of backward Euler, linearised about the state before it (Otaduy and Lin 2006):
+// One step of backward Euler, linearized about the state before it (Otaduy and Lin 2006):
 //
 //   (M + dt (D + D_c) + dt^2 (K + K_c)) v = M v_0 + dt (K stretch + D v_hand + F_c)
 //
@@ -18,10 +18,10 @@
 namespace palpate::inline v0 {
 namespace {
 
-/// Of the stiffest direction of the contact: enough that the tool does not ring on it.
+/// Damping ratio of the contact's stiffest direction: enough that the tool does not ring on it.
 constexpr double kContactDampingRatio = 0.7;
 
-/// As far from the hand as no force brings it, m: what has come in was no contact.
+/// Distance from the hand that no force causes, m: the contact was not usable.
 constexpr double kLost = 1e6;
 
 class VirtualCoupling final : public Coupling {
@@ -102,7 +102,7 @@ class VirtualCoupling final : public Coupling {
   }
 
  private:
-  /// What sticks does not ring with the tool's mass.
+  /// Returns friction whose bristle is critically damped with the tool's mass.
   static PatchFriction friction_of(const CouplingOptions& options, const Spring& spring,
                                    double mass) {
     const double desired = options.friction.stiffness / options.motion_scale;
@@ -224,7 +224,7 @@ class VirtualCoupling final : public Coupling {
     damping_ = damping;
     damped_ = n;
   }
-  /// What that did; at most it takes away the contact's own force.
+  /// Returns the wrench of that damping; at most it takes away the contact's own force.
   Vec6 damping_wrench(double normal_force) const {
     const double speed =
         dot(damped_.linear, velocity_.linear) + dot(damped_.angular, velocity_.angular);
@@ -241,7 +241,7 @@ class VirtualCoupling final : public Coupling {
   Hand hand_;
   HeldContact contact_;
   Vec3d c_T_;
-  double mass_;  // in the tool's world, as all that follows
+  double mass_;  // in the tool's world, as all members below
   PatchFriction friction_;
   Vec6 along_surface_;  // friction of the last step, on the tool
   Vec6 damped_;         // direction in which the contact was damped then, and how much, N s/m

@@ -79,13 +79,13 @@ struct FoundCameras {
 /// Probes every kind; takes a few seconds at most. Never fails, starts no camera.
 std::vector<FoundCameras> find_cameras();
 
-/// How a camera is opened.
+/// Options of opening a camera.
 struct CameraOpening {
   /// The run follows this computer's clock: frames that were not taken in time are dropped.
   /// Otherwise every frame counts, except from devices.
   bool in_real_time = true;
   std::optional<double> duration = {};  ///< s, for simulated cameras; none: the scene's
-  /// Hears what a camera waits for that sends nothing yet, before it is open.
+  /// Called, before the camera is open, with the reason why it sends nothing yet.
   std::function<void(const std::string&)> on_wait = {};
 };
 
@@ -101,10 +101,10 @@ Result<std::unique_ptr<DepthSource>> open_camera(const CameraUri& uri,
 /// X_WC of a static camera, from its pose or URDF. None: it moves, or tf defines it; does not read
 /// joint states. Errors: of its files.
 Result<std::optional<Pose>> standing_pose(const CameraUri& uri);
-/// m/s2, in W, from the first static camera with an accelerometer. None: there is none.
+/// Gravity in W, m/s2, from the first static camera with an accelerometer. None: there is none.
 std::optional<Vec3d> gravity_seen(std::span<const CameraUri> cameras);
-/// A sentence for each static camera whose accelerometer contradicts `gravity`, m/s2, in W: by more
-/// than 10 degrees or 10 %. None without gravity.
+/// Returns a sentence for each static camera whose accelerometer contradicts `gravity`, m/s2, in W,
+/// by more than 10 degrees or 10 %. None without gravity.
 std::vector<std::string> gravity_doubts(std::span<const CameraUri> cameras, const Vec3d& gravity);
 
 // Rigs: several cameras in one file, with their poses.

@@ -39,7 +39,7 @@ struct Distortion {
 
 // The kind of depth camera determines its noise and its errors at edges.
 
-/// How a depth camera measures.
+/// Measuring principle of a depth camera.
 enum class SensorKind {
   none,              ///< unknown, or ideal like a simulated camera
   structured_light,  ///< one camera sees a known pattern: Kinect v1, Xtion, SR305
@@ -56,11 +56,11 @@ constexpr auto names_of(SensorKind) {
 inline constexpr int kMaxImageWidth = 4096;
 inline constexpr int kMaxImageHeight = 4096;
 
-/// Measured, but farther than can be counted. What some sensors mean by it is none of their streams
-/// (`can_be_far`).
+/// Depth count of a surface farther than the largest count. For some sensors it is an error code
+/// instead (`can_be_far`).
 inline constexpr std::uint16_t kFarCount = 65535;
 
-/// Tells if a sensor of this kind measures as far as kFarCount: stereo does, and simulated cameras.
+/// True if kFarCount means a far surface for this kind of sensor: for stereo and simulated cameras.
 /// From structured light and time of flight, which end before 10 m, it is an error code.
 constexpr bool can_be_far(SensorKind sensor) {
   return sensor == SensorKind::none || sensor == SensorKind::active_stereo;
@@ -70,7 +70,7 @@ constexpr bool can_be_far(SensorKind sensor) {
 /// and kFarCount "farther".
 struct DepthFrame {
   int width = 0, height = 0;
-  double unit = 0.001;                ///< metres per count
+  double unit = 0.001;                ///< meters per count
   std::vector<std::uint16_t> pixels;  ///< row-major, width * height
   /// s, on the source's own clock. For a live stream (`DepthStreamInfo::is_live`): the capture time
   /// on the monotonic clock of this computer.
@@ -78,9 +78,9 @@ struct DepthFrame {
   Pose X_WC = {};  ///< pose of the camera in the world at the capture of the frame
   /// The same moment on the clock that a robot uses for its messages, s; 0: unknown.
   double stamp = 0;
-  /// Optical flow, optional (`DepthStreamInfo::has_flow`): how fast what each pixel shows moves
-  /// over the image, u and v in pixels per second, row-major, 2 * width * height; NaN: unknown.
-  /// Empty: none for this frame.
+  /// Optical flow, optional (`DepthStreamInfo::has_flow`): velocity over the image of the point
+  /// that each pixel shows, u and v in pixels per second, row-major, 2 * width * height; NaN:
+  /// unknown. Empty: none for this frame.
   std::vector<float> flow = {};
 };
 
@@ -91,7 +91,7 @@ struct DepthImageView {
   int width = 0, height = 0;
   const std::uint16_t* counts = nullptr;
   const float* metres = nullptr;  ///< used if there are no counts
-  double unit = 0.001;            ///< metres per count
+  double unit = 0.001;            ///< meters per count
   const float* flow = nullptr;    ///< see DepthFrame; in host memory
   int gpu = kHostMemory;          ///< whose memory the values are in
   Pose X_WC;                      ///< see DepthFrame
@@ -118,7 +118,7 @@ struct DepthImageView {
 struct DepthStreamInfo {
   int width = 0, height = 0;
   Intrinsics intrinsics;
-  double unit = 0.001;            ///< metres per count
+  double unit = 0.001;            ///< meters per count
   double rate = 30;               ///< nominal frames per second
   std::optional<int> num_frames;  ///< nullopt for an endless stream
   std::string name;               ///< for display

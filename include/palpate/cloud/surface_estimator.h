@@ -20,7 +20,7 @@ struct DepthFilterOptions {
   int radius = 2;            ///< pixels; window 2*radius+1
   double sigma_space = 1.5;  ///< pixels
   /// The similarity width is sigma_depth * z^2 (z in m), like the noise of structured light.
-  double sigma_depth = 0.01;  ///< metres at 1 m
+  double sigma_depth = 0.01;  ///< meters at 1 m
 };
 inline void add_settings(SettingTable& t, DepthFilterOptions& o) {
   t.add("filter", o.enabled, "bilateral filter of the depth");
@@ -51,7 +51,7 @@ struct NormalOptions {
   double max_depth_change = 0.03;
   bool anchoring = false;      ///< plane through the point itself (3.9)
   bool weighting = false;      ///< weights exp(-|p-q|^2 / (2 sigma^2)) (3.10, also in the mean)
-  double weight_sigma = 0.01;  ///< metres at 1 m; grows with z^2
+  double weight_sigma = 0.01;  ///< meters at 1 m; grows with z^2
   /// Difference vectors scaled to unit length (3.11); those below 1e-5 z are ignored.
   bool normalization = false;
   /// With fewer valid neighbors (including the point): no normal. Larger than the window: all.
@@ -76,7 +76,7 @@ inline void add_settings(SettingTable& t, NormalOptions& o) {
 /// then l - (l.v) v with v = p / |p|.
 struct DepthChangeOptions {
   bool enabled = true;
-  double min_step = 0.05;  ///< metres: smaller steps do not count
+  double min_step = 0.05;  ///< meters: smaller steps do not count
 };
 inline void add_settings(SettingTable& t, DepthChangeOptions& o) {
   t.add("depth_change", o.enabled, "compute depth-change vectors, for `edges`");
@@ -88,8 +88,8 @@ struct SurfaceOptions {
   DepthFilterOptions filter;
   NormalOptions normals;
   DepthChangeOptions depth_change;
-  double min_depth = 0.1;   ///< metres; nearer pixels are no measurement
-  double max_depth = 10.0;  ///< metres; farther pixels are no points: space is free up to here
+  double min_depth = 0.1;   ///< meters; nearer pixels are no measurement
+  double max_depth = 10.0;  ///< meters; farther pixels are no points: space is free up to here
   /// Flying pixels: a pixel between the depths of two opposite neighbors and farther from both than
   /// this share of its own depth lies on neither surface and is discarded. So are surfaces steeper
   /// than atan(this * focal length in pixels). 0: no pixel is discarded.

@@ -23,11 +23,11 @@ struct SceneObject {
   std::optional<double> friction = std::nullopt;  ///< own friction coefficient; none: the default
   bool moves = false;
   double mass = 0;        ///< kg, if it moves; 0: that of wood, 500 kg/m3
-  std::string name = {};  ///< letters, digits and _, unique; empty: nothing of it can be set
+  std::string name = {};  ///< letters, digits and _, unique; empty: no settings
   /// Own static over kinetic and viscous (s/m) friction on the tool; either leaves texture out.
   std::optional<double> static_ratio = std::nullopt, viscous = std::nullopt;
 };
-/// What can change during a run. The section of the table must be "objects".
+/// Adds the settings that can change during a run. The section of the table must be "objects".
 inline void add_settings(SettingTable& t, SceneObject& o) {
   if (o.name.empty()) return;
   t.add(o.name + ".friction", o.friction, {0, 10},
@@ -182,9 +182,9 @@ class BodyContact final : public BodyPairQuery {
   std::vector<std::uint8_t> touched_a_, touched_b_;  // one per sphere, of this measurement
 };
 
-// Many poses of one tool against bodies that stay, in one call.
+// Many poses of one tool against fixed bodies, in one call.
 
-/// A body of a batch, and where it stays.
+/// A body of a batch, and its fixed pose.
 struct PlacedBody {
   std::shared_ptr<const ToolIndex> shape;
   Pose X_WB = {};
@@ -195,18 +195,18 @@ class BodyBatchQuery {
  public:
   virtual ~BodyBatchQuery() = default;
 
-  /// Each pose of the tool against one body: `body_of_pose` has P numbers of them, or is empty if
-  /// there is one body or each pose has its own. A number that no body has gives
-  /// StepStatus::no_surface. A pose is answered what BodyPairQuery::measure answers on the tool, to
-  /// the bit, whatever else is in the batch: with body b BodyPenetration::on_a and stiffness_a at
-  /// X_WA = X_WT and X_WB. Errors: sizes that do not fit; answers in the memory of a GPU.
+  /// Measures each pose of the tool against one body: `body_of_pose` has P indices of bodies, or is
+  /// empty if there is one body or each pose has its own. An invalid index gives
+  /// StepStatus::no_surface. The result of a pose equals that of BodyPairQuery::measure on the tool
+  /// to the bit, whatever else is in the batch: BodyPenetration::on_a and stiffness_a at X_WA =
+  /// X_WT and X_WB. Errors: sizes that do not match; answers in GPU memory.
   virtual Status measure(std::span<const Pose> X_WT, std::span<const std::int32_t> body_of_pose,
                          const BatchAnswers& answers) const = 0;
 };
 
-/// On a CPU, by the threads of `pool` (null: the caller's alone). The indices share what is known
-/// of a shape between all its places; one without a stored field gets it now, which takes about a
-/// second. Errors: no body; a body without a shape; on a GPU there are no batches against bodies.
+/// Creates a batch query on a CPU, over the threads of `pool` (null: only the caller's). Bodies
+/// with the same index share its data; a shape without a stored field computes one now, in about a
+/// second. Errors: no body; a body without a shape; a GPU backend, which has no such batches.
 Result<std::unique_ptr<BodyBatchQuery>> make_body_batch_query(
     Backend backend, const std::shared_ptr<const ToolIndex>& tool,
     const std::vector<PlacedBody>& bodies, const BodyPairOptions& options = {},
@@ -220,7 +220,7 @@ struct BodyMeasure {
   std::optional<Stiffness> stiffness;  ///< of `cloud`, if requested
   VolumeMoments moments;               ///< of `cloud`, if requested
   Penetration bodies;                  ///< sum over the other bodies, see BodyPenetration
-  /// Of `bodies`, which stay fixed, if requested and with BodyMethod::field.
+  /// Stiffness of `bodies`, which stay fixed, if requested and with BodyMethod::field.
   std::optional<Stiffness> bodies_stiffness;
   /// With it. For an object: moments of its force on the tool, about the tool's center of mass.
   VolumeMoments bodies_moments;

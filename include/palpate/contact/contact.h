@@ -113,8 +113,8 @@ class ContactQuery {
   /// More than one camera, or one with memory; the pose is finite.
   virtual ContactResult measure_hull(std::span<const SurfaceBlend> cameras, const Pose& X_WT,
                                      const ContactWants& wants) const noexcept;
-  /// What one camera by itself does not see, m3, at a finite pose in its frame; marks
-  /// ContactWants::unseen, which is zero. By the field, on a CPU; else 0.
+  /// Returns the unseen volume of one camera by itself, m3, at a finite pose in its frame; marks
+  /// ContactWants::unseen, which must be zero. With the field, on a CPU; else 0.
   virtual double unseen_by_one(const SurfaceView& surface, const Pose& X_CT,
                                std::span<std::uint8_t> unseen) const noexcept;
 
@@ -128,7 +128,7 @@ class ContactQuery {
   ContactMethod method_;
 };
 
-/// Where and with how many threads a query runs.
+/// Instruction set, threads and GPU of a query.
 struct ExecutionOptions {
   Isa isa = best_isa();
   ThreadPool* pool = nullptr;  ///< used inside one query; null: only the caller's thread
@@ -169,7 +169,7 @@ struct BatchAnswers {
   double* volume = nullptr;         ///< P, m3: Penetration::volume
   double* potential = nullptr;      ///< P, m4
   double* force = nullptr;          ///< P x 3, m3, in W: Penetration::measure_W
-  double* torque = nullptr;         ///< P x 3, m4, in W, about the tool's centre of mass C
+  double* torque = nullptr;         ///< P x 3, m4, in W, about the tool's center of mass C
   double* stiffness = nullptr;      ///< P x 6 x 6, in W: Stiffness
   std::uint32_t* status = nullptr;  ///< P: ContactStatus::bits; if unmeasured the rest is zero
   int gpu = kHostMemory;            ///< memory of the arrays

@@ -113,7 +113,7 @@ struct ContactResult {
   VolumeMoments moments = {};          ///< together with the stiffness; else zero
 };
 
-/// How spheres that no point touches get their plane.
+/// Contact method: the source of the planes of spheres that no point touches.
 enum class MethodKind {
   weighted,    ///< average over all boundary spheres (Alg. 3.3)
   simplified,  ///< the best boundary sphere only (Alg. 3.4)
@@ -177,7 +177,7 @@ enum class Continuity {
 };
 constexpr auto names_of(Continuity) { return std::array{"none", "kernel", "entry", "both"}; }
 
-/// How two bodies are measured against each other, see contact/body_contact.h.
+/// Contact method between two bodies, see contact/body_contact.h.
 enum class BodyMethod {
   /// The spheres of each evaluate the smooth distance field of the other (packing/packing.h), with
   /// represented volumes and the formulas of the depth field: faces are exact.
@@ -188,7 +188,7 @@ enum class BodyMethod {
 };
 constexpr auto names_of(BodyMethod) { return std::array{"field", "spheres"}; }
 
-/// The method and all options as settings, for files and command lines. See
+/// Contact method and all its options as settings, for files and command lines. See
 /// contact_method.
 struct ContactOptions {
   MethodKind method = MethodKind::field;
@@ -287,7 +287,7 @@ struct ContactWants {
   /// what it sees or remembers; kNoCamera outside of all images, and for spheres without contact. A
   /// single camera determines all.
   std::span<std::int8_t> deciders{};
-  /// Of each sphere, by `field`, whether its centre lies in what unseen_volume counts: 1, else 0.
+  /// `field` only, for each sphere: 1 if its center is in the space of unseen_volume, else 0.
   std::span<std::uint8_t> unseen{};
 
   bool has_spheres() const {

@@ -142,8 +142,8 @@ struct DepthFieldLevel {
   int width = 0, height = 0;
   int stride = 0;
   float scale = 1;  ///< pixels of this level per pixel of the depth image: 2^-level
-  /// Pixels around the image in which its outermost surface goes on, with UnknownSpace::free. So
-  /// nothing that is seen in the image, or half a pixel beyond it, knows where that ends.
+  /// Width of the border around the image to which its outermost surface extends, with
+  /// UnknownSpace::free, pixels. So queries up to half a pixel beyond the image see no end of it.
   static constexpr int kGoesOn = 5;
   /// Largest column and row that may be queried: image width and height minus kFirst, which is the
   /// smallest. Beyond them everything is constant: there is no silhouette nearby.
@@ -151,7 +151,7 @@ struct DepthFieldLevel {
   static constexpr float kFirst = -5 - kGoesOn;
 };
 
-/// A bound for a square of kTileSize pixels: at depth z, each of their planes is at least
+/// Bound for a square of kTileSize pixels: at depth z, each of their planes is at least
 /// min_slope * (nearest - z) away, if that is positive.
 struct DepthTile {
   float nearest = 0;    ///< least depth of their surface points, m

@@ -27,7 +27,7 @@ enum class TimeMode {
 };
 constexpr auto names_of(TimeMode) { return std::array{"latest", "interpolate", "predict"}; }
 
-/// How the surfaces of a stream of frames follow each other.
+/// Options of the transition between the surfaces of a stream of frames.
 struct TimeOptions {
   TimeMode mode = TimeMode::interpolate;
   DepthAverageOptions average;
@@ -71,8 +71,8 @@ struct SurfaceView {
   Pose X_WC = {};  ///< pose of the camera in the world at the capture of the frame
 };
 
-/// Optical flow of the newest frame of a camera: how what it shows moves along itself. Non-owning,
-/// in host memory.
+/// Optical flow of the newest frame of a camera: motion of the visible surfaces along themselves.
+/// Non-owning, in host memory.
 struct FlowView {
   const float* pixels = nullptr;  ///< u, v in pixels/s, see DepthFrame::flow; null: unknown
   int width = 0, height = 0;

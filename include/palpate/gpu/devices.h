@@ -16,11 +16,11 @@ struct CallerStream {
   void* handle = nullptr;
 };
 
-/// Where the computation runs.
+/// Processor of a computation.
 enum class Backend { cpu, cuda };
 constexpr auto names_of(Backend) { return std::array{"cpu", "cuda"}; }
 
-/// Where surfaces and queries are computed, and where their arrays are.
+/// Processor that computes surfaces and queries and holds their arrays.
 struct Place {
   Backend backend = Backend::cpu;
   int gpu = 0;  ///< of the CUDA backend: GpuInfo::index
@@ -42,8 +42,8 @@ struct GpuInfo {
   int compute_major = 0, compute_minor = 0;  ///< 9, 0 for Hopper
 };
 
-/// At least one GPU. Errors (unavailable): this build has no CUDA backend; there is no driver; the
-/// driver is too old; there is no GPU.
+/// Finds all usable GPUs, at least one. Errors (unavailable): this build has no CUDA backend; there
+/// is no driver; the driver is too old; there is no GPU.
 Result<std::vector<GpuInfo>> find_gpus();
 
 }  // namespace palpate::inline v0

@@ -163,14 +163,14 @@ struct CouplingStep {
   Wrench contact_W;          ///< contact and friction on the tool, about its center of mass
   double stretch = 0;        ///< m, between the two poses
   double energy = 0;         ///< J, stored in the spring
-  double stored = 0;         ///< J, that the hand may get back: `energy`, and what is stored in the
+  double stored = 0;         ///< J, that the hand may get back: `energy`, and the energy of the
                              ///< tool's motion, contact, sticking friction, and workspace walls
   bool is_clutched = false;  ///< the clutch: the hand moves without the tool
 };
 
 /// State of a coupling after a tick.
 struct CouplingState {
-  Pose X_BH;       ///< of the handle; in a tick without a usable state, where it went on to
+  Pose X_BH;       ///< of the handle; extrapolated in a tick without a usable state
   Pose X_WT_hand;  ///< the hand's pose of the tool
   Pose X_WT;       ///< pose of the simulated tool
   Twist V_WT;      ///< of its center of mass, in W
@@ -190,7 +190,7 @@ class Coupling {
   virtual CouplingState state() const noexcept = 0;
   virtual CouplingStep step(const DeviceState& state, const LocalContact& contact,
                             double dt) noexcept = 0;
-  /// Where a hand in this state would hold the tool, without a step.
+  /// Returns the pose at which a hand in this state would hold the tool, without a step.
   virtual Pose held_pose(const DeviceState& state) const noexcept = 0;
   /// Saves or restores the complete state, for another coupling with the same options.
   virtual void remember(StateNumbers& numbers) noexcept = 0;

@@ -35,7 +35,7 @@ struct DeviceInfo {
   int num_buttons = 0;
 };
 
-/// State of the hand at one tick. Base frame B of the device: x to the right, y up, z towards the
+/// State of the hand at one tick. Base frame B of the device: x to the right, y up, z toward the
 /// hand, the origin in the middle of the workspace. Handle frame H.
 struct DeviceState {
   double time = 0;  ///< s, monotonic clock of this computer
@@ -129,7 +129,7 @@ class PageHandle {
 
   PageNumber holder_ = 0;
   std::uint64_t grip_ = 0, sent_grip_ = 0;
-  double last_time_ = 0;  // s: when the holder was last heard of
+  double last_time_ = 0;  // s: time of the last message of the holder
   Pose last_X_BH_;
   std::unique_ptr<Mailbox> mailbox_;
 };

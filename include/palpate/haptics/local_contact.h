@@ -104,8 +104,8 @@ struct LocalContact {
 
 VolumeStiffness thesis_volume_stiffness(double max_force, double tool_volume);
 
-/// What a contact gives back on the way out of it, J: its potential, if the method has one; else
-/// 0.6 times the force times the cube root of the volume, which is more for any compact tool.
+/// Returns the energy that a contact gives back on the way out, J: its potential, if the method has
+/// one; else 0.6 times force times cube root of volume, an upper bound for any compact tool.
 double stored_energy(const Penetration& penetration, const VolumeStiffness& scale);
 
 /// Converts a measure and its stiffness (m3 ...) to newtons by `scale`.
@@ -135,7 +135,7 @@ class StateNumbers {
   }
 
   std::span<const double> numbers() const { return {numbers_.data(), end_}; }
-  /// Saving: everything fit. Restoring: all numbers were there, and none is left.
+  /// True if everything fit (saving), or all numbers were there and none is left (restoring).
   bool is_good() const { return is_good_ && (is_saving_ || at_ == end_); }
 
   template <class... Members>

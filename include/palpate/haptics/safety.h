@@ -76,11 +76,11 @@ class ForceGate {
     double dt = 0;              ///< s since the last tick
     Fault fault = Fault::none;  ///< the current fault
     bool is_ready = false;      ///< all inputs of a force are there and fresh
-    bool is_seen = true;        ///< the device gave a state; else is_quiet says nothing
+    bool is_seen = true;        ///< the device gave a state; else is_quiet is ignored
     bool is_quiet = false;      ///< the hand is free of contact
     bool is_permitted = true;   ///< false: the dead-man switch is released
     bool is_requested = false;  ///< the user requests the force: also in contact
-    bool is_clutched = false;   ///< there is no tool in the hand: afterwards comes the ramp
+    bool is_clutched = false;   ///< no tool in the hand: the ramp starts afterwards
   };
   void step(const Input& input) noexcept;
 
@@ -96,7 +96,7 @@ class ForceGate {
   /// s: start of the fault.
   double fault_time() const noexcept { return fault_time_; }
   std::uint32_t num_faults() const noexcept { return num_faults_; }
-  /// Whether a force that a fault has taken waits for a hand without contact.
+  /// True if the force, off after a fault, waits for a hand free of contact.
   bool waits_after_fault() const noexcept {
     return state_ == ForceState::waiting && is_after_fault_;
   }
@@ -125,8 +125,8 @@ class ForceGate {
   std::uint32_t num_faults_ = 0;
   double gain_ = 0, fade_ = 0, fade_gain_ = 0;
   double waiting_since_ = 0, well_since_ = 0;
-  // Returns of the force after faults: in the present part of a minute and in those before, so that
-  // together they are never of less than a minute.
+  // Returns of the force after faults, in the current part of a minute and in those before:
+  // together they cover at least a minute.
   static constexpr int kNumParts = 13;
   std::array<int, kNumParts> returns_{};
   double part_seconds_ = 0;  // of the present part
@@ -190,13 +190,13 @@ struct SafetyInput {
   double sensor_age = 0;   ///< s
   bool backend_failed = false;
   bool sensor_failed = false;  ///< permanently
-  bool is_suspended = false;   ///< the program is about to stand still: Fault::loop
+  bool is_suspended = false;   ///< the program is about to be suspended: Fault::loop
   bool is_requested = false;   ///< the user requests the force
   bool is_free = false;        ///< the tool has no contact: the wrench only moves the tool
-  bool is_measured = true;     ///< false: nobody knows whether the tool has contact
-  bool is_driven = true;       ///< false: as with a dead-man switch that is released
+  bool is_measured = true;     ///< false: it is unknown if the tool has contact
+  bool is_driven = true;       ///< false: no force, as with a released dead-man switch
   bool is_clutched = false;    ///< the clutch: the force comes by the ramp afterwards
-  double stored = 0;           ///< J, what the hand may get back: CouplingStep::stored
+  double stored = 0;           ///< J, energy that the hand may get back: CouplingStep::stored
 };
 
 /// State of the safety filter at a tick.
@@ -206,8 +206,8 @@ struct SafetyStatus {
   double fault_time = 0;         ///< s, on the clock of SafetyInput::time: start of the last fault
   std::uint32_t num_faults = 0;  ///< so far
   double gain = 0;               ///< ramp or fade, 0..1
-  /// J, passivity observer: net energy given to the hand, but never less than minus what is stored:
-  /// what was lost on the way does not come back. Beyond the tank: Fault::energy.
+  /// J, passivity observer: net energy given to the hand, but never less than minus the stored one,
+  /// as dissipated energy does not come back. Beyond the tank: Fault::energy.
   double energy = 0;
   double damping = 0;             ///< N s/m, of the passivity controller at this tick
   std::uint64_t num_limited = 0;  ///< ticks at which a limit changed the wrench
@@ -225,22 +225,22 @@ std::string_view describe_change(const SafetyStatus& before, const SafetyStatus&
 ///
 /// A ForceGate decides when there is a force. While it waits, conditions that would otherwise be
 /// faults (no measurement yet, a silent device) only delay the force, for `engage_timeout`. During
-/// a fade, the fade sets the rate, not the slew limit. A press of button 0 requests a force that a
-/// fault has taken, unless the clutch holds the tool. Where the device has no force, none goes out.
+/// a fade, the fade sets the rate, not the slew limit. After a fault, a press of button 0 requests
+/// the force, unless the clutch holds the tool. If the device has no force, the output is zero.
 ///
-/// From any tick on, the hand is given at most SafetyOptions::energy_tank and what is stored at
-/// that tick (SafetyInput::stored). It is given back what it has put into springs, masses and
-/// contacts, but not what friction and damping have taken from it.
+/// From any tick on, the hand is given at most SafetyOptions::energy_tank and the energy stored at
+/// that tick (SafetyInput::stored). It gets back the energy that it has put into springs, masses
+/// and contacts, but not the energy dissipated by friction and damping.
 class SafetyFilter {
  public:
   /// Creates a filter. Errors: options out of range or not finite, limits negative or not finite. A
   /// limit of 0 means that the device renders none.
   static Result<SafetyFilter> create(const DeviceLimits& limits, const SafetyOptions& options);
 
-  /// Force and torque are limited separately and keep their direction.
+  /// Returns the safe wrench. Force and torque are limited separately and keep their direction.
   Wrench filter(const Wrench& desired, const SafetyInput& input) noexcept;
   const SafetyStatus& status() const { return status_; }
-  /// Whether it has ever been asked for a wrench.
+  /// True once `filter` was called with a finite time.
   bool has_ticked() const noexcept { return has_ticked_; }
   /// Saves or restores the complete state, for a filter with the same limits and options.
   void remember(StateNumbers& numbers) noexcept {
@@ -265,13 +265,13 @@ class SafetyFilter {
   SafetyOptions options_;
   ForceGate gate_;
   SafetyStatus status_;
-  Wrench last_;       // what went out at the last tick
-  Wrench fade_from_;  // the same at a fault
+  Wrench last_;       // output of the last tick
+  Wrench fade_from_;  // output at the last fault
   double last_time_ = 0, last_valid_time_ = 0;
   std::uint32_t last_buttons_ = 0;
   Pose last_X_BH_;     // of the last valid state
-  Twist motion_;       // of the handle since the tick before, per second; 0 if that is not known
-  Twist seen_motion_;  // the last one that was known
+  Twist motion_;       // of the handle since the tick before, per second; 0 if unknown
+  Twist seen_motion_;  // the last known one
   bool has_ticked_ = false, has_pose_ = false, is_stopping_ = false;
 };
 

@@ -63,7 +63,7 @@ Result<LabelImage> load_label_png(const std::filesystem::path& path);
 /// Properties of the images in a folder that their files do not contain.
 struct DepthFolderOptions {
   Intrinsics intrinsics;
-  double unit = 0.001;  ///< metres per count
+  double unit = 0.001;  ///< meters per count
   double rate = 30;     ///< frames per second, if the folder has no timestamps
   /// Folder of optical flow, DepthFrame::flow: NAME.flo (Middlebury's format) for NAME.png; frames
   /// without a file have none. Empty: there is none.
@@ -78,8 +78,8 @@ Result<std::unique_ptr<DepthSource>> open_depth_folder(const std::filesystem::pa
 
 /// Reads a cloud with normals from a PLY (ascii or binary; properties x y z nx ny nz) or PCD
 /// (ascii, binary, binary_compressed; fields x y z normal_x normal_y normal_z). A PCD with height >
-/// 1 stays organized. Normals are turned to where the eye stood: the VIEWPOINT of a PCD, which
-/// moves no points, else the origin. `note` gets what is to be said of that; empty: nothing.
+/// 1 stays organized. Normals are turned toward the viewpoint: the VIEWPOINT of a PCD, which moves
+/// no points, else the origin. `note` gets a remark on that; empty: none.
 /// Errors: no normals; truncated files; counts that the file cannot hold (checked before
 /// allocating).
 Result<PointCloud> load_cloud(const std::filesystem::path& path, std::string* note = nullptr);

@@ -19,7 +19,7 @@ namespace palpate::inline v0 {
 
 /// Indexed triangles; counter-clockwise seen from outside.
 struct TriangleMesh {
-  std::vector<Vec3d> vertices;                          ///< metres
+  std::vector<Vec3d> vertices;                          ///< meters
   std::vector<std::array<std::uint32_t, 3>> triangles;  ///< vertex indices
 };
 
@@ -62,7 +62,7 @@ Result<SolidMesh> check_solid(const TriangleMesh& raw, const MeshCheckOptions& o
 struct MassProperties {
   double volume = 0;     ///< m3
   Vec3d centre_of_mass;  ///< m
-  Mat3d inertia;         ///< kg m2 about the centre of mass, axes of the given frame
+  Mat3d inertia;         ///< kg m2 about the center of mass, axes of the given frame
 };
 
 /// Mass properties of a closed mesh, exact (divergence theorem). O(triangles).

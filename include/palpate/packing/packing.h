@@ -21,7 +21,7 @@ namespace palpate::inline v0 {
 struct PackProgress {
   int num_spheres = 0;
   double fill = 0;         ///< sphere volume / mesh volume so far
-  double last_radius = 0;  ///< metres
+  double last_radius = 0;  ///< meters
 };
 
 /// Packing stops at the first limit reached.
@@ -30,8 +30,8 @@ struct PackOptions {
   /// m: stop when 95 % of the surface are at most this far from the nearest sphere. Checked from
   /// kReachingSpheres spheres on, each time their number has grown by a twentieth. 0: no limit.
   double standoff = 0;
-  double max_radius = 1000;  ///< metres
-  double min_radius = 0;     ///< metres, at most max_radius
+  double max_radius = 1000;  ///< meters
+  double min_radius = 0;     ///< meters, at most max_radius
   double max_fill = 1;       ///< sphere volume / mesh volume
   double max_seconds = 1e9;
   std::uint64_t seed = 0;  ///< jitters the starting grid; 0 is the plain grid
@@ -67,7 +67,7 @@ inline double standoff_bound(double p95, double size) { return std::max(4 * p95,
 /// Spheres in insertion order: every prefix is the packing of that smaller number. Roughly the
 /// largest first, except for those in thin ends.
 struct SpherePacking {
-  std::vector<Sphere> spheres;  ///< mesh frame, metres
+  std::vector<Sphere> spheres;  ///< mesh frame, meters
   double mesh_volume = 0;       ///< m3
   PackStop stop = PackStop::count;
 };

@@ -61,7 +61,7 @@ inline void add_settings(SettingTable& t, OutputOptions& o) {
         "X_WN of wrench_frame = named, in the world: x y z in m, quaternion");
 }
 
-// What is recorded and shown.
+// Records for recordings and display.
 
 /// A depth frame that became a surface.
 struct FrameRecord {

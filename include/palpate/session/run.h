@@ -1,4 +1,4 @@
-// A run with everything that is kept of it, and its repetition.
+// A recorded run: its files, and its replay.
 //
 //   recording.mcap  (and recording-0002.mcap ... of long runs) settings, tool, depth frames,
 //   contacts, ticks and notes: whole up to the last
@@ -134,7 +134,7 @@ struct RunOutcome {
   std::vector<std::string> warnings;  ///< for display
   std::string why_not_cuda;           ///< if auto was requested and the backend is not CUDA
   std::string failure;                ///< reason for an early end; else empty
-  std::string not_kept;               ///< what could not be written, and why; else empty
+  std::string not_kept;               ///< files that could not be written, and why; else empty
   bool was_interrupted = false;       ///< keep_going() was false
 };
 
@@ -155,13 +155,13 @@ struct ReplayOutcome {
   /// The first difference, as "tick N, PLACE: recorded ..., repeated ..."; empty if everything is
   /// the same bit for bit.
   std::string difference;
-  std::string note;  ///< what could not be replayed, and why; else empty
+  std::string note;  ///< part that could not be replayed, and why; else empty
 };
 /// Options of replay_run.
 struct ReplayOptions {
   std::optional<int> num_threads = {};  ///< nullopt: as recorded
   std::function<bool()> keep_going = {};
-  std::function<void(double share)> progress = {};  ///< called with how much has been repeated
+  std::function<void(double share)> progress = {};  ///< called with the replayed share, 0 to 1
 };
 
 /// Repeats every contact and every tick from recording.mcap alone, as fast as possible, and

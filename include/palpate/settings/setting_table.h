@@ -88,7 +88,7 @@ class Setting {
 
  private:
   friend class SettingTable;
-  friend struct UncheckedSetting;  // tests write what no way in lets pass
+  friend struct UncheckedSetting;  // lets tests write invalid values
   bool accepts(const SettingValue& value) const;
   bool is_word(const SettingValue& value) const;
   Error refusal(const SettingValue& value, std::string_view reported_name) const;

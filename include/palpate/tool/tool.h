@@ -151,7 +151,7 @@ class Tool {
   const MassProperties& sphere_mass() const { return sphere_mass_; }
   /// Mass properties of the solid itself at density 1, exact.
   const MassProperties& mesh_mass() const { return mesh_mass_; }
-  /// Where the mesh came from, for display.
+  /// Source of the mesh, for display.
   const std::string& source() const { return source_; }
 
  private:

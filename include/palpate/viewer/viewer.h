@@ -85,7 +85,7 @@ class ViewSource {
  public:
   virtual ~ViewSource() = default;
 
-  /// What does not change while it is shown: the tool, objects and streams.
+  /// Returns the constant content: the tool, objects and streams.
   virtual const ViewContent& content() const = 0;
   /// Called some sixty times per second; must not wait. Fills only the parts in `subscription`.
   virtual void poll(const ViewSubscription& subscription, ViewUpdate& update) = 0;

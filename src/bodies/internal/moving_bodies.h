@@ -1,5 +1,4 @@
-// Objects that move in the world of the depth cameras: what each of them touches, and where it
-// goes.
+// Objects that move in the world of the depth cameras: their contacts and motion.
 #pragma once
 
 #include <memory>
@@ -12,7 +11,7 @@
 
 namespace palpate::inline v0 {
 
-/// Of an object of a run; none: the default. Between objects the coefficient alone counts.
+/// Friction of an object of a run; none: the default. Between objects the coefficient alone counts.
 struct ObjectFriction {
   std::optional<double> coefficient, static_ratio = std::nullopt, viscous = std::nullopt;
 };
@@ -25,24 +24,24 @@ inline ObjectFrictions frictions_of(const std::vector<SceneObject>& objects) {
   return frictions;
 }
 
-/// They touch the surfaces that cameras see, each other, fixed objects, and the tool. All
-/// memory is allocated at construction; the same input gives the same bits.
+/// Simulates bodies that touch the surfaces that cameras see, each other, fixed objects, and the
+/// tool. All memory is allocated at construction; the same input gives the same bits.
 class MovingBodies {
  public:
-  /// Of all objects of a run. Errors: options out of range, the backend; more than
-  /// kMaxMovingBodies move, a mass or pose that cannot be.
+  /// Takes all objects of a run. Errors: options out of range, the backend, more than
+  /// kMaxMovingBodies moving objects, a mass out of range.
   static Result<std::unique_ptr<MovingBodies>> create(const std::vector<SceneObject>& objects,
                                                       const BodyOptions& options,
                                                       const Place& place, ThreadPool* threads);
 
   int num_bodies() const { return static_cast<int>(bodies_.size()); }
   std::span<const RigidBody> bodies() const { return bodies_; }
-  /// Which one of the objects it is.
+  /// Returns the index of a body among the objects.
   std::size_t object(int body) const { return shown(body).object; }
-  /// What queries read of it: its first spheres.
+  /// Returns the shape that queries read: the first spheres of the object.
   const Tool& shape(int body) const { return *shown(body).shape; }
 
-  /// What the tool does to a body, which is about the body's reference of torques.
+  /// Contact of the tool with a body, about the body's reference of torques.
   struct Push {
     Wrench F_B_W;
     Stiffness stiffness;  ///< N/m, N, N m
@@ -51,23 +50,23 @@ class MovingBodies {
     double grip = 0;  ///< N/m: see BodyTouch
     Twist V_W;        ///< of the tool's point at that reference
   };
-  /// Goes on by `dt`, s. `pushes` has one for each body. Without any surface, nobody moves. False:
-  /// the backend has failed.
+  /// Moves the bodies on by `dt`, s. `pushes` has one for each body. Without surfaces nothing
+  /// moves. False: the backend has failed.
   bool step(std::span<const SurfaceBlend> cameras, std::span<const Push> pushes,
             double dt) noexcept;
 
-  /// From the next step on; `frictions` are those of all objects of the run. The number of spheres
-  /// stays as it is. A body whose own friction changes wakes up, after other changes all do.
+  /// Sets options from the next step on; `frictions` are those of all objects of the run. The
+  /// number of spheres stays. A body whose own friction changes wakes up; other changes wake all.
   void use(const BodyOptions& options, const ObjectFrictions& frictions) noexcept;
-  /// Goes on from where another one of the same objects is.
+  /// Continues from the state of another simulation of the same objects.
   void take_over(const MovingBodies& other) noexcept;
 
-  /// J, at the beginning of the last step: of motion and height, and of all that is pressed.
+  /// Returns the energy at the beginning of the last step, J: of motion, height and contacts.
   double energy() const { return energy_; }
-  /// J, of it: what the tool has put into them and may get back. No more than its work, as far as
-  /// it has raised the energy of what it moved, and no more than each still has above its least.
+  /// Returns the part of it that the tool has put in and may get back, J. At most its work, as far
+  /// as that has raised the energy of the bodies, and what each still has above its minimum.
   double stored() const;
-  /// Of the last step, for tests.
+  /// Returns the contacts of the last step, for tests.
   std::span<const BodyTouch> touches() const { return touches_; }
 
  private:
@@ -78,9 +77,9 @@ class MovingBodies {
     std::unique_ptr<ContactQuery> cloud;
     double reach = 0;                // from the center of mass, m
     double volume = 0;               // of all its spheres, m3
-    double friction = 0, scale = 0;  // coefficient; N/m3: as the options have them
+    double friction = 0, scale = 0;  // coefficient; N/m3: from the options
   };
-  /// What stays.
+  /// An object that does not move.
   struct Fixture {
     std::size_t object = 0;
     std::shared_ptr<const Tool> shape;
@@ -95,23 +94,23 @@ class MovingBodies {
     std::unique_ptr<BodyPairQuery> query;
     bool is_near = false;
   };
-  /// How still a body has been.
+  /// Rest and energy of a body.
   struct Rest {
-    Pose X_WB;                // since when it has stayed near
-    double seconds = 0;       // how long
-    Vec3d mean_W;             // of what carries it, over about a quarter of a second, N
-    Vec3d mean_asleep_W;      // when it fell asleep
-    Vec3d force_W;            // of this step
+    Pose X_WB;                // near which it has stayed
+    double seconds = 0;       // for this time
+    Vec3d mean_W;             // supporting force, averaged over about a quarter of a second, N
+    Vec3d mean_asleep_W;      // the same when it fell asleep
+    Vec3d force_W;            // supporting force of this step
     double stiffness = 0;     // of this step, N/m
     bool is_touched = false;  // by anything
-    bool is_pushed = false;   // by the tool, or lies on what moves
+    bool is_pushed = false;   // by the tool, or lies on a moving surface
     bool is_asleep = false;
-    bool is_covered = false;  // by what a camera sees before it
-    double pressed = 0;       // of this step, J: half of it where two bodies touch
+    bool is_covered = false;  // by something between it and a camera
+    double pressed = 0;       // contact energy of this step, J: half where two bodies touch
     double energy = 0;        // at the last step, J
-    double min_energy = 0;    // the least that it has had, J
-    double growth = 0;        // since the step before, J, if any
-    double stored = 0;        // of its energy, from the tool, J
+    double min_energy = 0;    // minimum of it so far, J
+    double growth = 0;        // since the step before, J, if positive
+    double stored = 0;        // part of its energy from the tool, J
   };
 
   MovingBodies(const BodyOptions& options) : options_(options) {}
@@ -141,7 +140,7 @@ class MovingBodies {
   std::vector<Pair> pairs_;
   std::vector<RigidBody> bodies_;
   std::vector<Rest> rests_;
-  std::vector<int> groups_;  // of bodies that touch: another one of it, or itself
+  std::vector<int> groups_;  // disjoint sets of touching bodies: parent, or itself
   std::vector<BodyTouch> touches_;
   double energy_ = 0;  // J
   std::unique_ptr<BodySolver> solver_;

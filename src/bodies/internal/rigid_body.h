@@ -1,4 +1,4 @@
-// A rigid body that moves: its mass, where it is and how fast.
+// A moving rigid body: mass, pose and velocity.
 #pragma once
 
 #include "palpate/math/geometry.h"
@@ -17,26 +17,26 @@ struct RigidBody {
   Vec3d center_W() const { return X_WB * p_BC; }
 };
 
-/// At rest, with the mass evenly in the solid that `shape` has the inertia of. What turns has some
-/// inertia about every axis, also thin rods and dots.
+/// Returns a body at rest, with its mass spread evenly in the solid that `shape` describes. Thin
+/// rods and dots also get some inertia about every axis.
 RigidBody rigid_body(double mass, const MassProperties& shape, const Vec3d& center_B,
                      const Pose& X_WB);
 
-/// About the center of mass, in W.
+/// Returns the inertia about the center of mass, in W.
 Mat3d inertia_W(const RigidBody& body);
 
-/// How an impulse at the center of mass, in W, changes the velocity.
+/// Returns the change of velocity by an impulse at the center of mass, in W.
 Twist changed_by(const RigidBody& body, const Wrench& impulse);
 
-/// J, of moving and turning.
+/// Returns the kinetic energy of translation and rotation, J.
 double kinetic_energy(const RigidBody& body);
 
-/// N m s, about the center of mass, in W.
+/// Returns the angular momentum about the center of mass, in W, N m s.
 Vec3d angular_momentum(const RigidBody& body);
 
-/// The center of mass moves by `shift`, and the body turns for `dt` with nothing to turn it:
-/// angular momentum stays to rounding, and so does the energy (implicit midpoint rule of Euler's
-/// equations, with the Cayley map for the rotation).
+/// Moves the center of mass by `shift`, and rotates the body for `dt` without torque: angular
+/// momentum stays to rounding, and so does the energy (implicit midpoint rule of Euler's equations,
+/// with the Cayley map for the rotation).
 void move(RigidBody& body, const Vec3d& shift, double dt) noexcept;
 
 }  // namespace palpate::inline v0

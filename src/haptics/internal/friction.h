@@ -1,10 +1,10 @@
-// Coulomb friction of a contact patch that truly sticks: a spring that gives way when what it holds
-// leaves a limit surface, solved implicitly in each tick (after Kikuuwe et al. 2006).
+// Coulomb friction of a contact patch that truly sticks: a spring (the bristle) that gives way when
+// its force leaves a limit surface, solved implicitly in each tick (after Kikuuwe et al. 2006).
 //
-// What slides has three numbers: two along the surface and the turn about its normal times the
+// Sliding has three coordinates: two along the surface and the rotation about its normal times the
 // torsion radius. In these the limit surface of the patch is a ball of radius mu N (an ellipsoid of
-// force and torque), and the spring that sticks is the same in all directions. Decision 27 says why
-// this loses energy whatever the tool and the surface do.
+// force and torque), and the bristle is equally stiff in all directions. Decision 27 says why this
+// loses energy whatever the tool and the surface do.
 #pragma once
 
 #include "palpate/haptics/coupling.h"
@@ -12,42 +12,42 @@
 
 namespace palpate::inline v0 {
 
-/// Symmetric, of the three numbers.
+/// Symmetric matrix over the three sliding coordinates.
 struct Mat3s {
   double xx = 0, xy = 0, xz = 0, yy = 0, yz = 0, zz = 0;
 };
 
-/// Of what sticks to a surface, N/m, with a coupling whose options are checked.
+/// Returns the stiffness of the bristle, N/m, for a coupling whose options are checked.
 double friction_stiffness(const CouplingOptions& options, const DeviceLimits& limits);
 
-/// Where and how the tool touches at a tick.
+/// The contact patch of the tool at a tick.
 struct TouchedPatch {
   double normal_force = 0;  ///< N
-  double limit = 0;         ///< N: what may slide resists with this
-  double slope = 0;         ///< N s/m: and with this times its speed
-  /// What a motion of the tool about its centre of mass slides is their products; a force in their
-  /// directions is their sum on the tool.
+  double limit = 0;         ///< N: Coulomb friction
+  double slope = 0;         ///< N s/m: viscous friction
+  /// Rows of the Jacobian of the sliding coordinates by the tool's motion about its center of mass;
+  /// a force in these directions acts on the tool by the transpose.
   Vec6 slides[3];
   Vec6 approach;  ///< the same along the normal, away from the surface
-  Vec3d carried;  ///< what the surface slides by itself in the tick
+  Vec3d carried;  ///< motion of the surface itself within the tick
 
   Vec3d slid_by(const Vec6& motion) const;
   Vec6 wrench(const Vec3d& force) const;
-  /// What forces in the three directions slide where a wrench moves the tool by a^-1 wrench, with
-  /// the factor of a; and these motions.
+  /// Returns the sliding per force in the three directions where a wrench moves the tool by
+  /// a^-1 wrench, with the factor of a; `motions` gets those of the tool.
   Mat3s compliance(const Factor6& factor, Vec6 (&motions)[3]) const;
 };
 
 class PatchFriction {
  public:
-  /// Of what sticks: its stiffness, N/m, if the options do not say, and its damping over its
-  /// stiffness, s.
+  /// `stiffness` of the bristle, N/m, applies if the options set none; `damping_time` is its
+  /// damping over its stiffness, s.
   PatchFriction(const CouplingOptions& options, double stiffness, double damping_time);
 
-  /// Whether a contact has friction or damping at all.
+  /// True if a contact has friction or damping at all.
   bool is_on(const LocalContact& contact) const;
   void reset() noexcept { state_ = {}; }
-  /// Of what sticks from now on, as of the constructor.
+  /// Sets the stiffness, N/m, and damping over stiffness, s, of the bristle.
   void use(double stiffness, double damping_time) noexcept {
     stiffness_ = stiffness;
     damping_time_ = damping_time;
@@ -59,15 +59,15 @@ class PatchFriction {
             state_.speed, state_.is_sliding);
   }
 
-  /// The patch at a tick of length dt, by the wrench that pushes the tool there. False: nothing is
-  /// touched, and what stuck has come loose.
+  /// Computes the patch at a tick of length dt from the wrench that pushes the tool there. False:
+  /// nothing is touched, and the bristle is released.
   bool touch(const LocalContact& contact, const Wrench& contact_W, double dt,
              TouchedPatch& patch) noexcept;
 
-  /// What friction does in a tick: the force on the tool in the three directions when it slides by
-  /// `slid` + `compliance` times that force, m and m/N, over a surface that stands still or is
-  /// `carried` meanwhile. `dt` is 0 where time does not matter. Then
-  /// `keep` makes it the state that the next tick begins with.
+  /// Friction of a tick: the force on the tool in the three directions when it slides by `slid` +
+  /// `compliance` times that force, m and m/N, over a surface that stands still or is `carried`
+  /// meanwhile. `dt` is 0 where time does not matter.
+  /// `hold` computes it, `keep` makes it the state that the next tick begins with.
   struct Grip {
     Vec3d force;    // N
     Vec3d slid;     // m, all in all
@@ -78,7 +78,7 @@ class PatchFriction {
             double dt) const noexcept;
   void keep(const TouchedPatch& patch, const Grip& grip, double dt) noexcept;
 
-  /// What is stored in what sticks, J.
+  /// Returns the energy stored in the bristle, J.
   double energy() const noexcept {
     const double turn = state_.bristle_rotation;
     return stiffness_ / 2 * (dot(state_.bristle_W, state_.bristle_W) + turn * turn);

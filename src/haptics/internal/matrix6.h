@@ -54,7 +54,7 @@ class Factor6 {
 bool solve(const Mat6& a, const Vec6& b, Vec6& x);
 
 /// The symmetric part of a stiffness without its negative eigenvalues, which would drive a motion
-/// instead of resisting it. An angle of 1 counts as `length` metres.
+/// instead of resisting it. An angle of 1 counts as `length` meters.
 Mat6 positive_part(const Stiffness& stiffness, double length);
 
 }  // namespace palpate::inline v0

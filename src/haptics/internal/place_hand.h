@@ -1,13 +1,13 @@
-// Where a hand that nobody has placed is.
+// Default placement of a device in the world.
 #pragma once
 
 #include "palpate/haptics/coupling.h"
 
 namespace palpate::inline v0 {
 
-/// The middle of the device's workspace is where the tool begins, with the tool as it is there. The
-/// hand moves as in the picture of the camera: devices have x to the right, y up and z towards the
-/// hand, cameras look along z with y down.
+/// Places the center of the device's workspace at the tool's first pose, with the tool as it is
+/// there. The hand moves as in the picture of the camera: devices have x to the right, y up and z
+/// toward the hand, cameras look along z with y down.
 inline void place_hand(const Pose& X_WC, const Pose& X_WT, CouplingOptions& coupling) {
   constexpr Quaternion kHalfTurnAboutX{1, 0, 0, 0};
   const Quaternion q_WB = X_WC.rotation * kHalfTurnAboutX;

@@ -1,4 +1,4 @@
-// How what a tool or a body lies on moves along itself, where cameras have an optical flow.
+// Motion of the surface under a tool or a body along itself, from the optical flow of cameras.
 #pragma once
 
 #include <span>
@@ -8,13 +8,14 @@
 
 namespace palpate::inline v0 {
 
-/// Along the surface under a contact: the velocity of its point at the middle of the disc, at right
-/// angles to the normal, and its turning about the normal. Zero where no camera measures it.
+/// Returns the motion of the surface under a contact along itself: the velocity of its point at the
+/// center of the disc, at right angles to the normal, and its rotation about the normal. Zero where
+/// no camera measures it.
 ///
-/// A pixel's flow says how what it shows moves across its ray. How far along the ray follows from
-/// how fast the surface comes along its normal, which the fields of the last two frames say. Of all
-/// that is under the disc the rigid motion that fits best counts. No allocation; five
-/// microseconds for each camera with a flow.
+/// A pixel's flow gives the velocity across its ray. The velocity along the ray follows from the
+/// speed of the surface along its normal, which the fields of the last two frames give. The rigid
+/// motion that fits all samples under the disc best is returned. No allocation; five microseconds
+/// for each camera with a flow.
 Twist surface_motion(std::span<const SurfaceBlend> cameras, const TouchedDisc& disc) noexcept;
 
 }  // namespace palpate::inline v0

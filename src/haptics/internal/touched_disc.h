@@ -1,4 +1,4 @@
-// A contact as an even disc, for queries of images under it.
+// A contact as a uniform disc, for queries of images under it.
 #pragma once
 
 #include <array>
@@ -8,23 +8,23 @@
 
 namespace palpate::inline v0 {
 
-/// A contact with what cameras see.
+/// The disc of a contact with a surface that cameras see.
 struct TouchedDisc {
-  Vec3d p_W;                  ///< its middle
+  Vec3d p_W;                  ///< its center
   Vec3d n_W;                  ///< any length
   double torsion_radius = 0;  ///< ContactPatch's
 
-  /// Of the even disc with this torsion radius.
+  /// Returns the radius of the uniform disc with this torsion radius, m.
   double radius() const { return 1.5 * torsion_radius; }
 };
 
-/// A place of a disc of radius 1 that is looked at.
+/// A sample position on the unit disc.
 struct DiscSpot {
   double x = 0, y = 0;
 };
 inline constexpr int kNumDiscSpots = 128;
 
-/// Even over the unit disc: Vogel's spiral.
+/// Returns samples spread evenly over the unit disc: Vogel's spiral.
 inline std::array<DiscSpot, kNumDiscSpots> make_disc_spots() {
   const double golden = kPi * (3 - std::sqrt(5.0));
   std::array<DiscSpot, kNumDiscSpots> spots;
@@ -36,8 +36,8 @@ inline std::array<DiscSpot, kNumDiscSpots> make_disc_spots() {
 }
 inline const std::array<DiscSpot, kNumDiscSpots> kDiscSpots = make_disc_spots();
 
-/// `visit(column, row, weight)` for those of the four pixels around an image point that there are:
-/// what is read so changes without a jump.
+/// Calls `visit(column, row, weight)` for the pixels around an image point, at most four, with
+/// bilinear weights: sums change without a jump.
 void visit_pixels_around(double u, double v, int width, int height, auto&& visit) {
   if (!(u > -1 && v > -1 && u < width && v < height)) return;
   const int left = static_cast<int>(std::floor(u)), top = static_cast<int>(std::floor(v));
