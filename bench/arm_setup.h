@@ -1,4 +1,4 @@
-// The set-up of benchmarks of the self filter: an arm of seven tubes that curls up and stretches in
+// Setup of the benchmarks of the self filter: an arm of seven tubes that curls up and stretches in
 // front of a wall.
 #pragma once
 
@@ -15,7 +15,7 @@ inline constexpr int kArmWidth = 640, kArmHeight = 480, kNumLinks = 7;
 inline constexpr Intrinsics kArmCamera{525, 525, 319.5, 239.5};
 inline constexpr double kTubeLength = 0.25;  // m
 
-/// An open tube along z, with so many corners around.
+/// Makes an open tube along z with `around` corners around.
 inline TriangleMesh tube(int around) {
   constexpr double kRadius = 0.05;  // m
   const int along = around * 9 / 10;
@@ -41,7 +41,7 @@ inline std::vector<RobotLink> arm_of_tubes(int around) {
   return std::vector<RobotLink>(kNumLinks, {"tube", tube(around)});
 }
 
-/// At its step so many.
+/// Returns the link poses of the arm at a step.
 inline std::vector<Pose> arm_poses(int step) {
   const double curled = 0.4 + 0.2 * std::sin(0.1 * step);
   std::vector<Pose> X_CL;
@@ -54,7 +54,7 @@ inline std::vector<Pose> arm_poses(int step) {
   return X_CL;
 }
 
-/// The wall alone.
+/// Renders the wall alone.
 inline DepthFrame wall_behind_arm() {
   return {kArmWidth, kArmHeight, 0.001,
           std::vector<std::uint16_t>(static_cast<std::size_t>(kArmWidth * kArmHeight), 1500)};

@@ -1,4 +1,4 @@
-// Many poses in one call on the CPU: how many spheres are evaluated in a second.
+// Many poses in one call on the CPU: rate of evaluated spheres.
 //   bench_batch --benchmark_filter=batch
 #include <benchmark/benchmark.h>
 
@@ -8,7 +8,7 @@
 namespace palpate::bench {
 namespace {
 
-/// Evaluations count spheres of the tool alone, whatever they are felt as.
+/// Evaluations count only the spheres of the tool, independent of the scene.
 void batch(benchmark::State& state) {
   const int num_spheres = static_cast<int>(state.range(0)), num = static_cast<int>(state.range(1));
   const auto where = static_cast<Where>(state.range(2));

@@ -1,4 +1,4 @@
-// The set-up of every batch benchmark: a gripper's finger (a box of 20 x 16 x 80 mm) at random
+// Setup of every batch benchmark: a gripper's finger (a box of 20 x 16 x 80 mm) at random
 // poses before and in the bumpy wall.
 #pragma once
 
@@ -25,13 +25,13 @@ inline const Tool& finger_tool(int num_spheres) {
   return *tool;
 }
 
-/// Where the poses of a batch are.
+/// Region of the poses of a batch.
 enum class Where {
   view,     ///< anywhere in view, from 0.3 m before the wall to 0.03 m behind it
-  surface,  ///< with the centre within 2 cm of the surface: nearly all touch it
+  surface,  ///< with the center within 2 cm of the surface: nearly all touch it
 };
 
-/// Any orientation. `half_angle`: tangent of the part of the view in which they are.
+/// Returns random poses. `half_angle`: tangent of the half angle of view that they fill.
 inline std::vector<Pose> finger_poses(int num, Where where, double half_angle = 0.4) {
   test::Random random(1);
   std::vector<Pose> poses;

@@ -1,6 +1,6 @@
-// Body against body: time of one measurement of two cubes, by the ways of measuring, by number of
-// spheres and by how deep one is in the other; and of a depth field at the same poses, for a
-// comparison within one run.
+// Body against body: time of one measurement of two cubes, by method, number of spheres and
+// penetration depth; and of a depth field at the same poses, for a comparison within
+// one run.
 #include "palpate/contact/body_contact.h"
 
 #include "bench/contact_setup.h"
@@ -12,7 +12,7 @@ namespace {
 
 double depth_of(const benchmark::State& state) { return static_cast<double>(state.range(1)) / 100; }
 
-/// Calls measure(pose) for one pose after the other, timed; it returns a count.
+/// Times measure(pose), which returns a count, for one pose after the other.
 template <class Measure>
 void time_poses(benchmark::State& state, const std::vector<Pose>& poses, const char* counted,
                 const Measure& measure) {
@@ -53,11 +53,11 @@ void bodies_stiffness(benchmark::State& state) {
 void bodies_spheres(benchmark::State& state) {
   pairs(state, cube_tool(static_cast<int>(state.range(0))), BodyMethod::spheres, false);
 }
-/// In a cube of a hundred spheres, which is too coarse to be sampled.
+/// In a cube of a hundred spheres, too coarse to be sampled.
 void bodies_coarse(benchmark::State& state) {
   pairs(state, cube_tool(100), BodyMethod::field, false);
 }
-/// In a depth field as deep as in the face of the other cube.
+/// In a depth field, as deep as in the face of the other cube.
 void depth_field(benchmark::State& state) {
   const Tool& tool = cube_tool(static_cast<int>(state.range(0)));
   ThreadPool pool(1);
@@ -65,7 +65,7 @@ void depth_field(benchmark::State& state) {
   field.update(bumpy_wall().view(), pool);
   const auto contact = make_contact_query(Backend::cpu, tool, FieldMethod{}).value();
   const SurfaceView surface{{}, field.view()};
-  // The other cube's face looks along +z; here the wall does along -z.
+  // The other cube's face points along +z; here the wall's points along -z.
   std::vector<Pose> poses = overlapping_poses(depth_of(state));
   for (Pose& X_WT : poses) {
     X_WT.translation.z = kWallDepth + kToolSize / 2 - X_WT.translation.z;

@@ -1,11 +1,11 @@
-// How calm the force is where nothing moves, and how late where something does, by average of depth
-// over time: what a tool is given at each frame by the field, of the newest frame.
+// Noise of the force at rest, and its lag in motion, by average of depth over time: the force of
+// the field at each frame, from the latest frame.
 //   calm_force CSV FOLDER_OF_RECORDED_FRAMES [rest | recorded | sudden | lag | cost]
 // 1. A simulated scene at rest with Kinect noise: rms of force and torque around their means.
 // 2. The same where the recorded camera rests (visp_rbt, its first six frames).
-// 3. Lag behind a wall of 5 to 200 mm/s and behind a hand: what correlates best with the force of a
+// 3. Lag behind a wall of 5 to 200 mm/s and behind a hand: by correlation with the force of a
 //    camera without noise.
-// 4. A hand that appears and goes: how much of its force is there in the first frame.
+// 4. A hand that appears and disappears: share of its force in the first frame.
 // 5. Cost of a frame.
 #include <algorithm>
 #include <chrono>
@@ -45,7 +45,7 @@ Tool tool_of(const char* shape, double size) {
   return Tool::build(std::move(mesh), std::move(packing), GapRule::relative, shape).value();
 }
 
-/// Frames of a camera.
+/// Recorded frames of a camera.
 struct Recorded {
   DepthStreamInfo stream;
   std::vector<DepthFrame> frames;
@@ -64,7 +64,7 @@ Recorded seen(scenes::Scene scene, double duration, bool has_noise, double rate 
   return all;
 }
 
-/// What the tool is given at each place, frame by frame.
+/// Measured forces and torques on the tool, frame by frame.
 using Wrenches = std::vector<VolumeWrench>;
 std::vector<Wrenches> felt(const Recorded& seen, const Tool& tool, const std::vector<Pose>& places,
                            const DepthAverageOptions& average, const SurfaceOptions& surface = {}) {
@@ -98,10 +98,10 @@ DepthAverageOptions average_of(DepthAverage kind) {
   return options;
 }
 
-/// Rms around the mean from an entry on; a torque in forces at half the tool's size.
+/// Rms around the mean from an entry on; the torque relative to the force at half the tool's size.
 struct Jitter {
   double force, torque;
-  double size;  ///< of the force's length alone, as the evaluation's figure "frames"
+  double size;  ///< of the force's magnitude alone, as in the evaluation's figure "frames"
 };
 Jitter jitter(const Wrenches& all, std::size_t from, double size) {
   Vec3d force, torque;
@@ -177,7 +177,7 @@ void rest_recorded(const std::filesystem::path& data) {
     }
     once.frames.push_back(*std::move(frame));
   }
-  // Forth and back, so that what rests does so for longer than it was recorded.
+  // Back and forth, to extend the recorded rest.
   Recorded loop{once.stream, {}};
   for (int k = 0; k < 120; ++k) {
     const int at = k % 10;
@@ -230,7 +230,7 @@ void rest_recorded(const std::filesystem::path& data) {
 
 // --- Lag -------------------------------------------------------------------------------------
 
-/// Where the force correlates best with what was felt without noise, s.
+/// Returns the lag behind the noise-free force with the best correlation, s.
 double lag(const Wrenches& felt, double rate, const Wrenches& truth, double truth_rate) {
   const auto at = [&](double time) {
     const double x = std::clamp(time * truth_rate, 0.0, static_cast<double>(truth.size()) - 1.001);
@@ -252,7 +252,7 @@ double lag(const Wrenches& felt, double rate, const Wrenches& truth, double trut
   return best_lag;
 }
 
-/// Rests half a second, comes nearer, rests and goes back, twice.
+/// The wall rests half a second, comes nearer, rests and goes back, twice.
 double wall_speed = 0;
 constexpr double kPause = 0.5;
 double wall_travel() { return std::clamp(wall_speed, 0.01, 0.04); }

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What a camera costs that is read through OpenNI2's own stack, 640 x 480 at 30 Hz.
+"""Cost of a camera that is read through OpenNI2's own stack, 640 x 480 at 30 Hz.
 
 usage: bench/camera_figures.py BUILD_DIR [--seconds S]
 
@@ -23,7 +23,7 @@ import time
 from pathlib import Path
 
 WIDTH, HEIGHT, NUM_FRAMES = 640, 480, 450
-# Of the field of view that the driver tells.
+# Intrinsics from the field of view that the driver reports.
 INTRINSICS = f"{320 / math.tan(1.0145 / 2):.6f},{240 / math.tan(0.7898 / 2):.6f},319.5,239.5"
 
 
@@ -70,7 +70,7 @@ def main():
         for source, words in {"live": ("--camera", "openni2"),
                               "recorded": ("--camera", f"pipe:{frames}?size={WIDTH}x{HEIGHT}&intrinsics="
                                                        f"{INTRINSICS}&rate=30&sensor=structured_light")}.items():
-            seconds = NUM_FRAMES / 30 - 1  # a file has an end
+            seconds = NUM_FRAMES / 30 - 1  # a file is finite
             begin = time.monotonic()
             run("touch", "box.palp", *words, "--device", "sim", "--probe", "320,240", "--duration", seconds,
                 "-o", source)

@@ -72,7 +72,7 @@ BENCHMARK(normals)
     ->UseManualTime()
     ->Unit(benchmark::kMillisecond);
 
-// A whole update. A wall is the easy case; with edges, pillars and holes are everywhere.
+// A whole update. A wall is the easy case; with edges there are pillars and holes everywhere.
 void update(benchmark::State& state) {
   WallFrame wall(static_cast<int>(state.range(0)), static_cast<int>(state.range(1)));
   if (state.range(3) != 0) wall.add_edges_and_holes();

@@ -1,4 +1,4 @@
-"""What coal with an octree of the points makes of a depth image: the first scene of the evaluation's
+"""Contact of coal with an octree of a depth image's points: the first scene of the evaluation's
 figure `others` (a box, turned by 20 degrees, goes into a wall that is seen with 1.5 mm of noise).
 
 Appends rows to the file of bench_peers, which palpate_eval --peers reads.

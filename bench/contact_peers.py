@@ -91,11 +91,11 @@ def rotation(q):
                      [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]])
 
 
-# What is seen ------------------------------------------------------------------------------------
+# Depth images ------------------------------------------------------------------------------------
 
 
 def mesh_of(points):
-    """Two triangles for each square of pixels within the window, that face the camera."""
+    """Returns two triangles for each square of pixels within the window, facing the camera."""
     seen = np.isfinite(points).all(axis=-1) & (np.abs(points[..., :2]) < WINDOW).all(axis=-1) & (points[..., 2] < 2)
     number = np.full(seen.shape, -1)
     number[seen] = np.arange(seen.sum())
@@ -111,7 +111,7 @@ def median_of(times):
 
 
 def timed(call, repetitions=5):
-    """The last result, and the median time in s."""
+    """Returns the last result, and the median time in s."""
     times = []
     for _ in range(repetitions):
         start = time.perf_counter()
@@ -120,7 +120,7 @@ def timed(call, repetitions=5):
     return result, median_of(times)
 
 
-# Those who are asked: each a generator of (name, shares or None, forces, s a pose, s a frame, facts) --
+# Peers: each a generator of (name, shares or None, forces, s per pose, s per frame, facts) --
 
 
 def ours(tool, depth, camera, poses, device):
@@ -255,7 +255,7 @@ def coal_contacts(vertices, triangles, poses):
 
 def closed(vertices, triangles, back=0.3):
     """A solid that reaches so far behind the sheet of triangles, as signed distances need."""
-    # Unused corners would be corners of the solid.
+    # Unused vertices would become vertices of the solid.
     used, numbers = np.unique(triangles, return_inverse=True)
     triangles, vertices = numbers.reshape(-1, 3), vertices[used]
     num = len(vertices)

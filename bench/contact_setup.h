@@ -1,4 +1,4 @@
-// The set-up of every contact benchmark: a 640x480 frame of a bumpy wall at 1 m, a cube of 0.2 m
+// Setup of every contact benchmark: a 640x480 frame of a bumpy wall at 1 m, a cube of 0.2 m
 // packed with N spheres, 200 random poses at a given depth.
 #pragma once
 
@@ -57,8 +57,8 @@ inline const PointCloud& bumpy_wall() {
   return cloud;
 }
 
-/// `depth` 0..1: how far the cube's leading face is past the wall, in cube sizes. +-15 degrees per
-/// axis, +-0.25 / 0.15 m to the side.
+/// Returns random poses. `depth` 0..1: penetration of the cube's leading face into the wall, in
+/// cube sizes. +-15 degrees per axis, +-0.25 / 0.15 m to the side.
 inline std::vector<Pose> random_poses(double depth, int num = 200) {
   test::Random random(1);
   std::vector<Pose> poses;
@@ -73,8 +73,8 @@ inline std::vector<Pose> random_poses(double depth, int num = 200) {
   return poses;
 }
 
-/// `depth` 0..1: how far one cube is past a face of the other, in cube sizes. +-15 degrees per
-/// axis, up to a tenth of the cube to the side.
+/// Returns random poses. `depth` 0..1: penetration of one cube into a face of the other, in cube
+/// sizes. +-15 degrees per axis, up to a tenth of the cube to the side.
 inline std::vector<Pose> overlapping_poses(double depth, int num = 200) {
   test::Random random(1);
   std::vector<Pose> poses;

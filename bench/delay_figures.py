@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""A hand that feels a camera from afar: 0 to 300 ms late, jittery, 5 % of the images lost, over DDS on loopback.
+"""Latency study: a camera 0 to 300 ms late, jittery, 5 % of the images lost, over DDS on loopback.
 
 usage: bench/delay_figures.py BUILD_DIR [--seconds S] [--csv FILE]
 
@@ -31,7 +31,7 @@ COLUMNS = ("delay_ms", "jitter_ms", "loss", "seconds", "images_sent", "frames_fe
 
 
 def camera(delay, jitter, loss):
-    """Publishes until its standard input ends; says how many images came through."""
+    """Publishes images until its standard input ends; prints the number of published images."""
     sys.path.insert(0, str(ROOT / "tests/ros"))
     sys.argv[1:] = [str(DOMAIN)]
     import camera_peer as peer
@@ -58,7 +58,7 @@ def camera(delay, jitter, loss):
 
 
 def turned(a, b):
-    """Axis times angle from quaternion a to b, x y z w."""
+    """Returns the rotation vector (axis times angle) from quaternion a to b, x y z w."""
     ax, ay, az, aw = -a.x, -a.y, -a.z, a.w
     w = b.w * aw - b.x * ax - b.y * ay - b.z * az
     v = (b.w * ax + b.x * aw + b.y * az - b.z * ay, b.w * ay - b.x * az + b.y * aw + b.z * ax,
@@ -75,7 +75,7 @@ def dot(a, b):
 
 
 def given(recording):
-    """What the ticks of a run say."""
+    """Returns energies, forces and ages from the recorded ticks of a run."""
     from mcap.reader import make_reader
     from mcap_ros2.decoder import DecoderFactory
     fading, last = 2, None

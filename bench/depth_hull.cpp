@@ -1,6 +1,6 @@
-// What several cameras gain and cost, one CSV row for each case: mean and rms error of the volume
+// Benefit and cost of several cameras, one CSV row for each case: mean and rms error of the volume
 // against exact solids, angle of the force, largest step of the volume over the exact one, net work
-// of a closed loop over all work, and the time of a query of one thread; and what a memory costs.
+// of a closed loop over all work, and the time of a query of one thread; and the cost of a memory.
 //   depth_hull [--quick] [--only error|loop|cost|memory]
 #include <algorithm>
 #include <chrono>
@@ -17,8 +17,8 @@ namespace {
 
 constexpr double kToolRadius = 0.03, kNoise = 0.0015;
 
-/// A ball of many spheres alike. Left to itself a packing of a ball is one sphere, which has nearly
-/// all of the volume, and dust.
+/// Returns a ball packed with many equal spheres. A default packing of a ball is one sphere with
+/// nearly all of the volume, and dust.
 Tool ball_of_spheres() {
   TriangleMesh mesh = make_icosphere(kToolRadius, 4);
   PackOptions options;
@@ -32,7 +32,7 @@ std::unique_ptr<ContactQuery> query_of(const Tool& tool) {
   return make_contact_query(Backend::cpu, tool, FieldMethod{}).value();
 }
 
-/// The share of the tool, a ball, that is in a solid.
+/// Returns the share of the tool, a ball, inside a solid.
 double true_share(const Solid& solid, const Vec3d& centre) {
   int num = 0, num_inside = 0;
   test::for_points_in_ball(
@@ -45,7 +45,7 @@ double true_share(const Solid& solid, const Vec3d& centre) {
   return static_cast<double>(num_inside) / num;
 }
 
-/// Pressed in along the normal, beside it and back: errors of volume and direction.
+/// Presses the tool in along the normal, beside it and back: errors of volume and direction.
 void press(const Solid& solid, const Tool& tool, int num_cameras, int num_frames) {
   const auto query = query_of(tool);
   constexpr int kSteps = 60;
@@ -86,7 +86,7 @@ void press(const Solid& solid, const Tool& tool, int num_cameras, int num_frames
   std::fflush(stdout);
 }
 
-/// Round and round through the surface: net work over all work.
+/// Moves the tool around a loop through the surface: net work over all work.
 void loop(const Solid& solid, const Tool& tool, int num_cameras, double noise, int num_steps) {
   const auto query = query_of(tool);
   const test::HullScene scene = scene_of(solid, cameras_around(num_cameras), noise, 7);
@@ -112,7 +112,7 @@ void loop(const Solid& solid, const Tool& tool, int num_cameras, double noise, i
   std::fflush(stdout);
 }
 
-/// Microseconds of what `work(i)` does, again and again.
+/// Times repeated calls of `work(i)`, microseconds.
 template <class Work>
 void time_of(const char* kind, const std::string& what, int num_cameras, double seconds,
              const Work& work) {
@@ -134,7 +134,7 @@ void time_of(const char* kind, const std::string& what, int num_cameras, double 
   std::fflush(stdout);
 }
 
-/// Places of a ball in the surface at (0, 0, 1).
+/// Returns poses of a ball at the surface at (0, 0, 1).
 std::vector<Pose> poses_in_surface() {
   test::Random random(3);
   std::vector<Pose> poses;
@@ -145,12 +145,12 @@ std::vector<Pose> poses_in_surface() {
   return poses;
 }
 
-/// A query of one thread.
+/// Times a query of one thread.
 void cost(const Tool& tool, int num_cameras, bool with_stiffness, double seconds) {
   const auto query = query_of(tool);
   const test::HullScene scene = scene_of(solids()[0], cameras_around(num_cameras), kNoise, 1);
   std::vector<SurfaceBlend> views = scene.views;
-  // Alone, the free space that a camera has seen is not queried.
+  // A single camera does not use the seen free space.
   if (num_cameras == 1) views[0].to.seen_free = views[0].from.seen_free = {};
   const std::vector<Pose> poses = poses_in_surface();
   time_of("cost",
@@ -161,7 +161,7 @@ void cost(const Tool& tool, int num_cameras, bool with_stiffness, double seconds
           });
 }
 
-/// What a memory costs: a frame's surface and a query of one thread, with nothing before the wall
+/// Times a frame's surface and a query of one thread with a memory: with nothing before the wall,
 /// and with a hand of 50 mm radius that hides the tool or is far from it; by one camera, and by
 /// cameras 60 mm apart.
 void memory(const Tool& tool, int num_cameras, DepthMemory kind, double seconds) {
@@ -223,8 +223,8 @@ void memory(const Tool& tool, int num_cameras, DepthMemory kind, double seconds)
   }
 }
 
-/// The same of a camera that moves: it passes 40 times on an arc of 0.7 m before a ball and the
-/// wall, and then stands at its middle.
+/// The same for a moving camera: it passes 40 times on an arc of 0.7 m before a ball and the
+/// wall, and then stands at the middle of the arc.
 void moving_memory(const Tool& tool, DepthMemory kind, double seconds) {
   const auto query = query_of(tool);
   const std::vector<Pose> poses = poses_in_surface();
@@ -268,8 +268,8 @@ void moving_memory(const Tool& tool, DepthMemory kind, double seconds) {
   time_of("memory", "surface; " + what, 1, seconds, [&](std::size_t i) { push(number(i)); });
 }
 
-/// A camera that turned once around in a room of 2 m, and looks to the side of the tool now: most
-/// of what it keeps does not see the tool.
+/// Times a camera that has turned once around in a room of 2 m and now looks to the side of the
+/// tool: most of the remembered surface is away from the tool.
 void looking_around(const Tool& tool, DepthMemory kind, double seconds) {
   const auto query = query_of(tool);
   const std::vector<Pose> poses = poses_in_surface();

@@ -1,6 +1,6 @@
-// What others query instead of a depth field: a grid of signed distances, looked up trilinearly at
-// each sphere, with a hinge. Our own kernel of it, as lean as we can make it: a block for each
-// pose, and per pose the cost and the wrench of its gradient.
+// Alternative to a depth field: a grid of signed distances, interpolated trilinearly at each
+// sphere, with a hinge cost. A lean kernel of our own: a block for each pose, and per pose the cost
+// and the wrench of its gradient.
 #pragma once
 
 #include <algorithm>
@@ -19,7 +19,7 @@ struct DistanceGrid {
   const float* distances = nullptr;
 };
 
-/// Of what bumpy_wall shows: its distances along z, which is what counts for a time.
+/// Makes the grid of bumpy_wall: its distances along z, which suffice for timing.
 inline DistanceGrid wall_distances(double cell, gpu::Memory& memory) {
   constexpr double kLow[] = {-0.65, -0.65, 0.55}, kHigh[] = {0.65, 0.65, 1.15};
   DistanceGrid grid;
@@ -47,7 +47,7 @@ struct GridJob {
   const Sphere* spheres = nullptr;
   int num_spheres = 0;
   const Pose* X_WT = nullptr;
-  float* answers = nullptr;  // 7 a pose
+  float* answers = nullptr;  // 7 per pose
 };
 
 __global__ void __launch_bounds__(256) query_grid(const __grid_constant__ GridJob job) {

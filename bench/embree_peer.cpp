@@ -10,7 +10,7 @@
 namespace palpate::bench {
 namespace {
 
-/// What the callback of a query works on.
+/// Context of a query's callback.
 struct Visit {
   const PointCloud& cloud;
   float squared_radius;
@@ -23,7 +23,7 @@ bool holds(const Visit& visit, const RTCPointQuery& query, std::size_t i) {
   return dx * dx + dy * dy + dz * dz <= visit.squared_radius;
 }
 
-// Embree calls these for every point whose box the query's sphere meets; true: the radius of the
+// Embree's callbacks for every point whose box meets the query's sphere; true: the radius of the
 // query has changed.
 bool add_point(RTCPointQueryFunctionArguments* arguments) {
   Visit& visit = *static_cast<Visit*>(arguments->userPtr);
@@ -77,7 +77,7 @@ class Embree : public BoundaryPeer {
     RTCGeometry geometry = rtcNewGeometry(device_, RTC_GEOMETRY_TYPE_USER);
     rtcSetGeometryBuildQuality(geometry, quality);
     rtcSetGeometryUserPrimitiveCount(geometry, static_cast<unsigned>(cloud_.size()));
-    // Embree hands it on as it is; nothing writes to it.
+    // Embree passes it on unchanged; nothing writes to it.
     rtcSetGeometryUserData(geometry, const_cast<PointCloud*>(&cloud_));
     rtcSetGeometryBoundsFunction(geometry, point_bounds, nullptr);
     rtcCommitGeometry(geometry);

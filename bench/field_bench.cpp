@@ -1,4 +1,4 @@
-// The field method: making the field of a frame, and querying it.
+// The field method: computing the field of a frame, and querying it.
 //   bench_field --benchmark_filter=field_query
 #include "palpate/field/depth_field.h"
 
@@ -58,7 +58,7 @@ BENCHMARK(field_query)
     ->UseManualTime()
     ->Unit(benchmark::kMicrosecond);
 
-/// What the loop computes at every query: on the way between two frames, and how the force changes.
+/// The query of the haptic loop: blended between two frames, and with stiffness.
 void field_live(benchmark::State& state) {
   const Tool& tool = cube_tool(static_cast<int>(state.range(0)));
   const std::vector<Pose> poses = random_poses(static_cast<double>(state.range(1)) / 100);

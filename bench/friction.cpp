@@ -1,11 +1,11 @@
-// Friction against its goals, on a simulated clock: the same numbers on every machine, but for what
-// a tick costs.
+// Friction against its goals, on a simulated clock: the same numbers on every machine, except the
+// cost of a tick.
 //   friction [CSV]
-// 1. Creep of what sticks at 95 % of mu N, over 60 s, without and with the noise of a camera.
+// 1. Creep of sticking contact at 95 % of mu N, over 60 s, without and with the noise of a camera.
 // 2. The force of sliding against mu N, and the torque of turning against closed forms.
-// 3. What a hand is given along closed paths.
+// 3. Energy given to a hand along closed paths.
 // 4. The stiffest stable coupling with friction over that without (Z-width).
-// 5. What friction adds to a tick.
+// 5. Cost of friction per tick.
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -57,7 +57,7 @@ RunSettings settings_of(CouplingKind kind, double mu = kMu) {
   return settings;
 }
 
-/// A hand that moves as it is told, before a wall in front of a camera of 30 Hz.
+/// A hand on prescribed poses, before a wall in front of a camera of 30 Hz.
 class Touch {
  public:
   Touch(const Tool& tool, const RunSettings& settings, double noise = 0) : noise_(noise) {
@@ -109,10 +109,10 @@ Vec3d along(const TickRecord& tick) {
 
 // ----------------------------------------------------------------------------------- 1. creep
 
-/// Of the tool, on the wall: noise may rock the rest.
+/// Foot of the tool on the wall, m: noise may tilt the rest of the tool.
 constexpr Vec3d kFoot{0, 0, 0.02};
 
-/// Pushed aside with `share` of what holds, by the force of friction, or turned about the normal.
+/// Loads the contact to `share` of its limit, by a force aside or a torque about the normal.
 void creep_of(const Tool& tool, const NamedCoupling& coupling, double noise, bool turns,
               double share) {
   Touch touch(tool, settings_of(coupling.kind), noise);
@@ -124,7 +124,7 @@ void creep_of(const Tool& tool, const NamedCoupling& coupling, double noise, boo
   for (int i = 0; i < 500; ++i) {
     tick = touch.to({{0, 0, kWall - 0.022 + 7e-3 * std::min(1.0, i / 300.0)}, {}});
   }
-  // What holds when it turns: found by turning until it slips.
+  // Effective radius: limit of the torque over mu N, measured by turning until it slips.
   double radius = 0;
   if (turns) {
     Touch other(tool, settings_of(coupling.kind));
@@ -207,7 +207,7 @@ double of_rectangle(double a, double b) {
 
 // --------------------------------------------------------------------------------- 3. energy
 
-/// Presses, slides and turns; closed in 2 s.
+/// A closed path of pressing, sliding and turning, 2 s long.
 struct ClosedPath {
   Vec3d shift[3][2], turn[3][2];
   explicit ClosedPath(test::Random& random) {
@@ -227,7 +227,7 @@ struct ClosedPath {
   }
 };
 
-/// What the hand is given in two rounds, J; `most`: the most that it ever was.
+/// Returns the energy given to the hand in two rounds, J; `most`: the maximum on the way.
 double given(const Tool& tool, const ClosedPath& path, CouplingKind kind, double mu, double& most) {
   Touch touch(tool, settings_of(kind, mu));
   Pose last = path.at(0);
@@ -276,7 +276,7 @@ MassProperties small_box() {
   return tool;
 }
 
-/// A wall as a local model, known a tick late.
+/// Makes the local model of a wall, with a delay of one tick.
 LocalContact wall_contact(const Pose& X_WT, double time, double k) {
   LocalContact contact;
   contact.is_valid = true;
@@ -298,7 +298,7 @@ LocalContact wall_contact(const Pose& X_WT, double time, double k) {
   return contact;
 }
 
-/// A hand presses on the wall, slides and holds still: does the handle come to rest?
+/// True if the handle comes to rest after a hand presses on the wall, slides and holds still.
 bool is_calm(const DeviceModel& base, CouplingKind kind, double mu, double k) {
   SimulatedDeviceOptions options;
   options.model = base;
@@ -318,7 +318,7 @@ bool is_calm(const DeviceModel& base, CouplingKind kind, double mu, double k) {
       check_coupling(coupling_options, device->info().limits, kTick, small_box()).value();
   CouplingOptions used = checked.options;
   if (kind == CouplingKind::direct) {
-    // As without this study's limits.
+    // The limits without those of this study.
     used.stiffness = check_coupling({}, base.limits, kTick, small_box()).value().options.stiffness;
   }
   const auto coupling = make_coupling(used, device->info().limits, small_box());

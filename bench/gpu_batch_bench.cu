@@ -1,7 +1,7 @@
-// Batches on this machine's GPU: time on the device of a call, one CSV row for each case, and how
-// many spheres that evaluates in a second. Beside them a distance grid at the same poses.
+// Batches on this machine's GPU: device time of a call, one CSV row for each case, and the rate of
+// evaluated spheres. Also a distance grid at the same poses.
 //   gpu_batch_bench [--quick] [--gpu N] [--only WORD] [--warps]
-// With --warps every case is tried with 1, 2, 4 and 8 warps a pose.
+// With --warps every case is timed with 1, 2, 4 and 8 warps per pose.
 #include <cstring>
 #include <string>
 #include <vector>
@@ -18,7 +18,7 @@ namespace {
 
 struct Options {
   int gpu = 0, laps = 60, num_poses = 16384;
-  std::string only;  // cases whose names have this
+  std::string only;  // selects cases by part of their names
   std::vector<int> warps{0};
 };
 
@@ -26,7 +26,7 @@ Options options;
 
 bool is_requested(const std::string& name) { return name.find(options.only) != std::string::npos; }
 
-/// Times on the device of one call among a few in a row.
+/// Measures the device time of one call among a few in a row.
 template <class Call>
 void measure(const std::string& name, double evaluations, gpu::Stream& stream, const Call& call) {
   if (!is_requested(name)) return;
@@ -45,7 +45,7 @@ void measure(const std::string& name, double evaluations, gpu::Stream& stream, c
   std::printf("# %s: %.3g a second\n", name.c_str(), 1e6 * evaluations / times[times.size() / 2]);
 }
 
-/// Depth of bumpy_wall in metres, in images of any size, each a little farther away.
+/// Returns depth of bumpy_wall in meters, in images of any size, each a little farther away.
 std::vector<float> wall_images(int width, int height, int num) {
   std::vector<float> metres;
   const double f = 525.0 * width / 640;
@@ -65,7 +65,7 @@ Camera camera_of(int width, int height) {
   return {width, height, {f, f, (width - 1) / 2.0, (height - 1) / 2.0}};
 }
 
-/// Poses and answers on the GPU.
+/// Poses and results on the GPU.
 struct Arrays {
   gpu::Memory memory{options.gpu};
   std::vector<Pose> X_WT;
@@ -150,7 +150,7 @@ void run() {
   const SurfaceView surface = large.update({640, 480, wall.data()});
   if (!large.status()) stop(large.status().error());
 
-  // As many small images as poses, 128 different ones.
+  // One small image per pose, 128 different ones.
   Sensor small = value_or_stop(Sensor::create(camera_of(64, 64), Place::cuda(options.gpu)));
   const std::vector<float> some = wall_images(64, 64, 128);
   std::vector<std::uint16_t> counts;

@@ -1,4 +1,4 @@
-// What the CUDA backend takes on this machine, beside the floor measured in the same run: one CSV
+// Times of the CUDA backend on this machine, beside the floor measured in the same run: one CSV
 // row for each case. No Google Benchmark: machines with GPUs are often bare.
 //   gpu_bench [--quick] [--gpu N] [--only WORD]
 #include <algorithm>
@@ -33,9 +33,9 @@ namespace palpate::bench {
 namespace {
 
 struct Options {
-  double seconds = 1.0;  // of each case
+  double seconds = 1.0;  // per case
   int gpu = 0;
-  std::string only;  // cases whose names have this
+  std::string only;  // selects cases by part of their names
   std::vector<int> sizes{1000, 5000, 17000, 100000, 1000000};
 };
 
@@ -43,7 +43,7 @@ Options options;
 
 bool is_requested(const std::string& name) { return name.find(options.only) != std::string::npos; }
 
-/// Calls again and again.
+/// Times repeated calls.
 template <class Call>
 void measure(const std::string& name, const Call& call) {
   if (!is_requested(name)) return;
@@ -58,7 +58,7 @@ void measure(const std::string& name, const Call& call) {
   report(name, times);
 }
 
-// Launches, barriers and hand-overs without any work.
+// Launches, barriers and synchronization without any work.
 void measure_floor() {
   gpu::Memory memory(options.gpu);
   gpu::Stream stream(options.gpu, gpu::Priority::high);
@@ -158,7 +158,7 @@ void measure_bodies(int num_spheres) {
   }
 }
 
-// Several cameras that look at a wall: views of the field in host memory, copied once.
+// Several cameras that see a wall: views of the field in host memory, copied once.
 void measure_hull(int num_spheres) {
   const Tool& tool = cube_tool(num_spheres);
   const auto query =
@@ -169,7 +169,7 @@ void measure_hull(int num_spheres) {
       const test::HullScene scene =
           scene_of(solids().front(), cameras_around(num_cameras), 0.0015, 1);
       std::vector<SurfaceBlend> views = scene.views;
-      // Alone, the free space that a camera has seen is not queried.
+      // A single camera does not use the seen free space.
       if (num_cameras == 1) views[0].to.seen_free = views[0].from.seen_free = {};
       std::size_t i = 0;
       ContactStatus status;
@@ -185,7 +185,7 @@ void measure_hull(int num_spheres) {
   }
 }
 
-// A robot is taken out of a frame in host memory: on the GPU, and on one core beside it.
+// Removal of a robot from a frame in host memory: on the GPU, and on one core for comparison.
 void measure_self_filter() {
   constexpr double kPadding = 0.02;
   const DepthFrame wall = wall_behind_arm();
@@ -238,7 +238,7 @@ struct Sensing {
   }
 };
 
-// Time on the device, of one frame among many in a row.
+// Device time of one frame among many in a row.
 void measure_sensing(int width, int height) {
   const std::string size = std::to_string(width) + "x" + std::to_string(height);
   Sensing sensing(width, height);
@@ -268,7 +268,7 @@ void measure_sensing(int width, int height) {
                    [&] { sensing.surface.enqueue_depth(stream, depth); });
   measure_recorded("sensing: field; device time/" + size,
                    [&] { sensing.field.enqueue(sensing.surface.cloud(), stream); });
-  // With the copy of the raw frame.
+  // Includes the copy of the raw frame.
   for (const DepthAverage kind : {DepthAverage::none, DepthAverage::moving,
                                   DepthAverage::exponential, DepthAverage::kalman}) {
     const DepthFrame raw = wall_frame(width, height);
@@ -296,8 +296,8 @@ void measure_sensing(int width, int height) {
           [&] { timeline.push(frame, time += 1.0 / 30, pool); });
 }
 
-// The thesis' question of section 4.2: what a haptic loop at 1 kHz feels of a camera at 30 Hz on
-// the same GPU (Figs. 4.2 and 4.3).
+// Section 4.2 of the thesis: a haptic loop at 1 kHz and sensing at 30 Hz on the same GPU
+// (Figs. 4.2 and 4.3).
 void measure_sharing(int width, int height) {
   using std::chrono::microseconds;
   struct Way {
@@ -343,7 +343,7 @@ void measure_sharing(int width, int height) {
           std::this_thread::sleep_until(start);
           const auto begin = Clock::now();
           // As with the pauses of eq. 4.19, but at fixed times instead of a moving average's: a
-          // part begins when its share of the frame time has come.
+          // part begins at its share of the frame time.
           for (int part = 0; part < way.num_parts; ++part) {
             std::this_thread::sleep_until(start + part * period / way.num_parts);
             sensing.surface.enqueue(stream, part, way.num_parts);
@@ -372,7 +372,7 @@ void measure_sharing(int width, int height) {
   }
 }
 
-// Sensing on one GPU, contact on another: what the query after a new frame pays for the copy.
+// Sensing on one GPU, contact on another: cost of the copy for the query after a new frame.
 void measure_two_gpus() {
   const DepthFrame frame = wall_frame(640, 480);
   const DepthStreamInfo info{640,          480,   WallFrame(640, 480).intrinsics, 0.001, 30,

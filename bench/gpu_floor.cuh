@@ -1,4 +1,4 @@
-// What a GPU query cannot be faster than: launches, barriers and hand-overs that do nothing else.
+// Lower bound of the time of a GPU query: launches, barriers and synchronization without work.
 #pragma once
 
 #include <cstdint>
@@ -16,7 +16,7 @@ __global__ void raise_flag(std::uint64_t* flag, std::uint64_t number) {
   }
 }
 
-/// The same after some barriers of the whole grid.
+/// The same after `num_barriers` barriers of the whole grid.
 __global__ void raise_flag_after(std::uint64_t* flag, std::uint64_t number,
                                  unsigned long long* barrier, int num_barriers) {
   for (int i = 0; i < num_barriers; ++i) gpu::grid_barrier(barrier);
@@ -26,7 +26,7 @@ __global__ void raise_flag_after(std::uint64_t* flag, std::uint64_t number,
   }
 }
 
-/// The same by the block that is last.
+/// The same by the last block.
 __global__ void raise_flag_last(std::uint64_t* flag, std::uint64_t number,
                                 unsigned long long* count) {
   if (!gpu::is_last_block(count, &gpu::shared_memory<int>()) || threadIdx.x != 0) return;

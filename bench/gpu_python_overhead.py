@@ -1,4 +1,4 @@
-"""What a batch on a GPU costs from Python: a call that only asks, one that is waited for, and a replayed graph.
+"""Cost of a batch on a GPU from Python: an asynchronous call, a synchronous one, and a replayed graph.
 
 16,384 poses of a finger of 100 spheres, each against its own 64 x 64 image, all arrays PyTorch's on the GPU; medians.
 Usage: gpu_python_overhead.py   (the module palpate with CUDA, PyTorch)"""

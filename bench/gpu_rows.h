@@ -1,4 +1,4 @@
-// What the benchmarks of the CUDA backend print: one CSV row for each case.
+// Output of the benchmarks of the CUDA backend: one CSV row for each case.
 #pragma once
 
 #include <algorithm>
@@ -20,7 +20,7 @@ inline double microseconds_since(Clock::time_point start) {
   return std::chrono::duration<double, std::micro>(Clock::now() - start).count();
 }
 
-/// One row: how the times of single calls are distributed, microseconds.
+/// Prints one row: distribution of the times of single calls, microseconds.
 inline void report(const std::string& name, std::vector<double>& times) {
   std::sort(times.begin(), times.end());
   const auto at = [&](double share) {

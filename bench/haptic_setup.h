@@ -1,4 +1,4 @@
-// What a simulated hand touches, and with what.
+// Scenes and tools of a simulated hand.
 #pragma once
 
 #include <cmath>
@@ -14,7 +14,7 @@
 
 namespace palpate::bench {
 
-/// The tool that goes with a scene.
+/// Packs the tool of a scene.
 inline Result<Tool> tool_for(const scenes::Scene& scene, int num_spheres) {
   auto mesh = make_shape(scene.tool_shape, scene.tool_size);
   if (!mesh) return mesh.error();
@@ -25,7 +25,7 @@ inline Result<Tool> tool_for(const scenes::Scene& scene, int num_spheres) {
   return Tool::build(*std::move(mesh), *std::move(packing), GapRule::relative, scene.tool_shape);
 }
 
-/// All frames of a scene.
+/// Renders all frames of a scene.
 inline Result<std::vector<DepthFrame>> frames_of(const scenes::Scene& scene,
                                                  const scenes::SimulatedCameraOptions& camera,
                                                  DepthStreamInfo& info) {
@@ -41,7 +41,7 @@ inline Result<std::vector<DepthFrame>> frames_of(const scenes::Scene& scene,
   }
 }
 
-/// A camera that costs nothing while others are measured: frames to and fro, for ever.
+/// A camera without cost during measurements: plays its frames back and forth, endlessly.
 class LoopedSource final : public DepthSource {
  public:
   LoopedSource(DepthStreamInfo info, std::vector<DepthFrame> frames)

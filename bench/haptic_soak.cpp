@@ -1,5 +1,5 @@
-// The whole haptic loop for as long as wanted: a simulated hand explores a simulated scene in real
-// time. Says how late what was, and whether anything was allocated or grew meanwhile.
+// The whole haptic loop for any time: a simulated hand explores a simulated scene in real time.
+// Reports latencies, and allocations and growth of memory during the run.
 //   haptic_soak [--seconds 600] [--spheres 5000] [--method field] [--device touch] [--scene NAME]
 #include <unistd.h>
 
@@ -42,8 +42,8 @@ double resident_mebibytes() {
   return static_cast<double>(resident) * static_cast<double>(sysconf(_SC_PAGESIZE)) / (1 << 20);
 }
 
-/// The pose of the scene's tool path in the middle of its time, where it touches, and the hand's
-/// way around it: the path itself, to and fro with the frames, within the device's workspace.
+/// The pose in the middle of the scene's tool path, where it touches, and the hand's motion around
+/// it: the path itself, back and forth with the frames, within the device's workspace.
 struct Hand {
   Pose X_WB;
   HandTarget target;
@@ -74,7 +74,7 @@ Hand hand_for(const scenes::Scene& scene, double radius) {
           }};
 }
 
-/// What is printed and written, row by row.
+/// Rows of results, printed and written.
 class Table {
  public:
   void add(const std::string& name, double value, const char* unit) {
@@ -103,8 +103,8 @@ class Table {
   std::string rows_;
 };
 
-/// What the machine alone does to a tick: one that always computes the same few microseconds, in
-/// real time, while an ordinary thread is busy as the one that makes surfaces is.
+/// Latency floor of the machine: ticks with a constant computation of a few microseconds, in
+/// real time, beside an ordinary busy thread like the one that computes surfaces.
 struct Floor {
   LatencyHistogram wall, cpu, period;
 };
@@ -113,7 +113,7 @@ Status measure_floor(double seconds, double rate, Floor& floor) {
   std::atomic<double> sink = 0;
   const auto work = [&sink](int rounds) {
     double x = 0.5;
-    for (int i = 0; i < rounds; ++i) x = 3.7 * x * (1 - x);  // chaotic: nothing to leave out
+    for (int i = 0; i < rounds; ++i) x = 3.7 * x * (1 - x);  // chaotic: cannot be optimized away
     sink.store(x, std::memory_order_relaxed);
   };
   std::thread busy([&] {
@@ -192,7 +192,7 @@ Status soak(const Options& options, const std::string& command) {
   if (!loop) return loop.error();
   if (const Status started = (*loop)->start(); !started) return started;
 
-  // Once every thread has been everywhere.
+  // Waits until every thread has warmed up.
   std::this_thread::sleep_for(std::chrono::duration<double>(std::min(1.0, options.seconds / 10)));
   const double memory_before = resident_mebibytes();
   const test::AllocationCounter allocations;

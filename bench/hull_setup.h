@@ -1,4 +1,4 @@
-// The set-up of benchmarks with several cameras: solids with exact truth, seen from the front, from
+// Setup of the benchmarks with several cameras: solids with exact truth, seen from the front, from
 // both sides and from above, with noise.
 #pragma once
 
@@ -12,16 +12,16 @@
 
 namespace palpate::bench {
 
-/// A solid with its outward normal, and what a ray meets of it.
+/// A solid with its outward normal, and its intersection with a ray.
 struct Solid {
   std::string name;
   test::Ray ray;
   std::function<bool(const Vec3d&)> is_solid;
   Vec3d touched;  ///< a point of its surface that a tool is pressed into
-  Vec3d normal;   ///< there: the way out
+  Vec3d normal;   ///< outward, at that point
 };
 
-/// An intersection of half spaces n . x < d.
+/// Makes an intersection of half spaces n . x < d.
 inline Solid convex(std::string name, std::vector<Plane<double>> faces, const Vec3d& touched,
                     const Vec3d& normal) {
   Solid solid;
@@ -45,7 +45,7 @@ inline Solid convex(std::string name, std::vector<Plane<double>> faces, const Ve
   return solid;
 }
 
-/// Around the point (0, 0, 1): a wall, a ball, a ridge of 90 degrees along y, a corner of a box.
+/// Returns solids at (0, 0, 1): a wall, a ball, a ridge of 90 degrees along y, a box corner.
 inline std::vector<Solid> solids() {
   const Vec3d p{0, 0, 1};
   const auto plane = [&p](const Vec3d& out) {
@@ -71,8 +71,8 @@ inline std::vector<Solid> solids() {
   return all;
 }
 
-/// 1 m away from (0, 0, 1): one camera in front of it, two at +-35 degrees, three and four with one
-/// in front and one above.
+/// Returns poses 1 m away from (0, 0, 1): one camera in front of it, two at +-35 degrees, three and
+/// four with one in front and one above.
 inline std::vector<Pose> cameras_around(int num) {
   const Vec3d target{0, 0, 1};
   const auto at = [&](double degrees, double elevation) {
@@ -87,7 +87,7 @@ inline std::vector<Pose> cameras_around(int num) {
   return cameras;
 }
 
-/// What the cameras see of a solid, with noise of this deviation (m) in depth.
+/// Renders a solid for all cameras, with noise of this deviation (m) in depth.
 inline test::HullScene scene_of(const Solid& solid, const std::vector<Pose>& cameras, double noise,
                                 std::uint64_t seed) {
   test::Random random(seed);

@@ -1,4 +1,4 @@
-// Times of single calls inside a Google Benchmark: what counts for a haptic loop is the tail.
+// Times of single calls inside a Google Benchmark: a haptic loop depends on the tail.
 #pragma once
 
 #include <algorithm>

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Runs the live program and writes how late everything was, one CSV row per case, to bench/results/.
+"""Runs the live program and writes its latencies, one CSV row per case, to bench/results/.
 
 usage: bench/live_figures.py BUILD_DIR [--data DIR] [--backend cpu|cuda|auto] [--seconds S]
                              [--spheres N,N,...] [--note TEXT]
@@ -33,7 +33,7 @@ DRAWN = "575.8157,575.8157,319.5,239.5"
 
 
 def write_depth(path, width, height, rows):
-    """A 16-bit PNG of rows of big-endian numbers."""
+    """Writes a 16-bit PNG of rows of big-endian numbers."""
     def chunk(kind, data):
         body = kind + data
         return struct.pack(">I", len(data)) + body + struct.pack(">I", zlib.crc32(body))
@@ -44,7 +44,7 @@ def write_depth(path, width, height, rows):
 
 
 def draw_frames(folder, num=150, width=640, height=480):
-    """A wavy wall that comes and goes by a few millimetres."""
+    """Writes frames of a wavy wall that moves by a few millimeters."""
     folder.mkdir(parents=True)
     for number in range(num):
         depth = 600 + 4 * math.sin(number / 10)
@@ -56,7 +56,7 @@ def draw_frames(folder, num=150, width=640, height=480):
 
 
 def run_json(command, result=None):
-    """What the program prints, or has written into a file: of a run that ended early, too."""
+    """Returns the JSON that the program prints or writes into a file, even if the run ended early."""
     run = subprocess.run([str(word) for word in command], stdout=subprocess.PIPE, text=True,
                          stderr=subprocess.PIPE)
     text = result.read_text() if result and result.exists() else run.stdout

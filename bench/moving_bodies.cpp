@@ -1,11 +1,11 @@
-// Objects that move against their goals, on a table that a simulated depth camera looks down at; on
-// a simulated clock: the same numbers on every machine, but for what a step costs.
+// Moving objects against their goals, on a table below a simulated depth camera; on
+// a simulated clock: the same numbers on every machine, except the cost of a step.
 //   moving_bodies CSV [FIGURE...]
 // rest: drift of a box in 60 s, with the noise of a Kinect, by average of depth over time.
 // stack: the same of five boxes on each other.
-// energy: what is there beyond what was, where nobody does work.
+// energy: energy gained without any work from outside.
 // tunnel: plates that meet the table, each other and a tool at 1 m/s.
-// cost: of a step, by the time that its thread computes: eight bodies of 1,000 spheres and a tool.
+// cost: CPU time of a step in its thread: eight bodies of 1,000 spheres and a tool.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -49,7 +49,7 @@ std::vector<SceneObject> stack_of(int num) {
   return boxes;
 }
 
-/// Of the uppermost of so many boxes, from 3 s on.
+/// Measures the drift of the uppermost of `num` stacked boxes, from 3 s on.
 void rest(int num, bool may_sleep, const char* figure) {
   for (const DepthAverage average : {DepthAverage::none, DepthAverage::kalman}) {
     CameraTableOptions seen;
@@ -105,7 +105,7 @@ void energy() {
       }
       return sum;
     };
-    const double scale = 4 * 0.3 * 9.81 * 0.1;  // J: what they have to fall
+    const double scale = 4 * 0.3 * 9.81 * 0.1;  // J: scale of the potential energy
     double before = all(), least = before, min_all = 1e9;
     for (int i = 0; i < 3000; ++i) {
       world.step();
@@ -147,7 +147,7 @@ void tunnel() {
       }
       ++num;
       through_table += world.body(2).center_W().z > kTable || world.body(0).center_W().z > kTable;
-      // Under the other one, or in it.
+      // Below the other plate, or in it.
       const Vec3d apart = world.body(1).center_W() - world.body(0).center_W();
       const bool is_beside = std::hypot(apart.x, apart.y) > 0.06;
       through_body += !is_beside && apart.z > -0.6 * thick;
@@ -160,7 +160,7 @@ void tunnel() {
   }
 }
 
-/// A tool of 6 cm at 1 m/s against a plate that stands free, with the stiffness of a device.
+/// Moves a tool of 6 cm at 1 m/s against a free plate, with the stiffness of a device.
 void tunnel_tool() {
   for (const double thick : {0.01, 0.02, 0.04}) {
     for (const double max_force : {8.0, 20.0}) {

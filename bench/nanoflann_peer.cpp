@@ -6,7 +6,7 @@
 namespace palpate::bench {
 namespace {
 
-/// What nanoflann reads.
+/// Point set in the interface of nanoflann.
 struct Points {
   std::vector<Vec3f> p;
 
@@ -23,8 +23,8 @@ struct Points {
 using Tree =
     nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<float, Points>, Points, 3>;
 
-/// Takes the points within a radius as they are found, and stops at the first if no more is
-/// requested.
+/// Result set that takes the points within a radius as they are found; stops at the first one if
+/// that suffices.
 struct Visitor {
   const PointCloud& cloud;
   Question question;

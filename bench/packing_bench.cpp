@@ -1,4 +1,4 @@
-// Time and fill of the sphere packer, and what the volumes that spheres stand for add. The bunny is
+// Time and fill of the sphere packer, and the extra time for represented volumes. The bunny is
 // read from $PALPATE_DATA/meshes_good/bunny_3k.off.
 //   bench_packing --benchmark_filter=bunny
 #include <benchmark/benchmark.h>
@@ -59,7 +59,7 @@ BENCHMARK(pack_cube)->Apply(settings);
 void pack_bunny(benchmark::State& state) { pack(state, bunny()); }
 BENCHMARK(pack_bunny)->Apply(settings);
 
-// A million spheres: once, with the most memory that the process ever held.
+// A million spheres: a single run, with the peak memory of the process.
 void pack_bunny_million(benchmark::State& state) {
   pack(state, bunny());
   rusage usage{};
@@ -90,7 +90,7 @@ BENCHMARK(volumes_cube)->Apply(settings);
 void volumes_bunny(benchmark::State& state) { volumes(state, bunny()); }
 BENCHMARK(volumes_bunny)->Apply(settings);
 
-// Where every facet is about equally far from the axis.
+// All facets are about equally far from the axis.
 void pack_round_cylinder(benchmark::State& state) { pack(state, make_cylinder(0.02, 0.1, 8192)); }
 BENCHMARK(pack_round_cylinder)->Args({5000, 0})->Unit(benchmark::kMillisecond)->UseRealTime();
 

@@ -1,4 +1,4 @@
-// The numbers: summary, finding, CSV and Markdown.
+// Output of the packing comparison: summary, finding, CSV and Markdown.
 #include "bench/packing_comparison.h"
 
 #include <algorithm>
@@ -18,11 +18,11 @@ __attribute__((format(printf, 1, 2))) std::string format(const char* text, ...) 
   return buffer;
 }
 
-// What a method needs for the fill that Palpate has with `spheres` spheres, as multiples of what
-// Palpate needs.
+// Effort of a method for the fill that Palpate reaches with `spheres` spheres, as multiples of
+// Palpate's effort.
 struct EqualFill {
   bool reached = false;
-  double spheres = 0, time = 0;  ///< not reached: even so many were not enough
+  double spheres = 0, time = 0;  ///< if not reached: lower bounds
 };
 
 EqualFill equal_fill(const MeshComparison& mesh, std::size_t method, int spheres) {
@@ -40,7 +40,7 @@ std::string multiple(bool reached, double ratio) {
   return format(ratio < 10 ? "%s%.2f" : "%s%.0f", reached ? "" : "> ", ratio);
 }
 
-// "a to b" over all meshes where the fill was reached.
+// Range over all meshes where the fill was reached, as "a to b".
 struct Range {
   double low = std::numeric_limits<double>::infinity(), high = 0;
   void add(double x) { low = std::min(low, x), high = std::max(high, x); }
@@ -50,7 +50,7 @@ struct Range {
   }
 };
 
-// "prototype placement needs 1.4 to 2 times as many spheres and ..."
+// Describes the effort: "prototype placement needs 1.4 to 2 times as many spheres and ..."
 std::string effort(const PackingComparison& comparison, std::size_t method, int count) {
   Range spheres, time;
   std::size_t num_reached = 0;

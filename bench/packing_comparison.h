@@ -1,4 +1,4 @@
-// What the packing comparison measured, and how it is shown.
+// Results of the packing comparison, and their output.
 #pragma once
 
 #include <array>
@@ -11,23 +11,23 @@
 
 namespace palpate::bench {
 
-/// The state of a packing when its newest sphere was inserted.
+/// State of a packing after its newest sphere.
 struct CurvePoint {
   int spheres = 0;
   double fill = 0;         ///< sphere volume / mesh volume
   Times times;             ///< since the call
-  double last_radius = 0;  ///< metres
+  double last_radius = 0;  ///< meters
 };
 
-/// One packer on one mesh, by ascending number of spheres: every number, or those of separate runs.
+/// One packer on one mesh, by ascending number of spheres: every number, or separate runs.
 struct PackingCurve {
   std::vector<CurvePoint> points;
-  std::string ending;  ///< why it has fewer spheres than requested; empty if it has not
+  std::string ending;  ///< reason for fewer spheres than requested; empty if none
 
   std::optional<CurvePoint> at(int spheres) const;
-  /// The first point that has at least this fill.
+  /// Returns the first point with at least this fill.
   std::optional<CurvePoint> reaching(double fill) const;
-  /// Those at the counts of the report, and the last.
+  /// Returns the points at the counts of the report, and the last.
   std::vector<CurvePoint> reported() const;
 };
 
@@ -49,23 +49,23 @@ struct PackingComparison {
   std::vector<std::string> skipped;  ///< a sentence each
   double prototype_share = 0;        ///< of the largest, from which on a round inserts
   int grid_cells = 0;                ///< of the fixed grid, along the longest side
-  /// How the numbers came to be: date, machine, commit, command, ...
+  /// Provenance of the numbers: date, machine, commit, command, ...
   std::vector<std::array<std::string, 2>> facts;
 };
 
-/// The summary table: per mesh and method the state at two counts, and what it takes to reach the
-/// fills A and B, which are those of Palpate at the two counts, as multiples of what Palpate needs.
+/// The summary table: per mesh and method the state at two counts, and the effort to reach the
+/// fills A and B, which are those of Palpate at the two counts, as multiples of Palpate's effort.
 inline constexpr int kSmall = 1000, kLarge = 10000;
 std::vector<std::string> summary_header();
 std::vector<std::vector<std::string>> summary_rows(const PackingComparison& comparison);
 
-/// What the numbers say, in a few sentences.
+/// Summarizes the numbers in a few sentences.
 std::string finding(const PackingComparison& comparison);
-/// One line per mesh, method and count, after comment lines with the facts.
+/// Formats one line per mesh, method and count, after comment lines with the facts.
 std::string to_csv(const PackingComparison& comparison);
-/// The summary table as Markdown.
+/// Formats the summary table as Markdown.
 std::string to_markdown(const PackingComparison& comparison);
-/// The report: one HTML page with everything in it. Error: this build has no pages.
+/// Makes the report, one self-contained HTML page. Error: this build has no pages.
 Result<std::string> to_html(const PackingComparison& comparison);
 
 }  // namespace palpate::bench

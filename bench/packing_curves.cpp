@@ -18,7 +18,7 @@
 namespace palpate::bench {
 namespace {
 
-constexpr double kShapeSize = 0.1;  // metres
+constexpr double kShapeSize = 0.1;  // meters
 constexpr int kMaxPeerSpheres = 30000;
 
 struct Source {
@@ -33,13 +33,13 @@ constexpr Source kSources[] = {
     {"octahedron", "octahedron", nullptr, 1},
     {"bunny", nullptr, "bunny_3k.off", 1},
     {"spiral", nullptr, "spiral_tool.obj", 1},
-    {"drill", nullptr, "chai3d_drill.obj", 0.001},  // in millimetres
+    {"drill", nullptr, "chai3d_drill.obj", 0.001},  // in millimeters
 };
 
 struct Settings {
   std::string out;
   double budget = 20;  ///< seconds, of a peer on one mesh
-  double large = 0.7;  ///< what a round of prototypes inserts, as fraction of its largest
+  double large = 0.7;  ///< threshold of a prototype round, as fraction of its largest sphere
   int cells = 128;     ///< of the fixed grid, along the longest side
   std::string commit = "unknown";
 };

@@ -1,4 +1,4 @@
-// The packing comparison as a page.
+// HTML page of the packing comparison.
 #include <algorithm>
 
 #include "bench/packing_comparison.h"
@@ -10,8 +10,8 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-/// Columns of a curve from the first reported count on, about 20 points per decade; `is_reported`:
-/// the others only lead from one to the next.
+/// Makes the columns of a curve from the first reported count on, about 20 points per decade;
+/// `is_reported`: false for points that only connect the others.
 Json curve_json(const PackingCurve& curve) {
   Json json{{"spheres", Json::array()},
             {"fill", Json::array()},

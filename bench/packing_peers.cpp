@@ -12,11 +12,11 @@ namespace {
 
 constexpr double kHalfDiagonal = 0.8660254037844386;  // of a cube of side 1
 
-// A call of its own: GCC 12 forgets the rounding of double -> float -> double when it vectorises
+// A separate function: GCC 12 drops the rounding of double -> float -> double when it vectorizes
 // the pair.
 [[gnu::noinline]] Vec3f rounded(const Vec3d& p) { return to_float(p); }
 
-/// The void of the solid, the spheres inserted so far, and when.
+/// Free space of the solid, the spheres inserted so far, and their times.
 class Filling {
  public:
   Filling(const TriangleMesh& solid, const PeerLimits& limits) : limits_(limits), mesh_(solid) {}
@@ -33,11 +33,11 @@ class Filling {
     return packing_.spheres.size() >= static_cast<std::size_t>(limits_.max_spheres);
   }
 
-  /// Inserts the largest single-precision sphere of at most `radius` around p, rounded, if it is
-  /// not smaller than `least`.
+  /// Inserts the largest single-precision sphere of at most `radius` around p, rounded, unless it
+  /// is smaller than `least`.
   bool insert(const Vec3d& p, double radius, double least) {
     const Vec3f centre = rounded(p);
-    // Far less than the rounding of a radius to float, so that it stays below what is free.
+    // Far less than the rounding of a radius to float, so that the sphere stays in free space.
     constexpr double kInside = 1 - 2e-7;
     const double free = kInside * space_.clearance(to_double(centre), radius);
     if (!(free >= least) || !(free > 0)) return false;
@@ -58,7 +58,7 @@ class Filling {
   PeerPacking packing_;
 };
 
-/// Cubes that cover a box, `cells` along its longest side.
+/// Cubic cells that cover a box, `cells` along its longest side.
 struct Grid {
   Vec3d low;
   double side = 0;
@@ -89,7 +89,7 @@ struct Grid {
 constexpr int kFirstCells = 4, kLastCells = 64;  // along the longest side
 constexpr int kFirstSplit = 6, kNextSplit = 30;  // rounds
 constexpr int kSteps = 50;
-constexpr double kFirstStep = 0.5, kCooling = 0.92;  // fractions of the clearance
+constexpr double kFirstStep = 0.5, kCooling = 0.92;  // shares of the clearance
 
 class PrototypePacker {
  public:
@@ -122,7 +122,7 @@ class PrototypePacker {
   enum class State { inside, mixed, dead };
   struct Cell {
     Vec3d centre;
-    double bound = 0;  ///< clearance at the centre, or more
+    double bound = 0;  ///< upper bound of the clearance at the center
     State state = State::mixed;
   };
 
@@ -145,7 +145,7 @@ class PrototypePacker {
     drop_dead_cells();
   }
 
-  // Those outside the solid or within one sphere.
+  // Drops cells outside the solid or within one sphere.
   void drop_dead_cells() {
     const FreeSpace& space = filling_.space();
     for (Cell& cell : cells_) {
@@ -159,7 +159,7 @@ class PrototypePacker {
     std::erase_if(cells_, [](const Cell& cell) { return cell.state == State::dead; });
   }
 
-  // A hash of round, cell and axis (SplitMix64, twice), in [0, 1).
+  // Hash of round, cell and axis (SplitMix64, twice), in [0, 1).
   static double random(std::uint64_t round, std::uint64_t cell, std::uint64_t axis) {
     std::uint64_t z = ((round << 32) + cell) * 3 + axis;
     for (int i = 0; i < 2; ++i) {
@@ -171,7 +171,7 @@ class PrototypePacker {
     return static_cast<double>(z >> 11) * 0x1.0p-53;
   }
 
-  // False: out of time.
+  // Returns false if out of time.
   bool place_prototypes(std::uint64_t round) {
     prototypes_.assign(cells_.size(), Ball{});
     for (std::size_t i = 0; i < cells_.size(); ++i) {
@@ -188,8 +188,8 @@ class PrototypePacker {
     return true;
   }
 
-  // The largest ball met on the way of a prototype that flees from its closest obstacle. The
-  // clearance changes by no more than the way, which tells each query how far to look.
+  // Returns the largest ball on the way of a prototype away from its closest obstacle. The
+  // clearance changes by at most the distance moved, which bounds each query.
   Ball converge(Vec3d p, double from_centre, Cell& cell) const {
     Ball best;
     double reach = cell.bound + from_centre, step = kFirstStep;
@@ -216,7 +216,7 @@ class PrototypePacker {
     });
     for (const std::size_t i : order) {
       if (radius(i) <= 0 || radius(i) < large_ * radius(order[0]) || filling_.full()) break;
-      constexpr double kUntouched = 1 - 1e-3;  // otherwise it overlaps one of this round
+      constexpr double kUntouched = 1 - 1e-3;  // otherwise it overlaps a sphere of this round
       filling_.insert(prototypes_[i].centre, 1.01 * radius(i), kUntouched * radius(i));
     }
     const SphereLevels& spheres = filling_.space().spheres;
@@ -246,8 +246,8 @@ PeerPacking pack_fixed_grid(const TriangleMesh& solid, int cells, const PeerLimi
   const FreeSpace& space = filling.space();
   const Grid grid(bounds(solid), cells);
 
-  // The distance field, row by row: neighbours differ by no more than a cell, so rays are shot near
-  // the surface only, and empty space is crossed in large steps.
+  // The distance field, row by row: neighbors differ by at most a cell, so rays are cast only near
+  // the surface, and empty space is crossed in large steps.
   const auto row_length = static_cast<std::size_t>(grid.num[0]);
   std::vector<float> field(grid.size(), 0.0f);
   for (std::size_t row = 0; row < grid.size(); row += row_length) {
@@ -278,7 +278,7 @@ PeerPacking pack_fixed_grid(const TriangleMesh& solid, int cells, const PeerLimi
     if (field[i] > 0) heap.push_back({field[i], static_cast<std::uint32_t>(i)});
   }
   std::make_heap(heap.begin(), heap.end());
-  // Lazy: the clearance of a cell only shrinks, so it is enough to bring the top up to date.
+  // Lazy: the clearance of a cell only shrinks, so only the top needs an update.
   while (!heap.empty() && !filling.full()) {
     std::pop_heap(heap.begin(), heap.end());
     const auto [radius, cell] = heap.back();

@@ -1,6 +1,6 @@
-// Two published ways to fill a solid with disjoint spheres, to compare `pack_spheres` with. They
-// are written here from the descriptions, not by their authors, and share our distance queries, so
-// that only the way in which they look for the next sphere differs. Both run on the calling thread.
+// Two published methods to fill a solid with disjoint spheres, for comparison with `pack_spheres`.
+// They are written here from the descriptions, not by their authors, and share our distance
+// queries, so that only the search for the next sphere differs. Both run on the calling thread.
 #pragma once
 
 #include <limits>
@@ -15,7 +15,7 @@ namespace palpate::bench {
 
 struct PeerLimits {
   int max_spheres = 0;
-  double max_seconds = std::numeric_limits<double>::infinity();  ///< of the processor
+  double max_seconds = std::numeric_limits<double>::infinity();  ///< CPU time
 };
 
 /// In insertion order: every prefix is the packing for that number.
@@ -33,11 +33,11 @@ struct PeerPacking {
 PeerPacking pack_prototypes(const TriangleMesh& solid, double large, const PeerLimits& limits);
 
 /// Greedy packing on a fixed grid: distance field of `cells` cells along the longest side of the
-/// box, then always the largest sphere that fits around a cell centre.
+/// box, then always the largest sphere that fits around a cell center.
 PeerPacking pack_fixed_grid(const TriangleMesh& solid, int cells, const PeerLimits& limits);
 
-/// What is wrong with a packing, measured in double on the stored numbers: the first sphere that
-/// leaves the solid or overlaps another. Empty if nothing is.
+/// Verifies a packing in double on the stored numbers: returns the first sphere that leaves the
+/// solid or overlaps another. Empty if the packing is valid.
 std::string find_fault(const TriangleMesh& solid, const std::vector<Sphere>& spheres);
 
 }  // namespace palpate::bench

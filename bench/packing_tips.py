@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""How far the surface of packed tools is from their spheres, by two builds of palpate, as CSV.
+"""Distance of the surface of packed tools from their spheres, by two builds of palpate, as CSV.
 
   packing_tips.py PALPATE [--before PALPATE] [--data DIR] [--commit ID] > packing-tips.csv
 
@@ -43,7 +43,7 @@ def machine():
 
 
 def meshes(palpate, data, folder):
-    """Names, files and the factor to SIZE."""
+    """Yields names, files and the factor to SIZE."""
     for name in SHAPES:
         path = os.path.join(folder, name + ".ply")
         run(palpate, "shape", name, "--size", SIZE, "-o", path)
@@ -53,7 +53,7 @@ def meshes(palpate, data, folder):
     good = os.path.join(data, "meshes_good")
     for name in sorted(os.listdir(good)):
         path = os.path.join(good, name)
-        # Units differ: a millionth of them is small enough for all but the largest.
+        # Units differ: a mesh that is too large in meters is taken in millimeters.
         for scale in (1, 1e-3):
             tool = os.path.join(folder, "probe.palp")
             done = subprocess.run([palpate, "pack", path, "--scale", str(scale), "--spheres", "1",

@@ -1,5 +1,5 @@
-// The Point Cloud Library. OrganizedNeighbor is the best off-the-shelf answer to "which points are
-// in which sphere" that needs no tree: it looks at the pixels a sphere can cover.
+// The Point Cloud Library. OrganizedNeighbor is the best off-the-shelf point-in-sphere query
+// without a tree: it looks at the pixels that a sphere can cover.
 #include <pcl/features/integral_image_normal.h>
 #include <pcl/point_cloud.h>
 #include <pcl/point_types.h>
@@ -70,7 +70,7 @@ class IntegralImageNormals : public NormalsPeer {
   std::string name() const override { return name_; }
 
   void run() override {
-    estimation_.setInputCloud(points_);  // makes the integral images
+    estimation_.setInputCloud(points_);  // computes the integral images
     estimation_.compute(normals_);
   }
 

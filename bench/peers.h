@@ -1,4 +1,4 @@
-// Other libraries at the work of our boundary stage and of our surface estimation. Each lies in its
+// Adapters of other libraries to our boundary stage and surface estimation. Each lies in its
 // own file; bench_peers compares and times them.
 #pragma once
 
@@ -19,18 +19,18 @@ namespace palpate::bench {
   std::exit(1);
 }
 
-/// What is computed for every sphere.
+/// Output for every sphere.
 enum class Question {
-  which,  ///< does it hold a point?
-  sums,   ///< what do its points and their normals add up to?
+  which,  ///< whether it holds a point
+  sums,   ///< sums of its points and of their normals
 };
 
-/// The answer. To `which`, only whether there are points.
+/// Result for a sphere. For `which`, only the presence of points.
 struct SphereAnswer {
   int num_points = 0;
   Vec3d points, normals;
 
-  /// Point i of the cloud lies in the sphere.
+  /// Adds point i of the cloud, which lies in the sphere.
   void add(const PointCloud& cloud, std::size_t i) {
     ++num_points;
     points += to_double(cloud.point(i));
@@ -38,20 +38,20 @@ struct SphereAnswer {
   }
 };
 
-/// A library that looks for points near a place. The cloud is copied to what the library reads
-/// before anything is timed.
+/// A library for point queries. The cloud is converted to the library's format before anything is
+/// timed.
 class BoundaryPeer {
  public:
   virtual ~BoundaryPeer() = default;
   virtual std::string name() const = 0;
-  /// Makes the library's structure over the points: a camera's are new in every frame.
+  /// Builds the library's structure over the points, which a camera renews in every frame.
   virtual void build() = 0;
   /// Evaluates every sphere of a tool at X_WT. `answers`: one per sphere.
   virtual void evaluate(Question question, std::span<const Sphere> spheres, const Pose& X_WT,
                         std::span<SphereAnswer> answers) = 0;
 };
 
-/// The loop of every BoundaryPeer: ask_one(centre in W, radius, answer).
+/// Loop of every BoundaryPeer: ask_one(center in W, radius, answer).
 template <class AskOne>
 void query_all(std::span<const Sphere> spheres, const Pose& X_WT, std::span<SphereAnswer> answers,
                AskOne&& evaluate_one) {
@@ -63,7 +63,7 @@ void query_all(std::span<const Sphere> spheres, const Pose& X_WT, std::span<Sphe
   }
 }
 
-/// The cloud must outlive them.
+/// The cloud must outlive the peers.
 std::unique_ptr<BoundaryPeer> pcl_organized_neighbor(const PointCloud& cloud);
 std::unique_ptr<BoundaryPeer> nanoflann_tree(const PointCloud& cloud);
 enum class EmbreeTree { fast_to_query, fast_to_build };
@@ -78,7 +78,7 @@ class NormalsPeer {
   virtual Vec3d normal(std::size_t i) const = 0;  ///< of pixel i; not finite: none
 };
 
-/// Those of an organised cloud of a pinhole camera.
+/// Normals of an organized cloud of a pinhole camera.
 std::vector<std::unique_ptr<NormalsPeer>> pcl_normals(const PointCloud& cloud);
 std::unique_ptr<NormalsPeer> opencv_normals(const PointCloud& cloud, const Intrinsics& intrinsics);
 

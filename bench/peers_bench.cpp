@@ -1,6 +1,6 @@
-// Other libraries beside ours in one run: which points of a frame are in which sphere of a tool
-// (the boundary stage), normals, and the filter of depth. Answers are compared before they are
-// timed. Prints a table and writes what `palpate_eval --peers` reads.
+// Other libraries beside ours in one run: point-in-sphere queries of a tool in a frame (the
+// boundary stage), normals, and the filter of depth. Results are compared before they are timed.
+// Prints a table and writes the input of `palpate_eval --peers`.
 #include <algorithm>
 #include <cmath>
 #include <ctime>
@@ -32,8 +32,8 @@ struct Summary {
 
 using Work = std::function<void(int)>;
 
-/// Of the processor: on a busy machine a long call is interrupted more often than a short one, and
-/// the clock on the wall would favour ours.
+/// Returns the processor time: on a busy machine a long call is interrupted more often than a short
+/// one, and wall time would favor ours.
 double microseconds() {
   timespec now;
   clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
@@ -45,13 +45,13 @@ double microseconds(const Work& work, int i) {
   return microseconds() - start;
 }
 
-/// Calls every work(i) for i = 0 ... num - 1, one work after the other, in several passes: what
-/// else runs on the machine slows all of them alike.
+/// Times work(i) for i = 0 ... num - 1, one work after the other, in several passes: other load on
+/// the machine slows all of them alike.
 std::vector<Summary> time_in_turn(const std::vector<Work>& works, int num, int passes) {
   std::vector<std::vector<double>> times(works.size());
   for (int pass = 0; pass < passes; ++pass) {
     for (std::size_t w = 0; w < works.size(); ++w) {
-      works[w](0);  // the last one's data are out of the caches
+      works[w](0);  // evicts the data of the previous work from the caches
       for (int i = 0; i < num; ++i) times[w].push_back(microseconds(works[w], i));
     }
   }
@@ -65,13 +65,13 @@ std::vector<Summary> time_in_turn(const std::vector<Work>& works, int num, int p
   return summaries;
 }
 
-/// Their short names, explained.
+/// Legend of the short names.
 constexpr const char* kLibraries =
     "PCL organized is search::OrganizedNeighbor; PCL gradient and covariance are "
     "IntegralImageNormalEstimation; OpenCV FALS is rgbd::RgbdNormals; Embree answers point queries "
     "with its trees of quality medium (best) and low (quick)";
 
-/// The lines of the file, also printed as they come.
+/// The lines of the file, also printed as they are added.
 class Rows {
  public:
   void add(const std::string& name, const std::string& peer, const Summary& ours,
@@ -107,8 +107,7 @@ class Rows {
 
 // ---- Boundary stage ----
 
-/// A library with its answers. Single precision decides as it likes about points so near the
-/// surface of a sphere (m).
+/// Distance from a sphere's surface within which single precision may decide either way, m.
 constexpr double kCloseCall = 2e-6;
 
 struct QueriedPeer {
@@ -116,7 +115,7 @@ struct QueriedPeer {
   double build = 0;  ///< µs
 };
 
-/// Ours in the words of the peers.
+/// Runs ours with the output of the peers.
 void query_ours(eval::BoundaryStage& stage, const Pose& X_WT, std::vector<SphereAnswer>& answers) {
   std::fill(answers.begin(), answers.end(), SphereAnswer{});
   stage.run(X_WT, [&](std::size_t k, const PointSums& sums) {
@@ -127,7 +126,7 @@ void query_ours(eval::BoundaryStage& stage, const Pose& X_WT, std::vector<Sphere
   });
 }
 
-/// Are both answers right for a sphere on which they differ? Some points may lie on its surface.
+/// True if both results are right for a sphere on which they differ: points lie on its surface.
 bool is_close_call(const PointCloud& cloud, const Vec3d& c_W, double radius, int ours, int theirs) {
   int surely = 0, perhaps = 0;
   for (std::size_t i = 0; i < cloud.size(); ++i) {
@@ -139,8 +138,8 @@ bool is_close_call(const PointCloud& cloud, const Vec3d& c_W, double radius, int
   return surely <= low && high <= perhaps;
 }
 
-/// Number of spheres on which a library differs from ours for being so near; fails on any other
-/// difference.
+/// Returns the number of spheres on which a library differs from ours in close calls; fails on any
+/// other difference.
 int compare(BoundaryPeer& peer, Question question, const PointCloud& cloud, const Tool& tool,
             const Pose& X_WT, const std::vector<SphereAnswer>& ours) {
   std::vector<SphereAnswer> theirs(ours.size());
@@ -155,7 +154,7 @@ int compare(BoundaryPeer& peer, Question question, const PointCloud& cloud, cons
       const Sphere& s = tool.spheres()[k];
       const Vec3d c_W = R_WT * to_double(s.centre) + X_WT.translation;
       const auto radius = static_cast<double>(s.radius);
-      // To `which`, a library counts no further than one.
+      // For `which`, a library stops counting at one.
       const int num = question == Question::which ? std::min(a.num_points, 1) : a.num_points;
       const bool is_close = question == Question::which && num > b.num_points
                                 ? is_close_call(cloud, c_W, radius, a.num_points, 0)
@@ -240,7 +239,7 @@ std::vector<QueriedPeer> boundary_peers(const Settings& settings) {
 
 constexpr int kWidth = 640, kHeight = 480;
 
-/// Of a flat wall at 1 m: root mean square of what is wrong with its depth, mm.
+/// Returns the rms depth error on a flat wall at 1 m, mm.
 double depth_error(const std::function<float(std::size_t)>& depth) {
   double sum = 0;
   for (std::size_t i = 0; i < kWidth * kHeight; ++i) {
@@ -256,7 +255,7 @@ std::string errors(double ours, double theirs) {
   return text;
 }
 
-/// The points that other libraries start from.
+/// Makes the input points of the other libraries.
 PointCloud points_of(std::span<const float> depth, const Intrinsics& k) {
   PointCloud cloud(kWidth, kHeight, k);
   for (int v = 0; v < kHeight; ++v) {

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What one Contact.measure costs in Python beside the measurement itself: a tool of few spheres in
+"""Cost of one Contact.measure in Python beyond the measurement itself: a tool of few spheres in
 free space, which C++ answers in a fraction of a microsecond.
 
 usage: PYTHON bench/python_overhead.py [ROUNDS]      with palpate installed (make wheel)

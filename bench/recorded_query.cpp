@@ -1,6 +1,6 @@
-// The bare query at the poses and frames of a recorded run: what the loop's own contacts are
-// compared with. One frame, no stiffness, one thread in real time, nothing beside it. And what a
-// query by field takes beyond its index.
+// The bare query at the poses and frames of a recorded run, for comparison with the loop's own
+// contacts. One frame, no stiffness, one thread in real time, without other load. And the memory of
+// a query by field beyond its index.
 //   recorded_query RUN
 //   recorded_query --memory SIDE      a block of SIDE x SIDE x SIDE spheres
 #include <algorithm>
@@ -23,7 +23,7 @@
 namespace palpate::bench {
 namespace {
 
-/// Times every query of the run that found something. Prints one line of JSON, microseconds.
+/// Times every query of the run that measured contact. Prints one line of JSON, microseconds.
 Status time_queries(const std::filesystem::path& folder) {
   const std::filesystem::path path = folder / kRecordingFile;
   std::vector<ContactRecord> contacts;
@@ -51,7 +51,7 @@ Status time_queries(const std::filesystem::path& folder) {
   const ContactQuery& query = parts->contact->query();
   ThreadPool pool(0);
   LatencyHistogram times;
-  request_real_time(70);  // as the contact thread
+  request_real_time(70);  // like the contact thread
   std::size_t next = 0;
   std::vector<SurfaceBlend> cameras(setup.streams.size());
   RecordedDepth frame;
@@ -77,8 +77,8 @@ Status time_queries(const std::filesystem::path& folder) {
   return Done{};
 }
 
-/// What the index and one query by field of a tool of so many equal spheres take. Prints one line
-/// of JSON, bytes.
+/// Measures the memory of the index and of one query by field, for a block of equal spheres. Prints
+/// one line of JSON, bytes.
 Status weigh_query(int side) {
   const Tool tool = test::block_of_spheres(side);
   const auto index = ToolIndex::create(tool);

@@ -28,16 +28,16 @@ COLUMNS = ("program", "case", "seconds", "images", "wrenches", "lost", "sent_gap
            "image_to_force_p99_ms", "image_to_force_max_ms", "image_to_sent_p50_ms", "image_to_sent_p99_ms",
            "image_to_sent_max_ms", "measured", "load_before", "load_after", "cores",
            "commit")
-# How images are asked for, and how the robot is run.
+# Cases: QoS of the image subscription, and command prefix of the robot.
 CASES = {"images best_effort, wrench reliable": ("best_effort", []),
          "images reliable, wrench reliable": ("reliable", []),
          "images best_effort, robot in real time, looks at points and spheres": ("best_effort", ["chrt", "-f", "50"])}
 
 
 def beside_python(palpate, work, environment, seconds):
-    """A row. Lost: by the program's own count of what it sent, since the first wrench came."""
+    """Returns a row. Lost: by the program's own count of sent messages, since the first wrench came."""
     before = os.getloadavg()[0]
-    python = ROOT / "build/python/bin/python"  # as scripts/setup.sh --test leaves it
+    python = ROOT / "build/python/bin/python"  # made by scripts/setup.sh --test
     robot = subprocess.Popen([python if python.exists() else sys.executable, ROOT / "tests/ros/cyclone_peer.py", str(DOMAIN), "good", "640x480"],
                              stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     run = subprocess.run([palpate, "ros2", "ball.palp", "--depth", "/camera/depth/image_raw", "--pose", "/tool_pose", "-o",
@@ -51,7 +51,7 @@ def beside_python(palpate, work, environment, seconds):
 
 
 def beside_fast_dds(program, palpate, peer, case, work, environment, seconds):
-    """A row."""
+    """Returns a row."""
     qos, as_robot = CASES[case]
     before = os.getloadavg()[0]
     robot = subprocess.Popen([*as_robot, peer, str(DOMAIN), "640", "480", "30", *(["looks"] if as_robot else [])],

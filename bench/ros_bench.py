@@ -1,4 +1,4 @@
-"""What the benchmarks over ROS 2 share: their options, a packed ball as tool, the machine, and the table that they write."""
+"""Shared parts of the benchmarks over ROS 2: options, a packed ball as tool, the machine, and the result table."""
 
 import argparse
 import csv
@@ -20,7 +20,7 @@ def options_of(description, seconds, before=False):
 
 
 def programs_of(build, *names):
-    """Their paths, if all are built."""
+    """Returns the paths of the programs; exits if one is not built."""
     programs = [build.resolve() / "bin" / name for name in names]
     for program in programs:
         if not program.exists():
@@ -29,19 +29,19 @@ def programs_of(build, *names):
 
 
 def pack_ball(palpate, folder, num_spheres):
-    """ball.palp in a folder."""
+    """Makes ball.palp in a folder."""
     for words in (["shape", "sphere", "--size", "0.05", "-o", "ball.obj"],
                   ["pack", "ball.obj", "-o", "ball.palp", "--spheres", str(num_spheres)]):
         subprocess.run([palpate, *words], cwd=folder, check=True, capture_output=True)
 
 
 def local_ros(domain):
-    """The environment of a domain that stays on this machine."""
+    """Returns the environment of a ROS domain that stays on this machine."""
     return dict(os.environ, ROS_DOMAIN_ID=str(domain), ROS_LOCALHOST_ONLY="1")
 
 
 def machine_now(load_before):
-    """load_before, load_after, cores, commit: the last columns of a row."""
+    """Returns load_before, load_after, cores, commit: the last columns of a row."""
     commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=False)
     return [round(load_before, 2), round(os.getloadavg()[0], 2), os.cpu_count(), commit.stdout.strip()]
 

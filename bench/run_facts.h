@@ -1,4 +1,4 @@
-// When and where a measurement was made, for the head of its file.
+// Time and place of a measurement, for the head of its file.
 #pragma once
 
 #include <cstdlib>
@@ -23,7 +23,7 @@ inline std::string today() {
   return text;
 }
 
-/// Of the last minute: how many wanted a processor.
+/// Returns the load average of the last minute.
 inline double machine_load() {
   double load = 0;
   getloadavg(&load, 1);

@@ -1,4 +1,4 @@
-// What it costs to take a robot out of a depth image: seven links, drawn and removed.
+// Cost of removing a robot from a depth image: seven links, rendered and removed.
 #include "bench/arm_setup.h"
 #include "bench/latency.h"
 #include "src/cameras/link_image.h"

@@ -1,4 +1,4 @@
-// What the presets by kind of sensor do to frames of such cameras: noise, false edges, pixels
+// Effect of the presets by kind of sensor on frames of such cameras: noise, false edges, pixels
 // between two surfaces, and time. Not a Google Benchmark: make sensor-figures.
 #include <algorithm>
 #include <cmath>
@@ -69,7 +69,7 @@ struct Depth {
   }
 };
 
-/// A frame as surfaces are made of it.
+/// A frame with its surface.
 struct Made {
   SurfaceEstimator surface;
   DepthField field;
@@ -86,7 +86,7 @@ struct Made {
   }
 };
 
-/// The windows of a raw image that show one smooth surface: their middle pixels.
+/// Returns the middle pixels of windows of a raw image that show one smooth surface.
 std::vector<std::pair<int, int>> smooth_windows(const Depth& raw) {
   std::vector<std::pair<int, int>> middles;
   const int half = kWindow / 2;
@@ -107,7 +107,7 @@ std::vector<std::pair<int, int>> smooth_windows(const Depth& raw) {
   return middles;
 }
 
-/// What is left of 1 / z without the plane through it, rms: metres at 1 m. NaN: a pixel is missing.
+/// Returns the rms residual of 1 / z from a plane: meters at 1 m. NaN: a pixel is missing.
 double noise_at(const Depth& depth, int u, int v) {
   const int half = kWindow / 2;
   double sum = 0, along_u = 0, along_v = 0, squares = 0, num = 0, moment = 0;
@@ -122,7 +122,7 @@ double noise_at(const Depth& depth, int u, int v) {
   return std::sqrt(std::max(rest, 0.0) / (num - 3));
 }
 
-/// Of the normals around their mean, rad rms. NaN: one is missing.
+/// Returns the scatter of the normals around their mean, rad rms. NaN: one is missing.
 double scatter_at(const PointCloudView& cloud, int u, int v) {
   const int half = kWindow / 2;
   const auto normal = [&](int du, int dv) {
@@ -148,7 +148,7 @@ double quantile(std::vector<double> values, double share) {
 struct Figures {
   std::vector<double> noise;       ///< m at 1 m
   std::vector<double> scatter;     ///< rad, of the normals of a window around their mean, rms
-  double milliseconds = INFINITY;  ///< of a core, for the cloud of a frame; the fastest
+  double milliseconds = INFINITY;  ///< CPU time of the cloud of a frame; the fastest
   double num_removed = 0, num_valid = 0, num_windows = 0, num_false_edges = 0;
 
   std::string row() const {
@@ -193,12 +193,12 @@ Figures measure(const std::vector<DepthFrame>& frames, const Intrinsics& k,
   return figures;
 }
 
-/// A disc and a slanted bar before a slanted wall as a camera of time of flight sees them: a pixel
-/// tells the mean of what is in it, weighted by the light that comes back (1 / z^2), and its
-/// neighbours' by as much as the lens spreads; noise of 1.5 mm.
+/// A disc and a slanted bar before a slanted wall as a time-of-flight camera sees them: a pixel
+/// measures the mean of its surfaces, weighted by the returned light (1 / z^2), and of its
+/// neighbors' according to the spread of the lens; noise of 1.5 mm.
 struct Simulated {
   DepthFrame frame;
-  std::vector<bool> is_mixed;  ///< farther than 1.5 % from all that is in it and around
+  std::vector<bool> is_mixed;  ///< farther than 1.5 % from all surfaces in it and around
 };
 Simulated time_of_flight(double near, double far, double spread) {
   constexpr int kWidth = 320, kHeight = 240, kFine = 4;
@@ -277,13 +277,13 @@ void print_time_of_flight(ThreadPool& pool) {
   }
 }
 
-/// What undoing the distortion of an Azure Kinect's lens costs before a frame is recorded.
+/// Prints the time of undistorting an image of an Azure Kinect before it is recorded.
 void print_straightening() {
   const Intrinsics k{504, 504, 319.5, 239.5};
   Rectifier rectifier({640, 480, k, {}});
   const CameraModel bent{640, 480, k, {3.13, 2.32, 8e-5, -5e-5, 0.13, 3.46, 3.35, 0.66}};
   DepthFrame frame{640, 480, 0.001, std::vector<std::uint16_t>(640 * 480, 800), 0};
-  rectifier.apply(bent, frame);  // makes the table
+  rectifier.apply(bent, frame);  // builds the table
   std::vector<double> milliseconds;
   for (int i = 0; i < 300; ++i) {
     const std::clock_t begin = std::clock();

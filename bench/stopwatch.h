@@ -1,4 +1,4 @@
-// Time since construction, on the wall and of this process' processors.
+// Wall time and CPU time of this process since construction.
 #pragma once
 
 #include <chrono>

@@ -1,4 +1,4 @@
-// What a tool costs before the hand moves: its graph, its tree, its coarser versions.
+// Preparation time of a tool: its graph, its tree, its coarser versions.
 //   bench_tool --benchmark_filter=leaf_graph
 #include "palpate/tool/tool.h"
 
@@ -21,7 +21,7 @@ bool touches(const Sphere& ball, const Vec3d& p, const Vec3d& q) {
   return norm(p + along * t - centre) <= static_cast<double>(ball.radius);
 }
 
-/// Does the edge between the centres of a and b run through a third sphere?
+/// True if the edge between the centers of a and b runs through a third sphere.
 bool is_pierced(std::span<const IstNode> nodes, std::span<const Sphere> spheres, int a, int b,
                 std::int32_t node = 0) {
   const IstNode& n = nodes[static_cast<std::size_t>(node)];
@@ -46,7 +46,7 @@ void leaf_graph(benchmark::State& state) {
   const auto num_pierced = std::count_if(edges.begin(), edges.end(), [&](const auto& edge) {
     return is_pierced(tool.tree().nodes(), spheres, edge.first, edge.second);
   });
-  // Edges that the graph of the first half of the spheres has, and the graph of all has not.
+  // Edges of the graph of the first half of the spheres that the graph of all lacks.
   const auto half_edges = LeafGraph(spheres.first(spheres.size() / 2), rule).edges();
   std::vector<std::pair<int, int>> lost;
   std::set_difference(half_edges.begin(), half_edges.end(), edges.begin(), edges.end(),

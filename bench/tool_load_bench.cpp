@@ -1,4 +1,4 @@
-// Loading a tool: what stands between the start of a program and its first query.
+// Loading a tool: delay between the start of a program and its first query.
 //   bench_tool --benchmark_filter=load_tool
 #include <benchmark/benchmark.h>
 

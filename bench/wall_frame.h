@@ -1,4 +1,4 @@
-// The set-up of every surface benchmark: a depth image of a flat wall at 1 m with 1.5 mm noise.
+// Setup of every surface benchmark: a depth image of a flat wall at 1 m with 1.5 mm noise.
 #pragma once
 
 #include <cmath>
@@ -14,7 +14,7 @@ namespace palpate::bench {
 struct WallFrame {
   int width, height;
   Intrinsics intrinsics;
-  std::vector<float> depth;  // metres
+  std::vector<float> depth;  // meters
 
   WallFrame(int image_width, int image_height) : width(image_width), height(image_height) {
     const double f = 525.0 * width / 640;
@@ -40,7 +40,7 @@ struct WallFrame {
   }
 };
 
-/// Mean angle between normals and the wall's, (0, 0, -1).
+/// Mean angle between normals and the wall's normal, (0, 0, -1).
 class MeanAngle {
  public:
   void add(const Vec3d& n) {

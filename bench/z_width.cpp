@@ -1,10 +1,10 @@
-// How stiff a wall may be, and what contact with what a camera sees does to a simulated hand. On a
-// simulated clock: the same numbers on every machine.
+// Largest stiffness of a stable wall, and the effect of contact with a camera's surface on a
+// simulated hand. On a simulated clock: the same numbers on every machine.
 //   z_width [CSV]
 // 1. The stiffest stable wall over its damping (Z-width, Colgate & Brown 1994), for every model.
 // 2. A hand that presses and slides on a wall, a ridge, a corner and a moving wall, by each
 // coupling.
-// 3. What the force does when a depth frame of the moving wall arrives (thesis Fig. 3.15).
+// 3. The force when a depth frame of the moving wall arrives (thesis Fig. 3.15).
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -28,14 +28,14 @@ constexpr double kTick = 1e-3;  // s
 
 // ---------------------------------------------------------------------------------- 1. Z-width
 
-/// True if device and wall come to rest: a wall on both sides of where the handle is, F = -K x -
-/// B v, that begins 10 um off its rest. On both sides the answer is that of linear theory.
+/// True if device and wall come to rest: a wall on both sides of the handle, F = -K x - B v, that
+/// begins 10 um off its rest. On both sides the result is that of linear theory.
 bool is_stable(const DeviceModel& model, const HandModel& hand, double stiffness, double damping) {
   constexpr double kOff = 1e-5;
   constexpr int kTicks = 1500;
   SimulatedDeviceOptions options;
   options.model = model;
-  options.model.limits.max_force = 1e4;  // motors at their limit would hide how it grows
+  options.model.limits.max_force = 1e4;  // motors at their limit would hide the growth
   options.hand = hand;
   options.in_real_time = false;
   auto device = SimulatedDevice::create(options).value();
@@ -97,7 +97,7 @@ void z_widths(std::FILE* csv) {
 
 // ------------------------------------------------------------------------------ closed loops
 
-/// Something to touch: frames from time 0 on, and where the tool is just before it touches.
+/// A place to touch: frames from time 0 on, and the tool's pose just before contact.
 struct Place {
   std::string name;
   DepthStreamInfo stream;
@@ -140,26 +140,26 @@ std::vector<Place> places() {
       place_of("ridge", scenes::Environment::wedge(1, kPi / 2), {0, 0, 1 - kBox / 2 - gap}));
   all.push_back(
       place_of("corner", scenes::Environment::wedge(1, 1.5 * kPi), {0, 0, 1 - kBox - gap}));
-  // It comes 6 cm nearer and goes back.
+  // The wall comes 6 cm nearer and goes back.
   all.push_back(place_of("moving wall", scenes::make_scene("moving-wall").value(),
                          {0, 0, 0.95 - kBox / 2 - gap}));
   return all;
 }
 
-/// In 1 s the hand goes 15 mm forward, in the second it slides 3 cm aside; then it holds still.
+/// Returns the hand's pose: 15 mm forward in 1 s, then 3 cm aside in 1 s; then it holds still.
 Pose pressing_hand(double t) {
   const auto eased = [](double x) { return x <= 0 ? 0 : x >= 1 ? 1 : x * x * (3 - 2 * x); };
   return {{0.03 * eased(t - 1), 0, 0.015 * eased(t)}, {}};
 }
 
-/// A run on a simulated clock: frames arrive when they are captured, and a contact is known one
+/// A run on a simulated clock: frames arrive when they are captured, and a contact is available one
 /// tick after its pose.
 class Touch {
  public:
   Touch(const Tool& tool, const Place& place, const DeviceInfo& device, const RunSettings& settings)
       : place_(place), pipeline_(Pipeline::create(tool, place.stream, device, settings).value()) {}
 
-  /// True if a frame has arrived.
+  /// Takes new frames. True if one has arrived.
   bool look(double time) {
     bool is_arrival = false;
     for (; next_ < place_.frames.size() && place_.frames[next_].timestamp <= time; ++next_) {
@@ -181,11 +181,11 @@ RunSettings settings_of(CouplingKind kind, TimeMode mode) {
   settings.num_threads = 1;
   settings.time.mode = mode;
   settings.coupling.kind = kind;
-  settings.safety.max_sensor_age = 3600;  // some places are one frame
+  settings.safety.max_sensor_age = 3600;  // some places have a single frame
   return settings;
 }
 
-/// Force on the hand at each tick, and what is worth knowing of the run.
+/// Force on the hand at each tick, and summary values of the run.
 struct Run {
   std::vector<double> times;
   std::vector<Vec3d> force;
@@ -210,7 +210,7 @@ Run feel(const Tool& tool, const Place& place, const DeviceModel& model, Couplin
   run.stiffness = touch.pipeline().coupling().stiffness;
   bool has_arrived = false;
   const Status started = device->start([&](const DeviceState& state) {
-    // What arrives now is felt at the next tick.
+    // A frame that arrives now takes effect at the next tick.
     run.is_arrival.push_back(std::exchange(has_arrived, touch.look(state.time)));
     const TickRecord& tick = touch.pipeline().tick(state);
     run.times.push_back(state.time);
@@ -283,7 +283,7 @@ double median(std::vector<double> values, double share = 0.5) {
   return values[static_cast<std::size_t>(share * static_cast<double>(values.size() - 1))];
 }
 
-/// Changes of the force from tick to tick in contact: where a frame arrives, and elsewhere.
+/// Changes of the force from tick to tick in contact: at the arrival of a frame, and elsewhere.
 struct Steps {
   double arrival, arrival_max, between;
 };
@@ -296,7 +296,7 @@ Steps steps_of(const Run& run) {
   return {median(arrival), median(arrival, 1), median(between)};
 }
 
-/// The tool held fast: the force of contact itself.
+/// Holds the tool fixed: the contact force itself.
 Run held_fast(const Tool& tool, const Place& place, const Pose& X_WT, const DeviceModel& model,
               TimeMode mode) {
   DeviceInfo device;
@@ -312,8 +312,8 @@ Run held_fast(const Tool& tool, const Place& place, const Pose& X_WT, const Devi
   return run;
 }
 
-/// By how much later than the frames say the force comes: where the straight lines between the
-/// forces of the frames themselves, shifted, fit best. s.
+/// Returns the lag of the force, s, by the best fit of the time-shifted linear interpolation
+/// between the frames' own forces.
 double lag_of(const Run& run, const Run& latest) {
   std::vector<std::pair<double, double>> truth;
   for (std::size_t k = 0; k < latest.force.size(); ++k) {

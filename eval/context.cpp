@@ -18,7 +18,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// As the folder of data describes them.
+/// A real recording, as the folder of data describes it.
 struct Recording {
   const char* name;
   Intrinsics intrinsics;
@@ -52,7 +52,7 @@ const Recording* find_recording(const std::string& name) {
   return nullptr;
 }
 
-/// All frames of a source, with progress.
+/// Reads all frames of a source, with progress.
 Result<std::vector<DepthFrame>> read_all(DepthSource& source, Context& context) {
   std::vector<DepthFrame> frames;
   for (;;) {
@@ -92,7 +92,7 @@ std::vector<std::string> recording_names() {
   return names;
 }
 
-/// Tools by shape and size: what has been packed so far, and the prefixes that were requested.
+/// Packed tools by shape and size: the largest packing so far, and its requested prefixes.
 struct Context::Cache {
   struct Entry {
     TriangleMesh mesh;
@@ -119,7 +119,7 @@ void Context::progress(double share) {
 
 namespace {
 
-/// A shape by its name, else a mesh file; its longest side is `size`.
+/// Makes a shape by its name, else loads a mesh file; its longest side is `size`.
 Result<TriangleMesh> load_shape(const std::string& shape, double size, const fs::path& data) {
   const std::vector<std::string> shapes = shape_names();
   if (std::find(shapes.begin(), shapes.end(), shape) != shapes.end()) {

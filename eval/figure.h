@@ -11,11 +11,11 @@
 
 namespace palpate::eval {
 
-/// Whose claim it is, and with it which verdicts there are.
+/// Source of a claim; it determines the possible verdicts.
 enum class Source {
-  thesis,  ///< do its methods, built as printed and corrected, show what it says?
-  ours,    ///< is ours better than the methods of the thesis, or than another library?
-  docs,    ///< is ours as we say, or as we wanted it?
+  thesis,  ///< its methods, built as printed and corrected, show the claimed result
+  ours,    ///< ours is better than the methods of the thesis, or than another library
+  docs,    ///< ours meets its documentation or its goals
 };
 constexpr auto names_of(Source) { return std::array{"thesis", "ours", "docs"}; }
 
@@ -23,37 +23,37 @@ enum class Verdict {
   agrees,          ///< thesis: the same finding
   differs,         ///< thesis: only a part of it
   contradicts,     ///< thesis: the opposite
-  not_comparable,  ///< thesis: another machine or another thing; says why
+  not_comparable,  ///< thesis: different machine or setup; says why
   better,          ///< ours: by more than a tenth
   even,            ///< ours
   worse,           ///< ours: by more than a tenth
   holds,           ///< docs
   holds_in_part,   ///< docs
   fails,           ///< docs
-  not_measured,    ///< what it takes is not on this machine; says what
+  not_measured,    ///< needs something that this machine lacks; says what
 };
 constexpr auto names_of(Verdict) {
   return std::array{"agrees", "differs", "contradicts",   "not comparable", "better",      "even",
                     "worse",  "holds",   "holds in part", "fails",          "not measured"};
 }
-/// Of whose claims a verdict is. `not_measured` is of all: there a claim names its source.
+/// Returns the source of a verdict. Any source may have `not_measured`: its claim names the source.
 constexpr Source source_of(Verdict verdict) {
   if (verdict <= Verdict::not_comparable || verdict == Verdict::not_measured) return Source::thesis;
   return verdict <= Verdict::worse ? Source::ours : Source::docs;
 }
 
-/// A claim and what came of it, each one sentence with its numbers.
+/// A claim and its result, each one sentence with its numbers.
 struct Claim {
   std::string claim, measured;
   Verdict verdict = Verdict::agrees;
   Source source = source_of(verdict);
 };
 
-/// One curve. `style` gives the colour, the same in every figure: a method (weighted, simplified,
+/// One curve. `style` gives the color, the same in every figure: a method (weighted, simplified,
 /// graph, graph-cap, field), "exact" (dashed), "thesis", or "other1" ... "other4".
 struct Curve {
   std::string label, style;
-  std::vector<double> x, y;  ///< of one length; not finite: a gap
+  std::vector<double> x, y;  ///< of equal length; not finite: a gap
 };
 
 struct Plot {
@@ -63,14 +63,14 @@ struct Plot {
   std::string caption;  ///< the finding, one sentence
 };
 
-/// A number that texts may quote: `key` is unique in its figure, e.g. "field.jump_ratio.noisy".
+/// A number for texts to quote: `key` is unique in its figure, e.g. "field.jump_ratio.noisy".
 struct Number {
   std::string key;
   double value = 0;
   std::string unit;
 };
 
-/// In three dimensions; drawn, not measured.
+/// A picture in three dimensions; drawn, not measured.
 struct Picture {
   enum class Kind { cut_open, seen } kind;
   std::string title;
@@ -85,32 +85,32 @@ struct Table {
   std::vector<std::vector<std::string>> rows;
 };
 
-/// What running a figure gives: claims, or of a drawing tables and pictures alone.
+/// Result of a figure: claims, or only tables and pictures for a drawing.
 struct FigureResult {
   std::vector<Claim> claims;
   std::vector<Plot> plots;
   std::vector<Table> tables;
   std::vector<Picture> pictures;
   std::vector<Number> numbers;
-  std::vector<std::string> notes;  ///< how it was made, what is missing
-  std::string rows_of;             ///< machine and commit of times from a file; empty: of this run
+  std::vector<std::string> notes;  ///< method of measurement, missing data
+  std::string rows_of;             ///< machine and commit of times from a file; empty: this run
 };
 
 class Context;
 
-/// A figure that can be made.
+/// A figure to be made.
 struct FigureSpec {
   const char* id;       ///< as on the command line: "3.3", "5.17-5.19", "noise"
   const char* title;    ///< what is compared
   const char* section;  ///< of the report: "Speed", "Quality", "Time", "Robustness", "Real data",
                         ///< "Peers", "Drawings"
-  /// Errors only where going on makes no sense; data that are not there are `not_measured`.
+  /// Errors only if the figure makes no sense otherwise; absent data are `not_measured`.
   Result<FigureResult> (*make)(Context& context);
-  bool is_quick = true;    ///< made by the quick form too, with fewer steps
-  bool is_on_gpu = false;  ///< Settings::backend says where its queries are timed
+  bool is_quick = true;    ///< included in the quick form, with fewer steps
+  bool is_on_gpu = false;  ///< times its queries on Settings::backend
 };
 
-/// All of them, in the order of the report. Each group lies in its own file.
+/// All figures, in the order of the report. Each group lies in its own file.
 std::vector<FigureSpec> all_figures();
 std::vector<FigureSpec> speed_figures();       // 3.3, 3.9, 3.10, 5.1-5.6, 4.2, 4.3
 std::vector<FigureSpec> recorded_figures();    // 3.4-3.6, 3.11, 5.7-5.16

@@ -1,6 +1,6 @@
-// Every method against the exact wrench, over all pairs of scene and tool that are known exactly:
-// the numbers that the guides quote. The field is measured with many spheres too: that is how it is
-// used.
+// Every method against the exact wrench, over all pairs of scene and tool with a known truth: the
+// numbers that the guides quote. The field is also measured with many spheres, as it is used in
+// practice.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -19,7 +19,7 @@ namespace {
 constexpr int kFew = 1000;                                 // spheres, as in the thesis
 constexpr double kContinuous = 1.2, kConservative = 1e-6;  // as our docs say of the field
 
-/// What the camera adds.
+/// Depth noise of the camera.
 struct Noise {
   DepthNoise noise;
   const char *name, *key;
@@ -28,7 +28,7 @@ constexpr std::array kNoises{Noise{DepthNoise::none, "noise-free", "clean"},
                              Noise{DepthNoise::gaussian, "1.5 mm noise", "noisy"}};
 constexpr std::size_t kClean = 0, kNoisy = 1;
 
-/// How thoroughly the study measures.
+/// Resolution of the study.
 struct Effort {
   int many = 17000;         ///< spheres
   int coarse_steps = 100;   ///< over the whole travel
@@ -44,8 +44,8 @@ struct Way {
 
   bool counts_own() const { return options.counted() == SphereVolumes::own; }
 };
-/// Every method as it is by default, the field with many spheres, and every method again with the
-/// volumes that it does not count by default.
+/// Ways: every method by default, the field with many spheres, and every method with the volumes
+/// that it does not count by default.
 enum Index : std::size_t { kWeighted, kSimplified, kGraph, kGraphCap, kField, kMany, kOther };
 
 std::vector<Way> all_ways(const Effort& effort) {
@@ -64,15 +64,15 @@ std::vector<Way> all_ways(const Effort& effort) {
   return ways;
 }
 
-/// How far a way is from the exact wrench, in the units of the tables.
+/// Errors of a way against the exact wrench, in the units of the tables.
 struct Errors {
   double volume_rms = 0, volume_max = 0;  ///< % of the tool
   double lost = 0;                        ///< % of the steps
   double direction = 0;                   ///< degrees, rms
   double torque = 0;                      ///< % of force times radius of the tool, rms
-  double jump = 0;                        ///< largest, exact = 1
-  double loop = 0;                        ///< net work, % of all
-  double packing = 0;  ///< of the volume, % rms, where exact planes at a wall cut the spheres
+  double jump = 0;                        ///< largest step of the force, exact = 1
+  double loop = 0;                        ///< net work of a closed loop, % of all work
+  double packing = 0;                     ///< volume error of exact planes at a wall, % rms
 };
 
 struct Quantity {
@@ -125,10 +125,10 @@ std::string text_of(const Quantity& q, const Errors& errors) {
   return words(value >= 10 ? "%.0f" : value >= 0.01 ? "%.2f" : "%.0e", value);
 }
 
-/// Of one way and noise, over the pairs.
+/// Errors of one way and noise, by pair.
 using Row = std::vector<Errors>;
 
-/// Root mean square of what is one already, the largest of the rest.
+/// Aggregates the pairs: root mean square of rms quantities, maximum of the others.
 Errors overall(const Row& row) {
   Errors result;
   for (const Quantity& q : kQuantities) {
@@ -153,7 +153,7 @@ struct Study {
   Effort effort;
   std::vector<ContactCase> pairs;
   std::vector<Way> ways;
-  std::vector<std::array<Row, kNoises.size()>> rows;  ///< of a way by noise
+  std::vector<std::array<Row, kNoises.size()>> rows;  ///< [way][noise]
 
   const Row& of(std::size_t way, std::size_t noise) const { return rows[way][noise]; }
   double worst(std::size_t way, std::size_t noise, const Quantity& q) const {
@@ -170,7 +170,7 @@ std::vector<ContactCase> pairs_of(const Context& context) {
   return pairs;
 }
 
-/// Root mean square of what the packing alone adds to the volume, %.
+/// Returns the rms volume error of the packing alone, %.
 double packing_error(const ContactCase& c, const Tool& tool, SphereVolumes volumes, int num_steps) {
   const ContactCase wall = at_the_wall(c);
   return 100 * volume_error(tool, exact_steps(wall, tool, 0, 1, num_steps),
@@ -178,7 +178,7 @@ double packing_error(const ContactCase& c, const Tool& tool, SphereVolumes volum
                    .rms;
 }
 
-/// Everything about one pair with few or many spheres.
+/// Measures all errors of one pair with few or many spheres.
 void measure(Study& study, std::size_t pair, const Tool& tool, bool is_many, Work& work) {
   const ContactCase& c = study.pairs[pair];
   const Effort& effort = study.effort;
@@ -227,7 +227,7 @@ Result<Study> make_study(Context& context) {
   };
   std::vector<Task> tasks;
   double num_steps = 0;
-  for (const bool is_many : {true, false}) {  // the long ones first; and each shape is packed once
+  for (const bool is_many : {true, false}) {  // the long ones first; each shape is packed once
     for (std::size_t pair = 0; pair < study.pairs.size(); ++pair) {
       const ContactCase& c = study.pairs[pair];
       const auto tool = context.tool(c.tool_shape, c.tool_size, is_many ? study.effort.many : kFew);
@@ -249,7 +249,7 @@ Result<Study> make_study(Context& context) {
   return study;
 }
 
-/// What a tool of many spheres has to expect of the default method.
+/// Makes the table of worst errors of the default method with many spheres.
 Table worst_table(const Study& study) {
   Table table{
       "Field, worst pair", {"error", "noise-free", "worst pair", "1.5 mm noise", "worst pair"}, {}};
@@ -266,7 +266,7 @@ Table worst_table(const Study& study) {
   return table;
 }
 
-/// The row of a table for one variant over all pairs.
+/// Makes the row of a table for one variant over all pairs.
 std::vector<std::string> cells_of(const Study& study, std::size_t way, const char* second,
                                   std::size_t noise) {
   std::vector<std::string> cells{study.ways[way].name, second};
@@ -298,10 +298,10 @@ Table volumes_table(const Study& study) {
   return table;
 }
 
-/// Of single pairs.
+/// Quantities reported by pair.
 constexpr std::array kOfPairs{kVolume, kDirection, kTorque, kJump, kLoop};
 
-/// The field with many spheres; the others are among the numbers.
+/// Makes the table of the field with many spheres; the other methods are among the numbers.
 Table pairs_table(const Study& study) {
   Table table{"Field, every pair", {"pair"}, {}};
   for (const Quantity& q : kOfPairs) {
@@ -320,7 +320,7 @@ Table pairs_table(const Study& study) {
   return table;
 }
 
-/// The pairs of each method with noise, from the best one to the worst.
+/// Plots the pairs of each method with noise, from the best one to the worst.
 Plot sorted_plot(const Study& study, const Quantity& q, const char* title, const char* unit) {
   Plot plot{title, "pairs, from the best to the worst of each method", q.column, {}, false, true,
             ""};
@@ -379,7 +379,7 @@ void add_claims(FigureResult& result, const Study& study) {
              lost, worst_of_others(kLost)),
        holds_up_to(lost, 0), Source::docs});
 
-  // Of two ways, the least error of each kind.
+  // Smaller error of two ways, quantity by quantity.
   const auto least = [](Errors errors, const Errors& other) {
     for (const Quantity& q : kQuantities) {
       errors.*q.value = std::min(errors.*q.value, other.*q.value);
@@ -405,7 +405,7 @@ void add_claims(FigureResult& result, const Study& study) {
        is_better_in_all(verdicts), Source::ours});
 }
 
-/// Over all pairs everything, of every pair what is in its table.
+/// Adds all quantities over all pairs, and those of its table for every pair.
 void add_numbers(FigureResult& result, const Study& study) {
   for (std::size_t w = 0; w < study.ways.size(); ++w) {
     for (std::size_t n = 0; n < kNoises.size(); ++n) {

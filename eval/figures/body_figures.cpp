@@ -1,5 +1,5 @@
-// Bodies against bodies: how much of what two solids share is found by the distance fields of their
-// meshes or by their packings, and what force comes of it. The common volume of convex bodies is
+// Bodies against bodies: share of the common volume of two solids found by the distance fields of
+// their meshes or by their packings, and the resulting force. The common volume of convex bodies is
 // known in closed form; where a body is pushed into one face of a block, so is the direction.
 #include <algorithm>
 #include <array>
@@ -28,14 +28,14 @@ constexpr double kSize = 0.1;          // m, of a body
 constexpr double kFace = 1;            // m, z of the block's face
 constexpr double kBlock = 3 * kSize;   // m, its sides
 constexpr double kAside = 0.01;        // m, from the middle of the face: far from its edges
-constexpr double kMinShare = 0.02;     // of a body: what is less says nothing
+constexpr double kMinShare = 0.02;     // of a body: less is too little to judge
 constexpr double kFine = kBlock / 10;  // m, radius: a block of no larger spheres
 constexpr int kLoopSteps = 4000;
-constexpr double kStep = 5e-5;  // m, of the path on which jumps are looked for
-constexpr double kWay = 0.3;    // of the cube's extent, its length
+constexpr double kStep = 5e-5;  // m, between poses of the path on which jumps are measured
+constexpr double kWay = 0.3;    // length of the path, of the cube's extent
 
-// What our docs say.
-constexpr double kAsTheFills = 0.1;  // of what the fills multiplied say
+// Claims of the documentation.
+constexpr double kAsTheFills = 0.1;  // relative to the product of the fills
 constexpr double kConservative = 1e-6;
 constexpr double kOffNormal = 25;      // degrees, rms
 constexpr double kAboutVolume = 0.25;  // force, of the volume found
@@ -51,7 +51,7 @@ constexpr Bodies kBodies[] = {{"cube and cube", "box", "box"},
 
 // Overlaps at random poses ------------------------------------------------------------------------
 
-/// How much of the common volume is found.
+/// Volume found, relative to the exact common volume.
 struct Found {
   double share = 0;   ///< of all poses together
   double spread = 0;  ///< rms over the poses, of `share`
@@ -91,15 +91,15 @@ double fill(const Tool& tool) { return tool.sphere_mass().volume / tool.mesh_mas
 
 // Pushed into a face ------------------------------------------------------------------------------
 
-/// Of the tool's extent along the normal of the face.
+/// Depths of the push, in shares of the tool's extent along the normal of the face.
 constexpr std::array kDepths{0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.65, 0.8, 1.0};
-constexpr std::size_t kShallow = 1, kDeep = 7;  // of them: 5 and 50 %
-/// Of them, those at which no other face is nearer to any part of the cube.
+constexpr std::size_t kShallow = 1, kDeep = 7;  // indices of 5 and 50 %
+/// Number of depths at which no other face is nearer to any part of the cube.
 constexpr std::size_t kNumFaceOn = 6;
-/// Of them, to which this is so often enough in an equal cube: 15 %.
+/// Index of the largest depth where that often holds in an equal cube too: 15 %.
 constexpr std::size_t kEqual = 3;
 
-/// Is the face of a block of this side nearer than its others to all of the tool behind it?
+/// True if the face of a block of this side is the nearest one to all of the tool behind it.
 bool is_nearest(const TriangleMesh& tool, const Pose& X_WT, double side) {
   bool all = true;
   scenes::for_each_face(tool, X_WT, [&](const scenes::Triangle& triangle) {
@@ -115,13 +115,13 @@ bool is_nearest(const TriangleMesh& tool, const Pose& X_WT, double side) {
   return all;
 }
 
-/// A cube goes into a face of a block at many places, turned at random.
+/// A cube pushed into a face of a block at many places, in random orientations.
 struct Push {
   std::array<double, kDepths.size()> share{};  ///< found, of the common volume of all places
   std::array<double, kDepths.size()> off{};    ///< degrees off the normal of the face, rms
-  std::array<int, kDepths.size()> num{};       ///< of places where something is felt
+  std::array<int, kDepths.size()> num{};       ///< number of places with a force
   double direction = 0, direction_max = 0;     ///< degrees off the normal of the face: rms, worst
-  double strength = 0;                         ///< |force| / volume found, of all
+  double strength = 0;                         ///< |force| / volume found, over all places
 };
 
 Push push_of(const Tool& tool, const Tool& block, double side, BodyMethod method, int num_places,
@@ -142,7 +142,7 @@ Push push_of(const Tool& tool, const Tool& block, double side, BodyMethod method
       work.step();
       const Pose X_WT{{x, y, kFace - reach.front + kDepths[d] * (reach.front + reach.rear)},
                       turned};
-      // Of a block as small as the tool others are, too.
+      // In a block as small as the tool other faces may be nearer.
       if (side < kBlock && !is_nearest(tool.mesh(), X_WT, side)) continue;
       const Penetration found = contact->measure(X_WT, X_WB).on_a;
       push.share[d] += found.volume;
@@ -168,10 +168,10 @@ Push push_of(const Tool& tool, const Tool& block, double side, BodyMethod method
   return push;
 }
 
-/// On paths through the face.
+/// Forces on paths through the face.
 struct Way {
   double loop = 0;  ///< net work of a closed loop, share of all work
-  double jump = 0;  ///< worst step of the force going straight in, of the worst exact one
+  double jump = 0;  ///< largest step of the force going straight in, exact = 1
 };
 
 Way way_of(const Tool& tool, const Tool& block, BodyMethod method, int num_steps, Work& work) {
@@ -195,16 +195,16 @@ Way way_of(const Tool& tool, const Tool& block, BodyMethod method, int num_steps
 
 // The figure --------------------------------------------------------------------------------------
 
-/// What one way of measuring finds.
+/// Results of one method.
 struct ByMethod {
   std::array<Found, std::size(kBodies)> found;  ///< by bodies
-  Push push, fine;  ///< into a block as it is packed by default, and of small spheres
-  Push equal;       ///< into a cube as large as itself
+  Push push, fine;  ///< into the default packing of a block, and into one of small spheres
+  Push equal;       ///< into a cube of equal size
   Way way;
 };
 constexpr BodyMethod kMethods[] = {BodyMethod::field, BodyMethod::spheres};
 
-/// What comes of one number of spheres in each body.
+/// Results for one number of spheres in each body.
 struct Row {
   int num_spheres = 0;
   std::array<double, std::size(kBodies)> fill_a{}, fill_b{};
@@ -212,11 +212,11 @@ struct Row {
 
   const ByMethod& field() const { return by[0]; }
   const ByMethod& spheres() const { return by[1]; }
-  /// What is to be expected if the spheres of either know nothing of those of the other.
+  /// Expected share if both packings are independent: the product of their fills.
   double multiplied(std::size_t bodies) const { return fill_a[bodies] * fill_b[bodies]; }
 };
 
-/// A block without large spheres.
+/// Packs a block without large spheres.
 Result<std::shared_ptr<const Tool>> fine_block(const Context& context, int num_spheres) {
   const TriangleMesh mesh = make_box({kBlock, kBlock, kBlock});
   PackOptions options;
@@ -237,7 +237,7 @@ Result<std::vector<Row>> measure(Context& context) {
   const int loop_steps = context.choose(kLoopSteps, kLoopSteps / 2);
   std::vector<Row> rows(numbers.size());
   std::vector<std::function<void(Work&)>> tasks;
-  // The largest first: the others are its prefixes, and they fill the time that it takes.
+  // The largest first: the others are its prefixes, and packing it takes longest.
   for (std::size_t i = numbers.size(); i-- > 0;) {
     const int num = numbers[i];
     Row& row = rows[i];
@@ -277,7 +277,7 @@ Result<std::vector<Row>> measure(Context& context) {
     }
     context.progress(0);
   }
-  // About: paths go straight in, too.
+  // Approximate, because of the paths straight in.
   const auto steps = std::size(kMethods) *
                      (static_cast<double>(num_poses * std::size(kBodies)) +
                       5.0 * num_places * static_cast<double>(kDepths.size()) + 3.0 * loop_steps);
@@ -371,7 +371,7 @@ Plot depth_plot(const std::vector<Row>& rows) {
             ""};
   for (std::size_t m = 0; m < std::size(kMethods); ++m) {
     for (std::size_t i = 0; i < rows.size(); ++i) {
-      // The field's curves lie on each other.
+      // The field's curves coincide.
       if (m == 0 && i + 1 < rows.size()) continue;
       Curve curve{words("%s, %d spheres", name_of(kMethods[m]).c_str(), rows[i].num_spheres),
                   words("other%zu", m == 0 ? 4 : i % 3 + 1),
@@ -460,7 +460,7 @@ void add_claims_of_field(FigureResult& result, const std::vector<Row>& rows) {
        Source::docs});
   Range deep, light;
   for (const Row& row : rows) {
-    if (row.num_spheres < 1000) continue;  // a cube of a hundred is one of large balls
+    if (row.num_spheres < 1000) continue;  // a cube of a hundred spheres has only large ones
     const Push& equal = row.field().equal;
     light.add(equal.off[0]);
     for (std::size_t d = kShallow; d <= kEqual; ++d) deep.add(equal.off[d]);

@@ -1,6 +1,7 @@
 // corners: two edges under the tool at once, and the corner of a box (thesis sections 3.5 and 6,
-// which leave both open). Seen from the camera, object and what it hides are the solid behind its
-// front and behind planes of sight along its edges, so the volume is known exactly.
+// which leave both open). Seen from the camera, the object and the space that it hides are the
+// solid behind its front and behind planes of sight along its edges, so the volume is known
+// exactly.
 #include <algorithm>
 #include <cmath>
 
@@ -23,13 +24,13 @@ constexpr double kDepthOf = 0.25;  // m: of both
 
 const Plane<double> kFrontPlane{{0, 0, -1}, -kFront};
 
-/// Through the camera and the edge at x (or y) of the front; its normal looks to the outside.
+/// Returns the plane through the camera and the front's edge at x (or y), with outward normal.
 Plane<double> sight_plane(const Vec3d& axis, double at) {
   const Vec3d outwards = at < 0 ? -1.0 * axis : axis;
   return {normalized(kFront * outwards - std::abs(at) * Vec3d{0, 0, 1}), 0};
 }
 
-/// One thing to scrape past, and the exact volume of a tool in and behind it.
+/// An object to scrape past, and the exact volume of a tool in and behind it.
 struct Thing {
   const char *key, *name;
   scenes::Scene scene;
@@ -44,7 +45,7 @@ double behind_post(const TriangleMesh& tool, const Pose& X_WT) {
     const Plane<double> planes[] = {kFrontPlane, {-1.0 * edge.normal, -edge.offset}};
     return scenes::exact_volume(tool, X_WT, Vec3d{x, 0, kFront}, planes);
   };
-  // No place is beyond both edges.
+  // The regions beyond the two edges are disjoint.
   return scenes::exact_volume(tool, X_WT, Vec3d{0, 0, kFront}, {&kFrontPlane, 1}) -
          beyond(right, kPost / 2) - beyond(left, -kPost / 2);
 }

@@ -18,19 +18,19 @@ namespace {
 constexpr double kFineUnit = 1e-4;  // m, of exact depth images
 constexpr double kMargin = 0.004;   // m from edges, in the statistics of the sensor
 
-/// What is the same in every frame: one tool on one way.
+/// Poses and truth of one tool on one way, the same in every frame.
 struct Run {
   std::size_t tool = 0, way = 0;
   std::vector<Pose> X_BT;
   std::vector<scenes::ExactPenetration> exact;  ///< in B
 };
 
-/// What one method says along one run in one frame.
+/// Errors of one method along one run in one frame.
 struct MethodErrors {
   double volume_squares = 0, direction_squares = 0;  ///< sums; of shares and of rad
   int num = 0, num_directions = 0, num_lost = 0;
   double jump_ratio = 0;
-  double last_volume = 0;      ///< signed error of the share where it is deepest
+  double last_volume = 0;      ///< signed error of the share at the deepest pose
   std::vector<double> shares;  ///< of the tool's volume
 };
 
@@ -84,7 +84,7 @@ MethodErrors measure(const Run& run, const Tool& tool, const Pose& X_CB, MethodQ
   return errors;
 }
 
-/// The frame with the depth of the exact cube wherever a pixel looks at it.
+/// Returns the frame with the depth of the exact cube at every pixel that looks at it.
 DepthFrame with_exact_cube(const RealCube& cube, const CubeFrame& seen) {
   DepthFrame frame = seen.frame;
   const double finer = frame.unit / kFineUnit;
@@ -100,7 +100,7 @@ DepthFrame with_exact_cube(const RealCube& cube, const CubeFrame& seen) {
   return frame;
 }
 
-/// What the sensor says of one face, over all frames.
+/// Depth errors of the sensor on one face, over all frames.
 struct FaceErrors {
   double pixels = 0, missing = 0;        ///< all that look at it; those without depth
   double num = 0, sum = 0, squares = 0;  ///< of depth errors, mm
@@ -130,7 +130,7 @@ FaceErrors face_errors(const RealCube& cube, int face) {
   return errors;
 }
 
-/// Sums over frames and runs of one method on one kind of image.
+/// Errors of one method on one kind of image, over frames and runs.
 struct Total {
   double volume = 0, direction = 0;  ///< rms: % of the tool, degrees
   double lost = 0;                   ///< % of the poses

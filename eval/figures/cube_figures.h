@@ -1,4 +1,4 @@
-// The figures of the recorded cube that have files of their own.
+// Figures of the recorded cube that are in separate files.
 #pragma once
 
 #include "eval/context.h"

@@ -1,6 +1,6 @@
-// cube-tracked: tools that stand still in the world, in the recorded cube, while a camera whose
-// pose is tracked goes round it: what is felt, how it jumps from frame to frame, and how much of
-// that is the tracking's.
+// cube-tracked: tools that stand still in the world, in the recorded cube, while a camera with a
+// tracked pose moves around it: the measured contact, its jumps from frame to frame, and the
+// contribution of the tracking.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -28,7 +28,7 @@ struct Probe {
   double radius = 0;  ///< m, of the tool about its center of mass
 };
 
-/// What is felt, or ought to be, in shares of the tool.
+/// Measured or exact contact, in shares of the tool.
 struct Share {
   double volume = 0;
   Vec3d force;
@@ -52,7 +52,7 @@ Result<std::vector<Probe>> all_probes(Context& context, const RealCube& cube) {
   return probes;
 }
 
-/// With the cube here.
+/// Computes the exact contact with the cube at X_WB.
 Share exact_share(const Probe& probe, const Pose& X_WB, double half_size) {
   const double mesh = probe.tool->mesh_mass().volume;
   const auto exact = scenes::exact_penetration(
@@ -75,7 +75,7 @@ Share contact_share(const Probe& probe, const SurfaceView& surface) {
   return contact_share(probe, {&view, 1});
 }
 
-/// A camera that keeps what it has seen from where it was.
+/// A moving camera with a memory of earlier frames.
 class Remembering {
  public:
   static Result<Remembering> create(DepthStreamInfo stream) {
@@ -86,7 +86,7 @@ class Remembering {
     if (!timeline) return timeline.error();
     return Remembering(*std::move(timeline));
   }
-  /// The newest frame and all that is kept, until the next one.
+  /// Returns the latest frame and all remembered ones, valid until the next call.
   std::vector<SurfaceBlend> see(const DepthFrame& frame, const Pose& X_WC, ThreadPool& pool) {
     DepthImageView image = frame;
     image.X_WC = X_WC;
@@ -106,9 +106,9 @@ class Remembering {
 /// [probe][frame]
 using Shares = std::vector<std::vector<Share>>;
 
-/// Of what is felt, over all probes and frames.
+/// Contact errors over all probes and frames.
 struct Errors {
-  std::vector<double> volume, direction;  ///< %, degrees; each one's size
+  std::vector<double> volume, direction;  ///< magnitudes, %, degrees
   double squares = 0;                     ///< of the volume's
   int num_lost = 0, num = 0;
   std::vector<std::vector<double>> volume_by_frame;
@@ -139,7 +139,7 @@ Errors errors_of(const Shares& measured, const Shares& truth) {
   return errors;
 }
 
-/// From each frame to the next one, rms over frames and probes.
+/// Change from each frame to the next one, rms over frames and probes.
 struct Jumps {
   double force = 0, torque = 0;  ///< % of the tool; of that times its radius
 };
@@ -197,7 +197,7 @@ Result<FigureResult> tracked_cube_figure(Context& context) {
   for (std::size_t f = 0; f < num_frames; ++f) {
     shown_by_depth.push_back((*by_depth)[f] * cube.frames[f].X_CB);
   }
-  // The world of these poses, put so that its cube stands where that of the others does.
+  // Aligns the world of these poses so that its cube coincides with that of the tracked poses.
   const Pose X_WD = cube.X_WB * inverse(middle_pose(shown_by_depth));
 
   ThreadPool pool(context.settings().num_threads);

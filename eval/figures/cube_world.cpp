@@ -1,4 +1,4 @@
-// cube-world: the recorded cube in the world. The camera goes round it in a hand, the tool presses
+// cube-world: the recorded cube in the world. A hand moves the camera around it, the tool presses
 // into it, and the contact is in the cube's frame, which is W.
 #include <cmath>
 #include <utility>
@@ -25,11 +25,11 @@ struct Pressed {
   double direction_rms() const { return 180 / kPi * std::sqrt(direction_squares / num_directions); }
 };
 
-/// Who says where the camera was at each frame.
+/// Source of the camera pose of each frame.
 enum class Tracking { faces, board };
 
-/// `blended`: from each frame to the next one, each seen from where its camera was; else the
-/// newest frame alone.
+/// Measures the contact. `blended`: between successive frames, each seen from its camera pose; else
+/// with the latest frame alone.
 Pressed press(const std::vector<CubeFrame>& frames, const std::vector<FrozenFrame>& seen,
               Tracking tracking, bool blended, const Tool& tool, const CubeWay& way, double half) {
   const auto cube = scenes::Environment::box({}, {half, half, half});

@@ -15,7 +15,7 @@ namespace {
 constexpr int kFewSpheres = 500, kManySpheres = 5000;
 constexpr double kToolSize = 0.1;  // m
 
-/// A drawing of the thesis that this program has elsewhere: no claim, no verdict.
+/// Makes a drawing of the thesis that this program shows elsewhere: no claim, no verdict.
 FigureResult drawn_elsewhere(const std::string& thesis, const std::string& where) {
   FigureResult result;
   result.tables = {{"A drawing", {"in the thesis", "here"}, {{thesis, where}}}};
@@ -99,7 +99,7 @@ Result<FigureResult> threads(Context&) {
                          "docs/guide/haptics.md.");
 }
 
-/// The tool where a scene's path is deepest, its spheres by their state.
+/// Draws the tool at the deepest pose of a scene's path, its spheres by their state.
 Result<Picture> states_in(Context& context, const char* name) {
   const auto scene = scenes::make_scene(name);
   if (!scene) return scene.error();

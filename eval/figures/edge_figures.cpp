@@ -1,4 +1,4 @@
-// 3.12-3.14 and edges: where the surface that a camera sees ends (thesis section 3.5).
+// 3.12-3.14 and edges: depth edges, where the visible surface ends (thesis section 3.5).
 #include <algorithm>
 #include <cmath>
 #include <iterator>
@@ -18,13 +18,13 @@ double step_of_way(const Context& context) { return context.choose(0.00025, 0.00
 
 const char* camera_name(bool with_noise) { return with_noise ? "noise" : "noise-free"; }
 
-/// Depth-change vectors at both sides of the pillar: do they point away from it?
+/// Depth-change vectors at both sides of the pillar: they should point away from it.
 Result<FigureResult> figure_3_12(Context& context) {
   FigureResult result;
   Table table{
       "Depth-change vectors along the pillar", {"camera", "side", "vectors", "outward, %"}, {}};
   double least = 1;
-  int num_sides = 0;  // that have vectors, of 4
+  int num_sides = 0;  // sides with vectors, of 4
   for (const bool with_noise : {false, true}) {
     const auto frame = seen_pillar(context, with_noise);
     if (!frame) return frame.error();
@@ -65,7 +65,7 @@ Result<FigureResult> figure_3_12(Context& context) {
   return result;
 }
 
-/// A way as a curve: shares of the tool over the place of the box.
+/// Plots the volumes along a way: shares of the tool over the position of the box.
 Curve curve_of(const std::string& label, const std::string& style, const std::vector<Pose>& X_WT,
                const std::vector<double>& volumes) {
   Curve curve{label, style, {}, {}};
@@ -150,8 +150,8 @@ constexpr std::size_t kNumEdges = std::size(kEdgeNames);
 constexpr auto kStrict = static_cast<std::size_t>(Edges::strict);
 constexpr auto kCut = static_cast<std::size_t>(Edges::cut);
 
-/// What a method makes of a way, for each value of `Edges`; the field takes no notice of them and
-/// has only the first.
+/// Volumes of a method along a way, for each value of `Edges`; the field ignores them and has only
+/// the first.
 struct MethodOnWay {
   Method method;
   std::vector<std::vector<double>> volumes;
@@ -251,9 +251,9 @@ Plot plot_of(const WayPastEdge& way) {
 
 /// The extremes over methods, cameras and sides: shares of the tool.
 struct EdgeExtremes {
-  double cut_rms = 0, cut_step = 0;          // the most
-  double other_rms = 1, other_step = 1;      // the least of none, centre and strict
-  double field_rms[2] = {}, field_step = 0;  // the most; [with noise]
+  double cut_rms = 0, cut_step = 0;          // the largest
+  double other_rms = 1, other_step = 1;      // the smallest of none, center and strict
+  double field_rms[2] = {}, field_step = 0;  // the largest; [with noise]
 };
 EdgeExtremes extremes_of(const std::vector<WayPastEdge>& ways) {
   EdgeExtremes x;
@@ -277,7 +277,7 @@ EdgeExtremes extremes_of(const std::vector<WayPastEdge>& ways) {
   return x;
 }
 
-/// Every value of `Edges` with every method, at both sides, with and without noise.
+/// Measures every value of `Edges` with every method, at both sides, with and without noise.
 Result<FigureResult> figure_edges(Context& context) {
   std::vector<WayPastEdge> ways;
   for (const bool with_noise : {false, true}) {

@@ -1,5 +1,5 @@
 // eighth: the thesis' advice for the stiffness, the device's largest force at an eighth of the
-// tool's volume (section 4.1): how deep a hand then goes, and how stiff what it feels then is.
+// tool's volume (section 4.1): penetration depth of a hand, and the resulting stiffness.
 #include <algorithm>
 #include <cmath>
 
@@ -18,11 +18,11 @@ constexpr double kSizes[] = {0.04, 0.08, 0.16};  // m
 constexpr const char* kShapes[] = {"box", "sphere", "torus", "needle"};
 constexpr double kEighth = 0.125;
 
-/// N per m3 of a tool.
+/// Returns the stiffness of a tool, N per m3.
 double volume_stiffness(double whole) { return kLargest / (kEighth * whole); }
 
-/// Where the spring of a hand that wants to be at X_WT and the force of contact are in balance: the
-/// share of the tool that is inside there.
+/// Returns the share of the tool that is inside where the spring of a hand with the goal X_WT
+/// balances the contact force.
 double share_at_rest(MethodQueries& query, const Tool& tool, const ContactOptions& options,
                      const Pose& X_WT, double hand) {
   const double whole = full_volume(tool, options), k = volume_stiffness(whole);
@@ -34,13 +34,13 @@ double share_at_rest(MethodQueries& query, const Tool& tool, const ContactOption
     const double way = (low + high) / 2;
     const Pose X{X_WT.translation + way * out, X_WT.rotation};
     const double push = k * dot(query.query(X, options).measure_W.force, out);
-    // No device gives more.
+    // The force of a device is limited.
     (std::min(push, kLargest) > hand * way ? low : high) = way;
   }
   return query.query({X_WT.translation + low * out, X_WT.rotation}, options).volume / whole;
 }
 
-/// The largest stiffness on a wall until an eighth is inside, N/m.
+/// Returns the largest stiffness on a wall until an eighth is inside, N/m.
 Result<double> wall_stiffness(Context& context, const char* shape, double size,
                               const RenderedScene& wall) {
   const auto tool = context.tool(shape, size, context.choose(2000, 300));
@@ -65,7 +65,7 @@ Result<FigureResult> figure_eighth(Context& context) {
   if (!scene) return scene.error();
   const auto tool = context.thesis_tool(scene->shape, scene->size, context.choose(2000, 300));
   if (!tool) return tool.error();
-  // A hand that means to go in by half.
+  // A hand whose path goes in by half of the tool.
   const auto path = hand_path(scene->frame, **tool, 0.5, context.choose<std::size_t>(400, 40), 0.4,
                               scene->motion, scene->farthest);
   if (!path) return path.error();

@@ -1,4 +1,4 @@
-// How full packings are and how late they feel a contact, over the number of spheres.
+// Fill of packings and their standoff from the surface, over the number of spheres.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -15,26 +15,26 @@ namespace {
 
 constexpr double kSize = 0.1;  // m, the longest side
 constexpr int kNumbers[] = {100, 300, 1000, 3000, 5000, 10000, 30000, 100000};
-constexpr int kFirst = kNumbers[0];  // fewer follow no law yet
-constexpr int kDefault = 5000;       // as `palpate pack` makes them
+constexpr int kFirst = kNumbers[0];  // below this the power law does not hold
+constexpr int kDefault = 5000;       // default of `palpate pack`
 static_assert(std::ranges::find(kNumbers, kDefault) != std::end(kNumbers));
 
 /// Shapes with ends that are thinner than most of their spheres, and how many of these.
 constexpr const char* kThinShapes[] = {"finger", "comb", "needle", "blade"};
 constexpr int kThinNumbers[] = {1000, 5000, 20000};
 
-/// What our docs say.
+/// Claims of the documentation.
 constexpr double kNearApollonian = 0.025;  // of the exponent
 constexpr double kTimes = 30;              // as many spheres, for half the empty space
 constexpr double kMinTimes = 25, kMaxTimes = 40;
 constexpr double kRadiusExponent = 0.4, kNearRadiusExponent = 0.05;
-constexpr double kMinFill = 0.8, kMaxFill = 0.9;  // of a tool as it is packed by default
+constexpr double kMinFill = 0.8, kMaxFill = 0.9;  // of a tool packed by default
 
 /// The packing of a shape, and its prefixes with as many spheres as `kNumbers` says.
 struct Packing {
   std::string shape;
-  std::vector<double> fill, smallest;  ///< [n - 1]: of the first n spheres; m, radius
-  std::vector<double> standoff;        ///< m, mean, of the prefixes there are
+  std::vector<double> fill, smallest;  ///< [n - 1]: with the first n spheres; m, radius
+  std::vector<double> standoff;        ///< m, mean, of the available prefixes
   PowerLaw early, late;                ///< of the empty share: the first decade, the last one
   PowerLaw radius;                     ///< of the smallest sphere, m
 
@@ -44,7 +44,7 @@ struct Packing {
 
 std::size_t at(int num_spheres) { return static_cast<std::size_t>(num_spheres) - 1; }
 
-/// `done` and `share` of the whole figure, for progress.
+/// Packs a shape. `done` and `share` of the whole figure, for progress.
 Result<Packing> pack(Context& context, const char* shape, int most, double done, double share) {
   const auto tool = context.tool(shape, kSize, most);
   if (!tool) return tool.error();
@@ -78,7 +78,7 @@ Result<Packing> pack(Context& context, const char* shape, int most, double done,
   return packing;
 }
 
-/// Cells for every number of spheres; empty where there are not so many.
+/// Makes a table with a cell for every number of spheres; empty beyond the largest packing.
 template <class Text>
 Table table_over_numbers(const char* title, const std::vector<Packing>& packings, Text text) {
   Table table{title, {"shape"}, {}};
@@ -121,7 +121,7 @@ Plot plot_of(const char* title, const char* y_label, const std::vector<Packing>&
   return plot;
 }
 
-/// Of something over the shapes.
+/// Returns the range of a value over the shapes.
 template <class Value>
 Range range(const std::vector<Packing>& packings, Value value) {
   Range range;
@@ -182,7 +182,7 @@ void add_numbers(FigureResult& result, const std::vector<Packing>& packings) {
   }
 }
 
-/// How late thin ends are felt, and whether that is within what the packing promises.
+/// Adds the standoff of thin ends, and verifies the bound that the packing promises.
 Status add_thin_ends(Context& context, FigureResult& result) {
   Table table{"Standoff of tools of 10 cm that are thin at one end, mm", {"shape"}, {}};
   const int most = context.choose(kThinNumbers[std::size(kThinNumbers) - 1], kDefault);
@@ -196,7 +196,7 @@ Status add_thin_ends(Context& context, FigureResult& result) {
     if (!tool) return tool.error();
     std::vector<std::string> cells{shape};
     for (const int n : kThinNumbers) {
-      if (n > most) {  // as in the tables above: empty where there are not so many
+      if (n > most) {  // empty beyond the largest packing, as in the tables above
         cells.resize(cells.size() + 2);
         continue;
       }

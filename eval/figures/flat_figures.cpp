@@ -1,5 +1,5 @@
 // planes, holes: recorded frames at their largest flat region, where the truth is a plane, and the
-// same frames with a hole cut into it, where the truth is the frame unharmed.
+// same frames with a hole cut into it, where the truth is the original frame.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -22,7 +22,7 @@ struct FlatFrame : FirstFrame {
   FlatRegion region;
 };
 
-/// Recorded frames that have a flat region; of sequences the first.
+/// Returns recorded frames with a flat region; of sequences the first one.
 Result<std::vector<FlatFrame>> flat_frames(Context& context) {
   std::vector<FlatFrame> frames;
   auto recorded = context.first_frames(true);
@@ -46,8 +46,8 @@ FigureResult without_data(std::initializer_list<const char*> claims, Source sour
   return result;
 }
 
-/// How far measured points are from the plane, mm rms, and how much they differ from their
-/// neighbours in the row: what is left of three without their slope, as of white noise.
+/// Errors of measured points: distance from the plane, mm rms, and deviation from the mean of both
+/// neighbors in the row, scaled to that of white noise.
 struct PointErrors {
   double rms = 0, flicker = 0, distance = 0;  ///< mm, mm, m
 };
@@ -75,7 +75,7 @@ PointErrors point_errors(const FlatFrame& f) {
   return errors;
 }
 
-/// Of one method in one frame.
+/// Errors of one method in one frame.
 struct MethodErrors {
   double off = 0, shake = 0, direction = 0;  ///< sums of squares: mm, mm, degrees
   double num = 0, num_pairs = 0, num_lost = 0;
@@ -85,10 +85,10 @@ struct MethodErrors {
 };
 
 const Quaternion kTurned = axis_angle({1, 2, 0.5}, 0.35);  // of all tools
-constexpr double kReach = 0.025;  // m from the plane: what is not felt by then is felt nowhere
+constexpr double kReach = 0.025;  // m from the plane: contact farther away counts as lost
 
-/// A cube, askew, comes along the normal until half of it is behind the surface: where does it feel
-/// it? nullopt: nowhere.
+/// Height at which a method first measures contact with a tilted cube that moves along the normal
+/// until half of it is behind the surface; nullopt: never.
 struct Height {
   double above = 0;  ///< the plane, m
   Vec3d force;
@@ -184,7 +184,7 @@ Result<FigureResult> planes(Context& context) {
   Table by_frame{
       "Distance of the contact from the plane / change when moved by 1 mm, mm rms", {"frame"}, {}};
   for (const Method& method : methods) by_frame.columns.emplace_back(method.name);
-  // Each frame counts once, at 0.4 m as at 3 m: lengths are shares of its own points' rms.
+  // Each frame counts once, at 0.4 m as at 3 m: lengths are relative to the rms of its own points.
   std::vector<std::vector<double>> off(methods.size()), shake(methods.size()),
       direction(methods.size()), lost(methods.size());
   for (std::size_t i = 0; i < frames->size(); ++i) {
@@ -289,8 +289,8 @@ enum class Patch { dark, shiny };
 constexpr const char* kPatches[] = {"dark", "shiny"};
 constexpr double kSizes[] = {0.02, 0.04, 0.08};  // m, diameters
 
-/// Dark: nothing is measured. Shiny: nothing in the inner half (of the radius), and around it depth
-/// that is wrong by up to 3 %, pixel by pixel.
+/// Cuts a hole. Dark: no measurement. Shiny: none in the inner half (of the radius), and around it
+/// depth that is wrong by up to 3 %, pixel by pixel.
 DepthFrame with_hole(const FlatFrame& f, const Vec3d& middle, double diameter, Patch patch) {
   DepthFrame frame = f.frame;
   const Intrinsics& k = f.stream.intrinsics;
@@ -329,7 +329,7 @@ Result<FigureResult> holes(Context& context) {
   if (all_frames->empty()) return without_data({kDark, kShiny}, Source::ours);
   const auto tool = context.tool("box", kTool, 1000);
   if (!tool) return tool.error();
-  // Where there is room for patch and way.
+  // Frames with room for patch and way.
   struct Job {
     const FlatFrame* f;
     Vec3d middle;

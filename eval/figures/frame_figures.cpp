@@ -1,5 +1,5 @@
-// What arrives in the hand when a depth frame arrives: steps of the force, lag and noise, for each
-// way of going from frame to frame.
+// Force on the hand at the arrival of a depth frame: steps, lag and noise, for each way of going
+// from frame to frame.
 #include <algorithm>
 #include <cmath>
 #include <initializer_list>
@@ -13,7 +13,6 @@
 namespace palpate::eval {
 namespace {
 
-/// The least and the greatest of some values.
 // -- Tables, each with the claims that it bears out --
 
 void add_steps(FigureResult& result, const Study& study) {
@@ -163,7 +162,7 @@ void add_mixing(FigureResult& result, const Study& study) {
        Source::docs});
 }
 
-/// Everything that is read, by scene, method and way.
+/// Adds all results, by scene, method and way.
 void add_numbers(FigureResult& result, const Study& study) {
   for (std::size_t m = 0; m < study.methods.size(); ++m) {
     const auto add = [&](const StudyCase& studied, const Way& way, const char* what, double value,
@@ -188,7 +187,7 @@ void add_numbers(FigureResult& result, const Study& study) {
 
 // -- Plots --
 
-/// A way's force on the moving wall over time, by the field.
+/// Plots a way's force on the moving wall over time, by the field.
 Curve force_curve(const Study& study, const Way& way, const char* style, double from, double to) {
   Curve curve{way.name, style, {}, {}};
   const ForceSeries& series = study.kinect.by(way, 0);

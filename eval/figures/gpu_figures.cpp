@@ -1,5 +1,5 @@
 // 4.2, 4.3 and queries on a graphics card, from the rows that scripts/gpu_check.sh has written on a
-// machine that has one.
+// machine with a GPU.
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -12,7 +12,7 @@
 namespace palpate::eval {
 namespace {
 
-/// One line: microseconds.
+/// One row of times, microseconds.
 struct Row {
   double median = 0, p99 = 0, p999 = 0, max = 0;
   double mean = 0, deviation = 0;  ///< NaN: an older file without them
@@ -30,7 +30,7 @@ struct GpuRows {
   }
 };
 
-/// A file may have rows of several commits.
+/// Reads a file, which may have rows of several commits.
 std::vector<GpuRows> read(const std::filesystem::path& path) {
   std::vector<GpuRows> all;
   for (auto& row : read_csv(path).rows) {
@@ -50,7 +50,7 @@ std::vector<GpuRows> read(const std::filesystem::path& path) {
   return all;
 }
 
-/// The newest rows that have all these cases: by their date, and of one day those given last.
+/// Returns the latest rows that have all these cases: by date, then by order of the files.
 std::optional<GpuRows> newest_with(const Context& context, const std::vector<std::string>& cases) {
   std::optional<GpuRows> newest;
   for (const auto& path : context.settings().gpu) {
@@ -170,7 +170,7 @@ Result<FigureResult> figure_4_2(Context& context) {
   return result;
 }
 
-/// By how much the p99 of a query rises beside a camera whose frames come in so many parts, µs.
+/// Returns the rise of a query's p99 beside a camera whose frames come in `num_parts` parts, µs.
 double blocked(const GpuRows& gpu, const char* method, const char* image, int num_parts) {
   const Row* none = gpu.find(sharing(method, image, "no camera"));
   const Row* parts = gpu.find(sharing(method, image, in_parts(num_parts).c_str()));
@@ -222,7 +222,7 @@ Result<FigureResult> figure_4_3(Context& context) {
   return result;
 }
 
-/// Section 6: a second GPU for sensing.
+/// Section 6 of the thesis: a second GPU for sensing.
 Result<FigureResult> two_gpus(Context& context) {
   const char* claim = "A second GPU for sensing relieves the one that measures contacts.";
   const auto name = [](const char* method, int sensing_gpu, const char* what) {
@@ -311,7 +311,7 @@ Result<FigureResult> gpu_queries(Context& context) {
   }
   plot.caption = "Spheres at 1 kHz: " + limits + ".";
   result.claims.push_back({claim, "Another machine. " + plot.caption, Verdict::not_comparable});
-  // The thesis' central finding, on the machine that it was made for.
+  // The thesis' central finding, on a machine of the kind that it is about.
   const auto& graph = plot.curves[2];
   const auto& simplified = plot.curves[1];
   const auto& weighted = plot.curves[0];

@@ -1,5 +1,5 @@
-// graphs: which packings favour the graph (thesis sections 3.3.1, 5.0.1 and 6 leave it open):
-// largest radius and gap rule, by what they make of the graph: neighbours of a sphere, ways across.
+// graphs: packings that favor the graph (thesis sections 3.3.1, 5.0.1 and 6 leave it open): largest
+// radius and gap rule, by the properties of the graph: neighbors of a sphere, ways across.
 #include <algorithm>
 #include <cmath>
 #include <queue>
@@ -22,8 +22,8 @@ struct Packing {
   double radius = 0;  ///< m
   GapRule rule = GapRule::relative;
   double fill = 0;    ///< share of the mesh
-  double degree = 0;  ///< neighbours of a sphere, mean
-  int across = 0;     ///< edges between the two spheres that are farthest apart, at least
+  double degree = 0;  ///< neighbors of a sphere, mean
+  int across = 0;     ///< edges between the two spheres that are farthest apart, lower bound
   Times weighted, simplified, graph;
   double jump = 0;  ///< largest step of the graph's force along the way, % of the whole
 
@@ -35,7 +35,7 @@ struct Packing {
   }
 };
 
-/// The sphere that is reached last, and over how many edges.
+/// Returns the sphere farthest from `from` in the graph, and its distance in edges.
 std::pair<std::size_t, int> farthest(const LeafGraph& graph, std::size_t from) {
   const std::size_t n = graph.row_starts().size() - 1;
   std::vector<int> rounds(n, -1);

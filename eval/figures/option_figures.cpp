@@ -1,4 +1,4 @@
-// continuity, and the list of the studies of options: what they do to forces and volumes.
+// continuity, and the list of the studies of options, which compare forces and volumes.
 #include "eval/figures/option_figures.h"
 
 #include <algorithm>
@@ -19,8 +19,8 @@ constexpr std::size_t kNumContinuities = std::size(kContinuityNames);
 constexpr auto kEntry = static_cast<std::size_t>(Continuity::entry);
 constexpr auto kKernel = static_cast<std::size_t>(Continuity::kernel);
 
-/// What happens with every value of `Continuity` where a method measures the cube in a solid. What
-/// has nothing to choose has only the first.
+/// Force steps for every value of `Continuity` where a method measures the cube in a solid. Methods
+/// without that option have only the first.
 struct Sinking {
   std::string solid, method;
   std::vector<std::vector<double>> steps;  ///< of the force, shares of the tool
@@ -28,7 +28,7 @@ struct Sinking {
   double largest(std::size_t continuity) const { return std::ranges::max(steps[continuity]); }
 };
 
-/// All ways of measuring against one solid, the exact one first.
+/// Measures in all ways against one solid, the exact one first.
 Result<std::vector<Sinking>> sink(Context& context, const NoisySolid& solid, double done) {
   const auto cube = sinking_cube(context);
   if (!cube) return cube.error();
@@ -68,18 +68,18 @@ Table table_of(const std::vector<Sinking>& all) {
 
 using Names = std::vector<std::string_view>;
 
-/// How many times as large as another step, over some methods and all solids.
+/// Range of the ratio of two steps, over some methods and all solids.
 struct Range {
   double low = std::numeric_limits<double>::infinity(), high = 0;
 
   void add(double times) { low = std::min(low, times), high = std::max(high, times); }
 };
 struct Comparison {
-  Range to_exact, to_none;  ///< the largest step, against the exact one and that of no option
+  Range to_exact, to_none;  ///< largest step over the exact one, and over that without the option
 };
 Comparison compare(const std::vector<Sinking>& all, Names methods, std::size_t continuity) {
   Comparison comparison;
-  double exact = 0;  // of the solid: the first of its ways of measuring
+  double exact = 0;  // of the current solid: its first way is the exact one
   for (const Sinking& sinking : all) {
     if (sinking.method == "exact") exact = sinking.largest(0);
     if (std::ranges::find(methods, sinking.method) == methods.end()) continue;
@@ -89,7 +89,7 @@ Comparison compare(const std::vector<Sinking>& all, Names methods, std::size_t c
   return comparison;
 }
 
-/// The steps of one method along the way into one solid.
+/// Plots the steps of one method along the way into one solid.
 Plot plot_of(const std::vector<Sinking>& all, const std::string& solid, const std::string& method) {
   Plot plot{words("%s, cube into a %s", method.c_str(), solid.c_str()),
             "way of the cube, mm",

@@ -1,4 +1,4 @@
-// options: what edge planes and continuity cost.
+// options: cost of edge planes and of continuity.
 #include <algorithm>
 #include <cmath>
 #include <iterator>
@@ -23,12 +23,12 @@ constexpr Choice kChoices[] = {
 };
 constexpr std::size_t kEntry = 2;
 
-/// Two digits.
+/// Formats a time with two digits.
 std::string rounded(double ms) {
   return words("%.*f", std::max(0, 1 - static_cast<int>(std::floor(std::log10(ms)))), ms);
 }
 
-/// A method with every choice of options; the field takes no notice of them and has only the first.
+/// A method with every choice of options; the field ignores them and has only the first.
 struct MethodCost {
   std::string method;
   std::vector<Times> times;

@@ -1,6 +1,5 @@
-// others: what else one would use, on the same scenes: a look-up in a voxel grid of distances, a
-// god-object on the cloud, coal with an octree; how right and how smooth, how fast, and how much
-// memory.
+// others: other methods on the same scenes: a lookup in a voxel grid of distances, a god-object on
+// the cloud, coal with an octree; their accuracy, smoothness, speed and memory.
 #include <malloc.h>
 
 #include <algorithm>
@@ -17,10 +16,10 @@ namespace palpate::eval {
 namespace {
 
 constexpr double kCells[] = {0.005, 0.01, 0.02, 0.05};  // m
-constexpr double kReach = 0.01;                         // m: of the god-object's surface
+constexpr double kReach = 0.01;                         // m: radius of the god-object's surface
 constexpr double kMegabyte = 1e6;
 
-/// By a grid: caps of the spheres, or their depths as planners have them.
+/// Methods; those by a grid sum caps of the spheres, or sphere depths as motion planners do.
 enum class Way { ours, grid_caps, grid_hinge, god_object };
 bool is_grid(Way way) { return way == Way::grid_caps || way == Way::grid_hinge; }
 
@@ -30,7 +29,7 @@ struct Row {
   ContactOptions options;
   double cell = 0;
   /// rms over the cases: % of the tool, % of the tool, degrees, %; the largest step, exact = 1.
-  /// NaN: has none.
+  /// NaN: not available.
   double volume = std::nan(""), force = std::nan(""), direction = 0, torque = std::nan(""),
          jump = 0;
   Times query, frame;
@@ -58,13 +57,13 @@ std::vector<Row> all_rows() {
   return rows;
 }
 
-/// Where the tool of a case is on average, and a cube around all of its way.
+/// Middle of a case's way, and the half width of a cube around all of it.
 Vec3d middle_of(const ContactCase& c) { return 0.5 * (c.start.translation + c.end.translation); }
 double half_width_of(const ContactCase& c) {
   return norm(c.end.translation - c.start.translation) + 2.2 * c.tool_size;
 }
 
-/// The point of the tool that is felt first.
+/// Returns the point of the tool that touches first.
 Vec3d foremost(const Tool& tool, const Pose& X_WT) {
   Vec3d best_T;
   double most = -INFINITY;
@@ -75,7 +74,7 @@ Vec3d foremost(const Tool& tool, const Pose& X_WT) {
   return best_T;
 }
 
-/// Ready for queries; the tool, the case and the scene have to outlive it.
+/// Makes a measure that is ready for queries; the tool, the case and the scene have to outlive it.
 Measure measure_of(const Row& row, const ContactCase& c, const Tool& tool,
                    const RenderedScene& seen, const ExactStep& scale) {
   if (row.way == Way::ours) return query_measure(tool, seen, row.options);
@@ -98,7 +97,7 @@ Measure measure_of(const Row& row, const ContactCase& c, const Tool& tool,
       return result;
     };
   }
-  // Its stiffness is what makes its force the exact one at `scale`.
+  // The stiffness scales its force to the exact one at `scale`.
   double length = 0;
   for (int i = 0; i <= 60; ++i) {
     length = norm(pull(interpolate(c.start, scale.X_WT, i / 60.0)).measure_W.force);
@@ -107,13 +106,13 @@ Measure measure_of(const Row& row, const ContactCase& c, const Tool& tool,
   return {length > 0 ? length / share : 1, pull};
 }
 
-/// Bytes of the heap in use.
+/// Returns the heap memory in use, bytes.
 double in_use() {
   const auto info = mallinfo2();
   return static_cast<double>(info.uordblks + info.hblkhd);
 }
 
-/// How long a frame and a query take, and how much memory both.
+/// Measures the time of a frame and of a query, and the memory of both.
 void measure_cost(Context& context, Row& row, const ContactCase& c, const Tool& tool) {
   const scenes::Scene scene = scenes::make_scene(c.scene).value();
   const std::vector<float> depth = scenes::render_depth(scene, 0);

@@ -1,4 +1,4 @@
-// Other libraries beside ours: which points are in which sphere, and normals. The times come from
+// Other libraries beside ours: point-in-sphere queries and normals. The times come from
 // bench_peers, which measures all of them and ours in one run.
 #include <algorithm>
 #include <array>
@@ -19,7 +19,7 @@ constexpr const char* kHowTo =
     "--peers peers.csv";
 constexpr double kFrame = 1e6 / 30;  ///< µs
 
-/// One library and ours at the same work. Microseconds.
+/// One library and ours on the same task. Microseconds.
 struct Row {
   std::string stage, peer;
   std::map<std::string, std::string> setup, facts;
@@ -47,9 +47,9 @@ struct PeerRows {
   std::vector<Row> rows;
   std::vector<std::string> peers;  ///< in the order of the file
   std::vector<std::string> notes;
-  std::string place;  ///< where they were measured
+  std::string place;  ///< machine of the measurement
 
-  /// Those of one library.
+  /// Returns the rows of one library.
   std::vector<Row> of(const std::string& peer) const {
     std::vector<Row> some;
     std::copy_if(rows.begin(), rows.end(), std::back_inserter(some),
@@ -58,7 +58,7 @@ struct PeerRows {
   }
 };
 
-/// "Embree best tree" is "embree-best-tree".
+/// Makes a key: "Embree best tree" becomes "embree-best-tree".
 std::string key_of(const std::string& peer) {
   std::string key;
   for (const char c : peer) {
@@ -72,7 +72,7 @@ std::string key_of(const std::string& peer) {
   return key;
 }
 
-/// The rows of some stages; `is_whole` says whether a row has what its figure needs.
+/// Reads the rows of some stages; `is_whole` is true for a row with all values for its figure.
 PeerRows read(const Context& context, const std::vector<std::string>& stages,
               bool (*is_whole)(const Row&)) {
   const CsvFile file = read_csv(context.settings().peers);
@@ -96,7 +96,7 @@ PeerRows read(const Context& context, const std::vector<std::string>& stages,
     const bool is_requested = std::find(stages.begin(), stages.end(), row.stage) != stages.end();
     if (!is_good) num_damaged += is_requested;
     if (!is_good || !is_requested) continue;
-    // Measured again: the last time counts.
+    // Repeated measurement: the last one counts.
     std::erase_if(result.rows, [&](const Row& other) {
       return other.stage == row.stage && other.setup == row.setup &&
              key_of(other.peer) == key_of(row.peer);
@@ -133,15 +133,15 @@ FigureResult not_here(const Context& context, const std::string& claim) {
 
 std::string style(std::size_t i) { return words("other%zu", i % 4 + 1); }
 
-/// "3.1", "3.1 to 12", "0.42".
+/// Formats a range: "3.1", "3.1 to 12", "0.42".
 std::string range(double low, double high) {
   const std::string from = words("%.2g", low), to = words("%.2g", high);
   return from == to ? from : from + " to " + to;
 }
 
-// ---- Which points are in which sphere ----
+// ---- Points in spheres ----
 
-/// What is computed for the spheres: the word in the file, and for humans.
+/// Output of a query for each sphere: its word in the file, and a description.
 struct Question {
   const char* word;
   const char* text;
@@ -157,7 +157,7 @@ bool is_boundary_row(const Row& row) {
                      [&](const Question& q) { return row.word("ask") == q.word; });
 }
 
-/// One library at one question: the claim that it is slower than ours.
+/// Makes the claim that one library is slower than ours for one output.
 Claim boundary_claim(const std::vector<Row>& rows, const std::string& claim) {
   const auto [low, high] = std::minmax_element(
       rows.begin(), rows.end(), [](const Row& a, const Row& b) { return a.ratio() < b.ratio(); });

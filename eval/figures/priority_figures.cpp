@@ -1,6 +1,5 @@
-// priorities: what else could make a boundary sphere a good one to take a plane from (an open
-// question of the thesis, sections 3.2.2 and 6): errors and smoothness by each priority, against
-// the exact wrench.
+// priorities: alternative criteria for the donor sphere of a plane (an open question of the thesis,
+// sections 3.2.2 and 6): errors and smoothness by each priority, against the exact wrench.
 #include <algorithm>
 #include <cmath>
 
@@ -27,7 +26,7 @@ struct Row {
   std::string key() const { return method + "." + priority(); }
 };
 
-/// To `simplified` square and gaussian are the distance.
+/// Returns all rows; for `simplified` square and gaussian equal the distance.
 std::vector<Row> all_rows() {
   std::vector<Row> rows;
   for (const MethodKind method : {MethodKind::weighted, MethodKind::simplified}) {
@@ -43,7 +42,7 @@ std::vector<Row> all_rows() {
   return rows;
 }
 
-/// Errors of a row in one case.
+/// Adds the errors of a row in one case.
 void measure(Row& row, const Tool& tool, const RenderedScene& seen,
              const std::vector<ExactStep>& coarse, const std::vector<ExactStep>& fine) {
   const Measure measure = query_measure(tool, seen, row.options);
@@ -73,7 +72,7 @@ Result<FigureResult> figure_priorities(Context& context) {
               const Tool& tool = *tools[i];
               const RenderedScene seen = see(cases[i], DepthNoise::gaussian);
               const auto coarse = exact_steps(cases[i], tool, 0, 1, num_coarse);
-              // Of 0.05 mm, a tick at 50 mm/s.
+              // Steps of 0.05 mm, a tick at 50 mm/s.
               const double fine = num_fine / static_cast<double>(num_steps_over(cases[i], 1, 5e-5));
               const auto steps = exact_steps(cases[i], tool, 0.3, 0.3 + fine, num_fine);
               for (Row& row : by_case[i]) {

@@ -1,5 +1,5 @@
-// protocol: as the thesis compared its methods (section 5): somebody touches something that moves
-// before a depth camera, the run is recorded, and every method gets the same hand and frames.
+// protocol: the comparison of methods in the thesis (section 5): a hand touches something that
+// moves before a depth camera, the run is recorded, and every method gets the same hand and frames.
 #include <algorithm>
 #include <cmath>
 #include <span>
@@ -18,14 +18,14 @@ namespace {
 
 constexpr const char* kRecordedHand = "sequences/hand_sr305_20210326-230536";
 constexpr double kPen = 0.12;         // m
-constexpr double kInContact = 0.005;  // share of the tool: less says nothing of a direction
+constexpr double kInContact = 0.005;  // share of the tool: less has no reliable direction
 constexpr double kLost = 0.01;        // share of the tool where contact may not be lost
 constexpr double kSpacing = 0.0006;   // m, of the points of the exact volume
 constexpr std::size_t kTicksPerTruth = 20;
 constexpr double kSameWay = 10, kAlmost = 20;        // degrees
 constexpr std::size_t kNumOfThesis = 3, kField = 4;  // of all_methods_alike()
 
-/// The answers of one method to a run, tick by tick, in shares of the whole tool.
+/// Results of one method on a run, tick by tick, in shares of the whole tool.
 struct Measured {
   std::vector<Vec3d> force;
   std::vector<double> volume;
@@ -62,7 +62,7 @@ double degrees_between(const Vec3d& a, const Vec3d& b) {
   return 180 / kPi * std::atan2(norm(cross(a, b)), dot(a, b));
 }
 
-/// A pen in a simulated hand touches what the frames show, and every method repeats it.
+/// Records a pen in a simulated hand that touches the frames' scene, and replays every method.
 Result<Replays> replays(Context& context, std::string key, std::string name,
                         const DepthStreamInfo& stream, const std::vector<DepthFrame>& frames,
                         const Tool& tool, const std::vector<TimedPose>& path, double done) {
@@ -88,8 +88,8 @@ Result<Replays> replays(Context& context, std::string key, std::string name,
   return all;
 }
 
-/// Angles to the force of the field where both are in contact, degrees, and how often only the
-/// field is, % of the ticks where it is.
+/// Angles to the force of the field where both are in contact, degrees, and share of ticks at which
+/// only the field is in contact, %.
 struct AgainstField {
   std::vector<double> angles;
   double lost = 0, volume_rms = 0;  ///< %, % of the tool
@@ -170,7 +170,7 @@ void add_run(FigureResult& result, const Replays& run) {
   result.plots.push_back(std::move(plot));
 }
 
-/// The simulated hand is known: errors against its mesh, as it was `late` s ago.
+/// Adds errors against the mesh of the simulated hand, which is known, as it was `late` s ago.
 void add_truth(FigureResult& result, Context& context, const Replays& run, const Tool& tool,
                const scenes::Body& hand, double late) {
   const std::vector<Vec3d> points =

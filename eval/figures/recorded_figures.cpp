@@ -1,6 +1,5 @@
-// 3.4-3.6, 3.11, 5.7-5.16: how the force feels on something that a depth camera recorded (thesis
-// sections 3.2.2, 3.3.2, 3.4 and 5.1.1). There is no exact force here, so smoothness is what
-// counts.
+// 3.4-3.6, 3.11, 5.7-5.16: smoothness of the force on recorded scenes (thesis sections 3.2.2,
+// 3.3.2, 3.4 and 5.1.1). There is no exact force here, so smoothness is what counts.
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -16,13 +15,13 @@ namespace {
 
 constexpr double kClean = 1;          // largest step of a calm plot, % of its height
 constexpr double kSpikes = 2;         // times the step of a clean plot
-constexpr double kVisible = 2;        // of the brightness, %: what an eye sees in a smooth shade
+constexpr double kVisible = 2;        // % of the brightness: visible in smooth shading
 constexpr double kSmallNoise = 0.05;  // N of kFullForce: half a percent
 constexpr double kMinuscule = 2;      // % of the whole force
 constexpr double kSwing = 0.1;        // in and out, of the tool's radius
 constexpr double kWorse = 1.25;       // times as wrong
 
-/// Forces along a path, in shares of the whole tool's.
+/// Forces along a path, in shares of the whole tool's force.
 struct ForceSeries {
   std::vector<double> at;  ///< % of the path
   std::vector<Vec3d> force;
@@ -55,7 +54,7 @@ Result<ForceSeries> forces_by(const RecordedRun& run, const Tool& tool,
   return series;
 }
 
-/// One axis of the force in newtons.
+/// Plots one axis of the force in newtons.
 Curve curve_of(const ForceSeries& series, const char* name, const char* style, int axis) {
   Curve curve{name, style, series.at, {}};
   for (const Vec3d& f : series.force) {
@@ -70,7 +69,7 @@ std::string newtons(int axis) {
   return words("%s force, N (wholly inside: %.0f N)", kAxes[axis], kFullForce);
 }
 
-/// One run of a hand on the recorded scene, given to all methods, in `finer` times as many steps.
+/// One hand path on the recorded scene for all methods, in `finer` times as many steps.
 struct Comparison {
   std::string name;  ///< of the scene
   double mean_depth = 0;
@@ -180,7 +179,7 @@ Result<FigureResult> figure_3_5(Context& context) {
   return result;
 }
 
-/// Is a point inside a closed mesh? Crossings of a ray that meets no edge, being askew.
+/// True if a point is inside a closed mesh, by crossings of a ray that is tilted to meet no edge.
 bool contains(const TriangleMesh& mesh, const Vec3d& p) {
   const Vec3d d = normalized(Vec3d{0.3127, 0.5711, 0.7589});
   int num = 0;
@@ -200,8 +199,8 @@ bool contains(const TriangleMesh& mesh, const Vec3d& p) {
   return num % 2 == 1;
 }
 
-/// The spiral in the mannequin's chest: a winding that reaches out again behind is not connected to
-/// what is inside.
+/// The spiral in the mannequin's chest: a winding that leaves the chest at the back is not
+/// connected to the inside.
 Result<FigureResult> figure_3_6(Context& context) {
   const auto scene = scenes::make_scene("mannequin");
   if (!scene) return scene.error();
@@ -225,7 +224,7 @@ Result<FigureResult> figure_3_6(Context& context) {
   std::vector<Wrong> wrong(methods.size());
   for (std::size_t i = 0; i < scene->path_poses.size(); i += step) {
     const Pose& X_WT = scene->path_poses[i];
-    // What is truly outside: once per pose.
+    // Spheres that are truly outside, once per pose.
     std::vector<bool> is_outside(spheres.size(), false);
     if (query->query(X_WT, ContactOptions{}).volume == 0) continue;
     for (std::size_t s = 0; s < spheres.size(); ++s) {
@@ -277,7 +276,7 @@ Result<FigureResult> figure_3_6(Context& context) {
   return result;
 }
 
-/// A noisy depth image of a ball in front of a wall: where the thesis saw the lighting go wrong.
+/// A noisy depth image of a ball in front of a wall, where the thesis observed wrong lighting.
 struct NoisyBall {
   static constexpr int kWidth = 320, kHeight = 240;
   static constexpr double kRadius = 0.2, kDistance = 1.2;  // m
@@ -391,12 +390,12 @@ Result<FigureResult> figure_3_11(Context& context) {
   return result;
 }
 
-/// 5.7-5.15: what was shown, and what was said of it. Figures of one run have one claim.
+/// Findings of 5.7-5.15. Figures of one run have one claim.
 enum class Finding {
-  continuous,  ///< weighted and graph, and weighted smoother
-  rougher,     ///< the graph, than with 7 % and 5,000 spheres
-  ranked,      ///< weighted the smoothest, simplified nearly, the graph the roughest
-  as_good,     ///< weighted, as with `other` spheres
+  continuous,  ///< weighted and graph are continuous, weighted is smoother
+  rougher,     ///< the graph is rougher than with 7 % and 5,000 spheres
+  ranked,      ///< weighted is the smoothest, simplified nearly, the graph the roughest
+  as_good,     ///< weighted is as good as with `other` spheres
 };
 struct Shown {
   const char* id;
@@ -419,17 +418,17 @@ constexpr Shown kShown[] = {
      "70 %, 1,500 spheres, weighted: as good as with more."},
 };
 
-/// Sideways noise (x) of a force along a path: rms of its second differences, N.
+/// Returns the sideways noise (x) of a force along a path: rms of its second differences, N.
 double x_noise(const ForceSeries& series) {
   double sum = 0;
   for (std::size_t i = 1; i + 1 < series.force.size(); ++i) {
     const double bend = series.force[i + 1].x - 2 * series.force[i].x + series.force[i - 1].x;
-    sum += bend * bend / 6;  // of white noise six times its square
+    sum += bend * bend / 6;  // six times the variance for white noise
   }
   return kFullForce * std::sqrt(sum / static_cast<double>(series.force.size() - 2));
 }
 
-/// Largest steps of one method on a run of another kind, %.
+/// Returns the largest step of one method on a run with other settings, %.
 Result<double> largest_step(Context& context, const Method& method, int num_spheres, double depth,
                             std::size_t finer = 1, GapRule rule = GapRule::absolute) {
   const auto c = compare(context, num_spheres, depth, {method}, finer, rule);
@@ -437,7 +436,7 @@ Result<double> largest_step(Context& context, const Method& method, int num_sphe
   return c->series[0].largest_step();
 }
 
-/// Claims about the thesis' methods, which are the first three of `methods`.
+/// Judges the claims about the thesis' methods, which are the first three of `methods`.
 Result<Claim> judge(Context& context, const Shown& figure, const Comparison& c,
                     const std::vector<Method>& methods, const std::string& steps) {
   const Method &weighted = methods[0], &graph = methods[2];

@@ -1,7 +1,7 @@
 // A benchmark of 6-DOF collision response in the manner of Weller, Sagardia, Mainzer, Hulin,
 // Zachmann and Preusche (VRST 2010): many configurations, and for each the force and the torque,
-// compared in direction and in magnitude; here against the exact ones instead of against each
-// other.
+// compared in direction and in magnitude; here against the exact ones instead of pairwise between
+// methods.
 #include <algorithm>
 #include <cmath>
 #include <optional>
@@ -18,7 +18,7 @@ namespace palpate::eval {
 namespace {
 
 constexpr int kSpheres = 5000;
-constexpr double kMinTorque = 0.02;  // of force times radius: below it has no direction
+constexpr double kMinTorque = 0.02;  // of force times radius: less has no direction
 
 /// Errors of one method over all configurations.
 struct Response {
@@ -43,7 +43,7 @@ struct Configuration {
   scenes::ExactPenetration exact;
 };
 
-/// The tool turned anyhow, beside the axis, `share` of it inside.
+/// Returns the tool in a random orientation, beside the axis, `share` of it inside.
 Configuration configuration(const ContactCase& c, const Tool& tool, Random& random, double share) {
   Configuration result;
   result.X_WT.rotation = random.rotation(3);

@@ -1,6 +1,6 @@
-// misplaced: two cameras of which one is not quite where it is said to be. What is wrongly felt in
-// free space and in contact, against exact solids and the same solids displaced as far, and what
-// `palpate calibrate` makes of it.
+// misplaced: two cameras, one with a wrong pose. Contact errors in free space and in contact,
+// against exact solids and the same solids displaced by the pose error, and the correction by
+// `palpate calibrate`.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -22,17 +22,17 @@
 namespace palpate::eval {
 namespace {
 
-constexpr double kShift = 0.003, kTurn = 0.5 * kPi / 180;  // m, rad: how far a camera is off
+constexpr double kShift = 0.003, kTurn = 0.5 * kPi / 180;  // m, rad: pose error of a camera
 constexpr double kRadius = 0.03;                           // m, of the tool, a ball
 constexpr int kSpheres = 2000;
-constexpr double kMinShare = 0.005;  // of the tool: less says nothing about the direction
-const Vec3d kMiddle{0, 0, 1.05};     // what the cameras look at
-/// m, of the tool in front of a surface; negative: so deep in it.
+constexpr double kMinShare = 0.005;  // of the tool: less has no reliable direction
+const Vec3d kMiddle{0, 0, 1.05};     // target of the cameras
+/// Distance of the tool in front of a surface, m; negative: inside.
 constexpr double kDistances[] = {0.020, 0.016, 0.012,  0.008,  0.005,  0.003,  0.002,
                                  0.001, 0,     -0.002, -0.004, -0.006, -0.008, -0.010};
 constexpr std::size_t kNumFree = 9;  // of these
 
-/// Three boxes in front of a wall, all known exactly.
+/// Returns the wall and the boxes in front of it, all known exactly.
 std::vector<scenes::Environment> solids() {
   const auto box = [](const Vec3d& at, const Quaternion& turned, const Vec3d& half) {
     return scenes::Environment::box({at, turned}, half);
@@ -43,7 +43,7 @@ std::vector<scenes::Environment> solids() {
           box({0.13, 0.13, 1.07}, axis_angle({0.2, -1, 0}, 0.45), {0.09, 0.07, 0.06})};
 }
 
-/// Where a solid is touched, in shares of its half size, and the way out.
+/// A spot where a solid is touched, in shares of its half size, and the outward direction.
 struct Spot {
   const char* name;
   std::size_t solid;
@@ -55,8 +55,8 @@ constexpr Spot kPlaces[] = {{"wall", 0, {0, -0.8, -1}, {0, 0, -1}},
                             {"corner", 3, {-1, -1, -1}, {-1, -1, -1}},
                             {"side that one camera sees", 2, {1, 0, 0}, {1, 0, 0}}};
 
-/// 1 m away from the middle, 35 degrees to its left or right. The second camera is the one that is
-/// said to be elsewhere.
+/// Returns the camera poses, 1 m away from the middle, 35 degrees to its left or right. The second
+/// camera is the one with the wrong pose.
 std::array<Pose, 2> camera_poses() {
   const auto at = [](double degrees) {
     const Quaternion turned = axis_angle({0, 1, 0}, degrees * kPi / 180);
@@ -65,20 +65,20 @@ std::array<Pose, 2> camera_poses() {
   return {at(35), at(-35)};
 }
 
-/// What is felt at a pose, or ought to be.
+/// Measured or exact contact at a pose.
 struct Share {
   double volume = 0;  ///< of the tool
   Vec3d force;
 };
 
-/// The tool at one distance from one place.
+/// The tool at one distance from one spot.
 struct Probe {
   Pose X_WT;
   Share exact;
-  double bound = 0;  ///< of the tool: inside a wall there that is displaced as far as any can be
+  double bound = 0;  ///< share of the tool inside a wall with the largest possible displacement
 };
 
-/// Calls f(solid) for those of the solids, displaced, that the tool may reach.
+/// Calls f(solid) for the displaced solids within reach of the tool.
 template <class F>
 void for_solids_at(const Pose& X_WT, const Pose& displaced, const F& f) {
   for (const scenes::Environment& solid : solids()) {
@@ -98,7 +98,7 @@ Share exact_share(const Tool& tool, const Pose& X_WT) {
   return sum;
 }
 
-/// With the solids displaced.
+/// Returns the exact share of the tool inside the displaced solids.
 double exact_volume_share(const Tool& tool, const Pose& X_WT, const Pose& displaced) {
   double sum = 0;
   for_solids_at(X_WT, displaced, [&](const scenes::Environment& solid) {
@@ -107,13 +107,13 @@ double exact_volume_share(const Tool& tool, const Pose& X_WT, const Pose& displa
   return sum;
 }
 
-/// The share of a ball that lies behind a plane which cuts off so much of it.
+/// Returns the share of a ball's volume in a cap of this height.
 double cap_share(double height, double radius) {
   const double h = std::clamp(height, 0.0, 2 * radius);
   return h * h * (3 * radius - h) / (4 * radius * radius * radius);
 }
 
-/// By place, and there from far to deep.
+/// Returns the probes, by spot, and there from far to deep.
 std::vector<Probe> all_probes(const Tool& tool, const Vec3d& camera_W) {
   const auto all = solids();
   std::vector<Probe> probes;
@@ -136,7 +136,7 @@ std::vector<Probe> all_probes(const Tool& tool, const Vec3d& camera_W) {
   return probes;
 }
 
-/// What both cameras show, and what `palpate calibrate` looks at.
+/// Images of both cameras, and mean frames for `palpate calibrate`.
 struct Seen {
   std::array<std::optional<Sensor>, 2> sensors;
   std::array<std::optional<SurfaceEstimator>, 2> calm;
@@ -168,7 +168,7 @@ Result<Seen> see(Context& context, bool has_noise) {
     const auto open = [&] { return scenes::open_simulated_camera(scene, options); };
     auto first = open();
     if (!first) return first.error();
-    const auto frame = mean_frame(**first, 1);  // that one itself
+    const auto frame = mean_frame(**first, 1);  // the frame itself
     if (!frame) return frame.error();
     SensorOptions joined;
     joined.field.one_of_several = true;
@@ -191,7 +191,7 @@ Result<Seen> see(Context& context, bool has_noise) {
   return seen;
 }
 
-/// What the tool feels at all probes with the cameras said to be here.
+/// Measures the contact at all probes with the given camera poses.
 std::vector<Share> measure_probes(const Seen& seen, std::span<const Pose> X_WC, const Tool& tool,
                                   const std::vector<Probe>& probes) {
   const ContactOptions options;
@@ -211,17 +211,17 @@ std::vector<Share> measure_probes(const Seen& seen, std::span<const Pose> X_WC, 
   return measured;
 }
 
-/// One way of being wrong, and what comes of it.
+/// One wrong pose, and its results.
 struct Draw {
-  Pose X_WC;                      ///< where the second camera is said to be
-  std::vector<Share> together;    ///< felt with both cameras displaced so: they agree
-  std::vector<double> displaced;  ///< exact shares in what that camera alone shows
-  std::vector<Share> wrong;       ///< felt
-  std::optional<Pose> refined;    ///< where calibrate puts the camera
-  std::vector<Share> calibrated;  ///< felt
+  Pose X_WC;                      ///< assumed pose of the second camera
+  std::vector<Share> together;    ///< measured with both cameras displaced so: they agree
+  std::vector<double> displaced;  ///< exact shares in the image of that camera alone
+  std::vector<Share> wrong;       ///< measured
+  std::optional<Pose> refined;    ///< pose of the camera by calibrate
+  std::vector<Share> calibrated;  ///< measured
 };
 
-/// How far a pose is from the true one.
+/// Error of a pose.
 struct PoseError {
   double at_scene = 0, at_camera = 0;  ///< mm
   double angle = 0;                    ///< degrees
@@ -233,7 +233,7 @@ PoseError error_of(const Pose& X_WC, const Pose& truth) {
           2 * 180 / kPi * std::atan2(norm(Vec3d{q.x, q.y, q.z}), std::abs(q.w))};
 }
 
-/// Errors of contact, over all probes that are in a solid.
+/// Contact errors, over all probes inside a solid.
 struct ContactError {
   double volume_squares = 0, worst = 0, direction_squares = 0;
   int num = 0, num_directions = 0;
@@ -257,9 +257,9 @@ struct ContactError {
   }
 };
 
-/// Everything of one kind of image.
+/// Results of one kind of image.
 struct Study {
-  std::vector<Share> truly_placed;  ///< felt with both cameras where they are
+  std::vector<Share> truly_placed;  ///< measured with both true poses
   std::vector<Draw> draws;
 };
 
@@ -299,7 +299,7 @@ Result<Study> study(Context& context, bool has_noise, const Tool& tool,
   return result;
 }
 
-/// The most, in %, of what `share_of(draw, probe)` says over all draws and places at a distance.
+/// Returns the largest `share_of(draw, probe)` over all draws and spots at a distance, %.
 template <class ShareOf>
 double max_at(const Study& study, std::size_t distance, ShareOf share_of) {
   double most = 0;
@@ -443,7 +443,7 @@ Result<FigureResult> misplaced_figure(Context& context) {
     }
     if (num_refused > 0) calibrated = Verdict::fails;
     if (has_noise) continue;
-    // With noise there is false contact in free space with the true poses too.
+    // With noise there is false contact in free space even with the true poses.
     result.claims.push_back(
         {kClaims[0],
          words("At most %.2f %% of the tool more, of up to %.1f %% with both displaced.",

@@ -1,4 +1,4 @@
-// What the thesis does not look at: how errors grow with noise, missing pixels, distance, coarser
+// Robustness, which the thesis does not study: errors over noise, missing pixels, distance, coarser
 // cameras and coarser packings. A cube goes into a wall, onto a ball and onto a ridge; all errors
 // are against the exact wrench.
 #include <algorithm>
@@ -21,7 +21,7 @@ constexpr double kCube = 0.1;  // m
 constexpr int kSpheres = 2000;
 constexpr double kDepth = 1.0;  // m
 
-/// One way of looking at a scene.
+/// Camera and tool of one measurement.
 struct Look {
   double sigma = 0.0015;  ///< m at 1 m, grows with the square of the distance
   double missing = 0;     ///< share of pixels without depth
@@ -95,7 +95,7 @@ Result<Errors> errors_of(Context& context, const Look& look) {
   return errors;
 }
 
-/// All errors over one property of the look.
+/// Measures all errors over one property of the look.
 Result<FigureResult> study(Context& context, const std::string& x_label,
                            const std::vector<double>& x,
                            const std::function<void(Look&, double)>& set, bool log_x = false) {
@@ -135,7 +135,7 @@ Result<FigureResult> study(Context& context, const std::string& x_label,
               x.front(), x.back(), first[0], last[0], first[2], last[2], first[4], last[4]);
     result.plots.push_back(plots[which]);
   }
-  // At each x the field against the best of the others; the worst of these counts.
+  // Compares the field with the best of the others at each x; the worst of these counts.
   struct Kind {
     const char* words;
     const char* unit;

@@ -1,4 +1,4 @@
-// sensing: what a depth frame costs before anybody touches it.
+// sensing: time of a depth frame before the first query.
 #include <vector>
 
 #include "eval/studies/speed.h"
@@ -17,7 +17,7 @@ struct Cost {
   double both = 0;                ///< on all cores
 };
 
-/// `done`: the share of the figure that was made before.
+/// Measures one image size. `done`: progress of the figure before it.
 Result<Cost> cost_of(Context& context, int width, int height, double done) {
   auto scene = scenes::make_scene("hand");
   if (!scene) return scene.error();

@@ -1,5 +1,5 @@
-// silhouettes: how long forces are and where they point behind the near surface of a step, and
-// behind a plane with noise. The field is minus the distance to free space there, so |F| <= V.
+// silhouettes: lengths and directions of forces behind the near surface of a step, and behind a
+// plane with noise. The field is minus the distance to free space there, so |F| <= V.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -25,7 +25,7 @@ constexpr double kSigma = 0.0015;  // m at 1 m, grows with the square of the dis
 constexpr std::array kBehind{0.01, 0.05, 0.1, 0.4, 0.8};
 
 const char* camera_name(bool with_noise) { return with_noise ? "noise" : "noise-free"; }
-/// A surface at `left` metres left of the optical axis, one at `right` right of it.
+/// Renders a surface at depth `left` left of the optical axis and one at `right` right of it, m.
 Result<FrozenFrame> seen_step(double left, double right, bool with_noise) {
   DepthStreamInfo stream;
   stream.width = kWidth, stream.height = kHeight, stream.intrinsics = kCamera;
@@ -70,7 +70,7 @@ std::vector<Sweep> sweeps_of(ContactProbe& probe) {
   return sweeps;
 }
 
-/// Forces at random poses in the shadow, by how far free space is.
+/// Forces at random poses in the shadow, by distance to free space.
 struct Directions {
   static constexpr std::array kUpTo{0.1, 0.2, 0.35};  // m
   static constexpr double kNearAngle = 15 * kPi / 180;
@@ -107,14 +107,14 @@ Directions directions_of(Context& context, ContactProbe& probe) {
   return directions;
 }
 
-/// The line phi = `level` over (x, z) as short pieces between which there are gaps.
+/// Returns the line phi = `level` over (x, z) as short pieces with gaps between them.
 Curve level_line(const std::vector<double>& x, const std::vector<double>& z,
                  const std::vector<double>& phi, double level, const std::string& style) {
   Curve curve{words("%.0f cm deep", -100 * level), style, {}, {}};
   const auto value = [&](std::size_t i, std::size_t k) { return phi[k * x.size() + i] - level; };
   for (std::size_t k = 0; k + 1 < z.size(); ++k) {
     for (std::size_t i = 0; i + 1 < x.size(); ++i) {
-      // Two triangles a cell: each is cut by one piece or by none.
+      // Two triangles per cell: at most one piece cuts each.
       for (const std::size_t upper : {std::size_t{0}, std::size_t{1}}) {
         const std::pair<std::size_t, std::size_t> corners[3] = {
             {i, k}, {i + 1, k + 1}, {i + 1 - upper, k + upper}};
@@ -138,7 +138,7 @@ Curve level_line(const std::vector<double>& x, const std::vector<double>& z,
   return curve;
 }
 
-/// Where the gradient leads from a point behind the surface, until free space.
+/// Adds the gradient path from a point behind the surface to free space.
 void add_way_out(Curve& curve, const DepthFieldView& field, Vec3d p, double radius) {
   constexpr double kStep = 0.004;  // m
   for (int i = 0; i < 400; ++i) {
@@ -227,11 +227,11 @@ Plot plot_of(const std::vector<Sweep>& sweeps) {
   return plot;
 }
 
-/// The clean step and the noisy one.
+/// Results on the clean step and on the noisy one.
 struct Steps {
   std::vector<Sweep> sweeps[2];
   Directions directions[2];
-  double longest_gradient = 0, share_long = 0;  ///< as FieldMap
+  double longest_gradient = 0, share_long = 0;  ///< of FieldMap
 
   double worst(bool with_noise) const {
     double worst = 0;
@@ -323,7 +323,7 @@ void add_steps(FigureResult& result, const Steps& steps) {
   result.tables.push_back(std::move(ways));
 }
 
-/// How far forces deep behind a plane with noise are off its normal.
+/// Adds the angle between the normal and the forces deep behind a plane with noise.
 Status add_plane(FigureResult& result, const Tool& tool, int num_poses) {
   constexpr std::array kDeep{0.005, 0.02, 0.05, 0.1, 0.2, 0.5};  // m, of the middle of the tool
   const auto frame = seen_step(kNear, kNear, true);

@@ -1,4 +1,4 @@
-// silhouettes, on recorded frames: how long forces are at random poses, and how stiff.
+// silhouettes, on recorded frames: lengths of forces at random poses, and their stiffness.
 #include <algorithm>
 #include <cmath>
 #include <optional>
@@ -15,8 +15,8 @@ namespace {
 
 constexpr double kStiffness = 12;  // times the section of the tool
 
-/// Counts of pixels in rectangles at which something steps: no measurement, or a neighbour whose
-/// depth differs by more than 1.5 %.
+/// Counts of step pixels in rectangles: pixels without measurement, or with a neighbor whose depth
+/// differs by more than 1.5 %.
 class StepCounts {
  public:
   explicit StepCounts(const DepthFrame& frame)
@@ -44,7 +44,7 @@ class StepCounts {
     }
   }
 
-  /// In columns [u0, u1) and rows [v0, v1); nullopt: some are outside the image.
+  /// Counts those in columns [u0, u1) and rows [v0, v1); nullopt: some are outside the image.
   std::optional<int> in(double u0, double u1, double v0, double v1) const {
     if (u0 < 0 || v0 < 0 || u1 > width_ || v1 > height_) return std::nullopt;
     const int left = static_cast<int>(u0), right = static_cast<int>(std::ceil(u1));
@@ -62,7 +62,7 @@ class StepCounts {
   std::vector<int> sums_;
 };
 
-/// Do all pixels of the rectangle around the tool show one surface?
+/// True if all pixels of the rectangle around the tool show one surface.
 bool nothing_steps(const StepCounts& steps, const Intrinsics& k, const Tool& tool,
                    const Pose& X_WT) {
   Range u, v;
@@ -96,7 +96,7 @@ Result<std::vector<RealFrame>> real_frames(Context& context) {
 
 /// Contacts of one tool with one frame.
 struct RealContacts {
-  Ratios all, calm;  ///< calm: where nothing steps
+  Ratios all, calm;  ///< calm: without steps around the tool
   Ratios stiffness;  ///< largest eigenvalues over the tool's section
 };
 RealContacts contacts_of(const RealFrame& real, const Tool& tool, ContactProbe& probe,
@@ -160,7 +160,7 @@ std::vector<std::string> row_of(const std::string& name, const RealContacts& con
           words("%.2f", contacts.stiffness.worst())};
 }
 
-/// The table over tools or frames, and the numbers.
+/// Makes the table over tools or frames, and the numbers.
 Table table_of(FigureResult& result, const char* title, const char* column,
                const std::vector<std::pair<std::string, RealContacts>>& rows) {
   Table table{title,

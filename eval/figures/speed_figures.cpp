@@ -1,5 +1,5 @@
-// 3.3, 3.9, 5.1-5.5: how long a query takes while a hand moves a tool on something that a depth
-// camera recorded (thesis section 5.1.1).
+// 3.3, 3.9, 5.1-5.5: time of a query while a hand moves a tool on a recorded scene (thesis section
+// 5.1.1).
 #include "eval/studies/speed.h"
 
 #include <algorithm>
@@ -12,10 +12,10 @@ namespace {
 
 constexpr double kTick = 1000;    // microseconds at 1 kHz
 constexpr double kFollows = 0.7;  // correlation: half of the variance
-/// In and out by so much of the tool's radius: a hand that explores.
+/// Swing of an exploring hand, in and out, of the tool's radius.
 constexpr double kDeepSwing = 0.8;
 
-/// Every method over the number of spheres, at one average depth.
+/// Measures every method over the number of spheres, at one average depth.
 Result<SpeedSweep> sweep_sizes(Context& context, const Interaction& scene, double depth,
                                const std::vector<int>& sizes, std::vector<Method> methods,
                                GapRule rule = GapRule::absolute) {
@@ -37,8 +37,8 @@ Result<SpeedSweep> sweep_sizes(Context& context, const Interaction& scene, doubl
   return sweep;
 }
 
-/// The time of each query along a path, µs. Each pose several times: the least is what the query
-/// itself takes.
+/// Returns the time of each query along a path, µs. Each pose is repeated: the minimum is free of
+/// interruptions.
 Curve times_along(MethodQueries& query, const Method& method, const std::vector<Pose>& X_WT) {
   Curve curve{method.name, method.name, {}, {}};
   for (std::size_t i = 0; i < X_WT.size(); ++i) {
@@ -210,7 +210,7 @@ Result<FigureResult> figure_5_1(Context& context) {
   return result;
 }
 
-/// 5.2 and 5.3: the same at several depths.
+/// Makes 5.2 and 5.3: the same at several depths.
 Result<FigureResult> over_depths(Context& context, const std::vector<double>& depths,
                                  std::vector<SpeedSweep>& sweeps) {
   const auto scene = recorded_interaction(context);
@@ -239,7 +239,7 @@ Result<FigureResult> over_depths(Context& context, const std::vector<double>& de
   return result;
 }
 
-/// Largest over smallest time of a method at the largest size, over depths.
+/// Returns the largest over the smallest time of a method at the largest size, over depths.
 double spread(const std::vector<SpeedSweep>& sweeps, const char* name) {
   double least = INFINITY, most = 0;
   for (const SpeedSweep& sweep : sweeps) {

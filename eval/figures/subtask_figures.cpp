@@ -1,4 +1,4 @@
-// 5.5: which part of a query takes how long.
+// 5.5: time of each part of a query.
 #include <algorithm>
 #include <vector>
 

@@ -14,13 +14,13 @@ namespace palpate::eval {
 namespace {
 
 constexpr int kSpheres = 1000;      // as in the thesis
-constexpr double kOffAxis = 0.01;   // of the whole tool's force: a line's width in a plot of it
-constexpr double kWrong = 0.03;     // of the whole tool's force: not near the line any more
+constexpr double kOffAxis = 0.01;   // of the whole tool's force: the line width of a plot
+constexpr double kWrong = 0.03;     // of the whole tool's force: clearly off the line
 constexpr double kNearDepth = 15;   // % of the travel: as claimed
 constexpr double kNearLine = 0.03;  // rms, of the tool's volume
 constexpr int kLoopSteps = 2000;
 
-/// What is claimed of a figure.
+/// Claimed finding of a figure.
 enum class Finding {
   near_line,    ///< close to the exact curve at all depths
   off_axis,     ///< a false sideways force appears at `depth`
@@ -30,7 +30,7 @@ struct Scene {
   const char* id;  ///< and ThesisExperiment::figure
   const char* title;
   Finding finding;
-  double depth;  ///< % of the travel; 0: none is claimed
+  double depth;  ///< % of the travel; 0: no depth is claimed
   const char* claim;
 };
 constexpr Scene kScenes[] = {
@@ -52,14 +52,14 @@ constexpr Scene kScenes[] = {
     {"5.27", "Tetrahedron into a blunt corner (225°)", Finding::off_axis, 80,
      "False x volume appears above 80 %."},
     {"5.26d", "Tetrahedron into a sharp corner (270°)", Finding::off_axis, 0,
-     ""},  // a set-up without a curve
+     ""},  // a setup without a curve
     {"5.28", "Tetrahedron onto a blunt ridge (135°)", Finding::off_axis, 60,
      "False x volume appears above 60 %."},
     {"5.29", "Tetrahedron onto a sharp ridge (90°)", Finding::off_axis, 45,
      "False x volume appears above 45 %."},
 };
 
-/// One method on the way through a scene; forces in shares of the whole tool's.
+/// Results of one method on the way through a scene; forces in shares of the whole tool's force.
 struct Way {
   std::vector<double> along, sideways, error;  ///< against -z; across it; |force - exact|
   VolumeError volume;
@@ -96,7 +96,7 @@ Ways measure(const ContactCase& c, const Tools& tools, DepthNoise noise, int num
       const Vec3d exact = step.exact.measure_C_W.force / whole;
       way.along.push_back(-100 * f.z);
       way.sideways.push_back(100 * std::hypot(f.x, f.y));
-      way.error.push_back(norm(f - exact));  // contact lost is an error, too
+      way.error.push_back(norm(f - exact));  // lost contact is an error, too
     }
     way.volume = volume_error(tool, steps, measured);
     way.wrench = wrench_error(tool, steps, measured);
@@ -108,7 +108,7 @@ Ways measure(const ContactCase& c, const Tools& tools, DepthNoise noise, int num
   return ways;
 }
 
-/// The first depth at which a curve (in %) lies above `limit` (share); NaN: never.
+/// Returns the first depth at which a curve (in %) lies above `limit` (share); NaN: never.
 double first_above(const std::vector<double>& depth, const std::vector<double>& share,
                    double limit) {
   for (std::size_t i = 0; i < depth.size(); ++i) {
@@ -127,7 +127,7 @@ std::string depth_words(double depth) {
   return std::isfinite(depth) ? words("from %.0f %% of the way on", depth) : std::string("never");
 }
 
-/// Lost contact included: rms, share of the tool.
+/// Returns the error with lost contact included: rms, share of the tool.
 double whole_error(const VolumeError& error) {
   const double kept = error.rms * error.rms * (1 - error.lost);
   return std::sqrt(kept + error.worst_lost * error.worst_lost * error.lost);
@@ -139,7 +139,7 @@ std::string lost_words(const Way& way) {
              : std::string();
 }
 
-/// What is claimed of the thesis' methods, and whether ours is nearer to the exact curve.
+/// Judges the claim about the thesis' methods, and compares ours with them against the exact curve.
 std::vector<Claim> judge(const Scene& scene, const Ways& clean) {
   const char* names[] = {"weighted", "simplified", "graph", "graph-cap", "field"};
   const Way& field = clean.methods[4];
@@ -177,7 +177,7 @@ std::vector<Claim> judge(const Scene& scene, const Ways& clean) {
   ours = (is_error ? "An error above 3 % of the whole force: "
                    : "A sideways force above 1 % of the whole: ") +
          ours + ".";
-  // Never is later than the end of the way.
+  // Counts "never" as later than the end of the way.
   const auto reached = [](double depth) { return std::isfinite(depth) ? depth : 110.0; };
   std::vector<Claim> claims;
   if (scene.depth > 0) {
@@ -241,7 +241,7 @@ void add_plots(FigureResult& result, const Scene& scene, const Ways& ways, const
   result.plots.push_back(std::move(sideways));
 }
 
-/// Steps of the force in fine steps of the tool, and whether a closed loop gives energy away.
+/// Adds the steps of the force in fine steps of the tool, and the net work of a closed loop.
 void add_smoothness(FigureResult& result, Context& context, const ContactCase& c,
                     const Tool& tool) {
   Table table{

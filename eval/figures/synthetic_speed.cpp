@@ -1,5 +1,5 @@
-// 3.10, 5.6: how long a query takes over the whole range of depths, in a synthetic scene; and more
-// spheres and pixels than the thesis had.
+// 3.10, 5.6: time of a query over the whole range of depths, in a synthetic scene; and with more
+// spheres and pixels than in the thesis.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -15,7 +15,7 @@ constexpr double kToolSize = 0.1;    // m
 constexpr double kWallDepth = 1.0;   // m
 constexpr double kVeryMany = 12000;  // spheres
 
-/// The wall, as a noise-free camera sees it.
+/// Renders the wall without noise.
 Result<FrozenFrame> wall(Context& context, int width, int height) {
   auto scene = scenes::make_scene("wall");
   if (!scene) return scene.error();
@@ -23,7 +23,7 @@ Result<FrozenFrame> wall(Context& context, int width, int height) {
   return seen_scene(context, *scene, false);
 }
 
-/// The cube with `depth` (share) of it behind the wall, a little beside the axis: `num` poses.
+/// Returns `num` poses of the cube with `depth` (share) of it behind the wall, near the axis.
 std::vector<Pose> poses_at(double depth, std::size_t num) {
   std::vector<Pose> poses;
   for (std::size_t i = 0; i < num; ++i) {
@@ -119,7 +119,7 @@ Result<FigureResult> figure_5_6(Context& context) {
   FigureResult result;
   Plot plot = speed_plot(sweep, "Cube into a wall, depths from 0 to 100 %", "spheres");
   plot.log_y = true;
-  // As the thesis: averages over all depths.
+  // Averages over all depths, as in the thesis.
   const auto graph = sweep.means(sweep.method("graph"));
   const auto simplified = sweep.means(sweep.method("simplified"));
   const double limit = reaches(sweep.x, simplified, 1000);
@@ -144,7 +144,7 @@ Result<FigureResult> more_spheres(Context& context) {
   if (!frame) return frame.error();
   SpeedSweep sweep;
   for (const Method& method : all_methods()) {
-    // Weighted takes too long for so many, and capped the graph takes as long as not.
+    // Weighted takes too long for so many spheres; the capped graph takes as long as the graph.
     const bool is_capped = method.options.inside == InsideVolume::cap;
     if (method.options.method == MethodKind::weighted || is_capped) continue;
     sweep.methods.push_back(method);

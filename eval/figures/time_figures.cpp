@@ -1,4 +1,4 @@
-// 3.15, 3.16: what happens between two depth frames (thesis section 3.6).
+// 3.15, 3.16: force between two depth frames (thesis section 3.6).
 #include <algorithm>
 #include <cmath>
 #include <iterator>
@@ -28,14 +28,14 @@ Steps steps_of(const std::vector<double>& force, const std::vector<bool>& is_arr
   return steps;
 }
 
-/// Against z, % of the whole tool's.
+/// Returns the force along -z, % of the whole tool's force.
 std::vector<double> lifting(const ForceSeries& series) {
   std::vector<double> force;
   for (const Vec3d& f : series.force) force.push_back(-100 * f.z);
   return force;
 }
 
-/// By how many ticks b comes behind a: where the two agree best.
+/// Returns the lag of b behind a in ticks, by the least squared difference.
 int lag_between(const std::vector<double>& a, const std::vector<double>& b) {
   int best = 0;
   double least = INFINITY;
@@ -115,8 +115,8 @@ Result<FigureResult> moving(Context& context, const char* title, const Touch& to
        are_true({interpolated_steps[0] <= kRemoved * latest_steps[0],
                  interpolated_steps[1] <= kRemoved * latest_steps[1],
                  interpolated_steps[2] <= kRemoved * latest_steps[2], lag <= kFrameMs})});
-  // Shares of each method's own step: one that feels too little steps less, whatever is done about
-  // it.
+  // Relative to each method's own step: a method that underestimates the force has smaller steps in
+  // any case.
   double others = INFINITY;
   for (std::size_t m = 0; m < 3; ++m) {
     others = std::min(others, interpolated_steps[m] / latest_steps[m]);
@@ -144,7 +144,7 @@ Result<FigureResult> figure_3_15a(Context& context) {
   if (!frames) return frames.error();
   const auto tool = context.thesis_tool(scene->tool_shape, scene->tool_size, 1000);
   if (!tool) return tool.error();
-  // In the middle of where the wall comes and goes.
+  // In the middle of the wall's motion.
   const Pose X_WT{{0, 0, 0.97}, axis_angle({1, 2, 3}, 0.5)};
   return moving(context, "A wall moves towards a tool and back",
                 {stream, *frames, *tool, [X_WT](double) { return X_WT; }});
@@ -171,7 +171,7 @@ Result<FigureResult> figure_3_15b(Context& context) {
                 {stream, **frames, *tool, [X_WT = path->X_WT.front()](double) { return X_WT; }});
 }
 
-/// How far the volume steps when a tenth of the pixels drops out.
+/// Adds the step of the volume when a tenth of the pixels drops out.
 Status add_drop_out(FigureResult& result, Context& context, const DepthStreamInfo& stream,
                     const std::vector<DepthFrame>& frames) {
   const auto tool = context.thesis_tool("box", 0.1, 1000);
@@ -206,8 +206,8 @@ Status add_drop_out(FigureResult& result, Context& context, const DepthStreamInf
   return Done{};
 }
 
-/// A frame of the wall with and without a tenth of its pixels: nothing may come between the wall
-/// and the depth 0 of a missing pixel.
+/// Compares a frame of the wall with and without a tenth of its pixels: nothing may be interpolated
+/// between the wall and the depth 0 of a missing pixel.
 Result<FigureResult> figure_3_16(Context& context) {
   const auto scene = scenes::make_scene("wall");
   if (!scene) return scene.error();

@@ -10,7 +10,7 @@
 namespace palpate::eval {
 namespace {
 
-/// "5.17" is chapter 5, number 17; letters of a part, as in "3.10a", are passed over.
+/// A figure of the thesis: "5.17" is chapter 5, number 17; letters, as in "3.10a", are ignored.
 struct FigureNumber {
   int chapter = 0, number = 0;
 };
@@ -23,7 +23,7 @@ std::optional<int> whole_number(const char*& at, const char* end) {
   return value;
 }
 
-/// The number that starts at `at`, which moves behind it. `chapter` is taken where none is written.
+/// Parses the number at `at` and moves `at` behind it. `chapter` applies if none is written.
 std::optional<FigureNumber> parse_number(const char*& at, const char* end, int chapter) {
   const auto first = whole_number(at, end);
   if (!first) return std::nullopt;
@@ -43,7 +43,7 @@ std::string in_lower_case(std::string text) {
   return text;
 }
 
-/// Letters to insert, remove or replace (Levenshtein).
+/// Returns the Levenshtein distance.
 std::size_t distance(const std::string& a, const std::string& b) {
   std::vector<std::size_t> row(b.size() + 1);
   std::iota(row.begin(), row.end(), std::size_t(0));
@@ -59,7 +59,7 @@ std::size_t distance(const std::string& a, const std::string& b) {
   return row.back();
 }
 
-/// All words that name a figure.
+/// Returns all words that name a figure.
 std::vector<std::string> names_of(const FigureSpec& figure) {
   std::vector<std::string> names = figure_numbers(figure.id);
   names.push_back(in_lower_case(figure.id));

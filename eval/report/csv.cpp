@@ -8,7 +8,7 @@
 namespace palpate::eval {
 namespace {
 
-/// Fields may be quoted.
+/// Splits a line; fields may be quoted.
 std::vector<std::string> split(const std::string& line) {
   std::vector<std::string> fields(1);
   bool is_quoted = false;

@@ -1,4 +1,4 @@
-// Comma-separated values that measuring programs have written.
+// Reader of CSV files of measuring programs.
 #pragma once
 
 #include <filesystem>
@@ -11,19 +11,19 @@ namespace palpate::eval {
 
 /// Comments "# name: value", then a line of column names, then rows.
 struct CsvFile {
-  std::map<std::string, std::string> facts;              ///< of the comments
+  std::map<std::string, std::string> facts;              ///< of the comment lines
   std::vector<std::map<std::string, std::string>> rows;  ///< by column
-  int num_damaged = 0;                                   ///< rows that were cut off
+  int num_damaged = 0;                                   ///< truncated rows
 
-  std::string fact(const std::string& name) const;  ///< empty: there is none
+  std::string fact(const std::string& name) const;  ///< empty if absent
 };
-/// No rows if there is no such file.
+/// Reads a file; without one the result has no rows.
 CsvFile read_csv(const std::filesystem::path& path);
 
-/// The whole text as a finite number.
+/// Parses the whole text as a finite number.
 std::optional<double> finite_number(const std::string& text);
 
-/// "boundary/spheres:1000" by '/' and ':' is {boundary: "", spheres: "1000"}.
+/// Splits "boundary/spheres:1000" by '/' and ':' into {boundary: "", spheres: "1000"}.
 std::map<std::string, std::string> named_values(const std::string& text, char between, char is);
 
 }  // namespace palpate::eval

@@ -18,7 +18,7 @@ namespace fs = std::filesystem;
 
 constexpr std::string_view kBegin = "<!-- eval ", kBeginEnd = " -->", kEnd = "<!-- /eval -->";
 
-/// What a mark requests.
+/// Table that a mark requests.
 struct Quote {
   std::string figure, title;
 };
@@ -31,13 +31,13 @@ std::optional<Quote> parse_mark(const std::string& line) {
   return Quote{inner.substr(0, colon), inner.substr(colon + 2)};
 }
 
-/// Machine and commit of rows that another program has measured.
+/// Returns the machine and commit of rows that another program has measured.
 std::string rows_of(const StoredFigure& figure) {
   const std::string& place = figure.result.rows_of;
   return place.empty() ? "" : "; rows of " + markdown_cell(place);
 }
 
-/// The block of a quote; nullopt: leave what is there.
+/// Returns the block of a quote; nullopt: keep the present one.
 Result<std::optional<std::string>> block_of(const Quote& quote, const Evaluation& evaluation) {
   const auto figure = std::find_if(
       evaluation.figures.begin(), evaluation.figures.end(),
@@ -74,7 +74,7 @@ Result<std::string> read_text(const fs::path& path) {
   return text.str();
 }
 
-/// Adds the text with its tables to `changed` if it is another then.
+/// Adds the text with its tables to `changed` if they differ from the file.
 Status quote_tables(const fs::path& path, const Evaluation& evaluation,
                     std::map<fs::path, std::string>& changed) {
   const auto text = read_text(path);
@@ -90,7 +90,7 @@ Status quote_tables(const fs::path& path, const Evaluation& evaluation,
 Result<std::string> with_tables(const std::string& markdown, const Evaluation& evaluation) {
   std::istringstream lines(markdown);
   std::string text, line, kept;
-  std::optional<std::string> block;  // of the mark that is open
+  std::optional<std::string> block;  // of the open mark
   int number = 0, open_at = 0;
   while (std::getline(lines, line)) {
     ++number;

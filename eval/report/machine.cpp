@@ -22,7 +22,7 @@ std::string processor_name() {
   return "unnamed processor";
 }
 
-/// Of a file's content; empty if there is no such file.
+/// Returns the checksum of a file's content; empty if there is no such file.
 std::string checksum_of(const std::filesystem::path& path) {
   if (path.empty()) return "";
   const auto content = read_file(path);

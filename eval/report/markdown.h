@@ -7,10 +7,10 @@
 
 namespace palpate::eval {
 
-/// One cell of a table: no line breaks, no column marks, no markup by accident.
+/// Formats one cell of a table: no line breaks, no column marks, no accidental markup.
 std::string markdown_cell(const std::string& text);
 
-/// The table without its title, each line with a line break.
+/// Formats the table without its title, each line with a line break.
 std::string markdown_table(const Table& table);
 
 }  // namespace palpate::eval

@@ -25,7 +25,7 @@ Json claims_json(const ReportFigure& figure) {
   return json;
 }
 
-/// As in the file of the figure, but for long lists of numbers, which are packed.
+/// Serializes as in the file of the figure, but packs long lists of numbers.
 Json stored_json(const StoredFigure& figure) {
   Json json = to_json(figure);
   for (std::size_t i = 0; i < figure.result.plots.size(); ++i) {
@@ -84,7 +84,7 @@ std::vector<PlacedClaim> claims_of(const ReportFigure& figure) {
   if (!figure.on_gpu) return claims;
   const auto& made = figure.stored->result.claims;
   for (const Claim& claim : figure.on_gpu->result.claims) {
-    // One that an older program made and this one does not is withdrawn.
+    // Claims of an older program that this one does not make are dropped.
     if (std::ranges::find(made, claim.claim, &Claim::claim) == made.end()) continue;
     claims.push_back(
         {" (" + figure.on_gpu->key.isa + ", commit " + figure.on_gpu->commit + ")", claim});

@@ -25,7 +25,7 @@ std::string utc_now() {
   return text;
 }
 
-/// Only a report may be in the way of a report.
+/// Refuses to overwrite anything but a report.
 Status check_output(const fs::path& output) {
   std::error_code error;
   if (!fs::exists(output, error)) return Done{};
@@ -45,7 +45,7 @@ Status check_output(const fs::path& output) {
   return Done{};
 }
 
-/// What a figure gives, or why it does not. Lets Cancelled and std::bad_alloc pass.
+/// Makes a figure or returns the error. Lets Cancelled and std::bad_alloc pass.
 Result<FigureResult> make(const FigureSpec& figure, Context& context) {
   try {
     auto result = figure.make(context);
@@ -83,12 +83,12 @@ bool is_among(std::span<const FigureSpec> figures, const FigureSpec& figure) {
   });
 }
 
-/// What lies in the folder; what cannot be used is as if it were absent.
+/// Loads the stored figure from the folder; an unusable file adds a warning and counts as absent.
 ReportFigure look_up(const FigureSpec& spec, const fs::path& folder, Evaluation& evaluation) {
   ReportFigure figure{spec, std::nullopt, false, std::nullopt};
   auto stored = load_figure(spec.id, folder);
   if (stored) {
-    // The full form is good for the quick one too.
+    // The full form replaces the quick one too.
     Key desired = evaluation.key;
     if (stored->key.form == "full") desired.form = "full";
     figure.is_current = stored->key == desired;
@@ -99,14 +99,14 @@ ReportFigure look_up(const FigureSpec& spec, const fs::path& folder, Evaluation&
   return figure;
 }
 
-/// Makes what is not current.
+/// Makes the figures that are missing or outdated.
 Status make_missing(std::span<const FigureSpec> chosen, const EvaluationOptions& options,
                     const Watcher& watcher, Evaluation& evaluation) {
   std::vector<ReportFigure*> missing;
   for (ReportFigure& figure : evaluation.figures) {
     if (!is_among(chosen, figure.spec)) continue;
     if (options.settings.quick && !figure.spec.is_quick) continue;
-    // What failed is tried again.
+    // A failed figure is made again.
     const bool is_there = figure.is_current && figure.stored->failure.empty();
     if (is_there && !options.fresh) {
       ++evaluation.num_kept;
@@ -145,7 +145,7 @@ Status make_missing(std::span<const FigureSpec> chosen, const EvaluationOptions&
 
 namespace {
 
-/// What the folder of data holds, for who has nothing but the folder.
+/// Makes the README of the folder of data, readable without this repository.
 std::string data_readme(const Evaluation& evaluation) {
   std::string text =
       "# Data of the evaluation\n\n"

@@ -1,4 +1,4 @@
-// Makes the figures that are missing, one after the other, and writes the report.
+// Makes the missing figures, one after the other, and writes the report.
 #pragma once
 
 #include <filesystem>
@@ -18,25 +18,25 @@ struct EvaluationOptions {
   Settings settings;
   std::filesystem::path output;      ///< new, empty, or an earlier report
   std::filesystem::path gpu_report;  ///< data of a report made with Backend::cuda; may be empty
-  bool fresh = false;                ///< make figures again that are there
+  bool fresh = false;                ///< makes existing figures again
   std::string commit;                ///< of the source, for humans; may be empty
   std::string golden;                ///< hash of tests/contact/golden.txt; may be empty
-  std::string command;               ///< that makes this report, for humans
+  std::string command;               ///< command that makes this report
 };
 
-/// A figure of the report and what is there of it.
+/// A figure of the report with its stored result.
 struct ReportFigure {
   FigureSpec spec;
   std::optional<StoredFigure> stored;  ///< nullopt: not made yet
   bool is_current = false;             ///< made by this program with these settings and data
-  std::optional<StoredFigure> on_gpu;  ///< the same on another machine, whose GPU timed its queries
+  std::optional<StoredFigure> on_gpu;  ///< queries timed on the GPU of another machine
 };
 
 struct Evaluation {
   Key key;
   std::string commit, golden, command, finished;   ///< `finished`: UTC
-  std::vector<ReportFigure> figures;               ///< all there are, in the order of the report
-  int num_made = 0, num_kept = 0, num_failed = 0;  ///< of those that were requested
+  std::vector<ReportFigure> figures;               ///< all figures, in the order of the report
+  int num_made = 0, num_kept = 0, num_failed = 0;  ///< of the requested figures
   bool interrupted = false;
   std::vector<std::string> warnings;  ///< files that could not be used
 };
@@ -48,8 +48,8 @@ struct Watcher {
 };
 
 /// Makes the figures `chosen` of `all`, keeps those whose file is current, and writes
-/// OUTPUT/index.html from everything that is there. A figure that fails is reported as failed and
-/// the others go on. Error: the folder holds something else or cannot be written.
+/// OUTPUT/index.html from all available ones. A failed figure is reported, and the others go on.
+/// Error: the folder holds something else or cannot be written.
 Result<Evaluation> run_evaluation(std::span<const FigureSpec> all,
                                   std::span<const FigureSpec> chosen,
                                   const EvaluationOptions& options, const Watcher& watcher);

@@ -16,7 +16,7 @@ using Json = nlohmann::ordered_json;
 
 constexpr const char* kFormat = "palpate figure 1";
 
-// Numbers that are not finite are null, as JSON wants it.
+// Numbers that are not finite become null, which JSON requires.
 
 Json to_json(const Key& key) {
   return {{"program", key.program},     {"form", key.form},
@@ -79,7 +79,7 @@ Json to_json(const StoredFigure& figure) {
 
 namespace {
 
-// Reading throws nlohmann's exceptions, which load_figure catches.
+// The readers throw nlohmann's exceptions, which load_figure catches.
 
 double number_of(const Json& json) {
   return json.is_null() ? std::numeric_limits<double>::quiet_NaN() : json.get<double>();
@@ -106,7 +106,7 @@ Plot plot_from(const Json& json) {
   return plot;
 }
 
-/// nullopt: a verdict or a kind of picture that is not known.
+/// Parses a figure; nullopt: an unknown verdict or kind of picture.
 std::optional<StoredFigure> figure_from(const Json& json) {
   StoredFigure figure;
   figure.id = json.at("id");
@@ -157,7 +157,7 @@ std::string to_csv(const std::vector<std::vector<std::string>>& rows) {
 
 std::string decimal(double value) { return std::isfinite(value) ? Json(value).dump() : ""; }
 
-/// Each point of each curve on a line; the header has the labels of the axes.
+/// Formats each point of each curve as a line; the header has the labels of the axes.
 std::string to_csv(const Plot& plot) {
   std::string csv = "curve," + quoted(plot.x_label) + ',' + quoted(plot.y_label) + '\n';
   for (const Curve& curve : plot.curves) {
@@ -168,7 +168,7 @@ std::string to_csv(const Plot& plot) {
   return csv;
 }
 
-/// The files beside the JSON: name and content.
+/// Returns the files beside the JSON: name and content.
 std::vector<std::pair<std::string, std::string>> csv_files(const StoredFigure& figure) {
   const FigureResult& result = figure.result;
   const std::string stem = file_stem(figure.id);
@@ -191,7 +191,7 @@ std::vector<std::pair<std::string, std::string>> csv_files(const StoredFigure& f
   return files;
 }
 
-/// Removes plots and tables of an earlier result that had more of them.
+/// Removes CSV files that an earlier result with more plots and tables has left.
 void remove_older_csv(const std::string& stem, const fs::path& folder) {
   std::error_code ignored;
   for (const char* kind : {"-plot", "-table"}) {
@@ -217,7 +217,7 @@ Status save_figure(const StoredFigure& figure, const fs::path& folder) {
   const std::string stem = file_stem(figure.id);
   std::error_code error;
   fs::create_directories(folder, error);
-  // A figure that is half replaced must not look whole.
+  // A partly replaced figure must not look complete.
   fs::remove(folder / (stem + ".json"), error);
   remove_older_csv(stem, folder);
   for (const auto& [name, content] : csv_files(figure)) {

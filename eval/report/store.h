@@ -1,4 +1,4 @@
-// Figures on disk: what came of them, what with, and their curves for other programs.
+// Figures on disk: results, their settings, and curves for other programs.
 #pragma once
 
 #include <filesystem>
@@ -11,7 +11,7 @@
 
 namespace palpate::eval {
 
-/// All that the numbers of a figure depend on.
+/// Settings and inputs that the numbers of a figure depend on.
 struct Key {
   std::string program;     ///< checksum of the running program
   std::string form;        ///< "full" or "quick"
@@ -23,7 +23,7 @@ struct Key {
 
   friend bool operator==(const Key&, const Key&) = default;
 };
-/// Of this program on this machine.
+/// Returns the key of this program on this machine.
 Key key_of(const Settings& settings);
 
 struct StoredFigure {
@@ -31,24 +31,24 @@ struct StoredFigure {
   Key key;
   std::string commit;   ///< for humans; may be empty
   std::string made;     ///< UTC, "2026-11-21 23:10"
-  double seconds = 0;   ///< that it took
-  std::string failure;  ///< why there is no result; empty: there is one
+  double seconds = 0;   ///< time of making it
+  std::string failure;  ///< error message; empty: there is a result
   FigureResult result;
 };
 
-/// Where the figures of a report lie.
+/// Subfolder of a report with the data of its figures.
 inline constexpr const char* kDataFolder = "data";
 
-/// As in its file; numbers that are not finite are null.
+/// Serializes a figure as in its file; numbers that are not finite are null.
 nlohmann::ordered_json to_json(const StoredFigure& figure);
 
-/// FOLDER/ID.json, and FOLDER/ID-plot1.csv, -table1.csv, -numbers.csv for other programs. Each file
-/// is whole or absent; the JSON comes last.
+/// Writes FOLDER/ID.json, and FOLDER/ID-plot1.csv, -table1.csv, -numbers.csv for other programs.
+/// Each file is complete or absent; the JSON comes last.
 Status save_figure(const StoredFigure& figure, const std::filesystem::path& folder);
-/// Error: absent, cut off, or not a figure of this id.
+/// Loads a figure. Error: absent, truncated, or not a figure of this id.
 Result<StoredFigure> load_figure(const std::string& id, const std::filesystem::path& folder);
 
-/// The id as part of a file's name.
+/// Returns the id as part of a file's name.
 std::string file_stem(const std::string& id);
 
 }  // namespace palpate::eval

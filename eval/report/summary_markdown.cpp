@@ -19,7 +19,7 @@ std::string findings(const Evaluation& evaluation) {
   return text;
 }
 
-/// All claims of one source, by section.
+/// Makes the tables of all claims of one source, by section.
 std::string claim_tables(const Evaluation& evaluation, Source source) {
   std::string text, section;
   for (const ReportFigure& figure : evaluation.figures) {

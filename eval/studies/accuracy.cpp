@@ -12,9 +12,9 @@
 namespace palpate::eval {
 namespace {
 
-constexpr double kDepth = 1;  // m, where every synthetic environment meets the optical axis
+constexpr double kDepth = 1;  // m, where every synthetic environment intersects the optical axis
 
-/// The way along z past the point (x, y), found by bisection of the first contact.
+/// Sets the way along z past the point (x, y), by bisection of the first contact.
 void set_way(ContactCase& c, const Quaternion& rotation, double x, double y) {
   const TriangleMesh mesh = make_shape(c.tool_shape, c.tool_size).value();
   const Reach reach = reach_along_z(mesh, rotation);
@@ -33,7 +33,7 @@ Vec3d centre_of_mass(const Tool& tool, const Pose& X_WT) {
   return X_WT * tool.sphere_mass().centre_of_mass;
 }
 
-/// Largest distance of the mesh from the centre of mass.
+/// Returns the largest distance of the mesh from the center of mass.
 double radius_of(const Tool& tool) {
   double radius = 0;
   for (const Vec3d& p : tool.mesh().vertices)
@@ -45,7 +45,7 @@ double angle_between(const Vec3d& a, const Vec3d& b) {
   return std::atan2(norm(cross(a, b)), dot(a, b));
 }
 
-/// Root mean square and largest of what was added.
+/// Accumulates the root mean square and the largest of several errors.
 class ErrorSum {
  public:
   void add(double error) {
@@ -61,11 +61,11 @@ class ErrorSum {
   int num_ = 0;
 };
 
-/// Pose and twist at phase t of a loop about the pose `middle` of the tool with its centre of mass
-/// at `centre_T`. Turns about x, then y, then z of W, all through that centre.
+/// Pose and twist at phase t of a loop about the pose `middle` of the tool with its center of mass
+/// at `centre_T`. Turns about x, then y, then z of W, all through that center.
 struct LoopPoint {
   Pose X_WT;
-  Twist twist;  ///< per radian of phase: of the centre of mass, in W
+  Twist twist;  ///< per radian of phase: of the center of mass, in W
 };
 LoopPoint loop_point(const Pose& middle, const Vec3d& centre_T, double size, double t) {
   const double a = 0.2 * std::sin(t + 0.5), b = 0.15 * std::sin(2 * t), c = 0.25 * std::cos(t);

@@ -1,4 +1,4 @@
-// How far a way of measuring contact is from the exact wrench. Shared by the figures and the
+// Errors of a way of measuring contact against the exact wrench. Shared by the figures and the
 // accuracy tests.
 #pragma once
 
@@ -29,27 +29,27 @@ struct ContactCase {
 
 /// The twelve experiments of the thesis.
 std::vector<ContactCase> thesis_cases();
-/// One per kind of environment and tool, turned by 20 degrees and off the axis of symmetry.
+/// One case per kind of environment and tool, turned by 20 degrees and off the axis of symmetry.
 std::vector<ContactCase> tilted_cases();
-/// Both: the set over which errors are reported.
+/// Both: the set of all reported errors.
 std::vector<ContactCase> accuracy_cases();
-/// The same tool, turned the same way, against the wall.
+/// Returns the case of the same tool, turned the same way, against the wall.
 ContactCase at_the_wall(const ContactCase& original);
 
-/// How far a mesh that is turned about its origin reaches along +z and -z, m.
+/// Extent of a mesh, turned about its origin, along +z and -z, m.
 struct Reach {
   double front = 0, rear = 0;
 };
 Reach reach_along_z(const TriangleMesh& mesh, const Quaternion& rotation);
 
-/// The tool of a case, packed.
+/// Packs the tool of a case.
 Tool packed_tool(const ContactCase& contact_case, int num_spheres);
 
-/// What the camera adds to the depth.
+/// Depth noise of the simulated camera.
 enum class DepthNoise {
   none,
   gaussian,  ///< 1.5 mm standard deviation, independent per pixel
-  kinect,    ///< the default NoiseModel, in whole millimetres
+  kinect,    ///< the default NoiseModel, in whole millimeters
 };
 
 /// The first image of a scene, ready for queries.
@@ -62,36 +62,36 @@ RenderedScene see(const ContactCase& contact_case, DepthNoise noise);  ///< its 
 
 /// A way of measuring. Forces and volumes are compared after division by `whole`.
 struct Measure {
-  double whole = 0;  ///< m3, what it says of a tool that is wholly inside
+  double whole = 0;  ///< m3, measured volume of a tool that is wholly inside
   std::function<Penetration(const Pose& X_WT)> at;
 };
 
-/// A contact query that looks at the seen scene; both and the tool must outlive it.
+/// Makes a contact query on the rendered scene; both and the tool must outlive it.
 Measure query_measure(const Tool& tool, const RenderedScene& scene, const ContactOptions& options,
                       ThreadPool* pool = nullptr);
-/// Every sphere is cut by the tangent plane of a distance field at its centre.
+/// Cuts every sphere by the tangent plane of a distance field at its center.
 Measure distance_measure(const Tool& tool, SphereVolumes volumes,
                          std::function<scenes::SignedDistance(const Vec3d&)> distance_at);
-/// The same with the exact distance field: what remains is due to the packing.
+/// The same with the exact distance field: the remaining error is due to the packing.
 Measure oracle_measure(const Tool& tool, const scenes::Environment& environment,
                        SphereVolumes volumes);
-/// The truth itself: what remains is due to this file.
+/// The truth itself: the remaining error is due to the code of this study.
 Measure exact_measure(const Tool& tool, const scenes::Environment& environment);
 
-/// A pose and what is exactly true there.
+/// A pose and the exact contact there.
 struct ExactStep {
   Pose X_WT;
   double depth = 0;                ///< share of the case's travel
-  scenes::ExactPenetration exact;  ///< about the tool's centre of mass, that of the spheres
+  scenes::ExactPenetration exact;  ///< about the tool's center of mass, that of the spheres
 };
-/// Equal steps from one depth (share of travel) to another, both included.
+/// Returns equal steps from one depth (share of travel) to another, both included.
 std::vector<ExactStep> exact_steps(const ContactCase& contact_case, const Tool& tool, double from,
                                    double to, int num_steps);
-/// How many steps of `length` metres, rounded, this share of the case's travel takes.
+/// Returns the number of steps of `length` meters in this share of the case's travel, rounded.
 int num_steps_over(const ContactCase& contact_case, double share, double length);
 
-/// Of the measured share of the tool. Steps that have lost contact (nothing measured although more
-/// than 1 % of the tool is inside) are counted and not averaged.
+/// Errors of the measured share of the tool. Steps that have lost contact (nothing measured
+/// although more than 1 % of the tool is inside) are counted and not averaged.
 struct VolumeError {
   double rms = 0, worst = 0;  ///< shares of the tool's volume
   double lost = 0;            ///< share of the steps
@@ -100,21 +100,21 @@ struct VolumeError {
 VolumeError volume_error(const Tool& tool, const std::vector<ExactStep>& steps,
                          const Measure& measure);
 
-/// Steps with less than 0.5 % of the tool inside, and those where nothing is measured, say nothing
-/// about force, direction and torque.
+/// Errors of force, direction and torque. Steps with less than 0.5 % of the tool inside, or without
+/// measured contact, are left out.
 struct WrenchError {
   double direction_rms = 0, direction_worst = 0;  ///< rad, between measured and exact force
   double force_rms = 0;                           ///< of the volume of the tool
   double torque_rms = 0, torque_worst = 0;        ///< of exact force times radius of the tool
-  /// Largest difference of the forces of two successive steps, in volumes of the tool.
+  /// Largest force difference of two successive steps, in volumes of the tool.
   double jump = 0, exact_jump = 0;
   double jump_ratio() const { return jump / exact_jump; }
 };
 WrenchError wrench_error(const Tool& tool, const std::vector<ExactStep>& steps,
                          const Measure& measure);
 
-/// |net work| / sum of |work| along a smooth closed loop of all six degrees of freedom, about 35 %
-/// deep: zero for forces that have a potential (theory of conservative contact).
+/// Returns |net work| / sum of |work| along a smooth closed loop of all six degrees of freedom,
+/// about 35 % deep: zero for forces with a potential (theory of conservative contact).
 double loop_work(const ContactCase& contact_case, const Tool& tool, const Measure& measure,
                  int num_steps);
 

@@ -11,7 +11,7 @@
 namespace palpate::eval {
 namespace {
 
-/// Makes of a blend one surface between the two.
+/// Turns a blend into one interpolated surface.
 class PointMixer {
  public:
   static Result<PointMixer> create(const DepthStreamInfo& stream, double max_jump) {

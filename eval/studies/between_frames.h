@@ -1,4 +1,4 @@
-// What a moving tool feels while depth frames arrive, tick by tick at 1 kHz. Shared by 3.15 and the
+// Force on a moving tool while depth frames arrive, tick by tick at 1 kHz. Shared by 3.15 and the
 // study of frames.
 #pragma once
 
@@ -14,7 +14,7 @@ namespace palpate::eval {
 
 inline constexpr double kTick = 1e-3;  // s
 
-/// A tool that is moved before a stream of frames.
+/// A tool that moves in the scene of a stream of frames.
 struct Touch {
   DepthStreamInfo stream;
   std::vector<DepthFrame> frames;
@@ -22,26 +22,26 @@ struct Touch {
   std::function<Pose(double time)> X_WT;  ///< `time` s after the first frame; any thread
 };
 
-/// What is mixed between two frames.
+/// Quantity that is interpolated between two frames.
 enum class Mixing {
-  measures,  ///< those against both surfaces (ContactQuery::measure)
-  points,    ///< as eq. 3.18 of the thesis says: then there is one surface to measure against
+  measures,  ///< measurements on both surfaces (ContactQuery::measure)
+  points,    ///< points, by eq. 3.18 of the thesis: one surface to measure on
 };
 
-/// At each tick from the first frame to the last.
+/// Force at each tick from the first frame to the last.
 struct ForceSeries {
   std::vector<Vec3d> force;      ///< shares of the whole tool's
-  std::vector<bool> is_arrival;  ///< a frame has just arrived; not the first one
+  std::vector<bool> is_arrival;  ///< a frame other than the first has just arrived
 };
 
-/// A way of going from frame to frame, to be tried.
+/// A way of going from frame to frame, to be measured.
 struct Trial {
   const Touch* touch = nullptr;
   TimeOptions time;
   Mixing mixing = Mixing::measures;
 };
 
-/// [trial][method], in their orders. On several threads.
+/// Measures all trials: [trial][method], in their orders. On several threads.
 Result<std::vector<std::vector<ForceSeries>>> measure_trials(Context& context,
                                                              const std::vector<Trial>& trials,
                                                              const std::vector<Method>& methods);

@@ -1,4 +1,4 @@
-// The first part of a query by points alone: which points are in which sphere, with their sums per
+// The first stage of a point-based query: finds the points in each sphere, with their sums per
 // sphere (thesis section 3.2.1). For measurements.
 #pragma once
 
@@ -15,7 +15,7 @@ namespace palpate::eval {
 
 class BoundaryStage {
  public:
-  /// Both must outlive it.
+  /// `tool` and `cloud` must outlive it.
   BoundaryStage(const Tool& tool, const PointCloudView& cloud)
       : grid_(tool.spheres()),
         box_T_(bounds_of(tool.spheres())),

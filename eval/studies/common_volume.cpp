@@ -19,8 +19,8 @@ std::vector<Plane<double>> planes_of(const TriangleMesh& mesh, const Pose& X_WB)
   return planes;
 }
 
-/// Calls visit(triangle) for triangles that make up the part of a face behind all planes. At most
-/// three of them at a time: more corners a polygon does not hold.
+/// Calls visit(triangle) for triangles of the part of a face behind all planes. At most three
+/// planes at a time: a polygon holds no more corners.
 template <class Visit>
 void cut(const scenes::Triangle& face, std::span<const Plane<double>> planes, const Visit& visit) {
   const auto now = planes.first(std::min<std::size_t>(3, planes.size()));
@@ -38,8 +38,8 @@ void cut(const scenes::Triangle& face, std::span<const Plane<double>> planes, co
 
 }  // namespace
 
-// What lies within the other of the surface of either bounds
-// it, and cones over that, from any point, make it up.
+// The parts of either surface within the other body bound the common volume: it is the sum of the
+// cones over them from any apex.
 double common_volume(const TriangleMesh& a, const Pose& X_WA, const TriangleMesh& b,
                      const Pose& X_WB) {
   const Vec3d apex = X_WA.translation;

@@ -1,4 +1,4 @@
-// What two convex bodies share, exactly.
+// Exact common volume of two convex bodies.
 #pragma once
 
 #include "palpate/math/geometry.h"
@@ -6,7 +6,7 @@
 
 namespace palpate::eval {
 
-/// Common volume of two convex bodies, m3.
+/// Returns the common volume of two convex bodies, m3.
 double common_volume(const TriangleMesh& a, const Pose& X_WA, const TriangleMesh& b,
                      const Pose& X_WB);
 

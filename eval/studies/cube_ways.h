@@ -12,12 +12,12 @@ namespace palpate::eval {
 inline constexpr const char* kTools[] = {"box", "octahedron"};
 inline constexpr double kToolSize = 0.03;  // m
 inline constexpr int kSpheres = 2000;
-/// How the tools are turned in the cube's frame B.
+/// Orientation of the tools in the cube's frame B.
 inline const Quaternion kTurned = axis_angle({0.3, 1, 0.2}, 0.4);
 
-inline constexpr double kBefore = 0.002;    // m in front of first contact, where ways begin
+inline constexpr double kBefore = 0.002;    // m from first contact, where ways begin
 inline constexpr double kDeepest = 0.008;   // m
-inline constexpr double kMinShare = 0.005;  // of a tool: less says nothing about the direction
+inline constexpr double kMinShare = 0.005;  // of a tool: less has no reliable direction
 
 /// A straight way into the cube, in B.
 struct CubeWay {
@@ -25,13 +25,13 @@ struct CubeWay {
   Vec3d into_B, contact_B;
 };
 
-/// Faces of the cube that are seen best: those with most pixels.
+/// Returns the best-visible faces of the cube: those with most pixels.
 std::array<int, 2> best_faces(const RealCube& cube);
 
-/// Into the middle of both faces and onto the edge between them.
+/// Returns the ways into the middle of both faces and onto the edge between them.
 std::vector<CubeWay> ways_on(const std::array<int, 2>& faces, double half_size);
 
-/// The tool so deep in on a way.
+/// Returns the pose of the tool at a depth of a way.
 Pose pose_on(const CubeWay& way, const TriangleMesh& tool_T, double depth);
 
 }  // namespace palpate::eval

@@ -17,7 +17,7 @@ struct InversePlane {
   double at(double x, double y) const { return a * x + b * y + c; }
 };
 
-/// Sums of a least-squares fit of it.
+/// Sums of its least-squares fit.
 struct Moments {
   double n = 0, x = 0, y = 0, xx = 0, xy = 0, yy = 0, w = 0, xw = 0, yw = 0;
 
@@ -55,7 +55,7 @@ class Cells {
     }
   }
 
-  /// Visits what is measured: visit(pixel, x, y, depth).
+  /// Visits the pixels with depth: visit(pixel, x, y, depth).
   template <class Visit>
   void for_each_pixel(int cell, Visit visit) const {
     constexpr int kCell = FlatRegion::kCell;
@@ -81,8 +81,8 @@ class Cells {
     return sum / kAll < kFlat;
   }
 
-  /// The cells connected to `seed` that are on the plane of its surroundings, and then on their
-  /// own.
+  /// Returns the cells connected to `seed` that lie on the plane of its surroundings, refined with
+  /// the region's own plane.
   std::vector<int> grown(int seed) const {
     Moments near;
     for (int dy = -1; dy <= 1; ++dy) {
@@ -135,7 +135,7 @@ class Cells {
   std::vector<Moments> moments_;
 };
 
-/// How many steps each cell of the region is from what is outside.
+/// Returns the distance of each cell from the outside of the region in cells; 0: outside.
 std::vector<int> steps_within(const std::vector<int>& region, int columns, int rows) {
   std::vector<int> within(static_cast<std::size_t>(columns * rows), 0);
   for (const int cell : region) within[static_cast<std::size_t>(cell)] = 1;

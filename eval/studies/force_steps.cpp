@@ -4,7 +4,7 @@ namespace palpate::eval {
 namespace {
 
 constexpr int kNumSteps = 600;
-constexpr double kStart = 0.964;  // m, z of the cube's centre at the start
+constexpr double kStart = 0.964;  // m, z of the cube's center at the start
 
 }  // namespace
 

@@ -16,31 +16,31 @@ namespace {
 
 constexpr double kBox = 0.1, kOctahedron = 0.08;  // m
 constexpr double kNoise = 0.0015;                 // m, of DepthNoise::gaussian
-constexpr int kCoarser = 6;                       // times fewer columns and rows in the quick form
+constexpr int kCoarser = 6;                       // quick form: divides columns and rows
 
 int num_spheres(const Context& context) { return context.choose(1000, 200); }
 
-/// By 75 mm/s at most.
+/// Depth of the moving wall, m; its speed is at most 75 mm/s.
 double wall_depth(double t) { return 1 - 0.03 * (1 - std::cos(2.5 * t)); }
 Pose wall_pose(double t) { return {{0, 0, wall_depth(t)}, {}}; }
-constexpr double kRestTime = 1;  // s: where the wall is when it stands still
+constexpr double kRestTime = 1;  // s: time whose wall pose is that of the wall at rest
 
 Pose tool_pose(double z) { return {{0.001, 0.002, z}, axis_angle({1, 2, 0}, 0.1)}; }
 double tool_depth(double t) { return 0.96 + 0.01 * std::sin(4 * t); }
 constexpr double kRestDepth = 0.93;  // m
 
-/// How far the wall is from the tool's origin, m: all that occurs.
+/// Range of the distance from the tool's origin to the wall, and the step of its table, m.
 constexpr double kMinDepth = -0.04, kMaxDepth = 0.06, kStep = 0.0005;
 
 scenes::SimulatedCameraOptions camera_with(const Context& context, DepthNoise noise) {
   scenes::SimulatedCameraOptions camera;
   camera.noise.enabled = noise == DepthNoise::kinect;
   camera.unit = noise == DepthNoise::kinect ? 0.001 : 0.0001;
-  if (context.quick()) camera.noise.disparity_steps *= kCoarser;  // the same steps in metres
+  if (context.quick()) camera.noise.disparity_steps *= kCoarser;  // the same steps in meters
   return camera;
 }
 
-/// In the quick form with a coarser camera.
+/// Makes a scene; in the quick form with a coarser camera.
 Result<scenes::Scene> scene_for(const Context& context, const char* name) {
   auto scene = scenes::make_scene(name);
   if (!scene || !context.quick()) return scene;

@@ -16,7 +16,7 @@ std::size_t index_of(const Way& way, const std::vector<const Way*>& ways) {
   return static_cast<std::size_t>(std::find(ways.begin(), ways.end(), &way) - ways.begin());
 }
 
-/// The lower one of an even number.
+/// Returns the median, of an even number the lower one.
 double median(std::vector<double> values) {
   if (values.empty()) return 0;
   const auto middle = values.begin() + (static_cast<std::ptrdiff_t>(values.size()) - 1) / 2;
@@ -139,7 +139,7 @@ Result<Study> make_study(Context& context) {
   const std::vector<const Way*> averages(std::begin(kAverages), std::end(kAverages));
   auto gaussian = touch_wall(context, DepthNoise::gaussian, true);
   if (!gaussian) return gaussian.error();
-  // What takes longest comes first.
+  // The longest case comes first.
   study.gaussian = {"wall_gaussian",
                     "moving wall, 1.5 mm noise",
                     *std::move(gaussian),

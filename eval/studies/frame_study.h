@@ -1,5 +1,5 @@
-// The study of frames: what is felt of several scenes in several ways of going from frame to frame,
-// and what is read from it.
+// The study of frames: forces in several scenes for several ways of going from frame to frame, and
+// the quantities derived from them.
 #pragma once
 
 #include <optional>
@@ -32,21 +32,21 @@ inline constexpr const Way* kModes[] = {&kLatest, &kInterpolate, &kPredict};
 inline constexpr const Way* kAverages[] = {&kLatest,      &kMean,    &kExponential,
                                            &kInterpolate, &kPredict, &kPredictExponential};
 
-/// How far a force is from that of the moving wall.
+/// Delay and error of a force against that of the moving wall.
 struct Lateness {
-  /// By how much (s) it comes behind what the same method feels of a wall that it sees at every
-  /// instant: where the two correlate best.
+  /// Delay (s) behind the force of the same method on a wall that is visible at every instant, at
+  /// the best correlation.
   double lag = 0;
-  double error = 0;  ///< rms distance from the exact force of the instant, share of the largest
+  double error = 0;  ///< rms distance from the exact instantaneous force, share of the largest
 };
 
-/// A touch and what is felt of it in every way that is tried.
+/// A touch and the forces of every way that is tried.
 struct StudyCase {
   const char *key = nullptr, *name = nullptr;
   Touch touch;
   std::vector<const Way*> ways;
   std::vector<std::vector<ForceSeries>> series = {};  ///< [way][method]
-  std::vector<std::vector<Lateness>> lateness = {};   ///< likewise; of the moving wall only
+  std::vector<std::vector<Lateness>> lateness = {};   ///< [way][method]; of the moving wall only
 
   const ForceSeries& by(const Way& way, std::size_t method) const;
   const Lateness& late_by(const Way& way, std::size_t method) const;
@@ -62,12 +62,12 @@ struct Study {
 
   std::vector<const StudyCase*> moving() const;  ///< all but the wall at rest
 
-  // What follows leaves out the beginning, until averages have settled.
+  // The following quantities exclude the beginning, until averages have settled.
 
   /// Median step at the ticks when a frame arrives, over that at all ticks; both in contact only.
   double step_ratio(const StudyCase& studied, const Way& way, std::size_t method) const;
-  /// How far off the newest frame's force the predicted one is when that frame arrives, as a share
-  /// of what the frame changes: 1 if nothing is predicted, 0 if all is.
+  /// Error of the predicted force when a frame arrives, relative to the change by the frame: 1
+  /// without prediction, 0 for a perfect one.
   double surprise(const StudyCase& studied, std::size_t method) const;
   /// Standard deviation of the force of the wall at rest over its mean.
   double noise(const Way& way, std::size_t method) const;

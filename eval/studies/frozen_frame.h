@@ -1,4 +1,4 @@
-// A frozen depth frame that every contact method can look at.
+// A frozen depth frame for queries by every method.
 #pragma once
 
 #include <utility>
@@ -12,7 +12,7 @@ namespace palpate::eval {
 
 class FrozenFrame {
  public:
-  /// Errors: an image that no SurfaceEstimator takes.
+  /// Errors: an image that SurfaceEstimator rejects.
   static Result<FrozenFrame> create(const DepthStreamInfo& stream, const DepthFrame& frame,
                                     const SurfaceOptions& options = {});
 

@@ -21,7 +21,7 @@ double radius_of(const Tool& tool) {
   return radius;
 }
 
-/// A pixel's surroundings: mean point and normal, and how far from flat it is.
+/// Surroundings of a pixel: mean point and normal, and deviation from a plane.
 struct Patch {
   Vec3d point, normal;
   double unevenness = INFINITY;  // m
@@ -60,7 +60,7 @@ Patch patch_at(const PointCloudView& cloud, int u0, int v0, double radius) {
   return patch;
 }
 
-/// Moves around a place; `depth` m behind it on average, `swing` m more or less.
+/// Returns the pose at a place; `depth` m behind it on average, `swing` m more or less.
 Pose pose_at(const Place& place, const Vec3d& centre_T, double depth, double swing,
              const HandShift& at) {
   const Vec3d side = normalized(cross(place.into_W, Vec3d{0, 1, 0.3}));
@@ -79,7 +79,7 @@ Result<Place> calm_place(const PointCloudView& cloud, double radius, double fart
   for (int v = kCellPixels; v < cloud.height - kCellPixels; v += kCellPixels) {
     for (int u = kCellPixels; u < cloud.width - kCellPixels; u += kCellPixels) {
       const Patch patch = patch_at(cloud, u, v, radius);
-      // A little for the distance from the middle, and for what is far away.
+      // Small penalties for the distance from the image's middle and for depth.
       const double off = std::hypot((u - cloud.width / 2.0) / cloud.width,
                                     (v - cloud.height / 2.0) / cloud.height);
       const double cost = patch.unevenness + 0.01 * off + 0.002 * patch.point.z;

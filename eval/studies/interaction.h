@@ -1,4 +1,4 @@
-// The thesis' realistic set-up: a hand-held tool on something that a depth camera recorded.
+// The thesis' realistic setup: a hand-held tool on a recorded scene.
 #pragma once
 
 #include <memory>
@@ -11,37 +11,37 @@
 
 namespace palpate::eval {
 
-/// One frame to interact with, the tool that goes with it, and how a hand moves it.
+/// One frame to interact with, its tool, and the motion of the hand.
 struct Interaction {
-  std::string name;  ///< for captions: what is touched, with what
+  std::string name;  ///< for captions: scene and tool
   FirstFrame picture;
-  FrozenFrame frame;  ///< what is made of it
+  FrozenFrame frame;  ///< queries on the picture
   std::string shape;  ///< for Context::tool
   double size = 0;    ///< m
   HandMotion motion = figure_of_eight;
-  double farthest = std::numeric_limits<double>::infinity();  ///< m: what is meant is nearer
+  double farthest = std::numeric_limits<double>::infinity();  ///< m: ignores the background
 };
 
-/// A table that a Kinect recorded, touched with the bunny, if the data are there; else what
-/// simulated_interaction gives.
+/// Returns a table recorded by a Kinect, touched with the bunny; without the data
+/// simulated_interaction().
 Result<Interaction> recorded_interaction(Context& context);
-/// A person that a Kinect recorded, touched with the bunny by a recorded hand, if the data are
-/// there; else what simulated_interaction gives.
+/// Returns a person recorded by a Kinect, touched with the bunny by a recorded hand; without the
+/// data simulated_interaction().
 Result<Interaction> hand_interaction(Context& context);
-/// A simulated mannequin with Kinect noise, touched with a torus. Needs no data.
+/// Returns a simulated mannequin with Kinect noise, touched with a torus. Needs no data.
 Result<Interaction> simulated_interaction(Context& context);
 
-/// The first frame of a simulated scene: with the noise of a Kinect in millimetres, or exact to 0.1
-/// mm.
+/// Renders the first frame of a simulated scene: with the noise of a Kinect in millimeters, or
+/// exact to 0.1 mm.
 Result<FirstFrame> picture_of(Context& context, const scenes::Scene& scene, bool with_noise);
-/// What is made of it.
+/// Renders it and prepares it for queries.
 Result<FrozenFrame> seen_scene(Context& context, const scenes::Scene& scene, bool with_noise);
 
-/// A query of a method on a tool that looks at a frame.
+/// Makes the queries of a tool on a frame.
 std::unique_ptr<MethodQueries> query_on(const FrozenFrame& frame, const Tool& tool,
                                         Backend backend = Backend::cpu);
 
-/// Times of single queries along a path.
+/// Times single queries along a path.
 Times time_queries(MethodQueries& query, const ContactOptions& options,
                    const std::vector<Pose>& path);
 

@@ -9,7 +9,7 @@ namespace {
 
 constexpr double kMaxCells = 200;  // along an axis
 
-/// The point of a triangle that is nearest to p (Ericson, Real-Time Collision Detection, 5.1.5).
+/// Returns the point of a triangle nearest to p (Ericson, Real-Time Collision Detection, 5.1.5).
 Vec3d nearest_on(const Vec3d& a, const Vec3d& b, const Vec3d& c, const Vec3d& p) {
   const Vec3d ab = b - a, ac = c - a, ap = p - a, bp = p - b, cp = p - c;
   const double d1 = dot(ab, ap), d2 = dot(ac, ap), d3 = dot(ab, bp), d4 = dot(ac, bp),
@@ -63,7 +63,7 @@ bool MeshInside::contains(const Vec3d& p) const {
   bool is_inside = false;
   for (const int f : by_column_[static_cast<std::size_t>(y * columns_ + x)]) {
     const Face& face = faces_[static_cast<std::size_t>(f)];
-    // Does a ray along +z cross it? Areas in the xy plane say where.
+    // Crossing of a ray along +z, by areas in the xy plane.
     const auto area = [&](const Vec3d& q, const Vec3d& r) {
       return (q.x - p.x) * (r.y - p.y) - (q.y - p.y) * (r.x - p.x);
     };

@@ -1,5 +1,5 @@
-// The part of a tool in a closed mesh, and where that pushes it: by brute force over points, in
-// double. The yardstick where the scene is a mesh.
+// The part of a tool in a closed mesh, and its outward direction: by brute force over points, in
+// double. The reference where the scene is a mesh.
 #pragma once
 
 #include <vector>
@@ -9,13 +9,13 @@
 
 namespace palpate::eval {
 
-/// A closed mesh that says which points are inside. O(triangles of a column) per point.
+/// Point-in-mesh test for a closed mesh. O(triangles of a column) per point.
 class MeshInside {
  public:
   explicit MeshInside(const TriangleMesh& mesh);
   bool contains(const Vec3d& p) const;
-  /// Outward normal of the surface where it is nearest to each point, summed. O(points x triangles
-  /// nearby); points have to be inside.
+  /// Returns the sum of the outward normals of the surface nearest to each point. O(points x
+  /// triangles nearby); points have to be inside.
   Vec3d outward(const std::vector<Vec3d>& inside) const;
 
  private:
@@ -29,7 +29,7 @@ class MeshInside {
   std::vector<std::vector<int>> by_column_;  ///< faces above and below each cell of the xy plane
 };
 
-/// The points of a grid of this spacing (m) that lie in a closed mesh, off its symmetries.
+/// Returns the points of a grid of this spacing (m) inside a closed mesh, off its symmetries.
 std::vector<Vec3d> points_inside(const TriangleMesh& mesh, double spacing);
 
 /// Shares of the tool, in the frame of the mesh: the volume inside, and the sum of its outward
@@ -38,7 +38,7 @@ struct SampledPenetration {
   double share = 0;
   Vec3d force;
 };
-/// `points_T` fill the tool evenly; every `every`-th of those inside gives a normal.
+/// Measures; `points_T` fill the tool evenly; every `every`-th of those inside gives a normal.
 SampledPenetration sampled_penetration(const std::vector<Vec3d>& points_T, const Pose& X_BT,
                                        const MeshInside& body, std::size_t every = 8);
 

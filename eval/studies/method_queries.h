@@ -1,4 +1,4 @@
-// The queries of a tool by one method after the other, for studies that compare methods.
+// Queries of a tool by one method after the other, for studies that compare methods.
 #pragma once
 
 #include <functional>
@@ -11,8 +11,8 @@
 
 namespace palpate::eval {
 
-/// Against one surface or between two. A query is made when its method is first used; all share an
-/// index.
+/// Queries on one surface or between two. A query is made when its method is first used; all share
+/// an index.
 class MethodQueries {
  public:
   using MakeQuery = std::function<Result<std::unique_ptr<ContactQuery>>(
@@ -46,7 +46,7 @@ class MethodQueries {
     X_WT_ = X_WT;
     return evaluate({}).penetration;
   }
-  /// Of the last query, measured again; zero if the method has none.
+  /// Stiffness of the last query, measured again; zero if the method has none.
   Stiffness stiffness() { return evaluate({.stiffness = true}).stiffness.value_or(Stiffness{}); }
   VolumeMoments moments() { return evaluate({.stiffness = true}).moments; }
   std::span<const SphereState> states() {

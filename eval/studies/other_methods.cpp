@@ -79,16 +79,16 @@ std::vector<Vec3f> DistanceGrid::nearest_points(const PointCloudView& cloud) con
   return points;
 }
 
-/// From those that are their own nearest to all, along x, then y, then z.
+/// From cells that are their own nearest to all cells, along x, then y, then z.
 void DistanceGrid::spread(std::vector<std::int32_t>& nearest) const {
   const auto n = static_cast<std::size_t>(num_);
-  // Squared distances between cells so far; of a line, where each parabola begins to be the lowest.
+  // Squared distances between cells so far; of a line, the start of each parabola's interval.
   std::vector<float> squares(nearest.size()), line(n), begin(n);
   std::vector<std::int32_t> owner(n);
   std::vector<std::size_t> lowest(n);
   for (std::size_t stride : {std::size_t{1}, n, n * n}) {
     for (std::size_t i = 0; i < nearest.size(); ++i) {
-      if (i / stride % n != 0) continue;  // a line begins here
+      if (i / stride % n != 0) continue;  // first cell of a line
       std::size_t num_lowest = 0;
       for (std::size_t q = 0; q < n; ++q) {
         owner[q] = nearest[i + q * stride];
@@ -193,7 +193,7 @@ Vec3d GodObject::pull(const Vec3d& p_W) {
     proxy_ = p_W - surface.distance * surface.normal;
     is_held_ = true;
   }
-  // Along the surface towards the point, and back onto it.
+  // Along the surface towards the point, then back onto the surface.
   for (int i = 0; i < 20; ++i) {
     Surface surface = at(proxy_);
     if (norm(surface.normal) == 0) break;

@@ -1,5 +1,5 @@
-// What else one would use to feel a depth image, as published, to stand beside ours: a look-up in a
-// voxel grid of distances, and a god-object (proxy) on the cloud.
+// Other published methods of contact with a depth image, for comparison: a lookup in a voxel grid
+// of distances, and a god-object (proxy) on the cloud.
 #pragma once
 
 #include <cstddef>
@@ -10,20 +10,20 @@
 
 namespace palpate::eval {
 
-/// Euclidean signed distances on a grid, as maps of robots keep them (Voxblox, Oleynikova et al.
-/// 2017; nvblox). A cell with points of the cloud knows their mean; each cell takes the nearest of
-/// these, found by an exact distance transform of the cells (Felzenszwalb & Huttenlocher 2012) and
-/// from those of its six neighbours; it is negative behind the depth of its pixel. Looked up
-/// with trilinear weights.
+/// Euclidean signed distances on a grid, like maps of robots (Voxblox, Oleynikova et al. 2017;
+/// nvblox). A cell with points of the cloud holds their mean; each cell takes the nearest of these,
+/// found by an exact distance transform of the cells (Felzenszwalb & Huttenlocher 2012) and from
+/// those of its six neighbors; it is negative behind the depth of its pixel. Interpolated
+/// trilinearly.
 class DistanceGrid {
  public:
-  /// The cube of this side around `middle`. O(cells + points).
+  /// Makes the cube of this side around `middle`. O(cells + points).
   DistanceGrid(const PointCloudView& cloud, const Vec3d& middle, double side, double cell);
 
-  /// Distance (negative behind the surface) and its unit gradient; free space beyond the grid.
+  /// Returns the distance (negative behind the surface), unit gradient; free beyond the grid.
   scenes::SignedDistance at(const Vec3d& p) const;
-  /// What planners compute (cuRobo): the depth of each sphere, where it is in, times the gradient
-  /// there, summed; m. No volume. The torque is about the centre of mass.
+  /// Computes the hinge cost of motion planners (cuRobo): sum of the depth of each penetrating
+  /// sphere times the gradient, m. No volume. The torque is about the center of mass.
   Penetration hinge(const Tool& tool, const Pose& X_WT) const;
 
  private:
@@ -46,14 +46,14 @@ class DistanceGrid {
 };
 
 /// A point that follows the tool and stays in front of the cloud (Zilles & Salisbury 1995 on the
-/// surface through noisy points of Leeper, Chan & Salisbury 2012). The tool is that one point: no
+/// surface through noisy points of Leeper, Chan & Salisbury 2012). It represents the whole tool: no
 /// volume, no torque.
 class GodObject {
  public:
   /// Points within `reach` of the proxy count, nearer ones more. The cloud has to outlive it.
   GodObject(const PointCloudView& cloud, double reach) : cloud_(cloud), reach_(reach) {}
 
-  /// From the point to the proxy, m: zero where the point is in front. Remembers the proxy.
+  /// Returns the vector from the point to the proxy, m: zero in front. Updates the proxy.
   Vec3d pull(const Vec3d& p_W);
 
  private:

@@ -43,7 +43,7 @@ void run_tasks(Context& context, int num_tasks, double num_steps,
   num_running = std::min(num_threads, num_tasks);
   try {
     for (int i = num_running; i > 0; --i) threads.emplace_back(run);
-  } catch (const std::system_error&) {  // the system starts no more
+  } catch (const std::system_error&) {  // the system's limit of threads is reached
     const std::lock_guard lock(mutex);
     num_running -= std::min(num_threads, num_tasks) - static_cast<int>(threads.size());
   }

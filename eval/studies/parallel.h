@@ -1,4 +1,4 @@
-// Work of a figure on several threads, for what is not timed.
+// Parallel tasks of a figure, for work that is not timed.
 #pragma once
 
 #include <atomic>
@@ -8,10 +8,10 @@
 
 namespace palpate::eval {
 
-/// How far the tasks of one run_tasks are. Any thread.
+/// Progress of the tasks of one run_tasks. Thread-safe.
 class Work {
  public:
-  /// One step is done. Throws Cancelled if the caller requested a stop: let it pass.
+  /// Counts a step. Throws Cancelled if the caller requested a stop: let it pass.
   void step() {
     if (stopped_.load(std::memory_order_relaxed)) throw Cancelled{};
     num_done_.fetch_add(1, std::memory_order_relaxed);
@@ -23,10 +23,10 @@ class Work {
   std::atomic<long> num_done_{0};
 };
 
-/// Runs task(0) ... task(num_tasks - 1), each once, in any order, on as many threads as the
-/// settings say, and returns when all have ended; each task writes to a place of its own. This
-/// thread reports the progress meanwhile: `num_steps` is how often the tasks will call Work::step,
-/// about. Throws Cancelled, and what a task throws.
+/// Runs task(0) ... task(num_tasks - 1), each once, in any order, on the number of threads of the
+/// settings, and returns when all have ended; each task writes to its own memory. This thread
+/// reports the progress meanwhile: `num_steps` is the approximate number of Work::step calls.
+/// Throws Cancelled, and exceptions of a task.
 void run_tasks(Context& context, int num_tasks, double num_steps,
                const std::function<void(int task, Work& work)>& task);
 

@@ -13,7 +13,7 @@ constexpr double kBox = 0.08;  // m
 
 double sign_of(PillarSide side) { return side == PillarSide::right ? 1 : -1; }
 
-/// The pillar from the camera to infinity, as far as one of its edges.
+/// Returns the pillar from the camera to infinity, with only one of its edges.
 scenes::Environment pillar_solid(PillarSide side) {
   scenes::Environment environment;
   environment.kind = scenes::Environment::Kind::ridge;

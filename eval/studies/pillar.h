@@ -1,6 +1,6 @@
 // A box scrapes past the edge of a pillar (thesis section 3.5, Figs. 3.12-3.14). Seen from the
-// camera, the pillar and what it hides are the solid behind its front *and* behind the plane of
-// sight along its edge: a ridge, so the volume is known exactly. Shared by the figures and
+// camera, the pillar and the space that it hides are the solid behind its front *and* behind the
+// plane of sight along its edge: a ridge, so the volume is known exactly. Shared by the figures and
 // tests/accuracy/edge_tunnelling_test.cpp.
 #pragma once
 
@@ -19,23 +19,23 @@ inline constexpr double kPillarEdge = 0.11;  ///< m: x of its edges; its front i
 enum class PillarSide { right, left };
 const char* name_of(PillarSide side);
 
-/// The first frame of the scene `pillar`, with Kinect noise or in steps of 0.1 mm.
+/// Renders the first frame of the scene `pillar`, with Kinect noise or in steps of 0.1 mm.
 Result<FrozenFrame> seen_pillar(Context& context, bool with_noise);
 
-/// A cube of 8 cm.
+/// Returns a cube of 8 cm.
 Result<std::shared_ptr<const Tool>> pillar_box(Context& context, int num_spheres,
                                                GapRule rule = GapRule::relative);
 
-/// How the box, tilted by 20 degrees and half inside, moves to the side until it has left the
-/// pillar.
+/// Returns poses of the box, tilted by 20 degrees and half inside, as it moves to the side until it
+/// has left the pillar.
 std::vector<Pose> pillar_way(PillarSide side, double step);
 
-/// Shares of the tool inside, at each pose of a way.
+/// Returns the shares of the tool inside, at each pose of a way.
 std::vector<double> exact_volumes(const Tool& tool, PillarSide side, const std::vector<Pose>& X_WT);
 std::vector<double> measured_volumes(MethodQueries& query, const Tool& tool,
                                      const std::vector<Pose>& X_WT, const ContactOptions& options);
 
-/// Of a measured volume along a way: shares of the tool.
+/// Errors of a measured volume along a way: shares of the tool.
 struct WayError {
   double rms = 0, worst = 0;
   double largest_step = 0;  ///< of the measured volume between two poses

@@ -1,4 +1,4 @@
-// The least and the largest of several numbers, and what a share of them does not exceed.
+// Range and percentiles of numbers.
 #pragma once
 
 #include <algorithm>
@@ -8,7 +8,7 @@
 
 namespace palpate::eval {
 
-/// Not a number once one of them is none.
+/// NaN once one of the numbers is.
 struct Range {
   double low = std::numeric_limits<double>::infinity(), high = -low;
   void add(double x) {
@@ -17,7 +17,7 @@ struct Range {
   }
 };
 
-/// The value at this share of the sorted ones, 0.5 being the median; 0 if there are none.
+/// Returns the value at this share of the sorted ones, 0.5 being the median; 0 if there are none.
 inline double percentile(std::vector<double> values, double share) {
   if (values.empty()) return 0;
   std::sort(values.begin(), values.end());

@@ -17,14 +17,14 @@ namespace palpate::eval {
 namespace {
 
 constexpr const char* kRecording = "sequences/visp_rbt";
-/// X_WC by time, as `poses=` of a camera takes it.
+/// X_WC by time, in the format of a camera's `poses=`.
 constexpr const char* kTracked = "trajectories/visp_rbt_camera_in_grid_tum.txt";
-/// Where a person sees it in the first picture.
+/// Approximate pose of the cube in the first image, estimated by eye.
 const Pose kFirstGuess{{-0.05, 0.05, 0.5}, normalized(Quaternion{-0.36, 0.63, -0.62, -0.29})};
 
-constexpr double kMargin = 0.006;  // m from edges, where depth is a mixture
+constexpr double kMargin = 0.006;  // m from edges, where pixels are mixed
 constexpr double kMinSlant = 0.25;
-constexpr double kTypical = 0.003;  // m: residuals beyond it count less and less
+constexpr double kTypical = 0.003;  // m: scale of the robust weights; larger residuals count less
 constexpr std::size_t kMinPixels = 100;
 
 using Vec6 = std::array<double, 6>;
@@ -44,8 +44,8 @@ Vec6 solved(std::array<Vec6, 6> a, Vec6 b) {
   return b;
 }
 
-/// Moves the cube along the axis of which least is seen, to where most pixels that look at it
-/// agree: two planes leave it free to slide along their edge, but not where they end.
+/// Slides the cube along the least visible axis to where most of its pixels agree: two planes leave
+/// the motion along their edge free, but its ends constrain it.
 void slide(const DepthStreamInfo& stream, const DepthFrame& frame, double half, std::size_t axis,
            Pose& X_CB) {
   constexpr int kStep = 3;

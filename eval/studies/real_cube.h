@@ -1,10 +1,10 @@
-// A cube that a depth camera recorded from a moving hand, and where it truly was: the recording
+// A cube that a depth camera recorded from a moving hand, and its true pose: the recording
 // "sequences/visp_rbt", whose cube of 85 mm is known from its CAD.
 //
 // The camera was tracked by a board behind the cube, a meter away; located by that alone, the cube
-// would wander by a centimetre. So the exact cube is laid on each frame by its own faces: three
-// planes at right angles, 85 mm apart, are all that the depth is tested for. What they leave over
-// is the sensor's.
+// would wander by a centimeter. So the exact cube is fitted to each frame by its own faces: the
+// depth is compared only with three planes at right angles, 85 mm apart. The residuals are the
+// sensor's.
 #pragma once
 
 #include <optional>
@@ -14,48 +14,48 @@
 
 namespace palpate::eval {
 
-/// What a ray of the camera meets of a cube.
+/// Intersection of a camera ray with a cube.
 struct CubeHit {
   double z = 0;       ///< m, depth
   int face = 0;       ///< -x, +x, -y, +y, -z, +z of the cube's frame B
-  double border = 0;  ///< m, of the point that is hit, from the next edge
+  double border = 0;  ///< m, distance of the hit point from the nearest edge
   double slant = 0;   ///< cosine between ray and normal
 };
-/// nullopt: it passes by. The camera is outside.
+/// Returns nullopt if the ray misses. The camera must be outside.
 std::optional<CubeHit> hit_cube(const Pose& X_CB, double half_size, const Vec3d& ray_C);
 
 /// One frame with its cube.
 struct CubeFrame {
-  DepthFrame frame;    ///< its X_WC is what the board says, W being the board's frame
-  Pose X_CB;           ///< laid on the faces
-  Pose tracked_shift;  ///< where the board's tracking has the cube that stands still, in B
+  DepthFrame frame;    ///< with X_WC by the board's tracking; W is the board's frame
+  Pose X_CB;           ///< fitted to the faces
+  Pose tracked_shift;  ///< pose of the resting cube by the board's tracking, in B
 };
 
 struct RealCube {
   DepthStreamInfo stream;
   double half_size = 0;  ///< m
-  Pose X_WB;             ///< where it stands: the middle of what all frames say
+  Pose X_WB;             ///< its pose: the middle of those of all frames
   std::vector<CubeFrame> frames;
 };
 
-/// Every `stride`-th frame. nullopt: the data are not there. Errors: files that cannot be read, and
-/// a frame on which the cube cannot be laid.
+/// Reads every `stride`-th frame. nullopt: the data are absent. Errors: unreadable files, and a
+/// frame to which the cube cannot be fitted.
 Result<std::optional<RealCube>> real_cube(Context& context, std::size_t stride);
 
-/// Of the poses that the frames say the cube has in W: the medians along the axes, and the rotation
-/// that is least far from all, in sum.
+/// Returns the middle of the cube's poses in W by all frames: the medians along the axes, and the
+/// rotation with the least sum of angles to all.
 Pose middle_pose(const std::vector<Pose>& X_WB);
 
-/// Where the camera was at each frame, by what it saw: each frame is aligned with a key frame
-/// before it as `palpate calibrate` aligns two cameras (align_views), and the way between the two
-/// that the tracking says is where it begins. The first frame is where the tracking has it, and a
-/// frame that cannot be aligned is where the way from the one before leads. Errors: an image that
-/// no SurfaceEstimator takes.
+/// Estimates the camera pose of each frame from depth: each frame is aligned with an earlier key
+/// frame as `palpate calibrate` aligns two cameras (align_views), starting from the tracked
+/// relative pose. The first frame keeps its tracked pose; a frame that cannot be aligned continues
+/// from the one before by the tracked motion. `num_by_tracking` counts these. Errors: an image that
+/// SurfaceEstimator rejects.
 Result<std::vector<Pose>> poses_by_depth(const RealCube& cube, int& num_by_tracking);
 
-/// Moves the cube until its faces fit the depth: Gauss-Newton on the distances of points from the
-/// face that their pixel looks at, each face counting the same; along an edge that this leaves
-/// free, to where most pixels agree. False: hardly anything is seen of it.
+/// Fits the cube to the depth: Gauss-Newton on the distances of points from the face that their
+/// pixel looks at, each face with the same weight; a free direction along an edge is set to where
+/// most pixels agree. Returns false if hardly any of it is visible.
 bool lay_on(const DepthStreamInfo& stream, const DepthFrame& frame, double half_size, Pose& X_CB);
 
 /// Calls visit(pixel, hit) for the pixels that look at the cube, row by row.

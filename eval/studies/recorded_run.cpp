@@ -38,7 +38,7 @@ class FramesInMemory final : public DepthSource {
   std::size_t num_given_ = 0;
 };
 
-/// A simulated hand on the clock of a run that is computed, not waited for.
+/// A simulated hand on the clock of a computed run, without waiting.
 class SteppedHand final : public SteppedDevice {
  public:
   explicit SteppedHand(std::unique_ptr<SimulatedDevice> device) : device_(std::move(device)) {}

@@ -1,5 +1,5 @@
-// What the parts of the figure `silhouettes` share: a tool that feels the field, and how long its
-// forces are.
+// Shared parts of the figure `silhouettes`: a tool in the field, and the lengths of its
+// forces.
 #pragma once
 
 #include <algorithm>
@@ -15,15 +15,15 @@ namespace palpate::eval {
 
 inline constexpr const char* kSilhouetteTool = "box";
 inline constexpr double kSilhouetteToolSize = 0.06;  // m
-inline constexpr double kBound = 1.05;               // times V: no force is longer, by construction
+inline constexpr double kBound = 1.05;               // times V: upper bound of |F| by construction
 inline constexpr double kRounding = 1e-6;
 inline constexpr double kCalm = 1.05, kLong = 1.1;  // times V
 
-/// In the quick form too: with few spheres the volume of a large one is bent at its centre alone,
+/// Also in the quick form: with few spheres the volume of a large one is bent at its center alone,
 /// and the stiffness of a tool of 300 is up to twice as large.
 inline constexpr int kSilhouetteSpheres = 2000;
 
-/// |F| / V of contacts.
+/// Ratios |F| / V of contacts.
 struct Ratios {
   std::vector<double> values;
 
@@ -45,7 +45,7 @@ class ContactProbe {
   ContactProbe(std::unique_ptr<MethodQueries> query, const Tool& tool)
       : query_(std::move(query)), whole_(full_volume(tool, options_)), section_(section_of(tool)) {}
 
-  /// nullopt: no contact.
+  /// Contact at a pose; nullopt: no contact.
   struct Contact {
     Vec3d force;
     double volume;
@@ -57,11 +57,11 @@ class ContactProbe {
     return Contact{at.measure_W.force, at.volume};
   }
 
-  /// At the last pose: the largest eigenvalue of the force's stiffness, by size, over the section
-  /// of the tool, which is the largest face of its box.
+  /// Returns the largest eigenvalue, by magnitude, of the force's stiffness at the last pose, over
+  /// the section of the tool, which is the largest face of its box.
   double stiffness() const {
     const Stiffness k = query_->stiffness();
-    // Of a symmetric matrix S the powers (S S)^n turn any vector to the axis of that eigenvalue.
+    // Power iteration: for a symmetric S, (S S)^n turns any vector to the axis of that eigenvalue.
     Vec3d axis{0.6, 0.48, 0.64};
     const auto times = [&](const Vec3d& v) {
       Vec3d out;

@@ -1,4 +1,4 @@
-// What the speed figures share.
+// Shared parts of the speed figures.
 #pragma once
 
 #include <string>
@@ -9,7 +9,7 @@
 
 namespace palpate::eval {
 
-/// How long every method takes, over a varying x.
+/// Times of every method over a varying x.
 struct SpeedSweep {
   std::vector<double> x;
   std::vector<Method> methods;
@@ -21,28 +21,28 @@ struct SpeedSweep {
   std::size_t method(const std::string& name) const;
 };
 
-/// Medians as curves in microseconds, with the line of 1 kHz.
+/// Plots medians in microseconds, with the line of 1 kHz.
 Plot speed_plot(const SpeedSweep& sweep, const std::string& title, const std::string& x_label);
-/// The same medians as a table, a row for each x (a number of spheres).
+/// Makes a table of the same medians, a row for each x (a number of spheres).
 Table time_table(const SpeedSweep& sweep, const std::string& title);
-/// A time (µs) for humans: two digits and more.
+/// Formats a time (µs) with at least two digits.
 std::string time_words(double microseconds);
-/// Median, p99 and largest of every method at every x, as numbers `prefix.method.x.median_us`.
+/// Adds median, p99 and largest of every method at every x, as numbers `prefix.method.x.median_us`.
 void add_numbers(FigureResult& result, const SpeedSweep& sweep, const std::string& prefix);
 
-/// At which of the measured x curve a lies clearly below curve b, e.g. "at no size up to 17000",
-/// "up to 500 spheres", "from 8000 spheres on", "at 3 of 7 sizes".
+/// Describes the measured x at which curve a lies clearly below curve b, e.g. "at no size up to
+/// 17000", "up to 500 spheres", "from 8000 spheres on", "at 3 of 7 sizes".
 std::string where_below(const std::vector<double>& x, const std::vector<double>& a,
                         const std::vector<double>& b, const char* what = "size",
                         const char* unit = "spheres");
-/// The largest x up to which y stays below `limit` (linear in between); the last x if it always
-/// does.
+/// Returns the largest x up to which y stays below `limit` (linear in between); the last x if it
+/// always does.
 double reaches(const std::vector<double>& x, const std::vector<double>& y, double limit);
 
 std::vector<FigureSpec> subtask_figures();  // 5.5
-std::vector<FigureSpec> synthetic_speed();  // 3.10, 5.6, more spheres and pixels than the thesis
-std::vector<FigureSpec> option_speed();     // what edges and continuity cost: options
-std::vector<FigureSpec> sensing_speed();    // what a depth frame costs: sensing
+std::vector<FigureSpec> synthetic_speed();  // 3.10, 5.6, more spheres and pixels than in the thesis
+std::vector<FigureSpec> option_speed();     // cost of edges and continuity: options
+std::vector<FigureSpec> sensing_speed();    // cost of a depth frame: sensing
 std::vector<FigureSpec> gpu_figures();      // 4.2, 4.3, queries on a GPU
 
 /// printf for sentences.

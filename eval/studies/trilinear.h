@@ -1,15 +1,15 @@
-// A look-up in a grid of distances: trilinear weights of the eight around a place, and their
-// gradient. Shared code for the evaluation on the host and the benchmark's kernel.
+// Trilinear interpolation in a grid of distances: weights of the eight neighbors of a place, and
+// their gradient. Shared code for the evaluation on the host and the benchmark's kernel.
 #pragma once
 
 #include "palpate/core/core.h"
 
 namespace palpate::eval {
 
-/// Between eight of a grid whose distances run along x first; `Real`: float or double.
+/// A cell of eight distances of a grid that is stored along x first; `Real`: float or double.
 template <class Real>
 struct TrilinearCell {
-  /// `at`: the place, in cells from the first distance. False: not inside of a grid of `num`.
+  /// Finds the cell of `at`, in cells from the first distance. False: outside of a grid of `num`.
   PALPATE_HOSTDEV bool find(const Real (&at)[3], const int (&num)[3]) {
     for (int axis = 0; axis < 3; ++axis) {
       if (!(at[axis] >= 0 && at[axis] < static_cast<Real>(num[axis] - 1))) return false;
@@ -19,7 +19,7 @@ struct TrilinearCell {
     return true;
   }
 
-  /// Only after `find` was true. What the grid holds in between.
+  /// Returns the interpolated distance. Only after `find` was true.
   PALPATE_HOSTDEV Real distance(const float* distances, const int (&num)[3]) {
     const int row = num[0], slice = num[0] * num[1];
     const float* const d = distances + cell_[2] * slice + cell_[1] * row + cell_[0];
@@ -35,7 +35,7 @@ struct TrilinearCell {
     return mix(at_y_[0], at_y_[1], share_[2]);
   }
 
-  /// Only after `distance`. How it changes, per cell.
+  /// Computes the gradient, per cell. Only after `distance`.
   PALPATE_HOSTDEV void gradient(Real (&result)[3]) const {
     result[0] = mix(mix(along_x_[0][0], along_x_[0][1], share_[1]),
                     mix(along_x_[1][0], along_x_[1][1], share_[1]), share_[2]);

@@ -8,8 +8,8 @@ namespace palpate::eval {
 namespace {
 
 constexpr double kAsExact = 1.02;   // errors of two libraries on the same image
-constexpr double kAsGood = 1.25;    // not worse as far as anybody would say
-constexpr double kFarFrom = 2;      // not as good, whoever looks
+constexpr double kAsGood = 1.25;    // irrelevantly worse at most
+constexpr double kFarFrom = 2;      // clearly not as good
 constexpr double kHalfStep = 0.75;  // of the largest step, if it shrinks with the steps
 
 bool are_finite(double a, double b) { return std::isfinite(a) && std::isfinite(b); }
@@ -20,7 +20,7 @@ struct Share {
   bool is_below() const { return num_below > 0 && num_above == 0; }
   bool is_above() const { return num_above > 0 && num_below == 0; }
 };
-/// At how many of the x in [from, to) is a clearly below b, and above?
+/// Counts the x in [from, to) at which a is clearly below b, and clearly above.
 Share share_below(const std::vector<double>& x, const std::vector<double>& a,
                   const std::vector<double>& b, double from, double to) {
   Share share;

@@ -1,5 +1,5 @@
-// From data to verdicts: each rule is a function of what was measured, and tested on data made up
-// for every outcome.
+// Rules from data to verdicts: each is a function of measured values, tested on synthetic data for
+// every outcome.
 #pragma once
 
 #include <cmath>
@@ -12,9 +12,9 @@
 
 namespace palpate::eval {
 
-/// Two numbers within this factor are a tie: scatter and luck.
+/// Ratio up to which two numbers are a tie, because of scatter.
 inline constexpr double kAlike = 1.1;
-/// Less, and no tie.
+/// True if a is less than b, and no tie.
 constexpr bool is_clearly_less(double a, double b) { return kAlike * a < b; }
 
 // Claims of the thesis. A number that is not finite was not measured. Each rule gives the opposite
@@ -50,8 +50,8 @@ Verdict is_below_until(const std::vector<double>& x, const std::vector<double>& 
 Verdict is_below_from(const std::vector<double>& x, const std::vector<double>& a,
                       const std::vector<double>& b, double from);
 
-/// "One after the other waits less": what each waits for something else. Not comparable where
-/// nobody waits: then there is nothing to lessen.
+/// "One after the other waits less": each value is a waiting time. Not comparable where all are
+/// zero: then there is nothing to reduce.
 Verdict waits_less_and_less(const std::vector<double>& waits);
 
 /// "It begins at about x = `claimed`": within `tolerance`; else differs. NaN: it never begins.
@@ -63,16 +63,16 @@ Verdict is_continuous(double largest_step, double largest_of_half_steps);
 
 // Is Palpate better?
 
-/// Less is better; alike within a tenth.
+/// Verdict where less is better; alike within a tenth.
 Verdict is_better(double ours, double theirs);
 /// The worst of several comparisons: better only if all are at least even and one is better.
 Verdict is_better_in_all(std::initializer_list<Verdict> verdicts);
 Verdict is_better_in_all(const std::vector<Verdict>& verdicts);
 
-/// The same comparison on several occasions: better or worse only if on all of them.
+/// The same comparison in several cases: better or worse only if in all of them.
 Verdict is_better_throughout(const std::vector<Verdict>& verdicts);
 
-/// What an answer costs and how wrong it is. Not positive: an error that is not known.
+/// Time and error of a result. An error that is not positive is unknown.
 struct Cost {
   double time = 0, error = 0;
 };
@@ -90,12 +90,12 @@ Verdict holds_up_to(double value, double limit, double in_part = -INFINITY);
 Verdict holds_above(double value, double limit);
 /// "All lie between these."
 Verdict holds_between(const Range& values, double from, double to);
-/// "So it is in all `num`"; in part where it is in some.
+/// "It holds in all `num`"; in part where it holds in some.
 Verdict holds_in_all(std::ptrdiff_t num_true, std::ptrdiff_t num);
 /// A claim of several parts: holds if all do, fails if none does.
 Verdict holds_with(std::initializer_list<Verdict> parts);
 
-/// The largest and the least of numbers; NaN if any is.
+/// Return the largest and the smallest of numbers; NaN if any is.
 double largest_of(const std::vector<double>& values);
 double min_of(const std::vector<double>& values);
 

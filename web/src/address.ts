@@ -1,4 +1,4 @@
-// What the page's address can set: ?stride=4&look=caps&view=camera&plots=0
+// Options in the page's address: ?stride=4&look=caps&view=camera&plots=0
 
 import type { PanelName } from './panels/dock';
 import type { CameraView, SceneOptions, ToolLook } from './types';
@@ -7,7 +7,7 @@ const LOOKS: ToolLook[] = ['spheres', 'caps', 'mesh', 'hidden'];
 const VIEWS: CameraView[] = ['free', 'camera', 'bird', 'tool'];
 const PANELS: PanelName[] = ['plots', 'image', 'controls'];
 
-/// Returns the panels that are open at first.
+/** Applies the address to the options. Returns the panels that are open at first. */
 export function applyAddress(address: URLSearchParams, options: SceneOptions): PanelName[] {
   const stride = Math.round(Number(address.get('stride')));
   if (stride >= 1 && stride <= 64) options.stride = stride;

@@ -1,8 +1,8 @@
-// The one WebSocket to the program. It is opened again whenever it is lost.
+// The one WebSocket to the program. Reopened whenever it is lost.
 
 import type { Hello, State } from './types';
 
-/// refused: the server is there, but does not let this page in.
+/** State of the connection; refused: the server runs but rejects this page. */
 export type Link = 'connecting' | 'open' | 'lost' | 'refused';
 
 export interface Command {
@@ -11,7 +11,7 @@ export interface Command {
 }
 
 export interface Answer {
-  id: number | null; // null: of what is not answered when all is well
+  id: number | null; // null: an error of a message that is acknowledged only by silence
   ok: boolean;
   error?: string;
   [member: string]: unknown;
@@ -22,9 +22,9 @@ export interface Listener {
   onHello(hello: Hello): void;
   onState(state: State): void;
   onBinary(buffer: ArrayBuffer): void;
-  /// All binary messages of this picture have come; it wants to be acknowledged once drawn.
+  /** All binary messages of this picture have arrived; acknowledge it once it is drawn. */
   onPicture(number: number): void;
-  /// A message that is not taken.
+  /** The program rejected a message. */
   onRefusal(error: string): void;
 }
 
@@ -33,7 +33,7 @@ const PATIENCE = 3000; // ms, for an answer to a request
 
 export class Connection {
   link: Link = 'connecting';
-  /// Times that it was opened again.
+  /** Number of reconnects. */
   reconnects = 0;
 
   private socket: WebSocket | null = null;
@@ -42,12 +42,12 @@ export class Connection {
   private nextId = 1;
   private readonly waiting = new Map<number, (answer: Answer) => void>();
 
-  /// The token stays in memory, and in the address that the person opened.
+  /** `token` is kept in memory only; it comes from the address that the person opened. */
   constructor(private readonly listener: Listener, private readonly token: string | null) {
     this.open();
   }
 
-  /// Always answered: a connection that is lost meanwhile answers for the server.
+  /** Sends a command. Always resolves: if the connection is lost, with an error. */
   send(command: Command): Promise<Answer> {
     const id = this.nextId++;
     if (this.link !== 'open') {
@@ -63,7 +63,7 @@ export class Connection {
     this.tell({ ack: number });
   }
 
-  /// What is answered only if something is wrong with it: by onRefusal.
+  /** Sends a message that is answered only if it is wrong, through onRefusal. */
   tell(message: object): void {
     if (this.link === 'open') this.socket?.send(JSON.stringify(message));
   }
@@ -127,7 +127,7 @@ export class Connection {
     this.wait = Math.min(2 * this.wait, LONGEST_WAIT);
   }
 
-  /// A WebSocket does not say why it could not be opened; a request does.
+  /** Requests a page to find out why the WebSocket failed, which a WebSocket does not report. */
   private async isRefused(): Promise<boolean> {
     try {
       const { status } = await fetch(this.address('api/hello'), {

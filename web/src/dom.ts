@@ -1,4 +1,4 @@
-// Elements in few words.
+// Short helpers for DOM elements.
 
 type Child = Node | string;
 
@@ -11,7 +11,7 @@ export function element<Tag extends keyof HTMLElementTagNameMap>(
   return made;
 }
 
-/// `label` says what it does, to those who hear the page and to those who wait above it.
+/** `label` says what the button does, to screen readers and as a tooltip. */
 export function button(
   className: string, label: string, onClick: () => void, ...children: Child[]
 ): HTMLButtonElement {
@@ -23,7 +23,7 @@ export function button(
   return made;
 }
 
-/// Touches the page only where the text is another one.
+/** Writes the text only if it differs, to keep the DOM untouched otherwise. */
 export function write(where: Node, text: string): void {
   if (where.textContent !== text) where.textContent = text;
 }

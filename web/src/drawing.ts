@@ -1,10 +1,10 @@
 // Draws the scene when something has changed, and only then.
 
-/// While a hand is on the canvas the camera may glide on for so long, ms.
+/** Time of drawing after a pointer or wheel event, while the camera glides, ms. */
 const GLIDE = 1000;
 
 export class Drawing {
-  /// Drawings so far.
+  /** Number of drawings so far. */
   count = 0;
 
   private isRequested = false;
@@ -29,23 +29,23 @@ export class Drawing {
     requestAnimationFrame(() => this.onFrame());
   }
 
-  /// To draw, then acknowledge.
+  /** Requests a drawing of this picture, which is acknowledged once drawn. */
   askFor(picture: number): void {
     this.picture = picture;
     this.requestDraw();
   }
 
-  /// A picture has come and is not drawn yet.
+  /** True if a picture has arrived that is not drawn yet. */
   get isBehind(): boolean {
     return this.picture !== null;
   }
 
-  /// The connection has gone: nobody waits for an acknowledgement.
+  /** Drops the pending acknowledgement, after the connection was lost. */
   forget(): void {
     this.picture = null;
   }
 
-  /// The camera moves, and does so for a while.
+  /** Keeps drawing for GLIDE ms while the camera moves. */
   glide(): void {
     this.glideEnd = performance.now() + GLIDE;
     this.requestDraw();

@@ -1,12 +1,12 @@
-// The last seconds of some columns, for plots: of each short interval the least and the greatest
-// value, so that no peak is lost however many samples come. Takes the same memory for ever.
+// History of some columns over the last seconds, for plots: minimum and maximum of each short interval, so
+// that no peak is lost at any sample rate. Memory use is constant.
 
 export class Envelope {
   private readonly times: Float64Array;
   private readonly columns: Float64Array[];
   private readonly kept: number;
   private end = 0;
-  private interval = -1; // that the last two entries stand for
+  private interval = -1; // of the last two entries
 
   constructor(numColumns: number, readonly seconds = 10, private readonly perSecond = 50) {
     this.kept = 2 * seconds * perSecond;
@@ -42,13 +42,13 @@ export class Envelope {
     }
   }
 
-  /// Times and columns, oldest first; valid until the next add().
+  /** Returns times and columns, oldest first; valid until the next add(). */
   data(): Float64Array[] {
     const begin = Math.max(0, this.end - this.kept);
     return [this.times, ...this.columns].map((column) => column.subarray(begin, this.end));
   }
 
-  /// Room for two more entries; what is too old goes.
+  /** Appends two entries and drops those older than `seconds`. */
   private begin(): void {
     if (this.end + 2 > this.times.length) {
       for (const column of [this.times, ...this.columns]) column.copyWithin(0, this.end - this.kept, this.end);

@@ -1,13 +1,13 @@
-// Numbers for people.
+// Number formatting for people.
 
-/// As many digits as help at that size, none for what is not a number.
+/** Formats a value with fewer decimals the larger it is; a dash if it is not finite. */
 export function digits(value: number, places = 2): string {
   if (!Number.isFinite(value)) return '–';
   const size = Math.abs(value);
   return value.toFixed(size >= 100 ? Math.max(0, places - 2) : size >= 10 ? Math.max(0, places - 1) : places);
 }
 
-/// Microseconds in the unit that suits them.
+/** Formats microseconds as µs, ms or s. */
 export function duration(microseconds: number): string {
   if (!Number.isFinite(microseconds)) return '–';
   if (microseconds < 1000) return `${digits(microseconds, 1)} µs`;
@@ -15,7 +15,7 @@ export function duration(microseconds: number): string {
   return `${digits(microseconds / 1e6, 2)} s`;
 }
 
-/// 75.31 -> "1:15.3"
+/** Formats seconds as minutes: 75.31 -> "1:15.3" */
 export function clock(seconds: number): string {
   const tenths = Math.floor(Math.max(0, seconds) * 10 + 1e-6);
   const minutes = Math.floor(tenths / 600);

@@ -5,7 +5,7 @@ import type { Command } from './connection';
 
 const page = new Page(new URLSearchParams(location.search));
 
-/// For scripts and tests.
+/** Access for scripts and tests. */
 declare global {
   interface Window {
     palpate: unknown;

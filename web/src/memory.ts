@@ -1,4 +1,4 @@
-// Small choices that outlive the page, where the browser allows that.
+// Small choices kept in the browser's local storage.
 
 const PREFIX = 'palpate.';
 
@@ -14,6 +14,6 @@ export function remember(name: string, value: string): void {
   try {
     localStorage.setItem(PREFIX + name, value);
   } catch {
-    // Private windows refuse it; the choice then lasts as long as the page.
+    // Private windows refuse storage; the choice then lasts as long as the page.
   }
 }

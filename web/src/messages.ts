@@ -1,5 +1,5 @@
-// From the bytes of docs/viewer-protocol.md to what the page works with. Numbers are not copied:
-// the arrays look into the message itself, whose parts are aligned for that.
+// Decodes the binary messages of docs/viewer-protocol.md. Numbers are not copied: the arrays are views of
+// the message, whose parts are aligned for that.
 import type { Contact, Edges, Frame, Graph, Mesh, Normals, Pose, Sample, Spheres, Tree } from './types';
 
 export const PROTOCOL = 3;
@@ -18,8 +18,10 @@ export type Message =
 
 const HEADER = 16; // bytes
 
-/// `columns` are those of hello. Throws a RangeError where the message is shorter than it says.
-/// Null: of a kind that this page does not know.
+/**
+ * Decodes a message; `columns` are those of hello. Returns null for an unknown kind. Throws a RangeError if
+ * the message is shorter than its header says.
+ */
 export function decode(buffer: ArrayBuffer, columns: string[]): Message | null {
   const view = new DataView(buffer);
   const kind = view.getUint16(0, true);

@@ -2,7 +2,7 @@ import { Vector3 } from 'three';
 import { defaultOptions } from './options';
 import type { SceneView } from './types';
 
-/// In place of the scene where the browser has no WebGL 2: plots and controls go on without it.
+/** Stands in for the scene if the browser lacks WebGL 2: plots and controls work without it. */
 export function withoutScene(): SceneView {
   const nothing = () => {};
   return {

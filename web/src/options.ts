@@ -1,6 +1,6 @@
 import type { SceneOptions } from './types';
 
-/// What a first look shows: the cloud, and the tool by the state of its spheres.
+/** Default options: the point cloud, and the tool colored by the state of its spheres. */
 export function defaultOptions(): SceneOptions {
   return {
     cloud: true,

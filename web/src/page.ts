@@ -1,4 +1,4 @@
-// The page: what comes from the program goes to the scene and the panels, what people do goes back.
+// The page: passes data from the program to the scene and the panels, and input back.
 
 import { Connection } from './connection';
 import type { Answer, Command, Link, Listener } from './connection';
@@ -59,14 +59,14 @@ export class Page implements Listener {
   private readonly handling: Handling;
   private readonly connection: Connection;
 
-  private frames: (Frame | null)[] = []; // the newest of each camera
+  private frames: (Frame | null)[] = []; // the latest of each camera
   private contact: Contact | null = null;
-  private requested = new Set<string>(); // shapes, of this connection
+  private requested = new Set<string>(); // shapes requested over this connection
   private subscription = '';
   private trouble: string | null = null;
   private troubleEnd = 0;
-  private readonly opened: PanelName[]; // at first
-  private readonly hasLook: boolean; // of the tool, by the address
+  private readonly opened: PanelName[]; // panels open at first
+  private readonly hasLook: boolean; // the address sets the tool's look
 
   constructor(address: URLSearchParams) {
     this.scene = this.makeScene();
@@ -98,14 +98,14 @@ export class Page implements Listener {
     setInterval(() => this.updatePanels(), PANEL_PERIOD);
   }
 
-  /// Errors of commands are shown, and in the answer.
+  /** Sends a command. Errors are shown, and returned in the answer. */
   async command(command: Command): Promise<Answer> {
     const answer = await this.connection.send(command);
     if (!answer.ok && !['get', 'marks'].includes(command.command)) this.tell(answer.error ?? 'That could not be done.');
     return answer;
   }
 
-  // What the program says.
+  // Messages from the program.
 
   onLink(link: Link): void {
     this.bar.setLink(link);
@@ -133,7 +133,7 @@ export class Page implements Listener {
     this.onOptions();
   }
 
-  /// Whoever holds a tool looks at the tool, and needs room for it.
+  /** Shows the tool's mesh and closes most panels, for a run whose tool the page can hold. */
   private makeSpaceForHand(): void {
     if (this.connection.reconnects > 0) return;
     if (!this.hasLook) this.scene.options.toolLook = 'mesh';
@@ -217,7 +217,7 @@ export class Page implements Listener {
     this.handling.setSample(this.sample);
   }
 
-  // What people do.
+  // Input.
 
   private listen(): void {
     new ResizeObserver(() => this.onResize()).observe(this.stage);
@@ -257,7 +257,7 @@ export class Page implements Listener {
     });
   }
 
-  /// What is shown has changed: the program is sent a request for what that needs.
+  /** Requests from the program the data that the options need. */
   private onOptions(): void {
     this.controls.refresh();
     this.drawing.requestDraw();
@@ -302,7 +302,7 @@ export class Page implements Listener {
     }
   }
 
-  // What is seen.
+  // The scene and its drawing.
 
   private makeScene(): SceneView {
     try {
@@ -338,7 +338,7 @@ export class Page implements Listener {
   private onTheme(isDark: boolean): void {
     this.scene.options.dark = isDark;
     this.plots.restyle();
-    this.drawing?.requestDraw(); // the first time there is none yet
+    this.drawing?.requestDraw(); // null during construction
   }
 
   private tell(words: string, milliseconds = TROUBLE_TIME): void {

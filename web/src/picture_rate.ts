@@ -1,9 +1,9 @@
-/// How many pictures come per second, and when the last one came.
+/** Rate of pictures per second, and age of the last one. */
 export class PictureRate {
   private readonly times: number[] = []; // of the last seconds, ms
   private start = performance.now();
 
-  /// From now on; what was before does not count as waiting.
+  /** Restarts the measurement; earlier time does not count as waiting. */
   begin(): void {
     this.times.length = 0;
     this.start = performance.now();
@@ -20,7 +20,7 @@ export class PictureRate {
     return recent.length < 2 ? recent.length / 2 : (1000 * (recent.length - 1)) / (now - recent[0]);
   }
 
-  /// Since the last picture, s.
+  /** Time since the last picture, s. */
   get age(): number {
     return (performance.now() - (this.times.at(-1) ?? this.start)) / 1000;
   }

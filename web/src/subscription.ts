@@ -1,4 +1,4 @@
-// What the page needs from the program for what it shows: what nobody looks at is not sent.
+// Data that the page requests from the program: only what is visible is sent.
 
 import type { Hello, SceneOptions } from './types';
 
@@ -12,12 +12,12 @@ export interface Subscription {
 export function pictureSubscription(hello: Hello, options: SceneOptions, hasImage: boolean): Subscription {
   if (hello.kind === 'tool') return { frames: false, contacts: false, surfaces: false, samples: false };
   const hasSurface = options.normals || options.edges || options.edgePlanes || options.cloudColour === 'normals';
-  // Where cameras are is said with their images.
+  // Camera poses are sent with their images.
   const hasPoses = hello.streams.length > 1 || hello.streams.some((stream) => stream.is_moving);
   return { frames: options.cloud || hasImage || hasSurface || hasPoses, contacts: true, surfaces: hasSurface, samples: true };
 }
 
-/// Parts of the tool, and the objects, each sent once.
+/** Parts of the tool, and the objects; each is requested once. */
 export function neededShapes(hello: Hello, options: SceneOptions): string[] {
   const shapes = ['spheres'];
   if (options.graph) shapes.push('graph');

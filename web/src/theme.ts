@@ -1,6 +1,6 @@
 import { recall, remember } from './memory';
 
-/// Dark or light: as the address says, as was chosen here before, or as the system is set.
+/** Dark or light theme: by the address, the choice stored in the browser, or the system. */
 export class Theme {
   private readonly system = matchMedia('(prefers-color-scheme: light)');
   private isDark: boolean;

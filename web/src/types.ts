@@ -1,5 +1,5 @@
-// What the server's messages decode to (docs/viewer-protocol.md), and what the parts of the page
-// say to each other.
+// Types of the decoded server messages (docs/viewer-protocol.md) and of the interfaces between the
+// parts of the page.
 
 import type { Vector3 } from 'three';
 
@@ -20,9 +20,9 @@ export interface Hello {
   kind: 'live' | 'recording' | 'tool';
   title: string;
   tool: { spheres: number; centre_of_mass: [number, number, number]; radius: number; volume: number };
-  streams: Stream[]; // of each camera; none: there is no scene
-  objects: number; // beside what they see
-  /// How hard a page is pushed at most that holds the tool, N; null: none can.
+  streams: Stream[]; // one per camera; empty: no scene
+  objects: number; // rigid objects of the scene
+  /** Largest force on a page that holds the tool, N; null: no page can hold it. */
   handle: { max_force: number } | null;
   columns: string[];
   controls: Control[];
@@ -55,7 +55,7 @@ export interface State {
   fault: string | null;
   note: string | null;
   force?: string; // live: waiting, engaged, fading, off, held_off, ended
-  handle?: 'free' | 'held'; // of runs whose tool a page holds
+  handle?: 'free' | 'held'; // only if pages can hold the tool
   paused: boolean;
   revision: number;
   settings: Record<string, Value>;
@@ -65,74 +65,78 @@ export interface State {
   sensor_age?: number;
   stages?: Stage[];
   duration?: number; speed?: number;
-  num_marks?: number; // that can be got
+  num_marks?: number; // marks available
 }
 
 export interface Mark { time: number; text: string }
 
-/// n x (x y z r), tool frame.
+/** Packed x y z r per sphere, tool frame. */
 export interface Spheres { count: number; data: Float32Array }
 export interface Graph { count: number; pairs: Uint32Array }
 export interface Mesh { positions: Float32Array; triangles: Uint32Array }
 export interface Tree { count: number; data: Float32Array; levels: Uint8Array }
 export interface Frame {
   number: number; time: number;
-  camera: number; X_WC: Pose; // which one, and where it was
+  camera: number; X_WC: Pose; // its index, and its pose
   width: number; height: number; unit: number; depth: Uint16Array; // counts of `unit` m
 }
 export interface Contact {
   number: number; time: number; X_WT: Pose;
-  /// 0 outside, 1 boundary, 2 inside; plus 4: a plane cuts it; plus 8: where no camera sees; plus 16
-  /// times 1 + the number of the camera that decided how deep it is.
+  /**
+   * Per sphere 0 outside, 1 boundary, 2 inside; plus 4: a plane cuts it; plus 8: no camera sees it; plus 16
+   * times 1 + the index of the camera that decided its depth.
+   */
   states: Uint8Array;
   objects: Pose[]; // X_WB of each
   planes: Float32Array; // nx ny nz d for each sphere with 4, in order, tool frame
 }
-/// Of the first camera, in its frame.
+/** Normals of the first camera, in its frame. */
 export interface Normals { number: number; width: number; height: number; data: Int8Array }
 export interface Edges { number: number; count: number; data: Float32Array } // x y z dx dy dz
 
-/// One tick; columns by name.
+/** One tick; values by column name. */
 export type Sample = Record<string, number>;
 
 export type ToolLook = 'spheres' | 'caps' | 'mesh' | 'hidden';
 export type CameraView = 'free' | 'camera' | 'bird' | 'tool';
 
-/// What the scene draws. The page's panels change it, the scene reads it at each drawing.
+/** Options of the scene. The page's panels change them, the scene reads them at each drawing. */
 export interface SceneOptions {
   cloud: boolean;
   cloudColour: 'shaded' | 'depth' | 'normals';
   pointSize: number; // pixels
   stride: number; // every n-th pixel in both directions
   toolLook: ToolLook; // caps: inside parts cut exactly by their planes
-  outside: boolean; // spheres outside too
-  sphereColour: 'state' | 'camera'; // how they are, or who decided that
+  outside: boolean; // outside spheres too
+  sphereColour: 'state' | 'camera'; // by state, or by deciding camera
   graph: boolean;
   treeLevel: number; // -1: none
-  normals: boolean; // as lines
-  fog: boolean; // where no camera sees
+  normals: boolean; // as needles
+  fog: boolean; // space that no camera sees
   edges: boolean; // depth-change vectors
   edgePlanes: boolean;
   arrows: boolean; // force and torque at tool and hand
-  ghost: boolean; // where the hand holds the tool
+  ghost: boolean; // hand's pose of the tool
   trace: boolean; // path of the tool
   view: CameraView;
   dark: boolean;
 }
 
-/// What of a tool lies at a pixel; `turn` is any of it, with another button.
+/** Part of a tool at a pixel; `turn`: grasped with another button. */
 export type Grasp =
   | { kind: 'tool' | 'turn' }
   | { kind: 'ring'; number: number; axis: Vector3; perRadian: [number, number] }; // W, pixels
 
-/// How the picture lies in W where the hand is: unit vectors, and what a pixel and the way from the
-/// eye are there, m. The caller's own.
+/**
+ * Axes of the picture in W at the hand: unit vectors, size of a pixel, and distance from the eye, m. A copy
+ * that the caller may change.
+ */
 export interface PictureAxes { right: Vector3; up: Vector3; away: Vector3; perPixel: number; distance: number }
 
-/// Force and torque of arrows of full length, N and N m, and the words beside them.
+/** Force and torque of arrows of full length, N and N m, and their labels. */
 export interface ArrowScale { force: number; torque: number; forceWords: string; torqueWords: string }
 
-/// The 3-D part, as the page sees it (scene/scene_view.ts).
+/** The 3-D part, as the page sees it (scene/scene_view.ts). */
 export interface SceneView {
   readonly options: SceneOptions;
   setHello(hello: Hello): void;
@@ -143,32 +147,32 @@ export interface SceneView {
   setTree(tree: Tree): void;
   setFrame(frame: Frame): void;
   setContact(contact: Contact): void;
-  /// Cuts a tool alone open: what lies where n . p <= d in T stays. After its spheres and mesh.
+  /** Cuts a tool alone open: the part with n . p <= d in T stays. Call after its spheres and mesh. */
   setCut(n: readonly number[], d: number): void;
   setNormals(normals: Normals): void;
   setEdges(edges: Edges): void;
-  /// Holds for all samples from now on. Until then the scale follows them, and nothing is written.
+  /** Fixes the scale for all later samples. Without it the scale follows them, and has no labels. */
   setArrowScale(scale: ArrowScale): void;
   addSamples(samples: Sample[]): void;
   resize(width: number, height: number, pixelRatio: number): void;
   render(): void;
   picture(): Promise<Blob>; // PNG
-  /// To look at the whole, the tool or from the sensor.
+  /** Frames the tool, or the scene while the tool's pose is unknown. */
   resetView(): void;
-  /// Where a point of W is on the canvas, CSS pixels; for tests.
+  /** Projects a point of W to the canvas, CSS pixels; for tests. */
   project(x: number, y: number, z: number): [number, number];
-  /// Where the hand has the tool; null until it is known.
+  /** Hand pose of the tool; null until it is known. */
   readonly handPose: Pose | null;
-  /// What of the tool or its rings is nearest to a pixel, within `reach` pixels; null: none.
+  /** Returns the nearest ring, else the tool, within `reach` pixels of a point of the canvas; null: none. */
   graspAt(x: number, y: number, reach: number): Grasp | null;
   pictureAxes(): PictureAxes;
-  /// The hand, on the canvas.
+  /** Projects the hand to the canvas, CSS pixels. */
   projectHand(): [number, number];
-  /// This page holds the tool: it can be turned by rings.
+  /** Shows the rings while this page holds the tool. */
   setHeld(isHeld: boolean): void;
-  /// What is pointed at.
+  /** Highlights the grasped part. */
   setGrasp(grasp: Grasp | null): void;
-  /// Force on the hand, as a share of the largest one: the spring to the hand, and the colour of the tool.
+  /** Sets the force on the hand as a share of the largest: color of the spring and of the tool. */
   setStrain(share: number): void;
   dispose(): void;
 }

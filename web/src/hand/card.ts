@@ -1,4 +1,4 @@
-// How to hold the tool, who holds it, and how hard it pushes: at the lower edge of the scene.
+// Card at the lower edge of the scene: how to hold the tool, who holds it and its force.
 
 import './hand.css';
 import { button, element, write } from '../dom';
@@ -15,9 +15,9 @@ const HOW_TO_MOVE = isTouch
 
 export class HoldCard {
   readonly root = element('section', 'card hold');
-  /// Beside the hand, in the scene.
+  /** Force label beside the hand, in the scene. */
   readonly label = element('output', 'newtons');
-  /// Which way the card's own buttons push: 1 away, -1 nearer.
+  /** Direction of the pressed push button: 1 away, -1 nearer, 0 none. */
   pushes = 0;
 
   private readonly title = element('b');
@@ -59,7 +59,7 @@ export class HoldCard {
     }
   }
 
-  /// N, and as a share of the most there is.
+  /** Shows the force in N and as a share of the largest force. */
   setForce(newtons: number, share: number): void {
     const text = digits(newtons);
     write(this.force, `${text} N`);

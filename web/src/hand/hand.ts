@@ -1,5 +1,5 @@
-// The hand of a page on the tool: takes hold of it, sends its pose with every picture, releases it.
-// Only one page has it at a time; the program says which.
+// The page's hold on the tool: takes hold of it, sends its pose with every picture, releases it.
+// Only one page holds it at a time; the program decides which.
 
 import type { Vector3 } from 'three';
 import type { Answer, Command } from '../connection';
@@ -10,11 +10,11 @@ const LONGEST_FRAME = 0.05; // s: a page that hung does not leap
 
 export interface HandLinks {
   send(command: Command): Promise<Answer>;
-  /// Not answered, unless something is wrong with it.
+  /** Sends a message that is answered only if it is wrong. */
   tell(message: object): void;
-  /// Where the hand holds the tool now, as the program has said last.
+  /** Hand pose that the program reported last; null if none. */
   pose(): Pose | null;
-  /// At every picture while the tool is held: moves by keys and sticks.
+  /** Called at every picture while the tool is held: moves it by keys and sticks. */
   onFrame(seconds: number): void;
   onChange(): void;
 }
@@ -29,7 +29,7 @@ export class Hand {
   private frame = 0;
 
   constructor(private readonly links: HandLinks) {
-    // Nobody sees what a hidden page does.
+    // A hidden page releases the tool: its moves would not be seen.
     document.addEventListener('visibilitychange', () => document.hidden && this.letGo());
     addEventListener('pagehide', () => this.letGo());
   }
@@ -43,7 +43,7 @@ export class Hand {
     this.stop();
   }
 
-  /// From where the hand is now. False: it cannot be held, and the page has said why.
+  /** Holds the tool at the current hand pose. Returns false if that fails; the page has shown why. */
   async hold(): Promise<boolean> {
     const pose = this.links.pose();
     if (!this.hello?.handle || !pose || this.isRequesting) return this.holds;
@@ -68,22 +68,22 @@ export class Hand {
     void this.links.send({ command: 'release' });
   }
 
-  /// The connection has gone, and with it the hold.
+  /** Ends the hold after the connection was lost. */
   lose(): void {
     this.stop();
   }
 
-  /// The program has refused a pose: from where the hand is, if it is still ours to hold.
+  /** Takes hold again at the current hand pose after the program rejected one. */
   refused(): void {
     if (this.holds) void this.hold();
   }
 
-  /// m, in W.
+  /** Moves the goal by `way`, m in W. */
   move(way: Vector3): void {
     if (this.holds) this.goal.centre.add(way);
   }
 
-  /// rad, about an axis in W through the tool's centre of mass.
+  /** Turns the goal by `angle`, rad, about an axis in W through the tool's center of mass. */
   turn(axis: Vector3, angle: number): void {
     if (this.holds) this.goal.turn(axis, angle);
   }

@@ -1,4 +1,4 @@
-// The page as a haptic device: whatever moves the hand, and whatever shows what it feels.
+// The page as a haptic device: connects the inputs that move the hand with the displays of its force.
 
 import type { Answer, Command } from '../connection';
 import type { Hello, Sample, SceneView, State } from '../types';
@@ -8,14 +8,14 @@ import { Hand } from './hand';
 import { Pointer } from './pointer';
 import { HeldKeys, moveAt, Pad, type Rates } from './rates';
 
-const LEAST_FORCE = 0.02; // N: less is not shown at the tool
+const LEAST_FORCE = 0.02; // N: smallest force that is labeled at the tool
 
 export interface HandlingLinks {
   scene: SceneView;
   stage: HTMLElement;
   send(command: Command): Promise<Answer>;
   tell(message: object): void;
-  /// To draw.
+  /** Requests a drawing of the scene. */
   requestDraw(): void;
 }
 
@@ -81,7 +81,7 @@ export class Handling {
     if (this.hand.isMine) this.pad.rumble(this.share);
   }
 
-  /// Once per drawing: where the hand is in the picture.
+  /** Places the force label at the hand; called once per drawing. */
   place(): void {
     const { label } = this.card;
     const pose = this.links.scene.handPose;
@@ -91,7 +91,7 @@ export class Handling {
     label.style.transform = `translate(${x.toFixed(1)}px, ${y.toFixed(1)}px)`;
   }
 
-  /// A few times a second.
+  /** Updates the card; called a few times a second. */
   update(): void {
     if (this.hello?.handle) this.card.setForce(this.newtons, this.share);
   }
@@ -111,7 +111,7 @@ export class Handling {
     moveAt(rates, seconds, this.links.scene, this.hand);
   }
 
-  /// The browser reports buttons only when polled.
+  /** Polls the gamepad: the browser reports its buttons only when polled. */
   private lookAtPad(): void {
     if (!this.pad.isThere) return;
     if (this.canBeHeld) this.pad.look();

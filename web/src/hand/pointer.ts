@@ -1,12 +1,11 @@
-// Mouse, pen and fingers on the tool. What they do not take goes to the camera, which they would
-// turn without a tool below them.
+// Mouse, pen and touch on the tool. Events that miss the tool go to the camera controls.
 
 import { Vector3 } from 'three';
 import type { Grasp, SceneView } from '../types';
 import type { Hand } from './hand';
 
-const LINE = 33, SCREEN = 400; // pixels that a wheel means by its other units
-const DEPTH_PER_TURN = 0.1;    // of what a pixel is wide, for each pixel of the wheel
+const LINE = 33, SCREEN = 400; // pixels of one wheel step in line and page units
+const DEPTH_PER_TURN = 0.1;    // pixel widths in depth per wheel pixel
 const TURN_PER_PIXEL = 0.008;  // rad
 
 interface Finger { x: number; y: number }
@@ -15,7 +14,7 @@ export class Pointer {
   private readonly fingers = new Map<number, Finger>();
   private grasp: Grasp | null = null;
 
-  /// `stage` lies around the canvas, so that it hears of everything first.
+  /** `stage` contains the canvas, so that it receives every event first. */
   constructor(
     private readonly stage: HTMLElement,
     private readonly scene: SceneView,
@@ -43,7 +42,7 @@ export class Pointer {
     if (this.fingers.size === 0) {
       this.grasp = this.scene.graspAt(x, y, event.pointerType === 'mouse' ? 6 : 18);
       if (!this.grasp) return;
-      // The other button turns the tool, as Shift does.
+      // The right button turns the tool, as Shift does.
       if (this.grasp.kind === 'tool' && (event.shiftKey || event.button === 2)) this.grasp = { kind: 'turn' };
       if (!this.hand.isMine) void this.hand.hold();
     } else if (event.pointerType === 'mouse' || this.fingers.size >= 2) {
@@ -53,7 +52,7 @@ export class Pointer {
     this.fingers.set(event.pointerId, { x, y });
     this.stage.setPointerCapture(event.pointerId);
     this.stage.style.cursor = 'grabbing';
-    (document.activeElement as HTMLElement | null)?.blur(); // keys are the hand's
+    (document.activeElement as HTMLElement | null)?.blur(); // keys go to the hand
   }
 
   private move(event: PointerEvent): void {
@@ -100,7 +99,7 @@ export class Pointer {
     }
   }
 
-  /// Two fingers: along with their middle, away when they come together, and turned as they turn.
+  /** Two fingers: their middle moves the tool, pinching pushes it away, twisting turns it. */
   private pinch(before: Finger[], now: Finger[]): void {
     const { right, up, away, perPixel, distance } = this.scene.pictureAxes();
     const middle = ([a, b]: Finger[]) => ({ x: (a.x + b.x) / 2, y: (a.y + b.y) / 2 });
@@ -115,7 +114,7 @@ export class Pointer {
     this.hand.turn(away, Math.atan2(Math.sin(turn), Math.cos(turn)));
   }
 
-  /// Along the line of sight. With Ctrl, and as two fingers of a touchpad, it is the camera's.
+  /** The wheel moves the tool along the line of sight; with Ctrl (a touchpad pinch) it zooms the camera. */
   private roll(event: WheelEvent): void {
     if (!this.hand.isMine || event.ctrlKey) return;
     this.take(event);

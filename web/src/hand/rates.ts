@@ -1,4 +1,4 @@
-// What is held down moves the tool at a rate: keys, the card's buttons, a gamepad's sticks.
+// Rate control of the tool by held keys, the card's buttons and a gamepad's sticks.
 
 import { Vector3 } from 'three';
 import type { SceneView } from '../types';
@@ -6,7 +6,7 @@ import type { Hand } from './hand';
 
 const SPEED = 0.06, TURN_SPEED = 0.8; // m/s and rad/s at full rate
 
-/// From -1 to 1 each: along and about the picture's right, up and the line of sight.
+/** Rates from -1 to 1: along and about the picture's right, up and the line of sight. */
 export type Rates = [right: number, up: number, away: number, aboutRight: number, aboutUp: number, aboutAway: number];
 
 export function moveAt(rates: Rates, seconds: number, scene: SceneView, hand: Hand): void {
@@ -22,12 +22,12 @@ export function moveAt(rates: Rates, seconds: number, scene: SceneView, hand: Ha
 const KEYS: Record<string, [axis: number, sign: number]> = {
   ArrowLeft: [0, -1], ArrowRight: [0, 1], ArrowDown: [1, -1], ArrowUp: [1, 1], PageDown: [2, -1], PageUp: [2, 1],
 };
-/// With Shift: about which axis, so that what faces the eye goes the way of the arrow.
+/** With Shift: axis and sign of the turn that moves the tool's near side in the arrow's direction. */
 const TURNS: Record<string, [axis: number, sign: number]> = {
   ArrowLeft: [4, -1], ArrowRight: [4, 1], ArrowDown: [3, 1], ArrowUp: [3, -1], PageDown: [5, -1], PageUp: [5, 1],
 };
 
-/// Arrows and Page keys that are down.
+/** Arrow and Page keys that are down. */
 export class HeldKeys {
   private readonly down = new Map<string, [number, number]>();
 
@@ -50,16 +50,18 @@ export class HeldKeys {
   }
 }
 
-const DEAD = 0.12;      // of a stick that is let go
-const SHORT = 90;       // ms: a rumble, until the next one
+const DEAD = 0.12;      // dead zone of a stick
+const SHORT = 90;       // ms, interval of rumbles
 const LEAST_SHARE = 0.01;
 const HOLD = 0, LET_GO = 1; // buttons of the standard layout: A or cross, B or circle
 
 const beyondDead = (value: number) =>
   Math.abs(value) < DEAD ? 0 : (Math.sign(value) * (Math.abs(value) - DEAD)) / (1 - DEAD);
 
-/// The first gamepad: left stick in the picture, right stick away and about the line of sight, the
-/// cross tilts; it rumbles with the force.
+/**
+ * The first gamepad: left stick moves in the picture, right stick moves along and turns about the line of
+ * sight, the D-pad tilts; it rumbles with the force.
+ */
 export class Pad {
   private pressed: boolean[] = [];
   private rumbled = 0; // ms
@@ -74,7 +76,7 @@ export class Pad {
     return Pad.first() !== null;
   }
 
-  /// Buttons act when they go down.
+  /** Polls the buttons; each acts when it is pressed. */
   look(): void {
     const pad = Pad.first();
     if (!pad) return;
@@ -93,7 +95,7 @@ export class Pad {
     return [stick(0), -stick(1), -stick(3), down - up, right - left, stick(2)];
   }
 
-  /// `share` of the largest force.
+  /** Rumbles by a share of the largest force. */
   rumble(share: number): void {
     const now = performance.now();
     if (share < LEAST_SHARE || now < this.rumbled + SHORT) return;
@@ -101,6 +103,6 @@ export class Pad {
     const strong = Math.min(1, share);
     void Pad.first()?.vibrationActuator?.playEffect?.('dual-rumble', {
       duration: 1.3 * SHORT, strongMagnitude: strong, weakMagnitude: Math.min(1, 0.2 + 0.8 * strong),
-    }).catch(() => {}); // a pad without motors
+    }).catch(() => {}); // a gamepad without motors
   }
 }

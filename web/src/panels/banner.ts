@@ -6,25 +6,25 @@ import type { Hello, State } from '../types';
 export interface Notice {
   level: 'error' | 'warning' | 'note';
   words: string;
-  /// The force is off and can be requested: of a tool that a page holds, once it does.
+  /** The force is off and can be switched on; for a tool that a page holds, only while it is held. */
   offersForce?: boolean;
 }
 
-/// What there is to judge by.
+/** Inputs of notice(). */
 export interface Situation {
   link: Link;
   hello: Hello | null;
   state: State | null;
-  /// Since the last picture, s; of a page that has drawn all it has got.
+  /** Time since the last picture, s; 0 if the page has pictures left to draw. */
   pictureAge: number;
-  /// What has just gone wrong with a command, or with the page itself.
+  /** Error of the last command or of the page itself. */
   trouble: string | null;
 }
 
 const WITHOUT_FORCE = ['fading', 'off', 'held_off', 'waiting'];
 const OLD_SENSOR = 0.5, OLD_PICTURE = 1; // s
 
-/// The one thing that a person should know now.
+/** Returns the most urgent notice, or null. */
 export function notice({ link, hello, state, pictureAge, trouble }: Situation): Notice | null {
   if (link === 'refused') {
     const words = 'This address is not let in: its token is missing or wrong. ' +
@@ -61,7 +61,7 @@ export function notice({ link, hello, state, pictureAge, trouble }: Situation): 
   return state?.note ? { level: 'note', words: state.note } : null;
 }
 
-/// Tens of a second while it is short; a word that changes once a second is read out once.
+/** Formats an age: tenths of a second only while short, so that screen readers repeat it once a second at most. */
 function age(seconds: number): string {
   if (!(seconds < 3600)) return 'a long time';
   return seconds < 2 ? `${seconds.toFixed(1)} s` : `${Math.floor(seconds)} s`;

@@ -5,11 +5,11 @@ import { cameraNames } from '../scene/frustum';
 import { inFrame } from '../scene/poses';
 import type { Contact, Frame, Hello, Pose, Spheres, Stream } from '../types';
 
-const WIDEST = 320; // pixels drawn across; the panel is no wider
+const WIDEST = 320; // pixels drawn across, the width of the panel
 const MOST_SPHERES = 1200;
 const COLOURS = [STATE_COLOURS.outside, STATE_COLOURS.boundary, STATE_COLOURS.inside];
 
-/// The depth image as a camera sees it, near light and far dark, with the tool over it.
+/** Depth image of a camera, near light and far dark, with the tool drawn over it. */
 export class CameraImage {
   readonly root = element('section', 'card image');
   private readonly canvas = element('canvas');
@@ -18,7 +18,7 @@ export class CameraImage {
   private readonly title = element('h2', '', 'Camera');
   private range = new DepthRange();
   private readonly shades = new Uint32Array(65536);
-  private shadesOf = ''; // the range that they were made for
+  private shadesOf = ''; // depth range of `shades`
   private pixels: ImageData | null = null;
   private streams: Stream[] = [];
   private spheres: Spheres | null = null;
@@ -47,7 +47,7 @@ export class CameraImage {
     this.spheres = spheres;
   }
 
-  /// `frames` of each camera.
+  /** Draws the chosen camera's frame; `frames` has one per camera. */
   draw(frames: readonly (Frame | null)[], contact: Contact | null): void {
     const frame = frames[Math.max(0, this.choice.selectedIndex)];
     if (!frame) return;
@@ -76,7 +76,7 @@ export class CameraImage {
     this.context.putImageData(this.pixels, 0, 0);
   }
 
-  /// A grey for each count of `unit` m, made again when the range has moved by some percent.
+  /** Computes a gray for each count of `unit` m, again when the range has moved by some percent. */
   private updateShades(unit: number): void {
     const { near, far } = this.range;
     const grain = Math.max(unit, 0.02 * (far - near));

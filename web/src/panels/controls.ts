@@ -7,20 +7,20 @@ import type { Control, Hello, SceneOptions, State, Value } from '../types';
 
 export interface Actions {
   send(command: Command): Promise<Answer>;
-  /// A choice of what to show has changed.
+  /** An option of the scene has changed. */
   onOptions(): void;
   savePicture(): void;
   resetView(): void;
 }
 
-const WIDEST_SLIDER = 64; // a number from a wider range is typed
+const WIDEST_SLIDER = 64; // wider ranges get a text field
 
-/// All that can be turned: what is shown, and the settings of the run.
+/** All controls: options of the scene and settings of the run. */
 export class Controls {
   readonly root = element('section', 'controls');
   private gui: GUI | null = null;
-  private readonly values: Record<string, Value> = {}; // as they are shown
-  private readonly typed = new Set<string>(); // numbers that may be a word, too
+  private readonly values: Record<string, Value> = {}; // as displayed
+  private readonly typed = new Set<string>(); // numbers that may also be a word
   private readonly turned = new Map<string, Controller>();
   private revision = -1;
 
@@ -28,7 +28,7 @@ export class Controls {
     this.root.setAttribute('aria-label', 'controls');
   }
 
-  /// Made anew for every program that the page meets.
+  /** Rebuilds the controls for the program's settings. */
   setHello(hello: Hello): void {
     this.gui?.destroy();
     this.turned.clear();
@@ -50,14 +50,14 @@ export class Controls {
     });
   }
 
-  /// What the program says its settings are; another page may have turned them.
+  /** Takes over the program's settings, which another page may have changed. */
   update(state: State): void {
     if (state.revision === this.revision) return;
     const isShown = Object.entries(state.settings).map(([key, value]) => this.accept(key, value));
     if (isShown.every(Boolean)) this.revision = state.revision;
   }
 
-  /// The keys have changed what is shown.
+  /** Shows options that keys have changed. */
   refresh(): void {
     for (const controller of this.gui?.controllersRecursive() ?? []) {
       if (controller.object === this.options) controller.updateDisplay();
@@ -118,10 +118,10 @@ export class Controls {
 
   private async set(key: string, value: Value): Promise<void> {
     const answer = await this.actions.send({ command: 'set', key, value });
-    if (!answer.ok) this.revision = -1; // the next state shows what it still is
+    if (!answer.ok) this.revision = -1; // the next state restores the value
   }
 
-  /// False while somebody is just turning that one.
+  /** Sets a displayed value. Returns false while the person is editing it. */
   private accept(key: string, value: Value): boolean {
     const controller = this.turned.get(key);
     const shown = this.shown(key, value);
@@ -160,7 +160,7 @@ function numberOrWord(text: string): Value {
   return word === '' || Number.isNaN(Number(word)) ? word : Number(word);
 }
 
-/// For arrow keys: about a twentieth of the number.
+/** Returns the step of arrow keys: about a twentieth of the number. */
 function fineStep(value: number): number {
   return value === 0 ? 0.1 : 10 ** Math.floor(Math.log10(Math.abs(value)) - 1);
 }

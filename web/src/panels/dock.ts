@@ -10,7 +10,7 @@ const BUTTONS: [PanelName, string, string, IconName][] = [
   ['controls', 'Controls', 'controls (k)', 'controls'],
 ];
 
-/// Opens and closes the panels. A small window has room for one, in the drawer.
+/** Opens and closes the panels. A narrow window shows one at a time, in the drawer. */
 export class Dock {
   readonly root = element('nav', 'dock');
   private readonly open = new Set<PanelName>();
@@ -31,14 +31,14 @@ export class Dock {
     NARROW.addEventListener('change', () => this.begin(['plots', 'controls', 'image']));
   }
 
-  /// What a wide window shows at first.
+  /** Opens these panels in a wide window. */
   begin(names: PanelName[]): void {
     this.open.clear();
     if (!NARROW.matches) for (const name of names) this.open.add(name);
     this.update();
   }
 
-  /// There is nothing to show in these.
+  /** Hides these panels, which have nothing to show. */
   hide(names: PanelName[]): void {
     this.hidden.clear();
     for (const name of names) this.hidden.add(name);

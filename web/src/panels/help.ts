@@ -23,7 +23,7 @@ export const KEYS: [keys: string, does: string][] = [
   ['?', 'this help'],
 ];
 
-/// The keys, and what a hand does on the scene.
+/** Dialog of keys and pointer gestures. */
 export class Help {
   readonly root = element('dialog', 'help');
 

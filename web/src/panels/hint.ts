@@ -1,7 +1,7 @@
 import { button, element, icon } from '../dom';
 import { recall, remember } from '../memory';
 
-/// For the first visit, until it is closed or somebody has turned the scene.
+/** Hint for the first visit, until it is closed or the scene is turned. */
 export function hint(canvas: HTMLCanvasElement): HTMLElement {
   const isTouch = matchMedia('(pointer: coarse)').matches;
   const words = isTouch

@@ -2,7 +2,7 @@ import { element, write } from '../dom';
 import { duration } from '../format';
 import type { Stage } from '../types';
 
-/// One time axis for all rows, logarithmic: they can be compared.
+/** Common logarithmic time axis of all rows, so that they can be compared. */
 const LEAST = 0.1, MOST = 1e6; // microseconds
 const HEIGHT = 22; // CSS pixels
 
@@ -12,8 +12,7 @@ interface Row {
   numbers: HTMLElement;
 }
 
-/// For each stage of the loop a histogram of what it took, with marks at the median, at 99 and at
-/// 99.9 percent.
+/** Latency histogram of each stage of the loop, with marks at the median, 99 and 99.9 percent. */
 export class Latencies {
   readonly root = element('figure', 'latencies');
   private readonly list = element('div', 'rows');
@@ -29,7 +28,7 @@ export class Latencies {
   update(stages: Stage[] | undefined): void {
     this.stages = (stages ?? []).filter(({ num }) => num > 0);
     this.root.hidden = this.stages.length === 0;
-    if (this.root.offsetParent === null) return; // nobody sees it
+    if (this.root.offsetParent === null) return; // not visible
     for (const stage of this.stages) this.show(stage);
   }
 
@@ -63,7 +62,7 @@ function paint(canvas: HTMLCanvasElement, { histogram }: Stage, quantiles: numbe
   const place = (time: number) => (width * Math.log(Math.max(time, LEAST) / LEAST)) / Math.log(MOST / LEAST);
   context.scale(ratio, ratio);
 
-  // Heights by the logarithm too: the rare slow ones are those that are felt.
+  // Logarithmic heights: rare slow cycles matter most and must be visible.
   const tallest = Math.log1p(Math.max(1, ...histogram.map(([, count]) => count)));
   context.fillStyle = style.getPropertyValue('--accent');
   histogram.forEach(([low, count], i) => {

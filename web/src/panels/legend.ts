@@ -4,7 +4,7 @@ import type { Hello, SceneOptions } from '../types';
 
 type Entry = [colour: string, word: string, meaning: string];
 
-/// What the colours mean, of the things that are shown.
+/** Legend of the colors in the scene. */
 export class Legend {
   readonly root = element('section', 'card legend');
   private shown = '';
@@ -13,7 +13,7 @@ export class Legend {
     this.root.setAttribute('aria-label', 'what the colors mean');
   }
 
-  /// `hasHand`: the run has one.
+  /** `hasHand`: the run has a hand. */
   update(hello: Hello, options: SceneOptions, hasHand: boolean): void {
     const list = entries(hello, options, hasHand);
     const key = JSON.stringify(list);

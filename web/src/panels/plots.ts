@@ -8,7 +8,7 @@ import { Latencies } from './latencies';
 
 interface Curve {
   name: string;
-  colour: string; // a custom property of the style sheet
+  colour: string; // custom property of the style sheet
   width?: number;
 }
 
@@ -26,7 +26,7 @@ const XYZ: Curve[] = [
 ];
 const SIZE: Curve = { name: 'size', colour: '--text', width: 1.75 };
 
-/// What the tool feels: it is there in every run, also while the hand is given no force.
+/** Contact force and torque on the tool: present in every run, also without force on the hand. */
 const PLOTS: Plot[] = [
   {
     title: 'Force on the tool, N',
@@ -47,7 +47,7 @@ const PLOTS: Plot[] = [
   { title: 'Compute, µs', curves: [{ name: '', colour: '--accent' }], values: (s) => [s.compute], floor: 10 },
 ];
 
-/// The last ten seconds, and how the times of the stages are distributed.
+/** Plots of the last ten seconds, and latency histograms. */
 export class Plots {
   readonly root = element('section', 'plots');
   readonly latencies = new Latencies();
@@ -70,7 +70,7 @@ export class Plots {
     for (const part of this.parts) part.draw();
   }
 
-  /// Colours come from the style sheet when a plot is made.
+  /** Remakes the plots: each reads its colors from the style sheet when it is made. */
   restyle(): void {
     for (const part of this.parts) part.restyle();
     this.latencies.restyle();
@@ -155,14 +155,14 @@ class LivePlot {
   }
 }
 
-/// Of the longest label, in pixels: a slow computer takes 40,000 microseconds.
+/** Returns the axis width for the longest label, in pixels: a slow computer takes 40,000 microseconds. */
 function widthOf(labels: string[] | null): number {
   return Math.max(34, 9 + 6 * Math.max(0, ...(labels ?? []).map((label) => label.length)));
 }
 
-const LONGEST_LINE = 0.5; // s: over what was not seen for longer, no line is drawn
+const LONGEST_LINE = 0.5; // s: longer gaps in time are not bridged by a line
 
-/// From and to, in pixels.
+/** Returns start and end of each gap, in pixels. */
 function gaps(chart: uPlot, _: number, first: number, last: number): [number, number][] {
   const times = chart.data[0], found: [number, number][] = [];
   const place = (time: number) => Math.round(chart.valToPos(time, 'x', true));
@@ -172,7 +172,7 @@ function gaps(chart: uPlot, _: number, first: number, last: number): [number, nu
   return found;
 }
 
-/// An axis that holds zero, some room above, and is not all noise.
+/** Returns an axis range that holds zero, has headroom and spans at least `floor`. */
 function span(low: number | null, high: number | null, floor: number): [number, number] {
   const below = Math.min(0, low ?? 0), above = Math.max(0, high ?? 0);
   const size = Math.max(floor, 1.08 * (above - below));

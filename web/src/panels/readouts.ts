@@ -2,7 +2,7 @@ import { element, write } from '../dom';
 import { digits, norm } from '../format';
 import type { Hello, Sample, State } from '../types';
 
-/// The numbers that matter, large.
+/** The main numbers, in large type. */
 export class Readouts {
   readonly root = element('section', 'card readouts');
   private readonly force = value();

@@ -7,7 +7,7 @@ const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4];
 
 type Send = (command: Command) => Promise<Answer>;
 
-/// Pause, steps and marks; of a recording also where it is and how fast it plays.
+/** Pause, step and mark buttons; for a recording also its position and speed. */
 export class Timeline {
   readonly root = element('footer', 'timeline');
   private readonly play = button('round', 'pause', () => this.toggle());
@@ -20,10 +20,10 @@ export class Timeline {
   private readonly time = element('span', 'number');
   private readonly speed = element('select');
   private isDragging = false;
-  private desired: number | null = null; // s, to seek once the last seek is answered
+  private desired: number | null = null; // s, target of the next seek, sent once the current one is answered
   private isSeeking = false;
   private isPaused: boolean | null = null;
-  private numMarks = 0; // that were asked for
+  private numMarks = 0; // marks requested so far
   private kind: Hello['kind'] = 'tool';
 
   constructor(private readonly send: Send) {
@@ -83,7 +83,7 @@ export class Timeline {
     if (this.kind === 'live') void this.send({ command: 'mark', text: text || 'marked in the page' });
   }
 
-  /// One seek is on its way at a time; of those requested meanwhile, the last.
+  /** Seeks, one request at a time; of targets set meanwhile only the last is used. */
   private seek(time: number): void {
     this.desired = time;
     if (this.isSeeking) return;

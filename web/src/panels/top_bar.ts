@@ -11,7 +11,7 @@ const LINKS: Record<Link, string> = {
   refused: 'refused',
 };
 
-/// What is looked at, and whether it is fresh.
+/** Bar with the run's title, state, time, picture rate and connection. */
 export class TopBar {
   readonly root = element('header', 'bar');
   private readonly title = element('h1');

@@ -4,14 +4,16 @@ export function bytes(base64: string): Uint8Array<ArrayBuffer> {
   return Uint8Array.from(atob(base64), (c) => c.charCodeAt(0));
 }
 
-/// Little-endian, as every browser's own numbers are.
+/** Decodes floats, little-endian as on every browser. */
 export const floats = (base64: string) => new Float32Array(bytes(base64).buffer);
 export const integers = (base64: string) => new Uint32Array(bytes(base64).buffer);
 
 export interface Depth { width: number; height: number; values: Uint16Array }
 
-/// What src/session/run_page.cpp packed: zlib of what each pixel has more than the one to its left,
-/// first all low bytes, then all high ones.
+/**
+ * Unpacks a depth image of src/session/run_page.cpp: zlib of the differences of each pixel to the one on its
+ * left, first all low bytes, then all high ones.
+ */
 export async function unpackDepth(base64: string, width: number, height: number): Promise<Depth> {
   const plain = new Blob([bytes(base64)]).stream().pipeThrough(new DecompressionStream('deflate'));
   const parts = new Uint8Array(await new Response(plain).arrayBuffer());

@@ -48,7 +48,7 @@ export async function comparisonReport(main: HTMLElement, data: ComparisonData):
     heading('How the numbers came to be'), table(data.facts), footer('Palpate, make packing-curves'));
 }
 
-/// All methods over a common x, on a logarithmic axis.
+/** Plots the fill of all methods over a common x, on a logarithmic axis. */
 function fillOver(
   curves: Curve[], methods: string[], over: 'spheres' | 'seconds', xWords: string, caption: string,
 ): HTMLElement {

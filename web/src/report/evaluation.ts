@@ -1,4 +1,4 @@
-// The report of the evaluation: what comes of every claim, and each figure with its plots.
+// The evaluation report: verdict of every claim, and each figure with its plots.
 import './evaluation.css';
 
 import { element } from '../dom';
@@ -16,7 +16,7 @@ interface PlotData {
 }
 type PictureData = { title: string; caption: string } & ({ kind: 'cut open'; data: Solid } | { kind: 'seen'; data: SeenTool });
 
-/// As in the file of a figure.
+/** Results of one run of a figure, as in its file. */
 interface Stored {
   commit: string; made: string; seconds: number; failure: string;
   key: { form: string; isa: string };
@@ -41,7 +41,7 @@ interface EvaluationData {
   figures: Figure[];
 }
 
-/// The class of a verdict, by which it is coloured.
+/** Style class of each verdict. */
 const TONES: Record<string, string> = {
   agrees: 'good', holds: 'good', better: 'new', differs: 'mixed', even: 'mixed', 'holds in part': 'mixed',
   contradicts: 'bad', worse: 'bad', fails: 'bad',
@@ -79,7 +79,7 @@ export async function evaluationReport(main: HTMLElement, data: EvaluationData):
   }
   main.append(footer(`Palpate ${data.program}. Times are of single calls on one thread: compare them within one report. All ` +
     'else is the same on every machine.'));
-  // What came with the address has only now a place.
+  // The target of the address's hash exists only now.
   if (location.hash) document.getElementById(decodeURIComponent(location.hash.slice(1)))?.scrollIntoView();
 }
 
@@ -107,7 +107,7 @@ function facts(data: EvaluationData): HTMLElement {
   ]);
 }
 
-/// Claims that speak against the thesis or against us, in full.
+/** Lists claims that contradict the thesis or this project, in full. */
 function findings({ figures }: EvaluationData): HTMLElement[] {
   const items = figures.flatMap((figure) => figure.claims.filter(({ is_against: is }) => is).flatMap((claim) => [
     element('dt', '', figureLink(figure), `${claim.where} ${claim.measured} `, chip(claim.verdict)), element('dd', '', claim.claim)]));
@@ -218,7 +218,7 @@ function plotOf(data: PlotData): HTMLElement {
 
 // Tables.
 
-/// Whether it reads as a number, perhaps with a sign: such columns stand to the right.
+/** True if a cell reads as a number, with or without a sign: such columns are right-aligned. */
 const isNumber = (cell: string) => /^[-+−\s]*(\d|$)/.test(cell);
 
 function tableOf({ title: words, columns, rows }: Stored['tables'][number]): HTMLElement {
@@ -231,7 +231,7 @@ function tableOf({ title: words, columns, rows }: Stored['tables'][number]): HTM
 
 function numbers({ data_file: file }: Figure, stored: Stored): HTMLElement {
   const made = folded(`${stored.numbers.length} numbers; all data in ${file} and CSV files beside it`);
-  // Most readers never unfold it.
+  // Filled when unfolded: most readers never do.
   made.addEventListener('toggle', () => made.append(table(stored.numbers.map(({ key: name, value, unit }) =>
     [name, value === null ? 'none' : short(value, 5), unit]))), { once: true });
   return made;

@@ -1,13 +1,15 @@
-// Counted values, as a plot of bars.
+// Histograms, as a bar plot.
 
 import type { Plot } from './plot';
 
 const NUM_BINS = 48;
-/// No share at all, on a logarithmic axis.
+/** Stands for a share of zero on a logarithmic axis. */
 export const NOTHING = 1e-9;
 
-/// Shares of ascending values, in percent of all. `even`: bins of one width from zero on, both axes
-/// linear; else bins of one ratio, both axes logarithmic, so that rare values stay visible.
+/**
+ * Bins ascending values, in percent of all. `isEven`: bins of equal width from zero on, both axes linear; else
+ * bins of equal ratio, both axes logarithmic, so that rare values stay visible.
+ */
 export function histogram(values: number[], isEven: boolean): Pick<Plot, 'x' | 'lines' | 'bars' | 'xLogarithmic' | 'yLogarithmic'> {
   const largest = values[values.length - 1];
   const low = isEven ? 0 : Math.log(values[0]);
@@ -24,8 +26,7 @@ export function histogram(values: number[], isEven: boolean): Pick<Plot, 'x' | '
   return bars(x, shares, !isEven);
 }
 
-/// Whole numbers and how many there are of each; beyond 30 they are counted together, in steps of a
-/// tenth.
+/** Histogram of whole numbers with their counts; one bin each, above 15 bins of a tenth of the number. */
 export function wholeNumbers(counts: [value: number, count: number][]): ReturnType<typeof histogram> {
   const num = counts.reduce((sum, [, count]) => sum + count, 0);
   const x = [Math.max(0.5, counts[0][0] - 0.5)], shares: number[] = [];

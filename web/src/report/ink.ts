@@ -1,4 +1,4 @@
-// Dark or light: as the system is set, and always light on paper.
+// Theme: dark or light as the system is set, always light on paper.
 
 const system = matchMedia('(prefers-color-scheme: dark)');
 const listeners: (() => void)[] = [];
@@ -7,13 +7,13 @@ let isOnPaper = false;
 export const isDark = () => system.matches && !isOnPaper;
 export const onPaper = () => isOnPaper;
 
-/// Calls at once, and whenever the ink or the paper changes.
+/** Calls `draw` now and whenever the theme changes or the page is printed. */
 export function onInk(draw: () => void): void {
   listeners.push(draw);
   draw();
 }
 
-/// A colour of the style sheet as it is now.
+/** Returns the current value of a color of the style sheet. */
 export const ink = (name: string) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
 function change(): void {

@@ -1,4 +1,4 @@
-// A report: the data that the program left in the page, drawn by what their kind says.
+// Entry of all reports: draws the data that the program left in the page, by its kind.
 import './style.css';
 import { comparisonReport } from './comparison';
 import { evaluationReport } from './evaluation';

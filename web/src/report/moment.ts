@@ -1,4 +1,4 @@
-// The deepest moment of a run in 3-D, and the depth images of that moment.
+// The moment of deepest contact of a run in 3-D, with its depth images.
 
 import { element } from '../dom';
 import { ARROW_COLOURS, STATE_COLOURS, THEMES } from '../scene/colours';
@@ -8,7 +8,7 @@ import { captioned, heading, key, paragraph, warning } from './parts';
 import { hello, meshOf, picture, type PackedMesh } from './picture';
 import { newtons, percent, short, TORQUE, VOLUME, withUnit } from './numbers';
 
-/// A tool among what depth cameras see, all in W.
+/** A tool in the scene that depth cameras see, in W. */
 export interface SeenTool {
   X_WT: number[]; // tx ty tz qx qy qz qw
   centre_of_mass_m: number[];
@@ -22,7 +22,7 @@ export interface SeenTool {
     width: number; height: number; fx: number; fy: number; cx: number; cy: number; unit: number;
     depth: string; // unpackDepth()
   }[];
-  objects?: { X_WB: number[]; mesh: PackedMesh | null }[]; // null: not in this page
+  objects?: { X_WB: number[]; mesh: PackedMesh | null }[]; // null: mesh not in this page
 }
 
 export interface Moment extends SeenTool {
@@ -33,12 +33,12 @@ export interface Moment extends SeenTool {
   torque_Nm: number[];
 }
 
-/// Unpacks the image of each camera.
+/** Unpacks the depth image of each camera. */
 export function depthsOf({ cameras }: SeenTool): Promise<Depth[]> {
   return Promise.all(cameras.map(({ depth, width, height }) => unpackDepth(depth, width, height)));
 }
 
-/// `wrench`: if there is one to be shown.
+/** Makes the 3-D picture; `wrench` is drawn as arrows if given. */
 export function seenTool(
   tool: SeenTool, depths: Depth[], name: string, caption: string, wrench?: { sample: Sample; scale: ArrowScale },
 ): HTMLElement {
@@ -73,13 +73,13 @@ export const STATE_KEY: [string, string][] = [
   [STATE_COLOURS.outside, 'outside: free'],
 ];
 
-/// Says how much of a volume is in objects, to be put after it; nothing where none is.
+/** Returns the words for the share of a volume that is in objects; empty if there is none. */
 export function inObjects(volume: number, objectsVolume: number): string {
   const share = objectsVolume / volume;
   return !(share > 0) ? '' : share > 0.995 ? ', in objects' : `, ${percent(share, 2)} of it in objects`;
 }
 
-/// `peaks`: the largest force and torque of the run, N and N m.
+/** `peaks`: largest force and torque of the run, N and N m. */
 export function momentSection(moment: Moment, depths: Depth[], peaks: { force: number; torque: number }): HTMLElement[] {
   const touches = moment.volume_m3 > 0, { objects = [] } = moment;
   const where = inObjects(moment.volume_m3, moment.objects_volume_m3);
@@ -127,7 +127,7 @@ export interface Probe {
   note: string; how_to_aim: string;
 }
 
-/// About a path that nobody gave; `scale`: depth is that of every so many pixels.
+/** Describes the automatic path of a run without one; `scale`: pixels of the camera per pixel of `depth`. */
 export function probeSection(probe: Probe, depth: Depth | null, scale: number): HTMLElement[] {
   const at = (values: number[], digits: number) => values.map((value) => value.toFixed(digits)).join(', ');
   const parts: HTMLElement[] = [heading('Where it probes')];

@@ -1,4 +1,4 @@
-// Numbers for people, in the unit that suits them.
+// Number formatting in suitable units.
 
 export interface Unit { name: string; factor: number }
 
@@ -8,7 +8,7 @@ export const VOLUME = units(['m³', 1], ['cm³', 1e6], ['mm³', 1e9]);
 export const TORQUE = units(['N m', 1], ['N mm', 1e3]);
 export const TIME = units(['s', 1], ['ms', 1e3], ['µs', 1e6]);
 
-/// At most so many significant digits, no zeros at the end.
+/** Formats a value with at most `digits` significant digits, without trailing zeros. */
 export function short(value: number, digits = 4): string {
   if (!Number.isFinite(value)) return '–';
   const rounded = Number(value.toPrecision(digits));
@@ -16,7 +16,7 @@ export function short(value: number, digits = 4): string {
   return size !== 0 && (size < 1e-4 || size >= 1e7) ? rounded.toExponential().replace('e+', 'e') : String(rounded);
 }
 
-/// The first unit in which `largest` is at least 1, else the last one.
+/** Returns the first unit in which `largest` is at least 1, else the last one. */
 export function unitFor(largest: number, list: Unit[]): Unit {
   return list.find(({ factor }) => largest * factor >= 1) ?? list[list.length - 1];
 }

@@ -21,7 +21,7 @@ interface PackingData {
   fill: [n: number, fill: number][];
   void_law: { factor: number; exponent: number; rms: number; first: number } | null;
   apollonian_exponent: number;
-  radii_m: number[]; // ascending, of all or of evenly many ranks
+  radii_m: number[]; // ascending; all, or evenly spaced ranks
   smallest_radius_m: number; median_radius_m: number; largest_radius_m: number;
   standoff: { samples_m: number[]; num_samples: number; mean_m: number; p95_m: number; max_m: number; worst_m: number[] };
   degrees: [degree: number, count: number][];
@@ -36,7 +36,7 @@ interface PackingData {
 }
 
 const length = (metres: number) => withUnit(metres, LENGTH);
-/// Numbers that stand beside such large ones; what is only rounding is 0.
+/** Formats numbers next to one as large as `large`; rounding errors become 0. */
 const numbers = (values: number[], large: number) =>
   values.map((value) => short(Math.abs(value) < 1e-9 * large ? 0 : value)).join(', ');
 const millimetres = (v: number[]) => `${numbers(v.map((x) => 1000 * x), 1)}\u00a0mm`;

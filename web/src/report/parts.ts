@@ -1,4 +1,4 @@
-// What every report is made of.
+// Building blocks of all reports.
 
 import { element } from '../dom';
 
@@ -12,7 +12,7 @@ export const paragraph = (words: string): HTMLElement => element('p', '', words)
 export const warning = (words: string): HTMLElement => element('p', 'warning', words);
 export const footer = (words: string): HTMLElement => element('footer', '', words);
 
-/// Numbers in large type, each with what it is.
+/** Cards of large numbers with their names. */
 export function cards(list: [value: string, words: string][]): HTMLElement {
   return element('div', 'cards', ...list.map(([value, words]) =>
     element('div', 'card', element('b', '', value), element('span', '', words))));
@@ -20,7 +20,7 @@ export function cards(list: [value: string, words: string][]): HTMLElement {
 
 export type Row = (string | number)[];
 
-/// With a head of more than three: numbers, which are not broken into lines.
+/** Table of rows; with more than three columns the cells are numbers, which do not wrap. */
 export function table(rows: Row[], head?: Row): HTMLElement {
   const line = (row: Row, tag: 'td' | 'th') => element('tr', '', ...row.map((cell) => element(tag, '', String(cell))));
   const made = element('table', (head?.length ?? 0) > 3 ? 'numbers' : '', element('tbody', '', ...rows.map((row) => line(row, 'td'))));
@@ -28,15 +28,15 @@ export function table(rows: Row[], head?: Row): HTMLElement {
   return element('div', 'wide', made);
 }
 
-/// Side by side where there is room.
+/** Columns side by side where there is room. */
 export const columns = (...parts: HTMLElement[]): HTMLElement => element('div', 'columns', ...parts);
 
-/// What most readers can do without.
+/** Folded section for details. */
 export function folded(words: string, ...parts: HTMLElement[]): HTMLElement {
   return element('details', '', element('summary', '', words), ...parts);
 }
 
-/// Colours and what they stand for.
+/** Color key. */
 export function key(list: [colour: string, words: string][]): HTMLElement {
   return element('div', 'key', ...list.map(([colour, words]) => {
     const dot = element('i');

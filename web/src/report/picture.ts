@@ -1,4 +1,4 @@
-// A 3-D picture of a report, drawn as the viewer draws, with what can be turned about it.
+// Interactive 3-D picture of a report, drawn as in the viewer, with its option buttons.
 
 import { button, element } from '../dom';
 import { Drawing } from '../drawing';
@@ -11,8 +11,10 @@ const PAPER_SIZE = [680, 420]; // CSS pixels
 
 type Choice = [words: string, wish: Partial<SceneOptions>];
 
-/// `fill` gives the scene what it shows, once; `choices` are rows of buttons, the first of each is how
-/// it begins. `tools` is where more of them go.
+/**
+ * `fill` gives the scene its data, once; `choices` are rows of buttons, the first of each is active at first.
+ * `tools` in the result takes further buttons.
+ */
 export function picture(
   name: string, caption: string, choices: Choice[][], fill: (scene: SceneView) => void,
 ): { root: HTMLElement; tools: HTMLElement; requestDraw: () => void } {
@@ -55,7 +57,7 @@ export function picture(
     scene.options.dark = isDark();
     fit();
     if (!onPaper()) return;
-    // What a graphics card draws is gone when the printer comes: a copy stays.
+    // Printing loses the canvas of WebGL: a still copy is printed instead.
     scene.render();
     [still.width, still.height] = [canvas.width, canvas.height];
     still.getContext('2d')!.drawImage(canvas, 0, 0);
@@ -69,7 +71,7 @@ export interface PackedMesh { positions: string; triangles: string } // base64 o
 export const meshOf = ({ positions, triangles }: PackedMesh): Mesh =>
   ({ positions: floats(positions), triangles: integers(triangles) });
 
-/// What the scene wants to know of a tool before all else; `objects`: how many.
+/** Returns the hello message that sets up the scene; `objects`: their number. */
 export function hello(
   tool: { centre_of_mass_m: number[]; radius_m: number }, streams: Stream[], objects = 0,
 ): Hello {

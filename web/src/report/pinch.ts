@@ -1,9 +1,9 @@
-// Zooming with two fingers; one finger scrolls the page.
+// Pinch zoom of plots; one finger scrolls the page.
 
 import type uPlot from 'uplot';
 
 export function pinchToZoom(chart: uPlot, zoom: (range: [number, number]) => void): void {
-  /// Values of x under the fingers when they came down.
+  /** Values of x under both fingers when they came down. */
   let held: [number, number] | null = null;
   const places = (event: TouchEvent): [number, number] => {
     const { left } = chart.over.getBoundingClientRect();
@@ -20,7 +20,7 @@ export function pinchToZoom(chart: uPlot, zoom: (range: [number, number]) => voi
     event.preventDefault();
     const [a, b] = places(event), width = chart.over.clientWidth;
     if (b - a < 10) return;
-    // As on a logarithmic axis, if it is one.
+    // Logarithmic axes are zoomed in the logarithm.
     const isLogarithmic = chart.scales.x.distr === 3;
     const [u, v] = isLogarithmic ? held.map(Math.log) : held;
     const perPixel = (v - u) / (b - a);

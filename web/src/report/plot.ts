@@ -1,4 +1,4 @@
-// A plot of a report: drag across it or pinch it to zoom, double-click to see all again.
+// A plot of a report: dragging or pinching zooms, a double-click resets.
 
 import uPlot from 'uplot';
 import 'uplot/dist/uPlot.min.css';
@@ -10,13 +10,13 @@ import { pinchToZoom } from './pinch';
 
 export interface Line {
   name: string;
-  colour?: string; // of the style sheet; left out: that of its number
-  values: (number | null)[]; // beside `x`; null: a gap
-  marks?: (i: number) => boolean; // which values have one
-  joined?: boolean; // across gaps
+  colour?: string; // of the style sheet; default: that of its index
+  values: (number | null)[]; // one per `x`; null: a gap
+  marks?: (i: number) => boolean; // True if value i has a mark
+  joined?: boolean; // drawn across gaps
 }
 
-/// A line with x of its own, in any order; numbers that are not finite: a gap.
+/** A line with its own x, in any order; values that are not finite are gaps. */
 export interface Curve {
   name: string;
   colour: string; // of the style sheet
@@ -28,20 +28,20 @@ export interface Curve {
 }
 
 export interface Plot {
-  x: number[]; // ascending; of curves alone: the ends of their axis
+  x: number[]; // ascending; with curves only: the ends of the axis
   lines: Line[];
   curves?: Curve[];
   xWords: string;
   yWords: string;
-  xLogarithmic?: boolean; // then positive
+  xLogarithmic?: boolean; // requires x > 0
   yLogarithmic?: boolean;
-  yFrom?: number; // the axis begins there; left out: at zero or lower
+  yFrom?: number; // start of the axis; default: zero or lower
   bars?: boolean; // each value holds from its x to the next
-  strokes?: number[]; // at the top, at these x
+  strokes?: number[]; // short strokes at the top, at these x
   limit?: { value: number; words: string };
   markers?: { x: number; words: string }[]; // dashed, from top to bottom
   right?: { factor: number; words: string }; // a second axis: y times this
-  together?: string; // plots of one name are zoomed together
+  together?: string; // plots with the same name zoom together
 }
 
 const COLOURS = ['--series-1', '--series-2', '--series-3', '--series-4'];
@@ -49,7 +49,7 @@ const HEIGHT = 250;
 const RIGHT_AXIS = 62; // CSS pixels, with its label
 const PAPER_WIDTH = 680; // CSS pixels
 
-/// Pages with many plots draw those that somebody is about to see.
+/** Plots that are not visible yet are drawn only when they are about to be. */
 const seen = new Map<Element, () => void>();
 const watch = new IntersectionObserver((entries) => {
   for (const { target, isIntersecting } of entries) {
@@ -102,7 +102,7 @@ class ZoomedPlot {
     else if (this.chart.width !== this.width) this.chart.setSize({ width: this.width, height: HEIGHT });
   }
 
-  /// Colours are taken from the style sheet when a plot is made.
+  /** Remakes the plot: its colors are read from the style sheet when it is made. */
   private restyle(): void {
     if (this.width < 60 || !(this.isNear || onPaper())) return;
     this.chart?.destroy();
@@ -133,7 +133,7 @@ class ZoomedPlot {
     }
   }
 
-  /// The smallest and the largest value.
+  /** Returns the smallest and the largest value. */
   private heights(): [number, number] {
     const { lines, curves, yLogarithmic } = this.spec;
     let low = Infinity, high = -Infinity;
@@ -147,8 +147,10 @@ class ZoomedPlot {
     return low <= high ? [low, high] : yLogarithmic ? [1, 10] : [0, 1];
   }
 
-  /// Leaves room for the last label, of seven digits, or for the right axis that a plot has which is
-  /// zoomed with it: so they begin and end below each other.
+  /**
+   * Returns the padding for the last label, of seven digits, or for the right axis of a plot that zooms
+   * together with this one, so that their axes align.
+   */
   private paddingRight(): number {
     const { right, xLogarithmic } = this.spec;
     if (right) return 0;
@@ -184,7 +186,7 @@ class ZoomedPlot {
       legend: { show: !spec.curves && (spec.lines.length > 1 || !onPaper()), live: !onPaper(), markers: { width: 2 } },
       cursor: {
         drag: { x: true, y: false, dist: 6, setScale: false },
-        // Others follow where one points; what is dragged or clicked is for the plot itself, which then zooms all.
+        // Linked plots share the cursor; drags and clicks stay with the plot, which then zooms all.
         ...(spec.together ? { sync: { key: spec.together, setSeries: false, filters: { pub: isPointing } } } : {}),
         points: { size: 6 },
       },
@@ -222,13 +224,13 @@ class ZoomedPlot {
           chart.over.addEventListener('dblclick', () => this.zoom(null));
           pinchToZoom(chart, (range) => this.zoom(range));
         }],
-        // uPlot's own double-click sets the scale itself.
+        // uPlot's own double-click sets the scale by itself.
         setScale: [(_, name) => { if (name === 'x' && !this.isFollowing) this.whole.hidden = this.range === null; }],
       },
     };
   }
 
-  /// Over the axes and inside of them.
+  /** Draws over the axes, clipped to the plot. */
   private drawInside(chart: uPlot): void {
     const { ctx, bbox } = chart;
     ctx.save();
@@ -247,7 +249,7 @@ class ZoomedPlot {
       ctx.strokeStyle = ctx.fillStyle = ink(colour);
       ctx.lineWidth = (width ?? 1.6) * size;
       ctx.setLineDash((dash ?? []).map((d) => d * size));
-      // uPlot has a place on logarithmic axes for what has none.
+      // uPlot places values on logarithmic axes even if they are not positive.
       const has = (value: number, isLogarithmic?: boolean) => Number.isFinite(value) && (!isLogarithmic || value > 0);
       const at = (i: number): [number, number] | null =>
         has(x[i], this.spec.xLogarithmic) && has(y[i], this.spec.yLogarithmic) ?
@@ -269,7 +271,7 @@ class ZoomedPlot {
     }
   }
 
-  /// Strokes, limit and markers.
+  /** Draws strokes, limit and markers. */
   private drawSigns(chart: uPlot): void {
     const { spec } = this;
     const { ctx, bbox } = chart;
@@ -309,8 +311,10 @@ class ZoomedPlot {
 
 const isPointing = (type: string) => type === 'mousemove' || type === 'mouseleave';
 
-/// One to nine of each power of ten. uPlot's own never end on an axis that begins shortly before a
-/// power of ten, as at 0.0096.
+/**
+ * Returns the ticks 1 to 9 of each power of ten. uPlot's own never end on an axis that begins shortly before
+ * a power of ten, such as at 0.0096.
+ */
 function decades(_: uPlot, __: number, from: number, to: number): number[] {
   const made: number[] = [];
   for (let power = Math.floor(Math.log10(from)); power <= Math.log10(to); ++power) {
@@ -322,12 +326,12 @@ function decades(_: uPlot, __: number, from: number, to: number): number[] {
   return made;
 }
 
-/// Which values have a mark.
+/** Returns the indices of values with a mark. */
 function marked({ marks, values }: Line): number[] | null {
   return marks ? values.flatMap((value, i) => (value !== null && marks(i) ? [i] : [])) : null;
 }
 
-/// An axis that holds zero and some room at the ends that are not zero.
+/** Returns an axis range that holds zero, with room at ends that are not zero. */
 function span(low: number, high: number, from?: number): [number, number] {
   if (from !== undefined) return [from, high + 0.06 * (high - from)];
   const below = Math.min(0, low), above = Math.max(0, high);

@@ -11,7 +11,7 @@ type Settings = Record<string, Record<string, Value>>;
 interface Camera { name: string; width: number; height: number; fx: number; fy: number; cx: number; cy: number; unit: number; sensor: string }
 interface Times { p50: number; p99: number; p999: number; max: number; mean: number; num: number }
 
-/// As summary.json has it, as far as it is shown.
+/** The displayed part of summary.json. */
 interface Summary {
   program: string;
   tool: { source: string; spheres: number; sphere_volume_m3: number; mesh_volume_m3: number };
@@ -36,7 +36,7 @@ interface Summary {
   warnings: string[];
   settings: Settings;
   probe?: Probe;
-  changes: Settings[]; // of many the first and the last ones, as many of each
+  changes: Settings[]; // the first and the last ones if there are many
   num_changes: number;
 }
 
@@ -74,7 +74,7 @@ export async function runReport(main: HTMLElement, data: RunData): Promise<void>
   if (summary.failure) main.append(warning(`The run ended early: ${summary.failure}`));
   if (summary.not_kept) main.append(warning(`Not all of the run is kept: ${summary.not_kept}`));
   main.append(headline(summary));
-  // What comes later is laid out at once, so that nothing jumps.
+  // Everything below the pictures is laid out now, so that the page does not jump.
   const pictures = element('section'), rest = element('section');
   main.append(pictures, rest);
   rest.append(...plots(data), ...times(data), ...notes(summary), ...settings(data),
@@ -88,7 +88,7 @@ export async function runReport(main: HTMLElement, data: RunData): Promise<void>
   const { force_N: force, torque_Nm: torque } = summary.peaks;
   if (depths) pictures.append(...momentSection(moment, depths, { force, torque }));
   if (data.moment_trouble) pictures.append(warning(data.moment_trouble));
-  const first = depths?.[0] ?? null; // for which a path is made
+  const first = depths?.[0] ?? null; // the camera of the automatic path
   if (summary.probe) pictures.append(...probeSection(summary.probe, first, first ? stream.width / first.width : 1));
 }
 
@@ -142,7 +142,7 @@ function plots(data: RunData): HTMLElement[] {
   const base = { x, xWords: 'time in s', strokes: data.frame_times_s, together: 'time', markers: deepest };
   const simple = (yWords: string, lines: Line[], caption: string, more: Partial<Plot> = {}) =>
     plot({ ...base, yWords, lines, ...more }, caption);
-  /// Components and length.
+  /** Plots the components and the norm of a vector. */
   const vector = (prefix: string, unit: string, symbol: string, yWords: string, caption: string, more = {}) => {
     const axes = ['x', 'y', 'z'].map((axis) => column(`${prefix}_${axis}_${unit}`));
     const size = axes[0].map((_, i) => {
@@ -201,7 +201,7 @@ function plots(data: RunData): HTMLElement[] {
   return made;
 }
 
-/// For a logarithmic axis.
+/** Replaces values that a logarithmic axis cannot show by gaps. */
 const positive = (values: (number | null)[]) => values.map((value) => (value && value > 0 ? value : null));
 
 // Times.
@@ -224,7 +224,7 @@ function times({ summary, latencies }: RunData): HTMLElement[] {
   return [...made, table(rows, ['stage', 'median', '99 %', '99.9 %', 'largest'])];
 }
 
-/// How many percent lie at or above each x; null where none do.
+/** Returns the percentage of counts at or above each x; null where there is none. */
 function sharesAbove(histogram: [number, number][], x: number[]): (number | null)[] {
   const num = histogram.reduce((sum, [, count]) => sum + count, 0);
   let below = 0, i = 0;
@@ -240,7 +240,7 @@ function notes({ warnings }: Summary): HTMLElement[] {
   return warnings.length > 0 ? [heading('Notes'), ...warnings.map(warning)] : [];
 }
 
-/// Which newtons a cubic metre gives.
+/** Returns the stiffness in words: newtons per volume. */
 function stiffness({ newtons_per_m3, settings }: Summary): string {
   return `${short(1e-6 * newtons_per_m3)} N/cm³, which is ${short(settings.coupling.force_at_eighth as number)} N at an ` +
     "eighth of the tool's volume";
@@ -249,7 +249,7 @@ function stiffness({ newtons_per_m3, settings }: Summary): string {
 const words = (value: Value) => (Array.isArray(value) ? list(value) :
   typeof value === 'boolean' ? (value ? 'on' : 'off') : typeof value === 'number' ? short(value, 6) : value);
 
-/// [section, key, value] of all.
+/** Returns [section, key, value] of all settings. */
 const each = (settings: Settings): [string, string, Value][] => Object.entries(settings).flatMap(
   ([section, keys]) => Object.entries(keys).map(([key, value]): [string, string, Value] => [section, key, value]));
 

@@ -1,4 +1,4 @@
-// A tool cut open, which can be turned and cut elsewhere.
+// A tool cut open, with a movable cutting plane.
 
 import { button, element } from '../dom';
 import { OTHER_COLOURS, STATE_COLOURS } from '../scene/colours';
@@ -10,12 +10,12 @@ import { hello, meshOf, picture, type PackedMesh } from './picture';
 export interface Solid {
   low_m: number[]; high_m: number[]; // of the mesh's box
   centre_of_mass_m: number[];
-  radius_m: number; // about the centre of mass
+  radius_m: number; // about the center of mass
   spheres: string; // base64 of floats: x y z r
   mesh: PackedMesh | null;
 }
 
-/// Across its shortest side, at first.
+/** Cut across the shortest side at first. */
 export function cutOpen(solid: Solid, name: string, caption: string): { root: HTMLElement; numShown: number } {
   const shown = floats(solid.spheres);
   const { low_m: low } = solid;

@@ -1,5 +1,5 @@
-// One arrow, straight or bent to an arc. The mesh is made once: rings of corners that know how far
-// along the shaft and the head they are; the vertex shader gives them their places.
+// One arrow, straight or bent to an arc. The mesh is made once: rings of vertices with their share of the
+// shaft and of the head; the vertex shader places them.
 
 import { BufferAttribute, BufferGeometry, Mesh, Quaternion, type RawShaderMaterial, Vector3 } from 'three';
 import { rgb } from './colours';
@@ -10,7 +10,7 @@ const BENDS = 32; // pieces of the shaft
 
 const VERTEX = `
 in vec4 ring;  // share of the shaft, share of the head, width, and angle around
-in vec2 slant; // of the surface: outwards and forwards
+in vec2 slant; // surface normal: outwards and forwards
 uniform float size, head, width; // m
 uniform float bend;              // m, radius of the arc; 0: straight
 out vec3 view_normal;
@@ -42,7 +42,7 @@ void main() {
 }
 `;
 
-/// Along the arrow: share of shaft, share of head, width, slant outwards and forwards.
+/** Profile along the arrow: share of shaft, share of head, width, slant outwards and forwards. */
 function profile(): number[][] {
   const rows = [[0, 0, 0, 0, -1], [0, 0, 1, 0, -1]];
   for (let i = 0; i <= BENDS; ++i) rows.push([i / BENDS, 0, 1, 1, 0]);
@@ -86,12 +86,12 @@ export class Arrow {
     this.place(origin, vector, vector.length(), width, 0);
   }
 
-  /// About `axis`, `angle` long.
+  /** Places a bent arrow about `axis`, `angle` rad long. */
   bent(centre: Vector3, axis: Vector3, radius: number, angle: number, width: number): void {
     this.place(centre, axis, radius * angle, width, radius);
   }
 
-  /// Returns where it points to.
+  /** Returns the position of the tip. */
   get tip(): Vector3 {
     const { size, bend } = this.object.material.uniforms;
     const angle = size.value / bend.value;
@@ -112,7 +112,7 @@ export class Arrow {
     this.object.quaternion.copy(turnZTo(z));
     const u = this.object.material.uniforms;
     u.size.value = size;
-    // A short arrow is smaller as a whole.
+    // Short arrows are scaled down as a whole.
     u.head.value = Math.min(6 * width, 0.6 * size);
     u.width.value = Math.min(width, 0.1 * size);
     u.bend.value = bend;

@@ -1,10 +1,10 @@
-// Force and torque on the tool, and the force that the coupling gives the hand.
+// Force and torque on the tool, and the force of the coupling on the hand.
 //
-// Contact force and torque are known in W and start at the tool's centre of mass: the force as a
-// straight arrow, the torque as an arrow bent about its axis by the right hand. The force that the
-// device shows is known in the device's base, whose place in W the page does not know; but the
-// coupling is a spring, so on the hand it points from where the hand holds the tool to where the
-// tool is. That is how it is drawn, with the length of the device's force.
+// Contact force and torque are known in W and start at the tool's center of mass: the force as a
+// straight arrow, the torque as an arrow bent about its axis by the right-hand rule. The device's
+// force is known in the device's base frame, whose pose in W the page does not know; but the
+// coupling is a spring, so its force on the hand points from the hand's pose to the tool's. It is
+// drawn in that direction, with the length of the device's force.
 
 import { Group } from 'three';
 import type { ArrowScale, Pose, Sample } from '../types';
@@ -23,7 +23,7 @@ export class Arrows {
   private readonly hand = new Arrow(ARROW_COLOURS.hand);
   private readonly newtons = new SteadyScale(0.05);
   private readonly newtonMetres = new SteadyScale(0.0005);
-  private scale: ArrowScale | null = null; // null: of what was seen lately
+  private scale: ArrowScale | null = null; // null: follows the recent samples
   private labels: Label[] = []; // of force and torque
   private radius = 0.1; // of the tool
   private hasSpring = false;
@@ -33,7 +33,7 @@ export class Arrows {
     this.object.add(this.force.object, this.torque.object, this.hand.object);
   }
 
-  /// `hasSpring`: what pushes the hand is drawn as a spring, and needs no arrow.
+  /** `hasSpring`: the hand's force is drawn as a spring instead of an arrow. */
   setTool(radius: number, centre: [number, number, number], hasSpring: boolean): void {
     this.radius = radius;
     this.hasSpring = hasSpring;

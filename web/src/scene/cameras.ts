@@ -1,5 +1,5 @@
-// The four views. Up is where the first depth camera has it (x right, y down, z forward): in W as it
-// was when the view was framed, as people turn W as they like.
+// The four views. Up is the first depth camera's up (x right, y down, z forward) when the view was framed,
+// because the axes of W are arbitrary.
 
 import { MathUtils, OrthographicCamera, PerspectiveCamera, Quaternion, Vector3 } from 'three';
 import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
@@ -8,11 +8,10 @@ import type { Framing } from './framing';
 import { inverted, NO_POSE, setPose, transformed } from './poses';
 
 const FIELD_OF_VIEW = 42; // degrees, of the shorter side of the canvas
-/// From what is looked at to the eye, beside the direction to the depth camera: over its right
-/// shoulder.
+/** Offset of the eye from the direction to the depth camera: over its right shoulder. */
 const SHOULDER = new Vector3(0.55, -0.5, 0);
-const FROM_THE_SIDE = new Vector3(0.55, -0.45, -0.75); // of a tool alone
-const ABOVE = 15; // m, of the bird
+const FROM_THE_SIDE = new Vector3(0.55, -0.45, -0.75); // for a tool alone
+const ABOVE = 15; // m, height of the bird's view
 
 export class Cameras {
   private readonly eye = new PerspectiveCamera(FIELD_OF_VIEW);
@@ -20,28 +19,28 @@ export class Cameras {
   private readonly bird = new OrthographicCamera();
   private orbit: OrbitControls;
   private birdControls: OrbitControls;
-  private birdSees = { high: 1, wide: 1 }; // half of it, m
-  private stream: Stream | null = null; // of the first depth camera
-  private X_WC: Pose = NO_POSE;         // likewise
+  private birdSees = { high: 1, wide: 1 }; // half extents, m
+  private stream: Stream | null = null; // first depth camera
+  private X_WC: Pose = NO_POSE;         // of the first depth camera
   private aspect = 1;
   private view: CameraView = 'free';
-  private tool = new Vector3(); // centre of mass in W
+  private tool = new Vector3(); // center of mass in W
   private toolRadius = 0.1;
-  /// Somebody has moved the free view or the bird's.
+  /** The person has moved the free or the bird's view. */
   moved = false;
 
   constructor(private readonly canvas: HTMLCanvasElement) {
     this.eye.up.set(0, -1, 0);
     this.eye.position.set(0.3, -0.3, -0.3);
     this.orbit = this.makeOrbit();
-    // Away from the depth camera is up in the bird's view.
+    // The bird's up points away from the depth camera.
     this.bird.up.set(0, 0, 1);
     this.bird.position.set(0, -ABOVE, 1);
     this.birdControls = this.makeBirdControls();
     this.setSensorPose(NO_POSE);
   }
 
-  /// As the view is now; update() first.
+  /** Camera of the current view; call update() first. */
   get camera(): PerspectiveCamera | OrthographicCamera {
     if (this.view === 'bird') return this.bird;
     return this.view === 'camera' && this.stream ? this.sensor : this.eye;
@@ -56,20 +55,20 @@ export class Cameras {
 
   resize(width: number, height: number): void {
     this.aspect = width / Math.max(1, height);
-    // A narrow canvas shows as much from left to right as a wide one from top to bottom.
+    // The field of view holds for the shorter side of the canvas.
     const half = Math.tan(MathUtils.degToRad(FIELD_OF_VIEW / 2)) / Math.min(1, this.aspect);
     this.eye.fov = 2 * MathUtils.radToDeg(Math.atan(half));
   }
 
-  /// Where the first depth camera is.
+  /** Sets the pose of the first depth camera. */
   setSensorPose(X_WC: Pose): void {
     this.X_WC = X_WC;
     setPose(this.sensor, X_WC);
-    // The sensor looks along z with y down: half a turn about x from how three.js looks.
+    // The sensor looks along z with y down: half a turn about x from three.js.
     this.sensor.quaternion.multiply(new Quaternion(1, 0, 0, 0));
   }
 
-  /// Of mass, in W. The tool's view goes along.
+  /** Sets the tool's center of mass in W. The tool's view follows it. */
   setToolCentre(centre: Vector3): void {
     if (this.view === 'tool') {
       const moved = centre.clone().sub(this.tool);
@@ -117,7 +116,7 @@ export class Cameras {
     this.frameBird(found);
   }
 
-  /// On a canvas from -1 to 1.
+  /** Projects a point of W to the canvas, -1 to 1. */
   project(point: Vector3): Vector3 {
     return point.project(this.camera);
   }
@@ -134,7 +133,7 @@ export class Cameras {
     this.orbit.update();
   }
 
-  /// From the depth cameras to the far end of the scene; or the tool alone.
+  /** Frames the scene from the depth cameras to its far end, or the tool alone. */
   private frameBird({ centre, radius, hasScene, across, along }: Framing): void {
     const centre_C = inverted(this.X_WC, centre);
     const [x, z] = hasScene ? [0.5 * (across[0] + across[1]), 0.5 * (along[0] + along[1])] : [centre_C.x, centre_C.z];
@@ -161,12 +160,12 @@ export class Cameras {
     bird.updateProjectionMatrix();
   }
 
-  /// A direction of the first depth camera in W.
+  /** Transforms a direction from the first depth camera to W. */
   private turned(direction: Vector3): Vector3 {
     return direction.clone().applyQuaternion(new Quaternion(...this.X_WC.quaternion));
   }
 
-  /// Up as the first depth camera has it now; three.js takes it when controls are made.
+  /** Sets up to the first depth camera's current up; three.js reads it when controls are made. */
   private takeUp(): void {
     const up = this.turned(new Vector3(0, -1, 0));
     if (up.distanceTo(this.eye.up) < 1e-6 && this.turned(new Vector3(0, 0, 1)).distanceTo(this.bird.up) < 1e-6) return;
@@ -201,7 +200,7 @@ export class Cameras {
     return controls;
   }
 
-  /// The whole image, as large as it fits. Pixel centres are at whole numbers.
+  /** Fits the whole depth image into the canvas. Pixel centers are at whole numbers. */
   private fitSensor(): void {
     const { width, height, fx, fy, cx, cy } = this.stream!;
     const near = 0.01;

@@ -1,7 +1,7 @@
-// The point cloud: the depth image drawn as points without any list of points. Vertex number i is
-// the i-th pixel of a coarser or finer raster over the image. One draw call, and a small one for
-// the window: where the tool is, only one point of four is drawn, so that one sees what of it is
-// inside of the scene. Where that is, the tool has left in the stencil (window.ts).
+// The point cloud: the depth image drawn as points without a vertex buffer. Vertex number i is
+// the i-th pixel of a coarser or finer raster over the image. One draw call, and a second small
+// one for the window: in front of the tool only one point of four is drawn, which shows the part
+// of the tool inside the scene. The tool has marked that region in the stencil (window.ts).
 
 import {
   BufferGeometry, Group, Matrix4, Points, type RawShaderMaterial, type ShaderMaterialParameters, Vector2, type Vector3, Vector4,
@@ -22,11 +22,11 @@ uniform float spread;       // share of the gap to the next point that a point c
 uniform float canvas_height;
 uniform vec2 depth_range;   // m
 uniform vec3 surface_colour;
-uniform vec4 tool_ball;     // holds the tool, in W; radius 0: whether a point is before it does not matter
-uniform mat4 X_LC;          // L: the first camera, from which all clouds are lit and coloured
+uniform vec4 tool_ball;     // bounding sphere of the tool, in W; radius 0: no window
+uniform mat4 X_LC;          // L: the first camera, which defines light and colors of all clouds
 out vec3 point_colour;
 
-// Whether the ray from the eye through a point of the view frame meets the tool's ball.
+// True if the ray from the eye through a point of the view frame meets the tool's ball.
 bool meets_tool(vec3 p) {
   vec3 to_centre = (viewMatrix * vec4(tool_ball.xyz, 1.0)).xyz - p;
   vec3 ray = is_orthographic() ? vec3(0.0, 0.0, -1.0) : normalize(p);
@@ -42,7 +42,7 @@ void main() {
   vec4 p_view = modelViewMatrix * vec4(p, 1.0);
   if (tool_ball.w > 0.0 && !meets_tool(p_view.xyz)) { gl_Position = vec4(0.0, 0.0, 2.0, 1.0); return; }
   gl_Position = projectionMatrix * p_view;
-  // How far apart the points are, in pixels of the canvas.
+  // Distance between neighboring points, in pixels of the canvas.
   float gap = float(stride) * z / intrinsics.x * projectionMatrix[1][1] * 0.5 * canvas_height / gl_Position.w;
   gl_PointSize = clamp(spread * gap, point_size, 64.0);
 
@@ -53,7 +53,7 @@ void main() {
   } else if (colouring == 2) {
     point_colour = n == vec3(0.0) ? vec3(0.3) : 0.5 - 0.5 * vec3(-n.x, n.y, n.z);
   } else {
-    // The light stands above and to the left of the first camera, and stays there.
+    // The light is fixed above and to the left of the first camera.
     float light = max(0.0, dot(n, vec3(-0.41, -0.50, -0.763)));
     point_colour = surface_colour * (n == vec3(0.0) ? 0.4 : 0.38 - 0.12 * n.y + 0.55 * light);
   }
@@ -85,23 +85,23 @@ export class Cloud {
     this.range.update(frame);
   }
 
-  /// A ball that holds the tool, in W: elsewhere there is no window.
+  /** Sets the bounding sphere of the tool, in W: elsewhere there is no window. */
   setTool(centre: Vector3, radius: number): void {
     (this.parts[1].object.material.uniforms.tool_ball.value as Vector4).set(...centre.toArray(), radius);
   }
 
-  /// Depths in the frame of this camera between which most of its image lies, m.
+  /** Depth range of most of this camera's image, m. */
   get depths(): [near: number, far: number] {
     return [this.range.near, this.range.far + 1e-3];
   }
 
-  /// Where this camera is seen from the first one, and the depths there that colours go over.
+  /** Sets this camera's pose in the first camera and the depth range of the colors. */
   setLight(X_LC: Matrix4, depths: [near: number, far: number]): void {
     (this.uniforms.X_LC.value as Matrix4).copy(X_LC);
     (this.uniforms.depth_range.value as Vector2).set(...depths);
   }
 
-  /// `coarser`: of the governor, on top of the options. `height`: of the canvas, in its own pixels.
+  /** `coarser`: factor of the governor on the stride. `height` of the canvas, in its own pixels. */
   update(options: SceneOptions, coarser: number, height: number, pixelRatio: number): void {
     const { image, uniforms } = this;
     this.object.visible = options.cloud && image.number >= 0;
@@ -110,7 +110,7 @@ export class Cloud {
     uniforms.canvas_height.value = height;
     uniforms.surface_colour.value = rgb(THEMES[options.dark ? 'dark' : 'light'].surface);
     const stride = Math.max(1, Math.round(options.stride)) * coarser;
-    // Points of two pixels and more close the surface from however near it is seen.
+    // Points of two pixels and more cover the surface without gaps at any distance.
     const spread = 0.65 * options.pointSize;
     this.parts[0].update(image, stride, spread);
     this.parts[1].object.visible = options.toolLook !== 'hidden';
@@ -122,7 +122,7 @@ export class Cloud {
   }
 }
 
-/// Either side of the window.
+/** Points inside or outside the window. */
 class Part {
   readonly object: Points<BufferGeometry, RawShaderMaterial>;
 
@@ -132,7 +132,7 @@ class Part {
       tool_ball: { value: new Vector4(0, 0, 0, 0) },
     }, VERTEX, FRAGMENT, window));
     this.object.frustumCulled = false;
-    this.object.renderOrder = -1; // after the tool
+    this.object.renderOrder = -1; // drawn after the tool
   }
 
   update(image: DepthImage, stride: number, spread: number): void {

@@ -1,7 +1,7 @@
-// The colours of the scene, also for legends and tests. The states of the spheres are coloured as
+// The colors of the scene, also for legends and tests. The states of the spheres are colored as
 // in the thesis (Fig. 4.4): blue inside, purple boundary, red outside. The three differ in
-// lightness too, so that they can be distinguished by who sees red and purple poorly, and all are
-// legible on dark and on light ground.
+// lightness too, so that color-blind people can distinguish them, and all are legible on dark and
+// on light ground.
 
 import { Vector3 } from 'three';
 
@@ -9,7 +9,7 @@ export const STATE_COLOURS = {
   inside: '#1f66e8',
   boundary: '#b45cf2',
   outside: '#e5472f',
-  unknown: '#b9c0c9', // a tool that nothing was measured of
+  unknown: '#b9c0c9', // no measurement of the tool
 } as const;
 
 export const ARROW_COLOURS = {
@@ -18,7 +18,7 @@ export const ARROW_COLOURS = {
   hand: '#ff7a45',
 } as const;
 
-/// Start and end of a depth-change vector, as in Fig. 3.13.
+/** Start and end of a depth-change vector, as in Fig. 3.13. */
 export const EDGE_COLOURS = { start: '#2fb344', end: '#a33bd6' } as const;
 
 export const OTHER_COLOURS = {
@@ -26,25 +26,25 @@ export const OTHER_COLOURS = {
   tree: '#e0a83c',
   ghost: '#e8a13a',
   trace: '#f06595',
-  fog: '#7d8794', // where no camera sees
-  wall: '#db333d', // of the mesh, where a tool is cut open
-  remembered: '#a08a5c', // decided by what was seen before
+  fog: '#7d8794', // space that no camera sees
+  wall: '#db333d', // of the mesh, at a cut
+  remembered: '#a08a5c', // decided by remembered frames
 } as const;
 
 const CAMERA_COLOURS = ['#2f8fe8', '#e58a1f', '#2fae5b', '#c44fd0', '#d7c22b', '#1fb8b0'] as const;
 
-/// Of what a camera decides; -1: nobody, from `count` on: a frame that is remembered.
+/** Returns the color of what a camera decides; -1: no camera, from `count` on: a remembered frame. */
 export function cameraColour(number: number, count: number): string {
   if (number < 0) return OTHER_COLOURS.fog;
   return number < count ? CAMERA_COLOURS[number % CAMERA_COLOURS.length] : OTHER_COLOURS.remembered;
 }
 
-/// Of the rings about x, y and z by which a tool is turned.
+/** Colors of the rings that turn a tool about x, y and z. */
 export const RING_COLOURS = ['#f0716a', '#5cc87d', '#62a4f7'] as const;
 
 const HEAT = ['#3fbf7f', '#f0b429', '#f2453a']; // none, half and all of the largest force
 
-/// How a share of the largest force looks.
+/** Returns the color of a share of the largest force. */
 export function heat(share: number): string {
   const at = 2 * Math.min(1, Math.max(0, share)), i = Math.min(1, Math.floor(at));
   const mixed = rgb(HEAT[i]).lerp(rgb(HEAT[i + 1]), at - i).multiplyScalar(255).round();
@@ -65,7 +65,7 @@ export const THEMES: { dark: Theme; light: Theme } = {
   light: { ground: '#f4f5f7', surface: '#b5afa6', metal: '#8d97a3', wood: '#b58444', line: '#9aa3ae', text: '#1d2230' },
 };
 
-/// Red, green and blue from 0 to 1, as they are shown; of #rrggbb or rgb(r, g, b).
+/** Parses #rrggbb or rgb(r, g, b) to red, green and blue from 0 to 1 (sRGB). */
 export function rgb(hex: string): Vector3 {
   if (hex.startsWith('rgb')) return new Vector3(...hex.match(/\d+/g)!.map(Number)).divideScalar(255);
   const n = parseInt(hex.slice(1), 16);

@@ -1,4 +1,4 @@
-// Where a plane cuts the tool's mesh, as lines.
+// Outline of the tool's mesh in a cutting plane, as line segments.
 
 import { BufferAttribute, BufferGeometry, LineBasicMaterial, LineSegments } from 'three';
 import type { Mesh } from '../types';
@@ -16,7 +16,7 @@ export class CutOutline {
     this.mesh = mesh;
   }
 
-  /// The plane n . p = d in T.
+  /** Sets the plane n . p = d in T. */
   setPlane(n: readonly number[], d: number): void {
     if (!this.mesh) return;
     const ends = sections(this.mesh, n, d);
@@ -32,7 +32,7 @@ export class CutOutline {
   }
 }
 
-/// The two ends of the piece of each triangle that lies in the plane, x y z each.
+/** Returns both ends, x y z each, of the intersection of each triangle with the plane. */
 function sections({ positions, triangles }: Mesh, n: readonly number[], d: number): number[] {
   const height = (i: number) =>
     n[0] * positions[3 * i] + n[1] * positions[3 * i + 1] + n[2] * positions[3 * i + 2] - d;
@@ -40,7 +40,7 @@ function sections({ positions, triangles }: Mesh, n: readonly number[], d: numbe
   for (let t = 0; t < triangles.length; t += 3) {
     const corners = [triangles[t], triangles[t + 1], triangles[t + 2]];
     const heights = corners.map(height);
-    // One corner alone on its side: its two edges are cut.
+    // The plane cuts both edges at the vertex that is alone on its side.
     const alone = [0, 1, 2].find((k) =>
       (heights[k] > 0) !== (heights[(k + 1) % 3] > 0) && (heights[k] > 0) !== (heights[(k + 2) % 3] > 0));
     if (alone === undefined) continue;

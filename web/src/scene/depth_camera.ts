@@ -1,4 +1,4 @@
-// A depth camera where it stands: what it sees, and its frustum.
+// A depth camera in the scene: its point cloud, unseen space, normals and frustum.
 
 import { Group, Matrix4 } from 'three';
 import type { Frame, Pose, SceneOptions, Stream } from '../types';
@@ -19,7 +19,7 @@ export class DepthCamera {
   private readonly frustum: Frustum;
   private readonly X_LC = new Matrix4();
 
-  /// `name` for people, empty if there is but one; `numCameras` in all.
+  /** `name` to display, empty for a single camera; `numCameras` in all. */
   constructor(stream: Stream, name: string, numCameras: number) {
     this.image = new DepthImage(stream, numCameras);
     this.cloud = new Cloud(this.image);
@@ -41,10 +41,10 @@ export class DepthCamera {
     this.cloud.setFrame(frame);
   }
 
-  /// The light is at the first of all `cameras`. The rest as Cloud.update has it.
+  /** Updates all parts; the light is at the first of `cameras`. Other parameters as in Cloud.update. */
   update(cameras: DepthCamera[], options: SceneOptions, coarser: number, height: number, pixelRatio: number): void {
     const first = cameras[0], isFirst = this === first;
-    // To the bit where the camera is the first one.
+    // Exactly the identity for the first camera.
     if (isFirst) this.X_LC.identity();
     else this.X_LC.copy(first.object.matrixWorld).invert().multiply(this.object.matrixWorld);
     this.cloud.setLight(this.X_LC, first.cloud.depths);
@@ -52,7 +52,7 @@ export class DepthCamera {
     this.normals.update(options.normals);
     this.fog.update(options.fog, options.fog ? this.seenFrom(cameras) : [], pixelRatio);
     this.frustum.update(options.dark);
-    // Nobody sees the camera through which one looks, nor one of which nobody has said where it is.
+    // Hidden: the camera of the current view, and cameras without a known pose.
     this.frustum.object.visible = isFirst ? options.view !== 'camera' : this.isSeeing;
   }
 
@@ -60,7 +60,7 @@ export class DepthCamera {
     for (const part of [this.image, this.cloud, this.normals, this.fog, this.frustum]) part.dispose();
   }
 
-  /// The images of the others, and where this camera is in them.
+  /** Returns the images of the other cameras with this camera's pose in them. */
   private seenFrom(cameras: DepthCamera[]): [DepthImage, Matrix4][] {
     return cameras.filter((other) => other !== this).map((other) =>
       [other.image, other.object.matrixWorld.clone().invert().multiply(this.object.matrixWorld)]);

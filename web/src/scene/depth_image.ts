@@ -1,5 +1,5 @@
-// The depth image on the graphics card, raw as it came, and what shaders make of it: points and
-// normals (thesis eq. 3.7, here by differences of neighbours). One texture, updated in place.
+// The raw depth image on the graphics card, and shader functions for points and normals
+// (thesis eq. 3.7, here by differences of neighboring pixels). One texture, updated in place.
 
 import {
   ByteType, DataTexture, NearestFilter, RGBAIntegerFormat, RedIntegerFormat, UnsignedShortType, Vector2, Vector4,
@@ -7,14 +7,14 @@ import {
 import type { Frame, Normals, Stream } from '../types';
 import type { Uniforms } from './glsl';
 
-/// Needs the uniforms of DepthImage. Pixel centres are at whole numbers.
+/** Needs the uniforms of DepthImage. Pixel centers are at whole numbers. */
 export const DEPTH_IMAGE = `
 uniform usampler2D depth_image;
 uniform isampler2D normal_image;
 uniform ivec2 image_size;
 uniform vec4 intrinsics;  // fx fy cx cy
 uniform float unit;       // m
-uniform bool has_normals; // the server's, for this very frame
+uniform bool has_normals; // normals of the server for this very frame
 
 // 0: no measurement.
 float depth_at(ivec2 pixel) {
@@ -27,8 +27,8 @@ vec3 point_at(ivec2 pixel, float z) {
   return vec3((vec2(pixel) - intrinsics.zw) / intrinsics.xy * z, z);
 }
 
-// Change of depth per pixel in direction e, over k pixels: of both sides if they agree, else of the
-// side where the depth changes less, so that no edge is looked across.
+// Change of depth per pixel in direction e, over k pixels: mean of both sides if they agree, else of the
+// side with the smaller change, so that no difference crosses an edge.
 float slope_at(ivec2 pixel, float z, ivec2 e, int k) {
   float before = depth_at(pixel - k * e), after = depth_at(pixel + k * e);
   float b = before > 0.0 ? z - before : 1e3, a = after > 0.0 ? after - z : 1e3;
@@ -36,22 +36,22 @@ float slope_at(ivec2 pixel, float z, ivec2 e, int k) {
   return abs(both) < 0.05 * z * float(k) ? both / float(k) : 0.0;
 }
 
-// The same, over a few distances on this row and those beside it: depth noise, which is of single
-// pixels, must not be seen as speckle.
+// Slope averaged over several distances on this row and its neighbors: per-pixel depth noise
+// must not show as speckle.
 float calm_slope_at(ivec2 pixel, float z, ivec2 e) {
   float sum = 0.0;
   int num = 0;
   for (int row = -1; row <= 1; ++row) {
     ivec2 beside = pixel + 3 * row * e.yx;
     float z_beside = row == 0 ? z : depth_at(beside);
-    if (abs(z_beside - z) > 0.02 * z) continue;  // of something else, or nothing
+    if (abs(z_beside - z) > 0.02 * z) continue;  // another surface, or no measurement
     sum += slope_at(beside, z_beside, e, 3) + slope_at(beside, z_beside, e, 7);
     num += 2;
   }
   return sum / float(num);
 }
 
-// Unit normal in C, to the camera; 0 0 0: none.
+// Unit normal in C, towards the camera; 0 0 0: none.
 vec3 normal_at(ivec2 pixel, float z) {
   if (has_normals) {
     vec3 n = vec3(texelFetch(normal_image, pixel, 0).xyz);
@@ -79,7 +79,7 @@ function imageTexture(width: number, height: number, signed: boolean): DataTextu
 export class DepthImage {
   width = 0;
   height = 0;
-  number = -1; // of the frame; -1: there is none yet
+  number = -1; // of the frame; -1: none yet
   readonly uniforms: Uniforms = {
     depth_image: { value: imageTexture(1, 1, false) },
     normal_image: { value: imageTexture(1, 1, true) },
@@ -90,7 +90,7 @@ export class DepthImage {
   };
   private normalsNumber = -1;
 
-  /// `numCameras`: between two frames of this one there may be one of each of the others.
+  /** `numCameras`: frames of the other cameras may come between two frames of this one. */
   constructor(stream: Stream, private readonly numCameras: number) {
     (this.uniforms.intrinsics.value as Vector4).set(stream.fx, stream.fy, stream.cx, stream.cy);
   }
@@ -119,7 +119,7 @@ export class DepthImage {
     this.updateHasNormals();
   }
 
-  /// Depth in m of a pixel, 0: none. Slow, for finding out where to look.
+  /** Returns the depth of a pixel in m, 0: none. Slow: for framing only. */
   depth(u: number, v: number): number {
     if (this.number < 0 || u < 0 || v < 0 || u >= this.width || v >= this.height) return 0;
     const data = (this.uniforms.depth_image.value as DataTexture).image.data as Uint16Array;
@@ -127,7 +127,7 @@ export class DepthImage {
     return raw === 65535 ? 0 : raw * this.uniforms.unit.value;
   }
 
-  /// Where C's point is in the image, in pixels.
+  /** Projects a point of C to the image, in pixels. */
   pixel(x: number, y: number, z: number): [number, number] {
     const k = this.uniforms.intrinsics.value as Vector4;
     return [Math.round(k.z + (k.x * x) / z), Math.round(k.w + (k.y * y) / z)];
@@ -149,7 +149,7 @@ export class DepthImage {
     this.uniforms[name].value = texture;
   }
 
-  /// Normals belong to the frame they were estimated on; the next frame or two may overtake them.
+  /** Normals are valid for the frame of their estimate; up to two newer frames may arrive before them. */
   private updateHasNormals(): void {
     const { width, height } = (this.uniforms.normal_image.value as DataTexture).image;
     this.uniforms.has_normals.value = width === this.width && height === this.height &&

@@ -1,5 +1,4 @@
-// Between which depths most of a frame lies, for its colours. Follows slowly: colours must not
-// flicker.
+// Depth range of most of a frame, for its colors. Follows slowly: colors must not flicker.
 
 import type { Frame } from '../types';
 

@@ -1,7 +1,7 @@
-// Where the surface ends before something farther away (thesis section 3.5): the depth-change
-// vectors as needles, green at the point and purple at the tip as in Fig. 3.13, and the edge planes
-// as small panes. A pane contains the viewing ray and stands across the vector, so neighbouring
-// panes line up as a curtain that hangs from the edge into the shadow behind it.
+// Depth edges before a farther surface (thesis section 3.5): the depth-change vectors as needles,
+// green at the point and purple at the tip as in Fig. 3.13, and the edge planes as small panes. A
+// pane contains the viewing ray and stands across the vector, so neighboring panes line up as a
+// curtain from the edge into the shadow behind it.
 
 import {
   BufferAttribute, DynamicDrawUsage, InstancedBufferGeometry, InstancedInterleavedBuffer,
@@ -11,8 +11,10 @@ import type { Edges, SceneOptions, Stream } from '../types';
 import { EDGE_COLOURS, rgb } from './colours';
 import { shaderMaterial } from './glsl';
 
-/// Sums of depth steps over eight neighbours range over metres: the needle's length grows with them
-/// but ends at 4 cm.
+/**
+ * Depth steps over eight neighbors sum to meters: the needle's length grows with the sum but is limited to
+ * 4 cm.
+ */
 const NEEDLE_VERTEX = `
 in vec3 point, change;
 in vec2 corner;
@@ -39,7 +41,7 @@ void main() { colour = vec4(mix(start_colour, end_colour, along), 1.0); }
 const PANE_VERTEX = `
 in vec3 point, change;
 in vec2 corner;
-uniform float pane_angle;  // half its width, seen from the depth camera
+uniform float pane_angle;  // half the width of a pane, seen from the depth camera
 out float along;
 
 void main() {
@@ -57,7 +59,7 @@ uniform vec3 end_colour;
 void main() { colour = vec4(end_colour, 0.3 * (1.0 - along) * (1.0 - along)); }
 `;
 
-/// A corner is (across, along).
+/** Makes a geometry of instances; a corner is (across, along). */
 function instanced(corners: number[], index: number[]): InstancedBufferGeometry {
   const geometry = new InstancedBufferGeometry();
   geometry.setAttribute('corner', new BufferAttribute(new Float32Array(corners), 2));
@@ -66,7 +68,7 @@ function instanced(corners: number[], index: number[]): InstancedBufferGeometry 
   return geometry;
 }
 
-/// In the frame of the first camera.
+/** Depth edges in the frame of the first camera. */
 export class EdgeMarks {
   readonly needles: Mesh<InstancedBufferGeometry>;
   readonly panes: Mesh<InstancedBufferGeometry>;
@@ -89,7 +91,7 @@ export class EdgeMarks {
 
   setStream(stream: Stream | null): void {
     this.needles.geometry.instanceCount = this.panes.geometry.instanceCount = 0;
-    // Half a pixel and a little more: panes of neighbouring pixels touch.
+    // A little more than half a pixel: panes of neighboring pixels touch.
     if (stream) this.materials[1].uniforms.pane_angle.value = 0.8 / stream.fx;
   }
 
@@ -114,7 +116,7 @@ export class EdgeMarks {
     for (const material of this.materials) material.dispose();
   }
 
-  /// Room for twice as many, so that it happens rarely.
+  /** Reallocates for twice as many, which keeps it rare. */
   private grow(count: number): void {
     this.buffer = new InstancedInterleavedBuffer(new Float32Array(12 * count), 6);
     this.buffer.setUsage(DynamicDrawUsage);

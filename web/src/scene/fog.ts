@@ -1,5 +1,5 @@
-// Unseen space as fog: small dots along the rays of every sixth pixel, behind the surface, where no
-// other camera sees either. Of other cameras the first three are used.
+// Unseen space as fog: small dots along the rays of every sixth pixel, behind the surface, except where
+// another camera sees. At most three other cameras are used.
 
 import { BufferGeometry, Matrix4, Points, Vector2, Vector4 } from 'three';
 import { OTHER_COLOURS, rgb } from './colours';
@@ -8,7 +8,7 @@ import { shaderMaterial, type Uniforms } from './glsl';
 
 const STEP = 6;          // pixels
 const LAYERS = 14;
-const SPACING = 0.035;   // m, from dot to dot along a ray
+const SPACING = 0.035;   // m, between dots along a ray
 const OTHERS = [0, 1, 2];
 
 const VERTEX = `${DEPTH_IMAGE}
@@ -18,10 +18,10 @@ ${OTHERS.map((i) => `
 uniform usampler2D other_image_${i};
 uniform ivec2 other_size_${i};
 uniform vec4 other_intrinsics_${i};
-uniform float other_unit_${i};  // 0: there is none
+uniform float other_unit_${i};  // 0: unused
 uniform mat4 X_OC_${i};         // O: the other camera
 
-// As far as kSeenBehind behind what it sees.
+// True if the other camera sees p, or its surface is less than SEEN_BEHIND before p.
 bool is_seen_${i}(vec3 p) {
   if (other_unit_${i} == 0.0) return false;
   vec3 q = (X_OC_${i} * vec4(p, 1.0)).xyz;
@@ -32,7 +32,7 @@ bool is_seen_${i}(vec3 p) {
   return raw != 0u && q.z < float(raw) * other_unit_${i} + SEEN_BEHIND;
 }`).join('\n')}
 
-// From 0 to 1, of a pixel: dots in layers would look like surfaces.
+// Random offset of a pixel, 0 to 1: dots in layers would look like surfaces.
 float scatter(ivec2 pixel) {
   return fract(52.9829189 * fract(dot(vec2(pixel), vec2(0.06711056, 0.00583715))));
 }
@@ -75,7 +75,7 @@ export class Fog {
     this.object.frustumCulled = false;
   }
 
-  /// `others`: depth images of all other cameras, with how they are seen from this one.
+  /** `others`: depth images of all other cameras, with this camera's pose in them. */
   update(shown: boolean, others: [image: DepthImage, X_OC: Matrix4][], pixelRatio: number): void {
     this.object.visible = shown && this.image.number >= 0;
     if (!this.object.visible) return;

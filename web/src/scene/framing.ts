@@ -1,29 +1,29 @@
-// Where to look first: at the tool with the surface by it, else at the middle of the images.
+// Initial framing: the tool with the surface near it, else the middle of the images.
 
 import { Vector3 } from 'three';
 import type { DepthImage } from './depth_image';
 import type { DepthCamera } from './depth_camera';
 import { inverted, transformed } from './poses';
 
-/// A ball to be seen whole, and how far the scene goes.
+/** A bounding sphere to show whole, and the extent of the scene. */
 export interface Framing {
   centre: Vector3; // in W
   radius: number;
   hasScene: boolean;
-  // Of the cameras and most of what they see, along the first camera's x and z axes from it, m.
+  // Extent of the cameras and most of their surfaces along the first camera's x and z axes, m.
   across: [number, number];
   along: [number, number];
 }
 
-/// Of one camera, in its frame.
+/** Framing of one camera, in its frame. */
 interface Look {
   centre: Vector3;
   radius: number;
-  farthest: number; // m, depth of most of what is seen; 0: nothing is
-  below: number;    // m, depth of the surface on the tool's ray; 0: there is none
+  farthest: number; // m, depth that holds most of the image; 0: no measurement
+  below: number;    // m, depth of the surface on the tool's ray; 0: none
 }
 
-/// Depth below which a share of the valid pixels of a window of the image lies; 0: none are valid.
+/** Returns the depth below which a share of the valid pixels of an image window lies; 0: none are valid. */
 function depthShare(image: DepthImage, u: number, v: number, half: number, share: number): number {
   const depths: number[] = [];
   const step = Math.max(1, Math.floor(half / 12));
@@ -37,7 +37,7 @@ function depthShare(image: DepthImage, u: number, v: number, half: number, share
   return depths.length ? depths[Math.floor(share * (depths.length - 1))] : 0;
 }
 
-/// `centre` of the tool in the camera's frame, or null if nobody knows yet where it is.
+/** Computes the framing of one camera; `centre` of the tool in its frame, null if unknown. */
 function lookOf(image: DepthImage, centre: Vector3 | null, radius: number): Look {
   const [u, v] = [image.width >> 1, image.height >> 1];
   const half = Math.max(u, v);
@@ -47,7 +47,7 @@ function lookOf(image: DepthImage, centre: Vector3 | null, radius: number): Look
     return { centre: new Vector3(0, 0, z), radius: 0.35 * z, farthest, below: 0 };
   }
   if (farthest === 0) return { centre: centre.clone(), radius: 1.05 * radius, farthest, below: 0 };
-  // The surface on the tool's ray, if it is near enough to be seen together with the tool.
+  // Surface on the tool's ray, limited to a distance at which both fit into the picture.
   const [tool_u, tool_v] = image.pixel(centre.x, centre.y, Math.max(centre.z, 0.05));
   const below = centre.z > 0.05 ? depthShare(image, tool_u, tool_v, half >> 3, 0.5) : 0;
   const gap = below > 0 ? Math.min(Math.abs(below - centre.z), 6 * radius) : 0;
@@ -55,8 +55,10 @@ function lookOf(image: DepthImage, centre: Vector3 | null, radius: number): Look
   return { centre: centre.clone().add(towards), radius: 2.0 * radius + 0.5 * gap, farthest, below };
 }
 
-/// `centre` of the tool in W, or null if nobody knows yet where it is. With the tool, the surface is
-/// that of the camera that sees it nearest to the tool; without, the middle of each image is seen.
+/**
+ * Computes the framing; `centre` of the tool in W, null if unknown. With a tool it shows the tool and the surface
+ * of the camera that sees it nearest to the tool; without one, the middle of each image.
+ */
 export function framing(cameras: readonly DepthCamera[], centre: Vector3 | null, radius: number): Framing {
   const [first] = cameras;
   const span: Framing = { centre: centre ?? new Vector3(0, 0, 1), radius: 1.05 * radius, hasScene: false, across: [0, 0], along: [0, 0] };

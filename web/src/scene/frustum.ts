@@ -1,4 +1,4 @@
-// A camera as a small pyramid of what it sees, with its name where there are several.
+// A camera as a small pyramid of its field of view, with its name if there are several.
 
 import { BufferAttribute, BufferGeometry, Group, LineBasicMaterial, LineSegments } from 'three';
 import type { Stream } from '../types';
@@ -8,7 +8,7 @@ import { Label } from './label';
 export const PYRAMID = 0.06; // m, its height
 const LONGEST_NAME = 28;
 
-/// What people call them: no two alike.
+/** Returns the display names of cameras, all different. */
 export function cameraNames(streams: readonly Stream[]): string[] {
   const isShared = (name: string) => streams.filter((stream) => stream.name === name).length > 1;
   return streams.map(({ name }, i) => {
@@ -23,7 +23,7 @@ export class Frustum {
   private readonly pyramid = new LineSegments(new BufferGeometry(), this.lines);
   private readonly label: Label | null;
 
-  /// `name` empty: without a label.
+  /** `name` empty: no label. */
   constructor({ width, height, fx, fy, cx, cy }: Stream, name: string) {
     const corner = (u: number, v: number) => [((u - cx) / fx) * PYRAMID, ((v - cy) / fy) * PYRAMID, PYRAMID];
     const [w, h] = [width - 0.5, height - 0.5];

@@ -1,5 +1,5 @@
-// Where the hand holds the tool, when the simulated tool lags behind or is held back by the scene:
-// the coupling is stretched, and one can see by how much.
+// Ghost of the tool at the hand's pose, when the simulated tool lags behind or the scene holds it back: it
+// shows how far the coupling is stretched.
 
 import { Group } from 'three';
 import type { Pose, Spheres } from '../types';
@@ -8,8 +8,8 @@ import { distance, rotationBetween, setPose } from './poses';
 import { Shells } from './shells';
 import type { ToolMesh } from './tool_mesh';
 
-const LEAST = 0.0005; // m: nearer than this, hand and tool are one
-const CLEAR = 0.004;  // m: from here on it is drawn in full
+const LEAST = 0.0005; // m: no ghost below this distance
+const CLEAR = 0.004;  // m: full opacity from here on
 
 export class Ghost {
   readonly object = new Group();
@@ -17,7 +17,7 @@ export class Ghost {
   private apart = 0; // m
   private radius = 0.1;
 
-  /// Seen also where the scene lies before it.
+  /** Draws the ghost also behind the scene's surface. */
   set throughAll(value: boolean) {
     this.mesh.ghostIsInFront = value;
   }
@@ -26,7 +26,7 @@ export class Ghost {
     this.object.add(mesh.ghost, this.shells.object);
   }
 
-  /// `radius` of the tool: turning moves its rim.
+  /** `radius` of the tool converts rotation to distance. */
   setTool(spheres: Spheres, radius: number): void {
     this.shells.setSpheres(spheres.data);
     this.radius = radius;

@@ -1,4 +1,4 @@
-// What several shaders share. All shaders write colours as they are shown (sRGB).
+// Code that several shaders share. All shaders write display colors (sRGB).
 
 import { DoubleSide, GLSL3, RawShaderMaterial, type IUniform, type ShaderMaterialParameters } from 'three';
 
@@ -9,7 +9,7 @@ precision highp usampler2D;
 precision highp isampler2D;
 `;
 
-/// Matrices that three.js sets, and whether the view is orthographic.
+/** Matrices that three.js sets; the projection tells an orthographic view. */
 const VERTEX = `
 uniform mat4 modelViewMatrix, projectionMatrix, modelMatrix, viewMatrix;
 bool is_orthographic() { return projectionMatrix[3][3] == 1.0; }
@@ -19,8 +19,10 @@ const FRAGMENT = `
 out vec4 colour;
 `;
 
-/// Light that comes from over the left shoulder of whoever looks; n is a unit vector of the view
-/// frame (x right, y up, z to the eye).
+/**
+ * Light from over the viewer's left shoulder; n is a unit vector of the view frame (x right, y up,
+ * z to the eye).
+ */
 export const SHADE = `
 vec3 shade(vec3 albedo, vec3 n) {
   float key = max(0.0, dot(n, vec3(-0.35, 0.55, 0.758)));
@@ -28,7 +30,7 @@ vec3 shade(vec3 albedo, vec3 n) {
 }
 `;
 
-/// Matt Zucker's polynomial for viridis: even steps of depth look even, and to everybody.
+/** Matt Zucker's polynomial for viridis, a perceptually uniform colormap. */
 export const VIRIDIS = `
 vec3 viridis(float t) {
   const vec3 c0 = vec3(0.27773, 0.00541, 0.33410), c1 = vec3(0.10509, 1.40461, 1.38459);
@@ -41,8 +43,10 @@ vec3 viridis(float t) {
 
 export type Uniforms = Record<string, IUniform>;
 
-/// A material of two shaders. Whatever is drawn with it has its own idea of where it is, so its
-/// object must not be culled by a bounding sphere.
+/**
+ * Makes a material of two shaders. The shaders place vertices themselves, so objects with it must not be culled
+ * by a bounding sphere.
+ */
 export function shaderMaterial(
   uniforms: Uniforms, vertexShader: string, fragmentShader: string, more: ShaderMaterialParameters = {},
 ): RawShaderMaterial {

@@ -1,22 +1,22 @@
-// Keeps the page usable where pictures take long, as without a graphics card: it draws fewer points
-// and pixels when a picture takes more than a tenth of a second, and more again when there is time.
-// It queries the graphics card for completion, and never waits for it.
+// Keeps the page usable where drawing is slow, as without a graphics card: it draws fewer points and
+// pixels when a picture takes more than a tenth of a second, and more again when there is time.
+// It polls the graphics card for completion and never waits for it.
 
-/// Whether it may, for tests and for who wants every point; and how much it has taken away.
+/** `enabled`: tests and full-detail views switch it off; `level`: index of the reduction in LEVELS. */
 export const governor = { enabled: true, level: 0 };
 
-/// Times stride, times pixels per length.
+/** Factors of the stride and of the pixels per length. */
 const LEVELS = [[1, 1], [2, 1], [2, 0.75], [3, 0.6], [4, 0.5]] as const;
 const TOO_LONG = 100; // ms
 const SHORT = 30;     // ms
-const TOO_LONG_FOR = 4, SHORT_FOR = 40; // pictures
+const TOO_LONG_FOR = 4, SHORT_FOR = 40; // pictures in a row
 
 export class Governor {
   private started = 0;
   private fence: WebGLSync | null = null;
   private slow = 0;
   private quick = 0;
-  private patience = SHORT_FOR; // grows when a try at more was too much
+  private patience = SHORT_FOR; // doubles whenever drawing gets too slow
 
   constructor(private readonly gl: WebGL2RenderingContext) {}
 
@@ -28,7 +28,7 @@ export class Governor {
     return governor.enabled ? LEVELS[governor.level][1] : 1;
   }
 
-  /// Before a picture. One is measured at a time.
+  /** Starts timing a picture. One is measured at a time. */
   begin(): void {
     if (!this.fence) this.started = performance.now();
   }
@@ -57,7 +57,7 @@ export class Governor {
   };
 
   private judge(milliseconds: number): void {
-    // Very slow ones count twice.
+    // A very slow picture counts twice.
     this.slow = milliseconds > 3 * TOO_LONG ? this.slow + 2 : milliseconds > TOO_LONG ? this.slow + 1 : 0;
     this.quick = milliseconds < SHORT ? this.quick + 1 : 0;
     if (this.slow >= TOO_LONG_FOR && governor.level + 1 < LEVELS.length) {

@@ -1,5 +1,5 @@
-// The leaf graph: lines between the centres of neighbouring spheres, coloured by their states, so
-// that one sees how far the inside has spread. Drawn over the spheres, which would hide it.
+// The leaf graph: lines between the centers of neighboring spheres, colored by their states, which
+// shows how far the inside has spread. Drawn over the spheres, which would hide it.
 
 import {
   BufferAttribute, BufferGeometry, DynamicDrawUsage, InterleavedBuffer, InterleavedBufferAttribute,
@@ -44,7 +44,7 @@ export class LeafGraph {
     this.object.renderOrder = 1;
   }
 
-  /// `states` of the spheres; statesChanged() reports that they did.
+  /** `states` of the spheres, shared; call statesChanged() after they change. */
   setSpheres(spheres: Spheres, states: Uint8Array): void {
     this.geometry.dispose();
     const data = new InterleavedBuffer(spheres.data, 4);
@@ -54,7 +54,7 @@ export class LeafGraph {
 
   setGraph(graph: Graph): void {
     this.geometry.setIndex(new BufferAttribute(graph.pairs, 1));
-    // Many lines would cover everything.
+    // Fainter the more lines there are, so that they do not cover everything.
     this.material.uniforms.opacity.value = Math.min(0.8, Math.max(0.12, Math.sqrt(600 / Math.max(1, graph.count))));
   }
 

@@ -1,11 +1,11 @@
-// Words in the scene, as large as text on the page wherever they are, and legible before anything.
+// Text in the scene, of constant size on the page and legible on any ground.
 
 import { CanvasTexture, Sprite, SpriteMaterial, SRGBColorSpace } from 'three';
 import type { Theme } from './colours';
 
 const TEXT = 40, MARGIN = 6; // pixels of the texture
 const FONT = `600 ${0.7 * TEXT}px system-ui, sans-serif`;
-const SIZE = 0.073; // height of a line, of half the shorter side of the canvas
+const SIZE = 0.073; // height of a line, in half the shorter side of the canvas
 
 export class Label {
   readonly object: Sprite;
@@ -14,7 +14,7 @@ export class Label {
   private readonly texture: CanvasTexture;
   private painted: Theme | null = null;
 
-  /// `anchor`: what of the words is at their place, from 0 to 1 to the right and up.
+  /** `anchor`: point of the text at its position, from 0 to 1 to the right and up. */
   constructor(private readonly words: string, anchor: [number, number], isBeforeAll = false) {
     this.context.font = FONT;
     this.canvas.width = Math.ceil(this.context.measureText(words).width) + 2 * MARGIN;
@@ -26,7 +26,7 @@ export class Label {
     }));
     this.object.renderOrder = isBeforeAll ? 2 : 0;
     this.object.center.set(...anchor);
-    // The same in every view, with perspective or without.
+    // Same size in perspective and orthographic views.
     this.object.onBeforeRender = (_, __, { projectionMatrix: { elements } }) => {
       const height = SIZE / Math.max(elements[0], elements[5]);
       this.object.scale.set((height * this.canvas.width) / TEXT, height, 1);

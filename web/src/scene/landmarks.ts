@@ -1,5 +1,4 @@
-// Quiet lines that say where things are: the axes of W, and for a tool alone those of its frame over
-// a grid.
+// Reference lines: the axes of W; for a tool alone its axes over a grid.
 
 import { AxesHelper, GridHelper, Group, LineBasicMaterial } from 'three';
 import type { Hello, SceneOptions } from '../types';

@@ -1,5 +1,5 @@
-// Normals as short needles at every eighth pixel: those of the server if it sends them, else those
-// that the cloud is shaded by.
+// Normals as short needles at every eighth pixel: the server's if it sends them, else those that
+// shade the cloud.
 
 import { BufferGeometry, Mesh } from 'three';
 import { OTHER_COLOURS, rgb } from './colours';
@@ -19,7 +19,7 @@ void main() {
   float z = depth_at(pixel);
   vec3 n = z == 0.0 ? vec3(0.0) : normal_at(pixel, z);
   if (n == vec3(0.0)) { gl_Position = vec4(0.0, 0.0, 2.0, 1.0); return; }
-  // As long as they are apart: a picture of steady density.
+  // As long as their distance: constant density in the picture.
   float size = ${STEP}.0 * z / intrinsics.x;
   vec4 p = modelViewMatrix * vec4(point_at(pixel, z), 1.0);
   vec3 direction = mat3(modelViewMatrix) * n;

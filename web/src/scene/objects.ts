@@ -1,4 +1,4 @@
-// Rigid objects beside what the cameras see, where they are now.
+// Rigid objects of the scene at their current poses.
 
 import { Group } from 'three';
 import type { Mesh, Pose, SceneOptions } from '../types';
@@ -27,7 +27,7 @@ export class Objects {
     this.meshes.forEach(({ object }, i) => poses[i] && setPose(object, poses[i]));
   }
 
-  /// Where they are is said with the first contact.
+  /** Poses arrive with the first contact. */
   update(options: SceneOptions): void {
     this.meshes.forEach((mesh, i) => {
       mesh.update(options);

@@ -1,4 +1,4 @@
-// Small sums over poses.
+// Helpers for poses.
 
 import { type Object3D, Quaternion, Vector3 } from 'three';
 import type { Pose, Sample } from '../types';
@@ -10,7 +10,7 @@ export function setPose(object: Object3D, pose: Pose): void {
   object.quaternion.fromArray(pose.quaternion);
 }
 
-/// Of the columns PREFIX_x ... PREFIX_qw; null if they are no pose.
+/** Reads the pose of the columns PREFIX_x ... PREFIX_qw; null if they are not finite. */
 export function sampledPose(sample: Sample, prefix: 'tool' | 'hand'): Pose | null {
   const of = (name: string) => sample[`${prefix}_${name}`];
   const p = [of('x'), of('y'), of('z')], q = [of('qx'), of('qy'), of('qz'), of('qw')];
@@ -28,18 +28,18 @@ export function sampledVector(sample: Sample, prefix: string): Vector3 {
   return Number.isFinite(v.lengthSq()) ? v : new Vector3();
 }
 
-/// A point of T in W.
+/** Transforms a point from T to W. */
 export function transformed(X_WT: Pose, p_T: readonly [number, number, number]): Vector3 {
   return new Vector3(...p_T).applyQuaternion(new Quaternion(...X_WT.quaternion))
     .add(new Vector3(...X_WT.position));
 }
 
-/// A point of W in T.
+/** Transforms a point from W to T. */
 export function inverted(X_WT: Pose, p_W: Vector3): Vector3 {
   return p_W.clone().sub(new Vector3(...X_WT.position)).applyQuaternion(new Quaternion(...X_WT.quaternion).conjugate());
 }
 
-/// X_CT of X_WC and X_WT.
+/** Returns X_CT of X_WC and X_WT. */
 export function inFrame(X_WC: Pose, X_WT: Pose): Pose {
   const q_CT = new Quaternion(...X_WC.quaternion).conjugate().multiply(new Quaternion(...X_WT.quaternion));
   return {
@@ -52,7 +52,7 @@ export function distance(a: Pose, b: Pose): number {
   return Math.hypot(...a.position.map((x, i) => x - b.position[i]));
 }
 
-/// Radians.
+/** Returns the angle between two orientations, rad. */
 export function rotationBetween(a: Pose, b: Pose): number {
   return new Quaternion(...a.quaternion).angleTo(new Quaternion(...b.quaternion));
 }

@@ -1,8 +1,8 @@
-// The canvas's WebGL 2.
+// WebGL 2 renderer of the canvas.
 
 import { WebGLRenderer } from 'three';
 
-/// Without a graphics card, smoothed edges cost more than they are worth.
+/** True for a software renderer, where antialiasing costs more than it is worth. */
 function isSoftware(): boolean {
   const gl = document.createElement('canvas').getContext('webgl2');
   const info = gl?.getExtension('WEBGL_debug_renderer_info');
@@ -11,8 +11,10 @@ function isSoftware(): boolean {
   return /llvmpipe|softpipe|swiftshader|software|basic render/i.test(name);
 }
 
-/// Throws where the browser has no WebGL 2. A lost context comes back by itself: three.js takes the
-/// event and loads everything anew from what the page holds.
+/**
+ * Throws if the browser lacks WebGL 2. A lost context is restored by three.js, which reloads everything from the
+ * data that the page holds.
+ */
 export function createRenderer(canvas: HTMLCanvasElement): WebGLRenderer {
   return new WebGLRenderer({
     canvas, antialias: !isSoftware(), alpha: false, stencil: true, powerPreference: 'high-performance',

@@ -1,11 +1,11 @@
-// Three rings around a tool that is held, to turn it by: red, green and blue about x, y and z of T.
+// Three rings that turn a held tool: red, green and blue about x, y and z of T.
 
 import { BufferAttribute, BufferGeometry, Group, LineBasicMaterial, LineLoop, Quaternion, Vector3 } from 'three';
 import type { Grasp } from '../types';
 import { RING_COLOURS } from './colours';
 
 const CORNERS = 96;
-const QUIET = 0.75; // opacity, of one that nobody points at
+const QUIET = 0.75; // opacity of a ring without pointer
 
 export class Rings {
   readonly object = new Group();
@@ -46,7 +46,7 @@ export class Rings {
     this.rings.forEach((ring, i) => (ring.material.opacity = i === this.pointed ? 1 : QUIET));
   }
 
-  /// The nearest ring within so many pixels. `project`: W to pixels.
+  /** Returns the nearest ring within `reach` pixels. `project`: W to pixels. */
   grasp(x: number, y: number, reach: number, project: (p: Vector3) => [number, number]): Grasp | null {
     if (!this.object.visible) return null;
     let found: Grasp | null = null, nearest = reach;

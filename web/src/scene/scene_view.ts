@@ -1,5 +1,5 @@
-// The 3-D part of the page: takes decoded messages, draws them (thesis section 4.4). What moves is
-// written into buffers that exist; nothing is allocated for a picture.
+// The 3-D part of the page: draws decoded messages (thesis section 4.4). Moving parts are written into
+// existing buffers; nothing is allocated per picture.
 
 import { Color, Group, Quaternion, Scene, Vector3 } from 'three';
 import { defaultOptions } from '../options';
@@ -28,9 +28,9 @@ import { ToolMesh } from './tool_mesh';
 import { Trace } from './trace';
 import { TreeNodes } from './tree';
 
-/// A tool alone stands as other programs show meshes, y up: in W that is half a turn about x.
+/** Pose of a tool alone: y up as in mesh viewers, half a turn about x in W. */
 const UPRIGHT: Pose = { position: [0, 0, 0], quaternion: [1, 0, 0, 0] };
-/// s: samples so much newer than the last contact say where the tool is.
+/** s: age of the last contact from which samples give the tool's pose instead. */
 const CONTACT_IS_OLD = 0.5;
 
 class View implements SceneView {
@@ -63,8 +63,8 @@ class View implements SceneView {
   private contact: Contact | null = null;
   private strain = 0;
   private framed: 'nothing' | 'scene' | 'tool' = 'nothing';
-  private sawNothing = false; // when it was framed
-  private framedSensors = 0;  // that had sent an image then
+  private sawNothing = false; // the framing had no measurement
+  private framedSensors = 0;  // cameras with an image when framed
   private size: [number, number] = [1, 1]; // CSS pixels
   private pixelRatio = 1;
   private drawnRatio = 0;
@@ -140,7 +140,7 @@ class View implements SceneView {
     this.contact = contact;
     this.setToolPose(contact.X_WT);
     this.objects.setPoses(contact.objects);
-    // A tool alone touches nothing: its spheres are not outside, there is nothing to be outside of.
+    // A tool alone touches nothing: its spheres have no state.
     if (this.sensors.length > 0 && this.spheres.setContact(contact)) this.graph.statesChanged();
   }
 
@@ -193,7 +193,7 @@ class View implements SceneView {
 
   picture(): Promise<Blob> {
     this.render();
-    // In the same task as the drawing, before the browser takes the picture away.
+    // In the task of the drawing: the browser clears the canvas after it.
     return new Promise((resolve, reject) => {
       this.canvas.toBlob((blob) => (blob ? resolve(blob) : reject(new Error('The picture could not be made.'))));
     });
@@ -302,7 +302,7 @@ class View implements SceneView {
     this.frameOnce();
   }
 
-  /// In W; null until it is known.
+  /** Tool's center of mass in W; null until it is known. */
   private toolCentre(): Vector3 | null {
     return this.X_WT && this.hello ? transformed(this.X_WT, this.hello.tool.centre_of_mass) : null;
   }
@@ -316,7 +316,7 @@ class View implements SceneView {
     return this.X_WT_hand && this.hello ? transformed(this.X_WT_hand, this.hello.tool.centre_of_mass) : null;
   }
 
-  /// What shows how the hand holds the tool, of a tool that pages can hold.
+  /** Places the rings and the spring of a tool that pages can hold. */
   private setHandle(X_WT: Pose): void {
     const held = this.handCentre();
     if (!this.hello?.handle || !held || !this.X_WT_hand) return;
@@ -325,13 +325,13 @@ class View implements SceneView {
     this.spring.set(held, transformed(X_WT, centre), radius, heat(this.strain));
   }
 
-  /// Looks at the scene when it is there, then at the tool in it, unless somebody looks elsewhere.
+  /** Frames the scene once it is there, then the tool in it, unless the person has moved the view. */
   private frameOnce(): void {
     if (!this.hello || this.cameras.moved) return;
     const numSeeing = this.numSeeing;
     const hasScene = numSeeing > 0 || this.sensors.length === 0;
     const step = this.X_WT && hasScene ? 'tool' : hasScene ? 'scene' : 'nothing';
-    // A camera may begin with empty images: then once more when there is something to be seen.
+    // A camera may begin with empty images: frame again once there is a measurement.
     const appears = this.sawNothing && this.framing().hasScene;
     const isNew = step !== this.framed && this.framed !== 'tool';
     if (step !== 'nothing' && (isNew || appears || numSeeing > this.framedSensors)) this.resetView();
@@ -341,7 +341,7 @@ class View implements SceneView {
     return this.sensors.filter((sensor) => sensor.isSeeing).length;
   }
 
-  /// Of each stream one; what was seen by those before is forgotten.
+  /** Makes one depth camera per stream and drops the previous ones. */
   private makeSensors({ streams }: Hello): void {
     for (const sensor of this.sensors) {
       this.scene.remove(sensor.object);
@@ -359,7 +359,7 @@ class View implements SceneView {
   }
 }
 
-/// Throws where the browser has no WebGL 2.
+/** Throws if the browser lacks WebGL 2. */
 export function createScene(canvas: HTMLCanvasElement): SceneView {
   return new View(canvas);
 }

@@ -1,4 +1,4 @@
-// Spheres as translucent shells: clear in the middle, seen at the rim. For the nodes of the sphere
+// Spheres as translucent shells: clear in the middle, opaque at the rim. For the nodes of the sphere
 // tree and for the ghost of a tool without mesh.
 
 import { type InstancedBufferGeometry, Mesh } from 'three';
@@ -30,7 +30,7 @@ export class Shells {
   readonly object: Mesh<InstancedBufferGeometry>;
   private readonly material;
 
-  /// `fill`: how much of the colour is seen in the middle.
+  /** `fill`: opacity in the middle. */
   constructor(colour: string, fill: number) {
     this.material = shaderMaterial({
       shell_colour: { value: rgb(colour) }, opacity: { value: 1 }, fill: { value: fill },

@@ -1,22 +1,21 @@
-// Spheres as impostors: each is one rectangle of the canvas, just large enough, and every pixel of
-// it meets the ball exactly, with its depth. So spheres are round at any zoom and cost two
-// triangles. Works for perspective views, also off-centre ones, and orthographic views; the eye may
-// be within a sphere.
+// Spheres as impostors: each is one bounding rectangle on the canvas, and every pixel of it intersects
+// the sphere exactly, with its depth. Spheres are round at any zoom and cost two triangles. Works for
+// perspective views, also off-center ones, and orthographic views; the eye may be within a sphere.
 
 import { BufferAttribute, InstancedBufferAttribute, InstancedBufferGeometry } from 'three';
 
-/// place_ball() sets gl_Position; the rays then follow from `slope`.
+/** place_ball() sets gl_Position; the rays then follow from `slope`. */
 export const BALL_VERTEX = `
 in vec2 corner;  // -1 or 1
-in vec4 sphere;  // centre and radius in the object's frame
+in vec4 sphere;  // center and radius in the object's frame
 out vec2 slope;           // perspective: of the ray, x and y per z; orthographic: x and y
-flat out vec4 ball;       // centre and radius in the view frame
-flat out vec4 projection; // to find depths: z, its offset, near plane, whether orthographic
+flat out vec4 ball;       // center and radius in the view frame
+flat out vec4 projection; // to compute depths: z, its offset, near plane, 1 if orthographic
 
 const float FAR_OUT = 1e6;
 
-// Between which slopes x / z a circle is seen from the origin, z forward: those of the tangents,
-// turned from the direction of the centre u by the angle whose sine is r / distance.
+// Range of slopes x / z at which a circle is seen from the origin, z forward: those of the tangents,
+// the direction to the center u turned by the angle whose sine is r / distance.
 bool tangents(vec2 centre, float r, out vec2 interval) {
   float d = length(centre);
   interval = vec2(-FAR_OUT, FAR_OUT);
@@ -52,8 +51,10 @@ void place_ball() {
 }
 `;
 
-/// The ray in the view frame is eye + t ray, with t the depth. It comes closest to the centre at
-/// t = closest, where it is `nearest` from the centre: so even small spheres far away are exact.
+/**
+ * The ray in the view frame is eye + t ray, with t the depth. It comes closest to the center at
+ * t = closest, at the offset `nearest` from the center: precise even for small, distant spheres.
+ */
 export const BALL_FRAGMENT = `
 in vec2 slope;
 flat in vec4 ball;
@@ -76,14 +77,14 @@ void meet_ball() {
 
 bool in_front(float t) { return t > projection.z; }
 
-// Of the canvas, for gl_FragDepth.
+// Depth on the canvas, for gl_FragDepth.
 float depth_of(float t) {
   float z = -t * projection.x + projection.y;
   return 0.5 + 0.5 * (projection.w == 1.0 ? z : z / t);
 }
 `;
 
-/// One rectangle for each sphere (x y z r).
+/** Makes one rectangle for each sphere (x y z r). */
 export function ballGeometry(spheres: Float32Array): InstancedBufferGeometry {
   const geometry = new InstancedBufferGeometry();
   geometry.setAttribute('corner', new BufferAttribute(new Float32Array([-1, -1, 1, -1, -1, 1, 1, 1]), 2));

@@ -1,7 +1,7 @@
-// The tool as its spheres: whole, or only what is inside the scene, cut exactly by the collision
-// planes (thesis section 4.4). A cut sphere is what the ball and the half-space n . x <= d have in
-// common; a ray meets it where it has entered both and left neither, so no mesh of a cap
-// (Alg. 4.1) is ever made.
+// The tool as its spheres: whole, or only the part inside the scene, cut exactly by the collision
+// planes (thesis section 4.4). A cut sphere is the intersection of the ball and the half-space
+// n . x <= d; the shader intersects the ray with both, so no mesh of a cap (Alg. 4.1) is ever
+// made.
 
 import { DynamicDrawUsage, InstancedBufferAttribute, type InstancedBufferGeometry, Mesh, Vector3 } from 'three';
 import type { Contact, SceneOptions, Spheres } from '../types';
@@ -10,16 +10,16 @@ import { SHADE, shaderMaterial } from './glsl';
 import { BALL_FRAGMENT, BALL_VERTEX, ballGeometry } from './sphere_shader';
 import { OPENS_WINDOW } from './window';
 
-const UNKNOWN = 3; // state of a sphere that nothing is known of
+const UNKNOWN = 3; // state of a sphere without measurement
 
 const VERTEX = `${BALL_VERTEX}
 in float state;
 in vec4 plane;  // n and d in T
 uniform bool caps, outside, by_camera;
-uniform vec3 state_colours[4], camera_colours[16];  // the latter: of nobody, and of each camera
+uniform vec3 state_colours[4], camera_colours[16];  // the latter: of no camera, and of each camera
 flat out vec3 ball_colour, veil_colour;
-flat out vec4 cut;   // n in the view frame, d from the centre of the sphere
-flat out int style;  // 0: whole, 1: cut, 2: only a veil
+flat out vec4 cut;   // n in the view frame, d from the center of the sphere
+flat out int style;  // 0: whole, 1: cut, 2: veil only
 
 void main() {
   int bits = int(state), number = bits & 3;
@@ -45,7 +45,7 @@ flat in int style;
 void main() {
   meet_ball();
   if (half_chord2 < 0.0) discard;
-  // Where the ray is in the solid, and whether it comes or goes through the flat side.
+  // Interval of the ray in the solid; enters_flat, leaves_flat: its end is on the flat side.
   float enter = -half_chord, leave = half_chord;
   bool enters_flat = false, leaves_flat = false;
   if (style == 1) {
@@ -57,7 +57,7 @@ void main() {
   }
   vec3 albedo = ball_colour;
   if (style == 2 || leave < enter) {
-    // What is outside is a veil of every fourth pixel: depths stay right, without sorting.
+    // The outside is a veil of every fourth pixel: depths stay right without sorting.
     if (!outside || ((int(gl_FragCoord.x) | int(gl_FragCoord.y)) & 1) == 1) discard;
     albedo = veil_colour;
     enter = -half_chord;
@@ -92,14 +92,14 @@ export class ToolSpheres {
     }, VERTEX, FRAGMENT, OPENS_WINDOW);
     this.object = new Mesh(ballGeometry(new Float32Array(0)), this.material);
     this.object.frustumCulled = false;
-    this.object.renderOrder = -2; // before the cloud
+    this.object.renderOrder = -2; // drawn before the cloud
   }
 
   get count(): number {
     return this.states.length;
   }
 
-  /// Of each sphere; what is seen when it changes: `states` of the last contact.
+  /** States of the spheres, those of the last contact; setContact() updates them in place. */
   get stateArray(): Uint8Array {
     return this.states;
   }
@@ -119,7 +119,7 @@ export class ToolSpheres {
     this.object.geometry = geometry;
   }
 
-  /// False: the contact is not of these spheres.
+  /** Takes over states and planes. Returns false if the contact is not of these spheres. */
   setContact(contact: Contact): boolean {
     const { states, planes } = contact;
     if (states.length !== this.count) return false;
@@ -134,7 +134,7 @@ export class ToolSpheres {
     return true;
   }
 
-  /// Does a ray in T come nearer to one of them than by a margin, m? The direction is a unit vector.
+  /** True if a ray in T passes a sphere within `margin`, m. The direction is a unit vector. */
   isMet(origin: Vector3, direction: Vector3, margin: number): boolean {
     if (this.count === 0) return false;
     const spheres = this.object.geometry.attributes.sphere.array, between = new Vector3();
@@ -146,7 +146,7 @@ export class ToolSpheres {
     return false;
   }
 
-  /// Cut open: what of them lies where n . p <= d in T counts as inside, the rest as outside.
+  /** Cuts the tool open: the part with n . p <= d in T counts as inside, the rest as outside. */
   cut(n: readonly number[], d: number): void {
     const spheres = this.object.geometry.attributes.sphere.array;
     for (let i = 0; i < this.count; ++i) {

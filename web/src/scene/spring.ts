@@ -1,16 +1,16 @@
-// The spring between the hand and the tool: as long as both are apart, in the colour of its force,
-// and seen through whatever lies before it.
+// The spring between the hand and the tool: as long as their distance, in the color of its force, and
+// visible through everything before it.
 
 import { BufferAttribute, BufferGeometry, Mesh, Quaternion, type RawShaderMaterial, Vector3 } from 'three';
 import { rgb } from './colours';
 import { shaderMaterial } from './glsl';
 
 const COILS = 7, PER_COIL = 20, AROUND = 8;
-const LEAST = 5e-4; // m: shorter has no direction
+const LEAST = 5e-4; // m: shorter is not drawn
 
 const VERTEX = `
-in vec2 place;   // share of the wire, angle around it
-uniform float size, coil, wire; // m: of the spring, and the radii of its coils and its wire
+in vec2 place;   // share of the wire's length, angle around it
+uniform float size, coil, wire; // m: length of the spring, radii of its coils and of its wire
 out vec3 view_normal;
 
 void main() {
@@ -24,7 +24,7 @@ void main() {
   vec3 p = coil * open * outwards + vec3(0.0, 0.0, place.x * size) + wire * n;
   view_normal = mat3(modelViewMatrix) * n;
   gl_Position = projectionMatrix * (modelViewMatrix * vec4(p, 1.0));
-  gl_Position.z = mix(gl_Position.z, -gl_Position.w, 0.999); // before everything, and still in its own order
+  gl_Position.z = mix(gl_Position.z, -gl_Position.w, 0.999); // before everything, sorted within itself
 }
 `;
 
@@ -66,7 +66,7 @@ export class Spring {
     this.object.visible = false;
   }
 
-  /// From the hand to the tool, W; `radius` of the tool.
+  /** Stretches the spring from the hand to the tool, W; `radius` of the tool. */
   set(hand: Vector3, tool: Vector3, radius: number, colour: string): void {
     const way = tool.clone().sub(hand), { uniforms } = this.object.material;
     const size = way.length();

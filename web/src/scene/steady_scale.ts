@@ -1,19 +1,19 @@
-// What an arrow of full length means. The number is 1, 2 or 5 times a power of ten and changes
-// seldom: arrows of two moments can be compared.
+// Full-scale value of the arrows. It is 1, 2 or 5 times a power of ten and changes seldom: arrows of
+// two moments can be compared.
 
-const MEMORY = 10; // s, after which a peak is forgotten
+const MEMORY = 10; // s, decay time of a peak
 
 export class SteadyScale {
   private peak = 0;
   private full: number;
-  private shown: number; // follows `full` within a moment, so that arrows do not jump
+  private shown: number; // follows `full` quickly but smoothly, so that arrows do not jump
   private last = -Infinity;
 
   constructor(private readonly least: number) {
     this.full = this.shown = least;
   }
 
-  /// Full length for a value at a time in s.
+  /** Returns the full-scale value after a new value at a time in s. */
   update(time: number, value: number): number {
     const elapsed = Math.min(1, Math.max(0, time - this.last));
     this.last = time;
@@ -26,7 +26,7 @@ export class SteadyScale {
   }
 }
 
-/// To 1, 2 or 5 times a power of ten.
+/** Rounds up to 1, 2 or 5 times a power of ten. */
 function roundUp(value: number): number {
   if (!(value > 0)) return 0;
   const power = 10 ** Math.floor(Math.log10(value));

@@ -1,4 +1,4 @@
-// The tool as its mesh, semi-metal; and the same mesh as a ghost. Objects are of wood.
+// The tool as its mesh, metallic; and the same mesh as a ghost. Objects look like wood.
 
 import { BufferAttribute, BufferGeometry, Float32BufferAttribute, Mesh as DrawnMesh, Vector4 } from 'three';
 import { toCreasedNormals } from 'three/addons/utils/BufferGeometryUtils.js';
@@ -7,8 +7,8 @@ import { heat, OTHER_COLOURS, rgb, THEMES } from './colours';
 import { shaderMaterial } from './glsl';
 import { OPENS_WINDOW } from './window';
 
-const CREASE = 0.55; // rad: triangles that meet at more make an edge of the part
-/// three.js takes corners within a hundredth of a unit for one: with so many units a metre, within 1 µm.
+const CREASE = 0.55; // rad: larger angles between triangles are sharp edges
+/** Units per meter for three.js, which merges vertices within a hundredth of a unit: here 1 µm. */
 const PER_METRE = 1e4;
 
 const VERTEX = `
@@ -31,13 +31,13 @@ vec3 surface_normal() {
 
 const METAL = `${NORMAL}
 uniform vec3 metal_colour;
-uniform vec4 glow; // colour and share
+uniform vec4 glow; // color and share
 
 void main() {
   vec3 n = surface_normal();
   vec3 light = vec3(-0.35, 0.55, 0.758);
   float key = max(0.0, dot(n, light));
-  // A dark horizon under a bright sky makes it look like metal; then the light itself.
+  // A dark horizon under a bright sky looks metallic; then the light itself.
   float sky = smoothstep(-0.6, 0.9, reflect(vec3(0.0, 0.0, -1.0), n).y);
   float glint = pow(max(0.0, dot(n, normalize(light + vec3(0.0, 0.0, 1.0)))), 40.0);
   colour = vec4(mix(metal_colour, glow.rgb, glow.a) * (0.3 + 0.4 * key + 0.45 * sky) + 0.35 * glint, 1.0);
@@ -56,7 +56,7 @@ void main() {
 
 export class ToolMesh {
   readonly object: DrawnMesh;
-  /// Shares the geometry.
+  /** Shares the geometry of the mesh. */
   readonly ghost: DrawnMesh;
   private readonly metal = shaderMaterial({
     metal_colour: { value: rgb(THEMES.dark.metal) }, glow: { value: new Vector4() },
@@ -69,7 +69,7 @@ export class ToolMesh {
     this.object = new DrawnMesh(new BufferGeometry(), this.metal);
     this.ghost = new DrawnMesh(this.object.geometry, this.glass);
     this.object.frustumCulled = this.ghost.frustumCulled = false;
-    this.object.renderOrder = -2; // before the cloud
+    this.object.renderOrder = -2; // drawn before the cloud
   }
 
   get loaded(): boolean {
@@ -81,7 +81,7 @@ export class ToolMesh {
     this.ghost.renderOrder = value ? 1 : 0;
   }
 
-  /// How hard the tool is pushed, as a share of the most: the metal glows.
+  /** Sets the force on the tool as a share of the largest: the metal glows. */
   set strain(share: number) {
     this.metal.uniforms.glow.value.set(...rgb(heat(share)).toArray(), Math.min(0.75, 3 * Math.max(0, share - 0.01)));
   }

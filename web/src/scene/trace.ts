@@ -1,6 +1,6 @@
-// The path of the tool's centre of mass over the last ten seconds, fading. A ring of points in one
-// buffer; the point after the last repeats the first, so each point and its successor are a
-// segment. Which segments are shown is a matter of their times alone.
+// The path of the tool's center of mass over the last ten seconds, fading. A ring buffer of points;
+// the point after the last repeats the first, so each point and its successor are a segment. The
+// shader hides segments by their times alone.
 
 import {
   BufferAttribute, DynamicDrawUsage, InstancedBufferGeometry, InstancedInterleavedBuffer,
@@ -47,7 +47,7 @@ export class Trace {
   private readonly points = new Float32Array(4 * (POINTS + 1)).fill(-1e9);
   private readonly buffer = new InstancedInterleavedBuffer(this.points, 4);
   private next = 0;
-  private origin = 0; // times are counted from here: single precision is short
+  private origin = 0; // times are relative to it: single precision is short
   private last = -Infinity;
 
   constructor() {
@@ -66,14 +66,14 @@ export class Trace {
     this.object.frustumCulled = false;
   }
 
-  /// Whether a point at this time would be drawn.
+  /** True if a point at this time is due. */
   isDue(time: number): boolean {
     return time < this.last || time >= this.last + SPACING;
   }
 
-  /// If it is due.
+  /** Adds a point; call only if isDue(). */
   add(time: number, p_W: Vector3): void {
-    if (time < this.last || time > this.last + DURATION) this.clear(time); // somebody searched a recording
+    if (time < this.last || time > this.last + DURATION) this.clear(time); // a jump in the recording
     this.last = time;
     this.put(this.next, p_W, time);
     if (this.next === 0) this.put(POINTS, p_W, time);

@@ -7,7 +7,7 @@ import { Shells } from './shells';
 export class TreeNodes {
   private readonly shells = new Shells(OTHER_COLOURS.tree, 0.03);
   private tree: Tree | null = null;
-  private level = -1; // whose nodes the shells are
+  private level = -1; // level of the shells
 
   get object() {
     return this.shells.object;

@@ -1,5 +1,5 @@
-// The window in the surface, through which the tool is seen: the tool is drawn first and leaves a
-// mark in the stencil, the cloud requires it.
+// The window in the surface that shows the tool: the tool is drawn first and marks the stencil, the
+// cloud tests the mark.
 
 import { AlwaysStencilFunc, EqualStencilFunc, NotEqualStencilFunc, ReplaceStencilOp } from 'three';
 
