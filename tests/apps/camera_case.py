@@ -1,4 +1,4 @@
-"""What the tests of --camera share: the program, a tool, a path, a bent wall.
+"""Fixture of the tests of --camera: the program, a tool, a path, a bent wall.
 
 Usage of each: TEST.py PATH_OF_PALPATE"""
 

@@ -1,4 +1,4 @@
-"""What the tests of the command line share: the program, a tool, frames of depth, programs that run and end.
+"""Fixture of the command line tests: the program, a tool, frames of depth, programs that run and end.
 
 Usage of each: TEST.py PATH_OF_PALPATE"""
 
@@ -123,7 +123,7 @@ class CommandLineCase(unittest.TestCase):
 
     @staticmethod
     def catches(process, number):
-        """Whether a program has a handler by now."""
+        """True if a program has installed a handler of the signal."""
         caught = re.search(r"^SigCgt:\s*(\w+)", read(f"/proc/{process.pid}/status"), re.MULTILINE)
         return int(caught.group(1), 16) >> (number - 1) & 1 == 1
 

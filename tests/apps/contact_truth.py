@@ -25,7 +25,7 @@ def cross(a, b):
 
 
 def rotate(q, v):
-    """By the unit quaternion x, y, z, w."""
+    """Rotates v by the unit quaternion x, y, z, w."""
     axis, w = q[:3], q[3]
     t = times(cross(axis, v), 2)
     return add(v, add(times(t, w), cross(axis, t)))

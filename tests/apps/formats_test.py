@@ -130,7 +130,7 @@ class Formats(CameraCase):
                                 f"&unit={UNIT}")
 
     def write_ros2(self, name, plugin="MCAP", codec=None, encoding="16UC1"):
-        """By rosbags, as ROS 2 would."""
+        """Writes a bag as ROS 2 does, with rosbags."""
         import numpy
         store = rosbags.typesys.get_typestore(rosbags.typesys.Stores.ROS2_HUMBLE)
         make = {key.rsplit("/", 1)[1]: value for key, value in store.types.items()}

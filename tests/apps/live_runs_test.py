@@ -320,7 +320,7 @@ class LiveRuns(CommandLineCase):
             self.stand_still(program)
             self.wait_for(lambda: os.path.exists(os.path.join(run, "report.html")), program)
             faults = self.expect_whole(run)["faults"]
-            # What there was to say is kept.
+            # The unread messages are still in the pipe.
             with open(reader, "rb") as unread:
                 told = unread.read()
             if faults:
@@ -329,7 +329,7 @@ class LiveRuns(CommandLineCase):
         return faults
 
     def unheard_run(self, run):
-        """Its faults, of which there is something to say to nobody."""
+        """Returns the faults of a run whose standard error nobody reads."""
         reader, writer = os.pipe()
         with self.live_run(run, "--duration", 3, stdout=subprocess.DEVNULL, stderr=writer) as program:
             os.close(writer)

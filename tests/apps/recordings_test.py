@@ -17,13 +17,13 @@ NOBODY = {"user": 65534, "group": 65534, "extra_groups": []}
 
 
 def listing(folder):
-    """What SQLite shares between its readers has no time."""
+    """Lists name, size and time of the files; without the time of -shm, which readers of SQLite change."""
     return sorted((each.name, each.stat().st_size, not each.name.endswith("-shm") and each.stat().st_mtime_ns)
                   for each in folder.iterdir())
 
 
 class Databases(CameraCase):
-    """What rosbag2 writes in WAL mode: messages may lie beside the database, and a reader may not."""
+    """Databases of rosbag2 in WAL mode: messages may lie beside the database, whose folder may be read-only."""
     write_bag = bags_test.Bags.write_bag
 
     def database(self, name):

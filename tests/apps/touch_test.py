@@ -79,7 +79,7 @@ class Touching(CommandLineCase):
         self.assertAlmostEqual(told["force_difference_max_N"], max(off), delta=1e-9)
         self.assertAlmostEqual(told["force_difference_rms_N"] ** 2,
                                sum(x * x for x in off) / len(off), delta=1e-9)
-        # What another method does not have is left out, and said; what is asked for is refused.
+        # Options of the run that another method lacks are dropped with a note; given ones are refused.
         edges, field = self.path("try_edges"), self.path("tried_field")
         self.succeed(*self.sequence("-o", edges, "--method", "simplified", "--priority", "count",
                                     "--continuity", "both"))
@@ -254,7 +254,7 @@ pose = [1, 0, 0, 0, 0, {0.5 ** 0.5}, {0.5 ** 0.5}]
         # The frame of that moment is another one.
         self.assertNotEqual(later["volume_m3"][0], together["volume_m3"][0])
         self.assertEqual(later["sensor_age_s"][0], 0)
-        # So it is with a device that plays the path: it feels the frame of that moment first.
+        # A device that plays the path also feels the frame of that moment first.
         settings = self.patient_settings("patient_clocks.toml")
         played = {}
         for shift in (0, 0.5):

@@ -205,7 +205,7 @@ class Usage(CommandLineCase):
         for path in precious.values():
             self.assertEqual(read(path), "# my notes\nx, y\n")
         self.assertEqual(sorted(os.listdir(notes)), sorted(precious))
-        # What is of its kind, or empty, is replaced.
+        # Files of the same kind, and empty ones, are replaced.
         for arguments, name in ((("pack", self.mesh, "--spheres", 20, "-o"), "n.palp"), (("shape", "box", "-o"), "n.ply"),
                                 (("shape", "box", "-o"), "n.stl"), (("shape", "box", "-o"), "n.obj"),
                                 (("info", self.tool, "--report"), "n.html"), (("export", self.tool, "--spheres"), "n.csv"),

@@ -281,7 +281,7 @@ TEST(BodySolver, StackOfFiveStands) {
     EXPECT_LT(norm(rotation_between(then.rotation, now.rotation)), 1e-8) << i;
     EXPECT_NEAR(now.translation.z, kSize.z * (i + 0.5), 2e-3) << i;
   }
-  // What the plate carries is what they weigh.
+  // The plate carries the weight of all five.
   EXPECT_NEAR(world.touches[0].F_A_W.force.z, 5 * 0.3 * kG, 1e-4);
 }
 

@@ -76,8 +76,8 @@ TEST(CaptureClock, OneLateFrameMovesNothing) {
   EXPECT_EQ(clock.num_restarts(), 0);
 }
 
-/// What happens to a camera of 30 frames per second within two minutes, from the 40th second on:
-/// by its own clock and by how late its frames come. Times are of our clock, s.
+/// Disturbance of a camera of 30 frames per second within two minutes, from the 40th second on:
+/// errors of its clock and delays of its frames. Times are of our clock, s.
 struct Mishap {
   std::string name;
   std::function<double(double captured, int frame)> error;  // s, of its clock
@@ -158,7 +158,7 @@ TEST(CaptureClock, KnowsALateFrameFromAClockThatWasSet) {
   }
 }
 
-// What was sent before, once more, comes faster than a clock goes.
+// Frames that are sent a second time come faster than a clock goes.
 TEST(CaptureClock, WhatIsSentAgainIsOld) {
   StampOrder order;
   CaptureClock clock;
@@ -172,7 +172,7 @@ TEST(CaptureClock, WhatIsSentAgainIsOld) {
   EXPECT_EQ(clock.num_restarts(), 0);
 }
 
-/// What comes of frames with these stamps at these times, 8 x 8 pixels.
+/// Ages and notes of 8 x 8 frames with given stamps and arrival times.
 struct Taken {
   std::vector<double> ages;  // s, when each has come
   std::string notes;

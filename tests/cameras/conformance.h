@@ -1,4 +1,4 @@
-// What every source of depth promises, whatever is behind it.
+// Promises of every source of depth, whatever is behind it.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -52,7 +52,7 @@ inline void expect_recording(const OpenSource& open, int num, int width, int hei
   EXPECT_TRUE(end && !*end);
 }
 
-/// What image of a number a camera sends.
+/// Function that returns the pixels of image `number` of a camera.
 using PixelsOf = std::function<std::vector<std::uint16_t>(int width, int height, int number)>;
 
 /// A camera that sends the pattern: each frame that is taken is exact to the count and newer than

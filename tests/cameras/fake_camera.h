@@ -1,4 +1,4 @@
-// How a test controls the camera of an emulated library.
+// Controls of the camera of an emulated library.
 #pragma once
 
 #include <atomic>

@@ -36,7 +36,7 @@ using Error = Failure**;
 void fail(Error error, const char* message) {
   if (error != nullptr) *error = new Failure{message};
 }
-/// What is out of the computer answers nothing any more.
+/// Returns false, with an error, once the camera is unplugged.
 bool is_there(Error error) {
   if (!control.is_plugged) fail(error, "Device is deactivated/disconnected!");
   return control.is_plugged;

@@ -1,4 +1,4 @@
-// How a test controls the cameras of the emulated Orbbec SDK.
+// Controls of the cameras of the emulated Orbbec SDK.
 #pragma once
 
 #include <atomic>

@@ -177,7 +177,7 @@ TEST(FrameIntake, OneTimeStampThatIsNoSecondsSpoilsNoOther) {
     intake.give(frame, options.pinhole, capture + late);
     ASSERT_TRUE(*intake.next(frame));
     EXPECT_EQ(test::number_of(frame, 20), k);
-    // Of the others, the clock is known from the third frame on.
+    // The clock of the good time stamps is known from the third frame on.
     if (k < 2) continue;
     EXPECT_NEAR(frame.timestamp, capture + (is_wrong ? late : 0), 1e-9) << k;
   }

@@ -112,7 +112,7 @@ class SwingingRobot {
                                   {"forearm", "hand", {{0, 0, 0.3}, axis_angle({0, 0, 1}, 0.5)}}};
     fixed_->publish(transform_message(0, still));
     thread_ = std::thread([this] {
-      // What is new at once, and all of the last second again and again: sensor data may be lost.
+      // Sends new data at once, and all of the last second repeatedly: sensor data may be lost.
       for (int newest = kOldest - 1, again = kOldest; !is_over_;) {
         if (0.01 * (newest + 1) <= now() + lead_ + 1e-6) {
           tell(++newest);

@@ -263,7 +263,7 @@ TEST(DepthEstimate, SameBitsForAnyThreadsAndInstructionSetAndNoAllocation) {
   }
 }
 
-// What one knows, another one goes on with, to the bit.
+// A second estimator resumes from the state of the first, to the bit.
 TEST(DepthEstimate, GoesOnFromItsState) {
   Camera camera;
   Estimator one(options_with(100)), other(options_with(100));

@@ -19,7 +19,7 @@ using test::wait_for;
 
 constexpr double kStep = 1.0 / 1024;  // m at each tick
 
-/// What a driver is told, and when it gives up.
+/// Script and log of a driver: the calls that it gets, and when it gives up.
 struct Diary {
   bool begins = true;
   std::function<void()> while_beginning;

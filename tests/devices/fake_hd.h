@@ -1,4 +1,4 @@
-// What the fake OpenHaptics does, and what was done to it.
+// Script and log of the fake OpenHaptics.
 #pragma once
 
 #include <array>
@@ -29,7 +29,7 @@ struct FakeHd {
   std::array<std::atomic<double>, 3> velocity{}, angular_velocity{};
   std::atomic<int> buttons{0};
 
-  // What happened.
+  // The log.
   std::array<std::atomic<double>, 3> force{}, torque{};  ///< of the newest frame
   std::atomic<double> largest_force{0};
   std::atomic<double> largest_step{0};  ///< up, of the force along x from one frame to the next

@@ -105,7 +105,7 @@ TEST(HaplyDevice, TheHandFeelsTheForce) {
   EXPECT_TRUE(has_moved) << "velocities come with the states";
 }
 
-// Where the maker's own example has the middle of the workspace, seen from the device's base.
+// The middle of the workspace, seen from the device's base, is that of the maker's own example.
 TEST(HaplyDevice, TheOriginIsTheMiddleOfTheWorkspace) {
   const Vec3d off{0.01, 0.02, 0.03};  // to the right, away from the hand, up
   for (const std::string preset : {"defaults", "arm_front", "", "arm_front_centered", "custom"}) {
@@ -169,7 +169,7 @@ TEST(HaplyDevice, ChangesItsWordsWhenNotHeardAndBeginsSoftly) {
   EXPECT_TRUE(bench.device->status());
 }
 
-// Of which the safety filter knows: meanwhile the hand may have felt nothing.
+// The states tell the safety filter that meanwhile the hand may have felt nothing.
 TEST(HaplyDevice, HasNoForceUntilItsNewWordsHaveAllOfIt) {
   HaplyServiceOptions options;
   options.version = "";

@@ -217,7 +217,7 @@ TEST_F(PageHandTest, OnePageHoldsItAtATime) {
   EXPECT_FALSE(handle_->is_held());
   ASSERT_TRUE(handle_->hold(kOther, now_));
   EXPECT_FALSE(handle_->move(kPage, {}, now_));
-  // Who is heard of no more does not keep others from it.
+  // A page that is silent for kPatience does not keep others from the handle.
   const double later = now_ + PageHandle::kPatience;
   EXPECT_FALSE(handle_->hold(kPage, later - 0.01));
   EXPECT_TRUE(handle_->hold(kPage, later + 0.01));

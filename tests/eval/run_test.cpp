@@ -359,7 +359,7 @@ TEST(Figures, DrawingsAreMade) {
     const auto result = figure.make(context);
     ASSERT_TRUE(result) << figure.id << ": " << result.error().message;
     EXPECT_FALSE(result->tables.empty() && result->pictures.empty()) << figure.id;
-    // What is not measured has no verdict.
+    // Drawings without a measurement have no claims.
     EXPECT_EQ(result->claims.empty(), std::string(figure.id) != "4.5-4.7") << figure.id;
   }
 }

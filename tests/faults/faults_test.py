@@ -36,7 +36,7 @@ PALPATE = FAULTS = None
 KILLS = int(os.environ.get("PALPATE_KILLS", 6))
 FIRST_PLAN, _, END_OF_PLANS = ("0-" + os.environ.get("PALPATE_PLANS", "6")).rpartition("-")
 FIRST_PLAN, END_OF_PLANS = int(FIRST_PLAN.split("-")[-1]), int(END_OF_PLANS)
-# What a busy machine must not end is no fault here.
+# Limits so wide that a busy machine causes no fault.
 PATIENT = ("[safety]\nmax_contact_age = 60\nmax_sensor_age = 60\nmax_tick = 60\n"
            "max_device_silence = 60\nenergy_tank = 100\n")
 
@@ -100,13 +100,13 @@ class Case(unittest.TestCase):
         return result.returncode
 
     def check_touch(self, arguments, faults, **more):
-        """And what lies in its folder, which is all that there is to say of a run without an error."""
+        """Checks a run, and its folder if the run succeeded or left one. Returns the status."""
         status, output = self.check(arguments, faults, **more), arguments[-1]
         self.num_ticks = self.check_run(output, is_whole=status == 0) if status == 0 or output.exists() else 0
         return status
 
     def check_run(self, folder, is_whole=False):
-        """What lies in the folder of a run is whole, and repeats. Returns the number of ticks."""
+        """Checks that the files of a run's folder are whole, and repeat. Returns the number of ticks."""
         if is_whole:
             self.assertLessEqual({"recording.mcap", "wrench.csv", "summary.json", "report.html"},
                                  {path.name for path in folder.iterdir()})
@@ -223,7 +223,7 @@ class Faults(Case):
                 ended = self.check_touch(self.live_run(output, duration, wall=self.LARGE_WALL), faults)
                 if self.came:
                     break
-            # What could not be kept is no success, and nobody is sent to a report that is not there.
+            # A run that could not be kept is no success, and names no report that is not there.
             self.assertEqual((ended, bool(self.came)), (status, True), self.last_error)
             self.assertGreater(self.num_ticks, 0)
             told = "report: " in self.last_output
@@ -442,7 +442,7 @@ class Faults(Case):
                 for folder in self.folder.glob(f"chance-{number}*"):
                     self.check_run(folder)
                     shutil.rmtree(folder)
-                # What was said, without what differs from run to run.
+                # The last message, without the parts that differ from run to run.
                 last = self.last_error.strip().splitlines()[-1] if failed else "whole"
                 endings[re.sub(r"/\S*|[0-9.]+", "...", last)] += 1
         print(f"{endings.total()} plans, of which {dict(kinds)} came: {endings['whole']} runs ended with all results, "

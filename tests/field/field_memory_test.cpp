@@ -1,4 +1,4 @@
-// What a pixel remembers, and the fields that are made of it.
+// Memory of a pixel, and the fields that are made of it.
 #include "src/field/field_memory.h"
 
 #include <cmath>
@@ -187,7 +187,7 @@ TEST(FieldMemory, FieldsShowWhatIsBehindAndWhatIsInFront) {
             sample_field(before.field, {0.0, 0.0, 0.95}, 0.005).phi);
 }
 
-// Of one of several cameras: what the frame shows, and apart from that what is remembered.
+// One of several cameras keeps the surface of the frame and the remembered one apart.
 TEST(FieldMemory, OneOfSeveralTellsApartWhatItSeesAndRemembers) {
   ThreadPool pool(2);
   DepthFieldOptions field;

@@ -39,7 +39,7 @@ FrozenField rough_wall(std::uint64_t seed, UnseenSpace unseen = UnseenSpace::sol
                      {.unseen = unseen, .thickness = thickness});
 }
 
-// So calm that no gradient is shortened.
+// A wall with so little noise that no gradient is shortened.
 FrozenField calm_wall(std::uint64_t seed, UnseenSpace unseen = UnseenSpace::solid,
                       double thickness = kThickness) {
   return FrozenField(test::noisy_wall(160, 120, 140, 0.6, 0.00005, seed),
@@ -163,7 +163,7 @@ TEST(FieldContact, StiffnessIsTheDerivativeOfTheWrench) {
     const Pose X_WT = random_pose(random);
     const double volume = query->query(X_WT, kOwn).volume;
     const Stiffness got = query->stiffness();
-    // Where a gradient was shortened, only the symmetric part is told.
+    // If a gradient was shortened, the stiffness is only the symmetric part.
     const auto force_along = [&](double longest) {
       return brute_force(tool, scene, X_WT, SphereVolumes::own, longest).measure_W.force;
     };

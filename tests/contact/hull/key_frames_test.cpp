@@ -1,4 +1,4 @@
-// What a camera that moves remembers: against exact solids, and queries against their definition in
+// Key frames of a moving camera: against exact solids, and queries against their definition in
 // double.
 #include <algorithm>
 #include <cmath>
@@ -258,8 +258,8 @@ TEST(KeyFrames, AreOfCountsInHostMemory) {
   EXPECT_EQ(timeline.key_frames().size(), 1u);
 }
 
-// Where all has gone, or something has come before all of it, all points say so but those of the
-// border, which have too few beside them.
+// If all has gone, or something has come before all of it, all points say so but those of the
+// border, which have too few neighbors.
 TEST(FrameEvidence, OfTheBorderNothingIsConcluded) {
   DepthGrid kept{9, 7, {8, 8, 4, 3}, {}, std::vector<float>(63, 1.0f)}, now = kept;
   FrameEvidence evidence(63, {});

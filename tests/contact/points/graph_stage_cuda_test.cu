@@ -34,7 +34,7 @@ __global__ void __launch_bounds__(kQueryThreads, 1)
   if (gpu::grid_thread() == 0) *num_rounds = rounds;
 }
 
-/// What a query knows when the graph stage begins, in host memory.
+/// State of a query when the graph stage begins, in host memory.
 struct Scene {
   std::vector<GraphTraversal::Seed> seeds;  // ascending
   std::vector<EdgePiece> pieces;
