@@ -209,7 +209,7 @@ TEST(CheckCoupling, StaysBelowThePassivityBoundOfTurningThisTool) {
       EXPECT_TRUE(result->warnings.empty()) << result->warnings[0];
     }
   }
-  // What is passive for a long tool need not be for a short one.
+  // A stiffness that is passive for a long tool need not be so for a short one.
   CouplingOptions options;
   options.angular_stiffness = 20;
   EXPECT_TRUE(check_coupling(options, limits, kTick, ball_tool(0.05))->warnings.empty());

@@ -28,7 +28,7 @@ struct BallOnWall {
     p.measure_W.torque = cross(c_W - X_WT * centre_of_mass_T, p.measure_W.force);
     return p;
   }
-  /// By central differences of the measure.
+  /// Computes the stiffness by central differences of the measure.
   Stiffness stiffness(const Pose& X_WT) const {
     const double step = 1e-6;
     const Vec3d C = X_WT * centre_of_mass_T;
@@ -106,7 +106,7 @@ TEST(LocalContact, IsFirstOrderAroundItsPose) {
   }
 }
 
-// What a turn adds is bounded by the force at the radius of gyration of the stiffness, four times.
+// The torque of a turn is at most four times the force at the stiffness's radius of gyration.
 TEST(LocalContact, TorqueIsLimitedByForceTimesLever) {
   LocalContact contact;
   contact.is_valid = true;

@@ -1,4 +1,4 @@
-// What the safety filter knows of the energy that it gives to a hand, and what it takes away for
+// Energy that the safety filter gives to a hand: its observation, and the force taken away for
 // it.
 #include <algorithm>
 #include <cmath>
@@ -48,7 +48,7 @@ TEST(SafetyFilter, CountsTheEnergyThatTheHandIsGiven) {
   EXPECT_GT(num_lost, 100);
 }
 
-// What friction takes is no credit: a hand that has rubbed for long is pushed along no farther.
+// Energy lost to friction is no credit: a hand that has rubbed for long is pushed no farther.
 TEST(SafetyFilter, WhatTheHandHasLostIsNotGivenBack) {
   for (const double stored : {0.0, 0.004, 0.02}) {
     Rig rig;

@@ -397,7 +397,7 @@ TEST(SafetyFilter, AFaultThatGoesOnIsOne) {
   EXPECT_NE(ticks_until_engaged(rig, 20), -1);
 }
 
-// What is measured in its time never becomes too old, and no force comes down in it.
+// While the clock stands still, no measurement becomes too old, and no force comes down.
 TEST(SafetyFilter, AClockThatStandsStillIsAFault) {
   Rig rig;
   rig.hold(kPush);
@@ -455,7 +455,7 @@ TEST(SafetyFilter, ComesBackAfterEveryPassingFault) {
       ASSERT_TRUE(is_finite(out));
       ASSERT_LE(force, kLimits.max_force);
       ASSERT_LE(norm(out.torque), kLimits.max_torque);
-      // How far it may go in a tick; a force that could empty the tank falls as fast as it has to.
+      // Limit of the change per tick; a force that could empty the tank falls as fast as needed.
       const Vec3d step = out.force - last.force, twist = out.torque - last.torque;
       const bool is_exact = !options.passivity_control;
       if (rig.fault() == Fault::none) {

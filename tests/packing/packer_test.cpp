@@ -295,7 +295,7 @@ TEST(Packer, RefusesNonsense) {
   EXPECT_EQ(pack_spheres(broken, {}).error().code, Errc::bad_input);
 }
 
-// Where all facets are equally far from the middle, and the first ball leaves only slivers.
+// In round tools all facets are equally far from the middle: the first ball leaves only slivers.
 TEST(Packer, SurvivesFineRoundTools) {
   const SpherePacking ball = pack(make_icosphere(0.05, 5), 300);
   EXPECT_GT(fill(ball), 0.998);

@@ -50,7 +50,7 @@ TEST(ThinEnds, NoStandoffIsBeyondItsBoundAtAnyNumber) {
   }
 }
 
-// What greedy filling leaves empty: 14 mm of the finger's tip at 5000 spheres.
+// Greedy filling leaves 14 mm of the finger's tip empty at 5000 spheres.
 TEST(ThinEnds, SpheresReachTheTipOfTheFinger) {
   const TriangleMesh mesh = make_shape("finger", 0.196).value();
   const double tip = bounds(mesh).high.z;

@@ -33,7 +33,7 @@ struct Wall : test::TickedPipeline {
             }) {}
 };
 
-/// What is along the wall and what is against it.
+/// Parts of a force into the wall and along it.
 struct Split {
   double into;
   Vec3d along;
@@ -298,7 +298,7 @@ TEST(FrictionRun, ObjectsHaveNamesOfTheirOwnAndStayWhatTheyAre) {
   }
 }
 
-// What a stage of a live run does when a change comes.
+// A stage of a live run takes a change of friction.
 TEST(FrictionRun, AnotherFrictionIsTakenWithoutAllocation) {
   RunSettings settings = with_blocks(CouplingKind::none);
   settings.objects[1].moves = true;

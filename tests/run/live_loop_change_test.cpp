@@ -1,4 +1,4 @@
-// What people do to a loop that runs: other settings, held frames, pictures.
+// Changes of a running loop: other settings, held frames, pictures.
 #include <gtest/gtest.h>
 
 #include <atomic>
@@ -171,7 +171,7 @@ TEST(LiveLoopChange, EveryStageGoesOnAndNothingJumps) {
   }
 }
 
-// What a fresh query says with the settings and the frames of that revision.
+// Each contact equals that of a fresh query with the settings and frames of its revision.
 TEST(LiveLoopChange, ContactsAreThoseOfTheirRevision) {
   Touching touching({.depth = [](int k) { return 0.5 + 0.001 * std::sin(k); }});
   for (const Edit edit : {kEdits[0], kEdits[2], kEdits[4]}) {
@@ -401,7 +401,7 @@ TEST(LiveLoopChange, StagesTakeChangesWithoutAllocating) {
   EXPECT_TRUE(wait_for([&] { return tick(), contacts.num_contacts() > taken + 20; }));
   EXPECT_EQ(counter.count(), 0u);
   EXPECT_EQ(record.revision, 1u);
-  // What was replaced has come back.
+  // The replaced parts have come back.
   EXPECT_NE(haptic_change.coupling, nullptr);
   EXPECT_NE(contact_change.part, nullptr);
   EXPECT_TRUE(!surface_change.timelines.empty());
@@ -556,7 +556,7 @@ TEST(LiveLoopHold, TheSceneStandsStillAndTheHandGoesOn) {
     EXPECT_TRUE(wait_for([&] { return seen.num_frames() >= desired; }));
   };
   touching.loop->hold_frames(true);
-  // What was on its way: no two new frames are the same.
+  // Wait for frames that were on their way: no two new frames are the same.
   EXPECT_TRUE(wait_for([&] {
     const std::size_t num = seen.num_frames();
     return num > 1 && depth_of(num - 1) == depth_of(num - 2);

@@ -1,4 +1,4 @@
-// How the live loop starts and ends, by itself or by what its camera, its device and memory do.
+// Start and end of the live loop, by itself or due to its camera, its device or memory.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -141,7 +141,7 @@ void expect_fade(const std::vector<TickRecord>& ticks, Fault fault) {
   EXPECT_EQ(force, 0);
 }
 
-/// How a run ends, in contact, when this becomes true of the wall: the force fades.
+/// Returns the ending of a run in contact when this becomes true of the wall: the force fades.
 Status ending_by(std::atomic<bool> EndingWall::*what, Fault fault) {
   EndingWall source;
   ScriptedDevice device({.hand = pressing_hand});

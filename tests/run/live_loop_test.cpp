@@ -154,7 +154,7 @@ TEST(LiveLoop, TheHandFeelsTheWallAndAllIsRecorded) {
     ASSERT_GT(now.time, last.time);
     ASSERT_GE(now.contact_number, last.contact_number);
     ASSERT_GE(now.contact_age, 0);
-    // What a tick feels was seen before it, or while its thread stood still: before the next one.
+    // A tick's frame was seen before it, or while its thread stood still: before the next one.
     ASSERT_LT(last.device.time - last.sensor_age, now.device.time);
   }
   // Faded out, not switched off.

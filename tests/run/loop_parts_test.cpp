@@ -118,7 +118,7 @@ TEST(StiffnessSchedule, TakesNoMoreTimeThanIsLeft) {
   EXPECT_GE(share_of(5e-3, 1), 30);  // now and then, whatever it takes
 }
 
-// What a loop leaves out when time is short.
+// Work that a loop leaves out when time is short.
 
 LoadWindow late_frames() { return {.old_frames = 0.5, .ageing = 0.6}; }
 LoadWindow late_contacts() { return {.old_contacts = 0.5, .ageing = 0.6}; }

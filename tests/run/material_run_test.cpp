@@ -21,7 +21,7 @@ std::shared_ptr<const MaterialRegions> halves() {
   return std::make_shared<const MaterialRegions>(regions);
 }
 
-/// Of an even disc, where x > 0.
+/// Computes the share of an even disc where x > 0.
 double share_beyond(double middle, double radius) {
   const double d = std::clamp(middle / radius, -1.0, 1.0);
   return 0.5 + (d * std::sqrt(1 - d * d) + std::asin(d)) / kPi;

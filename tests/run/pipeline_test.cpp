@@ -25,7 +25,7 @@ DeviceState state_at(double time) {
   return state;
 }
 
-/// So many ticks of a millisecond, frames at 30 Hz.
+/// Runs `num_ticks` ticks of a millisecond, with frames at 30 Hz.
 std::vector<TickRecord> run(Pipeline& pipeline, int num_ticks, int first = 0,
                             std::vector<ContactRecord>* contacts = nullptr) {
   WallSource source({});
@@ -118,7 +118,7 @@ TEST(Pipeline, ObjectsAreFeltByAHandToo) {
   EXPECT_LT(ticks.back().F_H_B.force.y, -0.01);
 }
 
-// What does not change stays; other surfaces are felt from the next frame on.
+// Unchanged parts stay; other surfaces take effect from the next frame on.
 TEST(Pipeline, ChangesAreTakenBetweenTicks) {
   auto pipeline = make(patient_settings());
   ASSERT_TRUE(pipeline);

@@ -62,7 +62,7 @@ struct Rig {
   DepthFrame frame;
 };
 
-/// What one camera in front of the wall, at the origin, says of the pressed tool.
+/// Measures the pressed tool with one camera in front of the wall, at the origin.
 Penetration seen_from_front() {
   Rig rig({PosedWall(Pose{})});
   Pipeline pipeline = rig.make(settings_of_path()).value();
@@ -202,7 +202,7 @@ TEST(SeveralCameras, AreRefusedWhereTheyCannotBeJoined) {
   EXPECT_NE(why_not({moving}, settings).find("static camera"), std::string::npos);
 }
 
-/// What a live loop tells of its frames and contacts.
+/// Frames and contacts that a live loop publishes.
 struct Records {
   RunObserver observer() {
     RunObserver all;

@@ -370,7 +370,7 @@ TEST(LiveRun, ReplayFindsWhatWasChanged) {
   ASSERT_FALSE(damaged);
   EXPECT_NE(damaged.error().message.find("no palpate_msgs/Tick"), std::string::npos);
 
-  // What is missing ends the repetition without a difference.
+  // A missing tick ends the repetition without a difference.
   std::vector<Message> without = recorded;
   int ticks = 0;
   std::erase_if(without, [&](const Message& message) {
@@ -383,7 +383,7 @@ TEST(LiveRun, ReplayFindsWhatWasChanged) {
   EXPECT_LE(shorter->num_ticks, 30u);
   EXPECT_NE(shorter->note, "");
 
-  // Where nothing could be compared, nothing is identical.
+  // A recording without ticks has nothing to compare: it is no success.
   std::erase_if(without,
                 [](const Message& message) { return message.channel.topic == kTickTopic; });
   rewrite(run, without);
@@ -443,8 +443,8 @@ TEST(LiveRun, KilledLosesNoMoreThanTheLastHalfSecond) {
       ++num_ticks;
     }
   };
-  // What would be lost. On a busy machine it may be more at some moments, and on a disk that stands
-  // still at all moments of a second or two: it is looked at again then.
+  // Age of the newest tick on disk: the loss in a crash. On a busy machine it is larger at some
+  // moments, and on a disk that stands still at all moments of a second or two: hence repeated.
   std::vector<double> ages;
   const auto is_mostly_young = [&] {  // at the last 20 moments
     if (ages.size() < 20) return false;

@@ -56,7 +56,7 @@ class Disk {
     const std::lock_guard lock(mutex_);
     num_interruptions_ = times;
   }
-  /// Whether somebody has waited for a disk that was stuck, as the test would have for ever.
+  /// True if a call has waited so long for a stuck disk that the test would have waited for ever.
   bool is_given_up() {
     const std::lock_guard lock(mutex_);
     return is_given_up_;
@@ -420,7 +420,7 @@ TEST_F(RecordingStreamDisk, KeepsWhatItHasOfAStreamThatFailsLater) {
   SyntheticStream stream(5);
   stream.fail_at = 3;
   expect_kept(stream, 3);
-  // Of nothing, nothing is left.
+  // A stream that fails at once leaves no file.
   SyntheticStream none(5);
   none.fail_at = 0;
   ASSERT_FALSE(record_stream(none, path(1)));

@@ -52,7 +52,7 @@ TEST(RunFolder, ReplacesARunWhole) {
   const test::TemporaryFolder root;
   const fs::path target = root.path() / "run";
   make_run(target);
-  // What a killed run leaves behind is cleared away: no process has the largest number.
+  // Leftovers of a killed run are cleared away: no process has the largest number.
   make_run(root.path() / "run.partial-2147483647");
   auto folder = RunFolder::create(target);
   ASSERT_TRUE(folder) << folder.error().message;

@@ -135,7 +135,7 @@ TEST(SlowBackend, TheForceFadesAndComesBackAndAllIsRepeated) {
   EXPECT_EQ(summary["faults"][0]["fault"], "stale_contact");
   EXPECT_GT(summary["faults"][0]["seconds"], 0.1);
 
-  // What the recording says of it.
+  // The fault in the recording.
   std::vector<ForceState> states;
   std::vector<std::string> notes;
   TickRecord last;

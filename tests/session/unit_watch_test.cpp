@@ -12,8 +12,8 @@ namespace {
 
 constexpr int kSize = 120;
 
-/// What is said when the counts of `stored` metres are read as `reported`; the tool goes from
-/// `from` to `to`.
+/// Returns the doubt about counts of `stored` meters that are read as `reported`; the tool goes
+/// from `from` to `to`.
 std::string doubt(double stored, double reported, double from, double to, double wall = 0.5) {
   const Tool tool = test::small_tool();
   DepthStreamInfo stream;

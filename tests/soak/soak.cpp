@@ -43,7 +43,7 @@ struct Options {
   unsigned seed = 1;
 };
 
-// What goes wrong, and when: one thing every twelve seconds or so.
+// Plan of the faults: one every twelve seconds or so.
 
 enum class Trouble { silent_device, nonsense, stalled_camera, motors_off, leap_of_clock };
 constexpr int kNumTroubles = 5;
@@ -77,7 +77,7 @@ std::optional<Trouble> trouble_at(const std::vector<Planned>& plan, double time)
   return last.trouble;
 }
 
-/// What became of the plan, by the ticks of the run.
+/// Outcome of the plan, by the ticks of the run.
 class Found {
  public:
   explicit Found(const std::vector<Planned>& plan) : plan_(plan), fates_(plan.size()) {}
@@ -229,7 +229,7 @@ class Troubled final : public Base {
   std::atomic<double> largest_ = 0;
 };
 
-// What people do meanwhile.
+// Users in the meantime.
 
 /// Somebody who turns settings, and pages that come, look, and go without a word.
 class Visitors {

@@ -21,7 +21,7 @@ using std::chrono::milliseconds;
 using test::RawSocket;
 using test::wait_for;
 
-// What docs/security.md promises.
+// Limits that docs/security.md promises.
 static_assert(DoorLimits().request_time == std::chrono::seconds(10));
 static_assert(DoorLimits().answer_time == std::chrono::seconds(30));
 static_assert(DoorLimits().connections_per_second == 250);

@@ -34,7 +34,7 @@ struct Served {
   int port = 0;
 };
 
-/// What it is answered.
+/// Sends a command and returns the answer.
 Json requested(PageClient& page, const std::string& text) {
   EXPECT_TRUE(page.send(text));
   Received message;

@@ -549,7 +549,7 @@ TEST(ViewServer, WhoSaysTooMuchIsHeardLater) {
   const Fixture fixture;
   PageClient shouting(fixture.port), other(fixture.port);
   int number = 0;
-  // So many messages, the last of which is answered last.
+  // Sends `num` messages and waits for the answer to the last one.
   const auto say = [&](int num, const std::string& more) {
     for (int i = 0; i < num; ++i) {
       ASSERT_TRUE(shouting.send(R"({"command": "resume", "x": ")" + more + R"(", "id": )" +
@@ -701,7 +701,7 @@ TEST(ViewServer, TwoHundredSlowClientsCostAPageNothing) {
   fixture.expect_alive();
 }
 
-// What it costs.
+// Cost of the viewer.
 
 /// The same large scene again and again, 30 times a second.
 class BusySource : public ViewSource {

@@ -1,4 +1,4 @@
-// What the page's sources tell: against queries that are made anew, and against the recordings.
+// Data of the page's sources: against queries that are made anew, and against the recordings.
 #include "palpate/viewer/viewer.h"
 
 #include <gtest/gtest.h>
@@ -549,7 +549,7 @@ TEST(RunView, ShowsWhatWouldHaveBeen) {
   EXPECT_EQ(watcher.contact->spheres.states, recorded->spheres.states);
 }
 
-// Of what a camera says at each frame of a night there are tens of thousands.
+// A camera with a note at each frame leaves tens of thousands of them in a night.
 TEST(RunView, ManyNotesDoNotBuryTheOthersNorThePage) {
   const TemporaryFolder folder;
   SyntheticStream stream(12);

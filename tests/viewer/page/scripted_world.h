@@ -1,5 +1,5 @@
-// What the browser tests look at: a world in which a test says what is where, and hears what the
-// page commands.
+// World of the browser tests, in which a test sets the state and place of everything, and hears the
+// commands of the page.
 #pragma once
 
 #include <functional>
