@@ -265,7 +265,7 @@ class Bags(CameraCase):
         refused("a chunk has no size field", whole[:huge] + b"sice=" + whole[huge + 5:])
         middle = whole.find(b"compression=lz4") + 600
         refused("is damaged at byte", whole[:middle] + bytes(400) + whole[middle + 400:])
-        # A bag that is cut off holds what it holds.
+        # A bag that is cut off is read up to the cut.
         broken.write_bytes(whole[:len(whole) * 2 // 3])
         done = self.check(palpate("record", "--camera", f"bag:{broken}", "-o", never))
         self.assertIn(b"was cut off", done.stderr)

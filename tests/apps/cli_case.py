@@ -107,7 +107,7 @@ class CommandLineCase(unittest.TestCase):
         return summary
 
     def interrupt(self, arguments, is_ready, how=signal.SIGINT):
-        """Once it catches such signals and is ready, which depends on for how many seconds it has caught them."""
+        """Runs the program and signals it once `is_ready(seconds since it has a handler)`; returns how it ended."""
         process = subprocess.Popen([PALPATE, *map(str, arguments)], stdout=subprocess.PIPE,
                                    stderr=subprocess.PIPE, text=True)
         deadline, since = time.monotonic() + 120, None

@@ -27,7 +27,7 @@ class Databases(CameraCase):
     write_bag = bags_test.Bags.write_bag
 
     def database(self, name):
-        """Closed, in WAL mode; and its messages."""
+        """Writes a closed database in WAL mode; returns its path and its messages."""
         try:
             import rosbags.rosbag2  # noqa: F401
         except ImportError:
@@ -40,7 +40,7 @@ class Databases(CameraCase):
         return path, rows
 
     def expect_read(self, path):
-        """Though nothing can be written beside it, and nothing is where it can."""
+        """Expects that a database is read in a read-only folder too, and that no file appears or changes."""
         self.folder.chmod(0o755)
         before = listing(path.parent)
         query = ("query", self.tool, "--camera", f"bag:{path}", "--pose", "0 0 0.49 0 0 0 1", "--json")

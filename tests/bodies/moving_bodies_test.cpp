@@ -132,8 +132,8 @@ TEST(MovingBodies, StoreOnlyWhatTheToolDoes) {
   EXPECT_NEAR(moved, 0.3 * 0.09 / 2, 1e-3) << "it goes along";
 }
 
-// A second one that falls past the table, and loses by damping what it had, takes nothing from what
-// the first one was lifted by.
+// A second body that falls past the table, and loses its energy by damping, takes nothing from the
+// stored energy of the first one.
 TEST(MovingBodies, StoreWhatEachIsLiftedBy) {
   SceneObject lost = box_at(0, 0);
   lost.X_WB.translation = {3, 0, 0};
@@ -251,7 +251,7 @@ TEST(MovingBodies, LieDeeperAndSlideWhenMaterialsChange) {
   EXPECT_NEAR(world.body(1).X_WB.translation.x, 0, 2e-3);
 }
 
-// On a slope: what loses its grip slides, and the other one sleeps on.
+// On a slope: the body that loses its grip slides, and the other one sleeps on.
 TEST(MovingBodies, WakeUpWhenTheirOwnFrictionChanges) {
   BodyOptions options;
   options.gravity_x = 0.3 * 9.81;
@@ -297,7 +297,7 @@ TEST(MovingBodies, WakeUpInQueriesWithAnotherGravity) {
   next();
   go_on(world, 0.1);
   EXPECT_FALSE(world.body(0).is_asleep);
-  // As it falls freely, or more: what held it gives it a push.
+  // At least as far as in free fall: the contact that held it pushes it.
   EXPECT_LT(world.body(0).X_WB.translation.z, before - 0.99 * 0.5 * 0.1 * 0.1);
 }
 

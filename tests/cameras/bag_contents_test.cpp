@@ -1,5 +1,5 @@
-// Recordings of which parts cannot be read, or belong to another camera: who needs these parts is
-// told, and the rest is read.
+// Recordings with parts that cannot be read, or belong to another camera: a camera that needs them
+// gets an error, and the rest is read.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -34,7 +34,7 @@ class BagContents : public testing::Test {
     }
     std::ofstream(path_, std::ios::binary) << test::ros1_bag({test::ros1_chunk(records)});
   }
-  /// All frames; or what was wrong.
+  /// Reads all frames; returns the error, empty if none.
   std::string read(const std::string& parameters = "") {
     frames_.clear();
     notes_.clear();

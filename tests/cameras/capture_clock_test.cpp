@@ -82,17 +82,17 @@ struct Mishap {
   std::string name;
   std::function<double(double captured, int frame)> error;  // s, of its clock
   std::function<double(double captured)> late;  // s, beside a small delay; frames keep their order
-  double too_old = 0.12;                        // s: so much older than it is a frame may look ...
-  double healed = 5;     // s: ... from then on, by our clock; before it as old as it likes
+  double too_old = 0.12;                        // s: largest excess of a frame's age ...
+  double healed = 5;     // s: ... from then on, by our clock; unlimited before
   int num_restarts = 0;  // at most
-  double known = 5;      // s: from then on it is known what is late
+  double known = 5;      // s: from then on late frames are recognized
 };
 
 constexpr double kBegin = 40, kRate = 30;
 constexpr int kWild = static_cast<int>(kBegin * kRate);
 
-// A frame must never look newer than it is: what is felt would be of a scene that is gone. That it
-// looks older than it is costs the force, and may last for moments only.
+// A frame must never look newer than it is: the force would be that of a scene that is gone. If it
+// looks older than it is, this costs the force, which may last for moments only.
 TEST(CaptureClock, KnowsALateFrameFromAClockThatWasSet) {
   const auto right = [](double, int) { return 0.0; };
   const auto on_time = [](double) { return 0.0; };
@@ -116,7 +116,7 @@ TEST(CaptureClock, KnowsALateFrameFromAClockThatWasSet) {
       {"a clock that is slewed by NTP", slewed(500e-6, 60), on_time},
       {"the same backwards", slewed(-500e-6, 60), on_time},
       {"a clock that is slewed fast", slewed(0.083, 6), on_time},
-      // It cannot be told from frames that come later and later.
+      // Indistinguishable from frames that come later and later.
       {"the same backwards", slewed(-0.083, 6), on_time, 0.6},
       {"a camera that starts again",
        [](double t, int) { return t < kBegin ? 0 : -5e4 - 1000 - kBegin; }, on_time, 0.12,

@@ -11,7 +11,7 @@ struct FakeOrbbec {
   std::atomic<float> millimetres = 0.1f;
   std::atomic<int> lens = 4;  ///< its model of distortion
   std::atomic<float> k1 = 0;
-  std::atomic<int> num_objects = 0;  ///< that nobody has deleted
+  std::atomic<int> num_objects = 0;  ///< not yet deleted
 };
 
 }  // namespace palpate::test

@@ -72,7 +72,7 @@ class K4a : public testing::Test {
       GTEST_SKIP() << "SKIPPED: " << found_.reason;
   }
 
-  /// Whatever library of the two has it: both are loaded.
+  /// Returns a function of either library: both are loaded.
   template <class Function>
   Function* function(const char* name) const {
     const auto folder = std::filesystem::path(found_.library).parent_path();

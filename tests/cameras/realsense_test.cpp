@@ -119,7 +119,7 @@ class SoftwareCamera {
   }
   void stall(bool is_stalled) { is_stalled_ = is_stalled; }
   Device* device() const { return device_; }
-  /// Whoever gets it deletes it.
+  /// Returns the device, which the caller deletes.
   Device* hand_over() { return std::exchange(device_, nullptr); }
 
   template <class Function>

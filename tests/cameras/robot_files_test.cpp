@@ -239,7 +239,7 @@ TEST(JointHistory, GoesBetweenWhatWasTold) {
   EXPECT_FALSE(history.at(0, 1.141, 0.1, false));
   EXPECT_FALSE(history.at(0, 0.89, 0.1, false));
   EXPECT_NEAR(std::remainder(at(1, 1.05) - 3.1, 2 * pi), 0, 1e-12);  // the short way
-  // In a gap nobody knows.
+  // In a gap the position is unknown.
   history.add("elbow", 1.5, 0);
   EXPECT_TRUE(history.at(0, 1.45, 0.1, false));
   const auto gap = history.at(0, 1.25, 0.1, false);
@@ -332,7 +332,7 @@ TEST(JointTable, IsReadAndRefused) {
   EXPECT_NE(why("a,time\n0,1\n").find("the time as its first column"), std::string::npos);
 }
 
-/// The arm by files: what is left of frames that show it, which is the table by exact rays.
+/// The arm by files: filtered frames show only the table, by exact rays.
 class ArmFiles : public testing::Test {
  protected:
   ArmFiles() {
@@ -573,7 +573,7 @@ TEST_F(ArmBag, TellsOfJointsOrOfFrames) {
   files_.joints = bag + "?world=world";
   EXPECT_NE(why_not().find("leave its pose out"), std::string::npos) << why_not();
   files_.pose = "";
-  // The first one is older than all that tf tells.
+  // The first frame is older than all transforms of tf.
   std::vector<std::string> notes;
   expect_no_arm(filtered(&notes), 1);
   ASSERT_EQ(notes.size(), 2u);

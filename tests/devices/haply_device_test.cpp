@@ -26,7 +26,7 @@ HaplyAddress address_of(const HaplyService& service) {
   return {{"127.0.0.1", service.port()}, service.event_port()};
 }
 
-/// A service, its device and who feels it.
+/// A service, its device and the log of its states.
 struct Bench {
   explicit Bench(const HaplyServiceOptions& options = {}) : service(options) {
     service.set_target({0.01, -0.12, 0.15});

@@ -56,7 +56,7 @@ Status read_camera(const std::string& uri) {
 
 namespace {
 
-constexpr double kMinMegabytes = 10;  // that the time is told for
+constexpr double kMinMegabytes = 10;  // least size whose time is reported
 constexpr double kMaxMegabytes = 256 * 1.048576, kMaxPerByte = 2000;
 constexpr int kTaken = 0, kRefused = 1;
 std::size_t size_on_disk(const fs::path& path) {

@@ -558,8 +558,8 @@ TEST(VirtualCoupling, ComesToRestAmongManyHardContacts) {
   }
 }
 
-/// A device of mass m and damping b that feels the force for a whole tick (exact between ticks) and
-/// is pressed into a hard wall. By how much its swinging grows in 1.5 s.
+/// Computes the growth, in 1.5 s, of the oscillation of a device of mass m and damping b, pressed
+/// into a hard wall, which feels the force for a whole tick (exact between ticks).
 double growth_on_a_wall(double stiffness, double damping_ratio, double b) {
   CouplingOptions options;
   options.stiffness = stiffness;

@@ -71,7 +71,7 @@ TEST(SafetyFilter, WhatTheHandHasLostIsNotGivenBack) {
   }
 }
 
-// Nor what is said to be stored but is no number, or less than nothing.
+// A reported stored energy that is no number, or negative, is no credit.
 TEST(SafetyFilter, NothingIsStoredWhereThatIsNoNumber) {
   for (const double stored : {kNan, kInf, -kInf, -1.0}) {
     Rig rig;
@@ -333,8 +333,8 @@ bool expect_within(const Vec3d& out, const Vec3d& before, const Vec3d& velocity,
   return true;
 }
 
-// The last word: of a force that fades, whose size at each tick is known, and a hand that is torn
-// this way and that.
+// The last limit of the energy: of a force that fades, whose size at each tick is known, and a hand
+// that is torn this way and that.
 TEST(SafetyEnergy, WhatGoesOutNeverEmptiesTheTank) {
   test::Random random(22);
   int num = 0, num_less_force = 0, num_less_torque = 0, num_silent = 0;

@@ -81,7 +81,7 @@ class Loop {
     settings_ = after;
   }
   CouplingKind kind() const { return settings_.coupling.kind; }
-  /// From now on, whether queries say that they could not measure.
+  /// Sets if queries report from now on that they could not measure.
   void be_blind(bool is_blind) { is_blind_ = is_blind; }
 
  private:
@@ -395,7 +395,7 @@ struct HeldLoop {
   HeldHandle hand;
 };
 
-// A tool that is in something, of which nobody knows: the force does not come back into that.
+// The force does not come back into a contact that is not measured.
 TEST(FaultRun, AContactThatIsNotMeasuredIsNotFree) {
   HeldLoop held(settings_with(CouplingKind::virtual_coupling));
   held.tick(300);
@@ -428,7 +428,7 @@ TEST(FaultRun, FaultsAreCountedOverChangesOfTheCoupling) {
   EXPECT_EQ(break_once(), 3u);
 }
 
-// Nothing holds the hand for a while: the force does not stand where it was left.
+// After a while without a coupling, the force of the last one does not come back at once.
 TEST(FaultRun, TheForceOfACouplingThatWasLeftDoesNotComeBackAtOnce) {
   const RunSettings settings = settings_with(CouplingKind::virtual_coupling);
   Loop loop(settings);

@@ -146,7 +146,7 @@ TEST(LoadRelief, APageThatIsOnlyLateMakingCostsNothingElse) {
   const LoadWindow window{.ageing = 0.1, .has_page = true};
   for (int i = 0; i < 50; ++i) relief.look(window);
   EXPECT_EQ(relief.steps(), (ReliefSteps{1, 0, 0}));
-  // Nobody looks on: then nothing is late enough.
+  // Without a page nothing is late enough.
   LoadRelief alone(2, 3);
   for (int i = 0; i < 50; ++i) alone.look({.ageing = 0.1});
   EXPECT_FALSE(alone.steps().any());

@@ -83,7 +83,7 @@ class Stages {
     has_snapshot_ = false;
   }
 
-  /// All that was begun is written.
+  /// Writes all records that were begun.
   void finish() {
     if (made_frames_ > num_frames_) step_surface();
     if (made_contacts_ > num_contacts_) step_contact();
@@ -230,7 +230,7 @@ TEST(Publisher, AContactWaitsForItsFrame) {
   EXPECT_EQ(listener.num_ticks, 1u);
 }
 
-/// Settings that nobody is told are not kept for weeks.
+/// Settings that no observer receives are not kept for weeks.
 TEST(Publisher, KeepsNoSettingsThatNobodyHears) {
   RunSettings settings;
   settings.regions = {std::make_shared<const MaterialRegions>()};

@@ -144,7 +144,7 @@ TEST(SeveralCameras, OneThatHasShownNothingYetAbstains) {
   expect_as_from_front(tick.penetration, 0.01);
 }
 
-// Half of the cameras' surfaces made in one way and half in another would be a scene that is none.
+// Surfaces of some cameras by the old settings and of others by the new ones would be no scene.
 TEST(SeveralCameras, ChangeTheirSurfacesTogether) {
   Rig rig({PosedWall(beside_wall(0.5), 30), PosedWall(beside_wall(-0.4), 10)});
   RunSettings settings = settings_of_path();

@@ -558,7 +558,7 @@ TEST(LiveRun, NoOtherRunTakesItsFolder) {
   EXPECT_TRUE(run_for(0.1, run));  // now it may be replaced
 }
 
-// A disk that stands still for longer than the queue of frames holds: what is lost is told by the
+// A disk that stands still for longer than the queue of frames holds: losses are reported in the
 // terminal, the summary and the replay, and the rest is the same to the bit.
 TEST(LiveRun, WhatIsLostIsCountedAndTold) {
   const TemporaryFolder folder;

@@ -130,7 +130,7 @@ TEST(RecordingParts, EstimatesAreRepeatedFromEveryPartOn) {
   }
 }
 
-// Frames that nobody was told of are no frames that it knew.
+// An estimate is unknown after frames that were not recorded.
 TEST(LeadEstimate, IsUnknownAfterAGapUntilItBeginsAnew) {
   SyntheticStream stream(6);
   RunSettings settings;
@@ -162,8 +162,8 @@ TEST(LeadEstimate, IsUnknownAfterAGapUntilItBeginsAnew) {
   EXPECT_EQ(lead.revision(), 2u);
 }
 
-// Surfaces are made anew with the very frame that a part begins with: it begins without what was
-// known before.
+// If surfaces are made anew with the very frame that a part begins with, the part begins without
+// the estimate before.
 TEST(RecordingParts, BeginWithTheEstimateOfTheirFirstFrame) {
   const Tool tool = small_tool();
   for (const bool is_anew : {false, true}) {
@@ -233,7 +233,7 @@ TEST(RecordingParts, KeptOnesAreFeltAnewWithoutTheEstimate) {
   }));
 }
 
-// A tick may be told before the contact that it felt, which knew older settings.
+// A tick may be recorded before the contact that it rests on, which is of older settings.
 TEST(RecordingParts, HoldTheSettingsOfContactsThatComeLate) {
   const TemporaryFolder folder;
   const Tool tool = small_tool();

@@ -227,7 +227,7 @@ TEST(RunsOfSeveralCameras, MissAFrame) {
       << replay->note;
 }
 
-// Else such an image would be felt as nothing, by other settings too.
+// Otherwise such an image would give no force, by other settings too.
 TEST(RunsOfSeveralCameras, WithFramesThatCannotBeAreRefused) {
   const TemporaryFolder folder;
   ASSERT_TRUE(record(folder.path() / "run", test::path_settings(kRate)));

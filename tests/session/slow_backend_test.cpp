@@ -85,7 +85,7 @@ class StandingStream final : public SyntheticStream {
   int number_ = 0;
 };
 
-/// Runs until `is_done` is told a tick that it likes, or for five minutes.
+/// Runs until `is_done` is true of a tick, or for five minutes.
 template <class IsDone>
 Result<RunOutcome> run_until(const std::filesystem::path& folder, const RunSettings& settings,
                              RunMonitor& monitor, const IsDone& is_done) {

@@ -81,7 +81,7 @@ TEST(ViewDoor, AnAnswerThatNobodyTakesIsGivenUp) {
   std::string requests;
   for (int i = 0; i < 100; ++i) requests += kHello;
   ASSERT_TRUE(socket.send(requests));
-  // Whoever sends to a connection that is closed is told so.
+  // A client that sends to a closed connection gets an error.
   EXPECT_TRUE(wait_for([&] { return !socket.send("\r\n"); }));
   RawSocket reader(door.port);
   ASSERT_TRUE(reader.send(kHello));

@@ -1,4 +1,4 @@
-// Pages that hold the tool, over the real server: one at a time, and who goes away lets go.
+// Pages that hold the tool, over the real server: one at a time, and a page that goes away lets go.
 #include <gtest/gtest.h>
 
 #include <memory>

@@ -49,7 +49,7 @@ class RawSocket {
 
   bool is_open() const { return descriptor_ >= 0; }
   bool send(const std::string& bytes);
-  /// Says that nothing more will be sent.
+  /// Shuts down sending.
   void end();
   /// Receives until the other end closes, or for `timeout` s.
   std::string receive(double timeout = 10);

@@ -1,4 +1,4 @@
-// A thing to look at of which every number is known: for tests of the server and of the page.
+// A source of views whose every number is known: for tests of the server and of the page.
 #pragma once
 
 #include <algorithm>

@@ -359,7 +359,7 @@ TEST(Repetition, GivesTheSameBitsFromAnywhere) {
   }
 }
 
-// Frames that were looked at in passing only are looked at once more to be felt.
+// Frames that an abandoned jump has only passed are processed again before they give a force.
 TEST(Repetition, GivesTheSameBitsAfterAJumpThatWasGivenUp) {
   const TemporaryFolder folder;
   RunSettings settings = path_settings(TimeMode::latest);

@@ -206,7 +206,7 @@ double volume_behind(const Vec3d& n, double side, double depth) {
   return volume / (6 * std::abs(n.x * n.y * n.z));
 }
 
-// Two cubes that sample each other: their weights changes with the pose, and costs nothing.
+// Two cubes that sample each other: their weights change with the pose, which costs no energy.
 TEST(SolidContact, EqualCubesPushWithoutJumpsAndWithoutGain) {
   const double side = 0.1, step = 5e-5;
   const Tool cube = packed(make_box({side, side, side}), 1000).with_solid_field();
@@ -386,7 +386,7 @@ TEST(SolidContact, SameBitsOnAllInstructionSets) {
   }
 }
 
-// Far, near, inside: what is left out by clusters is what touches nothing.
+// Far, near, inside: clusters leave out only spheres that touch nothing.
 TEST(SolidContact, LeavesOutOnlyWhatIsFree) {
   const TorusAndBox bodies;
   const SolidPair pair(ToolIndex::create(bodies.torus), ToolIndex::create(bodies.box));
@@ -449,8 +449,8 @@ TEST(SolidContact, TheFinerWayCountsMore) {
   EXPECT_LT(weights(coarse, cube), 0.5);
 }
 
-// A sphere samples one of the two grids between whose second moments its own lies, so that at any
-// place all spheres up to there together have their own but for half a sphere's choice.
+// A sphere samples one of the two grids whose second moments enclose its own: the sum over all
+// spheres up to any place is exact but for half a sphere's choice.
 TEST(SolidSampling, GridsAreAsWideAsTheSpheres) {
   const TorusAndBox bodies;
   const SolidField& field = *bodies.box.solid_field();

@@ -212,7 +212,7 @@ TEST(DepthHull, OneCameraIsMeasuredInItsOwnFrame) {
     EXPECT_NEAR(norm(in_W.penetration.measure_W.torque -
                      rotate(X_WC.rotation, in_C.penetration.measure_W.torque)),
                 0, 1e-6 * volume + 1e-13);
-    // A motion along an axis of the camera changes the force as it does there.
+    // A motion along the camera's x changes the force in W as in the camera frame.
     Vec3d change_C, change_W;
     const Vec3d x_W = rotate(X_WC.rotation, {1, 0, 0});
     for (int row = 0; row < 3; ++row) {
@@ -223,7 +223,7 @@ TEST(DepthHull, OneCameraIsMeasuredInItsOwnFrame) {
   }
 }
 
-// It is where it was at each of its two frames.
+// Each of a camera's two frames keeps the pose that the camera had there.
 TEST(DepthHull, OneCameraThatHasMovedIsMeasuredFromBothPlaces) {
   Random random(17);
   const HullScene scene = test::rough_scene(2, {}, random);
@@ -375,7 +375,7 @@ TEST(DepthHull, CamerasThatLookElsewhereChangeNothing) {
       const ContactResult without = query->measure(scene.views, X_WT, wants);
       num_with_force += without.penetration.volume > 0.01 * scale;
       const ContactResult got = query->measure(all, X_WT, wants);
-      // A surface that goes on beyond the image is one more opinion.
+      // With unknown space not free, surfaces go on beyond the image and count.
       if (unknown == UnknownSpace::free) expect_same_bits(got, without);
       const Penetration want = test::hull_truth(tool, backwards, X_WT, SphereVolumes::own);
       const Penetration last = query->measure(backwards, X_WT).penetration;
@@ -403,7 +403,7 @@ bool is_seen_by(const SurfaceView& surface, const Vec3d& p_C) {
   return slope > 0 && offset - p_C.z * slope >= -kSeenBehind;
 }
 
-// One camera by itself says what it does not see, too, where that is wanted.
+// A single camera measures the unseen volume, too, on request.
 TEST(DepthHull, OneCameraSaysWhatItDoesNotSee) {
   Random random(19);
   const Tool tool = test::random_tool(400, 0.06, 3);

@@ -53,13 +53,13 @@ class MovingCamera {
     forgets_.push(frame, time_, pool_);
     time_ += 1.0 / 30;
   }
-  /// From now on this share of all pixels shows anything.
+  /// Sets the share of pixels with random depth from now on.
   void speckle(double share) { speckles_ = share; }
-  /// Along an arc around what is looked at, x from -0.35 to 0.35 m.
+  /// Moves the camera along an arc around the scene, x from -0.35 to 0.35 m.
   void pass(const std::optional<Vec3d>& ball) {
     for (int i = 0; i <= 14; ++i) push(eye(-0.35 + 0.05 * i), ball);
   }
-  /// Until all that it looked at is out of sight.
+  /// Rotates the camera until the whole scene is out of sight.
   void rotate_camera(const std::optional<Vec3d>& ball) {
     for (int i = 1; i <= 8; ++i) {
       push(test::look_at({0.35, 0, 0}, {0.35 + 0.25 * i, 0, 1}), ball);
@@ -73,7 +73,7 @@ class MovingCamera {
     for (SurfaceBlend& view : views) view.progress = progress;
     return views;
   }
-  /// Share of the tool.
+  /// Returns the share of the tool in contact.
   double felt(const Vec3d& at) {
     return query_->measure(views(), {at, {}}).penetration.volume / whole();
   }

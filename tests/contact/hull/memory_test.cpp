@@ -90,8 +90,8 @@ TEST(Memory, EqualsItsDefinition) {
   }
 }
 
-// As key frames are: two of the cameras show what they remember alone, on the way from one place to
-// another. A query that has been asked about more cameras has forgotten them.
+// As with key frames, two of the cameras show only their memory, on the way from one place to
+// another. A query keeps nothing of more cameras that it has measured before.
 TEST(Memory, OfFramesFromOtherPlacesEqualsItsDefinition) {
   Random random(47);
   const HullScene scene = test::rough_memories(3, random, true),
@@ -444,7 +444,7 @@ TEST(Memory, DescribesItsSpheres) {
         num_wrong += deciders[s] != want.decider;
       }
     }
-    EXPECT_LE(num_wrong, 2);  // who all but say the same
+    EXPECT_LE(num_wrong, 2);  // cameras that almost agree
   }
   EXPECT_GT(num_cut, 20);
   for (const int num : num_decided) EXPECT_GT(num, 5);
