@@ -36,7 +36,7 @@ def transform(pose, p):
 
 
 def cap(r, d):
-    """Volume of a ball behind a plane, its centre at signed distance d in front (Alg. 3.1)."""
+    """Volume of a ball behind a plane, its center at signed distance d in front (Alg. 3.1)."""
     h = min(max(r - d, 0.0), 2 * r)
     return math.pi / 3 * h * h * (3 * r - h)
 

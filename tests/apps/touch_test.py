@@ -126,7 +126,7 @@ class Touching(CommandLineCase):
                 tick = messages["/tick"][k]
                 self.assertEqual(tick.coupling.contact.force.z, felt["force_z_N"][k])
                 self.assertEqual(tick.felt.force.z, felt["hand_force_z_N"][k])
-                # A tool that is not turned, about its own origin: its centre of mass.
+                # A tool that is not turned, about its own origin: its center of mass.
                 wrench = messages["/tool/wrench"][k]
                 self.assertEqual(wrench.header.frame_id, "tool")
                 force = math.hypot(*(getattr(wrench.wrench.force, x) for x in "xyz"))
@@ -221,7 +221,7 @@ pose = [1, 0, 0, 0, 0, {0.5 ** 0.5}, {0.5 ** 0.5}]
         with open(os.path.join(turned, "summary.json")) as file:
             settings = json.load(file)["settings"]
         self.assertEqual(settings["bodies"]["gravity_z"], -9.81)
-        # A tool centre point: poses are its, and a frame of the rig's own.
+        # A tool center point: poses are its, and a frame of the rig's own.
         self.succeed(*touch, "--path-frame", "corner", "--wrench-frame", "corner", "--tcp", "0 0 0.1",
                      "--wrench-point", "tcp")
         c = self.columns(turned)

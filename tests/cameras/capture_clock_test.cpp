@@ -221,7 +221,7 @@ TEST(FrameIntake, OurClockIsBelievedOnceItFits) {
   for (std::size_t k = 20; k < 24; ++k) EXPECT_NEAR(seen.ages[k], 2.02, 1e-9);
   EXPECT_NEAR(seen.ages[24], 0.02, 1e-9);
   EXPECT_EQ(seen.notes.find("not of this computer's clock"), std::string::npos) << seen.notes;
-  // Another clock, which is told of once it is sure.
+  // Another clock, which a note reports once it is certain.
   seen = taken(StampClock::ours, frames([](int k) { return 5 + 0.1 * k; }));
   for (const double age : seen.ages) EXPECT_NEAR(age, 0, 1e-9);
   EXPECT_NE(seen.notes.find("not of this computer's clock"), std::string::npos) << seen.notes;

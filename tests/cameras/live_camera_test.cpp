@@ -583,7 +583,7 @@ TEST(Plausibility, DoubtsUnitsAndIntrinsicsThatCannotBe) {
       kWidth * 4, kHeight * 4, stream_info(kWidth * 4, kHeight * 4).intrinsics, {}};
   DepthFrame good = test::pattern_frame(kWidth * 4, kHeight * 4, 0, 0);
   EXPECT_EQ(Plausibility().look(good, model), "");
-  // Millimetres in counts of 1/5000 m, read as millimetres.
+  // Millimeters in counts of 1/5000 m, read as millimeters.
   DepthFrame fivefold = good;
   for (auto& count : fivefold.pixels) count = static_cast<std::uint16_t>(5 * count);
   EXPECT_EQ(common_divisor(fivefold), 5);

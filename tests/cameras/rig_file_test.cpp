@@ -24,7 +24,7 @@ TEST(CameraPoses, StandInEveryFrame) {
   DepthFrame frame;
   ASSERT_TRUE(camera->next(frame).value());
   EXPECT_EQ(frame.X_WC, (Pose{{1, 2, -0.5}, {}}));
-  // The wall of the scene stays where it is in the world, half a metre farther from this camera.
+  // The wall of the scene stays where it is in the world, half a meter farther from this camera.
   DepthFrame from_origin;
   ASSERT_TRUE(open_camera("scene:wall?noise=off&size=32x24").value()->next(from_origin).value());
   EXPECT_EQ(from_origin.X_WC, Pose{});

@@ -26,7 +26,7 @@ DepthAverageOptions options_with(int rest_frames) {
   return options;
 }
 
-/// Depth in metres at (u, v); 0: none.
+/// Depth in meters at (u, v); 0: none.
 using Depth = std::function<double(int u, int v)>;
 
 /// Frames with noise.

@@ -87,7 +87,7 @@ TEST(HaplyDevice, TheHandFeelsTheForce) {
   bench.start();
   ASSERT_TRUE(eventually([&] { return bench.log.last().is_valid; }));
   const double y = bench.log.last().X_BH.translation.y;
-  // At rest the force is held by the hand's spring of 100 N/m: one centimetre, upwards and
+  // At rest the force is held by the hand's spring of 100 N/m: one centimeter, upwards and
   // downwards.
   bool has_moved = false;
   for (int turn = 0; turn < 100 && !has_moved; ++turn) {

@@ -207,7 +207,7 @@ TEST_F(PageHandTest, OnePageHoldsItAtATime) {
   EXPECT_TRUE(handle_->is_held());
   EXPECT_NE(refusal(handle_->hold(kOther, now_)).find("another page"), std::string::npos);
   EXPECT_NE(refusal(handle_->move(kOther, at(0.01), now_)).find("another page"), std::string::npos);
-  handle_->release(kOther);  // what it does not hold
+  handle_->release(kOther);  // without effect: it does not hold
   handle_->release(0);
   EXPECT_TRUE(handle_->is_held());
   tick(100);

@@ -283,7 +283,7 @@ TEST_F(Run, FiguresOfAGpuStandBesideOurs) {
   Key key;
   key.isa = "queries on a GPU";
   FigureResult there;
-  // And one of an older program, which nobody makes any more.
+  // The second claim is of an older program, and is no longer made.
   there.claims = {{some_result().claims[0].claim, "1.0 times", Verdict::differs},
                   {"newer is better", "1 ms", Verdict::better}};
   for (const char* id : {"timed", "noise"}) {

@@ -391,7 +391,7 @@ class Faults(Case):
             self.assertTrue(any(has_faded(pause) for _ in range(5)))
 
     def test_little_address_space_is_a_sentence(self):
-        """As under `ulimit -v`: whoever asks for more is refused, wherever that is."""
+        """As under `ulimit -v`: every request for more memory is refused."""
         num_refused = num_whole = 0
         for megabytes in (160, 320, 448, 512, 1024):
             def limit(most=megabytes << 20):
@@ -451,7 +451,7 @@ class Faults(Case):
             print(f"{num:6d}  {said}", file=sys.stderr)
 
     def wait_until(self, is_so, process):
-        """While it runs."""
+        """Returns the first true `is_so()`; fails if the process ends before."""
         deadline = time.monotonic() + 120
         while True:
             status = process.poll()
@@ -465,11 +465,11 @@ class Faults(Case):
         self.wait_until(path.exists, process)
 
     def wait_for_ticks(self, folder, process):
-        """Until some can be replayed; returns how many."""
+        """Waits until some ticks can be replayed; returns how many."""
         return self.wait_until(lambda: self.check_run(folder) if folder.exists() else 0, process)
 
     def rows(self, folder):
-        """Those that wrench.csv has by now, without a last one that is half written."""
+        """Returns the rows of wrench.csv so far, without a last one that is half written."""
         for name in ("wrench.csv", "wrench.csv.part"):
             with contextlib.suppress(FileNotFoundError), open(folder / name) as file:
                 return list(csv.DictReader(line for line in file if line.endswith("\n")))

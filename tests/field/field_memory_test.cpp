@@ -20,7 +20,7 @@ constexpr float kTable = 1.0f, kHand = 0.7f;
 /// A surface that is looked at squarely.
 TangentPlane plane_at(float z) { return z > 0 ? TangentPlane{z, 1} : TangentPlane{}; }
 
-/// One pixel and what it is told.
+/// Memory of one pixel and its measurements.
 struct Pixel {
   MemoryRule rule = memory_rule({.kind = DepthMemory::on, .horizon = 2});
   PixelMemory memory;
@@ -64,7 +64,7 @@ TEST(PixelMemory, OneFrameContradicts) {
   pixel.see(1.021f, kMinSeen);
   pixel.see(kHand, 5);
   EXPECT_EQ(pixel.see(1.5f).behind.offset, 1.5f);
-  // And what had been there before is not known any more.
+  // The surface that had been there before is not known any more.
   EXPECT_EQ(pixel.see(kHand).behind.offset, kHand);
 }
 

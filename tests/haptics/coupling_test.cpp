@@ -87,10 +87,10 @@ struct HingeScene {
   }
 };
 
-/// The floor z = 0 for the tool's centre of mass.
+/// The floor z = 0 for the tool's center of mass.
 HingeScene floor_scene(double k) { return {{{box_tool().centre_of_mass, {0, 0, 1}, 0, k}}}; }
 
-/// The handle's pose that puts the tool's centre of mass at p.
+/// The handle's pose that puts the tool's center of mass at p.
 DeviceState hand_for(const Vec3d& p) { return hand_at({p - box_tool().centre_of_mass, {}}); }
 
 // ---------------------------------------------------------------------------------------------
@@ -376,7 +376,7 @@ TEST(Couplings, RestOnAFloorWhereSpringAndContactBalance) {
       EXPECT_NEAR(step.contact_W.force.z, want, 1e-3 * want);
       const double sunk = kind == CouplingKind::direct ? depth : k / (k + kc) * depth;
       EXPECT_NEAR((step.X_WT * box_tool().centre_of_mass).z, -sunk, 1e-3 * sunk + 1e-12);
-      // At the handle: the lever is the centre of mass in the hand.
+      // At the handle: the lever is the center of mass in the hand.
       const Vec3d torque = cross(box_tool().centre_of_mass, Vec3d{0, 0, want});
       EXPECT_LT(norm(step.F_H_B.torque - torque), 1e-3 * norm(torque));
     }

@@ -74,8 +74,8 @@ double apart(const Pose& a, const Pose& b) {
          norm(rotation_vector(a.rotation * conjugate(b.rotation)));
 }
 
-// The device's next answer is where the hand was expected, at its pace; whoever is silent for long
-// stands still.
+// The device's next answer is where the hand was expected, at its pace; the hand of a device that
+// is silent for long stands still.
 TEST(Hand, GoesOnInTicksWithoutAState) {
   const Vec3d c_T{0.01, -0.02, 0.05};
   Hand hand(held_askew(), c_T), seen(held_askew(), c_T);

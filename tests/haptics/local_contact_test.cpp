@@ -15,7 +15,7 @@ namespace palpate {
 namespace {
 
 /// A ball of radius r at c_T of the tool's frame above the wall z = 0 of the scene, z up: V = cap,
-/// F = V e_z at the ball's centre, K = A e_z e_z^T; all in closed form.
+/// F = V e_z at the ball's center, K = A e_z e_z^T; all in closed form.
 struct BallOnWall {
   double radius = 0.02;
   Vec3d c_T{0.03, -0.01, 0.02}, centre_of_mass_T{-0.02, 0.01, 0.005};

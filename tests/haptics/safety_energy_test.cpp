@@ -15,8 +15,8 @@ namespace {
 using namespace test::safety_rig;  // NOLINT: all of it
 
 // The observer against the exact work of a force that is constant over each tick. A hand that jumps
-// counts as the fastest hand there is: 10 m/s and 100 rad/s. Of what it gives, what is stored
-// counts.
+// counts as the fastest hand there is: 10 m/s and 100 rad/s. Of the energy that it gives, only the
+// stored part counts.
 TEST(SafetyFilter, CountsTheEnergyThatTheHandIsGiven) {
   SafetyOptions options;
   options.passivity_control = false;

@@ -98,7 +98,7 @@ TEST(SafetyRecovery, NothingEngagesBeforeTheDeviceHasItsForce) {
   EXPECT_NE(ticks_until_engaged(rig, 20), -1);
 }
 
-// A force that nobody permits any more, or that nothing drives, goes also if no time passes.
+// A force without permission, or without a driver, ends also if no time passes.
 TEST(SafetyRecovery, AForceThatWasLetGoEndsEvenIfTheClockStandsStill) {
   for (const bool is_dead_man : {true, false}) {
     SafetyOptions options;

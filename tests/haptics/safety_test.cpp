@@ -331,7 +331,7 @@ TEST(SafetyFilter, TooManyFaultsWithinAMinuteNeedSomebodyWhoAsks) {
   }
   EXPECT_TRUE(rig.filter.status().is_engaged());
   EXPECT_NEAR(last, norm(kPush.force), 1e-9);
-  // A press of button 0 is a wish, too; one that began before the fault is not.
+  // A press of button 0 is a request, too, unless it began before the fault.
   options.max_recoveries = 0;
   Rig pedal(options);
   pedal.input.state.buttons = 1;
@@ -366,7 +366,7 @@ TEST(SafetyFilter, NoMinuteHasMoreReturnsThanAllowed) {
   EXPECT_EQ(returns(7000, 60), 60);  // fewer than 9 in 60 s
 }
 
-// Somebody who has asked for the force in contact has not asked for it after the next fault.
+// A request for the force in contact does not hold after the next fault.
 TEST(SafetyFilter, ARequestDoesNotOutliveAFault) {
   Rig rig;
   rig.hold(kPush);

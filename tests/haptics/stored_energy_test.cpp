@@ -124,7 +124,7 @@ TEST(StoredEnergy, TheHandGetsBackNoMoreThanThat) {
   }
 }
 
-// A hand that swings the tool through the air, and presses it by a centimetre: all of that is given
+// A hand that swings the tool through the air, and presses it by a centimeter: all of that is given
 // back, nothing is held back, and the tank of 10 mJ is a fraction of it.
 TEST(StoredEnergy, TheFilterHoldsNothingBackOfWhatTheHandHasPutIn) {
   for (const CouplingKind kind : kMaxBallGrowth) {

@@ -94,7 +94,7 @@ TEST(ThinEnds, LimitsKeepSpheresOut) {
     EXPECT_GE(static_cast<double>(s.radius), 5e-4);
     farthest = std::max(farthest, static_cast<double>(s.centre.z));
   }
-  EXPECT_LT(farthest, bounds(mesh).high.z - 0.004);  // thinner than a millimetre from there on
+  EXPECT_LT(farthest, bounds(mesh).high.z - 0.004);  // thinner than a millimeter from there on
   options = {};
   options.max_radius = 4e-3;
   const SpherePacking fine = pack_spheres(mesh, options).value();

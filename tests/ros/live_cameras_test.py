@@ -50,7 +50,7 @@ class LiveCamerasTest(PeerCase):
     def test_each_image_is_seen_by_its_own_lens(self):
         seen = self.watch("bent", place="0.2,0,0.5")
         self.assertGreater(len(seen["fractions"]), 50)
-        # The wall ends a centimetre beside the tool. By the other lens 15 % of it would be inside.
+        # The wall ends a centimeter beside the tool. By the other lens 15 % of it would be inside.
         self.assertLess(max(seen["fractions"]), 0.01)
         # An image whose lens is not known in time is not seen by another one: here that is every one, or nearly, if
         # palpate does not come to look for a while.

@@ -40,7 +40,7 @@ struct SeenFrameCopy {
   DepthFrame frame;
 };
 
-/// Everything that an observer is told, and that settings come before what is made with them.
+/// Everything that an observer gets, with checks that settings come before their results.
 struct Seen {
   std::mutex mutex;
   std::vector<SeenFrameCopy> frames;
@@ -298,8 +298,8 @@ TEST(LiveLoopChange, FramesThatAreExpectedInAnHourComeWhenTheyCome) {
   EXPECT_TRUE(touching.loop->change(settings));
 }
 
-// Whoever changes settings while the camera stands still gets an answer soon, and the next one at
-// once: a page's thread waits for it, and the end of a run for that.
+// A change of settings while the camera stands still is answered soon, and the next one at once:
+// the thread of a page waits for the answer, and the end of a run for that thread.
 TEST(LiveLoopChange, WithoutDepthFramesIsRefusedSoonAndTakenLater) {
   std::atomic<bool> may_come_again = false;
   Touching touching({.depth = [&](int k) {

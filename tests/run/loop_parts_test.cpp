@@ -369,8 +369,8 @@ std::vector<SurfaceTimeline> timelines_of(const DepthSources& sources, TimeMode 
 
 double wall_depth(int frame) { return 0.4 + 0.0001 * (frame % 1000); }
 
-// Every frame is a wall of another depth. Whoever looks at surfaces that are being rewritten sees
-// points of two walls (and the thread sanitizer sees it too).
+// Every frame is a wall of another depth. A reader of surfaces that are being rewritten sees points
+// of two walls (and the thread sanitizer sees it too).
 TEST(SurfaceStage, NobodyRewritesTheSurfacesThatAreLookedAt) {
   for (const TimeMode mode : {TimeMode::interpolate, TimeMode::latest, TimeMode::predict}) {
     WallSource source({.depth = wall_depth, .rate = 400});
@@ -407,7 +407,7 @@ TEST(SurfaceStage, NobodyRewritesTheSurfacesThatAreLookedAt) {
   }
 }
 
-/// Measures what it is told to.
+/// A query with given results.
 class SpoiltQuery final : public ContactQuery {
  public:
   explicit SpoiltQuery(int good) : good_(good) {}

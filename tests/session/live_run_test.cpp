@@ -476,7 +476,7 @@ TEST(LiveRun, KilledLosesNoMoreThanTheLastHalfSecond) {
   EXPECT_NE(replay->note.find("cut off"), std::string::npos);
 }
 
-/// One that says nothing until that is noticed, as a camera with a loose plug.
+/// A stream that stalls until that is noticed, as a camera with a loose plug.
 class StallingStream final : public SyntheticStream {
  public:
   StallingStream(int num_frames, const std::atomic<bool>& is_noticed)

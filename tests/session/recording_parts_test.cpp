@@ -115,7 +115,7 @@ TEST(RecordingParts, EstimatesAreRepeatedFromEveryPartOn) {
       ASSERT_TRUE(outcome) << outcome.error().message;
       EXPECT_GT(outcome->peaks.volume, 0);
       ASSERT_NO_FATAL_FAILURE(expect_parts_repeat(run, *outcome)) << name_of(mode) << binning;
-      // Without it another depth is felt, so it decides.
+      // Without the estimate the depth is another one, so it makes a difference.
       const fs::path other = folder.path() / "other" / kRecordingFile;
       fs::create_directories(other.parent_path());
       fs::copy_file(recording_parts(run)[3], other);
@@ -582,7 +582,7 @@ TEST(RecordingParts, AGapIsToldAndBothSidesOfItAreRepeated) {
   EXPECT_EQ(replay->num_ticks, outcome->loop.num_ticks - static_cast<std::size_t>(kRate));
 }
 
-// Writing to what has been removed or cut never fails: the run looks at the end.
+// Writing to a file that has been removed or cut never fails: the run checks at its end.
 TEST(RecordingParts, ThatSomebodyElseRemovesOrCutsAreMissed) {
   const TemporaryFolder folder;
   const auto run = folder.path() / "run";

@@ -135,7 +135,7 @@ TEST(RunFolder, RunsOfOneNameDoNotDisturbEachOther) {
   make_run(second->partial());
   touch(second->partial() / "second");
   EXPECT_TRUE(first->commit());
-  // Nobody takes the folder of a run that goes on; once it has ended, the last one counts.
+  // The folder of a run that goes on cannot be taken; once it has ended, the last one counts.
   EXPECT_FALSE(second->commit());
   EXPECT_FALSE(fs::exists(root.path() / "run" / "second"));
   { const RunFolder ended = *std::move(first); }

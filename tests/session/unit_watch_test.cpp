@@ -1,4 +1,4 @@
-// A wall at half a metre and a tool that goes to it, with depth in every unit read as every other.
+// A wall at half a meter and a tool that goes to it, with depth in every unit read as every other.
 #include "src/session/unit_watch.h"
 
 #include <gtest/gtest.h>

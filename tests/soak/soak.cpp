@@ -102,13 +102,13 @@ class Found {
   /// Ticks with a force on the hand where there may be none, and faults whose force took longer
   /// than its fade and the longest tick.
   int num_forces_too_late() const { return num_forces_too_late_; }
-  /// Found by its name and in its time.
+  /// Number of faults that were found by their name and in their time.
   std::size_t num_found() const { return std::ranges::count_if(fates_, &Fate::is_found); }
-  /// Not found, but there was no force then: a busy computer had taken it.
+  /// Number of faults not found while there was no force: a busy computer had taken it.
   std::size_t num_covered() const {
     return std::ranges::count_if(fates_, [](const Fate& f) { return !f.is_found && f.is_covered; });
   }
-  /// At a time of which no tick was recorded.
+  /// Number of faults at a time of which no tick was recorded.
   std::size_t num_unseen() const {
     return std::ranges::count_if(fates_, [](const Fate& f) { return !f.is_seen; });
   }
@@ -231,7 +231,7 @@ class Troubled final : public Base {
 
 // Users in the meantime.
 
-/// Somebody who turns settings, and pages that come, look, and go without a word.
+/// A user who changes settings, and pages that come, look, and go without closing.
 class Visitors {
  public:
   Visitors(LiveView& view, int port, unsigned seed)

@@ -271,7 +271,7 @@ inline Truth contact_truth(const ToolTruth& tool, const BoundaryTruth& touched, 
     const double margin = options.edges == Edges::centre ? 0 : options.edges == Edges::cut ? r : -r;
     return dot(edge->n, c_W[s] - edge->p) >= margin;
   };
-  // Signed distance of the centre from the edge that cuts the sphere, far behind it if none does.
+  // Signed distance of the center from the edge that cuts the sphere, far behind it if none does.
   const auto edge_distance = [&](std::size_t s, const Donor& donor) {
     const BoundaryTruth::Edge* edge = edge_of(s);
     if (options.edges != Edges::cut || edge == nullptr || !matters_to(*edge, donor)) return -1e9;

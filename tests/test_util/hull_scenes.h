@@ -66,7 +66,7 @@ inline std::vector<float> depth_seen(const Ray& ray, const Camera& camera, const
   return metres;
 }
 
-/// Adds a camera with an image in metres.
+/// Adds a camera with an image in meters.
 inline void add_view(HullScene& scene, const Camera& camera, const Pose& X_WC,
                      const std::vector<float>& metres, const DepthFieldOptions& field = {}) {
   SensorOptions options;

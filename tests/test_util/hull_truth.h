@@ -31,7 +31,7 @@ inline HullSample rounded_min(const HullSample& a, const HullSample& b, double w
   return {-most.phi, -most.gradient};
 }
 
-/// Cameras that agree to a few millimetres: between the mean and the greater one.
+/// Cameras that agree to a few millimeters: between the mean and the greater one.
 inline double agreement_of(double radius) { return 0.003 + 0.2 * radius; }
 inline HullSample agreed_of(const HullSample& a, const HullSample& b, double wide) {
   const HullSample &less = a.phi < b.phi ? a : b, &more = a.phi < b.phi ? b : a;

@@ -57,7 +57,7 @@ TEST(HeldTool, OnePageHoldsItUntilItLetsGo) {
   const Json refused = requested(second, kHold);
   EXPECT_EQ(refused["ok"], false);
   EXPECT_NE(refused["error"].get<std::string>().find("another page"), std::string::npos);
-  // A pose of whoever does not hold it is refused by an unsolicited answer.
+  // A pose of a page that does not hold the tool is refused by an unsolicited answer.
   const Json unrequested = requested(second, kHand);
   EXPECT_EQ(unrequested["ok"], false);
   EXPECT_TRUE(unrequested["id"].is_null());

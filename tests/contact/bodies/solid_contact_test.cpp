@@ -150,7 +150,7 @@ bool is_nearest_face(const Pose& X_WA, double side) {
     for (const int j : {i ^ 1, i ^ 2, i ^ 4}) {
       const Vec3d a = corner(i), b = corner(j);
       if (a.z > side / 2) continue;
-      // Ends of what is behind it of this edge.
+      // Ends of the part of this edge that is behind the face.
       const double t = b.z > side / 2 ? (side / 2 - a.z) / (b.z - a.z) : 0;
       for (const Vec3d& p : {a, a + t * (b - a)}) {
         if (std::max(std::abs(p.x), std::abs(p.y)) > p.z) return false;

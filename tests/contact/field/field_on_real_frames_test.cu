@@ -92,7 +92,7 @@ std::vector<Isa> isas() {
   return all;
 }
 
-/// Force and torque (about the centre of mass) of gradients that are not shortened, in double.
+/// Force and torque (about the center of mass) of gradients that are not shortened, in double.
 VolumeWrench unbounded_wrench(const Tool& tool, const FieldElements& elements,
                               const DepthFieldView& field, const Pose& X_WT) {
   constexpr double kUnbounded = 1e9;

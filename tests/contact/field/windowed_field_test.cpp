@@ -92,7 +92,7 @@ void expect_same(const Answer& got, const Answer& want) {
       0);
 }
 
-/// A tool among others, and how far its elements are from its centre of mass.
+/// A tool among others, and how far its elements are from its center of mass.
 struct Probe {
   const Tool* tool;
   double reach;

@@ -48,7 +48,7 @@ TEST(SphereGrid, EveryPointOfASphereFindsItInItsCell) {
   EXPECT_GT(num_full, 1000);
 }
 
-/// Squared distance, in cells, of a sphere's centre from the nearest and farthest point of a cell
+/// Squared distance, in cells, of a sphere's center from the nearest and farthest point of a cell
 /// that is `larger` on every side.
 struct FromCell {
   double nearest = 0, farthest = 0;

@@ -25,7 +25,7 @@ struct Case {
   std::string name;
   int num_spheres = 1000;
   double donor_share = 0.2;  ///< of the spheres near the surface
-  bool has_ties = false;     ///< centres on a lattice
+  bool has_ties = false;     ///< centers on a lattice
   MethodKind method = MethodKind::simplified;
   Priority priority = Priority::distance;
   Edges edges = Edges::none;

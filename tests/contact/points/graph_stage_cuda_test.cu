@@ -350,7 +350,7 @@ TEST_P(GraphStageOfScans, EqualsTheCpu) {
   }
 }
 
-// A hub with more neighbours than the lanes of a warp have bits for, and paths of equal length.
+// A hub with more neighbors than the lanes of a warp have bits for, and paths of equal length.
 TEST(GraphStage, HubsAndTies) {
   PALPATE_GPU_OR_SKIP();
   std::vector<Sphere> spheres = {{{0, 0, 0}, 1}};

@@ -447,7 +447,7 @@ std::vector<Sphere> cube_of_spheres(int num_along_side, double spacing) {
   return spheres;
 }
 
-// An unorganised cloud.
+// An unorganized cloud.
 PointCloud loose_cloud(const std::vector<Vec3d>& points, std::uint64_t seed) {
   test::Random random(seed);
   PointCloud cloud(static_cast<int>(points.size()), 1);
