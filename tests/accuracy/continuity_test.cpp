@@ -1,4 +1,4 @@
-// How far the force jumps at a tick while a cube sinks into noisy solids, see eval/force_steps.h.
+// Jumps of the force between ticks while a cube sinks into noisy solids, see eval/force_steps.h.
 #include <algorithm>
 #include <array>
 #include <cstdio>

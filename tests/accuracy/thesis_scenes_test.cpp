@@ -137,7 +137,7 @@ TEST(FieldForce, GrowsWithoutJerks) {
   }
 }
 
-// What measures the errors finds none in the truth, and a closed loop does no work.
+// The error measures are zero for the exact wrench, and a closed loop does no work.
 TEST_P(EveryCase, TheTruthHasNoError) {
   const ContactCase& c = GetParam();
   const Measure exact = exact_measure(tool_of(c), c.environment);

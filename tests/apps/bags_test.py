@@ -77,7 +77,7 @@ class Bags(CameraCase):
     def write_bag(self, name, encoding="16UC1", topic="/cam/depth/image_raw", model="plumb_bob",
                   d=(0.1, -0.05, 0.001, 0.002, 0.0), compressed=False, num=31, extra=None,
                   info=True, more=None, plugin="MCAP"):
-        """By rosbags, as ROS 2 would."""
+        """Writes a bag as ROS 2 does, with rosbags."""
         import numpy
         import rosbags.rosbag2
         import rosbags.typesys
@@ -195,7 +195,7 @@ class Bags(CameraCase):
         return raw
 
     def taken(self, camera, options=(), **more):
-        """What a camera gives: size and intrinsics, (time stamp, counts) of every frame, where it was."""
+        """Records a camera; returns size and intrinsics, (time stamp, counts) of every frame, and positions."""
         import rosbags.highlevel
         self.number = getattr(self, "number", 0) + 1
         copy = self.folder / f"{self.id().rsplit('.', 1)[1]}_{self.number}.mcap"
@@ -235,7 +235,7 @@ class Bags(CameraCase):
             self.expect_walls(frames)
             _, _, places = self.taken(f"bag:{bag}?world=table")
             self.assertEqual(places, {(0.1, 0, 0.02)})
-        # What the tool itself makes of it.
+        # A bag that the rosbag tool itself has filtered.
         few = self.folder / "few.bag"
         subprocess.run([DEBIAN_PYTHON, "/usr/bin/rosbag", "filter", bag, few,
                         "topic.startswith('/camera') and t.to_sec() < 1500000000.5"], check=True,
@@ -265,7 +265,7 @@ class Bags(CameraCase):
         refused("a chunk has no size field", whole[:huge] + b"sice=" + whole[huge + 5:])
         middle = whole.find(b"compression=lz4") + 600
         refused("is damaged at byte", whole[:middle] + bytes(400) + whole[middle + 400:])
-        # A bag that is cut off holds what it holds.
+        # A bag that is cut off is read up to the cut.
         broken.write_bytes(whole[:len(whole) * 2 // 3])
         done = self.check(palpate("record", "--camera", f"bag:{broken}", "-o", never))
         self.assertIn(b"was cut off", done.stderr)

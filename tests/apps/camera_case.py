@@ -1,4 +1,4 @@
-"""What the tests of --camera share: the program, a tool, a path, a bent wall.
+"""Fixture of the tests of --camera: the program, a tool, a path, a bent wall.
 
 Usage of each: TEST.py PATH_OF_PALPATE"""
 
@@ -25,7 +25,7 @@ def palpate(*arguments, timeout=300, **more):
 
 
 def wall(number=0):
-    """A wall at half a metre, bent a little, as counts of a millimetre."""
+    """A wall at half a meter, bent a little, as counts of a millimeter."""
     return struct.pack(f"<{WIDTH * HEIGHT}H", *(500 + (u - 80) ** 2 // 400 + (v + number) % 2
                                                 for v in range(HEIGHT) for u in range(WIDTH)))
 

@@ -131,7 +131,7 @@ class Cameras(CameraCase):
         self.assertIn(b"identical", self.check(palpate("replay", live)).stdout)
 
     def test_poses_of_a_bag(self):
-        """What record writes of where a camera was, a bag gives again."""
+        """Camera poses that `record` writes are read back from the bag."""
         scene = "scene:sphere-out-320?noise=off&size=160x120"
         for name, camera in (("moving", f"{scene}&poses={self.orbit()}"),
                              ("still", f"{scene}&pose=0.1,0,0.02,0,0,0,1")):
@@ -417,7 +417,7 @@ class Cameras(CameraCase):
         self.assertEqual(surface("active_stereo", "--sensor", "active_stereo", uri="&sensor=tof"),
                          (0.03, 3))
         self.assertEqual(surface("none", "--sensor", "none", uri="&sensor=tof"), (0, 2))
-        # What people give counts, even if it is a default.
+        # Explicit settings take precedence over the sensor's, even if they equal the defaults.
         self.assertEqual(surface("active_stereo", "--sensor", "active_stereo", "--set",
                                  "surface.filter_radius=2"), (0.03, 2))
         self.assertEqual(surface("active_stereo", "--sensor", "active_stereo", "--settings", file),
@@ -429,7 +429,7 @@ class Cameras(CameraCase):
         if shutil.which("ffmpeg") is None:
             self.skipTest("there is no ffmpeg; scripts/setup.sh --test installs it")
         run = self.run_folder()
-        # What ffmpeg reads from one file and writes into the pipe is the wall to the last count.
+        # ffmpeg copies the wall from a file into the pipe, exact to the last count.
         raw = self.folder / "wall.raw"
         raw.write_bytes(b"".join(wall(k) for k in range(31)))
         by_ffmpeg = subprocess.run(

@@ -1,4 +1,4 @@
-"""What the tests of the command line share: the program, a tool, frames of depth, programs that run and end.
+"""Fixture of the command line tests: the program, a tool, frames of depth, programs that run and end.
 
 Usage of each: TEST.py PATH_OF_PALPATE"""
 
@@ -107,7 +107,7 @@ class CommandLineCase(unittest.TestCase):
         return summary
 
     def interrupt(self, arguments, is_ready, how=signal.SIGINT):
-        """Once it catches such signals and is ready, which depends on for how many seconds it has caught them."""
+        """Runs the program and signals it once `is_ready(seconds since it has a handler)`; returns how it ended."""
         process = subprocess.Popen([PALPATE, *map(str, arguments)], stdout=subprocess.PIPE,
                                    stderr=subprocess.PIPE, text=True)
         deadline, since = time.monotonic() + 120, None
@@ -123,7 +123,7 @@ class CommandLineCase(unittest.TestCase):
 
     @staticmethod
     def catches(process, number):
-        """Whether a program has a handler by now."""
+        """True if a program has installed a handler of the signal."""
         caught = re.search(r"^SigCgt:\s*(\w+)", read(f"/proc/{process.pid}/status"), re.MULTILINE)
         return int(caught.group(1), 16) >> (number - 1) & 1 == 1
 

@@ -25,7 +25,7 @@ def cross(a, b):
 
 
 def rotate(q, v):
-    """By the unit quaternion x, y, z, w."""
+    """Rotates v by the unit quaternion x, y, z, w."""
     axis, w = q[:3], q[3]
     t = times(cross(axis, v), 2)
     return add(v, add(times(t, w), cross(axis, t)))
@@ -36,7 +36,7 @@ def transform(pose, p):
 
 
 def cap(r, d):
-    """Volume of a ball behind a plane, its centre at signed distance d in front (Alg. 3.1)."""
+    """Volume of a ball behind a plane, its center at signed distance d in front (Alg. 3.1)."""
     h = min(max(r - d, 0.0), 2 * r)
     return math.pi / 3 * h * h * (3 * r - h)
 

@@ -189,7 +189,7 @@ class Recordings(CameraCase):
                 self.expect_read(path, f"{profile} {options}")
 
     def test_what_the_program_records(self):
-        """By both."""
+        """The mcap and the rosbags reader return the same messages."""
         path = self.folder / "ours.mcap"
         self.check(palpate("record", "--camera", "scene:wall?noise=off", "--duration", 0.3, "-o", path))
         with open(path, "rb") as file:

@@ -31,7 +31,7 @@ except ImportError:
 
 
 def png_of(counts):
-    """16 bits a pixel, greyscale."""
+    """16 bits a pixel, grayscale."""
     rows = b"".join(b"\0" + struct.pack(f">{WIDTH}H", *counts[at:at + WIDTH])
                     for at in range(0, len(counts), WIDTH))
 
@@ -130,7 +130,7 @@ class Formats(CameraCase):
                                 f"&unit={UNIT}")
 
     def write_ros2(self, name, plugin="MCAP", codec=None, encoding="16UC1"):
-        """By rosbags, as ROS 2 would."""
+        """Writes a bag as ROS 2 does, with rosbags."""
         import numpy
         store = rosbags.typesys.get_typestore(rosbags.typesys.Stores.ROS2_HUMBLE)
         make = {key.rsplit("/", 1)[1]: value for key, value in store.types.items()}
@@ -167,7 +167,7 @@ class Formats(CameraCase):
         for name, options in (("ros2", {}), ("ros2 sqlite", {"plugin": "SQLITE3"}), ("ros2 png", {"codec": "png"}),
                               ("ros2 rvl", {"codec": "rvl"})):
             self.expect_same(name, f"bag:{self.write_ros2(name, **options)}")
-        # Metres in single precision, in counts of a millimetre again.
+        # Meters in single precision, in counts of a millimeter again.
         self.expect_same("ros2 float", f"bag:{self.write_ros2('ros2 float', encoding='32FC1')}?unit={UNIT}")
 
     def test_recordings_of_ros_1(self):

@@ -219,7 +219,7 @@ class LiveRuns(CommandLineCase):
             time.sleep(0.02)
 
     def stand_still(self, program):
-        """Long enough for a fault, of which there is something to say."""
+        """Stops the program for long enough that it reports a fault."""
         program.send_signal(signal.SIGSTOP)
         time.sleep(0.7)
         program.send_signal(signal.SIGCONT)
@@ -247,7 +247,7 @@ class LiveRuns(CommandLineCase):
         self.expect_whole(run)
         last = read(os.path.join(run, "wrench.csv")).splitlines()[-1].split(",")
         self.assertEqual(set(last[23:29]), {"0"})  # force and torque on the hand
-        # Whoever really wants it ends what does not end: here it waits for a reader.
+        # A second signal ends a program that waits: here for a reader.
         reader, full = self.full_pipe()
         with self.live_run(run, stdout=full, stderr=subprocess.DEVNULL) as program:
             program.send_signal(signal.SIGINT)
@@ -313,14 +313,14 @@ class LiveRuns(CommandLineCase):
             self.assertEqual(forces[-1], 0, how)
 
     def unread_run(self, run):
-        """Its faults, of which there is something to say that nobody reads in time."""
+        """Returns the faults of a run whose standard error nobody reads in time."""
         reader, full = self.full_pipe()
         with self.live_run(run, "--duration", 3, stdout=subprocess.DEVNULL, stderr=full) as program:
             os.close(full)
             self.stand_still(program)
             self.wait_for(lambda: os.path.exists(os.path.join(run, "report.html")), program)
             faults = self.expect_whole(run)["faults"]
-            # What there was to say is kept.
+            # The unread messages are still in the pipe.
             with open(reader, "rb") as unread:
                 told = unread.read()
             if faults:
@@ -329,7 +329,7 @@ class LiveRuns(CommandLineCase):
         return faults
 
     def unheard_run(self, run):
-        """Its faults, of which there is something to say to nobody."""
+        """Returns the faults of a run whose standard error nobody reads."""
         reader, writer = os.pipe()
         with self.live_run(run, "--duration", 3, stdout=subprocess.DEVNULL, stderr=writer) as program:
             os.close(writer)

@@ -21,7 +21,7 @@ from page_client import Page
 
 PALPATE = sys.argv.pop(1)
 SECONDS = float(os.environ.get("PALPATE_LIVE_SECONDS", 5))
-# What a busy machine must not end.
+# Limits so wide that a busy machine does not end the run.
 PATIENT = ("[safety]\nmax_contact_age = 60\nmax_sensor_age = 60\nmax_tick = 60\n"
            "max_device_silence = 60\nenergy_tank = 100\n")
 CHANGES = [("coupling.stiffness", 300), ("coupling.stiffness", 600), ("time.mode", "predict"),

@@ -236,7 +236,7 @@ class Packing(CommandLineCase):
         os.mkdir(locked, 0o555)
         if not os.access(locked, os.W_OK):  # for root everything is writable
             self.expect_failure(1, *pack, locked, mentions="cannot write tools into")
-        # What stands in the way of one tool is no reason to stop.
+        # A tool that cannot be written does not stop the others.
         os.makedirs(os.path.join(tools, "a.STL.palp"))
         self.assertEqual(self.pack_folder(1, folder, tools), (["b.ply"], [], ["a.STL.obj"]))
         self.assertIn("it is a folder", self.failures[0]["reason"])

@@ -10,7 +10,7 @@ import urllib.parse
 
 
 class Page:
-    """What the viewer sends is read by `receive`; pictures are acknowledged as a page does it."""
+    """A page of the viewer: `receive` reads its messages; pictures are acknowledged as a page does it."""
 
     def __init__(self, address, timeout=60):
         url = urllib.parse.urlsplit(address)

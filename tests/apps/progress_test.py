@@ -1,4 +1,4 @@
-"""What long verbs show on a terminal while they run.
+"""Progress that long verbs show on a terminal.
 
 Usage: progress_test.py PATH_OF_PALPATE"""
 

@@ -208,7 +208,7 @@ class Queries(CommandLineCase):
         return document["results"][0]["volume"]
 
     def solid_volume(self, picture):
-        """Of a picture: packing reads it (glTF by Assimp) and refuses what is not closed."""
+        """Returns the volume of a mesh file: packing reads it (glTF by Assimp) and refuses open meshes."""
         packed = json.loads(self.succeed("pack", picture, "-o", self.path("caps.palp"), "--spheres",
                                          1, "--json"))
         return packed["mesh_volume"]
@@ -223,7 +223,7 @@ class Queries(CommandLineCase):
             for picture in (ply, glb):
                 volume = self.query_caps(tool, picture, "--method", *method, "--caps-segments", 60)
                 missing = 1 - self.solid_volume(picture) / volume
-                # Of a ball 16.4 / 60^2 are missing, of a cap up to 20 / 60^2.
+                # The facets of a ball miss a share of 16.4 / 60^2, those of a cap up to 20 / 60^2.
                 self.assertTrue(3e-3 < missing < 20 / 60**2, (method, picture, missing))
         coarse = self.query_caps(tool, ply, "--method", "simplified")
         missing = 1 - self.solid_volume(ply) / coarse

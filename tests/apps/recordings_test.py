@@ -17,17 +17,17 @@ NOBODY = {"user": 65534, "group": 65534, "extra_groups": []}
 
 
 def listing(folder):
-    """What SQLite shares between its readers has no time."""
+    """Lists name, size and time of the files; without the time of -shm, which readers of SQLite change."""
     return sorted((each.name, each.stat().st_size, not each.name.endswith("-shm") and each.stat().st_mtime_ns)
                   for each in folder.iterdir())
 
 
 class Databases(CameraCase):
-    """What rosbag2 writes in WAL mode: messages may lie beside the database, and a reader may not."""
+    """Databases of rosbag2 in WAL mode: messages may lie beside the database, whose folder may be read-only."""
     write_bag = bags_test.Bags.write_bag
 
     def database(self, name):
-        """Closed, in WAL mode; and its messages."""
+        """Writes a closed database in WAL mode; returns its path and its messages."""
         try:
             import rosbags.rosbag2  # noqa: F401
         except ImportError:
@@ -40,7 +40,7 @@ class Databases(CameraCase):
         return path, rows
 
     def expect_read(self, path):
-        """Though nothing can be written beside it, and nothing is where it can."""
+        """Expects that a database is read in a read-only folder too, and that no file appears or changes."""
         self.folder.chmod(0o755)
         before = listing(path.parent)
         query = ("query", self.tool, "--camera", f"bag:{path}", "--pose", "0 0 0.49 0 0 0 1", "--json")

@@ -79,7 +79,7 @@ class Touching(CommandLineCase):
         self.assertAlmostEqual(told["force_difference_max_N"], max(off), delta=1e-9)
         self.assertAlmostEqual(told["force_difference_rms_N"] ** 2,
                                sum(x * x for x in off) / len(off), delta=1e-9)
-        # What another method does not have is left out, and said; what is asked for is refused.
+        # Options of the run that another method lacks are dropped with a note; given ones are refused.
         edges, field = self.path("try_edges"), self.path("tried_field")
         self.succeed(*self.sequence("-o", edges, "--method", "simplified", "--priority", "count",
                                     "--continuity", "both"))
@@ -126,7 +126,7 @@ class Touching(CommandLineCase):
                 tick = messages["/tick"][k]
                 self.assertEqual(tick.coupling.contact.force.z, felt["force_z_N"][k])
                 self.assertEqual(tick.felt.force.z, felt["hand_force_z_N"][k])
-                # A tool that is not turned, about its own origin: its centre of mass.
+                # A tool that is not turned, about its own origin: its center of mass.
                 wrench = messages["/tool/wrench"][k]
                 self.assertEqual(wrench.header.frame_id, "tool")
                 force = math.hypot(*(getattr(wrench.wrench.force, x) for x in "xyz"))
@@ -221,7 +221,7 @@ pose = [1, 0, 0, 0, 0, {0.5 ** 0.5}, {0.5 ** 0.5}]
         with open(os.path.join(turned, "summary.json")) as file:
             settings = json.load(file)["settings"]
         self.assertEqual(settings["bodies"]["gravity_z"], -9.81)
-        # A tool centre point: poses are its, and a frame of the rig's own.
+        # A tool center point: poses are its, and a frame of the rig's own.
         self.succeed(*touch, "--path-frame", "corner", "--wrench-frame", "corner", "--tcp", "0 0 0.1",
                      "--wrench-point", "tcp")
         c = self.columns(turned)
@@ -254,7 +254,7 @@ pose = [1, 0, 0, 0, 0, {0.5 ** 0.5}, {0.5 ** 0.5}]
         # The frame of that moment is another one.
         self.assertNotEqual(later["volume_m3"][0], together["volume_m3"][0])
         self.assertEqual(later["sensor_age_s"][0], 0)
-        # So it is with a device that plays the path: it feels the frame of that moment first.
+        # A device that plays the path also feels the frame of that moment first.
         settings = self.patient_settings("patient_clocks.toml")
         played = {}
         for shift in (0, 0.5):

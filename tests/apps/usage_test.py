@@ -92,7 +92,7 @@ class Usage(CommandLineCase):
                                 mentions="--duration: must be a number from 0.001 to 86400 s, not ")
 
     def test_empty_values_are_refused(self):
-        """As of a script whose variable is not set: the robot would be felt, or another path followed."""
+        """Empty values come from unset variables of scripts: the robot would be felt, or another path followed."""
         touch = self.sequence("-o", self.path("never"), "--duration", 0.1)
         for verb, option in (
                 (touch, "--robot"), (touch, "--path"), (touch, "--settings"), (touch, "--wrench-frame"),
@@ -205,7 +205,7 @@ class Usage(CommandLineCase):
         for path in precious.values():
             self.assertEqual(read(path), "# my notes\nx, y\n")
         self.assertEqual(sorted(os.listdir(notes)), sorted(precious))
-        # What is of its kind, or empty, is replaced.
+        # Files of the same kind, and empty ones, are replaced.
         for arguments, name in ((("pack", self.mesh, "--spheres", 20, "-o"), "n.palp"), (("shape", "box", "-o"), "n.ply"),
                                 (("shape", "box", "-o"), "n.stl"), (("shape", "box", "-o"), "n.obj"),
                                 (("info", self.tool, "--report"), "n.html"), (("export", self.tool, "--spheres"), "n.csv"),
@@ -379,7 +379,7 @@ class Usage(CommandLineCase):
         for section in ("contact", "surface", "field", "time", "loop", "coupling", "safety"):
             self.assertIn(f"[{section}]", text)
         self.assertIn("to 10000000 N/s)", text)
-        # As it is printed a file gives nothing: a camera that moves is taken as without it.
+        # As it is printed a file sets nothing: a moving camera is taken as without it.
         for line in text.splitlines():
             self.assertTrue(line == "" or line[0] in "[#", line)
         written = self.path("printed.toml")

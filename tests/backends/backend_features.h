@@ -1,4 +1,4 @@
-// What both backends can do, each feature with a check that they do it alike.
+// Features of both backends, each with a check that their results agree.
 #pragma once
 
 #include <functional>

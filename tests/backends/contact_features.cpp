@@ -26,8 +26,8 @@ namespace palpate::test {
 namespace {
 
 constexpr double kHalfSide = 0.06, kWallDepth = 0.6;
-constexpr double kReach = 2 * kHalfSide;  // levers, and what potentials are measured by
-/// What sums in another order, over single-precision numbers, may make of a measure.
+constexpr double kReach = 2 * kHalfSide;  // lever arms, and the scale of potentials
+/// Tolerance of a measure whose single-precision terms are summed in another order.
 constexpr double kMeasure = 1e-5;
 /// The stiffness of the CPU is computed in single precision.
 constexpr double kStiffness = 1e-4;

@@ -1,4 +1,4 @@
-// Rigid bodies against closed forms: what falls, spins, slides, swings, bumps and stands.
+// Rigid bodies against closed forms: they fall, spin, slide, swing, bump and stand.
 #include "src/bodies/internal/body_solver.h"
 
 #include <gtest/gtest.h>
@@ -29,7 +29,7 @@ RigidBody box(const Pose& X_WB, double mass = 0.3) {
 
 double height_energy(const RigidBody& body) { return body.mass * kG * body.center_W().z; }
 
-/// Bodies on a plate, and what they hold.
+/// Bodies on a plate, and their contacts.
 struct OnPlate {
   explicit OnPlate(std::vector<RigidBody> boxes, double mu = 0.5)
       : bodies(std::move(boxes)),
@@ -37,7 +37,7 @@ struct OnPlate {
         solver(static_cast<int>(bodies.size()),
                std::vector<double>(bodies.size() * bodies.size() + bodies.size(), bodies[0].mass)) {
   }
-  /// Each on the plate, and on each of the others from above.
+  /// Steps all bodies, each on the plate, and on each of the others from above.
   void step(double dt = kTick) {
     touches.clear();
     in_springs = 0;
@@ -281,7 +281,7 @@ TEST(BodySolver, StackOfFiveStands) {
     EXPECT_LT(norm(rotation_between(then.rotation, now.rotation)), 1e-8) << i;
     EXPECT_NEAR(now.translation.z, kSize.z * (i + 0.5), 2e-3) << i;
   }
-  // What the plate carries is what they weigh.
+  // The plate carries the weight of all five.
   EXPECT_NEAR(world.touches[0].F_A_W.force.z, 5 * 0.3 * kG, 1e-4);
 }
 

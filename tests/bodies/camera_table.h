@@ -57,7 +57,7 @@ class CameraTable {
             .value());
   }
 
-  /// What the camera shows at a time, which never goes back.
+  /// Returns the surface at `time`, which must not decrease between calls.
   SurfaceBlend at(double time) {
     while (next_frame_ <= time + 1e-9) {
       if (!source_->next(frame_).value()) break;

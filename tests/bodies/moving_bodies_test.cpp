@@ -25,7 +25,7 @@ const std::shared_ptr<const Tool>& box() {
   return shape;
 }
 
-/// So high over the table with its lowest side, m.
+/// Returns a box whose lowest side is `height` over the table, m.
 SceneObject box_at(double x, double height, double mass = 0.3) {
   return {box(), {{x, 0, kTable - kSize.z / 2 - height}, {}}, {}, true, mass};
 }
@@ -64,8 +64,8 @@ TEST(MovingBodies, FallOnTheTableThatTheCameraSees) {
   EXPECT_FALSE(body.is_asleep);
 }
 
-// What falls has only what it had; what is lifted has stored its weight times the way, and gives
-// that back on the way down.
+// A falling body stores nothing; a lifted one stores its weight times the height, and gives that
+// back on the way down.
 TEST(MovingBodies, StoreWhatTheyAreLiftedBy) {
   TableTop world({box_at(0.01, 0.03)}, {}, awake());
   for (int i = 0; i < 1000; ++i) {
@@ -82,7 +82,7 @@ TEST(MovingBodies, StoreWhatTheyAreLiftedBy) {
       const double way = begin - world.body(0).center_W().z;
       const double moved = kinetic_energy(world.body(0));
       most = std::max(most, weight * way);
-      // Of the last step's beginning.
+      // stored() is that at the beginning of the last step.
       EXPECT_NEAR(world.bodies->stored(), weight * way + moved, 0.005) << i;
     }
   }
@@ -101,8 +101,8 @@ TEST(MovingBodies, StoreWhatTheyAreLiftedBy) {
   EXPECT_EQ(world.bodies->stored(), 0) << "another gravity is no lift";
 }
 
-// What begins within the table comes out of it by no hand, and what a hand drags along has what the
-// friction of the tool has given it.
+// A body that begins inside the table rises without storing energy; a body that the tool drags
+// along stores the work of the tool's friction.
 TEST(MovingBodies, StoreOnlyWhatTheToolDoes) {
   TableTop sunk({box_at(0.01, -0.01)}, {}, awake());
   double highest = 0;
@@ -132,8 +132,8 @@ TEST(MovingBodies, StoreOnlyWhatTheToolDoes) {
   EXPECT_NEAR(moved, 0.3 * 0.09 / 2, 1e-3) << "it goes along";
 }
 
-// A second one that falls past the table, and loses by damping what it had, takes nothing from what
-// the first one was lifted by.
+// A second body that falls past the table, and loses its energy by damping, takes nothing from the
+// stored energy of the first one.
 TEST(MovingBodies, StoreWhatEachIsLiftedBy) {
   SceneObject lost = box_at(0, 0);
   lost.X_WB.translation = {3, 0, 0};
@@ -153,7 +153,7 @@ TEST(MovingBodies, StoreWhatEachIsLiftedBy) {
   EXPECT_NEAR(world.bodies->stored(), weight * way, 0.03 * weight * way);
 }
 
-// What the tool loses by pushing something along is not stored because another one has come up.
+// Work lost to friction under a pushed body is not stored, even if another body has risen.
 TEST(MovingBodies, StoreNothingOfWhatFrictionTakes) {
   SceneObject sunk = box_at(0, -0.01);
   sunk.X_WB.translation.x = -0.15;
@@ -251,7 +251,7 @@ TEST(MovingBodies, LieDeeperAndSlideWhenMaterialsChange) {
   EXPECT_NEAR(world.body(1).X_WB.translation.x, 0, 2e-3);
 }
 
-// On a slope: what loses its grip slides, and the other one sleeps on.
+// On a slope: the body that loses its grip slides, and the other one sleeps on.
 TEST(MovingBodies, WakeUpWhenTheirOwnFrictionChanges) {
   BodyOptions options;
   options.gravity_x = 0.3 * 9.81;
@@ -297,7 +297,7 @@ TEST(MovingBodies, WakeUpInQueriesWithAnotherGravity) {
   next();
   go_on(world, 0.1);
   EXPECT_FALSE(world.body(0).is_asleep);
-  // As it falls freely, or more: what held it gives it a push.
+  // At least as far as in free fall: the contact that held it pushes it.
   EXPECT_LT(world.body(0).X_WB.translation.z, before - 0.99 * 0.5 * 0.1 * 0.1);
 }
 

@@ -1,5 +1,5 @@
-// Recordings of which parts cannot be read, or belong to another camera: who needs these parts is
-// told, and the rest is read.
+// Recordings with parts that cannot be read, or belong to another camera: a camera that needs them
+// gets an error, and the rest is read.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -34,7 +34,7 @@ class BagContents : public testing::Test {
     }
     std::ofstream(path_, std::ios::binary) << test::ros1_bag({test::ros1_chunk(records)});
   }
-  /// All frames; or what was wrong.
+  /// Reads all frames; returns the error, empty if none.
   std::string read(const std::string& parameters = "") {
     frames_.clear();
     notes_.clear();
@@ -89,7 +89,7 @@ TEST_F(BagContents, WhatCannotBeReadOfAnotherCameraIsNoMatter) {
   EXPECT_EQ(frames_.size(), 1u);
   EXPECT_EQ(notes_, "");
   EXPECT_EQ(info_.intrinsics.fx, 30);
-  // Of the camera itself it is told.
+  // Damaged messages that the camera needs are reported.
   EXPECT_WORDS(read("?world=map"), "a TFMessage is damaged");
   EXPECT_EQ(read("?world=cam"), "");
   EXPECT_WORDS(notes_, "a message of transforms is left out: a TFMessage is damaged");
@@ -145,7 +145,7 @@ TEST_F(BagContents, TheLensOfAnotherCameraIsNotTakenWithoutAWord) {
   EXPECT_EQ(notes_, "");
 }
 
-// Of several elsewhere, that of their frame is theirs.
+// Among several lenses on other topics, the one with the images' frame is taken.
 TEST_F(BagContents, TheLensOfTheSameFrameIsTaken) {
   Shot left = at(0), right = at(0);
   left.frame = "left";

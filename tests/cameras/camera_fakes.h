@@ -14,8 +14,8 @@
 
 namespace palpate::test {
 
-/// What pixel (u, v) of frame `number` counts: never the same in two frames that follow each other,
-/// with odd and even counts, from 500 to 4499.
+/// Returns the count of pixel (u, v) in frame `number`: never the same in two consecutive frames,
+/// odd and even, from 500 to 4499.
 inline std::uint16_t count_at(int u, int v, int number) {
   return static_cast<std::uint16_t>(500 + (7 * u + 13 * v + 31 * number) % 4000);
 }

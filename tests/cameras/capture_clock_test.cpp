@@ -76,23 +76,23 @@ TEST(CaptureClock, OneLateFrameMovesNothing) {
   EXPECT_EQ(clock.num_restarts(), 0);
 }
 
-/// What happens to a camera of 30 frames per second within two minutes, from the 40th second on:
-/// by its own clock and by how late its frames come. Times are of our clock, s.
+/// Disturbance of a camera of 30 frames per second within two minutes, from the 40th second on:
+/// errors of its clock and delays of its frames. Times are of our clock, s.
 struct Mishap {
   std::string name;
   std::function<double(double captured, int frame)> error;  // s, of its clock
   std::function<double(double captured)> late;  // s, beside a small delay; frames keep their order
-  double too_old = 0.12;                        // s: so much older than it is a frame may look ...
-  double healed = 5;     // s: ... from then on, by our clock; before it as old as it likes
+  double too_old = 0.12;                        // s: largest excess of a frame's age ...
+  double healed = 5;     // s: ... from then on, by our clock; unlimited before
   int num_restarts = 0;  // at most
-  double known = 5;      // s: from then on it is known what is late
+  double known = 5;      // s: from then on late frames are recognized
 };
 
 constexpr double kBegin = 40, kRate = 30;
 constexpr int kWild = static_cast<int>(kBegin * kRate);
 
-// A frame must never look newer than it is: what is felt would be of a scene that is gone. That it
-// looks older than it is costs the force, and may last for moments only.
+// A frame must never look newer than it is: the force would be that of a scene that is gone. If it
+// looks older than it is, this costs the force, which may last for moments only.
 TEST(CaptureClock, KnowsALateFrameFromAClockThatWasSet) {
   const auto right = [](double, int) { return 0.0; };
   const auto on_time = [](double) { return 0.0; };
@@ -116,7 +116,7 @@ TEST(CaptureClock, KnowsALateFrameFromAClockThatWasSet) {
       {"a clock that is slewed by NTP", slewed(500e-6, 60), on_time},
       {"the same backwards", slewed(-500e-6, 60), on_time},
       {"a clock that is slewed fast", slewed(0.083, 6), on_time},
-      // It cannot be told from frames that come later and later.
+      // Indistinguishable from frames that come later and later.
       {"the same backwards", slewed(-0.083, 6), on_time, 0.6},
       {"a camera that starts again",
        [](double t, int) { return t < kBegin ? 0 : -5e4 - 1000 - kBegin; }, on_time, 0.12,
@@ -158,7 +158,7 @@ TEST(CaptureClock, KnowsALateFrameFromAClockThatWasSet) {
   }
 }
 
-// What was sent before, once more, comes faster than a clock goes.
+// Frames that are sent a second time come faster than a clock goes.
 TEST(CaptureClock, WhatIsSentAgainIsOld) {
   StampOrder order;
   CaptureClock clock;
@@ -172,7 +172,7 @@ TEST(CaptureClock, WhatIsSentAgainIsOld) {
   EXPECT_EQ(clock.num_restarts(), 0);
 }
 
-/// What comes of frames with these stamps at these times, 8 x 8 pixels.
+/// Ages and notes of 8 x 8 frames with given stamps and arrival times.
 struct Taken {
   std::vector<double> ages;  // s, when each has come
   std::string notes;
@@ -221,7 +221,7 @@ TEST(FrameIntake, OurClockIsBelievedOnceItFits) {
   for (std::size_t k = 20; k < 24; ++k) EXPECT_NEAR(seen.ages[k], 2.02, 1e-9);
   EXPECT_NEAR(seen.ages[24], 0.02, 1e-9);
   EXPECT_EQ(seen.notes.find("not of this computer's clock"), std::string::npos) << seen.notes;
-  // Another clock, which is told of once it is sure.
+  // Another clock, which a note reports once it is certain.
   seen = taken(StampClock::ours, frames([](int k) { return 5 + 0.1 * k; }));
   for (const double age : seen.ages) EXPECT_NEAR(age, 0, 1e-9);
   EXPECT_NE(seen.notes.find("not of this computer's clock"), std::string::npos) << seen.notes;

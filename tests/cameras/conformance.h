@@ -1,4 +1,4 @@
-// What every source of depth promises, whatever is behind it.
+// Promises of every source of depth, whatever is behind it.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -52,7 +52,7 @@ inline void expect_recording(const OpenSource& open, int num, int width, int hei
   EXPECT_TRUE(end && !*end);
 }
 
-/// What image of a number a camera sends.
+/// Function that returns the pixels of image `number` of a camera.
 using PixelsOf = std::function<std::vector<std::uint16_t>(int width, int height, int number)>;
 
 /// A camera that sends the pattern: each frame that is taken is exact to the count and newer than
@@ -107,7 +107,7 @@ inline std::string all_notes(DepthSource& source) {
   return all;
 }
 
-/// Lost while `trouble` is on, told, and back with newer frames when it is off again.
+/// Expects that the camera is lost while `trouble` is on, and back with newer frames after it.
 inline void expect_outlives(const OpenSource& open, const std::function<void(bool)>& trouble,
                             double seconds) {
   const auto camera = open();
@@ -134,7 +134,7 @@ inline void expect_outlives(const OpenSource& open, const std::function<void(boo
   EXPECT_NE(notes.find("was lost"), std::string::npos) << notes;
   EXPECT_NE(notes.find("is back"), std::string::npos) << notes;
 }
-/// Meanwhile nobody else can open it.
+/// Expects the same of unplugging, during which the camera cannot be opened anew.
 inline void expect_outlives_unplugging(const OpenSource& open,
                                        const std::function<void(bool)>& plug) {
   const auto unplug = [&](bool is_out) {

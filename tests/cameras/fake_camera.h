@@ -1,4 +1,4 @@
-// How a test controls the camera of an emulated library.
+// Controls of the camera of an emulated library.
 #pragma once
 
 #include <atomic>
@@ -12,7 +12,7 @@ namespace palpate::test {
 struct FakeCamera {
   std::atomic<bool> is_plugged = true, is_stalled = false;
   std::atomic<int> microseconds = 5000;  ///< between frames
-  std::atomic<int> num_objects = 0;      ///< of the library that nobody has given back
+  std::atomic<int> num_objects = 0;      ///< of the library, not yet released
 };
 
 /// Frames are pattern(width, height, number % kNumPatterns), made once.

@@ -1,4 +1,4 @@
-// How a test controls the camera behind OpenNI2.
+// Controls of the camera behind OpenNI2.
 #pragma once
 
 #include <atomic>

@@ -36,7 +36,7 @@ using Error = Failure**;
 void fail(Error error, const char* message) {
   if (error != nullptr) *error = new Failure{message};
 }
-/// What is out of the computer answers nothing any more.
+/// Returns false, with an error, once the camera is unplugged.
 bool is_there(Error error) {
   if (!control.is_plugged) fail(error, "Device is deactivated/disconnected!");
   return control.is_plugged;
@@ -124,7 +124,7 @@ void ob_config_enable_stream_with_stream_profile(Object*, const Object* profile,
 void ob_pipeline_start_with_config(Object*, const Object*, Error error) { is_there(error); }
 void ob_pipeline_stop(Object*, Error error) { is_there(error); }
 Object* ob_pipeline_wait_for_frameset(Object*, std::uint32_t milliseconds, Error) {
-  // The real one tells nothing of a camera that is gone: no more frames come.
+  // The real SDK reports no error for a lost camera: no more frames come.
   if (!control.is_plugged || control.is_stalled) {
     std::this_thread::sleep_for(std::chrono::milliseconds(milliseconds));
     return nullptr;

@@ -1,4 +1,4 @@
-// How a test controls the cameras of the emulated Orbbec SDK.
+// Controls of the cameras of the emulated Orbbec SDK.
 #pragma once
 
 #include <atomic>
@@ -11,7 +11,7 @@ struct FakeOrbbec {
   std::atomic<float> millimetres = 0.1f;
   std::atomic<int> lens = 4;  ///< its model of distortion
   std::atomic<float> k1 = 0;
-  std::atomic<int> num_objects = 0;  ///< that nobody has deleted
+  std::atomic<int> num_objects = 0;  ///< not yet deleted
 };
 
 }  // namespace palpate::test

@@ -16,8 +16,8 @@ namespace {
 constexpr int kWidth = 640, kHeight = 480;
 constexpr int kNumSlow = 300, kNumFast = 14100;
 
-/// Of a Kinect with the usual calibration, in the words of its inventors: a reference plane at
-/// 120 cm, a base line of 7.5 cm, a pixel of 0.1042 cm at the plane, 200 quarters of shift there.
+/// Returns the depth by a Kinect's usual calibration, in its inventors' terms: reference plane at
+/// 120 cm, base line of 7.5 cm, pixel of 0.1042 cm at the plane, 200 quarters of shift there.
 std::uint16_t millimetres(int disparity) {
   if (disparity == 2047) return 0;
   const double shift = ((disparity - 4 * 200.0) / 4 - 0.375) * 0.1042;
@@ -37,8 +37,8 @@ std::vector<std::uint16_t> depths(int, int, int number) {
   return pixels;
 }
 
-/// What fakenect-record writes: thirty images that are shown again and again, two hundredths of a
-/// second apart by the camera's clock, whose 32 bits overflow every 3579 images.
+/// Writes a recording as fakenect-record does: thirty images, shown again and again, two hundredths
+/// of a second apart by the camera's clock, whose 32 bits overflow every 3579 images.
 void write_recording(const std::filesystem::path& folder) {
   std::filesystem::create_directories(folder);
   for (int k = 0; k < 30; ++k) {
@@ -93,8 +93,8 @@ TEST(Freenect, ARecordingThatFakenectPlaysConforms) {
     }
     last = frame.timestamp;
   }
-  // What is left of the recording, less the slower it is read, takes no memory. Its end is a camera
-  // that is lost.
+  // The rest of the recording, shorter the slower it is read, takes no memory. At its end the
+  // camera is lost.
   test::expect_no_growth(*raw.source, 2000);
   Result<bool> got = true;
   while (got) got = raw.source->next(frame);

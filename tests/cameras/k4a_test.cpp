@@ -30,7 +30,7 @@ struct Configuration {
   bool no_light;
 };
 
-/// Of a sensor of 1024 x 1024 pixels, of which the narrow mode shows 640 x 576 from (192, 180) on.
+/// Lens of a sensor of 1024 x 1024 pixels; the narrow mode shows 640 x 576 from (192, 180) on.
 constexpr double kCx = 0.5122, kCy = 0.4945, kFx = 0.4921, kFy = 0.4923;  // shares of the sensor
 const Distortion kLens{3.13, 2.32, 8e-5, -5e-5, 0.13, 3.46, 3.35, 0.66};
 
@@ -72,7 +72,7 @@ class K4a : public testing::Test {
       GTEST_SKIP() << "SKIPPED: " << found_.reason;
   }
 
-  /// Whatever library of the two has it: both are loaded.
+  /// Returns a function of either library: both are loaded.
   template <class Function>
   Function* function(const char* name) const {
     const auto folder = std::filesystem::path(found_.library).parent_path();
@@ -148,7 +148,7 @@ TEST_F(K4a, ItsRecordingsConform) {
   std::filesystem::remove(file);
 }
 
-// What the library makes of a camera's calibration is what its frames are straightened by.
+// Frames are undistorted by the calibration as the library reads it.
 TEST_F(K4a, TheCalibrationInARecordingIsTaken) {
   const std::string file = (std::filesystem::temp_directory_path() /
                             ("palpate_lens_" + std::to_string(getpid()) + ".mkv"))

@@ -43,24 +43,24 @@ std::unique_ptr<DepthSource> live(ScriptedCamera::Script script, OpenRaw again =
   return make_live(std::move(raw), std::move(again), said).value();
 }
 
-/// Ten milliseconds for each frame.
+/// Gives a frame after ten milliseconds.
 Result<bool> give(DepthFrame& frame, int number, double stamp) {
   test::sleep_seconds(0.01);
   frame = test::pattern_frame(kWidth, kHeight, number, stamp);
   return true;
 }
 
-/// Until cancelled, as a good driver waits.
+/// Waits until cancelled, as a good driver does.
 Result<bool> wait(const std::atomic<bool>& is_cancelled) {
   while (!is_cancelled) test::sleep_seconds(0.005);
   return false;
 }
 
-/// A clock that people say is kept with ours is set: back by ten seconds, forward by ten, and
-/// right.
+/// A clock that is declared as synchronized with ours is set: back by ten seconds, forward by ten,
+/// and right.
 TEST(FrameIntake, GoesOnWhenASharedClockIsSet) {
   struct Case {
-    std::vector<double> by;  // s, of each frame: what its clock is wrong by
+    std::vector<double> by;  // s, of each frame: error of its clock
     double age;              // s, of the last frame
     int num_notes;           // of a clock that was set back
   };
@@ -82,7 +82,7 @@ TEST(FrameIntake, GoesOnWhenASharedClockIsSet) {
     ASSERT_TRUE(*intake.next(frame));
     // Half a second back is taken for a frame from the past.
     EXPECT_EQ(test::number_of(frame, 10), one.num_notes == 0 ? 3 : 4);
-    // Never before the frame before: what is older than it looks is as old as that one.
+    // Time stamps never decrease: a frame that looks older than the last one gets its time.
     EXPECT_NEAR(now - frame.timestamp, one.age, 0.1001);
     const std::string notes = joined(intake.take_notes());
     EXPECT_EQ(has(notes, "has restarted its clock"), one.num_notes == 1) << notes;
@@ -177,7 +177,7 @@ TEST(FrameIntake, OneTimeStampThatIsNoSecondsSpoilsNoOther) {
     intake.give(frame, options.pinhole, capture + late);
     ASSERT_TRUE(*intake.next(frame));
     EXPECT_EQ(test::number_of(frame, 20), k);
-    // Of the others, the clock is known from the third frame on.
+    // The clock of the good time stamps is known from the third frame on.
     if (k < 2) continue;
     EXPECT_NEAR(frame.timestamp, capture + (is_wrong ? late : 0), 1e-9) << k;
   }
@@ -583,7 +583,7 @@ TEST(Plausibility, DoubtsUnitsAndIntrinsicsThatCannotBe) {
       kWidth * 4, kHeight * 4, stream_info(kWidth * 4, kHeight * 4).intrinsics, {}};
   DepthFrame good = test::pattern_frame(kWidth * 4, kHeight * 4, 0, 0);
   EXPECT_EQ(Plausibility().look(good, model), "");
-  // Millimetres in counts of 1/5000 m, read as millimetres.
+  // Millimeters in counts of 1/5000 m, read as millimeters.
   DepthFrame fivefold = good;
   for (auto& count : fivefold.pixels) count = static_cast<std::uint16_t>(5 * count);
   EXPECT_EQ(common_divisor(fivefold), 5);

@@ -88,7 +88,7 @@ TEST_F(Openni2, IsFoundWithItsVersionAndCamera) {
 TEST_F(Openni2, ACameraConforms) {
   test::expect_camera([] { return open_camera("openni2?size=64x48"); }, 30, 64, 48);
   const auto camera = open_camera("openni2:fake:0?size=320x240").value();
-  // Of the field of view that the driver tells.
+  // Focal lengths follow from the field of view that the driver reports.
   EXPECT_NEAR(camera->info().intrinsics.fx, 160 / std::tan(1.0145 / 2), 1e-3);
   EXPECT_NEAR(camera->info().intrinsics.fy, 120 / std::tan(0.7898 / 2), 1e-3);
   EXPECT_EQ(camera->info().intrinsics.cx, 159.5);

@@ -27,7 +27,7 @@ using realsense::Sensor;
 constexpr int kWidth = 64, kHeight = 48;
 constexpr double kUnit = 0.0001;
 
-// What only the tests call (rs_internal.h).
+// Types of functions that only the tests call (rs_internal.h).
 struct VideoStream {
   int type, index, id, width, height, rate, bytes_per_pixel, format;
   CameraIntrinsics intrinsics;
@@ -73,7 +73,7 @@ class SoftwareCamera {
         "rs2_software_sensor_add_option")(sensor_, realsense::kPreset, 0, 5, 1, 1, 1, &error);
     EXPECT_EQ(error, nullptr) << (error != nullptr ? api.message(error) : "");
   }
-  /// Which visual preset it has been told to use.
+  /// Returns the visual preset that has been set.
   float preset() const {
     Failure* error = nullptr;
     return call<float(const Sensor*, int, Failure**)>("rs2_get_option")(sensor_, realsense::kPreset,
@@ -119,7 +119,7 @@ class SoftwareCamera {
   }
   void stall(bool is_stalled) { is_stalled_ = is_stalled; }
   Device* device() const { return device_; }
-  /// Whoever gets it deletes it.
+  /// Returns the device, which the caller deletes.
   Device* hand_over() { return std::exchange(device_, nullptr); }
 
   template <class Function>

@@ -140,7 +140,7 @@ TEST(Rectifier, NothingIsSeenTwiceWhereThePolynomialTurnsBack) {
   }
 }
 
-/// By brute force: all rectangles, by sums of the pixels that the lens does not see.
+/// Computes the area by brute force: all rectangles, by sums of pixels that the lens does not see.
 int largest_valid_area(const CameraModel& pinhole, const CameraModel& raw) {
   const auto table = lens_table(pinhole, raw);
   const int w = pinhole.width, h = pinhole.height;
@@ -209,7 +209,7 @@ TEST(Rectifier, LeavesNoFlowOfOtherPixels) {
   raw.distortion.k1 = 0.1;
   rectifier.apply(raw, frame);
   EXPECT_TRUE(frame.flow.empty());
-  // Where it is known before, it is refused.
+  // A stream that announces both flow and distortion is refused at its creation.
   DepthStreamInfo info = test::stream_info(kWidth, kHeight);
   info.has_flow = true;
   EXPECT_TRUE(PushedSource::create(info));

@@ -1,4 +1,4 @@
-// Where cameras are in the world: poses in URIs and files, and files of several cameras.
+// Poses of cameras in the world, in URIs and files, and files of several cameras.
 #include "palpate/cameras/cameras.h"
 
 #include <gtest/gtest.h>
@@ -24,7 +24,7 @@ TEST(CameraPoses, StandInEveryFrame) {
   DepthFrame frame;
   ASSERT_TRUE(camera->next(frame).value());
   EXPECT_EQ(frame.X_WC, (Pose{{1, 2, -0.5}, {}}));
-  // The wall of the scene stays where it is in the world, half a metre farther from this camera.
+  // The wall of the scene stays where it is in the world, half a meter farther from this camera.
   DepthFrame from_origin;
   ASSERT_TRUE(open_camera("scene:wall?noise=off&size=32x24").value()->next(from_origin).value());
   EXPECT_EQ(from_origin.X_WC, Pose{});
@@ -132,7 +132,7 @@ TEST(CameraPoses, OfAUrdfFollowItsJoints) {
     expect_near(frame.X_WC, Pose{{0.5 + 0.1 * std::cos(neck), 0.1 * std::sin(neck), 0.2},
                                  axis_angle({0, 0, 1}, neck) * optical});
   }
-  // That it moves is said without opening what tells of its joints.
+  // A camera on a link is known to move without opening the source of its joints.
   const std::string elsewhere = camera + "&joints=bag:/nowhere/work.mcap";
   const auto stands = standing_pose(parse_camera_uri(elsewhere).value());
   ASSERT_TRUE(stands) << stands.error().message;
@@ -180,7 +180,7 @@ TEST_F(RigFile, NamesFilesInAnyLanguage) {
   EXPECT_EQ(rig->cameras[0].uri.target, (path_.parent_path() / "M\u00f6bel/\u6df1\u5ea6").string());
   EXPECT_EQ(rig->cameras[0].uri.poses, (path_.parent_path() / "W\u00e9g.tum").string());
   EXPECT_TRUE(rig->frames.contains("B\"\u00e4nk"));
-  // What is no UTF-8, and keys beyond ASCII, are errors with their line.
+  // Invalid UTF-8, and keys beyond ASCII, are errors with their line.
   for (const char* text : {"[world]\nframe = \"\xc1\"\n", "[world]\nfr\u00e4me = \"a\"\n"}) {
     write(path_, text);
     EXPECT_NE(load_rig(path_).error().message.find("line 2"), std::string::npos) << text;
@@ -281,7 +281,7 @@ joints = "joints.csv"
   expect_near(rig->frames.at("bench"), X_WBench);
   const Pose X_WC = X_WBench * Pose{{0, 0, 0.5}, {0.6, 0, 0, 0.8}};
   expect_near(standing_pose(rig->cameras[0].uri).value().value(), X_WC);
-  // What is at rest is held up: gravity is the other way, in the world.
+  // An accelerometer at rest measures the upward reaction: gravity is the other way, in the world.
   EXPECT_NEAR(norm(*rig->gravity - rotate(X_WC.rotation, {-0.5, 9.7, -1})), 0, 1e-9);
   EXPECT_EQ(rig->cameras[1].uri.joints, (folder_.path() / "joints.csv").string());
   // Others may see another gravity.

@@ -40,7 +40,7 @@ void expect_near(const Pose& a, const Pose& b) {
   EXPECT_NEAR(std::abs(turn.w), 1, 1e-12);
 }
 
-/// Of link `name` in the base, with these positions of joints by name.
+/// Returns the pose of link `name` in the base, with these positions of joints by name.
 Pose placed(const RobotModel& robot, const std::string& name,
             const std::map<std::string, double>& positions) {
   std::vector<double> all(robot.joints.size());
@@ -75,7 +75,7 @@ TEST(Urdf, PlacesLinksByTheirJoints) {
   EXPECT_EQ(robot->links[robot->root].name, "base");
   // Far beyond its limit, which is not looked at.
   const double lift = 1.2, turn = -0.7, grip = 0.03;
-  // By matrices: Rz(1.57) at (1, 2, 3), Ry(lift), Rz(0.3) Ry(0.2) Rx(0.1) at 0.4 x, Rz(turn).
+  // Matrices: Rz(1.57) at (1, 2, 3), Ry(lift), Rz(0.3) Ry(0.2) Rx(0.1) at 0.4 x, Rz(turn).
   const auto rx = [](double a) { return axis_angle({1, 0, 0}, a); };
   const auto ry = [](double a) { return axis_angle({0, 1, 0}, a); };
   const auto rz = [](double a) { return axis_angle({0, 0, 1}, a); };
@@ -239,7 +239,7 @@ TEST(JointHistory, GoesBetweenWhatWasTold) {
   EXPECT_FALSE(history.at(0, 1.141, 0.1, false));
   EXPECT_FALSE(history.at(0, 0.89, 0.1, false));
   EXPECT_NEAR(std::remainder(at(1, 1.05) - 3.1, 2 * pi), 0, 1e-12);  // the short way
-  // In a gap nobody knows.
+  // In a gap the position is unknown.
   history.add("elbow", 1.5, 0);
   EXPECT_TRUE(history.at(0, 1.45, 0.1, false));
   const auto gap = history.at(0, 1.25, 0.1, false);
@@ -269,7 +269,7 @@ TEST(JointHistory, KeepsTheNewest) {
   EXPECT_FALSE(history.at(0, 999, 0.6, false));
 }
 
-// Of a robot that is live: its last position counts until it is too old.
+// The last valid position of a live robot's joint counts until it is too old.
 TEST(JointHistory, HoldsAJointThatIsToldToBeWhereNoneIs) {
   JointHistory history({{"elbow", false}, {"wheel", true}}, 10);
   history.add("elbow", 1, 0.5);
@@ -285,7 +285,7 @@ TEST(JointHistory, HoldsAJointThatIsToldToBeWhereNoneIs) {
   EXPECT_NE(missed.error().message.find("told to be where no joint is"), std::string::npos)
       << missed.error().message;
   EXPECT_NE(history.impossible().find("joint 'elbow' is at "), std::string::npos);
-  // What has been made good is no reason why nothing came later.
+  // An impossible position that a valid one followed does not explain the later silence.
   history.add("elbow", 3, 0.6);
   const auto silent = history.at(0, 4, 0.2, false);
   ASSERT_FALSE(silent);
@@ -332,7 +332,7 @@ TEST(JointTable, IsReadAndRefused) {
   EXPECT_NE(why("a,time\n0,1\n").find("the time as its first column"), std::string::npos);
 }
 
-/// The arm by files: what is left of frames that show it, which is the table by exact rays.
+/// The arm by files: filtered frames show only the table, by exact rays.
 class ArmFiles : public testing::Test {
  protected:
   ArmFiles() {
@@ -573,7 +573,7 @@ TEST_F(ArmBag, TellsOfJointsOrOfFrames) {
   files_.joints = bag + "?world=world";
   EXPECT_NE(why_not().find("leave its pose out"), std::string::npos) << why_not();
   files_.pose = "";
-  // The first one is older than all that tf tells.
+  // The first frame is older than all transforms of tf.
   std::vector<std::string> notes;
   expect_no_arm(filtered(&notes), 1);
   ASSERT_EQ(notes.size(), 2u);

@@ -51,7 +51,7 @@ class LiveFrames : public DepthSource {
   DepthStreamInfo info_;
 };
 
-/// A robot that publishes where its arm is, every 5 ms, on a clock of its own.
+/// A robot that publishes its joint states every 5 ms, on a clock of its own.
 class PublishingRobot {
  public:
   explicit PublishingRobot(const RosNodeOptions& options) : node_(RosNode::join(options).value()) {
@@ -96,12 +96,12 @@ class PublishingRobot {
   std::thread thread_;
 };
 
-/// A robot that swings, and tells by its joints and by tf where it is, each 10 ms of its own clock.
-/// What it tells comes `lead` s before the image of the same moment, or as much after it.
+/// A robot that swings, and publishes joint states and tf each 10 ms of its own clock: `lead` s
+/// before the image of the same moment, or after it if negative.
 class SwingingRobot {
  public:
   static constexpr double kClock = 1000;  // s: its stamps at the first image
-  static constexpr int kOldest = -50;     // of what it tells, each 10 ms
+  static constexpr int kOldest = -50;     // of its messages, each 10 ms
   SwingingRobot(const RosNodeOptions& options, double lead)
       : lead_(lead), node_(RosNode::join(options).value()) {
     const RosQos kept{.is_reliable = true, .is_kept = true, .depth = 1};
@@ -112,7 +112,7 @@ class SwingingRobot {
                                   {"forearm", "hand", {{0, 0, 0.3}, axis_angle({0, 0, 1}, 0.5)}}};
     fixed_->publish(transform_message(0, still));
     thread_ = std::thread([this] {
-      // What is new at once, and all of the last second again and again: sensor data may be lost.
+      // Sends new data at once, and all of the last second repeatedly: sensor data may be lost.
       for (int newest = kOldest - 1, again = kOldest; !is_over_;) {
         if (0.01 * (newest + 1) <= now() + lead_ + 1e-6) {
           tell(++newest);
@@ -227,7 +227,7 @@ class RobotOverRos : public testing::Test {
     const auto notes = source->take_notes();
     ASSERT_EQ(notes.size(), 2u);
     EXPECT_NE(notes[1].find("2 depth images were dropped"), std::string::npos) << notes[1];
-    // Live states do not tell of recorded frames.
+    // Live states do not apply to recorded frames.
     EXPECT_FALSE(
         filter->applied_to(std::make_unique<test::FrameList>(std::vector<DepthFrame>{shown})));
   }

@@ -147,8 +147,8 @@ TEST(LinksOnGpu, AreRightByRaysAndDistances) {
     const DepthFrame seen = random_frame(random);
     DepthFrame left = seen;
     ASSERT_TRUE(on_gpu->remove_from(left, X_CL).value());
-    // How far, in the plane at depth 1, the links may reach: in squares, by what is a quarter
-    // nearer and seen at the image's corner, where the padding is widest.
+    // Largest reach of the links in the plane at depth 1: of squares, a quarter nearer, at the
+    // image's corner, where the padding is widest.
     const double reach = std::sqrt(2) * (1.7 * kPadding / nearest + 3.5 / kIntrinsics.fy);
     for (int v = 0; v < kHeight; ++v) {
       for (int u = 0; u < kWidth; ++u) {

@@ -1,4 +1,4 @@
-// What the self filter leaves of depth images, against exact rays and closed forms.
+// Depth images after the self filter, against exact rays and closed forms.
 #include "palpate/cameras/cameras.h"
 
 #include <gtest/gtest.h>
@@ -341,7 +341,7 @@ TEST(SelfFilter, RefusesWhatIsOutOfRange) {
   EXPECT_NE(filter.error().message.find("robot.padding"), std::string::npos);
 }
 
-/// What a tool feels of an arm in front of a table.
+/// Contact of a tool in images of an arm in front of a table.
 class ArmInContact : public testing::Test {
  protected:
   static std::vector<DepthFrame> filtered(const std::vector<DepthFrame>& frames) {

@@ -19,7 +19,7 @@ constexpr double kDegree = 0.017453292519943295;
 Pose looking(const Vec3d& eye, const Vec3d& target) {
   const Vec3d z = normalized(target - eye), x = normalized(cross(Vec3d{0, 1, 0}, z));
   const Vec3d y = cross(z, x);
-  // Of a rotation by less than half a turn.
+  // Valid for a rotation by less than half a turn.
   const double w = 0.5 * std::sqrt(std::max(1e-9, 1 + x.x + y.y + z.z));
   return {eye, normalized(Quaternion{(y.z - z.y) / (4 * w), (z.x - x.z) / (4 * w),
                                      (x.y - y.x) / (4 * w), w})};
@@ -96,7 +96,7 @@ double angle_between(const Quaternion& a, const Quaternion& b) {
   return 2 * std::atan2(norm(Vec3d{q.x, q.y, q.z}), std::abs(q.w));
 }
 
-/// What the poses of two cameras differ by at a point in front of them, m.
+/// Returns the shift of a world point if camera pose b is replaced by a, m.
 double off_at(const Pose& a, const Pose& b, const Vec3d& p_W) {
   return norm(a * (inverse(b) * p_W) - p_W);
 }

@@ -32,7 +32,7 @@ std::vector<DepthFrame> random_stream(int num_frames, std::uint64_t seed) {
   return frames;
 }
 
-/// Of one pixel, from its whole history.
+/// Computes the average of one pixel from its whole history.
 std::optional<double> brute_force(const std::vector<DepthFrame>& frames, std::size_t end,
                                   std::size_t pixel, const DepthAverageOptions& options) {
   std::vector<double> history;  // of the surface that it shows

@@ -105,7 +105,7 @@ TEST(DepthBinning, NoPixelFloatsBetweenTwoSurfacesAndHolesStayHoles) {
 TEST(DepthBinning, TheMeanIsOfWhatAgreesWithTheLowerMedian) {
   DepthFrame frame{2, 2, 0.001, {1000, 1010, 1031, 1100}, 0}, out;
   bin_depth(frame, 2, out);
-  // Of 1000, 1010, 1031, 1100 the lower median is 1010; 1/32 of it are 31: 1100 is another surface.
+  // The lower median of 1000, 1010, 1031, 1100 is 1010; 1/32 of it is 31: 1100 is another surface.
   EXPECT_EQ(out.pixels, std::vector<std::uint16_t>{1014});  // 3041 / 3 = 1013.67
   frame.pixels = {0, 0, 65535, 700};
   bin_depth(frame, 2, out);

@@ -26,7 +26,7 @@ DepthAverageOptions options_with(int rest_frames) {
   return options;
 }
 
-/// Depth in metres at (u, v); 0: none.
+/// Depth in meters at (u, v); 0: none.
 using Depth = std::function<double(int u, int v)>;
 
 /// Frames with noise.
@@ -263,7 +263,7 @@ TEST(DepthEstimate, SameBitsForAnyThreadsAndInstructionSetAndNoAllocation) {
   }
 }
 
-// What one knows, another one goes on with, to the bit.
+// A second estimator resumes from the state of the first, to the bit.
 TEST(DepthEstimate, GoesOnFromItsState) {
   Camera camera;
   Estimator one(options_with(100)), other(options_with(100));

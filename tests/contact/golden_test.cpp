@@ -70,7 +70,7 @@ std::vector<Pose> poses() {
   return all;
 }
 
-/// Of a sequence of numbers, by their bits (FNV-1a).
+/// FNV-1a hash of the bits of a sequence of numbers.
 struct Hash {
   std::uint64_t value = 0xcbf29ce484222325;
 
@@ -83,7 +83,7 @@ struct Hash {
   }
 };
 
-/// All results of a run as one number, and two that tell how far they moved if it is another.
+/// Hash of all results of a run, and two numbers that show how far they moved if it differs.
 struct Result {
   std::string hash;
   double volume = 0, force = 0;

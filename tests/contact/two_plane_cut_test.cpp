@@ -27,7 +27,7 @@ Case random_case(test::Random& random) {
 
 TwoPlaneCut<double> cut(const Case& c) { return two_plane_cut(c.radius, c.a, c.b, c.cosine); }
 
-// Of a disc, the part where y <= t.
+// Computes the area of the part of a disc where y <= t.
 double disc_part(double radius, double t) {
   if (t >= radius) return kPi * radius * radius;
   if (t <= -radius) return 0;
@@ -115,7 +115,7 @@ TEST(TwoPlaneCut, NeverMoreThanEitherCap) {
     ASSERT_NEAR(common, swapped, 1e-12 * ball);
     const TwoPlaneCut<double> either = two_plane_union(c.radius, c.a, c.b, c.cosine);
     ASSERT_NEAR(either.volume, a + b - common, 1e-12 * ball);
-    // What is in front of one of two planes is behind neither of their backs.
+    // The complement of the union is in front of both planes.
     const double front = two_plane_cut(c.radius, -c.a, -c.b, c.cosine).volume;
     ASSERT_NEAR(either.volume, ball - front, 1e-7 * ball);
   }

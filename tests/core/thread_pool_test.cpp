@@ -44,7 +44,7 @@ TEST(ThreadPool, ShortLoopsInARow) {
 
 std::atomic<bool> is_held{true};
 
-// Of threads that the system lets wait nobody hears.
+// A loop does not wait for threads that the system has not started yet.
 TEST(ThreadPool, WaitsForNoThreadThatHasNotBegun) {
   is_held = true;
   ThreadPool pool(3, [] { is_held.wait(true); });

@@ -19,7 +19,7 @@ using test::wait_for;
 
 constexpr double kStep = 1.0 / 1024;  // m at each tick
 
-/// What a driver is told, and when it gives up.
+/// Script and log of a driver: the calls that it gets, and when it gives up.
 struct Diary {
   bool begins = true;
   std::function<void()> while_beginning;
@@ -111,7 +111,7 @@ TEST(PollingDevice, ALostDeviceTurnsItsMotorsOffAndSaysWhy) {
     EXPECT_EQ(device.status().error().message, "cable");
     EXPECT_EQ(diary.num_read, 10);
     EXPECT_EQ(diary.num_written, at_read ? 9 : 10);
-    // And can be started again. What was wrong is over by then, whoever asks.
+    // It can be started again, and the error is gone by then.
     diary.while_beginning = [&] { EXPECT_TRUE(device.status().has_value()); };
     ASSERT_TRUE(device.start([](const DeviceState&) { return Wrench{}; }));
     EXPECT_TRUE(device.status().has_value());
@@ -121,7 +121,7 @@ TEST(PollingDevice, ALostDeviceTurnsItsMotorsOffAndSaysWhy) {
   }
 }
 
-// Whatever drivers take for a pose: the last possible one stays, and the hand goes on from there.
+// After impossible poses of a driver the last possible one stays, and the hand goes on from there.
 TEST(PollingDevice, APositionThatNoDeviceReachesIsNoState) {
   Diary diary;
   PollingDevice device(std::make_unique<ScriptedDevice>(diary));

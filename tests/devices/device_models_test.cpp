@@ -21,7 +21,7 @@ TEST(DeviceModels, EveryoneIsPlausibleAndHasItsOwnKey) {
     EXPECT_TRUE(limits.max_damping > 0 && limits.max_damping <= 100);
     EXPECT_TRUE(limits.workspace_radius >= 0.02 && limits.workspace_radius <= 1);
     EXPECT_TRUE(model.moving_mass > 0 && model.moving_mass < 1);
-    // Who drives torques, and only who does, has an angular stiffness.
+    // Models with torques, and only those, have an angular stiffness.
     EXPECT_EQ(limits.max_torque > 0, limits.max_angular_stiffness > 0);
     // Its largest stiffness is at the passivity bound K = 2 b / T of a 1 kHz loop.
     EXPECT_NEAR(2 * limits.damping / 1e-3, limits.max_stiffness, 1e-9);

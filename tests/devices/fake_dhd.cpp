@@ -172,7 +172,7 @@ int dhdSetMaxTorque(double limit, char) {
 }
 #endif
 
-// What must never be called.
+// Functions that must never be called.
 int drdAutoInit(char) {
   CALL();
   return forbidden();

@@ -1,4 +1,4 @@
-// What the fake Force Dimension SDK does, and what was done to it.
+// Script and log of the fake Force Dimension SDK.
 #pragma once
 
 #include <array>
@@ -24,7 +24,7 @@ struct FakeDhd {
   std::array<std::atomic<double>, 9> rotation{};  ///< row by row
   std::atomic<unsigned> buttons{0};
 
-  // What happened.
+  // The log.
   std::array<std::atomic<double>, 7> wrench{};  ///< force, torque, gripper: sent last
   std::atomic<double> largest_force{0}, max_force{0}, max_torque{0};
   std::atomic<double> largest_step{0};  ///< up, of the force along x from one write to the next
@@ -34,7 +34,7 @@ struct FakeDhd {
   std::atomic<int> num_open{0}, last_opened{-1};
   std::atomic<int> num_forbidden{0};  ///< calls that move it or change factory settings
 
-  void (*reset)() = nullptr;  ///< the script and what happened as at the start
+  void (*reset)() = nullptr;  ///< sets script and log as at the start
 };
 
 }  // namespace palpate::test

@@ -1,4 +1,4 @@
-// What the fake OpenHaptics does, and what was done to it.
+// Script and log of the fake OpenHaptics.
 #pragma once
 
 #include <array>
@@ -29,22 +29,22 @@ struct FakeHd {
   std::array<std::atomic<double>, 3> velocity{}, angular_velocity{};
   std::atomic<int> buttons{0};
 
-  // What happened.
+  // The log.
   std::array<std::atomic<double>, 3> force{}, torque{};  ///< of the newest frame
   std::atomic<double> largest_force{0};
   std::atomic<double> largest_step{0};  ///< up, of the force along x from one frame to the next
   std::atomic<int> num_frames{0}, num_calls{0};
-  std::atomic<int> num_idle{0};       ///< times that the scheduler called nobody, as it is hanging
+  std::atomic<int> num_idle{0};       ///< times that the hanging scheduler made no call
   std::atomic<int> num_outside{0};    ///< forces set outside a frame
   std::atomic<int> num_illegal{0};    ///< second frame in one call, frames that do not match
-  std::atomic<int> num_scheduled{0};  ///< call backs that want to be called
+  std::atomic<int> num_scheduled{0};  ///< callbacks that are scheduled
   std::atomic<bool> is_scheduler_on{false}, is_enabled{false};
   std::array<std::atomic<bool>, 4> capabilities{};  ///< 0x4000 and the following
   std::atomic<unsigned> updated_style{0};
 
   std::string opened_name;  ///< of the last hdInitDevice; "(default)" for null
 
-  void (*reset)() = nullptr;  ///< the script and what happened as at the start
+  void (*reset)() = nullptr;  ///< sets script and log as at the start
 };
 
 }  // namespace palpate::test

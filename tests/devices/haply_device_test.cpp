@@ -26,7 +26,7 @@ HaplyAddress address_of(const HaplyService& service) {
   return {{"127.0.0.1", service.port()}, service.event_port()};
 }
 
-/// A service, its device and who feels it.
+/// A service, its device and the log of its states.
 struct Bench {
   explicit Bench(const HaplyServiceOptions& options = {}) : service(options) {
     service.set_target({0.01, -0.12, 0.15});
@@ -87,7 +87,7 @@ TEST(HaplyDevice, TheHandFeelsTheForce) {
   bench.start();
   ASSERT_TRUE(eventually([&] { return bench.log.last().is_valid; }));
   const double y = bench.log.last().X_BH.translation.y;
-  // At rest the force is held by the hand's spring of 100 N/m: one centimetre, upwards and
+  // At rest the force is held by the hand's spring of 100 N/m: one centimeter, upwards and
   // downwards.
   bool has_moved = false;
   for (int turn = 0; turn < 100 && !has_moved; ++turn) {
@@ -105,7 +105,7 @@ TEST(HaplyDevice, TheHandFeelsTheForce) {
   EXPECT_TRUE(has_moved) << "velocities come with the states";
 }
 
-// Where the maker's own example has the middle of the workspace, seen from the device's base.
+// The middle of the workspace, seen from the device's base, is that of the maker's own example.
 TEST(HaplyDevice, TheOriginIsTheMiddleOfTheWorkspace) {
   const Vec3d off{0.01, 0.02, 0.03};  // to the right, away from the hand, up
   for (const std::string preset : {"defaults", "arm_front", "", "arm_front_centered", "custom"}) {
@@ -169,7 +169,7 @@ TEST(HaplyDevice, ChangesItsWordsWhenNotHeardAndBeginsSoftly) {
   EXPECT_TRUE(bench.device->status());
 }
 
-// Of which the safety filter knows: meanwhile the hand may have felt nothing.
+// The states tell the safety filter that meanwhile the hand may have felt nothing.
 TEST(HaplyDevice, HasNoForceUntilItsNewWordsHaveAllOfIt) {
   HaplyServiceOptions options;
   options.version = "";

@@ -32,7 +32,7 @@ class HaplyService {
   int port() const;
   int event_port() const;
 
-  /// What happens from now on; may be set at any time.
+  /// Faults of the service from now on; may be set at any time.
   struct Faults {
     std::atomic<int> reply_delay = 0;  ///< ms
     std::atomic<bool> is_silent = false;
@@ -48,12 +48,12 @@ class HaplyService {
   Faults faults;
 
   std::atomic<std::uint32_t> buttons = 0;
-  /// Where the hand wants to be; it starts there.
+  /// Sets the position that the hand moves to; it starts there.
   void set_target(const Vec3d& target);
   void set_orientation(const Quaternion& orientation);
   void push_event(std::string_view json);
 
-  /// What has been seen so far. Forces: one per message that set one, in order.
+  /// Observations so far. Forces: one per message that set one, in order.
   std::vector<Vec3d> forces() const;
   Vec3d last_force() const;  ///< zero if there was none
   std::vector<std::string> messages() const;

@@ -129,7 +129,7 @@ TEST_F(OpenHaptics, Calibration) {
   EXPECT_EQ(error.code, Errc::unavailable);
   EXPECT_TRUE(contains(error.message, "inkwell")) << error.message;
   EXPECT_FALSE(fake_.is_enabled);
-  // Where the encoders must be set to zero by hand, it is not done behind the user's back.
+  // Encoders that must be set to zero by hand are not calibrated behind the user's back.
   fake_.calibration = 0x5001;
   fake_.calibration_style = 1;
   fake_.updated_style = 0;
@@ -145,7 +145,7 @@ TEST_F(OpenHaptics, LimitsAreAskedFor) {
   EXPECT_DOUBLE_EQ(limits.max_stiffness, 800);
   EXPECT_DOUBLE_EQ(limits.max_damping, 5);
   EXPECT_DOUBLE_EQ(limits.max_angular_stiffness, 0.3);
-  // What is passive at 1 kHz with these stiffnesses, as of the models: K = 2 b / T.
+  // Damping that is passive at 1 kHz with these stiffnesses, as of the models: K = 2 b / T.
   EXPECT_DOUBLE_EQ(limits.damping, 0.4);
   EXPECT_DOUBLE_EQ(limits.angular_damping, 0.15e-3);
   EXPECT_DOUBLE_EQ(limits.workspace_radius, 0.07);
@@ -159,7 +159,7 @@ TEST_F(OpenHaptics, LimitsAreAskedFor) {
   EXPECT_GT(limits.workspace_radius, 0);
 }
 
-// The last guard of the hand is no number from a driver.
+// Limits that the driver reports are checked: they are the last guard of the hand.
 TEST_F(OpenHaptics, LimitsThatCannotBeAreThoseOfTheWeakestDevice) {
   for (const double factor : {0.0, -1.0, 1e6, 1e300, std::numeric_limits<double>::infinity(),
                               std::numeric_limits<double>::quiet_NaN()}) {
@@ -285,7 +285,7 @@ TEST_F(OpenHaptics, ForceErrorsAreARestWithoutForce) {
   EXPECT_TRUE(device->status().has_value());
 }
 
-// What the driver keeps from the motors, the safety filter knows: it comes back by the filter's
+// The safety filter knows of a force that the driver withholds: it comes back by the filter's
 // ramp.
 TEST_F(OpenHaptics, AForceErrorIsAFaultThatPasses) {
   const auto device = open();

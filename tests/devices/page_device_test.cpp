@@ -39,7 +39,7 @@ class PageHandTest : public ::testing::Test {
     }
     return state_;
   }
-  /// Takes hold at the origin of what the page tells.
+  /// Takes hold at the origin of the page's poses.
   void hold() {
     ASSERT_TRUE(handle_->hold(kPage, now_));
     ASSERT_TRUE(handle_->move(kPage, {}, now_));
@@ -133,7 +133,7 @@ TEST_F(PageHandTest, TheFirstPoseOfAHoldMovesNothing) {
   ASSERT_TRUE(handle_->move(kPage, {{0.03, 0, 0}, axis_angle({0, 1, 0}, 0.2)}, now_));
   tick(250);
   const Pose before = state_.X_BH;
-  // The same page anew, and another one: what they tell first is where the handle is.
+  // The same page anew, and another one: their first pose is where the handle is.
   for (const PageNumber page : {kPage, kOther}) {
     if (page == kOther) handle_->release(kPage);
     ASSERT_TRUE(handle_->hold(page, now_));
@@ -143,7 +143,7 @@ TEST_F(PageHandTest, TheFirstPoseOfAHoldMovesNothing) {
     EXPECT_LT(norm(state_.X_BH.translation - before.translation), 1e-6);
     EXPECT_LT(norm(rotation_between(state_.X_BH.rotation, before.rotation)), 1e-6);
   }
-  // From there, by what it differs.
+  // The handle moves by the difference to the first pose.
   ASSERT_TRUE(handle_->move(kOther, {{5, -3, 2.01}, axis_angle({1, 0, 0}, 1.5)}, now_));
   tick(250);
   EXPECT_LT(norm(state_.X_BH.translation - before.translation - Vec3d{0, 0, 0.01}), 1e-6);
@@ -207,7 +207,7 @@ TEST_F(PageHandTest, OnePageHoldsItAtATime) {
   EXPECT_TRUE(handle_->is_held());
   EXPECT_NE(refusal(handle_->hold(kOther, now_)).find("another page"), std::string::npos);
   EXPECT_NE(refusal(handle_->move(kOther, at(0.01), now_)).find("another page"), std::string::npos);
-  handle_->release(kOther);  // what it does not hold
+  handle_->release(kOther);  // without effect: it does not hold
   handle_->release(0);
   EXPECT_TRUE(handle_->is_held());
   tick(100);
@@ -217,7 +217,7 @@ TEST_F(PageHandTest, OnePageHoldsItAtATime) {
   EXPECT_FALSE(handle_->is_held());
   ASSERT_TRUE(handle_->hold(kOther, now_));
   EXPECT_FALSE(handle_->move(kPage, {}, now_));
-  // Who is heard of no more does not keep others from it.
+  // A page that is silent for kPatience does not keep others from the handle.
   const double later = now_ + PageHandle::kPatience;
   EXPECT_FALSE(handle_->hold(kPage, later - 0.01));
   EXPECT_TRUE(handle_->hold(kPage, later + 0.01));

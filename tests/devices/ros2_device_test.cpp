@@ -1,4 +1,4 @@
-// How a tool that a robot holds is named.
+// Names of a tool that a robot holds.
 #include "src/devices/ros2_device.h"
 
 #include <gtest/gtest.h>

@@ -103,7 +103,7 @@ TEST(SimulatedDevice, FollowsASteadyTargetWithTheLagOfItsMechanism) {
   EXPECT_NEAR(state.V_BH.angular.x, 0.3, 1e-9);
 }
 
-/// How much an oscillation against a sampled spring has grown after some seconds.
+/// Computes the growth of an oscillation against a sampled spring after some seconds.
 double growth(double mass, double damping, double rate, double stiffness) {
   SimulatedDeviceOptions options = bare_handle();
   options.model.moving_mass = mass;

@@ -55,7 +55,7 @@ bool send_all(int socket, const std::string& bytes) {
          static_cast<ssize_t>(bytes.size());
 }
 
-/// What has come is added to `received`; false: the other side has closed.
+/// Appends the bytes that have come to `received`; false if the other side has closed.
 bool receive(int socket, std::string& received) {
   std::array<char, 4096> buffer;
   ssize_t count = 0;

@@ -73,7 +73,7 @@ def draw_in_millimetres(path):
 
 
 def bring(folder, palpate):
-    """What a page takes for granted: meshes in millimeters, frames of a camera, a tool, a run."""
+    """Makes the files that the pages assume: meshes in millimeters, frames of a camera, a tool, a run."""
     def run(*words):
         subprocess.run([palpate, *words], cwd=folder, check=True, stdout=subprocess.DEVNULL,
                        stderr=subprocess.DEVNULL)

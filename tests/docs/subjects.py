@@ -1,4 +1,4 @@
-"""What the examples of guides have to show, beside that their commands run."""
+"""Checks of the results of the guides' examples, beyond that their commands run."""
 import csv
 import json
 import re

@@ -64,7 +64,7 @@ TEST(CubeFigures, TrackedByFixedTools) {
   for (const Number& n : result.numbers) all[n.key] = n.value;
   for (const Number& n : again.numbers) repeated[n.key] = n.value;
   EXPECT_EQ(all, repeated);
-  // What the tracking errs is in the error against the cube where it stands, and not in the others.
+  // The tracking error shows in the error against the cube's true pose, and not in the others.
   for (const char* key :
        {"shown.volume.", "registered.volume.", "refined.volume.", "refined_memory.volume."}) {
     EXPECT_LT(all.at(std::string(key) + "median"), 1) << key;

@@ -9,7 +9,7 @@
 
 namespace palpate::eval {
 
-/// What `depth` (m along z) says of each ray (x / z, y / z, 1), noisy by 1 mm.
+/// Renders `depth` (m along z, of each ray (x / z, y / z, 1)) with noise of 1 mm.
 inline DepthFrame noisy_picture(
     const DepthStreamInfo& stream,
     const std::function<double(int u, int v, const Vec3d& ray)>& depth) {

@@ -38,7 +38,7 @@ TEST(DistanceGrid, IsTheDistanceFromABall) {
     const DistanceGrid grid(seen.surface.cloud(), {0, 0, 1}, 0.4, kCell);
     Random random(2);
     for (int i = 0; i < 2000; ++i) {
-      // Where the nearest point of the ball is seen and lies in the grid.
+      // The nearest point of the ball is visible from here and lies in the grid.
       const Vec3d p = Vec3d{0, 0, 1} + random.in_box(0.06);
       const scenes::SignedDistance exact = scenes::signed_distance(c.environment, p);
       if (std::abs(exact.distance) < 2 * kCell) continue;

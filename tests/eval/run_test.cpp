@@ -283,7 +283,7 @@ TEST_F(Run, FiguresOfAGpuStandBesideOurs) {
   Key key;
   key.isa = "queries on a GPU";
   FigureResult there;
-  // And one of an older program, which nobody makes any more.
+  // The second claim is of an older program, and is no longer made.
   there.claims = {{some_result().claims[0].claim, "1.0 times", Verdict::differs},
                   {"newer is better", "1 ms", Verdict::better}};
   for (const char* id : {"timed", "noise"}) {
@@ -359,7 +359,7 @@ TEST(Figures, DrawingsAreMade) {
     const auto result = figure.make(context);
     ASSERT_TRUE(result) << figure.id << ": " << result.error().message;
     EXPECT_FALSE(result->tables.empty() && result->pictures.empty()) << figure.id;
-    // What is not measured has no verdict.
+    // Drawings without a measurement have no claims.
     EXPECT_EQ(result->claims.empty(), std::string(figure.id) != "4.5-4.7") << figure.id;
   }
 }

@@ -61,7 +61,7 @@ long end_of(const char* name) {
   return *rest == '-' ? std::atol(rest + 1) : std::numeric_limits<long>::max();
 }
 
-/// By the system's own calls, which never fail here and need no memory.
+/// Appends `name` to the log by system calls, which never fail here and need no memory.
 void tell(const char* name) {
   const char* const path = std::getenv("PALPATE_FAULTS_TOLD");
   if (path == nullptr) return;

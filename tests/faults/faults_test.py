@@ -36,7 +36,7 @@ PALPATE = FAULTS = None
 KILLS = int(os.environ.get("PALPATE_KILLS", 6))
 FIRST_PLAN, _, END_OF_PLANS = ("0-" + os.environ.get("PALPATE_PLANS", "6")).rpartition("-")
 FIRST_PLAN, END_OF_PLANS = int(FIRST_PLAN.split("-")[-1]), int(END_OF_PLANS)
-# What a busy machine must not end is no fault here.
+# Limits so wide that a busy machine causes no fault.
 PATIENT = ("[safety]\nmax_contact_age = 60\nmax_sensor_age = 60\nmax_tick = 60\n"
            "max_device_silence = 60\nenergy_tank = 100\n")
 
@@ -100,13 +100,13 @@ class Case(unittest.TestCase):
         return result.returncode
 
     def check_touch(self, arguments, faults, **more):
-        """And what lies in its folder, which is all that there is to say of a run without an error."""
+        """Checks a run, and its folder if the run succeeded or left one. Returns the status."""
         status, output = self.check(arguments, faults, **more), arguments[-1]
         self.num_ticks = self.check_run(output, is_whole=status == 0) if status == 0 or output.exists() else 0
         return status
 
     def check_run(self, folder, is_whole=False):
-        """What lies in the folder of a run is whole, and repeats. Returns the number of ticks."""
+        """Checks that the files of a run's folder are whole, and repeat. Returns the number of ticks."""
         if is_whole:
             self.assertLessEqual({"recording.mcap", "wrench.csv", "summary.json", "report.html"},
                                  {path.name for path in folder.iterdir()})
@@ -223,7 +223,7 @@ class Faults(Case):
                 ended = self.check_touch(self.live_run(output, duration, wall=self.LARGE_WALL), faults)
                 if self.came:
                     break
-            # What could not be kept is no success, and nobody is sent to a report that is not there.
+            # A run that could not be kept is no success, and names no report that is not there.
             self.assertEqual((ended, bool(self.came)), (status, True), self.last_error)
             self.assertGreater(self.num_ticks, 0)
             told = "report: " in self.last_output
@@ -391,7 +391,7 @@ class Faults(Case):
             self.assertTrue(any(has_faded(pause) for _ in range(5)))
 
     def test_little_address_space_is_a_sentence(self):
-        """As under `ulimit -v`: whoever asks for more is refused, wherever that is."""
+        """As under `ulimit -v`: every request for more memory is refused."""
         num_refused = num_whole = 0
         for megabytes in (160, 320, 448, 512, 1024):
             def limit(most=megabytes << 20):
@@ -442,7 +442,7 @@ class Faults(Case):
                 for folder in self.folder.glob(f"chance-{number}*"):
                     self.check_run(folder)
                     shutil.rmtree(folder)
-                # What was said, without what differs from run to run.
+                # The last message, without the parts that differ from run to run.
                 last = self.last_error.strip().splitlines()[-1] if failed else "whole"
                 endings[re.sub(r"/\S*|[0-9.]+", "...", last)] += 1
         print(f"{endings.total()} plans, of which {dict(kinds)} came: {endings['whole']} runs ended with all results, "
@@ -451,7 +451,7 @@ class Faults(Case):
             print(f"{num:6d}  {said}", file=sys.stderr)
 
     def wait_until(self, is_so, process):
-        """While it runs."""
+        """Returns the first true `is_so()`; fails if the process ends before."""
         deadline = time.monotonic() + 120
         while True:
             status = process.poll()
@@ -465,11 +465,11 @@ class Faults(Case):
         self.wait_until(path.exists, process)
 
     def wait_for_ticks(self, folder, process):
-        """Until some can be replayed; returns how many."""
+        """Waits until some ticks can be replayed; returns how many."""
         return self.wait_until(lambda: self.check_run(folder) if folder.exists() else 0, process)
 
     def rows(self, folder):
-        """Those that wrench.csv has by now, without a last one that is half written."""
+        """Returns the rows of wrench.csv so far, without a last one that is half written."""
         for name in ("wrench.csv", "wrench.csv.part"):
             with contextlib.suppress(FileNotFoundError), open(folder / name) as file:
                 return list(csv.DictReader(line for line in file if line.endswith("\n")))

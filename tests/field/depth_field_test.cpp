@@ -120,7 +120,7 @@ TEST(DepthField, IsTheDistanceToAPlaneForSpheresOfAllSizes) {
     const FieldSample<double> got = sample_field(field.view(), p, radius);
     const double distance = dot(plane.normal, p) - plane.offset;
     if (distance < -0.03) continue;  // there the border of the image is near for the widest pixels
-    // Where wider pixels are sampled too, the field is deeper by the rounding of the maximum.
+    // The rounding of the maximum over wider pixels makes the field deeper.
     const double bias = distance < -1.3 * radius ? -0.35 * distance : 0;
     EXPECT_NEAR(got.phi, distance, 2e-6 + bias) << radius;
     EXPECT_NEAR(norm(cross(got.gradient, plane.normal)), 0, 2e-5);
@@ -154,8 +154,8 @@ TEST(DepthField, GradientIsTheDerivativeOfTheValueEverywhere) {
   }
 }
 
-// What counts is the force on a sphere, V_cap(phi) grad phi: where nothing is near, the field only
-// says so.
+// The force on a sphere, V_cap(phi) grad phi, must be continuous: where nothing is near, the field
+// only says so.
 TEST(DepthField, ForceIsContinuous) {
   const DepthField solid = make_field(rough_cloud(4), {UnknownSpace::free, 2});
   const DepthField thin =
@@ -279,7 +279,7 @@ TEST(DepthField, IsTheDistanceToFreeSpaceAtAStep) {
     if (front < 0 && side < 0) {
       const double exact = std::max(side, front);
       EXPECT_NEAR(at.phi, exact, 0.25 * -exact + 0.75 * width) << radius << " " << side;
-      // Where one way out is much shorter, that is where it points.
+      // The gradient points along one way out if that is much shorter than the other.
       if (std::abs(side - front) < 0.5 * -exact + 3 * width || -exact < width) continue;
       const Vec3d way = side > front ? out : Vec3d{0, 0, -1};
       ++(side > front ? num_sideways : num_forward);
@@ -460,7 +460,7 @@ TrueSilhouettes true_silhouettes(const DepthFieldLevel& level, const Shares& sha
   return found;
 }
 
-// What is found along rows first and columns then is the nearest silhouette or hardly farther.
+// The search along rows first and columns then finds the nearest silhouette or one hardly farther.
 TEST(DepthField, SilhouettesAreTheNearestOnes) {
   const DepthField field = make_field(rough_cloud(42));
   const std::vector<Shares> shares = shares_of(field.view());

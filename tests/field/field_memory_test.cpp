@@ -1,4 +1,4 @@
-// What a pixel remembers, and the fields that are made of it.
+// Memory of a pixel, and the fields that are made of it.
 #include "src/field/field_memory.h"
 
 #include <cmath>
@@ -20,7 +20,7 @@ constexpr float kTable = 1.0f, kHand = 0.7f;
 /// A surface that is looked at squarely.
 TangentPlane plane_at(float z) { return z > 0 ? TangentPlane{z, 1} : TangentPlane{}; }
 
-/// One pixel and what it is told.
+/// Memory of one pixel and its measurements.
 struct Pixel {
   MemoryRule rule = memory_rule({.kind = DepthMemory::on, .horizon = 2});
   PixelMemory memory;
@@ -64,7 +64,7 @@ TEST(PixelMemory, OneFrameContradicts) {
   pixel.see(1.021f, kMinSeen);
   pixel.see(kHand, 5);
   EXPECT_EQ(pixel.see(1.5f).behind.offset, 1.5f);
-  // And what had been there before is not known any more.
+  // The surface that had been there before is not known any more.
   EXPECT_EQ(pixel.see(kHand).behind.offset, kHand);
 }
 
@@ -187,7 +187,7 @@ TEST(FieldMemory, FieldsShowWhatIsBehindAndWhatIsInFront) {
             sample_field(before.field, {0.0, 0.0, 0.95}, 0.005).phi);
 }
 
-// Of one of several cameras: what the frame shows, and apart from that what is remembered.
+// One of several cameras keeps the surface of the frame and the remembered one apart.
 TEST(FieldMemory, OneOfSeveralTellsApartWhatItSeesAndRemembers) {
   ThreadPool pool(2);
   DepthFieldOptions field;

@@ -1,4 +1,4 @@
-// What is made for a window of the image, stage by stage.
+// Results for a window of the image, stage by stage.
 #include "src/field/field_windows.h"
 
 #include <cmath>

@@ -109,7 +109,7 @@ TEST(SurfaceTimeline, PredictsOnePeriodAheadAfterDroppedFrames) {
   expect_wall(wall.timeline.at(time).to, wall_depth(time + period));
 }
 
-// What moves too far to be one surface stays where it was seen last.
+// A pixel that moves too far to show one surface stays where it was seen last.
 TEST(SurfaceTimeline, DoesNotPredictJumps) {
   Wall wall(options_of(TimeMode::predict));
   wall.timeline.push(wall_frame(0.6), 0, wall.pool);
@@ -120,7 +120,7 @@ TEST(SurfaceTimeline, DoesNotPredictJumps) {
   expect_wall(wall.timeline.at(3 * kPeriod).to, 0.4);
 }
 
-// From frame to frame what was felt last is where the next blend starts.
+// At each new frame the next blend starts at the surface that was felt last.
 TEST(SurfaceTimeline, MomentsJoinWhenFramesArrive) {
   for (const TimeMode mode : {TimeMode::interpolate, TimeMode::predict}) {
     Wall wall(options_of(mode));
@@ -200,7 +200,7 @@ TEST(SurfaceTimeline, SameBitsForAnyNumberOfThreadsAndNoAllocation) {
   }
 }
 
-// What a thread looks at while another one pushes; and nothing else differs.
+// Views stay valid for a thread while another one pushes; and nothing else differs.
 TEST(SurfaceTimeline, SpareSurfacesKeepTheViewsOverAPush) {
   for (const TimeMode mode : {TimeMode::latest, TimeMode::interpolate, TimeMode::predict}) {
     Wall wall(options_of(mode), 1), bare(options_of(mode));

@@ -1,5 +1,5 @@
-// What cameras are opened by and read from: files of rigs, URIs, recordings, raw frames in files,
-// and the messages in them that no reader of recordings looks into. The first byte says which.
+// Inputs that cameras are opened by and read from: files of rigs, URIs, recordings, raw frames, and
+// the messages in them that no reader of recordings looks into. The first byte says which.
 #include <algorithm>
 #include <cmath>
 #include <cstring>

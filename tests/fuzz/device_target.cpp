@@ -1,4 +1,4 @@
-// What devices and their services send: Haply's JSON, WebSocket frames, VRPN, spacenavd. The first
+// Messages of devices and services: Haply's JSON, WebSocket frames, VRPN, spacenavd. The first
 // byte says which; streams come in pieces of a size that the second byte gives.
 #include <sys/socket.h>
 #include <sys/un.h>

@@ -1,4 +1,4 @@
-// What a stranger sends to the viewer: HTTP, and frames on a WebSocket that has been opened. Bytes
+// Messages of a stranger to the viewer: HTTP, and frames on a WebSocket that has been opened. Bytes
 // go through a real connection to a real server; the first one says which.
 #include "palpate/viewer/viewer.h"
 #include "tests/fuzz/target.h"

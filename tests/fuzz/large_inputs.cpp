@@ -56,7 +56,7 @@ Status read_camera(const std::string& uri) {
 
 namespace {
 
-constexpr double kMinMegabytes = 10;  // that the time is told for
+constexpr double kMinMegabytes = 10;  // least size whose time is reported
 constexpr double kMaxMegabytes = 256 * 1.048576, kMaxPerByte = 2000;
 constexpr int kTaken = 0, kRefused = 1;
 std::size_t size_on_disk(const fs::path& path) {
@@ -73,7 +73,7 @@ struct Outcome {
   double seconds = 0, megabytes = 0;  // of computing; of memory at most
 };
 
-/// So that what is broken is only itself lost.
+/// Limits time and memory, so that a broken reader ends only its own process.
 void limit_this_process() {
   constexpr rlim_t kMaxTime = 60;  // s
   const rlimit time{kMaxTime, kMaxTime}, memory{rlim_t{8} << 30, rlim_t{8} << 30};
@@ -136,14 +136,14 @@ Reading read_alone(const LargeInput& input, double num_bytes) {
   return {outcome, size};
 }
 
-/// Whether half of the input takes less than a third of the time, if it takes long at all. Holds on
+/// True if half of the input takes less than a third of the time, if it takes long at all. Holds on
 /// a busy computer, too.
 bool grows_faster_than_input(const LargeInput& input, double num_bytes, double seconds) {
   constexpr double kLong = 2;  // s
   return seconds > kLong && read_alone(input, num_bytes / 2).outcome.seconds < seconds / 3;
 }
 
-/// What is wrong with it; empty: nothing.
+/// Measures reading of an input; returns the complaint, empty if none.
 std::string measure(const LargeInput& input, const Options& options, std::FILE* csv) {
   const double num_bytes = 1e6 * options.megabytes;
   const auto [outcome, size] = read_alone(input, num_bytes);

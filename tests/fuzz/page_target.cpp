@@ -1,5 +1,5 @@
-// What pages say on their WebSockets, two of them beside each other, and the handle that they hold.
-// The input is lines: the first byte says which page says the rest, and how long after the line
+// Messages of two pages beside each other on their WebSockets, and the handle that they hold. The
+// input is lines: the first byte says which page sends the rest, and how long after the line
 // before.
 #include <cmath>
 #include <limits>

@@ -54,7 +54,7 @@ void read_bag(std::string_view bytes) {
   }
 }
 
-/// What was read is written as it is read again.
+/// Requires that a message that was read is written, and read again, with the same bytes.
 template <class Read, class Write>
 void round_trip(std::string_view message, const Read& read, const Write& write) {
   const auto first = read(message);

@@ -96,7 +96,7 @@ std::string mutated(const std::vector<std::string>& corpus, Random& random) {
   return text;
 }
 
-/// What is running, for the file that is written should it not come back.
+/// Input that is running, for the file that is written if it does not return.
 const std::string* g_input = nullptr;
 
 void run(const std::string& input) {
@@ -110,7 +110,7 @@ void run(const std::string& input) {
   std::abort();
 }
 
-/// Keeps what brought the program down, for the corpus.
+/// Keeps the input that brought the program down, for the corpus.
 void on_fault(int signal) {
   if (g_input != nullptr) {
     std::ofstream("fuzz-crash", std::ios::binary) << *g_input;

@@ -1,4 +1,4 @@
-// What every fuzz target has: an entry, seeds, and promises that end the program when they do not
+// Parts of every fuzz target: an entry, seeds, and promises that end the program when they do not
 // hold.
 #pragma once
 

@@ -1,4 +1,4 @@
-// How threads work together, on the device and by the emulator.
+// Cooperation of threads, on the device and by the emulator.
 #include <cstdint>
 #include <numeric>
 #include <vector>

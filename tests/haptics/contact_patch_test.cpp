@@ -1,4 +1,4 @@
-// Where and how wide a contact is: against closed forms and sums over columns.
+// Place and width of a contact: against closed forms and sums over columns.
 #include "palpate/haptics/local_contact.h"
 
 #include <gtest/gtest.h>
@@ -86,7 +86,7 @@ TEST(ContactPatch, OfADiscAndOfRectanglesFromTheirMoments) {
       EXPECT_NEAR(rectangle.patch().torsion_radius, of_rectangle(a, b), 0.022 * of_rectangle(a, b))
           << aspect;
     }
-    // What lies deeper presses more: a ball on a plane, and a box on its edge.
+    // Deeper parts press more: a ball on a plane, and a box on its edge.
     const Columns ball(r, r, foot, q, [&](double x, double y) { return r * r - x * x - y * y; });
     EXPECT_NEAR(ball.patch().torsion_radius, 8 * r / 15, 0.025 * r);
     const Columns edge(0.02, 0.005, foot, q,
@@ -117,7 +117,7 @@ TEST(ContactPatch, OfTwoFeetAndOfNothing) {
   }
 }
 
-// What lies under two feet counts by the force on each.
+// The ground under two feet is the mean, weighted by the force on each.
 TEST(ContactPatch, TheGroundUnderTwoFeetIsTheirMean) {
   test::Random random(4);
   const auto fill = [&](Ground& ground) {

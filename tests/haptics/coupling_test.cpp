@@ -87,10 +87,10 @@ struct HingeScene {
   }
 };
 
-/// The floor z = 0 for the tool's centre of mass.
+/// The floor z = 0 for the tool's center of mass.
 HingeScene floor_scene(double k) { return {{{box_tool().centre_of_mass, {0, 0, 1}, 0, k}}}; }
 
-/// The handle's pose that puts the tool's centre of mass at p.
+/// The handle's pose that puts the tool's center of mass at p.
 DeviceState hand_for(const Vec3d& p) { return hand_at({p - box_tool().centre_of_mass, {}}); }
 
 // ---------------------------------------------------------------------------------------------
@@ -209,7 +209,7 @@ TEST(CheckCoupling, StaysBelowThePassivityBoundOfTurningThisTool) {
       EXPECT_TRUE(result->warnings.empty()) << result->warnings[0];
     }
   }
-  // What is passive for a long tool need not be for a short one.
+  // A stiffness that is passive for a long tool need not be so for a short one.
   CouplingOptions options;
   options.angular_stiffness = 20;
   EXPECT_TRUE(check_coupling(options, limits, kTick, ball_tool(0.05))->warnings.empty());
@@ -376,7 +376,7 @@ TEST(Couplings, RestOnAFloorWhereSpringAndContactBalance) {
       EXPECT_NEAR(step.contact_W.force.z, want, 1e-3 * want);
       const double sunk = kind == CouplingKind::direct ? depth : k / (k + kc) * depth;
       EXPECT_NEAR((step.X_WT * box_tool().centre_of_mass).z, -sunk, 1e-3 * sunk + 1e-12);
-      // At the handle: the lever is the centre of mass in the hand.
+      // At the handle: the lever is the center of mass in the hand.
       const Vec3d torque = cross(box_tool().centre_of_mass, Vec3d{0, 0, want});
       EXPECT_LT(norm(step.F_H_B.torque - torque), 1e-3 * norm(torque));
     }
@@ -558,8 +558,8 @@ TEST(VirtualCoupling, ComesToRestAmongManyHardContacts) {
   }
 }
 
-/// A device of mass m and damping b that feels the force for a whole tick (exact between ticks) and
-/// is pressed into a hard wall. By how much its swinging grows in 1.5 s.
+/// Computes the growth, in 1.5 s, of the oscillation of a device of mass m and damping b, pressed
+/// into a hard wall, which feels the force for a whole tick (exact between ticks).
 double growth_on_a_wall(double stiffness, double damping_ratio, double b) {
   CouplingOptions options;
   options.stiffness = stiffness;

@@ -104,7 +104,7 @@ TEST(Friction, IsTheSameInEveryDirection) {
   }
 }
 
-// What pulls less than the limit holds for ever: not even by the last bit.
+// A pull below the limit never creeps, not even by the last bit.
 TEST(Friction, SticksWithoutCreepFor60Seconds) {
   for (const CouplingKind kind : {CouplingKind::virtual_coupling, CouplingKind::proxy}) {
     const double mu = 0.5;
@@ -225,8 +225,8 @@ class ClosedPath {
   std::array<std::array<Vec3d, 2>, 3> shift_, turn_;
 };
 
-/// What the hand is given along a path, as the passivity observer sees it: each force over the way
-/// that follows.
+/// Computes the energy given to the hand along a path, as the passivity observer sees it: each
+/// force over the way that follows.
 double energy_given(Touch& touch, const ClosedPath& path, int rounds) {
   double given = 0;
   Pose last = path.at(0);
@@ -341,7 +341,7 @@ TEST(Friction, NoiseOfFramesDoesNotMakeItSlip) {
   }
 }
 
-// What sticks turns with the surface and holds as much.
+// A sticking contact turns with the surface and holds as much.
 TEST(Friction, HoldsAsMuchOnASurfaceThatTurns) {
   PatchFriction friction(options_of(CouplingKind::none, 1), 1e4, 0);
   LocalContact contact;
@@ -363,8 +363,8 @@ TEST(Friction, HoldsAsMuchOnASurfaceThatTurns) {
   }
 }
 
-// What slides from rest is held back against its way, by the limit, however differently the tool
-// gives way in the three directions: also where the limit is small beside 1 N.
+// Friction of a slide from rest opposes its way, at the limit, however different the compliance
+// in the three directions: also where the limit is small beside 1 N.
 TEST(Friction, HoldsBackAgainstTheWayThatWasSlid) {
   PatchFriction friction(options_of(CouplingKind::none, 0.2), 1e4, 1e-4);
   LocalContact contact;
@@ -461,7 +461,7 @@ TEST(Texture, GrainIsSixWavesOfOneHeight) {
     }
     return 2 * std::hypot(re, im) / static_cast<double>(felt.size());
   };
-  // Of a depth of 0.3 of the friction, as far as the speed lets it.
+  // Height of each wave: a depth of 0.3 of the friction, as far as the speed lets it.
   const double each = 0.5 * 0.3 * 0.016 / 0.021 / 6;
   double power = 0;
   for (const double waves : {64, 107, 173, 281, 449, 727}) {
@@ -598,7 +598,7 @@ double drag_on_belt(CouplingKind kind, double hand, double belt, double viscous 
   return step.contact_W.force.x / dot(step.contact_W.force, plate.n_W);
 }
 
-// What counts is how fast the tool goes over what it touches.
+// Friction depends on the velocity of the tool relative to the surface that it touches.
 TEST(Friction, ABeltTakesTheToolAlong) {
   for (const CouplingKind kind : kAll) {
     EXPECT_NEAR(drag_on_belt(kind, 0, 0.05), 0.4, 1e-3) << name_of(kind);
@@ -608,7 +608,7 @@ TEST(Friction, ABeltTakesTheToolAlong) {
     // It sticks, and what the start has stretched stays.
     EXPECT_LT(std::abs(drag_on_belt(kind, 0.05, 0.05)), 0.1) << name_of(kind);
 
-    // So does what grows with it.
+    // Viscous friction depends on it, too.
     EXPECT_NEAR(drag_on_belt(kind, 0, 0.05, 2), 0.4 + 2 * 0.05, 2e-3) << name_of(kind);
     EXPECT_NEAR(drag_on_belt(kind, 0.05, 0.03, 2), -0.4 - 2 * 0.02, 2e-3) << name_of(kind);
     EXPECT_LT(std::abs(drag_on_belt(kind, 0.05, 0.05, 2)), 0.1) << name_of(kind);

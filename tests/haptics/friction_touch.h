@@ -83,7 +83,7 @@ struct Plate {
   }
 };
 
-/// What a hand feels that moves as it is told, with a new contact where the tool is at every tick.
+/// Contact of a hand that moves as it is told, measured anew where the tool is at every tick.
 class Touch {
  public:
   Touch(const CouplingOptions& options, const Plate& touched, const Pose& start)
@@ -108,7 +108,7 @@ class Touch {
     last_ = other.last_;
     time_ = other.time_;
   }
-  /// What friction adds.
+  /// Returns the force of friction, along the plate.
   Vec3d along() const {
     const Vec3d f = step.contact_W.force;
     return f - dot(f, plate.n_W) * plate.n_W;
@@ -130,7 +130,7 @@ class Touch {
   Wrench normal;
 };
 
-/// Of the hand pressing by `depth`.
+/// Returns the pose of a hand that presses by `depth`.
 inline Pose pressed(double depth, const Vec3d& aside = {}) {
   return {Vec3d{0, 0, 0.03 - depth} + aside, {}};
 }

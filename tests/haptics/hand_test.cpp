@@ -74,8 +74,8 @@ double apart(const Pose& a, const Pose& b) {
          norm(rotation_vector(a.rotation * conjugate(b.rotation)));
 }
 
-// The device's next answer is where the hand was expected, at its pace; whoever is silent for long
-// stands still.
+// The device's next answer is where the hand was expected, at its pace; the hand of a device that
+// is silent for long stands still.
 TEST(Hand, GoesOnInTicksWithoutAState) {
   const Vec3d c_T{0.01, -0.02, 0.05};
   Hand hand(held_askew(), c_T), seen(held_askew(), c_T);
@@ -94,7 +94,7 @@ TEST(Hand, GoesOnInTicksWithoutAState) {
     EXPECT_LT(apart(held.X_WT, seen.follow(handle_at(0.21)).X_WT), 1e-13) << time;
     EXPECT_EQ(norm(held.velocity.linear) + norm(held.velocity.angular), 0) << time;
   }
-  // Of a time that is none, or lies before the last state, nothing is concluded.
+  // A time that is none, or lies before the last state, changes nothing.
   hand.follow(handle_at(0.4));
   for (const double time : {std::nan(""), 0.3}) {
     EXPECT_EQ(hand.follow(nothing_at(time)).X_WT, seen.follow(handle_at(0.4)).X_WT);
@@ -131,7 +131,7 @@ TEST(Hand, FeelsNothingInFreeAirFromADeviceThatLeavesOutTicks) {
   }
 }
 
-// What the hand moves while it has let go is not moved, nor felt; from then on the tool makes the
+// While the hand has let go, the tool does not move, and gives no force; from then on it makes the
 // hand's motions from where it is.
 TEST(Hand, LetsGoAndTakesHoldAgain) {
   CouplingOptions options = held_askew();
@@ -243,8 +243,8 @@ TEST(Hand, WallsKeepTheToolInItsWorkspace) {
       0.2);
 }
 
-/// How fast a handle of 45 g still is after two seconds against a wall of the workspace, if a hand
-/// pushes it there with 1 N and damps it by 0.3 N s/m beside what the device does.
+/// Computes the speed of a handle of 45 g after two seconds against a wall of the workspace, if a
+/// hand pushes it there with 1 N and damps it by 0.3 N s/m, in addition to the device.
 double speed_at_the_wall(const DeviceLimits& limits) {
   constexpr double kTick = 1e-3, kMass = 0.045, kPush = 1, kWall = 0.05;
   constexpr int kSubsteps = 100;

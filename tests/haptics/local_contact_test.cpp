@@ -15,7 +15,7 @@ namespace palpate {
 namespace {
 
 /// A ball of radius r at c_T of the tool's frame above the wall z = 0 of the scene, z up: V = cap,
-/// F = V e_z at the ball's centre, K = A e_z e_z^T; all in closed form.
+/// F = V e_z at the ball's center, K = A e_z e_z^T; all in closed form.
 struct BallOnWall {
   double radius = 0.02;
   Vec3d c_T{0.03, -0.01, 0.02}, centre_of_mass_T{-0.02, 0.01, 0.005};
@@ -28,7 +28,7 @@ struct BallOnWall {
     p.measure_W.torque = cross(c_W - X_WT * centre_of_mass_T, p.measure_W.force);
     return p;
   }
-  /// By central differences of the measure.
+  /// Computes the stiffness by central differences of the measure.
   Stiffness stiffness(const Pose& X_WT) const {
     const double step = 1e-6;
     const Vec3d C = X_WT * centre_of_mass_T;
@@ -106,7 +106,7 @@ TEST(LocalContact, IsFirstOrderAroundItsPose) {
   }
 }
 
-// What a turn adds is bounded by the force at the radius of gyration of the stiffness, four times.
+// The torque of a turn is at most four times the force at the stiffness's radius of gyration.
 TEST(LocalContact, TorqueIsLimitedByForceTimesLever) {
   LocalContact contact;
   contact.is_valid = true;

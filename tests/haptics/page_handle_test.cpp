@@ -1,4 +1,4 @@
-// How far a page may move the hand: as far as a hand comes in the time since its last pose.
+// Limit of a page's motions of the hand: the way of a hand in the time since its last pose.
 #include <gtest/gtest.h>
 
 #include <algorithm>

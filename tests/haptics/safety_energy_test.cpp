@@ -1,4 +1,4 @@
-// What the safety filter knows of the energy that it gives to a hand, and what it takes away for
+// Energy that the safety filter gives to a hand: its observation, and the force taken away for
 // it.
 #include <algorithm>
 #include <cmath>
@@ -15,8 +15,8 @@ namespace {
 using namespace test::safety_rig;  // NOLINT: all of it
 
 // The observer against the exact work of a force that is constant over each tick. A hand that jumps
-// counts as the fastest hand there is: 10 m/s and 100 rad/s. Of what it gives, what is stored
-// counts.
+// counts as the fastest hand there is: 10 m/s and 100 rad/s. Of the energy that it gives, only the
+// stored part counts.
 TEST(SafetyFilter, CountsTheEnergyThatTheHandIsGiven) {
   SafetyOptions options;
   options.passivity_control = false;
@@ -48,7 +48,7 @@ TEST(SafetyFilter, CountsTheEnergyThatTheHandIsGiven) {
   EXPECT_GT(num_lost, 100);
 }
 
-// What friction takes is no credit: a hand that has rubbed for long is pushed along no farther.
+// Energy lost to friction is no credit: a hand that has rubbed for long is pushed no farther.
 TEST(SafetyFilter, WhatTheHandHasLostIsNotGivenBack) {
   for (const double stored : {0.0, 0.004, 0.02}) {
     Rig rig;
@@ -71,7 +71,7 @@ TEST(SafetyFilter, WhatTheHandHasLostIsNotGivenBack) {
   }
 }
 
-// Nor what is said to be stored but is no number, or less than nothing.
+// A reported stored energy that is no number, or negative, is no credit.
 TEST(SafetyFilter, NothingIsStoredWhereThatIsNoNumber) {
   for (const double stored : {kNan, kInf, -kInf, -1.0}) {
     Rig rig;
@@ -333,8 +333,8 @@ bool expect_within(const Vec3d& out, const Vec3d& before, const Vec3d& velocity,
   return true;
 }
 
-// The last word: of a force that fades, whose size at each tick is known, and a hand that is torn
-// this way and that.
+// The last limit of the energy: of a force that fades, whose size at each tick is known, and a hand
+// that is torn this way and that.
 TEST(SafetyEnergy, WhatGoesOutNeverEmptiesTheTank) {
   test::Random random(22);
   int num = 0, num_less_force = 0, num_less_torque = 0, num_silent = 0;

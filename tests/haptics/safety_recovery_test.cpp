@@ -1,5 +1,5 @@
-// How the force comes back with devices that leave out ticks, take their force away or have a clock
-// that stands still, and where nobody knows of a contact.
+// Return of the force with devices that leave out ticks, take their force away or have a clock
+// that stands still, and where the contact is unknown.
 #include <gtest/gtest.h>
 
 #include "tests/haptics/safety_rig.h"
@@ -34,7 +34,7 @@ TEST(SafetyRecovery, TheForceReturnsToADeviceThatLeavesOutTicks) {
   }
 }
 
-// What such a device says in between still counts, and what is said too seldom does not.
+// States that such a device gives in between still count, and states that are too rare do not.
 TEST(SafetyRecovery, ADeviceThatLeavesOutTicksIsNotLetIntoAContact) {
   Rig rig;
   wait_after_fault(rig);
@@ -53,7 +53,7 @@ TEST(SafetyRecovery, ADeviceThatLeavesOutTicksIsNotLetIntoAContact) {
   EXPECT_EQ(seldom.filter.status().state, ForceState::waiting);
 }
 
-// What could not be measured is not free of contact.
+// A tool that could not be measured is not free of contact.
 TEST(SafetyRecovery, AContactThatIsNotMeasuredIsNone) {
   Rig rig;
   wait_after_fault(rig);
@@ -98,7 +98,7 @@ TEST(SafetyRecovery, NothingEngagesBeforeTheDeviceHasItsForce) {
   EXPECT_NE(ticks_until_engaged(rig, 20), -1);
 }
 
-// A force that nobody permits any more, or that nothing drives, goes also if no time passes.
+// A force without permission, or without a driver, ends also if no time passes.
 TEST(SafetyRecovery, AForceThatWasLetGoEndsEvenIfTheClockStandsStill) {
   for (const bool is_dead_man : {true, false}) {
     SafetyOptions options;

@@ -331,7 +331,7 @@ TEST(SafetyFilter, TooManyFaultsWithinAMinuteNeedSomebodyWhoAsks) {
   }
   EXPECT_TRUE(rig.filter.status().is_engaged());
   EXPECT_NEAR(last, norm(kPush.force), 1e-9);
-  // A press of button 0 is a wish, too; one that began before the fault is not.
+  // A press of button 0 is a request, too, unless it began before the fault.
   options.max_recoveries = 0;
   Rig pedal(options);
   pedal.input.state.buttons = 1;
@@ -366,7 +366,7 @@ TEST(SafetyFilter, NoMinuteHasMoreReturnsThanAllowed) {
   EXPECT_EQ(returns(7000, 60), 60);  // fewer than 9 in 60 s
 }
 
-// Somebody who has asked for the force in contact has not asked for it after the next fault.
+// A request for the force in contact does not hold after the next fault.
 TEST(SafetyFilter, ARequestDoesNotOutliveAFault) {
   Rig rig;
   rig.hold(kPush);
@@ -397,7 +397,7 @@ TEST(SafetyFilter, AFaultThatGoesOnIsOne) {
   EXPECT_NE(ticks_until_engaged(rig, 20), -1);
 }
 
-// What is measured in its time never becomes too old, and no force comes down in it.
+// While the clock stands still, no measurement becomes too old, and no force comes down.
 TEST(SafetyFilter, AClockThatStandsStillIsAFault) {
   Rig rig;
   rig.hold(kPush);
@@ -455,7 +455,7 @@ TEST(SafetyFilter, ComesBackAfterEveryPassingFault) {
       ASSERT_TRUE(is_finite(out));
       ASSERT_LE(force, kLimits.max_force);
       ASSERT_LE(norm(out.torque), kLimits.max_torque);
-      // How far it may go in a tick; a force that could empty the tank falls as fast as it has to.
+      // Limit of the change per tick; a force that could empty the tank falls as fast as needed.
       const Vec3d step = out.force - last.force, twist = out.torque - last.torque;
       const bool is_exact = !options.passivity_control;
       if (rig.fault() == Fault::none) {

@@ -1,4 +1,4 @@
-// What couplings say that the hand may get back, against the work that it does: for all couplings,
+// Stored energy that couplings report, against the work that the hand does: for all couplings,
 // with friction, walls and scales, and through the safety filter.
 #include <gtest/gtest.h>
 
@@ -82,8 +82,8 @@ CouplingOptions options_of(CouplingKind kind, double friction, double scale, boo
   return checked->options;
 }
 
-// What moving objects have stored stays where the tool's own contact cannot be measured for a
-// while.
+// The stored energy of moving objects outlasts ticks in which the tool's own contact is not
+// measured.
 TEST(StoredEnergy, OfObjectsOutlivesAContactThatIsNotMeasured) {
   for (const CouplingKind kind : kMaxBallGrowth) {
     const auto coupling =
@@ -124,7 +124,7 @@ TEST(StoredEnergy, TheHandGetsBackNoMoreThanThat) {
   }
 }
 
-// A hand that swings the tool through the air, and presses it by a centimetre: all of that is given
+// A hand that swings the tool through the air, and presses it by a centimeter: all of that is given
 // back, nothing is held back, and the tank of 10 mJ is a fraction of it.
 TEST(StoredEnergy, TheFilterHoldsNothingBackOfWhatTheHandHasPutIn) {
   for (const CouplingKind kind : kMaxBallGrowth) {

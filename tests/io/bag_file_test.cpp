@@ -210,7 +210,7 @@ TEST_F(Ros1Bag, SaysWhatIsWrong) {
   EXPECT_EQ(BagReader::open("/nowhere/x.bag").error().code, Errc::not_found);
 }
 
-// Who reads the recording says what it lacks; others on the same topic are whole.
+// A short message comes as an empty one, for its reader to refuse; others on the topic are whole.
 TEST_F(Ros1Bag, AMessageThatIsShorterThanItsFieldsIsEmpty) {
   const auto bag =
       open(test::ros1_bag({test::ros1_chunk(

@@ -31,7 +31,7 @@ struct Sent {
   std::string data;
 };
 
-/// What compression cannot make small.
+/// Returns random text, which compresses badly.
 std::string noise(std::size_t size, std::uint64_t seed) {
   std::mt19937_64 random(seed);
   std::string text;

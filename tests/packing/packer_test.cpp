@@ -215,7 +215,7 @@ TEST(Packer, StopsAtEachLimit) {
   options.max_seconds = 0.05;
   EXPECT_EQ(pack_spheres(mesh, options)->stop, PackStop::time);
 
-  // A millimetre ten metres away: single precision ends it before the count does.
+  // A millimeter ten meters away: single precision ends it before the count does.
   options = {};
   options.max_spheres = 2'000'000;
   const TriangleMesh far = moved(make_box({1e-3, 1e-3, 1e-3}), 1, {10, 0, 0});
@@ -280,7 +280,7 @@ TEST(Packer, RefusesNonsense) {
   EXPECT_EQ(code([](PackOptions& o) { o.max_fill = 0; }), Errc::invalid_argument);
   EXPECT_EQ(code([](PackOptions& o) { o.max_seconds = NAN; }), Errc::invalid_argument);
   EXPECT_EQ(code([](PackOptions& o) { o.num_threads = -1; }), Errc::invalid_argument);
-  // No sphere of half a metre and more fits.
+  // No sphere of half a meter and more fits.
   EXPECT_EQ(code([](PackOptions& o) { o.min_radius = 0.51; }), Errc::bad_input);
 
   EXPECT_EQ(pack_spheres(TriangleMesh{}, {}).error().code, Errc::bad_input);
@@ -295,7 +295,7 @@ TEST(Packer, RefusesNonsense) {
   EXPECT_EQ(pack_spheres(broken, {}).error().code, Errc::bad_input);
 }
 
-// Where all facets are equally far from the middle, and the first ball leaves only slivers.
+// In round tools all facets are equally far from the middle: the first ball leaves only slivers.
 TEST(Packer, SurvivesFineRoundTools) {
   const SpherePacking ball = pack(make_icosphere(0.05, 5), 300);
   EXPECT_GT(fill(ball), 0.998);

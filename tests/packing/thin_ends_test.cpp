@@ -50,7 +50,7 @@ TEST(ThinEnds, NoStandoffIsBeyondItsBoundAtAnyNumber) {
   }
 }
 
-// What greedy filling leaves empty: 14 mm of the finger's tip at 5000 spheres.
+// Greedy filling leaves 14 mm of the finger's tip empty at 5000 spheres.
 TEST(ThinEnds, SpheresReachTheTipOfTheFinger) {
   const TriangleMesh mesh = make_shape("finger", 0.196).value();
   const double tip = bounds(mesh).high.z;
@@ -94,7 +94,7 @@ TEST(ThinEnds, LimitsKeepSpheresOut) {
     EXPECT_GE(static_cast<double>(s.radius), 5e-4);
     farthest = std::max(farthest, static_cast<double>(s.centre.z));
   }
-  EXPECT_LT(farthest, bounds(mesh).high.z - 0.004);  // thinner than a millimetre from there on
+  EXPECT_LT(farthest, bounds(mesh).high.z - 0.004);  // thinner than a millimeter from there on
   options = {};
   options.max_radius = 4e-3;
   const SpherePacking fine = pack_spheres(mesh, options).value();

@@ -206,7 +206,7 @@ def played(folder):
 
 
 def camera_height(stamp):
-    """Where the moving camera is on the base's z, m: up to 0.9 m/s fast."""
+    """Returns the position of the moving camera on the base's z, m: up to 0.9 m/s fast."""
     return 0.15 * math.sin(6 * stamp)
 
 

@@ -210,7 +210,7 @@ class Robot:
         return Qos(Policy.Reliability.Reliable(0) if reliable else Policy.Reliability.BestEffort,
                    Policy.Durability.TransientLocal if kept else Policy.Durability.Volatile,
                    Policy.History.KeepLast(depth),
-                   # What those who come late get, as nodes of ROS 2 have it.
+                   # History for readers that come late, as nodes of ROS 2 have it.
                    Policy.DurabilityService(0, Policy.History.KeepLast(depth), -1, -1, -1),
                    Policy.DataRepresentation(use_cdrv0_representation=True))
 
@@ -333,7 +333,7 @@ def main(domain, behavior="good", size=f"{WIDTH}x{HEIGHT}", namespace="rt/palpat
             seen["images"] += 1
         for message in taken(diagnostics, 20):
             for status in message.status:
-                # How many it had sent then, by its own count.
+                # Number of wrenches sent until then, by palpate's own count.
                 count = next((int(value.value) for value in status.values if value.key == "wrenches sent"), 0)
                 counts.append([1e-9 * message.sample_info.source_timestamp, count])
                 words = status.message.split(" is ")[0]
@@ -395,8 +395,8 @@ def main(domain, behavior="good", size=f"{WIDTH}x{HEIGHT}", namespace="rt/palpat
             tell("enough")
         time.sleep(0.0005 if is_flood else max(0, min(0.004, next_image - time.time())))
     seen["nodes"] = seen["nodes"][-1:]
-    # How many were sent and had not come here, by each word of how many there are: the same number from the first one
-    # on, if none is lost. A word that was sent long after it was counted says less; the last one was not.
+    # Number of wrenches sent that had not come here, at each report of palpate's count: constant from the first report
+    # on, if none is lost. A report that was sent long after it was counted says less; the last one was not.
     missing = [count - bisect.bisect_right(sent, stamp) for stamp, count in counts if sent and stamp > sent[0]]
     seen["lost"] = missing[-1] - max(missing[:6]) if len(missing) > 6 else None
     seen["delay_ms"] = parts(delays)

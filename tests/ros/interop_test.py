@@ -48,7 +48,7 @@ class InteropTest(PeerCase):
         self.expect_push_along(2, seen)
 
     def expect_push_along(self, axis, seen):
-        """Of the tool, away from the wall, against that axis; and only along it is it stiff."""
+        """Expects a force on the tool away from the wall, against that axis, and stiffness only along it."""
         stiffness = [abs(part) for part in seen["contact"]["stiffness"]]
         for force in (seen["force"], seen["contact"]["force"]):
             self.assertLess(force[axis], 0)

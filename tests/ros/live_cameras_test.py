@@ -1,5 +1,5 @@
-"""How depth images come over ROS 2, from a peer on another version of Cyclone DDS: compressed, by bent lenses, from
-cameras that move or are several, late; and where a follower hears of the tool.
+"""Depth images over ROS 2, from a peer on another version of Cyclone DDS: compressed, with lens distortion, from
+cameras that move or are several, late; and the topics from which a follower hears of the tool.
 
 usage: live_cameras_test.py PALPATE
 """
@@ -30,7 +30,7 @@ COMPRESSED = "/camera/depth/image_raw/compressedDepth"
 
 class LiveCamerasTest(PeerCase):
     def watch(self, behavior, *options, place="0,0,0.5", **more):
-        """What the peer saw until it had enough."""
+        """Runs palpate with a camera peer; returns the peer's observations until it had enough."""
         return self.converse(self.cyclone(behavior, "camera_peer.py", place), *options, until=has_enough, **more)[0]
 
     def touched(self, seen):
@@ -53,7 +53,7 @@ class LiveCamerasTest(PeerCase):
     def test_each_image_is_seen_by_its_own_lens(self):
         seen = self.watch("bent", place="0.2,0,0.5")
         self.assertGreater(len(seen["fractions"]), 50)
-        # The wall ends a centimetre beside the tool. By the other lens 15 % of it would be inside.
+        # The wall ends a centimeter beside the tool. By the other lens 15 % of it would be inside.
         self.assertLess(max(seen["fractions"]), 0.01)
         # An image whose lens is not known in time is not seen by another one: here that is every one, or nearly, if
         # palpate does not come to look for a while.
@@ -78,7 +78,7 @@ class LiveCamerasTest(PeerCase):
         self.assertGreater(len(fractions), 100)
         middle = statistics.median(fractions)
         self.assertGreater(middle, 0.5)
-        # Where it was 10 ms before or after it are up to 9 mm and 22 % of the tool.
+        # An error of 10 ms in the camera's pose would be up to 9 mm and 22 % of the tool.
         self.assertLess(max(fractions) - min(fractions), 0.06)
 
     def test_two_cameras_are_placed_by_tf(self):
@@ -96,7 +96,7 @@ class LiveCamerasTest(PeerCase):
         self.assertGreater(min(seen["ages"]), 0.2)
         # The youngest scene: how long others have waited is up to the computer.
         self.assertLess(min(seen["ages"]), min(seen["delays"]) + 0.15)
-        # By its own clock, what is always late is not seen.
+        # A constant delay is invisible without a shared clock.
         seen = self.watch("late", "--max-age", "0.8")
         self.assertLess(min(seen["ages"]), 0.2)
 
@@ -183,7 +183,7 @@ class LiveCamerasTest(PeerCase):
         for each in told:
             for part, expected in zip((3, 4, 6, 7, 8, 9), [1, 2.3, *turned]):
                 self.assertAlmostEqual(each[part], expected, delta=1e-6)
-        # By Galilei, where it is says how long it has been falling: as long as the stamps say, and shorter only where
+        # The fallen height gives the time of the fall: as long as the stamps say, and shorter only where
         # the computer was too busy for the run's steps, which are at most 20 ms. 1 ms: of the calendar's clock.
         fallen = [(each[0], math.sqrt(max(2 * (3 - each[5]) / gravity, 0))) for each in told]
         for before, after in zip(fallen, fallen[1:]):

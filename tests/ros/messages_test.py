@@ -24,7 +24,7 @@ TYPES = ["sensor_msgs/Image", "sensor_msgs/CompressedImage", "sensor_msgs/Camera
          "geometry_msgs/PoseStamped", "geometry_msgs/TwistStamped", "geometry_msgs/WrenchStamped",
          "visualization_msgs/Marker", "visualization_msgs/MarkerArray",
          "diagnostic_msgs/DiagnosticArray", "rmw_dds_common/ParticipantEntitiesInfo"]
-# What distributions before these had other members in.
+# Messages that had other members before these distributions.
 OLDER = {"visualization_msgs/Marker": "ros2_humble", "visualization_msgs/MarkerArray": "ros2_humble",
          "rmw_dds_common/ParticipantEntitiesInfo": "ros2_iron"}
 DISTRIBUTIONS = ["ros2_dashing", "ros2_eloquent", "ros2_foxy", "ros2_galactic", "ros2_humble", "ros2_iron", "ros2_jazzy",

@@ -1,4 +1,4 @@
-"""What tests of palpate among peers of ROS 2 share."""
+"""Fixture of the tests of palpate among peers of ROS 2."""
 
 import fcntl
 import glob
@@ -36,7 +36,7 @@ def domains():
 
 
 def heard(robot):
-    """What a robot has said of itself so far: that it has begun, that it has seen enough."""
+    """Returns the notes of a robot so far: that it has begun, that it has seen enough."""
     return os.pread(robot.notes.fileno(), 65536, 0).decode(errors="replace").splitlines()
 
 
@@ -87,9 +87,9 @@ class PeerCase(unittest.TestCase):
 
     def converse(self, peer, *options, depth="/camera/depth/image_raw", tool=("--pose", "/tool_pose"),
                  duration=4, until=None, words=None, statuses=(0,), **environment):
-        """What the peer saw while palpate ran, and what palpate said. `until`: what ends the run, of the peer, instead
-        of a duration. `words` instead of palpate ros2. `statuses`: how palpate may end. Leaves the memory that palpate
-        had in use, MB, tenth of a second by tenth of a second."""
+        """Runs palpate with a peer; returns the peer's observations and palpate's errors. `until`: condition on the
+        peer that ends the run, instead of a duration. `words`: instead of palpate ros2. `statuses`: allowed exit
+        statuses of palpate. Leaves palpate's memory in use, MB, every tenth of a second."""
         robot = self.start(peer)
         try:
             run = subprocess.Popen(
@@ -106,7 +106,7 @@ class PeerCase(unittest.TestCase):
         return json.loads(said), notes
 
     def watch_memory(self, run, is_enough):
-        """What a program says on its standard error until it ends, which it is asked to once that is enough."""
+        """Returns a program's standard error; interrupts the program once `is_enough` is true."""
         self.megabytes, was_asked = [], False
         for _ in range(3000):
             try:

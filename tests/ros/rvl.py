@@ -5,7 +5,7 @@ import struct
 
 
 def numbers_of(counts):
-    """Of each run: how many zeros, how many others, and the others' differences with their sign last."""
+    """Encodes each run: number of zeros, number of others, and the others' differences with their sign last."""
     numbers, before, at = [], 0, 0
     while at < len(counts):
         end = at

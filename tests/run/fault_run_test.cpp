@@ -81,7 +81,7 @@ class Loop {
     settings_ = after;
   }
   CouplingKind kind() const { return settings_.coupling.kind; }
-  /// From now on, whether queries say that they could not measure.
+  /// Sets if queries report from now on that they could not measure.
   void be_blind(bool is_blind) { is_blind_ = is_blind; }
 
  private:
@@ -119,7 +119,7 @@ class Loop {
   std::uint32_t revision_ = 0;
 };
 
-/// What happens to the hand, which a fault may change.
+/// Motion of the hand, which a fault may change.
 struct HeldHandle {
   double time = 1000;
   double depth = -0.03;  // of the handle, m; the tool touches the wall at 0.025
@@ -189,8 +189,8 @@ class Watch {
     if (is_back && num_faults_ > num_faults_then_) {
       ++num_returns_;
       ASSERT_LE(last_force_ + last_torque_, 0);
-      // What a hand without the tool feels says nothing about where that is, nor does a contact
-      // that could not be measured.
+      // Neither the force on a hand without the tool nor a contact that could not be measured shows
+      // that the tool is free.
       const bool is_free =
           !tick.step.is_clutched && !tick.penetration.status.is_unmeasured() &&
           (tick.penetration.volume == 0 || norm(tick.step.F_H_B.force) < safety_.engage_force);
@@ -263,7 +263,7 @@ void run(CouplingKind kind, bool with_friction, bool with_objects, unsigned seed
     }
     hand.depth = random.uniform() < 0.8 ? 0.035 : 0.02;
     tick_well(150);
-    // What lasts comes once, at the end.
+    // Lasting faults come once, at the end.
     const auto fault = static_cast<Fault>(
         round == 12 ? static_cast<int>(Fault::sensor) + static_cast<int>(random.bits() % 2)
                     : 1 + static_cast<int>(random.bits() % (static_cast<int>(Fault::sensor) - 1)));
@@ -337,7 +337,7 @@ void run(CouplingKind kind, bool with_friction, bool with_objects, unsigned seed
       loop.change(static_cast<CouplingKind>(random.bits() % 3));
     }
   }
-  // What lasts, for any coupling.
+  // A lasting fault, with any coupling.
   flags.has_sensor_failed = seed % 2 == 0;
   flags.is_stopping = !flags.has_sensor_failed;
   loop.change(kind);
@@ -395,7 +395,7 @@ struct HeldLoop {
   HeldHandle hand;
 };
 
-// A tool that is in something, of which nobody knows: the force does not come back into that.
+// The force does not come back into a contact that is not measured.
 TEST(FaultRun, AContactThatIsNotMeasuredIsNotFree) {
   HeldLoop held(settings_with(CouplingKind::virtual_coupling));
   held.tick(300);
@@ -428,7 +428,7 @@ TEST(FaultRun, FaultsAreCountedOverChangesOfTheCoupling) {
   EXPECT_EQ(break_once(), 3u);
 }
 
-// Nothing holds the hand for a while: the force does not stand where it was left.
+// After a while without a coupling, the force of the last one does not come back at once.
 TEST(FaultRun, TheForceOfACouplingThatWasLeftDoesNotComeBackAtOnce) {
   const RunSettings settings = settings_with(CouplingKind::virtual_coupling);
   Loop loop(settings);

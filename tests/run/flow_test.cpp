@@ -59,7 +59,7 @@ SurfaceTimeline timeline_of(bool is_moving = false, int binning = 1) {
       .value();
 }
 
-/// Of the motion along the plane at a place.
+/// Expects the plane's motion at p_W, without the velocity along its normal.
 void expect_motion(const MovingPlane& plane, const Twist& got, const Vec3d& p_W, double tolerance) {
   Vec3d v = plane.V_W.linear + cross(plane.V_W.angular, p_W);
   v = v - dot(v, plane.n) * plane.n;
@@ -149,7 +149,7 @@ TEST(SurfaceMotion, OfWhatIsNotKnownIsThatOfTheRest) {
   timeline.push(half, 4 * kPeriod, pool);
   blend = timeline.at(4 * kPeriod);
   expect_motion(turning, surface_motion({&blend, 1}, disc), disc.p_W, 1e-3);
-  // What stands in front of it all at once is another surface.
+  // A plane that is suddenly in front of it is another surface.
   plane.offset = -0.4;
   timeline.push(plane.seen(0), 5 * kPeriod, pool);
   blend = timeline.at(5 * kPeriod);

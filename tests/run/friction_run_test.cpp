@@ -33,7 +33,7 @@ struct Wall : test::TickedPipeline {
             }) {}
 };
 
-/// What is along the wall and what is against it.
+/// Parts of a force into the wall and along it.
 struct Split {
   double into;
   Vec3d along;
@@ -42,8 +42,8 @@ Split split(const Vec3d& force, const Vec3d& n) {
   return {dot(force, n), force - dot(force, n) * n};
 }
 
-// A hand that has moved away with the clutch presses against nothing: what it takes hold of in
-// contact must not push it off at once.
+// A hand that has moved away with the clutch presses against nothing: a tool that it takes hold of
+// in contact must not push it off at once.
 TEST(ClutchRun, InContactTheForceComesBackWithTheRamp) {
   constexpr std::uint32_t kClutch = 2;
   const Tool tool = test::packed(make_box({0.04, 0.04, 0.04}), 400);
@@ -161,7 +161,7 @@ TEST(FrictionRun, WhatSticksToASurfaceOfFramesDoesNotCreep) {
             1e-5);
 }
 
-// The noise of a camera, 30 times a second: what holds half of what it could stays where it is.
+// Noise of a camera, 30 times a second: a contact at half of its friction limit stays in place.
 TEST(FrictionRun, NoiseDoesNotMakeItSlip) {
   const Tool tool = test::packed(make_box({0.04, 0.04, 0.04}), 200);
   double ways[2];
@@ -298,7 +298,7 @@ TEST(FrictionRun, ObjectsHaveNamesOfTheirOwnAndStayWhatTheyAre) {
   }
 }
 
-// What a stage of a live run does when a change comes.
+// A stage of a live run takes a change of friction.
 TEST(FrictionRun, AnotherFrictionIsTakenWithoutAllocation) {
   RunSettings settings = with_blocks(CouplingKind::none);
   settings.objects[1].moves = true;

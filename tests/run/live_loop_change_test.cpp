@@ -1,4 +1,4 @@
-// What people do to a loop that runs: other settings, held frames, pictures.
+// Changes of a running loop: other settings, held frames, pictures.
 #include <gtest/gtest.h>
 
 #include <atomic>
@@ -40,7 +40,7 @@ struct SeenFrameCopy {
   DepthFrame frame;
 };
 
-/// Everything that an observer is told, and that settings come before what is made with them.
+/// Everything that an observer gets, with checks that settings come before their results.
 struct Seen {
   std::mutex mutex;
   std::vector<SeenFrameCopy> frames;
@@ -145,8 +145,8 @@ TEST(LiveLoopChange, EveryStageGoesOnAndNothingJumps) {
       ASSERT_LE(norm(now.F_H_B.force - last.F_H_B.force), 1.001 * safety.max_slew * dt) << k;
     }
     if (now.revision == last.revision || now.revision == 0) continue;
-    // Neither the tool nor where the hand holds it: as the hand moves, as the tool has moved
-    // before, with frames that come whenever they do, and what 30 N do to 0.1 kg.
+    // Neither the tool nor its pose by the hand jumps: allowed are the hand's motion, the tool's
+    // last motion, the motion of the frames, and the acceleration of 0.1 kg by 30 N.
     const TickRecord& before = seen.ticks[k > 1 ? k - 2 : 0];
     const double went_on = norm(last.step.X_WT.translation - before.step.X_WT.translation) *
                            std::max(now.dt / last.dt, 1.0);
@@ -154,8 +154,8 @@ TEST(LiveLoopChange, EveryStageGoesOnAndNothingJumps) {
     EXPECT_LT(norm(now.step.X_WT_hand.translation - last.step.X_WT_hand.translation),
               2 * moved + 1e-9)
         << now.revision;
-    // A coupling without a mass follows the wall of another frame at once; where contacts are late,
-    // also what another method says of it: how far in the tool is at most.
+    // A coupling without a mass follows the wall of another frame at once; if contacts are late,
+    // also the contact by another method: at most by the tool's depth.
     const bool is_late =
         now.revision == kOtherMethod && (test::kIsSanitized || last.contact_age > 0.005);
     const double wall_moved = is_late ? 0.015 : now.frame_number == last.frame_number ? 0 : 0.002;
@@ -171,7 +171,7 @@ TEST(LiveLoopChange, EveryStageGoesOnAndNothingJumps) {
   }
 }
 
-// What a fresh query says with the settings and the frames of that revision.
+// Each contact equals that of a fresh query with the settings and frames of its revision.
 TEST(LiveLoopChange, ContactsAreThoseOfTheirRevision) {
   Touching touching({.depth = [](int k) { return 0.5 + 0.001 * std::sin(k); }});
   for (const Edit edit : {kEdits[0], kEdits[2], kEdits[4]}) {
@@ -275,7 +275,7 @@ TEST(LiveLoopChange, NotesAboutSettingsAreToldOnceAndNotWithoutEnd) {
   EXPECT_LE(num_notes(), 100);
 }
 
-// Surfaces are blended as long as frames are apart: an hour of that would end all sight.
+// Surfaces are blended for a frame period: with one of an hour no surface would ever be new.
 TEST(LiveLoopChange, FramesThatAreExpectedInAnHourComeWhenTheyCome) {
   Touching touching;
   RunSettings settings = touching.loop->settings();
@@ -298,8 +298,8 @@ TEST(LiveLoopChange, FramesThatAreExpectedInAnHourComeWhenTheyCome) {
   EXPECT_TRUE(touching.loop->change(settings));
 }
 
-// Whoever changes settings while the camera stands still gets an answer soon, and the next one at
-// once: a page's thread waits for it, and the end of a run for that.
+// A change of settings while the camera stands still is answered soon, and the next one at once:
+// the thread of a page waits for the answer, and the end of a run for that thread.
 TEST(LiveLoopChange, WithoutDepthFramesIsRefusedSoonAndTakenLater) {
   std::atomic<bool> may_come_again = false;
   Touching touching({.depth = [&](int k) {
@@ -401,7 +401,7 @@ TEST(LiveLoopChange, StagesTakeChangesWithoutAllocating) {
   EXPECT_TRUE(wait_for([&] { return tick(), contacts.num_contacts() > taken + 20; }));
   EXPECT_EQ(counter.count(), 0u);
   EXPECT_EQ(record.revision, 1u);
-  // What was replaced has come back.
+  // The replaced parts have come back.
   EXPECT_NE(haptic_change.coupling, nullptr);
   EXPECT_NE(contact_change.part, nullptr);
   EXPECT_TRUE(!surface_change.timelines.empty());
@@ -523,7 +523,7 @@ TEST(CouplingTakeOver, FromEachKindToEachTheToolMovesOn) {
           const CouplingStep now =
               coupling->step(state, wall_contact(k == 0 ? Pose{} : last.X_WT, time), 1e-3);
           if (k >= 700) {
-            // At most twice the hand's pace, and the way back to the hand of what was apart.
+            // At most twice the hand's pace, and the way of the tool back to the hand.
             EXPECT_LT(norm(now.X_WT.translation - last.X_WT.translation), 3e-4)
                 << static_cast<int>(from) << static_cast<int>(to) << " " << k;
           }
@@ -556,7 +556,7 @@ TEST(LiveLoopHold, TheSceneStandsStillAndTheHandGoesOn) {
     EXPECT_TRUE(wait_for([&] { return seen.num_frames() >= desired; }));
   };
   touching.loop->hold_frames(true);
-  // What was on its way: no two new frames are the same.
+  // Wait for frames that were on their way: no two new frames are the same.
   EXPECT_TRUE(wait_for([&] {
     const std::size_t num = seen.num_frames();
     return num > 1 && depth_of(num - 1) == depth_of(num - 2);

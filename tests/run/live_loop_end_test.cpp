@@ -1,4 +1,4 @@
-// How the live loop starts and ends, by itself or by what its camera, its device and memory do.
+// Start and end of the live loop, by itself or due to its camera, its device or memory.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -141,7 +141,7 @@ void expect_fade(const std::vector<TickRecord>& ticks, Fault fault) {
   EXPECT_EQ(force, 0);
 }
 
-/// How a run ends, in contact, when this becomes true of the wall: the force fades.
+/// Returns the ending of a run in contact when this becomes true of the wall: the force fades.
 Status ending_by(std::atomic<bool> EndingWall::*what, Fault fault) {
   EndingWall source;
   ScriptedDevice device({.hand = pressing_hand});
@@ -191,7 +191,7 @@ TEST(LiveLoop, ADeviceThatIsLostIsTheFaultOfItsReport) {
   }
 }
 
-/// Until it has started again, it tells how it was lost the last time.
+/// A device that reports the error of its last loss until it has started again.
 class DeviceThatWasLost final : public HapticDevice {
  public:
   explicit DeviceThatWasLost(std::function<void()> while_starting)
@@ -248,8 +248,8 @@ TEST(LiveLoop, EndsWhenTheDeviceIsLost) {
   EXPECT_EQ(ending.error().message, "somebody pulled the plug");
 }
 
-// Its last force may still be there: nobody else would notice. But a time between ticks that the
-// settings allow is no reason to end. How long ticks may be without a state says nothing about it.
+// A stuck device may still give its last force, unnoticed by anything else. But a time between
+// ticks that the settings allow is no reason to end, whatever time they allow without a state.
 TEST(LiveLoop, EndsWhenTheDeviceIsStuck) {
   for (const double allowed : {0.02, 1.2}) {
     WallSource source({});
@@ -305,8 +305,8 @@ TEST(LiveLoop, AThreadOfRecordsWithoutMemoryEndsTheRunWell) {
   EXPECT_NE(ending.error().message.find("out of memory"), std::string::npos);
 }
 
-// Nobody waits for the time that the clock of a device has been at for a moment. The force fades,
-// and comes back to a hand that has left the wall and touches it again.
+// The loop does not wait for a time that the device's clock has shown for a moment. The force
+// fades, and comes back to a hand that has left the wall and touches it again.
 TEST(LiveLoop, ALeapOfTheDevicesClockPasses) {
   WallSource source({});
   std::atomic<bool> is_pressing = true;

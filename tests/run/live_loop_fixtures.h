@@ -1,4 +1,4 @@
-// What tests of the whole loop have in common.
+// Fixtures of the tests of the whole loop.
 #pragma once
 
 #include <algorithm>

@@ -154,7 +154,7 @@ TEST(LiveLoop, TheHandFeelsTheWallAndAllIsRecorded) {
     ASSERT_GT(now.time, last.time);
     ASSERT_GE(now.contact_number, last.contact_number);
     ASSERT_GE(now.contact_age, 0);
-    // What a tick feels was seen before it, or while its thread stood still: before the next one.
+    // A tick's frame was seen before it, or while its thread stood still: before the next one.
     ASSERT_LT(last.device.time - last.sensor_age, now.device.time);
   }
   // Faded out, not switched off.
@@ -245,7 +245,7 @@ TEST(LiveLoop, AToolThatLeavesTheWindowIsReportedAndRepeated) {
 }
 
 // A hand at 0.3 m/s moves the tool at 3 m/s: by 0.3 m until the next frames replace a surface.
-// Whoever begins to move has not shown it.
+// A hand that begins to move has given no sign of it.
 TEST(LiveLoop, TheWindowHasRoomForAHandThatMovesTheToolTenTimesAsFar) {
   WallSource source({.width = 640, .height = 480});
   ScriptedDevice device({.hand = [](double) { return Vec3d{0, 0, -0.05}; }});

@@ -118,7 +118,7 @@ TEST(StiffnessSchedule, TakesNoMoreTimeThanIsLeft) {
   EXPECT_GE(share_of(5e-3, 1), 30);  // now and then, whatever it takes
 }
 
-// What a loop leaves out when time is short.
+// Work that a loop leaves out when time is short.
 
 LoadWindow late_frames() { return {.old_frames = 0.5, .ageing = 0.6}; }
 LoadWindow late_contacts() { return {.old_contacts = 0.5, .ageing = 0.6}; }
@@ -146,7 +146,7 @@ TEST(LoadRelief, APageThatIsOnlyLateMakingCostsNothingElse) {
   const LoadWindow window{.ageing = 0.1, .has_page = true};
   for (int i = 0; i < 50; ++i) relief.look(window);
   EXPECT_EQ(relief.steps(), (ReliefSteps{1, 0, 0}));
-  // Nobody looks on: then nothing is late enough.
+  // Without a page nothing is late enough.
   LoadRelief alone(2, 3);
   for (int i = 0; i < 50; ++i) alone.look({.ageing = 0.1});
   EXPECT_FALSE(alone.steps().any());
@@ -369,8 +369,8 @@ std::vector<SurfaceTimeline> timelines_of(const DepthSources& sources, TimeMode 
 
 double wall_depth(int frame) { return 0.4 + 0.0001 * (frame % 1000); }
 
-// Every frame is a wall of another depth. Whoever looks at surfaces that are being rewritten sees
-// points of two walls (and the thread sanitizer sees it too).
+// Every frame is a wall of another depth. A reader of surfaces that are being rewritten sees points
+// of two walls (and the thread sanitizer sees it too).
 TEST(SurfaceStage, NobodyRewritesTheSurfacesThatAreLookedAt) {
   for (const TimeMode mode : {TimeMode::interpolate, TimeMode::latest, TimeMode::predict}) {
     WallSource source({.depth = wall_depth, .rate = 400});
@@ -407,7 +407,7 @@ TEST(SurfaceStage, NobodyRewritesTheSurfacesThatAreLookedAt) {
   }
 }
 
-/// Measures what it is told to.
+/// A query with given results.
 class SpoiltQuery final : public ContactQuery {
  public:
   explicit SpoiltQuery(int good) : good_(good) {}

@@ -21,7 +21,7 @@ std::shared_ptr<const MaterialRegions> halves() {
   return std::make_shared<const MaterialRegions>(regions);
 }
 
-/// Of an even disc, where x > 0.
+/// Computes the share of an even disc where x > 0.
 double share_beyond(double middle, double radius) {
   const double d = std::clamp(middle / radius, -1.0, 1.0);
   return 0.5 + (d * std::sqrt(1 - d * d) + std::asin(d)) / kPi;
@@ -47,7 +47,7 @@ TEST(Regions, SharesAreThoseOfADiscAcrossABorder) {
   EXPECT_LT(worst, 0.015);
   // 0.1 mm is 2 / (pi R) of a disc at most, 0.4 %.
   EXPECT_LT(steepest, 0.01);
-  // Beyond the image nobody says anything, and on its border half of it is known.
+  // Beyond the image no material is known, and on its border that of half the disc.
   const double edge = -159.5 / 300 * kWall;
   EXPECT_EQ(ground_at(*lookups, {&camera, 1}, {{2 * edge, 0, kWall}, {0, 0, -1}, 0.01}).share, 0);
   EXPECT_NEAR(ground_at(*lookups, {&camera, 1}, {{edge, 0, kWall}, {0, 0, -1}, 0.01}).share, 0.5,

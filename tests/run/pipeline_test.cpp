@@ -25,7 +25,7 @@ DeviceState state_at(double time) {
   return state;
 }
 
-/// So many ticks of a millisecond, frames at 30 Hz.
+/// Runs `num_ticks` ticks of a millisecond, with frames at 30 Hz.
 std::vector<TickRecord> run(Pipeline& pipeline, int num_ticks, int first = 0,
                             std::vector<ContactRecord>* contacts = nullptr) {
   WallSource source({});
@@ -118,7 +118,7 @@ TEST(Pipeline, ObjectsAreFeltByAHandToo) {
   EXPECT_LT(ticks.back().F_H_B.force.y, -0.01);
 }
 
-// What does not change stays; other surfaces are felt from the next frame on.
+// Unchanged parts stay; other surfaces take effect from the next frame on.
 TEST(Pipeline, ChangesAreTakenBetweenTicks) {
   auto pipeline = make(patient_settings());
   ASSERT_TRUE(pipeline);
@@ -206,7 +206,7 @@ TEST(Pipeline, OneTickWithoutATimeIsOneTick) {
   }
 }
 
-// Whoever turns a setting for weeks does not fill the memory with what is said about it.
+// Notes about a setting that is changed for weeks do not fill the memory.
 TEST(Pipeline, NotesOfManyChangesHaveABound) {
   auto pipeline = make(patient_settings());
   ASSERT_TRUE(pipeline);
@@ -251,7 +251,7 @@ TEST(Pipeline, FewerSpheresAreThoseOfThePrefixAboutTheSamePoint) {
   const VolumeWrench &a = few.penetration.measure_W, &b = same.penetration.measure_W;
   EXPECT_NEAR(few.penetration.volume, same.penetration.volume, 1e-6 * same.penetration.volume);
   EXPECT_LT(norm(a.force - b.force), 1e-6 * norm(b.force));
-  // From the centre of mass of the prefix to that of the tool.
+  // From the center of mass of the prefix to that of the tool.
   const Vec3d shift_W = rotate(few.X_WT.rotation, prefix.sphere_mass().centre_of_mass -
                                                       box_tool().sphere_mass().centre_of_mass);
   ASSERT_GT(norm(shift_W), 1e-6);

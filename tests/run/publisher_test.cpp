@@ -1,4 +1,4 @@
-// What a live loop tells its observer, for stages that write in any order the threads may give.
+// Records that a live loop publishes, for stages that write in any order the threads may give.
 #include "src/run/loop/publisher.h"
 
 #include <gtest/gtest.h>
@@ -83,7 +83,7 @@ class Stages {
     has_snapshot_ = false;
   }
 
-  /// All that was begun is written.
+  /// Writes all records that were begun.
   void finish() {
     if (made_frames_ > num_frames_) step_surface();
     if (made_contacts_ > num_contacts_) step_contact();
@@ -107,7 +107,7 @@ class Stages {
   bool has_snapshot_ = false;
 };
 
-/// What was told, checked as it comes.
+/// Observer that checks the records as they come.
 struct Listener {
   explicit Listener(std::function<void()> meanwhile) {
     observer.on_frame = [this, meanwhile](const FrameRecord& frame, const DepthFrame&) {
@@ -230,7 +230,7 @@ TEST(Publisher, AContactWaitsForItsFrame) {
   EXPECT_EQ(listener.num_ticks, 1u);
 }
 
-/// Settings that nobody is told are not kept for weeks.
+/// Settings that no observer receives are not kept for weeks.
 TEST(Publisher, KeepsNoSettingsThatNobodyHears) {
   RunSettings settings;
   settings.regions = {std::make_shared<const MaterialRegions>()};
@@ -246,7 +246,7 @@ TEST(Publisher, KeepsNoSettingsThatNobodyHears) {
   }
 }
 
-/// Who keeps contacts and frames for the ticks that rest on them keeps those of one batch.
+/// An observer that keeps contacts and frames for the ticks that rest on them keeps one batch's.
 TEST(Publisher, TellsNoMoreThanTheTicksOfABatchRestOn) {
   constexpr std::uint64_t kNum = 400;
   Stages stages(1024);

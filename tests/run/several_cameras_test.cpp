@@ -62,7 +62,7 @@ struct Rig {
   DepthFrame frame;
 };
 
-/// What one camera in front of the wall, at the origin, says of the pressed tool.
+/// Measures the pressed tool with one camera in front of the wall, at the origin.
 Penetration seen_from_front() {
   Rig rig({PosedWall(Pose{})});
   Pipeline pipeline = rig.make(settings_of_path()).value();
@@ -144,7 +144,7 @@ TEST(SeveralCameras, OneThatHasShownNothingYetAbstains) {
   expect_as_from_front(tick.penetration, 0.01);
 }
 
-// Half of the cameras' surfaces made in one way and half in another would be a scene that is none.
+// Surfaces of some cameras by the old settings and of others by the new ones would be no scene.
 TEST(SeveralCameras, ChangeTheirSurfacesTogether) {
   Rig rig({PosedWall(beside_wall(0.5), 30), PosedWall(beside_wall(-0.4), 10)});
   RunSettings settings = settings_of_path();
@@ -202,7 +202,7 @@ TEST(SeveralCameras, AreRefusedWhereTheyCannotBeJoined) {
   EXPECT_NE(why_not({moving}, settings).find("static camera"), std::string::npos);
 }
 
-/// What a live loop tells of its frames and contacts.
+/// Frames and contacts that a live loop publishes.
 struct Records {
   RunObserver observer() {
     RunObserver all;

@@ -16,7 +16,7 @@ namespace palpate::test {
 
 using Span = std::pair<double, double>;
 
-/// Where the line (x, y, *) is inside the closed mesh.
+/// Returns the spans of the line (x, y, *) inside the closed mesh.
 inline std::vector<Span> inside_spans(const TriangleMesh& mesh, double x, double y) {
   std::vector<double> crossings;
   for (const auto& t : mesh.triangles) {

@@ -35,7 +35,7 @@ TEST(ExactPenetration, VolumeIsTheExactVolume) {
   }
 }
 
-// Where one plane is the nearest surface everywhere, the measure is V n, at the centre of volume.
+// If one plane is the nearest surface everywhere, the measure is V n, at the center of volume.
 TEST(ExactPenetration, NextToOnePlaneTheMeasureIsVolumeTimesNormal) {
   const TriangleMesh cube = make_box({0.1, 0.1, 0.1});
   Random random(5);
@@ -95,7 +95,7 @@ TEST(ExactPenetration, SmallBallsInsideTheToolMatchClosedForms) {
   }
 }
 
-// What is in the ball and what is outside of it make up the tool, and so do they for any radius.
+// The parts inside and outside of the ball make up the tool, for any radius.
 TEST(ExactPenetration, PartsInsideAndOutsideOfABallAddUp) {
   const TriangleMesh tool = make_torus(0.05, 0.02, 16, 10);
   Random random(11);

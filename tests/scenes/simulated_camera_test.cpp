@@ -29,7 +29,7 @@ struct Statistics {
   int count = 0, missing = 0;
 };
 
-/// Of the measured depth, left tenth of the image aside.
+/// Computes statistics of the measured depth, without the left tenth of the image.
 Statistics statistics(const DepthFrame& frame) {
   Statistics s;
   double sum = 0, squares = 0;

@@ -48,7 +48,7 @@ DepthFrame wall(double depth) {
   return frame;
 }
 
-/// How a wall half a metre away goes to and fro, and jumps.
+/// A wall half a meter away that goes to and fro, and jumps.
 struct Wall {
   explicit Wall(test::Random& random)
       : swing(random.uniform(0, 0.01)), turn(random.uniform(1, 12)) {
@@ -71,14 +71,14 @@ struct Wall {
   std::vector<Jump> jumps;
 };
 
-/// What the link makes of the images: they come so late, and some do not come.
+/// Delay and loss of the images on the link.
 struct Link {
   double delay = 0, jitter = 0, loss = 0;  // s, s more at most, share
 };
 struct Image {
   double arrival = 0, capture = 0;  // s
 };
-/// In the order in which they come; what comes after a later one is of the past and left out. The
+/// Returns the images in the order of arrival, without those that a later one has overtaken. The
 /// first one comes at once.
 std::vector<Image> sent_over(const Link& link, test::Random& random) {
   std::vector<Image> images;
@@ -198,7 +198,7 @@ TEST(DelayedScene, NoUpdateGivesTheHandMoreThanTheTankAllows) {
   EXPECT_GE(num_given, 12);  // it is not that there was no force
 }
 
-// What friction has taken from the hand is no credit for what the scene does next.
+// Energy that friction has taken from the hand is no credit for the scene's next motion.
 TEST(DelayedScene, NorMoreThanThatAndWhatIsStoredHoweverMuchFrictionTook) {
   int num_tamed = 0, num_rubbed = 0;
   for (int seed = 0; seed < 12; ++seed) {
@@ -226,8 +226,8 @@ TEST(DelayedScene, NorMoreThanThatAndWhatIsStoredHoweverMuchFrictionTook) {
   EXPECT_GE(num_rubbed, 6);
 }
 
-// Of a scene that stands still, the hand gets back what it has put in: nothing is held back, though
-// that is more than the tank.
+// A scene that stands still gives back the energy that the hand has put in: nothing is held back,
+// though that is more than the tank.
 TEST(DelayedScene, ASceneThatStandsStillGivesBackAllThatItWasGiven) {
   test::Random random(7);
   Wall scene(random);
@@ -253,7 +253,7 @@ TEST(DelayedScene, ASceneThatStandsStillGivesBackAllThatItWasGiven) {
   }
 }
 
-// Of a scene that stands still, a delay is not felt: the same wrenches, only older.
+// A delay of a scene that stands still is not felt: the same wrenches, only older.
 TEST(DelayedScene, ASceneThatStandsStillMerelyAges) {
   test::Random random(5);
   Wall scene(random);

@@ -370,7 +370,7 @@ TEST(LiveRun, ReplayFindsWhatWasChanged) {
   ASSERT_FALSE(damaged);
   EXPECT_NE(damaged.error().message.find("no palpate_msgs/Tick"), std::string::npos);
 
-  // What is missing ends the repetition without a difference.
+  // A missing tick ends the repetition without a difference.
   std::vector<Message> without = recorded;
   int ticks = 0;
   std::erase_if(without, [&](const Message& message) {
@@ -383,7 +383,7 @@ TEST(LiveRun, ReplayFindsWhatWasChanged) {
   EXPECT_LE(shorter->num_ticks, 30u);
   EXPECT_NE(shorter->note, "");
 
-  // Where nothing could be compared, nothing is identical.
+  // A recording without ticks has nothing to compare: it is no success.
   std::erase_if(without,
                 [](const Message& message) { return message.channel.topic == kTickTopic; });
   rewrite(run, without);
@@ -443,8 +443,8 @@ TEST(LiveRun, KilledLosesNoMoreThanTheLastHalfSecond) {
       ++num_ticks;
     }
   };
-  // What would be lost. On a busy machine it may be more at some moments, and on a disk that stands
-  // still at all moments of a second or two: it is looked at again then.
+  // Age of the newest tick on disk: the loss in a crash. On a busy machine it is larger at some
+  // moments, and on a disk that stands still at all moments of a second or two: hence repeated.
   std::vector<double> ages;
   const auto is_mostly_young = [&] {  // at the last 20 moments
     if (ages.size() < 20) return false;
@@ -476,7 +476,7 @@ TEST(LiveRun, KilledLosesNoMoreThanTheLastHalfSecond) {
   EXPECT_NE(replay->note.find("cut off"), std::string::npos);
 }
 
-/// One that says nothing until that is noticed, as a camera with a loose plug.
+/// A stream that stalls until that is noticed, as a camera with a loose plug.
 class StallingStream final : public SyntheticStream {
  public:
   StallingStream(int num_frames, const std::atomic<bool>& is_noticed)
@@ -558,7 +558,7 @@ TEST(LiveRun, NoOtherRunTakesItsFolder) {
   EXPECT_TRUE(run_for(0.1, run));  // now it may be replaced
 }
 
-// A disk that stands still for longer than the queue of frames holds: what is lost is told by the
+// A disk that stands still for longer than the queue of frames holds: losses are reported in the
 // terminal, the summary and the replay, and the rest is the same to the bit.
 TEST(LiveRun, WhatIsLostIsCountedAndTold) {
   const TemporaryFolder folder;

@@ -118,7 +118,7 @@ TEST_F(RecordRun, RepeatsWithACouplingToo) {
   }
 }
 
-// What other settings would have given is what a run with them gives.
+// A retry with other settings equals a run with them.
 TEST_F(RecordRun, RetriesWithOtherSettings) {
   ASSERT_TRUE(record(run()));
   const fs::path again = folder_.path() / "again", other = folder_.path() / "other";

@@ -20,7 +20,7 @@ struct RecordedMessage {
   std::string data;
 };
 
-/// Of the recording in a run folder.
+/// Returns the messages of the recording in a run folder.
 inline std::vector<RecordedMessage> messages(const std::filesystem::path& run,
                                              bool* was_cut_off = nullptr) {
   auto reader = McapReader::open(run / kRecordingFile);

@@ -1,5 +1,5 @@
-// Recordings on a disk that is slow, stands still or fails: nobody waits for it but the end of a
-// run, and what may be lost is told.
+// Recordings on a disk that is slow, stands still or fails: only the end of a run waits for it, and
+// possible losses are reported.
 #include <errno.h>
 #include <gtest/gtest.h>
 #include <sys/syscall.h>
@@ -31,10 +31,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Stands between this program and its disk.
+/// Stand-in for the disk of this program.
 class Disk {
  public:
-  /// The thread that may not wait for it is the one that calls this.
+  /// Resets the disk; the calling thread is the one that must not wait for it.
   void begin() {
     const std::lock_guard lock(mutex_);
     is_stuck_ = is_given_up_ = false;
@@ -47,7 +47,7 @@ class Disk {
     is_stuck_ = is_stuck;
     changed_.notify_all();
   }
-  /// The file of this name comes to the disk so often, and then never again.
+  /// Lets `num_good` calls for the file of this name succeed, and all later ones fail.
   void break_after(const std::string& file, int num_good) {
     const std::lock_guard lock(mutex_);
     num_good_[file] = num_good;
@@ -56,7 +56,7 @@ class Disk {
     const std::lock_guard lock(mutex_);
     num_interruptions_ = times;
   }
-  /// Whether somebody has waited for a disk that was stuck, as the test would have for ever.
+  /// True if a call has waited so long for a stuck disk that the test would have waited for ever.
   bool is_given_up() {
     const std::lock_guard lock(mutex_);
     return is_given_up_;
@@ -151,7 +151,7 @@ class RecordingDisk : public ::testing::Test {
     ++tick_.number;
     disk.time = time_;
   }
-  /// As many as a second has, and what is looked at once a second.
+  /// Adds the ticks of a second and a snapshot of the hand.
   void add_second() {
     for (int i = 0; i < 100; ++i) ASSERT_NO_FATAL_FAILURE(add_tick());
     add_snapshot();
@@ -161,7 +161,7 @@ class RecordingDisk : public ::testing::Test {
     snapshot.tick = tick_.number;
     recorder_->add_hand_snapshot(snapshot);
   }
-  /// Ticks, until there is something to say.
+  /// Adds ticks until there is a note; returns the notes.
   std::vector<std::string> add_until_told() {
     std::vector<std::string> notes;
     EXPECT_TRUE(wait_for([&] {
@@ -175,7 +175,7 @@ class RecordingDisk : public ::testing::Test {
     return folder_.path() / (part == 1 ? std::string(kRecordingFile) : part_file(part));
   }
   std::string name(int part) const { return path(part).filename(); }
-  /// Nothing of that name can be written.
+  /// Makes the file of this part impossible to write.
   void block(int part) const {
     fs::create_directory(path(part));
     std::ofstream(path(part) / "in the way") << "x";
@@ -420,7 +420,7 @@ TEST_F(RecordingStreamDisk, KeepsWhatItHasOfAStreamThatFailsLater) {
   SyntheticStream stream(5);
   stream.fail_at = 3;
   expect_kept(stream, 3);
-  // Of nothing, nothing is left.
+  // A stream that fails at once leaves no file.
   SyntheticStream none(5);
   none.fail_at = 0;
   ASSERT_FALSE(record_stream(none, path(1)));

@@ -115,7 +115,7 @@ TEST(RecordingParts, EstimatesAreRepeatedFromEveryPartOn) {
       ASSERT_TRUE(outcome) << outcome.error().message;
       EXPECT_GT(outcome->peaks.volume, 0);
       ASSERT_NO_FATAL_FAILURE(expect_parts_repeat(run, *outcome)) << name_of(mode) << binning;
-      // Without it another depth is felt, so it decides.
+      // Without the estimate the depth is another one, so it makes a difference.
       const fs::path other = folder.path() / "other" / kRecordingFile;
       fs::create_directories(other.parent_path());
       fs::copy_file(recording_parts(run)[3], other);
@@ -130,7 +130,7 @@ TEST(RecordingParts, EstimatesAreRepeatedFromEveryPartOn) {
   }
 }
 
-// Frames that nobody was told of are no frames that it knew.
+// An estimate is unknown after frames that were not recorded.
 TEST(LeadEstimate, IsUnknownAfterAGapUntilItBeginsAnew) {
   SyntheticStream stream(6);
   RunSettings settings;
@@ -162,8 +162,8 @@ TEST(LeadEstimate, IsUnknownAfterAGapUntilItBeginsAnew) {
   EXPECT_EQ(lead.revision(), 2u);
 }
 
-// Surfaces are made anew with the very frame that a part begins with: it begins without what was
-// known before.
+// If surfaces are made anew with the very frame that a part begins with, the part begins without
+// the estimate before.
 TEST(RecordingParts, BeginWithTheEstimateOfTheirFirstFrame) {
   const Tool tool = small_tool();
   for (const bool is_anew : {false, true}) {
@@ -213,7 +213,7 @@ TEST(RecordingParts, BeginWithTheEstimateOfTheirFirstFrame) {
   }
 }
 
-// What an estimate knew is not taken over by another run.
+// The state of an estimate is not taken over by another run.
 TEST(RecordingParts, KeptOnesAreFeltAnewWithoutTheEstimate) {
   const TemporaryFolder folder;
   const auto run = folder.path() / "run";
@@ -233,7 +233,7 @@ TEST(RecordingParts, KeptOnesAreFeltAnewWithoutTheEstimate) {
   }));
 }
 
-// A tick may be told before the contact that it felt, which knew older settings.
+// A tick may be recorded before the contact that it rests on, which is of older settings.
 TEST(RecordingParts, HoldTheSettingsOfContactsThatComeLate) {
   const TemporaryFolder folder;
   const Tool tool = small_tool();
@@ -307,7 +307,7 @@ TEST(RecordingParts, HoldTheFramesThatContactsOfEarlierSettingsRestOn) {
   EXPECT_EQ(first.record.camera_frame, 1u);
 }
 
-// Of settings that have passed nothing is kept, however long a part is.
+// Settings that no record refers to any more are not kept, however long a part is.
 TEST(RecordingParts, KeepNoSettingsThatNothingHasAnyMore) {
   const TemporaryFolder folder;
   const Tool tool = small_tool();
@@ -338,7 +338,7 @@ TEST(RecordingParts, KeepNoSettingsThatNothingHasAnyMore) {
   EXPECT_LE(regions.use_count(), 8);
 }
 
-// What a part cannot write at its end is told: in a part that has reached the largest file.
+// A part that cannot write its end, as the file has reached the largest size, reports it.
 TEST(RecordingParts, TellWhatIsLostAtTheEndOfAPart) {
   const TemporaryFolder folder;
   const pid_t child = fork();
@@ -450,7 +450,7 @@ TEST(RecordingParts, ContactsOfFramesThatWereLostBeforeItAreNotRepeated) {
     const auto whole = replay_run(part);
     ASSERT_TRUE(whole) << whole.error().message;
     EXPECT_EQ(whole->difference + whole->note, "");
-    // What an estimate knew before the frame that is lost is of no use after it.
+    // The state of an estimate before the lost frame is of no use after it.
     const bool is_estimate = settings.time.average.kind == DepthAverage::kalman;
     auto all = test::messages(part);
     for (int num_lost = 1; num_lost < 4; ++num_lost) {
@@ -499,7 +499,7 @@ TEST(RecordingParts, ContactsOfSettingsThatAreNotThereAreNotRepeated) {
   EXPECT_NE(replay->note.find("is not repeated: its settings"), std::string::npos) << replay->note;
 }
 
-// Where the tool was taken along by the hand, where it is, and how it moves and turns.
+// A change of any state of the hand is found: place where it took the tool along, pose, velocity.
 TEST(RecordingParts, TheStateOfTheHandDecides) {
   const TemporaryFolder folder;
   const auto run = folder.path() / "run";
@@ -582,7 +582,7 @@ TEST(RecordingParts, AGapIsToldAndBothSidesOfItAreRepeated) {
   EXPECT_EQ(replay->num_ticks, outcome->loop.num_ticks - static_cast<std::size_t>(kRate));
 }
 
-// Writing to what has been removed or cut never fails: the run looks at the end.
+// Writing to a file that has been removed or cut never fails: the run checks at its end.
 TEST(RecordingParts, ThatSomebodyElseRemovesOrCutsAreMissed) {
   const TemporaryFolder folder;
   const auto run = folder.path() / "run";

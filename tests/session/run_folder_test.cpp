@@ -52,7 +52,7 @@ TEST(RunFolder, ReplacesARunWhole) {
   const test::TemporaryFolder root;
   const fs::path target = root.path() / "run";
   make_run(target);
-  // What a killed run leaves behind is cleared away: no process has the largest number.
+  // Leftovers of a killed run are cleared away: no process has the largest number.
   make_run(root.path() / "run.partial-2147483647");
   auto folder = RunFolder::create(target);
   ASSERT_TRUE(folder) << folder.error().message;
@@ -135,7 +135,7 @@ TEST(RunFolder, RunsOfOneNameDoNotDisturbEachOther) {
   make_run(second->partial());
   touch(second->partial() / "second");
   EXPECT_TRUE(first->commit());
-  // Nobody takes the folder of a run that goes on; once it has ended, the last one counts.
+  // The folder of a run that goes on cannot be taken; once it has ended, the last one counts.
   EXPECT_FALSE(second->commit());
   EXPECT_FALSE(fs::exists(root.path() / "run" / "second"));
   { const RunFolder ended = *std::move(first); }

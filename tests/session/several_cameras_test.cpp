@@ -206,7 +206,7 @@ TEST(RunsOfSeveralCameras, AreAllInTheReport) {
   expect_at(2, orbit(moment.at("time_s")), 0.1);  // the newest image is of a moment before
 }
 
-// What is lost of one camera ends what can be repeated, and says so.
+// A lost frame of one camera ends the part of the run that can be repeated, with a note.
 TEST(RunsOfSeveralCameras, MissAFrame) {
   const TemporaryFolder folder;
   ASSERT_TRUE(record(folder.path() / "run", test::path_settings(kRate)));
@@ -227,7 +227,7 @@ TEST(RunsOfSeveralCameras, MissAFrame) {
       << replay->note;
 }
 
-// Else such an image would be felt as nothing, by other settings too.
+// Otherwise such an image would give no force, by other settings too.
 TEST(RunsOfSeveralCameras, WithFramesThatCannotBeAreRefused) {
   const TemporaryFolder folder;
   ASSERT_TRUE(record(folder.path() / "run", test::path_settings(kRate)));

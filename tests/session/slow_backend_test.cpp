@@ -85,7 +85,7 @@ class StandingStream final : public SyntheticStream {
   int number_ = 0;
 };
 
-/// Runs until `is_done` is told a tick that it likes, or for five minutes.
+/// Runs until `is_done` is true of a tick, or for five minutes.
 template <class IsDone>
 Result<RunOutcome> run_until(const std::filesystem::path& folder, const RunSettings& settings,
                              RunMonitor& monitor, const IsDone& is_done) {
@@ -135,7 +135,7 @@ TEST(SlowBackend, TheForceFadesAndComesBackAndAllIsRepeated) {
   EXPECT_EQ(summary["faults"][0]["fault"], "stale_contact");
   EXPECT_GT(summary["faults"][0]["seconds"], 0.1);
 
-  // What the recording says of it.
+  // The fault in the recording.
   std::vector<ForceState> states;
   std::vector<std::string> notes;
   TickRecord last;

@@ -1,4 +1,4 @@
-// What a run feels between depth frames.
+// Surfaces of a run between depth frames.
 #include <algorithm>
 #include <cmath>
 
@@ -126,7 +126,7 @@ TEST(RunBetweenFrames, ViewsOfAllCamerasAndWhatTheyRememberAreNoMoreThanAQueryTa
   const Tool tool = test::small_tool();
   std::vector<DepthStreamInfo> streams(2, stream.info());
   EXPECT_TRUE(Pipeline::create(tool, streams, DeviceInfo{}, settings));
-  // What stands still remembers by its pixels, what moves by frames from where it was.
+  // A static camera remembers by its pixels, a moving one by frames from where it was.
   settings.time.memory.frames = 15;
   streams[1].is_moving = true;
   auto made = Pipeline::create(tool, streams, DeviceInfo{}, settings);

@@ -1,4 +1,4 @@
-// A wall at half a metre and a tool that goes to it, with depth in every unit read as every other.
+// A wall at half a meter and a tool that goes to it, with depth in every unit read as every other.
 #include "src/session/unit_watch.h"
 
 #include <gtest/gtest.h>
@@ -12,8 +12,8 @@ namespace {
 
 constexpr int kSize = 120;
 
-/// What is said when the counts of `stored` metres are read as `reported`; the tool goes from
-/// `from` to `to`.
+/// Returns the doubt about counts of `stored` meters that are read as `reported`; the tool goes
+/// from `from` to `to`.
 std::string doubt(double stored, double reported, double from, double to, double wall = 0.5) {
   const Tool tool = test::small_tool();
   DepthStreamInfo stream;

@@ -43,7 +43,7 @@ struct Options {
   unsigned seed = 1;
 };
 
-// What goes wrong, and when: one thing every twelve seconds or so.
+// Plan of the faults: one every twelve seconds or so.
 
 enum class Trouble { silent_device, nonsense, stalled_camera, motors_off, leap_of_clock };
 constexpr int kNumTroubles = 5;
@@ -77,7 +77,7 @@ std::optional<Trouble> trouble_at(const std::vector<Planned>& plan, double time)
   return last.trouble;
 }
 
-/// What became of the plan, by the ticks of the run.
+/// Outcome of the plan, by the ticks of the run.
 class Found {
  public:
   explicit Found(const std::vector<Planned>& plan) : plan_(plan), fates_(plan.size()) {}
@@ -102,13 +102,13 @@ class Found {
   /// Ticks with a force on the hand where there may be none, and faults whose force took longer
   /// than its fade and the longest tick.
   int num_forces_too_late() const { return num_forces_too_late_; }
-  /// Found by its name and in its time.
+  /// Number of faults that were found by their name and in their time.
   std::size_t num_found() const { return std::ranges::count_if(fates_, &Fate::is_found); }
-  /// Not found, but there was no force then: a busy computer had taken it.
+  /// Number of faults not found while there was no force: a busy computer had taken it.
   std::size_t num_covered() const {
     return std::ranges::count_if(fates_, [](const Fate& f) { return !f.is_found && f.is_covered; });
   }
-  /// At a time of which no tick was recorded.
+  /// Number of faults at a time of which no tick was recorded.
   std::size_t num_unseen() const {
     return std::ranges::count_if(fates_, [](const Fate& f) { return !f.is_seen; });
   }
@@ -229,9 +229,9 @@ class Troubled final : public Base {
   std::atomic<double> largest_ = 0;
 };
 
-// What people do meanwhile.
+// Users in the meantime.
 
-/// Somebody who turns settings, and pages that come, look, and go without a word.
+/// A user who changes settings, and pages that come, look, and go without closing.
 class Visitors {
  public:
   Visitors(LiveView& view, int port, unsigned seed)

@@ -13,7 +13,7 @@
 
 namespace palpate::test {
 
-/// What each priority beyond those of the thesis does, and with edges and fading donors.
+/// Returns options of each priority beyond those of the thesis, also with edges and fading donors.
 inline std::vector<ContactOptions> all_other_priorities() {
   std::vector<ContactOptions> all;
   for (const MethodKind method : {MethodKind::weighted, MethodKind::simplified}) {

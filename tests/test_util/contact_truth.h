@@ -19,7 +19,7 @@ struct Truth {
   std::vector<SphereState> states;
 };
 
-/// What the points say about each sphere: the same for every method.
+/// Results of the points for each sphere: the same for every method.
 struct BoundaryTruth {
   struct Donor {
     Vec3d p, n;
@@ -162,14 +162,14 @@ inline BoundaryTruth boundary_truth(const std::vector<Sphere>& spheres, const Po
   return truth;
 }
 
-/// What is known of a tool.
+/// Data of a tool.
 struct ToolTruth {
   std::vector<Sphere> spheres;
   std::vector<std::pair<int, int>> edges;  ///< of the leaf graph, each once
   Vec3d centre_T;                          ///< of mass of the spheres
   std::vector<float> represented;          ///< volumes
   double gaussian_width = 0;               ///< a twelfth of the longest side
-  /// Along the leaf graph, of every sphere to every other; filled on first use.
+  /// Lengths of paths along the leaf graph, from every sphere to every other; filled on first use.
   mutable std::vector<std::vector<double>> ways;
 
   explicit ToolTruth(const Tool& tool)
@@ -205,7 +205,7 @@ struct ToolTruth {
     }
   }
 
-  /// How good donor b, its normal given in the tool frame, is for sphere s.
+  /// Computes the priority of donor b, its normal given in the tool frame, for sphere s.
   double priority(Priority by, std::size_t s, std::size_t b, double count,
                   const Vec3d& normal_T) const {
     const Vec3d d = to_double(spheres[b].centre) - to_double(spheres[s].centre);
@@ -271,7 +271,7 @@ inline Truth contact_truth(const ToolTruth& tool, const BoundaryTruth& touched, 
     const double margin = options.edges == Edges::centre ? 0 : options.edges == Edges::cut ? r : -r;
     return dot(edge->n, c_W[s] - edge->p) >= margin;
   };
-  // Signed distance of the centre from the edge that cuts the sphere, far behind it if none does.
+  // Signed distance of the center from the edge that cuts the sphere, far behind it if none does.
   const auto edge_distance = [&](std::size_t s, const Donor& donor) {
     const BoundaryTruth::Edge* edge = edge_of(s);
     if (options.edges != Edges::cut || edge == nullptr || !matters_to(*edge, donor)) return -1e9;
@@ -296,7 +296,7 @@ inline Truth contact_truth(const ToolTruth& tool, const BoundaryTruth& touched, 
   };
   const bool fades_in =
       options.continuity == Continuity::entry || options.continuity == Continuity::both;
-  // What all boundary spheres but s itself say about s.
+  // Assigns to s the planes of all boundary spheres but s itself.
   const auto assigned = [&](std::size_t s) {
     struct Offer {
       double priority, presence;

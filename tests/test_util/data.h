@@ -19,7 +19,7 @@ std::optional<std::filesystem::path> data_folder();
     GTEST_SKIP() << "SKIPPED: no real data for " << relative << " (set PALPATE_DATA)"; \
   const std::filesystem::path variable = *variable##_folder / relative
 
-/// Where what a test works on comes from.
+/// Origin of a test's data.
 enum class Origin { recorded, made };
 
 inline std::string name_of(const testing::TestParamInfo<Origin>& origin) {

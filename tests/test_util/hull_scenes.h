@@ -44,7 +44,7 @@ struct HullScene {
 inline Pose look_at(const Vec3d& p_W, const Vec3d& target) {
   const Vec3d z = normalized(target - p_W), x = normalized(cross(Vec3d{0, 1, 0}, z));
   const Vec3d y = cross(z, x);
-  // By the largest part of the quaternion, of which w is positive here.
+  // The largest part of the quaternion is w here, and positive.
   const double w = std::sqrt(std::max(0.0, 1 + x.x + y.y + z.z)) / 2;
   return {p_W, normalized(Quaternion{(y.z - z.y) / (4 * w), (z.x - x.z) / (4 * w),
                                      (x.y - y.x) / (4 * w), w})};
@@ -66,7 +66,7 @@ inline std::vector<float> depth_seen(const Ray& ray, const Camera& camera, const
   return metres;
 }
 
-/// Adds a camera with an image in metres.
+/// Adds a camera with an image in meters.
 inline void add_view(HullScene& scene, const Camera& camera, const Pose& X_WC,
                      const std::vector<float>& metres, const DepthFieldOptions& field = {}) {
   SensorOptions options;

@@ -31,7 +31,7 @@ inline HullSample rounded_min(const HullSample& a, const HullSample& b, double w
   return {-most.phi, -most.gradient};
 }
 
-/// Cameras that agree to a few millimetres: between the mean and the greater one.
+/// Cameras that agree to a few millimeters: between the mean and the greater one.
 inline double agreement_of(double radius) { return 0.003 + 0.2 * radius; }
 inline HullSample agreed_of(const HullSample& a, const HullSample& b, double wide) {
   const HullSample &less = a.phi < b.phi ? a : b, &more = a.phi < b.phi ? b : a;
@@ -43,8 +43,8 @@ inline HullSample agreed_of(const HullSample& a, const HullSample& b, double wid
           (0.5 + share) * more.gradient + (0.5 - share) * less.gradient};
 }
 
-/// What one of a camera's fields says at a point of the world to a ball, between its two moments.
-/// What a camera has seen to be free is closed at its eye.
+/// Samples one of a camera's fields at a point of the world for a ball, between its two moments.
+/// Space that a camera has seen to be free is closed at its eye (`is_closed`).
 inline HullSample hull_view(const SurfaceBlend& view, const Vec3d& p_W, double radius,
                             double extent, DepthFieldView SurfaceView::*field, bool is_closed,
                             bool joins_in_front = false) {
@@ -75,18 +75,18 @@ inline HullSample hull_view(const SurfaceBlend& view, const Vec3d& p_W, double r
   return is_closed && !has_moved ? before_eye(now, view.to.X_WC) : now;
 }
 
-/// Of a sphere that is so deep.
+/// Returns the state of a sphere with this field value.
 inline SphereState state_at(double phi, double radius) {
   return phi >= radius   ? SphereState::outside
          : phi > -radius ? SphereState::boundary
                          : SphereState::inside;
 }
 
-/// And all of them together.
+/// Sample of all cameras together.
 struct HullTruth {
   HullSample at;
-  double seen_phi = 0;  ///< of what they have seen to be free, or remember to be
-  int decider = -1;     ///< of the cameras
+  double seen_phi = 0;  ///< of the space that they have seen to be free, or remember to be
+  int decider = -1;     ///< index of the deciding camera; -1 if none
 };
 inline bool is_remembered(const SurfaceBlend& view) { return view.to.remembered.num_levels > 0; }
 /// The free space of a single camera is not queried, and nothing is behind its eye.

@@ -7,7 +7,7 @@
 
 namespace palpate::test {
 
-/// Of the calling thread.
+/// Returns the nice value of the calling thread.
 inline int own_nice() { return getpriority(PRIO_PROCESS, static_cast<id_t>(syscall(SYS_gettid))); }
 
 }  // namespace palpate::test

@@ -7,7 +7,7 @@ import unittest
 
 
 def share(everything):
-    """Of a list, what belongs to this part."""
+    """Returns the elements of a list that belong to this part."""
     part, parts = map(int, os.environ.get("PALPATE_PART", "1/1").split("/"))
     return list(everything)[part - 1::parts]
 

@@ -1,4 +1,4 @@
-// What a report says, out of its page.
+// Data of a report, read from its page.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -35,7 +35,7 @@ inline nlohmann::json report_data_of(const std::filesystem::path& path) {
   return report_data({std::istreambuf_iterator<char>(file), {}});
 }
 
-/// Of RFC 4648, by the letters themselves.
+/// Decodes base64 of RFC 4648, by the letters themselves.
 inline std::string from_base64(const std::string& text) {
   const std::string letters = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
   std::string bytes;

@@ -1,4 +1,4 @@
-// Whether this build has sanitizers, which take memory and threads of their own.
+// True in a build with sanitizers, which take memory and threads of their own.
 #pragma once
 
 namespace palpate::test {

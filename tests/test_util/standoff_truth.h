@@ -1,4 +1,4 @@
-// How far the surface is from the spheres, by brute force over points of its own.
+// Distance of the surface from the spheres, by brute force over points of its own.
 #pragma once
 
 #include <algorithm>

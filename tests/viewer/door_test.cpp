@@ -21,7 +21,7 @@ using std::chrono::milliseconds;
 using test::RawSocket;
 using test::wait_for;
 
-// What docs/security.md promises.
+// Limits that docs/security.md promises.
 static_assert(DoorLimits().request_time == std::chrono::seconds(10));
 static_assert(DoorLimits().answer_time == std::chrono::seconds(30));
 static_assert(DoorLimits().connections_per_second == 250);
@@ -81,7 +81,7 @@ TEST(ViewDoor, AnAnswerThatNobodyTakesIsGivenUp) {
   std::string requests;
   for (int i = 0; i < 100; ++i) requests += kHello;
   ASSERT_TRUE(socket.send(requests));
-  // Whoever sends to a connection that is closed is told so.
+  // A client that sends to a closed connection gets an error.
   EXPECT_TRUE(wait_for([&] { return !socket.send("\r\n"); }));
   RawSocket reader(door.port);
   ASSERT_TRUE(reader.send(kHello));

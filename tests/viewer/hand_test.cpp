@@ -1,4 +1,4 @@
-// Pages that hold the tool, over the real server: one at a time, and who goes away lets go.
+// Pages that hold the tool, over the real server: one at a time, and a page that goes away lets go.
 #include <gtest/gtest.h>
 
 #include <memory>
@@ -34,7 +34,7 @@ struct Served {
   int port = 0;
 };
 
-/// What it is answered.
+/// Sends a command and returns the answer.
 Json requested(PageClient& page, const std::string& text) {
   EXPECT_TRUE(page.send(text));
   Received message;
@@ -57,7 +57,7 @@ TEST(HeldTool, OnePageHoldsItUntilItLetsGo) {
   const Json refused = requested(second, kHold);
   EXPECT_EQ(refused["ok"], false);
   EXPECT_NE(refused["error"].get<std::string>().find("another page"), std::string::npos);
-  // A pose of whoever does not hold it is refused by an unsolicited answer.
+  // A pose of a page that does not hold the tool is refused by an unsolicited answer.
   const Json unrequested = requested(second, kHand);
   EXPECT_EQ(unrequested["ok"], false);
   EXPECT_TRUE(unrequested["id"].is_null());

@@ -330,7 +330,7 @@ TEST(PageOutbox, SendsTheNewestFrameOfEachCamera) {
     source.set_time(1 + 0.1 * i);
     hub.poll(0.01 * i);
   }
-  // Of twenty frames of each camera the newest.
+  // Only the newest of twenty frames of each camera is sent.
   std::vector<std::pair<std::uint32_t, int>> frames;
   std::vector<double> x;
   while (const ViewMessage message = page.outbox.next(0.3)) {

@@ -49,11 +49,11 @@ class RawSocket {
 
   bool is_open() const { return descriptor_ >= 0; }
   bool send(const std::string& bytes);
-  /// Says that nothing more will be sent.
+  /// Shuts down sending.
   void end();
-  /// What comes until the other end closes, or for `timeout` s.
+  /// Receives until the other end closes, or for `timeout` s.
   std::string receive(double timeout = 10);
-  /// Whether the other end has closed the last time that something was received.
+  /// True if the other end had closed at the last call of `receive`.
   bool is_closed() const { return is_closed_; }
 
  private:
@@ -65,7 +65,7 @@ class RawSocket {
 std::string http_request(int port, const std::string& request);
 /// The status in an HTTP answer; 0: it is none.
 int status_of(const std::string& answer);
-/// What follows the headers.
+/// Returns the part after the headers.
 std::string body_of(const std::string& answer);
 
 }  // namespace palpate::test

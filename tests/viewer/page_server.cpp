@@ -40,7 +40,7 @@ long resident_kib() {
 /// Processor time that this process has used, s.
 double processor_seconds() { return static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
 
-/// Of "http://127.0.0.1:8787/...".
+/// Returns the port in "http://127.0.0.1:8787/...".
 std::uint16_t port_of(const std::string& url) {
   return static_cast<std::uint16_t>(std::stoi(url.substr(url.rfind(':') + 1)));
 }

@@ -1,4 +1,4 @@
-// What pages see and do of a live run whose force a fault has taken, or that is short of time.
+// Pages of a live run whose force a fault has taken, or that is short of time.
 #include <gtest/gtest.h>
 
 #include <atomic>

@@ -1,4 +1,4 @@
-// A thing to look at of which every number is known: for tests of the server and of the page.
+// A source of views whose every number is known: for tests of the server and of the page.
 #pragma once
 
 #include <algorithm>
@@ -20,8 +20,8 @@
 
 namespace palpate::test {
 
-/// What there is to see. The defaults are four spheres, 0.4 m before the camera, of which each is
-/// something else, and a slanted wall.
+/// Scene of a scripted source. The defaults are four spheres, 0.4 m before the camera, each in
+/// another state, and a slanted wall.
 struct ScriptedScene {
   std::string kind = "live", title = "scripted";
   int width = 64, height = 48;
@@ -59,7 +59,7 @@ struct ScriptedScene {
       };
 };
 
-/// Of many spheres on a grid, every third of them outside, boundary with a plane, inside.
+/// Returns a scene of many spheres on a grid, a third each outside, boundary with a plane, inside.
 inline ScriptedScene big_scene(int num_spheres, int width, int height) {
   ScriptedScene scene;
   scene.width = width;
@@ -130,7 +130,7 @@ class ScriptedSource : public ViewSource {
         {"contact.method", "field"}, {"coupling.stiffness", 500.0}, {"surface.filter", true}};
   }
 
-  // What tests read and write.
+  // Interface for tests.
   const ScriptedScene& scene() const { return scene_; }
   const Tool& tool() const { return *tool_; }
   /// Stops the clock at `seconds` since the run began.

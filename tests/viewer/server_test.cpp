@@ -66,7 +66,7 @@ struct Fixture {
                         "close\r\nContent-Length: " +
                             std::to_string(body.size()) + "\r\n\r\n" + body);
   }
-  /// It still does what it is there for.
+  /// Expects that the server still serves requests and pages.
   void expect_alive() const {
     EXPECT_EQ(Json::parse(body_of(get("/api/hello")), nullptr, false)["protocol"], 3);
     PageClient page(port);
@@ -543,13 +543,13 @@ TEST(ViewServer, LivesThroughTwentyThousandHostileMessages) {
   fixture.expect_alive();
 }
 
-// Times are compared from below only: however slow the machine, nobody is heard more often than
+// Times are compared from below only: however slow the machine, no client is served more often than
 // that.
 TEST(ViewServer, WhoSaysTooMuchIsHeardLater) {
   const Fixture fixture;
   PageClient shouting(fixture.port), other(fixture.port);
   int number = 0;
-  // So many messages, the last of which is answered last.
+  // Sends `num` messages and waits for the answer to the last one.
   const auto say = [&](int num, const std::string& more) {
     for (int i = 0; i < num; ++i) {
       ASSERT_TRUE(shouting.send(R"({"command": "resume", "x": ")" + more + R"(", "id": )" +
@@ -701,7 +701,7 @@ TEST(ViewServer, TwoHundredSlowClientsCostAPageNothing) {
   fixture.expect_alive();
 }
 
-// What it costs.
+// Cost of the viewer.
 
 /// The same large scene again and again, 30 times a second.
 class BusySource : public ViewSource {
@@ -750,7 +750,7 @@ TEST(ViewServer, CostsLittle) {
             << " % of a core; per second " << kinds[10] / seconds << " frames, "
             << kinds[11] / seconds << " contacts, " << kinds[20] / seconds << " of samples\n";
   EXPECT_LT(source.cpu_seconds - cpu, (test::kIsSanitized ? 1 : 0.5) * seconds);
-  // And all others come first.
+  // The server's thread has a lower priority than others.
   const int usual = test::own_nice();
   EXPECT_TRUE(source.nice > usual || usual == 19) << source.nice;
 }

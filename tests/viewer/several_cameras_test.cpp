@@ -118,7 +118,7 @@ TEST(ViewsOfSeveralCameras, ShowEachCamerasFramesWhereItWasLiveAndFromTheRecordi
     ASSERT_TRUE(query) << query.error().message;
     const std::string seek = R"({"command": "seek", "time": )" + std::to_string(time) + "}";
     ASSERT_TRUE((*played)->command(seek));
-    // Which image a camera had taken last is known from its rate.
+    // The newest image of a camera at a time is known from its rate.
     EXPECT_TRUE(test::wait_for([&] {
       poll_frames(**played, seen);
       return seen[0] && seen[1] &&

@@ -1,4 +1,4 @@
-// What the page's sources tell: against queries that are made anew, and against the recordings.
+// Data of the page's sources: against queries that are made anew, and against the recordings.
 #include "palpate/viewer/viewer.h"
 
 #include <gtest/gtest.h>
@@ -359,7 +359,7 @@ TEST(Repetition, GivesTheSameBitsFromAnywhere) {
   }
 }
 
-// Frames that were looked at in passing only are looked at once more to be felt.
+// Frames that an abandoned jump has only passed are processed again before they give a force.
 TEST(Repetition, GivesTheSameBitsAfterAJumpThatWasGivenUp) {
   const TemporaryFolder folder;
   RunSettings settings = path_settings(TimeMode::latest);
@@ -549,7 +549,7 @@ TEST(RunView, ShowsWhatWouldHaveBeen) {
   EXPECT_EQ(watcher.contact->spheres.states, recorded->spheres.states);
 }
 
-// Of what a camera says at each frame of a night there are tens of thousands.
+// A camera with a note at each frame leaves tens of thousands of them in a night.
 TEST(RunView, ManyNotesDoNotBuryTheOthersNorThePage) {
   const TemporaryFolder folder;
   SyntheticStream stream(12);

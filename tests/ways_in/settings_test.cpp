@@ -259,7 +259,7 @@ TEST(Settings, ThroughThePage) {
   EXPECT_NE(refused.error().message.find("safety.max_slew cannot change"), std::string::npos);
 }
 
-/// What a command line makes of the settings; an error is what the user reads.
+/// Parses settings from a command line; an error is the text that the user reads.
 Result<RunSettings> parse(std::vector<std::string> words) {
   RunSettings settings;
   const SettingTable table = settings_of(settings);
@@ -328,7 +328,7 @@ TEST(Settings, ThroughTheirOwnOptionsOnTheCommandLine) {
   }
 }
 
-// What limits a packing
+// Limits of a packing
 
 TriangleMesh tetrahedron() {
   return {{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}},

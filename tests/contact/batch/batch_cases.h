@@ -1,4 +1,4 @@
-// What batches are tried with: scenes with their fields, poses in them, and arrays for answers.
+// Cases of the batch tests: scenes with their fields, poses in them, and arrays for answers.
 #pragma once
 
 #include <cstring>
@@ -56,7 +56,7 @@ struct PoseArgument {
   PoseBatch batch() const { return {X_WT, surface, {}}; }
 };
 
-/// Of so many poses, with nonsense in them.
+/// Answers for `num` poses, preset to invalid values.
 struct Answers {
   std::vector<double> volume, potential, force, torque, stiffness;
   std::vector<std::uint32_t> status;

@@ -117,7 +117,7 @@ TEST(SolidContact, MomentsAreThoseOfTheFace) {
     const double volume = 0.01 * depth;
     // Spheres at the rim of one face sample beside the other one.
     EXPECT_NEAR(result.on_a.volume, volume, 0.06 * volume);
-    // Of a square: V (a^2 + a^2) / 12.
+    // Polar moment of a square: V (a^2 + a^2) / 12.
     EXPECT_NEAR(result.moments_a.polar, volume * 0.1 * 0.1 / 6, 0.2 * volume * 0.1 * 0.1 / 6);
   }
 }
@@ -150,7 +150,7 @@ bool is_nearest_face(const Pose& X_WA, double side) {
     for (const int j : {i ^ 1, i ^ 2, i ^ 4}) {
       const Vec3d a = corner(i), b = corner(j);
       if (a.z > side / 2) continue;
-      // Ends of what is behind it of this edge.
+      // Ends of the part of this edge that is behind the face.
       const double t = b.z > side / 2 ? (side / 2 - a.z) / (b.z - a.z) : 0;
       for (const Vec3d& p : {a, a + t * (b - a)}) {
         if (std::max(std::abs(p.x), std::abs(p.y)) > p.z) return false;
@@ -190,8 +190,8 @@ TEST(SolidContact, ACornerInTheFaceOfAnEqualCubeIsFeltAlongItsNormal) {
   }
 }
 
-/// Of a cube with one corner of it behind a plane so deep, whose normal in its axes is n: that of
-/// all edges together, less what lies beyond their ends.
+/// Computes the volume of a cube behind a plane with normal n (in its axes), one corner at `depth`:
+/// that of the corner's endless edges, less what lies beyond their ends.
 double volume_behind(const Vec3d& n, double side, double depth) {
   double volume = 0;
   for (int ends = 0; ends < 8; ++ends) {
@@ -206,7 +206,7 @@ double volume_behind(const Vec3d& n, double side, double depth) {
   return volume / (6 * std::abs(n.x * n.y * n.z));
 }
 
-// Two cubes that sample each other: their weights changes with the pose, and costs nothing.
+// Two cubes that sample each other: their weights change with the pose, which costs no energy.
 TEST(SolidContact, EqualCubesPushWithoutJumpsAndWithoutGain) {
   const double side = 0.1, step = 5e-5;
   const Tool cube = packed(make_box({side, side, side}), 1000).with_solid_field();
@@ -290,7 +290,7 @@ TEST(SolidContact, StiffnessIsTheSlopeOfTheWrench) {
                        const BodyPenetration& result) {
                      ASSERT_TRUE(result.stiffness_a && result.stiffness_b);
                      const auto check = [&](const Stiffness& k, const auto& wrench_after) {
-                       // Of the size of the area that is cut, m2.
+                       // Scale of the stiffness: the area of the cut, m2.
                        double largest = 0;
                        for (int i = 0; i < 3; ++i) largest = std::max(largest, std::abs(k.m[i][i]));
                        for (int column = 0; column < 6; ++column) {
@@ -386,7 +386,7 @@ TEST(SolidContact, SameBitsOnAllInstructionSets) {
   }
 }
 
-// Far, near, inside: what is left out by clusters is what touches nothing.
+// Far, near, inside: clusters leave out only spheres that touch nothing.
 TEST(SolidContact, LeavesOutOnlyWhatIsFree) {
   const TorusAndBox bodies;
   const SolidPair pair(ToolIndex::create(bodies.torus), ToolIndex::create(bodies.box));
@@ -449,8 +449,8 @@ TEST(SolidContact, TheFinerWayCountsMore) {
   EXPECT_LT(weights(coarse, cube), 0.5);
 }
 
-// A sphere samples one of the two grids between whose second moments its own lies, so that at any
-// place all spheres up to there together have their own but for half a sphere's choice.
+// A sphere samples one of the two grids whose second moments enclose its own: the sum over all
+// spheres up to any place is exact but for half a sphere's choice.
 TEST(SolidSampling, GridsAreAsWideAsTheSpheres) {
   const TorusAndBox bodies;
   const SolidField& field = *bodies.box.solid_field();
@@ -477,7 +477,7 @@ TEST(SolidSampling, GridsAreAsWideAsTheSpheres) {
     const double radius = elements.radius[place];
     const double counts = elements.factor[place] * std::pow(radius, 3);
     volume += counts, squares += counts * radius * radius;
-    // Of the widths, in spacings: between those of the level and of the next one.
+    // Squared width, in spacings: between those of the level and of the next one.
     const double desired = std::pow(0.8944272 * radius / spacing, 2);
     const std::int32_t level = sampling.level[place];
     ASSERT_TRUE(level >= 0 && level <= last);
@@ -496,7 +496,7 @@ TEST(SolidSampling, GridsAreAsWideAsTheSpheres) {
         EXPECT_LE(std::abs(owed), 0.5 * largest_choice * (1 + 1e-6)) << radius;
       }
     }
-    // For a cluster counts what reaches farthest: half the diagonal of a cell of its grid.
+    // The margin of a cluster is that of its coarsest grid: half the diagonal of a cell.
     const std::size_t cluster = place / SphereClusters::kSize;
     EXPECT_GE(static_cast<double>(sampling.rounding[cluster]),
               0.8660254 * std::ldexp(spacing, level));

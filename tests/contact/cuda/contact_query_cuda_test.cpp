@@ -33,7 +33,7 @@ constexpr bool kIsEmulated = true;
 #else
 constexpr bool kIsEmulated = false;
 #endif
-// By the emulator or a checker of compute-sanitizer everything takes long: some poses must do.
+// The emulator and compute-sanitizer are slow: fewer poses are tested there.
 const bool kIsShort = kIsEmulated || std::getenv("PALPATE_SHORT_TESTS") != nullptr;
 
 std::unique_ptr<eval::MethodQueries> make_cuda_query(const Tool& tool) {
@@ -185,7 +185,7 @@ TEST(ContactQueryCuda, EqualsTheCpu) {
     const auto states = cuda->states(), want_states = cpu->states();
     EXPECT_TRUE(std::equal(states.begin(), states.end(), want_states.begin()));
     const auto planes = cuda->planes(), want_planes = cpu->planes();
-    // Of the field, the GPU finds them in double precision.
+    // The GPU computes planes of the field in double precision.
     const bool is_field = options.method == MethodKind::field;
     const float tolerance = is_field ? 4e-4f : 1e-5f, far = is_field ? 4e-5f : 1e-5f;
     int num_wrong = 0;

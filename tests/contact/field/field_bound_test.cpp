@@ -1,5 +1,5 @@
-// What spheres may be left out of a query: the bounds are not too near, and pixels beyond the image
-// and pixels that are not square are no exception.
+// Bounds by which spheres are left out of a query: they are never too near, not even for pixels
+// beyond the image and pixels that are not square.
 #include "src/contact/field/field_bound.h"
 
 #include <gtest/gtest.h>

@@ -66,7 +66,7 @@ bool same_bits(const Penetration& a, const Penetration& b) {
 void expect_near(const Penetration& got, const Penetration& want, const Tool& tool,
                  SphereVolumes volumes, double tolerance = 1e-5) {
   const double scale = full_volume(tool, volumes);
-  // By what the measure is made of: forces of a tool from two sides cancel.
+  // Tolerance relative to the volume: forces on a tool from two sides cancel.
   const double part = tolerance * (want.volume + 1e-4 * scale), lever = 0.1;
   EXPECT_EQ(got.status.bits, 0u);
   EXPECT_NEAR(got.volume, want.volume, part);
@@ -224,7 +224,7 @@ TEST(FieldContactCuda, StiffnessAndDescriptionEqualTheCpu) {
       EXPECT_EQ(states, want_states);
       // The GPU finds them in double precision.
       for (std::size_t k = 0; k < planes.size(); ++k) {
-        // What is pushed no more has no direction.
+        // A sphere that is no longer pushed has no direction.
         if (scene.options.unseen == UnseenSpace::fade && states[k] == SphereState::inside) continue;
         EXPECT_NEAR(norm(planes[k].normal - want_planes[k].normal), 0, 4e-4) << k;
         EXPECT_NEAR(planes[k].offset, want_planes[k].offset, 1e-5) << k;

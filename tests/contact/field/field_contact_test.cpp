@@ -39,7 +39,7 @@ FrozenField rough_wall(std::uint64_t seed, UnseenSpace unseen = UnseenSpace::sol
                      {.unseen = unseen, .thickness = thickness});
 }
 
-// So calm that no gradient is shortened.
+// A wall with so little noise that no gradient is shortened.
 FrozenField calm_wall(std::uint64_t seed, UnseenSpace unseen = UnseenSpace::solid,
                       double thickness = kThickness) {
   return FrozenField(test::noisy_wall(160, 120, 140, 0.6, 0.00005, seed),
@@ -124,7 +124,7 @@ void expect_derivative_of_the_potential(const FrozenField& scene) {
     const Pose X_WT = random_pose(random);
     const Penetration at = brute_force(tool, scene, X_WT, SphereVolumes::own, 1e9);
     const auto potential = [&](const Vec3d& shift, const Vec3d& turn) {
-      // Turned about the centre of mass, which stays where it is.
+      // Turned about the center of mass, which stays where it is.
       Quaternion q{turn.x / 2, turn.y / 2, turn.z / 2, 1};
       Pose moved{{}, normalized(q) * X_WT.rotation};
       moved.translation = X_WT * C_T + shift - rotate(moved.rotation, C_T);
@@ -163,7 +163,7 @@ TEST(FieldContact, StiffnessIsTheDerivativeOfTheWrench) {
     const Pose X_WT = random_pose(random);
     const double volume = query->query(X_WT, kOwn).volume;
     const Stiffness got = query->stiffness();
-    // Where a gradient was shortened, only the symmetric part is told.
+    // If a gradient was shortened, the stiffness is only the symmetric part.
     const auto force_along = [&](double longest) {
       return brute_force(tool, scene, X_WT, SphereVolumes::own, longest).measure_W.force;
     };
@@ -347,7 +347,7 @@ TEST(FieldContact, AnyThreadsAndInstructionSetsGiveTheSameBits) {
   }
 }
 
-/// A wall that takes a step of a few centimetres between two frames, and another camera's picture
+/// A wall that takes a step of a few centimeters between two frames, and another camera's picture
 /// of it.
 struct TwoFrames {
   FrozenField from, to;
@@ -529,12 +529,12 @@ TEST(FieldElements, AreWhereTheVolumeIs) {
       const double all = full_volume(tool, volumes);
       EXPECT_NEAR(sum, all, 1e-6 * all);
       EXPECT_EQ(counted, 400);
-      // Torques are about the centre of mass of the spheres.
+      // Torques are about the center of mass of the spheres.
       const MassProperties& mass =
           volumes == SphereVolumes::own ? tool.sphere_mass() : tool.mesh_mass();
       const Vec3d lever = mass.centre_of_mass - C_T;
       EXPECT_LE(norm(first - all * lever), 2e-5 * all) << "metres";
-      // Half the trace of the inertia about the centre of mass is the second moment.
+      // Half the trace of the inertia about the center of mass is the second moment.
       const double want =
           0.5 * (mass.inertia.m[0][0] + mass.inertia.m[1][1] + mass.inertia.m[2][2]) +
           all * dot(lever, lever);

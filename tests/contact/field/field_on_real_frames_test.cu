@@ -26,7 +26,7 @@ namespace {
 using test::Random;
 
 constexpr double kBound = 1.05;  // times V
-// Of a loop, net over total. Measured: 0.152, and 0.054 over all loops; 0.02 is wanted.
+// Net over total work of a loop. Measured: 0.152, and 0.054 over all loops; the goal is 0.02.
 constexpr double kMaxWork = 0.2;
 constexpr SphereVolumes kBoth[] = {SphereVolumes::own, SphereVolumes::represented};
 
@@ -92,7 +92,7 @@ std::vector<Isa> isas() {
   return all;
 }
 
-/// Force and torque (about the centre of mass) of gradients that are not shortened, in double.
+/// Force and torque (about the center of mass) of gradients that are not shortened, in double.
 VolumeWrench unbounded_wrench(const Tool& tool, const FieldElements& elements,
                               const DepthFieldView& field, const Pose& X_WT) {
   constexpr double kUnbounded = 1e9;
@@ -139,7 +139,7 @@ TEST_P(FieldOnRealFrames, NoForceIsLongerThanTheBoundOnAnyInstructionSet) {
   RecordProperty("longest_force_over_volume", std::to_string(worst));
 }
 
-/// Of a closed path.
+/// Work along a closed path.
 struct Work {
   double net = 0, total = 0;
   double share() const { return std::abs(net) / total; }

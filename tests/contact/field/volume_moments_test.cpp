@@ -1,4 +1,4 @@
-// Where the volume of a contact lies: against brute force in double, on all instruction sets and
+// Moments of the contact volume: against brute force in double, on all instruction sets and
 // between two surfaces.
 #include <gtest/gtest.h>
 
@@ -12,7 +12,7 @@ namespace {
 
 using test::FrozenField;
 
-/// By their definition, element by element; a cut ball in slices.
+/// Computes the moments by definition, element by element; a cut ball in slices.
 VolumeMoments brute_force(const Tool& tool, const FrozenField& scene, const Pose& X_WT,
                           SphereVolumes volumes) {
   const FieldElements elements(tool, volumes);

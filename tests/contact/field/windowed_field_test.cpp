@@ -92,7 +92,7 @@ void expect_same(const Answer& got, const Answer& want) {
       0);
 }
 
-/// A tool among others, and how far its elements are from its centre of mass.
+/// A tool among others, and how far its elements are from its center of mass.
 struct Probe {
   const Tool* tool;
   double reach;
@@ -256,7 +256,7 @@ TEST_P(WindowedFieldOn, RealFramesAnswersLikeTheWholeOne) {
   EXPECT_GT(counts.deep, 8 * static_cast<int>(frames.size()));
 }
 
-// What a window leaves out is not there rather than wrong, and can be had later.
+// Data outside a window is missing rather than wrong, and is computed on demand.
 TEST(WindowedField, HasNoCloudUntilAPictureNeedsIt) {
   DepthStreamInfo stream;
   stream.width = 640;

@@ -212,7 +212,7 @@ TEST(DepthHull, OneCameraIsMeasuredInItsOwnFrame) {
     EXPECT_NEAR(norm(in_W.penetration.measure_W.torque -
                      rotate(X_WC.rotation, in_C.penetration.measure_W.torque)),
                 0, 1e-6 * volume + 1e-13);
-    // A motion along an axis of the camera changes the force as it does there.
+    // A motion along the camera's x changes the force in W as in the camera frame.
     Vec3d change_C, change_W;
     const Vec3d x_W = rotate(X_WC.rotation, {1, 0, 0});
     for (int row = 0; row < 3; ++row) {
@@ -223,7 +223,7 @@ TEST(DepthHull, OneCameraIsMeasuredInItsOwnFrame) {
   }
 }
 
-// It is where it was at each of its two frames.
+// Each of a camera's two frames keeps the pose that the camera had there.
 TEST(DepthHull, OneCameraThatHasMovedIsMeasuredFromBothPlaces) {
   Random random(17);
   const HullScene scene = test::rough_scene(2, {}, random);
@@ -279,7 +279,7 @@ TEST(DepthHull, BlackPixelsOfOneCameraCarveNothing) {
       const Pose X_WT{{0, 0, 0.8 + depth}, {}};
       const double want = query->measure(whole.views, X_WT).penetration.volume;
       EXPECT_NEAR(query->measure(patched.views, X_WT).penetration.volume, want, 0.02 * want);
-      // By the one with the patch, alone or twice, nothing is there.
+      // The view with the patch, alone or twice, measures nothing there.
       for (const std::size_t num : {1u, 2u}) {
         const std::vector<SurfaceBlend> unmeasured(num, patched.views[1]);
         EXPECT_LT(query->measure(unmeasured, X_WT).penetration.volume, 0.1 * want) << num;
@@ -288,7 +288,7 @@ TEST(DepthHull, BlackPixelsOfOneCameraCarveNothing) {
   }
 }
 
-// Deep behind a wall that nobody sees behind: pushed out, let go at its back, or let go.
+// Deep in the unseen space behind a wall: pushed out, released at its back, or released.
 TEST(DepthHull, WhatLiesInUnseenSpaceIsAsTheFieldsSay) {
   const Tool tool = test::random_tool(300, 0.03, 5);
   const auto query = make_query(tool, SphereVolumes::own);
@@ -312,14 +312,14 @@ TEST(DepthHull, WhatLiesInUnseenSpaceIsAsTheFieldsSay) {
   }
 }
 
-// What a camera has measured all around is nowhere unseen; at each border of its image it is.
+// Space beyond each border of an image is unseen; space in front of a measured wall is not.
 TEST(DepthHull, BeyondTheBordersOfAnImageSpaceIsUnseen) {
   HullScene scene;
   const auto wall = [](const Vec3d& p, const Vec3d& d) { return test::to_wall(p, d, 0.8); };
   for (int k = 0; k < 2; ++k) {
     test::add_view(scene, test::vga(), {}, test::depth_seen(wall, test::vga(), {}));
   }
-  // So small that at the middle of each border all else around it has been measured.
+  // A tool so small that at the middle of each border all else around it has been measured.
   const Tool tool = test::random_tool(300, 0.012, 5);
   const auto query = make_query(tool, SphereVolumes::own);
   const double whole = tool.sphere_mass().volume, x = 0.8 * 320 / 525, y = 0.8 * 240 / 525;
@@ -375,7 +375,7 @@ TEST(DepthHull, CamerasThatLookElsewhereChangeNothing) {
       const ContactResult without = query->measure(scene.views, X_WT, wants);
       num_with_force += without.penetration.volume > 0.01 * scale;
       const ContactResult got = query->measure(all, X_WT, wants);
-      // A surface that goes on beyond the image is one more opinion.
+      // With unknown space not free, surfaces go on beyond the image and count.
       if (unknown == UnknownSpace::free) expect_same_bits(got, without);
       const Penetration want = test::hull_truth(tool, backwards, X_WT, SphereVolumes::own);
       const Penetration last = query->measure(backwards, X_WT).penetration;
@@ -387,7 +387,7 @@ TEST(DepthHull, CamerasThatLookElsewhereChangeNothing) {
   }
 }
 
-/// By its own pixel, in double.
+/// True if the point's own pixel sees it, in double.
 bool is_seen_by(const SurfaceView& surface, const Vec3d& p_C) {
   const DepthFieldView& field = surface.field;
   const Intrinsics& k = field.intrinsics;
@@ -403,7 +403,7 @@ bool is_seen_by(const SurfaceView& surface, const Vec3d& p_C) {
   return slope > 0 && offset - p_C.z * slope >= -kSeenBehind;
 }
 
-// One camera by itself says what it does not see, too, where that is wanted.
+// A single camera measures the unseen volume, too, on request.
 TEST(DepthHull, OneCameraSaysWhatItDoesNotSee) {
   Random random(19);
   const Tool tool = test::random_tool(400, 0.06, 3);
@@ -567,8 +567,8 @@ TEST(DepthHull, AllocatesNothing) {
   EXPECT_EQ(counter.count(), 0);
 }
 
-// How much of a ball is felt behind and beside a ball of 60 mm in front of a wall, and in front of
-// it, in shares of the tool: by exact rays, and measured.
+// Share of a tool ball in contact behind, beside and in front of a ball of 60 mm in front of a
+// wall: by exact rays, and measured.
 TEST(DepthHull, FeelsWhatTheExactHullLeavesOver) {
   const Tool tool = test::ball_tool(0.03);
   const auto query = make_query(tool, SphereVolumes::represented);

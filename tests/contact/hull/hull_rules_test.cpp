@@ -44,7 +44,7 @@ Vec3d column(const Symmetric<double>& h, int axis) {
                      : Vec3d{h.xz, h.yz, h.zz};
 }
 
-// Of two fields that differ by anything from nothing to twice the width, either way round.
+// The two fields differ by anything from nothing to twice the width, either way round.
 TEST(HullRules, DerivativesAreThoseOfTheValues) {
   Random random(81);
   for (int n = 0; n < 3000; ++n) {

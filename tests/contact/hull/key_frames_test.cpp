@@ -1,4 +1,4 @@
-// What a camera that moves remembers: against exact solids, and queries against their definition in
+// Key frames of a moving camera: against exact solids, and queries against their definition in
 // double.
 #include <algorithm>
 #include <cmath>
@@ -53,13 +53,13 @@ class MovingCamera {
     forgets_.push(frame, time_, pool_);
     time_ += 1.0 / 30;
   }
-  /// From now on this share of all pixels shows anything.
+  /// Sets the share of pixels with random depth from now on.
   void speckle(double share) { speckles_ = share; }
-  /// Along an arc around what is looked at, x from -0.35 to 0.35 m.
+  /// Moves the camera along an arc around the scene, x from -0.35 to 0.35 m.
   void pass(const std::optional<Vec3d>& ball) {
     for (int i = 0; i <= 14; ++i) push(eye(-0.35 + 0.05 * i), ball);
   }
-  /// Until all that it looked at is out of sight.
+  /// Rotates the camera until the whole scene is out of sight.
   void rotate_camera(const std::optional<Vec3d>& ball) {
     for (int i = 1; i <= 8; ++i) {
       push(test::look_at({0.35, 0, 0}, {0.35 + 0.25 * i, 0, 1}), ball);
@@ -73,7 +73,7 @@ class MovingCamera {
     for (SurfaceBlend& view : views) view.progress = progress;
     return views;
   }
-  /// Share of the tool.
+  /// Returns the share of the tool in contact.
   double felt(const Vec3d& at) {
     return query_->measure(views(), {at, {}}).penetration.volume / whole();
   }
@@ -258,8 +258,8 @@ TEST(KeyFrames, AreOfCountsInHostMemory) {
   EXPECT_EQ(timeline.key_frames().size(), 1u);
 }
 
-// Where all has gone, or something has come before all of it, all points say so but those of the
-// border, which have too few beside them.
+// If all has gone, or something has come before all of it, all points say so but those of the
+// border, which have too few neighbors.
 TEST(FrameEvidence, OfTheBorderNothingIsConcluded) {
   DepthGrid kept{9, 7, {8, 8, 4, 3}, {}, std::vector<float>(63, 1.0f)}, now = kept;
   FrameEvidence evidence(63, {});

@@ -1,4 +1,4 @@
-// What a camera remembers is felt behind what has come before it: against the definition in double
+// Remembered surfaces behind those that have come before them: against the definition in double
 // and against exact solids.
 #include <algorithm>
 #include <cmath>
@@ -90,8 +90,8 @@ TEST(Memory, EqualsItsDefinition) {
   }
 }
 
-// As key frames are: two of the cameras show what they remember alone, on the way from one place to
-// another. A query that has been asked about more cameras has forgotten them.
+// As with key frames, two of the cameras show only their memory, on the way from one place to
+// another. A query keeps nothing of more cameras that it has measured before.
 TEST(Memory, OfFramesFromOtherPlacesEqualsItsDefinition) {
   Random random(47);
   const HullScene scene = test::rough_memories(3, random, true),
@@ -374,7 +374,7 @@ TEST(Memory, AHandPassesBeforeTwoCameras) {
       column = std::max(column, felt(forget, behind));
       worst = std::max(worst, felt(remember, behind));
       EXPECT_LT(measured(remember, behind).unseen_volume, 0.01 * whole);
-      // What is seen is as without a memory: hand and table.
+      // Visible surfaces are as without a memory: hand and table.
       for (const Vec3d& p : {Vec3d{x, 0, 0.66}, {x + 0.25, 0, 0.99}, {x - 0.25, 0.05, 0.98}}) {
         EXPECT_NEAR(felt(remember, p), felt(forget, p), 2e-3) << x;
       }
@@ -385,7 +385,7 @@ TEST(Memory, AHandPassesBeforeTwoCameras) {
     }
     EXPECT_GT(column, 0.9);
     EXPECT_LT(worst, 0.01);
-    // What comes behind the hand for the first camera is felt where the second one sees it.
+    // A ball that the hand hides from the first camera is felt where the second one sees it.
     const double x = -0.12;
     const Vec3d ball = eyes[0].translation + 1.3 * (Vec3d{x, 0, kHandDepth} - eyes[0].translation);
     push(x, ball);
@@ -444,7 +444,7 @@ TEST(Memory, DescribesItsSpheres) {
         num_wrong += deciders[s] != want.decider;
       }
     }
-    EXPECT_LE(num_wrong, 2);  // who all but say the same
+    EXPECT_LE(num_wrong, 2);  // cameras that almost agree
   }
   EXPECT_GT(num_cut, 20);
   for (const int num : num_decided) EXPECT_GT(num, 5);

@@ -11,7 +11,7 @@
 namespace palpate {
 namespace {
 
-/// Of a ball of volume 1, what is behind a plane that is `distance` from its middle.
+/// Returns the share of a ball's volume behind a plane at `distance` from its center.
 double cap_share(double radius, double distance) {
   const double h = std::clamp(radius - distance, 0.0, 2 * radius);
   return h * h * (3 * radius - h) / (4 * radius * radius * radius);
@@ -63,7 +63,7 @@ TEST(BallParts, AreCutAsTheBallIs) {
   }
 }
 
-// What goes between thirty parts, or meets the one that reaches out, is felt wrongly.
+// Gaps between the parts, or a part that reaches out of the ball, would falsify contacts.
 TEST(BallParts, FillTheBallEvenlyAndKeepToIt) {
   for (const double radius : {0.15, 0.08}) {
     const std::vector<BallPart> parts = even_parts(radius);
@@ -75,7 +75,7 @@ TEST(BallParts, FillTheBallEvenlyAndKeepToIt) {
       farthest = std::max(farthest, norm(part.centre) + part.radius);
     }
     EXPECT_LT(farthest, 1 + 0.6 * radius);
-    // Of balls that lie within, as wide as four parts.
+    // Balls that lie within, as wide as four parts.
     test::Random random(4);
     const double wide = 4 * radius;
     for (int i = 0; i < 200; ++i) {

@@ -48,7 +48,7 @@ TEST(SphereGrid, EveryPointOfASphereFindsItInItsCell) {
   EXPECT_GT(num_full, 1000);
 }
 
-/// Squared distance, in cells, of a sphere's centre from the nearest and farthest point of a cell
+/// Squared distance, in cells, of a sphere's center from the nearest and farthest point of a cell
 /// that is `larger` on every side.
 struct FromCell {
   double nearest = 0, farthest = 0;
@@ -64,8 +64,8 @@ struct FromCell {
   }
 };
 
-// What is said of a cell and of a sphere has room for rounding, a thousandth of a cell around the
-// cell and a ten thousandth around the sphere, and no more than that.
+// Bounds of a cell and of a sphere have room for rounding, a thousandth of a cell around the cell
+// and a ten thousandth around the sphere, and no more than that.
 TEST(SphereGrid, CellsKnowTheirSpheresWithRoomForRounding) {
   const std::vector<Sphere> spheres = test::random_spheres(40, 0.1, 4);
   const SphereGrid grid(spheres);

@@ -35,7 +35,7 @@ TEST(ToolIndex, HasThePartsThatQueriesNeed) {
   EXPECT_EQ(graph->index(), index);
 }
 
-// What a million spheres may take beyond the index is 16 MB.
+// A query of a million spheres may take 16 MB beyond the index.
 TEST(ToolIndex, AFieldQueryTakesLittleMoreThanTheIndex) {
   const Tool tool = test::block_of_spheres(20);
   const double num = static_cast<double>(tool.spheres().size());
@@ -83,7 +83,7 @@ concept HasIndex = requires(T&& tool) {
 };
 static_assert(HasIndex<const Tool&> && !HasIndex<Tool>);
 
-// What else is wanted does not change what is measured.
+// Optional outputs do not change the measure.
 TEST(ContactWants, LeaveTheMeasureAlone) {
   const Tool tool = test::random_tool(200, 0.05, 3);
   const PointCloud cloud = test::noisy_wall(160, 120, 140, 0.6, 0.001, 5);

@@ -1,4 +1,4 @@
-// Which donors may be left out, against all corners of the box in double.
+// Donors that may be left out, against all corners of the box in double.
 #include "src/contact/points/donors/assignment_rule.h"
 
 #include <gtest/gtest.h>
@@ -13,8 +13,8 @@ namespace {
 
 using test::Random;
 
-// How much nearer than another donor one is grows evenly along the box, so some centre in it is
-// nearer to that one if some corner is. From tools of millimetres to ones of many metres.
+// The difference of the squared distances to two donors is linear, so some center in the box is
+// nearer to one of them if some corner is. From tools of millimeters to ones of many meters.
 TEST(AssignmentRule, LeavesOutDonorsThatAreNearestToNoCornerAndNoOthers) {
   Random random(91);
   int num_left_out = 0, num_kept = 0;

@@ -25,7 +25,7 @@ struct Case {
   std::string name;
   int num_spheres = 1000;
   double donor_share = 0.2;  ///< of the spheres near the surface
-  bool has_ties = false;     ///< centres on a lattice
+  bool has_ties = false;     ///< centers on a lattice
   MethodKind method = MethodKind::simplified;
   Priority priority = Priority::distance;
   Edges edges = Edges::none;
@@ -80,7 +80,7 @@ struct Scene {
   PriorityRule priority_rule(const Case& c, const float* its_paths) const {
     return {c.priority, kPerSquare, its_paths, static_cast<std::int32_t>(spheres.size())};
   }
-  /// By the definitions.
+  /// Computes the weight of a donor by the definition of the priority.
   double weight(Priority by, const Donor& donor, std::size_t id, const Vec3d& d) const {
     switch (by) {
       case Priority::distance: return 1 / norm(d);
@@ -147,7 +147,7 @@ struct Scene {
   }
 };
 
-/// What a query has found.
+/// Results of a query.
 struct Found {
   MeasureSums boundary, untouched;
   std::vector<std::int32_t> donor;     ///< by sphere: boundary sphere's id or -1

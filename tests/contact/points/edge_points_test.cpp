@@ -1,4 +1,4 @@
-// Where a surface ends in the image, by the words of EdgeSums and pixel by pixel.
+// Edges of a surface in the image, by the words of EdgeSums and pixel by pixel.
 #include "src/contact/points/edges/edge_points.h"
 
 #include <cmath>
@@ -11,7 +11,7 @@
 namespace palpate {
 namespace {
 
-/// A step between two walls with many holes along it, of which no depth-change vector tells.
+/// A step between two walls with many holes along it and no depth-change vectors.
 test::CloudWithEdges ragged_step(int width, int height, std::uint64_t seed) {
   test::Random random(seed);
   test::CloudWithEdges scene{PointCloud(width, height, Intrinsics{90, 95, 40, 30}), {}};
@@ -75,7 +75,7 @@ TEST(EdgePoints, LookAcrossHolesToWhatLiesBehind) {
   }
 }
 
-// What the camera saw of a change itself counts, and no hole beside it.
+// A change that the camera saw itself takes precedence over holes beside it.
 TEST(EdgePoints, KnownChangesComeFirst) {
   test::CloudWithEdges scene = ragged_step(40, 12, 5);
   const std::size_t i = 5 * 40 + 15;

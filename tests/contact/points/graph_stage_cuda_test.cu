@@ -34,7 +34,7 @@ __global__ void __launch_bounds__(kQueryThreads, 1)
   if (gpu::grid_thread() == 0) *num_rounds = rounds;
 }
 
-/// What a query knows when the graph stage begins, in host memory.
+/// State of a query when the graph stage begins, in host memory.
 struct Scene {
   std::vector<GraphTraversal::Seed> seeds;  // ascending
   std::vector<EdgePiece> pieces;
@@ -350,7 +350,7 @@ TEST_P(GraphStageOfScans, EqualsTheCpu) {
   }
 }
 
-// A hub with more neighbours than the lanes of a warp have bits for, and paths of equal length.
+// A hub with more neighbors than the lanes of a warp have bits for, and paths of equal length.
 TEST(GraphStage, HubsAndTies) {
   PALPATE_GPU_OR_SKIP();
   std::vector<Sphere> spheres = {{{0, 0, 0}, 1}};

@@ -17,7 +17,7 @@ namespace {
 
 constexpr ScanPoints kScans[] = PALPATE_BY_ISA(scan_points);
 
-/// What a scan has found.
+/// Results of a scan.
 struct Found {
   std::vector<PointSums> sums;
   std::vector<std::uint8_t> touched;
@@ -103,7 +103,7 @@ TEST(PointScan, PiecesOfARowAddUpToTheWhole) {
         scene.look(isa, begin, std::min(begin + length, num), pieces);
       }
       EXPECT_TRUE(whole == pieces) << isa_name(isa);
-      // Of none of these points belongs another one to the window.
+      // A scan of three points counts no other ones.
       Found part(scene.spheres.size());
       scene.look(isa, 700, 703, part);
       std::int64_t num_points = 0;

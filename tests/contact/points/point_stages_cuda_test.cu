@@ -69,7 +69,7 @@ Bounds box_around(std::span<const Sphere> spheres) {
   return box;
 }
 
-// What both sides start from.
+// Input of both backends.
 struct Scene {
   std::vector<Sphere> spheres;
   PointCloudView cloud;
@@ -92,7 +92,7 @@ struct Scene {
   }
 };
 
-// What both sides find.
+// Results of one backend.
 struct Found {
   std::vector<PointSums> sums;  // of boundary spheres
   std::vector<EdgeSums> edge_sums;
@@ -447,7 +447,7 @@ std::vector<Sphere> cube_of_spheres(int num_along_side, double spacing) {
   return spheres;
 }
 
-// An unorganised cloud.
+// An unorganized cloud.
 PointCloud loose_cloud(const std::vector<Vec3d>& points, std::uint64_t seed) {
   test::Random random(seed);
   PointCloud cloud(static_cast<int>(points.size()), 1);

@@ -1,5 +1,5 @@
-// What the browser tests look at: a world in which a test says what is where, and hears what the
-// page commands.
+// World of the browser tests, in which a test sets the state and place of everything, and hears the
+// commands of the page.
 #pragma once
 
 #include <functional>
@@ -26,7 +26,7 @@ class ScriptedWorld : public ViewSource {
                                                        std::function<void(std::string_view)> heard);
 
   /// Any of: "contact" {"position", "quaternion", "states", "planes": [[x, y, z, d] per sphere]},
-  /// "unit" (m, of all frames from now on), "depth" [[first column, metres], ...] (0 m: no
+  /// "unit" (m, of all frames from now on), "depth" [[first column, meters], ...] (0 m: no
   /// measurement) of all cameras, or "depths" of each, "cameras" as at first, "sample" {"force",
   /// "torque", "contact_force", "contact_torque", "volume", "hand": position}, "state" {members
   /// that replace those of `state`}, "frozen" (nothing new is seen), "moving" (tool and wall go to
@@ -48,7 +48,7 @@ class ScriptedWorld : public ViewSource {
   std::shared_ptr<const ViewContact> make_contact() const;
   std::shared_ptr<const ViewSurface> make_surface() const;
   ViewSample make_sample(double time) const;
-  /// Metres at each column, of the frame that is shown now.
+  /// Meters at each column, of the frame that is shown now.
   std::vector<double> depths(std::size_t camera) const;
   Result<std::string> set(const Json& command);
   Json current_state() const;
