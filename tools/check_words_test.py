@@ -51,6 +51,24 @@ class CheckWordsTest(unittest.TestCase):
         ):
             self.assertEqual(list(check_text(line, name)), [], line)
 
+    def test_openings(self):
+        for name, text in (
+            ("src/a.h", "/// Whether it rests."),
+            ("src/a.h", "int a;  ///< By how much, m."),
+            ("src/a.cpp", "int b;\n// Of the page.\nint c;"),
+            ("web/src/a.ts", "/**\n * What is shown.\n */"),
+            ("python/a.py", 'def f():\n    """How far, m."""'),
+            ("apps/a.cpp", 'Error{Errc::bad_input,\n  "what was read is none"}'),
+        ):
+            self.assertEqual(len(list(check_text(text, name))), 1, text)
+        for name, text in (
+            ("src/a.h", "/// Share of the pixel. What is left is free."),
+            ("src/a.h", "/// The surface\n/// Of the page."),  # goes on
+            ("docs/a.md", "// Whether it rests."),
+            ("python/a.py", 'palette = "#Of"'),
+        ):
+            self.assertEqual(list(check_text(text, name)), [], text)
+
     def test_line_number(self):
         self.assertEqual([n for n, _, _ in check_text("a\nb FIX" + "ME\n")], [2])
 
