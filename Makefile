@@ -141,7 +141,7 @@ clang:  ## the library and its tests built by Clang as users build it: golden.tx
 	scripts/test.sh clang
 
 # In the build of the fuzz targets: the library is compiled once for both.
-asan:  ## tests with the address and undefined behaviour sanitizers; not evaluation, pages, guides, figures of ROS 2, fault plans, Python and packages
+asan:  ## tests with the address and undefined behavior sanitizers; not evaluation, pages, guides, figures of ROS 2, fault plans, Python and packages
 	scripts/setup.sh --fuzz
 	$(call build_preset,fuzz)
 	scripts/test.sh fuzz -E '^(page_|docs_|ros_interop)'

@@ -42,7 +42,7 @@ InsideParts inside_parts(std::span<const Sphere> spheres, const ContactQuery& qu
       parts.whole.add(spheres[id], {});
     } else if (has_plane) {
       const double radius = spheres[id].radius;
-      const double distance = dot(plane.normal, to_double(spheres[id].centre)) - plane.offset;
+      const double distance = dot(plane.normal, to_double(spheres[id].center)) - plane.offset;
       if (distance >= radius) continue;
       (distance > -radius ? parts.cut : parts.whole).add(spheres[id], plane);
     }
@@ -89,14 +89,14 @@ Result<std::size_t> write_caps(const CapsOptions& options, const Tool& tool,
                      " triangles are more than ten million; lower --caps-segments"};
   }
   const auto picture = [&](const char* name, std::array<std::uint8_t, 3> rgb, const Parts& of) {
-    ColouredMesh result{name, rgb, inside_mesh(of.spheres, of.planes, options.segments)};
+    ColoredMesh result{name, rgb, inside_mesh(of.spheres, of.planes, options.segments)};
     const Pose X{X_WT.translation, normalized(X_WT.rotation)};
     for (Vec3d& p : result.mesh.vertices) p = X * p;
     return result;
   };
   const std::array pictures{picture("cut", {150, 50, 200}, parts.cut),
                             picture("whole", {40, 90, 230}, parts.whole)};
-  if (const Status status = save_coloured_meshes(pictures, options.file); !status) {
+  if (const Status status = save_colored_meshes(pictures, options.file); !status) {
     return status.error();
   }
   return pictures[0].mesh.triangles.size() + pictures[1].mesh.triangles.size();

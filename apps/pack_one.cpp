@@ -60,8 +60,8 @@ double longest_side(const TriangleMesh& mesh) {
   return std::max({sides.x, sides.y, sides.z});
 }
 
-std::string length_text(double metres) {
-  return metres < 0.1 ? number_text(metres * 1000, 4) + " mm" : number_text(metres, 4) + " m";
+std::string length_text(double meters) {
+  return meters < 0.1 ? number_text(meters * 1000, 4) + " mm" : number_text(meters, 4) + " m";
 }
 
 /// Checks the mesh; warnings about its size name the options.
@@ -148,7 +148,7 @@ std::vector<std::pair<std::string, std::string>> option_rows(const PackRequest& 
 }  // namespace
 
 Result<TriangleMesh> load_mesh_for(const PackRequest& request, const std::string& path) {
-  return load_mesh(path, metres(request.unit) * request.scale);
+  return load_mesh(path, meters(request.unit) * request.scale);
 }
 
 Result<PackedTool> pack_one(const TriangleMesh& raw, const std::string& path,

@@ -17,9 +17,9 @@ namespace palpate::apps {
 /// Length unit of mesh files.
 enum class LengthUnit { m, mm, cm, in };
 constexpr auto names_of(LengthUnit) { return std::array{"m", "mm", "cm", "in"}; }
-constexpr double metres(LengthUnit unit) {
-  constexpr double kMetres[] = {1, 0.001, 0.01, 0.0254};
-  return kMetres[static_cast<int>(unit)];
+constexpr double meters(LengthUnit unit) {
+  constexpr double kMeters[] = {1, 0.001, 0.01, 0.0254};
+  return kMeters[static_cast<int>(unit)];
 }
 
 /// Options of packing a mesh.

@@ -234,7 +234,7 @@ class Output final : public RosOutput {
     Wrench wrench;
     if (published.verdict.is_valid()) {
       wrench = transformed_to(in_tool ? X_WT : Pose{}, published.tick.step.contact_W,
-                              X_WT * tool_.sphere_mass().centre_of_mass);
+                              X_WT * tool_.sphere_mass().center_of_mass);
     }
     const bool was_sent =
         wrench_->publish(wrench_message({wall_time(published.tick.device.time), frame}, wrench));
@@ -337,7 +337,7 @@ class Output final : public RosOutput {
     contact.potential = tick.penetration.potential;
     const Pose& X_WT = tick.step.X_WT;
     contact.wrench =
-        transformed_to(X_WT, tick.step.contact_W, X_WT * tool_.sphere_mass().centre_of_mass);
+        transformed_to(X_WT, tick.step.contact_W, X_WT * tool_.sphere_mass().center_of_mass);
     const LocalContact& newest = contacts_.value().contact.contact;
     contact.max_stiffness = newest.max_stiffness;
     contact.stiffness = stiffness_in(newest.X_WT, newest.stiffness, newest.p_WC);
@@ -383,7 +383,7 @@ class Output final : public RosOutput {
     if (const ContactPicture* const now = loop.new_contact_picture(PictureConsumer::robots)) {
       const std::lock_guard lock(seen_mutex_);
       for (std::size_t i = 0; i < now->spheres.states.size(); ++i) {
-        const Vec3d p_W = now->X_WT * to_double(tool_.spheres()[i].centre);
+        const Vec3d p_W = now->X_WT * to_double(tool_.spheres()[i].center);
         sphere_states_[i] = !is_seen(p_W)                                     ? RosSphere::unseen
                             : now->spheres.states[i] == SphereState::outside  ? RosSphere::free
                             : now->spheres.states[i] == SphereState::boundary ? RosSphere::touching

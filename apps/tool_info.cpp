@@ -63,9 +63,9 @@ Json tool_info(const Tool& tool, const Standoff& standoff) {
           {"mesh_volume", mesh.volume},
           {"sphere_volume", spheres.volume},
           {"represented_volume", represented_volume(tool)},
-          {"centre_of_mass", to_json(spheres.centre_of_mass)},
+          {"center_of_mass", to_json(spheres.center_of_mass)},
           {"inertia", to_json(spheres.inertia)},
-          {"mesh_centre_of_mass", to_json(mesh.centre_of_mass)},
+          {"mesh_center_of_mass", to_json(mesh.center_of_mass)},
           {"mesh_inertia", to_json(mesh.inertia)},
           {"min_radius", radius.smallest},
           {"max_radius", radius.largest},
@@ -87,7 +87,7 @@ std::string describe(const Tool& tool, const Standoff& standoff) {
   const RadiusRange radius = radius_range(tool);
   const Bounds box = bounds(tool.mesh());
   const Vec3d size = (box.high - box.low) * 1000;
-  const Vec3d centre = tool.sphere_mass().centre_of_mass * 1000;
+  const Vec3d center = tool.sphere_mass().center_of_mass * 1000;
   const LeafGraph& graph = tool.graph();
   const Vec3d worst = standoff.worst * 1000;
   return "source        " + tool.source() + "\n" +
@@ -104,7 +104,7 @@ std::string describe(const Tool& tool, const Standoff& standoff) {
              standoff.mean * 1000, standoff.p95 * 1000, standoff.max * 1000) +
          text("worst place   %.4g %.4g %.4g mm, %.4g mm from the nearest sphere\n", worst.x,
               worst.y, worst.z, standoff.max * 1000) +
-         text("center        %.4g %.4g %.4g mm (of the spheres)\n", centre.x, centre.y, centre.z) +
+         text("center        %.4g %.4g %.4g mm (of the spheres)\n", center.x, center.y, center.z) +
          text("tree          %zu nodes\n", tool.tree().nodes().size()) +
          text("graph         %d edges, %d of them bridges between %d components\n",
               graph.num_edges(), graph.num_bridges(), graph.num_components_before_bridging());

@@ -24,8 +24,8 @@ std::string spheres_csv(const Tool& tool) {
   std::string text = "x,y,z,r\n";
   for (const Sphere& s : tool.spheres()) {
     char line[96];
-    std::snprintf(line, sizeof line, "%.9g,%.9g,%.9g,%.9g\n", static_cast<double>(s.centre.x),
-                  static_cast<double>(s.centre.y), static_cast<double>(s.centre.z),
+    std::snprintf(line, sizeof line, "%.9g,%.9g,%.9g,%.9g\n", static_cast<double>(s.center.x),
+                  static_cast<double>(s.center.y), static_cast<double>(s.center.z),
                   static_cast<double>(s.radius));
     text += line;
   }

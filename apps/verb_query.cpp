@@ -59,7 +59,7 @@ nlohmann::ordered_json to_json(const Vec3d& v) { return {v.x, v.y, v.z}; }
 nlohmann::ordered_json reported_json(const OutputOptions& output, const Tool& tool,
                                      const Pose& X_WCamera, const Measurement& at) {
   const ReportedOutput reported(
-      output, {at.X_WT, at.X_WT * tool.sphere_mass().centre_of_mass, X_WCamera, Pose{}});
+      output, {at.X_WT, at.X_WT * tool.sphere_mass().center_of_mass, X_WCamera, Pose{}});
   const VolumeWrench measure = reported.wrench(at.penetration.measure_W);
   return {{"pose", seven_numbers(reported.pose())},
           {"force", to_json(measure.force)},

@@ -33,10 +33,10 @@ std::unique_ptr<ContactQuery> query_of(const Tool& tool) {
 }
 
 /// Returns the share of the tool, a ball, inside a solid.
-double true_share(const Solid& solid, const Vec3d& centre) {
+double true_share(const Solid& solid, const Vec3d& center) {
   int num = 0, num_inside = 0;
   test::for_points_in_ball(
-      centre, kToolRadius,
+      center, kToolRadius,
       [&](const Vec3d& p) {
         ++num;
         num_inside += solid.is_solid(p);
@@ -178,14 +178,14 @@ void memory(const Tool& tool, int num_cameras, DepthMemory kind, double seconds)
     test::Random random(5);
     const Camera camera = test::vga();
     const auto frame = [&](bool has_hand, const Pose& X_WC) {
-      std::vector<float> metres = test::depth_seen(
+      std::vector<float> meters = test::depth_seen(
           [&](const Vec3d& p, const Vec3d& d) {
             const double wall = test::to_wall(p, d, 1);
             return has_hand && hand.at ? std::min(wall, test::to_ball(p, d, *hand.at, 0.05)) : wall;
           },
           camera, X_WC);
-      for (float& z : metres) z += static_cast<float>(kNoise * random.normal());
-      return metres;
+      for (float& z : meters) z += static_cast<float>(kNoise * random.normal());
+      return meters;
     };
     TimeOptions time;
     time.memory.kind = kind;
@@ -197,8 +197,8 @@ void memory(const Tool& tool, int num_cameras, DepthMemory kind, double seconds)
     ThreadPool pool(1);
     double at = 0;
     Pose X_WC;
-    const auto push = [&](SurfaceTimeline& timeline, const std::vector<float>& metres) {
-      DepthImageView image(camera.width, camera.height, metres.data());
+    const auto push = [&](SurfaceTimeline& timeline, const std::vector<float>& meters) {
+      DepthImageView image(camera.width, camera.height, meters.data());
       image.X_WC = X_WC;
       timeline.push(image, at, pool);
       at += 1.0 / 30;

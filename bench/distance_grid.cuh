@@ -14,7 +14,7 @@
 namespace palpate::bench {
 
 struct DistanceGrid {
-  float origin[3] = {}, cells_per_metre = 1;
+  float origin[3] = {}, cells_per_meter = 1;
   int num[3] = {};
   const float* distances = nullptr;
 };
@@ -23,7 +23,7 @@ struct DistanceGrid {
 inline DistanceGrid wall_distances(double cell, gpu::Memory& memory) {
   constexpr double kLow[] = {-0.65, -0.65, 0.55}, kHigh[] = {0.65, 0.65, 1.15};
   DistanceGrid grid;
-  grid.cells_per_metre = static_cast<float>(1 / cell);
+  grid.cells_per_meter = static_cast<float>(1 / cell);
   for (int axis = 0; axis < 3; ++axis) {
     grid.origin[axis] = static_cast<float>(kLow[axis]);
     grid.num[axis] = static_cast<int>((kHigh[axis] - kLow[axis]) / cell) + 1;
@@ -73,8 +73,8 @@ __global__ void __launch_bounds__(256) query_grid(const __grid_constant__ GridJo
     float lever[3], at[3];
     for (int axis = 0; axis < 3; ++axis) {
       const float(&r)[3] = shared.R[axis];
-      lever[axis] = r[0] * s.centre.x + r[1] * s.centre.y + r[2] * s.centre.z;
-      at[axis] = (lever[axis] + shared.p[axis] - grid.origin[axis]) * grid.cells_per_metre;
+      lever[axis] = r[0] * s.center.x + r[1] * s.center.y + r[2] * s.center.z;
+      at[axis] = (lever[axis] + shared.p[axis] - grid.origin[axis]) * grid.cells_per_meter;
     }
     eval::TrilinearCell<float> cell;
     if (!cell.find(at, grid.num)) continue;
@@ -82,7 +82,7 @@ __global__ void __launch_bounds__(256) query_grid(const __grid_constant__ GridJo
     if (!(depth > 0)) continue;
     float n[3];
     cell.gradient(n);
-    for (float& component : n) component *= grid.cells_per_metre;
+    for (float& component : n) component *= grid.cells_per_meter;
     sums[0] += depth;
     for (int a = 0; a < 3; ++a) {
       const int b = (a + 1) % 3, c = (a + 2) % 3;

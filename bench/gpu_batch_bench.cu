@@ -47,18 +47,18 @@ void measure(const std::string& name, double evaluations, gpu::Stream& stream, c
 
 /// Returns depth of bumpy_wall in meters, in images of any size, each a little farther away.
 std::vector<float> wall_images(int width, int height, int num) {
-  std::vector<float> metres;
+  std::vector<float> meters;
   const double f = 525.0 * width / 640;
   for (int i = 0; i < num; ++i) {
     for (int v = 0; v < height; ++v) {
       for (int u = 0; u < width; ++u) {
         const double a = 26 * (u - width / 2) / f, b = 31 * (v - height / 2) / f;
-        metres.push_back(
+        meters.push_back(
             static_cast<float>(kWallDepth + 0.0001 * i + 0.01 * std::sin(a) * std::cos(b)));
       }
     }
   }
-  return metres;
+  return meters;
 }
 Camera camera_of(int width, int height) {
   const double f = 525.0 * width / 640;

@@ -93,11 +93,11 @@ inline test::HullScene scene_of(const Solid& solid, const std::vector<Pose>& cam
   test::Random random(seed);
   test::HullScene scene;
   for (const Pose& X_WC : cameras) {
-    std::vector<float> metres = test::depth_seen(solid.ray, test::vga(), X_WC);
-    for (float& z : metres) {
+    std::vector<float> meters = test::depth_seen(solid.ray, test::vga(), X_WC);
+    for (float& z : meters) {
       if (z > 0) z += static_cast<float>(noise * random.normal());
     }
-    test::add_view(scene, test::vga(), X_WC, metres);
+    test::add_view(scene, test::vga(), X_WC, meters);
   }
   scene.ray = solid.ray;
   scene.is_solid = solid.is_solid;

@@ -65,8 +65,8 @@ class NanoflannTree : public BoundaryPeer {
                 std::span<SphereAnswer> answers) override {
     query_all(spheres, X_WT, answers, [&](const Vec3f& c, float radius, SphereAnswer& answer) {
       Visitor visitor{cloud_, question, radius * radius, answer};
-      const float centre[3] = {c.x, c.y, c.z};
-      tree_->findNeighbors(visitor, centre, {});
+      const float center[3] = {c.x, c.y, c.z};
+      tree_->findNeighbors(visitor, center, {});
     });
   }
 

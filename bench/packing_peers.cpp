@@ -36,12 +36,12 @@ class Filling {
   /// Inserts the largest single-precision sphere of at most `radius` around p, rounded, unless it
   /// is smaller than `least`.
   bool insert(const Vec3d& p, double radius, double least) {
-    const Vec3f centre = rounded(p);
+    const Vec3f center = rounded(p);
     // Far less than the rounding of a radius to float, so that the sphere stays in free space.
     constexpr double kInside = 1 - 2e-7;
-    const double free = kInside * space_.clearance(to_double(centre), radius);
+    const double free = kInside * space_.clearance(to_double(center), radius);
     if (!(free >= least) || !(free > 0)) return false;
-    packing_.spheres.push_back({centre, static_cast<float>(free)});
+    packing_.spheres.push_back({center, static_cast<float>(free)});
     packing_.times.push_back(stopwatch_.elapsed());
     spheres_.insert(packing_.spheres.back());
     return true;
@@ -76,7 +76,7 @@ struct Grid {
     return static_cast<std::size_t>(num[0]) * static_cast<std::size_t>(num[1]) *
            static_cast<std::size_t>(num[2]);
   }
-  Vec3d centre(std::size_t i) const {
+  Vec3d center(std::size_t i) const {
     const auto x = static_cast<std::size_t>(num[0]), y = static_cast<std::size_t>(num[1]);
     return low + Vec3d{static_cast<double>(i % x) + 0.5, static_cast<double>(i / x % y) + 0.5,
                        static_cast<double>(i / (x * y)) + 0.5} *
@@ -99,7 +99,7 @@ class PrototypePacker {
     const Grid grid(box, kFirstCells);
     side_ = grid.side;
     for (std::size_t i = 0; i < grid.size(); ++i) {
-      cells_.push_back({grid.centre(i), norm(box.high - box.low), State::mixed});
+      cells_.push_back({grid.center(i), norm(box.high - box.low), State::mixed});
     }
     drop_dead_cells();
   }
@@ -121,7 +121,7 @@ class PrototypePacker {
  private:
   enum class State { inside, mixed, dead };
   struct Cell {
-    Vec3d centre;
+    Vec3d center;
     double bound = 0;  ///< upper bound of the clearance at the center
     State state = State::mixed;
   };
@@ -138,7 +138,7 @@ class PrototypePacker {
         const Vec3d to_child =
             Vec3d{corner & 1 ? 0.5 : -0.5, corner & 2 ? 0.5 : -0.5, corner & 4 ? 0.5 : -0.5} *
             side_;
-        children.push_back({cell.centre + to_child, cell.bound + half_diagonal(), cell.state});
+        children.push_back({cell.center + to_child, cell.bound + half_diagonal(), cell.state});
       }
     }
     cells_.swap(children);
@@ -149,11 +149,11 @@ class PrototypePacker {
   void drop_dead_cells() {
     const FreeSpace& space = filling_.space();
     for (Cell& cell : cells_) {
-      if (space.spheres.clearance(cell.centre, 0) <= -half_diagonal()) {
+      if (space.spheres.clearance(cell.center, 0) <= -half_diagonal()) {
         cell.state = State::dead;
       } else if (cell.state == State::mixed &&
-                 space.mesh.closest(cell.centre, half_diagonal()).triangle < 0) {
-        cell.state = space.mesh.inside(cell.centre) ? State::inside : State::dead;
+                 space.mesh.closest(cell.center, half_diagonal()).triangle < 0) {
+        cell.state = space.mesh.inside(cell.center) ? State::inside : State::dead;
       }
     }
     std::erase_if(cells_, [](const Cell& cell) { return cell.state == State::dead; });
@@ -181,7 +181,7 @@ class PrototypePacker {
       const Vec3d offset =
           Vec3d{random(round, i, 0) - 0.5, random(round, i, 1) - 0.5, random(round, i, 2) - 0.5} *
           side_;
-      const Vec3d p = cell.centre + offset;
+      const Vec3d p = cell.center + offset;
       if (cell.state == State::mixed && !filling_.space().mesh.inside(p)) continue;
       prototypes_[i] = converge(p, norm(offset), cell);
     }
@@ -190,17 +190,17 @@ class PrototypePacker {
 
   // Returns the largest ball on the way of a prototype away from its closest obstacle. The
   // clearance changes by at most the distance moved, which bounds each query.
-  Ball converge(Vec3d p, double from_centre, Cell& cell) const {
+  Ball converge(Vec3d p, double from_center, Cell& cell) const {
     Ball best;
-    double reach = cell.bound + from_centre, step = kFirstStep;
+    double reach = cell.bound + from_center, step = kFirstStep;
     for (int t = 0; t < kSteps; ++t, step *= kCooling) {
       const FreeSpace::Nearest found = filling_.space().nearest(p, reach);
       if (found.distance <= 0) break;  // started within a sphere
-      if (t == 0) cell.bound = std::min(cell.bound, found.distance + from_centre);
+      if (t == 0) cell.bound = std::min(cell.bound, found.distance + from_center);
       if (found.distance > best.radius) best = {p, found.distance};
       const bool is_sphere = found.sphere.radius > 0;
       if (!is_sphere && found.triangle < 0) break;
-      const Vec3d away = normalized(p - (is_sphere ? to_double(found.sphere.centre) : found.point));
+      const Vec3d away = normalized(p - (is_sphere ? to_double(found.sphere.center) : found.point));
       p += away * (step * found.distance);
       reach = found.distance * (1.001 + step);
     }
@@ -217,11 +217,11 @@ class PrototypePacker {
     for (const std::size_t i : order) {
       if (radius(i) <= 0 || radius(i) < large_ * radius(order[0]) || filling_.full()) break;
       constexpr double kUntouched = 1 - 1e-3;  // otherwise it overlaps a sphere of this round
-      filling_.insert(prototypes_[i].centre, 1.01 * radius(i), kUntouched * radius(i));
+      filling_.insert(prototypes_[i].center, 1.01 * radius(i), kUntouched * radius(i));
     }
     const SphereLevels& spheres = filling_.space().spheres;
     std::erase_if(cells_, [&](const Cell& cell) {
-      return spheres.clearance(cell.centre, 0) <= -half_diagonal();
+      return spheres.clearance(cell.center, 0) <= -half_diagonal();
     });
   }
 
@@ -254,7 +254,7 @@ PeerPacking pack_fixed_grid(const TriangleMesh& solid, int cells, const PeerLimi
     bool inside = false;
     double known = std::numeric_limits<double>::infinity(), safe = 0;
     for (std::size_t x = 0; x < row_length;) {
-      const Vec3d p = grid.centre(row + x);
+      const Vec3d p = grid.center(row + x);
       const double distance = space.mesh.closest(p, known * 1.001).distance;
       if (safe <= grid.side) inside = space.mesh.inside(p);
       if (inside) field[row + x] = static_cast<float>(distance);
@@ -284,14 +284,14 @@ PeerPacking pack_fixed_grid(const TriangleMesh& solid, int cells, const PeerLimi
     const auto [radius, cell] = heap.back();
     heap.pop_back();
     const double known = radius;
-    const Vec3d centre = grid.centre(cell);
-    const double free = space.spheres.clearance(centre, known);
+    const Vec3d center = grid.center(cell);
+    const double free = space.spheres.clearance(center, known);
     if (free <= 0) continue;
     if (free < known * (1 - 1e-6)) {
       heap.push_back({static_cast<float>(free), cell});
       std::push_heap(heap.begin(), heap.end());
     } else {
-      filling.insert(centre, known * 1.001, 0);
+      filling.insert(center, known * 1.001, 0);
       if (filling.out_of_time()) break;
     }
   }
@@ -301,7 +301,7 @@ PeerPacking pack_fixed_grid(const TriangleMesh& solid, int cells, const PeerLimi
 std::string find_fault(const TriangleMesh& solid, const std::vector<Sphere>& spheres) {
   const TriangleBvh mesh(solid);
   for (std::size_t i = 0; i < spheres.size(); ++i) {
-    const Vec3d c = to_double(spheres[i].centre);
+    const Vec3d c = to_double(spheres[i].center);
     const double radius = spheres[i].radius;
     if (!(radius > 0)) return "sphere " + std::to_string(i) + " has no volume";
     if (mesh.closest(c, radius).distance < radius || !mesh.inside(c)) {
@@ -310,7 +310,7 @@ std::string find_fault(const TriangleMesh& solid, const std::vector<Sphere>& sph
   }
   // Along x, each sphere meets only those that begin before it ends.
   const auto begin = [&](std::size_t i) {
-    return static_cast<double>(spheres[i].centre.x) - static_cast<double>(spheres[i].radius);
+    return static_cast<double>(spheres[i].center.x) - static_cast<double>(spheres[i].radius);
   };
   std::vector<std::size_t> order(spheres.size());
   std::iota(order.begin(), order.end(), 0u);
@@ -318,10 +318,10 @@ std::string find_fault(const TriangleMesh& solid, const std::vector<Sphere>& sph
             [&](std::size_t a, std::size_t b) { return begin(a) < begin(b); });
   for (std::size_t k = 0; k < order.size(); ++k) {
     const Sphere& a = spheres[order[k]];
-    const double end = static_cast<double>(a.centre.x) + static_cast<double>(a.radius);
+    const double end = static_cast<double>(a.center.x) + static_cast<double>(a.radius);
     for (std::size_t l = k + 1; l < order.size() && begin(order[l]) <= end; ++l) {
       const Sphere& b = spheres[order[l]];
-      const double apart = norm(to_double(a.centre) - to_double(b.centre));
+      const double apart = norm(to_double(a.center) - to_double(b.center));
       if (apart < static_cast<double>(a.radius) + static_cast<double>(b.radius)) {
         return "spheres " + std::to_string(order[k]) + " and " + std::to_string(order[l]) +
                " overlap";

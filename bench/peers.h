@@ -58,7 +58,7 @@ void query_all(std::span<const Sphere> spheres, const Pose& X_WT, std::span<Sphe
   const Mat3d R_WT = rotation_matrix(X_WT.rotation);
   for (std::size_t k = 0; k < spheres.size(); ++k) {
     answers[k] = SphereAnswer{};
-    evaluate_one(to_float(R_WT * to_double(spheres[k].centre) + X_WT.translation),
+    evaluate_one(to_float(R_WT * to_double(spheres[k].center) + X_WT.translation),
                  spheres[k].radius, answers[k]);
   }
 }

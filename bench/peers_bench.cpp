@@ -152,7 +152,7 @@ int compare(BoundaryPeer& peer, Question question, const PointCloud& cloud, cons
                                                   : a.num_points == b.num_points;
     if (!same) {
       const Sphere& s = tool.spheres()[k];
-      const Vec3d c_W = R_WT * to_double(s.centre) + X_WT.translation;
+      const Vec3d c_W = R_WT * to_double(s.center) + X_WT.translation;
       const auto radius = static_cast<double>(s.radius);
       // For `which`, a library stops counting at one.
       const int num = question == Question::which ? std::min(a.num_points, 1) : a.num_points;

@@ -62,10 +62,10 @@ constexpr double kMinDepth = 0.5, kMaxDepth = 3;  // m
 
 struct Depth {
   int width = 0, height = 0;
-  std::span<const float> metres;  ///< NaN: none
+  std::span<const float> meters;  ///< NaN: none
 
   double at(int u, int v) const {
-    return static_cast<double>(metres[static_cast<std::size_t>(v * width + u)]);
+    return static_cast<double>(meters[static_cast<std::size_t>(v * width + u)]);
   }
 };
 
@@ -179,9 +179,9 @@ Figures measure(const std::vector<DepthFrame>& frames, const Intrinsics& k,
       const double scatter = scatter_at(made.surface.cloud(), u, v);
       if (std::isfinite(scatter)) figures.scatter.push_back(scatter);
     }
-    for (std::size_t i = 0; i < was.metres.size(); ++i) {
-      figures.num_valid += !std::isnan(was.metres[i]);
-      figures.num_removed += !std::isnan(was.metres[i]) && std::isnan(is.metres[i]);
+    for (std::size_t i = 0; i < was.meters.size(); ++i) {
+      figures.num_valid += !std::isnan(was.meters[i]);
+      figures.num_removed += !std::isnan(was.meters[i]) && std::isnan(is.meters[i]);
     }
     for (int i = 0; i < 5; ++i) {
       const std::clock_t begin = std::clock();

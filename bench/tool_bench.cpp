@@ -16,9 +16,9 @@ namespace palpate::bench {
 namespace {
 
 bool touches(const Sphere& ball, const Vec3d& p, const Vec3d& q) {
-  const Vec3d centre = to_double(ball.centre), along = q - p;
-  const double t = std::clamp(dot(centre - p, along) / dot(along, along), 0.0, 1.0);
-  return norm(p + along * t - centre) <= static_cast<double>(ball.radius);
+  const Vec3d center = to_double(ball.center), along = q - p;
+  const double t = std::clamp(dot(center - p, along) / dot(along, along), 0.0, 1.0);
+  return norm(p + along * t - center) <= static_cast<double>(ball.radius);
 }
 
 /// True if the edge between the centers of a and b runs through a third sphere.
@@ -26,8 +26,8 @@ bool is_pierced(std::span<const IstNode> nodes, std::span<const Sphere> spheres,
                 std::int32_t node = 0) {
   const IstNode& n = nodes[static_cast<std::size_t>(node)];
   if (n.sphere_id == a || n.sphere_id == b) return false;
-  if (!touches(n.bound, to_double(spheres[static_cast<std::size_t>(a)].centre),
-               to_double(spheres[static_cast<std::size_t>(b)].centre)))
+  if (!touches(n.bound, to_double(spheres[static_cast<std::size_t>(a)].center),
+               to_double(spheres[static_cast<std::size_t>(b)].center)))
     return false;
   bool pierced = n.num_children == 0;
   for (int c = 0; c < n.num_children && !pierced; ++c)

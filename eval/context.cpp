@@ -25,17 +25,17 @@ struct Recording {
   double unit;  ///< m
   double rate;  ///< frames per second
 };
-constexpr Intrinsics kKinect{525, 525, 319.5, 239.5}, kKinectCentred{525, 525, 320, 240};
+constexpr Intrinsics kKinect{525, 525, 319.5, 239.5}, kKinectCentered{525, 525, 320, 240};
 constexpr Intrinsics kRoomCamera{617.25, 617.5486, 317.392, 245.98};
 constexpr Recording kRecordings[] = {
     {"frames/pcl_person.png", kKinect, 0.001, 30},
-    {"frames/pcl_floor_box_chair.png", kKinectCentred, 0.001, 30},
+    {"frames/pcl_floor_box_chair.png", kKinectCentered, 0.001, 30},
     {"frames/pcl_milk_clorox_table.png", kKinect, 0.001, 30},
     {"frames/pcl_stairs_shelf_1.png", kKinect, 0.001, 30},
     {"frames/pcl_stairs_shelf_2.png", kKinect, 0.001, 30},
-    {"frames/pcl_grabber_1.png", kKinectCentred, 0.001, 3.9},
-    {"frames/pcl_grabber_2.png", kKinectCentred, 0.001, 3.9},
-    {"frames/pcl_grabber_3.png", kKinectCentred, 0.001, 3.9},
+    {"frames/pcl_grabber_1.png", kKinectCentered, 0.001, 3.9},
+    {"frames/pcl_grabber_2.png", kKinectCentered, 0.001, 3.9},
+    {"frames/pcl_grabber_3.png", kKinectCentered, 0.001, 3.9},
     {"frames/realsense_room_0.png", kRoomCamera, 0.001, 30},
     {"frames/realsense_room_2.png", kRoomCamera, 0.001, 30},
     {"frames/realsense_room_4.png", kRoomCamera, 0.001, 30},

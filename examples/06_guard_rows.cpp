@@ -1,5 +1,5 @@
 // How a robot's tool may move near what a depth camera sees: rows A V <= b that a quadratic program
-// takes, V being the velocities of the tool's centre of mass in W. guard_arm.py moves an arm by
+// takes, V being the velocities of the tool's center of mass in W. guard_arm.py moves an arm by
 // them.
 #include <array>
 #include <cmath>
@@ -48,7 +48,7 @@ int main() {
   const Contact contact = Contact::create(tool).value();
   const Camera camera{640, 480, {525, 525, 319.5, 239.5}};
 
-  // A wall, half a metre away. Its right half is black: nothing was measured there.
+  // A wall, half a meter away. Its right half is black: nothing was measured there.
   std::vector<std::uint16_t> counts(640 * 480, 500);
   for (std::size_t i = 0; i < counts.size(); ++i) {
     if (i % 640 >= 320) counts[i] = 0;

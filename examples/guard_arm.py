@@ -72,7 +72,7 @@ def not_seen_free(depth, camera):
 
 
 def guard_rows(result, least, most):
-    """A and b for the twist of the guard's centre of mass in W: A V <= b. `least`: None, or m4 that U is kept above."""
+    """A and b for the twist of the guard's center of mass in W: A V <= b. `least`: None, or m4 that U is kept above."""
     gradient = -np.concatenate([result.force, result.torque])
     rows, bounds = [gradient], [RATE * (most - result.potential)]
     if least is not None and result.potential > least / 2:  # until it has come there, nothing keeps it

@@ -13,10 +13,10 @@ namespace {
 
 /// Of the hull of two balls.
 double distance(const Ball& a, const Ball& b, const Vec3d& p) {
-  const Vec3d axis = b.centre - a.centre;
+  const Vec3d axis = b.center - a.center;
   const double length = norm(axis), taper = a.radius - b.radius;
-  const double along = dot(p - a.centre, axis) / length;
-  const double across = norm(p - a.centre - axis * (along / length));
+  const double along = dot(p - a.center, axis) / length;
+  const double across = norm(p - a.center - axis * (along / length));
   // Normals lean by the half angle of the cone; following them back leads to the nearest ball.
   const double lean = taper / std::sqrt(length * length - taper * taper);
   const double s = std::clamp(along - across * lean, 0.0, length);
@@ -33,7 +33,7 @@ double distance(const BallChain& chain, const Vec3d& p) {
 
 /// First order: exact on the surface, where it counts.
 double distance(const Ellipsoid& ellipsoid, const Vec3d& p) {
-  const Vec3d &r = ellipsoid.radii, d = p - ellipsoid.centre;
+  const Vec3d &r = ellipsoid.radii, d = p - ellipsoid.center;
   const Vec3d scaled{d.x / r.x, d.y / r.y, d.z / r.z};
   const double k = norm(scaled);
   const double slope = norm(Vec3d{scaled.x / r.x, scaled.y / r.y, scaled.z / r.z});
@@ -142,14 +142,14 @@ TriangleMesh blended(std::span<const BallChain> chains, std::span<const Ellipsoi
                      double blend, double cell) {
   PALPATE_ASSERT(blend > 0 && cell > 0);
   TriangleMesh extremes;
-  const auto reach = [&](const Vec3d& centre, const Vec3d& radii) {
-    extremes.vertices.push_back(centre - radii);
-    extremes.vertices.push_back(centre + radii);
+  const auto reach = [&](const Vec3d& center, const Vec3d& radii) {
+    extremes.vertices.push_back(center - radii);
+    extremes.vertices.push_back(center + radii);
   };
   for (const BallChain& chain : chains) {
-    for (const Ball& ball : chain) reach(ball.centre, Vec3d{1, 1, 1} * ball.radius);
+    for (const Ball& ball : chain) reach(ball.center, Vec3d{1, 1, 1} * ball.radius);
   }
-  for (const Ellipsoid& e : ellipsoids) reach(e.centre, e.radii);
+  for (const Ellipsoid& e : ellipsoids) reach(e.center, e.radii);
   const Bounds box = bounds(extremes);
   const double margin = blend + 2 * cell;
 

@@ -15,15 +15,15 @@ TriangleMesh block(const Vec3d& low, const Vec3d& high);
 void append(TriangleMesh& body, const TriangleMesh& part);
 
 struct Ball {
-  Vec3d centre;
+  Vec3d center;
   double radius;
 };
-/// A finger, an arm, a neck: the hulls of each two neighbouring balls, of which neither may contain
+/// A finger, an arm, a neck: the hulls of each two neighboring balls, of which neither may contain
 /// the other.
 using BallChain = std::vector<Ball>;
 /// Axes parallel to the frame's.
 struct Ellipsoid {
-  Vec3d centre, radii;
+  Vec3d center, radii;
 };
 
 /// Parts of clay pressed together: creases between parts closer than about `blend` (m) are filled.

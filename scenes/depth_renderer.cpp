@@ -49,7 +49,7 @@ SceneHandle build_tree(RTCDevice device, const TriangleMesh& mesh) {
   return tree;
 }
 
-/// Rays of neighbouring pixels travel together.
+/// Rays of neighboring pixels travel together.
 constexpr int kPacket = 8;
 
 struct Packet {

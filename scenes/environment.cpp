@@ -39,10 +39,10 @@ SignedDistance wedge_distance(const Plane<double>& a, const Plane<double>& b, co
   return {distance, from_edge / distance};
 }
 
-SignedDistance ball_distance(const Vec3d& centre, double radius, const Vec3d& p) {
-  const Vec3d from_centre = p - centre;
-  const double length = norm(from_centre);
-  const Vec3d direction = length > 0 ? from_centre / length : Vec3d{0, 0, -1};
+SignedDistance ball_distance(const Vec3d& center, double radius, const Vec3d& p) {
+  const Vec3d from_center = p - center;
+  const double length = norm(from_center);
+  const Vec3d direction = length > 0 ? from_center / length : Vec3d{0, 0, -1};
   return {length - radius, direction};
 }
 
@@ -105,7 +105,7 @@ Environment Environment::wedge(double depth, double opening) {
 Environment Environment::ball_outside(double depth, double radius) {
   Environment environment;
   environment.kind = Kind::ball_outside;
-  environment.centre = {0, 0, depth + radius};
+  environment.center = {0, 0, depth + radius};
   environment.radius = radius;
   return environment;
 }
@@ -113,7 +113,7 @@ Environment Environment::ball_outside(double depth, double radius) {
 Environment Environment::ball_inside(double depth, double radius) {
   Environment environment;
   environment.kind = Kind::ball_inside;
-  environment.centre = {0, 0, depth - radius};
+  environment.center = {0, 0, depth - radius};
   environment.radius = radius;
   return environment;
 }
@@ -134,7 +134,7 @@ Environment Environment::in_frame(const Pose& X_FW) const {
   Environment there = *this;
   there.a = moved(a);
   there.b = moved(b);
-  there.centre = X_FW * centre;
+  there.center = X_FW * center;
   there.X_WB = X_FW * X_WB;
   return there;
 }
@@ -156,9 +156,9 @@ SignedDistance signed_distance(const Environment& environment, const Vec3d& p) {
     case Environment::Kind::ridge: return wedge_distance(a, b, p);
     case Environment::Kind::corner: return negated(wedge_distance(flipped(a), flipped(b), p));
     case Environment::Kind::ball_outside:
-      return ball_distance(environment.centre, environment.radius, p);
+      return ball_distance(environment.center, environment.radius, p);
     case Environment::Kind::ball_inside:
-      return negated(ball_distance(environment.centre, environment.radius, p));
+      return negated(ball_distance(environment.center, environment.radius, p));
     case Environment::Kind::box: {
       const Pose& X_WB = environment.X_WB;
       const SignedDistance d = box_distance(environment.half_size, inverse(X_WB) * p);
@@ -187,9 +187,9 @@ double first_hit(const Environment& environment, const Vec3d& direction) {
     case Environment::Kind::ball_inside: break;
   }
   // |t d - c| = r; the nearer root enters the ball, the farther one leaves it.
-  const double dd = dot(direction, direction), dc = dot(direction, environment.centre);
+  const double dd = dot(direction, direction), dc = dot(direction, environment.center);
   const double cc =
-      dot(environment.centre, environment.centre) - environment.radius * environment.radius;
+      dot(environment.center, environment.center) - environment.radius * environment.radius;
   const double discriminant = dc * dc - dd * cc;
   if (discriminant < 0) return kNever;
   const double root = std::sqrt(discriminant);

@@ -20,7 +20,7 @@ struct Environment {
   };
   Kind kind = Kind::half_space;
   Plane<double> a, b;  ///< normals point out of the solid; not parallel
-  Vec3d centre;        ///< of the ball
+  Vec3d center;        ///< of the ball
   double radius = 0;
   Pose X_WB;        ///< of the box
   Vec3d half_size;  ///< of the box, m

@@ -28,10 +28,10 @@ PressureMeans operator+(const PressureMeans& a, const PressureMeans& b) {
 PressureMeans operator*(const PressureMeans& a, double s) { return {a.pressure * s, a.moment * s}; }
 
 /// phi = height over a plane: exact.
-PressureMeans means_of(const Plane<double>& plane, const Triangle& t, const Vec3d& centre) {
+PressureMeans means_of(const Plane<double>& plane, const Triangle& t, const Vec3d& center) {
   const double pa = height_over(plane, t[0]), pb = height_over(plane, t[1]),
                pc = height_over(plane, t[2]);
-  const Vec3d a = t[0] - centre, b = t[1] - centre, c = t[2] - centre;
+  const Vec3d a = t[0] - center, b = t[1] - center, c = t[2] - center;
   const Vec3d products = a * pa + b * pb + c * pc;
   return {(pa + pb + pc) / 3, ((a + b + c) * (pa + pb + pc) + products) / 12};
 }
@@ -43,13 +43,13 @@ struct Line {
 };
 
 /// Seven points, exact for polynomials of degree 5 (Radon 1948).
-PressureMeans radon_means(const Line& line, const Triangle& t, const Vec3d& centre) {
+PressureMeans radon_means(const Line& line, const Triangle& t, const Vec3d& center) {
   const double root = std::sqrt(15.0);
   const Vec3d middle = (t[0] + t[1] + t[2]) / 3;
   PressureMeans sum;
   const auto add = [&](const Vec3d& p, double weight) {
     const double phi = line.phi(p) * weight;
-    sum = sum + PressureMeans{phi, (p - centre) * phi};
+    sum = sum + PressureMeans{phi, (p - center) * phi};
   };
   add(middle, 9.0 / 40);
   for (const Vec3d& corner : t) {
@@ -62,7 +62,7 @@ PressureMeans radon_means(const Line& line, const Triangle& t, const Vec3d& cent
 /// Halves the edges until that changes nothing: the distance is smooth away from the line and bends
 /// on it, so only triangles that touch the line are halved often. `tolerance` is that of the mean
 /// over this triangle.
-PressureMeans adaptive_means(const Line& line, const Triangle& t, const Vec3d& centre,
+PressureMeans adaptive_means(const Line& line, const Triangle& t, const Vec3d& center,
                              const PressureMeans& coarse, double tolerance) {
   const Vec3d ab = (t[0] + t[1]) / 2, bc = (t[1] + t[2]) / 2, ca = (t[2] + t[0]) / 2;
   const std::array<Triangle, 4> parts{
@@ -70,16 +70,16 @@ PressureMeans adaptive_means(const Line& line, const Triangle& t, const Vec3d& c
   std::array<PressureMeans, 4> means;
   PressureMeans fine;
   for (std::size_t i = 0; i < parts.size(); ++i) {
-    means[i] = radon_means(line, parts[i], centre);
+    means[i] = radon_means(line, parts[i], center);
     fine = fine + means[i] * 0.25;
   }
-  const double reach = norm(t[0] - centre) + norm(t[1] - t[0]) + norm(t[2] - t[0]);
+  const double reach = norm(t[0] - center) + norm(t[1] - t[0]) + norm(t[2] - t[0]);
   if (std::abs(fine.pressure - coarse.pressure) <= tolerance &&
       norm(fine.moment - coarse.moment) <= tolerance * reach)
     return fine;
   fine = {};
   for (std::size_t i = 0; i < parts.size(); ++i) {
-    fine = fine + adaptive_means(line, parts[i], centre, means[i], 4 * tolerance) * 0.25;
+    fine = fine + adaptive_means(line, parts[i], center, means[i], 4 * tolerance) * 0.25;
   }
   return fine;
 }
@@ -87,9 +87,9 @@ PressureMeans adaptive_means(const Line& line, const Triangle& t, const Vec3d& c
 /// Of the longest distance; the finer sum is better than the difference that it stops at.
 constexpr double kTolerance = 1e-10;
 
-PressureMeans means_of(const Line& line, const Triangle& t, const Vec3d& centre) {
+PressureMeans means_of(const Line& line, const Triangle& t, const Vec3d& center) {
   const double deepest = -std::min({line.phi(t[0]), line.phi(t[1]), line.phi(t[2])});
-  return adaptive_means(line, t, centre, radon_means(line, t, centre), kTolerance * deepest);
+  return adaptive_means(line, t, center, radon_means(line, t, center), kTolerance * deepest);
 }
 
 /// One side of a plane. Regions that share a plane lie on different sides of it, so that a face of
@@ -105,7 +105,7 @@ Side in_front(const Plane<double>& plane) { return {plane, true}; }
 /// Adds the pressure on the part of the tool on the given sides.
 template <class Field>
 void add_pressure(const TriangleMesh& tool, const Pose& X_WT, std::span<const Side> sides,
-                  const Field& field, const Vec3d& centre, VolumeWrench& sum) {
+                  const Field& field, const Vec3d& center, VolumeWrench& sum) {
   for_each_face(tool, X_WT, [&](const Triangle& face) {
     Polygon polygon(face);
     for (const Side& side : sides) {
@@ -114,7 +114,7 @@ void add_pressure(const TriangleMesh& tool, const Pose& X_WT, std::span<const Si
     polygon.for_each_triangle([&](const Triangle& t) {
       const Vec3d area = doubled_area(t) / 2;
       if (area == Vec3d{}) return;
-      const PressureMeans means = means_of(field, t, centre);
+      const PressureMeans means = means_of(field, t, center);
       sum.force += area * means.pressure;
       sum.torque += cross(means.moment, area);
     });
@@ -123,8 +123,8 @@ void add_pressure(const TriangleMesh& tool, const Pose& X_WT, std::span<const Si
 
 template <class Field>
 void add_pressure(const TriangleMesh& tool, const Pose& X_WT, std::initializer_list<Side> sides,
-                  const Field& field, const Vec3d& centre, VolumeWrench& sum) {
-  add_pressure(tool, X_WT, std::span<const Side>(sides.begin(), sides.size()), field, centre, sum);
+                  const Field& field, const Vec3d& center, VolumeWrench& sum) {
+  add_pressure(tool, X_WT, std::span<const Side>(sides.begin(), sides.size()), field, center, sum);
 }
 
 /// A plane through the common line of a and b: behind it, h_a <= factor * h_b.
@@ -134,17 +134,17 @@ Plane<double> through_edge(const Plane<double>& a, const Plane<double>& b, doubl
 
 /// Within a ridge the nearer plane counts.
 VolumeWrench ridge_wrench(const TriangleMesh& tool, const Pose& X_WT, const Environment& e,
-                          const Vec3d& centre) {
+                          const Vec3d& center) {
   const Plane<double> halfway = through_edge(e.a, e.b, 1);
   VolumeWrench sum;
-  add_pressure(tool, X_WT, {behind(e.a), behind(e.b), in_front(halfway)}, e.a, centre, sum);
-  add_pressure(tool, X_WT, {behind(e.a), behind(e.b), behind(halfway)}, e.b, centre, sum);
+  add_pressure(tool, X_WT, {behind(e.a), behind(e.b), in_front(halfway)}, e.a, center, sum);
+  add_pressure(tool, X_WT, {behind(e.a), behind(e.b), behind(halfway)}, e.b, center, sum);
   return sum;
 }
 
 /// Within a box the nearest face counts: it is cut into six parts.
 VolumeWrench box_wrench(const TriangleMesh& tool, const Pose& X_WT, const Environment& e,
-                        const Vec3d& centre) {
+                        const Vec3d& center) {
   const auto faces = e.faces();
   VolumeWrench sum;
   for (std::size_t i = 0; i < faces.size(); ++i) {
@@ -155,7 +155,7 @@ VolumeWrench box_wrench(const TriangleMesh& tool, const Pose& X_WT, const Enviro
       sides[num++] = i < j ? in_front(through_edge(faces[i], faces[j], 1))
                            : behind(through_edge(faces[j], faces[i], 1));
     }
-    add_pressure(tool, X_WT, std::span<const Side>(sides), faces[i], centre, sum);
+    add_pressure(tool, X_WT, std::span<const Side>(sides), faces[i], center, sum);
   }
   return sum;
 }
@@ -163,18 +163,18 @@ VolumeWrench box_wrench(const TriangleMesh& tool, const Pose& X_WT, const Enviro
 /// Behind a corner the nearest point of free space is the foot of the perpendicular on either plane
 /// where it exists, and else on the edge (compare wedge_distance in environment.cpp).
 VolumeWrench corner_wrench(const TriangleMesh& tool, const Pose& X_WT, const Environment& e,
-                           const Vec3d& centre) {
+                           const Vec3d& center) {
   const double c = dot(e.a.normal, e.b.normal);
   const Plane<double> off_b = through_edge(e.a, e.b, c), off_a = through_edge(e.b, e.a, c);
-  const Line edge{foot(e.a, e.b, centre), normalized(cross(e.a.normal, e.b.normal))};
+  const Line edge{foot(e.a, e.b, center), normalized(cross(e.a.normal, e.b.normal))};
   VolumeWrench sum;
-  add_pressure(tool, X_WT, {behind(e.a), in_front(off_a)}, e.a, centre, sum);
-  add_pressure(tool, X_WT, {behind(e.b), in_front(off_b)}, e.b, centre, sum);
-  add_pressure(tool, X_WT, {behind(off_a), behind(off_b)}, edge, centre, sum);
+  add_pressure(tool, X_WT, {behind(e.a), in_front(off_a)}, e.a, center, sum);
+  add_pressure(tool, X_WT, {behind(e.b), in_front(off_b)}, e.b, center, sum);
+  add_pressure(tool, X_WT, {behind(off_a), behind(off_b)}, edge, center, sum);
   return sum;
 }
 
-/// Integrals of |x - o| - R over fans in a plane at distance h of the centre o of a ball of radius
+/// Integrals of |x - o| - R over fans in a plane at distance h of the center o of a ball of radius
 /// R, seen from the foot of o (mesh_faces.h).
 class BallPressure {
  public:
@@ -221,37 +221,37 @@ class BallPressure {
   double sector_;  ///< integral over the disc, per radian
 };
 
-/// Every n points along a line through the ball's centre, so there the torque is zero.
+/// Every n points along a line through the ball's center, so there the torque is zero.
 VolumeWrench ball_wrench(const TriangleMesh& tool, const Pose& X_WT, const Environment& e,
-                         const Vec3d& centre) {
+                         const Vec3d& center) {
   const bool outside = e.kind == Environment::Kind::ball_outside;
   Vec3d force;
   for_each_face(tool, X_WT, [&](const Triangle& face) {
     const Vec3d normal = normalized(doubled_area(face));
-    const double height = dot(normal, face[0] - e.centre);
+    const double height = dot(normal, face[0] - e.center);
     const BallPressure pressure(e.radius, std::abs(height));
-    force += normal * sum_of_fans(face, normal, e.centre + normal * height,
+    force += normal * sum_of_fans(face, normal, e.center + normal * height,
                                   [&](double d, double t0, double t1) {
                                     const double in_ball = pressure.in_ball(d, t0, t1);
                                     return outside ? in_ball : in_ball - pressure.whole(d, t0, t1);
                                   });
   });
-  return {force, cross(e.centre - centre, force)};
+  return {force, cross(e.center - center, force)};
 }
 
 VolumeWrench exact_wrench(const TriangleMesh& tool, const Pose& X_WT, const Environment& e,
-                          const Vec3d& centre) {
+                          const Vec3d& center) {
   switch (e.kind) {
     case Environment::Kind::half_space: {
       VolumeWrench sum;
-      add_pressure(tool, X_WT, {behind(e.a)}, e.a, centre, sum);
+      add_pressure(tool, X_WT, {behind(e.a)}, e.a, center, sum);
       return sum;
     }
-    case Environment::Kind::ridge: return ridge_wrench(tool, X_WT, e, centre);
-    case Environment::Kind::corner: return corner_wrench(tool, X_WT, e, centre);
+    case Environment::Kind::ridge: return ridge_wrench(tool, X_WT, e, center);
+    case Environment::Kind::corner: return corner_wrench(tool, X_WT, e, center);
     case Environment::Kind::ball_outside:
-    case Environment::Kind::ball_inside: return ball_wrench(tool, X_WT, e, centre);
-    case Environment::Kind::box: return box_wrench(tool, X_WT, e, centre);
+    case Environment::Kind::ball_inside: return ball_wrench(tool, X_WT, e, center);
+    case Environment::Kind::box: return box_wrench(tool, X_WT, e, center);
   }
   return {};
 }
@@ -259,9 +259,9 @@ VolumeWrench exact_wrench(const TriangleMesh& tool, const Pose& X_WT, const Envi
 }  // namespace
 
 ExactPenetration exact_penetration(const TriangleMesh& tool_T, const Pose& X_WT,
-                                   const Vec3d& centre_W, const Environment& environment) {
+                                   const Vec3d& center_W, const Environment& environment) {
   return {exact_volume(tool_T, X_WT, environment),
-          exact_wrench(tool_T, X_WT, environment, centre_W)};
+          exact_wrench(tool_T, X_WT, environment, center_W)};
 }
 
 }  // namespace palpate::inline v0::scenes

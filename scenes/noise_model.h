@@ -15,7 +15,7 @@ class DepthSensor {
   DepthSensor(const NoiseModel& model, const Intrinsics& intrinsics, int width, int height,
               double unit, std::uint64_t seed);
 
-  /// `depth` in metres, NaN where there is nothing. Every pixel's random numbers are a function of
+  /// `depth` in meters, NaN where there is nothing. Every pixel's random numbers are a function of
   /// seed, frame and pixel alone.
   void measure(std::span<const float> depth, std::uint64_t frame, std::span<std::uint16_t> counts);
 
@@ -27,7 +27,7 @@ class DepthSensor {
   int width_, height_;
   double unit_;
   std::uint64_t seed_;
-  double disparity_;        ///< focal length * baseline: pixels of disparity * metres of depth
+  double disparity_;        ///< focal length * baseline: pixels of disparity * meters of depth
   std::vector<float> lit_;  ///< depth where the projector's light falls, else NaN
 };
 

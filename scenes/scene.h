@@ -39,7 +39,7 @@ struct Scene {
   double rate = 30;                ///< frames per second
   double duration = 4;             ///< seconds of the default motion and tool path
   std::string tool_shape;          ///< the shape that goes with it (mesh/mesh.h)
-  double tool_size = 0.1;          ///< metres
+  double tool_size = 0.1;          ///< meters
   std::vector<double> path_times;  ///< default tool path, with path_poses
   std::vector<Pose> path_poses;    ///< X_WT
 };
@@ -67,7 +67,7 @@ struct NoiseModel {
 struct SimulatedCameraOptions {
   NoiseModel noise;
   std::uint64_t seed = 1;
-  double unit = 0.001;             ///< metres per count; noise-free runs want 0.0001
+  double unit = 0.001;             ///< meters per count; noise-free runs want 0.0001
   std::optional<double> duration;  ///< seconds; default: the scene's
 };
 
@@ -80,7 +80,7 @@ Result<Scene> make_scene(std::string_view name);
 /// middle of the image.
 void set_image_size(Scene& scene, int width, int height);
 
-/// Exact depth along z in metres of every pixel at time t, NaN where nothing is hit. Embree finds
+/// Exact depth along z in meters of every pixel at time t, NaN where nothing is hit. Embree finds
 /// the triangle, its depth is computed in double; the environment is cast in double.
 std::vector<float> render_depth(const Scene& scene, double t);
 

@@ -53,7 +53,7 @@ std::vector<ThesisExperiment> thesis_experiments() {
     const Environment environment = *environment_of(scene);
     double contact = kDepth;
     if (environment.kind == Environment::Kind::ball_inside) {
-      contact = environment.centre.z +
+      contact = environment.center.z +
                 std::sqrt(environment.radius * environment.radius - kCube * kCube / 2);
     }
     return experiment(std::move(figure), std::move(scene), "box", kCube, kCube / 2, {}, contact);

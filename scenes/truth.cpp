@@ -54,7 +54,7 @@ double box_volume(const TriangleMesh& tool, const Pose& X_WT, const Environment&
   return sum;
 }
 
-/// Ball and cone with the apex in the ball's centre. The cone's base is a triangle in a plane at
+/// Ball and cone with the apex in the ball's center. The cone's base is a triangle in a plane at
 /// height h, seen from the foot of the apex as three fans, one per edge. A fan's boundary is
 /// rho(theta) = d / cos(theta), d being the distance of the edge. Directions that meet the base
 /// within the ball contribute volume h rho^2 / 6 per theta, the others (of cone angle w =
@@ -95,14 +95,14 @@ class BallCone {
   double plateau_;
 };
 
-double ball_volume(const TriangleMesh& tool, const Pose& X_WT, const Vec3d& centre, double radius) {
+double ball_volume(const TriangleMesh& tool, const Pose& X_WT, const Vec3d& center, double radius) {
   double sum = 0;
   for_each_face(tool, X_WT, [&](const Triangle& face) {
     const Vec3d normal = normalized(doubled_area(face));
-    const double height = dot(normal, face[0] - centre);
+    const double height = dot(normal, face[0] - center);
     const BallCone cone(radius, std::abs(height));
     const double volume =
-        sum_of_fans(face, normal, centre + normal * height,
+        sum_of_fans(face, normal, center + normal * height,
                     [&](double d, double t0, double t1) { return cone.fan(d, t0, t1); });
     sum += height < 0 ? -volume : volume;
   });
@@ -119,7 +119,7 @@ double exact_volume(const TriangleMesh& tool_T, const Pose& X_WT, const Vec3d& a
 double exact_volume(const TriangleMesh& tool_T, const Pose& X_WT, const Environment& environment) {
   const Plane<double>&a = environment.a, &b = environment.b;
   const auto in_ball = [&] {
-    return ball_volume(tool_T, X_WT, environment.centre, environment.radius);
+    return ball_volume(tool_T, X_WT, environment.center, environment.radius);
   };
   switch (environment.kind) {
     case Environment::Kind::half_space:

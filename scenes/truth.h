@@ -15,7 +15,7 @@ namespace palpate::inline v0::scenes {
 
 /// Volume common to the closed mesh (frame T) and the solid, in m3. Closed form for all kinds,
 /// balls included; the error is that of double arithmetic, below 1e-10 of the tool's volume for
-/// hand-sized tools within a few metres. O(triangles).
+/// hand-sized tools within a few meters. O(triangles).
 double exact_volume(const TriangleMesh& tool_T, const Pose& X_WT, const Environment& environment);
 
 /// The same with what lies behind all planes, which pass through the point `apex`. O(triangles).
@@ -33,7 +33,7 @@ struct ExactPenetration {
   VolumeWrench measure_C_W;  ///< force m3, torque m4 about C
 };
 ExactPenetration exact_penetration(const TriangleMesh& tool_T, const Pose& X_WT,
-                                   const Vec3d& centre_W, const Environment& environment);
+                                   const Vec3d& center_W, const Environment& environment);
 
 /// One experiment of the thesis: a tool moves in a straight line along z, without turning, from
 /// first contact (0 %) until its rear has passed z = 1 m (100 %).

@@ -46,7 +46,7 @@ std::vector<Run> all_runs(const std::vector<CubeWay>& ways,
         const Pose X_BT = pose_on(ways[w], tools[t]->mesh(), depth);
         run.X_BT.push_back(X_BT);
         run.exact.push_back(scenes::exact_penetration(
-            tools[t]->mesh(), X_BT, X_BT * tools[t]->sphere_mass().centre_of_mass, cube));
+            tools[t]->mesh(), X_BT, X_BT * tools[t]->sphere_mass().center_of_mass, cube));
       }
       runs.push_back(std::move(run));
     }

@@ -40,7 +40,7 @@ Result<std::vector<Probe>> all_probes(Context& context, const RealCube& cube) {
   for (const char* shape : kTools) {
     const auto tool = context.tool(shape, kToolSize, kSpheres);
     if (!tool) return tool.error();
-    const Vec3d center = (*tool)->sphere_mass().centre_of_mass;
+    const Vec3d center = (*tool)->sphere_mass().center_of_mass;
     double radius = 0;
     for (const Vec3d& p : (*tool)->mesh().vertices) radius = std::max(radius, norm(p - center));
     for (const CubeWay& way : ways_on(best_faces(cube), cube.half_size)) {
@@ -56,7 +56,7 @@ Result<std::vector<Probe>> all_probes(Context& context, const RealCube& cube) {
 Share exact_share(const Probe& probe, const Pose& X_WB, double half_size) {
   const double mesh = probe.tool->mesh_mass().volume;
   const auto exact = scenes::exact_penetration(
-      probe.tool->mesh(), probe.X_WT, probe.X_WT * probe.tool->sphere_mass().centre_of_mass,
+      probe.tool->mesh(), probe.X_WT, probe.X_WT * probe.tool->sphere_mass().center_of_mass,
       scenes::Environment::box(X_WB, {half_size, half_size, half_size}));
   return {exact.volume / mesh, exact.measure_C_W.force / mesh,
           exact.measure_C_W.torque / (mesh * probe.radius)};

@@ -51,7 +51,7 @@ Pressed press(const std::vector<CubeFrame>& frames, const std::vector<FrozenFram
         -kBefore + (kBefore + kDeepest) * (1 - std::cos(2 * kPi * kPresses * phase)) / 2;
     const Pose X_WT = pose_on(way, tool.mesh(), depth);
     const auto exact = scenes::exact_penetration(tool.mesh(), X_WT,
-                                                 X_WT * tool.sphere_mass().centre_of_mass, cube);
+                                                 X_WT * tool.sphere_mass().center_of_mass, cube);
     const std::size_t frame = moment / kMomentsPerFrame;
     const SurfaceBlend view{
         surface_of(frame), surface_of(frame + 1),

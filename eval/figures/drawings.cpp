@@ -142,7 +142,7 @@ Result<FigureResult> caps(Context&) {
   constexpr int kSegments = 64;
   const Sphere sphere{{3, 1, 2}, 3};
   const Vec3d on_plane{1.14, 1.1, 1.8}, normal = normalized(Vec3d{-0.52, 0.77, -0.36});
-  const double distance = dot(normal, to_double(sphere.centre) - on_plane);
+  const double distance = dot(normal, to_double(sphere.center) - on_plane);
   const double radius = sphere.radius, offset = dot(normal, on_plane);
   FigureResult result;
   Table table{"The two parts of the sphere",

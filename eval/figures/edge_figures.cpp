@@ -145,7 +145,7 @@ Result<FigureResult> figure_3_14(Context& context) {
   return result;
 }
 
-constexpr const char* kEdgeNames[] = {"none", "centre", "strict", "cut"};
+constexpr const char* kEdgeNames[] = {"none", "center", "strict", "cut"};
 constexpr std::size_t kNumEdges = std::size(kEdgeNames);
 constexpr auto kStrict = static_cast<std::size_t>(Edges::strict);
 constexpr auto kCut = static_cast<std::size_t>(Edges::cut);
@@ -193,7 +193,7 @@ Result<WayPastEdge> way_past_edge(Context& context, const FrozenFrame& frame, bo
 
 Table table_of(const std::vector<WayPastEdge>& ways) {
   Table table{"Volume past an edge, rms error / largest step, % of the tool",
-              {"method", "camera", "side", "none", "centre", "strict", "cut"},
+              {"method", "camera", "side", "none", "center", "strict", "cut"},
               {}};
   for (std::size_t m = 0; m < ways.front().methods.size(); ++m) {
     for (const WayPastEdge& way : ways) {

@@ -122,7 +122,7 @@ constexpr const char* kNearer =
     "On flat regions of recorded frames the contact surface of the field is nearer to their plane "
     "than that of any method of the thesis.";
 constexpr const char* kCalmer =
-    "It shakes less when the probe is moved by a millimetre than that of any method of the thesis.";
+    "It shakes less when the probe is moved by a millimeter than that of any method of the thesis.";
 constexpr const char* kStraighter =
     "Its force is nearer to the normal of the plane than that of any method of the thesis.";
 constexpr const char* kThanPoints = "It is nearer to the plane than the measured points are.";
@@ -179,7 +179,7 @@ Result<FigureResult> planes(Context& context) {
   FigureResult result;
   Table sensor{
       "The sensor: measured points of the largest flat region",
-      {"frame", "pixels", "distance, m", "from the plane, mm rms", "between neighbours, mm rms"},
+      {"frame", "pixels", "distance, m", "from the plane, mm rms", "between neighbors, mm rms"},
       {}};
   Table by_frame{
       "Distance of the contact from the plane / change when moved by 1 mm, mm rms", {"frame"}, {}};

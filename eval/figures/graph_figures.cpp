@@ -47,7 +47,7 @@ std::pair<std::size_t, int> farthest(const LeafGraph& graph, std::size_t from) {
     last = open.front();
     open.pop();
     for (auto e = graph.row_starts()[last]; e < graph.row_starts()[last + 1]; ++e) {
-      const auto j = static_cast<std::size_t>(graph.neighbours()[static_cast<std::size_t>(e)]);
+      const auto j = static_cast<std::size_t>(graph.neighbors()[static_cast<std::size_t>(e)]);
       if (rounds[j] >= 0) continue;
       rounds[j] = rounds[last] + 1;
       open.push(j);
@@ -119,11 +119,11 @@ Result<FigureResult> figure_graphs(Context& context) {
   FigureResult result;
   Table table{
       "Packings and what the graph makes of them, 10 % deep",
-      {"largest radius, mm", "gap rule", "filled, %", "neighbours", "edges across", "weighted, µs",
+      {"largest radius, mm", "gap rule", "filled, %", "neighbors", "edges across", "weighted, µs",
        "simplified, µs", "graph, µs", "graph / simplified", "largest step of the graph, %"},
       {}};
-  Plot plot{"Which packings favour the graph",
-            "neighbours of a sphere",
+  Plot plot{"Which packings favor the graph",
+            "neighbors of a sphere",
             "time, simplified = 1",
             {},
             false,
@@ -182,9 +182,9 @@ Result<FigureResult> figure_graphs(Context& context) {
        Source::docs});
   const double by_degree = correlation(degrees, times), by_ways = correlation(ways, times);
   result.claims.push_back(
-      {"The graph is the slower the more neighbours a sphere has, and the more edges it is across "
+      {"The graph is the slower the more neighbors a sphere has, and the more edges it is across "
        "the tool.",
-       words("Correlation of its time with the neighbours %.2f, with the edges across %.2f.",
+       words("Correlation of its time with the neighbors %.2f, with the edges across %.2f.",
              by_degree, by_ways),
        holds_with({holds_above(by_degree, 0.5), holds_above(by_ways, 0.5)}), Source::docs});
   result.plots.push_back(std::move(plot));

@@ -188,7 +188,7 @@ std::vector<FigureSpec> option_figures() {
       {"continuity", "Points that enter and leave a sphere", "Quality", figure_continuity},
       {"bodies", "Two packings that overlap", "Quality", figure_bodies},
       {"fill", "How full a packing is", "Quality", figure_fill},
-      {"graphs", "Which packings favour the graph", "Speed", figure_graphs},
+      {"graphs", "Which packings favor the graph", "Speed", figure_graphs},
       {"eighth", "Stiffness: the largest force at an eighth of the tool", "Quality", figure_eighth},
       {"corners", "Two edges at once, and a corner", "Time and edges", figure_corners},
       {"others", "What else one would use", "Peers", figure_others},

@@ -306,7 +306,7 @@ Result<FigureResult> figure_others(Context& context) {
       "Errors on %zu pairs that are tilted and off the axis, to 60 %% of the way, %d spheres; "
       "times and memory of the first pair, one thread: a frame is cloud and normals, and what "
       "is made of them. The distance grid is a cube around the tool's way, asked at the "
-      "centres of the spheres; a library for whole rooms keeps more. Each cell has the distance to "
+      "centers of the spheres; a library for whole rooms keeps more. Each cell has the distance to "
       "the mean of the points of the nearest cell that has any. Caps: the volume that each sphere "
       "has behind the plane there, as ours. Hinge: the depth of each sphere times the gradient, "
       "summed, as planners do, which is no volume. The god-object is one point of the tool. The "

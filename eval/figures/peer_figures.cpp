@@ -263,7 +263,7 @@ Result<FigureResult> boundary(Context& context) {
   result.notes = all.notes;
   result.notes.push_back(
       "Ours adds up points and normals in both questions and needs no tree; the libraries get the "
-      "centres of all spheres one by one, and leaving out those far from every point beforehand "
+      "centers of all spheres one by one, and leaving out those far from every point beforehand "
       "would help them. All answers were compared before they were timed.");
   return result;
 }

@@ -228,7 +228,7 @@ Result<FigureResult> figure_3_6(Context& context) {
     std::vector<bool> is_outside(spheres.size(), false);
     if (query->query(X_WT, ContactOptions{}).volume == 0) continue;
     for (std::size_t s = 0; s < spheres.size(); ++s) {
-      const Vec3d c_W = X_WT * to_double(spheres[s].centre);
+      const Vec3d c_W = X_WT * to_double(spheres[s].center);
       is_outside[s] =
           std::none_of(scene->bodies.begin(), scene->bodies.end(), [&](const auto& body) {
             return contains(body.mesh, inverse(body.motion ? body.motion(0) : body.X_WB) * c_W);
@@ -270,7 +270,7 @@ Result<FigureResult> figure_3_6(Context& context) {
        is_better(wrong[4].most, std::min({wrong[0].most, wrong[1].most, wrong[2].most})),
        Source::ours});
   result.notes.push_back(
-      "A sphere is wrong if its centre lies in no body although the method counts it "
+      "A sphere is wrong if its center lies in no body although the method counts it "
       "as inside; what the camera cannot see behind a body counts as outside here.");
   result.tables.push_back(std::move(table));
   return result;
@@ -318,8 +318,8 @@ Result<FigureResult> figure_3_11(Context& context) {
       {"principal_anchored", "eq. 3.9: through the point (anchoring)", PlaneFit::principal, true},
       {"along_ray", "ours: through the mean, noise along the ray", PlaneFit::along_ray, false},
       {"along_ray_anchored", "ours, anchored", PlaneFit::along_ray, true},
-      {"weighted", "eq. 3.10: near neighbours count more", PlaneFit::principal, false, true},
-      {"normalized", "eq. 3.11: all neighbours count the same", PlaneFit::principal, false, false,
+      {"weighted", "eq. 3.10: near neighbors count more", PlaneFit::principal, false, true},
+      {"normalized", "eq. 3.11: all neighbors count the same", PlaneFit::principal, false, false,
        true},
       {"filtered", "eq. 3.7 after the bilateral filter (eq. 3.12)", PlaneFit::principal, false,
        false, false, true},
@@ -368,7 +368,7 @@ Result<FigureResult> figure_3_11(Context& context) {
            shading[kAnchored], shading[kPlain], kVisible, angle[kAnchored], angle[kPlain]),
        are_true({shading[kAnchored] > kVisible, shading[kAnchored] > kWorse * shading[kPlain]})});
   result.claims.push_back(
-      {"Weighting neighbours by their distance is better than a threshold alone (3.4.1.2).",
+      {"Weighting neighbors by their distance is better than a threshold alone (3.4.1.2).",
        words(
            "Normals off by %.2f° rms with weights of eq. 3.10, by %.2f° with the threshold alone.",
            angle[kWeighted], angle[kPlain]),

@@ -47,7 +47,7 @@ struct Configuration {
 Configuration configuration(const ContactCase& c, const Tool& tool, Random& random, double share) {
   Configuration result;
   result.X_WT.rotation = random.rotation(3);
-  const Vec3d centre_T = tool.sphere_mass().centre_of_mass;
+  const Vec3d center_T = tool.sphere_mass().center_of_mass;
   const double whole = tool.mesh_mass().volume;
   const double x = random.uniform(-0.015, 0.015), y = random.uniform(-0.015, 0.015);
   double low = c.start.translation.z - c.tool_size, high = c.end.translation.z + c.tool_size;
@@ -57,7 +57,7 @@ Configuration configuration(const ContactCase& c, const Tool& tool, Random& rand
         (low + high) / 2;
   }
   result.exact =
-      scenes::exact_penetration(tool.mesh(), result.X_WT, result.X_WT * centre_T, c.environment);
+      scenes::exact_penetration(tool.mesh(), result.X_WT, result.X_WT * center_T, c.environment);
   return result;
 }
 

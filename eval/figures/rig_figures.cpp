@@ -91,7 +91,7 @@ Share exact_share(const Tool& tool, const Pose& X_WT) {
   Share sum;
   for_solids_at(X_WT, {}, [&](const scenes::Environment& solid) {
     const auto part = scenes::exact_penetration(tool.mesh(), X_WT,
-                                                X_WT * tool.sphere_mass().centre_of_mass, solid);
+                                                X_WT * tool.sphere_mass().center_of_mass, solid);
     sum.volume += part.volume / tool.mesh_mass().volume;
     sum.force += part.measure_C_W.force;
   });

@@ -67,7 +67,7 @@ bool nothing_steps(const StepCounts& steps, const Intrinsics& k, const Tool& too
                    const Pose& X_WT) {
   Range u, v;
   for (const Sphere& sphere : tool.spheres()) {
-    const Vec3d c = X_WT * to_double(sphere.centre);
+    const Vec3d c = X_WT * to_double(sphere.center);
     const double r = sphere.radius, nearest = c.z - r;
     if (nearest <= 0) return false;
     for (const double sign : {-1.0, 1.0}) {
@@ -247,11 +247,11 @@ Status add_recorded_contacts(FigureResult& result, Context& context) {
                                  100 * calm, all.calm.values.size(), all.calm.worst()),
                            verdict_of_calm(calm, all.calm.worst())});
   result.notes.push_back(words(
-      "Recorded frames: %d random poses a frame and tool, the centre 2 cm in front of to 3 cm "
+      "Recorded frames: %d random poses a frame and tool, the center 2 cm in front of to 3 cm "
       "behind a measured pixel at 0.3 to 3 m; cube 6 cm, stylus 15 cm, finger of a gripper 10 cm "
       "of %d spheres "
       "each; contacts above 2 %% of the tool. Nothing steps: all pixels of the rectangle around "
-      "the tool are valid, and no neighbour is more than 1.5 %% of the depth away.",
+      "the tool are valid, and no neighbor is more than 1.5 %% of the depth away.",
       num_poses, kSilhouetteSpheres));
   return Done{};
 }

@@ -29,15 +29,15 @@ void set_way(ContactCase& c, const Quaternion& rotation, double x, double y) {
   c.end = at(kDepth + reach.rear);
 }
 
-Vec3d centre_of_mass(const Tool& tool, const Pose& X_WT) {
-  return X_WT * tool.sphere_mass().centre_of_mass;
+Vec3d center_of_mass(const Tool& tool, const Pose& X_WT) {
+  return X_WT * tool.sphere_mass().center_of_mass;
 }
 
 /// Returns the largest distance of the mesh from the center of mass.
 double radius_of(const Tool& tool) {
   double radius = 0;
   for (const Vec3d& p : tool.mesh().vertices)
-    radius = std::max(radius, norm(p - tool.sphere_mass().centre_of_mass));
+    radius = std::max(radius, norm(p - tool.sphere_mass().center_of_mass));
   return radius;
 }
 
@@ -62,12 +62,12 @@ class ErrorSum {
 };
 
 /// Pose and twist at phase t of a loop about the pose `middle` of the tool with its center of mass
-/// at `centre_T`. Turns about x, then y, then z of W, all through that center.
+/// at `center_T`. Turns about x, then y, then z of W, all through that center.
 struct LoopPoint {
   Pose X_WT;
   Twist twist;  ///< per radian of phase: of the center of mass, in W
 };
-LoopPoint loop_point(const Pose& middle, const Vec3d& centre_T, double size, double t) {
+LoopPoint loop_point(const Pose& middle, const Vec3d& center_T, double size, double t) {
   const double a = 0.2 * std::sin(t + 0.5), b = 0.15 * std::sin(2 * t), c = 0.25 * std::cos(t);
   const double da = 0.2 * std::cos(t + 0.5), db = 0.3 * std::cos(2 * t), dc = -0.25 * std::sin(t);
   const Vec3d moved{0.12 * std::sin(t), 0.08 * std::sin(2 * t + 1), 0.1 * std::cos(t)};
@@ -75,8 +75,8 @@ LoopPoint loop_point(const Pose& middle, const Vec3d& centre_T, double size, dou
   const Vec3d x{1, 0, 0}, y{0, 1, 0}, z{0, 0, 1};
   const Quaternion about_x = axis_angle(x, a), about_xy = about_x * axis_angle(y, b);
   const Quaternion rotation = normalized(about_xy * axis_angle(z, c) * middle.rotation);
-  const Vec3d centre_W = middle * centre_T + moved * size;
-  return {{centre_W - rotate(rotation, centre_T), rotation},
+  const Vec3d center_W = middle * center_T + moved * size;
+  return {{center_W - rotate(rotation, center_T), rotation},
           {speed * size, x * da + rotate(about_x, y) * db + rotate(about_xy, z) * dc}};
 }
 
@@ -181,18 +181,18 @@ Measure distance_measure(const Tool& tool, SphereVolumes volumes,
   const auto at = [&tool, volumes, distance_at = std::move(distance_at)](const Pose& X_WT) {
     Penetration sum;
     const Mat3d R_WT = rotation_matrix(X_WT.rotation);
-    const Vec3d centre = centre_of_mass(tool, X_WT);
+    const Vec3d center = center_of_mass(tool, X_WT);
     for (std::size_t i = 0; i < tool.spheres().size(); ++i) {
       const Sphere& sphere = tool.spheres()[i];
       const double radius = sphere.radius;
-      const Vec3d c = R_WT * to_double(sphere.centre) + X_WT.translation;
+      const Vec3d c = R_WT * to_double(sphere.center) + X_WT.translation;
       const scenes::SignedDistance surface = distance_at(c);
       const double stands_for =
           volumes == SphereVolumes::own ? 1 : tool.represented_volumes()[i] / sphere_volume(radius);
       const double volume = stands_for * cap_volume(radius, surface.distance);
       sum.volume += volume;
       sum.measure_W.force += surface.gradient * volume;
-      sum.measure_W.torque += cross(c - centre, surface.gradient * volume);
+      sum.measure_W.torque += cross(c - center, surface.gradient * volume);
     }
     return sum;
   };
@@ -209,7 +209,7 @@ Measure oracle_measure(const Tool& tool, const scenes::Environment& environment,
 Measure exact_measure(const Tool& tool, const scenes::Environment& environment) {
   return {tool.mesh_mass().volume, [&tool, environment](const Pose& X_WT) {
             const scenes::ExactPenetration exact = scenes::exact_penetration(
-                tool.mesh(), X_WT, centre_of_mass(tool, X_WT), environment);
+                tool.mesh(), X_WT, center_of_mass(tool, X_WT), environment);
             Penetration result;
             result.volume = exact.volume;
             result.measure_W = exact.measure_C_W;
@@ -224,7 +224,7 @@ std::vector<ExactStep> exact_steps(const ContactCase& contact_case, const Tool& 
     const double depth = from + (to - from) * i / num_steps;
     const Pose X_WT = interpolate(contact_case.start, contact_case.end, depth);
     steps.push_back({X_WT, depth,
-                     scenes::exact_penetration(tool.mesh(), X_WT, centre_of_mass(tool, X_WT),
+                     scenes::exact_penetration(tool.mesh(), X_WT, center_of_mass(tool, X_WT),
                                                contact_case.environment)});
   }
   return steps;
@@ -292,7 +292,7 @@ double loop_work(const ContactCase& contact_case, const Tool& tool, const Measur
   const Pose middle = interpolate(contact_case.start, contact_case.end, 0.35);
   double net = 0, total = 0;
   for (int i = 0; i < num_steps; ++i) {
-    const LoopPoint point = loop_point(middle, tool.sphere_mass().centre_of_mass,
+    const LoopPoint point = loop_point(middle, tool.sphere_mass().center_of_mass,
                                        contact_case.tool_size, 2 * kPi * i / num_steps);
     const VolumeWrench wrench = measure.at(point.X_WT).measure_W;
     const double power =

@@ -164,7 +164,7 @@ double WallForces::exact(std::size_t method, double time) const {
   }
   double sum = 0;
   for (const Sphere& s : tool_->spheres()) {
-    sum += cap_volume(static_cast<double>(s.radius), depth - (X_WT * to_double(s.centre)).z);
+    sum += cap_volume(static_cast<double>(s.radius), depth - (X_WT * to_double(s.center)).z);
   }
   return sum / whole;
 }

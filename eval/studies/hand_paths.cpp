@@ -15,7 +15,7 @@ constexpr double kMinShare = 0.9;  // of a place's pixels that have a point
 double radius_of(const Tool& tool) {
   double radius = 0;
   for (const Sphere& s : tool.spheres()) {
-    radius = std::max(radius, norm(to_double(s.centre) - tool.sphere_mass().centre_of_mass) +
+    radius = std::max(radius, norm(to_double(s.center) - tool.sphere_mass().center_of_mass) +
                                   static_cast<double>(s.radius));
   }
   return radius;
@@ -28,9 +28,9 @@ struct Patch {
 };
 
 Patch patch_at(const PointCloudView& cloud, int u0, int v0, double radius) {
-  const auto centre = static_cast<std::size_t>(v0) * static_cast<std::size_t>(cloud.width) +
+  const auto center = static_cast<std::size_t>(v0) * static_cast<std::size_t>(cloud.width) +
                       static_cast<std::size_t>(u0);
-  const auto z = static_cast<double>(cloud.z[centre]);
+  const auto z = static_cast<double>(cloud.z[center]);
   if (!(z > 0)) return {};
   const int reach = static_cast<int>(cloud.intrinsics.fx * radius / z);
   if (u0 < reach || v0 < reach || u0 + reach >= cloud.width || v0 + reach >= cloud.height) {
@@ -61,14 +61,14 @@ Patch patch_at(const PointCloudView& cloud, int u0, int v0, double radius) {
 }
 
 /// Returns the pose at a place; `depth` m behind it on average, `swing` m more or less.
-Pose pose_at(const Place& place, const Vec3d& centre_T, double depth, double swing,
+Pose pose_at(const Place& place, const Vec3d& center_T, double depth, double swing,
              const HandShift& at) {
   const Vec3d side = normalized(cross(place.into_W, Vec3d{0, 1, 0.3}));
   const Vec3d up = cross(place.into_W, side);
   const Vec3d p = place.p_W + at.side * side + at.up * up + (depth + swing * at.in) * place.into_W;
   const Vec3d turn = at.turn.x * side + at.turn.y * up + at.turn.z * place.into_W;
   const Quaternion R_WT = rotation_by(turn);
-  return {p - rotate(R_WT, centre_T), R_WT};
+  return {p - rotate(R_WT, center_T), R_WT};
 }
 
 }  // namespace
@@ -137,7 +137,7 @@ Result<HandPath> hand_path(const FrozenFrame& frame, const Tool& tool, double me
   if (!feeler) return feeler.error();
   auto query = make_contact_query(Backend::cpu, *feeler);
   if (!query) return query.error();
-  const Vec3d centre_T = tool.sphere_mass().centre_of_mass;
+  const Vec3d center_T = tool.sphere_mass().center_of_mass;
   const double whole = full_volume(*feeler, ContactOptions{});
 
   constexpr int kProbes = 60;
@@ -147,7 +147,7 @@ Result<HandPath> hand_path(const FrozenFrame& frame, const Tool& tool, double me
     path.mean_depth = path.max_depth = 0;
     for (int i = 0; i < kProbes; ++i) {
       const Pose X_WT =
-          pose_at(*place, centre_T, depth, way, motion(static_cast<double>(i) / kProbes));
+          pose_at(*place, center_T, depth, way, motion(static_cast<double>(i) / kProbes));
       const double share = (*query)->measure(frame.surfaces(), X_WT).penetration.volume / whole;
       path.mean_depth += share / kProbes;
       path.max_depth = std::max(path.max_depth, share);
@@ -161,7 +161,7 @@ Result<HandPath> hand_path(const FrozenFrame& frame, const Tool& tool, double me
   }
   feel((low + high) / 2);
   for (std::size_t i = 0; i < num_poses; ++i) {
-    path.X_WT.push_back(pose_at(*place, centre_T, (low + high) / 2, way,
+    path.X_WT.push_back(pose_at(*place, center_T, (low + high) / 2, way,
                                 motion(static_cast<double>(i) / static_cast<double>(num_poses))));
   }
   return path;

@@ -29,7 +29,7 @@ DistanceGrid::DistanceGrid(const PointCloudView& cloud, const Vec3d& middle, dou
   for (int z = 0; z < num_; ++z) {
     for (int y = 0; y < num_; ++y) {
       for (int x = 0; x < num_; ++x) {
-        const Vec3f p = to_float(centre(x, y, z));
+        const Vec3f p = to_float(center(x, y, z));
         float square = square_of(nearest[place(x, y, z)] - p);
         const auto try_one = [&](int i, int j, int l) {
           if (std::min({i, j, l}) < 0 || std::max({i, j, l}) >= num_) return;
@@ -130,27 +130,27 @@ scenes::SignedDistance DistanceGrid::at(const Vec3d& p) const {
 }
 
 Penetration DistanceGrid::hinge(const Tool& tool, const Pose& X_WT) const {
-  const Vec3d centre = tool.sphere_mass().centre_of_mass;
+  const Vec3d center = tool.sphere_mass().center_of_mass;
   const Mat3d R_WT = rotation_matrix(X_WT.rotation);
-  const Vec3f to_middle = to_float(R_WT * centre),
+  const Vec3f to_middle = to_float(R_WT * center),
               offset = to_float(X_WT.translation - low_) - to_float(Vec3d{1, 1, 1} * (cell_ / 2));
   float R[3][3];
   for (int i = 0; i < 9; ++i) R[i / 3][i % 3] = static_cast<float>(R_WT.m[i / 3][i % 3]);
   const int num[] = {num_, num_, num_};
-  const auto cells_per_metre = static_cast<float>(1 / cell_);
+  const auto cells_per_meter = static_cast<float>(1 / cell_);
   Vec3f force, torque;
   for (const Sphere& s : tool.spheres()) {
-    const Vec3f c{R[0][0] * s.centre.x + R[0][1] * s.centre.y + R[0][2] * s.centre.z,
-                  R[1][0] * s.centre.x + R[1][1] * s.centre.y + R[1][2] * s.centre.z,
-                  R[2][0] * s.centre.x + R[2][1] * s.centre.y + R[2][2] * s.centre.z};
-    const Vec3f at = (c + offset) * cells_per_metre;
+    const Vec3f c{R[0][0] * s.center.x + R[0][1] * s.center.y + R[0][2] * s.center.z,
+                  R[1][0] * s.center.x + R[1][1] * s.center.y + R[1][2] * s.center.z,
+                  R[2][0] * s.center.x + R[2][1] * s.center.y + R[2][2] * s.center.z};
+    const Vec3f at = (c + offset) * cells_per_meter;
     TrilinearCell<float> cell;
     if (!cell.find({at.x, at.y, at.z}, num)) continue;
     const float depth = s.radius - cell.distance(distances_.data(), num);
     if (!(depth > 0)) continue;
     float n[3];
     cell.gradient(n);
-    const Vec3f pushed = Vec3f{n[0], n[1], n[2]} * (cells_per_metre * depth);
+    const Vec3f pushed = Vec3f{n[0], n[1], n[2]} * (cells_per_meter * depth);
     force += pushed;
     torque += cross(c - to_middle, pushed);
   }

@@ -33,7 +33,7 @@ class DistanceGrid {
                static_cast<std::size_t>(num_) +
            static_cast<std::size_t>(x);
   }
-  Vec3d centre(int x, int y, int z) const {
+  Vec3d center(int x, int y, int z) const {
     return low_ + cell_ * Vec3d{x + 0.5, y + 0.5, z + 0.5};
   }
   std::vector<Vec3f> nearest_points(const PointCloudView& cloud) const;

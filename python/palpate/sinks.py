@@ -25,7 +25,7 @@ _Floats = NDArray[np.float64]
 #: Outside, boundary and inside: the colors of the viewer.
 _STATE_COLORS = np.array([[229, 71, 47, 255], [180, 92, 242, 255], [31, 102, 232, 255]], np.uint8)
 _FORCE_COLOR, _TORQUE_COLOR = (255, 176, 0, 255), (18, 184, 134, 255)
-_NEWTON, _NEWTON_METRE = 0.02, 0.5  # m: length of arrows per N and N m
+_NEWTON, _NEWTON_METER = 0.02, 0.5  # m: length of arrows per N and N m
 _CAMERA_POSE = tuple(f"camera_pose.{name}" for name in (
     "position.x", "position.y", "position.z", "orientation.x", "orientation.y", "orientation.z", "orientation.w"))
 _COLUMNS = ("volume_m3", "force_x_N", "force_y_N", "force_z_N", "torque_x_Nm", "torque_y_Nm", "torque_z_Nm")
@@ -73,7 +73,7 @@ def _moments(run: Run, stride: int) -> Iterator[_Moment]:
         states = contact.measure(surface, poses[tick], states=True).states
         assert states is not None
         yield _Moment(time, depth, unit, points[np.isfinite(points).all(axis=1)], poses[tick], states,
-                      _rotated(poses[tick], np.asarray(tool.centre_of_mass)), np.nan_to_num(wrenches[tick]))
+                      _rotated(poses[tick], np.asarray(tool.center_of_mass)), np.nan_to_num(wrenches[tick]))
 
 
 @contextlib.contextmanager
@@ -134,7 +134,7 @@ def _send_to_rerun(rerun: Any, stream: Any, run: Run, stride: int) -> None:
         stream.log("world/tool/spheres", rerun.Points3D(spheres[:, :3], radii=spheres[:, 3],
                                                         colors=_STATE_COLORS[moment.states]))
         for name, vector, length, color in (("force", moment.wrench[:3], _NEWTON, _FORCE_COLOR),
-                                            ("torque", moment.wrench[3:], _NEWTON_METRE, _TORQUE_COLOR)):
+                                            ("torque", moment.wrench[3:], _NEWTON_METER, _TORQUE_COLOR)):
             stream.log(f"world/{name}", rerun.Arrows3D(vectors=[length * vector], origins=[moment.center], colors=[color]))
     times = rerun.TimeColumn("time", duration=run.times)
     for name in _COLUMNS:
@@ -188,7 +188,7 @@ def to_foxglove(run: Run, path: _PathLike, *, stride: int = 4) -> None:
             sent["wrench"].log(entity(stamp, "world", "wrench", arrows=[
                 _arrow(messages, moment.center, length * vector, color)
                 for vector, length, color in ((moment.wrench[:3], _NEWTON, _FORCE_COLOR),
-                                              (moment.wrench[3:], _NEWTON_METRE, _TORQUE_COLOR))]), log_time=now)
+                                              (moment.wrench[3:], _NEWTON_METER, _TORQUE_COLOR))]), log_time=now)
         table = run.table
         for row in zip(run.times.tolist(), *(table[name].tolist() for name in _COLUMNS)):
             # JSON knows no NaN: nothing was measured.

@@ -47,7 +47,7 @@ def _motions(tool: _core.Tool, poses: torch.Tensor) -> torch.Tensor:
     Rows: shift of its center of mass, and rotation about it, both in W.
     """
     num = poses.shape[0]
-    p_TC = torch.as_tensor(np.array(tool.centre_of_mass), dtype=poses.dtype)
+    p_TC = torch.as_tensor(np.array(tool.center_of_mass), dtype=poses.dtype)
     eye = torch.eye(3, dtype=poses.dtype)
     if poses.ndim == 2:
         q = poses[:, 3:]

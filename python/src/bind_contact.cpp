@@ -46,7 +46,7 @@ double unseen_share(const PyResult& result) {
   const Pose X_CT = surface.X_CW * Pose{X_WT.translation, normalized(X_WT.rotation)};
   double unseen = 0;
   for (const Sphere& sphere : result.tool->spheres()) {
-    if (!is_seen(cloud, X_CT * to_double(sphere.centre))) {
+    if (!is_seen(cloud, X_CT * to_double(sphere.center))) {
       unseen += sphere_volume(double(sphere.radius));
     }
   }

@@ -91,7 +91,7 @@ class Differentiated {
     const SphereClusters& places = elements_.clusters;
     const Vec3d lever =
         rotate(X_CT.rotation, to_double(Vec3f{places.x[slot], places.y[slot], places.z[slot]}));
-    const Vec3d p_C = X_CT * tool_.tool->sphere_mass().centre_of_mass + lever;
+    const Vec3d p_C = X_CT * tool_.tool->sphere_mass().center_of_mass + lever;
     const double radius = elements_.radius[slot];
     return {lever, radius, elements_.factor[slot], sample_field_curvature(field, p_C, radius),
             p_C.z > kMinDepth};

@@ -15,11 +15,11 @@ namespace palpate::python {
 namespace {
 
 constexpr const char* kUnits[] = {"m", "mm", "cm", "in"};
-constexpr double kMetres[] = {1, 0.001, 0.01, 0.0254};
+constexpr double kMeters[] = {1, 0.001, 0.01, 0.0254};
 
-double metres_of(const std::string& unit) {
+double meters_of(const std::string& unit) {
   for (std::size_t i = 0; i < std::size(kUnits); ++i) {
-    if (unit == kUnits[i]) return kMetres[i];
+    if (unit == kUnits[i]) return kMeters[i];
   }
   throw nb::value_error(("unit: '" + unit + "' is not m, mm, cm or in").c_str());
 }
@@ -126,7 +126,7 @@ Immutable. Made by `pack`, `pack_file` or `load_tool`. Arrays are read-only view
           [](nb::handle self) {
             const auto spheres = tool_of(self).spheres();
             static_assert(sizeof(Sphere) == 4 * sizeof(float));
-            return view_of(&spheres.data()->centre.x, {spheres.size(), 4}, self);
+            return view_of(&spheres.data()->center.x, {spheres.size(), 4}, self);
           },
           nb::sig("def spheres(self) -> numpy.typing.NDArray[numpy.float32]"),
           "(N, 4) float32: center x y z in T and radius of each sphere, m, in the order of the "
@@ -153,12 +153,12 @@ Immutable. Made by `pack`, `pack_file` or `load_tool`. Arrays are read-only view
           "sphere_volume", [](const PyTool& self) { return self.tool->sphere_mass().volume; },
           "Volume of all spheres, m3.")
       .def_prop_ro(
-          "centre_of_mass",
+          "center_of_mass",
           [](nb::handle self) {
             static_assert(sizeof(Vec3d) == 3 * sizeof(double));
-            return view_of(&tool_of(self).sphere_mass().centre_of_mass.x, {3}, self);
+            return view_of(&tool_of(self).sphere_mass().center_of_mass.x, {3}, self);
           },
-          nb::sig("def centre_of_mass(self) -> numpy.typing.NDArray[numpy.float64]"),
+          nb::sig("def center_of_mass(self) -> numpy.typing.NDArray[numpy.float64]"),
           "(3,) m in T: center of mass of the spheres, the reference point of all torques.")
       .def_prop_ro(
           "inertia",
@@ -255,11 +255,11 @@ Releases the GIL; Ctrl-C ends it. palpate.Error: not a solid, with the defect an
       "pack_file",
       [](const std::filesystem::path& path, int spheres, const std::string& unit, double scale,
          std::uint64_t seed, nb::object progress, int threads, nb::kwargs limits) {
-        const double metres = metres_of(unit) * scale;
+        const double meters = meters_of(unit) * scale;
         Result<TriangleMesh> mesh = Error{};
         {
           const nb::gil_scoped_release no_gil;
-          mesh = load_mesh(path, metres);
+          mesh = load_mesh(path, meters);
         }
         if (!mesh) raise(mesh.error());
         return packed(*mesh, request_of(spheres, seed, threads, limits), progress,

@@ -49,10 +49,10 @@ def views():
     return surfaces, poses
 
 
-def share_of_hull(poses, centre):
+def share_of_hull(poses, center):
     """Share of a 40 mm cube that no camera sees to be free, by exact rays."""
     steps = 0.02 * ((np.arange(24) + 0.5) / 12 - 1)
-    points = centre + np.stack(np.meshgrid(steps, steps, steps), -1).reshape(-1, 3)
+    points = center + np.stack(np.meshgrid(steps, steps, steps), -1).reshape(-1, 3)
     solid = np.ones(len(points), bool)
     for X in poses:
         depth = (points - X[:3, 3]) @ X[:3, 2]

@@ -31,9 +31,9 @@ def test_spheres_behind_a_plane(cube, slanted, method):
     for depth in (-0.01, 0.0, 0.01):
         X = R.copy()
         X[:3, 3] = -normal * (distance + depth)
-        centres = cube.spheres[:, :3].astype(float) @ X[:3, :3].T + X[:3, 3]
-        volumes = cap_volume(cube.spheres[:, 3].astype(float), centres @ normal + distance)
-        levers = centres - (X[:3, :3] @ cube.centre_of_mass + X[:3, 3])
+        centers = cube.spheres[:, :3].astype(float) @ X[:3, :3].T + X[:3, 3]
+        volumes = cap_volume(cube.spheres[:, 3].astype(float), centers @ normal + distance)
+        levers = centers - (X[:3, :3] @ cube.center_of_mass + X[:3, 3])
         result = contact.measure(surface, X)
         # The field measures large balls by smaller ones; points are 6 mm apart.
         tolerance = (0.008 if method == "field" else 0.04) * cube.sphere_volume
@@ -63,7 +63,7 @@ def test_wrench_and_stiffness_are_derivatives(cube, pose):
     contact = palpate.Contact(cube)
     X_WC = np.eye(4) if pose is None else pose_matrix(pose)
     X = X_WC @ pose_matrix([*surface.points_C[60, 70], 0.3, 0.1, 0.2, 0.9])
-    C = X[:3, :3] @ cube.centre_of_mass + X[:3, 3]
+    C = X[:3, :3] @ cube.center_of_mass + X[:3, 3]
 
     def moved(motion):
         turn = motion[3:]
@@ -162,9 +162,9 @@ def test_what_is_unseen(cube, camera):
     shares = []
     for x in (-0.2, -0.01, 0.005, 0.01, 0.2, 0.46, 5):
         for z in (0.8, -0.8):
-            centres = cube.spheres[:, :3].astype(float) + [x, 0, z]
-            pixels = np.floor(centres[:, :2] / centres[:, 2:] * 140 + [79.5, 59.5] + 0.5)
-            is_inside = (centres[:, 2] > 0) & (pixels >= 0).all(1) & (pixels < [160, 120]).all(1)
+            centers = cube.spheres[:, :3].astype(float) + [x, 0, z]
+            pixels = np.floor(centers[:, :2] / centers[:, 2:] * 140 + [79.5, 59.5] + 0.5)
+            is_inside = (centers[:, 2] > 0) & (pixels >= 0).all(1) & (pixels < [160, 120]).all(1)
             clipped = np.where(is_inside[:, None], pixels, 0).astype(int)
             is_seen = is_inside & (image[clipped[:, 1], clipped[:, 0]] > 0)
             share = (radii**3)[~is_seen].sum() / (radii**3).sum()

@@ -257,7 +257,7 @@ def pushed_in_a_run(cube, camera, *images, **keywords):
         pusher.join()
 
 
-def test_pushed_metres_below_zero_are_no_measurement(cube):
+def test_pushed_meters_below_zero_are_no_measurement(cube):
     image = np.full((120, 160), 1.0, np.float32)
     image[:, :40], image[:, 40:60], image[:, 60:80], image[:, 80:100] = -1, np.nan, np.inf, -np.inf
     fine = palpate.PushedCamera(palpate.Camera(160, 120, 140, 140, 79.5, 59.5, unit=0.0001))

@@ -58,13 +58,13 @@ def test_the_gradient_is_the_derivative_of_phi():
     assert np.abs(gradient).max() > 0.5
 
 
-def test_counts_and_metres_of_any_kind_are_one_image(camera):
+def test_counts_and_meters_of_any_kind_are_one_image(camera):
     counts = np.full((120, 160), 800, np.uint16)
     counts[40:60, 50:80] = 700
     expected = palpate.Sensor(camera).update(counts).points
-    metres = counts.astype(np.float32) * np.float32(0.001)
-    for same in (metres, metres.astype(float), np.asfortranarray(metres), metres.tolist(),
-                 np.repeat(metres, 2, axis=1)[:, ::2], np.asfortranarray(counts), memoryview(counts)):
+    meters = counts.astype(np.float32) * np.float32(0.001)
+    for same in (meters, meters.astype(float), np.asfortranarray(meters), meters.tolist(),
+                 np.repeat(meters, 2, axis=1)[:, ::2], np.asfortranarray(counts), memoryview(counts)):
         np.testing.assert_allclose(palpate.Sensor(camera).update(same).points, expected, atol=1e-6)
     half = palpate.Camera(160, 120, 140, 140, 79.5, 59.5, unit=0.0005)
     assert np.array_equal(palpate.Sensor(half).update(counts * 2).points, expected, equal_nan=True)
@@ -73,9 +73,9 @@ def test_counts_and_metres_of_any_kind_are_one_image(camera):
 def test_pixels_without_measurement(camera):
     counts = np.full((120, 160), 800, np.uint16)
     counts[:, :30], counts[:, -30:] = 0, 65535
-    metres = counts * 0.001
-    metres[:, -30:] = np.nan
-    for image in (counts, metres.astype(np.float32)):
+    meters = counts * 0.001
+    meters[:, -30:] = np.nan
+    for image in (counts, meters.astype(np.float32)):
         points = palpate.Sensor(camera, fill_levels=0).update(image).points
         assert np.isnan(points[:, :30]).all() and np.isnan(points[:, -30:]).all()
         assert np.isfinite(points[:, 40:-40]).all()

@@ -13,23 +13,23 @@ import palpate
 
 
 def test_spheres_are_disjoint_and_inside(cube):
-    centres, radii = cube.spheres[:, :3].astype(float), cube.spheres[:, 3].astype(float)
+    centers, radii = cube.spheres[:, :3].astype(float), cube.spheres[:, 3].astype(float)
     assert cube.spheres.shape == (300, 4) and cube.spheres.dtype == np.float32
-    apart = np.linalg.norm(centres[:, None] - centres[None], axis=-1)
+    apart = np.linalg.norm(centers[:, None] - centers[None], axis=-1)
     np.fill_diagonal(apart, np.inf)
     assert (apart >= radii[:, None] + radii[None]).all()
-    assert (np.abs(centres).max(axis=1) + radii <= 0.02).all()
+    assert (np.abs(centers).max(axis=1) + radii <= 0.02).all()
 
 
 def test_masses_are_those_of_the_spheres(cube):
     volumes = 4 / 3 * np.pi * cube.spheres[:, 3].astype(float) ** 3
-    centres = cube.spheres[:, :3].astype(float)
-    middle = (volumes[:, None] * centres).sum(0) / volumes.sum()
+    centers = cube.spheres[:, :3].astype(float)
+    middle = (volumes[:, None] * centers).sum(0) / volumes.sum()
     assert cube.volume == pytest.approx(0.04**3)
     assert cube.sphere_volume == pytest.approx(volumes.sum())
-    assert cube.centre_of_mass == pytest.approx(middle, abs=1e-12)
+    assert cube.center_of_mass == pytest.approx(middle, abs=1e-12)
     inertia = np.zeros((3, 3))
-    for m, r, c in zip(volumes, cube.spheres[:, 3].astype(float), centres - middle):
+    for m, r, c in zip(volumes, cube.spheres[:, 3].astype(float), centers - middle):
         inertia += m * ((0.4 * r * r + c @ c) * np.eye(3) - np.outer(c, c))
     assert cube.inertia == pytest.approx(inertia, rel=1e-9, abs=1e-20)
 
@@ -39,7 +39,7 @@ def test_arrays_are_views_that_outlive_the_tool():
     spheres, again = tool.spheres, tool.spheres
     assert np.shares_memory(spheres, again)
     assert not spheres.flags.writeable
-    for name in ("edges", "centre_of_mass", "inertia"):
+    for name in ("edges", "center_of_mass", "inertia"):
         view = getattr(tool, name)
         assert np.shares_memory(view, getattr(tool, name)) and not view.flags.writeable, name
     copy = spheres.copy()

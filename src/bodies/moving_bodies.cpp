@@ -45,7 +45,7 @@ double reach_of(const Tool& shape, const Vec3d& center) {
   return reach;
 }
 
-Vec3d center_of(const Tool& shape) { return shape.sphere_mass().centre_of_mass; }
+Vec3d center_of(const Tool& shape) { return shape.sphere_mass().center_of_mass; }
 
 Result<std::shared_ptr<const Tool>> thinned(const std::shared_ptr<const Tool>& shape, int num) {
   if (num <= 0 || static_cast<std::size_t>(num) >= shape->spheres().size()) return shape;

@@ -222,7 +222,7 @@ Result<RawStream> open_bag_camera(const CameraUri& uri, const CameraOpening&) {
   DepthStreamInfo info;
   info.width = images.width;
   info.height = images.height;
-  // Counts of our own recordings may be of any unit; those of metres are made here.
+  // Counts of our own recordings may be of any unit; those of meters are made here.
   const bool is_count = images.unit != kFloatUnit;
   if (is_count && uri.extras.contains("scale")) {
     return Error{Errc::invalid_argument, "camera " + uri.text +

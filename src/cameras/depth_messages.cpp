@@ -17,7 +17,7 @@
 namespace palpate::inline v0 {
 namespace {
 
-constexpr double kMillimetre = 0.001;
+constexpr double kMillimeter = 0.001;
 
 Error damaged(const char* what) { return {Errc::bad_input, std::string(what) + " is damaged"}; }
 
@@ -68,7 +68,7 @@ Result<DepthFrame> read_compressed_depth(std::string_view message, double unit, 
   }
   // The transport `compressed`, or OpenCV.
   if (from.is_good() && data.starts_with("\x89PNG")) {
-    auto frame = decode_depth_png(data, kWhat, kMillimetre);
+    auto frame = decode_depth_png(data, kWhat, kMillimeter);
     if (frame) frame->timestamp = stamp;
     return frame;
   }
@@ -88,8 +88,8 @@ Result<DepthFrame> read_compressed_depth(std::string_view message, double unit, 
   Config config;
   std::memcpy(&config, data.data(), sizeof config);
   const std::string_view image = data.substr(sizeof config);
-  auto frame = is_rvl ? decode_depth_rvl(image, kWhat, kMillimetre)
-                      : decode_depth_png(image, kWhat, kMillimetre);
+  auto frame = is_rvl ? decode_depth_rvl(image, kWhat, kMillimeter)
+                      : decode_depth_png(image, kWhat, kMillimeter);
   if (!frame) return frame.error();
   frame->timestamp = stamp;
   if (format.starts_with("32FC1")) {

@@ -18,7 +18,7 @@ namespace {
 struct Context;
 struct Device;
 
-constexpr int kMillimetres = 5, kDisparity = 0;  // depth formats: DEPTH_MM, DEPTH_11BIT
+constexpr int kMillimeters = 5, kDisparity = 0;  // depth formats: DEPTH_MM, DEPTH_11BIT
 constexpr int kMedium = 1;                       // 640 x 480
 constexpr int kCameraOnly = 2, kErrorsOnly = 1, kMirrorDepth = 1 << 16;
 
@@ -122,9 +122,9 @@ class Connection {
 // wide half a pixel of depth is at the reference plane. cm; of the shift, quarters of half a pixel.
 constexpr double kReference = 120, kBase = 7.5, kHalfPixel = 0.1042, kZeroShift = 200.375;
 
-/// The library makes millimetres of a camera's disparities by the calibration in it. The one that
+/// The library makes millimeters of a camera's disparities by the calibration in it. The one that
 /// plays recordings (fakenect) gives disparities: these are taken to be of the usual calibration.
-std::vector<std::uint16_t> millimetres_of_disparity() {
+std::vector<std::uint16_t> millimeters_of_disparity() {
   std::vector<std::uint16_t> table(2048);
   for (std::size_t i = 0; i + 1 < table.size(); ++i) {
     const double shift = kHalfPixel * (static_cast<double>(i) / 4 - kZeroShift);
@@ -165,7 +165,7 @@ class FreenectSource final : public DepthSource {
       return Error{Errc::invalid_argument,
                    info_.name + " has no such depth mode; it has 640x480 at 30 Hz"};
     }
-    if (mode->format == kDisparity) millimetres_ = millimetres_of_disparity();
+    if (mode->format == kDisparity) millimeters_ = millimeters_of_disparity();
     info_.width = mode->width;
     info_.height = mode->height;
     info_.rate = uri.rate.value_or(mode->rate > 0 ? mode->rate : 30);
@@ -207,7 +207,7 @@ class FreenectSource final : public DepthSource {
  private:
   /// Prefers millimeters to disparities.
   std::optional<FrameMode> choose_mode() const {
-    for (const int format : {kMillimetres, kDisparity}) {
+    for (const int format : {kMillimeters, kDisparity}) {
       for (int i = 0; i < api_.num_modes(); ++i) {
         const FrameMode mode = api_.mode(i);
         if (mode.is_valid != 0 && mode.resolution == kMedium && mode.format == format) return mode;
@@ -224,8 +224,8 @@ class FreenectSource final : public DepthSource {
     has_stamp_ = true;
     if (desired_ == nullptr) return;  // of several at once the first one
     copy_rows(pixels, 2 * info_.width, info_.width, info_.height, *desired_);
-    if (!millimetres_.empty()) {
-      for (std::uint16_t& pixel : desired_->pixels) pixel = millimetres_[pixel & 2047U];
+    if (!millimeters_.empty()) {
+      for (std::uint16_t& pixel : desired_->pixels) pixel = millimeters_[pixel & 2047U];
     }
     desired_->unit = info_.unit;
     desired_->timestamp = static_cast<double>(ticks_) / kTicksPerSecond;
@@ -236,7 +236,7 @@ class FreenectSource final : public DepthSource {
   const Connection connection_;
   Device* device_ = nullptr;
   DepthStreamInfo info_;
-  std::vector<std::uint16_t> millimetres_;  // of each disparity, if the camera sends disparities
+  std::vector<std::uint16_t> millimeters_;  // of each disparity, if the camera sends disparities
   DepthFrame* desired_ = nullptr;           // the frame to fill
   std::int64_t ticks_ = 0;                  // since the first frame
   std::uint32_t last_stamp_ = 0;

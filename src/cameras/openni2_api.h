@@ -40,7 +40,7 @@ struct Frame {
 inline constexpr int kApiVersion = 2002;  // major * 1000 + minor
 inline constexpr int kOk = 0, kTimeOut = 102;
 inline constexpr int kDepth = 3;                                                   // sensor
-inline constexpr int kMillimetres = 100, kTenths = 101;                            // formats
+inline constexpr int kMillimeters = 100, kTenths = 101;                            // formats
 inline constexpr int kRegistration = 5, kSpeed = 100, kRepeat = 101, kSerial = 3;  // of a device
 inline constexpr int kHorizontalFov = 1, kVerticalFov = 2, kVideoMode = 3, kMirroring = 7,
                      kNumFrames = 8;  // of a stream
@@ -72,7 +72,7 @@ struct Api {
 /// and asks the system later on whether that still exists, which is fatal if it does not.
 LibraryThread& caller();
 
-/// Loads and initialises it, once. On the thread of `caller`. Errors: every place that was tried;
+/// Loads and initializes it, once. On the thread of `caller`. Errors: every place that was tried;
 /// the library's own error.
 const Result<Api>& api();
 

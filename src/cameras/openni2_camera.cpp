@@ -63,7 +63,7 @@ class Openni2Source final : public DepthSource {
     VideoMode mode{};
     bytes = sizeof mode;
     if (api_.get(stream_, kVideoMode, &mode, &bytes) != kOk) return failed("reports no image size");
-    if (mode.format != kMillimetres && mode.format != kTenths) {
+    if (mode.format != kMillimeters && mode.format != kTenths) {
       return Error{Errc::bad_input, info_.name + " sends no millimeters but the format " +
                                         std::to_string(mode.format)};
     }
@@ -99,7 +99,7 @@ class Openni2Source final : public DepthSource {
     if (sensor == nullptr) return failed("reports no modes");
     std::vector<const VideoMode*> modes;
     std::vector<ImageMode> choices;
-    for (const int format : {kMillimetres, kTenths}) {
+    for (const int format : {kMillimeters, kTenths}) {
       for (int i = 0; i < sensor->num_modes; ++i) {
         const VideoMode& mode = sensor->modes[i];
         if (mode.format != format) continue;

@@ -62,7 +62,7 @@ void find_functions(SharedLibrary& library, Api& api) {
   library.require("ob_frame_get_data", api.data);
   library.require("ob_frame_get_data_size", api.num_bytes);
   library.require("ob_frame_get_timestamp_us", api.microseconds);
-  library.require("ob_depth_frame_get_value_scale", api.millimetres);
+  library.require("ob_depth_frame_get_value_scale", api.millimeters);
 }
 
 Result<Api> load() {

@@ -78,7 +78,7 @@ struct Api {
   std::uint8_t* (*data)(const Frame* frame, Failure** error);
   std::uint32_t (*num_bytes)(const Frame* frame, Failure** error);
   std::uint64_t (*microseconds)(const Frame* frame, Failure** error);
-  float (*millimetres)(const Frame* frame, Failure** error);  // per count
+  float (*millimeters)(const Frame* frame, Failure** error);  // per count
 
   std::string path;  ///< of the library
   Context* context = nullptr;

@@ -162,7 +162,7 @@ class OrbbecSource final : public DepthSource {
       if (profile) set_camera(*profile, width, height);
     }
     // Reported in single precision: 0.1 is meant.
-    const auto scale = static_cast<double>(api_.millimetres(raw, check));
+    const auto scale = static_cast<double>(api_.millimeters(raw, check));
     if (scale > 0) info_.unit = std::round(scale * 1e6) * 1e-9;
     frame.unit = info_.unit;
     frame.timestamp = 1e-6 * static_cast<double>(api_.microseconds(raw, check));

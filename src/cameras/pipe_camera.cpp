@@ -4,7 +4,7 @@
 //   'pipe:-?size=640x480&...'
 //
 // Before each frame there may be a header of 32 bytes: "PALPDEP1", width and height (uint32), time
-// stamp in s and metres per count (float64, NaN: none). It is recognised by its first eight bytes.
+// stamp in s and meters per count (float64, NaN: none). It is recognized by its first eight bytes.
 #include <errno.h>
 #include <fcntl.h>
 #include <poll.h>

@@ -20,7 +20,7 @@ class Plausibility {
 };
 
 /// The largest number that divides the counts of nearly all measurements, of those that people
-/// store depth in: 1, 5 or 8. An image of millimetres that was stored as counts of 1/5000 m has
+/// store depth in: 1, 5 or 8. An image of millimeters that was stored as counts of 1/5000 m has
 /// multiples of 5 only.
 int common_divisor(const DepthFrame& frame);
 

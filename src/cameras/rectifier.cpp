@@ -8,7 +8,7 @@
 namespace palpate::inline v0 {
 namespace {
 
-/// The same view with another number of pixels; pixel centres are at whole numbers.
+/// The same view with another number of pixels; pixel centers are at whole numbers.
 Intrinsics scaled(const Intrinsics& camera, double x, double y) {
   return {camera.fx * x, camera.fy * y, (camera.cx + 0.5) * x - 0.5, (camera.cy + 0.5) * y - 0.5};
 }

@@ -12,13 +12,13 @@ namespace {
 /// The mean is taken over differences to the center, which keeps all digits and a flat patch exact.
 /// Invalid neighbors need no test: kNoDepth is so far off that their weight, 2^-100, times their
 /// difference is nothing beside any depth.
-PALPATE_FORMULA VecF filtered(const float* centre, std::ptrdiff_t stride, VecF z, int radius,
+PALPATE_FORMULA VecF filtered(const float* center, std::ptrdiff_t stride, VecF z, int radius,
                               const float* space, float range_scale) {
   const VecF squared = z * z;
   const VecF range = range_scale / (squared * squared);
   VecF sum = splat(0.0f), sum_weights = splat(1.0f);
   for (int dv = -radius; dv <= radius; ++dv) {
-    const float* row = centre + dv * stride;
+    const float* row = center + dv * stride;
     for (int du = -radius; du <= radius; ++du, ++space) {
       if (du == 0 && dv == 0) continue;
       const VecF difference = load(row + du) - z;

@@ -164,13 +164,13 @@ PALPATE_FORMULA float clamped(float value, float least, float most) {
 }
 
 /// Memory of one neighborhood. All zero: nothing seen yet.
-struct NeighbourhoodMemory {
+struct NeighborhoodMemory {
   LearnedVariance noise;  ///< of the mean deviation
   float follow = 0;       ///< last result
 };
 
 /// Tests a neighborhood for a change by its own deviations.
-PALPATE_FORMULA SharedChange change_in(const DeviationSum& s, NeighbourhoodMemory& memory,
+PALPATE_FORMULA SharedChange change_in(const DeviationSum& s, NeighborhoodMemory& memory,
                                        const EstimateModel& model) {
   SharedChange change;
   if (s.num > 0.0f) {
@@ -206,7 +206,7 @@ PALPATE_FORMULA SharedChange stronger(const SharedChange& a, const SharedChange&
 /// Neighborhoods have four levels, each four times as large as the one before. Entries: tiles row
 /// by row, then those of the coarser levels.
 inline constexpr int kEstimateLevels = 4;
-inline constexpr int kNeighbourhoods = 64 + 16 + 4 + 1;
+inline constexpr int kNeighborhoods = 64 + 16 + 4 + 1;
 PALPATE_FORMULA int first_entry(int level) {
   return level == 0 ? 0 : level == 1 ? 64 : level == 2 ? 80 : 84;
 }
@@ -214,7 +214,7 @@ PALPATE_FORMULA int level_side(int level) { return kTilesPerBlock >> level; }
 
 /// Memory of a block beside its pixels. All zero: nothing seen yet.
 struct BlockMemory {
-  NeighbourhoodMemory neighbourhoods[kNeighbourhoods];
+  NeighborhoodMemory neighborhoods[kNeighborhoods];
   LearnedVariance pixels[kTilesPerBlock * kTilesPerBlock];  ///< of deviations, by tile
 
   /// Noise of a tile's pixels over the model's.
@@ -230,10 +230,10 @@ struct BlockMemory {
 
 /// The tests of a block in one frame.
 struct BlockChange {
-  DeviationSum sums[kNeighbourhoods];
+  DeviationSum sums[kNeighborhoods];
   float
       keep[kTilesPerBlock * kTilesPerBlock];  ///< 1: a missing surface of a tile may still be there
-  SharedChange changes[kNeighbourhoods];
+  SharedChange changes[kNeighborhoods];
 
   /// Computes entry (u, v) of a level above the tiles from the level below.
   PALPATE_FORMULA void join(int level, int u, int v) {
@@ -250,7 +250,7 @@ struct BlockChange {
     keep[tile] = s.num_gone > 0.75f * s.num_known ? 0.0f : 1.0f;
   }
   PALPATE_FORMULA void test(int entry, BlockMemory& memory, const EstimateModel& model) {
-    changes[entry] = change_in(sums[entry], memory.neighbourhoods[entry], model);
+    changes[entry] = change_in(sums[entry], memory.neighborhoods[entry], model);
   }
   /// Combines the changes of all levels at a tile.
   PALPATE_FORMULA SharedChange of_tile(int u, int v) const {

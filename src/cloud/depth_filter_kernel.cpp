@@ -84,8 +84,8 @@ int read_depth(const RawPass& pass, const PixelWindow& part) {
       return from[i] < num ? to_depth(from[i]) : 0.0f;
     });
   };
-  if (const float* const metres = pass.metres; pass.counts == nullptr) {
-    return read([metres](std::ptrdiff_t i) { return metres[i]; });
+  if (const float* const meters = pass.meters; pass.counts == nullptr) {
+    return read([meters](std::ptrdiff_t i) { return meters[i]; });
   }
   const std::uint16_t* const counts = pass.counts;
   const double unit = pass.unit;

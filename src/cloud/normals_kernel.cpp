@@ -25,12 +25,12 @@ inline PixelFrame frame_at(const NormalPass& pass, int u, int v) {
 
 // Writes kLanes pixels of the cloud and returns how many are points.
 [[gnu::always_inline]] inline int store_points(const NormalPass& pass, int u, int v,
-                                               const Neighbours& neighbours, bool along_ray) {
+                                               const Neighbors& neighbors, bool along_ray) {
   const VecF nan = splat(std::numeric_limits<float>::quiet_NaN());
   const VecF z = load(pass.in.row(v) + u);
   const PixelFrame frame = frame_at(pass, u, v);
-  const UnitNormal normal = unit_normal(neighbours.e, frame, along_ray);
-  const VecI valid = neighbours.valid & normal.exists;
+  const UnitNormal normal = unit_normal(neighbors.e, frame, along_ray);
+  const VecI valid = neighbors.valid & normal.exists;
   const VecF values[6] = {frame.ray_x * z, frame.ray_y * z, z, normal.n.x, normal.n.y, normal.n.z};
   const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(v) * pass.in.width + u;
   for (int channel = 0; channel < 6; ++channel) {
@@ -41,9 +41,9 @@ inline PixelFrame frame_at(const NormalPass& pass, int u, int v) {
 
 // Rows of one column of pixels, in order.
 struct RowsAround {
-  const WindowRow* centre;
+  const WindowRow* center;
 
-  [[gnu::always_inline]] const WindowRow& operator()(int k) const { return centre[k]; }
+  [[gnu::always_inline]] const WindowRow& operator()(int k) const { return center[k]; }
 };
 
 // kLanes columns of a strip. Each step runs over all rows before the next starts: the eigenvectors
@@ -60,12 +60,12 @@ struct RowsAround {
   }
 
   const VecI none = VecI{};
-  Neighbours neighbours[kStripRows];
+  Neighbors neighbors[kStripRows];
   for (int v = row_begin; v < row_end; ++v) {
-    Neighbours& here = neighbours[v - row_begin];
+    Neighbors& here = neighbors[v - row_begin];
     here.valid = none;
-    const float* centre = pass.in.row(v) + u;
-    const VecF z = load(centre);
+    const float* center = pass.in.row(v) + u;
+    const VecF z = load(center);
     const VecI valid = z < kAnyDepth;
     if (mask_bits(valid) == 0) continue;
     VecI whole = none;
@@ -77,14 +77,14 @@ struct RowsAround {
     }
     const VecI rest = valid & ~whole;
     if (mask_bits(rest) != 0) {
-      const Neighbours direct = gather_directly(pass, centre, frame_at(pass, u, v), radius);
+      const Neighbors direct = gather_directly(pass, center, frame_at(pass, u, v), radius);
       here = {blend(whole, here.e, direct.e), whole | (rest & direct.valid)};
     }
   }
 
   int num_points = 0;
   for (int v = row_begin; v < row_end; ++v) {
-    num_points += store_points(pass, u, v, neighbours[v - row_begin], along_ray);
+    num_points += store_points(pass, u, v, neighbors[v - row_begin], along_ray);
   }
   return num_points;
 }

@@ -70,16 +70,16 @@ PALPATE_HOSTDEV inline Vector mean_of(const WindowSums& sums) {
           sums.t.s * inverse};
 }
 
-/// E about `centre`, the mean or zero (zero is p if the reference is the depth of p).
-PALPATE_HOSTDEV inline SymmetricMatrix covariance(const WindowSums& sums, const Vector& centre) {
+/// E about `center`, the mean or zero (zero is p if the reference is the depth of p).
+PALPATE_HOSTDEV inline SymmetricMatrix covariance(const WindowSums& sums, const Vector& center) {
   const VecF r = sums.reference;
   const VecF inverse = 1.0f / sums.w.s;
-  return {(r * (r * sums.w.uu + 2.0f * sums.t.uu) + sums.tt.uu) * inverse - centre.x * centre.x,
-          (r * (r * sums.w.uv + 2.0f * sums.t.uv) + sums.tt.uv) * inverse - centre.x * centre.y,
-          (r * sums.t.u + sums.tt.u) * inverse - centre.x * centre.z,
-          (r * (r * sums.w.vv + 2.0f * sums.t.vv) + sums.tt.vv) * inverse - centre.y * centre.y,
-          (r * sums.t.v + sums.tt.v) * inverse - centre.y * centre.z,
-          sums.tt.s * inverse - centre.z * centre.z};
+  return {(r * (r * sums.w.uu + 2.0f * sums.t.uu) + sums.tt.uu) * inverse - center.x * center.x,
+          (r * (r * sums.w.uv + 2.0f * sums.t.uv) + sums.tt.uv) * inverse - center.x * center.y,
+          (r * sums.t.u + sums.tt.u) * inverse - center.x * center.z,
+          (r * (r * sums.w.vv + 2.0f * sums.t.vv) + sums.tt.vv) * inverse - center.y * center.y,
+          (r * sums.t.v + sums.tt.v) * inverse - center.y * center.z,
+          sums.tt.s * inverse - center.z * center.z};
 }
 
 /// C = M E M^T.

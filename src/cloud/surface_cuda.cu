@@ -62,7 +62,7 @@ struct SurfaceCuda::Impl {
 
   Impl(int image_width, int image_height, const Intrinsics& k, const SurfaceOptions& options,
        int gpu, int num_images, const Distortion& distortion);
-  void enqueue(gpu::Stream& stream, const std::uint16_t* counts, const float* metres,
+  void enqueue(gpu::Stream& stream, const std::uint16_t* counts, const float* meters,
                const Part& part, int num_images = 0);
 };
 
@@ -122,7 +122,7 @@ SurfaceCuda::Impl::Impl(int image_width, int image_height, const Intrinsics& k,
 }
 
 void SurfaceCuda::Impl::enqueue(gpu::Stream& stream, const std::uint16_t* counts,
-                                const float* metres, const Part& part, int num_images) {
+                                const float* meters, const Part& part, int num_images) {
   const bool is_batch = num_images > 0;
   const int tiles_per_row = filter.tiling.tiles_per_row;
   const auto shape = [&](ImageRows strips, std::size_t shared_bytes) {
@@ -135,7 +135,7 @@ void SurfaceCuda::Impl::enqueue(gpu::Stream& stream, const std::uint16_t* counts
   PALPATE_ASSERT(filter.raw_pixels == nullptr || part.num_parts == 1);
   if (filtered.begin < filtered.end) {
     FilterJob job = filter;
-    job.metres = metres;
+    job.meters = meters;
     if (counts != nullptr) job.raw.pixels = counts;
     job.tiling.first_tile = filtered.begin * tiles_per_row;
     job.tiling.num_tiles = (filtered.end - filtered.begin) * tiles_per_row;
@@ -143,7 +143,7 @@ void SurfaceCuda::Impl::enqueue(gpu::Stream& stream, const std::uint16_t* counts
   }
   if (part.part == part.num_parts - 1) {
     FilterJob job = filter;
-    job.metres = metres;
+    job.meters = meters;
     if (counts != nullptr) job.raw.pixels = counts;
     job.tiling.num_tiles = part.num_strips * tiles_per_row;
     gpu::LaunchShape tiles = shape({0, part.num_strips}, sizeof(one_lane::FarShared));

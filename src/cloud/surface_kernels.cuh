@@ -37,7 +37,7 @@ inline constexpr int kMaxTaps = (2 * kMaxWindowRadius + 1) * (2 * kMaxWindowRadi
 struct FilterJob {
   Tiling tiling;
   RawFrameView raw;
-  const float* metres = nullptr;              // instead of the raw frame, or null
+  const float* meters = nullptr;              // instead of the raw frame, or null
   const std::uint32_t* raw_pixels = nullptr;  // as RawPass
   float* depth = nullptr;                     // filtered, NaN where invalid, kFar where free
   unsigned* far = nullptr;   // of each row of a tile: bits of the pixels that are too far
@@ -132,7 +132,7 @@ __device__ inline float raw_depth(const FilterJob& job, int image, int u, int v)
   const std::ptrdiff_t i =
       static_cast<std::ptrdiff_t>(image) * tiling.width * tiling.height + pixel;
   const float z =
-      job.metres != nullptr ? job.metres[i] : depth_of(job.raw.pixels[i], *job.raw.unit);
+      job.meters != nullptr ? job.meters[i] : depth_of(job.raw.pixels[i], *job.raw.unit);
   return is_usable_depth(z, job.min_depth, job.max_depth) ? z
          : z > job.max_depth                              ? kFarDepth
                                                           : kNoDepth;
@@ -157,8 +157,8 @@ __global__ void __launch_bounds__(kTileThreads)
   int num_valid = 0;
   for (int k = 0; k < kRowsPerWarp; ++k) {
     const int row = gpu::warp_id() * kRowsPerWarp + k, v = tile.v0 + row;
-    const float* const centre = shared.depths + (row + margin) * stride + column + margin;
-    const float z = *centre;
+    const float* const center = shared.depths + (row + margin) * stride + column + margin;
+    const float z = *center;
     const unsigned far = __ballot_sync(gpu::kWholeWarp, z > kNoDepth);
     if (v < job.tiling.height && column == 0) {
       job.far[job.tiling.word(tile.image, v, tile.u0 / kTileWidth)] = far;
@@ -166,8 +166,8 @@ __global__ void __launch_bounds__(kTileThreads)
     if (u >= job.tiling.width || v >= job.tiling.height) continue;
     float result = kInvalid;
     num_valid += z < kAnyDepth;
-    if (z < kAnyDepth && !(job.flying_gap > 0 && is_flying(centre, stride, z, job.flying_gap))) {
-      result = radius > 0 ? filtered(centre, stride, z, radius, job.space, job.range) : z;
+    if (z < kAnyDepth && !(job.flying_gap > 0 && is_flying(center, stride, z, job.flying_gap))) {
+      result = radius > 0 ? filtered(center, stride, z, radius, job.space, job.range) : z;
     }
     filtered_depth[v * job.tiling.width + u] = result;
   }
@@ -212,10 +212,10 @@ inline std::size_t normal_shared_bytes(const NormalPass& pass) {
 
 /// The rows of one column around a pixel.
 struct StoredRows {
-  const RowStore* centre;
+  const RowStore* center;
   int column;
 
-  __device__ WindowRow operator()(int k) const { return centre[k].get(column); }
+  __device__ WindowRow operator()(int k) const { return center[k].get(column); }
 };
 
 /// The first valid depth of a column from the middle row on, as on the CPU.
@@ -290,12 +290,12 @@ __global__ void __launch_bounds__(kTileThreads)
   for (int k = 0; k < kRowsPerWarp; ++k) {
     const int row = gpu::warp_id() * kRowsPerWarp + k, v = tile.v0 + row;
     if (u >= width || row >= num_rows) continue;
-    const float* const centre = first + row * stride + column;
+    const float* const center = first + row * stride + column;
     const std::ptrdiff_t at = first_point + static_cast<std::ptrdiff_t>(v) * width + u;
-    const float z = *centre;
+    const float z = *center;
     const PixelFrame frame{ray_x, pass.ray_y[v], pass.pixel_x, pass.pixel_y};
     if (job.change[0] != nullptr) {
-      const Around around = depths_around(centre, stride);
+      const Around around = depths_around(center, stride);
       DepthChange change{0, 0, 0};
       if (farthest(around) > z + job.min_step) {
         change = depth_change(around, z, frame.ray_x, frame.ray_y, job.min_step);
@@ -328,12 +328,12 @@ __global__ void __launch_bounds__(kTileThreads)
   for (int i = static_cast<int>(threadIdx.x); i < shared.num_left; i += kTileThreads) {
     const int row = shared.left[i] / kTileWidth, left_column = shared.left[i] % kTileWidth;
     const int left_u = tile.u0 + left_column, v = tile.v0 + row;
-    const float* const centre = first + row * stride + left_column;
+    const float* const center = first + row * stride + left_column;
     const PixelFrame frame{pass.ray_x[left_u], pass.ray_y[v], pass.pixel_x, pass.pixel_y};
-    const Neighbours neighbours = gather_directly(pass, centre, frame, radius);
-    const UnitNormal normal = unit_normal(neighbours.e, frame, pass.along_ray);
-    const bool valid = neighbours.valid & normal.exists;
-    store_point(job, first_point + static_cast<std::ptrdiff_t>(v) * width + left_u, *centre, frame,
+    const Neighbors neighbors = gather_directly(pass, center, frame, radius);
+    const UnitNormal normal = unit_normal(neighbors.e, frame, pass.along_ray);
+    const bool valid = neighbors.valid & normal.exists;
+    store_point(job, first_point + static_cast<std::ptrdiff_t>(v) * width + left_u, *center, frame,
                 normal.n, valid);
     num_points += valid;
   }

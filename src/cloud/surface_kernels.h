@@ -33,7 +33,7 @@ struct PaddedDepth {
 /// Raw depth to meters: kNoDepth without measurement, kFarDepth where it is too far.
 struct RawPass {
   const std::uint16_t* counts = nullptr;  ///< width a row, of `unit` meters
-  const float* metres = nullptr;          ///< instead, if there are no counts
+  const float* meters = nullptr;          ///< instead, if there are no counts
   double unit = 0;
   float min_depth = 0, max_depth = 0;
   float* out = nullptr;  ///< padded
@@ -60,7 +60,7 @@ struct FilterPass {
 
 /// Unprojection and plane fit (eqs. 3.7-3.11). Neighbors of p: the valid pixels q of the window
 /// with |z_q - z_p| <= max_depth_change z_p, p included. No normal if they are fewer than
-/// min_neighbours or all on one line of the image.
+/// min_neighbors or all on one line of the image.
 struct NormalPass {
   PaddedDepth in;
   float* cloud[6] = {};          ///< x, y, z, nx, ny, nz
@@ -69,7 +69,7 @@ struct NormalPass {
   float pixel_x = 0, pixel_y = 0;  ///< 1 / fx, 1 / fy
   int radius = 3;
   float max_depth_change = 0;
-  float min_neighbours = 0;
+  float min_neighbors = 0;
   bool along_ray = true;  ///< PlaneFit::along_ray, else principal
   bool anchoring = false, weighting = false, normalization = false;
   float weight = 0;  ///< 1 / (2 weight_sigma^2 ln 2)

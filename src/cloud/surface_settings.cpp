@@ -53,7 +53,7 @@ NormalPass normal_settings(const NormalOptions& options, const Intrinsics& k) {
   pass.radius = options.radius;
   pass.max_depth_change = static_cast<float>(options.max_depth_change);
   const int window = 2 * options.radius + 1;
-  pass.min_neighbours = static_cast<float>(std::min(options.min_neighbours, window * window));
+  pass.min_neighbors = static_cast<float>(std::min(options.min_neighbors, window * window));
   pass.along_ray = options.fit == PlaneFit::along_ray;
   pass.anchoring = options.anchoring;
   pass.weighting = options.weighting;

@@ -111,10 +111,10 @@ int SurfaceStages::sum_over_strips(ThreadPool& pool, const PixelWindow& window, 
 
 int SurfaceStages::read(const DepthImageView& image, ThreadPool& pool) {
   PALPATE_ASSERT(image.width == width_ && image.height == height_ && image.gpu == kHostMemory &&
-                 (image.counts != nullptr || image.metres != nullptr));
+                 (image.counts != nullptr || image.meters != nullptr));
   RawPass pass = raw_pass_;
   pass.counts = image.counts;
-  pass.metres = image.counts == nullptr ? image.metres : nullptr;
+  pass.meters = image.counts == nullptr ? image.meters : nullptr;
   pass.unit = image.unit;
   return read(pass, pool);
 }

@@ -30,13 +30,13 @@ struct WindowRow {
   VecF min, max;  ///< of z
 };
 
-PALPATE_FORMULA WindowRow sum_row(const float* centre, VecF reference, int radius) {
-  const VecF z = load(centre);
+PALPATE_FORMULA WindowRow sum_row(const float* center, VecF reference, int radius) {
+  const VecF z = load(center);
   const VecF t = z - reference;
   const VecF zero = splat(0.0f);
   WindowRow row{{t, zero, zero}, {t * t, zero, zero}, z, z};
   for (int k = 1; k <= radius; ++k) {
-    const VecF z_left = load(centre - k), z_right = load(centre + k);
+    const VecF z_left = load(center - k), z_right = load(center + k);
     row.min = min(row.min, min(z_left, z_right));
     row.max = max(row.max, max(z_left, z_right));
     const VecF left = z_left - reference, right = z_right - reference;
@@ -77,13 +77,13 @@ PALPATE_FORMULA WholeWindow sum_columns(const Rows& row, VecF reference, int rad
   const VecF num = splat(static_cast<float>(size * size));
   // sum of du^2 over the window = size^2 (size^2 - 1) / 12
   const VecF spread = num * (num - 1.0f) * (1.0f / 12.0f);
-  const WindowRow& centre = row(0);
+  const WindowRow& center = row(0);
   WholeWindow window{{{num, zero, zero, spread, zero, spread},
-                      {centre.t.s, centre.t.u, zero, centre.t.uu, zero, zero},
-                      {centre.tt.s, centre.tt.u, zero, centre.tt.uu, zero, zero},
+                      {center.t.s, center.t.u, zero, center.t.uu, zero, zero},
+                      {center.tt.s, center.tt.u, zero, center.tt.uu, zero, zero},
                       reference},
-                     centre.min,
-                     centre.max};
+                     center.min,
+                     center.max};
   for (int k = 1; k <= radius; ++k) {
     const WindowRow& above = row(-k);
     const WindowRow& below = row(k);
@@ -122,7 +122,7 @@ struct GateWeight {
 
 /// exp(-|p - q|^2 / (2 sigma^2)), eq. 3.10, for neighbors.
 struct DistanceWeight {
-  GateWeight neighbour;
+  GateWeight neighbor;
   PixelFrame frame;
   VecF scale;  // 1 / (2 sigma^2 ln 2)
 
@@ -130,7 +130,7 @@ struct DistanceWeight {
     const Vector e{static_cast<float>(du) * z, static_cast<float>(dv) * z, depth_difference};
     const Vector d = to_camera(e, frame);
     const VecF weight = exp2_negative(-scale * (d.x * d.x + d.y * d.y + d.z * d.z));
-    return weight * neighbour(du, dv, z, depth_difference);
+    return weight * neighbor(du, dv, z, depth_difference);
   }
 };
 
@@ -153,14 +153,14 @@ PALPATE_HOSTDEV inline void add_row(Moments& sum, const RowMoments& row, float d
 
 /// Computes the moments about p itself.
 template <class Weight>
-PALPATE_FORMULA WindowSums sum_window(const float* centre, std::ptrdiff_t stride, int radius,
+PALPATE_FORMULA WindowSums sum_window(const float* center, std::ptrdiff_t stride, int radius,
                                       const Weight& weight) {
-  const VecF z_p = load(centre);
+  const VecF z_p = load(center);
   const VecF zero = splat(0.0f);
   const Moments none{zero, zero, zero, zero, zero, zero};
   WindowSums sums{none, none, none, z_p};
   for (int dv = -radius; dv <= radius; ++dv) {
-    const float* row = centre + dv * stride;
+    const float* row = center + dv * stride;
     const VecF z = load(row);
     const VecF w = weight(0, dv, z, z - z_p), t = w * (z - z_p);
     RowMoments row_w{w, zero, zero}, row_t{t, zero, zero}, row_tt{t * (z - z_p), zero, zero};
@@ -183,18 +183,18 @@ PALPATE_FORMULA WindowSums sum_window(const float* centre, std::ptrdiff_t stride
 
 /// Covariance of directions instead of differences (eq. 3.11), up to a factor.
 template <class Weight>
-PALPATE_HOSTDEV inline SymmetricMatrix direction_covariance(const float* centre,
+PALPATE_HOSTDEV inline SymmetricMatrix direction_covariance(const float* center,
                                                             std::ptrdiff_t stride, int radius,
                                                             const Weight& weight,
                                                             const Vector& origin,
                                                             const PixelFrame& frame) {
-  const VecF z_p = load(centre);
+  const VecF z_p = load(center);
   const VecF zero = splat(0.0f);
   const VecF min_difference = kMinDifference * z_p;
   SymmetricMatrix c{zero, zero, zero, zero, zero, zero};
   for (int dv = -radius; dv <= radius; ++dv) {
     for (int du = -radius; du <= radius; ++du) {
-      const VecF z = load(centre + dv * stride + du);
+      const VecF z = load(center + dv * stride + du);
       const Vector e{static_cast<float>(du) * z - origin.x, static_cast<float>(dv) * z - origin.y,
                      z - z_p - origin.z};
       const Vector d = to_camera(e, frame);
@@ -213,46 +213,46 @@ PALPATE_HOSTDEV inline SymmetricMatrix direction_covariance(const float* centre,
 }
 
 /// True if there are enough neighbors, not all on one line: the spread of (du, dv) has full rank.
-PALPATE_HOSTDEV inline Mask spans_plane(const Moments& count, float min_neighbours) {
+PALPATE_HOSTDEV inline Mask spans_plane(const Moments& count, float min_neighbors) {
   const VecF uu = count.s * count.uu - count.u * count.u;
   const VecF uv = count.s * count.uv - count.u * count.v;
   const VecF vv = count.s * count.vv - count.v * count.v;
-  return (count.s >= min_neighbours) & (uu * vv - uv * uv > kMinSpread * uu * vv);
+  return (count.s >= min_neighbors) & (uu * vv - uv * uv > kMinSpread * uu * vv);
 }
 
-struct Neighbours {
+struct Neighbors {
   SymmetricMatrix e;  // their covariance
   Mask valid;         // enough for a plane
 };
 
 template <class Weight>
 PALPATE_HOSTDEV inline SymmetricMatrix weighted_covariance(const NormalPass& pass,
-                                                           const float* centre,
+                                                           const float* center,
                                                            const WindowSums& sums,
                                                            const Weight& weight,
                                                            const PixelFrame& frame) {
   const VecF zero = splat(0.0f);
   const Vector origin = pass.anchoring ? Vector{zero, zero, zero} : mean_of(sums);
   return pass.normalization
-             ? direction_covariance(centre, pass.in.stride, pass.radius, weight, origin, frame)
+             ? direction_covariance(center, pass.in.stride, pass.radius, weight, origin, frame)
              : covariance(sums, origin);
 }
 
-PALPATE_FORMULA Neighbours gather_directly(const NormalPass& pass, const float* centre,
+PALPATE_FORMULA Neighbors gather_directly(const NormalPass& pass, const float* center,
                                            const PixelFrame& frame, int radius) {
-  const VecF z = load(centre);
+  const VecF z = load(center);
   const GateWeight gate{pass.max_depth_change * z};
-  const WindowSums sums = sum_window(centre, pass.in.stride, radius, gate);
+  const WindowSums sums = sum_window(center, pass.in.stride, radius, gate);
   SymmetricMatrix e;
   if (pass.weighting) {
     const VecF squared = z * z;
     const DistanceWeight weight{gate, frame, pass.weight / (squared * squared)};
-    e = weighted_covariance(pass, centre, sum_window(centre, pass.in.stride, pass.radius, weight),
+    e = weighted_covariance(pass, center, sum_window(center, pass.in.stride, pass.radius, weight),
                             weight, frame);
   } else {
-    e = weighted_covariance(pass, centre, sums, gate, frame);
+    e = weighted_covariance(pass, center, sums, gate, frame);
   }
-  return {e, spans_plane(sums.w, pass.min_neighbours)};
+  return {e, spans_plane(sums.w, pass.min_neighbors)};
 }
 
 }  // namespace

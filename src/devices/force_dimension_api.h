@@ -40,7 +40,7 @@ struct ForceDimensionApi {
 
   // Functions of newer releases; may be null.
   int (*dhdSetMaxForce)(double newtons, char id);
-  int (*dhdSetMaxTorque)(double newton_metres, char id);
+  int (*dhdSetMaxTorque)(double newton_meters, char id);
 };
 
 /// dhdGetStatus fills 13 to 17 numbers, depending on the release.

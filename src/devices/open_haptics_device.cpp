@@ -31,7 +31,7 @@ constexpr const char* kInstall =
 constexpr const char* kConnect =
     "connect it, give it its name with Touch_Setup, allow its use (a udev rule for its ttyACM or "
     "hidraw file) and try it with Touch_Diagnostic";
-constexpr double kMetresPerMillimetre = 1e-3, kNewtonsPerMillinewton = 1e-3;
+constexpr double kMetersPerMillimeter = 1e-3, kNewtonsPerMillinewton = 1e-3;
 constexpr int kPatience = 500;  // ms
 constexpr double kOpenPatience = 25, kStartPatience = 10, kStopPatience = 2,
                  kCutPatience = 0.25;  // s
@@ -69,9 +69,9 @@ DeviceLimits driver_limits(const OpenHapticsApi& api) {
   DeviceLimits limits = find_device_model("touch").value_or(device_models().front()).limits;
   limits.max_force = requested(api, kHdMaxForce, 1, limits.max_force, 100);
   limits.max_stiffness =
-      requested(api, kHdMaxStiffness, 1 / kMetresPerMillimetre, limits.max_stiffness, 1e5);
+      requested(api, kHdMaxStiffness, 1 / kMetersPerMillimeter, limits.max_stiffness, 1e5);
   limits.max_damping =
-      requested(api, kHdMaxDamping, 1 / kMetresPerMillimetre, limits.max_damping, 1e3);
+      requested(api, kHdMaxDamping, 1 / kMetersPerMillimeter, limits.max_damping, 1e3);
   if (requested_integer(api, kHdOutputDof) >= 6) {
     limits.max_torque = requested(api, kHdMaxTorque, kNewtonsPerMillinewton, 0, 10);
     limits.max_angular_stiffness =
@@ -82,7 +82,7 @@ DeviceLimits driver_limits(const OpenHapticsApi& api) {
   double box[6] = {};  // least x, y, z; largest
   api.hdGetDoublev(kHdUsableWorkspace, box);
   const double diameter = std::min({box[3] - box[0], box[4] - box[1], box[5] - box[2]});
-  const double radius = diameter / 2 * kMetresPerMillimetre;
+  const double radius = diameter / 2 * kMetersPerMillimeter;
   if (api.take_errors().code == 0 && radius > 0 && radius < 10) limits.workspace_radius = radius;
   return limits;
 }

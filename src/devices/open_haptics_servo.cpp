@@ -10,7 +10,7 @@
 namespace palpate::inline v0 {
 namespace {
 
-constexpr double kMetresPerMillimetre = 1e-3, kMillinewtonMetres = 1e3;  // per N m
+constexpr double kMetersPerMillimeter = 1e-3, kMillinewtonMeters = 1e3;  // per N m
 constexpr int kRestTicks = 100;
 constexpr int kMaxWearyTicks = 5000;  // in a row: then it is hopeless
 
@@ -76,7 +76,7 @@ unsigned OpenHapticsServo::frame() noexcept {
   return kHdCallbackDone;
 }
 
-/// The transform is column by column, its translation in millimetres. Its axes are those of B
+/// The transform is column by column, its translation in millimeters. Its axes are those of B
 /// (HD_CURRENT_POSITION: "Right is +x, up is +y, toward user is +z").
 void OpenHapticsServo::read() noexcept {
   double m[16] = {}, v[3] = {}, w[3] = {};
@@ -89,13 +89,13 @@ void OpenHapticsServo::read() noexcept {
   const HdEnum error = api_.take_errors().code;
   judge(error);
 
-  Pose X_BH{vector(m + 12) * kMetresPerMillimetre, {}};
+  Pose X_BH{vector(m + 12) * kMetersPerMillimeter, {}};
   Mat3d R = rotation_matrix({});
   if (senses_orientation_) {
     R = {{{m[0], m[4], m[8]}, {m[1], m[5], m[9]}, {m[2], m[6], m[10]}}};
     X_BH.rotation = quaternion_of(R);
   }
-  const Twist V_BH{vector(v) * kMetresPerMillimetre, vector(w)};
+  const Twist V_BH{vector(v) * kMetersPerMillimeter, vector(w)};
   state_.is_valid = (error == 0 || is_force_error(error)) && is_possible(X_BH) && is_rotation(R) &&
                     std::isfinite(norm(V_BH.linear) + norm(V_BH.angular));
   if (!state_.is_valid) return;
@@ -109,7 +109,7 @@ void OpenHapticsServo::write(const Wrench& F_H_B) noexcept {
   const double force[3] = {F.force.x, F.force.y, F.force.z};
   api_.hdSetDoublev(kHdForce, force);
   if (limits_.max_torque <= 0) return;
-  const Vec3d t = F.torque * kMillinewtonMetres;
+  const Vec3d t = F.torque * kMillinewtonMeters;
   const double torque[3] = {t.x, t.y, t.z};
   api_.hdSetDoublev(kHdTorque, torque);
 }

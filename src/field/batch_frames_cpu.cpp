@@ -61,7 +61,7 @@ class BatchFramesCpu final : public BatchFrames {
     const auto i = static_cast<std::size_t>(number);
     DepthImageView image = first;
     if (image.counts != nullptr) image.counts += i * image.num_pixels();
-    if (image.metres != nullptr) image.metres += i * image.num_pixels();
+    if (image.meters != nullptr) image.meters += i * image.num_pixels();
     worker.estimator.update(image, *worker.pool, {{}, false});
     fields_[i].update(worker.estimator.cloud(), *worker.pool);
     surfaces_[i].field = fields_[i].view();

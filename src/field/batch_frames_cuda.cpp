@@ -74,15 +74,15 @@ class BatchFramesCuda final : public BatchFrames {
       const std::size_t at = static_cast<std::size_t>(begin) * size;
       const std::size_t num_values = static_cast<std::size_t>(some) * size;
       const std::uint16_t* counts = first.counts == nullptr ? nullptr : first.counts + at;
-      const float* metres = counts != nullptr ? nullptr : first.metres + at;
+      const float* meters = counts != nullptr ? nullptr : first.meters + at;
       if (is_staged && counts != nullptr) {
         stream.copy(staged_, counts, num_values * sizeof *counts);
         counts = reinterpret_cast<const std::uint16_t*>(staged_);
       } else if (is_staged) {
-        stream.copy(staged_, metres, num_values * sizeof *metres);
-        metres = staged_;
+        stream.copy(staged_, meters, num_values * sizeof *meters);
+        meters = staged_;
       }
-      surface_->enqueue_images(stream, counts, metres, some);
+      surface_->enqueue_images(stream, counts, meters, some);
       field_->enqueue(surface_->planes(), surface_->points_apart(), surface_->cloud(), begin, some,
                       stream);
     }

@@ -41,7 +41,7 @@ class FrameSlotsCuda final : public FrameSlots {
         slots_(std::move(slots)),
         surfaces_(slots_.size()),
         memory_(gpu),
-        metres_(memory_.take<float>(static_cast<std::size_t>(settings.stream.width) *
+        meters_(memory_.take<float>(static_cast<std::size_t>(settings.stream.width) *
                                     static_cast<std::size_t>(settings.stream.height))),
         stream_(gpu, gpu::Priority::low) {
     const Slot* last = &slots_.back();
@@ -163,12 +163,12 @@ class FrameSlotsCuda final : public FrameSlots {
       slot.estimator.enqueue_counts(stream_, frame.counts);
       return;
     }
-    const float* metres = frame.metres;
+    const float* meters = frame.meters;
     if (frame.gpu == kHostMemory) {
-      stream_.copy(metres_, metres, frame.num_pixels() * sizeof(float));
-      metres = metres_;
+      stream_.copy(meters_, meters, frame.num_pixels() * sizeof(float));
+      meters = meters_;
     }
-    slot.estimator.enqueue_depth(stream_, metres);
+    slot.estimator.enqueue_depth(stream_, meters);
   }
   const Slot& before(int number) const {
     const std::size_t num = slots_.size();
@@ -181,7 +181,7 @@ class FrameSlotsCuda final : public FrameSlots {
   std::vector<Slot> slots_;
   std::vector<SurfaceView> surfaces_;
   gpu::Memory memory_;
-  float* metres_;  // of a frame in meters from host memory
+  float* meters_;  // of a frame in meters from host memory
   gpu::Stream stream_;
 };
 

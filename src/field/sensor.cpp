@@ -33,7 +33,7 @@ Status Sensor::Impl::check(const DepthImageView& image) const {
                   std::to_string(camera.width) + " x " + std::to_string(camera.height) +
                   "; create one for this size");
   }
-  if (image.counts == nullptr && image.metres == nullptr) {
+  if (image.counts == nullptr && image.meters == nullptr) {
     return refuse("an image without values was given to a sensor; set counts or meters");
   }
   const bool is_here =

@@ -13,7 +13,7 @@ namespace palpate::inline v0 {
 /// second. Without such a takeover it is there at once.
 class Approach {
  public:
-  explicit Approach(const Vec3d& centre_of_mass_T) : c_T_(centre_of_mass_T) {}
+  explicit Approach(const Vec3d& center_of_mass_T) : c_T_(center_of_mass_T) {}
 
   void begin(const Pose& from) noexcept {
     from_ = from;

@@ -22,7 +22,7 @@ class MovedFriction {
       : friction_(options, share * options.stiffness / options.motion_scale, kDampingTime),
         max_damping_(limits.max_damping > 0 ? limits.max_damping / options.motion_scale
                                             : std::numeric_limits<double>::infinity()),
-        c_T_(tool.centre_of_mass) {}
+        c_T_(tool.center_of_mass) {}
 
   void reset(const Pose& X_WT) noexcept {
     friction_.reset();
@@ -76,10 +76,10 @@ class DirectCoupling final : public Coupling {
   DirectCoupling(const CouplingOptions& options, const DeviceLimits& limits,
                  const MassProperties& tool)
       : scale_(options.motion_scale),
-        hand_(options, tool.centre_of_mass),
+        hand_(options, tool.center_of_mass),
         contact_(options.hold, radius_of_gyration(tool)),
         friction_(options, limits, 1, tool),
-        approach_(tool.centre_of_mass) {}
+        approach_(tool.center_of_mass) {}
 
   void reset(const DeviceState& state) noexcept override {
     X_WT_ = hand_.follow(state).X_WT;
@@ -137,7 +137,7 @@ class DirectCoupling final : public Coupling {
 class NoCoupling final : public Coupling {
  public:
   NoCoupling(const CouplingOptions& options, const MassProperties& tool)
-      : hand_(options, tool.centre_of_mass), friction_(options, {}, kStiffer, tool) {}
+      : hand_(options, tool.center_of_mass), friction_(options, {}, kStiffer, tool) {}
 
   void reset(const DeviceState& state) noexcept override {
     friction_.reset(hand_.follow(state).X_WT);

@@ -15,8 +15,8 @@ constexpr double kLongestGap = 0.01;
 
 }  // namespace
 
-Hand::Hand(const CouplingOptions& options, const Vec3d& centre_of_mass_T)
-    : options_(options), c_T_(centre_of_mass_T), X_HT_inverse_(inverse(options.X_HT)) {
+Hand::Hand(const CouplingOptions& options, const Vec3d& center_of_mass_T)
+    : options_(options), c_T_(center_of_mass_T), X_HT_inverse_(inverse(options.X_HT)) {
   // Without a coupling the device's pose is that of the tool: no clutch, no walls.
   if (options.kind != CouplingKind::none) return;
   options_.clutch = false;

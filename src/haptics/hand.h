@@ -24,7 +24,7 @@ struct HeldTool {
 
 class Hand {
  public:
-  Hand(const CouplingOptions& options, const Vec3d& centre_of_mass_T);
+  Hand(const CouplingOptions& options, const Vec3d& center_of_mass_T);
 
   /// Continues with the tool in the hand where it was.
   void take_over(const CouplingState& state) noexcept;

@@ -90,22 +90,22 @@ double stored_energy(const Penetration& penetration, const VolumeStiffness& scal
       penetration.potential > 0 || !(penetration.volume > 0)
           ? penetration.potential
           : kMaxShare * norm(penetration.measure_W.force) * std::cbrt(penetration.volume);
-  return scale.newtons_per_cubic_metre * measure;
+  return scale.newtons_per_cubic_meter * measure;
 }
 
 LocalContact local_contact(const Penetration& penetration, const Stiffness& stiffness,
-                           const Pose& X_WT, const Vec3d& centre_of_mass_T,
+                           const Pose& X_WT, const Vec3d& center_of_mass_T,
                            const VolumeStiffness& scale, double time, double surface_age,
                            const ContactPatch& patch) {
   LocalContact contact;
   contact.patch = patch;
   contact.time = time;
   contact.X_WT = X_WT;
-  contact.p_WC = X_WT * centre_of_mass_T;
+  contact.p_WC = X_WT * center_of_mass_T;
   contact.surface_age = surface_age;
   contact.status = penetration.status;
   contact.volume = penetration.volume;
-  const double gain = scale.newtons_per_cubic_metre;
+  const double gain = scale.newtons_per_cubic_meter;
   contact.F_C_W = scale * penetration.measure_W;
   contact.energy = stored_energy(penetration, scale);
   bool finite = is_finite(X_WT) && is_finite(contact.F_C_W) && is_finite(patch.lever_W) &&

@@ -20,11 +20,11 @@ class ProxyCoupling final : public Coupling {
                 const MassProperties& tool)
       : scale_(options.motion_scale),
         spring_(make_spring(options, limits)),
-        hand_(options, tool.centre_of_mass),
+        hand_(options, tool.center_of_mass),
         contact_(ContactHold::local_model, radius_of_gyration(tool)),
         friction_(options, kStiffer * spring_.stiffness, 0),
-        approach_(tool.centre_of_mass),
-        c_T_(tool.centre_of_mass),
+        approach_(tool.center_of_mass),
+        c_T_(tool.center_of_mass),
         radius_(radius_of_gyration(tool)) {}
 
   void reset(const DeviceState& state) noexcept override {

@@ -30,9 +30,9 @@ class VirtualCoupling final : public Coupling {
                   const MassProperties& tool)
       : scale_(options.motion_scale),
         spring_(make_spring(options, limits)),
-        hand_(options, tool.centre_of_mass),
+        hand_(options, tool.center_of_mass),
         contact_(options.hold, radius_of_gyration(tool)),
-        c_T_(tool.centre_of_mass),
+        c_T_(tool.center_of_mass),
         mass_(options.tool_mass / options.motion_scale),
         friction_(friction_of(options, spring_, mass_)) {
     const double radius = radius_of_gyration(tool), mean = mass_ * radius * radius;

@@ -108,10 +108,10 @@ struct ImageSize {
 };
 
 /// From the first bytes of a PNG: signature, length and name of the chunk IHDR, width, height, bits
-/// per channel, colour type.
+/// per channel, color type.
 Result<ImageSize> read_size(const fs::path& path) {
   constexpr std::string_view kStart("\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR", 16);
-  constexpr std::string_view kGrey16("\x10\0", 2);
+  constexpr std::string_view kGray16("\x10\0", 2);
   std::array<char, 26> bytes{};
   std::error_code ignored;
   const auto kind = fs::status(path, ignored).type();
@@ -127,8 +127,8 @@ Result<ImageSize> read_size(const fs::path& path) {
   if (file.bad())
     return Error{Errc::io_failure, "cannot read " + path.string() + "; check the disk"};
   const std::string_view header(bytes.data(), static_cast<std::size_t>(file.gcount()));
-  if (header.size() < bytes.size() || !header.starts_with(kStart) || !header.ends_with(kGrey16))
-    return bad(path, "is not a 16-bit greyscale PNG; save depth with 16 bits and one channel");
+  if (header.size() < bytes.size() || !header.starts_with(kStart) || !header.ends_with(kGray16))
+    return bad(path, "is not a 16-bit grayscale PNG; save depth with 16 bits and one channel");
   const auto big_endian = [&](std::size_t at) {
     std::uint32_t value = 0;
     for (std::size_t k = at; k < at + 4; ++k)

@@ -11,7 +11,7 @@
 namespace palpate::inline v0 {
 namespace {
 
-/// glTF wants its colours linear.
+/// glTF wants its colors linear.
 float linear_of(std::uint8_t srgb) {
   const double value = srgb / 255.0;
   return static_cast<float>(value <= 0.04045 ? value / 12.92
@@ -20,19 +20,19 @@ float linear_of(std::uint8_t srgb) {
 
 // Scenes of Assimp own what they point at, and delete it.
 
-std::unique_ptr<aiMaterial> material_of(const ColouredMesh& part) {
+std::unique_ptr<aiMaterial> material_of(const ColoredMesh& part) {
   auto material = std::make_unique<aiMaterial>();
   const aiString name(part.name);
-  const aiColor4D colour(linear_of(part.rgb[0]), linear_of(part.rgb[1]), linear_of(part.rgb[2]), 1);
+  const aiColor4D color(linear_of(part.rgb[0]), linear_of(part.rgb[1]), linear_of(part.rgb[2]), 1);
   const float metallic = 0, roughness = 0.8f;
   material->AddProperty(&name, AI_MATKEY_NAME);
-  material->AddProperty(&colour, 1, AI_MATKEY_BASE_COLOR);
+  material->AddProperty(&color, 1, AI_MATKEY_BASE_COLOR);
   material->AddProperty(&metallic, 1, AI_MATKEY_METALLIC_FACTOR);
   material->AddProperty(&roughness, 1, AI_MATKEY_ROUGHNESS_FACTOR);
   return material;
 }
 
-std::unique_ptr<aiMesh> mesh_of(const ColouredMesh& part, unsigned material) {
+std::unique_ptr<aiMesh> mesh_of(const ColoredMesh& part, unsigned material) {
   const TriangleMesh& mesh = part.mesh;
   auto result = std::make_unique<aiMesh>();
   result->mName = part.name;
@@ -57,7 +57,7 @@ std::unique_ptr<aiMesh> mesh_of(const ColouredMesh& part, unsigned material) {
 
 }  // namespace
 
-Result<std::string> glb_content(std::span<const ColouredMesh* const> parts) try {
+Result<std::string> glb_content(std::span<const ColoredMesh* const> parts) try {
   const auto num = static_cast<unsigned>(parts.size());
   aiScene scene;
   scene.mRootNode = new aiNode("palpate");

@@ -11,6 +11,6 @@ namespace palpate::inline v0 {
 
 /// A node and a material for each part; `parts` are not empty, nor is any of them, and faces use
 /// vertices that exist. The error is the rest of a sentence.
-Result<std::string> glb_content(std::span<const ColouredMesh* const> parts);
+Result<std::string> glb_content(std::span<const ColoredMesh* const> parts);
 
 }  // namespace palpate::inline v0

@@ -1,4 +1,4 @@
-// save_mesh and save_coloured_meshes: each format is put together in memory and written in one go.
+// save_mesh and save_colored_meshes: each format is put together in memory and written in one go.
 #include <array>
 #include <bit>
 #include <charconv>
@@ -26,7 +26,7 @@ void append_float(std::string& out, const Vec3d& p) {
   for (int axis = 0; axis < 3; ++axis) append_little_endian(out, static_cast<float>(p[axis]));
 }
 
-/// Parts in one mesh, one after the other. Colours are those of all parts or of none.
+/// Parts in one mesh, one after the other. Colors are those of all parts or of none.
 struct PlyPart {
   const TriangleMesh* mesh;
   const std::array<std::uint8_t, 3>* rgb = nullptr;
@@ -38,17 +38,17 @@ std::string ply(std::span<const PlyPart> parts) {
     num_vertices += part.mesh->vertices.size();
     num_triangles += part.mesh->triangles.size();
   }
-  const bool has_colours = !parts.empty() && parts.front().rgb != nullptr;
-  std::string out = "ply\nformat binary_little_endian 1.0\ncomment metres\nelement vertex " +
+  const bool has_colors = !parts.empty() && parts.front().rgb != nullptr;
+  std::string out = "ply\nformat binary_little_endian 1.0\ncomment meters\nelement vertex " +
                     std::to_string(num_vertices) +
                     "\nproperty double x\nproperty double y\nproperty double z\n";
-  if (has_colours) out += "property uchar red\nproperty uchar green\nproperty uchar blue\n";
+  if (has_colors) out += "property uchar red\nproperty uchar green\nproperty uchar blue\n";
   out += "element face " + std::to_string(num_triangles) +
          "\nproperty list uchar int vertex_indices\nend_header\n";
   for (const PlyPart& part : parts) {
     for (const Vec3d& p : part.mesh->vertices) {
       for (int axis = 0; axis < 3; ++axis) append_little_endian(out, p[axis]);
-      if (!has_colours) continue;
+      if (!has_colors) continue;
       for (const std::uint8_t value : *part.rgb) append_little_endian(out, value);
     }
   }
@@ -64,7 +64,7 @@ std::string ply(std::span<const PlyPart> parts) {
 }
 
 std::string stl(const TriangleMesh& mesh) {
-  std::string out = "binary STL by Palpate, metres";
+  std::string out = "binary STL by Palpate, meters";
   out.resize(80, ' ');
   append_little_endian(out, static_cast<std::uint32_t>(mesh.triangles.size()));
   for (const auto& triangle : mesh.triangles) {
@@ -78,7 +78,7 @@ std::string stl(const TriangleMesh& mesh) {
 }
 
 std::string obj(const TriangleMesh& mesh) {
-  std::string out = "# metres\n";
+  std::string out = "# meters\n";
   for (const Vec3d& p : mesh.vertices) {
     out += 'v';
     for (int axis = 0; axis < 3; ++axis) {
@@ -125,12 +125,12 @@ Status save_mesh(const TriangleMesh& mesh, const std::filesystem::path& path) {
                "cannot write " + path.string() + ": give a name that ends in .ply, .stl or .obj"};
 }
 
-Status save_coloured_meshes(std::span<const ColouredMesh> parts,
+Status save_colored_meshes(std::span<const ColoredMesh> parts,
                             const std::filesystem::path& path) {
   std::vector<PlyPart> ply_parts;
-  std::vector<const ColouredMesh*> glb_parts;
+  std::vector<const ColoredMesh*> glb_parts;
   std::size_t num_vertices = 0;
-  for (const ColouredMesh& part : parts) {
+  for (const ColoredMesh& part : parts) {
     if (const Status status = check_indices(part.mesh, path); !status) return status;
     if (part.mesh.triangles.empty()) continue;
     ply_parts.push_back({&part.mesh, &part.rgb});

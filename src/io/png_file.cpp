@@ -56,7 +56,7 @@ class Reader {
 
   png_uint_32 width() const { return png_get_image_width(png_, info_); }
   png_uint_32 height() const { return png_get_image_height(png_, info_); }
-  bool is_grey16() const {
+  bool is_gray16() const {
     return png_get_bit_depth(png_, info_) == 16 &&
            png_get_color_type(png_, info_) == PNG_COLOR_TYPE_GRAY;
   }
@@ -168,7 +168,7 @@ Result<DepthFrame> load_depth_png(const std::filesystem::path& path, double unit
   if (!content) return content.error();
   if (!is_png(*content)) {
     return Error{Errc::bad_input, path.string() +
-                                      " is not a PNG file; depth images are 16-bit greyscale PNG "
+                                      " is not a PNG file; depth images are 16-bit grayscale PNG "
                                       "files, and organized point clouds are read as .pcd files"};
   }
   return decode_depth_png(*content, path.string(), unit);
@@ -185,8 +185,8 @@ Result<DepthFrame> decode_depth_png(std::string_view content, const std::string&
   };
   Reader reader(content);
   if (!reader.read_header()) return not_a_png(reader);
-  if (!reader.is_grey16()) {
-    return bad("is not a 16-bit greyscale PNG; save depth with 16 bits and one channel");
+  if (!reader.is_gray16()) {
+    return bad("is not a 16-bit grayscale PNG; save depth with 16 bits and one channel");
   }
   if (const auto trouble = check_size(reader)) return bad(*trouble);
   DepthFrame frame;
@@ -206,14 +206,14 @@ Result<LabelImage> load_label_png(const std::filesystem::path& path) {
     return Error{Errc::bad_input, path.string() + " " + what};
   };
   if (!is_png(*content)) {
-    return bad("is not a PNG file; label images are greyscale or palette PNG files of 8 bits");
+    return bad("is not a PNG file; label images are grayscale or palette PNG files of 8 bits");
   }
   Reader reader(*content);
   LabelImage image;
   if (reader.read_header()) {
     if (!reader.is_label8()) {
       return bad(
-          "is not a PNG of labels; save it with 8 bits and one channel, greyscale or with a "
+          "is not a PNG of labels; save it with 8 bits and one channel, grayscale or with a "
           "palette");
     }
     if (const auto trouble = check_size(reader)) return bad(*trouble);

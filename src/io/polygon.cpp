@@ -43,7 +43,7 @@ class Polygon {
   }
 
  private:
-  /// Corner i between its neighbours.
+  /// Corner i between its neighbors.
   std::array<Index, 3> at(std::size_t i) const {
     const std::size_t n = corners_.size();
     return {corners_[(i + n - 1) % n], corners_[i], corners_[(i + 1) % n]};

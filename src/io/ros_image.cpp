@@ -11,7 +11,7 @@
 namespace palpate::inline v0 {
 namespace {
 
-constexpr double kMillimetre = 0.001;
+constexpr double kMillimeter = 0.001;
 
 Error damaged() { return {Errc::bad_input, "a depth image is damaged"}; }
 
@@ -34,8 +34,8 @@ RosStamp read_ros_header(CdrReader& from) {
   return {seconds + 1e-9 * nanoseconds, from.text()};
 }
 
-std::uint16_t count_of(double metres, double unit) {
-  const double count = std::floor(metres / unit + 0.5);
+std::uint16_t count_of(double meters, double unit) {
+  const double count = std::floor(meters / unit + 0.5);
   if (!(count >= 1)) return 0;  // nor is NaN a measurement
   return count < kFarCount ? static_cast<std::uint16_t>(count) : kFarCount;
 }
@@ -63,7 +63,7 @@ Result<DepthFrame> read_depth_image(std::string_view message, double unit, doubl
   }
   frame.width = static_cast<int>(width);
   frame.height = static_cast<int>(height);
-  frame.unit = is_count ? kMillimetre : unit;
+  frame.unit = is_count ? kMillimeter : unit;
   frame.pixels.resize(std::size_t{width} * height);
   for (std::size_t v = 0; v < height; ++v) {
     std::uint16_t* const row = frame.pixels.data() + v * width;

@@ -10,7 +10,7 @@ namespace palpate::inline v0 {
 
 class CdrReader;
 
-/// sensor_msgs/Image, 16UC1 (mm) or 32FC1 (numbers of `scale` metres, in counts of `unit`).
+/// sensor_msgs/Image, 16UC1 (mm) or 32FC1 (numbers of `scale` meters, in counts of `unit`).
 /// DepthFrame::timestamp is the header's. Errors: another encoding, a damaged message.
 Result<DepthFrame> read_depth_image(std::string_view message, double unit, double scale = 1);
 /// As flow_message writes it: DepthFrame::flow. Error: damaged.
@@ -25,6 +25,6 @@ RosStamp read_ros_header(CdrReader& from);
 
 /// Converts meters to counts, kFarCount for depth beyond the range, up to +inf (REP 117: nothing is
 /// within range). NaN, depth that is too near and -inf are no measurement, 0.
-std::uint16_t count_of(double metres, double unit);
+std::uint16_t count_of(double meters, double unit);
 
 }  // namespace palpate::inline v0

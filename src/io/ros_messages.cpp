@@ -237,7 +237,7 @@ std::string sphere_markers_message(const RosHeader& header, std::span<const Sphe
   }
   const double range = std::max(std::log(double(most) / double(least)), 1e-9);
   struct Group {
-    std::vector<Vec3d> centres;
+    std::vector<Vec3d> centers;
     double radii = 0;
   };
   std::array<std::array<Group, kNumSizes>, kNumStates> groups;
@@ -245,19 +245,19 @@ std::string sphere_markers_message(const RosHeader& header, std::span<const Sphe
     const double size = std::log(double(spheres[i].radius) / double(least)) / range;
     const auto number = std::min(static_cast<std::size_t>(size * kNumSizes), kNumSizes - 1);
     Group& group = groups[static_cast<std::size_t>(states[i])][number];
-    group.centres.push_back(to_double(spheres[i].centre));
+    group.centers.push_back(to_double(spheres[i].center));
     group.radii += double(spheres[i].radius);
   }
   CdrWriter to;
   to.number(static_cast<std::uint32_t>(kNumStates * kNumSizes));
   for (std::size_t state = 0; state < kNumStates; ++state) {
     for (std::size_t size = 0; size < kNumSizes; ++size) {
-      const auto& [centres, radii] = groups[state][size];
-      const double diameter = centres.empty() ? 1 : 2 * radii / double(centres.size());
+      const auto& [centers, radii] = groups[state][size];
+      const double diameter = centers.empty() ? 1 : 2 * radii / double(centers.size());
       put(to, header,
           {names_of(RosSphere{})[state], static_cast<std::int32_t>(size), kSphereList, diameter,
            kColors[state], false},
-          centres);
+          centers);
     }
   }
   return to.take();

@@ -9,7 +9,7 @@
 namespace palpate::inline v0 {
 namespace {
 
-/// e2 x e3 = e1, all of length one (thesis section 4.3.1; there e2 is not normalised).
+/// e2 x e3 = e1, all of length one (thesis section 4.3.1; there e2 is not normalized).
 struct Basis {
   Vec3d e1, e2, e3;
 };
@@ -38,32 +38,32 @@ void add_cap(TriangleMesh& mesh, const Sphere& sphere, const Plane<double>& plan
   const double length = norm(plane.normal);
   const bool has_plane = length > 0;
   const Basis basis = basis_along(has_plane ? plane.normal : Vec3d{0, 0, 1});
-  const Vec3d centre = to_double(sphere.centre);
+  const Vec3d center = to_double(sphere.center);
   const double radius = sphere.radius;
-  const double distance = has_plane ? (dot(plane.normal, centre) - plane.offset) / length : -radius;
+  const double distance = has_plane ? (dot(plane.normal, center) - plane.offset) / length : -radius;
   PALPATE_ASSERT(std::isfinite(distance));
   if (radius - distance <= kFlattestCap * radius) return;
   const bool is_whole = radius + distance <= kFlattestCap * radius;
 
-  // Angles are measured at the centre of the sphere, from the pole that lies deepest.
+  // Angles are measured at the center of the sphere, from the pole that lies deepest.
   const double circle_radius = std::sqrt(std::max(0.0, (radius - distance) * (radius + distance)));
   const double opening = is_whole ? kPi : std::atan2(circle_radius, distance);
   const int rings = num_rings(opening, segments);
   const auto ring = [&](int k) {
     const double angle = opening * k / rings;
-    return add_ring(mesh, centre - basis.e1 * (radius * std::cos(angle)), basis.e2, basis.e3,
+    return add_ring(mesh, center - basis.e1 * (radius * std::cos(angle)), basis.e2, basis.e3,
                     radius * std::sin(angle), segments);
   };
   Ring upper = ring(1);
-  close_below(mesh, upper, centre - basis.e1 * radius);
+  close_below(mesh, upper, center - basis.e1 * radius);
   const int last = is_whole ? rings - 1 : rings;
   for (int k = 2; k <= last; ++k) {
     const Ring lower = upper;
     upper = ring(k);
     connect(mesh, lower, upper);
   }
-  // The other pole, or the centre of the disc (eq. 4.20).
-  close_above(mesh, upper, centre - basis.e1 * (is_whole ? -radius : distance));
+  // The other pole, or the center of the disc (eq. 4.20).
+  close_above(mesh, upper, center - basis.e1 * (is_whole ? -radius : distance));
 }
 
 }  // namespace

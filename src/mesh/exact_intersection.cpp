@@ -87,7 +87,7 @@ bool triangles_meet(const GridTriangle& a, const GridTriangle& b) {
   }
   if (num_shared == 3) return true;
   if (num_shared == 2) {
-    // Neighbours meet beyond their edge only if one is folded flat onto the other.
+    // Neighbors meet beyond their edge only if one is folded flat onto the other.
     const auto free = std::find(is_shared_a, is_shared_a + 3, false) - is_shared_a;
     const GridPoint& from = a.p[(free + 1) % 3];
     const GridPoint& to = a.p[(free + 2) % 3];

@@ -53,19 +53,19 @@ MassProperties mass_properties(std::span<const Sphere> spheres) {
   for (const Sphere& sphere : spheres) {
     const double mass = sphere_volume(static_cast<double>(sphere.radius));
     volume += mass;
-    first_moment += to_double(sphere.centre) * mass;  // Thesis eq. 3.4.
+    first_moment += to_double(sphere.center) * mass;  // Thesis eq. 3.4.
   }
-  const Vec3d centre = volume > 0 ? first_moment / volume : Vec3d{};
+  const Vec3d center = volume > 0 ? first_moment / volume : Vec3d{};
 
   // Thesis eqs. 3.5 and 3.6: a ball's own inertia 2/5 m r^2 I has the second moments 1/5 m r^2 I.
   Mat3d second_moments;
   for (const Sphere& sphere : spheres) {
     const double radius = sphere.radius;
     const double mass = sphere_volume(radius);
-    add_outer_product(second_moments, to_double(sphere.centre) - centre, mass);
+    add_outer_product(second_moments, to_double(sphere.center) - center, mass);
     for (int i = 0; i < 3; ++i) second_moments.m[i][i] += mass * radius * radius / 5;
   }
-  return {volume, centre, inertia_of(second_moments)};
+  return {volume, center, inertia_of(second_moments)};
 }
 
 }  // namespace palpate::inline v0

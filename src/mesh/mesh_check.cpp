@@ -28,7 +28,7 @@ std::string count(std::size_t n, const std::string& noun) {
   return std::to_string(n) + " " + noun + (n == 1 ? "" : "s");
 }
 
-Vec3d face_centre(const TriangleMesh& mesh, std::size_t face) {
+Vec3d face_center(const TriangleMesh& mesh, std::size_t face) {
   const Triangle& t = mesh.triangles[face];
   return (mesh.vertices[t[0]] + mesh.vertices[t[1]] + mesh.vertices[t[2]]) / 3;
 }
@@ -130,7 +130,7 @@ std::optional<Error> repair(SolidMesh& solid, double tolerance) {
   }
   for (std::size_t face = 0; face < mesh.triangles.size(); ++face) {
     if (!is_needle(mesh, mesh.triangles[face], tolerance)) continue;
-    return bad_mesh("a face at " + point(face_centre(mesh, face)) +
+    return bad_mesh("a face at " + point(face_center(mesh, face)) +
                     " has no area and cannot be dropped without opening the surface; dissolve "
                     "degenerate faces in a mesh editor");
   }
@@ -143,7 +143,7 @@ std::optional<Error> check_crossings(const TriangleMesh& mesh) {
   const std::optional<FacePair>& pair = *search;
   if (!pair) return std::nullopt;
   const std::vector<std::uint32_t> shell = shell_of_faces(mesh.triangles);
-  const std::string where = point(face_centre(mesh, pair->first));
+  const std::string where = point(face_center(mesh, pair->first));
   if (shell[pair->first] != shell[pair->second]) {
     return bad_mesh("two parts of the mesh touch or overlap near " + where +
                     "; unite them (Boolean union) in a mesh editor");

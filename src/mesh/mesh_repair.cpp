@@ -172,7 +172,7 @@ std::size_t remove_needles(TriangleMesh& mesh, double tolerance) {
 
   EdgeMap edges(mesh.triangles);
   const std::size_t num_before = queue.size();
-  // A flip can make a needle of the neighbour, hence the queue; needles that only pass each other
+  // A flip can make a needle of the neighbor, hence the queue; needles that only pass each other
   // on and on end with the budget.
   std::size_t budget = 100 * queue.size();
   for (std::size_t next = 0; next < queue.size() && budget-- > 0; ++next) {

@@ -17,7 +17,7 @@ struct HalfEdge {
   std::uint32_t face;
 };
 
-/// All half-edges, sorted such that those of one edge are neighbours. O(n log n).
+/// All half-edges, sorted such that those of one edge are neighbors. O(n log n).
 std::vector<HalfEdge> sorted_half_edges(const std::vector<Triangle>& triangles);
 
 /// True if both run between the same two vertices, whatever the direction.

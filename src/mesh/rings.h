@@ -22,14 +22,14 @@ struct Ring {
   std::uint32_t operator[](std::uint32_t i) const { return first + i % count; }
 };
 
-/// Circle around `centre` from e1 towards e2 (both of length one).
-inline Ring add_ring(TriangleMesh& mesh, const Vec3d& centre, const Vec3d& e1, const Vec3d& e2,
+/// Circle around `center` from e1 towards e2 (both of length one).
+inline Ring add_ring(TriangleMesh& mesh, const Vec3d& center, const Vec3d& e1, const Vec3d& e2,
                      double radius, int segments) {
   const Ring ring{static_cast<std::uint32_t>(mesh.vertices.size()),
                   static_cast<std::uint32_t>(segments)};
   for (int i = 0; i < segments; ++i) {
     const double angle = 2 * kPi * i / segments;
-    add_vertex(mesh, centre + (e1 * std::cos(angle) + e2 * std::sin(angle)) * radius);
+    add_vertex(mesh, center + (e1 * std::cos(angle) + e2 * std::sin(angle)) * radius);
   }
   return ring;
 }

@@ -234,12 +234,12 @@ TriangleMesh make_spiral(double helix_radius, double wire_radius, double pitch, 
     const Vec3d outward{std::cos(angle), std::sin(angle), 0};
     const Vec3d tangent =
         normalized(Vec3d{-helix_radius * std::sin(angle), helix_radius * std::cos(angle), rise});
-    const Vec3d centre = outward * helix_radius + Vec3d{0, 0, rise * (angle - kPi * turns)};
+    const Vec3d center = outward * helix_radius + Vec3d{0, 0, rise * (angle - kPi * turns)};
     const Ring ring =
-        add_ring(mesh, centre, outward, cross(tangent, outward), wire_radius, wire_segments);
-    if (step == 0) close_below(mesh, ring, centre);
+        add_ring(mesh, center, outward, cross(tangent, outward), wire_radius, wire_segments);
+    if (step == 0) close_below(mesh, ring, center);
     if (step > 0) connect(mesh, previous, ring);
-    if (step == steps) close_above(mesh, ring, centre);
+    if (step == steps) close_above(mesh, ring, center);
     previous = ring;
   }
   return mesh;

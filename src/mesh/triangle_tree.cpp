@@ -125,8 +125,8 @@ bool may_meet(const Segment& s, std::span<const TriangleTree::Box> boxes) {
 
 TriangleTree::TriangleTree(const TriangleMesh& mesh)
     : triangles_(round_to_grid(mesh)), order_(triangles_.size()) {
-  centres_.reserve(triangles_.size());
-  for (const GridTriangle& t : triangles_) centres_.push_back(exact(t.p[0] + t.p[1] + t.p[2]));
+  centers_.reserve(triangles_.size());
+  for (const GridTriangle& t : triangles_) centers_.push_back(exact(t.p[0] + t.p[1] + t.p[2]));
   std::iota(order_.begin(), order_.end(), 0u);
   if (!order_.empty()) build(0, static_cast<std::uint32_t>(order_.size()));
 }
@@ -146,7 +146,7 @@ std::uint32_t TriangleTree::build(std::uint32_t begin, std::uint32_t end) {
     std::nth_element(order_.begin() + begin, order_.begin() + middle, order_.begin() + end,
                      [&](std::uint32_t a, std::uint32_t b) {
                        const auto key = [&](std::uint32_t i) {
-                         return std::pair(dot(axis, centres_[i]), i);
+                         return std::pair(dot(axis, centers_[i]), i);
                        };
                        return key(a) < key(b);
                      });
@@ -218,12 +218,12 @@ int TriangleTree::set_boxes(Node& node) const {
     node.hub = vertex;
     break;
   }
-  Bounds whole = nothing(), centres = nothing();
+  Bounds whole = nothing(), centers = nothing();
   std::array<Bounds, 3> boxes{nothing(), nothing(), nothing()};
   Corners first;
   for (const std::uint32_t i : all) {
     Corners corners = along(node.axes, corners_of(triangles_[i]));
-    extend(centres, corners[0] + corners[1] + corners[2]);
+    extend(centers, corners[0] + corners[1] + corners[2]);
     for (int k = 0; k < 3; ++k) {
       if (triangles_[i].vertex[k] == node.hub) std::swap(corners[0], corners[k]);
     }
@@ -236,7 +236,7 @@ int TriangleTree::set_boxes(Node& node) const {
   }
   node.whole = around(whole);
   for (int k = 0; k < 3; ++k) node.boxes[k] = around(boxes[k]);
-  const Vec3d size = centres.high - centres.low;
+  const Vec3d size = centers.high - centers.low;
   return size.x >= size.y && size.x >= size.z ? 0 : (size.y >= size.z ? 1 : 2);
 }
 

@@ -63,7 +63,7 @@ class TriangleTree {
   int set_boxes(Node& node) const;
 
   std::vector<GridTriangle> triangles_;
-  std::vector<Vec3d> centres_;  ///< three times the centre of each
+  std::vector<Vec3d> centers_;  ///< three times the center of each
   std::vector<std::uint32_t> order_;
   std::vector<Node> nodes_;
 };

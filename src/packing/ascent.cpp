@@ -15,11 +15,11 @@ constexpr double kEnough = 0.5;   // of the promised gain: otherwise the obstacl
 constexpr double kTolerance = 1e-3;
 
 constexpr int kMaxShrinks = 24;
-// An obstacle may be so near to the centre of a tangent ball, as fraction of the radius.
+// An obstacle may be so near to the center of a tangent ball, as fraction of the radius.
 constexpr double kTouching = 1 - 1e-3;
 
 // Half side of the box one step may move in, as fraction of the clearance. Below 1/sqrt(3) the new
-// centre lies in the old ball, so no step can jump through a wall.
+// center lies in the old ball, so no step can jump through a wall.
 constexpr double kStep = 0.5;
 
 // An obstacle farther than this times the clearance cannot matter within one step.
@@ -52,13 +52,13 @@ FreeSpace::Nearest FreeSpace::nearest(const Vec3d& p, double reach) const {
 // 2(v.n + R). A wall right at p can be overlooked, hence the last check.
 Ball FreeSpace::tangent_ball(const Vec3d& p, const Vec3d& n, double radius) const {
   for (int i = 0; i < kMaxShrinks; ++i) {
-    const Vec3d centre = p + n * radius;
-    const Nearest found = nearest(centre, radius * kTouching);
+    const Vec3d center = p + n * radius;
+    const Nearest found = nearest(center, radius * kTouching);
     const bool is_sphere = found.sphere.radius > 0;
     if (!is_sphere && found.triangle < 0) {
-      return mesh.inside(centre) ? Ball{centre, radius * kTouching} : Ball{};
+      return mesh.inside(center) ? Ball{center, radius * kTouching} : Ball{};
     }
-    const Vec3d v = (is_sphere ? to_double(found.sphere.centre) : found.point) - p;
+    const Vec3d v = (is_sphere ? to_double(found.sphere.center) : found.point) - p;
     const double big = found.sphere.radius, length = norm(v);
     const double free = (length - big) * (length + big) / (2 * (dot(v, n) + big));
     if (!(free > 0)) break;
@@ -69,7 +69,7 @@ Ball FreeSpace::tangent_ball(const Vec3d& p, const Vec3d& n, double radius) cons
 
 bool FreeSpace::gather(const Vec3d& p, double clearance, double reach, std::size_t limit,
                        Obstacles& obstacles) const {
-  obstacles.centre = p;
+  obstacles.center = p;
   double excess = reach - clearance;
   for (int attempt = 0; attempt < 2; ++attempt, excess *= 0.4) {
     obstacles.reach = clearance + excess;
@@ -94,7 +94,7 @@ double Ascent::measure(const Obstacles& obstacles, const Vec3d& p) {
     away_.push_back(v * (1 / length));
     least = std::min(least, distance);
   };
-  for (const Sphere& s : obstacles.spheres) add(to_double(s.centre), s.radius);
+  for (const Sphere& s : obstacles.spheres) add(to_double(s.center), s.radius);
   for (int t : obstacles.triangles) add(closest_point(space_.mesh.triangle(t), p), 0);
   return least;
 }
@@ -102,7 +102,7 @@ double Ascent::measure(const Obstacles& obstacles, const Vec3d& p) {
 // Returns false when the ball has grown out of the reach of the obstacles: then its radius is only
 // an upper bound.
 bool Ascent::climb_within(const Obstacles& obstacles, Ball& ball) {
-  ball.radius = measure(obstacles, ball.centre);
+  ball.radius = measure(obstacles, ball.center);
   for (int step = 0; step < kMaxSteps; ++step) {
     if (ball.radius >= space_.max_radius || !(ball.radius > 0)) return true;
     constraints_.clear();
@@ -113,15 +113,15 @@ bool Ascent::climb_within(const Obstacles& obstacles, Ball& ball) {
     const LinearOptimum best = solve_linear_program(constraints_, kStep * ball.radius);
     const double gain = best.t - ball.radius;
     if (gain <= kNoGain * ball.radius) return true;
-    const Vec3d centre = ball.centre + best.d;
-    const double known = obstacles.reach - norm(centre - obstacles.centre);
-    const double radius = measure(obstacles, centre);
+    const Vec3d center = ball.center + best.d;
+    const double known = obstacles.reach - norm(center - obstacles.center);
+    const double radius = measure(obstacles, center);
     if (radius > known) {
-      if (known > ball.radius) ball = {centre, radius};
+      if (known > ball.radius) ball = {center, radius};
       return false;
     }
     if (radius <= ball.radius) return true;
-    ball = {centre, radius};
+    ball = {center, radius};
     if (gain <= kLastGain * radius) return true;
   }
   return true;
@@ -135,17 +135,17 @@ Ball Ascent::climb(const Vec3d& start, double reach, const Tether* tether) {
   Ball ball{start, meet(start, reach)};
   for (int step = 0; step < kMaxMeetings; ++step) {
     if (ball.radius >= space_.max_radius || !(ball.radius > 0)) break;
-    measure(obstacles_, ball.centre);
+    measure(obstacles_, ball.center);
     constraints_.clear();
     for (std::size_t i = 0; i < distance_.size(); ++i) constraints_.add(away_[i], distance_[i]);
     const LinearOptimum best = solve_linear_program(constraints_, kStep * ball.radius);
     const double gain = best.t - ball.radius;
     if (gain <= kNoGain * ball.radius) break;
-    const Vec3d centre = ball.centre + best.d;
-    const double radius = meet(centre, ball.radius + 1.001 * norm(best.d));
+    const Vec3d center = ball.center + best.d;
+    const double radius = meet(center, ball.radius + 1.001 * norm(best.d));
     if (radius < ball.radius + kEnough * gain) continue;
-    if (tether != nullptr && norm(centre - tether->place) - radius > tether->length) break;
-    ball = {centre, radius};
+    if (tether != nullptr && norm(center - tether->place) - radius > tether->length) break;
+    ball = {center, radius};
     if (gain <= kLastGain * radius) break;
   }
   ball.radius = std::min(ball.radius, space_.max_radius);
@@ -169,7 +169,7 @@ Ball Ascent::climb(const Vec3d& start, const Obstacles& obstacles) {
     ball.radius = std::min(ball.radius, space_.max_radius);
     return ball;
   }
-  return climb(ball.centre, ball.radius);
+  return climb(ball.center, ball.radius);
 }
 
 }  // namespace palpate::inline v0

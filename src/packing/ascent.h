@@ -10,13 +10,13 @@
 namespace palpate::inline v0 {
 
 struct Ball {
-  Vec3d centre;
+  Vec3d center;
   double radius = 0;
 };
 
-/// Everything that lies within `reach` of `centre`.
+/// Everything that lies within `reach` of `center`.
 struct Obstacles {
-  Vec3d centre;
+  Vec3d center;
   double reach = 0;
   std::vector<Sphere> spheres;
   std::vector<int> triangles;

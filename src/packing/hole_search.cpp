@@ -15,7 +15,7 @@ constexpr double kSameHole = 0.2;  // of the radius: closer balls are one hole
 // Directions on a Fibonacci spiral and the neighbors of each.
 struct Directions {
   std::array<float, kNumDirections> x, y, z;
-  std::array<std::vector<std::size_t>, kNumDirections> neighbours;
+  std::array<std::vector<std::size_t>, kNumDirections> neighbors;
 
   Directions() {
     const double golden = kPi * (3 - std::sqrt(5.0));
@@ -31,7 +31,7 @@ struct Directions {
     for (std::size_t i = 0; i < kNumDirections; ++i) {
       for (std::size_t j = 0; j < kNumDirections; ++j) {
         const double cosine = static_cast<double>(x[i] * x[j] + y[i] * y[j] + z[i] * z[j]);
-        if (i != j && cosine > near) neighbours[i].push_back(j);
+        if (i != j && cosine > near) neighbors[i].push_back(j);
       }
     }
   }
@@ -44,11 +44,11 @@ const Directions& directions() {
 
 }  // namespace
 
-// With w the way to the obstacle's centre, R its radius and unit radius of the sphere, the touching
+// With w the way to the obstacle's center, R its radius and unit radius of the sphere, the touching
 // ball of radius q in direction u satisfies |(1 + q) u - w| = R + q, hence
 // q = (|w|^2 - 2 u.w + 1 - R^2) / (2 (u.w - 1 + R)); with no positive denominator it never touches.
 void HoleSearch::touch_sphere(const Sphere& sphere, const Sphere& obstacle) {
-  const Vec3d w = to_double(obstacle.centre) - to_double(sphere.centre);
+  const Vec3d w = to_double(obstacle.center) - to_double(sphere.center);
   if (w == Vec3d{}) return;  // the sphere itself
   const double unit = 1 / static_cast<double>(sphere.radius);
   const double length = norm(w) * unit, big = static_cast<double>(obstacle.radius) * unit;
@@ -68,7 +68,7 @@ void HoleSearch::touch_sphere(const Sphere& sphere, const Sphere& obstacle) {
 // own plane. The ball touches the plane u.x = f at q = (f - u.m) / (1 + u.m). Both planes are safe,
 // so the more generous one counts.
 void HoleSearch::touch_triangle(const Sphere& sphere, const Triangle& triangle) {
-  const Vec3d p = to_double(sphere.centre);
+  const Vec3d p = to_double(sphere.center);
   const double unit = 1 / static_cast<double>(sphere.radius);
   const Vec3d w = closest_point(triangle, p) - p;
   const double length = norm(w);
@@ -93,7 +93,7 @@ void HoleSearch::touch_triangle(const Sphere& sphere, const Triangle& triangle) 
 // All directions at once against the obstacles nearby; false if these are too many.
 bool HoleSearch::measure_directions(const Sphere& sphere) {
   const double r = sphere.radius;
-  if (!space_.gather(to_double(sphere.centre), r, kReach * r, kMaxObstacles, obstacles_)) {
+  if (!space_.gather(to_double(sphere.center), r, kReach * r, kMaxObstacles, obstacles_)) {
     return false;
   }
   const double most = std::min((obstacles_.reach - r) / 2, space_.max_radius);
@@ -111,13 +111,13 @@ void HoleSearch::probe_directions(const Sphere& sphere) {
   for (std::size_t i = 0; i < kNumDirections; ++i) {
     const Vec3d n = to_double(Vec3f{u.x[i], u.y[i], u.z[i]});
     const Ball ball =
-        space_.tangent_ball(to_double(sphere.centre) + n * r, n, std::min(r, space_.max_radius));
+        space_.tangent_ball(to_double(sphere.center) + n * r, n, std::min(r, space_.max_radius));
     radius_[i] = static_cast<float>(ball.radius / r);
   }
 }
 
 void HoleSearch::find(const Sphere& sphere, double min_radius, std::vector<Ball>& holes) {
-  const Vec3d p = to_double(sphere.centre);
+  const Vec3d p = to_double(sphere.center);
   const double r = sphere.radius;
   const bool measured = measure_directions(sphere);
   if (!measured) probe_directions(sphere);
@@ -128,7 +128,7 @@ void HoleSearch::find(const Sphere& sphere, double min_radius, std::vector<Ball>
     const double q = static_cast<double>(radius_[i]);
     if (q * r * 2 < min_radius) continue;
     const bool peak =
-        std::none_of(u.neighbours[i].begin(), u.neighbours[i].end(), [&](std::size_t j) {
+        std::none_of(u.neighbors[i].begin(), u.neighbors[i].end(), [&](std::size_t j) {
           return radius_[j] > radius_[i] || (radius_[j] == radius_[i] && j < i);
         });
     if (!peak) continue;
@@ -139,7 +139,7 @@ void HoleSearch::find(const Sphere& sphere, double min_radius, std::vector<Ball>
     if (hole.radius < min_radius) continue;
     const bool known = std::any_of(
         holes.begin() + static_cast<std::ptrdiff_t>(first), holes.end(), [&](const Ball& other) {
-          return norm(other.centre - hole.centre) < kSameHole * hole.radius;
+          return norm(other.center - hole.center) < kSameHole * hole.radius;
         });
     if (!known) holes.push_back(hole);
   }

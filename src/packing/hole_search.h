@@ -10,7 +10,7 @@ namespace palpate::inline v0 {
 /// The holes that a new sphere creates all touch it: any other local maximum of the clearance was
 /// there before. So it is enough to look around it: for each of some hundred directions the largest
 /// ball that touches the sphere there is known in closed form, and from the directions that beat
-/// their neighbours an ascent finishes the work.
+/// their neighbors an ascent finishes the work.
 class HoleSearch {
  public:
   explicit HoleSearch(const FreeSpace& space) : space_(space), ascent_(space) {}

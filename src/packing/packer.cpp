@@ -34,7 +34,7 @@ constexpr double kBatchRadius = 0.98;    // of the largest: those are inserted t
 constexpr double kIntact = 1 - 1e-6;     // of its radius: such a candidate needs no new ascent
 constexpr double kProgressPeriod = 0.2;  // seconds
 
-// Below these a sphere no longer touches its neighbours once its centre is rounded to float.
+// Below these a sphere no longer touches its neighbors once its center is rounded to float.
 constexpr double kMinRadiusOfExtent = 2e-6;
 constexpr double kMinRadiusOfCoordinate = 1e-6;
 
@@ -158,7 +158,7 @@ class Packer {
   void push(const Ball& ball, bool grown) {
     if (ball.radius < smallest_) return;
     const double radius = std::min(ball.radius, options_.max_radius);
-    heap_.push_back({{ball.centre, radius}, priority(radius, grown), next_id_++, grown});
+    heap_.push_back({{ball.center, radius}, priority(radius, grown), next_id_++, grown});
     std::push_heap(heap_.begin(), heap_.end());
   }
 
@@ -191,24 +191,24 @@ class Packer {
       Candidate& candidate = batch_[i].candidate;
       Ball& ball = candidate.ball;
       const double known = ball.radius;
-      ball.radius = spheres_.clearance(ball.centre, known);
+      ball.radius = spheres_.clearance(ball.center, known);
       if (ball.radius < smallest_) return;
       if (!candidate.grown || ball.radius < kIntact * known) {
         if (!candidate.grown && priority(ball.radius, false) < threshold_) return;
-        ball = search.ascent().climb(ball.centre, known * 1.1);
+        ball = search.ascent().climb(ball.center, known * 1.1);
         candidate.grown = true;
       }
       if (ball.radius >= threshold_) batch_[i].sphere = stored(ball);
     });
   }
 
-  // The ball in single precision: its centre is rounded first, then its radius is what is free
-  // around that centre, in double, less one or two units in the last place. This is the proof that
+  // The ball in single precision: its center is rounded first, then its radius is what is free
+  // around that center, in double, less one or two units in the last place. This is the proof that
   // the stored sphere overlaps nothing.
   Sphere stored(const Ball& ball) const {
-    const Vec3f centre = rounded(ball.centre);
-    const double free = space_.clearance(to_double(centre), 1.01 * ball.radius);
-    return {centre, just_below(std::min(free, options_.max_radius))};
+    const Vec3f center = rounded(ball.center);
+    const double free = space_.clearance(to_double(center), 1.01 * ball.radius);
+    return {center, just_below(std::min(free, options_.max_radius))};
   }
 
   void insert_batch() {
@@ -226,17 +226,17 @@ class Packer {
       if (done_ || static_cast<double>(entry.sphere.radius) < smallest_) continue;
       double free = ball.radius;
       bool intact = true;
-      const Vec3d c = to_double(entry.sphere.centre);
+      const Vec3d c = to_double(entry.sphere.center);
       for (std::size_t i = first; i < packing_.spheres.size(); ++i) {
         const Sphere& other = packing_.spheres[i];
-        const double gap = norm(c - to_double(other.centre)) - static_cast<double>(other.radius);
+        const double gap = norm(c - to_double(other.center)) - static_cast<double>(other.radius);
         intact = intact && gap > static_cast<double>(entry.sphere.radius) * (1 + 1e-12);
         free = std::min(free, gap);
       }
       if (intact) {
         insert(entry.sphere);
       } else {
-        push({ball.centre, free}, false);
+        push({ball.center, free}, false);
       }
     }
     num_new_ = packing_.spheres.size() - first;
@@ -289,7 +289,7 @@ class Packer {
         continue;
       }
       insert(sphere);
-      const Vec3d c = to_double(sphere.centre);
+      const Vec3d c = to_double(sphere.center);
       const double r = sphere.radius;
       std::erase_if(places, [&](SurfaceWatch::Place& place) {
         place.standoff = std::min(place.standoff, norm(place.point - c) - r);
@@ -328,11 +328,11 @@ class Packer {
       if (!(start.radius > 0)) continue;
       const double reach = 1.1 * start.radius;
       const auto grow = [&](const Ascent::Tether* limit, double farthest, Sphere& best) {
-        const Ball ball = ascent.climb(start.centre, reach, limit);
+        const Ball ball = ascent.climb(start.center, reach, limit);
         if (ball.radius < smallest_) return;
         const Sphere sphere = stored(ball);
         const double r = sphere.radius;
-        if (r < smallest_ || norm(p - to_double(sphere.centre)) - r > farthest) return;
+        if (r < smallest_ || norm(p - to_double(sphere.center)) - r > farthest) return;
         if (sphere.radius > best.radius) best = sphere;
       };
       grow(nullptr, std::max(desired, kNaturalStep * place.standoff), natural);

@@ -10,7 +10,7 @@ namespace palpate::inline v0 {
 
 typedef float Float4 __attribute__((vector_size(16)));
 
-/// Sixteen neighbouring unit vectors.
+/// Sixteen neighboring unit vectors.
 struct RayPatch {
   static constexpr std::size_t kSize = 16;
   static constexpr std::size_t kParts = 4;

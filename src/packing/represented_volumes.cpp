@@ -12,7 +12,7 @@
 #include <limits>
 
 #include "palpate/mesh/mesh.h"
-#include "src/packing/power_neighbours.h"
+#include "src/packing/power_neighbors.h"
 #include "src/packing/ray_patches.h"
 #include "src/packing/triangle_bvh.h"
 
@@ -86,7 +86,7 @@ class PowerCells {
  public:
   PowerCells(const TriangleMesh& solid, std::span<const Sphere> spheres)
       : mesh_(solid),
-        neighbours_(spheres),
+        neighbors_(spheres),
         patches_(make_ray_patches(
             std::clamp(kRays / (spheres.size() + solid.triangles.size()), kMinRays, kMaxRays) /
             RayPatch::kSize)) {
@@ -103,13 +103,13 @@ class PowerCells {
 
   /// Measures what each cell holds besides its sphere.
   std::vector<Moments> measure(ThreadPool& pool) const {
-    std::vector<Moments> result(neighbours_.size());
+    std::vector<Moments> result(neighbors_.size());
     const std::size_t num_tasks = (result.size() + kTaskSize - 1) / kTaskSize;
     pool.parallel_for(static_cast<int>(num_tasks), [&](int task) {
       View view;
       const std::size_t begin = static_cast<std::size_t>(task) * kTaskSize;
       for (std::size_t i = begin; i < std::min(begin + kTaskSize, result.size()); ++i)
-        result[neighbours_.original(i)] = void_of(i, view);
+        result[neighbors_.original(i)] = void_of(i, view);
     });
     return result;
   }
@@ -124,16 +124,16 @@ class PowerCells {
   };
 
   Moments void_of(std::size_t i, View& view) const {
-    const Sphere& sphere = neighbours_.sphere(i);
-    const Vec3d centre = to_double(sphere.centre);
+    const Sphere& sphere = neighbors_.sphere(i);
+    const Vec3d center = to_double(sphere.center);
     const double radius = sphere.radius;
-    const double whole = norm(centre - middle_) + half_diagonal_;
+    const double whole = norm(center - middle_) + half_diagonal_;
     for (double margin = margin_;; margin *= 2) {
       const double reach = std::min(radius + margin, whole);
       view.planes.clear();
-      if (!neighbours_.gather(i, reach, view.planes)) return {};
+      if (!neighbors_.gather(i, reach, view.planes)) return {};
       const float weakest = find_ends(view);
-      find_facets(centre, reach, reach / static_cast<double>(weakest), view);
+      find_facets(center, reach, reach / static_cast<double>(weakest), view);
       Moments mean;  // of t^3, t^4 u and t^5
       if (!add_cones(view, radius / reach, mean) && reach != whole) continue;
       const double reach3 = reach * reach * reach, reach4 = reach3 * reach;
@@ -167,12 +167,12 @@ class PowerCells {
     return weakest;
   }
 
-  void find_facets(const Vec3d& centre, double unit, double distance, View& view) const {
+  void find_facets(const Vec3d& center, double unit, double distance, View& view) const {
     view.triangles.clear();
     view.facets.clear();
     const auto all = static_cast<std::size_t>(mesh_.num_triangles());
-    mesh_.gather(centre, distance, all, view.triangles);
-    for (const int t : view.triangles) view.facets.emplace_back(mesh_.triangle(t), centre, unit);
+    mesh_.gather(center, distance, all, view.triangles);
+    for (const int t : view.triangles) view.facets.emplace_back(mesh_.triangle(t), center, unit);
   }
 
   // Computes the mean moments of the rays' cones, without those of the sphere; false if a ray is
@@ -227,7 +227,7 @@ class PowerCells {
   }
 
   TriangleBvh mesh_;
-  PowerNeighbours neighbours_;
+  PowerNeighbors neighbors_;
   std::vector<RayPatch> patches_;
   Vec3d middle_;
   double half_diagonal_ = 0;
@@ -242,7 +242,7 @@ Sphere ball_of(const Sphere& sphere, double own, const Moments& besides) {
   const double second = (0.6 * own * radius * radius + besides.second) / volume - dot(shift, shift);
   const double least = std::cbrt(volume / kBall);
   const double desired = std::sqrt(std::max(0.0, second) * (5.0 / 3));
-  return {to_float(to_double(sphere.centre) + shift),
+  return {to_float(to_double(sphere.center) + shift),
           static_cast<float>(std::clamp(desired, least, kMaxStretch * least))};
 }
 

@@ -17,7 +17,7 @@ struct StartingPoints {
   double spacing = 0;  ///< of the grid
 };
 
-/// Cell centres of a grid over `box` that `jitter` shifts (0: not at all), and the balls that touch
+/// Cell centers of a grid over `box` that `jitter` shifts (0: not at all), and the balls that touch
 /// the middle of some facets from inside, which find what is thinner than a cell. Their order
 /// depends on the arguments only. `keep_going` is called many times on the calling thread; nothing
 /// if it says no.

@@ -74,7 +74,7 @@ void SphereLevels::insert(const Sphere& sphere) {
   }
   Level& level = *at;
   level.spheres.push_back(sphere);
-  const Vec3d c = to_double(sphere.centre);
+  const Vec3d c = to_double(sphere.center);
   const double h = level.cell_size, reach = (radius + level.margin) * (1 + 1e-9);
   std::int64_t low[3], high[3];
   for (int k = 0; k < 3; ++k) {
@@ -141,7 +141,7 @@ double SphereLevels::clearance(const Vec3d& p, double reach) const {
 double SphereLevels::nearest(const Vec3d& p, double reach, Sphere& found) const {
   double best = reach;
   visit(p, reach, [&](const Sphere& sphere) {
-    const Vec3d d = p - to_double(sphere.centre);
+    const Vec3d d = p - to_double(sphere.center);
     const double d2 = dot(d, d), radius = sphere.radius, limit = radius + best;
     if (limit > 0 && d2 < limit * limit) {
       best = std::sqrt(d2) - radius;
@@ -157,7 +157,7 @@ bool SphereLevels::gather(const Vec3d& p, double reach, std::size_t limit,
   const std::size_t start = out.size();
   bool complete = true;
   visit(p, reach, [&](const Sphere& sphere) {
-    const Vec3d d = p - to_double(sphere.centre);
+    const Vec3d d = p - to_double(sphere.center);
     const double far = static_cast<double>(sphere.radius) + reach;
     if (dot(d, d) <= far * far) {
       if (out.size() - start < limit) {

@@ -31,7 +31,7 @@ class TriangleBvh {
   explicit TriangleBvh(const TriangleMesh& mesh);
 
   /// Closest point of the surface not farther than `max_distance`. When a search grows long, as at
-  /// the centre of a finely tessellated ball where all triangles are about equally far, its result
+  /// the center of a finely tessellated ball where all triangles are about equally far, its result
   /// may be too far by the fraction `tolerance`.
   Closest closest(const Vec3d& p, double max_distance, double tolerance = 0) const;
 

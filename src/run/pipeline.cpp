@@ -143,7 +143,7 @@ void ContactPart::carry(const Pose& X_WT) noexcept {
   ground.velocity_W = scene_V_W_.linear;
   ground.turning_W = scene_V_W_.angular;
   const double all = plus_object_forces(norm(measured.cloud.measure_W.force));
-  const Vec3d p_W = X_WT * tool_mass_.centre_of_mass + patch_.lever_W;
+  const Vec3d p_W = X_WT * tool_mass_.center_of_mass + patch_.lever_W;
   if (!(all > 0)) return;
   for (int i = 0; i < moving_->num_bodies(); ++i) {
     const int object = static_cast<int>(moving_->object(i));
@@ -164,7 +164,7 @@ MovingBodies::Push ContactPart::push_on(int body, const Pose& X_WT, double dt) c
   if (!(measured.bodies.volume > 0) || !measured.bodies_stiffness) return push;
   const RigidBody& own = moving_->bodies()[static_cast<std::size_t>(body)];
   push.F_B_W = scale_.volume * measured.bodies.measure_W;
-  const double gain = scale_.volume.newtons_per_cubic_metre;
+  const double gain = scale_.volume.newtons_per_cubic_meter;
   for (int i = 0; i < 6; ++i) {
     for (int j = 0; j < 6; ++j) push.stiffness.m[i][j] = gain * measured.bodies_stiffness->m[i][j];
   }
@@ -172,7 +172,7 @@ MovingBodies::Push ContactPart::push_on(int body, const Pose& X_WT, double dt) c
   const Vec3d center = own.center_W();
   push.patch = contact_patch({-measured.bodies.measure_W.force, {}}, measured.bodies.volume, {},
                              measured.bodies_moments);
-  push.patch.lever_W += X_WT * tool_mass_.centre_of_mass - center;
+  push.patch.lever_W += X_WT * tool_mass_.center_of_mass - center;
   push.friction = scale_.object_frictions[object].coefficient.value_or(scale_.friction.coefficient);
   push.grip = scale_.grip;
   if (!(dt > 0)) return push;
@@ -186,7 +186,7 @@ ContactPatch ContactPart::patch_at(std::span<const SurfaceBlend> cameras,
                                    const Pose& X_WT) const noexcept {
   const BodyMeasure& measured = world_.measured(kToolBody);
   const VolumeWrench &of_cloud = measured.cloud.measure_W, &of_bodies = measured.bodies.measure_W;
-  const Vec3d p_WC = X_WT * tool_mass_.centre_of_mass;
+  const Vec3d p_WC = X_WT * tool_mass_.center_of_mass;
   ContactPatch cloud =
       measured.stiffness
           ? contact_patch(of_cloud, measured.cloud.volume, *measured.stiffness, measured.moments)
@@ -247,7 +247,7 @@ bool ContactPart::has_stiffness() const noexcept {
 void ContactPart::set_contact(ContactRecord& record) const noexcept {
   const double time = record.contact.time;
   record.contact =
-      local_contact(record.penetration, stiffness_, record.X_WT, tool_mass_.centre_of_mass,
+      local_contact(record.penetration, stiffness_, record.X_WT, tool_mass_.center_of_mass,
                     scale_.volume, time, time - record.capture_time, patch_);
   const BodyMeasure& measured = world_.measured(kToolBody);
   if (record.contact.is_valid) {

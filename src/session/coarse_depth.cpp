@@ -154,7 +154,7 @@ Vec3d CoarseDepth::ray(int column, int row) const {
   return {(u - intrinsics_.cx) / intrinsics_.fx, (v - intrinsics_.cy) / intrinsics_.fy, 1};
 }
 
-double CoarseDepth::off_centre(int column, int row) const {
+double CoarseDepth::off_center(int column, int row) const {
   const auto [u, v] = pixel(column, row);
   return std::hypot(u - 0.5 * (width_ - 1), v - 0.5 * (height_ - 1)) / (0.5 * width_);
 }
@@ -230,15 +230,15 @@ double CoarseDepth::flaw_at(std::size_t frame, int column, int row, double befor
   double flaw = kMissingCost * (1 - static_cast<double>(shares_[index(frame, column, row)]));
   if (!std::isnan(before)) flaw += difference(here, before);
   double differences = 0;
-  int num_neighbours = 0;
+  int num_neighbors = 0;
   for (int r = std::max(0, row - 1); r <= std::min(rows_ - 1, row + 1); ++r) {
     for (int c = std::max(0, column - 1); c <= std::min(columns_ - 1, column + 1); ++c) {
       if (r == row && c == column) continue;
       differences += difference(here, depth(frame, c, r));
-      ++num_neighbours;
+      ++num_neighbors;
     }
   }
-  return num_neighbours > 0 ? flaw + differences / num_neighbours : flaw;
+  return num_neighbors > 0 ? flaw + differences / num_neighbors : flaw;
 }
 
 double CoarseDepth::mean_depth(int column, int row) const {

@@ -44,7 +44,7 @@ class CoarseDepth {
   /// The viewing ray through the middle of a cell, with z = 1.
   Vec3d ray(int column, int row) const;
   /// Distance from the image center to the middle of a cell, over half the image's width.
-  double off_centre(int column, int row) const;
+  double off_center(int column, int row) const;
 
   /// Share of the time without a depth here.
   double missing(int column, int row) const;

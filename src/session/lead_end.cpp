@@ -26,7 +26,7 @@ struct Extent {
 Extent extent_along(const Tool& tool, const Vec3d& axis_T) {
   Extent extent;
   for (const Sphere& s : tool.spheres()) {
-    const double along = dot(to_double(s.centre), axis_T), r = static_cast<double>(s.radius);
+    const double along = dot(to_double(s.center), axis_T), r = static_cast<double>(s.radius);
     extent.low = std::min(extent.low, along - r);
     extent.high = std::max(extent.high, along + r);
   }
@@ -39,7 +39,7 @@ double volume_of_end(const Tool& tool, const Vec3d& direction_T, double depth) {
   double volume = 0;
   for (const Sphere& s : tool.spheres()) {
     volume +=
-        cap_volume(static_cast<double>(s.radius), plane - dot(to_double(s.centre), direction_T));
+        cap_volume(static_cast<double>(s.radius), plane - dot(to_double(s.center), direction_T));
   }
   return volume;
 }
@@ -49,7 +49,7 @@ Vec3d foremost(const Tool& tool, const Vec3d& direction_T) {
   Vec3d best;
   double front = -INFINITY;
   for (const Sphere& s : tool.spheres()) {
-    const Vec3d p = to_double(s.centre) + direction_T * static_cast<double>(s.radius);
+    const Vec3d p = to_double(s.center) + direction_T * static_cast<double>(s.radius);
     if (dot(p, direction_T) > front) front = dot(p, direction_T), best = p;
   }
   // Rounded to a micrometer, so that 0 is printed as 0.
@@ -151,7 +151,7 @@ Result<LeadEnd> end_at(const Tool& tool, const Vec3d& tip_T) {
   double distance = INFINITY;
   for (const Sphere& s : tool.spheres()) {
     distance =
-        std::min(distance, norm(tip_T - to_double(s.centre)) - static_cast<double>(s.radius));
+        std::min(distance, norm(tip_T - to_double(s.center)) - static_cast<double>(s.radius));
   }
   char text[300];
   if (const double length = length_of(tool); !(distance <= kNear * length)) {
@@ -164,7 +164,7 @@ Result<LeadEnd> end_at(const Tool& tool, const Vec3d& tip_T) {
         tip_T.x, tip_T.y, tip_T.z, distance, x.low, y.low, z.low, x.high, y.high, z.high);
     return Error{Errc::invalid_argument, text};
   }
-  const Vec3d way = tip_T - tool.sphere_mass().centre_of_mass;
+  const Vec3d way = tip_T - tool.sphere_mass().center_of_mass;
   if (!(norm(way) > 1e-3 * length_of(tool))) {
     std::snprintf(text, sizeof text,
                   "the tip %g, %g, %g is the center of mass of the tool, which says nothing about "

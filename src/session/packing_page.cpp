@@ -49,7 +49,7 @@ Json mass_json(const MassProperties& mass) {
     inertia.push_back(compact(value));
   }
   return {{"volume_m3", compact(mass.volume, 8)},
-          {"centre_of_mass_m", list(mass.centre_of_mass)},
+          {"center_of_mass_m", list(mass.center_of_mass)},
           {"inertia_m5", inertia}};
 }
 

@@ -12,7 +12,7 @@ namespace palpate::inline v0 {
 namespace {
 
 double distance(const Vec3d& p, const Sphere& sphere) {
-  return norm(p - to_double(sphere.centre)) - static_cast<double>(sphere.radius);
+  return norm(p - to_double(sphere.center)) - static_cast<double>(sphere.radius);
 }
 
 // The median standoff is 0.39 to 0.48 of its 95th percentile in all packings alike. It is less only

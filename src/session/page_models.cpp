@@ -43,7 +43,7 @@ Json mesh_json(const TriangleMesh& mesh) {
 double reach(const Tool& tool, std::span<const Sphere> spheres) {
   double radius = 0;
   for (const Sphere& s : spheres) {
-    radius = std::max(radius, norm(to_double(s.centre) - tool.sphere_mass().centre_of_mass) +
+    radius = std::max(radius, norm(to_double(s.center) - tool.sphere_mass().center_of_mass) +
                                   static_cast<double>(s.radius));
   }
   return radius;
@@ -117,7 +117,7 @@ Json solid_json(const Tool& tool, std::span<const Sphere> spheres) {
   const Bounds box = bounds(tool.mesh());
   return {{"low_m", list(box.low)},
           {"high_m", list(box.high)},
-          {"centre_of_mass_m", list(tool.sphere_mass().centre_of_mass)},
+          {"center_of_mass_m", list(tool.sphere_mass().center_of_mass)},
           {"radius_m", compact(reach(tool, spheres))},
           {"spheres", packed<Sphere>(spheres.first(std::min(spheres.size(), kMaxPageSpheres)))},
           {"mesh", mesh_json(tool.mesh())}};
@@ -137,7 +137,7 @@ Json seen_tool_json(const Tool& tool, const Pose& X_WT, std::span<const DepthStr
     if (!images[k].pixels.empty()) cameras.push_back(camera_json(streams[k], images[k], n));
   }
   Json json{{"X_WT", list(X_WT)},
-            {"centre_of_mass_m", list(tool.sphere_mass().centre_of_mass)},
+            {"center_of_mass_m", list(tool.sphere_mass().center_of_mass)},
             {"radius_m", compact(reach(tool, tool.spheres()))},
             {"spheres", packed<Sphere>(tool.spheres().first(num_shown))},
             {"spheres_left_out", states.size() - num_shown},

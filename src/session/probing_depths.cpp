@@ -58,7 +58,7 @@ class DepthProbe {
     double front = -INFINITY;  // of the whole tool along z, tip at the camera
     const Pose X_WT = motion.pose(time, 0);
     for (const Sphere& s : full_->spheres()) {
-      front = std::max(front, (X_WT * to_double(s.centre)).z + static_cast<double>(s.radius));
+      front = std::max(front, (X_WT * to_double(s.center)).z + static_cast<double>(s.radius));
     }
     const double first = (nearest_ - front) / direction.z;
     if (!(first < last)) return reach;

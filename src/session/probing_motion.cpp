@@ -44,7 +44,7 @@ Quaternion held_like_a_pen(const Vec3d& lead_T, const Vec3d& ray) {
 
 Imprint imprint(const Tool& tool, const Vec3d& along_T, const Vec3d* tip_T) {
   Imprint result{-INFINITY, INFINITY, 0, {}, 0};
-  const auto along = [&](const Sphere& s) { return dot(to_double(s.centre), along_T); };
+  const auto along = [&](const Sphere& s) { return dot(to_double(s.center), along_T); };
   for (const Sphere& s : tool.spheres()) {
     const double r = static_cast<double>(s.radius);
     result.front = std::max(result.front, along(s) + r);
@@ -61,20 +61,20 @@ Imprint imprint(const Tool& tool, const Vec3d& along_T, const Vec3d* tip_T) {
     (volume < ProbingMotion::kFraction * tool.sphere_mass().volume ? low : high) = result.press;
   }
   double volume = 0;
-  Vec3d centre_T;
+  Vec3d center_T;
   for (const Sphere& s : tool.spheres()) {
     const double part = beyond(s, result.press);
-    centre_T += part * to_double(s.centre);
+    center_T += part * to_double(s.center);
     volume += part;
   }
-  if (volume > 0) centre_T = centre_T / volume;
-  if (tip_T != nullptr) centre_T = *tip_T;
-  result.centre_T = centre_T - along_T * dot(centre_T, along_T);
-  const Vec3d pivot_T = result.centre_T + along_T * result.front;
+  if (volume > 0) center_T = center_T / volume;
+  if (tip_T != nullptr) center_T = *tip_T;
+  result.center_T = center_T - along_T * dot(center_T, along_T);
+  const Vec3d pivot_T = result.center_T + along_T * result.front;
   result.reach = norm(pivot_T);
   for (const Sphere& s : tool.spheres()) {
     result.reach =
-        std::max(result.reach, norm(to_double(s.centre) - pivot_T) + static_cast<double>(s.radius));
+        std::max(result.reach, norm(to_double(s.center) - pivot_T) + static_cast<double>(s.radius));
   }
   for (const Vec3d& p : tool.mesh().vertices)
     result.reach = std::max(result.reach, norm(p - pivot_T));
@@ -108,7 +108,7 @@ double ProbingMotion::surface(double time) const {
 Pose ProbingMotion::pose(double time, double distance) const {
   const Quaternion rotation = normalized(axis_angle(into_W_, turn_ * slid(time)) * held_);
   const Vec3d origin = direction(time) * distance - into_W_ * tip_.front;
-  return {origin - rotate(rotation, tip_.centre_T), rotation};
+  return {origin - rotate(rotation, tip_.center_T), rotation};
 }
 
 double ProbingMotion::pressed(double time) const {

@@ -18,7 +18,7 @@ struct ProbeTarget {
 struct Imprint {
   double front = 0, back = 0;  ///< m along the direction
   double press = 0;  ///< m, how far the front must go beyond the plane for a tenth of the volume
-  Vec3d centre_T;    ///< point to keep on the viewing ray, moved along the direction to 0
+  Vec3d center_T;    ///< point to keep on the viewing ray, moved along the direction to 0
   double reach = 0;  ///< m, from there to the farthest point of mesh, spheres and frame origin
 };
 

@@ -86,7 +86,7 @@ Result<ProbeTarget> find_target(const CoarseDepth& scene) {
       const double unevenness = scene.unevenness(column, row);
       if (!std::isfinite(unevenness)) continue;
       const double cost = scene.mean_depth(column, row) *
-                          (1 + kAsideCost * scene.off_centre(column, row)) *
+                          (1 + kAsideCost * scene.off_center(column, row)) *
                           (1 + kUnevenCost * unevenness);
       if (cost < lowest) lowest = cost, best = {column, row, column, row};
     }

@@ -258,9 +258,9 @@ Result<RunOutcome> record_run(const Tool& tool, const DepthSources& sources, Hap
                                        tool.sphere_mass());
   if (!coupling) return coupling.error();
   log.coupling = coupling->options;
-  log.newtons_per_cubic_metre =
+  log.newtons_per_cubic_meter =
       thesis_volume_stiffness(log.coupling.force_at_eighth, full_volume(tool, used.contact))
-          .newtons_per_cubic_metre;
+          .newtons_per_cubic_meter;
   const bool is_simulated = dynamic_cast<SteppedDevice*>(&device) != nullptr;
   if (!is_simulated) {
     const std::chrono::duration<double> since_1970 =

@@ -103,7 +103,7 @@ class StreamFile {
       camera.infos =
           writer_.add_channel(ros_channel(depth + "camera_info", "sensor_msgs/CameraInfo"));
       camera.units = writer_.add_channel(
-          {depth + "unit", "palpate_msgs/msg/DepthUnit", "float64 metres_per_count\n"});
+          {depth + "unit", "palpate_msgs/msg/DepthUnit", "float64 meters_per_count\n"});
       camera.sensors =
           writer_.add_channel({depth + "sensor", "std_msgs/msg/String", "string data\n"});
     }

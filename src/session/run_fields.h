@@ -175,7 +175,7 @@ template <Of<LocalContact> T>
 void visit_fields(T& contact, auto&& visit) {
   visit("time", contact.time);
   visit("tool", contact.X_WT);
-  visit("centre_of_mass", contact.p_WC);
+  visit("center_of_mass", contact.p_WC);
   visit("wrench", contact.F_C_W);
   visit("stiffness", contact.stiffness);
   visit("patch", contact.patch);

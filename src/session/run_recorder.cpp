@@ -52,7 +52,7 @@ RunRecorder::RunRecorder(const fs::path& path, const Tool& tool, const RunSetup&
       is_simulated_(is_simulated),
       place_(std::make_unique<Place>()),
       setups_{setup},
-      centre_of_mass_T_(tool.sphere_mass().centre_of_mass) {
+      center_of_mass_T_(tool.sphere_mass().center_of_mass) {
   parts_.push_back({path.filename(), {{0, 0}}});
   place_->folder = path.parent_path();
   for (const DepthStreamInfo& stream : setup.streams) {
@@ -436,7 +436,7 @@ void RunRecorder::add_tick(const TickRecord& tick) {
   // Wrenches act at the origins of their frames, in their axes.
   const Pose& X_WT = tick.step.X_WT;
   Wrench on_tool_W = tick.step.contact_W;
-  on_tool_W.torque += cross(rotate(X_WT.rotation, centre_of_mass_T_), on_tool_W.force);
+  on_tool_W.torque += cross(rotate(X_WT.rotation, center_of_mass_T_), on_tool_W.force);
   write(channels_.tool_wrench, time,
         wrench_message({time, kToolFrame}, expressed_in(X_WT.rotation, on_tool_W)));
   write(channels_.hand_wrench, time,

@@ -114,7 +114,7 @@ class RunRecorder {
   std::optional<McapWriter> writer_;  // nullopt: paused
   Channels channels_{};
   std::deque<RunSetup> setups_;  // the newest last, after those that the next part may need
-  Vec3d centre_of_mass_T_;
+  Vec3d center_of_mass_T_;
   double wall_offset_ = 0;       // s from the run's clock to the time since 1970
   std::uint64_t last_time_ = 0;  // ns since 1970
   std::uint64_t next_transforms_ = 0;

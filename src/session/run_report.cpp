@@ -124,7 +124,7 @@ Json run_summary(const Tool& tool, const RunLog& log, const LoopTimes& times) {
             {"faults", faults_json(log)},
             {"failure", log.failure},
             {"not_kept", log.not_kept},
-            {"newtons_per_m3", log.newtons_per_cubic_metre},
+            {"newtons_per_m3", log.newtons_per_cubic_meter},
             {"peaks", peaks_json(tool, log)},
             {"engaged_ticks", log.peaks.num_engaged},
             {"limited_ticks", log.peaks.num_limited},

@@ -25,7 +25,7 @@ struct FaultPeriod {
 struct RunLog {
   RunSetup setup;
   CouplingOptions coupling;                        ///< checked
-  double newtons_per_cubic_metre = 0;              ///< volume stiffness of contact
+  double newtons_per_cubic_meter = 0;              ///< volume stiffness of contact
   ChangeList changes = ChangeList(RunSettings{});  ///< of the settings, while it ran
   LoopReport loop;
   RunSeries series;

@@ -150,7 +150,7 @@ void RunResults::add_row(const TickRecord& tick) {
   }
   if (has_output_columns_) {
     const ReportedOutput reported(
-        output_, {tick.step.X_WT, tick.step.X_WT * tool_.sphere_mass().centre_of_mass,
+        output_, {tick.step.X_WT, tick.step.X_WT * tool_.sphere_mass().center_of_mass,
                   first_camera_at(tick), X_WB_});
     const auto [at, turned] = reported.pose();
     const Wrench wrench = reported.wrench(on_tool);

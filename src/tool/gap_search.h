@@ -17,7 +17,7 @@ namespace palpate::inline v0 {
 /// for (i, j) and (j, i).
 inline double gap(std::span<const Sphere> spheres, std::int32_t i, std::int32_t j) {
   const Sphere &a = spheres[i < j ? i : j], &b = spheres[i < j ? j : i];
-  return norm(to_double(b.centre) - to_double(a.centre)) - double(a.radius) - double(b.radius);
+  return norm(to_double(b.center) - to_double(a.center)) - double(a.radius) - double(b.radius);
 }
 
 /// A possible bridge. Ordered by gap, then by lower indices: no two are equal, so the shortest
@@ -42,7 +42,7 @@ class GapSearch {
   /// lower index" and whose gap to i may be as small as `max_gap` (the caller decides exactly).
   /// Searching from the smaller sphere of a pair keeps hubs cheap: the others find them.
   template <class Visit>
-  void larger_neighbours(std::int32_t i, double max_gap, Visit&& visit) const {
+  void larger_neighbors(std::int32_t i, double max_gap, Visit&& visit) const {
     const Sphere& sphere = spheres_[i];
     const std::span<const IstNode> nodes = tree_.nodes();
     std::array<std::int32_t, InnerSphereTree::kMaxWaiting> waiting;
@@ -107,7 +107,7 @@ class GapSearch {
   double lower_bound(const Sphere& sphere, std::int32_t node) const {
     constexpr double kRoundingSlack = 1e-9;
     const Sphere& bound = tree_.nodes()[node].bound;
-    const double distance = norm(to_double(bound.centre) - to_double(sphere.centre));
+    const double distance = norm(to_double(bound.center) - to_double(sphere.center));
     const double reach = double(bound.radius) + double(sphere.radius);
     return distance - reach - kRoundingSlack * (distance + reach);
   }

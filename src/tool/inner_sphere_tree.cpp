@@ -23,8 +23,8 @@ Box box_of_balls(std::span<const Leaf> leaves) {
   Box box{{kInfinity, kInfinity, kInfinity}, {-kInfinity, -kInfinity, -kInfinity}};
   for (const Leaf& leaf : leaves) {
     for (int axis = 0; axis < 3; ++axis) {
-      box.low[axis] = std::min(box.low[axis], leaf.sphere.centre[axis] - leaf.sphere.radius);
-      box.high[axis] = std::max(box.high[axis], leaf.sphere.centre[axis] + leaf.sphere.radius);
+      box.low[axis] = std::min(box.low[axis], leaf.sphere.center[axis] - leaf.sphere.radius);
+      box.high[axis] = std::max(box.high[axis], leaf.sphere.center[axis] + leaf.sphere.radius);
     }
   }
   return box;
@@ -37,14 +37,14 @@ constexpr double kRoundingSlack = 1e-9;
 /// A ball around all leaves of a node, about the middle of their box: stepping on towards the
 /// smallest ball made it 1.5 % smaller for half as much time again. The radius is rounded up.
 Sphere wrap(std::span<const Leaf> leaves, const Box& box) {
-  const Vec3f centre = to_float((to_double(box.low) + to_double(box.high)) * 0.5);
+  const Vec3f center = to_float((to_double(box.low) + to_double(box.high)) * 0.5);
   double radius = 0;
   for (const Leaf& leaf : leaves) {
     const double reach =
-        norm(to_double(leaf.sphere.centre) - to_double(centre)) + double(leaf.sphere.radius);
+        norm(to_double(leaf.sphere.center) - to_double(center)) + double(leaf.sphere.radius);
     radius = std::max(radius, reach);
   }
-  return {centre, std::nextafter(static_cast<float>(radius * (1 + kRoundingSlack)),
+  return {center, std::nextafter(static_cast<float>(radius * (1 + kRoundingSlack)),
                                  std::numeric_limits<float>::infinity())};
 }
 
@@ -52,11 +52,11 @@ Sphere wrap(std::span<const Leaf> leaves, const Box& box) {
 /// of all rounding here.
 bool wraps(const Sphere& ball, const Sphere& leaf) {
   const double room = double(ball.radius) * (1 - 0.5 * kRoundingSlack) - double(leaf.radius);
-  const Vec3d offset = to_double(leaf.centre) - to_double(ball.centre);
+  const Vec3d offset = to_double(leaf.center) - to_double(ball.center);
   return std::isfinite(room) && room >= 0 && dot(offset, offset) <= room * room;
 }
 
-/// Splits leaves into two halves at the median centre along the box' longest axis.
+/// Splits leaves into two halves at the median center along the box' longest axis.
 std::size_t split(std::span<Leaf> leaves, const Box& box) {
   const Vec3f extent = box.high - box.low;
   int axis = extent.x >= extent.y ? 0 : 1;
@@ -64,7 +64,7 @@ std::size_t split(std::span<Leaf> leaves, const Box& box) {
   const std::size_t half = leaves.size() / 2;
   std::nth_element(leaves.begin(), leaves.begin() + static_cast<std::ptrdiff_t>(half), leaves.end(),
                    [axis](const Leaf& a, const Leaf& b) {
-                     const float ca = a.sphere.centre[axis], cb = b.sphere.centre[axis];
+                     const float ca = a.sphere.center[axis], cb = b.sphere.center[axis];
                      return ca < cb || (ca == cb && a.id < b.id);
                    });
   return half;
@@ -110,7 +110,7 @@ bool is_wrapped(std::span<const IstNode> nodes, std::span<const Sphere> spheres)
   for (const IstNode& node : nodes) {
     if (node.num_children > 0) continue;
     const Sphere& leaf = spheres[node.sphere_id];
-    if (node.bound.centre != leaf.centre || node.bound.radius != leaf.radius) return false;
+    if (node.bound.center != leaf.center || node.bound.radius != leaf.radius) return false;
     for (std::int32_t up = node.parent; up >= 0; up = nodes[up].parent) {
       if (!wraps(nodes[up].bound, leaf)) return false;
     }
@@ -176,7 +176,7 @@ int InnerSphereTree::find_leaf(const Vec3d& p) const {
   if (!nodes_.empty()) waiting[num_waiting++] = 0;
   while (num_waiting > 0) {
     const IstNode& node = nodes_[waiting[--num_waiting]];
-    const Vec3d offset = p - to_double(node.bound.centre);
+    const Vec3d offset = p - to_double(node.bound.center);
     const double radius = node.bound.radius;
     if (!(dot(offset, offset) <= radius * radius)) continue;
     if (node.num_children == 0) return node.sphere_id;

@@ -11,14 +11,14 @@ namespace {
 
 using Edge = std::pair<int, int>;
 
-/// All pairs that the gap rule makes neighbours, sorted (thesis section 3.3.1). Nothing if they are
+/// All pairs that the gap rule makes neighbors, sorted (thesis section 3.3.1). Nothing if they are
 /// too many.
 std::optional<std::vector<Edge>> edges_by_rule(std::span<const Sphere> spheres, GapRule rule,
                                                const GapSearch& search) {
   // Both ends of each, and of the bridges, are counted with 31 bits.
   constexpr std::size_t kMaxEdges = std::size_t(1) << 29;
   const std::size_t max_edges =
-      std::min(kMaxEdges, spheres.size() * LeafGraph::kMaxMeanNeighbours / 2);
+      std::min(kMaxEdges, spheres.size() * LeafGraph::kMaxMeanNeighbors / 2);
   float smallest_radius = std::numeric_limits<float>::infinity();
   for (const Sphere& sphere : spheres) smallest_radius = std::min(smallest_radius, sphere.radius);
 
@@ -26,7 +26,7 @@ std::optional<std::vector<Edge>> edges_by_rule(std::span<const Sphere> spheres, 
   for (std::int32_t i = 0; i < static_cast<std::int32_t>(spheres.size()); ++i) {
     const bool absolute = rule == GapRule::absolute;
     const double limit = absolute ? 2 * double(smallest_radius) : 0.5 * double(spheres[i].radius);
-    search.larger_neighbours(i, limit, [&](std::int32_t j) {
+    search.larger_neighbors(i, limit, [&](std::int32_t j) {
       const double g = gap(spheres, i, j);
       if (absolute ? g < limit : g <= limit) edges.emplace_back(std::min(i, j), std::max(i, j));
     });
@@ -93,25 +93,25 @@ void LeafGraph::set_edges(std::size_t num_spheres, std::span<const Edge> edges) 
   }
   for (std::size_t i = 0; i < num_spheres; ++i) row_starts_[i + 1] += row_starts_[i];
 
-  neighbours_.resize(2 * edges.size());
+  neighbors_.resize(2 * edges.size());
   std::vector<std::int32_t> next(row_starts_.begin(), row_starts_.end() - 1);
   for (const auto& [a, b] : edges) {
-    neighbours_[next[a]++] = b;
-    neighbours_[next[b]++] = a;
+    neighbors_[next[a]++] = b;
+    neighbors_[next[b]++] = a;
   }
   for (std::size_t i = 0; i < num_spheres; ++i) {
-    const auto row = neighbours_.begin() + row_starts_[i];
-    const auto row_end = neighbours_.begin() + row_starts_[i + 1];
+    const auto row = neighbors_.begin() + row_starts_[i];
+    const auto row_end = neighbors_.begin() + row_starts_[i + 1];
     if (!std::is_sorted(row, row_end)) std::sort(row, row_end);
   }
 }
 
 std::vector<std::pair<int, int>> LeafGraph::edges() const {
   std::vector<Edge> result;
-  result.reserve(neighbours_.size() / 2);
+  result.reserve(neighbors_.size() / 2);
   for (int a = 0; a + 1 < static_cast<int>(row_starts_.size()); ++a) {
     for (std::int32_t k = row_starts_[a]; k < row_starts_[a + 1]; ++k) {
-      if (neighbours_[k] > a) result.emplace_back(a, neighbours_[k]);
+      if (neighbors_[k] > a) result.emplace_back(a, neighbors_[k]);
     }
   }
   return result;

@@ -37,7 +37,7 @@ std::optional<Error> check(const TriangleMesh& mesh, const SpherePacking& packin
     return bad("the volume of the tool is not a positive number; repair the mesh");
   for (std::size_t i = 0; i < packing.spheres.size(); ++i) {
     const Sphere& sphere = packing.spheres[i];
-    if (!is_finite(sphere.centre) || !std::isfinite(sphere.radius) || !(sphere.radius > 0))
+    if (!is_finite(sphere.center) || !std::isfinite(sphere.radius) || !(sphere.radius > 0))
       return bad("sphere " + std::to_string(i) +
                  " of the tool is not finite or has no positive radius; pack the mesh again");
   }
@@ -53,7 +53,7 @@ bool is_connected(const LeafGraph& graph, std::size_t num_spheres) {
   for (std::size_t next = 0; next < num_seen; ++next) {
     const std::int32_t i = waiting[next];
     for (std::int32_t k = graph.row_starts()[i]; k < graph.row_starts()[i + 1]; ++k) {
-      const std::int32_t j = graph.neighbours()[k];
+      const std::int32_t j = graph.neighbors()[k];
       waiting[num_seen] = j;  // stays if j is new: a branch would be mispredicted too often
       num_seen += seen[j] == 0;
       seen[j] = 1;
@@ -73,7 +73,7 @@ std::optional<Error> check_parts(const RepresentedParts& parts, std::size_t num_
     sum += static_cast<double>(volume);
   }
   for (const Sphere& ball : parts.balls) {
-    good = good && is_finite(ball.centre) && std::isfinite(ball.radius) && ball.radius > 0;
+    good = good && is_finite(ball.center) && std::isfinite(ball.radius) && ball.radius > 0;
   }
   if (good && std::abs(sum - mesh_volume) <= 1e-6 * mesh_volume) return std::nullopt;
   return bad(
@@ -89,7 +89,7 @@ Result<Tool> Tool::build(TriangleMesh mesh, SpherePacking packing, GapRule rule,
   LeafGraph graph(packing.spheres, rule);
   if (graph.row_starts().empty())
     return bad("the spheres of the tool have more than " +
-               std::to_string(LeafGraph::kMaxMeanNeighbours) +
+               std::to_string(LeafGraph::kMaxMeanNeighbors) +
                " neighbors on average: they overlap too much; pack the mesh again");
   ThreadPool pool(num_threads);
   auto represented = represented_parts(mesh, packing.spheres, pool);
@@ -148,7 +148,7 @@ Result<Tool> Tool::prefix(int num_spheres, int num_threads) const {
 
 Result<Tool> Tool::thinned(int num_spheres, int num_threads) const {
   auto tool = prefix(num_spheres, num_threads);
-  if (tool) tool->sphere_mass_.centre_of_mass = sphere_mass_.centre_of_mass;
+  if (tool) tool->sphere_mass_.center_of_mass = sphere_mass_.center_of_mass;
   return tool;
 }
 

@@ -48,7 +48,7 @@ class Writer {
     put_bytes(values.data(), values.size());
   }
   void put(const Vec3f& v) { put(v.x, v.y, v.z); }
-  void put(const Sphere& s) { put(s.centre.x, s.centre.y, s.centre.z, s.radius); }
+  void put(const Sphere& s) { put(s.center.x, s.center.y, s.center.z, s.radius); }
   void put(const Pose& X) {
     const Vec3d& p = X.translation;
     const Quaternion& q = X.rotation;
@@ -93,7 +93,7 @@ std::int8_t to_byte(float value) {
 /// True if a plane cuts a sphere: one that no point touches may have a plane beside it.
 bool cuts(const Plane<float>& plane, const Sphere& sphere) {
   const bool has_plane = !(plane.normal == Vec3f{});
-  return has_plane && std::abs(dot(plane.normal, sphere.centre) - plane.offset) < sphere.radius;
+  return has_plane && std::abs(dot(plane.normal, sphere.center) - plane.offset) < sphere.radius;
 }
 
 // Columns of a sample.
@@ -309,11 +309,11 @@ std::vector<std::string> sample_columns() {
 }
 
 double tool_radius(const Tool& tool) {
-  const Vec3d& centre = tool.sphere_mass().centre_of_mass;
+  const Vec3d& center = tool.sphere_mass().center_of_mass;
   double radius = 0;
-  for (const Vec3d& vertex : tool.mesh().vertices) radius = std::max(radius, norm(vertex - centre));
+  for (const Vec3d& vertex : tool.mesh().vertices) radius = std::max(radius, norm(vertex - center));
   for (const Sphere& sphere : tool.spheres())
-    radius = std::max(radius, norm(to_double(sphere.centre) - centre) + double(sphere.radius));
+    radius = std::max(radius, norm(to_double(sphere.center) - center) + double(sphere.radius));
   return radius;
 }
 
@@ -327,7 +327,7 @@ std::string hello_text(ViewSource& source, double radius) {
                 {"title", content.title},
                 {"tool",
                  {{"spheres", tool.spheres().size()},
-                  {"centre_of_mass", to_json(tool.sphere_mass().centre_of_mass)},
+                  {"center_of_mass", to_json(tool.sphere_mass().center_of_mass)},
                   {"radius", radius},
                   {"volume", tool.mesh_mass().volume}}},
                 {"streams", Json::array()},

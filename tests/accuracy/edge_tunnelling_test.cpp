@@ -43,11 +43,11 @@ TEST_P(EdgesOfThePillar, StopTunnelling) {
   for (const bool with_noise : {false, true}) {
     for (const PillarSide side : {PillarSide::right, PillarSide::left}) {
       std::array<WayError, 4> errors;
-      for (const Edges edges : {Edges::none, Edges::centre, Edges::strict, Edges::cut}) {
+      for (const Edges edges : {Edges::none, Edges::center, Edges::strict, Edges::cut}) {
         ContactOptions options = GetParam().options;
         options.volumes = SphereVolumes::represented;
         options.edges = edges;
-        constexpr const char* kNames[] = {"none", "centre", "strict", "cut"};
+        constexpr const char* kNames[] = {"none", "center", "strict", "cut"};
         const auto which = static_cast<std::size_t>(edges);
         errors[which] = error_past_edge(context, with_noise, side, options);
         print(GetParam().name, with_noise, side, kNames[which], errors[which]);

@@ -107,7 +107,7 @@ class Bags(CameraCase):
                 if compressed:
                     codec = "rvl" if compressed == "rvl" else "png"
                     png = self.folder / "frame.png"
-                    a, b = 500.0, 20.0  # of depth in metres: count = a / depth + b
+                    a, b = 500.0, 20.0  # of depth in meters: count = a / depth + b
                     if encoding == "32FC1":
                         counts = numpy.round(a / (counts / 1000) + b)
                     write_depth_png(png, WIDTH, HEIGHT, lambda u, v: int(counts[v, u]))
@@ -181,9 +181,9 @@ class Bags(CameraCase):
         self.refused("several depth streams", *touch, "--camera", "bag:" + str(self.write_bag(
             "two", extra="/other/depth", num=2)))
         self.refused("no depth images", *touch, "--camera", "bag:" + str(self.write_bag(
-            "colour", encoding="8UC1", num=2)))
+            "color", encoding="8UC1", num=2)))
         self.refused("no depth images on /x", *touch, "--camera",
-                     f"bag:{self.folder}/colour?topic=/x")
+                     f"bag:{self.folder}/color?topic=/x")
         self.refused("intrinsics=", *touch, "--camera", "bag:" + str(self.write_bag(
             "bare", info=False, num=2)))
         (self.folder / "no.mcap").write_bytes(b"no recording")

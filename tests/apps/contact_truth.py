@@ -41,17 +41,17 @@ def cap(r, d):
     return math.pi / 3 * h * h * (3 * r - h)
 
 
-def centre_of_mass(spheres):
+def center_of_mass(spheres):
     total = sum(s[3] ** 3 for s in spheres)
     return [sum(s[axis] * s[3] ** 3 for s in spheres) / total for axis in range(3)]
 
 
-def reference_of_spheres(spheres, edges, centres, planes, counts):
+def reference_of_spheres(spheres, edges, centers, planes, counts):
     """Boundary sphere that reaches each sphere over the fewest edges, round by round (Alg. 3.5/3.6)."""
-    neighbours = [[] for _ in spheres]
+    neighbors = [[] for _ in spheres]
     for a, b in edges:
-        neighbours[a].append(b)
-        neighbours[b].append(a)
+        neighbors[a].append(b)
+        neighbors[b].append(a)
     reference = {b: b for b in planes}
     length = {b: 0.0 for b in planes}
     frontier = list(planes)
@@ -59,8 +59,8 @@ def reference_of_spheres(spheres, edges, centres, planes, counts):
         reached = {}
         for i in frontier:
             normal = planes[reference[i]][1]
-            for j in neighbours[i]:
-                step = sub(centres[j], centres[i])
+            for j in neighbors[i]:
+                step = sub(centers[j], centers[i])
                 if j in reference or counts[j] > 0 or dot(step, normal) >= 0:
                     continue
                 key = (length[i] + math.sqrt(dot(step, step)), reference[i])
@@ -73,12 +73,12 @@ def reference_of_spheres(spheres, edges, centres, planes, counts):
 
 def measure(spheres, edges, cloud, pose, method, priority="distance", inside="full"):
     """(volume, force, torque, number of boundary spheres, number of points)."""
-    centres = [transform(pose, s[:3]) for s in spheres]
-    origin = transform(pose, centre_of_mass(spheres))
+    centers = [transform(pose, s[:3]) for s in spheres]
+    origin = transform(pose, center_of_mass(spheres))
     radii = [s[3] for s in spheres]
     counts = [0] * len(spheres)
     planes = {}
-    for s, (c, r) in enumerate(zip(centres, radii)):
+    for s, (c, r) in enumerate(zip(centers, radii)):
         touching = [p for p in cloud if dot(sub(p, c), sub(p, c)) <= r * r]
         counts[s] = len(touching)
         if not touching:
@@ -93,17 +93,17 @@ def measure(spheres, edges, cloud, pose, method, priority="distance", inside="fu
         nonlocal volume, force, torque
         volume += v
         force = add(force, f)
-        torque = add(torque, cross(sub(centres[s], origin), f))
+        torque = add(torque, cross(sub(centers[s], origin), f))
 
     def cut(s, plane):
         p, n = plane
-        return cap(radii[s], dot(n, sub(centres[s], p)))
+        return cap(radii[s], dot(n, sub(centers[s], p)))
 
     for s, plane in planes.items():
         v = cut(s, plane)
         act(s, v, times(plane[1], v))
     if method == "graph":
-        reference = reference_of_spheres(spheres, edges, centres, planes, counts)
+        reference = reference_of_spheres(spheres, edges, centers, planes, counts)
         for s, b in reference.items():
             if s in planes:
                 continue
@@ -117,7 +117,7 @@ def measure(spheres, edges, cloud, pose, method, priority="distance", inside="fu
             def weight(b):
                 if priority == "count":
                     return counts[b]
-                d = sub(centres[b], centres[s])
+                d = sub(centers[b], centers[s])
                 return 1 / math.sqrt(dot(d, d))
 
             if method == "weighted":

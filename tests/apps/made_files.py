@@ -8,7 +8,7 @@ import contact_truth
 
 
 def write_depth_png(path, width, height, value, bits=16):
-    """Greyscale; value(u, v) in counts. Labels have 8 bits."""
+    """Grayscale; value(u, v) in counts. Labels have 8 bits."""
     of_row = f">{width}" + {8: "B", 16: "H"}[bits]
     rows = b"".join(
         b"\0" + struct.pack(of_row, *(value(u, v) for u in range(width))) for v in range(height))

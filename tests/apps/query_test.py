@@ -135,7 +135,7 @@ class Queries(CommandLineCase):
         volume = sum(4 / 3 * math.pi * s[3]**3 for s in spheres)
         self.assertAlmostEqual(volume / info["sphere_volume"], 1, delta=1e-9)
         self.assertAlmostEqual(min(s[3] for s in spheres), info["min_radius"], delta=1e-12)
-        for a, b in zip(contact_truth.centre_of_mass(spheres), info["centre_of_mass"]):
+        for a, b in zip(contact_truth.center_of_mass(spheres), info["center_of_mass"]):
             self.assertAlmostEqual(a, b, delta=1e-12)
         mesh = self.path("again.ply")
         self.succeed("export", self.tool, "--mesh", mesh)

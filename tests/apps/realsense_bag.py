@@ -1,7 +1,7 @@
 """Records a .bag by the RealSense library itself, from its software device. Libraries of today write .db3 only: the path
 of an older pyrealsense2 comes first.
 
-Usage: realsense_bag.py FOLDER_OF_PYREALSENSE2 FILE.bag|FILE.db3 IMAGES.raw WIDTH HEIGHT METRES_PER_COUNT"""
+Usage: realsense_bag.py FOLDER_OF_PYREALSENSE2 FILE.bag|FILE.db3 IMAGES.raw WIDTH HEIGHT METERS_PER_COUNT"""
 
 import sys
 import time

@@ -104,7 +104,7 @@ class Reports(CameraCase):
         expected = self.query(*pose, "--camera", f"bag:{self.file('32-zstd-without-size/e.mcap')}")[0]["fraction"]
         self.assertAlmostEqual(expected, 0.22, delta=0.001)
         for name in ("32-zstd-without-size/a.mcap", "32-zstd-without-size/b.mcap", "03-message-zstd/message_mcap",
-                     "04-fisheye-beside-depth/both", "05-info-of-colour-only/a", "06-png-by-compressed/a",
+                     "04-fisheye-beside-depth/both", "05-info-of-color-only/a", "06-png-by-compressed/a",
                      "28-database-not-closed/d", "33-ros1-in-mcap/a.mcap"):
             result, said = self.query(*pose, "--camera", f"bag:{self.file(name)}")
             self.assertEqual(result["fraction"], expected, name)
@@ -121,7 +121,7 @@ class Reports(CameraCase):
     def test_recordings_are_refused_by_what_they_are(self):
         for name, words in (("02-mcap-zstd/folder", "compressed as a whole; unpack it with 'zstd -d'"),
                             ("02-mcap-zstd/folder/whole_0.mcap.zstd", "compressed as a whole"),
-                            ("05-info-of-colour-only/b", "pass ?info=/TOPIC (/camera/color/camera_info) or ?intrinsics="),
+                            ("05-info-of-color-only/b", "pass ?info=/TOPIC (/camera/color/camera_info) or ?intrinsics="),
                             ("06-png-by-compressed/c", "is a JPEG, which keeps 8 bits and so has lost the depth"),
                             ("10-odd-quaternions/c?world=base", "its quaternion is not 1 long, as 0 0 0 0")):
             self.file(name.split("?")[0])

@@ -24,7 +24,7 @@ class Usage(CommandLineCase):
     def test_wrong_usage(self):
         tool, mesh = self.tool, self.mesh
         for arguments in (
-            (), ("dance",), ("info",), ("info", tool, "--colour"), ("pack", mesh),
+            (), ("dance",), ("info",), ("info", tool, "--color"), ("pack", mesh),
             ("pack", mesh, "-o", self.path("x.palp"), "--spheres", 0),
             ("pack", mesh, "-o", self.path("x.palp"), "--unit", "parsec"),
             ("pack", mesh, "-o", self.path("x.palp"), "--max-radius", "nan"),
@@ -115,7 +115,7 @@ class Usage(CommandLineCase):
 
         self.expect_failure(1, *touch, "--camera", f"folder:{self.frames}?intrinsics={INTRINSICS}&size=160x120",
                             mentions="leave out 'size': the images of folder say their size themselves")
-        for parameter in ("size=160x120", "frame=tool", "latency=0.1", "colour=1"):
+        for parameter in ("size=160x120", "frame=tool", "latency=0.1", "color=1"):
             for camera in ("scene:wall", f"folder:{self.frames}?intrinsics={INTRINSICS}", f"bag:{self.tool}"):
                 if parameter.startswith("size") and camera == "scene:wall" or parameter[0] == "l" and camera[0] == "b":
                     continue  # which use it
@@ -324,7 +324,7 @@ class Usage(CommandLineCase):
             file.write("1 2 3\n" * 20)
         query = ("query", self.tool, "--intrinsics", INTRINSICS, "--pose", "0 0 0.5 0 0 0 1", "--depth")
         for file in (text, self.mesh, self.tool):
-            self.expect_failure(1, *query, file, mentions=f"{file} is not a PNG file; depth images are 16-bit greyscale "
+            self.expect_failure(1, *query, file, mentions=f"{file} is not a PNG file; depth images are 16-bit grayscale "
                                 "PNG files, and organized point clouds are read as .pcd files")
 
     def test_small_inputs_of_large_numbers_are_refused(self):

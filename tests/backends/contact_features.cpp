@@ -182,7 +182,7 @@ FeatureGroup options() {
                                 by_each(kAllMethods, {.volumes = volumes})));
   }
   for (const auto& [name, edges] :
-       {std::pair{"centre", Edges::centre}, std::pair{"strict", Edges::strict},
+       {std::pair{"center", Edges::center}, std::pair{"strict", Edges::strict},
         std::pair{"cut", Edges::cut}}) {
     group.features.push_back(by(std::string("edges: ") + name + ", each point method",
                                 by_each(kPointMethods, {.edges = edges})));
@@ -263,14 +263,14 @@ PointCloud scattered_points() {
   return cloud;
 }
 
-void compare_unorganised(double allowed) {
+void compare_unorganized(double allowed) {
   const Pair pair;
   const PointCloud cloud = scattered_points();
   pair.show(cloud.view(), {});
   pair.compare(by_each(kPointMethods), allowed);
 }
 
-void compare_unorganised_by_field(double allowed) {
+void compare_unorganized_by_field(double allowed) {
   const Pair pair;
   const PointCloud image = std::move(make_pinhole_cloud(scattered_points().view())).value();
   const DepthField field = field_of(image.view());
@@ -336,8 +336,8 @@ FeatureGroup surroundings() {
                "yes: two queries", "yes: `field` in one launch"},
               {"clouds and fields in host memory", kMeasure, compare_host_memory, "yes",
                "yes: copied once per frame"},
-              {"unorganized clouds, each point method", kMeasure, compare_unorganised},
-              {"unorganized clouds by `field`", kMeasure, compare_unorganised_by_field, "yes",
+              {"unorganized clouds, each point method", kMeasure, compare_unorganized},
+              {"unorganized clouds by `field`", kMeasure, compare_unorganized_by_field, "yes",
                "yes: their image is made on the host"},
           }};
 }

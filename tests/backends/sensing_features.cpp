@@ -94,7 +94,7 @@ FeatureGroup surfaces() {
                [](SlotSettings& s) {
                  s.surface.normals.radius = 7;
                  s.surface.normals.max_depth_change = 0.01;
-                 s.surface.normals.min_neighbours = 9;
+                 s.surface.normals.min_neighbors = 9;
                }),
           with("normals: anchoring", [](SlotSettings& s) { s.surface.normals.anchoring = true; }),
           with("normals: weighting", [](SlotSettings& s) { s.surface.normals.weighting = true; }),

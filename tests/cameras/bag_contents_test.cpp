@@ -170,12 +170,12 @@ TEST_F(BagContents, ImagesThatCannotBeReadAreLeftOutAndTold) {
   Shot empty = at(0);
   empty.width = empty.height = 0;
   const Message info{kInfo, kCameraInfo, camera_info(at(0))};
-  std::string colour = image(at(2));
-  colour.replace(colour.find("16UC1"), 5, "8UC1 ");
+  std::string color = image(at(2));
+  color.replace(color.find("16UC1"), 5, "8UC1 ");
   write({info,
          {kTopic, kImage, image(empty)},
          {kTopic, kImage, image(at(1))},
-         {kTopic, kImage, colour},
+         {kTopic, kImage, color},
          {kTopic, kImage, image(at(3)).substr(0, 300)},
          {kTopic, kImage, image(at(4))}});
   EXPECT_EQ(read(), "");
@@ -184,7 +184,7 @@ TEST_F(BagContents, ImagesThatCannotBeReadAreLeftOutAndTold) {
   EXPECT_WORDS(notes_, "/cam/depth/image_raw: a message is left out: a depth image is damaged\n");
   EXPECT_WORDS(notes_, "3 messages on /cam/depth/image_raw have been left out\n");
   // None is good: the reason is told.
-  write({info, {kTopic, kImage, image(empty)}, {"/a/color", kImage, colour}});
+  write({info, {kTopic, kImage, image(empty)}, {"/a/color", kImage, color}});
   EXPECT_WORDS(read(), "has no depth images");
   EXPECT_WORDS(read(),
                "; /cam/depth/image_raw: a depth image is damaged; /a/color: an image is of "
@@ -216,7 +216,7 @@ TEST_F(BagContents, ImagesOfTheTransportCompressed) {
                topic + ": an image is a JPEG, which keeps 8 bits and so has lost the depth");
 }
 
-TEST_F(BagContents, FloatsInMillimetresAreToldAndRead) {
+TEST_F(BagContents, FloatsInMillimetersAreToldAndRead) {
   write({{kInfo, kCameraInfo, camera_info(at(0))},
          {kTopic, kImage, test::float_image(at(0), 0.001)}});
   EXPECT_EQ(read(), "");

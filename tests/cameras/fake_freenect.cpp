@@ -1,5 +1,5 @@
 // A library with the symbols of libfreenect, for want of a Kinect: fakenect plays a recording once
-// in a process and knows disparities alone. One device that gives millimetres, of which every pixel
+// in a process and knows disparities alone. One device that gives millimeters, of which every pixel
 // is known.
 #include <sys/time.h>
 
@@ -13,7 +13,7 @@ namespace {
 
 palpate::test::FakeCamera control;
 
-constexpr int kWidth = 640, kHeight = 480, kMillimetres = 5, kDisparity = 0, kMedium = 1;
+constexpr int kWidth = 640, kHeight = 480, kMillimeters = 5, kDisparity = 0, kMedium = 1;
 
 struct Context {};
 struct Device;
@@ -73,7 +73,7 @@ int freenect_get_depth_mode_count() { return 2; }
 Mode freenect_get_depth_mode(int index) {
   return {0,
           kMedium,
-          index == 0 ? kDisparity : kMillimetres,
+          index == 0 ? kDisparity : kMillimeters,
           2 * kWidth * kHeight,
           kWidth,
           kHeight,
@@ -86,7 +86,7 @@ int freenect_set_depth_mode(Device*, Mode mode) {
   format = mode.format;
   return 0;
 }
-int freenect_start_depth(Device*) { return format == kMillimetres ? 0 : -1; }
+int freenect_start_depth(Device*) { return format == kMillimeters ? 0 : -1; }
 int freenect_stop_depth(Device*) { return 0; }
 int freenect_process_events_timeout(Context*, timeval* timeout) {
   if (!control.is_plugged) return -1;

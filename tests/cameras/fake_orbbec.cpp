@@ -156,7 +156,7 @@ std::uint32_t ob_frame_get_data_size(const Object* frame, Error) {
 std::uint64_t ob_frame_get_timestamp_us(const Object* frame, Error) {
   return 1000000 + static_cast<std::uint64_t>(frame->number) * 33333;
 }
-float ob_depth_frame_get_value_scale(const Object*, Error) { return control.millimetres; }
+float ob_depth_frame_get_value_scale(const Object*, Error) { return control.millimeters; }
 
 }  // extern "C"
 #pragma GCC visibility pop

@@ -20,7 +20,7 @@
 
 namespace palpate::test {
 
-/// /dev/video0 sends colour, /dev/video1 is no camera at all, /dev/video2 sends depth.
+/// /dev/video0 sends color, /dev/video1 is no camera at all, /dev/video2 sends depth.
 class FakeV4l2 final : public v4l2::System {
  public:
   std::atomic<bool> is_plugged = true, is_stalled = false, is_monotonic = true;
@@ -91,7 +91,7 @@ class FakeV4l2 final : public v4l2::System {
 
   static int report_capability(int device, v4l2_capability& to) {
     std::strcpy(reinterpret_cast<char*>(to.card),
-                device == kDepthId ? "RealSense Depth 435" : "Colour");
+                device == kDepthId ? "RealSense Depth 435" : "Color");
     to.capabilities = V4L2_CAP_VIDEO_CAPTURE | V4L2_CAP_STREAMING | V4L2_CAP_DEVICE_CAPS;
     to.device_caps =
         device == 11 ? V4L2_CAP_META_CAPTURE : V4L2_CAP_VIDEO_CAPTURE | V4L2_CAP_STREAMING;

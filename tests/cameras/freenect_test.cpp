@@ -18,7 +18,7 @@ constexpr int kNumSlow = 300, kNumFast = 14100;
 
 /// Returns the depth by a Kinect's usual calibration, in its inventors' terms: reference plane at
 /// 120 cm, base line of 7.5 cm, pixel of 0.1042 cm at the plane, 200 quarters of shift there.
-std::uint16_t millimetres(int disparity) {
+std::uint16_t millimeters(int disparity) {
   if (disparity == 2047) return 0;
   const double shift = ((disparity - 4 * 200.0) / 4 - 0.375) * 0.1042;
   const double depth = 10 * (shift * 120 / (7.5 - shift) + 120);
@@ -33,7 +33,7 @@ std::vector<std::uint16_t> disparities(int number) {
 
 std::vector<std::uint16_t> depths(int, int, int number) {
   auto pixels = disparities(number);
-  for (auto& pixel : pixels) pixel = millimetres(pixel);
+  for (auto& pixel : pixels) pixel = millimeters(pixel);
   return pixels;
 }
 
@@ -106,7 +106,7 @@ TEST(Freenect, TheUsualCalibrationIsThatWhichOthersHaveMeasured) {
   // S. Magnenat's fit to a real Kinect, quoted ever since.
   for (int disparity = 400; disparity <= 1000; disparity += 50) {
     const double measured = 123.6 * std::tan(disparity / 2842.5 + 1.1863);
-    EXPECT_NEAR(millimetres(disparity) / measured, 1, 0.03) << disparity;
+    EXPECT_NEAR(millimeters(disparity) / measured, 1, 0.03) << disparity;
   }
 }
 

@@ -49,7 +49,7 @@ inline std::string camera_info(const Shot& shot) {
   return info.number(std::uint8_t{0}).str();
 }
 
-/// Half a metre left of the middle, twice as far right of it, in millimetres.
+/// Half a meter left of the middle, twice as far right of it, in millimeters.
 inline std::uint16_t count_at(const Shot& shot, int u) { return 2 * u < shot.width ? 500 : 1000; }
 
 inline std::string image(const Shot& shot) {
@@ -60,7 +60,7 @@ inline std::string image(const Shot& shot) {
   return ros1_image(stamp_of(shot), shot.width, shot.height, counts);
 }
 
-/// The same in 32FC1, each number of so many metres.
+/// The same in 32FC1, each number of so many meters.
 inline std::string float_image(const Shot& shot, double unit) {
   Bytes numbers;
   for (int v = 0; v < shot.height; ++v) {

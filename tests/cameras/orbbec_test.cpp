@@ -28,7 +28,7 @@ class Orbbec : public testing::Test {
     control_->is_plugged = true;
     control_->is_stalled = control_->is_busy = false;
     control_->microseconds = 5000;
-    control_->millimetres = 0.1f;
+    control_->millimeters = 0.1f;
   }
   void TearDown() override { EXPECT_EQ(control_->num_objects, 0); }
   static Result<std::unique_ptr<DepthSource>> open() { return open_camera("orbbec?size=64x48"); }
@@ -94,7 +94,7 @@ TEST_F(Orbbec, FollowsAnotherSizeAndUnit) {
   EXPECT_DOUBLE_EQ(frame.unit, 0.0001);
   control_->width = 32;
   control_->height = 24;
-  control_->millimetres = 1;
+  control_->millimeters = 1;
   EXPECT_TRUE(test::next_until(*camera, frame, [&] { return frame.unit == 0.001; }));
   EXPECT_EQ(frame.width, 64);
   const std::string notes = test::all_notes(*camera);

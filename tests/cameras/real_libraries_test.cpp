@@ -107,7 +107,7 @@ TEST_F(RealOrbbec, ItsProfilesAndFramesAreAsWeDeclareThem) {
   EXPECT_EQ(api().num_bytes(depth, &error), 2 * pixels.size());
   EXPECT_EQ(std::memcmp(api().data(depth, &error), pixels.data(), 2 * pixels.size()), 0);
   EXPECT_EQ(api().microseconds(depth, &error), 1234567U);
-  EXPECT_EQ(api().millimetres(depth, &error), 0.1f);
+  EXPECT_EQ(api().millimeters(depth, &error), 0.1f);
   Profile* const same = api().profile_of(depth, &error);
   EXPECT_EQ(api().intrinsic(same, &error).fx, 60);
   EXPECT_EQ(error, nullptr);

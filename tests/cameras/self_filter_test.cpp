@@ -144,7 +144,7 @@ TEST(LinkImage, PadsWhatIsLongAsItsPieces) {
   EXPECT_LT(num_whole, num_pieces + kWidth * kHeight / 20);
 }
 
-TEST(LinkImage, HonoursThePaddingAroundABall) {
+TEST(LinkImage, HonorsThePaddingAroundABall) {
   // All that is nearer than the padding to a ball, in space and not in the image, is removed.
   Random random(11);
   const double padding = 0.025;
@@ -159,22 +159,22 @@ TEST(LinkImage, HonoursThePaddingAroundABall) {
   for (int round = 0; round < 40; ++round) {
     // Every fourth one as near as its surface may be seen.
     const double nearest = round % 4 == 0 ? 0.2 : 0.75;
-    const Vec3d centre = random.in_box(0.1 + 0.4 * (round % 4 != 0)) +
+    const Vec3d center = random.in_box(0.1 + 0.4 * (round % 4 != 0)) +
                          Vec3d{0, 0, random.uniform(nearest, round % 4 == 0 ? 0.3 : 2.5)};
     image.begin(kWidth, kHeight);
-    image.add(ball, {centre, random.rotation(3)});
+    image.add(ball, {center, random.rotation(3)});
     image.draw();
     for (int i = 0; i < 3000; ++i) {
-      const Vec3d p = centre + random.in_box(0.2);
+      const Vec3d p = center + random.in_box(0.2);
       const double u = kIntrinsics.fx * p.x / p.z + kIntrinsics.cx,
                    v = kIntrinsics.fy * p.y / p.z + kIntrinsics.cy;
       const int col = static_cast<int>(std::lround(u)), row = static_cast<int>(std::lround(v));
       if (col < 0 || row < 0 || col >= kWidth || row >= kHeight) continue;
-      const double apart = norm(p - centre);
+      const double apart = norm(p - center);
       if (apart < inner + padding) {
         ++num_near;
         ASSERT_LE(image.limit_at(col, row), p.z + 1e-6) << apart;
-      } else if (p.z < centre.z - 0.1 - padding - 1e-3) {
+      } else if (p.z < center.z - 0.1 - padding - 1e-3) {
         ++num_far;
         ASSERT_GT(image.limit_at(col, row), p.z);  // in front of all of it
       }

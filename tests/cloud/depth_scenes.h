@@ -12,7 +12,7 @@ namespace palpate::test {
 struct DepthScene {
   int width, height;
   Intrinsics intrinsics;
-  std::vector<float> depth;  ///< metres, NaN: no measurement
+  std::vector<float> depth;  ///< meters, NaN: no measurement
 
   float& at(int u, int v) { return depth[static_cast<std::size_t>(v * width + u)]; }
 };

@@ -13,7 +13,7 @@
 namespace palpate::test {
 
 /// Two slanted surfaces side by side with holes and far groups of all kinds: lone pixels, blobs,
-/// diagonal strips, rings and half of the image; metres.
+/// diagonal strips, rings and half of the image; meters.
 inline DepthScene far_scene(int width, int height, std::uint64_t seed) {
   Random random(seed);
   DepthScene scene = plane_scene(width, height, 90, {0.2 * random.normal(), 0.1, -1}, {0, 0, 1.1});

@@ -24,7 +24,7 @@ TEST(PointCloud, StartsInvalidUpToTheLastPaddingPoint) {
   EXPECT_EQ(static_cast<std::size_t>(cloud.view().y - cloud.view().x), padded);
 }
 
-TEST(PointCloud, SetNormalisesAndTheViewSeesIt) {
+TEST(PointCloud, SetNormalizesAndTheViewSeesIt) {
   const Intrinsics k{500, 501, 6, 3};
   PointCloud cloud(13, 7, k);
   cloud.set(90, {1, 2, 3}, {0, 3e-30f, -4e-30f});

@@ -16,7 +16,7 @@
 namespace palpate {
 namespace {
 
-// 16-bit grey PNG; an empty frame if it cannot be read.
+// 16-bit gray PNG; an empty frame if it cannot be read.
 DepthFrame read_png(const std::filesystem::path& path, double unit) {
   DepthFrame frame;
   const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen(path.c_str(), "rb"),

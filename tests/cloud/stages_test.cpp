@@ -186,11 +186,11 @@ TEST(SurfaceStages, BentImagesAreStraightened) {
   ThreadPool pool(1);
   for (const Distortion& bent : {Distortion{-0.28, 0.09, 0.001, -0.002, -0.01, 0, 0, 0},
                                  Distortion{5.9, 3.4, 1e-5, 3e-5, 0.17, 6.2, 5.1, 0.9}}) {
-    SurfaceEstimator of_metres =
+    SurfaceEstimator of_meters =
         SurfaceEstimator::create(70, 51, scene.intrinsics, options, best_isa(), bent).value();
     SurfaceEstimator of_counts =
         SurfaceEstimator::create(70, 51, scene.intrinsics, options, best_isa(), bent).value();
-    of_metres.update(scene.depth, pool);
+    of_meters.update(scene.depth, pool);
     of_counts.update(frame, pool);
     int num_moved = 0, num_unseen = 0;
     for (int v = 0; v < 51; ++v) {
@@ -199,8 +199,8 @@ TEST(SurfaceStages, BentImagesAreStraightened) {
         const auto i = static_cast<std::size_t>(v * 70 + u),
                    raw = static_cast<std::size_t>(v_raw * 70 + u_raw);
         const float want = u_raw < 0 ? NAN : scene.depth[raw];
-        EXPECT_TRUE(of_metres.depth()[i] == want ||
-                    (std::isnan(of_metres.depth()[i]) && std::isnan(want)))
+        EXPECT_TRUE(of_meters.depth()[i] == want ||
+                    (std::isnan(of_meters.depth()[i]) && std::isnan(want)))
             << u << " " << v;
         if (u_raw >= 0 && frame.pixels[raw] != 0) {
           EXPECT_EQ(of_counts.depth()[i], static_cast<float>(frame.pixels[raw] * frame.unit));
@@ -226,7 +226,7 @@ TEST(SurfaceStages, SteepSurfacesStayAsFarAsTheGapSays) {
   constexpr double kFocal = 50;
   SurfaceOptions options;
   options.flying_pixel_gap = 0.05;
-  // On the axis a pixel's neighbours are z tan(angle) / f deeper and nearer.
+  // On the axis a pixel's neighbors are z tan(angle) / f deeper and nearer.
   const double limit = std::atan(options.flying_pixel_gap * kFocal);
   for (const bool is_steeper : {false, true}) {
     const double angle = limit + (is_steeper ? 0.05 : -0.05);
@@ -365,7 +365,7 @@ TEST(SurfaceStages, PointsOnOneLineOfTheImageHaveNoNormal) {
     for (int flags = 0; flags < 16; ++flags) {
       SurfaceOptions options;
       options.normals.fit = kFits[flags / 8];
-      options.normals.min_neighbours = 3;
+      options.normals.min_neighbors = 3;
       options.normals.anchoring = (flags & 1) != 0;
       options.normals.weighting = (flags & 2) != 0;
       options.normals.normalization = (flags & 4) != 0;

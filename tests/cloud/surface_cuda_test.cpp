@@ -132,10 +132,10 @@ TEST(SurfaceCuda, DecidesWhatIsFree) {
     Pair pair(scene, default_options());
     pair.expected = pair.cpu.update(scene.depth, pair.pool);
     gpu::Memory memory(0);
-    const float* const metres = memory.copy_of(scene.depth);
-    pair.cuda.enqueue_depth(pair.stream, metres);
+    const float* const meters = memory.copy_of(scene.depth);
+    pair.cuda.enqueue_depth(pair.stream, meters);
     ASSERT_NO_FATAL_FAILURE(pair.compare());
-    for (int part = 0; part < 3; ++part) pair.cuda.enqueue_depth(pair.stream, metres, part, 3);
+    for (int part = 0; part < 3; ++part) pair.cuda.enqueue_depth(pair.stream, meters, part, 3);
     ASSERT_NO_FATAL_FAILURE(pair.compare());
     num_free += static_cast<int>(std::ranges::count(pair.cpu.depth(), INFINITY));
   }
@@ -215,7 +215,7 @@ TEST(SurfaceCuda, ARecordingTakesWhateverFrameIsThere) {
   }
 }
 
-TEST(SurfaceCuda, TakesDepthInMetres) {
+TEST(SurfaceCuda, TakesDepthInMeters) {
   PALPATE_GPU_OR_SKIP();
   DepthScene scene = test::cluttered_scene(77, 60, 80, 1.2, 4);
   scene.at(3, 3) = 0;

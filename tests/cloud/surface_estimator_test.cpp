@@ -70,7 +70,7 @@ TEST(SurfaceEstimator, WhatIsNoMeasurementIsInvalid) {
     EXPECT_TRUE(std::isnan(estimator.cloud().x[i])) << count;
     EXPECT_EQ(estimator.depth_change(0)[i], 0.0f);
   }
-  for (const auto& [i, count] : lone) {  // at the limits: a depth, but no neighbours
+  for (const auto& [i, count] : lone) {  // at the limits: a depth, but no neighbors
     EXPECT_FLOAT_EQ(estimator.depth()[i], static_cast<float>(count * 0.001)) << count;
     EXPECT_TRUE(std::isnan(estimator.cloud().z[i])) << count;
   }
@@ -84,7 +84,7 @@ TEST(SurfaceEstimator, WhatIsNoMeasurementIsInvalid) {
   }
 }
 
-TEST(SurfaceEstimator, FrameAndMetresAgree) {
+TEST(SurfaceEstimator, FrameAndMetersAgree) {
   DepthScene scene = test::cluttered_scene(90, 50, 90, 1.2, 5);
   const DepthFrame frame = as_frame(scene, 0.000125);
   for (std::size_t i = 0; i < scene.depth.size(); ++i) {
@@ -92,11 +92,11 @@ TEST(SurfaceEstimator, FrameAndMetresAgree) {
   }
   ThreadPool pool(1);
   SurfaceEstimator a = make_estimator(scene), b = make_estimator(scene);
-  const SurfaceStats from_frame = a.update(frame, pool), from_metres = b.update(scene.depth, pool);
-  EXPECT_EQ(from_frame.num_valid, from_metres.num_valid);
-  EXPECT_EQ(from_frame.num_points, from_metres.num_points);
-  const std::vector<float> of_frame = results(a), of_metres = results(b);
-  EXPECT_EQ(std::memcmp(of_frame.data(), of_metres.data(), of_frame.size() * sizeof(float)), 0);
+  const SurfaceStats from_frame = a.update(frame, pool), from_meters = b.update(scene.depth, pool);
+  EXPECT_EQ(from_frame.num_valid, from_meters.num_valid);
+  EXPECT_EQ(from_frame.num_points, from_meters.num_points);
+  const std::vector<float> of_frame = results(a), of_meters = results(b);
+  EXPECT_EQ(std::memcmp(of_frame.data(), of_meters.data(), of_frame.size() * sizeof(float)), 0);
 }
 
 TEST(SurfaceEstimator, SameBitsForAnyNumberOfThreads) {
@@ -192,13 +192,13 @@ TEST(SurfaceEstimator, DisabledDepthChangeIsZero) {
   }
 }
 
-TEST(SurfaceEstimator, MoreNeighboursThanTheWindowHasAreAllOfThem) {
+TEST(SurfaceEstimator, MoreNeighborsThanTheWindowHasAreAllOfThem) {
   const DepthScene scene = test::cluttered_scene(61, 47, 60, 1.3, 4);
   ThreadPool pool(1);
   int num_points[3];
   for (int i = 0; i < 3; ++i) {
     SurfaceOptions options;
-    options.normals.min_neighbours = std::array{48, 49, 225}[static_cast<std::size_t>(i)];
+    options.normals.min_neighbors = std::array{48, 49, 225}[static_cast<std::size_t>(i)];
     num_points[i] = make_estimator(scene, options).update(scene.depth, pool).num_points;
   }
   EXPECT_GT(num_points[0], num_points[1]);
@@ -238,8 +238,8 @@ TEST(SurfaceEstimator, RefusesSettingsOutOfRangeByName) {
   refuse("surface.normal_max_depth_change",
          [](SurfaceOptions& o) { o.normals.max_depth_change = -1; });
   refuse("surface.weight_sigma", [](SurfaceOptions& o) { o.normals.weight_sigma = 0; });
-  refuse("surface.min_neighbours", [](SurfaceOptions& o) { o.normals.min_neighbours = 226; });
-  refuse("surface.min_neighbours", [](SurfaceOptions& o) { o.normals.min_neighbours = 2; });
+  refuse("surface.min_neighbors", [](SurfaceOptions& o) { o.normals.min_neighbors = 226; });
+  refuse("surface.min_neighbors", [](SurfaceOptions& o) { o.normals.min_neighbors = 2; });
   refuse("surface.depth_change_min_step",
          [](SurfaceOptions& o) { o.depth_change.min_step = -0.1; });
   refuse("surface.min_depth", [](SurfaceOptions& o) { o.min_depth = 0; });

@@ -45,7 +45,7 @@ inline double true_filtered(const TrueDepth& depth, const DepthFilterOptions& op
   return sum / sum_weights;
 }
 
-/// Between two opposite neighbours and on neither: SurfaceOptions::flying_pixel_gap.
+/// Between two opposite neighbors and on neither: SurfaceOptions::flying_pixel_gap.
 inline bool true_flying(const TrueDepth& depth, double gap, int u, int v) {
   const double z = depth(u, v);
   for (const auto& [du, dv] : {std::pair(1, 0), {0, 1}, {1, 1}, {1, -1}}) {
@@ -126,7 +126,7 @@ inline TrueNormal normal_along(const Vec3d& r, const double c[3][3]) {
   return {true, determinant > 1e-3 * (ss + tt) * (ss + tt), normalized(start + a * s + b * t)};
 }
 
-/// Eqs. 3.7-3.11. Whether a pixel is a neighbour is decided in single precision, as in the library.
+/// Eqs. 3.7-3.11. Whether a pixel is a neighbor is decided in single precision, as in the library.
 inline TrueNormal true_normal(const TrueDepth& depth, const Intrinsics& k,
                               const NormalOptions& options, int u, int v) {
   const double z_p = depth(u, v);
@@ -137,7 +137,7 @@ inline TrueNormal true_normal(const TrueDepth& depth, const Intrinsics& k,
   const Vec3d p = unproject(u, v, z_p);
   const float gate = static_cast<float>(options.max_depth_change) * static_cast<float>(z_p);
   const double sigma = options.weight_sigma * z_p * z_p;
-  std::vector<Vec3d> neighbours;
+  std::vector<Vec3d> neighbors;
   std::vector<double> weights;
   std::vector<std::pair<int, int>> pixels;
   Vec3d sum;
@@ -149,7 +149,7 @@ inline TrueNormal true_normal(const TrueDepth& depth, const Intrinsics& k,
       if (std::abs(static_cast<float>(z) - static_cast<float>(z_p)) > gate) continue;
       const Vec3d q = unproject(u + du, v + dv, z);
       const double w = options.weighting ? std::exp(-dot(q - p, q - p) / (2 * sigma * sigma)) : 1;
-      neighbours.push_back(q);
+      neighbors.push_back(q);
       weights.push_back(w);
       pixels.emplace_back(du, dv);
       sum += w * q;
@@ -161,12 +161,12 @@ inline TrueNormal true_normal(const TrueDepth& depth, const Intrinsics& k,
     for (const auto& [b_u, b_v] : pixels) on_one_line &= a_u * b_v == a_v * b_u;  // p is the origin
   }
   TrueNormal result;
-  if (static_cast<int>(pixels.size()) < options.min_neighbours || on_one_line) return result;
+  if (static_cast<int>(pixels.size()) < options.min_neighbors || on_one_line) return result;
 
-  const Vec3d centre = options.anchoring ? p : sum / sum_weights;
+  const Vec3d center = options.anchoring ? p : sum / sum_weights;
   double c[3][3] = {};
-  for (std::size_t i = 0; i < neighbours.size(); ++i) {
-    Vec3d d = neighbours[i] - centre;
+  for (std::size_t i = 0; i < neighbors.size(); ++i) {
+    Vec3d d = neighbors[i] - center;
     if (options.normalization) {
       if (norm(d) <= 1e-5 * z_p) continue;
       d = d / norm(d);

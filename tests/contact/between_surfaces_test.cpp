@@ -85,7 +85,7 @@ TEST(BetweenSurfaces, WeighsBothSurfaces) {
   }
 }
 
-// Between two frames of a wall that moves by a few millimetres, the force is that of the wall on
+// Between two frames of a wall that moves by a few millimeters, the force is that of the wall on
 // its way, as moving the points themselves would give: every sphere's cap volume is nearly linear
 // over such a distance.
 TEST(BetweenSurfaces, FollowsAMovingWall) {
@@ -97,7 +97,7 @@ TEST(BetweenSurfaces, FollowsAMovingWall) {
     const double depth = 0.5 - 0.0025 * t;
     double expected = 0;
     for (const Sphere& s : tool().spheres()) {
-      expected += cap_volume(static_cast<double>(s.radius), depth - (X_WT * to_double(s.centre)).z);
+      expected += cap_volume(static_cast<double>(s.radius), depth - (X_WT * to_double(s.center)).z);
     }
     const Penetration got = query.query(X_WT, options_of(MethodKind::field));
     EXPECT_NEAR(got.volume, expected, 0.005 * expected) << t;

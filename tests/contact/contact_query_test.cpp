@@ -59,7 +59,7 @@ TEST_P(EveryIsa, EqualsBruteForceOnRandomPoses) {
   }
 }
 
-TEST_P(EveryIsa, EqualsBruteForceOnUnorganisedClouds) {
+TEST_P(EveryIsa, EqualsBruteForceOnUnorganizedClouds) {
   Random random(3);
   const Tool tool = test::random_tool(200, 0.05, 2);
   PointCloud cloud(5003, 1);
@@ -241,13 +241,13 @@ TEST(ContactQuery, RepresentedVolumesOfAnImmersedToolAreTheMesh) {
   PointCloud cloud(1, 1);
   std::size_t first = 0;  // the sphere nearest to the camera
   for (std::size_t s = 1; s < tool.spheres().size(); ++s) {
-    if (tool.spheres()[s].centre.z - tool.spheres()[s].radius <
-        tool.spheres()[first].centre.z - tool.spheres()[first].radius) {
+    if (tool.spheres()[s].center.z - tool.spheres()[s].radius <
+        tool.spheres()[first].center.z - tool.spheres()[first].radius) {
       first = s;
     }
   }
   const Sphere& sphere = tool.spheres()[first];
-  cloud.set(0, sphere.centre - Vec3f{0, 0, 0.99999f * sphere.radius}, {0, 0, -1});
+  cloud.set(0, sphere.center - Vec3f{0, 0, 0.99999f * sphere.radius}, {0, 0, -1});
   const auto query = make_query(tool);
   query->set_cloud(cloud.view());
   for (ContactOptions options : all_options()) {
@@ -393,7 +393,7 @@ static_assert(CanBeABody<Tool&> && !CanBeABody<Tool>);
 
 TEST(ContactQuery, OpposedNormalsAreAmbiguousAndLendNoPlane) {
   const Tool tool = test::random_tool(1, 0.05, 6);
-  const Vec3f c = tool.spheres()[0].centre;
+  const Vec3f c = tool.spheres()[0].center;
   PointCloud cloud(2, 1);
   cloud.set(0, c, {0, 0, 1});
   cloud.set(1, c, {0, 0, -1});

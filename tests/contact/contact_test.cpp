@@ -33,7 +33,7 @@ DepthImageView image(const std::vector<std::uint16_t>& counts) {
   return {kCamera.width, kCamera.height, counts.data(), kUnit};
 }
 
-/// The cube with its front `depth` metres behind a wall at 0.6 m.
+/// The cube with its front `depth` meters behind a wall at 0.6 m.
 Pose pushed_in(double depth) { return {{0.01, -0.02, 0.6 + depth - kSide / 2}, {}}; }
 
 TEST(Contact, ACubeInAWallIsFeltByItsVolume) {
@@ -91,15 +91,15 @@ TEST(Contact, OnACpuASurfaceInTheMemoryOfAGpuIsNoSurface) {
   }
 }
 
-TEST(Contact, CountsAndMetresAreTheSame) {
+TEST(Contact, CountsAndMetersAreTheSame) {
   const Tool tool = cube();
   const auto counts = wall(0.6);
-  std::vector<float> metres;
-  for (const auto count : counts) metres.push_back(static_cast<float>(count * kUnit));
+  std::vector<float> meters;
+  for (const auto count : counts) meters.push_back(static_cast<float>(count * kUnit));
   Sensor sensor = Sensor::create(kCamera).value();
   const Contact contact = std::move(Contact::create(tool)).value();
   const auto a = contact.measure(sensor.update(image(counts)), pushed_in(0.03));
-  const auto b = contact.measure(sensor.update({160, 120, metres.data()}), pushed_in(0.03));
+  const auto b = contact.measure(sensor.update({160, 120, meters.data()}), pushed_in(0.03));
   EXPECT_GT(a.penetration.volume, 0);
   EXPECT_EQ(a.penetration.volume, b.penetration.volume);
   EXPECT_EQ(a.penetration.measure_W.torque.x, b.penetration.measure_W.torque.x);

@@ -122,7 +122,7 @@ std::vector<Case> cases() {
       {"weighted", weighted}, {"simplified", simplified}, {"graph", graph}};
   for (const auto& [name, method] : methods) {
     for (const auto& [ending, edges] :
-         {std::pair{"centre", Edges::centre}, {"strict", Edges::strict}, {"cut", Edges::cut}}) {
+         {std::pair{"center", Edges::center}, {"strict", Edges::strict}, {"cut", Edges::cut}}) {
       all.push_back({name + std::string("-edges-") + ending, {.method = method, .edges = edges}});
     }
     for (const auto& [ending, continuity] : {std::pair{"kernel", Continuity::kernel},

@@ -137,7 +137,7 @@ TEST_F(ForceDimension, SeveralDevices) {
     EXPECT_EQ(open_error(wrong).code, Errc::invalid_argument) << wrong;
 }
 
-TEST_F(ForceDimension, ADeviceThatIsNotInitialisedIsNotMoved) {
+TEST_F(ForceDimension, ADeviceThatIsNotInitializedIsNotMoved) {
   fake_.is_initialized = false;
   const Error error = open_error();
   EXPECT_EQ(error.code, Errc::unavailable);

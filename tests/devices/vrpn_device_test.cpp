@@ -80,7 +80,7 @@ TEST(VrpnDevice, TheHandFeelsTheForceAndNothingAfterwards) {
   Bench bench;
   bench.log.set_force({0, 0, 2});
   bench.start();
-  // At rest the spring of the hand, 200 N/m, holds the force: one centimetre.
+  // At rest the spring of the hand, 200 N/m, holds the force: one centimeter.
   ASSERT_TRUE(eventually([&] {
     const DeviceState last = bench.log.last();
     return std::abs(last.X_BH.translation.z - 0.03 - 0.01) < 5e-4 && norm(last.V_BH.linear) < 1e-3;

@@ -63,7 +63,7 @@ def write_frame(path, number, width=640, height=480):
                      chunk(b"IDAT", zlib.compress(rows, 1)) + chunk(b"IEND", b""))
 
 
-def draw_in_millimetres(path):
+def draw_in_millimeters(path):
     """A binary STL file of meters."""
     data = bytearray(path.read_bytes())
     for begin in range(84, len(data), 50):
@@ -79,7 +79,7 @@ def bring(folder, palpate):
                        stderr=subprocess.DEVNULL)
     for name in ("part.stl", "probe.stl"):
         run("shape", "stylus", "--size", "0.12", "-o", name)
-        draw_in_millimetres(folder / name)
+        draw_in_millimeters(folder / name)
     run("shape", "box", "--size", "0.05", "-o", "box.stl")
     run("pack", "box.stl", "--spheres", "500", "-o", "box.palp")
     frames = folder / "frames"

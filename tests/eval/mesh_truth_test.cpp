@@ -9,7 +9,7 @@
 namespace palpate::eval {
 namespace {
 
-// A box of a metre is a wall for a small tool, at any angle of tool and wall.
+// A box of a meter is a wall for a small tool, at any angle of tool and wall.
 TEST(MeshTruth, OfABlockIsThatOfAWall) {
   const TriangleMesh block = make_shape("box", 1).value(),
                      tool = make_shape("octahedron", 0.1).value();
@@ -31,7 +31,7 @@ TEST(MeshTruth, OfABlockIsThatOfAWall) {
 }
 
 // Round surfaces: balls that overlap have a volume in closed form, and push along the
-// line of their centres.
+// line of their centers.
 TEST(MeshTruth, OfTwoBallsIsTheirLens) {
   const double big = 0.1, small = 0.04, apart = 0.09;
   const TriangleMesh body = make_shape("sphere", 2 * big).value(),

@@ -53,10 +53,10 @@ TEST(DistanceGrid, TheHingeSumsDepthsOfSpheres) {
   const Tool tool = packed_tool(thesis_cases().front(), 100);
   const DistanceGrid grid(seen.surface.cloud(), {0, 0, 1}, 0.4, 0.005);
   const Pose X_WT{{0.01, -0.02, 0.98}, axis_angle({1, 2, 3}, 0.4)};
-  const Vec3d middle = X_WT * tool.sphere_mass().centre_of_mass;
+  const Vec3d middle = X_WT * tool.sphere_mass().center_of_mass;
   VolumeWrench expected;
   for (const Sphere& s : tool.spheres()) {
-    const Vec3d c = X_WT * to_double(s.centre);
+    const Vec3d c = X_WT * to_double(s.center);
     const Vec3d force{0, 0, -std::max(0.0, static_cast<double>(s.radius) - (1 - c.z))};
     expected.force += force;
     expected.torque += cross(c - middle, force);

@@ -47,7 +47,7 @@ TEST(RealCube, RaysHitWhereTheClosedFormSays) {
   }
 }
 
-TEST(RealCube, IsFoundAgainFromAGuessTwoCentimetresOff) {
+TEST(RealCube, IsFoundAgainFromAGuessTwoCentimetersOff) {
   const DepthStreamInfo stream = camera();
   Random random(2);
   for (int i = 0; i < 6; ++i) {

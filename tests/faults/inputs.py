@@ -8,7 +8,7 @@ SECONDS = 1_500_000_000  # of the first image, since 1970
 
 
 def counts(width, height, number=0):
-    """Millimetres to a wall that is bent a little and moves."""
+    """Millimeters to a wall that is bent a little and moves."""
     return [500 + (u - width // 2) ** 2 // 400 + (v + number) % 2 for v in range(height) for u in range(width)]
 
 

@@ -257,7 +257,7 @@ TEST(FieldGaps, StayWhereNothingIsToBeFilled) {
 /// An endless plane in the image: what a sphere that is seen at `distance` pixels of its own level
 /// from a border, within the image if positive, learns of it.
 struct BorderErrors {
-  double degrees = 0, metres = 0;  ///< the worst
+  double degrees = 0, meters = 0;  ///< the worst
   int num = 0;
 };
 BorderErrors errors_near_border(const DepthFieldOptions& options, double first, double last) {
@@ -277,7 +277,7 @@ BorderErrors errors_near_border(const DepthFieldOptions& options, double first, 
       const bool at_corner = i % 4 == 0;
       // Somewhere at the left or right border, by turns the upper or lower one, or at both.
       double u = random.uniform(60, 260), v = random.uniform(60, 200);
-      const double depth = radius * random.uniform(-0.9, 3);  // of the centre, behind the plane
+      const double depth = radius * random.uniform(-0.9, 3);  // of the center, behind the plane
       const double pixel = std::max(0.7 * radius * image.camera.fx / 0.9, 1.0);
       const auto place = [&](double size) {
         const double in = pixel * random.uniform(first, last) - 0.5;
@@ -290,13 +290,13 @@ BorderErrors errors_near_border(const DepthFieldOptions& options, double first, 
       if (p.z < 0.3 || p.z > 3) continue;
       const FieldSample<double> at = sample_field(field.view(), p, radius);
       if (at.phi > 0.95 * radius) {
-        worst.metres = std::max(worst.metres, std::abs(at.phi + depth));
+        worst.meters = std::max(worst.meters, std::abs(at.phi + depth));
         continue;
       }
       const double angle = std::atan2(norm(cross(at.gradient, n)), dot(at.gradient, n));
       worst.degrees = std::max(worst.degrees, angle * 180 / kPi);
       // The maximum over levels is rounded where it is deep.
-      worst.metres = std::max(worst.metres, std::abs(at.phi + depth) - 0.02 * std::abs(depth));
+      worst.meters = std::max(worst.meters, std::abs(at.phi + depth) - 0.02 * std::abs(depth));
       ++worst.num;
     }
   }
@@ -312,8 +312,8 @@ TEST(FieldGaps, ThePlaneGoesOnBeyondTheImage) {
   EXPECT_GT(outside.num, 5000);
   EXPECT_LT(inside.degrees, 0.5);
   EXPECT_LT(outside.degrees, 0.5);
-  EXPECT_LT(inside.metres, 2e-4);
-  EXPECT_LT(outside.metres, 2e-4);
+  EXPECT_LT(inside.meters, 2e-4);
+  EXPECT_LT(outside.meters, 2e-4);
 }
 
 // Farther out space that nothing was measured in is free.

@@ -60,11 +60,11 @@ TEST(NeededWindow, IsWhereTheBallIsSeen) {
     const Vec3d p{z * random.uniform(-0.7, 0.7), z * random.uniform(-0.6, 0.6), z};
     const PixelWindow window = needed_window(k, kWidth, kHeight, p, reach);
     // Along each axis the ball is seen as wide as a circle: the angles of its two tangents.
-    const auto expect_tight = [&](double x, double focal, double centre, int size, int first,
+    const auto expect_tight = [&](double x, double focal, double center, int size, int first,
                                   int last) {
       const double middle = std::atan2(x, z), half = std::asin(reach / std::hypot(x, z));
-      const double low = focal * std::tan(middle - half) + centre;
-      const double high = focal * std::tan(middle + half) + centre;
+      const double low = focal * std::tan(middle - half) + center;
+      const double high = focal * std::tan(middle + half) + center;
       if (low < 0 || low > size - 1 || high < 1 || high > size) return;  // the image ends there
       EXPECT_LE(first, low + 1e-6);
       EXPECT_GE(last, high - 1e-6);

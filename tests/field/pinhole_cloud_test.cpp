@@ -26,7 +26,7 @@ PointCloud wall(double noise) {
   return cloud;
 }
 
-TEST(PinholeCloud, FindsTheCameraOfAnOrganisedCloud) {
+TEST(PinholeCloud, FindsTheCameraOfAnOrganizedCloud) {
   const auto found = make_pinhole_cloud(wall(0).view());
   ASSERT_TRUE(found);
   ASSERT_TRUE(found->view().pinhole);

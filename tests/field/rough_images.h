@@ -15,7 +15,7 @@ struct RoughImages {
   Camera camera;
   int num;
   std::vector<std::uint16_t> counts;
-  std::vector<float> metres;
+  std::vector<float> meters;
 
   RoughImages(int width, int height, int number, std::uint64_t seed)
       : camera{width, height, {0.9 * width, 0.93 * width, 0.49 * width, 0.51 * height}},
@@ -30,7 +30,7 @@ struct RoughImages {
           if (random.uniform() < 0.03 || std::hypot(u - 3, v - 0.8 * height) < 0.15 * width) z = 0;
           const bool is_far = i % 2 == 1 && (3 * u + 4 * v < width || random.uniform() < 0.02);
           counts.push_back(is_far ? kFarCount : static_cast<std::uint16_t>(std::lround(1000 * z)));
-          metres.push_back(is_far ? INFINITY : static_cast<float>(z));
+          meters.push_back(is_far ? INFINITY : static_cast<float>(z));
         }
       }
     }
@@ -43,8 +43,8 @@ struct RoughImages {
     return {camera.width, camera.height, counts.data() + static_cast<std::size_t>(i) * size(),
             0.001};
   }
-  DepthImageView image_in_metres(int i) const {
-    return {camera.width, camera.height, metres.data() + static_cast<std::size_t>(i) * size()};
+  DepthImageView image_in_meters(int i) const {
+    return {camera.width, camera.height, meters.data() + static_cast<std::size_t>(i) * size()};
   }
 };
 

@@ -39,10 +39,10 @@ struct Expected {
   }
 };
 
-std::vector<DepthImageView> views_of(const test::RoughImages& images, bool in_metres) {
+std::vector<DepthImageView> views_of(const test::RoughImages& images, bool in_meters) {
   std::vector<DepthImageView> views;
   for (int i = 0; i < images.num; ++i) {
-    views.push_back(in_metres ? images.image_in_metres(i) : images.image(i));
+    views.push_back(in_meters ? images.image_in_meters(i) : images.image(i));
   }
   return views;
 }
@@ -68,8 +68,8 @@ TEST(SensorBatchCuda, HasTheBitsOfTheCpu) {
         auto frames =
             make_batch_frames_cuda(settings_of(images.camera, {.unknown = unknown}), 0, pixels)
                 .value();
-        for (const bool in_metres : {false, true}) {
-          const auto views = views_of(images, in_metres);
+        for (const bool in_meters : {false, true}) {
+          const auto views = views_of(images, in_meters);
           want.compare(made(*frames, views[0], 5), views);
           want.compare(made(*frames, views[1], 3), {views[1], views[2], views[3]});
         }

@@ -26,10 +26,10 @@ TEST(SensorBatch, HasTheBitsOfSingleImages) {
   for (const auto& [width, height] : {std::pair{64, 64}, {33, 50}, {8, 8}}) {
     test::RoughImages images(width, height, 5, 1);
     if (width == 33) images.camera.distortion = {-0.28, 0.09, 0.001, -0.002, -0.01};
-    std::vector<DepthImageView> in_counts, in_metres;
+    std::vector<DepthImageView> in_counts, in_meters;
     for (int i = 0; i < 5; ++i) {
       in_counts.push_back(images.image(i));
-      in_metres.push_back(images.image_in_metres(i));
+      in_meters.push_back(images.image_in_meters(i));
     }
     Sensor single = Sensor::create(images.camera).value();
     for (const int num_threads : {1, 2, 7}) {
@@ -37,7 +37,7 @@ TEST(SensorBatch, HasTheBitsOfSingleImages) {
       options.num_threads = num_threads;
       Sensor sensor = Sensor::create(images.camera, Place::cpu(), options).value();
       expect_same(sensor.update_batch(images.image(0), 5), single, in_counts);
-      expect_same(sensor.update_batch(images.image_in_metres(0), 5), single, in_metres);
+      expect_same(sensor.update_batch(images.image_in_meters(0), 5), single, in_meters);
       expect_same(sensor.update_batch(images.image(2), 2), single, {in_counts[2], in_counts[3]});
       EXPECT_TRUE(sensor.status());
     }

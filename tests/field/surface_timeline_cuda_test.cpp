@@ -132,29 +132,29 @@ TEST(SurfaceTimelineCuda, RemembersWhatTheCpuRemembers) {
   }
 }
 
-TEST(SurfaceTimelineCuda, TakesCountsAndMetresFromHostAndGpu) {
+TEST(SurfaceTimelineCuda, TakesCountsAndMetersFromHostAndGpu) {
   PALPATE_GPU_OR_SKIP();
   const SlotSettings settings = settings_with(TimeMode::predict, DepthAverage::none);
   ThreadPool pool(1);
-  for (const bool as_metres : {false, true}) {
+  for (const bool as_meters : {false, true}) {
     for (const bool on_gpu : {false, true}) {
-      SCOPED_TRACE(std::string(as_metres ? "metres" : "counts") + (on_gpu ? " on the GPU" : ""));
+      SCOPED_TRACE(std::string(as_meters ? "meters" : "counts") + (on_gpu ? " on the GPU" : ""));
       gpu::Stream stream(0, gpu::Priority::low);
       gpu::Memory memory(0);
       SurfaceTimeline got = timeline_on_gpu(settings), want = timeline_on_cpu(settings);
       for (int k = 0; k < 3; ++k) {
         const DepthFrame counts = frame(k);
-        std::vector<float> metres;
+        std::vector<float> meters;
         for (const std::uint16_t count : counts.pixels) {
-          metres.push_back(static_cast<float>(count * counts.unit));
+          meters.push_back(static_cast<float>(count * counts.unit));
         }
         DepthImageView image = counts;
-        if (as_metres) image = {kWidth, kHeight, metres.data()};
+        if (as_meters) image = {kWidth, kHeight, meters.data()};
         DepthImageView shown = image;
         if (on_gpu) {
           shown.gpu = 0;
-          if (as_metres) shown.metres = memory.copy_of(metres);
-          if (!as_metres) shown.counts = memory.copy_of(counts.pixels);
+          if (as_meters) shown.meters = memory.copy_of(meters);
+          if (!as_meters) shown.counts = memory.copy_of(counts.pixels);
         }
         got.push(shown, 0.04 * k, pool);
         want.push(image, 0.04 * k, pool);

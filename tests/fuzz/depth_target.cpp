@@ -38,7 +38,7 @@ void read_labels(std::string_view bytes) {
 }
 
 /// 4 x 2 pixels of one byte each, as few bytes as the format allows: not even compressed.
-std::string label_image(char colour_type) {
+std::string label_image(char color_type) {
   const auto big = [](std::uint32_t value) {
     std::string bytes;
     for (int shift = 24; shift >= 0; shift -= 8) bytes += static_cast<char>(value >> shift);
@@ -57,8 +57,8 @@ std::string label_image(char colour_type) {
   for (const char c : rows) b += a += static_cast<unsigned char>(c);
   const std::string packed = std::string("\x78\x01\x01\x0a\0\xf5\xff", 7) + rows + big(b << 16 | a);
   return "\x89PNG\r\n\x1a\n" +
-         chunk("IHDR", big(4) + big(2) + '\x08' + colour_type + std::string(3, '\0')) +
-         (colour_type == 3 ? chunk("PLTE", std::string(12, '\x40')) : "") + chunk("IDAT", packed) +
+         chunk("IHDR", big(4) + big(2) + '\x08' + color_type + std::string(3, '\0')) +
+         (color_type == 3 ? chunk("PLTE", std::string(12, '\x40')) : "") + chunk("IDAT", packed) +
          chunk("IEND", "");
 }
 

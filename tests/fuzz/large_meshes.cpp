@@ -215,8 +215,8 @@ void placed_glb(const fs::path& path, std::size_t num_bytes) {
 }
 
 void round_glb(const fs::path& path, std::size_t num_bytes) {
-  const ColouredMesh part{"part", {10, 20, 30}, round_mesh(num_bytes, 18)};
-  (void)save_coloured_meshes({&part, 1}, path);
+  const ColoredMesh part{"part", {10, 20, 30}, round_mesh(num_bytes, 18)};
+  (void)save_colored_meshes({&part, 1}, path);
 }
 
 void mesh_tool(const fs::path& path, std::size_t num_bytes) {

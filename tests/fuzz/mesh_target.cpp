@@ -23,8 +23,8 @@ constexpr const char* kGltf = R"({"asset":{"version":"2.0"},"scene":0,"scenes":[
 std::string saved(const TriangleMesh& mesh) {
   ScratchFile file(kFormat);
   if (kFormat == ".glb") {
-    const ColouredMesh part{"part", {10, 20, 30}, mesh};
-    require(save_coloured_meshes({&part, 1}, file.path()).has_value(), "a GLB can be written");
+    const ColoredMesh part{"part", {10, 20, 30}, mesh};
+    require(save_colored_meshes({&part, 1}, file.path()).has_value(), "a GLB can be written");
   } else {
     require(save_mesh(mesh, file.path()).has_value(), "a mesh can be written");
   }
@@ -37,7 +37,7 @@ std::vector<std::string> seeds() {
   if (kFormat == ".gltf") return {kGltf};
   if (kFormat == ".off") {
     return {"OFF\n4 4 6\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\n",
-            "COFF 5 2 0 # colours\n0 0 0 1 0 0 1\n1 0 0 1 0 0 1\n1 1 0 1 0 0 1\n.5 .2 0 1 0 0 1\n"
+            "COFF 5 2 0 # colors\n0 0 0 1 0 0 1\n1 0 0 1 0 0 1\n1 1 0 1 0 0 1\n.5 .2 0 1 0 0 1\n"
             "0 1 0 1 0 0 1\n5 0 1 2 3 4 9 9 9\n4 0 1 2 4\n"};
   }
   std::vector<std::string> all{saved(make_box({1, 2, 3}))};

@@ -57,7 +57,7 @@ struct Hinge {
 
 struct HingeScene {
   std::vector<Hinge> hinges;
-  Vec3d c_T = box_tool().centre_of_mass;
+  Vec3d c_T = box_tool().center_of_mass;
 
   double potential(const Pose& X_WT) const {
     double u = 0;
@@ -88,10 +88,10 @@ struct HingeScene {
 };
 
 /// The floor z = 0 for the tool's center of mass.
-HingeScene floor_scene(double k) { return {{{box_tool().centre_of_mass, {0, 0, 1}, 0, k}}}; }
+HingeScene floor_scene(double k) { return {{{box_tool().center_of_mass, {0, 0, 1}, 0, k}}}; }
 
 /// The handle's pose that puts the tool's center of mass at p.
-DeviceState hand_for(const Vec3d& p) { return hand_at({p - box_tool().centre_of_mass, {}}); }
+DeviceState hand_for(const Vec3d& p) { return hand_at({p - box_tool().center_of_mass, {}}); }
 
 // ---------------------------------------------------------------------------------------------
 
@@ -297,7 +297,7 @@ TEST(VirtualCoupling, FollowsABackwardEulerOscillator) {
     const CouplingStep step = coupling->step(hand_for({goal, 0, 0}), {}, kTick);
     v = (m * v + kTick * k * (goal - x)) / (m + kTick * d + kTick * kTick * k);
     x += kTick * v;
-    ASSERT_NEAR((step.X_WT * box_tool().centre_of_mass).x, x, 1e-12);
+    ASSERT_NEAR((step.X_WT * box_tool().center_of_mass).x, x, 1e-12);
     ASSERT_NEAR(step.F_H_B.force.x, -(k * (goal - x) - d * v), 1e-9);
     ASSERT_NEAR(step.stretch, std::abs(goal - x), 1e-12);
     ASSERT_NEAR(step.energy, k * (goal - x) * (goal - x) / 2, 1e-12);
@@ -332,7 +332,7 @@ TEST(VirtualCoupling, FollowsABackwardEulerOscillatorOnAContact) {
         const double f = force(z), damping = v > 0 && c * v > 1 ? f / v : c * f;
         v = (m * v + h * (k * (goal - z) + f)) / (m + h * (d + dc + damping) + h * h * (k + kc));
         z += h * v;
-        ASSERT_NEAR((step.X_WT * box_tool().centre_of_mass).z, z, 1e-12) << kc << " " << c;
+        ASSERT_NEAR((step.X_WT * box_tool().center_of_mass).z, z, 1e-12) << kc << " " << c;
         ASSERT_GT(force(z), 0);
         ASSERT_NEAR(step.contact_W.force.z, force(z) + std::max(-damping * v, -force(z)), 1e-8);
       }
@@ -375,9 +375,9 @@ TEST(Couplings, RestOnAFloorWhereSpringAndContactBalance) {
       EXPECT_NEAR(step.F_H_B.force.z, want, 1e-3 * want) << kc << " " << static_cast<int>(kind);
       EXPECT_NEAR(step.contact_W.force.z, want, 1e-3 * want);
       const double sunk = kind == CouplingKind::direct ? depth : k / (k + kc) * depth;
-      EXPECT_NEAR((step.X_WT * box_tool().centre_of_mass).z, -sunk, 1e-3 * sunk + 1e-12);
+      EXPECT_NEAR((step.X_WT * box_tool().center_of_mass).z, -sunk, 1e-3 * sunk + 1e-12);
       // At the handle: the lever is the center of mass in the hand.
-      const Vec3d torque = cross(box_tool().centre_of_mass, Vec3d{0, 0, want});
+      const Vec3d torque = cross(box_tool().center_of_mass, Vec3d{0, 0, want});
       EXPECT_LT(norm(step.F_H_B.torque - torque), 1e-3 * norm(torque));
     }
   }
@@ -392,8 +392,8 @@ TEST(ProxyCoupling, IsAtBalanceAtOnceAndAtTheHandInTheAir) {
   const HingeScene scene = floor_scene(1e5);
   const LocalContact touch = scene.contact(hand_for({0, 0, -1e-4}).X_BH, 1);
   CouplingStep step = coupling->step(hand_for({0.01, 0, -0.002}), touch, kTick);
-  EXPECT_NEAR((step.X_WT * box_tool().centre_of_mass).z, -0.002 * 2000 / (2000 + 1e5), 1e-9);
-  EXPECT_NEAR((step.X_WT * box_tool().centre_of_mass).x, 0.01, 1e-9);
+  EXPECT_NEAR((step.X_WT * box_tool().center_of_mass).z, -0.002 * 2000 / (2000 + 1e5), 1e-9);
+  EXPECT_NEAR((step.X_WT * box_tool().center_of_mass).x, 0.01, 1e-9);
   step = coupling->step(hand_for({0.01, 0, 0.002}), touch, kTick);
   EXPECT_LT(norm(step.F_H_B.force), 1e-9);
   EXPECT_EQ(step.stretch, 0);
@@ -408,7 +408,7 @@ TEST(Couplings, TheSpringSaturatesAtTheDevicesLimits) {
     coupling->reset(hand_at({}));
     // A vice that lets nothing move.
     HingeScene scene;
-    const Vec3d c = box_tool().centre_of_mass;
+    const Vec3d c = box_tool().center_of_mass;
     for (int axis = 0; axis < 3; ++axis) {
       for (double sign : {1.0, -1.0}) {
         for (double side : {0.05, -0.05}) {
@@ -469,7 +469,7 @@ TEST(VirtualCoupling, TurnsTheShortWay) {
 double total_energy(const CouplingOptions& options, const CouplingStep& before,
                     const CouplingStep& after, double dt, double potential) {
   const MassProperties tool = box_tool();
-  const Vec3d v = (after.X_WT * tool.centre_of_mass - before.X_WT * tool.centre_of_mass) / dt;
+  const Vec3d v = (after.X_WT * tool.center_of_mass - before.X_WT * tool.center_of_mass) / dt;
   const Vec3d w_T = rotate(conjugate(after.X_WT.rotation),
                            rotation_between(before.X_WT.rotation, after.X_WT.rotation) / dt);
   return options.tool_mass * (dot(v, v) + dot(w_T, tool.inertia * w_T) / tool.volume) / 2 +

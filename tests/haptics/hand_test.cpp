@@ -33,7 +33,7 @@ DeviceState handle_at(double time) {
   return state;
 }
 
-TEST(Hand, TheVelocityOfTheToolIsThatOfItsCentreOfMass) {
+TEST(Hand, TheVelocityOfTheToolIsThatOfItsCenterOfMass) {
   Hand hand(held_askew(), {0.01, -0.02, 0.05});
   constexpr double kStep = 1e-5;
   const HeldTool before = hand.follow(handle_at(0.2 - kStep));

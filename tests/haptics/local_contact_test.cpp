@@ -18,27 +18,27 @@ namespace {
 /// F = V e_z at the ball's center, K = A e_z e_z^T; all in closed form.
 struct BallOnWall {
   double radius = 0.02;
-  Vec3d c_T{0.03, -0.01, 0.02}, centre_of_mass_T{-0.02, 0.01, 0.005};
+  Vec3d c_T{0.03, -0.01, 0.02}, center_of_mass_T{-0.02, 0.01, 0.005};
 
   Penetration measure(const Pose& X_WT) const {
     const Vec3d c_W = X_WT * c_T;
     Penetration p;
     p.volume = cap_volume(radius, c_W.z);
     p.measure_W.force = {0, 0, p.volume};
-    p.measure_W.torque = cross(c_W - X_WT * centre_of_mass_T, p.measure_W.force);
+    p.measure_W.torque = cross(c_W - X_WT * center_of_mass_T, p.measure_W.force);
     return p;
   }
   /// Computes the stiffness by central differences of the measure.
   Stiffness stiffness(const Pose& X_WT) const {
     const double step = 1e-6;
-    const Vec3d C = X_WT * centre_of_mass_T;
+    const Vec3d C = X_WT * center_of_mass_T;
     Stiffness k;
     for (int j = 0; j < 6; ++j) {
       Vec6 motion;
       motion[j] = step;
       const auto moved = [&](double s) {
         Pose X{{}, rotated(X_WT.rotation, s * motion.angular)};
-        X.translation = C + s * motion.linear - rotate(X.rotation, centre_of_mass_T);
+        X.translation = C + s * motion.linear - rotate(X.rotation, center_of_mass_T);
         const VolumeWrench measured = measure(X).measure_W;
         return to_vec6(Wrench{measured.force, measured.torque});
       };
@@ -48,7 +48,7 @@ struct BallOnWall {
     return k;
   }
   LocalContact contact(const Pose& X_WT, double gain) const {
-    return local_contact(measure(X_WT), stiffness(X_WT), X_WT, centre_of_mass_T, {gain}, 1.5, 0.01);
+    return local_contact(measure(X_WT), stiffness(X_WT), X_WT, center_of_mass_T, {gain}, 1.5, 0.01);
   }
 };
 
@@ -94,7 +94,7 @@ TEST(LocalContact, IsFirstOrderAroundItsPose) {
       const double s = half == 0 ? 4e-5 : 2e-5;
       Pose X{{}, rotated(X_WT.rotation, s * turn)};
       X.translation =
-          X_WT * scene.centre_of_mass_T + s * shift - rotate(X.rotation, scene.centre_of_mass_T);
+          X_WT * scene.center_of_mass_T + s * shift - rotate(X.rotation, scene.center_of_mass_T);
       const VolumeWrench truth = scene.measure(X).measure_W;
       const Wrench model = contact.at(X);
       force_error[half] = norm(model.force - kGain * truth.force);
@@ -215,11 +215,11 @@ TEST(LocalContact, LargestStiffnessIsTheLargestEigenvalue) {
 TEST(LocalContact, ThesisScaleReachesTheDevicesForceAtAnEighth) {
   const double volume = 3e-5;
   const VolumeStiffness scale = thesis_volume_stiffness(10, volume);
-  EXPECT_DOUBLE_EQ(scale.newtons_per_cubic_metre * volume / 8, 10);
-  EXPECT_EQ(thesis_volume_stiffness(10, 0).newtons_per_cubic_metre, 0);
-  EXPECT_EQ(thesis_volume_stiffness(10, -1).newtons_per_cubic_metre, 0);
+  EXPECT_DOUBLE_EQ(scale.newtons_per_cubic_meter * volume / 8, 10);
+  EXPECT_EQ(thesis_volume_stiffness(10, 0).newtons_per_cubic_meter, 0);
+  EXPECT_EQ(thesis_volume_stiffness(10, -1).newtons_per_cubic_meter, 0);
   EXPECT_EQ(
-      thesis_volume_stiffness(std::numeric_limits<double>::quiet_NaN(), 1).newtons_per_cubic_metre,
+      thesis_volume_stiffness(std::numeric_limits<double>::quiet_NaN(), 1).newtons_per_cubic_meter,
       0);
 }
 

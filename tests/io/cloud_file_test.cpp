@@ -21,7 +21,7 @@ using test::write_bytes;
 
 const float kNan = std::numeric_limits<float>::quiet_NaN();
 
-/// A little organised cloud; point 4 is invalid.
+/// A little organized cloud; point 4 is invalid.
 PointCloud sample(int width = 3, int height = 2) {
   PointCloud cloud(width, height);
   for (std::size_t i = 0; i < cloud.size(); ++i) {
@@ -210,7 +210,7 @@ TEST(CloudPly, TruncationsAreErrors) {
   EXPECT_FALSE(save_cloud_ply(sample().view(), folder / "no/folder.ply").has_value());
 }
 
-TEST(CloudPcd, ReadsAllEncodingsAndStaysOrganised) {
+TEST(CloudPcd, ReadsAllEncodingsAndStaysOrganized) {
   const TemporaryFolder folder;
   const PointCloud cloud = sample();
   std::string text;

@@ -32,20 +32,20 @@ DepthFrame noise(int width, int height) {
 
 /// Any kind of PNG, written by libpng itself from rows of zeros or, with one channel, of `frame`:
 /// of 8 bits its lower ones.
-void write_png(const std::filesystem::path& path, int bits, int colour_type, int interlace,
+void write_png(const std::filesystem::path& path, int bits, int color_type, int interlace,
                const DepthFrame& frame) {
   png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, nullptr, nullptr, nullptr);
   png_infop info = png_create_info_struct(png);
   std::FILE* file = std::fopen(path.c_str(), "wb");
   png_init_io(png, file);
-  png_set_IHDR(png, info, png_uint_32(frame.width), png_uint_32(frame.height), bits, colour_type,
+  png_set_IHDR(png, info, png_uint_32(frame.width), png_uint_32(frame.height), bits, color_type,
                interlace, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
   const png_color palette[256] = {{0, 0, 0}, {255, 255, 255}};
-  if (colour_type == PNG_COLOR_TYPE_PALETTE) png_set_PLTE(png, info, palette, 256);
+  if (color_type == PNG_COLOR_TYPE_PALETTE) png_set_PLTE(png, info, palette, 256);
   png_write_info(png, info);
   std::vector<png_byte> bytes(frame.pixels.size() * 8, 0);
   const std::size_t pixel_bytes = png_get_rowbytes(png, info) / frame.width;
-  if (bits == 16 && colour_type == PNG_COLOR_TYPE_GRAY) {
+  if (bits == 16 && color_type == PNG_COLOR_TYPE_GRAY) {
     for (std::size_t i = 0; i < frame.pixels.size(); ++i) {
       bytes[2 * i] = png_byte(frame.pixels[i] >> 8);
       bytes[2 * i + 1] = png_byte(frame.pixels[i] & 255);
@@ -90,23 +90,23 @@ TEST(DepthPng, ReadsWhatLibpngWrites) {
 TEST(DepthPng, RefusesOtherKindsOfPng) {
   const TemporaryFolder folder;
   const DepthFrame frame = noise(8, 8);
-  for (const auto& [bits, colour] : {std::pair(8, PNG_COLOR_TYPE_GRAY),
+  for (const auto& [bits, color] : {std::pair(8, PNG_COLOR_TYPE_GRAY),
                                      {16, PNG_COLOR_TYPE_RGB},
                                      {8, PNG_COLOR_TYPE_RGB},
                                      {8, PNG_COLOR_TYPE_PALETTE},
                                      {16, PNG_COLOR_TYPE_GRAY_ALPHA},
                                      {8, PNG_COLOR_TYPE_RGBA}}) {
-    write_png(folder / "other.png", bits, colour, PNG_INTERLACE_NONE, frame);
-    expect_error(load_depth_png(folder / "other.png"), "16-bit greyscale");
+    write_png(folder / "other.png", bits, color, PNG_INTERLACE_NONE, frame);
+    expect_error(load_depth_png(folder / "other.png"), "16-bit grayscale");
   }
 }
 
-TEST(LabelPng, ReadsGreysAndIndicesAsTheyAre) {
+TEST(LabelPng, ReadsGraysAndIndicesAsTheyAre) {
   const TemporaryFolder folder;
   const DepthFrame frame = noise(61, 43);
-  for (const int colour : {PNG_COLOR_TYPE_GRAY, PNG_COLOR_TYPE_PALETTE}) {
+  for (const int color : {PNG_COLOR_TYPE_GRAY, PNG_COLOR_TYPE_PALETTE}) {
     for (const int interlace : {PNG_INTERLACE_NONE, PNG_INTERLACE_ADAM7}) {
-      write_png(folder / "labels.png", 8, colour, interlace, frame);
+      write_png(folder / "labels.png", 8, color, interlace, frame);
       const auto loaded = load_label_png(folder / "labels.png");
       ASSERT_TRUE(loaded.has_value()) << loaded.error().message;
       EXPECT_EQ(loaded->width, 61);
@@ -122,11 +122,11 @@ TEST(LabelPng, ReadsGreysAndIndicesAsTheyAre) {
 TEST(LabelPng, RefusesWhatIsNone) {
   const TemporaryFolder folder;
   const auto path = folder / "labels.png";
-  for (const auto& [bits, colour] : {std::pair(16, PNG_COLOR_TYPE_GRAY),
+  for (const auto& [bits, color] : {std::pair(16, PNG_COLOR_TYPE_GRAY),
                                      {8, PNG_COLOR_TYPE_RGB},
                                      {8, PNG_COLOR_TYPE_GRAY_ALPHA},
                                      {4, PNG_COLOR_TYPE_GRAY}}) {
-    write_png(path, bits, colour, PNG_INTERLACE_NONE, noise(8, 8));
+    write_png(path, bits, color, PNG_INTERLACE_NONE, noise(8, 8));
     expect_error(load_label_png(path), "save it with 8 bits and one channel");
   }
   write_bytes(path, "this is not an image");
@@ -213,7 +213,7 @@ TEST(DepthPng, LoadsEveryRealFrame) {
   EXPECT_EQ(num_frames, 12);
 }
 
-TEST(DepthPng, OrganisedPcdEqualsItsPng) {
+TEST(DepthPng, OrganizedPcdEqualsItsPng) {
   PALPATE_DATA_OR_SKIP(folder, "frames");
   const auto png = load_depth_png(folder / "pcl_person.png");
   const auto pcd = load_depth_pcd(folder / "pcl_person.pcd");

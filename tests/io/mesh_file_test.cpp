@@ -572,16 +572,16 @@ TriangleMesh hand_sized(TriangleMesh mesh) {
 }
 
 /// Two parts and one without faces.
-std::vector<ColouredMesh> coloured() {
-  std::vector<ColouredMesh> parts{
+std::vector<ColoredMesh> colored() {
+  std::vector<ColoredMesh> parts{
       {"ring", {150, 50, 200}, sample()}, {"none", {1, 2, 3}, {}}, {"ball", {40, 90, 230}, {}}};
   parts[2].mesh = make_icosphere(0.02, 2);
   for (Vec3d& p : parts[2].mesh.vertices) p += Vec3d{0.3, -0.2, 0.7};
   return parts;
 }
 
-TEST_F(MeshFile, ColouredMeshesAreReadBackAsOne) {
-  const std::vector<ColouredMesh> parts = coloured();
+TEST_F(MeshFile, ColoredMeshesAreReadBackAsOne) {
+  const std::vector<ColoredMesh> parts = colored();
   TriangleMesh expected = parts[0].mesh;
   for (const Vec3d& p : parts[2].mesh.vertices) expected.vertices.push_back(p);
   const auto first = static_cast<std::uint32_t>(parts[0].mesh.vertices.size());
@@ -590,7 +590,7 @@ TEST_F(MeshFile, ColouredMeshesAreReadBackAsOne) {
   }
   for (const char* name : {"picture.ply", "picture.glb"}) {
     SCOPED_TRACE(name);
-    const Status saved = save_coloured_meshes(parts, folder_ / name);
+    const Status saved = save_colored_meshes(parts, folder_ / name);
     ASSERT_TRUE(saved) << saved.error().message;
     const auto mesh = load_mesh(folder_ / name);
     ASSERT_TRUE(mesh) << mesh.error().message;
@@ -606,9 +606,9 @@ TEST_F(MeshFile, ColouredMeshesAreReadBackAsOne) {
   }
 }
 
-TEST_F(MeshFile, ColouredMeshesKeepTheirColours) {
-  const std::vector<ColouredMesh> parts = coloured();
-  ASSERT_TRUE(save_coloured_meshes(parts, folder_ / "picture.ply"));
+TEST_F(MeshFile, ColoredMeshesKeepTheirColors) {
+  const std::vector<ColoredMesh> parts = colored();
+  ASSERT_TRUE(save_colored_meshes(parts, folder_ / "picture.ply"));
   const std::string ply = text(folder_ / "picture.ply");
   const std::string end = "end_header\n";
   const std::size_t begin = ply.find(end) + end.size(), vertex_bytes = 3 * 8 + 3;
@@ -617,7 +617,7 @@ TEST_F(MeshFile, ColouredMeshesKeepTheirColours) {
   EXPECT_EQ(ply.substr(begin + (num_first - 1) * vertex_bytes + 24, 3), "\x96\x32\xc8");
   EXPECT_EQ(ply.substr(begin + num_first * vertex_bytes + 24, 3), "\x28\x5a\xe6");
 
-  ASSERT_TRUE(save_coloured_meshes(parts, folder_ / "picture.glb"));
+  ASSERT_TRUE(save_colored_meshes(parts, folder_ / "picture.glb"));
   const std::string glb = text(folder_ / "picture.glb");
   for (const char* words : {"\"ring\"", "\"ball\"", "\"baseColorFactor\":[0.30498"}) {
     EXPECT_NE(glb.find(words), std::string::npos) << words;
@@ -625,16 +625,16 @@ TEST_F(MeshFile, ColouredMeshesKeepTheirColours) {
   EXPECT_EQ(glb.find("\"none\""), std::string::npos);
 }
 
-TEST_F(MeshFile, ColouredMeshesThatCannotBeWrittenLeaveNothing) {
-  std::vector<ColouredMesh> parts = coloured();
+TEST_F(MeshFile, ColoredMeshesThatCannotBeWrittenLeaveNothing) {
+  std::vector<ColoredMesh> parts = colored();
   for (const char* name : {"picture.stl", "picture", "no/such/folder.ply", "no/such/folder.glb"}) {
-    EXPECT_FALSE(save_coloured_meshes(parts, folder_ / name)) << name;
+    EXPECT_FALSE(save_colored_meshes(parts, folder_ / name)) << name;
   }
-  EXPECT_FALSE(save_coloured_meshes({}, folder_ / "picture.ply"));
-  EXPECT_FALSE(save_coloured_meshes({&parts[1], 1}, folder_ / "picture.glb"));
+  EXPECT_FALSE(save_colored_meshes({}, folder_ / "picture.ply"));
+  EXPECT_FALSE(save_colored_meshes({&parts[1], 1}, folder_ / "picture.glb"));
   parts[2].mesh.triangles[5][1] = 100000;
   for (const char* name : {"picture.ply", "picture.glb"}) {
-    const Status saved = save_coloured_meshes(parts, folder_ / name);
+    const Status saved = save_colored_meshes(parts, folder_ / name);
     ASSERT_FALSE(saved);
     EXPECT_NE(saved.error().message.find("uses vertex 100000"), std::string::npos);
   }
@@ -712,12 +712,12 @@ TEST(RealMeshes, BadOnesEndInTheirOwnErrorOrWarning) {
 
 TEST(RealMeshes, WrongUnitIsNoticed) {
   PALPATE_DATA_OR_SKIP(folder, "meshes_bad");
-  const auto metres = load_mesh(folder / "large_block.stl");
-  ASSERT_TRUE(metres);
-  const auto refused = check_solid(*metres);
+  const auto meters = load_mesh(folder / "large_block.stl");
+  ASSERT_TRUE(meters);
+  const auto refused = check_solid(*meters);
   ASSERT_FALSE(refused);
   EXPECT_NE(refused.error().message.find("4572 m long"), std::string::npos);
-  EXPECT_TRUE(check_solid(hand_sized(*metres)));
+  EXPECT_TRUE(check_solid(hand_sized(*meters)));
 }
 
 }  // namespace

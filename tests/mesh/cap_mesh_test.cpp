@@ -15,14 +15,14 @@
 namespace palpate {
 namespace {
 
-/// Signed distance of the centre in front of a plane with a normal of any length.
+/// Signed distance of the center in front of a plane with a normal of any length.
 double distance_of(const Sphere& sphere, const Plane<double>& plane) {
-  return (dot(plane.normal, to_double(sphere.centre)) - plane.offset) / norm(plane.normal);
+  return (dot(plane.normal, to_double(sphere.center)) - plane.offset) / norm(plane.normal);
 }
 
-/// The plane with this normal that has the centre at `distance` in front.
+/// The plane with this normal that has the center at `distance` in front.
 Plane<double> plane_at(const Sphere& sphere, const Vec3d& normal, double distance) {
-  return {normal, dot(normal, to_double(sphere.centre)) - distance * norm(normal)};
+  return {normal, dot(normal, to_double(sphere.center)) - distance * norm(normal)};
 }
 
 double volume_of(const TriangleMesh& mesh) { return mass_properties(mesh).volume; }
@@ -47,7 +47,7 @@ void expect_closed(const TriangleMesh& mesh) {
 
 /// No triangle is without area, and all look away from a point inside of a convex mesh.
 void expect_convex(const TriangleMesh& mesh, double radius) {
-  const Vec3d middle = mass_properties(mesh).centre_of_mass;
+  const Vec3d middle = mass_properties(mesh).center_of_mass;
   for (const auto& t : mesh.triangles) {
     const Vec3d &a = mesh.vertices[t[0]], &b = mesh.vertices[t[1]], &c = mesh.vertices[t[2]];
     const Vec3d area = cross(b - a, c - a);
@@ -63,11 +63,11 @@ void expect_inscribed(const TriangleMesh& mesh, const Sphere& sphere, const Plan
   for (const Vec3d& p : mesh.vertices) {
     const double in_front = length > 0 ? (dot(plane.normal, p) - plane.offset) / length : -radius;
     EXPECT_LT(in_front, 1e-12);
-    if (std::abs(norm(p - to_double(sphere.centre)) - radius) < 1e-12) continue;
-    ++num_off_sphere;  // only the centre of the disc
+    if (std::abs(norm(p - to_double(sphere.center)) - radius) < 1e-12) continue;
+    ++num_off_sphere;  // only the center of the disc
     EXPECT_NEAR(in_front, 0, 1e-12);
-    const Vec3d to_centre = to_double(sphere.centre) - p;
-    EXPECT_NEAR(norm(cross(to_centre, plane.normal)) / length, 0, 1e-12);
+    const Vec3d to_center = to_double(sphere.center) - p;
+    EXPECT_NEAR(norm(cross(to_center, plane.normal)) / length, 0, 1e-12);
   }
   EXPECT_LE(num_off_sphere, 1);
 }
@@ -98,7 +98,7 @@ TEST(CapMesh, TheSphereOfTheThesis) {  // Fig. 4.5; the printed normal is not un
   expect_closed(mesh);
   expect_convex(mesh, 3);
   expect_inscribed(mesh, sphere, plane);
-  // The last vertex is the centre of the disc, the ring before it the circle.
+  // The last vertex is the center of the disc, the ring before it the circle.
   const Vec3d disc = mesh.vertices.back();
   EXPECT_NEAR(disc.x, 2.4154, 5e-5);
   EXPECT_NEAR(disc.y, 1.8656, 5e-5);
@@ -106,7 +106,7 @@ TEST(CapMesh, TheSphereOfTheThesis) {  // Fig. 4.5; the printed normal is not un
   for (std::size_t k = 2; k < 2 + segments; ++k) {
     const Vec3d p = mesh.vertices[mesh.vertices.size() - k];
     EXPECT_NEAR(norm(p - disc), 2.78302, 5e-6);
-    const double theta = std::acos(dot(p - to_double(sphere.centre), normal) / (3 * norm(normal)));
+    const double theta = std::acos(dot(p - to_double(sphere.center), normal) / (3 * norm(normal)));
     EXPECT_NEAR(theta, 1.18813, 5e-6);
   }
   EXPECT_NEAR(cap_volume(3.0, distance), 86.7492, 5e-5);
@@ -201,7 +201,7 @@ TEST(CapMesh, TrianglesAreAboutAsHighAsWide) {
   }
 }
 
-TEST(CapMesh, PlanesThroughTheCentreMakeHalves) {
+TEST(CapMesh, PlanesThroughTheCenterMakeHalves) {
   const Sphere sphere{{0.3f, -0.1f, 0.7f}, 0.05f};
   test::Random random(3);
   for (int i = 0; i < 20; ++i) {

@@ -45,7 +45,7 @@ TEST(MassProperties, Box) {
   const double a = 0.1, b = 0.2, c = 0.3, m = a * b * c;
   const MassProperties box = mass_properties(make_box({a, b, c}));
   EXPECT_NEAR(box.volume, m, 1e-17);
-  expect_near(box.centre_of_mass, {}, 1e-16);
+  expect_near(box.center_of_mass, {}, 1e-16);
   expect_near(box.inertia,
               {{{m / 12 * (b * b + c * c), 0, 0},
                 {0, m / 12 * (a * a + c * c), 0},
@@ -86,7 +86,7 @@ TEST(MassProperties, FollowRigidMotionAlsoFarFromTheOrigin) {
     // The vertices themselves are rounded to 1e-16 of their distance.
     const double relative = 1e-13 + 1e-14 * distance / 0.02;
     EXPECT_NEAR(there.volume / still.volume, 1, relative);
-    expect_near(there.centre_of_mass, pose * still.centre_of_mass, 1e-15 + 1e-15 * distance);
+    expect_near(there.center_of_mass, pose * still.center_of_mass, 1e-15 + 1e-15 * distance);
     expect_near(there.inertia, rotated(still.inertia, pose.rotation),
                 relative * still.inertia.m[0][0]);
   }
@@ -107,7 +107,7 @@ TEST(MassProperties, OfOneBall) {
   const MassProperties ball = mass_properties(spheres);
   const double i = 0.4 * sphere_volume(0.5) * 0.25;
   EXPECT_DOUBLE_EQ(ball.volume, sphere_volume(0.5));
-  expect_near(ball.centre_of_mass, {1, 2, 3}, 1e-15);
+  expect_near(ball.center_of_mass, {1, 2, 3}, 1e-15);
   expect_near(ball.inertia, {{{i, 0, 0}, {0, i, 0}, {0, 0, i}}}, 1e-15);
 }
 
@@ -118,21 +118,21 @@ TEST(MassProperties, OfDisjointBallsEqualsTheirMeshes) {
   for (const Sphere& sphere : spheres) {
     const auto first = static_cast<std::uint32_t>(mesh.vertices.size());
     const TriangleMesh ball = make_icosphere(sphere.radius, 6);
-    for (const Vec3d& p : ball.vertices) mesh.vertices.push_back(p + to_double(sphere.centre));
+    for (const Vec3d& p : ball.vertices) mesh.vertices.push_back(p + to_double(sphere.center));
     for (const auto& t : ball.triangles) {
       mesh.triangles.push_back({first + t[0], first + t[1], first + t[2]});
     }
   }
   const MassProperties exact = mass_properties(spheres), meshed = mass_properties(mesh);
   EXPECT_NEAR(meshed.volume / exact.volume, 1, 1e-3);
-  expect_near(meshed.centre_of_mass, exact.centre_of_mass, 1e-6);
+  expect_near(meshed.center_of_mass, exact.center_of_mass, 1e-6);
   expect_near(meshed.inertia, exact.inertia, 1e-3 * exact.inertia.m[0][0]);
 }
 
 TEST(MassProperties, OfNothingIsZero) {
   EXPECT_EQ(mass_properties(TriangleMesh{}).volume, 0);
   EXPECT_EQ(mass_properties(std::vector<Sphere>{}).volume, 0);
-  EXPECT_EQ(mass_properties(std::vector<Sphere>{}).centre_of_mass, Vec3d{});
+  EXPECT_EQ(mass_properties(std::vector<Sphere>{}).center_of_mass, Vec3d{});
 }
 
 }  // namespace

@@ -86,8 +86,8 @@ TEST(SelfIntersection, AgreesWithBruteForceOnTriangleSoup) {
   for (int trial = 0; trial < 200; ++trial) {
     TriangleMesh mesh;
     for (std::uint32_t face = 0; face < 40; ++face) {
-      const Vec3d centre = point();
-      for (int k = 0; k < 3; ++k) mesh.vertices.push_back(centre + point() * 0.15);
+      const Vec3d center = point();
+      for (int k = 0; k < 3; ++k) mesh.vertices.push_back(center + point() * 0.15);
       mesh.triangles.push_back({3 * face, 3 * face + 1, 3 * face + 2});
     }
     expect_same_as_brute_force(mesh, num_meeting);
@@ -166,8 +166,8 @@ bool meet(const Corners& a, const Corners& b) {
 TEST(SelfIntersection, AwkwardPairs) {
   const GridPoint o{0, 0, 0}, x{4, 0, 0}, y{0, 4, 0}, z{0, 0, 4};
   EXPECT_TRUE(meet({o, x, y}, {o, y, x}));                     // Both sides of one triangle.
-  EXPECT_FALSE(meet({o, x, y}, {x, o, z}));                    // Neighbours at a right angle.
-  EXPECT_FALSE(meet({o, x, y}, {y, x, {4, 4, 0}}));            // Flat neighbours.
+  EXPECT_FALSE(meet({o, x, y}, {x, o, z}));                    // Neighbors at a right angle.
+  EXPECT_FALSE(meet({o, x, y}, {y, x, {4, 4, 0}}));            // Flat neighbors.
   EXPECT_TRUE(meet({o, x, y}, {y, x, {1, 1, 0}}));             // One folded onto the other.
   EXPECT_FALSE(meet({o, x, y}, {y, x, {1, 1, 1}}));            // Nearly folded.
   EXPECT_FALSE(meet({o, x, y}, {o, {-4, 0, 0}, {0, -4, 0}}));  // Flat, common corner.

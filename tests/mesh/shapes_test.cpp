@@ -32,7 +32,7 @@ TEST(Shapes, PlatonicSolidsHaveTheirVolumes) {
   expect_solid(make_tetrahedron(0.1), 1e-3 / (6 * std::sqrt(2.0)));
 }
 
-TEST(Shapes, TetrahedronIsRegularAndCentred) {
+TEST(Shapes, TetrahedronIsRegularAndCentered) {
   const TriangleMesh mesh = make_tetrahedron(0.1);
   ASSERT_EQ(mesh.vertices.size(), 4u);
   for (int i = 0; i < 4; ++i) {
@@ -40,7 +40,7 @@ TEST(Shapes, TetrahedronIsRegularAndCentred) {
       EXPECT_NEAR(norm(mesh.vertices[i] - mesh.vertices[j]), 0.1, 1e-15);
     }
   }
-  EXPECT_NEAR(norm(mass_properties(mesh).centre_of_mass), 0, 1e-16);
+  EXPECT_NEAR(norm(mass_properties(mesh).center_of_mass), 0, 1e-16);
   EXPECT_GT(std::max_element(mesh.vertices.begin(), mesh.vertices.end(),
                              [](const Vec3d& a, const Vec3d& b) { return a.z < b.z; })
                 ->z,

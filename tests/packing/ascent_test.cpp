@@ -44,8 +44,8 @@ TEST(Ascent, ConvergesToTheApolloniusBall) {
     const Vec3d start = random.in_box(0.1);
     const Ball ball = ascent.climb(start, 10);
     EXPECT_NEAR(ball.radius, std::sqrt(1.5) - 1, 1e-6);
-    EXPECT_NEAR(norm(ball.centre), 0, 1e-6);
-    EXPECT_DOUBLE_EQ(ball.radius, space.clearance(ball.centre, 10));
+    EXPECT_NEAR(norm(ball.center), 0, 1e-6);
+    EXPECT_DOUBLE_EQ(ball.radius, space.clearance(ball.center, 10));
   }
 }
 
@@ -56,17 +56,17 @@ TEST(Ascent, StaysOnItsTether) {
   const FreeSpace space{mesh, none, kInfinity};
   Ascent ascent(space);
   const Vec3d tip{0, 0, -0.5}, start{0, 0, -0.4};
-  EXPECT_GT(norm(ascent.climb(start, 1).centre - tip), 0.3);
+  EXPECT_GT(norm(ascent.climb(start, 1).center - tip), 0.3);
   for (const double length : {0.1, 0.11, 0.15}) {
     const Ascent::Tether tether{tip, length};
     const Ball ball = ascent.climb(start, 1, &tether);
-    const double away = norm(ball.centre - tip) - ball.radius;
+    const double away = norm(ball.center - tip) - ball.radius;
     EXPECT_LE(away, length);
     EXPECT_GT(away, length - 2 * ball.radius);  // a step is shorter than the ball is wide
-    EXPECT_DOUBLE_EQ(ball.radius, space.clearance(ball.centre, 1));
+    EXPECT_DOUBLE_EQ(ball.radius, space.clearance(ball.center, 1));
   }
   const Ascent::Tether none_left{tip, 0.05};
-  EXPECT_EQ(ascent.climb(start, 1, &none_left).centre, start);
+  EXPECT_EQ(ascent.climb(start, 1, &none_left).center, start);
 }
 
 TEST(Ascent, NeverLosesClearanceAndStaysInside) {
@@ -81,8 +81,8 @@ TEST(Ascent, NeverLosesClearanceAndStaysInside) {
     const double before = space.clearance(p, 10);
     const Ball ball = ascent.climb(p, 10);
     EXPECT_GE(ball.radius, before);
-    EXPECT_NEAR(ball.radius, space.clearance(ball.centre, 10), 2e-3 * ball.radius);
-    EXPECT_TRUE(mesh.inside(ball.centre));
+    EXPECT_NEAR(ball.radius, space.clearance(ball.center, 10), 2e-3 * ball.radius);
+    EXPECT_TRUE(mesh.inside(ball.center));
   }
 }
 

@@ -66,12 +66,12 @@ double winding_number(const TriangleMesh& mesh, const Vec3d& p) {
 void expect_exact(const TriangleMesh& mesh, const std::vector<Sphere>& spheres) {
   int num_overlaps = 0, num_protrusions = 0, num_outside = 0;
   for (std::size_t i = 0; i < spheres.size(); ++i) {
-    const Vec3d c = to_double(spheres[i].centre);
+    const Vec3d c = to_double(spheres[i].center);
     const double r = spheres[i].radius;
     ASSERT_GT(r, 0);
     for (std::size_t j = 0; j < i; ++j) {
       const double reach = r + static_cast<double>(spheres[j].radius);
-      if (norm(c - to_double(spheres[j].centre)) < reach) ++num_overlaps;
+      if (norm(c - to_double(spheres[j].center)) < reach) ++num_overlaps;
     }
     for (const auto& t : mesh.triangles) {
       const double distance =
@@ -127,7 +127,7 @@ TEST(Packer, TwoShells) {
   const SpherePacking packing = pack(mesh, 5000);
   expect_exact(mesh, packing.spheres);
   EXPECT_TRUE(std::any_of(packing.spheres.begin(), packing.spheres.end(),
-                          [](const Sphere& s) { return s.centre.x > 0.15f; }));
+                          [](const Sphere& s) { return s.center.x > 0.15f; }));
 }
 
 // Measured: cube .8377, tetrahedron .8000, octahedron .8590.

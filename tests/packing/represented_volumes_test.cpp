@@ -8,7 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "palpate/mesh/mesh.h"
-#include "src/packing/power_neighbours.h"
+#include "src/packing/power_neighbors.h"
 #include "src/packing/ray_patches.h"
 #include "src/packing/triangle_bvh.h"
 #include "tests/test_util/random.h"
@@ -55,7 +55,7 @@ std::size_t nearest_by_power(const std::vector<Sphere>& spheres, const Vec3d& p)
   std::size_t best = 0;
   double least = std::numeric_limits<double>::infinity();
   for (std::size_t k = 0; k < spheres.size(); ++k) {
-    const Vec3d d = p - to_double(spheres[k].centre);
+    const Vec3d d = p - to_double(spheres[k].center);
     const double r = spheres[k].radius, power = dot(d, d) - r * r;
     if (power < least) least = power, best = k;
   }
@@ -104,7 +104,7 @@ TEST(RepresentedVolumes, ABallHasTheSecondMomentOfItsPart) {
   ThreadPool pool;
   const std::vector<Sphere> one{{{0, 0, 0}, 0.04f}};
   const RepresentedParts parts = represented_parts(make_box({0.1, 0.1, 0.1}), one, pool).value();
-  EXPECT_NEAR(norm(to_double(parts.balls[0].centre)), 0, 1e-6);
+  EXPECT_NEAR(norm(to_double(parts.balls[0].center)), 0, 1e-6);
   EXPECT_NEAR(parts.balls[0].radius, std::sqrt(5.0 / 12) * 0.1, 1e-5);
   // A needle's ball is not as long as the needle.
   const RepresentedParts needle =
@@ -179,7 +179,7 @@ TEST(RepresentedVolumes, AgreeWithAFineSampling) {
       error2 += error * error;
       worst = std::max(worst, std::abs(error));
       // The ball has the centroid of the part, and its second moment about that.
-      const Vec3d c = truth[k].first / volume, got = to_double(parts.balls[k].centre);
+      const Vec3d c = truth[k].first / volume, got = to_double(parts.balls[k].center);
       const double r = parts.balls[k].radius;
       const double want = std::sqrt(5.0 / 3 * (truth[k].second / volume - dot(c, c)));
       const double most = 1.5 * std::cbrt(volume / sphere_volume(1.0));
@@ -193,7 +193,7 @@ TEST(RepresentedVolumes, AgreeWithAFineSampling) {
     EXPECT_LT(std::sqrt(shift2 / num), 0.01);
     EXPECT_LT(std::sqrt(radius2 / num), 0.01);
     const MassProperties mass = mass_properties(solid.mesh);
-    EXPECT_LT(norm(first / mass.volume - mass.centre_of_mass), 2e-5 * size);
+    EXPECT_LT(norm(first / mass.volume - mass.center_of_mass), 2e-5 * size);
   }
 }
 
@@ -272,21 +272,21 @@ TEST(RepresentedVolumes, OddInputEndsWell) {
 }
 
 // Every plane of equal power that is within reach, and what it is.
-TEST(PowerNeighbours, FindsThePlanesOfAllPairs) {
+TEST(PowerNeighbors, FindsThePlanesOfAllPairs) {
   const auto spheres = pack(make_box({0.1, 0.1, 0.1}), 600);
-  const PowerNeighbours neighbours(spheres);
-  ASSERT_EQ(neighbours.size(), spheres.size());
+  const PowerNeighbors neighbors(spheres);
+  ASSERT_EQ(neighbors.size(), spheres.size());
   std::vector<Pull> planes;
   std::size_t num_found = 0;
   for (std::size_t i = 0; i < spheres.size(); ++i) {
-    const Vec3d centre = to_double(neighbours.sphere(i).centre);
-    EXPECT_EQ(centre, to_double(spheres[neighbours.original(i)].centre));
-    const double radius = neighbours.sphere(i).radius, reach = radius + 0.004;
+    const Vec3d center = to_double(neighbors.sphere(i).center);
+    EXPECT_EQ(center, to_double(spheres[neighbors.original(i)].center));
+    const double radius = neighbors.sphere(i).radius, reach = radius + 0.004;
     planes.clear();
-    ASSERT_TRUE(neighbours.gather(i, reach, planes));
+    ASSERT_TRUE(neighbors.gather(i, reach, planes));
     std::size_t num_expected = 0;
     for (const Sphere& other : spheres) {
-      const Vec3d apart = to_double(other.centre) - centre;
+      const Vec3d apart = to_double(other.center) - center;
       const double d = norm(apart), s = other.radius;
       if (d == 0) continue;
       const double distance = (d * d + radius * radius - s * s) / (2 * d);
@@ -305,12 +305,12 @@ TEST(PowerNeighbours, FindsThePlanesOfAllPairs) {
   EXPECT_GT(num_found, 10 * spheres.size());
 }
 
-TEST(PowerNeighbours, SaysWhenACentreIsOutsideItsCell) {
+TEST(PowerNeighbors, SaysWhenACenterIsOutsideItsCell) {
   const std::vector<Sphere> spheres{{{0, 0, 0}, 3}, {{1, 0, 0}, 1}, {{1, 0, 0}, 0.5f}};
-  const PowerNeighbours neighbours(spheres);
+  const PowerNeighbors neighbors(spheres);
   std::vector<Pull> planes;
   for (std::size_t i = 0; i < 3; ++i)
-    EXPECT_EQ(neighbours.gather(i, 10, planes), neighbours.original(i) == 0);
+    EXPECT_EQ(neighbors.gather(i, 10, planes), neighbors.original(i) == 0);
 }
 
 TEST(RayPatches, AreUnitEvenAndWithinTheirSpread) {

@@ -29,8 +29,8 @@ TEST(Seeds, LieInsideAndDoNotDependOnThreads) {
   ASSERT_EQ(one->balls.size(), two->balls.size());
   for (std::size_t i = 0; i < one->balls.size(); ++i) {
     const Ball &a = one->balls[i], &b = two->balls[i];
-    ASSERT_TRUE(a.centre == b.centre && a.radius == b.radius) << i;
-    ASSERT_TRUE(start.mesh.inside(a.centre)) << i;
+    ASSERT_TRUE(a.center == b.center && a.radius == b.radius) << i;
+    ASSERT_TRUE(start.mesh.inside(a.center)) << i;
   }
 }
 

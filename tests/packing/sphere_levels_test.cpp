@@ -25,9 +25,9 @@ TEST(SphereLevels, AgreesWithBruteForce) {
       double expected = reach;
       std::set<float> near;
       for (const Sphere& s : spheres) {
-        const double gap = norm(p - to_double(s.centre)) - static_cast<double>(s.radius);
+        const double gap = norm(p - to_double(s.center)) - static_cast<double>(s.radius);
         expected = std::min(expected, gap);
-        if (gap <= reach) near.insert(s.centre.x);
+        if (gap <= reach) near.insert(s.center.x);
       }
       const double found = levels.clearance(p, reach);
       if (expected > 0) {
@@ -38,7 +38,7 @@ TEST(SphereLevels, AgreesWithBruteForce) {
       std::vector<Sphere> gathered;
       ASSERT_TRUE(levels.gather(p, reach, 100000, gathered));
       std::set<float> seen;
-      for (const Sphere& s : gathered) seen.insert(s.centre.x);
+      for (const Sphere& s : gathered) seen.insert(s.center.x);
       EXPECT_EQ(seen, near);
       gathered.clear();
       if (near.size() > 1) {

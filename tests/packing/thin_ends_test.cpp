@@ -56,7 +56,7 @@ TEST(ThinEnds, SpheresReachTheTipOfTheFinger) {
   const double tip = bounds(mesh).high.z;
   for (const int num : {1000, 2000, 5000}) {
     float farthest = -1;
-    for (const Sphere& s : pack(mesh, num)) farthest = std::max(farthest, s.centre.z + s.radius);
+    for (const Sphere& s : pack(mesh, num)) farthest = std::max(farthest, s.center.z + s.radius);
     EXPECT_GT(static_cast<double>(farthest), tip - 0.004) << num;
   }
 }
@@ -92,7 +92,7 @@ TEST(ThinEnds, LimitsKeepSpheresOut) {
   double farthest = -1;
   for (const Sphere& s : packing.spheres) {
     EXPECT_GE(static_cast<double>(s.radius), 5e-4);
-    farthest = std::max(farthest, static_cast<double>(s.centre.z));
+    farthest = std::max(farthest, static_cast<double>(s.center.z));
   }
   EXPECT_LT(farthest, bounds(mesh).high.z - 0.004);  // thinner than a millimeter from there on
   options = {};
@@ -145,7 +145,7 @@ TEST(SurfaceWatch, AgreesWithBruteForceWhileSpheresAreAdded) {
     for (; num < step; ++num) {
       levels.insert(spheres[num]);
       for (std::size_t i = 0; i < points.size(); ++i) {
-        expected[i] = std::min(expected[i], norm(points[i] - to_double(spheres[num].centre)) -
+        expected[i] = std::min(expected[i], norm(points[i] - to_double(spheres[num].center)) -
                                                 static_cast<double>(spheres[num].radius));
       }
     }

@@ -41,10 +41,10 @@ TEST(TriangleBvh, ClosestPointIsThatOfBruteForce) {
   for (const TriangleMesh& mesh : meshes()) {
     const TriangleBvh bvh(mesh);
     const Bounds box = bounds(mesh);
-    const Vec3d centre = (box.low + box.high) * 0.5;
+    const Vec3d center = (box.low + box.high) * 0.5;
     const double size = norm(box.high - box.low);
     for (int i = 0; i < 200; ++i) {
-      const Vec3d p = centre + random.in_box(0.6 * size);
+      const Vec3d p = center + random.in_box(0.6 * size);
       double expected = 1e300;
       for (int t = 0; t < bvh.num_triangles(); ++t) {
         expected = std::min(expected, distance_to_triangle(bvh.triangle(t), p));

@@ -147,7 +147,7 @@ def png(counts):
 
 
 def compressed_image(stamp, depths, behavior):
-    a, b = 500.0, 20.0  # of depth in metres: count = a / depth + b
+    a, b = 500.0, 20.0  # of depth in meters: count = a / depth + b
     is_inverse = behavior == "inverse"
     counts = [round(a / z + b) if is_inverse else round(1000 * z) for z in depths]
     if behavior == "plain":

@@ -42,7 +42,7 @@ class LiveCamerasTest(PeerCase):
         plain = self.touched(self.watch("float"))
         plain_png = "/camera/depth/image_raw/compressed"
         for behavior, depth, delta in (("png", COMPRESSED, 0.002), ("rvl", COMPRESSED, 0.002), ("plain", plain_png, 0.002),
-                                       ("inverse", COMPRESSED, 0.012)):  # of steps of half a millimetre
+                                       ("inverse", COMPRESSED, 0.012)):  # of steps of half a millimeter
             with self.subTest(behavior):
                 other = self.touched(self.watch(behavior, depth=depth))
                 self.assertAlmostEqual(other, plain, delta=delta)

@@ -479,7 +479,7 @@ LocalContact wall_contact(const Pose& X_WT, double time) {
   LocalContact contact;
   contact.time = time;
   contact.X_WT = X_WT;
-  contact.p_WC = X_WT * box_tool().sphere_mass().centre_of_mass;
+  contact.p_WC = X_WT * box_tool().sphere_mass().center_of_mass;
   const double depth = std::max(0.0, X_WT.translation.z);
   contact.F_C_W.force = {0, 0, -2000 * depth};
   if (depth > 0) contact.stiffness.m[2][2] = contact.max_stiffness = 2000;

@@ -252,8 +252,8 @@ TEST(Pipeline, FewerSpheresAreThoseOfThePrefixAboutTheSamePoint) {
   EXPECT_NEAR(few.penetration.volume, same.penetration.volume, 1e-6 * same.penetration.volume);
   EXPECT_LT(norm(a.force - b.force), 1e-6 * norm(b.force));
   // From the center of mass of the prefix to that of the tool.
-  const Vec3d shift_W = rotate(few.X_WT.rotation, prefix.sphere_mass().centre_of_mass -
-                                                      box_tool().sphere_mass().centre_of_mass);
+  const Vec3d shift_W = rotate(few.X_WT.rotation, prefix.sphere_mass().center_of_mass -
+                                                      box_tool().sphere_mass().center_of_mass);
   ASSERT_GT(norm(shift_W), 1e-6);
   EXPECT_LT(norm(a.torque - (b.torque + cross(shift_W, b.force))),
             1e-4 * norm(cross(shift_W, b.force)) + 1e-6 * norm(b.torque));

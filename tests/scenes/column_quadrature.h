@@ -73,8 +73,8 @@ inline std::vector<Span> spans_in(const scenes::Environment& e, const Vec3d& p, 
     }
     add(span);
   } else {
-    const double along = dot(e.centre - p, d);
-    const double apart2 = dot(p + d * along - e.centre, p + d * along - e.centre);
+    const double along = dot(e.center - p, d);
+    const double apart2 = dot(p + d * along - e.center, p + d * along - e.center);
     const double half = std::sqrt(std::max(0.0, e.radius * e.radius - apart2));
     const Span ball{std::max(span.first, along - half), std::min(span.second, along + half)};
     e.kind == Kind::ball_outside ? add(ball) : add_but(span, ball);
@@ -140,13 +140,13 @@ void for_each_column_point(const TriangleMesh& tool_T, const Pose& X_WT,
 
 /// Integrals of n and of (x - C) x n over the common part, n from signed_distance.
 inline VolumeWrench column_wrench(const TriangleMesh& tool_T, const Pose& X_WT,
-                                  const Vec3d& centre_W, const scenes::Environment& environment,
+                                  const Vec3d& center_W, const scenes::Environment& environment,
                                   int n) {
   VolumeWrench sum;
   for_each_column_point(tool_T, X_WT, environment, n, [&](const Vec3d& x, double weight) {
     const Vec3d force = scenes::signed_distance(environment, x).gradient * weight;
     sum.force += force;
-    sum.torque += cross(x - centre_W, force);
+    sum.torque += cross(x - center_W, force);
   });
   return sum;
 }

@@ -20,7 +20,7 @@ std::vector<Environment> all_environments() {
 
 bool in_solid(const Environment& e, const Vec3d& p) {
   const bool a = dot(e.a.normal, p) <= e.a.offset, b = dot(e.b.normal, p) <= e.b.offset;
-  const bool ball = norm(p - e.centre) <= e.radius;
+  const bool ball = norm(p - e.center) <= e.radius;
   switch (e.kind) {
     case Environment::Kind::half_space: return a;
     case Environment::Kind::ridge: return a && b;
@@ -36,7 +36,7 @@ bool in_solid(const Environment& e, const Vec3d& p) {
   return false;
 }
 
-TEST(Environment, DepthOnTheAxisIsOneMetre) {
+TEST(Environment, DepthOnTheAxisIsOneMeter) {
   for (const std::string& name : environment_names()) {
     EXPECT_NEAR(first_hit(*environment_of(name), {0, 0, 1}), 1, 1e-12) << name;
   }

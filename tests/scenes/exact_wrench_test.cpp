@@ -17,10 +17,10 @@ double difference(const VolumeWrench& a, const VolumeWrench& b, double length) {
   return std::max(norm(a.force - b.force), norm(a.torque - b.torque) / length);
 }
 
-Environment ball(Environment::Kind kind, const Vec3d& centre, double radius) {
+Environment ball(Environment::Kind kind, const Vec3d& center, double radius) {
   Environment e;
   e.kind = kind;
-  e.centre = centre;
+  e.center = center;
   e.radius = radius;
   return e;
 }
@@ -47,10 +47,10 @@ TEST(ExactPenetration, NextToOnePlaneTheMeasureIsVolumeTimesNormal) {
       const Vec3d apart = dot(along, {1, 0, 0}) > 0 ? along : -along;
       const Pose X_WT{Vec3d{0, 0, 1} + apart * 0.6 - e.a.normal * 0.15 + random.in_box(0.05),
                       random.rotation(kPi)};
-      const Vec3d centre = X_WT.translation + random.in_box(0.05);
-      const ExactPenetration exact = exact_penetration(cube, X_WT, centre, e);
+      const Vec3d center = X_WT.translation + random.in_box(0.05);
+      const ExactPenetration exact = exact_penetration(cube, X_WT, center, e);
       const Vec3d force = e.a.normal * volume(cube);
-      const VolumeWrench expected{force, cross(X_WT.translation - centre, force)};
+      const VolumeWrench expected{force, cross(X_WT.translation - center, force)};
       EXPECT_LT(difference(exact.measure_C_W, expected, 0.1), 1e-10 * volume(cube)) << name;
     }
   }
@@ -82,9 +82,9 @@ TEST(ExactPenetration, SmallBallsInsideTheToolMatchClosedForms) {
   for (int i = 0; i < 50; ++i) {
     const Pose X_WT{Vec3d{0, 0, 1} + random.in_box(0.1), random.rotation(kPi)};
     const double r = random.uniform(0.001, 0.02);
-    const auto force_in_tool = [&](const Vec3d& centre_T) {
-      const Environment e = ball(Environment::Kind::ball_outside, X_WT * centre_T, r);
-      const VolumeWrench measure = exact_penetration(cube, X_WT, X_WT * centre_T, e).measure_C_W;
+    const auto force_in_tool = [&](const Vec3d& center_T) {
+      const Environment e = ball(Environment::Kind::ball_outside, X_WT * center_T, r);
+      const VolumeWrench measure = exact_penetration(cube, X_WT, X_WT * center_T, e).measure_C_W;
       EXPECT_EQ(norm(measure.torque), 0);
       return rotate(conjugate(X_WT.rotation), measure.force) / (r * r * r);
     };
@@ -101,9 +101,9 @@ TEST(ExactPenetration, PartsInsideAndOutsideOfABallAddUp) {
   Random random(11);
   for (int i = 0; i < 20; ++i) {
     const Pose X_WT{Vec3d{0, 0, 1} + random.in_box(0.03), random.rotation(kPi)};
-    const Vec3d centre = Vec3d{0, 0, 1.2} + random.in_box(0.2);
+    const Vec3d center = Vec3d{0, 0, 1.2} + random.in_box(0.2);
     const auto measure = [&](Environment::Kind kind, double radius) {
-      return exact_penetration(tool, X_WT, {0, 0, 1}, ball(kind, centre, radius)).measure_C_W;
+      return exact_penetration(tool, X_WT, {0, 0, 1}, ball(kind, center, radius)).measure_C_W;
     };
     const VolumeWrench whole = measure(Environment::Kind::ball_outside, 10);
     for (double radius : {0.1, 0.2, 0.3}) {
@@ -155,10 +155,10 @@ TEST(ExactPenetration, MatchesColumnQuadratureInRandomPoses) {
       const Environment e = *environment_of(name);
       for (int i = 0; i < 4; ++i) {
         const Pose X_WT{Vec3d{0, 0, 1} + random.in_box(0.06), random.rotation(kPi)};
-        const Vec3d centre = X_WT.translation + random.in_box(0.02);
+        const Vec3d center = X_WT.translation + random.in_box(0.02);
         const double apart =
-            difference(exact_penetration(c.tool, X_WT, centre, e).measure_C_W,
-                       test::column_wrench(c.tool, X_WT, centre, e, c.columns), 0.1) /
+            difference(exact_penetration(c.tool, X_WT, center, e).measure_C_W,
+                       test::column_wrench(c.tool, X_WT, center, e, c.columns), 0.1) /
             volume(c.tool);
         EXPECT_LT(apart, c.tolerance) << name;
         worst = std::max(worst, apart);
@@ -176,9 +176,9 @@ TEST(ExactPenetration, BoxesMatchColumnQuadratureAndTheRidge) {
     const Vec3d half = Vec3d{0.06, 0.06, 0.06} + random.in_box(0.03);
     const Pose X_WB{Vec3d{0, 0, 1} + random.in_box(0.06), random.rotation(kPi)};
     const Environment box = Environment::box(X_WB, half);
-    const Vec3d centre = X_WT.translation + random.in_box(0.02);
-    EXPECT_LT(difference(exact_penetration(torus, X_WT, centre, box).measure_C_W,
-                         test::column_wrench(torus, X_WT, centre, box, 150), 0.1),
+    const Vec3d center = X_WT.translation + random.in_box(0.02);
+    EXPECT_LT(difference(exact_penetration(torus, X_WT, center, box).measure_C_W,
+                         test::column_wrench(torus, X_WT, center, box, 150), 0.1),
               5e-3 * volume(torus));
     // A box so large that only two of its faces are near is a ridge.
     const Environment large =
@@ -187,8 +187,8 @@ TEST(ExactPenetration, BoxesMatchColumnQuadratureAndTheRidge) {
     ridge.kind = Environment::Kind::ridge;
     ridge.a = large.faces()[1];
     ridge.b = large.faces()[3];
-    EXPECT_LT(difference(exact_penetration(torus, X_WT, centre, large).measure_C_W,
-                         exact_penetration(torus, X_WT, centre, ridge).measure_C_W, 0.1),
+    EXPECT_LT(difference(exact_penetration(torus, X_WT, center, large).measure_C_W,
+                         exact_penetration(torus, X_WT, center, ridge).measure_C_W, 0.1),
               1e-9 * volume(torus));
   }
 }
@@ -214,12 +214,12 @@ TEST(ExactPenetration, IsMinusTheGradientOfTheEnergy) {
   for (const std::string& name : environment_names()) {
     const Environment e = *environment_of(name);
     const Pose X_WT{Vec3d{0, 0, 1.02} + random.in_box(0.03), random.rotation(kPi)};
-    const Vec3d centre = X_WT.translation + random.in_box(0.02);
+    const Vec3d center = X_WT.translation + random.in_box(0.02);
     const auto energy = [&](const Pose& moved) {
-      const Pose X_WM = Pose{centre + moved.translation, moved.rotation} * Pose{-centre, {}} * X_WT;
+      const Pose X_WM = Pose{center + moved.translation, moved.rotation} * Pose{-center, {}} * X_WT;
       return test::column_energy(cube, X_WM, e, 100);
     };
-    const VolumeWrench measure = exact_penetration(cube, X_WT, centre, e).measure_C_W;
+    const VolumeWrench measure = exact_penetration(cube, X_WT, center, e).measure_C_W;
     for (int axis = 0; axis < 3; ++axis) {
       Vec3d step;
       step[axis] = kStep;

@@ -78,7 +78,7 @@ TEST(SimulatedCamera, NoiseIsNearlyNormalAndIndependent) {
   options.duration = 2 / 30.0;
   const auto frames = frames_of(wall_at(1), options);
   const double sigma = 0.0012 + 0.0019 * 0.36;
-  double n = 0, third = 0, fourth = 0, beyond2 = 0, neighbour = 0, in_time = 0;
+  double n = 0, third = 0, fourth = 0, beyond2 = 0, neighbor = 0, in_time = 0;
   for (std::size_t i = 0; i + 1 < frames[0].pixels.size(); ++i) {
     const double x = (frames[0].pixels[i] * options.unit - 1) / sigma;
     const double next = (frames[0].pixels[i + 1] * options.unit - 1) / sigma;
@@ -87,13 +87,13 @@ TEST(SimulatedCamera, NoiseIsNearlyNormalAndIndependent) {
     third += x * x * x;
     fourth += x * x * x * x;
     beyond2 += std::abs(x) > 2;
-    neighbour += x * next;
+    neighbor += x * next;
     in_time += x * later;
   }
   EXPECT_NEAR(third / n, 0, 0.03);
   EXPECT_NEAR(fourth / n, 3, 0.08);
   EXPECT_NEAR(beyond2 / n, 0.0455, 0.002);
-  EXPECT_NEAR(neighbour / n, 0, 0.01);
+  EXPECT_NEAR(neighbor / n, 0, 0.01);
   EXPECT_NEAR(in_time / n, 0, 0.01);
 }
 

@@ -110,12 +110,12 @@ TEST(ExactVolume, SmallBallsInsideTheToolAreWhole) {
     Environment e;
     e.kind = Environment::Kind::ball_outside;
     const Pose X_WT{Vec3d{0, 0, 1} + random.in_box(0.1), random.rotation(kPi)};
-    e.centre = X_WT * random.in_box(0.03);
+    e.center = X_WT * random.in_box(0.03);
     e.radius = random.uniform(0.001, 0.02);
     EXPECT_NEAR(exact_volume(cube, X_WT, e) / sphere_volume(e.radius), 1, 1e-10);
-    e.centre = X_WT * Vec3d{0.05, 0.01, 0};  // half of it sticks out of a face
+    e.center = X_WT * Vec3d{0.05, 0.01, 0};  // half of it sticks out of a face
     EXPECT_NEAR(exact_volume(cube, X_WT, e) / sphere_volume(e.radius), 0.5, 1e-10);
-    e.centre = X_WT * Vec3d{0.05, -0.05, 0.05};  // an eighth at a corner
+    e.center = X_WT * Vec3d{0.05, -0.05, 0.05};  // an eighth at a corner
     EXPECT_NEAR(exact_volume(cube, X_WT, e) / sphere_volume(e.radius), 0.125, 1e-10);
   }
 }
@@ -211,8 +211,8 @@ TEST(ExactVolume, TurningToolAndBallTogetherChangesNothing) {
   const Environment e = *environment_of("sphere-out-320");
   for (int i = 0; i < 20; ++i) {
     const Pose X_WT{Vec3d{0, 0, 1} + random.in_box(0.05), random.rotation(kPi)};
-    const Pose about_centre = Pose{e.centre, random.rotation(kPi)} * Pose{-e.centre, {}};
-    EXPECT_NEAR(exact_volume(tool, about_centre * X_WT, e) / volume(tool),
+    const Pose about_center = Pose{e.center, random.rotation(kPi)} * Pose{-e.center, {}};
+    EXPECT_NEAR(exact_volume(tool, about_center * X_WT, e) / volume(tool),
                 exact_volume(tool, X_WT, e) / volume(tool), 1e-10);
   }
 }

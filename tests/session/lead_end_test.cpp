@@ -72,9 +72,9 @@ TEST(LeadEnd, APointOfTheToolChooses) {
   ASSERT_FALSE(far);
   EXPECT_NE(far.error().message.find("in meters in the frame of its mesh"), std::string::npos);
   EXPECT_FALSE(end_at(tool, {0, 0, NAN}));
-  const auto centre = end_at(tool, tool.sphere_mass().centre_of_mass);
-  ASSERT_FALSE(centre);
-  EXPECT_NE(centre.error().message.find("center of mass"), std::string::npos);
+  const auto center = end_at(tool, tool.sphere_mass().center_of_mass);
+  ASSERT_FALSE(center);
+  EXPECT_NE(center.error().message.find("center of mass"), std::string::npos);
 }
 
 }  // namespace

@@ -104,7 +104,7 @@ TEST(Standoff, IsTheNearestOfAllSpheres) {
     double least = INFINITY;
     for (const Sphere& sphere : tool.spheres()) {
       least =
-          std::min(least, norm(p - to_double(sphere.centre)) - static_cast<double>(sphere.radius));
+          std::min(least, norm(p - to_double(sphere.center)) - static_cast<double>(sphere.radius));
     }
     return least;
   };
@@ -258,7 +258,7 @@ TEST(PackingPage, HasTheToolAndItsNumbers) {
   ASSERT_EQ(spheres.size(), 1600u);
   double volume = 0;
   for (std::size_t i = 0; i < 400; ++i) {
-    EXPECT_EQ(spheres[4 * i], tool.spheres()[i].centre.x);
+    EXPECT_EQ(spheres[4 * i], tool.spheres()[i].center.x);
     volume += sphere_volume(static_cast<double>(spheres[4 * i + 3]));
   }
   // An octahedron with corners 4 cm from its middle holds 4/3 a^3.

@@ -37,7 +37,7 @@ double share_behind(const Tool& tool, const Pose& X_WT, double wall) {
   double behind = 0;
   for (std::size_t i = 0; i < tool.spheres().size(); ++i) {
     const Sphere& s = tool.spheres()[i];
-    const double radius = s.radius, z = (X_WT * to_double(s.centre)).z;
+    const double radius = s.radius, z = (X_WT * to_double(s.center)).z;
     behind += static_cast<double>(tool.represented_volumes()[i]) * cap_volume(radius, wall - z) /
               sphere_volume(radius);
   }
@@ -182,7 +182,7 @@ TEST(ProbingPath, TakesTimeFromTheStampsOrTheCaller) {
   EXPECT_NEAR(longer->poses.back().time, 1.5, 1e-12);
 }
 
-TEST(ProbingPath, OffCentreToolsStillMeetTheRay) {
+TEST(ProbingPath, OffCenterToolsStillMeetTheRay) {
   SpherePacking packing;
   packing.spheres = {{{0.3f, 0.2f, 0.1f}, 0.02f}};
   const auto tool =
@@ -191,7 +191,7 @@ TEST(ProbingPath, OffCentreToolsStillMeetTheRay) {
   FunctionStream stream(still_wall, every(0.04, 25));
   const auto path = probing_path(copies_of(stream), *tool, std::nullopt);
   ASSERT_TRUE(path) << path.error().message;
-  const Vec3d C_W = pose_at(path->poses, 1.3) * tool->sphere_mass().centre_of_mass;
+  const Vec3d C_W = pose_at(path->poses, 1.3) * tool->sphere_mass().center_of_mass;
   EXPECT_LT(std::hypot(C_W.x, C_W.y), 0.05);
   EXPECT_NEAR(C_W.z, 0.7, 0.03);
 }
@@ -223,7 +223,7 @@ TEST(ProbingPath, MeetsAHandThatIsHeldOut) {
   EXPECT_NEAR(path->choice.v, 90, 20);
   EXPECT_NEAR(path->choice.p_W.z, 0.5, 0.002);
   EXPECT_EQ(path->choice.note, "");
-  EXPECT_NEAR((pose_at(path->poses, 1.2) * tool.sphere_mass().centre_of_mass).z, 0.49, 0.04);
+  EXPECT_NEAR((pose_at(path->poses, 1.2) * tool.sphere_mass().center_of_mass).z, 0.49, 0.04);
 }
 
 TEST(ProbingPath, KeepsToTheMiddleWhenNothingStandsOut) {
@@ -247,7 +247,7 @@ TEST(ProbingPath, AimsWherePeopleSay) {
     EXPECT_LT(norm(path->choice.p_W - p_W), 0.01);
     EXPECT_EQ(path->choice.why_place, "as you said");
     // Pressed in before it slides: near the place, by less than the tool's own size.
-    EXPECT_LT(norm(pose_at(path->poses, 1.2) * tool.sphere_mass().centre_of_mass - p_W), 0.035);
+    EXPECT_LT(norm(pose_at(path->poses, 1.2) * tool.sphere_mass().center_of_mass - p_W), 0.035);
   }
   FunctionStream holed(
       [](double time, int u, int v) {

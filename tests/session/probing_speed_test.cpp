@@ -31,7 +31,7 @@ struct Fastest {
 Fastest fastest_of(const Tool& tool, const std::vector<TimedPose>& path) {
   std::vector<Vec3d> points{{}};
   for (const Vec3d& p : tool.mesh().vertices) points.push_back(p);
-  for (const Sphere& s : tool.spheres()) points.push_back(to_double(s.centre));
+  for (const Sphere& s : tool.spheres()) points.push_back(to_double(s.center));
   // Those that are farthest from each other decide: corners in 26 directions are enough and quick.
   std::vector<Vec3d> corners{{}};
   for (int x = -1; x <= 1; ++x) {
@@ -97,7 +97,7 @@ TEST(ProbingSpeed, WhateverTheSurfaceDoes) {
       {"table's edge", [](double t, int u, int) { return u > 40 * t ? 0.88 : 2.87; }},
       {"comes near at once", [](double t, int, int) { return t < 2 ? 1.5 : 0.3; }},
       {"goes away at once", [](double t, int, int) { return t < 2 ? 0.3 : 1.5; }},
-      {"swings by half a metre", [](double t, int, int) { return 0.8 - 0.25 * std::sin(6 * t); }},
+      {"swings by half a meter", [](double t, int, int) { return 0.8 - 0.25 * std::sin(6 * t); }},
       {"something passes",
        [](double t, int u, int) { return std::abs(u - 100 * (t - 1)) < 20 ? 0.25 : 0.9; }},
       {"flickers",

@@ -80,7 +80,7 @@ TEST(Report, HasTheNumbersOfTheFilesBesideIt) {
     const auto tool = test::small_tool();
     const auto spheres = test::from_packed<float>(moment.at("spheres"));
     ASSERT_EQ(spheres.size(), 4 * tool.spheres().size());
-    EXPECT_EQ(spheres[4 * 7 + 1], tool.spheres()[7].centre.y);
+    EXPECT_EQ(spheres[4 * 7 + 1], tool.spheres()[7].center.y);
     EXPECT_EQ(spheres[4 * 7 + 3], tool.spheres()[7].radius);
     int num_of[3] = {}, num_cut = 0;
     for (const std::uint8_t state : test::from_packed<std::uint8_t>(moment.at("states"))) {

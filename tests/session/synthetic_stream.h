@@ -11,7 +11,7 @@
 
 namespace palpate::test {
 
-/// A bumpy wall half a metre away that comes nearer by 2 mm a frame, to 0.3 m and back.
+/// A bumpy wall half a meter away that comes nearer by 2 mm a frame, to 0.3 m and back.
 class SyntheticStream : public DepthSource {
  public:
   explicit SyntheticStream(int num_frames, double rate = 30) {

@@ -8,8 +8,8 @@
 namespace palpate {
 namespace {
 
-enum class Colour { red, green, blue };
-constexpr auto names_of(Colour) { return std::array{"red", "green", "blue"}; }
+enum class Color { red, green, blue };
+constexpr auto names_of(Color) { return std::array{"red", "green", "blue"}; }
 
 struct Part {
   double width = 0.5;
@@ -21,8 +21,8 @@ void add_settings(SettingTable& t, Part& o) {
 struct Options {
   bool is_loud = false;
   int num_steps = 3;
-  Colour colour = Colour::green;
-  std::optional<Colour> trim;
+  Color color = Color::green;
+  std::optional<Color> trim;
   Pose X_WB;
   Part part;
 };
@@ -30,7 +30,7 @@ void add_settings(SettingTable& t, Options& o) {
   t.section("paint");
   t.add("loud", o.is_loud, "shouts");
   t.add("steps", o.num_steps, {-1, 7, "steps"}, "up");
-  t.add("colour", o.colour, "of the wall");
+  t.add("color", o.color, "of the wall");
   t.add("trim", o.trim, "of the frame");
   t.add("base", o.X_WB, "where it stands");
   add_settings(t, o.part);
@@ -48,14 +48,14 @@ TEST(SettingTable, ReadsAndWritesTheMembers) {
   SettingTable table = settings_of(options);
   EXPECT_TRUE(table.set("paint.loud", true));
   EXPECT_TRUE(table.set("paint.steps", 7.0));
-  EXPECT_TRUE(table.set("paint.colour", "blue"));
+  EXPECT_TRUE(table.set("paint.color", "blue"));
   EXPECT_TRUE(table.set("paint.trim", "red"));
   EXPECT_TRUE(table.set("paint.base", Pose{{1, 2, 3}, {0, 0, 1, 0}}));
   EXPECT_TRUE(table.set("paint.part_width", 0.25));
   EXPECT_TRUE(options.is_loud);
   EXPECT_EQ(options.num_steps, 7);
-  EXPECT_EQ(options.colour, Colour::blue);
-  EXPECT_EQ(options.trim, Colour::red);
+  EXPECT_EQ(options.color, Color::blue);
+  EXPECT_EQ(options.trim, Color::red);
   EXPECT_EQ(options.X_WB.translation.y, 2);
   EXPECT_EQ(options.X_WB.rotation.z, 1);
   EXPECT_EQ(options.part.width, 0.25);
@@ -78,12 +78,12 @@ TEST(SettingTable, RefusalsSayNameValueRangeAndUnit) {
             "paint.steps must be a whole number from -1 to 7 steps, not 8");
   EXPECT_NE(refusal(o, "paint.steps", 1.5), "");
   EXPECT_EQ(refusal(o, "paint.loud", 1.0), "paint.loud must be true or false, not 1");
-  EXPECT_EQ(refusal(o, "paint.colour", "gren"),
-            "paint.colour must be one of red, green, blue, not 'gren'; did you mean green?");
-  EXPECT_EQ(refusal(o, "paint.colour", "xyzzy"),
-            "paint.colour must be one of red, green, blue, not 'xyzzy'");
-  EXPECT_EQ(refusal(o, "paint.colour", "auto"),
-            "paint.colour must be one of red, green, blue, not 'auto'");
+  EXPECT_EQ(refusal(o, "paint.color", "gren"),
+            "paint.color must be one of red, green, blue, not 'gren'; did you mean green?");
+  EXPECT_EQ(refusal(o, "paint.color", "xyzzy"),
+            "paint.color must be one of red, green, blue, not 'xyzzy'");
+  EXPECT_EQ(refusal(o, "paint.color", "auto"),
+            "paint.color must be one of red, green, blue, not 'auto'");
   EXPECT_NE(refusal(o, "paint.trim", "gold").find("red, green, blue, auto"), std::string::npos);
   EXPECT_NE(refusal(o, "paint.base", Pose{{1001, 0, 0}, {}}).find("up to 1000 m"),
             std::string::npos);
@@ -136,7 +136,7 @@ TEST(SettingTable, ChecksWhatALibraryUserHasSet) {
   ASSERT_FALSE(status);
   EXPECT_EQ(status.error().message, "paint.part_width must be a number from 0.25 to 2 m, not -1");
   Options odd;
-  odd.colour = static_cast<Colour>(3);
+  odd.color = static_cast<Color>(3);
   EXPECT_FALSE(check_settings(odd));
 }
 
@@ -152,10 +152,10 @@ TEST(SettingTable, KnowsWhatDiffersAndCopiesByName) {
 }
 
 TEST(Names, OfEnumerations) {
-  EXPECT_EQ(name_of(Colour::blue), "blue");
-  EXPECT_EQ(name_of(static_cast<Colour>(7)), "?");
-  EXPECT_EQ(value_named<Colour>("green"), Colour::green);
-  EXPECT_EQ(value_named<Colour>("Green"), std::nullopt);
+  EXPECT_EQ(name_of(Color::blue), "blue");
+  EXPECT_EQ(name_of(static_cast<Color>(7)), "?");
+  EXPECT_EQ(value_named<Color>("green"), Color::green);
+  EXPECT_EQ(value_named<Color>("Green"), std::nullopt);
 }
 
 }  // namespace

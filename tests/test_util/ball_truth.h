@@ -28,10 +28,10 @@ inline double ball_correction(const BallValues& phi) {
   Vec3d slope;
   for (std::size_t k = 0; k < 30; ++k) {
     mean += phi[k] / 30;
-    slope += parts[k].centre * (3 * phi[k] / (30 * dot(parts[k].centre, parts[k].centre)));
+    slope += parts[k].center * (3 * phi[k] / (30 * dot(parts[k].center, parts[k].center)));
   }
   for (std::size_t k = 0; k < 30; ++k) {
-    const double off = phi[k] - mean - dot(slope, parts[k].centre);
+    const double off = phi[k] - mean - dot(slope, parts[k].center);
     squares += off * off / 30;
   }
   const double length = norm(slope), bent = length * length - 1;
@@ -41,7 +41,7 @@ inline double ball_correction(const BallValues& phi) {
   double plane = cap_potential(1, mean / length);
   for (const BallPart& part : parts) {
     const double count = part.share / (part.radius * part.radius * part.radius);
-    plane -= count * cap_potential(part.radius, (mean + dot(slope, part.centre)) / length);
+    plane -= count * cap_potential(part.radius, (mean + dot(slope, part.center)) / length);
   }
   return weight * length * plane;
 }

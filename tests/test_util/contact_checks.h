@@ -46,7 +46,7 @@ inline std::vector<ContactOptions> all_options() {
 
 inline std::vector<ContactOptions> all_options_with_edges() {
   std::vector<ContactOptions> all;
-  for (Edges edges : {Edges::centre, Edges::strict, Edges::cut}) {
+  for (Edges edges : {Edges::center, Edges::strict, Edges::cut}) {
     for (ContactOptions options : all_options()) {
       options.edges = edges;
       all.push_back(options);

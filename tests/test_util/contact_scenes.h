@@ -10,8 +10,8 @@
 
 namespace palpate::test {
 
-/// Disjoint spheres of many sizes inside a box of the given half side: random centres, each as
-/// large as its neighbours and the box allow.
+/// Disjoint spheres of many sizes inside a box of the given half side: random centers, each as
+/// large as its neighbors and the box allow.
 inline std::vector<Sphere> random_spheres(int num, double half_side, std::uint64_t seed) {
   Random random(seed);
   std::vector<Sphere> spheres;
@@ -22,7 +22,7 @@ inline std::vector<Sphere> random_spheres(int num, double half_side, std::uint64
       r = std::min(r, half_side - std::abs(static_cast<double>(c[axis])));
     }
     for (const Sphere& s : spheres) {
-      r = std::min(r, norm(to_double(c) - to_double(s.centre)) - static_cast<double>(s.radius));
+      r = std::min(r, norm(to_double(c) - to_double(s.center)) - static_cast<double>(s.radius));
     }
     if (r > half_side * 0.01) spheres.push_back({c, static_cast<float>(r * 0.999999)});
   }

@@ -121,8 +121,8 @@ inline BoundaryTruth boundary_truth(const std::vector<Sphere>& spheres, const Po
   truth.plane.resize(n);
   double reach = 0;
   for (const Sphere& s : spheres) {
-    truth.c_W.push_back(X_WT * to_double(s.centre));
-    reach = std::max(reach, norm(to_double(s.centre)) + static_cast<double>(s.radius));
+    truth.c_W.push_back(X_WT * to_double(s.center));
+    reach = std::max(reach, norm(to_double(s.center)) + static_cast<double>(s.radius));
   }
   std::vector<Vec3d> p_sum(n), n_sum(n);
   std::vector<double> kernel_sum(n), divisor(n);
@@ -166,7 +166,7 @@ inline BoundaryTruth boundary_truth(const std::vector<Sphere>& spheres, const Po
 struct ToolTruth {
   std::vector<Sphere> spheres;
   std::vector<std::pair<int, int>> edges;  ///< of the leaf graph, each once
-  Vec3d centre_T;                          ///< of mass of the spheres
+  Vec3d center_T;                          ///< of mass of the spheres
   std::vector<float> represented;          ///< volumes
   double gaussian_width = 0;               ///< a twelfth of the longest side
   /// Lengths of paths along the leaf graph, from every sphere to every other; filled on first use.
@@ -175,13 +175,13 @@ struct ToolTruth {
   explicit ToolTruth(const Tool& tool)
       : spheres(tool.spheres().begin(), tool.spheres().end()),
         edges(tool.graph().edges()),
-        centre_T(tool.sphere_mass().centre_of_mass),
+        center_T(tool.sphere_mass().center_of_mass),
         represented(tool.represented_volumes().begin(), tool.represented_volumes().end()) {
     for (int axis = 0; axis < 3; ++axis) {
       double low = 1e300, high = -1e300;
       for (const Sphere& s : spheres) {
-        low = std::min(low, static_cast<double>(s.centre[axis]) - static_cast<double>(s.radius));
-        high = std::max(high, static_cast<double>(s.centre[axis]) + static_cast<double>(s.radius));
+        low = std::min(low, static_cast<double>(s.center[axis]) - static_cast<double>(s.radius));
+        high = std::max(high, static_cast<double>(s.center[axis]) + static_cast<double>(s.radius));
       }
       gaussian_width = std::max(gaussian_width, (high - low) / 12);
     }
@@ -194,7 +194,7 @@ struct ToolTruth {
     for (std::size_t i = 0; i < n; ++i) ways[i][i] = 0;
     for (const auto& [a, b] : edges) {
       const auto i = static_cast<std::size_t>(a), j = static_cast<std::size_t>(b);
-      ways[i][j] = ways[j][i] = norm(to_double(spheres[i].centre) - to_double(spheres[j].centre));
+      ways[i][j] = ways[j][i] = norm(to_double(spheres[i].center) - to_double(spheres[j].center));
     }
     for (std::size_t k = 0; k < n; ++k) {
       for (std::size_t i = 0; i < n; ++i) {
@@ -208,7 +208,7 @@ struct ToolTruth {
   /// Computes the priority of donor b, its normal given in the tool frame, for sphere s.
   double priority(Priority by, std::size_t s, std::size_t b, double count,
                   const Vec3d& normal_T) const {
-    const Vec3d d = to_double(spheres[b].centre) - to_double(spheres[s].centre);
+    const Vec3d d = to_double(spheres[b].center) - to_double(spheres[s].center);
     const double square = dot(d, d), sigma = gaussian_width;
     switch (by) {
       case Priority::distance: return 1 / std::sqrt(square);
@@ -234,7 +234,7 @@ inline Truth contact_truth(const ToolTruth& tool, const BoundaryTruth& touched, 
   const std::vector<BoundaryTruth::Donor>& plane = touched.plane;
   const std::vector<std::size_t>& boundary = touched.boundary;
   using Donor = BoundaryTruth::Donor;
-  const Vec3d C_W = X_WT * tool.centre_T;
+  const Vec3d C_W = X_WT * tool.center_T;
   Truth truth;
   truth.penetration.num_points = touched.num_points;
   truth.penetration.num_boundary_spheres = touched.num_boundary_spheres;
@@ -268,7 +268,7 @@ inline Truth contact_truth(const ToolTruth& tool, const BoundaryTruth& touched, 
     const BoundaryTruth::Edge* edge = edge_of(s);
     if (edge == nullptr || !matters_to(*edge, donor)) return false;
     const double r = spheres[s].radius;
-    const double margin = options.edges == Edges::centre ? 0 : options.edges == Edges::cut ? r : -r;
+    const double margin = options.edges == Edges::center ? 0 : options.edges == Edges::cut ? r : -r;
     return dot(edge->n, c_W[s] - edge->p) >= margin;
   };
   // Signed distance of the center from the edge that cuts the sphere, far behind it if none does.
@@ -352,10 +352,10 @@ inline Truth contact_truth(const ToolTruth& tool, const BoundaryTruth& touched, 
 
   if (options.method == MethodKind::graph) {
     // Rounds of the corrected Algs. 3.5/3.6.
-    std::vector<std::vector<std::size_t>> neighbours(n);
+    std::vector<std::vector<std::size_t>> neighbors(n);
     for (const auto& [a, b] : tool.edges) {
-      neighbours[static_cast<std::size_t>(a)].push_back(static_cast<std::size_t>(b));
-      neighbours[static_cast<std::size_t>(b)].push_back(static_cast<std::size_t>(a));
+      neighbors[static_cast<std::size_t>(a)].push_back(static_cast<std::size_t>(b));
+      neighbors[static_cast<std::size_t>(b)].push_back(static_cast<std::size_t>(a));
     }
     struct Label {
       int round = -1;
@@ -371,12 +371,12 @@ inline Truth contact_truth(const ToolTruth& tool, const BoundaryTruth& touched, 
       for (std::size_t j = 0; j < n; ++j) {
         if (label[j].round >= 0) continue;
         Label best;
-        for (std::size_t i : neighbours[j]) {
+        for (std::size_t i : neighbors[j]) {
           if (label[i].round != round - 1) continue;
           const Donor& donor = plane[label[i].reference];
           if (!donor.valid) continue;
           const Vec3d n_T = rotate(conjugate(X_WT.rotation), donor.n);
-          const Vec3d step = to_double(spheres[j].centre) - to_double(spheres[i].centre);
+          const Vec3d step = to_double(spheres[j].center) - to_double(spheres[i].center);
           if (!(dot(step, n_T) < 0) || is_beyond(j, donor)) continue;
           const double length = label[i].length + norm(step);
           if (best.round < 0 || length < best.length ||

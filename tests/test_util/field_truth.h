@@ -18,7 +18,7 @@ inline constexpr double kLongest = 1.05;
 
 /// An element of a tool and what a field says to it.
 struct ElementTruth {
-  Vec3d lever;  ///< from the centre of mass, in W
+  Vec3d lever;  ///< from the center of mass, in W
   double radius = 0, factor = 0;
   bool is_counted = false;
   double phi = 0;
@@ -43,7 +43,7 @@ std::vector<ElementTruth> elements_truth(const Tool& tool, const FieldElements& 
     e.radius = elements.radius[i];
     e.factor = elements.factor[i];
     e.is_counted = elements.counted[i] > 0;
-    sample(e, X_WT * tool.sphere_mass().centre_of_mass + e.lever,
+    sample(e, X_WT * tool.sphere_mass().center_of_mass + e.lever,
            i >= first_part && i % SphereClusters::kSize < 30 ? double{kPartExtent} * e.radius
                                                              : e.radius);
     if (e.has_value) {

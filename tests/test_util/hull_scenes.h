@@ -18,8 +18,8 @@ namespace palpate::test {
 /// Distance along a ray p + t d to what is first hit, infinite if nothing is.
 using Ray = std::function<double(const Vec3d& p, const Vec3d& d)>;
 
-inline double to_ball(const Vec3d& p, const Vec3d& d, const Vec3d& centre, double radius) {
-  const Vec3d o = p - centre;
+inline double to_ball(const Vec3d& p, const Vec3d& d, const Vec3d& center, double radius) {
+  const Vec3d o = p - center;
   const double a = dot(d, d), b = dot(d, o), c = dot(o, o) - radius * radius;
   const double root = b * b - a * c;
   const double t = root > 0 ? (-b - std::sqrt(root)) / a : -1;
@@ -54,27 +54,27 @@ inline Camera vga() { return {640, 480, {525, 525, 319.5, 239.5}}; }
 
 /// The depth image that a camera at X_WC takes.
 inline std::vector<float> depth_seen(const Ray& ray, const Camera& camera, const Pose& X_WC) {
-  std::vector<float> metres;
+  std::vector<float> meters;
   const Mat3d R_WC = rotation_matrix(X_WC.rotation);
   for (int v = 0; v < camera.height; ++v) {
     for (int u = 0; u < camera.width; ++u) {
       const Intrinsics& k = camera.intrinsics;
       const double t = ray(X_WC.translation, R_WC * Vec3d{(u - k.cx) / k.fx, (v - k.cy) / k.fy, 1});
-      metres.push_back(t < 10 ? static_cast<float>(t) : 0.0f);
+      meters.push_back(t < 10 ? static_cast<float>(t) : 0.0f);
     }
   }
-  return metres;
+  return meters;
 }
 
 /// Adds a camera with an image in meters.
 inline void add_view(HullScene& scene, const Camera& camera, const Pose& X_WC,
-                     const std::vector<float>& metres, const DepthFieldOptions& field = {}) {
+                     const std::vector<float>& meters, const DepthFieldOptions& field = {}) {
   SensorOptions options;
   options.field = field;
   options.field.one_of_several = true;
   options.num_threads = 1;
   scene.sensors.push_back(Sensor::create(camera, Place::cpu(), options).value());
-  DepthImageView image(camera.width, camera.height, metres.data());
+  DepthImageView image(camera.width, camera.height, meters.data());
   image.X_WC = X_WC;
   const SurfaceView surface = scene.sensors.back().update(image);
   scene.views.push_back({surface, surface, 1});
@@ -86,12 +86,12 @@ inline HullScene rough_scene(int num_cameras, const DepthFieldOptions& field, Ra
   const Camera camera{160, 120, {140, 140, 79.5, 59.5}};
   for (int k = 0; k < num_cameras; ++k) {
     const DepthFrame frame = random_frame(camera.width, camera.height, random, false);
-    std::vector<float> metres;
+    std::vector<float> meters;
     for (const std::uint16_t count : frame.pixels) {
-      metres.push_back(static_cast<float>(count) * static_cast<float>(frame.unit));
+      meters.push_back(static_cast<float>(count) * static_cast<float>(frame.unit));
     }
     const Pose X_WC{random.in_box(0.05), random.rotation(0.1)};
-    add_view(scene, camera, X_WC, metres, field);
+    add_view(scene, camera, X_WC, meters, field);
   }
   return scene;
 }
@@ -191,12 +191,12 @@ inline HullScene wall_scene(int num_cameras, bool patched) {
   for (int k = 0; k < num_cameras; ++k) {
     const Pose X_WC = look_at({0.2 * k, 0, 0}, {0, 0, 0.8});
     const Camera camera = vga();
-    std::vector<float> metres =
+    std::vector<float> meters =
         depth_seen([](const Vec3d& p, const Vec3d& d) { return to_wall(p, d, 0.8); }, camera, X_WC);
     for (int v = 140; patched && k == 1 && v < 340; ++v) {
-      std::fill_n(metres.begin() + v * camera.width + 220, 200, 0.0f);
+      std::fill_n(meters.begin() + v * camera.width + 220, 200, 0.0f);
     }
-    add_view(scene, camera, X_WC, metres);
+    add_view(scene, camera, X_WC, meters);
   }
   return scene;
 }
@@ -222,7 +222,7 @@ inline HullScene ball_before_wall(int num_cameras) {
 /// Calls f(point) for `num` points that fill a ball evenly, not in layers: those of the sequence of
 /// the number x^4 = x + 1 that lie in the ball.
 template <class F>
-void for_points_in_ball(const Vec3d& centre, double radius, const F& f, int num = 4000) {
+void for_points_in_ball(const Vec3d& center, double radius, const F& f, int num = 4000) {
   constexpr double kStep = 1.2207440846057596;
   Vec3d at{0.5, 0.5, 0.5};
   for (int i = 0; i < num;) {
@@ -234,17 +234,17 @@ void for_points_in_ball(const Vec3d& centre, double radius, const F& f, int num 
     }
     const Vec3d p = 2.0 * at - Vec3d{1, 1, 1};
     if (dot(p, p) >= 1) continue;
-    f(centre + radius * p);
+    f(center + radius * p);
     ++i;
   }
 }
 
 /// The share of a ball in which no camera sees that a point is free though some camera looks there,
 /// by exact rays.
-inline double exact_hull_share(const HullScene& scene, const Vec3d& centre, double radius) {
+inline double exact_hull_share(const HullScene& scene, const Vec3d& center, double radius) {
   const Camera camera = vga();
   int num = 0, num_solid = 0;
-  for_points_in_ball(centre, radius, [&](const Vec3d& p) {
+  for_points_in_ball(center, radius, [&](const Vec3d& p) {
     bool is_free = false, is_looked_at = false;
     for (const SurfaceBlend& view : scene.views) {
       const Vec3d p_C = inverse(view.to.X_WC) * p;

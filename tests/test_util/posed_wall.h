@@ -61,7 +61,7 @@ class PosedWall : public DepthSource {
   int next_ = 0;
 };
 
-/// Half a metre from the origin of the wall at z = 0.5, turned about it by an angle.
+/// Half a meter from the origin of the wall at z = 0.5, turned about it by an angle.
 inline Pose beside_wall(double angle, double wall = 0.5) {
   return {{wall * std::sin(angle), 0, wall * (1 - std::cos(angle))}, axis_angle({0, 1, 0}, -angle)};
 }

@@ -46,10 +46,10 @@ class StandoffMeter {
   }
 
   void add(const Sphere& sphere) {
-    const Vec3d centre = to_double(sphere.centre);
+    const Vec3d center = to_double(sphere.center);
     const double radius = sphere.radius;
     for (std::size_t i = 0; i < points_.size(); ++i) {
-      const Vec3d d = points_[i] - centre;
+      const Vec3d d = points_[i] - center;
       const double reach = distance_[i] + radius;
       if (dot(d, d) < reach * reach) distance_[i] = norm(d) - radius;
     }

@@ -32,11 +32,11 @@ void expect_wrapped(const InnerSphereTree& tree, const std::vector<Sphere>& sphe
     }
     const Sphere& sphere = spheres[node.sphere_id];
     EXPECT_TRUE(seen.insert(node.sphere_id).second);
-    EXPECT_EQ(node.bound.centre, sphere.centre);
+    EXPECT_EQ(node.bound.center, sphere.center);
     EXPECT_EQ(node.bound.radius, sphere.radius);
     for (int up = node.parent; up >= 0; up = nodes[up].parent) {
       const Sphere& ball = nodes[up].bound;
-      ASSERT_LE(norm(to_double(sphere.centre) - to_double(ball.centre)) + double(sphere.radius),
+      ASSERT_LE(norm(to_double(sphere.center) - to_double(ball.center)) + double(sphere.radius),
                 double(ball.radius));
     }
   }
@@ -44,7 +44,7 @@ void expect_wrapped(const InnerSphereTree& tree, const std::vector<Sphere>& sphe
 }
 
 bool contains(const Sphere& sphere, const Vec3d& p) {
-  const Vec3d offset = p - to_double(sphere.centre);
+  const Vec3d offset = p - to_double(sphere.center);
   return dot(offset, offset) <= double(sphere.radius) * double(sphere.radius);
 }
 
@@ -115,8 +115,8 @@ TEST(InnerSphereTree, PointsOnTheRimAreFoundExactlyWhenTheirSphereSaysSo) {
   for (int k = 0; k < 100'000; ++k) {
     const Sphere& sphere = spheres[k % spheres.size()];
     const Vec3d direction = normalized(Vec3d{normal(random), normal(random), normal(random)});
-    Vec3d p = to_double(sphere.centre) + direction * double(sphere.radius);
-    if (k % 3 == 0) p = to_double(sphere.centre) + Vec3d{k % 2 ? 1.0 : -1.0, 0, 0} * sphere.radius;
+    Vec3d p = to_double(sphere.center) + direction * double(sphere.radius);
+    if (k % 3 == 0) p = to_double(sphere.center) + Vec3d{k % 2 ? 1.0 : -1.0, 0, 0} * sphere.radius;
     const int found = tree.find_leaf(p);
     bool any = false;
     for (const Sphere& other : spheres) any = any || contains(other, p);
@@ -139,7 +139,7 @@ TEST(InnerSphereTree, IsTheSameOnEveryRun) {
   ASSERT_EQ(a.nodes().size(), b.nodes().size());
   for (std::size_t k = 0; k < a.nodes().size(); ++k) {
     EXPECT_EQ(a.nodes()[k].sphere_id, b.nodes()[k].sphere_id);
-    EXPECT_EQ(a.nodes()[k].bound.centre, b.nodes()[k].bound.centre);
+    EXPECT_EQ(a.nodes()[k].bound.center, b.nodes()[k].bound.center);
     EXPECT_EQ(a.nodes()[k].bound.radius, b.nodes()[k].bound.radius);
   }
 }
@@ -155,7 +155,7 @@ TEST(InnerSphereTree, RestoresWhatItBuilt) {
     const auto restored = InnerSphereTree::restore(nodes_of(spheres), spheres);
     ASSERT_TRUE(restored.has_value()) << restored.error().message;
     EXPECT_EQ(restored->nodes().size(), nodes_of(spheres).size());
-    for (int i = 0; i < count; ++i) EXPECT_EQ(restored->find_leaf(to_double(spheres[i].centre)), i);
+    for (int i = 0; i < count; ++i) EXPECT_EQ(restored->find_leaf(to_double(spheres[i].center)), i);
   }
 }
 
@@ -181,7 +181,7 @@ TEST(InnerSphereTree, RestoreRefusesEveryHostileNode) {
     }
     for (const float value : {nan, infinity, -infinity, 1e30f}) {
       for (int axis = 0; axis < 3; ++axis)
-        expect_refused(k, [&](IstNode& n) { n.bound.centre[axis] = value; });
+        expect_refused(k, [&](IstNode& n) { n.bound.center[axis] = value; });
     }
     for (const float value : {nan, -infinity, 0.0f, -good[k].bound.radius})
       expect_refused(k, [&](IstNode& n) { n.bound.radius = value; });

@@ -38,7 +38,7 @@ Truth brute_force(const std::vector<Sphere>& spheres, GapRule rule) {
   std::vector<std::tuple<double, int, int>> candidates;
   for (int i = 0; i < n; ++i) {
     for (int j = i + 1; j < n; ++j) {
-      const double gap = norm(to_double(spheres[j].centre) - to_double(spheres[i].centre)) -
+      const double gap = norm(to_double(spheres[j].center) - to_double(spheres[i].center)) -
                          double(spheres[i].radius) - double(spheres[j].radius);
       const double smaller = std::min(spheres[i].radius, spheres[j].radius);
       if (rule == GapRule::absolute ? gap < 2 * smallest : gap <= 0.5 * smaller) {
@@ -70,7 +70,7 @@ void expect_equals_truth(const std::vector<Sphere>& spheres, GapRule rule) {
   for (std::size_t i = 0; i < spheres.size(); ++i) {
     for (int k = graph.row_starts()[i]; k < graph.row_starts()[i + 1]; ++k) {
       if (k > graph.row_starts()[i]) {
-        EXPECT_LT(graph.neighbours()[k - 1], graph.neighbours()[k]);
+        EXPECT_LT(graph.neighbors()[k - 1], graph.neighbors()[k]);
       }
     }
   }
@@ -117,7 +117,7 @@ TEST(LeafGraph, RulesAreStrictOrNotAsDocumented) {
   EXPECT_EQ(graph.num_bridges(), 1);
 }
 
-TEST(LeafGraph, HubsAreFoundFromTheirSmallNeighbours) {
+TEST(LeafGraph, HubsAreFoundFromTheirSmallNeighbors) {
   std::vector<Sphere> spheres{{{0, 0, 0}, 1}};
   for (int i = 0; i < 1000; ++i) {  // a Fibonacci sphere of beads around one ball
     const double z = 1 - (2 * i + 1) / 1000.0, angle = 2.399963229728653 * i;
@@ -148,7 +148,7 @@ TEST(LeafGraph, RestoredGraphIsTheSame) {
                              built.num_components_before_bridging());
     EXPECT_EQ(restored.edges(), built.edges());
     EXPECT_TRUE(std::ranges::equal(restored.row_starts(), built.row_starts()));
-    EXPECT_TRUE(std::ranges::equal(restored.neighbours(), built.neighbours()));
+    EXPECT_TRUE(std::ranges::equal(restored.neighbors(), built.neighbors()));
     EXPECT_EQ(restored.num_bridges(), built.num_bridges());
     EXPECT_EQ(restored.num_components_before_bridging(), built.num_components_before_bridging());
   }

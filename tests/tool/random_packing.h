@@ -17,19 +17,19 @@ inline std::vector<Sphere> random_packing(int count, std::uint64_t seed, Vec3d o
   const double largest = 0.03 / std::cbrt(static_cast<double>(count));
   std::vector<Sphere> spheres;
   while (static_cast<int>(spheres.size()) < count) {
-    const Vec3f centre = to_float(Vec3d{unit(random), unit(random), unit(random)} * 0.1 + origin);
+    const Vec3f center = to_float(Vec3d{unit(random), unit(random), unit(random)} * 0.1 + origin);
     double room = largest * std::pow(30.0, -unit(random));
     for (const Sphere& other : spheres) {
-      const double distance = norm(to_double(other.centre) - to_double(centre));
+      const double distance = norm(to_double(other.center) - to_double(center));
       room = std::min(room, distance - double(other.radius));
     }
     const double share = unit(random) < 0.5 ? 0.999999 : unit(random);
-    if (room > largest / 30) spheres.push_back({centre, static_cast<float>(room * share)});
+    if (room > largest / 30) spheres.push_back({center, static_cast<float>(room * share)});
   }
   return spheres;
 }
 
-/// Touching neighbours on a square lattice: many equal gaps, to try the breaking of ties.
+/// Touching neighbors on a square lattice: many equal gaps, to try the breaking of ties.
 inline std::vector<Sphere> lattice(int per_side, float spacing, float radius) {
   std::vector<Sphere> spheres;
   for (int i = 0; i < per_side * per_side * per_side; ++i) {

@@ -37,7 +37,7 @@ TEST(Tool, BuildsEverythingFromMeshAndSpheres) {
   EXPECT_EQ(tool.spheres().size(), 200u);
   EXPECT_EQ(tool.mesh().triangles.size(), 4u);
   EXPECT_EQ(tool.source(), "a tetrahedron");
-  EXPECT_EQ(tool.tree().find_leaf(to_double(spheres[17].centre)), 17);
+  EXPECT_EQ(tool.tree().find_leaf(to_double(spheres[17].center)), 17);
   EXPECT_EQ(tool.graph().row_starts().size(), 201u);
   EXPECT_GE(tool.graph().num_edges(), 199);
 
@@ -45,12 +45,12 @@ TEST(Tool, BuildsEverythingFromMeshAndSpheres) {
   Vec3d moment;
   for (const Sphere& sphere : spheres) {
     volume += sphere_volume(double(sphere.radius));
-    moment += to_double(sphere.centre) * sphere_volume(double(sphere.radius));
+    moment += to_double(sphere.center) * sphere_volume(double(sphere.radius));
   }
   EXPECT_NEAR(tool.sphere_mass().volume, volume, 1e-12 * volume);
-  EXPECT_NEAR(norm(tool.sphere_mass().centre_of_mass - moment / volume), 0, 1e-12);
+  EXPECT_NEAR(norm(tool.sphere_mass().center_of_mass - moment / volume), 0, 1e-12);
   EXPECT_NEAR(tool.mesh_mass().volume, 1.0 / 6, 1e-12);
-  EXPECT_NEAR(norm(tool.mesh_mass().centre_of_mass - Vec3d{.25, .25, .25}), 0, 1e-12);
+  EXPECT_NEAR(norm(tool.mesh_mass().center_of_mass - Vec3d{.25, .25, .25}), 0, 1e-12);
 }
 
 TEST(Tool, OneSphereIsEnough) {

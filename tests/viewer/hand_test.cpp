@@ -109,8 +109,8 @@ TEST(HeldTool, IsHeldOverAWebSocketOfThisOriginOnly) {
   Served<HeldSource> served;
   const PageClient stranger(served.port, "/ws", {{"Origin", "http://evil.example"}});
   EXPECT_EQ(stranger.status(), 403);
-  const PageClient neighbour(served.port, "/ws", {{"Origin", "http://127.0.0.1:1"}});
-  EXPECT_EQ(neighbour.status(), 403);
+  const PageClient neighbor(served.port, "/ws", {{"Origin", "http://127.0.0.1:1"}});
+  EXPECT_EQ(neighbor.status(), 403);
   for (const std::string body : {kHold, kHand, kLetGo}) {
     const std::string answer = test::http_request(
         served.port, "POST /api/command HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n" +

@@ -83,8 +83,8 @@ TEST(Messages, TreeHasInnerNodesWithTheirLevels) {
   for (const IstNode& node : nodes) {
     if (node.num_children == 0) continue;
     ++next;
-    EXPECT_EQ(tree.take<float>(4), (std::vector{node.bound.centre.x, node.bound.centre.y,
-                                                node.bound.centre.z, node.bound.radius}));
+    EXPECT_EQ(tree.take<float>(4), (std::vector{node.bound.center.x, node.bound.center.y,
+                                                node.bound.center.z, node.bound.radius}));
   }
   EXPECT_EQ(next, count);
   std::vector<int> per_level(3);

@@ -71,13 +71,13 @@ inline ScriptedScene big_scene(int num_spheres, int width, int height) {
   const int side = static_cast<int>(std::ceil(std::cbrt(num_spheres)));
   const float cell = 0.2f / static_cast<float>(side);
   for (int i = 0; i < num_spheres; ++i) {
-    const Vec3f centre = Vec3f{static_cast<float>(i % side), static_cast<float>(i / side % side),
+    const Vec3f center = Vec3f{static_cast<float>(i % side), static_cast<float>(i / side % side),
                                static_cast<float>(i / side / side)} *
                          cell;
-    scene.spheres.push_back({centre, 0.45f * cell});
+    scene.spheres.push_back({center, 0.45f * cell});
     scene.states.push_back(static_cast<SphereState>(i % 3));
     scene.planes.push_back(i % 3 == 0 ? Plane<float>{}
-                                      : Plane<float>{{0, 0, -1}, -centre.z - 0.1f * cell});
+                                      : Plane<float>{{0, 0, -1}, -center.z - 0.1f * cell});
   }
   return scene;
 }

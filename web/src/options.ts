@@ -4,12 +4,12 @@ import type { SceneOptions } from './types';
 export function defaultOptions(): SceneOptions {
   return {
     cloud: true,
-    cloudColour: 'shaded',
+    cloudColor: 'shaded',
     pointSize: 2,
     stride: 1,
     toolLook: 'caps',
     outside: true,
-    sphereColour: 'state',
+    sphereColor: 'state',
     graph: false,
     treeLevel: -1,
     normals: false,

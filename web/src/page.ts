@@ -241,7 +241,7 @@ export class Page implements Listener {
       '1': look(LOOKS[0]), '2': look(LOOKS[1]), '3': look(LOOKS[2]), '4': look(LOOKS[3]),
       'c': toggle('cloud'), 'n': toggle('normals'), 'u': toggle('fog'), 'e': toggle('edges'), 'g': toggle('graph'),
       'w': () => {
-        options.sphereColour = options.sphereColour === 'state' ? 'camera' : 'state';
+        options.sphereColor = options.sphereColor === 'state' ? 'camera' : 'state';
         this.onOptions();
       },
       'p': () => this.dock.toggle('plots'),

@@ -11,7 +11,7 @@ export interface Subscription {
 
 export function pictureSubscription(hello: Hello, options: SceneOptions, hasImage: boolean): Subscription {
   if (hello.kind === 'tool') return { frames: false, contacts: false, surfaces: false, samples: false };
-  const hasSurface = options.normals || options.edges || options.edgePlanes || options.cloudColour === 'normals';
+  const hasSurface = options.normals || options.edges || options.edgePlanes || options.cloudColor === 'normals';
   // Camera poses are sent with their images.
   const hasPoses = hello.streams.length > 1 || hello.streams.some((stream) => stream.is_moving);
   return { frames: options.cloud || hasImage || hasSurface || hasPoses, contacts: true, surfaces: hasSurface, samples: true };

@@ -19,7 +19,7 @@ export interface Hello {
   version: string;
   kind: 'live' | 'recording' | 'tool';
   title: string;
-  tool: { spheres: number; centre_of_mass: [number, number, number]; radius: number; volume: number };
+  tool: { spheres: number; center_of_mass: [number, number, number]; radius: number; volume: number };
   streams: Stream[]; // one per camera; empty: no scene
   objects: number; // rigid objects of the scene
   /** Largest force on a page that holds the tool, N; null: no page can hold it. */
@@ -103,12 +103,12 @@ export type CameraView = 'free' | 'camera' | 'bird' | 'tool';
 /** Options of the scene. The page's panels change them, the scene reads them at each drawing. */
 export interface SceneOptions {
   cloud: boolean;
-  cloudColour: 'shaded' | 'depth' | 'normals';
+  cloudColor: 'shaded' | 'depth' | 'normals';
   pointSize: number; // pixels
   stride: number; // every n-th pixel in both directions
   toolLook: ToolLook; // caps: inside parts cut exactly by their planes
   outside: boolean; // outside spheres too
-  sphereColour: 'state' | 'camera'; // by state, or by deciding camera
+  sphereColor: 'state' | 'camera'; // by state, or by deciding camera
   graph: boolean;
   treeLevel: number; // -1: none
   normals: boolean; // as needles

@@ -33,7 +33,7 @@ struct ImageSize {
 
 /// A parsed URI. Parameters override what the stream reports:
 ///   intrinsics=fx,fy,cx,cy  distortion=k1,k2,p1,p2[,k3[,k4,k5,k6]]  size=WIDTHxHEIGHT
-///   unit=METRES_PER_COUNT  rate=HZ  latency=SECONDS  sensor=KIND  crop=none|valid
+///   unit=METERS_PER_COUNT  rate=HZ  latency=SECONDS  sensor=KIND  crop=none|valid
 ///   pose=tx,ty,tz,qx,qy,qz,qw: X_WC; with poses, urdf or world: hand-eye offset
 ///   poses=FILE: of a moving frame, by time (TUM)  `urdf=FILE#LINK[#BASE]`: of a link
 ///   joints=FILE.csv|bag:FILE|ros2:[/T]: states of the joints in between

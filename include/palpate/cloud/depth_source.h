@@ -85,12 +85,12 @@ struct DepthFrame {
 };
 
 /// A non-owning view of one depth image: `counts` times `unit` meters (0: no measurement,
-/// kFarCount: farther), or `metres` (0, NaN and less: no measurement, infinite: farther).
+/// kFarCount: farther), or `meters` (0, NaN and less: no measurement, infinite: farther).
 /// Row-major, width * height values, in host or GPU memory.
 struct DepthImageView {
   int width = 0, height = 0;
   const std::uint16_t* counts = nullptr;
-  const float* metres = nullptr;  ///< used if there are no counts
+  const float* meters = nullptr;  ///< used if there are no counts
   double unit = 0.001;            ///< meters per count
   const float* flow = nullptr;    ///< see DepthFrame; in host memory
   int gpu = kHostMemory;          ///< whose memory the values are in
@@ -103,11 +103,11 @@ struct DepthImageView {
     if (frame.pixels.size() == num_pixels()) counts = frame.pixels.data();
     if (frame.flow.size() == 2 * num_pixels()) flow = frame.flow.data();
   }
-  DepthImageView(int wide, int high, const std::uint16_t* values, double metres_per_count,
+  DepthImageView(int wide, int high, const std::uint16_t* values, double meters_per_count,
                  int on_gpu = kHostMemory)
-      : width(wide), height(high), counts(values), unit(metres_per_count), gpu(on_gpu) {}
+      : width(wide), height(high), counts(values), unit(meters_per_count), gpu(on_gpu) {}
   DepthImageView(int wide, int high, const float* values, int on_gpu = kHostMemory)
-      : width(wide), height(high), metres(values), gpu(on_gpu) {}
+      : width(wide), height(high), meters(values), gpu(on_gpu) {}
 
   std::size_t num_pixels() const {
     return static_cast<std::size_t>(width) * static_cast<std::size_t>(height);

@@ -55,7 +55,7 @@ struct NormalOptions {
   /// Difference vectors scaled to unit length (3.11); those below 1e-5 z are ignored.
   bool normalization = false;
   /// With fewer valid neighbors (including the point): no normal. Larger than the window: all.
-  int min_neighbours = 6;
+  int min_neighbors = 6;
 };
 inline void add_settings(SettingTable& t, NormalOptions& o) {
   t.add("plane_fit", o.fit, "noise model of the plane fit: along the ray, or all coordinates");
@@ -67,7 +67,7 @@ inline void add_settings(SettingTable& t, NormalOptions& o) {
   t.add("weight_sigma", o.weight_sigma, {1e-6, 10, "m"},
         "width of the neighbor weights, at a depth of 1 m");
   t.add("normalization", o.normalization, "scale difference vectors to unit length");
-  t.add("min_neighbours", o.min_neighbours, {3, 225, "pixels"},
+  t.add("min_neighbors", o.min_neighbors, {3, 225, "pixels"},
         "minimum valid neighbors for a normal; more than the window has: all of them");
 }
 

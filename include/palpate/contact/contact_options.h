@@ -63,11 +63,11 @@ struct ContactStatus {
 /// Newtons per volume times direction. In the thesis: the device's maximum force at an eighth of
 /// the tool's volume.
 struct VolumeStiffness {
-  double newtons_per_cubic_metre = 0;
+  double newtons_per_cubic_meter = 0;
 
   /// N and N m.
   friend constexpr Wrench operator*(VolumeStiffness k, const VolumeWrench& measure) {
-    return {measure.force * k.newtons_per_cubic_metre, measure.torque * k.newtons_per_cubic_metre};
+    return {measure.force * k.newtons_per_cubic_meter, measure.torque * k.newtons_per_cubic_meter};
   }
 };
 
@@ -159,11 +159,11 @@ constexpr auto names_of(SphereVolumes) { return std::array{"spheres", "represent
 /// cloud with depth-change vectors.
 enum class Edges {
   none,
-  centre,  ///< spheres whose center is beyond the edge take no plane
+  center,  ///< spheres whose center is beyond the edge take no plane
   strict,  ///< nor do spheres that the edge plane cuts
   cut,     ///< every sphere is cut by its surface plane and by the edge plane: continuous
 };
-constexpr auto names_of(Edges) { return std::array{"none", "centre", "strict", "cut"}; }
+constexpr auto names_of(Edges) { return std::array{"none", "center", "strict", "cut"}; }
 
 /// Smoothing of the point methods when points enter and leave spheres. Kernel weights w = (1 - |p -
 /// c|^2 / r^2)^2 vanish at the surface of a sphere with center c.

@@ -110,7 +110,7 @@ double stored_energy(const Penetration& penetration, const VolumeStiffness& scal
 
 /// Converts a measure and its stiffness (m3 ...) to newtons by `scale`.
 LocalContact local_contact(const Penetration& penetration, const Stiffness& stiffness,
-                           const Pose& X_WT, const Vec3d& centre_of_mass_T,
+                           const Pose& X_WT, const Vec3d& center_of_mass_T,
                            const VolumeStiffness& scale, double time, double surface_age,
                            const ContactPatch& patch = {});
 

@@ -28,7 +28,7 @@ Result<TriangleMesh> load_mesh(const std::filesystem::path& path, double scale =
 Status save_mesh(const TriangleMesh& mesh, const std::filesystem::path& path);
 
 /// A mesh in one color, for display.
-struct ColouredMesh {
+struct ColoredMesh {
   std::string name;
   std::array<std::uint8_t, 3> rgb{};  ///< sRGB
   TriangleMesh mesh;
@@ -38,7 +38,7 @@ struct ColouredMesh {
 /// node and a material of its name; single precision), by extension. Coordinates are written
 /// unchanged, in meters: programs with y up, like glTF, show them so. Parts without faces are
 /// omitted. Error: no part has any. Never leaves half a file.
-Status save_coloured_meshes(std::span<const ColouredMesh> parts, const std::filesystem::path& path);
+Status save_colored_meshes(std::span<const ColoredMesh> parts, const std::filesystem::path& path);
 
 // Files of depth frames and clouds.
 

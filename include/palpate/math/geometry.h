@@ -205,7 +205,7 @@ inline constexpr double kPi = 3.14159265358979323846;
 /// A ball in the tool frame, in single precision. All checks and backends use exactly these stored
 /// numbers.
 struct Sphere {
-  Vec3f centre;
+  Vec3f center;
   float radius = 0;
 };
 

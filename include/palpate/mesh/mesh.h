@@ -61,7 +61,7 @@ Result<SolidMesh> check_solid(const TriangleMesh& raw, const MeshCheckOptions& o
 /// Mass properties at density 1 kg/m3: mass equals volume.
 struct MassProperties {
   double volume = 0;     ///< m3
-  Vec3d centre_of_mass;  ///< m
+  Vec3d center_of_mass;  ///< m
   Mat3d inertia;         ///< kg m2 about the center of mass, axes of the given frame
 };
 

@@ -66,26 +66,26 @@ enum class GapRule {
 constexpr auto names_of(GapRule) { return std::array{"absolute", "relative"}; }
 
 /// Undirected, connected graph over the spheres, in compressed rows: the neighbors of sphere i are
-/// neighbours()[row_starts()[i] ... row_starts()[i+1]), ascending.
+/// neighbors()[row_starts()[i] ... row_starts()[i+1]), ascending.
 class LeafGraph {
  public:
   /// Disjoint spheres have less than a fifth of it, by either rule.
-  static constexpr std::size_t kMaxMeanNeighbours = 1000;
+  static constexpr std::size_t kMaxMeanNeighbors = 1000;
 
   LeafGraph() = default;
   /// Edges by the gap rule, then the shortest bridges (smallest gap, ties by lower indices) until
   /// one component remains. O(n log n) for packings. Without rows if there are more than
-  /// kMaxMeanNeighbours neighbors of a sphere on average.
+  /// kMaxMeanNeighbors neighbors of a sphere on average.
   LeafGraph(std::span<const Sphere> spheres, GapRule rule);
   /// From stored edges (a, b) with a < b. The ids must be valid; they are not checked here.
   LeafGraph(std::size_t num_spheres, std::span<const std::pair<int, int>> edges, int num_bridges,
             int num_components_before_bridging);
 
-  /// Neighbors of sphere i: neighbours()[row_starts()[i] ... row_starts()[i + 1]).
+  /// Neighbors of sphere i: neighbors()[row_starts()[i] ... row_starts()[i + 1]).
   std::span<const std::int32_t> row_starts() const { return row_starts_; }
-  std::span<const std::int32_t> neighbours() const { return neighbours_; }
+  std::span<const std::int32_t> neighbors() const { return neighbors_; }
 
-  int num_edges() const { return static_cast<int>(neighbours_.size() / 2); }
+  int num_edges() const { return static_cast<int>(neighbors_.size() / 2); }
   /// Edges that were added to join components, and the number of components without them.
   int num_bridges() const { return num_bridges_; }
   int num_components_before_bridging() const { return num_components_before_bridging_; }
@@ -95,7 +95,7 @@ class LeafGraph {
  private:
   void set_edges(std::size_t num_spheres, std::span<const std::pair<int, int>> edges);
 
-  std::vector<std::int32_t> row_starts_, neighbours_;
+  std::vector<std::int32_t> row_starts_, neighbors_;
   int num_bridges_ = 0;
   int num_components_before_bridging_ = 0;
 };
@@ -108,7 +108,7 @@ class Tool {
  public:
   /// Builds tree, graph, mass properties and represented volumes; same bits for any `num_threads`
   /// (0: one per core). Errors: no spheres, or more than 2^30; spheres that overlap far more than
-  /// those of a packing (LeafGraph::kMaxMeanNeighbours); the mesh encloses no volume.
+  /// those of a packing (LeafGraph::kMaxMeanNeighbors); the mesh encloses no volume.
   static Result<Tool> build(TriangleMesh mesh, SpherePacking packing, GapRule rule,
                             std::string source, int num_threads = 0);
   /// Parts that take long to compute and are stored in tool files.

@@ -233,7 +233,7 @@ FieldBatch::FieldBatch(std::shared_ptr<const ToolIndex> index, const FieldMethod
                        const ExecutionOptions& capacities)
     : index_(std::move(index)),
       elements_(&index_->parts().elements(method.volumes)),
-      p_TC_(index_->tool().sphere_mass().centre_of_mass),
+      p_TC_(index_->tool().sphere_mass().center_of_mass),
       kernels_(field_contact_kernels(capacities.isa)),
       largest_radius_(
           *std::max_element(elements_->largest_radius.begin(), elements_->largest_radius.end())),

@@ -233,7 +233,7 @@ FieldBatchCuda::FieldBatchCuda(std::shared_ptr<const ToolIndex> index, const Fie
       max_staged_(max_staged),
       memory_(gpu),
       field_tool_(make_field_tool(*index_, method.volumes, memory_)),
-      p_TC_(index_->tool().sphere_mass().centre_of_mass),
+      p_TC_(index_->tool().sphere_mass().center_of_mass),
       own_stream_(gpu, gpu::Priority::low),
       caller_stream_(gpu),
       table_(std::make_unique<Table>()) {

@@ -17,7 +17,7 @@ namespace {
 /// Two nodes whose balls overlap, with the second center in the frame of the first.
 struct NodePair {
   std::int32_t a, b;
-  Vec3d b_centre_A;
+  Vec3d b_center_A;
 };
 
 /// Every step of the descent goes down one level in one of the trees and leaves at most three
@@ -32,33 +32,33 @@ void for_each_overlap(const InnerSphereTree& tree_a, const InnerSphereTree& tree
                       const Pose& X_AB, Visit visit) {
   const std::span<const IstNode> nodes_a = tree_a.nodes(), nodes_b = tree_b.nodes();
   const Mat3d R_AB = rotation_matrix(X_AB.rotation);
-  const auto centre_A = [&](const IstNode& b) {
-    return R_AB * to_double(b.bound.centre) + X_AB.translation;
+  const auto center_A = [&](const IstNode& b) {
+    return R_AB * to_double(b.bound.center) + X_AB.translation;
   };
   std::array<NodePair, kMaxWaitingPairs> waiting;
   int num_waiting = 0;
-  const auto consider = [&](std::int32_t index_a, std::int32_t index_b, const Vec3d& b_centre_A) {
+  const auto consider = [&](std::int32_t index_a, std::int32_t index_b, const Vec3d& b_center_A) {
     const IstNode &a = nodes_a[index_a], &b = nodes_b[index_b];
     const SpherePair pair(double(a.bound.radius), double(b.bound.radius),
-                          to_double(a.bound.centre) - b_centre_A);
+                          to_double(a.bound.center) - b_center_A);
     if (!pair.overlaps()) return;
     if (a.num_children == 0 && b.num_children == 0) {
       visit(a, b, pair);
     } else {
-      waiting[num_waiting++] = {index_a, index_b, b_centre_A};
+      waiting[num_waiting++] = {index_a, index_b, b_center_A};
     }
   };
-  consider(0, 0, centre_A(nodes_b[0]));
+  consider(0, 0, center_A(nodes_b[0]));
   while (num_waiting > 0) {
     const NodePair pair = waiting[--num_waiting];
     const IstNode &a = nodes_a[pair.a], &b = nodes_b[pair.b];
     // Descends into the larger ball: its children separate most.
     if (b.num_children == 0 || (a.num_children > 0 && a.bound.radius >= b.bound.radius)) {
       for (std::int32_t i = a.first_child; i < a.first_child + a.num_children; ++i)
-        consider(i, pair.b, pair.b_centre_A);
+        consider(i, pair.b, pair.b_center_A);
     } else {
       for (std::int32_t i = b.first_child; i < b.first_child + b.num_children; ++i)
-        consider(pair.a, i, centre_A(nodes_b[i]));
+        consider(pair.a, i, center_A(nodes_b[i]));
     }
   }
 }
@@ -105,8 +105,8 @@ bool is_non_finite(const Pose& X_WA, const Pose& X_WB, BodyPenetration& result) 
 BodyPenetration body_penetration(const BodySums& sums, const Tool& a, const Tool& b,
                                  const Pose& X_WA, const Pose& X_WB) {
   // The same forces on B, opposite and about its own center of mass.
-  const Vec3d C_A = a.sphere_mass().centre_of_mass;
-  const Vec3d C_B_A = relative_pose(X_WA, X_WB) * b.sphere_mass().centre_of_mass;
+  const Vec3d C_A = a.sphere_mass().center_of_mass;
+  const Vec3d C_B_A = relative_pose(X_WA, X_WB) * b.sphere_mass().center_of_mass;
   const Vec3d torque_B_A = -(sums.torque_A + cross(C_A - C_B_A, sums.force_A));
   const Quaternion R_WA = normalized(X_WA.rotation);
   BodyPenetration result;
@@ -128,14 +128,14 @@ BodyPenetration BodyContact::finish() noexcept {
   if (BodyPenetration nothing; is_non_finite(X_WA_, X_WB_, nothing)) return nothing;
   std::fill(touched_a_.begin(), touched_a_.end(), std::uint8_t{0});
   std::fill(touched_b_.begin(), touched_b_.end(), std::uint8_t{0});
-  const Vec3d C_A = a_->sphere_mass().centre_of_mass;
+  const Vec3d C_A = a_->sphere_mass().center_of_mass;
   BodySums sums;
   for_each_overlap(a_->tree(), b_->tree(), relative_pose(X_WA_, X_WB_),
                    [&](const IstNode& a, const IstNode& b, const SpherePair& pair) {
                      const SharedLens lens(pair);
                      sums.volume += lens.volume;
                      sums.force_A += lens.force;
-                     sums.torque_A += cross(to_double(a.bound.centre) - C_A, lens.force);
+                     sums.torque_A += cross(to_double(a.bound.center) - C_A, lens.force);
                      ++sums.num_pairs;
                      touched_a_[static_cast<std::size_t>(a.sphere_id)] = 1;
                      touched_b_[static_cast<std::size_t>(b.sphere_id)] = 1;

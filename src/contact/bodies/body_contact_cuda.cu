@@ -24,7 +24,7 @@ static_assert(kSize == gpu::kWarpSize && 2 * kClustersPerGroup == gpu::kWarpSize
 struct alignas(16) Ball {
   float x = 0, y = 0, z = 0, radius = 0;
 
-  __host__ __device__ Vec3d centre() const { return to_double(Vec3f{x, y, z}); }
+  __host__ __device__ Vec3d center() const { return to_double(Vec3f{x, y, z}); }
 };
 
 /// SphereClusters of one body on the GPU.
@@ -41,7 +41,7 @@ struct BodyJob {
   Mat3d R_AB;
   Vec3d p_AB, C_A;  // B's origin and A's center of mass, in A
 
-  __device__ Vec3d in_A(const Ball& ball_B) const { return R_AB * ball_B.centre() + p_AB; }
+  __device__ Vec3d in_A(const Ball& ball_B) const { return R_AB * ball_B.center() + p_AB; }
 };
 
 /// Sums of one thread. Each touched sphere is counted by one thread alone.
@@ -65,7 +65,7 @@ __device__ int touch(std::uint32_t* touched, std::uint32_t query) {
 
 __device__ bool are_near(const Ball& ball_A, const BodyJob& job, const Ball& ball_B) {
   return SpherePair(static_cast<double>(ball_A.radius), static_cast<double>(ball_B.radius),
-                    ball_A.centre() - job.in_A(ball_B))
+                    ball_A.center() - job.in_A(ball_B))
       .overlaps();
 }
 
@@ -94,7 +94,7 @@ __device__ bool measure_cluster(const BodyJob& job, const Ball& mine, const Ball
   const Vec3d p = job.in_A(theirs);
   // Overlapping spheres lie no farther from A's origin; floats are off by 1e-7 of that.
   const float reach = cluster_A.radius + job.b.clusters[cluster_b].radius;
-  const double largest = norm(cluster_A.centre()) + 2 * static_cast<double>(reach);
+  const double largest = norm(cluster_A.center()) + 2 * static_cast<double>(reach);
   const float room = static_cast<float>(1e-6 * largest);
   const bool is_padding = theirs.radius < 0;
   __syncwarp();  // all lanes have read the previous cluster
@@ -106,7 +106,7 @@ __device__ bool measure_cluster(const BodyJob& job, const Ball& mine, const Ball
     const int k = __ffs(static_cast<int>(rest)) - 1;
     const Ball ball = job.b.spheres[first + k];
     const SpherePair pair(static_cast<double>(mine.radius), static_cast<double>(ball.radius),
-                          mine.centre() - job.in_A(ball));
+                          mine.center() - job.in_A(ball));
     if (!pair.overlaps()) continue;
     const SharedLens lens(pair);
     share.volume += lens.volume;
@@ -176,7 +176,7 @@ __global__ void __launch_bounds__(kThreads, 2)
     if (!is_touched) continue;
     share.num_touched_a += touch(job.a.touched + slot, out.query);
     share.force_A += force_A;
-    share.torque_A += cross(mine.centre() - job.C_A, force_A);
+    share.torque_A += cross(mine.center() - job.C_A, force_A);
   }
   MeasureTerms terms;
   terms.volume = share.volume;
@@ -198,7 +198,7 @@ BodyView view_of(gpu::Memory& memory, const SphereClusters& c) {
   const auto balls_of = [](const std::vector<Cluster>& clusters) {
     std::vector<Ball> balls;
     for (const Cluster& cluster : clusters) {
-      balls.push_back({cluster.centre.x, cluster.centre.y, cluster.centre.z, cluster.reach});
+      balls.push_back({cluster.center.x, cluster.center.y, cluster.center.z, cluster.reach});
     }
     return balls;
   };
@@ -228,7 +228,7 @@ class BodyContactCuda final : public BodyPairQuery {
         answers_(gpu, blocks_for(gpu, a_->tool())) {
     job_.a = view_of(memory_, a_->parts().clusters());
     job_.b = view_of(memory_, b_->parts().clusters());
-    job_.C_A = a_->tool().sphere_mass().centre_of_mass;
+    job_.C_A = a_->tool().sphere_mass().center_of_mass;
   }
 
   const Status& status() const {

@@ -30,14 +30,14 @@ void copy(const Mat3d& from, float (&to)[3][3]) {
 }
 
 /// Places the elements of a body E in the field of a body F.
-SolidFrame frame_of(const Pose& X_WE, const Vec3d& centre_E, const Pose& X_WF,
+SolidFrame frame_of(const Pose& X_WE, const Vec3d& center_E, const Pose& X_WF,
                     const SolidField& field) {
   const Pose X_FE = relative_pose(X_WF, X_WE);
   SolidFrame frame;
   copy(rotation_matrix(X_FE.rotation), frame.R_FE);
   copy(rotation_matrix(normalized(X_WE.rotation)), frame.R_WE);
   copy(rotation_matrix(normalized(X_WF.rotation)), frame.R_WF);
-  const Vec3d p_F = X_FE * centre_E - field.layout().origin;
+  const Vec3d p_F = X_FE * center_E - field.layout().origin;
   for (int axis = 0; axis < 3; ++axis) frame.p_FC[axis] = static_cast<float>(p_F[axis]);
   return frame;
 }
@@ -256,8 +256,8 @@ SolidPair::SolidPair(std::shared_ptr<const ToolIndex> of_a, std::shared_ptr<cons
 
 void SolidPair::place(const Pose& X_WA, const Pose& X_WB, SolidFrame& of_a,
                       SolidFrame& of_b) const {
-  of_a = frame_of(X_WA, a->tool().sphere_mass().centre_of_mass, X_WB, *field_b);
-  of_b = frame_of(X_WB, b->tool().sphere_mass().centre_of_mass, X_WA, *field_a);
+  of_a = frame_of(X_WA, a->tool().sphere_mass().center_of_mass, X_WB, *field_b);
+  of_b = frame_of(X_WB, b->tool().sphere_mass().center_of_mass, X_WA, *field_a);
 }
 
 BodyPenetration SolidPair::penetration(const GroupSums& of_a, const GroupSums& of_b,
@@ -267,7 +267,7 @@ BodyPenetration SolidPair::penetration(const GroupSums& of_a, const GroupSums& o
   const Pose X_B{X_WB.translation, normalized(X_WB.rotation)};
   // From one center of mass to the other.
   const Vec3d d_BA =
-      X_A * a->tool().sphere_mass().centre_of_mass - X_B * b->tool().sphere_mass().centre_of_mass;
+      X_A * a->tool().sphere_mass().center_of_mass - X_B * b->tool().sphere_mass().center_of_mass;
   const VolumeWrench measure_a{of_a.measure.force, of_a.measure.torque};
   const VolumeWrench measure_b{of_b.measure.force, of_b.measure.torque};
   const PairPotential both(of_a.measure.potential, weight_a, of_b.measure.potential, weight_b,

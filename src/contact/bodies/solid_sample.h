@@ -111,7 +111,7 @@ PALPATE_FORMULA bool is_clear(const SolidFieldView& field, const SolidFrame& fra
   float p[3], outside2 = 0;
   for (int row = 0; row < 3; ++row) {
     const float(&r)[3] = frame.R_FE[row];
-    p[row] = r[0] * ball.centre.x + r[1] * ball.centre.y + r[2] * ball.centre.z + frame.p_FC[row];
+    p[row] = r[0] * ball.center.x + r[1] * ball.center.y + r[2] * ball.center.z + frame.p_FC[row];
     const float below = -p[row], above = p[row] - field.box[row];
     const float outside = below > above ? below : above;
     if (outside > 0) outside2 += outside * outside;

@@ -167,7 +167,7 @@ void PointMeasurementCuda::take_tool() {
   grid_.blocks = memory_.copy_of(grid.blocks());
   query_.scan.spheres = memory_.copy_of(tool.spheres());
   query_.num_spheres = static_cast<std::int32_t>(tool.spheres().size());
-  query_.origin = tool.sphere_mass().centre_of_mass;
+  query_.origin = tool.sphere_mass().center_of_mass;
   const SphereClusters& c = clusters_;
   query_.clusters = {memory_.copy_of(c.x),
                      memory_.copy_of(c.y),
@@ -221,7 +221,7 @@ void PointMeasurementCuda::take_scratch() {
   if (options_.method == MethodKind::graph) {
     const SortedGraph& graph = index_.parts().graph();
     q.graph = sorted_graph_on_gpu(memory_, graph, clusters_);
-    q.search = graph_search_on_gpu(memory_, q.graph, num_slots, graph.neighbours.size());
+    q.search = graph_search_on_gpu(memory_, q.graph, num_slots, graph.neighbors.size());
   }
   q.donor = memory_.take<std::int32_t>(num_slots);
   q.assigned_volume = memory_.take<float>(num_slots);

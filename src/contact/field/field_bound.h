@@ -17,10 +17,10 @@ struct FieldFrame {
 };
 
 /// Places the tool at a pose with a unit quaternion.
-PALPATE_HOSTDEV inline void place_tool(const Pose& X_WT, const Vec3d& centre_of_mass,
+PALPATE_HOSTDEV inline void place_tool(const Pose& X_WT, const Vec3d& center_of_mass,
                                        FieldFrame& frame) {
   const Mat3d R_WT = rotation_matrix(X_WT.rotation);
-  const Vec3d p_WC = X_WT * centre_of_mass;
+  const Vec3d p_WC = X_WT * center_of_mass;
   for (int row = 0; row < 3; ++row) {
     for (int column = 0; column < 3; ++column) {
       frame.R_WT[row][column] = static_cast<float>(R_WT.m[row][column]);
@@ -29,14 +29,14 @@ PALPATE_HOSTDEV inline void place_tool(const Pose& X_WT, const Vec3d& centre_of_
   }
 }
 
-inline FieldFrame frame_of(const Intrinsics& k, const Pose& X_WT, const Vec3d& centre_of_mass) {
+inline FieldFrame frame_of(const Intrinsics& k, const Pose& X_WT, const Vec3d& center_of_mass) {
   FieldFrame frame{static_cast<float>(k.fx),
                    static_cast<float>(k.fy),
                    static_cast<float>(k.cx),
                    static_cast<float>(k.cy),
                    {},
                    {}};
-  place_tool(X_WT, centre_of_mass, frame);
+  place_tool(X_WT, center_of_mass, frame);
   return frame;
 }
 
@@ -96,7 +96,7 @@ PALPATE_FORMULA BallWindow window_of(const FieldFrame& frame, const Cluster& bal
   float at[3];
   for (int row = 0; row < 3; ++row) {
     const float(&r)[3] = frame.R_WT[row];
-    at[row] = r[0] * ball.centre.x + r[1] * ball.centre.y + r[2] * ball.centre.z + frame.p_WC[row];
+    at[row] = r[0] * ball.center.x + r[1] * ball.center.y + r[2] * ball.center.z + frame.p_WC[row];
   }
   const float reach = ball.reach * 1.0001f;
   BallWindow window;

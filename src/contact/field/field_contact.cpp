@@ -36,7 +36,7 @@ FieldContact::FieldContact(std::shared_ptr<const ToolIndex> index, const FieldMe
                            const ExecutionOptions& capacities)
     : ContactQuery(std::move(index), method),
       elements_(&this->index()->parts().elements(method.volumes)),
-      p_TC_(this->index()->tool().sphere_mass().centre_of_mass),
+      p_TC_(this->index()->tool().sphere_mass().center_of_mass),
       kernels_(field_contact_kernels(capacities.isa)),
       pool_(capacities.pool != nullptr ? capacities.pool : &own_pool_),
       group_sums_(2 * static_cast<std::size_t>(elements_->clusters.num_groups())),

@@ -86,7 +86,7 @@ struct SphereCut {
 };
 __device__ SphereCut cut_of(const DepthFieldView& field, const Pose& X_WT, const Sphere& sphere) {
   const double radius = sphere.radius;
-  const Vec3d c_T = to_double(sphere.centre);
+  const Vec3d c_T = to_double(sphere.center);
   const FieldSample<double> at = sample_field(field, X_WT * c_T, radius);
   if (at.phi >= radius) return {};
   const Vec3d n_T = normalized(rotate(conjugate(X_WT.rotation), at.gradient));
@@ -128,7 +128,7 @@ int measure_blocks(int gpu, int num_clusters) {
 FieldContactCuda::FieldContactCuda(std::shared_ptr<const ToolIndex> index,
                                    const FieldMethod& method, int gpu)
     : ContactQuery(std::move(index), method),
-      centre_of_mass_(this->index()->tool().sphere_mass().centre_of_mass),
+      center_of_mass_(this->index()->tool().sphere_mass().center_of_mass),
       num_spheres_(static_cast<int>(this->index()->tool().spheres().size())),
       memory_(gpu),
       field_tool_(make_field_tool(*this->index(), method.volumes, memory_)),
@@ -141,7 +141,7 @@ FieldContactCuda::FieldContactCuda(std::shared_ptr<const ToolIndex> index,
       planes_(memory_.take<Plane<float>>(static_cast<std::size_t>(num_spheres_))),
       deciders_(memory_.take<std::int8_t>(static_cast<std::size_t>(num_spheres_))),
       unseen_(memory_.take<std::uint8_t>(static_cast<std::size_t>(num_spheres_))),
-      hull_(std::make_unique<DepthHullCuda>(field_tool_, centre_of_mass_, num_spheres_, gpu)) {}
+      hull_(std::make_unique<DepthHullCuda>(field_tool_, center_of_mass_, num_spheres_, gpu)) {}
 
 ContactResult FieldContactCuda::measure_hull(std::span<const SurfaceBlend> cameras,
                                              const Pose& X_WT,
@@ -164,7 +164,7 @@ ContactResult FieldContactCuda::measure_one(const SurfaceView& from, const Surfa
   if (!is_finite(X_WT)) return unmeasured(StepStatus::non_finite_pose, wants, true);
   FieldQuestion question;
   question.X_WT = {X_WT.translation, normalized(X_WT.rotation)};
-  if (is_outside_window(from, to, alpha, question.X_WT * centre_of_mass_, field_tool_.reach)) {
+  if (is_outside_window(from, to, alpha, question.X_WT * center_of_mass_, field_tool_.reach)) {
     return unmeasured(StepStatus::outside_window, wants, true);
   }
   ContactResult result;
@@ -195,7 +195,7 @@ ContactResult FieldContactCuda::evaluate(const FieldQuestion& question,
   int num_missing = 0;
   for (int k = 0; k < kNumFields; ++k) {
     const DepthFieldView& field = question.fields[k];
-    const FieldFrame frame = frame_of(field.intrinsics, question.X_WT, centre_of_mass_);
+    const FieldFrame frame = frame_of(field.intrinsics, question.X_WT, center_of_mass_);
     query.fields[k] = look_of(field, frame, question.weights[k]);
     num_missing += field.num_levels == 0;
   }

@@ -44,7 +44,7 @@ class FieldContactCuda final : public ContactQuery {
   void describe(const DepthFieldView& field, const Pose& X_WT,
                 const ContactWants& wants) const noexcept;
 
-  Vec3d centre_of_mass_;
+  Vec3d center_of_mass_;
   int num_spheres_;
   gpu::Memory memory_;
   FieldTool field_tool_;

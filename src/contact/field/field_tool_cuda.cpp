@@ -32,8 +32,8 @@ FieldTool make_field_tool(const ToolIndex& index, SphereVolumes volumes, gpu::Me
   FieldTool made{elements_view(elements, memory), memory.copy_of(spheres), elements.reach, {}, 0};
   const SphereClusters& c = elements.clusters;
   for (std::size_t slot = 0; slot < c.x.size(); ++slot) {
-    const float from_centre = norm(Vec3f{c.x[slot], c.y[slot], c.z[slot]});
-    made.whole.reach = std::max(made.whole.reach, 1.00001f * (from_centre + elements.radius[slot]));
+    const float from_center = norm(Vec3f{c.x[slot], c.y[slot], c.z[slot]});
+    made.whole.reach = std::max(made.whole.reach, 1.00001f * (from_center + elements.radius[slot]));
   }
   made.largest_radius = *std::ranges::max_element(elements.largest_radius);
   return made;

@@ -52,9 +52,9 @@ float out_of_image(const DepthFieldView& field, const Vec3d& p_C, double reach) 
   if (!(z > static_cast<double>(kMinDepth))) return std::numeric_limits<float>::infinity();
   const double border =
       (1 - static_cast<double>(DepthFieldLevel::kFirst)) * (1 << (field.num_levels - 1));  // pixels
-  const auto is_beyond = [&](double x, double focal, double centre, int size) {
+  const auto is_beyond = [&](double x, double focal, double center, int size) {
     // Planes through the eye and the borders, far out.
-    const double low = (-border - centre) / focal, high = (size + border - centre) / focal;
+    const double low = (-border - center) / focal, high = (size + border - center) / focal;
     return x - low * p_C.z < -reach * std::hypot(1, low) ||
            x - high * p_C.z > reach * std::hypot(1, high);
   };

@@ -376,7 +376,7 @@ __global__ void describe_hull(const __grid_constant__ HullQuery<kMaxViews> query
                               const Sphere* spheres, int num, SphereCutsOnGpu to) {
   for (int id = gpu::grid_thread(); id < num; id += gpu::grid_threads()) {
     const Sphere sphere = spheres[id];
-    const Vec3f c = sphere.centre - p_TC;
+    const Vec3f c = sphere.center - p_TC;
     const Ball ball{c.x, c.y, c.z, sphere.radius, sphere.radius};
     const auto said = [&](int view) {
       return query_view<Gradient>(query, view, ball, eye_of(query, view).has_in_front);
@@ -404,7 +404,7 @@ __global__ void describe_hull(const __grid_constant__ HullQuery<kMaxViews> query
                       R[0][2] * g.x + R[1][2] * g.y + R[2][2] * g.z};
     const float length = norm(along);
     const Vec3f n = along * (1.0f / (length > 1e-20f ? length : 1e-20f));
-    to.planes[id] = {n, dot(n, sphere.centre) - g.phi};
+    to.planes[id] = {n, dot(n, sphere.center) - g.phi};
   }
 }
 

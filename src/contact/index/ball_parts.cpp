@@ -62,7 +62,7 @@ const BallPlaces& ball_places() {
     const std::vector<BallPart> parts = thirty_parts();
     for (std::size_t i = 0; i < parts.size(); ++i) {
       for (int axis = 0; axis < 3; ++axis) {
-        made.rows[axis][i] = static_cast<float>(parts[i].centre[axis]);
+        made.rows[axis][i] = static_cast<float>(parts[i].center[axis]);
       }
       made.rows[3][i] = 1;
     }

@@ -9,7 +9,7 @@
 namespace palpate::inline v0 {
 
 struct BallPart {
-  Vec3d centre;
+  Vec3d center;
   double radius = 0, share = 0;  ///< share: of the whole ball's volume
 };
 

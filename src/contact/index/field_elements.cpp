@@ -22,7 +22,7 @@ constexpr double kMaxFilling = 1.5 * 1.5 * 1.5;
 constexpr float kBallMargin = 1.25f;
 
 struct Element {
-  Vec3d centre;
+  Vec3d center;
   double radius;
   double volume;  ///< that counts, m3
   bool counted;
@@ -41,8 +41,8 @@ std::vector<Element> elements_of(const Tool& tool, SphereVolumes volumes, LargeS
                               ? sphere_volume(radius)
                               : static_cast<double>(tool.represented_volumes()[id]);
     elements.push_back(
-        {to_double(ball.centre) - tool.sphere_mass().centre_of_mass, radius, volume, true});
-    reach = std::max(reach, norm(elements.back().centre) + radius);
+        {to_double(ball.center) - tool.sphere_mass().center_of_mass, radius, volume, true});
+    reach = std::max(reach, norm(elements.back().center) + radius);
   }
   double filling = 0;  // of the ball around the tool
   for (const Element& e : elements) filling += sphere_volume(e.radius) / sphere_volume(reach);
@@ -66,14 +66,14 @@ std::vector<Element> elements_of(const Tool& tool, SphereVolumes volumes, LargeS
     std::vector<std::int32_t> run;
     for (const BallPart& part : parts) {
       run.push_back(static_cast<std::int32_t>(elements.size()));
-      elements.push_back({whole.centre + whole.radius * part.centre, whole.radius * part.radius,
+      elements.push_back({whole.center + whole.radius * part.center, whole.radius * part.radius,
                           whole.volume * part.share, false});
     }
     elements[i].volume = 0;
     if (is_even) continue;
     // A part has its place in the cluster of the larger ball.
     run.push_back(static_cast<std::int32_t>(i < num_spheres ? i : elements.size()));
-    if (i >= num_spheres) elements.push_back({whole.centre, whole.radius, 0, false});
+    if (i >= num_spheres) elements.push_back({whole.center, whole.radius, 0, false});
     balls.insert(balls.end(), run.begin(), run.end());
     volumes_of_balls.push_back(whole.volume);
   }
@@ -83,7 +83,7 @@ std::vector<Element> elements_of(const Tool& tool, SphereVolumes volumes, LargeS
 std::vector<Sphere> balls_of(const std::vector<Element>& elements) {
   std::vector<Sphere> balls;
   for (const Element& e : elements) {
-    balls.push_back({to_float(e.centre), static_cast<float>(e.radius)});
+    balls.push_back({to_float(e.center), static_cast<float>(e.radius)});
   }
   return balls;
 }
@@ -111,8 +111,8 @@ FieldElements::FieldElements(const Tool& tool, SphereVolumes volumes, LargeSpher
       }
       continue;
     }
-    const Vec3f centre{clusters.x[slot], clusters.y[slot], clusters.z[slot]};
-    reach = std::max(reach, norm(to_double(centre)));
+    const Vec3f center{clusters.x[slot], clusters.y[slot], clusters.z[slot]};
+    reach = std::max(reach, norm(to_double(center)));
     const Element& e = elements[static_cast<std::size_t>(clusters.sphere_id[slot])];
     factor[slot] = static_cast<float>(e.volume / sphere_volume(e.radius));
     counted[slot] = e.counted ? 1.0f : 0.0f;

@@ -10,13 +10,13 @@ namespace palpate::inline v0 {
 
 PathLengths::PathLengths(const Tool& tool) {
   const std::span<const Sphere> spheres = tool.spheres();
-  const auto starts = tool.graph().row_starts(), neighbours = tool.graph().neighbours();
+  const auto starts = tool.graph().row_starts(), neighbors = tool.graph().neighbors();
   const std::size_t n = spheres.size();
   std::vector<double> edge_lengths;
   for (std::size_t i = 0; i < n; ++i) {
     for (auto e = starts[i]; e < starts[i + 1]; ++e) {
-      const auto j = static_cast<std::size_t>(neighbours[static_cast<std::size_t>(e)]);
-      edge_lengths.push_back(norm(to_double(spheres[j].centre) - to_double(spheres[i].centre)));
+      const auto j = static_cast<std::size_t>(neighbors[static_cast<std::size_t>(e)]);
+      edge_lengths.push_back(norm(to_double(spheres[j].center) - to_double(spheres[i].center)));
     }
   }
   using Entry = std::pair<double, std::size_t>;
@@ -33,7 +33,7 @@ PathLengths::PathLengths(const Tool& tool) {
       if (length > way[i]) continue;
       for (auto e = static_cast<std::size_t>(starts[i]);
            e < static_cast<std::size_t>(starts[i + 1]); ++e) {
-        const auto j = static_cast<std::size_t>(neighbours[e]);
+        const auto j = static_cast<std::size_t>(neighbors[e]);
         if (length + edge_lengths[e] >= way[j]) continue;
         way[j] = length + edge_lengths[e];
         open.push({way[j], j});

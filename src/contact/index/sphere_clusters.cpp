@@ -9,9 +9,9 @@ namespace {
 // side of the box around the centers, at a multiple of the run length, again and again.
 void sort_spatially(std::span<const Sphere> spheres, std::span<std::int32_t> ids) {
   if (ids.size() <= SphereClusters::kSize) return;
-  Vec3f low = spheres[static_cast<std::size_t>(ids[0])].centre, high = low;
+  Vec3f low = spheres[static_cast<std::size_t>(ids[0])].center, high = low;
   for (std::int32_t id : ids) {
-    const Vec3f& c = spheres[static_cast<std::size_t>(id)].centre;
+    const Vec3f& c = spheres[static_cast<std::size_t>(id)].center;
     for (int axis = 0; axis < 3; ++axis) {
       low[axis] = std::min(low[axis], c[axis]);
       high[axis] = std::max(high[axis], c[axis]);
@@ -23,8 +23,8 @@ void sort_spatially(std::span<const Sphere> spheres, std::span<std::int32_t> ids
   while (half * 2 < ids.size()) half *= 2;
   std::nth_element(ids.begin(), ids.begin() + static_cast<std::ptrdiff_t>(half), ids.end(),
                    [&](std::int32_t a, std::int32_t b) {
-                     const float ca = spheres[static_cast<std::size_t>(a)].centre[axis];
-                     const float cb = spheres[static_cast<std::size_t>(b)].centre[axis];
+                     const float ca = spheres[static_cast<std::size_t>(a)].center[axis];
+                     const float cb = spheres[static_cast<std::size_t>(b)].center[axis];
                      return ca != cb ? ca < cb : a < b;
                    });
   sort_spatially(spheres, ids.first(half));
@@ -42,7 +42,7 @@ Cluster enclose(const SphereClusters& c, std::size_t begin, std::size_t end) {
   Cluster cluster{(low + high) * 0.5f, (high - low) * 0.50001f, 0};
   for (std::size_t i = begin; i < end; ++i) {
     if (c.sphere_id[i] < 0) continue;
-    const float distance = norm(Vec3f{c.x[i], c.y[i], c.z[i]} - cluster.centre);
+    const float distance = norm(Vec3f{c.x[i], c.y[i], c.z[i]} - cluster.center);
     cluster.reach = std::max(cluster.reach, (distance + c.radius[i]) * 1.00001f);
   }
   return cluster;
@@ -89,9 +89,9 @@ SphereClusters::SphereClusters(std::span<const Sphere> spheres,
     const std::int32_t id = order[slot];
     if (id < 0) continue;
     const Sphere& s = spheres[static_cast<std::size_t>(id)];
-    x[slot] = s.centre.x;
-    y[slot] = s.centre.y;
-    z[slot] = s.centre.z;
+    x[slot] = s.center.x;
+    y[slot] = s.center.y;
+    z[slot] = s.center.z;
     radius[slot] = s.radius;
     volume[slot] = static_cast<float>(sphere_volume(static_cast<double>(s.radius)));
     sphere_id[slot] = id;

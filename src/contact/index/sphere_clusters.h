@@ -14,7 +14,7 @@ namespace palpate::inline v0 {
 /// A few neighboring spheres: the box around their *centers*, and a ball around its middle that
 /// covers their surfaces.
 struct Cluster {
-  Vec3f centre;
+  Vec3f center;
   Vec3f half_size;
   float reach = 0;
 };

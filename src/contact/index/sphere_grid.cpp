@@ -30,16 +30,16 @@ SphereGrid::SphereGrid(std::span<const Sphere> spheres) {
   Vec3d low{1e300, 1e300, 1e300}, high = -low;
   for (const Sphere& s : spheres) {
     for (int axis = 0; axis < 3; ++axis) {
-      low[axis] = std::min(low[axis], static_cast<double>(s.centre[axis]) - s.radius);
-      high[axis] = std::max(high[axis], static_cast<double>(s.centre[axis]) + s.radius);
+      low[axis] = std::min(low[axis], static_cast<double>(s.center[axis]) - s.radius);
+      high[axis] = std::max(high[axis], static_cast<double>(s.center[axis]) + s.radius);
     }
   }
   const Vec3d size = high - low;
-  cells_per_metre_ = cells_along_longest_side(spheres.size()) / std::max({size.x, size.y, size.z});
-  const double margin = 2 * kInflation / cells_per_metre_;
+  cells_per_meter_ = cells_along_longest_side(spheres.size()) / std::max({size.x, size.y, size.z});
+  const double margin = 2 * kInflation / cells_per_meter_;
   origin_ = low - Vec3d{margin, margin, margin};
   for (int axis = 0; axis < 3; ++axis) {
-    num_[axis] = static_cast<int>((size[axis] + 2 * margin) * cells_per_metre_) + 1;
+    num_[axis] = static_cast<int>((size[axis] + 2 * margin) * cells_per_meter_) + 1;
   }
 
   // Every (cell, sphere) pair that overlaps, and the cells that lie wholly inside one sphere.
@@ -49,8 +49,8 @@ SphereGrid::SphereGrid(std::span<const Sphere> spheres) {
   std::vector<Overlap> overlaps;
   tags_.assign(static_cast<std::size_t>(num_[0]) * num_[1] * num_[2], 0);
   for (std::size_t id = 0; id < spheres.size(); ++id) {
-    const Vec3d c = (to_double(spheres[id].centre) - origin_) * cells_per_metre_;
-    const double r = spheres[id].radius * cells_per_metre_;
+    const Vec3d c = (to_double(spheres[id].center) - origin_) * cells_per_meter_;
+    const double r = spheres[id].radius * cells_per_meter_;
     int first[3], last[3];
     for (int axis = 0; axis < 3; ++axis) {
       first[axis] = std::max(0, static_cast<int>(std::floor(c[axis] - r - kInflation)));
@@ -98,8 +98,8 @@ SphereGrid::SphereGrid(std::span<const Sphere> spheres) {
           std::fill_n(blocks_.back().maybe_inside, CandidateBlock::kSize, -1.0f);
         }
         const Sphere& s = spheres[static_cast<std::size_t>(overlaps[i].sphere_id)];
-        const Vec3f c = to_float((to_double(s.centre) - origin_) * cells_per_metre_);
-        const double r = s.radius * cells_per_metre_;
+        const Vec3f c = to_float((to_double(s.center) - origin_) * cells_per_meter_);
+        const double r = s.radius * cells_per_meter_;
         CandidateBlock& block = blocks_.back();
         block.x[slot] = c.x;
         block.y[slot] = c.y;
@@ -115,7 +115,7 @@ SphereGrid::SphereGrid(std::span<const Sphere> spheres) {
 }
 
 SphereGridView SphereGrid::view() const {
-  return {origin_, cells_per_metre_, num_[0], num_[1], num_[2], tags_.data(), blocks_.data()};
+  return {origin_, cells_per_meter_, num_[0], num_[1], num_[2], tags_.data(), blocks_.data()};
 }
 
 }  // namespace palpate::inline v0

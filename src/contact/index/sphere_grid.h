@@ -32,7 +32,7 @@ struct alignas(64) CandidateBlock {
 /// Not owning, trivially copyable.
 struct SphereGridView {
   Vec3d origin;  ///< low corner, tool frame
-  double cells_per_metre = 1;
+  double cells_per_meter = 1;
   std::int32_t num_x = 0, num_y = 0, num_z = 0;
   const std::int32_t* tags = nullptr;  ///< 0: no sphere; k+1: inside sphere k; -(b+1): try block b
   const CandidateBlock* blocks = nullptr;
@@ -52,7 +52,7 @@ class SphereGrid {
 
  private:
   Vec3d origin_;
-  double cells_per_metre_ = 1;
+  double cells_per_meter_ = 1;
   std::int32_t num_[3] = {0, 0, 0};
   std::vector<std::int32_t> tags_;
   std::vector<CandidateBlock> blocks_;

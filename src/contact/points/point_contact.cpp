@@ -56,7 +56,7 @@ class PointMeasurement {
     return {options_.method == MethodKind::weighted, priority_, found_edges()};
   }
   const EdgesView* found_edges() const { return edges_.empty() ? nullptr : &edges_view_; }
-  const Vec3d& origin() const { return index_.tool().sphere_mass().centre_of_mass; }
+  const Vec3d& origin() const { return index_.tool().sphere_mass().center_of_mass; }
   // True if the spheres that no point touches composite donors.
   bool overlays() const { return fades_in_ && options_.method == MethodKind::simplified; }
   // True if they compare all donors, which the kernels do not.
@@ -256,7 +256,7 @@ MeasureSums PointMeasurement::measure_boundary_spheres() {
     sums.volume += volume;
     sums.force += force;
     sums.torque +=
-        cross(to_double(spheres_[static_cast<std::size_t>(id)].centre) - origin(), force);
+        cross(to_double(spheres_[static_cast<std::size_t>(id)].center) - origin(), force);
   }
   return sums;
 }
@@ -363,7 +363,7 @@ MeasureSums PointMeasurement::measure_one_by_one() {
     assigned_volume_[slot] = static_cast<float>(volume);
     sums.volume += volume;
     sums.force += force;
-    sums.torque += cross(to_double(spheres_[id].centre) - origin(), force);
+    sums.torque += cross(to_double(spheres_[id].center) - origin(), force);
     sums.num_inside += volume > 0;
   }
   return sums;
@@ -384,7 +384,7 @@ MeasureSums PointMeasurement::measure_along_graph() {
   seed_moments_.assign(seeds_.size(), SeedMoment{});
   for (const GraphTraversal::Visit& visit : reached_) {
     const double volume = reached_volume(visit);
-    const Vec3d c = to_double(spheres_[static_cast<std::size_t>(visit.sphere_id)].centre);
+    const Vec3d c = to_double(spheres_[static_cast<std::size_t>(visit.sphere_id)].center);
     SeedMoment& moment = seed_moments_[static_cast<std::size_t>(visit.seed)];
     moment.volume += volume;
     moment.first += volume * (c - origin());

@@ -46,7 +46,7 @@ struct ClustersView {
 struct alignas(16) SlotSphere {
   float x = 0, y = 0, z = 0, radius = 0;
 
-  PALPATE_HOSTDEV Vec3d centre() const { return to_double(Vec3f{x, y, z}); }
+  PALPATE_HOSTDEV Vec3d center() const { return to_double(Vec3f{x, y, z}); }
 };
 
 /// Some neighbors of a slot: neighbors[begin ... end) of a row.
@@ -62,7 +62,7 @@ struct SortedGraphView {
   const SlotSphere* spheres = nullptr;  ///< of each slot
   const std::int32_t* row_starts =
       nullptr;  ///< of each slot (padding has empty rows), and one more
-  const std::int32_t* neighbours = nullptr;  ///< slots
+  const std::int32_t* neighbors = nullptr;  ///< slots
   const RowPart* more_parts = nullptr;       ///< of all rows, without the first of each
   std::int32_t num_more_parts = 0;
 };

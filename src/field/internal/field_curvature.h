@@ -70,12 +70,12 @@ struct Symmetric {
 
 /// Second derivatives in space of a function of (u, v, z); see to_space.
 template <class Real>
-PALPATE_FORMULA Symmetric<Real> hessian_in_space(const ImageCurvature<Real>& c, Real from_centre_u,
-                                                 Real from_centre_v, Real inverse_z, float fx,
+PALPATE_FORMULA Symmetric<Real> hessian_in_space(const ImageCurvature<Real>& c, Real from_center_u,
+                                                 Real from_center_v, Real inverse_z, float fx,
                                                  float fy) {
   // Derivatives of u and v.
   const Real u_x = fx * inverse_z, v_y = fy * inverse_z;
-  const Real u_z = -from_centre_u * inverse_z, v_z = -from_centre_v * inverse_z;
+  const Real u_z = -from_center_u * inverse_z, v_z = -from_center_v * inverse_z;
   return {c.uu * u_x * u_x,
           c.uv * u_x * v_y,
           u_x * (c.uu * u_z + c.uv * v_z + c.uz) - c.first.by_u * u_x * inverse_z,
@@ -167,9 +167,9 @@ PALPATE_HOSTDEV inline CurvedFieldSample sample_field_curvature(const DepthField
   }
   const float fx = static_cast<float>(field.intrinsics.fx);
   const float fy = static_cast<float>(field.intrinsics.fy);
-  const Gradient3<double> n = to_space(c.first, at.from_centre_u, at.from_centre_v, 1 / z, fx, fy);
+  const Gradient3<double> n = to_space(c.first, at.from_center_u, at.from_center_v, 1 / z, fx, fy);
   const Symmetric<double> h =
-      hessian_in_space(c, at.from_centre_u, at.from_centre_v, 1 / z, fx, fy);
+      hessian_in_space(c, at.from_center_u, at.from_center_v, 1 / z, fx, fy);
   return {
       c.first.phi, {n.x, n.y, n.z}, {{{h.xx, h.xy, h.xz}, {h.xy, h.yy, h.yz}, {h.xz, h.yz, h.zz}}}};
 }

@@ -82,17 +82,17 @@ struct Gradient3 {
   Real x, y, z;
 };
 template <class Real>
-PALPATE_FORMULA Gradient3<Real> to_space(const ImageGradient<Real>& g, Real from_centre_u,
-                                         Real from_centre_v, Real inverse_z, float fx, float fy) {
+PALPATE_FORMULA Gradient3<Real> to_space(const ImageGradient<Real>& g, Real from_center_u,
+                                         Real from_center_v, Real inverse_z, float fx, float fy) {
   return {g.by_u * fx * inverse_z, g.by_v * fy * inverse_z,
-          g.by_z - (g.by_u * from_centre_u + g.by_v * from_centre_v) * inverse_z};
+          g.by_z - (g.by_u * from_center_u + g.by_v * from_center_v) * inverse_z};
 }
 
 /// Image of a point.
 template <class Real>
 struct PixelPosition {
   Real u, v;                          ///< pixels of level 0
-  Real from_centre_u, from_centre_v;  ///< from the principal point
+  Real from_center_u, from_center_v;  ///< from the principal point
 };
 template <class Real>
 PALPATE_HOSTDEV inline PixelPosition<Real> project(const Intrinsics& k, const Vec3<Real>& p_C) {
@@ -297,7 +297,7 @@ PALPATE_HOSTDEV inline FieldSample<Real> sample_field(const DepthFieldView& fiel
     requested *= Real(kDeepGrowth);
   }
   const Gradient3<Real> n =
-      to_space(g, at.from_centre_u, at.from_centre_v, 1 / z,
+      to_space(g, at.from_center_u, at.from_center_v, 1 / z,
                static_cast<float>(field.intrinsics.fx), static_cast<float>(field.intrinsics.fy));
   return {g.phi, {n.x, n.y, n.z}};
 }

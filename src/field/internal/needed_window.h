@@ -17,11 +17,11 @@ inline PixelWindow needed_window(const Intrinsics& k, int width, int height, con
     return static_cast<int>(std::clamp<double>(at, least, most));
   };
   // The ball's outline in the plane of one axis and z: where rays from the eye touch a circle.
-  const auto find = [&](double x, double focal, double centre, int size, int& first, int& last) {
+  const auto find = [&](double x, double focal, double center, int size, int& first, int& last) {
     const double z = p_C.z, across = reach * std::sqrt(x * x + z * z - reach * reach);
     const double scale = focal / (z * z - reach * reach);
-    first = pixel(std::floor(scale * (x * z - across) + centre), 0, size - 1);
-    last = pixel(std::ceil(scale * (x * z + across) + centre), 1, size);
+    first = pixel(std::floor(scale * (x * z - across) + center), 0, size - 1);
+    last = pixel(std::ceil(scale * (x * z + across) + center), 1, size);
   };
   PixelWindow window;
   find(p_C.x, k.fx, k.cx, width, window.left, window.right);

@@ -17,11 +17,11 @@ struct TwoPlaneCut {
 };
 
 /// Ball of the given radius behind plane a *and* behind plane b. The distances are signed, of the
-/// centre in front of each plane, as in cap_volume; `cosine` is that of the angle between the
+/// center in front of each plane, as in cap_volume; `cosine` is that of the angle between the
 /// normals.
 ///
 /// The surface is a spherical polygon of two arcs and two pieces of discs. Gauss-Bonnet gives the
-/// area of the polygon, the divergence theorem (from the centre) the volume.
+/// area of the polygon, the divergence theorem (from the center) the volume.
 template <class Real>
 PALPATE_HOSTDEV TwoPlaneCut<Real> two_plane_cut(Real radius, Real distance_a, Real distance_b,
                                                 Real cosine) {
@@ -36,7 +36,7 @@ PALPATE_HOSTDEV TwoPlaneCut<Real> two_plane_cut(Real radius, Real distance_a, Re
   if (distance_a <= -radius) return only_b;
 
   // In the plane across both: the line where the planes meet lies u_a along plane a, measured from
-  // the foot of the centre, away from what plane b keeps; u_b likewise.
+  // the foot of the center, away from what plane b keeps; u_b likewise.
   const Real a = -distance_a, b = -distance_b;
   const Real sine_squared = (Real(1) - cosine) * (Real(1) + cosine);
   const Real sine = sine_squared > Real(0) ? std::sqrt(sine_squared) : Real(0);

@@ -60,9 +60,9 @@ WindowOptions window_of(const RunSettings& settings) {
 
 ToolBall ball_of(const Tool& tool) {
   constexpr double kMaxBallGrowth = 1.5;  // largest growth of a ball that is split into parts
-  ToolBall ball{tool.sphere_mass().centre_of_mass, 0};
+  ToolBall ball{tool.sphere_mass().center_of_mass, 0};
   for (const Sphere& sphere : tool.spheres()) {
-    const double away = norm(to_double(sphere.centre) - ball.p_TC);
+    const double away = norm(to_double(sphere.center) - ball.p_TC);
     ball.reach = std::max(ball.reach, away + kMaxBallGrowth * static_cast<double>(sphere.radius));
   }
   return ball;

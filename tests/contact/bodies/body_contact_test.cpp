@@ -23,18 +23,18 @@ Tool tool_of(std::vector<Sphere> spheres, const Vec3d& box = {1, 1, 1}) {
 
 struct BruteForce {
   double volume = 0, potential = 0;
-  Vec3d force, torque_a, torque_b;  // on A and on B, each about its own centre of mass
+  Vec3d force, torque_a, torque_b;  // on A and on B, each about its own center of mass
   std::int64_t num_pairs = 0;
 };
 
 BruteForce brute_force(const Tool& a, const Tool& b, const Pose& X_WA, const Pose& X_WB) {
   BruteForce sum;
-  const Vec3d C_a = X_WA * a.sphere_mass().centre_of_mass;
-  const Vec3d C_b = X_WB * b.sphere_mass().centre_of_mass;
+  const Vec3d C_a = X_WA * a.sphere_mass().center_of_mass;
+  const Vec3d C_b = X_WB * b.sphere_mass().center_of_mass;
   for (const Sphere& s : a.spheres()) {
-    const Vec3d p = X_WA * to_double(s.centre);
+    const Vec3d p = X_WA * to_double(s.center);
     for (const Sphere& t : b.spheres()) {
-      const Vec3d q = X_WB * to_double(t.centre);
+      const Vec3d q = X_WB * to_double(t.center);
       const double ra = double(s.radius), rb = double(t.radius), d = norm(p - q);
       if (d >= ra + rb) continue;
       const double lens = lens_volume(ra, rb, d);
@@ -106,7 +106,7 @@ TEST(BodyContact, TwoBallsInClosedForm) {
   // The one ball inside the other: all of it, and continuous where that begins.
   EXPECT_NEAR(at(0.2).on_a.volume, sphere_volume(0.125), 1e-15);
   EXPECT_NEAR(at(0.375 + 1e-7).on_a.volume, at(0.375 - 1e-7).on_a.volume, 1e-12);
-  // No line of centres: a volume without a force.
+  // No line of centers: a volume without a force.
   const BodyPenetration coincident = at(0);
   EXPECT_NEAR(coincident.on_a.volume, sphere_volume(0.125), 1e-15);
   EXPECT_EQ(norm(coincident.on_a.measure_W.force), 0);
@@ -155,8 +155,8 @@ TEST(BodyContact, TotalMomentAboutAnyPointIsZero) {
     const auto moment = [&](const VolumeWrench& w, const Vec3d& C) {
       return w.torque + cross(C - P, w.force);
     };
-    const Vec3d total = moment(result.on_a.measure_W, X_WA * a.sphere_mass().centre_of_mass) +
-                        moment(result.on_b.measure_W, X_WB * b.sphere_mass().centre_of_mass);
+    const Vec3d total = moment(result.on_a.measure_W, X_WA * a.sphere_mass().center_of_mass) +
+                        moment(result.on_b.measure_W, X_WB * b.sphere_mass().center_of_mass);
     expect_near(total, {}, 1e-14 * result.on_a.volume);
   }
 }
@@ -193,10 +193,10 @@ TEST(BodyContact, WrenchIsTheGradientOfThePotential) {
       }
     };
     check(result.on_a.measure_W, [&](int k, double h) {
-      return contact.potential(test::stepped(X_WA, a.sphere_mass().centre_of_mass, k, h), X_WB);
+      return contact.potential(test::stepped(X_WA, a.sphere_mass().center_of_mass, k, h), X_WB);
     });
     check(result.on_b.measure_W, [&](int k, double h) {
-      return contact.potential(X_WA, test::stepped(X_WB, b.sphere_mass().centre_of_mass, k, h));
+      return contact.potential(X_WA, test::stepped(X_WB, b.sphere_mass().center_of_mass, k, h));
     });
   }
 }
@@ -204,10 +204,10 @@ TEST(BodyContact, WrenchIsTheGradientOfThePotential) {
 TEST(BodyContact, ClosedPathsDoNoWork) {
   const Tool a = test::random_tool(150, 0.05, 5), b = test::random_tool(200, 0.06, 6);
   BodyContact contact(a, b);
-  const Vec3d C_A = a.sphere_mass().centre_of_mass;
-  // Round and round in all six coordinates at once, in and out of contact: where the centre of mass
+  const Vec3d C_A = a.sphere_mass().center_of_mass;
+  // Round and round in all six coordinates at once, in and out of contact: where the center of mass
   // is and how the tool is turned, both periodic.
-  const auto centre = [](double t) {
+  const auto center = [](double t) {
     return Vec3d{0.05 * std::cos(t), 0.06 * std::sin(t), 0.04 * std::sin(2 * t) + 0.03};
   };
   const auto turn = [](double t) {
@@ -215,14 +215,14 @@ TEST(BodyContact, ClosedPathsDoNoWork) {
   };
   const auto pose = [&](double t) -> Pose {
     const Quaternion q = turn(t);
-    return {centre(t) - rotate(q, C_A), q};
+    return {center(t) - rotate(q, C_A), q};
   };
   double work = 0, absolute = 0;
   const int n = 20000;
   const double h = 2 * kPi / n, e = 1e-5;
   for (int i = 0; i < n; ++i) {
     const double t = (i + 0.5) * h;
-    const Vec3d velocity = (centre(t + e) - centre(t - e)) / (2 * e);
+    const Vec3d velocity = (center(t + e) - center(t - e)) / (2 * e);
     const Quaternion q = turn(t), before = turn(t - e), after = turn(t + e);
     const Quaternion rate =
         Quaternion{(after.x - before.x) / (2 * e), (after.y - before.y) / (2 * e),

@@ -210,7 +210,7 @@ double volume_behind(const Vec3d& n, double side, double depth) {
 TEST(SolidContact, EqualCubesPushWithoutJumpsAndWithoutGain) {
   const double side = 0.1, step = 5e-5;
   const Tool cube = packed(make_box({side, side, side}), 1000).with_solid_field();
-  const Vec3d centre = cube.sphere_mass().centre_of_mass;
+  const Vec3d center = cube.sphere_mass().center_of_mass;
   SolidContact contact = contact_of(cube, cube);
   Random random(9);
   for (int i = 0; i < 6; ++i) {
@@ -240,7 +240,7 @@ TEST(SolidContact, EqualCubesPushWithoutJumpsAndWithoutGain) {
       const VolumeWrench now = contact.measure(X_WA, {}).on_a.measure_W;
       if (k > 0) {
         const Quaternion turn = X_WA.rotation * conjugate(before.rotation);
-        const double done = dot(now.force + felt.force, X_WA * centre - before * centre) / 2 +
+        const double done = dot(now.force + felt.force, X_WA * center - before * center) / 2 +
                             dot(now.torque + felt.torque, Vec3d{turn.x, turn.y, turn.z});
         work += done;
         all += std::abs(done);
@@ -272,11 +272,11 @@ TEST(SolidContact, WrenchIsTheGradientOfThePotential) {
                        }
                      };
                      check(result.on_a.measure_W, [&](int k, double h) {
-                       const Vec3d C = bodies.torus.sphere_mass().centre_of_mass;
+                       const Vec3d C = bodies.torus.sphere_mass().center_of_mass;
                        return contact.measure(test::stepped(X_WA, C, k, h), X_WB);
                      });
                      check(result.on_b.measure_W, [&](int k, double h) {
-                       const Vec3d C = bodies.box.sphere_mass().centre_of_mass;
+                       const Vec3d C = bodies.box.sphere_mass().center_of_mass;
                        return contact.measure(X_WA, test::stepped(X_WB, C, k, h));
                      });
                    });
@@ -307,11 +307,11 @@ TEST(SolidContact, StiffnessIsTheSlopeOfTheWrench) {
                        }
                      };
                      check(*result.stiffness_a, [&](int k, double h) {
-                       const Vec3d C = bodies.torus.sphere_mass().centre_of_mass;
+                       const Vec3d C = bodies.torus.sphere_mass().center_of_mass;
                        return contact.measure(test::stepped(X_WA, C, k, h), X_WB).on_a.measure_W;
                      });
                      check(*result.stiffness_b, [&](int k, double h) {
-                       const Vec3d C = bodies.box.sphere_mass().centre_of_mass;
+                       const Vec3d C = bodies.box.sphere_mass().center_of_mass;
                        return contact.measure(X_WA, test::stepped(X_WB, C, k, h)).on_b.measure_W;
                      });
                    });
@@ -341,8 +341,8 @@ TEST(SolidContact, TotalMomentAboutAnyPointIsZero) {
           return w.torque + cross(C - P, w.force);
         };
         const Vec3d total =
-            moment(result.on_a.measure_W, X_WA * bodies.torus.sphere_mass().centre_of_mass) +
-            moment(result.on_b.measure_W, X_WB * bodies.box.sphere_mass().centre_of_mass);
+            moment(result.on_a.measure_W, X_WA * bodies.torus.sphere_mass().center_of_mass) +
+            moment(result.on_b.measure_W, X_WB * bodies.box.sphere_mass().center_of_mass);
         EXPECT_EQ(result.on_b.measure_W.force, -result.on_a.measure_W.force);
         EXPECT_EQ(result.on_b.volume, result.on_a.volume);
         EXPECT_LE(norm(total), 1e-14 * result.on_a.volume);

@@ -66,7 +66,7 @@ TEST(ContactQueryCuda, EqualsBruteForceOnRandomPoses) {
   }
 }
 
-TEST(ContactQueryCuda, EqualsBruteForceOnUnorganisedClouds) {
+TEST(ContactQueryCuda, EqualsBruteForceOnUnorganizedClouds) {
   PALPATE_GPU_OR_SKIP();
   Random random(3);
   const Tool tool = test::random_tool(200, 0.05, 2);

@@ -63,7 +63,7 @@ TEST(BallCut, IsExactOnPlanes) {
     const auto plane = ball_plane<double>(at, phi, sum, false);
     const Row volume = parts_only(at, phi) + plane.volume;
     EXPECT_NEAR(sum(volume), cap_volume(1.0, distance), 1e-6 * kWhole);
-    // The force acts along the normal through the centre.
+    // The force acts along the normal through the center.
     const Vec3d moment{sum(volume * at.x), sum(volume * at.y), sum(volume * at.z)};
     EXPECT_LT(norm(cross(moment, n)), 1e-6 * kWhole);
     const double count = 1 / (30 * std::pow(double{kPartRadius}, 3));

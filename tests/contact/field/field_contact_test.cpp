@@ -118,7 +118,7 @@ TEST(FieldContact, EqualsBruteForceAtSilhouettes) {
 
 void expect_derivative_of_the_potential(const FrozenField& scene) {
   const Tool tool = test::random_tool(200, 0.06, 5);
-  const Vec3d C_T = tool.sphere_mass().centre_of_mass;
+  const Vec3d C_T = tool.sphere_mass().center_of_mass;
   Random random(6);
   for (int i = 0; i < 40; ++i) {
     const Pose X_WT = random_pose(random);
@@ -155,7 +155,7 @@ TEST(FieldContact, WrenchIsMinusTheDerivativeOfThePotentialAtSilhouettes) {
 TEST(FieldContact, StiffnessIsTheDerivativeOfTheWrench) {
   const FrozenField scene = calm_wall(20);
   const Tool tool = test::random_tool(150, 0.06, 21);
-  const Vec3d C_T = tool.sphere_mass().centre_of_mass;
+  const Vec3d C_T = tool.sphere_mass().center_of_mass;
   const auto query = make_query(tool, scene);
   Random random(22);
   int num_compared = 0;
@@ -202,7 +202,7 @@ TEST_P(ClosedLoops, CostNoWork) {
   const FrozenField scene = calm_wall(7, GetParam().first, GetParam().second);
   const Tool tool = test::random_tool(500, 0.05, 8);
   const auto query = make_query(tool, scene);
-  const Vec3d C_T = tool.sphere_mass().centre_of_mass;
+  const Vec3d C_T = tool.sphere_mass().center_of_mass;
   constexpr int kSteps = 8000;
   const auto pose = [](int k) {
     const double a = 2 * kPi * k / kSteps;
@@ -316,7 +316,7 @@ TEST(FieldContact, HalfSpaceAgreesWithCaps) {
     double volume = 0;
     for (const Sphere& s : tool.spheres()) {
       volume += cap_volume(static_cast<double>(s.radius),
-                           dot(n, X_WT * to_double(s.centre)) - wall.offset);
+                           dot(n, X_WT * to_double(s.center)) - wall.offset);
     }
     const Penetration got = query->query(X_WT, kOwn);
     EXPECT_NEAR(got.volume, volume, 5e-3 * all);
@@ -464,7 +464,7 @@ TEST(FieldContact, StatesAndPlanesDescribeTheLastQuery) {
     int num_inside = 0, num_boundary = 0;
     for (std::size_t id = 0; id < tool.spheres().size(); ++id) {
       const Sphere ball = field_ball(tool, id, options.counted());
-      const double distance = 0.6 - (X_WT * to_double(ball.centre)).z;
+      const double distance = 0.6 - (X_WT * to_double(ball.center)).z;
       const double r = ball.radius;
       const SphereState state = query->states()[id];
       num_inside += state == SphereState::inside;
@@ -478,7 +478,7 @@ TEST(FieldContact, StatesAndPlanesDescribeTheLastQuery) {
       const Vec3d n_W = rotate(X_WT.rotation, to_double(cut.normal));
       EXPECT_NEAR(norm(n_W - wall.normal), 0, 1e-4);
       EXPECT_NEAR(
-          dot(to_double(cut.normal), to_double(ball.centre)) - static_cast<double>(cut.offset),
+          dot(to_double(cut.normal), to_double(ball.center)) - static_cast<double>(cut.offset),
           distance, 1e-5 + (distance < -1.3 * r ? -0.35 * distance : 0));
     }
     EXPECT_EQ(num_inside, got.num_inside_spheres);
@@ -510,7 +510,7 @@ TEST(FieldContact, WhatTouchesInOnePointIsOutside) {
 // All elements together have the moments of the solid, whatever its spheres leave free.
 TEST(FieldElements, AreWhereTheVolumeIs) {
   const Tool tool = test::random_tool(400, 0.05, 24);
-  const Vec3d C_T = tool.sphere_mass().centre_of_mass;
+  const Vec3d C_T = tool.sphere_mass().center_of_mass;
   for (const SphereVolumes volumes : {SphereVolumes::own, SphereVolumes::represented}) {
     for (const LargeSpheres large : {LargeSpheres::in_thirty, LargeSpheres::evenly}) {
       const FieldElements elements(tool, volumes, large);
@@ -532,8 +532,8 @@ TEST(FieldElements, AreWhereTheVolumeIs) {
       // Torques are about the center of mass of the spheres.
       const MassProperties& mass =
           volumes == SphereVolumes::own ? tool.sphere_mass() : tool.mesh_mass();
-      const Vec3d lever = mass.centre_of_mass - C_T;
-      EXPECT_LE(norm(first - all * lever), 2e-5 * all) << "metres";
+      const Vec3d lever = mass.center_of_mass - C_T;
+      EXPECT_LE(norm(first - all * lever), 2e-5 * all) << "meters";
       // Half the trace of the inertia about the center of mass is the second moment.
       const double want =
           0.5 * (mass.inertia.m[0][0] + mass.inertia.m[1][1] + mass.inertia.m[2][2]) +

@@ -166,7 +166,7 @@ Work work_of(int num_steps, const Vec3d& C_T, const PoseAt& pose, const WrenchAt
 TEST_P(FieldOnRealFrames, ClosedLoopsAcrossSilhouettesCostLittleWork) {
   PALPATE_FRAMES_OR_SKIP(frames, load, kSome);
   const Tool tool = test::random_tool(200, 0.03, 33);
-  const Vec3d C_T = tool.sphere_mass().centre_of_mass;
+  const Vec3d C_T = tool.sphere_mass().center_of_mass;
   const double whole = full_volume(tool, SphereVolumes::represented);
   const FieldElements elements(tool, SphereVolumes::represented);
   ThreadPool pool(1);
@@ -182,13 +182,13 @@ TEST_P(FieldOnRealFrames, ClosedLoopsAcrossSilhouettesCostLittleWork) {
     Random random(34);
     for (int loop = 0; loop < kLoops; ++loop) {
       const std::size_t pixel = seen.random_silhouette(random);
-      const Vec3d centre = seen.point(pixel, seen.depth(pixel) + 0.01);
+      const Vec3d center = seen.point(pixel, seen.depth(pixel) + 0.01);
       const Quaternion start = random.rotation(kPi);
       const auto pose = [&](int k) {
         const double a = 2 * kPi * k / kSteps;
         const Quaternion q = axis_angle({1, 0.3, 0.2}, 0.4 * std::sin(a)) *
                              axis_angle({0, 1, -0.5}, 0.3 * std::cos(2 * a)) * start;
-        return Pose{centre + Vec3d{0.05 * std::cos(a), 0.04 * std::sin(a), 0.03 * std::sin(a + 1)},
+        return Pose{center + Vec3d{0.05 * std::cos(a), 0.04 * std::sin(a), 0.03 * std::sin(a + 1)},
                     normalized(q)};
       };
       double most = 0;

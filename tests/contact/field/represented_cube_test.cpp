@@ -97,7 +97,7 @@ TEST_F(RepresentedCube, HasTheVolumeOfTheCubeBehindPlanes) {
 
 TEST_F(RepresentedCube, HasItsTorqueAndSteps) {
   const FieldElements elements(tool(), SphereVolumes::represented);
-  const Vec3d C = tool().sphere_mass().centre_of_mass;
+  const Vec3d C = tool().sphere_mass().center_of_mass;
   test::Random random(5);
   double squares = 0;
   constexpr int kNum = 60, kPoints = 90;

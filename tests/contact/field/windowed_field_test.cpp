@@ -138,7 +138,7 @@ void compare(BothWays& seen, const DepthStreamInfo& stream, const std::vector<De
       const Vec3d C_W =
           middle + (is_away ? 4 * probe.reach : random.uniform(0, 0.9) * room) * random.direction();
       Pose X_WT{{}, random.rotation(kPi)};
-      X_WT.translation = C_W - X_WT * probe.tool->sphere_mass().centre_of_mass;
+      X_WT.translation = C_W - X_WT * probe.tool->sphere_mass().center_of_mass;
       SurfaceBlend whole = seen.whole(), windowed = seen.windowed();
       if (!has_both) whole.progress = windowed.progress = 1;
       const Answer got = evaluate(*probe.query, windowed, X_WT);

@@ -94,7 +94,7 @@ TEST(DepthHull, WrenchIsMinusTheDerivativeOfThePotential) {
   Random random(12);
   const HullScene scene = test::rough_scene(3, {}, random);
   const Tool tool = test::random_tool(150, 0.06, 5);
-  const Vec3d C_T = tool.sphere_mass().centre_of_mass;
+  const Vec3d C_T = tool.sphere_mass().center_of_mass;
   const auto truth = [&](const Pose& X_WT) {
     return test::hull_truth(tool, scene.views, X_WT, SphereVolumes::own, 1e9);
   };
@@ -124,7 +124,7 @@ TEST(DepthHull, StiffnessIsMinusTheDerivativeOfTheWrench) {
   const HullScene scene = test::smooth_scene(3);
   const Tool tool = test::random_tool(300, 0.06, 5);
   const auto query = make_query(tool, SphereVolumes::own);
-  const Vec3d C_T = tool.sphere_mass().centre_of_mass;
+  const Vec3d C_T = tool.sphere_mass().center_of_mass;
   int num_with_force = 0;
   std::vector<double> errors;
   for (int i = 0; i < 30; ++i) {
@@ -419,7 +419,7 @@ TEST(DepthHull, OneCameraSaysWhatItDoesNotSee) {
       if (i % 8 == 0) X_WT.translation.z = -0.5;
       if (i % 8 == 1) X_WT.translation.x = 0.6 * X_WT.translation.z;  // the image's border
       const Pose X_CT = inverse(view.to.X_WC) * X_WT;
-      const Vec3d C_T = tool.sphere_mass().centre_of_mass;
+      const Vec3d C_T = tool.sphere_mass().center_of_mass;
       double want = 0;
       for (std::size_t e = 0; e < elements.factor.size(); ++e) {
         const SphereClusters& c = elements.clusters;
@@ -446,7 +446,7 @@ TEST(DepthHull, OneCameraSaysWhatItDoesNotSee) {
       for (std::size_t s = 0; s < marks.size(); ++s) {
         EXPECT_EQ(deciders[s], 0);
         num_wrong +=
-            marks[s] != !is_seen_by(view.to, X_CT * to_double(tool.represented_balls()[s].centre));
+            marks[s] != !is_seen_by(view.to, X_CT * to_double(tool.represented_balls()[s].center));
       }
       EXPECT_LE(num_wrong, 2);
     }
@@ -467,7 +467,7 @@ TEST(DepthHull, SpheresInUnseenSpaceAreMarked) {
     int num_wrong = 0;
     for (std::size_t s = 0; s < marks.size(); ++s) {
       const Sphere& sphere = tool.spheres()[s];
-      const auto truth = test::hull_of(scene.views, X_WT * to_double(sphere.centre),
+      const auto truth = test::hull_of(scene.views, X_WT * to_double(sphere.center),
                                        static_cast<double>(sphere.radius));
       num_wrong += marks[s] != (truth.seen_phi < -kSeenBehind);
       num_marked += marks[s] == 1;
@@ -543,7 +543,7 @@ TEST(DepthHull, DescribesItsSpheres) {
     query->measure(scene.views, X_WT, {.states = states, .planes = planes});
     for (std::size_t s = 0; s < states.size(); ++s) {
       const double r = tool.spheres()[s].radius;
-      const Vec3d c_T = to_double(tool.spheres()[s].centre);
+      const Vec3d c_T = to_double(tool.spheres()[s].center);
       const test::HullSample at = test::hull_of(scene.views, X_WT * c_T, r).at;
       if (std::abs(std::abs(at.phi) - r) < 1e-5) continue;
       EXPECT_EQ(states[s], test::state_at(at.phi, r));

@@ -109,9 +109,9 @@ class MovingCamera {
   std::size_t num_allocations_ = 0;
 };
 
-double exact_share(const std::optional<Vec3d>& ball, const Vec3d& centre) {
+double exact_share(const std::optional<Vec3d>& ball, const Vec3d& center) {
   int num = 0, num_solid = 0;
-  test::for_points_in_ball(centre, kToolRadius, [&](const Vec3d& p) {
+  test::for_points_in_ball(center, kToolRadius, [&](const Vec3d& p) {
     ++num;
     num_solid += p.z > kWall || (ball && norm(p - *ball) < kBallRadius);
   });
@@ -247,8 +247,8 @@ TEST(KeyFrames, AreOfCountsInHostMemory) {
   time.memory.kind = DepthMemory::on;
   auto timeline = SurfaceTimeline::create(stream, {}, DepthFieldOptions{}, time).value();
   ThreadPool pool(1);
-  const std::vector<float> metres(64 * 48, 1.0f);
-  timeline.push(DepthImageView(64, 48, metres.data()), 0, pool);
+  const std::vector<float> meters(64 * 48, 1.0f);
+  timeline.push(DepthImageView(64, 48, meters.data()), 0, pool);
   ASSERT_FALSE(timeline.status());
   EXPECT_NE(timeline.status().error().message.find("16-bit depth images in host memory"),
             std::string::npos);

@@ -242,10 +242,10 @@ TEST(Memory, WithNothingInFrontItIsOneCamera) {
 
 /// The share of a ball that is in the table or in the slab behind the hand's surface, along its
 /// normal, by exact rays.
-double exact_share(double x, const Vec3d& centre, double radius) {
+double exact_share(double x, const Vec3d& center, double radius) {
   int num = 0, num_solid = 0;
   const Vec3d hand{x, 0, kHandDepth};
-  test::for_points_in_ball(centre, radius, [&](const Vec3d& p) {
+  test::for_points_in_ball(center, radius, [&](const Vec3d& p) {
     const Vec3d ray = (1 / p.z) * p, seen = test::to_ball({}, ray, hand, kHandRadius) * ray;
     const double depth = seen.z < 10 ? dot(seen - p, seen - hand) / kHandRadius : -1;
     ++num;
@@ -430,7 +430,7 @@ TEST(Memory, DescribesItsSpheres) {
     int num_wrong = 0;
     for (std::size_t s = 0; s < states.size(); ++s) {
       const double r = tool.spheres()[s].radius;
-      const Vec3d c_T = to_double(tool.spheres()[s].centre);
+      const Vec3d c_T = to_double(tool.spheres()[s].center);
       const test::HullTruth want = test::hull_of(scene.views, X_WT * c_T, r);
       if (std::abs(std::abs(want.at.phi) - r) < 1e-5) continue;
       EXPECT_EQ(states[s], test::state_at(want.at.phi, r));

@@ -21,16 +21,16 @@ constexpr double kBlock = 0.5, kWall = 1.2, kEdge = 0.1;  // depths and the bloc
 /// from `left` to `right` of its edge (m, of x) are dark in the middle rows.
 std::vector<float> dark_image(double left, double right, bool has_block = true) {
   const Camera camera = test::vga();
-  std::vector<float> metres;
+  std::vector<float> meters;
   for (int v = 0; v < camera.height; ++v) {
     for (int u = 0; u < camera.width; ++u) {
       const double x = (u - camera.intrinsics.cx) / camera.intrinsics.fx * kBlock;
       const bool is_block = has_block && x < kEdge;
       const bool is_dark = is_block && x > kEdge - left && x <= kEdge - right && v > 60 && v < 420;
-      metres.push_back(static_cast<float>(is_dark ? 0 : (is_block ? kBlock : kWall)));
+      meters.push_back(static_cast<float>(is_dark ? 0 : (is_block ? kBlock : kWall)));
     }
   }
-  return metres;
+  return meters;
 }
 
 class Unseen : public testing::Test {

@@ -29,7 +29,7 @@ PlaneError behind_planes(const std::vector<BallPart>& parts) {
     const double distance = random.uniform(-1.0, 1.0);
     double sum = 0;
     for (const BallPart& part : parts) {
-      sum += part.share * cap_share(part.radius, distance - dot(part.centre, n));
+      sum += part.share * cap_share(part.radius, distance - dot(part.center, n));
     }
     const double off = sum - cap_share(1, distance);
     error.rms += off * off / num;
@@ -45,8 +45,8 @@ TEST(BallParts, HaveTheMomentsOfTheBall) {
     Vec3d first;
     for (const BallPart& part : radius > 0 ? even_parts(radius) : thirty_parts()) {
       volume += part.share;
-      first += part.share * part.centre;
-      second += part.share * (dot(part.centre, part.centre) + 0.6 * part.radius * part.radius);
+      first += part.share * part.center;
+      second += part.share * (dot(part.center, part.center) + 0.6 * part.radius * part.radius);
     }
     EXPECT_NEAR(volume, 1, 1e-12) << radius;
     EXPECT_LT(norm(first), 1e-12) << radius;
@@ -72,7 +72,7 @@ TEST(BallParts, FillTheBallEvenlyAndKeepToIt) {
     double farthest = 0;
     for (const BallPart& part : parts) {
       EXPECT_LT(part.radius, 1.02 * radius);
-      farthest = std::max(farthest, norm(part.centre) + part.radius);
+      farthest = std::max(farthest, norm(part.center) + part.radius);
     }
     EXPECT_LT(farthest, 1 + 0.6 * radius);
     // Balls that lie within, as wide as four parts.
@@ -83,7 +83,7 @@ TEST(BallParts, FillTheBallEvenlyAndKeepToIt) {
           (1 - wide) * random.uniform(0.0, 1.0) * rotate(random.rotation(kPi), Vec3d{0, 0, 1});
       double sum = 0;
       for (const BallPart& part : parts) {
-        sum += part.share * lens_volume(part.radius, wide, norm(part.centre - at)) /
+        sum += part.share * lens_volume(part.radius, wide, norm(part.center - at)) /
                sphere_volume(part.radius);
       }
       const double share = wide * wide * wide;

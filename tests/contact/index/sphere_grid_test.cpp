@@ -24,7 +24,7 @@ TEST(SphereGrid, EveryPointOfASphereFindsItInItsCell) {
     const Sphere& s = spheres[static_cast<std::size_t>(id)];
     const double r = static_cast<double>(s.radius) * (i % 2 == 0 ? 1.0 : random.uniform());
     const Vec3d g =
-        (to_double(s.centre) + r * random.direction() - view.origin) * view.cells_per_metre;
+        (to_double(s.center) + r * random.direction() - view.origin) * view.cells_per_meter;
     ASSERT_TRUE(g.x >= 0 && g.y >= 0 && g.z >= 0 && g.x < view.num_x && g.y < view.num_y &&
                 g.z < view.num_z);
     const std::int32_t tag =
@@ -53,10 +53,10 @@ TEST(SphereGrid, EveryPointOfASphereFindsItInItsCell) {
 struct FromCell {
   double nearest = 0, farthest = 0;
 
-  FromCell(const Vec3d& centre, const int (&cell)[3], double larger) {
+  FromCell(const Vec3d& center, const int (&cell)[3], double larger) {
     for (int axis = 0; axis < 3; ++axis) {
-      const double low = cell[axis] - larger - centre[axis];
-      const double high = cell[axis] + 1 + larger - centre[axis];
+      const double low = cell[axis] - larger - center[axis];
+      const double high = cell[axis] + 1 + larger - center[axis];
       const double near = std::clamp(0.0, low, high);
       nearest += near * near;
       farthest += std::max(low * low, high * high);
@@ -91,8 +91,8 @@ TEST(SphereGrid, CellsKnowTheirSpheresWithRoomForRounding) {
           continue;
         }
         const Sphere& s = spheres[static_cast<std::size_t>(block->id(slot))];
-        const Vec3d c = (to_double(s.centre) - view.origin) * view.cells_per_metre;
-        const double r = static_cast<double>(s.radius) * view.cells_per_metre;
+        const Vec3d c = (to_double(s.center) - view.origin) * view.cells_per_meter;
+        const double r = static_cast<double>(s.radius) * view.cells_per_meter;
         EXPECT_LT(norm(c - to_double(Vec3f{block->x[at], block->y[at], block->z[at]})), 1e-5);
         EXPECT_NEAR(std::sqrt(static_cast<double>(block->surely_inside[at])), r - 1e-4, 1e-5);
         EXPECT_NEAR(std::sqrt(static_cast<double>(block->maybe_inside[at])), r + 1e-4, 1e-5);
@@ -103,8 +103,8 @@ TEST(SphereGrid, CellsKnowTheirSpheresWithRoomForRounding) {
     num_listed += static_cast<int>(listed.size());
     num_full += tag > 0;
     for (std::size_t id = 0; id < spheres.size(); ++id) {
-      const Vec3d c = (to_double(spheres[id].centre) - view.origin) * view.cells_per_metre;
-      const double r = static_cast<double>(spheres[id].radius) * view.cells_per_metre;
+      const Vec3d c = (to_double(spheres[id].center) - view.origin) * view.cells_per_meter;
+      const double r = static_cast<double>(spheres[id].radius) * view.cells_per_meter;
       const FromCell less(c, cell, 0.9e-3), more(c, cell, 1.1e-3);
       const bool is_full = tag == static_cast<std::int32_t>(id) + 1;
       const bool is_listed = std::ranges::binary_search(listed, static_cast<std::int32_t>(id));
@@ -139,19 +139,19 @@ TEST(SphereGrid, LiesAroundAllSpheresWithAboutOneCellAndAHalfPerSphere) {
     const SphereGridView view = grid.view();
     const Vec3d low{-0.1 - 1e-4, 1 - 1e-4, -0.05 - 1e-4},
         high{-0.09 + 1e-4, 1.2 + 1e-4, 0.05 + 1e-4};
-    EXPECT_NEAR(view.cells_per_metre, longest / (high.y - low.y), 1e-4 * view.cells_per_metre);
+    EXPECT_NEAR(view.cells_per_meter, longest / (high.y - low.y), 1e-4 * view.cells_per_meter);
     const int num_cells[3] = {view.num_x, view.num_y, view.num_z};
     for (int axis = 0; axis < 3; ++axis) {
-      const double first = (low[axis] - view.origin[axis]) * view.cells_per_metre;
-      const double last = (high[axis] - view.origin[axis]) * view.cells_per_metre;
+      const double first = (low[axis] - view.origin[axis]) * view.cells_per_meter;
+      const double last = (high[axis] - view.origin[axis]) * view.cells_per_meter;
       EXPECT_NEAR(first, 2e-3, 1e-4);
       EXPECT_GT(num_cells[axis], last + 1.5e-3);
       EXPECT_LE(num_cells[axis], last + 2.5e-3 + 1);
     }
   }
   std::vector<Sphere> many(2'000'000, Sphere{{0, 0, 0}, 1e-4f});
-  many[0].centre.x = 1;
-  EXPECT_NEAR(SphereGrid(many).view().cells_per_metre, 128, 0.1);
+  many[0].center.x = 1;
+  EXPECT_NEAR(SphereGrid(many).view().cells_per_meter, 128, 0.1);
 }
 
 }  // namespace

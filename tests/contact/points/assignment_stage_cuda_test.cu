@@ -65,7 +65,7 @@ struct Scene {
       volume_scale.push_back(static_cast<float>(random.uniform(0.9, 1.4)));
     }
     for (int id = 0; id < c.num_spheres; ++id) {
-      const Vec3d p = to_double(spheres[static_cast<std::size_t>(id)].centre);
+      const Vec3d p = to_double(spheres[static_cast<std::size_t>(id)].center);
       const double height = 0.02 * std::sin(30 * p.x) * std::cos(20 * p.y);
       if (std::abs(p.z - height) > 0.8 * pitch || random.uniform() >= c.donor_share) continue;
       add_boundary_sphere(id, c, random);
@@ -97,7 +97,7 @@ struct Scene {
   }
 
   void add_boundary_sphere(int id, const Case& c, test::Random& random) {
-    const Vec3d p = to_double(spheres[static_cast<std::size_t>(id)].centre);
+    const Vec3d p = to_double(spheres[static_cast<std::size_t>(id)].center);
     Donor donor;
     if (boundary.size() % 7 != 3) {
       donor.sphere_id = id;
@@ -120,7 +120,7 @@ struct Scene {
     if (c.edges == Edges::none || boundary.empty()) return;
     for (std::size_t i = 0; i < boundary.size(); i += 5) {
       EdgePiece& piece = pieces[4 * i + i % 4];
-      const Vec3d p = to_double(spheres[static_cast<std::size_t>(boundary[i])].centre);
+      const Vec3d p = to_double(spheres[static_cast<std::size_t>(boundary[i])].center);
       const Vec3d n_T = normalized(Vec3d{1, 0.3, 0} + 0.2 * random.direction());
       piece = {0, 0, random.uniform(0.5, 0.8), {n_T, dot(n_T, p)}, false};
       for (const Donor& donor : donors) {
@@ -132,7 +132,7 @@ struct Scene {
       const std::size_t i = random.bits() % ((boundary.size() + 4) / 5) * 5;
       piece_of[id] = static_cast<std::int32_t>(4 * i + i % 4);
       const Plane<double>& plane = pieces[4 * i + i % 4].plane_T;
-      edge_distance[id] = dot(plane.normal, to_double(spheres[id].centre)) - plane.offset;
+      edge_distance[id] = dot(plane.normal, to_double(spheres[id].center)) - plane.offset;
       edge_side[id] =
           palpate::edge_side(edge_distance[id], static_cast<double>(spheres[id].radius), c.edges);
     }
@@ -162,7 +162,7 @@ Assigned scaled(const Scene& scene, std::size_t id, const Assigned& b) {
 void add(MeasureSums& sums, const Scene& scene, std::size_t id, const Assigned& b) {
   sums.volume += b.volume;
   sums.force += b.force;
-  sums.torque += cross(to_double(scene.spheres[id].centre) - scene.origin, b.force);
+  sums.torque += cross(to_double(scene.spheres[id].center) - scene.origin, b.force);
 }
 
 /// All in double, sphere by sphere, by the definitions.
@@ -200,8 +200,8 @@ Found brute_force(const Case& c, const Scene& scene) {
     double least = 1e300;
     for (const Donor& donor : scene.donors) {
       if (donor.sphere_id < 0) continue;
-      const Vec3d d = to_double(scene.spheres[static_cast<std::size_t>(donor.sphere_id)].centre) -
-                      to_double(scene.spheres[id].centre);
+      const Vec3d d = to_double(scene.spheres[static_cast<std::size_t>(donor.sphere_id)].center) -
+                      to_double(scene.spheres[id].center);
       // A Gaussian's best is the nearest, also where it is cut off.
       const Priority by = c.priority == Priority::gaussian ? Priority::distance : c.priority;
       const double cost = -scene.weight(by, donor, id, d);
@@ -213,8 +213,8 @@ Found brute_force(const Case& c, const Scene& scene) {
       double weights = 0;
       for (const Donor& donor : scene.donors) {
         if (donor.sphere_id < 0) continue;
-        const Vec3d d = to_double(scene.spheres[static_cast<std::size_t>(donor.sphere_id)].centre) -
-                        to_double(scene.spheres[id].centre);
+        const Vec3d d = to_double(scene.spheres[static_cast<std::size_t>(donor.sphere_id)].center) -
+                        to_double(scene.spheres[id].center);
         const double weight = donor.presence * scene.weight(c.priority, donor, id, d);
         const Assigned part = view.assign_from(donor, sphere, rule);
         weights += weight;
@@ -345,7 +345,7 @@ Found on_gpu(const Case& c, const Scene& scene) {
     const Donor& donor = scene.donors[i];
     const bool lends = donor.sphere_id >= 0;
     const Vec3f far{1e12f, 1e12f, 1e12f};
-    const Vec3f p = lends ? scene.spheres[static_cast<std::size_t>(donor.sphere_id)].centre : far;
+    const Vec3f p = lends ? scene.spheres[static_cast<std::size_t>(donor.sphere_id)].center : far;
     const Vec3f normal = to_float(donor.plane_T.normal);
     const float weight = lends ? static_cast<float>(donor.weight) : 0.0f;
     const float values[9] = {p.x,
@@ -506,7 +506,7 @@ TEST_P(AssignmentStage, EqualsCpuAndBruteForce) {
 
 TEST_P(AssignmentStage, WithEdgesAndPresence) {
   PALPATE_GPU_OR_SKIP();
-  for (const Edges edges : {Edges::none, Edges::centre, Edges::strict, Edges::cut}) {
+  for (const Edges edges : {Edges::none, Edges::center, Edges::strict, Edges::cut}) {
     for (const bool fades_in : {false, true}) {
       for (const Priority priority : kPriorities) {
         check({.name = "edges " + std::to_string(static_cast<int>(edges)) +

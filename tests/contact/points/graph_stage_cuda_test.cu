@@ -82,7 +82,7 @@ class Searched {
     job_.clusters.slot_of = memory_.copy_of(clusters_.slot_of);
     job_.clusters.num_clusters = clusters_.num_clusters();
     job_.graph = sorted_graph_on_gpu(memory_, *sorted_, clusters_);
-    job_.search = graph_search_on_gpu(memory_, job_.graph, num_slots, graph_.neighbours().size());
+    job_.search = graph_search_on_gpu(memory_, job_.graph, num_slots, graph_.neighbors().size());
     job_.donor = memory_.take<std::int32_t>(num_slots);
     job_.assigned_volume = memory_.take<float>(num_slots);
     barrier_ = memory_.take<unsigned long long>(1);
@@ -112,7 +112,7 @@ class Searched {
       found.sums.volume += volume;
       found.sums.force += volume * donor.plane_T.normal;
       found.sums.torque +=
-          cross(to_double(spheres_[id].centre) - job_.origin, volume * donor.plane_T.normal);
+          cross(to_double(spheres_[id].center) - job_.origin, volume * donor.plane_T.normal);
       found.sums.num_inside += volume > 0;
     }
     return found;
@@ -243,13 +243,13 @@ Searched packed(const TriangleMesh& mesh, int num, GapRule rule) {
 Scene cut_by_surface(std::span<const Sphere> spheres, double share, double bumps, Random& random) {
   double low = 1e300, high = -1e300;
   for (const Sphere& s : spheres) {
-    low = std::min(low, static_cast<double>(s.centre.z - s.radius));
-    high = std::max(high, static_cast<double>(s.centre.z + s.radius));
+    low = std::min(low, static_cast<double>(s.center.z - s.radius));
+    high = std::max(high, static_cast<double>(s.center.z + s.radius));
   }
   const double size = high - low, wave = 0.05 * bumps * size, level = low + share * size;
   Scene scene;
   for (std::size_t id = 0; id < spheres.size(); ++id) {
-    const Vec3d c = to_double(spheres[id].centre);
+    const Vec3d c = to_double(spheres[id].center);
     const double z = level + wave * std::sin(20 * c.x / size) * std::cos(17 * c.y / size);
     if (std::abs(c.z - z) >= static_cast<double>(spheres[id].radius)) continue;
     const Vec3d normal = normalized(Vec3d{0, 0, -1} + bumps * random.direction());

@@ -50,9 +50,9 @@ TEST(ImageWindow, IsSmallWhenItCanBeAndEverythingWhenItMust) {
   EXPECT_EQ(around.column_end - around.column_begin, view.width);
   const ImageWindow beside = image_window(view, box, {{9, 0, 1}, {}});
   EXPECT_EQ(beside.column_begin, beside.column_end);
-  PointCloudView unorganised = view;
-  unorganised.pinhole = false;
-  EXPECT_EQ(image_window(unorganised, box, {{9, 0, 1}, {}}).row_end, view.height);
+  PointCloudView unorganized = view;
+  unorganized.pinhole = false;
+  EXPECT_EQ(image_window(unorganized, box, {{9, 0, 1}, {}}).row_end, view.height);
 }
 
 }  // namespace

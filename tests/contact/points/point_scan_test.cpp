@@ -69,7 +69,7 @@ TEST(PointScan, FindsTheSphereOfEveryPoint) {
       double num = 0, weight = 0;
       for (std::size_t i = 0; i < scene.cloud.size(); ++i) {
         const Vec3d offset_W = to_double(scene.cloud.point(i)) - scan.translation_W;
-        const double distance = norm(scan.R_TW * offset_W - to_double(scene.spheres[id].centre));
+        const double distance = norm(scan.R_TW * offset_W - to_double(scene.spheres[id].center));
         if (!(distance <= r)) continue;
         const double w = std::pow(1 - distance * distance / (r * r), 2);
         const double factor = weights == PointWeights::in_sums ? w : 1;

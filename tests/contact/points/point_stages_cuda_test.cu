@@ -61,7 +61,7 @@ Bounds box_around(std::span<const Sphere> spheres) {
   Bounds box{{1e300, 1e300, 1e300}, {-1e300, -1e300, -1e300}};
   for (const Sphere& s : spheres) {
     for (int axis = 0; axis < 3; ++axis) {
-      const double c = s.centre[axis], r = s.radius;
+      const double c = s.center[axis], r = s.radius;
       box.low[axis] = std::min(box.low[axis], c - r);
       box.high[axis] = std::max(box.high[axis], c + r);
     }
@@ -319,7 +319,7 @@ class OnGpu {
       const Donor& l = found.donors[i];
       const auto id = static_cast<std::size_t>(found.ids[i]);
       const bool lends = l.sphere_id >= 0;
-      const Vec3f c = lends ? scene_->spheres[id].centre : Vec3f{1e12f, 1e12f, 1e12f};
+      const Vec3f c = lends ? scene_->spheres[id].center : Vec3f{1e12f, 1e12f, 1e12f};
       const Vec3f normal = to_float(l.plane_T.normal);
       const float expected[9] = {c.x,
                                  c.y,
@@ -457,7 +457,7 @@ PointCloud loose_cloud(const std::vector<Vec3d>& points, std::uint64_t seed) {
   return cloud;
 }
 
-TEST(PointStages, FindTheBoundaryOfTheCpuInAnOrganisedCloud) {
+TEST(PointStages, FindTheBoundaryOfTheCpuInAnOrganizedCloud) {
   PALPATE_GPU_OR_SKIP();
   const PointCloud cloud = test::noisy_wall(97, 72, 180, 0.5, 0.003, 5);
   const Scene scene{test::random_spheres(300, 0.1, 3), cloud.view()};
@@ -472,7 +472,7 @@ TEST(PointStages, FindTheBoundaryOfTheCpuInAnOrganisedCloud) {
   }
 }
 
-TEST(PointStages, FindTheBoundaryOfTheCpuInAnUnorganisedCloud) {
+TEST(PointStages, FindTheBoundaryOfTheCpuInAnUnorganizedCloud) {
   PALPATE_GPU_OR_SKIP();
   test::Random random(7);
   std::vector<Vec3d> points;
@@ -498,7 +498,7 @@ TEST(PointStages, DecideCloseCallsLikeTheCpu) {
   for (int i = 0; i < 4000; ++i) {
     const Sphere& s = spheres[random.bits() % spheres.size()];
     const double r = static_cast<double>(s.radius) * (1 + 1e-7 * (i % 3 - 1));
-    points.push_back(question.X_WT * (to_double(s.centre) + r * random.direction()));
+    points.push_back(question.X_WT * (to_double(s.center) + r * random.direction()));
   }
   const PointCloud cloud = loose_cloud(points, 15);
   const Scene scene{spheres, cloud.view()};
@@ -583,7 +583,7 @@ TEST(PointStages, FindTheEdgesOfTheCpu) {
   const SteppedWall wall;
   const Scene scene{cube_of_spheres(15, 0.013), wall.cloud.view()};
   OnGpu on_gpu(scene);
-  for (const Edges edges : {Edges::cut, Edges::centre, Edges::strict}) {
+  for (const Edges edges : {Edges::cut, Edges::center, Edges::strict}) {
     for (const PointWeights weights : kAllWeights) {
       for (const double y : {0.01, 0.16}) {  // in the middle, and at the border of the image
         const double depth = edges == Edges::cut ? 0.5 : 0.55;
@@ -614,8 +614,8 @@ TEST(PointStages, FindTheFirstOfTheNearestPieces) {
   const Scene scene{cube_of_spheres(8, 1), PointCloudView{}};
   std::vector<Sphere> spheres;
   for (const Sphere& s : scene.spheres) {
-    const float z = s.centre.z < 0 ? 0.5f : 1.0f;  // powers of two: distances are exact
-    spheres.push_back({{s.centre.x * z, s.centre.y * z, z}, 0.01f});
+    const float z = s.center.z < 0 ? 0.5f : 1.0f;  // powers of two: distances are exact
+    spheres.push_back({{s.center.x * z, s.center.y * z, z}, 0.01f});
   }
   const Scene in_view{spheres, PointCloudView{}};
   std::vector<EdgePiece> pieces;
@@ -628,7 +628,7 @@ TEST(PointStages, FindTheFirstOfTheNearestPieces) {
   }
   const std::vector<std::int32_t> got = OnGpu(in_view).nearest(pieces);
   for (std::size_t id = 0; id < spheres.size(); ++id) {
-    const Vec3d c = to_double(spheres[id].centre);
+    const Vec3d c = to_double(spheres[id].center);
     double least = 1e300;
     std::int32_t first = -1;
     for (std::size_t i = 0; i < pieces.size(); ++i) {

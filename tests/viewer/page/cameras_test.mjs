@@ -1,14 +1,14 @@
 // Cameras that stand anywhere: what they see lies where it is in W, and is looked at from there.
 import assert from 'node:assert/strict';
 
-import { cameraColours, colour, isJust, isLit } from './colours.mjs';
+import { cameraColors, color, isJust, isLit } from './colors.mjs';
 import { drawn, look, openPage, options, pageTest, project, Served, until } from './harness.mjs';
 import { oneSphere, threeSpheres, uncut } from './worlds.mjs';
 
-const ground = colour('ground');
+const ground = color('ground');
 const { width, height, focal } = oneSphere.stream;
 const cloudAlone = {
-  cloud: true, cloudColour: 'shaded', toolLook: 'hidden', outside: false, graph: false, treeLevel: -1, normals: false,
+  cloud: true, cloudColor: 'shaded', toolLook: 'hidden', outside: false, graph: false, treeLevel: -1, normals: false,
   fog: false, edges: false, edgePlanes: false, arrows: false, ghost: false, trace: false, view: 'bird', pointSize: 4, stride: 1,
 };
 
@@ -17,7 +17,7 @@ const turned = (x, y, z, angle) => [x, y, z, 0, -Math.sin(angle / 2), 0, Math.co
 const rotated = (angle, [x, y, z]) =>
   [x * Math.cos(angle) - z * Math.sin(angle), y, x * Math.sin(angle) + z * Math.cos(angle)];
 
-/// What such a camera sees of all that is behind z = wall in W: metres of each column.
+/// What such a camera sees of all that is behind z = wall in W: meters of each column.
 function wallSeen([, , z], angle, wall) {
   return Array.from({ length: width }, (_, u) => {
     const ray = rotated(angle, [(u - (width - 1) / 2) / focal, 0, 1]);
@@ -34,27 +34,27 @@ const nothing = [[0, 0]];
 pageTest('spheres tell who decided, or that nobody sees them', async () => {
   const served = await Served.start({ ...threeSpheres, cameras: two.cameras });
   const page = await openPage(served.url, { bare: true });
-  const centres = threeSpheres.spheres.map(([x, y]) => [x, y, 0.4]);
+  const centers = threeSpheres.spheres.map(([x, y]) => [x, y, 0.4]);
   const contact = { position: [0, 0, 0.4], states: [1, 2, 2], planes: [uncut, uncut, uncut] };
-  await options(page, { ...cloudAlone, cloud: false, toolLook: 'spheres', outside: true, sphereColour: 'camera', view: 'camera' });
+  await options(page, { ...cloudAlone, cloud: false, toolLook: 'spheres', outside: true, sphereColor: 'camera', view: 'camera' });
   const seen = async (decided) => {
     await served.apply({ contact: { ...contact, ...decided } });
     await drawn(page, 3);
     const picture = await look(page);
-    return (await project(page, centres)).map((place) => picture.at(...place));
+    return (await project(page, centers)).map((place) => picture.at(...place));
   };
-  const [first, second] = cameraColours, fog = colour('fog'), remembered = colour('remembered');
+  const [first, second] = cameraColors, fog = color('fog'), remembered = color('remembered');
   for (const [decided, want] of [
     [{ deciders: [0, 1, 7] }, [first, second, remembered]],
     [{ deciders: [1, -1, 0], unseen: [0, 0, 1] }, [second, fog, fog]],
-    [{ states: [0, 0, 1], deciders: [-1, -1, 1], unseen: [1, 0, 0] }, [fog, colour('outside'), second]],
+    [{ states: [0, 0, 1], deciders: [-1, -1, 1], unseen: [1, 0, 0] }, [fog, color('outside'), second]],
   ]) {
     for (const [i, got] of (await seen(decided)).entries()) assert.ok(isLit(got, want[i]), `${i}: ${got}, not ${want[i]}`);
   }
   // By their states as ever.
-  await options(page, { sphereColour: 'state' });
+  await options(page, { sphereColor: 'state' });
   for (const [i, got] of (await seen({ deciders: [0, 1, 7], unseen: [1, 1, 1] })).entries()) {
-    assert.ok(isLit(got, colour(['boundary', 'inside', 'inside'][i])), `${i}: ${got}`);
+    assert.ok(isLit(got, color(['boundary', 'inside', 'inside'][i])), `${i}: ${got}`);
   }
 });
 
@@ -68,7 +68,7 @@ pageTest('two clouds of one wall coincide', async () => {
   const xs = [-0.1, -0.05, 0, 0.05, 0.1]; // both see it there
   const at = async (z) => project(page, xs.map((x) => [x, 0, z]));
   const [on, before, behind] = [await at(wall), await at(wall - 0.03), await at(wall + 0.03)];
-  const colours = [];
+  const colors = [];
   for (const depths of [both, [[[0, wall]], nothing], [nothing, seenAside]]) {
     await served.apply({ depths });
     await drawn(page, 3);
@@ -77,11 +77,11 @@ pageTest('two clouds of one wall coincide', async () => {
     for (const place of [...before, ...behind]) {
       assert.ok(isJust(picture.at(...place), ground), `nothing at ${place}: ${picture.at(...place)}`);
     }
-    colours.push(on.map((place) => picture.at(...place)));
+    colors.push(on.map((place) => picture.at(...place)));
   }
   // Lit alike, whoever saw it.
   for (let i = 0; i < xs.length; ++i) {
-    assert.ok(colours[1][i].every((c, k) => Math.abs(c - colours[2][i][k]) <= 12), `${colours[1][i]} and ${colours[2][i]}`);
+    assert.ok(colors[1][i].every((c, k) => Math.abs(c - colors[2][i][k]) <= 12), `${colors[1][i]} and ${colors[2][i]}`);
   }
 });
 

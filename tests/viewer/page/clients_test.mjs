@@ -39,7 +39,7 @@ const listen = (page, served, subscription, acknowledges) => page.evaluate(
     return counts.length - 1;
   }, [served.address('/ws', 'ws:'), subscription, acknowledges]);
 
-/// Of each plot, how many pixels of its curves' area are of a colour, not grey.
+/// Of each plot, how many pixels of its curves' area are of a color, not gray.
 const curves = (page) => page.evaluate(() => [...document.querySelectorAll('.plots canvas')].map((canvas) => {
   const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
   let number = 0;
@@ -83,7 +83,7 @@ pageTest('a page that joins a paused run shows its last seconds', async () => {
   const readouts = (page) => page.locator('.readouts').innerText();
   await until('the same numbers', async () => (await readouts(second)) === (await readouts(first)));
   const [plot] = await curves(second);
-  assert.ok(plot > 30, `the plot of the force has ${plot} coloured pixels`);
+  assert.ok(plot > 30, `the plot of the force has ${plot} colored pixels`);
   await second.close();
 });
 

@@ -219,7 +219,7 @@ export async function drawn(page, more = 2) {
   });
 }
 
-/// What is to be seen of the scene: colours by CSS pixel of its canvas.
+/// What is to be seen of the scene: colors by CSS pixel of its canvas.
 class Picture {
   constructor(width, height, pixels) {
     Object.assign(this, { width, height, pixels });

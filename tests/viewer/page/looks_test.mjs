@@ -1,11 +1,11 @@
-// Everything else that the scene can show: that it shows, where it belongs, in its colour.
+// Everything else that the scene can show: that it shows, where it belongs, in its color.
 import assert from 'node:assert/strict';
 
-import { colour, isJust, isLit, isPale } from './colours.mjs';
+import { color, isJust, isLit, isPale } from './colors.mjs';
 import { drawn, look, openPage, options, pageTest, project, Served, until } from './harness.mjs';
 import { oneSphere, threeSpheres, uncut } from './worlds.mjs';
 
-const ground = colour('ground');
+const ground = color('ground');
 const nothing = {
   cloud: false, toolLook: 'hidden', outside: false, graph: false, treeLevel: -1, normals: false, fog: false,
   edges: false, edgePlanes: false, arrows: false, ghost: false, trace: false, view: 'camera',
@@ -49,7 +49,7 @@ pageTest('the mesh of the tool', async () => {
     return isDrawn(now.at(...middle)) && now;
   });
   const seen = picture.at(...middle);
-  assert.ok(isLit(seen, colour('metal')) || isPale(seen, colour('metal')), `${seen}`);
+  assert.ok(isLit(seen, color('metal')) || isPale(seen, color('metal')), `${seen}`);
   assert.ok(isDrawn(picture.at(...corner)));
   assert.ok(isJust(picture.at(...beside), ground));
 
@@ -82,12 +82,12 @@ pageTest('arrows point where forces point', async () => {
     const picture = await only(page, { arrows: true });
     const places = await project(page, [[0.02 * sign, 0, 0.4], [-0.02 * sign, 0, 0.4], [0, -0.07, 0.4], [0, -0.1, 0.4]]);
     const [along, against, hand, behind] = places.map((place) => [...place, 6]);
-    assert.ok(count(picture, (c) => isLit(c, colour('force')), along) > 10, 'the force on the tool');
+    assert.ok(count(picture, (c) => isLit(c, color('force')), along) > 10, 'the force on the tool');
     assert.equal(count(picture, isDrawn, against), 0, 'not against it');
     // The coupling pulls the hand to the tool.
-    assert.ok(count(picture, (c) => isLit(c, colour('hand')), hand) > 5, 'the force on the hand');
+    assert.ok(count(picture, (c) => isLit(c, color('hand')), hand) > 5, 'the force on the hand');
     assert.equal(count(picture, isDrawn, behind), 0, 'not away from the tool');
-    assert.ok(count(picture, (c) => isLit(c, colour('torque'))) > 30, 'the torque');
+    assert.ok(count(picture, (c) => isLit(c, color('torque'))) > 30, 'the torque');
   }
   await served.apply({ sample: {} });
   assert.equal(count(await only(page, { arrows: true }), isDrawn), 0, 'no force, no arrow');
@@ -143,15 +143,15 @@ pageTest('edges, normals, ghost, path, graph and tree', async () => {
   assert.ok(count(await look(page), isDrawn) > 50, 'the path');
 });
 
-pageTest('dark and light, every colouring and view', async () => {
+pageTest('dark and light, every coloring and view', async () => {
   const served = await Served.start(oneSphere);
   await served.apply({ contact: { position: [0, 0, 0.4], states: [1], planes: [uncut] }, depth: [[0, 0.5], [80, 0.7]] });
   const page = await openPage(served.url, { bare: true });
   const light = await only(page, { dark: false });
   assert.ok(Math.min(...light.at(5, 5)) > 200, 'light');
   await options(page, { dark: true });
-  for (const cloudColour of ['shaded', 'depth', 'normals']) {
-    assert.ok(count(await only(page, { cloud: true, cloudColour, pointSize: 4 }), isDrawn) > 10000, cloudColour);
+  for (const cloudColor of ['shaded', 'depth', 'normals']) {
+    assert.ok(count(await only(page, { cloud: true, cloudColor, pointSize: 4 }), isDrawn) > 10000, cloudColor);
   }
   for (const view of ['free', 'camera', 'bird', 'tool']) {
     assert.ok(count(await only(page, { toolLook: 'spheres', outside: true, view }), isDrawn) > 100, view);

@@ -2,11 +2,11 @@
 // in closed form.
 import assert from 'node:assert/strict';
 
-import { colour, isJust, isLit, isPale } from './colours.mjs';
+import { color, isJust, isLit, isPale } from './colors.mjs';
 import { drawn, look, openPage, options, pageTest, project, Served } from './harness.mjs';
 import { oneSphere, radius, threeSpheres, uncut } from './worlds.mjs';
 
-const ground = colour('ground');
+const ground = color('ground');
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 const minus = (a, b) => a.map((x, i) => x - b[i]);
 const times = (a, s) => a.map((x) => x * s);
@@ -28,13 +28,13 @@ async function rays(page) {
 }
 
 /// What a ray from the origin meets of the part n . x <= d of a ball: 'none', 'round' or 'flat'.
-function meets(ray, centre, r, n, d) {
-  const a = dot(ray, ray), b = dot(ray, centre), c = dot(centre, centre) - r * r;
+function meets(ray, center, r, n, d) {
+  const a = dot(ray, ray), b = dot(ray, center), c = dot(center, center) - r * r;
   if (b * b < a * c) return 'none';
   const root = Math.sqrt(b * b - a * c);
   const front = (b - root) / a, back = (b + root) / a;
-  if (dot(n, minus(times(ray, front), centre)) <= d) return 'round';
-  const t = (d + dot(n, centre)) / dot(n, ray); // where the ray goes through the plane
+  if (dot(n, minus(times(ray, front), center)) <= d) return 'round';
+  const t = (d + dot(n, center)) / dot(n, ray); // where the ray goes through the plane
   return t > front && t <= back ? 'flat' : 'none';
 }
 
@@ -71,18 +71,18 @@ const cuts = [
 pageTest('a sphere is cut exactly by its plane', async (t) => {
   const served = await Served.start(oneSphere);
   const page = await openPage(served.url, { bare: true });
-  const centre = [0.02, -0.01, 0.4];
+  const center = [0.02, -0.01, 0.4];
   // The tool is turned, so that planes of the wrong frame are found out: by 90 degrees about z,
   // x of T is y of W and y of T is -x of W.
   const quaternion = [0, 0, Math.SQRT1_2, Math.SQRT1_2];
   for (const { name, n, d, noFlat } of cuts) {
     const n_T = [n[1], -n[0], n[2]];
-    await served.apply({ contact: { position: centre, quaternion, states: [1], planes: [[...n_T, d]] } });
+    await served.apply({ contact: { position: center, quaternion, states: [1], planes: [[...n_T, d]] } });
     await options(page, bare);
     await drawn(page, 3);
     const ray = await rays(page);
     const { counts, flats } = compare(
-      await look(page), ray, (direction) => meets(direction, centre, radius, n, d), colour('boundary'));
+      await look(page), ray, (direction) => meets(direction, center, radius, n, d), color('boundary'));
     t.diagnostic(`${name}: ${JSON.stringify(counts)}`);
     assert.ok(counts.none > 1000 && counts.round + counts.flat > 300, name);
     assert.ok(noFlat ? counts.flat === 0 : counts.flat > 100 || n[2] === 0, name);
@@ -97,20 +97,20 @@ pageTest('a sphere is cut exactly by its plane', async (t) => {
 pageTest('what is cut away is a veil where the outside is wanted', async () => {
   const served = await Served.start(oneSphere);
   const page = await openPage(served.url, { bare: true });
-  const centre = [0, 0, 0.4];
-  await served.apply({ contact: { position: centre, states: [1], planes: [[0, -1, 0, 0]] } });
+  const center = [0, 0, 0.4];
+  await served.apply({ contact: { position: center, states: [1], planes: [[0, -1, 0, 0]] } });
   await options(page, { ...bare, outside: true });
   await drawn(page, 3);
   const ray = await rays(page);
   const picture = await look(page);
-  const isVeil = (c) => isLit(c, colour('outside'));
+  const isVeil = (c) => isLit(c, color('outside'));
   let veil = 0, through = 0;
   for (let y = 3; y < picture.height - 3; ++y) {
     for (let x = 3; x < picture.width - 3; ++x) {
       const direction = ray(x, y);
-      // How near the ray comes to the centre, in radii.
-      const t = dot(direction, centre) / dot(direction, direction);
-      const near = Math.hypot(...minus(times(direction, t), centre)) / radius;
+      // How near the ray comes to the center, in radii.
+      const t = dot(direction, center) / dot(direction, direction);
+      const near = Math.hypot(...minus(times(direction, t), center)) / radius;
       const seen = picture.at(x, y);
       if (near > 1.03) assert.ok(isJust(seen, ground), `(${x}, ${y}) ${seen}`);
       if (near > 0.97 || Math.abs(direction[1]) < 0.01) continue;
@@ -125,10 +125,10 @@ pageTest('what is cut away is a veil where the outside is wanted', async () => {
 pageTest('inside is blue, boundary purple, outside red', async () => {
   const served = await Served.start(threeSpheres);
   const page = await openPage(served.url, { bare: true });
-  const centres = threeSpheres.spheres.map(([x, y]) => [x, y, 0.4]);
+  const centers = threeSpheres.spheres.map(([x, y]) => [x, y, 0.4]);
   const contact = { position: [0, 0, 0.4], states: [0, 1, 2], planes: [uncut, uncut, uncut] };
   await served.apply({ contact });
-  const hues = ['outside', 'boundary', 'inside'].map(colour);
+  const hues = ['outside', 'boundary', 'inside'].map(color);
   const [red, purple, blue] = hues;
   assert.ok(red[0] > 1.5 * red[1] && red[0] > 1.5 * red[2], 'red');
   assert.ok(purple[0] > 1.3 * purple[1] && purple[2] > 1.3 * purple[1], 'purple');
@@ -137,21 +137,21 @@ pageTest('inside is blue, boundary purple, outside red', async () => {
   await options(page, { ...bare, toolLook: 'spheres', outside: true });
   await drawn(page, 3);
   let picture = await look(page);
-  for (const [i, [x, y]] of (await project(page, centres)).entries()) {
+  for (const [i, [x, y]] of (await project(page, centers)).entries()) {
     assert.ok(isLit(picture.at(x, y), hues[i]), `${i}: ${picture.at(x, y)}`);
   }
   // The states follow the contact: the other way round.
   await served.apply({ contact: { ...contact, states: [2, 1, 0] } });
   await drawn(page, 3);
   picture = await look(page);
-  for (const [i, [x, y]] of (await project(page, centres)).entries()) {
+  for (const [i, [x, y]] of (await project(page, centers)).entries()) {
     assert.ok(isLit(picture.at(x, y), hues[2 - i]), `turned round, ${i}: ${picture.at(x, y)}`);
   }
   // Without what is outside there is nothing at its place.
   await options(page, { outside: false });
   await drawn(page, 3);
   picture = await look(page);
-  const [, , outside] = await project(page, centres);
+  const [, , outside] = await project(page, centers);
   assert.ok(isJust(picture.at(...outside), ground));
 });
 
@@ -161,7 +161,7 @@ pageTest('the cloud lies where the depth image says', async () => {
   await drawn(page, 3); // a camera that begins with empty images
   // From the left: a near wall, a hole, a far wall.
   await served.apply({ depth: [[0, 0.5], [70, 0], [90, 0.9]] });
-  await options(page, { ...bare, cloud: true, cloudColour: 'depth', toolLook: 'hidden', pointSize: 4, stride: 1 });
+  await options(page, { ...bare, cloud: true, cloudColor: 'depth', toolLook: 'hidden', pointSize: 4, stride: 1 });
   await drawn(page, 3);
   const { focal, width, height } = oneSphere.stream;
   const point = (u, v, z) => [(u - (width - 1) / 2) / focal * z, (v - (height - 1) / 2) / focal * z, z];
@@ -175,7 +175,7 @@ pageTest('the cloud lies where the depth image says', async () => {
   for (const c of near) assert.ok(isJust(c, near[0]) && !isJust(c, ground), `near ${c}`);
   for (const c of far) assert.ok(isJust(c, far[0]) && !isJust(c, ground), `far ${c}`);
   for (const c of hole) assert.ok(isJust(c, ground), `hole ${c}`);
-  assert.ok(!isJust(near[0], far[0]), 'depth is seen as colour');
+  assert.ok(!isJust(near[0], far[0]), 'depth is seen as color');
 
   // From above the walls are two lines; nothing is between or behind them.
   // Also when the camera has changed its unit.

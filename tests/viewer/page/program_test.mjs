@@ -5,7 +5,7 @@ import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 import { after } from 'node:test';
 
-import { colour, isJust } from './colours.mjs';
+import { color, isJust } from './colors.mjs';
 import { command, drawn, look, openPage, options, pageTest, runProgram, stat, state, until } from './harness.mjs';
 
 const folder = mkdtempSync(join(tmpdir(), 'palpate-page-'));
@@ -128,7 +128,7 @@ pageTest('a tool alone stands upright, y up', async () => {
   const page = await openPage(run.url, { bare: true });
   await until('its spheres', async () => (await page.evaluate(() => window.palpate.hello))?.tool.spheres === 500);
   await options(page, { toolLook: 'mesh' });
-  const ground = colour('ground');
+  const ground = color('ground');
   // How wide it is in a row of the picture.
   const wide = (picture, v) => {
     let num = 0;

@@ -7,7 +7,7 @@ import { join } from 'node:path';
 import { after } from 'node:test';
 import { pathToFileURL } from 'node:url';
 
-import { colour, isJust, isLit, isPale } from './colours.mjs';
+import { color, isJust, isLit, isPale } from './colors.mjs';
 import { decoded, evaluation, openPage, pageTest, runProgram, until } from './harness.mjs';
 
 const folder = mkdtempSync(join(tmpdir(), 'palpate-report-'));
@@ -72,7 +72,7 @@ function changed(name, change) {
   return ['changed.html'];
 }
 
-/// How many of the canvases of a kind show one colour only.
+/// How many of the canvases of a kind show one color only.
 const empty = (page, selector) => page.evaluate((wanted) =>
   [...document.querySelectorAll(wanted)].filter((canvas) => {
     const { width, height } = canvas;
@@ -96,9 +96,9 @@ async function count(page, wanted) {
 }
 /// Recognizes small words in the dark; what else is bright is not bluish.
 const isText = (rgb) => Math.min(...rgb) > 190 && rgb[2] >= rgb[0];
-const isShaded = (name) => (rgb) => isLit(rgb, colour(name)) || isPale(rgb, colour(name));
+const isShaded = (name) => (rgb) => isLit(rgb, color(name)) || isPale(rgb, color(name));
 
-/// Whether its 3-D picture shows these colours of the scene.
+/// Whether its 3-D picture shows these colors of the scene.
 async function seen(page, names) {
   const picture = await decoded(await page.locator('canvas.scene').screenshot());
   const found = new Set();
@@ -106,7 +106,7 @@ async function seen(page, names) {
     for (let u = 0; u < picture.width; ++u) {
       for (const name of names) {
         const rgb = picture.at(u, v);
-        if (!found.has(name) && (isLit(rgb, colour(name)) || isPale(rgb, colour(name)))) found.add(name);
+        if (!found.has(name) && (isLit(rgb, color(name)) || isPale(rgb, color(name)))) found.add(name);
       }
     }
   }
@@ -258,7 +258,7 @@ pageTest('a run: all cameras are in the picture, and counted', async () => {
     assert.ok(text.includes(words), words);
   }
   const alone = await openReport(changed('two', ({ moment }) => moment.cameras.pop()));
-  const isDrawn = (rgb) => !isJust(rgb, colour('ground'));
+  const isDrawn = (rgb) => !isJust(rgb, color('ground'));
   const [both, first] = [await count(page, isDrawn), await count(alone, isDrawn)];
   assert.ok(both > 1.2 * first, `${both} and ${first} pixels`);
   await page.getByRole('button', { name: 'above' }).click();
@@ -280,13 +280,13 @@ pageTest('an evaluation: every claim is there, curves go where their numbers are
   assert.ok(!/NaN|undefined|null/.test(text), text.match(/.*(NaN|undefined|null).*/)?.[0]);
   assert.equal(await page.locator('canvas.scene').count(), 5);
   assert.equal(await empty(page, '.plot canvas'), 0);
-  // A marked point has the colour of its curve; beside it there is none.
+  // A marked point has the color of its curve; beside it there is none.
   const [plot] = figure('noise').plots, curve = plot.curves.find(({ style }) => style === 'graph');
   const found = await page.locator('.plot').first().evaluate((root, { x, y, low, high }) => {
     const canvas = root.querySelector('canvas'), over = root.querySelector('.u-over').getBoundingClientRect();
     const size = canvas.width / canvas.getBoundingClientRect().width, frame = canvas.getBoundingClientRect();
-    const colour = getComputedStyle(document.documentElement).getPropertyValue('--graph').trim();
-    const rgb = [1, 3, 5].map((at) => parseInt(colour.slice(at, at + 2), 16));
+    const color = getComputedStyle(document.documentElement).getPropertyValue('--graph').trim();
+    const rgb = [1, 3, 5].map((at) => parseInt(color.slice(at, at + 2), 16));
     const share = (value, from, to) => (Math.log(value) - Math.log(from)) / (Math.log(to) - Math.log(from));
     const u = over.left - frame.left + over.width * x;
     const v = over.top - frame.top + over.height * (1 - share(y, low / 1.3, high * 1.3));

@@ -140,8 +140,8 @@ void ScriptedWorld::place(const Json& cameras) {
 std::vector<double> ScriptedWorld::depths(std::size_t camera) const {
   std::vector<double> row(static_cast<std::size_t>(content_.streams[camera].width));
   for (const Json& step : depths_[camera]) {
-    const double metres = step.at(1), sway = is_moving_ ? 0.01 * std::sin(2 * time_) : 0;
-    std::fill(row.begin() + step.at(0).get<int>(), row.end(), metres > 0 ? metres + sway : 0);
+    const double meters = step.at(1), sway = is_moving_ ? 0.01 * std::sin(2 * time_) : 0;
+    std::fill(row.begin() + step.at(0).get<int>(), row.end(), meters > 0 ? meters + sway : 0);
   }
   return row;
 }
@@ -159,8 +159,8 @@ std::shared_ptr<const ViewFrame> ScriptedWorld::make_frame(std::size_t camera) c
   frame->camera = camera;
   image.timestamp = time_;
   std::vector<std::uint16_t> row;
-  for (const double metres : depths(camera)) {
-    row.push_back(static_cast<std::uint16_t>(std::lround(metres / image.unit)));
+  for (const double meters : depths(camera)) {
+    row.push_back(static_cast<std::uint16_t>(std::lround(meters / image.unit)));
   }
   for (int v = 0; v < image.height; ++v) {
     image.pixels.insert(image.pixels.end(), row.begin(), row.end());

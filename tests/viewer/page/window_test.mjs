@@ -101,7 +101,7 @@ pageTest('help comes by the question mark and goes by escape', async () => {
   await until('no help', async () => (await help()).length < without.length + 40);
 });
 
-pageTest('the colours are explained on the page', async () => {
+pageTest('the colors are explained on the page', async () => {
   const served = await Served.start(oneSphere);
   await served.apply(lively);
   const page = await openPage(served.url);

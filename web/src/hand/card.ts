@@ -3,7 +3,7 @@
 import './hand.css';
 import { button, element, write } from '../dom';
 import { digits } from '../format';
-import { heat } from '../scene/colours';
+import { heat } from '../scene/colors';
 
 export type Holding = 'free' | 'mine' | 'other';
 
@@ -63,11 +63,11 @@ export class HoldCard {
   setForce(newtons: number, share: number): void {
     const text = digits(newtons);
     write(this.force, `${text} N`);
-    const colour = heat(share);
+    const color = heat(share);
     this.bar.style.width = `${100 * Math.min(1, share)}%`;
-    this.bar.style.background = colour;
+    this.bar.style.background = color;
     write(this.label, `${text} N`);
-    this.label.style.borderColor = colour;
+    this.label.style.borderColor = color;
   }
 
   private pusher(words: string, label: string, sign: number): HTMLButtonElement {

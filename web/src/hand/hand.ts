@@ -52,7 +52,7 @@ export class Hand {
     this.isRequesting = false;
     this.stop();
     if (!ok) return false;
-    this.goal.set(this.links.pose() ?? pose, this.hello.tool.centre_of_mass);
+    this.goal.set(this.links.pose() ?? pose, this.hello.tool.center_of_mass);
     this.at.copy(this.goal);
     this.holds = true;
     this.last = performance.now();
@@ -80,7 +80,7 @@ export class Hand {
 
   /** Moves the goal by `way`, m in W. */
   move(way: Vector3): void {
-    if (this.holds) this.goal.centre.add(way);
+    if (this.holds) this.goal.center.add(way);
   }
 
   /** Turns the goal by `angle`, rad, about an axis in W through the tool's center of mass. */

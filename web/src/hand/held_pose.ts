@@ -6,20 +6,20 @@ import type { Pose } from '../types';
 const FASTEST = 1, FASTEST_TURN = 8; // m/s and rad/s: limits of a person's hand
 
 export class HeldPose {
-  readonly centre = new Vector3();
+  readonly center = new Vector3();
   readonly turned = new Quaternion();
-  private readonly centre_T = new Vector3();
+  private readonly center_T = new Vector3();
 
-  /** Sets the pose; `centre` of mass in T. */
-  set(X_WT: Pose, centre: readonly [number, number, number]): void {
-    this.centre_T.fromArray(centre);
+  /** Sets the pose; `center` of mass in T. */
+  set(X_WT: Pose, center: readonly [number, number, number]): void {
+    this.center_T.fromArray(center);
     this.turned.fromArray(X_WT.quaternion).normalize();
-    this.centre.fromArray(centre).applyQuaternion(this.turned).add(new Vector3(...X_WT.position));
+    this.center.fromArray(center).applyQuaternion(this.turned).add(new Vector3(...X_WT.position));
   }
 
   copy(other: HeldPose): void {
-    this.centre_T.copy(other.centre_T);
-    this.centre.copy(other.centre);
+    this.center_T.copy(other.center_T);
+    this.center.copy(other.center);
     this.turned.copy(other.turned);
   }
 
@@ -30,14 +30,14 @@ export class HeldPose {
 
   /** Moves towards `goal` at no more than the speed of a person's hand. */
   follow(goal: HeldPose, seconds: number): void {
-    const way = goal.centre.clone().sub(this.centre);
-    this.centre.add(way.clampLength(0, FASTEST * seconds));
+    const way = goal.center.clone().sub(this.center);
+    this.center.add(way.clampLength(0, FASTEST * seconds));
     this.turned.rotateTowards(goal.turned, FASTEST_TURN * seconds).normalize();
   }
 
   /** Returns the message to the program: x y z qx qy qz qw of T. */
   numbers(): number[] {
-    const origin = this.centre_T.clone().applyQuaternion(this.turned).negate().add(this.centre);
+    const origin = this.center_T.clone().applyQuaternion(this.turned).negate().add(this.center);
     return [...origin.toArray(), ...this.turned.toArray()];
   }
 }

@@ -1,5 +1,5 @@
 import { element } from '../dom';
-import { STATE_COLOURS } from '../scene/colours';
+import { STATE_COLORS } from '../scene/colors';
 import { DepthRange } from '../scene/depth_range';
 import { cameraNames } from '../scene/frustum';
 import { inFrame } from '../scene/poses';
@@ -7,7 +7,7 @@ import type { Contact, Frame, Hello, Pose, Spheres, Stream } from '../types';
 
 const WIDEST = 320; // pixels drawn across, the width of the panel
 const MOST_SPHERES = 1200;
-const COLOURS = [STATE_COLOURS.outside, STATE_COLOURS.boundary, STATE_COLOURS.inside];
+const COLORS = [STATE_COLORS.outside, STATE_COLORS.boundary, STATE_COLORS.inside];
 
 /** Depth image of a camera, near light and far dark, with the tool drawn over it. */
 export class CameraImage {
@@ -85,8 +85,8 @@ export class CameraImage {
     this.shadesOf = key;
     for (let raw = 1; raw < 65535; ++raw) {
       const share = Math.min(1, Math.max(0, (raw * unit - near) / Math.max(unit, far - near)));
-      const grey = Math.round(235 - 190 * share);
-      this.shades[raw] = 0xff000000 | (grey << 16) | (grey << 8) | grey;
+      const gray = Math.round(235 - 190 * share);
+      this.shades[raw] = 0xff000000 | (gray << 16) | (gray << 8) | gray;
     }
     this.shades[0] = this.shades[65535] = 0xff241c16; // no measurement
   }
@@ -107,7 +107,7 @@ export class CameraImage {
       const cz = pz + z + qw * tz + qx * ty - qy * tx;
       if (cz <= 0.01) continue;
       const radius = Math.max(0.8, (stream.fx * spheres.data[4 * i + 3]) / cz / step);
-      context.fillStyle = COLOURS[contact.states[i] & 3] ?? COLOURS[0];
+      context.fillStyle = COLORS[contact.states[i] & 3] ?? COLORS[0];
       context.beginPath();
       const u = stream.cx + (stream.fx * cx) / cz, v = stream.cy + (stream.fy * cy) / cz;
       context.arc(u / step, v / step, radius, 0, 2 * Math.PI);

@@ -73,11 +73,11 @@ export class Controls {
     const hasScene = hello.streams.length > 0;
     add('toolLook', 'tool', { spheres: 'spheres', 'caps, cut exactly': 'caps', mesh: 'mesh', hidden: 'hidden' });
     if (hasScene) add('outside', 'spheres outside');
-    if (hasScene) add('sphereColour', 'sphere color', { state: 'state', 'deciding camera': 'camera' });
+    if (hasScene) add('sphereColor', 'sphere color', { state: 'state', 'deciding camera': 'camera' });
     add('view', 'view', hasScene ? { free: 'free', camera: 'camera', 'from above': 'bird', tool: 'tool' } : { free: 'free', tool: 'tool' });
     if (hasScene) {
       add('cloud', 'cloud');
-      add('cloudColour', 'cloud color', { shaded: 'shaded', depth: 'depth', normals: 'normals' });
+      add('cloudColor', 'cloud color', { shaded: 'shaded', depth: 'depth', normals: 'normals' });
       add('pointSize', 'point size', 1, 8, 0.5);
       add('stride', 'every n-th pixel', 1, 8, 1);
       add('arrows', 'force and torque');

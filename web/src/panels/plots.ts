@@ -8,7 +8,7 @@ import { Latencies } from './latencies';
 
 interface Curve {
   name: string;
-  colour: string; // custom property of the style sheet
+  color: string; // custom property of the style sheet
   width?: number;
 }
 
@@ -20,11 +20,11 @@ interface Plot {
 }
 
 const XYZ: Curve[] = [
-  { name: 'x', colour: '--x' },
-  { name: 'y', colour: '--y' },
-  { name: 'z', colour: '--z' },
+  { name: 'x', color: '--x' },
+  { name: 'y', color: '--y' },
+  { name: 'z', color: '--z' },
 ];
-const SIZE: Curve = { name: 'size', colour: '--text', width: 1.75 };
+const SIZE: Curve = { name: 'size', color: '--text', width: 1.75 };
 
 /** Contact force and torque on the tool: present in every run, also without force on the hand. */
 const PLOTS: Plot[] = [
@@ -43,8 +43,8 @@ const PLOTS: Plot[] = [
     },
     floor: 5,
   },
-  { title: 'Volume inside, cm³', curves: [{ name: '', colour: '--accent' }], values: (s) => [1e6 * s.volume], floor: 0.1 },
-  { title: 'Compute, µs', curves: [{ name: '', colour: '--accent' }], values: (s) => [s.compute], floor: 10 },
+  { title: 'Volume inside, cm³', curves: [{ name: '', color: '--accent' }], values: (s) => [1e6 * s.volume], floor: 0.1 },
+  { title: 'Compute, µs', curves: [{ name: '', color: '--accent' }], values: (s) => [s.compute], floor: 10 },
 ];
 
 /** Plots of the last ten seconds, and latency histograms. */
@@ -86,9 +86,9 @@ class LivePlot {
 
   constructor(private readonly plot: Plot) {
     this.envelope = new Envelope(plot.curves.length);
-    const names = plot.curves.filter(({ name }) => name).map(({ name, colour }) => {
+    const names = plot.curves.filter(({ name }) => name).map(({ name, color }) => {
       const word = element('i', '', name);
-      word.style.color = `var(${colour})`;
+      word.style.color = `var(${color})`;
       return word;
     });
     this.root.append(element('figcaption', '', plot.title, ...names), this.area);
@@ -127,10 +127,10 @@ class LivePlot {
 
   private look(width: number, height: number): uPlot.Options {
     const style = getComputedStyle(document.documentElement);
-    const colour = (name: string) => style.getPropertyValue(name).trim();
+    const color = (name: string) => style.getPropertyValue(name).trim();
     const axis: uPlot.Axis = {
-      stroke: colour('--quiet'),
-      grid: { stroke: colour('--line'), width: 1 },
+      stroke: color('--quiet'),
+      grid: { stroke: color('--line'), width: 1 },
       ticks: { show: false },
       font: '10px system-ui, sans-serif',
     };
@@ -149,7 +149,7 @@ class LivePlot {
         { ...axis, size: (_, labels) => widthOf(labels), space: 26, gap: 3 },
       ],
       series: [{}, ...plot.curves.map((curve) => ({
-        stroke: colour(curve.colour), width: curve.width ?? 1.25, points: { show: false }, gaps,
+        stroke: color(curve.color), width: curve.width ?? 1.25, points: { show: false }, gaps,
       }))],
     };
   }

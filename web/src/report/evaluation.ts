@@ -7,7 +7,7 @@ import { depthsOf, seenTool, STATE_KEY, type SeenTool } from './moment';
 import { short } from './numbers';
 import { captioned, folded, footer, heading, key, paragraph, table, title, warning } from './parts';
 import { plot, type Curve } from './plot';
-import { cutColours, cutOpen, type Solid } from './solid';
+import { cutColors, cutOpen, type Solid } from './solid';
 
 interface Claim { source: string; claim: string; where: string; measured: string; verdict: string; is_against: boolean }
 interface PlotData {
@@ -171,7 +171,7 @@ async function figureSection(figure: Figure, { sources }: EvaluationData): Promi
 
 async function pictureOf(one: PictureData): Promise<HTMLElement> {
   const above = element('h4', '', one.title), caption = `${one.caption} Drag to turn, scroll or pinch to zoom.`;
-  if (one.kind === 'cut open') return element('div', '', above, cutOpen(one.data, one.title, caption).root, cutColours());
+  if (one.kind === 'cut open') return element('div', '', above, cutOpen(one.data, one.title, caption).root, cutColors());
   return element('div', '', above, seenTool(one.data, await depthsOf(one.data), one.title, caption), key(STATE_KEY));
 }
 
@@ -190,7 +190,7 @@ function plotOf(data: PlotData): HTMLElement {
   const curves = data.curves.map(({ label, style, x, y }): Curve => {
     const known = STYLES.includes(style) ? style : 'other1', xs = floats(x);
     return {
-      name: label, colour: `--${known}`, x: xs, y: floats(y), width: WIDTHS[known] ?? 1.6, dash: DASHES[known],
+      name: label, color: `--${known}`, x: xs, y: floats(y), width: WIDTHS[known] ?? 1.6, dash: DASHES[known],
       hasDots: xs.length <= MOST_DOTS && known !== 'exact',
     };
   });
@@ -208,9 +208,9 @@ function plotOf(data: PlotData): HTMLElement {
     xLogarithmic: data.log_x, yLogarithmic: data.log_y,
   }, data.caption);
   const named = curves.filter(({ name }) => name);
-  made.prepend(element('h4', '', data.title), element('div', 'names', ...named.map(({ name, colour, dash }) => {
+  made.prepend(element('h4', '', data.title), element('div', 'names', ...named.map(({ name, color, dash }) => {
     const stroke = element('i', dash ? 'dashed' : '');
-    stroke.style.borderColor = `var(${colour})`;
+    stroke.style.borderColor = `var(${color})`;
     return element('span', '', stroke, name);
   })));
   return made;

@@ -1,7 +1,7 @@
 // The moment of deepest contact of a run in 3-D, with its depth images.
 
 import { element } from '../dom';
-import { ARROW_COLOURS, STATE_COLOURS, THEMES } from '../scene/colours';
+import { ARROW_COLORS, STATE_COLORS, THEMES } from '../scene/colors';
 import type { ArrowScale, Pose, Sample } from '../types';
 import { bytes, floats, unpackDepth, type Depth } from './bytes';
 import { captioned, heading, key, paragraph, warning } from './parts';
@@ -11,7 +11,7 @@ import { newtons, percent, short, TORQUE, VOLUME, withUnit } from './numbers';
 /** A tool in the scene that depth cameras see, in W. */
 export interface SeenTool {
   X_WT: number[]; // tx ty tz qx qy qz qw
-  centre_of_mass_m: number[];
+  center_of_mass_m: number[];
   radius_m: number;
   spheres: string; // base64 of floats: x y z r in T
   states: string; // base64 of bytes: 0 outside, 1 boundary, 2 inside; plus 4: a plane cuts it
@@ -45,7 +45,7 @@ export function seenTool(
   return picture(name, caption, [
     [['free', { view: 'free' }], ['camera', { view: 'camera' }], ['above', { view: 'bird' }], ['tool', { view: 'tool' }]],
     [['cut spheres', { toolLook: 'caps' }], ['whole spheres', { toolLook: 'spheres' }]],
-    [['shaded', { cloud: true, cloudColour: 'shaded' }], ['by depth', { cloud: true, cloudColour: 'depth' }],
+    [['shaded', { cloud: true, cloudColor: 'shaded' }], ['by depth', { cloud: true, cloudColor: 'depth' }],
       ['no cloud', { cloud: false }]],
   ], (scene) => {
     const { objects = [] } = tool;
@@ -69,8 +69,8 @@ export function seenTool(
 }
 
 export const STATE_KEY: [string, string][] = [
-  [STATE_COLOURS.inside, 'inside: behind the surface'], [STATE_COLOURS.boundary, 'boundary: at the surface'],
-  [STATE_COLOURS.outside, 'outside: free'],
+  [STATE_COLORS.inside, 'inside: behind the surface'], [STATE_COLORS.boundary, 'boundary: at the surface'],
+  [STATE_COLORS.outside, 'outside: free'],
 ];
 
 /** Returns the words for the share of a volume that is in objects; empty if there is none. */
@@ -98,7 +98,7 @@ export function momentSection(moment: Moment, depths: Depth[], peaks: { force: n
   parts.push(seenTool(moment, depths, 'the deepest moment in 3-D', caption, wrench), key([
     ...STATE_KEY,
     ...(objects.length > 0 ? [[THEMES.light.wood, 'objects; spheres in them are not marked']] : []),
-    ...(touches ? [[ARROW_COLOURS.force, `force on the tool: ${force}`], [ARROW_COLOURS.torque, `torque on the tool: ${torque}`]] : []),
+    ...(touches ? [[ARROW_COLORS.force, `force on the tool: ${force}`], [ARROW_COLORS.torque, `torque on the tool: ${torque}`]] : []),
   ] as [string, string][]));
   const numHidden = objects.filter(({ mesh }) => !mesh).length;
   if (numHidden > 0) parts.push(paragraph(`${numHidden} of ${objects.length} objects are not in this page: their meshes are too large.`));
@@ -160,8 +160,8 @@ function depthPicture(depth: Depth, pixel: number[], scale: number): HTMLElement
   });
   context.putImageData(image, 0, 0);
   const [u, v] = pixel.map((x) => x / scale + 0.5), unit = width / 40;
-  for (const [colour, thick] of [['#000', 0.5], ['#ffb000', 0.22]] as const) {
-    context.strokeStyle = colour;
+  for (const [color, thick] of [['#000', 0.5], ['#ffb000', 0.22]] as const) {
+    context.strokeStyle = color;
     context.lineWidth = thick * unit;
     context.beginPath();
     context.arc(u, v, unit, 0, 2 * Math.PI);

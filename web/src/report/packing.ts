@@ -4,10 +4,10 @@ import { histogram, wholeNumbers } from './histogram';
 import { LENGTH, percent, short, TIME, unitFor, VOLUME, withUnit } from './numbers';
 import { cards, columns, footer, heading, paragraph, table, title, warning, type Row } from './parts';
 import { plot } from './plot';
-import { cutColours, cutOpen, type Solid } from './solid';
+import { cutColors, cutOpen, type Solid } from './solid';
 
 interface Mass {
-  volume_m3: number; centre_of_mass_m: number[];
+  volume_m3: number; center_of_mass_m: number[];
   inertia_m5: number[]; // xx yy zz xy xz yz at 1 kg/m3
 }
 
@@ -35,11 +35,11 @@ interface PackingData {
   steps: [name: string, seconds: number][];
 }
 
-const length = (metres: number) => withUnit(metres, LENGTH);
+const length = (meters: number) => withUnit(meters, LENGTH);
 /** Formats numbers next to one as large as `large`; rounding errors become 0. */
 const numbers = (values: number[], large: number) =>
   values.map((value) => short(Math.abs(value) < 1e-9 * large ? 0 : value)).join(', ');
-const millimetres = (v: number[]) => `${numbers(v.map((x) => 1000 * x), 1)}\u00a0mm`;
+const millimeters = (v: number[]) => `${numbers(v.map((x) => 1000 * x), 1)}\u00a0mm`;
 
 export async function packingReport(main: HTMLElement, data: PackingData): Promise<void> {
   const { low_m: low, high_m: high } = data.solid;
@@ -58,7 +58,7 @@ function headline(data: PackingData): HTMLElement {
     [String(data.num_spheres), `spheres of ${length(data.smallest_radius_m)} to ${length(data.largest_radius_m)}`],
     [percent(data.fill[data.fill.length - 1][1]), 'of the mesh is filled'],
     [length(standoff.mean_m), `from the surface to the nearest sphere on average; 95 %: ${length(standoff.p95_m)}, at most ` +
-      `${length(standoff.max_m)}, at ${millimetres(standoff.worst_m)}`],
+      `${length(standoff.max_m)}, at ${millimeters(standoff.worst_m)}`],
     [String(graph.edges), `edges between neighbors, ${short(data.mean_degree, 3)} per sphere`],
     [String(graph.components), `connected parts, joined by ${graph.bridges} bridges`],
   ]);
@@ -67,7 +67,7 @@ function headline(data: PackingData): HTMLElement {
 function cutSection({ solid, num_spheres, num_triangles }: PackingData): HTMLElement[] {
   const { root, numShown } = cutOpen(solid, 'the tool cut open',
     'The half towards you is taken away. Drag to turn, scroll or pinch to zoom, and move the cut.');
-  const parts = [heading('Cut open'), root, cutColours()];
+  const parts = [heading('Cut open'), root, cutColors()];
   if (numShown < num_spheres) parts.push(paragraph(`Of the spheres the first ${numShown} are shown.`));
   if (!solid.mesh) parts.push(paragraph(`The mesh has ${num_triangles} triangles, more than a page holds.`));
   return parts;
@@ -102,7 +102,7 @@ function fillPlots({ fill, void_law: law, apollonian_exponent: best }: PackingDa
 function countPlots(data: PackingData): HTMLElement[] {
   const { standoff } = data;
   const radius = unitFor(data.median_radius_m, LENGTH), gap = unitFor(standoff.mean_m, LENGTH);
-  const mark = (words: string, metres: number, factor: number) => ({ x: factor * metres, words: `${words} ${length(metres)}` });
+  const mark = (words: string, meters: number, factor: number) => ({ x: factor * meters, words: `${words} ${length(meters)}` });
   return [
     heading('How large the spheres are'),
     plot({
@@ -119,7 +119,7 @@ function countPlots(data: PackingData): HTMLElement[] {
     }, 'Spheres fill the inside and never quite reach the surface: a tool that touches with its surface feels nothing until ' +
       `the first sphere touches. Distances from ${standoff.num_samples} points spread evenly over the surface. The largest, ` +
       `${length(standoff.max_m)}, is that of the worst of these points and all corners, at x, y, z = ` +
-      `${millimetres(standoff.worst_m)} of the tool frame.`),
+      `${millimeters(standoff.worst_m)} of the tool frame.`),
     heading('How the spheres are connected'),
     plot({
       ...wholeNumbers(data.degrees), xWords: 'neighbors of a sphere', yWords: '% of the spheres',
@@ -139,7 +139,7 @@ function mass({ mass: { spheres, mesh }, represented_volume_m3: represented }: P
   return [heading('Mass'), table([
     ['volume', volume(spheres.volume_m3), volume(mesh.volume_m3)],
     ['volumes that the spheres stand for, together', volume(represented), volume(mesh.volume_m3)],
-    ['center of mass x, y, z', millimetres(spheres.centre_of_mass_m), millimetres(mesh.centre_of_mass_m)],
+    ['center of mass x, y, z', millimeters(spheres.center_of_mass_m), millimeters(mesh.center_of_mass_m)],
     ['inertia xx, yy, zz in g\u00a0cm² at 1\u00a0g/cm³', inertia(spheres, 0), inertia(mesh, 0)],
     ['xy, xz, yz', inertia(spheres, 3), inertia(mesh, 3)],
   ], ['', 'spheres', 'mesh']), paragraph('Contacts are measured with the spheres and about their center of mass.')];

@@ -37,10 +37,10 @@ export function folded(words: string, ...parts: HTMLElement[]): HTMLElement {
 }
 
 /** Color key. */
-export function key(list: [colour: string, words: string][]): HTMLElement {
-  return element('div', 'key', ...list.map(([colour, words]) => {
+export function key(list: [color: string, words: string][]): HTMLElement {
+  return element('div', 'key', ...list.map(([color, words]) => {
     const dot = element('i');
-    dot.style.background = colour;
+    dot.style.background = color;
     return element('span', '', dot, words);
   }));
 }

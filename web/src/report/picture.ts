@@ -73,13 +73,13 @@ export const meshOf = ({ positions, triangles }: PackedMesh): Mesh =>
 
 /** Returns the hello message that sets up the scene; `objects`: their number. */
 export function hello(
-  tool: { centre_of_mass_m: number[]; radius_m: number }, streams: Stream[], objects = 0,
+  tool: { center_of_mass_m: number[]; radius_m: number }, streams: Stream[], objects = 0,
 ): Hello {
   return {
     protocol: 0, version: '', kind: streams.length > 0 ? 'recording' : 'tool', title: '', streams, objects, handle: null, columns: [], controls: [],
     tool: {
       spheres: 0, volume: 0, radius: tool.radius_m,
-      centre_of_mass: tool.centre_of_mass_m as [number, number, number],
+      center_of_mass: tool.center_of_mass_m as [number, number, number],
     },
   };
 }

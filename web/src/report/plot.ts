@@ -10,7 +10,7 @@ import { pinchToZoom } from './pinch';
 
 export interface Line {
   name: string;
-  colour?: string; // of the style sheet; default: that of its index
+  color?: string; // of the style sheet; default: that of its index
   values: (number | null)[]; // one per `x`; null: a gap
   marks?: (i: number) => boolean; // True if value i has a mark
   joined?: boolean; // drawn across gaps
@@ -19,7 +19,7 @@ export interface Line {
 /** A line with its own x, in any order; values that are not finite are gaps. */
 export interface Curve {
   name: string;
-  colour: string; // of the style sheet
+  color: string; // of the style sheet
   x: ArrayLike<number>;
   y: ArrayLike<number>;
   width?: number;
@@ -44,7 +44,7 @@ export interface Plot {
   together?: string; // plots with the same name zoom together
 }
 
-const COLOURS = ['--series-1', '--series-2', '--series-3', '--series-4'];
+const COLORS = ['--series-1', '--series-2', '--series-3', '--series-4'];
 const HEIGHT = 250;
 const RIGHT_AXIS = 62; // CSS pixels, with its label
 const PAPER_WIDTH = 680; // CSS pixels
@@ -201,13 +201,13 @@ class ZoomedPlot {
       series: [
         { label: spec.xWords, value: (_, value) => (value === null ? '–' : short(value, 6)) },
         ...spec.lines.map((line, i): uPlot.Series => {
-          const colour = ink(line.colour ?? COLOURS[i % COLOURS.length]);
+          const color = ink(line.color ?? COLORS[i % COLORS.length]);
           return {
-            label: line.name, stroke: colour, width: 1.5,
+            label: line.name, stroke: color, width: 1.5,
             spanGaps: line.joined ?? false,
             points: { show: Boolean(line.marks), size: 6, fill: ink('--ground'), filter: (_, __, show) => (show ? marked(line) : null) },
             value: (_, value) => (value === null ? '–' : short(value === NOTHING ? 0 : value)),
-            ...(spec.bars ? { paths: uPlot.paths.stepped!({ align: 1 }), fill: `${colour}44` } : {}),
+            ...(spec.bars ? { paths: uPlot.paths.stepped!({ align: 1 }), fill: `${color}44` } : {}),
           };
         }),
       ],
@@ -245,8 +245,8 @@ class ZoomedPlot {
   private drawCurves(chart: uPlot): void {
     const { ctx } = chart;
     const size = devicePixelRatio;
-    for (const { x, y, colour, width, dash, hasDots } of this.spec.curves ?? []) {
-      ctx.strokeStyle = ctx.fillStyle = ink(colour);
+    for (const { x, y, color, width, dash, hasDots } of this.spec.curves ?? []) {
+      ctx.strokeStyle = ctx.fillStyle = ink(color);
       ctx.lineWidth = (width ?? 1.6) * size;
       ctx.setLineDash((dash ?? []).map((d) => d * size));
       // uPlot places values on logarithmic axes even if they are not positive.
@@ -277,8 +277,8 @@ class ZoomedPlot {
     const { ctx, bbox } = chart;
     const size = devicePixelRatio;
     ctx.font = `${11 * size}px system-ui, sans-serif`;
-    const line = (colour: string, dash: number[], x1: number, y1: number, x2: number, y2: number) => {
-      ctx.strokeStyle = ink(colour);
+    const line = (color: string, dash: number[], x1: number, y1: number, x2: number, y2: number) => {
+      ctx.strokeStyle = ink(color);
       ctx.lineWidth = size;
       ctx.setLineDash(dash.map((d) => d * size));
       ctx.beginPath();

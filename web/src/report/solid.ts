@@ -1,7 +1,7 @@
 // A tool cut open, with a movable cutting plane.
 
 import { button, element } from '../dom';
-import { OTHER_COLOURS, STATE_COLOURS } from '../scene/colours';
+import { OTHER_COLORS, STATE_COLORS } from '../scene/colors';
 import type { SceneView } from '../types';
 import { floats } from './bytes';
 import { key } from './parts';
@@ -9,7 +9,7 @@ import { hello, meshOf, picture, type PackedMesh } from './picture';
 
 export interface Solid {
   low_m: number[]; high_m: number[]; // of the mesh's box
-  centre_of_mass_m: number[];
+  center_of_mass_m: number[];
   radius_m: number; // about the center of mass
   spheres: string; // base64 of floats: x y z r
   mesh: PackedMesh | null;
@@ -55,5 +55,5 @@ export function cutOpen(solid: Solid, name: string, caption: string): { root: HT
   return { root, numShown: shown.length / 4 };
 }
 
-export const cutColours = () => key([[STATE_COLOURS.boundary, 'cut spheres'],
-  [STATE_COLOURS.inside, 'whole spheres behind the cut'], [OTHER_COLOURS.wall, 'wall of the mesh in the cut']]);
+export const cutColors = () => key([[STATE_COLORS.boundary, 'cut spheres'],
+  [STATE_COLORS.inside, 'whole spheres behind the cut'], [OTHER_COLORS.wall, 'wall of the mesh in the cut']]);

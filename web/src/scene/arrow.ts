@@ -2,7 +2,7 @@
 // shaft and of the head; the vertex shader places them.
 
 import { BufferAttribute, BufferGeometry, Mesh, Quaternion, type RawShaderMaterial, Vector3 } from 'three';
-import { rgb } from './colours';
+import { rgb } from './colors';
 import { shaderMaterial } from './glsl';
 
 const AROUND = 12;
@@ -35,10 +35,10 @@ void main() {
 
 const FRAGMENT = `
 in vec3 view_normal;
-uniform vec3 arrow_colour;
+uniform vec3 arrow_color;
 void main() {
   float key = max(0.0, dot(normalize(view_normal), vec3(-0.35, 0.55, 0.758)));
-  colour = vec4(arrow_colour * (0.72 + 0.4 * key), 1.0);
+  color = vec4(arrow_color * (0.72 + 0.4 * key), 1.0);
 }
 `;
 
@@ -73,10 +73,10 @@ function arrowGeometry(): BufferGeometry {
 export class Arrow {
   readonly object: Mesh<BufferGeometry, RawShaderMaterial>;
 
-  constructor(colour: string) {
+  constructor(color: string) {
     this.object = new Mesh(arrowGeometry(), shaderMaterial({
       size: { value: 0 }, head: { value: 0 }, width: { value: 0 }, bend: { value: 0 },
-      arrow_colour: { value: rgb(colour) },
+      arrow_color: { value: rgb(color) },
     }, VERTEX, FRAGMENT));
     this.object.frustumCulled = false;
     this.object.visible = false;
@@ -87,8 +87,8 @@ export class Arrow {
   }
 
   /** Places a bent arrow about `axis`, `angle` rad long. */
-  bent(centre: Vector3, axis: Vector3, radius: number, angle: number, width: number): void {
-    this.place(centre, axis, radius * angle, width, radius);
+  bent(center: Vector3, axis: Vector3, radius: number, angle: number, width: number): void {
+    this.place(center, axis, radius * angle, width, radius);
   }
 
   /** Returns the position of the tip. */

@@ -9,7 +9,7 @@
 import { Group } from 'three';
 import type { ArrowScale, Pose, Sample } from '../types';
 import { Arrow } from './arrow';
-import { ARROW_COLOURS, THEMES } from './colours';
+import { ARROW_COLORS, THEMES } from './colors';
 import { Label } from './label';
 import { sampledVector, transformed } from './poses';
 import { SteadyScale } from './steady_scale';
@@ -18,26 +18,26 @@ const LEAST_STRETCH = 1e-4; // m: shorter has no direction
 
 export class Arrows {
   readonly object = new Group();
-  private readonly force = new Arrow(ARROW_COLOURS.force);
-  private readonly torque = new Arrow(ARROW_COLOURS.torque);
-  private readonly hand = new Arrow(ARROW_COLOURS.hand);
+  private readonly force = new Arrow(ARROW_COLORS.force);
+  private readonly torque = new Arrow(ARROW_COLORS.torque);
+  private readonly hand = new Arrow(ARROW_COLORS.hand);
   private readonly newtons = new SteadyScale(0.05);
-  private readonly newtonMetres = new SteadyScale(0.0005);
+  private readonly newtonMeters = new SteadyScale(0.0005);
   private scale: ArrowScale | null = null; // null: follows the recent samples
   private labels: Label[] = []; // of force and torque
   private radius = 0.1; // of the tool
   private hasSpring = false;
-  private centre: [number, number, number] = [0, 0, 0]; // of mass, in T
+  private center: [number, number, number] = [0, 0, 0]; // of mass, in T
 
   constructor() {
     this.object.add(this.force.object, this.torque.object, this.hand.object);
   }
 
   /** `hasSpring`: the hand's force is drawn as a spring instead of an arrow. */
-  setTool(radius: number, centre: [number, number, number], hasSpring: boolean): void {
+  setTool(radius: number, center: [number, number, number], hasSpring: boolean): void {
     this.radius = radius;
     this.hasSpring = hasSpring;
-    this.centre = centre;
+    this.center = center;
     for (const arrow of [this.force, this.torque, this.hand]) arrow.object.visible = false;
   }
 
@@ -50,28 +50,28 @@ export class Arrows {
 
   setSample(sample: Sample, X_WT: Pose, X_WT_hand: Pose | null): void {
     const { radius } = this;
-    const centre = transformed(X_WT, this.centre);
+    const center = transformed(X_WT, this.center);
     const contactForce = sampledVector(sample, 'contact_force');
     const contactTorque = sampledVector(sample, 'contact_torque');
     const handForce = sampledVector(sample, 'force').length();
     // An arrow of the scale's full length is twice as long as the tool's radius.
     const perNewton = (2 * radius) /
       (this.scale?.force ?? this.newtons.update(sample.time, Math.max(contactForce.length(), handForce)));
-    this.force.straight(centre, contactForce.multiplyScalar(perNewton), 0.042 * radius);
+    this.force.straight(center, contactForce.multiplyScalar(perNewton), 0.042 * radius);
 
-    const full = this.scale?.torque ?? this.newtonMetres.update(sample.time, contactTorque.length());
-    this.torque.bent(centre, contactTorque, 1.15 * radius, (1.75 * Math.PI * contactTorque.length()) / full,
+    const full = this.scale?.torque ?? this.newtonMeters.update(sample.time, contactTorque.length());
+    this.torque.bent(center, contactTorque, 1.15 * radius, (1.75 * Math.PI * contactTorque.length()) / full,
       0.028 * radius);
     this.labels.forEach(({ object: label }, i) => {
       const { object, tip } = [this.force, this.torque][i];
       label.visible = object.visible;
-      label.position.subVectors(tip, centre).setLength(0.45 * radius).add(tip);
+      label.position.subVectors(tip, center).setLength(0.45 * radius).add(tip);
     });
 
     this.hand.object.visible = false;
     if (!X_WT_hand || this.hasSpring) return;
-    const held = transformed(X_WT_hand, this.centre);
-    const stretch = centre.sub(held);
+    const held = transformed(X_WT_hand, this.center);
+    const stretch = center.sub(held);
     if (stretch.length() < LEAST_STRETCH) return;
     this.hand.straight(held, stretch.setLength(handForce * perNewton), 0.034 * radius);
   }

@@ -69,13 +69,13 @@ export class Cameras {
   }
 
   /** Sets the tool's center of mass in W. The tool's view follows it. */
-  setToolCentre(centre: Vector3): void {
+  setToolCenter(center: Vector3): void {
     if (this.view === 'tool') {
-      const moved = centre.clone().sub(this.tool);
+      const moved = center.clone().sub(this.tool);
       this.eye.position.add(moved);
       this.orbit.target.add(moved);
     }
-    this.tool.copy(centre);
+    this.tool.copy(center);
   }
 
   update(view: CameraView): void {
@@ -103,14 +103,14 @@ export class Cameras {
   }
 
   frame(found: Framing): void {
-    const { centre, radius, hasScene } = found;
+    const { center, radius, hasScene } = found;
     this.moved = false;
     this.takeUp();
     const direction = hasScene ?
-      new Vector3(...this.X_WC.position).sub(centre).normalize().add(this.turned(SHOULDER)) : this.turned(FROM_THE_SIDE);
+      new Vector3(...this.X_WC.position).sub(center).normalize().add(this.turned(SHOULDER)) : this.turned(FROM_THE_SIDE);
     const distance = radius / Math.sin(MathUtils.degToRad(FIELD_OF_VIEW / 2));
-    this.orbit.target.copy(centre);
-    this.eye.position.copy(centre).add(direction.setLength(distance));
+    this.orbit.target.copy(center);
+    this.eye.position.copy(center).add(direction.setLength(distance));
     this.orbit.update();
     if (this.view === 'tool') this.approachTool();
     this.frameBird(found);
@@ -134,9 +134,9 @@ export class Cameras {
   }
 
   /** Frames the scene from the depth cameras to its far end, or the tool alone. */
-  private frameBird({ centre, radius, hasScene, across, along }: Framing): void {
-    const centre_C = inverted(this.X_WC, centre);
-    const [x, z] = hasScene ? [0.5 * (across[0] + across[1]), 0.5 * (along[0] + along[1])] : [centre_C.x, centre_C.z];
+  private frameBird({ center, radius, hasScene, across, along }: Framing): void {
+    const center_C = inverted(this.X_WC, center);
+    const [x, z] = hasScene ? [0.5 * (across[0] + across[1]), 0.5 * (along[0] + along[1])] : [center_C.x, center_C.z];
     const breadth = this.stream ? this.stream.width / this.stream.fx : 1;
     const high = hasScene ? 0.55 * (along[1] - along[0]) : 1.2 * radius;
     const wide = high * breadth + (hasScene ? 0.5 * (across[1] - across[0]) : 0);
@@ -146,8 +146,8 @@ export class Cameras {
     bird.far = 2 * ABOVE;
     bird.zoom = 1;
     this.fitBird();
-    bird.position.copy(transformed(this.X_WC, [x, centre_C.y - ABOVE, z]));
-    this.birdControls.target.copy(transformed(this.X_WC, [x, centre_C.y, z]));
+    bird.position.copy(transformed(this.X_WC, [x, center_C.y - ABOVE, z]));
+    this.birdControls.target.copy(transformed(this.X_WC, [x, center_C.y, z]));
     this.birdControls.update();
   }
 

@@ -7,31 +7,31 @@ import {
   BufferGeometry, Group, Matrix4, Points, type RawShaderMaterial, type ShaderMaterialParameters, Vector2, type Vector3, Vector4,
 } from 'three';
 import type { Frame, SceneOptions } from '../types';
-import { rgb, THEMES } from './colours';
+import { rgb, THEMES } from './colors';
 import { DEPTH_IMAGE, type DepthImage } from './depth_image';
 import { DepthRange } from './depth_range';
 import { shaderMaterial, type Uniforms, VIRIDIS } from './glsl';
 import { OUT_OF_WINDOW, WITHIN_WINDOW } from './window';
 
-const COLOURINGS = { shaded: 0, depth: 1, normals: 2 };
+const COLORINGS = { shaded: 0, depth: 1, normals: 2 };
 
 const VERTEX = `${DEPTH_IMAGE}${VIRIDIS}
-uniform int stride, columns, colouring;
+uniform int stride, columns, coloring;
 uniform float point_size;   // smallest, in pixels of the canvas
 uniform float spread;       // share of the gap to the next point that a point covers
 uniform float canvas_height;
 uniform vec2 depth_range;   // m
-uniform vec3 surface_colour;
+uniform vec3 surface_color;
 uniform vec4 tool_ball;     // bounding sphere of the tool, in W; radius 0: no window
 uniform mat4 X_LC;          // L: the first camera, which defines light and colors of all clouds
-out vec3 point_colour;
+out vec3 point_color;
 
 // True if the ray from the eye through a point of the view frame meets the tool's ball.
 bool meets_tool(vec3 p) {
-  vec3 to_centre = (viewMatrix * vec4(tool_ball.xyz, 1.0)).xyz - p;
+  vec3 to_center = (viewMatrix * vec4(tool_ball.xyz, 1.0)).xyz - p;
   vec3 ray = is_orthographic() ? vec3(0.0, 0.0, -1.0) : normalize(p);
-  float along = dot(to_centre, ray);
-  return dot(to_centre, to_centre) - along * along < tool_ball.w * tool_ball.w;
+  float along = dot(to_center, ray);
+  return dot(to_center, to_center) - along * along < tool_ball.w * tool_ball.w;
 }
 
 void main() {
@@ -47,22 +47,22 @@ void main() {
   gl_PointSize = clamp(spread * gap, point_size, 64.0);
 
   vec3 n = mat3(X_LC) * normal_at(pixel, z);
-  if (colouring == 1) {
-    point_colour = viridis(1.0 - clamp(((X_LC * vec4(p, 1.0)).z - depth_range.x) / (depth_range.y - depth_range.x), 0.0, 1.0));
-    point_colour *= 0.7 + 0.3 * abs(n.z);
-  } else if (colouring == 2) {
-    point_colour = n == vec3(0.0) ? vec3(0.3) : 0.5 - 0.5 * vec3(-n.x, n.y, n.z);
+  if (coloring == 1) {
+    point_color = viridis(1.0 - clamp(((X_LC * vec4(p, 1.0)).z - depth_range.x) / (depth_range.y - depth_range.x), 0.0, 1.0));
+    point_color *= 0.7 + 0.3 * abs(n.z);
+  } else if (coloring == 2) {
+    point_color = n == vec3(0.0) ? vec3(0.3) : 0.5 - 0.5 * vec3(-n.x, n.y, n.z);
   } else {
     // The light is fixed above and to the left of the first camera.
     float light = max(0.0, dot(n, vec3(-0.41, -0.50, -0.763)));
-    point_colour = surface_colour * (n == vec3(0.0) ? 0.4 : 0.38 - 0.12 * n.y + 0.55 * light);
+    point_color = surface_color * (n == vec3(0.0) ? 0.4 : 0.38 - 0.12 * n.y + 0.55 * light);
   }
 }
 `;
 
 const FRAGMENT = `
-in vec3 point_colour;
-void main() { colour = vec4(point_colour, 1.0); }
+in vec3 point_color;
+void main() { color = vec4(point_color, 1.0); }
 `;
 
 export class Cloud {
@@ -74,8 +74,8 @@ export class Cloud {
   constructor(private readonly image: DepthImage) {
     this.uniforms = {
       ...image.uniforms,
-      colouring: { value: 0 }, point_size: { value: 2 }, canvas_height: { value: 1 },
-      depth_range: { value: new Vector2() }, X_LC: { value: new Matrix4() }, surface_colour: { value: rgb(THEMES.dark.surface) },
+      coloring: { value: 0 }, point_size: { value: 2 }, canvas_height: { value: 1 },
+      depth_range: { value: new Vector2() }, X_LC: { value: new Matrix4() }, surface_color: { value: rgb(THEMES.dark.surface) },
     };
     this.parts = [new Part(this.uniforms, OUT_OF_WINDOW), new Part(this.uniforms, WITHIN_WINDOW)];
     this.object.add(...this.parts.map((part) => part.object));
@@ -86,8 +86,8 @@ export class Cloud {
   }
 
   /** Sets the bounding sphere of the tool, in W: elsewhere there is no window. */
-  setTool(centre: Vector3, radius: number): void {
-    (this.parts[1].object.material.uniforms.tool_ball.value as Vector4).set(...centre.toArray(), radius);
+  setTool(center: Vector3, radius: number): void {
+    (this.parts[1].object.material.uniforms.tool_ball.value as Vector4).set(...center.toArray(), radius);
   }
 
   /** Depth range of most of this camera's image, m. */
@@ -105,10 +105,10 @@ export class Cloud {
   update(options: SceneOptions, coarser: number, height: number, pixelRatio: number): void {
     const { image, uniforms } = this;
     this.object.visible = options.cloud && image.number >= 0;
-    uniforms.colouring.value = COLOURINGS[options.cloudColour];
+    uniforms.coloring.value = COLORINGS[options.cloudColor];
     uniforms.point_size.value = options.pointSize * pixelRatio;
     uniforms.canvas_height.value = height;
-    uniforms.surface_colour.value = rgb(THEMES[options.dark ? 'dark' : 'light'].surface);
+    uniforms.surface_color.value = rgb(THEMES[options.dark ? 'dark' : 'light'].surface);
     const stride = Math.max(1, Math.round(options.stride)) * coarser;
     // Points of two pixels and more cover the surface without gaps at any distance.
     const spread = 0.65 * options.pointSize;

@@ -2,10 +2,10 @@
 
 import { BufferAttribute, BufferGeometry, LineBasicMaterial, LineSegments } from 'three';
 import type { Mesh } from '../types';
-import { OTHER_COLOURS } from './colours';
+import { OTHER_COLORS } from './colors';
 
 export class CutOutline {
-  readonly object = new LineSegments(new BufferGeometry(), new LineBasicMaterial({ color: OTHER_COLOURS.wall }));
+  readonly object = new LineSegments(new BufferGeometry(), new LineBasicMaterial({ color: OTHER_COLORS.wall }));
   private mesh: Mesh | null = null;
 
   constructor() {

@@ -8,7 +8,7 @@ import {
   InterleavedBufferAttribute, Mesh, type RawShaderMaterial,
 } from 'three';
 import type { Edges, SceneOptions, Stream } from '../types';
-import { EDGE_COLOURS, rgb } from './colours';
+import { EDGE_COLORS, rgb } from './colors';
 import { shaderMaterial } from './glsl';
 
 /**
@@ -34,8 +34,8 @@ void main() {
 
 const NEEDLE_FRAGMENT = `
 in float along;
-uniform vec3 start_colour, end_colour;
-void main() { colour = vec4(mix(start_colour, end_colour, along), 1.0); }
+uniform vec3 start_color, end_color;
+void main() { color = vec4(mix(start_color, end_color, along), 1.0); }
 `;
 
 const PANE_VERTEX = `
@@ -55,8 +55,8 @@ void main() {
 
 const PANE_FRAGMENT = `
 in float along;
-uniform vec3 end_colour;
-void main() { colour = vec4(end_colour, 0.3 * (1.0 - along) * (1.0 - along)); }
+uniform vec3 end_color;
+void main() { color = vec4(end_color, 0.3 * (1.0 - along) * (1.0 - along)); }
 `;
 
 /** Makes a geometry of instances; a corner is (across, along). */
@@ -76,12 +76,12 @@ export class EdgeMarks {
   private buffer = new InstancedInterleavedBuffer(new Float32Array(0), 6);
 
   constructor() {
-    const colours = {
-      start_colour: { value: rgb(EDGE_COLOURS.start) }, end_colour: { value: rgb(EDGE_COLOURS.end) },
+    const colors = {
+      start_color: { value: rgb(EDGE_COLORS.start) }, end_color: { value: rgb(EDGE_COLORS.end) },
     };
     this.materials = [
-      shaderMaterial(colours, NEEDLE_VERTEX, NEEDLE_FRAGMENT),
-      shaderMaterial({ ...colours, pane_angle: { value: 0.003 } }, PANE_VERTEX, PANE_FRAGMENT,
+      shaderMaterial(colors, NEEDLE_VERTEX, NEEDLE_FRAGMENT),
+      shaderMaterial({ ...colors, pane_angle: { value: 0.003 } }, PANE_VERTEX, PANE_FRAGMENT,
         { transparent: true, depthWrite: false }),
     ];
     this.needles = new Mesh(instanced([-1, 0, 1, 0, 0, 1], [0, 1, 2]), this.materials[0]);

@@ -2,7 +2,7 @@
 // another camera sees. At most three other cameras are used.
 
 import { BufferGeometry, Matrix4, Points, Vector2, Vector4 } from 'three';
-import { OTHER_COLOURS, rgb } from './colours';
+import { OTHER_COLORS, rgb } from './colors';
 import { DEPTH_IMAGE, type DepthImage } from './depth_image';
 import { shaderMaterial, type Uniforms } from './glsl';
 
@@ -49,8 +49,8 @@ void main() {
 `.replaceAll('SEEN_BEHIND', '0.02');
 
 const FRAGMENT = `
-uniform vec3 fog_colour;
-void main() { colour = vec4(fog_colour, 1.0); }
+uniform vec3 fog_color;
+void main() { color = vec4(fog_color, 1.0); }
 `;
 
 export class Fog {
@@ -69,7 +69,7 @@ export class Fog {
     }
     this.material = shaderMaterial({
       ...image.uniforms, ...others, columns: { value: 1 }, rows: { value: 1 }, dot_size: { value: 2 },
-      fog_colour: { value: rgb(OTHER_COLOURS.fog) },
+      fog_color: { value: rgb(OTHER_COLORS.fog) },
     }, VERTEX, FRAGMENT);
     this.object = new Points(this.geometry, this.material);
     this.object.frustumCulled = false;

@@ -7,7 +7,7 @@ import { inverted, transformed } from './poses';
 
 /** A bounding sphere to show whole, and the extent of the scene. */
 export interface Framing {
-  centre: Vector3; // in W
+  center: Vector3; // in W
   radius: number;
   hasScene: boolean;
   // Extent of the cameras and most of their surfaces along the first camera's x and z axes, m.
@@ -17,7 +17,7 @@ export interface Framing {
 
 /** Framing of one camera, in its frame. */
 interface Look {
-  centre: Vector3;
+  center: Vector3;
   radius: number;
   farthest: number; // m, depth that holds most of the image; 0: no measurement
   below: number;    // m, depth of the surface on the tool's ray; 0: none
@@ -37,35 +37,35 @@ function depthShare(image: DepthImage, u: number, v: number, half: number, share
   return depths.length ? depths[Math.floor(share * (depths.length - 1))] : 0;
 }
 
-/** Computes the framing of one camera; `centre` of the tool in its frame, null if unknown. */
-function lookOf(image: DepthImage, centre: Vector3 | null, radius: number): Look {
+/** Computes the framing of one camera; `center` of the tool in its frame, null if unknown. */
+function lookOf(image: DepthImage, center: Vector3 | null, radius: number): Look {
   const [u, v] = [image.width >> 1, image.height >> 1];
   const half = Math.max(u, v);
   const farthest = depthShare(image, u, v, half, 0.9);
-  if (!centre) {
+  if (!center) {
     const z = depthShare(image, u, v, half >> 2, 0.5) || 1;
-    return { centre: new Vector3(0, 0, z), radius: 0.35 * z, farthest, below: 0 };
+    return { center: new Vector3(0, 0, z), radius: 0.35 * z, farthest, below: 0 };
   }
-  if (farthest === 0) return { centre: centre.clone(), radius: 1.05 * radius, farthest, below: 0 };
+  if (farthest === 0) return { center: center.clone(), radius: 1.05 * radius, farthest, below: 0 };
   // Surface on the tool's ray, limited to a distance at which both fit into the picture.
-  const [tool_u, tool_v] = image.pixel(centre.x, centre.y, Math.max(centre.z, 0.05));
-  const below = centre.z > 0.05 ? depthShare(image, tool_u, tool_v, half >> 3, 0.5) : 0;
-  const gap = below > 0 ? Math.min(Math.abs(below - centre.z), 6 * radius) : 0;
-  const towards = centre.clone().setLength(Math.sign(below - centre.z) * 0.5 * gap);
-  return { centre: centre.clone().add(towards), radius: 2.0 * radius + 0.5 * gap, farthest, below };
+  const [tool_u, tool_v] = image.pixel(center.x, center.y, Math.max(center.z, 0.05));
+  const below = center.z > 0.05 ? depthShare(image, tool_u, tool_v, half >> 3, 0.5) : 0;
+  const gap = below > 0 ? Math.min(Math.abs(below - center.z), 6 * radius) : 0;
+  const towards = center.clone().setLength(Math.sign(below - center.z) * 0.5 * gap);
+  return { center: center.clone().add(towards), radius: 2.0 * radius + 0.5 * gap, farthest, below };
 }
 
 /**
- * Computes the framing; `centre` of the tool in W, null if unknown. With a tool it shows the tool and the surface
+ * Computes the framing; `center` of the tool in W, null if unknown. With a tool it shows the tool and the surface
  * of the camera that sees it nearest to the tool; without one, the middle of each image.
  */
-export function framing(cameras: readonly DepthCamera[], centre: Vector3 | null, radius: number): Framing {
+export function framing(cameras: readonly DepthCamera[], center: Vector3 | null, radius: number): Framing {
   const [first] = cameras;
-  const span: Framing = { centre: centre ?? new Vector3(0, 0, 1), radius: 1.05 * radius, hasScene: false, across: [0, 0], along: [0, 0] };
+  const span: Framing = { center: center ?? new Vector3(0, 0, 1), radius: 1.05 * radius, hasScene: false, across: [0, 0], along: [0, 0] };
   if (!first) return span;
   const seeing = cameras.filter((camera) => camera.isSeeing);
   if (seeing.length === 0) seeing.push(first);
-  const looks = seeing.map(({ image, X_WC }) => lookOf(image, centre && inverted(X_WC, centre), radius));
+  const looks = seeing.map(({ image, X_WC }) => lookOf(image, center && inverted(X_WC, center), radius));
   seeing.forEach(({ X_WC }, i) => {
     if (looks[i].farthest === 0) return;
     span.hasScene = true;
@@ -75,13 +75,13 @@ export function framing(cameras: readonly DepthCamera[], centre: Vector3 | null,
       span.along = [Math.min(span.along[0], z), Math.max(span.along[1], z)];
     }
   });
-  const centres = looks.map((look, i) => transformed(seeing[i].X_WC, look.centre.toArray()));
-  if (centre) {
+  const centers = looks.map((look, i) => transformed(seeing[i].X_WC, look.center.toArray()));
+  if (center) {
     const order = looks.map((_, i) => i).sort((a, b) =>
       Number(looks[b].below > 0) - Number(looks[a].below > 0) ||
       Number(looks[b].farthest > 0) - Number(looks[a].farthest > 0) || looks[a].radius - looks[b].radius);
-    return { ...span, centre: centres[order[0]], radius: looks[order[0]].radius };
+    return { ...span, center: centers[order[0]], radius: looks[order[0]].radius };
   }
-  const middle = centres.reduce((sum, one) => sum.add(one), new Vector3()).divideScalar(centres.length);
-  return { ...span, centre: middle, radius: Math.max(...looks.map((look, i) => look.radius + centres[i].distanceTo(middle))) };
+  const middle = centers.reduce((sum, one) => sum.add(one), new Vector3()).divideScalar(centers.length);
+  return { ...span, center: middle, radius: Math.max(...looks.map((look, i) => look.radius + centers[i].distanceTo(middle))) };
 }

@@ -2,7 +2,7 @@
 
 import { BufferAttribute, BufferGeometry, Group, LineBasicMaterial, LineSegments } from 'three';
 import type { Stream } from '../types';
-import { THEMES } from './colours';
+import { THEMES } from './colors';
 import { Label } from './label';
 
 export const PYRAMID = 0.06; // m, its height

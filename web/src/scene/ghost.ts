@@ -3,7 +3,7 @@
 
 import { Group } from 'three';
 import type { Pose, Spheres } from '../types';
-import { OTHER_COLOURS } from './colours';
+import { OTHER_COLORS } from './colors';
 import { distance, rotationBetween, setPose } from './poses';
 import { Shells } from './shells';
 import type { ToolMesh } from './tool_mesh';
@@ -13,7 +13,7 @@ const CLEAR = 0.004;  // m: full opacity from here on
 
 export class Ghost {
   readonly object = new Group();
-  private readonly shells = new Shells(OTHER_COLOURS.ghost, 0.0);
+  private readonly shells = new Shells(OTHER_COLORS.ghost, 0.0);
   private apart = 0; // m
   private radius = 0.1;
 

@@ -16,7 +16,7 @@ bool is_orthographic() { return projectionMatrix[3][3] == 1.0; }
 `;
 
 const FRAGMENT = `
-out vec4 colour;
+out vec4 color;
 `;
 
 /**

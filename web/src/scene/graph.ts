@@ -6,25 +6,25 @@ import {
   LineSegments,
 } from 'three';
 import type { Graph, SceneOptions, Spheres } from '../types';
-import { rgb, STATE_COLOURS } from './colours';
+import { rgb, STATE_COLORS } from './colors';
 import { shaderMaterial } from './glsl';
 
 const VERTEX = `
 in vec3 position;
 in float state;
-uniform vec3 state_colours[4];
-out vec3 line_colour;
+uniform vec3 state_colors[4];
+out vec3 line_color;
 
 void main() {
-  line_colour = state_colours[int(state) & 3];
+  line_color = state_colors[int(state) & 3];
   gl_Position = projectionMatrix * (modelViewMatrix * vec4(position, 1.0));
 }
 `;
 
 const FRAGMENT = `
-in vec3 line_colour;
+in vec3 line_color;
 uniform float opacity;
-void main() { colour = vec4(mix(line_colour, vec3(1.0), 0.25), opacity); }
+void main() { color = vec4(mix(line_color, vec3(1.0), 0.25), opacity); }
 `;
 
 export class LeafGraph {
@@ -34,8 +34,8 @@ export class LeafGraph {
 
   constructor() {
     this.material = shaderMaterial({
-      state_colours: {
-        value: [STATE_COLOURS.outside, STATE_COLOURS.boundary, STATE_COLOURS.inside, STATE_COLOURS.unknown].map(rgb),
+      state_colors: {
+        value: [STATE_COLORS.outside, STATE_COLORS.boundary, STATE_COLORS.inside, STATE_COLORS.unknown].map(rgb),
       },
       opacity: { value: 1 },
     }, VERTEX, FRAGMENT, { transparent: true, depthTest: false, depthWrite: false });

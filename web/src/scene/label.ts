@@ -1,7 +1,7 @@
 // Text in the scene, of constant size on the page and legible on any ground.
 
 import { CanvasTexture, Sprite, SpriteMaterial, SRGBColorSpace } from 'three';
-import type { Theme } from './colours';
+import type { Theme } from './colors';
 
 const TEXT = 40, MARGIN = 6; // pixels of the texture
 const FONT = `600 ${0.7 * TEXT}px system-ui, sans-serif`;

@@ -2,7 +2,7 @@
 
 import { AxesHelper, GridHelper, Group, LineBasicMaterial } from 'three';
 import type { Hello, SceneOptions } from '../types';
-import { THEMES } from './colours';
+import { THEMES } from './colors';
 import { PYRAMID } from './frustum';
 
 export class Landmarks {
@@ -18,12 +18,12 @@ export class Landmarks {
     if (hello.streams.length > 0) {
       this.axes = new AxesHelper(0.7 * PYRAMID);
     } else {
-      const { radius, centre_of_mass: centre } = hello.tool;
+      const { radius, center_of_mass: center } = hello.tool;
       this.axes = new AxesHelper(1.3 * radius);
       this.grid = new GridHelper(6 * radius, 12);
       this.grid.material = this.lines;
       this.grid.geometry.deleteAttribute('color');
-      this.grid.position.set(centre[0], centre[1] + 1.15 * radius, centre[2]);
+      this.grid.position.set(center[0], center[1] + 1.15 * radius, center[2]);
       this.object.add(this.grid);
     }
     this.object.add(this.axes);

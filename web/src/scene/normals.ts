@@ -2,7 +2,7 @@
 // shade the cloud.
 
 import { BufferGeometry, Mesh } from 'three';
-import { OTHER_COLOURS, rgb } from './colours';
+import { OTHER_COLORS, rgb } from './colors';
 import { DEPTH_IMAGE, type DepthImage } from './depth_image';
 import { shaderMaterial } from './glsl';
 
@@ -30,9 +30,9 @@ void main() {
 `;
 
 const FRAGMENT = `
-uniform vec3 needle_colour;
+uniform vec3 needle_color;
 in float along;
-void main() { colour = vec4(needle_colour * (0.7 + 0.4 * along), 1.0); }
+void main() { color = vec4(needle_color * (0.7 + 0.4 * along), 1.0); }
 `;
 
 export class NormalNeedles {
@@ -42,7 +42,7 @@ export class NormalNeedles {
 
   constructor(private readonly image: DepthImage) {
     this.material = shaderMaterial({
-      ...image.uniforms, columns: { value: 1 }, needle_colour: { value: rgb(OTHER_COLOURS.normal) },
+      ...image.uniforms, columns: { value: 1 }, needle_color: { value: rgb(OTHER_COLORS.normal) },
     }, VERTEX, FRAGMENT);
     this.object = new Mesh(this.geometry, this.material);
     this.object.frustumCulled = false;

@@ -2,7 +2,7 @@
 
 import { BufferAttribute, BufferGeometry, Group, LineBasicMaterial, LineLoop, Quaternion, Vector3 } from 'three';
 import type { Grasp } from '../types';
-import { RING_COLOURS } from './colours';
+import { RING_COLORS } from './colors';
 
 const CORNERS = 96;
 const QUIET = 0.75; // opacity of a ring without pointer
@@ -14,7 +14,7 @@ export class Rings {
   private pointed = -1;
 
   constructor() {
-    RING_COLOURS.forEach((color, axis) => {
+    RING_COLORS.forEach((color, axis) => {
       const corners: number[] = [];
       for (let i = 0; i < CORNERS; ++i) {
         const angle = (2 * Math.PI * i) / CORNERS, p = [0, 0, 0];
@@ -34,9 +34,9 @@ export class Rings {
     this.object.visible = false;
   }
 
-  place(centre: Vector3, turned: Quaternion, toolRadius: number): void {
+  place(center: Vector3, turned: Quaternion, toolRadius: number): void {
     this.radius = 1.12 * toolRadius;
-    this.object.position.copy(centre);
+    this.object.position.copy(center);
     this.object.quaternion.copy(turned);
     this.object.scale.setScalar(this.radius);
   }

@@ -8,7 +8,7 @@ import type {
 } from '../types';
 import { Arrows } from './arrows';
 import { Cameras } from './cameras';
-import { heat, THEMES } from './colours';
+import { heat, THEMES } from './colors';
 import { CutOutline } from './cut_outline';
 import { DepthCamera } from './depth_camera';
 import { EdgeMarks } from './edges';
@@ -93,7 +93,7 @@ class View implements SceneView {
     this.objects.setMeshes([]);
     this.objects.setPoses([]);
     this.ghost.setPoses(NO_POSE, NO_POSE);
-    this.arrows.setTool(hello.tool.radius, hello.tool.centre_of_mass, hello.handle !== null);
+    this.arrows.setTool(hello.tool.radius, hello.tool.center_of_mass, hello.handle !== null);
     this.makeSensors(hello);
     this.landmarks.setHello(hello);
     this.cameras.setHello(hello);
@@ -162,10 +162,10 @@ class View implements SceneView {
   }
 
   addSamples(samples: Sample[]): void {
-    const centre = this.hello?.tool.centre_of_mass ?? [0, 0, 0];
+    const center = this.hello?.tool.center_of_mass ?? [0, 0, 0];
     for (const sample of samples) {
       const X_WT = this.trace.isDue(sample.time) && sampledPose(sample, 'tool');
-      if (X_WT) this.trace.add(sample.time, transformed(X_WT, centre));
+      if (X_WT) this.trace.add(sample.time, transformed(X_WT, center));
     }
     const last = samples.at(-1);
     const X_WT = (last && sampledPose(last, 'tool')) ?? this.X_WT;
@@ -233,19 +233,19 @@ class View implements SceneView {
   pictureAxes(): PictureAxes {
     this.cameras.update(this.options.view);
     const { camera } = this.cameras;
-    const centre = this.handCentre() ?? new Vector3(0, 0, 1);
+    const center = this.handCenter() ?? new Vector3(0, 0, 1);
     const [right, up, back] = [0, 1, 2].map((i) => new Vector3().setFromMatrixColumn(camera.matrixWorld, i).normalize());
     const eye = new Vector3().setFromMatrixPosition(camera.matrixWorld);
-    const sight = centre.clone().sub(eye);
+    const sight = center.clone().sub(eye);
     const away = 'isPerspectiveCamera' in camera ? sight.clone().normalize() : back.clone().negate();
-    const step = 1e-3, [u0, v0] = this.toPixels(centre), [u1, v1] = this.toPixels(centre.clone().addScaledVector(right, step));
+    const step = 1e-3, [u0, v0] = this.toPixels(center), [u1, v1] = this.toPixels(center.clone().addScaledVector(right, step));
     const perPixel = step / Math.max(1e-6, Math.hypot(u1 - u0, v1 - v0));
     return { right, up, away, perPixel, distance: Math.min(2, sight.length()) };
   }
 
   projectHand(): [number, number] {
-    const centre = this.handCentre();
-    return centre ? this.toPixels(centre) : [0, 0];
+    const center = this.handCenter();
+    return center ? this.toPixels(center) : [0, 0];
   }
 
   setHeld(isHeld: boolean): void {
@@ -295,16 +295,16 @@ class View implements SceneView {
   private setToolPose(X_WT: Pose): void {
     this.X_WT = X_WT;
     setPose(this.tool, X_WT);
-    const centre = this.toolCentre();
-    if (!this.hello || !centre) return;
-    this.cameras.setToolCentre(centre);
-    for (const { cloud } of this.sensors) cloud.setTool(centre, this.hello.tool.radius);
+    const center = this.toolCenter();
+    if (!this.hello || !center) return;
+    this.cameras.setToolCenter(center);
+    for (const { cloud } of this.sensors) cloud.setTool(center, this.hello.tool.radius);
     this.frameOnce();
   }
 
   /** Tool's center of mass in W; null until it is known. */
-  private toolCentre(): Vector3 | null {
-    return this.X_WT && this.hello ? transformed(this.X_WT, this.hello.tool.centre_of_mass) : null;
+  private toolCenter(): Vector3 | null {
+    return this.X_WT && this.hello ? transformed(this.X_WT, this.hello.tool.center_of_mass) : null;
   }
 
   private toPixels(p_W: Vector3): [number, number] {
@@ -312,17 +312,17 @@ class View implements SceneView {
     return [(0.5 + 0.5 * p.x) * this.size[0], (0.5 - 0.5 * p.y) * this.size[1]];
   }
 
-  private handCentre(): Vector3 | null {
-    return this.X_WT_hand && this.hello ? transformed(this.X_WT_hand, this.hello.tool.centre_of_mass) : null;
+  private handCenter(): Vector3 | null {
+    return this.X_WT_hand && this.hello ? transformed(this.X_WT_hand, this.hello.tool.center_of_mass) : null;
   }
 
   /** Places the rings and the spring of a tool that pages can hold. */
   private setHandle(X_WT: Pose): void {
-    const held = this.handCentre();
+    const held = this.handCenter();
     if (!this.hello?.handle || !held || !this.X_WT_hand) return;
-    const { centre_of_mass: centre, radius } = this.hello.tool;
+    const { center_of_mass: center, radius } = this.hello.tool;
     this.rings.place(held, new Quaternion(...this.X_WT_hand.quaternion), radius);
-    this.spring.set(held, transformed(X_WT, centre), radius, heat(this.strain));
+    this.spring.set(held, transformed(X_WT, center), radius, heat(this.strain));
   }
 
   /** Frames the scene once it is there, then the tool in it, unless the person has moved the view. */
@@ -355,7 +355,7 @@ class View implements SceneView {
   }
 
   private framing() {
-    return framing(this.sensors, this.toolCentre(), this.hello?.tool.radius ?? 0.1);
+    return framing(this.sensors, this.toolCenter(), this.hello?.tool.radius ?? 0.1);
   }
 }
 

@@ -2,7 +2,7 @@
 // tree and for the ghost of a tool without mesh.
 
 import { type InstancedBufferGeometry, Mesh } from 'three';
-import { rgb } from './colours';
+import { rgb } from './colors';
 import { shaderMaterial } from './glsl';
 import { BALL_FRAGMENT, BALL_VERTEX, ballGeometry } from './sphere_shader';
 
@@ -11,7 +11,7 @@ void main() { place_ball(); }
 `;
 
 const FRAGMENT = `${BALL_FRAGMENT}
-uniform vec3 shell_colour;
+uniform vec3 shell_color;
 uniform float opacity, fill;
 
 void main() {
@@ -21,7 +21,7 @@ void main() {
   if (!in_front(t)) t = closest + half_chord;
   if (!in_front(t)) discard;
   float rim = 1.0 - sqrt(half_chord2);
-  colour = vec4(shell_colour, opacity * (fill + rim * rim));
+  color = vec4(shell_color, opacity * (fill + rim * rim));
   gl_FragDepth = depth_of(t);
 }
 `;
@@ -31,9 +31,9 @@ export class Shells {
   private readonly material;
 
   /** `fill`: opacity in the middle. */
-  constructor(colour: string, fill: number) {
+  constructor(color: string, fill: number) {
     this.material = shaderMaterial({
-      shell_colour: { value: rgb(colour) }, opacity: { value: 1 }, fill: { value: fill },
+      shell_color: { value: rgb(color) }, opacity: { value: 1 }, fill: { value: fill },
     }, VERTEX, FRAGMENT, { transparent: true, depthWrite: false });
     this.object = new Mesh(ballGeometry(new Float32Array(0)), this.material);
     this.object.frustumCulled = false;

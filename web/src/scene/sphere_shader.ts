@@ -16,11 +16,11 @@ const float FAR_OUT = 1e6;
 
 // Range of slopes x / z at which a circle is seen from the origin, z forward: those of the tangents,
 // the direction to the center u turned by the angle whose sine is r / distance.
-bool tangents(vec2 centre, float r, out vec2 interval) {
-  float d = length(centre);
+bool tangents(vec2 center, float r, out vec2 interval) {
+  float d = length(center);
   interval = vec2(-FAR_OUT, FAR_OUT);
   if (d <= r) return true;
-  vec2 u = centre / d;
+  vec2 u = center / d;
   float s = r / d, c = sqrt(1.0 - s * s);
   vec2 low = vec2(u.x * c - u.y * s, u.y * c + u.x * s);
   vec2 high = vec2(u.x * c + u.y * s, u.y * c - u.x * s);
@@ -67,10 +67,10 @@ float half_chord;           // in t
 void meet_ball() {
   bool flat_view = projection.w == 1.0;
   ray = flat_view ? vec3(0.0, 0.0, -1.0) : vec3(slope, -1.0);
-  vec3 to_centre = ball.xyz - (flat_view ? vec3(slope, 0.0) : vec3(0.0));
+  vec3 to_center = ball.xyz - (flat_view ? vec3(slope, 0.0) : vec3(0.0));
   float length2 = dot(ray, ray);
-  closest = dot(to_centre, ray) / length2;
-  nearest = closest * ray - to_centre;
+  closest = dot(to_center, ray) / length2;
+  nearest = closest * ray - to_center;
   half_chord2 = 1.0 - dot(nearest, nearest) / (ball.w * ball.w);
   half_chord = ball.w * sqrt(max(half_chord2, 0.0) / length2);
 }

@@ -5,7 +5,7 @@
 
 import { DynamicDrawUsage, InstancedBufferAttribute, type InstancedBufferGeometry, Mesh, Vector3 } from 'three';
 import type { Contact, SceneOptions, Spheres } from '../types';
-import { cameraColour, rgb, STATE_COLOURS } from './colours';
+import { cameraColor, rgb, STATE_COLORS } from './colors';
 import { SHADE, shaderMaterial } from './glsl';
 import { BALL_FRAGMENT, BALL_VERTEX, ballGeometry } from './sphere_shader';
 import { OPENS_WINDOW } from './window';
@@ -16,19 +16,19 @@ const VERTEX = `${BALL_VERTEX}
 in float state;
 in vec4 plane;  // n and d in T
 uniform bool caps, outside, by_camera;
-uniform vec3 state_colours[4], camera_colours[16];  // the latter: of no camera, and of each camera
-flat out vec3 ball_colour, veil_colour;
+uniform vec3 state_colors[4], camera_colors[16];  // the latter: of no camera, and of each camera
+flat out vec3 ball_color, veil_color;
 flat out vec4 cut;   // n in the view frame, d from the center of the sphere
 flat out int style;  // 0: whole, 1: cut, 2: veil only
 
 void main() {
   int bits = int(state), number = bits & 3;
   bool has_plane = (bits & 4) != 0, is_unseen = (bits & 8) != 0;
-  ball_colour = state_colours[number];
-  veil_colour = state_colours[0];
+  ball_color = state_colors[number];
+  veil_color = state_colors[0];
   if (by_camera) {
-    if (number == 1 || number == 2) ball_colour = camera_colours[bits >> 4];
-    if (is_unseen) ball_colour = veil_colour = camera_colours[0];
+    if (number == 1 || number == 2) ball_color = camera_colors[bits >> 4];
+    if (is_unseen) ball_color = veil_color = camera_colors[0];
   }
   cut = vec4(mat3(modelViewMatrix) * plane.xyz, plane.w - dot(plane.xyz, sphere.xyz));
   style = !caps ? 0 : has_plane ? 1 : number == 0 ? 2 : 0;
@@ -38,7 +38,7 @@ void main() {
 
 const FRAGMENT = `${BALL_FRAGMENT}${SHADE}
 uniform bool outside;
-flat in vec3 ball_colour, veil_colour;
+flat in vec3 ball_color, veil_color;
 flat in vec4 cut;
 flat in int style;
 
@@ -55,11 +55,11 @@ void main() {
     if (along > 0.0 && t < leave) { leave = t; leaves_flat = true; }
     if (along == 0.0 && room < 0.0) leave = enter - 1.0;
   }
-  vec3 albedo = ball_colour;
+  vec3 albedo = ball_color;
   if (style == 2 || leave < enter) {
     // The outside is a veil of every fourth pixel: depths stay right without sorting.
     if (!outside || ((int(gl_FragCoord.x) | int(gl_FragCoord.y)) & 1) == 1) discard;
-    albedo = veil_colour;
+    albedo = veil_color;
     enter = -half_chord;
     leave = half_chord;
     enters_flat = leaves_flat = false;
@@ -71,7 +71,7 @@ void main() {
   vec3 n = on_flat ? cut.xyz : (nearest + t * ray) / ball.w;
   if (from_within) n = -n;
   if (on_flat) albedo = mix(albedo, vec3(1.0), 0.28);
-  colour = vec4(shade(albedo, n), 1.0);
+  color = vec4(shade(albedo, n), 1.0);
   gl_FragDepth = depth_of(closest + t);
 }
 `;
@@ -85,9 +85,9 @@ export class ToolSpheres {
   constructor() {
     this.material = shaderMaterial({
       caps: { value: true }, outside: { value: true }, by_camera: { value: false },
-      camera_colours: { value: Array.from({ length: 16 }, (_, i) => rgb(cameraColour(i - 1, 0))) },
-      state_colours: {
-        value: [STATE_COLOURS.outside, STATE_COLOURS.boundary, STATE_COLOURS.inside, STATE_COLOURS.unknown].map(rgb),
+      camera_colors: { value: Array.from({ length: 16 }, (_, i) => rgb(cameraColor(i - 1, 0))) },
+      state_colors: {
+        value: [STATE_COLORS.outside, STATE_COLORS.boundary, STATE_COLORS.inside, STATE_COLORS.unknown].map(rgb),
       },
     }, VERTEX, FRAGMENT, OPENS_WINDOW);
     this.object = new Mesh(ballGeometry(new Float32Array(0)), this.material);
@@ -105,8 +105,8 @@ export class ToolSpheres {
   }
 
   setCameras(count: number): void {
-    this.material.uniforms.camera_colours.value =
-      Array.from({ length: 16 }, (_, i) => rgb(cameraColour(i - 1, count)));
+    this.material.uniforms.camera_colors.value =
+      Array.from({ length: 16 }, (_, i) => rgb(cameraColor(i - 1, count)));
   }
 
   setSpheres(spheres: Spheres): void {
@@ -163,7 +163,7 @@ export class ToolSpheres {
     this.object.visible = this.count > 0 && (options.toolLook === 'spheres' || options.toolLook === 'caps');
     this.material.uniforms.caps.value = options.toolLook === 'caps';
     this.material.uniforms.outside.value = options.outside;
-    this.material.uniforms.by_camera.value = options.sphereColour === 'camera';
+    this.material.uniforms.by_camera.value = options.sphereColor === 'camera';
   }
 
   dispose(): void {

@@ -2,7 +2,7 @@
 // visible through everything before it.
 
 import { BufferAttribute, BufferGeometry, Mesh, Quaternion, type RawShaderMaterial, Vector3 } from 'three';
-import { rgb } from './colours';
+import { rgb } from './colors';
 import { shaderMaterial } from './glsl';
 
 const COILS = 7, PER_COIL = 20, AROUND = 8;
@@ -30,10 +30,10 @@ void main() {
 
 const FRAGMENT = `
 in vec3 view_normal;
-uniform vec3 spring_colour;
+uniform vec3 spring_color;
 void main() {
   float key = max(0.0, dot(normalize(view_normal), vec3(-0.35, 0.55, 0.758)));
-  colour = vec4(spring_colour * (0.6 + 0.5 * key), 1.0);
+  color = vec4(spring_color * (0.6 + 0.5 * key), 1.0);
 }
 `;
 
@@ -58,7 +58,7 @@ export class Spring {
 
   constructor() {
     const material = shaderMaterial({
-      size: { value: 0 }, coil: { value: 0 }, wire: { value: 0 }, spring_colour: { value: new Vector3() },
+      size: { value: 0 }, coil: { value: 0 }, wire: { value: 0 }, spring_color: { value: new Vector3() },
     }, VERTEX, FRAGMENT, { transparent: true }); // drawn after the ghost
     this.object = new Mesh(wire(), material);
     this.object.frustumCulled = false;
@@ -67,7 +67,7 @@ export class Spring {
   }
 
   /** Stretches the spring from the hand to the tool, W; `radius` of the tool. */
-  set(hand: Vector3, tool: Vector3, radius: number, colour: string): void {
+  set(hand: Vector3, tool: Vector3, radius: number, color: string): void {
     const way = tool.clone().sub(hand), { uniforms } = this.object.material;
     const size = way.length();
     this.object.visible = size > LEAST;
@@ -77,7 +77,7 @@ export class Spring {
     uniforms.size.value = size;
     uniforms.coil.value = 0.07 * radius;
     uniforms.wire.value = 0.014 * radius;
-    uniforms.spring_colour.value = rgb(colour);
+    uniforms.spring_color.value = rgb(color);
   }
 
   dispose(): void {

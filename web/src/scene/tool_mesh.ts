@@ -3,13 +3,13 @@
 import { BufferAttribute, BufferGeometry, Float32BufferAttribute, Mesh as DrawnMesh, Vector4 } from 'three';
 import { toCreasedNormals } from 'three/addons/utils/BufferGeometryUtils.js';
 import type { Mesh, SceneOptions } from '../types';
-import { heat, OTHER_COLOURS, rgb, THEMES } from './colours';
+import { heat, OTHER_COLORS, rgb, THEMES } from './colors';
 import { shaderMaterial } from './glsl';
 import { OPENS_WINDOW } from './window';
 
 const CREASE = 0.55; // rad: larger angles between triangles are sharp edges
 /** Units per meter for three.js, which merges vertices within a hundredth of a unit: here 1 µm. */
-const PER_METRE = 1e4;
+const PER_METER = 1e4;
 
 const VERTEX = `
 in vec3 position, normal;
@@ -30,7 +30,7 @@ vec3 surface_normal() {
 `;
 
 const METAL = `${NORMAL}
-uniform vec3 metal_colour;
+uniform vec3 metal_color;
 uniform vec4 glow; // color and share
 
 void main() {
@@ -40,17 +40,17 @@ void main() {
   // A dark horizon under a bright sky looks metallic; then the light itself.
   float sky = smoothstep(-0.6, 0.9, reflect(vec3(0.0, 0.0, -1.0), n).y);
   float glint = pow(max(0.0, dot(n, normalize(light + vec3(0.0, 0.0, 1.0)))), 40.0);
-  colour = vec4(mix(metal_colour, glow.rgb, glow.a) * (0.3 + 0.4 * key + 0.45 * sky) + 0.35 * glint, 1.0);
+  color = vec4(mix(metal_color, glow.rgb, glow.a) * (0.3 + 0.4 * key + 0.45 * sky) + 0.35 * glint, 1.0);
 }
 `;
 
 const GHOST = `${NORMAL}
-uniform vec3 ghost_colour;
+uniform vec3 ghost_color;
 uniform float opacity;
 
 void main() {
   float rim = 1.0 - abs(surface_normal().z);
-  colour = vec4(ghost_colour, opacity * (0.12 + 0.75 * rim * rim));
+  color = vec4(ghost_color, opacity * (0.12 + 0.75 * rim * rim));
 }
 `;
 
@@ -59,10 +59,10 @@ export class ToolMesh {
   /** Shares the geometry of the mesh. */
   readonly ghost: DrawnMesh;
   private readonly metal = shaderMaterial({
-    metal_colour: { value: rgb(THEMES.dark.metal) }, glow: { value: new Vector4() },
+    metal_color: { value: rgb(THEMES.dark.metal) }, glow: { value: new Vector4() },
   }, VERTEX, METAL, OPENS_WINDOW);
   private readonly glass = shaderMaterial({
-    ghost_colour: { value: rgb(OTHER_COLOURS.ghost) }, opacity: { value: 1 },
+    ghost_color: { value: rgb(OTHER_COLORS.ghost) }, opacity: { value: 1 },
   }, VERTEX, GHOST, { transparent: true, depthWrite: false });
 
   constructor(private readonly stuff: 'metal' | 'wood' = 'metal') {
@@ -94,15 +94,15 @@ export class ToolMesh {
     const geometry = new BufferGeometry();
     geometry.setAttribute('position', new Float32BufferAttribute(mesh.positions, 3)); // a copy
     geometry.setIndex(new BufferAttribute(mesh.triangles, 1));
-    geometry.scale(PER_METRE, PER_METRE, PER_METRE);
+    geometry.scale(PER_METER, PER_METER, PER_METER);
     this.object.geometry.dispose();
     this.object.geometry = this.ghost.geometry =
-      toCreasedNormals(geometry, CREASE).scale(1 / PER_METRE, 1 / PER_METRE, 1 / PER_METRE);
+      toCreasedNormals(geometry, CREASE).scale(1 / PER_METER, 1 / PER_METER, 1 / PER_METER);
   }
 
   update(options: SceneOptions): void {
     this.object.visible = (this.stuff === 'wood' || options.toolLook === 'mesh') && this.loaded;
-    this.metal.uniforms.metal_colour.value = rgb(THEMES[options.dark ? 'dark' : 'light'][this.stuff]);
+    this.metal.uniforms.metal_color.value = rgb(THEMES[options.dark ? 'dark' : 'light'][this.stuff]);
   }
 
   dispose(): void {

@@ -6,7 +6,7 @@ import {
   BufferAttribute, DynamicDrawUsage, InstancedBufferGeometry, InstancedInterleavedBuffer,
   InterleavedBufferAttribute, Mesh, Vector2, type Vector3,
 } from 'three';
-import { OTHER_COLOURS, rgb } from './colours';
+import { OTHER_COLORS, rgb } from './colors';
 import { shaderMaterial } from './glsl';
 
 const DURATION = 10;  // s
@@ -37,8 +37,8 @@ void main() {
 
 const FRAGMENT = `
 in float age;
-uniform vec3 trace_colour;
-void main() { colour = vec4(trace_colour, 0.9 * (1.0 - age)); }
+uniform vec3 trace_color;
+void main() { color = vec4(trace_color, 0.9 * (1.0 - age)); }
 `;
 
 export class Trace {
@@ -60,7 +60,7 @@ export class Trace {
     geometry.instanceCount = POINTS;
     this.material = shaderMaterial({
       now: { value: 0 }, width: { value: 1 }, canvas: { value: new Vector2(1, 1) },
-      trace_colour: { value: rgb(OTHER_COLOURS.trace) },
+      trace_color: { value: rgb(OTHER_COLORS.trace) },
     }, VERTEX, FRAGMENT, { transparent: true, depthWrite: false });
     this.object = new Mesh(geometry, this.material);
     this.object.frustumCulled = false;

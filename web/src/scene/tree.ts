@@ -1,11 +1,11 @@
 // One level of the sphere tree.
 
 import type { SceneOptions, Tree } from '../types';
-import { OTHER_COLOURS } from './colours';
+import { OTHER_COLORS } from './colors';
 import { Shells } from './shells';
 
 export class TreeNodes {
-  private readonly shells = new Shells(OTHER_COLOURS.tree, 0.03);
+  private readonly shells = new Shells(OTHER_COLORS.tree, 0.03);
   private tree: Tree | null = null;
   private level = -1; // level of the shells
 

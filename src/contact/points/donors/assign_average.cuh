@@ -73,7 +73,7 @@ class AverageAssignment {
   // True if the plane of any donor reaches the cluster.
   __device__ bool is_reached(const Cluster& cluster) const {
     const BoundaryList& b = q_.boundary;
-    const Vec3f m = cluster.centre;
+    const Vec3f m = cluster.center;
     const float limit = one_lane::reach_with_slack(cluster);
     const std::int32_t num = context_.donors.num;
     constexpr int kUnrolled = 4, kStep = kUnrolled * gpu::kWarpSize;

@@ -19,7 +19,7 @@ class NearestAssignment : private DonorPruning {
       : DonorPruning(context.q), context_(context) {}
 
   /// `from` holds at least one donor.
-  __device__ MeasureSums run(const DonorCentres& from) {
+  __device__ MeasureSums run(const DonorCenters& from) {
     const int num_clusters = q_.clusters.num_clusters, blocks = static_cast<int>(gridDim.x);
     // Neighboring clusters lie close together. Many are best taken in runs of a power of two.
     const int tile_size = min_of(divided(num_clusters, blocks), kMaxPerTile);
@@ -28,7 +28,7 @@ class NearestAssignment : private DonorPruning {
     for (int first = static_cast<int>(blockIdx.x) * run_size; first < num_clusters;
          first += blocks * run_size) {
       const int last = min_of(first + run_size, num_clusters);
-      DonorCentres of_run = from;
+      DonorCenters of_run = from;
       if (run_size > tile_size) {
         const Pruned pruned = prune(from, first, last, shared_.of_run, AssignmentShared::kOfRun);
         if (!pruned.is_reached) {
@@ -51,7 +51,7 @@ class NearestAssignment : private DonorPruning {
   // A sphere of the tool.
   struct Ball {
     std::int32_t slot = 0, id = -1;
-    Vec3f centre;
+    Vec3f center;
     float radius = 0;
   };
 
@@ -66,7 +66,7 @@ class NearestAssignment : private DonorPruning {
   }
 
   // Measures clusters [first, last) by the block.
-  __device__ void measure_tile(const DonorCentres& from, int first, int last) {
+  __device__ void measure_tile(const DonorCenters& from, int first, int last) {
     const int warp = gpu::warp_id(), warps = gpu::warps_per_block(), num = last - first;
     const int shares = num >= warps ? 1 : warps / num;
     const int share = warp % shares;
@@ -86,7 +86,7 @@ class NearestAssignment : private DonorPruning {
       bool is_reached = false;
       const std::uint32_t touched = context_.touched_word(ball.id);
       if (cluster < last) {
-        is_reached = find_nearest(pruned.donors, cluster, ball.centre, share, shares, found);
+        is_reached = find_nearest(pruned.donors, cluster, ball.center, share, shares, found);
       }
       if (shares > 1) {
         shared_.found[warp][gpu::lane_id()] = found;
@@ -104,15 +104,15 @@ class NearestAssignment : private DonorPruning {
 
   // Finds the nearest of this share of the donors, by a warp with a lane per center. Returns false,
   // the same for all shares, if no plane that may be needed reaches the cluster.
-  __device__ bool find_nearest(const DonorCentres& from, int cluster, const Vec3f& centre,
+  __device__ bool find_nearest(const DonorCenters& from, int cluster, const Vec3f& center,
                                int share, int num_shares, NearestDonor& found) {
     const int lane = gpu::lane_id();
-    DonorCentre* const list = shared_.of_warp[gpu::warp_id()];
+    DonorCenter* const list = shared_.of_warp[gpu::warp_id()];
     if (from.num <= kFew * num_shares) {
       const int most = divided(from.num, num_shares), begin = share * most;
       const int num = min_of(most, from.num - begin);
       for (int i = lane; i < num; i += gpu::kWarpSize) list[i] = from.at(q_.boundary, begin + i);
-      compare(list, num, centre, found);
+      compare(list, num, center, found);
       return true;
     }
     const Cluster box = q_.clusters.clusters[cluster];
@@ -130,7 +130,7 @@ class NearestAssignment : private DonorPruning {
       const int i = chunk * gpu::kWarpSize + lane;
       bool reaching = false;
       if (i < from.num) {
-        const DonorCentre c = from.at(q_.boundary, i);
+        const DonorCenter c = from.at(q_.boundary, i);
         reaching = may_be_nearest(c, best, box) && reaches(plane_of(c.donor), box, limit);
       }
       is_reached = __any_sync(gpu::kWholeWarp, reaching) != 0;
@@ -140,7 +140,7 @@ class NearestAssignment : private DonorPruning {
     int num = 0;
     for (int chunk = share; chunk < num_chunks; chunk += num_shares) {
       const int i = chunk * gpu::kWarpSize + lane;
-      DonorCentre c{};
+      DonorCenter c{};
       bool stays = false;
       if (i < from.num) {
         c = from.at(q_.boundary, i);
@@ -150,26 +150,26 @@ class NearestAssignment : private DonorPruning {
       if (stays) list[num + __popc(bits & ((1u << lane) - 1))] = c;
       num += __popc(bits);
       if (num > AssignmentShared::kOfWarp - gpu::kWarpSize || chunk + num_shares >= num_chunks) {
-        compare(list, num, centre, found);
+        compare(list, num, center, found);
         num = 0;
       }
     }
     return true;
   }
   // Compares donors that other lanes have just put into the list.
-  __device__ static void compare(const DonorCentre* list, int num, const Vec3f& centre,
+  __device__ static void compare(const DonorCenter* list, int num, const Vec3f& center,
                                  NearestDonor& found) {
     __syncwarp();
 #pragma unroll 4
     for (int i = 0; i < num; ++i) {
-      const DonorCentre c = list[i];
-      found.offer(squared_distance(c, centre), c.donor);
+      const DonorCenter c = list[i];
+      found.offer(squared_distance(c, center), c.donor);
     }
     __syncwarp();
   }
 
   // Adds V_s of each lane's sphere, by a warp. Its nearest donor is known but for close calls.
-  __device__ void settle(const DonorCentres& from, const Ball& ball, std::uint32_t touched,
+  __device__ void settle(const DonorCenters& from, const Ball& ball, std::uint32_t touched,
                          bool is_reached, NearestDonor found) {
     const bool is_untouched = context_.is_untouched(ball.id, touched);
     const bool needs_donor = is_untouched && is_reached;
@@ -177,10 +177,10 @@ class NearestAssignment : private DonorPruning {
         gpu::kWholeWarp, needs_donor && one_lane::is_close_call(found.least, found.second));
     for (; close != 0; close &= close - 1) {
       const int lane = __ffs(static_cast<int>(close)) - 1;
-      const Vec3f centre{__shfl_sync(gpu::kWholeWarp, ball.centre.x, lane),
-                         __shfl_sync(gpu::kWholeWarp, ball.centre.y, lane),
-                         __shfl_sync(gpu::kWholeWarp, ball.centre.z, lane)};
-      const std::int32_t exact = nearest_exactly(from, to_double(centre));
+      const Vec3f center{__shfl_sync(gpu::kWholeWarp, ball.center.x, lane),
+                         __shfl_sync(gpu::kWholeWarp, ball.center.y, lane),
+                         __shfl_sync(gpu::kWholeWarp, ball.center.z, lane)};
+      const std::int32_t exact = nearest_exactly(from, to_double(center));
       if (lane == gpu::lane_id()) found.donor = exact;
     }
     if (!is_untouched) return;
@@ -188,7 +188,7 @@ class NearestAssignment : private DonorPruning {
     if (context_.overlays()) return;
     Assigned assigned;
     if (needs_donor) assigned = assign_from(q_.boundary.donors[found.donor], ball);
-    context_.add_untouched(sums_, ball.slot, ball.centre, assigned);
+    context_.add_untouched(sums_, ball.slot, ball.center, assigned);
   }
   // Cut by the donor's plane in double, the rest in single precision as on the CPU.
   __device__ Assigned assign_from(const Donor& donor, const Ball& ball) const {
@@ -197,13 +197,13 @@ class NearestAssignment : private DonorPruning {
     }
     const Plane<double>& plane = donor.plane_T;
     const double cap = cap_volume(static_cast<double>(ball.radius),
-                                  dot(plane.normal, to_double(ball.centre)) - plane.offset);
+                                  dot(plane.normal, to_double(ball.center)) - plane.offset);
     const float volume = static_cast<float>(cap) * q_.volume_scale[ball.id];
     return {static_cast<double>(volume), to_double(volume * to_float(plane.normal))};
   }
 
   // Returns the nearest donor by distance in double, ties to the lowest sphere id; by a warp.
-  __device__ std::int32_t nearest_exactly(const DonorCentres& from, const Vec3d& centre) const {
+  __device__ std::int32_t nearest_exactly(const DonorCenters& from, const Vec3d& center) const {
     double least = 1e300;
     std::int32_t donor = 0x7fffffff;
     const auto take = [&](double squared, std::int32_t its_donor) {
@@ -213,8 +213,8 @@ class NearestAssignment : private DonorPruning {
       }
     };
     for (int i = gpu::lane_id(); i < from.num; i += gpu::kWarpSize) {
-      const DonorCentre c = from.at(q_.boundary, i);
-      const Vec3d d = to_double(Vec3f{c.x, c.y, c.z}) - centre;
+      const DonorCenter c = from.at(q_.boundary, i);
+      const Vec3d d = to_double(Vec3f{c.x, c.y, c.z}) - center;
       take(dot(d, d), c.donor);
     }
     for (int step = gpu::kWarpSize / 2; step > 0; step /= 2) {

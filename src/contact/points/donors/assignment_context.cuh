@@ -58,17 +58,17 @@ class AssignmentContext {
   }
 
   /// Adds V_s n_s; the lever is the center of the sphere.
-  __device__ void add(MeasureSums& sums, const Vec3f& centre, const Assigned& measured) const {
+  __device__ void add(MeasureSums& sums, const Vec3f& center, const Assigned& measured) const {
     sums.volume += measured.volume;
     sums.force += measured.force;
-    sums.torque += cross(to_double(centre) - q.origin, measured.force);
+    sums.torque += cross(to_double(center) - q.origin, measured.force);
   }
   /// The same for an untouched sphere, and keeps its volume.
-  __device__ void add_untouched(MeasureSums& sums, std::int32_t slot, const Vec3f& centre,
+  __device__ void add_untouched(MeasureSums& sums, std::int32_t slot, const Vec3f& center,
                                 const Assigned& assigned) const {
     q.assigned_volume[slot] = static_cast<float>(assigned.volume);
     if (!(assigned.volume > 0)) return;
-    add(sums, centre, assigned);
+    add(sums, center, assigned);
     ++sums.num_inside;
   }
   __device__ Assigned scaled(std::int32_t id, const Assigned& assigned) const {

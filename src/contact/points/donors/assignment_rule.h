@@ -36,7 +36,7 @@ PALPATE_FORMULA Mask may_be_nearest(VecF x, VecF y, VecF z, VecF squared_distanc
 /// Distance from the cluster's middle within which a plane may have a part of its spheres behind
 /// it.
 PALPATE_FORMULA float reach_with_slack(const Cluster& cluster) {
-  return cluster.reach + kSlack * (norm(cluster.centre) + cluster.reach);
+  return cluster.reach + kSlack * (norm(cluster.center) + cluster.reach);
 }
 
 /// True if two squared distances are too close to tell which is less.

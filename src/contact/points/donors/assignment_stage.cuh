@@ -43,7 +43,7 @@ __device__ __noinline__ inline MeasureSums measure_fading_spheres(const PointQue
     const Assigned measured{presence * cap.volume + (1 - presence) * state.volume,
                             presence * cap.force + (1 - presence) * state.force};
     if (gpu::lane_id() == 0)
-      context.add(sums, q.scan.spheres[id].centre, context.scaled(id, measured));
+      context.add(sums, q.scan.spheres[id].center, context.scaled(id, measured));
   }
   return sums;
 }
@@ -59,7 +59,7 @@ __device__ inline MeasureSums measure_boundary_spheres(const PointQuery& q, Meth
   const int first = (gpu::warp_id() * blocks + block) * gpu::kWarpSize + gpu::lane_id();
   for (std::int32_t i = first; i < context.donors.num; i += gpu::grid_threads()) {
     const std::int32_t id = q.boundary.sphere_id[i];
-    context.add(sums, q.scan.spheres[id].centre, context.scaled(id, own_cap(context, i)));
+    context.add(sums, q.scan.spheres[id].center, context.scaled(id, own_cap(context, i)));
   }
   return sums;
 }
@@ -86,7 +86,7 @@ __device__ __noinline__ inline MeasureSums measure_one_by_one(const PointQuery& 
           context.assign_by_warp(__shfl_sync(gpu::kWholeWarp, id, lane), best);
       if (lane == gpu::lane_id()) {
         if (context.compares_all()) q.donor[slot] = best;
-        context.add_untouched(sums, slot, q.scan.spheres[id].centre, context.scaled(id, assigned));
+        context.add_untouched(sums, slot, q.scan.spheres[id].center, context.scaled(id, assigned));
       }
     }
   }
@@ -121,7 +121,7 @@ __device__ inline MeasureSums assign_planes(const PointQuery& q, MethodKind meth
            : q.priority.by == Priority::count  ? assignment.run<Priority::count>()
                                                : average_by_other_priorities(q, with_edges);
   } else {
-    DonorCentres from{nullptr, 0, context.donors.num};
+    DonorCenters from{nullptr, 0, context.donors.num};
     if (q.priority.by == Priority::count) {
       // One donor for all.
       from.first = static_cast<std::int32_t>(0xffffffffu - (*q.boundary.heaviest & 0xffffffffu));

@@ -127,7 +127,7 @@ struct DonorsView {
         rule.edges != nullptr
             ? rule.edges->volume(sphere_id, plane, donor.point)
             : cap_volume(static_cast<double>(sphere.radius),
-                         dot(plane.normal, to_double(sphere.centre)) - plane.offset);
+                         dot(plane.normal, to_double(sphere.center)) - plane.offset);
     return {volume, volume * plane.normal};
   }
 
@@ -189,7 +189,7 @@ struct DonorsView {
     return donor.sphere_id >= 0 && donor.sphere_id != sphere_id;
   }
   PALPATE_HOSTDEV Vec3d between(const Donor& donor, std::int32_t sphere_id) const {
-    return to_double(spheres[donor.sphere_id].centre) - to_double(spheres[sphere_id].centre);
+    return to_double(spheres[donor.sphere_id].center) - to_double(spheres[sphere_id].center);
   }
 };
 

@@ -10,17 +10,17 @@
 
 namespace palpate::inline v0 {
 
-struct alignas(16) DonorCentre {
+struct alignas(16) DonorCenter {
   float x, y, z;
   std::int32_t donor;
 };
 
 /// Donors to choose from: a list in shared memory or, without one, [first, first + num) of all.
-struct DonorCentres {
-  const DonorCentre* list = nullptr;
+struct DonorCenters {
+  const DonorCenter* list = nullptr;
   std::int32_t first = 0, num = 0;
 
-  __device__ DonorCentre at(const BoundaryList& boundary, int i) const {
+  __device__ DonorCenter at(const BoundaryList& boundary, int i) const {
     if (list != nullptr) return list[i];
     const std::int32_t l = first + i;
     return {boundary.x[l], boundary.y[l], boundary.z[l], l};
@@ -48,7 +48,7 @@ struct AssignmentShared {
   static constexpr int kWarps = kQueryThreads / gpu::kWarpSize;
   static constexpr int kOfRun = 2048, kOfTile = 1024, kOfWarp = 2 * gpu::kWarpSize;
 
-  DonorCentre of_run[kOfRun], of_tile[kOfTile], of_warp[kWarps][kOfWarp];
+  DonorCenter of_run[kOfRun], of_tile[kOfTile], of_warp[kWarps][kOfWarp];
   NearestDonor found[kWarps][gpu::kWarpSize];
   one_lane::NearestToMiddle nearest[kWarps];
   int num, is_reached;
@@ -61,26 +61,26 @@ class DonorPruning {
       : q_(q), shared_(gpu::shared_memory<AssignmentShared>()) {}
 
   struct Pruned {
-    DonorCentres donors;
+    DonorCenters donors;
     bool is_reached;
   };
 
   __device__ static int min_of(int a, int b) { return a < b ? a : b; }
   __device__ static int divided(int a, int b) { return (a + b - 1) / b; }
 
-  __device__ static float squared_distance(const DonorCentre& donor, const Vec3f& p) {
+  __device__ static float squared_distance(const DonorCenter& donor, const Vec3f& p) {
     return one_lane::squared_length(p.x - donor.x, p.y - donor.y, p.z - donor.z);
   }
-  __device__ bool may_be_nearest(const DonorCentre& c, const one_lane::NearestToMiddle& best,
+  __device__ bool may_be_nearest(const DonorCenter& c, const one_lane::NearestToMiddle& best,
                                  const Cluster& box) const {
-    return one_lane::may_be_nearest(c.x, c.y, c.z, squared_distance(c, box.centre), best, box);
+    return one_lane::may_be_nearest(c.x, c.y, c.z, squared_distance(c, box.center), best, box);
   }
   __device__ Plane<float> plane_of(std::int32_t donor) const {
     const BoundaryList& b = q_.boundary;
     return {{b.nx[donor], b.ny[donor], b.nz[donor]}, b.offset[donor]};
   }
   __device__ static bool reaches(const Plane<float>& plane, const Cluster& box, float limit) {
-    return dot(plane.normal, box.centre) - plane.offset < limit;
+    return dot(plane.normal, box.center) - plane.offset < limit;
   }
   // Returns the first lane that has the least value; none is negative.
   __device__ static int lane_of_min(float value) {
@@ -103,9 +103,9 @@ class DonorPruning {
             __shfl_sync(gpu::kWholeWarp, value.z, lane),
             __shfl_sync(gpu::kWholeWarp, value.squared_distance, lane)};
   }
-  __device__ static void offer(one_lane::NearestToMiddle& best, const DonorCentre& c,
+  __device__ static void offer(one_lane::NearestToMiddle& best, const DonorCenter& c,
                                const Cluster& box) {
-    const float squared = squared_distance(c, box.centre);
+    const float squared = squared_distance(c, box.center);
     if (squared < best.squared_distance) best = {c.x, c.y, c.z, squared};
   }
 
@@ -116,19 +116,19 @@ class DonorPruning {
     for (int c = first + gpu::lane_id(); c < last; c += gpu::kWarpSize) {
       const Cluster& cluster = q_.clusters.clusters[c];
       for (int axis = 0; axis < 3; ++axis) {
-        low[axis] = fminf(low[axis], cluster.centre[axis] - cluster.half_size[axis]);
-        high[axis] = fmaxf(high[axis], cluster.centre[axis] + cluster.half_size[axis]);
+        low[axis] = fminf(low[axis], cluster.center[axis] - cluster.half_size[axis]);
+        high[axis] = fmaxf(high[axis], cluster.center[axis] + cluster.half_size[axis]);
       }
     }
     Cluster box;
     for (int axis = 0; axis < 3; ++axis) {
       const float from = -warp_max(-low[axis]), to = warp_max(high[axis]);
-      box.centre[axis] = (from + to) * 0.5f;
+      box.center[axis] = (from + to) * 0.5f;
       box.half_size[axis] = (to - from) * 0.50001f + 1e-6f * (fabsf(from) + fabsf(to));
     }
     for (int c = first + gpu::lane_id(); c < last; c += gpu::kWarpSize) {
       const Cluster& cluster = q_.clusters.clusters[c];
-      box.reach = fmaxf(box.reach, (norm(cluster.centre - box.centre) + cluster.reach) * 1.00001f);
+      box.reach = fmaxf(box.reach, (norm(cluster.center - box.center) + cluster.reach) * 1.00001f);
     }
     box.reach = warp_max(box.reach);
     return box;
@@ -144,11 +144,11 @@ class DonorPruning {
   // [first, last) in `list`, or all of `from` if they are too many for it; and checks if the plane
   // of one reaches them. Memory latency dominates, so each thread prefetches its first donor and
   // its plane at once.
-  __device__ Pruned prune(const DonorCentres& from, int first, int last, DonorCentre* list,
+  __device__ Pruned prune(const DonorCenters& from, int first, int last, DonorCenter* list,
                           int capacity) {
     const int thread = static_cast<int>(threadIdx.x), threads = static_cast<int>(blockDim.x);
     const int lane = gpu::lane_id();
-    DonorCentre first_one{1e12f, 1e12f, 1e12f, -1};
+    DonorCenter first_one{1e12f, 1e12f, 1e12f, -1};
     Plane<float> its_plane;
     if (thread < from.num) {
       first_one = from.at(q_.boundary, thread);
@@ -173,7 +173,7 @@ class DonorPruning {
     bool is_reached = false;
     for (int begin = 0; begin < from.num; begin += threads) {
       const int i = begin + thread;
-      DonorCentre c = first_one;
+      DonorCenter c = first_one;
       if (begin > 0 && i < from.num) c = from.at(q_.boundary, i);
       const bool stays = i < from.num && may_be_nearest(c, best, box);
       const unsigned bits = __ballot_sync(gpu::kWholeWarp, stays);
@@ -188,7 +188,7 @@ class DonorPruning {
     if (is_reached) shared_.is_reached = 1;  // all writers write the same
     __syncthreads();
     const int num = shared_.num;
-    return {num <= capacity ? DonorCentres{list, 0, num} : from, shared_.is_reached != 0};
+    return {num <= capacity ? DonorCenters{list, 0, num} : from, shared_.is_reached != 0};
   }
 
   const PointQuery& q_;

@@ -22,7 +22,7 @@ void Donors::add(const Donor& donor) {
   donors_.push_back(donor);
   ids_.push_back(donor.sphere_id);
   planes_.push_back(donor.plane_T);
-  const Vec3f& c = spheres_[static_cast<std::size_t>(donor.sphere_id)].centre;
+  const Vec3f& c = spheres_[static_cast<std::size_t>(donor.sphere_id)].center;
   const Vec3f n = to_float(donor.plane_T.normal);
   const float values[kNumChannels] = {c.x,
                                       c.y,

@@ -32,8 +32,8 @@ CandidateList list_of(const Candidates& c) { return {c.num, c.x, c.y, c.z, c.don
 void prune_candidates(const CandidateList& from, const Cluster& box, Candidates& to) {
   VecF least = splat(1e30f);
   for (int i = 0; i < from.num; i += kLanes) {
-    const VecF dx = load(from.x + i) - box.centre.x, dy = load(from.y + i) - box.centre.y,
-               dz = load(from.z + i) - box.centre.z;
+    const VecF dx = load(from.x + i) - box.center.x, dy = load(from.y + i) - box.center.y,
+               dz = load(from.z + i) - box.center.z;
     const VecI in_range = lane_ids() < splat(static_cast<std::int32_t>(from.num - i));
     const VecF squared = select(in_range, squared_length(dx, dy, dz), splat(1e30f));
     store(to.squared_distance + i, squared);
@@ -67,8 +67,8 @@ bool is_reached(const BoundaryPlanes& boundary, const Candidates& candidates,
   const float limit = reach_with_slack(cluster);
   for (int i = 0; i < candidates.num; ++i) {
     const std::int32_t b = candidates.donor[i];
-    const float distance = boundary.nx[b] * cluster.centre.x + boundary.ny[b] * cluster.centre.y +
-                           boundary.nz[b] * cluster.centre.z - boundary.offset[b];
+    const float distance = boundary.nx[b] * cluster.center.x + boundary.ny[b] * cluster.center.y +
+                           boundary.nz[b] * cluster.center.z - boundary.offset[b];
     if (distance < limit) return true;
   }
   return false;
@@ -86,12 +86,12 @@ void leave_outside(const PlaneAssignment& job, int first, int last) {
 // (boundary spheres are in ascending order).
 std::int32_t nearest_exactly(const PlaneAssignment& job, std::int32_t sphere_id,
                              const Candidates& candidates) {
-  const Vec3d c = to_double(job.spheres[sphere_id].centre);
+  const Vec3d c = to_double(job.spheres[sphere_id].center);
   std::int32_t best = candidates.donor[0];
   double least = 1e300;
   for (int i = 0; i < candidates.num; ++i) {
     const std::int32_t other = job.boundary.sphere_id[candidates.donor[i]];
-    const Vec3d d = to_double(job.spheres[other].centre) - c;
+    const Vec3d d = to_double(job.spheres[other].center) - c;
     const double squared = dot(d, d);
     if (squared < least) least = squared, best = candidates.donor[i];
   }
@@ -103,7 +103,7 @@ double exact_volume(const PlaneAssignment& job, std::int32_t sphere_id, std::int
   const Sphere& sphere = job.spheres[sphere_id];
   const Plane<double>& plane = job.boundary.plane[donor];
   return cap_volume(static_cast<double>(sphere.radius),
-                    dot(plane.normal, to_double(sphere.centre)) - plane.offset);
+                    dot(plane.normal, to_double(sphere.center)) - plane.offset);
 }
 
 // Returns the boundary sphere whose plane each lane takes: the nearest one of the candidates.
@@ -168,9 +168,9 @@ MeasureSums average_planes(const PlaneAssignment& job, int group) {
     // A cluster in front of every plane adds nothing.
     bool reached = false;
     for (int b = 0; b < boundary.num && !reached; b += kLanes) {
-      const VecF distance = load(boundary.nx + b) * ball.centre.x +
-                            load(boundary.ny + b) * ball.centre.y +
-                            load(boundary.nz + b) * ball.centre.z - load(boundary.offset + b);
+      const VecF distance = load(boundary.nx + b) * ball.center.x +
+                            load(boundary.ny + b) * ball.center.y +
+                            load(boundary.nz + b) * ball.center.z - load(boundary.offset + b);
       const VecF limit = splat(reach_with_slack(ball));
       reached = mask_bits((distance < limit) & (load(boundary.count + b) > 0.0f)) != 0;
     }

@@ -56,7 +56,7 @@ enum class EdgeSide : std::uint8_t { behind, cut, beyond };
 
 /// `distance` of the center in front of the edge plane; `rule` is not `none`.
 PALPATE_HOSTDEV inline EdgeSide edge_side(double distance, double radius, Edges rule) {
-  const double from = rule == Edges::centre ? 0 : -radius;
+  const double from = rule == Edges::center ? 0 : -radius;
   const double to = rule == Edges::cut ? radius : from;
   return distance < from ? EdgeSide::behind : (distance < to ? EdgeSide::cut : EdgeSide::beyond);
 }
@@ -84,7 +84,7 @@ struct EdgesView {
   PALPATE_HOSTDEV double volume(std::int32_t id, const Plane<double>& plane_T,
                                 const DonorPoint& donor) const {
     const double radius = static_cast<double>(spheres[id].radius);
-    const double d = dot(plane_T.normal, to_double(spheres[id].centre)) - plane_T.offset;
+    const double d = dot(plane_T.normal, to_double(spheres[id].center)) - plane_T.offset;
     if (is_as_without(id, donor)) return cap_volume(radius, d);
     if (side[id] == EdgeSide::beyond) return 0;
     const Vec3d& edge_normal = piece(id).plane_T.normal;

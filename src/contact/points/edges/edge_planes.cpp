@@ -69,7 +69,7 @@ void EdgePlanes::find_nearest(const Pose& X_WT, Edges rule) {
       const std::int32_t id = clusters_->sphere_id[slot];
       if (id < 0) continue;
       const auto i = static_cast<std::size_t>(id);
-      const Vec3d c_W = R_WT * to_double(spheres_[i].centre) + X_WT.translation;
+      const Vec3d c_W = R_WT * to_double(spheres_[i].center) + X_WT.translation;
       side_[i] = EdgeSide::behind;
       if (!(c_W.z > 0)) continue;  // no pixel sees it
       cluster[num++] = {id, c_W.x / c_W.z, c_W.y / c_W.z};
@@ -79,7 +79,7 @@ void EdgePlanes::find_nearest(const Pose& X_WT, Edges rule) {
     for (std::size_t k = 0; k < num; ++k) {
       const auto i = static_cast<std::size_t>(cluster[k].id);
       const Plane<double>& plane = pieces_[static_cast<std::size_t>(piece_of_[i])].plane_T;
-      distance_[i] = dot(plane.normal, to_double(spheres_[i].centre)) - plane.offset;
+      distance_[i] = dot(plane.normal, to_double(spheres_[i].center)) - plane.offset;
       side_[i] = edge_side(distance_[i], spheres_[i].radius, rule);
     }
   }

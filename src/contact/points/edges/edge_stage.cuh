@@ -56,7 +56,7 @@ class EdgeStage {
     const std::int32_t id = q_.clusters.sphere_id[cluster * SphereClusters::kSize + lane];
     Vec3d c_T, c_W;  // behind the camera if there is no sphere
     if (id >= 0) {
-      c_T = to_double(q_.scan.spheres[id].centre);
+      c_T = to_double(q_.scan.spheres[id].center);
       c_W = q_.R_WT * c_T + q_.scan.translation_W;
     }
     const unsigned visible = __ballot_sync(gpu::kWholeWarp, c_W.z > 0);

@@ -24,7 +24,7 @@ inline SortedGraphView sorted_graph_on_gpu(gpu::Memory& memory, const SortedGrap
     }
   }
   return {memory.copy_of(spheres), memory.copy_of(graph.row_starts),
-          memory.copy_of(graph.neighbours), memory.copy_of(more_parts),
+          memory.copy_of(graph.neighbors), memory.copy_of(more_parts),
           static_cast<std::int32_t>(more_parts.size())};
 }
 

@@ -213,7 +213,7 @@ class GraphStage {
 #pragma unroll
     for (int b = 0; b < kBatch; ++b) {
       const std::int32_t e = part.begin + lanes.number_of_this() + b * lanes.num();
-      ahead.slot[b] = e < part.end ? graph_.neighbours[e] : -1;
+      ahead.slot[b] = e < part.end ? graph_.neighbors[e] : -1;
     }
 #pragma unroll
     for (int b = 0; b < kBatch; ++b) {
@@ -234,7 +234,7 @@ class GraphStage {
                        const Reached& reached) const {
     const bool has_seed = from.seed >= 0;
     const Donor& donor = boundary_.donors[has_seed ? from.seed : 0];
-    const Vec3d c = graph_.spheres[part.slot].centre(), normal = donor.plane_T.normal;
+    const Vec3d c = graph_.spheres[part.slot].center(), normal = donor.plane_T.normal;
     for (;;) {
       bool walks[kBatch];
       int slot[kBatch], num_slots = 0;
@@ -244,7 +244,7 @@ class GraphStage {
         // Other slots may have reached some in this round.
         walks[b] = has_seed &&
                    (ahead.round[b] < search_.first_round || ahead.round[b] == reached.round) &&
-                   leads_inside(ahead.sphere[b].centre() - c, normal) &&
+                   leads_inside(ahead.sphere[b].center() - c, normal) &&
                    !(with_edges_ && edges_.forbids(sphere_ids_[ahead.slot[b]], donor.point));
         const unsigned all = __ballot_sync(gpu::kWholeWarp, walks[b]);
         slot[b] = num_slots + __popc(all & ((1u << gpu::lane_id()) - 1));
@@ -260,7 +260,7 @@ class GraphStage {
         if (gpu::lane_id() == 0) base = atomicAdd(reached.num, num_slots);
 #pragma unroll
         for (int b = 0; b < kBatch; ++b) {
-          if (walks[b]) length[b] = from.path_length + norm(ahead.sphere[b].centre() - c);
+          if (walks[b]) length[b] = from.path_length + norm(ahead.sphere[b].center() - c);
         }
         base = __shfl_sync(gpu::kWholeWarp, base, 0);
 #pragma unroll
@@ -333,7 +333,7 @@ __device__ inline MeasureSums measure_reached(const PointQuery& q, bool with_edg
       const Vec3d force = volume * donor.plane_T.normal;
       sums.volume += volume;
       sums.force += force;
-      sums.torque += cross(q.graph.spheres[slot].centre() - q.origin, force);
+      sums.torque += cross(q.graph.spheres[slot].center() - q.origin, force);
       sums.num_inside += volume > 0;
     } else if (state.round < q.search.first_round) {
       q.donor[slot] = -1;

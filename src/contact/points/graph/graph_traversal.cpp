@@ -6,16 +6,16 @@
 namespace palpate::inline v0 {
 
 GraphTraversal::GraphTraversal(std::span<const Sphere> spheres, const SortedGraph& graph)
-    : centres_(graph.sphere_ids.size()),
+    : centers_(graph.sphere_ids.size()),
       graph_(graph),
-      states_(centres_.size(), kUnreached),
-      offers_(centres_.size()),
+      states_(centers_.size(), kUnreached),
+      offers_(centers_.size()),
       visits_(spheres.size() + 1),
       slots_(spheres.size() + 1) {
   std::int32_t longest_row = 0;
-  for (std::size_t slot = 0; slot < centres_.size(); ++slot) {
+  for (std::size_t slot = 0; slot < centers_.size(); ++slot) {
     if (graph_.sphere_ids[slot] < 0) continue;
-    centres_[slot] = spheres[static_cast<std::size_t>(graph_.sphere_ids[slot])].centre;
+    centers_[slot] = spheres[static_cast<std::size_t>(graph_.sphere_ids[slot])].center;
     longest_row = std::max(longest_row, graph_.row_starts[slot + 1] - graph_.row_starts[slot]);
   }
   ahead_.resize(static_cast<std::size_t>(longest_row));
@@ -25,9 +25,9 @@ GraphTraversal::GraphTraversal(std::span<const Sphere> spheres, const SortedGrap
 template <bool kWithEdgePlanes>
 std::size_t GraphTraversal::walk_edges(const Visit& from, Slot slot, const Seed& seed,
                                        const EdgesView* edge_planes, std::size_t num_visits) {
-  const Vec3d c = to_double(centres_[static_cast<std::size_t>(slot)]);
-  const Slot* const neighbours = graph_.neighbours.data();
-  const Vec3f* const centres = centres_.data();
+  const Vec3d c = to_double(centers_[static_cast<std::size_t>(slot)]);
+  const Slot* const neighbors = graph_.neighbors.data();
+  const Vec3f* const centers = centers_.data();
   State* const states = states_.data();
   Offer* const offers = offers_.data();
   Slot* const slots = slots_.data();
@@ -37,7 +37,7 @@ std::size_t GraphTraversal::walk_edges(const Visit& from, Slot slot, const Seed&
   // too often.
   std::size_t num_ahead = 0;
   for (std::int32_t e = graph_.row_starts[static_cast<std::size_t>(slot)]; e < end; ++e) {
-    const Slot to = neighbours[e];
+    const Slot to = neighbors[e];
     ahead[num_ahead] = to;
     num_ahead += states[to] != kSettled;
   }
@@ -45,12 +45,12 @@ std::size_t GraphTraversal::walk_edges(const Visit& from, Slot slot, const Seed&
   for (std::size_t k = 0; k < num_open; ++k) {
     const Slot to = ahead[k];
     ahead[num_ahead] = to;
-    num_ahead += leads_inside(to_double(centres[to]) - c, seed.normal);
+    num_ahead += leads_inside(to_double(centers[to]) - c, seed.normal);
   }
   for (std::size_t k = 0; k < num_ahead; ++k) {
     const auto to = static_cast<std::size_t>(ahead[k]);
     if (kWithEdgePlanes && edge_planes->forbids(graph_.sphere_ids[to], seed.point)) continue;
-    const Offer offer{from.path_length + norm(to_double(centres[to]) - c), from.seed};
+    const Offer offer{from.path_length + norm(to_double(centers[to]) - c), from.seed};
     Offer& best = offers[to];
     if (states[to] == kUnreached) {
       states[to] = kReachedThisRound;
@@ -79,8 +79,8 @@ std::span<const GraphTraversal::Visit> GraphTraversal::run(std::span<const Seed>
     for (std::size_t v = round_begin; v < round_end; ++v) {
       constexpr std::size_t kAhead = 6;  // rows come from the L2 cache or farther
       const auto later = static_cast<std::size_t>(slots_[std::min(v + kAhead, round_end - 1)]);
-      __builtin_prefetch(&graph_.neighbours[static_cast<std::size_t>(graph_.row_starts[later])]);
-      __builtin_prefetch(&centres_[later]);
+      __builtin_prefetch(&graph_.neighbors[static_cast<std::size_t>(graph_.row_starts[later])]);
+      __builtin_prefetch(&centers_[later]);
       const Seed& seed = seeds[static_cast<std::size_t>(visits_[v].seed)];
       num_visits = edge_planes == nullptr
                        ? walk_edges<false>(visits_[v], slots_[v], seed, nullptr, num_visits)

@@ -56,7 +56,7 @@ class GraphTraversal {
   std::size_t walk_edges(const Visit& from, Slot slot, const Seed& seed,
                          const EdgesView* edge_planes, std::size_t num_visits);
 
-  std::vector<Vec3f> centres_;  // of each slot
+  std::vector<Vec3f> centers_;  // of each slot
   const SortedGraph& graph_;
   std::vector<Slot> ahead_;    // of one sphere: neighbors not settled and in its direction
   std::vector<State> states_;  // of each slot

@@ -126,7 +126,7 @@ class BoundaryStage {
   __device__ void take_plane(std::int32_t i, std::int32_t id) {
     // Loads all from memory at once.
     const PointSums sums = q_.sums[id];
-    const Vec3f its_centre = q_.scan.spheres[id].centre;
+    const Vec3f its_center = q_.scan.spheres[id].center;
     const std::int32_t slot = q_.clusters.slot_of[id];
     q_.sums[id] = PointSums{};
     const BoundarySphere sphere = boundary_sphere(id, sums, q_.scan.sum_scale, q_.plane_rule,
@@ -134,14 +134,14 @@ class BoundaryStage {
     const BoundaryList& list = q_.boundary;
     const Donor& donor = sphere.donor;
     const bool lends = sphere.has_plane();
-    const Vec3f centre = lends ? its_centre : Vec3f{1e12f, 1e12f, 1e12f};
+    const Vec3f center = lends ? its_center : Vec3f{1e12f, 1e12f, 1e12f};
     const Vec3f normal = to_float(donor.plane_T.normal);
     const float weight = static_cast<float>(donor.weight);
     list.sphere_id[i] = id;
     list.donors[i] = donor;
-    list.x[i] = centre.x;
-    list.y[i] = centre.y;
-    list.z[i] = centre.z;
+    list.x[i] = center.x;
+    list.y[i] = center.y;
+    list.z[i] = center.z;
     list.nx[i] = normal.x;
     list.ny[i] = normal.y;
     list.nz[i] = normal.z;

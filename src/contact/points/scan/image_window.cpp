@@ -9,8 +9,8 @@ Bounds bounds_of(std::span<const Sphere> spheres) {
   Bounds box{{1e300, 1e300, 1e300}, {-1e300, -1e300, -1e300}};
   for (const Sphere& s : spheres) {
     for (int axis = 0; axis < 3; ++axis) {
-      box.low[axis] = std::min(box.low[axis], static_cast<double>(s.centre[axis]) - s.radius);
-      box.high[axis] = std::max(box.high[axis], static_cast<double>(s.centre[axis]) + s.radius);
+      box.low[axis] = std::min(box.low[axis], static_cast<double>(s.center[axis]) - s.radius);
+      box.high[axis] = std::max(box.high[axis], static_cast<double>(s.center[axis]) + s.radius);
     }
   }
   return box;

@@ -24,11 +24,11 @@ PALPATE_FORMULA GridTransform grid_transform(const PointScan& scan) {
     to_grid.t[axis] = static_cast<float>(scan.translation_W[axis]);
     t_low[axis] = scan.translation_W[axis] - static_cast<double>(to_grid.t[axis]);
   }
-  const Vec3d shift = (-(scan.R_TW * t_low) - scan.grid.origin) * scan.grid.cells_per_metre;
+  const Vec3d shift = (-(scan.R_TW * t_low) - scan.grid.origin) * scan.grid.cells_per_meter;
   for (int row = 0; row < 3; ++row) {
     for (int column = 0; column < 3; ++column) {
       to_grid.m[3 * row + column] =
-          static_cast<float>(scan.R_TW.m[row][column] * scan.grid.cells_per_metre);
+          static_cast<float>(scan.R_TW.m[row][column] * scan.grid.cells_per_meter);
     }
     to_grid.offset[row] = static_cast<float>(shift[row]);
   }
@@ -63,7 +63,7 @@ PALPATE_FORMULA bool contains_exactly(const PointScan& scan, std::int32_t sphere
                                       std::int32_t point) {
   const Vec3d p_W{scan.cloud.x[point], scan.cloud.y[point], scan.cloud.z[point]};
   const Sphere& sphere = scan.spheres[sphere_id];
-  const Vec3d d = scan.R_TW * (p_W - scan.translation_W) - to_double(sphere.centre);
+  const Vec3d d = scan.R_TW * (p_W - scan.translation_W) - to_double(sphere.center);
   const double r = sphere.radius;
   return dot(d, d) <= r * r;
 }
@@ -112,7 +112,7 @@ PALPATE_FORMULA Int to_fixed(Real v, double scale) {
 PALPATE_FORMULA double kernel_weight(const PointScan& scan, const Vec3d& offset_W,
                                      std::int32_t sphere_id) {
   const Sphere& sphere = scan.spheres[sphere_id];
-  const Vec3d d = scan.R_TW * offset_W - to_double(sphere.centre);
+  const Vec3d d = scan.R_TW * offset_W - to_double(sphere.center);
   const double r = sphere.radius, rim = 1.0 - dot(d, d) / (r * r);
   return rim > 0 ? rim * rim : 0;
 }

@@ -105,7 +105,7 @@ struct PointScan {
 };
 
 /// Adds the points of rows [row_begin, row_end) of the window to `sums` (one per sphere) and sets
-/// the sphere's byte in `touched`. An unorganised cloud is one row: it is cut by columns instead.
+/// the sphere's byte in `touched`. An unorganized cloud is one row: it is cut by columns instead.
 using ScanPoints = void (*)(const PointScan& scan, int row_begin, int row_end, int column_begin,
                             int column_end, PointSums* sums, std::uint8_t* touched);
 

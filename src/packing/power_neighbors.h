@@ -18,9 +18,9 @@ struct Pull {
 
 /// A k-d tree over spheres of many sizes. A node keeps the largest ones of its part for itself, so
 /// those below are small and most of them are passed over together.
-class PowerNeighbours {
+class PowerNeighbors {
  public:
-  explicit PowerNeighbours(std::span<const Sphere> spheres);
+  explicit PowerNeighbors(std::span<const Sphere> spheres);
 
   /// Number of sphere i of the tree in what the constructor got. Few steps lie between near
   /// spheres.
@@ -28,14 +28,14 @@ class PowerNeighbours {
   const Sphere& sphere(std::size_t i) const { return spheres_[i]; }
   std::size_t size() const { return spheres_.size(); }
 
-  /// Appends the planes of equal power between sphere i and the others, as seen from its centre and
+  /// Appends the planes of equal power between sphere i and the others, as seen from its center and
   /// with `reach` for the unit of length: all that are nearer than that, and perhaps some more.
-  /// False if the centre is behind one of them; this takes spheres that overlap.
+  /// False if the center is behind one of them; this takes spheres that overlap.
   bool gather(std::size_t i, double reach, std::vector<Pull>& out) const;
 
  private:
   struct Node {
-    Vec3f low, high;  ///< of all centres from here to `skip`
+    Vec3f low, high;  ///< of all centers from here to `skip`
     float max_radius = 0;
     std::uint32_t begin = 0, end = 0;  ///< spheres of its own
     std::uint32_t skip = 0;            ///< the first node that is not below

@@ -5,23 +5,23 @@
 
 import { Vector3 } from 'three';
 
-export const STATE_COLOURS = {
+export const STATE_COLORS = {
   inside: '#1f66e8',
   boundary: '#b45cf2',
   outside: '#e5472f',
   unknown: '#b9c0c9', // no measurement of the tool
 } as const;
 
-export const ARROW_COLOURS = {
+export const ARROW_COLORS = {
   force: '#ffb000',
   torque: '#12b886',
   hand: '#ff7a45',
 } as const;
 
 /** Start and end of a depth-change vector, as in Fig. 3.13. */
-export const EDGE_COLOURS = { start: '#2fb344', end: '#a33bd6' } as const;
+export const EDGE_COLORS = { start: '#2fb344', end: '#a33bd6' } as const;
 
-export const OTHER_COLOURS = {
+export const OTHER_COLORS = {
   normal: '#22b8e6',
   tree: '#e0a83c',
   ghost: '#e8a13a',
@@ -31,16 +31,16 @@ export const OTHER_COLOURS = {
   remembered: '#a08a5c', // decided by remembered frames
 } as const;
 
-const CAMERA_COLOURS = ['#2f8fe8', '#e58a1f', '#2fae5b', '#c44fd0', '#d7c22b', '#1fb8b0'] as const;
+const CAMERA_COLORS = ['#2f8fe8', '#e58a1f', '#2fae5b', '#c44fd0', '#d7c22b', '#1fb8b0'] as const;
 
 /** Returns the color of what a camera decides; -1: no camera, from `count` on: a remembered frame. */
-export function cameraColour(number: number, count: number): string {
-  if (number < 0) return OTHER_COLOURS.fog;
-  return number < count ? CAMERA_COLOURS[number % CAMERA_COLOURS.length] : OTHER_COLOURS.remembered;
+export function cameraColor(number: number, count: number): string {
+  if (number < 0) return OTHER_COLORS.fog;
+  return number < count ? CAMERA_COLORS[number % CAMERA_COLORS.length] : OTHER_COLORS.remembered;
 }
 
 /** Colors of the rings that turn a tool about x, y and z. */
-export const RING_COLOURS = ['#f0716a', '#5cc87d', '#62a4f7'] as const;
+export const RING_COLORS = ['#f0716a', '#5cc87d', '#62a4f7'] as const;
 
 const HEAT = ['#3fbf7f', '#f0b429', '#f2453a']; // none, half and all of the largest force
 

@@ -1,19 +1,19 @@
-// The page's own constants (web/src/scene/colours.ts), and what a lit surface of a colour looks like.
+// The page's own constants (web/src/scene/colors.ts), and what a lit surface of a color looks like.
 import { readFileSync } from 'node:fs';
 
-const source = readFileSync(new URL('../../../web/src/scene/colours.ts', import.meta.url), 'utf8');
+const source = readFileSync(new URL('../../../web/src/scene/colors.ts', import.meta.url), 'utf8');
 
-/// E.g. colour('boundary') is [194, 123, 255].
-export function colour(name) {
+/// E.g. color('boundary') is [194, 123, 255].
+export function color(name) {
   const [, hex] = source.match(new RegExp(`\\b${name}: '#([0-9a-f]{6})'`));
   return [0, 2, 4].map((i) => parseInt(hex.slice(i, i + 2), 16));
 }
 
 /// Of what the first, second, ... camera decides.
-export const cameraColours = source.match(/CAMERA_COLOURS = \[([^\]]*)\]/)[1].match(/[0-9a-f]{6}/g)
+export const cameraColors = source.match(/CAMERA_COLORS = \[([^\]]*)\]/)[1].match(/[0-9a-f]{6}/g)
   .map((hex) => [0, 2, 4].map((i) => parseInt(hex.slice(i, i + 2), 16)));
 
-/// Light makes a colour brighter or darker, flat sides are paler as well: `seen` is nearest to a c +
+/// Light makes a color brighter or darker, flat sides are paler as well: `seen` is nearest to a c +
 /// b white. Returns the share of white in it, its brightness, and how far off it is (0 to 255).
 function paint(seen, c) {
   const dot = (p, q) => p[0] * q[0] + p[1] * q[1] + p[2] * q[2];
@@ -25,7 +25,7 @@ function paint(seen, c) {
   return { white: b / (a + b), bright: a + b, off };
 }
 
-/// Is `seen` the colour `c` under some light? (Antialiased rims are not.)
+/// Is `seen` the color `c` under some light? (Antialiased rims are not.)
 export function isLit(seen, c) {
   const { white, bright, off } = paint(seen, c);
   return off < 6 && bright > 0.15 && Math.abs(white) * bright < 0.04;
