@@ -8,7 +8,7 @@
 #include "scenes/body_shapes.h"
 #include "src/core/internal/assert.h"
 
-namespace palpate::inline v0::scenes {
+namespace palpate { inline namespace v0 { namespace scenes {
 namespace {
 
 /// Of the hull of two balls.
@@ -169,4 +169,4 @@ TriangleMesh blended(std::span<const BallChain> chains, std::span<const Ellipsoi
   return MarchingTetrahedra(grid).run();
 }
 
-}  // namespace palpate::inline v0::scenes
+}}}  // namespace palpate::v0::scenes

@@ -2,7 +2,7 @@
 
 #include "palpate/mesh/mesh.h"
 
-namespace palpate::inline v0::scenes {
+namespace palpate { inline namespace v0 { namespace scenes {
 
 TriangleMesh block(const Vec3d& low, const Vec3d& high) {
   TriangleMesh mesh = make_box(high - low);
@@ -18,4 +18,4 @@ void append(TriangleMesh& body, const TriangleMesh& part) {
   }
 }
 
-}  // namespace palpate::inline v0::scenes
+}}}  // namespace palpate::v0::scenes

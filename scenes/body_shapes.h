@@ -7,7 +7,7 @@
 #include "palpate/math/geometry.h"
 #include "palpate/mesh/mesh.h"
 
-namespace palpate::inline v0::scenes {
+namespace palpate { inline namespace v0 { namespace scenes {
 
 /// From corner to corner.
 TriangleMesh block(const Vec3d& low, const Vec3d& high);
@@ -32,4 +32,4 @@ struct Ellipsoid {
 TriangleMesh blended(std::span<const BallChain> chains, std::span<const Ellipsoid> ellipsoids,
                      double blend, double cell);
 
-}  // namespace palpate::inline v0::scenes
+}}}  // namespace palpate::v0::scenes

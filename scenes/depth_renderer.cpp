@@ -12,7 +12,7 @@
 #include <embree3/rtcore.h>
 #endif
 
-namespace palpate::inline v0::scenes {
+namespace palpate { inline namespace v0 { namespace scenes {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -222,4 +222,4 @@ std::vector<float> render_depth(const Scene& scene, double t) {
   return {depth.begin(), depth.end()};
 }
 
-}  // namespace palpate::inline v0::scenes
+}}}  // namespace palpate::v0::scenes

@@ -7,7 +7,7 @@
 
 #include "scenes/scene.h"
 
-namespace palpate::inline v0::scenes {
+namespace palpate { inline namespace v0 { namespace scenes {
 
 /// Keeps the search trees of all bodies and the image of everything that never moves.
 class DepthRenderer {
@@ -26,4 +26,4 @@ class DepthRenderer {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace palpate::inline v0::scenes
+}}}  // namespace palpate::v0::scenes

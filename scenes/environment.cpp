@@ -5,7 +5,7 @@
 
 #include "src/core/internal/assert.h"
 
-namespace palpate::inline v0::scenes {
+namespace palpate { inline namespace v0 { namespace scenes {
 namespace {
 
 constexpr double kNever = std::numeric_limits<double>::quiet_NaN();
@@ -198,4 +198,4 @@ double first_hit(const Environment& environment, const Vec3d& direction) {
   return t > 0 ? t : kNever;
 }
 
-}  // namespace palpate::inline v0::scenes
+}}}  // namespace palpate::v0::scenes

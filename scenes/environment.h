@@ -5,7 +5,7 @@
 
 #include "palpate/math/geometry.h"
 
-namespace palpate::inline v0::scenes {
+namespace palpate { inline namespace v0 { namespace scenes {
 
 /// A solid. A corner is the complement of a ridge and a ball seen from inside is the complement of
 /// one seen from outside; everything here is computed on the convex one of the two.
@@ -57,4 +57,4 @@ SignedDistance signed_distance(const Environment& environment, const Vec3d& p);
 /// An origin within the solid of `ball_inside` looks through it into the ball.
 double first_hit(const Environment& environment, const Vec3d& direction);
 
-}  // namespace palpate::inline v0::scenes
+}}}  // namespace palpate::v0::scenes

@@ -12,7 +12,7 @@
 #include "scenes/mesh_faces.h"
 #include "scenes/truth.h"
 
-namespace palpate::inline v0::scenes {
+namespace palpate { inline namespace v0 { namespace scenes {
 namespace {
 
 /// Means over a triangle of phi and of phi (x - C).
@@ -264,4 +264,4 @@ ExactPenetration exact_penetration(const TriangleMesh& tool_T, const Pose& X_WT,
           exact_wrench(tool_T, X_WT, environment, center_W)};
 }
 
-}  // namespace palpate::inline v0::scenes
+}}}  // namespace palpate::v0::scenes

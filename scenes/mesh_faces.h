@@ -8,7 +8,7 @@
 #include "palpate/math/geometry.h"
 #include "palpate/mesh/mesh.h"
 
-namespace palpate::inline v0::scenes {
+namespace palpate { inline namespace v0 { namespace scenes {
 
 using Triangle = std::array<Vec3d, 3>;
 
@@ -104,4 +104,4 @@ double sum_of_fans(const Triangle& triangle, const Vec3d& normal, const Vec3d& s
   return sum;
 }
 
-}  // namespace palpate::inline v0::scenes
+}}}  // namespace palpate::v0::scenes

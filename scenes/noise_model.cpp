@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-namespace palpate::inline v0::scenes {
+namespace palpate { inline namespace v0 { namespace scenes {
 namespace {
 
 // Numbers are drawn by position, not in turn: SplitMix64's output function of a counter (Steele,
@@ -131,4 +131,4 @@ void DepthSensor::measure(std::span<const float> depth, std::uint64_t frame,
   }
 }
 
-}  // namespace palpate::inline v0::scenes
+}}}  // namespace palpate::v0::scenes

@@ -7,7 +7,7 @@
 
 #include "scenes/scene.h"
 
-namespace palpate::inline v0::scenes {
+namespace palpate { inline namespace v0 { namespace scenes {
 
 /// Turns images of one size into counts. Owns its buffers.
 class DepthSensor {
@@ -31,4 +31,4 @@ class DepthSensor {
   std::vector<float> lit_;  ///< depth where the projector's light falls, else NaN
 };
 
-}  // namespace palpate::inline v0::scenes
+}}}  // namespace palpate::v0::scenes

@@ -14,7 +14,7 @@
 #include "palpate/mesh/mesh.h"
 #include "scenes/environment.h"
 
-namespace palpate::inline v0::scenes {
+namespace palpate { inline namespace v0 { namespace scenes {
 
 /// One rigid body of a scene. Its pose may change with time.
 struct Body {
@@ -89,4 +89,4 @@ std::vector<float> render_depth(const Scene& scene, double t);
 Result<std::unique_ptr<DepthSource>> open_simulated_camera(Scene scene,
                                                            const SimulatedCameraOptions& options);
 
-}  // namespace palpate::inline v0::scenes
+}}}  // namespace palpate::v0::scenes

@@ -6,7 +6,7 @@
 #include "scenes/tool_paths.h"
 #include "scenes/truth.h"
 
-namespace palpate::inline v0::scenes {
+namespace palpate { inline namespace v0 { namespace scenes {
 namespace {
 
 double degrees(double angle) { return angle / 180 * kPi; }
@@ -267,4 +267,4 @@ void set_image_size(Scene& scene, int width, int height) {
                       (height - 1) / 2.0};
 }
 
-}  // namespace palpate::inline v0::scenes
+}}}  // namespace palpate::v0::scenes

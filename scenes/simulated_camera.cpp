@@ -5,7 +5,7 @@
 #include "scenes/noise_model.h"
 #include "scenes/scene.h"
 
-namespace palpate::inline v0::scenes {
+namespace palpate { inline namespace v0 { namespace scenes {
 namespace {
 
 class SimulatedCamera final : public DepthSource {
@@ -86,4 +86,4 @@ Result<std::unique_ptr<DepthSource>> open_simulated_camera(Scene scene,
       std::make_unique<SimulatedCamera>(std::move(scene), options, std::max(1, num_frames)));
 }
 
-}  // namespace palpate::inline v0::scenes
+}}}  // namespace palpate::v0::scenes

@@ -3,7 +3,7 @@
 
 #include "scenes/truth.h"
 
-namespace palpate::inline v0::scenes {
+namespace palpate { inline namespace v0 { namespace scenes {
 namespace {
 
 constexpr double kDepth = 1;               // Where every environment meets the optical axis.
@@ -95,4 +95,4 @@ std::vector<std::string> environment_names() {
   return names;
 }
 
-}  // namespace palpate::inline v0::scenes
+}}}  // namespace palpate::v0::scenes

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace palpate::inline v0::scenes {
+namespace palpate { inline namespace v0 { namespace scenes {
 namespace {
 
 constexpr double kSamplesPerSecond = 50;
@@ -45,4 +45,4 @@ void set_path(Scene& scene, const ThesisExperiment& experiment) {
   scene.path_poses = {before, experiment.start, experiment.end};
 }
 
-}  // namespace palpate::inline v0::scenes
+}}}  // namespace palpate::v0::scenes

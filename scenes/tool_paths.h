@@ -4,7 +4,7 @@
 #include "scenes/scene.h"
 #include "scenes/truth.h"
 
-namespace palpate::inline v0::scenes {
+namespace palpate { inline namespace v0 { namespace scenes {
 
 /// A touch in words: approach, press, slide with a slow turn, withdraw.
 struct Touch {
@@ -26,4 +26,4 @@ void set_path(Scene& scene, const Touch& touch);
 /// The straight way of the thesis, after a short approach.
 void set_path(Scene& scene, const ThesisExperiment& experiment);
 
-}  // namespace palpate::inline v0::scenes
+}}}  // namespace palpate::v0::scenes

@@ -8,7 +8,7 @@
 
 #include "scenes/mesh_faces.h"
 
-namespace palpate::inline v0::scenes {
+namespace palpate { inline namespace v0 { namespace scenes {
 namespace {
 
 /// Six planes at most.
@@ -134,4 +134,4 @@ double exact_volume(const TriangleMesh& tool_T, const Pose& X_WT, const Environm
   return 0;
 }
 
-}  // namespace palpate::inline v0::scenes
+}}}  // namespace palpate::v0::scenes

@@ -11,7 +11,7 @@
 #include "palpate/mesh/mesh.h"
 #include "scenes/environment.h"
 
-namespace palpate::inline v0::scenes {
+namespace palpate { inline namespace v0 { namespace scenes {
 
 /// Volume common to the closed mesh (frame T) and the solid, in m3. Closed form for all kinds,
 /// balls included; the error is that of double arithmetic, below 1e-10 of the tool's volume for
@@ -54,4 +54,4 @@ std::optional<Environment> environment_of(std::string_view scene);
 /// Names environment_of knows, in the order of the documentation.
 std::vector<std::string> environment_names();
 
-}  // namespace palpate::inline v0::scenes
+}}}  // namespace palpate::v0::scenes

@@ -13,8 +13,9 @@ from pathlib import Path
 
 from project_files import ROOT, project_files
 
-OPENED = re.compile(r"(?:inline )?namespace\b\s*(.*?)\s*\{$")
-CLOSED = re.compile(r"\}\s*// (?:inline )?namespace\b")
+OPENED = re.compile(r"(?:inline )?namespace\b.*\{$")  # one or several
+NAME = re.compile(r"namespace\s*([\w:]*)\s*\{")
+CLOSED = re.compile(r"(\}+)\s*// namespace\b")
 # One of them is compiled, never both.
 ALTERNATIVES = {"src/gpu/runtime_emulated.cpp": "src/gpu/runtime_cuda.cpp"}
 
@@ -29,11 +30,11 @@ def types_of(text):
     """Yields (line number, name with its namespaces) of each type that other files could have, too."""
     namespaces = []
     for number, line in enumerate(text.splitlines(), start=1):
-        opened = OPENED.match(line)
-        if opened:
-            namespaces.append(opened.group(1))
-        elif CLOSED.match(line) and namespaces:
-            namespaces.pop()
+        closed = CLOSED.match(line)
+        if OPENED.match(line):
+            namespaces += NAME.findall(line)
+        elif closed:
+            del namespaces[-len(closed.group(1)):]
         elif all(namespaces):
             found = TYPE.match(line)
             if found:

@@ -11,15 +11,16 @@ def found(*lines):
 
 class CheckTypesTest(unittest.TestCase):
     def test_types_have_the_names_of_their_namespaces(self):
-        text = ("namespace a::inline v0 {", "struct One {", "  struct Inner {};", "};",
+        text = ("namespace a { inline namespace v0 {", "struct One {", "  struct Inner {};", "};",
                 "namespace b {", "class Two final : public One {", "};", "}  // namespace b",
-                "enum class Three { x };", "}  // namespace a::inline v0", "union Four {")
-        self.assertEqual(found(*text), ["a::inline v0::One", "a::inline v0::b::Two",
-                                        "a::inline v0::Three", "Four"])
+                "enum class Three { x };", "}}  // namespace a::v0", "union Four {")
+        self.assertEqual(found(*text), ["a::v0::One", "a::v0::b::Two", "a::v0::Three", "Four"])
 
     def test_those_of_one_file_are_its_own(self):
         self.assertEqual(found("namespace a {", "namespace {", "struct One {", "}  // namespace",
                                "struct Two {", "}  // namespace a"), ["a::Two"])
+        self.assertEqual(found("namespace a { inline namespace v0 { namespace {", "struct One {", "};",
+                               "}}}  // namespace a::v0", "struct Two {"), ["Two"])
 
     def test_how_types_are_written(self):
         for line, name in (("struct alignas(8) Plane {", "Plane"), ("class [[nodiscard]] Result {", "Result"),

@@ -79,7 +79,7 @@ function cpp(files, report) {
   return `// Made by web/make_page.mjs.
 #include "src/pages/page_files.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 ${arrays.join('\n')}
@@ -88,7 +88,7 @@ ${arrays.join('\n')}
 std::span<const PageFile> page_files() { return ${files.length > 0 ? 'kFiles' : '{}'}; }
 std::string_view report_template() { return ${files.length > 0 ? '{kReport, sizeof kReport}' : '{}'}; }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0
 `;
 }
 

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <utility>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 /// Damping ratio of the stiffest direction of a contact: falling bodies do not bounce.
@@ -427,4 +427,4 @@ void BodySolver::solve_island(std::span<RigidBody> bodies, std::span<const BodyT
   }
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

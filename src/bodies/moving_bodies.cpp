@@ -8,7 +8,7 @@
 
 #include "src/haptics/internal/surface_motion.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 // Thresholds of rest: time within a shift and a rotation.
@@ -473,4 +473,4 @@ void MovingBodies::take_over(const MovingBodies& other) noexcept {
   if (gravity() != other.gravity()) forget_stored();
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr int kMaxIterations = 50;  // five do at 100 rad/s and a millisecond
@@ -97,4 +97,4 @@ void move(RigidBody& body, const Vec3d& shift, double dt) noexcept {
   body.X_WB.translation = center - rotate(q, body.p_BC);
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 /// a -= b c^T.
@@ -109,4 +109,4 @@ void SymmetricBlocks::solve(std::span<Vec6> x, int first) const noexcept {
   }
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -7,7 +7,7 @@
 
 #include "src/haptics/internal/matrix6.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Cholesky by blocks. Zero blocks cost nothing: bodies that do not touch each other, directly or
 /// by others, are solved as if alone.
@@ -37,4 +37,4 @@ class SymmetricBlocks {
   std::vector<std::uint8_t> filled_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

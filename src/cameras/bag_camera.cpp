@@ -12,7 +12,7 @@
 #include "src/core/internal/number_text.h"
 #include "src/core/shared_library.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 /// The first unit declared for these images, or the only one.
@@ -288,4 +288,4 @@ FoundCameras find_bag_cameras() {
           "their camera_info; ?world=FRAME: the camera is where their tf says"};
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

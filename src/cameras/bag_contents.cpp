@@ -10,7 +10,7 @@
 #include "src/io/ros_messages.h"
 #include "src/ros/tf_tree.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr std::string_view kImage = "sensor_msgs/msg/Image";
@@ -262,4 +262,4 @@ Result<LensHistory> BagContents::choose_lens(const CameraUri& uri, const std::st
   return camera.models;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -15,7 +15,7 @@
 #include "src/io/ros_image.h"
 #include "src/ros/tf_history.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// The lens of a camera from a stamp on, s.
 using LensHistory = std::vector<std::pair<double, RosCameraModel>>;
@@ -73,4 +73,4 @@ std::optional<double> declared_unit(const McapChannel& channel, std::string_view
 /// Tells if a unit is that of the images: it lies beside them, or is an option of their sensor.
 bool is_unit_of(std::string_view unit, const std::string& images);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -3,7 +3,7 @@
 
 #include "src/cameras/camera_source.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Opens the raw stream that a URI of its kind names.
 using OpenKind = Result<RawStream>(const CameraUri& uri, const CameraOpening& opening);
@@ -17,4 +17,4 @@ FindKind find_folder_cameras, find_scene_cameras, find_pipe_cameras, find_bag_ca
     find_openni2_cameras, find_realsense_cameras, find_k4a_cameras, find_freenect_cameras,
     find_orbbec_cameras, find_v4l2_cameras, find_ros2_cameras;
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

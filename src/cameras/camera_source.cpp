@@ -18,7 +18,7 @@
 #include "src/core/internal/guarded.h"
 #include "src/core/monotonic_clock.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 using namespace std::string_literals;
@@ -308,4 +308,4 @@ Result<std::unique_ptr<DepthSource>> make_live(RawStream raw, OpenRaw again, con
   return std::unique_ptr<DepthSource>(std::move(source));
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

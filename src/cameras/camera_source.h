@@ -8,7 +8,7 @@
 #include "src/cameras/capture_clock.h"
 #include "src/cameras/rectifier.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// A stream as its kind opens it, a *raw* one: `info()` may change with every frame, distortion is
 /// in it, time stamps are the camera's own.
@@ -32,4 +32,4 @@ Result<std::unique_ptr<DepthSource>> make_live(RawStream raw, OpenRaw again, con
 /// Returns the URI's parameters of such a stream. Error: neither of them has the intrinsics.
 Result<CameraTruth> truth_of(const CameraUri& uri, const DepthStreamInfo& stream);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

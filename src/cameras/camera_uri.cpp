@@ -11,7 +11,7 @@
 #include "src/cloud/internal/lens_table.h"
 #include "src/io/text_scanner.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr std::size_t kMaxCharacters = 60;  // characters of the user's text
@@ -211,4 +211,4 @@ Status CameraUri::check_extras(std::initializer_list<std::string_view> known_one
   return Done{};
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

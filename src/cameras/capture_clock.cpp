@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 StampOrder::Step StampOrder::add(double stamp, double arrival) {
   if (stamp > newest_) {
@@ -94,4 +94,4 @@ void CaptureClock::follow(double x) {
   least_ = {x, std::min(offset_ + slope_ * x, least_.y + kLargestDrift * (x - least_.x))};
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

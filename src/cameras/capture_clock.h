@@ -6,7 +6,7 @@
 #include <cstddef>
 #include <limits>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Clock of the time stamps: none (there are no stamps), the camera's own, or this computer's.
 enum class StampClock {
@@ -87,4 +87,4 @@ class CaptureClock {
   bool has_begun_ = false;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

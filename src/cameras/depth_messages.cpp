@@ -14,7 +14,7 @@
 #include "src/io/rvl.h"
 #include "src/io/text_scanner.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr double kMillimeter = 0.001;
@@ -175,4 +175,4 @@ void set_ros_camera(const RosCameraModel& camera, const std::string& topic, Dept
   scale_camera(shown, info);
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

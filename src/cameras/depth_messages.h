@@ -7,7 +7,7 @@
 
 #include "palpate/cameras/cameras.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Returns meters per number of 32FC1 images, by `scale=`; else 1. Error: an invalid number.
 Result<double> scale_of_floats(const CameraUri& uri);
@@ -53,4 +53,4 @@ inline std::string_view ros_parent(std::string_view topic) {
   return topic.substr(0, topic.rfind('/'));
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

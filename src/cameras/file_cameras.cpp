@@ -5,7 +5,7 @@
 #include "src/cameras/posed_source.h"
 #include "src/io/text_scanner.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 Result<RawStream> open_folder_camera(const CameraUri& uri, const CameraOpening&) {
   if (const Status status = uri.check_extras({"flow"}); !status) return status.error();
@@ -89,4 +89,4 @@ FoundCameras find_scene_cameras() {
   return found;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -10,7 +10,7 @@
 
 #include "palpate/core/core.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 template <class Content>
 class FilesOnce {
@@ -36,4 +36,4 @@ class FilesOnce {
   std::map<std::string, std::shared_ptr<const Content>> contents_;  // by path
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -11,7 +11,7 @@
 #include "src/core/internal/number_text.h"
 #include "src/core/monotonic_clock.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr double kFirstFrameTimeout = 10;  // s
@@ -251,4 +251,4 @@ std::vector<std::string> FrameIntake::take_notes() {
   return std::exchange(notes_, {});
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

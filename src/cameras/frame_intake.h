@@ -13,7 +13,7 @@
 #include "src/cameras/capture_clock.h"
 #include "src/cameras/rectifier.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// The newest frame wins. Frames without any measurement and frames from the past are left out, so
 /// that the surface gets old and forces fade, as with a camera that sends nothing.
@@ -88,4 +88,4 @@ class FrameIntake {
   std::uint64_t num_restarts_ = 0, num_changes_ = 0;  // of its clock; of images, lens and unit
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

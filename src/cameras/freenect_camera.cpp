@@ -12,7 +12,7 @@
 #include "src/core/monotonic_clock.h"
 #include "src/core/shared_library.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 struct Context;
@@ -278,4 +278,4 @@ FoundCameras find_freenect_cameras() {
   return found;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

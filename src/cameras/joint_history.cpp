@@ -9,7 +9,7 @@
 #include "src/cameras/shown_name.h"
 #include "src/io/text_scanner.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr double kShortestBase =
@@ -163,4 +163,4 @@ Status read_joint_table(std::string_view text, const std::string& name, JointHis
           "each other line has a time in s and positions in rad or m"};
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -10,7 +10,7 @@
 #include "palpate/core/core.h"
 #include "src/ros/by_time.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// rad or m: no joint is farther away, however often it has turned.
 inline constexpr double kLargestPosition = 1e6;
@@ -60,4 +60,4 @@ class JointHistory {
 /// line: no number, too many or too few of them, time going backwards.
 Status read_joint_table(std::string_view text, const std::string& name, JointHistory& history);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -12,7 +12,7 @@
 #include "src/core/monotonic_clock.h"
 #include "src/core/shared_library.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr int kSucceeded = 0;       // of every call
@@ -293,4 +293,4 @@ FoundCameras find_k4a_cameras() {
   return found;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

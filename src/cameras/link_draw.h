@@ -8,7 +8,7 @@
 
 #include "palpate/math/geometry.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// m. Nearer things are drawn by no camera, and one that is mounted in a housing looks out of it.
 inline constexpr double kNearestLink = 0.05;
@@ -290,4 +290,4 @@ PALPATE_HOSTDEV inline bool shows_link(std::uint16_t count, float unit, float pa
   return front > 0 && (depth + padding) * front >= 1 && count != 0;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

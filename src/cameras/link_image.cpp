@@ -5,7 +5,7 @@
 #include <limits>
 #include <utility>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 /// to[i] = the largest of from[i] and from[i + apart].
@@ -186,4 +186,4 @@ double LinkImage::limit_at(int u, int v) const {
   return front > 0 ? 1 / front - padding_ : std::numeric_limits<double>::infinity();
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -9,7 +9,7 @@
 #include "palpate/mesh/mesh.h"
 #include "src/cameras/link_draw.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// For images of this size.
 inline LinkCamera link_camera(const Intrinsics& k, int width, int height, double padding) {
@@ -62,4 +62,4 @@ class LinkImage {
   LinkWindow covered_;        // of the image
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -10,7 +10,7 @@
 #include "src/gpu/runtime.h"
 #include "src/gpu/team.cuh"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 // A GPU also answers queries: this leaves room for them.
@@ -353,4 +353,4 @@ Result<std::unique_ptr<LinksOnGpu>> make_links_on_gpu(std::span<const RobotLink>
   return std::unique_ptr<LinksOnGpu>(std::move(made));
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -6,7 +6,7 @@
 
 #include "palpate/cameras/cameras.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Keeps the meshes and all buffers for one image size on a GPU.
 class LinksOnGpu {
@@ -23,4 +23,4 @@ Result<std::unique_ptr<LinksOnGpu>> make_links_on_gpu(std::span<const RobotLink>
                                                       const Intrinsics& intrinsics, int width,
                                                       int height, double padding, int gpu);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

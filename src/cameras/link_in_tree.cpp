@@ -8,7 +8,7 @@
 #include "src/cameras/shown_name.h"
 #include "src/io/internal/atomic_file.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr std::size_t kMaxBytes = 64u << 20;  // of a URDF
@@ -129,4 +129,4 @@ Result<Pose> LinkInTree::at(double time, double stamp) const {
   return inverse(X_RL[base_]) * X_RL[link_];
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

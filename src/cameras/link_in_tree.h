@@ -13,7 +13,7 @@
 #include "src/cameras/robot_states.h"
 #include "src/core/monotonic_clock.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// URDFs without their meshes, each read once for everything that is opened together.
 using RobotTrees = FilesOnce<RobotModel>;
@@ -73,4 +73,4 @@ std::string what_is_missing(const RobotStates& states, const Missing& missing) {
   return names;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -11,7 +11,7 @@
 #include "src/cameras/posed_source.h"
 #include "src/core/all_at_once.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 struct Kind {
@@ -156,4 +156,4 @@ Result<std::unique_ptr<DepthSource>> open_camera(const CameraUri& uri,
   return make_posed(*std::move(source), *std::move(poses));
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

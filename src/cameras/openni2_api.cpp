@@ -4,7 +4,7 @@
 
 #include "src/core/shared_library.h"
 
-namespace palpate::inline v0::openni2 {
+namespace palpate { inline namespace v0 { namespace openni2 {
 namespace {
 
 Result<Api> load() {
@@ -64,4 +64,4 @@ const Result<Api>& api() {
   return loaded;
 }
 
-}  // namespace palpate::inline v0::openni2
+}}}  // namespace palpate::v0::openni2

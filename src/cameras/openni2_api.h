@@ -8,7 +8,7 @@
 #include "palpate/core/core.h"
 #include "src/core/bounded_call.h"
 
-namespace palpate::inline v0::openni2 {
+namespace palpate { inline namespace v0 { namespace openni2 {
 
 struct Device;  // OniDeviceHandle points at it
 struct Stream;
@@ -76,4 +76,4 @@ LibraryThread& caller();
 /// the library's own error.
 const Result<Api>& api();
 
-}  // namespace palpate::inline v0::openni2
+}}}  // namespace palpate::v0::openni2

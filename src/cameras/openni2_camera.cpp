@@ -16,7 +16,7 @@
 #include "src/cameras/raw_frames.h"
 #include "src/core/monotonic_clock.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 using namespace openni2;
@@ -259,4 +259,4 @@ FoundCameras find_openni2_cameras() {
   return found;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

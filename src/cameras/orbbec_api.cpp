@@ -6,7 +6,7 @@
 #include "src/cameras/python_packages.h"
 #include "src/core/shared_library.h"
 
-namespace palpate::inline v0::orbbec {
+namespace palpate { inline namespace v0 { namespace orbbec {
 namespace {
 
 std::vector<std::string> places() {
@@ -105,4 +105,4 @@ const Result<Api>& api() {
   return loaded;
 }
 
-}  // namespace palpate::inline v0::orbbec
+}}}  // namespace palpate::v0::orbbec

@@ -7,7 +7,7 @@
 
 #include "palpate/core/core.h"
 
-namespace palpate::inline v0::orbbec {
+namespace palpate { inline namespace v0 { namespace orbbec {
 
 // Objects of the library.
 struct Failure;
@@ -89,4 +89,4 @@ struct Api {
 /// place that was tried.
 const Result<Api>& api();
 
-}  // namespace palpate::inline v0::orbbec
+}}}  // namespace palpate::v0::orbbec

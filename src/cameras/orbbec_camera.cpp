@@ -12,7 +12,7 @@
 #include "src/cameras/raw_frames.h"
 #include "src/core/monotonic_clock.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 using namespace orbbec;
@@ -242,4 +242,4 @@ FoundCameras find_orbbec_cameras() {
   return found;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -26,7 +26,7 @@
 #include "src/core/internal/number_text.h"
 #include "src/core/monotonic_clock.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 static_assert(std::endian::native == std::endian::little, "pixels are little-endian");
@@ -275,4 +275,4 @@ FoundCameras find_pipe_cameras() {
           "?size=WIDTHxHEIGHT&intrinsics="};
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -5,7 +5,7 @@
 #include <cstdio>
 #include <vector>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 bool is_measurement(int count) { return count != 0 && count != kFarCount; }
@@ -106,4 +106,4 @@ std::string Plausibility::look(const DepthFrame& frame, const CameraModel& model
   return doubt;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

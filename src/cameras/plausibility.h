@@ -6,7 +6,7 @@
 
 #include "src/cameras/rectifier.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Looks at the first frames of a stream. It only reports doubts: nothing is changed.
 class Plausibility {
@@ -24,4 +24,4 @@ class Plausibility {
 /// multiples of 5 only.
 int common_divisor(const DepthFrame& frame);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 class PosedSource final : public DepthSource {
@@ -148,4 +148,4 @@ Result<std::unique_ptr<DepthSource>> make_posed(std::unique_ptr<DepthSource> sou
       std::make_unique<PosedSource>(std::move(source), std::move(poses)));
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -10,7 +10,7 @@
 #include "palpate/io/files.h"
 #include "src/cameras/link_in_tree.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// X_WC by time stamps: where something is, and where the camera is in it (hand-eye).
 class CameraPoses {
@@ -48,4 +48,4 @@ Result<std::optional<Pose>> standing_pose(const CameraUri& uri, RobotTrees& tree
 Result<std::unique_ptr<DepthSource>> make_posed(std::unique_ptr<DepthSource> source,
                                                 CameraPoses poses);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -6,7 +6,7 @@
 #include "src/cloud/internal/lens_table.h"
 #include "src/core/monotonic_clock.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 class Pushed final : public PushedSource {
@@ -76,4 +76,4 @@ Result<std::unique_ptr<PushedSource>> PushedSource::create(const DepthStreamInfo
   return create(info, {});
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

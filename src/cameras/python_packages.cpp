@@ -7,7 +7,7 @@
 
 #include "src/core/shared_library.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 namespace fs = std::filesystem;
@@ -60,4 +60,4 @@ std::string python_library_of(std::string_view module) {
   return "libpython3." + std::string(rest.begin(), end) + ".so.1.0";
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

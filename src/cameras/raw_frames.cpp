@@ -9,7 +9,7 @@
 #include "src/cameras/rectifier.h"
 #include "src/io/text_scanner.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 std::optional<std::size_t> choose_mode(std::span<const ImageMode> modes, const CameraUri& uri,
                                        ImageSize usual) {
@@ -90,4 +90,4 @@ std::string dotted_version(int number) {
          std::to_string(number % 100);
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

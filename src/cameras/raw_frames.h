@@ -12,7 +12,7 @@
 #include "palpate/cameras/cameras.h"
 #include "palpate/cloud/depth_source.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 inline constexpr int kWaitMilliseconds = 100;  // period of the check for cancellation
 inline constexpr double kLongestSilence = 2;   // s without a frame, then a camera is lost
@@ -70,4 +70,4 @@ std::string listed_models(std::vector<std::string> models, std::string_view othe
 /// "2.59.1" of 25901.
 std::string dotted_version(int number);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -7,7 +7,7 @@
 #include "src/cameras/python_packages.h"
 #include "src/core/shared_library.h"
 
-namespace palpate::inline v0::realsense {
+namespace palpate { inline namespace v0 { namespace realsense {
 namespace {
 
 std::vector<std::string> places() {
@@ -103,4 +103,4 @@ const Result<Api>& api() {
   return loaded;
 }
 
-}  // namespace palpate::inline v0::realsense
+}}}  // namespace palpate::v0::realsense

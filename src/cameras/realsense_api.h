@@ -8,7 +8,7 @@
 #include "palpate/cameras/cameras.h"
 #include "palpate/cloud/depth_source.h"
 
-namespace palpate::inline v0::realsense {
+namespace palpate { inline namespace v0 { namespace realsense {
 
 // Objects of the library.
 struct Failure;
@@ -93,4 +93,4 @@ const Result<Api>& api();
 Result<std::unique_ptr<DepthSource>> open_device(Device* device, const CameraUri& uri,
                                                  const std::string& file);
 
-}  // namespace palpate::inline v0::realsense
+}}}  // namespace palpate::v0::realsense

@@ -11,7 +11,7 @@
 #include "src/cameras/realsense_api.h"
 #include "src/core/monotonic_clock.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 using namespace realsense;
@@ -305,4 +305,4 @@ FoundCameras find_realsense_cameras() {
   return found;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

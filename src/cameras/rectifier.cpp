@@ -5,7 +5,7 @@
 #include <iterator>
 #include <utility>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 /// The same view with another number of pixels; pixel centers are at whole numbers.
@@ -105,4 +105,4 @@ void Rectifier::apply(const CameraModel& model, DepthFrame& frame) {
   frame.height = pinhole_.height;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

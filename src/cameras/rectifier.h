@@ -10,7 +10,7 @@
 #include "palpate/cloud/depth_source.h"
 #include "src/cloud/internal/lens_table.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Parameters that the user declares of a camera; they override those that it reports. Intrinsics
 /// are those of the first image size and are scaled for others.
@@ -56,4 +56,4 @@ class Rectifier {
   std::vector<std::uint16_t> spare_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

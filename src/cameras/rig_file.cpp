@@ -15,7 +15,7 @@
 #include "src/cameras/posed_source.h"
 #include "src/io/internal/toml_file.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 namespace fs = std::filesystem;
@@ -264,4 +264,4 @@ Result<std::string> rig_text_with_poses(const fs::path& path, const std::vector<
   return text.str();
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

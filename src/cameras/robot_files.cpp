@@ -11,7 +11,7 @@
 #include "src/cameras/shown_name.h"
 #include "src/io/internal/atomic_file.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 namespace fs = std::filesystem;
@@ -196,4 +196,4 @@ Status check_one_world(std::span<const CameraUri> cameras, const RobotFiles& rob
   return Done{};
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -5,7 +5,7 @@
 #include "src/cameras/shown_name.h"
 #include "src/core/shared_library.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 std::vector<std::size_t> numbers_of(const std::vector<bool>& chosen) {
@@ -83,4 +83,4 @@ std::vector<std::filesystem::path> RobotFolders::packages_of(std::string_view li
   return folders;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -10,7 +10,7 @@
 
 #include "palpate/cameras/cameras.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 struct RobotJoint {
   enum class Kind {
@@ -66,4 +66,4 @@ Result<RobotModel> parse_urdf(std::string_view text, const std::string& name,
                               const RobotFolders& folders, std::optional<RobotGeometry> geometry,
                               const std::vector<std::string>& skipped = {});
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

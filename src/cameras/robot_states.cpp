@@ -15,7 +15,7 @@
 #include "src/io/ros_messages.h"
 #include "src/ros/ros_node.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr double kSecondsKept = 5;                  // live, of each joint and frame
@@ -308,4 +308,4 @@ Result<std::unique_ptr<RobotStates>> RobotStates::open(const StateAddress& addre
   return opened(std::move(states), status);
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -17,7 +17,7 @@
 #include "src/cameras/joint_history.h"
 #include "src/ros/tf_history.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Source of the states.
 struct StateAddress {
@@ -94,4 +94,4 @@ class RobotStates {
   double unstamped_at_ = -std::numeric_limits<double>::infinity();  // s, when the newest came
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -20,7 +20,7 @@
 #include "src/ros/ros_node.h"
 #include "src/ros/tf_history.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 using namespace std::chrono_literals;
@@ -485,4 +485,4 @@ FoundCameras find_ros2_cameras() {
   return found;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

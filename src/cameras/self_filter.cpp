@@ -9,7 +9,7 @@
 #include "src/cameras/link_image.h"
 #include "src/cameras/link_image_cuda.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 struct SelfFilter::Robot {
   std::vector<RobotLink> links;
@@ -202,4 +202,4 @@ Result<std::unique_ptr<DepthSource>> SelfFilter::applied_to(std::unique_ptr<Dept
                                            robot_->padding, place, robot_->notes));
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

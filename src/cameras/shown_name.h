@@ -4,7 +4,7 @@
 #include <string>
 #include <string_view>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Its first characters: a file may have megabytes of it, and a message comes with every frame.
 inline std::string shown(std::string_view name) {
@@ -12,4 +12,4 @@ inline std::string shown(std::string_view name) {
   return std::string(name.substr(0, kMaxCharacters));
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

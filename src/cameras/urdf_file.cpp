@@ -14,7 +14,7 @@
 #include "src/cameras/shown_name.h"
 #include "src/io/text_scanner.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 namespace fs = std::filesystem;
@@ -426,4 +426,4 @@ Result<RobotModel> parse_urdf(std::string_view text, const std::string& name,
   return Reader(name, folders, geometry, skipped).read(text);
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -14,7 +14,7 @@
 #include "src/cameras/v4l2_system.h"
 #include "src/core/monotonic_clock.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace v4l2 {
 namespace {
 
@@ -300,4 +300,4 @@ Result<RawStream> open_v4l2_camera(const CameraUri& uri, const CameraOpening&) {
 }
 FoundCameras find_v4l2_cameras() { return v4l2::find_cameras(v4l2::kernel()); }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

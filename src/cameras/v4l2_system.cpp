@@ -13,7 +13,7 @@
 
 #include "src/io/text_scanner.h"
 
-namespace palpate::inline v0::v4l2 {
+namespace palpate { inline namespace v0 { namespace v4l2 {
 namespace {
 
 class Kernel final : public System {
@@ -65,4 +65,4 @@ System& kernel() {
   return system;
 }
 
-}  // namespace palpate::inline v0::v4l2
+}}}  // namespace palpate::v0::v4l2

@@ -7,7 +7,7 @@
 
 #include "src/cameras/camera_source.h"
 
-namespace palpate::inline v0::v4l2 {
+namespace palpate { inline namespace v0 { namespace v4l2 {
 
 /// As open(2), close(2), ioctl(2), mmap(2), munmap(2) and poll(2), with errno.
 class System {
@@ -29,4 +29,4 @@ System& kernel();
 Result<RawStream> open_camera(System& system, const CameraUri& uri);
 FoundCameras find_cameras(System& system);
 
-}  // namespace palpate::inline v0::v4l2
+}}}  // namespace palpate::v0::v4l2

@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <utility>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr double kMinPoints = 500;        // matches of a view, at least
@@ -352,4 +352,4 @@ Result<AlignedViews> align_views(std::span<const PointCloudView> views, std::spa
   return Alignment(views, X_WC, names, options).run();
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -6,8 +6,7 @@
 
 #include "src/core/lanes.h"
 
-namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
-namespace {
+namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE { namespace {
 
 /// The mean is taken over differences to the center, which keeps all digits and a flat patch exact.
 /// Invalid neighbors need no test: kNoDepth is so far off that their weight, 2^-100, times their
@@ -30,5 +29,4 @@ PALPATE_FORMULA VecF filtered(const float* center, std::ptrdiff_t stride, VecF z
   return z + sum / sum_weights;
 }
 
-}  // namespace
-}  // namespace palpate::inline v0::PALPATE_ISA_NAMESPACE
+}}}}  // namespace palpate::v0::PALPATE_ISA_NAMESPACE

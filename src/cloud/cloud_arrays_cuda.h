@@ -7,7 +7,7 @@
 #include "palpate/cloud/point_cloud.h"
 #include "src/gpu/runtime.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// The arrays of a cloud, as PointCloudView wants them, or of several one after the other. All lie
 /// in one block: others (DLPack) take x, y, z for one array, and copy them at once.
@@ -49,4 +49,4 @@ struct CloudArrays {
   }
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

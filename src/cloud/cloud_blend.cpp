@@ -3,7 +3,7 @@
 #include "src/cloud/point_blend.h"
 #include "src/core/internal/assert.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 void blend_clouds(const PointCloudView& old_cloud, const PointCloudView& new_cloud, double t,
                   double max_jump, ThreadPool& pool, PointCloud& out) {
@@ -33,4 +33,4 @@ void blend_clouds(const PointCloudView& old_cloud, const PointCloudView& new_clo
   });
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

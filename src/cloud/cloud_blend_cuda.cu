@@ -8,7 +8,7 @@
 #include "src/core/internal/assert.h"
 #include "src/gpu/team.cuh"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Arguments of the blending kernel.
 struct CloudBlendJob {
@@ -91,4 +91,4 @@ void CloudBlendCuda::enqueue(gpu::Stream& stream, const PointCloudView& old_clou
 
 PointCloudView CloudBlendCuda::cloud() const { return impl_->cloud.view; }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

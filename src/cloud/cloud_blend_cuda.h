@@ -6,7 +6,7 @@
 #include "palpate/cloud/point_cloud.h"
 #include "palpate/core/core.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 namespace gpu {
 class Stream;
@@ -39,4 +39,4 @@ class CloudBlendCuda {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -11,7 +11,7 @@
 #include "src/cloud/pixel_average.h"
 #include "src/core/internal/assert.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 EstimateBlock estimate_block_for(Isa isa) {
   isa = std::min(isa, best_isa());
@@ -184,4 +184,4 @@ std::span<const float> DepthAverager::update(const DepthImageView& image, Thread
   return d.depth;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -9,7 +9,7 @@
 #include "src/core/internal/assert.h"
 #include "src/gpu/team.cuh"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Arguments of the averaging kernel.
 struct DepthAverageJob {
@@ -248,4 +248,4 @@ Status DepthAveragerCuda::resume_from(gpu::Stream& stream, std::string_view stat
 
 const float* DepthAveragerCuda::depth() const { return impl_->job.depth; }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

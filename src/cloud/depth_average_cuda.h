@@ -9,7 +9,7 @@
 #include "palpate/cloud/depth_source.h"
 #include "src/cloud/image_rows.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 namespace gpu {
 class Stream;
@@ -48,4 +48,4 @@ class DepthAveragerCuda {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -3,7 +3,7 @@
 
 #include "palpate/cloud/depth_source.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// An error says what is out of range.
 Status check_average_settings(int width, int height, const DepthAverageOptions& options);
@@ -12,4 +12,4 @@ Status check_average_settings(int width, int height, const DepthAverageOptions& 
 std::size_t estimate_bytes(int width, int height);
 Error no_estimate(int width, int height);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

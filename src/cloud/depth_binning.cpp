@@ -4,7 +4,7 @@
 #include <array>
 #include <cstdint>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 DepthStreamInfo binned(const DepthStreamInfo& stream, int binning) {
   DepthStreamInfo small = stream;
@@ -61,4 +61,4 @@ void bin_depth(const DepthImageView& image, int binning, DepthFrame& small) {
   }
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -7,8 +7,7 @@
 #include "src/cloud/surface_kernels.h"
 #include "src/core/lanes.h"
 
-namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
-namespace {
+namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE { namespace {
 
 /// Returns the depth, or 0 where there is none: then it is not the farther one.
 PALPATE_HOSTDEV inline VecF near_depth(const float* from) {
@@ -53,5 +52,4 @@ PALPATE_FORMULA DepthChange depth_change(const Around& q, VecF z, VecF ray_x, Ve
   return {x - along * ray_x, y - along * ray_y, zero - along};  // no -0
 }
 
-}  // namespace
-}  // namespace palpate::inline v0::PALPATE_ISA_NAMESPACE
+}}}}  // namespace palpate::v0::PALPATE_ISA_NAMESPACE

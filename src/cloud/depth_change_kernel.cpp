@@ -4,7 +4,7 @@
 #include "src/cloud/surface_kernels.h"
 #include "src/core/simd.h"
 
-namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
+namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE {
 
 void find_depth_change(const DepthChangePass& pass, const PixelWindow& part) {
   const VecF zero = splat(0.0f);
@@ -26,4 +26,4 @@ void find_depth_change(const DepthChangePass& pass, const PixelWindow& part) {
   }
 }
 
-}  // namespace palpate::inline v0::PALPATE_ISA_NAMESPACE
+}}}  // namespace palpate::v0::PALPATE_ISA_NAMESPACE

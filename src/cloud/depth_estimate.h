@@ -19,7 +19,7 @@
 #include "src/cloud/raw_depth.h"
 #include "src/core/lanes.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Numbers that all pixels share.
 struct EstimateModel {
@@ -90,10 +90,9 @@ struct SharedChange {
   float keep = 0;    ///< 1: a missing surface may still be there
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0
 
-namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
-namespace {
+namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE { namespace {
 
 /// Returns the certainty of a change, 0 to 1, by a deviation that is standard normal without one:
 /// 0.3 % of all are above 3, less than one in a million above 5.
@@ -154,10 +153,9 @@ PALPATE_FORMULA PixelEstimate estimate_of(VecF seen, VecF mean, VecF gain, VecF 
           select(is_seen, shown, select(seen > zero, seen, kept))};
 }
 
-}  // namespace
-}  // namespace palpate::inline v0::PALPATE_ISA_NAMESPACE
+}}}}  // namespace palpate::v0::PALPATE_ISA_NAMESPACE
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 PALPATE_FORMULA float clamped(float value, float least, float most) {
   return value < least ? least : value > most ? most : value;
@@ -265,4 +263,4 @@ struct BlockChange {
   }
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -7,7 +7,7 @@
 #include "src/cloud/raw_depth.h"
 #include "src/core/simd.h"
 
-namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
+namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE {
 namespace {
 
 constexpr int kSide = kEstimateBlock, kTile = kEstimateTile;
@@ -142,4 +142,4 @@ void estimate_block(const EstimatePass& pass, int index) {
   estimate(pass, block, changes);
 }
 
-}  // namespace palpate::inline v0::PALPATE_ISA_NAMESPACE
+}}}  // namespace palpate::v0::PALPATE_ISA_NAMESPACE

@@ -8,7 +8,7 @@
 #include "palpate/core/core.h"
 #include "src/cloud/depth_estimate.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 struct EstimatePass {
   EstimateModel model;
@@ -41,4 +41,4 @@ PALPATE_DECLARE_ESTIMATE_BLOCK(isa_avx512)
 /// An instruction set that the processor lacks is lowered; all give the same bits.
 EstimateBlock estimate_block_for(Isa isa);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

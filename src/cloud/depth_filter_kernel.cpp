@@ -8,7 +8,7 @@
 #include "src/cloud/surface_kernels.h"
 #include "src/core/simd.h"
 
-namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
+namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE {
 namespace {
 
 /// Sets a bit for each pixel of a padded row that is too far.
@@ -100,4 +100,4 @@ void filter_depth(const FilterPass& pass, const PixelWindow& part) {
   }
 }
 
-}  // namespace palpate::inline v0::PALPATE_ISA_NAMESPACE
+}}}  // namespace palpate::v0::PALPATE_ISA_NAMESPACE

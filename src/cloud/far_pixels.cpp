@@ -4,7 +4,7 @@
 #include <bit>
 #include <cstddef>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr int kWordBits = 64;
@@ -126,4 +126,4 @@ void FarGroups::drop_errors(float* depth, std::ptrdiff_t stride, const PixelWind
   }
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -6,8 +6,7 @@
 #include "src/cloud/far_pixels.h"
 #include "src/cloud/surface_kernels.cuh"
 
-namespace palpate::inline v0::one_lane {
-namespace {
+namespace palpate { inline namespace v0 { namespace one_lane { namespace {
 
 inline constexpr int kFarThreads = 256;
 inline constexpr int kFarRows = kStripRows + 2 * kFarSide, kFarWords = 3;
@@ -132,5 +131,4 @@ __global__ void __launch_bounds__(kFarThreads) mark_far(const __grid_constant__ 
   }
 }
 
-}  // namespace
-}  // namespace palpate::inline v0::one_lane
+}}}}  // namespace palpate::v0::one_lane

@@ -12,7 +12,7 @@
 #include "palpate/cloud/point_cloud.h"
 #include "src/cloud/surface_kernels.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 inline constexpr int kMinFarPixels = 9;  ///< pixels of a group that is no error
 /// Largest width and height of an error, pixels: those of the widest hole that is filled
@@ -66,4 +66,4 @@ class FarGroups {
   std::int32_t num_runs_ = 0;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

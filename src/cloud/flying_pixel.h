@@ -7,8 +7,7 @@
 #include "src/cloud/surface_kernels.h"
 #include "src/core/lanes.h"
 
-namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
-namespace {
+namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE { namespace {
 
 /// True if `z` lies between the depths of two opposite neighbors, farther than `gap` z from both.
 /// False where a neighbor was not measured.
@@ -27,5 +26,4 @@ PALPATE_FORMULA Mask is_flying(const float* here, std::ptrdiff_t stride, VecF z,
          lies_between(here - stride + 1, here + stride - 1, z, gap);
 }
 
-}  // namespace
-}  // namespace palpate::inline v0::PALPATE_ISA_NAMESPACE
+}}}}  // namespace palpate::v0::PALPATE_ISA_NAMESPACE

@@ -7,7 +7,7 @@
 
 #include "palpate/settings/setting_table.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 /// r' of a point at r, without the tangential part.
@@ -67,4 +67,4 @@ std::vector<std::uint32_t> lens_table(const CameraModel& pinhole, const CameraMo
   return raw_pixels;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -6,7 +6,7 @@
 
 #include "src/cloud/raw_depth.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 Result<DepthFrame> mean_frame(DepthSource& source, int num_frames) {
   const DepthStreamInfo& stream = source.info();
@@ -36,4 +36,4 @@ Result<DepthFrame> mean_frame(DepthSource& source, int num_frames) {
   return frame;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -6,7 +6,7 @@
 #include "src/cloud/window_moments.h"
 #include "src/core/simd.h"
 
-namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
+namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE {
 namespace {
 
 inline VecF column_reference(const PaddedDepth& in, int u, int row_begin, int row_end) {
@@ -106,4 +106,4 @@ int estimate_normals(const NormalPass& shared, const PixelWindow& part) {
   return num_points;
 }
 
-}  // namespace palpate::inline v0::PALPATE_ISA_NAMESPACE
+}}}  // namespace palpate::v0::PALPATE_ISA_NAMESPACE

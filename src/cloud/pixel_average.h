@@ -10,7 +10,7 @@
 #include "palpate/core/core.h"
 #include "src/cloud/raw_depth.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 inline constexpr float kNoAverage = std::numeric_limits<float>::quiet_NaN();
 
@@ -86,4 +86,4 @@ PALPATE_HOSTDEV inline float newest_depth(std::uint16_t count, double unit) {
   return count == 0 ? kNoAverage : depth_of(count, unit);
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -10,8 +10,7 @@
 
 #include "src/core/lanes.h"
 
-namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
-namespace {
+namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE { namespace {
 
 /// Smallest determinant of the spread in the image, relative to the spread itself: below it the
 /// points are on one line.
@@ -175,5 +174,4 @@ PALPATE_FORMULA UnitNormal unit_normal(const SymmetricMatrix& e, const PixelFram
   return {{n.x * scale, n.y * scale, n.z * scale}, squared > 0.0f};
 }
 
-}  // namespace
-}  // namespace palpate::inline v0::PALPATE_ISA_NAMESPACE
+}}}}  // namespace palpate::v0::PALPATE_ISA_NAMESPACE

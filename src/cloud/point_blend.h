@@ -5,7 +5,7 @@
 
 #include "palpate/core/core.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// x, y, z, nx, ny, nz.
 struct OrientedPoint {
@@ -41,4 +41,4 @@ PALPATE_HOSTDEV inline OrientedPoint blend_points(const OrientedPoint& a, const 
   return point;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

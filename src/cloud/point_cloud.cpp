@@ -5,7 +5,7 @@
 
 #include "src/core/internal/assert.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 PointCloud::PointCloud(int width, int height, std::optional<Intrinsics> pinhole, bool has_edges)
     : width_(width), height_(height), pinhole_(pinhole), has_edges_(has_edges) {
@@ -50,4 +50,4 @@ PointCloudView PointCloud::view() const {
   return view;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -6,7 +6,7 @@
 #include "palpate/cloud/depth_source.h"
 #include "palpate/core/core.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 inline constexpr float kFar = std::numeric_limits<float>::infinity();  ///< m; see kFarCount
 inline constexpr float kFarthest = std::numeric_limits<float>::max();  ///< m, the largest but kFar
@@ -24,4 +24,4 @@ PALPATE_HOSTDEV inline bool is_usable_depth(float z, float min_depth, float max_
   return (z >= min_depth) & (z <= max_depth);
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -8,7 +8,7 @@
 #include "src/cloud/image_rows.h"
 #include "src/gpu/runtime.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// A raw frame in device memory. The unit lies in front of the first row and comes with it.
 struct RawFrameView {
@@ -59,4 +59,4 @@ class RawFrameCuda {
   std::byte* device_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -14,7 +14,7 @@
 #include "src/cloud/surface_settings.h"
 #include "src/core/internal/assert.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 using one_lane::FilterJob;
@@ -221,4 +221,4 @@ SurfaceStats SurfaceCuda::stats() const {
           std::accumulate(d.normals.num_points, d.normals.num_points + d.num_tiles, 0)};
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

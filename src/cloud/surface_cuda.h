@@ -11,7 +11,7 @@
 #include "src/cloud/image_rows.h"
 #include "src/cloud/internal/tangent_plane.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 namespace gpu {
 class Stream;
@@ -68,4 +68,4 @@ class SurfaceCuda {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -5,7 +5,7 @@
 #include "src/core/internal/assert.h"
 #include "src/core/internal/stamp.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 struct SurfaceEstimator::Impl {
   SurfaceStages stages;
@@ -83,4 +83,4 @@ std::span<const float> SurfaceEstimator::depth_change(int axis) const {
   return impl_->stages.depth_change(axis);
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -16,7 +16,7 @@
 #include "src/cloud/window_moments.h"
 #include "src/gpu/team.cuh"
 
-namespace palpate::inline v0::one_lane {
+namespace palpate { inline namespace v0 { namespace one_lane {
 /// Tiles of a launch: block b is tile first_tile + b of the image, row by row. With several images
 /// each has num_tiles of these blocks.
 struct Tiling {
@@ -344,4 +344,4 @@ __global__ void __launch_bounds__(kTileThreads)
 }
 
 }  // namespace
-}  // namespace palpate::inline v0::one_lane
+}}}  // namespace palpate::v0::one_lane

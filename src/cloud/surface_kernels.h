@@ -7,7 +7,7 @@
 
 #include "palpate/cloud/point_cloud.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Invalid depth in padded images: a large number that fails every "close enough" test by itself
 /// and, unlike NaN, survives minima and maxima.
@@ -109,4 +109,4 @@ PALPATE_DECLARE_SURFACE_KERNELS(isa_avx2)
 PALPATE_DECLARE_SURFACE_KERNELS(isa_avx512)
 #undef PALPATE_DECLARE_SURFACE_KERNELS
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

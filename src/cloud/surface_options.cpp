@@ -2,7 +2,7 @@
 
 #include "src/cloud/internal/lens_table.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 Status check(const SurfaceOptions& options) {
   // The ranges keep every intermediate result inside single precision.
@@ -48,4 +48,4 @@ Status check_surface_settings(int width, int height, const Intrinsics& intrinsic
   return check(options);
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

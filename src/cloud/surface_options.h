@@ -3,10 +3,10 @@
 
 #include "palpate/cloud/surface_estimator.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// An error names the first setting that is out of range.
 Status check_surface_settings(int width, int height, const Intrinsics& intrinsics,
                               const SurfaceOptions& options, const Distortion& distortion = {});
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -5,7 +5,7 @@
 
 #include "src/cloud/internal/lens_table.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 // exp(-d^2 / (2 sigma^2)) = 2^(-d^2 * this)
@@ -62,4 +62,4 @@ NormalPass normal_settings(const NormalOptions& options, const Intrinsics& k) {
   return pass;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -6,7 +6,7 @@
 #include "palpate/cloud/surface_estimator.h"
 #include "src/cloud/surface_kernels.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// (i - c) / f for i = 0 ... num - 1 and a margin of PaddedDepth::kMargin more.
 std::vector<float> ray_table(int num, double f, double c);
@@ -22,4 +22,4 @@ std::vector<float> space_exponents(const DepthFilterOptions& options);
 FilterPass filter_settings(const SurfaceOptions& options);
 NormalPass normal_settings(const NormalOptions& options, const Intrinsics& k);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

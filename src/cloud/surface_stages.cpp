@@ -7,7 +7,7 @@
 #include "src/cloud/surface_settings.h"
 #include "src/core/internal/assert.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr int kMargin = PaddedDepth::kMargin;
@@ -150,4 +150,4 @@ void SurfaceStages::find_depth_change(ThreadPool& pool) {
   });
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -8,7 +8,7 @@
 #include "src/cloud/far_pixels.h"
 #include "src/cloud/surface_kernels.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Call the stages in the order read, filter, estimate_normals, find_depth_change. None allocates.
 /// Points may be requested in a window alone: filter and normals then do that and what it needs.
@@ -56,4 +56,4 @@ class SurfaceStages {
   DepthChangePass change_pass_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

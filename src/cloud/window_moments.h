@@ -12,8 +12,7 @@
 #include "src/cloud/plane_fit.h"
 #include "src/cloud/surface_kernels.h"
 
-namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
-namespace {
+namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE { namespace {
 
 /// Beyond this relative distance from the reference depth of its column the separable sums would
 /// lose digits of the depth noise; such pixels go the direct way.
@@ -239,7 +238,7 @@ PALPATE_HOSTDEV inline SymmetricMatrix weighted_covariance(const NormalPass& pas
 }
 
 PALPATE_FORMULA Neighbors gather_directly(const NormalPass& pass, const float* center,
-                                           const PixelFrame& frame, int radius) {
+                                          const PixelFrame& frame, int radius) {
   const VecF z = load(center);
   const GateWeight gate{pass.max_depth_change * z};
   const WindowSums sums = sum_window(center, pass.in.stride, radius, gate);
@@ -255,5 +254,4 @@ PALPATE_FORMULA Neighbors gather_directly(const NormalPass& pass, const float* c
   return {e, spans_plane(sums.w, pass.min_neighbors)};
 }
 
-}  // namespace
-}  // namespace palpate::inline v0::PALPATE_ISA_NAMESPACE
+}}}}  // namespace palpate::v0::PALPATE_ISA_NAMESPACE

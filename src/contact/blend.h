@@ -5,7 +5,7 @@
 
 #include "palpate/contact/contact.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Returns (1 - alpha) `from` + alpha `to`; counts, states and planes are those of `to`.
 inline ContactResult blend(const ContactResult& from, const ContactResult& to, double alpha) {
@@ -46,4 +46,4 @@ inline ContactResult unmeasured(StepStatus why, const ContactWants& wants, bool 
   return result;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -6,7 +6,7 @@
 #include "src/contact/field/field_contact.h"
 #include "src/contact/points/point_contact.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 std::vector<std::string> drop_foreign_options(ContactOptions& o) {
   const ContactOptions defaults;
@@ -105,4 +105,4 @@ Result<std::unique_ptr<ContactQuery>> make_contact_query(Backend backend, const 
   return make_contact_query(backend, ToolIndex::create(tool), method, capacities);
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -11,7 +11,7 @@
 #include "src/core/bounded_call.h"
 #include "src/core/monotonic_clock.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Returns `kind.find()` for all kinds, in their order; `otherwise(kind)` for one whose driver has
 /// not come back after `patience` seconds. Most of the time goes into waiting, so each is called on
@@ -37,4 +37,4 @@ auto find_all_at_once(const Kinds& kinds, double patience, const Otherwise& othe
   return answers;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

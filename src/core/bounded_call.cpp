@@ -9,7 +9,7 @@
 #include <system_error>
 #include <utility>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 std::atomic<int> g_num_hung{0};
@@ -115,4 +115,4 @@ void LibraryThread::serve() {
 bool is_any_call_hung() noexcept { return g_num_hung > 0; }
 void count_hung_calls(int change) noexcept { g_num_hung += change; }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -10,7 +10,7 @@
 #include <thread>
 #include <utility>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Runs `work`, which must own all that it needs, on a thread of its own; in the calling thread if
 /// the system starts none.
@@ -69,4 +69,4 @@ bool is_any_call_hung() noexcept;
 /// Counts calls of other kinds: 1 when one is given up, -1 if it does come back.
 void count_hung_calls(int change) noexcept;
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -4,7 +4,7 @@
 #include <cstdlib>
 #include <cstring>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 Isa detected_isa() {
@@ -39,4 +39,4 @@ const char* isa_name(Isa isa) {
   }
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

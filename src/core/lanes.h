@@ -10,7 +10,7 @@
 #include "src/core/one_lane.h"
 #endif
 
-namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
+namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE {
 
 /// 2^v for v <= 0, relative error below 2e-7; below -100 it stays at 2^-100, away from denormals.
 PALPATE_FORMULA VecF exp2_negative(VecF v) {
@@ -30,4 +30,4 @@ PALPATE_FORMULA VecF exp2_negative(VecF v) {
 /// inverts the exponent.
 PALPATE_FORMULA VecF scale_to_unit(VecF v) { return from_bits(0x7f000000 - bits_of(abs(v))); }
 
-}  // namespace palpate::inline v0::PALPATE_ISA_NAMESPACE
+}}}  // namespace palpate::v0::PALPATE_ISA_NAMESPACE

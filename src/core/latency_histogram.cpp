@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr auto kRelaxed = std::memory_order_relaxed;
@@ -73,4 +73,4 @@ double LatencyHistogram::lower_end(int bucket) noexcept {
   return std::exp2(static_cast<double>(bucket) / kBucketsPerOctave);
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

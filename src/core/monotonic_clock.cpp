@@ -6,7 +6,7 @@
 #include <chrono>
 #include <cmath>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 double seconds_of(const timespec& time) {
@@ -31,4 +31,4 @@ void sleep_until(double time) noexcept {
   }
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -1,7 +1,7 @@
 // The clock that everything live is timed by, and sleeping by it.
 #pragma once
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// The monotonic clock of this computer, s: DeviceState::time.
 double monotonic_now() noexcept;
@@ -13,4 +13,4 @@ double thread_cpu_now() noexcept;
 /// Sleeps until monotonic_now() is `time`. No allocation.
 void sleep_until(double time) noexcept;
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

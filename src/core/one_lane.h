@@ -13,7 +13,7 @@
 #endif
 #define PALPATE_ISA_NAMESPACE one_lane
 
-namespace palpate::inline v0::one_lane {
+namespace palpate { inline namespace v0 { namespace one_lane {
 
 using VecF = float;
 using Mask = bool;
@@ -60,4 +60,4 @@ PALPATE_FORMULA VecF from_bits(std::int32_t bits) {
 #endif
 }
 
-}  // namespace palpate::inline v0::one_lane
+}}}  // namespace palpate::v0::one_lane

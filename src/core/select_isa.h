@@ -29,7 +29,7 @@
   { isa_baseline::name, isa_baseline::name, isa_baseline::name }
 #endif
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Returns the best of PALPATE_BY_ISA(...) that this processor runs, but none better than `isa`.
 template <class Kernel>
@@ -37,4 +37,4 @@ Kernel select_isa(const Kernel (&kernels)[3], Isa isa) {
   return kernels[static_cast<int>(std::min(isa, best_isa()))];
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

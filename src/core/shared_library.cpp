@@ -8,7 +8,7 @@
 #include <functional>
 #include <system_error>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 namespace fs = std::filesystem;
@@ -81,4 +81,4 @@ std::string listed(std::span<const std::string> names) {
   return list;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -8,7 +8,7 @@
 
 #include "palpate/core/core.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// A loaded library. It stays loaded until the program ends: drivers have threads of their own, and
 /// some fail when they are loaded a second time.
@@ -62,4 +62,4 @@ std::string environment(const char* variable);
 /// "a, b, c".
 std::string listed(std::span<const std::string> names);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -15,7 +15,7 @@
 #error "simd.h is for files compiled by palpate_kernel"
 #endif
 
-namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
+namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE {
 
 inline constexpr int kLanes = PALPATE_LANES;
 
@@ -415,4 +415,4 @@ inline void compress_store(Element* to, Vec v, std::uint32_t bits) {
 #endif
 }
 
-}  // namespace palpate::inline v0::PALPATE_ISA_NAMESPACE
+}}}  // namespace palpate::v0::PALPATE_ISA_NAMESPACE

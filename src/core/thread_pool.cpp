@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr int kSpins = 2000;  // a few microseconds before a waiting thread goes to sleep
@@ -144,4 +144,4 @@ void ThreadPool::run(int num_tasks, void* context, void (*call)(void*, int)) {
   }
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

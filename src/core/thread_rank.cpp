@@ -8,7 +8,7 @@
 
 #include <algorithm>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 #if defined(__linux__)
 /// Sets the priority of one thread: Linux allows that, POSIX sets it for whole processes only.
@@ -24,4 +24,4 @@ int take_rank(ThreadRank rank) noexcept {
 int take_rank(ThreadRank) noexcept { return 0; }
 #endif
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -1,7 +1,7 @@
 // The order in which threads of the program get processors.
 #pragma once
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Priority of a thread when processors are short; the haptic and the contact thread come first.
 enum class ThreadRank {
@@ -13,4 +13,4 @@ enum class ThreadRank {
 /// Sets the rank of the calling thread, once. Returns its nice value then. No allocation.
 int take_rank(ThreadRank rank) noexcept;
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -8,7 +8,7 @@
 
 #include "palpate/devices/devices.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Damping of a mechanism that its largest stiffness implies: at 1 kHz a spring K is passive for
 /// K < 2 b / T (Colgate and Schenkel), so b = K T / 2.
@@ -41,4 +41,4 @@ FoundDevice find_page_device();
 Result<std::unique_ptr<HapticDevice>> open_device_within(double patience, std::string_view uri);
 std::vector<FoundDevice> find_devices_within(double patience);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

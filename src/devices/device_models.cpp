@@ -5,7 +5,7 @@
 
 #include "src/devices/device_kinds.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 // Forces, torques, stiffnesses, damping limits and radii are those of the tables in CHAI3D 3.3.0
@@ -67,4 +67,4 @@ std::optional<DeviceModel> find_device_model(std::string_view key) {
   return *found;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -7,7 +7,7 @@
 
 #include "palpate/math/geometry.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// The axes of a maker's right-handed frame M.
 class MakerAxes {
@@ -54,4 +54,4 @@ inline bool is_possible(const Pose& X_BH) noexcept {
   return is_finite(X_BH) && norm(X_BH.translation) < kFarthest && square > 0.25 && square < 4;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -4,7 +4,7 @@
 
 #include "src/core/shared_library.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr int kOldestMajor = 3, kOldestMinor = 7;
@@ -86,4 +86,4 @@ Result<ForceDimensionApi> load_force_dimension() {
   return api;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -6,7 +6,7 @@
 
 #include "palpate/core/core.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Results below zero are errors. Positive ones are not: 1, queried again sooner than the device
 /// refreshes (DHD_TIMEGUARD); 2, a motor gives all it has (DHD_MOTOR_SATURATED).
@@ -49,4 +49,4 @@ inline constexpr int kDhdStatusCapacity = 32, kDhdStatusForce = 5, kDhdStatusFor
 /// Finds and loads the library. Errors: not found, and every path tried; not usable, and why.
 Result<ForceDimensionApi> load_force_dimension();
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

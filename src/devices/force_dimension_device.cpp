@@ -18,7 +18,7 @@
 #include "src/devices/motor_wrench.h"
 #include "src/devices/polling_device.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr std::string_view kKind = "forcedimension";
@@ -302,4 +302,4 @@ FoundDevice find_force_dimension_device() {
   return found;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

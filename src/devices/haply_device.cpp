@@ -20,7 +20,7 @@
 #include "src/devices/polling_device.h"
 #include "src/devices/web_socket.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 // A service that stands still for a moment goes on; the loop takes the force away much sooner.
@@ -421,4 +421,4 @@ FoundDevice find_haply_device_at(const HaplyAddress& address) {
 
 FoundDevice find_haply_device() { return find_haply_device_at({}); }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -7,7 +7,7 @@
 #include "palpate/devices/devices.h"
 #include "src/devices/tcp_socket.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 struct HaplyAddress {
   NetAddress service{"localhost", 10001};
@@ -18,4 +18,4 @@ struct HaplyAddress {
 Result<std::unique_ptr<HapticDevice>> open_haply_device_at(const HaplyAddress& address);
 FoundDevice find_haply_device_at(const HaplyAddress& address);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

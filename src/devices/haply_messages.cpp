@@ -6,7 +6,7 @@
 
 #include "src/devices/json_scanner.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr std::array kKinds = {HaplyKind::inverse3, HaplyKind::verse_grip,
@@ -253,4 +253,4 @@ std::optional<HaplyVersion> read_haply_version(std::string_view body) {
   return std::nullopt;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

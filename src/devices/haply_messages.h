@@ -10,7 +10,7 @@
 
 #include "palpate/math/geometry.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 enum class HaplyKind { inverse3, verse_grip, wireless_verse_grip, custom_verse_grip };
 std::string_view name_of(HaplyKind kind);  ///< as in the messages
@@ -75,4 +75,4 @@ struct HaplyVersion {
 };
 std::optional<HaplyVersion> read_haply_version(std::string_view body);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

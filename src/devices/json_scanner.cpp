@@ -3,7 +3,7 @@
 #include <charconv>
 #include <system_error>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr int kMaxDepth = 32;
@@ -138,4 +138,4 @@ bool JsonScanner::is_complete() noexcept {
   return !has_failed_ && next_ == end_;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

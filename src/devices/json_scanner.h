@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <string_view>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// A reader says what it expects; a value of another kind is passed over and counts as absent, bad
 /// JSON ends everything. `for (JsonScanner json(text); ...)`: see src/devices/haply_messages.cpp.
@@ -47,4 +47,4 @@ class JsonScanner {
   bool is_at_first_ = false;  // just inside a bracket
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

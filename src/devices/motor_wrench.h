@@ -6,7 +6,7 @@
 
 #include "palpate/haptics/device.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// `v`, shortened to `longest` if it is longer; zero if it is not finite.
 inline Vec3d shortened(const Vec3d& v, double longest) {
@@ -71,4 +71,4 @@ inline Quaternion quaternion_of(const Mat3d& R) {
   return normalized(q);
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -9,7 +9,7 @@
 #include "src/core/internal/number_text.h"
 #include "src/devices/device_kinds.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 struct Kind {
@@ -90,4 +90,4 @@ Result<std::unique_ptr<HapticDevice>> open_device_within(double patience, std::s
                                            known};
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -4,7 +4,7 @@
 
 #include "src/core/shared_library.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 std::vector<std::string> candidates() {
@@ -66,4 +66,4 @@ Result<OpenHapticsApi> load_open_haptics() {
   return api;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -6,7 +6,7 @@
 
 #include "palpate/core/core.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 using HdHandle = unsigned int;                         // HHD
 using HdEnum = unsigned int;                           // HDenum, HDerror
@@ -78,4 +78,4 @@ constexpr bool is_force_error(HdEnum code) {
 /// Finds and loads the library. Errors: not found, and every path tried; not usable, and why.
 Result<OpenHapticsApi> load_open_haptics();
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

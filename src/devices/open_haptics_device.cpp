@@ -21,7 +21,7 @@
 #include "src/devices/open_haptics_api.h"
 #include "src/devices/open_haptics_servo.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr std::string_view kKind = "openhaptics";
@@ -327,4 +327,4 @@ FoundDevice find_open_haptics_device() {
   return found;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -7,7 +7,7 @@
 #include "src/core/monotonic_clock.h"
 #include "src/devices/device_pose.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr double kMetersPerMillimeter = 1e-3, kMillinewtonMeters = 1e3;  // per N m
@@ -121,4 +121,4 @@ void OpenHapticsServo::judge(HdEnum code) noexcept {
   if (is_serious && failure() == 0) failure_.store(code, std::memory_order_release);
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -9,7 +9,7 @@
 #include "src/devices/open_haptics_api.h"
 #include "src/devices/tick_door.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// One run of one device, from start to stop. The driver's thread calls `call_back`; everything
 /// else may be called from any thread.
@@ -64,4 +64,4 @@ class OpenHapticsServo {
   std::atomic<HdEnum> failure_ = 0;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -8,7 +8,7 @@
 #include "src/devices/page_hand.h"
 #include "src/devices/twist_between.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr double kMaxStep = 0.02;  // s that a handle moves on between two ticks
@@ -124,4 +124,4 @@ FoundDevice find_page_device() {
           ""};
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -6,7 +6,7 @@
 #include "palpate/devices/devices.h"
 #include "src/devices/polling_device.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Follows the newest pose P as a critically damped spring does, exactly over each tick for the
 /// pose that there is:
@@ -50,4 +50,4 @@ class PageHand final : public PolledDevice {
   double held_time_ = 0;  // s: when it was held last; 0: not since the start
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -10,7 +10,7 @@
 #include "src/core/internal/guarded.h"
 #include "src/core/monotonic_clock.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr std::int64_t kNanosecondsPerSecond = 1'000'000'000;
@@ -79,4 +79,4 @@ bool PeriodicThread::stop_within(double patience) noexcept {
   return true;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -8,7 +8,7 @@
 
 #include "palpate/core/core.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Runs rounds at absolute times of the monotonic clock, so that lateness does not add up. Beats
 /// that were overslept are left out, never made up for in a burst. Nothing is allocated between
@@ -46,4 +46,4 @@ class PeriodicThread {
   std::shared_ptr<Shared> shared_ = std::make_shared<Shared>();
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -6,7 +6,7 @@
 #include "src/core/internal/guarded.h"
 #include "src/devices/device_pose.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 // s. A robot's first pose may take ten, and what a device says goodbye to a few tenths.
@@ -87,4 +87,4 @@ Error PollingDevice::stuck() const {
                                 "off and on, and start again"};
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

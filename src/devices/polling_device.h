@@ -8,7 +8,7 @@
 #include "src/devices/periodic_thread.h"
 #include "src/devices/tick_door.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Driver of one polled device. `begin` is called while start() waits for it, all the others
 /// (but info, trouble and cut_force) from the ticking thread, which must not wait, allocate or
@@ -66,4 +66,4 @@ class PollingDevice final : public HapticDevice {
   PeriodicThread thread_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -10,7 +10,7 @@
 #include "src/devices/polling_device.h"
 #include "src/devices/twist_between.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 class Replay final : public PolledDevice {
@@ -76,4 +76,4 @@ std::unique_ptr<HapticDevice> make_replay_device(std::string name, std::vector<T
       std::make_unique<Replay>(std::move(name), std::move(X_BH)));
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

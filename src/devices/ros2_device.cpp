@@ -20,7 +20,7 @@
 #include "src/ros/ros_node.h"
 #include "src/ros/tf_tree.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr double kFirstPose = 10;         // s, at the start
@@ -258,4 +258,4 @@ FoundDevice find_ros2_device() {
           ""};
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -6,7 +6,7 @@
 
 #include "palpate/core/core.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// "/topic[@FRAME]": geometry_msgs/PoseStamped, transformed to FRAME if that is given and the
 /// message names another one. "FRAME@BASE": a frame of tf, in the frame BASE. Behind both:
@@ -19,4 +19,4 @@ struct Ros2ToolAddress {
 /// Errors: neither of them, an unknown parameter.
 Result<Ros2ToolAddress> parse_ros2_tool(std::string_view address);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

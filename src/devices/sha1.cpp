@@ -3,7 +3,7 @@
 #include <bit>
 #include <cstddef>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 using State = std::array<std::uint32_t, 5>;
@@ -70,4 +70,4 @@ std::string base64(std::span<const std::uint8_t> bytes) {
   return text;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -8,9 +8,9 @@
 #include <string>
 #include <string_view>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 std::array<std::uint8_t, 20> sha1(std::string_view text);
 std::string base64(std::span<const std::uint8_t> bytes);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

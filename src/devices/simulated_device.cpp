@@ -13,7 +13,7 @@
 #include "src/devices/simulated_hand.h"
 #include "src/devices/twist_between.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 /// v, shortened to `most` in the same direction.
@@ -189,4 +189,4 @@ Result<std::unique_ptr<HapticDevice>> open_simulated_device(std::string_view add
   return std::unique_ptr<HapticDevice>(std::move(*device));
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

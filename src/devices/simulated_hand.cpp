@@ -8,7 +8,7 @@
 
 #include "src/devices/twist_between.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 using Matrix3 = std::array<std::array<double, 3>, 3>;
@@ -142,4 +142,4 @@ HandTarget exploring_hand(double workspace_radius) {
   };
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

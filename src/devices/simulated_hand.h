@@ -3,7 +3,7 @@
 
 #include "palpate/devices/devices.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Exact motion of mass, damper and spring under a constant force, one step at a time: whatever the
 /// step, it neither adds nor loses energy of its own.
@@ -60,4 +60,4 @@ class SimulatedHand {
 /// With the default X_WB, B looks as the camera does: forward is into the scene.
 HandTarget exploring_hand(double workspace_radius);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

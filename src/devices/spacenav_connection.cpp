@@ -9,7 +9,7 @@
 #include <cstring>
 #include <system_error>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr int kMaxUnknown = 16;
@@ -70,4 +70,4 @@ std::string spacenav_socket_path(std::string_view given) {
   return named != nullptr && *named != '\0' ? named : "/var/run/spnav.sock";
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -18,7 +18,7 @@
 
 #include "palpate/core/core.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 class SpacenavConnection {
  public:
@@ -54,4 +54,4 @@ class SpacenavConnection {
 /// The given path, else $SPNAV_SOCKET as for libspnav, else the daemon's usual one.
 std::string spacenav_socket_path(std::string_view given);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -10,7 +10,7 @@
 #include "src/devices/spacenav_connection.h"
 #include "src/devices/twist_between.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr double kDeadZone = 10,
@@ -133,4 +133,4 @@ FoundDevice find_spacenav_device() {
           "install and start spacenavd and plug a 6-DOF mouse in, or give spacenav:SOCKET"};
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -19,7 +19,7 @@
 
 #include "src/core/monotonic_clock.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 /// True if the socket is ready for `events`, or broken, before `deadline` (s, monotonic).
@@ -155,4 +155,4 @@ void TcpSocket::close() noexcept {
   if (is_open()) ::close(std::exchange(descriptor_, -1));
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

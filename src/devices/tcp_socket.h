@@ -9,7 +9,7 @@
 
 #include "palpate/core/core.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// HOST, HOST:PORT, [IPV6] or [IPV6]:PORT.
 struct NetAddress {
@@ -51,4 +51,4 @@ class TcpSocket {
   int descriptor_ = -1;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -5,7 +5,7 @@
 #include <chrono>
 #include <thread>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 class TickDoor {
  public:
@@ -32,4 +32,4 @@ class TickDoor {
   std::atomic<State> state_ = State::open;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -3,7 +3,7 @@
 
 #include "src/math/internal/rotation_vector.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Constant velocities that lead from one pose to another, both in A, in so many seconds.
 inline Twist twist_between(const Pose& X_AB, const Pose& X_AC, double seconds) {
@@ -17,4 +17,4 @@ inline Pose moved(const Pose& X_AB, const Twist& V_AB, double seconds) {
           normalized(rotation_by(V_AB.angular * seconds) * X_AB.rotation)};
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

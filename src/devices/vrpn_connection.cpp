@@ -7,7 +7,7 @@
 
 #include "src/core/monotonic_clock.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 // Our own numbers for the one sender and the types of what we send.
@@ -135,4 +135,4 @@ void VrpnConnection::close() noexcept {
   socket_.finish(0.1);
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -9,7 +9,7 @@
 #include "src/devices/tcp_socket.h"
 #include "src/devices/vrpn_wire.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// The messages of a device that we understand, and one that we send.
 enum class VrpnKind { other, pose, velocity, button, buttons, force_error };
@@ -51,4 +51,4 @@ class VrpnConnection {
   bool is_closed_ = false;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

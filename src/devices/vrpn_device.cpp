@@ -30,7 +30,7 @@
 #include "src/devices/twist_between.h"
 #include "src/devices/vrpn_connection.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr double kRadius = 0.05;   // m
@@ -327,4 +327,4 @@ FoundDevice find_vrpn_device_at(const NetAddress& address) {
 
 FoundDevice find_vrpn_device() { return find_vrpn_device_at({"localhost", kVrpnPort}); }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -4,11 +4,11 @@
 #include "palpate/devices/devices.h"
 #include "src/devices/tcp_socket.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 inline constexpr int kVrpnPort = 3883;
 
 /// find_vrpn_device at a stated place.
 FoundDevice find_vrpn_device_at(const NetAddress& address);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -4,7 +4,7 @@
 #include <bit>
 #include <cstring>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr std::size_t kCookieSize = 24, kHeaderSize = 24;
@@ -192,4 +192,4 @@ std::array<char, 64> vrpn_force_field(const VrpnForceField& field) noexcept {
   return payload;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -12,7 +12,7 @@
 
 #include "palpate/math/geometry.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// 24 bytes: the version and that nothing is to be logged. Only the minor version may differ.
 std::string vrpn_cookie();
@@ -89,4 +89,4 @@ struct VrpnForceField {
 };
 std::array<char, 64> vrpn_force_field(const VrpnForceField& field) noexcept;
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -10,7 +10,7 @@
 #include "src/core/monotonic_clock.h"
 #include "src/devices/sha1.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr std::size_t kMaxResponse = 64 * 1024;
@@ -175,4 +175,4 @@ void WebSocket::close() noexcept {
   socket_.finish(0.1);
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

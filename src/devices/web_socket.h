@@ -10,7 +10,7 @@
 #include "src/devices/tcp_socket.h"
 #include "src/devices/web_socket_frames.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Returns the body of the answer to GET `path`, if its status is 200 and it comes within `timeout`
 /// seconds. At most 64 KiB.
@@ -40,4 +40,4 @@ class WebSocket {
   std::uint32_t mask_ = 0;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

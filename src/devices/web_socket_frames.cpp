@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cstring>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr std::uint8_t kFinal = 0x80, kReserved = 0x70, kOpcode = 0x0f, kMasked = 0x80;
@@ -104,4 +104,4 @@ WebSocketReader::Got WebSocketReader::take_frame(std::uint8_t first_byte, std::s
   return Got::broken;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

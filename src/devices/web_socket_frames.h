@@ -8,7 +8,7 @@
 #include <string_view>
 #include <vector>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 enum class WebSocketOpcode : std::uint8_t {
   continuation = 0,
@@ -50,4 +50,4 @@ class WebSocketReader {
   bool is_in_message_ = false, is_broken_ = false;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -8,7 +8,7 @@
 #include "palpate/gpu/devices.h"
 #include "src/field/frame_slots.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Keeps the fields of one batch of images.
 class BatchFrames {
@@ -27,4 +27,4 @@ Result<std::unique_ptr<BatchFrames>> make_batch_frames_cpu(const SlotSettings& s
 Result<std::unique_ptr<BatchFrames>> make_batch_frames_cuda(const SlotSettings& settings, int gpu,
                                                             int pixels_at_once = 1 << 23);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -6,7 +6,7 @@
 
 #include "src/field/batch_frames.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 /// Fields on the CPU: each image is processed by one thread.
@@ -79,4 +79,4 @@ Result<std::unique_ptr<BatchFrames>> make_batch_frames_cpu(const SlotSettings& s
   return std::unique_ptr<BatchFrames>(std::make_unique<BatchFramesCpu>(settings));
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -7,7 +7,7 @@
 #include "src/field/depth_field_cuda.h"
 #include "src/gpu/runtime.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 /// Fields on a GPU: five kernels for every few million pixels.
@@ -139,4 +139,4 @@ Result<std::unique_ptr<BatchFrames>> make_batch_frames_cuda(const SlotSettings& 
       std::make_unique<BatchFramesCuda>(settings, *layout, gpu, pixels_at_once));
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -10,7 +10,7 @@
 #include "src/field/gap_rules.h"
 #include "src/field/hole_runs.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr int kBorder = DepthFieldLevel::kBorder;
@@ -307,4 +307,4 @@ PixelWindow DepthField::points_for(const PixelWindow& requested) const {
 
 const DepthFieldView& DepthField::view() const { return impl_->view; }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -10,7 +10,7 @@
 #include "src/field/silhouettes_cuda.cuh"
 #include "src/gpu/team.cuh"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 // A block makes all levels of a square of level 0, of which the widest level has one pixel. A
@@ -443,4 +443,4 @@ void DepthFieldCuda::enqueue(FieldJob job, const PointCloudView& cloud, int num,
   view_.stamp = next_stamp();
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

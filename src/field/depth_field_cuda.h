@@ -10,7 +10,7 @@
 #include "src/field/field_pyramid.h"
 #include "src/gpu/runtime.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// The arrays of one field on the GPU.
 struct FieldArrays {
@@ -100,4 +100,4 @@ class DepthFieldCuda {
   DepthFieldView view_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

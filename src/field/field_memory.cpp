@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 FieldMemory::FieldMemory(int width, int height, const MemoryOptions& options, Isa isa)
     : width_(width), height_(height), rule_(memory_rule(options)), rows_(field_rows(isa)) {
@@ -35,4 +35,4 @@ void FieldMemory::update(const PointCloudView& cloud, double interval, ThreadPoo
   });
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

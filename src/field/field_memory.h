@@ -8,7 +8,7 @@
 #include "src/field/field_rows.h"
 #include "src/field/memory_pixel.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 class FieldMemory {
  public:
@@ -31,4 +31,4 @@ class FieldMemory {
   std::vector<TangentPlane> behind_, in_front_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

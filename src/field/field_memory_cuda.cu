@@ -3,7 +3,7 @@
 #include "src/core/internal/assert.h"
 #include "src/gpu/team.cuh"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr int kThreads = 256;
@@ -46,4 +46,4 @@ void FieldMemoryCuda::enqueue(const PointCloudView& cloud, gpu::Stream& stream) 
   gpu::launch(stream, {.blocks = blocks, .threads = kThreads}, remember_planes, job_, cloud);
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

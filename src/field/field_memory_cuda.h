@@ -8,7 +8,7 @@
 #include "src/field/memory_pixel.h"
 #include "src/gpu/runtime.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Arguments of the kernel.
 struct FieldMemoryJob {
@@ -48,4 +48,4 @@ class FieldMemoryCuda {
   float *interval_, *device_interval_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

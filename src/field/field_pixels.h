@@ -7,7 +7,7 @@
 #include "palpate/field/depth_field.h"
 #include "src/cloud/internal/tangent_plane.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Completes a pixel that is still unknown when all holes are filled. With UnknownSpace::blocked it
 /// is a surface right in front of the camera, which faces it.
@@ -132,4 +132,4 @@ PALPATE_FORMULA Tile tile_of(const Plane& plane) {
           is_surface ? plane.slope : empty.min_slope};
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -5,7 +5,7 @@
 
 #include "palpate/cloud/depth_source.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 Result<PyramidLayout> pyramid_layout(int width, int height, const DepthFieldOptions& options) {
   constexpr int kMinSide = 8;
@@ -72,4 +72,4 @@ int PyramidLayout::num_filled(const DepthFieldOptions& options) const {
   return options.unknown == UnknownSpace::solid ? top : std::min(options.fill_levels, top);
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -7,7 +7,7 @@
 #include "palpate/core/core.h"
 #include "src/field/field_pixels.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Distance beyond the image up to which silhouettes are found, pixels.
 inline constexpr int kSilhouetteBorder = static_cast<int>(-DepthFieldLevel::kFirst);
@@ -67,4 +67,4 @@ struct PyramidLayout {
 /// Errors: as DepthField::create.
 Result<PyramidLayout> pyramid_layout(int width, int height, const DepthFieldOptions& options);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

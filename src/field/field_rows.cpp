@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 #define PALPATE_DECLARE_FIELD_ROWS(isa)                                                        \
   namespace isa {                                                                              \
@@ -39,4 +39,4 @@ FieldRows field_rows(Isa isa) {
   return isa_baseline::kFieldRows;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -9,7 +9,7 @@
 #include "palpate/core/core.h"
 #include "src/field/field_pyramid.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// The arrays of one level.
 struct FieldImage {
@@ -93,4 +93,4 @@ struct FieldRows {
 /// An instruction set that the processor lacks is lowered.
 FieldRows field_rows(Isa isa);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

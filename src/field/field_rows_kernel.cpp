@@ -4,7 +4,7 @@
 #include "src/core/simd.h"
 #include "src/field/field_rows.h"
 
-namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
+namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE {
 namespace {
 
 /// The planes of kLanes pixels side by side.
@@ -152,4 +152,4 @@ void find_tiles(const FieldImage& image, const PixelWindow& window, int v, Depth
   }
 }
 
-}  // namespace palpate::inline v0::PALPATE_ISA_NAMESPACE
+}}}  // namespace palpate::v0::PALPATE_ISA_NAMESPACE

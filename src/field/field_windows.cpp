@@ -2,7 +2,7 @@
 
 #include "src/field/gap_rules.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 /// Finds the pixels of a level that samples between `left` and `right`, pixels of level 0, read:
@@ -68,4 +68,4 @@ FieldWindows field_windows(const PyramidLayout& layout, const DepthFieldOptions&
   return windows;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

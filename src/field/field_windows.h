@@ -3,7 +3,7 @@
 
 #include "src/field/field_pyramid.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Windows of level k, in its own pixels. Columns of level 0 begin and end at multiples of
 /// kColumnStep or at the end of the image. Those of silhouettes reach beyond the image, all others
@@ -25,4 +25,4 @@ struct FieldWindows {
 FieldWindows field_windows(const PyramidLayout& layout, const DepthFieldOptions& options,
                            const PixelWindow& requested);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -9,7 +9,7 @@
 #include "palpate/field/sensor.h"
 #include "src/field/memory_pixel.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Settings of the surfaces of frames.
 struct SlotSettings {
@@ -79,4 +79,4 @@ Result<std::unique_ptr<FrameSlots>> make_frame_slots(const SlotSettings& setting
 Result<SurfaceTimeline> make_timeline(std::unique_ptr<FrameSlots> slots,
                                       const SlotSettings& settings);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

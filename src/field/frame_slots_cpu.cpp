@@ -8,7 +8,7 @@
 #include "src/field/field_memory.h"
 #include "src/field/frame_slots.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 struct Slot {
@@ -149,4 +149,4 @@ Result<std::unique_ptr<FrameSlots>> make_frame_slots_cpu(const SlotSettings& set
       settings, std::move(averager), std::move(memory), std::move(slots)));
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -13,7 +13,7 @@
 #include "src/field/frame_slots.h"
 #include "src/gpu/runtime.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 struct Slot {
@@ -232,4 +232,4 @@ Result<std::unique_ptr<FrameSlots>> make_frame_slots_cuda(const SlotSettings& se
   return std::unique_ptr<FrameSlots>(std::move(made));
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

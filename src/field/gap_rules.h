@@ -4,7 +4,7 @@
 
 #include "src/field/silhouette_rules.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Longest run of missing pixels that is filled from its two ends: along rows first, then, for the
 /// pixels that are left, along columns.
@@ -60,4 +60,4 @@ class GoingOn {
   float step_ = 0;  // of the slope
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -5,7 +5,7 @@
 
 #include "src/field/gap_rules.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 HoleRuns::HoleRuns(int width, int height)
     : words_((width + kBits - 1) / kBits),
@@ -71,4 +71,4 @@ void HoleRuns::fill_columns(const Intrinsics& k, const FieldImage& image, const 
   }
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -8,7 +8,7 @@
 #include "palpate/cloud/point_cloud.h"
 #include "src/field/field_rows.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Each word of a row stands for kBits columns, from its lowest bit on. Rows do not depend on each
 /// other, nor do words of columns.
@@ -49,4 +49,4 @@ class HoleRuns {
   std::vector<std::uint32_t> filled_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -3,7 +3,7 @@
 
 #include "palpate/field/sensor.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 PointCloud joined_clouds(std::span<const SurfaceBlend> cameras) {
   const auto has_edges = [](const SurfaceBlend& view) { return view.to.cloud.edge_x != nullptr; };
@@ -31,4 +31,4 @@ PointCloud joined_clouds(std::span<const SurfaceBlend> cameras) {
   return joined;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

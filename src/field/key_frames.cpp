@@ -6,7 +6,7 @@
 
 #include "src/cloud/internal/lens_table.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr int kWidestImage = 320;  // pixels, of a grid
@@ -352,4 +352,4 @@ void KeyFrames::take(const DepthImageView& frame, ThreadPool& pool) {
   ++num_frames_;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

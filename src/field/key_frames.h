@@ -11,7 +11,7 @@
 
 #include "src/field/frame_slots.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// A grid of depths as a pinhole camera at X_WC has them along the z axis; 0: nothing is known.
 struct DepthGrid {
@@ -132,4 +132,4 @@ class KeyFrames {
   DepthGrid now_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

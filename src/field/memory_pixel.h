@@ -7,7 +7,7 @@
 #include "palpate/field/depth_field.h"
 #include "src/field/field_pixels.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Smallest number of frames that show a surface before it is remembered: an object that flies
 /// through the image, or a wrong measurement, for one frame is not.
@@ -68,4 +68,4 @@ PALPATE_HOSTDEV inline MemoryPlanes remember(const TangentPlane& now, float z,
   return {now, nothing};
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <optional>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 /// Least squares line value = slope * pixel + start.
@@ -109,4 +109,4 @@ Result<PointCloud> make_pinhole_cloud(const PointCloudView& cloud) {
   return copy;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -6,7 +6,7 @@
 #include "src/field/batch_frames.h"
 #include "src/field/frame_slots.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 struct Sensor::Impl {
   Camera camera;
@@ -127,4 +127,4 @@ Status Sensor::reserve_batch(int num_images) {
 const Status& Sensor::status() const { return impl_->status; }
 const Place& Sensor::place() const { return impl_->place; }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

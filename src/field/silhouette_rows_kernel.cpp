@@ -7,7 +7,7 @@
 #include "src/field/field_rows.h"
 #include "src/field/silhouette_rules.h"
 
-namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
+namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE {
 namespace {
 
 constexpr int kSegment = SilhouetteScratch::kSegment, kBorder = SilhouetteScratch::kBorder;
@@ -227,4 +227,4 @@ void mark_silhouettes(const FieldImage& image, const PixelWindow& window, int v,
   }
 }
 
-}  // namespace palpate::inline v0::PALPATE_ISA_NAMESPACE
+}}}  // namespace palpate::v0::PALPATE_ISA_NAMESPACE

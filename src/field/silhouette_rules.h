@@ -7,8 +7,7 @@
 #include "src/core/lanes.h"
 #include "src/field/field_pyramid.h"
 
-namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
-namespace {
+namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE { namespace {
 
 inline constexpr int kReach = DepthFieldLevel::kSilhouetteReach;
 // Smallest step at which a surface ends between two pixels, in widths of a pixel: depth of the
@@ -183,5 +182,4 @@ PALPATE_FORMULA VecF side_of(const NearestSilhouette& nearest, VecF x, VecF y,
   return squared / max(sqrt(squared + along * along), splat(1e-12f));
 }
 
-}  // namespace
-}  // namespace palpate::inline v0::PALPATE_ISA_NAMESPACE
+}}}}  // namespace palpate::v0::PALPATE_ISA_NAMESPACE

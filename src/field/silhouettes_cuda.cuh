@@ -10,8 +10,7 @@
 #include "src/field/gap_rules.h"
 #include "src/gpu/team.cuh"
 
-namespace palpate::inline v0 {
-namespace {
+namespace palpate { inline namespace v0 { namespace {
 
 using one_lane::RulePlane;
 
@@ -551,5 +550,4 @@ __global__ void __launch_bounds__(kRimThreads, kRimBlocks)
   mark(true);
 }
 
-}  // namespace
-}  // namespace palpate::inline v0
+}}}  // namespace palpate::v0

@@ -10,7 +10,7 @@
 #include "src/field/frame_slots.h"
 #include "src/field/key_frames.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 Status check(const SlotSettings& settings) {
@@ -213,4 +213,4 @@ const Status& SurfaceTimeline::status() const {
   return kept && !kept->status() ? kept->status() : impl_->slots->status();
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

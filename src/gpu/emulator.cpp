@@ -13,7 +13,7 @@
 
 #include "src/core/internal/assert.h"
 
-namespace palpate::inline v0::emulator {
+namespace palpate { inline namespace v0 { namespace emulator {
 namespace {
 
 namespace context = boost::context;
@@ -151,4 +151,4 @@ void run_grid(int blocks, int threads, std::size_t shared_bytes, bool cooperativ
   for (const int block : order) run_blocks({block}, blocks, threads, shared_bytes, kernel);
 }
 
-}  // namespace palpate::inline v0::emulator
+}}}  // namespace palpate::v0::emulator

@@ -19,7 +19,7 @@
 #define __launch_bounds__(...)
 #define __grid_constant__
 
-namespace palpate::inline v0::emulator {
+namespace palpate { inline namespace v0 { namespace emulator {
 
 struct Index {
   unsigned x = 0, y = 0, z = 0;
@@ -62,7 +62,7 @@ T exchange(unsigned mask, T value, int from_lane) {
   return got;
 }
 
-}  // namespace palpate::inline v0::emulator
+}}}  // namespace palpate::v0::emulator
 
 #define threadIdx (palpate::emulator::place().thread)
 #define blockIdx (palpate::emulator::place().block)

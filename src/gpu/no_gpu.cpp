@@ -1,7 +1,7 @@
 // A build without the CUDA backend.
 #include "palpate/gpu/devices.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 Result<std::vector<GpuInfo>> find_gpus() {
   return Error{Errc::unavailable,
@@ -9,4 +9,4 @@ Result<std::vector<GpuInfo>> find_gpus() {
                "-DPALPATE_CUDA=ON"};
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -1,7 +1,7 @@
 // Code that both runtimes share.
 #include "src/gpu/runtime.h"
 
-namespace palpate::inline v0::gpu {
+namespace palpate { inline namespace v0 { namespace gpu {
 
 Memory::Memory(Memory&& other) noexcept
     : gpu_(other.gpu_),
@@ -24,4 +24,4 @@ void Stream::fail(Error error) noexcept {
   if (status_) status_ = std::move(error);
 }
 
-}  // namespace palpate::inline v0::gpu
+}}}  // namespace palpate::v0::gpu

@@ -18,7 +18,7 @@
 
 #include "palpate/core/core.h"
 
-namespace palpate::inline v0::gpu {
+namespace palpate { inline namespace v0 { namespace gpu {
 
 /// Owns any number of arrays on one GPU and in page-locked host memory.
 class Memory {
@@ -176,4 +176,4 @@ std::size_t free_memory(int gpu);
 /// Is there such a GPU, fit for this build? The error says what is missing.
 Status check_gpu(int gpu);
 
-}  // namespace palpate::inline v0::gpu
+}}}  // namespace palpate::v0::gpu

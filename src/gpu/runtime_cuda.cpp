@@ -10,7 +10,7 @@
 #include "palpate/gpu/devices.h"
 #include "src/gpu/runtime.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace gpu {
 namespace {
 
@@ -322,4 +322,4 @@ Result<std::vector<GpuInfo>> find_gpus() {
   return gpus;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -7,7 +7,7 @@
 #include "src/gpu/emulator.h"
 #include "src/gpu/runtime.h"
 
-namespace palpate::inline v0::gpu {
+namespace palpate { inline namespace v0 { namespace gpu {
 
 void* Memory::take_bytes(std::size_t num_bytes, bool pinned) {
   if (!status_) return nullptr;
@@ -99,12 +99,12 @@ int resident_blocks(int, const void*, int, std::size_t) { return 2; }
 std::size_t free_memory(int) { return std::size_t{1} << 33; }
 Status check_gpu(int) { return Done{}; }
 
-}  // namespace palpate::inline v0::gpu
+}}}  // namespace palpate::v0::gpu
 
 #if defined(PALPATE_CUDA)  // the backend of a whole build
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 Result<std::vector<GpuInfo>> find_gpus() {
   return std::vector<GpuInfo>{{0, "emulator", std::size_t{1} << 34, 2, 9, 0}};
 }
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0
 #endif

@@ -5,7 +5,7 @@
 
 #include "src/gpu/device_code.cuh"
 
-namespace palpate::inline v0::gpu {
+namespace palpate { inline namespace v0 { namespace gpu {
 
 inline constexpr int kWarpSize = 32;
 inline constexpr unsigned kWholeWarp = 0xffffffffu;
@@ -119,4 +119,4 @@ __device__ inline void block_sum(T* values, int num, T* shared) {
   __syncthreads();
 }
 
-}  // namespace palpate::inline v0::gpu
+}}}  // namespace palpate::v0::gpu

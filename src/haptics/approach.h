@@ -7,7 +7,7 @@
 #include "src/haptics/internal/matrix6.h"
 #include "src/haptics/rotated.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Moves a tool from where another coupling left it to where it belongs, within some tenths of a
 /// second. Without such a takeover it is there at once.
@@ -47,4 +47,4 @@ class Approach {
   bool has_begun_ = true;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -4,7 +4,7 @@
 #include "src/core/internal/number_text.h"
 #include "src/haptics/couplings.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 /// Default of force_at_eighth for devices without force, N: the tool still stops at surfaces.
@@ -131,4 +131,4 @@ Result<CheckedCoupling> check_coupling(const CouplingOptions& options, const Dev
   return checked;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -4,7 +4,7 @@
 #include "palpate/haptics/local_contact.h"
 #include "src/haptics/internal/matrix6.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Returns the tool's motion since the measurement, about its center of mass.
 Vec6 motion_since(const LocalContact& contact, const Pose& X_WT_now);
@@ -15,4 +15,4 @@ Wrench contact_line(const LocalContact& contact, const Pose& X_WT_now);
 /// Limits a wrench on that line: it never pulls and grows to a few times the measured one.
 Wrench limit_contact(const LocalContact& contact, const Wrench& line);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

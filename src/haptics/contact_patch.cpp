@@ -4,7 +4,7 @@
 
 #include "src/haptics/tangents.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 Vec3d times(const double (&a)[3][3], const Vec3d& v) {
@@ -102,4 +102,4 @@ ContactPatch joined(const ContactPatch& a, double force_a, const ContactPatch& b
            s * g.velocity_W + t * h.velocity_W, s * g.turning_W + t * h.turning_W}};
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -5,7 +5,7 @@
 #include "src/haptics/couplings.h"
 #include "src/haptics/internal/friction.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr double kSmallestRadius = 1e-4;  // m: a tool without extent still turns
@@ -37,4 +37,4 @@ std::unique_ptr<Coupling> make_coupling(const CouplingOptions& options, const De
   return make_virtual_coupling(options, limits, tool);
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

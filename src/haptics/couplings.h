@@ -4,7 +4,7 @@
 #include "src/haptics/held_contact.h"
 #include "src/haptics/spring.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Longest time that one step covers, s; later ticks count as this late.
 inline constexpr double kMaxStep = 0.02;
@@ -31,4 +31,4 @@ std::unique_ptr<Coupling> make_proxy_coupling(const CouplingOptions& options,
 /// Returns the tool's radius of gyration, m: the length that a radian counts as.
 double radius_of_gyration(const MassProperties& tool);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -7,7 +7,7 @@
 #include "src/haptics/internal/friction.h"
 #include "src/haptics/rotated.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 /// Damping over stiffness of sticking friction, s. A spring held over a tick gives back more than
@@ -192,4 +192,4 @@ std::unique_ptr<Coupling> make_direct_coupling(const CouplingOptions& options,
   return std::make_unique<DirectCoupling>(options, limits, tool);
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

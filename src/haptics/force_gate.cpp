@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <numeric>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 /// Longest tick that the ramp counts, s: a late tick makes no leap.
@@ -123,4 +123,4 @@ void ForceGate::step_off(const Input& input) noexcept {
   if (state_ == ForceState::off && is_well) wait(input.time);
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -4,7 +4,7 @@
 
 #include "src/haptics/tangents.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr int kMaxIterations = 30;  // three to six do
@@ -215,4 +215,4 @@ double PatchFriction::wave(TextureKind kind, double depth, double dt) const noex
   return strength * sum / kSum;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -4,7 +4,7 @@
 
 #include "src/haptics/rotated.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 /// Reach (m) and speed (m/s, rad/s) beyond any device: larger readings are glitches.
@@ -145,4 +145,4 @@ Wrench Hand::at_handle(const Wrench& F_C_W) const noexcept {
   return {rotate(q_BW, F_C_W.force + wall_W), rotate(q_BW, torque_W / options_.motion_scale)};
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

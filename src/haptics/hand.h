@@ -13,7 +13,7 @@
 #include "palpate/haptics/coupling.h"
 #include "src/haptics/internal/matrix6.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// The tool as the hand holds it.
 struct HeldTool {
@@ -76,4 +76,4 @@ class Hand {
   bool is_clutched_ = false, has_pose_ = false;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -4,7 +4,7 @@
 
 #include "src/haptics/contact_line.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 /// A cap of volume V and depth h on a round or flat tool is cut at an area of 3 to 12 times
@@ -93,4 +93,4 @@ bool HeldContact::pushes(const Wrench& wrench) const noexcept {
   return measured == Vec3d{} || dot(wrench.force, measured) > 0;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -4,7 +4,7 @@
 #include "palpate/haptics/coupling.h"
 #include "src/haptics/internal/matrix6.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 class HeldContact {
  public:
@@ -49,4 +49,4 @@ class HeldContact {
   double elapsed_ = 0, interval_ = 0;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -6,7 +6,7 @@
 #include "src/haptics/internal/matrix6.h"
 #include "src/haptics/rotated.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 /// Largest ratio of force and torque to the measured ones: a line through one measurement says
@@ -122,4 +122,4 @@ LocalContact local_contact(const Penetration& penetration, const Stiffness& stif
   return contact;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

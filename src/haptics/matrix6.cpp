@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr int kMaxSweeps = 12;  // Jacobi's method converges quadratically: five or six do
@@ -125,4 +125,4 @@ Mat6 positive_part(const Stiffness& stiffness, double length) {
   return result;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -7,7 +7,7 @@
 #include "src/core/internal/triple_buffer.h"
 #include "src/math/internal/rotation_vector.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr double kUnitWithin = 1e-3;    // of a quaternion's length
@@ -95,4 +95,4 @@ const PageHandle::Update* PageHandle::newest() noexcept {
   return mailbox_->news.refresh() ? &mailbox_->news.value() : nullptr;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -5,7 +5,7 @@
 #include "src/haptics/internal/friction.h"
 #include "src/haptics/rotated.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr int kMaxIterations = 8;       // the spring may saturate on the way: two or three do
@@ -166,4 +166,4 @@ std::unique_ptr<Coupling> make_proxy_coupling(const CouplingOptions& options,
   return std::make_unique<ProxyCoupling>(options, limits, tool);
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -7,7 +7,7 @@
 #include "src/haptics/internal/matrix6.h"
 #include "src/haptics/rotated.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 /// Longest tick that the slew limit counts, s: a late tick makes no leap.
@@ -258,4 +258,4 @@ Wrench SafetyFilter::slew(const Wrench& wrench, double dt) const noexcept {
           approached(last_.torque, wrench.torque, options_.max_torque_slew * counted)};
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -1,6 +1,6 @@
 #include "palpate/haptics/safety.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 /// Largest limit accepted of a device: N, N m, N s/m.
@@ -70,4 +70,4 @@ Result<SafetyFilter> SafetyFilter::create(const DeviceLimits& limits,
   return SafetyFilter(limits, options);
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

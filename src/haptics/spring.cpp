@@ -4,7 +4,7 @@
 
 #include "src/haptics/rotated.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 double rate(double stiffness, double limit, double stretch) {
@@ -41,4 +41,4 @@ Vec6 stretch_between(const Pose& X_WT, const Vec3d& p_WC, const HeldTool& held) 
   return {held.p_WC - p_WC, rotation_between(X_WT.rotation, held.X_WT.rotation)};
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -5,7 +5,7 @@
 
 #include "src/haptics/hand.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Spring in the tool's world: hand.h explains the motion scale.
 struct Spring {
@@ -31,4 +31,4 @@ Spring make_spring(const CouplingOptions& options, const DeviceLimits& limits);
 /// Returns the offset from the tool to its held pose: of its center of mass, and the rotation.
 Vec6 stretch_between(const Pose& X_WT, const Vec3d& p_WC, const HeldTool& held);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

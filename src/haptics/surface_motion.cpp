@@ -6,7 +6,7 @@
 #include "src/field/internal/field_sample.h"
 #include "src/haptics/tangents.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 /// Speed that no camera can follow, pixels per second.
@@ -108,4 +108,4 @@ Twist surface_motion(std::span<const SurfaceBlend> cameras, const TouchedDisc& d
   return sums.fitted(n, disc.radius());
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

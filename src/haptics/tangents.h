@@ -5,7 +5,7 @@
 
 #include "palpate/math/geometry.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Returns a unit vector at right angles to the unit vector n, a function of n alone.
 inline Vec3d first_tangent(const Vec3d& n) {
@@ -21,4 +21,4 @@ inline Vec3d rotated_along(const Vec3d& v, const Vec3d& from, const Vec3d& to) {
   return v - (from + to) * (dot(v, to) / (1 + cosine));
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

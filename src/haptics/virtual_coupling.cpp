@@ -15,7 +15,7 @@
 #include "src/haptics/internal/friction.h"
 #include "src/haptics/rotated.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 /// Damping ratio of the contact's stiffest direction: enough that the tool does not ring on it.
@@ -261,4 +261,4 @@ std::unique_ptr<Coupling> make_virtual_coupling(const CouplingOptions& options,
   return std::make_unique<VirtualCoupling>(options, limits, tool);
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

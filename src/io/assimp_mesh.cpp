@@ -13,7 +13,7 @@
 
 #include "src/io/mesh_parsers.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 Error bad(std::string message) { return {Errc::bad_input, std::move(message)}; }
@@ -169,4 +169,4 @@ Result<TriangleMesh> load_with_assimp(const std::filesystem::path& path,
   return bad("is damaged (Assimp: " + std::string(error.what()) + ")");
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -10,7 +10,7 @@
 #include <cstring>
 #include <utility>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 /// Closes its descriptor when it goes out of scope.
@@ -198,4 +198,4 @@ Result<std::string> read_file(const std::filesystem::path& path, std::size_t max
   return content;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

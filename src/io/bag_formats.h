@@ -12,7 +12,7 @@
 
 #include "src/io/internal/bag_file.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// One file of a recording; see BagReader. Schemas and messages are as stored.
 class BagFile {
@@ -49,4 +49,4 @@ Result<std::unique_ptr<BagFile>> open_sqlite_bag(const std::filesystem::path& pa
 /// Error for a read that fails before the end of the file: it is not cut off.
 Error unreadable(const std::filesystem::path& path, std::uint64_t place);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

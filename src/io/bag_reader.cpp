@@ -13,7 +13,7 @@
 #include "src/io/ros_types.h"
 #include "src/io/unpack.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 namespace fs = std::filesystem;
@@ -274,4 +274,4 @@ Result<std::unique_ptr<BagReader>> BagReader::open(const fs::path& target) {
   return std::unique_ptr<BagReader>(std::move(recording));
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -9,7 +9,7 @@
 #include <string_view>
 #include <type_traits>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 static_assert(std::endian::native == std::endian::little, "messages are little-endian");
 
@@ -80,4 +80,4 @@ class CdrReader {
   bool is_good_ = true;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -10,7 +10,7 @@
 #include "palpate/core/core.h"
 #include "palpate/math/geometry.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// The requested columns, in that order, each width * height long.
 struct CloudColumns {
@@ -32,4 +32,4 @@ inline Error missing_column(std::string_view name) {
   return {Errc::bad_input, "has no '" + std::string(name) + "' of type float or double"};
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

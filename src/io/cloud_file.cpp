@@ -9,7 +9,7 @@
 #include "src/io/internal/atomic_file.h"
 #include "src/io/ros_image.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr std::array<std::string_view, 6> kPlyNames{"x", "y", "z", "nx", "ny", "nz"};
@@ -115,4 +115,4 @@ Status save_cloud_ply(const PointCloudView& cloud, const std::filesystem::path& 
   return write_file_atomically(path, text);
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -16,7 +16,7 @@
 #include "src/io/internal/atomic_file.h"
 #include "src/io/text_scanner.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 namespace fs = std::filesystem;
@@ -271,4 +271,4 @@ Result<std::unique_ptr<DepthSource>> open_depth_folder(const fs::path& folder,
       std::make_unique<FolderSource>(*std::move(entries), std::move(info), options.flow));
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

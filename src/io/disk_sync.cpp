@@ -8,7 +8,7 @@
 #include <system_error>
 #include <thread>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 /// Returns an `errno`, or 0. Pipes and read-only places have nothing to bring anywhere.
@@ -103,4 +103,4 @@ std::uint64_t DiskSync::size_on_disk() const {
   return work_->size_on_disk;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

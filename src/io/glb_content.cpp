@@ -8,7 +8,7 @@
 #include <assimp/scene.h>
 #include <assimp/Exporter.hpp>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 /// glTF wants its colors linear.
@@ -88,4 +88,4 @@ Result<std::string> glb_content(std::span<const ColoredMesh* const> parts) try {
                                      std::string(error.what()) + "); write a .ply file"};
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

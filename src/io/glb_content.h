@@ -7,10 +7,10 @@
 #include "palpate/core/core.h"
 #include "palpate/io/formats.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// A node and a material for each part; `parts` are not empty, nor is any of them, and faces use
 /// vertices that exist. The error is the rest of a sentence.
 Result<std::string> glb_content(std::span<const ColoredMesh* const> parts);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

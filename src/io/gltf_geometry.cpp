@@ -14,7 +14,7 @@
 #include "src/io/internal/json_shape.h"
 #include "src/io/mesh_parsers.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 using Json = nlohmann::json;
@@ -448,4 +448,4 @@ Result<std::string> gltf_geometry(std::string_view json, const std::filesystem::
   return Error{Errc::bad_input, "is damaged (" + std::string(error.what()) + ")"};
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -7,7 +7,7 @@
 #include <string>
 #include <string_view>
 
-namespace palpate::inline v0::mcap {
+namespace palpate { inline namespace v0 { namespace mcap {
 
 inline constexpr std::string_view kMagic{"\x89MCAP0\r\n", 8};
 
@@ -100,4 +100,4 @@ class Cursor {
   bool is_good_ = true;
 };
 
-}  // namespace palpate::inline v0::mcap
+}}}  // namespace palpate::v0::mcap

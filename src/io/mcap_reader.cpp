@@ -12,7 +12,7 @@
 #include "src/io/mcap_format.h"
 #include "src/io/unpack.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 using mcap::Cursor;
 using mcap::Op;
@@ -289,4 +289,4 @@ void McapReader::seek(std::uint64_t chunk_place) {
   impl_->is_over = impl_->is_cut_off = false;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

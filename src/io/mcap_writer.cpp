@@ -15,7 +15,7 @@
 #include "src/io/internal/mcap_file.h"
 #include "src/io/mcap_format.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 using mcap::Bytes;
 using mcap::Op;
@@ -293,4 +293,4 @@ std::uint64_t McapWriter::bytes_kept() const {
 
 std::uint64_t McapWriter::bytes_on_disk() const { return impl_->sync->size_on_disk(); }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

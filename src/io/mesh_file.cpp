@@ -8,7 +8,7 @@
 #include "src/io/internal/atomic_file.h"
 #include "src/io/mesh_parsers.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr std::size_t kMaxBytes = std::size_t(2) << 30;
@@ -75,4 +75,4 @@ Result<TriangleMesh> load_mesh(const std::filesystem::path& path, double scale) 
   return mesh;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -15,7 +15,7 @@
 #include "palpate/core/core.h"
 #include "palpate/mesh/mesh.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// PLY: ascii, binary little or big endian; any properties besides x, y, z and vertex_indices are
 /// skipped.
@@ -61,4 +61,4 @@ class PolygonCutter {
   std::int64_t tests_left_ = 300'000'000;  // of corners: some seconds
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

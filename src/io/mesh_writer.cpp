@@ -10,7 +10,7 @@
 #include "src/io/glb_content.h"
 #include "src/io/internal/atomic_file.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 template <class T>
@@ -125,8 +125,7 @@ Status save_mesh(const TriangleMesh& mesh, const std::filesystem::path& path) {
                "cannot write " + path.string() + ": give a name that ends in .ply, .stl or .obj"};
 }
 
-Status save_colored_meshes(std::span<const ColoredMesh> parts,
-                            const std::filesystem::path& path) {
+Status save_colored_meshes(std::span<const ColoredMesh> parts, const std::filesystem::path& path) {
   std::vector<PlyPart> ply_parts;
   std::vector<const ColoredMesh*> glb_parts;
   std::size_t num_vertices = 0;
@@ -152,4 +151,4 @@ Status save_colored_meshes(std::span<const ColoredMesh> parts,
   return write_file_atomically(path, *content);
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

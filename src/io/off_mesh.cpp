@@ -4,7 +4,7 @@
 #include "src/io/mesh_parsers.h"
 #include "src/io/text_scanner.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 Error bad(std::string message) { return {Errc::bad_input, std::move(message)}; }
@@ -78,4 +78,4 @@ Result<TriangleMesh> parse_off_mesh(std::string_view content) {
   return mesh;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

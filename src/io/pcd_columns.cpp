@@ -10,7 +10,7 @@
 #include "src/io/cloud_columns.h"
 #include "src/io/text_scanner.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 static_assert(std::endian::native == std::endian::little, "PCD files are read as they lie");
@@ -224,4 +224,4 @@ Result<CloudColumns> read_pcd_columns(std::string_view content,
   return columns;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -4,7 +4,7 @@
 #include "src/io/cloud_columns.h"
 #include "src/io/ply_format.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 Error bad(std::string message) { return {Errc::bad_input, std::move(message)}; }
@@ -69,4 +69,4 @@ Result<CloudColumns> read_ply_columns(std::string_view content,
   return bad("has no element 'vertex'");
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

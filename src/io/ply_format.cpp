@@ -7,7 +7,7 @@
 
 #include "src/io/text_scanner.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 Error bad(std::string message) { return {Errc::bad_input, std::move(message)}; }
@@ -143,4 +143,4 @@ std::optional<Error> check_ply_count(const PlyElement& element, const PlyValues&
              "' but only " + std::to_string(values.bytes_left()) + " bytes follow");
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

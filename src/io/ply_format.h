@@ -9,7 +9,7 @@
 
 #include "palpate/core/core.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 enum class PlyType { i8, u8, i16, u16, i32, u32, f32, f64 };
 
@@ -66,4 +66,4 @@ class PlyValues {
 /// Refuses counts that the rest of the file cannot hold, before anything is allocated for them.
 std::optional<Error> check_ply_count(const PlyElement& element, const PlyValues& values);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -5,7 +5,7 @@
 #include "src/io/mesh_parsers.h"
 #include "src/io/ply_format.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 Error bad(std::string message) { return {Errc::bad_input, std::move(message)}; }
@@ -79,4 +79,4 @@ Result<TriangleMesh> parse_ply_mesh(std::string_view content) {
   return mesh;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -14,7 +14,7 @@
 #include "palpate/io/formats.h"
 #include "src/io/internal/atomic_file.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr std::size_t kMaxFileBytes = std::size_t(128) << 20;
@@ -252,4 +252,4 @@ Result<std::string> encode_depth_png(const DepthFrame& frame, const std::string&
   return std::move(writer.content());
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -7,7 +7,7 @@
 
 #include "src/io/mesh_parsers.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 using Index = std::uint32_t;
@@ -114,4 +114,4 @@ std::optional<Error> PolygonCutter::add(std::span<const double> indices, const s
                "has too many concave faces of hundreds of corners; make triangles of its faces"};
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -10,7 +10,7 @@
 #include "src/io/mcap_format.h"
 #include "src/io/unpack.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 using mcap::Cursor;
@@ -197,4 +197,4 @@ Result<std::unique_ptr<BagFile>> open_ros1_bag(const std::filesystem::path& path
   return std::unique_ptr<BagFile>(std::move(bag));
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

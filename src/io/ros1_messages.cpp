@@ -6,7 +6,7 @@
 #include "src/io/mcap_format.h"
 #include "src/io/ros_types.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 using mcap::Cursor;
@@ -56,4 +56,4 @@ std::optional<std::string> cdr_of_ros1(std::string_view type, std::string_view m
   return to.take();
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -8,7 +8,7 @@
 
 #include "src/io/cdr.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr double kMillimeter = 0.001;
@@ -98,4 +98,4 @@ Result<std::vector<float>> read_flow_image(std::string_view message) {
   return flow;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

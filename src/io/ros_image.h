@@ -6,7 +6,7 @@
 
 #include "palpate/cloud/depth_source.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 class CdrReader;
 
@@ -27,4 +27,4 @@ RosStamp read_ros_header(CdrReader& from);
 /// within range). NaN, depth that is too near and -inf are no measurement, 0.
 std::uint16_t count_of(double meters, double unit);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -8,7 +8,7 @@
 #include "src/io/cdr.h"
 #include "src/io/ros_image.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 void put(CdrWriter& to, std::uint64_t time) {
@@ -386,4 +386,4 @@ Result<RosJointState> read_joint_state(std::string_view message) {
   return state;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -15,7 +15,7 @@
 #include "palpate/math/geometry.h"
 #include "palpate/tool/tool.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// When, in ns since 1970 (or since the run began), and in which frame.
 struct RosHeader {
@@ -135,4 +135,4 @@ struct RosJointState {
 /// sensor_msgs/JointState; those without positions have no names here.
 Result<RosJointState> read_joint_state(std::string_view message);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

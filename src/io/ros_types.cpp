@@ -7,7 +7,7 @@
 
 #include "src/io/sha256.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 struct Definition {
@@ -220,4 +220,4 @@ std::string dds_type_name(std::string_view type) {
          "::msg::dds_::" + std::string(type.substr(slash + 1)) + "_";
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

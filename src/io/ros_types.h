@@ -8,7 +8,7 @@
 #include <string_view>
 #include <vector>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// The numbers are those of type_description_interfaces/FieldType.
 enum class RosBase : std::uint8_t {
@@ -56,4 +56,4 @@ std::string ros_type_hash(const std::string& type);
 std::string ros_interface_name(std::string_view type);
 std::string dds_type_name(std::string_view type);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -3,7 +3,7 @@
 #include <optional>
 #include <string>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr std::size_t kWord = 4;           // bytes
@@ -91,4 +91,4 @@ Result<DepthFrame> decode_depth_rvl(std::string_view data, std::string_view what
   return frame;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -6,7 +6,7 @@
 
 #include "palpate/cloud/depth_source.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Width and height, uint32 little-endian; then 32-bit little-endian words of eight nibbles each,
 /// the highest first. A nibble holds three bits of a number, the lowest first, and whether more
@@ -16,4 +16,4 @@ namespace palpate::inline v0 {
 /// 0.
 Result<DepthFrame> decode_depth_rvl(std::string_view data, std::string_view what, double unit);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 using State = std::array<std::uint32_t, 8>;
@@ -67,4 +67,4 @@ std::string sha256(std::string_view text) {
   return digits;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

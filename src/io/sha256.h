@@ -4,9 +4,9 @@
 #include <string>
 #include <string_view>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// In 64 hexadecimal digits.
 std::string sha256(std::string_view text);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -9,7 +9,7 @@
 #include "src/core/shared_library.h"
 #include "src/io/bag_formats.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 // sqlite3.h
@@ -225,4 +225,4 @@ Result<std::unique_ptr<BagFile>> open_sqlite_bag(const std::filesystem::path& pa
   return std::unique_ptr<BagFile>(std::move(bag));
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

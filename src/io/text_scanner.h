@@ -5,7 +5,7 @@
 #include <optional>
 #include <string_view>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Text without the byte order mark that some editors put in front of UTF-8.
 inline std::string_view without_mark(std::string_view text) {
@@ -43,4 +43,4 @@ std::optional<T> parse_number(std::string_view word) {
   return value;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

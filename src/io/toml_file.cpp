@@ -7,7 +7,7 @@
 
 #include "src/io/internal/atomic_file.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr std::size_t kLargestFile = 1 << 16;
@@ -115,4 +115,4 @@ Result<toml::table> read_toml(const std::filesystem::path& path) {
   return std::move(document).table();
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

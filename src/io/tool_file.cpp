@@ -17,7 +17,7 @@
 #include "src/io/internal/atomic_file.h"
 #include "src/io/xxh3.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 static_assert(std::endian::native == std::endian::little, "tool files are little endian");
@@ -329,4 +329,4 @@ Result<Tool> load_tool(const std::filesystem::path& path) {
   return tool;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -13,7 +13,7 @@
 #include "src/io/internal/atomic_file.h"
 #include "src/io/text_scanner.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 /// Exactly `values.size()` finite numbers; otherwise what is wrong.
@@ -132,4 +132,4 @@ Pose pose_at(const std::vector<TimedPose>& poses, double time) {
   return interpolate(a.X_WT, b.X_WT, (time - a.time) / (b.time - a.time));
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -9,7 +9,7 @@
 
 #include "src/core/shared_library.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr std::uint64_t kLargest = std::uint64_t{1} << 30, kFirstStep = std::uint64_t{1} << 22;
@@ -174,4 +174,4 @@ Status unpack_bzip2(std::string_view packed, std::uint64_t size, std::string& to
   });
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

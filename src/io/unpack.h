@@ -9,7 +9,7 @@
 
 #include "palpate/core/core.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 inline constexpr std::string_view kZstdMagic = "\x28\xb5\x2f\xfd";  // of its frames
 
@@ -21,4 +21,4 @@ Status unpack_zstd(std::string_view packed, std::optional<std::uint64_t> size, s
 Status unpack_lz4(std::string_view packed, std::uint64_t size, std::string& to);
 Status unpack_bzip2(std::string_view packed, std::uint64_t size, std::string& to);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

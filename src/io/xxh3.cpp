@@ -6,7 +6,7 @@
 
 #include "src/core/internal/assert.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 static_assert(std::endian::native == std::endian::little);
@@ -93,4 +93,4 @@ std::uint64_t xxh3_of_long(std::string_view bytes) {
   return hash ^ (hash >> 32);
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <string_view>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// The algorithm is defined for every length; this is its part for contents longer than this.
 inline constexpr std::size_t kMinXxh3Bytes = 241;
@@ -14,4 +14,4 @@ inline constexpr std::size_t kMinXxh3Bytes = 241;
 /// Source: Y. Collet, xxHash 0.8 specification.
 std::uint64_t xxh3_of_long(std::string_view bytes);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

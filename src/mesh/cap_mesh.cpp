@@ -6,7 +6,7 @@
 #include "src/core/internal/assert.h"
 #include "src/mesh/rings.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 /// e2 x e3 = e1, all of length one (thesis section 4.3.1; there e2 is not normalized).
@@ -82,4 +82,4 @@ TriangleMesh inside_mesh(std::span<const Sphere> spheres, std::span<const Plane<
   return mesh;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 __extension__ typedef __int128 Int128;
@@ -113,4 +113,4 @@ bool triangles_meet(const GridTriangle& a, const GridTriangle& b) {
   return false;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -9,7 +9,7 @@
 
 #include "palpate/math/geometry.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 using GridPoint = Vec3<std::int64_t>;
 inline constexpr int kGridBits = 40;
@@ -22,4 +22,4 @@ struct GridTriangle {
 /// True if the triangles have a point in common besides the corners and edges they share.
 bool triangles_meet(const GridTriangle& a, const GridTriangle& b);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -1,6 +1,6 @@
 #include "palpate/mesh/mesh.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 /// weight * x x^T is added to m.
@@ -68,4 +68,4 @@ MassProperties mass_properties(std::span<const Sphere> spheres) {
   return {volume, center, inertia_of(second_moments)};
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -12,7 +12,7 @@
 #include "src/mesh/self_intersection.h"
 #include "src/mesh/shell_nesting.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 Error bad_mesh(std::string message) { return {Errc::bad_input, std::move(message)}; }
@@ -216,4 +216,4 @@ Result<SolidMesh> check_solid(const TriangleMesh& raw, const MeshCheckOptions& o
   return solid;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -7,7 +7,7 @@
 #include <unordered_map>
 #include <utility>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
@@ -200,4 +200,4 @@ std::size_t remove_needles(TriangleMesh& mesh, double tolerance) {
   return num_before - std::min(num_before, num_left);
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

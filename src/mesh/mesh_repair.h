@@ -6,7 +6,7 @@
 #include "palpate/mesh/mesh.h"
 #include "src/mesh/mesh_topology.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Drops vertices that no face uses; the others keep their order.
 void drop_unused_vertices(TriangleMesh& mesh);
@@ -24,4 +24,4 @@ bool is_needle(const TriangleMesh& mesh, const Triangle& triangle, double tolera
 /// `is_needle` holds for those that could not be removed.
 std::size_t remove_needles(TriangleMesh& mesh, double tolerance);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

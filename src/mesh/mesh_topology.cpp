@@ -4,7 +4,7 @@
 #include <numeric>
 #include <tuple>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 bool same_edge(const HalfEdge& a, const HalfEdge& b) {
   return std::minmax(a.from, a.to) == std::minmax(b.from, b.to);
@@ -68,4 +68,4 @@ std::vector<std::uint32_t> shell_of_faces(const std::vector<Triangle>& triangles
   return shell;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

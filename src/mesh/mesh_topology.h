@@ -7,7 +7,7 @@
 
 #include "palpate/mesh/mesh.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 using Triangle = std::array<std::uint32_t, 3>;
 
@@ -39,4 +39,4 @@ EdgeFaults find_edge_faults(const std::vector<Triangle>& triangles);
 /// belong to one shell.
 std::vector<std::uint32_t> shell_of_faces(const std::vector<Triangle>& triangles);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

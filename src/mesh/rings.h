@@ -7,7 +7,7 @@
 #include "palpate/math/geometry.h"
 #include "palpate/mesh/mesh.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 inline std::uint32_t add_vertex(TriangleMesh& mesh, const Vec3d& p) {
   mesh.vertices.push_back(p);
@@ -58,4 +58,4 @@ inline void close_below(TriangleMesh& mesh, const Ring& ring, const Vec3d& apex)
   }
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -7,7 +7,7 @@
 #include "src/mesh/exact_intersection.h"
 #include "src/mesh/triangle_tree.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 struct GridBox {
@@ -124,4 +124,4 @@ Result<std::optional<FacePair>> find_self_intersection(const TriangleMesh& mesh)
   return Search(tree).find_meeting_pair();
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

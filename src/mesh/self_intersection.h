@@ -7,7 +7,7 @@
 
 #include "palpate/mesh/mesh.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 using FacePair = std::pair<std::uint32_t, std::uint32_t>;
 
@@ -16,4 +16,4 @@ using FacePair = std::pair<std::uint32_t, std::uint32_t>;
 /// Errors: far more faces lie side by side than on any part, so that the search takes too long.
 Result<std::optional<FacePair>> find_self_intersection(const TriangleMesh& mesh);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -11,7 +11,7 @@
 #include "src/core/internal/assert.h"
 #include "src/mesh/rings.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr Vec3d kX{1, 0, 0}, kY{0, 1, 0};
@@ -291,4 +291,4 @@ Result<TriangleMesh> make_shape(std::string_view name, double size) {
                "there is no shape named '" + std::string(name) + "'; known are: " + known};
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -12,7 +12,7 @@
 #include "src/mesh/mesh_topology.h"
 #include "src/mesh/triangle_tree.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 __extension__ typedef __int128 Int128;
@@ -190,4 +190,4 @@ Result<std::vector<Nesting>> find_nesting(const TriangleMesh& mesh,
   return NestingSearch(tree, shells).find();
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

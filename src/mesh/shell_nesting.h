@@ -7,7 +7,7 @@
 
 #include "palpate/mesh/mesh.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// One closed part of a surface that does not cross itself.
 struct Shell {
@@ -31,4 +31,4 @@ struct Nesting {
 Result<std::vector<Nesting>> find_nesting(const TriangleMesh& mesh,
                                           const std::vector<Shell>& shells);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -3,7 +3,7 @@
 #include <array>
 #include <cmath>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 /// The fractional part.
@@ -38,4 +38,4 @@ std::vector<Vec3d> surface_points(const TriangleMesh& mesh, int num) {
   return points;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

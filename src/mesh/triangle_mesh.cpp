@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 Bounds bounds(const TriangleMesh& mesh) {
   if (mesh.vertices.empty()) return {};
@@ -16,4 +16,4 @@ Bounds bounds(const TriangleMesh& mesh) {
   return box;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numeric>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr std::uint32_t kLeafSize = 4;
@@ -240,4 +240,4 @@ int TriangleTree::set_boxes(Node& node) const {
   return size.x >= size.y && size.x >= size.z ? 0 : (size.y >= size.z ? 1 : 2);
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -11,7 +11,7 @@
 #include "palpate/mesh/mesh.h"
 #include "src/mesh/exact_intersection.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 inline Vec3d exact(const GridPoint& p) {
   return {static_cast<double>(p.x), static_cast<double>(p.y), static_cast<double>(p.z)};
@@ -86,4 +86,4 @@ bool may_meet(const Corners& corners, const TriangleTree::Box& box);
 bool may_meet(const Corners& corners, std::span<const TriangleTree::Box> boxes);
 bool may_meet(const Segment& segment, std::span<const TriangleTree::Box> boxes);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr int kMaxSteps = 32;     // among known obstacles
@@ -172,4 +172,4 @@ Ball Ascent::climb(const Vec3d& start, const Obstacles& obstacles) {
   return climb(ball.center, ball.radius);
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -7,7 +7,7 @@
 #include "src/packing/sphere_levels.h"
 #include "src/packing/triangle_bvh.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 struct Ball {
   Vec3d center;
@@ -88,4 +88,4 @@ class Ascent {
   LinearConstraints constraints_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

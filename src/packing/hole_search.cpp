@@ -4,7 +4,7 @@
 #include <array>
 #include <cmath>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr std::size_t kNumDirections = 96;  // a multiple of the vector width
@@ -145,4 +145,4 @@ void HoleSearch::find(const Sphere& sphere, double min_radius, std::vector<Ball>
   }
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -5,7 +5,7 @@
 
 #include "src/packing/ascent.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// The holes that a new sphere creates all touch it: any other local maximum of the clearance was
 /// there before. So it is enough to look around it: for each of some hundred directions the largest
@@ -32,4 +32,4 @@ class HoleSearch {
   std::vector<float> radius_;  ///< of the touching ball per direction, the sphere's radius being 1
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -4,7 +4,7 @@
 #include <array>
 #include <cmath>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 using Vec4 = std::array<double, 4>;
@@ -92,4 +92,4 @@ LinearOptimum solve_linear_program(const LinearConstraints& constraints, double 
   return {{clamped(z[0]), clamped(z[1]), clamped(z[2])}, z[3]};
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

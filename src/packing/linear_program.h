@@ -5,7 +5,7 @@
 
 #include "palpate/math/geometry.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Constraints t <= f_i + n_i . d, each a column so that pricing them runs in vector registers.
 struct LinearConstraints {
@@ -27,4 +27,4 @@ struct LinearOptimum {
 /// |d_k| <= box.
 LinearOptimum solve_linear_program(const LinearConstraints& constraints, double box);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -23,7 +23,7 @@
 #include "src/packing/seeds.h"
 #include "src/packing/surface_watch.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -410,4 +410,4 @@ Result<SpherePacking> pack_spheres(const TriangleMesh& solid, const PackOptions&
   return Packer(solid, options).run();
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

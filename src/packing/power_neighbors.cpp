@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numeric>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr std::size_t kNodeSize = 8;
@@ -95,4 +95,4 @@ bool PowerNeighbors::gather(std::size_t i, double reach, std::vector<Pull>& out)
   return true;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

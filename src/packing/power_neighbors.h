@@ -7,7 +7,7 @@
 
 #include "palpate/math/geometry.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// A plane, seen from a point that is not on it: the points x with pull . (x - point) = 1. In a
 /// unit direction u it is met at the distance 1 / (pull . u); it is 1 / strength away.
@@ -47,4 +47,4 @@ class PowerNeighbors {
   std::vector<Sphere> spheres_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -5,7 +5,7 @@
 
 #include "palpate/math/geometry.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr float kRounding = 1e-5f;
@@ -52,4 +52,4 @@ std::vector<RayPatch> make_ray_patches(std::size_t num) {
   return patches;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -6,7 +6,7 @@
 
 #include "palpate/math/geometry.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 typedef float Float4 __attribute__((vector_size(16)));
 
@@ -30,4 +30,4 @@ struct RayPatch {
 /// At least one patch; together evenly spread over the sphere.
 std::vector<RayPatch> make_ray_patches(std::size_t num);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

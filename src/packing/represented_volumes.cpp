@@ -16,7 +16,7 @@
 #include "src/packing/ray_patches.h"
 #include "src/packing/triangle_bvh.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 // Rays per sphere. Against a fine octree the error of a volume is .5 and .4 % rms with the fewest
@@ -286,4 +286,4 @@ Result<RepresentedParts> represented_parts(const TriangleMesh& solid,
   return parts;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr double kNumCells = 40000;
@@ -102,4 +102,4 @@ std::optional<StartingPoints> starting_points(const FreeSpace& space, const Boun
   return seeds;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -9,7 +9,7 @@
 #include "palpate/core/core.h"
 #include "src/packing/ascent.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 struct StartingPoints {
   std::vector<Ball>
@@ -25,4 +25,4 @@ std::optional<StartingPoints> starting_points(const FreeSpace& space, const Boun
                                               std::uint64_t jitter, ThreadPool& pool,
                                               const std::function<bool()>& keep_going);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

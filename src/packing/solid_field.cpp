@@ -7,7 +7,7 @@
 
 #include "src/packing/triangle_bvh.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 // A level with no more cells than this along the longest side of the box is the last.
@@ -139,4 +139,4 @@ bool operator==(const SolidField& a, const SolidField& b) {
          a.layout_.num_cells == b.layout_.num_cells && a.values_ == b.values_;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 // In units of 2^exponent, for radii in [1, 2).
@@ -171,4 +171,4 @@ bool SphereLevels::gather(const Vec3d& p, double reach, std::size_t limit,
   return complete;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

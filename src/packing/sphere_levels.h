@@ -6,7 +6,7 @@
 
 #include "palpate/math/geometry.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// A hash grid per power of two of the radius. A level keeps a sphere in every cell that lies
 /// within a margin of it, so a search not wider than the margin reads one cell per level. Reading
@@ -55,4 +55,4 @@ class SphereLevels {
   std::vector<Block> blocks_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

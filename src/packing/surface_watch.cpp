@@ -7,7 +7,7 @@
 #include "palpate/packing/packing.h"
 #include "src/mesh/internal/surface_points.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr std::size_t kPlacesPerTask = 256;
@@ -72,4 +72,4 @@ std::vector<SurfaceWatch::Place> SurfaceWatch::beyond(double bound) {
   return places;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

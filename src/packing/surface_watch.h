@@ -8,7 +8,7 @@
 #include "palpate/mesh/mesh.h"
 #include "src/packing/sphere_levels.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Keeps the standoff of points spread over the surface and of all corners. Spheres are only ever
 /// added, so an old distance is an upper bound: only what may matter is measured again.
@@ -46,4 +46,4 @@ class SurfaceWatch {
   std::vector<double> sorted_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

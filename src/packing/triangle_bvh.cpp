@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numeric>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr int kLeafSize = 4;
@@ -363,4 +363,4 @@ bool TriangleBvh::inside(const Vec3d& p) const {
   return vote(1) == first ? first : vote(2);
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

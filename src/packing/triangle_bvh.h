@@ -7,7 +7,7 @@
 
 #include "palpate/mesh/mesh.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 struct Triangle {
   Vec3d a, b, c;
@@ -63,4 +63,4 @@ class TriangleBvh {
   std::vector<Triangle> triangles_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

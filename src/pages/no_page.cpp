@@ -1,9 +1,9 @@
 // A build without pages.
 #include "src/pages/page_files.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 std::span<const PageFile> page_files() { return {}; }
 std::string_view report_template() { return {}; }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -4,7 +4,7 @@
 #include <span>
 #include <string_view>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 struct PageFile {
   std::string_view path;  ///< as requests name it; that of the page itself is "/"
@@ -18,4 +18,4 @@ std::span<const PageFile> page_files();
 /// The page of all reports without their data, HTML; empty in a build without pages.
 std::string_view report_template();
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

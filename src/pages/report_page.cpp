@@ -4,7 +4,7 @@
 #include "src/core/internal/assert.h"
 #include "src/pages/page_files.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 // Marks where title and data belong (web/report_template.html).
@@ -53,4 +53,4 @@ Result<std::string> report_page(std::string_view title, std::string_view json) {
   return html;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -6,7 +6,7 @@
 #include <iterator>
 #include <map>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Samples by time, s.
 template <class Value>
@@ -35,4 +35,4 @@ double nearest_in_time(const ByTime<Value>& all, double time) {
   return after == all.end() ? since : std::min(after->first - time, since);
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

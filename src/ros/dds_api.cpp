@@ -8,7 +8,7 @@
 
 #include "src/core/shared_library.h"
 
-namespace palpate::inline v0::dds {
+namespace palpate { inline namespace v0 { namespace dds {
 namespace {
 
 /// libddsc.so of a build by its makers, of Debian and Ubuntu, of distributions of ROS 2.
@@ -94,4 +94,4 @@ const Result<Api>& api() {
   return loaded;
 }
 
-}  // namespace palpate::inline v0::dds
+}}}  // namespace palpate::v0::dds

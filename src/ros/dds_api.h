@@ -8,7 +8,7 @@
 
 #include "palpate/core/core.h"
 
-namespace palpate::inline v0::dds {
+namespace palpate { inline namespace v0 { namespace dds {
 
 using Entity = std::int32_t;  // above 0; else the error's number
 using Status = std::int32_t;  // likewise
@@ -111,4 +111,4 @@ struct Api {
 /// Returns the functions, loaded once. Error: no Cyclone DDS, every path tried, what to do.
 const Result<Api>& api();
 
-}  // namespace palpate::inline v0::dds
+}}}  // namespace palpate::v0::dds

@@ -7,7 +7,7 @@
 #include "src/io/cdr.h"
 #include "src/ros/dds_api.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 using Shape = RosField::Shape;
@@ -208,4 +208,4 @@ void NativeLayout::write_one(const Field& field, const char* from, CdrWriter& to
   }
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -12,7 +12,7 @@
 #include "palpate/core/core.h"
 #include "src/io/ros_types.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 class CdrReader;
 class CdrWriter;
@@ -59,4 +59,4 @@ class NativeLayout {
   std::size_t size_ = 0, align_ = 1;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

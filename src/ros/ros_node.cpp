@@ -17,7 +17,7 @@
 #include "src/ros/dds_api.h"
 #include "src/ros/native_layout.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr const char* kEntitiesType = "rmw_dds_common/ParticipantEntitiesInfo";
@@ -425,4 +425,4 @@ Status check_topic(const std::string& full_topic) {
                    "e.g. /camera/depth/image_raw"};
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -13,7 +13,7 @@
 
 #include "palpate/core/core.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Quality of service that publishers offer and subscribers request.
 struct RosQos {
@@ -84,4 +84,4 @@ std::string full_topic(const std::string& topic, const std::string& node_namespa
 /// Error: not a valid topic name of ROS.
 Status check_topic(const std::string& full_topic);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

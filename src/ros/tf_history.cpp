@@ -6,7 +6,7 @@
 
 #include "src/ros/tf_tree.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr std::size_t kMaxParents = 100;  // of one frame
@@ -126,4 +126,4 @@ std::vector<std::string> TfHistory::frames() const {
   return frames;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

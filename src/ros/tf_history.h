@@ -11,7 +11,7 @@
 #include "src/io/ros_messages.h"
 #include "src/ros/by_time.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Transforms, which may come in any order.
 class TfHistory {
@@ -66,4 +66,4 @@ class TfHistory {
   std::map<std::string, Link> links_;  // by child, poses by time
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

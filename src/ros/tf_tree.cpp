@@ -4,7 +4,7 @@
 #include <limits>
 #include <vector>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 void TfTree::add(const RosStampedTransform& transform, bool is_static, double time) {
   const std::string child = plain_frame(transform.child);
@@ -65,4 +65,4 @@ std::optional<TfTree::Found> TfTree::find(const std::string& a, const std::strin
   return std::nullopt;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

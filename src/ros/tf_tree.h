@@ -8,7 +8,7 @@
 
 #include "src/io/ros_messages.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 inline constexpr std::size_t kMaxFrames = 10000;  // of a tree
 inline constexpr std::size_t kMaxDepth = 1000;    // of a chain to the root, as in tf2
@@ -46,4 +46,4 @@ class TfTree {
   std::map<std::string, Link> links_;  // by child
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

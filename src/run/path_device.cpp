@@ -6,7 +6,7 @@
 
 #include "src/math/internal/rotation_vector.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 class PathDevice final : public SteppedDevice {
@@ -70,4 +70,4 @@ Result<std::unique_ptr<SteppedDevice>> make_path_device(PathDeviceOptions option
   return std::unique_ptr<SteppedDevice>(std::make_unique<PathDevice>(std::move(options)));
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

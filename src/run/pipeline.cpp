@@ -9,7 +9,7 @@
 #include "src/math/internal/rotation_vector.h"
 #include "src/run/setting_changes.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr int kToolBody = 0;
@@ -506,4 +506,4 @@ Status Pipeline::status() const {
   return lost_backend();
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

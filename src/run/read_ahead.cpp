@@ -12,7 +12,7 @@
 #include "src/core/thread_rank.h"
 #include "src/run/internal/pipeline.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 class ReadAhead final : public DepthSource {
@@ -108,4 +108,4 @@ Result<std::unique_ptr<DepthSource>> read_ahead(std::unique_ptr<DepthSource> sou
   return std::unique_ptr<DepthSource>(std::move(reader));
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

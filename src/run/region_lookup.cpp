@@ -6,7 +6,7 @@
 #include <string>
 #include <utility>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 /// Materials that the labels give at one place, each by its weight.
@@ -130,4 +130,4 @@ Ground ground_at(std::span<const RegionLookup> lookups, std::span<const SurfaceB
   return ground;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

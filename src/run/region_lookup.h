@@ -9,7 +9,7 @@
 #include "palpate/haptics/local_contact.h"
 #include "src/haptics/internal/touched_disc.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Material regions of one camera.
 struct RegionLookup {
@@ -30,4 +30,4 @@ Result<std::vector<RegionLookup>> region_lookups(
 Ground ground_at(std::span<const RegionLookup> lookups, std::span<const SurfaceBlend> cameras,
                  const TouchedDisc& disc) noexcept;
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

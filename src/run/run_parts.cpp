@@ -6,7 +6,7 @@
 
 #include "src/run/internal/pipeline.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 Backend backend_of(const RunSettings& settings) { return settings.backend.value_or(Backend::cpu); }
@@ -239,4 +239,4 @@ Result<RunParts> make_run_parts(const std::shared_ptr<const ToolIndex>& index,
   return parts;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

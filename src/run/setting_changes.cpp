@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <iterator>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 /// Sections and settings that a running loop keeps.
@@ -88,4 +88,4 @@ bool keeps_coupling(const RunSettings& before, const RunSettings& after) {
   return has_same_settings(before.coupling, after.coupling);
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -3,9 +3,9 @@
 
 #include "palpate/run/run_loop.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Error: a setting that differs and cannot change, by its name in a settings file.
 Status check_change(const RunSettings& before, const RunSettings& after);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <string_view>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr std::string_view kDigits =
@@ -26,4 +26,4 @@ std::string base64(const std::string& bytes) {
   return text;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

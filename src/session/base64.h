@@ -3,8 +3,8 @@
 
 #include <string>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 std::string base64(const std::string& bytes);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

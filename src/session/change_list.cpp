@@ -4,7 +4,7 @@
 
 #include "src/session/settings_json.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 void ChangeList::add(const RunSettings& settings) {
   using Json = nlohmann::ordered_json;
@@ -29,4 +29,4 @@ nlohmann::ordered_json ChangeList::json() const {
   return list;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

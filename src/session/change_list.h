@@ -10,7 +10,7 @@
 
 #include "palpate/run/run_loop.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// List of the first and the last of many changes; a recording has all.
 class ChangeList {
@@ -32,4 +32,4 @@ class ChangeList {
   std::deque<std::string> last_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -4,7 +4,7 @@
 
 #include <cstdio>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 std::string checksum(std::string_view bytes) {
   const XXH128_hash_t hash = XXH3_128bits(bytes.data(), bytes.size());
@@ -14,4 +14,4 @@ std::string checksum(std::string_view bytes) {
   return text;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

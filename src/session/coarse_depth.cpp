@@ -8,7 +8,7 @@
 
 #include "palpate/cloud/surface_estimator.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr int kCellsAcross = 24;       // of the whole image's width
@@ -263,4 +263,4 @@ DepthProfile CoarseDepth::profile(int column, int row) const {
   return smooth_profile(std::move(times), std::move(depths));
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

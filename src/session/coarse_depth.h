@@ -10,7 +10,7 @@
 #include "palpate/cloud/depth_source.h"
 #include "palpate/math/geometry.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Depths over time: linear in between, constant before the first and after the last.
 struct DepthProfile {
@@ -78,4 +78,4 @@ class CoarseDepth {
   std::vector<std::uint16_t> cell_pixels_;  ///< pixels of one cell
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

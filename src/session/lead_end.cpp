@@ -10,7 +10,7 @@
 
 #include "palpate/math/geometry.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr double kFirstPart = 0.1;         // of the tool's length
@@ -175,4 +175,4 @@ Result<LeadEnd> end_at(const Tool& tool, const Vec3d& tip_T) {
   return LeadEnd{normalized(way), tip_T, "as you said"};
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

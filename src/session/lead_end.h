@@ -5,7 +5,7 @@
 
 #include "palpate/tool/tool.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 struct LeadEnd {
   Vec3d direction_T;  ///< unit: the tool is moved along it
@@ -24,4 +24,4 @@ LeadEnd thinnest_end(const Tool& tool);
 /// from the tool than a tenth of its length; the center of mass, from which no end is nearer.
 Result<LeadEnd> end_at(const Tool& tool, const Vec3d& tip_T);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 void LeadEstimate::begin(std::uint32_t revision, const RunSettings& settings) {
   beginnings_.push_back({revision, settings.time.average, settings.binning});
@@ -45,4 +45,4 @@ void LeadEstimate::take(const RecordedDepth& frame) {
   averager_->update(binning_ > 1 ? small_ : frame.frame, *pool_);
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

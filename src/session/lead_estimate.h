@@ -10,7 +10,7 @@
 #include "palpate/core/core.h"
 #include "src/session/run_messages.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Follows the depth estimate of one camera, frame by frame, up to the first that a part may need.
 class LeadEstimate {
@@ -56,4 +56,4 @@ class LeadEstimate {
   bool is_whole_ = true;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -6,7 +6,7 @@
 
 #include "palpate/field/sensor.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 inline constexpr int kMaxLeadFrames = 128;
 
@@ -48,4 +48,4 @@ inline int num_recorded_lead_frames(const TimeOptions& time) {
   return has_whole_lead(time) ? num_lead_frames(time) : 2;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

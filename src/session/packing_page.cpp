@@ -8,7 +8,7 @@
 #include "src/session/internal/packing_report.h"
 #include "src/session/internal/page_models.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -129,4 +129,4 @@ Result<std::string> packing_page(const Tool& tool, const PackingStatistics& s,
   return report_page("Palpate: " + tool.source(), page_text(json));
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

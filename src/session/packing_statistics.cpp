@@ -8,7 +8,7 @@
 #include "src/session/internal/packing_report.h"
 #include "src/session/statistics.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 double distance(const Vec3d& p, const Sphere& sphere) {
@@ -185,4 +185,4 @@ PackingStatistics packing_statistics(const Tool& tool) {
   return s;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -11,7 +11,7 @@
 #include "palpate/settings/setting_table.h"
 #include "src/session/internal/compact_json.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -158,4 +158,4 @@ Json seen_objects_json(std::span<const SceneObject> objects, std::span<const Pos
   return made;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -8,7 +8,7 @@
 #include "palpate/cloud/surface_estimator.h"
 #include "palpate/contact/contact.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr double kFraction = ProbingMotion::kFraction;  // of the tool, behind the surface
@@ -159,4 +159,4 @@ Result<ProbeDepths> probe_stream(DepthSource& stream, const Tool& tool, const Pr
   return depths;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -4,7 +4,7 @@
 #include "palpate/cloud/depth_source.h"
 #include "src/session/probing_motion.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Distances of the tool's tip from the camera over time.
 struct ProbeDepths {
@@ -18,4 +18,4 @@ struct ProbeDepths {
 Result<ProbeDepths> probe_stream(DepthSource& stream, const Tool& tool, const ProbingMotion& motion,
                                  double end);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

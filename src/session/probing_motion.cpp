@@ -6,7 +6,7 @@
 #include "palpate/math/geometry.h"
 #include "src/session/internal/probing_path.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr double kLean = 0.45;    // rad, between the tool's axis and the viewing ray
@@ -140,4 +140,4 @@ std::vector<double> within_speed(std::vector<double> desired, const std::vector<
   return desired;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

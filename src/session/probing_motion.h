@@ -7,7 +7,7 @@
 #include "src/session/coarse_depth.h"
 #include "src/session/lead_end.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Touched place and end of the slide: cells of a CoarseDepth.
 struct ProbeTarget {
@@ -65,4 +65,4 @@ class ProbingMotion {
 /// from i - 1 to i: where `desired` jumps, they turn in time.
 std::vector<double> within_speed(std::vector<double> desired, const std::vector<double>& steps);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -11,7 +11,7 @@
 #include "src/session/probing_depths.h"
 #include "src/session/probing_motion.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr double kClearance = 0.02;    // m, least distance of the tool from everything at both ends
@@ -277,4 +277,4 @@ Result<ProbingPath> probing_path(const OpenDepthSource& open, const Tool& tool,
   return path;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

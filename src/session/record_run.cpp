@@ -10,7 +10,7 @@
 #include "src/session/run_results.h"
 #include "src/session/unit_watch.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace fs = std::filesystem;
 namespace {
 
@@ -311,4 +311,4 @@ Result<RunOutcome> record_run(const Tool& tool, const DepthSources& sources, Hap
                     log.why_not_cuda, log.failure, log.not_kept, log.was_interrupted};
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

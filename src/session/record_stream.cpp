@@ -21,7 +21,7 @@
 #include "src/session/run_messages.h"
 #include "src/session/run_recorder.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 std::string text_message(std::string_view text) {
@@ -291,4 +291,4 @@ Result<StreamRecording> record_stream(const DepthSources& sources,
                                         partial.string() + ": rename it to keep it"};
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

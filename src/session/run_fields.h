@@ -7,7 +7,7 @@
 
 #include "palpate/run/records.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// T or const T.
 template <class T, class Plain>
@@ -233,4 +233,4 @@ void visit_fields(T& device, auto&& visit) {
   visit("num_buttons", device.num_buttons);
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -16,7 +16,7 @@
 
 #include "palpate/session/run.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace fs = std::filesystem;
 namespace {
 
@@ -216,4 +216,4 @@ bool lies_inside(const fs::path& path, const fs::path& folder) {
   return std::mismatch(outer.begin(), outer.end(), inner.begin(), inner.end()).first == outer.end();
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

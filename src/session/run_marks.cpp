@@ -3,7 +3,7 @@
 
 #include "palpate/session/run.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 void RunMarks::add(std::string text) {
   const std::chrono::duration<double> now = std::chrono::steady_clock::now().time_since_epoch();
@@ -16,4 +16,4 @@ std::vector<RunMarks::Mark> RunMarks::take() {
   return std::exchange(marks_, {});
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

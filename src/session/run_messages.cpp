@@ -17,7 +17,7 @@
 #include "src/session/settings_json.h"
 #include "src/session/text.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -549,4 +549,4 @@ std::string difference(const TickRecord& recorded, const TickRecord& repeated) {
   return difference_of(recorded, repeated);
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

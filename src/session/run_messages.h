@@ -12,7 +12,7 @@
 #include "src/io/internal/mcap_file.h"
 #include "src/session/internal/run_folder.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Everything that a repetition needs beside tool, frames, contacts and ticks.
 struct RunSetup {
@@ -109,4 +109,4 @@ Result<std::string> read_note(std::string_view message);
 std::string difference(const ContactRecord& recorded, const ContactRecord& repeated);
 std::string difference(const TickRecord& recorded, const TickRecord& repeated);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -15,7 +15,7 @@
 #include "src/session/run_stages.h"
 #include "src/session/settings_json.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -195,4 +195,4 @@ Result<std::string> run_page(const Json& summary, const Tool& tool, const RunLog
   return report_page("Palpate: " + tool.source() + " in " + stream_name, text);
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

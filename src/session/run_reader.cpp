@@ -7,7 +7,7 @@
 #include "src/io/ros_messages.h"
 #include "src/session/internal/run_folder.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace fs = std::filesystem;
 
 RunReader::RunReader(std::vector<fs::path> parts, McapReader reader, RunSetup setup)
@@ -197,4 +197,4 @@ Result<std::optional<RecordedDepth>> FrameJoiner::take(std::string_view topic,
   return std::optional<RecordedDepth>();
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -13,7 +13,7 @@
 #include "palpate/tool/tool.h"
 #include "src/session/run_messages.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Detects frames that come twice, once in each of two parts.
 class NewestFrames {
@@ -115,4 +115,4 @@ class FrameJoiner {
   std::vector<float> flow_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -14,7 +14,7 @@
 #include "src/session/internal/run_folder.h"
 #include "src/session/lead_frames.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace fs = std::filesystem;
 namespace {
 
@@ -522,4 +522,4 @@ void RunRecorder::finish() {
   }
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

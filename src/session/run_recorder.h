@@ -15,7 +15,7 @@
 #include "src/session/lead_estimate.h"
 #include "src/session/run_messages.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Returns the name of a camera's coordinate frame in recordings: "camera", "camera_2", ...
 std::string camera_frame(std::size_t camera);
@@ -140,4 +140,4 @@ class RunRecorder {
   std::vector<std::string> notes_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

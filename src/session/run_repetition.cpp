@@ -6,7 +6,7 @@
 
 #include "src/session/lead_frames.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 void ContactRepetition::add(const RunSetup& setup, const RunParts& parts) {
   const bool is_first = cameras_.empty();
@@ -204,4 +204,4 @@ TickRecord TickRepetition::repeat(const TickRecord& recorded, const ContactRecor
   return tick;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -13,7 +13,7 @@
 #include "src/run/internal/pipeline.h"
 #include "src/session/run_messages.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// The contact side: frames to surfaces, poses to contacts.
 class ContactRepetition {
@@ -105,4 +105,4 @@ class TickRepetition {
   std::optional<PartStart> start_;  // until the first tick
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

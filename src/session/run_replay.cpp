@@ -10,7 +10,7 @@
 #include "src/session/run_reader.h"
 #include "src/session/run_repetition.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace fs = std::filesystem;
 namespace {
 
@@ -458,4 +458,4 @@ Result<RetryOutcome> retry_run(const fs::path& folder, const fs::path& output,
   return outcome;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

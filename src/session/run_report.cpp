@@ -8,7 +8,7 @@
 #include "src/session/run_stages.h"
 #include "src/session/settings_json.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -151,4 +151,4 @@ std::string file_text(const Json& json) {
   return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -12,7 +12,7 @@
 #include "src/session/run_messages.h"
 #include "src/session/run_series.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// A time without force.
 struct FaultPeriod {
@@ -57,4 +57,4 @@ std::string file_text(const nlohmann::ordered_json& json);
 Result<std::string> run_page(const nlohmann::ordered_json& summary, const Tool& tool,
                              const RunLog& log, const LoopTimes& times);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -11,7 +11,7 @@
 #include "src/session/run_reader.h"
 #include "src/session/text.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace fs = std::filesystem;
 namespace {
 
@@ -294,4 +294,4 @@ std::string RunResults::write(const fs::path& folder, const Tool& tool, const Lo
   return text;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

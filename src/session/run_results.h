@@ -9,7 +9,7 @@
 
 #include "src/session/run_report.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 class RunResults {
  public:
@@ -92,4 +92,4 @@ class RunResults {
   int scarce_points_ = 0, pixels_of_scarce_ = 0;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

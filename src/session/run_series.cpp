@@ -4,7 +4,7 @@
 
 #include "palpate/session/run.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 /// Returns the larger of the forces on hand and tool, N.
@@ -65,4 +65,4 @@ Fault reported_fault(const TickRecord& tick) {
   return tick.safety.fault == Fault::stopped ? Fault::none : tick.safety.fault;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -5,7 +5,7 @@
 
 #include "palpate/run/records.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Ticks of a run of any length in bounded memory: of each group of neighbors the one with the
 /// largest force stays; groups double when there are too many.
@@ -25,4 +25,4 @@ bool is_contact_lost(const TickRecord& tick);
 /// Returns the fault of a tick; the fade at the end is none.
 Fault reported_fault(const TickRecord& tick);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -5,7 +5,7 @@
 
 #include "palpate/run/run_loop.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 struct RunStage {
   const char* name;  ///< in summary.json
@@ -22,4 +22,4 @@ inline std::array<RunStage, 7> run_stages(const LoopTimes& times) {
            {"sensor_to_force", times.sensor_to_force}}};
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -3,7 +3,7 @@
 #include <nlohmann/json.hpp>
 #include <vector>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -139,4 +139,4 @@ DepthStreamInfo stream_from_json(const Json& json) {
   return stream;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -8,7 +8,7 @@
 #include "palpate/session/run.h"
 #include "palpate/settings/setting_table.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// {section: {name: value}}
 nlohmann::ordered_json to_json(const SettingTable& table);
@@ -27,4 +27,4 @@ nlohmann::ordered_json to_json(const DepthStreamInfo& stream);
 nlohmann::ordered_json to_json(const std::vector<DepthStreamInfo>& streams);
 DepthStreamInfo stream_from_json(const nlohmann::ordered_json& json);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

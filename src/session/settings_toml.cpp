@@ -6,7 +6,7 @@
 #include "src/io/internal/toml_file.h"
 #include "src/session/settings_json.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 std::optional<SettingValue> value_of(const toml::node& node) {
@@ -141,4 +141,4 @@ std::string settings_toml(const SettingTable& table) {
   return text;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// The smallest value that at least this share of the values, which are ascending and at least one,
 /// do not exceed.
@@ -15,4 +15,4 @@ Value nearest_rank(const std::vector<Value>& sorted, double share) {
   return sorted[static_cast<std::size_t>(std::max(rank, 1.0)) - 1];
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -4,7 +4,7 @@
 #include <charconv>
 #include <string>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 template <class Number>
 void append_number(std::string& text, Number value) {
@@ -20,4 +20,4 @@ void append_row(std::string& text, char separator, First first, Rest... rest) {
   text += '\n';
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -5,7 +5,7 @@
 #include <cstdio>
 #include <limits>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr double kUsualUnits[] = {0.001, 0.00025, 0.0002, 0.000125, 0.0001};
@@ -99,4 +99,4 @@ std::vector<std::string> UnitWatch::doubts() {
   return doubts;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

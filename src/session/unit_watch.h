@@ -8,7 +8,7 @@
 #include "palpate/run/records.h"
 #include "palpate/tool/tool.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Finds runs in which the tool never meets what is seen, though both lie in the same directions,
 /// by a usual factor of wrong units (counts of 1/5000 m read as millimeters: everything is five
@@ -45,4 +45,4 @@ class UnitWatch {
   std::vector<std::uint16_t> counts_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

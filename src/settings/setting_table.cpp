@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <utility>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 /// Limits of a pose: its coordinates, m, and the deviation of the quaternion's length from 1.
@@ -282,4 +282,4 @@ void copy_settings(const SettingTable& from, SettingTable to, std::span<const st
   }
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -6,7 +6,7 @@
 #include <numeric>
 #include <vector>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Union-find with path halving; the lowest index of a component names it.
 class Components {
@@ -37,4 +37,4 @@ class Components {
   int count_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

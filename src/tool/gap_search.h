@@ -11,7 +11,7 @@
 
 #include "palpate/tool/tool.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Distance between the surfaces of spheres i and j, negative if they overlap. The same bits
 /// for (i, j) and (j, i).
@@ -135,4 +135,4 @@ class GapSearch {
   std::vector<std::int32_t> common_component_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

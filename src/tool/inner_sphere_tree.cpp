@@ -6,7 +6,7 @@
 #include <limits>
 #include <utility>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 struct Leaf {
@@ -185,4 +185,4 @@ int InnerSphereTree::find_leaf(const Vec3d& p) const {
   return -1;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

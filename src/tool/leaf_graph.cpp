@@ -6,7 +6,7 @@
 #include "src/tool/components.h"
 #include "src/tool/gap_search.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 using Edge = std::pair<int, int>;
@@ -117,4 +117,4 @@ std::vector<std::pair<int, int>> LeafGraph::edges() const {
   return result;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

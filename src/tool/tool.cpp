@@ -4,7 +4,7 @@
 #include <optional>
 #include <utility>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr std::size_t kMaxSpheres = std::size_t(1) << 30;
@@ -152,4 +152,4 @@ Result<Tool> Tool::thinned(int num_spheres, int num_threads) const {
   return tool;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

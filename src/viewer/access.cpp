@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <random>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
@@ -103,4 +103,4 @@ std::optional<HttpAnswer> refuse_without_token(const HttpQuestion& question,
                     "the token is missing or wrong: use the whole address that palpate printed");
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

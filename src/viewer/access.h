@@ -8,7 +8,7 @@
 
 #include "src/viewer/http_answer.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// True for 16 to 128 letters, digits, - and _.
 bool is_good_token(std::string_view token);
@@ -25,4 +25,4 @@ std::optional<HttpAnswer> refuse_stranger(const HttpQuestion& question, std::str
 std::optional<HttpAnswer> refuse_without_token(const HttpQuestion& question,
                                                std::string_view token);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -4,7 +4,7 @@
 
 #include "src/io/internal/json_shape.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 using Json = nlohmann::ordered_json;
 
@@ -58,4 +58,4 @@ Error ViewCommand::unknown(std::string_view known) const {
                                       "' here; there are " + std::string(known)};
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

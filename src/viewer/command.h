@@ -8,7 +8,7 @@
 
 #include "palpate/core/core.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 // NOLINTNEXTLINE(bugprone-exception-escape): moving JSON throws nothing, whatever the check sees
 class ViewCommand {
@@ -32,4 +32,4 @@ class ViewCommand {
   std::string name_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

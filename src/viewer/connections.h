@@ -20,7 +20,7 @@
 #include "src/viewer/rate_limit.h"
 #include "src/viewer/view_hub.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 namespace asio = boost::asio;
 namespace beast = boost::beast;
@@ -93,4 +93,4 @@ class Membership {
   typename std::list<T*>::iterator place_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

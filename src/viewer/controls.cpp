@@ -6,7 +6,7 @@
 
 #include "src/session/settings_json.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -79,4 +79,4 @@ Result<Json> set_control(SettingTable table, IsControl is_control, std::string_v
   return value_to_json(*setting);
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -6,7 +6,7 @@
 
 #include "palpate/run/run_loop.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Predicate that selects the settings that are controls.
 using IsControl = bool(const Setting& setting);
@@ -28,4 +28,4 @@ Result<nlohmann::ordered_json> set_control(SettingTable table, IsControl is_cont
                                            std::string_view key,
                                            const nlohmann::ordered_json& value);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

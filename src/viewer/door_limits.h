@@ -6,7 +6,7 @@
 
 #include "palpate/viewer/viewer.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 struct DoorLimits {
   std::chrono::milliseconds request_time{10'000};  ///< for a whole request, however it trickles in
@@ -20,4 +20,4 @@ Result<std::unique_ptr<ViewServer>> start_view_server(ViewSource& source,
                                                       const ViewServerOptions& options,
                                                       const DoorLimits& limits);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr std::size_t kMaxBytes = std::size_t(64) << 20, kMinFrames = 3;
@@ -38,4 +38,4 @@ Result<std::shared_ptr<const RecordedFrame>> FrameCache::get(std::size_t index) 
   return frames_.front().second;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

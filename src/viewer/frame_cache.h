@@ -7,7 +7,7 @@
 
 #include "src/viewer/recorded_run.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 class FrameCache {
  public:
@@ -23,4 +23,4 @@ class FrameCache {
   std::map<std::size_t, Error> lost_;  // missing frames are looked for once
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -7,7 +7,7 @@
 
 #include "palpate/field/sensor.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Expected periods, from a timeline of tiny frames, which has the timing of one of large ones.
 class FramePeriods {
@@ -38,4 +38,4 @@ class FramePeriods {
   std::optional<SurfaceTimeline> timeline_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -5,7 +5,7 @@
 #include "src/pages/page_files.h"
 #include "src/viewer/access.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr std::string_view kNoPage = R"(<!DOCTYPE html>
@@ -79,4 +79,4 @@ HttpAnswer answer_http(const HttpQuestion& question, std::string_view token, Vie
   return answer_file(question);
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

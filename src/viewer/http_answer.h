@@ -8,7 +8,7 @@
 
 #include "src/viewer/view_hub.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Headers that are not there are nullopt.
 struct HttpQuestion {
@@ -33,4 +33,4 @@ HttpAnswer http_error(int status, std::string_view error);
 HttpAnswer answer_http(const HttpQuestion& question, std::string_view token, ViewHub& hub,
                        double now);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

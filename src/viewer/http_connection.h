@@ -14,7 +14,7 @@
 #include "src/viewer/http_answer.h"
 #include "src/viewer/page_socket.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// HTTP, until it becomes a page or ends.
 class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
@@ -174,4 +174,4 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
   std::optional<http::response_serializer<http::span_body<const char>>> serializer_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -13,7 +13,7 @@
 #include "src/viewer/stages.h"
 #include "src/viewer/view_contact.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -357,4 +357,4 @@ std::unique_ptr<LiveView> LiveView::create(const Tool& tool, std::vector<DepthSt
                                         std::move(handle), std::move(objects));
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -7,7 +7,7 @@
 
 #include "src/core/internal/guarded.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr std::chrono::milliseconds kPatience{1000};  // to read all of a short recording
@@ -233,4 +233,4 @@ IndexedChunk McapIndex::chunk(std::size_t index) const {
   return chunks_[index];
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -16,7 +16,7 @@
 #include "src/viewer/frame_periods.h"
 #include "src/viewer/recorded_run.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// A chunk of the file with the ticks and queries in it.
 struct IndexedChunk {
@@ -94,4 +94,4 @@ class McapIndex {
   std::thread thread_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -10,7 +10,7 @@
 #include <utility>
 #include "palpate/version.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 using Json = nlohmann::json;
@@ -394,4 +394,4 @@ ViewRequest parse_request(std::string_view text) {
   return request;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -12,7 +12,7 @@
 
 #include "palpate/viewer/viewer.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 inline constexpr int kViewProtocol = 3;
 
@@ -63,4 +63,4 @@ struct ViewRequest {
 };
 ViewRequest parse_request(std::string_view text);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

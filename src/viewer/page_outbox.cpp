@@ -3,7 +3,7 @@
 #include <string>
 #include <utility>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr double kPatience = 1;  // s, for an acknowledgement
@@ -139,4 +139,4 @@ ViewMessage PageOutbox::next(double now) {
   return message;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -8,7 +8,7 @@
 
 #include "src/viewer/view_hub.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Holds no more than the picture that is being sent and a few answers, whatever the page does: the
 /// next picture is made of the newest data when the page has acknowledged the last one.
@@ -58,4 +58,4 @@ class PageOutbox {
   std::uint64_t next_sample_ = 0;          // a new page begins with the hub's oldest
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -12,7 +12,7 @@
 #include "src/core/monotonic_clock.h"
 #include "src/viewer/page_outbox.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 namespace websocket = boost::beast::websocket;
 
@@ -131,4 +131,4 @@ class PageSocket : public std::enable_shared_from_this<PageSocket> {
   bool is_reading_ = false, is_writing_ = false, is_closed_ = false;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

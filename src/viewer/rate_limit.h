@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Token bucket: a rate per second on average, and some at once. No clock, no thread.
 class RateLimit {
@@ -26,4 +26,4 @@ class RateLimit {
   bool has_begun_ = false;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -8,7 +8,7 @@
 #include "src/viewer/mcap_index.h"
 #include "src/viewer/samples.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace fs = std::filesystem;
 namespace {
 
@@ -257,4 +257,4 @@ Result<std::unique_ptr<RecordedRun>> open_recorded_run(const fs::path& folder) {
       std::make_unique<RunInFile>(*std::move(tool), *std::move(index), *std::move(reader)));
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

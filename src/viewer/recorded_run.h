@@ -11,7 +11,7 @@
 #include "palpate/run/run_loop.h"
 #include "palpate/viewer/viewer.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// A recorded query.
 struct RecordedQuery {
@@ -73,4 +73,4 @@ class RecordedRun {
 /// Opens the run in this folder.
 Result<std::unique_ptr<RecordedRun>> open_recorded_run(const std::filesystem::path& folder);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

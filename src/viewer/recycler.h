@@ -4,7 +4,7 @@
 #include <array>
 #include <memory>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Pool of large objects. It and all holders of its objects use one thread.
 template <class T>
@@ -23,4 +23,4 @@ class Recycler {
   std::array<std::shared_ptr<T>, 3> kept_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -6,7 +6,7 @@
 
 #include "src/viewer/view_contact.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 /// True if both settings make the same surfaces.
@@ -146,4 +146,4 @@ ViewSurface Repetition::surface() {
   return shown;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

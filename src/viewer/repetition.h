@@ -10,7 +10,7 @@
 #include "src/session/lead_frames.h"
 #include "src/viewer/frame_cache.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 class Repetition {
  public:
@@ -72,4 +72,4 @@ class Repetition {
   CameraViews views_{0};  // of each
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

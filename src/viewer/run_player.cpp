@@ -8,7 +8,7 @@
 #include "src/core/internal/guarded.h"
 #include "src/viewer/view_contact.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -297,4 +297,4 @@ void RunPlayer::tell(std::string note) {
   shown_.frame_number = number;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -11,7 +11,7 @@
 #include "src/viewer/samples.h"
 #include "src/viewer/view_clock.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// State of the player, for pages.
 struct PlayerState {
@@ -105,4 +105,4 @@ class RunPlayer {
   std::thread thread_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -9,7 +9,7 @@
 #include "src/viewer/run_player.h"
 #include "src/viewer/view_contact.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -137,4 +137,4 @@ Result<std::unique_ptr<ViewSource>> view_run(const std::filesystem::path& folder
   }
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

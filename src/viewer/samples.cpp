@@ -1,6 +1,6 @@
 #include "src/viewer/samples.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 ViewSample sample_of(const TickRecord& tick, bool has_hand) {
   ViewSample sample;
@@ -31,4 +31,4 @@ void SampleQueue::take(std::vector<ViewSample>& samples) {
   samples_.clear();
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

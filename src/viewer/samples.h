@@ -7,7 +7,7 @@
 #include "palpate/run/run_loop.h"
 #include "palpate/viewer/viewer.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Returns the sample of a tick. Without a hand, F_H_B is the force on the tool.
 ViewSample sample_of(const TickRecord& tick, bool has_hand);
@@ -27,4 +27,4 @@ class SampleQueue {
   std::deque<ViewSample> samples_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

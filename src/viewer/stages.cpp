@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -50,4 +50,4 @@ Json stages_json(const LoopTimes& times) {
           stage_json("sensor to force", times.sensor_to_force)};
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

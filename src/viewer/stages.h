@@ -5,10 +5,10 @@
 
 #include "palpate/run/run_loop.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// `stages` of the protocol.
 nlohmann::ordered_json stages_json(const LoopTimes& times);
 nlohmann::ordered_json stage_json(const char* name, const LatencyHistogram& times);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -3,7 +3,7 @@
 #include "palpate/viewer/viewer.h"
 #include "src/viewer/command.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 /// Shows a tool alone: nothing moves, and there are no controls.
@@ -34,4 +34,4 @@ std::unique_ptr<ViewSource> view_tool(const Tool& tool, std::string title) {
   return std::make_unique<ToolView>(tool, std::move(title));
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -5,7 +5,7 @@
 
 #include "src/core/monotonic_clock.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Clock of playback. One thread at a time.
 class ViewClock {
@@ -41,4 +41,4 @@ class ViewClock {
   bool is_paused_ = false;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

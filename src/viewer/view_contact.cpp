@@ -1,6 +1,6 @@
 #include "src/viewer/view_contact.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 ViewContact view_contact(const ContactQuery& query, std::span<const SurfaceBlend> cameras,
                          const Pose& X_WT, double time, std::uint64_t frame_number) {
@@ -10,4 +10,4 @@ ViewContact view_contact(const ContactQuery& query, std::span<const SurfaceBlend
   return contact;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -5,7 +5,7 @@
 #include "palpate/viewer/viewer.h"
 #include "src/run/internal/object_poses.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Returns the states of the spheres at the last query.
 ViewContact view_contact(const ContactQuery& query, std::span<const SurfaceBlend> cameras,
@@ -17,4 +17,4 @@ inline std::vector<std::shared_ptr<const Tool>> shapes_of(const std::vector<Scen
   return shapes;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

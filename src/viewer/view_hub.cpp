@@ -6,7 +6,7 @@
 #include "src/viewer/page_outbox.h"
 #include "src/viewer/samples.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr double kStatePeriod = 0.25;  // s
@@ -175,4 +175,4 @@ void ViewHub::remove(PageOutbox* page) {
   is_state_old_ = true;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -12,7 +12,7 @@
 
 #include "src/viewer/messages.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 class PageOutbox;
 
@@ -101,4 +101,4 @@ class ViewHub {
   std::array<ViewMessage, 5> stored_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

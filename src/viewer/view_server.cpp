@@ -14,7 +14,7 @@
 #include "src/core/thread_rank.h"
 #include "src/viewer/http_connection.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 using std::chrono::milliseconds;
@@ -186,4 +186,4 @@ Result<std::unique_ptr<ViewServer>> start_view_server(ViewSource& source,
   }
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -91,11 +91,11 @@ TEST(DepthPng, RefusesOtherKindsOfPng) {
   const TemporaryFolder folder;
   const DepthFrame frame = noise(8, 8);
   for (const auto& [bits, color] : {std::pair(8, PNG_COLOR_TYPE_GRAY),
-                                     {16, PNG_COLOR_TYPE_RGB},
-                                     {8, PNG_COLOR_TYPE_RGB},
-                                     {8, PNG_COLOR_TYPE_PALETTE},
-                                     {16, PNG_COLOR_TYPE_GRAY_ALPHA},
-                                     {8, PNG_COLOR_TYPE_RGBA}}) {
+                                    {16, PNG_COLOR_TYPE_RGB},
+                                    {8, PNG_COLOR_TYPE_RGB},
+                                    {8, PNG_COLOR_TYPE_PALETTE},
+                                    {16, PNG_COLOR_TYPE_GRAY_ALPHA},
+                                    {8, PNG_COLOR_TYPE_RGBA}}) {
     write_png(folder / "other.png", bits, color, PNG_INTERLACE_NONE, frame);
     expect_error(load_depth_png(folder / "other.png"), "16-bit grayscale");
   }
@@ -123,9 +123,9 @@ TEST(LabelPng, RefusesWhatIsNone) {
   const TemporaryFolder folder;
   const auto path = folder / "labels.png";
   for (const auto& [bits, color] : {std::pair(16, PNG_COLOR_TYPE_GRAY),
-                                     {8, PNG_COLOR_TYPE_RGB},
-                                     {8, PNG_COLOR_TYPE_GRAY_ALPHA},
-                                     {4, PNG_COLOR_TYPE_GRAY}}) {
+                                    {8, PNG_COLOR_TYPE_RGB},
+                                    {8, PNG_COLOR_TYPE_GRAY_ALPHA},
+                                    {4, PNG_COLOR_TYPE_GRAY}}) {
     write_png(path, bits, color, PNG_INTERLACE_NONE, noise(8, 8));
     expect_error(load_label_png(path), "save it with 8 bits and one channel");
   }

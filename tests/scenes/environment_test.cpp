@@ -5,7 +5,9 @@
 #include "scenes/truth.h"
 #include "tests/test_util/random.h"
 
-namespace palpate::inline v0::scenes {
+namespace palpate {
+inline namespace v0 {
+namespace scenes {
 namespace {
 
 using test::Random;
@@ -113,4 +115,6 @@ TEST(Environment, RidgeAndCornerOpenAsFarAsTheirNamesSay) {
 }
 
 }  // namespace
-}  // namespace palpate::inline v0::scenes
+}  // namespace scenes
+}  // namespace v0
+}  // namespace palpate

@@ -6,7 +6,9 @@
 #include "tests/scenes/column_quadrature.h"
 #include "tests/test_util/random.h"
 
-namespace palpate::inline v0::scenes {
+namespace palpate {
+inline namespace v0 {
+namespace scenes {
 namespace {
 
 using test::Random;
@@ -243,4 +245,6 @@ TEST(ExactPenetration, ZeroInFreeSpace) {
 }
 
 }  // namespace
-}  // namespace palpate::inline v0::scenes
+}  // namespace scenes
+}  // namespace v0
+}  // namespace palpate

@@ -10,7 +10,9 @@
 #include "tests/scenes/column_quadrature.h"
 #include "tests/test_util/random.h"
 
-namespace palpate::inline v0::scenes {
+namespace palpate {
+inline namespace v0 {
+namespace scenes {
 namespace {
 
 /// Each edge occurs once in each direction, and the volume is positive.
@@ -264,4 +266,6 @@ TEST(BodyShapes, BlendFillsTheCrease) {
 }
 
 }  // namespace
-}  // namespace palpate::inline v0::scenes
+}  // namespace scenes
+}  // namespace v0
+}  // namespace palpate

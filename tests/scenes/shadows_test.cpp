@@ -11,7 +11,9 @@
 #include "scenes/scene.h"
 #include "src/field/internal/field_sample.h"
 
-namespace palpate::inline v0::scenes {
+namespace palpate {
+inline namespace v0 {
+namespace scenes {
 namespace {
 
 std::vector<DepthField> fields_of(const Scene& scene, const NoiseModel& noise, int num,
@@ -90,4 +92,6 @@ TEST(Shadows, BesideAHandAreNotFelt) {
 }
 
 }  // namespace
-}  // namespace palpate::inline v0::scenes
+}  // namespace scenes
+}  // namespace v0
+}  // namespace palpate

@@ -6,7 +6,9 @@
 #include "scenes/noise_model.h"
 #include "scenes/scene.h"
 
-namespace palpate::inline v0::scenes {
+namespace palpate {
+inline namespace v0 {
+namespace scenes {
 namespace {
 
 Scene wall_at(double depth) {
@@ -267,4 +269,6 @@ TEST(SimulatedCamera, RefusesNonsense) {
 }
 
 }  // namespace
-}  // namespace palpate::inline v0::scenes
+}  // namespace scenes
+}  // namespace v0
+}  // namespace palpate

@@ -6,7 +6,9 @@
 #include "tests/scenes/column_quadrature.h"
 #include "tests/test_util/random.h"
 
-namespace palpate::inline v0::scenes {
+namespace palpate {
+inline namespace v0 {
+namespace scenes {
 namespace {
 
 using test::column_volume;
@@ -257,4 +259,6 @@ TEST(ThesisExperiments, UnknownScenesHaveNoEnvironment) {
 }
 
 }  // namespace
-}  // namespace palpate::inline v0::scenes
+}  // namespace scenes
+}  // namespace v0
+}  // namespace palpate

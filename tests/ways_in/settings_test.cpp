@@ -22,7 +22,8 @@
 #include "tests/run/live_loop_fixtures.h"
 #include "tests/test_util/temporary_folder.h"
 
-namespace palpate::inline v0 {
+namespace palpate {
+inline namespace v0 {
 
 /// Sets numbers as a user of the library can: without a check.
 struct UncheckedSetting {
@@ -35,7 +36,8 @@ struct UncheckedSetting {
   }
 };
 
-}  // namespace palpate::inline v0
+}  // namespace v0
+}  // namespace palpate
 
 namespace palpate {
 namespace {

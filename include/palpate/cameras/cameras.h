@@ -20,7 +20,7 @@
 #include "palpate/mesh/mesh.h"
 #include "palpate/settings/setting_table.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 // Camera URIs: KIND[:TARGET][?NAME=VALUE&...].
 
@@ -268,4 +268,4 @@ Result<SelfFilter> open_self_filter(const RobotFiles& files, const SelfFilterOpt
 /// Checks the worlds. Error: tf places the robot in another world than one of the cameras.
 Status check_one_world(std::span<const CameraUri> cameras, const RobotFiles& robot);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

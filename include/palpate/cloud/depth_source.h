@@ -16,7 +16,7 @@
 #include "palpate/math/geometry.h"
 #include "palpate/settings/setting_table.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 // The pinhole model of a depth camera. Camera frame C: x right, y down, z forward.
 
@@ -273,4 +273,4 @@ class DepthAverager {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

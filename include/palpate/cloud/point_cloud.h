@@ -15,7 +15,7 @@
 #include "palpate/gpu/devices.h"
 #include "palpate/math/geometry.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 // A rectangle of pixels.
 
@@ -171,4 +171,4 @@ Result<AlignedViews> align_views(std::span<const PointCloudView> views, std::spa
                                  std::span<const std::string> names,
                                  const AlignOptions& options = {});
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

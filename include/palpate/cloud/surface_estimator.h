@@ -10,7 +10,7 @@
 #include "palpate/core/core.h"
 #include "palpate/settings/setting_table.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Bilateral filter over the valid pixels q of a window (eq. 3.12, divided by the sum of the
 /// weights): w = exp(-(du^2 + dv^2) / (2 sigma_space^2)) exp(-(z_q - z_p)^2 / (2 (sigma_depth
@@ -164,4 +164,4 @@ class SurfaceEstimator {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -14,7 +14,7 @@
 #include "palpate/settings/setting_table.h"
 #include "palpate/tool/tool.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// A rigid object in addition to the depth images, which need not show it; fixed or moving.
 struct SceneObject {
@@ -296,4 +296,4 @@ class BodyWorld {
   std::vector<Pair> pairs_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

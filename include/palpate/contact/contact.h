@@ -16,7 +16,7 @@
 #include "palpate/gpu/devices.h"
 #include "palpate/tool/tool.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// State of each sphere of a tool, for display; see ContactWants.
 struct SpherePicture {
@@ -285,4 +285,4 @@ class Contact {
   mutable std::unique_ptr<BatchQuery> batches_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -14,7 +14,7 @@
 #include "palpate/settings/setting_table.h"
 #include "palpate/tool/tool.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Moments of the volume. Levers l_s go from the tool's center of mass to the spheres, in W.
 struct VolumeMoments {
@@ -296,4 +296,4 @@ struct ContactWants {
 };
 inline constexpr std::int8_t kNoCamera = -1;
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -29,7 +29,7 @@
 #define PALPATE_FORMULA [[gnu::always_inline]] inline
 #endif
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// The kind of an error; the message has the details.
 enum class Errc {
@@ -169,4 +169,4 @@ class LatencyHistogram {
   std::atomic<std::int64_t> max_ = 0, sum_ = 0;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -13,7 +13,7 @@
 #include "palpate/io/files.h"
 #include "palpate/settings/setting_table.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 // Limits of known devices (vendor and CHAI3D 3.3 tables), for simulation and for drivers that do
 // not report them.
@@ -122,4 +122,4 @@ Result<std::unique_ptr<HapticDevice>> open_device(std::string_view uri);
 /// display.
 std::unique_ptr<HapticDevice> make_replay_device(std::string name, std::vector<TimedPose> X_BH);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

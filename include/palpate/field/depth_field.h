@@ -10,7 +10,7 @@
 #include "palpate/core/core.h"
 #include "palpate/settings/setting_table.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 // Memory of a camera for space that is now occluded or out of view: so a hand in front of a table
 // does not make everything behind it solid.
@@ -217,4 +217,4 @@ class DepthField {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -13,7 +13,7 @@
 #include "palpate/field/depth_field.h"
 #include "palpate/gpu/devices.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 // Between depth frames. Frames arrive at 30 Hz and the haptic loop runs at 1 kHz: switching to each
 // new frame on arrival would make the force jump thirty times per second.
@@ -262,4 +262,4 @@ class Sensor {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

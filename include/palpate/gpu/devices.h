@@ -8,7 +8,7 @@
 
 #include "palpate/core/core.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// A cudaStream_t; null is CUDA's default stream. Work is enqueued in order and not waited for, and
 /// a CUDA graph may capture it.
@@ -46,4 +46,4 @@ struct GpuInfo {
 /// is no driver; the driver is too old; there is no GPU.
 Result<std::vector<GpuInfo>> find_gpus();
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

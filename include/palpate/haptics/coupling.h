@@ -12,7 +12,7 @@
 #include "palpate/mesh/mesh.h"
 #include "palpate/settings/setting_table.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 // Surface properties in addition to shape: friction, texture, damping.
 
@@ -206,4 +206,4 @@ Pose handle_at(const CouplingOptions& options, const Pose& X_WT) noexcept;
 std::unique_ptr<Coupling> make_coupling(const CouplingOptions& options, const DeviceLimits& limits,
                                         const MassProperties& tool);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -11,7 +11,7 @@
 #include "palpate/core/core.h"
 #include "palpate/math/geometry.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Safe limits of a device. SI units.
 struct DeviceLimits {
@@ -134,4 +134,4 @@ class PageHandle {
   std::unique_ptr<Mailbox> mailbox_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -14,7 +14,7 @@
 #include "palpate/contact/contact.h"
 #include "palpate/mesh/mesh.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 // Place, width and material of a contact: the input of friction.
 
@@ -196,4 +196,4 @@ class StateNumbers {
   bool is_saving_ = true, is_good_ = true;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

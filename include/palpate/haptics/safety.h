@@ -10,7 +10,7 @@
 #include "palpate/haptics/local_contact.h"
 #include "palpate/settings/setting_table.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 // The state machine of faults and recovery: decides when the hand gets a force.
 // docs/guide/haptics.md has the diagram.
@@ -275,4 +275,4 @@ class SafetyFilter {
   bool has_ticked_ = false, has_pose_ = false, is_stopping_ = false;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -10,7 +10,7 @@
 #include "palpate/math/geometry.h"
 #include "palpate/tool/tool.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 // The tool file (.palp): one versioned file with checksum, mesh, spheres and leaf graph.
 
@@ -45,4 +45,4 @@ Result<Pose> parse_pose(std::string_view text);
 /// Pose at a time (s): interpolated (slerp), clamped at both ends. `poses` must not be empty.
 Pose pose_at(const std::vector<TimedPose>& poses, double time);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -15,7 +15,7 @@
 #include "palpate/core/core.h"
 #include "palpate/mesh/mesh.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 // Mesh files.
 
@@ -90,4 +90,4 @@ Result<DepthFrame> load_depth_pcd(const std::filesystem::path& path, double unit
 /// Writes all valid points as binary PLY with x y z nx ny nz. Never leaves half a file.
 Status save_cloud_ply(const PointCloudView& cloud, const std::filesystem::path& path);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -6,7 +6,7 @@
 
 #include "palpate/core/core.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 // Three-vectors and 3x3 matrices: plain structs for host and device.
 
@@ -244,4 +244,4 @@ PALPATE_HOSTDEV constexpr Real lens_volume(Real a, Real b, Real distance) {
          (distance * distance + Real(2) * distance * (a + b) - Real(3) * diff * diff) / distance;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

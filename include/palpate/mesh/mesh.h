@@ -13,7 +13,7 @@
 #include "palpate/core/core.h"
 #include "palpate/math/geometry.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 // Triangle meshes in meters.
 
@@ -131,4 +131,4 @@ std::vector<std::string> shape_names();
 /// A hand-sized shape whose longest side is `size` (m). Errors: unknown name, size not > 0.
 Result<TriangleMesh> make_shape(std::string_view name, double size);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

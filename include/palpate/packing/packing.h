@@ -13,7 +13,7 @@
 #include "palpate/mesh/mesh.h"
 #include "palpate/settings/setting_table.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 // Fills a solid with disjoint spheres of many sizes (Protosphere in the thesis).
 
@@ -159,4 +159,4 @@ class SolidField {
   std::vector<float> values_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -14,7 +14,7 @@
 #include "palpate/math/geometry.h"
 #include "palpate/settings/setting_table.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 // Output conventions.
 
@@ -150,4 +150,4 @@ struct ContactRecord {
   bool has_new_stiffness = false;  ///< otherwise that of an earlier contact, or none
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

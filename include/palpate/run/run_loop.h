@@ -20,7 +20,7 @@
 #include "palpate/haptics/safety.h"
 #include "palpate/run/records.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 // All settings that determine the numbers of a run, besides tool, frames and hand.
 
@@ -273,4 +273,4 @@ class RunLoop {
   virtual const SurfacePicture* new_surface_picture() noexcept = 0;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -22,7 +22,7 @@
 #include "palpate/run/run_loop.h"
 #include "palpate/settings/setting_table.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 // The target of an automatic probing path, and the choice that was made.
 
@@ -215,4 +215,4 @@ DepthAverage usual_average(std::span<const DepthStreamInfo> streams) noexcept;
 /// and unit.
 std::string settings_toml(const SettingTable& table);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

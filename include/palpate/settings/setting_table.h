@@ -13,7 +13,7 @@
 #include "palpate/core/core.h"
 #include "palpate/math/geometry.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 // Keywords for the values of an enumeration, on the command line, in files and in reports.
 //
@@ -211,4 +211,4 @@ void SettingTable::add(std::string_view name, std::optional<Enum>& value, std::s
   };
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -15,7 +15,7 @@
 #include "palpate/mesh/mesh.h"
 #include "palpate/packing/packing.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 // The wrapped inner sphere tree: leaves are the spheres of the packing, every inner node is a ball
 // that contains all *leaves* below it (thesis section 3.1.1, Fig. 3.2c).
@@ -163,4 +163,4 @@ class Tool {
   std::string source_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

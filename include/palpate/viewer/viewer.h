@@ -18,7 +18,7 @@
 #include "palpate/session/run.h"
 #include "palpate/tool/tool.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 // Data of a browser page: a live run, a recording, or a tool alone (thesis section 4.4).
 
@@ -171,4 +171,4 @@ class ViewServer {
   virtual int num_pages() const noexcept = 0;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -18,7 +18,7 @@
 #include "src/bodies/symmetric_blocks.h"
 #include "src/haptics/internal/friction.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// A contact of two bodies, or of one with its surroundings, at the beginning of a step.
 struct BodyTouch {
@@ -130,4 +130,4 @@ class BodySolver {
   std::vector<Vec6> motions_;     // of each row, per friction of each touch in three directions
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

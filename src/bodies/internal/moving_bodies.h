@@ -9,7 +9,7 @@
 #include "palpate/contact/body_contact.h"
 #include "src/bodies/internal/body_solver.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Friction of an object of a run; none: the default. Between objects the coefficient alone counts.
 struct ObjectFriction {
@@ -146,4 +146,4 @@ class MovingBodies {
   std::unique_ptr<BodySolver> solver_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

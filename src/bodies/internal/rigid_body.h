@@ -4,7 +4,7 @@
 #include "palpate/math/geometry.h"
 #include "palpate/mesh/mesh.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 struct RigidBody {
   double mass = 1;  ///< kg
@@ -39,4 +39,4 @@ Vec3d angular_momentum(const RigidBody& body);
 /// with the Cayley map for the rotation).
 void move(RigidBody& body, const Vec3d& shift, double dt) noexcept;
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -7,7 +7,7 @@
 #include "palpate/cloud/point_cloud.h"
 #include "palpate/core/core.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Share of the way from one frame to the next, `period` later, at `time`: (t_C - t_L) / t_D of eq.
 /// 3.18, 1 if the next frame is late.
@@ -24,4 +24,4 @@ inline double frame_progress(double time, double last_frame, double period) {
 void blend_clouds(const PointCloudView& old_cloud, const PointCloudView& new_cloud, double t,
                   double max_jump, ThreadPool& pool, PointCloud& out);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

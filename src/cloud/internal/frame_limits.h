@@ -7,7 +7,7 @@
 
 #include "palpate/cloud/depth_source.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Largest time stamp, s: three hundred years. A larger one has another unit (milliseconds or
 /// nanoseconds since 1970), or is too coarse to tell frames apart.
@@ -26,4 +26,4 @@ inline void drop_far_codes(DepthFrame& frame, SensorKind sensor) {
   if (!can_be_far(sensor)) std::ranges::replace(frame.pixels, kFarCount, std::uint16_t{0});
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -7,7 +7,7 @@
 #include "palpate/cloud/depth_source.h"
 #include "palpate/core/core.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Camera model of one image.
 struct CameraModel {
@@ -30,4 +30,4 @@ std::vector<std::uint32_t> lens_table(const CameraModel& pinhole, const CameraMo
 /// to different pixels: below it the radial distortion grows with r.
 double largest_radius(const Distortion& distortion, double limit);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -3,10 +3,10 @@
 
 #include "palpate/cloud/depth_source.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Averages each pixel over the next `num_frames` frames, or those that are left; pixels measured
 /// in fewer than half of them have no depth. Errors: of the source; it has no frame left.
 Result<DepthFrame> mean_frame(DepthSource& source, int num_frames);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

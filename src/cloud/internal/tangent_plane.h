@@ -8,7 +8,7 @@
 #include "palpate/core/core.h"
 #include "src/cloud/raw_depth.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 // Offset of a pixel without surface, m: out of reach of any sphere.
 inline constexpr float kFreeOffset = 10.0f;
@@ -54,4 +54,4 @@ PALPATE_HOSTDEV inline float seen_depth(const PointCloudView& cloud, std::ptrdif
   return cloud.depth != nullptr && cloud.depth[i] > kFarthest ? cloud.max_depth : cloud.z[i];
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -4,7 +4,7 @@
 
 #include "palpate/contact/contact.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Pose of the tool in the camera that sees the surface.
 struct BatchPose {
@@ -59,4 +59,4 @@ PALPATE_HOSTDEV inline int surface_of(const std::int32_t* surface_of_pose, int n
   return surface >= 0 && surface < num_surfaces ? surface : -1;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -6,7 +6,7 @@
 #include "src/contact/batch/field_batch.h"
 #include "src/contact/batch/field_batch_cuda.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 Result<std::unique_ptr<BatchQuery>> make_batch_query(Backend backend,
                                                      std::shared_ptr<const ToolIndex> index,
@@ -32,4 +32,4 @@ Result<std::unique_ptr<BatchQuery>> make_batch_query(Backend backend,
 #endif
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -7,7 +7,7 @@
 
 #include "src/contact/batch/batch_pose.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr int kMaxPosesPerTask = 4096, kMinPosesPerTask = 64;
@@ -301,4 +301,4 @@ void put_answers(std::size_t pose, const Penetration& measured,
   if (answers.status != nullptr) answers.status[pose] = measured.status.bits;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -9,7 +9,7 @@
 #include "palpate/contact/contact.h"
 #include "src/contact/field/field_contact.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Checks that all backends share. Errors: batches that do not fit together.
 Status check_batch(const SurfaceBatch& surfaces, const PoseBatch& poses);
@@ -43,4 +43,4 @@ class FieldBatch final : public BatchQuery {
 void put_answers(std::size_t pose, const Penetration& measured,
                  const std::optional<Stiffness>& stiffness, const BatchAnswers& answers);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

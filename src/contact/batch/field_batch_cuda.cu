@@ -10,7 +10,7 @@
 #include "src/contact/cuda/finish_measure.cuh"
 #include "src/contact/field/field_elements_cuda.cuh"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 // The argument of the kernel.
 struct BatchJob {
@@ -482,4 +482,4 @@ Result<std::unique_ptr<BatchQuery>> make_batch_query_cuda(std::shared_ptr<const 
   return std::unique_ptr<BatchQuery>(std::move(query));
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -9,7 +9,7 @@
 #include "src/contact/cuda/gpu_field.h"
 #include "src/contact/field/field_tool_cuda.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 struct BatchJob;  // the argument of the kernel
 
@@ -64,4 +64,4 @@ class FieldBatchCuda final : public BatchQuery {
 Result<std::unique_ptr<BatchQuery>> make_batch_query_cuda(std::shared_ptr<const ToolIndex> index,
                                                           const FieldMethod& method, int gpu);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -8,7 +8,7 @@
 #include "src/contact/batch/batch_pose.h"
 #include "src/contact/batch/field_batch.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr std::size_t kPosesAtATime = 64;
@@ -110,4 +110,4 @@ Result<std::unique_ptr<BodyBatchQuery>> make_body_batch_query(
       std::move(X_WB), std::move(shape_of_body), std::move(pairs), pool));
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

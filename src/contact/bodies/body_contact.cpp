@@ -11,7 +11,7 @@
 #include "src/contact/bodies/solid_contact.h"
 #include "src/contact/bodies/solid_contact_cuda.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 /// Two nodes whose balls overlap, with the second center in the frame of the first.
@@ -181,4 +181,4 @@ Result<std::unique_ptr<BodyPairQuery>> make_body_pair_query(Backend backend,
 #endif
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -12,7 +12,7 @@
 #include "src/contact/index/tool_parts.h"
 #include "src/gpu/team.cuh"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr int kThreads = 256, kWarps = kThreads / gpu::kWarpSize;
@@ -290,4 +290,4 @@ Result<std::unique_ptr<BodyPairQuery>> make_body_contact_cuda(std::shared_ptr<co
   return std::unique_ptr<BodyPairQuery>(std::move(query));
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

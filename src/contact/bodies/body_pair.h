@@ -7,7 +7,7 @@
 
 #include "palpate/contact/body_contact.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// A sphere of A and one of B, or inner nodes of their trees.
 struct SpherePair {
@@ -55,4 +55,4 @@ BodyPenetration body_penetration(const BodySums& sums, const Tool& a, const Tool
 /// True if a pose is not finite; sets the status.
 bool is_non_finite(const Pose& X_WA, const Pose& X_WB, BodyPenetration& result);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

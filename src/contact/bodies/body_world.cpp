@@ -1,6 +1,6 @@
 #include "palpate/contact/body_contact.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 void add_stiffness(const std::optional<Stiffness>& part, std::optional<Stiffness>& sum) {
@@ -95,4 +95,4 @@ void BodyWorld::measure(std::span<const SurfaceBlend> cameras) noexcept {
   }
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -7,7 +7,7 @@
 #include "src/contact/bodies/body_pair.h"
 #include "src/core/select_isa.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 PALPATE_DECLARE_KERNELS(void measure_solid_group(const SolidJob&, int group, bool with_stiffness,
                                                  GroupSums* sums);
                         constexpr SolidContactKernels kSolidContact{measure_solid_group};)
@@ -330,4 +330,4 @@ GroupSums SolidContact::sums_of(const SolidJob& job, double weight) const {
   return all;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -8,7 +8,7 @@
 #include "src/contact/bodies/solid_sample.h"
 #include "src/contact/field/field_contact.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// View of a SolidField in host memory, which must outlive it.
 SolidFieldView view_of(const SolidField& field);
@@ -82,4 +82,4 @@ class SolidContact final : public BodyPairQuery {
   bool wants_stiffness_ = false;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

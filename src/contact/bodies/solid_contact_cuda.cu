@@ -11,7 +11,7 @@
 #include "src/contact/cuda/finish_measure.cuh"
 #include "src/contact/field/field_elements_cuda.cuh"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 /// One direction of sampling; an argument of the kernel.
@@ -255,4 +255,4 @@ Result<std::unique_ptr<BodyPairQuery>> make_solid_contact_cuda(std::shared_ptr<c
   return std::unique_ptr<BodyPairQuery>(std::move(query));
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -5,11 +5,11 @@
 
 #include "palpate/contact/body_contact.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Errors: no such GPU, or not enough memory on it.
 Result<std::unique_ptr<BodyPairQuery>> make_solid_contact_cuda(std::shared_ptr<const ToolIndex> a,
                                                                std::shared_ptr<const ToolIndex> b,
                                                                int gpu);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -2,7 +2,7 @@
 #include "src/contact/bodies/solid_contact.h"
 #include "src/contact/field/group_totals.h"
 
-namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
+namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE {
 namespace {
 
 // The grids of a field, selected by the level of each lane.
@@ -114,4 +114,4 @@ void measure_solid_group(const SolidJob& job, int group, bool with_stiffness, Gr
   measure_solid<SolidGradient<VecF>>(job, group, sums);
 }
 
-}  // namespace palpate::inline v0::PALPATE_ISA_NAMESPACE
+}}}  // namespace palpate::v0::PALPATE_ISA_NAMESPACE

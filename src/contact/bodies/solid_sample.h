@@ -6,7 +6,7 @@
 #include "src/contact/field/field_element.h"
 #include "src/contact/index/sphere_clusters.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// The field and its gradient; lengths in m.
 template <class Real>
@@ -135,4 +135,4 @@ PALPATE_FORMULA bool is_clear(const SolidFieldView& field, const SolidFrame& fra
   return left > 0 && left * left > 1.0001f * from_node2;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -22,7 +22,7 @@
 #include "src/gpu/runtime.h"
 #include "src/gpu/team.cuh"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 // Adds up the shares of all threads; one of them adds the numbers of the whole query.
@@ -356,4 +356,4 @@ Result<std::unique_ptr<ContactQuery>> make_contact_query_cuda(
       std::move(index), method, std::move(measurement)));
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -5,11 +5,11 @@
 
 #include "palpate/contact/contact.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Errors: no such GPU, or not enough memory on it.
 Result<std::unique_ptr<ContactQuery>> make_contact_query_cuda(
     std::shared_ptr<const ToolIndex> index, const ContactMethod& method,
     const ExecutionOptions& capacities);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

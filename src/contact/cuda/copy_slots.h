@@ -6,7 +6,7 @@
 
 #include "palpate/gpu/devices.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Source of values. Equal stamps mean equal values, unless they are 0.
 struct CopySource {
@@ -48,4 +48,4 @@ class CopySlots {
   std::uint64_t num_uses_ = 0;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -8,7 +8,7 @@
 #include "src/contact/cuda/query_answer.h"
 #include "src/gpu/team.cuh"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// The part of a block's shared memory that finish_measure needs, for so many sums.
 template <int kNum>
@@ -141,4 +141,4 @@ __device__ inline void finish_measure(const MeasureOutput& out, const MeasureTer
   finish_sums(out, shared);
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -8,7 +8,7 @@
 #include "src/contact/cuda/copy_slots.h"
 #include "src/gpu/runtime.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Keeps copies of the last two clouds: the surfaces of a blend between two frames. Memory grows
 /// with the first cloud of its size.
@@ -32,4 +32,4 @@ class GpuClouds {
   CopySlots slots_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

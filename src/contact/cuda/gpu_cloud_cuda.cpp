@@ -1,6 +1,6 @@
 #include "src/contact/cuda/gpu_cloud.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr std::size_t kNumChannels = 9;
@@ -42,4 +42,4 @@ PointCloudView GpuClouds::on_gpu(const PointCloudView& cloud, gpu::Stream& strea
   return view;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

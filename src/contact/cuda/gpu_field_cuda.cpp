@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 bool GpuFields::grow(Copy& copy, std::size_t num_pixels, std::size_t num_tiles,
                      gpu::Stream& stream) {
@@ -68,4 +68,4 @@ DepthFieldView GpuFields::on_gpu(const DepthFieldView& field, gpu::Stream& strea
   return view;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -10,7 +10,7 @@
 #include "src/contact/field/field_element.h"
 #include "src/gpu/runtime.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Sums over the threads of a query. Counts are integers.
 struct MeasureTerms {
@@ -89,4 +89,4 @@ class AnswerBox {
   double numbers_[kMaxNumbers] = {};
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

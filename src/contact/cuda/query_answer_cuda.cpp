@@ -6,7 +6,7 @@
 
 #include "src/contact/cuda/query_answer.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 // Limit of the wait; longer under a debugger or a checker, which make kernels slow.
@@ -98,4 +98,4 @@ bool AnswerBox::await(gpu::Stream& stream) noexcept {
   return true;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -19,7 +19,7 @@
 
 #include "src/contact/field/field_element.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Number of the parts of a ball, their distance from its center and their radius, in its radii.
 inline constexpr int kNumBallParts = 30;
@@ -195,4 +195,4 @@ PALPATE_FORMULA Real force_scale(Real volume, Real force) {
   return force > most ? (volume > Real{} ? most / force : Real{}) : Real{} + 1.0f;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -7,8 +7,7 @@
 #include "src/contact/hull/hull_rules.h"
 #include "src/contact/index/ball_parts.h"
 
-namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
-namespace {
+namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE { namespace {
 
 /// A number for each element of a cluster.
 struct Row {
@@ -160,5 +159,4 @@ template <bool kWithStiffness>
   }
 }
 
-}  // namespace
-}  // namespace palpate::inline v0::PALPATE_ISA_NAMESPACE
+}}}}  // namespace palpate::v0::PALPATE_ISA_NAMESPACE

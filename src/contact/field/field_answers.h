@@ -3,8 +3,7 @@
 
 #include "src/contact/field/field_lanes.h"
 
-namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
-namespace {
+namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE { namespace {
 
 using Gradient = ImageGradient<VecF>;
 using Curvature = ImageCurvature<VecF>;
@@ -82,5 +81,4 @@ template <class Sample, int kFields>
   }
 }
 
-}  // namespace
-}  // namespace palpate::inline v0::PALPATE_ISA_NAMESPACE
+}}}}  // namespace palpate::v0::PALPATE_ISA_NAMESPACE

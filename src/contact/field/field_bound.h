@@ -7,7 +7,7 @@
 #include "src/contact/index/sphere_clusters.h"
 #include "src/field/internal/needed_window.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// A field and the pose of the tool in its camera, in single precision.
 struct FieldFrame {
@@ -122,4 +122,4 @@ PALPATE_FORMULA bool is_behind(const DepthTile& tile, float farthest, float radi
   return tile.min_slope * (tile.nearest - farthest) > radius;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

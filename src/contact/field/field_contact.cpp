@@ -8,7 +8,7 @@
 #include "src/contact/hull/depth_hull.h"
 #include "src/core/select_isa.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 PALPATE_DECLARE_KERNELS(void measure_group(const MeasureJob&, int group, bool with_stiffness,
                                            GroupSums* sums);
                         void describe_group(const MeasureJob&, int group, const SphereCuts& to);
@@ -142,4 +142,4 @@ void FieldContact::describe(const DepthFieldView& field, const Pose& X_WT,
                       [&](int group) { kernels_.describe_group(requested, group, cuts); });
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -11,7 +11,7 @@
 #include "src/contact/field/field_bound.h"
 #include "src/contact/index/tool_parts.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Sums over some elements, in W; the torque is about the center of mass C.
 struct FieldSums {
@@ -158,4 +158,4 @@ class FieldContact final : public ContactQuery {
   std::unique_ptr<DepthHull> hull_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

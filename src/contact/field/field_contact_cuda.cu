@@ -11,7 +11,7 @@
 #include "src/contact/field/field_contact.h"
 #include "src/contact/field/field_elements_cuda.cuh"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 // The argument of the kernel.
@@ -236,4 +236,4 @@ void FieldContactCuda::describe(const DepthFieldView& field, const Pose& X_WT,
   stream_.wait();
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -9,7 +9,7 @@
 #include "src/contact/hull/depth_hull_cuda.h"
 #include "src/gpu/runtime.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// A query of the field method, on the device.
 struct FieldQuestion {
@@ -59,4 +59,4 @@ class FieldContactCuda final : public ContactQuery {
   std::unique_ptr<DepthHullCuda> hull_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

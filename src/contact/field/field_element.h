@@ -6,7 +6,7 @@
 #include "palpate/math/geometry.h"
 #include "src/field/internal/field_curvature.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// The longest gradient of the field that a force follows: |force| <= 1.05 volume, always. Near one
 /// surface gradients are 1 long but for noise, behind silhouettes 1 or less but for places where
@@ -166,4 +166,4 @@ PALPATE_FORMULA void stiffness_terms(const Gradient3<Real>& l, Real volume, Real
   terms[StiffnessSums::kPolar] = volume * (cx * cx + cy * cy + cz * cz) + polar;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

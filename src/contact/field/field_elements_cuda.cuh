@@ -9,7 +9,7 @@
 #include "src/contact/hull/hull_rules.h"
 #include "src/gpu/team.cuh"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 static_assert(SphereClusters::kSize == gpu::kWarpSize);
 
 // A field as kernels read it: constants of all levels, and the arrays of each.
@@ -396,4 +396,4 @@ __device__ inline bool is_in_front(const FieldLook& field, const Cluster& ball,
 }
 
 }  // namespace
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -1,7 +1,7 @@
 // Elements against the depth field, compiled once per instruction set.
 #include "src/contact/field/ball_totals.h"
 
-namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
+namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE {
 namespace {
 
 // The elements of a cluster and their samples of the fields. Each step is a short loop: then the
@@ -181,4 +181,4 @@ double unseen_in_group(const MeasureJob& job, int group, std::uint8_t* spheres) 
   return unseen.total();
 }
 
-}  // namespace palpate::inline v0::PALPATE_ISA_NAMESPACE
+}}}  // namespace palpate::v0::PALPATE_ISA_NAMESPACE

@@ -8,8 +8,7 @@
 #include "src/core/simd.h"
 #include "src/field/internal/field_curvature.h"
 
-namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
-namespace {
+namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE { namespace {
 
 inline constexpr int kSize = SphereClusters::kSize;
 
@@ -322,5 +321,4 @@ template <int kFields, class F>
   }
 }
 
-}  // namespace
-}  // namespace palpate::inline v0::PALPATE_ISA_NAMESPACE
+}}}}  // namespace palpate::v0::PALPATE_ISA_NAMESPACE

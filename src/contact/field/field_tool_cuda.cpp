@@ -5,7 +5,7 @@
 
 #include "src/contact/index/ball_parts.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 ElementsView elements_view(const FieldElements& elements, gpu::Memory& memory) {
   const SphereClusters& c = elements.clusters;
@@ -39,4 +39,4 @@ FieldTool make_field_tool(const ToolIndex& index, SphereVolumes volumes, gpu::Me
   return made;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -5,7 +5,7 @@
 #include "src/contact/index/tool_parts.h"
 #include "src/gpu/runtime.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// An element: its center from the center of mass, in T.
 struct alignas(16) ElementBall {
@@ -37,4 +37,4 @@ struct FieldTool {
 ElementsView elements_view(const FieldElements& elements, gpu::Memory& memory);
 FieldTool make_field_tool(const ToolIndex& index, SphereVolumes volumes, gpu::Memory& memory);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -4,8 +4,7 @@
 
 #include "src/contact/field/field_answers.h"
 
-namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
-namespace {
+namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE { namespace {
 
 // Sums of one group.
 struct Totals {
@@ -137,5 +136,4 @@ inline void describe(const MeasureJob& job, std::size_t first, const Lanes& e, V
   }
 }
 
-}  // namespace
-}  // namespace palpate::inline v0::PALPATE_ISA_NAMESPACE
+}}}}  // namespace palpate::v0::PALPATE_ISA_NAMESPACE

@@ -6,7 +6,7 @@
 #include "palpate/field/sensor.h"
 #include "src/contact/field/field_bound.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 inline bool has_in_front(const SurfaceView& surface) { return surface.in_front.num_levels > 0; }
 inline bool is_remembered(const SurfaceView& surface) { return surface.remembered.num_levels > 0; }
@@ -76,4 +76,4 @@ struct CameraSeats {
   }
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

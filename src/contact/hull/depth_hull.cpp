@@ -7,7 +7,7 @@
 #include "src/contact/hull/camera_seats.h"
 #include "src/core/select_isa.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 PALPATE_DECLARE_KERNELS(void measure_hull_group(const HullJob&, int group, bool with_stiffness,
                                                 GroupSums* sums);
                         void describe_hull_group(const HullJob&, int group, const SphereCuts& to);
@@ -194,4 +194,4 @@ ContactResult DepthHull::measure(std::span<const SurfaceBlend> cameras, const Po
   return result;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -8,7 +8,7 @@
 
 #include "src/contact/field/field_contact.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 struct CameraSeats;
 
@@ -73,4 +73,4 @@ class DepthHull {
   std::vector<GroupSums> group_sums_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -10,7 +10,7 @@
 #include "src/contact/hull/camera_seats.h"
 #include "src/contact/hull/hull_rules.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 // A camera on the GPU: its fields, the newer one first, with the pose of the tool in the camera at
 // that frame.
@@ -585,4 +585,4 @@ ContactResult DepthHullCuda::measure(std::span<const SurfaceBlend> cameras, cons
   return result;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -9,7 +9,7 @@
 #include "src/contact/field/field_tool_cuda.h"
 #include "src/gpu/runtime.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Destination of a description on the GPU, a slot for each sphere of the tool.
 struct SphereCutsOnGpu {
@@ -54,4 +54,4 @@ class DepthHullCuda {
   AnswerBox answers_, stiffness_answers_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

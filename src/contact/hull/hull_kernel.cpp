@@ -4,7 +4,7 @@
 #include "src/contact/field/ball_totals.h"
 #include "src/contact/hull/depth_hull.h"
 
-namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
+namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE {
 namespace {
 
 template <class Sample>
@@ -529,4 +529,4 @@ void describe_hull_group(const HullJob& job, int group, const SphereCuts& to) {
       [](std::size_t) {});
 }
 
-}  // namespace palpate::inline v0::PALPATE_ISA_NAMESPACE
+}}}  // namespace palpate::v0::PALPATE_ISA_NAMESPACE

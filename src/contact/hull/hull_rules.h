@@ -27,7 +27,7 @@
 #include "src/contact/field/field_bound.h"
 #include "src/contact/field/field_element.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// In radii: half the width over which two cameras are joined.
 inline constexpr float kHullCorner = 0.1f;
@@ -207,4 +207,4 @@ PALPATE_FORMULA auto in_world(const float (&R_WC)[3][3], const FieldFrame& frame
   return composed(limited(first_of(space).phi, radius, extent), space);
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -3,7 +3,7 @@
 
 #include "src/contact/blend.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 Mat3d product(const Mat3d& a, const Mat3d& b) {
@@ -129,4 +129,4 @@ ContactResult ContactQuery::measure_hull(std::span<const SurfaceBlend>, const Po
   return unmeasured(StepStatus::no_surface, wants, true);
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -4,7 +4,7 @@
 
 #include "src/contact/field/ball_cut.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 // Number of points along each axis of a cell's box by which cells at the surface are cut.
@@ -96,4 +96,4 @@ std::vector<BallPart> even_parts(double radius) {
   return parts;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -6,7 +6,7 @@
 #include "palpate/math/geometry.h"
 #include "src/contact/index/sphere_clusters.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 struct BallPart {
   Vec3d center;
@@ -28,4 +28,4 @@ const BallPlaces& ball_places();
 /// surface, each a ball of its volume at its centroid. Whole ones have this radius.
 std::vector<BallPart> even_parts(double radius);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -6,7 +6,7 @@
 #include "src/contact/field/ball_cut.h"
 #include "src/contact/index/ball_parts.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 // Spheres larger than this share of the tool's reach are split into parts.
@@ -129,4 +129,4 @@ FieldElements::FieldElements(const Tool& tool, SphereVolumes volumes, LargeSpher
   }
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -7,7 +7,7 @@
 #include "palpate/contact/contact.h"
 #include "src/contact/index/sphere_clusters.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Returns the ball that stands for a sphere of a tool. With own volumes it is the sphere. With
 /// represented volumes it has the centroid and the second moment of the part of the solid that the
@@ -53,4 +53,4 @@ struct FieldElements {
   double reach = 0;                   ///< no center is farther from the tool's center of mass, m
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -4,11 +4,11 @@
 #include <cstddef>
 #include <vector>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 template <class... T>
 std::size_t bytes_of(const std::vector<T>&... vectors) {
   return (... + (vectors.capacity() * sizeof(T)));
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

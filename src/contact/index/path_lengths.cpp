@@ -6,7 +6,7 @@
 #include <span>
 #include <utility>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 PathLengths::PathLengths(const Tool& tool) {
   const std::span<const Sphere> spheres = tool.spheres();
@@ -43,4 +43,4 @@ PathLengths::PathLengths(const Tool& tool) {
   }
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -6,7 +6,7 @@
 #include "palpate/tool/tool.h"
 #include "src/contact/index/num_bytes.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Paths go from center to center.
 struct PathLengths {
@@ -19,4 +19,4 @@ struct PathLengths {
   std::size_t num_bytes() const { return bytes_of(lengths); }
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -9,14 +9,14 @@
 #include "palpate/tool/tool.h"
 #include "src/contact/index/num_bytes.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Rows one after the other; edges go both ways.
 struct SortedGraph {
   std::vector<std::int32_t> sphere_ids;  ///< of each slot; -1 for padding
   std::vector<std::int32_t> slot_of;     ///< of each sphere
   std::vector<std::int32_t> row_starts;  ///< of each slot, and one past the last
-  std::vector<std::int32_t> neighbors;  ///< slots
+  std::vector<std::int32_t> neighbors;   ///< slots
 
   /// `ids_of_slots`: of each slot, every sphere once; -1 (padding) has no neighbors.
   SortedGraph(const LeafGraph& graph, std::span<const std::int32_t> ids_of_slots)
@@ -43,4 +43,4 @@ struct SortedGraph {
   std::size_t num_bytes() const { return bytes_of(sphere_ids, slot_of, row_starts, neighbors); }
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

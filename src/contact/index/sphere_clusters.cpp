@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 // Puts ids into an order in which every aligned run of `kSize * 2^k` is compact: halves the longest
@@ -106,4 +106,4 @@ SphereClusters::SphereClusters(std::span<const Sphere> spheres,
   }
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -9,7 +9,7 @@
 #include "palpate/math/geometry.h"
 #include "src/contact/index/num_bytes.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// A few neighboring spheres: the box around their *centers*, and a ball around its middle that
 /// covers their surfaces.
@@ -51,4 +51,4 @@ class SphereClusters {
   std::vector<Cluster> groups;  ///< around kClustersPerGroup clusters
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 // Cells are tested as if they were this much larger on every side (in cells), so that a point which
@@ -118,4 +118,4 @@ SphereGridView SphereGrid::view() const {
   return {origin_, cells_per_meter_, num_[0], num_[1], num_[2], tags_.data(), blocks_.data()};
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -12,7 +12,7 @@
 #include "palpate/math/geometry.h"
 #include "src/contact/index/num_bytes.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Spheres to try in one cell, eight at a time, in grid units (cells). More than eight go on in the
 /// next block.
@@ -58,4 +58,4 @@ class SphereGrid {
   std::vector<CandidateBlock> blocks_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -2,7 +2,7 @@
 
 #include "src/contact/index/tool_parts.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 ToolIndex::ToolIndex(const Tool& tool)
     : tool_(&tool), parts_(std::make_unique<const Parts>(tool)) {}
@@ -15,4 +15,4 @@ std::shared_ptr<const ToolIndex> ToolIndex::create(const Tool& tool) {
 
 std::size_t ToolIndex::num_bytes() const { return parts_->num_bytes(); }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

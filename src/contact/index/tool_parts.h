@@ -16,7 +16,7 @@
 #include "src/contact/points/donors/donor.h"
 #include "src/contact/points/scan/image_window.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// A value made by the first thread that needs it; the others wait for it.
 template <class Value>
@@ -104,4 +104,4 @@ struct ToolIndex::Parts {
   Lazy<SolidField> solid_field_;  // of a tool without
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

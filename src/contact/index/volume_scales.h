@@ -6,7 +6,7 @@
 #include "palpate/contact/contact.h"
 #include "src/contact/index/sphere_clusters.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Factors of V_s: represented / own volume of each sphere, or ones.
 struct VolumeScales {
@@ -27,4 +27,4 @@ struct VolumeScales {
   }
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -20,7 +20,7 @@
 #include "src/contact/points/scan/point_scan.h"
 #include "src/core/select_isa.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr ScanPoints kScanPoints[] = PALPATE_BY_ISA(scan_points);
@@ -439,4 +439,4 @@ std::unique_ptr<ContactQuery> make_point_contact(std::shared_ptr<const ToolIndex
                                                             std::move(measurement));
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -5,11 +5,11 @@
 
 #include "palpate/contact/contact.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// `method` is one of the point methods.
 std::unique_ptr<ContactQuery> make_point_contact(std::shared_ptr<const ToolIndex> index,
                                                  const ContactMethod& method,
                                                  const ExecutionOptions& capacities);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -6,7 +6,7 @@
 
 #include "src/contact/blend.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// `Measurement` has measure(cloud, pose), and describe(wants) for the last measurement.
 template <class Measurement>
@@ -31,4 +31,4 @@ class PointContactOf final : public ContactQuery {
   std::unique_ptr<Measurement> measurement_;  // scratch
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -25,7 +25,7 @@
 #include "src/contact/points/scan/image_window.h"
 #include "src/contact/points/scan/point_lookup.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Threads of each block of the kernel.
 inline constexpr int kQueryThreads = 512;
@@ -61,9 +61,9 @@ struct SortedGraphView {
 
   const SlotSphere* spheres = nullptr;  ///< of each slot
   const std::int32_t* row_starts =
-      nullptr;  ///< of each slot (padding has empty rows), and one more
+      nullptr;                              ///< of each slot (padding has empty rows), and one more
   const std::int32_t* neighbors = nullptr;  ///< slots
-  const RowPart* more_parts = nullptr;       ///< of all rows, without the first of each
+  const RowPart* more_parts = nullptr;      ///< of all rows, without the first of each
   std::int32_t num_more_parts = 0;
 };
 
@@ -174,4 +174,4 @@ struct PointQuery {
   }
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

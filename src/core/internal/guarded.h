@@ -7,7 +7,7 @@
 
 #include "palpate/core/core.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Returns an error that is made before it is needed: then there may be no memory for it.
 inline const Error& out_of_memory() {
@@ -37,4 +37,4 @@ void guarded(const Work& work, const Fail& fail) noexcept {
   }
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

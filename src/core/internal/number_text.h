@@ -4,7 +4,7 @@
 #include <cstdio>
 #include <string>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// With so many significant digits.
 inline std::string number_text(double value, int digits = 3) {
@@ -13,4 +13,4 @@ inline std::string number_text(double value, int digits = 3) {
   return text;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -4,7 +4,7 @@
 #include <atomic>
 #include <cstdint>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// A new stamp, never 0. From any thread.
 inline std::uint64_t next_stamp() noexcept {
@@ -12,4 +12,4 @@ inline std::uint64_t next_stamp() noexcept {
   return ++last;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

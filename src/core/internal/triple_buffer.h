@@ -5,7 +5,7 @@
 #include <atomic>
 #include <cstdint>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// One writer, one reader. Three slots: the writer fills one, the reader reads one, and the newest
 /// finished one lies between them. Wait-free, no allocation after construction. Values that the
@@ -47,4 +47,4 @@ class TripleBuffer {
   std::uint8_t read_ = 2;                  // reader's
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

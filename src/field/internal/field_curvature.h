@@ -3,7 +3,7 @@
 
 #include "src/field/internal/field_sample.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// A field sample and the symmetric matrix of its second derivatives in space, 1/m. The field is
 /// once continuously differentiable, so these jump between pixels.
@@ -174,4 +174,4 @@ PALPATE_HOSTDEV inline CurvedFieldSample sample_field_curvature(const DepthField
       c.first.phi, {n.x, n.y, n.z}, {{{h.xx, h.xy, h.xz}, {h.xy, h.yy, h.yz}, {h.xz, h.yz, h.zz}}}};
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

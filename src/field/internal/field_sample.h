@@ -32,7 +32,7 @@
 
 #include "src/field/internal/field_values.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// The quadratic B-spline over three neighbors, at t in [-1/2, 1/2] from the middle one.
 template <class Value, class Real>
@@ -302,4 +302,4 @@ PALPATE_HOSTDEV inline FieldSample<Real> sample_field(const DepthFieldView& fiel
   return {g.phi, {n.x, n.y, n.z}};
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

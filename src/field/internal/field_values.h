@@ -5,7 +5,7 @@
 
 #include "palpate/field/depth_field.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// A number and its derivative.
 template <class Real>
@@ -162,4 +162,4 @@ PALPATE_HOSTDEV inline void values_around(const DepthFieldLevel& level, std::ptr
   }
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

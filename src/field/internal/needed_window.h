@@ -5,7 +5,7 @@
 
 #include "src/field/internal/field_sample.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Returns the pixels that show the points at most `reach` (m) from p_C. A window at the border of
 /// the image includes all beyond. For a ball that is not in front of the camera it is the whole
@@ -36,4 +36,4 @@ inline bool is_known_around(const DepthFieldView& field, const Vec3d& p_C, doubl
          field.requested.contains(needed_window(field.intrinsics, width, height, p_C, reach));
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -4,7 +4,7 @@
 #include "palpate/cloud/point_cloud.h"
 #include "palpate/core/core.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// A pinhole cloud is copied. An organized one whose points lie on the rays of some pinhole camera
 /// (to a quarter of a pixel) gets the intrinsics of that camera. The points of any other cloud are
@@ -12,4 +12,4 @@ namespace palpate::inline v0 {
 /// one of a pixel stays. O(points). Error: no valid point in front of the camera (z > 0).
 Result<PointCloud> make_pinhole_cloud(const PointCloudView& cloud);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

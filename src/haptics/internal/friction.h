@@ -10,7 +10,7 @@
 #include "palpate/haptics/coupling.h"
 #include "src/haptics/internal/matrix6.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Symmetric matrix over the three sliding coordinates.
 struct Mat3s {
@@ -97,4 +97,4 @@ class PatchFriction {
   FrictionState state_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

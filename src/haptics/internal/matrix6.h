@@ -3,7 +3,7 @@
 
 #include "palpate/contact/contact.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 struct Vec6 {
   Vec3d linear, angular;
@@ -57,4 +57,4 @@ bool solve(const Mat6& a, const Vec6& b, Vec6& x);
 /// instead of resisting it. An angle of 1 counts as `length` meters.
 Mat6 positive_part(const Stiffness& stiffness, double length);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -3,7 +3,7 @@
 
 #include "palpate/haptics/coupling.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Places the center of the device's workspace at the tool's first pose, with the tool as it is
 /// there. The hand moves as in the picture of the camera: devices have x to the right, y up and z
@@ -15,4 +15,4 @@ inline void place_hand(const Pose& X_WC, const Pose& X_WT, CouplingOptions& coup
   coupling.X_HT.rotation = normalized(conjugate(q_WB) * X_WT.rotation);
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -6,7 +6,7 @@
 #include "palpate/field/sensor.h"
 #include "src/haptics/internal/touched_disc.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Returns the motion of the surface under a contact along itself: the velocity of its point at the
 /// center of the disc, at right angles to the normal, and its rotation about the normal. Zero where
@@ -18,4 +18,4 @@ namespace palpate::inline v0 {
 /// for each camera with a flow.
 Twist surface_motion(std::span<const SurfaceBlend> cameras, const TouchedDisc& disc) noexcept;
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -6,7 +6,7 @@
 
 #include "palpate/math/geometry.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// The disc of a contact with a surface that cameras see.
 struct TouchedDisc {
@@ -48,4 +48,4 @@ void visit_pixels_around(double u, double v, int width, int height, auto&& visit
   }
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

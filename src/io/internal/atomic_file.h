@@ -8,7 +8,7 @@
 
 #include "palpate/core/core.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Writes a file without a name in the same folder, flushes it to disk and gives it the name
 /// `path`: a program that ends meanwhile, by Ctrl-C too, leaves the earlier file there. (Some
@@ -25,4 +25,4 @@ Status check_regular_file(const std::filesystem::path& path);
 Result<std::string> read_file(const std::filesystem::path& path,
                               std::size_t max_bytes = std::size_t(4) << 30);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

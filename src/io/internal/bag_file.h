@@ -10,7 +10,7 @@
 
 #include "src/io/internal/mcap_file.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Messages in the order of the file, one chunk in memory at a time. Whatever the file, schemas are
 /// named as in ROS 2 ("sensor_msgs/msg/Image") and messages are in CDR, unpacked; those of a type
@@ -38,4 +38,4 @@ class BagReader {
 /// metadata.yaml beside it; else empty. It holds messages sent once, such as static transforms.
 std::filesystem::path first_part_of(const std::filesystem::path& file);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <memory>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Has a thread of its own, since a busy disk may take seconds for it, or for ever: only `wait`
 /// waits. If the system starts no thread, the caller does it.
@@ -32,4 +32,4 @@ class DiskSync {
   const std::shared_ptr<Work> work_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -9,7 +9,7 @@
 
 #include <nlohmann/json.hpp>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// A document of bounded depth, with so many members in an object at most, in which no key is given
 /// twice, as of two one reader takes the first and another the last. In a pass of its own:
@@ -75,4 +75,4 @@ class JsonShape final : public nlohmann::json_sax<nlohmann::json> {
   std::vector<std::vector<std::string>> keys_;  // of the objects and lists that are open
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -16,7 +16,7 @@
 
 #include "palpate/core/core.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Channel of messages of ROS 2 (CDR), described by their `.msg` text.
 struct McapChannel {
@@ -107,4 +107,4 @@ class McapReader {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -15,7 +15,7 @@
 
 #include "palpate/core/core.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Outside of strings, letters beyond ASCII become '?'. Errors: no such file, too large, not TOML,
 /// with the line.
@@ -27,4 +27,4 @@ inline double number_of(const toml::node& number) {
   return whole != nullptr ? static_cast<double>(whole->get()) : number.as_floating_point()->get();
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

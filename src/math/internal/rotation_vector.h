@@ -3,7 +3,7 @@
 
 #include "palpate/math/geometry.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Returns the rotation vector of a unit quaternion; at most pi long.
 inline Vec3d rotation_vector(const Quaternion& q) {
@@ -26,4 +26,4 @@ inline Vec3d rotation_between(const Quaternion& from, const Quaternion& to) {
   return rotation_vector(to * conjugate(from));
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

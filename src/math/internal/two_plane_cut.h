@@ -7,7 +7,7 @@
 #include "palpate/core/core.h"
 #include "palpate/math/geometry.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// A volume, and how fast it shrinks as either plane moves back: -dV/d(distance), which is the area
 /// that this plane shows inside the cut ball.
@@ -76,4 +76,4 @@ PALPATE_HOSTDEV TwoPlaneCut<Real> two_plane_union(Real radius, Real distance_a, 
           disc(distance_a) - common.area_a, disc(distance_b) - common.area_b};
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -3,7 +3,7 @@
 
 #include "palpate/math/geometry.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// The same wrench about q_W instead of p_W: the force stays, the torque gains its lever. `Any` is
 /// a Wrench or a VolumeWrench.
@@ -25,4 +25,4 @@ Any transformed_to(const Pose& X_WA, const Any& F_p_W, const Vec3d& p_W) {
   return expressed_in(X_WA.rotation, moved_to(X_WA.translation, F_p_W, p_W));
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -6,11 +6,11 @@
 
 #include "palpate/core/core.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// One self-contained HTML page that shows `json`, an object whose "kind" says which report it is
 /// (web/src/report/main.ts). `title` is text. The same input gives the same page. Error: this build
 /// has no pages.
 Result<std::string> report_page(std::string_view title, std::string_view json);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

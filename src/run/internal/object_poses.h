@@ -5,7 +5,7 @@
 
 #include "palpate/contact/body_contact.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Returns the poses of all objects, of which those that move are at `moving`, in their order.
 template <class Poses>
@@ -19,4 +19,4 @@ std::vector<Pose> objects_at(const std::vector<SceneObject>& objects, const Pose
   return poses;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

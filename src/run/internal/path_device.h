@@ -7,7 +7,7 @@
 
 #include "palpate/haptics/device.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 struct PathDeviceOptions {
   std::function<Pose(double time)> X_BH;  ///< the handle at a time, s, from 0 to `duration`
@@ -20,4 +20,4 @@ struct PathDeviceOptions {
 /// Feels nothing. Errors: rate or duration out of range.
 Result<std::unique_ptr<SteppedDevice>> make_path_device(PathDeviceOptions options);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -18,7 +18,7 @@
 #include "src/bodies/internal/moving_bodies.h"
 #include "src/run/region_lookup.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Scale of contacts in newtons, and the other settings of contacts that a run can change.
 struct ContactScale {
@@ -333,4 +333,4 @@ class Pipeline {
   TickRecord record_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -5,7 +5,7 @@
 
 #include "palpate/cloud/depth_source.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// The same frames, read by a thread of its own up to `num_ahead` frames before they are requested:
 /// one that takes long to be made, by a simulated camera or from a compressed file, is there when
@@ -16,4 +16,4 @@ namespace palpate::inline v0 {
 Result<std::unique_ptr<DepthSource>> read_ahead(std::unique_ptr<DepthSource> source,
                                                 int num_ahead = 8);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

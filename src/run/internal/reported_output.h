@@ -4,7 +4,7 @@
 #include "palpate/run/records.h"
 #include "src/math/internal/wrench_transform.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Frames and points that OutputOptions refers to, at one time.
 struct OutputFrames {
@@ -46,4 +46,4 @@ class ReportedOutput {
   Pose X_WE_, X_WF_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

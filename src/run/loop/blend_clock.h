@@ -5,7 +5,7 @@
 
 #include "src/cloud/internal/cloud_blend.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// A new surface is taken up when the blend to the one before is complete, so that no surface that
 /// comes early makes a step in the force. A shorter blend, down to half a period, makes up for the
@@ -27,4 +27,4 @@ class BlendClock {
   double duration_ = 1e-9;  // nothing yet: complete
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

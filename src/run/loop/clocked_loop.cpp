@@ -15,7 +15,7 @@
 #include "src/run/internal/pipeline.h"
 #include "src/run/loop/frame_queue.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr double kMaxLag = 0.25;  // s; a larger lag is not made up for
@@ -329,4 +329,4 @@ Result<std::unique_ptr<RunLoop>> RunLoop::create(const Tool& tool, const DepthSo
       sources, device, std::move(observer), clock, *std::move(pipeline)));
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -8,7 +8,7 @@
 #include "src/core/monotonic_clock.h"
 #include "src/run/loop/real_time.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr int kPriority = 70;              // below the haptic thread
@@ -189,4 +189,4 @@ void ContactStage::make_picture(const ContactRecord& contact, ContactPicture& pi
   part_->query().measure(cameras_.all(), contact.X_WT, picture.spheres.wants(num_spheres));
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -16,7 +16,7 @@
 #include "src/run/loop/stiffness_schedule.h"
 #include "src/run/loop/surface_stage.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Pose of the tool at a time.
 struct TimedToolPose {
@@ -127,4 +127,4 @@ class ContactStage {
   std::thread thread_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

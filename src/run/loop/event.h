@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <mutex>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// One thread sleeps until another one rings. Ringing never waits. A ring between `count` and
 /// `wait` is not missed:
@@ -50,4 +50,4 @@ class StopSignal {
   std::condition_variable changed_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

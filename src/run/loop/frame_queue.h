@@ -6,7 +6,7 @@
 
 #include "src/run/loop/paced_source.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Reads one frame ahead, so that the end of the stream is known while its last frame is current.
 class FrameQueue {
@@ -61,4 +61,4 @@ class FrameQueue {
   std::optional<double> zero_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -6,7 +6,7 @@
 #include "src/core/monotonic_clock.h"
 #include "src/run/loop/real_time.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr int kPriority = 80;
@@ -98,4 +98,4 @@ bool HapticStage::latest(TickRecord& record) noexcept {
   return true;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -13,7 +13,7 @@
 #include "src/run/loop/record_queue.h"
 #include "src/run/loop/surface_stage.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Another coupling; null: only the revision changes. Once settled, it holds the previous one.
 struct HapticChange {
@@ -100,4 +100,4 @@ class HapticStage {
   std::atomic<int> real_time_error_ = 0;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -23,7 +23,7 @@
 #include "src/run/loop/surface_stage.h"
 #include "src/run/setting_changes.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr double kPublishingPeriod = 0.005;  // s
@@ -592,4 +592,4 @@ Result<std::unique_ptr<RunLoop>> RunLoop::create(const Tool& tool, const DepthSo
                                  std::move(query_threads), *std::move(parts), *std::move(safety)));
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <utility>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr double kWindow = 1;  // s
@@ -147,4 +147,4 @@ std::string time_thinned(const LoopReport& report) {
          "fewer spheres or a GPU";
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -8,7 +8,7 @@
 #include "palpate/run/run_loop.h"
 #include "src/run/loop/load_relief.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Counters of a run so far; the difference of two is a window.
 struct LoadCounts {
@@ -66,4 +66,4 @@ std::string describe_relief(const ReliefSteps& before, const ReliefSteps& after,
 /// Describes for how long less was computed; empty: never.
 std::string time_thinned(const LoopReport& report);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

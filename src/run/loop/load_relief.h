@@ -11,7 +11,7 @@
 
 #include <algorithm>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Numbers of steps taken; each from 0.
 struct ReliefSteps {
@@ -97,4 +97,4 @@ class LoadRelief {
   double calm_ = 0, patience_ = kCalm, since_back_ = kRelapse;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -3,7 +3,7 @@
 
 #include <atomic>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// One giver, one taker. An offered object belongs to the taker until it is settled: the taker
 /// swaps its old contents into it, and the giver finds them there, to keep or to destroy.
@@ -22,4 +22,4 @@ class Mailbox {
   std::atomic<T*> offered_ = nullptr;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -10,7 +10,7 @@
 #include "src/cloud/internal/frame_limits.h"
 #include "src/core/internal/number_text.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Checks the frames of a source and says when each of them is to be used: as far apart as their
 /// time stamps. A source that is slower than its time stamps shifts all that follows, so that the
@@ -76,4 +76,4 @@ class PacedSource {
   std::atomic<std::uint64_t> num_late_ = 0;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -5,7 +5,7 @@
 
 #include "src/run/loop/surface_stage.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr std::size_t kBatch = 256;  // ticks given to the observer at a time
@@ -126,4 +126,4 @@ void Publisher::publish_notes() {
   }
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -11,7 +11,7 @@
 #include "palpate/run/run_loop.h"
 #include "src/run/loop/record_queue.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 struct PublishedFrame;
 
@@ -61,4 +61,4 @@ class Publisher {
   std::vector<TickRecord> batch_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -5,7 +5,7 @@
 
 #include "src/core/internal/number_text.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 /// Returns the force that the safety filter allows a hand at rest at its first touch, N.
@@ -66,4 +66,4 @@ std::vector<std::string> notes_on_rates(const RunSettings& settings, const Devic
           "tick; let it tick faster, or raise that"};
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -6,7 +6,7 @@
 
 #include "palpate/run/run_loop.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Errors: rates at which the safety filter would never allow a force.
 Status check_rates(const RunSettings& settings, const DeviceInfo& device);
@@ -14,4 +14,4 @@ Status check_rates(const RunSettings& settings, const DeviceInfo& device);
 /// Returns a note if the device ticks so rarely that the safety filter limits the force.
 std::vector<std::string> notes_on_rates(const RunSettings& settings, const DeviceInfo& device);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

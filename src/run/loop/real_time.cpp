@@ -14,7 +14,7 @@
 #include <thread>
 #include <utility>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 std::mutex g_memory_mutex;
@@ -97,4 +97,4 @@ std::string frames_left_out(std::uint64_t num, std::uint64_t num_late,
   return text;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -6,7 +6,7 @@
 
 #include "palpate/core/core.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// SCHED_FIFO for the calling thread, unless a driver has given it a real-time class already. 0 or
 /// the error number. No allocation.
@@ -43,4 +43,4 @@ std::string memory_lock_refused(int error_number);
 std::string frames_left_out(std::uint64_t num, std::uint64_t num_late,
                             const LatencyHistogram& surface_compute, double period);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <vector>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// One writer, one reader, wait-free. All memory is allocated at construction. What does not fit is
 /// counted as lost: the writer never waits for the reader.
@@ -57,4 +57,4 @@ class RecordQueue {
   std::atomic<std::uint64_t> num_lost_ = 0;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Chooses at which queries the stiffness is computed too: at each one if the two together fit into
 /// the period of queries, else at each n-th, so that it takes at most as much time as is left.
@@ -39,4 +39,4 @@ class StiffnessSchedule {
   int num_to_skip_ = 0;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

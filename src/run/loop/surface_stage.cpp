@@ -13,7 +13,7 @@
 #include "src/field/internal/needed_window.h"
 #include "src/run/internal/pipeline.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr double kFirstFrameTimeout = 10;        // s
@@ -332,4 +332,4 @@ bool SurfaceStage::take(std::size_t camera) noexcept {
   return true;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

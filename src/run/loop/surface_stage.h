@@ -20,7 +20,7 @@
 #include "src/run/loop/paced_source.h"
 #include "src/run/loop/record_queue.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Views of SurfaceTimeline::key_frames. Copying takes only those that there are.
 class KeyFrameViews {
@@ -207,4 +207,4 @@ class SurfaceStage {
   std::thread surface_thread_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -4,10 +4,10 @@
 #include <string>
 #include <string_view>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// XXH3 of the bytes, 128 bits in hexadecimal: equal for equal bytes, and for nothing else that
 /// happens by accident.
 std::string checksum(std::string_view bytes);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

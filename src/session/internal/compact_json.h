@@ -9,7 +9,7 @@
 
 #include "src/session/base64.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// With so many significant digits; null if it is not finite.
 inline nlohmann::ordered_json compact(double value, int digits = 5) {
@@ -33,4 +33,4 @@ inline std::string page_text(const nlohmann::ordered_json& json) {
   return json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -7,7 +7,7 @@
 
 #include "palpate/contact/contact.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// The scene and each object are measured by themselves and added. Says why the largest sum is more
 /// than the tool, if it is; empty: it is not.
@@ -30,4 +30,4 @@ inline std::string more_than_whole(const Tool& tool, const ContactOptions& conta
          " only its spheres; --volumes represented counts the mesh in both";
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -10,7 +10,7 @@
 #include "palpate/core/core.h"
 #include "palpate/tool/tool.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// void(N) = factor * N^-exponent. Greedy packings approach it, with an exponent a little below
 /// that of the Apollonian packing, the best that spheres can do; the shape of the solid decides the
@@ -69,4 +69,4 @@ struct PackingNotes {
 Result<std::string> packing_page(const Tool& tool, const PackingStatistics& statistics,
                                  const PackingNotes& notes = {});
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -8,7 +8,7 @@
 #include "palpate/contact/body_contact.h"
 #include "palpate/tool/tool.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Largest numbers of spheres and triangles on a page.
 inline constexpr std::size_t kMaxPageSpheres = 200000, kMaxPageTriangles = 200000;
@@ -28,4 +28,4 @@ nlohmann::ordered_json seen_tool_json(const Tool& tool, const Pose& X_WT,
 nlohmann::ordered_json seen_objects_json(std::span<const SceneObject> objects,
                                          std::span<const Pose> X_WB);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -12,7 +12,7 @@
 #include "palpate/session/run.h"
 #include "palpate/tool/tool.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Opens the same stream once more, from its first frame.
 using OpenDepthSource = std::function<Result<std::unique_ptr<DepthSource>>()>;
@@ -52,4 +52,4 @@ Result<ProbingPath> probing_path(const OpenDepthSource& open, const Tool& tool,
 /// Shortest probing path, s.
 inline constexpr double kShortestProbe = 3;
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -10,7 +10,7 @@
 
 #include "palpate/cloud/depth_source.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 struct RecordStreamOptions {
   double duration = std::numeric_limits<double>::infinity();  ///< s, by the time stamps
@@ -36,4 +36,4 @@ Result<StreamRecording> record_stream(const DepthSources& sources,
                                       const std::filesystem::path& path,
                                       const RecordStreamOptions& options = {});
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

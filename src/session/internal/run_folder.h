@@ -8,7 +8,7 @@
 
 #include "palpate/core/core.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// The recording inside the folder of its run, which marks it as ours.
 inline constexpr const char* kRecordingFile = "recording.mcap";
@@ -48,4 +48,4 @@ class RunFolder {
   int lock_ = -1;                           ///< file descriptor of the recording
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

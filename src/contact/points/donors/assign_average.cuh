@@ -8,7 +8,7 @@
 
 #include "src/contact/points/donors/assignment_context.cuh"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// 1 / sqrt(v), relative error below 2e-7. Here v is a normal number.
 __device__ inline float inverse_sqrt(float v) {
@@ -200,4 +200,4 @@ class AverageAssignment {
   MeasureSums sums_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

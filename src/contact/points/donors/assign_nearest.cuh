@@ -11,7 +11,7 @@
 #include "src/contact/points/donors/assignment_context.cuh"
 #include "src/contact/points/donors/donor_pruning.cuh"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 class NearestAssignment : private DonorPruning {
  public:
@@ -229,4 +229,4 @@ class NearestAssignment : private DonorPruning {
   MeasureSums sums_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

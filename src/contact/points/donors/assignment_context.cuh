@@ -9,7 +9,7 @@
 #include "src/contact/points/point_query.h"
 #include "src/gpu/team.cuh"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Neighboring numbers of warps are in different blocks, which spreads work that lies together.
 __device__ inline int spread_warp() {
@@ -146,4 +146,4 @@ class AssignmentContext {
   }
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

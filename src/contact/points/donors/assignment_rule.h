@@ -6,7 +6,7 @@
 #include "src/contact/points/donors/donor.h"
 #include "src/core/lanes.h"
 
-namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
+namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE {
 
 /// Relative slack of comparisons between single-precision distances. Closer calls go to double.
 inline constexpr float kSlack = 4e-6f;
@@ -60,4 +60,4 @@ PALPATE_FORMULA VecF agreement_weight(VecF along, VecF inverse_distance) {
   return max(along * inverse_distance, splat(static_cast<float>(kMinCosine))) * inverse_distance;
 }
 
-}  // namespace palpate::inline v0::PALPATE_ISA_NAMESPACE
+}}}  // namespace palpate::v0::PALPATE_ISA_NAMESPACE

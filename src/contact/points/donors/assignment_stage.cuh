@@ -13,7 +13,7 @@
 #include "src/contact/points/donors/assign_nearest.cuh"
 #include "src/contact/points/donors/assignment_context.cuh"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 inline constexpr std::size_t kAssignmentSharedBytes = sizeof(AssignmentShared);
 
@@ -135,4 +135,4 @@ __device__ inline MeasureSums assign_planes(const PointQuery& q, MethodKind meth
   return sums;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -8,7 +8,7 @@
 #include "palpate/contact/contact.h"
 #include "src/contact/points/edges/edge_pieces.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 struct Donor {
   std::int32_t sphere_id = -1;  ///< -1: no donor
@@ -193,4 +193,4 @@ struct DonorsView {
   }
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -8,7 +8,7 @@
 #include "src/contact/points/point_query.h"
 #include "src/gpu/team.cuh"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 struct alignas(16) DonorCenter {
   float x, y, z;
@@ -195,4 +195,4 @@ class DonorPruning {
   AssignmentShared& shared_;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 Donors::Donors(std::span<const Sphere> spheres) : spheres_(spheres) {
   donors_.reserve(spheres.size());
@@ -66,4 +66,4 @@ std::int32_t Donors::heaviest() const {
                                    weight.begin());
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

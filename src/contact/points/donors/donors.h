@@ -8,7 +8,7 @@
 #include "src/contact/points/donors/donor.h"
 #include "src/contact/points/donors/plane_assignment.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Ascending by sphere id. All memory is allocated at construction.
 class Donors {
@@ -46,4 +46,4 @@ class Donors {
   std::vector<float> channels_[kNumChannels];
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -9,7 +9,7 @@
 #include "src/contact/index/sphere_clusters.h"
 #include "src/core/select_isa.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Boundary spheres that give a plane, ascending by sphere id; arrays are padded to a multiple of
 /// 16 with slots whose distance is huge and whose weight is 0. Tool frame.
@@ -80,4 +80,4 @@ PALPATE_DECLARE_KERNELS(MeasureSums assign_nearest(const PlaneAssignment&, int g
                                                    AssignmentScratch&);
                         MeasureSums assign_weighted(const PlaneAssignment&, int group);)
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -6,7 +6,7 @@
 #include "src/contact/points/donors/plane_assignment.h"
 #include "src/core/simd.h"
 
-namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
+namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE {
 namespace {
 
 // Values in a row of RowSums.
@@ -309,4 +309,4 @@ MeasureSums assign_weighted(const PlaneAssignment& job, int group) {
   return average_planes<Priority::distance>(job, group);
 }
 
-}  // namespace palpate::inline v0::PALPATE_ISA_NAMESPACE
+}}}  // namespace palpate::v0::PALPATE_ISA_NAMESPACE

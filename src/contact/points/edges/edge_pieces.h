@@ -14,7 +14,7 @@
 #include "src/contact/points/scan/point_scan.h"
 #include "src/math/internal/two_plane_cut.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// The points behind a donor's plane, as the edges need them.
 struct DonorPoint {
@@ -104,4 +104,4 @@ struct EdgesView {
   }
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

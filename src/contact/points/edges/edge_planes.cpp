@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 EdgePlanes::EdgePlanes(std::span<const Sphere> spheres, const SphereClusters& clusters,
                        bool has_edges)
     : spheres_(spheres), clusters_(&clusters) {
@@ -89,4 +89,4 @@ void EdgePlanes::note(const DonorPoint& donor) {
   for (EdgePiece& piece : pieces_) piece.has_beyond |= piece.is_before(donor);
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -8,7 +8,7 @@
 #include "src/contact/index/sphere_clusters.h"
 #include "src/contact/points/edges/edge_pieces.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// The edges of one query; see edge_pieces.h. All memory is allocated at construction.
 class EdgePlanes {
@@ -50,4 +50,4 @@ class EdgePlanes {
   std::vector<EdgeSide> side_;          // of each sphere
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -7,7 +7,7 @@
 
 #include "src/contact/points/scan/point_lookup.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Sums over the edge points around one, added in the order of their pixels.
 struct EdgeMean {
@@ -100,4 +100,4 @@ struct EdgePoints {
   }
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

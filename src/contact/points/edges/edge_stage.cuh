@@ -8,7 +8,7 @@
 #include "src/contact/points/point_query.h"
 #include "src/gpu/team.cuh"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Run by all threads of blocks of kQueryThreads.
 class EdgeStage {
@@ -152,4 +152,4 @@ __device__ inline void find_edges(const PointQuery& q) { EdgeStage(q).run(); }
 
 inline constexpr std::size_t kEdgeSharedBytes = sizeof(EdgeStage::Scratch);
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

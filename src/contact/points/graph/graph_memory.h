@@ -8,7 +8,7 @@
 #include "src/contact/points/point_query.h"
 #include "src/gpu/runtime.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 inline SortedGraphView sorted_graph_on_gpu(gpu::Memory& memory, const SortedGraph& graph,
                                            const SphereClusters& clusters) {
@@ -41,4 +41,4 @@ inline GraphSearch graph_search_on_gpu(gpu::Memory& memory, const SortedGraphVie
           1};
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

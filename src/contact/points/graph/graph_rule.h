@@ -6,7 +6,7 @@
 
 #include "src/contact/points/donors/donor.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// True if an edge points away from the collision normal of its start's reference: it is walked.
 PALPATE_HOSTDEV inline bool leads_inside(const Vec3d& edge, const Vec3d& normal) {
@@ -37,4 +37,4 @@ PALPATE_HOSTDEV inline double reached_volume(const DonorsView& donors, const Don
   return sphere_volume(static_cast<double>(donors.spheres[sphere_id].radius));
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

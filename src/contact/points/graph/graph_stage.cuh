@@ -20,7 +20,7 @@
 #include "src/contact/points/point_query.h"
 #include "src/gpu/team.cuh"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// The search of one query, as one thread sees it.
 class GraphStage {
@@ -350,4 +350,4 @@ __device__ inline MeasureSums measure_reached(const PointQuery& q) {
   return measure_reached(q, q.edges != Edges::none);
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 GraphTraversal::GraphTraversal(std::span<const Sphere> spheres, const SortedGraph& graph)
     : centers_(graph.sphere_ids.size()),
@@ -98,4 +98,4 @@ std::span<const GraphTraversal::Visit> GraphTraversal::run(std::span<const Seed>
   return std::span(visits_).subspan(seeds.size(), num_visits - seeds.size());
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -11,7 +11,7 @@
 #include "src/contact/points/edges/edge_pieces.h"
 #include "src/contact/points/graph/graph_rule.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Breadth-first from all boundary spheres at once. An edge i -> j is walked only if it points away
 /// from the collision normal of i's *reference* boundary sphere, (c_j - c_i) . n_b < 0, at every
@@ -66,4 +66,4 @@ class GraphTraversal {
   std::size_t num_visits_ = 0;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

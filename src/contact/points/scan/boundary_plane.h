@@ -6,7 +6,7 @@
 
 #include "src/contact/points/donors/donor.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Rule by which planes follow from sums.
 struct BoundaryPlaneRule {
@@ -59,4 +59,4 @@ PALPATE_HOSTDEV inline BoundarySphere boundary_sphere(std::int32_t sphere_id, co
   return result;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -1,6 +1,6 @@
 #include "src/contact/points/scan/boundary_points.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 BoundaryPoints::BoundaryPoints(std::size_t num_spheres, ThreadPool& pool, ScanPoints scan_points,
                                bool has_edges)
@@ -46,4 +46,4 @@ void BoundaryPoints::collect(PointScan scan, const ImageWindow& window, bool wit
   }
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -8,7 +8,7 @@
 #include "src/contact/points/scan/image_window.h"
 #include "src/contact/points/scan/point_scan.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// All memory is allocated at construction.
 class BoundaryPoints {
@@ -46,4 +46,4 @@ class BoundaryPoints {
   bool with_edges_ = false;
 };
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -12,7 +12,7 @@
 #include "src/contact/points/point_query.h"
 #include "src/gpu/team.cuh"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Run by all threads of blocks of kQueryThreads.
 class BoundaryStage {
@@ -225,4 +225,4 @@ __device__ inline void reset_counters(const PointQuery& q) {
   *q.num_pieces = 0;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 Bounds bounds_of(std::span<const Sphere> spheres) {
   Bounds box{{1e300, 1e300, 1e300}, {-1e300, -1e300, -1e300}};
@@ -41,4 +41,4 @@ ImageWindow image_window(const PointCloudView& cloud, const Bounds& box_T, const
           clamped(std::ceil(u_high) + 2, cloud.width)};
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

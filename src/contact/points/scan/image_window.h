@@ -10,7 +10,7 @@
 #include "palpate/math/geometry.h"
 #include "palpate/mesh/mesh.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Half-open ranges of rows and columns.
 struct ImageWindow {
@@ -34,4 +34,4 @@ inline double reach_of_sums(const Bounds& box_T) {
   return 2 * norm(far);
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

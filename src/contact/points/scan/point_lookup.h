@@ -7,7 +7,7 @@
 
 #include "src/contact/points/scan/point_scan.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// World to grid units: g = m (p - t) + offset, with the low part of the translation folded into
 /// the offset.
@@ -117,4 +117,4 @@ PALPATE_FORMULA double kernel_weight(const PointScan& scan, const Vec3d& offset_
   return rim > 0 ? rim * rim : 0;
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

@@ -13,7 +13,7 @@
 #include "src/contact/index/sphere_grid.h"
 #include "src/core/select_isa.h"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Sums of the points inside one sphere, in fixed point: integers add up to the same bits in any
 /// order, on any number of threads and on any backend. One cache line.
@@ -127,4 +127,4 @@ void take_touched(std::span<std::uint8_t> touched, Visit&& visit) {
   }
 }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0

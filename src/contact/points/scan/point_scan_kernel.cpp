@@ -9,7 +9,7 @@
 #include "src/contact/points/scan/point_scan.h"
 #include "src/core/simd.h"
 
-namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
+namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE {
 namespace {
 
 constexpr int kRun = 256;  // points per run: all scratch stays in the L1 cache
@@ -236,4 +236,4 @@ void scan_points(const PointScan& scan, int row_begin, int row_end, int column_b
   }
 }
 
-}  // namespace palpate::inline v0::PALPATE_ISA_NAMESPACE
+}}}  // namespace palpate::v0::PALPATE_ISA_NAMESPACE

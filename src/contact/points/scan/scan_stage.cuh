@@ -14,7 +14,7 @@
 #include "src/contact/points/scan/point_lookup.h"
 #include "src/gpu/team.cuh"
 
-namespace palpate::inline v0 {
+namespace palpate { inline namespace v0 {
 
 /// Terms of one point in a sphere's sums, as the eight numbers of PointSums.
 struct FixedPoint {
@@ -283,4 +283,4 @@ __device__ inline void scan_points(const PointQuery& q, bool with_edges) {
 /// Call only if q.scan.edges is not null, after scan_points and a barrier: fills q.edge_sums.
 __device__ inline void scan_edges(const PointQuery& q) { ScanStage(q).add_edges(); }
 
-}  // namespace palpate::inline v0
+}}  // namespace palpate::v0
