@@ -94,7 +94,7 @@ void print_results_json(const Options& options, const RunSettings& settings, con
       by["none"] = decided.back();
     }
     if (!(settings.output == OutputOptions{})) {
-      json["results"].back()["told"] = reported_json(settings.output, tool, X_WCamera, measurement);
+      json["results"].back()["reported"] = reported_json(settings.output, tool, X_WCamera, measurement);
     }
     if (options.objects.empty()) continue;
     const Penetration& objects = shares.bodies;

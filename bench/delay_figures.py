@@ -88,13 +88,13 @@ def given(recording):
             if last is not None and tick.device.is_valid:
                 a, b = last.device.pose, tick.device.pose
                 way = [getattr(b.position, axis) - getattr(a.position, axis) for axis in "xyz"]
-                work = dot(last.felt.force, way) + dot(last.felt.torque, turned(a.orientation, b.orientation))
+                work = dot(last.wrench_on_hand.force, way) + dot(last.wrench_on_hand.torque, turned(a.orientation, b.orientation))
                 since += work
                 total += work
                 most = max(most, since)
                 if last.safety.state == fading and tick.safety.state != fading:
                     since = 0.0
-            force = tick.felt.force
+            force = tick.wrench_on_hand.force
             max_force = max(max_force, math.sqrt(force.x**2 + force.y**2 + force.z**2))
             damped += tick.safety.damping > 0
             if tick.contact_number > 0:

@@ -280,8 +280,8 @@ class Run:
             members[f"tool_{axis}_m"] = f"coupling.tool.position.{axis}"
             members[f"force_{axis}_N"] = f"coupling.contact.force.{axis}"
             members[f"torque_{axis}_Nm"] = f"coupling.contact.torque.{axis}"
-            members[f"hand_force_{axis}_N"] = f"felt.force.{axis}"
-            members[f"hand_torque_{axis}_Nm"] = f"felt.torque.{axis}"
+            members[f"hand_force_{axis}_N"] = f"wrench_on_hand.force.{axis}"
+            members[f"hand_torque_{axis}_Nm"] = f"wrench_on_hand.torque.{axis}"
         for axis in "xyzw":
             members[f"tool_q{axis}"] = f"coupling.tool.orientation.{axis}"
         return {name: ticks[member] for name, member in members.items()}

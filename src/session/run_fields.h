@@ -59,7 +59,7 @@ void visit_fields(T& frame, auto&& visit) {
   visit("unit", frame.unit);
   visit("camera_pose", frame.X_WC);
   visit("surface", frame.surface);
-  visit("asked", frame.requested);
+  visit("requested", frame.requested);
   visit("compute_nanoseconds", frame.compute_nanoseconds);
 }
 
@@ -93,7 +93,7 @@ void visit_fields(T& state, auto&& visit) {
 
 template <Of<CouplingStep> T>
 void visit_fields(T& step, auto&& visit) {
-  visit("wanted", step.F_H_B);
+  visit("desired", step.F_H_B);
   visit("tool", step.X_WT);
   visit("hand", step.X_WT_hand);
   visit("contact", step.contact_W);
@@ -133,7 +133,7 @@ void visit_fields(T& tick, auto&& visit) {
   visit("dt", tick.dt);
   visit("device", tick.device);
   visit("coupling", tick.step);
-  visit("felt", tick.F_H_B);
+  visit("wrench_on_hand", tick.F_H_B);
   visit("safety", tick.safety);
   visit("penetration", tick.penetration);
   visit("objects", tick.objects);
@@ -143,7 +143,7 @@ void visit_fields(T& tick, auto&& visit) {
   visit("contact_number", tick.contact_number);
   visit("frame_number", tick.frame_number);
   visit("is_stopping", tick.is_stopping);
-  visit("is_force_asked_for", tick.is_force_requested);
+  visit("is_force_requested", tick.is_force_requested);
   visit("is_suspended", tick.is_suspended);
   visit("has_sensor_failed", tick.has_sensor_failed);
   visit("has_backend_failed", tick.has_backend_failed);
@@ -208,7 +208,7 @@ void visit_fields(T& record, auto&& visit) {
   visit("num_object_pairs", record.num_object_pairs);
   visit("contact", record.contact);
   visit("revision", record.revision);
-  visit("ground", record.contact.patch.ground);  // last: earlier recordings have none
+  visit("ground", record.contact.patch.ground);
 }
 
 template <Of<DeviceLimits> T>

@@ -148,9 +148,7 @@ struct Reader {
       }
     } else if constexpr (std::same_as<T, Ground>) {
       value = {};
-      if (from.num_left() > 0 && from.number<std::uint32_t>() == kGroundNumbers) {
-        visit_fields(value, *this);
-      }
+      if (from.number<std::uint32_t>() == kGroundNumbers) visit_fields(value, *this);
     } else if constexpr (std::same_as<T, CameraBlends>) {
       value.num = from.number<std::uint32_t>();
       for (std::uint32_t k = 0; k < value.num && k < kMaxCameras; ++k) {
@@ -196,8 +194,8 @@ std::string type_name() {
   if constexpr (std::same_as<T, Penetration>) return "palpate_msgs/Penetration";
   if constexpr (std::same_as<T, ContactPatch>) return "palpate_msgs/ContactPatch";
   if constexpr (std::same_as<T, LocalContact>) return "palpate_msgs/LocalContact";
-  if constexpr (std::same_as<T, CameraBlend>) return "palpate_msgs/CameraMoment";
-  if constexpr (std::same_as<T, CameraBlends>) return "palpate_msgs/CameraMoment[]";
+  if constexpr (std::same_as<T, CameraBlend>) return "palpate_msgs/CameraBlend";
+  if constexpr (std::same_as<T, CameraBlends>) return "palpate_msgs/CameraBlend[]";
   if constexpr (std::same_as<T, BodyPoses>) return "geometry_msgs/Pose[]";
   if constexpr (std::same_as<T, ContactRecord>) return "palpate_msgs/ContactRecord";
   if constexpr (std::same_as<T, DeviceState>) return "palpate_msgs/DeviceState";
@@ -393,6 +391,11 @@ Result<RunSetup> setup_of(const SettingsText& text) {
     return Error{Errc::bad_input, "the text of the settings " + fault + "; record the run again"};
   }
   const Json json = Json::parse(text.json);
+  if (json.at("format") == "palpate run") {
+    return Error{
+        Errc::unavailable,
+        "the recording was made by an unreleased version of palpate; record the run again"};
+  }
   if (json.at("format") != kRunFormat) {
     return Error{Errc::bad_input, "the recording is not that of a run; give another one"};
   }

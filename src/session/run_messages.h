@@ -57,8 +57,8 @@ struct RecordedDepth {
   DepthFrame frame;
 };
 
-inline constexpr const char* kRunFormat = "palpate run";
-inline constexpr int kRunVersion = 4;
+inline constexpr const char* kRunFormat = "palpate.run";
+inline constexpr int kRunVersion = 1;
 
 // Topics.
 inline constexpr const char* kPartTopic = "/part";

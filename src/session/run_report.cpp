@@ -39,7 +39,7 @@ Json peaks_json(const Tool& tool, const RunLog& log) {
   if (log.has_hand()) {
     json["hand_force_N"] = peaks.force;
     json["hand_torque_Nm"] = peaks.torque;
-    json["wanted_force_N"] = peaks.desired_force;
+    json["desired_force_N"] = peaks.desired_force;
     json["stretch_m"] = peaks.stretch;
     json["energy_given_J"] = peaks.energy;
   }

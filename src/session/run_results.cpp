@@ -35,10 +35,11 @@ constexpr const char* kHeader =
 
 /// The columns of OutputOptions, if it has any.
 constexpr const char* kOutputHeader =
-    ",told_x_m,told_y_m,told_z_m,told_qx,told_qy,told_qz,told_qw,"
-    "told_force_x_N,told_force_y_N,told_force_z_N,told_torque_x_Nm,told_torque_y_Nm,"
-    "told_torque_z_Nm,told_measure_x_m3,told_measure_y_m3,told_measure_z_m3,"
-    "told_measure_mx_m4,told_measure_my_m4,told_measure_mz_m4";
+    ",reported_x_m,reported_y_m,reported_z_m,reported_qx,reported_qy,reported_qz,reported_qw,"
+    "reported_force_x_N,reported_force_y_N,reported_force_z_N,reported_torque_x_Nm,reported_torque_"
+    "y_Nm,"
+    "reported_torque_z_Nm,reported_measure_x_m3,reported_measure_y_m3,reported_measure_z_m3,"
+    "reported_measure_mx_m4,reported_measure_my_m4,reported_measure_mz_m4";
 
 }  // namespace
 

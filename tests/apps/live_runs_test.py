@@ -390,7 +390,7 @@ class LiveRuns(CommandLineCase):
                                                  "why_tip", "note", "how_to_aim"})
         self.assertGreater(summary["frames"], 4)  # and the last one again, 3 s in all
         self.assertGreater(summary["seconds"], 2.5)
-        self.assertGreater(summary["peaks"]["wanted_force_N"], 0)
+        self.assertGreater(summary["peaks"]["desired_force_N"], 0)
         self.assertEqual(self.report_data(run)["summary"]["probe"], summary["probe"])
         self.assertIn("identical", self.succeed("replay", run))
 

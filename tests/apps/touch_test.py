@@ -125,7 +125,7 @@ class Touching(CommandLineCase):
             for k in (0, 77, 199):
                 tick = messages["/tick"][k]
                 self.assertEqual(tick.coupling.contact.force.z, felt["force_z_N"][k])
-                self.assertEqual(tick.felt.force.z, felt["hand_force_z_N"][k])
+                self.assertEqual(tick.wrench_on_hand.force.z, felt["hand_force_z_N"][k])
                 # A tool that is not turned, about its own origin: its center of mass.
                 wrench = messages["/tool/wrench"][k]
                 self.assertEqual(wrench.header.frame_id, "tool")
@@ -217,7 +217,7 @@ pose = [1, 0, 0, 0, 0, {0.5 ** 0.5}, {0.5 ** 0.5}]
         for there, here in (("force_x_N", "force_y_N"), ("torque_z_Nm", "torque_z_Nm")):
             self.assertAlmostEqual(a[there][deepest] / b[here][deepest], 1, delta=1e-6)
         for name in ("force_x_N", "force_z_N", "torque_x_Nm", "torque_y_Nm", "measure_x_m3"):
-            self.assertAlmostEqual(a[name][deepest] / b["told_" + name][deepest], 1, delta=1e-6)
+            self.assertAlmostEqual(a[name][deepest] / b["reported_" + name][deepest], 1, delta=1e-6)
         with open(os.path.join(turned, "summary.json")) as file:
             settings = json.load(file)["settings"]
         self.assertEqual(settings["bodies"]["gravity_z"], -9.81)
@@ -225,7 +225,7 @@ pose = [1, 0, 0, 0, 0, {0.5 ** 0.5}, {0.5 ** 0.5}]
         self.succeed(*touch, "--path-frame", "corner", "--wrench-frame", "corner", "--tcp", "0 0 0.1",
                      "--wrench-point", "tcp")
         c = self.columns(turned)
-        for name, value in (("told_y_m", 0), ("told_z_m", 0.45), ("tool_y_m", 2), ("tool_z_m", 0.35)):
+        for name, value in (("reported_y_m", 0), ("reported_z_m", 0.45), ("tool_y_m", 2), ("tool_z_m", 0.35)):
             self.assertAlmostEqual(c[name][0], value, delta=1e-12)
         self.expect_failure(1, *touch, "--path-frame", "cornre", mentions="there are camera, corner, side, world")
         self.expect_failure(1, *touch, "--object", f"{self.tool}@0 0 0 0 0 0 1,frame=nowhere",

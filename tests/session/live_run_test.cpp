@@ -166,6 +166,27 @@ TEST(RunMessages, PointsOfLargeImagesAreThinned) {
   EXPECT_LT(points_message({}, frame, {1400, 1400, 959.5, 539.5}).size(), 200u);
 }
 
+TEST(RunMessages, SettingsOfOtherVersionsAreRefused) {
+  const std::string message = settings_message({});
+  ASSERT_TRUE(read_settings(message));
+  const auto changed = [&](std::string_view from, std::string_view to) {  // of the same length
+    std::string other = message;
+    const std::size_t at = other.find(from);
+    EXPECT_NE(at, std::string::npos) << from;
+    return other.replace(at, from.size(), to);
+  };
+  const auto unreleased = read_settings(changed("palpate.run", "palpate run"));
+  ASSERT_FALSE(unreleased);
+  EXPECT_EQ(unreleased.error().message,
+            "the recording was made by an unreleased version of palpate; record the run again");
+  const auto later = read_settings(changed("\"version\":1", "\"version\":7"));
+  ASSERT_FALSE(later);
+  EXPECT_EQ(
+      later.error().message,
+      "the recording has format version 7, this program reads 1; use the version that wrote it");
+  EXPECT_FALSE(read_settings(changed("palpate.run", "palpate.not")));
+}
+
 TEST(RunMessages, SchemasNameEveryTypeOnce) {
   const std::string text = tick_channel().schema;
   EXPECT_EQ(tick_channel().schema_name, "palpate_msgs/msg/Tick");
@@ -316,7 +337,7 @@ TEST(LiveRun, IsRecordedAndRepeatedBitForBit) {
     const auto summary = nlohmann::json::parse(read(run / "summary.json"));
     EXPECT_EQ(summary["ticks"], outcome->loop.num_ticks);
     EXPECT_GT(summary["peaks"]["volume_m3"], 0.0);
-    EXPECT_GT(summary["peaks"]["wanted_force_N"], 0.0);
+    EXPECT_GT(summary["peaks"]["desired_force_N"], 0.0);
   }
 }
 

@@ -98,7 +98,7 @@ std::map<std::string, std::vector<double>> recorded(const OutputOptions& output,
 
 TEST(ReportedOutput, OfACameraThatMovesIsInRowsOfItsOwn) {
   OutputOptions output;
-  EXPECT_FALSE(recorded(output, 1e9).contains("told_x_m"));
+  EXPECT_FALSE(recorded(output, 1e9).contains("reported_x_m"));
   output.wrench_frame = WrenchFrame::camera;
   output.wrench_point = WrenchPoint::tcp;
   output.X_TE = {{0, 0, 0.1}, axis_angle({0, 1, 0}, 0.5)};
@@ -110,11 +110,11 @@ TEST(ReportedOutput, OfACameraThatMovesIsInRowsOfItsOwn) {
       const double time = csv["time_s"][i];
       const Pose X_WC = orbit(csv["frame"][i] / kFrames);
       const Pose X_CE = inverse(X_WC) * pressing(time) * output.X_TE;
-      const Vec3d reported{csv["told_x_m"][i], csv["told_y_m"][i], csv["told_z_m"][i]};
+      const Vec3d reported{csv["reported_x_m"][i], csv["reported_y_m"][i], csv["reported_z_m"][i]};
       ASSERT_NEAR(norm(reported - X_CE.translation), 0, 1e-9) << "row " << i;
       const Vec3d force{csv["force_x_N"][i], csv["force_y_N"][i], csv["force_z_N"][i]};
-      const Vec3d turned{csv["told_force_x_N"][i], csv["told_force_y_N"][i],
-                         csv["told_force_z_N"][i]};
+      const Vec3d turned{csv["reported_force_x_N"][i], csv["reported_force_y_N"][i],
+                         csv["reported_force_z_N"][i]};
       ASSERT_NEAR(norm(rotate(X_WC.rotation, turned) - force), 0, 1e-9 * (1 + norm(force)));
       num_touched += norm(force) > 0;
     }
@@ -145,10 +145,10 @@ TEST(ReportedOutput, OfACameraThatMovesComesLongAfterItsImages) {
     }
   }
   auto csv = test::columns_of(folder.path() / "wrench.csv.part");
-  ASSERT_EQ(csv["told_x_m"].size(), std::size_t{kLate});
+  ASSERT_EQ(csv["reported_x_m"].size(), std::size_t{kLate});
   for (int k = 0; k < kLate; ++k) {
     const auto i = static_cast<std::size_t>(k);
-    const Vec3d reported{csv["told_x_m"][i], csv["told_y_m"][i], csv["told_z_m"][i]};
+    const Vec3d reported{csv["reported_x_m"][i], csv["reported_y_m"][i], csv["reported_z_m"][i]};
     EXPECT_NEAR(norm(reported - inverse(orbit(k / kFrames)).translation), 0, 1e-9) << k;
   }
 }

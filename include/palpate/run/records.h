@@ -51,12 +51,12 @@ struct OutputOptions {
 inline void add_settings(SettingTable& t, OutputOptions& o) {
   t.section("output");
   t.add("wrench_frame", o.wrench_frame,
-        "frame of pose and wrench in the columns told_* of wrench.csv; auto: the "
+        "frame of pose and wrench in the columns reported_* of wrench.csv; auto: the "
         "world, over ROS 2 the tool");
-  t.add("wrench_point", o.wrench_point, "reference point of the torque in told_*");
+  t.add("wrench_point", o.wrench_point, "reference point of the torque in reported_*");
   t.add("tcp", o.X_TE,
         "X_TE, tool center point in the frame of its mesh: x y z in m, quaternion x y "
-        "z w; told_* reports its pose");
+        "z w; reported_* reports its pose");
   t.add("named_frame", o.X_WN,
         "X_WN of wrench_frame = named, in the world: x y z in m, quaternion");
 }

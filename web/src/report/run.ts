@@ -28,7 +28,7 @@ interface Summary {
   peaks: {
     volume_m3: number; fraction: number; volume_time_s: number; force_N: number; torque_Nm: number;
     volume_in_objects_m3?: number;
-    hand_force_N?: number; wanted_force_N?: number; stretch_m?: number;
+    hand_force_N?: number; desired_force_N?: number; stretch_m?: number;
   };
   limited_ticks: number;
   microseconds?: Record<string, Times>;
@@ -102,7 +102,7 @@ function headline(summary: Summary): HTMLElement {
     [newtons(peaks.force_N), 'largest force on the tool'],
   ];
   if (hasHand(summary)) {
-    made.push([newtons(peaks.hand_force_N!), `largest force on the hand, of ${newtons(peaks.wanted_force_N!)} before the safety filter`]);
+    made.push([newtons(peaks.hand_force_N!), `largest force on the hand, of ${newtons(peaks.desired_force_N!)} before the safety filter`]);
   }
   const median = (key: string, words: string, rest = '') => {
     const stage = stages?.[key];
