@@ -10,7 +10,7 @@
 #include "apps/manual.h"
 #include "apps/program.h"
 #include "apps/verbs.h"
-#include "src/core/bounded_call.h"
+#include "src/core/internal/bounded_call.h"
 
 // Exceptions are mistakes in the options of a verb, which end the program.
 // NOLINTNEXTLINE(bugprone-exception-escape)

@@ -5,7 +5,7 @@
 
 #include "bench/latency.h"
 #include "bench/wall_frame.h"
-#include "src/cloud/surface_stages.h"
+#include "src/cloud/surface/surface_stages.h"
 
 namespace palpate::bench {
 namespace {

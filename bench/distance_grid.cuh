@@ -8,8 +8,8 @@
 
 #include "bench/contact_setup.h"
 #include "eval/studies/trilinear.h"
-#include "src/gpu/runtime.h"
-#include "src/gpu/team.cuh"
+#include "src/gpu/internal/runtime.h"
+#include "src/gpu/internal/team.cuh"
 
 namespace palpate::bench {
 

@@ -23,10 +23,10 @@
 #include "palpate/contact/contact.h"
 #include "palpate/field/sensor.h"
 #include "palpate/gpu/devices.h"
-#include "src/cameras/link_image.h"
-#include "src/cameras/link_image_cuda.h"
-#include "src/cloud/depth_average_cuda.h"
-#include "src/cloud/surface_cuda.h"
+#include "src/cameras/robot/link_image.h"
+#include "src/cameras/robot/link_image_cuda.h"
+#include "src/cloud/internal/depth_average_cuda.h"
+#include "src/cloud/internal/surface_cuda.h"
 #include "src/field/depth_field_cuda.h"
 
 namespace palpate::bench {

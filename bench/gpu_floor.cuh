@@ -3,8 +3,8 @@
 
 #include <cstdint>
 
-#include "src/gpu/runtime.h"
-#include "src/gpu/team.cuh"
+#include "src/gpu/internal/runtime.h"
+#include "src/gpu/internal/team.cuh"
 
 namespace palpate::bench {
 

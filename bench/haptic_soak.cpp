@@ -17,9 +17,9 @@
 #include "bench/haptic_setup.h"
 #include "palpate/devices/devices.h"
 #include "palpate/run/run_loop.h"
-#include "src/core/monotonic_clock.h"
-#include "src/devices/periodic_thread.h"
-#include "src/run/loop/real_time.h"
+#include "src/core/internal/monotonic_clock.h"
+#include "src/devices/transport/periodic_thread.h"
+#include "src/run/internal/real_time.h"
 #include "tests/test_util/allocation_counter.h"
 
 namespace palpate::bench {

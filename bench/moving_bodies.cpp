@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "src/core/monotonic_clock.h"
+#include "src/core/internal/monotonic_clock.h"
 #include "src/math/internal/rotation_vector.h"
 #include "src/run/internal/pipeline.h"
 #include "tests/bodies/camera_table.h"

@@ -13,7 +13,7 @@
 #include "bench/run_facts.h"
 #include "bench/wall_frame.h"
 #include "eval/studies/boundary_stage.h"
-#include "src/cloud/surface_stages.h"
+#include "src/cloud/surface/surface_stages.h"
 #include "src/io/internal/atomic_file.h"
 
 namespace palpate::bench {

@@ -15,8 +15,8 @@
 #include "palpate/contact/contact.h"
 #include "palpate/core/core.h"
 #include "src/run/internal/pipeline.h"
-#include "src/run/loop/real_time.h"
-#include "src/session/run_reader.h"
+#include "src/run/internal/real_time.h"
+#include "src/session/internal/run_reader.h"
 #include "tests/test_util/allocation_counter.h"
 #include "tests/test_util/contact_scenes.h"
 

@@ -16,7 +16,7 @@
 #include "palpate/field/depth_field.h"
 #include "palpate/io/formats.h"
 #include "palpate/settings/setting_table.h"
-#include "src/cameras/rectifier.h"
+#include "src/cameras/stream/rectifier.h"
 
 namespace palpate {
 namespace {

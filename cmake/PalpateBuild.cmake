@@ -185,7 +185,7 @@ function(palpate_kernel module source)
 endfunction()
 
 # palpate_device_code(MODULE a.cu ...) adds files with kernels to a module: compiled by nvcc in a build
-# with CUDA. In one without, the tests get them compiled for the emulator (src/gpu/emulator.h), as
+# with CUDA. In one without, the tests get them compiled for the emulator (src/gpu/internal/emulator.h), as
 # the library palpate_emulated.
 function(palpate_device_code module)
   if(PALPATE_CUDA)

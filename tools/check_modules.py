@@ -4,13 +4,14 @@
 Also: a public header (include/palpate/MODULE/...) is for everybody and is installed; an internal one
 (src/MODULE/internal/...) is for the modules above; a private one (src/MODULE/...) is for its own module
 and that module's tests. Public headers include nothing but the standard library and each other; every
-other library has a home.
+other library has a home. A folder is a room that one can look over, and so is a file.
 
 usage: tools/check_modules.py [ROOT]
 """
 
 import re
 import sys
+from collections import Counter
 from pathlib import Path
 
 from project_files import ROOT, project_files
@@ -50,55 +51,19 @@ FRONT_DOOR = {"palpate/palpate.h": "front", "palpate/version.h": "core"}
 # A stranger reads them all: one for each subject of a module, not for each class.
 MOST_PUBLIC_HEADERS = 30
 
-# Private headers that more than one module may include.
+# Rooms: at most so many files in a folder, and lines in a file.
+ROOMS = ("src/", "include/", "apps/", "web/src/", "python/")
+MAX_FILES = 20
+MAX_LINES = 400
+# Lines of files that are longer, to be divided: they may only get shorter.
+LONGER = {
+}
+
+# Private headers that one more module may include: the evaluation times the stages of a query one by one.
 SHARED_PRIVATE = {
-    "src/session/run_fields.h": ("python",),
-    "src/contact/field/ball_cut.h": ("python",),
-    "src/contact/hull/hull_rules.h": ("python",),
-    "src/contact/index/ball_parts.h": ("python",),
-    "src/contact/index/field_elements.h": ("python",),
-    "src/devices/polling_device.h": ("python",),
-    "src/devices/twist_between.h": ("python",),
-    "src/core/all_at_once.h": ("cameras", "devices"),
-    "src/core/bounded_call.h": ("cameras", "devices", "apps"),
-    "src/core/monotonic_clock.h": ("run", "devices", "viewer", "cameras", "apps"),
-    "src/core/shared_library.h": ("io", "ros", "devices", "cameras"),
-    "src/ros/dds_api.h": ("cameras", "devices"),
-    "src/ros/by_time.h": ("cameras",),
-    "src/ros/tf_history.h": ("cameras",),
-    "src/ros/tf_tree.h": ("devices", "cameras"),
-    "src/ros/ros_node.h": ("devices", "cameras", "apps"),
-    "src/core/thread_rank.h": ("run", "viewer", "apps"),
-    "src/run/loop/event.h": ("apps",),
-    "src/run/loop/real_time.h": ("apps",),
-    "src/io/cdr.h": ("ros", "session", "cameras"),
-    "src/io/ros_image.h": ("ros", "session", "cameras"),
-    "src/io/ros_messages.h": ("ros", "session", "cameras", "apps"),
-    "src/io/ros_types.h": ("ros", "session", "cameras"),
-    "src/io/rvl.h": ("cameras",),
-    "src/io/text_scanner.h": ("cameras",),
-    "src/pages/page_files.h": ("viewer",),
-    "src/session/settings_json.h": ("viewer",),
-    "src/session/run_reader.h": ("viewer", "python"),
-    "src/session/run_messages.h": ("viewer",),
-    "src/session/lead_frames.h": ("viewer",),
-    "src/core/simd.h": ("cloud", "contact", "field"),
-    "src/core/lanes.h": ("cloud", "contact", "field"),
-    "src/core/select_isa.h": ("contact",),
-    # Tests of queries keep frames on the emulated GPU, too.
-    "src/field/key_frames.h": ("contact",),
-    # The evaluation times the stages of a query one by one.
     "src/contact/points/scan/image_window.h": ("eval",),
     "src/contact/points/scan/point_scan.h": ("eval",),
     "src/contact/index/sphere_grid.h": ("eval",),
-    "src/gpu/runtime.h": ("cloud", "field", "contact", "cameras", "python"),
-    "src/gpu/device_code.cuh": ("contact",),
-    "src/gpu/team.cuh": ("cloud", "field", "contact", "cameras"),
-    "src/gpu/emulator.h": ("contact",),
-    "src/cloud/surface_cuda.h": ("field",),
-    "src/cloud/raw_frame_cuda.h": ("cameras",),
-    "src/cloud/depth_average_cuda.h": ("field",),
-    "src/cloud/cloud_blend_cuda.h": ("field",),
 }
 
 # Libraries and where they are at home, beside tests and bench.
@@ -124,6 +89,7 @@ IS_CUDA_FILE = re.compile(r"(\.cuh?|_cuda\.(h|cpp))$")
 
 INCLUDE = re.compile(r'^\s*#\s*include\s*(?:<([^>]+)>|"([^"]+)")')
 SOURCE = {".h", ".cpp", ".cu", ".cuh"}
+LAID_OUT = SOURCE | {".py", ".ts"}
 
 
 def allowed_modules(module):
@@ -246,10 +212,30 @@ def unused(used):
                 yield f"nothing in {module} includes {what}: take out the permission"
 
 
+def check_rooms(lines):
+    """Yields (name, what is wrong) of folders and files of ROOMS. `lines`: how many each file has."""
+    folders = Counter(str(Path(name).parent) for name in lines)
+    for folder, num in sorted(folders.items()):
+        if num > MAX_FILES:
+            yield folder, f"{num} files, at most {MAX_FILES}: give those that belong together a folder"
+    for name, num in sorted(lines.items()):
+        allowed = LONGER.get(name, MAX_LINES)
+        if num > allowed:
+            yield name, f"{num} lines, at most {allowed}: give a part that stands alone its own file"
+        if name in LONGER and num < allowed:
+            yield name, f"{num} lines: write that into LONGER of tools/check_modules.py, or take it out up to {MAX_LINES}"
+    for name in sorted(LONGER.keys() - lines.keys()):
+        yield name, "does not exist: take it out of LONGER of tools/check_modules.py"
+
+
 def main(root=ROOT):
     num_files = num_problems = num_public = 0
+    lines = {}
     used = set()
     for path in project_files(root):
+        if path.as_posix().startswith(ROOMS):
+            content = (root / path).read_bytes()
+            lines[path.as_posix()] = content.count(b"\n") if path.suffix in LAID_OUT else 0
         if path.suffix not in SOURCE:
             continue
         num_files += 1
@@ -259,6 +245,9 @@ def main(root=ROOT):
         for number, problem in check_text(path.as_posix(), text):
             num_problems += 1
             print(f"{path.as_posix()}:{number}: {problem}")
+    for name, problem in check_rooms(lines):
+        num_problems += 1
+        print(f"{name}: {problem}")
     for problem in unused(used):
         num_problems += 1
         print(f"tools/check_modules.py: {problem}")

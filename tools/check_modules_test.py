@@ -43,9 +43,10 @@ class CheckModulesTest(unittest.TestCase):
     def test_private_headers(self):
         self.assert_passes("src/mesh/a.cpp", '#include "src/mesh/b.h"')
         self.assert_passes("tests/mesh/a.cpp", '#include "src/mesh/b.h"')
-        self.assert_passes("src/contact/a.cpp", '#include "src/core/simd.h"')
+        self.assert_passes("src/contact/a.cpp", '#include "src/core/internal/simd.h"')
         self.assert_refused("src/contact/a.cpp", '#include "src/mesh/b.h"', "private to mesh")
-        self.assert_refused("src/mesh/a.cpp", '#include "src/core/simd.h"', "private to core")
+        self.assert_refused("eval/a.cpp", '#include "src/contact/hull/b.h"', "private to contact")
+        self.assert_passes("eval/a.cpp", '#include "src/contact/points/scan/point_scan.h"')
         self.assert_refused("tests/mesh/a.cpp", '#include "src/packing/b.h"', "private headers of packing")
         self.assert_refused("include/palpate/mesh/a.h", '#include "src/mesh/b.h"', "public header")
 
@@ -55,9 +56,9 @@ class CheckModulesTest(unittest.TestCase):
         before = set(unused(used))
         self.assertFalse(any(header in problem for problem in before))
         self.assertIn(header, (set(unused(used - {(header, module)})) - before).pop())
-        lines = '#include "src/core/simd.h"\n#include <zlib.h>'
-        self.assertEqual(set(uses("src/cloud/a.cpp", lines)), {("src/core/simd.h", "cloud"), (r"zlib\.h", "cloud")})
-        self.assertEqual(set(uses("tests/cloud/a.cpp", lines)), {("src/core/simd.h", "cloud")})
+        lines = '#include "src/core/internal/simd.h"\n#include <zlib.h>'
+        self.assertEqual(set(uses("src/cloud/a.cpp", lines)), {("src/core/internal/simd.h", "cloud"), (r"zlib\.h", "cloud")})
+        self.assertEqual(set(uses("tests/cloud/a.cpp", lines)), {("src/core/internal/simd.h", "cloud")})
 
     def test_libraries(self):
         self.assert_passes("src/io/a.cpp", "#include <assimp/Importer.hpp>")

@@ -1,7 +1,7 @@
 #include "python/src/gpu_order.h"
 
 #ifdef PALPATE_CUDA
-#include "src/gpu/runtime.h"
+#include "src/gpu/internal/runtime.h"
 #endif
 
 namespace palpate::python {

@@ -3,8 +3,8 @@
 #include <cmath>
 
 #include "palpate/devices/devices.h"
-#include "src/devices/polling_device.h"
-#include "src/devices/twist_between.h"
+#include "src/devices/internal/polling_device.h"
+#include "src/devices/internal/twist_between.h"
 
 namespace palpate::python {
 namespace {

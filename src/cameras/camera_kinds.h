@@ -1,7 +1,7 @@
 // The kinds of cameras, each in a file of its own.
 #pragma once
 
-#include "src/cameras/camera_source.h"
+#include "src/cameras/stream/camera_source.h"
 
 namespace palpate { inline namespace v0 {
 

@@ -9,7 +9,7 @@
 #include "palpate/settings/setting_table.h"
 #include "src/cloud/internal/frame_limits.h"
 #include "src/cloud/internal/lens_table.h"
-#include "src/io/text_scanner.h"
+#include "src/io/internal/text_scanner.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

@@ -8,8 +8,8 @@
 #include <numbers>
 
 #include "src/cameras/camera_kinds.h"
-#include "src/cameras/posed_source.h"
-#include "src/core/all_at_once.h"
+#include "src/cameras/stream/posed_source.h"
+#include "src/core/internal/all_at_once.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

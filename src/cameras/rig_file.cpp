@@ -12,7 +12,7 @@
 
 #include "palpate/field/sensor.h"
 #include "palpate/settings/setting_table.h"
-#include "src/cameras/posed_source.h"
+#include "src/cameras/stream/posed_source.h"
 #include "src/io/internal/toml_file.h"
 
 namespace palpate { inline namespace v0 {

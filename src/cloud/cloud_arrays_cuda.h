@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "palpate/cloud/point_cloud.h"
-#include "src/gpu/runtime.h"
+#include "src/gpu/internal/runtime.h"
 
 namespace palpate { inline namespace v0 {
 

@@ -1,4 +1,4 @@
-#include "src/cloud/cloud_blend_cuda.h"
+#include "src/cloud/internal/cloud_blend_cuda.h"
 
 #include <algorithm>
 #include <iterator>
@@ -6,7 +6,7 @@
 #include "src/cloud/cloud_arrays_cuda.h"
 #include "src/cloud/point_blend.h"
 #include "src/core/internal/assert.h"
-#include "src/gpu/team.cuh"
+#include "src/gpu/internal/team.cuh"
 
 namespace palpate { inline namespace v0 {
 

@@ -1,4 +1,4 @@
-#include "src/core/monotonic_clock.h"
+#include "src/core/internal/monotonic_clock.h"
 
 #include <time.h>
 

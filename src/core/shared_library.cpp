@@ -1,4 +1,4 @@
-#include "src/core/shared_library.h"
+#include "src/core/internal/shared_library.h"
 
 #include <dlfcn.h>
 

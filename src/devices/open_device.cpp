@@ -4,8 +4,8 @@
 #include <memory>
 #include <optional>
 
-#include "src/core/all_at_once.h"
-#include "src/core/bounded_call.h"
+#include "src/core/internal/all_at_once.h"
+#include "src/core/internal/bounded_call.h"
 #include "src/core/internal/number_text.h"
 #include "src/devices/device_kinds.h"
 

@@ -5,10 +5,10 @@
 
 #include "src/core/internal/assert.h"
 #include "src/core/internal/stamp.h"
-#include "src/field/field_rows.h"
-#include "src/field/field_windows.h"
-#include "src/field/gap_rules.h"
-#include "src/field/hole_runs.h"
+#include "src/field/pyramid/field_rows.h"
+#include "src/field/pyramid/field_windows.h"
+#include "src/field/pyramid/gap_rules.h"
+#include "src/field/pyramid/hole_runs.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

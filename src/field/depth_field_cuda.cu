@@ -6,9 +6,9 @@
 
 #include "src/core/internal/assert.h"
 #include "src/core/internal/stamp.h"
-#include "src/field/gap_rules.h"
-#include "src/field/silhouettes_cuda.cuh"
-#include "src/gpu/team.cuh"
+#include "src/field/pyramid/gap_rules.h"
+#include "src/field/pyramid/silhouettes_cuda.cuh"
+#include "src/gpu/internal/team.cuh"
 
 namespace palpate { inline namespace v0 {
 namespace {

@@ -7,8 +7,8 @@
 
 #include "palpate/cloud/point_cloud.h"
 #include "palpate/field/depth_field.h"
-#include "src/field/field_pyramid.h"
-#include "src/gpu/runtime.h"
+#include "src/field/pyramid/field_pyramid.h"
+#include "src/gpu/internal/runtime.h"
 
 namespace palpate { inline namespace v0 {
 

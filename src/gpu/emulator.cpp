@@ -1,4 +1,4 @@
-#include "src/gpu/emulator.h"
+#include "src/gpu/internal/emulator.h"
 
 #include <array>
 #include <boost/context/fiber.hpp>

@@ -1,5 +1,5 @@
 // Code that both runtimes share.
-#include "src/gpu/runtime.h"
+#include "src/gpu/internal/runtime.h"
 
 namespace palpate { inline namespace v0 { namespace gpu {
 

@@ -8,7 +8,7 @@
 #include <thread>
 
 #include "palpate/gpu/devices.h"
-#include "src/gpu/runtime.h"
+#include "src/gpu/internal/runtime.h"
 
 namespace palpate { inline namespace v0 {
 namespace gpu {

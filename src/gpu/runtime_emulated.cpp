@@ -4,8 +4,8 @@
 #include <cstring>
 
 #include "palpate/gpu/devices.h"
-#include "src/gpu/emulator.h"
-#include "src/gpu/runtime.h"
+#include "src/gpu/internal/emulator.h"
+#include "src/gpu/internal/runtime.h"
 
 namespace palpate { inline namespace v0 { namespace gpu {
 

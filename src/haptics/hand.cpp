@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "src/haptics/rotated.h"
+#include "src/haptics/coupling/rotated.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

@@ -5,7 +5,7 @@
 #include <limits>
 
 #include "src/haptics/internal/matrix6.h"
-#include "src/haptics/rotated.h"
+#include "src/haptics/coupling/rotated.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

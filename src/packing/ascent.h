@@ -5,7 +5,7 @@
 
 #include "src/packing/linear_program.h"
 #include "src/packing/sphere_levels.h"
-#include "src/packing/triangle_bvh.h"
+#include "src/packing/solid/triangle_bvh.h"
 
 namespace palpate { inline namespace v0 {
 

@@ -21,7 +21,7 @@
 #include "palpate/mesh/mesh.h"
 #include "src/packing/hole_search.h"
 #include "src/packing/seeds.h"
-#include "src/packing/surface_watch.h"
+#include "src/packing/solid/surface_watch.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

@@ -13,8 +13,8 @@
 
 #include "palpate/mesh/mesh.h"
 #include "src/packing/power_neighbors.h"
-#include "src/packing/ray_patches.h"
-#include "src/packing/triangle_bvh.h"
+#include "src/packing/solid/ray_patches.h"
+#include "src/packing/solid/triangle_bvh.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

@@ -2,7 +2,7 @@
 #include "src/pages/internal/report_page.h"
 
 #include "src/core/internal/assert.h"
-#include "src/pages/page_files.h"
+#include "src/pages/internal/page_files.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

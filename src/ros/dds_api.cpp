@@ -1,4 +1,4 @@
-#include "src/ros/dds_api.h"
+#include "src/ros/internal/dds_api.h"
 
 #include <dlfcn.h>
 
@@ -6,7 +6,7 @@
 #include <system_error>
 #include <vector>
 
-#include "src/core/shared_library.h"
+#include "src/core/internal/shared_library.h"
 
 namespace palpate { inline namespace v0 { namespace dds {
 namespace {

@@ -4,8 +4,8 @@
 #include <cstring>
 
 #include "src/core/internal/assert.h"
-#include "src/io/cdr.h"
-#include "src/ros/dds_api.h"
+#include "src/io/internal/cdr.h"
+#include "src/ros/internal/dds_api.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "palpate/core/core.h"
-#include "src/io/ros_types.h"
+#include "src/io/internal/ros_types.h"
 
 namespace palpate { inline namespace v0 {
 

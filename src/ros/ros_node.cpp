@@ -1,4 +1,4 @@
-#include "src/ros/ros_node.h"
+#include "src/ros/internal/ros_node.h"
 
 #include <algorithm>
 #include <atomic>
@@ -11,10 +11,10 @@
 #include <thread>
 
 #include "src/core/internal/guarded.h"
-#include "src/core/shared_library.h"
-#include "src/io/ros_messages.h"
-#include "src/io/ros_types.h"
-#include "src/ros/dds_api.h"
+#include "src/core/internal/shared_library.h"
+#include "src/io/internal/ros_messages.h"
+#include "src/io/internal/ros_types.h"
+#include "src/ros/internal/dds_api.h"
 #include "src/ros/native_layout.h"
 
 namespace palpate { inline namespace v0 {

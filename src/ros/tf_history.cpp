@@ -1,10 +1,10 @@
-#include "src/ros/tf_history.h"
+#include "src/ros/internal/tf_history.h"
 
 #include <algorithm>
 #include <cmath>
 #include <iterator>
 
-#include "src/ros/tf_tree.h"
+#include "src/ros/internal/tf_tree.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

@@ -1,4 +1,4 @@
-#include "src/ros/tf_tree.h"
+#include "src/ros/internal/tf_tree.h"
 
 #include <algorithm>
 #include <limits>

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "src/core/internal/guarded.h"
-#include "src/core/thread_rank.h"
+#include "src/core/internal/thread_rank.h"
 #include "src/run/internal/pipeline.h"
 
 namespace palpate { inline namespace v0 {

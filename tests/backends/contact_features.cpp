@@ -12,7 +12,7 @@
 #include "src/contact/bodies/solid_contact_cuda.h"
 #include "src/contact/cuda/contact_query_cuda.h"
 #include "src/core/internal/stamp.h"
-#include "src/field/frame_slots.h"
+#include "src/field/timeline/frame_slots.h"
 #include "src/field/internal/pinhole_cloud.h"
 #include "tests/backends/backend_features.h"
 #include "tests/cloud/depth_scenes.h"

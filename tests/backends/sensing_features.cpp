@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "src/field/frame_slots.h"
+#include "src/field/timeline/frame_slots.h"
 #include "tests/backends/backend_features.h"
 #include "tests/cloud/depth_scenes.h"
 #include "tests/field/device_views.h"

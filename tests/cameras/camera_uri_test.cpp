@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "src/cameras/raw_frames.h"
+#include "src/cameras/stream/raw_frames.h"
 
 namespace palpate {
 namespace {

@@ -1,4 +1,4 @@
-#include "src/cameras/capture_clock.h"
+#include "src/cameras/stream/capture_clock.h"
 
 #include <gtest/gtest.h>
 
@@ -11,7 +11,7 @@
 #include <utility>
 #include <vector>
 
-#include "src/cameras/frame_intake.h"
+#include "src/cameras/stream/frame_intake.h"
 
 namespace palpate {
 namespace {

@@ -7,7 +7,7 @@
 #include <thread>
 #include <vector>
 
-#include "src/cameras/orbbec_api.h"
+#include "src/cameras/drivers/orbbec_api.h"
 #include "tests/cameras/camera_fakes.h"
 #include "tests/cameras/fake_orbbec.h"
 

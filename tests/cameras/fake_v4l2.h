@@ -14,8 +14,8 @@
 #include <thread>
 #include <vector>
 
-#include "src/cameras/v4l2_system.h"
-#include "src/core/monotonic_clock.h"
+#include "src/cameras/drivers/v4l2_system.h"
+#include "src/core/internal/monotonic_clock.h"
 #include "tests/cameras/camera_fakes.h"
 
 namespace palpate::test {

@@ -9,11 +9,11 @@
 #include <thread>
 
 #include "palpate/cameras/cameras.h"
-#include "src/cameras/camera_source.h"
-#include "src/cameras/frame_intake.h"
-#include "src/cameras/plausibility.h"
-#include "src/core/bounded_call.h"
-#include "src/core/monotonic_clock.h"
+#include "src/cameras/stream/camera_source.h"
+#include "src/cameras/stream/frame_intake.h"
+#include "src/cameras/stream/plausibility.h"
+#include "src/core/internal/bounded_call.h"
+#include "src/core/internal/monotonic_clock.h"
 #include "tests/cameras/conformance.h"
 #include "tests/test_util/wait_for.h"
 

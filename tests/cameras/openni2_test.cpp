@@ -12,7 +12,7 @@
 
 #include "palpate/cameras/cameras.h"
 #include "src/cameras/camera_kinds.h"
-#include "src/cameras/openni2_api.h"
+#include "src/cameras/drivers/openni2_api.h"
 #include "tests/cameras/conformance.h"
 #include "tests/cameras/fake_openni2.h"
 

@@ -6,7 +6,7 @@
 
 #include "palpate/cameras/cameras.h"
 #include "src/cameras/camera_kinds.h"
-#include "src/cameras/orbbec_api.h"
+#include "src/cameras/drivers/orbbec_api.h"
 #include "tests/cameras/conformance.h"
 #include "tests/cameras/fake_orbbec.h"
 

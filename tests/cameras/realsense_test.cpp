@@ -10,8 +10,8 @@
 
 #include "palpate/cameras/cameras.h"
 #include "src/cameras/camera_kinds.h"
-#include "src/cameras/python_packages.h"
-#include "src/cameras/realsense_api.h"
+#include "src/cameras/drivers/python_packages.h"
+#include "src/cameras/drivers/realsense_api.h"
 #include "tests/cameras/conformance.h"
 
 namespace palpate {

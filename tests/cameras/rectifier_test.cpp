@@ -1,5 +1,5 @@
 // Undistorted images against OpenCV's formulas, pixel by pixel.
-#include "src/cameras/rectifier.h"
+#include "src/cameras/stream/rectifier.h"
 
 #include <gtest/gtest.h>
 

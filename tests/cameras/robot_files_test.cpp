@@ -7,11 +7,11 @@
 
 #include "palpate/cameras/cameras.h"
 #include "palpate/io/formats.h"
-#include "src/cameras/joint_history.h"
-#include "src/cameras/robot_model.h"
+#include "src/cameras/robot/joint_history.h"
+#include "src/cameras/robot/robot_model.h"
 #include "src/io/internal/mcap_file.h"
-#include "src/io/ros_messages.h"
-#include "src/io/ros_types.h"
+#include "src/io/internal/ros_messages.h"
+#include "src/io/internal/ros_types.h"
 #include "tests/cameras/robot_scene.h"
 #include "tests/test_util/temporary_folder.h"
 

@@ -10,12 +10,12 @@
 #include <functional>
 #include <thread>
 
-#include "src/cameras/posed_source.h"
-#include "src/cameras/robot_model.h"
-#include "src/core/monotonic_clock.h"
-#include "src/io/ros_messages.h"
-#include "src/ros/dds_api.h"
-#include "src/ros/ros_node.h"
+#include "src/cameras/stream/posed_source.h"
+#include "src/cameras/robot/robot_model.h"
+#include "src/core/internal/monotonic_clock.h"
+#include "src/io/internal/ros_messages.h"
+#include "src/ros/internal/dds_api.h"
+#include "src/ros/internal/ros_node.h"
 #include "tests/cameras/robot_scene.h"
 #include "tests/test_util/temporary_folder.h"
 

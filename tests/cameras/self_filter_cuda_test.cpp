@@ -1,6 +1,6 @@
 // The self filter on a GPU: the bits of the one on a CPU, and right by rays and distances in
 // double.
-#include "src/cameras/link_image_cuda.h"
+#include "src/cameras/robot/link_image_cuda.h"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +9,7 @@
 #include <limits>
 #include <string>
 
-#include "src/cameras/link_image.h"
+#include "src/cameras/robot/link_image.h"
 #include "tests/cameras/robot_scene.h"
 #include "tests/test_util/gpu.h"
 #include "tests/test_util/random.h"

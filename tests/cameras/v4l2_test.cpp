@@ -1,7 +1,7 @@
 // Depth by Video4Linux, with a kernel of the tests.
 #include <gtest/gtest.h>
 
-#include "src/cameras/v4l2_system.h"
+#include "src/cameras/drivers/v4l2_system.h"
 #include "tests/cameras/conformance.h"
 #include "tests/cameras/fake_v4l2.h"
 #include "tests/test_util/wait_for.h"

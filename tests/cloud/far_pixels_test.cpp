@@ -1,5 +1,5 @@
 // Pixels that were measured as farther than max_depth: which of them are free, against brute force.
-#include "src/cloud/far_pixels.h"
+#include "src/cloud/frames/far_pixels.h"
 
 #include <algorithm>
 #include <cmath>

@@ -7,7 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "palpate/cloud/point_cloud.h"
-#include "src/gpu/runtime.h"
+#include "src/gpu/internal/runtime.h"
 
 namespace palpate::test {
 

@@ -1,5 +1,5 @@
 // Surface estimation on a GPU against that of the CPU: the same bits.
-#include "src/cloud/surface_cuda.h"
+#include "src/cloud/internal/surface_cuda.h"
 
 #include <algorithm>
 #include <cmath>

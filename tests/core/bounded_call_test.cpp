@@ -1,4 +1,4 @@
-#include "src/core/bounded_call.h"
+#include "src/core/internal/bounded_call.h"
 
 #include <gtest/gtest.h>
 

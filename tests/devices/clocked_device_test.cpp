@@ -1,4 +1,4 @@
-#include "src/devices/polling_device.h"
+#include "src/devices/internal/polling_device.h"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include <thread>
 #include <vector>
 
-#include "src/core/monotonic_clock.h"
+#include "src/core/internal/monotonic_clock.h"
 #include "tests/test_util/allocation_counter.h"
 #include "tests/test_util/wait_for.h"
 

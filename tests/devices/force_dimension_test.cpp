@@ -7,7 +7,7 @@
 #include <limits>
 #include <memory>
 
-#include "src/core/bounded_call.h"
+#include "src/core/internal/bounded_call.h"
 #include "src/devices/device_kinds.h"
 #include "tests/devices/fake_dhd.h"
 #include "tests/devices/fake_sdk.h"

@@ -1,6 +1,6 @@
 // The client of Haply's service against an emulated one, over sockets.
 
-#include "src/devices/haply_device.h"
+#include "src/devices/haply/haply_device.h"
 
 #include <gtest/gtest.h>
 

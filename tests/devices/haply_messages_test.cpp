@@ -1,13 +1,13 @@
 // Reading and writing the messages of Haply's service, with nlohmann::json as the judge.
 
-#include "src/devices/haply_messages.h"
+#include "src/devices/haply/haply_messages.h"
 
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "src/devices/json_scanner.h"
+#include "src/devices/haply/json_scanner.h"
 #include "tests/devices/mutation.h"
 #include "tests/test_util/allocation_counter.h"
 

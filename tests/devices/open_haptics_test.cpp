@@ -11,7 +11,7 @@
 #include <string_view>
 #include <thread>
 
-#include "src/core/bounded_call.h"
+#include "src/core/internal/bounded_call.h"
 #include "src/devices/device_kinds.h"
 #include "tests/devices/fake_hd.h"
 #include "tests/devices/fake_sdk.h"

@@ -1,5 +1,5 @@
 // Names of a tool that a robot holds.
-#include "src/devices/ros2_device.h"
+#include "src/devices/software/ros2_device.h"
 
 #include <gtest/gtest.h>
 

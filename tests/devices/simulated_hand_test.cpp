@@ -1,4 +1,4 @@
-#include "src/devices/simulated_hand.h"
+#include "src/devices/software/simulated_hand.h"
 
 #include <gtest/gtest.h>
 

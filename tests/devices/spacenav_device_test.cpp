@@ -14,7 +14,7 @@
 #include <vector>
 
 #include "src/devices/device_kinds.h"
-#include "src/devices/spacenav_connection.h"
+#include "src/devices/spacenav/spacenav_connection.h"
 #include "tests/devices/fake_spacenavd.h"
 #include "tests/test_util/allocation_counter.h"
 

@@ -1,6 +1,6 @@
 // The VRPN client against an emulated server with a Falcon, over sockets.
 
-#include "src/devices/vrpn_device.h"
+#include "src/devices/vrpn/vrpn_device.h"
 
 #include <gtest/gtest.h>
 

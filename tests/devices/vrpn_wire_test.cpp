@@ -1,6 +1,6 @@
 // VRPN's messages, byte for byte.
 
-#include "src/devices/vrpn_wire.h"
+#include "src/devices/vrpn/vrpn_wire.h"
 
 #include <gtest/gtest.h>
 

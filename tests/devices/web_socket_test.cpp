@@ -1,6 +1,6 @@
 // Frames of WebSockets, and the digest of their opening.
 
-#include "src/devices/web_socket.h"
+#include "src/devices/transport/web_socket.h"
 
 #include <gtest/gtest.h>
 
@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "src/devices/sha1.h"
-#include "src/devices/web_socket_frames.h"
+#include "src/devices/transport/sha1.h"
+#include "src/devices/transport/web_socket_frames.h"
 #include "tests/devices/mutation.h"
 #include "tests/test_util/allocation_counter.h"
 

@@ -6,7 +6,7 @@
 
 #include <gtest/gtest.h>
 
-#include "src/gpu/team.cuh"
+#include "src/gpu/internal/team.cuh"
 #include "tests/field/device_views.h"
 #include "tests/test_util/gpu.h"
 #include "tests/test_util/random.h"

@@ -9,7 +9,7 @@
 #include <gtest/gtest.h>
 
 #include "palpate/field/depth_field.h"
-#include "src/gpu/runtime.h"
+#include "src/gpu/internal/runtime.h"
 
 namespace palpate::test {
 

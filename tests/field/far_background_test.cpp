@@ -6,7 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "palpate/field/sensor.h"
-#include "src/field/field_memory.h"
+#include "src/field/memory/field_memory.h"
 
 namespace palpate {
 namespace {

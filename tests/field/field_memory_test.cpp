@@ -1,5 +1,5 @@
 // Memory of a pixel, and the fields that are made of it.
-#include "src/field/field_memory.h"
+#include "src/field/memory/field_memory.h"
 
 #include <cmath>
 #include <vector>

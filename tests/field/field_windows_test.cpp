@@ -1,5 +1,5 @@
 // Results for a window of the image, stage by stage.
-#include "src/field/field_windows.h"
+#include "src/field/pyramid/field_windows.h"
 
 #include <cmath>
 #include <cstring>

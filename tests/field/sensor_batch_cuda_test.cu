@@ -1,9 +1,9 @@
 // Many images at once on a GPU: the bits of the CPU's fields.
 #include <gtest/gtest.h>
 
-#include "src/field/batch_frames.h"
-#include "src/gpu/runtime.h"
-#include "src/gpu/team.cuh"
+#include "src/field/timeline/batch_frames.h"
+#include "src/gpu/internal/runtime.h"
+#include "src/gpu/internal/team.cuh"
 #include "tests/field/device_views.h"
 #include "tests/field/rough_images.h"
 #include "tests/test_util/gpu.h"

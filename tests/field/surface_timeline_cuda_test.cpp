@@ -6,7 +6,7 @@
 
 #include <gtest/gtest.h>
 
-#include "src/field/frame_slots.h"
+#include "src/field/timeline/frame_slots.h"
 #include "tests/field/device_views.h"
 #include "tests/test_util/gpu.h"
 #include "tests/test_util/random.h"

@@ -6,10 +6,10 @@
 
 #include "palpate/cameras/cameras.h"
 #include "palpate/io/formats.h"
-#include "src/cameras/depth_messages.h"
-#include "src/core/shared_library.h"
+#include "src/cameras/messages/depth_messages.h"
+#include "src/core/internal/shared_library.h"
 #include "src/io/internal/mcap_file.h"
-#include "src/io/ros_messages.h"
+#include "src/io/internal/ros_messages.h"
 #include "tests/fuzz/target.h"
 #include "tests/io/ros1_bag_writer.h"
 

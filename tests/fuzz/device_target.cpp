@@ -7,11 +7,11 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "src/devices/haply_messages.h"
-#include "src/devices/json_scanner.h"
-#include "src/devices/spacenav_connection.h"
-#include "src/devices/vrpn_wire.h"
-#include "src/devices/web_socket_frames.h"
+#include "src/devices/haply/haply_messages.h"
+#include "src/devices/haply/json_scanner.h"
+#include "src/devices/spacenav/spacenav_connection.h"
+#include "src/devices/vrpn/vrpn_wire.h"
+#include "src/devices/transport/web_socket_frames.h"
 #include "tests/fuzz/target.h"
 
 namespace palpate::fuzz {

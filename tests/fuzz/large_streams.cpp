@@ -2,10 +2,10 @@
 #include <algorithm>
 #include <span>
 
-#include "src/devices/haply_messages.h"
-#include "src/devices/vrpn_wire.h"
-#include "src/devices/web_socket_frames.h"
-#include "src/io/ros_messages.h"
+#include "src/devices/haply/haply_messages.h"
+#include "src/devices/vrpn/vrpn_wire.h"
+#include "src/devices/transport/web_socket_frames.h"
+#include "src/io/internal/ros_messages.h"
 #include "src/ros/native_layout.h"
 #include "tests/fuzz/large_inputs.h"
 

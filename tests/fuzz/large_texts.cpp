@@ -5,10 +5,10 @@
 #include "palpate/io/files.h"
 #include "palpate/io/formats.h"
 #include "palpate/session/run.h"
-#include "src/cameras/joint_history.h"
-#include "src/cameras/robot_model.h"
-#include "src/io/cdr.h"
-#include "src/session/run_messages.h"
+#include "src/cameras/robot/joint_history.h"
+#include "src/cameras/robot/robot_model.h"
+#include "src/io/internal/cdr.h"
+#include "src/session/internal/run_messages.h"
 #include "tests/fuzz/large_inputs.h"
 
 namespace palpate::fuzz {

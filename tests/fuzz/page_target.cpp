@@ -6,10 +6,10 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
-#include "src/devices/page_hand.h"
+#include "src/devices/software/page_hand.h"
 #include "src/math/internal/rotation_vector.h"
-#include "src/viewer/page_outbox.h"
-#include "src/viewer/view_hub.h"
+#include "src/viewer/server/page_outbox.h"
+#include "src/viewer/server/view_hub.h"
 #include "tests/fuzz/target.h"
 #include "tests/viewer/scripted_source.h"
 

@@ -7,7 +7,7 @@
 #include "palpate/session/run.h"
 #include "src/io/internal/mcap_file.h"
 #include "src/session/internal/run_folder.h"
-#include "src/session/run_messages.h"
+#include "src/session/internal/run_messages.h"
 #include "tests/fuzz/target.h"
 #include "tests/session/path_run.h"
 #include "tests/session/synthetic_stream.h"

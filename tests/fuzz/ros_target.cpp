@@ -1,5 +1,5 @@
 // Messages of ROS 2 from other programs. The first byte says of which type.
-#include "src/io/ros_messages.h"
+#include "src/io/internal/ros_messages.h"
 #include "src/ros/native_layout.h"
 #include "tests/fuzz/target.h"
 

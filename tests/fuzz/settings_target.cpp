@@ -1,10 +1,10 @@
 // Settings files, and settings as a page sends them.
 #include "palpate/run/run_loop.h"
 #include "palpate/session/run.h"
-#include "src/session/settings_json.h"
-#include "src/viewer/command.h"
-#include "src/viewer/controls.h"
-#include "src/viewer/messages.h"
+#include "src/session/internal/settings_json.h"
+#include "src/viewer/protocol/command.h"
+#include "src/viewer/protocol/controls.h"
+#include "src/viewer/protocol/messages.h"
 #include "tests/fuzz/target.h"
 
 namespace palpate::fuzz {

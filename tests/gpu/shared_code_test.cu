@@ -4,8 +4,8 @@
 #include <gtest/gtest.h>
 
 #include "palpate/math/geometry.h"
-#include "src/gpu/runtime.h"
-#include "src/gpu/team.cuh"
+#include "src/gpu/internal/runtime.h"
+#include "src/gpu/internal/team.cuh"
 #include "tests/test_util/gpu.h"
 
 namespace palpate {

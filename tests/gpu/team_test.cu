@@ -5,8 +5,8 @@
 
 #include <gtest/gtest.h>
 
-#include "src/gpu/runtime.h"
-#include "src/gpu/team.cuh"
+#include "src/gpu/internal/runtime.h"
+#include "src/gpu/internal/team.cuh"
 #include "tests/test_util/gpu.h"
 
 namespace palpate {

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "src/haptics/internal/matrix6.h"
-#include "src/haptics/rotated.h"
+#include "src/haptics/coupling/rotated.h"
 #include "tests/test_util/allocation_counter.h"
 #include "tests/test_util/random.h"
 

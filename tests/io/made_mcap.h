@@ -5,7 +5,7 @@
 #include <string>
 #include <string_view>
 
-#include "src/io/mcap_format.h"
+#include "src/io/bags/mcap_format.h"
 
 namespace palpate::test {
 

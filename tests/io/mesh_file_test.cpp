@@ -12,7 +12,7 @@
 
 #include "palpate/mesh/mesh.h"
 #include "src/io/internal/atomic_file.h"
-#include "src/io/mesh_parsers.h"
+#include "src/io/meshes/mesh_parsers.h"
 #include "tests/test_util/data.h"
 #include "tests/test_util/random.h"
 #include "tests/test_util/temporary_folder.h"

@@ -12,7 +12,7 @@
 #include <utility>
 #include <vector>
 
-#include "src/io/mcap_format.h"
+#include "src/io/bags/mcap_format.h"
 
 namespace palpate::test {
 

@@ -1,12 +1,12 @@
 // Names and hashes of message types against what ROS 2 itself prints.
-#include "src/io/ros_types.h"
+#include "src/io/internal/ros_types.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
-#include "src/io/ros_messages.h"
-#include "src/io/sha256.h"
+#include "src/io/internal/ros_messages.h"
+#include "src/io/files/sha256.h"
 
 namespace palpate {
 namespace {

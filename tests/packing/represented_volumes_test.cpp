@@ -9,8 +9,8 @@
 
 #include "palpate/mesh/mesh.h"
 #include "src/packing/power_neighbors.h"
-#include "src/packing/ray_patches.h"
-#include "src/packing/triangle_bvh.h"
+#include "src/packing/solid/ray_patches.h"
+#include "src/packing/solid/triangle_bvh.h"
 #include "tests/test_util/random.h"
 #include "tests/test_util/scan_mesh.h"
 

@@ -8,7 +8,7 @@
 
 #include "palpate/math/geometry.h"
 #include "palpate/mesh/mesh.h"
-#include "src/packing/triangle_bvh.h"
+#include "src/packing/solid/triangle_bvh.h"
 #include "tests/test_util/random.h"
 
 namespace palpate {

@@ -6,7 +6,7 @@
 #include "palpate/mesh/mesh.h"
 #include "palpate/packing/packing.h"
 #include "src/mesh/internal/surface_points.h"
-#include "src/packing/surface_watch.h"
+#include "src/packing/solid/surface_watch.h"
 #include "tests/test_util/standoff_truth.h"
 
 namespace palpate {

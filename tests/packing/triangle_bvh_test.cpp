@@ -1,4 +1,4 @@
-#include "src/packing/triangle_bvh.h"
+#include "src/packing/solid/triangle_bvh.h"
 
 #include <algorithm>
 

@@ -31,10 +31,10 @@
 #include <thread>
 #include <vector>
 
-#include "src/io/cdr.h"
-#include "src/io/ros_image.h"
-#include "src/io/ros_messages.h"
-#include "src/io/ros_types.h"
+#include "src/io/internal/cdr.h"
+#include "src/io/internal/ros_image.h"
+#include "src/io/internal/ros_messages.h"
+#include "src/io/internal/ros_types.h"
 
 namespace fast = eprosima::fastdds::dds;
 namespace rtps = eprosima::fastrtps::rtps;

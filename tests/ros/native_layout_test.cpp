@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "src/io/ros_messages.h"
+#include "src/io/internal/ros_messages.h"
 
 namespace palpate {
 namespace {

@@ -1,13 +1,13 @@
 // Nodes that hear each other through Cyclone DDS, on this computer alone.
-#include "src/ros/ros_node.h"
+#include "src/ros/internal/ros_node.h"
 
 #include <gtest/gtest.h>
 
 #include <cstdlib>
 #include <mutex>
 
-#include "src/io/ros_messages.h"
-#include "src/ros/dds_api.h"
+#include "src/io/internal/ros_messages.h"
+#include "src/ros/internal/dds_api.h"
 #include "tests/test_util/wait_for.h"
 
 namespace palpate {

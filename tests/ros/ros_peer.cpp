@@ -7,7 +7,7 @@
 #include <sstream>
 #include <string>
 
-#include "src/io/ros_messages.h"
+#include "src/io/internal/ros_messages.h"
 #include "src/ros/native_layout.h"
 
 namespace palpate {

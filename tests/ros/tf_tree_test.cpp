@@ -1,12 +1,12 @@
 // Chains of frames against poses that are multiplied by hand.
-#include "src/ros/tf_tree.h"
+#include "src/ros/internal/tf_tree.h"
 
 #include <gtest/gtest.h>
 
 #include <limits>
 #include <utility>
 
-#include "src/ros/tf_history.h"
+#include "src/ros/internal/tf_history.h"
 
 namespace palpate {
 namespace {

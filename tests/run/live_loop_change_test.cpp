@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "eval/studies/method_queries.h"
-#include "src/core/monotonic_clock.h"
+#include "src/core/internal/monotonic_clock.h"
 #include "src/run/internal/pipeline.h"
 #include "src/run/loop/haptic_stage.h"
 #include "tests/run/live_loop_fixtures.h"

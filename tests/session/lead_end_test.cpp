@@ -1,4 +1,4 @@
-#include "src/session/lead_end.h"
+#include "src/session/probing/lead_end.h"
 
 #include <gtest/gtest.h>
 

@@ -15,7 +15,7 @@
 #include "src/io/internal/atomic_file.h"
 #include "src/io/internal/mcap_file.h"
 #include "src/session/internal/run_folder.h"
-#include "src/session/run_messages.h"
+#include "src/session/internal/run_messages.h"
 #include "tests/session/live_hand.h"
 #include "tests/session/recorded_messages.h"
 #include "tests/session/repeated_run.h"

@@ -11,7 +11,7 @@
 #include "src/io/internal/atomic_file.h"
 #include "src/run/internal/pipeline.h"
 #include "src/session/internal/run_folder.h"
-#include "src/session/run_messages.h"
+#include "src/session/internal/run_messages.h"
 #include "tests/session/path_run.h"
 #include "tests/session/recorded_messages.h"
 #include "tests/session/repeated_run.h"

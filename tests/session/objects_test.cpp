@@ -8,7 +8,7 @@
 #include "src/io/internal/atomic_file.h"
 #include "src/run/internal/pipeline.h"
 #include "src/session/internal/run_folder.h"
-#include "src/session/run_messages.h"
+#include "src/session/internal/run_messages.h"
 #include "tests/session/path_run.h"
 #include "tests/session/synthetic_stream.h"
 #include "tests/test_util/allocation_counter.h"

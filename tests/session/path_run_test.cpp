@@ -1,7 +1,7 @@
 // Runs along a path: when frames become current, when they end, and that they repeat.
 #include <gtest/gtest.h>
 
-#include "src/session/run_messages.h"
+#include "src/session/internal/run_messages.h"
 #include "tests/session/path_run.h"
 #include "tests/session/synthetic_stream.h"
 

@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "palpate/math/geometry.h"
-#include "src/session/coarse_depth.h"
+#include "src/session/probing/coarse_depth.h"
 #include "tests/session/function_stream.h"
 #include "tests/session/packed_tool.h"
 #include "tests/session/path_run.h"

@@ -9,7 +9,7 @@
 #include "palpate/session/run.h"
 #include "src/io/internal/atomic_file.h"
 #include "src/session/internal/run_folder.h"
-#include "src/session/run_reader.h"
+#include "src/session/internal/run_reader.h"
 #include "tests/session/path_run.h"
 #include "tests/session/repeated_run.h"
 #include "tests/session/synthetic_stream.h"

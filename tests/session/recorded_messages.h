@@ -10,7 +10,7 @@
 
 #include "src/io/internal/mcap_file.h"
 #include "src/session/internal/run_folder.h"
-#include "src/session/run_messages.h"
+#include "src/session/internal/run_messages.h"
 
 namespace palpate::test {
 

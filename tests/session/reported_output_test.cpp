@@ -4,7 +4,7 @@
 
 #include "palpate/session/run.h"
 #include "src/run/internal/reported_output.h"
-#include "src/session/run_results.h"
+#include "src/session/report/run_results.h"
 #include "tests/session/path_run.h"
 #include "tests/session/wrench_csv.h"
 #include "tests/test_util/contact_scenes.h"

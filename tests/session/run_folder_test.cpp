@@ -5,7 +5,7 @@
 #include <fstream>
 #include <optional>
 
-#include "src/session/run_recorder.h"
+#include "src/session/recording/run_recorder.h"
 #include "tests/session/synthetic_stream.h"
 
 namespace palpate {

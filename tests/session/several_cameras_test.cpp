@@ -6,9 +6,9 @@
 #include <map>
 
 #include "palpate/session/run.h"
-#include "src/io/ros_messages.h"
+#include "src/io/internal/ros_messages.h"
 #include "src/session/internal/run_folder.h"
-#include "src/session/run_reader.h"
+#include "src/session/internal/run_reader.h"
 #include "tests/session/function_stream.h"
 #include "tests/session/path_run.h"
 #include "tests/session/recorded_messages.h"

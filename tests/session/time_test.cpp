@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "src/run/internal/pipeline.h"
-#include "src/session/run_messages.h"
+#include "src/session/internal/run_messages.h"
 #include "tests/session/function_stream.h"
 #include "tests/session/path_run.h"
 #include "tests/session/synthetic_stream.h"

@@ -1,5 +1,5 @@
 // A wall at half a meter and a tool that goes to it, with depth in every unit read as every other.
-#include "src/session/unit_watch.h"
+#include "src/session/recording/unit_watch.h"
 
 #include <gtest/gtest.h>
 

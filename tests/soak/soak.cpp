@@ -26,7 +26,7 @@
 #include "palpate/devices/devices.h"
 #include "palpate/session/run.h"
 #include "palpate/viewer/viewer.h"
-#include "src/core/monotonic_clock.h"
+#include "src/core/internal/monotonic_clock.h"
 #include "src/session/internal/run_folder.h"
 #include "tests/session/path_run.h"
 #include "tests/test_util/contact_scenes.h"

@@ -7,7 +7,7 @@
 #include <cmath>
 
 #include "palpate/math/geometry.h"
-#include "src/contact/index/ball_parts.h"
+#include "src/contact/internal/ball_parts.h"
 
 namespace palpate::test {
 

@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "palpate/contact/contact.h"
-#include "src/contact/field/ball_cut.h"
-#include "src/contact/index/field_elements.h"
+#include "src/contact/internal/ball_cut.h"
+#include "src/contact/internal/field_elements.h"
 #include "src/field/internal/field_sample.h"
 #include "tests/test_util/ball_truth.h"
 

@@ -5,9 +5,9 @@
 
 #include <gtest/gtest.h>
 
-#include "src/gpu/runtime.h"
+#include "src/gpu/internal/runtime.h"
 #if defined(PALPATE_EMULATE_CUDA)
-#include "src/gpu/emulator.h"
+#include "src/gpu/internal/emulator.h"
 #endif
 
 /// First line of a test that needs a GPU.

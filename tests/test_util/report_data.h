@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "src/pages/page_files.h"
+#include "src/pages/internal/page_files.h"
 
 /// Ends the test in a build without pages.
 #define PALPATE_PAGES_OR_SKIP() \

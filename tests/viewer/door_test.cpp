@@ -1,6 +1,6 @@
 // The viewer's door: clients that do not end their request, do not take its answer, or come too
 // often.
-#include "src/viewer/door_limits.h"
+#include "src/viewer/server/door_limits.h"
 
 #include <gtest/gtest.h>
 

@@ -1,11 +1,11 @@
-#include "src/viewer/messages.h"
+#include "src/viewer/protocol/messages.h"
 
 #include <limits>
 #include <optional>
 
 #include <gtest/gtest.h>
 
-#include "src/viewer/page_outbox.h"
+#include "src/viewer/server/page_outbox.h"
 #include "tests/viewer/message_reader.h"
 #include "tests/viewer/scripted_source.h"
 

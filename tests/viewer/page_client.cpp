@@ -17,7 +17,7 @@
 #include <cstdlib>
 #include <optional>
 
-#include "src/core/monotonic_clock.h"
+#include "src/core/internal/monotonic_clock.h"
 
 namespace palpate::test {
 namespace {

@@ -1,5 +1,5 @@
 // Recordings in which what is looked for is far away or missing: they are read once for it.
-#include "src/viewer/recorded_run.h"
+#include "src/viewer/sources/recorded_run.h"
 
 #include <gtest/gtest.h>
 
@@ -9,9 +9,9 @@
 #include <vector>
 
 #include "palpate/session/run.h"
-#include "src/session/run_messages.h"
-#include "src/viewer/frame_cache.h"
-#include "src/viewer/mcap_index.h"
+#include "src/session/internal/run_messages.h"
+#include "src/viewer/sources/frame_cache.h"
+#include "src/viewer/sources/mcap_index.h"
 #include "tests/session/path_run.h"
 #include "tests/session/recorded_messages.h"
 #include "tests/session/synthetic_stream.h"

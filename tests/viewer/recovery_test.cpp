@@ -13,7 +13,7 @@
 
 #include "palpate/session/run.h"
 #include "palpate/viewer/viewer.h"
-#include "src/core/monotonic_clock.h"
+#include "src/core/internal/monotonic_clock.h"
 #include "tests/session/live_hand.h"
 #include "tests/session/synthetic_stream.h"
 #include "tests/viewer/watcher.h"

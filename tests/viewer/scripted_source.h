@@ -16,7 +16,7 @@
 
 #include "palpate/mesh/mesh.h"
 #include "palpate/viewer/viewer.h"
-#include "src/core/monotonic_clock.h"
+#include "src/core/internal/monotonic_clock.h"
 
 namespace palpate::test {
 

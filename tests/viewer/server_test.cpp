@@ -9,7 +9,7 @@
 
 #include <gtest/gtest.h>
 
-#include "src/viewer/rate_limit.h"
+#include "src/viewer/server/rate_limit.h"
 #include "tests/test_util/own_nice.h"
 #include "tests/test_util/random.h"
 #include "tests/test_util/sanitized.h"

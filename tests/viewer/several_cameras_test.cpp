@@ -10,7 +10,7 @@
 
 #include "palpate/session/run.h"
 #include "palpate/viewer/viewer.h"
-#include "src/viewer/repetition.h"
+#include "src/viewer/sources/repetition.h"
 #include "tests/session/path_run.h"
 #include "tests/test_util/contact_scenes.h"
 #include "tests/test_util/posed_wall.h"

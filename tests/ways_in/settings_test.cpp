@@ -17,8 +17,8 @@
 #include "palpate/session/run.h"
 #include "src/bodies/internal/moving_bodies.h"
 #include "src/run/internal/pipeline.h"
-#include "src/session/settings_json.h"
-#include "src/viewer/controls.h"
+#include "src/session/internal/settings_json.h"
+#include "src/viewer/protocol/controls.h"
 #include "tests/run/live_loop_fixtures.h"
 #include "tests/test_util/temporary_folder.h"
 

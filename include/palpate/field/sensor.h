@@ -97,7 +97,7 @@ inline constexpr int kMaxCameras = 16;
 /// ignores occlusion. Clouds in host memory. O(points).
 PointCloud joined_clouds(std::span<const SurfaceBlend> cameras);
 
-class FrameSlots;  // how the surfaces of frames are made, see src/field/frame_slots.h
+class FrameSlots;  // how the surfaces of frames are made, see src/field/timeline/frame_slots.h
 struct SlotSettings;
 
 /// Turns a stream of frames into blends of surfaces. All memory is allocated at construction.

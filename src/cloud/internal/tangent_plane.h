@@ -6,7 +6,7 @@
 
 #include "palpate/cloud/point_cloud.h"
 #include "palpate/core/core.h"
-#include "src/cloud/raw_depth.h"
+#include "src/cloud/frames/raw_depth.h"
 
 namespace palpate { inline namespace v0 {
 

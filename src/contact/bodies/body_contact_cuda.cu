@@ -10,7 +10,7 @@
 #include "src/contact/bodies/body_pair.h"
 #include "src/contact/cuda/finish_measure.cuh"
 #include "src/contact/index/tool_parts.h"
-#include "src/gpu/team.cuh"
+#include "src/gpu/internal/team.cuh"
 
 namespace palpate { inline namespace v0 {
 namespace {

@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "src/contact/bodies/body_pair.h"
-#include "src/core/select_isa.h"
+#include "src/core/internal/select_isa.h"
 
 namespace palpate { inline namespace v0 {
 PALPATE_DECLARE_KERNELS(void measure_solid_group(const SolidJob&, int group, bool with_stiffness,

@@ -19,8 +19,8 @@
 #include "src/contact/points/point_query.h"
 #include "src/contact/points/scan/boundary_stage.cuh"
 #include "src/contact/points/scan/scan_stage.cuh"
-#include "src/gpu/runtime.h"
-#include "src/gpu/team.cuh"
+#include "src/gpu/internal/runtime.h"
+#include "src/gpu/internal/team.cuh"
 
 namespace palpate { inline namespace v0 {
 namespace {

@@ -6,7 +6,7 @@
 #include <cstring>
 
 #include "src/contact/cuda/query_answer.h"
-#include "src/gpu/team.cuh"
+#include "src/gpu/internal/team.cuh"
 
 namespace palpate { inline namespace v0 {
 

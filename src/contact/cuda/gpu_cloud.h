@@ -6,7 +6,7 @@
 
 #include "palpate/cloud/point_cloud.h"
 #include "src/contact/cuda/copy_slots.h"
-#include "src/gpu/runtime.h"
+#include "src/gpu/internal/runtime.h"
 
 namespace palpate { inline namespace v0 {
 

@@ -8,7 +8,7 @@
 
 #include "palpate/contact/contact.h"
 #include "src/contact/field/field_element.h"
-#include "src/gpu/runtime.h"
+#include "src/gpu/internal/runtime.h"
 
 namespace palpate { inline namespace v0 {
 

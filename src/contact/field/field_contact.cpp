@@ -6,7 +6,7 @@
 
 #include "src/contact/blend.h"
 #include "src/contact/hull/depth_hull.h"
-#include "src/core/select_isa.h"
+#include "src/core/internal/select_isa.h"
 
 namespace palpate { inline namespace v0 {
 PALPATE_DECLARE_KERNELS(void measure_group(const MeasureJob&, int group, bool with_stiffness,

@@ -4,10 +4,10 @@
 #include <type_traits>
 
 #include "src/contact/cuda/query_answer.h"
-#include "src/contact/field/ball_cut.h"
+#include "src/contact/internal/ball_cut.h"
 #include "src/contact/field/field_tool_cuda.h"
-#include "src/contact/hull/hull_rules.h"
-#include "src/gpu/team.cuh"
+#include "src/contact/internal/hull_rules.h"
+#include "src/gpu/internal/team.cuh"
 
 namespace palpate { inline namespace v0 {
 static_assert(SphereClusters::kSize == gpu::kWarpSize);

@@ -5,7 +5,7 @@
 #include <type_traits>
 
 #include "src/contact/field/field_contact.h"
-#include "src/core/simd.h"
+#include "src/core/internal/simd.h"
 #include "src/field/internal/field_curvature.h"
 
 namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE { namespace {

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <vector>
 
-#include "src/contact/index/ball_parts.h"
+#include "src/contact/internal/ball_parts.h"
 
 namespace palpate { inline namespace v0 {
 

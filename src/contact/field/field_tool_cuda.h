@@ -3,7 +3,7 @@
 
 #include "src/contact/field/field_bound.h"
 #include "src/contact/index/tool_parts.h"
-#include "src/gpu/runtime.h"
+#include "src/gpu/internal/runtime.h"
 
 namespace palpate { inline namespace v0 {
 

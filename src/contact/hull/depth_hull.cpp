@@ -5,7 +5,7 @@
 
 #include "src/contact/blend.h"
 #include "src/contact/hull/camera_seats.h"
-#include "src/core/select_isa.h"
+#include "src/core/internal/select_isa.h"
 
 namespace palpate { inline namespace v0 {
 PALPATE_DECLARE_KERNELS(void measure_hull_group(const HullJob&, int group, bool with_stiffness,

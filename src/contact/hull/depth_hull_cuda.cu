@@ -8,7 +8,7 @@
 #include "src/contact/field/field_contact.h"
 #include "src/contact/field/field_elements_cuda.cuh"
 #include "src/contact/hull/camera_seats.h"
-#include "src/contact/hull/hull_rules.h"
+#include "src/contact/internal/hull_rules.h"
 
 namespace palpate { inline namespace v0 {
 

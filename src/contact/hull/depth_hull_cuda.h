@@ -7,7 +7,7 @@
 #include "src/contact/cuda/gpu_field.h"
 #include "src/contact/cuda/query_answer.h"
 #include "src/contact/field/field_tool_cuda.h"
-#include "src/gpu/runtime.h"
+#include "src/gpu/internal/runtime.h"
 
 namespace palpate { inline namespace v0 {
 

@@ -1,8 +1,8 @@
-#include "src/contact/index/ball_parts.h"
+#include "src/contact/internal/ball_parts.h"
 
 #include <cmath>
 
-#include "src/contact/field/ball_cut.h"
+#include "src/contact/internal/ball_cut.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

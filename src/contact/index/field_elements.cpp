@@ -1,10 +1,10 @@
-#include "src/contact/index/field_elements.h"
+#include "src/contact/internal/field_elements.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "src/contact/field/ball_cut.h"
-#include "src/contact/index/ball_parts.h"
+#include "src/contact/internal/ball_cut.h"
+#include "src/contact/internal/ball_parts.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

@@ -7,7 +7,7 @@
 #include <optional>
 
 #include "palpate/contact/contact.h"
-#include "src/contact/index/field_elements.h"
+#include "src/contact/internal/field_elements.h"
 #include "src/contact/index/path_lengths.h"
 #include "src/contact/index/sorted_graph.h"
 #include "src/contact/index/sphere_clusters.h"

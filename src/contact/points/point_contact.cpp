@@ -18,7 +18,7 @@
 #include "src/contact/points/scan/boundary_plane.h"
 #include "src/contact/points/scan/boundary_points.h"
 #include "src/contact/points/scan/point_scan.h"
-#include "src/core/select_isa.h"
+#include "src/core/internal/select_isa.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

@@ -11,9 +11,9 @@
 #include "palpate/run/run_loop.h"
 #include "src/core/internal/guarded.h"
 #include "src/core/internal/triple_buffer.h"
-#include "src/core/monotonic_clock.h"
+#include "src/core/internal/monotonic_clock.h"
 #include "src/run/internal/pipeline.h"
-#include "src/run/loop/frame_queue.h"
+#include "src/run/loop/queues/frame_queue.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

@@ -5,8 +5,8 @@
 #include <utility>
 
 #include "src/core/internal/guarded.h"
-#include "src/core/monotonic_clock.h"
-#include "src/run/loop/real_time.h"
+#include "src/core/internal/monotonic_clock.h"
+#include "src/run/internal/real_time.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

@@ -12,7 +12,7 @@
 #include "palpate/run/run_loop.h"
 #include "src/run/internal/pipeline.h"
 #include "src/run/loop/blend_clock.h"
-#include "src/run/loop/record_queue.h"
+#include "src/run/loop/queues/record_queue.h"
 #include "src/run/loop/stiffness_schedule.h"
 #include "src/run/loop/surface_stage.h"
 

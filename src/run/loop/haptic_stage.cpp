@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <utility>
 
-#include "src/core/monotonic_clock.h"
-#include "src/run/loop/real_time.h"
+#include "src/core/internal/monotonic_clock.h"
+#include "src/run/internal/real_time.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

@@ -9,8 +9,8 @@
 #include "src/core/internal/triple_buffer.h"
 #include "src/run/internal/pipeline.h"
 #include "src/run/loop/contact_stage.h"
-#include "src/run/loop/mailbox.h"
-#include "src/run/loop/record_queue.h"
+#include "src/run/loop/queues/mailbox.h"
+#include "src/run/loop/queues/record_queue.h"
 #include "src/run/loop/surface_stage.h"
 
 namespace palpate { inline namespace v0 {

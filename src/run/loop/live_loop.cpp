@@ -10,16 +10,16 @@
 #include <utility>
 
 #include "src/core/internal/guarded.h"
-#include "src/core/monotonic_clock.h"
-#include "src/core/thread_rank.h"
+#include "src/core/internal/monotonic_clock.h"
+#include "src/core/internal/thread_rank.h"
 #include "src/run/internal/pipeline.h"
 #include "src/run/loop/contact_stage.h"
-#include "src/run/loop/event.h"
+#include "src/run/internal/event.h"
 #include "src/run/loop/haptic_stage.h"
 #include "src/run/loop/load_governor.h"
 #include "src/run/loop/publisher.h"
 #include "src/run/loop/rates.h"
-#include "src/run/loop/real_time.h"
+#include "src/run/internal/real_time.h"
 #include "src/run/loop/surface_stage.h"
 #include "src/run/setting_changes.h"
 

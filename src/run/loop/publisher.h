@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "palpate/run/run_loop.h"
-#include "src/run/loop/record_queue.h"
+#include "src/run/loop/queues/record_queue.h"
 
 namespace palpate { inline namespace v0 {
 

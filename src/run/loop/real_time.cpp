@@ -1,4 +1,4 @@
-#include "src/run/loop/real_time.h"
+#include "src/run/internal/real_time.h"
 
 #include <pthread.h>
 #include <sched.h>

@@ -8,8 +8,8 @@
 #include <utility>
 
 #include "src/core/internal/guarded.h"
-#include "src/core/monotonic_clock.h"
-#include "src/core/thread_rank.h"
+#include "src/core/internal/monotonic_clock.h"
+#include "src/core/internal/thread_rank.h"
 #include "src/field/internal/needed_window.h"
 #include "src/run/internal/pipeline.h"
 

@@ -15,10 +15,10 @@
 
 #include "palpate/run/run_loop.h"
 #include "src/core/internal/triple_buffer.h"
-#include "src/run/loop/event.h"
-#include "src/run/loop/mailbox.h"
-#include "src/run/loop/paced_source.h"
-#include "src/run/loop/record_queue.h"
+#include "src/run/internal/event.h"
+#include "src/run/loop/queues/mailbox.h"
+#include "src/run/loop/queues/paced_source.h"
+#include "src/run/loop/queues/record_queue.h"
 
 namespace palpate { inline namespace v0 {
 

@@ -7,7 +7,7 @@
 #include <span>
 #include <string>
 
-#include "src/session/base64.h"
+#include "src/session/report/base64.h"
 
 namespace palpate { inline namespace v0 {
 

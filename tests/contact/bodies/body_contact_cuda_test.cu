@@ -9,7 +9,7 @@
 
 #include "palpate/contact/body_contact.h"
 #include "palpate/packing/packing.h"
-#include "src/gpu/device_code.cuh"
+#include "src/gpu/internal/device_code.cuh"
 #include "tests/test_util/allocation_counter.h"
 #include "tests/test_util/contact_scenes.h"
 #include "tests/test_util/gpu.h"

@@ -11,7 +11,7 @@
 #include "palpate/contact/body_contact.h"
 #include "palpate/packing/packing.h"
 #include "src/contact/bodies/solid_contact.h"
-#include "src/gpu/device_code.cuh"
+#include "src/gpu/internal/device_code.cuh"
 #include "tests/test_util/allocation_counter.h"
 #include "tests/test_util/body_motion.h"
 #include "tests/test_util/contact_scenes.h"

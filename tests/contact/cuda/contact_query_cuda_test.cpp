@@ -10,7 +10,7 @@
 #include <gtest/gtest.h>
 
 #if defined(PALPATE_EMULATE_CUDA)
-#include "src/gpu/emulator.h"
+#include "src/gpu/internal/emulator.h"
 #endif
 #include "eval/studies/method_queries.h"
 #include "tests/test_util/contact_checks.h"

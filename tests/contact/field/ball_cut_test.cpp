@@ -1,12 +1,12 @@
 // A ball in thirty parts, corrected by a plane: exact on planes, the derivative of one potential,
 // and never a force without volume.
-#include "src/contact/field/ball_cut.h"
+#include "src/contact/internal/ball_cut.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
-#include "src/contact/index/ball_parts.h"
+#include "src/contact/internal/ball_parts.h"
 #include "tests/test_util/ball_truth.h"
 #include "tests/test_util/random.h"
 

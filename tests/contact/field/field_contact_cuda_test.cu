@@ -13,7 +13,7 @@
 #include "tests/test_util/gpu.h"
 
 #if defined(PALPATE_EMULATE_CUDA)
-#include "src/gpu/emulator.h"
+#include "src/gpu/internal/emulator.h"
 #endif
 
 namespace palpate {

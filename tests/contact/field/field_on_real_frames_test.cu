@@ -11,7 +11,7 @@
 #include "palpate/contact/contact.h"
 #include "palpate/field/depth_field.h"
 #include "palpate/io/formats.h"
-#include "src/contact/index/field_elements.h"
+#include "src/contact/internal/field_elements.h"
 #include "src/field/internal/field_sample.h"
 #include "tests/test_util/contact_scenes.h"
 #include "tests/test_util/data.h"

@@ -1,6 +1,6 @@
 // The rules by which cameras are joined: their derivatives, once and twice, are those of their
 // values.
-#include "src/contact/hull/hull_rules.h"
+#include "src/contact/internal/hull_rules.h"
 
 #include <gtest/gtest.h>
 

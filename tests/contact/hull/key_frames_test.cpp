@@ -9,7 +9,7 @@
 #include <gtest/gtest.h>
 
 #include "palpate/contact/contact.h"
-#include "src/field/key_frames.h"
+#include "src/field/internal/key_frames.h"
 #include "tests/test_util/allocation_counter.h"
 #include "tests/test_util/contact_scenes.h"
 #include "tests/test_util/hull_scenes.h"

@@ -1,5 +1,5 @@
 // A ball in parts has its volume and its moments, and behind any plane as much as the ball.
-#include "src/contact/index/ball_parts.h"
+#include "src/contact/internal/ball_parts.h"
 
 #include <gtest/gtest.h>
 

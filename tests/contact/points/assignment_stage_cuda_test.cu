@@ -14,7 +14,7 @@
 
 #include "src/contact/points/donors/donors.h"
 #include "src/contact/points/donors/plane_assignment.h"
-#include "src/gpu/runtime.h"
+#include "src/gpu/internal/runtime.h"
 #include "tests/test_util/gpu.h"
 #include "tests/test_util/random.h"
 

@@ -17,7 +17,7 @@
 #include "src/contact/points/scan/boundary_stage.cuh"
 #include "src/contact/points/scan/image_window.h"
 #include "src/contact/points/scan/scan_stage.cuh"
-#include "src/gpu/runtime.h"
+#include "src/gpu/internal/runtime.h"
 #include "tests/test_util/contact_scenes.h"
 #include "tests/test_util/gpu.h"
 

@@ -1,7 +1,7 @@
 import { element } from '../dom';
 import { STATE_COLORS } from '../scene/colors';
-import { DepthRange } from '../scene/depth_range';
-import { cameraNames } from '../scene/frustum';
+import { DepthRange } from '../scene/cameras/depth_range';
+import { cameraNames } from '../scene/cameras/frustum';
 import { inFrame } from '../scene/poses';
 import type { Contact, Frame, Hello, Pose, Spheres, Stream } from '../types';
 

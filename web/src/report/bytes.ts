@@ -11,7 +11,7 @@ export const integers = (base64: string) => new Uint32Array(bytes(base64).buffer
 export interface Depth { width: number; height: number; values: Uint16Array }
 
 /**
- * Unpacks a depth image of src/session/run_page.cpp: zlib of the differences of each pixel to the one on its
+ * Unpacks a depth image of src/session/report/run_page.cpp: zlib of the differences of each pixel to the one on its
  * left, first all low bytes, then all high ones.
  */
 export async function unpackDepth(base64: string, width: number, height: number): Promise<Depth> {

@@ -1,8 +1,8 @@
 // Initial framing: the tool with the surface near it, else the middle of the images.
 
 import { Vector3 } from 'three';
-import type { DepthImage } from './depth_image';
-import type { DepthCamera } from './depth_camera';
+import type { DepthImage } from './cameras/depth_image';
+import type { DepthCamera } from './cameras/depth_camera';
 import { inverted, transformed } from './poses';
 
 /** A bounding sphere to show whole, and the extent of the scene. */

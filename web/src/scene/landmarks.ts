@@ -3,7 +3,7 @@
 import { AxesHelper, GridHelper, Group, LineBasicMaterial } from 'three';
 import type { Hello, SceneOptions } from '../types';
 import { THEMES } from './colors';
-import { PYRAMID } from './frustum';
+import { PYRAMID } from './cameras/frustum';
 
 export class Landmarks {
   readonly object = new Group();

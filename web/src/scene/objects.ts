@@ -3,7 +3,7 @@
 import { Group } from 'three';
 import type { Mesh, Pose, SceneOptions } from '../types';
 import { setPose } from './poses';
-import { ToolMesh } from './tool_mesh';
+import { ToolMesh } from './tool/tool_mesh';
 
 export class Objects {
   readonly object = new Group();

@@ -7,26 +7,26 @@ import type {
   ArrowScale, Contact, Edges, Frame, Grasp, Graph, Hello, Mesh, Normals, PictureAxes, Pose, Sample, SceneView, Spheres, Tree,
 } from '../types';
 import { Arrows } from './arrows';
-import { Cameras } from './cameras';
+import { Cameras } from './cameras/cameras';
 import { heat, THEMES } from './colors';
-import { CutOutline } from './cut_outline';
-import { DepthCamera } from './depth_camera';
-import { EdgeMarks } from './edges';
+import { CutOutline } from './tool/cut_outline';
+import { DepthCamera } from './cameras/depth_camera';
+import { EdgeMarks } from './tool/edges';
 import { framing } from './framing';
-import { cameraNames } from './frustum';
-import { Ghost } from './ghost';
+import { cameraNames } from './cameras/frustum';
+import { Ghost } from './tool/ghost';
 import { Governor } from './governor';
-import { LeafGraph } from './graph';
+import { LeafGraph } from './tool/graph';
 import { Landmarks } from './landmarks';
 import { Objects } from './objects';
 import { NO_POSE, sampledPose, setPose, transformed } from './poses';
 import { createRenderer } from './renderer';
-import { Rings } from './rings';
-import { ToolSpheres } from './spheres';
+import { Rings } from './tool/rings';
+import { ToolSpheres } from './tool/spheres';
 import { Spring } from './spring';
-import { ToolMesh } from './tool_mesh';
-import { Trace } from './trace';
-import { TreeNodes } from './tree';
+import { ToolMesh } from './tool/tool_mesh';
+import { Trace } from './tool/trace';
+import { TreeNodes } from './tool/tree';
 
 /** Pose of a tool alone: y up as in mesh viewers, half a turn about x in W. */
 const UPRIGHT: Pose = { position: [0, 0, 0], quaternion: [1, 0, 0, 0] };

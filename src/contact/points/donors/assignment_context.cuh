@@ -7,7 +7,7 @@
 #include "src/contact/points/donors/assignment_rule.h"
 #include "src/contact/points/donors/plane_assignment.h"
 #include "src/contact/points/point_query.h"
-#include "src/gpu/team.cuh"
+#include "src/gpu/internal/team.cuh"
 
 namespace palpate { inline namespace v0 {
 

@@ -4,7 +4,7 @@
 
 #include "src/contact/index/sphere_clusters.h"
 #include "src/contact/points/donors/donor.h"
-#include "src/core/lanes.h"
+#include "src/core/internal/lanes.h"
 
 namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE {
 

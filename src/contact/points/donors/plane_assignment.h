@@ -7,7 +7,7 @@
 #include "palpate/contact/contact.h"
 #include "palpate/math/geometry.h"
 #include "src/contact/index/sphere_clusters.h"
-#include "src/core/select_isa.h"
+#include "src/core/internal/select_isa.h"
 
 namespace palpate { inline namespace v0 {
 

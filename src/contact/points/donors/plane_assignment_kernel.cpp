@@ -4,7 +4,7 @@
 
 #include "src/contact/points/donors/assignment_rule.h"
 #include "src/contact/points/donors/plane_assignment.h"
-#include "src/core/simd.h"
+#include "src/core/internal/simd.h"
 
 namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE {
 namespace {

@@ -6,7 +6,7 @@
 #include <cstdint>
 
 #include "src/contact/points/point_query.h"
-#include "src/gpu/team.cuh"
+#include "src/gpu/internal/team.cuh"
 
 namespace palpate { inline namespace v0 {
 

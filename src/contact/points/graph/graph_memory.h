@@ -6,7 +6,7 @@
 
 #include "src/contact/index/sorted_graph.h"
 #include "src/contact/points/point_query.h"
-#include "src/gpu/runtime.h"
+#include "src/gpu/internal/runtime.h"
 
 namespace palpate { inline namespace v0 {
 

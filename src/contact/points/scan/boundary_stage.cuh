@@ -10,7 +10,7 @@
 #include <cstdint>
 
 #include "src/contact/points/point_query.h"
-#include "src/gpu/team.cuh"
+#include "src/gpu/internal/team.cuh"
 
 namespace palpate { inline namespace v0 {
 

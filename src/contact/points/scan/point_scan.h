@@ -11,7 +11,7 @@
 #include "palpate/cloud/point_cloud.h"
 #include "palpate/math/geometry.h"
 #include "src/contact/index/sphere_grid.h"
-#include "src/core/select_isa.h"
+#include "src/core/internal/select_isa.h"
 
 namespace palpate { inline namespace v0 {
 

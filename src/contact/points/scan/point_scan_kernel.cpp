@@ -7,7 +7,7 @@
 #include "src/contact/points/edges/edge_points.h"
 #include "src/contact/points/scan/point_lookup.h"
 #include "src/contact/points/scan/point_scan.h"
-#include "src/core/simd.h"
+#include "src/core/internal/simd.h"
 
 namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE {
 namespace {

@@ -12,7 +12,7 @@
 #include "src/contact/points/edges/edge_points.h"
 #include "src/contact/points/point_query.h"
 #include "src/contact/points/scan/point_lookup.h"
-#include "src/gpu/team.cuh"
+#include "src/gpu/internal/team.cuh"
 
 namespace palpate { inline namespace v0 {
 

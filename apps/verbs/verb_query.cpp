@@ -1,0 +1,352 @@
+// palpate query: single measurements against frozen views of one or more cameras.
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <iostream>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "apps/pack/caps.h"
+#include "apps/touch/frames.h"
+#include "apps/verbs/frozen_views.h"
+#include "apps/touch/objects.h"
+#include "apps/options.h"
+#include "apps/output_files.h"
+#include "apps/terminal.h"
+#include "apps/pack/tool_info.h"
+#include "apps/verbs.h"
+#include "palpate/contact/body_contact.h"
+#include "palpate/io/files.h"
+#include "src/run/internal/pipeline.h"
+#include "src/run/internal/reported_output.h"
+#include "src/session/internal/more_than_whole.h"
+
+namespace palpate::apps {
+namespace {
+
+struct Options {
+  std::string tool, pose, poses, shard, output;
+  FrozenOptions views;
+  RunSettings settings;
+  std::vector<std::string> given;  ///< keys of settings
+  std::vector<ObjectOption> objects;
+  FrameOptions frames;
+  CapsOptions caps;
+  int num_spheres = 0;  ///< of the tool file; 0: all
+  bool json = false;
+  std::vector<Pose> X_WT;  ///< from --pose or, later, --poses
+};
+
+struct Measurement {
+  Penetration penetration;
+  BodyMeasure shares;  ///< of cloud and objects
+  /// Penetration::unseen_volume; none if unknown: with one camera on a GPU.
+  std::optional<double> unseen;
+  std::vector<int> decided;  ///< spheres in contact decided by each camera; last: by none
+  double seconds = 0;
+  Pose X_WT;
+};
+
+std::string camera_name(std::size_t number) {
+  return number == 0 ? "camera" : "camera_" + std::to_string(number + 1);
+}
+
+nlohmann::ordered_json to_json(const Vec3d& v) { return {v.x, v.y, v.z}; }
+
+/// Returns pose and wrench in the frame of --wrench-frame, --wrench-point and --tcp.
+nlohmann::ordered_json reported_json(const OutputOptions& output, const Tool& tool,
+                                     const Pose& X_WCamera, const Measurement& at) {
+  const ReportedOutput reported(
+      output, {at.X_WT, at.X_WT * tool.sphere_mass().center_of_mass, X_WCamera, Pose{}});
+  const VolumeWrench measure = reported.wrench(at.penetration.measure_W);
+  return {{"pose", seven_numbers(reported.pose())},
+          {"force", to_json(measure.force)},
+          {"torque", to_json(measure.torque)}};
+}
+
+void print_results_json(const Options& options, const RunSettings& settings, const Tool& tool,
+                        const Pose& X_WCamera, Backend backend, std::size_t num_usable,
+                        double tool_volume, const std::vector<Measurement>& measurements) {
+  nlohmann::ordered_json json{{"method", name_of(options.settings.contact.method)},
+                              {"backend", name_of(backend)},
+                              {"usable_points", num_usable}};
+  if (settings.contact.method == MethodKind::field) {
+    json["unseen_is"] = name_of(settings.field.unseen);
+  }
+  json["results"] = nlohmann::ordered_json::array();
+  for (const Measurement& measurement : measurements) {
+    const auto& [penetration, shares, unseen, decided, seconds, X_WT] = measurement;
+    json["results"].push_back({{"volume", penetration.volume},
+                               {"fraction", penetration.volume / tool_volume},
+                               {"force", to_json(penetration.measure_W.force)},
+                               {"torque", to_json(penetration.measure_W.torque)},
+                               {"boundary_spheres", penetration.num_boundary_spheres},
+                               {"inside_spheres", penetration.num_inside_spheres},
+                               {"points", penetration.num_points},
+                               {"compute_us", seconds * 1e6},
+                               {"status", penetration.status.bits}});
+    if (options.settings.contact.method == MethodKind::field) {
+      if (unseen) json["results"].back()["unseen"] = *unseen / tool_volume;
+      auto& by = json["results"].back()["decided"];
+      for (std::size_t k = 0; k + 1 < decided.size(); ++k) by[camera_name(k)] = decided[k];
+      by["none"] = decided.back();
+    }
+    if (!(settings.output == OutputOptions{})) {
+      json["results"].back()["reported"] = reported_json(settings.output, tool, X_WCamera, measurement);
+    }
+    if (options.objects.empty()) continue;
+    const Penetration& objects = shares.bodies;
+    json["results"].back()["objects"] = {{"volume", objects.volume},
+                                         {"force", to_json(objects.measure_W.force)},
+                                         {"torque", to_json(objects.measure_W.torque)},
+                                         {"pairs", shares.num_pairs}};
+  }
+  if (!options.caps.file.empty()) json["caps"] = options.caps.file;
+  print_json(json);
+}
+
+void print_results_table(const Options& options, double tool_volume,
+                         const std::vector<Measurement>& measurements) {
+  const bool has_objects = !options.objects.empty();
+  std::printf("%5s %12s %8s %36s %36s %8s %8s %8s %9s%s\n", "pose", "volume m3", "% tool",
+              "force measure m3", "torque measure m4", "boundary", "inside", "points", "us",
+              has_objects ? "   objects m3" : "");
+  for (std::size_t i = 0; i < measurements.size(); ++i) {
+    const Penetration& p = measurements[i].penetration;
+    const Vec3d &f = p.measure_W.force, &m = p.measure_W.torque;
+    std::printf("%5zu %12.5g %8.3f %12.4g%12.4g%12.4g %12.4g%12.4g%12.4g %8d %8d %8d %9.1f", i,
+                p.volume, 100 * p.volume / tool_volume, f.x, f.y, f.z, m.x, m.y, m.z,
+                p.num_boundary_spheres, p.num_inside_spheres, p.num_points,
+                measurements[i].seconds * 1e6);
+    if (has_objects) std::printf(" %12.5g", measurements[i].shares.bodies.volume);
+    std::puts(p.status.has(StepStatus::ambiguous_normals) ? "  (normals disagree)" : "");
+  }
+}
+
+struct ChosenQuery {
+  Backend backend = Backend::cpu;
+  std::unique_ptr<ContactQuery> query;
+};
+
+/// Creates the query on the backend of the settings, or the fastest one that works here. `pool`
+/// must outlive it.
+Result<ChosenQuery> choose_query(const RunSettings& settings, const Tool& tool, ThreadPool& pool) {
+  const auto method = contact_method(settings.contact);
+  if (!method) return method.error();
+  const auto index = ToolIndex::create(tool);
+  ExecutionOptions capacities;
+  capacities.gpu = settings.contact_gpu;
+  if (settings.num_threads > 1) capacities.pool = &pool;
+  Backend backend = settings.backend.value_or(Backend::cuda);
+  auto query = make_contact_query(backend, index, *method, capacities);
+  if (!query && !settings.backend) {
+    note_backend(query.error().message);
+    query = make_contact_query(backend = Backend::cpu, index, *method, capacities);
+  }
+  if (!query) return query.error();
+  return ChosenQuery{backend, *std::move(query)};
+}
+
+/// Computes the unseen volume at a pose, and the number of spheres that each camera decided.
+void find_evidence(const ContactQuery& query, Backend backend,
+                   std::span<const SurfaceBlend> cameras, Measurement& at) {
+  SpherePicture spheres;
+  ContactWants wants = spheres.wants(query.index()->tool().spheres().size());
+  wants.unseen_volume = true;
+  const Penetration seen = query.measure(cameras, at.X_WT, wants).penetration;
+  if (backend == Backend::cpu || cameras.size() > 1) at.unseen = seen.unseen_volume;
+  at.decided.assign(cameras.size() + 1, 0);
+  for (std::size_t i = 0; i < spheres.states.size(); ++i) {
+    if (spheres.states[i] == SphereState::outside) continue;
+    const std::int8_t camera = spheres.deciders[i];
+    ++(camera == kNoCamera ? at.decided.back() : at.decided[static_cast<std::size_t>(camera)]);
+  }
+}
+
+/// Returns the named frames of the query's cameras.
+Result<NamedFrames> frames_of(const FrozenViews& scene) {
+  auto frames = NamedFrames::of({});
+  if (!frames) return frames.error();
+  for (std::size_t i = 0; i < scene.X_WC().size(); ++i) {
+    const Status status = frames->add(camera_name(i), scene.X_WC()[i]);
+    if (!status) return status.error();
+  }
+  return frames;
+}
+
+Status run(const Options& given) {
+  Options options = given;
+  const auto tool =
+      load_tool_prefix(options.tool, options.num_spheres, options.settings.num_threads);
+  if (!tool) return tool.error();
+  std::vector<Pose> poses = options.X_WT;
+  if (!options.poses.empty()) {
+    const auto trajectory = load_trajectory(options.poses);
+    if (!trajectory) return trajectory.error();
+    for (const TimedPose& pose : *trajectory) poses.push_back(pose.X_WT);
+  }
+  std::vector<std::string> inputs = options.views.depths;
+  for (const std::string& file : {options.tool, options.views.cloud}) inputs.push_back(file);
+  for (const std::string& input : inputs) {
+    if (options.caps.file.empty() || input.empty()) continue;
+    if (const Status status = check_output_file(options.caps.file, OutputKind::mesh, input);
+        !status)
+      return status;
+  }
+  ThreadPool pool(options.settings.num_threads);
+  auto chosen = choose_query(options.settings, *tool, pool);
+  if (!chosen) return chosen.error();
+  const auto scene = FrozenViews::read(options.views, options.settings, options.given, pool);
+  if (!scene) return scene.error();
+
+  const auto frames = frames_of(*scene);
+  if (!frames) return frames.error();
+  Status known = put_in_world(*frames, options.frames, options.settings);
+  if (known) known = put_in_world(*frames, options.objects);
+  if (!known) return known;
+  const auto objects = load_objects(options.objects);
+  if (!objects) return objects.error();
+  if (const Pose& X_TE = options.settings.output.X_TE; !(X_TE == Pose{})) {
+    for (Pose& pose : poses) pose = pose * inverse(X_TE);
+  }
+
+  BodyWorld world(options.settings.contact.bodies);
+  const ContactQuery& query = *chosen->query;
+  const int body = world.add_tool(*tool, std::move(chosen->query));
+  for (const SceneObject& object : *objects) world.add_object(*object.shape, object.X_WB);
+  if (chosen->backend != Backend::cpu) {
+    const Status status = world.measure_pairs_by([&](const auto& a, const auto& b) {
+      return make_body_pair_query(
+          chosen->backend, a, b,
+          {.method = options.settings.contact.bodies, .gpu = options.settings.contact_gpu});
+    });
+    if (!status) return status.error();
+  }
+  std::vector<Measurement> measurements;
+  for (const Pose& X_WT : poses) {
+    const auto start = std::chrono::steady_clock::now();
+    world.set_pose(body, X_WT);
+    world.measure(scene->views());
+    const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
+    const BodyMeasure& measured = world.measured(body);
+    measurements.push_back({measured.total(), measured, {}, {}, elapsed.count(), X_WT});
+    if (options.json && options.settings.contact.method == MethodKind::field) {
+      find_evidence(query, chosen->backend, scene->views(), measurements.back());
+    }
+    if (measured.total().status.has(StepStatus::backend_failed)) return lost_backend();
+  }
+  std::size_t num_caps_triangles = 0;
+  if (!options.caps.file.empty()) {
+    const auto written = write_caps(options.caps, *tool, query, scene->views(), poses.back());
+    if (!written) return written.error();
+    num_caps_triangles = *written;
+  }
+  const double tool_volume = full_volume(*tool, options.settings.contact);
+  double largest = 0;
+  for (const Measurement& measurement : measurements) {
+    largest = std::max(largest, measurement.penetration.volume);
+  }
+  const std::string note = more_than_whole(*tool, options.settings.contact, largest);
+  if (!note.empty()) print_note(note);
+  if (options.json) {
+    print_results_json(options, options.settings, *tool, scene->X_WC().front(), chosen->backend,
+                       scene->num_usable(), tool_volume, measurements);
+  } else {
+    print_results_table(options, tool_volume, measurements);
+    if (!options.caps.file.empty()) {
+      std::cout << "written       " << options.caps.file << ", " << num_caps_triangles
+                << " triangles\n";
+    }
+  }
+  return Done{};
+}
+
+/// Checks combinations of options, which the parser cannot.
+void check(const CLI::App& app, Options& options) {
+  if (const auto method = contact_method(options.settings.contact); !method) {
+    usage_error("--" + method.error().message);
+  }
+  check(options.views);
+  if (const Status status = check(options.settings.surface); !status) {
+    usage_error("query: " + status.error().message);
+  }
+  const auto ends_with = [&](std::string_view end) { return options.poses.ends_with(end); };
+  if (ends_with(".parquet") || ends_with(".pq") || !options.shard.empty() ||
+      !options.output.empty()) {
+    usage_error(
+        "query: poses in Parquet, --shard and -o are for the palpate of the Python package: "
+        "pip install palpate-*.whl pyarrow (docs/guide/batches.md)");
+  }
+  if (options.frames.wrench == "device" ||
+      options.settings.output.wrench_frame == WrenchFrame::device) {
+    usage_error("query: --wrench-frame device is of a run; no device is part of a query");
+  }
+  if (options.pose.empty() == options.poses.empty()) {
+    usage_error("query: give one of --pose and --poses");
+  }
+  if (!options.pose.empty()) {
+    const auto pose = parse_pose(options.pose);
+    if (!pose) usage_error("--pose: " + pose.error().message);
+    options.X_WT = {*pose};
+  }
+  check_use(app, options.settings);
+  if (options.caps.file.empty() && app.count("--caps-segments") > 0) {
+    usage_error("query: --caps-segments goes with --caps");
+  }
+  if (!options.caps.file.empty()) {
+    if (options.pose.empty()) usage_error("query: --caps shows one --pose, not --poses");
+    check_caps_options(options.caps);
+  }
+}
+
+}  // namespace
+
+void add_query(CLI::App& program, Action& action) {
+  const auto options = std::make_shared<Options>();
+  CLI::App& app = *program.add_subcommand(
+      "query",
+      "Measure a tool against single depth images of one or more cameras, once per "
+      "pose.");
+  app.add_option("tool", options->tool, "tool file")->required()->type_name("TOOL.palp");
+  add_prefix_option(app, options->num_spheres);
+  add_frozen_options(app, options->views);
+  app.add_option("--pose", options->pose,
+                 "pose of the tool in the world (with a single camera: the camera frame)")
+      ->type_name("'tx ty tz qx qy qz qw'");
+  app.add_option("--poses", options->poses,
+                 "file of poses: lines 't tx ty tz qx qy qz qw'; or Parquet with columns tx ty tz "
+                 "qx qy qz qw and output to -o, with the program of the Python package")
+      ->type_name("FILE");
+  app.add_option("--shard", options->shard,
+                 "with Parquet: compute the K-th of N parts, counted from 1")
+      ->type_name("K/N");
+  app.add_option("-o,--output", options->output,
+                 "with Parquet: output file, the poses with their results")
+      ->type_name("FILE.parquet");
+  add_object_option(app, options->objects, false);
+  add_output_options(app, options->frames, options->settings);
+  add_setting_options(app, "", settings_of(options->settings), kContactOptions);
+  add_threads_option(app, options->settings.num_threads, kThreadsHelp);
+  add_setting_options(app, "From depth to surface", settings_of(options->settings),
+                      kSurfaceOptions);
+  SettingTable frozen;  // settings that apply without time
+  add_settings(frozen, options->settings.contact);
+  add_settings(frozen, options->settings.surface);
+  add_settings(frozen, options->settings.field);
+  add_settings(frozen, options->settings.output);
+  add_set_option(app, frozen);
+  add_caps_options(app, options->caps);
+  app.add_flag("--json", options->json, "print the results as JSON");
+  app.footer(
+      "Example: palpate query drill.palp --depth frame.png --intrinsics 525,525,319.5,239.5 "
+      "--pose '0 0 0.8 0 0 0 1' --method graph");
+  app.callback([options, &app, &action] {
+    options->given = given_settings(app, {kSurfaceOptions});
+    check(app, *options);
+    action = [options] { return run(*options); };
+  });
+}
+
+}  // namespace palpate::apps

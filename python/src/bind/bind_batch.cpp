@@ -1,0 +1,384 @@
+// palpate.Contact.measure_batch: many poses in one call.
+#include <nanobind/stl/unique_ptr.h>
+
+#include <optional>
+
+#include "python/src/contact.h"
+#ifdef PALPATE_CUDA
+#include "src/gpu/internal/runtime.h"
+#endif
+
+namespace palpate::python {
+namespace {
+
+/// Class palpate.Batch: results of a batch, in host memory or on a GPU, in W.
+struct PyBatch {
+  std::size_t num = 0;
+  std::vector<double> numbers;        // host: volume, potential, force, torque, stiffness
+  std::vector<std::uint32_t> status;  // host
+#ifdef PALPATE_CUDA
+  std::unique_ptr<gpu::Memory> memory;
+#endif
+  std::vector<WritableArray> given;  // by the caller
+  BatchAnswers answers;
+
+  static constexpr std::size_t kPerPose = 1 + 1 + 3 + 3, kStiffness = 36;
+
+  bool has_stiffness() const { return answers.stiffness != nullptr; }
+  void lay_out(double* at, std::uint32_t* bits, bool with_stiffness, int where) {
+    answers = {at, at + num, at + 2 * num, at + 5 * num, nullptr, bits, where};
+    if (with_stiffness) answers.stiffness = at + kPerPose * num;
+  }
+};
+
+std::unique_ptr<PyBatch> make_batch(std::size_t num, bool with_stiffness, int gpu) {
+  auto batch = std::make_unique<PyBatch>();
+  batch->num = num;
+  const std::size_t size = num * (PyBatch::kPerPose + (with_stiffness ? PyBatch::kStiffness : 0));
+  if (gpu == kHostMemory) {
+    batch->numbers.resize(size);
+    batch->status.resize(num);
+    batch->lay_out(batch->numbers.data(), batch->status.data(), with_stiffness, gpu);
+    return batch;
+  }
+#ifdef PALPATE_CUDA
+  batch->memory = std::make_unique<gpu::Memory>(gpu);
+  auto* const numbers = batch->memory->take<double>(size);
+  auto* const status = batch->memory->take<std::uint32_t>(num);
+  check(batch->memory->status());
+  batch->lay_out(numbers, status, with_stiffness, gpu);
+#endif
+  return batch;
+}
+
+/// Creates a batch over arrays of the caller.
+class Layout {
+ public:
+  explicit Layout(PyBatch& batch) : batch_(batch) {}
+
+  /// (P, inner ...) of T; null for None.
+  template <class T>
+  T* take(nb::handle given, const char* name, const std::vector<std::size_t>& inner) {
+    if (given.is_none()) return nullptr;
+    WritableArray array;
+    if (!nb::try_cast<WritableArray>(given, array, false)) {
+      throw nb::type_error((std::string(name) + ": not an array that can be written").c_str());
+    }
+    const int where = memory_of(array, name);
+    std::vector<std::size_t> desired{array.ndim() > 0 ? array.shape(0) : 0};
+    if (!batch_.given.empty()) desired[0] = batch_.num;
+    desired.insert(desired.end(), inner.begin(), inner.end());
+    const std::string shape = shape_of(array);
+    if (shape != shape_text(desired)) refuse_shape(name, shape, shape_text(desired).c_str());
+    require_dense(array, name, nb::dtype<T>());
+    if (!batch_.given.empty() && where != batch_.answers.gpu) {
+      throw nb::value_error((std::string(name) + ": is elsewhere than the others").c_str());
+    }
+    batch_.num = desired[0];
+    batch_.answers.gpu = where;
+    batch_.given.push_back(array);
+    return static_cast<T*>(array.data());
+  }
+
+ private:
+  PyBatch& batch_;
+};
+
+void make_batch_over(PyBatch* self, nb::handle volume, nb::handle potential, nb::handle force,
+                     nb::handle torque, nb::handle stiffness, nb::handle status) {
+  PyBatch batch;
+  Layout layout(batch);
+  BatchAnswers& answers = batch.answers;
+  answers.volume = layout.take<double>(volume, "volume", {});
+  answers.potential = layout.take<double>(potential, "potential", {});
+  answers.force = layout.take<double>(force, "force", {3});
+  answers.torque = layout.take<double>(torque, "torque", {3});
+  answers.stiffness = layout.take<double>(stiffness, "stiffness", {6, 6});
+  answers.status = layout.take<std::uint32_t>(status, "status", {});
+  if (batch.given.empty()) throw nb::value_error("Batch: give one array or more");
+  new (self) PyBatch(std::move(batch));
+}
+
+template <class T>
+nb::object array_in(nb::handle self, const T* at, std::initializer_list<std::size_t> shape) {
+  if (at == nullptr) throw PalpateError("this batch was given no array for that");
+  const int gpu = nb::cast<PyBatch&>(self).answers.gpu;
+  if (gpu == kHostMemory) return view_of(at, shape, self);
+  return nb::cast(nb::ndarray<nb::array_api, const T>(at, shape, self, {}, nb::dtype<T>(),
+                                                      nb::device::cuda::value, gpu));
+}
+
+/// The surfaces of a batch, and the objects that keep them alive.
+struct SurfaceArgument {
+  std::vector<SurfaceView> views;
+  std::vector<Pose> X_WC;  // empty: all cameras are at the origin of W
+  SurfaceBatch batch;
+  std::vector<nb::object> owners;
+
+  explicit SurfaceArgument(nb::handle given) {
+    PySurfaces* many = nullptr;
+    if (nb::try_cast<PySurfaces*>(given, many, false) && many != nullptr) {
+      owners.push_back(nb::borrow(given));
+      batch = many->batch;
+      if (!(many->X_WC == Pose{})) X_WC.assign(static_cast<std::size_t>(batch.size()), many->X_WC);
+      return;
+    }
+    bool is_anywhere = false;
+    const auto add = [&](nb::handle one) {
+      PySurface* surface = nullptr;
+      if (!nb::try_cast<PySurface*>(one, surface, false) || surface == nullptr) {
+        throw nb::type_error(
+            "surfaces: a palpate.Surface, a list of them or palpate.Surfaces is taken");
+      }
+      owners.push_back(nb::borrow(one));
+      views.push_back(surface->view);
+      X_WC.push_back(surface->X_WC);
+      is_anywhere = is_anywhere || !surface->is_in_camera_frame;
+    };
+    if (nb::isinstance<nb::list>(given) || nb::isinstance<nb::tuple>(given)) {
+      for (nb::handle one : nb::borrow<nb::sequence>(given)) add(one);
+      if (views.empty()) throw nb::value_error("surfaces: the list is empty");
+    } else {
+      add(given);
+    }
+    if (!is_anywhere) X_WC.clear();
+    batch = SurfaceBatch(views);
+  }
+};
+
+/// Bodies in place of surfaces: one, or a list that begins with one; empty: none.
+std::vector<PyBody> bodies_of(nb::handle given) {
+  std::vector<PyBody> bodies;
+  PyBody* body = nullptr;
+  if (nb::try_cast<PyBody*>(given, body, false) && body != nullptr) return {*body};
+  if (!nb::isinstance<nb::list>(given) && !nb::isinstance<nb::tuple>(given)) return {};
+  for (nb::handle one : nb::borrow<nb::sequence>(given)) {
+    if (!nb::try_cast<PyBody*>(one, body, false) || body == nullptr) {
+      if (bodies.empty()) return {};
+      throw nb::type_error("surfaces: a list has bodies or surfaces, not both");
+    }
+    bodies.push_back(*body);
+  }
+  return bodies;
+}
+
+/// Poses and surface indices of a batch, and the arrays that keep them alive.
+struct PoseArgument {
+  Doubles numbers_of_poses;  // of the caller, where they are as they have to be
+  std::vector<Pose> poses;
+  AnyArray poses_on_gpu, surface_of_pose_on_gpu;
+  nb::ndarray<const std::int32_t, nb::c_contig, nb::device::cpu> surface_of_pose;
+  PoseBatch batch;
+
+  PoseArgument(nb::handle given, nb::handle numbers, nb::handle stream) {
+    static_assert(sizeof(Pose) == 7 * sizeof(double));
+    const std::optional<AnyArray> array = array_on_gpu(given, "poses", stream);
+    if (array) {
+      if (array->ndim() != 2 || array->shape(1) != 7) {
+        refuse_shape("poses", shape_of(*array), "(P, 7), which it has to be on a GPU");
+      }
+      require_dense(*array, "poses", nb::dtype<double>());
+      poses_on_gpu = *array;
+      batch.gpu = array->device_id();
+      batch.X_WT = {static_cast<const Pose*>(array->data()), array->shape(0)};
+    } else {
+      numbers_of_poses = doubles_of(given, "poses");
+      batch.X_WT = poses_in(numbers_of_poses, "poses", poses);
+    }
+    if (!numbers.is_none()) add_numbers(numbers, stream);
+  }
+
+ private:
+  void add_numbers(nb::handle given, nb::handle stream) {
+    std::size_t num = 0;
+    std::string shape;
+    if (batch.gpu == kHostMemory) {
+      surface_of_pose = numbers_of<std::int32_t>(given, "surface_of_pose", "int32");
+      num = surface_of_pose.ndim() == 1 ? surface_of_pose.shape(0) : 0;
+      shape = shape_of(surface_of_pose);
+      batch.surface_of_pose = {surface_of_pose.data(), num};
+    } else {
+      const std::optional<AnyArray> on_gpu = array_on_gpu(given, "surface_of_pose", stream);
+      if (!on_gpu || on_gpu->device_id() != batch.gpu) {
+        throw nb::value_error("surface_of_pose: has to be on the GPU where the poses are");
+      }
+      const AnyArray& array = surface_of_pose_on_gpu = *on_gpu;
+      require_dense(array, "surface_of_pose", nb::dtype<std::int32_t>());
+      num = array.ndim() == 1 ? array.shape(0) : 0;
+      shape = shape_of(array);
+      batch.surface_of_pose = {static_cast<const std::int32_t*>(array.data()), num};
+    }
+    const std::size_t desired = batch.X_WT.size();
+    if (num == desired && shape != "()") return;
+    refuse_shape("surface_of_pose", shape, (shape_text({desired}) + ", one for each pose").c_str());
+  }
+};
+
+}  // namespace
+
+nb::object measure_batch(PyContact& self, nb::handle surfaces, nb::handle poses,
+                         nb::handle surface_of_pose, bool stiffness, nb::handle out,
+                         nb::handle stream) {
+  const std::vector<PyBody> bodies = bodies_of(surfaces);
+  if (!bodies.empty() && (self.place().backend != Backend::cpu || self.method() != "field")) {
+    throw PalpateError(
+        "batches against bodies are measured on the CPU by the method field: create the contact "
+        "with Contact(tool, \"field\", place=\"cpu\")");
+  }
+  const std::optional<SurfaceArgument> fields =
+      bodies.empty() ? std::optional<SurfaceArgument>(surfaces) : std::nullopt;
+  PoseArgument given(poses, surface_of_pose, stream);
+  const bool is_on_gpu = given.batch.gpu != kHostMemory;
+  if (is_on_gpu && fields && !fields->X_WC.empty()) {
+    throw PalpateError(
+        "cameras with a pose take poses in host memory: give those of the tool there, "
+        "or in the camera's frame");
+  }
+  if (is_on_gpu && !fields) {
+    throw PalpateError(
+        "batches against bodies take poses in host memory, where they are measured: copy them "
+        "there");
+  }
+  if (fields) given.batch.X_WC = fields->X_WC;
+  const std::size_t num = given.batch.X_WT.size();
+  nb::object result;
+  if (out.is_none()) {
+    const bool is_there = self.place().backend == Backend::cuda;
+    result = nb::cast(make_batch(num, stiffness, is_there ? self.place().gpu : kHostMemory));
+  } else {
+    PyBatch* batch = nullptr;
+    if (!nb::try_cast<PyBatch*>(out, batch, false) || batch == nullptr) {
+      throw nb::type_error("out: a palpate.Batch is taken, which an earlier call gave");
+    }
+    if (batch->num != num || batch->has_stiffness() != stiffness) {
+      const std::string desired =
+          shape_text({num}) + (stiffness ? ", with stiffness" : ", without stiffness");
+      refuse_shape("out", shape_text({batch->num}), desired.c_str());
+    }
+    result = nb::borrow(out);
+  }
+  const BatchAnswers answers = nb::cast<PyBatch&>(result).answers;
+  if (!fields) {
+    std::vector<PlacedBody> placed;
+    std::vector<PyTool> shapes;
+    for (const PyBody& body : bodies) {
+      placed.push_back(body.placed);
+      shapes.push_back(body.shape);
+    }
+    check(self.measure_bodies(placed, std::move(shapes), given.batch, answers));
+    return result;
+  }
+  auto where = stream_of(stream);
+  if (!where && is_on_gpu) where.emplace();
+  check(self.alone([&](const Contact& contact) {
+    return contact.measure_batch(fields->batch, given.batch, answers, where);
+  }));
+  return result;
+}
+
+void bind_batch(nb::module_& m) {
+  constexpr const char* kFloats = " -> numpy.typing.NDArray[numpy.float64]";
+  const auto property = [](const char* name, const char* type) {
+    return std::string("def ") + name + "(self)" + type;
+  };
+  nb::class_<PySurfaces>(
+      m, "Surfaces",
+      R"(The depth fields of many images from Sensor.update_batch. They stay valid while referenced.)")
+      .def("__len__", [](const PySurfaces& self) { return self.batch.size(); });
+
+  nb::class_<PyBody>(m, "Body",
+                     R"(A fixed rigid body, for Contact.measure_batch.
+
+shape: a Tool with a distance field; without one (older files) it is computed now, in about a second.
+pose: X_WB, (4, 4) or (7,) tx ty tz qx qy qz qw, m; None: its frame is W. Bodies made by `at` share the
+data of their shape.)")
+      .def(
+          "__init__",
+          [](PyBody* self, const PyTool& shape, nb::handle pose) {
+            const Pose X_WB = pose.is_none() ? Pose{} : pose_of(pose, "pose");
+            const PyTool held = shape;
+            const nb::gil_scoped_release no_gil;
+            new (self) PyBody{held, {ToolIndex::create(*held.tool), X_WB}};
+          },
+          nb::arg("shape"), nb::arg("pose") = nb::none(),
+          nb::sig(
+              "def __init__(self, shape: Tool, pose: palpate._types.Array | None = None) -> None"))
+      .def(
+          "at",
+          [](const PyBody& self, nb::handle pose) {
+            return PyBody{self.shape, {self.placed.shape, pose_of(pose, "pose")}};
+          },
+          nb::arg("pose"), nb::sig("def at(self, pose: palpate._types.Array) -> Body"),
+          "The same shape at another pose X_WB.")
+      .def_prop_ro(
+          "shape", [](const PyBody& self) { return self.shape; }, "The Tool with its shape.");
+
+  nb::class_<PyBatch>(
+      m, "Batch",
+      R"(Results of Contact.measure_batch for P poses, in the memory of the contact: NumPy arrays, or arrays
+with DLPack on its GPU. Volumes times directions: multiply by a stiffness in N/m3 to get newtons.
+
+Created over your own arrays (any library with DLPack), it is an `out` that writes into these only;
+others are not computed. float64, status uint32, row-major, all for P poses and in one memory.
+ValueError: another shape, type or memory.)")
+      .def("__init__", make_batch_over, nb::kw_only(), nb::arg("volume") = nb::none(),
+           nb::arg("potential") = nb::none(), nb::arg("force") = nb::none(),
+           nb::arg("torque") = nb::none(), nb::arg("stiffness") = nb::none(),
+           nb::arg("status") = nb::none(),
+           nb::sig("def __init__(self, *, volume: palpate._types.Array | None = None, "
+                   "potential: palpate._types.Array | None = None, "
+                   "force: palpate._types.Array | None = None, "
+                   "torque: palpate._types.Array | None = None, "
+                   "stiffness: palpate._types.Array | None = None, "
+                   "status: palpate._types.Array | None = None) -> None"))
+      .def("__len__", [](const PyBatch& self) { return self.num; })
+      .def_prop_ro(
+          "volume",
+          [](nb::handle self) {
+            const auto& b = nb::cast<PyBatch&>(self);
+            return array_in(self, b.answers.volume, {b.num});
+          },
+          nb::sig(property("volume", kFloats).c_str()), "(P,) penetration volume, m3.")
+      .def_prop_ro(
+          "potential",
+          [](nb::handle self) {
+            const auto& b = nb::cast<PyBatch&>(self);
+            return array_in(self, b.answers.potential, {b.num});
+          },
+          nb::sig(property("potential", kFloats).c_str()),
+          "(P,) m4: its negative gradient is force and torque.")
+      .def_prop_ro(
+          "force",
+          [](nb::handle self) {
+            const auto& b = nb::cast<PyBatch&>(self);
+            return array_in(self, b.answers.force, {b.num, 3});
+          },
+          nb::sig(property("force", kFloats).c_str()), "(P, 3) m3 in W.")
+      .def_prop_ro(
+          "torque",
+          [](nb::handle self) {
+            const auto& b = nb::cast<PyBatch&>(self);
+            return array_in(self, b.answers.torque, {b.num, 3});
+          },
+          nb::sig(property("torque", kFloats).c_str()),
+          "(P, 3) m4 in W, about the tool's center of mass.")
+      .def_prop_ro(
+          "stiffness",
+          [](nb::handle self) -> nb::object {
+            const auto& b = nb::cast<PyBatch&>(self);
+            return b.has_stiffness() ? array_in(self, b.answers.stiffness, {b.num, 6, 6})
+                                     : nb::none();
+          },
+          nb::sig((property("stiffness", kFloats) + " | None").c_str()),
+          "(P, 6, 6) in W, if requested; see Result.stiffness.")
+      .def_prop_ro(
+          "status",
+          [](nb::handle self) {
+            const auto& b = nb::cast<PyBatch&>(self);
+            return array_in(self, b.answers.status, {b.num});
+          },
+          nb::sig(property("status", " -> numpy.typing.NDArray[numpy.uint32]").c_str()),
+          "(P,) uint32: the bits of palpate.Status.");
+}
+
+}  // namespace palpate::python

@@ -1,0 +1,109 @@
+#include "src/cameras/stream/plausibility.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <vector>
+
+namespace palpate { inline namespace v0 {
+namespace {
+
+bool is_measurement(int count) { return count != 0 && count != kFarCount; }
+
+/// Depth of the middle of all measurements, m; 0: there are too few.
+double median_depth(const DepthFrame& frame) {
+  std::vector<std::uint16_t> counts;
+  for (const std::uint16_t count : frame.pixels) {
+    if (is_measurement(count)) counts.push_back(count);
+  }
+  if (counts.size() < 100) return 0;
+  const auto middle = counts.begin() + static_cast<std::ptrdiff_t>(counts.size() / 2);
+  std::nth_element(counts.begin(), middle, counts.end());
+  return *middle * frame.unit;
+}
+
+std::string doubt_intrinsics(const CameraModel& model) {
+  // No depth camera is known whose axis is farther off the middle than a tenth of the image.
+  constexpr double kMaxOffset = 0.2;
+  const auto& [fx, fy, cx, cy] = model.intrinsics;
+  const double x = (cx + 0.5) / model.width, y = (cy + 0.5) / model.height;
+  if (std::abs(x - 0.5) <= kMaxOffset && std::abs(y - 0.5) <= kMaxOffset) return {};
+  char text[320];
+  const double scale = 2 * x, other = 2 * y;
+  if (std::abs(scale - other) < 0.2 * scale) {
+    // As if of an image `scale` times as large.
+    std::snprintf(text, sizeof text,
+                  "its intrinsics look like those of another image size: %g,%g is not near the "
+                  "middle of %d x %d pixels; %.6g,%.6g,%.6g,%.6g would be",
+                  cx, cy, model.width, model.height, fx / scale, fy / scale,
+                  (cx + 0.5) / scale - 0.5, (cy + 0.5) / scale - 0.5);
+  } else {
+    std::snprintf(text, sizeof text,
+                  "its principal point %g,%g is far from the middle of %d x %d pixels; check the "
+                  "intrinsics",
+                  cx, cy, model.width, model.height);
+  }
+  return text;
+}
+
+std::string doubt_unit(const DepthFrame& frame) {
+  constexpr double kFarthest = 8, kNearest = 0.1;  // m, of the middle of what depth cameras see
+  char text[240];
+  const int divisor = common_divisor(frame);
+  if (divisor > 1 && frame.unit > 0.9 * 0.001) {
+    std::snprintf(text, sizeof text,
+                  "all its depths are multiples of %d counts, as in files of 1/%d m read as "
+                  "millimeters; if everything looks %d times too far, give --depth-unit %g (of a "
+                  "--camera ?unit=%g)",
+                  divisor, 1000 * divisor, divisor, 0.001 / divisor, 0.001 / divisor);
+    return text;
+  }
+  const double depth = median_depth(frame);
+  const auto num_far = static_cast<std::size_t>(std::ranges::count(frame.pixels, kFarCount));
+  if (depth == 0 && 2 * num_far > frame.pixels.size()) {
+    std::snprintf(text, sizeof text,
+                  "all that it sees is more than %.3g m away: does it look like that because its "
+                  "images are of 32FC1 in millimeters? Then give scale=0.001",
+                  kFarCount * frame.unit);
+    return text;
+  }
+  if (depth == 0 || (depth >= kNearest && depth <= kFarthest)) return {};
+  std::snprintf(
+      text, sizeof text,
+      "what it sees is %.3g m away in the middle: is %g m per count the right unit? Usual "
+      "are 0.001, 0.0002, 0.000125 and 0.0001",
+      depth, frame.unit);
+  return text;
+}
+
+}  // namespace
+
+int common_divisor(const DepthFrame& frame) {
+  constexpr double kNearlyAll = 0.995;
+  for (const int divisor : {8, 5}) {
+    std::size_t num = 0, num_divided = 0;
+    int least = 65535, most = 0;
+    for (const std::uint16_t count : frame.pixels) {
+      if (!is_measurement(count)) continue;
+      ++num;
+      if (count % divisor == 0) ++num_divided;
+      least = std::min<int>(least, count);
+      most = std::max<int>(most, count);
+    }
+    // A flat wall has one depth, which may be anything.
+    if (most - least < 20 * divisor || num < 1000) continue;
+    if (static_cast<double>(num_divided) >= kNearlyAll * static_cast<double>(num)) return divisor;
+  }
+  return 1;
+}
+
+std::string Plausibility::look(const DepthFrame& frame, const CameraModel& model) {
+  if (num_looks_ >= kNumLooks) return {};
+  std::string doubt = num_looks_ == 0 ? doubt_intrinsics(model) : "";
+  const std::string unit = doubt_unit(frame);
+  if (!unit.empty()) doubt += (doubt.empty() ? "" : "; ") + unit;
+  num_looks_ = doubt.empty() ? num_looks_ + 1 : kNumLooks;
+  return doubt;
+}
+
+}}  // namespace palpate::v0

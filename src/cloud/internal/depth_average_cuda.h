@@ -1,0 +1,51 @@
+// Averages of raw depth over time on a GPU: what DepthAverager does, with the same bits.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string_view>
+
+#include "palpate/cloud/depth_source.h"
+#include "src/cloud/surface/image_rows.h"
+
+namespace palpate { inline namespace v0 {
+
+namespace gpu {
+class Stream;
+}
+
+/// Owns all buffers for one image size. Nothing waits or allocates after `create`, and all work may
+/// be recorded in a gpu::Graph.
+class DepthAveragerCuda {
+ public:
+  /// Errors: those of DepthAverager::create, no such GPU, not enough memory on it.
+  static Result<DepthAveragerCuda> create(int width, int height, const DepthAverageOptions& options,
+                                          int gpu);
+  DepthAveragerCuda(DepthAveragerCuda&&) noexcept;
+  DepthAveragerCuda& operator=(DepthAveragerCuda&&) noexcept;
+  ~DepthAveragerCuda();
+
+  /// Page-locked memory where the host puts the next raw frame and its unit (meters per count), as
+  /// of SurfaceCuda.
+  std::span<std::uint16_t> input();
+  void set_unit(double unit);
+
+  /// Takes the frame in `input` into the averages: all of it, or (but for `kalman`) some rows, of
+  /// which each is taken once, from the top down (SurfaceCuda::input_rows).
+  void enqueue(gpu::Stream& stream);
+  void enqueue(gpu::Stream& stream, ImageRows rows);
+
+  /// As DepthAverager::resume_from; `state` must stay until the stream has done its work.
+  Status resume_from(gpu::Stream& stream, std::string_view state);
+
+  /// Meters on the GPU, NaN where there is no measurement; always the same array.
+  const float* depth() const;
+
+ private:
+  struct Impl;
+  explicit DepthAveragerCuda(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+}}  // namespace palpate::v0

@@ -1,0 +1,93 @@
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "src/io/meshes/mesh_parsers.h"
+#include "src/io/internal/text_scanner.h"
+
+namespace palpate { inline namespace v0 {
+namespace {
+
+Error bad(std::string message) { return {Errc::bad_input, std::move(message)}; }
+
+/// True if `word` is `lower`, which is in small letters, whatever its capitals.
+bool is_word(std::string_view word, std::string_view lower) {
+  return std::ranges::equal(word, lower, [](char a, char b) {
+    return (a >= 'A' && a <= 'Z' ? static_cast<char>(a - 'A' + 'a') : a) == b;
+  });
+}
+
+/// True if a line ends before this word: it is empty or begins a comment.
+bool ends_line(std::string_view word) {
+  return word.empty() || word.starts_with('#') || word.starts_with(';') || word.starts_with("//");
+}
+
+/// Three numbers, in single precision as in binary files.
+std::optional<Vec3d> take_vertex(std::string_view& line) {
+  Vec3d p;
+  for (int axis = 0; axis < 3; ++axis) {
+    const auto number = parse_number<double>(take_word(line));
+    if (!number) return std::nullopt;
+    p[axis] = static_cast<double>(static_cast<float>(*number));
+    if (!std::isfinite(p[axis])) return std::nullopt;
+  }
+  return p;
+}
+
+}  // namespace
+
+bool is_text_stl(std::string_view content) {
+  constexpr std::size_t kHead = 1024;  // of a binary one, in which there are zeros
+  if (content.substr(0, kHead).find('\0') != std::string_view::npos) return false;
+  content = without_mark(content);
+  while (!content.empty()) {
+    std::string_view line = take_line(content);
+    const std::string_view word = take_word(line);
+    if (!ends_line(word)) return is_word(word, "solid");
+  }
+  return false;
+}
+
+Result<TriangleMesh> parse_text_stl(std::string_view content) {
+  TriangleMesh mesh;
+  PolygonCutter polygons(mesh);
+  std::vector<double> corners;
+  bool is_in_solid = false, is_in_facet = false;
+  content = without_mark(content);
+  for (int number = 1; !content.empty(); ++number) {
+    const auto where = [&] { return " in line " + std::to_string(number); };
+    std::string_view line = take_line(content);
+    for (std::string_view word = take_word(line); !ends_line(word); word = take_word(line)) {
+      if (is_word(word, "solid") || (is_word(word, "endsolid") && !is_in_facet)) {
+        is_in_solid = is_word(word, "solid");
+        break;  // its name follows, or anything
+      }
+      if (is_word(word, "facet")) {
+        is_in_facet = true;
+      } else if (!is_in_facet) {
+        break;  // what others write between facets
+      } else if (is_word(word, "normal")) {
+        for (int axis = 0; axis < 3; ++axis) take_word(line);
+      } else if (is_word(word, "loop")) {
+        corners.clear();
+      } else if (is_word(word, "vertex")) {
+        const auto vertex = take_vertex(line);
+        if (!vertex) return bad("has a damaged vertex" + where());
+        corners.push_back(static_cast<double>(mesh.vertices.size()));
+        mesh.vertices.push_back(*vertex);
+      } else if (is_word(word, "endloop")) {
+        if (auto error = polygons.add(corners, where())) return *error;
+      } else if (is_word(word, "endfacet")) {
+        is_in_facet = false;
+      } else if (!is_word(word, "outer")) {
+        return bad("has '" + std::string(word.substr(0, 40)) + "' in a facet" + where());
+      }
+    }
+  }
+  if (is_in_facet || is_in_solid) return bad("is truncated: it has no 'endsolid' at its end");
+  if (mesh.triangles.empty()) return bad("is empty: none of its solids has a facet");
+  return mesh;
+}
+
+}}  // namespace palpate::v0
