@@ -7,9 +7,9 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/options.h"
+#include "apps/pack/tool_info.h"
 #include "apps/program.h"
 #include "apps/terminal.h"
-#include "apps/pack/tool_info.h"
 #include "eval/report/choose.h"
 #include "eval/report/doc_tables.h"
 #include "eval/report/report.h"

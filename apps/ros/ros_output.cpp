@@ -13,9 +13,9 @@
 
 #include "apps/ros/ros_verdict.h"
 #include "src/core/internal/guarded.h"
-#include "src/core/internal/triple_buffer.h"
 #include "src/core/internal/monotonic_clock.h"
 #include "src/core/internal/thread_rank.h"
+#include "src/core/internal/triple_buffer.h"
 #include "src/io/internal/ros_messages.h"
 #include "src/math/internal/rotation_vector.h"
 #include "src/math/internal/wrench_transform.h"

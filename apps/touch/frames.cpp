@@ -35,10 +35,11 @@ Error taken(const std::string& name) {
 
 void add_output_options(CLI::App& app, FrameOptions& options, RunSettings& settings) {
   const std::string group = "Frames";
-  app.add_option("--wrench-frame", options.wrench,
-                 "frame of the reported pose and wrench (columns reported_* of wrench.csv, \"reported\" "
-                 "of query): world, camera, tool, device, or a frame of the rig; over ROS 2: "
-                 "tool, or camera for the frame of the poses there")
+  app.add_option(
+         "--wrench-frame", options.wrench,
+         "frame of the reported pose and wrench (columns reported_* of wrench.csv, \"reported\" "
+         "of query): world, camera, tool, device, or a frame of the rig; over ROS 2: "
+         "tool, or camera for the frame of the poses there")
       ->type_name("FRAME")
       ->group(group);
   SettingTable table = settings_of(settings);

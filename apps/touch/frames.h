@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "apps/touch/objects.h"
 #include "apps/options.h"
+#include "apps/touch/objects.h"
 #include "palpate/cameras/cameras.h"
 
 namespace palpate::apps {

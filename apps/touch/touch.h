@@ -9,12 +9,12 @@
 #include <string_view>
 #include <vector>
 
+#include "apps/options.h"
+#include "apps/ros/ros_output.h"
 #include "apps/touch/frames.h"
 #include "apps/touch/materials.h"
 #include "apps/touch/objects.h"
-#include "apps/options.h"
 #include "apps/touch/robot.h"
-#include "apps/ros/ros_output.h"
 #include "palpate/cameras/cameras.h"
 #include "palpate/io/files.h"
 #include "palpate/session/run.h"

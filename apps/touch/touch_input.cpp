@@ -4,10 +4,10 @@
 #include <iostream>
 #include <utility>
 
+#include "apps/terminal.h"
 #include "apps/touch/connected.h"
 #include "apps/touch/held_frames.h"
 #include "apps/touch/sources.h"
-#include "apps/terminal.h"
 #include "apps/touch/touch.h"
 #include "palpate/cameras/cameras.h"
 #include "scenes/scene.h"

@@ -9,9 +9,9 @@
 #include <utility>
 #include <vector>
 
-#include "apps/touch/held_frames.h"
 #include "apps/page.h"
 #include "apps/terminal.h"
+#include "apps/touch/held_frames.h"
 #include "apps/touch/touch.h"
 #include "palpate/devices/devices.h"
 #include "palpate/session/run.h"

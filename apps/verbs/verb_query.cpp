@@ -8,15 +8,15 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
-#include "apps/pack/caps.h"
-#include "apps/touch/frames.h"
-#include "apps/verbs/frozen_views.h"
-#include "apps/touch/objects.h"
 #include "apps/options.h"
 #include "apps/output_files.h"
-#include "apps/terminal.h"
+#include "apps/pack/caps.h"
 #include "apps/pack/tool_info.h"
+#include "apps/terminal.h"
+#include "apps/touch/frames.h"
+#include "apps/touch/objects.h"
 #include "apps/verbs.h"
+#include "apps/verbs/frozen_views.h"
 #include "palpate/contact/body_contact.h"
 #include "palpate/io/files.h"
 #include "src/run/internal/pipeline.h"
@@ -94,7 +94,8 @@ void print_results_json(const Options& options, const RunSettings& settings, con
       by["none"] = decided.back();
     }
     if (!(settings.output == OutputOptions{})) {
-      json["results"].back()["reported"] = reported_json(settings.output, tool, X_WCamera, measurement);
+      json["results"].back()["reported"] =
+          reported_json(settings.output, tool, X_WCamera, measurement);
     }
     if (options.objects.empty()) continue;
     const Penetration& objects = shares.bodies;

@@ -10,10 +10,10 @@
 
 #include "apps/options.h"
 #include "apps/output_files.h"
+#include "apps/pack/tool_info.h"
+#include "apps/terminal.h"
 #include "apps/touch/robot.h"
 #include "apps/touch/sources.h"
-#include "apps/terminal.h"
-#include "apps/pack/tool_info.h"
 #include "apps/verbs.h"
 #include "palpate/cameras/cameras.h"
 #include "palpate/field/sensor.h"

@@ -3,8 +3,8 @@
 #include <algorithm>
 
 #include "src/haptics/contact_line.h"
-#include "src/haptics/internal/matrix6.h"
 #include "src/haptics/coupling/rotated.h"
+#include "src/haptics/internal/matrix6.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

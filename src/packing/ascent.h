@@ -4,8 +4,8 @@
 #include <vector>
 
 #include "src/packing/linear_program.h"
-#include "src/packing/sphere_levels.h"
 #include "src/packing/solid/triangle_bvh.h"
+#include "src/packing/sphere_levels.h"
 
 namespace palpate { inline namespace v0 {
 

@@ -10,8 +10,8 @@
 #include <functional>
 #include <thread>
 
-#include "src/cameras/stream/posed_source.h"
 #include "src/cameras/robot/robot_model.h"
+#include "src/cameras/stream/posed_source.h"
 #include "src/core/internal/monotonic_clock.h"
 #include "src/io/internal/ros_messages.h"
 #include "src/ros/internal/dds_api.h"

@@ -2,9 +2,9 @@
 #include <algorithm>
 #include <string>
 
+#include "src/cloud/internal/cloud_blend.h"
 #include "src/cloud/internal/cloud_blend_cuda.h"
 #include "src/cloud/internal/depth_average_cuda.h"
-#include "src/cloud/internal/cloud_blend.h"
 #include "src/cloud/internal/surface_cuda.h"
 #include "tests/cloud/depth_scenes.h"
 #include "tests/cloud/gpu_copies.h"

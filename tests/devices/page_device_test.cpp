@@ -10,8 +10,8 @@
 
 #include "src/core/internal/monotonic_clock.h"
 #include "src/devices/device_kinds.h"
-#include "src/devices/software/page_hand.h"
 #include "src/devices/internal/twist_between.h"
+#include "src/devices/software/page_hand.h"
 #include "tests/devices/tick_log.h"
 #include "tests/test_util/allocation_counter.h"
 

@@ -10,8 +10,8 @@
 #include "src/devices/haply/haply_messages.h"
 #include "src/devices/haply/json_scanner.h"
 #include "src/devices/spacenav/spacenav_connection.h"
-#include "src/devices/vrpn/vrpn_wire.h"
 #include "src/devices/transport/web_socket_frames.h"
+#include "src/devices/vrpn/vrpn_wire.h"
 #include "tests/fuzz/target.h"
 
 namespace palpate::fuzz {

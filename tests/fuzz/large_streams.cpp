@@ -3,8 +3,8 @@
 #include <span>
 
 #include "src/devices/haply/haply_messages.h"
-#include "src/devices/vrpn/vrpn_wire.h"
 #include "src/devices/transport/web_socket_frames.h"
+#include "src/devices/vrpn/vrpn_wire.h"
 #include "src/io/internal/ros_messages.h"
 #include "src/ros/native_layout.h"
 #include "tests/fuzz/large_inputs.h"

@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <limits>
 
-#include "src/haptics/internal/matrix6.h"
 #include "src/haptics/coupling/rotated.h"
+#include "src/haptics/internal/matrix6.h"
 #include "tests/haptics/safety_rig.h"
 #include "tests/test_util/allocation_counter.h"
 #include "tests/test_util/random.h"

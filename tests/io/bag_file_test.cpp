@@ -10,8 +10,8 @@
 
 #include <gtest/gtest.h>
 
-#include "src/io/ros/ros1_messages.h"
 #include "src/io/internal/ros_messages.h"
+#include "src/io/ros/ros1_messages.h"
 #include "tests/io/made_mcap.h"
 #include "tests/io/ros1_bag_writer.h"
 #include "tests/test_util/temporary_folder.h"

@@ -5,8 +5,8 @@
 
 #include <cmath>
 
-#include "src/io/internal/ros_messages.h"
 #include "src/io/files/sha256.h"
+#include "src/io/internal/ros_messages.h"
 
 namespace palpate {
 namespace {

@@ -11,11 +11,11 @@
 
 #include "palpate/mesh/mesh.h"
 #include "src/core/internal/monotonic_clock.h"
+#include "src/run/internal/real_time.h"
 #include "src/run/loop/blend_clock.h"
 #include "src/run/loop/contact_stage.h"
 #include "src/run/loop/load_governor.h"
 #include "src/run/loop/queues/paced_source.h"
-#include "src/run/internal/real_time.h"
 #include "src/run/loop/queues/record_queue.h"
 #include "src/run/loop/stiffness_schedule.h"
 #include "src/run/loop/surface_stage.h"

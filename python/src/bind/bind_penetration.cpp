@@ -8,9 +8,9 @@
 #include "python/src/arrays.h"
 #include "python/src/bindings.h"
 #include "src/contact/internal/ball_cut.h"
-#include "src/contact/internal/hull_rules.h"
 #include "src/contact/internal/ball_parts.h"
 #include "src/contact/internal/field_elements.h"
+#include "src/contact/internal/hull_rules.h"
 #include "src/field/internal/field_curvature.h"
 
 namespace palpate::python {

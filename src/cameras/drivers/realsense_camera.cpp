@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "src/cameras/camera_kinds.h"
-#include "src/cameras/stream/raw_frames.h"
 #include "src/cameras/drivers/realsense_api.h"
+#include "src/cameras/stream/raw_frames.h"
 #include "src/core/internal/monotonic_clock.h"
 
 namespace palpate { inline namespace v0 {

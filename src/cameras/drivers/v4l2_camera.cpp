@@ -10,8 +10,8 @@
 #include <utility>
 
 #include "src/cameras/camera_kinds.h"
-#include "src/cameras/stream/raw_frames.h"
 #include "src/cameras/drivers/v4l2_system.h"
+#include "src/cameras/stream/raw_frames.h"
 #include "src/core/internal/monotonic_clock.h"
 
 namespace palpate { inline namespace v0 {

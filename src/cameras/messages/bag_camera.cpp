@@ -6,8 +6,8 @@
 #include <utility>
 #include <vector>
 
-#include "src/cameras/messages/bag_contents.h"
 #include "src/cameras/camera_kinds.h"
+#include "src/cameras/messages/bag_contents.h"
 #include "src/cloud/internal/frame_limits.h"
 #include "src/core/internal/number_text.h"
 #include "src/core/internal/shared_library.h"

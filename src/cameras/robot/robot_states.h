@@ -13,8 +13,8 @@
 #include <utility>
 #include <vector>
 
-#include "src/cameras/stream/capture_clock.h"
 #include "src/cameras/robot/joint_history.h"
+#include "src/cameras/stream/capture_clock.h"
 #include "src/ros/internal/tf_history.h"
 
 namespace palpate { inline namespace v0 {

@@ -8,8 +8,8 @@
 #include <span>
 
 #include "palpate/cloud/surface_estimator.h"
-#include "src/cloud/surface/image_rows.h"
 #include "src/cloud/internal/tangent_plane.h"
+#include "src/cloud/surface/image_rows.h"
 
 namespace palpate { inline namespace v0 {
 

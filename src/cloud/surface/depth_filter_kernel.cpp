@@ -2,9 +2,9 @@
 #include <algorithm>
 #include <limits>
 
+#include "src/cloud/frames/raw_depth.h"
 #include "src/cloud/surface/bilateral.h"
 #include "src/cloud/surface/flying_pixel.h"
-#include "src/cloud/frames/raw_depth.h"
 #include "src/cloud/surface/surface_kernels.h"
 #include "src/core/internal/simd.h"
 

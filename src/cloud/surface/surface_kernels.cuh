@@ -7,12 +7,12 @@
 #include <cstdint>
 #include <limits>
 
-#include "src/cloud/surface/bilateral.h"
 #include "src/cloud/average/depth_change.h"
-#include "src/cloud/surface/flying_pixel.h"
-#include "src/cloud/internal/tangent_plane.h"
 #include "src/cloud/frames/raw_depth.h"
 #include "src/cloud/internal/raw_frame_cuda.h"
+#include "src/cloud/internal/tangent_plane.h"
+#include "src/cloud/surface/bilateral.h"
+#include "src/cloud/surface/flying_pixel.h"
 #include "src/cloud/surface/window_moments.h"
 #include "src/gpu/internal/team.cuh"
 

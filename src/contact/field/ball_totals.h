@@ -2,10 +2,10 @@
 // one cluster. Included by kernel files only.
 #pragma once
 
-#include "src/contact/internal/ball_cut.h"
 #include "src/contact/field/group_totals.h"
-#include "src/contact/internal/hull_rules.h"
+#include "src/contact/internal/ball_cut.h"
 #include "src/contact/internal/ball_parts.h"
+#include "src/contact/internal/hull_rules.h"
 
 namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE { namespace {
 

@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "palpate/contact/contact.h"
-#include "src/contact/internal/ball_cut.h"
 #include "src/contact/field/field_bound.h"
 #include "src/contact/index/tool_parts.h"
+#include "src/contact/internal/ball_cut.h"
 
 namespace palpate { inline namespace v0 {
 

@@ -4,8 +4,8 @@
 #include <type_traits>
 
 #include "src/contact/cuda/query_answer.h"
-#include "src/contact/internal/ball_cut.h"
 #include "src/contact/field/field_tool_cuda.h"
+#include "src/contact/internal/ball_cut.h"
 #include "src/contact/internal/hull_rules.h"
 #include "src/gpu/internal/team.cuh"
 

@@ -7,12 +7,12 @@
 #include <optional>
 
 #include "palpate/contact/contact.h"
-#include "src/contact/internal/field_elements.h"
 #include "src/contact/index/path_lengths.h"
 #include "src/contact/index/sorted_graph.h"
 #include "src/contact/index/sphere_clusters.h"
 #include "src/contact/index/sphere_grid.h"
 #include "src/contact/index/volume_scales.h"
+#include "src/contact/internal/field_elements.h"
 #include "src/contact/points/donors/donor.h"
 #include "src/contact/points/scan/image_window.h"
 

@@ -15,8 +15,8 @@
 #include "src/devices/device_kinds.h"
 #include "src/devices/device_pose.h"
 #include "src/devices/force_dimension/force_dimension_api.h"
-#include "src/devices/motor_wrench.h"
 #include "src/devices/internal/polling_device.h"
+#include "src/devices/motor_wrench.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

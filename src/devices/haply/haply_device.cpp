@@ -16,8 +16,8 @@
 #include "src/devices/device_kinds.h"
 #include "src/devices/device_pose.h"
 #include "src/devices/haply/haply_messages.h"
-#include "src/devices/motor_wrench.h"
 #include "src/devices/internal/polling_device.h"
+#include "src/devices/motor_wrench.h"
 #include "src/devices/transport/web_socket.h"
 
 namespace palpate { inline namespace v0 {

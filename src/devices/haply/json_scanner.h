@@ -7,7 +7,8 @@
 namespace palpate { inline namespace v0 {
 
 /// A reader says what it expects; a value of another kind is passed over and counts as absent, bad
-/// JSON ends everything. `for (JsonScanner json(text); ...)`: see src/devices/haply/haply_messages.cpp.
+/// JSON ends everything. `for (JsonScanner json(text); ...)`: see
+/// src/devices/haply/haply_messages.cpp.
 class JsonScanner {
  public:
   explicit JsonScanner(std::string_view text) : next_(text.data()), end_(next_ + text.size()) {}

@@ -5,8 +5,8 @@
 #include <utility>
 
 #include "src/devices/device_kinds.h"
-#include "src/devices/software/page_hand.h"
 #include "src/devices/internal/twist_between.h"
+#include "src/devices/software/page_hand.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

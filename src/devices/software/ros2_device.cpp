@@ -10,8 +10,8 @@
 #include <thread>
 #include <utility>
 
-#include "src/core/internal/triple_buffer.h"
 #include "src/core/internal/monotonic_clock.h"
+#include "src/core/internal/triple_buffer.h"
 #include "src/devices/device_kinds.h"
 #include "src/devices/input_only.h"
 #include "src/devices/internal/polling_device.h"

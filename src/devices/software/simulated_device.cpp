@@ -9,9 +9,9 @@
 
 #include "src/core/internal/triple_buffer.h"
 #include "src/devices/device_kinds.h"
-#include "src/devices/transport/periodic_thread.h"
-#include "src/devices/software/simulated_hand.h"
 #include "src/devices/internal/twist_between.h"
+#include "src/devices/software/simulated_hand.h"
+#include "src/devices/transport/periodic_thread.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

@@ -7,8 +7,8 @@
 #include "src/devices/device_kinds.h"
 #include "src/devices/input_only.h"
 #include "src/devices/internal/polling_device.h"
-#include "src/devices/spacenav/spacenav_connection.h"
 #include "src/devices/internal/twist_between.h"
+#include "src/devices/spacenav/spacenav_connection.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

@@ -25,9 +25,9 @@
 #include "palpate/devices/devices.h"
 #include "src/devices/device_kinds.h"
 #include "src/devices/device_pose.h"
-#include "src/devices/motor_wrench.h"
 #include "src/devices/internal/polling_device.h"
 #include "src/devices/internal/twist_between.h"
+#include "src/devices/motor_wrench.h"
 #include "src/devices/vrpn/vrpn_connection.h"
 
 namespace palpate { inline namespace v0 {

@@ -5,8 +5,8 @@
 
 #include "palpate/cloud/point_cloud.h"
 #include "palpate/core/core.h"
-#include "src/field/pyramid/field_rows.h"
 #include "src/field/memory/memory_pixel.h"
+#include "src/field/pyramid/field_rows.h"
 
 namespace palpate { inline namespace v0 {
 

@@ -3,8 +3,8 @@
 #include <utility>
 
 #include "src/cloud/internal/surface_cuda.h"
-#include "src/field/timeline/batch_frames.h"
 #include "src/field/depth_field_cuda.h"
+#include "src/field/timeline/batch_frames.h"
 #include "src/gpu/internal/runtime.h"
 
 namespace palpate { inline namespace v0 {

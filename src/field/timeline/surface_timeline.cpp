@@ -7,8 +7,8 @@
 
 #include "palpate/cloud/depth_source.h"
 #include "src/cloud/internal/cloud_blend.h"
-#include "src/field/timeline/frame_slots.h"
 #include "src/field/internal/key_frames.h"
+#include "src/field/timeline/frame_slots.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

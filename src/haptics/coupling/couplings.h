@@ -1,8 +1,8 @@
 // The kinds behind make_coupling.
 #pragma once
 
-#include "src/haptics/held_contact.h"
 #include "src/haptics/coupling/spring.h"
+#include "src/haptics/held_contact.h"
 
 namespace palpate { inline namespace v0 {
 

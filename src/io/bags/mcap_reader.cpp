@@ -7,10 +7,10 @@
 #include <utility>
 
 #include "src/io/bags/bag_formats.h"
-#include "src/io/internal/atomic_file.h"
-#include "src/io/internal/mcap_file.h"
 #include "src/io/bags/mcap_format.h"
 #include "src/io/bags/unpack.h"
+#include "src/io/internal/atomic_file.h"
+#include "src/io/internal/mcap_file.h"
 
 namespace palpate { inline namespace v0 {
 

@@ -11,9 +11,9 @@
 #include <optional>
 #include <utility>
 
+#include "src/io/bags/mcap_format.h"
 #include "src/io/internal/disk_sync.h"
 #include "src/io/internal/mcap_file.h"
-#include "src/io/bags/mcap_format.h"
 
 namespace palpate { inline namespace v0 {
 

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "palpate/io/formats.h"
-#include "src/io/meshes/glb_content.h"
 #include "src/io/internal/atomic_file.h"
+#include "src/io/meshes/glb_content.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

@@ -1,8 +1,8 @@
 #include <string>
 #include <vector>
 
-#include "src/io/meshes/mesh_parsers.h"
 #include "src/io/internal/text_scanner.h"
+#include "src/io/meshes/mesh_parsers.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

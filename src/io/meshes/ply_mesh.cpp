@@ -2,8 +2,8 @@
 #include <string>
 #include <vector>
 
-#include "src/io/meshes/mesh_parsers.h"
 #include "src/io/clouds/ply_format.h"
+#include "src/io/meshes/mesh_parsers.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

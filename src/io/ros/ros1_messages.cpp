@@ -2,8 +2,8 @@
 
 #include <cstdint>
 
-#include "src/io/internal/cdr.h"
 #include "src/io/bags/mcap_format.h"
+#include "src/io/internal/cdr.h"
 #include "src/io/internal/ros_types.h"
 
 namespace palpate { inline namespace v0 {

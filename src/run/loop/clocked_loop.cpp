@@ -10,8 +10,8 @@
 
 #include "palpate/run/run_loop.h"
 #include "src/core/internal/guarded.h"
-#include "src/core/internal/triple_buffer.h"
 #include "src/core/internal/monotonic_clock.h"
+#include "src/core/internal/triple_buffer.h"
 #include "src/run/internal/pipeline.h"
 #include "src/run/loop/queues/frame_queue.h"
 

@@ -7,8 +7,8 @@
 #include "src/run/internal/pipeline.h"
 #include "src/session/internal/run_folder.h"
 #include "src/session/recording/run_recorder.h"
-#include "src/session/report/run_results.h"
 #include "src/session/recording/unit_watch.h"
+#include "src/session/report/run_results.h"
 
 namespace palpate { inline namespace v0 {
 namespace fs = std::filesystem;

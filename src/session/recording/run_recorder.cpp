@@ -11,8 +11,8 @@
 #include "palpate/io/files.h"
 #include "src/io/internal/ros_messages.h"
 #include "src/math/internal/wrench_transform.h"
-#include "src/session/internal/run_folder.h"
 #include "src/session/internal/lead_frames.h"
+#include "src/session/internal/run_folder.h"
 
 namespace palpate { inline namespace v0 {
 namespace fs = std::filesystem;

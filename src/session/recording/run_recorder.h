@@ -12,8 +12,8 @@
 
 #include "palpate/session/run.h"
 #include "palpate/tool/tool.h"
-#include "src/session/replay/lead_estimate.h"
 #include "src/session/internal/run_messages.h"
+#include "src/session/replay/lead_estimate.h"
 
 namespace palpate { inline namespace v0 {
 

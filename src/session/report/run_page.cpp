@@ -11,9 +11,9 @@
 #include "src/run/internal/pipeline.h"
 #include "src/session/internal/compact_json.h"
 #include "src/session/internal/page_models.h"
+#include "src/session/internal/settings_json.h"
 #include "src/session/report/run_report.h"
 #include "src/session/report/run_stages.h"
-#include "src/session/internal/settings_json.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

@@ -5,8 +5,8 @@
 #include <nlohmann/json.hpp>
 
 #include "palpate/version.h"
-#include "src/session/report/run_stages.h"
 #include "src/session/internal/settings_json.h"
+#include "src/session/report/run_stages.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

@@ -8,8 +8,8 @@
 
 #include "palpate/session/run.h"
 #include "palpate/tool/tool.h"
-#include "src/session/recording/change_list.h"
 #include "src/session/internal/run_messages.h"
+#include "src/session/recording/change_list.h"
 #include "src/session/report/run_series.h"
 
 namespace palpate { inline namespace v0 {

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <utility>
 
-#include "src/viewer/server/page_outbox.h"
 #include "src/viewer/protocol/samples.h"
+#include "src/viewer/server/page_outbox.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

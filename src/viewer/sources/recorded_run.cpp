@@ -5,8 +5,8 @@
 
 #include "src/session/internal/run_folder.h"
 #include "src/session/internal/run_reader.h"
-#include "src/viewer/sources/mcap_index.h"
 #include "src/viewer/protocol/samples.h"
+#include "src/viewer/sources/mcap_index.h"
 
 namespace palpate { inline namespace v0 {
 namespace fs = std::filesystem;

@@ -7,8 +7,8 @@
 #include <thread>
 
 #include "src/viewer/protocol/controls.h"
-#include "src/viewer/sources/repetition.h"
 #include "src/viewer/protocol/samples.h"
+#include "src/viewer/sources/repetition.h"
 #include "src/viewer/sources/view_clock.h"
 
 namespace palpate { inline namespace v0 {

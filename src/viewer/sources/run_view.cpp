@@ -6,8 +6,8 @@
 #include "palpate/viewer/viewer.h"
 #include "src/session/internal/run_folder.h"
 #include "src/viewer/protocol/command.h"
-#include "src/viewer/sources/run_player.h"
 #include "src/viewer/protocol/view_contact.h"
+#include "src/viewer/sources/run_player.h"
 
 namespace palpate { inline namespace v0 {
 namespace {
