@@ -46,7 +46,7 @@ class CheckWordsTest(unittest.TestCase):
             ("src/run/a.h", "int num;  // as told_at says"),
             ("src/run/a.h", "task_for_all, basket"),
             ("src/run/a.h", "almost_all(at_most, utmost_)"),
-            ("web/src/a.ts", "peaks.felt_force_N"),  # of a file
+            ("web/src/a.ts", "peaks.wanted_force_N"),  # of a file
         ):
             self.assertEqual(list(check_text(line, name)), [], line)
 

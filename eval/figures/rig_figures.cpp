@@ -348,7 +348,7 @@ Result<FigureResult> misplaced_figure(Context& context) {
     Table free{
         words("False volume in free space, %% of the tool at most, %s images", images),
         {"distance, mm", "true poses", "the displaced surface, exactly",
-         "a wall displaced as far as can be", "both off alike", "one camera off", "calibrated"},
+         "a wall displaced as far as can be", "both displaced alike", "one camera off", "calibrated"},
         {}};
     Curve exact{"the displaced surface, exactly", "exact", {}, {}};
     Curve wall{"a wall displaced as far as can be", "other1", {}, {}};
