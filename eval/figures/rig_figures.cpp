@@ -345,11 +345,11 @@ Result<FigureResult> misplaced_figure(Context& context) {
     if (!studied) return studied.error();
     const Study& s = *studied;
 
-    Table free{
-        words("False volume in free space, %% of the tool at most, %s images", images),
-        {"distance, mm", "true poses", "the displaced surface, exactly",
-         "a wall displaced as far as can be", "both displaced alike", "one camera off", "calibrated"},
-        {}};
+    Table free{words("False volume in free space, %% of the tool at most, %s images", images),
+               {"distance, mm", "true poses", "the displaced surface, exactly",
+                "a wall displaced as far as can be", "both displaced alike", "one camera off",
+                "calibrated"},
+               {}};
     Curve exact{"the displaced surface, exactly", "exact", {}, {}};
     Curve wall{"a wall displaced as far as can be", "other1", {}, {}};
     Curve wrong{"one camera off", "field", {}, {}}, again{"calibrated", "other2", {}, {}};
