@@ -89,7 +89,7 @@ function(palpate_component name)
     ${target} PROPERTIES OUTPUT_NAME ${output} EXPORT_NAME ${exported} LINKER_LANGUAGE CXX
                          ARCHIVE_OUTPUT_DIRECTORY "${PROJECT_BINARY_DIR}/lib"
                          LIBRARY_OUTPUT_DIRECTORY "${PROJECT_BINARY_DIR}/lib"
-                         VERSION ${PROJECT_VERSION} SOVERSION 1
+                         VERSION ${PROJECT_VERSION} SOVERSION ${PROJECT_VERSION_MAJOR}.${PROJECT_VERSION_MINOR}
                          LINK_DEPENDS "$<$<BOOL:${BUILD_SHARED_LIBS}>:${palpate_map}>")
   if(BUILD_SHARED_LIBS)
     target_link_options(${target} PRIVATE -Wl,--no-undefined -Wl,-Bsymbolic-functions

@@ -8,7 +8,7 @@ file(READ "${PROJECT_SOURCE_DIR}/THIRD_PARTY.md" notices)
 configure_file("${PROJECT_SOURCE_DIR}/packaging/copyright.in" "${packaging}/copyright" @ONLY)
 configure_file("${PROJECT_SOURCE_DIR}/packaging/changelog.in" "${packaging}/changelog" @ONLY)
 execute_process(COMMAND gzip -9nc "${packaging}/changelog" OUTPUT_FILE "${packaging}/changelog.gz" COMMAND_ERROR_IS_FATAL ANY)
-foreach(pair program:palpate library:libpalpate1 development:libpalpate-dev)
+foreach(pair program:palpate library:libpalpate0.1 development:libpalpate-dev)
   string(REPLACE ":" ";" pair ${pair})
   list(GET pair 0 component)
   list(GET pair 1 package)
@@ -43,7 +43,7 @@ set(CPACK_DEBIAN_PROGRAM_PACKAGE_SECTION science)
 set(CPACK_DEBIAN_PROGRAM_DESCRIPTION "${about}
 
 This package has the program, with its viewer.")
-set(CPACK_DEBIAN_LIBRARY_PACKAGE_NAME libpalpate1)
+set(CPACK_DEBIAN_LIBRARY_PACKAGE_NAME libpalpate0.1)
 set(CPACK_DEBIAN_LIBRARY_PACKAGE_SECTION libs)
 set(CPACK_DEBIAN_LIBRARY_PACKAGE_CONTROL_EXTRA "${PROJECT_SOURCE_DIR}/packaging/triggers")
 set(CPACK_DEBIAN_LIBRARY_DESCRIPTION "${about}
@@ -51,7 +51,7 @@ set(CPACK_DEBIAN_LIBRARY_DESCRIPTION "${about}
 This package has the shared libraries.")
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_NAME libpalpate-dev)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
-set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS "libpalpate1 (= ${PROJECT_VERSION})")
+set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS "libpalpate0.1 (= ${PROJECT_VERSION})")
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SHLIBDEPS OFF)
 set(CPACK_DEBIAN_DEVELOPMENT_DESCRIPTION "${about}
 

@@ -45,7 +45,7 @@ ctest --test-dir built --output-on-failure
 if objdump -T built/0* | grep PALPATE_PRIVATE; then echo "the examples need what is private (decision 37)"; exit 1; fi
 
 say "the same from the archive, wherever it is unpacked"
-apt-get -q purge -y libpalpate1 libpalpate-dev palpate >>install.log 2>&1
+apt-get -q purge -y libpalpate0.1 libpalpate-dev palpate >>install.log 2>&1
 mkdir elsewhere
 tar -C elsewhere --strip-components=1 -xf palpate-*.tar.gz
 elsewhere/bin/palpate info stylus.palp >/dev/null
