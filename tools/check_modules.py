@@ -72,7 +72,6 @@ LIBRARIES = (
     (r"png\.h", ("io",)),
     (r"(lib)?lzf\.h", ("io",)),
     (r"tinyxml2\.h", ("cameras",)),
-    (r"xxhash\.h", ("session",)),
     (r"zlib\.h", ("io", "session")),
     (r"zstd\.h", ("io",)),
     (r"nlohmann/", ("io", "session", "viewer", "eval", "apps")),

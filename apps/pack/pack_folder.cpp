@@ -22,7 +22,7 @@
 #include "palpate/version.h"
 #include "src/core/internal/guarded.h"
 #include "src/io/internal/atomic_file.h"
-#include "src/session/internal/checksum.h"
+#include "src/io/internal/sha256.h"
 
 namespace palpate::apps {
 namespace {
@@ -81,7 +81,7 @@ Status prepare(const fs::path& folder) {
 
 template <class Element>
 std::string checksum_of(const std::vector<Element>& elements) {
-  return checksum(
+  return sha256(
       {reinterpret_cast<const char*>(elements.data()), elements.size() * sizeof(Element)});
 }
 
@@ -117,11 +117,11 @@ std::optional<std::string> stamp_text(const TriangleMesh& raw, const std::string
              {"options", options}};
   const auto tool = read_file(outputs.tool);
   if (!tool) return std::nullopt;
-  stamp["tool"] = checksum(*tool);
+  stamp["tool"] = sha256(*tool);
   if (with_page) {
     const auto page = read_file(outputs.page);
     if (!page) return std::nullopt;
-    stamp["page"] = checksum(*page);
+    stamp["page"] = sha256(*page);
   }
   return stamp.dump(2) + "\n";
 }

@@ -5,7 +5,7 @@
 
 #include <cmath>
 
-#include "src/io/files/sha256.h"
+#include "src/io/internal/sha256.h"
 #include "src/io/internal/ros_messages.h"
 
 namespace palpate {

@@ -56,18 +56,4 @@ std::array<std::uint8_t, 20> sha1(std::string_view text) {
   return digest;
 }
 
-std::string base64(std::span<const std::uint8_t> bytes) {
-  constexpr std::string_view kDigits =
-      "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-  std::string text;
-  for (std::size_t i = 0; i < bytes.size(); i += 3) {
-    std::uint32_t three = 0;
-    for (std::size_t j = 0; j < 3; ++j)
-      three = three << 8 | (i + j < bytes.size() ? bytes[i + j] : 0u);
-    for (std::size_t j = 0; j < 4; ++j)
-      text.push_back(i + j <= bytes.size() ? kDigits[three >> (18 - 6 * j) & 63] : '=');
-  }
-  return text;
-}
-
 }}  // namespace palpate::v0

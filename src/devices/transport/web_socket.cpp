@@ -9,6 +9,7 @@
 
 #include "src/core/internal/monotonic_clock.h"
 #include "src/devices/transport/sha1.h"
+#include "src/io/internal/base64.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

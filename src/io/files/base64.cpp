@@ -1,7 +1,4 @@
-#include "src/session/report/base64.h"
-
-#include <cstdint>
-#include <string_view>
+#include "src/io/internal/base64.h"
 
 namespace palpate { inline namespace v0 {
 namespace {
@@ -11,7 +8,7 @@ constexpr std::string_view kDigits =
 
 }  // namespace
 
-std::string base64(const std::string& bytes) {
+std::string base64(std::string_view bytes) {
   std::string text;
   text.reserve((bytes.size() + 2) / 3 * 4);
   for (std::size_t i = 0; i < bytes.size(); i += 3) {
