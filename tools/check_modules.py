@@ -68,7 +68,6 @@ SHARED_PRIVATE = {
 
 # Libraries and where they are at home, beside tests and bench.
 LIBRARIES = (
-    (r"assimp/", ("io",)),
     (r"png\.h", ("io",)),
     (r"(lib)?lzf\.h", ("io",)),
     (r"tinyxml2\.h", ("cameras",)),

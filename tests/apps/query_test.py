@@ -208,7 +208,7 @@ class Queries(CommandLineCase):
         return document["results"][0]["volume"]
 
     def solid_volume(self, picture):
-        """Returns the volume of a mesh file: packing reads it (glTF by Assimp) and refuses open meshes."""
+        """Returns the volume of a mesh file: packing reads it and refuses open meshes."""
         packed = json.loads(self.succeed("pack", picture, "-o", self.path("caps.palp"), "--spheres",
                                          1, "--json"))
         return packed["mesh_volume"]

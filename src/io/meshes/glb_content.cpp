@@ -1,91 +1,146 @@
 #include "src/io/meshes/glb_content.h"
 
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <cmath>
-#include <memory>
+#include <limits>
 
-#include <assimp/material.h>
-#include <assimp/scene.h>
-#include <assimp/Exporter.hpp>
+#include <nlohmann/json.hpp>
 
 namespace palpate { inline namespace v0 {
 namespace {
 
-/// glTF wants its colors linear.
-float linear_of(std::uint8_t srgb) {
+using Json = nlohmann::ordered_json;
+
+// Numbers of the glTF 2.0 specification.
+constexpr int kFloat = 5126, kUnsignedInt = 5125, kVertices = 34962, kIndices = 34963;
+
+static_assert(std::endian::native == std::endian::little, "glTF is little-endian");
+
+/// Returns a color value as glTF wants it: linear, 0 to 1.
+double linear_of(std::uint8_t srgb) {
   const double value = srgb / 255.0;
-  return static_cast<float>(value <= 0.04045 ? value / 12.92
-                                             : std::pow((value + 0.055) / 1.055, 2.4));
+  return value <= 0.04045 ? value / 12.92 : std::pow((value + 0.055) / 1.055, 2.4);
 }
 
-// Scenes of Assimp own what they point at, and delete it.
-
-std::unique_ptr<aiMaterial> material_of(const ColoredMesh& part) {
-  auto material = std::make_unique<aiMaterial>();
-  const aiString name(part.name);
-  const aiColor4D color(linear_of(part.rgb[0]), linear_of(part.rgb[1]), linear_of(part.rgb[2]), 1);
-  const float metallic = 0, roughness = 0.8f;
-  material->AddProperty(&name, AI_MATKEY_NAME);
-  material->AddProperty(&color, 1, AI_MATKEY_BASE_COLOR);
-  material->AddProperty(&metallic, 1, AI_MATKEY_METALLIC_FACTOR);
-  material->AddProperty(&roughness, 1, AI_MATKEY_ROUGHNESS_FACTOR);
-  return material;
+Json material_of(const ColoredMesh& part) {
+  Json color = Json::array();
+  for (const std::uint8_t value : part.rgb) color.push_back(linear_of(value));
+  color.push_back(1.0);
+  return {{"name", part.name},
+          {"pbrMetallicRoughness",
+           {{"baseColorFactor", color}, {"metallicFactor", 0.0}, {"roughnessFactor", 0.8}}}};
 }
 
-std::unique_ptr<aiMesh> mesh_of(const ColoredMesh& part, unsigned material) {
-  const TriangleMesh& mesh = part.mesh;
-  auto result = std::make_unique<aiMesh>();
-  result->mName = part.name;
-  result->mMaterialIndex = material;
-  result->mPrimitiveTypes = aiPrimitiveType_TRIANGLE;
-  result->mNumVertices = static_cast<unsigned>(mesh.vertices.size());
-  result->mVertices = new aiVector3D[mesh.vertices.size()];
-  std::transform(mesh.vertices.begin(), mesh.vertices.end(), result->mVertices, [](const Vec3d& p) {
-    const Vec3f rounded = to_float(p);
-    return aiVector3D(rounded.x, rounded.y, rounded.z);
-  });
-  result->mNumFaces = static_cast<unsigned>(mesh.triangles.size());
-  result->mFaces = new aiFace[mesh.triangles.size()];
-  for (std::size_t f = 0; f < mesh.triangles.size(); ++f) {
-    aiFace& face = result->mFaces[f];
-    face.mIndices = new unsigned[3];
-    face.mNumIndices = 3;
-    std::copy(mesh.triangles[f].begin(), mesh.triangles[f].end(), face.mIndices);
+template <class Number>
+void append(std::string& to, Number number) {
+  const auto bytes = std::bit_cast<std::array<char, sizeof(Number)>>(number);
+  to.append(bytes.data(), bytes.size());
+}
+
+/// The document and the bytes of its one buffer, part by part.
+class Writer {
+ public:
+  void add(const ColoredMesh& part) {
+    const int number = static_cast<int>(meshes_.size());
+    const int positions = add_positions(part.mesh), indices = add_indices(part.mesh);
+    materials_.push_back(material_of(part));
+    meshes_.push_back({{"name", part.name},
+                       {"primitives",
+                        {{{"attributes", {{"POSITION", positions}}},
+                          {"indices", indices},
+                          {"material", number}}}}});
+    nodes_.push_back({{"name", part.name}, {"mesh", number}});
   }
-  return result;
-}
+
+  std::string finish() const {
+    Json children = Json::array(), nodes = nodes_;
+    for (std::size_t i = 0; i < nodes_.size(); ++i) children.push_back(i);
+    nodes.push_back({{"name", "palpate"}, {"children", children}});
+    const Json document{{"asset", {{"version", "2.0"}, {"generator", "Palpate"}}},
+                        {"scene", 0},
+                        {"scenes", {{{"nodes", {nodes_.size()}}}}},
+                        {"nodes", nodes},
+                        {"materials", materials_},
+                        {"meshes", meshes_},
+                        {"accessors", accessors_},
+                        {"bufferViews", views_},
+                        {"buffers", {{{"byteLength", bytes_.size()}}}}};
+    std::string json = document.dump(-1, ' ', false, Json::error_handler_t::replace);
+    json.append((4 - json.size() % 4) % 4, ' ');
+    std::string glb = "glTF";
+    const auto u32 = [&](std::size_t value) { append(glb, static_cast<std::uint32_t>(value)); };
+    u32(2);
+    u32(12 + 8 + json.size() + 8 + bytes_.size());
+    u32(json.size());
+    glb.append("JSON").append(json);
+    u32(bytes_.size());
+    return glb.append("BIN\0", 4).append(bytes_);
+  }
+
+ private:
+  int add_accessor(std::size_t begin, int target, Json accessor) {
+    accessor["bufferView"] = views_.size();
+    views_.push_back({{"buffer", 0},
+                      {"byteOffset", begin},
+                      {"byteLength", bytes_.size() - begin},
+                      {"target", target}});
+    accessors_.push_back(std::move(accessor));
+    return static_cast<int>(accessors_.size()) - 1;
+  }
+
+  int add_positions(const TriangleMesh& mesh) {
+    const std::size_t begin = bytes_.size();
+    std::array<float, 3> low, high;
+    low.fill(std::numeric_limits<float>::max());
+    high.fill(std::numeric_limits<float>::lowest());
+    for (const Vec3d& vertex : mesh.vertices) {
+      for (int axis = 0; axis < 3; ++axis) {
+        const auto value = static_cast<float>(vertex[axis]);
+        const auto k = static_cast<std::size_t>(axis);
+        low[k] = std::min(low[k], value);
+        high[k] = std::max(high[k], value);
+        append(bytes_, value);
+      }
+    }
+    return add_accessor(begin, kVertices,
+                        {{"componentType", kFloat},
+                         {"count", mesh.vertices.size()},
+                         {"type", "VEC3"},
+                         {"min", low},
+                         {"max", high}});
+  }
+
+  int add_indices(const TriangleMesh& mesh) {
+    const std::size_t begin = bytes_.size();
+    for (const auto& triangle : mesh.triangles) {
+      for (const std::uint32_t index : triangle) append(bytes_, index);
+    }
+    return add_accessor(begin, kIndices,
+                        {{"componentType", kUnsignedInt},
+                         {"count", 3 * mesh.triangles.size()},
+                         {"type", "SCALAR"}});
+  }
+
+  Json materials_ = Json::array(), meshes_ = Json::array(), nodes_ = Json::array(),
+       accessors_ = Json::array(), views_ = Json::array();
+  std::string bytes_;
+};
 
 }  // namespace
 
-Result<std::string> glb_content(std::span<const ColoredMesh* const> parts) try {
-  const auto num = static_cast<unsigned>(parts.size());
-  aiScene scene;
-  scene.mRootNode = new aiNode("palpate");
-  scene.mRootNode->mChildren = new aiNode* [num] {};
-  scene.mRootNode->mNumChildren = num;
-  scene.mMaterials = new aiMaterial* [num] {};
-  scene.mNumMaterials = num;
-  scene.mMeshes = new aiMesh* [num] {};
-  scene.mNumMeshes = num;
-  for (unsigned i = 0; i < num; ++i) {
-    scene.mMaterials[i] = material_of(*parts[i]).release();
-    scene.mMeshes[i] = mesh_of(*parts[i], i).release();
-    aiNode* node = scene.mRootNode->mChildren[i] = new aiNode(parts[i]->name);
-    node->mParent = scene.mRootNode;
-    node->mMeshes = new unsigned[1]{i};
-    node->mNumMeshes = 1;
+Result<std::string> glb_content(std::span<const ColoredMesh* const> parts) {
+  std::size_t num_bytes = 0;
+  for (const ColoredMesh* part : parts) {
+    num_bytes += 12 * (part->mesh.vertices.size() + part->mesh.triangles.size());
   }
-  Assimp::Exporter exporter;
-  const aiExportDataBlob* blob = exporter.ExportToBlob(&scene, "glb2");
-  if (blob == nullptr || blob->size == 0) {
-    return Error{Errc::io_failure, "Assimp cannot make a GLB file of it (" +
-                                       std::string(exporter.GetErrorString()) +
-                                       "); write a .ply file"};
+  if (num_bytes > std::size_t(4'000'000'000)) {
+    return Error{Errc::io_failure, "is larger than the 4 GB of a GLB file; write a .ply file"};
   }
-  return std::string(static_cast<const char*>(blob->data), blob->size);
-} catch (const std::exception& error) {
-  return Error{Errc::io_failure, "Assimp cannot make a GLB file of it (" +
-                                     std::string(error.what()) + "); write a .ply file"};
+  Writer writer;
+  for (const ColoredMesh* part : parts) writer.add(*part);
+  return writer.finish();
 }
 
 }}  // namespace palpate::v0

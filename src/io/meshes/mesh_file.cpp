@@ -21,26 +21,14 @@ std::string extension_of(const std::filesystem::path& path) {
   return extension;
 }
 
-/// Dispatches on the extension. Counts are checked against the file's size before Assimp sees it,
-/// and of a glTF it sees the geometry alone.
 Result<TriangleMesh> parse(const std::filesystem::path& path, const std::string& extension,
                            std::string_view content) {
   if (extension == ".obj") return parse_obj_mesh(content);
   if (extension == ".ply") return parse_ply_mesh(content);
   if (extension == ".off") return parse_off_mesh(content);
-  if (extension == ".stl" && is_text_stl(content)) return parse_text_stl(content);
-  if (extension == ".stl") {
-    if (auto error = check_stl_size(content)) return *error;
-  }
-  if (extension == ".gltf" || extension == ".glb") {
-    const Result<std::string_view> json = extension == ".glb" ? glb_json(content) : content;
-    if (!json) return json.error();
-    const auto geometry = gltf_geometry(*json, path.parent_path(), content.size());
-    if (!geometry) return geometry.error();
-    return load_with_assimp(path,
-                            extension == ".glb" ? glb_with_json(content, *geometry) : *geometry);
-  }
-  return load_with_assimp(path, content);
+  if (extension == ".glb") return parse_glb(content, path.parent_path());
+  if (extension == ".gltf") return parse_gltf(content, {}, path.parent_path(), content.size());
+  return is_text_stl(content) ? parse_text_stl(content) : parse_binary_stl(content);
 }
 
 }  // namespace

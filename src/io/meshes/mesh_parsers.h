@@ -1,8 +1,5 @@
 // Readers of mesh files by format. Errors are the rest of a sentence that starts with the name of
-// the file. OBJ, PLY, OFF and STL as text have readers of our own: Assimp repairs PLY and OFF
-// silently (it clamps the indices of OFF files and invents faces for PLY files that end early),
-// does not know numbers like ".5" in OBJ files, rounds all of them to single precision, and knows
-// no STL with an empty solid, a comment or capitals.
+// the file. None repairs: what a file says of its shape is taken as it is, or refused.
 #pragma once
 
 #include <cstdint>
@@ -31,21 +28,14 @@ Result<TriangleMesh> parse_off_mesh(std::string_view content);
 Result<TriangleMesh> parse_text_stl(std::string_view content);
 bool is_text_stl(std::string_view content);
 
-/// Binary STL, glTF and GLB from memory. All parts are placed by their nodes and joined. `path`
-/// gives the format, and where other files lie that the content names.
-Result<TriangleMesh> load_with_assimp(const std::filesystem::path& path, std::string_view content);
+Result<TriangleMesh> parse_binary_stl(std::string_view content);
 
-/// Does the file hold the facets that a binary STL announces?
-std::optional<Error> check_stl_size(std::string_view content);
-/// The JSON of a GLB (version 2). Error: the file does not hold the bytes that it announces.
-Result<std::string_view> glb_json(std::string_view content);
-/// The same GLB with other JSON.
-std::string glb_with_json(std::string_view content, const std::string& json);
-/// The JSON of a glTF that holds its geometry alone, which Assimp can read without running out of
-/// stack or memory. Buffers may be files in `folder`; `num_file_bytes` is the size of the whole
-/// file.
-Result<std::string> gltf_geometry(std::string_view json, const std::filesystem::path& folder,
-                                  std::size_t num_file_bytes);
+/// glTF 2.0 from its JSON: all parts are placed by their nodes and joined. `bin`: the binary chunk
+/// of a GLB; other buffers may be files in `folder`. `num_file_bytes`: size of the whole file,
+/// which bounds what it may announce.
+Result<TriangleMesh> parse_gltf(std::string_view json, std::string_view bin,
+                                const std::filesystem::path& folder, std::size_t num_file_bytes);
+Result<TriangleMesh> parse_glb(std::string_view content, const std::filesystem::path& folder);
 
 /// Adds polygons to a mesh as triangles; concave ones are cut ear by ear, which takes quadratic
 /// time or more: the work for all polygons of a file is limited.
