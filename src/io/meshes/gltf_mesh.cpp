@@ -1,6 +1,6 @@
 // Meshes of glTF 2.0 files: the triangles of all meshes that the nodes of a scene place, joined.
 //
-// What has no shape (materials, skins, animations, points, lines) is left out. Nodes are trees of
+// Materials, skins, animations, points and lines are left out, as they have no shape. Nodes are trees of
 // bounded depth, counts are bounded by the size of the file, and what may change shapes and is not
 // supported is refused by name.
 #include <algorithm>
