@@ -6,7 +6,7 @@
 #include "palpate/core/core.h"
 #include "palpate/gpu/devices.h"
 #include "src/io/internal/atomic_file.h"
-#include "src/session/internal/checksum.h"
+#include "src/io/internal/sha256.h"
 
 namespace palpate::eval {
 namespace {
@@ -26,7 +26,7 @@ std::string processor_name() {
 std::string checksum_of(const std::filesystem::path& path) {
   if (path.empty()) return "";
   const auto content = read_file(path);
-  return content ? checksum(*content) : "";
+  return content ? sha256(*content) : "";
 }
 
 }  // namespace
@@ -38,7 +38,7 @@ Key key_of(const Settings& settings) {
   key.data = std::filesystem::is_directory(settings.data) ? "present" : "absent";
   std::string of_gpu;
   for (const auto& path : settings.gpu) of_gpu += checksum_of(path);
-  key.gpu = of_gpu.empty() ? "" : checksum(of_gpu);
+  key.gpu = of_gpu.empty() ? "" : sha256(of_gpu);
   key.peers = checksum_of(settings.peers);
   key.processor = processor_name();
   key.num_cores = static_cast<int>(std::thread::hardware_concurrency());

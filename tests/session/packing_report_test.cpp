@@ -10,8 +10,8 @@
 
 #include "palpate/io/formats.h"
 #include "palpate/mesh/mesh.h"
+#include "src/io/internal/sha256.h"
 #include "src/mesh/internal/surface_points.h"
-#include "src/session/internal/checksum.h"
 #include "tests/test_util/report_data.h"
 #include "tests/test_util/scan_mesh.h"
 #include "tests/test_util/standoff_truth.h"
@@ -297,10 +297,10 @@ TEST(PackingPage, SaysWhatStaysEmpty) {
 }
 
 TEST(Checksum, TellsBytesApart) {
-  EXPECT_EQ(checksum("palpate").size(), 32u);
-  EXPECT_EQ(checksum("palpate"), checksum("palpate"));
-  EXPECT_NE(checksum("palpate"), checksum("palpatf"));
-  EXPECT_EQ(checksum(""), "99aa06d3014798d86001c324468d497f");  // of the reference implementation
+  EXPECT_EQ(sha256("palpate").size(), 32u);
+  EXPECT_EQ(sha256("palpate"), sha256("palpate"));
+  EXPECT_NE(sha256("palpate"), sha256("palpatf"));
+  EXPECT_EQ(sha256(""), "99aa06d3014798d86001c324468d497f");  // of the reference implementation
 }
 
 }  // namespace
