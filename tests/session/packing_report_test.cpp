@@ -10,7 +10,6 @@
 
 #include "palpate/io/formats.h"
 #include "palpate/mesh/mesh.h"
-#include "src/io/internal/sha256.h"
 #include "src/mesh/internal/surface_points.h"
 #include "tests/test_util/report_data.h"
 #include "tests/test_util/scan_mesh.h"
@@ -294,13 +293,6 @@ TEST(PackingPage, SaysWhatStaysEmpty) {
   PALPATE_PAGES_OR_SKIP();
   const Tool few = packed_tool(make_shape("finger", 0.196).value(), 300);
   EXPECT_EQ(page_data(few).at("warning"), empty_part(few, standoff(few)));
-}
-
-TEST(Checksum, TellsBytesApart) {
-  EXPECT_EQ(sha256("palpate").size(), 32u);
-  EXPECT_EQ(sha256("palpate"), sha256("palpate"));
-  EXPECT_NE(sha256("palpate"), sha256("palpatf"));
-  EXPECT_EQ(sha256(""), "99aa06d3014798d86001c324468d497f");  // of the reference implementation
 }
 
 }  // namespace
