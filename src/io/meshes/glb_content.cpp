@@ -40,7 +40,7 @@ void append(std::string& to, Number number) {
 }
 
 /// The document and the bytes of its one buffer, part by part.
-class Writer {
+class GlbWriter {
  public:
   void add(const ColoredMesh& part) {
     const int number = static_cast<int>(meshes_.size());
@@ -138,7 +138,7 @@ Result<std::string> glb_content(std::span<const ColoredMesh* const> parts) {
   if (num_bytes > std::size_t(4'000'000'000)) {
     return Error{Errc::io_failure, "is larger than the 4 GB of a GLB file; write a .ply file"};
   }
-  Writer writer;
+  GlbWriter writer;
   for (const ColoredMesh* part : parts) writer.add(*part);
   return writer.finish();
 }
