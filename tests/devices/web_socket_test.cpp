@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "src/devices/transport/sha1.h"
-#include "src/io/internal/base64.h"
 #include "src/devices/transport/web_socket_frames.h"
+#include "src/io/internal/base64.h"
 #include "tests/devices/mutation.h"
 #include "tests/test_util/allocation_counter.h"
 

@@ -7,9 +7,9 @@
 
 #include "palpate/session/run.h"
 #include "src/io/internal/atomic_file.h"
+#include "src/io/internal/base64.h"
 #include "src/session/internal/compact_json.h"
 #include "src/session/recording/change_list.h"
-#include "src/io/internal/base64.h"
 #include "src/session/report/run_series.h"
 #include "src/session/report/statistics.h"
 #include "tests/session/other_unit_stream.h"

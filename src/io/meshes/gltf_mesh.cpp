@@ -1,8 +1,8 @@
 // Meshes of glTF 2.0 files: the triangles of all meshes that the nodes of a scene place, joined.
 //
-// Materials, skins, animations, points and lines are left out, as they have no shape. Nodes are trees of
-// bounded depth, counts are bounded by the size of the file, and what may change shapes and is not
-// supported is refused by name.
+// Materials, skins, animations, points and lines are left out, as they have no shape. Nodes are
+// trees of bounded depth, counts are bounded by the size of the file, and what may change shapes
+// and is not supported is refused by name.
 #include <algorithm>
 #include <array>
 #include <cmath>

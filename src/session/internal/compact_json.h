@@ -25,7 +25,8 @@ inline nlohmann::ordered_json compact(double value, int digits = 5) {
 /// The values as they lie in memory, which is little-endian, in base64.
 template <class Value>
 std::string packed(std::span<const Value> values) {
-  return base64(std::string_view(reinterpret_cast<const char*>(values.data()), values.size_bytes()));
+  return base64(
+      std::string_view(reinterpret_cast<const char*>(values.data()), values.size_bytes()));
 }
 
 /// On one line, for a page.
