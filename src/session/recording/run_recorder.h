@@ -12,10 +12,16 @@
 
 #include "palpate/session/run.h"
 #include "palpate/tool/tool.h"
-#include "src/session/replay/lead_estimate.h"
 #include "src/session/internal/run_messages.h"
+#include "src/session/replay/lead_estimate.h"
 
 namespace palpate { inline namespace v0 {
+
+// Coordinate frames, as ROS names them: the world, the base of the device, its handle, the tool.
+inline constexpr const char* kWorldFrame = "world";
+inline constexpr const char* kBaseFrame = "base";
+inline constexpr const char* kHandFrame = "hand";
+inline constexpr const char* kToolFrame = "tool";
 
 /// Returns the name of a camera's coordinate frame in recordings: "camera", "camera_2", ...
 std::string camera_frame(std::size_t camera);
