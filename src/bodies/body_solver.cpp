@@ -4,6 +4,8 @@
 #include <cmath>
 #include <utility>
 
+#include "src/bodies/touch_matrices.h"
+
 namespace palpate { inline namespace v0 {
 namespace {
 
@@ -16,72 +18,7 @@ constexpr double kGravity = 9.81;
 /// Largest speed at which deep contacts, as of a hand that enters a body between two frames, part.
 constexpr double kFastestOut = 1;  // m/s
 
-constexpr int kMaxTries = 4;     // each without the contacts that would pull
-constexpr int kMaxSweeps = 100;  // of friction: some ten do
-constexpr double kClose = 1e-9;  // of the largest limit
-
-/// a += s b.
-void add(Mat6& a, double s, const Mat6& b) { a = sum(a, s, b); }
-
-/// Returns T of v_at_a = T v: the velocity of the point at a's center of mass that moves with a
-/// body whose own center of mass is `d` away from it.
-Mat6 transport(const Vec3d& d) {
-  Mat6 t;
-  for (int i = 0; i < 6; ++i) t.m[i][i] = 1;
-  t.m[0][4] = d.z;
-  t.m[0][5] = -d.y;
-  t.m[1][3] = -d.z;
-  t.m[1][5] = d.x;
-  t.m[2][3] = d.y;
-  t.m[2][4] = -d.x;
-  return t;
-}
-
-Mat6 product(const Mat6& a, const Mat6& b) {
-  Mat6 c;
-  for (int i = 0; i < 6; ++i) {
-    for (int k = 0; k < 6; ++k) {
-      for (int j = 0; j < 6; ++j) c.m[i][j] += a.m[i][k] * b.m[k][j];
-    }
-  }
-  return c;
-}
-
-Mat6 transposed(const Mat6& a) {
-  Mat6 t;
-  for (int i = 0; i < 6; ++i) {
-    for (int j = 0; j < 6; ++j) t.m[i][j] = a.m[j][i];
-  }
-  return t;
-}
-
-Vec6 at_other(const Vec6& wrench_a, const Vec3d& d) {
-  return {-wrench_a.linear, -(wrench_a.angular + cross(d, wrench_a.linear))};
-}
-
-/// Returns the stiffness of the stiffest direction, too large by at most the square root of 3.
-double largest(const Mat6& k) {
-  double squares = 0;
-  for (int i = 0; i < 3; ++i) {
-    for (int j = 0; j < 3; ++j) squares += k.m[i][j] * k.m[i][j];
-  }
-  return std::sqrt(squares);
-}
-
-double radius_of_gyration(const RigidBody& body) {
-  const auto& i = body.inertia_B.m;
-  return std::sqrt((i[0][0] + i[1][1] + i[2][2]) / 2 / body.mass);
-}
-
-Mat6 mass_matrix(const RigidBody& body) {
-  Mat6 mass;
-  const Mat3d inertia = inertia_W(body);
-  for (int i = 0; i < 3; ++i) {
-    mass.m[i][i] = body.mass;
-    for (int j = 0; j < 3; ++j) mass.m[i + 3][j + 3] = inertia.m[i][j];
-  }
-  return mass;
-}
+constexpr int kMaxTries = 4;  // each without the contacts that would pull
 
 }  // namespace
 
@@ -100,11 +37,6 @@ BodySolver::BodySolver(int max_bodies, std::span<const double> mass_of_place)
   touches_.reserve(mass_of_place.size());
 }
 
-void BodySolver::Place::use(double new_stiffness) {
-  stiffness = new_stiffness;
-  friction.use(stiffness, 2 * std::sqrt(mass / stiffness));
-}
-
 void BodySolver::reset() noexcept {
   for (Place& place : places_) {
     place.friction.reset();
@@ -112,17 +44,6 @@ void BodySolver::reset() noexcept {
     place.potential = place.paid = place.given = 0;
     place.is_held = place.was_held = false;
   }
-}
-
-double BodySolver::friction_energy() const noexcept {
-  double energy = 0;
-  for (const Place& place : places_) {
-    const FrictionState& state = place.friction.state();
-    energy +=
-        0.5 * place.stiffness *
-        (dot(state.bristle_W, state.bristle_W) + state.bristle_rotation * state.bristle_rotation);
-  }
-  return energy;
 }
 
 Vec6 BodySolver::motion(const BodyTouch& touch, const Work& work,
@@ -223,88 +144,6 @@ bool BodySolver::drop_pulls(std::span<const BodyTouch> touches) {
     has_any = true;
   }
   return has_any;
-}
-
-/// Computes the patches, and the motions of the bodies by forces in their directions.
-void BodySolver::find_patches(std::span<const BodyTouch> touches, double dt) {
-  for (std::size_t i = 0; i < touches.size(); ++i) {
-    const BodyTouch& touch = touches[i];
-    Work& work = work_[i];
-    Place& place = places_[static_cast<std::size_t>(touch.place)];
-    work.is_held = false;
-    if (!work.is_pushing || !(touch.friction > 0)) continue;
-    if (touch.grip > 0 && touch.grip != place.stiffness) place.use(touch.grip);
-    LocalContact contact;
-    contact.patch = touch.patch;
-    contact.patch.share = 0;
-    contact.patch.own_friction = touch.friction;
-    work.is_held = place.friction.touch(contact, work.wrench, dt, work.patch);
-    if (!work.is_held) continue;
-    place.is_held = true;
-    const int a = row(touch.a), b = row(touch.b);
-    for (int k = 0; k < 3; ++k) {
-      const std::span<Vec6> moved = motions(i, k);
-      std::fill(moved.begin(), moved.end(), Vec6{});
-      if (a >= 0) moved[static_cast<std::size_t>(a)] = work.patch.slides[k];
-      if (b >= 0) moved[static_cast<std::size_t>(b)] = at_other(work.patch.slides[k], work.d);
-      system_.solve(moved, a < 0 ? b : (b < 0 ? a : std::min(a, b)));
-    }
-    Vec3d columns[3];
-    for (int k = 0; k < 3; ++k) {
-      Vec6 moves = motion(touch, work, motions(i, k));
-      if (touch.b == BodyTouch::kNoBody) {
-        moves = moves + Vec6{touch.V_W.linear, touch.V_W.angular};  // of forces alone
-      }
-      columns[k] = dt * dt * work.patch.slid_by(moves);
-    }
-    work.compliance = {columns[0].x, columns[1].x, columns[2].x,
-                       columns[1].y, columns[2].y, columns[2].z};
-    work.grip.force = place.force;
-  }
-}
-
-void BodySolver::solve_friction(std::span<const BodyTouch> touches, double dt) {
-  find_patches(touches, dt);
-  double limit = 0;
-  const auto push = [&](std::size_t i, const Vec3d& force) {
-    for (int k = 0; k < 3; ++k) {
-      const std::span<const Vec6> moved = motions(i, k);
-      const double by = dt * force[k];
-      for (std::size_t r = 0; r < moved.size(); ++r) {
-        velocities_[r] = velocities_[r] + by * moved[r];
-      }
-    }
-  };
-  for (std::size_t i = 0; i < touches.size(); ++i) {
-    if (!work_[i].is_held) continue;
-    limit = std::max(limit, work_[i].patch.limit);
-    push(i, work_[i].grip.force);
-  }
-  // Each patch in turn, the others' forces as they are: the sum of all energies falls, so it ends.
-  for (int sweep = 0; sweep < kMaxSweeps; ++sweep) {
-    double change = 0;
-    for (std::size_t i = 0; i < touches.size(); ++i) {
-      Work& work = work_[i];
-      if (!work.is_held) continue;
-      const Vec3d before = work.grip.force;
-      const Mat3s& w = work.compliance;
-      const Vec3d own{w.xx * before.x + w.xy * before.y + w.xz * before.z,
-                      w.xy * before.x + w.yy * before.y + w.yz * before.z,
-                      w.xz * before.x + w.yz * before.y + w.zz * before.z};
-      const Vec3d slid = dt * work.patch.slid_by(motion(touches[i], work, velocities_)) - own;
-      work.grip = places_[static_cast<std::size_t>(touches[i].place)].friction.hold(work.patch,
-                                                                                    slid, w, dt);
-      push(i, work.grip.force - before);
-      change = std::max(change, norm(work.grip.force - before));
-    }
-    if (!(change > kClose * limit)) break;
-  }
-  for (std::size_t i = 0; i < touches.size(); ++i) {
-    if (!work_[i].is_held) continue;
-    Place& place = places_[static_cast<std::size_t>(touches[i].place)];
-    place.friction.keep(work_[i].patch, work_[i].grip, dt);
-    place.force = work_[i].grip.force;
-  }
 }
 
 /// Balances the energy of each contact: bodies pay the part that their work has not covered from

@@ -94,6 +94,9 @@ class MovingBodies {
     std::unique_ptr<BodyPairQuery> query;
     bool is_near = false;
   };
+  // A body is still once it has stayed within this shift and this rotation for this time, s.
+  static constexpr double kStillSeconds = 0.5, kStillShift = 1e-3 /* m */,
+                          kStillTurn = 0.03 /* rad */;
   /// Rest and energy of a body.
   struct Rest {
     Pose X_WB;                // near which it has stayed

@@ -17,6 +17,12 @@
 
 namespace palpate { inline namespace v0 {
 
+// Coordinate frames, as ROS names them: the world, the base of the device, its handle, the tool.
+inline constexpr const char* kWorldFrame = "world";
+inline constexpr const char* kBaseFrame = "base";
+inline constexpr const char* kHandFrame = "hand";
+inline constexpr const char* kToolFrame = "tool";
+
 /// Returns the name of a camera's coordinate frame in recordings: "camera", "camera_2", ...
 std::string camera_frame(std::size_t camera);
 
