@@ -308,36 +308,6 @@ __global__ void __launch_bounds__(kThreads) widen_planes(const __grid_constant__
   finish_square(job, arrays, place, quad, shared.square);
 }
 
-/// Returns the tiling of the largest level by tiles of a size.
-RimTiling rim_tiling(const FieldJob& job, int wide, int high) {
-  // See RimSpans: pixels that are requested, and that have planes.
-  const auto num_requested = [](int tile, int size) {
-    return std::min(tile + 2, size + 2 * kSilhouetteBorder + 1);
-  };
-  const auto num_planes = [&](int tile, int size) {
-    return std::min(num_requested(tile, size) + 2 * kReach, size + 2 * (job.going_on + 1));
-  };
-  const auto& image = job.layout.levels[0];
-  RimTiling tiling{wide, high};
-  tiling.num_planes = num_planes(wide, image.width) * num_planes(high, image.height);
-  tiling.num_rows = num_requested(high, image.height) + 2 * kReach;
-  tiling.num_words =
-      (num_requested(wide, image.width) + 2 * kReach - 1 + kWordBits - 1) / kWordBits;
-  tiling.shared_bytes = RimMemory::num_bytes(tiling);
-  return tiling;
-}
-
-/// Returns large tiles, which share little: as high as shared memory allows, all alike in level 0.
-RimTiling large_rim_tiles(const FieldJob& job) {
-  constexpr std::size_t kMaxShared = 48 << 10;
-  constexpr int kWide = 89;  // with what is around it, three words
-  const int rows = job.layout.levels[0].height + 2 * DepthFieldLevel::kBorder;
-  for (int num = 1;; ++num) {
-    const RimTiling tiling = rim_tiling(job, kWide, (rows + num - 1) / num);
-    if (tiling.shared_bytes <= kMaxShared) return tiling;
-  }
-}
-
 }  // namespace
 
 Result<DepthFieldCuda> DepthFieldCuda::create(int width, int height,
