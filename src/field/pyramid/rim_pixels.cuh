@@ -86,14 +86,14 @@ __device__ TangentPlane plane_beyond(const TangentPlane* image, std::ptrdiff_t s
 /// pixels bound the others.
 __device__ void join_tiles(const FieldJob& job, DepthTile* tiles, int level, int u, int v,
                            const TangentPlane& plane) {
-  constexpr int kTile = DepthFieldView::kTileSize;
+  constexpr int kSize = DepthFieldView::kTileSize;
   const DepthTile tile = tile_of<DepthTile>(plane);
   // Tiles that show column or row `at` of a level.
   const auto find = [&](int at, int size, int num) -> Span {
     if (at < 0) return {0, 1};
     if (at >= size) return {num - 1, num};
-    const int last = ((at + 1) * (1 << level) - 1) / kTile;
-    return {at * (1 << level) / kTile, (last < num ? last : num - 1) + 1};
+    const int last = ((at + 1) * (1 << level) - 1) / kSize;
+    return {at * (1 << level) / kSize, (last < num ? last : num - 1) + 1};
   };
   const PyramidLayout::Level& image = job.layout.levels[level];
   const int tiles_wide = job.layout.tiles_wide(), tiles_high = job.layout.tiles_high();
