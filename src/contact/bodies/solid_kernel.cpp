@@ -1,6 +1,7 @@
 // Elements of a body against the distance field of another one, compiled once per instruction set.
 #include "src/contact/bodies/solid_contact.h"
 #include "src/contact/field/group_totals.h"
+#include "src/core/internal/simd_rows.h"
 
 namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE {
 namespace {

@@ -6,6 +6,7 @@
 
 #include "src/contact/field/field_contact.h"
 #include "src/core/internal/simd.h"
+#include "src/core/internal/simd_rows.h"
 #include "src/field/internal/field_curvature.h"
 
 namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE { namespace {

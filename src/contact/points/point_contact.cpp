@@ -2,21 +2,13 @@
 #include "src/contact/points/point_contact.h"
 
 #include <algorithm>
-#include <cmath>
 #include <numeric>
-#include <optional>
 #include <utility>
-#include <vector>
 
-#include "src/contact/index/tool_parts.h"
-#include "src/contact/points/donors/donors.h"
 #include "src/contact/points/donors/plane_assignment.h"
-#include "src/contact/points/edges/edge_planes.h"
-#include "src/contact/points/graph/graph_rule.h"
-#include "src/contact/points/graph/graph_traversal.h"
 #include "src/contact/points/point_contact_of.h"
+#include "src/contact/points/point_measurement.h"
 #include "src/contact/points/scan/boundary_plane.h"
-#include "src/contact/points/scan/boundary_points.h"
 #include "src/contact/points/scan/point_scan.h"
 #include "src/core/internal/select_isa.h"
 
@@ -27,85 +19,7 @@ constexpr ScanPoints kScanPoints[] = PALPATE_BY_ISA(scan_points);
 constexpr AssignNearest kAssignNearest[] = PALPATE_BY_ISA(assign_nearest);
 constexpr AssignWeighted kAssignWeighted[] = PALPATE_BY_ISA(assign_weighted);
 
-// Successive measurements, each with the memory of the one before.
-class PointMeasurement {
- public:
-  PointMeasurement(const ToolIndex& index, const ContactOptions& options,
-                   const ExecutionOptions& capacities);
-
-  /// `X_WT` is finite, its quaternion unit.
-  Penetration measure(const PointCloudView& cloud, const Pose& X_WT);
-  /// Describes the last measurement, whose options have no field.
-  void describe(const ContactWants& wants) const;
-
- private:
-  void forget_last_query();
-  void find_boundary_points(const Pose& X_WT);
-  Penetration find_boundary_planes(const Pose& X_WT);
-  MeasureSums measure_boundary_spheres();
-  MeasureSums measure_by_assignment();
-  MeasureSums measure_one_by_one();
-  MeasureSums measure_along_graph();
-  Candidates candidates(int which);
-  double reached_volume(const GraphTraversal::Visit& visit) const;
-  double volume_scale(std::int32_t id) const {
-    return static_cast<double>(scales_.of_sphere[static_cast<std::size_t>(id)]);
-  }
-  bool uses_edges() const { return options_.edges != Edges::none && cloud_.edge_x != nullptr; }
-  AssignmentRule assignment_rule() const {
-    return {options_.method == MethodKind::weighted, priority_, found_edges()};
-  }
-  const EdgesView* found_edges() const { return edges_.empty() ? nullptr : &edges_view_; }
-  const Vec3d& origin() const { return index_.tool().sphere_mass().center_of_mass; }
-  // True if the spheres that no point touches composite donors.
-  bool overlays() const { return fades_in_ && options_.method == MethodKind::simplified; }
-  // True if they compare all donors, which the kernels do not.
-  bool compares_all() const {
-    return priority_.compares_all(options_.method == MethodKind::weighted);
-  }
-
-  const ToolIndex& index_;
-  const ContactOptions options_;
-  const bool fades_in_;
-  std::span<const Sphere> spheres_;
-  ThreadPool own_pool_{1};
-  ThreadPool* pool_;
-  AssignNearest assign_nearest_;
-  AssignWeighted assign_weighted_;
-  // Parts of the index.
-  const SphereGrid& grid_;
-  const SphereClusters& clusters_;
-  const VolumeScales& scales_;
-  const Bounds& box_T_;
-  const PriorityRule priority_;
-
-  std::optional<GraphTraversal> traversal_;  // graph
-  BoundaryPoints points_;
-  EdgePlanes edges_;  // without room if edges do not matter
-  EdgesView edges_view_;
-  PointCloudView cloud_;
-  double sum_scale_ = 1;  // of the last query
-
-  // Boundary spheres of the last query.
-  std::vector<GraphTraversal::Seed> seeds_;  // all, ascending; zero normal: no plane
-  std::vector<std::int32_t> donor_of_seed_;  // index into the donors, or -1
-  struct SeedMoment {
-    double volume = 0;
-    Vec3d first;  // sum of V_s (c_s - C)
-  };
-  std::vector<SeedMoment> seed_moments_;  // graph: of the spheres that a seed reached
-  Donors donors_;                         // those with a plane
-  // Per slot of clusters_.
-  std::vector<std::int32_t> touched_slots_, skipped_slots_, donor_slots_;
-  std::vector<float> assigned_volume_;
-  std::vector<MeasureSums> group_sums_;
-  std::vector<float> candidate_floats_;
-  std::vector<std::int32_t> candidate_donors_;
-  std::vector<std::int32_t> numbers_;  // 0, 1, 2, ...
-  std::vector<Assigned> assigned_;     // of spheres that are measured one by one
-
-  std::span<const GraphTraversal::Visit> reached_;  // graph
-};
+}  // namespace
 
 PointMeasurement::PointMeasurement(const ToolIndex& index, const ContactOptions& options,
                                    const ExecutionOptions& capacities)
@@ -261,143 +175,6 @@ MeasureSums PointMeasurement::measure_boundary_spheres() {
   return sums;
 }
 
-Candidates PointMeasurement::candidates(int which) {
-  const std::size_t size = spheres_.size() + Donors::kPadding;
-  float* floats = candidate_floats_.data() + static_cast<std::size_t>(which) * 4 * size;
-  return {0,
-          floats,
-          floats + size,
-          floats + 2 * size,
-          floats + 3 * size,
-          candidate_donors_.data() + static_cast<std::size_t>(which) * size};
-}
-
-// Weighted and simplified: measures groups of clusters in any order, added up in group order.
-MeasureSums PointMeasurement::measure_by_assignment() {
-  MeasureSums sums;
-  if (donors_.empty()) return sums;
-  PlaneAssignment job;
-  job.clusters = &clusters_;
-  job.spheres = spheres_.data();
-  job.boundary = donors_.view(fades_in_);
-  job.origin = origin();
-  job.priority = options_.priority;
-  job.doublings_per_square = static_cast<float>(kDoublings * priority_.per_square);
-  job.num_donors = job.boundary.num;
-  if (job.priority == Priority::count) {
-    // One donor for all: most points, ties to the lowest sphere id.
-    job.first_donor = donors_.heaviest();
-    job.num_donors = 1;
-  }
-  job.numbers = numbers_.data();
-  job.touched = touched_slots_.data();
-  const bool all_one_by_one = overlays() || compares_all();
-  const bool one_by_one = all_one_by_one || !edges_.empty();
-  if (one_by_one) {
-    skipped_slots_ = touched_slots_;
-    for (std::size_t id = 0; id < spheres_.size(); ++id) {
-      if (all_one_by_one || edges_view_.concerns(static_cast<std::int32_t>(id))) {
-        skipped_slots_[static_cast<std::size_t>(clusters_.slot_of[id])] = PlaneAssignment::kTouched;
-      }
-    }
-    job.touched = skipped_slots_.data();
-  }
-  job.volume_scale = scales_.of_slot.data();
-  job.donor = donor_slots_.data();
-  job.assigned_volume = assigned_volume_.data();
-
-  if (compares_all()) {
-    std::fill(assigned_volume_.begin(), assigned_volume_.end(), 0.0f);
-    return measure_one_by_one();
-  }
-  const bool is_weighted = options_.method == MethodKind::weighted;
-  const int num_groups = clusters_.num_groups();
-  const int num_tasks = pool_->num_threads();
-  pool_->parallel_for(num_tasks, [&](int t) {
-    AssignmentScratch scratch;
-    if (!is_weighted) scratch = {candidates(2 * t), candidates(2 * t + 1)};
-    for (int group = t; group < num_groups; group += num_tasks) {
-      group_sums_[static_cast<std::size_t>(group)] =
-          is_weighted ? assign_weighted_(job, group) : assign_nearest_(job, group, scratch);
-    }
-  });
-  for (const MeasureSums& group : group_sums_) sums.add(group);
-  if (one_by_one) sums.add(measure_one_by_one());
-  return sums;
-}
-
-// Measures untouched spheres that the kernels leave out: those at edges, and all if they composite
-// or compare all donors.
-MeasureSums PointMeasurement::measure_one_by_one() {
-  const AssignmentRule rule = assignment_rule();
-  const bool from_nearest = options_.method == MethodKind::simplified && !overlays();
-  const auto is_one_of_them = [&](std::size_t slot) {
-    return touched_slots_[slot] != PlaneAssignment::kTouched &&
-           skipped_slots_[slot] == PlaneAssignment::kTouched;
-  };
-  const int num_tasks = pool_->num_threads();
-  pool_->parallel_for(num_tasks, [&](int t) {
-    // Strided: spheres that need it lie together.
-    const auto num = static_cast<std::size_t>(num_tasks);
-    for (auto slot = static_cast<std::size_t>(t); slot < touched_slots_.size(); slot += num) {
-      if (!is_one_of_them(slot)) continue;
-      const std::int32_t id = clusters_.sphere_id[slot];
-      std::int32_t& nearest = donor_slots_[slot];
-      if (from_nearest && compares_all()) nearest = donors_.donors().choose(id, rule).donor[0];
-      Assigned& assigned = assigned_[static_cast<std::size_t>(id)];
-      if (!from_nearest) {
-        assigned = donors_.donors().assign(id, rule);
-      } else {
-        assigned =
-            nearest < 0 ? Assigned{} : donors_.donors().assign_from(donors_[nearest], id, rule);
-      }
-    }
-  });
-  MeasureSums sums;
-  for (std::size_t id = 0; id < spheres_.size(); ++id) {
-    const auto slot = static_cast<std::size_t>(clusters_.slot_of[id]);
-    if (!is_one_of_them(slot)) continue;
-    const double scale = volume_scale(static_cast<std::int32_t>(id));
-    const double volume = scale * assigned_[id].volume;
-    const Vec3d force = scale * assigned_[id].force;
-    assigned_volume_[slot] = static_cast<float>(volume);
-    sums.volume += volume;
-    sums.force += force;
-    sums.torque += cross(to_double(spheres_[id].center) - origin(), force);
-    sums.num_inside += volume > 0;
-  }
-  return sums;
-}
-
-double PointMeasurement::reached_volume(const GraphTraversal::Visit& visit) const {
-  const std::int32_t l = donor_of_seed_[static_cast<std::size_t>(visit.seed)];
-  return volume_scale(visit.sphere_id) * palpate::reached_volume(donors_.donors(), donors_[l],
-                                                                 visit.sphere_id, options_.inside,
-                                                                 found_edges());
-}
-
-// Measures the spheres reached by the graph. All with one reference push along one normal: their
-// volumes and first moments are added up first.
-MeasureSums PointMeasurement::measure_along_graph() {
-  MeasureSums sums;
-  reached_ = traversal_->run(seeds_, found_edges());
-  seed_moments_.assign(seeds_.size(), SeedMoment{});
-  for (const GraphTraversal::Visit& visit : reached_) {
-    const double volume = reached_volume(visit);
-    const Vec3d c = to_double(spheres_[static_cast<std::size_t>(visit.sphere_id)].center);
-    SeedMoment& moment = seed_moments_[static_cast<std::size_t>(visit.seed)];
-    moment.volume += volume;
-    moment.first += volume * (c - origin());
-    sums.num_inside += volume > 0;
-  }
-  for (std::size_t s = 0; s < seeds_.size(); ++s) {
-    sums.volume += seed_moments_[s].volume;
-    sums.force += seed_moments_[s].volume * seeds_[s].normal;
-    sums.torque += cross(seed_moments_[s].first, seeds_[s].normal);
-  }
-  return sums;
-}
-
 void PointMeasurement::describe(const ContactWants& wants) const {
   const auto set_state = [&](std::int32_t id, SphereState state) {
     if (!wants.states.empty()) wants.states[static_cast<std::size_t>(id)] = state;
@@ -427,8 +204,6 @@ void PointMeasurement::describe(const ContactWants& wants) const {
     set_plane(seeds_[s].sphere_id, donor_of_seed_[s]);
   }
 }
-
-}  // namespace
 
 std::unique_ptr<ContactQuery> make_point_contact(std::shared_ptr<const ToolIndex> index,
                                                  const ContactMethod& method,

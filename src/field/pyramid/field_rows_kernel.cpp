@@ -1,7 +1,7 @@
 // The loops over the rows of a depth field, compiled once per instruction set.
 #include <algorithm>
 
-#include "src/core/internal/simd.h"
+#include "src/core/internal/simd_rows.h"
 #include "src/field/pyramid/field_rows.h"
 
 namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE {

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cstring>
 
-#include "src/core/internal/simd.h"
+#include "src/core/internal/simd_rows.h"
 #include "src/field/pyramid/field_rows.h"
 #include "src/field/pyramid/silhouette_rules.h"
 

@@ -1,0 +1,138 @@
+// Cameras prepared for the elements of a hull, the steps of one camera's sample, and the test
+// whether a camera sees a whole ball of elements to be free, which then needs no samples. The words
+// are explained in hull_kernel.cpp. Included by that file only.
+#pragma once
+
+#include <type_traits>
+
+#include "src/contact/field/field_lanes.h"
+#include "src/contact/hull/depth_hull.h"
+#include "src/contact/internal/hull_rules.h"
+
+namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE { namespace {
+
+template <class Sample>
+using InSpace = std::conditional_t<std::is_same_v<Sample, Curvature>, SpaceCurvature<VecF>,
+                                   SpaceGradient<VecF>>;
+
+[[gnu::always_inline]] inline SpaceGradient<VecF> chosen(VecI condition,
+                                                         const SpaceGradient<VecF>& a,
+                                                         const SpaceGradient<VecF>& b) {
+  return {select(condition, a.phi, b.phi), select(condition, a.x, b.x), select(condition, a.y, b.y),
+          select(condition, a.z, b.z)};
+}
+[[gnu::always_inline]] inline SpaceCurvature<VecF> chosen(VecI condition,
+                                                          const SpaceCurvature<VecF>& a,
+                                                          const SpaceCurvature<VecF>& b) {
+  return {chosen(condition, a.first, b.first),
+          {select(condition, a.h.xx, b.h.xx), select(condition, a.h.xy, b.h.xy),
+           select(condition, a.h.xz, b.h.xz), select(condition, a.h.yy, b.h.yy),
+           select(condition, a.h.yz, b.h.yz), select(condition, a.h.zz, b.h.zz)}};
+}
+
+// One of a camera's fields at its two moments, the newer one first.
+struct FieldPair {
+  explicit FieldPair(const MeasureJob& job) : grid(job.fields[0]) {
+    for (int f = 0; f < job.num_fields; ++f) pixels[f] = pixels_of(job.fields[f]);
+  }
+
+  Grid grid;
+  Pixels pixels[2];
+};
+
+// A camera, prepared for a group of clusters.
+struct Eye {
+  explicit Eye(const HullCamera& of)
+      : camera(&of),
+        seen_free(of.seen_free),
+        field(of.field),
+        in_front(of.in_front),
+        remembered(of.remembered),
+        num_fields(of.field.num_fields) {}
+
+  /// Returns the seat of moment f.
+  int seat(int f) const { return camera->has_moved ? f : 0; }
+
+  const HullCamera* camera;
+  FieldPair seen_free, field, in_front, remembered;
+  int num_fields;
+};
+
+// Samples of one camera for a vector of elements.
+template <class Sample>
+struct EyeAnswer {
+  Lanes lanes[2];                 // elements in the camera, by seat
+  VecF before[2];                 // distance before the eye, by seat
+  Sample samples[2];              // of seen_free by moment, not yet with wider pixels
+  bool is_used = false;           // else it is skipped
+  bool queries_in_front = false;  // else nothing in front is near
+  Sample in_front[2];             // by moment, not yet with wider pixels
+  InSpace<Sample> front[2];       // the same in the world, with wider pixels
+};
+
+// Interpolates between a camera's two moments.
+template <class Space>
+[[gnu::always_inline]] inline Space between(const Eye& eye, const Space (&moments)[2]) {
+  if (eye.num_fields == 1) return moments[0];
+  const VecF progress = splat(eye.camera->progress);
+  return plus(moments[1], progress, plus(moments[0], splat(-1.0f), moments[1]));
+}
+
+// Makes space behind the camera unseen, and limits the field near its eye to that right before it.
+template <class Space>
+[[gnu::always_inline]] inline Space before_eye(const float (&R_WC)[3][3], const Space& seen,
+                                               VecF before, VecF radius, VecF extent) {
+  const VecI is_before = before > VecF{};
+  Space nowhere, plane;
+  set(nowhere, SpaceGradient<VecF>{free_limit(radius, extent)});
+  set(plane, SpaceGradient<VecF>{before, splat(R_WC[0][2]), splat(R_WC[1][2]), splat(R_WC[2][2])});
+  return lesser_of(chosen(is_before, seen, nowhere), plane, hull_width(radius));
+}
+
+// True if the camera sees all elements in a ball well in front of everything, in its frames from
+// first to last.
+bool sees_free(const MeasureJob& job, const FieldFrame& frame, int first, int last,
+               const Cluster& ball, float largest_radius, float distance) {
+  const DepthFieldView& field = job.fields[0];
+  const BallWindow window =
+      window_of(frame, ball, largest_radius, field.tiles_wide, field.tiles_high);
+  const auto last_u = static_cast<float>(field.levels[0].width - 1);
+  const auto last_v = static_cast<float>(field.levels[0].height - 1);
+  if (!window.is_before_camera() || window.first_u < 0 || window.first_v < 0 ||
+      window.last_u > last_u || window.last_v > last_v) {
+    return false;
+  }
+  for (int v = window.top; v <= window.bottom; ++v) {
+    for (int u = window.left; u <= window.right; ++u) {
+      for (int f = first; f <= last; ++f) {
+        const DepthTile& tile = job.fields[f].tiles[v * field.tiles_wide + u];
+        if (!is_behind(tile, window.farthest, distance)) return false;
+      }
+    }
+  }
+  return true;
+}
+// True for all its frames.
+bool sees_free(const HullCamera& camera, const MeasureJob& job, const Cluster& ball,
+               float largest_radius, float distance) {
+  const int last = camera.has_moved ? 0 : job.num_fields - 1;
+  return sees_free(job, job.frame, 0, last, ball, largest_radius, distance) &&
+         (!camera.has_moved ||
+          sees_free(job, camera.older.frame, 1, 1, ball, largest_radius, distance));
+}
+// True if some camera sees all elements in a ball to be free.
+bool is_seen_free(const HullJob& job, const Cluster& ball, float largest_radius) {
+  for (int k = 0; k < job.num_seeing; ++k) {
+    const HullCamera& camera = job.cameras[k];
+    float distance = largest_radius + free_margin(job.num_seeing, largest_radius);
+    if (camera.has_in_front) distance += front_margin(largest_radius);
+    if (sees_free(camera, camera.seen_free, ball, largest_radius, distance) &&
+        (!camera.has_in_front ||
+         sees_free(camera, camera.in_front, ball, largest_radius, distance))) {
+      return true;
+    }
+  }
+  return false;
+}
+
+}}}}  // namespace palpate::v0::PALPATE_ISA_NAMESPACE

@@ -1,0 +1,316 @@
+// The hull for a vector of elements: seen-free space of all cameras, joined with remembered space
+// and with the fields where these can still raise the value (hull_rules.h has the formulas). The
+// words are explained in hull_kernel.cpp. Included by that file only.
+#pragma once
+
+#include "src/contact/field/ball_totals.h"
+#include "src/contact/hull/depth_hull.h"
+#include "src/contact/hull/hull_eyes.h"
+
+namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE { namespace {
+
+// Joined values of the cameras for a vector of elements.
+template <class Sample>
+class Hull {
+ public:
+  using Space = InSpace<Sample>;
+
+  Hull(const HullJob& job, const Eye* eyes) : job_(job), eyes_(eyes) {}
+
+  // Announces the ball that contains the next sampled elements.
+  void aim_at(const Cluster& ball, float largest_radius) {
+    for (int k = 0; k < job_.num_cameras; ++k) {
+      const HullCamera& camera = job_.cameras[k];
+      answers_[k].queries_in_front =
+          camera.has_in_front &&
+          !sees_free(camera, camera.in_front, ball, largest_radius, front_limit(largest_radius));
+    }
+  }
+
+  // Returns false if some camera sees that all elements of vector `number` of a cluster are free.
+  bool evaluate(std::size_t slot, bool is_ball, int number) {
+    radius_ = load(job_.tool.radius + slot);
+    extent_ = extent_of(radius_, is_ball, number);
+    if (!look(slot)) return false;
+    join_seen_free();
+    if (job_.has_memory) join_remembered(slot);
+    seen_phi = first_of(hull).phi;
+    join_fields(slot);
+    return true;
+  }
+
+  // True if every element has a value. A single camera knows nothing of the space behind its eye.
+  bool is_complete() const {
+    if (!job_.is_alone) return true;
+    VecI is_before = answers_[0].before[0] > VecF{};
+    if (eyes_[0].seat(eyes_[0].num_fields - 1) > 0) is_before &= answers_[0].before[1] > VecF{};
+    return mask_bits(~is_before) == 0;
+  }
+
+  VecI is_unseen() const { return seen_phi < splat(-static_cast<float>(kSeenBehind)); }
+
+  Space hull;
+  VecF seen_phi;  // of seen-free and remembered space, without the fields
+  VecI decider;   // the camera with the largest value
+
+ private:
+  // Takes the first sample of every camera, until all elements are free by one.
+  bool look(std::size_t slot) {
+    VecI is_free{};
+    shallowest_ = splat(-1e9f);
+    is_between_ = false;
+    for (const bool may_see : {true, false}) {
+      for (int k = 0; k < job_.num_seeing; ++k) {
+        if (job_.cameras[k].may_see() != may_see) continue;
+        answers_[k].is_used = may_see || !cannot_decide(k, is_free);
+        if (answers_[k].is_used && !look(slot, k, is_free)) return false;
+      }
+    }
+    may_touch_ = ~is_free;
+    return true;
+  }
+
+  // True if the bound of a camera that does not see the tool is far below the other values.
+  bool cannot_decide(int k, VecI is_free) const {
+    // Wider pixels may make a deep element half as deep again.
+    const VecF least = min(shallowest_, 1.5f * shallowest_) - 3.0f * agreement(radius_);
+    return mask_bits(~is_free & ~(least > splat(job_.cameras[k].at_most))) == 0;
+  }
+
+  // Takes the first sample of one camera. False: now all elements are free.
+  bool look(std::size_t slot, int k, VecI& is_free) {
+    const Eye& eye = eyes_[k];
+    const MeasureJob& seen = eye.camera->seen_free;
+    EyeAnswer<Sample>& answer = answers_[k];
+    Lanes& e = answer.lanes[0] = aim(seen, eye.seen_free.grid, slot);
+    answer.before[0] = e.lz + (seen.frame.p_WC[2] - kMinDepth);
+    Look look = look_of(eye.seen_free.grid, e, e.radius);
+    VecF phi[2];
+    for (int f = 0; f < eye.num_fields; ++f) {
+      const int seat = eye.seat(f);
+      if (seat > 0) {
+        const MeasureJob& older = eye.camera->older;
+        answer.lanes[1] = aim(older, eye.seen_free.grid, slot);
+        answer.before[1] = answer.lanes[1].lz + (older.frame.p_WC[2] - kMinDepth);
+        look = look_of(eye.seen_free.grid, answer.lanes[1], e.radius);
+      }
+      const Lanes& at = answer.lanes[seat];
+      answer.samples[f] = query_field<Sample>(eye.seen_free.grid, eye.seen_free.pixels[f], look,
+                                              at.depth, at.inverse_depth);
+      phi[f] = limited(first_of(answer.samples[f]).phi, e.radius, extent_).value;
+      if (answer.queries_in_front) {
+        answer.in_front[f] = query_field<Sample>(eye.in_front.grid, eye.in_front.pixels[f], look,
+                                                 at.depth, at.inverse_depth);
+        phi[f] = min(phi[f], first_of(answer.in_front[f]).phi);
+      }
+      if (job_.is_alone) {
+        phi[f] = select(answer.before[seat] > VecF{}, phi[f], free_limit(e.radius, extent_));
+      } else if (eye.camera->has_moved) {
+        phi[f] = min(phi[f], answer.before[seat]);
+      }
+    }
+    is_between_ |= eye.num_fields > 1;
+    VecF now = phi[0];
+    if (eye.num_fields > 1) {
+      now = phi[1] + splat(eye.camera->progress) * (phi[0] - phi[1]);
+    }
+    if (!eye.camera->has_moved && !job_.is_alone) now = min(now, answer.before[0]);
+    shallowest_ = max(shallowest_, now);
+    // Rounding lowers the lesser of two by no more than this.
+    VecF limit = extent_ + free_margin(job_.num_seeing, e.radius);
+    if (answer.queries_in_front) limit += front_margin(e.radius);
+    is_free |= now > limit;
+    return mask_bits(~is_free) != 0;
+  }
+
+  // Joins the seen-free space of the cameras: the maximum. Only the camera with the smallest depth
+  // needs wider pixels.
+  void join_seen_free() {
+    const VecF limit = -deep_limit(radius_);
+    const VecI may_be_deep =
+        may_touch_ & (is_between_ ? splat(-1) : shallowest_ < limit + agreement(radius_));
+    VecF most = splat(-1e9f);
+    bool is_first = true;
+    for (int k = 0; k < job_.num_seeing; ++k) {
+      const Eye& eye = eyes_[k];
+      EyeAnswer<Sample>& answer = answers_[k];
+      if (!answer.is_used) continue;
+      Space moments[2];
+      for (int f = 0; f < eye.num_fields; ++f) {
+        const int seat = eye.seat(f);
+        const float(&R_WC)[3][3] = eye.camera->R_WC[seat];
+        deepen(eye.seen_free, f, answer.lanes[seat], may_be_deep, answer.samples[f]);
+        moments[f] = in_world(R_WC, eye.camera->field.frame, answer.lanes[seat], answer.samples[f],
+                              radius_, extent_);
+        if (answer.queries_in_front) {
+          deepen(eye.in_front, f, answer.lanes[seat], may_be_deep, answer.in_front[f]);
+          answer.front[f] = rotated_to_world(R_WC, eye.camera->field.frame, answer.lanes[seat],
+                                             answer.in_front[f]);
+          moments[f] = lesser_of(moments[f], answer.front[f], hull_width(radius_));
+        }
+        if (job_.is_alone) {
+          moments[f] = chosen(answer.before[seat] > VecF{}, moments[f], nowhere());
+        } else if (eye.camera->has_moved) {
+          moments[f] = before_eye(R_WC, moments[f], answer.before[seat], radius_, extent_);
+        }
+      }
+      Space seen = between(eye, moments);
+      if (!eye.camera->has_moved && !job_.is_alone) {
+        seen = before_eye(eye.camera->R_WC[0], seen, answer.before[0], radius_, extent_);
+      }
+      hull = is_first ? seen : agreed(hull, seen, agreement(radius_));
+      is_first = false;
+      decide(first_of(seen).phi > most, k, decider);
+      most = max(most, first_of(seen).phi);
+    }
+  }
+
+  // Joins remembered free space, limited by the surfaces seen now, where these exceed the value
+  // joined so far.
+  void join_remembered(std::size_t slot) {
+    const HullWidth<VecF> width = hull_width(radius_);
+    VecI counts = may_touch_ & (first_of(hull).phi < extent_);
+    if (mask_bits(counts) == 0) return;
+    Space shown = nowhere();
+    VecI who{}, who_shows{};
+    bool is_first = true;
+    for (int k = 0; k < job_.num_seeing; ++k) {
+      if (!job_.cameras[k].may_see()) continue;
+      const Eye& eye = eyes_[k];
+      Space moments[2];
+      for (int f = 0; f < eye.num_fields; ++f) {
+        const int seat = eye.seat(f);
+        moments[f] =
+            chosen(answers_[k].before[seat] > VecF{},
+                   evaluate(eye, eye.in_front, f, answers_[k].lanes[seat], counts), nowhere());
+      }
+      const Space here = between(eye, moments);
+      decide(is_first ? splat(-1) : first_of(here).phi < first_of(shown).phi, k, who_shows);
+      shown = is_first ? here : lesser_of(shown, here, width);
+      is_first = false;
+      counts &= first_of(shown).phi > first_of(hull).phi;
+      if (mask_bits(counts) == 0) return;
+    }
+    Space known;
+    is_first = true;
+    VecF most = splat(-1e9f);
+    for (const bool may_see : {true, false}) {
+      for (int k = 0; k < job_.num_cameras; ++k) {
+        const HullCamera& camera = job_.cameras[k];
+        if (!camera.is_remembered || camera.may_see() != may_see) continue;
+        // A camera whose bound is too low to decide is skipped.
+        const VecI may_decide = most < splat(camera.at_most) + 2.0f * agreement(radius_);
+        if (!may_see && mask_bits(counts & may_decide) == 0) continue;
+        const Space here = remembered_by(k, slot, counts);
+        known = is_first ? here : agreed(known, here, agreement(radius_));
+        decide(first_of(here).phi > most, k, who);
+        most = max(most, first_of(here).phi);
+        is_first = false;
+      }
+    }
+    who = first_of(known).phi < first_of(shown).phi ? who : who_shows;
+    join_greater(plus(lesser_of(known, shown, width), splat(1.0f), shifted(-width.w)), counts, who);
+  }
+
+  // Samples the remembered free space of one camera, in the world.
+  Space remembered_by(int k, std::size_t slot, VecI counts) {
+    const Eye& eye = eyes_[k];
+    EyeAnswer<Sample>& answer = answers_[k];
+    if (k >= job_.num_seeing || !answer.is_used) take_seats(eye, slot, answer);
+    Space moments[2];
+    for (int f = 0; f < eye.num_fields; ++f) {
+      const int seat = eye.seat(f);
+      moments[f] = evaluate(eye, eye.remembered, f, answer.lanes[seat], counts);
+      if (eye.camera->has_moved) {
+        moments[f] =
+            before_eye(eye.camera->R_WC[seat], moments[f], answer.before[seat], radius_, extent_);
+      }
+    }
+    const Space here = between(eye, moments);
+    if (eye.camera->has_moved) return here;
+    return before_eye(eye.camera->R_WC[0], here, answer.before[0], radius_, extent_);
+  }
+
+  // Joins the fields: space that no camera sees has the value on which all of them agree.
+  void join_fields(std::size_t slot) {
+    const HullWidth<VecF> width = hull_width(radius_);
+    const VecI is_touching = may_touch_ & (first_of(hull).phi < extent_);
+    if (!job_.may_be_unseen || mask_bits(is_touching) == 0) return;
+    const VecF later = -agreement(radius_);
+    Space least = nowhere();
+    bool is_first = true;
+    for (int k = 0; k < job_.num_cameras; ++k) {
+      if (!job_.cameras[k].may_see()) continue;
+      const Eye& eye = eyes_[k];
+      if (k >= job_.num_seeing) take_seats(eye, slot, answers_[k]);
+      Space moments[2];
+      for (int f = 0; f < eye.num_fields; ++f) {
+        const int seat = eye.seat(f);
+        moments[f] = evaluate(eye, eye.field, f, answers_[k].lanes[seat], is_touching);
+        if (answers_[k].queries_in_front) {
+          moments[f] = lesser_of(moments[f], answers_[k].front[f], width);
+        }
+        moments[f] = chosen(answers_[k].before[seat] > VecF{}, moments[f], nowhere());
+      }
+      const Space here = between(eye, moments);
+      least = is_first ? here : lesser_of(least, here, width);
+      is_first = false;
+      const VecI counts =
+          is_touching & (first_of(least).phi + later > first_of(hull).phi - width.w);
+      if (mask_bits(counts) == 0) return;
+    }
+    join_greater(plus(least, splat(1.0f), shifted(later)), is_touching, splat(-1));
+  }
+
+  // Joins another value, which camera `who` decides, for the elements in `which`: the maximum.
+  void join_greater(const Space& other, VecI which, VecI who) {
+    const VecI is_other = which & (first_of(other).phi > first_of(hull).phi);
+    decider = is_other ? who : decider;
+    hull = chosen(which, greater_of(hull, other, hull_width(radius_)), hull);
+  }
+  static void decide(VecI which, int camera, VecI& who) { who = which ? splat(camera) : who; }
+
+  // Returns the value of space that no surface is near to.
+  Space nowhere() const { return shifted(free_limit(radius_, extent_)); }
+  static Space shifted(VecF phi) {
+    Space space;
+    set(space, SpaceGradient<VecF>{phi});
+    return space;
+  }
+
+  // Places the elements in a camera at all its seats.
+  void take_seats(const Eye& eye, std::size_t slot, EyeAnswer<Sample>& answer) const {
+    for (int seat = 0; seat <= eye.seat(eye.num_fields - 1); ++seat) {
+      const MeasureJob& job = seat == 0 ? eye.camera->field : eye.camera->older;
+      answer.lanes[seat] = aim(job, eye.field.grid, slot);
+      answer.before[seat] = answer.lanes[seat].lz + (job.frame.p_WC[2] - kMinDepth);
+    }
+  }
+
+  // Samples a field at moment f, in the world.
+  Space evaluate(const Eye& eye, const FieldPair& field, int f, const Lanes& e, VecI which) {
+    Sample sample = query_field<Sample>(field.grid, field.pixels[f],
+                                        look_of(field.grid, e, radius_), e.depth, e.inverse_depth);
+    deepen(field, f, e, which, sample);
+    return in_world(eye.camera->R_WC[eye.seat(f)], eye.camera->field.frame, e, sample, radius_,
+                    extent_);
+  }
+
+  // Samples wider pixels where elements are deep.
+  void deepen(const FieldPair& field, int f, const Lanes& e, VecI which, Sample& sample) {
+    if (mask_bits(which & (first_of(sample).phi < -deep_limit(e.radius))) == 0) return;
+    const Pixels pixels[1] = {field.pixels[f]};
+    Answer<Sample, 1> answer{{sample}, {which}};
+    query_deeper<Sample, 1>(field.grid, pixels, e, answer);
+    sample = answer.samples[0];
+  }
+
+  const HullJob& job_;
+  const Eye* eyes_;
+  EyeAnswer<Sample> answers_[kMaxCameras];
+  VecF shallowest_, radius_, extent_;
+  VecI may_touch_;
+  bool is_between_ = false;
+};
+
+}}}}  // namespace palpate::v0::PALPATE_ISA_NAMESPACE
