@@ -9,12 +9,12 @@
 #include <string_view>
 #include <vector>
 
+#include "apps/options.h"
+#include "apps/ros/ros_output.h"
 #include "apps/touch/frames.h"
 #include "apps/touch/materials.h"
 #include "apps/touch/objects.h"
-#include "apps/options.h"
 #include "apps/touch/robot.h"
-#include "apps/ros/ros_output.h"
 #include "palpate/cameras/cameras.h"
 #include "palpate/io/files.h"
 #include "palpate/session/run.h"
@@ -91,6 +91,15 @@ Status know_frames(TouchOptions& options);
 /// Opens frames and path, generates a path if there is none, and aligns their clocks. Errors: files
 /// that cannot be read; clocks that have nothing in common.
 Result<TouchInput> open_touch_input(const TouchOptions& options, const Tool& tool);
+
+/// Checks which options go with the page that shows the run.
+void check_view(const CLI::App& app, const TouchOptions& options);
+/// Checks which options go with a device or with a path.
+void check_motion(const CLI::App& app, const TouchOptions& options);
+/// Checks options that need friction or a ROS 2 node.
+void check_feel(const CLI::App& app, const TouchOptions& options);
+/// Checks that the options of contact go with its method.
+void check_method(const TouchOptions& options);
 
 /// Runs palpate touch: finds and opens its inputs, and runs the loop.
 Status run_touch(const TouchOptions& options);
