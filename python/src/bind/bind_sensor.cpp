@@ -33,11 +33,6 @@ Distortion distortion_of(nb::handle given) {
   return d;
 }
 
-std::vector<double> seven_of(const Pose& X) {
-  const auto seven = seven_numbers(X);
-  return {seven.begin(), seven.end()};
-}
-
 /// Class palpate.Sensor: computes surfaces, each valid as long as Python holds it.
 class PySensor {
  public:
@@ -344,7 +339,7 @@ pose: X_WC, (4, 4) or (7,) tx ty tz qx qy qz qw, pose of the camera in the world
           },
           nb::sig(property("distortion").c_str()), "(8,) k1 k2 p1 p2 k3 k4 k5 k6.")
       .def_prop_ro(
-          "pose", [](const PyCamera& self) { return array_of(seven_of(self.X_WC), {7}); },
+          "pose", [](const PyCamera& self) { return seven_of(self.X_WC); },
           nb::sig(property("pose").c_str()), "X_WC: (7,) tx ty tz qx qy qz qw, m.")
       .def("__repr__", [](const PyCamera& self) {
         char text[160];
@@ -396,7 +391,7 @@ Computed in double precision.)")
           "The exact gradient of phi with respect to the points: (M, 3) in W, about 1 long, out of "
           "the surface; NaN where phi is.")
       .def_prop_ro(
-          "pose", [](const PySurface& self) { return array_of(seven_of(self.X_WC), {7}); },
+          "pose", [](const PySurface& self) { return seven_of(self.X_WC); },
           nb::sig(property("pose").c_str()), "X_WC of its image: (7,) tx ty tz qx qy qz qw, m.")
       .def_prop_ro(
           "time",
