@@ -1,17 +1,19 @@
+// The threads that publish a run over ROS 2. The wrench has one of its own, at a steady rate;
+// another one publishes all that can wait, so that a slow message never delays a wrench.
 #include "apps/ros/ros_output.h"
 
 #include <algorithm>
 #include <atomic>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <limits>
-#include <mutex>
 #include <system_error>
 #include <thread>
 #include <utility>
 
+#include "apps/ros/ros_display.h"
 #include "apps/ros/ros_verdict.h"
+#include "apps/ros/wall_time.h"
 #include "src/core/internal/guarded.h"
 #include "src/core/internal/monotonic_clock.h"
 #include "src/core/internal/thread_rank.h"
@@ -36,42 +38,15 @@ constexpr int kPriority = 60;         // below the contact thread
 /// the ticks: slow, so that a late tick does not make its wrench late.
 constexpr double kAfterTick = 0.1, kFollowing = 0.01;
 
-double seconds_of(auto time) { return std::chrono::duration<double>(time).count(); }
-
-/// The same as transformed_to of a wrench: moved to the origin, A K A^T with the wrench's own map
-/// A, and turned.
-std::array<double, 36> stiffness_in(const Pose& X_WA, const Stiffness& K_W, const Vec3d& p_W) {
-  const Vec3d r = p_W - X_WA.translation;
-  const double lever[3][3] = {{0, -r.z, r.y}, {r.z, 0, -r.x}, {-r.y, r.x, 0}};
-  const Quaternion q_AW = conjugate(X_WA.rotation);
-  const Vec3d axes[3] = {rotate(q_AW, Vec3d{1, 0, 0}), rotate(q_AW, Vec3d{0, 1, 0}),
-                         rotate(q_AW, Vec3d{0, 0, 1})};
-  double map[6][6] = {};  // maps wrenches about p_W in W to wrenches in A
-  for (int i = 0; i < 3; ++i) {
-    for (int j = 0; j < 3; ++j) {
-      map[i][j] = map[3 + i][3 + j] = axes[j][i];
-      for (int k = 0; k < 3; ++k) map[3 + i][j] += axes[k][i] * lever[k][j];
-    }
-  }
-  std::array<double, 36> K{};
-  for (std::size_t i = 0; i < 6; ++i) {
-    for (std::size_t j = 0; j < 6; ++j) {
-      for (int k = 0; k < 6; ++k) {
-        for (int l = 0; l < 6; ++l) K[6 * i + j] += map[i][k] * K_W.m[k][l] * map[j][l];
-      }
-    }
-  }
-  return K;
-}
-
 class Output final : public RosOutput {
  public:
   Output(const Tool& tool, std::vector<DepthStreamInfo> streams, RosOutputOptions options)
-      : options_(std::move(options)), tool_(tool), streams_(std::move(streams)) {
+      : options_(std::move(options)),
+        tool_(tool),
+        streams_(std::move(streams)),
+        display_(tool_, streams_, options_) {
     if (options_.camera_frame.empty()) options_.camera_frame = streams_.front().frame;
     if (options_.camera_frame.empty()) options_.camera_frame = "camera";
-    seen_.resize(streams_.size());
-    sphere_states_.resize(tool_.spheres().size());
   }
   ~Output() override { end(); }
 
@@ -89,10 +64,7 @@ class Output final : public RosOutput {
          {publish(wrench_, options_.wrench, "geometry_msgs/WrenchStamped", {true, false, 100}),
           publish(contact_, "contact", "palpate_msgs/Contact", {}),
           publish(pose_, "tool_pose", "geometry_msgs/PoseStamped", {}),
-          publish(twist_, "tool_twist", "geometry_msgs/TwistStamped", {}),
-          publish(points_, "points", "sensor_msgs/PointCloud2", {true, false, 1}),
-          publish(spheres_, "spheres", "visualization_msgs/MarkerArray", {true, false, 1}),
-          publish(markers_, "markers", "visualization_msgs/MarkerArray", {true, true, 1}),
+          publish(twist_, "tool_twist", "geometry_msgs/TwistStamped", {}), display_.open(publish),
           publish(diagnostics_, "/diagnostics", "diagnostic_msgs/DiagnosticArray", {})}) {
       if (!status) return status.error();
     }
@@ -104,7 +76,7 @@ class Output final : public RosOutput {
       bodies.push_back({moves ? body_frames_.back() : options_.camera_frame, object.name,
                         object.shape->mesh(), moves ? Pose{} : object.X_WB});
     }
-    markers_->publish(mesh_markers_message(options_.tool_frame, tool_.mesh(), bodies));
+    display_.publish_meshes(bodies);
     if (body_frames_.empty()) return Done{};
     return publish(transforms_, "/tf", "tf2_msgs/TFMessage", {true, false, 100});
   }
@@ -124,8 +96,8 @@ class Output final : public RosOutput {
     };
     observer.on_frame = [this, others = std::move(observer.on_frame)](const FrameRecord& record,
                                                                       const DepthFrame& frame) {
-      publish_points(record, frame);
-      keep(record, frame);
+      display_.publish_points(record, frame);
+      display_.keep(record, frame);
       if (others) others(record, frame);
     };
   }
@@ -262,26 +234,12 @@ class Output final : public RosOutput {
       if (contacts_.refresh()) publish_bodies(contacts_.value());
       publish_contact(published);
     }
-    publish_spheres(loop, published.time);
+    display_.publish_spheres(loop, published.time);
     const bool is_changed = published.verdict.state != last_state_;
     if (published.time >= next_diagnostics_ ||
         (is_changed && published.time >= last_diagnostics_ + kShortestDiagnosticsPeriod)) {
       say(published);
     }
-  }
-
-  /// Converts monotonic time to wall time, ns; reads both clocks again if interrupted in between.
-  static std::uint64_t wall_time(double time) {
-    constexpr double kShort = 20e-6;  // s
-    double shortest = std::numeric_limits<double>::infinity(), from_1970 = 0;
-    for (int i = 0; i < 5 && shortest > kShort; ++i) {
-      const double before = monotonic_now();
-      const double wall = seconds_of(std::chrono::system_clock::now().time_since_epoch());
-      const double took = monotonic_now() - before;
-      if (took < shortest) from_1970 = wall - (before + took / 2);
-      shortest = std::min(shortest, took);
-    }
-    return static_cast<std::uint64_t>(1e9 * (from_1970 + time));
   }
 
   void publish_contact(const Published& published) {
@@ -290,7 +248,9 @@ class Output final : public RosOutput {
       pose_->publish(pose_message({time, options_.camera_frame}, published.tick.step.X_WT));
     }
     publish_twist(time, published);
-    contact_->publish(ros_contact_message({time, options_.tool_frame}, contact_of(published)));
+    const RosContact contact = contact_of(published.tick, published.verdict,
+                                          contacts_.value().contact.contact, tool_, full_volume_);
+    contact_->publish(ros_contact_message({time, options_.tool_frame}, contact));
   }
 
   void publish_bodies(const MeasuredBodies& measured) {
@@ -320,81 +280,6 @@ class Output final : public RosOutput {
       last_pose_time_ = tick_time;
     }
     twist_->publish(twist_message({time, options_.camera_frame}, V_WT));
-  }
-
-  RosContact contact_of(const Published& published) {
-    const auto& [tick, verdict, time, num_due] = published;
-    RosContact contact;
-    contact.state = verdict.state;
-    contact.reason = verdict.reason();
-    contact.depth_age = verdict.depth_age;
-    contact.contact_age = verdict.contact_age;
-    contact.status = tick.penetration.status.bits;
-    if (!verdict.is_valid()) return contact;
-    contact.volume = tick.penetration.volume;
-    contact.fraction = full_volume_ > 0 ? contact.volume / full_volume_ : 0;
-    contact.unseen = full_volume_ > 0 ? tick.penetration.unseen_volume / full_volume_ : 0;
-    contact.potential = tick.penetration.potential;
-    const Pose& X_WT = tick.step.X_WT;
-    contact.wrench =
-        transformed_to(X_WT, tick.step.contact_W, X_WT * tool_.sphere_mass().center_of_mass);
-    const LocalContact& newest = contacts_.value().contact.contact;
-    contact.max_stiffness = newest.max_stiffness;
-    contact.stiffness = stiffness_in(newest.X_WT, newest.stiffness, newest.p_WC);
-    return contact;
-  }
-
-  /// From the thread of the observer.
-  void publish_points(const FrameRecord& record, const DepthFrame& frame) {
-    if (!(options_.points_rate > 0) || record.capture_time < next_points_) return;
-    if (points_->num_readers() == 0) return;
-    next_points_ = record.capture_time + 1 / options_.points_rate;
-    points_->publish(points_message({wall_time(record.capture_time), options_.camera_frame}, frame,
-                                    streams_[record.camera].intrinsics, record.X_WC));
-  }
-
-  /// From the thread of the observer: images of the cameras, for requests for the spheres' states.
-  void keep(const FrameRecord& record, const DepthFrame& frame) {
-    if (!(options_.points_rate > 0) || spheres_->num_readers() == 0) return;
-    const std::lock_guard lock(seen_mutex_);
-    Seen& seen = seen_[record.camera];
-    if (record.capture_time < seen.time + 1 / options_.points_rate) return;
-    seen = {record.capture_time, record.X_WC, frame};
-  }
-
-  bool is_seen(const Vec3d& p_W) const {
-    for (std::size_t k = 0; k < seen_.size(); ++k) {
-      const auto& [time, X_WC, frame] = seen_[k];
-      const Vec3d p_C = inverse(X_WC) * p_W;
-      const Intrinsics& camera = streams_[k].intrinsics;
-      if (!(p_C.z > 0)) continue;
-      const double u = std::floor(camera.fx * p_C.x / p_C.z + camera.cx + 0.5);
-      const double v = std::floor(camera.fy * p_C.y / p_C.z + camera.cy + 0.5);
-      if (!(u >= 0 && v >= 0 && u < frame.width && v < frame.height)) continue;
-      const std::uint16_t count = frame.pixels[static_cast<std::size_t>(v * frame.width + u)];
-      if (count == 0 || count == 65535) continue;
-      if (p_C.z <= count * frame.unit + kSeenBehind) return true;
-    }
-    return false;
-  }
-
-  /// States of the spheres at the last requested contact.
-  void publish_spheres(RunLoop& loop, double time) {
-    if (const ContactPicture* const now = loop.new_contact_picture(PictureConsumer::robots)) {
-      const std::lock_guard lock(seen_mutex_);
-      for (std::size_t i = 0; i < now->spheres.states.size(); ++i) {
-        const Vec3d p_W = now->X_WT * to_double(tool_.spheres()[i].center);
-        sphere_states_[i] = !is_seen(p_W)                                     ? RosSphere::unseen
-                            : now->spheres.states[i] == SphereState::outside  ? RosSphere::free
-                            : now->spheres.states[i] == SphereState::boundary ? RosSphere::touching
-                                                                              : RosSphere::inside;
-      }
-      spheres_->publish(sphere_markers_message({wall_time(time), options_.tool_frame},
-                                               tool_.spheres(), sphere_states_));
-    }
-    if (!(options_.points_rate > 0) || time < next_spheres_ || spheres_->num_readers() == 0) return;
-    next_spheres_ = time + 1 / options_.points_rate;
-    loop.request_contact_picture(PictureConsumer::robots);
   }
 
   void say(const Published& published) {
@@ -427,21 +312,13 @@ class Output final : public RosOutput {
   RosOutputOptions options_;
   const Tool& tool_;
   const std::vector<DepthStreamInfo> streams_;
-  std::unique_ptr<RosPublisher> wrench_, contact_, pose_, twist_, points_, spheres_, markers_,
-      diagnostics_, transforms_;
+  RosDisplay display_;
+  std::unique_ptr<RosPublisher> wrench_, contact_, pose_, twist_, diagnostics_, transforms_;
   std::vector<std::string> body_frames_;  // of objects that move
   double full_volume_ = 0;
 
-  struct Seen {
-    double time = -1e9;  // s
-    Pose X_WC;
-    DepthFrame frame;
-  };
-  std::mutex seen_mutex_;                  // of the observer and of the thread of the rest
-  std::vector<Seen> seen_;                 // of each camera
-  double next_points_ = 0;                 // s, of the observer's thread
-  TripleBuffer<MeasuredBodies> contacts_;  // from it
-  ContactTime last_contact_;               // of it
+  TripleBuffer<MeasuredBodies> contacts_;  // from the thread of the observer
+  ContactTime last_contact_;               // of that thread
 
   // Written by the wrench's thread, read by others.
   TripleBuffer<Published> published_;
@@ -453,8 +330,6 @@ class Output final : public RosOutput {
   bool has_last_pose_ = false;
   Pose last_X_WT_;
   double last_pose_time_ = 0;
-  std::vector<RosSphere> sphere_states_;
-  double next_spheres_ = 0;  // s
   State last_state_ = State::failed;
   double last_diagnostics_ = 0, next_diagnostics_ = 0;
 
@@ -463,52 +338,6 @@ class Output final : public RosOutput {
 };
 
 }  // namespace
-
-void add_ros_options(CLI::App& app, RosOutputOptions& options) {
-  const std::string group = "ROS 2";
-  app.add_option("--wrench", options.wrench, "topic of the wrench")
-      ->type_name("TOPIC")
-      ->capture_default_str()
-      ->group(group);
-  app.add_option("--ros2-namespace", options.name_space,
-                 "namespace of all topics except /diagnostics")
-      ->type_name("NAMESPACE")
-      ->capture_default_str()
-      ->group(group);
-  app.add_option("--ros2-camera-frame", options.camera_frame,
-                 "frame id of the published poses: the camera's, or the world's where cameras have "
-                 "poses; default: that of its images")
-      ->type_name("FRAME")
-      ->group(group);
-  add_number(app, "--wrench-rate", options.rate, {1, 1000, "Hz"}, "wrenches per second")
-      ->group(group);
-  add_number(app, "--contact-message-rate", options.contact_rate, {0.1, 1000, "Hz"},
-             "contacts and poses of the tool and of moving objects per second")
-      ->group(group);
-  add_number(app, "--points-rate", options.points_rate, {0, 30, "Hz"},
-             "point clouds per second, at most; 0: none")
-      ->group(group);
-  add_number(app, "--max-age", options.max_age, {0.001, 10, "s"},
-             "the wrench is zero when the depth image, the measurement or the tool's pose is older")
-      ->group(group);
-}
-
-void check_ros_output(const RosOutputOptions& options, const std::string& frame,
-                      const OutputOptions& output, const std::string& verb) {
-  if (!options.is_requested) return;
-  if (!(output.X_TE == Pose{}) || output.wrench_point != WrenchPoint{}) {
-    usage_error(verb +
-                ": over ROS 2 a wrench refers to the origin of its frame: remove --tcp and "
-                "--wrench-point, and add a tf frame at the tool center point");
-  }
-  const std::initializer_list<std::string_view> known{"", "auto", "tool", "camera", "world"};
-  const bool is_known = std::ranges::find(known, frame) != known.end();
-  const auto& set = output.wrench_frame;
-  if (is_known && set != WrenchFrame::device && set != WrenchFrame::named) return;
-  usage_error(verb +
-              ": over ROS 2 --wrench-frame must be tool, or the frame of the poses (camera or "
-              "world); use tf to transform the wrench to another frame");
-}
 
 Result<std::unique_ptr<RosOutput>> RosOutput::create(const Tool& tool,
                                                      const std::vector<SceneObject>& objects,

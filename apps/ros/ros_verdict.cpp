@@ -1,6 +1,10 @@
 #include "apps/ros/ros_verdict.h"
 
+#include <array>
+#include <cstddef>
 #include <cstdio>
+
+#include "src/math/internal/wrench_transform.h"
 
 namespace palpate::apps {
 namespace {
@@ -11,6 +15,32 @@ std::string milliseconds(const char* format, double seconds) {
   char text[120];
   std::snprintf(text, sizeof text, format, 1e3 * seconds);
   return text;
+}
+
+/// Returns a stiffness about p_W in the frame A: M K M^T with the map M of wrenches about p_W in W
+/// to wrenches about the origin of A in A, which is that of transformed_to.
+std::array<double, 36> stiffness_in(const Pose& X_WA, const Stiffness& K_W, const Vec3d& p_W) {
+  const Vec3d r = p_W - X_WA.translation;
+  const double lever[3][3] = {{0, -r.z, r.y}, {r.z, 0, -r.x}, {-r.y, r.x, 0}};
+  const Quaternion q_AW = conjugate(X_WA.rotation);
+  const Vec3d axes[3] = {rotate(q_AW, Vec3d{1, 0, 0}), rotate(q_AW, Vec3d{0, 1, 0}),
+                         rotate(q_AW, Vec3d{0, 0, 1})};
+  double map[6][6] = {};  // maps wrenches about p_W in W to wrenches in A
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) {
+      map[i][j] = map[3 + i][3 + j] = axes[j][i];
+      for (int k = 0; k < 3; ++k) map[3 + i][j] += axes[k][i] * lever[k][j];
+    }
+  }
+  std::array<double, 36> K{};
+  for (std::size_t i = 0; i < 6; ++i) {
+    for (std::size_t j = 0; j < 6; ++j) {
+      for (int k = 0; k < 6; ++k) {
+        for (int l = 0; l < 6; ++l) K[6 * i + j] += map[i][k] * K_W.m[k][l] * map[j][l];
+      }
+    }
+  }
+  return K;
 }
 
 }  // namespace
@@ -47,6 +77,27 @@ RosVerdict judge(const TickRecord& tick, double time, double max_age) {
   if (!(contact_age <= max_age)) return because(State::stale, Why::contact_is_old);
   if (tick.penetration.status.is_unmeasured()) return because(State::failed, Why::not_measured);
   return because(State::valid, Why::none);
+}
+
+RosContact contact_of(const TickRecord& tick, const RosVerdict& verdict, const LocalContact& newest,
+                      const Tool& tool, double full_volume) {
+  RosContact contact;
+  contact.state = verdict.state;
+  contact.reason = verdict.reason();
+  contact.depth_age = verdict.depth_age;
+  contact.contact_age = verdict.contact_age;
+  contact.status = tick.penetration.status.bits;
+  if (!verdict.is_valid()) return contact;
+  contact.volume = tick.penetration.volume;
+  contact.fraction = full_volume > 0 ? contact.volume / full_volume : 0;
+  contact.unseen = full_volume > 0 ? tick.penetration.unseen_volume / full_volume : 0;
+  contact.potential = tick.penetration.potential;
+  const Pose& X_WT = tick.step.X_WT;
+  contact.wrench =
+      transformed_to(X_WT, tick.step.contact_W, X_WT * tool.sphere_mass().center_of_mass);
+  contact.max_stiffness = newest.max_stiffness;
+  contact.stiffness = stiffness_in(newest.X_WT, newest.stiffness, newest.p_WC);
+  return contact;
 }
 
 }  // namespace palpate::apps

@@ -1,10 +1,12 @@
-// Validity of the wrench for ROS 2, with the reason if it is invalid.
+// Validity of the wrench for ROS 2, with the reason if it is invalid, and the contact as robots get
+// it: without numbers unless it is valid.
 #pragma once
 
 #include <cstdint>
 #include <string>
 
 #include "palpate/run/records.h"
+#include "palpate/tool/tool.h"
 #include "src/io/internal/ros_messages.h"
 
 namespace palpate::apps {
@@ -35,5 +37,10 @@ struct RosVerdict {
 
 /// Judges the newest tick at a time, s, monotonic: its inputs may be as old as `max_age`, s.
 RosVerdict judge(const TickRecord& tick, double time, double max_age);
+
+/// Returns the contact of a tick in the frame of the tool. `newest`: the last measured contact, for
+/// the stiffness. `full_volume`: that of the whole tool, m3.
+RosContact contact_of(const TickRecord& tick, const RosVerdict& verdict, const LocalContact& newest,
+                      const Tool& tool, double full_volume);
 
 }  // namespace palpate::apps

@@ -92,6 +92,15 @@ Status know_frames(TouchOptions& options);
 /// that cannot be read; clocks that have nothing in common.
 Result<TouchInput> open_touch_input(const TouchOptions& options, const Tool& tool);
 
+/// Checks which options go with the page that shows the run.
+void check_view(const CLI::App& app, const TouchOptions& options);
+/// Checks which options go with a device or with a path.
+void check_motion(const CLI::App& app, const TouchOptions& options);
+/// Checks options that need friction or a ROS 2 node.
+void check_feel(const CLI::App& app, const TouchOptions& options);
+/// Checks that the options of contact go with its method.
+void check_method(const TouchOptions& options);
+
 /// Runs palpate touch: finds and opens its inputs, and runs the loop.
 Status run_touch(const TouchOptions& options);
 

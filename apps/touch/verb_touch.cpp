@@ -18,8 +18,6 @@ namespace {
 
 using Options = TouchOptions;
 
-bool is_aimed(const ProbeAim& aim) { return aim.pixel || aim.point_W || aim.tip_T; }
-
 /// Checks that the run does not overwrite its inputs.
 Status check_inputs(const Options& options) {
   std::vector<std::string> inputs{options.tool, options.path, options.rig};
@@ -179,81 +177,6 @@ void add_view_options(CLI::App& app, Options& options) {
   add_page_options(app, "--view-", options.page);
 }
 
-void check_view(const CLI::App& app, const Options& options) {
-  for (const char* option : {"--view-port", "--view-address", "--view-token"}) {
-    if (app.count(option) > 0 && !options.has_page) {
-      usage_error(std::string("touch: ") + option + " goes with --view");
-    }
-  }
-}
-
-/// Checks which options go with a device or with a path.
-void check_motion(const CLI::App& app, const Options& options) {
-  if ((!options.path.empty() || options.is_replay()) && is_aimed(options.aim)) {
-    usage_error(
-        "touch: --probe and --tip do not go with a path, which says where the tool moves: leave "
-        "one of them out");
-  }
-  if (options.device.empty() && app.count("--dead-man") > 0) {
-    usage_error("touch: --dead-man goes with --device");
-  }
-  const bool has_file = !options.path.empty() || options.is_replay();
-  for (const char* const of_path : {"--path-frame", "--align"}) {
-    if (app.count(of_path) == 0 || has_file) continue;
-    usage_error(std::string("touch: ") + of_path + " goes with --path or --device replay:FILE");
-  }
-  const std::string& frame = options.frames.path;
-  if (options.device.empty() && !options.frames.base.empty() && frame != "base" &&
-      frame != "device" && options.frames.wrench != "device") {
-    usage_error("touch: --base-frame goes with --device, or with poses in the frame of one");
-  }
-  const DepthAverage average = options.settings.time.average.kind;
-  if (app.count("--average-frames") > 0 && average != DepthAverage::moving) {
-    usage_error("touch: --average-frames goes with --average moving");
-  }
-  if (app.count("--average-weight") > 0 && average != DepthAverage::exponential) {
-    usage_error("touch: --average-weight goes with --average exponential");
-  }
-  if (options.device == "replay:") {
-    usage_error("--device replay: needs a file of poses: replay:FILE");
-  }
-  for (const char* const of_memory :
-       {"--memory-horizon", "--memory-thickness", "--memory-frames"}) {
-    if (app.count(of_memory) == 0) continue;
-    if (options.settings.time.memory.kind != DepthMemory::off) break;
-    usage_error(std::string("touch: ") + of_memory + " goes with --memory on");
-  }
-  if (!options.device.empty() && !options.path.empty()) {
-    usage_error(
-        "touch: --path and --device exclude each other; to play a path in real time use --device "
-        "replay:FILE");
-  }
-}
-
-/// Checks options that need friction or a ROS 2 node.
-void check_feel(const CLI::App& app, const Options& options) {
-  const bool has_friction = options.settings.coupling.friction.coefficient > 0 ||
-                            !options.materials.materials.empty() ||
-                            std::ranges::any_of(options.objects, [](const ObjectOption& object) {
-                              return object.friction.value_or(0) > 0;
-                            });
-  if (app.count("--texture") > 0 && options.settings.coupling.texture.kind != TextureKind::none &&
-      !has_friction) {
-    usage_error("touch: --texture goes with friction: add --friction 0.3");
-  }
-  for (const CLI::Option* const option : app.get_options()) {
-    if (option->get_group() != "ROS 2" || option->count() == 0) continue;
-    if (options.ros.is_requested || options.is_robot()) continue;
-    usage_error("touch: " + option->get_name() + " goes with --ros2");
-  }
-}
-
-void check(const Options& options) {
-  if (const auto method = contact_method(options.settings.contact); !method) {
-    usage_error("--" + method.error().message);
-  }
-}
-
 /// Returns the default settings of runs.
 RunSettings settings_of_runs() {
   RunSettings settings;
@@ -401,7 +324,7 @@ void add_touch(CLI::App& program, Action& action) {
           "touch: --ros2 with several cameras or with camera poses needs the name of the world "
           "frame: pass --ros2-camera-frame FRAME, or ?world=FRAME (of tf) for each camera");
     }
-    check(*options);
+    check_method(*options);
     action = [options] { return run_touch(*options); };
   });
 }

@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "palpate/settings/setting_table.h"
+
 namespace palpate::python {
 namespace {
 
@@ -236,6 +238,11 @@ nb::object plain_image(nb::handle given) {
   }
   if (nb::cast<bool>(type.attr("isnative"))) return image;
   return image.attr("astype")(type.attr("newbyteorder")("="));
+}
+
+nb::object seven_of(const Pose& X) {
+  const auto seven = seven_numbers(X);
+  return array_of(std::vector<double>(seven.begin(), seven.end()), {7});
 }
 
 int checked_threads(int given) {

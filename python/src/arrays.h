@@ -119,6 +119,13 @@ nb::object array_of(std::vector<T> values, std::initializer_list<std::size_t> sh
   const nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<T>*>(p); });
   return nb::cast(nb::ndarray<nb::numpy, T>(kept->data(), shape, owner));
 }
+/// Returns the signature of a property that is an array, for the stubs.
+inline std::string array_property(const char* name,
+                                  const char* type = "numpy.typing.NDArray[numpy.float64]") {
+  return std::string("def ") + name + "(self) -> " + type;
+}
+/// Returns tx ty tz qx qy qz qw of a pose: (7,).
+nb::object seven_of(const Pose& X);
 /// Returns a read-only NumPy array of numbers that `owner` keeps alive.
 template <class T>
 nb::object view_of(const T* values, std::initializer_list<std::size_t> shape, nb::handle owner) {

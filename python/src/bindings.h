@@ -13,10 +13,13 @@ namespace palpate::python {
 
 void bind_tool(nanobind::module_& m);
 void bind_sensor(nanobind::module_& m);
+void bind_camera(nanobind::module_& m);
+void bind_surface(nanobind::module_& m);
 void bind_batch(nanobind::module_& m);
 void bind_contact(nanobind::module_& m);
 void bind_penetration(nanobind::module_& m);
 void bind_runs(nanobind::module_& m);
+void bind_pushed_camera(nanobind::module_& m);
 void bind_recordings(nanobind::module_& m);
 void bind_scenes(nanobind::module_& m);
 

@@ -13,6 +13,8 @@ CUBE_TRIANGLES = np.array([
     [0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
     [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3],
 ])
+#: Into the wall at 1 m, 10 mm deep, in half a second.
+PATH = np.array([[0, 0, 0, 0.95, 0, 0, 0, 1], [0.5, 0, 0, 0.99, 0, 0, 0, 1]])
 
 
 @pytest.fixture(scope="session")

@@ -1,10 +1,11 @@
+// A node of ROS 2 over Cyclone DDS: its publishers, its subscriptions with a thread each, and its
+// place in the graph that graph tools show.
 #include "src/ros/internal/ros_node.h"
 
 #include <algorithm>
 #include <atomic>
 #include <charconv>
 #include <cstring>
-#include <map>
 #include <mutex>
 #include <set>
 #include <system_error>
@@ -13,121 +14,16 @@
 #include "src/core/internal/guarded.h"
 #include "src/core/internal/shared_library.h"
 #include "src/io/internal/ros_messages.h"
-#include "src/io/internal/ros_types.h"
+#include "src/ros/dds_endpoint.h"
 #include "src/ros/internal/dds_api.h"
-#include "src/ros/native_layout.h"
 
 namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr const char* kEntitiesType = "rmw_dds_common/ParticipantEntitiesInfo";
 
-/// A type as Cyclone DDS knows it, for as long as the program runs.
-struct DdsType {
-  explicit DdsType(const std::string& type)
-      : layout(type),
-        program(layout.program()),
-        name(dds_type_name(type)),
-        hash("typehash=" + ros_type_hash(type) + ";") {
-    descriptor.size = static_cast<std::uint32_t>(layout.size());
-    descriptor.align = static_cast<std::uint32_t>(layout.align());
-    descriptor.type_name = name.c_str();
-    descriptor.num_ops = static_cast<std::uint32_t>(program.size());
-    descriptor.ops = program.data();
-  }
-
-  const NativeLayout layout;
-  const std::vector<std::uint32_t> program;
-  const std::string name, hash;
-  dds::TopicDescriptor descriptor;
-};
-
-const DdsType& dds_type(const std::string& type) {
-  static std::mutex mutex;
-  static auto& types = *new std::map<std::string, DdsType>;
-  const std::lock_guard lock(mutex);
-  return types.try_emplace(type, type).first->second;
-}
-
-/// Owns an entity of DDS.
-class DdsEntity {
- public:
-  explicit DdsEntity(dds::Entity entity = 0) : entity_(entity) {}
-  DdsEntity(DdsEntity&& other) noexcept : entity_(std::exchange(other.entity_, 0)) {}
-  DdsEntity& operator=(DdsEntity&& other) noexcept {
-    std::swap(entity_, other.entity_);
-    return *this;
-  }
-  ~DdsEntity() {
-    if (entity_ > 0) dds::api()->remove(entity_);
-  }
-  dds::Entity get() const { return entity_; }
-  bool is_good() const { return entity_ > 0; }
-
- private:
-  dds::Entity entity_;
-};
-
-Error trouble(const std::string& what, dds::Entity code) {
-  return {Errc::unavailable, what + ": Cyclone DDS says " + dds::api()->error_text(code)};
-}
-
-struct QosDeleter {
-  void operator()(dds::Qos* qos) const { dds::api()->delete_qos(qos); }
-};
-using QosPointer = std::unique_ptr<dds::Qos, QosDeleter>;
-
-QosPointer make_qos(const RosQos& desired, std::string_view user_data) {
-  const dds::Api& api = *dds::api();
-  QosPointer qos(api.create_qos());
-  // Writers do not wait for readers: with so few messages kept there is always room.
-  api.set_reliability(qos.get(), desired.is_reliable ? dds::kReliable : dds::kBestEffort, 0);
-  api.set_durability(qos.get(), desired.is_kept ? dds::kTransientLocal : dds::kVolatile);
-  api.set_history(qos.get(), dds::kKeepLast, desired.depth);
-  api.set_user_data(qos.get(), user_data.data(), user_data.size());
-  api.set_representation(qos.get(), 1, &dds::kXcdr1);
-  return qos;
-}
-
 /// Returns the name of a topic between DDS programs of ROS 2.
 std::string dds_topic(const std::string& topic) { return "rt" + topic; }
-
-/// A topic with its writer or reader.
-struct DdsEndpoint {
-  DdsEntity topic, endpoint;  // the topic goes last
-  const DdsType* type = nullptr;
-
-  RosGid gid() const {
-    dds::Guid guid{};
-    dds::api()->get_guid(endpoint.get(), &guid);
-    RosGid gid{};
-    std::copy(std::begin(guid.bytes), std::end(guid.bytes), gid.begin());
-    return gid;
-  }
-};
-
-Result<DdsEndpoint> make_endpoint(const DdsEntity& participant, const std::string& name,
-                                  const std::string& type, const RosQos& desired, bool is_writer) {
-  const dds::Api& api = *dds::api();
-  DdsEndpoint made;
-  made.type = &dds_type(type);
-  made.topic = DdsEntity(
-      api.create_topic(participant.get(), &made.type->descriptor, name.c_str(), nullptr, nullptr));
-  if (!made.topic.is_good()) return trouble("cannot open the topic " + name, made.topic.get());
-  const QosPointer qos = make_qos(desired, made.type->hash);
-  const auto create = is_writer ? api.create_writer : api.create_reader;
-  made.endpoint = DdsEntity(create(participant.get(), made.topic.get(), qos.get(), nullptr));
-  if (!made.endpoint.is_good()) {
-    return trouble(std::string("cannot ") + (is_writer ? "write to " : "read from ") + name,
-                   made.endpoint.get());
-  }
-  return made;
-}
-
-bool write(const DdsEndpoint& writer, std::string_view message) {
-  const auto native = writer.type->layout.to_native(message);
-  return native && dds::api()->write(writer.endpoint.get(), native->get()) == 0;
-}
 
 class Node;
 
@@ -249,8 +145,8 @@ class Node final : public RosNode {
     api->set_user_data(qos.get(), kEnclave.data(), kEnclave.size());
     DdsEntity participant(api->create_participant(domain, qos.get(), nullptr));
     if (!participant.is_good()) {
-      return trouble("cannot join the ROS domain " + std::to_string(options.domain),
-                     participant.get());
+      return dds_error("cannot join the ROS domain " + std::to_string(options.domain),
+                       participant.get());
     }
     auto node = std::make_shared<Node>(options, std::move(participant));
     if (const Status status = node->announce(); !status) return status.error();

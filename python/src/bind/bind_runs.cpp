@@ -8,7 +8,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <mutex>
 
 #include "palpate/cameras/cameras.h"
 #include "palpate/devices/devices.h"
@@ -17,6 +16,7 @@
 #include "python/src/bindings.h"
 #include "python/src/interruptible.h"
 #include "python/src/keywords.h"
+#include "python/src/pushed_camera.h"
 #include "python/src/run_in_thread.h"
 #include "python/src/tick.h"
 #include "scenes/scene.h"
@@ -26,102 +26,6 @@
 
 namespace palpate::python {
 namespace {
-
-/// Class palpate.PushedCamera.
-class PyPushedCamera {
- public:
-  PyPushedCamera(const PyCamera& camera, double rate, bool has_time_stamps, double latency,
-                 bool is_moving, bool has_flow)
-      : camera_(camera), has_time_stamps_(has_time_stamps) {
-    DepthStreamInfo info = camera.stream();
-    info.rate = rate;
-    info.is_live = true;
-    info.is_moving = is_moving;
-    info.has_flow = has_flow;
-    info.name = "a camera in Python";
-    source_ = taken(PushedSource::create(info, {has_time_stamps, latency}));
-  }
-
-  const std::shared_ptr<PushedSource>& source() const { return source_; }
-  const Pose& X_WC() const { return camera_.X_WC; }
-  /// True if a run has used it: the run cancels its sources at the end.
-  bool has_run() const { return has_run_; }
-  void begin_run() { has_run_ = true; }
-
-  void push(nb::handle depth, std::optional<double> time, const nb::object& pose,
-            const nb::object& flow) {
-    if (time && !has_time_stamps_) {
-      throw nb::value_error(
-          "time: this camera has no clock of its own; create it with has_time_stamps=True");
-    }
-    if (!time && has_time_stamps_) {
-      throw nb::value_error("time: this camera has timestamps; pass that of the image, s");
-    }
-    if (time && !std::isfinite(*time)) throw nb::value_error("time: not finite");
-    if (!pose.is_none() && !source_->info().is_moving) {
-      throw nb::value_error("pose: this camera is static; create it with moving=True");
-    }
-    const Pose X_WC = pose.is_none() ? camera_.X_WC : pose_of(pose, "pose");
-    if (!is_finite(X_WC)) throw nb::value_error("pose: not finite");
-    const Counts counts = counts_of(depth);
-    if (counts.ndim() != 2) refuse_shape("depth", shape_of(counts), "(H, W)");
-    const Flow pixels_per_second = flow_of(flow, counts);
-    const nb::gil_scoped_release no_gil;
-    const std::lock_guard lock(mutex_);
-    frame_.X_WC = X_WC;
-    frame_.width = static_cast<int>(counts.shape(1));
-    frame_.height = static_cast<int>(counts.shape(0));
-    frame_.unit = camera_.unit;
-    frame_.timestamp = time.value_or(0);
-    frame_.pixels.assign(counts.data(), counts.data() + counts.size());
-    frame_.flow.assign(pixels_per_second.data(),
-                       pixels_per_second.data() + pixels_per_second.size());
-    source_->push(frame_);
-  }
-
- private:
-  using Counts = nb::ndarray<const std::uint16_t, nb::c_contig, nb::device::cpu>;
-  using Flow = nb::ndarray<const float, nb::c_contig, nb::device::cpu>;
-
-  /// (H, W, 2), or empty.
-  Flow flow_of(const nb::object& flow, const Counts& counts) const {
-    if (flow.is_none()) return {};
-    if (!source_->info().has_flow) {
-      throw nb::value_error("flow: this camera has none; make it with flow=True");
-    }
-    const nb::module_ numpy = nb::module_::import_("numpy");
-    Flow given = nb::cast<Flow>(numpy.attr("ascontiguousarray")(flow, "float32"));
-    if (given.ndim() != 3 || given.shape(0) != counts.shape(0) ||
-        given.shape(1) != counts.shape(1) || given.shape(2) != 2) {
-      refuse_shape("flow", shape_of(given), "(H, W, 2), H and W of the depth image");
-    }
-    return given;
-  }
-
-  /// Copies uint16 counts; converts meters to counts.
-  Counts counts_of(nb::handle depth) const {
-    Counts counts;
-    const nb::object plain = plain_image(depth);
-    depth = plain;
-    if (nb::try_cast<Counts>(depth, counts, false)) return counts;
-    const nb::module_ numpy = nb::module_::import_("numpy");
-    nb::object array = numpy.attr("asarray")(depth);
-    if (nb::cast<std::string>(array.attr("dtype").attr("kind")) == "f") {
-      const nb::object rounded = numpy.attr("rint")(array / nb::float_(camera_.unit));
-      const nb::object nearer = numpy.attr("minimum")(rounded, nb::float_(kFarCount));
-      array = numpy.attr("where")(rounded.attr("__gt__")(0), nearer, 0);
-    } else if (nb::cast<std::string>(array.attr("dtype").attr("name")) != "uint16") {
-      throw nb::value_error("depth: uint16 counts or float32 meters are taken, no other type");
-    }
-    return nb::cast<Counts>(numpy.attr("ascontiguousarray")(array, "uint16"));
-  }
-
-  std::shared_ptr<PushedSource> source_;
-  PyCamera camera_;
-  bool has_time_stamps_ = false, has_run_ = false;
-  std::mutex mutex_;  // of the frame: threads push without the GIL
-  DepthFrame frame_;
-};
 
 /// Reads times and poses, (N, 8), or the trajectory of a file.
 std::vector<TimedPose> path_of(nb::handle given) {
@@ -334,11 +238,6 @@ std::vector<double> six_of(const Wrench& F) {
   return {F.force.x, F.force.y, F.force.z, F.torque.x, F.torque.y, F.torque.z};
 }
 
-nb::object seven_of(const Pose& X) {
-  const auto seven = seven_numbers(X);
-  return array_of(std::vector<double>(seven.begin(), seven.end()), {7});
-}
-
 void bind_tick(nb::module_& m) {
   const auto array = [](const char* name) {
     return std::string("def ") + name + "(self) -> numpy.typing.NDArray[numpy.float64]";
@@ -386,31 +285,7 @@ void bind_tick(nb::module_& m) {
 
 void bind_runs(nb::module_& m) {
   bind_tick(m);
-  nb::class_<PyPushedCamera>(
-      m, "PushedCamera",
-      R"(A live camera that your own code reads: push its images during a run.
-
-camera: size and intrinsics of the images. rate: nominal, frames per second. has_time_stamps: `push`
-gets times of the camera's own clock, s; otherwise an image counts as captured when it is pushed.
-latency: s, 0 to 1, from the exposure to the timestamp. moving: each push has the pose of the camera.
-flow: pushes may have an optical flow. A PushedCamera is for one run.)")
-      .def(nb::init<const PyCamera&, double, bool, double, bool, bool>(), nb::arg("camera"),
-           nb::kw_only(), nb::arg("rate") = 30.0, nb::arg("has_time_stamps") = false,
-           nb::arg("latency") = 0.0, nb::arg("moving") = false, nb::arg("flow") = false)
-      .def(
-          "push", &PyPushedCamera::push, nb::arg("depth"), nb::kw_only(),
-          nb::arg("time") = nb::none(), nb::arg("pose") = nb::none(), nb::arg("flow") = nb::none(),
-          nb::sig("def push(self, depth: palpate._types.Array, *, time: float | None = None, "
-                  "pose: palpate._types.Array | None = None, "
-                  "flow: palpate._types.Array | None = None) -> None"),
-          R"(depth: (H, W) uint16 counts or float32 meters; negative ones are no measurement. time: s on the
-camera's own clock, if created with has_time_stamps=True. pose: X_WC of this image, (4, 4) or (7,), if the
-camera moves; None: that of the camera. flow: (H, W, 2), optical flow, u and v of each pixel in pixels per
-second, NaN where unknown; None: unknown. Never waits for the run: the newest image wins. From any
-thread.)")
-      .def(
-          "end", [](PyPushedCamera& self) { self.source()->end(); }, "Ends the stream.");
-
+  bind_pushed_camera(m);
   nb::class_<RunInThread>(m, "RunInThread", "A run whose loop is in C++, inside of palpate.Run.")
       .def("stop", &RunInThread::stop, "Fades the force out and ends the run.")
       .def("wait", &RunInThread::wait, nb::arg("seconds") = nb::none(),

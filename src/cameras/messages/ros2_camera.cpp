@@ -1,222 +1,30 @@
 // Depth from a topic of ROS 2: Image or compressedDepth, with its CameraInfo, and where the camera
 // is by tf.
-#include <algorithm>
 #include <chrono>
-#include <cmath>
-#include <condition_variable>
-#include <deque>
-#include <mutex>
-#include <set>
 #include <thread>
 #include <utility>
 
 #include "src/cameras/camera_kinds.h"
 #include "src/cameras/messages/depth_messages.h"
+#include "src/cameras/messages/received_messages.h"
 #include "src/core/internal/monotonic_clock.h"
 #include "src/core/internal/shared_library.h"
-#include "src/io/internal/cdr.h"
 #include "src/io/internal/ros_image.h"
 #include "src/ros/internal/dds_api.h"
 #include "src/ros/internal/ros_node.h"
-#include "src/ros/internal/tf_history.h"
 
 namespace palpate { inline namespace v0 {
 namespace {
 
 using namespace std::chrono_literals;
 
-constexpr double kFirstImage = 10;       // s, while opening
-constexpr double kDiscovery = 0.5;       // s: publishers that are there are found
-constexpr double kLongestSilence = 2;    // s without an image until a note
-constexpr double kLongestPairing = 0.1;  // s that an image waits for its camera_info
-constexpr double kLongestLone = 1;       // s from one camera_info to the next, if others follow
-constexpr double kLongestTf = 0.1;       // s that an image waits for its transform
-constexpr double kKeptTf = 5;            // s
-constexpr std::size_t kNumModels = 32;   // camera_infos that are kept
-constexpr int kMaxImages = 200;          // per second; more are a mistake, with a note
+constexpr double kFirstImage = 10;     // s, while opening
+constexpr double kDiscovery = 0.5;     // s: publishers that are there are found
+constexpr double kLongestSilence = 2;  // s without an image until a note
 
 double seconds_since_1970() {
   return std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count();
 }
-
-/// Messages that the subscriptions have received. Their threads write, one reads.
-class ReceivedMessages {
- public:
-  /// `topic`: of the images.
-  explicit ReceivedMessages(std::string topic) : topic_(std::move(topic)) {}
-
-  void image(std::string_view message) {
-    CdrReader from(message);
-    const RosStamp stamp = read_ros_header(from);
-    const std::lock_guard lock(mutex_);
-    image_.assign(message);
-    image_stamp_ = stamp.time;
-    image_arrival_ = monotonic_now();
-    note_flood(image_arrival_);
-    frame_ = std::string(stamp.frame);
-    has_image_ = true;
-    changed_.notify_all();
-  }
-
-  void camera_info(std::string_view message) {
-    CdrReader from(message);
-    const double stamp = read_ros_header(from).time;
-    const auto model = read_camera_model(message);
-    const std::lock_guard lock(mutex_);
-    if (!model) {
-      note(model.error().message + "; it is ignored");
-      return;
-    }
-    if (!is_calibrated(*model, topic_)) {
-      note(
-          "has a camera_info without intrinsics, as of a camera that is not calibrated; it is "
-          "ignored");
-      return;
-    }
-    models_.emplace_back(stamp, *model);
-    comes_in_pairs_ = comes_in_pairs_ || stamp == taken_stamps_.back();  // it was only late
-    has_come_in_pairs_ = has_come_in_pairs_ || std::find(taken_stamps_.begin(), taken_stamps_.end(),
-                                                         stamp) != taken_stamps_.end();
-    if (models_.size() > kNumModels) models_.pop_front();
-    changed_.notify_all();
-  }
-
-  void transforms(std::string_view message, bool is_static) {
-    const auto transforms = read_transforms(message);
-    if (!transforms) return;
-    const std::lock_guard lock(mutex_);
-    for (const RosStampedTransform& each : *transforms) history_.add(each, is_static);
-    changed_.notify_all();
-  }
-
-  struct Place {
-    Pose X_WC;
-    bool is_fixed = false;  // no frame between the two may move
-  };
-  /// At a time of the stamps, between the transforms before and after it; waits a tenth of a
-  /// second for the latter. None: there is no transform.
-  std::optional<Place> place(const std::string& world, const std::string& frame, double time) {
-    std::unique_lock lock(mutex_);
-    double until = 0;
-    const bool is_known = changed_.wait_for(lock, std::chrono::duration<double>(kLongestTf), [&] {
-      until = history_.known_until(world, frame, time);
-      return until >= time || is_cancelled_;
-    });
-    const auto X_WC = is_known ? history_.find(world, frame, time) : std::nullopt;
-    if (!X_WC) return std::nullopt;
-    return Place{*X_WC, std::isinf(until)};
-  }
-  std::string frames() const {
-    const std::lock_guard lock(mutex_);
-    const auto frames = history_.frames();
-    return frames.empty() ? "no tf message has come" : "tf knows " + listed(frames);
-  }
-
-  struct Image {
-    std::string message, frame;
-    std::optional<RosCameraModel> model;
-  };
-  /// The newest image with the camera_info of its stamp; if none comes with it, with the last one,
-  /// or not at all if the lens changes: another lens sees another scene. Waits at most a tenth of a
-  /// second, and a little longer for the camera_info. False: none came.
-  bool take(Image& image) {
-    std::unique_lock lock(mutex_);
-    if (!changed_.wait_for(lock, 100ms, [&] { return has_image_ || is_cancelled_; })) return false;
-    if (is_cancelled_) return false;
-    // Camera_infos that are sent once, or by another clock, are not waited for again and again.
-    if (comes_in_pairs_ && !models_.empty() && model_of_image() == nullptr) {
-      const std::chrono::duration<double> left(image_arrival_ + kLongestPairing - monotonic_now());
-      comes_in_pairs_ = changed_.wait_for(
-          lock, left, [&] { return model_of_image() != nullptr || is_cancelled_; });
-    }
-    const RosCameraModel* const model = model_of_image();
-    if (model != nullptr) comes_in_pairs_ = has_come_in_pairs_ = true;
-    has_image_ = false;
-    taken_stamps_.pop_front();
-    taken_stamps_.push_back(image_stamp_);
-    if (model == nullptr && has_come_in_pairs_ && !has_one_lens()) {
-      note(
-          "has a lens that changes, and camera_infos that come more than 0.1 s after their images; "
-          "these images are dropped");
-      return false;
-    }
-    if (model == nullptr && has_come_in_pairs_ && may_be_first_of_many()) return false;
-    image.model.reset();
-    if (model != nullptr) {
-      image.model = *model;
-    } else if (!models_.empty()) {
-      image.model = models_.back().second;
-    }
-    std::swap(image.message, image_);
-    image.frame = frame_;
-    return true;
-  }
-
-  void cancel() {
-    const std::lock_guard lock(mutex_);
-    is_cancelled_ = true;
-    changed_.notify_all();
-  }
-  bool is_cancelled() const {
-    const std::lock_guard lock(mutex_);
-    return is_cancelled_;
-  }
-  /// Adds a note once.
-  void add_note(const std::string& text) {
-    const std::lock_guard lock(mutex_);
-    note(text);
-  }
-  std::vector<std::string> take_notes() {
-    const std::lock_guard lock(mutex_);
-    return std::exchange(notes_, {});
-  }
-
- private:
-  const RosCameraModel* model_of_image() const {
-    for (auto each = models_.rbegin(); each != models_.rend(); ++each) {
-      if (each->first == image_stamp_) return &each->second;
-    }
-    return nullptr;
-  }
-  bool has_one_lens() const {
-    return std::all_of(models_.begin(), models_.end(),
-                       [&](const auto& each) { return each.second == models_.back().second; });
-  }
-  /// True if this camera_info may be the first of many, with a lens that changes, or be sent once.
-  bool may_be_first_of_many() const {
-    return models_.size() == 1 && std::abs(image_stamp_ - models_.back().first) < kLongestLone;
-  }
-  void note_flood(double now) {
-    ++num_since_;
-    if (now - since_ < 1) return;
-    if (num_since_ > kMaxImages * (now - since_)) {
-      note("sends more than " + std::to_string(kMaxImages) +
-           " images per second; the newest one is used, the others are dropped");
-    }
-    since_ = now;
-    num_since_ = 0;
-  }
-  /// Adds a note once for each kind: text in quotes is of others, who may write anything there.
-  void note(const std::string& text) {
-    if (said_.insert(text.substr(0, text.find('\''))).second) notes_.push_back(text);
-  }
-
-  const std::string topic_;
-  mutable std::mutex mutex_;
-  std::condition_variable changed_;
-  std::string image_, frame_;
-  double image_stamp_ = 0, image_arrival_ = 0;  // s
-  std::deque<double> taken_stamps_ =
-      std::deque<double>(kNumModels, std::nan(""));  // s, of the last images
-  std::deque<std::pair<double, RosCameraModel>> models_;
-  TfHistory history_{kKeptTf};
-  double since_ = 0;   // s, monotonic: images are counted
-  int num_since_ = 0;  // these
-  bool has_image_ = false, comes_in_pairs_ = true, has_come_in_pairs_ = false;
-  bool is_cancelled_ = false;
-  std::set<std::string> said_;  // kinds of notes
-  std::vector<std::string> notes_;
-};
 
 class Ros2Source final : public DepthSource {
  public:

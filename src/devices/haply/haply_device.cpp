@@ -3,7 +3,6 @@
 // and sends it; nothing waits, and an answer that is late just has not come yet.
 
 #include "src/devices/haply/haply_device.h"
-#include "src/core/internal/monotonic_clock.h"
 
 #include <cmath>
 #include <cstdint>
@@ -13,9 +12,11 @@
 #include <utility>
 
 #include "palpate/devices/devices.h"
+#include "src/core/internal/monotonic_clock.h"
 #include "src/devices/device_kinds.h"
 #include "src/devices/device_pose.h"
 #include "src/devices/haply/haply_messages.h"
+#include "src/devices/haply/haply_service.h"
 #include "src/devices/internal/polling_device.h"
 #include "src/devices/motor_wrench.h"
 #include "src/devices/transport/web_socket.h"
@@ -24,10 +25,8 @@ namespace palpate { inline namespace v0 {
 namespace {
 
 // A service that stands still for a moment goes on; the loop takes the force away much sooner.
-constexpr double kMaxSilence = 1;       // s without a usable state: lost
-constexpr int kMaxMessages = 64;        // of one tick: more must wait for the next
-constexpr double kAnswerTimeout = 1.0;  // s for anything before the first tick
-constexpr HaplyVersion kOldest{3, 1};   // speaks the format of haply_messages.h
+constexpr double kMaxSilence = 1;  // s without a usable state: lost
+constexpr int kMaxMessages = 64;   // of one tick: more must wait for the next
 constexpr HaplyVersion kSaysVector{3, 5};
 
 // The service returns a force that it has understood in its states. One that is above this size
@@ -56,83 +55,11 @@ bool is_usable(const Quaternion& q) {
 
 bool is_finite(const Vec3d& v) { return std::isfinite(v.x + v.y + v.z); }
 
-std::string url_of(const NetAddress& address) { return "ws://" + describe(address); }
-
 int num_buttons_of(HaplyKind grip) { return grip == HaplyKind::verse_grip ? 1 : 4; }
-
-/// A connection on which the service has said what there is.
-struct Connected {
-  WebSocket socket;
-  HaplyMessage inventory;  // points into the last message received
-};
-
-Result<Connected> connect(const NetAddress& address, double timeout) {
-  Result<WebSocket> socket = WebSocket::connect(address, timeout);
-  if (!socket) return socket.error();
-  Connected connected{std::move(*socket), {}};
-  std::string_view text;
-  if (connected.socket.receive(text, timeout) != WebSocket::Got::message ||
-      !read_haply_message(text, connected.inventory)) {
-    return Error{
-        Errc::bad_input,
-        url_of(address) + " does not say which devices it has, as an Inverse Service would"};
-  }
-  return connected;
-}
-
-/// Devices found at an address, as copies.
-struct Inventory {
-  std::optional<HaplyVersion> version;
-  std::string device_id, grip_id;
-  HaplyKind grip_kind = HaplyKind::verse_grip;
-};
-
-Result<Inventory> inspect(const NetAddress& address, double timeout) {
-  Inventory found;
-  if (const Result<std::string> body = http_get(address, "/version", timeout)) {
-    found.version = read_haply_version(*body);
-    if (found.version && *found.version < kOldest) {
-      return Error{Errc::unavailable, "the Inverse Service at " + url_of(address) + " is version " +
-                                          std::to_string(found.version->major) + '.' +
-                                          std::to_string(found.version->minor) +
-                                          "; update it to 3.1 or newer"};
-    }
-  }
-  const Result<Connected> connected = connect(address, timeout);
-  if (!connected) return connected.error();
-  const HaplyMessage& inventory = connected->inventory;
-  const HaplyEntry* arm = inventory.find(HaplyKind::inverse3);
-  if (arm == nullptr) {
-    return Error{Errc::not_found, "the Inverse Service at " + url_of(address) +
-                                      " has no Inverse3; connect one and switch it on"};
-  }
-  found.device_id = arm->id;
-  for (HaplyKind kind :
-       {HaplyKind::verse_grip, HaplyKind::wireless_verse_grip, HaplyKind::custom_verse_grip}) {
-    const HaplyEntry* grip = inventory.find(kind);
-    if (grip == nullptr || !grip->is_connected.value_or(true)) continue;
-    found.grip_kind = kind;
-    found.grip_id = grip->id;
-    break;
-  }
-  return found;
-}
-
-std::string describe(const Inventory& found, const NetAddress& address) {
-  std::string text = "Inverse3 " + found.device_id;
-  if (!found.grip_id.empty())
-    text += " with " + std::string(name_of(found.grip_kind)) + ' ' + found.grip_id;
-  text += " at " + url_of(address);
-  if (found.version) {
-    text += " (service " + std::to_string(found.version->major) + '.' +
-            std::to_string(found.version->minor) + ')';
-  }
-  return text;
-}
 
 class HaplyDevice final : public PolledDevice {
  public:
-  HaplyDevice(const HaplyAddress& address, Inventory found)
+  HaplyDevice(const HaplyAddress& address, HaplyInventory found)
       : address_(address), found_(std::move(found)) {
     const bool has_grip = !found_.grip_id.empty();
     info_.kind = "haply";
@@ -163,7 +90,7 @@ class HaplyDevice final : public PolledDevice {
   bool give_up(std::string_view why) noexcept;
 
   HaplyAddress address_;
-  Inventory found_;
+  HaplyInventory found_;
   DeviceInfo info_;
   Vec3d middle_;  // of the workspace, in the service's frame
   HaplyRequest request_;
@@ -188,19 +115,19 @@ class HaplyDevice final : public PolledDevice {
 
 Status HaplyDevice::begin() {
   end();
-  Result<Connected> connected = connect(address_.service, kAnswerTimeout);
+  Result<HaplyConnection> connected = connect_to_haply(address_.service, kHaplyAnswerTimeout);
   if (!connected) return connected.error();
   const HaplyEntry* arm = connected->inventory.find(HaplyKind::inverse3, found_.device_id);
   if (arm == nullptr) {
     return Error{Errc::not_found, "Inverse3 " + found_.device_id + " is no longer at " +
-                                      url_of(address_.service) +
+                                      haply_url(address_.service) +
                                       "; switch it on and open it again"};
   }
   middle_ = middle_of(arm->preset);
   socket_ = std::move(connected->socket);
   // Without the event socket the loop still notices that states end or forces are not taken.
   if (Result<WebSocket> events =
-          WebSocket::connect({address_.service.host, address_.event_port}, kAnswerTimeout))
+          WebSocket::connect({address_.service.host, address_.event_port}, kHaplyAnswerTimeout))
     events_ = std::move(*events);
 
   request_.force_key = found_.version.value_or(kSaysVector) < kSaysVector ? HaplyForceKey::values
@@ -216,18 +143,18 @@ Status HaplyDevice::begin() {
   unusable_ = "it does not answer";
 
   // Requests without a force until there is a state to begin with.
-  const double deadline = monotonic_now() + kAnswerTimeout;
+  const double deadline = monotonic_now() + kHaplyAnswerTimeout;
   DeviceState state;
   std::string_view text;
   while (!state.is_valid && monotonic_now() < deadline) {
-    if (!send(std::nullopt, kAnswerTimeout) ||
+    if (!send(std::nullopt, kHaplyAnswerTimeout) ||
         socket_->receive(text, deadline - monotonic_now()) != WebSocket::Got::message)
       break;
     request_.introduces_us = false;
     is_waiting_ = false;
     state.is_valid = take(text, state);
   }
-  if (!state.is_valid || !send(std::nullopt, kAnswerTimeout)) {
+  if (!state.is_valid || !send(std::nullopt, kHaplyAnswerTimeout)) {
     const std::string message = info_.name + " reports no usable state: " + std::string(unusable_);
     end();
     return Error{Errc::unavailable, message};
@@ -376,14 +303,14 @@ bool HaplyDevice::give_up(std::string_view why) noexcept {
 Error with_advice(const Error& error, const NetAddress& address) {
   if (error.code == Errc::not_found && error.message.find("Inverse3") != std::string::npos)
     return error;
-  return {error.code, error.message + " (tried " + url_of(address) +
+  return {error.code, error.message + " (tried " + haply_url(address) +
                           "); start Haply's Inverse Service, version 3.1 or newer"};
 }
 
 }  // namespace
 
 Result<std::unique_ptr<HapticDevice>> open_haply_device_at(const HaplyAddress& address) {
-  Result<Inventory> found = inspect(address.service, kAnswerTimeout);
+  Result<HaplyInventory> found = inspect_haply(address.service, kHaplyAnswerTimeout);
   if (!found) return with_advice(found.error(), address.service);
   return std::unique_ptr<HapticDevice>(
       std::make_unique<PollingDevice>(std::make_unique<HaplyDevice>(address, std::move(*found))));
@@ -407,8 +334,8 @@ Result<std::unique_ptr<HapticDevice>> open_haply_device(std::string_view address
 }
 
 FoundDevice find_haply_device_at(const HaplyAddress& address) {
-  FoundDevice device{"haply:" + url_of(address.service), "haply", false, "", ""};
-  const Result<Inventory> found = inspect(address.service, 0.09);
+  FoundDevice device{"haply:" + haply_url(address.service), "haply", false, "", ""};
+  const Result<HaplyInventory> found = inspect_haply(address.service, 0.09);
   if (found) {
     device.is_usable = true;
     device.what = describe(*found, address.service);
