@@ -2,7 +2,7 @@
 
 import unittest
 
-from check_modules import BELOW, SHARED_PRIVATE, allowed_modules, check_text, unused, uses
+from check_modules import BELOW, SHARED_PRIVATE, allowed_modules, check_rooms, check_text, unused, uses
 
 
 def problems(name, *lines):
@@ -69,6 +69,14 @@ class CheckModulesTest(unittest.TestCase):
         self.assert_refused("src/contact/a.cpp", "#include <cuda_runtime.h>", "CUDA headers")
         self.assert_refused("include/palpate/io/a.h", "#include <png.h>", "public headers")
         self.assert_refused("scenes/scene.h", "#include <embree3/rtcore.h>", "public headers")
+
+    def test_rooms(self):
+        full = {f"src/io/{i}.cpp": 400 for i in range(20)}
+        self.assertEqual(list(check_rooms(full)), [])
+        [(name, problem)] = check_rooms({**full, "src/io/more.h": 1})
+        self.assertEqual((name, problem[:8]), ("src/io", "21 files"))
+        [(name, problem)] = check_rooms({**full, "src/io/0.cpp": 401})
+        self.assertEqual((name, problem[:9]), ("src/io/0.cpp", "401 lines"))
 
     def test_unknown_places(self):
         self.assert_refused("src/mesh/a.cpp", '#include "b.h"', "path from the root")
