@@ -9,7 +9,7 @@ cmake --preset $(1)
 cmake --build --preset $(1) -j $(JOBS)
 endef
 
-.PHONY: help setup lint format tidy build demo test quick-test busy-test golden clang fuzz mutants bench bench-compare live-figures camera-figures ros2-figures sensor-figures soak docs packing-curves peer-times eval eval-quick eval-check asan tsan large-inputs peers-of-files cuda gpu-check view-soak arm64 wheel packages try-packages try-demo try-test ci-all clean
+.PHONY: help setup lint format tidy build demo test quick-test busy-test golden clang fuzz mutants bench bench-compare live-figures camera-figures ros2-figures sensor-figures soak docs packing-curves peer-times eval eval-quick eval-check asan tsan large-inputs peers-of-files cuda gpu-check view-soak arm64 wheel packages try-packages try-demo try-test ci-all compile-times clean
 
 help:  ## this list
 	@grep -hE '^[a-z0-9 -]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z0-9 -]+):.*## */\1\t/' | expand -t 16
@@ -169,6 +169,9 @@ peers-of-files: setup  ## files that trimesh, rosbags, mcap, yourdfpy and Open3D
 	scripts/setup.sh --files
 	$(call build_preset,release) --target palpate
 	build/python-files/bin/python tests/apps/file_peers.py $(CURDIR)/build/release/bin/palpate
+
+compile-times:  ## the longest steps of the last build and their shares: make compile-times [PRESET=release]
+	tools/compile_times.py build/$(or $(PRESET),release)
 
 mutants: setup  ## do the tests notice? 200 small changes to contact, field and haptics, for hours; goes on where it was
 	tools/mutants.py --count $(or $(COUNT),200)
