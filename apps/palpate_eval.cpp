@@ -1,4 +1,4 @@
-// palpate_eval: the figures of the thesis, made again, in one report.
+// palpate_eval: measures the claims of the thesis, of Palpate and of its documentation; one page.
 
 #include <cstdio>
 #include <cstdlib>
@@ -7,9 +7,9 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/options.h"
-#include "apps/pack/tool_info.h"
 #include "apps/program.h"
 #include "apps/terminal.h"
+#include "apps/tool_info.h"
 #include "eval/report/choose.h"
 #include "eval/report/doc_tables.h"
 #include "eval/report/report.h"

@@ -83,6 +83,7 @@ CUDA = re.compile(r"(cuda|cub/|thrust/|cooperative_groups|nv)")
 IS_CUDA_FILE = re.compile(r"(\.cuh?|_cuda\.(h|cpp))$")
 
 INCLUDE = re.compile(r'^\s*#\s*include\s*(?:<([^>]+)>|"([^"]+)")')
+NAMED_FILE = re.compile(r"(?<![\w/.<*-])((?:\w+/)+\w+\.(?:h|cuh|cpp|cu))\b")
 SOURCE = {".h", ".cpp", ".cu", ".cuh"}
 LAID_OUT = SOURCE | {".py", ".ts"}
 
@@ -163,6 +164,15 @@ def check_library_include(name, target):
     return None
 
 
+def check_named_files(text, ends):
+    """Yields (line number, what is wrong) of comments that name a file with a folder. `ends`: all ends of the paths of
+    project files."""
+    for number, line in enumerate(text.splitlines(), start=1):
+        for named in NAMED_FILE.findall(line.partition("//")[2]):
+            if named not in ends:
+                yield number, f"there is no {named}: name a file that is there"
+
+
 def check_text(name, text):
     """Yields (line number, what is wrong)."""
     module = module_of(name)
@@ -222,6 +232,7 @@ def main(root=ROOT):
     num_files = num_problems = num_public = 0
     lines = {}
     used = set()
+    ends = {"/".join(path.parts[i:]) for path in project_files(root) for i in range(len(path.parts))}
     for path in project_files(root):
         if path.as_posix().startswith(ROOMS):
             content = (root / path).read_bytes()
@@ -232,7 +243,7 @@ def main(root=ROOT):
         num_public += path.suffix == ".h" and is_public(path.as_posix())
         text = (root / path).read_text(encoding="utf-8", errors="replace")
         used.update(uses(path.as_posix(), text))
-        for number, problem in check_text(path.as_posix(), text):
+        for number, problem in (*check_text(path.as_posix(), text), *check_named_files(text, ends)):
             num_problems += 1
             print(f"{path.as_posix()}:{number}: {problem}")
     for name, problem in check_rooms(lines):

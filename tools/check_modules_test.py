@@ -2,7 +2,7 @@
 
 import unittest
 
-from check_modules import BELOW, SHARED_PRIVATE, allowed_modules, check_rooms, check_text, unused, uses
+from check_modules import BELOW, SHARED_PRIVATE, allowed_modules, check_named_files, check_rooms, check_text, unused, uses
 
 
 def problems(name, *lines):
@@ -69,6 +69,11 @@ class CheckModulesTest(unittest.TestCase):
         self.assert_refused("src/contact/a.cpp", "#include <cuda_runtime.h>", "CUDA headers")
         self.assert_refused("include/palpate/io/a.h", "#include <png.h>", "public headers")
         self.assert_refused("scenes/scene.h", "#include <embree3/rtcore.h>", "public headers")
+
+    def test_named_files(self):
+        ends = {"src/io/ros/rvl.h", "ros/rvl.h", "rvl.h"}
+        text = "// (ros/rvl.h)\n// see io/rvl.h.\nint a;  // of hd.h\n"
+        self.assertEqual(list(check_named_files(text, ends)), [(2, "there is no io/rvl.h: name a file that is there")])
 
     def test_rooms(self):
         full = {f"src/io/{i}.cpp": 400 for i in range(20)}

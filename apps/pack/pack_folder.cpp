@@ -16,8 +16,8 @@
 
 #include "apps/options.h"
 #include "apps/output_files.h"
-#include "apps/pack/tool_info.h"
 #include "apps/terminal.h"
+#include "apps/tool_info.h"
 #include "palpate/io/files.h"
 #include "palpate/version.h"
 #include "src/core/internal/guarded.h"

@@ -7,8 +7,8 @@
 #include <filesystem>
 #include <iostream>
 
-#include "apps/pack/tool_info.h"
 #include "apps/terminal.h"
+#include "apps/tool_info.h"
 #include "palpate/io/formats.h"
 #include "palpate/mesh/mesh.h"
 #include "src/core/internal/number_text.h"

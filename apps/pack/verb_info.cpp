@@ -6,7 +6,7 @@
 
 #include "apps/options.h"
 #include "apps/output_files.h"
-#include "apps/pack/tool_info.h"
+#include "apps/tool_info.h"
 #include "apps/verbs.h"
 #include "palpate/io/files.h"
 #include "src/io/internal/atomic_file.h"

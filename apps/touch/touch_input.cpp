@@ -15,7 +15,7 @@
 namespace palpate::apps {
 namespace {
 
-/// Later than any clock that begins with a run, s.
+/// True if a time, s, counts from 1970: a clock that begins with a run never gets to 1e8.
 bool counts_from_1970(double time) { return time > 1e8; }
 
 bool is_aimed(const ProbeAim& aim) { return aim.pixel || aim.point_W || aim.tip_T; }

@@ -9,8 +9,8 @@
 
 #include "apps/options.h"
 #include "apps/output_files.h"
-#include "apps/pack/tool_info.h"
 #include "apps/terminal.h"
+#include "apps/tool_info.h"
 #include "apps/touch/sources.h"
 #include "apps/verbs.h"
 #include "palpate/cameras/cameras.h"

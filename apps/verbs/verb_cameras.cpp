@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "apps/options.h"
-#include "apps/pack/tool_info.h"
+#include "apps/tool_info.h"
 #include "apps/verbs.h"
 #include "palpate/cameras/cameras.h"
 #include "palpate/version.h"

@@ -10,8 +10,8 @@
 
 #include "apps/options.h"
 #include "apps/output_files.h"
-#include "apps/pack/tool_info.h"
 #include "apps/terminal.h"
+#include "apps/tool_info.h"
 #include "apps/touch/robot.h"
 #include "apps/touch/sources.h"
 #include "apps/verbs.h"

@@ -7,8 +7,8 @@
 #include <optional>
 
 #include "apps/options.h"
-#include "apps/pack/tool_info.h"
 #include "apps/terminal.h"
+#include "apps/tool_info.h"
 #include "apps/verbs.h"
 #include "palpate/session/run.h"
 #include "src/session/internal/run_folder.h"

@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/options.h"
-#include "apps/pack/tool_info.h"
+#include "apps/tool_info.h"
 #include "apps/verbs.h"
 #include "scenes/scene.h"
 

@@ -7,7 +7,7 @@
 
 namespace palpate { inline namespace v0 {
 
-/// Returns (1 - alpha) `from` + alpha `to`; counts, states and planes are those of `to`.
+/// Returns (1 - alpha) `from` + alpha `to`; counts are those of `to`.
 inline ContactResult blend(const ContactResult& from, const ContactResult& to, double alpha) {
   const double s = 1 - alpha, t = alpha;
   const Penetration &a = from.penetration, &b = to.penetration;

@@ -37,7 +37,8 @@ FoundDevice find_vrpn_device();
 FoundDevice find_ros2_device();
 FoundDevice find_page_device();
 
-/// open_device and find_devices, which wait for a driver for 30 and 10 s.
+/// Open or find devices, waiting `patience` seconds for a driver: 30 in open_device, 10 in
+/// find_devices.
 Result<std::unique_ptr<HapticDevice>> open_device_within(double patience, std::string_view uri);
 std::vector<FoundDevice> find_devices_within(double patience);
 

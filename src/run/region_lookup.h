@@ -23,8 +23,8 @@ Result<std::vector<RegionLookup>> region_lookups(
     std::span<const std::shared_ptr<const MaterialRegions>> regions,
     std::span<const DepthStreamInfo> streams);
 
-/// Returns the materials under the contact, each with the share of the normal force that rests on
-/// it: that of an even disc of this torsion radius. Labels are interpolated between pixels, so
+/// Returns the mean material under the contact, weighted by the share of the normal force on each
+/// region: that of an even disc of this torsion radius. Labels are interpolated between pixels, so
 /// shares change without a jump while the tool slides across a border. Where several cameras have
 /// labels, all that see a place count. No allocation; about a microsecond.
 Ground ground_at(std::span<const RegionLookup> lookups, std::span<const SurfaceBlend> cameras,

@@ -1,4 +1,5 @@
-// Jumps of the force between ticks while a cube sinks into noisy solids, see eval/force_steps.h.
+// Jumps of the force between ticks while a cube sinks into noisy solids, see
+// eval/studies/force_steps.h.
 #include <algorithm>
 #include <array>
 #include <cstdio>

@@ -1,4 +1,4 @@
-// Tunnelling past the edge of a pillar, see eval/pillar.h.
+// Tunnelling past the edge of a pillar, see eval/studies/pillar.h.
 #include <array>
 #include <cstdio>
 #include <utility>

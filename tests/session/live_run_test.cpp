@@ -167,7 +167,9 @@ TEST(RunMessages, PointsOfLargeImagesAreThinned) {
 }
 
 TEST(RunMessages, SettingsOfOtherVersionsAreRefused) {
-  const std::string message = settings_message({});
+  RunSetup setup;
+  setup.streams = {SyntheticStream(2).info()};
+  const std::string message = settings_message(setup);
   ASSERT_TRUE(read_settings(message));
   const auto changed = [&](std::string_view from, std::string_view to) {  // of the same length
     std::string other = message;
@@ -377,7 +379,7 @@ TEST(LiveRun, ReplayFindsWhatWasChanged) {
     text = tick_message(record);
   });
   ASSERT_TRUE(tick) << tick.error().message;
-  EXPECT_NE(tick->difference.find("tick 40, felt/force/x: recorded "), std::string::npos)
+  EXPECT_NE(tick->difference.find("tick 40, wrench_on_hand/force/x: recorded "), std::string::npos)
       << tick->difference;
   const auto contact = replay_changed(kContactTopic, 3, [](std::string& text) {
     ContactRecord record = *read_contact(text);

@@ -76,7 +76,7 @@ struct FoundCameras {
   /// The devices are plugged-in cameras that can be opened by name alone.
   bool is_live = false;
 };
-/// Probes every kind; takes a few seconds at most. Never fails, starts no camera.
+/// Probes every kind at once; a driver that hangs is given up after 30 s. Starts no camera.
 std::vector<FoundCameras> find_cameras();
 
 /// Options of opening a camera.

@@ -76,7 +76,7 @@ struct DepthFrame {
   /// on the monotonic clock of this computer.
   double timestamp = 0;
   Pose X_WC = {};  ///< pose of the camera in the world at the capture of the frame
-  /// The same moment on the clock that a robot uses for its messages, s; 0: unknown.
+  /// Capture time on the clock that a robot uses for its messages, s; 0: unknown.
   double stamp = 0;
   /// Optical flow, optional (`DepthStreamInfo::has_flow`): velocity over the image of the point
   /// that each pixel shows, u and v in pixels per second, row-major, 2 * width * height; NaN:

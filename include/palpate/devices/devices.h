@@ -109,7 +109,7 @@ struct FoundDevice {
   std::string what;  ///< the device, or every path and address that was tried
   std::string hint;  ///< if it is not usable: what to do next
 };
-/// Probes every kind; takes at most a second. Never fails, never moves a device.
+/// Probes every kind at once; a driver that hangs is given up after 10 s. Moves no device.
 std::vector<FoundDevice> find_devices();
 
 /// URI: `sim[:MODEL]`, `replay:FILE`, `spacenav[:SOCKET]`, `haply[:URL]`, `forcedimension[:ID]`,

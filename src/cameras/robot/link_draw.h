@@ -13,11 +13,12 @@ namespace palpate { inline namespace v0 {
 /// m. Nearer things are drawn by no camera, and one that is mounted in a housing looks out of it.
 inline constexpr double kNearestLink = 0.05;
 
-/// Triangles are drawn by the depth of their nearest corner, in shells of at most 1 : 1.25: of
-/// single precision, exponent and the first two digits after the point make a shell.
+/// Number of depth shells. Exponent and first two mantissa bits of the depth of a triangle's
+/// nearest corner select its shell, which spans at most 1 : 1.25; the last takes all that is
+/// farther.
 inline constexpr int kNumLinkShells = 48;
 
-/// Without NaN, and as processors have it in one instruction.
+/// Returns the larger number; neither may be NaN. Compiles to one instruction.
 template <class T>
 PALPATE_HOSTDEV constexpr T larger(T a, T b) {
   return a < b ? b : a;
@@ -26,7 +27,7 @@ template <class T>
 PALPATE_HOSTDEV constexpr T lesser(T a, T b) {
   return b < a ? b : a;
 }
-/// In a line: at most `limit` and at least `least`; NaN and infinities too.
+/// Clamps a pixel coordinate to [least, limit] and truncates it; NaN becomes `least`.
 PALPATE_HOSTDEV inline int within(double value, int least, int limit) {
   return value > least ? (value < limit ? static_cast<int>(value) : limit) : least;
 }

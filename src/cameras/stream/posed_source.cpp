@@ -43,7 +43,7 @@ class PosedSource final : public DepthSource {
       }
     }
   }
-  /// Live, of frames that are dropped hour after hour: of the first, and of all at the end.
+  /// Returns the source's notes; a live stream notes its first dropped frame, and all at its end.
   std::vector<std::string> take_notes() override {
     std::vector<std::string> notes = source_->take_notes();
     const std::lock_guard lock(mutex_);

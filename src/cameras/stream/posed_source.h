@@ -39,7 +39,7 @@ class CameraPoses {
   Pose X_HC_;
 };
 
-/// As the one of cameras.h, for several cameras.
+/// Returns what standing_pose(uri) returns; `trees` keeps URDFs for the next camera.
 Result<std::optional<Pose>> standing_pose(const CameraUri& uri, RobotTrees& trees);
 
 /// The same frames with their poses. Of a camera that moves, frames for whose time there is no pose

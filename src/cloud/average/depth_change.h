@@ -1,5 +1,5 @@
 // The depth-change vector of a pixel (thesis section 3.5, eqs. 3.13-3.16 corrected). One text for
-// vectors and for single numbers (core/lanes.h).
+// vectors and for single numbers (lanes.h).
 #pragma once
 
 #include <cstddef>

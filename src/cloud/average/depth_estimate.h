@@ -1,5 +1,5 @@
 // Depth of a pixel from all frames so far: a Kalman filter per pixel, with tests for change that
-// neighbors share. Shared code for vectors and for single numbers (core/lanes.h).
+// neighbors share. Shared code for vectors and for single numbers (lanes.h).
 //
 // A pixel has a mean and its variance, in variances of one measurement (`gain`: also the share of
 // the last measurement in the mean). At rest gains fall as 1, 1/2, 1/3, ... The deviation of a

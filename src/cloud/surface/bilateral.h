@@ -1,5 +1,5 @@
 // The bilateral mean of a pixel's window (thesis eq. 3.12, divided by the sum of the weights).
-// Shared code for vectors and for single numbers (core/lanes.h).
+// Shared code for vectors and for single numbers (lanes.h).
 #pragma once
 
 #include <cstddef>

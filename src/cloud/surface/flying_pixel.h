@@ -1,5 +1,5 @@
 // Pixels at an edge that lie on neither of its surfaces. Shared code for vectors and for single
-// numbers (core/lanes.h).
+// numbers (lanes.h).
 #pragma once
 
 #include <cstddef>

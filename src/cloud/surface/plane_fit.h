@@ -1,5 +1,5 @@
 // The algebra behind the normals: moments of a pixel window, their covariance, and the plane that
-// fits it best. Shared code for vectors and for single numbers (core/lanes.h).
+// fits it best. Shared code for vectors and for single numbers (lanes.h).
 //
 // Moments are taken in pixel units around the center pixel p, not in meters: with
 // e = (du z_q, dv z_q, z_q - z_p), neighbor q is

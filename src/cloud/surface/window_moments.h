@@ -1,5 +1,5 @@
 // The moments of a pixel's window and its neighbors' covariance (thesis section 3.4,
-// eqs. 3.9-3.11). Shared code for vectors and for single numbers (core/lanes.h).
+// eqs. 3.9-3.11). Shared code for vectors and for single numbers (lanes.h).
 //
 // Most windows of a frame are whole: every pixel valid and within the depth gate. Then all weights
 // are 1 and the moments are separable: sums over rows first, shared by all windows above each

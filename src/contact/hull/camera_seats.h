@@ -10,7 +10,7 @@ namespace palpate { inline namespace v0 {
 
 inline bool has_in_front(const SurfaceView& surface) { return surface.in_front.num_levels > 0; }
 inline bool is_remembered(const SurfaceView& surface) { return surface.remembered.num_levels > 0; }
-/// True if the surface has the field of space that its camera sees to be free now.
+/// True if the surface shows seen-free space: by `seen_free`, or by `field` of a lone camera.
 inline bool is_seen(const SurfaceView& surface, bool is_alone) {
   return is_alone || surface.seen_free.num_levels > 0;
 }

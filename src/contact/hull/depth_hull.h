@@ -18,7 +18,7 @@ struct HullCamera {
   MeasureJob seen_free, field, in_front, remembered;
   bool has_in_front = false;  ///< a camera by itself, with a memory
   bool is_remembered = false;
-  int number = 0;  ///< in the call
+  int number = 0;  ///< index in the cameras given to `measure`
   /// Upper bound of seen-free space if the tool is out of its image, where `field` has no surface.
   /// Infinity: it may see some of the tool.
   float at_most = std::numeric_limits<float>::infinity();

@@ -17,8 +17,8 @@ constexpr double kLargestEven = 0.2214;
 // Largest filling of the ball around the tool: disjoint spheres, stretched to balls
 // (RepresentedParts), have less.
 constexpr double kMaxFilling = 1.5 * 1.5 * 1.5;
-// Values of a ball in parts that lie on a plane off the ball have a part that is farther from it
-// than this, in its radii.
+// Distance of a ball in parts from a surface, in its radii, from which none of its parts touches
+// it.
 constexpr float kBallMargin = 1.25f;
 
 struct Element {

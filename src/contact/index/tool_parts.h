@@ -101,7 +101,7 @@ struct ToolIndex::Parts {
   Lazy<VolumeScales> scales_[2];     // by SphereVolumes
   Lazy<FieldElements> elements_[2];  // likewise
   Lazy<FieldElements> solid_elements_;
-  Lazy<SolidField> solid_field_;  // of a tool without
+  Lazy<SolidField> solid_field_;  // if the tool brings none
 };
 
 }}  // namespace palpate::v0

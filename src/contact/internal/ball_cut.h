@@ -1,4 +1,4 @@
-// A large sphere is measured by thirty small balls, its parts (index/ball_parts.h), which follow
+// A large sphere is measured by thirty small balls, its parts (ball_parts.h), which follow
 // bends that one value of the field cannot show. But balls inside a ball do not fill it evenly: at
 // a plane they are off by up to 0.8 % of it. So they are corrected by a plane, as a control
 // variate:

@@ -15,7 +15,7 @@ struct BallPart {
 
 /// Places thirty parts of the unit ball at the edge midpoints of an icosahedron: close to the least
 /// squares fit to the cap volumes of the ball. The share of it behind any plane is off by 0.8 % at
-/// most, 0.4 % rms, which field/ball_cut.h corrects.
+/// most, 0.4 % rms, which ball_cut.h corrects.
 std::vector<BallPart> thirty_parts();
 
 /// The thirty parts as the first elements of a cluster: x, y and z, and 1. Zeros for the others.

@@ -6,7 +6,7 @@
 //   release  2  number of the button
 //
 // A client that says nothing is spoken to in version 0 of the protocol, which has just these
-// (spacenavd src/proto_unix.c, libspnav src/proto.h).
+// (proto_unix.c of spacenavd, proto.h of libspnav).
 #pragma once
 
 #include <array>

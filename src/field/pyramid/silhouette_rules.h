@@ -1,5 +1,5 @@
 // Rules for the silhouettes of a pixel of a depth field: the nearest places around it where a
-// surface ends in front of another one. Shared by the CPU's vector kernels and CUDA (core/lanes.h).
+// surface ends in front of another one. Shared by the CPU's vector kernels and CUDA (lanes.h).
 #pragma once
 
 #include <cstdint>

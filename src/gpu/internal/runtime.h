@@ -74,7 +74,7 @@ class Memory {
 };
 
 /// Launch configuration of a kernel. All blocks of a cooperative one run at the same time and may
-/// wait for each other (gpu/team.cuh, grid_barrier); see resident_blocks.
+/// wait for each other (team.cuh, grid_barrier); see resident_blocks.
 struct LaunchShape {
   int blocks = 1;
   int threads = 128;  ///< per block, a multiple of 32

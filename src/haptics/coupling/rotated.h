@@ -5,7 +5,7 @@
 
 namespace palpate { inline namespace v0 {
 
-/// exp(turn) q.
+/// Returns exp(turn) q, normalized; q itself for a zero turn.
 inline Quaternion rotated(const Quaternion& q, const Vec3d& turn) {
   return norm(turn) > 0 ? normalized(rotation_by(turn) * q) : q;
 }

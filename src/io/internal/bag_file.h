@@ -19,7 +19,7 @@ class BagReader {
  public:
   /// Opens a file by its first bytes, or the files of a folder one after the other, if they are
   /// parts of one recording (by rosbag2's metadata.yaml, or by their numbers). Errors: no such
-  /// file, none of these formats, a missing library (SQLite; see io/unpack.h).
+  /// file, none of these formats, a missing library (SQLite; see bags/unpack.h).
   static Result<std::unique_ptr<BagReader>> open(const std::filesystem::path& path);
   virtual ~BagReader() = default;
 

@@ -23,7 +23,7 @@ struct RosHeader {
   std::string_view frame;
 };
 
-/// 16UC1: counts as they were measured. read_depth_image of io/ros_image.h reads it.
+/// 16UC1: counts as they were measured. read_depth_image of ros_image.h reads it.
 std::string image_message(const RosHeader& header, const DepthFrame& frame);
 /// sensor_msgs/Image, 32FC2: its optical flow, pixels per second.
 std::string flow_message(const RosHeader& header, const DepthFrame& frame);

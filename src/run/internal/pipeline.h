@@ -103,7 +103,7 @@ class HandPart {
  public:
   HandPart(std::unique_ptr<Coupling> coupling, SafetyFilter safety, double tick_seconds);
 
-  /// s, on the device's clock: what records count from.
+  /// Sets the start of the run, s on the device's clock; times of records count from it.
   void set_start_time(double time) { start_time_ = time; }
   /// `known` has number 0 if nothing has been measured yet. Fills in all of `record` but the time
   /// that it took. Never allocates, locks or waits.

@@ -16,8 +16,8 @@ namespace {
 constexpr double kPublishingPeriod = 0.005;  // s
 constexpr double kFirstTickTimeout = 2;      // s
 constexpr double kFadeTimeout = 0.5;         // s, beyond the fade itself
-constexpr double kMaxSilence = 1;  // s without a tick, or safety.max_tick: a device is stuck
-constexpr double kLongStart = 2;   // s until a note says that the device is starting
+constexpr double kMaxSilence = 1;            // s without a tick until a device counts as stuck
+constexpr double kLongStart = 2;             // s until a note says that the device is starting
 
 /// Makes the threads of queries: one for each 50000 spheres, at most four and no more than there
 /// are cores. They are woken a thousand times a second, so each needs some hundred microseconds of

@@ -22,7 +22,7 @@ struct ReliefSteps {
 };
 
 /// Ticks in a window of time. An age is "old" beyond half of the limit of the safety filter,
-/// "getting old" beyond a quarter of it.
+/// "getting old" beyond a quarter of it, and never while it is usual at the measured rates.
 struct LoadWindow {
   double seconds = 1;
   /// Share of the ticks that used old frames, old contacts, and any that are getting old.

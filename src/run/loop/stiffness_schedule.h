@@ -1,5 +1,5 @@
-// Contact stiffness takes half as long as the contact itself, and changes slowly: where time is
-// short it waits.
+// Schedule of the contact stiffness, which changes slowly: computed at every query if both fit into
+// 80 % of the period, else at every n-th.
 #pragma once
 
 #include <algorithm>

@@ -37,8 +37,8 @@ inline bool reports_unseen(const RunSetup& setup) {
 struct PartStart {
   std::int32_t number = 0;     ///< of the part
   std::uint32_t revision = 0;  ///< of the first settings that follow
-  /// FrameRecord::period of each camera's first frame that follows, which looks back no more, s; 0:
-  /// none follows at once.
+  /// Expected time to the next frame, s, at each camera's first frame of the part; 0: the part
+  /// starts without a frame of that camera.
   std::vector<double> periods;
   bool has_surfaces = true;  ///< frames and contacts that follow can be repeated from here
   HandSnapshot hand;         ///< state of the hand's side

@@ -35,7 +35,8 @@ class UnseenWatch {
   }
 
  private:
-  static constexpr double kUnseen = 0.5, kSeen = 0.25, kPatience = 0.25;  // s
+  static constexpr double kUnseen = 0.5, kSeen = 0.25;  // shares that are warned of, taken back
+  static constexpr double kPatience = 0.25;             // s until a change is reported
 
   double full_volume_, since_ = 0;
   bool is_reported_ = false;

@@ -32,7 +32,7 @@ void add_numbers(std::string& text, const Items& items, Value value, int digits)
   text += separator == '[' ? "[]" : "]";
 }
 
-/// Returns the columns of wrench.csv and the two energies: an object, as text.
+/// Returns the columns that the page plots, and the two energies of a hand: an object, as text.
 std::string series_text(const Tool& tool, const RunLog& log) {
   const auto& ticks = log.series.ticks();
   std::string text = "{";

@@ -7,7 +7,7 @@
 
 namespace palpate { inline namespace v0 {
 
-/// Returns the states of the spheres at the last query.
+/// Measures the tool at X_WT with `query` and returns the state of each sphere, for display.
 ViewContact view_contact(const ContactQuery& query, std::span<const SurfaceBlend> cameras,
                          const Pose& X_WT, double time, std::uint64_t frame_number);
 

@@ -1,4 +1,4 @@
-#include "apps/pack/caps.h"
+#include "apps/verbs/caps.h"
 
 #include <vector>
 

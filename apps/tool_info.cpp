@@ -1,4 +1,4 @@
-#include "apps/pack/tool_info.h"
+#include "apps/tool_info.h"
 
 #include <algorithm>
 #include <cstdarg>
