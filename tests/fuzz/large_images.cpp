@@ -154,7 +154,8 @@ void text_ply(const fs::path& path, std::size_t num_bytes) {
   write_pieces(path, head.size() + 26 * num, head, [](std::size_t) { return kPoint; });
 }
 
-/// A recording whose images are of two sizes in turn, both smaller than the first one.
+/// A recording whose images are of two sizes in turn, both smaller than the first one, whose size
+/// all frames get.
 void sizes_mcap(const fs::path& path, std::size_t num_bytes) {
   const std::size_t size = std::min<std::size_t>(num_bytes, 1'000'000);
   auto writer = McapWriter::create(path, {.chunk_bytes = size, .chunk_seconds = 1e9});
@@ -163,7 +164,7 @@ void sizes_mcap(const fs::path& path, std::size_t num_bytes) {
     const std::uint64_t time = 1'000'000'000 + 100'000'000 * i;
     (void)writer->write(channel, time, image_message({time, "cam"}, frame));
   };
-  add(0, noise(size / 4));
+  add(0, noise(100'000));
   for (std::uint64_t i = 1; i < size / 600; ++i) {
     add(i, noise(i % 2 == 0 ? 128 : 162));
   }

@@ -102,7 +102,8 @@ void meshes_urdf(const fs::path& path, std::size_t num_bytes) {
 /// Frames in one robot, as many as a rig has room for.
 void frames_toml(const fs::path& path, std::size_t num_bytes) {
   fs::create_directories(path);
-  elements_urdf(path / "a.urdf", num_bytes);
+  elements_urdf(path / "a.urdf",
+                std::min<std::size_t>(num_bytes, 60'000'000));  // the limit: 64 MiB
   write_pieces(path / "rig.toml", std::min<std::size_t>(num_bytes / 16, 65'000),
                "camera = [{uri = 'scene:wall'}]\n[frames]\n", [](std::size_t i) {
                  return "f" + std::to_string(i) + " = 'urdf:" + (i % 2 == 0 ? "./" : "") +
