@@ -258,7 +258,8 @@ TEST(SelfIntersection, GivesUpOnFacesThatAllPassEachOther) {
   }
   const auto found = find_self_intersection(mesh);
   ASSERT_FALSE(found);
-  EXPECT_NE(found.error().message.find("too many faces side by side to be checked"), std::string::npos);
+  EXPECT_NE(found.error().message.find("too many faces side by side to be checked"),
+            std::string::npos);
 }
 
 }  // namespace
