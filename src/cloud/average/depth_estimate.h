@@ -7,7 +7,7 @@
 // nothing moves. Deviations are tested for each pixel and as means over squares of 8, 16, 32 and 64
 // pixels a side: a thousand pixels show changes that one cannot tell from noise. Changes that a
 // finer test has explained are left out of the coarser ones. A pixel that has changed starts anew.
-// Where a neighborhood moves, measurements pass the filter unchanged, and the means, which lag
+// Measurements pass the filter unchanged where a neighborhood moves, and the means, which lag
 // behind, only serve to detect when it rests again. So there is no lag and no trail, and no value
 // is ever taken from another pixel.
 //

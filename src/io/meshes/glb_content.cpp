@@ -2,11 +2,12 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cmath>
 #include <limits>
 
 #include <nlohmann/json.hpp>
+
+#include "src/io/meshes/little_endian.h"
 
 namespace palpate { inline namespace v0 {
 namespace {
@@ -15,8 +16,6 @@ using Json = nlohmann::ordered_json;
 
 // Numbers of the glTF 2.0 specification.
 constexpr int kFloat = 5126, kUnsignedInt = 5125, kVertices = 34962, kIndices = 34963;
-
-static_assert(std::endian::native == std::endian::little, "glTF is little-endian");
 
 /// Returns a color value as glTF wants it: linear, 0 to 1.
 double linear_of(std::uint8_t srgb) {
@@ -31,12 +30,6 @@ Json material_of(const ColoredMesh& part) {
   return {{"name", part.name},
           {"pbrMetallicRoughness",
            {{"baseColorFactor", color}, {"metallicFactor", 0.0}, {"roughnessFactor", 0.8}}}};
-}
-
-template <class Number>
-void append(std::string& to, Number number) {
-  const auto bytes = std::bit_cast<std::array<char, sizeof(Number)>>(number);
-  to.append(bytes.data(), bytes.size());
 }
 
 /// The document and the bytes of its one buffer, part by part.
@@ -70,7 +63,9 @@ class GlbWriter {
     std::string json = document.dump(-1, ' ', false, Json::error_handler_t::replace);
     json.append((4 - json.size() % 4) % 4, ' ');
     std::string glb = "glTF";
-    const auto u32 = [&](std::size_t value) { append(glb, static_cast<std::uint32_t>(value)); };
+    const auto u32 = [&](std::size_t value) {
+      append_little_endian(glb, static_cast<std::uint32_t>(value));
+    };
     u32(2);
     u32(12 + 8 + json.size() + 8 + bytes_.size());
     u32(json.size());
@@ -101,7 +96,7 @@ class GlbWriter {
         const auto k = static_cast<std::size_t>(axis);
         low[k] = std::min(low[k], value);
         high[k] = std::max(high[k], value);
-        append(bytes_, value);
+        append_little_endian(bytes_, value);
       }
     }
     return add_accessor(begin, kVertices,
@@ -115,7 +110,7 @@ class GlbWriter {
   int add_indices(const TriangleMesh& mesh) {
     const std::size_t begin = bytes_.size();
     for (const auto& triangle : mesh.triangles) {
-      for (const std::uint32_t index : triangle) append(bytes_, index);
+      for (const std::uint32_t index : triangle) append_little_endian(bytes_, index);
     }
     return add_accessor(begin, kIndices,
                         {{"componentType", kUnsignedInt},

@@ -1,20 +1,18 @@
 #include "src/io/meshes/gltf_accessors.h"
 
-#include <bit>
+#include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <map>
 
 #include "src/io/internal/atomic_file.h"
 #include "src/io/internal/base64.h"
+#include "src/io/meshes/little_endian.h"
 
 namespace palpate { inline namespace v0 { namespace gltf {
 namespace {
 
 constexpr std::size_t kMaxBufferBytes = std::size_t(2) << 30;
 constexpr std::uint64_t kByte = 5121, kShort = 5123, kInt = 5125, kFloat = 5126;  // unsigned ones
-
-static_assert(std::endian::native == std::endian::little, "glTF is little-endian");
 
 /// Resolves the escapes of a URI ("%20"); others stay as they are.
 std::string unescaped(std::string_view uri) {
@@ -121,13 +119,6 @@ std::size_t num_components(std::string_view type) {
   return 0;
 }
 
-template <class Number>
-Number number_at(const char* data) {
-  Number number;
-  std::memcpy(&number, data, sizeof number);
-  return number;
-}
-
 }  // namespace
 
 bool Accessor::is_positions() const { return type == "VEC3" && component == kFloat; }
@@ -139,7 +130,7 @@ bool Accessor::is_indices() const {
 Vec3d Accessor::position(std::size_t i) const {
   Vec3d p;
   for (int axis = 0; axis < 3 && data != nullptr; ++axis) {
-    p[axis] = static_cast<double>(number_at<float>(data + i * stride + 4 * axis));
+    p[axis] = static_cast<double>(little_endian_at<float>(data + i * stride + 4 * axis));
     if (!std::isfinite(p[axis])) throw Fault{"has a position that is not finite"};
   }
   return p;
@@ -148,9 +139,9 @@ Vec3d Accessor::position(std::size_t i) const {
 std::uint32_t Accessor::index(std::size_t i) const {
   if (data == nullptr) return 0;
   const char* const at = data + i * stride;
-  return component == kByte    ? number_at<std::uint8_t>(at)
-         : component == kShort ? number_at<std::uint16_t>(at)
-                               : number_at<std::uint32_t>(at);
+  return component == kByte    ? little_endian_at<std::uint8_t>(at)
+         : component == kShort ? little_endian_at<std::uint16_t>(at)
+                               : little_endian_at<std::uint32_t>(at);
 }
 
 Accessors::Accessors(const Json& root, std::string_view bin, const std::filesystem::path& folder,

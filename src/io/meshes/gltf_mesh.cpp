@@ -11,6 +11,7 @@
 
 #include "src/io/internal/json_shape.h"
 #include "src/io/meshes/gltf_accessors.h"
+#include "src/io/meshes/little_endian.h"
 #include "src/io/meshes/mesh_parsers.h"
 
 namespace palpate { inline namespace v0 {
@@ -300,14 +301,6 @@ TriangleMesh read(std::string_view json, std::string_view bin, const std::filesy
   return mesh;
 }
 
-std::uint32_t u32_at(std::string_view content, std::size_t offset) {
-  std::uint32_t value = 0;
-  for (std::size_t i = 0; i < 4; ++i) {
-    value |= std::uint32_t(static_cast<unsigned char>(content[offset + i])) << (8 * i);
-  }
-  return value;
-}
-
 }}  // namespace gltf
 
 Result<TriangleMesh> parse_gltf(std::string_view json, std::string_view bin,
@@ -322,11 +315,12 @@ Result<TriangleMesh> parse_gltf(std::string_view json, std::string_view bin,
 
 Result<TriangleMesh> parse_glb(std::string_view content, const std::filesystem::path& folder) {
   constexpr std::size_t kFileHeader = 12, kChunkHeader = 8, kHeader = kFileHeader + kChunkHeader;
-  if (content.size() < kHeader || !content.starts_with("glTF") || gltf::u32_at(content, 4) != 2 ||
-      content.substr(16, 4) != "JSON") {
+  if (content.size() < kHeader || !content.starts_with("glTF") ||
+      little_endian_at<std::uint32_t>(content.data() + 4) != 2 || content.substr(16, 4) != "JSON") {
     return Error{Errc::bad_input, "is not a GLB file of version 2"};
   }
-  const std::size_t size = gltf::u32_at(content, 8), json_size = gltf::u32_at(content, kFileHeader);
+  const std::size_t size = little_endian_at<std::uint32_t>(content.data() + 8),
+                    json_size = little_endian_at<std::uint32_t>(content.data() + kFileHeader);
   const auto truncated = [&](std::size_t announced) {
     return Error{Errc::bad_input, "is truncated: it announces " + std::to_string(announced) +
                                       " bytes but has only " + std::to_string(content.size())};
@@ -336,7 +330,7 @@ Result<TriangleMesh> parse_glb(std::string_view content, const std::filesystem::
   }
   std::string_view bin = content.substr(kHeader + json_size);
   if (bin.size() >= kChunkHeader && bin.substr(4, 4) == std::string_view("BIN\0", 4)) {
-    const std::size_t bin_size = gltf::u32_at(bin, 0);
+    const std::size_t bin_size = little_endian_at<std::uint32_t>(bin.data());
     if (bin_size > bin.size() - kChunkHeader) return truncated(bin_size);
     bin = bin.substr(kChunkHeader, bin_size);
   } else {

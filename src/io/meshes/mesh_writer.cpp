@@ -1,6 +1,5 @@
 // save_mesh and save_colored_meshes: each format is put together in memory and written in one go.
 #include <array>
-#include <bit>
 #include <charconv>
 #include <limits>
 #include <string>
@@ -9,18 +8,10 @@
 #include "palpate/io/formats.h"
 #include "src/io/internal/atomic_file.h"
 #include "src/io/meshes/glb_content.h"
+#include "src/io/meshes/little_endian.h"
 
 namespace palpate { inline namespace v0 {
 namespace {
-
-template <class T>
-void append_little_endian(std::string& out, T value) {
-  auto bytes = std::bit_cast<std::array<char, sizeof(T)>>(value);
-  if constexpr (std::endian::native == std::endian::big) {
-    for (std::size_t i = 0; i < sizeof(T) / 2; ++i) std::swap(bytes[i], bytes[sizeof(T) - 1 - i]);
-  }
-  out.append(bytes.data(), bytes.size());
-}
 
 void append_float(std::string& out, const Vec3d& p) {
   for (int axis = 0; axis < 3; ++axis) append_little_endian(out, static_cast<float>(p[axis]));

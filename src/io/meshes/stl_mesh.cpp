@@ -1,11 +1,10 @@
 #include <algorithm>
-#include <bit>
 #include <cmath>
-#include <cstring>
 #include <string>
 #include <vector>
 
 #include "src/io/internal/text_scanner.h"
+#include "src/io/meshes/little_endian.h"
 #include "src/io/meshes/mesh_parsers.h"
 
 namespace palpate { inline namespace v0 {
@@ -95,10 +94,8 @@ Result<TriangleMesh> parse_text_stl(std::string_view content) {
 Result<TriangleMesh> parse_binary_stl(std::string_view content) {
   // 80 bytes of anything, the number of facets, and of each a normal, three vertices and two bytes.
   constexpr std::size_t kHeaderBytes = 84, kFacetBytes = 50, kNormalBytes = 12;
-  static_assert(std::endian::native == std::endian::little, "STL is little-endian");
   if (content.size() < kHeaderBytes) return bad("is neither a text nor a binary STL file");
-  std::uint32_t num_facets = 0;
-  std::memcpy(&num_facets, content.data() + kHeaderBytes - sizeof num_facets, sizeof num_facets);
+  const auto num_facets = little_endian_at<std::uint32_t>(content.data() + kHeaderBytes - 4);
   if (num_facets > (content.size() - kHeaderBytes) / kFacetBytes) {
     return bad("is truncated or no STL file: it announces " + std::to_string(num_facets) +
                " facets but has only " + std::to_string(content.size()) + " bytes");
@@ -108,14 +105,15 @@ Result<TriangleMesh> parse_binary_stl(std::string_view content) {
   mesh.triangles.reserve(num_facets);
   const char* at = content.data() + kHeaderBytes;
   for (std::uint32_t i = 0; i < num_facets; ++i, at += kFacetBytes) {
-    float numbers[9];
-    std::memcpy(numbers, at + kNormalBytes, sizeof numbers);
-    for (int corner = 0; corner < 3; ++corner) {
-      const float* const p = numbers + 3 * corner;
-      if (!std::isfinite(p[0]) || !std::isfinite(p[1]) || !std::isfinite(p[2])) {
-        return bad("has a damaged vertex in facet " + std::to_string(i));
+    for (std::size_t corner = 0; corner < 3; ++corner) {
+      Vec3d p;
+      for (int axis = 0; axis < 3; ++axis) {
+        p[axis] = little_endian_at<float>(at + kNormalBytes + 12 * corner + 4 * axis);
+        if (!std::isfinite(p[axis])) {
+          return bad("has a damaged vertex in facet " + std::to_string(i));
+        }
       }
-      mesh.vertices.push_back({p[0], p[1], p[2]});
+      mesh.vertices.push_back(p);
     }
     mesh.triangles.push_back({3 * i, 3 * i + 1, 3 * i + 2});
   }
