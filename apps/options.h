@@ -73,11 +73,15 @@ inline constexpr SettingOption kContactOptions[] = {
     {"--thickness", "field.thickness"},     {"--backend", "loop.backend"},
     {"--contact-gpu", "loop.contact_gpu"}};
 /// Options of surfaces from depth images.
-inline constexpr SettingOption kSurfaceOptions[] = {
-    {"--no-filter", "surface.filter"},    {"--min-depth", "surface.min_depth"},
-    {"--max-depth", "surface.max_depth"}, {"--normal-radius", "surface.normal_radius"},
-    {"--plane-fit", "surface.plane_fit"}, {"--weighting", "surface.weighting"},
-    {"--anchoring", "surface.anchoring"}, {"--normalization", "surface.normalization"}};
+inline constexpr SettingOption kSurfaceOptions[] = {{"--no-filter", "surface.filter"},
+                                                    {"--smoothing", "surface.smoothing"},
+                                                    {"--min-depth", "surface.min_depth"},
+                                                    {"--max-depth", "surface.max_depth"},
+                                                    {"--normal-radius", "surface.normal_radius"},
+                                                    {"--plane-fit", "surface.plane_fit"},
+                                                    {"--weighting", "surface.weighting"},
+                                                    {"--anchoring", "surface.anchoring"},
+                                                    {"--normalization", "surface.normalization"}};
 /// Options of the time between depth images.
 inline constexpr SettingOption kTimeOptions[] = {{"--time", "time.mode"},
                                                  {"--average", "time.average"},

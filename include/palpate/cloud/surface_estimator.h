@@ -12,20 +12,37 @@
 
 namespace palpate { inline namespace v0 {
 
+/// Filter of the depth before normals are estimated. It fills no holes.
+enum class Smoothing {
+  bilateral,  ///< the thesis' (eq. 3.12), the same everywhere
+  /// As smooth as the data allow: details of all scales up to 32 pixels are kept where they exceed
+  /// the noise of the frame, which it learns. Planes become flat, edges and small shapes stay. On a
+  /// CPU only.
+  adaptive,
+};
+constexpr auto names_of(Smoothing) { return std::array{"bilateral", "adaptive"}; }
+
 /// Bilateral filter over the valid pixels q of a window (eq. 3.12, divided by the sum of the
 /// weights): w = exp(-(du^2 + dv^2) / (2 sigma_space^2)) exp(-(z_q - z_p)^2 / (2 (sigma_depth
-/// z_p^2)^2)). It fills no holes.
+/// z_p^2)^2)).
 struct DepthFilterOptions {
   bool enabled = true;
+  Smoothing smoothing = Smoothing::bilateral;
   int radius = 2;            ///< pixels; window 2*radius+1
   double sigma_space = 1.5;  ///< pixels
   /// The similarity width is sigma_depth * z^2 (z in m), like the noise of structured light.
   double sigma_depth = 0.01;  ///< meters at 1 m
 };
+/// True if depth is smoothed scale by scale.
+inline bool is_adaptive(const DepthFilterOptions& options) {
+  return options.enabled && options.smoothing == Smoothing::adaptive;
+}
 inline void add_settings(SettingTable& t, DepthFilterOptions& o) {
-  t.add("filter", o.enabled, "bilateral filter of the depth");
+  t.add("filter", o.enabled, "filter of the depth");
+  t.add("smoothing", o.smoothing,
+        "filter of the depth: the thesis' bilateral one, or as smooth as the data allow");
   t.add("filter_radius", o.radius, {1, 7, "pixels"},
-        "half width of the filter window of 2 radius + 1 pixels");
+        "bilateral: half width of the window of 2 radius + 1 pixels");
   t.add("filter_sigma_space", o.sigma_space, {0.1, 1000, "pixels"}, "filter width in the image");
   t.add("filter_sigma_depth", o.sigma_depth, {1e-6, 1, "m"},
         "filter width in depth, at a depth of 1 m");

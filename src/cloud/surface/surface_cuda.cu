@@ -165,6 +165,11 @@ Result<SurfaceCuda> SurfaceCuda::create(int width, int height, const Intrinsics&
                                         const Distortion& distortion) {
   const Status settings = check_surface_settings(width, height, intrinsics, options, distortion);
   if (!settings) return settings.error();
+  if (is_adaptive(options.filter)) {
+    return Error{Errc::invalid_argument,
+                 "surface.smoothing adaptive is computed on a CPU only: estimate surfaces there "
+                 "(sensing_gpu -1, or place cpu), or use smoothing bilateral"};
+  }
   const Status device = gpu::check_gpu(gpu);
   if (!device) return device.error();
   auto impl =

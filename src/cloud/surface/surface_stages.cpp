@@ -78,6 +78,7 @@ SurfaceStages::SurfaceStages(int width, int height, const Intrinsics& k,
   filter_pass_.out = first_pixel(filtered_, stride_);
   filter_pass_.depth = depth_.data();
   filter_pass_.space = space_.data();
+  if (is_adaptive(options.filter)) adaptive_.emplace(width, height, isa);
 
   normal_pass_ = normal_settings(options.normals, k);
   normal_pass_.in = {first_pixel(filtered_, stride_), stride_, width, height};
@@ -130,6 +131,10 @@ void SurfaceStages::filter(ThreadPool& pool, const PixelWindow& desired) {
   const PixelWindow filtered = normals.grown(normal_pass_.radius);
   far_.drop_errors(first_pixel(raw_, stride_), stride_,
                    filtered.clipped(width_, height_).aligned(kColumnStep));
+  if (adaptive_) {
+    adaptive_->run(filter_pass_, filtered.clipped(width_, height_).aligned(kColumnStep), pool);
+    return;
+  }
   sum_over_strips(pool, filtered, [&](const PixelWindow& part) {
     kernels_.filter_depth(filter_pass_, part);
     return 0;

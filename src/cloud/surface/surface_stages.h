@@ -1,11 +1,13 @@
 // The buffers of surface estimation and its stages one by one, for the estimator and the benchmark.
 #pragma once
 
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "palpate/cloud/surface_estimator.h"
 #include "src/cloud/frames/far_pixels.h"
+#include "src/cloud/surface/adaptive/adaptive_filter.h"
 #include "src/cloud/surface/surface_kernels.h"
 
 namespace palpate { inline namespace v0 {
@@ -46,6 +48,7 @@ class SurfaceStages {
   std::vector<std::uint32_t> raw_pixels_;  // undistortion table; empty: no distortion
   std::vector<float> raw_, filtered_;      // padded
   FarGroups far_;
+  std::optional<AdaptiveFilter> adaptive_;
   std::vector<float> ray_x_, ray_y_, space_;
   std::vector<float> depth_, change_[3];
   std::vector<int> strip_counts_;

@@ -1,0 +1,126 @@
+#include "src/cloud/surface/adaptive/adaptive_filter.h"
+
+#include <algorithm>
+
+namespace palpate { inline namespace v0 {
+namespace {
+
+constexpr int kCountTasks = 8;  ///< tasks that count details, each with counts of its own
+
+ScaleRows rows_for(Isa isa) {
+#if defined(__x86_64__)
+  if (isa == Isa::avx512) return isa_avx512::scale_rows();
+  if (isa == Isa::avx2) return isa_avx2::scale_rows();
+#endif
+  (void)isa;
+  return isa_baseline::scale_rows();
+}
+
+/// Calls `rows(begin, end)` for all rows, in parallel.
+template <class Rows>
+void for_rows(ThreadPool& pool, int num_rows, const Rows& rows) {
+  pool.parallel_for((num_rows + kStripRows - 1) / kStripRows, [&](int strip) {
+    rows(strip * kStripRows, std::min((strip + 1) * kStripRows, num_rows));
+  });
+}
+
+/// Distance in cells between those that are counted, each way: about as many of every level.
+int step_of(int level) { return std::max(4 >> level, 1); }
+
+}  // namespace
+
+AdaptiveFilter::AdaptiveFilter(int width, int height, Isa isa)
+    : rows_(rows_for(std::min(isa, best_isa()))), counts_(kCountTasks) {
+  constexpr int kMargin = ScaleImage::kMargin;
+  constexpr int kArrays = 4;
+  std::array<std::size_t, kNumScales + 1> sizes{};
+  std::size_t total = 0;
+  for (std::size_t number = 0; number < levels_.size(); ++number) {
+    ScaleLevel& level = levels_[number];
+    level.width = width;
+    level.height = height;
+    level.mean.stride = width + 2 * kMargin + ScaleImage::kEnd;
+    sizes[number] = static_cast<std::size_t>(level.mean.stride) *
+                    static_cast<std::size_t>(height + 2 * kMargin);
+    total += kArrays * sizes[number];
+    width = (width + 1) / 2;
+    height = (height + 1) / 2;
+  }
+  memory_.assign(total, 0.0f);
+  float* next = memory_.data();
+  for (std::size_t number = 0; number < levels_.size(); ++number) {
+    ScaleLevel& level = levels_[number];
+    const std::ptrdiff_t stride = level.mean.stride;
+    for (ScaleImage* const image :
+         {&level.mean, &level.predicted, &level.energy, &level.smoothed}) {
+      *image = {next + kMargin * stride + kMargin, stride};
+      next += sizes[number];
+    }
+  }
+}
+
+void AdaptiveFilter::count_details(ThreadPool& pool) {
+  pool.parallel_for(kCountTasks, [&](int task) {
+    std::array<DetailCounts, kNumScales>& counts = counts_[static_cast<std::size_t>(task)];
+    for (int number = 0; number < kNumScales; ++number) {
+      DetailCounts& of = counts[static_cast<std::size_t>(number)];
+      of.clear();
+      const ScaleLevel& level = levels_[static_cast<std::size_t>(number)];
+      const int step = step_of(number);
+      for (int v = task * step; v < level.height; v += kCountTasks * step) {
+        const float* const mean = level.mean.row(v);
+        const float* const predicted = level.predicted.row(v);
+        for (int u = 0; u < level.width; u += step) {
+          if (mean[u] > 0 && predicted[u] > 0) of.add(mean[u], mean[u] - predicted[u]);
+        }
+      }
+    }
+  });
+  for (std::size_t task = 1; task < counts_.size(); ++task) {
+    for (std::size_t level = 0; level < kNumScales; ++level) {
+      counts_[0][level].add(counts_[task][level]);
+    }
+  }
+  noise_ = noise_of(counts_[0]);
+}
+
+void AdaptiveFilter::run(const FilterPass& pass, const PixelWindow& window, ThreadPool& pool) {
+  for_rows(pool, levels_[0].height,
+           [&](int begin, int end) { rows_.begin(pass, levels_[0], begin, end); });
+  const auto at = [&](int level) -> ScaleLevel& {
+    return levels_[static_cast<std::size_t>(level)];
+  };
+  for (int level = 1; level <= kNumScales; ++level) {
+    for_rows(pool, at(level).height,
+             [&](int begin, int end) { rows_.widen(at(level - 1), level, at(level), begin, end); });
+  }
+  const auto predict = [&](int level, const ScaleImage& from, const ScaleImage& to) {
+    for_rows(pool, at(level + 1).height, [&](int begin, int end) {
+      rows_.predict(at(level + 1), level + 1, from, at(level), to, begin, end);
+    });
+  };
+  for (int level = 0; level < kNumScales; ++level) {
+    predict(level, at(level + 1).mean, at(level).predicted);
+  }
+  count_details(pool);
+  for (int level = 0; level < kNumScales; ++level) {
+    for_rows(pool, at(level).height, [&](int begin, int end) {
+      rows_.find_energy(level == 0 ? nullptr : &at(level - 1),
+                        noise_[static_cast<std::size_t>(level)], at(level), begin, end);
+    });
+  }
+  for (int level = kNumScales - 1; level >= 0; --level) {
+    const bool is_widest = level == kNumScales - 1;
+    predict(level, is_widest ? at(level + 1).mean : at(level + 1).smoothed, at(level).smoothed);
+    for_rows(pool, at(level).height, [&](int begin, int end) {
+      rows_.smooth(is_widest ? nullptr : &at(level + 1), noise_[static_cast<std::size_t>(level)],
+                   at(level), begin, end);
+    });
+  }
+  const PixelWindow all = window.clipped(at(0).width, at(0).height);
+  for_rows(pool, all.height(), [&](int begin, int end) {
+    rows_.finish(at(0), pass, {all.left, all.top + begin, all.right, all.top + end});
+  });
+}
+
+}}  // namespace palpate::v0

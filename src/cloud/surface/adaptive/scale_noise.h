@@ -1,0 +1,43 @@
+// The noise of each scale, learned from the frame: most places of most frames are flat at the
+// finest scales, so a quantile of the details' sizes tells the noise, whatever its correlation. A
+// frame averaged over time has less of it and becomes sharper by itself.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "palpate/core/core.h"
+
+namespace palpate { inline namespace v0 {
+
+inline constexpr int kNumScales = 5;  ///< levels with details; the widest cells are 2^5 pixels wide
+
+/// The noise of a level: sd of its details, base + growth z^2 in meters of depth at depth z.
+struct ScaleNoise {
+  float base = 0, growth = 0;
+
+  PALPATE_HOSTDEV double at(double z) const {
+    return static_cast<double>(base) + static_cast<double>(growth) * z * z;
+  }
+};
+
+/// Counts of details by their depth and their size, both in steps of a share of themselves. Sums of
+/// whole numbers: any number of threads gives the same.
+struct DetailCounts {
+  static constexpr int kDepths = 28;  ///< four an octave, from kNearest on
+  static constexpr int kSizes = 160;  ///< eight an octave, from kSmallest on
+  static constexpr float kNearest = 0.0625f, kSmallest = 9.5367431640625e-7f;  // m, powers of 2
+
+  std::array<std::array<std::uint32_t, kSizes>, kDepths> counts{};
+
+  void clear() { counts = {}; }
+  void add(const DetailCounts& other);
+  /// Counts one detail of a cell at an inverse depth.
+  void add(float inverse_depth, float detail);
+};
+
+/// Returns the noise of all levels. A level's noise is at most a few times that of the finer ones:
+/// more is shape.
+std::array<ScaleNoise, kNumScales> noise_of(const std::array<DetailCounts, kNumScales>& counts);
+
+}}  // namespace palpate::v0
