@@ -88,7 +88,8 @@ PALPATE_FORMULA QuarterSlope quarter_slope(VecF before, VecF at, VecF after, flo
   const Mask is_flatter_before = abs(back) < abs(ahead);
   const VecF one_sided =
       select(has_both, select(is_flatter_before, back, ahead), select(has_before, back, ahead));
-  return {0.25f * select(goes_on, 0.5f * (after - before), one_sided), has_before | has_after};
+  const Mask is_known = has_before | has_after;
+  return {0.25f * select(goes_on, 0.5f * (after - before), one_sided), is_known};
 }
 
 /// Returns the quadratic's value if it stays near the cell's own plane, else that of the plane.
