@@ -1,7 +1,5 @@
 // The VRPN client against an emulated server with a Falcon, over sockets.
 
-#include "src/devices/vrpn/vrpn_device.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>

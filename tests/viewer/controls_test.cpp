@@ -10,7 +10,6 @@
 
 #include "palpate/viewer/viewer.h"
 #include "src/viewer/protocol/messages.h"
-#include "src/viewer/protocol/stages.h"
 #include "tests/session/live_hand.h"
 #include "tests/session/synthetic_stream.h"
 

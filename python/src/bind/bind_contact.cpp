@@ -5,8 +5,8 @@
 #include <cmath>
 #include <optional>
 
+#include "python/src/bindings.h"
 #include "python/src/contact.h"
-#include "python/src/keywords.h"
 
 namespace palpate::python {
 namespace {

@@ -6,7 +6,7 @@
 
 #include <gtest/gtest.h>
 
-#include "src/contact/cuda/contact_query_cuda.h"
+#include "src/contact/backends.h"
 #include "src/field/internal/key_frames.h"
 #include "tests/test_util/contact_scenes.h"
 #include "tests/test_util/gpu.h"
