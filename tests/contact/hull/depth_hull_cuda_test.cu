@@ -235,7 +235,7 @@ TEST_F(DepthHullCuda, RefusesWhatTheCpuRefuses) {
   };
   EXPECT_EQ(status({SurfaceBlend{}, SurfaceBlend{}}), StepStatus::no_surface);
   std::vector<SurfaceBlend> views = scene.views;
-  views[1].to.seen_free = {};
+  test::set_apart(views[1].to);
   EXPECT_EQ(status(views), StepStatus::no_surface);
   views = scene.views;
   views[0].to.field.requested = {0, 0, 20, 20};
