@@ -7,7 +7,6 @@
 #include <iostream>
 #include <string>
 
-#include "apps/manual.h"
 #include "apps/program.h"
 #include "apps/verbs.h"
 #include "src/core/internal/bounded_call.h"

@@ -1,4 +1,4 @@
-#include "apps/manual.h"
+#include "apps/program.h"
 
 #include <string>
 #include <string_view>

@@ -3,9 +3,11 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <filesystem>
 #include <string>
 
 #include "apps/verbs.h"
+#include "palpate/core/core.h"
 
 namespace palpate::apps {
 
@@ -22,5 +24,9 @@ void add_common_options(CLI::App& program);
 /// Parses the command line and does the work that parsing has put into `action`. Returns the exit
 /// status.
 int run_program(CLI::App& program, const Action& action, int argc, char** argv);
+
+/// Writes palpate.1, palpate-VERB.1 for each verb, and palpate.bash. Error: the folder cannot be
+/// written to.
+Status write_manual(const CLI::App& program, const std::filesystem::path& folder);
 
 }  // namespace palpate::apps

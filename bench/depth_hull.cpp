@@ -151,7 +151,7 @@ void cost(const Tool& tool, int num_cameras, bool with_stiffness, double seconds
   const test::HullScene scene = scene_of(solids()[0], cameras_around(num_cameras), kNoise, 1);
   std::vector<SurfaceBlend> views = scene.views;
   // A single camera does not use the seen free space.
-  if (num_cameras == 1) views[0].to.seen_free = views[0].from.seen_free = {};
+  if (num_cameras == 1) test::set_apart(views[0].from, views[0].to);
   const std::vector<Pose> poses = poses_in_surface();
   time_of("cost",
           std::to_string(tool.spheres().size()) + " spheres" +

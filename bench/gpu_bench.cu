@@ -170,7 +170,7 @@ void measure_hull(int num_spheres) {
           scene_of(solids().front(), cameras_around(num_cameras), 0.0015, 1);
       std::vector<SurfaceBlend> views = scene.views;
       // A single camera does not use the seen free space.
-      if (num_cameras == 1) views[0].to.seen_free = views[0].from.seen_free = {};
+      if (num_cameras == 1) test::set_apart(views[0].from, views[0].to);
       std::size_t i = 0;
       ContactStatus status;
       measure("hull/spheres:" + std::to_string(num_spheres) +

@@ -2,7 +2,7 @@
 #include <algorithm>
 
 #include "bench/packing_comparison.h"
-#include "src/pages/internal/report_page.h"
+#include "src/pages/internal/pages.h"
 #include "src/session/internal/compact_json.h"
 
 namespace palpate::bench {

@@ -142,6 +142,14 @@ function(palpate_precompile target)
     list(APPEND headers "${header}")
   endforeach()
   target_precompile_headers(${target} PRIVATE ${headers})
+  palpate_precompiled(${target})
+endfunction()
+
+# palpate_precompiled(TARGET [OTHER]): for a target with a precompiled header, its own or that of another target.
+function(palpate_precompiled target)
+  if(ARGN)
+    target_precompile_headers(${target} REUSE_FROM ${ARGN})
+  endif()
   palpate_cache_apart(${target})
   if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_COMPILER_VERSION VERSION_LESS 13)
     # It warns about strings where nothing is wrong once their header is precompiled.

@@ -1,6 +1,6 @@
 # The pages of web/ as a source file of the program.
 
-# palpate_page(MODULE): adds the definitions of src/pages/internal/page_files.h to a module: the pages, made by
+# palpate_page(MODULE): adds the definitions of src/pages/internal/pages.h to a module: the pages, made by
 # web/make_page.mjs, or none (no_page.cpp beside the caller) where they are not wanted or cannot be made.
 function(palpate_page module)
   if(PALPATE_PAGE)

@@ -2,7 +2,8 @@
 
 import unittest
 
-from check_modules import BELOW, SHARED_PRIVATE, allowed_modules, check_named_files, check_rooms, check_text, unused, uses
+from check_modules import (BELOW, SHARED_PRIVATE, SMALL, allowed_modules, check_named_files, check_rooms, check_text,
+                           unused, uses)
 
 
 def problems(name, *lines):
@@ -53,9 +54,9 @@ class CheckModulesTest(unittest.TestCase):
     def test_permissions_that_nobody_needs_are_refused(self):
         used = {(header, module) for header, modules in SHARED_PRIVATE.items() for module in modules}
         header, (module, *_) = next(iter(SHARED_PRIVATE.items()))
-        before = set(unused(used))
+        before = set(unused(used, {}))
         self.assertFalse(any(header in problem for problem in before))
-        self.assertIn(header, (set(unused(used - {(header, module)})) - before).pop())
+        self.assertIn(header, (set(unused(used - {(header, module)}, {})) - before).pop())
         lines = '#include "src/core/internal/simd.h"\n#include <zlib.h>'
         self.assertEqual(set(uses("src/cloud/a.cpp", lines)), {("src/core/internal/simd.h", "cloud"), (r"zlib\.h", "cloud")})
         self.assertEqual(set(uses("tests/cloud/a.cpp", lines)), {("src/core/internal/simd.h", "cloud")})
@@ -71,17 +72,23 @@ class CheckModulesTest(unittest.TestCase):
         self.assert_refused("scenes/scene.h", "#include <embree3/rtcore.h>", "public headers")
 
     def test_named_files(self):
-        ends = {"src/io/ros/rvl.h", "ros/rvl.h", "rvl.h"}
-        text = "// (ros/rvl.h)\n// see io/rvl.h.\nint a;  // of hd.h\n"
-        self.assertEqual(list(check_named_files(text, ends)), [(2, "there is no io/rvl.h: name a file that is there")])
+        ends = {"src/io/ros/cdr.h", "ros/cdr.h", "cdr.h"}
+        text = "// (ros/cdr.h)\n// see io/cdr.h.\nint a;  // of hd.h\n"
+        self.assertEqual(list(check_named_files(text, ends)), [(2, "there is no io/cdr.h: name a file that is there")])
 
     def test_rooms(self):
         full = {f"src/io/{i}.cpp": 400 for i in range(20)}
         self.assertEqual(list(check_rooms(full)), [])
-        [(name, problem)] = check_rooms({**full, "src/io/more.h": 1})
+        [(name, problem)] = check_rooms({**full, "src/io/more.h": 20})
         self.assertEqual((name, problem[:8]), ("src/io", "21 files"))
         [(name, problem)] = check_rooms({**full, "src/io/0.cpp": 401})
         self.assertEqual((name, problem[:9]), ("src/io/0.cpp", "401 lines"))
+        [(name, problem)] = check_rooms({"src/io/a.h": 19, "src/io/b.h": 20, SMALL[0]: 19, "tests/io/c.h": 1})
+        self.assertEqual((name, problem[:8]), ("src/io/a.h", "19 lines"))
+        self.assertFalse(any(SMALL[0] in problem for problem in unused(set(), {SMALL[0]: 19})))
+        self.assertTrue(any(SMALL[0] in problem for problem in unused(set(), {SMALL[0]: 20})))
+        [(name, problem)] = check_rooms({"tests/io/a_test.cpp": 600, "tests/io/b_test.cpp": 601})
+        self.assertEqual((name, problem[:9]), ("tests/io/b_test.cpp", "601 lines"))
 
     def test_unknown_places(self):
         self.assert_refused("src/mesh/a.cpp", '#include "b.h"', "path from the root")

@@ -1,4 +1,4 @@
-// Builds the pages and writes them down as C++: the functions of src/pages/internal/page_files.h.
+// Builds the pages and writes them down as C++: the functions of src/pages/internal/pages.h.
 // usage: node make_page.mjs FOLDER [NPM]    writes FOLDER/page_files.cpp, FOLDER/page/ and FOLDER/report/
 //
 // The packages are installed first if package-lock.json asks for others than are there. Where npm
@@ -77,7 +77,7 @@ function cpp(files, report) {
     arrays.push(`constexpr char kReport[] = {\n${bytes(ascii)}\n};\n`);
   }
   return `// Made by web/make_page.mjs.
-#include "src/pages/internal/page_files.h"
+#include "src/pages/internal/pages.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

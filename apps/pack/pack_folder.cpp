@@ -22,7 +22,7 @@
 #include "palpate/version.h"
 #include "src/core/internal/guarded.h"
 #include "src/io/internal/atomic_file.h"
-#include "src/io/internal/sha256.h"
+#include "src/io/internal/hashes.h"
 
 namespace palpate::apps {
 namespace {

@@ -11,7 +11,7 @@
 #include "apps/tool_info.h"
 #include "palpate/io/formats.h"
 #include "palpate/mesh/mesh.h"
-#include "src/core/internal/number_text.h"
+#include "src/core/internal/message_text.h"
 #include "src/io/internal/atomic_file.h"
 
 namespace palpate::apps {

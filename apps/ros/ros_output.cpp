@@ -16,7 +16,6 @@
 #include "apps/ros/wall_time.h"
 #include "src/core/internal/guarded.h"
 #include "src/core/internal/monotonic_clock.h"
-#include "src/core/internal/thread_rank.h"
 #include "src/core/internal/triple_buffer.h"
 #include "src/io/internal/ros_messages.h"
 #include "src/math/internal/rotation_vector.h"

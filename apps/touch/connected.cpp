@@ -1,4 +1,4 @@
-#include "apps/touch/connected.h"
+#include "apps/touch/sources.h"
 
 #include <vector>
 

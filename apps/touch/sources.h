@@ -6,6 +6,7 @@
 
 #include "apps/options.h"
 #include "palpate/cameras/cameras.h"
+#include "palpate/core/core.h"
 
 namespace palpate::apps {
 
@@ -28,5 +29,10 @@ std::vector<CameraUri> cameras_of(const SourceOptions& options, const std::strin
 
 /// Returns the options to open a camera, which print on stderr what a camera waits for.
 CameraOpening opening(bool in_real_time = true, std::optional<double> duration = {});
+
+/// Finds the only plugged-in depth camera. Errors: there is none, or several, which are named.
+Result<CameraUri> connected_camera();
+/// Finds the only connected haptic device, except simulated ones. Errors: as above.
+Result<std::string> connected_device();
 
 }  // namespace palpate::apps

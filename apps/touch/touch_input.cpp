@@ -5,7 +5,6 @@
 #include <utility>
 
 #include "apps/terminal.h"
-#include "apps/touch/connected.h"
 #include "apps/touch/held_frames.h"
 #include "apps/touch/sources.h"
 #include "apps/touch/touch.h"

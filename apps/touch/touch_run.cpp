@@ -16,9 +16,8 @@
 #include "palpate/devices/devices.h"
 #include "palpate/session/run.h"
 #include "palpate/viewer/viewer.h"
-#include "src/haptics/internal/place_hand.h"
-#include "src/run/internal/path_device.h"
-#include "src/run/internal/read_ahead.h"
+#include "src/haptics/internal/hand.h"
+#include "src/run/internal/run_inputs.h"
 
 namespace palpate::apps {
 namespace {

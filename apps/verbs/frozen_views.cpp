@@ -165,7 +165,10 @@ Status FrozenViews::add(Frozen given, const Pose& X_WC, const RunSettings& setti
   SurfaceView surface{frozen->points(), {}};
   surface.cloud.stamp = next_stamp();  // it stays as it is
   if (frozen->field) surface.field = frozen->field->view();
-  if (frozen->seen_free) surface.seen_free = frozen->seen_free->view();
+  if (frozen->seen_free) {
+    surface.role = SurfaceRole::one_of_several;
+    surface.seen_free = frozen->seen_free->view();
+  }
   surface.X_WC = X_WC;
   X_WC_.push_back(X_WC);
   views_.push_back({surface, surface, 1});

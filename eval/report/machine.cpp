@@ -6,7 +6,7 @@
 #include "palpate/core/core.h"
 #include "palpate/gpu/devices.h"
 #include "src/io/internal/atomic_file.h"
-#include "src/io/internal/sha256.h"
+#include "src/io/internal/hashes.h"
 
 namespace palpate::eval {
 namespace {

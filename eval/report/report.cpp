@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "palpate/version.h"
-#include "src/pages/internal/report_page.h"
+#include "src/pages/internal/pages.h"
 #include "src/session/internal/compact_json.h"
 
 namespace palpate::eval {

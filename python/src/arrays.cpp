@@ -4,6 +4,10 @@
 
 #include "palpate/settings/setting_table.h"
 
+#ifdef PALPATE_CUDA
+#include "src/gpu/internal/runtime.h"
+#endif
+
 namespace palpate::python {
 namespace {
 
@@ -262,5 +266,17 @@ Place place_of(const std::string& word) {
   }
   throw nb::value_error(("place: '" + word + "' is not \"cpu\", \"cuda\" or \"cuda:1\"").c_str());
 }
+
+#ifdef PALPATE_CUDA
+Status wait_for_producers(int gpu, CallerStream stream) {
+  constexpr double kPatience = 600;  // s: a step of training may come first
+  gpu::Stream producers(gpu);
+  if (!producers.status()) return producers.status();
+  producers.continue_in(stream.handle);
+  return producers.wait(kPatience);
+}
+#else
+Status wait_for_producers(int, CallerStream) { return Done{}; }  // nothing here reads its memory
+#endif
 
 }  // namespace palpate::python

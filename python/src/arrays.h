@@ -132,4 +132,8 @@ nb::object view_of(const T* values, std::initializer_list<std::size_t> shape, nb
   return nb::cast(nb::ndarray<nb::numpy, const T>(values, shape, owner));
 }
 
+/// Waits for the work in a stream of a GPU: DLPack has made it wait for whoever writes an array
+/// (array_on_gpu). Without the GIL. Error: the GPU has failed, or has not finished in ten minutes.
+Status wait_for_producers(int gpu, CallerStream stream);
+
 }  // namespace palpate::python

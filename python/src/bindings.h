@@ -7,7 +7,9 @@
 
 #include "palpate/contact/body_contact.h"
 #include "palpate/field/sensor.h"
+#include "palpate/settings/setting_table.h"
 #include "palpate/tool/tool.h"
+#include "python/src/arrays.h"
 
 namespace palpate::python {
 
@@ -62,5 +64,10 @@ struct PyBody {
   PyTool shape;  // outlives its index in `placed`
   PlacedBody placed;
 };
+
+/// Sets the settings that the keywords name: "stiffness" if only one section has it,
+/// "coupling_stiffness" or "coupling.stiffness". palpate.Error: an unknown name, with the nearest
+/// one; those of Setting::set.
+void apply(const nb::dict& keywords, SettingTable& table);
 
 }  // namespace palpate::python

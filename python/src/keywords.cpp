@@ -1,4 +1,4 @@
-#include "python/src/keywords.h"
+#include "python/src/bindings.h"
 
 #include <algorithm>
 

@@ -4,7 +4,6 @@
 #include <limits>
 #include <utility>
 
-#include "python/src/tick.h"
 #include "src/core/internal/guarded.h"
 
 namespace palpate::python {

@@ -10,12 +10,18 @@
 #include <thread>
 #include <vector>
 
+#include "palpate/run/records.h"
 #include "palpate/session/run.h"
 #include "python/src/arrays.h"
 #include "python/src/bindings.h"
 #include "python/src/python_device.h"
 
 namespace palpate::python {
+
+/// Class palpate.Tick: one tick of a run.
+struct PyTick {
+  TickRecord record;
+};
 
 /// The inputs of a run, which owns them.
 struct RunRequest {

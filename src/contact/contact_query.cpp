@@ -2,9 +2,9 @@
 
 #include <string>
 
-#include "src/contact/cuda/contact_query_cuda.h"
+#include "src/contact/backends.h"
 #include "src/contact/field/field_contact.h"
-#include "src/contact/points/point_contact.h"
+#include "src/contact/index/tool_parts.h"
 
 namespace palpate { inline namespace v0 {
 
@@ -104,5 +104,16 @@ Result<std::unique_ptr<ContactQuery>> make_contact_query(Backend backend, const 
                                                          const ExecutionOptions& capacities) {
   return make_contact_query(backend, ToolIndex::create(tool), method, capacities);
 }
+
+ToolIndex::ToolIndex(const Tool& tool)
+    : tool_(&tool), parts_(std::make_unique<const Parts>(tool)) {}
+
+ToolIndex::~ToolIndex() = default;
+
+std::shared_ptr<const ToolIndex> ToolIndex::create(const Tool& tool) {
+  return std::shared_ptr<const ToolIndex>(new ToolIndex(tool));
+}
+
+std::size_t ToolIndex::num_bytes() const { return parts_->num_bytes(); }
 
 }}  // namespace palpate::v0

@@ -10,6 +10,8 @@
 
 namespace palpate { inline namespace v0 {
 
+struct NetAddress;
+
 /// Damping of a mechanism that its largest stiffness implies: at 1 kHz a spring K is passive for
 /// K < 2 b / T (Colgate and Schenkel), so b = K T / 2.
 constexpr double assumed_damping(double max_stiffness) { return max_stiffness * 0.5e-3; }
@@ -34,6 +36,8 @@ FoundDevice find_haply_device();
 FoundDevice find_force_dimension_device();
 FoundDevice find_open_haptics_device();
 FoundDevice find_vrpn_device();
+/// The same at a stated place.
+FoundDevice find_vrpn_device_at(const NetAddress& address);
 FoundDevice find_ros2_device();
 FoundDevice find_page_device();
 
@@ -41,5 +45,9 @@ FoundDevice find_page_device();
 /// find_devices.
 Result<std::unique_ptr<HapticDevice>> open_device_within(double patience, std::string_view uri);
 std::vector<FoundDevice> find_devices_within(double patience);
+
+/// Returns the limits that forces are computed for although a device has no motors: those of a
+/// sigma.7, which renders all six directions.
+inline DeviceLimits input_only_limits() { return find_device_model("sigma.7")->limits; }
 
 }}  // namespace palpate::v0

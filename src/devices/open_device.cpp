@@ -6,7 +6,7 @@
 
 #include "src/core/internal/all_at_once.h"
 #include "src/core/internal/bounded_call.h"
-#include "src/core/internal/number_text.h"
+#include "src/core/internal/message_text.h"
 #include "src/devices/device_kinds.h"
 
 namespace palpate { inline namespace v0 {

@@ -1,8 +1,8 @@
-#include "src/haptics/hand.h"
+#include "src/haptics/internal/hand.h"
 
 #include <algorithm>
 
-#include "src/haptics/coupling/rotated.h"
+#include "src/math/internal/rotation_vector.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

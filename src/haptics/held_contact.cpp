@@ -2,8 +2,6 @@
 
 #include <algorithm>
 
-#include "src/haptics/contact_line.h"
-
 namespace palpate { inline namespace v0 {
 namespace {
 

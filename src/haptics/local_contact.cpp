@@ -2,9 +2,9 @@
 
 #include <algorithm>
 
-#include "src/haptics/contact_line.h"
-#include "src/haptics/coupling/rotated.h"
+#include "src/haptics/held_contact.h"
 #include "src/haptics/internal/matrix6.h"
+#include "src/math/internal/rotation_vector.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

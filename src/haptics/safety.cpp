@@ -4,8 +4,8 @@
 #include <cmath>
 #include <limits>
 
-#include "src/haptics/coupling/rotated.h"
 #include "src/haptics/internal/matrix6.h"
+#include "src/math/internal/rotation_vector.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

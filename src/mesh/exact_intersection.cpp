@@ -1,4 +1,4 @@
-#include "src/mesh/exact_intersection.h"
+#include "src/mesh/self_intersection.h"
 
 #include <algorithm>
 

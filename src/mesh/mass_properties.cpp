@@ -1,5 +1,7 @@
 #include "palpate/mesh/mesh.h"
 
+#include <algorithm>
+
 namespace palpate { inline namespace v0 {
 namespace {
 
@@ -66,6 +68,18 @@ MassProperties mass_properties(std::span<const Sphere> spheres) {
     for (int i = 0; i < 3; ++i) second_moments.m[i][i] += mass * radius * radius / 5;
   }
   return {volume, center, inertia_of(second_moments)};
+}
+
+Bounds bounds(const TriangleMesh& mesh) {
+  if (mesh.vertices.empty()) return {};
+  Bounds box{mesh.vertices.front(), mesh.vertices.front()};
+  for (const Vec3d& p : mesh.vertices) {
+    for (int axis = 0; axis < 3; ++axis) {
+      box.low[axis] = std::min(box.low[axis], p[axis]);
+      box.high[axis] = std::max(box.high[axis], p[axis]);
+    }
+  }
+  return box;
 }
 
 }}  // namespace palpate::v0

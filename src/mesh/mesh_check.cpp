@@ -6,7 +6,7 @@
 #include <optional>
 #include <utility>
 
-#include "src/core/internal/number_text.h"
+#include "src/core/internal/message_text.h"
 #include "src/mesh/mesh_repair.h"
 #include "src/mesh/mesh_topology.h"
 #include "src/mesh/self_intersection.h"

@@ -4,7 +4,6 @@
 #include <limits>
 #include <vector>
 
-#include "src/mesh/exact_intersection.h"
 #include "src/mesh/triangle_tree.h"
 
 namespace palpate { inline namespace v0 {

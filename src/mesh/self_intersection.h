@@ -1,13 +1,29 @@
-// Finds self-intersections of a surface.
+// Self-intersections of a surface, by an exact test of two triangles, in integers.
+//
+// Coordinates are integers from 0 to 2^40. A plane test is then a determinant below 2^123, which a
+// 128-bit integer holds: no case needs a tolerance, and coplanar faces of CAD parts are just one
+// more case.
 #pragma once
 
 #include <cstdint>
 #include <optional>
 #include <utility>
 
+#include "palpate/math/geometry.h"
 #include "palpate/mesh/mesh.h"
 
 namespace palpate { inline namespace v0 {
+
+using GridPoint = Vec3<std::int64_t>;
+inline constexpr int kGridBits = 40;
+
+struct GridTriangle {
+  GridPoint p[3];
+  std::uint32_t vertex[3];  ///< names of the corners; equal names mean a shared corner
+};
+
+/// True if the triangles have a point in common besides the corners and edges they share.
+bool triangles_meet(const GridTriangle& a, const GridTriangle& b);
 
 using FacePair = std::pair<std::uint32_t, std::uint32_t>;
 

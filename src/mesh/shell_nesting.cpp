@@ -8,8 +8,8 @@
 #include <utility>
 
 #include "palpate/math/geometry.h"
-#include "src/mesh/exact_intersection.h"
 #include "src/mesh/mesh_topology.h"
+#include "src/mesh/self_intersection.h"
 #include "src/mesh/triangle_tree.h"
 
 namespace palpate { inline namespace v0 {

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "palpate/mesh/mesh.h"
-#include "src/mesh/exact_intersection.h"
+#include "src/mesh/self_intersection.h"
 
 namespace palpate { inline namespace v0 {
 

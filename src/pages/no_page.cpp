@@ -1,5 +1,5 @@
 // A build without pages.
-#include "src/pages/internal/page_files.h"
+#include "src/pages/internal/pages.h"
 
 namespace palpate { inline namespace v0 {
 

@@ -1,8 +1,7 @@
 // A report: the template that web/make_page.mjs made, filled.
-#include "src/pages/internal/report_page.h"
 
 #include "src/core/internal/assert.h"
-#include "src/pages/internal/page_files.h"
+#include "src/pages/internal/pages.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

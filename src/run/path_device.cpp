@@ -1,4 +1,4 @@
-#include "src/run/internal/path_device.h"
+#include "src/run/internal/run_inputs.h"
 
 #include <algorithm>
 #include <cmath>

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <utility>
 
-#include "src/run/setting_changes.h"
+#include "src/run/check_settings.h"
 
 namespace palpate { inline namespace v0 {
 

@@ -1,4 +1,4 @@
-#include "src/run/internal/read_ahead.h"
+#include "src/run/internal/run_inputs.h"
 
 #include <algorithm>
 #include <condition_variable>
@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "src/core/internal/guarded.h"
-#include "src/core/internal/thread_rank.h"
 #include "src/run/internal/pipeline.h"
 
 namespace palpate { inline namespace v0 {

@@ -1,4 +1,4 @@
-#include "src/run/setting_changes.h"
+#include "src/run/check_settings.h"
 
 #include <algorithm>
 #include <iterator>

@@ -8,9 +8,7 @@
 
 #include "eval/studies/method_queries.h"
 #include "palpate/contact/body_contact.h"
-#include "src/contact/bodies/body_contact_cuda.h"
-#include "src/contact/bodies/solid_contact_cuda.h"
-#include "src/contact/cuda/contact_query_cuda.h"
+#include "src/contact/backends.h"
 #include "src/core/internal/stamp.h"
 #include "src/field/internal/pinhole_cloud.h"
 #include "src/field/timeline/frame_slots.h"

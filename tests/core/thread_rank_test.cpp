@@ -1,4 +1,4 @@
-#include "src/core/internal/thread_rank.h"
+#include "src/core/internal/guarded.h"
 
 #include <gtest/gtest.h>
 

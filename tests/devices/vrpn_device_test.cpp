@@ -1,7 +1,5 @@
 // The VRPN client against an emulated server with a Falcon, over sockets.
 
-#include "src/devices/vrpn/vrpn_device.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -12,6 +10,7 @@
 #include <utility>
 
 #include "src/devices/device_kinds.h"
+#include "src/devices/transport/tcp_socket.h"
 #include "tests/devices/filtered_hand.h"
 #include "tests/devices/tick_log.h"
 #include "tests/devices/vrpn_server.h"

@@ -8,7 +8,6 @@
 #include <string>
 #include <vector>
 
-#include "src/devices/transport/sha1.h"
 #include "src/devices/transport/web_socket_frames.h"
 #include "src/io/internal/base64.h"
 #include "tests/devices/mutation.h"

@@ -1,7 +1,7 @@
 // Depth images (PNG, RVL), images of labels (PNG), optical flow (.flo) and clouds (PCD, PLY): the
 // first byte says which.
 #include "palpate/io/formats.h"
-#include "src/io/internal/rvl.h"
+#include "src/io/internal/ros_image.h"
 #include "tests/fuzz/target.h"
 #include "tests/test_util/contact_scenes.h"
 

@@ -8,7 +8,7 @@
 
 #include "palpate/cloud/surface_estimator.h"
 #include "palpate/contact/contact.h"
-#include "src/contact/cuda/contact_query_cuda.h"
+#include "src/contact/backends.h"
 #include "tests/fuzz/target.h"
 #include "tests/test_util/contact_scenes.h"
 #include "tests/test_util/contact_truth.h"

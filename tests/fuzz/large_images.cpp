@@ -7,8 +7,8 @@
 
 #include "palpate/io/formats.h"
 #include "src/io/internal/mcap_file.h"
+#include "src/io/internal/ros_image.h"
 #include "src/io/internal/ros_messages.h"
-#include "src/io/internal/rvl.h"
 #include "tests/fuzz/large_inputs.h"
 #include "tests/test_util/random.h"
 

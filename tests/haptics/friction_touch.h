@@ -6,8 +6,8 @@
 #include <memory>
 
 #include "palpate/haptics/coupling.h"
-#include "src/haptics/coupling/rotated.h"
 #include "src/haptics/internal/matrix6.h"
+#include "src/math/internal/rotation_vector.h"
 
 namespace palpate::test {
 

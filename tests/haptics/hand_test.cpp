@@ -1,5 +1,5 @@
 // The tool in the hand, held to finite differences.
-#include "src/haptics/hand.h"
+#include "src/haptics/internal/hand.h"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,6 @@
 #include <cmath>
 #include <utility>
 
-#include "src/haptics/internal/place_hand.h"
 #include "src/math/internal/rotation_vector.h"
 
 namespace palpate {

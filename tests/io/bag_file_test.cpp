@@ -11,7 +11,7 @@
 #include <gtest/gtest.h>
 
 #include "src/io/internal/ros_messages.h"
-#include "src/io/ros/ros1_messages.h"
+#include "src/io/internal/ros_types.h"
 #include "tests/io/made_mcap.h"
 #include "tests/io/ros1_bag_writer.h"
 #include "tests/test_util/temporary_folder.h"

@@ -5,8 +5,8 @@
 
 #include <cmath>
 
+#include "src/io/internal/hashes.h"
 #include "src/io/internal/ros_messages.h"
-#include "src/io/internal/sha256.h"
 
 namespace palpate {
 namespace {

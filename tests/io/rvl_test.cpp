@@ -1,6 +1,6 @@
 // RVL against an image that was compressed by hand; encoders of others are in tests/apps and
 // tests/ros.
-#include "src/io/internal/rvl.h"
+#include "src/io/internal/ros_image.h"
 
 #include <gtest/gtest.h>
 

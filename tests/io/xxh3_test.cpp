@@ -1,5 +1,5 @@
 // The checksum of tool files against the library that defines it.
-#include "src/io/files/xxh3.h"
+#include "src/io/internal/hashes.h"
 
 #include <gtest/gtest.h>
 #include <xxhash.h>

@@ -10,7 +10,6 @@
 
 #include "palpate/math/geometry.h"
 #include "palpate/mesh/mesh.h"
-#include "src/mesh/exact_intersection.h"
 
 namespace palpate {
 namespace {

@@ -1,4 +1,4 @@
-// Changes of a running loop: other settings, held frames, pictures.
+// Other settings of a running loop.
 #include <gtest/gtest.h>
 
 #include <atomic>
@@ -12,89 +12,18 @@
 #include "src/core/internal/monotonic_clock.h"
 #include "src/run/internal/pipeline.h"
 #include "src/run/loop/haptic_stage.h"
-#include "tests/run/live_loop_fixtures.h"
+#include "tests/run/touching_loop.h"
 #include "tests/test_util/allocation_counter.h"
 #include "tests/test_util/sanitized.h"
 
 namespace palpate {
 namespace {
 
+using namespace test::touching_loop;  // NOLINT: all of it
 using test::box_tool;
 using test::ScriptedDevice;
 using test::wait_for;
 using test::WallSource;
-
-/// Forces that nothing but the slew limit and the device bends.
-RunSettings patient_settings() {
-  RunSettings settings = test::patient_settings();
-  settings.safety.passivity_control = false;
-  return settings;
-}
-
-/// The box is 5 to 15 mm in the wall, at 20 mm/s at most.
-Vec3d pressing_hand(double time) { return {0, 0, 0.035 + 0.005 * std::sin(4 * time)}; }
-
-struct SeenFrameCopy {
-  std::uint32_t revision;
-  double time;
-  DepthFrame frame;
-};
-
-/// Everything that an observer gets, with checks that settings come before their results.
-struct Seen {
-  std::mutex mutex;
-  std::vector<SeenFrameCopy> frames;
-  std::vector<ContactRecord> contacts;
-  std::vector<TickRecord> ticks;
-  std::vector<RunSettings> settings;
-
-  RunObserver observer() {
-    RunObserver observer;
-    observer.on_settings = [this](std::uint32_t revision, const RunSettings& now) {
-      const std::lock_guard lock(mutex);
-      settings.push_back(now);
-      EXPECT_EQ(revision, settings.size());
-    };
-    observer.on_frame = [this](const FrameRecord& record, const DepthFrame& frame) {
-      const std::lock_guard lock(mutex);
-      EXPECT_LE(record.revision, settings.size());
-      frames.push_back({record.revision, record.capture_time, frame});
-    };
-    observer.on_contact = [this](const ContactRecord& contact) {
-      const std::lock_guard lock(mutex);
-      EXPECT_LE(contact.revision, settings.size());
-      contacts.push_back(contact);
-    };
-    observer.on_ticks = [this](std::span<const TickRecord> records) {
-      const std::lock_guard lock(mutex);
-      EXPECT_LE(records.back().revision, settings.size());
-      ticks.insert(ticks.end(), records.begin(), records.end());
-    };
-    return observer;
-  }
-  std::size_t num_frames() {
-    const std::lock_guard lock(mutex);
-    return frames.size();
-  }
-};
-
-/// A loop that presses into a wall.
-struct Touching {
-  explicit Touching(WallSource::Options wall = {}, RunSettings settings = patient_settings())
-      : source(std::move(wall)), device({.hand = pressing_hand}) {
-    loop = RunLoop::create(box_tool(), source, device, settings, seen.observer()).value();
-    EXPECT_TRUE(loop->start());
-    EXPECT_TRUE(wait_for([&] { return loop->report().num_contacts > 20; }));
-  }
-  void run_for(double seconds) {
-    std::this_thread::sleep_for(std::chrono::duration<double>(seconds));
-  }
-
-  WallSource source;
-  ScriptedDevice device;
-  Seen seen;
-  std::unique_ptr<RunLoop> loop;
-};
 
 using Edit = void (*)(RunSettings&);
 constexpr Edit kEdits[] = {
@@ -111,8 +40,6 @@ constexpr Edit kEdits[] = {
 };
 
 constexpr std::uint32_t kOtherMethod = 5;  // of a proxy
-
-// Other settings
 
 TEST(LiveLoopChange, EveryStageGoesOnAndNothingJumps) {
   Touching touching({.depth = [](int k) { return 0.5 + 0.001 * std::sin(k); }});
@@ -470,197 +397,6 @@ TEST(LiveLoopChange, ALostBackendIsReplaced) {
   EXPECT_FALSE(haptic.has_faded());
   contacts.stop();
   surfaces.stop();
-}
-
-// Couplings
-
-/// A wall that pushes back with 2000 N/m, known at the tool's pose.
-LocalContact wall_contact(const Pose& X_WT, double time) {
-  LocalContact contact;
-  contact.time = time;
-  contact.X_WT = X_WT;
-  contact.p_WC = X_WT * box_tool().sphere_mass().center_of_mass;
-  const double depth = std::max(0.0, X_WT.translation.z);
-  contact.F_C_W.force = {0, 0, -2000 * depth};
-  if (depth > 0) contact.stiffness.m[2][2] = contact.max_stiffness = 2000;
-  contact.volume = 0.0025 * depth;
-  contact.is_valid = true;
-  return contact;
-}
-
-TEST(CouplingTakeOver, FromEachKindToEachTheToolMovesOn) {
-  const ScriptedDevice device({});
-  const DeviceLimits& limits = device.info().limits;
-  const auto coupling_of = [&](CouplingKind kind, double scale) {
-    CouplingOptions options;
-    options.kind = kind;
-    options.motion_scale = scale;
-    const auto checked = check_coupling(options, limits, 1e-3, box_tool().sphere_mass()).value();
-    return make_coupling(checked.options, limits, box_tool().sphere_mass());
-  };
-  constexpr CouplingKind kKinds[] = {CouplingKind::virtual_coupling, CouplingKind::direct,
-                                     CouplingKind::proxy};
-  for (const double height : {-0.02, 0.003}) {  // before the wall, and in it
-    for (const CouplingKind from : kKinds) {
-      for (const CouplingKind to : kKinds) {
-        auto coupling = coupling_of(from, 1);
-        DeviceState state;
-        state.is_valid = true;
-        CouplingStep last;
-        Vec3d velocity;
-        for (int k = 0; k < 1400; ++k) {
-          const double time = 1e-3 * k;
-          state.time = time;
-          state.X_BH = {{0.02 * std::sin(3 * time), 0, height}, axis_angle({1, 2, 3}, 0.3 * time)};
-          state.V_BH.linear = {0.06 * std::cos(3 * time), 0, 0};
-          state.V_BH.angular = 0.3 / norm(Vec3d{1, 2, 3}) * Vec3d{1, 2, 3};
-          if (k == 0) coupling->reset(state);
-          if (k == 700) {
-            auto next = coupling_of(to, 2);
-            next->take_over(coupling->state());
-            coupling = std::move(next);
-          }
-          const CouplingStep now =
-              coupling->step(state, wall_contact(k == 0 ? Pose{} : last.X_WT, time), 1e-3);
-          if (k >= 700) {
-            // At most twice the hand's pace, and the way of the tool back to the hand.
-            EXPECT_LT(norm(now.X_WT.translation - last.X_WT.translation), 3e-4)
-                << static_cast<int>(from) << static_cast<int>(to) << " " << k;
-          }
-          if (k == 700) {
-            EXPECT_LT(norm(now.X_WT_hand.translation - last.X_WT_hand.translation), 1.3e-4);
-            EXPECT_LT(norm(now.X_WT.translation - last.X_WT.translation - 1e-3 * velocity), 1e-4);
-          }
-          velocity = 1e3 * (now.X_WT.translation - last.X_WT.translation);
-          last = now;
-        }
-        if (height < 0 || to == CouplingKind::direct) {
-          EXPECT_LT(norm(last.X_WT.translation - last.X_WT_hand.translation), 2e-3);
-        }
-      }
-    }
-  }
-}
-
-// Held frames
-
-TEST(LiveLoopHold, TheSceneStandsStillAndTheHandGoesOn) {
-  Touching touching({.depth = [](int k) { return 0.5 + 0.0005 * k; }, .rate = 100});
-  Seen& seen = touching.seen;
-  const auto depth_of = [&](std::size_t k) {
-    const std::lock_guard lock(seen.mutex);
-    return seen.frames[k].frame.pixels[0];
-  };
-  const auto wait_for_frames = [&](std::size_t more) {
-    const std::size_t desired = seen.num_frames() + more;
-    EXPECT_TRUE(wait_for([&] { return seen.num_frames() >= desired; }));
-  };
-  touching.loop->hold_frames(true);
-  // Wait for frames that were on their way: no two new frames are the same.
-  EXPECT_TRUE(wait_for([&] {
-    const std::size_t num = seen.num_frames();
-    return num > 1 && depth_of(num - 1) == depth_of(num - 2);
-  }));
-  const std::size_t held = seen.num_frames() - 1;
-  const int num_ticks = touching.device.num_ticks();
-  wait_for_frames(10);
-  EXPECT_TRUE(wait_for([&] { return touching.device.num_ticks() > num_ticks + 30; }));
-  for (std::size_t k = held; k < held + 10; ++k) EXPECT_EQ(depth_of(k), depth_of(held));
-
-  touching.loop->step_frame();
-  EXPECT_TRUE(wait_for([&] { return depth_of(seen.num_frames() - 1) != depth_of(held); }));
-  EXPECT_EQ(depth_of(seen.num_frames() - 1), depth_of(held) + 5);  // the next one, 0.5 mm on
-  const std::size_t stepped = seen.num_frames() - 1;
-  wait_for_frames(5);
-  EXPECT_EQ(depth_of(seen.num_frames() - 1), depth_of(stepped));
-
-  // Settings change meanwhile too.
-  RunSettings settings = touching.loop->settings();
-  settings.contact.method = MethodKind::graph;
-  EXPECT_TRUE(touching.loop->change(settings));
-
-  touching.loop->hold_frames(false);
-  EXPECT_TRUE(
-      wait_for([&] { return depth_of(seen.num_frames() - 1) >= depth_of(stepped) + 4 * 5; }));
-  touching.loop->stop();
-  for (std::size_t k = 1; k < seen.frames.size(); ++k) {
-    EXPECT_GT(seen.frames[k].time, seen.frames[k - 1].time);
-    const int step = depth_of(k) - depth_of(k - 1);
-    EXPECT_TRUE(step >= 0 && step % 5 == 0) << step;  // a busy machine leaves some out
-  }
-  EXPECT_EQ(touching.loop->report().fault, Fault::stopped);
-}
-
-// Pictures
-
-TEST(LiveLoopPictures, AreWhatAFreshQuerySays) {
-  for (const MethodKind method : {MethodKind::field, MethodKind::graph}) {
-    RunSettings settings = patient_settings();
-    settings.contact.method = method;
-    Touching touching({.depth = [](int k) { return 0.5 + 0.001 * std::sin(k); }}, settings);
-    EXPECT_EQ(touching.loop->new_contact_picture(PictureConsumer::robots), nullptr);
-    EXPECT_EQ(touching.loop->new_surface_picture(), nullptr);
-    touching.run_for(0.1);
-    touching.loop->request_contact_picture(PictureConsumer::robots);
-    touching.loop->request_surface_picture();
-    const ContactPicture* picture = nullptr;
-    const SurfacePicture* surface = nullptr;
-    ASSERT_TRUE(wait_for(
-        [&] { return (picture = touching.loop->new_contact_picture(PictureConsumer::robots)); }));
-    ASSERT_TRUE(wait_for([&] { return (surface = touching.loop->new_surface_picture()); }));
-    touching.run_for(0.05);
-    EXPECT_EQ(touching.loop->new_contact_picture(PictureConsumer::robots),
-              nullptr);  // one for each question
-    EXPECT_EQ(touching.loop->new_surface_picture(), nullptr);
-    touching.loop->stop();
-
-    const Seen& seen = touching.seen;
-    ASSERT_EQ(touching.loop->report().num_lost_records, 0u);
-    const ContactRecord& contact = seen.contacts.at(picture->contact_number - 1);
-    EXPECT_EQ(contact.number, picture->contact_number);
-    EXPECT_EQ(contact.frame_number, picture->frame_number);
-    EXPECT_EQ(contact.X_WT, picture->X_WT);
-    ThreadPool pool(1);
-    std::optional<DepthFieldOptions> field;
-    if (method == MethodKind::field) field = settings.field;
-    auto timeline =
-        SurfaceTimeline::create(touching.source.info(), settings.surface, field, settings.time)
-            .value();
-    eval::MethodQueries query(Backend::cpu, box_tool());
-    int num_compared = 0;
-    for (std::size_t k = 0; k < seen.frames.size(); ++k) {
-      timeline.push(seen.frames[k].frame, seen.frames[k].time, pool);
-      if (k == surface->frame_number) {
-        const PointCloud cloud = timeline.newest_cloud(pool);
-        ASSERT_EQ(surface->points.size(), cloud.size());
-        ASSERT_EQ(surface->edges.size(), cloud.size());
-        EXPECT_EQ(surface->width, cloud.width());
-        for (std::size_t i = 0; i < cloud.size(); ++i) {
-          if (std::isnan(cloud.point(i).x)) continue;
-          ASSERT_EQ(surface->points[i], cloud.point(i));
-          ASSERT_EQ(surface->normals[i], cloud.normal(i));
-          ++num_compared;
-        }
-      }
-      if (k != picture->frame_number) continue;
-      SurfaceBlend blend = timeline.at(1e12);
-      blend.progress = contact.cameras.of[0].progress;
-      query.set_blend(blend);
-      query.query(picture->X_WT, settings.contact);
-      const auto states = query.states();
-      const auto planes = query.planes();
-      ASSERT_EQ(picture->spheres.states.size(), states.size());
-      ASSERT_EQ(picture->spheres.planes.size(), planes.size());
-      int num_touched = 0;
-      for (std::size_t i = 0; i < states.size(); ++i) {
-        ASSERT_EQ(picture->spheres.states[i], states[i]);
-        ASSERT_EQ(picture->spheres.planes[i].normal, planes[i].normal);
-        num_touched += states[i] != SphereState::outside;
-      }
-      EXPECT_GT(num_touched, 0);
-    }
-    EXPECT_GT(num_compared, 1000);
-  }
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-#include "src/run/internal/read_ahead.h"
+#include "src/run/internal/run_inputs.h"
 
 #include <atomic>
 #include <chrono>

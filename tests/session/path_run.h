@@ -10,7 +10,7 @@
 
 #include "palpate/devices/devices.h"
 #include "palpate/run/run_loop.h"
-#include "src/run/internal/path_device.h"
+#include "src/run/internal/run_inputs.h"
 
 namespace palpate::test {
 

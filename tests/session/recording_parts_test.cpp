@@ -7,53 +7,27 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <fstream>
 #include <sstream>
 
-#include "palpate/session/run.h"
 #include "src/io/internal/atomic_file.h"
 #include "src/session/internal/run_folder.h"
 #include "src/session/internal/run_reader.h"
 #include "src/session/recording/run_recorder.h"
-#include "src/session/replay/lead_estimate.h"
-#include "tests/session/live_hand.h"
-#include "tests/session/path_run.h"
+#include "tests/session/parted_run.h"
 #include "tests/session/recorded_messages.h"
 #include "tests/session/repeated_run.h"
-#include "tests/session/synthetic_stream.h"
 
 namespace palpate {
 namespace {
 
 namespace fs = std::filesystem;
+using namespace test::parted_run;  // NOLINT: all of it
 using test::expect_parts_repeat;
 using test::path_settings;
 using test::pressing_pose;
 using test::small_tool;
 using test::SyntheticStream;
 using test::TemporaryFolder;
-
-constexpr double kRate = 200;  // of ticks, 1/s
-constexpr int kFrameRate = 10;
-
-/// The wall comes nearer by 2 cm a second.
-Result<RunOutcome> record(const fs::path& run, const RunSettings& settings,
-                          const RecordingOptions& recording, double seconds = 6) {
-  static const Tool tool = small_tool();
-  SyntheticStream stream(static_cast<int>(seconds * kFrameRate), kFrameRate);
-  auto device = test::path_device(pressing_pose, kRate);
-  RunOptions options;
-  options.recording = recording;
-  return record_run(tool, stream, **device, settings, run, options);
-}
-
-RunSettings settings_with(TimeMode mode, CouplingKind kind) {
-  RunSettings settings = path_settings(kRate);
-  settings.time.mode = mode;
-  settings.coupling.kind = kind;
-  test::be_patient(settings.safety);
-  return settings;
-}
 
 TEST(RecordingParts, AreRepeatedEachAndAllForEveryCouplingAndTime) {
   for (const TimeMode mode : {TimeMode::latest, TimeMode::interpolate, TimeMode::predict}) {
@@ -99,138 +73,6 @@ TEST(RecordingParts, MovingAveragesAreRepeatedAndWhatIsEndlessSaysThatItIsNot) {
     EXPECT_GT(alone->num_ticks, 100u);
     EXPECT_NE(alone->note.find("averages"), std::string::npos);
   }
-}
-
-// A Kalman filter never forgets: each part begins with what it knew.
-TEST(RecordingParts, EstimatesAreRepeatedFromEveryPartOn) {
-  for (const TimeMode mode : {TimeMode::latest, TimeMode::interpolate, TimeMode::predict}) {
-    for (const int binning : {1, 2}) {
-      const TemporaryFolder folder;
-      const auto run = folder.path() / "run";
-      RunSettings settings = settings_with(mode, CouplingKind::virtual_coupling);
-      settings.time.average.kind = DepthAverage::kalman;
-      settings.time.average.noise = 0.02;  // so that all frames count
-      settings.binning = binning;
-      const auto outcome = record(run, settings, {.split_bytes = 1});
-      ASSERT_TRUE(outcome) << outcome.error().message;
-      EXPECT_GT(outcome->peaks.volume, 0);
-      ASSERT_NO_FATAL_FAILURE(expect_parts_repeat(run, *outcome)) << name_of(mode) << binning;
-      // Without the estimate the depth is another one, so it makes a difference.
-      const fs::path other = folder.path() / "other" / kRecordingFile;
-      fs::create_directories(other.parent_path());
-      fs::copy_file(recording_parts(run)[3], other);
-      auto all = test::messages(other.parent_path());
-      std::erase_if(all,
-                    [](const auto& message) { return message.channel.topic == kEstimateTopic; });
-      test::rewrite(other.parent_path(), all);
-      const auto replay = replay_run(other.parent_path());
-      ASSERT_TRUE(replay) << replay.error().message;
-      EXPECT_NE(replay->difference, "");
-    }
-  }
-}
-
-// An estimate is unknown after frames that were not recorded.
-TEST(LeadEstimate, IsUnknownAfterAGapUntilItBeginsAnew) {
-  SyntheticStream stream(6);
-  RunSettings settings;
-  settings.time.average.kind = DepthAverage::kalman;
-  LeadEstimate lead(stream.info());
-  lead.begin(0, settings);
-  lead.begin(2, settings);
-  RecordedDepth depth;
-  const auto take = [&](std::uint64_t number, std::uint32_t revision) {
-    depth.record.camera_frame = number;
-    depth.record.revision = revision;
-    lead.take(depth);
-  };
-  EXPECT_TRUE(lead.is_known_before(0, 0));
-  ASSERT_TRUE(stream.next(depth.frame).value());
-  take(0, 0);
-  EXPECT_TRUE(lead.has_estimate(1));
-  EXPECT_TRUE(lead.is_known_before(1, 0));
-  EXPECT_FALSE(lead.is_known_before(2, 0));
-  take(2, 1);
-  EXPECT_FALSE(lead.is_known_before(3, 1));
-  // It begins anew with the next one, which may be the first of a part.
-  EXPECT_TRUE(lead.is_known_before(3, 2));
-  EXPECT_FALSE(lead.is_known_before(4, 2));
-  EXPECT_FALSE(lead.has_estimate(2));
-  take(3, 2);
-  EXPECT_TRUE(lead.is_known_before(4, 2));
-  EXPECT_TRUE(lead.has_estimate(2));
-  EXPECT_EQ(lead.revision(), 2u);
-}
-
-// If surfaces are made anew with the very frame that a part begins with, the part begins without
-// the estimate before.
-TEST(RecordingParts, BeginWithTheEstimateOfTheirFirstFrame) {
-  const Tool tool = small_tool();
-  for (const bool is_anew : {false, true}) {
-    const TemporaryFolder folder;
-    SyntheticStream stream(3);
-    RunSetup setup;
-    setup.settings = settings_with(TimeMode::latest, CouplingKind::none);
-    setup.settings.time.average.kind = DepthAverage::kalman;
-    setup.streams = {stream.info()};
-    setup.device.rate = kRate;
-    auto recorder =
-        RunRecorder::create(folder.path() / kRecordingFile, tool, setup, true, {.split_bytes = 1});
-    ASSERT_TRUE(recorder) << recorder.error().message;
-    FrameRecord record;
-    ContactRecord contact;
-    TickRecord tick;
-    DepthFrame frame;
-    for (int i = 0; i < 3; ++i) {
-      ASSERT_TRUE(stream.next(frame).value());
-      if (i == 2) {
-        if (is_anew) setup.settings.binning = 2;
-        recorder->add_settings(1, setup.settings);
-        record.revision = contact.revision = tick.revision = 1;
-      }
-      record.number = record.camera_frame = static_cast<std::uint64_t>(i);
-      recorder->add_frame(record, frame);
-      contact.number = tick.contact_number = static_cast<std::uint64_t>(i) + 1;
-      contact.cameras.of[0].camera_frame = i;
-      recorder->add_contact(contact);
-      recorder->add_tick(tick);
-    }
-    HandSnapshot snapshot;
-    snapshot.tick = 3;
-    snapshot.revision = 1;
-    recorder->add_hand_snapshot(snapshot);
-    recorder->finish();
-    auto part = RunReader::open(folder.path() / part_file(2));
-    ASSERT_TRUE(part) << part.error().message;
-    ASSERT_TRUE(part->start());
-    EXPECT_TRUE(part->start()->has_surfaces);
-    EXPECT_EQ(part->setup().revision, 1u);
-    int num_estimates = 0;
-    for (auto message = part->next(); message && *message; message = part->next()) {
-      num_estimates += (*message)->topic == kEstimateTopic;
-    }
-    EXPECT_EQ(num_estimates, is_anew ? 0 : 1);
-  }
-}
-
-// The state of an estimate is not taken over by another run.
-TEST(RecordingParts, KeptOnesAreFeltAnewWithoutTheEstimate) {
-  const TemporaryFolder folder;
-  const auto run = folder.path() / "run";
-  RunSettings settings = settings_with(TimeMode::latest, CouplingKind::none);
-  settings.time.average.kind = DepthAverage::kalman;
-  ASSERT_TRUE(record(run, settings, {.split_bytes = 1}, 3));
-  ASSERT_TRUE(retry_run(run, folder.path() / "all", [](RunSettings&) { return Done{}; }));
-  fs::remove(run / kRecordingFile);
-  const auto retry = retry_run(run, folder.path() / "kept", [](RunSettings&) { return Done{}; });
-  ASSERT_FALSE(retry);
-  EXPECT_NE(retry.error().message.find("(--average none)"), std::string::npos)
-      << retry.error().message;
-  EXPECT_FALSE(fs::exists(folder.path() / "kept"));
-  EXPECT_TRUE(retry_run(run, folder.path() / "kept", [](RunSettings& changed) {
-    changed.time.average.kind = DepthAverage::none;
-    return Done{};
-  }));
 }
 
 // A tick may be recorded before the contact that it rests on, which is of older settings.
@@ -389,114 +231,6 @@ TEST(RecordingParts, TellWhatIsLostAtTheEndOfAPart) {
   waitpid(child, &status, 0);
   EXPECT_TRUE(WIFEXITED(status));
   EXPECT_EQ(WEXITSTATUS(status), 0);
-}
-
-/// The settings that a part begins with are of this revision.
-void rename_settings(std::vector<test::RecordedMessage>& all, std::uint32_t revision) {
-  for (auto& message : all) {
-    if (message.channel.topic == kPartTopic) {
-      PartStart start = *read_part(message.data);
-      start.revision = revision;
-      message.data = part_message(start);
-    } else if (message.channel.topic == kSettingsTopic) {
-      RunSetup setup = *read_settings(message.data);
-      setup.revision = revision;
-      message.data = settings_message(setup);
-    }
-  }
-}
-
-/// A recording of one part of another, whose settings have another revision.
-fs::path renamed_part(const fs::path& part, const fs::path& folder, std::uint32_t revision) {
-  fs::create_directories(folder);
-  fs::copy_file(part, folder / kRecordingFile);
-  auto all = test::messages(folder);
-  rename_settings(all, revision);
-  test::rewrite(folder, all);
-  return folder / kRecordingFile;
-}
-
-// Also where another part came before.
-TEST(RecordingParts, ContactsOfSettingsThatAreMissingAfterAGapAreNotRepeated) {
-  const TemporaryFolder folder;
-  const auto run = folder.path() / "run";
-  ASSERT_TRUE(
-      record(run, settings_with(TimeMode::latest, CouplingKind::none), {.split_bytes = 1}, 3));
-  const fs::path other = renamed_part(recording_parts(run)[2], folder.path() / "other", 1);
-  fs::copy_file(other, recording_parts(run)[2], fs::copy_options::overwrite_existing);
-  fs::remove(recording_parts(run)[1]);
-  const auto replay = replay_run(run);
-  ASSERT_TRUE(replay) << replay.error().message;
-  EXPECT_EQ(replay->difference, "");
-  EXPECT_NE(replay->note.find("is not repeated: its settings"), std::string::npos) << replay->note;
-}
-
-TEST(RecordingParts, ContactsOfFramesThatWereLostBeforeItAreNotRepeated) {
-  RunSettings latest = settings_with(TimeMode::latest, CouplingKind::none), averaged = latest;
-  averaged.time.average = {DepthAverage::moving, 4, 0.5, 0.02, 1};
-  RunSettings estimated = settings_with(TimeMode::interpolate, CouplingKind::none);
-  estimated.time.average.kind = DepthAverage::kalman;
-  estimated.time.average.noise = 0.02;
-  int number = 0;
-  for (const RunSettings& settings :
-       {latest, settings_with(TimeMode::interpolate, CouplingKind::none),
-        settings_with(TimeMode::predict, CouplingKind::none), averaged, estimated}) {
-    SCOPED_TRACE(number++);
-    const TemporaryFolder folder;
-    const auto run = folder.path() / "run", part = folder.path() / "part";
-    ASSERT_TRUE(record(run, settings, {.split_bytes = 1}, 3));
-    fs::create_directories(part);
-    fs::copy_file(recording_parts(run)[1], part / kRecordingFile);
-    const auto whole = replay_run(part);
-    ASSERT_TRUE(whole) << whole.error().message;
-    EXPECT_EQ(whole->difference + whole->note, "");
-    // The state of an estimate before the lost frame is of no use after it.
-    const bool is_estimate = settings.time.average.kind == DepthAverage::kalman;
-    auto all = test::messages(part);
-    for (int num_lost = 1; num_lost < 4; ++num_lost) {
-      all.erase(std::ranges::find(all, std::string_view(kFrameTopic),
-                                  [](const auto& each) { return each.channel.topic; }));
-      test::rewrite(part, all);
-      const auto replay = replay_run(part);
-      ASSERT_TRUE(replay) << replay.error().message;
-      EXPECT_EQ(replay->difference, "");
-      EXPECT_NE(replay->note.find(is_estimate ? "repeated up to number 0 only: a depth frame"
-                                              : "is not repeated: its depth frames"),
-                std::string::npos)
-          << num_lost << ' ' << replay->note;
-      EXPECT_EQ(replay->num_contacts > 0, !is_estimate);
-      EXPECT_LT(replay->num_contacts, whole->num_contacts);
-    }
-  }
-}
-
-TEST(RecordingParts, LostContactsAreTold) {
-  const TemporaryFolder folder;
-  const auto run = folder.path() / "run";
-  ASSERT_TRUE(record(run, settings_with(TimeMode::latest, CouplingKind::none), {}, 1));
-  auto all = test::messages(run);
-  std::erase_if(all, [](const auto& message) {
-    if (message.channel.topic != kContactTopic) return false;
-    const std::uint64_t number = read_contact(message.data)->number;
-    return number == 30 || number == 40 || number == 41;
-  });
-  test::rewrite(run, all);
-  const auto replay = replay_run(run);
-  ASSERT_TRUE(replay) << replay.error().message;
-  EXPECT_EQ(replay->difference, "");
-  EXPECT_NE(replay->note.find("3 contacts were not recorded"), std::string::npos) << replay->note;
-}
-
-TEST(RecordingParts, ContactsOfSettingsThatAreNotThereAreNotRepeated) {
-  const TemporaryFolder folder;
-  const auto run = folder.path() / "run";
-  ASSERT_TRUE(
-      record(run, settings_with(TimeMode::latest, CouplingKind::none), {.split_bytes = 1}, 3));
-  const fs::path other = renamed_part(recording_parts(run)[1], folder.path() / "other", 1);
-  const auto replay = replay_run(other.parent_path());
-  ASSERT_TRUE(replay) << replay.error().message;
-  EXPECT_EQ(replay->num_contacts, 0u);
-  EXPECT_NE(replay->note.find("is not repeated: its settings"), std::string::npos) << replay->note;
 }
 
 // A change of any state of the hand is found: place where it took the tool along, pose, velocity.

@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "eval/studies/method_queries.h"
-#include "src/contact/cuda/contact_query_cuda.h"
+#include "src/contact/backends.h"
 
 namespace palpate::test {
 

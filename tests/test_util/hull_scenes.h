@@ -80,6 +80,14 @@ inline void add_view(HullScene& scene, const Camera& camera, const Pose& X_WC,
   scene.views.push_back({surface, surface, 1});
 }
 
+/// Makes surfaces those of frames by themselves.
+inline void set_apart(auto&... surfaces) {
+  for (SurfaceView* const surface : {&surfaces...}) {
+    surface->role = SurfaceRole::frame;
+    surface->seen_free = surface->in_front = surface->remembered = {};
+  }
+}
+
 /// Rough frames with holes, seen by cameras side by side.
 inline HullScene rough_scene(int num_cameras, const DepthFieldOptions& field, Random& random) {
   HullScene scene;

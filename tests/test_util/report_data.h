@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "src/pages/internal/page_files.h"
+#include "src/pages/internal/pages.h"
 
 /// Ends the test in a build without pages.
 #define PALPATE_PAGES_OR_SKIP() \

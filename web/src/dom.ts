@@ -1,4 +1,4 @@
-// Short helpers for DOM elements.
+// Short helpers for DOM elements and for what the browser keeps.
 
 type Child = Node | string;
 
@@ -53,4 +53,23 @@ export function icon(name: IconName): SVGSVGElement {
   path.setAttribute('fill-rule', 'evenodd');
   svg.append(path);
   return svg;
+}
+
+/** Prefix of the names of small choices that the browser's local storage keeps. */
+const PREFIX = 'palpate.';
+
+export function recall(name: string): string | null {
+  try {
+    return localStorage.getItem(PREFIX + name);
+  } catch {
+    return null;
+  }
+}
+
+export function remember(name: string, value: string): void {
+  try {
+    localStorage.setItem(PREFIX + name, value);
+  } catch {
+    // Private windows refuse storage; the choice then lasts as long as the page.
+  }
 }

@@ -7,13 +7,13 @@ import { Drawing } from './drawing';
 import { Handling } from './hand/handling';
 import { decode } from './messages';
 import { withoutScene } from './no_scene';
+import { applyAddress } from './options';
 import { Banner, notice } from './panels/banner';
 import { CameraImage } from './panels/camera_image';
 import { Controls } from './panels/controls';
 import { Dock } from './panels/dock';
 import type { PanelName } from './panels/dock';
-import { Help } from './panels/help';
-import { hint } from './panels/hint';
+import { Help, hint, listenToKeys } from './panels/help';
 import { Legend } from './panels/legend';
 import { Plots } from './panels/plots';
 import { Readouts } from './panels/readouts';
@@ -24,9 +24,7 @@ import { createScene } from './scene/scene_view';
 import { Theme } from './theme';
 import type { CameraView, Contact, Frame, Hello, Sample, SceneView, State, ToolLook } from './types';
 import type { Subscription } from './subscription';
-import { applyAddress } from './address';
 import { pictureSubscription, neededShapes } from './subscription';
-import { listenToKeys } from './keyboard';
 
 const PANEL_PERIOD = 100; // ms
 const TROUBLE_TIME = 8000; // ms

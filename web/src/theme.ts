@@ -1,4 +1,4 @@
-import { recall, remember } from './memory';
+import { recall, remember } from './dom';
 
 /** Dark or light theme: by the address, the choice stored in the browser, or the system. */
 export class Theme {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <optional>
 #include <span>
@@ -50,23 +51,30 @@ inline void add_settings(SettingTable& t, TimeOptions& o) {
   add_settings(t, o.memory);
 }
 
+/// Role of a surface in a measurement, which says what fields it has beside SurfaceView::field.
+/// With other ones nothing is measured: StepStatus::no_surface.
+enum class SurfaceRole : std::uint8_t {
+  frame,           ///< a frame by itself: no more fields
+  with_memory,     ///< of a camera by itself that remembers: in_front
+  one_of_several,  ///< joined with others: seen_free, with MemoryOptions in_front and remembered
+  key_frame,       ///< seen earlier, from an earlier pose of the camera: remembered
+};
+
 /// The surface of one frame: input of queries; non-owning, trivially copyable.
 struct SurfaceView {
   PointCloudView cloud;
   DepthFieldView field;  ///< no levels if there is none
+  SurfaceRole role = SurfaceRole::frame;
   /// Field with UnknownSpace::blocked, positive only in space that the camera has seen to be free.
-  /// With DepthFieldOptions::one_of_several only.
   DepthFieldView seen_free = {};
-  /// With MemoryOptions, single camera: `field` is the background, which may be
-  /// remembered, and this one the foreground, with its thickness. A sphere takes the
-  /// deeper one.
+  /// with_memory: `field` is the background, which may be remembered, and this one the foreground,
+  /// with its thickness. A sphere takes the deeper one.
   ///
-  /// With several cameras: `field` and `seen_free` are the newest frame alone, and this
-  /// one is its surfaces, with their thickness: inside them nothing remembered counts.
+  /// one_of_several: `field` and `seen_free` are the newest frame alone, and this one is its
+  /// surfaces, with their thickness: inside them nothing remembered counts.
   DepthFieldView in_front = {};
-  /// With MemoryOptions, several cameras: like seen_free, for the last view of now occluded space.
-  /// It counts only where no camera sees anything now. A surface with only this and `field` is a
-  /// key frame: seen earlier, from an earlier pose of the camera.
+  /// Like seen_free, for the last view of now occluded space. It counts only where no camera sees
+  /// anything now.
   DepthFieldView remembered = {};
   Pose X_WC = {};  ///< pose of the camera in the world at the capture of the frame
 };

@@ -5,8 +5,8 @@
 #include <cmath>
 #include <optional>
 
+#include "python/src/bindings.h"
 #include "python/src/contact.h"
-#include "python/src/keywords.h"
 
 namespace palpate::python {
 namespace {
@@ -86,7 +86,7 @@ void check_surfaces(const std::vector<nb::object>& surfaces, const PyContact& co
   }
   for (const nb::object& one : surfaces) {
     const SurfaceView& view = nb::cast<PySurface&>(one).view;
-    if (view.field.num_levels > 0 && view.seen_free.num_levels == 0) {
+    if (view.field.num_levels > 0 && view.role != SurfaceRole::one_of_several) {
       throw PalpateError(
           "surfaces of several cameras are joined by what each has seen to be free: make them with "
           "Sensor(camera, joined=True)");
@@ -132,7 +132,7 @@ PyResult measure(PyContact& self, nb::handle given, nb::handle pose, bool with_s
                   X_WT,
                   {},
                   std::move(spheres)};
-  if (cameras[0].to.seen_free.num_levels > 0) result.unseen = of_whole;
+  if (cameras[0].to.role == SurfaceRole::one_of_several) result.unseen = of_whole;
   return result;
 }
 

@@ -15,14 +15,11 @@
 #include "python/src/arrays.h"
 #include "python/src/bindings.h"
 #include "python/src/interruptible.h"
-#include "python/src/keywords.h"
 #include "python/src/pushed_camera.h"
 #include "python/src/run_in_thread.h"
-#include "python/src/tick.h"
 #include "scenes/scene.h"
-#include "src/haptics/internal/place_hand.h"
-#include "src/run/internal/path_device.h"
-#include "src/run/internal/read_ahead.h"
+#include "src/haptics/internal/hand.h"
+#include "src/run/internal/run_inputs.h"
 
 namespace palpate::python {
 namespace {

@@ -11,8 +11,6 @@
 #include "palpate/field/sensor.h"
 #include "python/src/arrays.h"
 #include "python/src/bindings.h"
-#include "python/src/gpu_order.h"
-#include "python/src/keywords.h"
 
 namespace palpate::python {
 namespace {

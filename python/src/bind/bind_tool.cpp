@@ -9,7 +9,6 @@
 #include "palpate/packing/packing.h"
 #include "python/src/arrays.h"
 #include "python/src/bindings.h"
-#include "python/src/keywords.h"
 
 namespace palpate::python {
 namespace {

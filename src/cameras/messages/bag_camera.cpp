@@ -9,7 +9,7 @@
 #include "src/cameras/camera_kinds.h"
 #include "src/cameras/messages/bag_contents.h"
 #include "src/cloud/internal/frame_limits.h"
-#include "src/core/internal/number_text.h"
+#include "src/core/internal/message_text.h"
 #include "src/core/internal/shared_library.h"
 
 namespace palpate { inline namespace v0 {

@@ -11,7 +11,6 @@
 #include "src/cloud/internal/lens_table.h"
 #include "src/io/internal/cdr.h"
 #include "src/io/internal/ros_image.h"
-#include "src/io/internal/rvl.h"
 #include "src/io/internal/text_scanner.h"
 
 namespace palpate { inline namespace v0 {

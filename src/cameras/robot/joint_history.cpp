@@ -6,7 +6,7 @@
 #include <unordered_set>
 #include <utility>
 
-#include "src/cameras/shown_name.h"
+#include "src/core/internal/message_text.h"
 #include "src/io/internal/text_scanner.h"
 
 namespace palpate { inline namespace v0 {

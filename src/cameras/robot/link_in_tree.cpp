@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "src/cameras/shown_name.h"
+#include "src/core/internal/message_text.h"
 #include "src/io/internal/atomic_file.h"
 
 namespace palpate { inline namespace v0 {

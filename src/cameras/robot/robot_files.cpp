@@ -8,7 +8,7 @@
 #include "src/cameras/robot/link_in_tree.h"
 #include "src/cameras/robot/robot_model.h"
 #include "src/cameras/robot/robot_states.h"
-#include "src/cameras/shown_name.h"
+#include "src/core/internal/message_text.h"
 #include "src/io/internal/atomic_file.h"
 
 namespace palpate { inline namespace v0 {

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "src/cameras/shown_name.h"
+#include "src/core/internal/message_text.h"
 #include "src/core/internal/shared_library.h"
 
 namespace palpate { inline namespace v0 {

@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "palpate/cameras/cameras.h"
-#include "src/cameras/shown_name.h"
+#include "src/core/internal/message_text.h"
 #include "src/core/internal/monotonic_clock.h"
 #include "src/io/internal/atomic_file.h"
 #include "src/io/internal/bag_file.h"

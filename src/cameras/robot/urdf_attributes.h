@@ -13,7 +13,7 @@
 
 #include "palpate/core/core.h"
 #include "palpate/math/geometry.h"
-#include "src/cameras/shown_name.h"
+#include "src/core/internal/message_text.h"
 #include "src/io/internal/text_scanner.h"
 
 namespace palpate { inline namespace v0 {

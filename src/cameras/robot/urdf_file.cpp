@@ -8,7 +8,7 @@
 #include "src/cameras/robot/robot_model.h"
 #include "src/cameras/robot/urdf_attributes.h"
 #include "src/cameras/robot/urdf_shapes.h"
-#include "src/cameras/shown_name.h"
+#include "src/core/internal/message_text.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

@@ -8,8 +8,8 @@
 #include <utility>
 
 #include "src/cloud/internal/frame_limits.h"
+#include "src/core/internal/message_text.h"
 #include "src/core/internal/monotonic_clock.h"
-#include "src/core/internal/number_text.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

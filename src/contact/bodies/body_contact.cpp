@@ -6,10 +6,9 @@
 #include <numeric>
 #include <utility>
 
-#include "src/contact/bodies/body_contact_cuda.h"
+#include "src/contact/backends.h"
 #include "src/contact/bodies/body_pair.h"
 #include "src/contact/bodies/solid_contact.h"
-#include "src/contact/bodies/solid_contact_cuda.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

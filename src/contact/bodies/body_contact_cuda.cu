@@ -2,7 +2,7 @@
 // neighboring spheres of A and find the near clusters of B, group by group: all lanes do the same
 // at the same time. Pairs of spheres are chosen in single precision with room for rounding, and
 // decided in double as on the CPU.
-#include "src/contact/bodies/body_contact_cuda.h"
+#include "src/contact/backends.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,6 +1,6 @@
 // Bodies that sample each other's distance fields, on a GPU: a launch per direction, a warp per
 // cluster of elements.
-#include "src/contact/bodies/solid_contact_cuda.h"
+#include "src/contact/backends.h"
 
 #include <algorithm>
 #include <type_traits>

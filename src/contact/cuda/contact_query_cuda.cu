@@ -1,5 +1,5 @@
 // The query on a GPU: one launch, whatever the method.
-#include "src/contact/cuda/contact_query_cuda.h"
+#include "src/contact/backends.h"
 
 #include <algorithm>
 #include <optional>

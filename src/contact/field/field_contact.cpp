@@ -93,7 +93,7 @@ double FieldContact::unseen_by_one(const SurfaceView& surface, const Pose& X_CT,
                                    std::span<std::uint8_t> unseen) const noexcept {
   if (surface.field.num_levels == 0) return 0;
   const DepthFieldView fields[] = {surface.field, surface.in_front};
-  const std::size_t num = surface.in_front.num_levels > 0 ? 2 : 1;
+  const std::size_t num = surface.role == SurfaceRole::with_memory ? 2 : 1;
   const MeasureJob requested = job({fields, num}, X_CT);
   pool_->parallel_for(requested.clusters->num_groups(), [&](int group) {
     unseen_[static_cast<std::size_t>(group)] =

@@ -10,22 +10,37 @@ namespace palpate { inline namespace v0 {
 
 inline bool has_in_front(const SurfaceView& surface) { return surface.in_front.num_levels > 0; }
 inline bool is_remembered(const SurfaceView& surface) { return surface.remembered.num_levels > 0; }
+/// True if a surface has the fields of its role, which it is given with them, or none yet.
+inline bool has_fields_of_role(const SurfaceView& surface) {
+  const bool has_seen_free = surface.seen_free.num_levels > 0;
+  switch (surface.role) {
+    case SurfaceRole::frame:
+      return !has_seen_free && !has_in_front(surface) && !is_remembered(surface);
+    case SurfaceRole::with_memory:
+      return !has_seen_free && has_in_front(surface) && !is_remembered(surface);
+    case SurfaceRole::one_of_several:
+      return has_seen_free && (has_in_front(surface) || !is_remembered(surface));
+    case SurfaceRole::key_frame:
+      return !has_seen_free && !has_in_front(surface) && is_remembered(surface);
+  }
+  return false;
+}
 /// True if the surface shows seen-free space: by `seen_free`, or by `field` of a lone camera.
 inline bool is_seen(const SurfaceView& surface, bool is_alone) {
-  return is_alone || surface.seen_free.num_levels > 0;
+  return is_alone || surface.role == SurfaceRole::one_of_several;
 }
 /// True if the surface has the fields that join cameras. A single camera needs `field` only.
 inline bool has_fields(const SurfaceView& surface, bool is_alone) {
   return surface.field.num_levels > 0 && (is_seen(surface, is_alone) || is_remembered(surface));
 }
 inline bool are_alike(const SurfaceView& a, const SurfaceView& b) {
-  return has_in_front(a) == has_in_front(b) && is_remembered(a) == is_remembered(b) &&
-         (a.seen_free.num_levels > 0) == (b.seen_free.num_levels > 0);
+  return a.role == b.role && has_in_front(a) == has_in_front(b) &&
+         is_remembered(a) == is_remembered(b);
 }
 
 /// True for one camera that is sampled by itself, without its seen-free space.
 inline bool is_alone(std::span<const SurfaceBlend> cameras) {
-  return cameras.size() == 1 && cameras.front().to.seen_free.num_levels == 0;
+  return cameras.size() == 1 && cameras.front().to.role != SurfaceRole::one_of_several;
 }
 
 struct CameraSeats {

@@ -245,8 +245,9 @@ ContactStatus DepthHullCuda::take(const SurfaceBlend& view, const Pose& X_WT, in
   for (int f = eye.num_fields - 1; f >= 0; --f) {
     const SurfaceView& surface = f == 0 ? to : from;
     eye.field[f] = look(copies[0], surface.field, f);
-    eye.seen_free[f] =
-        surface.seen_free.num_levels > 0 ? look(copies[1], surface.seen_free, f) : eye.field[f];
+    eye.seen_free[f] = surface.role == SurfaceRole::one_of_several
+                           ? look(copies[1], surface.seen_free, f)
+                           : eye.field[f];
     // A surface without thickness is solid as far as its camera sees.
     eye.in_front[f] = has_in_front(to) ? look(copies[2], surface.in_front, f) : eye.field[f];
     if (eye.is_remembered) eye.remembered[f] = look(copies[3], surface.remembered, f);

@@ -2,6 +2,8 @@
 #include <algorithm>
 
 #include "src/contact/blend.h"
+#include "src/contact/hull/camera_seats.h"
+#include "src/core/internal/assert.h"
 
 namespace palpate { inline namespace v0 {
 namespace {
@@ -70,17 +72,20 @@ ContactResult ContactQuery::measure(std::span<const SurfaceBlend> cameras, const
   if (cameras.empty() || cameras.size() > kMaxCameras) {
     return unmeasured(StepStatus::no_surface, wants, true);
   }
+  const bool has_fields = std::ranges::all_of(cameras, [](const SurfaceBlend& camera) {
+    return has_fields_of_role(camera.from) && has_fields_of_role(camera.to);
+  });
+  PALPATE_ASSERT(has_fields);
+  if (!has_fields) return unmeasured(StepStatus::no_surface, wants, true);
   const Pose X{X_WT.translation, normalized(X_WT.rotation)};
   const SurfaceBlend& camera = cameras.front();
-  if (cameras.size() > 1 || camera.to.remembered.num_levels > 0) {
-    return measure_hull(cameras, X, wants);
-  }
-  ContactResult result = camera.to.in_front.num_levels > 0 ? measure_alone(camera, X, wants)
-                                                           : measure_camera(camera, X_WT, wants);
+  if (cameras.size() > 1 || is_remembered(camera.to)) return measure_hull(cameras, X, wants);
+  ContactResult result = has_in_front(camera.to) ? measure_alone(camera, X, wants)
+                                                 : measure_camera(camera, X_WT, wants);
   if (result.penetration.status.is_unmeasured()) return result;
   std::fill(wants.deciders.begin(), wants.deciders.end(), 0);
   double& unseen = result.penetration.unseen_volume = 0;
-  if (camera.to.seen_free.num_levels > 0) {
+  if (camera.to.role == SurfaceRole::one_of_several) {
     unseen = measure_hull(cameras, X, {.unseen = wants.unseen}).penetration.unseen_volume;
   } else if (wants.unseen_volume || !wants.unseen.empty()) {
     std::fill(wants.unseen.begin(), wants.unseen.end(), 0);
@@ -115,7 +120,10 @@ ContactResult ContactQuery::measure_camera(const SurfaceBlend& camera, const Pos
 /// Measures against the remembered surfaces and those before them, without seen-free space.
 ContactResult ContactQuery::measure_alone(SurfaceBlend camera, const Pose& X_WT,
                                           const ContactWants& wants) const noexcept {
-  camera.from.seen_free = camera.to.seen_free = {};
+  for (SurfaceView* const surface : {&camera.from, &camera.to}) {
+    if (surface->role == SurfaceRole::one_of_several) surface->role = SurfaceRole::with_memory;
+    surface->seen_free = {};
+  }
   return measure_hull({&camera, 1}, X_WT, wants);
 }
 

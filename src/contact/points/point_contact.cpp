@@ -1,5 +1,5 @@
 // The query by points on the CPU: order of the stages, and the loops over threads.
-#include "src/contact/points/point_contact.h"
+#include "src/contact/backends.h"
 
 #include <algorithm>
 #include <numeric>

@@ -1,4 +1,4 @@
-// Runs the work of a thread such that no exception ends the program.
+// The work of a thread: its rank among others, and no exception of it ends the program.
 #pragma once
 
 #include <exception>
@@ -36,5 +36,15 @@ void guarded(const Work& work, const Fail& fail) noexcept {
   } catch (...) {  // no memory for the error either
   }
 }
+
+/// Priority of a thread when processors are short; the haptic and the contact thread come first.
+enum class ThreadRank {
+  surface,   ///< makes surfaces; before other programs where that is allowed
+  frames,    ///< reads or renders frames ahead of time
+  recorder,  ///< compresses and writes
+  viewer,    ///< serves pages
+};
+/// Sets the rank of the calling thread, once. Returns its nice value then. No allocation.
+int take_rank(ThreadRank rank) noexcept;
 
 }}  // namespace palpate::v0

@@ -6,7 +6,6 @@
 
 #include "palpate/io/files.h"
 #include "src/devices/device_kinds.h"
-#include "src/devices/input_only.h"
 #include "src/devices/internal/polling_device.h"
 #include "src/devices/internal/twist_between.h"
 

@@ -13,7 +13,6 @@
 #include "src/core/internal/monotonic_clock.h"
 #include "src/core/internal/triple_buffer.h"
 #include "src/devices/device_kinds.h"
-#include "src/devices/input_only.h"
 #include "src/devices/internal/polling_device.h"
 #include "src/devices/internal/twist_between.h"
 #include "src/ros/internal/dds_api.h"

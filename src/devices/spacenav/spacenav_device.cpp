@@ -5,7 +5,6 @@
 #include <utility>
 
 #include "src/devices/device_kinds.h"
-#include "src/devices/input_only.h"
 #include "src/devices/internal/polling_device.h"
 #include "src/devices/internal/twist_between.h"
 #include "src/devices/spacenav/spacenav_connection.h"

@@ -1,4 +1,4 @@
-#include "src/devices/transport/sha1.h"
+#include "src/devices/transport/web_socket.h"
 
 #include <bit>
 #include <cstddef>

@@ -8,7 +8,6 @@
 #include <utility>
 
 #include "src/core/internal/monotonic_clock.h"
-#include "src/devices/transport/sha1.h"
 #include "src/io/internal/base64.h"
 
 namespace palpate { inline namespace v0 {

@@ -8,9 +8,6 @@
 // B is the frame of the server, whichever that is: VRPN does not say. A Falcon's has z towards the
 // hand and the origin in the middle (vrpn_Tracker_NovintFalcon.C).
 
-#include "src/devices/vrpn/vrpn_device.h"
-#include "src/core/internal/monotonic_clock.h"
-
 #include <algorithm>
 #include <array>
 #include <cctype>
@@ -23,15 +20,20 @@
 #include <utility>
 
 #include "palpate/devices/devices.h"
+#include "src/core/internal/monotonic_clock.h"
 #include "src/devices/device_kinds.h"
 #include "src/devices/device_pose.h"
 #include "src/devices/internal/polling_device.h"
 #include "src/devices/internal/twist_between.h"
 #include "src/devices/motor_wrench.h"
+#include "src/devices/transport/tcp_socket.h"
 #include "src/devices/vrpn/vrpn_connection.h"
 
 namespace palpate { inline namespace v0 {
 namespace {
+
+/// TCP port of a server that is given without one.
+constexpr int kVrpnPort = 3883;
 
 constexpr double kRadius = 0.05;   // m
 constexpr double kMaxAge = 0.005;  // s: a pose is taken for present until then

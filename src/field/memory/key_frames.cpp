@@ -315,6 +315,7 @@ void KeyFrames::make(Seat& seat, ThreadPool& pool) {
   SurfaceView& shown = views_[static_cast<std::size_t>(&seat - seats_.data())].to;
   shown = {};
   shown.field = made.field;
+  shown.role = SurfaceRole::key_frame;
   shown.remembered = made.seen_free;
   shown.X_WC = seat.image.X_WC;
   last_shown_[static_cast<std::size_t>(seat.slot)] = num_frames_;

@@ -39,6 +39,11 @@ struct SlotSettings {
   std::optional<DepthFieldOptions> remembered() const {
     return has_pixel_memory() ? seen_free() : std::nullopt;
   }
+  /// Role of the surfaces of frames.
+  SurfaceRole role() const {
+    if (seen_free()) return SurfaceRole::one_of_several;
+    return in_front() ? SurfaceRole::with_memory : SurfaceRole::frame;
+  }
   /// With the newest frame alone there is nothing to blend.
   int num_slots() const { return (time.mode == TimeMode::latest ? 1 : 2) + num_spare; }
 };

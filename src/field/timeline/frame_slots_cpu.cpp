@@ -24,6 +24,7 @@ class FrameSlotsCpu final : public FrameSlots {
                 std::optional<FieldMemory> memory, std::vector<Slot> slots)
       : max_jump_(settings.time.max_jump),
         wants_depth_change_(settings.wants_depth_change),
+        role_(settings.role()),
         averager_(std::move(averager)),
         memory_(std::move(memory)),
         slots_(std::move(slots)) {}
@@ -93,6 +94,7 @@ class FrameSlotsCpu final : public FrameSlots {
     make(slot.seen_free, nullptr, surfaces.seen_free);
     make(slot.in_front, is_alone ? memory_->in_front() : nullptr, surfaces.in_front);
     make(slot.remembered, memory_ ? memory_->behind() : nullptr, surfaces.remembered);
+    surfaces.role = role_;
   }
 
   void predict(const Slot& last, Slot& now, double motion, ThreadPool& pool) const {
@@ -106,6 +108,7 @@ class FrameSlotsCpu final : public FrameSlots {
 
   double max_jump_;
   bool wants_depth_change_;
+  SurfaceRole role_;
   std::optional<DepthAverager> averager_;
   std::optional<FieldMemory> memory_;
   std::vector<Slot> slots_;

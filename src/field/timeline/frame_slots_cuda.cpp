@@ -36,6 +36,7 @@ class FrameSlotsCuda final : public FrameSlots {
   FrameSlotsCuda(const SlotSettings& settings, std::optional<DepthAveragerCuda> averager,
                  std::optional<FieldMemoryCuda> memory, std::vector<Slot> slots, int gpu)
       : max_jump_(settings.time.max_jump),
+        role_(settings.role()),
         averager_(std::move(averager)),
         field_memory_(std::move(memory)),
         slots_(std::move(slots)),
@@ -88,6 +89,7 @@ class FrameSlotsCuda final : public FrameSlots {
     show(slot.seen_free, surfaces.seen_free);
     show(slot.in_front, surfaces.in_front);
     show(slot.remembered, surfaces.remembered);
+    surfaces.role = role_;
     return slot.estimator.stats();
   }
 
@@ -176,6 +178,7 @@ class FrameSlotsCuda final : public FrameSlots {
   }
 
   double max_jump_;
+  SurfaceRole role_;
   std::optional<DepthAveragerCuda> averager_;
   std::optional<FieldMemoryCuda> field_memory_;
   std::vector<Slot> slots_;

@@ -1,7 +1,7 @@
 #include <algorithm>
 
 #include "palpate/haptics/coupling.h"
-#include "src/core/internal/number_text.h"
+#include "src/core/internal/message_text.h"
 #include "src/haptics/coupling/couplings.h"
 
 namespace palpate { inline namespace v0 {

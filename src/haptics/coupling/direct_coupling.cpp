@@ -4,8 +4,8 @@
 
 #include "src/haptics/approach.h"
 #include "src/haptics/coupling/couplings.h"
-#include "src/haptics/coupling/rotated.h"
 #include "src/haptics/internal/friction.h"
+#include "src/math/internal/rotation_vector.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

@@ -2,8 +2,8 @@
 // stiffness against the spring's keeps it out of the surface, and the hand feels the spring.
 #include "src/haptics/approach.h"
 #include "src/haptics/coupling/couplings.h"
-#include "src/haptics/coupling/rotated.h"
 #include "src/haptics/internal/friction.h"
+#include "src/math/internal/rotation_vector.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

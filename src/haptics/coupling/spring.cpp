@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "src/haptics/coupling/rotated.h"
+#include "src/math/internal/rotation_vector.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

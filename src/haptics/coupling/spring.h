@@ -3,7 +3,7 @@
 
 #include <limits>
 
-#include "src/haptics/hand.h"
+#include "src/haptics/internal/hand.h"
 
 namespace palpate { inline namespace v0 {
 

@@ -12,8 +12,8 @@
 #include <algorithm>
 
 #include "src/haptics/coupling/couplings.h"
-#include "src/haptics/coupling/rotated.h"
 #include "src/haptics/internal/friction.h"
+#include "src/math/internal/rotation_vector.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

@@ -11,7 +11,6 @@
 #include "src/io/bags/unpack.h"
 #include "src/io/internal/atomic_file.h"
 #include "src/io/internal/ros_types.h"
-#include "src/io/ros/ros1_messages.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

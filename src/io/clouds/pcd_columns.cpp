@@ -15,8 +15,6 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little, "PCD files are read as they lie");
 
-Error bad(std::string message) { return {Errc::bad_input, std::move(message)}; }
-
 struct Field {
   std::string_view name;
   char type = 'F';
@@ -100,17 +98,18 @@ Result<Header> take_header(std::string_view& content) {
     const std::string_view key = take_word(rest);
     if (key.empty() || key.starts_with('#')) continue;
     if (!parse_header_line(key, rest, header, num_points))
-      return bad("has a bad header line '" + std::string(line.substr(0, 80)) + "'");
+      return bad_input("has a bad header line '" + std::string(line.substr(0, 80)) + "'");
   }
-  if (header.encoding.empty()) return bad("is truncated: its header has no line 'DATA'");
+  if (header.encoding.empty()) return bad_input("is truncated: its header has no line 'DATA'");
   constexpr std::uint64_t kMaxSide = std::numeric_limits<int>::max();
   if (header.fields.empty() || header.width == 0 || header.height == 0)
-    return bad("has no points: its header has no fields, or WIDTH or HEIGHT 0");
+    return bad_input("has no points: its header has no fields, or WIDTH or HEIGHT 0");
   if (header.width > kMaxSide || header.height > kMaxSide ||
       header.width * header.height > kMaxSide)
-    return bad("claims more than 2^31 points");
+    return bad_input("claims more than 2^31 points");
   if (num_points && *num_points != header.width * header.height)
-    return bad("claims " + std::to_string(*num_points) + " points, which is not WIDTH x HEIGHT");
+    return bad_input("claims " + std::to_string(*num_points) +
+                     " points, which is not WIDTH x HEIGHT");
   for (Field& field : header.fields) {
     field.first_word = header.words_per_row;
     field.offset = header.bytes_per_row;
@@ -140,8 +139,9 @@ float load_real(const char* bytes, std::size_t size) {
 }
 
 Error truncated(const Header& header) {
-  return bad("is truncated: it claims " + std::to_string(header.width) + " x " +
-             std::to_string(header.height) + " points, which the rest of the file cannot hold");
+  return bad_input("is truncated: it claims " + std::to_string(header.width) + " x " +
+                   std::to_string(header.height) +
+                   " points, which the rest of the file cannot hold");
 }
 
 /// Unpacks the body of a binary_compressed file, where each field lies in one piece.
@@ -156,10 +156,11 @@ Result<std::string> decompress(std::string_view content, const Header& header) {
   if (sizes[0] > content.size() || num_bytes > kSmall + kMaxRatio * sizes[0]) {
     return truncated(header);
   }
-  if (sizes[1] != num_bytes) return bad("is damaged: its unpacked size does not fit its header");
+  if (sizes[1] != num_bytes)
+    return bad_input("is damaged: its unpacked size does not fit its header");
   std::string result(num_bytes, '\0');
   if (lzf_decompress(content.data(), sizes[0], result.data(), sizes[1]) != sizes[1])
-    return bad("is damaged: it cannot be unpacked");
+    return bad_input("is damaged: it cannot be unpacked");
   return result;
 }
 
@@ -174,7 +175,7 @@ std::optional<Error> read_text(std::string_view content, const Header& header,
     }
     for (std::size_t c = 0; c < fields.size(); ++c) {
       const auto value = parse_number<double>(words[fields[c]->first_word]);
-      if (!value) return bad("is damaged: point " + std::to_string(i) + " has a bad number");
+      if (!value) return bad_input("is damaged: point " + std::to_string(i) + " has a bad number");
       columns.values[c][i] = static_cast<float>(*value);
     }
   }

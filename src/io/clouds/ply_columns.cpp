@@ -3,11 +3,10 @@
 
 #include "src/io/clouds/cloud_columns.h"
 #include "src/io/clouds/ply_format.h"
+#include "src/io/internal/text_scanner.h"
 
 namespace palpate { inline namespace v0 {
 namespace {
-
-Error bad(std::string message) { return {Errc::bad_input, std::move(message)}; }
 
 /// Reads one row, storing scalar k as row[k].
 bool read_row(const PlyElement& element, PlyValues& values, std::vector<double>& row) {
@@ -52,21 +51,21 @@ Result<CloudColumns> read_ply_columns(std::string_view content,
     CloudColumns columns;
     if (is_vertex) {
       if (element.count > static_cast<std::uint64_t>(std::numeric_limits<int>::max()))
-        return bad("has more than 2^31 points; split it");
+        return bad_input("has more than 2^31 points; split it");
       columns.width = static_cast<int>(element.count);
       columns.values.assign(names.size(), std::vector<float>(element.count));
     }
     std::vector<double> row(element.properties.size());
     for (std::uint64_t i = 0; i < element.count; ++i) {
       if (!read_row(element, values, row))
-        return bad("is truncated or damaged at '" + element.name + "' " + std::to_string(i) +
-                   " of " + std::to_string(element.count));
+        return bad_input("is truncated or damaged at '" + element.name + "' " + std::to_string(i) +
+                         " of " + std::to_string(element.count));
       for (std::size_t c = 0; c < places.size(); ++c)
         columns.values[c][i] = static_cast<float>(row[places[c]]);
     }
     if (is_vertex) return columns;  // Faces do not matter.
   }
-  return bad("has no element 'vertex'");
+  return bad_input("has no element 'vertex'");
 }
 
 }}  // namespace palpate::v0

@@ -10,8 +10,6 @@
 namespace palpate { inline namespace v0 {
 namespace {
 
-Error bad(std::string message) { return {Errc::bad_input, std::move(message)}; }
-
 std::optional<PlyType> type_named(std::string_view name) {
   if (name == "char" || name == "int8") return PlyType::i8;
   if (name == "uchar" || name == "uint8") return PlyType::u8;
@@ -32,7 +30,7 @@ std::size_t size_of(PlyType type) {
 }  // namespace
 
 Result<PlyHeader> take_ply_header(std::string_view& content) {
-  if (take_line(content) != "ply") return bad("does not start with the line 'ply'");
+  if (take_line(content) != "ply") return bad_input("does not start with the line 'ply'");
   PlyHeader header;
   bool has_format = false;
   while (!content.empty()) {
@@ -40,7 +38,7 @@ Result<PlyHeader> take_ply_header(std::string_view& content) {
     const std::string line(rest);
     const std::string_view key = take_word(rest);
     if (key == "end_header") {
-      if (!has_format) return bad("has no 'format' line");
+      if (!has_format) return bad_input("has no 'format' line");
       return header;
     }
     if (key == "format") {
@@ -52,34 +50,34 @@ Result<PlyHeader> take_ply_header(std::string_view& content) {
       } else if (name == "binary_big_endian") {
         header.encoding = PlyEncoding::big_endian;
       } else {
-        return bad("has an unknown format: '" + line + "'");
+        return bad_input("has an unknown format: '" + line + "'");
       }
       has_format = true;
     } else if (key == "element") {
       const std::string name(take_word(rest));
       const auto count = parse_number<std::uint64_t>(take_word(rest));
-      if (!count) return bad("has a bad header line: '" + line + "'");
+      if (!count) return bad_input("has a bad header line: '" + line + "'");
       header.elements.push_back({name, *count, {}});
     } else if (key == "property") {
       std::string_view word = take_word(rest);
       PlyProperty property;
       if (word == "list") {
         property.list_count = type_named(take_word(rest));
-        if (!property.list_count) return bad("has a bad header line: '" + line + "'");
+        if (!property.list_count) return bad_input("has a bad header line: '" + line + "'");
         word = take_word(rest);
       }
       const auto type = type_named(word);
       property.name = take_word(rest);
       if (!type || property.name.empty() || header.elements.empty()) {
-        return bad("has a bad header line: '" + line + "'");
+        return bad_input("has a bad header line: '" + line + "'");
       }
       property.type = *type;
       header.elements.back().properties.push_back(property);
     } else if (key != "comment" && key != "obj_info" && !key.empty()) {
-      return bad("has a bad header line: '" + line + "'");
+      return bad_input("has a bad header line: '" + line + "'");
     }
   }
-  return bad("is truncated: its header has no end");
+  return bad_input("is truncated: its header has no end");
 }
 
 template <class T>
@@ -139,8 +137,9 @@ std::optional<Error> check_ply_count(const PlyElement& element, const PlyValues&
   }
   // The last number of a text needs no blank after it.
   if (row_bytes == 0 || element.count <= (values.bytes_left() + 1) / row_bytes) return {};
-  return bad("is truncated: it announces " + std::to_string(element.count) + " '" + element.name +
-             "' but only " + std::to_string(values.bytes_left()) + " bytes follow");
+  return bad_input("is truncated: it announces " + std::to_string(element.count) + " '" +
+                   element.name + "' but only " + std::to_string(values.bytes_left()) +
+                   " bytes follow");
 }
 
 }}  // namespace palpate::v0

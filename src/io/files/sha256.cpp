@@ -1,4 +1,4 @@
-#include "src/io/internal/sha256.h"
+#include "src/io/internal/hashes.h"
 
 #include <array>
 #include <bit>

@@ -14,8 +14,8 @@
 #include <type_traits>
 #include <utility>
 
-#include "src/io/files/xxh3.h"
 #include "src/io/internal/atomic_file.h"
+#include "src/io/internal/hashes.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

@@ -1,4 +1,4 @@
-#include "src/io/files/xxh3.h"
+#include "src/io/internal/hashes.h"
 
 #include <array>
 #include <bit>

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -55,5 +56,10 @@ std::string ros_type_hash(const std::string& type);
 /// "sensor_msgs/msg/Image" and "sensor_msgs::msg::dds_::Image_" of "sensor_msgs/Image".
 std::string ros_interface_name(std::string_view type);
 std::string dds_type_name(std::string_view type);
+
+/// A message of ROS 1 in the bytes that ROS 2 would send it in (CDR), so that one reader serves
+/// both. `type` as "sensor_msgs/Image". None: the type is not known here (ros_fields), or the
+/// message is shorter than its fields.
+std::optional<std::string> cdr_of_ros1(std::string_view type, std::string_view message);
 
 }}  // namespace palpate::v0

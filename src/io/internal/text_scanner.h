@@ -3,9 +3,16 @@
 
 #include <charconv>
 #include <optional>
+#include <string>
 #include <string_view>
+#include <utility>
+
+#include "palpate/core/core.h"
 
 namespace palpate { inline namespace v0 {
+
+/// Returns the error of a file that is not what it should be.
+inline Error bad_input(std::string message) { return {Errc::bad_input, std::move(message)}; }
 
 /// Text without the byte order mark that some editors put in front of UTF-8.
 inline std::string_view without_mark(std::string_view text) {

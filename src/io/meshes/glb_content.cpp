@@ -1,4 +1,4 @@
-#include "src/io/meshes/glb_content.h"
+#include "src/io/meshes/mesh_parsers.h"
 
 #include <algorithm>
 #include <array>

@@ -1,5 +1,6 @@
-// Readers of mesh files by format. Errors are the rest of a sentence that starts with the name of
-// the file. None repairs: what a file says of its shape is taken as it is, or refused.
+// Readers of mesh files by format, and the writer of GLB. Errors are the rest of a sentence that
+// starts with the name of the file. None repairs: what a file says of its shape is taken as it is,
+// or refused.
 #pragma once
 
 #include <cstdint>
@@ -10,6 +11,7 @@
 #include <string_view>
 
 #include "palpate/core/core.h"
+#include "palpate/io/formats.h"
 #include "palpate/mesh/mesh.h"
 
 namespace palpate { inline namespace v0 {
@@ -50,5 +52,9 @@ class PolygonCutter {
   TriangleMesh& mesh_;
   std::int64_t tests_left_ = 300'000'000;  // of corners: some seconds
 };
+
+/// Writes the bytes of a GLB file: a node and a material for each part; `parts` are not empty, nor
+/// is any of them, and faces use vertices that exist. The error is the rest of a sentence.
+Result<std::string> glb_content(std::span<const ColoredMesh* const> parts);
 
 }}  // namespace palpate::v0

@@ -7,8 +7,8 @@
 
 #include "palpate/io/formats.h"
 #include "src/io/internal/atomic_file.h"
-#include "src/io/meshes/glb_content.h"
 #include "src/io/meshes/little_endian.h"
+#include "src/io/meshes/mesh_parsers.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

@@ -7,8 +7,6 @@
 namespace palpate { inline namespace v0 {
 namespace {
 
-Error bad(std::string message) { return {Errc::bad_input, std::move(message)}; }
-
 /// Hands out the statements of a file one by one, whatever they are.
 class Statements {
  public:
@@ -57,7 +55,7 @@ Result<TriangleMesh> parse_obj_mesh(std::string_view content) {
     const auto x = parse_number<double>(statement.take());
     const auto y = parse_number<double>(statement.take());
     const auto z = parse_number<double>(statement.take());
-    if (!x || !y || !z) return bad("has a damaged vertex" + statement.where());
+    if (!x || !y || !z) return bad_input("has a damaged vertex" + statement.where());
     mesh.vertices.push_back({*x, *y, *z});
   }
 
@@ -70,7 +68,7 @@ Result<TriangleMesh> parse_obj_mesh(std::string_view content) {
     for (auto corner = statement.take(); !corner.empty(); corner = statement.take()) {
       // A corner is vertex/texture/normal; -1 is the vertex before this line.
       const auto number = parse_number<std::int64_t>(corner.substr(0, corner.find('/')));
-      if (!number || *number == 0) return bad("has a damaged face" + statement.where());
+      if (!number || *number == 0) return bad_input("has a damaged face" + statement.where());
       indices.push_back(
           static_cast<double>(*number > 0 ? *number - 1 : num_vertices_so_far + *number));
     }

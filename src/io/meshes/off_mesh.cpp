@@ -7,8 +7,6 @@
 namespace palpate { inline namespace v0 {
 namespace {
 
-Error bad(std::string message) { return {Errc::bad_input, std::move(message)}; }
-
 /// The next line that holds more than a comment; empty at the end of the file.
 std::string_view take_content_line(std::string_view& text) {
   while (!text.empty()) {
@@ -25,7 +23,7 @@ Result<TriangleMesh> parse_off_mesh(std::string_view content) {
   std::string_view line = take_content_line(content);
   const std::string_view magic = take_word(line);
   if (magic != "OFF" && magic != "COFF" && magic != "NOFF" && magic != "CNOFF") {
-    return bad("does not start with the word OFF");
+    return bad_input("does not start with the word OFF");
   }
   // The counts stand beside the magic word or on the next line.
   std::string_view counts =
@@ -33,16 +31,16 @@ Result<TriangleMesh> parse_off_mesh(std::string_view content) {
   const auto num_vertices = parse_number<std::uint64_t>(take_word(counts));
   const auto num_faces = parse_number<std::uint64_t>(take_word(counts));
   if (!num_vertices || !num_faces) {
-    return bad("is not a text OFF file: the numbers of vertices and faces are missing");
+    return bad_input("is not a text OFF file: the numbers of vertices and faces are missing");
   }
   // The shortest lines are "0 0 0" and "3 0 0 0"; the last needs no line end.
   constexpr std::size_t kMinVertexBytes = 6, kMinFaceBytes = 8;
   const std::size_t bytes = content.size() + 1;
   if (*num_vertices > bytes / kMinVertexBytes ||
       *num_faces > (bytes - *num_vertices * kMinVertexBytes) / kMinFaceBytes) {
-    return bad("is truncated: it announces " + std::to_string(*num_vertices) + " vertices and " +
-               std::to_string(*num_faces) + " faces but only " + std::to_string(content.size()) +
-               " bytes follow");
+    return bad_input("is truncated: it announces " + std::to_string(*num_vertices) +
+                     " vertices and " + std::to_string(*num_faces) + " faces but only " +
+                     std::to_string(content.size()) + " bytes follow");
   }
 
   TriangleMesh mesh;
@@ -54,8 +52,8 @@ Result<TriangleMesh> parse_off_mesh(std::string_view content) {
     const auto y = parse_number<double>(take_word(line));
     const auto z = parse_number<double>(take_word(line));
     if (!x || !y || !z) {
-      return bad("is truncated or damaged at vertex " + std::to_string(i) + " of " +
-                 std::to_string(*num_vertices));
+      return bad_input("is truncated or damaged at vertex " + std::to_string(i) + " of " +
+                       std::to_string(*num_vertices));
     }
     mesh.vertices.push_back({*x, *y, *z});
   }
@@ -70,8 +68,8 @@ Result<TriangleMesh> parse_off_mesh(std::string_view content) {
       indices.push_back(*index);
     }
     if (!num_corners || indices.size() != *num_corners) {
-      return bad("is truncated or damaged at face " + std::to_string(i) + " of " +
-                 std::to_string(*num_faces));
+      return bad_input("is truncated or damaged at face " + std::to_string(i) + " of " +
+                       std::to_string(*num_faces));
     }
     if (auto error = polygons.add(indices, " in face " + std::to_string(i))) return *error;
   }

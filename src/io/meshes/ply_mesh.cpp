@@ -3,12 +3,11 @@
 #include <vector>
 
 #include "src/io/clouds/ply_format.h"
+#include "src/io/internal/text_scanner.h"
 #include "src/io/meshes/mesh_parsers.h"
 
 namespace palpate { inline namespace v0 {
 namespace {
-
-Error bad(std::string message) { return {Errc::bad_input, std::move(message)}; }
 
 /// One row of an element: its scalars x, y, z and its list of vertex indices.
 struct Row {
@@ -62,14 +61,14 @@ Result<TriangleMesh> parse_ply_mesh(std::string_view content) {
     const bool is_vertex = element.name == "vertex", is_face = element.name == "face";
     if (is_vertex &&
         !(has_property(element, "x") && has_property(element, "y") && has_property(element, "z"))) {
-      return bad("has vertices without x, y and z");
+      return bad_input("has vertices without x, y and z");
     }
     if (is_vertex) mesh.vertices.reserve(element.count);
     if (is_face) mesh.triangles.reserve(element.count);
     for (std::uint64_t i = 0; i < element.count; ++i) {
       if (!read_row(element, values, row)) {
-        return bad("is truncated or damaged at '" + element.name + "' " + std::to_string(i) +
-                   " of " + std::to_string(element.count));
+        return bad_input("is truncated or damaged at '" + element.name + "' " + std::to_string(i) +
+                         " of " + std::to_string(element.count));
       }
       if (is_vertex) mesh.vertices.push_back(row.point);
       if (!is_face) continue;

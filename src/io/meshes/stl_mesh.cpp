@@ -10,8 +10,6 @@
 namespace palpate { inline namespace v0 {
 namespace {
 
-Error bad(std::string message) { return {Errc::bad_input, std::move(message)}; }
-
 /// True if `word` is `lower`, which is in small letters, whatever its capitals.
 bool is_word(std::string_view word, std::string_view lower) {
   return std::ranges::equal(word, lower, [](char a, char b) {
@@ -74,7 +72,7 @@ Result<TriangleMesh> parse_text_stl(std::string_view content) {
         corners.clear();
       } else if (is_word(word, "vertex")) {
         const auto vertex = take_vertex(line);
-        if (!vertex) return bad("has a damaged vertex" + where());
+        if (!vertex) return bad_input("has a damaged vertex" + where());
         corners.push_back(static_cast<double>(mesh.vertices.size()));
         mesh.vertices.push_back(*vertex);
       } else if (is_word(word, "endloop")) {
@@ -82,23 +80,23 @@ Result<TriangleMesh> parse_text_stl(std::string_view content) {
       } else if (is_word(word, "endfacet")) {
         is_in_facet = false;
       } else if (!is_word(word, "outer")) {
-        return bad("has '" + std::string(word.substr(0, 40)) + "' in a facet" + where());
+        return bad_input("has '" + std::string(word.substr(0, 40)) + "' in a facet" + where());
       }
     }
   }
-  if (is_in_facet || is_in_solid) return bad("is truncated: it has no 'endsolid' at its end");
-  if (mesh.triangles.empty()) return bad("is empty: none of its solids has a facet");
+  if (is_in_facet || is_in_solid) return bad_input("is truncated: it has no 'endsolid' at its end");
+  if (mesh.triangles.empty()) return bad_input("is empty: none of its solids has a facet");
   return mesh;
 }
 
 Result<TriangleMesh> parse_binary_stl(std::string_view content) {
   // 80 bytes of anything, the number of facets, and of each a normal, three vertices and two bytes.
   constexpr std::size_t kHeaderBytes = 84, kFacetBytes = 50, kNormalBytes = 12;
-  if (content.size() < kHeaderBytes) return bad("is neither a text nor a binary STL file");
+  if (content.size() < kHeaderBytes) return bad_input("is neither a text nor a binary STL file");
   const auto num_facets = little_endian_at<std::uint32_t>(content.data() + kHeaderBytes - 4);
   if (num_facets > (content.size() - kHeaderBytes) / kFacetBytes) {
-    return bad("is truncated or no STL file: it announces " + std::to_string(num_facets) +
-               " facets but has only " + std::to_string(content.size()) + " bytes");
+    return bad_input("is truncated or no STL file: it announces " + std::to_string(num_facets) +
+                     " facets but has only " + std::to_string(content.size()) + " bytes");
   }
   TriangleMesh mesh;
   mesh.vertices.reserve(3 * std::size_t(num_facets));
@@ -110,7 +108,7 @@ Result<TriangleMesh> parse_binary_stl(std::string_view content) {
       for (int axis = 0; axis < 3; ++axis) {
         p[axis] = little_endian_at<float>(at + kNormalBytes + 12 * corner + 4 * axis);
         if (!std::isfinite(p[axis])) {
-          return bad("has a damaged vertex in facet " + std::to_string(i));
+          return bad_input("has a damaged vertex in facet " + std::to_string(i));
         }
       }
       mesh.vertices.push_back(p);

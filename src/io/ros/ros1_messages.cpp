@@ -1,4 +1,3 @@
-#include "src/io/ros/ros1_messages.h"
 
 #include <cstdint>
 

@@ -5,7 +5,7 @@
 #include <map>
 #include <utility>
 
-#include "src/io/internal/sha256.h"
+#include "src/io/internal/hashes.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

@@ -1,4 +1,4 @@
-#include "src/io/internal/rvl.h"
+#include "src/io/internal/ros_image.h"
 
 #include <optional>
 #include <string>

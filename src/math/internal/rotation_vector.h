@@ -26,4 +26,9 @@ inline Vec3d rotation_between(const Quaternion& from, const Quaternion& to) {
   return rotation_vector(to * conjugate(from));
 }
 
+/// Returns exp(turn) q, normalized; q itself for a zero turn.
+inline Quaternion rotated(const Quaternion& q, const Vec3d& turn) {
+  return norm(turn) > 0 ? normalized(rotation_by(turn) * q) : q;
+}
+
 }}  // namespace palpate::v0

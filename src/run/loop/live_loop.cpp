@@ -7,8 +7,7 @@
 
 #include "src/core/internal/guarded.h"
 #include "src/core/internal/monotonic_clock.h"
-#include "src/core/internal/thread_rank.h"
-#include "src/run/loop/rates.h"
+#include "src/run/check_settings.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

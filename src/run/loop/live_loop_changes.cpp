@@ -6,11 +6,10 @@
 #include <algorithm>
 #include <utility>
 
+#include "src/core/internal/guarded.h"
 #include "src/core/internal/monotonic_clock.h"
-#include "src/core/internal/thread_rank.h"
+#include "src/run/check_settings.h"
 #include "src/run/loop/live_loop.h"
-#include "src/run/loop/rates.h"
-#include "src/run/setting_changes.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

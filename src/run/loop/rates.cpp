@@ -1,9 +1,9 @@
-#include "src/run/loop/rates.h"
+#include "src/run/check_settings.h"
 
 #include <algorithm>
 #include <limits>
 
-#include "src/core/internal/number_text.h"
+#include "src/core/internal/message_text.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

@@ -9,9 +9,9 @@
 
 #include "src/core/internal/guarded.h"
 #include "src/core/internal/monotonic_clock.h"
-#include "src/core/internal/thread_rank.h"
 #include "src/field/internal/needed_window.h"
 #include "src/run/internal/pipeline.h"
+#include "src/run/internal/real_time.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

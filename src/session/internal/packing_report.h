@@ -1,6 +1,8 @@
 // Quality of a packed tool: the numbers, and the page that shows them.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <optional>
 #include <span>
 #include <string>
@@ -11,6 +13,14 @@
 #include "palpate/tool/tool.h"
 
 namespace palpate { inline namespace v0 {
+
+/// The smallest value that at least this share of the values, which are ascending and at least one,
+/// do not exceed.
+template <class Value>
+Value nearest_rank(const std::vector<Value>& sorted, double share) {
+  const double rank = std::ceil(share * static_cast<double>(sorted.size()));
+  return sorted[static_cast<std::size_t>(std::max(rank, 1.0)) - 1];
+}
 
 /// void(N) = factor * N^-exponent. Greedy packings approach it, with an exponent a little below
 /// that of the Apollonian packing, the best that spheres can do; the shape of the solid decides the

@@ -109,4 +109,12 @@ Result<std::string> read_note(std::string_view message);
 std::string difference(const ContactRecord& recorded, const ContactRecord& repeated);
 std::string difference(const TickRecord& recorded, const TickRecord& repeated);
 
+/// Writes the setup of a run as JSON, apart from what the message of the settings has as fields of
+/// its own: device, revision and time origin.
+std::string setup_json(const RunSetup& setup);
+
+/// Reads such a text. Errors: it is none, or that of another version of the format. Objects come
+/// without their shapes, regions without their labels.
+Result<RunSetup> setup_from_json(const std::string& json);
+
 }}  // namespace palpate::v0

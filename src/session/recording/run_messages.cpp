@@ -5,7 +5,6 @@
 
 #include "src/cloud/internal/frame_limits.h"
 #include "src/session/recording/message_codec.h"
-#include "src/session/recording/setup_json.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

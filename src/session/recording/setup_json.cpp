@@ -2,7 +2,7 @@
 //
 // Shapes of objects and labels of regions are files of the recording, so the text stays short and
 // can be written again at the beginning of each part.
-#include "src/session/recording/setup_json.h"
+#include "src/session/internal/run_messages.h"
 
 #include <array>
 #include <charconv>

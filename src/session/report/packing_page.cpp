@@ -3,7 +3,7 @@
 #include <map>
 
 #include "palpate/version.h"
-#include "src/pages/internal/report_page.h"
+#include "src/pages/internal/pages.h"
 #include "src/session/internal/compact_json.h"
 #include "src/session/internal/packing_report.h"
 #include "src/session/internal/page_models.h"

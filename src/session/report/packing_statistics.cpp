@@ -6,7 +6,6 @@
 
 #include "src/mesh/internal/surface_points.h"
 #include "src/session/internal/packing_report.h"
-#include "src/session/report/statistics.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

@@ -6,7 +6,7 @@
 #include <string>
 #include <utility>
 
-#include "src/pages/internal/report_page.h"
+#include "src/pages/internal/pages.h"
 #include "src/run/internal/object_poses.h"
 #include "src/run/internal/pipeline.h"
 #include "src/session/internal/compact_json.h"

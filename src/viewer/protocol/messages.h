@@ -10,6 +10,7 @@
 #include <string_view>
 #include <vector>
 
+#include "palpate/run/run_loop.h"
 #include "palpate/viewer/viewer.h"
 
 namespace palpate { inline namespace v0 {
@@ -62,5 +63,9 @@ struct ViewRequest {
   std::string error;  ///< empty: none so far
 };
 ViewRequest parse_request(std::string_view text);
+
+/// `stages` of the protocol.
+nlohmann::ordered_json stages_json(const LoopTimes& times);
+nlohmann::ordered_json stage_json(const char* name, const LatencyHistogram& times);
 
 }}  // namespace palpate::v0

@@ -1,4 +1,4 @@
-#include "src/viewer/protocol/stages.h"
+#include "src/viewer/protocol/messages.h"
 
 #include <cmath>
 

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "src/pages/internal/page_files.h"
+#include "src/pages/internal/pages.h"
 #include "src/viewer/server/access.h"
 
 namespace palpate { inline namespace v0 {

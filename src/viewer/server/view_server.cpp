@@ -11,7 +11,6 @@
 
 #include "src/core/internal/guarded.h"
 #include "src/core/internal/monotonic_clock.h"
-#include "src/core/internal/thread_rank.h"
 #include "src/viewer/server/http_connection.h"
 
 namespace palpate { inline namespace v0 {

@@ -8,8 +8,8 @@
 #include "src/core/internal/monotonic_clock.h"
 #include "src/viewer/protocol/command.h"
 #include "src/viewer/protocol/controls.h"
+#include "src/viewer/protocol/messages.h"
 #include "src/viewer/protocol/samples.h"
-#include "src/viewer/protocol/stages.h"
 #include "src/viewer/protocol/view_contact.h"
 #include "src/viewer/sources/recycler.h"
 

@@ -14,7 +14,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr double kMaxSteps = 100000, kLongest = 1e9;
+constexpr double kMaxFrameSteps = 100000, kLongest = 1e9;
 
 class RunView final : public ViewSource {
  public:
@@ -94,7 +94,7 @@ Result<std::string> RunView::command(std::string_view json) {
   } else if (name == "resume") {
     player_.resume();
   } else if (name == "step") {
-    const auto num = command->number("frames", -kMaxSteps, kMaxSteps, 1);
+    const auto num = command->number("frames", -kMaxFrameSteps, kMaxFrameSteps, 1);
     if (!num) return num.error();
     player_.step(static_cast<int>(std::lround(*num)));
   } else if (name == "seek") {

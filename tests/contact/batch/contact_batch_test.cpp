@@ -281,6 +281,7 @@ TEST(ContactBatch, WhatDoesNotFitIsRefusedInOneSentence) {
   on_gpu[2].field.gpu = 1;
   expect_refused(on_gpu, poses.batch(), got.all(), "surface in the memory of GPU 1");
   std::vector<SurfaceView> remembered = surfaces;
+  remembered[1].role = SurfaceRole::with_memory;
   remembered[1].in_front = remembered[1].field;
   expect_refused(remembered, poses.batch(), got.all(),
                  "surface 1 of a batch is one of a camera with");

@@ -1,5 +1,5 @@
 // Bodies on a GPU against the CPU.
-#include "src/contact/bodies/body_contact_cuda.h"
+#include "src/contact/backends.h"
 
 #include <cmath>
 #include <cstring>

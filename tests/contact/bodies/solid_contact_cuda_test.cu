@@ -1,5 +1,5 @@
 // Bodies that sample each other's distance fields, on a GPU against the CPU.
-#include "src/contact/bodies/solid_contact_cuda.h"
+#include "src/contact/backends.h"
 
 #include <cmath>
 #include <cstring>

@@ -1,6 +1,6 @@
 // The query on a GPU (or by the emulator): against brute force in double, as the CPU is held to it,
 // and against the CPU.
-#include "src/contact/cuda/contact_query_cuda.h"
+#include "src/contact/backends.h"
 
 #include <algorithm>
 #include <cstdlib>

@@ -10,7 +10,7 @@
 #include "palpate/contact/contact.h"
 #include "palpate/field/sensor.h"
 #include "palpate/io/formats.h"
-#include "src/contact/cuda/contact_query_cuda.h"
+#include "src/contact/backends.h"
 #include "src/contact/internal/field_elements.h"
 #include "src/field/internal/needed_window.h"
 #include "tests/test_util/contact_scenes.h"

@@ -6,7 +6,7 @@
 
 #include <gtest/gtest.h>
 
-#include "src/contact/cuda/contact_query_cuda.h"
+#include "src/contact/backends.h"
 #include "src/field/internal/key_frames.h"
 #include "tests/test_util/contact_scenes.h"
 #include "tests/test_util/gpu.h"
@@ -235,7 +235,7 @@ TEST_F(DepthHullCuda, RefusesWhatTheCpuRefuses) {
   };
   EXPECT_EQ(status({SurfaceBlend{}, SurfaceBlend{}}), StepStatus::no_surface);
   std::vector<SurfaceBlend> views = scene.views;
-  views[1].to.seen_free = {};
+  test::set_apart(views[1].to);
   EXPECT_EQ(status(views), StepStatus::no_surface);
   views = scene.views;
   views[0].to.field.requested = {0, 0, 20, 20};

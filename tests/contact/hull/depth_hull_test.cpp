@@ -230,7 +230,7 @@ TEST(DepthHull, OneCameraThatHasMovedIsMeasuredFromBothPlaces) {
   const Tool tool = test::random_tool(300, 0.06, 5);
   const auto query = make_query(tool, SphereVolumes::own);
   SurfaceView from = scene.views[0].to, to = scene.views[1].to;
-  from.seen_free = to.seen_free = {};
+  test::set_apart(from, to);
   const ContactWants wants{.stiffness = true};
   int num_with_force = 0;
   for (int i = 0; i < 20; ++i) {
@@ -412,7 +412,7 @@ TEST(DepthHull, OneCameraSaysWhatItDoesNotSee) {
   for (const UnseenSpace unseen : {UnseenSpace::solid, UnseenSpace::free}) {
     HullScene scene = test::rough_scene(1, {.unseen = unseen}, random);
     SurfaceBlend& view = scene.views[0];
-    view.to.seen_free = view.from.seen_free = {};
+    test::set_apart(view.from, view.to);
     int num_parts = 0;
     for (int i = 0; i < 40; ++i) {
       Pose X_WT = random_pose(random);
@@ -496,7 +496,7 @@ TEST(DepthHull, RefusesWhatItCannotMeasure) {
   EXPECT_EQ(status({SurfaceBlend{}, SurfaceBlend{}}, X_WT), StepStatus::no_surface);
   EXPECT_EQ(status(std::vector<SurfaceBlend>(kMaxCameras + 1, views[0]), X_WT),
             StepStatus::no_surface);
-  views[1].to.seen_free = {};
+  test::set_apart(views[1].to);
   EXPECT_EQ(status(views, X_WT), StepStatus::no_surface);
   views = scene.views;
   EXPECT_EQ(status(views, {{NAN, 0, 0}, {}}), StepStatus::non_finite_pose);

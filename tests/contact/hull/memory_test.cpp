@@ -67,6 +67,7 @@ TEST(Memory, EqualsItsDefinition) {
       for (SurfaceBlend& view : without) {
         view.from.in_front = view.to.in_front = {};
         view.from.remembered = view.to.remembered = {};
+        if (!is_joined) view.from.role = view.to.role = SurfaceRole::frame;
       }
       for (int i = 0; i < 40; ++i) {
         const Pose X_WT = i % 2 == 0 ? random_pose(random) : test::pose_in_front(scene, random);
@@ -100,6 +101,7 @@ TEST(Memory, OfFramesFromOtherPlacesEqualsItsDefinition) {
   for (std::size_t k = 1; k < 3; ++k) {
     views.push_back({other.views[k].to, scene.views[k].to, 0.4});
     for (SurfaceView* const view : {&views[k].from, &views[k].to}) {
+      view->role = SurfaceRole::key_frame;
       view->seen_free = view->in_front = {};
       view->X_WC = {random.in_box(0.05), random.rotation(0.1)};
     }
@@ -223,7 +225,7 @@ TEST(Memory, WithNothingInFrontItIsOneCamera) {
   const DepthFrame frame = test::random_frame(camera.width, camera.height, random, false);
   test::add_memory(scene, camera, {frame, frame}, {}, 0.5, false);
   SurfaceView plain = scene.views[0].to;
-  plain.in_front = plain.seen_free = {};
+  test::set_apart(plain);
   const Tool tool = test::random_tool(400, 0.06, 5);
   const auto query = make_query(tool, SphereVolumes::own);
   int num_with_force = 0;

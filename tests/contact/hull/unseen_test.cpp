@@ -60,7 +60,7 @@ TEST_F(Unseen, ByOneCameraIsWhatItDidNotMeasure) {
   const auto with = [](double left, double right) {
     HullScene scene;
     test::add_view(scene, test::vga(), {}, dark_image(left, right));
-    scene.views[0].to.seen_free = scene.views[0].from.seen_free = {};
+    test::set_apart(scene.views[0].from, scene.views[0].to);
     return scene;
   };
   const HullScene none = with(0, 0), edge = with(0.04, 0), wide = with(0.16, 0.03);

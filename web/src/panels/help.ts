@@ -1,4 +1,6 @@
-import { button, element, icon } from '../dom';
+// Help: the hint of the first visit, the keys, and their dialog.
+
+import { button, element, icon, recall, remember } from '../dom';
 
 export const KEYS: [keys: string, does: string][] = [
   ['Space', 'pause and go on'],
@@ -46,4 +48,38 @@ export class Help {
     if (this.root.open) this.root.close();
     else this.root.showModal();
   }
+}
+
+/** Hint for the first visit, until it is closed or the scene is turned. */
+export function hint(canvas: HTMLCanvasElement): HTMLElement {
+  const isTouch = matchMedia('(pointer: coarse)').matches;
+  const words = isTouch
+    ? 'Drag to rotate, pinch to zoom.'
+    : 'Drag to rotate, scroll to zoom, press ? for all keys.';
+  const close = () => {
+    root.hidden = true;
+    remember('hint', 'seen');
+  };
+  const cross = button('round', 'close this hint', close, icon('close'));
+  const root = element('aside', 'hint', element('span', '', words), cross);
+  root.hidden = recall('hint') === 'seen';
+  canvas.addEventListener('pointerup', close, { once: true });
+  return root;
+}
+
+export type Keys = Record<string, () => void>;
+
+/** Actions by key label, lowercase. */
+export function listenToKeys(keys: Keys): void {
+  window.addEventListener('keydown', (event) => {
+    if (event.ctrlKey || event.metaKey || event.altKey || event.defaultPrevented) return;
+    const target = event.target as HTMLElement;
+    if (target.closest('input:not([type=checkbox]):not([type=range]), select, textarea, dialog')) return;
+    const isPress = event.key === ' ' || event.key === 'Enter';
+    if (isPress && target.closest('button, input')) return; // a button or input handles it
+    const action = keys[event.key.toLowerCase()];
+    if (!action) return;
+    event.preventDefault();
+    action();
+  });
 }

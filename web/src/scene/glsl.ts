@@ -1,6 +1,9 @@
 // Code that several shaders share. All shaders write display colors (sRGB).
 
-import { DoubleSide, GLSL3, RawShaderMaterial, type IUniform, type ShaderMaterialParameters } from 'three';
+import {
+  AlwaysStencilFunc, DoubleSide, EqualStencilFunc, GLSL3, NotEqualStencilFunc, RawShaderMaterial, ReplaceStencilOp,
+  type IUniform, type ShaderMaterialParameters,
+} from 'three';
 
 const PRECISION = `
 precision highp float;
@@ -59,3 +62,11 @@ export function shaderMaterial(
     ...more,
   });
 }
+
+// The window in the surface that shows the tool: the tool is drawn first and marks the stencil, the
+// cloud tests the mark.
+const MARK = { stencilWrite: true, stencilRef: 1 };
+
+export const OPENS_WINDOW = { ...MARK, stencilFunc: AlwaysStencilFunc, stencilZPass: ReplaceStencilOp };
+export const WITHIN_WINDOW = { ...MARK, stencilFunc: EqualStencilFunc };
+export const OUT_OF_WINDOW = { ...MARK, stencilFunc: NotEqualStencilFunc };

@@ -8,7 +8,7 @@
 
 #include "palpate/cloud/depth_source.h"
 #include "src/cloud/internal/frame_limits.h"
-#include "src/core/internal/number_text.h"
+#include "src/core/internal/message_text.h"
 
 namespace palpate { inline namespace v0 {
 

@@ -10,8 +10,7 @@ import type { Frame, SceneOptions } from '../../types';
 import { rgb, THEMES } from '../colors';
 import { DEPTH_IMAGE, type DepthImage } from './depth_image';
 import { DepthRange } from './depth_range';
-import { shaderMaterial, type Uniforms, VIRIDIS } from '../glsl';
-import { OUT_OF_WINDOW, WITHIN_WINDOW } from '../window';
+import { OUT_OF_WINDOW, shaderMaterial, type Uniforms, VIRIDIS, WITHIN_WINDOW } from '../glsl';
 
 const COLORINGS = { shaded: 0, depth: 1, normals: 2 };
 

@@ -6,9 +6,8 @@
 import { DynamicDrawUsage, InstancedBufferAttribute, type InstancedBufferGeometry, Mesh, Vector3 } from 'three';
 import type { Contact, SceneOptions, Spheres } from '../../types';
 import { cameraColor, rgb, STATE_COLORS } from '../colors';
-import { SHADE, shaderMaterial } from '../glsl';
+import { OPENS_WINDOW, SHADE, shaderMaterial } from '../glsl';
 import { BALL_FRAGMENT, BALL_VERTEX, ballGeometry } from './sphere_shader';
-import { OPENS_WINDOW } from '../window';
 
 const UNKNOWN = 3; // state of a sphere without measurement
 

@@ -4,8 +4,7 @@ import { BufferAttribute, BufferGeometry, Float32BufferAttribute, Mesh as DrawnM
 import { toCreasedNormals } from 'three/addons/utils/BufferGeometryUtils.js';
 import type { Mesh, SceneOptions } from '../../types';
 import { heat, OTHER_COLORS, rgb, THEMES } from '../colors';
-import { shaderMaterial } from '../glsl';
-import { OPENS_WINDOW } from '../window';
+import { OPENS_WINDOW, shaderMaterial } from '../glsl';
 
 const CREASE = 0.55; // rad: larger angles between triangles are sharp edges
 /** Units per meter for three.js, which merges vertices within a hundredth of a unit: here 1 µm. */
