@@ -5,7 +5,7 @@
 
 #include "palpate/haptics/local_contact.h"
 #include "src/haptics/coupling/rotated.h"
-#include "src/haptics/internal/matrix6.h"
+#include "src/math/internal/matrix6.h"
 
 namespace palpate { inline namespace v0 {
 

@@ -4,7 +4,7 @@
 
 #include "src/haptics/contact_line.h"
 #include "src/haptics/coupling/rotated.h"
-#include "src/haptics/internal/matrix6.h"
+#include "src/math/internal/matrix6.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

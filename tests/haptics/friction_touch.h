@@ -7,7 +7,7 @@
 
 #include "palpate/haptics/coupling.h"
 #include "src/haptics/coupling/rotated.h"
-#include "src/haptics/internal/matrix6.h"
+#include "src/math/internal/matrix6.h"
 
 namespace palpate::test {
 

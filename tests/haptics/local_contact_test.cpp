@@ -7,7 +7,7 @@
 
 #include "palpate/math/geometry.h"
 #include "src/haptics/coupling/rotated.h"
-#include "src/haptics/internal/matrix6.h"
+#include "src/math/internal/matrix6.h"
 #include "tests/test_util/allocation_counter.h"
 #include "tests/test_util/random.h"
 

@@ -6,7 +6,7 @@
 #include <limits>
 
 #include "src/haptics/coupling/rotated.h"
-#include "src/haptics/internal/matrix6.h"
+#include "src/math/internal/matrix6.h"
 #include "tests/haptics/safety_rig.h"
 #include "tests/test_util/allocation_counter.h"
 #include "tests/test_util/random.h"

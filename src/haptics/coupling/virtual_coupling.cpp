@@ -121,17 +121,11 @@ class VirtualCoupling final : public Coupling {
   }
 
   Mat6 mass_matrix() const {
-    const Mat3d r = rotation_matrix(X_WT_.rotation);
+    const Mat3d inertia_W = congruent(rotation_matrix(X_WT_.rotation), inertia_T_);
     Mat6 mass;
     for (int i = 0; i < 3; ++i) {
       mass.m[i][i] = mass_;
-      for (int j = 0; j < 3; ++j) {
-        for (int k = 0; k < 3; ++k) {
-          for (int l = 0; l < 3; ++l) {
-            mass.m[i + 3][j + 3] += r.m[i][k] * inertia_T_.m[k][l] * r.m[j][l];
-          }
-        }
-      }
+      for (int j = 0; j < 3; ++j) mass.m[i + 3][j + 3] = inertia_W.m[i][j];
     }
     return mass;
   }

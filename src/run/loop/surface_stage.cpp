@@ -11,6 +11,7 @@
 #include "src/core/internal/monotonic_clock.h"
 #include "src/core/internal/thread_rank.h"
 #include "src/field/internal/needed_window.h"
+#include "src/math/internal/farthest.h"
 #include "src/run/internal/pipeline.h"
 
 namespace palpate { inline namespace v0 {
@@ -60,12 +61,8 @@ WindowOptions window_of(const RunSettings& settings) {
 
 ToolBall ball_of(const Tool& tool) {
   constexpr double kMaxBallGrowth = 1.5;  // largest growth of a ball that is split into parts
-  ToolBall ball{tool.sphere_mass().center_of_mass, 0};
-  for (const Sphere& sphere : tool.spheres()) {
-    const double away = norm(to_double(sphere.center) - ball.p_TC);
-    ball.reach = std::max(ball.reach, away + kMaxBallGrowth * static_cast<double>(sphere.radius));
-  }
-  return ball;
+  const Vec3d& center = tool.sphere_mass().center_of_mass;
+  return {center, farthest(tool.spheres(), center, kMaxBallGrowth)};
 }
 
 SurfaceStage::Camera::Camera(DepthSource& from, SurfaceTimeline into)
