@@ -8,7 +8,7 @@
 #include "palpate/packing/packing.h"
 #include "scenes/scene.h"
 #include "src/math/internal/farthest.h"
-#include "eval/studies/random.h"
+#include "src/math/internal/random.h"
 
 namespace palpate::eval {
 namespace {

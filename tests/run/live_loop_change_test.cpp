@@ -8,12 +8,12 @@
 #include <thread>
 #include <vector>
 
-#include "eval/studies/method_queries.h"
 #include "src/core/internal/monotonic_clock.h"
 #include "src/run/internal/pipeline.h"
 #include "src/run/loop/haptic_stage.h"
 #include "tests/run/live_loop_fixtures.h"
 #include "tests/test_util/allocation_counter.h"
+#include "tests/test_util/contact_queries.h"
 #include "tests/test_util/sanitized.h"
 
 namespace palpate {
@@ -185,7 +185,7 @@ TEST(LiveLoopChange, ContactsAreThoseOfTheirRevision) {
   ASSERT_EQ(touching.loop->report().num_lost_records, 0u);
   seen.settings.insert(seen.settings.begin(), patient_settings());
   ThreadPool pool(1);
-  eval::MethodQueries query(Backend::cpu, box_tool());
+  test::ContactQueries queries(box_tool());
   std::optional<SurfaceTimeline> timeline;
   std::size_t num_pushed = 0;
   for (const ContactRecord& contact : seen.contacts) {
@@ -203,8 +203,8 @@ TEST(LiveLoopChange, ContactsAreThoseOfTheirRevision) {
     }
     SurfaceBlend blend = timeline->at(1e12);
     blend.progress = contact.cameras.of[0].progress;
-    query.set_blend(blend);
-    const Penetration again = query.query(contact.X_WT, seen.settings[contact.revision].contact);
+    const ContactQuery& query = queries.by(seen.settings[contact.revision].contact);
+    const Penetration again = query.measure({&blend, 1}, contact.X_WT).penetration;
     ASSERT_EQ(again.volume, contact.penetration.volume) << contact.number;
     ASSERT_EQ(again.measure_W.force.z, contact.penetration.measure_W.force.z);
   }
@@ -626,7 +626,9 @@ TEST(LiveLoopPictures, AreWhatAFreshQuerySays) {
     auto timeline =
         SurfaceTimeline::create(touching.source.info(), settings.surface, field, settings.time)
             .value();
-    eval::MethodQueries query(Backend::cpu, box_tool());
+    const auto query =
+        make_contact_query(Backend::cpu, box_tool(), contact_method(settings.contact).value())
+            .value();
     int num_compared = 0;
     for (std::size_t k = 0; k < seen.frames.size(); ++k) {
       timeline.push(seen.frames[k].frame, seen.frames[k].time, pool);
@@ -645,17 +647,15 @@ TEST(LiveLoopPictures, AreWhatAFreshQuerySays) {
       if (k != picture->frame_number) continue;
       SurfaceBlend blend = timeline.at(1e12);
       blend.progress = contact.cameras.of[0].progress;
-      query.set_blend(blend);
-      query.query(picture->X_WT, settings.contact);
-      const auto states = query.states();
-      const auto planes = query.planes();
-      ASSERT_EQ(picture->spheres.states.size(), states.size());
-      ASSERT_EQ(picture->spheres.planes.size(), planes.size());
+      const auto whole =
+          test::whole_contact(*query, blend.from, blend.to, blend.progress, picture->X_WT);
+      ASSERT_EQ(picture->spheres.states.size(), whole.states.size());
+      ASSERT_EQ(picture->spheres.planes.size(), whole.planes.size());
       int num_touched = 0;
-      for (std::size_t i = 0; i < states.size(); ++i) {
-        ASSERT_EQ(picture->spheres.states[i], states[i]);
-        ASSERT_EQ(picture->spheres.planes[i].normal, planes[i].normal);
-        num_touched += states[i] != SphereState::outside;
+      for (std::size_t i = 0; i < whole.states.size(); ++i) {
+        ASSERT_EQ(picture->spheres.states[i], whole.states[i]);
+        ASSERT_EQ(picture->spheres.planes[i].normal, whole.planes[i].normal);
+        num_touched += whole.states[i] != SphereState::outside;
       }
       EXPECT_GT(num_touched, 0);
     }

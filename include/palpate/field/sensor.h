@@ -52,8 +52,8 @@ inline void add_settings(SettingTable& t, TimeOptions& o) {
 
 /// The surface of one frame: input of queries; non-owning, trivially copyable.
 struct SurfaceView {
-  PointCloudView cloud;
-  DepthFieldView field;  ///< no levels if there is none
+  PointCloudView cloud = {};
+  DepthFieldView field = {};  ///< no levels if there is none
   /// Field with UnknownSpace::blocked, positive only in space that the camera has seen to be free.
   /// With DepthFieldOptions::one_of_several only.
   DepthFieldView seen_free = {};
