@@ -178,7 +178,7 @@ void slides(const Tool& tool) {
       if (i < 1000) continue;
       const double want = kMu * into(tick);
       worst = std::max(worst, norm(along(tick) + Vec3d{want, 0, 0}) / want);
-      at_hand = std::max(at_hand, std::abs(tick.step.F_H_B.force.x + want) / want);
+      at_hand = std::max(at_hand, std::abs(tick.step.desired_F_H_B.force.x + want) / want);
     }
     row("slide", coupling.name, 100 * worst, "%", 1);
     if (coupling.kind != CouplingKind::none) {
@@ -241,7 +241,7 @@ double given(const Tool& tool, const ClosedPath& path, CouplingKind kind, double
              dot(felt.torque, rotation_between(last.rotation, X.rotation));
       most = std::max(most, sum);
     }
-    felt = touch.to(X).step.F_H_B;
+    felt = touch.to(X).step.desired_F_H_B;
     last = X;
   }
   return sum;
@@ -333,7 +333,7 @@ bool is_calm(const DeviceModel& base, CouplingKind kind, double mu, double k) {
     const CouplingStep step = coupling->step(state, contact, kTick);
     X_WT = step.X_WT;
     if (++number > 3500) late = std::max(late, norm(device->true_state().V_BH.linear));
-    return step.F_H_B;
+    return step.desired_F_H_B;
   });
   if (!started) return false;
   device->run(4000);

@@ -91,7 +91,7 @@ class VirtualCoupling final : public Coupling {
     const Vec6 stretch = stretch_between(X_WT_, p_WC_, held);
     const Spring::Rates rates = spring_.rates(stretch);
     const Vec6 on_tool = rates * stretch + damping(rates) * (held.velocity - velocity_);
-    step.F_H_B = hand_.at_handle(to_wrench(-1 * on_tool));
+    step.desired_F_H_B = hand_.at_handle(to_wrench(-1 * on_tool));
     step.is_clutched = hand_.is_clutched();
     step.stretch = norm(stretch.linear);
     step.energy = spring_.energy(stretch) / scale_;  // as the hand's side sees it
