@@ -15,7 +15,7 @@
 #include "bench/arm_setup.h"
 #include "bench/contact_setup.h"
 #include "bench/gpu_floor.cuh"
-#include "bench/gpu_rows.h"
+#include "bench/harness.h"
 #include "bench/hull_setup.h"
 #include "bench/wall_frame.h"
 #include "palpate/contact/body_contact.h"
@@ -39,6 +39,7 @@ struct Options {
 };
 
 Options options;
+ResultRows* rows = nullptr;
 
 bool is_requested(const std::string& name) { return name.find(options.only) != std::string::npos; }
 
@@ -54,7 +55,7 @@ void measure(const std::string& name, const Call& call) {
     call();
     times.push_back(microseconds_since(start));
   } while (times.size() < 20000 && microseconds_since(begin) < 1e6 * options.seconds);
-  report(name, times);
+  rows->times(name, call_times(std::move(times)));
 }
 
 // Launches, barriers and synchronization without any work.
@@ -261,7 +262,7 @@ void measure_sensing(int width, int height) {
       times.push_back(stream.lap() / kFrames);
     }
     if (!stream.status()) stop(stream.status().error());
-    report(name, times);
+    rows->times(name, call_times(std::move(times)));
   };
   measure_recorded("sensing: surface and field; device time/" + size, [&] {
     sensing.surface.enqueue_depth(stream, depth);
@@ -367,8 +368,9 @@ void measure_sharing(int width, int height) {
       }
       goes_on = false;
       camera.join();
-      report(name, times);
-      if (!frame_times.empty()) report(name + "; its frames", frame_times);
+      rows->times(name, call_times(std::move(times)));
+      if (!frame_times.empty())
+        rows->times(name + "; its frames", call_times(std::move(frame_times)));
     }
   }
 }
@@ -403,17 +405,14 @@ void measure_two_gpus() {
           (i == 0 ? first : later).push_back(microseconds_since(start));
         }
       }
-      report(name + ": frames", pushes);
-      report(name + ": first query of a frame", first);
-      report(name + ": other queries", later);
+      rows->times(name + ": frames", call_times(std::move(pushes)));
+      rows->times(name + ": first query of a frame", call_times(std::move(first)));
+      rows->times(name + ": other queries", call_times(std::move(later)));
     }
   }
 }
 
-void run() {
-  const auto gpus = value_or_stop(find_gpus());
-  std::printf("# %s\ncase,calls,median_us,p99_us,p99.9_us,max_us,mean_us,deviation_us\n",
-              gpus[0].name.c_str());
+void run(std::size_t num_gpus) {
   measure_floor();
   measure_sensing(640, 480);
   measure_sensing(1920, 1080);
@@ -423,7 +422,7 @@ void run() {
   for (const int size : {5000, 17000}) measure_hull(size);
   measure_sharing(640, 480);
   measure_sharing(1920, 1080);
-  if (gpus.size() > 1) measure_two_gpus();
+  if (num_gpus > 1) measure_two_gpus();
 }
 
 }  // namespace
@@ -445,5 +444,10 @@ int main(int argc, char** argv) {
       return 2;
     }
   }
-  palpate::bench::run();
+  using namespace palpate::bench;
+  const auto gpus = value_or_stop(palpate::find_gpus());
+  ResultRows all(argc, argv, gpus[static_cast<std::size_t>(options.gpu)].name);
+  if (!all.open("")) return 1;
+  rows = &all;
+  run(gpus.size());
 }
