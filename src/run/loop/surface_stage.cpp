@@ -253,7 +253,7 @@ void SurfaceStage::make_surfaces() {
 }
 
 void SurfaceStage::make_surface(Camera& camera, std::uint32_t index) {
-  const TimedFrame& newest = camera.frames.value();
+  TimedFrame& newest = camera.frames.value();
   const std::uint64_t number = num_made_.load(std::memory_order_relaxed);
   const std::uint64_t camera_frame = camera.num_made.load(std::memory_order_relaxed);
   const double begin = monotonic_now();
@@ -278,7 +278,6 @@ void SurfaceStage::make_surface(Camera& camera, std::uint32_t index) {
   made.revision = revision;
   camera.surfaces.publish();
   if (PublishedFrame* seen = keeps_frames_ ? seen_.draft() : nullptr) {
-    seen->frame = newest.frame;
     FrameRecord& record = seen->record = {};
     record.number = number;
     record.camera = index;
@@ -292,6 +291,7 @@ void SurfaceStage::make_surface(Camera& camera, std::uint32_t index) {
     record.requested = blend.to.field.requested;
     record.compute_nanoseconds = static_cast<std::int64_t>(1e9 * (end - begin));
     record.period = timeline.period();
+    std::swap(seen->frame, newest.frame);  // nobody reads it any more
     seen_.push();
   }
   camera.num_made.store(camera_frame + 1, std::memory_order_release);
