@@ -16,6 +16,7 @@
 #include <string>
 #include <vector>
 
+#include "bench/harness.h"
 #include "palpate/contact/contact.h"
 #include "palpate/io/formats.h"
 #include "palpate/mesh/mesh.h"
@@ -28,13 +29,10 @@ namespace {
 constexpr DepthAverage kKinds[] = {DepthAverage::none, DepthAverage::moving,
                                    DepthAverage::exponential, DepthAverage::kalman};
 
-std::FILE* csv = nullptr;
-void row(const char* figure, const std::string& of, DepthAverage kind, double value,
+ResultRows* rows = nullptr;
+void row(const std::string& figure, const std::string& of, DepthAverage kind, double value,
          const char* unit) {
-  const std::string name = name_of(kind);
-  std::printf("%-24s %-26s %-12s %10.4g %s\n", figure, of.c_str(), name.c_str(), value, unit);
-  std::fprintf(csv, "\"%s\",\"%s\",%s,%.4g,%s\n", figure, of.c_str(), name.c_str(), value, unit);
-  std::fflush(stdout);
+  rows->add(figure + "/" + of + "/average:" + name_of(kind), value, unit);
 }
 
 Tool tool_of(const char* shape, double size) {
@@ -329,14 +327,11 @@ void cost() {
     std::vector<double> times;
     for (int k = 0; k < 300; ++k) {
       const DepthFrame& frame = frames.frames[static_cast<std::size_t>(k) % frames.frames.size()];
-      const auto begin = std::chrono::steady_clock::now();
+      const Clock::time_point begin = Clock::now();
       averager.update(frame, pool);
-      times.push_back(
-          std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin)
-              .count());
+      times.push_back(microseconds_since(begin));
     }
-    std::sort(times.begin(), times.end());
-    row("cost", "640x480, one core, median", kind, times[times.size() / 2], "ms");
+    rows->times("cost/640x480, one core/average:" + name_of(kind), call_times(std::move(times)));
   }
 }
 
@@ -345,7 +340,7 @@ void cost() {
 
 int main(int argc, char** argv) {
   using namespace palpate::bench;
-  if (argc < 3 || (csv = std::fopen(argv[1], "w")) == nullptr) {
+  if (argc < 3) {
     std::fprintf(
         stderr,
         "usage: calm_force CSV FOLDER_OF_RECORDED_FRAMES [rest | recorded | sudden | lag | "
@@ -354,11 +349,13 @@ int main(int argc, char** argv) {
   }
   const std::string only = argc > 3 ? argv[3] : "";
   const auto is_requested = [&only](const char* figure) { return only.empty() || only == figure; };
-  std::fprintf(csv, "figure,of,average,value,unit\n");
+  ResultRows all(argc, argv);
+  if (!all.open(argv[1])) return 1;
+  rows = &all;
   if (is_requested("cost")) cost();
   if (is_requested("rest")) rest_simulated();
   if (is_requested("recorded")) rest_recorded(argv[2]);
   if (is_requested("sudden")) sudden();
   if (is_requested("lag")) lags();
-  return std::fclose(csv) == 0 ? 0 : 1;
+  return all.close() ? 0 : 1;
 }

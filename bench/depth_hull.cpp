@@ -9,6 +9,7 @@
 #include <memory>
 #include <optional>
 
+#include "bench/harness.h"
 #include "bench/hull_setup.h"
 #include "palpate/contact/contact.h"
 
@@ -16,6 +17,11 @@ namespace palpate::bench {
 namespace {
 
 constexpr double kToolRadius = 0.03, kNoise = 0.0015;
+
+ResultRows* rows = nullptr;
+std::string case_of(const std::string& kind, const std::string& what, int num_cameras) {
+  return kind + "/" + what + "/cameras:" + std::to_string(num_cameras);
+}
 
 /// Returns a ball packed with many equal spheres. A default packing of a ball is one sphere with
 /// nearly all of the volume, and dust.
@@ -80,10 +86,11 @@ void press(const Solid& solid, const Tool& tool, int num_cameras, int num_frames
       last_true = truth;
     }
   }
-  std::printf("error,%s,%d,%.3f,%.3f,%.3f,%.3f,,,,,\n", solid.name.c_str(), num_cameras,
-              100 * sum / num, 100 * std::sqrt(squares / num), angle / num_angles,
-              jump / true_jump);
-  std::fflush(stdout);
+  rows->add(
+      case_of("error", solid.name, num_cameras),
+      facts("volume_mean_percent=%.3f volume_rms_percent=%.3f direction_degrees=%.3f "
+            "jump_over_exact=%.3f",
+            100 * sum / num, 100 * std::sqrt(squares / num), angle / num_angles, jump / true_jump));
 }
 
 /// Moves the tool around a loop through the surface: net work over all work.
@@ -107,31 +114,22 @@ void loop(const Solid& solid, const Tool& tool, int num_cameras, double noise, i
     net += dot(force, way);
     all += std::abs(dot(force, way));
   }
-  std::printf("loop,%s%s,%d,,,,,%.3g,,,,\n", solid.name.c_str(), noise > 0 ? "" : "; exact images",
-              num_cameras, std::abs(net) / all);
-  std::fflush(stdout);
+  rows->add(case_of("loop", solid.name + (noise > 0 ? "" : "; exact images"), num_cameras),
+            facts("loop_net_work=%.3g", std::abs(net) / all));
 }
 
 /// Times repeated calls of `work(i)`, microseconds.
 template <class Work>
 void time_of(const char* kind, const std::string& what, int num_cameras, double seconds,
              const Work& work) {
-  using Clock = std::chrono::steady_clock;
   std::vector<double> times;
-  const auto begin = Clock::now();
-  for (std::size_t i = 0;
-       times.size() < 50 || Clock::now() - begin < std::chrono::duration<double>(seconds); ++i) {
-    const auto start = Clock::now();
+  const Clock::time_point begin = Clock::now();
+  for (std::size_t i = 0; times.size() < 50 || microseconds_since(begin) < 1e6 * seconds; ++i) {
+    const Clock::time_point start = Clock::now();
     work(i);
-    times.push_back(std::chrono::duration<double, std::micro>(Clock::now() - start).count());
+    times.push_back(microseconds_since(start));
   }
-  std::sort(times.begin(), times.end());
-  const auto at = [&](double share) {
-    return times[static_cast<std::size_t>(share * static_cast<double>(times.size() - 1))];
-  };
-  std::printf("%s,%s,%d,,,,,,%.1f,%.1f,%.1f,%.1f\n", kind, what.c_str(), num_cameras, at(0.5),
-              at(0.99), at(0.999), times.back());
-  std::fflush(stdout);
+  rows->times(case_of(kind, what, num_cameras), call_times(std::move(times)));
 }
 
 /// Returns poses of a ball at the surface at (0, 0, 1).
@@ -317,9 +315,6 @@ void looking_around(const Tool& tool, DepthMemory kind, double seconds) {
 void run(bool is_quick, const std::string& only) {
   const auto wants = [&](const char* kind) { return only.empty() || only == kind; };
   const Tool tool = ball_of_spheres();
-  std::puts(
-      "kind,case,cameras,volume_mean_percent,volume_rms_percent,direction_degrees,jump_over_exact,"
-      "loop_net_work,median_us,p99_us,p99.9_us,max_us");
   for (const Solid& solid : solids()) {
     if (!wants("error")) break;
     for (const int num : {1, 2, 3, 4}) press(solid, tool, num, is_quick ? 4 : 10);
@@ -356,5 +351,9 @@ int main(int argc, char** argv) {
     is_quick |= std::strcmp(argv[i], "--quick") == 0;
     if (std::strcmp(argv[i], "--only") == 0 && i + 1 < argc) only = argv[i + 1];
   }
-  palpate::bench::run(is_quick, only);
+  using namespace palpate::bench;
+  ResultRows all(argc, argv);
+  if (!all.open("")) return 1;
+  rows = &all;
+  run(is_quick, only);
 }

@@ -16,6 +16,7 @@
 #include <string>
 #include <vector>
 
+#include "bench/harness.h"
 #include "palpate/devices/devices.h"
 #include "palpate/mesh/mesh.h"
 #include "palpate/packing/packing.h"
@@ -36,10 +37,10 @@ constexpr NamedCoupling kCouplings[] = {{"virtual", CouplingKind::virtual_coupli
                                         {"direct", CouplingKind::direct},
                                         {"none", CouplingKind::none}};
 
-std::FILE* csv = nullptr;
-void row(const char* figure, const std::string& of, double value, const char* unit, double goal) {
-  std::printf("%-16s %-34s %12.4g %-8s goal %g\n", figure, of.c_str(), value, unit, goal);
-  std::fprintf(csv, "%s,%s,%.6g,%s,%g\n", figure, of.c_str(), value, unit, goal);
+ResultRows* rows = nullptr;
+void row(const std::string& figure, const std::string& of, double value, const char* unit,
+         double goal) {
+  rows->add(figure + "/" + of, value, unit, goal);
 }
 
 Tool packed(TriangleMesh mesh, int num_spheres) {
@@ -178,7 +179,7 @@ void slides(const Tool& tool) {
       if (i < 1000) continue;
       const double want = kMu * into(tick);
       worst = std::max(worst, norm(along(tick) + Vec3d{want, 0, 0}) / want);
-      at_hand = std::max(at_hand, std::abs(tick.step.F_H_B.force.x + want) / want);
+      at_hand = std::max(at_hand, std::abs(tick.step.desired_F_H_B.force.x + want) / want);
     }
     row("slide", coupling.name, 100 * worst, "%", 1);
     if (coupling.kind != CouplingKind::none) {
@@ -241,7 +242,7 @@ double given(const Tool& tool, const ClosedPath& path, CouplingKind kind, double
              dot(felt.torque, rotation_between(last.rotation, X.rotation));
       most = std::max(most, sum);
     }
-    felt = touch.to(X).step.F_H_B;
+    felt = touch.to(X).step.desired_F_H_B;
     last = X;
   }
   return sum;
@@ -333,7 +334,7 @@ bool is_calm(const DeviceModel& base, CouplingKind kind, double mu, double k) {
     const CouplingStep step = coupling->step(state, contact, kTick);
     X_WT = step.X_WT;
     if (++number > 3500) late = std::max(late, norm(device->true_state().V_BH.linear));
-    return step.F_H_B;
+    return step.desired_F_H_B;
   });
   if (!started) return false;
   device->run(4000);
@@ -367,10 +368,8 @@ void z_widths() {
 
 // ----------------------------------------------------------------------------------- 5. cost
 
-struct Cost {
-  double p50, p99;
-};
-Cost cost_of(CouplingKind kind, const FrictionOptions& friction, TextureKind texture, bool slides) {
+CallTimes cost_of(CouplingKind kind, const FrictionOptions& friction, TextureKind texture,
+                  bool slides) {
   CouplingOptions options;
   options.kind = kind;
   options.friction = friction;
@@ -390,17 +389,13 @@ Cost cost_of(CouplingKind kind, const FrictionOptions& friction, TextureKind tex
     state.X_BH.translation = {5 * way, way, 0.019 - 1e-4 * std::sin(0.003 * i)};
     state.X_BH.rotation = axis_angle({0, 0, 1}, 20 * way);
     const LocalContact contact = wall_contact(X_WT, state.time, 3000);
-    const auto start = std::chrono::steady_clock::now();
+    const Clock::time_point start = Clock::now();
     const CouplingStep step = coupling->step(state, contact, kTick);
-    const std::chrono::duration<double> took = std::chrono::steady_clock::now() - start;
+    const double took = microseconds_since(start);
     X_WT = step.X_WT;
-    if (i > 1000) times.push_back(1e6 * took.count());
+    if (i > 1000) times.push_back(took);
   }
-  std::sort(times.begin(), times.end());
-  const auto at = [&](double share) {
-    return times[static_cast<std::size_t>(share * static_cast<double>(times.size() - 1))];
-  };
-  return {at(0.5), at(0.99)};
+  return call_times(std::move(times));
 }
 
 void costs() {
@@ -411,28 +406,21 @@ void costs() {
   all.contact_damping = 1;
   all.static_ratio = 1.2;
   for (const NamedCoupling& coupling : kCouplings) {
-    const Cost without = cost_of(coupling.kind, {}, TextureKind::none, true);
+    const CallTimes without = cost_of(coupling.kind, {}, TextureKind::none, true);
     const std::string name = coupling.name;
-    row("tick", name + " without p50", without.p50, "us", NAN);
-    row("tick", name + " without p99", without.p99, "us", NAN);
-    const std::pair<const char*, Cost> kinds[] = {
+    rows->times("tick/" + name + " without", without);
+    const std::pair<const char*, CallTimes> kinds[] = {
         {" sticks", cost_of(coupling.kind, friction, TextureKind::none, false)},
         {" slides", cost_of(coupling.kind, friction, TextureKind::none, true)},
         {" all and grain", cost_of(coupling.kind, all, TextureKind::grain, true)}};
     for (const auto& [what, cost] : kinds) {
-      row("tick-added", name + what + " p50", cost.p50 - without.p50, "us", 3);
+      row("tick-added", name + what + " p50", cost.median - without.median, "us", 3);
       row("tick-added", name + what + " p99", cost.p99 - without.p99, "us", 3);
     }
   }
 }
 
-int run_all(const char* path) {
-  csv = std::fopen(path, "w");
-  if (csv == nullptr) {
-    std::fprintf(stderr, "friction: cannot write %s\n", path);
-    return 1;
-  }
-  std::fprintf(csv, "figure,of,value,unit,goal\n");
+void run_all() {
   const Tool box = packed(make_box({0.04, 0.04, 0.04}), 200);
   for (const NamedCoupling& coupling : {kCouplings[0], kCouplings[1]}) {
     creep_of(box, coupling, 0, false, 0.95);
@@ -448,12 +436,16 @@ int run_all(const char* path) {
   closed_paths(box);
   z_widths();
   costs();
-  return std::fclose(csv) == 0 ? 0 : 1;
 }
 
 }  // namespace
 }  // namespace palpate::bench
 
 int main(int argc, char** argv) {
-  return palpate::bench::run_all(argc > 1 ? argv[1] : "friction.csv");
+  using namespace palpate::bench;
+  ResultRows all(argc, argv);
+  if (!all.open(argc > 1 ? argv[1] : "friction.csv")) return 1;
+  rows = &all;
+  run_all();
+  return all.close() ? 0 : 1;
 }

@@ -8,7 +8,7 @@
 
 #include "bench/batch_setup.h"
 #include "bench/distance_grid.cuh"
-#include "bench/gpu_rows.h"
+#include "bench/harness.h"
 #include "palpate/field/sensor.h"
 #include "palpate/gpu/devices.h"
 #include "src/contact/batch/field_batch_cuda.h"
@@ -23,6 +23,7 @@ struct Options {
 };
 
 Options options;
+ResultRows* rows = nullptr;
 
 bool is_requested(const std::string& name) { return name.find(options.only) != std::string::npos; }
 
@@ -40,9 +41,8 @@ void measure(const std::string& name, double evaluations, gpu::Stream& stream, c
     times.push_back(stream.lap() / kCalls);
   }
   if (!stream.status()) stop(stream.status().error());
-  report(name, times);
-  std::sort(times.begin(), times.end());
-  std::printf("# %s: %.3g a second\n", name.c_str(), 1e6 * evaluations / times[times.size() / 2]);
+  const CallTimes all = call_times(std::move(times));
+  rows->times(name, all, facts("evaluations_per_s=%.3g", 1e6 * evaluations / all.median));
 }
 
 /// Returns depth of bumpy_wall in meters, in images of any size, each a little farther away.
@@ -116,8 +116,8 @@ void measure_poses(int num_spheres, const SurfaceBatch& surfaces, const char* ag
   stream.wait();
   const auto num_touching =
       std::count_if(volume.begin(), volume.end(), [](double v) { return v > 0; });
-  std::printf("# of these poses %.3f touch\n",
-              static_cast<double>(num_touching) / static_cast<double>(num));
+  std::fprintf(stderr, "of these poses %.3f touch\n",
+               static_cast<double>(num_touching) / static_cast<double>(num));
 }
 
 void measure_grid(int num_spheres, double cell, Where where) {
@@ -142,9 +142,6 @@ void measure_grid(int num_spheres, double cell, Where where) {
 }
 
 void run() {
-  const auto gpus = value_or_stop(find_gpus());
-  std::printf("# %s\ncase,calls,median_us,p99_us,p99.9_us,max_us,mean_us,deviation_us\n",
-              gpus[static_cast<std::size_t>(options.gpu)].name.c_str());
   Sensor large = value_or_stop(Sensor::create(camera_of(640, 480), Place::cuda(options.gpu)));
   const std::vector<float> wall = wall_images(640, 480, 1);
   const SurfaceView surface = large.update({640, 480, wall.data()});
@@ -204,5 +201,10 @@ int main(int argc, char** argv) {
       return 2;
     }
   }
-  palpate::bench::run();
+  using namespace palpate::bench;
+  const auto gpus = value_or_stop(palpate::find_gpus());
+  ResultRows all(argc, argv, gpus[static_cast<std::size_t>(options.gpu)].name);
+  if (!all.open("")) return 1;
+  rows = &all;
+  run();
 }

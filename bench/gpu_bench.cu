@@ -15,10 +15,9 @@
 #include "bench/arm_setup.h"
 #include "bench/contact_setup.h"
 #include "bench/gpu_floor.cuh"
-#include "bench/gpu_rows.h"
+#include "bench/harness.h"
 #include "bench/hull_setup.h"
 #include "bench/wall_frame.h"
-#include "eval/studies/method_queries.h"
 #include "palpate/contact/body_contact.h"
 #include "palpate/contact/contact.h"
 #include "palpate/field/sensor.h"
@@ -40,6 +39,7 @@ struct Options {
 };
 
 Options options;
+ResultRows* rows = nullptr;
 
 bool is_requested(const std::string& name) { return name.find(options.only) != std::string::npos; }
 
@@ -55,7 +55,7 @@ void measure(const std::string& name, const Call& call) {
     call();
     times.push_back(microseconds_since(start));
   } while (times.size() < 20000 && microseconds_since(begin) < 1e6 * options.seconds);
-  report(name, times);
+  rows->times(name, call_times(std::move(times)));
 }
 
 // Launches, barriers and synchronization without any work.
@@ -99,6 +99,11 @@ void measure_floor() {
   if (!stream.status()) stop(stream.status().error());
 }
 
+std::unique_ptr<ContactQuery> query_by(const Tool& tool, MethodKind method, int gpu) {
+  return value_or_stop(make_contact_query(
+      Backend::cuda, tool, value_or_stop(contact_method({.method = method})), {.gpu = gpu}));
+}
+
 // Pose to wrench on the host.
 void measure_queries(int num_spheres) {
   const Tool& tool = cube_tool(num_spheres);
@@ -107,15 +112,13 @@ void measure_queries(int num_spheres) {
   PointCloudView cloud = bumpy_wall().view();
   cloud.stamp = 1;  // copied once
   field.update(cloud, pool);
-  eval::MethodQueries queries(Backend::cuda, tool, {.gpu = options.gpu});
-  queries.set_cloud(cloud);
-  queries.set_field(field.view());
+  const SurfaceView surface{cloud, field.view()};
   const std::pair<const char*, MethodKind> methods[] = {{"field", MethodKind::field},
                                                         {"simplified", MethodKind::simplified},
                                                         {"weighted", MethodKind::weighted},
                                                         {"graph", MethodKind::graph}};
   for (const auto& [name, method] : methods) {
-    queries.by({.method = method});
+    const auto query = query_by(tool, method, options.gpu);
     for (const int depth : {10, 50, 100}) {
       const std::vector<Pose> poses = random_poses(depth / 100.0);
       std::size_t i = 0;
@@ -123,17 +126,18 @@ void measure_queries(int num_spheres) {
       measure(
           std::string(name) + "/spheres:" + std::to_string(num_spheres) +
               "/depth:" + std::to_string(depth),
-          [&] { status |= queries.query(poses[i++ % poses.size()], {.method = method}).status; });
+          [&] { status |= query->measure(surface, poses[i++ % poses.size()]).penetration.status; });
       if (status.has(StepStatus::backend_failed)) {
         stop({Errc::unavailable, "a query failed on the GPU"});
       }
     }
   }
   if (num_spheres <= 100000) {
-    queries.query(random_poses(0.5)[0], {.method = MethodKind::field});
+    const auto query = query_by(tool, MethodKind::field, options.gpu);
+    const Pose X_WT = random_poses(0.5)[0];
     Stiffness stiffness;
     measure("stiffness/spheres:" + std::to_string(num_spheres),
-            [&] { stiffness = queries.stiffness(); });
+            [&] { stiffness = *query->measure(surface, X_WT, {.stiffness = true}).stiffness; });
   }
 }
 
@@ -258,7 +262,7 @@ void measure_sensing(int width, int height) {
       times.push_back(stream.lap() / kFrames);
     }
     if (!stream.status()) stop(stream.status().error());
-    report(name, times);
+    rows->times(name, call_times(std::move(times)));
   };
   measure_recorded("sensing: surface and field; device time/" + size, [&] {
     sensing.surface.enqueue_depth(stream, depth);
@@ -320,13 +324,11 @@ void measure_sharing(int width, int height) {
   PointCloudView cloud = bumpy_wall().view();
   cloud.stamp = 1;
   field.update(cloud, pool);
-  eval::MethodQueries queries(Backend::cuda, tool, {.gpu = options.gpu});
-  queries.set_cloud(cloud);
-  queries.set_field(field.view());
+  const SurfaceView surface{cloud, field.view()};
   const std::vector<Pose> poses = random_poses(0.5);
   for (const auto& [method_name, method] :
        {std::pair{"field", MethodKind::field}, std::pair{"simplified", MethodKind::simplified}}) {
-    queries.by({.method = method});
+    const auto query = query_by(tool, method, options.gpu);
     for (const Way& way : ways) {
       const std::string name = "sharing: " + std::string(method_name) + " at 1 kHz; " +
                                std::to_string(width) + "x" + std::to_string(height) +
@@ -361,13 +363,14 @@ void measure_sharing(int width, int height) {
         while (Clock::now() < tick) {
         }
         const auto begin = Clock::now();
-        queries.query(poses[static_cast<std::size_t>(i) % poses.size()], {.method = method});
+        query->measure(surface, poses[static_cast<std::size_t>(i) % poses.size()]);
         times.push_back(microseconds_since(begin));
       }
       goes_on = false;
       camera.join();
-      report(name, times);
-      if (!frame_times.empty()) report(name + "; its frames", frame_times);
+      rows->times(name, call_times(std::move(times)));
+      if (!frame_times.empty())
+        rows->times(name + "; its frames", call_times(std::move(frame_times)));
     }
   }
 }
@@ -388,34 +391,28 @@ void measure_two_gpus() {
       if (!is_requested(name)) continue;
       auto timeline = value_or_stop(SurfaceTimeline::create(
           info, {}, DepthFieldOptions{}, {.mode = TimeMode::latest}, {Backend::cuda, sensing_gpu}));
-      eval::MethodQueries queries(Backend::cuda, tool, {.gpu = 0});
-      queries.by({.method = method});
+      const auto query = query_by(tool, method, 0);
       std::vector<double> first, later, pushes;
       double time = 0;
       for (int f = 0; f < 300; ++f) {
         const auto begin = Clock::now();
         timeline.push(frame, time += 1.0 / 30, pool);
         pushes.push_back(microseconds_since(begin));
-        const SurfaceView surfaces = timeline.at(time).to;
-        queries.set_cloud(surfaces.cloud);
-        queries.set_field(surfaces.field);
+        const SurfaceView surface = timeline.at(time).to;
         for (int i = 0; i < 20; ++i) {
           const auto start = Clock::now();
-          queries.query(poses[static_cast<std::size_t>(f + i) % poses.size()], {.method = method});
+          query->measure(surface, poses[static_cast<std::size_t>(f + i) % poses.size()]);
           (i == 0 ? first : later).push_back(microseconds_since(start));
         }
       }
-      report(name + ": frames", pushes);
-      report(name + ": first query of a frame", first);
-      report(name + ": other queries", later);
+      rows->times(name + ": frames", call_times(std::move(pushes)));
+      rows->times(name + ": first query of a frame", call_times(std::move(first)));
+      rows->times(name + ": other queries", call_times(std::move(later)));
     }
   }
 }
 
-void run() {
-  const auto gpus = value_or_stop(find_gpus());
-  std::printf("# %s\ncase,calls,median_us,p99_us,p99.9_us,max_us,mean_us,deviation_us\n",
-              gpus[0].name.c_str());
+void run(std::size_t num_gpus) {
   measure_floor();
   measure_sensing(640, 480);
   measure_sensing(1920, 1080);
@@ -425,7 +422,7 @@ void run() {
   for (const int size : {5000, 17000}) measure_hull(size);
   measure_sharing(640, 480);
   measure_sharing(1920, 1080);
-  if (gpus.size() > 1) measure_two_gpus();
+  if (num_gpus > 1) measure_two_gpus();
 }
 
 }  // namespace
@@ -447,5 +444,10 @@ int main(int argc, char** argv) {
       return 2;
     }
   }
-  palpate::bench::run();
+  using namespace palpate::bench;
+  const auto gpus = value_or_stop(palpate::find_gpus());
+  ResultRows all(argc, argv, gpus[static_cast<std::size_t>(options.gpu)].name);
+  if (!all.open("")) return 1;
+  rows = &all;
+  run(gpus.size());
 }

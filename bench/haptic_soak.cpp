@@ -15,6 +15,7 @@
 #include <utility>
 
 #include "bench/haptic_setup.h"
+#include "bench/harness.h"
 #include "palpate/devices/devices.h"
 #include "palpate/run/run_loop.h"
 #include "src/core/internal/monotonic_clock.h"
@@ -74,34 +75,11 @@ Hand hand_for(const scenes::Scene& scene, double radius) {
           }};
 }
 
-/// Rows of results, printed and written.
-class Table {
- public:
-  void add(const std::string& name, double value, const char* unit) {
-    std::printf("%-28s %12.5g %s\n", name.c_str(), value, unit);
-    rows_ += name + "," + std::to_string(value) + "," + unit + "\n";
-  }
-  void add(const std::string& name, const LatencyHistogram& histogram, double unit,
-           const char* unit_name) {
-    const LatencyHistogram::Summary s = histogram.summary();
-    std::printf("%-22s %10llu %10.4g %10.4g %10.4g %10.4g %s\n", name.c_str(),
-                static_cast<unsigned long long>(s.num), s.p50 * unit, s.p99 * unit, s.p999 * unit,
-                s.max * unit, unit_name);
-    const std::pair<const char*, double> columns[] = {
-        {"p50", s.p50}, {"p99", s.p99}, {"p99.9", s.p999}, {"max", s.max}};
-    for (const auto& [column, value] : columns) {
-      rows_ += name + " " + column + "," + std::to_string(value * unit) + "," + unit_name + "\n";
-    }
-  }
-  bool write(const std::string& path, const std::string& what) const {
-    std::ofstream file(path);
-    file << "# " << what << "\nquantity,value,unit\n" << rows_;
-    return static_cast<bool>(file.flush());
-  }
-
- private:
-  std::string rows_;
-};
+/// Returns the times in a histogram.
+CallTimes times_in(const LatencyHistogram& histogram) {
+  const LatencyHistogram::Summary s = histogram.summary();
+  return {s.num, s.p50, s.p99, s.p999, s.max, s.mean, NAN};
+}
 
 /// Latency floor of the machine: ticks with a constant computation of a few microseconds, in
 /// real time, beside an ordinary busy thread like the one that computes surfaces.
@@ -145,7 +123,7 @@ Status measure_floor(double seconds, double rate, Floor& floor) {
   return started;
 }
 
-Status soak(const Options& options, const std::string& command) {
+Status soak(const Options& options, ResultRows& rows) {
   const auto method = value_named<MethodKind>(options.method);
   const auto backend = value_named<Backend>(options.backend);
   const auto model = find_device_model(options.device);
@@ -215,38 +193,33 @@ Status soak(const Options& options, const std::string& command) {
 
   const LoopReport report = (*loop)->report();
   const LoopTimes& times = (*loop)->times();
-  Table table;
-  std::printf("%-22s %10s %10s %10s %10s %10s\n", "", "number", "p50", "p99", "p99.9", "max");
-  table.add("bare tick", floor.wall, 1, "us");
-  table.add("bare tick CPU time", floor.cpu, 1, "us");
-  table.add("bare tick period", floor.period, 1, "us");
-  table.add("haptic compute", times.haptic_compute, 1, "us");
-  table.add("haptic CPU time", times.haptic_cpu, 1, "us");
-  table.add("haptic period", times.haptic_period, 1, "us");
-  table.add("contact compute", times.contact_compute, 1, "us");
-  table.add("contact age", times.contact_age, 1e-3, "ms");
-  table.add("surface compute", times.surface_compute, 1e-3, "ms");
-  table.add("sensor to force", times.sensor_to_force, 1e-3, "ms");
-  table.add("time", report.seconds, "s");
-  table.add("ticks", static_cast<double>(report.num_ticks), "");
-  table.add("contacts", static_cast<double>(report.num_contacts), "");
-  table.add("frames", static_cast<double>(report.num_frames), "");
-  table.add("missed ticks", static_cast<double>(report.num_missed), "");
-  table.add("share in contact",
-            100 * static_cast<double>(in_contact) /
-                static_cast<double>(std::max<std::uint64_t>(looked, 1)),
-            "%");
-  table.add("largest force", max_force, "N");
-  table.add("most energy given", max_energy, "J");
-  table.add("allocations after start", static_cast<double>(num_allocations), "");
-  table.add("memory at start", memory_before, "MiB");
-  table.add("memory at end", memory_after, "MiB");
+  rows.times("bare tick", times_in(floor.wall));
+  rows.times("bare tick CPU time", times_in(floor.cpu));
+  rows.times("bare tick period", times_in(floor.period));
+  rows.times("haptic compute", times_in(times.haptic_compute));
+  rows.times("haptic CPU time", times_in(times.haptic_cpu));
+  rows.times("haptic period", times_in(times.haptic_period));
+  rows.times("contact compute", times_in(times.contact_compute));
+  rows.times("contact age", times_in(times.contact_age));
+  rows.times("surface compute", times_in(times.surface_compute));
+  rows.times("sensor to force", times_in(times.sensor_to_force));
+  rows.add("time", report.seconds, "s");
+  rows.add("ticks", static_cast<double>(report.num_ticks), "");
+  rows.add("contacts", static_cast<double>(report.num_contacts), "");
+  rows.add("frames", static_cast<double>(report.num_frames), "");
+  rows.add("missed ticks", static_cast<double>(report.num_missed), "");
+  rows.add("share in contact",
+           100 * static_cast<double>(in_contact) /
+               static_cast<double>(std::max<std::uint64_t>(looked, 1)),
+           "%");
+  rows.add("largest force", max_force, "N");
+  rows.add("most energy given", max_energy, "J");
+  rows.add("allocations after start", static_cast<double>(num_allocations), "");
+  rows.add("memory at start", memory_before, "MiB");
+  rows.add("memory at end", memory_after, "MiB");
   for (const std::string& note : report.notes) std::printf("note: %s\n", note.c_str());
   if (report.fault != Fault::stopped) {
     std::printf("ended early: %s\n", std::string(describe(report.fault)).c_str());
-  }
-  if (!options.csv.empty() && !table.write(options.csv, command)) {
-    return Error{Errc::io_failure, "cannot write " + options.csv};
   }
   return (*loop)->status();
 }
@@ -267,11 +240,11 @@ int main(int argc, char** argv) {
   app.add_option("--threads", options.threads, "for surfaces");
   app.add_option("--patience", options.patience,
                  "s: how late contact and ticks may be; raise it on a busy machine");
-  app.add_option("--csv", options.csv, "also written to this file");
+  app.add_option("--csv", options.csv, "file of the rows; default: standard output");
   CLI11_PARSE(app, argc, argv);
-  std::string command = "haptic_soak";
-  for (int i = 1; i < argc; ++i) command += std::string(" ") + argv[i];
-  const palpate::Status done = palpate::bench::soak(options, command);
+  palpate::bench::ResultRows rows(argc, argv);
+  if (!rows.open(options.csv)) return 1;
+  const palpate::Status done = palpate::bench::soak(options, rows);
   if (done) return 0;
   std::fprintf(stderr, "haptic_soak: %s\n", done.error().message.c_str());
   return 1;

@@ -1,12 +1,12 @@
 // Times of single calls inside a Google Benchmark: a haptic loop depends on the tail.
 #pragma once
 
-#include <algorithm>
-#include <chrono>
-#include <cstddef>
+#include <utility>
 #include <vector>
 
 #include <benchmark/benchmark.h>
+
+#include "bench/harness.h"
 
 namespace palpate::bench {
 
@@ -17,31 +17,26 @@ class Latency {
   explicit Latency(benchmark::State& state) : state_(state) { times_.reserve(1 << 20); }
   ~Latency() {
     if (times_.empty()) return;
-    std::sort(times_.begin(), times_.end());
-    state_.counters["p50_us"] = at(0.5);
-    state_.counters["p99_us"] = at(0.99);
-    state_.counters["p999_us"] = at(0.999);
-    state_.counters["max_us"] = times_.back() * 1e6;
+    const CallTimes times = call_times(std::move(times_));
+    state_.counters["p50_us"] = times.median;
+    state_.counters["p99_us"] = times.p99;
+    state_.counters["p999_us"] = times.p999;
+    state_.counters["max_us"] = times.max;
   }
   Latency(const Latency&) = delete;
   Latency& operator=(const Latency&) = delete;
 
   template <class Work>
   void time(Work&& work) {
-    const auto start = std::chrono::steady_clock::now();
+    const Clock::time_point start = Clock::now();
     work();
-    const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
-    times_.push_back(elapsed.count());
-    state_.SetIterationTime(elapsed.count());
+    times_.push_back(microseconds_since(start));
+    state_.SetIterationTime(1e-6 * times_.back());
   }
 
  private:
-  double at(double share) const {
-    return times_[static_cast<std::size_t>(share * static_cast<double>(times_.size() - 1))] * 1e6;
-  }
-
   benchmark::State& state_;
-  std::vector<double> times_;
+  std::vector<double> times_;  // microseconds
 };
 
 }  // namespace palpate::bench

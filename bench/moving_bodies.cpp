@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "bench/harness.h"
 #include "src/core/internal/monotonic_clock.h"
 #include "src/math/internal/rotation_vector.h"
 #include "src/run/internal/pipeline.h"
@@ -29,11 +30,10 @@ using test::TableTop;
 constexpr double kDegrees = 180 / 3.14159265358979323846;
 const Vec3d kBox{0.06, 0.05, 0.04};
 
-std::FILE* csv = nullptr;
-void row(const char* figure, const std::string& of, double value, const char* unit, double goal) {
-  std::printf("%-8s %-58s %11.4g %-8s goal %g\n", figure, of.c_str(), value, unit, goal);
-  std::fprintf(csv, "%s,\"%s\",%.6g,%s,%g\n", figure, of.c_str(), value, unit, goal);
-  std::fflush(csv);
+ResultRows* rows = nullptr;
+void row(const std::string& figure, const std::string& of, double value, const char* unit,
+         double goal) {
+  rows->add(figure + "/" + of, value, unit, goal);
 }
 
 SceneObject object_at(const std::shared_ptr<const Tool>& shape, const Pose& X_WB, double mass) {
@@ -229,11 +229,9 @@ void cost() {
       const double took = thread_cpu_now() - begin;
       if (i >= 1000) micros.push_back(1e6 * took);
     }
-    std::sort(micros.begin(), micros.end());
     const std::string of = is_pile ? "8 bodies of 1,000 spheres in two layers"
                                    : "8 bodies of 1,000 spheres side by side";
-    row("cost", of + ": contact and step, p50", micros[micros.size() / 2], "us", 1000);
-    row("cost", of + ": contact and step, p99", micros[micros.size() * 99 / 100], "us", 1000);
+    rows->times("cost/" + of + ": contact and step", call_times(std::move(micros)), "goal_us=1000");
   }
 }
 
@@ -248,12 +246,9 @@ int main(int num, char** words) {
         "usage: moving_bodies CSV [energy tunnel cost rest rest_awake stack stack_awake]\n");
     return 2;
   }
-  csv = std::fopen(words[1], "w");
-  if (csv == nullptr) {
-    std::fprintf(stderr, "cannot write %s\n", words[1]);
-    return 1;
-  }
-  std::fprintf(csv, "figure,of,value,unit,goal\n");
+  ResultRows all(num, words);
+  if (!all.open(words[1])) return 1;
+  rows = &all;
   const auto is_requested = [&](const std::string& figure) {
     return num == 2 ||
            std::any_of(words + 2, words + num, [&](const char* w) { return w == figure; });
@@ -266,5 +261,5 @@ int main(int num, char** words) {
   if (is_requested("rest_awake")) rest(1, false, "rest");
   if (is_requested("stack")) rest(5, true, "stack");
   if (is_requested("stack_awake")) rest(5, false, "stack");
-  std::fclose(csv);
+  return all.close() ? 0 : 1;
 }

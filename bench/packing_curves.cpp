@@ -8,9 +8,9 @@
 #include <fstream>
 #include <string>
 
+#include "bench/harness.h"
 #include "bench/packing_comparison.h"
 #include "bench/packing_peers.h"
-#include "bench/run_facts.h"
 #include "palpate/io/formats.h"
 #include "palpate/mesh/mesh.h"
 #include "palpate/packing/packing.h"

@@ -9,8 +9,8 @@
 #include <CLI/CLI.hpp>
 
 #include "bench/contact_setup.h"
+#include "bench/harness.h"
 #include "bench/peers.h"
-#include "bench/run_facts.h"
 #include "bench/wall_frame.h"
 #include "eval/studies/boundary_stage.h"
 #include "src/cloud/surface/surface_stages.h"

@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "bench/haptic_setup.h"
+#include "bench/harness.h"
 #include "palpate/devices/devices.h"
 #include "scenes/environment.h"
 #include "src/run/internal/pipeline.h"
@@ -64,33 +65,21 @@ double largest_stiffness(const DeviceModel& model, const HandModel& hand, double
   return low;
 }
 
-void z_widths(std::FILE* csv) {
+/// Adds the largest stable stiffness of a wall by its damping, beside the passivity bound without
+/// damping of the wall, 2 b / T.
+void z_widths(ResultRows& rows) {
   constexpr double kDampings[] = {0, 0.5, 1, 2, 5, 10, 20, 50};
   constexpr HandModel kReleased{0, 0, 0, 2e-4, 0.01, 0};
-  std::printf(
-      "1. Largest stable stiffness of a wall, N/m, over its damping, N s/m (1 kHz, velocity filter "
-      "5 ms).\n   2 b / T: passivity bound without damping of the wall. Above: nobody holds the "
-      "handle; below: a hand does.\n\n%-16s %8s",
-      "model", "2 b / T");
-  for (const double damping : kDampings) std::printf(" %8g", damping);
-  std::printf("\n");
-  std::fprintf(csv, "part,model,held,damping_Ns_m,max_stiffness_N_m,passive_N_m\n");
   for (const DeviceModel& model : device_models()) {
     const double passive = 2 * model.limits.damping / kTick;
     for (const bool is_held : {false, true}) {
-      if (is_held) {
-        std::printf("%-25s", "");
-      } else {
-        std::printf("%-16s %8.0f", std::string(model.key).c_str(), passive);
-      }
       for (const double damping : kDampings) {
         const double stiffness =
             largest_stiffness(model, is_held ? HandModel{} : kReleased, damping);
-        std::printf(" %8.0f", stiffness);
-        std::fprintf(csv, "z-width,%s,%d,%g,%.0f,%.0f\n", std::string(model.key).c_str(), is_held,
-                     damping, stiffness, passive);
+        rows.add("z-width/" + std::string(model.key) + (is_held ? "/held" : "/released") +
+                     facts("/damping_Ns_m:%g", damping),
+                 facts("max_stiffness_N_m=%.0f passive_N_m=%.0f", stiffness, passive));
       }
-      std::printf("\n");
     }
   }
 }
@@ -243,33 +232,21 @@ constexpr NamedCoupling kCouplings[] = {{"direct (penalty)", CouplingKind::direc
                                         {"proxy", CouplingKind::proxy}};
 constexpr const char* kModels[] = {"touch", "omega.6", "lambda.7"};
 
-void closed_loops(const Tool& tool, const std::vector<Place>& all, std::FILE* csv) {
-  std::printf(
-      "\n2. A hand presses 10 mm in, slides 3 cm and holds still; %zu spheres, contact known one "
-      "tick late.\n   Energy: the most that the hand was given net, by the safety filter's "
-      "observer "
-      "(bound: its tank of %.3g J)\n   and truly.\n   Rattle: rms speed of the handle at the end, "
-      "mm/s. Apart: hand and tool at most, mm.\n\n"
-      "%-10s %-12s %-17s %8s %8s %9s %9s %9s %8s  %s\n",
-      tool.spheres().size(), SafetyOptions{}.energy_tank, "model", "scene", "coupling", "K N/m",
-      "force N", "obs. mJ", "true mJ", "rattle", "apart", "fault");
-  std::fprintf(csv,
-               "part,model,scene,coupling,stiffness_N_m,largest_force_N,observed_J,true_J,"
-               "rattle_mm_s,apart_mm,fault\n");
+/// Adds a hand that presses 10 mm in, slides 3 cm and holds still, with contacts one tick late: the
+/// energy that it was given net at most, by the safety filter's observer and truly; the RMS speed
+/// of the handle at the end; the largest distance between hand and tool.
+void closed_loops(const Tool& tool, const std::vector<Place>& all, ResultRows& rows) {
   for (const char* model : kModels) {
     for (const Place& place : all) {
       for (const auto& [name, kind] : kCouplings) {
         const Run run =
             feel(tool, place, *find_device_model(model), kind, TimeMode::interpolate, 4);
-        const bool is_sound = run.fault == Fault::none;
-        std::printf("%-10s %-12s %-17s %8.0f %8.2f %9.3f %9.3f %9.3f %8.2f  %s\n", model,
-                    place.name.c_str(), name, run.stiffness, run.largest_force,
-                    run.observed_energy * 1e3, run.given_energy * 1e3, run.rattle * 1e3,
-                    run.stretch * 1e3, is_sound ? "-" : std::string(describe(run.fault)).c_str());
-        std::fprintf(csv, "closed-loop,%s,%s,%s,%.0f,%.3f,%.6f,%.6f,%.4f,%.3f,%d\n", model,
-                     place.name.c_str(), name, run.stiffness, run.largest_force,
-                     run.observed_energy, run.given_energy, run.rattle * 1e3, run.stretch * 1e3,
-                     static_cast<int>(run.fault));
+        rows.add(std::string("closed-loop/") + model + "/" + place.name + "/" + name,
+                 facts("stiffness_N_m=%.0f largest_force_N=%.3f observed_mJ=%.3f true_mJ=%.3f "
+                       "rattle_mm_s=%.4f apart_mm=%.3f fault=%d",
+                       run.stiffness, run.largest_force, run.observed_energy * 1e3,
+                       run.given_energy * 1e3, run.rattle * 1e3, run.stretch * 1e3,
+                       static_cast<int>(run.fault)));
       }
     }
   }
@@ -339,13 +316,9 @@ double lag_of(const Run& run, const Run& latest) {
   return best;
 }
 
-void arrivals(const Tool& tool, const Place& place, std::FILE* csv) {
-  std::printf(
-      "\n3. Moving wall at %g Hz: change of the force within the tick of a frame's arrival (median "
-      "and "
-      "most), and within\n   other ticks, N.\n\n%-26s %-12s %10s %10s %10s %8s\n",
-      place.stream.rate, "", "between", "arrival", "most", "other", "lag ms");
-  std::fprintf(csv, "part,what,mode,arrival_N,arrival_most_N,between_N,lag_ms\n");
+/// Adds the changes of the force before a moving wall: within the tick of a frame's arrival, and
+/// within other ticks.
+void arrivals(const Tool& tool, const Place& place, ResultRows& rows) {
   const DeviceModel model = *find_device_model("touch");
   Pose X_WT = place.X_WB;
   X_WT.translation.z += 0.01;
@@ -358,41 +331,34 @@ void arrivals(const Tool& tool, const Place& place, std::FILE* csv) {
       {"hand, direct", CouplingKind::direct},
       {"hand, virtual coupling", CouplingKind::virtual_coupling}};
   for (const auto& [what, kind] : ways) {
-    double first = 0;
     for (const auto& [name, mode] : modes) {
       const Run run = kind ? feel(tool, place, model, *kind, mode, 4)
                            : held_fast(tool, place, X_WT, model, mode);
       const Steps steps = steps_of(run);
-      const double lag = kind ? NAN : lag_of(run, latest) * 1e3;
-      if (mode == TimeMode::latest) first = steps.arrival;
-      std::printf("%-26s %-12s %10.5f %10.5f %10.5f %8.1f   %5.1fx smaller\n", what, name,
-                  steps.arrival, steps.arrival_max, steps.between, lag, first / steps.arrival);
-      std::fprintf(csv, "arrival,%s,%s,%.6f,%.6f,%.6f,%.1f\n", what, name, steps.arrival,
-                   steps.arrival_max, steps.between, lag);
+      rows.add(std::string("arrival/") + what + "/" + name,
+               facts("arrival_N=%.6f arrival_max_N=%.6f between_N=%.6f lag_ms=%.1f", steps.arrival,
+                     steps.arrival_max, steps.between, kind ? NAN : lag_of(run, latest) * 1e3));
     }
   }
 }
 
-int run_all(const char* path) {
-  std::FILE* csv = std::fopen(path, "w");
-  if (csv == nullptr) {
-    std::fprintf(stderr, "z_width: cannot write %s\n", path);
-    return 1;
-  }
-  z_widths(csv);
+void run_all(ResultRows& rows) {
+  z_widths(rows);
   scenes::Scene scene;
   scene.tool_shape = "box";
   scene.tool_size = kBox;
   const Tool tool = tool_for(scene, 1000).value();
   const std::vector<Place> all = places();
-  closed_loops(tool, all, csv);
-  arrivals(tool, all.back(), csv);
-  return std::fclose(csv) == 0 ? 0 : 1;
+  closed_loops(tool, all, rows);
+  arrivals(tool, all.back(), rows);
 }
 
 }  // namespace
 }  // namespace palpate::bench
 
 int main(int argc, char** argv) {
-  return palpate::bench::run_all(argc > 1 ? argv[1] : "z-width.csv");
+  palpate::bench::ResultRows rows(argc, argv);
+  if (!rows.open(argc > 1 ? argv[1] : "z-width.csv")) return 1;
+  palpate::bench::run_all(rows);
+  return rows.close() ? 0 : 1;
 }

@@ -65,14 +65,7 @@ commit=$(git rev-parse --short HEAD 2>/dev/null || echo unknown)
 machine=$(echo "$gpu" | tr 'A-Z ' 'a-z-')
 mkdir -p "$results"
 rows="$results/gpu-$machine-$commit.csv"
-echo "date,commit,machine,isa,program,case,calls,median_us,p99_us,p99.9_us,max_us,cpu_us,facts,load_before,command,note" >"$rows"
-for program in gpu_bench gpu_batch_bench; do
-  command_line="$build/bin/$program ${quick[*]:-}"
-  $command_line | tee "$build.bench.csv"
-  awk -v date="$(date +%F)" -v commit="$commit" -v machine="$gpu" -v line="$command_line" -v program="$program" -F, '
-    BEGIN { OFS = "," }
-    /^#|^case/ { next }
-    { print date, commit, "\"" machine "\"", "", program, "\"" $1 "\"", $2, $3, $4, $5, $6, "", "mean_us=" $7 " deviation_us=" $8, "", line, "" }
-  ' "$build.bench.csv" >>"$rows"
-done
+export PALPATE_COMMIT="$commit"
+"$build/bin/gpu_bench" ${quick[@]+"${quick[@]}"} | tee "$rows"
+"$build/bin/gpu_batch_bench" ${quick[@]+"${quick[@]}"} | tail -n +2 | tee -a "$rows"
 echo "== rows in $rows"

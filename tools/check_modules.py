@@ -45,6 +45,9 @@ BELOW = {
     "python": ("front", "session", "cameras"),
 }
 READ_EVERYTHING = ("tests", "bench")
+# Tests and benchmarks of the evaluation's own studies; all others speak the public API.
+EVAL_READERS = ("tests/eval/", "tests/accuracy/", "bench/contact_bench.cpp", "bench/distance_grid.cuh",
+                "bench/peers_bench.cpp")
 # Public headers that lie in no folder of a module.
 FRONT_DOOR = {"palpate/palpate.h": "front", "palpate/version.h": "core"}
 
@@ -153,6 +156,8 @@ def check_project_include(name, target):
     if target_module not in BELOW and target_module not in READ_EVERYTHING:
         return f"there is no module {target_module}: name it in tools/check_modules.py"
     if module in READ_EVERYTHING:
+        if target_module == "eval" and not name.startswith(EVAL_READERS):
+            return f"{module} may not include eval: use the public API, or tests/test_util"
         tested = Path(name).parts[1]
         if target.startswith("src/") and module == "tests" and tested in BELOW:
             shared = is_internal(target) or tested in SHARED_PRIVATE.get(target, ())

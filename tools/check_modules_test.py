@@ -51,6 +51,13 @@ class CheckModulesTest(unittest.TestCase):
         self.assert_refused("tests/mesh/a.cpp", '#include "src/packing/b.h"', "private headers of packing")
         self.assert_refused("include/palpate/mesh/a.h", '#include "src/mesh/b.h"', "public header")
 
+    def test_tests_and_benchmarks_do_without_the_evaluation(self):
+        self.assert_refused("tests/contact/a.cpp", '#include "eval/studies/b.h"', "may not include eval")
+        self.assert_refused("tests/test_util/a.h", '#include "eval/studies/b.h"', "may not include eval")
+        self.assert_refused("bench/field_bench.cpp", '#include "eval/studies/b.h"', "may not include eval")
+        self.assert_passes("tests/eval/a.cpp", '#include "eval/studies/b.h"')
+        self.assert_passes("bench/contact_bench.cpp", '#include "eval/studies/b.h"')
+
     def test_permissions_that_nobody_needs_are_refused(self):
         used = {(header, module) for header, modules in SHARED_PRIVATE.items() for module in modules}
         header, (module, *_) = next(iter(SHARED_PRIVATE.items()))

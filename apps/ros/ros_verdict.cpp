@@ -1,9 +1,10 @@
 #include "apps/ros/ros_verdict.h"
 
+#include <algorithm>
 #include <array>
-#include <cstddef>
 #include <cstdio>
 
+#include "src/math/internal/matrix6.h"
 #include "src/math/internal/wrench_transform.h"
 
 namespace palpate::apps {
@@ -25,21 +26,15 @@ std::array<double, 36> stiffness_in(const Pose& X_WA, const Stiffness& K_W, cons
   const Quaternion q_AW = conjugate(X_WA.rotation);
   const Vec3d axes[3] = {rotate(q_AW, Vec3d{1, 0, 0}), rotate(q_AW, Vec3d{0, 1, 0}),
                          rotate(q_AW, Vec3d{0, 0, 1})};
-  double map[6][6] = {};  // maps wrenches about p_W in W to wrenches in A
+  Mat6 map;  // maps wrenches about p_W in W to wrenches in A
   for (int i = 0; i < 3; ++i) {
     for (int j = 0; j < 3; ++j) {
-      map[i][j] = map[3 + i][3 + j] = axes[j][i];
-      for (int k = 0; k < 3; ++k) map[3 + i][j] += axes[k][i] * lever[k][j];
+      map.m[i][j] = map.m[3 + i][3 + j] = axes[j][i];
+      for (int k = 0; k < 3; ++k) map.m[3 + i][j] += axes[k][i] * lever[k][j];
     }
   }
-  std::array<double, 36> K{};
-  for (std::size_t i = 0; i < 6; ++i) {
-    for (std::size_t j = 0; j < 6; ++j) {
-      for (int k = 0; k < 6; ++k) {
-        for (int l = 0; l < 6; ++l) K[6 * i + j] += map[i][k] * K_W.m[k][l] * map[j][l];
-      }
-    }
-  }
+  std::array<double, 36> K;
+  std::copy_n(congruent(map, K_W).m[0], 36, K.begin());
   return K;
 }
 

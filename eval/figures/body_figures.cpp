@@ -12,7 +12,6 @@
 #include "eval/studies/accuracy.h"
 #include "eval/studies/common_volume.h"
 #include "eval/studies/parallel.h"
-#include "eval/studies/random.h"
 #include "eval/studies/range.h"
 #include "eval/studies/speed.h"
 #include "eval/studies/verdict_rules.h"
@@ -20,6 +19,7 @@
 #include "palpate/mesh/mesh.h"
 #include "scenes/mesh_faces.h"
 #include "scenes/truth.h"
+#include "src/math/internal/random.h"
 
 namespace palpate::eval {
 namespace {

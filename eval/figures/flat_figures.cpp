@@ -8,10 +8,10 @@
 
 #include "eval/studies/flat_region.h"
 #include "eval/studies/parallel.h"
-#include "eval/studies/random.h"
 #include "eval/studies/range.h"
 #include "eval/studies/speed.h"
 #include "eval/studies/verdict_rules.h"
+#include "src/math/internal/random.h"
 
 namespace palpate::eval {
 namespace {

@@ -5,10 +5,10 @@
 #include <utility>
 
 #include "eval/studies/accuracy.h"
-#include "eval/studies/random.h"
 #include "eval/studies/recorded_run.h"
 #include "eval/studies/speed.h"
 #include "eval/studies/verdict_rules.h"
+#include "src/math/internal/random.h"
 
 namespace palpate::eval {
 namespace {

@@ -10,7 +10,6 @@
 
 #include "eval/context.h"
 #include "eval/studies/parallel.h"
-#include "eval/studies/random.h"
 #include "eval/studies/range.h"
 #include "eval/studies/speed.h"
 #include "eval/studies/verdict_rules.h"
@@ -18,6 +17,7 @@
 #include "palpate/mesh/mesh.h"
 #include "scenes/truth.h"
 #include "src/cloud/internal/mean_frame.h"
+#include "src/math/internal/random.h"
 
 namespace palpate::eval {
 namespace {

@@ -9,10 +9,10 @@
 #include "eval/context.h"
 #include "eval/studies/accuracy.h"
 #include "eval/studies/frozen_frame.h"
-#include "eval/studies/random.h"
 #include "eval/studies/speed.h"
 #include "eval/studies/verdict_rules.h"
 #include "scenes/truth.h"
+#include "src/math/internal/random.h"
 
 namespace palpate::eval {
 namespace {

@@ -7,11 +7,11 @@
 #include <utility>
 
 #include "eval/studies/parallel.h"
-#include "eval/studies/random.h"
 #include "eval/studies/range.h"
 #include "eval/studies/silhouettes.h"
 #include "eval/studies/verdict_rules.h"
 #include "src/field/internal/field_sample.h"
+#include "src/math/internal/random.h"
 
 namespace palpate::eval {
 namespace {

@@ -5,10 +5,10 @@
 #include <utility>
 
 #include "eval/studies/parallel.h"
-#include "eval/studies/random.h"
 #include "eval/studies/range.h"
 #include "eval/studies/silhouettes.h"
 #include "eval/studies/verdict_rules.h"
+#include "src/math/internal/random.h"
 
 namespace palpate::eval {
 namespace {

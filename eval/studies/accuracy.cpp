@@ -4,10 +4,11 @@
 #include <cmath>
 #include <utility>
 
-#include "eval/studies/random.h"
 #include "palpate/mesh/mesh.h"
 #include "palpate/packing/packing.h"
 #include "scenes/scene.h"
+#include "src/math/internal/farthest.h"
+#include "src/math/internal/random.h"
 
 namespace palpate::eval {
 namespace {
@@ -31,14 +32,6 @@ void set_way(ContactCase& c, const Quaternion& rotation, double x, double y) {
 
 Vec3d center_of_mass(const Tool& tool, const Pose& X_WT) {
   return X_WT * tool.sphere_mass().center_of_mass;
-}
-
-/// Returns the largest distance of the mesh from the center of mass.
-double radius_of(const Tool& tool) {
-  double radius = 0;
-  for (const Vec3d& p : tool.mesh().vertices)
-    radius = std::max(radius, norm(p - tool.sphere_mass().center_of_mass));
-  return radius;
 }
 
 double angle_between(const Vec3d& a, const Vec3d& b) {
@@ -259,7 +252,8 @@ VolumeError volume_error(const Tool& tool, const std::vector<ExactStep>& steps,
 WrenchError wrench_error(const Tool& tool, const std::vector<ExactStep>& steps,
                          const Measure& measure) {
   constexpr double kMinShare = 0.005;
-  const double mesh_volume = tool.mesh_mass().volume, radius = radius_of(tool);
+  const double mesh_volume = tool.mesh_mass().volume,
+               radius = farthest(tool.mesh().vertices, tool.sphere_mass().center_of_mass);
   ErrorSum difference, direction, torque;
   WrenchError result;
   Vec3d force_before, exact_before;

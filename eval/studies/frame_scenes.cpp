@@ -5,10 +5,10 @@
 #include <utility>
 
 #include "eval/studies/interaction.h"
-#include "eval/studies/random.h"
 #include "palpate/io/formats.h"
 #include "palpate/math/geometry.h"
 #include "scenes/truth.h"
+#include "src/math/internal/random.h"
 #include "src/session/internal/probing_path.h"
 
 namespace palpate::eval {

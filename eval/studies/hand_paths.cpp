@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "palpate/math/geometry.h"
+#include "src/math/internal/farthest.h"
 #include "src/math/internal/rotation_vector.h"
 
 namespace palpate::eval {
@@ -11,15 +12,6 @@ namespace {
 
 constexpr int kCellPixels = 16;
 constexpr double kMinShare = 0.9;  // of a place's pixels that have a point
-
-double radius_of(const Tool& tool) {
-  double radius = 0;
-  for (const Sphere& s : tool.spheres()) {
-    radius = std::max(radius, norm(to_double(s.center) - tool.sphere_mass().center_of_mass) +
-                                  static_cast<double>(s.radius));
-  }
-  return radius;
-}
 
 /// Surroundings of a pixel: mean point and normal, and deviation from a plane.
 struct Patch {
@@ -129,7 +121,7 @@ HandMotion recorded_hand(std::vector<TimedPose> poses) {
 Result<HandPath> hand_path(const FrozenFrame& frame, const Tool& tool, double mean_depth,
                            std::size_t num_poses, double swing, const HandMotion& motion,
                            double farthest) {
-  const double radius = radius_of(tool);
+  const double radius = palpate::farthest(tool.spheres(), tool.sphere_mass().center_of_mass);
   const auto place = calm_place(frame.cloud(), radius, farthest);
   if (!place) return place.error();
   const auto feeler =

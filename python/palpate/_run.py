@@ -26,10 +26,6 @@ if TYPE_CHECKING:
 _Floats = NDArray[np.float64]
 _PathLike = Union[str, "os.PathLike[str]"]
 
-#: Kinds of devices; any other string is a path file.
-_DEVICE_KINDS = ("sim", "replay", "spacenav", "haply", "forcedimension", "openhaptics", "vrpn",
-                 "ros2", "page")
-
 #: Active runs of this process, by folder.
 _going_on: "weakref.WeakValueDictionary[Path, Run]" = weakref.WeakValueDictionary()
 
@@ -320,7 +316,8 @@ def _end_all() -> None:
 
 def _is_device(given: object) -> bool:
     if isinstance(given, str):
-        return given.split(":", 1)[0] in _DEVICE_KINDS and not Path(given).is_file()
+        # Any other string is a path file.
+        return given.split(":", 1)[0] in _core.device_kinds() and not Path(given).is_file()
     return hasattr(given, "read") and hasattr(given, "write") and not hasattr(given, "__array__")
 
 

@@ -64,7 +64,7 @@ void BodySolver::prepare(std::span<const RigidBody> bodies, std::span<const Body
     const BodyTouch& touch = touches[i];
     const RigidBody& a = bodies[static_cast<std::size_t>(touch.a)];
     Work& work = work_[i];
-    work.stiffness = positive_part(touch.stiffness, radius_of_gyration(a));
+    work.stiffness = positive_part(touch.stiffness.m, radius_of_gyration(a));
     double mass = row(touch.a) >= 0 ? a.mass : 0;
     if (touch.b != BodyTouch::kNoBody) {
       const RigidBody& b = bodies[static_cast<std::size_t>(touch.b)];
@@ -75,7 +75,7 @@ void BodySolver::prepare(std::span<const RigidBody> bodies, std::span<const Body
         mass = mass * b.mass / (mass + b.mass);
       }
     }
-    const double k = largest(work.stiffness);
+    const double k = largest(work.stiffness.m);
     work.resistance = dt + (k > 0 ? 2 * kContactDampingRatio * std::sqrt(mass / k) : 0);
     const double force = norm(touch.F_A_W.force), most = kFastestOut * work.resistance * k;
     const double share = k > 0 && force > most ? most / force : 1;

@@ -6,7 +6,9 @@
 #include <string>
 #include <utility>
 
+#include "src/bodies/touch_matrices.h"
 #include "src/haptics/internal/surface_motion.h"
+#include "src/math/internal/farthest.h"
 
 namespace palpate { inline namespace v0 {
 namespace {
@@ -15,28 +17,12 @@ namespace {
 /// it and the camera) and uncovered: a cover that goes away between two frames throws no body.
 constexpr double kCoveredShare = 0.5, kUncoveredShare = 0.05;
 
-double largest(const Stiffness& k) {
-  double squares = 0;
-  for (int i = 0; i < 3; ++i) {
-    for (int j = 0; j < 3; ++j) squares += k.m[i][j] * k.m[i][j];
-  }
-  return std::sqrt(squares);
-}
-
 Stiffness scaled(const Stiffness& k, double by) {
   Stiffness result;
   for (int i = 0; i < 6; ++i) {
     for (int j = 0; j < 6; ++j) result.m[i][j] = by * k.m[i][j];
   }
   return result;
-}
-
-double reach_of(const Tool& shape, const Vec3d& center) {
-  double reach = 0;
-  for (const auto& vertex : shape.mesh().vertices) {
-    reach = std::max(reach, norm(vertex - center));
-  }
-  return reach;
 }
 
 Vec3d center_of(const Tool& shape) { return shape.sphere_mass().center_of_mass; }
@@ -76,7 +62,7 @@ Status MovingBodies::add(const std::vector<SceneObject>& objects, const Place& p
   for (std::size_t i = 0; i < objects.size(); ++i) {
     const SceneObject& object = objects[i];
     const Vec3d center = center_of(*object.shape);
-    const double reach = reach_of(*object.shape, center);
+    const double reach = farthest(object.shape->mesh().vertices, center);
     auto& index = indices[object.shape.get()];
     if (!object.moves) {
       const auto own = ToolIndex::create(*object.shape);
@@ -198,7 +184,7 @@ bool MovingBodies::touch_clouds(std::span<const SurfaceBlend> cameras) {
                     norm(V_W.angular) > kStillTurn / kStillSeconds;
     touch.place = i;
     own.force_W += touch.F_A_W.force;
-    own.stiffness = std::max(own.stiffness, largest(touch.stiffness));
+    own.stiffness = std::max(own.stiffness, largest(touch.stiffness.m));
     touch.potential = body.scale * found.potential;
     own.pressed += touch.potential;
     add_touch(touch);
@@ -244,7 +230,7 @@ void MovingBodies::touch_pairs() {
       Rest& own = rest(pair.a);
       own.pressed += touch.potential;
       own.force_W += touch.F_A_W.force;
-      own.stiffness = std::max(own.stiffness, largest(touch.stiffness));
+      own.stiffness = std::max(own.stiffness, largest(touch.stiffness.m));
     } else {
       for (const int body : {pair.a, pair.b}) rest(body).pressed += touch.potential / 2;
     }

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "src/math/internal/matrix.h"
+
 namespace palpate { inline namespace v0 {
 namespace {
 
@@ -10,17 +12,6 @@ constexpr int kMaxIterations = 50;  // five do at 100 rad/s and a millisecond
 constexpr double kClose = 1e-15;
 /// Smallest moment of inertia over the mean one: that of rods about their axis.
 constexpr double kMinInertia = 1e-3;
-
-Mat3d inverse(const Mat3d& a) {
-  const auto& m = a.m;
-  const Vec3d x{m[0][0], m[1][0], m[2][0]}, y{m[0][1], m[1][1], m[2][1]},
-      z{m[0][2], m[1][2], m[2][2]};
-  const Vec3d yz = cross(y, z), zx = cross(z, x), xy = cross(x, y);
-  const double by = 1 / dot(x, yz);
-  return {{{by * yz.x, by * yz.y, by * yz.z},
-           {by * zx.x, by * zx.y, by * zx.z},
-           {by * xy.x, by * xy.y, by * xy.z}}};
-}
 
 }  // namespace
 
@@ -46,18 +37,7 @@ RigidBody rigid_body(double mass, const MassProperties& shape, const Vec3d& cent
 
 Mat3d inertia_W(const RigidBody& body) {
   const Mat3d r = rotation_matrix(body.X_WB.rotation);
-  Mat3d half, whole;
-  for (int i = 0; i < 3; ++i) {
-    for (int j = 0; j < 3; ++j) {
-      for (int k = 0; k < 3; ++k) half.m[i][j] += r.m[i][k] * body.inertia_B.m[k][j];
-    }
-  }
-  for (int i = 0; i < 3; ++i) {
-    for (int j = 0; j < 3; ++j) {
-      for (int k = 0; k < 3; ++k) whole.m[i][j] += half.m[i][k] * r.m[j][k];
-    }
-  }
-  return whole;
+  return product(product(r, body.inertia_B), transposed(r));
 }
 
 Twist changed_by(const RigidBody& body, const Wrench& impulse) {

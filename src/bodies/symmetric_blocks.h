@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "src/haptics/internal/matrix6.h"
+#include "src/math/internal/matrix6.h"
 
 namespace palpate { inline namespace v0 {
 

@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "src/bodies/internal/rigid_body.h"
-#include "src/haptics/internal/matrix6.h"
+#include "src/math/internal/matrix6.h"
 
 namespace palpate { inline namespace v0 {
 
@@ -26,24 +26,6 @@ inline Mat6 transport(const Vec3d& d) {
   return t;
 }
 
-inline Mat6 product(const Mat6& a, const Mat6& b) {
-  Mat6 c;
-  for (int i = 0; i < 6; ++i) {
-    for (int k = 0; k < 6; ++k) {
-      for (int j = 0; j < 6; ++j) c.m[i][j] += a.m[i][k] * b.m[k][j];
-    }
-  }
-  return c;
-}
-
-inline Mat6 transposed(const Mat6& a) {
-  Mat6 t;
-  for (int i = 0; i < 6; ++i) {
-    for (int j = 0; j < 6; ++j) t.m[i][j] = a.m[j][i];
-  }
-  return t;
-}
-
 /// Returns the opposite of a wrench on a, about the center of mass of b; `d` leads from there to
 /// that of a.
 inline Vec6 at_other(const Vec6& wrench_a, const Vec3d& d) {
@@ -51,10 +33,10 @@ inline Vec6 at_other(const Vec6& wrench_a, const Vec3d& d) {
 }
 
 /// Returns the stiffness of the stiffest direction, too large by at most the square root of 3.
-inline double largest(const Mat6& k) {
+inline double largest(const double (&k)[6][6]) {
   double squares = 0;
   for (int i = 0; i < 3; ++i) {
-    for (int j = 0; j < 3; ++j) squares += k.m[i][j] * k.m[i][j];
+    for (int j = 0; j < 3; ++j) squares += k[i][j] * k[i][j];
   }
   return std::sqrt(squares);
 }

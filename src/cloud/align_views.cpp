@@ -6,6 +6,8 @@
 #include <cstdio>
 #include <utility>
 
+#include "src/math/internal/cholesky.h"
+
 namespace palpate { inline namespace v0 {
 namespace {
 
@@ -20,6 +22,7 @@ constexpr double kSameNormal = 0.8;  // cosine
 constexpr double kMinSlant = 0.3;    // cosine between a normal and the viewing ray
 constexpr int kEdgeWidth = 3;        // pixels
 constexpr float kEdgeStep = 0.03f;   // share of the depth
+constexpr double kMinPivot = 1e-12;  // below it, the matrix is singular
 constexpr double kStill = 1e-4;      // m, and rad times the scene's size: converged below
 constexpr int kPatience = 5;         // minimum of rounds at the smallest reach
 
@@ -69,32 +72,16 @@ std::vector<std::size_t> samples_of(const PointCloudView& view, int most) {
   return some;
 }
 
-/// A symmetric positive definite matrix and its triangular factor (Cholesky).
+/// A symmetric positive definite matrix, then its triangular factor (Cholesky).
 class Normal {
  public:
-  explicit Normal(std::size_t size) : size_(size), a_(size * size), l_(size * size) {}
+  explicit Normal(std::size_t size) : size_(size), a_(size * size) {}
 
   double& at(std::size_t row, std::size_t column) { return a_[row * size_ + column]; }
-  bool factor() {
-    for (std::size_t i = 0; i < size_; ++i) {
-      for (std::size_t j = 0; j <= i; ++j) {
-        double sum = at(i, j);
-        for (std::size_t k = 0; k < j; ++k) sum -= l_[i * size_ + k] * l_[j * size_ + k];
-        if (i == j && !(sum > 1e-12)) return false;
-        l_[i * size_ + j] = i == j ? std::sqrt(sum) : sum / l_[j * size_ + j];
-      }
-    }
-    return true;
-  }
+  bool factor() { return factor_cholesky(a_.data(), static_cast<int>(size_), kMinPivot); }
   std::vector<double> solve(std::vector<double> b) const {
-    for (std::size_t i = 0; i < size_; ++i) {
-      for (std::size_t k = 0; k < i; ++k) b[i] -= l_[i * size_ + k] * b[k];
-      b[i] /= l_[i * size_ + i];
-    }
-    for (std::size_t i = size_; i-- > 0;) {
-      for (std::size_t k = i + 1; k < size_; ++k) b[i] -= l_[k * size_ + i] * b[k];
-      b[i] /= l_[i * size_ + i];
-    }
+    solve_forward(a_.data(), static_cast<int>(size_), b.data());
+    solve_backward(a_.data(), static_cast<int>(size_), b.data());
     return b;
   }
   /// Computes it by inverse iteration.
@@ -114,7 +101,7 @@ class Normal {
 
  private:
   std::size_t size_;
-  std::vector<double> a_, l_;
+  std::vector<double> a_;
 };
 
 /// A point of view a on the plane that view b has there.

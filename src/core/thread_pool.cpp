@@ -9,6 +9,8 @@
 #include <utility>
 #include <vector>
 
+#include "src/core/internal/assert.h"
+
 namespace palpate { inline namespace v0 {
 namespace {
 
@@ -130,6 +132,8 @@ void ThreadPool::run(int num_tasks, void* context, void (*call)(void*, int)) {
     for (int task = 0; task < num_tasks; ++task) call(context, task);
     return;
   }
+  // Open: a task of this pool, or another thread, has called it.
+  PALPATE_ASSERT(workers_->num_inside.load(std::memory_order_relaxed) == Workers::kClosed);
   workers_->num_tasks = num_tasks;
   workers_->context = context;
   workers_->call = call;

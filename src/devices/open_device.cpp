@@ -63,6 +63,12 @@ Result<std::unique_ptr<HapticDevice>> open_in_time(const Kind& kind, std::string
 
 }  // namespace
 
+std::vector<std::string> device_kinds() {
+  std::vector<std::string> names;
+  for (const Kind& kind : kKinds) names.emplace_back(kind.name);
+  return names;
+}
+
 std::vector<FoundDevice> find_devices() { return find_devices_within(kFindPatience); }
 
 std::vector<FoundDevice> find_devices_within(double patience) {

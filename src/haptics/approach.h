@@ -4,7 +4,7 @@
 #include <utility>
 
 #include "palpate/haptics/local_contact.h"
-#include "src/haptics/internal/matrix6.h"
+#include "src/math/internal/matrix6.h"
 #include "src/math/internal/rotation_vector.h"
 
 namespace palpate { inline namespace v0 {

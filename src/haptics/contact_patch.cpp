@@ -3,15 +3,10 @@
 #include <algorithm>
 
 #include "src/haptics/tangents.h"
+#include "src/math/internal/matrix.h"
 
 namespace palpate { inline namespace v0 {
 namespace {
-
-Vec3d times(const double (&a)[3][3], const Vec3d& v) {
-  return {a[0][0] * v.x + a[0][1] * v.y + a[0][2] * v.z,
-          a[1][0] * v.x + a[1][1] * v.y + a[1][2] * v.z,
-          a[2][0] * v.x + a[2][1] * v.y + a[2][2] * v.z};
-}
 
 /// Mean distance from the middle of an even ellipse with these variances along its axes: the
 /// circumference over 3 pi (Ramanujan's, 4e-3 off at most, exact for a circle).
@@ -27,21 +22,18 @@ double mean_distance(double variance, double other) {
 /// by 90 degrees, which are then taken about its own center (parallel axis theorem).
 double elongation(const Vec3d& n, const Stiffness& k, const VolumeMoments& moments) {
   const Vec3d t[2] = {first_tangent(n), cross(n, first_tangent(n))};
-  double force[3][3], turning[3][3], torque[3][3];
+  const Mat3d force = block(k.m, 0, 0), turning = block(k.m, 3, 0);
+  Mat3d torque = block(k.m, 3, 3);
   const auto& first = moments.first;
   const double virial = first[0][0] + first[1][1] + first[2][2];
   for (int i = 0; i < 3; ++i) {
-    for (int j = 0; j < 3; ++j) {
-      force[i][j] = k.m[i][j];
-      turning[i][j] = k.m[i + 3][j];
-      torque[i][j] = k.m[i + 3][j + 3] + first[i][j] - (i == j ? virial : 0);
-    }
+    for (int j = 0; j < 3; ++j) torque.m[i][j] += first[i][j] - (i == j ? virial : 0);
   }
-  const double area = dot(n, times(force, n));
+  const double area = dot(n, force * n);
   if (!(area > 0)) return 0.5;
-  const Vec3d middle = times(turning, n);
+  const Vec3d middle = turning * n;
   const auto spread = [&](int i, int j) {
-    return dot(t[i], times(torque, t[j])) - dot(t[i], middle) * dot(t[j], middle) / area;
+    return dot(t[i], torque * t[j]) - dot(t[i], middle) * dot(t[j], middle) / area;
   };
   const double sum = spread(0, 0) + spread(1, 1);
   const double difference = std::hypot(spread(0, 0) - spread(1, 1), spread(0, 1) + spread(1, 0));
@@ -56,7 +48,7 @@ ContactPatch contact_patch(const VolumeWrench& measure_W, double volume, const S
   const double force = norm(measure_W.force);
   if (!(force > 0 && volume > 0)) return patch;
   const Vec3d n = measure_W.force / force;
-  patch.lever_W = times(moments.first, n) / force;
+  patch.lever_W = block(moments.first, 0, 0) * n / force;
   const Vec3d off = cross(patch.lever_W, n);
   const double variance = std::max(moments.polar / volume - dot(off, off), 0.0);
   const double along = elongation(n, stiffness, moments);

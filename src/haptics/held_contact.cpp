@@ -53,7 +53,7 @@ void HeldContact::update(const LocalContact& contact, double dt) noexcept {
   }
   contact_ = contact;
   if (is_zero(contact_.stiffness)) assume_stiffness(contact_);
-  stiffness_ = positive_part(contact_.stiffness, length_);
+  stiffness_ = positive_part(contact_.stiffness.m, length_);
   is_there_ = contact_.is_valid && norm(contact_.F_C_W.force) < kLargestWrench &&
               norm(contact_.F_C_W.torque) < kLargestWrench && is_finite(contact_.X_WT) &&
               is_finite(contact_.p_WC);

@@ -3,7 +3,7 @@
 
 #include "palpate/haptics/coupling.h"
 #include "palpate/haptics/local_contact.h"
-#include "src/haptics/internal/matrix6.h"
+#include "src/math/internal/matrix6.h"
 
 namespace palpate { inline namespace v0 {
 

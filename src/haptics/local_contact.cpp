@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "src/haptics/held_contact.h"
-#include "src/haptics/internal/matrix6.h"
+#include "src/math/internal/matrix6.h"
 #include "src/math/internal/rotation_vector.h"
 
 namespace palpate { inline namespace v0 {

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "src/haptics/internal/matrix6.h"
+#include "src/math/internal/matrix6.h"
 #include "src/math/internal/rotation_vector.h"
 
 namespace palpate { inline namespace v0 {

@@ -65,7 +65,7 @@ void HandPart::tick(const DeviceState& state, const ContactRecord& known, const 
   input.is_measured = known.contact.is_valid;
   input.is_clutched = record.step.is_clutched;
   input.stored = record.step.stored;
-  record.F_H_B = safety_.filter(record.step.F_H_B, input);
+  record.F_H_B = safety_.filter(record.step.desired_F_H_B, input);
   record.safety = safety_.status();
   status_without_force_.num_faults += record.safety.num_faults - num_faults;
   record.safety.num_faults = status_without_force_.num_faults;

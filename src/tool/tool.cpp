@@ -11,11 +11,6 @@ constexpr std::size_t kMaxSpheres = std::size_t(1) << 30;
 
 Error bad(std::string message) { return {Errc::bad_input, std::move(message)}; }
 
-template <class T>
-bool is_finite(const Vec3<T>& v) {
-  return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
-}
-
 /// Checks the conditions that every tool meets, however it was made.
 std::optional<Error> check(const TriangleMesh& mesh, const SpherePacking& packing) {
   for (std::size_t i = 0; i < mesh.vertices.size(); ++i) {

@@ -3,10 +3,10 @@
 
 #include "eval/studies/accuracy.h"
 #include "eval/studies/common_volume.h"
-#include "eval/studies/random.h"
 #include "palpate/contact/body_contact.h"
 #include "palpate/mesh/mesh.h"
 #include "palpate/packing/packing.h"
+#include "src/math/internal/random.h"
 
 namespace palpate::eval {
 namespace {

@@ -1,10 +1,10 @@
 // Edge planes on real depth images: the query against brute force where people and furniture end.
 #include <gtest/gtest.h>
 
-#include "eval/studies/method_queries.h"
 #include "palpate/cloud/surface_estimator.h"
 #include "palpate/contact/contact.h"
 #include "palpate/io/formats.h"
+#include "tests/test_util/contact_queries.h"
 #include "tests/test_util/contact_scenes.h"
 #include "tests/test_util/contact_truth.h"
 #include "tests/test_util/real_frames.h"
@@ -31,8 +31,7 @@ TEST_P(RealEdges, EqualBruteForce) {
 
   const Tool tool = test::random_tool(120, 0.06, 3);
   const test::ToolTruth tool_truth(tool);
-  const auto query = std::make_unique<eval::MethodQueries>(Backend::cpu, tool);
-  query->set_cloud(cloud);
+  test::ContactQueries queries(tool);
   test::Random random(5);
   int num_cut = 0;
   for (int k = 0; k < 40; ++k) {
@@ -55,7 +54,7 @@ TEST_P(RealEdges, EqualBruteForce) {
               continuity};
           const double expected =
               test::contact_truth(tool_truth, touched, X_WT, options).penetration.volume;
-          const double measured = query->query(X_WT, options).volume;
+          const double measured = queries.measure({cloud}, X_WT, options).volume;
           ASSERT_NEAR(measured, expected, 1e-5 * expected + 1e-12) << "pose " << k;
           if (edges == Edges::none) without = measured;
           if (edges == Edges::cut) num_cut += measured < 0.98 * without;

@@ -6,7 +6,6 @@
 
 #include <gtest/gtest.h>
 
-#include "eval/studies/method_queries.h"
 #include "palpate/contact/body_contact.h"
 #include "src/contact/backends.h"
 #include "src/core/internal/stamp.h"
@@ -17,7 +16,7 @@
 #include "tests/field/device_views.h"
 #include "tests/test_util/contact_checks.h"
 #include "tests/test_util/contact_scenes.h"
-#include "tests/test_util/field_probe.h"
+#include "tests/test_util/cuda_queries.h"
 #include "tests/test_util/gpu.h"
 
 namespace palpate::test {
@@ -31,13 +30,6 @@ constexpr double kMeasure = 1e-5;
 constexpr double kStiffness = 1e-4;
 /// Sums in double precision.
 constexpr double kExact = 1e-10;
-
-std::unique_ptr<eval::MethodQueries> cpu_query(const Tool& tool, ThreadPool* pool = nullptr) {
-  return std::make_unique<eval::MethodQueries>(Backend::cpu, tool, ExecutionOptions{.pool = pool});
-}
-std::unique_ptr<eval::MethodQueries> cuda_query(const Tool& tool) {
-  return std::make_unique<eval::MethodQueries>(test::cuda_queries(tool));
-}
 
 Tool test_tool() { return random_tool(150, kHalfSide, 6); }
 
@@ -92,38 +84,31 @@ void expect_near(const Stiffness& got, const Stiffness& want, double allowed) {
   EXPECT_LE(error, allowed * largest);
 }
 
-/// One tool at one wall, by both.
+/// One tool at a surface, a wall unless another is set, by both.
 struct Pair {
   Tool tool = test_tool();
   CloudWithEdges scene = wall(5);
   DepthField field = field_of(scene.view());
-  std::unique_ptr<eval::MethodQueries> cpu = cpu_query(tool), cuda = cuda_query(tool);
+  ContactQueries cpu{tool}, cuda = cuda_queries(tool);
+  SurfaceView surface{scene.view(), field.view()};
 
-  Pair() { show(scene.view(), field.view()); }
-
-  void show(const PointCloudView& cloud, const DepthFieldView& depth_field) const {
-    for (eval::MethodQueries* query : {cpu.get(), cuda.get()}) {
-      query->set_cloud(cloud);
-      query->set_field(depth_field);
-    }
-  }
-
-  /// At a few poses; `visit` looks at what else there is.
+  /// Compares a few poses; visit(whole contact on the GPU, on the CPU) compares the rest.
   template <class Visit>
-  void compare(const std::vector<ContactOptions>& all, double allowed, const Visit& visit) const {
+  void compare(const std::vector<ContactOptions>& all, double allowed, const Visit& visit) {
     double volume = 0;
     for (const ContactOptions& options : all) {
       for (const Pose& X_WT : poses(3)) {
-        const Penetration want = cpu->query(X_WT, options);
-        expect_near(cuda->query(X_WT, options), want, allowed);
+        const Penetration want = cpu.measure(surface, X_WT, options);
+        expect_near(cuda.measure(surface, X_WT, options), want, allowed);
         volume += want.volume;
-        visit();
+        visit(whole_contact(cuda.by(options), surface, X_WT),
+              whole_contact(cpu.by(options), surface, X_WT));
       }
     }
     EXPECT_GT(volume, 0);
   }
-  void compare(const std::vector<ContactOptions>& all, double allowed) const {
-    compare(all, allowed, [] {});
+  void compare(const std::vector<ContactOptions>& all, double allowed) {
+    compare(all, allowed, [](const WholeContact&, const WholeContact&) {});
   }
 };
 
@@ -198,46 +183,49 @@ FeatureGroup options() {
 }
 
 void compare_states(double) {
-  const Pair pair;
-  pair.compare(by_each(kAllMethods), kMeasure, [&] {
-    const auto got = pair.cuda->states(), want = pair.cpu->states();
-    EXPECT_TRUE(std::equal(got.begin(), got.end(), want.begin(), want.end()));
-  });
+  Pair pair;
+  pair.compare(by_each(kAllMethods), kMeasure,
+               [](const WholeContact& got, const WholeContact& want) {
+                 EXPECT_EQ(got.states, want.states);
+               });
 }
 
 void compare_planes(double allowed) {
-  const Pair pair;
-  pair.compare(by_each(kAllMethods), kMeasure, [&] {
-    const auto got = pair.cuda->planes(), want = pair.cpu->planes();
-    ASSERT_EQ(got.size(), want.size());
-    for (std::size_t i = 0; i < want.size(); ++i) {
-      EXPECT_LE(static_cast<double>(norm(got[i].normal - want[i].normal)), allowed);
-      EXPECT_NEAR(got[i].offset, want[i].offset, allowed * kWallDepth);
-    }
-  });
+  Pair pair;
+  pair.compare(by_each(kAllMethods), kMeasure,
+               [&](const WholeContact& got, const WholeContact& want) {
+                 for (std::size_t i = 0; i < want.planes.size(); ++i) {
+                   const Plane<float>&a = got.planes[i], &b = want.planes[i];
+                   EXPECT_LE(static_cast<double>(norm(a.normal - b.normal)), allowed);
+                   EXPECT_NEAR(a.offset, b.offset, allowed * kWallDepth);
+                 }
+               });
 }
 
 void compare_stiffness(double allowed) {
-  const Pair pair;
+  Pair pair;
   pair.compare({{.method = MethodKind::field}}, kMeasure,
-               [&] { expect_near(pair.cuda->stiffness(), pair.cpu->stiffness(), allowed); });
+               [&](const WholeContact& got, const WholeContact& want) {
+                 expect_near(*got.stiffness, *want.stiffness, allowed);
+               });
 }
 
 void compare_faults(double allowed) {
-  const Pair pair;
+  Pair pair;
   const Pose nowhere{{NAN, 0, 0}, {}};
   for (const ContactOptions& options : by_each(kAllMethods)) {
-    EXPECT_EQ(pair.cuda->query(nowhere, options).status, StepStatus::non_finite_pose);
-    expect_near(pair.cuda->query(nowhere, options), pair.cpu->query(nowhere, options), allowed);
+    const Penetration got = pair.cuda.measure(pair.surface, nowhere, options);
+    EXPECT_EQ(got.status, StepStatus::non_finite_pose);
+    expect_near(got, pair.cpu.measure(pair.surface, nowhere, options), allowed);
   }
   PointCloud rough = pair.scene.cloud;  // half of the normals look the other way
   for (std::size_t i = 0; i < rough.size(); i += 2) rough.set(i, rough.point(i), -rough.normal(i));
-  pair.show(rough.view(), {});
+  pair.surface = {rough.view(), {}};
   const Pose X_WT = poses(1)[0];
   for (const ContactOptions& options : by_each(kPointMethods)) {
-    const Penetration want = pair.cpu->query(X_WT, options);
+    const Penetration want = pair.cpu.measure(pair.surface, X_WT, options);
     EXPECT_EQ(want.status, StepStatus::ambiguous_normals);
-    expect_near(pair.cuda->query(X_WT, options), want, allowed);
+    expect_near(pair.cuda.measure(pair.surface, X_WT, options), want, allowed);
   }
 }
 
@@ -262,27 +250,27 @@ PointCloud scattered_points() {
 }
 
 void compare_unorganized(double allowed) {
-  const Pair pair;
+  Pair pair;
   const PointCloud cloud = scattered_points();
-  pair.show(cloud.view(), {});
+  pair.surface = {cloud.view(), {}};
   pair.compare(by_each(kPointMethods), allowed);
 }
 
 void compare_unorganized_by_field(double allowed) {
-  const Pair pair;
+  Pair pair;
   const PointCloud image = std::move(make_pinhole_cloud(scattered_points().view())).value();
   const DepthField field = field_of(image.view());
-  pair.show(image.view(), field.view());
+  pair.surface = {image.view(), field.view()};
   pair.compare(by_each({MethodKind::field}), allowed);
 }
 
 void compare_host_memory(double allowed) {
-  const Pair pair;
+  Pair pair;
   const CloudWithEdges scene = wall(9);
   PointCloudView cloud = scene.view();
   cloud.stamp = next_stamp();
   const DepthField field = field_of(cloud);
-  pair.show(cloud, field.view());
+  pair.surface = {cloud, field.view()};
   ASSERT_EQ(cloud.gpu, kHostMemory);
   pair.compare(by_each(kAllMethods), allowed);
 }
@@ -301,7 +289,7 @@ void compare_from_depth_image(double allowed) {
   auto on_cpu = make_timeline(std::move(make_frame_slots_cpu(settings)).value(), settings).value();
   auto on_cuda =
       make_timeline(std::move(make_frame_slots_cuda(settings, 0)).value(), settings).value();
-  eval::MethodQueries cpu = std::move(*cpu_query(tool)), cuda = std::move(*cuda_query(tool));
+  ContactQueries cpu(tool), cuda = cuda_queries(tool);
   ThreadPool pool(1);
   for (int number = 0; number < 2; ++number) {
     const DepthFrame frame =
@@ -311,16 +299,18 @@ void compare_from_depth_image(double allowed) {
   }
   const double now = 1.3 / 30;
   ASSERT_EQ(on_cuda.at(now).to.cloud.gpu, 0);
-  cpu.set_blend(on_cpu.at(now));
-  cuda.set_blend(on_cuda.at(now));
+  const SurfaceBlend blend = on_cpu.at(now), cuda_blend = on_cuda.at(now);
   double volume = 0;
   for (const ContactOptions& options : by_each(kAllMethods)) {
     for (const Pose& X_WT : poses(2)) {
-      const Penetration want = cpu.query(X_WT, options);
-      expect_near(cuda.query(X_WT, options), want, allowed);
+      const ContactQuery &on_host = cpu.by(options), &on_gpu = cuda.by(options);
+      const Penetration want = on_host.measure({&blend, 1}, X_WT).penetration;
+      expect_near(on_gpu.measure({&cuda_blend, 1}, X_WT).penetration, want, allowed);
       volume += want.volume;
       if (options.method == MethodKind::field && want.volume > 0) {
-        expect_near(cuda.stiffness(), cpu.stiffness(), kStiffness);
+        const ContactWants wants{.stiffness = true};
+        expect_near(*on_gpu.measure({&cuda_blend, 1}, X_WT, wants).stiffness,
+                    *on_host.measure({&blend, 1}, X_WT, wants).stiffness, kStiffness);
       }
     }
   }
@@ -382,19 +372,17 @@ FeatureGroup bodies() {
 
 /// Whatever was queried before, with any number of threads and in any order of them.
 void expect_same_bits_again(double) {
-  const Pair pair;
+  Pair pair;
   ThreadPool pool(3);
-  const auto threaded = cpu_query(pair.tool, &pool);
-  threaded->set_cloud(pair.scene.view());
-  threaded->set_field(pair.field.view());
+  ContactQueries threaded(pair.tool, {.pool = &pool});
   const Pose X_WT = poses(1)[0], elsewhere = poses(2)[1];
   for (const ContactOptions& options : by_each(kAllMethods, {.edges = Edges::cut})) {
-    const Penetration on_cpu = pair.cpu->query(X_WT, options);
-    EXPECT_TRUE(same_bits(threaded->query(X_WT, options), on_cpu));
-    const Penetration on_cuda = pair.cuda->query(X_WT, options);
+    const Penetration on_cpu = pair.cpu.measure(pair.surface, X_WT, options);
+    EXPECT_TRUE(same_bits(threaded.measure(pair.surface, X_WT, options), on_cpu));
+    const Penetration on_cuda = pair.cuda.measure(pair.surface, X_WT, options);
     in_all_orders([&] {
-      pair.cuda->query(elsewhere, {.method = MethodKind::graph});
-      EXPECT_TRUE(same_bits(pair.cuda->query(X_WT, options), on_cuda));
+      pair.cuda.measure(pair.surface, elsewhere, {.method = MethodKind::graph});
+      EXPECT_TRUE(same_bits(pair.cuda.measure(pair.surface, X_WT, options), on_cuda));
     });
   }
 }

@@ -2,8 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "eval/studies/method_queries.h"
-#include "palpate/math/geometry.h"
+#include "palpate/contact/contact.h"
 #include "tests/test_util/allocation_counter.h"
 #include "tests/test_util/contact_scenes.h"
 
@@ -43,35 +42,25 @@ const Tool& tool() {
   return made;
 }
 
-std::unique_ptr<eval::MethodQueries> plain_query() {
-  return std::make_unique<eval::MethodQueries>(Backend::cpu, tool());
-}
-
 Pose pose_at(double z) { return {{0.003, -0.002, z}, axis_angle({1, 2, 3}, 0.4)}; }
 
-ContactOptions options_of(MethodKind method) {
-  ContactOptions options;
-  options.method = method;
-  options.volumes = SphereVolumes::own;
-  return options;
+std::unique_ptr<ContactQuery> query_by(MethodKind method) {
+  const ContactOptions options{.method = method, .volumes = SphereVolumes::own};
+  return make_contact_query(Backend::cpu, tool(), contact_method(options).value()).value();
 }
 
 TEST(BetweenSurfaces, WeighsBothSurfaces) {
   const Wall old_wall(0.5), new_wall(0.495);
-  const auto plain = plain_query();
-  eval::MethodQueries blended(Backend::cpu, tool());
   for (const MethodKind method : kAllMethods) {
-    const ContactOptions options = options_of(method);
+    const auto query = query_by(method);
     const auto on = [&](const Wall& wall) {
-      plain->set_cloud(wall.surfaces().cloud);
-      plain->set_field(wall.surfaces().field);
-      return plain->query(pose_at(0.49), options);
+      return query->measure(wall.surfaces(), pose_at(0.49)).penetration;
     };
     const Penetration from = on(old_wall), to = on(new_wall);
     ASSERT_GT(to.volume, from.volume);
     for (const double t : {0.0, 0.25, 1.0}) {
-      blended.set_blend({old_wall.surfaces(), new_wall.surfaces(), t});
-      const Penetration got = blended.query(pose_at(0.49), options);
+      const Penetration got =
+          query->measure(old_wall.surfaces(), new_wall.surfaces(), t, pose_at(0.49)).penetration;
       EXPECT_EQ(got.volume, t < 1 ? (1 - t) * from.volume + t * to.volume : to.volume);
       EXPECT_NEAR(
           norm(got.measure_W.force - ((1 - t) * from.measure_W.force + t * to.measure_W.force)), 0,
@@ -91,15 +80,15 @@ TEST(BetweenSurfaces, WeighsBothSurfaces) {
 TEST(BetweenSurfaces, FollowsAMovingWall) {
   const Wall old_wall(0.5), new_wall(0.4975);
   const Pose X_WT = pose_at(0.492);
-  eval::MethodQueries query(Backend::cpu, tool());
+  const auto query = query_by(MethodKind::field);
   for (const double t : {0.0, 0.3, 0.5, 0.8, 1.0}) {
-    query.set_blend({old_wall.surfaces(), new_wall.surfaces(), t});
     const double depth = 0.5 - 0.0025 * t;
     double expected = 0;
     for (const Sphere& s : tool().spheres()) {
       expected += cap_volume(static_cast<double>(s.radius), depth - (X_WT * to_double(s.center)).z);
     }
-    const Penetration got = query.query(X_WT, options_of(MethodKind::field));
+    const Penetration got =
+        query->measure(old_wall.surfaces(), new_wall.surfaces(), t, X_WT).penetration;
     EXPECT_NEAR(got.volume, expected, 0.005 * expected) << t;
     // Deep spheres are pushed by up to 5 % more (kSteepening).
     EXPECT_NEAR(-got.measure_W.force.z, expected, 0.05 * expected) << t;
@@ -108,22 +97,21 @@ TEST(BetweenSurfaces, FollowsAMovingWall) {
 
 TEST(BetweenSurfaces, IsTheGradientOfOnePotentialAtEveryInstant) {
   const Wall old_wall(0.5), new_wall(0.48);
-  eval::MethodQueries query(Backend::cpu, tool());
-  const ContactOptions options = options_of(MethodKind::field);
+  const auto query = query_by(MethodKind::field);
   for (const double t : {0.2, 0.5, 0.9}) {
-    query.set_blend({old_wall.surfaces(), new_wall.surfaces(), t});
     constexpr double kStep = 1e-4;
-    const double force = query.query(pose_at(0.49), options).measure_W.force.z;
-    const double slope = (query.query(pose_at(0.49 + kStep), options).potential -
-                          query.query(pose_at(0.49 - kStep), options).potential) /
-                         (2 * kStep);
+    const auto at = [&](double z) {
+      return query->measure(old_wall.surfaces(), new_wall.surfaces(), t, pose_at(z),
+                            {.stiffness = true});
+    };
+    const ContactResult here = at(0.49), low = at(0.49 - kStep), high = at(0.49 + kStep);
+    const double force = here.penetration.measure_W.force.z;
+    const double slope = (high.penetration.potential - low.penetration.potential) / (2 * kStep);
     EXPECT_NEAR(force, -slope, 2e-3 * std::abs(force)) << t;
     // And the stiffness is the slope of the force.
-    const double force_slope = (query.query(pose_at(0.49 + kStep), options).measure_W.force.z -
-                                query.query(pose_at(0.49 - kStep), options).measure_W.force.z) /
-                               (2 * kStep);
-    query.query(pose_at(0.49), options);
-    EXPECT_NEAR(query.stiffness().m[2][2], -force_slope, 0.01 * std::abs(force_slope)) << t;
+    const double force_slope =
+        (high.penetration.measure_W.force.z - low.penetration.measure_W.force.z) / (2 * kStep);
+    EXPECT_NEAR(here.stiffness->m[2][2], -force_slope, 0.01 * std::abs(force_slope)) << t;
   }
 }
 
@@ -135,11 +123,10 @@ TEST(BetweenSurfaces, WhatAppearsFadesIn) {
   DepthField empty = std::move(DepthField::create(kWidth, kHeight)).value();
   empty.update(nothing.view(), pool);
   const SurfaceView none{nothing.view(), empty.view()};
-  eval::MethodQueries query(Backend::cpu, tool());
   for (const MethodKind method : kAllMethods) {
+    const auto query = query_by(method);
     const auto volume = [&](const SurfaceView& from, const SurfaceView& to, double t) {
-      query.set_blend({from, to, t});
-      return query.query(pose_at(0.5), options_of(method)).volume;
+      return query->measure(from, to, t, pose_at(0.5)).penetration.volume;
     };
     const double whole = volume(none, wall.surfaces(), 1);
     ASSERT_GT(whole, 0);
@@ -150,31 +137,15 @@ TEST(BetweenSurfaces, WhatAppearsFadesIn) {
   }
 }
 
-TEST(BetweenSurfaces, SettingOneSurfaceLeavesNothingToBlend) {
-  const Wall old_wall(0.5), new_wall(0.49);
-  eval::MethodQueries query(Backend::cpu, tool());
-  query.set_blend({old_wall.surfaces(), old_wall.surfaces(), 0.5});
-  query.set_cloud(new_wall.surfaces().cloud);
-  query.set_field(new_wall.surfaces().field);
-  const auto plain = plain_query();
-  plain->set_cloud(new_wall.surfaces().cloud);
-  plain->set_field(new_wall.surfaces().field);
-  for (const MethodKind method : kAllMethods) {
-    EXPECT_EQ(query.query(pose_at(0.49), options_of(method)).volume,
-              plain->query(pose_at(0.49), options_of(method)).volume);
-  }
-}
-
 TEST(BetweenSurfaces, DoesNotAllocate) {
   const Wall old_wall(0.5), new_wall(0.49);
-  eval::MethodQueries query(Backend::cpu, tool());
-  const SurfaceBlend moment{old_wall.surfaces(), new_wall.surfaces(), 0.5};
-  for (const MethodKind method : kAllMethods) query.by(options_of(method));
+  std::vector<std::unique_ptr<ContactQuery>> queries;
+  for (const MethodKind method : kAllMethods) queries.push_back(query_by(method));
   const test::AllocationCounter counter;
-  for (const MethodKind method : kAllMethods) {
-    query.set_blend(moment);
-    query.query(pose_at(0.49), options_of(method));
-    query.stiffness();
+  for (const auto& query : queries) {
+    query->measure(old_wall.surfaces(), new_wall.surfaces(), 0.5, pose_at(0.49));
+    query->measure(old_wall.surfaces(), new_wall.surfaces(), 0.5, pose_at(0.49),
+                   {.stiffness = true});
   }
   EXPECT_EQ(counter.count(), 0u);
 }

@@ -6,7 +6,6 @@
 
 #include <gtest/gtest.h>
 
-#include "eval/studies/method_queries.h"
 #include "palpate/contact/body_contact.h"
 #include "tests/test_util/allocation_counter.h"
 #include "tests/test_util/contact_checks.h"
@@ -18,16 +17,12 @@ using test::all_continuities;
 using test::all_options;
 using test::all_options_with_edges;
 using test::all_other_priorities;
+using test::ContactQueries;
 using test::expect_equals_truth;
 using test::l_shape;
 using test::Random;
 using test::random_pose;
 using test::same_bits;
-
-std::unique_ptr<eval::MethodQueries> make_query(const Tool& tool, Isa isa = best_isa(),
-                                                ThreadPool* pool = nullptr) {
-  return std::make_unique<eval::MethodQueries>(Backend::cpu, tool, ExecutionOptions{isa, pool});
-}
 
 class EveryIsa : public testing::TestWithParam<Isa> {
  protected:
@@ -50,10 +45,10 @@ TEST_P(EveryIsa, EqualsBruteForceOnRandomPoses) {
        {Case{40, 0.05, 0.0, 600}, Case{300, 0.04, 0.0015, 350}, Case{1500, 0.1, 0.003, 50}}) {
     const Tool tool = test::random_tool(c.num_spheres, c.half_side, 11);
     const PointCloud cloud = test::noisy_wall(160, 120, 140, 0.6, c.noise, 5);
-    const auto query = make_query(tool, GetParam());
+    ContactQueries queries(tool, {GetParam()});
     for (int i = 0; i < c.num_poses; ++i) {
       const Pose X_WT = random_pose(random, 0.6, c.half_side);
-      expect_equals_truth(tool, cloud.view(), X_WT, *query);
+      expect_equals_truth(tool, cloud.view(), X_WT, queries);
       if (HasFailure()) FAIL() << "spheres " << c.num_spheres << ", pose " << i;
     }
   }
@@ -67,10 +62,10 @@ TEST_P(EveryIsa, EqualsBruteForceOnUnorganizedClouds) {
     const Vec3d p = random.in_box(0.08);
     cloud.set(i, to_float(p + Vec3d{3, -2, -5}), to_float(random.direction()));
   }
-  const auto query = make_query(tool, GetParam());
+  ContactQueries queries(tool, {GetParam()});
   for (int i = 0; i < 20; ++i) {
     const Pose X_WT{Vec3d{3, -2, -5} + random.in_box(0.05), random.rotation(3)};
-    expect_equals_truth(tool, cloud.view(), X_WT, *query);
+    expect_equals_truth(tool, cloud.view(), X_WT, queries);
   }
 }
 
@@ -80,10 +75,10 @@ TEST_P(EveryIsa, EqualsBruteForceAtEdges) {
        {std::tuple{60, 0.0, 300}, std::tuple{400, 0.0015, 120}}) {
     const Tool tool = test::random_tool(num_spheres, 0.05, 11);
     const test::CloudWithEdges scene = l_shape(noise, 5);
-    const auto query = make_query(tool, GetParam());
+    ContactQueries queries(tool, {GetParam()});
     for (int i = 0; i < num_poses; ++i) {
       Pose X_WT = random_pose(random, 0.62, 0.05);
-      expect_equals_truth(tool, scene.view(), X_WT, *query, all_options_with_edges());
+      expect_equals_truth(tool, scene.view(), X_WT, queries, all_options_with_edges());
       if (HasFailure()) FAIL() << "spheres " << num_spheres << ", pose " << i;
     }
   }
@@ -93,10 +88,10 @@ TEST_P(EveryIsa, EqualsBruteForceWithContinuity) {
   Random random(17);
   const Tool tool = test::random_tool(150, 0.05, 12);
   const test::CloudWithEdges scene = l_shape(0.0015, 6);
-  const auto query = make_query(tool, GetParam());
+  ContactQueries queries(tool, {GetParam()});
   for (int i = 0; i < 60; ++i) {
     const Pose X_WT = random_pose(random, 0.62, 0.05);
-    expect_equals_truth(tool, scene.view(), X_WT, *query, all_continuities());
+    expect_equals_truth(tool, scene.view(), X_WT, queries, all_continuities());
     if (HasFailure()) FAIL() << "pose " << i;
   }
 }
@@ -107,10 +102,10 @@ TEST_P(EveryIsa, EqualsBruteForceByOtherPriorities) {
        {std::tuple{60, 0.05, 0.0}, std::tuple{250, 0.08, 0.0015}}) {
     const Tool tool = test::random_tool(num_spheres, half_side, 12);
     const test::CloudWithEdges scene = l_shape(noise, 6);
-    const auto query = make_query(tool, GetParam());
+    ContactQueries queries(tool, {GetParam()});
     for (int i = 0; i < 40; ++i) {
       const Pose X_WT = random_pose(random, 0.62, half_side);
-      expect_equals_truth(tool, scene.view(), X_WT, *query, all_other_priorities());
+      expect_equals_truth(tool, scene.view(), X_WT, queries, all_other_priorities());
       if (HasFailure()) FAIL() << "spheres " << num_spheres << ", pose " << i;
     }
   }
@@ -120,24 +115,22 @@ TEST_P(EveryIsa, GivesTheBitsOfTheBaseline) {
   Random random(9);
   const Tool tool = test::random_tool(800, 0.08, 4);
   const PointCloud cloud = test::noisy_wall(320, 240, 280, 0.7, 0.0015, 8);
-  const auto wide = make_query(tool, GetParam());
-  const auto narrow = make_query(tool, Isa::baseline);
-  wide->set_cloud(cloud.view());
-  narrow->set_cloud(cloud.view());
+  ContactQueries wide(tool, {GetParam()});
+  ContactQueries narrow(tool, {Isa::baseline});
   for (int i = 0; i < 50; ++i) {
     const Pose X_WT = random_pose(random, 0.7, 0.08);
     for (const ContactOptions& options : all_options()) {
-      EXPECT_TRUE(same_bits(wide->query(X_WT, options), narrow->query(X_WT, options)));
+      EXPECT_TRUE(same_bits(wide.measure({cloud.view()}, X_WT, options),
+                            narrow.measure({cloud.view()}, X_WT, options)));
     }
   }
   const test::CloudWithEdges scene = l_shape(0.0015, 5);
-  wide->set_cloud(scene.view());
-  narrow->set_cloud(scene.view());
   for (int i = 0; i < 20; ++i) {
     const Pose X_WT = random_pose(random, 0.62, 0.08);
     for (const auto& all : {all_options_with_edges(), all_continuities(), all_other_priorities()}) {
       for (const ContactOptions& options : all) {
-        EXPECT_TRUE(same_bits(wide->query(X_WT, options), narrow->query(X_WT, options)));
+        EXPECT_TRUE(same_bits(wide.measure({scene.view()}, X_WT, options),
+                              narrow.measure({scene.view()}, X_WT, options)));
       }
     }
   }
@@ -165,15 +158,13 @@ TEST(ContactQuery, SameBitsForAnyThreadCountAndOrder) {
   }
   for (const auto& [options, view] : cases) {
     std::vector<Penetration> expected;
-    const auto one = make_query(tool);
-    one->set_cloud(view);
-    for (const Pose& pose : poses) expected.push_back(one->query(pose, options));
+    ContactQueries one(tool);
+    for (const Pose& pose : poses) expected.push_back(one.measure({view}, pose, options));
     for (int num_threads : {1, 2, 3, 5}) {
       ThreadPool pool(num_threads);
-      const auto query = make_query(tool, best_isa(), &pool);
-      query->set_cloud(view);
+      ContactQueries queries(tool, {best_isa(), &pool});
       for (std::size_t i = poses.size(); i-- > 0;) {
-        EXPECT_TRUE(same_bits(query->query(poses[i], options), expected[i]));
+        EXPECT_TRUE(same_bits(queries.measure({view}, poses[i], options), expected[i]));
       }
     }
   }
@@ -185,7 +176,9 @@ TEST(ContactQuery, DoesNotAllocate) {
   const test::CloudWithEdges scene = l_shape(0.0015, 5);
   ThreadPool pool(2);
   for (ThreadPool* threads : {static_cast<ThreadPool*>(nullptr), &pool}) {
-    const auto query = make_query(tool, best_isa(), threads);
+    ContactQueries queries(tool, {best_isa(), threads});
+    std::vector<SphereState> states(tool.spheres().size());
+    std::vector<Plane<float>> planes(states.size());
     std::vector<ContactOptions> all;
     for (const MethodKind method :
          {MethodKind::weighted, MethodKind::simplified, MethodKind::graph}) {
@@ -195,22 +188,21 @@ TEST(ContactQuery, DoesNotAllocate) {
                          .volumes = SphereVolumes::represented,
                          .edges = edges,
                          .continuity = continuity});
-          query->by(all.back());
+          queries.by(all.back());
         }
       }
     }
     for (const ContactOptions& options : all_other_priorities()) {
       all.push_back(options);
-      query->by(all.back());
+      queries.by(all.back());
     }
     const test::AllocationCounter counter;
     for (int i = 0; i < 100; ++i) {
-      query->set_cloud(scene.view());
       const Pose X_WT = random_pose(random, 0.65, 0.08);
       for (const ContactOptions& options : all) {
-        (void)query->query(X_WT, options);
-        (void)query->states();
-        (void)query->planes();
+        const ContactQuery& query = queries.by(options);
+        (void)query.measure({scene.view()}, X_WT);
+        (void)query.measure({scene.view()}, X_WT, {.states = states, .planes = planes});
       }
     }
     EXPECT_EQ(counter.count(), 0u);
@@ -220,18 +212,16 @@ TEST(ContactQuery, DoesNotAllocate) {
 TEST(ContactQuery, NothingTouchedGivesZero) {
   const Tool tool = test::random_tool(50, 0.05, 6);
   const PointCloud cloud = test::noisy_wall(64, 48, 60, 0.7, 0, 8);
-  const auto query = make_query(tool);
+  ContactQueries queries(tool);
   for (const ContactOptions& options : all_options()) {
-    // Before any cloud, in front of the wall, behind the camera.
-    EXPECT_EQ(query->query({{0, 0, 0.7}, {}}, options).volume, 0);
-    query->set_cloud(cloud.view());
+    // Without a cloud, in front of the wall, behind the camera.
+    EXPECT_EQ(queries.measure({}, {{0, 0, 0.7}, {}}, options).volume, 0);
     for (double z : {0.3, -0.5, 0.0}) {
-      const Penetration result = query->query({{0, 0, z}, {}}, options);
+      const Penetration result = queries.measure({cloud.view()}, {{0, 0, z}, {}}, options);
       EXPECT_EQ(result.volume, 0);
       EXPECT_EQ(result.num_boundary_spheres, 0);
       EXPECT_EQ(norm(result.measure_W.force), 0);
     }
-    query->set_cloud({});
   }
 }
 
@@ -248,10 +238,9 @@ TEST(ContactQuery, RepresentedVolumesOfAnImmersedToolAreTheMesh) {
   }
   const Sphere& sphere = tool.spheres()[first];
   cloud.set(0, sphere.center - Vec3f{0, 0, 0.99999f * sphere.radius}, {0, 0, -1});
-  const auto query = make_query(tool);
-  query->set_cloud(cloud.view());
+  ContactQueries queries(tool);
   for (ContactOptions options : all_options()) {
-    const Penetration result = query->query({}, options);
+    const Penetration result = queries.measure({cloud.view()}, {}, options);
     ASSERT_EQ(result.num_boundary_spheres, 1);
     if (result.num_inside_spheres + 1 < static_cast<int>(tool.spheres().size())) {
       EXPECT_EQ(options.method, MethodKind::graph);  // it may not reach all of them
@@ -267,13 +256,13 @@ TEST(ContactQuery, SimplifiedTakesTheNearestBySquareAndGaussianToo) {
   Random random(3);
   const Tool tool = test::random_tool(300, 0.05, 6);
   const PointCloud cloud = test::noisy_wall(160, 120, 140, 0.6, 0.0015, 5);
-  const auto query = make_query(tool);
-  query->set_cloud(cloud.view());
+  ContactQueries queries(tool);
   int num_others = 0;
   for (int i = 0; i < 20; ++i) {
     const Pose X_WT = random_pose(random, 0.6, 0.05);
     const auto by = [&](Priority priority) {
-      return query->query(X_WT, {.method = MethodKind::simplified, .priority = priority});
+      return queries.measure({cloud.view()}, X_WT,
+                             {.method = MethodKind::simplified, .priority = priority});
     };
     const Penetration nearest = by(Priority::distance);
     EXPECT_TRUE(same_bits(by(Priority::square), nearest));
@@ -296,10 +285,10 @@ TEST(ContactQuery, PathsOfTooManySpheresAreRefused) {
 TEST(ContactQuery, NonFinitePoseIsReportedAndMeasuresNothing) {
   const Tool tool = test::random_tool(50, 0.05, 6);
   const PointCloud cloud = test::noisy_wall(64, 48, 60, 0.7, 0, 8);
-  const auto query = make_query(tool);
-  query->set_cloud(cloud.view());
+  ContactQueries queries(tool);
   const double nan = std::numeric_limits<double>::quiet_NaN();
-  const Penetration result = query->query({{0, nan, 0.7}, {}}, {MethodKind::simplified});
+  const Penetration result =
+      queries.measure({cloud.view()}, {{0, nan, 0.7}, {}}, {MethodKind::simplified});
   EXPECT_EQ(result.status, StepStatus::non_finite_pose);
   EXPECT_EQ(result.volume, 0);
 }
@@ -316,15 +305,13 @@ TEST(ContactQuery, WithoutASurfaceItSaysSo) {
   for (const MethodKind method :
        {MethodKind::weighted, MethodKind::simplified, MethodKind::graph, MethodKind::field}) {
     const bool uses_field = method == MethodKind::field;
-    const auto query = make_query(tool);
-    EXPECT_EQ(query->query(X_WT, {method}).status, StepStatus::no_surface);
-    if (uses_field) query->set_cloud(cloud.view());
-    if (!uses_field) query->set_field(field.view());
-    EXPECT_EQ(query->query(X_WT, {method}).status, StepStatus::no_surface);
-    EXPECT_TRUE(query->query(X_WT, {method}).status.is_unmeasured());
-    if (uses_field) query->set_field(field.view());
-    if (!uses_field) query->set_cloud(cloud.view());
-    const Penetration measured = query->query(X_WT, {method});
+    ContactQueries queries(tool);
+    const SurfaceView only_cloud{cloud.view()}, only_field{{}, field.view()};
+    const SurfaceView& other = uses_field ? only_cloud : only_field;
+    EXPECT_EQ(queries.measure({}, X_WT, {method}).status, StepStatus::no_surface);
+    EXPECT_EQ(queries.measure(other, X_WT, {method}).status, StepStatus::no_surface);
+    EXPECT_TRUE(queries.measure(other, X_WT, {method}).status.is_unmeasured());
+    const Penetration measured = queries.measure({cloud.view(), field.view()}, X_WT, {method});
     EXPECT_FALSE(measured.status.has(StepStatus::no_surface));
     EXPECT_GT(measured.volume, 0);
   }
@@ -333,18 +320,17 @@ TEST(ContactQuery, WithoutASurfaceItSaysSo) {
 TEST(ContactQuery, EdgesWantACloudThatTellsThem) {
   const Tool tool = test::random_tool(20, 0.05, 6);
   const test::CloudWithEdges scene = test::l_shape(0, 3);
-  const auto query = make_query(tool);
+  ContactQueries queries(tool);
   const Pose X_WT{{0, 0, 0.6}, {}};
   ContactOptions options{MethodKind::simplified};
-  query->set_cloud(scene.cloud.view());
-  const Penetration without = query->query(X_WT, options);
+  const Penetration without = queries.measure({scene.cloud.view()}, X_WT, options);
   EXPECT_FALSE(without.status.has(StepStatus::no_edge_vectors));
   options.edges = Edges::cut;
-  const Penetration missed = query->query(X_WT, options);
+  const Penetration missed = queries.measure({scene.cloud.view()}, X_WT, options);
   EXPECT_TRUE(missed.status.has(StepStatus::no_edge_vectors));
   EXPECT_EQ(missed.volume, without.volume);
-  query->set_cloud(scene.view());
-  EXPECT_FALSE(query->query(X_WT, options).status.has(StepStatus::no_edge_vectors));
+  EXPECT_FALSE(
+      queries.measure({scene.view()}, X_WT, options).status.has(StepStatus::no_edge_vectors));
 }
 
 // Images of 4096 x 4096 pixels have twice as many as 2^40 counts each leave room for.
@@ -361,9 +347,8 @@ TEST(ContactQuery, SixteenMillionPointsInOneSphere) {
   cloud.x = x.data();
   cloud.y = cloud.z = cloud.ny = cloud.nz = zero.data();
   cloud.nx = one.data();
-  const auto query = make_query(tool);
-  query->set_cloud(cloud);
-  const Penetration result = query->query({}, {MethodKind::simplified});
+  ContactQueries queries(tool);
+  const Penetration result = queries.measure({cloud}, {}, {MethodKind::simplified});
   EXPECT_EQ(result.num_points, kNum);
   EXPECT_EQ(result.status, ContactStatus{});
   const double cap = cap_volume(0.5, -0.125);
@@ -397,9 +382,8 @@ TEST(ContactQuery, OpposedNormalsAreAmbiguousAndLendNoPlane) {
   PointCloud cloud(2, 1);
   cloud.set(0, c, {0, 0, 1});
   cloud.set(1, c, {0, 0, -1});
-  const auto query = make_query(tool);
-  query->set_cloud(cloud.view());
-  const Penetration result = query->query({}, {MethodKind::simplified});
+  ContactQueries queries(tool);
+  const Penetration result = queries.measure({cloud.view()}, {}, {MethodKind::simplified});
   EXPECT_EQ(result.num_boundary_spheres, 1);
   EXPECT_EQ(result.status, StepStatus::ambiguous_normals);
   EXPECT_EQ(result.volume, 0);
@@ -414,9 +398,8 @@ TEST(ContactQuery, PointOnTheRimCountsAsInside) {
   cloud.set(0, {0.25f, 0, 0}, {1, 0, 0});
   cloud.set(1, {std::nextafter(0.25f, 1.0f), 0, 0}, {1, 0, 0});
   for (Isa isa : {Isa::baseline, Isa::avx2, Isa::avx512}) {
-    const auto query = make_query(tool, isa);
-    query->set_cloud(cloud.view());
-    EXPECT_EQ(query->query({}, {MethodKind::simplified}).num_points, 1);
+    ContactQueries queries(tool, {isa});
+    EXPECT_EQ(queries.measure({cloud.view()}, {}, {MethodKind::simplified}).num_points, 1);
   }
 }
 

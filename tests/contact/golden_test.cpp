@@ -2,6 +2,7 @@
 // or not. `make golden` writes golden.txt anew and says what moved.
 #include <array>
 #include <bit>
+#include <cmath>
 #include <cstdio>
 #include <cstring>
 #include <fstream>
@@ -10,8 +11,9 @@
 
 #include <gtest/gtest.h>
 
-#include "eval/studies/method_queries.h"
 #include "palpate/cloud/surface_estimator.h"
+#include "palpate/contact/contact.h"
+#include "tests/test_util/contact_queries.h"
 #include "tests/test_util/contact_scenes.h"
 
 namespace palpate {
@@ -138,12 +140,15 @@ std::vector<Case> cases() {
 Result run(const Case& c) {
   static const Tool tool = test::random_tool(300, 0.03, 5);
   static const Seen from(0), to(6);
-  eval::MethodQueries query(Backend::cpu, tool);
-  query.set_blend({from.surfaces(), to.surfaces(), c.is_blended ? 0.3 : 1.0});
+  const auto query =
+      make_contact_query(Backend::cpu, tool, contact_method(c.options).value()).value();
+  const double alpha = c.is_blended ? 0.3 : 1.0;
   Result result;
   Hash hash;
   for (const Pose& X_WT : poses()) {
-    const Penetration p = query.query(X_WT, c.options);
+    const Penetration p = query->measure(from.surfaces(), to.surfaces(), alpha, X_WT).penetration;
+    const test::WholeContact contact =
+        test::whole_contact(*query, from.surfaces(), to.surfaces(), alpha, X_WT);
     hash.add(p.volume);
     hash.add(p.measure_W.force);
     hash.add(p.measure_W.torque);
@@ -152,12 +157,12 @@ Result run(const Case& c) {
       hash.add(count);
     }
     hash.add(p.status.bits);
-    for (const SphereState state : query.states()) hash.add(static_cast<int>(state));
-    for (const Plane<float>& plane : query.planes()) {
+    for (const SphereState state : contact.states) hash.add(static_cast<int>(state));
+    for (const Plane<float>& plane : contact.planes) {
       hash.add(to_double(plane.normal));
       hash.add(static_cast<double>(plane.offset));
     }
-    const Stiffness stiffness = query.stiffness();
+    const Stiffness stiffness = contact.stiffness.value_or(Stiffness{});
     for (const auto& row : stiffness.m) {
       for (const double k : row) hash.add(k);
     }

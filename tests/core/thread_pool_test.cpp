@@ -96,6 +96,20 @@ TEST(ThreadPool, WhatATaskThrowsReachesTheCaller) {
   }
 }
 
+TEST(ThreadPoolDeathTest, RefusesALoopInsideALoop) {
+#if defined(NDEBUG)
+  GTEST_SKIP() << "SKIPPED: no assertions in Release";
+#else
+  GTEST_FLAG_SET(death_test_style, "threadsafe");
+  EXPECT_DEATH(
+      {
+        ThreadPool pool(2);
+        pool.parallel_for(4, [&](int) { pool.parallel_for(4, [](int) {}); });
+      },
+      "assertion failed");
+#endif
+}
+
 TEST(ThreadPool, ZeroMeansOnePerCore) {
   EXPECT_EQ(ThreadPool(0).num_threads(), std::max(1u, std::thread::hardware_concurrency()));
 }

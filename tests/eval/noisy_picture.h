@@ -4,8 +4,8 @@
 #include <cmath>
 #include <functional>
 
-#include "eval/studies/random.h"
 #include "palpate/cloud/depth_source.h"
+#include "src/math/internal/random.h"
 
 namespace palpate::eval {
 

@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "eval/studies/random.h"
+#include "src/math/internal/random.h"
 
 namespace palpate::eval {
 namespace {

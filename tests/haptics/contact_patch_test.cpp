@@ -7,8 +7,8 @@
 #include <utility>
 #include <vector>
 
-#include "src/haptics/internal/matrix6.h"
 #include "src/haptics/tangents.h"
+#include "src/math/internal/matrix6.h"
 #include "tests/haptics/friction_touch.h"
 #include "tests/test_util/random.h"
 

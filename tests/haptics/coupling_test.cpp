@@ -7,7 +7,7 @@
 #include <limits>
 #include <vector>
 
-#include "src/haptics/internal/matrix6.h"
+#include "src/math/internal/matrix6.h"
 #include "src/math/internal/rotation_vector.h"
 #include "tests/haptics/coupled_box.h"
 #include "tests/test_util/allocation_counter.h"
@@ -89,7 +89,7 @@ TEST(VirtualCoupling, FollowsABackwardEulerOscillator) {
     v = (m * v + kTick * k * (goal - x)) / (m + kTick * d + kTick * kTick * k);
     x += kTick * v;
     ASSERT_NEAR((step.X_WT * box_tool().center_of_mass).x, x, 1e-12);
-    ASSERT_NEAR(step.F_H_B.force.x, -(k * (goal - x) - d * v), 1e-9);
+    ASSERT_NEAR(step.desired_F_H_B.force.x, -(k * (goal - x) - d * v), 1e-9);
     ASSERT_NEAR(step.stretch, std::abs(goal - x), 1e-12);
     ASSERT_NEAR(step.energy, k * (goal - x) * (goal - x) / 2, 1e-12);
   }
@@ -138,7 +138,7 @@ TEST(VirtualCoupling, NoForceInFreeMotionAtConstantSpeed) {
   for (int i = 0; i < 500; ++i) {
     step = coupling->step(hand_at({{2e-4 * i, 0, 0}, {}}, {{0.2, 0, 0}, {}}), {}, kTick);
   }
-  EXPECT_LT(norm(step.F_H_B.force), 1e-3);
+  EXPECT_LT(norm(step.desired_F_H_B.force), 1e-3);
 }
 
 TEST(Couplings, RestOnAFloorWhereSpringAndContactBalance) {
@@ -163,13 +163,14 @@ TEST(Couplings, RestOnAFloorWhereSpringAndContactBalance) {
       }
       const double series = k * kc / (k + kc);
       const double want = kind == CouplingKind::direct ? kc * depth : series * depth;
-      EXPECT_NEAR(step.F_H_B.force.z, want, 1e-3 * want) << kc << " " << static_cast<int>(kind);
+      EXPECT_NEAR(step.desired_F_H_B.force.z, want, 1e-3 * want)
+          << kc << " " << static_cast<int>(kind);
       EXPECT_NEAR(step.contact_W.force.z, want, 1e-3 * want);
       const double sunk = kind == CouplingKind::direct ? depth : k / (k + kc) * depth;
       EXPECT_NEAR((step.X_WT * box_tool().center_of_mass).z, -sunk, 1e-3 * sunk + 1e-12);
       // At the handle: the lever is the center of mass in the hand.
       const Vec3d torque = cross(box_tool().center_of_mass, Vec3d{0, 0, want});
-      EXPECT_LT(norm(step.F_H_B.torque - torque), 1e-3 * norm(torque));
+      EXPECT_LT(norm(step.desired_F_H_B.torque - torque), 1e-3 * norm(torque));
     }
   }
 }
@@ -186,7 +187,7 @@ TEST(ProxyCoupling, IsAtBalanceAtOnceAndAtTheHandInTheAir) {
   EXPECT_NEAR((step.X_WT * box_tool().center_of_mass).z, -0.002 * 2000 / (2000 + 1e5), 1e-9);
   EXPECT_NEAR((step.X_WT * box_tool().center_of_mass).x, 0.01, 1e-9);
   step = coupling->step(hand_for({0.01, 0, 0.002}), touch, kTick);
-  EXPECT_LT(norm(step.F_H_B.force), 1e-9);
+  EXPECT_LT(norm(step.desired_F_H_B.force), 1e-9);
   EXPECT_EQ(step.stretch, 0);
 }
 
@@ -221,14 +222,14 @@ TEST(Couplings, TheSpringSaturatesAtTheDevicesLimits) {
     }
     (void)step;
     // With a vice of no net force the linear model must not pull: what is held is at most F.
-    EXPECT_LE(norm(step.F_H_B.force), kLimits.max_force * (1 + 1e-9));
+    EXPECT_LE(norm(step.desired_F_H_B.force), kLimits.max_force * (1 + 1e-9));
   }
   // In the air the tool is on its way: the force is the largest one, along the way.
   const auto coupling = make_coupling(checked({}), kLimits, box_tool());
   coupling->reset(hand_at({}));
   const Vec3d way = normalized(Vec3d{1, -2, 3});
   const CouplingStep step = coupling->step(hand_at({0.08 * way, {}}), {}, 1e-6);
-  EXPECT_LT(norm(step.F_H_B.force + kLimits.max_force * way), 1e-3 * kLimits.max_force);
+  EXPECT_LT(norm(step.desired_F_H_B.force + kLimits.max_force * way), 1e-3 * kLimits.max_force);
   const double elastic = kLimits.max_force / 2000;
   EXPECT_NEAR(step.energy, kLimits.max_force * (0.08 - elastic / 2), 1e-5);
 }
@@ -250,7 +251,7 @@ TEST(VirtualCoupling, TurnsTheShortWay) {
         EXPECT_GT(std::abs(dot(rest, axis)), 0.9 * norm(rest));
       }
       last = norm(rest);
-      largest = std::max(largest, norm(step.F_H_B.torque));
+      largest = std::max(largest, norm(step.desired_F_H_B.torque));
     }
     EXPECT_LT(last, 1e-3) << degrees;
   }
@@ -371,7 +372,7 @@ double growth_on_a_wall(double stiffness, double damping_ratio, double b) {
     state.V_BH.linear.z = v;
     const CouplingStep step = coupling->step(state, scene.contact(X_WT, i), kTick);
     X_WT = step.X_WT;
-    const double v_end = (step.F_H_B.force.z + push) / b;
+    const double v_end = (step.desired_F_H_B.force.z + push) / b;
     x += v_end * kTick + (v - v_end) * m / b * (1 - e);
     v = v_end + (v - v_end) * e;
     if (i >= 200 && i < 500) early = std::max(early, std::abs(x - rest));
@@ -407,7 +408,7 @@ TEST(DirectCoupling, DoesTheWorkOfTheContactAtTheHandle) {
     const Vec3d p_T = random.in_box(0.05), n_W = random.direction();
     scene.hinges.push_back({p_T, n_W, dot(n_W, X_WT * p_T) + 0.002, 1000});
     const CouplingStep step = coupling->step(hand_at(X_BH), scene.contact(X_WT, 1), kTick);
-    EXPECT_NEAR(norm(step.F_H_B.force), 2, 1e-9);  // the same on both sides of any scale
+    EXPECT_NEAR(norm(step.desired_F_H_B.force), 2, 1e-9);  // the same on both sides of any scale
 
     const Vec3d shift = random.direction(), turn = 20 * random.direction();
     const auto potential = [&](double s) {
@@ -415,7 +416,7 @@ TEST(DirectCoupling, DoesTheWorkOfTheContactAtTheHandle) {
       return scene.potential(coupling->step(hand_at(moved), {}, kTick).X_WT);
     };
     const double slope = (potential(1e-6) - potential(-1e-6)) / 2e-6;
-    const double work = dot(step.F_H_B.force, shift) + dot(step.F_H_B.torque, turn);
+    const double work = dot(step.desired_F_H_B.force, shift) + dot(step.desired_F_H_B.torque, turn);
     EXPECT_NEAR(options.motion_scale * work, -slope, 1e-4 * (1 + std::abs(slope)));
   }
 }
@@ -432,10 +433,10 @@ TEST(ContactHold, InterpolatesOverTheIntervalOfTheQueries) {
   const LocalContact second = scene.contact(hand_for({0, 0, -3e-3}).X_BH, 5.01);
   CouplingStep step;
   for (int i = 0; i < 10; ++i) step = coupling->step(state, first, kTick);
-  EXPECT_NEAR(step.F_H_B.force.z, 1, 1e-12);
+  EXPECT_NEAR(step.desired_F_H_B.force.z, 1, 1e-12);
   for (int i = 0; i < 20; ++i) {
     step = coupling->step(state, second, kTick);
-    EXPECT_NEAR(step.F_H_B.force.z, 1 + 2 * std::min(1.0, i / 10.0), 1e-9);
+    EXPECT_NEAR(step.desired_F_H_B.force.z, 1 + 2 * std::min(1.0, i / 10.0), 1e-9);
   }
 }
 
@@ -463,8 +464,8 @@ TEST(Couplings, RestOnAContactWithoutStiffness) {
         step = coupling->step(hand_for({0, 0, -0.003}), contact, kTick);
         if (i % 2 == 1) X_WT = step.X_WT;
         if (i > 2500) {
-          low = std::min(low, step.F_H_B.force.z);
-          high = std::max(high, step.F_H_B.force.z);
+          low = std::min(low, step.desired_F_H_B.force.z);
+          high = std::max(high, step.desired_F_H_B.force.z);
         }
       }
       const double series = 1 / (1 / 800.0 + 1 / (gain * area));
@@ -513,7 +514,7 @@ TEST(Couplings, SurviveAnyInput) {
           for (double& x : row) x = strange(random.uniform() < 0.1 ? 1e6 : 100);
         }
         const CouplingStep step = coupling->step(state, contact, i % 7 ? kTick : strange(1e-3));
-        ASSERT_TRUE(is_finite(step.F_H_B) && is_finite(step.contact_W)) << i;
+        ASSERT_TRUE(is_finite(step.desired_F_H_B) && is_finite(step.contact_W)) << i;
         ASSERT_TRUE(is_finite(step.X_WT) && is_finite(step.X_WT_hand)) << i;
         ASSERT_TRUE(std::isfinite(step.energy) && std::isfinite(step.stretch)) << i;
       }

@@ -44,7 +44,7 @@ TEST(Friction, SlidesAgainstTheMotionWithMuN) {
         }
         // At the handle, too: the hand pulls with what friction takes, unless nothing is felt.
         const bool is_felt = kind != CouplingKind::none;
-        const double pull = -dot(touch.step.F_H_B.force, way);
+        const double pull = -dot(touch.step.desired_F_H_B.force, way);
         const double n = dot(touch.step.contact_W.force, touch.plate.n_W);
         EXPECT_NEAR(pull, is_felt ? mu * n : 0, 0.01 * mu * n) << static_cast<int>(kind);
       }
@@ -236,7 +236,7 @@ double energy_given(Touch& touch, const ClosedPath& path, int rounds) {
     const Pose X = path.at(2.0 * (i % num) / num);
     given += dot(felt.force, X.translation - last.translation) +
              dot(felt.torque, rotation_between(last.rotation, X.rotation));
-    felt = touch.to(X).F_H_B;
+    felt = touch.to(X).desired_F_H_B;
     last = X;
   }
   return given;
@@ -440,7 +440,7 @@ TEST(Friction, NoneChangesNoBit) {
     for (int i = 0; i < 1000; ++i) {
       a.to(path.at(i * kTick));
       b.to(path.at(i * kTick));
-      ASSERT_EQ(a.step.F_H_B.force, b.step.F_H_B.force);
+      ASSERT_EQ(a.step.desired_F_H_B.force, b.step.desired_F_H_B.force);
       ASSERT_EQ(a.step.contact_W.torque, b.step.contact_W.torque);
     }
     EXPECT_EQ(b.coupling->state().friction.normal_W, Vec3d{});
@@ -485,7 +485,7 @@ TEST(Friction, SurvivesAnyInput) {
         for (double& x : row) x = strange(random.uniform() < 0.1 ? 1e6 : 100);
       }
       const CouplingStep step = coupling->step(state, contact, i % 7 ? kTick : strange(1e-3));
-      ASSERT_TRUE(is_finite(step.F_H_B) && is_finite(step.contact_W))
+      ASSERT_TRUE(is_finite(step.desired_F_H_B) && is_finite(step.contact_W))
           << static_cast<int>(kind) << " " << i;
       ASSERT_TRUE(is_finite(step.X_WT) && std::isfinite(step.stretch)) << i;
     }

@@ -6,7 +6,7 @@
 #include <memory>
 
 #include "palpate/haptics/coupling.h"
-#include "src/haptics/internal/matrix6.h"
+#include "src/math/internal/matrix6.h"
 #include "src/math/internal/rotation_vector.h"
 
 namespace palpate::test {

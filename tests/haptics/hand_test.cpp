@@ -123,7 +123,7 @@ TEST(Hand, FeelsNothingInFreeAirFromADeviceThatLeavesOutTicks) {
         }
         if (k == 0) coupling->reset(state);
         const CouplingStep step = coupling->step(state, {}, 1e-3);
-        if (k > 800) most = std::max(most, norm(step.F_H_B.force));  // it began at rest
+        if (k > 800) most = std::max(most, norm(step.desired_F_H_B.force));  // it began at rest
       }
       EXPECT_LT(most, 1e-6) << static_cast<int>(kind) << " " << period;
     }
@@ -262,7 +262,7 @@ double speed_at_the_wall(const DeviceLimits& limits) {
   double fastest = 0;
   for (int i = 0; i < 3000; ++i) {
     state.time = kTick * i;
-    const double force = coupling->step(state, {}, kTick).F_H_B.force.x + kPush;
+    const double force = coupling->step(state, {}, kTick).desired_F_H_B.force.x + kPush;
     double& x = state.X_BH.translation.x;
     double& v = state.V_BH.linear.x;
     for (int k = 0; k < kSubsteps; ++k) {

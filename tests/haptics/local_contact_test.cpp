@@ -6,7 +6,7 @@
 #include <limits>
 
 #include "palpate/math/geometry.h"
-#include "src/haptics/internal/matrix6.h"
+#include "src/math/internal/matrix6.h"
 #include "src/math/internal/rotation_vector.h"
 #include "tests/test_util/allocation_counter.h"
 #include "tests/test_util/random.h"

@@ -5,7 +5,7 @@
 
 #include <algorithm>
 
-#include "src/haptics/internal/matrix6.h"
+#include "src/math/internal/matrix6.h"
 #include "tests/haptics/safety_rig.h"
 #include "tests/test_util/random.h"
 

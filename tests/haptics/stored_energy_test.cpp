@@ -55,8 +55,8 @@ Books keep_books(const CouplingOptions& options, test::Random& random) {
     const Vec3d turn = rotation_between(before.rotation, state.X_BH.rotation);
     state.V_BH = {way / kStep, turn / kStep};
     const CouplingStep step = coupling->step(state, plate.contact(last.X_WT, time), kStep);
-    given += dot(0.5 * (last.F_H_B.force + step.F_H_B.force), way) +
-             dot(0.5 * (last.F_H_B.torque + step.F_H_B.torque), turn);
+    given += dot(0.5 * (last.desired_F_H_B.force + step.desired_F_H_B.force), way) +
+             dot(0.5 * (last.desired_F_H_B.torque + step.desired_F_H_B.torque), turn);
     const double sum = given + step.stored;
     books.largest_rise = std::max(books.largest_rise, sum - least);
     books.largest_fall = std::max(books.largest_fall, most - sum);
@@ -134,7 +134,7 @@ TEST(StoredEnergy, TheFilterHoldsNothingBackOfWhatTheHandHasPutIn) {
       touch.to(test::pressed(depth, {aside, 0, 0}));
       rig.input.state.X_BH = test::pressed(depth, {aside, 0, 0});
       rig.input.stored = touch.step.stored;
-      return rig.tick(touch.step.F_H_B);
+      return rig.tick(touch.step.desired_F_H_B);
     };
     for (int i = 0; i < 600; ++i) to(-0.02, 0);
     ASSERT_EQ(rig.filter.status().gain, 1);
@@ -146,7 +146,7 @@ TEST(StoredEnergy, TheFilterHoldsNothingBackOfWhatTheHandHasPutIn) {
       const double way = kind == CouplingKind::direct ? 0.026 : 0.03;  // no more than the limit
       const double depth = -0.02 + (swings ? 0 : way) * std::pow(std::sin(kPi * t / 2), 2);
       const Wrench out = to(depth, aside);
-      ASSERT_EQ(out.force, touch.step.F_H_B.force) << name_of(kind) << ", tick " << i;
+      ASSERT_EQ(out.force, touch.step.desired_F_H_B.force) << name_of(kind) << ", tick " << i;
       ASSERT_EQ(rig.filter.status().damping, 0);
       most_stored = std::max(most_stored, rig.input.stored);
       least = std::min(least, rig.filter.status().energy);

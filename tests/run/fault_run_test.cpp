@@ -191,9 +191,9 @@ class Watch {
       ASSERT_LE(last_force_ + last_torque_, 0);
       // Neither the force on a hand without the tool nor a contact that could not be measured shows
       // that the tool is free.
-      const bool is_free =
-          !tick.step.is_clutched && !tick.penetration.status.is_unmeasured() &&
-          (tick.penetration.volume == 0 || norm(tick.step.F_H_B.force) < safety_.engage_force);
+      const bool is_free = !tick.step.is_clutched && !tick.penetration.status.is_unmeasured() &&
+                           (tick.penetration.volume == 0 ||
+                            norm(tick.step.desired_F_H_B.force) < safety_.engage_force);
       ASSERT_TRUE(is_free || was_asked_);
       num_returns_into_contact_ += !is_free;
     }

@@ -8,12 +8,12 @@
 #include <thread>
 #include <vector>
 
-#include "eval/studies/method_queries.h"
 #include "src/core/internal/monotonic_clock.h"
 #include "src/run/internal/pipeline.h"
 #include "src/run/loop/haptic_stage.h"
 #include "tests/run/touching_loop.h"
 #include "tests/test_util/allocation_counter.h"
+#include "tests/test_util/contact_queries.h"
 #include "tests/test_util/sanitized.h"
 
 namespace palpate {
@@ -112,7 +112,7 @@ TEST(LiveLoopChange, ContactsAreThoseOfTheirRevision) {
   ASSERT_EQ(touching.loop->report().num_lost_records, 0u);
   seen.settings.insert(seen.settings.begin(), patient_settings());
   ThreadPool pool(1);
-  eval::MethodQueries query(Backend::cpu, box_tool());
+  test::ContactQueries queries(box_tool());
   std::optional<SurfaceTimeline> timeline;
   std::size_t num_pushed = 0;
   for (const ContactRecord& contact : seen.contacts) {
@@ -130,8 +130,8 @@ TEST(LiveLoopChange, ContactsAreThoseOfTheirRevision) {
     }
     SurfaceBlend blend = timeline->at(1e12);
     blend.progress = contact.cameras.of[0].progress;
-    query.set_blend(blend);
-    const Penetration again = query.query(contact.X_WT, seen.settings[contact.revision].contact);
+    const ContactQuery& query = queries.by(seen.settings[contact.revision].contact);
+    const Penetration again = query.measure({&blend, 1}, contact.X_WT).penetration;
     ASSERT_EQ(again.volume, contact.penetration.volume) << contact.number;
     ASSERT_EQ(again.measure_W.force.z, contact.penetration.measure_W.force.z);
   }

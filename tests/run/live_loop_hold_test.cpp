@@ -5,8 +5,8 @@
 #include <mutex>
 #include <optional>
 
-#include "eval/studies/method_queries.h"
 #include "tests/run/touching_loop.h"
+#include "tests/test_util/contact_queries.h"
 
 namespace palpate {
 namespace {
@@ -95,7 +95,9 @@ TEST(LiveLoopPictures, AreWhatAFreshQuerySays) {
     auto timeline =
         SurfaceTimeline::create(touching.source.info(), settings.surface, field, settings.time)
             .value();
-    eval::MethodQueries query(Backend::cpu, box_tool());
+    const auto query =
+        make_contact_query(Backend::cpu, box_tool(), contact_method(settings.contact).value())
+            .value();
     int num_compared = 0;
     for (std::size_t k = 0; k < seen.frames.size(); ++k) {
       timeline.push(seen.frames[k].frame, seen.frames[k].time, pool);
@@ -114,17 +116,15 @@ TEST(LiveLoopPictures, AreWhatAFreshQuerySays) {
       if (k != picture->frame_number) continue;
       SurfaceBlend blend = timeline.at(1e12);
       blend.progress = contact.cameras.of[0].progress;
-      query.set_blend(blend);
-      query.query(picture->X_WT, settings.contact);
-      const auto states = query.states();
-      const auto planes = query.planes();
-      ASSERT_EQ(picture->spheres.states.size(), states.size());
-      ASSERT_EQ(picture->spheres.planes.size(), planes.size());
+      const auto whole =
+          test::whole_contact(*query, blend.from, blend.to, blend.progress, picture->X_WT);
+      ASSERT_EQ(picture->spheres.states.size(), whole.states.size());
+      ASSERT_EQ(picture->spheres.planes.size(), whole.planes.size());
       int num_touched = 0;
-      for (std::size_t i = 0; i < states.size(); ++i) {
-        ASSERT_EQ(picture->spheres.states[i], states[i]);
-        ASSERT_EQ(picture->spheres.planes[i].normal, planes[i].normal);
-        num_touched += states[i] != SphereState::outside;
+      for (std::size_t i = 0; i < whole.states.size(); ++i) {
+        ASSERT_EQ(picture->spheres.states[i], whole.states[i]);
+        ASSERT_EQ(picture->spheres.planes[i].normal, whole.planes[i].normal);
+        num_touched += whole.states[i] != SphereState::outside;
       }
       EXPECT_GT(num_touched, 0);
     }

@@ -13,7 +13,6 @@
 #include <thread>
 #include <vector>
 
-#include "eval/studies/method_queries.h"
 #include "tests/run/live_loop_fixtures.h"
 #include "tests/test_util/allocation_counter.h"
 #include "tests/test_util/sanitized.h"
@@ -170,7 +169,9 @@ TEST(LiveLoop, TheHandFeelsTheWallAndAllIsRecorded) {
   SurfaceTimeline timeline =
       SurfaceTimeline::create(source.info(), settings.surface, settings.field, settings.time)
           .value();
-  eval::MethodQueries query(Backend::cpu, box_tool());
+  const auto query =
+      make_contact_query(Backend::cpu, box_tool(), contact_method(settings.contact).value())
+          .value();
   std::size_t num_pushed = 0;
   ASSERT_FALSE(seen.contacts.empty());
   for (const ContactRecord& contact : seen.contacts) {
@@ -180,8 +181,7 @@ TEST(LiveLoop, TheHandFeelsTheWallAndAllIsRecorded) {
     }
     SurfaceBlend blend = timeline.at(1e9);
     blend.progress = contact.cameras.of[0].progress;
-    query.set_blend(blend);
-    const Penetration again = query.query(contact.X_WT, settings.contact);
+    const Penetration again = query->measure({&blend, 1}, contact.X_WT).penetration;
     ASSERT_EQ(again.volume, contact.penetration.volume) << contact.number;
     ASSERT_EQ(again.measure_W.force.z, contact.penetration.measure_W.force.z);
     ASSERT_EQ(again.measure_W.torque.x, contact.penetration.measure_W.torque.x);
@@ -215,7 +215,9 @@ TEST(LiveLoop, AToolThatLeavesTheWindowIsReportedAndRepeated) {
   SurfaceTimeline timeline =
       SurfaceTimeline::create(source.info(), settings.surface, settings.field, settings.time)
           .value();
-  eval::MethodQueries query(Backend::cpu, box_tool());
+  const auto query =
+      make_contact_query(Backend::cpu, box_tool(), contact_method(settings.contact).value())
+          .value();
   std::size_t num_pushed = 0, num_outside = 0, num_with_force = 0, num_small = 0;
   for (const ContactRecord& contact : seen.contacts) {
     for (; num_pushed <= contact.frame_number; ++num_pushed) {
@@ -224,8 +226,8 @@ TEST(LiveLoop, AToolThatLeavesTheWindowIsReportedAndRepeated) {
       timeline.push(frame, time, pool, requested);
       num_small += requested.has_all(640, 480) ? 0 : 1;
     }
-    query.set_blend(timeline.at(1e9));
-    const Penetration again = query.query(contact.X_WT, settings.contact);
+    const SurfaceBlend blend = timeline.at(1e9);
+    const Penetration again = query->measure({&blend, 1}, contact.X_WT).penetration;
     ASSERT_EQ(again.status, contact.penetration.status);
     ASSERT_EQ(again.volume, contact.penetration.volume);
     ASSERT_EQ(again.measure_W.force.z, contact.penetration.measure_W.force.z);

@@ -11,6 +11,20 @@ namespace {
 enum class Color { red, green, blue };
 constexpr auto names_of(Color) { return std::array{"red", "green", "blue"}; }
 
+enum class Missing { red, green, blue };
+constexpr auto names_of(Missing) { return std::array{"red", "green"}; }
+enum class Swapped { red, green, blue };
+constexpr auto names_of(Swapped) { return std::array{"red", "blue", "green"}; }
+enum class Left { red, green };
+constexpr auto names_of(Left) { return std::array{"red", "green", "blue"}; }
+enum class Shorter { virtual_color, none };
+constexpr auto names_of(Shorter) { return std::array{"virtual", "none"}; }
+
+template <class Enum>
+constexpr bool kAreRefused = !names_each<Enum>(std::make_index_sequence<names_of(Enum{}).size()>());
+static_assert(kAreRefused<Missing> && kAreRefused<Swapped> && kAreRefused<Left>);
+static_assert(!kAreRefused<Color> && !kAreRefused<Shorter>);
+
 struct Part {
   double width = 0.5;
 };

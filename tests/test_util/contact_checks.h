@@ -7,7 +7,7 @@
 
 #include <gtest/gtest.h>
 
-#include "eval/studies/method_queries.h"
+#include "tests/test_util/contact_queries.h"
 #include "tests/test_util/contact_scenes.h"
 #include "tests/test_util/contact_truth.h"
 
@@ -89,9 +89,9 @@ inline void expect_near_relative(double got, double want, double scale, const ch
   EXPECT_NEAR(got, want, 1e-5 * scale) << what;
 }
 
-inline void expect_equals_truth(const Truth& truth, const Pose& X_WT, const ContactOptions& options,
-                                eval::MethodQueries& query) {
-  const Penetration got = query.query(X_WT, options);
+inline void expect_equals_truth(const Truth& truth, const ContactQuery& query,
+                                const SurfaceView& surface, const Pose& X_WT) {
+  const Penetration got = query.measure(surface, X_WT).penetration;
   const Penetration& want = truth.penetration;
   EXPECT_EQ(got.num_boundary_spheres, want.num_boundary_spheres);
   EXPECT_EQ(got.num_points, want.num_points);
@@ -107,18 +107,17 @@ inline void expect_equals_truth(const Truth& truth, const Pose& X_WT, const Cont
     expect_near_relative(got.measure_W.torque[axis], want.measure_W.torque[axis], torque_scale,
                          "torque");
   }
-  const std::span<const SphereState> states = query.states();
+  const std::vector<SphereState> states = whole_contact(query, surface, X_WT).states;
   int num_wrong = 0;
   for (std::size_t s = 0; s < states.size(); ++s) num_wrong += states[s] != truth.states[s];
   EXPECT_EQ(num_wrong, 0);
 }
 
 inline void expect_equals_truth(const Tool& tool, const PointCloudView& cloud, const Pose& X_WT,
-                                eval::MethodQueries& query,
+                                ContactQueries& queries,
                                 const std::vector<ContactOptions>& all = all_options()) {
   const ToolTruth tool_truth(tool);
   std::map<Continuity, BoundaryTruth> touched;
-  query.set_cloud(cloud);
   for (const ContactOptions& options : all) {
     SCOPED_TRACE(testing::Message() << "method " << static_cast<int>(options.method)
                                     << ", priority " << static_cast<int>(options.priority)
@@ -130,8 +129,8 @@ inline void expect_equals_truth(const Tool& tool, const PointCloudView& cloud, c
       touched[options.continuity] =
           boundary_truth(tool_truth.spheres, cloud, X_WT, options.continuity);
     }
-    expect_equals_truth(contact_truth(tool_truth, touched[options.continuity], X_WT, options), X_WT,
-                        options, query);
+    expect_equals_truth(contact_truth(tool_truth, touched[options.continuity], X_WT, options),
+                        queries.by(options), {cloud}, X_WT);
   }
 }
 

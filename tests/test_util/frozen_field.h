@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "palpate/field/depth_field.h"
+#include "palpate/field/sensor.h"
 
 namespace palpate::test {
 
@@ -18,6 +19,8 @@ struct FrozenField {
     ThreadPool pool(1);
     field.update(cloud.view(), pool);
   }
+
+  SurfaceView surface() const { return {{}, field.view()}; }
 };
 
 }  // namespace palpate::test

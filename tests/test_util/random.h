@@ -1,10 +1,10 @@
 // Random numbers that are the same everywhere.
 #pragma once
 
-#include "eval/studies/random.h"
+#include "src/math/internal/random.h"
 
 namespace palpate::test {
 
-using eval::Random;
+using palpate::Random;
 
 }  // namespace palpate::test

@@ -126,7 +126,7 @@ class ThreadPool {
   /// Runs the tasks and returns when all are done. No allocation. With one thread it is a plain
   /// loop; with more, the caller also works and then waits for tasks already begun by others. It
   /// never waits for a thread that has not woken up yet. Not reentrant: a task must not call
-  /// parallel_for on the same pool.
+  /// parallel_for on the same pool, which is asserted.
   template <class Task>
   void parallel_for(int num_tasks, Task&& task) {
     run(num_tasks, const_cast<void*>(static_cast<const void*>(&task)),

@@ -111,6 +111,8 @@ struct FoundDevice {
 };
 /// Probes every kind at once; a driver that hangs is given up after 10 s. Moves no device.
 std::vector<FoundDevice> find_devices();
+/// The names of all kinds, which begin the text that `open_device` takes.
+std::vector<std::string> device_kinds();
 
 /// URI: `sim[:MODEL]`, `replay:FILE`, `spacenav[:SOCKET]`, `haply[:URL]`, `forcedimension[:ID]`,
 /// `openhaptics[:NAME]`, `vrpn:NAME@HOST[:PORT]`, `ros2:/POSE_TOPIC[@FRAME]`,

@@ -62,8 +62,8 @@ enum class SurfaceRole : std::uint8_t {
 
 /// The surface of one frame: input of queries; non-owning, trivially copyable.
 struct SurfaceView {
-  PointCloudView cloud;
-  DepthFieldView field;  ///< no levels if there is none
+  PointCloudView cloud = {};
+  DepthFieldView field = {};  ///< no levels if there is none
   SurfaceRole role = SurfaceRole::frame;
   /// Field with UnknownSpace::blocked, positive only in space that the camera has seen to be free.
   DepthFieldView seen_free = {};

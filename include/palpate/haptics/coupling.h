@@ -157,7 +157,7 @@ Result<CheckedCoupling> check_coupling(const CouplingOptions& options, const Dev
 
 /// Result of one tick.
 struct CouplingStep {
-  Wrench F_H_B;              ///< on the hand, before the safety filter: at the handle, in B
+  Wrench desired_F_H_B;      ///< on the hand, before the safety filter: at the handle, in B
   Pose X_WT;                 ///< pose of the simulated tool
   Pose X_WT_hand;            ///< the hand's pose of the tool: differs from X_WT in contact
   Wrench contact_W;          ///< contact and friction on the tool, about its center of mass

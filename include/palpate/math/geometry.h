@@ -191,7 +191,12 @@ struct Twist {
   Vec3d angular;
 };
 
-/// True if all seven numbers are finite.
+/// True if all numbers are finite.
+template <class T>
+bool is_finite(const Vec3<T>& v) {
+  return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
+}
+inline bool is_finite(const Wrench& w) { return is_finite(w.force) && is_finite(w.torque); }
 inline bool is_finite(const Pose& X) {
   const Vec3d& t = X.translation;
   const Quaternion& q = X.rotation;

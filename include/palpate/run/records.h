@@ -84,7 +84,7 @@ struct TickRecord {
   double time = 0;             ///< s since the start of the loop
   DeviceState device;
   CouplingStep step;
-  Wrench F_H_B;             ///< sent to the device
+  Wrench F_H_B;             ///< on the hand, as sent to the device: after the safety filter
   Penetration penetration;  ///< of the contact in use: cloud and objects
   Penetration objects;      ///< the objects' share of it
   std::int64_t num_object_pairs = 0;

@@ -7,6 +7,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <variant>
 #include <vector>
 
@@ -26,10 +27,44 @@ concept NamedEnum = requires(Enum value) {
   names_of(value).size();
 };
 
+/// The enumerator with a value as the source spells it; empty if there is none.
+template <auto kValue>
+constexpr auto identifier_of() {
+  constexpr std::string_view kBefore = "kValue = ";
+  std::string_view text = __PRETTY_FUNCTION__;
+  text.remove_prefix(text.find(kBefore) + kBefore.size());  // "ns::Enum::name]" or "(ns::Enum)7]"
+  text.remove_suffix(1);
+  return text.front() == '(' ? std::string_view() : text.substr(text.rfind(':') + 1);
+}
+
+/// True if there is a keyword for each enumerator, and none that is another's identifier.
+template <NamedEnum Enum, std::size_t... i>
+constexpr bool names_each(std::index_sequence<i...>) {
+  constexpr std::size_t num = sizeof...(i);
+  constexpr auto names = names_of(Enum{});
+  constexpr std::string_view identifiers[] = {identifier_of<static_cast<Enum>(i)>()...,
+                                              identifier_of<static_cast<Enum>(num)>()};
+  for (std::size_t own = 0; own < num; ++own) {
+    if (identifiers[own].empty()) return false;
+    for (std::size_t other = 0; other < num; ++other) {
+      if (other != own && names[own] == identifiers[other]) return false;
+    }
+  }
+  return identifiers[num].empty();
+}
+
+/// The keywords of an enumeration, checked against its enumerators.
+template <NamedEnum Enum>
+constexpr auto checked_names() {
+  static_assert(names_each<Enum>(std::make_index_sequence<names_of(Enum{}).size()>()),
+                "names_of needs a name for each enumerator, in their order");
+  return names_of(Enum{});
+}
+
 /// The keyword of a value; "?" if the value is not in the enumeration.
 template <NamedEnum Enum>
 std::string name_of(Enum value) {
-  constexpr auto names = names_of(Enum{});
+  constexpr auto names = checked_names<Enum>();
   const auto index = static_cast<std::size_t>(value);
   return index < names.size() ? names[index] : "?";
 }
@@ -42,7 +77,7 @@ std::string name_of(const std::optional<Enum>& value) {
 /// The value of a keyword, or nullopt.
 template <NamedEnum Enum>
 std::optional<Enum> value_named(std::string_view name) {
-  constexpr auto names = names_of(Enum{});
+  constexpr auto names = checked_names<Enum>();
   for (std::size_t i = 0; i < names.size(); ++i) {
     if (name == names[i]) return static_cast<Enum>(i);
   }
@@ -180,7 +215,7 @@ std::string shortest_decimal(double value);
 
 template <NamedEnum Enum>
 void SettingTable::add(std::string_view name, Enum& value, std::string_view help) {
-  static constexpr auto kNames = names_of(Enum{});
+  static constexpr auto kNames = checked_names<Enum>();
   Setting& setting = append(name, SettingKind::word, &value, help);
   setting.words.assign(kNames.begin(), kNames.end());
   setting.get_word_ = [](const void* at) {
@@ -193,7 +228,7 @@ void SettingTable::add(std::string_view name, Enum& value, std::string_view help
 
 template <NamedEnum Enum>
 void SettingTable::add(std::string_view name, std::optional<Enum>& value, std::string_view help) {
-  static constexpr auto kNames = names_of(Enum{});
+  static constexpr auto kNames = checked_names<Enum>();
   Setting& setting = append(name, SettingKind::word, &value, help);
   setting.words.assign(kNames.begin(), kNames.end());
   setting.words.push_back("auto");

@@ -309,6 +309,7 @@ void bind_runs(nb::module_& m) {
                 "settings_file: str | os.PathLike[str] | None, "
                 "settings: dict[str, typing.Any]) -> RunInThread"),
         "Starts a run, for palpate.touch.");
+  m.def("device_kinds", device_kinds, "The names that a device's text can begin with.");
   m.def("wait_for_interrupted_work", wait_for_interrupted_work,
         "Waits for cameras and devices that are still being opened after Ctrl-C.");
 }

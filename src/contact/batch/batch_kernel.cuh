@@ -163,7 +163,7 @@ __device__ void put_stiffness(const BatchJob& job, int pose, Scratch& shared) {
     StiffnessSums sums;
     for (int k = 0; k < StiffnessSums::kNum; ++k) sums.numbers[k] = shared.sums[kNumTerms + k];
     shared.stiffness = sums.stiffness();
-    if (job.X_WC != nullptr) rotate_stiffness(shared.at.R_WC, shared.stiffness);
+    if (job.X_WC != nullptr) rotate_blocks(shared.at.R_WC, shared.stiffness.m);
   }
   __syncthreads();
   double* const to = job.out.stiffness + 36 * static_cast<std::ptrdiff_t>(pose);

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "palpate/contact/contact.h"
+#include "src/math/internal/matrix.h"
 
 namespace palpate { inline namespace v0 {
 
@@ -30,25 +31,6 @@ PALPATE_HOSTDEV inline BatchPose pose_in_camera(const Pose& X_WT, const Pose* X_
   }
   pose.is_finite = total - total == 0;
   return pose;
-}
-
-/// Rotates a stiffness from the camera to W: shift and turn, force and torque.
-PALPATE_HOSTDEV inline void rotate_stiffness(const Mat3d& R, Stiffness& k) {
-  for (int row = 0; row < 6; row += 3) {
-    for (int column = 0; column < 6; column += 3) {
-      double turned[3][3];  // R K
-      for (int i = 0; i < 9; ++i) {
-        double sum = 0;
-        for (int j = 0; j < 3; ++j) sum += R.m[i / 3][j] * k.m[row + j][column + i % 3];
-        turned[i / 3][i % 3] = sum;
-      }
-      for (int i = 0; i < 9; ++i) {
-        double sum = 0;
-        for (int j = 0; j < 3; ++j) sum += turned[i / 3][j] * R.m[i % 3][j];
-        k.m[row + i / 3][column + i % 3] = sum;
-      }
-    }
-  }
 }
 
 /// Number of the surface that a pose is measured against; -1: there is no such surface.

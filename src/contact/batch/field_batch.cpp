@@ -161,7 +161,7 @@ void FieldBatch::Worker::put(std::size_t pose, const BatchPose& at, ContactResul
   Penetration& measured = result.penetration;
   if (!poses.X_WC.empty() && measured.volume > 0) {
     measured.measure_W = {at.R_WC * measured.measure_W.force, at.R_WC * measured.measure_W.torque};
-    if (result.stiffness) rotate_stiffness(at.R_WC, *result.stiffness);
+    if (result.stiffness) rotate_blocks(at.R_WC, result.stiffness->m);
   }
   put_answers(pose, measured, result.stiffness, answers);
 }

@@ -4,47 +4,19 @@
 #include "src/contact/blend.h"
 #include "src/contact/hull/camera_seats.h"
 #include "src/core/internal/assert.h"
+#include "src/math/internal/matrix.h"
 
 namespace palpate { inline namespace v0 {
 namespace {
-
-Mat3d product(const Mat3d& a, const Mat3d& b) {
-  Mat3d ab;
-  for (int i = 0; i < 3; ++i) {
-    for (int j = 0; j < 3; ++j) {
-      for (int k = 0; k < 3; ++k) ab.m[i][j] += a.m[i][k] * b.m[k][j];
-    }
-  }
-  return ab;
-}
-Mat3d transposed(const Mat3d& a) {
-  Mat3d t;
-  for (int i = 0; i < 3; ++i) {
-    for (int j = 0; j < 3; ++j) t.m[i][j] = a.m[j][i];
-  }
-  return t;
-}
 
 /// Rotates a result from the frame of a camera to the world.
 void turn(const Quaternion& q_WC, ContactResult& result) {
   VolumeWrench& measure = result.penetration.measure_W;
   measure = {rotate(q_WC, measure.force), rotate(q_WC, measure.torque)};
   if (!result.stiffness) return;
-  const Mat3d R_WC = rotation_matrix(q_WC), R_CW = transposed(R_WC);
-  const auto turn_block = [&](auto& rows, int row, int column) {
-    Mat3d block;
-    for (int i = 0; i < 3; ++i) {
-      for (int j = 0; j < 3; ++j) block.m[i][j] = rows[row + i][column + j];
-    }
-    block = product(product(R_WC, block), R_CW);
-    for (int i = 0; i < 3; ++i) {
-      for (int j = 0; j < 3; ++j) rows[row + i][column + j] = block.m[i][j];
-    }
-  };
-  for (const int row : {0, 3}) {
-    for (const int column : {0, 3}) turn_block(result.stiffness->m, row, column);
-  }
-  turn_block(result.moments.first, 0, 0);
+  const Mat3d R_WC = rotation_matrix(q_WC);
+  rotate_blocks(R_WC, result.stiffness->m);
+  rotate_blocks(R_WC, result.moments.first);
 }
 
 /// The tool's pose in a camera.

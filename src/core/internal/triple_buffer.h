@@ -35,8 +35,9 @@ class TripleBuffer {
     read_ = between_.exchange(read_, std::memory_order_acq_rel) & kIndex;
     return true;
   }
-  /// Reader: the value taken last.
+  /// Reader: the value taken last, its own until the next one is taken.
   const T& value() const { return slots_[read_]; }
+  T& value() { return slots_[read_]; }
 
  private:
   static constexpr std::uint8_t kFresh = 4, kIndex = 3;

@@ -53,8 +53,6 @@ bool is_usable(const Quaternion& q) {
   return square > 0.25 && square < 4;
 }
 
-bool is_finite(const Vec3d& v) { return std::isfinite(v.x + v.y + v.z); }
-
 int num_buttons_of(HaplyKind grip) { return grip == HaplyKind::verse_grip ? 1 : 4; }
 
 class HaplyDevice final : public PolledDevice {

@@ -22,8 +22,6 @@ Vec3d limited(const Vec3d& v, double most) {
   return length > most ? v * (most / length) : v;
 }
 
-bool is_finite(const Vec3d& v) { return std::isfinite(v.x + v.y + v.z); }
-
 /// Encoders and driver of the device: rounds positions and derives velocities from them.
 class Sensor {
  public:
@@ -131,7 +129,7 @@ class DeviceInMemory final : public SimulatedDevice {
     num_ticks_ += periods;
     publish(time);
     const Wrench desired = tick_(sensor_.look(hand_.X_BH(), time, periods));
-    if (!is_finite(desired.force) || !is_finite(desired.torque)) {
+    if (!is_finite(desired)) {
       has_refused_ = true;
       return false;
     }

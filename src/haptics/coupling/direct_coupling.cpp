@@ -113,7 +113,7 @@ class DirectCoupling final : public Coupling {
     step.X_WT_hand = held.X_WT;
     const Wrench F_C_W = contact_.exact_wrench(X_WT_);
     step.contact_W = F_C_W + friction_.step(contact, F_C_W, X_WT_, h);
-    step.F_H_B = hand_.at_handle(step.contact_W);
+    step.desired_F_H_B = hand_.at_handle(step.contact_W);
     step.is_clutched = hand_.is_clutched();
     step.stored = (contact_.energy(X_WT_) + friction_.energy() + hand_.wall_energy()) / scale_;
     return step;

@@ -64,7 +64,7 @@ class ProxyCoupling final : public Coupling {
     const Wrench F_C_W = contact_.exact_wrench(X_WT_shown_);
     step.contact_W = {F_C_W.force + along_surface_.linear, F_C_W.torque + along_surface_.angular};
     const Vec6 stretch = stretch_between(X_WT_shown_, X_WT_shown_ * c_T_, held);
-    step.F_H_B = hand_.at_handle(to_wrench(-1 * (spring_.rates(stretch) * stretch)));
+    step.desired_F_H_B = hand_.at_handle(to_wrench(-1 * (spring_.rates(stretch) * stretch)));
     step.is_clutched = hand_.is_clutched();
     step.stretch = norm(stretch.linear);
     step.energy = spring_.energy(stretch) / scale_;

@@ -87,7 +87,7 @@ class VirtualCoupling final : public Coupling {
     const Vec6 stretch = stretch_between(X_WT_, p_WC_, held);
     const Spring::Rates rates = spring_.rates(stretch);
     const Vec6 on_tool = rates * stretch + damping(rates) * (held.velocity - velocity_);
-    step.F_H_B = hand_.at_handle(to_wrench(-1 * on_tool));
+    step.desired_F_H_B = hand_.at_handle(to_wrench(-1 * on_tool));
     step.is_clutched = hand_.is_clutched();
     step.stretch = norm(stretch.linear);
     step.energy = spring_.energy(stretch) / scale_;  // as the hand's side sees it
@@ -117,17 +117,11 @@ class VirtualCoupling final : public Coupling {
   }
 
   Mat6 mass_matrix() const {
-    const Mat3d r = rotation_matrix(X_WT_.rotation);
+    const Mat3d inertia_W = congruent(rotation_matrix(X_WT_.rotation), inertia_T_);
     Mat6 mass;
     for (int i = 0; i < 3; ++i) {
       mass.m[i][i] = mass_;
-      for (int j = 0; j < 3; ++j) {
-        for (int k = 0; k < 3; ++k) {
-          for (int l = 0; l < 3; ++l) {
-            mass.m[i + 3][j + 3] += r.m[i][k] * inertia_T_.m[k][l] * r.m[j][l];
-          }
-        }
-      }
+      for (int j = 0; j < 3; ++j) mass.m[i + 3][j + 3] = inertia_W.m[i][j];
     }
     return mass;
   }

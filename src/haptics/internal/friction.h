@@ -8,7 +8,7 @@
 #pragma once
 
 #include "palpate/haptics/coupling.h"
-#include "src/haptics/internal/matrix6.h"
+#include "src/math/internal/matrix6.h"
 
 namespace palpate { inline namespace v0 {
 

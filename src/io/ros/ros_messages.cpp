@@ -225,7 +225,7 @@ std::string mesh_markers_message(std::string_view tool_frame, const TriangleMesh
 
 std::string sphere_markers_message(const RosHeader& header, std::span<const Sphere> spheres,
                                    std::span<const RosSphere> states) {
-  constexpr std::size_t kNumSizes = 8, kNumStates = names_of(RosSphere{}).size();
+  constexpr std::size_t kNumSizes = 8, kNumStates = checked_names<RosSphere>().size();
   constexpr std::array<std::array<float, 4>, kNumStates> kColors{{{0.6f, 0.6f, 0.6f, 0.3f},
                                                                   {1, 0.7f, 0.1f, 1},
                                                                   {0.9f, 0.1f, 0.1f, 1},
@@ -255,8 +255,8 @@ std::string sphere_markers_message(const RosHeader& header, std::span<const Sphe
       const auto& [centers, radii] = groups[state][size];
       const double diameter = centers.empty() ? 1 : 2 * radii / double(centers.size());
       put(to, header,
-          {names_of(RosSphere{})[state], static_cast<std::int32_t>(size), kSphereList, diameter,
-           kColors[state], false},
+          {checked_names<RosSphere>()[state], static_cast<std::int32_t>(size), kSphereList,
+           diameter, kColors[state], false},
           centers);
     }
   }

@@ -10,6 +10,7 @@
 #include "src/core/internal/guarded.h"
 #include "src/core/internal/monotonic_clock.h"
 #include "src/field/internal/needed_window.h"
+#include "src/math/internal/farthest.h"
 #include "src/run/internal/pipeline.h"
 #include "src/run/internal/real_time.h"
 
@@ -60,12 +61,8 @@ WindowOptions window_of(const RunSettings& settings) {
 
 ToolBall ball_of(const Tool& tool) {
   constexpr double kMaxBallGrowth = 1.5;  // largest growth of a ball that is split into parts
-  ToolBall ball{tool.sphere_mass().center_of_mass, 0};
-  for (const Sphere& sphere : tool.spheres()) {
-    const double away = norm(to_double(sphere.center) - ball.p_TC);
-    ball.reach = std::max(ball.reach, away + kMaxBallGrowth * static_cast<double>(sphere.radius));
-  }
-  return ball;
+  const Vec3d& center = tool.sphere_mass().center_of_mass;
+  return {center, farthest(tool.spheres(), center, kMaxBallGrowth)};
 }
 
 SurfaceStage::Camera::Camera(DepthSource& from, SurfaceTimeline into)
@@ -256,7 +253,7 @@ void SurfaceStage::make_surfaces() {
 }
 
 void SurfaceStage::make_surface(Camera& camera, std::uint32_t index) {
-  const TimedFrame& newest = camera.frames.value();
+  TimedFrame& newest = camera.frames.value();
   const std::uint64_t number = num_made_.load(std::memory_order_relaxed);
   const std::uint64_t camera_frame = camera.num_made.load(std::memory_order_relaxed);
   const double begin = monotonic_now();
@@ -281,7 +278,6 @@ void SurfaceStage::make_surface(Camera& camera, std::uint32_t index) {
   made.revision = revision;
   camera.surfaces.publish();
   if (PublishedFrame* seen = keeps_frames_ ? seen_.draft() : nullptr) {
-    seen->frame = newest.frame;
     FrameRecord& record = seen->record = {};
     record.number = number;
     record.camera = index;
@@ -294,6 +290,7 @@ void SurfaceStage::make_surface(Camera& camera, std::uint32_t index) {
     record.surface = stats;
     record.requested = blend.to.field.requested;
     record.compute_nanoseconds = static_cast<std::int64_t>(1e9 * (end - begin));
+    std::swap(seen->frame, newest.frame);  // nobody reads it any more
     seen_.push();
   }
   camera.num_made.store(camera_frame + 1, std::memory_order_release);

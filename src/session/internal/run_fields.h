@@ -93,7 +93,7 @@ void visit_fields(T& state, auto&& visit) {
 
 template <Of<CouplingStep> T>
 void visit_fields(T& step, auto&& visit) {
-  visit("desired", step.F_H_B);
+  visit("desired", step.desired_F_H_B);
   visit("tool", step.X_WT);
   visit("hand", step.X_WT_hand);
   visit("contact", step.contact_W);

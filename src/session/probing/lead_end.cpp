@@ -5,10 +5,9 @@
 #include <cmath>
 #include <cstdio>
 #include <iterator>
-#include <utility>
 #include <vector>
 
-#include "palpate/math/geometry.h"
+#include "src/math/internal/jacobi.h"
 
 namespace palpate { inline namespace v0 {
 namespace {
@@ -57,36 +56,22 @@ Vec3d foremost(const Tool& tool, const Vec3d& direction_T) {
   return best;
 }
 
-/// Eigenvectors of a symmetric matrix, with the eigenvalues in `values`, by Jacobi's rotations.
-std::array<Vec3d, 3> eigenvectors(const Mat3d& matrix, double (&values)[3]) {
-  double a[3][3];
+struct PrincipalAxis {
+  Vec3d direction_T;
+  double moment;  // of inertia about it
+};
+
+/// Returns the principal axes, the one with the least moment of inertia first.
+std::array<PrincipalAxis, 3> principal_axes(const Tool& tool) {
+  Mat3d inertia = tool.sphere_mass().inertia, axes;
+  diagonalize(inertia.m, axes.m);
+  std::array<PrincipalAxis, 3> all;
   for (int i = 0; i < 3; ++i) {
-    for (int j = 0; j < 3; ++j) a[i][j] = matrix.m[i][j];
+    all[static_cast<std::size_t>(i)] = {{axes.m[0][i], axes.m[1][i], axes.m[2][i]},
+                                        inertia.m[i][i]};
   }
-  std::array<Vec3d, 3> v{Vec3d{1, 0, 0}, Vec3d{0, 1, 0}, Vec3d{0, 0, 1}};
-  for (int round = 0; round < 30; ++round) {
-    for (const auto& [p, q] : {std::pair{0, 1}, {0, 2}, {1, 2}}) {
-      if (a[p][q] == 0) continue;
-      const double angle = 0.5 * std::atan2(2 * a[p][q], a[q][q] - a[p][p]);
-      const double c = std::cos(angle), s = std::sin(angle);
-      for (int k = 0; k < 3; ++k) {
-        const double kp = a[k][p], kq = a[k][q];
-        a[k][p] = c * kp - s * kq;
-        a[k][q] = s * kp + c * kq;
-      }
-      for (int k = 0; k < 3; ++k) {
-        const double pk = a[p][k], qk = a[q][k];
-        a[p][k] = c * pk - s * qk;
-        a[q][k] = s * pk + c * qk;
-      }
-      const auto ip = static_cast<std::size_t>(p), iq = static_cast<std::size_t>(q);
-      const Vec3d vp = v[ip];
-      v[ip] = c * vp - s * v[iq];
-      v[iq] = s * vp + c * v[iq];
-    }
-  }
-  for (int i = 0; i < 3; ++i) values[i] = a[i][i];
-  return v;
+  std::ranges::sort(all, {}, &PrincipalAxis::moment);
+  return all;
 }
 
 /// The axes of the tool's frame, z first.
@@ -106,14 +91,14 @@ Vec3d tidied(const Vec3d& axis) {
 
 /// Returns both ends of the principal axes that stand out (a cube has none), then of kFrameAxes.
 std::vector<Vec3d> candidates(const Tool& tool) {
-  double values[3];
-  const std::array<Vec3d, 3> principal = eigenvectors(tool.sphere_mass().inertia, values);
-  const double largest = std::max({values[0], values[1], values[2]});
+  const std::array<PrincipalAxis, 3> principal = principal_axes(tool);
   std::vector<Vec3d> axes;
   for (std::size_t i = 0; i < 3; ++i) {
-    const double to_others = std::min(std::abs(values[i] - values[(i + 1) % 3]),
-                                      std::abs(values[i] - values[(i + 2) % 3]));
-    if (to_others > kStandsOut * largest) axes.push_back(tidied(principal[i]));
+    const double to_others =
+        std::min(std::abs(principal[i].moment - principal[(i + 1) % 3].moment),
+                 std::abs(principal[i].moment - principal[(i + 2) % 3].moment));
+    if (to_others > kStandsOut * principal[2].moment)
+      axes.push_back(tidied(principal[i].direction_T));
   }
   axes.insert(axes.end(), std::begin(kFrameAxes), std::end(kFrameAxes));
   std::vector<Vec3d> ends;

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "palpate/math/geometry.h"
+#include "src/math/internal/farthest.h"
 #include "src/session/internal/probing_path.h"
 
 namespace palpate { inline namespace v0 {
@@ -71,13 +72,8 @@ Imprint imprint(const Tool& tool, const Vec3d& along_T, const Vec3d* tip_T) {
   if (tip_T != nullptr) center_T = *tip_T;
   result.center_T = center_T - along_T * dot(center_T, along_T);
   const Vec3d pivot_T = result.center_T + along_T * result.front;
-  result.reach = norm(pivot_T);
-  for (const Sphere& s : tool.spheres()) {
-    result.reach =
-        std::max(result.reach, norm(to_double(s.center) - pivot_T) + static_cast<double>(s.radius));
-  }
-  for (const Vec3d& p : tool.mesh().vertices)
-    result.reach = std::max(result.reach, norm(p - pivot_T));
+  result.reach = std::max(
+      {norm(pivot_T), farthest(tool.spheres(), pivot_T), farthest(tool.mesh().vertices, pivot_T)});
   return result;
 }
 

@@ -9,6 +9,7 @@
 
 #include "palpate/mesh/mesh.h"
 #include "palpate/settings/setting_table.h"
+#include "src/math/internal/farthest.h"
 #include "src/session/internal/compact_json.h"
 
 namespace palpate { inline namespace v0 {
@@ -37,16 +38,6 @@ Json mesh_json(const TriangleMesh& mesh) {
     corners.insert(corners.end(), triangle.begin(), triangle.end());
   }
   return {{"positions", packed<float>(positions)}, {"triangles", packed<std::uint32_t>(corners)}};
-}
-
-/// Returns the radius of all spheres about the tool's center of mass, m.
-double reach(const Tool& tool, std::span<const Sphere> spheres) {
-  double radius = 0;
-  for (const Sphere& s : spheres) {
-    radius = std::max(radius, norm(to_double(s.center) - tool.sphere_mass().center_of_mass) +
-                                  static_cast<double>(s.radius));
-  }
-  return radius;
 }
 
 /// Keeps every n-th pixel in both directions, so that the frame is not too large for a page.
@@ -118,7 +109,7 @@ Json solid_json(const Tool& tool, std::span<const Sphere> spheres) {
   return {{"low_m", list(box.low)},
           {"high_m", list(box.high)},
           {"center_of_mass_m", list(tool.sphere_mass().center_of_mass)},
-          {"radius_m", compact(reach(tool, spheres))},
+          {"radius_m", compact(farthest(spheres, tool.sphere_mass().center_of_mass))},
           {"spheres", packed<Sphere>(spheres.first(std::min(spheres.size(), kMaxPageSpheres)))},
           {"mesh", mesh_json(tool.mesh())}};
 }
@@ -138,7 +129,7 @@ Json seen_tool_json(const Tool& tool, const Pose& X_WT, std::span<const DepthStr
   }
   Json json{{"X_WT", list(X_WT)},
             {"center_of_mass_m", list(tool.sphere_mass().center_of_mass)},
-            {"radius_m", compact(reach(tool, tool.spheres()))},
+            {"radius_m", compact(farthest(tool.spheres(), tool.sphere_mass().center_of_mass))},
             {"spheres", packed<Sphere>(tool.spheres().first(num_shown))},
             {"spheres_left_out", states.size() - num_shown},
             {"cameras", std::move(cameras)}};

@@ -41,7 +41,7 @@ void RunSeries::add(const TickRecord& tick) {
 void RunPeaks::add(const TickRecord& tick) {
   force = std::max(force, norm(tick.F_H_B.force));
   torque = std::max(torque, norm(tick.F_H_B.torque));
-  desired_force = std::max(desired_force, norm(tick.step.F_H_B.force));
+  desired_force = std::max(desired_force, norm(tick.step.desired_F_H_B.force));
   raise(norm(tick.step.contact_W.force), tick.time, contact_force, contact_force_time);
   contact_torque = std::max(contact_torque, norm(tick.step.contact_W.torque));
   stretch = std::max(stretch, tick.step.stretch);

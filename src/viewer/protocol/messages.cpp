@@ -9,6 +9,7 @@
 #include <type_traits>
 #include <utility>
 #include "palpate/version.h"
+#include "src/math/internal/farthest.h"
 
 namespace palpate { inline namespace v0 {
 namespace {
@@ -77,10 +78,6 @@ class Writer {
 
 std::size_t num_pixels(const ViewSurface& surface) {
   return static_cast<std::size_t>(surface.width) * static_cast<std::size_t>(surface.height);
-}
-
-bool is_finite(const Vec3f& v) {
-  return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
 }
 
 /// Maps -1 to 1 to -127 to 127; NaN and infinity to 0.
@@ -310,11 +307,7 @@ std::vector<std::string> sample_columns() {
 
 double tool_radius(const Tool& tool) {
   const Vec3d& center = tool.sphere_mass().center_of_mass;
-  double radius = 0;
-  for (const Vec3d& vertex : tool.mesh().vertices) radius = std::max(radius, norm(vertex - center));
-  for (const Sphere& sphere : tool.spheres())
-    radius = std::max(radius, norm(to_double(sphere.center) - center) + double(sphere.radius));
-  return radius;
+  return std::max(farthest(tool.mesh().vertices, center), farthest(tool.spheres(), center));
 }
 
 std::string hello_text(ViewSource& source, double radius) {

@@ -12,9 +12,8 @@
 #if defined(PALPATE_EMULATE_CUDA)
 #include "src/gpu/internal/emulator.h"
 #endif
-#include "eval/studies/method_queries.h"
 #include "tests/test_util/contact_checks.h"
-#include "tests/test_util/field_probe.h"
+#include "tests/test_util/cuda_queries.h"
 #include "tests/test_util/gpu.h"
 
 namespace palpate {
@@ -36,14 +35,6 @@ constexpr bool kIsEmulated = false;
 // The emulator and compute-sanitizer are slow: fewer poses are tested there.
 const bool kIsShort = kIsEmulated || std::getenv("PALPATE_SHORT_TESTS") != nullptr;
 
-std::unique_ptr<eval::MethodQueries> make_cuda_query(const Tool& tool) {
-  return std::make_unique<eval::MethodQueries>(test::cuda_queries(tool));
-}
-
-std::unique_ptr<eval::MethodQueries> make_cpu_query(const Tool& tool) {
-  return std::make_unique<eval::MethodQueries>(Backend::cpu, tool);
-}
-
 struct Case {
   int num_spheres;
   double half_side, noise;
@@ -57,10 +48,10 @@ TEST(ContactQueryCuda, EqualsBruteForceOnRandomPoses) {
        {Case{40, 0.05, 0.0, 600}, Case{300, 0.04, 0.0015, 350}, Case{1500, 0.1, 0.003, 50}}) {
     const Tool tool = test::random_tool(c.num_spheres, c.half_side, 11);
     const PointCloud cloud = test::noisy_wall(160, 120, 140, 0.6, c.noise, 5);
-    const auto query = make_cuda_query(tool);
+    test::ContactQueries queries = test::cuda_queries(tool);
     for (int i = 0; i < c.num_poses / (kIsShort ? 20 : 1); ++i) {
       const Pose X_WT = random_pose(random, 0.6, c.half_side);
-      test::expect_equals_truth(tool, cloud.view(), X_WT, *query);
+      test::expect_equals_truth(tool, cloud.view(), X_WT, queries);
       if (HasFailure()) FAIL() << "spheres " << c.num_spheres << ", pose " << i;
     }
   }
@@ -75,10 +66,10 @@ TEST(ContactQueryCuda, EqualsBruteForceOnUnorganizedClouds) {
     const Vec3d p = random.in_box(0.08);
     cloud.set(i, to_float(p + Vec3d{3, -2, -5}), to_float(random.direction()));
   }
-  const auto query = make_cuda_query(tool);
+  test::ContactQueries queries = test::cuda_queries(tool);
   for (int i = 0; i < (kIsShort ? 3 : 20); ++i) {
     const Pose X_WT{Vec3d{3, -2, -5} + random.in_box(0.05), random.rotation(3)};
-    test::expect_equals_truth(tool, cloud.view(), X_WT, *query);
+    test::expect_equals_truth(tool, cloud.view(), X_WT, queries);
   }
 }
 
@@ -88,10 +79,10 @@ TEST(ContactQueryCuda, EqualsBruteForceAtEdges) {
   for (const Case& c : {Case{60, 0.05, 0.0, 300}, Case{400, 0.05, 0.0015, 120}}) {
     const Tool tool = test::random_tool(c.num_spheres, c.half_side, 11);
     const test::CloudWithEdges scene = l_shape(c.noise, 5);
-    const auto query = make_cuda_query(tool);
+    test::ContactQueries queries = test::cuda_queries(tool);
     for (int i = 0; i < c.num_poses / (kIsShort ? 40 : 1); ++i) {
       const Pose X_WT = random_pose(random, 0.62, c.half_side);
-      test::expect_equals_truth(tool, scene.view(), X_WT, *query, all_options_with_edges());
+      test::expect_equals_truth(tool, scene.view(), X_WT, queries, all_options_with_edges());
       if (HasFailure()) FAIL() << "spheres " << c.num_spheres << ", pose " << i;
     }
   }
@@ -102,10 +93,10 @@ TEST(ContactQueryCuda, EqualsBruteForceWithContinuity) {
   Random random(17);
   const Tool tool = test::random_tool(150, 0.05, 12);
   const test::CloudWithEdges scene = l_shape(0.0015, 6);
-  const auto query = make_cuda_query(tool);
+  test::ContactQueries queries = test::cuda_queries(tool);
   for (int i = 0; i < (kIsShort ? 2 : 60); ++i) {
     const Pose X_WT = random_pose(random, 0.62, 0.05);
-    test::expect_equals_truth(tool, scene.view(), X_WT, *query, all_continuities());
+    test::expect_equals_truth(tool, scene.view(), X_WT, queries, all_continuities());
     if (HasFailure()) FAIL() << "pose " << i;
   }
 }
@@ -115,10 +106,10 @@ TEST(ContactQueryCuda, EqualsBruteForceByOtherPriorities) {
   Random random(29);
   const Tool tool = test::random_tool(150, 0.05, 12);
   const test::CloudWithEdges scene = l_shape(0.0015, 6);
-  const auto query = make_cuda_query(tool);
+  test::ContactQueries queries = test::cuda_queries(tool);
   for (int i = 0; i < (kIsShort ? 3 : 60); ++i) {
     const Pose X_WT = random_pose(random, 0.62, 0.05);
-    test::expect_equals_truth(tool, scene.view(), X_WT, *query, test::all_other_priorities());
+    test::expect_equals_truth(tool, scene.view(), X_WT, queries, test::all_other_priorities());
     if (HasFailure()) FAIL() << "pose " << i;
   }
 }
@@ -143,10 +134,7 @@ struct Comparison {
     }
   }
 
-  void show_to(eval::MethodQueries& query) const {
-    query.set_cloud(scene.view());
-    query.set_field(field.view());
-  }
+  SurfaceView surface() const { return {scene.view(), field.view()}; }
 
   /// Calls visit(pose, options) for each option at each pose; by the emulator for some of them.
   template <class Visit>
@@ -163,16 +151,16 @@ struct Comparison {
 TEST(ContactQueryCuda, EqualsTheCpu) {
   PALPATE_GPU_OR_SKIP();
   const Comparison comparison(kIsShort ? 6 : 10);
-  const auto cuda = make_cuda_query(comparison.tool), cpu = make_cpu_query(comparison.tool);
-  comparison.show_to(*cuda);
-  comparison.show_to(*cpu);
+  test::ContactQueries cuda = test::cuda_queries(comparison.tool), cpu(comparison.tool);
+  const SurfaceView surface = comparison.surface();
   int num_in_contact = 0;
   comparison.for_each([&](const Pose& X_WT, const ContactOptions& options) {
     SCOPED_TRACE(testing::Message() << "method " << static_cast<int>(options.method)
                                     << ", priority " << static_cast<int>(options.priority)
                                     << ", edges " << static_cast<int>(options.edges)
                                     << ", continuity " << static_cast<int>(options.continuity));
-    const Penetration got = cuda->query(X_WT, options), want = cpu->query(X_WT, options);
+    const Penetration got = cuda.measure(surface, X_WT, options),
+                      want = cpu.measure(surface, X_WT, options);
     EXPECT_EQ(got.num_boundary_spheres, want.num_boundary_spheres);
     EXPECT_EQ(got.num_points, want.num_points);
     EXPECT_EQ(got.num_inside_spheres, want.num_inside_spheres);
@@ -182,9 +170,10 @@ TEST(ContactQueryCuda, EqualsTheCpu) {
     EXPECT_NEAR(got.potential, want.potential, 1e-5 * scale * reach);
     EXPECT_LE(norm(got.measure_W.force - want.measure_W.force), 1e-5 * scale);
     EXPECT_LE(norm(got.measure_W.torque - want.measure_W.torque), 1e-5 * scale * reach);
-    const auto states = cuda->states(), want_states = cpu->states();
-    EXPECT_TRUE(std::equal(states.begin(), states.end(), want_states.begin()));
-    const auto planes = cuda->planes(), want_planes = cpu->planes();
+    const auto whole = test::whole_contact(cuda.by(options), surface, X_WT),
+               whole_want = test::whole_contact(cpu.by(options), surface, X_WT);
+    EXPECT_EQ(whole.states, whole_want.states);
+    const auto &planes = whole.planes, &want_planes = whole_want.planes;
     // The GPU computes planes of the field in double precision.
     const bool is_field = options.method == MethodKind::field;
     const float tolerance = is_field ? 4e-4f : 1e-5f, far = is_field ? 4e-5f : 1e-5f;
@@ -205,21 +194,21 @@ TEST(ContactQueryCuda, EqualsTheCpuBetweenTwoFrames) {
   DepthField other = std::move(DepthField::create(160, 120)).value();
   ThreadPool pool(1);
   other.update(l_shape(0.0015, 6).view(), pool);
-  SurfaceBlend moment;
-  moment.from = {comparison.scene.view(), comparison.field.view()};
-  moment.to = {comparison.scene.view(), other.view()};
-  moment.progress = 0.3;
-  eval::MethodQueries cuda = std::move(*make_cuda_query(comparison.tool)),
-                      cpu = std::move(*make_cpu_query(comparison.tool));
-  cuda.set_blend(moment);
-  cpu.set_blend(moment);
+  const SurfaceView from = comparison.surface(), to{comparison.scene.view(), other.view()};
+  test::ContactQueries cuda = test::cuda_queries(comparison.tool), cpu(comparison.tool);
   for (const MethodKind method : {MethodKind::field, MethodKind::simplified}) {
     for (const Pose& X_WT : comparison.poses) {
-      const Penetration got = cuda.query(X_WT, {.method = method});
-      const Penetration want = cpu.query(X_WT, {.method = method});
+      const ContactQuery &on_gpu = cuda.by({.method = method}),
+                         &on_cpu = cpu.by({.method = method});
+      const Penetration got = on_gpu.measure(from, to, 0.3, X_WT).penetration;
+      const Penetration want = on_cpu.measure(from, to, 0.3, X_WT).penetration;
       EXPECT_NEAR(got.volume, want.volume, 1e-5 * want.volume);
       EXPECT_LE(norm(got.measure_W.force - want.measure_W.force), 1e-5 * want.volume);
-      const Stiffness k = cuda.stiffness(), want_k = cpu.stiffness();
+      const auto stiffness_by = [&](const ContactQuery& query) {
+        return query.measure(from, to, 0.3, X_WT, {.stiffness = true})
+            .stiffness.value_or(Stiffness{});
+      };
+      const Stiffness k = stiffness_by(on_gpu), want_k = stiffness_by(on_cpu);
       double largest = 0, error = 0;
       for (int row = 0; row < 6; ++row) {
         for (int column = 0; column < 6; ++column) {
@@ -240,11 +229,10 @@ TEST(ContactQueryCuda, SameBitsOnEveryRun) {
 #if defined(PALPATE_EMULATE_CUDA)
     emulator::set_order(order);
 #endif
-    const auto query = make_cuda_query(comparison.tool);
-    comparison.show_to(*query);
+    test::ContactQueries queries = test::cuda_queries(comparison.tool);
     std::size_t i = 0;
     comparison.for_each([&](const Pose& X_WT, const ContactOptions& options) {
-      const Penetration got = query->query(X_WT, options);
+      const Penetration got = queries.measure(comparison.surface(), X_WT, options);
       if (order == 0) {
         first.push_back(got);
       } else {
@@ -261,31 +249,31 @@ TEST(ContactQueryCuda, SameBitsOnEveryRun) {
 TEST(ContactQueryCuda, MeasuresNothingWithoutCloudOrFinitePose) {
   PALPATE_GPU_OR_SKIP();
   const Tool tool = test::random_tool(40, 0.05, 1);
-  const auto query = make_cuda_query(tool);
+  test::ContactQueries queries = test::cuda_queries(tool);
   for (const MethodKind method :
        {MethodKind::weighted, MethodKind::simplified, MethodKind::graph, MethodKind::field}) {
-    const Penetration nothing = query->query({}, {.method = method});
+    const Penetration nothing = queries.measure({}, {}, {.method = method});
     EXPECT_EQ(nothing.volume, 0);
     EXPECT_EQ(nothing.status, StepStatus::no_surface);
-    const Penetration undefined = query->query({{NAN, 0, 0}, {}}, {.method = method});
+    const Pose nowhere{{NAN, 0, 0}, {}};
+    const Penetration undefined = queries.measure({}, nowhere, {.method = method});
     EXPECT_EQ(undefined.volume, 0);
     EXPECT_EQ(undefined.status, StepStatus::non_finite_pose);
-    for (const SphereState state : query->states()) EXPECT_EQ(state, SphereState::outside);
+    const auto whole = test::whole_contact(queries.by({.method = method}), {}, nowhere);
+    for (const SphereState state : whole.states) EXPECT_EQ(state, SphereState::outside);
   }
 }
 
 TEST(ContactQueryCuda, SeesThatAHostCloudHasChanged) {
   PALPATE_GPU_OR_SKIP();
   const Tool tool = test::random_tool(100, 0.05, 1);
-  const auto query = make_cuda_query(tool);
+  test::ContactQueries queries = test::cuda_queries(tool);
   const ContactOptions options{.method = MethodKind::simplified};
   PointCloud cloud = test::noisy_wall(160, 120, 140, 0.6, 0, 5);
-  query->set_cloud(cloud.view());
   const Pose X_WT{{0, 0, 0.6}, {}};
-  EXPECT_GT(query->query(X_WT, options).num_points, 0);
+  EXPECT_GT(queries.measure({cloud.view()}, X_WT, options).num_points, 0);
   std::fill_n(cloud.channel(2), cloud.size(), NAN);
-  query->set_cloud(cloud.view());
-  EXPECT_EQ(query->query(X_WT, options).num_points, 0);
+  EXPECT_EQ(queries.measure({cloud.view()}, X_WT, options).num_points, 0);
 }
 
 TEST(ContactQueryCuda, SaysThatThereIsNoSuchGpu) {
@@ -300,17 +288,19 @@ TEST(ContactQueryCuda, SaysThatThereIsNoSuchGpu) {
 TEST(ContactQueryCuda, ALostGpuMeasuresNothingAndSaysSo) {
   const Tool tool = test::random_tool(100, 0.05, 1);
   const Comparison comparison(1);
-  const auto query = make_cuda_query(comparison.tool);
-  comparison.show_to(*query);
-  EXPECT_EQ(query->query(comparison.poses[0], {}).status.bits, 0u);
+  test::ContactQueries queries = test::cuda_queries(comparison.tool);
+  const auto measure = [&](const ContactOptions& options) {
+    return queries.measure(comparison.surface(), comparison.poses[0], options);
+  };
+  EXPECT_EQ(measure({}).status.bits, 0u);
   emulator::lose_gpu(true);
   for (const MethodKind method : {MethodKind::field, MethodKind::simplified}) {
-    const Penetration lost = query->query(comparison.poses[0], {.method = method});
+    const Penetration lost = measure({.method = method});
     EXPECT_EQ(lost.status, StepStatus::backend_failed);
     EXPECT_EQ(lost.volume, 0);
   }
   emulator::lose_gpu(false);
-  EXPECT_NE(query->query(comparison.poses[0], {}).status.bits, 0u) << "a failure stays";
+  EXPECT_NE(measure({}).status.bits, 0u) << "a failure stays";
 }
 #endif
 

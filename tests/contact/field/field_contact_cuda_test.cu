@@ -8,7 +8,7 @@
 #include "src/contact/cuda/gpu_field.h"
 #include "src/core/internal/stamp.h"
 #include "tests/test_util/contact_scenes.h"
-#include "tests/test_util/field_probe.h"
+#include "tests/test_util/cuda_queries.h"
 #include "tests/test_util/frozen_field.h"
 #include "tests/test_util/gpu.h"
 
@@ -23,6 +23,11 @@ using test::FrozenField;
 using test::Random;
 
 constexpr SphereVolumes kBoth[] = {SphereVolumes::own, SphereVolumes::represented};
+constexpr ContactOptions kOwn{.method = MethodKind::field, .volumes = SphereVolumes::own};
+
+ContactOptions by(SphereVolumes volumes) {
+  return {.method = MethodKind::field, .volumes = volumes};
+}
 constexpr int kWidth = 96, kHeight = 72;
 
 PointCloud rough_wall(std::uint64_t seed, double depth = 0.6) {
@@ -103,22 +108,18 @@ TEST(FieldContactCuda, EqualsTheCpu) {
   PALPATE_GPU_OR_SKIP();
   for (const int num_spheres : {1, 33, 700, 3000}) {
     const Tool tool = test::random_tool(num_spheres, 0.06, 3);
-    ThreadPool pool(1);
-    test::FieldProbe cpu = test::cpu_probe(tool, pool, best_isa());
-    test::FieldProbe gpu = test::cuda_probe(tool);
+    test::ContactQueries cpu(tool), gpu = test::cuda_queries(tool);
     Random random(5);
     double most = 0;
     for (const Scene& scene : scenes()) {
       SCOPED_TRACE(scene.name);
       const FrozenField frozen(scene.cloud, scene.options);
-      cpu.set_field(frozen.field.view());
-      gpu.set_field(frozen.field.view());
       for (int i = 0; i < (num_spheres > 1000 ? 8 : 25); ++i) {
         Pose X_WT = random_pose(random);
         if (scene.name == std::string("near")) X_WT.translation.z -= 0.48;
         for (const SphereVolumes volumes : kBoth) {
-          const Penetration want = cpu.measure(X_WT, volumes);
-          expect_near(gpu.measure(X_WT, volumes), want, tool, volumes);
+          const Penetration want = cpu.measure(frozen.surface(), X_WT, by(volumes));
+          expect_near(gpu.measure(frozen.surface(), X_WT, by(volumes)), want, tool, volumes);
           most = std::max(most, want.volume / full_volume(tool, volumes));
         }
       }
@@ -130,13 +131,9 @@ TEST(FieldContactCuda, EqualsTheCpu) {
 TEST(FieldContactCuda, OutOfViewBehindTheCameraAndFarAwayAsTheCpu) {
   PALPATE_GPU_OR_SKIP();
   const Tool tool = test::random_tool(1500, 0.06, 6);
-  ThreadPool pool(1);
-  test::FieldProbe cpu = test::cpu_probe(tool, pool, best_isa());
-  test::FieldProbe gpu = test::cuda_probe(tool);
+  test::ContactQueries cpu(tool), gpu = test::cuda_queries(tool);
   for (const UnknownSpace unknown : {UnknownSpace::free, UnknownSpace::solid}) {
     const FrozenField scene(rough_wall(7), {.unknown = unknown});
-    cpu.set_field(scene.field.view());
-    gpu.set_field(scene.field.view());
     for (const Vec3d& p : {Vec3d{0, 0, -3},
                            {0, 0, 0},
                            {0, 0, 0.03},
@@ -147,11 +144,11 @@ TEST(FieldContactCuda, OutOfViewBehindTheCameraAndFarAwayAsTheCpu) {
                            {3, 4, 1},
                            {1e6, 0, 1}}) {
       SCOPED_TRACE(testing::Message() << p.x << " " << p.y << " " << p.z);
-      const Penetration want = cpu.measure({p, {}}, SphereVolumes::own);
-      expect_near(gpu.measure({p, {}}, SphereVolumes::own), want, tool, SphereVolumes::own);
+      const Penetration want = cpu.measure(scene.surface(), {p, {}}, kOwn);
+      expect_near(gpu.measure(scene.surface(), {p, {}}, kOwn), want, tool, SphereVolumes::own);
     }
     for (const Vec3d& p : {Vec3d{1e9, 0, 1}, {0, 1e30, 1e30}, {0, 0, 1e300}}) {
-      gpu.measure({p, {}}, SphereVolumes::own);  // any numbers, but nothing read out of bounds
+      gpu.measure(scene.surface(), {p, {}}, kOwn);  // any numbers, but nothing read out of bounds
     }
   }
 }
@@ -160,43 +157,35 @@ TEST(FieldContactCuda, NoFieldGivesNothingAndSaysSo) {
   PALPATE_GPU_OR_SKIP();
   const Tool tool = test::random_tool(50, 0.05, 8);
   const FrozenField scene(rough_wall(9));
-  test::FieldProbe gpu = test::cuda_probe(tool);
+  test::ContactQueries gpu = test::cuda_queries(tool);
   const Pose X_WT{{0, 0, 0.65}, {}};
-  std::vector<SphereState> states(50, SphereState::inside);
-  std::vector<Plane<float>> planes(50);
   const auto expect_nothing = [&] {
     Penetration nothing;
     nothing.status = StepStatus::no_surface;
-    EXPECT_TRUE(same_bits(gpu.measure(X_WT, SphereVolumes::own), nothing));
-    EXPECT_EQ(gpu.stiffness().m[0][0], 0);
-    gpu.describe(states, planes);
-    EXPECT_EQ(states[0], SphereState::outside);
+    EXPECT_TRUE(same_bits(gpu.measure({}, X_WT, kOwn), nothing));
+    const auto whole = test::whole_contact(gpu.by(kOwn), {}, X_WT);
+    EXPECT_EQ(whole.stiffness.value_or(Stiffness{}).m[0][0], 0);
+    EXPECT_EQ(whole.states[0], SphereState::outside);
   };
   expect_nothing();
-  gpu.set_field(scene.field.view());
-  EXPECT_GT(gpu.measure(X_WT, SphereVolumes::own).volume, 0);
-  gpu.set_field({});
+  EXPECT_GT(gpu.measure(scene.surface(), X_WT, kOwn).volume, 0);
   expect_nothing();
 }
 
 TEST(FieldContactCuda, StiffnessAndDescriptionEqualTheCpu) {
   PALPATE_GPU_OR_SKIP();
   const Tool tool = test::random_tool(300, 0.06, 10);
-  ThreadPool pool(1);
-  test::FieldProbe cpu = test::cpu_probe(tool, pool, best_isa());
-  test::FieldProbe gpu = test::cuda_probe(tool);
+  test::ContactQueries cpu(tool), gpu = test::cuda_queries(tool);
   Random random(11);
   for (const Scene& scene : scenes()) {
     SCOPED_TRACE(scene.name);
     const FrozenField frozen(scene.cloud, scene.options);
-    cpu.set_field(frozen.field.view());
-    gpu.set_field(frozen.field.view());
     for (int i = 0; i < 6; ++i) {
       const Pose X_WT = random_pose(random);
       const SphereVolumes volumes = kBoth[i % 2];
-      cpu.measure(X_WT, volumes);
-      gpu.measure(X_WT, volumes);
-      const Stiffness want = cpu.stiffness(), got = gpu.stiffness();
+      const auto on_cpu = test::whole_contact(cpu.by(by(volumes)), frozen.surface(), X_WT),
+                 on_gpu = test::whole_contact(gpu.by(by(volumes)), frozen.surface(), X_WT);
+      const Stiffness &want = *on_cpu.stiffness, &got = *on_gpu.stiffness;
       double largest[2][2] = {};  // of the four parts of the matrix
       for (int row = 0; row < 6; ++row) {
         for (int column = 0; column < 6; ++column) {
@@ -211,21 +200,20 @@ TEST(FieldContactCuda, StiffnessAndDescriptionEqualTheCpu) {
           EXPECT_NEAR(got.m[row][column], want.m[row][column], 1e-3 * largest[row / 3][column / 3]);
         }
       }
-      const VolumeMoments m = cpu.moments(), n = gpu.moments();
+      const VolumeMoments &m = on_cpu.moments, &n = on_gpu.moments;
       EXPECT_NEAR(n.polar, m.polar, 1e-4 * m.polar + 1e-15);
       for (int k = 0; k < 9; ++k) {
         const double scale = full_volume(tool, volumes) * 0.1;
         EXPECT_NEAR(n.first[k / 3][k % 3], m.first[k / 3][k % 3], 1e-4 * scale);
       }
-      std::vector<SphereState> states(300), want_states(300);
-      std::vector<Plane<float>> planes(300), want_planes(300);
-      cpu.describe(want_states, want_planes);
-      gpu.describe(states, planes);
-      EXPECT_EQ(states, want_states);
+      const auto &planes = on_gpu.planes, &want_planes = on_cpu.planes;
+      EXPECT_EQ(on_gpu.states, on_cpu.states);
       // The GPU finds them in double precision.
       for (std::size_t k = 0; k < planes.size(); ++k) {
         // A sphere that is no longer pushed has no direction.
-        if (scene.options.unseen == UnseenSpace::fade && states[k] == SphereState::inside) continue;
+        if (scene.options.unseen == UnseenSpace::fade && on_gpu.states[k] == SphereState::inside) {
+          continue;
+        }
         EXPECT_NEAR(norm(planes[k].normal - want_planes[k].normal), 0, 4e-4) << k;
         EXPECT_NEAR(planes[k].offset, want_planes[k].offset, 1e-5) << k;
       }
@@ -246,14 +234,14 @@ TEST(FieldContactCuda, GivesTheSameBitsWhereverTheFieldIsAndWhateverWasAskedBefo
   ASSERT_TRUE(stream.wait());
   ASSERT_EQ(on_gpu.gpu, 0);
   Random random(14);
-  test::FieldProbe one = test::cuda_probe(tool), other = test::cuda_probe(tool);
-  one.set_field(on_gpu);
+  test::ContactQueries one = test::cuda_queries(tool), other = test::cuda_queries(tool);
   for (int i = 0; i < 12; ++i) {
     const Pose X_WT = random_pose(random);
-    other.set_field(i % 2 == 0 ? stamped : unstamped);
-    other.measure(random_pose(random), SphereVolumes::own);
-    EXPECT_TRUE(same_bits(one.measure(X_WT, SphereVolumes::represented),
-                          other.measure(X_WT, SphereVolumes::represented)));
+    const SurfaceView on_host{{}, i % 2 == 0 ? stamped : unstamped};
+    other.measure(on_host, random_pose(random), kOwn);
+    const ContactOptions options = by(SphereVolumes::represented);
+    EXPECT_TRUE(
+        same_bits(one.measure({{}, on_gpu}, X_WT, options), other.measure(on_host, X_WT, options)));
   }
 }
 
@@ -261,16 +249,19 @@ TEST(FieldContactCuda, GivesTheSameBitsWhereverTheFieldIsAndWhateverWasAskedBefo
 TEST(FieldContactCuda, GivesTheSameBitsInAnyOrderOfThreads) {
   const Tool tool = test::random_tool(1500, 0.06, 15);
   const FrozenField scene(rough_wall(16));
-  test::FieldProbe gpu = test::cuda_probe(tool);
-  gpu.set_field(scene.field.view());
+  test::ContactQueries gpu = test::cuda_queries(tool);
+  const ContactQuery& query = gpu.by(by(SphereVolumes::represented));
   const Pose X_WT{{0.02, 0, 0.6}, axis_angle({1, 2, 3}, 0.7)};
-  const Penetration want = gpu.measure(X_WT, SphereVolumes::represented);
-  const Stiffness stiffness = gpu.stiffness();
+  const auto stiffness_again = [&] {
+    return *query.measure(scene.surface(), X_WT, {.stiffness = true}).stiffness;
+  };
+  const Penetration want = query.measure(scene.surface(), X_WT).penetration;
+  const Stiffness stiffness = stiffness_again();
   EXPECT_GT(want.volume, 0);
   for (const std::uint32_t seed : {1u, 2u, 3u}) {
     emulator::set_order(seed);
-    EXPECT_TRUE(same_bits(gpu.measure(X_WT, SphereVolumes::represented), want));
-    const Stiffness again = gpu.stiffness();
+    EXPECT_TRUE(same_bits(query.measure(scene.surface(), X_WT).penetration, want));
+    const Stiffness again = stiffness_again();
     EXPECT_EQ(std::memcmp(&again, &stiffness, sizeof again), 0);
   }
   emulator::set_order(0);
@@ -284,12 +275,11 @@ TEST(FieldContactCuda, CopiesAFieldOncePerStamp) {
   ThreadPool pool(1);
   FrozenField changing(rough_wall(18, 0.6)), fixed(rough_wall(19, 0.62));
   const PointCloud later = rough_wall(20, 0.64);
-  test::FieldProbe gpu = test::cuda_probe(tool);
+  test::ContactQueries gpu = test::cuda_queries(tool);
   const Pose X_WT{{0, 0, 0.62}, {}};
   const auto measure = [&](DepthFieldView view, std::uint64_t stamp) {
     view.stamp = stamp;
-    gpu.set_field(view);
-    return gpu.measure(X_WT, SphereVolumes::own).volume;
+    return gpu.measure({{}, view}, X_WT, kOwn).volume;
   };
   const std::uint64_t a = next_stamp(), b = next_stamp(), c = next_stamp();
   const double old = measure(changing.field.view(), a);
@@ -312,22 +302,22 @@ TEST(FieldContactCuda, BlendsTwoFieldsAsTwoMeasuresWould) {
   PALPATE_GPU_OR_SKIP();
   const Tool tool = test::random_tool(1500, 0.06, 22);
   const FrozenField from(block_before_wall(23)), to(rough_wall(24, 0.63));
-  ThreadPool pool(1);
-  test::FieldProbe cpu = test::cpu_probe(tool, pool, best_isa());
-  test::FieldProbe gpu = test::cuda_probe(tool);
+  test::ContactQueries cpu(tool), gpu = test::cuda_queries(tool);
   Random random(25);
   for (int i = 0; i < 10; ++i) {
     const Pose X_WT = random_pose(random);
     for (const double t : {0.0, 0.3, 1.0}) {
       const SphereVolumes volumes = kBoth[i % 2];
-      const Penetration got = gpu.measure(X_WT, volumes, from.field.view(), to.field.view(), t);
-      const Stiffness stiffness = gpu.stiffness();
-      cpu.set_field(from.field.view());
-      const Penetration a = cpu.measure(X_WT, volumes);
-      const Stiffness of_a = cpu.stiffness();
-      cpu.set_field(to.field.view());
-      Penetration want = cpu.measure(X_WT, volumes);
-      const Stiffness of_b = cpu.stiffness();
+      const ContactQuery &on_cpu = cpu.by(by(volumes)), &on_gpu = gpu.by(by(volumes));
+      const ContactWants wants{.stiffness = true};
+      const Penetration got = on_gpu.measure(from.surface(), to.surface(), t, X_WT).penetration;
+      const Stiffness stiffness =
+          *on_gpu.measure(from.surface(), to.surface(), t, X_WT, wants).stiffness;
+      const ContactResult at_a = on_cpu.measure(from.surface(), X_WT, wants),
+                          at_b = on_cpu.measure(to.surface(), X_WT, wants);
+      const Stiffness &of_a = *at_a.stiffness, &of_b = *at_b.stiffness;
+      const Penetration& a = at_a.penetration;
+      Penetration want = at_b.penetration;
       want.volume = (1 - t) * a.volume + t * want.volume;
       want.potential = (1 - t) * a.potential + t * want.potential;
       want.measure_W.force = (1 - t) * a.measure_W.force + t * want.measure_W.force;
@@ -338,9 +328,8 @@ TEST(FieldContactCuda, BlendsTwoFieldsAsTwoMeasuresWould) {
     }
   }
   const Pose X_WT{{0, 0, 0.62}, {}};
-  const Penetration whole = gpu.measure(X_WT, SphereVolumes::own, to.field.view(), {}, 0.0);
-  gpu.set_field(to.field.view());
-  EXPECT_NEAR(whole.volume, gpu.measure(X_WT, SphereVolumes::own).volume, 1e-6 * whole.volume);
+  const Penetration whole = gpu.by(kOwn).measure(to.surface(), {}, 0.0, X_WT).penetration;
+  EXPECT_NEAR(whole.volume, gpu.measure(to.surface(), X_WT, kOwn).volume, 1e-6 * whole.volume);
   EXPECT_EQ(whole.num_inside_spheres, 0);
 }
 

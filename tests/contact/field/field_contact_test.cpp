@@ -6,9 +6,9 @@
 
 #include <gtest/gtest.h>
 
-#include "eval/studies/method_queries.h"
 #include "palpate/contact/contact.h"
 #include "tests/test_util/allocation_counter.h"
+#include "tests/test_util/contact_queries.h"
 #include "tests/test_util/contact_scenes.h"
 #include "tests/test_util/field_truth.h"
 #include "tests/test_util/frozen_field.h"
@@ -65,12 +65,9 @@ FrozenField plane(const Plane<double>& plane) {
   return FrozenField(std::move(cloud));
 }
 
-std::unique_ptr<eval::MethodQueries> make_query(const Tool& tool, const FrozenField& scene,
-                                                Isa isa = best_isa(), ThreadPool* pool = nullptr) {
-  auto query =
-      std::make_unique<eval::MethodQueries>(Backend::cpu, tool, ExecutionOptions{isa, pool});
-  query->set_field(scene.field.view());
-  return query;
+std::unique_ptr<ContactQuery> make_query(const Tool& tool, SphereVolumes volumes,
+                                         Isa isa = best_isa(), ThreadPool* pool = nullptr) {
+  return make_contact_query(Backend::cpu, tool, FieldMethod{volumes}, {isa, pool}).value();
 }
 
 Pose random_pose(Random& random) {
@@ -88,11 +85,11 @@ void expect_equals_brute_force(const FrozenField& scene) {
   for (const int num_spheres : {1, 33, 700}) {
     const Tool tool = test::random_tool(num_spheres, 0.06, 3);
     for (const Isa isa : isas()) {
-      const auto query = make_query(tool, scene, isa);
+      test::ContactQueries queries(tool, {isa});
       for (int i = 0; i < 60; ++i) {
         const Pose X_WT = random_pose(random);
         for (const ContactOptions& options : {kOwn, kRepresented}) {
-          const Penetration got = query->query(X_WT, options);
+          const Penetration got = queries.measure(scene.surface(), X_WT, options);
           const Penetration want = brute_force(tool, scene, X_WT, options.counted());
           const double scale = full_volume(tool, options);
           EXPECT_NEAR(got.volume, want.volume, 2e-5 * scale);
@@ -156,13 +153,14 @@ TEST(FieldContact, StiffnessIsTheDerivativeOfTheWrench) {
   const FrozenField scene = calm_wall(20);
   const Tool tool = test::random_tool(150, 0.06, 21);
   const Vec3d C_T = tool.sphere_mass().center_of_mass;
-  const auto query = make_query(tool, scene);
+  const auto query = make_query(tool, SphereVolumes::own);
   Random random(22);
   int num_compared = 0;
   for (int i = 0; i < 60; ++i) {
     const Pose X_WT = random_pose(random);
-    const double volume = query->query(X_WT, kOwn).volume;
-    const Stiffness got = query->stiffness();
+    const ContactResult at = query->measure(scene.surface(), X_WT, {.stiffness = true});
+    const double volume = at.penetration.volume;
+    const Stiffness& got = *at.stiffness;
     // If a gradient was shortened, the stiffness is only the symmetric part.
     const auto force_along = [&](double longest) {
       return brute_force(tool, scene, X_WT, SphereVolumes::own, longest).measure_W.force;
@@ -201,7 +199,7 @@ class ClosedLoops : public testing::TestWithParam<std::pair<UnseenSpace, double>
 TEST_P(ClosedLoops, CostNoWork) {
   const FrozenField scene = calm_wall(7, GetParam().first, GetParam().second);
   const Tool tool = test::random_tool(500, 0.05, 8);
-  const auto query = make_query(tool, scene);
+  const auto query = make_query(tool, SphereVolumes::represented);
   const Vec3d C_T = tool.sphere_mass().center_of_mass;
   constexpr int kSteps = 8000;
   const auto pose = [](int k) {
@@ -211,9 +209,9 @@ TEST_P(ClosedLoops, CostNoWork) {
     return Pose{{0.05 * std::cos(a), 0.04 * std::sin(a), 0.59 + 0.03 * std::sin(a + 1)}, q};
   };
   double net = 0, total = 0;
-  Penetration last = query->query(pose(0), kRepresented);
+  Penetration last = query->measure(scene.surface(), pose(0)).penetration;
   for (int k = 1; k <= kSteps; ++k) {
-    const Penetration next = query->query(pose(k), kRepresented);
+    const Penetration next = query->measure(scene.surface(), pose(k)).penetration;
     const Quaternion turn = pose(k).rotation * conjugate(pose(k - 1).rotation);
     const Vec3d shift = pose(k) * C_T - pose(k - 1) * C_T;
     const double work =
@@ -252,11 +250,11 @@ TEST(FieldContact, SweepsBetweenLayersThroughAHoleAndCleanThrough) {
     }
   }
   const FrozenField scene(std::move(holed));
-  const auto query = make_query(tool, scene);
+  const auto query = make_query(tool, SphereVolumes::represented);
   const double full = full_volume(tool, kRepresented);
   double last = 0;
   for (double z = 0.47; z < 0.8; z += 0.0001) {
-    const Penetration got = query->query({{0, 0, z}, {}}, kRepresented);
+    const Penetration got = query->measure(scene.surface(), {{0, 0, z}, {}}).penetration;
     EXPECT_GE(got.volume, last - 1e-6 * full) << z;
     EXPECT_NEAR(-got.measure_W.force.z, got.volume, 5e-2 * got.volume + 1e-6 * full) << z;
     last = got.volume;
@@ -273,9 +271,9 @@ TEST(FieldContact, BehindTheThicknessThereIsNothing) {
   const Tool tool = test::random_tool(300, 0.02, 23);
   for (const UnseenSpace unseen : {UnseenSpace::solid, UnseenSpace::free, UnseenSpace::fade}) {
     const FrozenField scene(plane({{0, 0, -1}, -0.5}).cloud, {.unseen = unseen});
-    const auto query = make_query(tool, scene);
-    const Penetration inside = query->query({{0, 0, 0.525}, {}}, kOwn);
-    const Penetration behind = query->query({{0, 0, 0.65}, {}}, kOwn);
+    const auto query = make_query(tool, SphereVolumes::own);
+    const Penetration inside = query->measure(scene.surface(), {{0, 0, 0.525}, {}}).penetration;
+    const Penetration behind = query->measure(scene.surface(), {{0, 0, 0.65}, {}}).penetration;
     EXPECT_NEAR(inside.volume / full_volume(tool, kOwn), 1, 1e-4);
     EXPECT_NEAR(inside.measure_W.force.z / inside.volume, -1, 0.05);
     const double left = unseen == UnseenSpace::solid ? 1 : 0;
@@ -289,11 +287,11 @@ TEST(FieldContact, MeasuresTheWholeToolWhenAllOfItIsInside) {
   const Tool tool = test::random_tool(300, 0.05, 9);
   const Plane<double> wall{{0, 0, -1}, -0.5};
   const FrozenField scene = plane(wall);
-  const auto query = make_query(tool, scene);
+  test::ContactQueries queries(tool);
   const Pose deep{{0, 0, 0.65}, axis_angle({1, 2, 3}, 0.7)};
   for (const ContactOptions& options : {kOwn, kRepresented}) {
     const double volume = full_volume(tool, options);
-    const Penetration got = query->query(deep, options);
+    const Penetration got = queries.measure(scene.surface(), deep, options);
     EXPECT_NEAR(got.volume / volume, 1, 1e-5);
     EXPECT_NEAR(got.measure_W.force.z / volume, -1, 0.05);
     EXPECT_EQ(got.num_inside_spheres, 300);
@@ -306,7 +304,7 @@ TEST(FieldContact, HalfSpaceAgreesWithCaps) {
   const Vec3d n = normalized(Vec3d{0.2, -0.3, -1});
   const Plane<double> wall{n, dot(n, {0, 0, 0.6})};
   const FrozenField scene = plane(wall);
-  const auto query = make_query(tool, scene);
+  const auto query = make_query(tool, SphereVolumes::own);
   const double all = full_volume(tool, SphereVolumes::own);
   Random random(11);
   for (int i = 0; i < 100; ++i) {
@@ -318,7 +316,7 @@ TEST(FieldContact, HalfSpaceAgreesWithCaps) {
       volume += cap_volume(static_cast<double>(s.radius),
                            dot(n, X_WT * to_double(s.center)) - wall.offset);
     }
-    const Penetration got = query->query(X_WT, kOwn);
+    const Penetration got = query->measure(scene.surface(), X_WT).penetration;
     EXPECT_NEAR(got.volume, volume, 5e-3 * all);
     // Deep spheres are pushed by up to 5 % more, in the same direction.
     EXPECT_NEAR(norm(cross(got.measure_W.force, n)), 0, 2e-3 * all);
@@ -332,13 +330,15 @@ TEST(FieldContact, AnyThreadsAndInstructionSetsGiveTheSameBits) {
   Random random(14);
   for (int i = 0; i < 20; ++i) {
     const Pose X_WT = random_pose(random);
-    const Penetration want = make_query(tool, scene, Isa::baseline)->query(X_WT, kRepresented);
+    const Penetration want = make_query(tool, SphereVolumes::represented, Isa::baseline)
+                                 ->measure(scene.surface(), X_WT)
+                                 .penetration;
     for (const Isa isa : isas()) {
       for (const int threads : {1, 3}) {
         ThreadPool pool(threads);
-        const auto query = make_query(tool, scene, isa, &pool);
-        query->query({{0, 0, 0.6}, {}}, kOwn);  // earlier queries do not matter
-        const Penetration got = query->query(X_WT, kRepresented);
+        const auto query = make_query(tool, SphereVolumes::represented, isa, &pool);
+        query->measure(scene.surface(), {{0, 0, 0.6}, {}});  // earlier queries do not matter
+        const Penetration got = query->measure(scene.surface(), X_WT).penetration;
         EXPECT_EQ(std::memcmp(&got.measure_W, &want.measure_W, sizeof(VolumeWrench)), 0);
         EXPECT_EQ(got.volume, want.volume);
         EXPECT_EQ(got.potential, want.potential);
@@ -446,27 +446,27 @@ TEST(FieldContact, OneFrameWithoutSurfaceSaysSo) {
 TEST(FieldContact, AllocatesNothing) {
   const FrozenField scene = rough_wall(15);
   const Tool tool = test::random_tool(100, 0.06, 16);
-  const auto query = make_query(tool, scene);
-  query->by(kRepresented);
+  const auto query = make_query(tool, SphereVolumes::represented);
   const test::AllocationCounter counter;
-  for (int i = 0; i < 10; ++i) query->query({{0, 0, 0.55 + 0.01 * i}, {}}, kRepresented);
+  for (int i = 0; i < 10; ++i) query->measure(scene.surface(), {{0, 0, 0.55 + 0.01 * i}, {}});
   EXPECT_EQ(counter.count(), 0);
 }
 
-TEST(FieldContact, StatesAndPlanesDescribeTheLastQuery) {
+TEST(FieldContact, StatesAndPlanesDescribeTheContact) {
   const Tool tool = test::random_tool(100, 0.05, 17);
   const Plane<double> wall{{0, 0, -1}, -0.6};
   const FrozenField scene = plane(wall);
-  const auto query = make_query(tool, scene);
+  test::ContactQueries queries(tool);
   const Pose X_WT{{0, 0, 0.6}, axis_angle({1, 1, 0}, 0.4)};
   for (const ContactOptions& options : {kOwn, kRepresented}) {
-    const Penetration got = query->query(X_WT, options);
+    const auto whole = test::whole_contact(queries.by(options), scene.surface(), X_WT);
+    const Penetration& got = whole.penetration;
     int num_inside = 0, num_boundary = 0;
     for (std::size_t id = 0; id < tool.spheres().size(); ++id) {
       const Sphere ball = field_ball(tool, id, options.counted());
       const double distance = 0.6 - (X_WT * to_double(ball.center)).z;
       const double r = ball.radius;
-      const SphereState state = query->states()[id];
+      const SphereState state = whole.states[id];
       num_inside += state == SphereState::inside;
       num_boundary += state == SphereState::boundary;
       if (std::abs(std::abs(distance) - r) < 1e-6) continue;
@@ -474,7 +474,7 @@ TEST(FieldContact, StatesAndPlanesDescribeTheLastQuery) {
                        : distance > -r ? SphereState::boundary
                                        : SphereState::inside);
       if (state == SphereState::outside) continue;
-      const Plane<float>& cut = query->planes()[id];
+      const Plane<float>& cut = whole.planes[id];
       const Vec3d n_W = rotate(X_WT.rotation, to_double(cut.normal));
       EXPECT_NEAR(norm(n_W - wall.normal), 0, 1e-4);
       EXPECT_NEAR(
@@ -567,18 +567,17 @@ TEST(FieldElements, CoincidentSpheresHaveFewParts) {
 TEST(FieldContact, BadPosesAndNoFieldGiveNothing) {
   const Tool tool = test::random_tool(50, 0.05, 18);
   const FrozenField scene = rough_wall(19);
-  const auto query = make_query(tool, scene);
-  const Penetration bad = query->query({{0, 0, NAN}, {}}, kOwn);
+  const auto query = make_query(tool, SphereVolumes::own);
+  const Penetration bad = query->measure(scene.surface(), {{0, 0, NAN}, {}}).penetration;
   EXPECT_EQ(bad.volume, 0);
   EXPECT_EQ(bad.status, StepStatus::non_finite_pose);
   // Far away, behind the camera, and large numbers.
   for (const Vec3d& p : {Vec3d{0, 0, -3}, {1e9, 0, 1}, {0, 0, 0}, {0, 1e30, 1e30}}) {
-    const Penetration far = query->query({p, {}}, kOwn);
+    const Penetration far = query->measure(scene.surface(), {p, {}}).penetration;
     EXPECT_EQ(far.volume, 0) << p.x << " " << p.z;
     EXPECT_TRUE(std::isfinite(norm(far.measure_W.force)));
   }
-  query->set_field({});
-  EXPECT_EQ(query->query({{0, 0, 0.6}, {}}, kOwn).volume, 0);
+  EXPECT_EQ(query->measure(SurfaceView{}, {{0, 0, 0.6}, {}}).penetration.volume, 0);
 }
 
 }  // namespace

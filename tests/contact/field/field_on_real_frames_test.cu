@@ -14,8 +14,8 @@
 #include "src/contact/internal/field_elements.h"
 #include "src/field/internal/field_sample.h"
 #include "tests/test_util/contact_scenes.h"
+#include "tests/test_util/cuda_queries.h"
 #include "tests/test_util/data.h"
-#include "tests/test_util/field_probe.h"
 #include "tests/test_util/field_truth.h"
 #include "tests/test_util/gpu.h"
 #include "tests/test_util/real_frames.h"
@@ -29,6 +29,10 @@ constexpr double kBound = 1.05;  // times V
 // Net over total work of a loop. Measured: 0.152, and 0.054 over all loops; the goal is 0.02.
 constexpr double kMaxWork = 0.2;
 constexpr SphereVolumes kBoth[] = {SphereVolumes::own, SphereVolumes::represented};
+
+ContactOptions by(SphereVolumes volumes) {
+  return {.method = MethodKind::field, .volumes = volumes};
+}
 
 using test::TriedFrame;
 const std::vector<std::string_view> kSome = {
@@ -103,24 +107,21 @@ VolumeWrench unbounded_wrench(const Tool& tool, const FieldElements& elements,
 TEST_P(FieldOnRealFrames, NoForceIsLongerThanTheBoundOnAnyInstructionSet) {
   PALPATE_FRAMES_OR_SKIP(frames, load, kSome);
   const Tool tool = test::random_tool(300, 0.03, 31);
-  ThreadPool pool(1);
   int num_contacts = 0, num_long = 0;
   double worst = 0;
   for (const TriedFrame& real : frames) {
     SCOPED_TRACE(real.name);
     const SeenFrame seen = see(real);
-    std::vector<test::FieldProbe> contacts;
-    for (const Isa isa : isas()) {
-      contacts.push_back(test::cpu_probe(tool, pool, isa));
-      contacts.back().set_field(seen.field.view());
-    }
+    const SurfaceView surface{{}, seen.field.view()};
+    std::vector<test::ContactQueries> contacts;
+    for (const Isa isa : isas()) contacts.emplace_back(tool, ExecutionOptions{isa});
     Random random(32);
     for (int i = 0; i < 1000; ++i) {
       const Pose X_WT = seen.random_pose(random);
       const SphereVolumes volumes = kBoth[i % 2];
-      const Penetration want = contacts[0].measure(X_WT, volumes);
-      for (test::FieldProbe& contact : contacts) {
-        const Penetration got = contact.measure(X_WT, volumes);
+      const Penetration want = contacts[0].measure(surface, X_WT, by(volumes));
+      for (test::ContactQueries& contact : contacts) {
+        const Penetration got = contact.measure(surface, X_WT, by(volumes));
         EXPECT_EQ(std::memcmp(&got.measure_W, &want.measure_W, sizeof(VolumeWrench)), 0);
         EXPECT_EQ(got.volume, want.volume);
         EXPECT_EQ(got.potential, want.potential);
@@ -169,8 +170,7 @@ TEST_P(FieldOnRealFrames, ClosedLoopsAcrossSilhouettesCostLittleWork) {
   const Vec3d C_T = tool.sphere_mass().center_of_mass;
   const double whole = full_volume(tool, SphereVolumes::represented);
   const FieldElements elements(tool, SphereVolumes::represented);
-  ThreadPool pool(1);
-  test::FieldProbe contact = test::cpu_probe(tool, pool, best_isa());
+  const auto contact = make_contact_query(Backend::cpu, tool).value();
   constexpr int kLoops = 4, kSteps = 4000;
   double worst = 0, worst_unbounded = 0;
   Work all;
@@ -178,7 +178,6 @@ TEST_P(FieldOnRealFrames, ClosedLoopsAcrossSilhouettesCostLittleWork) {
   for (const TriedFrame& real : frames) {
     SCOPED_TRACE(real.name);
     const SeenFrame seen = see(real);
-    contact.set_field(seen.field.view());
     Random random(34);
     for (int loop = 0; loop < kLoops; ++loop) {
       const std::size_t pixel = seen.random_silhouette(random);
@@ -193,7 +192,7 @@ TEST_P(FieldOnRealFrames, ClosedLoopsAcrossSilhouettesCostLittleWork) {
       };
       double most = 0;
       const Work work = work_of(kSteps, C_T, pose, [&](const Pose& X_WT) {
-        const Penetration at = contact.measure(X_WT, SphereVolumes::represented);
+        const Penetration at = contact->measure({{}, seen.field.view()}, X_WT).penetration;
         most = std::max(most, at.volume);
         return at.measure_W;
       });
@@ -223,21 +222,19 @@ TEST_P(FieldOnRealFrames, TheGpuEqualsTheCpu) {
   PALPATE_GPU_OR_SKIP();
   PALPATE_FRAMES_OR_SKIP(frames, load, kSome);
   const Tool tool = test::random_tool(100, 0.03, 35);
-  ThreadPool pool(1);
-  test::FieldProbe cpu = test::cpu_probe(tool, pool, best_isa());
-  test::FieldProbe gpu = test::cuda_probe(tool);
+  test::ContactQueries cpu(tool), gpu = test::cuda_queries(tool);
   int num_contacts = 0;
   double worst = 0;  // difference of the force over the tool's volume
   for (const TriedFrame& real : frames) {
     SCOPED_TRACE(real.name);
     const SeenFrame seen = see(real);
-    cpu.set_field(seen.field.view());
-    gpu.set_field(seen.field.view());
+    const SurfaceView surface{{}, seen.field.view()};
     Random random(36);
     for (int i = 0; i < 8; ++i) {
       const Pose X_WT = seen.random_pose(random);
       const SphereVolumes volumes = kBoth[i % 2];
-      const Penetration want = cpu.measure(X_WT, volumes), got = gpu.measure(X_WT, volumes);
+      const Penetration want = cpu.measure(surface, X_WT, by(volumes)),
+                        got = gpu.measure(surface, X_WT, by(volumes));
       const double scale = full_volume(tool, volumes), lever = 0.05;
       EXPECT_EQ(got.status.bits, 0u);
       EXPECT_NEAR(got.volume, want.volume, 1e-4 * scale);

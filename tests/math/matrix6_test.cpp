@@ -1,8 +1,8 @@
-#include "src/haptics/internal/matrix6.h"
+// Systems of six, and the part of a stiffness that resists motion, by their definitions.
+#include "src/math/internal/matrix6.h"
 
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <cmath>
 
 #include "tests/test_util/random.h"
@@ -13,11 +13,11 @@ namespace {
 TEST(Matrix6, SolvesAndKnowsWhatIsNotPositive) {
   test::Random random(1);
   for (int n = 0; n < 500; ++n) {
-    Stiffness s;
+    Mat6 s;
     for (auto& row : s.m) {
       for (double& x : row) x = random.uniform(-1, 1);
     }
-    const Mat6 positive = positive_part(s, 1);
+    const Mat6 positive = positive_part(s.m, 1);
     Mat6 symmetric, a = positive;
     for (int i = 0; i < 6; ++i) {
       a.m[i][i] += 0.1;
@@ -41,11 +41,11 @@ TEST(Matrix6, SolvesAndKnowsWhatIsNotPositive) {
     // With angles counted as ways at a length: that of the stiffness in these units, and back.
     const double length = random.uniform(0.02, 3);
     const auto unit = [length](int i) { return i < 3 ? 1.0 : length; };
-    Stiffness scaled;
+    Mat6 scaled;
     for (int i = 0; i < 6; ++i) {
       for (int j = 0; j < 6; ++j) scaled.m[i][j] = s.m[i][j] / (unit(i) * unit(j));
     }
-    const Mat6 at_length = positive_part(s, length), inner = positive_part(scaled, 1);
+    const Mat6 at_length = positive_part(s.m, length), inner = positive_part(scaled.m, 1);
     for (int i = 0; i < 6; ++i) {
       for (int j = 0; j < 6; ++j) {
         const double want = inner.m[i][j] * unit(i) * unit(j);

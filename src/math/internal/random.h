@@ -6,7 +6,7 @@
 
 #include "palpate/math/geometry.h"
 
-namespace palpate::eval {
+namespace palpate { inline namespace v0 {
 
 /// SplitMix64.
 class Random {
@@ -45,4 +45,4 @@ class Random {
   std::uint64_t state_;
 };
 
-}  // namespace palpate::eval
+}}  // namespace palpate::v0
