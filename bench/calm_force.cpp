@@ -36,11 +36,7 @@ void row(const std::string& figure, const std::string& of, DepthAverage kind, do
 }
 
 Tool tool_of(const char* shape, double size) {
-  TriangleMesh mesh = make_shape(shape, size).value();
-  PackOptions options;
-  options.max_spheres = 1000;
-  SpherePacking packing = pack_spheres(mesh, options).value();
-  return Tool::build(std::move(mesh), std::move(packing), GapRule::relative, shape).value();
+  return Tool::pack(make_shape(shape, size).value(), {.max_spheres = 1000}).value();
 }
 
 /// Recorded frames of a camera.
@@ -70,9 +66,7 @@ std::vector<Wrenches> felt(const Recorded& seen, const Tool& tool, const std::ve
   time.mode = TimeMode::latest;
   time.average = average;
   ThreadPool pool(1);
-  auto timeline =
-      SurfaceTimeline::create(seen.stream, surface, DepthFieldOptions{}, time, {}, 0, false)
-          .value();
+  auto timeline = SurfaceTimeline::create(seen.stream, {.surface = surface, .time = time}).value();
   const auto query = make_contact_query(Backend::cpu, tool, FieldMethod{}).value();
   std::vector<Wrenches> all(places.size());
   double now = 0;

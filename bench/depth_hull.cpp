@@ -26,12 +26,8 @@ std::string case_of(const std::string& kind, const std::string& what, int num_ca
 /// Returns a ball packed with many equal spheres. A default packing of a ball is one sphere with
 /// nearly all of the volume, and dust.
 Tool ball_of_spheres() {
-  TriangleMesh mesh = make_icosphere(kToolRadius, 4);
-  PackOptions options;
-  options.max_spheres = 5000;
-  options.max_radius = 0.003;
-  SpherePacking packing = pack_spheres(mesh, options).value();
-  return Tool::build(std::move(mesh), std::move(packing), GapRule::relative, "ball").value();
+  return Tool::pack(make_icosphere(kToolRadius, 4), {.max_spheres = 5000, .max_radius = 0.003})
+      .value();
 }
 
 std::unique_ptr<ContactQuery> query_of(const Tool& tool) {
@@ -204,7 +200,7 @@ void memory(const Tool& tool, int num_cameras, DepthMemory kind, double seconds)
     for (int k = 0; k < num_cameras; ++k) {
       X_WC = {{0.06 * k, 0, 0}, {}};
       timelines.push_back(
-          SurfaceTimeline::create(test::stream_of(camera), {}, field, time, {}).value());
+          SurfaceTimeline::create(test::stream_of(camera), {.field = field, .time = time}).value());
       const std::vector<float> before = frame(false, X_WC);
       now = frame(true, X_WC);
       for (int i = 0; i < 4; ++i) push(timelines.back(), before);
@@ -245,7 +241,7 @@ void moving_memory(const Tool& tool, DepthMemory kind, double seconds) {
   stream.is_moving = true;
   TimeOptions time;
   time.memory.kind = kind;
-  auto timeline = SurfaceTimeline::create(stream, {}, DepthFieldOptions{}, time, {}).value();
+  auto timeline = SurfaceTimeline::create(stream, {.time = time}).value();
   ThreadPool pool(1);
   double at = 0;
   const auto push = [&](std::size_t i) { timeline.push(frames[i], at += 1.0 / 30, pool); };
@@ -276,7 +272,7 @@ void looking_around(const Tool& tool, DepthMemory kind, double seconds) {
   stream.is_moving = true;
   TimeOptions time;
   time.memory.kind = kind;
-  auto timeline = SurfaceTimeline::create(stream, {}, DepthFieldOptions{}, time, {}).value();
+  auto timeline = SurfaceTimeline::create(stream, {.time = time}).value();
   ThreadPool pool(1);
   test::Random random(7);
   double at = 0;

@@ -124,11 +124,9 @@ Reach reach_along_z(const TriangleMesh& mesh, const Quaternion& rotation) {
 }
 
 Tool packed_tool(const ContactCase& contact_case, int num_spheres) {
-  const TriangleMesh mesh = make_shape(contact_case.tool_shape, contact_case.tool_size).value();
-  PackOptions options;
-  options.max_spheres = num_spheres;
-  return Tool::build(mesh, pack_spheres(mesh, options).value(), GapRule::absolute,
-                     contact_case.tool_shape)
+  return Tool::pack(make_shape(contact_case.tool_shape, contact_case.tool_size).value(),
+                    {.max_spheres = num_spheres},
+                    {.gap_rule = GapRule::absolute, .source = contact_case.tool_shape})
       .value();
 }
 
@@ -159,11 +157,11 @@ RenderedScene see(const scenes::Scene& scene, DepthNoise noise) {
 
 Measure query_measure(const Tool& tool, const RenderedScene& scene, const ContactOptions& options,
                       ThreadPool* pool) {
-  ExecutionOptions capacities;
-  capacities.pool = pool;
+  ExecutionOptions execution;
+  execution.pool = pool;
   const ContactMethod method = contact_method(options).value();
   const std::shared_ptr<const ContactQuery> query =
-      make_contact_query(Backend::cpu, tool, method, capacities).value();
+      make_contact_query(Backend::cpu, tool, method, execution).value();
   const SurfaceView surface{scene.surface.cloud(), scene.field.view()};
   return {full_volume(tool, options),
           [query, surface](const Pose& X_WT) { return query->measure(surface, X_WT).penetration; }};

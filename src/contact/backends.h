@@ -12,12 +12,12 @@ namespace palpate { inline namespace v0 {
 /// one of these.
 std::unique_ptr<ContactQuery> make_point_contact(std::shared_ptr<const ToolIndex> index,
                                                  const ContactMethod& method,
-                                                 const ExecutionOptions& capacities);
+                                                 const ExecutionOptions& execution);
 
 /// Makes the query on a GPU. Errors: no such GPU, or not enough memory on it.
 Result<std::unique_ptr<ContactQuery>> make_contact_query_cuda(
     std::shared_ptr<const ToolIndex> index, const ContactMethod& method,
-    const ExecutionOptions& capacities);
+    const ExecutionOptions& execution);
 
 /// Pairs of bodies by spheres. Errors as above.
 Result<std::unique_ptr<BodyPairQuery>> make_body_contact_cuda(std::shared_ptr<const ToolIndex> a,

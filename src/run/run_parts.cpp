@@ -145,18 +145,23 @@ Result<SurfaceTimeline> make_surfaces(std::span<const DepthStreamInfo> streams, 
   TimeOptions time = settings.time;
   if (first_period > 0) time.first_period = first_period;
   time.memory.frames = std::min(time.memory.frames, num_key_frames(streams));
-  return SurfaceTimeline::create(streams[camera], settings.surface, field, time,
-                                 {backend_of(settings), settings.sensing_gpu}, num_spare,
-                                 needs_depth_change(settings), settings.binning);
+  return SurfaceTimeline::create(streams[camera],
+                                 {.surface = settings.surface,
+                                  .field = field,
+                                  .time = time,
+                                  .wants_depth_change = needs_depth_change(settings),
+                                  .num_spare = num_spare,
+                                  .binning = settings.binning},
+                                 {backend_of(settings), settings.sensing_gpu});
 }
 
 Result<std::unique_ptr<ContactPart>> make_contact_part(std::shared_ptr<const ToolIndex> index,
                                                        const RunSettings& settings,
                                                        const ContactScale& scale,
                                                        ThreadPool* threads) {
-  ExecutionOptions capacities;
-  capacities.gpu = settings.contact_gpu;
-  capacities.pool = threads;
+  ExecutionOptions execution;
+  execution.gpu = settings.contact_gpu;
+  execution.pool = threads;
   const auto method = contact_method(settings.contact);
   if (!method) return method.error();
   if (const auto num = static_cast<std::size_t>(std::max(settings.num_spheres, 0));
@@ -166,7 +171,7 @@ Result<std::unique_ptr<ContactPart>> make_contact_part(std::shared_ptr<const Too
     index = *std::move(thinned);
   }
   const Tool& tool = index->tool();
-  auto query = make_contact_query(backend_of(settings), std::move(index), *method, capacities);
+  auto query = make_contact_query(backend_of(settings), std::move(index), *method, execution);
   if (!query) return query.error();
   std::unique_ptr<MovingBodies> moving;
   if (has_moving_objects(settings)) {

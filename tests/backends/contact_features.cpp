@@ -278,7 +278,7 @@ void compare_host_memory(double allowed) {
 SlotSettings stream_settings() {
   SlotSettings settings;
   settings.stream = {80, 60, empty_scene(80, 60, 90).intrinsics, 0.0005, 30, std::nullopt, ""};
-  settings.field = DepthFieldOptions{};
+  settings.wants_depth_change = true;
   return settings;
 }
 
@@ -286,9 +286,12 @@ SlotSettings stream_settings() {
 void compare_from_depth_image(double allowed) {
   const Tool tool = test_tool();
   const SlotSettings settings = stream_settings();
-  auto on_cpu = make_timeline(std::move(make_frame_slots_cpu(settings)).value(), settings).value();
+  auto on_cpu =
+      FrameSlots::make_timeline(std::move(make_frame_slots_cpu(settings)).value(), settings)
+          .value();
   auto on_cuda =
-      make_timeline(std::move(make_frame_slots_cuda(settings, 0)).value(), settings).value();
+      FrameSlots::make_timeline(std::move(make_frame_slots_cuda(settings, 0)).value(), settings)
+          .value();
   ContactQueries cpu(tool), cuda = cuda_queries(tool);
   ThreadPool pool(1);
   for (int number = 0; number < 2; ++number) {

@@ -21,8 +21,8 @@ SlotSettings default_settings() {
   settings.stream.intrinsics = empty_scene(kWidth, kHeight, 55).intrinsics;
   settings.stream.rate = 1 / kPeriod;
   settings.surface.depth_change.min_step = 0.01;
-  settings.field = DepthFieldOptions{};
   settings.time.mode = TimeMode::latest;
+  settings.wants_depth_change = true;
   return settings;
 }
 
@@ -33,7 +33,7 @@ DepthFrame frame(int number) {
 
 SurfaceTimeline timeline(Result<std::unique_ptr<FrameSlots>> slots, const SlotSettings& settings) {
   EXPECT_TRUE(slots) << slots.error().message;
-  return std::move(make_timeline(*std::move(slots), settings)).value();
+  return std::move(FrameSlots::make_timeline(*std::move(slots), settings)).value();
 }
 
 void expect_same(const SurfaceView& got, const SurfaceView& want, gpu::Stream& stream) {

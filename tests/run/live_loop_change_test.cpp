@@ -124,7 +124,9 @@ TEST(LiveLoopChange, ContactsAreThoseOfTheirRevision) {
         std::optional<DepthFieldOptions> field;
         if (now.contact.method == MethodKind::field) field = now.field;
         timeline.emplace(
-            SurfaceTimeline::create(touching.source.info(), now.surface, field, now.time).value());
+            SurfaceTimeline::create(touching.source.info(),
+                                    {.surface = now.surface, .field = field, .time = now.time})
+                .value());
       }
       timeline->push(frame, time, pool);
     }
@@ -309,7 +311,7 @@ TEST(LiveLoopChange, StagesTakeChangesWithoutAllocating) {
     state.X_BH.translation = pressing_hand(0.3);
     state.is_valid = true;
     haptic.tick(state);
-    haptic.latest(record);
+    if (const auto newest = haptic.latest()) record = *newest;
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   };
   EXPECT_TRUE(wait_for([&] { return tick(), contacts.num_contacts() > 20; }));
@@ -379,7 +381,7 @@ TEST(LiveLoopChange, ALostBackendIsReplaced) {
     state.time = monotonic_now();
     state.is_valid = true;
     haptic.tick(state);
-    haptic.latest(record);
+    if (const auto newest = haptic.latest()) record = *newest;
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   };
   EXPECT_TRUE(wait_for([&] { return tick(), record.safety.state == ForceState::off; }));

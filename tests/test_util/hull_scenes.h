@@ -125,7 +125,7 @@ inline void add_memory(HullScene& scene, const Camera& camera, const std::vector
   joined.one_of_several = is_one_of_several;
   ThreadPool pool(1);
   scene.timelines.push_back(
-      SurfaceTimeline::create(stream_of(camera), {}, joined, time, Place::cpu()).value());
+      SurfaceTimeline::create(stream_of(camera), {.field = joined, .time = time}).value());
   SurfaceTimeline& timeline = scene.timelines.back();
   for (std::size_t i = 0; i < seen.size(); ++i) {
     DepthImageView image = seen[i];
@@ -273,11 +273,7 @@ inline double exact_hull_share(const HullScene& scene, const Vec3d& center, doub
 
 /// A ball as tool.
 inline Tool ball_tool(double radius, int num_spheres = 3000) {
-  TriangleMesh mesh = make_icosphere(radius, 4);
-  PackOptions options;
-  options.max_spheres = num_spheres;
-  SpherePacking packing = pack_spheres(mesh, options).value();
-  return Tool::build(std::move(mesh), std::move(packing), GapRule::relative, "ball").value();
+  return Tool::pack(make_icosphere(radius, 4), {.max_spheres = num_spheres}).value();
 }
 
 }  // namespace palpate::test

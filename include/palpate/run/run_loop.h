@@ -128,21 +128,6 @@ struct SurfacePicture {
   std::vector<Vec3f> edges;            ///< depth-change vectors; empty if they are not computed
 };
 
-inline void make_surface_picture(const PointCloud& seen, std::uint64_t frame_number,
-                                 SurfacePicture& picture) {
-  picture.frame_number = frame_number;
-  picture.width = seen.width();
-  picture.height = seen.height();
-  picture.points.resize(seen.size());
-  picture.normals.resize(seen.size());
-  picture.edges.resize(seen.has_edges() ? seen.size() : 0);
-  for (std::size_t i = 0; i < seen.size(); ++i) {
-    picture.points[i] = seen.point(i);
-    picture.normals[i] = seen.normal(i);
-    if (seen.has_edges()) picture.edges[i] = seen.edge(i);
-  }
-}
-
 // A current run: live, or on a simulated clock.
 //
 // Live, five threads are connected by triple buffers (thesis Fig. 4.1):
@@ -205,19 +190,25 @@ struct SimulatedClock {
 /// wrench on the device. Live in threads of its own, or on a simulated clock.
 class RunLoop {
  public:
-  /// `tool`, `sources` and `device` must outlive it. Several cameras are combined to a depth hull
-  /// (`field` only). Errors: settings out of range, the backend.
+  /// Creates a live loop. `tool`, `sources` and `device` must outlive it. Several cameras are
+  /// combined to a depth hull (`field` only). Errors: settings out of range, the backend.
   static Result<std::unique_ptr<RunLoop>> create(const Tool& tool, const DepthSources& sources,
                                                  HapticDevice& device, const RunSettings& settings,
                                                  RunObserver observer = {});
   static Result<std::unique_ptr<RunLoop>> create(const Tool&&, const DepthSources&, HapticDevice&,
                                                  const RunSettings&, RunObserver = {}) = delete;
-  /// On the device's simulated clock: as fast as possible, in its own thread, which also calls the
-  /// observer. Nothing is dropped. A frame becomes current at the first tick at or after its
-  /// timestamp; of several the newest.
-  static Result<std::unique_ptr<RunLoop>> create(const Tool& tool, const DepthSources& sources,
-                                                 SteppedDevice& device, const RunSettings& settings,
-                                                 RunObserver observer, const SimulatedClock& clock);
+  /// Creates a loop on the device's simulated clock: as fast as possible, in its own thread, which
+  /// also calls the observer. Nothing is dropped. A frame becomes current at the first tick at or
+  /// after its timestamp; of several the newest.
+  static Result<std::unique_ptr<RunLoop>> simulate(const Tool& tool, const DepthSources& sources,
+                                                   SteppedDevice& device,
+                                                   const RunSettings& settings,
+                                                   const SimulatedClock& clock = {},
+                                                   RunObserver observer = {});
+  static Result<std::unique_ptr<RunLoop>> simulate(const Tool&&, const DepthSources&,
+                                                   SteppedDevice&, const RunSettings&,
+                                                   const SimulatedClock& = {},
+                                                   RunObserver = {}) = delete;
   virtual ~RunLoop() = default;  ///< stops the loop
 
   /// Starts; returns when the device ticks. Errors: the device, the first frame.
@@ -233,8 +224,8 @@ class RunLoop {
   virtual void stop() noexcept = 0;
   /// True from `start` until the loop has ended.
   virtual bool is_running() const noexcept = 0;
-  /// The newest tick; from any thread except the haptic one, one reader.
-  virtual bool latest(TickRecord& record) noexcept = 0;
+  /// The newest tick if there is a new one; from any thread except the haptic one, one reader.
+  virtual std::optional<TickRecord> latest() noexcept = 0;
   /// Times of all stages so far; from any thread.
   virtual const LoopTimes& times() const noexcept = 0;
   /// Counters so far; from any thread that may wait.

@@ -87,8 +87,9 @@ class ViewSource {
 
   /// Returns the constant content: the tool, objects and streams.
   virtual const ViewContent& content() const = 0;
-  /// Called some sixty times per second; must not wait. Fills only the parts in `subscription`.
-  virtual void poll(const ViewSubscription& subscription, ViewUpdate& update) = 0;
+  /// Returns what is new of the parts in `subscription`. Called some sixty times per second; must
+  /// not wait.
+  virtual ViewUpdate poll(const ViewSubscription& subscription) = 0;
   /// The other state as a JSON object: see docs/viewer-protocol.md, `state`. Called a few times per
   /// second.
   virtual std::string state() = 0;
@@ -118,20 +119,23 @@ std::unique_ptr<ViewSource> view_tool(const Tool& tool, std::string title);
 /// nothing of it can be read.
 Result<std::unique_ptr<ViewSource>> view_run(const std::filesystem::path& folder);
 
+/// Options of a LiveView.
+struct LiveViewOptions {
+  /// The handle of the run's device: with it, pages can hold the tool.
+  std::shared_ptr<PageHandle> handle = nullptr;
+  std::vector<SceneObject> objects = {};  ///< those of the run's settings
+};
+
 /// A current run, live or on a simulated clock. It copies data from the publishing
 /// thread. The server may wait for the loop during a command; the haptic thread waits for
 /// nobody.
 class LiveView : public ViewSource {
  public:
-  /// `tool` must outlive it; `streams` are those of the run's cameras. With the `handle` of the
-  /// run's device, pages can hold the tool. `objects`: those of the run's settings.
+  /// Creates a view; `tool` must outlive it. `streams` are those of the run's cameras.
   static std::unique_ptr<LiveView> create(const Tool& tool, std::vector<DepthStreamInfo> streams,
-                                          std::string title,
-                                          std::shared_ptr<PageHandle> handle = nullptr,
-                                          std::vector<SceneObject> objects = {});
+                                          std::string title, LiveViewOptions options = {});
   static std::unique_ptr<LiveView> create(const Tool&&, std::vector<DepthStreamInfo>, std::string,
-                                          std::shared_ptr<PageHandle> = nullptr,
-                                          std::vector<SceneObject> = {}) = delete;
+                                          LiveViewOptions = {}) = delete;
   /// For record_run. Without a recording: connect `observer` to the loop, and call `on_loop` when
   /// the loop has started and before it is stopped; this second call waits for a command that uses
   /// it.
@@ -150,8 +154,6 @@ struct ViewServerOptions {
   std::uint16_t port = 8787;  ///< 0: any free port
   std::string token = {};     ///< 16 to 128 letters, digits, - and _; empty: none on loopback
   int max_pages = 8;          ///< at a time
-  /// Prefix of the options port, address and token, for messages.
-  std::string option_prefix = "--view-";
 };
 
 /// Serves until it is destroyed. Pages cannot slow down or block the run: the server polls the

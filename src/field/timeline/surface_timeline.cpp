@@ -103,8 +103,8 @@ void SurfaceTimeline::Impl::keep_flow(const DepthImageView& frame, double interv
   if (is_given) std::copy_n(frame.flow, flow.pixels.size(), flow.pixels.begin());
 }
 
-Result<SurfaceTimeline> make_timeline(std::unique_ptr<FrameSlots> slots,
-                                      const SlotSettings& settings) {
+Result<SurfaceTimeline> FrameSlots::make_timeline(std::unique_ptr<FrameSlots> slots,
+                                                  const SlotSettings& settings) {
   if (const Status status = check(settings); !status) return status.error();
   const TimeOptions& time = settings.time;
   const double period = time.first_period != 0 ? time.first_period : 1 / settings.stream.rate;
@@ -120,22 +120,18 @@ Result<SurfaceTimeline> make_timeline(std::unique_ptr<FrameSlots> slots,
 }
 
 Result<SurfaceTimeline> SurfaceTimeline::create(const DepthStreamInfo& stream,
-                                                const SurfaceOptions& surface,
-                                                const std::optional<DepthFieldOptions>& field,
-                                                const TimeOptions& options, const Place& place,
-                                                int num_spare, bool wants_depth_change,
-                                                int binning) {
-  if (binning < 1 || binning > kMaxBinning) {
+                                                const TimelineOptions& options,
+                                                const Place& place) {
+  if (options.binning < 1 || options.binning > kMaxBinning) {
     return Error{Errc::invalid_argument, "depth images are binned by 1 to " +
                                              std::to_string(kMaxBinning) + " pixels, not " +
-                                             std::to_string(binning)};
+                                             std::to_string(options.binning)};
   }
-  const SlotSettings settings{binned(stream, binning), surface, field, options, num_spare,
-                              wants_depth_change,      binning};
+  const SlotSettings settings{options, binned(stream, options.binning)};
   if (const Status status = check(settings); !status) return status.error();
   auto slots = make_frame_slots(settings, place);
   if (!slots) return slots.error();
-  auto timeline = make_timeline(*std::move(slots), settings);
+  auto timeline = FrameSlots::make_timeline(*std::move(slots), settings);
   if (timeline && stream.has_flow) {
     const std::size_t num =
         2 * static_cast<std::size_t>(stream.width) * static_cast<std::size_t>(stream.height);

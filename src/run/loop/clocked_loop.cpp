@@ -13,6 +13,7 @@
 #include "src/core/internal/monotonic_clock.h"
 #include "src/core/internal/triple_buffer.h"
 #include "src/run/internal/pipeline.h"
+#include "src/run/internal/surface_picture.h"
 #include "src/run/loop/queues/frame_queue.h"
 
 namespace palpate { inline namespace v0 {
@@ -39,7 +40,7 @@ class ClockedLoop final : public RunLoop {
   void request_force() noexcept override { wants_force_ = true; }
   void stop() noexcept override;
   bool is_running() const noexcept override { return is_running_.load(std::memory_order_acquire); }
-  bool latest(TickRecord& record) noexcept override;
+  std::optional<TickRecord> latest() noexcept override;
   const LoopTimes& times() const noexcept override { return times_; }
   LoopReport report() const override;
   Status status() const override;
@@ -253,9 +254,8 @@ void ClockedLoop::make_pictures() {
     picture.frame_number = contact.frame_number;
     picture.X_WT = contact.X_WT;
     picture.bodies = contact.bodies;
-    const std::size_t num_spheres = pipeline_.query().index()->tool().spheres().size();
-    pipeline_.query().measure(pipeline_.cameras(), contact.X_WT,
-                              picture.spheres.wants(num_spheres));
+    picture.spheres.resize(pipeline_.query().index()->tool().spheres().size());
+    pipeline_.query().measure(pipeline_.cameras(), contact.X_WT, picture.spheres.wants());
     contacts_[who].publish();
   }
   if (wants_surface_.exchange(false)) {
@@ -264,10 +264,9 @@ void ClockedLoop::make_pictures() {
   }
 }
 
-bool ClockedLoop::latest(TickRecord& record) noexcept {
-  if (!newest_.refresh()) return false;
-  record = newest_.value();
-  return true;
+std::optional<TickRecord> ClockedLoop::latest() noexcept {
+  if (!newest_.refresh()) return std::nullopt;
+  return newest_.value();
 }
 
 LoopReport ClockedLoop::report() const {
@@ -315,10 +314,11 @@ void ClockedLoop::step_frame() noexcept {
 
 }  // namespace
 
-Result<std::unique_ptr<RunLoop>> RunLoop::create(const Tool& tool, const DepthSources& sources,
-                                                 SteppedDevice& device, const RunSettings& settings,
-                                                 RunObserver observer,
-                                                 const SimulatedClock& clock) {
+Result<std::unique_ptr<RunLoop>> RunLoop::simulate(const Tool& tool, const DepthSources& sources,
+                                                   SteppedDevice& device,
+                                                   const RunSettings& settings,
+                                                   const SimulatedClock& clock,
+                                                   RunObserver observer) {
   auto pipeline = Pipeline::create(tool, sources.infos(), device.info(), settings);
   if (!pipeline) return pipeline.error();
   return std::unique_ptr<RunLoop>(std::make_unique<ClockedLoop>(

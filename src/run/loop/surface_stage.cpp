@@ -13,6 +13,7 @@
 #include "src/math/internal/farthest.h"
 #include "src/run/internal/pipeline.h"
 #include "src/run/internal/real_time.h"
+#include "src/run/internal/surface_picture.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

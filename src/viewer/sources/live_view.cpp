@@ -103,15 +103,15 @@ double stale_age(const std::vector<DepthStreamInfo>& streams) {
 class LiveViewImpl final : public LiveView {
  public:
   LiveViewImpl(const Tool& tool, std::vector<DepthStreamInfo> streams, std::string title,
-               std::shared_ptr<PageHandle> handle, std::vector<SceneObject> objects)
+               LiveViewOptions options)
       : content_{"live",
                  std::move(title),
                  &tool,
                  std::move(streams),
-                 handle ? std::optional(PageHandle::limits().max_force) : std::nullopt,
-                 shapes_of(objects)},
-        objects_(std::move(objects)),
-        handle_(std::move(handle)),
+                 options.handle ? std::optional(PageHandle::limits().max_force) : std::nullopt,
+                 shapes_of(options.objects)},
+        objects_(std::move(options.objects)),
+        handle_(std::move(options.handle)),
         stale_age_(stale_age(content_.streams)),
         pending_(content_.streams.size()) {
     settings_.objects = objects_;  // pages need controls before there is a loop
@@ -127,7 +127,7 @@ class LiveViewImpl final : public LiveView {
   RunMonitor& monitor() override { return monitor_; }
   bool wants_end() const noexcept override { return wants_end_; }
   const ViewContent& content() const override { return content_; }
-  void poll(const ViewSubscription& subscription, ViewUpdate& update) override;
+  ViewUpdate poll(const ViewSubscription& subscription) override;
   std::string state() override;
   std::string controls() override;
   Result<std::string> command(std::string_view json) override;
@@ -183,18 +183,20 @@ void LiveViewImpl::look_at_loop() {
   fault_ = status ? Json() : Json(status.error().message);
 }
 
-void LiveViewImpl::poll(const ViewSubscription& subscription, ViewUpdate& update) {
+ViewUpdate LiveViewImpl::poll(const ViewSubscription& subscription) {
   {
     // Everything at once, and rarely if time is short: data that is not sent is not drawn either.
     const std::lock_guard lock(mutex_);
     const double now = monotonic_now();
-    if (loop_ != nullptr && loop_->is_short_of_time() && now < last_poll_ + kSparePeriod) return;
+    if (loop_ != nullptr && loop_->is_short_of_time() && now < last_poll_ + kSparePeriod) return {};
     last_poll_ = now;
   }
+  ViewUpdate update;
   if (subscription.frames) pending_.take_frames(update.frames);
   if (subscription.samples) pending_.take_samples(update.samples);
   const std::lock_guard lock(mutex_);
   if (loop_ != nullptr) take_pictures(subscription, update);
+  return update;
 }
 
 void LiveViewImpl::take_pictures(const ViewSubscription& subscription, ViewUpdate& update) {
@@ -351,10 +353,9 @@ void LiveViewImpl::release(std::uint64_t page) {
 }  // namespace
 
 std::unique_ptr<LiveView> LiveView::create(const Tool& tool, std::vector<DepthStreamInfo> streams,
-                                           std::string title, std::shared_ptr<PageHandle> handle,
-                                           std::vector<SceneObject> objects) {
+                                           std::string title, LiveViewOptions options) {
   return std::make_unique<LiveViewImpl>(tool, std::move(streams), std::move(title),
-                                        std::move(handle), std::move(objects));
+                                        std::move(options));
 }
 
 }}  // namespace palpate::v0

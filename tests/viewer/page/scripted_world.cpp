@@ -51,7 +51,7 @@ Result<std::unique_ptr<ScriptedWorld>> ScriptedWorld::create(
     packing.spheres.push_back({{s.at(0), s.at(1), s.at(2)}, s.at(3)});
   }
   Result<Tool> tool =
-      Tool::build(std::move(*mesh), std::move(packing), GapRule::relative, "a test", 1);
+      Tool::build(std::move(*mesh), std::move(packing), {.source = "a test", .num_threads = 1});
   if (!tool) return tool.error();
   return std::unique_ptr<ScriptedWorld>(
       new ScriptedWorld(script, std::move(*tool), std::move(heard)));
@@ -105,9 +105,10 @@ void ScriptedWorld::apply(const Json& change) {
   is_moving_ = change.value("moving", is_moving_);
 }
 
-void ScriptedWorld::poll(const ViewSubscription& subscription, ViewUpdate& update) {
+ViewUpdate ScriptedWorld::poll(const ViewSubscription& subscription) {
+  ViewUpdate update;
   const std::lock_guard lock(mutex_);
-  if (is_frozen_) return;
+  if (is_frozen_) return update;
   ++num_polls_;
   if (!is_paused_) time_ += kPollSeconds * speed_;
   // Thirty frames a second, as a camera has them.
@@ -126,6 +127,7 @@ void ScriptedWorld::poll(const ViewSubscription& subscription, ViewUpdate& updat
       update.samples.push_back(make_sample(time_ + i * kPollSeconds / kTicksPerPoll));
     }
   }
+  return update;
 }
 
 void ScriptedWorld::place(const Json& cameras) {
