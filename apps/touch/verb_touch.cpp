@@ -165,7 +165,7 @@ void add_record_options(CLI::App& app, const std::shared_ptr<Options>& options) 
            if (bytes < 1e6) refuse("--record-split", text, "a size of 1MB or more, as 500MB, 1GB");
            options->recording.split_bytes = bytes;
          },
-         "split the recording into files of this size, e.g. 1GB; each can be replayed alone")
+         "split the recording into files of this size, e.g. 1GB; each can be viewed alone")
       ->type_name("SIZE")
       ->group(group);
 }

@@ -19,9 +19,6 @@ class Approach {
     from_ = from;
     has_begun_ = false;
   }
-  void remember(StateNumbers& numbers) noexcept {
-    numbers(from_, offset_.linear, offset_.angular, has_begun_);
-  }
   /// Returns the pose of the tool, `dt` after the last call, if it belongs at X_WT.
   Pose at(const Pose& X_WT, double dt) noexcept {
     if (!std::exchange(has_begun_, true)) {

@@ -38,12 +38,6 @@ class Hand {
   /// Returns the energy stored in the walls of the workspace, J, in the tool's world.
   double wall_energy() const noexcept;
 
-  void remember(StateNumbers& numbers) noexcept {
-    numbers(held_.X_WT, held_.p_WC, held_.p_WH, held_.velocity.linear, held_.velocity.angular,
-            X_BH_, seen_X_BH_, V_BH_, seen_time_, shift_W_, turn_, excess_B_, is_clutched_,
-            has_pose_);
-  }
-
   const HeldTool& held() const noexcept { return held_; }
   bool is_clutched() const noexcept { return is_clutched_; }
   /// Returns the pose of the hand, extrapolated in ticks without a usable state.

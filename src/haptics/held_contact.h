@@ -15,10 +15,6 @@ class HeldContact {
   /// Takes the newest contact at this tick, `dt` after the last one.
   void update(const LocalContact& contact, double dt) noexcept;
 
-  void remember(StateNumbers& numbers) noexcept {
-    numbers(contact_, stiffness_.m, is_there_, from_, elapsed_, interval_);
-  }
-
   /// Returns the wrench on the tool at this pose. Beyond the end of the contact it continues along
   /// the line and pulls, so that a solver finds the end: see `pushes`.
   Wrench wrench(const Pose& X_WT) const noexcept;

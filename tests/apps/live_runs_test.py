@@ -171,7 +171,8 @@ class LiveRuns(CommandLineCase):
         self.assertEqual(len(whole["time_s"]), 5000)
         self.succeed(*touch, "--record-keep", "1s")  # parts of two seconds, of which the first is too old
         self.assertEqual(parts(), ["recording-0002.mcap", "recording-0003.mcap"])
-        self.assertIn("identical: 3000 ticks", self.succeed("replay", run))
+        self.expect_failure(1, "replay", run, mentions="recording-0002.mcap is part 2 of its run")
+        self.expect_failure(1, "replay", run, "-o", self.path("again"), mentions="look at it with palpate view")
         kept = self.columns(run)
         self.assertEqual(kept["time_s"], whole["time_s"][2000:])
         self.assertEqual(kept["volume_m3"], whole["volume_m3"][2000:])

@@ -89,31 +89,6 @@ TEST(DepthAveragerCuda, EstimatesEqualTheCpu) {
   }
 }
 
-// An estimate goes on at another place.
-TEST(DepthAveragerCuda, GoesOnFromTheStateOfTheCpu) {
-  PALPATE_GPU_OR_SKIP();
-  const std::vector<DepthFrame> frames = stream_of_frames(6);
-  DepthAverageOptions options;
-  options.kind = DepthAverage::kalman;
-  ThreadPool pool(1);
-  gpu::Stream stream(0, gpu::Priority::low);
-  DepthAverager cpu = std::move(DepthAverager::create(kWidth, kHeight, options)).value();
-  DepthAveragerCuda cuda =
-      std::move(DepthAveragerCuda::create(kWidth, kHeight, options, 0)).value();
-  for (int k = 0; k < 4; ++k) cpu.update(frames[static_cast<std::size_t>(k)], pool);
-  const std::string state = cpu.state();
-  ASSERT_TRUE(cuda.resume_from(stream, state));
-  for (std::size_t k = 4; k < 6; ++k) {
-    std::ranges::copy(frames[k].pixels, cuda.input().begin());
-    cuda.set_unit(frames[k].unit);
-    cuda.enqueue(stream);
-    const std::span<const float> expected = cpu.update(frames[k], pool);
-    ASSERT_NO_FATAL_FAILURE(test::expect_same_bits(
-        test::copy_to_host(stream, cuda.depth(), expected.size()), expected.data(), "depth"));
-  }
-  EXPECT_FALSE(cuda.resume_from(stream, state.substr(1)));
-}
-
 TEST(DepthAveragerCuda, RefusesBadOptions) {
   PALPATE_GPU_OR_SKIP();
   EXPECT_FALSE(DepthAveragerCuda::create(kWidth, kHeight, {DepthAverage::moving, 65}, 0));

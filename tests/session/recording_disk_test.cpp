@@ -151,15 +151,9 @@ class RecordingDisk : public ::testing::Test {
     ++tick_.number;
     disk.time = time_;
   }
-  /// Adds the ticks of a second and a snapshot of the hand.
+  /// Adds the ticks of a second.
   void add_second() {
     for (int i = 0; i < 100; ++i) ASSERT_NO_FATAL_FAILURE(add_tick());
-    add_snapshot();
-  }
-  void add_snapshot() {
-    HandSnapshot snapshot;
-    snapshot.tick = tick_.number;
-    recorder_->add_hand_snapshot(snapshot);
   }
   /// Adds ticks until there is a note; returns the notes.
   std::vector<std::string> add_until_told() {
@@ -323,7 +317,6 @@ TEST_F(RecordingDisk, OldPartsGoDuringAPauseToo) {
   for (int i = 0; i < 30; ++i) {
     time_ += 1;
     add_tick();
-    add_snapshot();
   }
   EXPECT_FALSE(fs::exists(path(1)));
   EXPECT_FALSE(fs::exists(path(2)));
@@ -349,31 +342,6 @@ TEST_F(RecordingDisk, APartThatCannotBeginIsToldOnceAndTheOneThereIsGoesOn) {
   int num_ticks = 0;
   while (reader->next_tick(tick).value()) ++num_ticks;
   EXPECT_EQ(num_ticks, 300);
-}
-
-/// The frames that a part begins with are those that were kept in memory.
-int num_frames_of(const fs::path& part) {
-  auto reader = RunReader::open(part);
-  EXPECT_TRUE(reader) << reader.error().message;
-  RecordedDepth depth;
-  int num = 0;
-  while (reader && reader->next_frame(depth).value()) ++num;
-  return num;
-}
-
-// A device may take long until it ticks, and be silent later.
-TEST_F(RecordingDisk, OfFramesThatNoTickComesAfterFewAreKept) {
-  for (const bool has_ticked : {false, true}) {
-    make({.split_bytes = 1});
-    if (has_ticked) add_tick();
-    for (int i = 0; i < 300; ++i) add_frame();
-    add_snapshot();
-    recorder_->finish();
-    EXPECT_LE(num_frames_of(path(2)), has_ticked ? 110 : 10);
-    record_ = FrameRecord();
-    contact_ = ContactRecord();
-    tick_ = TickRecord();
-  }
 }
 
 class RecordingStreamDisk : public RecordingDisk {

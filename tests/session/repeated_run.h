@@ -1,4 +1,4 @@
-// A recorded run is repeated to the bit, as a whole and part by part.
+// A recorded run is repeated to the bit.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -7,7 +7,6 @@
 #include <filesystem>
 
 #include "palpate/session/run.h"
-#include "src/session/internal/run_folder.h"
 
 namespace palpate::test {
 
@@ -45,16 +44,6 @@ Result<RunOutcome> without_losses(const Run& run) {
   Result<RunOutcome> outcome = run();
   for (int k = 0; k < 4 && outcome && outcome->loop.num_lost_records > 0; ++k) outcome = run();
   return outcome;
-}
-
-inline void expect_parts_repeat(const std::filesystem::path& run, const RunOutcome& outcome) {
-  expect_repeats(run, outcome);
-  const bool lost = outcome.loop.num_lost_records > 0;
-  std::size_t num_ticks = 0;
-  for (const auto& part : recording_parts(run)) num_ticks += repeated(part, {}, lost).num_ticks;
-  if (!lost) {
-    EXPECT_EQ(num_ticks, outcome.loop.num_ticks);
-  }
 }
 
 }  // namespace palpate::test

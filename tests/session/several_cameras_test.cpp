@@ -104,17 +104,7 @@ TEST(RunsOfSeveralCameras, AreRepeatedInParts) {
   const auto run = folder.path() / "run";
   const auto outcome = record(run, test::path_settings(kRate), {.split_bytes = 1});
   ASSERT_TRUE(outcome) << outcome.error().message;
-  const auto parts = recording_parts(run);
-  ASSERT_EQ(parts.size(), 3u);
-  std::size_t num_ticks = 0;
-  for (const auto& part : parts) {
-    const auto alone = replay_run(part);
-    ASSERT_TRUE(alone) << alone.error().message;
-    EXPECT_EQ(alone->difference, "") << part;
-    EXPECT_EQ(alone->note, "") << part;
-    num_ticks += alone->num_ticks;
-  }
-  EXPECT_EQ(num_ticks, outcome->loop.num_ticks);
+  ASSERT_EQ(recording_parts(run).size(), 3u);
   const auto all = replay_run(run);
   ASSERT_TRUE(all) << all.error().message;
   EXPECT_EQ(all->difference, "");

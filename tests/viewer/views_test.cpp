@@ -313,7 +313,7 @@ TEST(RunView, ASeekShowsWhatTheRunFeltWithAnAverage) {
   expect_exact_seeks(settings, 12);
 }
 
-/// Blends between frames: what the states do not show.
+/// Also where the first part is no longer there.
 TEST(RunView, ASeekGoesIntoAnyPartOfARecording) {
   const TemporaryFolder folder;
   SyntheticStream stream(120);
@@ -323,16 +323,35 @@ TEST(RunView, ASeekGoesIntoAnyPartOfARecording) {
   ASSERT_TRUE(
       record_run(small_tool(), stream, **device, path_settings(), folder.path() / "run", options));
   ASSERT_GT(recording_parts(folder.path() / "run").size(), 2u);
-  auto run = open_recorded_run(folder.path() / "run");
-  ASSERT_TRUE(run) << run.error().message;
-  const double end = (*run)->duration();
-  for (const double time : {end, 0.1, end / 2, 0.3}) {
-    const auto query = (*run)->query_at(time);
-    ASSERT_TRUE(query) << query.error().message;
-    EXPECT_NEAR(query->time, time, 1 / kRate);
-    const auto frame = (*run)->read_frame(query->frame);
-    ASSERT_TRUE(frame) << frame.error().message;
-    EXPECT_EQ(frame->shown.number, (*run)->frame_number(query->frame));
+  const double start = 1;  // s, of the second part
+  Penetration whole;
+  for (const bool is_kept_part : {false, true}) {
+    if (is_kept_part) std::filesystem::remove(folder.path() / "run" / kRecordingFile);
+    auto run = open_recorded_run(folder.path() / "run");
+    ASSERT_TRUE(run) << run.error().message;
+    const double end = (*run)->duration();
+    for (const double time : {end, start + 0.1, (start + end) / 2, start + 0.3}) {
+      const auto query = (*run)->query_at(time);
+      ASSERT_TRUE(query) << query.error().message;
+      EXPECT_NEAR(query->time, time, 1 / kRate);
+      const auto frame = (*run)->read_frame(query->frame);
+      ASSERT_TRUE(frame) << frame.error().message;
+      EXPECT_EQ(frame->shown.number, (*run)->frame_number(query->frame));
+    }
+    // Where its depth images begin, and later as in the whole run.
+    Repetition repetition(**run);
+    for (const double time : {start, start + 0.5}) {
+      const auto query = (*run)->query_at(time);
+      ASSERT_TRUE(query) << query.error().message;
+      ASSERT_TRUE(*repetition.go_to(*query, (*run)->settings(0), [] { return true; }));
+      repetition.surface();
+      const Penetration repeated = repetition.measure();
+      if (!is_kept_part) whole = repeated;
+      if (time == start) continue;
+      EXPECT_GT(repeated.volume, 0);
+      EXPECT_EQ(repeated.volume, whole.volume);
+      EXPECT_EQ(repeated.measure_W.force, whole.measure_W.force);
+    }
   }
 }
 

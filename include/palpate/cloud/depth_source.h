@@ -261,12 +261,6 @@ class DepthAverager {
   /// number of threads. O(pixels).
   std::span<const float> update(const DepthImageView& counts, ThreadPool& pool);
 
-  /// kalman: the complete state as bytes, identical on every backend; about 8 bytes per pixel.
-  /// O(pixels).
-  std::string state() const;
-  /// Continues from a saved state. Error: not the state of an estimate of such images.
-  Status resume_from(std::string_view state);
-
  private:
   struct Impl;
   explicit DepthAverager(std::unique_ptr<Impl> impl);

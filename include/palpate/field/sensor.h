@@ -129,9 +129,6 @@ class SurfaceTimeline {
   /// threads, on every backend and for any window. Waits for the GPU.
   SurfaceStats push(const DepthImageView& frame, double time, ThreadPool& pool,
                     const PixelWindow& requested = {});
-  /// Before the first frame: continues averages from DepthAverager::state. Errors: there are no
-  /// averages, or the state is not that of such images.
-  Status resume_from(std::string_view state);
   /// The blend at `time` (s), not before the last frame. It waits for late frames (progress 1).
   /// Views stay valid until the next push, or longer with spare surfaces. O(1).
   SurfaceBlend at(double time) const;

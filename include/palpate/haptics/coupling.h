@@ -192,8 +192,6 @@ class Coupling {
                             double dt) noexcept = 0;
   /// Returns the pose at which a hand in this state would hold the tool, without a step.
   virtual Pose held_pose(const DeviceState& state) const noexcept = 0;
-  /// Saves or restores the complete state, for another coupling with the same options.
-  virtual void remember(StateNumbers& numbers) noexcept = 0;
   /// True if the device gets a wrench at all.
   virtual bool drives_device() const noexcept { return true; }
 };

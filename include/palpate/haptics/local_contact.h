@@ -1,14 +1,9 @@
-// The last contact as the haptic loop uses it, and the state of the loop between two ticks.
+// The last contact as the haptic loop uses it.
 #pragma once
 
-#include <array>
-#include <cmath>
-#include <concepts>
 #include <cstdint>
 #include <memory>
 #include <optional>
-#include <span>
-#include <type_traits>
 #include <vector>
 
 #include "palpate/contact/contact.h"
@@ -113,87 +108,5 @@ LocalContact local_contact(const Penetration& penetration, const Stiffness& stif
                            const Pose& X_WT, const Vec3d& center_of_mass_T,
                            const VolumeStiffness& scale, double time, double surface_age,
                            const ContactPatch& patch = {});
-
-// State of the haptic side between two ticks, as numbers: with it, a recording and its replay can
-// start at any tick.
-
-/// Each class has one function `remember(StateNumbers&)` that lists its members. It saves or
-/// restores them, in the same order. No allocation. Restored numbers may come from a file: invalid
-/// values clear is_good().
-class StateNumbers {
- public:
-  static constexpr std::size_t kMaxNumbers = 320;
-
-  /// Saves a state.
-  StateNumbers() = default;
-  /// Restores a saved state.
-  explicit StateNumbers(std::span<const double> saved) : is_saving_(false) {
-    is_good_ = saved.size() <= kMaxNumbers;
-    for (const double number : saved.first(is_good_ ? saved.size() : 0)) {
-      numbers_[end_++] = number;
-    }
-  }
-
-  std::span<const double> numbers() const { return {numbers_.data(), end_}; }
-  /// True if everything fit (saving), or all numbers were there and none is left (restoring).
-  bool is_good() const { return is_good_ && (is_saving_ || at_ == end_); }
-
-  template <class... Members>
-  void operator()(Members&... members) {
-    (one(members), ...);
-  }
-
- private:
-  void fail() { is_good_ = false; }
-
-  void one(double& value) {
-    if (is_saving_) {
-      if (end_ == kMaxNumbers) return fail();
-      numbers_[end_++] = value;
-    } else {
-      if (at_ == end_) return fail();
-      value = numbers_[at_++];
-    }
-  }
-  template <class T>
-  requires std::integral<T> || std::is_enum_v<T>
-  void one(T& value) {
-    static constexpr double kWhole = 9007199254740992;  // 2^53
-    const auto limit = [] {
-      if constexpr (std::same_as<T, bool>) return 1.0;
-      if constexpr (std::is_enum_v<T>) return static_cast<double>(names_of(T{}).size() - 1);
-      return kWhole;
-    }();
-    double number = is_saving_ ? static_cast<double>(value) : 0;
-    one(number);
-    if (is_saving_) return;
-    const bool is_there = number >= 0 && number <= limit && number == std::floor(number);
-    if (!is_there) return fail();
-    value = static_cast<T>(static_cast<std::uint64_t>(number));
-  }
-  void one(Vec3d& v) { (*this)(v.x, v.y, v.z); }
-  void one(Quaternion& q) { (*this)(q.x, q.y, q.z, q.w); }
-  void one(Pose& X) { (*this)(X.translation, X.rotation); }
-  void one(Wrench& F) { (*this)(F.force, F.torque); }
-  void one(Twist& V) { (*this)(V.linear, V.angular); }
-  template <class T>
-  requires requires(T& t, StateNumbers& numbers) { t.remember(numbers); }
-  void one(T& part) { part.remember(*this); }
-  void one(double (&matrix)[6][6]) {
-    for (auto& row : matrix) {
-      for (double& number : row) one(number);
-    }
-  }
-  /// Without `ground`: each tick brings its own contact.
-  void one(LocalContact& c) {
-    (*this)(c.time, c.X_WT, c.p_WC, c.F_C_W, c.stiffness.m, c.patch.lever_W, c.patch.torsion_radius,
-            c.patch.share, c.patch.own_friction, c.volume, c.max_stiffness, c.energy, c.surface_age,
-            c.status.bits, c.is_valid);
-  }
-
-  std::array<double, kMaxNumbers> numbers_{};
-  std::size_t end_ = 0, at_ = 0;
-  bool is_saving_ = true, is_good_ = true;
-};
 
 }}  // namespace palpate::v0

@@ -84,12 +84,6 @@ class ForceGate {
   };
   void step(const Input& input) noexcept;
 
-  void remember(StateNumbers& numbers) noexcept {
-    numbers(state_, fault_, fault_time_, num_faults_, gain_, fade_, fade_gain_, waiting_since_,
-            well_since_, part_seconds_, num_quiet_, has_begun_, is_after_fault_, is_requested_);
-    for (int& num : returns_) numbers(num);
-  }
-
   ForceState state() const noexcept { return state_; }
   /// Reason for no force; none in `waiting` and `engaged`.
   Fault fault() const noexcept { return fault_; }
@@ -213,9 +207,6 @@ struct SafetyStatus {
   std::uint64_t num_limited = 0;  ///< ticks at which a limit changed the wrench
   /// True if the force is on.
   bool is_engaged() const { return state == ForceState::engaged; }
-  void remember(StateNumbers& numbers) noexcept {
-    numbers(state, fault, fault_time, num_faults, gain, energy, damping, num_limited);
-  }
 };
 
 /// One sentence about the change between two ticks, for display; empty if there is none.
@@ -242,11 +233,6 @@ class SafetyFilter {
   const SafetyStatus& status() const { return status_; }
   /// True once `filter` was called with a finite time.
   bool has_ticked() const noexcept { return has_ticked_; }
-  /// Saves or restores the complete state, for a filter with the same limits and options.
-  void remember(StateNumbers& numbers) noexcept {
-    numbers(gate_, status_, last_, fade_from_, last_time_, last_valid_time_, last_buttons_,
-            last_X_BH_, motion_, seen_motion_, has_ticked_, has_pose_, is_stopping_);
-  }
   void stop() noexcept { is_stopping_ = true; }  ///< from the next tick on: Fault::stopped
 
  private:

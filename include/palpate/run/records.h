@@ -76,14 +76,6 @@ struct FrameRecord {
   SurfaceStats surface;
   PixelWindow requested;  ///< as DepthFieldView: the window in which its surface is valid
   std::int64_t compute_nanoseconds = 0;
-  double period = 0;  ///< s, expected time to the next frame; not recorded
-};
-
-/// State of the haptic side between two ticks: a recording and its replay can start here.
-struct HandSnapshot {
-  std::uint64_t tick = 0;      ///< number of the next tick
-  std::uint32_t revision = 0;  ///< of the settings that the last one was computed with
-  StateNumbers numbers;        ///< HandPart::remember
 };
 
 /// One tick of the haptic thread, as published.

@@ -160,8 +160,6 @@ struct RunObserver {
   std::function<void(const FrameRecord&, const DepthFrame&)> on_frame = {};
   std::function<void(const ContactRecord&)> on_contact = {};
   std::function<void(std::span<const TickRecord>)> on_ticks = {};
-  /// Once per second of ticks, before the tick that it names.
-  std::function<void(const HandSnapshot&)> on_hand_snapshot = {};
   /// Before the first frame, contact or tick of a new revision; not for revision 0.
   std::function<void(std::uint32_t revision, const RunSettings&)> on_settings = {};
   /// Automatic actions of the loop, for display.

@@ -97,8 +97,8 @@ struct RunMonitor {
   RunMarks marks;
 };
 
-/// Limits for long recordings: they are split into parts that can be replayed and shown alone or
-/// together.
+/// Limits for long recordings: they are split into parts that can be viewed alone or together. A
+/// run can be repeated if its first part is there.
 struct RecordingOptions {
   /// s of the run; older data is removed, and wrench.csv has the rest.
   double keep_seconds = std::numeric_limits<double>::infinity();
@@ -166,7 +166,7 @@ struct ReplayOptions {
 
 /// Repeats every contact and every tick from recording.mcap alone, as fast as possible, and
 /// compares them bit by bit with the recording. A truncated recording is repeated as far as it
-/// goes. Errors: no recording; stopped by keep_going.
+/// goes. Errors: no recording, or one that begins later than its run; stopped by keep_going.
 Result<ReplayOutcome> replay_run(const std::filesystem::path& folder,
                                  const ReplayOptions& options = {});
 

@@ -1,9 +1,7 @@
 #include "palpate/cloud/depth_source.h"
 
 #include <algorithm>
-#include <cstring>
 #include <string>
-#include <type_traits>
 #include <vector>
 
 #include "src/cloud/average/depth_average_options.h"
@@ -21,9 +19,6 @@ EstimateBlock estimate_block_for(Isa isa) {
 #endif
   return isa_baseline::estimate_block;
 }
-
-static_assert(std::is_trivially_copyable_v<BlockMemory> &&
-              sizeof(BlockMemory) % sizeof(float) == 0);
 
 struct DepthAverager::Impl {
   int width, height;
@@ -76,20 +71,6 @@ Status check_average_settings(int width, int height, const DepthAverageOptions& 
   return check_settings(options);
 }
 
-std::size_t estimate_bytes(int width, int height) {
-  const auto blocks = [](int side) {
-    return static_cast<std::size_t>((side + kEstimateBlock - 1) / kEstimateBlock);
-  };
-  const std::size_t pixels = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
-  return 2 * sizeof(float) * pixels + blocks(width) * blocks(height) * sizeof(BlockMemory);
-}
-
-Error no_estimate(int width, int height) {
-  return {Errc::bad_input, "the given state is not a depth estimate for images of " +
-                               std::to_string(width) + " x " + std::to_string(height) +
-                               " pixels; begin with the first frame"};
-}
-
 Result<DepthAverager> DepthAverager::create(int width, int height,
                                             const DepthAverageOptions& options, Isa isa) {
   const Status status = check_average_settings(width, height, options);
@@ -128,42 +109,6 @@ DepthAverager::DepthAverager(std::unique_ptr<Impl> impl) : impl_(std::move(impl)
 DepthAverager::DepthAverager(DepthAverager&&) noexcept = default;
 DepthAverager& DepthAverager::operator=(DepthAverager&&) noexcept = default;
 DepthAverager::~DepthAverager() = default;
-
-// Means and gains of all pixels, row by row, then the memory of the blocks.
-
-std::string DepthAverager::state() const {
-  const Impl& d = *impl_;
-  std::string bytes;
-  if (d.estimate_block == nullptr) return bytes;
-  const auto put = [&](const void* from, std::size_t size) {
-    bytes.append(static_cast<const char*>(from), size);
-  };
-  bytes.reserve(estimate_bytes(d.width, d.height));
-  const auto row = static_cast<std::size_t>(d.width) * sizeof(float);
-  for (const std::vector<float>* values : {&d.means, &d.gains}) {
-    for (int v = 0; v < d.height; ++v) put(&(*values)[d.at_row(v)], row);
-  }
-  put(d.blocks.data(), d.blocks.size() * sizeof(BlockMemory));
-  return bytes;
-}
-
-Status DepthAverager::resume_from(std::string_view state) {
-  Impl& d = *impl_;
-  if (d.estimate_block == nullptr || state.size() != estimate_bytes(d.width, d.height)) {
-    return no_estimate(d.width, d.height);
-  }
-  const char* from = state.data();
-  const auto take = [&](void* to, std::size_t size) {
-    std::memcpy(to, from, size);
-    from += size;
-  };
-  const auto row = static_cast<std::size_t>(d.width) * sizeof(float);
-  for (std::vector<float>* values : {&d.means, &d.gains}) {
-    for (int v = 0; v < d.height; ++v) take(&(*values)[d.at_row(v)], row);
-  }
-  take(d.blocks.data(), d.blocks.size() * sizeof(BlockMemory));
-  return Done{};
-}
 
 std::span<const float> DepthAverager::update(const DepthImageView& image, ThreadPool& pool) {
   Impl& d = *impl_;

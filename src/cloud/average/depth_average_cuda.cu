@@ -234,18 +234,6 @@ void DepthAveragerCuda::enqueue(gpu::Stream& stream, ImageRows rows) {
   gpu::launch(stream, {.blocks = blocks, .threads = kThreads}, update_averages, job);
 }
 
-Status DepthAveragerCuda::resume_from(gpu::Stream& stream, std::string_view state) {
-  Impl& d = *impl_;
-  if (d.num_blocks == 0 || state.size() != estimate_bytes(d.width, d.height)) {
-    return no_estimate(d.width, d.height);
-  }
-  const std::size_t image = static_cast<std::size_t>(d.job.num_pixels) * sizeof(float);
-  stream.copy(d.estimate.mean, state.data(), image);
-  stream.copy(d.estimate.gain, state.data() + image, image);
-  stream.copy(d.estimate.blocks, state.data() + 2 * image, state.size() - 2 * image);
-  return Done{};
-}
-
 const float* DepthAveragerCuda::depth() const { return impl_->job.depth; }
 
 }}  // namespace palpate::v0

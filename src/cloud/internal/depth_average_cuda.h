@@ -4,7 +4,6 @@
 #include <cstdint>
 #include <memory>
 #include <span>
-#include <string_view>
 
 #include "palpate/cloud/depth_source.h"
 #include "src/cloud/surface/image_rows.h"
@@ -35,9 +34,6 @@ class DepthAveragerCuda {
   /// which each is taken once, from the top down (SurfaceCuda::input_rows).
   void enqueue(gpu::Stream& stream);
   void enqueue(gpu::Stream& stream, ImageRows rows);
-
-  /// As DepthAverager::resume_from; `state` must stay until the stream has done its work.
-  Status resume_from(gpu::Stream& stream, std::string_view state);
 
   /// Meters on the GPU, NaN where there is no measurement; always the same array.
   const float* depth() const;

@@ -4,7 +4,6 @@
 
 #include <memory>
 #include <optional>
-#include <string_view>
 
 #include "palpate/field/sensor.h"
 #include "src/field/memory/memory_pixel.h"
@@ -53,19 +52,12 @@ class FrameSlots {
   /// `motion` times the way. A field is made for queries in a window at least.
   virtual SurfaceStats take(int slot, const DepthImageView& frame, std::optional<double> motion,
                             const PixelWindow& requested, double interval, ThreadPool& pool) = 0;
-  /// As SurfaceTimeline::resume_from.
-  virtual Status resume_from(std::string_view state) = 0;
   virtual const SurfaceView& surfaces(int slot) const = 0;
   /// The points of a slot's frame as they were seen, in host memory.
   virtual PointCloud seen_cloud(int slot, ThreadPool& pool) = 0;
   /// An error once the GPU has failed.
   virtual const Status& status() const = 0;
 };
-
-inline Error without_averages() {
-  return {Errc::invalid_argument,
-          "these surfaces are made without averages, which go on from none"};
-}
 
 /// Errors: see SurfaceEstimator, DepthField and DepthAverager; no such GPU, too little memory on
 /// it.

@@ -49,10 +49,6 @@ class FrameSlotsCpu final : public FrameSlots {
     return stats;
   }
 
-  Status resume_from(std::string_view state) override {
-    return averager_ ? averager_->resume_from(state) : without_averages();
-  }
-
   const SurfaceView& surfaces(int slot) const override {
     return slots_[static_cast<std::size_t>(slot)].surfaces;
   }

@@ -91,13 +91,6 @@ class FrameSlotsCuda final : public FrameSlots {
     return slot.estimator.stats();
   }
 
-  Status resume_from(std::string_view state) override {
-    if (!averager_) return without_averages();
-    if (Status status = averager_->resume_from(stream_, state); !status) return status;
-    stream_.wait();
-    return this->status();
-  }
-
   const SurfaceView& surfaces(int slot) const override {
     return surfaces_[static_cast<std::size_t>(slot)];
   }

@@ -181,10 +181,6 @@ SurfaceStats SurfaceTimeline::push(const DepthImageView& frame, double time, Thr
   return d.slots->take(d.newest, image, motion, requested, interval, pool);
 }
 
-Status SurfaceTimeline::resume_from(std::string_view state) {
-  return impl_->slots->resume_from(state);
-}
-
 SurfaceBlend SurfaceTimeline::at(double time) const {
   const Impl& d = *impl_;
   const SurfaceView to = d.surface(d.newest);

@@ -34,7 +34,6 @@ class MovedFriction {
   }
   const FrictionState& state() const noexcept { return friction_.state(); }
   double energy() const noexcept { return friction_.energy(); }
-  void remember(StateNumbers& numbers) noexcept { numbers(friction_, X_WT_); }
 
   /// Returns the friction and damping of a contact with this wrench. Call once per tick.
   Wrench step(const LocalContact& contact, const Wrench& contact_W, const Pose& X_WT,
@@ -103,10 +102,6 @@ class DirectCoupling final : public Coupling {
   }
   Pose held_pose(const DeviceState& state) const noexcept override { return hand_.held_by(state); }
 
-  void remember(StateNumbers& numbers) noexcept override {
-    numbers(hand_, contact_, friction_, approach_, X_WT_);
-  }
-
   CouplingStep step(const DeviceState& state, const LocalContact& contact,
                     double dt) noexcept override {
     const HeldTool& held = hand_.follow(state);
@@ -155,7 +150,6 @@ class NoCoupling final : public Coupling {
             friction_.state()};
   }
   Pose held_pose(const DeviceState& state) const noexcept override { return hand_.held_by(state); }
-  void remember(StateNumbers& numbers) noexcept override { numbers(hand_, friction_); }
   CouplingStep step(const DeviceState& state, const LocalContact& contact,
                     double dt) noexcept override {
     CouplingStep step;

@@ -50,11 +50,6 @@ class ProxyCoupling final : public Coupling {
   }
   Pose held_pose(const DeviceState& state) const noexcept override { return hand_.held_by(state); }
 
-  void remember(StateNumbers& numbers) noexcept override {
-    numbers(hand_, contact_, friction_, approach_, X_WT_, X_WT_shown_, velocity_.linear,
-            velocity_.angular);
-  }
-
   CouplingStep step(const DeviceState& state, const LocalContact& contact,
                     double dt) noexcept override {
     const HeldTool& held = hand_.follow(state);

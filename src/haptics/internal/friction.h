@@ -54,10 +54,6 @@ class PatchFriction {
   }
   void take_over(const FrictionState& state) noexcept { state_ = state; }
   const FrictionState& state() const noexcept { return state_; }
-  void remember(StateNumbers& numbers) noexcept {
-    numbers(state_.bristle_W, state_.bristle_rotation, state_.normal_W, state_.distance,
-            state_.speed, state_.is_sliding);
-  }
 
   /// Computes the patch at a tick of length dt from the wrench that pushes the tool there. False:
   /// nothing is touched, and the bristle is released.

@@ -113,19 +113,6 @@ class HandPart {
   /// where it is, and `coupling` then holds the one before; null: the coupling stays.
   void change(std::uint32_t revision, std::unique_ptr<Coupling>& coupling) noexcept;
 
-  /// Visits its whole state, except for the kind of its coupling: see StateNumbers.
-  void remember(StateNumbers& numbers) noexcept {
-    coupling_->remember(numbers);
-    numbers(status_without_force_, safety_, revision_, num_ticks_, has_tool_, is_stopping_,
-            last_state_time_, first_tick_);
-  }
-
-  HandSnapshot snapshot() noexcept {
-    HandSnapshot snapshot{num_ticks_, revision_, {}};
-    remember(snapshot.numbers);
-    return snapshot;
-  }
-
   bool has_tool() const { return has_tool_; }
   /// Returns the pose in which a hand in this state would hold the tool.
   Pose held_pose(const DeviceState& state) const noexcept { return coupling_->held_pose(state); }
@@ -145,12 +132,6 @@ class HandPart {
   bool has_tool_ = false, is_stopping_ = false;
   double start_time_ = 0, last_state_time_ = 0, first_tick_ = 0;
 };
-
-/// True once a second.
-inline bool is_snapshot_due(std::uint64_t num_ticks, double tick_seconds) {
-  const auto period = static_cast<std::uint64_t>(1 / tick_seconds + 0.5);
-  return num_ticks > 0 && num_ticks % (period > 0 ? period : 1) == 0;
-}
 
 /// Surfaces that a query is measured against: a blend of each camera, then the key frames of moving
 /// cameras, each at the progress of its camera.
@@ -279,8 +260,6 @@ class Pipeline {
   /// An error once the backend has failed.
   Status status() const;
 
-  /// Returns the state of the hand before the next tick.
-  HandSnapshot hand_snapshot() noexcept { return hand_->snapshot(); }
   const ContactRecord& contact() const { return contact_; }
   const ContactQuery& query() const { return contacts_->query(); }
   /// Returns the newest cloud of one camera, in its frame, for pictures.
@@ -289,7 +268,6 @@ class Pipeline {
   }
   /// Surfaces of the last measurement: one of each camera, then the key frames.
   std::span<const SurfaceBlend> cameras() const { return cameras_.all(); }
-  double period(std::size_t camera = 0) const { return timelines_[camera].period(); }
 
  private:
   /// The newest frame of a camera.

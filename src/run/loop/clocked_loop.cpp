@@ -206,7 +206,6 @@ bool ClockedLoop::take_frame(std::size_t camera, double time) {
   const double took = monotonic_now() - begin;
   record.revision = pipeline_.frame_revision();
   record.compute_nanoseconds = nanoseconds(took);
-  record.period = pipeline_.period(camera);
   times_.surface_compute.record(record.compute_nanoseconds);
   if (observer_.on_frame) observer_.on_frame(record, frame);
   return true;
@@ -216,9 +215,6 @@ Wrench ClockedLoop::tick(const DeviceState& state) {
   if (!take_frames(state.time)) {
     has_ended_ = true;
     return {};
-  }
-  if (observer_.on_hand_snapshot && is_snapshot_due(report_.num_ticks, 1 / device_.info().rate)) {
-    observer_.on_hand_snapshot(pipeline_.hand_snapshot());
   }
   const double begin = monotonic_now();
   TickRecord& record = newest_.draft();

@@ -11,7 +11,6 @@ namespace {
 
 constexpr int kPriority = 80;
 constexpr std::size_t kNumRecords = 8192;  // eight seconds at 1 kHz
-constexpr std::size_t kNumSnapshots = 16;
 
 /// Returns s in ns; 0 if out of range, as from a device with a broken clock.
 std::int64_t nanoseconds(double seconds) {
@@ -29,8 +28,7 @@ HapticStage::HapticStage(HandPart hand, SurfaceStage& surfaces, ContactStage& co
       settings_(settings),
       times_(times),
       hand_(std::move(hand)),
-      records_(settings.keeps_records ? kNumRecords : 0),
-      snapshots_(settings.keeps_records ? kNumSnapshots : 0) {}
+      records_(settings.keeps_records ? kNumRecords : 0) {}
 
 Wrench HapticStage::tick(const DeviceState& state) noexcept {
   const TickStart start{monotonic_now(), thread_cpu_now()};
@@ -43,9 +41,6 @@ Wrench HapticStage::tick(const DeviceState& state) noexcept {
   flags.is_suspended = is_suspended_.load(std::memory_order_acquire);
   flags.has_sensor_failed = surfaces_.has_source_failed();
   flags.has_backend_failed = contacts_.has_backend_failed() || surfaces_.has_backend_failed();
-  if (settings_.keeps_records && is_snapshot_due(hand_.num_ticks(), settings_.tick_seconds)) {
-    snapshots_.push(hand_.snapshot());
-  }
   TickRecord& record = newest_.draft();
   hand_.tick(state, contacts_.newest(), flags, record);
   if (hand_.has_tool()) {

@@ -66,8 +66,6 @@ class HapticStage {
   bool latest(TickRecord& record) noexcept;
   /// Publishing thread; empty unless records are kept.
   RecordQueue<TickRecord>& records() noexcept { return records_; }
-  /// Likewise, snapshots of the hand, one a second.
-  RecordQueue<HandSnapshot>& snapshots() noexcept { return snapshots_; }
 
  private:
   /// Start of a tick, s: on the clock, and in CPU time of the thread.
@@ -90,7 +88,6 @@ class HapticStage {
   Mailbox<HapticChange> changes_;
   TripleBuffer<TickRecord> newest_;
   RecordQueue<TickRecord> records_;
-  RecordQueue<HandSnapshot> snapshots_;
   std::atomic<std::uint64_t> num_ticks_ = 0, num_missed_ = 0;
   std::atomic<Fault> fault_ = Fault::none;
   std::atomic<std::uint32_t> num_faults_ = 0;

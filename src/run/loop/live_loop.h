@@ -64,7 +64,7 @@ class LiveLoop final : public RunLoop {
                  static_cast<bool>(observer_.on_ticks)},
                 times_),
         publisher_(observer_, {surfaces_.seen(), contacts_.records(), haptic_.records(),
-                               haptic_.snapshots(), [this] { return surfaces_.num_frames(); },
+                               [this] { return surfaces_.num_frames(); },
                                [this] { return contacts_.num_contacts(); }}) {}
   ~LiveLoop() override { stop(); }
 

@@ -67,14 +67,9 @@ void Publisher::publish_ticks() {
   RecordQueue<TickRecord>& ticks = records_.ticks;
   while (ticks.front() != nullptr && has_published_contact_of(*ticks.front())) {
     batch_.clear();
-    publish_snapshot(ticks.front()->number);
     for (const TickRecord* tick = ticks.front(); tick != nullptr && batch_.size() < kBatch;
          tick = ticks.front()) {
       if (!has_published_contact_of(*tick)) break;
-      // Looked for last: a snapshot is written before its tick, and publishing meanwhile takes
-      // time.
-      const HandSnapshot* const next = records_.snapshots.front();
-      if (next != nullptr && tick->number >= next->tick && !batch_.empty()) break;
       batch_.push_back(*tick);
       ticks.pop();
     }
@@ -89,16 +84,6 @@ bool Publisher::has_published_contact_of(const TickRecord& tick) {
   publish_contacts(tick.contact_number);
   const ContactRecord* const next = records_.contacts.front();
   return next == nullptr || next->number > tick.contact_number;
-}
-
-/// Publishes the snapshot before the tick of this number. One whose tick was lost is dropped.
-void Publisher::publish_snapshot(std::uint64_t tick) {
-  RecordQueue<HandSnapshot>& snapshots = records_.snapshots;
-  for (const HandSnapshot* now = snapshots.front(); now != nullptr && now->tick <= tick;
-       now = snapshots.front()) {
-    if (now->tick == tick && observer_.on_hand_snapshot) observer_.on_hand_snapshot(*now);
-    snapshots.pop();
-  }
 }
 
 /// Publishes settings up to this revision, each once.

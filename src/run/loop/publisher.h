@@ -21,13 +21,11 @@ struct LoopRecords {
   RecordQueue<PublishedFrame>& frames;
   RecordQueue<ContactRecord>& contacts;
   RecordQueue<TickRecord>& ticks;
-  RecordQueue<HandSnapshot>& snapshots;
   std::function<std::uint64_t()> num_frames, num_contacts;
 };
 
 /// Empties the queues of the stages, in one thread. Where ticks are behind, contacts and frames of
-/// later ticks wait in their queues: an observer that keeps them for those ticks (a recording,
-/// which may begin another part there) keeps no more, however slow it is.
+/// later ticks wait in their queues.
 class Publisher {
  public:
   Publisher(const RunObserver& observer, LoopRecords records);
@@ -45,7 +43,6 @@ class Publisher {
   void publish_contacts(std::uint64_t last);
   void publish_ticks();
   void publish_notes();
-  void publish_snapshot(std::uint64_t tick);
   void publish_settings(std::uint32_t revision);
   bool has_published_contact_of(const TickRecord& tick);
 

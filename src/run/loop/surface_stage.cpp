@@ -294,7 +294,6 @@ void SurfaceStage::make_surface(Camera& camera, std::uint32_t index) {
     record.surface = stats;
     record.requested = blend.to.field.requested;
     record.compute_nanoseconds = static_cast<std::int64_t>(1e9 * (end - begin));
-    record.period = timeline.period();
     seen_.push();
   }
   camera.num_made.store(camera_frame + 1, std::memory_order_release);

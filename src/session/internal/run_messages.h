@@ -35,20 +35,8 @@ inline bool reports_unseen(const RunSetup& setup) {
 
 /// Start of a part of a recording that is not the first one, before its settings.
 struct PartStart {
-  std::int32_t number = 0;     ///< of the part
-  std::uint32_t revision = 0;  ///< of the first settings that follow
-  /// Expected time to the next frame, s, at each camera's first frame of the part; 0: the part
-  /// starts without a frame of that camera.
-  std::vector<double> periods;
-  bool has_surfaces = true;  ///< frames and contacts that follow can be repeated from here
-  HandSnapshot hand;         ///< state of the hand's side
-};
-
-/// State of a camera's depth estimate before the first frame of a part.
-struct EstimateStart {
-  std::uint32_t camera = 0;
-  std::uint32_t revision = 0;  ///< of the settings with which it began
-  std::string state;           ///< DepthAverager::state
+  std::int32_t number = 0;  ///< of the part
+  std::uint64_t tick = 0;   ///< number of its first tick
 };
 
 /// A depth frame with all data to repeat its surface.
@@ -66,7 +54,6 @@ inline constexpr const char* kSettingsTopic = "/settings";
 inline constexpr const char* kFrameTopic = "/frame";  ///< palpate_msgs/Frame, before its image
 std::string depth_topic(std::uint32_t camera);  ///< sensor_msgs/Image: "/depth", "/camera_2/depth"
 std::string flow_topic(std::uint32_t camera);   ///< likewise, before the depth image
-inline constexpr const char* kEstimateTopic = "/estimate";
 inline constexpr const char* kContactTopic = "/contact";
 inline constexpr const char* kTickTopic = "/tick";
 inline constexpr const char* kNoteTopic = "/note";
@@ -81,7 +68,6 @@ McapChannel ros_channel(const std::string& topic, const std::string& type);
 
 McapChannel part_channel();
 McapChannel settings_channel();
-McapChannel estimate_channel();
 McapChannel frame_channel();
 McapChannel contact_channel();
 McapChannel tick_channel();
@@ -89,7 +75,6 @@ McapChannel note_channel();
 
 std::string part_message(const PartStart& part);
 std::string settings_message(const RunSetup& setup);
-std::string estimate_message(const EstimateStart& estimate);
 std::string frame_message(const FrameRecord& frame);
 std::string contact_message(const ContactRecord& contact);
 std::string tick_message(const TickRecord& tick);
@@ -99,7 +84,6 @@ std::string note_message(std::string_view text);
 /// without their labels.
 Result<RunSetup> read_settings(std::string_view message);
 Result<PartStart> read_part(std::string_view message);
-Result<EstimateStart> read_estimate(std::string_view message);
 Result<FrameRecord> read_frame(std::string_view message);
 Result<ContactRecord> read_contact(std::string_view message);
 Result<TickRecord> read_tick(std::string_view message);

@@ -15,30 +15,14 @@
 
 namespace palpate { inline namespace v0 {
 
-/// Detects frames that come twice, once in each of two parts.
-class NewestFrames {
- public:
-  /// True if the frame is newer than all earlier ones of its camera.
-  bool is_new(const FrameRecord& frame) {
-    if (frame.camera >= kMaxCameras) return false;
-    std::int64_t& newest = newest_[frame.camera];
-    if (static_cast<std::int64_t>(frame.camera_frame) <= newest) return false;
-    newest = static_cast<std::int64_t>(frame.camera_frame);
-    return true;
-  }
-
- private:
-  std::vector<std::int64_t> newest_ = std::vector<std::int64_t>(kMaxCameras, -1);
-};
-
 class RunReader {
  public:
   /// `path`: the folder of a run, with all parts of its recording, or one of these files. Reads the
   /// first settings. Errors: no such file, not the recording of a run.
   static Result<RunReader> open(const std::filesystem::path& path);
 
-  /// Start of the first file, if it is not the first part of its run.
-  const std::optional<PartStart>& start() const { return start_; }
+  /// Error: the first file is not the first part of its run, so the run cannot be repeated.
+  Status begins_with_run() const;
 
   /// Setup of the run; objects have their shapes after `load_tools`.
   const RunSetup& setup() const { return setup_; }
@@ -49,11 +33,11 @@ class RunReader {
     std::string_view topic, data;  ///< valid until the next call
     std::uint64_t time = 0;        ///< ns
   };
-  /// Returns the next message after the first settings; none at the end of the last part. A part
-  /// begins with the last messages of the one before: these come twice. Errors: name the file.
+  /// Returns the next message after the first settings; none at the end of the last part. Errors:
+  /// name the file.
   Result<std::optional<Message>> next();
-  /// Reads the next frame or tick, whatever lies between, each once; false at the end. `on_frame`
-  /// is called with frames on the way.
+  /// Reads the next frame or tick, whatever lies between; false at the end. `on_frame` is called
+  /// with frames on the way.
   Result<bool> next_frame(RecordedDepth& frame);
   Result<bool> next_tick(TickRecord& tick,
                          const std::function<void(const FrameRecord&)>& on_frame = {});
@@ -79,8 +63,7 @@ class RunReader {
   std::size_t part_ = 0;  // index of the part being read
   McapReader reader_;
   RunSetup setup_;
-  std::optional<PartStart> start_;
-  NewestFrames last_frames_;
+  std::optional<PartStart> start_;  // of the first file
 };
 
 /// Reports the share that a reader has read, once for each chunk of the recording.

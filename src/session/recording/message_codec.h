@@ -12,7 +12,6 @@
 #include <string_view>
 #include <type_traits>
 #include <utility>
-#include <vector>
 
 #include "src/io/internal/cdr.h"
 #include "src/io/internal/mcap_file.h"
@@ -37,42 +36,14 @@ void visit_fields(T& settings, auto&& visit) {
   visit("json", settings.json);
 }
 
-/// A sequence of numbers.
-using Numbers = std::vector<double>;
-
 /// Length of a ground as numbers, in the order of its fields. A message has none of them for a
 /// ground without a material and without motion.
 constexpr std::uint32_t kGroundNumbers = 12;
 
-struct PartText {
-  PartStart part;
-  Numbers hand;
-};
-template <Of<PartText> T>
-void visit_fields(T& text, auto&& visit) {
-  visit("number", text.part.number);
-  visit("revision", text.part.revision);
-  visit("periods", text.part.periods);
-  visit("has_surfaces", text.part.has_surfaces);
-  visit("tick", text.part.hand.tick);
-  visit("tick_revision", text.part.hand.revision);
-  visit("hand", text.hand);
-}
-
-/// A sequence of bytes.
-struct Bytes {
-  std::string bytes;
-};
-
-struct EstimateText {
-  std::uint32_t camera = 0, revision = 0;
-  Bytes state;
-};
-template <Of<EstimateText> T>
-void visit_fields(T& text, auto&& visit) {
-  visit("camera", text.camera);
-  visit("revision", text.revision);
-  visit("state", text.state);
+template <Of<PartStart> T>
+void visit_fields(T& part, auto&& visit) {
+  visit("number", part.number);
+  visit("tick", part.tick);
 }
 
 struct Note {
@@ -103,11 +74,6 @@ struct Writer {
       to.number(value);
     } else if constexpr (std::same_as<T, std::string>) {
       to.text(value);
-    } else if constexpr (std::same_as<T, Bytes>) {
-      to.bytes(value.bytes.data(), value.bytes.size());
-    } else if constexpr (std::same_as<T, Numbers>) {
-      to.number(static_cast<std::uint32_t>(value.size()));
-      for (const double number : value) to.number(number);
     } else if constexpr (std::same_as<T, Ground>) {
       const bool is_plain = value == Ground{};
       to.number(is_plain ? 0 : kGroundNumbers);
@@ -139,14 +105,6 @@ struct Reader {
       value = from.number<T>();
     } else if constexpr (std::same_as<T, std::string>) {
       value = std::string(from.text());
-    } else if constexpr (std::same_as<T, Bytes>) {
-      value.bytes = std::string(from.bytes());
-    } else if constexpr (std::same_as<T, Numbers>) {
-      const std::size_t num = from.number<std::uint32_t>();
-      value.clear();
-      for (std::size_t i = 0; i < num && from.is_good(); ++i) {
-        value.push_back(from.number<double>());
-      }
     } else if constexpr (std::same_as<T, Ground>) {
       value = {};
       if (from.number<std::uint32_t>() == kGroundNumbers) visit_fields(value, *this);
@@ -181,7 +139,7 @@ std::string type_name() {
   if constexpr (std::same_as<T, std::int32_t>) return "int32";
   if constexpr (std::same_as<T, Fault> || std::same_as<T, ForceState>) return "uint8";
   if constexpr (std::same_as<T, std::string>) return "string";
-  if constexpr (std::same_as<T, Numbers> || std::same_as<T, Ground>) return "float64[]";
+  if constexpr (std::same_as<T, Ground>) return "float64[]";
   if constexpr (std::same_as<T, Stiffness>) return "float64[36]";
   if constexpr (std::same_as<T, Vec3d>) return "geometry_msgs/Vector3";
   if constexpr (std::same_as<T, Quaternion>) return "geometry_msgs/Quaternion";
@@ -206,9 +164,7 @@ std::string type_name() {
   if constexpr (std::same_as<T, DeviceLimits>) return "palpate_msgs/DeviceLimits";
   if constexpr (std::same_as<T, DeviceInfo>) return "palpate_msgs/DeviceInfo";
   if constexpr (std::same_as<T, SettingsText>) return "palpate_msgs/Settings";
-  if constexpr (std::same_as<T, PartText>) return "palpate_msgs/Part";
-  if constexpr (std::same_as<T, EstimateText>) return "palpate_msgs/Estimate";
-  if constexpr (std::same_as<T, Bytes>) return "uint8[]";
+  if constexpr (std::same_as<T, PartStart>) return "palpate_msgs/Part";
   if constexpr (std::same_as<T, Note>) return "palpate_msgs/Note";
 }
 
@@ -222,9 +178,8 @@ struct Describer {
     const std::string type = type_name<T>();
     text += type + " " + name + "\n";
     constexpr bool is_plain = Scalar<T> || std::same_as<T, std::string> ||
-                              std::same_as<T, Stiffness> || std::same_as<T, Numbers> ||
-                              std::same_as<T, BodyPoses> || std::same_as<T, Ground> ||
-                              std::same_as<T, Bytes>;
+                              std::same_as<T, Stiffness> || std::same_as<T, BodyPoses> ||
+                              std::same_as<T, Ground>;
     if constexpr (std::same_as<T, CameraBlends>) {
       describe(CameraBlend{});
     } else if constexpr (!is_plain) {

@@ -60,10 +60,6 @@ class RecordingObserver {
 
   RunObserver observer() {
     RunObserver observer;
-    observer.on_hand_snapshot = [this](const HandSnapshot& snapshot) {
-      recorder_->add_hand_snapshot(snapshot);
-      tell(&RunObserver::on_hand_snapshot, snapshot);
-    };
     observer.on_settings = [this](std::uint32_t revision, const RunSettings& settings) {
       recorder_->add_settings(revision, settings);
       results_->add_settings(settings);

@@ -1,8 +1,8 @@
 // Parts of a recording: files that follow each other, and the pauses between them.
 //
-// Each part begins with everything that its repetition needs, so the recording can end an old part,
-// go on after the disk was full, and remove old parts. Parts that have ended go to the disk while
-// the next one is being written.
+// Each part has tool and settings and can be viewed alone, so the recording can end an old part, go
+// on after the disk was full, and remove old parts. Parts that have ended go to the disk while the
+// next one is being written.
 #include <algorithm>
 #include <cstdio>
 #include <limits>
@@ -11,7 +11,6 @@
 
 #include "palpate/io/files.h"
 #include "src/io/internal/ros_messages.h"
-#include "src/session/internal/lead_frames.h"
 #include "src/session/internal/run_folder.h"
 #include "src/session/recording/run_recorder.h"
 
@@ -39,14 +38,14 @@ Result<McapWriter> RunRecorder::make_file(const fs::path& path) {
     return writer->attach(name, "application/x-palpate-tool", *bytes);
   };
   if (const Status status = attach(kToolFile, *tool_); !status) return status.error();
-  const auto& regions = setups_.back().settings.regions;
+  const auto& regions = setup_.settings.regions;
   for (std::size_t k = 0; k < regions.size(); ++k) {
     if (!regions[k] || regions[k]->labels.empty()) continue;
     const std::string bytes(regions[k]->labels.begin(), regions[k]->labels.end());
     const Status status = writer->attach(labels_file(k), "application/octet-stream", bytes);
     if (!status) return status.error();
   }
-  const auto& objects = setups_.back().settings.objects;
+  const auto& objects = setup_.settings.objects;
   for (std::size_t i = 0; i < objects.size(); ++i) {
     const Status status = attach(object_file(i), *objects[i].shape);
     if (!status) return status.error();
@@ -54,7 +53,6 @@ Result<McapWriter> RunRecorder::make_file(const fs::path& path) {
   McapWriter& w = *writer;
   channels_.part = w.add_channel(part_channel());
   channels_.settings = w.add_channel(settings_channel());
-  channels_.estimate = w.add_channel(estimate_channel());
   channels_.frame = w.add_channel(frame_channel());
   channels_.contact = w.add_channel(contact_channel());
   channels_.tick = w.add_channel(tick_channel());
@@ -66,7 +64,7 @@ Result<McapWriter> RunRecorder::make_file(const fs::path& path) {
         {w.add_channel(ros_channel(depth, "sensor_msgs/Image")),
          w.add_channel(ros_channel(depth + "/points", "sensor_msgs/PointCloud2")),
          w.add_channel(ros_channel(info + "/camera_info", "sensor_msgs/CameraInfo"))});
-    if (!setups_.back().streams[k].has_flow) continue;
+    if (!setup_.streams[k].has_flow) continue;
     channels_.cameras.back().flow = w.add_channel(ros_channel(flow_topic(k), "sensor_msgs/Image"));
   }
   channels_.transforms = w.add_channel(ros_channel("/tf", "tf2_msgs/TFMessage"));
@@ -77,64 +75,23 @@ Result<McapWriter> RunRecorder::make_file(const fs::path& path) {
   return writer;
 }
 
-/// True if contacts can be repeated from here on.
-bool RunRecorder::can_begin_here() const {
-  const bool has_leads = std::all_of(setups_.begin(), setups_.end(), [](const RunSetup& setup) {
-    return has_whole_lead(setup.settings.time) && !has_moving_objects(setup.settings);
-  });
-  return has_leads && std::all_of(cameras_.begin(), cameras_.end(), [](const Camera& camera) {
-           if (camera.frames.empty()) return true;
-           const FrameRecord& next = camera.frames.front().record;
-           return camera.lead.is_known_before(static_cast<std::int64_t>(next.camera_frame),
-                                              next.revision);
-         });
-}
-
-/// Writes the beginning of a part; one that is not the first has its `snapshot`.
-Status RunRecorder::begin(const HandSnapshot* snapshot) {
-  PartStart start;
-  if (snapshot != nullptr) {
-    forget_settings(snapshot->revision);
-    start.number = num_parts_;
-    start.revision = setups_.front().revision;
-    start.has_surfaces = can_begin_here();
-    for (const Camera& camera : cameras_) {
-      start.periods.push_back(camera.frames.empty() ? 0 : camera.frames.front().record.period);
-    }
-    start.hand = *snapshot;
-    write(channels_.part, last_time_, part_message(start));
-  }
-  for (const RunSetup& setup : setups_) {
-    write(channels_.settings, last_time_, settings_message(setup));
-  }
-  const RunSetup& setup = setups_.back();
-  const RosTransform fixed[] = {{kWorldFrame, kBaseFrame, setup.settings.coupling.X_WB}};
+/// Writes the beginning of a part; one that is not the first has the number of its first tick.
+Status RunRecorder::begin(std::optional<std::uint64_t> first_tick) {
+  if (first_tick) write(channels_.part, last_time_, part_message({num_parts_, *first_tick}));
+  write(channels_.settings, last_time_, settings_message(setup_));
+  const RosTransform fixed[] = {{kWorldFrame, kBaseFrame, setup_.settings.coupling.X_WB}};
   write(channels_.statics, last_time_, transform_message(last_time_, fixed));
   for (std::size_t k = 0; k < cameras_.size(); ++k) {
     cameras_[k].X_WC.reset();
     write(channels_.cameras[k].info, last_time_,
-          camera_info_message({last_time_, camera_frame(k)}, setup.streams[k]));
+          camera_info_message({last_time_, camera_frame(k)}, setup_.streams[k]));
   }
   write(channels_.marker, last_time_, tool_marker_message({last_time_, kToolFrame}, tool_->mesh()));
-  if (snapshot != nullptr) {
-    for (std::uint32_t k = 0; k < cameras_.size(); ++k) {
-      const LeadEstimate& lead = cameras_[k].lead;
-      if (!start.has_surfaces || !lead.has_estimate(setups_.front().revision)) continue;
-      write(channels_.estimate, last_time_, estimate_message({k, lead.revision(), lead.state()}));
-    }
-    for (const Camera& camera : cameras_) {
-      for (const auto& [record, frame] : camera.frames) write_frame(record, frame);
-    }
-    for (const ContactRecord& contact : contacts_) {
-      write(channels_.contact, wall_time(contact.contact.time), contact_message(contact));
-    }
-  }
   if (!writer_) return Error{Errc::io_failure, reason_};
   return writer_->flush();
 }
 
-/// Begins another part, whose first tick is the one that the snapshot names.
-Status RunRecorder::begin_after(const HandSnapshot& snapshot) {
+Status RunRecorder::begin_part(std::uint64_t first_tick) {
   const fs::path name = part_file(num_parts_ + 1), path = folder() / name;
   const Channels before = channels_;
   auto file = make_file(path);
@@ -148,7 +105,7 @@ Status RunRecorder::begin_after(const HandSnapshot& snapshot) {
   const auto before_it = std::tuple(gap_, next_try_, reason_, notes_);
   ++num_parts_;
   parts_.push_back({name, {{0, time_}}});
-  if (const Status begun = begin(&snapshot); !begun) {
+  if (const Status begun = begin(first_tick); !begun) {
     writer_ = std::move(last);
     channels_ = before;
     std::tie(gap_, next_try_, reason_, notes_) = before_it;
@@ -162,9 +119,10 @@ Status RunRecorder::begin_after(const HandSnapshot& snapshot) {
   return Done{};
 }
 
-void RunRecorder::add_hand_snapshot(const HandSnapshot& snapshot) {
+/// Ends and begins parts before the tick of this number, where it is time.
+void RunRecorder::change_parts(std::uint64_t next_tick) {
   constexpr double kMaxReserve = 1 << 30, kShare = 0.02, kLongestPatience = 60,
-                   kTolerance = 0.1;  // snapshots are not quite a second apart
+                   kTolerance = 0.1;  // calls are not quite a second apart
   take_ended(false);
   remove_old();
   std::error_code error;
@@ -182,7 +140,7 @@ void RunRecorder::add_hand_snapshot(const HandSnapshot& snapshot) {
   if (!writer_) {
     if (time_ < next_try_ || !has_space) return;
     const std::string gap = gap_ + " to " + at(time_) + ": " + reason_;
-    if (begin_after(snapshot)) {
+    if (begin_part(next_tick)) {
       patience_ = 1;
       add_trouble(gap);
       notes_.push_back("the recording goes on");
@@ -204,7 +162,7 @@ void RunRecorder::add_hand_snapshot(const HandSnapshot& snapshot) {
   if (waits_for_disk()) return;
   // The part's data in memory is written before another part begins.
   if (const Status written = writer_->flush(); !written) return pause(written.error());
-  const Status begun = begin_after(snapshot);
+  const Status begun = begin_part(next_tick);
   if (!begun && !std::exchange(has_told_no_part_, true)) {
     notes_.push_back("the recording goes on in " + parts_.back().file.string() +
                      ", because no other part can be begun: " + begun.error().message);

@@ -11,10 +11,8 @@ namespace palpate { inline namespace v0 {
 namespace {
 
 using messages::channel_of;
-using messages::EstimateText;
 using messages::message_of;
 using messages::Note;
-using messages::PartText;
 using messages::read;
 using messages::SettingsText;
 
@@ -46,8 +44,7 @@ McapChannel ros_channel(const std::string& topic, const std::string& type) {
   return {topic, name, message_schema(type)};
 }
 
-McapChannel part_channel() { return channel_of<PartText>(kPartTopic); }
-McapChannel estimate_channel() { return channel_of<EstimateText>(kEstimateTopic); }
+McapChannel part_channel() { return channel_of<PartStart>(kPartTopic); }
 McapChannel settings_channel() { return channel_of<SettingsText>(kSettingsTopic); }
 McapChannel frame_channel() { return channel_of<FrameRecord>(kFrameTopic); }
 McapChannel contact_channel() { return channel_of<ContactRecord>(kContactTopic); }
@@ -58,13 +55,7 @@ std::string settings_message(const RunSetup& setup) {
   return message_of(
       SettingsText{setup.revision, setup.time_origin, setup.device, setup_json(setup)});
 }
-std::string part_message(const PartStart& part) {
-  const auto hand = part.hand.numbers.numbers();
-  return message_of(PartText{part, {hand.begin(), hand.end()}});
-}
-std::string estimate_message(const EstimateStart& estimate) {
-  return message_of(EstimateText{estimate.camera, estimate.revision, {estimate.state}});
-}
+std::string part_message(const PartStart& part) { return message_of(part); }
 std::string frame_message(const FrameRecord& frame) { return message_of(frame); }
 std::string contact_message(const ContactRecord& contact) { return message_of(contact); }
 std::string tick_message(const TickRecord& tick) { return message_of(tick); }
@@ -80,17 +71,7 @@ Result<RunSetup> read_settings(std::string_view message) {
   setup->time_origin = text->time_origin;
   return setup;
 }
-Result<PartStart> read_part(std::string_view message) {
-  auto text = read<PartText>(message);
-  if (!text) return text.error();
-  text->part.hand.numbers = StateNumbers(text->hand);
-  return text->part;
-}
-Result<EstimateStart> read_estimate(std::string_view message) {
-  auto text = read<EstimateText>(message);
-  if (!text) return text.error();
-  return EstimateStart{text->camera, text->revision, std::move(text->state.bytes)};
-}
+Result<PartStart> read_part(std::string_view message) { return read<PartStart>(message); }
 Result<FrameRecord> read_frame(std::string_view message) {
   auto frame = read<FrameRecord>(message);
   if (frame && !is_depth_unit(frame->unit)) {

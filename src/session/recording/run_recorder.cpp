@@ -1,12 +1,11 @@
 #include "src/session/recording/run_recorder.h"
 
-#include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <utility>
 
 #include "src/io/internal/ros_messages.h"
 #include "src/math/internal/wrench_transform.h"
-#include "src/session/internal/lead_frames.h"
 #include "src/session/internal/run_folder.h"
 
 namespace palpate { inline namespace v0 {
@@ -33,14 +32,11 @@ RunRecorder::RunRecorder(const fs::path& path, const Tool& tool, const RunSetup&
       options_(options),
       is_simulated_(is_simulated),
       place_(std::make_unique<Place>()),
-      setups_{setup},
-      center_of_mass_T_(tool.sphere_mass().center_of_mass) {
+      setup_(setup),
+      center_of_mass_T_(tool.sphere_mass().center_of_mass),
+      cameras_(setup.streams.size()) {
   parts_.push_back({path.filename(), {{0, 0}}});
   place_->folder = path.parent_path();
-  for (const DepthStreamInfo& stream : setup.streams) {
-    cameras_.push_back({{}, 0, {}, LeadEstimate(stream)});
-    cameras_.back().lead.begin(setup.revision, setup.settings);
-  }
   if (is_simulated) {
     wall_offset_ = setup.time_origin;
     last_time_ = wall_time(0);
@@ -58,7 +54,7 @@ Result<RunRecorder> RunRecorder::create(const fs::path& path, const Tool& tool,
   auto writer = recorder.make_file(path);
   if (!writer) return writer.error();
   recorder.writer_ = *std::move(writer);
-  if (const Status status = recorder.begin(nullptr); !status) return status.error();
+  if (const Status status = recorder.begin({}); !status) return status.error();
   return recorder;
 }
 
@@ -70,19 +66,6 @@ void RunRecorder::has_moved_to(const fs::path& folder) {
 fs::path RunRecorder::folder() const {
   const std::lock_guard lock(place_->mutex);
   return place_->folder;
-}
-
-/// Drops settings that no record after a tick of this revision uses. Contacts and frames may come
-/// after a tick with later settings.
-void RunRecorder::forget_settings(std::uint32_t tick_revision) {
-  std::uint32_t first =
-      std::min({tick_revision, setups_.back().revision, frame_revision_, contact_revision_});
-  for (const Camera& camera : cameras_) {
-    if (camera.frames.empty()) continue;
-    first = std::min(first, camera.frames.front().record.revision);
-  }
-  if (!contacts_.empty()) first = std::min(first, contacts_.front().revision);
-  while (setups_.size() > 1 && setups_[1].revision <= first) setups_.pop_front();
 }
 
 std::uint64_t RunRecorder::wall_time(double time) {
@@ -97,26 +80,15 @@ void RunRecorder::write(std::uint16_t channel, std::uint64_t time, std::string_v
 }
 
 void RunRecorder::add_settings(std::uint32_t revision, const RunSettings& settings) {
-  setups_.push_back(setups_.back());
-  setups_.back().revision = revision;
-  if (!keeps_surfaces(setups_.back().settings, settings)) {
-    for (Camera& camera : cameras_) camera.lead.begin(revision, settings);
-  }
-  setups_.back().settings = settings;
-  write(channels_.settings, last_time_, settings_message(setups_.back()));
+  setup_.revision = revision;
+  setup_.settings = settings;
+  write(channels_.settings, last_time_, settings_message(setup_));
 }
 
 void RunRecorder::add_frame(const FrameRecord& record, const DepthFrame& frame) {
-  write_frame(record, frame);
-  cameras_[record.camera].frames.push_back({record, frame});
-  frame_revision_ = record.revision;
-  forget_frames();
-}
-
-void RunRecorder::write_frame(const FrameRecord& record, const DepthFrame& frame) {
   if (!writer_) return;
   const std::uint64_t time = wall_time(record.capture_time);
-  const DepthStreamInfo& stream = setups_.back().streams[record.camera];
+  const DepthStreamInfo& stream = setup_.streams[record.camera];
   const Channels::Camera& channels = channels_.cameras[record.camera];
   Camera& camera = cameras_[record.camera];
   const std::string frame_name = camera_frame(record.camera);
@@ -138,7 +110,7 @@ void RunRecorder::write_frame(const FrameRecord& record, const DepthFrame& frame
 /// Writes the pose of a camera: once, or at each frame if it moves.
 void RunRecorder::add_camera_pose(std::uint32_t camera, const Pose& X_WC, std::uint64_t time) {
   cameras_[camera].X_WC = X_WC;
-  const bool is_moving = setups_.back().streams[camera].is_moving;
+  const bool is_moving = setup_.streams[camera].is_moving;
   const std::string frame = camera_frame(camera);
   const RosTransform pose[] = {{kWorldFrame, frame.c_str(), X_WC}};
   write(is_moving ? channels_.transforms : channels_.statics, time, transform_message(time, pose));
@@ -146,14 +118,12 @@ void RunRecorder::add_camera_pose(std::uint32_t camera, const Pose& X_WC, std::u
 
 void RunRecorder::add_contact(const ContactRecord& contact) {
   write(channels_.contact, wall_time(contact.contact.time), contact_message(contact));
-  contacts_.push_back(contact);
-  contact_revision_ = contact.revision;
 }
 
 void RunRecorder::add_tick(const TickRecord& tick) {
   if (writer_) add_mark(parts_.back(), *writer_);
+  if (std::floor(tick.time) > std::floor(time_)) change_parts(tick.number);  // each second
   time_ = tick.time;
-  forget(tick);
   if (!writer_) return;
   const std::uint64_t time = wall_time(tick.device.time);
   write(channels_.tick, time, tick_message(tick));
@@ -166,44 +136,6 @@ void RunRecorder::add_tick(const TickRecord& tick) {
   write(channels_.hand_wrench, time,
         wrench_message({time, kHandFrame}, expressed_in(tick.device.X_BH.rotation, tick.F_H_B)));
   if (time >= next_transforms_) add_transforms(tick, time);
-}
-
-/// Drops records that no later part needs: ticks rest on the contact of this one or on later ones,
-/// contacts on the frame of the first of these or on later ones, and frames on those in their lead.
-void RunRecorder::forget(const TickRecord& tick) {
-  while (!contacts_.empty() && contacts_.front().number < tick.contact_number) {
-    contacts_.pop_front();
-  }
-  forget_frames();
-  forget_settings(tick.revision);
-}
-
-/// Drops old frames, also while no ticks come: a device may take long to start, or be silent.
-void RunRecorder::forget_frames() {
-  // Numbers of frames kept while nothing is measured, and at most.
-  constexpr std::int64_t kMaxIdleFrames = 4, kMaxFrames = 100;
-  // A contact of earlier settings rests on the frames in their lead.
-  std::int64_t lead = 0;
-  for (const RunSetup& setup : setups_) {
-    lead = std::max<std::int64_t>(lead, num_recorded_lead_frames(setup.settings.time));
-  }
-  for (std::size_t k = 0; k < cameras_.size(); ++k) {
-    std::deque<RecordedDepth>& frames = cameras_[k].frames;
-    if (frames.empty()) continue;
-    const auto number = [](const RecordedDepth& frame) {
-      return static_cast<std::int64_t>(frame.record.camera_frame);
-    };
-    const std::int64_t newest = number(frames.back());
-    const std::int64_t needed =
-        contacts_.empty()
-            ? newest - kMaxIdleFrames
-            : std::max(contacts_.front().cameras.of[k].camera_frame, newest - kMaxFrames);
-    // A contact may come before its frame.
-    while (!frames.empty() && number(frames.front()) + lead < needed) {
-      cameras_[k].lead.take(frames.front());
-      frames.pop_front();
-    }
-  }
 }
 
 void RunRecorder::add_transforms(const TickRecord& tick, std::uint64_t time) {

@@ -13,7 +13,6 @@
 #include "palpate/session/run.h"
 #include "palpate/tool/tool.h"
 #include "src/session/internal/run_messages.h"
-#include "src/session/replay/lead_estimate.h"
 
 namespace palpate { inline namespace v0 {
 
@@ -44,8 +43,6 @@ class RunRecorder {
   void add_settings(std::uint32_t revision, const RunSettings& settings);
   void add_frame(const FrameRecord& record, const DepthFrame& frame);
   void add_contact(const ContactRecord& contact);
-  /// Adds a snapshot before the tick that it names: here a part can end and another one begin.
-  void add_hand_snapshot(const HandSnapshot& snapshot);
   void add_tick(const TickRecord& tick);
   void add_note(std::string_view text);
   /// Adds a note at a time, s, monotonic.
@@ -80,8 +77,8 @@ class RunRecorder {
     std::string gap(const McapWriter& writer) const;
   };
   struct Channels {
-    std::uint16_t part, settings, estimate, frame, contact, tick, note, transforms, statics,
-        tool_wrench, hand_wrench, marker;
+    std::uint16_t part, settings, frame, contact, tick, note, transforms, statics, tool_wrench,
+        hand_wrench, marker;
     struct Camera {
       std::uint16_t depth, points, info;
       std::uint16_t flow = 0;  // of cameras that have one
@@ -91,17 +88,14 @@ class RunRecorder {
   RunRecorder(const std::filesystem::path& path, const Tool& tool, const RunSetup& setup,
               bool is_simulated, const RecordingOptions& options);
   Result<McapWriter> make_file(const std::filesystem::path& path);
-  Status begin(const HandSnapshot* snapshot);
-  Status begin_after(const HandSnapshot& snapshot);
-  void write_frame(const FrameRecord& record, const DepthFrame& frame);
+  Status begin(std::optional<std::uint64_t> first_tick);
+  Status begin_part(std::uint64_t first_tick);
+  void change_parts(std::uint64_t next_tick);
   std::uint64_t wall_time(double time);
   void write(std::uint16_t channel, std::uint64_t time, std::string_view message);
   void add_transforms(const TickRecord& tick, std::uint64_t time);
   void add_camera_pose(std::uint32_t camera, const Pose& X_WC, std::uint64_t time);
   void pause(const Error& error);
-  void forget(const TickRecord& tick);
-  void forget_frames();
-  void forget_settings(std::uint32_t tick_revision);
   void remove_old();
   void add_mark(Part& part, const McapWriter& writer) const;
   void end_part(Part& part, McapWriter writer);
@@ -119,22 +113,16 @@ class RunRecorder {
   std::unique_ptr<Place> place_;
   std::optional<McapWriter> writer_;  // nullopt: paused
   Channels channels_{};
-  std::deque<RunSetup> setups_;  // the newest last, after those that the next part may need
+  RunSetup setup_;  // with the newest settings
   Vec3d center_of_mass_T_;
   double wall_offset_ = 0;       // s from the run's clock to the time since 1970
   std::uint64_t last_time_ = 0;  // ns since 1970
   std::uint64_t next_transforms_ = 0;
-  /// State of a camera, and the records that the next part would begin with.
   struct Camera {
-    std::deque<RecordedDepth> frames;
     std::uint64_t next_points = 0;
-    std::optional<Pose> X_WC;
-    LeadEstimate lead;  // of frames before `frames`
+    std::optional<Pose> X_WC;  // in the present part
   };
-  bool can_begin_here() const;
   std::vector<Camera> cameras_;
-  std::deque<ContactRecord> contacts_;
-  std::uint32_t frame_revision_ = 0, contact_revision_ = 0;  // of the newest ones
   // Parts.
   std::deque<Part> parts_;  // that are there; the last is being written
   int num_parts_ = 1, num_troubles_ = 0;

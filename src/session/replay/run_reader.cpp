@@ -60,6 +60,14 @@ Result<RunReader> RunReader::open(const fs::path& place) {
   return run;
 }
 
+Status RunReader::begins_with_run() const {
+  if (!start_) return Done{};
+  return Error{Errc::bad_input,
+               parts_.front().string() + " is part " + std::to_string(start_->number) +
+                   " of its run, and only a recording from the run's start can be repeated; look "
+                   "at it with palpate view, or record the run again without --record-keep"};
+}
+
 Status RunReader::open_part(std::size_t part) {
   auto reader = McapReader::open(parts_[part]);
   if (!reader) return reader.error();
@@ -147,7 +155,7 @@ Result<bool> RunReader::next_frame(RecordedDepth& frame) {
     if (!*message) return false;
     auto joined = joiner.take((*message)->topic, (*message)->data);
     if (!joined) return in_file(joined.error());
-    if (!*joined || !last_frames_.is_new((*joined)->record)) continue;
+    if (!*joined) continue;
     frame = **std::move(joined);
     return true;
   }

@@ -18,65 +18,31 @@ namespace {
 /// order by a few milliseconds, so each side waits for those that it needs.
 class Repetition {
  public:
-  /// Starts at the beginning of a run, or of a part of it. `first` has the shapes of all objects.
+  /// `first` has the shapes of all objects.
   Repetition(std::shared_ptr<const ToolIndex> index, const RunSetup& first, SafetyFilter safety,
-             ThreadPool& pool, const std::optional<PartStart>& start)
+             ThreadPool& pool)
       : index_(std::move(index)),
         first_(first),
-        start_(start),
-        contacts_(index_, pool, start),
-        ticks_(std::move(safety), start),
-        first_revision_(start ? start->revision : 0),
-        num_settings_(first_revision_),
-        num_seen_(start ? start->hand.tick : 0),
-        can_repeat_contacts_(!start || start->has_surfaces) {
-    if (!can_repeat_contacts_) {
-      add_note(
-          (has_moving_objects(first.settings) ? "objects of part " : "the depth images of part ") +
-          std::to_string(start->number) +
-          (has_moving_objects(first.settings) ? " moved before it began"
-                                              : " rest on averages with earlier ones or on a "
-                                                "memory of them") +
-          ": its queries are not repeated");
-    }
-  }
+        contacts_(index_, pool),
+        ticks_(std::move(safety)) {}
 
   /// Takes the settings of the run, then those of later changes.
   Status take(RunSetup setup) {
-    if (has_settings_ && setup.revision < num_settings_) return Done{};  // a part begins with them
+    if (setup.revision < num_settings_) return Done{};  // a part begins with them
     if (setup.revision != num_settings_) return missing_settings();
     if (setup.streams.size() != first_.streams.size()) return other_settings("cameras");
     if (const Status status = know_objects(setup.settings.objects); !status) return status;
     setup.settings.regions = first_.settings.regions;  // and labels
     RunPartsOptions options;
-    if (has_settings_) options.before = &settings_;
+    if (num_settings_ > 0) options.before = &settings_;
     options.leaves_out_large = true;
     auto parts = make_run_parts(index_, setup.streams, setup.device, setup.settings, options);
     if (!parts) return parts.error();
-    has_settings_ = true;
     contacts_.add(setup, *parts);
     ticks_.add(setup, *parts);
     settings_ = setup.settings;
     ++num_settings_;
     return Done{};
-  }
-
-  /// True if a part goes on where the one before has ended: then its first messages are known. Else
-  /// it has to be repeated by itself.
-  Result<bool> goes_on_with(const PartStart& part) {
-    if (const Status status = repeat_contacts(); !status) return status.error();
-    repeat_ticks();
-    if (part.hand.tick != num_seen_ || !can_repeat_ticks_ || !can_repeat_contacts_) return false;
-    if (waiting_ticks_.empty() && outcome_.num_ticks > 0 && !ticks_.is_at(part.hand)) {
-      outcome_.difference = "the state of the hand before tick " + std::to_string(num_seen_);
-    }
-    return true;
-  }
-  /// Ends the repetition here, as the next part does not go on from here.
-  void break_off() {
-    note_missing();
-    if (!waiting_contacts_.empty()) end_contacts("a depth frame");
-    if (!waiting_ticks_.empty()) end_ticks("a contact");
   }
 
   const ReplayOutcome& outcome() const { return outcome_; }
@@ -88,17 +54,11 @@ class Repetition {
     if (*joined) {
       RecordedDepth& frame = **joined;
       if (frame.record.revision >= num_settings_) return missing_settings();
-      if (!last_frames_.is_new(frame.record)) return Done{};
       if (can_repeat_contacts_ && !contacts_.add(std::move(frame))) end_contacts("a depth frame");
     } else if (topic == kSettingsTopic) {
       auto setup = read_settings(message);
       if (!setup) return setup.error();
       if (const Status status = take(*std::move(setup)); !status) return status;
-    } else if (topic == kEstimateTopic) {
-      const auto estimate = read_estimate(message);
-      if (!estimate) return estimate.error();
-      if (!start_ || !can_repeat_contacts_) return Done{};
-      if (const Status status = contacts_.add(*estimate); !status) return status;
     } else if (topic == kContactTopic) {
       const auto contact = read_contact(message);
       if (!contact) return contact.error();
@@ -107,34 +67,32 @@ class Repetition {
       // Objects that move rest on all contacts before.
       const bool is_next = contact->number == last_contact_ + 1;
       if (!is_next && has_moving_objects(first_.settings)) end_contacts("a contact");
-      if (last_contact_ > 0 || !start_) num_missing_ += contact->number - last_contact_ - 1;
+      num_missing_ += contact->number - last_contact_ - 1;
       last_contact_ = contact->number;
       known_[contact->number] = *contact;
-      if (contact->revision < first_revision_) {
-        if (!std::exchange(lacks_settings_, true)) {
-          add_note("contact " + std::to_string(contact->number) +
-                   " is not repeated: its settings were not recorded");
-        }
-      } else if (can_repeat_contacts_) {
-        waiting_contacts_.push_back(*contact);
-      }
-    } else if (topic == kTickTopic && can_repeat_ticks_) {
+      if (can_repeat_contacts_) waiting_contacts_.push_back(*contact);
+    } else if (topic == kTickTopic) {
       const auto tick = read_tick(message);
       if (!tick) return tick.error();
       if (tick->revision >= num_settings_) return missing_settings();
-      if (tick->number != num_seen_++) return end_ticks("ticks"), Done{};
-      waiting_ticks_.push_back(*tick);
+      if (tick->number != num_ticks_) end_ticks("ticks");
+      num_ticks_ = tick->number + 1;
+      if (can_repeat_ticks_) waiting_ticks_.push_back(*tick);
     }
     if (const Status status = repeat_contacts(); !status) return status;
     repeat_ticks();
     return Done{};
   }
 
-  void end(bool was_cut_off) {
+  /// True if a part continues the one before.
+  bool goes_on_with(const PartStart& part) const { return part.tick == num_ticks_; }
+
+  /// Ends the repetition. `why` is empty at the end of the run.
+  void end(const std::string& why) {
     note_missing();
-    if (was_cut_off) add_note("the recording was cut off; it was repeated as far as it goes");
-    if (!was_cut_off && !waiting_contacts_.empty()) end_contacts("a depth frame");
-    if (!was_cut_off && !waiting_ticks_.empty()) end_ticks("a contact");
+    if (!why.empty()) return add_note(why);
+    if (!waiting_contacts_.empty()) end_contacts("a depth frame");
+    if (!waiting_ticks_.empty()) end_ticks("a contact");
   }
 
  private:
@@ -192,21 +150,10 @@ class Repetition {
     while (!has_differed() && can_repeat_contacts_ && !waiting_contacts_.empty() &&
            contacts_.has_frames_of(waiting_contacts_.front())) {
       const ContactRecord& recorded = waiting_contacts_.front();
-      if (contacts_.lacks_frame_of(recorded)) {
-        if (has_moving_objects(first_.settings) || contacts_.rests_on_all(recorded)) {
-          end_contacts("a depth frame");
-          break;
-        }
-        if (!std::exchange(lacks_frames_, true)) {
-          add_note("contact " + std::to_string(recorded.number) +
-                   " is not repeated: its depth frames were not all recorded");
-        }
-      } else {
-        const auto repeated = contacts_.repeat(recorded);
-        if (!repeated) return repeated.error();
-        compare("contact", recorded, *repeated);
-        ++outcome_.num_contacts;
-      }
+      const auto repeated = contacts_.repeat(recorded);
+      if (!repeated) return repeated.error();
+      compare("contact", recorded, *repeated);
+      ++outcome_.num_contacts;
       waiting_contacts_.pop_front();
     }
     return Done{};
@@ -230,21 +177,17 @@ class Repetition {
 
   std::shared_ptr<const ToolIndex> index_;
   const RunSetup& first_;
-  const std::optional<PartStart> start_;
   FrameJoiner joiner_;
   ContactRepetition contacts_;
   TickRepetition ticks_;
-  RunSettings settings_;  // the newest
-  const std::uint32_t first_revision_;
-  std::uint32_t num_settings_;  // the revision that comes next
-  bool has_settings_ = false, lacks_settings_ = false, lacks_frames_ = false;
-  NewestFrames last_frames_;
+  RunSettings settings_;            // the newest
+  std::uint32_t num_settings_ = 0;  // the revision that comes next
   std::uint64_t last_contact_ = 0, num_missing_ = 0;
   std::map<std::uint64_t, ContactRecord> known_;  // by number
   std::deque<ContactRecord> waiting_contacts_;
   std::deque<TickRecord> waiting_ticks_;
-  std::uint64_t num_seen_;
-  bool can_repeat_contacts_, can_repeat_ticks_ = true;
+  std::uint64_t num_ticks_ = 0;  // the number that comes next
+  bool can_repeat_contacts_ = true, can_repeat_ticks_ = true;
   ReplayOutcome outcome_;
 };
 
@@ -259,63 +202,54 @@ bool is_run(const fs::path& folder) {
 Result<ReplayOutcome> replay_run(const fs::path& folder, const ReplayOptions& options) {
   auto reader = RunReader::open(folder);
   if (!reader) return reader.error();
+  if (const Status whole = reader->begins_with_run(); !whole) return whole.error();
   const auto tool = reader->load_tools();
   if (!tool) return tool.error();
   const RunSetup& setup = reader->setup();
-  const auto index = ToolIndex::create(*tool);
   ThreadPool pool(options.num_threads.value_or(setup.settings.num_threads));
-  ReplayOutcome all;
-  const auto begin =
-      [&](const std::optional<PartStart>& start) -> Result<std::unique_ptr<Repetition>> {
-    auto safety = SafetyFilter::create(setup.device.limits, setup.settings.safety);
-    if (!safety) return safety.error();
-    return std::make_unique<Repetition>(index, setup, *std::move(safety), pool, start);
-  };
-  const auto add = [&](const ReplayOutcome& part) {
-    all.num_ticks += part.num_ticks;
-    all.num_contacts += part.num_contacts;
-    all.difference = part.difference;
-    if (!part.note.empty()) all.note += (all.note.empty() ? "" : "; ") + part.note;
-  };
+  auto safety = SafetyFilter::create(setup.device.limits, setup.settings.safety);
+  if (!safety) return safety.error();
+  Repetition repetition(ToolIndex::create(*tool), setup, *std::move(safety), pool);
   const auto in_run = [&](const Error& error) {
     return Error{error.code, folder.string() + ": " + error.message};
   };
-  auto repetition = begin(reader->start());
-  if (!repetition) return repetition.error();
-  if (const Status status = (*repetition)->take(setup); !status) return in_run(status.error());
+  if (const Status status = repetition.take(setup); !status) return in_run(status.error());
 
+  std::string why_it_ends;
   ReadShare share(*reader, options.progress);
-  while (!(*repetition)->has_differed()) {
+  while (!repetition.has_differed()) {
     if (options.keep_going && !options.keep_going()) {
       return Error{Errc::cancelled, "the replay was interrupted before its end"};
     }
     const auto message = reader->next();
     if (!message) return message.error();
-    if (!*message) break;
+    if (!*message) {
+      if (reader->was_cut_off()) {
+        why_it_ends = "the recording was cut off; it was repeated as far as it goes";
+      }
+      break;
+    }
     share.look(*reader);
     if ((*message)->topic == kPartTopic) {
       const auto part = read_part((*message)->data);
       if (!part) return in_run(part.error());
-      const auto goes_on = (*repetition)->goes_on_with(*part);
-      if (!goes_on) return in_run(goes_on.error());
-      if (*goes_on) continue;
-      (*repetition)->break_off();
-      add((*repetition)->outcome());
-      repetition = begin(*part);
-      if (!repetition) return repetition.error();
-      continue;
+      if (repetition.goes_on_with(*part)) continue;
+      why_it_ends = "what comes from part " + std::to_string(part->number) +
+                    " on is not repeated: ticks before it were not recorded; look at it with "
+                    "palpate view";
+      break;
     }
-    if (const Status status = (*repetition)->take((*message)->topic, (*message)->data); !status) {
+    if (const Status status = repetition.take((*message)->topic, (*message)->data); !status) {
       return in_run(status.error());
     }
   }
-  if (!(*repetition)->has_differed()) (*repetition)->end(reader->was_cut_off());
-  add((*repetition)->outcome());
-  if (all.difference.empty() && all.num_ticks == 0) {
-    const std::string why = all.note.empty() ? "record the run again" : all.note;
+  if (!repetition.has_differed()) repetition.end(why_it_ends);
+  const ReplayOutcome& outcome = repetition.outcome();
+  if (outcome.difference.empty() && outcome.num_ticks == 0) {
+    const std::string why = outcome.note.empty() ? "record the run again" : outcome.note;
     return Error{Errc::bad_input, folder.string() + " has no tick that can be repeated: " + why};
   }
-  return all;
+  return outcome;
 }
 
 }}  // namespace palpate::v0

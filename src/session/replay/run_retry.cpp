@@ -107,22 +107,11 @@ Result<RetryOutcome> retry_run(const fs::path& folder, const fs::path& output,
   if (!start) return start.error();
   auto ticks = RunReader::open(folder);
   if (!ticks) return ticks.error();
+  if (const Status whole = ticks->begins_with_run(); !whole) return whole.error();
   const auto tool = ticks->load_tools();
   if (!tool) return tool.error();
   RunSettings settings = ticks->setup().settings;
   if (const Status status = change(settings); !status) return status.error();
-  const bool remembers = settings.time.memory.kind != DepthMemory::off,
-             estimates = settings.time.average.kind == DepthAverage::kalman;
-  if (ticks->start() && (remembers || estimates || has_moving_objects(settings))) {
-    return Error{
-        Errc::bad_input,
-        folder.string() + " does not begin where its run did: " +
-            (remembers ? "the camera's memory of that time is not kept; turn the memory off"
-             : estimates
-                 ? "the depth estimate of that time is not kept; turn it off (--average none)"
-                 : "the poses of its objects at that time are not kept; leave them out") +
-            " to run it with other settings"};
-  }
   RunOptions run = options;
   run.probe = ticks->setup().probe;
   run.time_origin = ticks->setup().time_origin;

@@ -7,8 +7,8 @@
 #include <string>
 
 #include "src/run/internal/pipeline.h"
-#include "src/session/internal/lead_frames.h"
 #include "src/viewer/sources/frame_cache.h"
+#include "src/viewer/sources/lead_frames.h"
 
 namespace palpate { inline namespace v0 {
 

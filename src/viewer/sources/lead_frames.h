@@ -34,18 +34,4 @@ inline int num_lead_frames(const TimeOptions& time) {
   return num_blended_frames(time) + static_cast<int>(std::min<double>(averaged, kMaxLeadFrames));
 }
 
-/// True if these frames give the same bits: an exponential average and a memory go back farther,
-/// and so does an estimate, whose earlier state a recording has (LeadEstimate).
-inline bool has_whole_lead(const TimeOptions& time) {
-  if (time.memory.kind != DepthMemory::off) return false;
-  return time.average.kind == DepthAverage::none || time.average.kind == DepthAverage::kalman ||
-         (time.average.kind == DepthAverage::moving && num_lead_frames(time) < kMaxLeadFrames);
-}
-
-/// Returns the number of frames that a part of a recording has before the first one it needs.
-inline int num_recorded_lead_frames(const TimeOptions& time) {
-  if (time.average.kind == DepthAverage::kalman) return num_blended_frames(time);
-  return has_whole_lead(time) ? num_lead_frames(time) : 2;
-}
-
 }}  // namespace palpate::v0
