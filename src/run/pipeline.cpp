@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include "src/run/setting_changes.h"
@@ -48,6 +49,27 @@ Result<Pipeline> Pipeline::create(const Tool& tool, std::vector<DepthStreamInfo>
                   *std::move(parts), *std::move(safety));
 }
 
+double CameraViews::capture_time(double none) const {
+  double oldest = std::numeric_limits<double>::infinity();
+  for (const CameraFrame& frame : frames_) {
+    if (frame.number >= 0) oldest = std::min(oldest, frame.capture_time);
+  }
+  return std::isfinite(oldest) ? oldest : none;
+}
+
+ContactRecord CameraViews::record(const Pose& X_WT, double time, double start_time) const {
+  ContactRecord record;
+  record.time = time - start_time;
+  record.X_WT = X_WT;
+  record.contact.time = time;
+  record.capture_time = capture_time(time);
+  record.cameras.num = static_cast<std::uint32_t>(frames_.size());
+  for (std::size_t k = 0; k < frames_.size(); ++k) {
+    record.cameras.of[k] = {frames_[k].number, views_[k].progress};
+  }
+  return record;
+}
+
 SurfaceStats Pipeline::push(const DepthFrame& frame, double time, std::size_t camera) {
   ++num_frames_;
   const CameraFrame now{num_camera_frames_[camera]++, time};
@@ -67,28 +89,16 @@ SurfaceStats Pipeline::push(const DepthFrame& frame, double time, std::size_t ca
 }
 
 const ContactRecord& Pipeline::measure(const Pose& X_WT, double time) noexcept {
-  ContactRecord contact;
-  contact.capture_time = time;
-  contact.cameras.num = static_cast<std::uint32_t>(timelines_.size());
-  bool has_failed = false, is_seen = false;
+  bool has_failed = false;
   cameras_.begin();
   for (std::size_t k = 0; k < timelines_.size(); ++k) {
-    cameras_[k] = timelines_[k].at(time);
-    cameras_.remember(timelines_[k].key_frames(), cameras_[k].progress);
-    contact.cameras.of[k] = {seen_[k].number, cameras_[k].progress};
-    if (seen_[k].number >= 0) {
-      contact.capture_time =
-          is_seen ? std::min(contact.capture_time, seen_[k].capture_time) : seen_[k].capture_time;
-      is_seen = true;
-    }
+    cameras_.show(k, seen_[k], timelines_[k].at(time), timelines_[k].key_frames());
     has_failed = has_failed || !timelines_[k].status();
   }
+  ContactRecord contact = cameras_.record(X_WT, time, start_time_);
   contact.revision = surface_revision_;
   contact.number = contact_.number + 1;
-  contact.time = time - start_time_;
-  contact.X_WT = X_WT;
   contact.frame_number = num_frames_ - 1;
-  contact.contact.time = time;
   const bool is_coupled = settings_.coupling.kind != CouplingKind::none;
   contacts_->measure(cameras_.all(), is_coupled || has_friction(settings_), contact);
   if (contact.penetration.status.has(StepStatus::backend_failed) || has_failed) {

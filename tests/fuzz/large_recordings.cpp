@@ -158,14 +158,13 @@ void settings_mcap(const fs::path& path, std::size_t num_bytes) {
     (void)writer.write(*channel, 1, settings_message(setup));
   });
 }
-/// Parts that do not go on from each other.
+/// Empty parts.
 void parts_mcap(const fs::path& path, std::size_t num_bytes) {
   std::optional<std::uint16_t> channel;
   PartStart part;
   frameless_mcap(path, num_bytes, [&](McapWriter& writer, RunSetup&) {
     if (!channel) channel = writer.add_channel(part_channel());
     ++part.number;
-    ++part.tick;
     (void)writer.write(*channel, 1, part_message(part));
   });
 }

@@ -37,8 +37,8 @@ class Recorded {
       channels_ = reader->channels();
       messages_.push_back({(*message)->channel, (*message)->time, std::string((*message)->data)});
     }
-    for (const auto& channel : {part_channel(), settings_channel(), estimate_channel(),
-                                frame_channel(), contact_channel(), tick_channel(), note_channel()})
+    for (const auto& channel : {part_channel(), settings_channel(), frame_channel(),
+                                contact_channel(), tick_channel(), note_channel()})
       schemas_[channel.topic] = channel;
   }
   ~Recorded() {

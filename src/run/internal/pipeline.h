@@ -133,32 +133,43 @@ class HandPart {
   double start_time_ = 0, last_state_time_ = 0, first_tick_ = 0;
 };
 
+/// Frame of a camera.
+struct CameraFrame {
+  std::int64_t number = -1;  ///< of the camera; -1: none
+  double capture_time = 0;   ///< s
+};
+
 /// Surfaces that a query is measured against: a blend of each camera, then the key frames of moving
-/// cameras, each at the progress of its camera.
+/// cameras, each at the progress of its camera. No allocation.
 class CameraViews {
  public:
-  explicit CameraViews(std::size_t num_cameras) : num_cameras_(num_cameras) {
+  explicit CameraViews(std::size_t num_cameras) : frames_(num_cameras) {
     views_.reserve(std::max<std::size_t>(num_cameras, kMaxCameras));
-    clear();
+    begin();
   }
-  /// No camera shows anything.
-  void clear() { views_.assign(num_cameras_, {}); }
-  /// Drops the key frames, for the next query. No allocation.
-  void begin() { views_.resize(num_cameras_); }
-  SurfaceBlend& operator[](std::size_t camera) { return views_[camera]; }
-  const SurfaceBlend& operator[](std::size_t camera) const { return views_[camera]; }
-  void remember(std::span<const SurfaceBlend> key_frames, double progress) {
+  /// Drops the key frames, for the next query.
+  void begin() { views_.resize(frames_.size()); }
+  /// Sets the view of a camera, once for each query, and its newest frame.
+  void show(std::size_t camera, const CameraFrame& frame, const SurfaceBlend& blend,
+            std::span<const SurfaceBlend> key_frames) {
+    frames_[camera] = frame;
+    views_[camera] = blend;
     for (const SurfaceBlend& view : key_frames) {
       if (views_.size() == views_.capacity()) return;
       views_.push_back(view);
-      views_.back().progress = progress;
+      views_.back().progress = blend.progress;
     }
   }
   std::span<const SurfaceBlend> all() const { return views_; }
-  std::size_t num_cameras() const { return num_cameras_; }
+  std::size_t num_cameras() const { return frames_.size(); }
+  /// Returns the capture time of the oldest of the newest frames, s; `none` if there is no frame.
+  double capture_time(double none) const;
+  /// Returns the record of a contact that is to be measured at `time`, s, with the tool at X_WT;
+  /// without its revision and numbers.
+  ContactRecord record(const Pose& X_WT, double time, double start_time) const;
 
  private:
-  std::size_t num_cameras_;
+  std::vector<CameraFrame> frames_;
   std::vector<SurfaceBlend> views_;
 };
 
@@ -270,11 +281,6 @@ class Pipeline {
   std::span<const SurfaceBlend> cameras() const { return cameras_.all(); }
 
  private:
-  /// The newest frame of a camera.
-  struct CameraFrame {
-    std::int64_t number = -1;  // of the camera; -1: none
-    double capture_time = 0;   // s
-  };
   /// A change that waits for a frame of each camera.
   struct Pending {
     std::uint32_t revision = 0;

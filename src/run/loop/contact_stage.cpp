@@ -113,9 +113,11 @@ void ContactStage::look(double time) {
       if (taken.blend.progress < 1)
         view.blend.begin(time, last_look_, taken.ready_time, taken.period);
     }
-    cameras_[k] = view.surfaces.blend;
-    if (cameras_[k].progress < 1) cameras_[k].progress = view.blend.progress(time);
-    cameras_.remember(view.surfaces.key_frames.all(), cameras_[k].progress);
+    SurfaceBlend blend = view.surfaces.blend;
+    if (blend.progress < 1) blend.progress = view.blend.progress(time);
+    cameras_.show(
+        k, {static_cast<std::int64_t>(view.surfaces.camera_frame), view.surfaces.capture_time},
+        blend, view.surfaces.key_frames.all());
     newest_frame_ = std::max(newest_frame_, view.surfaces.frame_number);
   }
   last_look_ = time;
@@ -141,21 +143,10 @@ void ContactStage::measure(const TimedToolPose& tool) {
   const double begin = monotonic_now();
   look(begin);
   take_change();
-  ContactRecord contact;
+  ContactRecord contact = cameras_.record(tool.X_WT, tool.time, settings_.start_time);
   contact.revision = revision_;
   contact.number = num_contacts() + 1;
-  contact.time = tool.time - settings_.start_time;
-  contact.X_WT = tool.X_WT;
   contact.frame_number = newest_frame_;
-  contact.cameras.num = static_cast<std::uint32_t>(views_.size());
-  for (std::size_t k = 0; k < views_.size(); ++k) {
-    const LiveSurfaces& surfaces = views_[k].surfaces;
-    contact.cameras.of[k] = {static_cast<std::int64_t>(surfaces.camera_frame),
-                             cameras_[k].progress};
-    contact.capture_time =
-        k == 0 ? surfaces.capture_time : std::min(contact.capture_time, surfaces.capture_time);
-  }
-  contact.contact.time = tool.time;
   part_->measure(cameras_.all(), part_->has_stiffness() && schedule_.is_due(), contact);
   const bool has_failed = contact.penetration.status.has(StepStatus::backend_failed);
   backend_failed_.store(has_failed, std::memory_order_release);

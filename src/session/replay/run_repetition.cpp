@@ -47,10 +47,9 @@ Status ContactRepetition::push_next(std::size_t k) {
     timeline.surfaces = *std::move(made);
   }
   timeline.surfaces->push(next.frame, next.record.capture_time, pool_, next.record.requested);
-  views_[k] = timeline.surfaces->at(next.record.capture_time);
+  camera.blend = timeline.surfaces->at(next.record.capture_time);
   camera.key_frames = timeline.surfaces->key_frames();
-  camera.capture_time = next.record.capture_time;
-  camera.pushed = static_cast<std::int64_t>(next.record.camera_frame);
+  camera.pushed = {static_cast<std::int64_t>(next.record.camera_frame), next.record.capture_time};
   camera.frames.pop_front();
   return Done{};
 }
@@ -80,22 +79,18 @@ Status ContactRepetition::use_measuring(std::uint32_t revision) {
 }
 
 Result<ContactRecord> ContactRepetition::repeat(const ContactRecord& recorded) {
-  ContactRecord repeated = recorded;
-  bool is_seen = false;
   views_.begin();
   for (std::size_t k = 0; k < cameras_.size(); ++k) {
     Camera& camera = cameras_[k];
     const auto& [desired, progress] = recorded.cameras.of[k];
-    while (camera.pushed < desired && !camera.frames.empty()) {
+    while (camera.pushed.number < desired && !camera.frames.empty()) {
       if (const Status status = push_next(k); !status) return status.error();
     }
-    views_[k].progress = progress;
-    if (desired < 0) continue;
-    views_.remember(camera.key_frames, progress);
-    repeated.capture_time =
-        is_seen ? std::min(repeated.capture_time, camera.capture_time) : camera.capture_time;
-    is_seen = true;
+    camera.blend.progress = progress;
+    views_.show(k, camera.pushed, camera.blend, camera.key_frames);
   }
+  ContactRecord repeated = recorded;
+  repeated.capture_time = views_.capture_time(recorded.capture_time);
   if (const Status status = use_measuring(recorded.revision); !status) return status.error();
   part_->measure(views_.all(), recorded.has_new_stiffness, repeated);
   if (!recorded.has_new_stiffness) {

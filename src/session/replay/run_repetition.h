@@ -48,9 +48,10 @@ class ContactRepetition {
   struct Camera {
     std::map<std::uint32_t, Timeline> timelines;  // by revision, from the present one on
     std::deque<RecordedDepth> frames;             // not yet pushed
-    std::int64_t newest = -1, pushed = -1;        // camera_frame: there; pushed last
-    double capture_time = 0;                      // of that one
-    std::span<const SurfaceBlend> key_frames;     // and after it
+    std::int64_t newest = -1;                     // camera_frame
+    CameraFrame pushed;                           // the last one
+    SurfaceBlend blend;                           // after it
+    std::span<const SurfaceBlend> key_frames;     // likewise
   };
   Status push_next(std::size_t camera);
   Status use_measuring(std::uint32_t revision);

@@ -104,7 +104,7 @@ Result<bool> Repetition::go_to(const RecordedQuery& query, const RunSettings& se
   }
   const bool is_as_recorded = run_.settings(query.revision).time.mode == settings.time.mode;
   if (views_.num_cameras() != leads.size()) views_ = CameraViews(leads.size());
-  views_.clear();
+  views_.begin();
   for (std::size_t k = 0; k < leads.size(); ++k) {
     Camera& camera = cameras_[k];
     std::size_t num_left = leads[k].size();
@@ -125,10 +125,10 @@ Result<bool> Repetition::go_to(const RecordedQuery& query, const RunSettings& se
       camera.index = index;
     }
     if (!camera.timeline.status()) return camera.timeline.status().error();
-    if (camera.last < 0) continue;  // no frame yet
-    views_[k] = camera.timeline.at(std::max(query.clock, camera.clock));
-    if (is_as_recorded) views_[k].progress = query.cameras.of[k].progress;
-    views_.remember(camera.timeline.key_frames(), views_[k].progress);
+    SurfaceBlend blend;
+    if (camera.last >= 0) blend = camera.timeline.at(std::max(query.clock, camera.clock));
+    if (is_as_recorded) blend.progress = query.cameras.of[k].progress;
+    views_.show(k, {camera.last, camera.clock}, blend, camera.timeline.key_frames());
   }
   query_.X_WT = query.X_WT;
   return true;
