@@ -87,7 +87,7 @@ class Loop {
  private:
   void measure(double time) {
     views_.begin();
-    views_[0] = timeline_->at(time);
+    views_.show(0, {}, timeline_->at(time), {});
     ContactRecord contact;
     contact.number = contact_.number + 1;
     contact.X_WT = record_.step.X_WT;

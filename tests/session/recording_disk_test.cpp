@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <atomic>
+#include <cmath>
 #include <condition_variable>
 #include <filesystem>
 #include <fstream>
@@ -141,7 +142,7 @@ class RecordingDisk : public ::testing::Test {
   }
   /// A frame, a contact and a tick, 10 ms later than the last.
   void add_tick() {
-    time_ += 0.01;
+    time_ = std::round(100 * time_ + 1) / 100;
     ASSERT_NO_FATAL_FAILURE(add_frame());
     contact_.cameras.of[0].camera_frame = static_cast<std::int64_t>(record_.camera_frame) - 1;
     contact_.contact.time = tick_.time = tick_.device.time = time_;
@@ -225,7 +226,9 @@ TEST_F(RecordingDisk, APauseBeginsWhileTheDiskStandsStill) {
 }
 
 TEST_F(RecordingDisk, WhatFailsToReachItIsInDoubtFromTheLastTimeOnThatDidNot) {
-  make({.split_bytes = 1});
+  make({.keep_seconds = 1000});  // parts of 100 s
+  add_second();
+  time_ = 100;
   add_second();
   ASSERT_TRUE(fs::exists(path(2)));
   disk.break_after(name(2), 2);
@@ -242,7 +245,7 @@ TEST_F(RecordingDisk, WhatFailsToReachItIsInDoubtFromTheLastTimeOnThatDidNot) {
                   "it is not certain that anything was recorded from %lf s to %lf s", &from, &to),
       2)
       << recorder_->trouble();
-  EXPECT_GT(from, 1);
+  EXPECT_GT(from, 100);
   EXPECT_LE(from, disk.good_time() + 0.015);  // one tick may have been on its way
   EXPECT_LT(from, paused);
   EXPECT_GT(to, paused);
@@ -258,11 +261,11 @@ TEST_F(RecordingDisk, WhatFailsToReachItAfterItsPartHasEndedIsTold) {
     EXPECT_EQ(fs::exists(path(2)), !is_paused);
     disk.set_stuck(false);
     recorder_->finish();
-    EXPECT_EQ(recorder_->trouble().find("nothing was recorded from 1.00 s on: only "),
+    EXPECT_EQ(recorder_->trouble().find("nothing was recorded from 0.99 s on: only "),
               is_paused ? 0u : std::string::npos)
         << recorder_->trouble();
     EXPECT_NE(recorder_->trouble().find("it is not certain that anything was recorded from 0.00 s "
-                                        "to 1.00 s: cannot bring "),
+                                        "to 0.99 s: cannot bring "),
               std::string::npos)
         << recorder_->trouble();
     EXPECT_FALSE(disk.is_given_up());
@@ -304,8 +307,9 @@ TEST_F(RecordingDisk, TheEndOfARunThatWaitsForItSaysSo) {
 }
 
 TEST_F(RecordingDisk, OldPartsGoDuringAPauseToo) {
-  make({.keep_seconds = 20});
-  for (int i = 0; i < 5; ++i) {
+  make({.keep_seconds = 200});  // parts of 20 s
+  for (int i = 0; i < 3; ++i) {
+    time_ = 20 * i;
     add_second();
     ASSERT_TRUE(wait_for([&] { return !recorder_->waits_for_disk(); }));
   }
@@ -315,7 +319,7 @@ TEST_F(RecordingDisk, OldPartsGoDuringAPauseToo) {
   ASSERT_EQ(add_until_told().size(), 1u);
   ASSERT_TRUE(fs::exists(path(1)));
   for (int i = 0; i < 30; ++i) {
-    time_ += 1;
+    time_ += 10;
     add_tick();
   }
   EXPECT_FALSE(fs::exists(path(1)));
