@@ -15,12 +15,8 @@ inline const Tool& finger_tool(int num_spheres) {
   static std::map<int, std::unique_ptr<Tool>> tools;
   auto& tool = tools[num_spheres];
   if (tool == nullptr) {
-    const TriangleMesh mesh = make_box({0.02, 0.016, 0.08});
-    PackOptions options;
-    options.max_spheres = num_spheres;
     tool = std::make_unique<Tool>(
-        Tool::build(mesh, pack_spheres(mesh, options).value(), GapRule::relative, "finger")
-            .value());
+        Tool::pack(make_box({0.02, 0.016, 0.08}), {.max_spheres = num_spheres}).value());
   }
   return *tool;
 }

@@ -38,11 +38,7 @@ void row(const char* figure, const std::string& of, DepthAverage kind, double va
 }
 
 Tool tool_of(const char* shape, double size) {
-  TriangleMesh mesh = make_shape(shape, size).value();
-  PackOptions options;
-  options.max_spheres = 1000;
-  SpherePacking packing = pack_spheres(mesh, options).value();
-  return Tool::build(std::move(mesh), std::move(packing), GapRule::relative, shape).value();
+  return Tool::pack(make_shape(shape, size).value(), {.max_spheres = 1000}).value();
 }
 
 /// Recorded frames of a camera.

@@ -31,9 +31,8 @@ inline const Tool& cube_tool(int num_spheres) {
     }
     SpherePacking packing = largest;
     packing.spheres.resize(static_cast<std::size_t>(num_spheres));
-    tool = std::make_unique<Tool>(Tool::build(make_box({kToolSize, kToolSize, kToolSize}),
-                                              std::move(packing), GapRule::relative, "cube")
-                                      .value());
+    tool = std::make_unique<Tool>(
+        Tool::build(make_box({kToolSize, kToolSize, kToolSize}), std::move(packing)).value());
   }
   return *tool;
 }

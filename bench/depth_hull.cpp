@@ -20,12 +20,8 @@ constexpr double kToolRadius = 0.03, kNoise = 0.0015;
 /// Returns a ball packed with many equal spheres. A default packing of a ball is one sphere with
 /// nearly all of the volume, and dust.
 Tool ball_of_spheres() {
-  TriangleMesh mesh = make_icosphere(kToolRadius, 4);
-  PackOptions options;
-  options.max_spheres = 5000;
-  options.max_radius = 0.003;
-  SpherePacking packing = pack_spheres(mesh, options).value();
-  return Tool::build(std::move(mesh), std::move(packing), GapRule::relative, "ball").value();
+  return Tool::pack(make_icosphere(kToolRadius, 4), {.max_spheres = 5000, .max_radius = 0.003})
+      .value();
 }
 
 std::unique_ptr<ContactQuery> query_of(const Tool& tool) {

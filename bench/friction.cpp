@@ -43,10 +43,7 @@ void row(const char* figure, const std::string& of, double value, const char* un
 }
 
 Tool packed(TriangleMesh mesh, int num_spheres) {
-  PackOptions options;
-  options.max_spheres = num_spheres;
-  SpherePacking packing = pack_spheres(mesh, options).value();
-  return Tool::build(std::move(mesh), std::move(packing), GapRule::relative, "tool").value();
+  return Tool::pack(std::move(mesh), {.max_spheres = num_spheres}).value();
 }
 
 RunSettings settings_of(CouplingKind kind, double mu = kMu) {

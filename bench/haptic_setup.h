@@ -18,11 +18,7 @@ namespace palpate::bench {
 inline Result<Tool> tool_for(const scenes::Scene& scene, int num_spheres) {
   auto mesh = make_shape(scene.tool_shape, scene.tool_size);
   if (!mesh) return mesh.error();
-  PackOptions options;
-  options.max_spheres = num_spheres;
-  auto packing = pack_spheres(*mesh, options);
-  if (!packing) return packing.error();
-  return Tool::build(*std::move(mesh), *std::move(packing), GapRule::relative, scene.tool_shape);
+  return Tool::pack(*std::move(mesh), {.max_spheres = num_spheres}, {.source = scene.tool_shape});
 }
 
 /// Renders all frames of a scene.

@@ -170,7 +170,7 @@ Result<std::shared_ptr<const Tool>> Context::tool(const std::string& shape, doub
   }
   SpherePacking prefix = entry.packing;
   prefix.spheres.resize(std::min(count, prefix.spheres.size()));
-  auto tool = Tool::build(entry.mesh, std::move(prefix), rule, shape, settings_.num_threads);
+  auto tool = Tool::build(entry.mesh, std::move(prefix), {rule, shape, settings_.num_threads});
   if (!tool) return tool.error();
   const auto made = std::make_shared<const Tool>(*std::move(tool));
   entry.tools[{num_spheres, rule}] = made;

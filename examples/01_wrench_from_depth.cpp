@@ -2,7 +2,6 @@
 #include <cstdio>
 #include <vector>
 
-#include "palpate/mesh/mesh.h"
 #include "palpate/palpate.h"
 
 using namespace palpate;
@@ -10,9 +9,7 @@ using namespace palpate;
 int main() {
   // A tool: a closed mesh in meters, filled with spheres. Doing it once is enough; save_tool and
   // load_tool keep it in a file.
-  const TriangleMesh mesh = make_cylinder(0.02, 0.1, 64);
-  const SpherePacking packing = pack_spheres(mesh, {.max_spheres = 2000}).value();
-  const Tool tool = Tool::build(mesh, packing, GapRule::relative, "a cylinder").value();
+  const Tool tool = Tool::pack(make_cylinder(0.02, 0.1, 64), {.max_spheres = 2000}).value();
 
   // What the camera sees: a wall, 0.5 m away, in counts of a millimeter.
   const std::vector<std::uint16_t> counts(640 * 480, 500);

@@ -26,9 +26,7 @@ class Wall : public DepthSource {
 };
 
 int main() {
-  const TriangleMesh mesh = make_cylinder(0.02, 0.1, 64);
-  const SpherePacking packing = pack_spheres(mesh, {.max_spheres = 2000}).value();
-  const Tool tool = Tool::build(mesh, packing, GapRule::relative, "a cylinder").value();
+  const Tool tool = Tool::pack(make_cylinder(0.02, 0.1, 64), {.max_spheres = 2000}).value();
 
   // A device that exists in memory only, and a hand that pushes it 2 cm into the wall and back.
   SimulatedDeviceOptions hand{.model = device_models().front(), .hand = {}, .target = {}};

@@ -4,7 +4,6 @@
 #include <limits>
 #include <vector>
 
-#include "palpate/mesh/mesh.h"
 #include "palpate/palpate.h"
 
 using namespace palpate;
@@ -17,9 +16,7 @@ std::vector<float> read_camera(int image, int width, int height) {
 }
 
 int main() {
-  const TriangleMesh mesh = make_cylinder(0.02, 0.1, 64);
-  const SpherePacking packing = pack_spheres(mesh, {.max_spheres = 2000}).value();
-  const Tool tool = Tool::build(mesh, packing, GapRule::relative, "a cylinder").value();
+  const Tool tool = Tool::pack(make_cylinder(0.02, 0.1, 64), {.max_spheres = 2000}).value();
 
   // All memory is allocated here; the loop below allocates nothing but the driver's images.
   const Camera camera{640, 480, {525, 525, 319.5, 239.5}};

@@ -45,9 +45,7 @@ class Wall : public DepthSource {
 };
 
 int main() {
-  const TriangleMesh mesh = make_cylinder(0.02, 0.1, 64);
-  const SpherePacking packing = pack_spheres(mesh, {.max_spheres = 2000}).value();
-  const Tool tool = Tool::build(mesh, packing, GapRule::relative, "a cylinder").value();
+  const Tool tool = Tool::pack(make_cylinder(0.02, 0.1, 64), {.max_spheres = 2000}).value();
   OwnDevice device;
   Wall camera;
   const auto loop = RunLoop::create(tool, camera, device, RunSettings{}, {}, {}).value();

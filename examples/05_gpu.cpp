@@ -2,7 +2,6 @@
 #include <cstdio>
 #include <vector>
 
-#include "palpate/mesh/mesh.h"
 #include "palpate/palpate.h"
 
 using namespace palpate;
@@ -16,9 +15,7 @@ int main() {
     std::printf("on the processor: %s\n", gpus.error().message.c_str());
   }
 
-  const TriangleMesh mesh = make_cylinder(0.02, 0.1, 64);
-  const SpherePacking packing = pack_spheres(mesh, {.max_spheres = 20000}).value();
-  const Tool tool = Tool::build(mesh, packing, GapRule::relative, "a cylinder").value();
+  const Tool tool = Tool::pack(make_cylinder(0.02, 0.1, 64), {.max_spheres = 20000}).value();
 
   // Surfaces are made and queried where they are: images go to the GPU, or are there already
   // (DepthImageView::gpu), and wrenches come back.

@@ -6,7 +6,6 @@
 #include <cstdio>
 #include <vector>
 
-#include "palpate/mesh/mesh.h"
 #include "palpate/palpate.h"
 
 using namespace palpate;
@@ -42,9 +41,7 @@ bool is_right(const Contact& contact, const SurfaceView& surface, const Pose& X_
 }
 
 int main() {
-  const TriangleMesh mesh = make_box({0.06, 0.06, 0.06});
-  const SpherePacking packing = pack_spheres(mesh, {.max_spheres = 1000}).value();
-  const Tool tool = Tool::build(mesh, packing, GapRule::relative, "a guard").value();
+  const Tool tool = Tool::pack(make_box({0.06, 0.06, 0.06}), {.max_spheres = 1000}).value();
   const Contact contact = Contact::create(tool).value();
   const Camera camera{640, 480, {525, 525, 319.5, 239.5}};
 

@@ -173,8 +173,8 @@ Result<PackedTool> pack_one(const TriangleMesh& raw, const std::string& path,
   notes.stopped = reason(packing->stop);
   notes.options = option_rows(request);
   const std::string source = std::filesystem::path(path).filename().string();
-  auto tool = Tool::build(std::move(solid->mesh), *std::move(packing), request.gap_rule, source,
-                          request.pack.num_threads);
+  auto tool = Tool::build(std::move(solid->mesh), *std::move(packing),
+                          {request.gap_rule, source, request.pack.num_threads});
   if (!tool) return tool.error();
   if (interrupted()) return kInterrupted;
   end_step("volumes, graph and tree");

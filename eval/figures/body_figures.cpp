@@ -218,15 +218,11 @@ struct Row {
 
 /// Packs a block without large spheres.
 Result<std::shared_ptr<const Tool>> fine_block(const Context& context, int num_spheres) {
-  const TriangleMesh mesh = make_box({kBlock, kBlock, kBlock});
-  PackOptions options;
-  options.max_spheres = num_spheres;
-  options.max_radius = kFine;
-  options.num_threads = context.settings().num_threads;
-  auto packing = pack_spheres(mesh, options);
-  if (!packing) return packing.error();
+  const int num_threads = context.settings().num_threads;
   auto tool =
-      Tool::build(mesh, *std::move(packing), GapRule::relative, "block", options.num_threads);
+      Tool::pack(make_box({kBlock, kBlock, kBlock}),
+                 {.max_spheres = num_spheres, .max_radius = kFine, .num_threads = num_threads},
+                 {.source = "block", .num_threads = num_threads});
   if (!tool) return tool.error();
   return std::make_shared<const Tool>(*std::move(tool));
 }

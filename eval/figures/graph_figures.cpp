@@ -81,7 +81,7 @@ Result<std::vector<Packing>> measure(Context& context) {
     const auto spheres = pack_spheres(*mesh, options);
     if (!spheres) return spheres.error();
     for (const GapRule rule : {GapRule::relative, GapRule::absolute}) {
-      const auto tool = Tool::build(*mesh, *spheres, rule, scene->shape, options.num_threads);
+      const auto tool = Tool::build(*mesh, *spheres, {rule, scene->shape, options.num_threads});
       if (!tool) return tool.error();
       Packing p{options.max_radius, rule, {}, {}, {}, {}, {}, {}, {}};
       p.fill = tool->sphere_mass().volume / tool->mesh_mass().volume;

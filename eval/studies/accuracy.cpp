@@ -131,11 +131,9 @@ Reach reach_along_z(const TriangleMesh& mesh, const Quaternion& rotation) {
 }
 
 Tool packed_tool(const ContactCase& contact_case, int num_spheres) {
-  const TriangleMesh mesh = make_shape(contact_case.tool_shape, contact_case.tool_size).value();
-  PackOptions options;
-  options.max_spheres = num_spheres;
-  return Tool::build(mesh, pack_spheres(mesh, options).value(), GapRule::absolute,
-                     contact_case.tool_shape)
+  return Tool::pack(make_shape(contact_case.tool_shape, contact_case.tool_size).value(),
+                    {.max_spheres = num_spheres},
+                    {.gap_rule = GapRule::absolute, .source = contact_case.tool_shape})
       .value();
 }
 

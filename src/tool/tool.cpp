@@ -82,25 +82,30 @@ std::optional<Error> check_parts(const RepresentedParts& parts, std::size_t num_
 
 }  // namespace
 
-Result<Tool> Tool::build(TriangleMesh mesh, SpherePacking packing, GapRule rule, std::string source,
-                         int num_threads) {
+Result<Tool> Tool::pack(TriangleMesh mesh, const PackOptions& packing, ToolOptions options) {
+  auto spheres = pack_spheres(mesh, packing);
+  if (!spheres) return spheres.error();
+  return build(std::move(mesh), *std::move(spheres), std::move(options));
+}
+
+Result<Tool> Tool::build(TriangleMesh mesh, SpherePacking packing, ToolOptions options) {
   // Graph and volumes need spheres that passed the check.
   if (auto error = check(mesh, packing)) return *std::move(error);
-  LeafGraph graph(packing.spheres, rule);
+  LeafGraph graph(packing.spheres, options.gap_rule);
   if (graph.row_starts().empty())
     return bad("the spheres of the tool have more than " +
                std::to_string(LeafGraph::kMaxMeanNeighbors) +
                " neighbors on average: they overlap too much; pack the mesh again");
-  ThreadPool pool(num_threads);
+  ThreadPool pool(options.num_threads);
   auto represented = represented_parts(mesh, packing.spheres, pool);
   if (!represented) return represented.error();
   const InnerSphereTree tree(packing.spheres);
   StoredParts parts{std::move(graph),
-                    rule,
+                    options.gap_rule,
                     *std::move(represented),
                     {tree.nodes().begin(), tree.nodes().end()},
                     nullptr};
-  return restore(std::move(mesh), std::move(packing), std::move(parts), std::move(source));
+  return restore(std::move(mesh), std::move(packing), std::move(parts), std::move(options.source));
 }
 
 Tool Tool::with_solid_field(int num_threads) && {
@@ -141,7 +146,7 @@ Result<Tool> Tool::prefix(int num_spheres, int num_threads) const {
                      " were requested; use fewer, or pack the mesh with more"};
   const auto first = spheres().first(static_cast<std::size_t>(num_spheres));
   SpherePacking packing{{first.begin(), first.end()}, packing_.mesh_volume, PackStop::count};
-  auto tool = build(mesh_, std::move(packing), gap_rule(), source_, num_threads);
+  auto tool = build(mesh_, std::move(packing), {gap_rule(), source_, num_threads});
   if (tool) tool->parts_.solid_field = solid_field();
   return tool;
 }

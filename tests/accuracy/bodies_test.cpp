@@ -12,10 +12,7 @@ namespace palpate::eval {
 namespace {
 
 Tool packed(const char* shape, double size, int num_spheres) {
-  PackOptions options;
-  options.max_spheres = num_spheres;
-  const TriangleMesh mesh = make_shape(shape, size).value();
-  return Tool::build(mesh, pack_spheres(mesh, options).value(), GapRule::relative, "").value();
+  return Tool::pack(make_shape(shape, size).value(), {.max_spheres = num_spheres}).value();
 }
 
 TEST(Bodies, ShareWhatTheirMeshesShare) {

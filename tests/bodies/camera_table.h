@@ -16,10 +16,7 @@ namespace palpate::test {
 inline constexpr double kTable = 0.7;  ///< how far the table is from the camera, m
 
 inline std::shared_ptr<const Tool> packed_shape(TriangleMesh mesh, int num_spheres) {
-  PackOptions options;
-  options.max_spheres = num_spheres;
-  SpherePacking packing = pack_spheres(mesh, options).value();
-  auto tool = Tool::build(std::move(mesh), std::move(packing), GapRule::relative, "shape").value();
+  auto tool = Tool::pack(std::move(mesh), {.max_spheres = num_spheres}).value();
   return std::make_shared<const Tool>(std::move(tool).with_solid_field());
 }
 

@@ -352,7 +352,7 @@ TEST(ContactQuery, SixteenMillionPointsInOneSphere) {
   SpherePacking packing;
   packing.spheres = {{{0, 0, 0}, 0.5f}};
   const Tool tool =
-      Tool::build(make_box({1, 1, 1}), std::move(packing), GapRule::absolute, "").value();
+      Tool::build(make_box({1, 1, 1}), std::move(packing), {.gap_rule = GapRule::absolute}).value();
   constexpr int kNum = 1 << 24;
   const std::vector<float> x(kNum, 0.125f), zero(kNum, 0.0f), one(kNum, 1.0f);
   PointCloudView cloud;
@@ -409,7 +409,7 @@ TEST(ContactQuery, PointOnTheRimCountsAsInside) {
   SpherePacking packing;
   packing.spheres = {{{0, 0, 0}, 0.25f}};  // |p - c| = r exactly, in binary
   const Tool tool =
-      Tool::build(make_box({1, 1, 1}), std::move(packing), GapRule::absolute, "").value();
+      Tool::build(make_box({1, 1, 1}), std::move(packing), {.gap_rule = GapRule::absolute}).value();
   PointCloud cloud(2, 1);
   cloud.set(0, {0.25f, 0, 0}, {1, 0, 0});
   cloud.set(1, {std::nextafter(0.25f, 1.0f), 0, 0}, {1, 0, 0});

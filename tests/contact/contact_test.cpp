@@ -17,12 +17,7 @@ namespace {
 constexpr Camera kCamera{160, 120, {140, 140, 79.5, 59.5}};
 constexpr double kSide = 0.1, kUnit = 0.001;
 
-Tool cube() {
-  const TriangleMesh mesh = make_box({kSide, kSide, kSide});
-  PackOptions options;
-  options.max_spheres = 3000;
-  return Tool::build(mesh, pack_spheres(mesh, options).value(), GapRule::relative, "cube").value();
-}
+Tool cube() { return Tool::pack(make_box({kSide, kSide, kSide}), {.max_spheres = 3000}).value(); }
 
 /// A wall that faces the camera.
 std::vector<std::uint16_t> wall(double depth) {

@@ -222,9 +222,7 @@ void round_glb(const fs::path& path, std::size_t num_bytes) {
 void mesh_tool(const fs::path& path, std::size_t num_bytes) {
   SpherePacking packing;
   packing.spheres = {{{0, 0, 0}, 0.01f}};
-  (void)save_tool(
-      *Tool::build(round_mesh(num_bytes, 24), std::move(packing), GapRule::relative, "round"),
-      path);
+  (void)save_tool(*Tool::build(round_mesh(num_bytes, 24), std::move(packing)), path);
 }
 void spheres_tool(const fs::path& path, std::size_t num_bytes) {
   constexpr double kBytesPerSphere = 100;

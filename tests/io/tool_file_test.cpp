@@ -22,7 +22,7 @@ Tool small_tool(int num_spheres) {
   TriangleMesh mesh{{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}},
                     {{0, 2, 1}, {0, 1, 3}, {0, 3, 2}, {1, 2, 3}}};
   SpherePacking packing{test::random_packing(num_spheres, 3), 1.0 / 6, PackStop::radius};
-  return *Tool::build(mesh, packing, GapRule::relative, "a tool for tests");
+  return *Tool::build(mesh, packing, {.source = "a tool for tests"});
 }
 
 void expect_same(const Tool& a, const Tool& b) {

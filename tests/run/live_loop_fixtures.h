@@ -12,24 +12,13 @@
 namespace palpate::test {
 
 inline const Tool& box_tool() {
-  static const Tool tool = [] {
-    PackOptions options;
-    options.max_spheres = 60;
-    TriangleMesh mesh = make_box({0.05, 0.05, 0.05});
-    SpherePacking packing = pack_spheres(mesh, options).value();
-    return Tool::build(std::move(mesh), std::move(packing), GapRule::relative, "box").value();
-  }();
+  static const Tool tool = Tool::pack(make_box({0.05, 0.05, 0.05}), {.max_spheres = 60}).value();
   return tool;
 }
 
 /// A tool whose mesh's distance field other bodies can sample.
 inline Tool packed(TriangleMesh mesh, int num_spheres) {
-  PackOptions options;
-  options.max_spheres = num_spheres;
-  SpherePacking packing = pack_spheres(mesh, options).value();
-  return Tool::build(std::move(mesh), std::move(packing), GapRule::relative, "tool")
-      .value()
-      .with_solid_field();
+  return Tool::pack(std::move(mesh), {.max_spheres = num_spheres}).value().with_solid_field();
 }
 
 /// Limits that no busy machine reaches, and the hand's base 5 cm in front of the wall.

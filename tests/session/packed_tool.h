@@ -10,11 +10,9 @@
 namespace palpate::test {
 
 inline Tool packed_tool(TriangleMesh mesh, int num_spheres = 300) {
-  PackOptions options;
-  options.max_spheres = num_spheres;
-  options.num_threads = 1;
-  auto packing = pack_spheres(mesh, options).value();
-  return Tool::build(std::move(mesh), std::move(packing), GapRule::relative, "packed", 1).value();
+  return Tool::pack(std::move(mesh), {.max_spheres = num_spheres, .num_threads = 1},
+                    {.source = "packed", .num_threads = 1})
+      .value();
 }
 
 /// Turned about the origin, then moved.

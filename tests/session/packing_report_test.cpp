@@ -19,17 +19,14 @@ namespace palpate {
 namespace {
 
 Tool packed_tool(const TriangleMesh& mesh, int num_spheres, const std::string& name = "tool") {
-  const TriangleMesh solid = check_solid(mesh).value().mesh;
-  PackOptions options;
-  options.max_spheres = num_spheres;
-  return Tool::build(solid, pack_spheres(solid, options).value(), GapRule::relative, name).value();
+  return Tool::pack(check_solid(mesh).value().mesh, {.max_spheres = num_spheres}, {.source = name})
+      .value();
 }
 
 /// A cube of 2 cm with these spheres inside.
 Tool cube_with(std::vector<Sphere> spheres) {
   SpherePacking packing{std::move(spheres), 8e-6, PackStop::count};
-  return Tool::build(make_box({0.02, 0.02, 0.02}), std::move(packing), GapRule::relative, "cube")
-      .value();
+  return Tool::build(make_box({0.02, 0.02, 0.02}), std::move(packing), {.source = "cube"}).value();
 }
 
 TEST(PackingStatistics, OneBallInACube) {

@@ -132,7 +132,7 @@ TEST(ProbingPath, HoldsALongToolByItsAxisAndStaysClearOfSurroundings) {
     packing.spheres.push_back({{0.01f * static_cast<float>(i), 0, 0}, i < 6 ? 0.005f : 0.012f});
   }
   std::reverse(packing.spheres.begin(), packing.spheres.end());  // largest first
-  const auto tool = Tool::build(make_box({0.24, 0.02, 0.02}), packing, GapRule::absolute, "rod");
+  const auto tool = Tool::build(make_box({0.24, 0.02, 0.02}), packing);
   ASSERT_TRUE(tool) << tool.error().message;
   const Scene pit = [](double time, int u, int v) {
     const bool in_pit = std::abs(u - 120) < 45 && std::abs(v - 90) < 45;
@@ -185,8 +185,7 @@ TEST(ProbingPath, TakesTimeFromTheStampsOrTheCaller) {
 TEST(ProbingPath, OffCenterToolsStillMeetTheRay) {
   SpherePacking packing;
   packing.spheres = {{{0.3f, 0.2f, 0.1f}, 0.02f}};
-  const auto tool =
-      Tool::build(make_box({0.1, 0.1, 0.1}), packing, GapRule::absolute, "one sphere");
+  const auto tool = Tool::build(make_box({0.1, 0.1, 0.1}), packing);
   ASSERT_TRUE(tool) << tool.error().message;
   FunctionStream stream(still_wall, every(0.04, 25));
   const auto path = probing_path(copies_of(stream), *tool, std::nullopt);

@@ -38,8 +38,7 @@ inline Tool block_of_spheres(int side) {
     packing.spheres.push_back(
         {to_float(step * c - Vec3d{0.05, 0.05, 0.05}), static_cast<float>(0.45 * step)});
   }
-  return Tool::build(make_box({0.1, 0.1, 0.1}), std::move(packing), GapRule::relative, "block")
-      .value();
+  return Tool::build(make_box({0.1, 0.1, 0.1}), std::move(packing)).value();
 }
 
 /// A tool of random spheres; its mesh is the box around them.
@@ -47,7 +46,7 @@ inline Tool random_tool(int num_spheres, double half_side, std::uint64_t seed) {
   SpherePacking packing;
   packing.spheres = random_spheres(num_spheres, half_side, seed);
   return Tool::build(make_box({2 * half_side, 2 * half_side, 2 * half_side}), std::move(packing),
-                     GapRule::absolute, "random spheres")
+                     {.gap_rule = GapRule::absolute})
       .value();
 }
 

@@ -265,11 +265,7 @@ inline double exact_hull_share(const HullScene& scene, const Vec3d& center, doub
 
 /// A ball as tool.
 inline Tool ball_tool(double radius, int num_spheres = 3000) {
-  TriangleMesh mesh = make_icosphere(radius, 4);
-  PackOptions options;
-  options.max_spheres = num_spheres;
-  SpherePacking packing = pack_spheres(mesh, options).value();
-  return Tool::build(std::move(mesh), std::move(packing), GapRule::relative, "ball").value();
+  return Tool::pack(make_icosphere(radius, 4), {.max_spheres = num_spheres}).value();
 }
 
 }  // namespace palpate::test

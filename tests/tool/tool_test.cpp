@@ -21,8 +21,7 @@ SpherePacking packing_of(std::vector<Sphere> spheres) {
 }
 
 void expect_refused(TriangleMesh mesh, SpherePacking packing, const std::string& word) {
-  const Result<Tool> tool =
-      Tool::build(std::move(mesh), std::move(packing), GapRule::relative, "test");
+  const Result<Tool> tool = Tool::build(std::move(mesh), std::move(packing));
   ASSERT_FALSE(tool.has_value());
   EXPECT_EQ(tool.error().code, Errc::bad_input);
   EXPECT_NE(tool.error().message.find(word), std::string::npos) << tool.error().message;
@@ -31,7 +30,7 @@ void expect_refused(TriangleMesh mesh, SpherePacking packing, const std::string&
 TEST(Tool, BuildsEverythingFromMeshAndSpheres) {
   const std::vector<Sphere> spheres = test::random_packing(200, 4);
   const Result<Tool> built =
-      Tool::build(tetrahedron(), packing_of(spheres), GapRule::relative, "a tetrahedron");
+      Tool::build(tetrahedron(), packing_of(spheres), {.source = "a tetrahedron"});
   ASSERT_TRUE(built.has_value()) << built.error().message;
   const Tool& tool = *built;
   EXPECT_EQ(tool.spheres().size(), 200u);
@@ -54,8 +53,7 @@ TEST(Tool, BuildsEverythingFromMeshAndSpheres) {
 }
 
 TEST(Tool, OneSphereIsEnough) {
-  const Result<Tool> tool =
-      Tool::build(tetrahedron(), packing_of({{{.2f, .2f, .2f}, .1f}}), GapRule::absolute, "");
+  const Result<Tool> tool = Tool::build(tetrahedron(), packing_of({{{.2f, .2f, .2f}, .1f}}));
   ASSERT_TRUE(tool.has_value());
   EXPECT_EQ(tool->graph().num_edges(), 0);
 }
@@ -117,13 +115,26 @@ TEST(Tool, RestoreRefusesPartsOfOtherTools) {
   EXPECT_FALSE(restored(graph, bad, tree));
 }
 
-TEST(Tool, PrefixIsTheToolOfFewerSpheres) {
+TEST(Tool, IsPackedAndBuiltInOneCall) {
   const TriangleMesh mesh = make_box({0.1, 0.1, 0.1});
+  const PackOptions few{.max_spheres = 50};
+  const Result<Tool> packed =
+      Tool::pack(mesh, few, {.gap_rule = GapRule::absolute, .source = "a box"});
+  ASSERT_TRUE(packed.has_value()) << packed.error().message;
+  const Tool built =
+      Tool::build(mesh, pack_spheres(mesh, few).value(), {.gap_rule = GapRule::absolute}).value();
+  EXPECT_EQ(packed->source(), "a box");
+  EXPECT_EQ(packed->gap_rule(), GapRule::absolute);
+  EXPECT_EQ(packed->spheres().size(), 50u);
+  EXPECT_EQ(packed->graph().edges(), built.graph().edges());
+  EXPECT_TRUE(std::ranges::equal(packed->represented_volumes(), built.represented_volumes()));
+  EXPECT_EQ(Tool::pack(mesh, {.max_spheres = 0}).error().code, Errc::invalid_argument);
+}
+
+TEST(Tool, PrefixIsTheToolOfFewerSpheres) {
   PackOptions options;
   options.max_spheres = 300;
-  const auto build = [&] {
-    return Tool::build(mesh, pack_spheres(mesh, options).value(), GapRule::relative, "box").value();
-  };
+  const auto build = [&] { return Tool::pack(make_box({0.1, 0.1, 0.1}), options).value(); };
   const Tool whole = build();
   options.max_spheres = 120;
   const Tool coarse = build();

@@ -37,7 +37,7 @@ struct PackOptions {
   std::uint64_t seed = 0;  ///< jitters the starting grid; 0 is the plain grid
   int num_threads = 0;     ///< 0: one per core. The result has the same bits for any number.
   /// Called on the packing thread; return false to cancel. May be empty.
-  std::function<bool(const PackProgress&)> progress;
+  std::function<bool(const PackProgress&)> progress = {};
 };
 /// Limits of a packing, as settings.
 inline void add_settings(SettingTable& t, PackOptions& o) {

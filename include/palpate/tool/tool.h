@@ -103,14 +103,24 @@ class LeafGraph {
 // A rigid CAD tool ready for contact: its mesh, its spheres, and everything that is computed once
 // from them.
 
+/// Options of a tool, besides its mesh and spheres.
+struct ToolOptions {
+  GapRule gap_rule = GapRule::relative;  ///< neighbors in the leaf graph
+  std::string source = {};               ///< source of the mesh, for display
+  int num_threads = 0;                   ///< 0: one per core. Same bits for any number.
+};
+
 /// Immutable. Everything is in the tool frame T, which is the frame of the mesh. SI units.
 class Tool {
  public:
-  /// Builds tree, graph, mass properties and represented volumes; same bits for any `num_threads`
-  /// (0: one per core). Errors: no spheres, or more than 2^30; spheres that overlap far more than
-  /// those of a packing (LeafGraph::kMaxMeanNeighbors); the mesh encloses no volume.
-  static Result<Tool> build(TriangleMesh mesh, SpherePacking packing, GapRule rule,
-                            std::string source, int num_threads = 0);
+  /// Packs a mesh that passed check_solid with spheres, and builds the tool of both. Errors: those
+  /// of pack_spheres and build.
+  static Result<Tool> pack(TriangleMesh mesh, const PackOptions& packing = {},
+                           ToolOptions options = {});
+  /// Builds the tool of a mesh and your own packing: tree, graph, mass properties and represented
+  /// volumes. Errors: no spheres, or more than 2^30; spheres that overlap far more than those of a
+  /// packing (LeafGraph::kMaxMeanNeighbors); the mesh encloses no volume.
+  static Result<Tool> build(TriangleMesh mesh, SpherePacking packing, ToolOptions options = {});
   /// Parts that take long to compute and are stored in tool files.
   struct StoredParts {
     LeafGraph graph;

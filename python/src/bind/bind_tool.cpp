@@ -91,23 +91,21 @@ PyTool packed(const TriangleMesh& raw, PackRequest request, const nb::object& pr
     }
   };
   Result<SolidMesh> solid = Error{};
-  Result<SpherePacking> packing = Error{};
   Result<Tool> tool = Error{};
   {
     const nb::gil_scoped_release no_gil;
     solid = check_solid(raw);
-    if (solid) packing = pack_spheres(solid->mesh, request.options);
-    if (solid && packing) {
-      tool = Tool::build(solid->mesh, *std::move(packing), request.gap_rule, source,
-                         request.options.num_threads);
+    if (solid) {
+      tool = Tool::pack(solid->mesh, request.options,
+                        {request.gap_rule, source, request.options.num_threads});
       if (tool) tool = std::move(*tool).with_solid_field(request.options.num_threads);
     }
   }
   if (PyErr_Occurred() != nullptr) throw nb::python_error();
   if (!solid) throw PalpateError(source + ": " + solid.error().message);
   warn(solid->warnings);
-  if (!packing) throw PalpateError(source + ": " + packing.error().message);
-  PyTool made{std::make_shared<const Tool>(taken(std::move(tool)))};
+  if (!tool) throw PalpateError(source + ": " + tool.error().message);
+  PyTool made{std::make_shared<const Tool>(*std::move(tool))};
   if (is_interrupted()) throw nb::python_error();
   return made;
 }

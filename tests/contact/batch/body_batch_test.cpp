@@ -16,11 +16,7 @@ using test::Random;
 using test::random_body_pose;
 
 Tool packed(const TriangleMesh& mesh, int num_spheres) {
-  PackOptions options;
-  options.max_spheres = num_spheres;
-  return Tool::build(mesh, pack_spheres(mesh, options).value(), GapRule::relative, "")
-      .value()
-      .with_solid_field();
+  return Tool::pack(mesh, {.max_spheres = num_spheres}).value().with_solid_field();
 }
 
 /// Made once: their fields take a second each.

@@ -70,10 +70,7 @@ TEST(ContactBatch, AToolMayLieFarFromItsOrigin) {
   const SurfaceView surface{{}, scenes[0].field.view()};
   TriangleMesh mesh = make_box({0.02, 0.016, 0.08});
   for (Vec3d& vertex : mesh.vertices) vertex.z += 0.3;
-  PackOptions options;
-  options.max_spheres = 50;
-  const Tool tool =
-      Tool::build(mesh, pack_spheres(mesh, options).value(), GapRule::relative, "").value();
+  const Tool tool = Tool::pack(std::move(mesh), {.max_spheres = 50}).value();
   std::vector<Pose> X_WT;
   for (int i = 0; i < 64; ++i) X_WT.push_back({{0, 0, 0.2 + 0.002 * i}, {}});
   Answers got(64);

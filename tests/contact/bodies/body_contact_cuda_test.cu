@@ -45,9 +45,7 @@ Tool tool_of(std::vector<Sphere> spheres) {
 }
 
 Tool packed(const TriangleMesh& mesh, int num) {
-  PackOptions options;
-  options.max_spheres = num;
-  return Tool::build(mesh, pack_spheres(mesh, options).value(), GapRule::relative, "").value();
+  return Tool::pack(mesh, {.max_spheres = num}).value();
 }
 
 void expect_near(const Penetration& got, const Penetration& want) {

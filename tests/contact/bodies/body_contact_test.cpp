@@ -18,7 +18,7 @@ using test::Random;
 Tool tool_of(std::vector<Sphere> spheres, const Vec3d& box = {1, 1, 1}) {
   SpherePacking packing;
   packing.spheres = std::move(spheres);
-  return Tool::build(make_box(box), std::move(packing), GapRule::absolute, "").value();
+  return Tool::build(make_box(box), std::move(packing)).value();
 }
 
 struct BruteForce {
@@ -239,11 +239,7 @@ TEST(BodyContact, ClosedPathsDoNoWork) {
 }
 
 TEST(BodyContact, CubesShareTheBoxTheyOverlapIn) {
-  PackOptions options;
-  options.max_spheres = 4000;
-  const TriangleMesh cube = make_box({0.1, 0.1, 0.1});
-  const Tool tool =
-      Tool::build(cube, pack_spheres(cube, options).value(), GapRule::absolute, "cube").value();
+  const Tool tool = Tool::pack(make_box({0.1, 0.1, 0.1}), {.max_spheres = 4000}).value();
   const double fill = tool.sphere_mass().volume / tool.mesh_mass().volume;
   BodyContact contact(tool, tool);
   for (const Vec3d& shift :

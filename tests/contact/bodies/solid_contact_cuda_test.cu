@@ -21,11 +21,7 @@ namespace palpate {
 namespace {
 
 Tool packed(const TriangleMesh& mesh, int num) {
-  PackOptions options;
-  options.max_spheres = num;
-  return Tool::build(mesh, pack_spheres(mesh, options).value(), GapRule::relative, "")
-      .value()
-      .with_solid_field();
+  return Tool::pack(mesh, {.max_spheres = num}).value().with_solid_field();
 }
 
 struct Pair {

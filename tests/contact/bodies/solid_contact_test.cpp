@@ -21,9 +21,7 @@ using test::Random;
 using test::random_body_pose;
 
 Tool packed(const TriangleMesh& mesh, int num_spheres) {
-  PackOptions options;
-  options.max_spheres = num_spheres;
-  return Tool::build(mesh, pack_spheres(mesh, options).value(), GapRule::relative, "").value();
+  return Tool::pack(mesh, {.max_spheres = num_spheres}).value();
 }
 
 SolidContact contact_of(const Tool& a, const Tool& b, Isa isa = best_isa()) {
@@ -467,8 +465,7 @@ TEST(SolidSampling, GridsAreAsWideAsTheSpheres) {
     packing.spheres.push_back({to_float(Vec3d{at, 0, 0}), static_cast<float>(radius * 0.999)});
     at += radius;
   }
-  const Tool row =
-      Tool::build(make_box({2 * at, 1, 1}), std::move(packing), GapRule::absolute, "").value();
+  const Tool row = Tool::build(make_box({2 * at, 1, 1}), std::move(packing)).value();
   const FieldElements elements(row, SphereVolumes::own);
   const SolidSampling sampling(elements, field);
   double volume = 0, squares = 0, owed = 0, largest_choice = 0;
@@ -519,8 +516,7 @@ TEST(SolidSampling, SmallSpheresNeedLittleRoomForRounding) {
       packing.spheres.push_back(
           {to_float(Vec3d{2.01 * radius * i, 0, 0}), static_cast<float>(radius)});
     }
-    const Tool row =
-        Tool::build(make_box({1, 1, 1}), std::move(packing), GapRule::absolute, "").value();
+    const Tool row = Tool::build(make_box({1, 1, 1}), std::move(packing)).value();
     const SolidSampling sampling(FieldElements(row, SphereVolumes::own), field);
     const int requested = radius < spacing ? 0 : (radius < 2 * spacing ? 1 : 2);
     for (const float rounding : sampling.rounding) {
@@ -532,8 +528,7 @@ TEST(SolidSampling, SmallSpheresNeedLittleRoomForRounding) {
   // Spheres wider than the widest grid cannot be felt so.
   SpherePacking packing;
   packing.spheres.push_back({{0, 0, 0}, 1.0f});
-  const Tool ball =
-      Tool::build(make_box({3, 3, 3}), std::move(packing), GapRule::absolute, "").value();
+  const Tool ball = Tool::build(make_box({3, 3, 3}), std::move(packing)).value();
   EXPECT_FALSE(SolidSampling(FieldElements(ball, SphereVolumes::own), field).is_possible);
 }
 

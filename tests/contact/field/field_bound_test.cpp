@@ -87,10 +87,8 @@ TEST(FieldBound, LeavesOutNothingInAndBeyondAnyImage) {
   Random random(72);
   SpherePacking large;
   large.spheres = {{{}, 0.04f}};
-  const Tool tools[] = {
-      test::random_tool(40, 0.02, 3),
-      Tool::build(make_box({0.08, 0.08, 0.08}), std::move(large), GapRule::relative, "one")
-          .value()};
+  const Tool tools[] = {test::random_tool(40, 0.02, 3),
+                        Tool::build(make_box({0.08, 0.08, 0.08}), std::move(large)).value()};
   for (const auto& [width, height] : {std::pair{160, 120}, {128, 96}, {111, 112}, {112, 79}}) {
     for (const auto& [fx, fy] : {std::pair{140.0, 140.0}, {420.0, 105.0}, {105.0, 420.0}}) {
       for (int run = 0; run < 4; ++run) {

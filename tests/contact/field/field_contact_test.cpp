@@ -242,9 +242,7 @@ TEST(FieldContact, SweepsBetweenLayersThroughAHoleAndCleanThrough) {
       layers.spheres.push_back({{at(i % 7), at(i / 7), z}, 0.0049f});
     }
   }
-  const Tool tool =
-      Tool::build(make_box({0.08, 0.08, 0.04}), std::move(layers), GapRule::relative, "layers")
-          .value();
+  const Tool tool = Tool::build(make_box({0.08, 0.08, 0.04}), std::move(layers)).value();
   PointCloud holed = plane({{0, 0, -1}, -0.5}).cloud;
   for (int v = 95; v < 105; ++v) {
     for (int u = 95; u < 105; ++u) {
@@ -491,8 +489,7 @@ TEST(FieldContact, WhatTouchesInOnePointIsOutside) {
   const FrozenField scene = plane({{0, 0, -1}, -0.5});
   SpherePacking one;
   one.spheres = {{{}, 0.015625f}};
-  const Tool tool =
-      Tool::build(make_box({0.03, 0.03, 0.03}), std::move(one), GapRule::relative, "one").value();
+  const Tool tool = Tool::build(make_box({0.03, 0.03, 0.03}), std::move(one)).value();
   SphereState state;
   for (const Isa isa : isas()) {
     const auto query =
@@ -549,8 +546,7 @@ TEST(FieldElements, CoincidentSpheresHaveFewParts) {
   constexpr std::size_t kNum = 500;
   SpherePacking packing;
   packing.spheres.assign(kNum, {{0, 0, 0}, 0.01f});
-  const Tool tool =
-      Tool::build(make_icosphere(0.011, 2), std::move(packing), GapRule::relative, "same").value();
+  const Tool tool = Tool::build(make_icosphere(0.011, 2), std::move(packing)).value();
   for (const LargeSpheres large : {LargeSpheres::in_thirty, LargeSpheres::evenly}) {
     const FieldElements elements(tool, SphereVolumes::own, large);
     EXPECT_LT(elements.radius.size(), 60 * kNum);

@@ -54,12 +54,8 @@ Penetration cut(const Tool& tool, const FieldElements& elements, const Vec3d& n,
 class RepresentedCube : public testing::Test {
  protected:
   static const Tool& tool() {
-    static const Tool made = [] {
-      const TriangleMesh box = make_box({kSide, kSide, kSide});
-      PackOptions options;
-      options.max_spheres = 1000;
-      return Tool::build(box, pack_spheres(box, options).value(), GapRule::relative, "").value();
-    }();
+    static const Tool made =
+        Tool::pack(make_box({kSide, kSide, kSide}), {.max_spheres = 1000}).value();
     return made;
   }
 

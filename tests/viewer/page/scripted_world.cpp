@@ -51,7 +51,7 @@ Result<std::unique_ptr<ScriptedWorld>> ScriptedWorld::create(
     packing.spheres.push_back({{s.at(0), s.at(1), s.at(2)}, s.at(3)});
   }
   Result<Tool> tool =
-      Tool::build(std::move(*mesh), std::move(packing), GapRule::relative, "a test", 1);
+      Tool::build(std::move(*mesh), std::move(packing), {.source = "a test", .num_threads = 1});
   if (!tool) return tool.error();
   return std::unique_ptr<ScriptedWorld>(
       new ScriptedWorld(script, std::move(*tool), std::move(heard)));
