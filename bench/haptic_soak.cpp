@@ -198,15 +198,15 @@ Status soak(const Options& options, const std::string& command) {
   const test::AllocationCounter allocations;
   double max_energy = 0, max_force = 0;
   std::uint64_t in_contact = 0, looked = 0;
-  TickRecord record;
   const auto end =
       std::chrono::steady_clock::now() + std::chrono::duration<double>(options.seconds);
   while ((*loop)->is_running() && std::chrono::steady_clock::now() < end) {
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
-    if (!(*loop)->latest(record)) continue;
-    max_energy = std::max(max_energy, record.safety.energy);
-    max_force = std::max(max_force, norm(record.F_H_B.force));
-    in_contact += record.penetration.volume > 0 ? 1 : 0;
+    const auto record = (*loop)->latest();
+    if (!record) continue;
+    max_energy = std::max(max_energy, record->safety.energy);
+    max_force = std::max(max_force, norm(record->F_H_B.force));
+    in_contact += record->penetration.volume > 0 ? 1 : 0;
     ++looked;
   }
   const std::size_t num_allocations = allocations.count();

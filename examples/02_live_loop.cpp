@@ -2,6 +2,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <optional>
 #include <thread>
 
 #include "palpate/devices/devices.h"
@@ -44,10 +45,10 @@ int main() {
   }
   for (int i = 0; i < 12; ++i) {
     std::this_thread::sleep_for(std::chrono::milliseconds(250));
-    TickRecord tick;
-    if (!loop->latest(tick)) continue;
-    const double depth = tick.step.X_WT.translation.z + 0.05 - 0.5;
-    std::printf("%.2f s: %5.1f mm deep, %6.2f N\n", tick.time, 1000 * depth, tick.F_H_B.force.z);
+    const std::optional<TickRecord> tick = loop->latest();
+    if (!tick) continue;
+    const double depth = tick->step.X_WT.translation.z + 0.05 - 0.5;
+    std::printf("%.2f s: %5.1f mm deep, %6.2f N\n", tick->time, 1000 * depth, tick->F_H_B.force.z);
   }
   loop->stop();
   std::printf("%llu ticks\n", static_cast<unsigned long long>(loop->report().num_ticks));

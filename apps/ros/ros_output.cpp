@@ -168,8 +168,8 @@ class Output final : public RosOutput {
       return std::max<std::uint64_t>(static_cast<std::uint64_t>(options_.rate / rate), 1);
     };
     const std::uint64_t contacts_every = every(options_.contact_rate), look_every = every(kLooks);
-    TickRecord tick;
-    bool has_tick = false, was_valid = false;
+    std::optional<TickRecord> tick;
+    bool was_valid = false;
     std::uint64_t number = 0, num_due = 0;
     double last = 0;
     for (double next = monotonic_now(); !is_ending_;) {
@@ -177,17 +177,17 @@ class Output final : public RosOutput {
       sleep_until(next);
       const double time = monotonic_now();
       if (time - next > kLongestLag) next = time;
-      if (loop.latest(tick)) {
-        has_tick = true;
-        next += kFollowing * std::remainder(tick.device.time + kAfterTick * period - next, period);
+      if (const auto newest = loop.latest()) {
+        tick = newest;
+        next += kFollowing * std::remainder(tick->device.time + kAfterTick * period - next, period);
       }
-      if (!has_tick) continue;
+      if (!tick) continue;
       if (last > 0) periods_.record(static_cast<std::int64_t>(1e9 * (time - last)));
       last = time;
       Published& published = published_.draft();
-      published.tick = tick;
+      published.tick = *tick;
       published.time = time;
-      published.verdict = judge(tick, time, options_.max_age);
+      published.verdict = judge(*tick, time, options_.max_age);
       guarded([&] { publish_wrench(published); }, [&](const Error&) { ++num_not_sent_; });
       const bool is_due = number % contacts_every == 0 || published.verdict.is_valid() != was_valid;
       was_valid = published.verdict.is_valid();

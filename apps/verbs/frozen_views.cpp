@@ -59,13 +59,12 @@ struct FrozenViews::Frozen {
 };
 
 Result<FrozenViews::Frozen> FrozenViews::Frozen::from_points(const std::string& file) {
-  std::string note;
-  auto cloud = load_cloud(file, &note);
-  if (!cloud) return cloud.error();
-  if (!note.empty()) warn(note);
+  auto loaded = load_cloud(file);
+  if (!loaded) return loaded.error();
+  if (!loaded->note.empty()) warn(loaded->note);
   Frozen frozen;
   frozen.name = file;
-  frozen.cloud = *std::move(cloud);
+  frozen.cloud = std::move(loaded->cloud);
   const float* x = frozen.cloud.channel(0);
   frozen.num_usable = static_cast<std::size_t>(
       std::count_if(x, x + frozen.cloud.size(), [](float value) { return !std::isnan(value); }));

@@ -139,11 +139,12 @@ void read_cloud(std::string_view bytes, const char* extension) {
   ScratchFile& file = extension[2] == 'c' ? pcd : ply;
   file.write(bytes);
   if (&file == &pcd) (void)load_depth_pcd(file.path());
-  const auto cloud = load_cloud(file.path());
-  if (!cloud || !save_cloud_ply(cloud->view(), again.path())) return;
+  const auto read = load_cloud(file.path());
+  if (!read || !save_cloud_ply(read->cloud.view(), again.path())) return;
   const auto back = load_cloud(again.path());
   // A cloud without a valid point is written, and no cloud any more.
-  if (back) require(back->size() <= cloud->size(), "a cloud comes back with no more points");
+  if (back)
+    require(back->cloud.size() <= read->cloud.size(), "a cloud comes back with no more points");
 }
 
 }  // namespace

@@ -30,7 +30,7 @@ TEST(GpuLoss, TheRunGoesOnWithTheCpu) {
   ASSERT_TRUE((*loop)->start());
   TickRecord newest;
   const auto is_felt = [&] {
-    (*loop)->latest(newest);
+    newest = (*loop)->latest().value_or(newest);
     return norm(newest.F_H_B.force) > 0.5 && newest.safety.is_engaged();
   };
   ASSERT_TRUE(test::wait_for(is_felt));

@@ -382,7 +382,7 @@ TEST(LiveLoopChange, StagesTakeChangesWithoutAllocating) {
     state.X_BH.translation = pressing_hand(0.3);
     state.is_valid = true;
     haptic.tick(state);
-    haptic.latest(record);
+    if (const auto newest = haptic.latest()) record = *newest;
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   };
   EXPECT_TRUE(wait_for([&] { return tick(), contacts.num_contacts() > 20; }));
@@ -452,7 +452,7 @@ TEST(LiveLoopChange, ALostBackendIsReplaced) {
     state.time = monotonic_now();
     state.is_valid = true;
     haptic.tick(state);
-    haptic.latest(record);
+    if (const auto newest = haptic.latest()) record = *newest;
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   };
   EXPECT_TRUE(wait_for([&] { return tick(), record.safety.state == ForceState::off; }));

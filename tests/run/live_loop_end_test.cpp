@@ -261,9 +261,9 @@ TEST(LiveLoop, EndsWhenTheDeviceIsStuck) {
     const Status ending = ending_of(*loop);
     ASSERT_FALSE(ending);
     EXPECT_NE(ending.error().message.find("does not tick any more"), std::string::npos);
-    TickRecord last;
-    ASSERT_TRUE(loop->latest(last));
-    EXPECT_GT(loop->report().seconds - last.time, std::max(1.0, allowed));
+    const auto last = loop->latest();
+    ASSERT_TRUE(last);
+    EXPECT_GT(loop->report().seconds - last->time, std::max(1.0, allowed));
   }
 }
 
@@ -297,9 +297,9 @@ TEST(LiveLoop, AThreadOfRecordsWithoutMemoryEndsTheRunWell) {
   EXPECT_TRUE(wait_for([&] { return device.last_force() == 0; }));
   loop->stop();
   device.is_forgetful = false;
-  TickRecord last;
-  ASSERT_TRUE(loop->latest(last));
-  EXPECT_EQ(norm(last.F_H_B.force), 0);  // it has faded
+  const auto last = loop->latest();
+  ASSERT_TRUE(last);
+  EXPECT_EQ(norm(last->F_H_B.force), 0);  // it has faded
   const Status ending = loop->status();
   ASSERT_FALSE(ending);
   EXPECT_NE(ending.error().message.find("out of memory"), std::string::npos);
@@ -332,13 +332,16 @@ TEST(LiveLoop, ALeapOfTheDevicesClockPasses) {
   const auto begin = std::chrono::steady_clock::now();
   EXPECT_TRUE(wait_for([&] { return (*loop)->report().num_contacts > before + 20; }));
   EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(30));
-  TickRecord tick;
   EXPECT_TRUE(wait_for([&] {
-    return (*loop)->latest(tick) && tick.contact_age < 30 && tick.safety.fault == Fault::none;
+    const auto tick = (*loop)->latest();
+    return tick && tick->contact_age < 30 && tick->safety.fault == Fault::none;
   }));
   EXPECT_EQ(device.last_force(), 0);  // not into the contact
   is_pressing = false;
-  EXPECT_TRUE(wait_for([&] { return (*loop)->latest(tick) && tick.safety.is_engaged(); }));
+  EXPECT_TRUE(wait_for([&] {
+    const auto tick = (*loop)->latest();
+    return tick && tick->safety.is_engaged();
+  }));
   is_pressing = true;
   EXPECT_TRUE(wait_for([&] { return device.last_force() > 0.1; }));
   EXPECT_EQ((*loop)->report().num_faults, 1u);

@@ -132,7 +132,7 @@ TEST(LiveLoop, TheHandFeelsTheWallAndAllIsRecorded) {
     EXPECT_TRUE((*loop)->is_running());
     TickRecord newest;
     EXPECT_TRUE(wait_for([&] {
-      (*loop)->latest(newest);
+      newest = (*loop)->latest().value_or(newest);
       return newest.F_H_B.force.z < -0.5 && (*loop)->report().num_frames > 8;
     })) << newest.F_H_B.force.z;
     EXPECT_GT(newest.penetration.volume, 0);
@@ -288,17 +288,17 @@ TEST(LiveLoop, TheForceIsAwayWhileItIsSuspendedAndReturnsToAFreeHand) {
   ASSERT_TRUE(wait_for([&] { return device.last_force() > 0.5; }));
   (*loop)->suspend_force();
   EXPECT_EQ(device.last_force(), 0);
-  TickRecord tick;
+  std::optional<TickRecord> tick;
   const auto comes_to = [&](ForceState state) {
-    return wait_for([&] { return (*loop)->latest(tick) && tick.safety.state == state; });
+    return wait_for([&] { return (tick = (*loop)->latest()) && tick->safety.state == state; });
   };
-  EXPECT_TRUE(comes_to(ForceState::off));
-  EXPECT_EQ(tick.safety.fault, Fault::loop);
+  ASSERT_TRUE(comes_to(ForceState::off));
+  EXPECT_EQ(tick->safety.fault, Fault::loop);
   (*loop)->resume_force();
-  EXPECT_TRUE(comes_to(ForceState::waiting));
-  const std::uint64_t waiting = tick.number;
-  EXPECT_TRUE(wait_for([&] { return (*loop)->latest(tick) && tick.number > waiting + 100; }));
-  EXPECT_EQ(tick.safety.state, ForceState::waiting);  // as after any fault: not into a contact
+  ASSERT_TRUE(comes_to(ForceState::waiting));
+  const std::uint64_t waiting = tick->number;
+  ASSERT_TRUE(wait_for([&] { return (tick = (*loop)->latest()) && tick->number > waiting + 100; }));
+  EXPECT_EQ(tick->safety.state, ForceState::waiting);  // as after any fault: not into a contact
   is_free = true;
   EXPECT_TRUE(comes_to(ForceState::engaged));
   (*loop)->stop();
@@ -359,12 +359,12 @@ TEST(LiveLoop, AForceThatStaysAwayComesWhenItIsAskedFor) {
   auto loop = RunLoop::create(box_tool(), source, device, settings);
   ASSERT_TRUE(loop);
   ASSERT_TRUE((*loop)->start());
-  TickRecord tick;
+  std::optional<TickRecord> tick;
   const auto comes_to = [&](ForceState state) {
-    return wait_for([&] { return (*loop)->latest(tick) && tick.safety.state == state; });
+    return wait_for([&] { return (tick = (*loop)->latest()) && tick->safety.state == state; });
   };
-  EXPECT_TRUE(comes_to(ForceState::held_off));
-  EXPECT_EQ(tick.safety.fault, Fault::stale_sensor);
+  ASSERT_TRUE(comes_to(ForceState::held_off));
+  EXPECT_EQ(tick->safety.fault, Fault::stale_sensor);
   EXPECT_EQ(device.last_force(), 0);
   (*loop)->request_force();
   EXPECT_TRUE(comes_to(ForceState::engaged));

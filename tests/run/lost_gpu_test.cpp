@@ -92,7 +92,7 @@ struct Touching {
     EXPECT_TRUE(test::wait_for([&] { return is_felt(); }));
   }
   bool is_felt() {
-    loop->latest(newest);
+    newest = loop->latest().value_or(newest);
     return norm(newest.F_H_B.force) > 0.5 && newest.safety.is_engaged();
   }
   bool has_note(const char* words) const {

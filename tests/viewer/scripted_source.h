@@ -167,7 +167,8 @@ class ScriptedSource : public ViewSource {
   // ViewSource.
   const ViewContent& content() const override { return content_; }
 
-  void poll(const ViewSubscription& subscription, ViewUpdate& update) override {
+  ViewUpdate poll(const ViewSubscription& subscription) override {
+    ViewUpdate update;
     const std::lock_guard lock(mutex_);
     ++num_polls_;
     subscription_ = subscription;
@@ -194,6 +195,7 @@ class ScriptedSource : public ViewSource {
         update.samples.push_back(scripted_sample(k, scene_.sample_rate));
     }
     next_sample_ = end;
+    return update;
   }
 
   std::string state() override {

@@ -706,18 +706,18 @@ TEST(ViewServer, TwoHundredSlowClientsCostAPageNothing) {
 /// The same large scene again and again, 30 times a second.
 class BusySource : public ViewSource {
  public:
-  BusySource() : inner_(test::big_scene(17000, 640, 480)) {
-    inner_.poll({true, true, true, false}, parts_);
-  }
+  BusySource()
+      : inner_(test::big_scene(17000, 640, 480)), parts_(inner_.poll({true, true, true, false})) {}
   const ViewContent& content() const override { return inner_.content(); }
-  void poll(const ViewSubscription& subscription, ViewUpdate& update) override {
+  ViewUpdate poll(const ViewSubscription& subscription) override {
     const double now = monotonic_now();
-    inner_.poll({.samples = subscription.samples}, update);
+    ViewUpdate update = inner_.poll({.samples = subscription.samples});
     if (now >= next_) {
       next_ = std::max(next_ + 1.0 / 30, now);
       if (subscription.frames) update.frames = parts_.frames;
       if (subscription.contacts) update.contact = parts_.contact;
     }
+    return update;
     cpu_seconds = thread_cpu_now();
     nice = test::own_nice();
   }

@@ -67,8 +67,7 @@ TEST(RepetitionOfSeveralCameras, GivesTheSameBitsFromAnywhere) {
 
 /// The newest frame of each camera.
 void poll_frames(ViewSource& view, std::vector<std::shared_ptr<const ViewFrame>>& frames) {
-  ViewUpdate update;
-  view.poll({.frames = true}, update);
+  const ViewUpdate update = view.poll({.frames = true});
   std::vector<bool> has_one(frames.size());
   for (const auto& frame : update.frames) {
     ASSERT_LT(frame->camera, frames.size());

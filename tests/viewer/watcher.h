@@ -20,8 +20,7 @@ struct Watcher {
   explicit Watcher(ViewSource& watched) : source(watched) {}
 
   void poll() {
-    ViewUpdate update;
-    source.poll(subscription, update);
+    const ViewUpdate update = source.poll(subscription);
     if (!update.frames.empty()) frame = update.frames.back();
     if (update.contact) contact = update.contact;
     if (update.surface) surface = update.surface;

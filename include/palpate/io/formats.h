@@ -76,13 +76,17 @@ struct DepthFolderOptions {
 Result<std::unique_ptr<DepthSource>> open_depth_folder(const std::filesystem::path& folder,
                                                        const DepthFolderOptions& options);
 
+/// A cloud that was read from a file.
+struct CloudFile {
+  PointCloud cloud;
+  std::string note;  ///< remark on normals that were turned; empty: none
+};
 /// Reads a cloud with normals from a PLY (ascii or binary; properties x y z nx ny nz) or PCD
 /// (ascii, binary, binary_compressed; fields x y z normal_x normal_y normal_z). A PCD with height >
 /// 1 stays organized. Normals are turned toward the viewpoint: the VIEWPOINT of a PCD, which moves
-/// no points, else the origin. `note` gets a remark on that; empty: none.
-/// Errors: no normals; truncated files; counts that the file cannot hold (checked before
-/// allocating).
-Result<PointCloud> load_cloud(const std::filesystem::path& path, std::string* note = nullptr);
+/// no points, else the origin. Errors: no normals; truncated files; counts that the file cannot
+/// hold (checked before allocating).
+Result<CloudFile> load_cloud(const std::filesystem::path& path);
 
 /// Depth image of an organized PCD without normals: z as 16-bit counts of `unit` (m).
 Result<DepthFrame> load_depth_pcd(const std::filesystem::path& path, double unit = 0.001);

@@ -128,21 +128,6 @@ struct SurfacePicture {
   std::vector<Vec3f> edges;            ///< depth-change vectors; empty if they are not computed
 };
 
-inline void make_surface_picture(const PointCloud& seen, std::uint64_t frame_number,
-                                 SurfacePicture& picture) {
-  picture.frame_number = frame_number;
-  picture.width = seen.width();
-  picture.height = seen.height();
-  picture.points.resize(seen.size());
-  picture.normals.resize(seen.size());
-  picture.edges.resize(seen.has_edges() ? seen.size() : 0);
-  for (std::size_t i = 0; i < seen.size(); ++i) {
-    picture.points[i] = seen.point(i);
-    picture.normals[i] = seen.normal(i);
-    if (seen.has_edges()) picture.edges[i] = seen.edge(i);
-  }
-}
-
 // A current run: live, or on a simulated clock.
 //
 // Live, five threads are connected by triple buffers (thesis Fig. 4.1):
@@ -235,8 +220,8 @@ class RunLoop {
   virtual void stop() noexcept = 0;
   /// True from `start` until the loop has ended.
   virtual bool is_running() const noexcept = 0;
-  /// The newest tick; from any thread except the haptic one, one reader.
-  virtual bool latest(TickRecord& record) noexcept = 0;
+  /// The newest tick if there is a new one; from any thread except the haptic one, one reader.
+  virtual std::optional<TickRecord> latest() noexcept = 0;
   /// Times of all stages so far; from any thread.
   virtual const LoopTimes& times() const noexcept = 0;
   /// Counters so far; from any thread that may wait.

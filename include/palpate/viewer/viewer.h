@@ -87,8 +87,9 @@ class ViewSource {
 
   /// Returns the constant content: the tool, objects and streams.
   virtual const ViewContent& content() const = 0;
-  /// Called some sixty times per second; must not wait. Fills only the parts in `subscription`.
-  virtual void poll(const ViewSubscription& subscription, ViewUpdate& update) = 0;
+  /// Returns what is new of the parts in `subscription`. Called some sixty times per second; must
+  /// not wait.
+  virtual ViewUpdate poll(const ViewSubscription& subscription) = 0;
   /// The other state as a JSON object: see docs/viewer-protocol.md, `state`. Called a few times per
   /// second.
   virtual std::string state() = 0;

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstdio>
 #include <string>
+#include <utility>
 
 #include "palpate/io/formats.h"
 #include "src/io/clouds/cloud_columns.h"
@@ -49,7 +50,7 @@ std::string words_of_eye(const std::filesystem::path& path, const Vec3d& eye,
 
 }  // namespace
 
-Result<PointCloud> load_cloud(const std::filesystem::path& path, std::string* note) {
+Result<CloudFile> load_cloud(const std::filesystem::path& path) {
   const auto content = read_file(path);
   if (!content) return content.error();
   if (!is_ply(*content) && !is_pcd(*content))
@@ -74,8 +75,7 @@ Result<PointCloud> load_cloud(const std::filesystem::path& path, std::string* no
     ++num_usable;
     num_turned += is_turned;
   }
-  if (note != nullptr) *note = words_of_eye(path, columns->eye, num_turned, num_usable);
-  return cloud;
+  return CloudFile{std::move(cloud), words_of_eye(path, columns->eye, num_turned, num_usable)};
 }
 
 Result<DepthFrame> load_depth_pcd(const std::filesystem::path& path, double unit) {

@@ -13,6 +13,7 @@
 #include "src/core/internal/monotonic_clock.h"
 #include "src/core/internal/triple_buffer.h"
 #include "src/run/internal/pipeline.h"
+#include "src/run/internal/surface_picture.h"
 #include "src/run/loop/queues/frame_queue.h"
 
 namespace palpate { inline namespace v0 {
@@ -39,7 +40,7 @@ class ClockedLoop final : public RunLoop {
   void request_force() noexcept override { wants_force_ = true; }
   void stop() noexcept override;
   bool is_running() const noexcept override { return is_running_.load(std::memory_order_acquire); }
-  bool latest(TickRecord& record) noexcept override;
+  std::optional<TickRecord> latest() noexcept override;
   const LoopTimes& times() const noexcept override { return times_; }
   LoopReport report() const override;
   Status status() const override;
@@ -268,10 +269,9 @@ void ClockedLoop::make_pictures() {
   }
 }
 
-bool ClockedLoop::latest(TickRecord& record) noexcept {
-  if (!newest_.refresh()) return false;
-  record = newest_.value();
-  return true;
+std::optional<TickRecord> ClockedLoop::latest() noexcept {
+  if (!newest_.refresh()) return std::nullopt;
+  return newest_.value();
 }
 
 LoopReport ClockedLoop::report() const {

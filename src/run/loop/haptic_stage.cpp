@@ -92,10 +92,9 @@ void HapticStage::keep_time(const TickStart& start, const TickRecord& record) no
   num_ticks_.store(number + 1, std::memory_order_release);
 }
 
-bool HapticStage::latest(TickRecord& record) noexcept {
-  if (!newest_.refresh()) return false;
-  record = newest_.value();
-  return true;
+std::optional<TickRecord> HapticStage::latest() noexcept {
+  if (!newest_.refresh()) return std::nullopt;
+  return newest_.value();
 }
 
 }}  // namespace palpate::v0

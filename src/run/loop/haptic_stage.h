@@ -63,7 +63,7 @@ class HapticStage {
   /// Error number of the request for real time; 0: granted or not requested.
   int real_time_error() const noexcept { return real_time_error_.load(); }
   /// The newest tick; one reader.
-  bool latest(TickRecord& record) noexcept;
+  std::optional<TickRecord> latest() noexcept;
   /// Publishing thread; empty unless records are kept.
   RecordQueue<TickRecord>& records() noexcept { return records_; }
   /// Likewise, snapshots of the hand, one a second.

@@ -74,7 +74,7 @@ class LiveLoop final : public RunLoop {
   void resume_force() noexcept override { haptic_.suspend(false); }
   void stop() noexcept override;
   bool is_running() const noexcept override { return is_running_.load(std::memory_order_acquire); }
-  bool latest(TickRecord& record) noexcept override { return haptic_.latest(record); }
+  std::optional<TickRecord> latest() noexcept override { return haptic_.latest(); }
   const LoopTimes& times() const noexcept override { return times_; }
   LoopReport report() const override;
   Status status() const override;

@@ -12,6 +12,7 @@
 #include "src/core/internal/thread_rank.h"
 #include "src/field/internal/needed_window.h"
 #include "src/run/internal/pipeline.h"
+#include "src/run/internal/surface_picture.h"
 
 namespace palpate { inline namespace v0 {
 namespace {

@@ -41,11 +41,10 @@ void ViewHub::poll(double now) {
   ViewSubscription subscription;
   for (const PageOutbox* page : pages_)
     subscription = either(subscription, page->subscription(now));
-  ViewUpdate update;
-  source_.poll(subscription, update);
+  ViewUpdate update = source_.poll(subscription);
   ++num_polls_;
-  take_parts(update);
   take_samples(update.samples);
+  take_parts(std::move(update));
   if (!pages_.empty() && (is_state_old_ || now >= state_time_ + kStatePeriod)) poll_state(now);
 }
 
@@ -62,7 +61,7 @@ void ViewHub::set(std::size_t part, std::function<std::string(std::uint64_t)> en
   slot = {slot.kind, slot.number + 1, std::move(encode), {}};
 }
 
-void ViewHub::take_parts(ViewUpdate& update) {
+void ViewHub::take_parts(ViewUpdate update) {
   for (auto& frame : update.frames) {
     newest_time_ = frame->time;
     const std::size_t camera = frame->camera;

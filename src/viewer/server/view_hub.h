@@ -77,7 +77,7 @@ class ViewHub {
     ViewMessage message;
   };
   void set(std::size_t part, std::function<std::string(std::uint64_t)> encode);
-  void take_parts(ViewUpdate& update);
+  void take_parts(ViewUpdate update);
   void take_samples(const std::vector<ViewSample>& samples);
   void poll_state(double now);
 

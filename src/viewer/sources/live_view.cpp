@@ -127,7 +127,7 @@ class LiveViewImpl final : public LiveView {
   RunMonitor& monitor() override { return monitor_; }
   bool wants_end() const noexcept override { return wants_end_; }
   const ViewContent& content() const override { return content_; }
-  void poll(const ViewSubscription& subscription, ViewUpdate& update) override;
+  ViewUpdate poll(const ViewSubscription& subscription) override;
   std::string state() override;
   std::string controls() override;
   Result<std::string> command(std::string_view json) override;
@@ -183,18 +183,20 @@ void LiveViewImpl::look_at_loop() {
   fault_ = status ? Json() : Json(status.error().message);
 }
 
-void LiveViewImpl::poll(const ViewSubscription& subscription, ViewUpdate& update) {
+ViewUpdate LiveViewImpl::poll(const ViewSubscription& subscription) {
   {
     // Everything at once, and rarely if time is short: data that is not sent is not drawn either.
     const std::lock_guard lock(mutex_);
     const double now = monotonic_now();
-    if (loop_ != nullptr && loop_->is_short_of_time() && now < last_poll_ + kSparePeriod) return;
+    if (loop_ != nullptr && loop_->is_short_of_time() && now < last_poll_ + kSparePeriod) return {};
     last_poll_ = now;
   }
+  ViewUpdate update;
   if (subscription.frames) pending_.take_frames(update.frames);
   if (subscription.samples) pending_.take_samples(update.samples);
   const std::lock_guard lock(mutex_);
   if (loop_ != nullptr) take_pictures(subscription, update);
+  return update;
 }
 
 void LiveViewImpl::take_pictures(const ViewSubscription& subscription, ViewUpdate& update) {

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "src/run/internal/surface_picture.h"
 #include "src/viewer/protocol/view_contact.h"
 
 namespace palpate { inline namespace v0 {

@@ -66,7 +66,8 @@ RunPlayer::~RunPlayer() {
 
 // Requests of other threads.
 
-void RunPlayer::poll(const ViewSubscription& subscription, ViewUpdate& update) {
+ViewUpdate RunPlayer::poll(const ViewSubscription& subscription) {
+  ViewUpdate update;
   const std::lock_guard lock(mutex_);
   const bool is_looking =
       subscription.frames || subscription.contacts || subscription.surfaces || subscription.samples;
@@ -78,6 +79,7 @@ void RunPlayer::poll(const ViewSubscription& subscription, ViewUpdate& update) {
   if (subscription.contacts) update.contact = std::exchange(pending_.contact, nullptr);
   if (subscription.surfaces) update.surface = std::exchange(pending_.surface, nullptr);
   if (subscription.samples) samples_.take(update.samples);
+  return update;
 }
 
 PlayerState RunPlayer::shown() const {

@@ -36,7 +36,7 @@ class RunPlayer {
   const std::vector<SceneObject>& objects() const { return run_->objects(); }
 
   // For one other thread; none of these waits for a picture.
-  void poll(const ViewSubscription& subscription, ViewUpdate& update);
+  ViewUpdate poll(const ViewSubscription& subscription);
   PlayerState shown() const;
   std::vector<RecordedMark> marks() const { return run_->marks(); }
   void pause();

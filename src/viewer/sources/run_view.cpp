@@ -28,8 +28,8 @@ class RunView final : public ViewSource {
                  shapes_of(player_.objects())} {}
 
   const ViewContent& content() const override { return content_; }
-  void poll(const ViewSubscription& subscription, ViewUpdate& update) override {
-    player_.poll(subscription, update);
+  ViewUpdate poll(const ViewSubscription& subscription) override {
+    return player_.poll(subscription);
   }
   std::string state() override;
   std::string controls() override {

@@ -12,7 +12,7 @@ class ToolView final : public ViewSource {
   ToolView(const Tool& tool, std::string title) : content_{"tool", std::move(title), &tool} {}
 
   const ViewContent& content() const override { return content_; }
-  void poll(const ViewSubscription&, ViewUpdate&) override {}
+  ViewUpdate poll(const ViewSubscription&) override { return {}; }
   std::string state() override {
     return R"({"time": 0, "running": false, "fault": null, "note": null, "paused": false, )"
            R"("revision": 0, "settings": {}, "frame_number": 0})";

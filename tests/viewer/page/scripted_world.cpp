@@ -105,9 +105,10 @@ void ScriptedWorld::apply(const Json& change) {
   is_moving_ = change.value("moving", is_moving_);
 }
 
-void ScriptedWorld::poll(const ViewSubscription& subscription, ViewUpdate& update) {
+ViewUpdate ScriptedWorld::poll(const ViewSubscription& subscription) {
+  ViewUpdate update;
   const std::lock_guard lock(mutex_);
-  if (is_frozen_) return;
+  if (is_frozen_) return update;
   ++num_polls_;
   if (!is_paused_) time_ += kPollSeconds * speed_;
   // Thirty frames a second, as a camera has them.
@@ -126,6 +127,7 @@ void ScriptedWorld::poll(const ViewSubscription& subscription, ViewUpdate& updat
       update.samples.push_back(make_sample(time_ + i * kPollSeconds / kTicksPerPoll));
     }
   }
+  return update;
 }
 
 void ScriptedWorld::place(const Json& cameras) {

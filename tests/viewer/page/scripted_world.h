@@ -34,7 +34,7 @@ class ScriptedWorld : public ViewSource {
   void apply(const Json& change);
 
   const ViewContent& content() const override { return content_; }
-  void poll(const ViewSubscription& subscription, ViewUpdate& update) override;
+  ViewUpdate poll(const ViewSubscription& subscription) override;
   std::string state() override;
   std::string controls() override;
   Result<std::string> command(std::string_view json) override;
