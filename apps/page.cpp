@@ -44,8 +44,8 @@ bool is_token(const std::string& text) {
 
 }  // namespace
 
-void add_page_options(CLI::App& app, const std::string& prefix, ViewServerOptions& options) {
-  options.option_prefix = prefix;
+void add_page_options(CLI::App& app, const std::string& prefix, PageOptions& options) {
+  options.prefix = prefix;
   app.add_option(prefix + "port", options.port, "port of the page; 0: any free one")
       ->check(CLI::Range(0, 65535).description(""))
       ->type_name("PORT")
@@ -66,10 +66,13 @@ void add_page_options(CLI::App& app, const std::string& prefix, ViewServerOption
       ->type_name("TOKEN");
 }
 
-Result<OpenPage> OpenPage::serve(ViewSource& source, const ViewServerOptions& options,
+Result<OpenPage> OpenPage::serve(ViewSource& source, const PageOptions& options,
                                  std::ostream& out) {
   auto server = ViewServer::start(source, options);
-  if (!server) return server.error();
+  if (!server) {
+    return Error{server.error().code, server.error().message + " (" + options.prefix + "port, " +
+                                          options.prefix + "address)"};
+  }
   const std::string url = (*server)->url();
   out << "open " << url << " in a browser; Ctrl-C ends\n";
   const bool is_here_only = options.address.starts_with("127.") || options.address == "localhost";

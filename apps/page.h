@@ -11,15 +11,19 @@
 
 namespace palpate::apps {
 
-/// PREFIX-port, PREFIX-address and PREFIX-token, e.g. "--view-port" for the prefix "--view-".
-void add_page_options(CLI::App& app, const std::string& prefix, ViewServerOptions& options);
+/// Options of the page on the command line: "--view-port" for the prefix "--view-", and so on.
+struct PageOptions : ViewServerOptions {
+  std::string prefix = {};
+};
+
+/// Adds the options port, address and token with a prefix.
+void add_page_options(CLI::App& app, const std::string& prefix, PageOptions& options);
 
 /// Serves `source` while it exists, and prints how to open it, also from the user's own computer
 /// in an ssh session.
 class OpenPage {
  public:
-  static Result<OpenPage> serve(ViewSource& source, const ViewServerOptions& options,
-                                std::ostream& out);
+  static Result<OpenPage> serve(ViewSource& source, const PageOptions& options, std::ostream& out);
   const ViewServer& server() const { return *server_; }
   /// Gives pages time to receive the end of the run.
   void print_closing() const;

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "apps/options.h"
+#include "apps/page.h"
 #include "apps/ros/ros_output.h"
 #include "apps/touch/frames.h"
 #include "apps/touch/materials.h"
@@ -18,7 +19,6 @@
 #include "palpate/cameras/cameras.h"
 #include "palpate/io/files.h"
 #include "palpate/session/run.h"
-#include "palpate/viewer/viewer.h"
 #include "src/session/internal/probing_path.h"
 
 namespace palpate::apps {
@@ -55,7 +55,7 @@ struct TouchOptions {
   bool json = false;
   RecordingOptions recording;
   bool has_page = false;
-  ViewServerOptions page;
+  PageOptions page;
   RosOutputOptions ros;
 
   bool is_given(std::string_view key) const { return std::ranges::find(given, key) != given.end(); }

@@ -137,14 +137,14 @@ Result<ChosenQuery> choose_query(const RunSettings& settings, const Tool& tool, 
   const auto method = contact_method(settings.contact);
   if (!method) return method.error();
   const auto index = ToolIndex::create(tool);
-  ExecutionOptions capacities;
-  capacities.gpu = settings.contact_gpu;
-  if (settings.num_threads > 1) capacities.pool = &pool;
+  ExecutionOptions execution;
+  execution.gpu = settings.contact_gpu;
+  if (settings.num_threads > 1) execution.pool = &pool;
   Backend backend = settings.backend.value_or(Backend::cuda);
-  auto query = make_contact_query(backend, index, *method, capacities);
+  auto query = make_contact_query(backend, index, *method, execution);
   if (!query && !settings.backend) {
     note_backend(query.error().message);
-    query = make_contact_query(backend = Backend::cpu, index, *method, capacities);
+    query = make_contact_query(backend = Backend::cpu, index, *method, execution);
   }
   if (!query) return query.error();
   return ChosenQuery{backend, *std::move(query)};
@@ -154,7 +154,8 @@ Result<ChosenQuery> choose_query(const RunSettings& settings, const Tool& tool, 
 void find_evidence(const ContactQuery& query, Backend backend,
                    std::span<const SurfaceBlend> cameras, Measurement& at) {
   SpherePicture spheres;
-  ContactWants wants = spheres.wants(query.index()->tool().spheres().size());
+  spheres.resize(query.index()->tool().spheres().size());
+  ContactWants wants = spheres.wants();
   wants.unseen_volume = true;
   const Penetration seen = query.measure(cameras, at.X_WT, wants).penetration;
   if (backend == Backend::cpu || cameras.size() > 1) at.unseen = seen.unseen_volume;

@@ -21,7 +21,7 @@ namespace {
 
 struct Options {
   std::string what;
-  ViewServerOptions server;
+  PageOptions server;
   bool opens_browser = false;
 };
 

@@ -164,11 +164,11 @@ RenderedScene see(const scenes::Scene& scene, DepthNoise noise) {
 
 Measure query_measure(const Tool& tool, const RenderedScene& scene, const ContactOptions& options,
                       ThreadPool* pool) {
-  ExecutionOptions capacities;
-  capacities.pool = pool;
+  ExecutionOptions execution;
+  execution.pool = pool;
   const ContactMethod method = contact_method(options).value();
   const std::shared_ptr<const ContactQuery> query =
-      make_contact_query(Backend::cpu, tool, method, capacities).value();
+      make_contact_query(Backend::cpu, tool, method, execution).value();
   const SurfaceView surface{scene.surface.cloud(), scene.field.view()};
   return {full_volume(tool, options),
           [query, surface](const Pose& X_WT) { return query->measure(surface, X_WT).penetration; }};

@@ -24,10 +24,10 @@ class MethodQueries {
         states_(index_->tool().spheres().size()),
         planes_(states_.size()) {}
   /// `tool` must outlive it.
-  MethodQueries(Backend backend, const Tool& tool, const ExecutionOptions& capacities = {})
+  MethodQueries(Backend backend, const Tool& tool, const ExecutionOptions& execution = {})
       : MethodQueries(ToolIndex::create(tool),
                       [=](std::shared_ptr<const ToolIndex> index, const ContactMethod& method) {
-                        return make_contact_query(backend, std::move(index), method, capacities);
+                        return make_contact_query(backend, std::move(index), method, execution);
                       }) {}
   MethodQueries(Backend, const Tool&&, const ExecutionOptions& = {}) = delete;
 

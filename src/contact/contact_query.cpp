@@ -1,6 +1,9 @@
 #include "palpate/contact/contact.h"
 
+#include <algorithm>
 #include <string>
+#include <thread>
+#include <utility>
 
 #include "src/contact/cuda/contact_query_cuda.h"
 #include "src/contact/field/field_contact.h"
@@ -74,7 +77,7 @@ ContactOptions contact_options(const ContactMethod& method) {
 Result<std::unique_ptr<ContactQuery>> make_contact_query(Backend backend,
                                                          std::shared_ptr<const ToolIndex> index,
                                                          const ContactMethod& method,
-                                                         const ExecutionOptions& capacities) {
+                                                         const ExecutionOptions& execution) {
   const std::size_t num_spheres = index->tool().spheres().size();
   if (contact_options(method).priority == Priority::path && num_spheres > kMaxPathSpheres) {
     return Error{Errc::invalid_argument,
@@ -86,14 +89,14 @@ Result<std::unique_ptr<ContactQuery>> make_contact_query(Backend backend,
   switch (backend) {
     case Backend::cpu: {
       const auto* field = std::get_if<FieldMethod>(&method);
-      if (field == nullptr) return make_point_contact(std::move(index), method, capacities);
+      if (field == nullptr) return make_point_contact(std::move(index), method, execution);
       return std::unique_ptr<ContactQuery>(
-          std::make_unique<FieldContact>(std::move(index), *field, capacities));
+          std::make_unique<FieldContact>(std::move(index), *field, execution));
     }
     case Backend::cuda: break;
   }
 #if defined(PALPATE_CUDA)
-  return make_contact_query_cuda(std::move(index), method, capacities);
+  return make_contact_query_cuda(std::move(index), method, execution);
 #else
   return find_gpus().error();
 #endif
@@ -101,8 +104,22 @@ Result<std::unique_ptr<ContactQuery>> make_contact_query(Backend backend,
 
 Result<std::unique_ptr<ContactQuery>> make_contact_query(Backend backend, const Tool& tool,
                                                          const ContactMethod& method,
-                                                         const ExecutionOptions& capacities) {
-  return make_contact_query(backend, ToolIndex::create(tool), method, capacities);
+                                                         const ExecutionOptions& execution) {
+  return make_contact_query(backend, ToolIndex::create(tool), method, execution);
+}
+
+Result<Contact> Contact::create(const Tool& tool, const ContactMethod& method, const Place& place,
+                                int num_threads) {
+  constexpr std::size_t kSpheresPerThread = 50000;
+  if (num_threads == 0) {
+    const std::size_t num_cores = std::max(1u, std::thread::hardware_concurrency());
+    num_threads =
+        static_cast<int>(std::min(num_cores, 1 + tool.spheres().size() / kSpheresPerThread));
+  }
+  auto pool = std::make_unique<ThreadPool>(num_threads);
+  auto query = make_contact_query(place.backend, tool, method, {best_isa(), pool.get(), place.gpu});
+  if (!query) return query.error();
+  return Contact(tool, place, std::move(pool), *std::move(query));
 }
 
 }}  // namespace palpate::v0

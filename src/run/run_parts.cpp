@@ -154,9 +154,9 @@ Result<std::unique_ptr<ContactPart>> make_contact_part(std::shared_ptr<const Too
                                                        const RunSettings& settings,
                                                        const ContactScale& scale,
                                                        ThreadPool* threads) {
-  ExecutionOptions capacities;
-  capacities.gpu = settings.contact_gpu;
-  capacities.pool = threads;
+  ExecutionOptions execution;
+  execution.gpu = settings.contact_gpu;
+  execution.pool = threads;
   const auto method = contact_method(settings.contact);
   if (!method) return method.error();
   if (const auto num = static_cast<std::size_t>(std::max(settings.num_spheres, 0));
@@ -166,7 +166,7 @@ Result<std::unique_ptr<ContactPart>> make_contact_part(std::shared_ptr<const Too
     index = *std::move(thinned);
   }
   const Tool& tool = index->tool();
-  auto query = make_contact_query(backend_of(settings), std::move(index), *method, capacities);
+  auto query = make_contact_query(backend_of(settings), std::move(index), *method, execution);
   if (!query) return query.error();
   std::unique_ptr<MovingBodies> moving;
   if (has_moving_objects(settings)) {

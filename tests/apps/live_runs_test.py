@@ -81,7 +81,7 @@ class LiveRuns(CommandLineCase):
         self.expect_failure(1, "view", self.folder, mentions="palpate touch wrote")
         self.expect_failure(1, "view", self.mesh, mentions="not a tool file")
         self.expect_failure(1, "view", self.tool, "--port", 0, "--address", "192.0.2.1",
-                            mentions="with --address")
+                            mentions="0.0.0.0 for all (--port, --address)")
 
     def test_touch_seen_in_a_browser(self):
         run = self.path("run_watched")

@@ -300,9 +300,12 @@ SlotSettings stream_settings() {
 void compare_from_depth_image(double allowed) {
   const Tool tool = test_tool();
   const SlotSettings settings = stream_settings();
-  auto on_cpu = make_timeline(std::move(make_frame_slots_cpu(settings)).value(), settings).value();
+  auto on_cpu =
+      FrameSlots::make_timeline(std::move(make_frame_slots_cpu(settings)).value(), settings)
+          .value();
   auto on_cuda =
-      make_timeline(std::move(make_frame_slots_cuda(settings, 0)).value(), settings).value();
+      FrameSlots::make_timeline(std::move(make_frame_slots_cuda(settings, 0)).value(), settings)
+          .value();
   eval::MethodQueries cpu = std::move(*cpu_query(tool)), cuda = std::move(*cuda_query(tool));
   ThreadPool pool(1);
   for (int number = 0; number < 2; ++number) {

@@ -33,7 +33,7 @@ DepthFrame frame(int number) {
 
 SurfaceTimeline timeline(Result<std::unique_ptr<FrameSlots>> slots, const SlotSettings& settings) {
   EXPECT_TRUE(slots) << slots.error().message;
-  return std::move(make_timeline(*std::move(slots), settings)).value();
+  return std::move(FrameSlots::make_timeline(*std::move(slots), settings)).value();
 }
 
 void expect_same(const SurfaceView& got, const SurfaceView& want, gpu::Stream& stream) {

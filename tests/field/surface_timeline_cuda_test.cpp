@@ -57,11 +57,12 @@ DepthFrame frame(int k) {
 SurfaceTimeline timeline_on_gpu(const SlotSettings& settings) {
   auto slots = make_frame_slots_cuda(settings, 0);
   EXPECT_TRUE(slots) << slots.error().message;
-  return std::move(make_timeline(*std::move(slots), settings)).value();
+  return std::move(FrameSlots::make_timeline(*std::move(slots), settings)).value();
 }
 
 SurfaceTimeline timeline_on_cpu(const SlotSettings& settings) {
-  return std::move(make_timeline(std::move(make_frame_slots_cpu(settings)).value(), settings))
+  return std::move(
+             FrameSlots::make_timeline(std::move(make_frame_slots_cpu(settings)).value(), settings))
       .value();
 }
 

@@ -102,9 +102,9 @@ struct Answer {
 using MadeQuery = Result<std::unique_ptr<ContactQuery>>;
 
 MadeQuery cpu_query(const Tool& tool, const ContactMethod& method, Isa isa) {
-  ExecutionOptions capacities;
-  capacities.isa = isa;
-  return make_contact_query(Backend::cpu, tool, method, capacities);
+  ExecutionOptions execution;
+  execution.isa = isa;
+  return make_contact_query(Backend::cpu, tool, method, execution);
 }
 
 Answer evaluate(const MadeQuery& query, const SurfaceView& from, const SurfaceView& to,

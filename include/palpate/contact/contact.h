@@ -18,24 +18,9 @@
 
 namespace palpate { inline namespace v0 {
 
-/// State of each sphere of a tool, for display; see ContactWants.
-struct SpherePicture {
-  std::vector<SphereState> states;
-  std::vector<Plane<float>> planes;
-  std::vector<std::int8_t> deciders;
-  std::vector<std::uint8_t> unseen;
-
-  /// The wants that fill it, for a tool of this many spheres.
-  ContactWants wants(std::size_t num_spheres) {
-    states.resize(num_spheres);
-    planes.resize(num_spheres);
-    deciders.resize(num_spheres);
-    unseen.resize(num_spheres);
-    return {.states = states, .planes = planes, .deciders = deciders, .unseen = unseen};
-  }
-};
-
 // The part of a query that depends on the tool only, not on its pose.
+
+struct ToolParts;  // src/contact/index/tool_parts.h
 
 /// Spheres in spatial order, the grid that finds the sphere of a point, the leaf graph in that
 /// order, and the elements for the depth field. Built once per tool and shared by all its queries
@@ -52,15 +37,12 @@ class ToolIndex {
   /// Memory of the parts built so far, bytes.
   std::size_t num_bytes() const;
 
-  /// Internal to the contact module: src/contact/index/tool_parts.h.
-  struct Parts;
-  const Parts& parts() const { return *parts_; }
-
  private:
+  friend const ToolParts& parts_of(const ToolIndex& index);
   explicit ToolIndex(const Tool& tool);
 
   const Tool* tool_;
-  std::unique_ptr<const Parts> parts_;
+  std::unique_ptr<const ToolParts> parts_;
 };
 
 /// Measures one tool with one method. Allocates at construction only. One thread at a time.
@@ -128,6 +110,26 @@ class ContactQuery {
   ContactMethod method_;
 };
 
+/// State of each sphere of a tool, for display; see ContactWants.
+struct SpherePicture {
+  std::vector<SphereState> states;
+  std::vector<Plane<float>> planes;
+  std::vector<std::int8_t> deciders;
+  std::vector<std::uint8_t> unseen;
+
+  /// Makes room for a tool of this many spheres.
+  void resize(std::size_t num_spheres) {
+    states.resize(num_spheres);
+    planes.resize(num_spheres);
+    deciders.resize(num_spheres);
+    unseen.resize(num_spheres);
+  }
+  /// The wants of a measurement that fills it.
+  ContactWants wants() {
+    return {.states = states, .planes = planes, .deciders = deciders, .unseen = unseen};
+  }
+};
+
 /// Instruction set, threads and GPU of a query.
 struct ExecutionOptions {
   Isa isa = best_isa();
@@ -139,11 +141,11 @@ struct ExecutionOptions {
 Result<std::unique_ptr<ContactQuery>> make_contact_query(Backend backend,
                                                          std::shared_ptr<const ToolIndex> index,
                                                          const ContactMethod& method,
-                                                         const ExecutionOptions& capacities = {});
+                                                         const ExecutionOptions& execution = {});
 /// The same with its own index. `tool` must outlive the query.
 Result<std::unique_ptr<ContactQuery>> make_contact_query(Backend backend, const Tool& tool,
                                                          const ContactMethod& method = {},
-                                                         const ExecutionOptions& capacities = {});
+                                                         const ExecutionOptions& execution = {});
 Result<std::unique_ptr<ContactQuery>> make_contact_query(Backend, const Tool&&,
                                                          const ContactMethod& = {},
                                                          const ExecutionOptions& = {}) = delete;
@@ -201,27 +203,21 @@ class BatchQuery {
   virtual Status reserve(int num_surfaces, int num_poses) const = 0;
 };
 
-/// Creates a batch query; `capacities.pool` spreads a batch over its threads. Errors: a method
+/// Creates a batch query; `execution.pool` spreads a batch over its threads. Errors: a method
 /// other than FieldMethod; the backend is not in this build or on this machine.
 Result<std::unique_ptr<BatchQuery>> make_batch_query(Backend backend,
                                                      std::shared_ptr<const ToolIndex> index,
                                                      const ContactMethod& method = {},
-                                                     const ExecutionOptions& capacities = {});
+                                                     const ExecutionOptions& execution = {});
 
 /// A ContactQuery with its own threads: the simplest way to measure. One thread at a time.
 class Contact {
  public:
   /// Creates a contact; `tool` must outlive it. On a CPU, a measurement uses the caller's thread
-  /// and `num_threads` - 1 more (0: one per core), worth it for over 50,000 spheres or so. Errors:
-  /// the place is not in this build or on this machine.
+  /// and `num_threads` - 1 more. 0: one per core, but at most one for each 50,000 spheres, which is
+  /// as many as pay. Errors: the place is not in this build or on this machine.
   static Result<Contact> create(const Tool& tool, const ContactMethod& method = FieldMethod{},
-                                const Place& place = Place::cpu(), int num_threads = 1) {
-    auto pool = std::make_unique<ThreadPool>(num_threads);
-    auto query =
-        make_contact_query(place.backend, tool, method, {best_isa(), pool.get(), place.gpu});
-    if (!query) return query.error();
-    return Contact(tool, place, std::move(pool), *std::move(query));
-  }
+                                const Place& place = Place::cpu(), int num_threads = 0);
   static Result<Contact> create(const Tool&&, const ContactMethod& = FieldMethod{},
                                 const Place& = Place::cpu(), int = 1) = delete;
 

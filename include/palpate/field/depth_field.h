@@ -57,7 +57,7 @@ inline void add_settings(SettingTable& t, MemoryOptions& o) {
   t.add("memory_frames", o.frames, {1, 15}, "memory, moving camera: maximum number of key frames");
 }
 
-struct TangentPlane;  // of a pixel, see src/field/pyramid/field_pixels.h
+struct TangentPlane;  // of a pixel, see src/cloud/internal/tangent_plane.h
 
 /// Space where the camera measured nothing and hole filling did not reach.
 enum class UnknownSpace {

@@ -150,8 +150,7 @@ class SurfaceTimeline {
   const Status& status() const;
 
  private:
-  friend Result<SurfaceTimeline> make_timeline(std::unique_ptr<FrameSlots> slots,
-                                               const SlotSettings& settings);
+  friend class FrameSlots;  // of this module: makes timelines
   struct Impl;
   explicit SurfaceTimeline(std::unique_ptr<Impl> impl);
   std::unique_ptr<Impl> impl_;

@@ -44,12 +44,6 @@ struct ProbeChoice {
   std::string note;  ///< problems of the path and how to avoid them; else empty
 };
 
-/// Help text for the options of `palpate touch`.
-inline constexpr const char* kHowToAim =
-    "aim with --probe u,v (a pixel of the depth image) or --probe x,y,z (a point, m, in camera "
-    "axes); choose the end that leads with --tip x,y,z (a point of the tool, m, in the frame of "
-    "its mesh)";
-
 /// Maxima of a run over all ticks.
 struct RunPeaks {
   double force = 0, torque = 0;                  ///< N and N m, on the hand

@@ -151,8 +151,6 @@ struct ViewServerOptions {
   std::uint16_t port = 8787;  ///< 0: any free port
   std::string token = {};     ///< 16 to 128 letters, digits, - and _; empty: none on loopback
   int max_pages = 8;          ///< at a time
-  /// Prefix of the options port, address and token, for messages.
-  std::string option_prefix = "--view-";
 };
 
 /// Serves until it is destroyed. Pages cannot slow down or block the run: the server polls the

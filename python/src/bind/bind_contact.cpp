@@ -109,7 +109,8 @@ PyResult measure(PyContact& self, nb::handle given, nb::handle pose, bool with_s
   }
   double fraction = 0, of_whole = 0;
   SpherePicture spheres;
-  ContactWants wants = spheres.wants(with_states ? self.tool().tool->spheres().size() : 0);
+  if (with_states) spheres.resize(self.tool().tool->spheres().size());
+  ContactWants wants = spheres.wants();
   wants.stiffness = with_stiffness;
   const ContactResult measured = self.alone([&](const Contact& contact) {
     const ContactResult result = contact.measure(cameras, X_WT, wants);

@@ -11,7 +11,7 @@ namespace palpate { inline namespace v0 {
 Result<std::unique_ptr<BatchQuery>> make_batch_query(Backend backend,
                                                      std::shared_ptr<const ToolIndex> index,
                                                      const ContactMethod& method,
-                                                     const ExecutionOptions& capacities) {
+                                                     const ExecutionOptions& execution) {
   const auto* const field = std::get_if<FieldMethod>(&method);
   if (field == nullptr) {
     return Error{Errc::invalid_argument,
@@ -22,11 +22,11 @@ Result<std::unique_ptr<BatchQuery>> make_batch_query(Backend backend,
   switch (backend) {
     case Backend::cpu:
       return std::unique_ptr<BatchQuery>(
-          std::make_unique<FieldBatch>(std::move(index), *field, capacities));
+          std::make_unique<FieldBatch>(std::move(index), *field, execution));
     case Backend::cuda: break;
   }
 #if defined(PALPATE_CUDA)
-  return make_batch_query_cuda(std::move(index), *field, capacities.gpu);
+  return make_batch_query_cuda(std::move(index), *field, execution.gpu);
 #else
   return find_gpus().error();
 #endif

@@ -230,16 +230,16 @@ void FieldBatch::Worker::measure(std::size_t first, std::size_t last) {
 }
 
 FieldBatch::FieldBatch(std::shared_ptr<const ToolIndex> index, const FieldMethod& method,
-                       const ExecutionOptions& capacities)
+                       const ExecutionOptions& execution)
     : index_(std::move(index)),
-      elements_(&index_->parts().elements(method.volumes)),
+      elements_(&parts_of(*index_).elements(method.volumes)),
       p_TC_(index_->tool().sphere_mass().center_of_mass),
-      kernels_(field_contact_kernels(capacities.isa)),
+      kernels_(field_contact_kernels(execution.isa)),
       largest_radius_(
           *std::max_element(elements_->largest_radius.begin(), elements_->largest_radius.end())),
       reach_(static_cast<float>(1.0001 * (norm(p_TC_) + elements_->reach) +
                                 static_cast<double>(largest_radius_))),
-      pool_(capacities.pool != nullptr ? capacities.pool : &own_pool_) {}
+      pool_(execution.pool != nullptr ? execution.pool : &own_pool_) {}
 
 FieldBatch::~FieldBatch() = default;
 

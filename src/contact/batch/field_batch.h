@@ -18,7 +18,7 @@ Status check_batch(const SurfaceBatch& surfaces, const PoseBatch& poses);
 class FieldBatch final : public BatchQuery {
  public:
   FieldBatch(std::shared_ptr<const ToolIndex> index, const FieldMethod& method,
-             const ExecutionOptions& capacities);
+             const ExecutionOptions& execution);
   ~FieldBatch() override;
 
   Status measure(const SurfaceBatch& surfaces, const PoseBatch& poses, const BatchAnswers& answers,

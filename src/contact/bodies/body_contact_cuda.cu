@@ -226,8 +226,8 @@ class BodyContactCuda final : public BodyPairQuery {
         memory_(gpu),
         stream_(gpu, gpu::Priority::high),
         answers_(gpu, blocks_for(gpu, a_->tool())) {
-    job_.a = view_of(memory_, a_->parts().clusters());
-    job_.b = view_of(memory_, b_->parts().clusters());
+    job_.a = view_of(memory_, parts_of(*a_).clusters());
+    job_.b = view_of(memory_, parts_of(*b_).clusters());
     job_.C_A = a_->tool().sphere_mass().center_of_mass;
   }
 

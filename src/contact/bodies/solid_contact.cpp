@@ -237,10 +237,10 @@ SolidSampling::SolidSampling(const FieldElements& elements, const SolidField& fi
 SolidPair::SolidPair(std::shared_ptr<const ToolIndex> of_a, std::shared_ptr<const ToolIndex> of_b)
     : a(std::move(of_a)),
       b(std::move(of_b)),
-      elements_a(&a->parts().solid_elements()),
-      elements_b(&b->parts().solid_elements()),
-      field_a(&a->parts().solid_field()),
-      field_b(&b->parts().solid_field()),
+      elements_a(&parts_of(*a).solid_elements()),
+      elements_b(&parts_of(*b).solid_elements()),
+      field_a(&parts_of(*a).solid_field()),
+      field_b(&parts_of(*b).solid_field()),
       sampling_a(*elements_a, *field_b),
       sampling_b(*elements_b, *field_a) {
   const double fine_a = sampling_a.is_possible ? std::pow(sampling_a.coarseness, -2) : 0;

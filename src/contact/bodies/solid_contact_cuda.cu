@@ -140,7 +140,7 @@ class SolidWay {
         stiffness_answers_(gpu, solid_blocks<SolidBend>(gpu, num_clusters(index)),
                            AnswerBox::kMaxNumbers) {
     if (!is_used_) return;
-    query_.elements = elements_view(index.parts().solid_elements(), memory_);
+    query_.elements = elements_view(parts_of(index).solid_elements(), memory_);
     query_.level = memory_.copy_of(sampling.level);
     query_.rounding = memory_.copy_of(sampling.rounding);
     query_.field = view_of(field);
@@ -181,7 +181,7 @@ class SolidWay {
 
  private:
   static int num_clusters(const ToolIndex& index) {
-    return index.parts().solid_elements().clusters.num_clusters();
+    return parts_of(index).solid_elements().clusters.num_clusters();
   }
   template <class Sample>
   void launch(gpu::Stream& stream, AnswerBox& answers) {

@@ -108,8 +108,8 @@ class PointMeasurementCuda {
   PointMeasurementCuda(const ToolIndex& index, const ContactOptions& options, int gpu)
       : index_(index),
         options_(options),
-        clusters_(index.parts().clusters()),
-        box_T_(index.parts().box_T),
+        clusters_(parts_of(index).clusters()),
+        box_T_(parts_of(index).box_T),
         memory_(gpu),
         stream_(gpu, gpu::Priority::high),
         clouds_(gpu),
@@ -159,7 +159,7 @@ class PointMeasurementCuda {
 
 // Copies the constant data of the tool.
 void PointMeasurementCuda::take_tool() {
-  const ToolIndex::Parts& parts = index_.parts();
+  const ToolParts& parts = parts_of(index_);
   const Tool& tool = index_.tool();
   const SphereGrid& grid = parts.grid();
   grid_ = grid.view();
@@ -219,7 +219,7 @@ void PointMeasurementCuda::take_scratch() {
   q.num_pieces = memory_.take<std::int32_t>(1);
   q.num_edge_candidates = memory_.take<std::int32_t>(1);
   if (options_.method == MethodKind::graph) {
-    const SortedGraph& graph = index_.parts().graph();
+    const SortedGraph& graph = parts_of(index_).graph();
     q.graph = sorted_graph_on_gpu(memory_, graph, clusters_);
     q.search = graph_search_on_gpu(memory_, q.graph, num_slots, graph.neighbors.size());
   }
@@ -342,8 +342,8 @@ void PointMeasurementCuda::describe(const ContactWants& wants) noexcept {
 
 Result<std::unique_ptr<ContactQuery>> make_contact_query_cuda(
     std::shared_ptr<const ToolIndex> index, const ContactMethod& method,
-    const ExecutionOptions& capacities) {
-  const int gpu = capacities.gpu;
+    const ExecutionOptions& execution) {
+  const int gpu = execution.gpu;
   if (const Status status = gpu::check_gpu(gpu); !status) return status.error();
   if (const auto* field = std::get_if<FieldMethod>(&method)) {
     auto query = std::make_unique<FieldContactCuda>(std::move(index), *field, gpu);

@@ -33,15 +33,15 @@ bool is_in_host_memory(const SurfaceView& surface) {
 FieldContactKernels field_contact_kernels(Isa isa) { return select_isa(kKernels, isa); }
 
 FieldContact::FieldContact(std::shared_ptr<const ToolIndex> index, const FieldMethod& method,
-                           const ExecutionOptions& capacities)
+                           const ExecutionOptions& execution)
     : ContactQuery(std::move(index), method),
-      elements_(&this->index()->parts().elements(method.volumes)),
+      elements_(&parts_of(*this->index()).elements(method.volumes)),
       p_TC_(this->index()->tool().sphere_mass().center_of_mass),
-      kernels_(field_contact_kernels(capacities.isa)),
-      pool_(capacities.pool != nullptr ? capacities.pool : &own_pool_),
+      kernels_(field_contact_kernels(execution.isa)),
+      pool_(execution.pool != nullptr ? execution.pool : &own_pool_),
       group_sums_(2 * static_cast<std::size_t>(elements_->clusters.num_groups())),
       unseen_(static_cast<std::size_t>(elements_->clusters.num_groups())),
-      hull_(std::make_unique<DepthHull>(*elements_, p_TC_, capacities.isa)) {}
+      hull_(std::make_unique<DepthHull>(*elements_, p_TC_, execution.isa)) {}
 
 FieldContact::~FieldContact() = default;
 

@@ -124,7 +124,7 @@ class DepthHull;
 class FieldContact final : public ContactQuery {
  public:
   FieldContact(std::shared_ptr<const ToolIndex> index, const FieldMethod& method,
-               const ExecutionOptions& capacities);
+               const ExecutionOptions& execution);
 
   using ContactQuery::measure;
   /// U = sum f_s G(phi(c_s)), G the integral of the cap volume over depth and f_s what the element

@@ -26,7 +26,7 @@ ElementsView elements_view(const FieldElements& elements, gpu::Memory& memory) {
 
 FieldTool make_field_tool(const ToolIndex& index, SphereVolumes volumes, gpu::Memory& memory) {
   const Tool& tool = index.tool();
-  const FieldElements& elements = index.parts().elements(volumes);
+  const FieldElements& elements = parts_of(index).elements(volumes);
   std::vector<Sphere> spheres(tool.spheres().size());
   for (std::size_t id = 0; id < spheres.size(); ++id) spheres[id] = field_ball(tool, id, volumes);
   FieldTool made{elements_view(elements, memory), memory.copy_of(spheres), elements.reach, {}, 0};

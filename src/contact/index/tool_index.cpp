@@ -5,7 +5,7 @@
 namespace palpate { inline namespace v0 {
 
 ToolIndex::ToolIndex(const Tool& tool)
-    : tool_(&tool), parts_(std::make_unique<const Parts>(tool)) {}
+    : tool_(&tool), parts_(std::make_unique<const ToolParts>(tool)) {}
 
 ToolIndex::~ToolIndex() = default;
 

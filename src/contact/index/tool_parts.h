@@ -40,8 +40,8 @@ class Lazy {
   mutable std::atomic<bool> is_there_ = false;
 };
 
-struct ToolIndex::Parts {
-  explicit Parts(const Tool& of) : tool(of), box_T(bounds_of(of.spheres())) {}
+struct ToolParts {
+  explicit ToolParts(const Tool& of) : tool(of), box_T(bounds_of(of.spheres())) {}
 
   const SphereClusters& clusters() const {
     return clusters_.get([&] { return SphereClusters(tool.spheres()); });
@@ -103,5 +103,8 @@ struct ToolIndex::Parts {
   Lazy<FieldElements> solid_elements_;
   Lazy<SolidField> solid_field_;  // if the tool brings none
 };
+
+/// Returns the parts of an index.
+inline const ToolParts& parts_of(const ToolIndex& index) { return *index.parts_; }
 
 }}  // namespace palpate::v0

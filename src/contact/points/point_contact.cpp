@@ -22,22 +22,22 @@ constexpr AssignWeighted kAssignWeighted[] = PALPATE_BY_ISA(assign_weighted);
 }  // namespace
 
 PointMeasurement::PointMeasurement(const ToolIndex& index, const ContactOptions& options,
-                                   const ExecutionOptions& capacities)
+                                   const ExecutionOptions& execution)
     : index_(index),
       options_(options),
       fades_in_(options.continuity == Continuity::entry || options.continuity == Continuity::both),
       spheres_(index.tool().spheres()),
-      pool_(capacities.pool != nullptr ? capacities.pool : &own_pool_),
-      assign_nearest_(select_isa(kAssignNearest, capacities.isa)),
-      assign_weighted_(select_isa(kAssignWeighted, capacities.isa)),
-      grid_(index.parts().grid()),
-      clusters_(index.parts().clusters()),
-      scales_(index.parts().scales(options.counted())),
-      box_T_(index.parts().box_T),
-      priority_(index.parts().priority_rule(
+      pool_(execution.pool != nullptr ? execution.pool : &own_pool_),
+      assign_nearest_(select_isa(kAssignNearest, execution.isa)),
+      assign_weighted_(select_isa(kAssignWeighted, execution.isa)),
+      grid_(parts_of(index).grid()),
+      clusters_(parts_of(index).clusters()),
+      scales_(parts_of(index).scales(options.counted())),
+      box_T_(parts_of(index).box_T),
+      priority_(parts_of(index).priority_rule(
           options.priority,
-          options.priority == Priority::path ? index.parts().paths().lengths.data() : nullptr)),
-      points_(spheres_.size(), *pool_, select_isa(kScanPoints, capacities.isa),
+          options.priority == Priority::path ? parts_of(index).paths().lengths.data() : nullptr)),
+      points_(spheres_.size(), *pool_, select_isa(kScanPoints, execution.isa),
               options.edges != Edges::none),
       edges_(spheres_, clusters_, options.edges != Edges::none),
       donors_(spheres_) {
@@ -45,7 +45,7 @@ PointMeasurement::PointMeasurement(const ToolIndex& index, const ContactOptions&
   seeds_.reserve(n);
   donor_of_seed_.reserve(n);
   if (options.method == MethodKind::graph) {
-    traversal_.emplace(spheres_, index.parts().graph());
+    traversal_.emplace(spheres_, parts_of(index).graph());
     seed_moments_.reserve(n);
     return;
   }
@@ -207,9 +207,8 @@ void PointMeasurement::describe(const ContactWants& wants) const {
 
 std::unique_ptr<ContactQuery> make_point_contact(std::shared_ptr<const ToolIndex> index,
                                                  const ContactMethod& method,
-                                                 const ExecutionOptions& capacities) {
-  auto measurement =
-      std::make_unique<PointMeasurement>(*index, contact_options(method), capacities);
+                                                 const ExecutionOptions& execution) {
+  auto measurement = std::make_unique<PointMeasurement>(*index, contact_options(method), execution);
   return std::make_unique<PointContactOf<PointMeasurement>>(std::move(index), method,
                                                             std::move(measurement));
 }

@@ -10,6 +10,6 @@ namespace palpate { inline namespace v0 {
 /// `method` is one of the point methods.
 std::unique_ptr<ContactQuery> make_point_contact(std::shared_ptr<const ToolIndex> index,
                                                  const ContactMethod& method,
-                                                 const ExecutionOptions& capacities);
+                                                 const ExecutionOptions& execution);
 
 }}  // namespace palpate::v0

@@ -22,7 +22,7 @@ namespace palpate { inline namespace v0 {
 class PointMeasurement {
  public:
   PointMeasurement(const ToolIndex& index, const ContactOptions& options,
-                   const ExecutionOptions& capacities);
+                   const ExecutionOptions& execution);
 
   /// `X_WT` is finite, its quaternion unit.
   Penetration measure(const PointCloudView& cloud, const Pose& X_WT);

@@ -41,6 +41,9 @@ struct SlotSettings {
   }
   /// With the newest frame alone there is nothing to blend.
   int num_slots() const { return (time.mode == TimeMode::latest ? 1 : 2) + num_spare; }
+  /// Makes a timeline over slots. Errors: max_jump or first_period.
+  static Result<SurfaceTimeline> make_timeline(std::unique_ptr<FrameSlots> slots,
+                                               const SlotSettings& settings);
 };
 
 /// The last frames with all that is made from them. They are taken in turn.
@@ -74,9 +77,5 @@ Result<std::unique_ptr<FrameSlots>> make_frame_slots_cuda(const SlotSettings& se
 
 Result<std::unique_ptr<FrameSlots>> make_frame_slots(const SlotSettings& settings,
                                                      const Place& place);
-
-/// A timeline over these slots. Errors: max_jump or first_period.
-Result<SurfaceTimeline> make_timeline(std::unique_ptr<FrameSlots> slots,
-                                      const SlotSettings& settings);
 
 }}  // namespace palpate::v0

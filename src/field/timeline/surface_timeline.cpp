@@ -103,8 +103,8 @@ void SurfaceTimeline::Impl::keep_flow(const DepthImageView& frame, double interv
   if (is_given) std::copy_n(frame.flow, flow.pixels.size(), flow.pixels.begin());
 }
 
-Result<SurfaceTimeline> make_timeline(std::unique_ptr<FrameSlots> slots,
-                                      const SlotSettings& settings) {
+Result<SurfaceTimeline> FrameSlots::make_timeline(std::unique_ptr<FrameSlots> slots,
+                                                  const SlotSettings& settings) {
   if (const Status status = check(settings); !status) return status.error();
   const TimeOptions& time = settings.time;
   const double period = time.first_period != 0 ? time.first_period : 1 / settings.stream.rate;
@@ -135,7 +135,7 @@ Result<SurfaceTimeline> SurfaceTimeline::create(const DepthStreamInfo& stream,
   if (const Status status = check(settings); !status) return status.error();
   auto slots = make_frame_slots(settings, place);
   if (!slots) return slots.error();
-  auto timeline = make_timeline(*std::move(slots), settings);
+  auto timeline = FrameSlots::make_timeline(*std::move(slots), settings);
   if (timeline && stream.has_flow) {
     const std::size_t num =
         2 * static_cast<std::size_t>(stream.width) * static_cast<std::size_t>(stream.height);

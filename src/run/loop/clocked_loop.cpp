@@ -258,9 +258,8 @@ void ClockedLoop::make_pictures() {
     picture.frame_number = contact.frame_number;
     picture.X_WT = contact.X_WT;
     picture.bodies = contact.bodies;
-    const std::size_t num_spheres = pipeline_.query().index()->tool().spheres().size();
-    pipeline_.query().measure(pipeline_.cameras(), contact.X_WT,
-                              picture.spheres.wants(num_spheres));
+    picture.spheres.resize(pipeline_.query().index()->tool().spheres().size());
+    pipeline_.query().measure(pipeline_.cameras(), contact.X_WT, picture.spheres.wants());
     contacts_[who].publish();
   }
   if (wants_surface_.exchange(false)) {

@@ -19,7 +19,7 @@ constexpr double kAfterTick = 0.05;
 /// Returns a picture with room for every sphere, so that filling it allocates nothing.
 ContactPicture blank_picture(std::size_t num_spheres) {
   ContactPicture picture;
-  picture.spheres.wants(num_spheres);
+  picture.spheres.resize(num_spheres);
   return picture;
 }
 
@@ -184,9 +184,9 @@ void ContactStage::make_picture(const ContactRecord& contact, ContactPicture& pi
   picture.frame_number = newest_frame_;
   picture.X_WT = contact.X_WT;
   picture.bodies = contact.bodies;
-  const std::size_t num_spheres = part_->query().index()->tool().spheres().size();
   // No more than there was room for at the start.
-  part_->query().measure(cameras_.all(), contact.X_WT, picture.spheres.wants(num_spheres));
+  picture.spheres.resize(part_->query().index()->tool().spheres().size());
+  part_->query().measure(cameras_.all(), contact.X_WT, picture.spheres.wants());
 }
 
 }}  // namespace palpate::v0

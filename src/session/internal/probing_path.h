@@ -22,6 +22,12 @@ struct ProbingPath {
   ProbeChoice choice;
 };
 
+/// Options of `palpate touch` that set the target: help for runs without a path.
+inline constexpr const char* kHowToAim =
+    "aim with --probe u,v (a pixel of the depth image) or --probe x,y,z (a point, m, in camera "
+    "axes); choose the end that leads with --tip x,y,z (a point of the tool, m, in the frame of "
+    "its mesh)";
+
 /// Largest speed of any point of the tool and of its frame's origin on a probing path, m/s.
 inline constexpr double kProbeSpeed = 0.15;
 /// Largest angular speed of the tool, rad/s.

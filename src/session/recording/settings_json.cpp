@@ -3,6 +3,8 @@
 #include <nlohmann/json.hpp>
 #include <vector>
 
+#include "src/session/internal/probing_path.h"
+
 namespace palpate { inline namespace v0 {
 namespace {
 

@@ -29,7 +29,6 @@ class Server : public ViewServer {
       : shared_{ViewHub(source), options.token, static_cast<std::size_t>(options.max_pages),
                 limits},
         address_(std::move(address)),
-        option_prefix_(options.option_prefix),
         acceptor_(context_),
         accept_pause_(context_.get_executor()),
         ticker_(context_) {
@@ -69,25 +68,18 @@ class Server : public ViewServer {
   int num_pages() const noexcept override { return shared_.hub.num_pages(); }
 
  private:
-  std::string option(const char* name) const { return option_prefix_ + name; }
-
   Error explain(error_code error, std::uint16_t port) const {
     const std::string where = "port " + std::to_string(port) + " on " + address_.to_string();
     if (error == asio::error::address_in_use) {
-      return {Errc::unavailable,
-              where + " is in use by another program; choose another one with " + option("port")};
+      return {Errc::unavailable, where + " is in use by another program; choose another port"};
     }
     if (error == asio::error::access_denied) {
-      return {
-          Errc::unavailable,
-          where + " is not allowed for this user; choose one above 1023 with " + option("port")};
+      return {Errc::unavailable, where + " is not allowed for this user; choose a port above 1023"};
     }
     if (error == boost::system::errc::address_not_available) {
       return {Errc::invalid_argument,
               address_.to_string() +
-                  " is not an address of this computer; give one that is, or "
-                  "0.0.0.0 for all, with " +
-                  option("address")};
+                  " is not an address of this computer; give one that is, or 0.0.0.0 for all"};
     }
     return {Errc::unavailable, "cannot listen at " + where + ": " + error.message()};
   }
@@ -135,7 +127,6 @@ class Server : public ViewServer {
 
   Shared shared_;
   asio::ip::address address_;
-  std::string option_prefix_;
   std::uint16_t port_ = 0;
   asio::io_context context_{1};
   tcp::acceptor acceptor_;
@@ -160,8 +151,7 @@ Result<std::unique_ptr<ViewServer>> start_view_server(ViewSource& source,
     return Error{Errc::invalid_argument, "the viewer has no tool to show"};
   if (options.max_pages < 1) return Error{Errc::invalid_argument, "max_pages must be at least 1"};
   if (!options.token.empty() && !is_good_token(options.token)) {
-    return Error{Errc::invalid_argument, "the token must be 16 to 128 letters, digits, - and _ (" +
-                                             options.option_prefix + "token)"};
+    return Error{Errc::invalid_argument, "the token must be 16 to 128 letters, digits, - and _"};
   }
   error_code error;
   const asio::ip::address address =
@@ -169,9 +159,7 @@ Result<std::unique_ptr<ViewServer>> start_view_server(ViewSource& source,
   if (error) {
     return Error{Errc::invalid_argument,
                  "\"" + options.address +
-                     "\" is not an IP address; give one of this computer, or "
-                     "0.0.0.0 for all, with " +
-                     options.option_prefix + "address"};
+                     "\" is not an IP address; give one of this computer, or 0.0.0.0 for all"};
   }
   try {
     ViewServerOptions used = options;
