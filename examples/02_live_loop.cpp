@@ -17,12 +17,17 @@ class Wall : public DepthSource {
   const DepthStreamInfo& info() const override { return info_; }
   Result<bool> next(DepthFrame& frame) override {
     std::this_thread::sleep_for(std::chrono::milliseconds(33));
-    frame = {320, 240, 0.001, std::vector<std::uint16_t>(320 * 240, 500), ++num_frames_ / 30.0};
+    frame = {.width = 320,
+             .height = 240,
+             .unit = 0.001,
+             .pixels = std::vector<std::uint16_t>(320 * 240, 500),
+             .timestamp = ++num_frames_ / 30.0};
     return true;
   }
 
  private:
-  DepthStreamInfo info_{320, 240, {260, 260, 159.5, 119.5}, 0.001, 30, {}, "a wall"};
+  DepthStreamInfo info_{
+      .width = 320, .height = 240, .intrinsics = {260, 260, 159.5, 119.5}, .name = "a wall"};
   int num_frames_ = 0;
 };
 
@@ -30,8 +35,10 @@ int main() {
   const Tool tool = Tool::pack(make_cylinder(0.02, 0.1, 64), {.max_spheres = 2000}).value();
 
   // A device that exists in memory only, and a hand that pushes it 2 cm into the wall and back.
-  SimulatedDeviceOptions hand{.model = device_models().front(), .hand = {}, .target = {}};
-  hand.target = [](double t) { return Pose{{0, 0, 0.02 * (1 - std::cos(2 * t))}, {}}; };
+  const SimulatedDeviceOptions hand{
+      .model = device_models().front(), .target = [](double t) {
+        return Pose{.translation = {0, 0, 0.02 * (1 - std::cos(2 * t))}};
+      }};
   const auto device = SimulatedDevice::create(hand).value();
 
   RunSettings settings;

@@ -24,8 +24,16 @@ class OwnDevice : public SteppedDevice {
   }
 
  private:
-  // Forces up to 8 N and torques up to 0.1 N m, and so on: see DeviceLimits.
-  DeviceInfo info_{"own", "a device of one's own", {8, 0.1, 2000, 5, 10, 0.1, 1, 0.01}};
+  DeviceInfo info_{.kind = "own",
+                   .name = "a device of one's own",
+                   .limits = {.max_force = 8,              // N
+                              .max_torque = 0.1,           // N m
+                              .max_stiffness = 2000,       // N/m
+                              .max_angular_stiffness = 5,  // N m/rad
+                              .max_damping = 10,           // N s/m
+                              .workspace_radius = 0.1,     // m
+                              .damping = 1,                // N s/m, of the mechanism itself
+                              .angular_damping = 0.01}};   // N m s/rad
   DeviceTick tick_;
   int num_ticks_ = 0;
 };
@@ -35,12 +43,20 @@ class Wall : public DepthSource {
  public:
   const DepthStreamInfo& info() const override { return info_; }
   Result<bool> next(DepthFrame& frame) override {
-    frame = {320, 240, 0.001, std::vector<std::uint16_t>(320 * 240, 500), num_frames_ / 30.0};
+    frame = {.width = 320,
+             .height = 240,
+             .unit = 0.001,
+             .pixels = std::vector<std::uint16_t>(320 * 240, 500),
+             .timestamp = num_frames_ / 30.0};
     return num_frames_++ < 60;
   }
 
  private:
-  DepthStreamInfo info_{320, 240, {260, 260, 159.5, 119.5}, 0.001, 30, 60, "a wall"};
+  DepthStreamInfo info_{.width = 320,
+                        .height = 240,
+                        .intrinsics = {260, 260, 159.5, 119.5},
+                        .num_frames = 60,
+                        .name = "a wall"};
   int num_frames_ = 0;
 };
 

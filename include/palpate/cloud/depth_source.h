@@ -70,8 +70,8 @@ constexpr bool can_be_far(SensorKind sensor) {
 /// and kFarCount "farther".
 struct DepthFrame {
   int width = 0, height = 0;
-  double unit = 0.001;                ///< meters per count
-  std::vector<std::uint16_t> pixels;  ///< row-major, width * height
+  double unit = 0.001;                     ///< meters per count
+  std::vector<std::uint16_t> pixels = {};  ///< row-major, width * height
   /// s, on the source's own clock. For a live stream (`DepthStreamInfo::is_live`): the capture time
   /// on the monotonic clock of this computer.
   double timestamp = 0;
@@ -117,13 +117,13 @@ struct DepthImageView {
 /// Properties that are constant over a stream.
 struct DepthStreamInfo {
   int width = 0, height = 0;
-  Intrinsics intrinsics;
-  double unit = 0.001;            ///< meters per count
-  double rate = 30;               ///< nominal frames per second
-  std::optional<int> num_frames;  ///< nullopt for an endless stream
-  std::string name;               ///< for display
-  bool is_live = false;           ///< frames arrive when they are captured, not on request
-  Distortion distortion = {};     ///< zero for the streams of cameras/, which are undistorted
+  Intrinsics intrinsics = {};
+  double unit = 0.001;                 ///< meters per count
+  double rate = 30;                    ///< nominal frames per second
+  std::optional<int> num_frames = {};  ///< nullopt for an endless stream
+  std::string name = {};               ///< for display
+  bool is_live = false;                ///< frames arrive when they are captured, not on request
+  Distortion distortion = {};          ///< zero for the streams of cameras/, which are undistorted
   SensorKind sensor = SensorKind::none;  ///< see surface_options_for
   std::string frame = {};                ///< frame id of C as the stream names it; empty: unnamed
   bool is_moving = false;  ///< the camera moves: DepthFrame::X_WC changes between frames

@@ -47,9 +47,9 @@ using HandTarget = std::function<Pose(double time)>;
 
 /// Options of a simulated device: its model, the hand that holds it, and its sensors.
 struct SimulatedDeviceOptions {
-  DeviceModel model;
-  HandModel hand;
-  HandTarget target;               ///< empty: rests at the origin
+  DeviceModel model = {};
+  HandModel hand = {};
+  HandTarget target = {};          ///< empty: rests at the origin
   double rate = 1000;              ///< ticks per second, 100..8000
   double quantum = 0;              ///< m, position resolution (encoders); 0: none
   double velocity_filter = 0.005;  ///< s, time constant of the velocity estimate from positions

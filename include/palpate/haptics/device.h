@@ -27,9 +27,9 @@ struct DeviceLimits {
 
 /// Description of a device.
 struct DeviceInfo {
-  std::string kind;  ///< as on the command line: sim, replay, spacenav, haply, ...
-  std::string name;  ///< for display: model and serial number or address
-  DeviceLimits limits;
+  std::string kind = {};  ///< as on the command line: sim, replay, spacenav, haply, ...
+  std::string name = {};  ///< for display: model and serial number or address
+  DeviceLimits limits = {};
   double rate = 1000;  ///< ticks per second, nominal
   bool senses_orientation = true;
   int num_buttons = 0;
@@ -39,8 +39,8 @@ struct DeviceInfo {
 /// hand, the origin in the middle of the workspace. Handle frame H.
 struct DeviceState {
   double time = 0;  ///< s, monotonic clock of this computer
-  Pose X_BH;
-  Twist V_BH;                 ///< of the handle's origin, in B
+  Pose X_BH = {};
+  Twist V_BH = {};            ///< of the handle's origin, in B
   std::uint32_t buttons = 0;  ///< bit per button
   bool is_valid = false;      ///< false: the device sent nothing usable this time; the rest is old
   /// False: the motors do not follow the wrench, as the device or its driver has taken the force

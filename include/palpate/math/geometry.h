@@ -126,8 +126,8 @@ PALPATE_HOSTDEV inline Mat3d rotation_matrix(const Quaternion& q) {
 
 /// Rigid transform: rotation, then translation (meters).
 struct Pose {
-  Vec3d translation;
-  Quaternion rotation;
+  Vec3d translation = {};
+  Quaternion rotation = {};
 
   friend bool operator==(const Pose&, const Pose&) = default;
 };
