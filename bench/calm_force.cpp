@@ -68,9 +68,7 @@ std::vector<Wrenches> felt(const Recorded& seen, const Tool& tool, const std::ve
   time.mode = TimeMode::latest;
   time.average = average;
   ThreadPool pool(1);
-  auto timeline =
-      SurfaceTimeline::create(seen.stream, surface, DepthFieldOptions{}, time, {}, 0, false)
-          .value();
+  auto timeline = SurfaceTimeline::create(seen.stream, {.surface = surface, .time = time}).value();
   const auto query = make_contact_query(Backend::cpu, tool, FieldMethod{}).value();
   std::vector<Wrenches> all(places.size());
   double now = 0;

@@ -202,7 +202,7 @@ void memory(const Tool& tool, int num_cameras, DepthMemory kind, double seconds)
     for (int k = 0; k < num_cameras; ++k) {
       X_WC = {{0.06 * k, 0, 0}, {}};
       timelines.push_back(
-          SurfaceTimeline::create(test::stream_of(camera), {}, field, time, {}).value());
+          SurfaceTimeline::create(test::stream_of(camera), {.field = field, .time = time}).value());
       const std::vector<float> before = frame(false, X_WC);
       now = frame(true, X_WC);
       for (int i = 0; i < 4; ++i) push(timelines.back(), before);
@@ -243,7 +243,7 @@ void moving_memory(const Tool& tool, DepthMemory kind, double seconds) {
   stream.is_moving = true;
   TimeOptions time;
   time.memory.kind = kind;
-  auto timeline = SurfaceTimeline::create(stream, {}, DepthFieldOptions{}, time, {}).value();
+  auto timeline = SurfaceTimeline::create(stream, {.time = time}).value();
   ThreadPool pool(1);
   double at = 0;
   const auto push = [&](std::size_t i) { timeline.push(frames[i], at += 1.0 / 30, pool); };
@@ -274,7 +274,7 @@ void looking_around(const Tool& tool, DepthMemory kind, double seconds) {
   stream.is_moving = true;
   TimeOptions time;
   time.memory.kind = kind;
-  auto timeline = SurfaceTimeline::create(stream, {}, DepthFieldOptions{}, time, {}).value();
+  auto timeline = SurfaceTimeline::create(stream, {.time = time}).value();
   ThreadPool pool(1);
   test::Random random(7);
   double at = 0;

@@ -290,7 +290,7 @@ void measure_sensing(int width, int height) {
   const DepthStreamInfo info{width,        height, WallFrame(width, height).intrinsics, 0.001, 30,
                              std::nullopt, "wall"};
   auto timeline = value_or_stop(
-      SurfaceTimeline::create(info, {}, DepthFieldOptions{}, {}, {Backend::cuda, options.gpu}));
+      SurfaceTimeline::create(info, {.wants_depth_change = true}, Place::cuda(options.gpu)));
   double time = 0;
   measure("sensing: frame to finished surfaces on the host/" + size,
           [&] { timeline.push(frame, time += 1.0 / 30, pool); });
@@ -387,7 +387,8 @@ void measure_two_gpus() {
                                std::to_string(sensing_gpu) + "; contact on GPU 0";
       if (!is_requested(name)) continue;
       auto timeline = value_or_stop(SurfaceTimeline::create(
-          info, {}, DepthFieldOptions{}, {.mode = TimeMode::latest}, {Backend::cuda, sensing_gpu}));
+          info, {.time = {.mode = TimeMode::latest}, .wants_depth_change = true},
+          Place::cuda(sensing_gpu)));
       eval::MethodQueries queries(Backend::cuda, tool, {.gpu = 0});
       queries.by({.method = method});
       std::vector<double> first, later, pushes;

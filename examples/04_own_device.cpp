@@ -64,7 +64,7 @@ int main() {
   const Tool tool = Tool::pack(make_cylinder(0.02, 0.1, 64), {.max_spheres = 2000}).value();
   OwnDevice device;
   Wall camera;
-  const auto loop = RunLoop::create(tool, camera, device, RunSettings{}, {}, {}).value();
+  const auto loop = RunLoop::simulate(tool, camera, device, {}).value();
   if (!loop->start()) return 1;
   while (loop->is_running()) std::this_thread::yield();
   std::printf("ended: %s\n", loop->report().ending.c_str());

@@ -273,8 +273,8 @@ Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
   }
 
   const DepthStreamInfo& info = input.stream();
-  const auto view = LiveView::create(tool, DepthSources(sources).infos(), info.name, handle,
-                                     options.settings.objects);
+  const auto view = LiveView::create(tool, DepthSources(sources).infos(), info.name,
+                                     {handle, options.settings.objects});
   std::optional<OpenPage> page;
   catch_interrupts();  // before the address of the page is printed
   if (options.has_page) {

@@ -82,7 +82,7 @@ class Remembering {
     stream.is_moving = true;
     TimeOptions time;
     time.memory.kind = DepthMemory::on;
-    auto timeline = SurfaceTimeline::create(stream, {}, DepthFieldOptions{}, time);
+    auto timeline = SurfaceTimeline::create(stream, {.time = time});
     if (!timeline) return timeline.error();
     return Remembering(*std::move(timeline));
   }

@@ -238,7 +238,7 @@ Result<FigureResult> figure_3_16(Context& context) {
         Mode{TimeMode::predict, "predicted"}}) {
     TimeOptions time;
     time.mode = mode.mode;
-    auto timeline = SurfaceTimeline::create(stream, {}, DepthFieldOptions{}, time);
+    auto timeline = SurfaceTimeline::create(stream, {.time = time});
     if (!timeline) return timeline.error();
     ThreadPool pool(0);
     double nearest = INFINITY;

@@ -145,9 +145,14 @@ Result<SurfaceTimeline> make_surfaces(std::span<const DepthStreamInfo> streams, 
   TimeOptions time = settings.time;
   if (first_period > 0) time.first_period = first_period;
   time.memory.frames = std::min(time.memory.frames, num_key_frames(streams));
-  return SurfaceTimeline::create(streams[camera], settings.surface, field, time,
-                                 {backend_of(settings), settings.sensing_gpu}, num_spare,
-                                 needs_depth_change(settings), settings.binning);
+  return SurfaceTimeline::create(streams[camera],
+                                 {.surface = settings.surface,
+                                  .field = field,
+                                  .time = time,
+                                  .wants_depth_change = needs_depth_change(settings),
+                                  .num_spare = num_spare,
+                                  .binning = settings.binning},
+                                 {backend_of(settings), settings.sensing_gpu});
 }
 
 Result<std::unique_ptr<ContactPart>> make_contact_part(std::shared_ptr<const ToolIndex> index,

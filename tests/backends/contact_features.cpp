@@ -292,7 +292,7 @@ void compare_host_memory(double allowed) {
 SlotSettings stream_settings() {
   SlotSettings settings;
   settings.stream = {80, 60, empty_scene(80, 60, 90).intrinsics, 0.0005, 30, std::nullopt, ""};
-  settings.field = DepthFieldOptions{};
+  settings.wants_depth_change = true;
   return settings;
 }
 

@@ -21,8 +21,8 @@ SlotSettings default_settings() {
   settings.stream.intrinsics = empty_scene(kWidth, kHeight, 55).intrinsics;
   settings.stream.rate = 1 / kPeriod;
   settings.surface.depth_change.min_step = 0.01;
-  settings.field = DepthFieldOptions{};
   settings.time.mode = TimeMode::latest;
+  settings.wants_depth_change = true;
   return settings;
 }
 

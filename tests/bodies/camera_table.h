@@ -49,9 +49,7 @@ class CameraTable {
     camera.duration = options.duration;
     source_ = scenes::open_simulated_camera(std::move(scene), camera).value();
     timeline_ = std::make_unique<SurfaceTimeline>(
-        SurfaceTimeline::create(source_->info(), {}, DepthFieldOptions{}, options.time, {}, 0,
-                                false)
-            .value());
+        SurfaceTimeline::create(source_->info(), {.time = options.time}).value());
   }
 
   /// Returns the surface at `time`, which must not decrease between calls.

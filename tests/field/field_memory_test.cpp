@@ -161,9 +161,7 @@ TimeOptions with_memory() {
 
 TEST(FieldMemory, FieldsShowWhatIsBehindAndWhatIsInFront) {
   ThreadPool pool(2);
-  auto timeline =
-      SurfaceTimeline::create(stream_info(), {}, DepthFieldOptions{}, with_memory(), Place::cpu())
-          .value();
+  auto timeline = SurfaceTimeline::create(stream_info(), {.time = with_memory()}).value();
   for (int i = 0; i < 5; ++i) timeline.push(frame_of(1.0, 0), i / 32.0, pool);
   const SurfaceView before = timeline.at(1).to;
   EXPECT_NEAR(sample_field(before.field, {0.0, 0.0, 0.95}, 0.005).phi, 0.05, 2e-4);
@@ -194,8 +192,9 @@ TEST(FieldMemory, OneOfSeveralTellsApartWhatItSeesAndRemembers) {
   field.one_of_several = true;
   TimeOptions without = with_memory();
   without.memory.kind = DepthMemory::off;
-  auto timeline = SurfaceTimeline::create(stream_info(), {}, field, with_memory(), {}).value(),
-       plain = SurfaceTimeline::create(stream_info(), {}, field, without, {}).value();
+  auto timeline =
+           SurfaceTimeline::create(stream_info(), {.field = field, .time = with_memory()}).value(),
+       plain = SurfaceTimeline::create(stream_info(), {.field = field, .time = without}).value();
   for (int i = 0; i < 6; ++i) {
     const DepthFrame frame = frame_of(1.0, i < 5 ? 0 : 0.7);
     timeline.push(frame, i / 32.0, pool);
@@ -222,9 +221,8 @@ TEST(FieldMemory, ChangesNothingThatIsSeen) {
   ThreadPool pool(2);
   TimeOptions without = with_memory();
   without.memory.kind = DepthMemory::off;
-  auto with = SurfaceTimeline::create(stream_info(), {}, DepthFieldOptions{}, with_memory(), {})
-                  .value(),
-       plain = SurfaceTimeline::create(stream_info(), {}, DepthFieldOptions{}, without, {}).value();
+  auto with = SurfaceTimeline::create(stream_info(), {.time = with_memory()}).value(),
+       plain = SurfaceTimeline::create(stream_info(), {.time = without}).value();
   for (int i = 0; i < 4; ++i) {
     const PixelWindow requested = i < 2 ? PixelWindow{} : PixelWindow{10, 10, 30, 30};
     with.push(frame_of(1.0 + 0.01 * i, 0.9 + 0.01 * i), i / 32.0, pool, requested);
@@ -242,8 +240,7 @@ TEST(FieldMemory, ChangesNothingThatIsSeen) {
 
 TEST(FieldMemory, AllocatesNothing) {
   ThreadPool pool(1);
-  auto timeline =
-      SurfaceTimeline::create(stream_info(), {}, DepthFieldOptions{}, with_memory(), {}).value();
+  auto timeline = SurfaceTimeline::create(stream_info(), {.time = with_memory()}).value();
   const DepthFrame table = frame_of(1.0, 0), hand = frame_of(1.0, 0.7);
   timeline.push(table, 0, pool);
   const test::AllocationCounter counter;
@@ -254,7 +251,8 @@ TEST(FieldMemory, AllocatesNothing) {
 TEST(FieldMemory, RefusesWhatItCannotRemember) {
   const auto error = [](DepthStreamInfo stream, TimeOptions time, bool has_field) {
     auto made = SurfaceTimeline::create(
-        stream, {}, has_field ? std::optional(DepthFieldOptions{}) : std::nullopt, time, {});
+        stream,
+        {.field = has_field ? std::optional(DepthFieldOptions{}) : std::nullopt, .time = time});
     return made ? std::string() : made.error().message;
   };
   EXPECT_EQ(error(stream_info(), with_memory(), true), "");

@@ -26,6 +26,7 @@ SlotSettings settings_with(TimeMode mode, DepthAverage average) {
   settings.time.mode = mode;
   settings.time.average.kind = average;
   settings.time.average.frames = 3;
+  settings.wants_depth_change = true;
   return settings;
 }
 
@@ -204,8 +205,7 @@ TEST(SurfaceTimelineCuda, RefusesBadOptions) {
 #if !defined(PALPATE_CUDA)
 TEST(SurfaceTimelineCuda, IsAClearErrorInABuildWithoutIt) {
   const SlotSettings settings = settings_with(TimeMode::latest, DepthAverage::none);
-  const auto timeline =
-      SurfaceTimeline::create(settings.stream, {}, DepthFieldOptions{}, {}, {Backend::cuda, 0});
+  const auto timeline = SurfaceTimeline::create(settings.stream, {}, Place::cuda());
   ASSERT_FALSE(timeline);
   EXPECT_EQ(timeline.error().code, Errc::unavailable);
   EXPECT_NE(timeline.error().message.find("no CUDA backend"), std::string::npos);

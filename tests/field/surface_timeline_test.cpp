@@ -44,8 +44,8 @@ TimeOptions options_of(TimeMode mode) {
 }
 
 SurfaceTimeline make_timeline(const TimeOptions& options, int num_spare = 0) {
-  return std::move(SurfaceTimeline::create(stream_info(), {}, DepthFieldOptions{}, options, {},
-                                           num_spare))
+  return std::move(
+             SurfaceTimeline::create(stream_info(), {.time = options, .num_spare = num_spare}))
       .value();
 }
 
@@ -224,7 +224,7 @@ TEST(SurfaceTimeline, SpareSurfacesKeepTheViewsOverAPush) {
 
 TEST(SurfaceTimeline, RefusesBadOptions) {
   const auto make = [](const DepthStreamInfo& info, const TimeOptions& options) {
-    return SurfaceTimeline::create(info, {}, DepthFieldOptions{}, options);
+    return SurfaceTimeline::create(info, {.time = options});
   };
   TimeOptions options;
   options.max_jump = NAN;

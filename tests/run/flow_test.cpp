@@ -55,8 +55,7 @@ struct MovingPlane {
 SurfaceTimeline timeline_of(bool is_moving = false, int binning = 1) {
   DepthStreamInfo info = camera_info();
   info.is_moving = is_moving;
-  return SurfaceTimeline::create(info, {}, DepthFieldOptions{}, {}, Place::cpu(), 0, false, binning)
-      .value();
+  return SurfaceTimeline::create(info, {.binning = binning}).value();
 }
 
 /// Expects the plane's motion at p_W, without the velocity along its normal.

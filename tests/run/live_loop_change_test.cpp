@@ -197,7 +197,9 @@ TEST(LiveLoopChange, ContactsAreThoseOfTheirRevision) {
         std::optional<DepthFieldOptions> field;
         if (now.contact.method == MethodKind::field) field = now.field;
         timeline.emplace(
-            SurfaceTimeline::create(touching.source.info(), now.surface, field, now.time).value());
+            SurfaceTimeline::create(touching.source.info(),
+                                    {.surface = now.surface, .field = field, .time = now.time})
+                .value());
       }
       timeline->push(frame, time, pool);
     }
@@ -623,9 +625,10 @@ TEST(LiveLoopPictures, AreWhatAFreshQuerySays) {
     ThreadPool pool(1);
     std::optional<DepthFieldOptions> field;
     if (method == MethodKind::field) field = settings.field;
-    auto timeline =
-        SurfaceTimeline::create(touching.source.info(), settings.surface, field, settings.time)
-            .value();
+    auto timeline = SurfaceTimeline::create(
+                        touching.source.info(),
+                        {.surface = settings.surface, .field = field, .time = settings.time})
+                        .value();
     eval::MethodQueries query(Backend::cpu, box_tool());
     int num_compared = 0;
     for (std::size_t k = 0; k < seen.frames.size(); ++k) {

@@ -167,9 +167,10 @@ TEST(LiveLoop, TheHandFeelsTheWallAndAllIsRecorded) {
 
   // Each contact can be repeated to the bit.
   ThreadPool pool(1);
-  SurfaceTimeline timeline =
-      SurfaceTimeline::create(source.info(), settings.surface, settings.field, settings.time)
-          .value();
+  SurfaceTimeline timeline = SurfaceTimeline::create(source.info(), {.surface = settings.surface,
+                                                                     .field = settings.field,
+                                                                     .time = settings.time})
+                                 .value();
   eval::MethodQueries query(Backend::cpu, box_tool());
   std::size_t num_pushed = 0;
   ASSERT_FALSE(seen.contacts.empty());
@@ -212,9 +213,10 @@ TEST(LiveLoop, AToolThatLeavesTheWindowIsReportedAndRepeated) {
   ASSERT_EQ(report.num_lost_records, 0u);
 
   ThreadPool pool(1);
-  SurfaceTimeline timeline =
-      SurfaceTimeline::create(source.info(), settings.surface, settings.field, settings.time)
-          .value();
+  SurfaceTimeline timeline = SurfaceTimeline::create(source.info(), {.surface = settings.surface,
+                                                                     .field = settings.field,
+                                                                     .time = settings.time})
+                                 .value();
   eval::MethodQueries query(Backend::cpu, box_tool());
   std::size_t num_pushed = 0, num_outside = 0, num_with_force = 0, num_small = 0;
   for (const ContactRecord& contact : seen.contacts) {

@@ -360,8 +360,8 @@ std::vector<SurfaceTimeline> timelines_of(const DepthSources& sources, TimeMode 
   time.mode = mode;
   std::vector<SurfaceTimeline> timelines;
   for (const DepthSource* source : sources) {
-    timelines.push_back(SurfaceTimeline::create(source->info(), {}, DepthFieldOptions{}, time, {},
-                                                SurfaceStage::kNumSpare)
+    timelines.push_back(SurfaceTimeline::create(
+                            source->info(), {.time = time, .num_spare = SurfaceStage::kNumSpare})
                             .value());
   }
   return timelines;

@@ -58,7 +58,7 @@ inline Result<PathLog> run_path(const Tool& tool, DepthSource& source, PathFunct
   };
   SimulatedClock clock;
   clock.ends_with_frames = !(duration < std::numeric_limits<double>::infinity());
-  auto loop = RunLoop::create(tool, source, **device, settings, observer, clock);
+  auto loop = RunLoop::simulate(tool, source, **device, settings, clock, observer);
   if (!loop) return loop.error();
   if (const Status status = (*loop)->start(); !status) return status.error();
   while ((*loop)->is_running()) std::this_thread::sleep_for(std::chrono::milliseconds(1));

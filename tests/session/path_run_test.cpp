@@ -91,7 +91,7 @@ TEST(PathRun, ZeroIsWhereTheClockSays) {
   observer.on_ticks = [&](std::span<const TickRecord> some) { ticks.push_back(some[0]); };
   SimulatedClock clock;
   clock.zero = 1000.25 + 2.5 / 32;
-  auto loop = RunLoop::create(tool, stream, **device, path_settings(500), observer, clock);
+  auto loop = RunLoop::simulate(tool, stream, **device, path_settings(500), clock, observer);
   ASSERT_TRUE(loop);
   ASSERT_TRUE((*loop)->start());
   while ((*loop)->is_running()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
@@ -111,7 +111,7 @@ TEST(PathRun, AnotherContactRateIsRefusedMeanwhile) {
   ASSERT_TRUE(device);
   SimulatedClock clock;
   clock.keeps_pace = true;
-  auto loop = RunLoop::create(tool, stream, **device, path_settings(500), {}, clock);
+  auto loop = RunLoop::simulate(tool, stream, **device, path_settings(500), clock);
   ASSERT_TRUE(loop);
   ASSERT_TRUE((*loop)->start());
   RunSettings settings = (*loop)->settings();

@@ -117,7 +117,7 @@ inline void add_memory(HullScene& scene, const Camera& camera, const std::vector
   joined.one_of_several = is_one_of_several;
   ThreadPool pool(1);
   scene.timelines.push_back(
-      SurfaceTimeline::create(stream_of(camera), {}, joined, time, Place::cpu()).value());
+      SurfaceTimeline::create(stream_of(camera), {.field = joined, .time = time}).value());
   SurfaceTimeline& timeline = scene.timelines.back();
   for (std::size_t i = 0; i < seen.size(); ++i) {
     DepthImageView image = seen[i];

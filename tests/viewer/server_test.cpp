@@ -715,9 +715,9 @@ class BusySource : public ViewSource {
       if (subscription.frames) update.frames = parts_.frames;
       if (subscription.contacts) update.contact = parts_.contact;
     }
-    return update;
     cpu_seconds = thread_cpu_now();
     nice = test::own_nice();
+    return update;
   }
   std::string state() override { return inner_.state(); }
   std::string controls() override { return inner_.controls(); }

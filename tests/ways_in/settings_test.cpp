@@ -175,7 +175,7 @@ TEST(Settings, ThroughThePartsOfTheLibrary) {
       if (setting.section == "surface") note(SurfaceEstimator::create(40, 30, camera, s.surface));
       if (setting.section == "field") note(DepthField::create(40, 30, s.field));
       if (setting.section == "time") {
-        note(SurfaceTimeline::create(source.info(), {}, std::nullopt, s.time));
+        note(SurfaceTimeline::create(source.info(), {.field = std::nullopt, .time = s.time}));
       }
       if (setting.section == "coupling" || setting.section == "friction" ||
           setting.section == "texture") {

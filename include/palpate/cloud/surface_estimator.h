@@ -102,9 +102,9 @@ inline void add_settings(SettingTable& t, DepthChangeOptions& o) {
 
 /// Options of surface estimation: filter, normals and range of depth.
 struct SurfaceOptions {
-  DepthFilterOptions filter;
-  NormalOptions normals;
-  DepthChangeOptions depth_change;
+  DepthFilterOptions filter = {};
+  NormalOptions normals = {};
+  DepthChangeOptions depth_change = {};
   double min_depth = 0.1;   ///< meters; nearer pixels are no measurement
   double max_depth = 10.0;  ///< meters; farther pixels are no points: space is free up to here
   /// Flying pixels: a pixel between the depths of two opposite neighbors and farther from both than

@@ -30,8 +30,8 @@ constexpr auto names_of(TimeMode) { return std::array{"latest", "interpolate", "
 /// Options of the transition between the surfaces of a stream of frames.
 struct TimeOptions {
   TimeMode mode = TimeMode::interpolate;
-  DepthAverageOptions average;
-  MemoryOptions memory;
+  DepthAverageOptions average = {};
+  MemoryOptions memory = {};
   /// predict: a pixel whose depth changed by more than this share belongs to another surface and is
   /// not moved.
   double max_jump = 0.03;
@@ -97,25 +97,30 @@ inline constexpr int kMaxCameras = 16;
 /// ignores occlusion. Clouds in host memory. O(points).
 PointCloud joined_clouds(std::span<const SurfaceBlend> cameras);
 
-class FrameSlots;  // how the surfaces of frames are made, see src/field/timeline/frame_slots.h
-struct SlotSettings;
+/// Options of a SurfaceTimeline.
+struct TimelineOptions {
+  SurfaceOptions surface = {};
+  /// Each frame gets a depth field. None: clouds alone, for point methods.
+  std::optional<DepthFieldOptions> field = DepthFieldOptions{};
+  TimeOptions time = {};
+  /// Computes depth-change vectors of each frame, for point methods with `Edges`; otherwise
+  /// `newest_cloud` alone does.
+  bool wants_depth_change = false;
+  /// Number of further surfaces in memory: views of `at` stay valid for as many more pushes, so
+  /// that one thread can read them while another one pushes.
+  int num_spare = 0;
+  int binning = 1;  ///< above 1: smaller images, see bin_depth
+};
 
 /// Turns a stream of frames into blends of surfaces. All memory is allocated at construction.
 class SurfaceTimeline {
  public:
-  /// With `field`, each frame gets a depth field. Depth-change vectors are computed only if
-  /// requested, or by `newest_cloud`. `num_spare` more surfaces in memory keep the views of `at`
-  /// valid for that many more pushes: then one thread can read them while another one pushes.
-  /// `binning` above 1 uses smaller images, see bin_depth. Errors: see SurfaceEstimator, DepthField
-  /// and DepthAverager; max_jump or first_period negative; prediction or averages with a moving
-  /// camera; memory with prediction or without a field; the place is not in this build or on this
-  /// machine, or has too little memory.
+  /// Allocates all memory. Errors: see SurfaceEstimator, DepthField and DepthAverager; max_jump or
+  /// first_period negative; prediction or averages with a moving camera; memory with prediction or
+  /// without a field; the place is not in this build or on this machine, or has too little memory.
   static Result<SurfaceTimeline> create(const DepthStreamInfo& stream,
-                                        const SurfaceOptions& surface,
-                                        const std::optional<DepthFieldOptions>& field,
-                                        const TimeOptions& options, const Place& place = {},
-                                        int num_spare = 0, bool wants_depth_change = true,
-                                        int binning = 1);
+                                        const TimelineOptions& options = {},
+                                        const Place& place = Place::cpu());
   SurfaceTimeline(SurfaceTimeline&&) noexcept;
   SurfaceTimeline& operator=(SurfaceTimeline&&) noexcept;
   ~SurfaceTimeline();
@@ -212,10 +217,11 @@ struct Camera {
 
 /// Options of a Sensor.
 struct SensorOptions {
-  SurfaceOptions surface;
-  DepthFieldOptions field;
-  int num_surfaces = 1;  ///< number of newest surfaces that stay valid
-  int num_threads = 0;   ///< on a CPU; 0: one per core
+  SurfaceOptions surface = {};
+  DepthFieldOptions field = {};
+  int num_surfaces = 1;             ///< number of newest surfaces that stay valid
+  int num_threads = 0;              ///< on a CPU; 0: one per core
+  bool wants_depth_change = false;  ///< computes depth-change vectors, for methods with `Edges`
 };
 
 /// Computes a surface for each image: a cloud with normals for point methods, and a depth field for

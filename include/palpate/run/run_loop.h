@@ -192,19 +192,25 @@ struct SimulatedClock {
 /// wrench on the device. Live in threads of its own, or on a simulated clock.
 class RunLoop {
  public:
-  /// `tool`, `sources` and `device` must outlive it. Several cameras are combined to a depth hull
-  /// (`field` only). Errors: settings out of range, the backend.
+  /// Creates a live loop. `tool`, `sources` and `device` must outlive it. Several cameras are
+  /// combined to a depth hull (`field` only). Errors: settings out of range, the backend.
   static Result<std::unique_ptr<RunLoop>> create(const Tool& tool, const DepthSources& sources,
                                                  HapticDevice& device, const RunSettings& settings,
                                                  RunObserver observer = {});
   static Result<std::unique_ptr<RunLoop>> create(const Tool&&, const DepthSources&, HapticDevice&,
                                                  const RunSettings&, RunObserver = {}) = delete;
-  /// On the device's simulated clock: as fast as possible, in its own thread, which also calls the
-  /// observer. Nothing is dropped. A frame becomes current at the first tick at or after its
-  /// timestamp; of several the newest.
-  static Result<std::unique_ptr<RunLoop>> create(const Tool& tool, const DepthSources& sources,
-                                                 SteppedDevice& device, const RunSettings& settings,
-                                                 RunObserver observer, const SimulatedClock& clock);
+  /// Creates a loop on the device's simulated clock: as fast as possible, in its own thread, which
+  /// also calls the observer. Nothing is dropped. A frame becomes current at the first tick at or
+  /// after its timestamp; of several the newest.
+  static Result<std::unique_ptr<RunLoop>> simulate(const Tool& tool, const DepthSources& sources,
+                                                   SteppedDevice& device,
+                                                   const RunSettings& settings,
+                                                   const SimulatedClock& clock = {},
+                                                   RunObserver observer = {});
+  static Result<std::unique_ptr<RunLoop>> simulate(const Tool&&, const DepthSources&,
+                                                   SteppedDevice&, const RunSettings&,
+                                                   const SimulatedClock& = {},
+                                                   RunObserver = {}) = delete;
   virtual ~RunLoop() = default;  ///< stops the loop
 
   /// Starts; returns when the device ticks. Errors: the device, the first frame.

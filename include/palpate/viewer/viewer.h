@@ -119,20 +119,23 @@ std::unique_ptr<ViewSource> view_tool(const Tool& tool, std::string title);
 /// nothing of it can be read.
 Result<std::unique_ptr<ViewSource>> view_run(const std::filesystem::path& folder);
 
+/// Options of a LiveView.
+struct LiveViewOptions {
+  /// The handle of the run's device: with it, pages can hold the tool.
+  std::shared_ptr<PageHandle> handle = nullptr;
+  std::vector<SceneObject> objects = {};  ///< those of the run's settings
+};
+
 /// A current run, live or on a simulated clock. It copies data from the publishing
 /// thread. The server may wait for the loop during a command; the haptic thread waits for
 /// nobody.
 class LiveView : public ViewSource {
  public:
-  /// `tool` must outlive it; `streams` are those of the run's cameras. With the `handle` of the
-  /// run's device, pages can hold the tool. `objects`: those of the run's settings.
+  /// Creates a view; `tool` must outlive it. `streams` are those of the run's cameras.
   static std::unique_ptr<LiveView> create(const Tool& tool, std::vector<DepthStreamInfo> streams,
-                                          std::string title,
-                                          std::shared_ptr<PageHandle> handle = nullptr,
-                                          std::vector<SceneObject> objects = {});
+                                          std::string title, LiveViewOptions options = {});
   static std::unique_ptr<LiveView> create(const Tool&&, std::vector<DepthStreamInfo>, std::string,
-                                          std::shared_ptr<PageHandle> = nullptr,
-                                          std::vector<SceneObject> = {}) = delete;
+                                          LiveViewOptions = {}) = delete;
   /// For record_run. Without a recording: connect `observer` to the loop, and call `on_loop` when
   /// the loop has started and before it is stopped; this second call waits for a command that uses
   /// it.

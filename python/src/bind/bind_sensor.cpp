@@ -169,6 +169,7 @@ options: of docs/settings.md [surface] and [field], e.g. max_depth=3.0, unknown=
             SensorOptions options;
             options.num_threads = checked_threads(threads);
             options.field.one_of_several = joined;
+            options.wants_depth_change = true;  // its surfaces are for every method
             SettingTable table;
             add_settings(table, options.surface);
             add_settings(table, options.field);

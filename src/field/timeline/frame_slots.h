@@ -12,14 +12,8 @@
 namespace palpate { inline namespace v0 {
 
 /// Settings of the surfaces of frames.
-struct SlotSettings {
-  DepthStreamInfo stream;
-  SurfaceOptions surface;
-  std::optional<DepthFieldOptions> field;
-  TimeOptions time;
-  int num_spare = 0;
-  bool wants_depth_change = true;
-  int binning = 1;  ///< `stream` is the binned one
+struct SlotSettings : TimelineOptions {
+  DepthStreamInfo stream;  ///< of the binned images
 
   /// A static camera remembers by its pixels, a moving one by frames from earlier poses.
   bool has_pixel_memory() const { return in_front() && !stream.is_moving; }
@@ -41,15 +35,15 @@ struct SlotSettings {
   }
   /// With the newest frame alone there is nothing to blend.
   int num_slots() const { return (time.mode == TimeMode::latest ? 1 : 2) + num_spare; }
-  /// Makes a timeline over slots. Errors: max_jump or first_period.
-  static Result<SurfaceTimeline> make_timeline(std::unique_ptr<FrameSlots> slots,
-                                               const SlotSettings& settings);
 };
 
 /// The last frames with all that is made from them. They are taken in turn.
 class FrameSlots {
  public:
   virtual ~FrameSlots() = default;
+  /// Makes a timeline over slots. Errors: max_jump or first_period.
+  static Result<SurfaceTimeline> make_timeline(std::unique_ptr<FrameSlots> slots,
+                                               const SlotSettings& settings);
 
   /// Fills a slot from the next frame, `interval` s after the one before. With `motion` the surface
   /// is predicted: each pixel goes from the frame in the slot before to this one and beyond, to

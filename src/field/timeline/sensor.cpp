@@ -75,7 +75,7 @@ Result<Sensor> Sensor::create(const Camera& camera, const Place& place,
   settings.field = options.field;
   settings.time.mode = TimeMode::latest;
   settings.num_spare = options.num_surfaces - 1;
-  settings.wants_depth_change = options.surface.depth_change.enabled;
+  settings.wants_depth_change = options.wants_depth_change;
   auto slots = make_frame_slots(settings, place);
   if (!slots) return slots.error();
   auto impl = std::make_unique<Impl>();

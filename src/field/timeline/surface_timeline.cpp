@@ -120,18 +120,14 @@ Result<SurfaceTimeline> FrameSlots::make_timeline(std::unique_ptr<FrameSlots> sl
 }
 
 Result<SurfaceTimeline> SurfaceTimeline::create(const DepthStreamInfo& stream,
-                                                const SurfaceOptions& surface,
-                                                const std::optional<DepthFieldOptions>& field,
-                                                const TimeOptions& options, const Place& place,
-                                                int num_spare, bool wants_depth_change,
-                                                int binning) {
-  if (binning < 1 || binning > kMaxBinning) {
+                                                const TimelineOptions& options,
+                                                const Place& place) {
+  if (options.binning < 1 || options.binning > kMaxBinning) {
     return Error{Errc::invalid_argument, "depth images are binned by 1 to " +
                                              std::to_string(kMaxBinning) + " pixels, not " +
-                                             std::to_string(binning)};
+                                             std::to_string(options.binning)};
   }
-  const SlotSettings settings{binned(stream, binning), surface, field, options, num_spare,
-                              wants_depth_change,      binning};
+  const SlotSettings settings{options, binned(stream, options.binning)};
   if (const Status status = check(settings); !status) return status.error();
   auto slots = make_frame_slots(settings, place);
   if (!slots) return slots.error();

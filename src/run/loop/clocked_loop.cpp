@@ -318,10 +318,11 @@ void ClockedLoop::step_frame() noexcept {
 
 }  // namespace
 
-Result<std::unique_ptr<RunLoop>> RunLoop::create(const Tool& tool, const DepthSources& sources,
-                                                 SteppedDevice& device, const RunSettings& settings,
-                                                 RunObserver observer,
-                                                 const SimulatedClock& clock) {
+Result<std::unique_ptr<RunLoop>> RunLoop::simulate(const Tool& tool, const DepthSources& sources,
+                                                   SteppedDevice& device,
+                                                   const RunSettings& settings,
+                                                   const SimulatedClock& clock,
+                                                   RunObserver observer) {
   auto pipeline = Pipeline::create(tool, sources.infos(), device.info(), settings);
   if (!pipeline) return pipeline.error();
   return std::unique_ptr<RunLoop>(std::make_unique<ClockedLoop>(

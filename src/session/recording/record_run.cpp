@@ -206,7 +206,7 @@ Result<ChosenLoop> choose_loop(const Tool& tool, const DepthSources& sources, Ha
   const auto make = [&](Backend backend) {
     settings.backend = backend;
     return stepped != nullptr
-               ? RunLoop::create(tool, sources, *stepped, settings, observer, options.clock)
+               ? RunLoop::simulate(tool, sources, *stepped, settings, options.clock, observer)
                : RunLoop::create(tool, sources, device, settings, observer);
   };
   std::string why_not_cuda;

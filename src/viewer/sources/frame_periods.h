@@ -19,7 +19,7 @@ class FramePeriods {
     TimeOptions options;
     options.mode = TimeMode::latest;
     options.first_period = time.first_period;
-    if (auto timeline = SurfaceTimeline::create(tiny, {}, std::nullopt, options)) {
+    if (auto timeline = SurfaceTimeline::create(tiny, {.field = std::nullopt, .time = options})) {
       timeline_ = *std::move(timeline);
     }
   }

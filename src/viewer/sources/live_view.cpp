@@ -103,15 +103,15 @@ double stale_age(const std::vector<DepthStreamInfo>& streams) {
 class LiveViewImpl final : public LiveView {
  public:
   LiveViewImpl(const Tool& tool, std::vector<DepthStreamInfo> streams, std::string title,
-               std::shared_ptr<PageHandle> handle, std::vector<SceneObject> objects)
+               LiveViewOptions options)
       : content_{"live",
                  std::move(title),
                  &tool,
                  std::move(streams),
-                 handle ? std::optional(PageHandle::limits().max_force) : std::nullopt,
-                 shapes_of(objects)},
-        objects_(std::move(objects)),
-        handle_(std::move(handle)),
+                 options.handle ? std::optional(PageHandle::limits().max_force) : std::nullopt,
+                 shapes_of(options.objects)},
+        objects_(std::move(options.objects)),
+        handle_(std::move(options.handle)),
         stale_age_(stale_age(content_.streams)),
         pending_(content_.streams.size()) {
     settings_.objects = objects_;  // pages need controls before there is a loop
@@ -353,10 +353,9 @@ void LiveViewImpl::release(std::uint64_t page) {
 }  // namespace
 
 std::unique_ptr<LiveView> LiveView::create(const Tool& tool, std::vector<DepthStreamInfo> streams,
-                                           std::string title, std::shared_ptr<PageHandle> handle,
-                                           std::vector<SceneObject> objects) {
+                                           std::string title, LiveViewOptions options) {
   return std::make_unique<LiveViewImpl>(tool, std::move(streams), std::move(title),
-                                        std::move(handle), std::move(objects));
+                                        std::move(options));
 }
 
 }}  // namespace palpate::v0

@@ -39,10 +39,13 @@ class BothWays {
   BothWays(const DepthStreamInfo& stream, const Options& options)
       : stream_(stream),
         whole_(
-            SurfaceTimeline::create(stream, options.surface, options.field, options.time).value()),
+            SurfaceTimeline::create(
+                stream, {.surface = options.surface, .field = options.field, .time = options.time})
+                .value()),
         windowed_(
-            SurfaceTimeline::create(stream, options.surface, options.field, options.time).value()) {
-  }
+            SurfaceTimeline::create(
+                stream, {.surface = options.surface, .field = options.field, .time = options.time})
+                .value()) {}
 
   void push(const DepthFrame& frame, const PixelWindow& requested) {
     time_ += 1 / 30.0;
@@ -267,8 +270,8 @@ TEST(WindowedField, HasNoCloudUntilAPictureNeedsIt) {
   ThreadPool pool(2);
   const auto make = [&] {
     const Options options;
-    return SurfaceTimeline::create(stream, options.surface, options.field, options.time, {}, 0,
-                                   false)
+    return SurfaceTimeline::create(
+               stream, {.surface = options.surface, .field = options.field, .time = options.time})
         .value();
   };
   SurfaceTimeline whole = make(), windowed = make();

@@ -95,7 +95,7 @@ class MovingCamera {
     TimeOptions time;
     time.memory = {.kind = kind};
     time.memory.frames = frames;
-    return SurfaceTimeline::create(stream, {}, DepthFieldOptions{}, time).value();
+    return SurfaceTimeline::create(stream, {.time = time}).value();
   }
 
   Camera camera_{320, 240, {262.5, 262.5, 159.5, 119.5}};
@@ -245,7 +245,7 @@ TEST(KeyFrames, AreOfCountsInHostMemory) {
   stream.is_moving = true;
   TimeOptions time;
   time.memory.kind = DepthMemory::on;
-  auto timeline = SurfaceTimeline::create(stream, {}, DepthFieldOptions{}, time).value();
+  auto timeline = SurfaceTimeline::create(stream, {.time = time}).value();
   ThreadPool pool(1);
   const std::vector<float> meters(64 * 48, 1.0f);
   timeline.push(DepthImageView(64, 48, meters.data()), 0, pool);

@@ -265,8 +265,7 @@ TEST(Memory, AHandPassesOverATable) {
     TimeOptions with, without;
     with.memory = {.kind = DepthMemory::on, .thickness = kThickness};
     const auto make = [&](const TimeOptions& time) {
-      return SurfaceTimeline::create(test::stream_of(camera), {}, DepthFieldOptions{}, time, {})
-          .value();
+      return SurfaceTimeline::create(test::stream_of(camera), {.time = time}).value();
     };
     SurfaceTimeline remembers = make(with), forgets = make(without);
     double time = 0;
@@ -332,7 +331,8 @@ TEST(Memory, AHandPassesBeforeTwoCameras) {
         time.memory = {.kind = kind, .thickness = kThickness};
         (kind == DepthMemory::on ? remember : forget)
             .push_back(
-                SurfaceTimeline::create(test::stream_of(camera), {}, joined, time, {}).value());
+                SurfaceTimeline::create(test::stream_of(camera), {.field = joined, .time = time})
+                    .value());
       }
     }
     double time = 0;

@@ -107,8 +107,7 @@ TEST_F(Unseen, WithAMemoryIsWhatWasNotMeasuredNow) {
   time.memory.kind = DepthMemory::on;
   ThreadPool pool(1);
   for (const auto& [left, right, place] : {std::tuple{0.04, 0.0, 0.02}, {0.16, 0.03, 0.095}}) {
-    SurfaceTimeline timeline =
-        SurfaceTimeline::create(stream, {}, DepthFieldOptions{}, time, {}, 0, false).value();
+    SurfaceTimeline timeline = SurfaceTimeline::create(stream, {.time = time}).value();
     for (int i = 0; i < 6; ++i) {
       DepthFrame frame{camera.width, camera.height, 0.0001, {}, 0};
       for (const float z : dark_image(left, right, i > 3)) {
