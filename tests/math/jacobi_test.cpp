@@ -45,6 +45,10 @@ void check_random_matrices() {
     std::copy_n(a[0], N * N, values[0]);
     ASSERT_TRUE(diagonalize(values, vectors));
     expect_eigenvectors(a, values, vectors, scale);
+    std::copy_n(a[0], N * N, values[0]);
+    diagonalize_ascending(values, vectors);
+    expect_eigenvectors(a, values, vectors, scale);
+    for (int k = 1; k < N; ++k) EXPECT_LE(values[k - 1][k - 1], values[k][k]);
   }
 }
 

@@ -6,14 +6,10 @@
 
 namespace palpate { inline namespace v0 {
 
-/// Makes a[p][q] zero by one rotation and turns the columns of `vectors` along.
+/// Rotates rows and columns p and q of a symmetric matrix by the angle with cosine c and sine s,
+/// and the columns of `vectors` along.
 template <int N>
-void jacobi_rotation(double (&a)[N][N], double (&vectors)[N][N], int p, int q) {
-  const double apq = a[p][q];
-  if (apq == 0) return;
-  const double theta = (a[q][q] - a[p][p]) / (2 * apq);
-  const double t = (theta < 0 ? -1 : 1) / (std::abs(theta) + std::hypot(theta, 1));
-  const double c = 1 / std::hypot(t, 1), s = t * c;
+void rotate_plane(double (&a)[N][N], double (&vectors)[N][N], int p, int q, double c, double s) {
   for (int k = 0; k < N; ++k) {
     const double akp = a[k][p], akq = a[k][q];
     a[k][p] = c * akp - s * akq;
@@ -27,6 +23,17 @@ void jacobi_rotation(double (&a)[N][N], double (&vectors)[N][N], int p, int q) {
     a[p][k] = c * apk - s * aqk;
     a[q][k] = s * apk + c * aqk;
   }
+}
+
+/// Makes a[p][q] zero by the smaller rotation.
+template <int N>
+void jacobi_rotation(double (&a)[N][N], double (&vectors)[N][N], int p, int q) {
+  const double apq = a[p][q];
+  if (apq == 0) return;
+  const double theta = (a[q][q] - a[p][p]) / (2 * apq);
+  const double t = (theta < 0 ? -1 : 1) / (std::abs(theta) + std::hypot(theta, 1));
+  const double c = 1 / std::hypot(t, 1), s = t * c;
+  rotate_plane(a, vectors, p, q, c, s);
   a[p][q] = a[q][p] = 0;
 }
 
@@ -55,6 +62,25 @@ bool diagonalize(double (&a)[N][N], double (&vectors)[N][N]) {
     }
   }
   return true;
+}
+
+/// The same by rotations that leave the smaller eigenvalue first, so that all ascend unless the
+/// matrix is diagonal already.
+template <int N>
+void diagonalize_ascending(double (&a)[N][N], double (&vectors)[N][N]) {
+  constexpr int kSweeps = 30;
+  for (int i = 0; i < N; ++i) {
+    for (int j = 0; j < N; ++j) vectors[i][j] = i == j ? 1 : 0;
+  }
+  for (int sweep = 0; sweep < kSweeps; ++sweep) {
+    for (int p = 0; p < N; ++p) {
+      for (int q = p + 1; q < N; ++q) {
+        if (a[p][q] == 0) continue;
+        const double angle = 0.5 * std::atan2(2 * a[p][q], a[q][q] - a[p][p]);
+        rotate_plane(a, vectors, p, q, std::cos(angle), std::sin(angle));
+      }
+    }
+  }
 }
 
 }}  // namespace palpate::v0

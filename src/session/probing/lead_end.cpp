@@ -61,16 +61,16 @@ struct PrincipalAxis {
   double moment;  // of inertia about it
 };
 
-/// Returns the principal axes, the one with the least moment of inertia first.
+/// Returns the principal axes; the moments of inertia about them ascend, unless they are the axes
+/// of the frame.
 std::array<PrincipalAxis, 3> principal_axes(const Tool& tool) {
   Mat3d inertia = tool.sphere_mass().inertia, axes;
-  diagonalize(inertia.m, axes.m);
+  diagonalize_ascending(inertia.m, axes.m);
   std::array<PrincipalAxis, 3> all;
   for (int i = 0; i < 3; ++i) {
     all[static_cast<std::size_t>(i)] = {{axes.m[0][i], axes.m[1][i], axes.m[2][i]},
                                         inertia.m[i][i]};
   }
-  std::ranges::sort(all, {}, &PrincipalAxis::moment);
   return all;
 }
 
@@ -92,13 +92,13 @@ Vec3d tidied(const Vec3d& axis) {
 /// Returns both ends of the principal axes that stand out (a cube has none), then of kFrameAxes.
 std::vector<Vec3d> candidates(const Tool& tool) {
   const std::array<PrincipalAxis, 3> principal = principal_axes(tool);
+  const double largest = std::max({principal[0].moment, principal[1].moment, principal[2].moment});
   std::vector<Vec3d> axes;
   for (std::size_t i = 0; i < 3; ++i) {
     const double to_others =
         std::min(std::abs(principal[i].moment - principal[(i + 1) % 3].moment),
                  std::abs(principal[i].moment - principal[(i + 2) % 3].moment));
-    if (to_others > kStandsOut * principal[2].moment)
-      axes.push_back(tidied(principal[i].direction_T));
+    if (to_others > kStandsOut * largest) axes.push_back(tidied(principal[i].direction_T));
   }
   axes.insert(axes.end(), std::begin(kFrameAxes), std::end(kFrameAxes));
   std::vector<Vec3d> ends;
