@@ -1,7 +1,7 @@
 // Contact queries on a GPU, or by the emulator.
 #pragma once
 
-#include "src/contact/cuda/contact_query_cuda.h"
+#include "src/contact/backends.h"
 #include "tests/test_util/contact_queries.h"
 
 namespace palpate::test {
