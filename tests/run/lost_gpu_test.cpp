@@ -60,22 +60,13 @@ MadeQuery emulated_query(Backend backend, std::shared_ptr<const ToolIndex> index
 }
 
 using MadeSurfaces = Result<SurfaceTimeline>;
-MadeSurfaces usual_surfaces(const DepthStreamInfo& stream, const SurfaceOptions& surface,
-                            const std::optional<DepthFieldOptions>& field,
-                            const TimeOptions& options, const Place& place, int num_spare,
-                            bool wants_depth_change,
-                            int binning) asm("__real_" PALPATE_MAKE_SURFACES);
-MadeSurfaces emulated_surfaces(const DepthStreamInfo& stream, const SurfaceOptions& surface,
-                               const std::optional<DepthFieldOptions>& field,
-                               const TimeOptions& options, const Place& place, int num_spare,
-                               bool wants_depth_change,
-                               int binning) asm("__wrap_" PALPATE_MAKE_SURFACES);
-MadeSurfaces emulated_surfaces(const DepthStreamInfo& stream, const SurfaceOptions& surface,
-                               const std::optional<DepthFieldOptions>& field,
-                               const TimeOptions& options, const Place&, int num_spare,
-                               bool wants_depth_change, int binning) {
-  return usual_surfaces(stream, surface, field, options, {}, num_spare, wants_depth_change,
-                        binning);
+MadeSurfaces usual_surfaces(const DepthStreamInfo& stream, const TimelineOptions& options,
+                            const Place& place) asm("__real_" PALPATE_MAKE_SURFACES);
+MadeSurfaces emulated_surfaces(const DepthStreamInfo& stream, const TimelineOptions& options,
+                               const Place& place) asm("__wrap_" PALPATE_MAKE_SURFACES);
+MadeSurfaces emulated_surfaces(const DepthStreamInfo& stream, const TimelineOptions& options,
+                               const Place&) {
+  return usual_surfaces(stream, options, {});
 }
 
 namespace {
