@@ -92,7 +92,8 @@ TEST(ContactDamping, PushesMoreComingThanGoingAndNeverPulls) {
       double last = 0;
       for (int i = 0; i < 2000; ++i) {
         const double depth = 1e-3 * (1 - std::cos(2 * kPi * i / 1000.0)) / 2;
-        const Wrench& felt = kind == CouplingKind::none ? touch.step.contact_W : touch.step.desired_F_H_B;
+        const Wrench& felt =
+            kind == CouplingKind::none ? touch.step.contact_W : touch.step.desired_F_H_B;
         given += felt.force.z * -(depth - last);
         last = depth;
         touch.to(pressed(depth));

@@ -92,11 +92,10 @@ TEST(LiveLoopPictures, AreWhatAFreshQuerySays) {
     ThreadPool pool(1);
     std::optional<DepthFieldOptions> field;
     if (method == MethodKind::field) field = settings.field;
-    auto timeline =
-        SurfaceTimeline::create(touching.source.info(), {.surface = settings.surface,
-                                                         .field = field,
-                                                         .time = settings.time})
-            .value();
+    auto timeline = SurfaceTimeline::create(
+                        touching.source.info(),
+                        {.surface = settings.surface, .field = field, .time = settings.time})
+                        .value();
     const auto query =
         make_contact_query(Backend::cpu, box_tool(), contact_method(settings.contact).value())
             .value();

@@ -112,7 +112,7 @@ TEST(Controls, OfObjectsHaveTheirNames) {
   const Tool tool = small_tool();
   for (SceneObject& object : settings.objects) object.shape = std::make_shared<const Tool>(tool);
   const auto view =
-      LiveView::create(tool, {SyntheticStream(1).info()}, "hand", nullptr, settings.objects);
+      LiveView::create(tool, {SyntheticStream(1).info()}, "hand", {.objects = settings.objects});
   EXPECT_NE(view->controls().find("objects.block.friction"), std::string::npos)
       << "pages ask before the run begins";
 }

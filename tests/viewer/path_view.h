@@ -64,8 +64,8 @@ inline bool same_planes(const std::vector<Plane<float>>& a, std::span<const Plan
 
 inline void expect_same(const ViewContact& shown, const Pipeline& pipeline) {
   SpherePicture spheres;
-  pipeline.query().measure(pipeline.cameras(), shown.X_WT,
-                           spheres.wants(shown.spheres.states.size()));
+  spheres.resize(shown.spheres.states.size());
+  pipeline.query().measure(pipeline.cameras(), shown.X_WT, spheres.wants());
   EXPECT_EQ(shown.spheres.states, spheres.states);
   EXPECT_TRUE(same_planes(shown.spheres.planes, spheres.planes));
   EXPECT_EQ(shown.spheres.deciders, spheres.deciders);

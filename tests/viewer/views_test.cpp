@@ -14,6 +14,7 @@
 #include "src/viewer/protocol/command.h"
 #include "src/viewer/protocol/messages.h"
 #include "src/viewer/sources/recorded_run.h"
+#include "src/viewer/sources/repetition.h"
 #include "tests/session/other_unit_stream.h"
 #include "tests/viewer/message_reader.h"
 #include "tests/viewer/path_view.h"
