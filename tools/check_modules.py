@@ -63,7 +63,6 @@ MAX_TEST_LINES = 600
 # files a larger one.
 MIN_LINES = 20
 SMALL = (
-    "include/palpate/palpate.h",
     "include/palpate/version.h",
     "python/palpate/_program.py",
     "web/src/report/main.ts",

@@ -146,7 +146,7 @@ TEST(RunView, ASeekGoesIntoAnyPartOfARecording) {
       ASSERT_TRUE(frame) << frame.error().message;
       EXPECT_EQ(frame->shown.number, (*run)->frame_number(query->frame));
     }
-    // Where its depth images begin, and later as in the whole run.
+    // From the first of its depth images on, and later as in the whole run.
     Repetition repetition(**run);
     for (const double time : {start, start + 0.5}) {
       const auto query = (*run)->query_at(time);

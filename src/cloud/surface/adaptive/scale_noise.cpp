@@ -14,7 +14,7 @@ constexpr double kQuantile = 0.7;
 constexpr double kNormalQuantile = 1.0364, kTails = 1.05;
 /// Growth of the noise from the finer levels to the next one. White noise falls by half; noise
 /// that is smooth over a few pixels grows up to their number.
-constexpr double kMostGrowth[kNumScales] = {0, 3, 2, 1.25, 1};
+constexpr double kMaxGrowth[kNumScales] = {0, 3, 2, 1.25, 1};
 
 /// Steps of 2^-bits of an octave above a power of two, by the bits of the numbers.
 int step_of(float value, float first, int bits) {
@@ -110,7 +110,7 @@ std::array<ScaleNoise, kNumScales> noise_of(const std::array<DetailCounts, kNumS
       for (const std::uint32_t n : counts[level].counts[z]) num[z] += n;
       if (level > 0) {
         const double finer = std::max(most[z], result[level - 1].at(depth_at(static_cast<int>(z))));
-        noise[z] = std::min(noise[z], kMostGrowth[level] * finer);
+        noise[z] = std::min(noise[z], kMaxGrowth[level] * finer);
       }
       most[z] = std::max(most[z], noise[z]);
       has_any = true;

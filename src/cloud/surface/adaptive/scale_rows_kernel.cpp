@@ -81,7 +81,7 @@ void predict_rows(const ScaleLevel& coarse, int level, const ScaleImage& from,
 }
 
 /// Returns the most of two by two cells.
-VecF most_of(const float* above, const float* below) {
+VecF max_of(const float* above, const float* below) {
   const Pairs upper = load_pairs(above), lower = load_pairs(below);
   return max(max(upper.first, upper.second), max(lower.first, lower.second));
 }
@@ -113,8 +113,8 @@ void find_energy_rows(const ScaleLevel* finer, const ScaleNoise& noise, const Sc
         VecF energy = excess_of(sum, weight, load(level.mean.row(v) + first + u), noise);
         if (finer != nullptr) {
           const int column = 2 * (first + u);
-          energy = max(energy, most_of(finer->energy.row(2 * v) + column,
-                                       finer->energy.row(2 * v + 1) + column));
+          energy = max(energy, max_of(finer->energy.row(2 * v) + column,
+                                      finer->energy.row(2 * v + 1) + column));
         }
         store(level.energy.row(v) + first + u, energy);
       }

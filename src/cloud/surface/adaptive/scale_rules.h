@@ -30,9 +30,9 @@ PALPATE_FORMULA float scale_tolerance(int level) {
 
 /// Bend of a surface between neighboring cells, as a share of its inverse depth: beyond, another
 /// surface begins, and a cell goes on as flat as its flatter side.
-inline constexpr float kMostBend = 0.015f;
+inline constexpr float kMaxBend = 0.015f;
 /// Largest energy of one cell, in variances of the noise: an outlier is no shape.
-inline constexpr float kMostEnergy = 24.0f;
+inline constexpr float kMaxEnergy = 24.0f;
 /// Mean energy of a neighborhood that noise alone does not exceed, in its variances.
 inline constexpr float kNoiseEnergy = 4.0f;
 /// Share of a cell's energy that counts in the cells of the next finer level.
@@ -84,7 +84,7 @@ PALPATE_FORMULA QuarterSlope quarter_slope(VecF before, VecF at, VecF after, flo
   const Mask has_before = (before > zero) & (abs(back) <= limit);
   const Mask has_after = (after > zero) & (abs(ahead) <= limit);
   const Mask has_both = has_before & has_after;
-  const Mask goes_on = has_both & (abs(ahead - back) <= kMostBend * at);
+  const Mask goes_on = has_both & (abs(ahead - back) <= kMaxBend * at);
   const Mask is_flatter_before = abs(back) < abs(ahead);
   const VecF one_sided =
       select(has_both, select(is_flatter_before, back, ahead), select(has_before, back, ahead));
@@ -95,7 +95,7 @@ PALPATE_FORMULA QuarterSlope quarter_slope(VecF before, VecF at, VecF after, flo
 /// Returns the quadratic's value if it stays near the cell's own plane, else that of the plane.
 PALPATE_FORMULA VecF predicted_cell(VecF quadratic, VecF plane, VecF mean, Mask has_plane) {
   const VecF zero = splat(0.0f);
-  const Mask is_near = (quadratic > zero) & (abs(quadratic - plane) <= (0.25f * kMostBend) * mean);
+  const Mask is_near = (quadratic > zero) & (abs(quadratic - plane) <= (0.25f * kMaxBend) * mean);
   return select(has_plane, select(is_near, quadratic, plane), zero);
 }
 
@@ -109,7 +109,7 @@ PALPATE_FORMULA VecF variance_at(VecF inverse_depth, const ScaleNoise& noise) {
 /// Returns the energy of a detail in variances of the noise. The cell has a surface.
 PALPATE_FORMULA VecF energy_of(VecF mean, VecF predicted, const ScaleNoise& noise) {
   const VecF d = mean - predicted;
-  return min(d * d / variance_at(mean, noise), splat(kMostEnergy));
+  return min(d * d / variance_at(mean, noise), splat(kMaxEnergy));
 }
 /// Returns the energy of a neighborhood beyond that of noise, in inverse depth squared. `sum` is
 /// weighted by 1 2 1 each way, `weight` the sum of the weights of what is known.
