@@ -24,9 +24,6 @@ void for_rows(ThreadPool& pool, int num_rows, const Rows& rows) {
   });
 }
 
-/// Distance in cells between those that are counted, each way: about as many of every level.
-int step_of(int level) { return std::max(4 >> level, 1); }
-
 }  // namespace
 
 AdaptiveFilter::AdaptiveFilter(int width, int height, Isa isa)
@@ -66,7 +63,7 @@ void AdaptiveFilter::count_details(ThreadPool& pool) {
       DetailCounts& of = counts[static_cast<std::size_t>(number)];
       of.clear();
       const ScaleLevel& level = levels_[static_cast<std::size_t>(number)];
-      const int step = step_of(number);
+      const int step = count_step(number);
       for (int v = task * step; v < level.height; v += kCountTasks * step) {
         const float* const mean = level.mean.row(v);
         const float* const predicted = level.predicted.row(v);

@@ -21,6 +21,9 @@ struct ScaleNoise {
   }
 };
 
+/// Distance in cells between those that are counted, each way: about as many of every level.
+PALPATE_HOSTDEV constexpr int count_step(int level) { return level < 2 ? 4 >> level : 1; }
+
 /// Counts of details by their depth and their size, both in steps of a share of themselves. Sums of
 /// whole numbers: any number of threads gives the same.
 struct DetailCounts {
@@ -28,9 +31,9 @@ struct DetailCounts {
   static constexpr int kSizes = 160;  ///< eight an octave, from kSmallest on
   static constexpr float kNearest = 0.0625f, kSmallest = 9.5367431640625e-7f;  // m, powers of 2
 
-  std::array<std::array<std::uint32_t, kSizes>, kDepths> counts{};
+  std::uint32_t counts[kDepths][kSizes] = {};
 
-  void clear() { counts = {}; }
+  void clear() { *this = {}; }
   void add(const DetailCounts& other);
   /// Counts one detail of a cell at an inverse depth.
   void add(float inverse_depth, float detail);
