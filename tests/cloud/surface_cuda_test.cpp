@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 #include <string>
+#include <vector>
 
 #include "tests/cloud/depth_scenes.h"
 #include "tests/cloud/far_images.h"
@@ -226,6 +228,133 @@ TEST(SurfaceCuda, TakesDepthInMeters) {
   gpu::Memory memory(0);
   pair.cuda.enqueue_depth(pair.stream, memory.copy_of(scene.depth));
   pair.compare();
+}
+
+SurfaceOptions adaptive_options() {
+  SurfaceOptions options = default_options();
+  options.filter.smoothing = Smoothing::adaptive;
+  return options;
+}
+
+TEST(SurfaceCuda, SmoothsAsTheCpuForAnySize) {
+  PALPATE_GPU_OR_SKIP();
+  const struct {
+    int width, height;
+    double distance, unit;
+  } cases[] = {{96, 72, 1.2, 0.001},   {8, 8, 0.8, 0.001},     {33, 17, 0.5, 0.0002},
+               {64, 32, 4.0, 0.001},   {31, 49, 2.0, 0.00025}, {129, 16, 1.0, 0.001},
+               {320, 240, 1.0, 0.0001}};
+  for (const auto& c : cases) {
+    for (const double flying_gap : {0.0, 0.015}) {
+      SCOPED_TRACE(std::to_string(c.width) + " x " + std::to_string(c.height));
+      SurfaceOptions options = adaptive_options();
+      options.flying_pixel_gap = flying_gap;
+      const DepthScene scene =
+          test::cluttered_scene(c.width, c.height, 1.1 * c.width, c.distance, 5);
+      Pair pair(scene, options);
+      pair.take(test::as_frame(scene, c.unit));
+      pair.cuda.enqueue(pair.stream);
+      ASSERT_NO_FATAL_FAILURE(pair.compare());
+    }
+  }
+}
+
+TEST(SurfaceCuda, SmoothsSurfacesWithAndWithoutNoiseAsTheCpu) {
+  PALPATE_GPU_OR_SKIP();
+  const DepthScene plane = test::plane_scene(100, 75, 90, {0.3, -0.2, -1}, {0, 0, 0.9});
+  const DepthScene empty = test::empty_scene(100, 75, 90);
+  DepthScene steps = plane, ball = plane;
+  test::Random random(3);
+  for (int v = 0; v < plane.height; ++v) {
+    for (int u = 0; u < plane.width; ++u) {
+      if (u > 37) steps.at(u, v) += u < 70 ? 0.004f : 0.3f;
+      steps.at(u, v) += static_cast<float>(0.0005 * random.normal());
+      const double rest = 120 - (u - 50) * (u - 50) - (v - 30) * (v - 30);
+      if (rest > 0) ball.at(u, v) -= static_cast<float>(0.002 * std::sqrt(rest));
+      ball.at(u, v) += static_cast<float>(0.001 * random.normal());
+    }
+  }
+  DepthScene lone = empty;  // fewer details than tell a noise
+  lone.at(40, 40) = lone.at(41, 40) = 1.0f;
+  Pair pair(plane, adaptive_options());
+  gpu::Memory memory(0);
+  for (const DepthScene& scene : {plane, empty, steps, ball, lone, plane}) {
+    pair.expected = pair.cpu.update(scene.depth, pair.pool);
+    pair.cuda.enqueue_depth(pair.stream, memory.copy_of(scene.depth));
+    ASSERT_NO_FATAL_FAILURE(pair.compare());
+  }
+}
+
+TEST(SurfaceCuda, SmoothsWhatIsBesideFreeSpaceAsTheCpu) {
+  PALPATE_GPU_OR_SKIP();
+  for (std::uint64_t seed = 1; seed <= 4; ++seed) {
+    SCOPED_TRACE(seed);
+    const DepthScene scene = test::far_scene(60 + 13 * static_cast<int>(seed), 97, seed);
+    Pair pair(scene, adaptive_options());
+    pair.expected = pair.cpu.update(scene.depth, pair.pool);
+    gpu::Memory memory(0);
+    const float* const meters = memory.copy_of(scene.depth);
+    for (const int num_parts : {1, 3, 10}) {
+      for (int part = 0; part < num_parts; ++part) {
+        pair.cuda.enqueue_depth(pair.stream, meters, part, num_parts);
+      }
+      ASSERT_NO_FATAL_FAILURE(pair.compare());
+    }
+  }
+}
+
+TEST(SurfaceCuda, SmoothsBentImagesAsTheCpu) {
+  PALPATE_GPU_OR_SKIP();
+  const DepthScene scene = test::cluttered_scene(99, 75, 90, 1.2, 6);
+  Pair pair(scene, adaptive_options(), {-0.28, 0.09, 0.001, -0.002, -0.01, 0, 0, 0});
+  pair.take(test::as_frame(scene));
+  pair.cuda.enqueue(pair.stream);
+  pair.compare();
+}
+
+TEST(SurfaceCuda, SmoothsRecordedFramesInAnyOrderOfThreads) {
+  PALPATE_GPU_OR_SKIP();
+  test::in_all_orders([] {
+    Pair pair(test::cluttered_scene(70, 50, 60, 1.2, 1), adaptive_options());
+    pair.stream.begin_recording();
+    pair.cuda.enqueue(pair.stream);
+    const gpu::Graph graph = pair.stream.end_recording();
+    for (const std::uint64_t seed : {2u, 3u}) {
+      pair.take(test::as_frame(test::cluttered_scene(70, 50, 60, 1.2, seed)));
+      pair.stream.launch(graph);
+      ASSERT_NO_FATAL_FAILURE(pair.compare());
+    }
+  });
+}
+
+TEST(SurfaceCuda, SmoothsEachImageOfABatchByItself) {
+  PALPATE_GPU_OR_SKIP();
+  constexpr int kWidth = 70, kHeight = 45, kImages = 3;
+  constexpr auto kPixels = static_cast<std::size_t>(kWidth * kHeight);
+  std::vector<float> depth;
+  const DepthScene first = test::cluttered_scene(kWidth, kHeight, 60, 1, 0);
+  for (int i = 0; i < kImages; ++i) {
+    const DepthScene scene =
+        test::cluttered_scene(kWidth, kHeight, 60, 1 + 0.5 * i, static_cast<std::uint64_t>(i));
+    depth.insert(depth.end(), scene.depth.begin(), scene.depth.end());
+  }
+  SurfaceOptions options = adaptive_options();
+  options.depth_change.enabled = false;
+  SurfaceCuda cuda = std::move(
+      SurfaceCuda::create(kWidth, kHeight, first.intrinsics, options, 0, kImages).value());
+  gpu::Stream stream{0, gpu::Priority::low};
+  gpu::Memory memory(0);
+  cuda.enqueue_images(stream, nullptr, memory.copy_of(depth), kImages);
+  ASSERT_TRUE(stream.wait());
+  SurfaceEstimator cpu =
+      SurfaceEstimator::create(kWidth, kHeight, first.intrinsics, options).value();
+  ThreadPool pool(1);
+  for (std::size_t i = 0; i < kImages; ++i) {
+    SCOPED_TRACE(i);
+    cpu.update(std::span(depth).subspan(i * kPixels, kPixels), pool);
+    const float* const image = cuda.depth() + static_cast<std::ptrdiff_t>(i) * cuda.points_apart();
+    test::expect_same_bits(test::copy_to_host(stream, image, kPixels), cpu.depth().data(), "depth");
+  }
 }
 
 TEST(SurfaceCuda, WithoutDepthChangeVectorsAreZero) {

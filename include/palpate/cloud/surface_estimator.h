@@ -16,8 +16,8 @@ namespace palpate { inline namespace v0 {
 enum class Smoothing {
   bilateral,  ///< the thesis' (eq. 3.12), the same everywhere
   /// As smooth as the data allow: details of all scales up to 32 pixels are kept where they exceed
-  /// the noise of the frame, which it learns. Planes become flat, edges and small shapes stay. On a
-  /// CPU only.
+  /// the noise of the frame, which it learns. Planes become flat, edges and small shapes stay. The
+  /// same bits on a GPU.
   adaptive,
 };
 constexpr auto names_of(Smoothing) { return std::array{"bilateral", "adaptive"}; }

@@ -39,6 +39,7 @@ class SurfaceCuda {
   /// Submits read, filter, normals and depth change of the frame in `input`. A frame may be done
   /// in parts, spread over the time between frames so that queries never wait for long (thesis
   /// section 4.2): all parts 0 ... num_parts - 1, in order. The bits do not depend on the number.
+  /// Adaptive smoothing needs the whole image: the last part does it, and all normals.
   void enqueue(gpu::Stream& stream, int part = 0, int num_parts = 1);
   /// The same of a whole frame whose counts are on this GPU; the unit is the one that was set.
   void enqueue_counts(gpu::Stream& stream, const std::uint16_t* counts);

@@ -5,10 +5,12 @@
 #include <iterator>
 #include <limits>
 #include <numeric>
+#include <optional>
 #include <vector>
 
 #include "src/cloud/cloud_arrays_cuda.h"
 #include "src/cloud/frames/far_pixels.cuh"
+#include "src/cloud/surface/adaptive/adaptive_cuda.h"
 #include "src/cloud/surface/surface_kernels.cuh"
 #include "src/cloud/surface/surface_options.h"
 #include "src/cloud/surface/surface_settings.h"
@@ -57,6 +59,7 @@ struct SurfaceCuda::Impl {
   CloudArrays cloud;
   TangentPlane* planes = nullptr;  // of a batch
   FilterJob filter;
+  std::optional<AdaptiveCuda> adaptive;
   NormalJob normals;
   std::size_t num_tiles;
 
@@ -101,6 +104,10 @@ SurfaceCuda::Impl::Impl(int image_width, int image_height, const Intrinsics& k,
   filter.flying_gap = settings.flying_gap;
   std::fill(std::begin(filter.space), std::end(filter.space), 0.0f);
   std::ranges::copy(space_exponents(options.filter), filter.space);
+  if (is_adaptive(options.filter)) {
+    adaptive.emplace(memory, width, height, std::max(num_images, 1), filter.depth,
+                     filter.tiling.points_apart);
+  }
 
   normals.tiling = filter.tiling;
   normals.depth = filter.depth;
@@ -131,7 +138,12 @@ void SurfaceCuda::Impl::enqueue(gpu::Stream& stream, const std::uint16_t* counts
         .threads = one_lane::kTileThreads,
         .shared_bytes = shared_bytes};
   };
-  const ImageRows filtered = part.strips(1), finished = part.strips(0);
+  const bool is_last = part.part == part.num_parts - 1;
+  const ImageRows filtered = part.strips(1);
+  // The adaptive filter smooths whole images, and normals follow it.
+  const ImageRows finished = !adaptive ? part.strips(0)
+                             : is_last ? ImageRows{0, part.num_strips}
+                                       : ImageRows{0, 0};
   PALPATE_ASSERT(filter.raw_pixels == nullptr || part.num_parts == 1);
   if (filtered.begin < filtered.end) {
     FilterJob job = filter;
@@ -141,7 +153,8 @@ void SurfaceCuda::Impl::enqueue(gpu::Stream& stream, const std::uint16_t* counts
     job.tiling.num_tiles = (filtered.end - filtered.begin) * tiles_per_row;
     gpu::launch(stream, shape(filtered, sizeof(FilterShared)), filter_kernel(job), job);
   }
-  if (part.part == part.num_parts - 1) {
+  if (is_last && adaptive) adaptive->enqueue(stream, std::max(num_images, 1));
+  if (is_last) {
     FilterJob job = filter;
     job.meters = meters;
     if (counts != nullptr) job.raw.pixels = counts;
@@ -165,11 +178,6 @@ Result<SurfaceCuda> SurfaceCuda::create(int width, int height, const Intrinsics&
                                         const Distortion& distortion) {
   const Status settings = check_surface_settings(width, height, intrinsics, options, distortion);
   if (!settings) return settings.error();
-  if (is_adaptive(options.filter)) {
-    return Error{Errc::invalid_argument,
-                 "surface.smoothing adaptive is computed on a CPU only: estimate surfaces there "
-                 "(sensing_gpu -1, or place cpu), or use smoothing bilateral"};
-  }
   const Status device = gpu::check_gpu(gpu);
   if (!device) return device.error();
   auto impl =

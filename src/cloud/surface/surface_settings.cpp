@@ -40,7 +40,8 @@ std::vector<float> space_exponents(const DepthFilterOptions& options) {
 
 FilterPass filter_settings(const SurfaceOptions& options) {
   FilterPass pass;
-  pass.radius = options.filter.enabled ? options.filter.radius : 0;
+  const bool is_bilateral = options.filter.enabled && !is_adaptive(options.filter);
+  pass.radius = is_bilateral ? options.filter.radius : 0;
   pass.range = static_cast<float>(gauss_scale(options.filter.sigma_depth));
   pass.flying_gap = static_cast<float>(options.flying_pixel_gap);
   return pass;
