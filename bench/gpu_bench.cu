@@ -232,9 +232,10 @@ struct Sensing {
   SurfaceCuda surface;
   DepthFieldCuda field;
 
-  Sensing(int width, int height)
-      : surface(value_or_stop(SurfaceCuda::create(
-            width, height, WallFrame(width, height).intrinsics, {}, options.gpu))),
+  Sensing(int width, int height, Smoothing smoothing = Smoothing::bilateral)
+      : surface(
+            value_or_stop(SurfaceCuda::create(width, height, WallFrame(width, height).intrinsics,
+                                              {.filter = {.smoothing = smoothing}}, options.gpu))),
         field(value_or_stop(DepthFieldCuda::create(width, height, {}, options.gpu))) {
     const DepthFrame frame = wall_frame(width, height);
     std::copy(frame.pixels.begin(), frame.pixels.end(), surface.input().begin());
@@ -270,6 +271,13 @@ void measure_sensing(int width, int height) {
   });
   measure_recorded("sensing: surface; device time/" + size,
                    [&] { sensing.surface.enqueue_depth(stream, depth); });
+  Sensing adaptive(width, height, Smoothing::adaptive);
+  measure_recorded("sensing: adaptive surface and field; device time/" + size, [&] {
+    adaptive.surface.enqueue_depth(stream, depth);
+    adaptive.field.enqueue(adaptive.surface.cloud(), stream);
+  });
+  measure_recorded("sensing: adaptive surface; device time/" + size,
+                   [&] { adaptive.surface.enqueue_depth(stream, depth); });
   measure_recorded("sensing: field; device time/" + size,
                    [&] { sensing.field.enqueue(sensing.surface.cloud(), stream); });
   // Includes the copy of the raw frame.

@@ -63,11 +63,15 @@ class SparedWall final : public DepthSource {
   WallSource wall_{{}};
 };
 
-TEST(LiveLoop, AThreadOfSurfacesWithoutMemoryEndsTheRunWell) {
+// Frames are handed on and not copied: larger ones cost the thread of surfaces no memory.
+TEST(LiveLoop, AThreadOfSurfacesNeedsNoMemoryForLargerFrames) {
   SparedWall source;
   ScriptedDevice device({.hand = pressing_hand});
+  std::atomic<int> num_with_flow = 0;
   RunObserver observer;
-  observer.on_frame = [](const FrameRecord&, const DepthFrame&) {};
+  observer.on_frame = [&](const FrameRecord&, const DepthFrame& frame) {
+    num_with_flow += !frame.flow.empty();
+  };
   auto loop =
       RunLoop::create(box_tool(), source, device, patient_settings(), std::move(observer)).value();
   test::RefusedAllocations::spare_this_thread();
@@ -76,11 +80,12 @@ TEST(LiveLoop, AThreadOfSurfacesWithoutMemoryEndsTheRunWell) {
   {
     const test::RefusedAllocations refused;
     source.has_flow = true;
-    EXPECT_TRUE(wait_for([&] { return !loop->is_running(); }));
+    EXPECT_TRUE(wait_for([&] { return num_with_flow > 5; }));
   }
-  EXPECT_TRUE(wait_for([&] { return device.last_force() == 0; }));  // it has faded
+  EXPECT_TRUE(loop->is_running());
+  EXPECT_GT(device.last_force(), 0);
   loop->stop();
-  EXPECT_FALSE(loop->status());
+  EXPECT_TRUE(loop->status());
 }
 
 TEST(LiveLoop, WhatACameraThrowsEndsTheRunWell) {
