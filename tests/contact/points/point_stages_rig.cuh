@@ -19,7 +19,7 @@
 
 namespace palpate::test::point_stages {
 
-inline __global__ void __launch_bounds__(kQueryThreads, 1)
+__global__ void __launch_bounds__(kQueryThreads, 1)
     sum_points(const __grid_constant__ PointQuery q, unsigned long long* barrier) {
   if (gpu::grid_thread() == 0) reset_counters(q);
   scan_points(q, true);
@@ -27,14 +27,14 @@ inline __global__ void __launch_bounds__(kQueryThreads, 1)
   if (q.scan.edges != nullptr) scan_edges(q);
 }
 
-inline __global__ void __launch_bounds__(kQueryThreads, 1)
+__global__ void __launch_bounds__(kQueryThreads, 1)
     take_boundary(const __grid_constant__ PointQuery q, unsigned long long* barrier) {
   find_boundary(q, true);
   gpu::grid_barrier(barrier);
   if (q.edges != Edges::none) find_edges(q);
 }
 
-inline __global__ void __launch_bounds__(kQueryThreads, 1)
+__global__ void __launch_bounds__(kQueryThreads, 1)
     find_edges_alone(const __grid_constant__ PointQuery q) {
   find_edges(q);
 }
