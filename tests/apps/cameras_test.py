@@ -410,18 +410,18 @@ class Cameras(CameraCase):
             self.assertEqual(summary["stream"]["sensor"], sensor)
             self.assertEqual(palpate("replay", run).returncode, 0)
             made = summary["settings"]["surface"]
-            return made["flying_pixel_gap"], made["filter_radius"], made["smoothing"]
+            return made["flying_pixel_gap"], made["filter_radius"]
 
-        self.assertEqual(surface("none"), (0, 2, "bilateral"))
-        self.assertEqual(surface("tof", uri="&sensor=tof"), (0.015, 2, "adaptive"))
+        self.assertEqual(surface("none"), (0, 2))
+        self.assertEqual(surface("tof", uri="&sensor=tof"), (0.015, 2))
         self.assertEqual(surface("active_stereo", "--sensor", "active_stereo", uri="&sensor=tof"),
-                         (0.03, 3, "adaptive"))
-        self.assertEqual(surface("none", "--sensor", "none", uri="&sensor=tof"), (0, 2, "bilateral"))
+                         (0.03, 3))
+        self.assertEqual(surface("none", "--sensor", "none", uri="&sensor=tof"), (0, 2))
         # Explicit settings take precedence over the sensor's, even if they equal the defaults.
-        self.assertEqual(surface("active_stereo", "--sensor", "active_stereo", "--smoothing", "bilateral",
-                                 "--set", "surface.filter_radius=2"), (0.03, 2, "bilateral"))
+        self.assertEqual(surface("active_stereo", "--sensor", "active_stereo", "--set",
+                                 "surface.filter_radius=2"), (0.03, 2))
         self.assertEqual(surface("active_stereo", "--sensor", "active_stereo", "--settings", file),
-                         (0.03, 2, "adaptive"))
+                         (0.03, 2))
         self.refused("must be one of none, structured_light", "touch", self.tool, "--camera",
                      "pipe:-?sensor=laser", "-o", self.folder / "never", status=2)
 

@@ -16,8 +16,6 @@ Status check(const SurfaceOptions& options) {
 
 SurfaceOptions surface_options_for(SensorKind sensor) {
   SurfaceOptions options;
-  // The noise of what is recorded is smooth over several pixels.
-  if (sensor != SensorKind::none) options.filter.smoothing = Smoothing::adaptive;
   switch (sensor) {
     case SensorKind::none: break;
     case SensorKind::structured_light:
