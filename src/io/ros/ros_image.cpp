@@ -89,7 +89,7 @@ Result<std::vector<float>> read_flow_image(std::string_view message) {
   from.number<std::uint8_t>();
   from.number<std::uint32_t>();
   const std::string_view data = from.bytes();
-  if (!from.is_good() || encoding != "32FC2" || width > kMaxImageWidth ||
+  if (!from.is_good() || encoding != "32FC2" || data.empty() || width > kMaxImageWidth ||
       height > kMaxImageHeight || data.size() != 2 * sizeof(float) * width * height) {
     return Error{Errc::bad_input, "an optical flow is damaged"};
   }

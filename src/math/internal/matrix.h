@@ -12,8 +12,8 @@ template <class Matrix>
 inline constexpr int kRows = std::extent_v<decltype(Matrix::m), 0>;
 
 template <class Matrix>
-concept SquareMatrix = kRows<Matrix> >
-0 && kRows<Matrix> == std::extent_v<decltype(Matrix::m), 1>;
+concept SquareMatrix = std::is_array_v<decltype(Matrix::m)> && std::extent_v<decltype(Matrix::m), 0>
+== std::extent_v<decltype(Matrix::m), 1>;
 
 /// Returns a b.
 template <SquareMatrix Matrix>
