@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "src/core/internal/assert.h"
+#include "src/core/internal/for_rows.h"
 #include "src/core/internal/stamp.h"
 #include "src/field/pyramid/field_rows.h"
 #include "src/field/pyramid/field_windows.h"
@@ -14,16 +15,6 @@ namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr int kBorder = DepthFieldLevel::kBorder;
-
-/// Calls `row(v)` for rows [begin, end), in parallel.
-template <class Row>
-void for_rows(ThreadPool& pool, int begin, int end, const Row& row) {
-  constexpr int kRowsPerTask = 16;
-  pool.parallel_for((end - begin + kRowsPerTask - 1) / kRowsPerTask, [&](int task) {
-    const int first = begin + task * kRowsPerTask;
-    for (int v = first; v < std::min(end, first + kRowsPerTask); ++v) row(v);
-  });
-}
 
 }  // namespace
 

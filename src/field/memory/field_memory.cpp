@@ -1,6 +1,6 @@
 #include "src/field/memory/field_memory.h"
 
-#include <algorithm>
+#include "src/core/internal/for_rows.h"
 
 namespace palpate { inline namespace v0 {
 
@@ -19,18 +19,14 @@ void FieldMemory::update(const PointCloudView& cloud, double interval, ThreadPoo
   seen.width = width_;
   seen.height = height_;
   seen.stride = width_;
-  constexpr int kRowsPerTask = 16;
-  pool.parallel_for((height_ + kRowsPerTask - 1) / kRowsPerTask, [&](int task) {
-    const int first = task * kRowsPerTask;
-    for (int v = first; v < std::min(height_, first + kRowsPerTask); ++v) {
-      rows_.take_planes(cloud, seen, {0, 0, width_, height_}, v);
-      const std::size_t begin = static_cast<std::size_t>(v) * static_cast<std::size_t>(width_);
-      for (std::size_t i = begin; i < begin + static_cast<std::size_t>(width_); ++i) {
-        const float depth = seen_depth(cloud, static_cast<std::ptrdiff_t>(i));
-        const MemoryPlanes planes = remember(behind_[i], depth, rule_, seconds, pixels_[i]);
-        behind_[i] = planes.behind;
-        in_front_[i] = planes.in_front;
-      }
+  for_rows(pool, 0, height_, [&](int v) {
+    rows_.take_planes(cloud, seen, {0, 0, width_, height_}, v);
+    const std::size_t begin = static_cast<std::size_t>(v) * static_cast<std::size_t>(width_);
+    for (std::size_t i = begin; i < begin + static_cast<std::size_t>(width_); ++i) {
+      const float depth = seen_depth(cloud, static_cast<std::ptrdiff_t>(i));
+      const MemoryPlanes planes = remember(behind_[i], depth, rule_, seconds, pixels_[i]);
+      behind_[i] = planes.behind;
+      in_front_[i] = planes.in_front;
     }
   });
 }

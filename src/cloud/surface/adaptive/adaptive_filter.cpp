@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "src/core/internal/for_rows.h"
+
 namespace palpate { inline namespace v0 {
 namespace {
 
@@ -14,14 +16,6 @@ ScaleRows rows_for(Isa isa) {
 #endif
   (void)isa;
   return isa_baseline::scale_rows();
-}
-
-/// Calls `rows(begin, end)` for all rows, in parallel.
-template <class Rows>
-void for_rows(ThreadPool& pool, int num_rows, const Rows& rows) {
-  pool.parallel_for((num_rows + kStripRows - 1) / kStripRows, [&](int strip) {
-    rows(strip * kStripRows, std::min((strip + 1) * kStripRows, num_rows));
-  });
 }
 
 }  // namespace
@@ -82,42 +76,39 @@ void AdaptiveFilter::count_details(ThreadPool& pool) {
 }
 
 void AdaptiveFilter::run(const FilterPass& pass, const PixelWindow& window, ThreadPool& pool) {
-  for_rows(pool, levels_[0].height,
-           [&](int begin, int end) { rows_.begin(pass, levels_[0], begin, end); });
   const auto at = [&](int level) -> ScaleLevel& {
     return levels_[static_cast<std::size_t>(level)];
   };
-  for (int level = 1; level <= kNumScales; ++level) {
-    for_rows(pool, at(level).height,
-             [&](int begin, int end) { rows_.widen(at(level - 1), level, at(level), begin, end); });
-  }
-  const auto predict = [&](int level, const ScaleImage& from, const ScaleImage& to) {
-    for_rows(pool, at(level + 1).height, [&](int begin, int end) {
-      rows_.predict(at(level + 1), level + 1, from, at(level), to, begin, end);
-    });
+  const auto noise = [&](int level) -> const ScaleNoise& {
+    return noise_[static_cast<std::size_t>(level)];
   };
+  const auto predict = [&](int level, const ScaleImage& from, const ScaleImage& to) {
+    for_rows(pool, 0, at(level + 1).height,
+             [&](int v) { rows_.predict(at(level + 1), level + 1, from, at(level), to, v); });
+  };
+  for_rows(pool, 0, at(0).height, [&](int v) { rows_.begin(pass, at(0), v); });
+  for (int level = 1; level <= kNumScales; ++level) {
+    for_rows(pool, 0, at(level).height,
+             [&](int v) { rows_.widen(at(level - 1), level, at(level), v); });
+  }
   for (int level = 0; level < kNumScales; ++level) {
     predict(level, at(level + 1).mean, at(level).predicted);
   }
   count_details(pool);
   for (int level = 0; level < kNumScales; ++level) {
-    for_rows(pool, at(level).height, [&](int begin, int end) {
-      rows_.find_energy(level == 0 ? nullptr : &at(level - 1),
-                        noise_[static_cast<std::size_t>(level)], at(level), begin, end);
-    });
+    const ScaleLevel* const finer = level == 0 ? nullptr : &at(level - 1);
+    for_rows(pool, 0, at(level).height,
+             [&](int v) { rows_.find_energy(finer, noise(level), at(level), v); });
   }
   for (int level = kNumScales - 1; level >= 0; --level) {
     const bool is_widest = level == kNumScales - 1;
-    predict(level, is_widest ? at(level + 1).mean : at(level + 1).smoothed, at(level).smoothed);
-    for_rows(pool, at(level).height, [&](int begin, int end) {
-      rows_.smooth(is_widest ? nullptr : &at(level + 1), noise_[static_cast<std::size_t>(level)],
-                   at(level), begin, end);
-    });
+    const ScaleLevel* const wider = is_widest ? nullptr : &at(level + 1);
+    predict(level, is_widest ? at(level + 1).mean : wider->smoothed, at(level).smoothed);
+    for_rows(pool, 0, at(level).height,
+             [&](int v) { rows_.smooth(wider, noise(level), at(level), v); });
   }
   const PixelWindow all = window.clipped(at(0).width, at(0).height);
-  for_rows(pool, all.height(), [&](int begin, int end) {
-    rows_.finish(at(0), pass, {all.left, all.top + begin, all.right, all.top + end});
-  });
+  for_rows(pool, all.top, all.bottom, [&](int v) { rows_.finish(at(0), pass, all, v); });
 }
 
 }}  // namespace palpate::v0

@@ -18,9 +18,6 @@ class AdaptiveFilter {
   /// at whole parts. The same bits for any window and any number of threads.
   void run(const FilterPass& pass, const PixelWindow& window, ThreadPool& pool);
 
-  /// The noise that the last run found.
-  const std::array<ScaleNoise, kNumScales>& noise() const { return noise_; }
-
  private:
   void count_details(ThreadPool& pool);
 

@@ -30,21 +30,20 @@ struct ScaleLevel {
   ScaleImage smoothed;
 };
 
-/// Each does rows [begin, end) of the level named last.
+/// Each does row v of the level named last.
 struct ScaleRows {
   /// Level 0: inverse depth of the measured pixels; flying ones are none.
-  void (*begin)(const FilterPass&, const ScaleLevel&, int begin, int end);
-  void (*widen)(const ScaleLevel& fine, int level, const ScaleLevel& coarse, int begin, int end);
-  /// Predicts the two rows of `to`, of level `fine`, below each row of `from`, of level `coarse`.
+  void (*begin)(const FilterPass&, const ScaleLevel&, int v);
+  void (*widen)(const ScaleLevel& fine, int level, const ScaleLevel& coarse, int v);
+  /// Predicts the two rows of `to`, of level `fine`, below row v of `from`, of level `coarse`.
   void (*predict)(const ScaleLevel& coarse, int level, const ScaleImage& from,
-                  const ScaleLevel& fine, const ScaleImage& to, int begin, int end);
+                  const ScaleLevel& fine, const ScaleImage& to, int v);
   /// `finer` is null at level 0.
-  void (*find_energy)(const ScaleLevel* finer, const ScaleNoise&, const ScaleLevel&, int begin,
-                      int end);
+  void (*find_energy)(const ScaleLevel* finer, const ScaleNoise&, const ScaleLevel&, int v);
   /// `smoothed` holds the predictions from the wider level; it is null at the widest.
-  void (*smooth)(const ScaleLevel* wider, const ScaleNoise&, const ScaleLevel&, int begin, int end);
-  /// Depth of the smoothed pixels of a part.
-  void (*finish)(const ScaleLevel&, const FilterPass&, const PixelWindow& part);
+  void (*smooth)(const ScaleLevel* wider, const ScaleNoise&, const ScaleLevel&, int v);
+  /// Depth of the smoothed pixels in the columns of a window.
+  void (*finish)(const ScaleLevel&, const FilterPass&, const PixelWindow& window, int v);
 };
 
 #define PALPATE_DECLARE_SCALE_ROWS(isa) \
