@@ -90,15 +90,17 @@ TEST(SurfaceCuda, EqualsTheCpuWithEveryOption) {
   }
 }
 
+struct SizeCase {
+  int width, height;
+  double distance, unit;
+};
+constexpr SizeCase kSizes[] = {
+    {96, 72, 1.2, 0.001},   {8, 8, 0.8, 0.001},    {33, 17, 0.5, 0.0002},  {64, 32, 4.0, 0.001},
+    {31, 49, 2.0, 0.00025}, {129, 16, 1.0, 0.001}, {320, 240, 1.0, 0.0001}};
+
 TEST(SurfaceCuda, EqualsTheCpuForAnySizeUnitAndDistance) {
   PALPATE_GPU_OR_SKIP();
-  const struct {
-    int width, height;
-    double distance, unit;
-  } cases[] = {{96, 72, 1.2, 0.001},   {8, 8, 0.8, 0.001},     {33, 17, 0.5, 0.0002},
-               {64, 32, 4.0, 0.001},   {31, 49, 2.0, 0.00025}, {129, 16, 1.0, 0.001},
-               {320, 240, 1.0, 0.0001}};
-  for (const auto& c : cases) {
+  for (const SizeCase& c : kSizes) {
     SCOPED_TRACE(std::to_string(c.width) + " x " + std::to_string(c.height));
     const DepthScene scene = test::cluttered_scene(c.width, c.height, 1.1 * c.width, c.distance, 5);
     Pair pair(scene, default_options());
@@ -238,13 +240,7 @@ SurfaceOptions adaptive_options() {
 
 TEST(SurfaceCuda, SmoothsAsTheCpuForAnySize) {
   PALPATE_GPU_OR_SKIP();
-  const struct {
-    int width, height;
-    double distance, unit;
-  } cases[] = {{96, 72, 1.2, 0.001},   {8, 8, 0.8, 0.001},     {33, 17, 0.5, 0.0002},
-               {64, 32, 4.0, 0.001},   {31, 49, 2.0, 0.00025}, {129, 16, 1.0, 0.001},
-               {320, 240, 1.0, 0.0001}};
-  for (const auto& c : cases) {
+  for (const SizeCase& c : kSizes) {
     for (const double flying_gap : {0.0, 0.015}) {
       SCOPED_TRACE(std::to_string(c.width) + " x " + std::to_string(c.height));
       SurfaceOptions options = adaptive_options();

@@ -244,7 +244,7 @@ double energy_given(Touch& touch, const ClosedPath& path, int rounds) {
 
 TEST(Friction, ClosedPathsOnlyEverLoseEnergy) {
   test::Random random(5);
-  for (const CouplingKind kind : kMaxBallGrowth) {
+  for (const CouplingKind kind : kCouplings) {
     for (int n = 0; n < 30; ++n) {
       const ClosedPath path(random, random.uniform(0, 2e-3), 0.004, n % 2 ? 0.1 : 0);
       Plate plate;

@@ -8,10 +8,11 @@
 #include "palpate/haptics/coupling.h"
 #include "src/math/internal/matrix6.h"
 #include "src/math/internal/rotation_vector.h"
+#include "tests/haptics/coupled_box.h"
 
 namespace palpate::test {
 
-inline constexpr double kTick = 1e-3;
+using coupled_box::kTick;
 inline const DeviceLimits kLimits{.max_force = 20,
                                   .max_torque = 2,
                                   .max_stiffness = 2000,
@@ -20,18 +21,16 @@ inline const DeviceLimits kLimits{.max_force = 20,
                                   .workspace_radius = 0.1,
                                   .damping = 1,
                                   .angular_damping = 2e-2};
-inline constexpr CouplingKind kMaxBallGrowth[] = {CouplingKind::virtual_coupling,
-                                                  CouplingKind::proxy, CouplingKind::direct};
+/// Those that give the hand a force.
+inline constexpr CouplingKind kCouplings[] = {CouplingKind::virtual_coupling, CouplingKind::proxy,
+                                              CouplingKind::direct};
 inline constexpr CouplingKind kAll[] = {CouplingKind::virtual_coupling, CouplingKind::proxy,
                                         CouplingKind::direct, CouplingKind::none};
 
 /// A box of 2 x 4 x 6 cm about its middle.
 inline MassProperties box_tool() {
-  const double a = 0.02, b = 0.04, c = 0.06, v = a * b * c;
-  MassProperties tool{v, {}, {}};
-  tool.inertia.m[0][0] = v * (b * b + c * c) / 12;
-  tool.inertia.m[1][1] = v * (a * a + c * c) / 12;
-  tool.inertia.m[2][2] = v * (a * a + b * b) / 12;
+  MassProperties tool = coupled_box::box_tool();
+  tool.center_of_mass = {};
   return tool;
 }
 

@@ -12,7 +12,7 @@
 namespace palpate {
 namespace {
 
-using test::kMaxBallGrowth;  // all couplings that give a force
+using test::kCouplings;  // all couplings that give a force
 
 /// A hand that goes to and fro over a plate, into it, and out of it; from where it is free.
 struct Wander {
@@ -85,7 +85,7 @@ CouplingOptions options_of(CouplingKind kind, double friction, double scale, boo
 // The stored energy of moving objects outlasts ticks in which the tool's own contact is not
 // measured.
 TEST(StoredEnergy, OfObjectsOutlivesAContactThatIsNotMeasured) {
-  for (const CouplingKind kind : kMaxBallGrowth) {
+  for (const CouplingKind kind : kCouplings) {
     const auto coupling =
         make_coupling(options_of(kind, 0.4, 1, false), test::kLimits, test::box_tool());
     const DeviceState hand = test::hand_at({{0, 0, 0.1}, {}});
@@ -104,7 +104,7 @@ TEST(StoredEnergy, OfObjectsOutlivesAContactThatIsNotMeasured) {
 // Whatever a hand gets back, it had put in before, and it was stored.
 TEST(StoredEnergy, TheHandGetsBackNoMoreThanThat) {
   test::Random random(41);
-  for (const CouplingKind kind : kMaxBallGrowth) {
+  for (const CouplingKind kind : kCouplings) {
     for (const double friction : {0.0, 0.4}) {
       for (const double scale : {1.0, 2.0, 0.7}) {
         for (const bool has_walls : {false, true}) {
@@ -127,7 +127,7 @@ TEST(StoredEnergy, TheHandGetsBackNoMoreThanThat) {
 // A hand that swings the tool through the air, and presses it by a centimeter: all of that is given
 // back, nothing is held back, and the tank of 10 mJ is a fraction of it.
 TEST(StoredEnergy, TheFilterHoldsNothingBackOfWhatTheHandHasPutIn) {
-  for (const CouplingKind kind : kMaxBallGrowth) {
+  for (const CouplingKind kind : kCouplings) {
     test::safety_rig::Rig rig({}, test::kLimits);
     test::Touch touch(options_of(kind, 0, 1, false), {}, test::pressed(-0.02));
     const auto to = [&](double depth, double aside) {

@@ -121,12 +121,7 @@ TEST(LiveLoopChange, ContactsAreThoseOfTheirRevision) {
       const RunSettings& now = seen.settings[revision];
       if (num_pushed == 0 ||
           !keeps_surfaces(seen.settings[seen.frames[num_pushed - 1].revision], now)) {
-        std::optional<DepthFieldOptions> field;
-        if (now.contact.method == MethodKind::field) field = now.field;
-        timeline.emplace(
-            SurfaceTimeline::create(touching.source.info(),
-                                    {.surface = now.surface, .field = field, .time = now.time})
-                .value());
+        timeline.emplace(test::timeline_of(touching.source.info(), now));
       }
       timeline->push(frame, time, pool);
     }

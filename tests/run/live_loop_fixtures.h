@@ -2,6 +2,8 @@
 #pragma once
 
 #include <algorithm>
+#include <memory>
+#include <optional>
 
 #include "palpate/mesh/mesh.h"
 #include "palpate/packing/packing.h"
@@ -37,5 +39,20 @@ inline RunSettings patient_settings() {
 
 /// The box goes from 5 mm before the wall to 15 mm into it.
 inline Vec3d pressing_hand(double time) { return {0, 0, 0.02 + 0.02 * std::min(1.0, 4 * time)}; }
+
+/// Returns a timeline that makes the surfaces that a run of these settings makes.
+inline SurfaceTimeline timeline_of(const DepthStreamInfo& stream, const RunSettings& settings) {
+  std::optional<DepthFieldOptions> field;
+  if (settings.contact.method == MethodKind::field) field = settings.field;
+  return SurfaceTimeline::create(
+             stream, {.surface = settings.surface, .field = field, .time = settings.time})
+      .value();
+}
+
+/// Returns the query of the box that a run of these settings makes, on the CPU.
+inline std::unique_ptr<ContactQuery> query_of(const RunSettings& settings) {
+  return make_contact_query(Backend::cpu, box_tool(), contact_method(settings.contact).value())
+      .value();
+}
 
 }  // namespace palpate::test

@@ -90,15 +90,8 @@ TEST(LiveLoopPictures, AreWhatAFreshQuerySays) {
     EXPECT_EQ(contact.frame_number, picture->frame_number);
     EXPECT_EQ(contact.X_WT, picture->X_WT);
     ThreadPool pool(1);
-    std::optional<DepthFieldOptions> field;
-    if (method == MethodKind::field) field = settings.field;
-    auto timeline = SurfaceTimeline::create(
-                        touching.source.info(),
-                        {.surface = settings.surface, .field = field, .time = settings.time})
-                        .value();
-    const auto query =
-        make_contact_query(Backend::cpu, box_tool(), contact_method(settings.contact).value())
-            .value();
+    SurfaceTimeline timeline = test::timeline_of(touching.source.info(), settings);
+    const auto query = test::query_of(settings);
     int num_compared = 0;
     for (std::size_t k = 0; k < seen.frames.size(); ++k) {
       timeline.push(seen.frames[k].frame, seen.frames[k].time, pool);

@@ -23,7 +23,9 @@ namespace {
 using test::box_tool;
 using test::patient_settings;
 using test::pressing_hand;
+using test::query_of;
 using test::ScriptedDevice;
+using test::timeline_of;
 using test::wait_for;
 using test::WallSource;
 
@@ -166,13 +168,8 @@ TEST(LiveLoop, TheHandFeelsTheWallAndAllIsRecorded) {
 
   // Each contact can be repeated to the bit.
   ThreadPool pool(1);
-  SurfaceTimeline timeline = SurfaceTimeline::create(source.info(), {.surface = settings.surface,
-                                                                     .field = settings.field,
-                                                                     .time = settings.time})
-                                 .value();
-  const auto query =
-      make_contact_query(Backend::cpu, box_tool(), contact_method(settings.contact).value())
-          .value();
+  SurfaceTimeline timeline = timeline_of(source.info(), settings);
+  const auto query = query_of(settings);
   std::size_t num_pushed = 0;
   ASSERT_FALSE(seen.contacts.empty());
   for (const ContactRecord& contact : seen.contacts) {
@@ -213,13 +210,8 @@ TEST(LiveLoop, AToolThatLeavesTheWindowIsReportedAndRepeated) {
   ASSERT_EQ(report.num_lost_records, 0u);
 
   ThreadPool pool(1);
-  SurfaceTimeline timeline = SurfaceTimeline::create(source.info(), {.surface = settings.surface,
-                                                                     .field = settings.field,
-                                                                     .time = settings.time})
-                                 .value();
-  const auto query =
-      make_contact_query(Backend::cpu, box_tool(), contact_method(settings.contact).value())
-          .value();
+  SurfaceTimeline timeline = timeline_of(source.info(), settings);
+  const auto query = query_of(settings);
   std::size_t num_pushed = 0, num_outside = 0, num_with_force = 0, num_small = 0;
   for (const ContactRecord& contact : seen.contacts) {
     for (; num_pushed <= contact.frame_number; ++num_pushed) {
