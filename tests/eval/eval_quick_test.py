@@ -87,8 +87,9 @@ class QuickEvaluation(unittest.TestCase):
         measured = {}
         for figure in self.figures():
             for claim in figure["claims"]:
-                # Words like "never", whole percents and numbers of two digits are the same by chance.
-                if re.search(r"[1-9][0-9]*\.[0-9]{2}|0\.0*[1-9][0-9]{2}", claim["measured"]):
+                # Words like "never", whole percents, numbers of two digits, and ratios of times are the same by chance.
+                numbers = re.sub(r"[0-9.]+ times as long", "", claim["measured"])
+                if re.search(r"[1-9][0-9]*\.[0-9]{2}|0\.0*[1-9][0-9]{2}", numbers):
                     key = (claim["source"], claim["measured"])
                     measured.setdefault(key, []).append((figure["id"], claim["claim"]))
         self.assertEqual([where for where in measured.values() if len(where) > 1], [])
