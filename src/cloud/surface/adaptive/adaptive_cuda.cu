@@ -275,8 +275,15 @@ __global__ void __launch_bounds__(kAdaptiveThreads)
         float result = 0;
         if (is_inside) {
           const std::ptrdiff_t at = first + level.at(u, v);
-          result = smoothed_cell(level.mean[at], level.predicted[at], finer.cells[k / 2][k % 2],
-                                 energy_at(job, tile.image, number, u, v), noise);
+          const float* const mean = level.mean + at;
+          const float* const predicted = level.predicted + at;
+          const float energy = energy_at(job, tile.image, number, u, v);
+          float detail = *mean - *predicted;
+          if (number == 0 && is_kept(*mean, *predicted, energy)) {
+            detail = calm_detail(mean, predicted, level.stride);
+          }
+          result =
+              smoothed_cell(*mean, detail, *predicted, finer.cells[k / 2][k % 2], energy, noise);
         }
         if (number > 0) {
           smoothed[y * side + x] = result;

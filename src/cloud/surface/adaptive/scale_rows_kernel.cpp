@@ -113,7 +113,8 @@ void find_energy_row(const ScaleLevel* finer, const ScaleNoise& noise, const Sca
   }
 }
 
-void smooth_row(const ScaleLevel* wider, const ScaleNoise& noise, const ScaleLevel& level, int v) {
+void smooth_row(bool calm, const ScaleLevel* wider, const ScaleNoise& noise,
+                const ScaleLevel& level, int v) {
   float* const energies = level.energy.row(v);
   const float* const means = level.mean.row(v);
   const float* const predicted = level.predicted.row(v);
@@ -127,8 +128,14 @@ void smooth_row(const ScaleLevel* wider, const ScaleNoise& noise, const ScaleLev
     }
   }
   for (int u = 0; u < level.width; u += kLanes) {
-    store(smoothed + u, smoothed_cell(load(means + u), load(predicted + u), load(smoothed + u),
-                                      load(energies + u), noise));
+    const VecF mean = load(means + u), predicted_u = load(predicted + u);
+    const VecF energy = load(energies + u);
+    VecF detail = mean - predicted_u;
+    if (calm && is_any_set(is_kept(mean, predicted_u, energy))) {
+      detail = calm_detail(means + u, predicted + u, level.mean.stride);
+    }
+    store(smoothed + u,
+          smoothed_cell(mean, detail, predicted_u, load(smoothed + u), energy, noise));
   }
 }
 

@@ -11,10 +11,13 @@
 // details of a neighborhood carry more energy than noise does, at this level or, since an edge is
 // seen best at the scale at which the noise is least, at another one: energy is handed on to wider
 // cells whole (a step is as high at any scale) and to finer ones as a tenth (the curvature of a
-// bend falls faster). So a step or a small ball is left as measured, and a table becomes flat.
-// After intersection of confidence intervals (Lepski, Goldenshluger, Katkovnik) and block
-// thresholding (Cai), with the noise of each level learned from the frame itself (scale_noise.h).
+// bend falls faster). So a step or a small ball stays, and a table becomes flat. Of single pixels
+// the mean of the details around is kept, since what stays has noise, too. After intersection of
+// confidence intervals (Lepski, Goldenshluger, Katkovnik) and block thresholding (Cai), with the
+// noise of each level learned from the frame itself (scale_noise.h).
 #pragma once
+
+#include <cstddef>
 
 #include "src/cloud/surface/adaptive/scale_noise.h"
 #include "src/core/internal/lanes.h"
@@ -39,6 +42,10 @@ inline constexpr float kNoiseEnergy = 4.0f;
 inline constexpr float kFinerShare = 0.12f;
 /// Energy from which on a detail is kept whole, in variances of the noise.
 inline constexpr float kSureEnergy = 1.5f;
+/// Reach in pixels of the mean of details that are kept, and its widths in the image and in inverse
+/// depth, as 1 / (2 sigma^2 ln 2): 1.5 pixels, 0.01 / m.
+inline constexpr int kCalmReach = 2;
+inline constexpr float kCalmSpace = 0.3206f, kCalmRange = 7213.0f;
 
 }}  // namespace palpate::v0
 
@@ -118,12 +125,35 @@ PALPATE_FORMULA VecF excess_of(VecF sum, VecF weight, VecF mean, const ScaleNois
   const VecF excess = sum / max(weight, splat(1.0f)) - kNoiseEnergy;
   return select((mean > zero) & (excess > zero), excess * variance_at(mean, noise), zero);
 }
+/// Returns the mean of the details around a pixel, of surfaces as far as its own: a bilateral
+/// filter (thesis eq. 3.12) that leaves planes and bends as they are, since they have no details.
+PALPATE_FORMULA VecF calm_detail(const float* mean, const float* predicted, std::ptrdiff_t stride) {
+  const VecF zero = splat(0.0f), center = load(mean);
+  VecF sum = zero, sum_weights = splat(1e-30f);
+  for (int dv = -kCalmReach; dv <= kCalmReach; ++dv) {
+    for (int du = -kCalmReach; du <= kCalmReach; ++du) {
+      const VecF m = load(mean + dv * stride + du), p = load(predicted + dv * stride + du);
+      const VecF difference = m - center;
+      const VecF weight = exp2_negative(splat(-kCalmSpace * static_cast<float>(du * du + dv * dv)) -
+                                        kCalmRange * difference * difference);
+      const VecF share = select((m > zero) & (p > zero), weight, zero);
+      sum += share * (m - p);
+      sum_weights += share;
+    }
+  }
+  return sum / sum_weights;
+}
+/// Returns where details of a cell are kept.
+PALPATE_FORMULA Mask is_kept(VecF mean, VecF predicted, VecF energy) {
+  const VecF zero = splat(0.0f);
+  return (mean > zero) & (predicted > zero) & (energy > zero);
+}
 /// Returns the smoothed value of a cell. `wider` is the prediction from smoothed cells.
-PALPATE_FORMULA VecF smoothed_cell(VecF mean, VecF predicted, VecF wider, VecF energy,
+PALPATE_FORMULA VecF smoothed_cell(VecF mean, VecF detail, VecF predicted, VecF wider, VecF energy,
                                    const ScaleNoise& noise) {
   const VecF zero = splat(0.0f), one = splat(1.0f);
   const VecF sure = kSureEnergy * variance_at(select(mean > zero, mean, one), noise);
-  const VecF value = wider + min(energy / sure, one) * (mean - predicted);
+  const VecF value = wider + min(energy / sure, one) * detail;
   const Mask is_known = (mean > zero) & (predicted > zero) & (wider > zero) & (value > zero);
   return select(is_known, value, mean);
 }
