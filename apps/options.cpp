@@ -306,6 +306,12 @@ void use_sensor(SensorKind sensor, std::span<const std::string> given, SurfaceOp
             << "; --sensor none turns this off\n";
 }
 
+void use_method(MethodKind method, std::span<const std::string> given, SurfaceOptions& surface) {
+  if (std::ranges::find(given, "surface.smoothing") == given.end()) {
+    surface.filter.smoothing = usual_smoothing(method);
+  }
+}
+
 void add_prefix_option(CLI::App& app, int& num_spheres) {
   add_number(app, "--spheres", num_spheres, {1, 1 << 30, "spheres"},
              "use only the first N spheres of the tool file")

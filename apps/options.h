@@ -131,6 +131,9 @@ void add_sensor_option(CLI::App& app, std::optional<SensorKind>& sensor);
 void use_sensor(SensorKind sensor, std::span<const std::string> given, SurfaceOptions& surface);
 /// The same for estimates of depth over time; other averages stay as they are.
 void use_sensor(SensorKind sensor, std::span<const std::string> given, TimeOptions& time);
+/// Sets the filter of the depth that is usual with a method, unless it is among the settings
+/// `given`.
+void use_method(MethodKind method, std::span<const std::string> given, SurfaceOptions& surface);
 
 /// Adds --spheres: number of spheres of a tool file to use; 0: all.
 void add_prefix_option(CLI::App& app, int& num_spheres);

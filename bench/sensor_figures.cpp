@@ -314,10 +314,17 @@ int run(const std::filesystem::path& data) {
     const Intrinsics k{group.focal, group.focal, 319.5, 239.5};
     SurfaceOptions raw;
     raw.filter.enabled = false;
+    const SurfaceOptions of_kind = surface_options_for(group.sensor);
+    const auto bilateral = [](SurfaceOptions options) {
+      options.filter.smoothing = Smoothing::bilateral;
+      return options;
+    };
+    const std::string kind = name_of(group.sensor);
     const std::pair<std::string, SurfaceOptions> kinds[] = {
         {"raw", raw},
-        {"default", SurfaceOptions{}},
-        {name_of(group.sensor), surface_options_for(group.sensor)}};
+        {"bilateral", bilateral({})},
+        {"bilateral, " + kind, bilateral(of_kind)},
+        {"adaptive, " + kind, of_kind}};
     for (const auto& [name, options] : kinds) {
       std::printf("| %s | %s | %s |\n", group.name, name.c_str(),
                   measure(frames, k, options, pool).row().c_str());

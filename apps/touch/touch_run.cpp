@@ -215,6 +215,7 @@ Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
     settings.coupling.kind = has_hand ? CouplingKind::virtual_coupling : CouplingKind::none;
   }
   use_sensor(input.stream().sensor, options.given, settings.surface);
+  use_method(settings.contact.method, options.given, settings.surface);
   std::vector<DepthStreamInfo> streams;
   for (const auto& source : input.sources) streams.push_back(source->info());
   if (!options.is_given("time.average")) settings.time.average.kind = usual_average(streams);

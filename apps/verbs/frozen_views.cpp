@@ -130,6 +130,7 @@ Result<FrozenViews> FrozenViews::read(const FrozenOptions& options, const RunSet
     SurfaceOptions surface = settings.surface;
     sensor = options.sensor.value_or(sensor);
     use_sensor(sensor, given, surface);
+    use_method(settings.contact.method, given, surface);
     if (frame) drop_far_codes(*frame, sensor);
     return Frozen::from_frame(name, frame, intrinsics, surface, pool);
   };

@@ -81,8 +81,10 @@ FeatureGroup surfaces() {
   return {
       "Surfaces",
       {
+          with("adaptive filter", [](SlotSettings&) {}),
           with("bilateral filter, its window and widths",
                [](SlotSettings& s) {
+                 s.surface.filter.smoothing = Smoothing::bilateral;
                  s.surface.filter.radius = 7;
                  s.surface.filter.sigma_space = 3;
                }),

@@ -151,6 +151,17 @@ TEST(AdaptiveFilter, WhatHasNoNoiseStaysAsItIs) {
   }
 }
 
+/// A ball before a wall, in whole millimeters: its limb is steep, and predictions across it are far off.
+TEST(AdaptiveFilter, SilhouettesStayWhereTheyAre) {
+  const auto ball = scene_of(320, 240, [](double u, double v) {
+    const double x = (u - 159.5) / 262, y = (v - 119.5) / 262, a = x * x + y * y + 1;
+    const double d = 1.4 * 1.4 - a * (1.4 * 1.4 - 0.32 * 0.32);
+    return std::round(1000 * (d > 0 ? (1.4 - std::sqrt(d)) / a : 2.0)) / 1000;
+  });
+  const std::vector<float> depth = smoothed(ball);
+  for (std::size_t i = 0; i < depth.size(); ++i) ASSERT_NEAR(depth[i], ball.depth[i], 0.001) << i;
+}
+
 TEST(AdaptiveFilter, PlanesLoseNoiseOfAnyCorrelation) {
   const DepthScene plane = test::plane_scene(320, 240, 525, {0.4, 0.2, -0.9}, {0, 0, 0.7});
   for (const int radius : {0, 2, 3}) {

@@ -114,6 +114,7 @@ TEST(SurfaceStages, FilterFollowsItsDefinition) {
   for (int radius : {1, 2, 3, 7}) {
     for (double sigma_depth : {0.001, 0.01, 0.5}) {
       SurfaceOptions options;
+      options.filter.smoothing = Smoothing::bilateral;
       options.filter.radius = radius;
       options.filter.sigma_depth = sigma_depth;
       options.filter.sigma_space = 0.75 * radius;
@@ -130,6 +131,7 @@ TEST(SurfaceStages, FlyingPixelsFollowTheirDefinition) {
     for (const int radius : {0, 1, 2, 3}) {
       SurfaceOptions options;
       options.filter.enabled = radius > 0;
+      options.filter.smoothing = Smoothing::bilateral;
       options.filter.radius = std::max(radius, 1);
       options.flying_pixel_gap = gap;
       SCOPED_TRACE("gap " + std::to_string(gap) + " radius " + std::to_string(radius));
@@ -421,6 +423,7 @@ TEST(SurfaceStages, FilterKeepsAFlatPatch) {
   }
   for (double sigma_space : {1.0, 1.5, 3.0}) {
     SurfaceOptions options;
+    options.filter.smoothing = Smoothing::bilateral;
     options.filter.sigma_space = sigma_space;
     const SurfaceEstimator estimator = estimate(scene, options);
     for (std::size_t i = 0; i < scene.depth.size(); ++i) {

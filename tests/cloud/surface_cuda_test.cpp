@@ -72,6 +72,7 @@ TEST(SurfaceCuda, EqualsTheCpuWithEveryOption) {
       if (flags % 8 != 0 && radius > 3 && (flags + radius) % 3 != 0) continue;  // to save time
       SurfaceOptions options = default_options();
       options.filter.enabled = (flags & 8) != 0;
+      options.filter.smoothing = Smoothing::bilateral;
       options.filter.radius = radius;
       options.normals.fit = flags < 16 ? PlaneFit::along_ray : PlaneFit::principal;
       options.normals.radius = radius;
@@ -181,6 +182,7 @@ TEST(SurfaceCuda, PartsGiveTheSameBitsAndReadTheirRowsOnly) {
   PALPATE_GPU_OR_SKIP();
   const DepthScene scene = test::cluttered_scene(70, 150, 90, 1.2, 9);
   SurfaceOptions options = default_options();
+  options.filter.smoothing = Smoothing::bilateral;
   options.filter.radius = options.normals.radius = 7;
   const DepthFrame frame = test::as_frame(scene);
   for (const int num_parts : {1, 2, 3, 4, 10, 16}) {

@@ -28,6 +28,7 @@ std::vector<Options> all_options() {
   all[1].field.unknown = UnknownSpace::solid;
   all[2].field.fill_levels = 0;
   all[3].field.fill_levels = 5;
+  all[3].surface.filter.smoothing = Smoothing::bilateral;
   all[3].surface.filter.radius = 5;
   all[4].surface.normals.radius = 7;
   all[4].surface.filter.enabled = false;

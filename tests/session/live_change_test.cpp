@@ -179,7 +179,7 @@ TEST(HapticChange, RunsWithChangesAreRecordedAndRepeatedBitForBit) {
     rewrite_settings(run, all, revision, [](RunSettings& settings) {
       settings.coupling.tool_mass *= 1.25;
       settings.coupling.force_at_eighth += 0.5;
-      settings.surface.filter.radius = 4;
+      settings.surface.filter.smoothing = Smoothing::bilateral;
       settings.surface.filter.enabled = true;
     });
     const auto differs = replay_run(run);

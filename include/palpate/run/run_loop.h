@@ -40,6 +40,11 @@ inline void add_settings(SettingTable& t, WindowOptions& o) {
         "for a faster tool, twice its speed");
 }
 
+/// Returns the filter of the depth that is usual with a method: the thesis' own with its methods.
+constexpr Smoothing usual_smoothing(MethodKind method) {
+  return method == MethodKind::field ? Smoothing::adaptive : Smoothing::bilateral;
+}
+
 /// All settings of a run, as in a settings file (docs/settings.md).
 struct RunSettings {
   ContactOptions contact;

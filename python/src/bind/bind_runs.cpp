@@ -205,6 +205,8 @@ std::unique_ptr<RunInThread> start_run(const PyTool& tool, const nb::list& camer
     apply(settings, table);
   };
   take_settings();
+  request.settings.surface.filter.smoothing = usual_smoothing(request.settings.contact.method);
+  take_settings();
   if (DepthAverageOptions& average = request.settings.time.average;
       average.kind == DepthAverage::kalman) {
     average = depth_average_options_for(stream.sensor);

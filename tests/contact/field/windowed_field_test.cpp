@@ -186,6 +186,7 @@ std::vector<Options> all_options() {
   all[3].field.fill_levels = 5;
   all[3].field.unseen = UnseenSpace::free;
   all[3].field.thickness = 0.02;
+  all[4].surface.filter.smoothing = Smoothing::bilateral;
   all[4].surface.filter.radius = 5;
   all[4].surface.normals.radius = 7;
   all[5].surface.filter.enabled = false;

@@ -132,7 +132,7 @@ void smooth_row(bool calm, const ScaleLevel* wider, const ScaleNoise& noise,
     const VecF energy = load(energies + u);
     VecF detail = mean - predicted_u;
     if (calm && is_any_set(is_kept(mean, predicted_u, energy))) {
-      detail = calm_detail(means + u, predicted + u, level.mean.stride);
+      detail = calm_detail(means + u, predicted + u, level.mean.stride, noise);
     }
     store(smoothed + u,
           smoothed_cell(mean, detail, predicted_u, load(smoothed + u), energy, noise));

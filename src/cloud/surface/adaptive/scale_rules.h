@@ -42,10 +42,10 @@ inline constexpr float kNoiseEnergy = 4.0f;
 inline constexpr float kFinerShare = 0.12f;
 /// Energy from which on a detail is kept whole, in variances of the noise.
 inline constexpr float kSureEnergy = 1.5f;
-/// Reach in pixels of the mean of details that are kept, and its widths in the image and in inverse
-/// depth, as 1 / (2 sigma^2 ln 2): 1.5 pixels, 0.01 / m.
+/// Reach in pixels of the mean of details that are kept. Its widths in the image, in inverse depth
+/// and in details, as 1 / (2 sigma^2 ln 2): 1.5 pixels, 0.01 / m, and 6 sd of the noise.
 inline constexpr int kCalmReach = 2;
-inline constexpr float kCalmSpace = 0.3206f, kCalmRange = 7213.0f;
+inline constexpr float kCalmSpace = 0.3206f, kCalmRange = 7213.0f, kCalmNoise = 0.02f;
 
 }}  // namespace palpate::v0
 
@@ -125,23 +125,26 @@ PALPATE_FORMULA VecF excess_of(VecF sum, VecF weight, VecF mean, const ScaleNois
   const VecF excess = sum / max(weight, splat(1.0f)) - kNoiseEnergy;
   return select((mean > zero) & (excess > zero), excess * variance_at(mean, noise), zero);
 }
-/// Returns the mean of the details around a pixel, of surfaces as far as its own: a bilateral
-/// filter (thesis eq. 3.12) that leaves planes and bends as they are, since they have no details.
-PALPATE_FORMULA VecF calm_detail(const float* mean, const float* predicted, std::ptrdiff_t stride) {
-  const VecF zero = splat(0.0f), center = load(mean);
-  VecF sum = zero, sum_weights = splat(1e-30f);
+/// Returns the mean of the details around a pixel that are its own but for noise, of surfaces as
+/// far as its own: a bilateral filter (thesis eq. 3.12) that leaves planes, bends and edges as they
+/// are.
+PALPATE_FORMULA VecF calm_detail(const float* mean, const float* predicted, std::ptrdiff_t stride,
+                                 const ScaleNoise& noise) {
+  const VecF zero = splat(0.0f), center = load(mean), own = center - load(predicted);
+  const VecF similar = kCalmNoise / variance_at(center, noise);
+  VecF sum = zero, sum_weights = zero;
   for (int dv = -kCalmReach; dv <= kCalmReach; ++dv) {
     for (int du = -kCalmReach; du <= kCalmReach; ++du) {
       const VecF m = load(mean + dv * stride + du), p = load(predicted + dv * stride + du);
-      const VecF difference = m - center;
-      const VecF weight = exp2_negative(splat(-kCalmSpace * static_cast<float>(du * du + dv * dv)) -
-                                        kCalmRange * difference * difference);
-      const VecF share = select((m > zero) & (p > zero), weight, zero);
-      sum += share * (m - p);
-      sum_weights += share;
+      const VecF away = m - center, other = m - p - own;
+      const VecF exponent = splat(-kCalmSpace * static_cast<float>(du * du + dv * dv)) -
+                            kCalmRange * (away * away) - similar * (other * other);
+      const VecF weight = select((m > zero) & (p > zero), exp2_negative(exponent), zero);
+      sum += weight * other;
+      sum_weights += weight;
     }
   }
-  return sum / sum_weights;
+  return own + sum / max(sum_weights, splat(1e-30f));
 }
 /// Returns where details of a cell are kept.
 PALPATE_FORMULA Mask is_kept(VecF mean, VecF predicted, VecF energy) {
