@@ -167,6 +167,7 @@ TEST(AdaptiveFilter, PlanesLoseNoiseOfAnyCorrelation) {
   for (const int radius : {0, 2, 3}) {
     const DepthScene noisy = with_noise(plane, 0.001, radius, 7);
     SurfaceOptions bilateral;
+    bilateral.filter.smoothing = Smoothing::bilateral;
     const double before = rms_error(smoothed(noisy, bilateral), plane, 20);
     const double after = rms_error(smoothed(noisy), plane, 20);
     EXPECT_LT(after, 0.45 * before) << "smooth over " << radius << " pixels";
