@@ -7,8 +7,10 @@
 // between neighbors: the mean over a square calms only as the number of independent patches in it.
 #pragma once
 
+#include "palpate/cloud/depth_source.h"
 #include "palpate/core/core.h"
 #include "palpate/math/geometry.h"
+#include "palpate/settings/setting_table.h"
 
 namespace palpate { inline namespace v0 {
 
@@ -31,5 +33,32 @@ struct DepthNoise {
 
   friend bool operator==(const DepthNoise&, const DepthNoise&) = default;
 };
+
+/// Noise of one camera in one mode, measured where nothing moved: a sensor file
+/// (docs/guide/cameras.md, "Noise of your camera").
+struct SensorNoise {
+  SensorKind kind = SensorKind::none;
+  int width = 0, height = 0;         ///< of the images, pixels
+  double unit = 0.001;               ///< m per count
+  double nearest = 0, farthest = 0;  ///< depths it was measured at, m
+  DepthNoise noise = {};
+};
+inline void add_settings(SettingTable& t, SensorNoise& s) {
+  t.section("sensor");
+  t.add("kind", s.kind, "measuring principle, which selects defaults of surfaces");
+  t.add("width", s.width, {1, kMaxImageWidth, "pixels"}, "of the images");
+  t.add("height", s.height, {1, kMaxImageHeight, "pixels"}, "of the images");
+  t.add("unit", s.unit, {1e-6, 1, "m"}, "of a count");
+  t.add("nearest", s.nearest, {0, 100, "m"}, "least depth that the noise was measured at");
+  t.add("farthest", s.farthest, {0, 100, "m"}, "largest depth that the noise was measured at");
+  t.add("noise", s.noise.at_zero, {1e-6, 1, "m"}, "standard deviation at depth 0");
+  t.add("noise_growth", s.noise.growth, {0, 1, "m"},
+        "its growth at 1 m; it grows with the square of the depth");
+  t.add("noise_length", s.noise.length, {0, 40, "pixels"},
+        "distance over which the correlation of pixels falls to 37 %; 0: none");
+}
+
+/// Settings of averages for a camera that was measured: those of its kind, with its noise.
+DepthAverageOptions depth_average_options_for(const SensorNoise& sensor);
 
 }}  // namespace palpate::v0
