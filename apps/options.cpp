@@ -293,12 +293,6 @@ void add_camera_options(CLI::App& app, CameraOptions& options) {
   add_number(app, "--depth-unit", options.unit, {1e-6, 1, "m"}, "depth scale, meters per count");
 }
 
-void add_sensor_option(CLI::App& app, std::optional<SensorKind>& sensor) {
-  add_word(app, "--sensor", sensor,
-           "kind of depth camera: selects defaults of surface settings; auto: as the camera "
-           "reports");
-}
-
 void use_sensor(SensorKind sensor, std::span<const std::string> given, SurfaceOptions& surface) {
   if (sensor == SensorKind::none) return;
   copy_settings(settings_of(surface_options_for(sensor)), settings_of(surface), given);
@@ -318,13 +312,27 @@ void add_prefix_option(CLI::App& app, int& num_spheres) {
       ->default_str("all");
 }
 
-void use_sensor(SensorKind sensor, std::span<const std::string> given, TimeOptions& time) {
+namespace {
+
+/// Copies settings of averages that a sensor decides.
+void use_average(const DepthAverageOptions& average, std::span<const std::string> given,
+                 TimeOptions& time) {
   if (time.average.kind != DepthAverage::kalman) return;
   TimeOptions chosen = time;
-  chosen.average = depth_average_options_for(sensor);
+  chosen.average = average;
   chosen.average.kind = time.average.kind;
   chosen.average.rest_frames = time.average.rest_frames;
   copy_settings(settings_of(chosen), settings_of(time), given);
+}
+
+}  // namespace
+
+void use_sensor(SensorKind sensor, std::span<const std::string> given, TimeOptions& time) {
+  use_average(depth_average_options_for(sensor), given, time);
+}
+
+void use_noise(const SensorNoise& sensor, std::span<const std::string> given, TimeOptions& time) {
+  use_average(depth_average_options_for(sensor), given, time);
 }
 
 Result<Tool> load_tool_prefix(const std::filesystem::path& path, int num_spheres, int num_threads) {

@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "palpate/cloud/depth_noise.h"
 #include "palpate/run/run_loop.h"
 
 namespace palpate::apps {
@@ -125,12 +126,12 @@ CLI::Option* add_intrinsics_option(CLI::App& app, std::function<void(const Intri
 void add_seconds_option(CLI::App& app, const std::string& flag, std::optional<double>& seconds,
                         const std::string& help);
 
-/// Adds --sensor: the kind of depth camera; none: as the camera reports.
-void add_sensor_option(CLI::App& app, std::optional<SensorKind>& sensor);
 /// Sets the defaults of surfaces for this kind of camera, except the settings `given`, with a note.
 void use_sensor(SensorKind sensor, std::span<const std::string> given, SurfaceOptions& surface);
 /// The same for estimates of depth over time; other averages stay as they are.
 void use_sensor(SensorKind sensor, std::span<const std::string> given, TimeOptions& time);
+/// The same with the noise of a sensor file.
+void use_noise(const SensorNoise& sensor, std::span<const std::string> given, TimeOptions& time);
 /// Sets the filter of the depth that is usual with a method, unless it is among the settings
 /// `given`.
 void use_method(MethodKind method, std::span<const std::string> given, SurfaceOptions& surface);

@@ -11,6 +11,7 @@
 #include <string_view>
 
 #include "apps/options.h"
+#include "apps/sensor_choice.h"
 #include "palpate/cameras/cameras.h"
 
 namespace palpate::apps {
@@ -34,6 +35,7 @@ const char* name_of_kind(OutputKind kind) {
     case OutputKind::stamp: return "note of a packing";
     case OutputKind::recording: return "recording (MCAP)";
     case OutputKind::rig: return "rig file";
+    case OutputKind::sensor: return "sensor file";
   }
   return "";
 }
@@ -91,6 +93,7 @@ bool is_of_kind(const std::filesystem::path& path, OutputKind kind) {
       return begin.starts_with('{') && begin.find("\"palpate\"") != std::string_view::npos;
     case OutputKind::recording: return begin.starts_with("\x89MCAP");
     case OutputKind::rig: return load_rig(path).has_value();
+    case OutputKind::sensor: return load_sensor(path).has_value();
   }
   return false;
 }

@@ -113,7 +113,7 @@ std::vector<CameraUri> named_cameras(const SourceOptions& options, const std::st
 std::vector<CameraUri> cameras_of(const SourceOptions& options, const std::string& verb) {
   std::vector<CameraUri> cameras = named_cameras(options, verb);
   for (CameraUri& uri : cameras) {
-    if (options.sensor) uri.sensor = options.sensor;
+    use_sensor(options.sensor, uri);
   }
   return cameras;
 }

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "apps/options.h"
+#include "apps/sensor_choice.h"
 #include "palpate/cameras/cameras.h"
 #include "palpate/core/core.h"
 
@@ -19,7 +20,7 @@ struct SourceOptions {
   double rate = 30;      ///< of the sequence, Hz
   bool noise = true;     ///< of the scene
   std::uint64_t seed = 1;
-  std::optional<SensorKind> sensor;
+  SensorChoice sensor;
 };
 void add_source_options(CLI::App& app, SourceOptions& options);
 

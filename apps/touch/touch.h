@@ -12,6 +12,7 @@
 #include "apps/options.h"
 #include "apps/page.h"
 #include "apps/ros/ros_output.h"
+#include "apps/sensor_choice.h"
 #include "apps/touch/frames.h"
 #include "apps/touch/materials.h"
 #include "apps/touch/objects.h"
@@ -36,7 +37,7 @@ struct TouchOptions {
   std::vector<CameraUri> cameras;  ///< empty: those of the rig, or the only connected one
   std::string rig;                 ///< file; empty: none
   std::optional<CameraRig> rig_read;
-  std::optional<SensorKind> sensor;  ///< of the only connected camera
+  SensorChoice sensor;  ///< its kind is of the only connected camera
   RobotOptions robot;
   std::optional<SelfFilter> self_filter;  ///< of that robot, once it is open
   RunSettings settings;

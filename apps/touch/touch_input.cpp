@@ -224,7 +224,7 @@ Status find_connected(TouchOptions& options) {
   if (options.cameras.empty()) {
     auto camera = connected_camera();
     if (!camera) return camera.error();
-    if (options.sensor) camera->sensor = options.sensor;
+    use_sensor(options.sensor, *camera);
     options.cameras = {*camera};
     print_note("taking the camera " + camera->text);
   }

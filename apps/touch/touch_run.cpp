@@ -220,6 +220,11 @@ Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
   for (const auto& source : input.sources) streams.push_back(source->info());
   if (!options.is_given("time.average")) settings.time.average.kind = usual_average(streams);
   use_sensor(input.stream().sensor, options.given, settings.time);
+  for (const DepthStreamInfo& s : streams) {
+    const Status mode = check_mode(options.sensor, s.name, s.width, s.height, s.unit);
+    if (!mode) return mode;
+  }
+  if (options.sensor.noise) use_noise(*options.sensor.noise, options.given, settings.time);
   // Estimates must not fill the gaps that removing the robot leaves.
   if (options.self_filter && !options.is_given("time.average_keep_frames")) {
     settings.time.average.keep_frames = 0;

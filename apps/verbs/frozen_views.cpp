@@ -128,9 +128,14 @@ Result<FrozenViews> FrozenViews::read(const FrozenOptions& options, const RunSet
   const auto from_frame = [&](const std::string& name, Result<DepthFrame> frame,
                               const Intrinsics& intrinsics, SensorKind sensor) {
     SurfaceOptions surface = settings.surface;
-    sensor = options.sensor.value_or(sensor);
+    sensor = options.sensor.kind.value_or(sensor);
     use_sensor(sensor, given, surface);
     use_method(settings.contact.method, given, surface);
+    if (frame) {
+      const Status mode =
+          check_mode(options.sensor, name, frame->width, frame->height, frame->unit);
+      if (!mode) frame = mode.error();
+    }
     if (frame) drop_far_codes(*frame, sensor);
     return Frozen::from_frame(name, frame, intrinsics, surface, pool);
   };

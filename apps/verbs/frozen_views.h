@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "apps/options.h"
+#include "apps/sensor_choice.h"
 #include "palpate/cameras/cameras.h"
 #include "palpate/field/sensor.h"
 
@@ -20,7 +21,7 @@ struct FrozenOptions {
   std::vector<Intrinsics> intrinsics;        ///< of the images: of all, or of each
   std::vector<Pose> X_WC;                    ///< of the images: of each, or of all but the first
   double unit = 0.001;                       ///< m, of a count of the images
-  std::optional<SensorKind> sensor = {};     ///< of all; none: as each camera says
+  SensorChoice sensor = {};                  ///< of all
   std::vector<CameraUri> cameras = {};       ///< the streams, once they are checked
 };
 void add_frozen_options(CLI::App& app, FrozenOptions& options);

@@ -1,4 +1,5 @@
-// palpate calibrate: refines the poses of the cameras of a rig from their images.
+// palpate calibrate: refines the poses of the cameras of a rig from their images, or measures the
+// noise of one camera.
 
 #include <cmath>
 #include <cstdio>
@@ -13,6 +14,7 @@
 #include "apps/tool_info.h"
 #include "apps/touch/sources.h"
 #include "apps/verbs.h"
+#include "apps/verbs/calibrate_noise.h"
 #include "palpate/cameras/cameras.h"
 #include "palpate/cloud/point_cloud.h"
 #include "palpate/cloud/surface_estimator.h"
@@ -26,7 +28,8 @@ constexpr double kDegrees = 180 / kPi;
 
 struct Options {
   std::string rig, output;
-  int num_frames = 30;
+  std::vector<std::string> noise;  ///< cameras
+  std::optional<int> num_frames;
   bool json = false;
 };
 
@@ -88,7 +91,17 @@ void print(const CameraRig& rig, const AlignedViews& aligned, const std::string&
   std::cout << text << "written       " << output << "\n";
 }
 
+Status measure_noise(const Options& options) {
+  NoiseOptions noise;
+  noise.cameras = options.noise;
+  noise.output = options.output;
+  noise.num_frames = options.num_frames.value_or(noise.num_frames);
+  noise.json = options.json;
+  return calibrate_noise(noise);
+}
+
 Status run(const Options& options) {
+  if (!options.noise.empty()) return measure_noise(options);
   namespace fs = std::filesystem;
   const auto rig = load_rig(options.rig);
   if (!rig) return rig.error();
@@ -106,7 +119,8 @@ Status run(const Options& options) {
   std::vector<Pose> X_WC;
   std::vector<std::string> names;
   for (const auto& [name, uri] : rig->cameras) {
-    auto estimator = look(uri, name, options.num_frames);
+    constexpr int kFrames = 30;
+    auto estimator = look(uri, name, options.num_frames.value_or(kFrames));
     if (!estimator) return estimator.error();
     estimators.push_back(*std::move(estimator));
     X_WC.push_back(**standing_pose(uri));
@@ -132,19 +146,34 @@ void add_calibrate(CLI::App& program, Action& action) {
   const auto options = std::make_shared<Options>();
   CLI::App& app = *program.add_subcommand(
       "calibrate",
-      "Refine the camera poses of a rig from what the cameras see of one static scene.");
+      "Refine the camera poses of a rig from what the cameras see of one static scene; or measure "
+      "the noise of a camera.");
   app.add_option("--rig", options->rig, "rig file, with poses within some centimeters")
-      ->required()
       ->type_name("RIG.toml");
+  app.add_option("--noise", options->noise,
+                 "depth stream of a scene at rest for three seconds; repeat for more scenes of the "
+                 "same camera, which add range")
+      ->type_name("URI");
   app.add_option("-o,--output", options->output,
-                 "rig file to write, in the same folder; may be the input")
+                 "rig file to write, in the same folder, may be the input; with --noise: sensor "
+                 "file")
       ->required()
-      ->type_name("RIG.toml");
-  add_number(app, "--frames", options->num_frames, {1, 1000, ""},
-             "number of averaged frames per camera");
+      ->type_name("FILE.toml");
+  app.add_option_function<int>(
+         "--frames", [options](int num) { options->num_frames = num; },
+         "number of frames: averaged of each camera of a rig (30), or taken of each scene at most "
+         "(90)")
+      ->check(CLI::Range(1, 1000));
   app.add_flag("--json", options->json, "print poses and residuals as JSON");
-  app.footer("Example: palpate calibrate --rig rig.toml -o rig.toml");
-  app.callback([options, &action] { action = [options] { return run(*options); }; });
+  app.footer(
+      "Example: palpate calibrate --rig rig.toml -o rig.toml\n"
+      "Example: palpate calibrate --noise realsense -o sensor.toml");
+  app.callback([options, &action] {
+    if (options->rig.empty() == options->noise.empty()) {
+      usage_error("calibrate: give one of --rig and --noise");
+    }
+    action = [options] { return run(*options); };
+  });
 }
 
 }  // namespace palpate::apps

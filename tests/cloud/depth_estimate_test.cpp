@@ -236,6 +236,73 @@ TEST(DepthEstimate, LearnsTheNoise) {
   EXPECT_LT(squares / num, 7.25 / 40);
 }
 
+/// A surface with noise that squares of `side` pixels share, beside the camera's.
+class SharedNoise {
+ public:
+  explicit SharedNoise(int side) : side_(side), columns_((kWidth + side - 1) / side) {}
+  /// Returns a new frame's surface around `z`.
+  Depth at(double z, double noise) {
+    off_.assign(static_cast<std::size_t>(columns_ * ((kHeight + side_ - 1) / side_)), 0);
+    for (double& each : off_) each = noise * random_.normal();
+    return [this, z](int u, int v) {
+      return z + off_[static_cast<std::size_t>(v / side_ * columns_ + u / side_)];
+    };
+  }
+
+ private:
+  int side_, columns_;
+  std::vector<double> off_ = {};
+  test::Random random_{3};
+};
+
+// No setting says that 16 or 256 pixels share their noise, or that it is 8 times as large. What was
+// learned does not hide that the surface moves.
+TEST(DepthEstimate, LearnsHowManyPixelsShareTheirNoise) {
+  struct Case {
+    int side;
+    double noise;
+  };
+  for (const auto& [side, noise] : {Case{4, kNoise}, Case{16, kNoise}, Case{4, 8 * kNoise}}) {
+    Estimator estimator(options_with(300));
+    Camera camera(0.3 * kNoise);
+    SharedNoise shared(side);
+    double squares = 0, raw = 0;
+    for (int k = 0; k < 60; ++k) {
+      const DepthFrame frame = camera.see(shared.at(0.5, noise));
+      const auto depth = estimator.update(frame);
+      if (k < 40) continue;
+      squares += spread(depth, 0.5);
+      for (std::size_t i = 0; i < kSize; ++i) {
+        const double off = frame.pixels[i] * kUnit - 0.5;
+        raw += off * off / (kSize * kNoise * kNoise);
+      }
+    }
+    EXPECT_LT(squares / raw, 1.0 / 12) << side << " " << noise;
+    // It jumps: each pixel shows its measurement.
+    const DepthFrame frame = camera.see(shared.at(0.4, noise));
+    const auto depth = estimator.update(frame);
+    int num_other = 0;
+    for (int v = 0; v < kHeight; ++v) {
+      for (int u = 0; u < kWidth; ++u) num_other += at(depth, u, v) != measured(frame, u, v);
+    }
+    EXPECT_LT(num_other, 0.002 * kSize) << side << " " << noise;
+  }
+}
+
+// To and fro at a sixth of the frame rate is motion, not noise.
+TEST(DepthEstimate, FollowsWhatSways) {
+  Estimator estimator(options_with(300));
+  Camera camera;
+  double squares = 0;
+  constexpr int kFrom = 30, kTo = 90;
+  for (int k = 0; k < kTo; ++k) {
+    const double z = 0.5 + 0.005 * std::sin(2 * kPi / 6 * std::max(0, k - kFrom));
+    const auto depth = estimator.update(camera.see([z](int, int) { return z; }));
+    if (k >= kFrom) squares += spread(depth, z) / (kTo - kFrom);
+  }
+  EXPECT_LT(squares, 1.1);
+}
+
 TEST(DepthEstimate, SameBitsForAnyThreadsAndInstructionSetAndNoAllocation) {
   std::vector<DepthFrame> frames;
   Camera camera(3 * kNoise);

@@ -1,3 +1,4 @@
+#include "palpate/cloud/depth_noise.h"
 #include "palpate/cloud/depth_source.h"
 
 #include <algorithm>
@@ -58,6 +59,14 @@ DepthAverageOptions depth_average_options_for(SensorKind sensor) {
       break;
     case SensorKind::tof: options.noise_growth = 0.0005; break;
   }
+  return options;
+}
+
+DepthAverageOptions depth_average_options_for(const SensorNoise& sensor) {
+  DepthAverageOptions options = depth_average_options_for(sensor.kind);
+  options.noise = sensor.noise.at_zero;
+  options.noise_growth = sensor.noise.growth;
+  options.noise_patch = std::min(sensor.noise.patch(), 10000.0);
   return options;
 }
 

@@ -59,10 +59,10 @@ constexpr int kRows = kEstimateTile;  // of a thread, which does its column of a
 constexpr int kEstimateThreads = kColumns * kTilesPerBlock;
 constexpr int kTiles = kTilesPerBlock * kTilesPerBlock;
 
-// All threads read and write the memory of a block at once, a word each, so that the tests, which
+// All threads read and write the memory of a block at once, word by word, so that the tests, which
 // wait for each other, do not wait for memory.
 constexpr int kMemoryWords = static_cast<int>(sizeof(BlockMemory) / sizeof(float));
-static_assert(sizeof(BlockMemory) % sizeof(float) == 0 && kMemoryWords <= kEstimateThreads);
+static_assert(sizeof(BlockMemory) % sizeof(float) == 0);
 
 struct EstimateShared {
   BlockMemory memory;
@@ -88,7 +88,7 @@ __global__ void __launch_bounds__(kEstimateThreads)
   float* const words = reinterpret_cast<float*>(&shared.memory);
   BlockMemory& memory = shared.memory;
 
-  if (thread < kMemoryWords) words[thread] = remembered[thread];
+  for (int i = thread; i < kMemoryWords; i += kEstimateThreads) words[i] = remembered[i];
   float measured[kRows], mean[kRows], gain[kRows], own_gain[kRows];
 #pragma unroll
   for (int v = 0; v < kRows; ++v) {
@@ -109,6 +109,8 @@ __global__ void __launch_bounds__(kEstimateThreads)
     own_gain[v] = d.gain;
     sum.deviations.sum += d.sum;
     sum.deviations.num += d.num;
+    sum.bounded.sum += d.bounded;
+    sum.bounded.num += d.num_seen;
     sum.squares += d.squares;
     sum.num_known += d.num_known;
     sum.num_gone += d.num_gone;
@@ -122,7 +124,7 @@ __global__ void __launch_bounds__(kEstimateThreads)
     TileSum tile;
     for (int i = 0; i < kEstimateTile; ++i) tile.add(columns[i]);
     shared.changes.take(thread, tile);
-    shared.changes.test(thread, memory, job.model);
+    shared.changes.test(0, thread, memory, job.model);
     memory.learn_noise(thread, tile, memory.noise_scale(thread));
   }
   __syncthreads();
@@ -130,16 +132,17 @@ __global__ void __launch_bounds__(kEstimateThreads)
     const int side = level_side(level);
     if (thread < side * side) {
       shared.changes.join(level, thread % side, thread / side);
-      shared.changes.test(first_entry(level) + thread, memory, job.model);
+      shared.changes.test(level, first_entry(level) + thread, memory, job.model);
     }
     __syncthreads();
   }
+  if (thread < kEstimateLevels) shared.changes.learn_turns(thread, memory);
   if (thread < kTiles) {
     shared.tiles[thread] = shared.changes.of_tile(thread % kTilesPerBlock, thread / kTilesPerBlock);
   }
   __syncthreads();
 
-  if (thread < kMemoryWords) remembered[thread] = words[thread];
+  for (int i = thread; i < kMemoryWords; i += kEstimateThreads) remembered[i] = words[i];
   const SharedChange change = shared.tiles[my_tile];
 #pragma unroll
   for (int v = 0; v < kRows; ++v) {

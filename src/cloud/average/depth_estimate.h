@@ -11,8 +11,11 @@
 // behind, only serve to detect when it rests again. So there is no lag and no trail, and no value
 // is ever taken from another pixel.
 //
-// The level of the noise is learned between limits of the sensor: for the pixels of a tile, and for
-// the mean of each neighborhood.
+// The noise is learned: for the pixels of a tile, and for the mean of each neighborhood, whose
+// pixels share an unknown part of it. Steps of a mean that follow each other tell noise from
+// motion: with noise of variance V that is new in each frame, the mean of -step * previous step is
+// V; motion goes on, so for any that is slower than a quarter of the frame rate it is negative. So
+// V bounds what is taken for noise, and no sensor needs a bound of its own.
 #pragma once
 
 #include "palpate/cloud/depth_source.h"
@@ -50,18 +53,24 @@ inline constexpr int kTilesPerBlock = kEstimateBlock / kEstimateTile;
 /// Sums over a neighborhood.
 struct DeviationSum {
   float sum = 0, num = 0;
+
+  PALPATE_FORMULA void add(const DeviationSum& s) {
+    sum += s.sum;
+    num += s.num;
+  }
 };
 
 /// Sums over a tile.
 struct TileSum {
   DeviationSum deviations;  ///< of pixels without a change of their own
-  float squares = 0;        ///< of deviations of pixels that were seen before and now
+  DeviationSum bounded;     ///< of pixels that were seen before and now, each within kBound
+  float squares = 0;        ///< of these
   float num_known = 0;      ///< pixels that were seen before
   float num_gone = 0;       ///< those that are missing now or show something else
 
   PALPATE_FORMULA void add(const TileSum& s) {
-    deviations.sum += s.deviations.sum;
-    deviations.num += s.deviations.num;
+    deviations.add(s.deviations);
+    bounded.add(s.bounded);
     squares += s.squares;
     num_known += s.num_known;
     num_gone += s.num_gone;
@@ -82,6 +91,18 @@ struct LearnedVariance {
     value += weight * (squared - value);
   }
 };
+
+// Deviations within +-kBound: what a few pixels of another surface add is bounded.
+inline constexpr float kBound = 1.5f;
+inline constexpr float kBoundedVariance = 0.7786f;  ///< of standard normal numbers within kBound
+
+/// Returns the variance of normal numbers by the mean square of them within kBound: exact for 1,
+/// too little and at most 30 for more.
+PALPATE_FORMULA float unbounded_variance(float mean_square) {
+  constexpr float kUnit = 0.8398f, kMinOpen = 1.0f / 16;
+  const float open = 1.0f - mean_square * (1.0f / (kBound * kBound));
+  return kUnit * mean_square / (open > kMinOpen ? open : kMinOpen);
+}
 
 /// Change that a neighborhood reports to its pixels.
 struct SharedChange {
@@ -106,8 +127,9 @@ PALPATE_FORMULA VecF counted(VecF measured) {
 }
 
 struct PixelDeviation {
-  VecF gain;                                    ///< of this measurement, from the pixel alone
-  VecF sum, num, squares, num_known, num_gone;  ///< added to those of its tile
+  VecF gain;  ///< of this measurement, from the pixel alone
+  /// Added to those of its tile.
+  VecF sum, num, bounded, num_seen, squares, num_known, num_gone;
 };
 
 /// Computes the deviation of a pixel. `scale`: its noise over the model's.
@@ -120,11 +142,14 @@ PALPATE_FORMULA PixelDeviation deviation_of(VecF seen, VecF mean, VecF gain, Vec
   const VecF change = change_of(abs(deviation));
   const Mask is_seen = measured > zero, is_known = gain < splat(2.0f);
   const VecF one = splat(1.0f), num = select(is_seen & is_known, one - change, zero);
-  const VecF known = select(is_known, one, zero);
+  const VecF known = select(is_known, one, zero), both = select(is_seen, known, zero);
+  const VecF bounded = both * min(max(deviation, splat(-kBound)), splat(kBound));
   return {max(one - one / variance, change),
           num * deviation,
           num,
-          select(is_seen, known * min(deviation * deviation, splat(25.0f)), zero),
+          bounded,
+          both,
+          bounded * bounded,
           known,
           known - num};
 }
@@ -161,21 +186,47 @@ PALPATE_FORMULA float clamped(float value, float least, float most) {
   return value < least ? least : value > most ? most : value;
 }
 
+/// Variance of noise by steps that follow each other and turn back, learned like any.
+struct LearnedTurns : LearnedVariance {
+  PALPATE_FORMULA void learn_turn(float turned) {
+    learn(turned, 0);
+    if (value < 0.0f) value = 0;
+  }
+};
+
 /// Memory of one neighborhood. All zero: nothing seen yet.
 struct NeighborhoodMemory {
   LearnedVariance noise;  ///< of the mean deviation
-  float follow = 0;       ///< last result
+  LearnedTurns turns;
+  float bounded = 0;  ///< last mean of bounded deviations, from the means after it
+  float step = 0;     ///< last change of it
+  float follow = 0;   ///< last result
 };
 
-/// Tests a neighborhood for a change by its own deviations.
-PALPATE_FORMULA SharedChange change_in(const DeviationSum& s, NeighborhoodMemory& memory,
-                                       const EstimateModel& model) {
+/// Learns from the step to the mean of bounded deviations. Returns what the step has turned back.
+PALPATE_FORMULA float turn_back(float bounded, NeighborhoodMemory& memory) {
+  const float step = bounded - memory.bounded;
+  const float turned = -step * memory.step * (1.0f / kBoundedVariance);
+  memory.turns.learn_turn(turned);
+  memory.step = step;
+  memory.bounded = bounded;
+  return turned;
+}
+
+/// Tests a neighborhood for a change by its own deviations. `turns`: of all neighborhoods of its
+/// size.
+PALPATE_FORMULA SharedChange change_in(const DeviationSum& s, float turns,
+                                       NeighborhoodMemory& memory, const EstimateModel& model) {
   SharedChange change;
   if (s.num > 0.0f) {
     const float mean = s.sum / s.num, squared = mean * mean;
     // Variance of the mean for independent pixels, and for pixels that share their noise.
-    const float least = 1.0f / s.num, most = model.patch / (s.num + (model.patch - 1.0f));
-    const float variance = clamped(memory.noise.or_expected(most), least, most);
+    const float independent = 1.0f / s.num;
+    const float shared = model.patch / (s.num + (model.patch - 1.0f));
+    const float least = independent > turns ? independent : turns;
+    const float turned = 2.0f * (turns > memory.turns.value ? turns : memory.turns.value);
+    const float most = shared > turned ? shared : turned;
+    const float variance = clamped(memory.noise.or_expected(shared), least, most);
     const float deviation = sqrtf(squared / variance);
     // A moving neighborhood is at rest only when its means have caught up.
     change.follow = memory.follow > 0 ? clamped(deviation - 1.0f, 0, 1)
@@ -184,8 +235,9 @@ PALPATE_FORMULA SharedChange change_in(const DeviationSum& s, NeighborhoodMemory
     // frame by 5.7 sqrt(v) noises, and by those of four frames at least.
     change.gain = change.follow * clamped(deviation / 32.0f, 0.25f, 1.0f);
     // The beginning of a motion is not learned as noise.
-    memory.noise.learn(squared < 9.0f * variance ? squared : 9.0f * variance, most);
+    memory.noise.learn(squared < 9.0f * variance ? squared : 9.0f * variance, shared);
   }
+  memory.bounded -= change.gain * memory.bounded;
   memory.follow = change.follow;
   return change;
 }
@@ -193,8 +245,8 @@ PALPATE_FORMULA SharedChange change_in(const DeviationSum& s, NeighborhoodMemory
 /// Adds the deviations that a finer neighborhood has not explained.
 PALPATE_FORMULA void add_unexplained(DeviationSum& to, const DeviationSum& finer,
                                      const SharedChange& change) {
-  to.sum += (1.0f - change.follow) * finer.sum;
-  to.num += (1.0f - change.follow) * finer.num;
+  const float share = 1.0f - change.follow;
+  to.add({share * finer.sum, share * finer.num});
 }
 
 PALPATE_FORMULA SharedChange stronger(const SharedChange& a, const SharedChange& b) {
@@ -214,41 +266,67 @@ PALPATE_FORMULA int level_side(int level) { return kTilesPerBlock >> level; }
 struct BlockMemory {
   NeighborhoodMemory neighborhoods[kNeighborhoods];
   LearnedVariance pixels[kTilesPerBlock * kTilesPerBlock];  ///< of deviations, by tile
+  LearnedTurns turns[kEstimateLevels];                      ///< of all neighborhoods of a level
 
   /// Noise of a tile's pixels over the model's.
   PALPATE_FORMULA float noise_scale(int tile) const {
-    constexpr float kMaxWeight = 16;
+    constexpr float kMaxWeight = 256;
     return sqrtf(clamped(pixels[tile].value, 1.0f, kMaxWeight));
   }
   /// Learns from sums over a tile of deviations, which are shares of `scale`.
   PALPATE_FORMULA void learn_noise(int tile, const TileSum& s, float scale) {
-    if (s.deviations.num > 8) pixels[tile].learn(scale * scale * s.squares / s.num_known, 1);
+    if (s.bounded.num > 8) {
+      const float mean = s.bounded.sum / s.bounded.num;
+      const float within = s.squares / s.bounded.num - mean * mean;
+      // Motion is in the mean of a tile, and does not turn back.
+      const float noise = unbounded_variance(within + kBoundedVariance * turns[0].value);
+      pixels[tile].learn(scale * scale * noise, 1);
+    }
   }
+};
+
+/// Deviations of a neighborhood in one frame, and what has turned back in it.
+struct NeighborhoodSums {
+  DeviationSum unexplained;              ///< of pixels and finer neighborhoods without a change
+  DeviationSum bounded;                  ///< see TileSum
+  DeviationSum turned[kEstimateLevels];  ///< of the neighborhoods of each level in it
 };
 
 /// The tests of a block in one frame.
 struct BlockChange {
-  DeviationSum sums[kNeighborhoods];
+  NeighborhoodSums sums[kNeighborhoods];
   float
       keep[kTilesPerBlock * kTilesPerBlock];  ///< 1: a missing surface of a tile may still be there
   SharedChange changes[kNeighborhoods];
 
   /// Computes entry (u, v) of a level above the tiles from the level below.
   PALPATE_FORMULA void join(int level, int u, int v) {
-    DeviationSum& to = sums[first_entry(level) + v * level_side(level) + u];
-    to = {};
+    NeighborhoodSums all;
     for (int child = 0; child < 4; ++child) {
       const int finer =
           first_entry(level - 1) + (2 * v + child / 2) * level_side(level - 1) + 2 * u + child % 2;
-      add_unexplained(to, sums[finer], changes[finer]);
+      add_unexplained(all.unexplained, sums[finer].unexplained, changes[finer]);
+      all.bounded.add(sums[finer].bounded);
+      for (int i = 0; i < level; ++i) all.turned[i].add(sums[finer].turned[i]);
     }
+    sums[first_entry(level) + v * level_side(level) + u] = all;
   }
   PALPATE_FORMULA void take(int tile, const TileSum& s) {
-    sums[tile] = s.deviations;
+    sums[tile] = {s.deviations, s.bounded, {}};
     keep[tile] = s.num_gone > 0.75f * s.num_known ? 0.0f : 1.0f;
   }
-  PALPATE_FORMULA void test(int entry, BlockMemory& memory, const EstimateModel& model) {
-    changes[entry] = change_in(sums[entry], memory.neighborhoods[entry], model);
+  PALPATE_FORMULA void test(int level, int entry, BlockMemory& memory, const EstimateModel& model) {
+    NeighborhoodSums& s = sums[entry];
+    NeighborhoodMemory& own = memory.neighborhoods[entry];
+    if (s.bounded.num > 0.0f) {
+      s.turned[level] = {turn_back(s.bounded.sum / s.bounded.num, own), 1};
+    }
+    changes[entry] = change_in(s.unexplained, memory.turns[level].value, own, model);
+  }
+  /// Learns from all neighborhoods of a level, after all tests.
+  PALPATE_FORMULA void learn_turns(int level, BlockMemory& memory) const {
+    const DeviationSum& all = sums[kNeighborhoods - 1].turned[level];
+    if (all.num > 0.0f) memory.turns[level].learn_turn(all.sum / all.num);
   }
   /// Combines the changes of all levels at a tile.
   PALPATE_FORMULA SharedChange of_tile(int u, int v) const {

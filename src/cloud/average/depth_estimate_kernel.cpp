@@ -41,7 +41,8 @@ template <class OfTile>
 
 /// Sums over each column of a row of tiles, from the top down: the same in vectors of any width.
 struct ColumnSums {
-  alignas(64) float sum[kSide], num[kSide], squares[kSide], num_known[kSide], num_gone[kSide];
+  alignas(64) float sum[kSide], num[kSide], bounded[kSide], num_seen[kSide], squares[kSide],
+      num_known[kSide], num_gone[kSide];
 };
 
 [[gnu::always_inline]] inline void add_deviations(const EstimatePass& pass, Block& block, int v0,
@@ -49,7 +50,7 @@ struct ColumnSums {
   const int rows = std::min(kTile, block.height - v0);
   for (int u = 0; u < kSide; u += kLanes) {
     const VecF scale = load(scales + u);
-    VecF sum{}, num{}, squares{}, num_known{}, num_gone{};
+    VecF sum{}, num{}, bounded{}, num_seen{}, squares{}, num_known{}, num_gone{};
     for (int v = v0; v < v0 + rows; ++v) {
       const std::ptrdiff_t at = (block.top + v) * pass.stride + block.left + u;
       const int i = v * kSide + u;
@@ -58,12 +59,16 @@ struct ColumnSums {
       store(block.own_gain + i, d.gain);
       sum += d.sum;
       num += d.num;
+      bounded += d.bounded;
+      num_seen += d.num_seen;
       squares += d.squares;
       num_known += d.num_known;
       num_gone += d.num_gone;
     }
     store(columns.sum + u, sum);
     store(columns.num + u, num);
+    store(columns.bounded + u, bounded);
+    store(columns.num_seen + u, num_seen);
     store(columns.squares + u, squares);
     store(columns.num_known + u, num_known);
     store(columns.num_gone + u, num_gone);
@@ -83,12 +88,14 @@ struct ColumnSums {
       for (int i = u * kTile; i < (u + 1) * kTile; ++i) {
         tile.deviations.sum += columns.sum[i];
         tile.deviations.num += columns.num[i];
+        tile.bounded.sum += columns.bounded[i];
+        tile.bounded.num += columns.num_seen[i];
         tile.squares += columns.squares[i];
         tile.num_known += columns.num_known[i];
         tile.num_gone += columns.num_gone[i];
       }
       all.take(first + u, tile);
-      all.test(first + u, memory, pass.model);
+      all.test(0, first + u, memory, pass.model);
       memory.learn_noise(first + u, tile, scales[u * kTile]);
     }
   }
@@ -96,9 +103,10 @@ struct ColumnSums {
     const int side = level_side(level);
     for (int i = 0; i < side * side; ++i) {
       all.join(level, i % side, i / side);
-      all.test(first_entry(level) + i, memory, pass.model);
+      all.test(level, first_entry(level) + i, memory, pass.model);
     }
   }
+  for (int level = 0; level < kEstimateLevels; ++level) all.learn_turns(level, memory);
 }
 
 [[gnu::always_inline]] inline void estimate(const EstimatePass& pass, const Block& block,
