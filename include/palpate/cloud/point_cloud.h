@@ -84,7 +84,7 @@ struct PointCloudView {
   const float* depth = nullptr;
   float max_depth = 0;
   const FrameNoise* noise = nullptr;  ///< random noise of the depth; null: unknown
-  int gpu = kHostMemory;  ///< whose memory the arrays are in
+  int gpu = kHostMemory;              ///< whose memory the arrays are in
   /// Two views with the same stamp show the same values, except for stamp 0.
   std::uint64_t stamp = 0;
 

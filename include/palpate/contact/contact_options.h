@@ -9,7 +9,6 @@
 #include <variant>
 #include <vector>
 
-#include "palpate/contact/measure_noise.h"
 #include "palpate/core/core.h"
 #include "palpate/math/geometry.h"
 #include "palpate/settings/setting_table.h"
@@ -110,8 +109,8 @@ struct Stiffness {
 /// Result of one measurement.
 struct ContactResult {
   Penetration penetration;
-  std::optional<Stiffness> stiffness;  ///< if requested and the method supports it
-  VolumeMoments moments = {};          ///< together with the stiffness; else zero
+  std::optional<Stiffness> stiffness;      ///< if requested and the method supports it
+  VolumeMoments moments = {};              ///< together with the stiffness; else zero
   std::optional<MeasureNoise> noise = {};  ///< likewise; none if a camera's noise is unknown
 };
 

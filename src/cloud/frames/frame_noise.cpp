@@ -1,6 +1,5 @@
 #include "src/cloud/internal/frame_noise.h"
 
-#include <algorithm>
 #include <cmath>
 
 namespace palpate { inline namespace v0 {
@@ -8,9 +7,12 @@ namespace palpate { inline namespace v0 {
 FrameNoise frame_noise(const DepthNoise& noise) {
   const DepthNoise known = noise.at_zero > 0 || noise.growth > 0 ? noise : DepthNoise{};
   FrameNoise result;
+  const auto mean = [&](int level) {
+    return known.patch() / (known.patch() + std::ldexp(1, 2 * level) - 1);
+  };
   for (int level = 0; level < kNumNoiseLevels; ++level) {
-    const double num_pixels = std::ldexp(1, 2 * level);
-    const double sd = std::sqrt(kDetailShare * std::min(1.0, known.patch() / num_pixels));
+    constexpr double of_white = 0.75;  // what a mean of four loses
+    const double sd = std::sqrt(kDetailShare / of_white * (mean(level) - mean(level + 1)));
     result.base[level] = static_cast<float>(sd * known.at_zero);
     result.growth[level] = static_cast<float>(sd * known.growth);
   }

@@ -6,7 +6,7 @@
 
 namespace palpate { inline namespace v0 {
 
-inline constexpr int kNumNoiseLevels = 5;
+inline constexpr int kNumNoiseLevels = 7;
 /// Share of white noise that the next wider cells do not tell.
 inline constexpr double kDetailShare = 0.78;
 
@@ -14,8 +14,9 @@ struct FrameNoise {
   float base[kNumNoiseLevels] = {}, growth[kNumNoiseLevels] = {};
 };
 
-/// Returns the noise by scale of a camera: a mean over more pixels than share their noise is
-/// calmer.
+/// Returns the noise by scale of a camera. The mean over a cell of n pixels has the variance of
+/// p / (p + n - 1) pixels, if p of them share their noise, and a detail is what the next mean
+/// loses.
 FrameNoise frame_noise(const DepthNoise& noise);
 
 }}  // namespace palpate::v0

@@ -96,8 +96,8 @@ struct FieldBatch::Worker {
   const BatchAnswers& answers;
   bool has_overviews;
   MeasureJob job{};
-  int surface = -1;     // in the job
-  bool has_all = true;  // is its field of the whole image?
+  int surface = -1;                    // in the job
+  bool has_all = true;                 // is its field of the whole image?
   std::optional<NoiseMemory> noise{};  // if somebody asks for it
   GroupSums of_group[2]{};
 

@@ -93,8 +93,35 @@ struct BallSamples {
   VecI is_touching[kNumVectors];
   SpaceCurvature<VecF> field[kNumVectors];
   NoisePlace place[kNumVectors];  ///< if somebody asks for the noise
-  bool is_complete = true;  ///< every part has a value
+  bool is_complete = true;        ///< every part has a value
 };
+
+/// Keeps what the values of a ball's parts change: each cuts its own disc, and by the plane of all
+/// of them those of the others. `changes`: of force and torque by a unit of volume.
+inline void keep_ball(NoiseWriter& noise, const BallSamples& at, const BallPlane<Row, float>& plane,
+                      float scale, const Row (&weights)[5], const Row& is_part,
+                      const Row (&changes)[6], const Row& volumes, const Row& discs) {
+  const SumOfRow sum;
+  Row by_value[kNumChanges];
+  for (int k = 0; k < kNumChanges; ++k) {
+    by_value[k] = k == 0 ? discs : discs * changes[k - 1];
+    if (!plane.is_plane) continue;
+    float X[5];
+    for (int i = 0; i < 5; ++i)
+      X[i] = scale * sum(weights[i] * (k == 0 ? is_part : changes[k - 1]));
+    for (int i = 0; i < 5; ++i) {
+      float moment = 0;
+      for (int j = 0; j < 5; ++j) moment += plane.form[i][j] * X[j];
+      by_value[k] = by_value[k] + weights[i] * moment;
+    }
+  }
+  for (int i = 0; i < kNumVectors; ++i) {
+    VecF change[kNumChanges];
+    for (int k = 0; k < kNumChanges; ++k) change[k] = by_value[k].vectors[i];
+    noise.keep(at.lanes[i], at.place[i], volumes.vectors[i], change,
+               {changes[0].vectors[i], changes[1].vectors[i], changes[2].vectors[i]});
+  }
+}
 
 /// Adds the ball whose cluster begins at slot `begin`; few tools have more than a dozen.
 template <bool kWithStiffness>
@@ -110,8 +137,8 @@ template <bool kWithStiffness>
   NoiseWriter* const noise = std::exchange(totals.noise, nullptr);
   BallPlane<Row, float> plane;
   if (at.is_complete) {
-    plane = ball_plane<float>(parts, phi * (1.0f / radius), sum,
-                              kWithStiffness || noise != nullptr);
+    plane =
+        ball_plane<float>(parts, phi * (1.0f / radius), sum, kWithStiffness || noise != nullptr);
   }
   // The factor of the ball times powers of its radius.
   const float twice = job.ball_factor[begin / kSize] * radius * radius, thrice = twice * radius;
@@ -154,26 +181,7 @@ template <bool kWithStiffness>
   Row weights[5] = {};
   if (plane.is_plane) form_weights(parts, plane.residual, weights);
   if (noise != nullptr) {
-    Row by_value[kNumChanges];
-    const Row* const forces = changes;
-    for (int k = 0; k < kNumChanges; ++k) {
-      const Row change = k == 0 ? parts.is_part : forces[k - 1];
-      by_value[k] = (k == 0 ? discs : discs * change);
-      if (!plane.is_plane) continue;
-      float X[5];
-      for (int i = 0; i < 5; ++i) X[i] = twice * sum(weights[i] * change);
-      for (int i = 0; i < 5; ++i) {
-        float Y = 0;
-        for (int j = 0; j < 5; ++j) Y += plane.form[i][j] * X[j];
-        by_value[k] = by_value[k] + weights[i] * Y;
-      }
-    }
-    for (int i = 0; i < kNumVectors; ++i) {
-      VecF change[kNumChanges];
-      for (int k = 0; k < kNumChanges; ++k) change[k] = by_value[k].vectors[i];
-      noise->keep(at.lanes[i], at.place[i], volumes.vectors[i], change,
-                  {n[0].vectors[i], n[1].vectors[i], n[2].vectors[i]});
-    }
+    keep_ball(*noise, at, plane, twice, weights, parts.is_part, changes, volumes, discs);
   }
   if constexpr (kWithStiffness) {
     if (!plane.is_plane) return;

@@ -145,8 +145,8 @@ class FieldContact final : public ContactQuery {
 
  private:
   // At a pose that is finite, with a unit quaternion.
-  void evaluate(std::span<const DepthFieldView> fields, const Pose& X_WT,
-                const ContactWants& wants, ContactResult* results) const;
+  void evaluate(std::span<const DepthFieldView> fields, const Pose& X_WT, const ContactWants& wants,
+                ContactResult* results) const;
   void describe(const DepthFieldView& field, const Pose& X_WT, const ContactWants& wants) const;
   MeasureJob job(std::span<const DepthFieldView> fields, const Pose& X_WT) const;
 

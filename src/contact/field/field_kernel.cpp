@@ -78,9 +78,7 @@ template <class Sample, int kFields>
   GroupTotals<kWithStiffness> totals[kFields];
   NoiseWriter noise(job.noise, group);
   if (noise.wants()) totals[0].noise = &noise;
-  const auto place_noise = [&](const Lanes& e) {
-    return noise_place(job.frame, e, kNotTurned, 0);
-  };
+  const auto place_noise = [&](const Lanes& e) { return noise_place(job.frame, e, kNotTurned, 0); };
   const bool is_near = for_touching<Sample, kFields>(
       job, group,
       [&](std::size_t slot, const Lanes& e, int k, Sample& sample, VecI is_touching, int part) {

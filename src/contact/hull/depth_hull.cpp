@@ -180,8 +180,7 @@ std::optional<MeasureNoise> DepthHull::noise_of_cameras(NoiseMemory& noise) cons
 }
 
 ContactResult DepthHull::measure(std::span<const SurfaceBlend> cameras, const Pose& X_WT,
-                                 const ContactWants& wants, ThreadPool& pool,
-                                 NoiseMemory& noise) {
+                                 const ContactWants& wants, ThreadPool& pool, NoiseMemory& noise) {
   const ContactStatus status = take(cameras, X_WT);
   if (status.is_unmeasured()) {
     ContactResult result = unmeasured(StepStatus::ok, wants, true);

@@ -55,8 +55,8 @@ class Hull {
       const VecI which = decider == splat(k);
       if (mask_bits(which) == 0) continue;
       const HullCamera& camera = job_.cameras[k];
-      at = chosen(which,
-                  noise_place(camera.field.frame, answers_[k].lanes[0], camera.R_WC[0], k), at);
+      at = chosen(which, noise_place(camera.field.frame, answers_[k].lanes[0], camera.R_WC[0], k),
+                  at);
     }
     return at;
   }

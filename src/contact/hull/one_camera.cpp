@@ -81,8 +81,8 @@ ContactResult ContactQuery::measure_camera(const SurfaceBlend& camera, const Pos
     return result;
   };
   if (!(progress < 1) || from.X_WC == to.X_WC) return measure_at(from, to, progress, wants);
-  const ContactResult before = measure_at(
-      from, from, 1, {.stiffness = wants.stiffness, .noise = wants.noise});
+  const ContactResult before =
+      measure_at(from, from, 1, {.stiffness = wants.stiffness, .noise = wants.noise});
   const ContactResult now = measure_at(to, to, 1, wants);
   if (before.penetration.status.is_unmeasured()) {
     // There was no frame yet.

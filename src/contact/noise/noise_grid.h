@@ -1,7 +1,8 @@
-// How the noise of depth becomes that of a measure, without pairs of elements. An element changes
-// with the depth of its surface: eta, the noise where its camera sees it, changes its volume by
-// -A eta, its force by -A eta n + V grad eta, and its torque likewise. The noise of a scale is a
-// quadratic B-spline over white noise of the nodes of a grid, as the field is one over its pixels:
+// The step from the noise of depth to that of a measure, without pairs of elements. An element
+// changes with the depth of its surface: eta, the noise where its camera sees it, changes its
+// volume by -A eta, its force by -A eta n + V grad eta, and its torque likewise. The noise of a
+// scale is a quadratic B-spline over white noise of the nodes of a grid, as the field is one over
+// its pixels:
 //
 //   eta(u) = sum_c xi_c B_c(u),   so that   variance = sum_scales v sum_c (sum_e S_e B_c(u_e))^2.
 //
@@ -17,20 +18,20 @@
 namespace palpate { inline namespace v0 {
 
 /// Nodes of a grid each way, at most, and the numbers of a node: volume, force, torque, and 0.
-inline constexpr int kNoiseNodes = 18, kNoiseNumbers = 8;
+inline constexpr int kNoiseNodes = 26, kNoiseNumbers = 8;
 
-/// What the elements of one camera have in common.
+/// Extent of the elements of one camera, and sums over them.
 struct NoiseReach {
-  float least_u = 1e9f, most_u = -1e9f, least_v = 1e9f, most_v = -1e9f;  ///< pixels of level 0
-  float weight = 0, level = 0, depth = 0;                                ///< sums
+  float min_u = 1e9f, max_u = -1e9f, min_v = 1e9f, max_v = -1e9f;  ///< pixels of level 0
+  float weight = 0, level = 0, depth = 0;                          ///< sums
 
   /// Adds an element by the level that it samples and its depth, weighted by what it changes.
   PALPATE_HOSTDEV void add(const NoiseRows& rows, std::ptrdiff_t element) {
     const float u = rows.at(NoiseRow::u, element), v = rows.at(NoiseRow::v, element);
-    least_u = u < least_u ? u : least_u;
-    most_u = u > most_u ? u : most_u;
-    least_v = v < least_v ? v : least_v;
-    most_v = v > most_v ? v : most_v;
+    min_u = u < min_u ? u : min_u;
+    max_u = u > max_u ? u : max_u;
+    min_v = v < min_v ? v : min_v;
+    max_v = v > max_v ? v : max_v;
     float footprint = rows.at(NoiseRow::footprint, element);
     const float nearness = rows.at(NoiseRow::inverse_depth, element);
     // Disc and volume of a ball of that footprint are comparable.
@@ -60,10 +61,10 @@ PALPATE_HOSTDEV inline CellWindow noise_window(const NoiseReach& reach) {
       const int whole = static_cast<int>(cell);
       return cell < static_cast<float>(whole) ? whole - 1 : whole;
     };
-    window.left = nearest(reach.least_u) - 1;
-    window.right = nearest(reach.most_u) + 1;
-    window.top = nearest(reach.least_v) - 1;
-    window.bottom = nearest(reach.most_v) + 1;
+    window.left = nearest(reach.min_u) - 1;
+    window.right = nearest(reach.max_u) + 1;
+    window.top = nearest(reach.min_v) - 1;
+    window.bottom = nearest(reach.max_v) + 1;
     if (window.right - window.left < kNoiseNodes && window.bottom - window.top < kNoiseNodes) break;
   }
   return window;
@@ -79,11 +80,12 @@ PALPATE_HOSTDEV inline NodeWeights node_weights(float pixel, int begin, float sc
   const float at = (pixel + 0.5f) * scale - static_cast<float>(begin);  // in cells
   const int node = static_cast<int>(at);                                // not negative
   const float t = at - static_cast<float>(node) - 0.5f, a = 0.5f - t, b = 0.5f + t;
-  return {node - 1, {0.5f * a * a, 0.75f - t * t, 0.5f * b * b},
+  return {node - 1,
+          {0.5f * a * a, 0.75f - t * t, 0.5f * b * b},
           {-a * scale, -2 * t * scale, b * scale}};
 }
 
-/// What an element does for each meter of depth at its place, and for each meter per pixel.
+/// Changes by an element for each meter of depth at its place, and for each meter per pixel.
 struct NoiseChange {
   float by_depth[kNoiseNumbers], by_u[kNoiseNumbers], by_v[kNoiseNumbers];
 };

@@ -24,8 +24,8 @@ struct NodeGrid {
   void clear(const CellWindow& to) {
     window = to;
     for (int v = 0; v <= window.bottom - window.top; ++v) {
-      std::memset(nodes[v], 0, static_cast<std::size_t>(window.right - window.left + 1) *
-                                   sizeof(Numbers));
+      std::memset(nodes[v], 0,
+                  static_cast<std::size_t>(window.right - window.left + 1) * sizeof(Numbers));
     }
   }
 
@@ -110,16 +110,14 @@ void add_measure_noise(const NoiseSums& sums, int camera, const NoiseCamera& vie
   int now = 0;
   grids[now].clear(noise_window(reach));
   const float scale = 1 / static_cast<float>(1 << grids[now].window.level);
-  for_elements(sums, camera,
-               [&](std::ptrdiff_t i) { grids[now].add(sums.rows, i, view, scale); });
+  for_elements(sums, camera, [&](std::ptrdiff_t i) { grids[now].add(sums.rows, i, view, scale); });
   NoiseScales scales = noise_scales(*field.noise, reach.depth / reach.weight);
-  smooth_scales(field, grids[now].window, scales);
+  place_scales(field, grids[now].window, scales);
   const int first = grids[now].window.level;
   if (first >= kNumNoiseLevels - 1) {
-    grids[now].add_squares(
-        scales.variance[kNumNoiseLevels - 1] *
-            static_cast<float>(1.0 / (1 << 2 * (first - kNumNoiseLevels + 1))),
-        to);
+    grids[now].add_squares(scales.variance[kNumNoiseLevels - 1] *
+                               static_cast<float>(1.0 / (1 << 2 * (first - kNumNoiseLevels + 1))),
+                           to);
     return;
   }
   for (int level = first; level < kNumNoiseLevels; ++level) {

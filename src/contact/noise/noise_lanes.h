@@ -80,8 +80,9 @@ class NoiseWriter {
   [[gnu::always_inline]] void keep(const Element& e, const NoisePlace& at, VecF volume,
                                    const VecF (&change)[kNumChanges], const Gradient3<VecF>& n) {
     const VecF slope = -(n.x * at.ray[0] + n.y * at.ray[1] + n.z * at.ray[2]);
-    const VecF numbers[] = {at.u, at.v, at.inverse_depth, at.footprint, volume * slope, n.x,
-                            n.y,  n.z,  e.lx,             e.ly,         e.lz,           at.camera};
+    const VecF numbers[] = {
+        at.u, at.v, at.inverse_depth, at.footprint, volume * slope, n.x, n.y, n.z, e.lx,
+        e.ly, e.lz, at.camera};
     float* to = to_.first + next_;
     for (const VecF& each : numbers) {
       store(to, each);

@@ -18,21 +18,21 @@ struct NoiseScales {
   float variance[kNumNoiseLevels] = {};
 };
 
-/// Returns them at a depth. Noise that is nearly white at one scale is so at the next wider one: the
-/// excess of a level's variance over what it would be of white noise grows at most fourfold. More
-/// is shape.
+/// Returns them at a depth. Noise that is nearly white at one scale is so at the next wider one:
+/// the excess of a level's variance over what it would be of white noise grows at most fourfold.
+/// More is shape.
 PALPATE_HOSTDEV inline NoiseScales noise_scales(const FrameNoise& noise, float z) {
-  constexpr float white = 0.25f, most_growth = 4;
+  constexpr float white = 0.25f, max_growth = 4;
   NoiseScales scales;
-  float before = 0, share = 1e9f;  // variance of the finer level, and the most of it that counts
+  float before = 0, share = 1e9f;  // variance of the finer level, and its share that may count
   for (int k = 0; k < kNumNoiseLevels; ++k) {
     const float sd = noise.base[k] + noise.growth[k] * z * z;
     float variance = sd * sd * static_cast<float>(1 / kDetailShare);
     if (k > 0) {
-      const float most = share * before, least = white * before;
-      variance = variance > most ? most : variance;
-      variance = variance < least ? least : variance;
-      if (before > 0) share = white + most_growth * (variance / before - white);
+      const float upper = share * before, lower = white * before;
+      variance = variance > upper ? upper : variance;
+      variance = variance < lower ? lower : variance;
+      if (before > 0) share = white + max_growth * (variance / before - white);
     }
     scales.variance[k] = variance - white * before;
     before = variance;
@@ -51,8 +51,8 @@ struct CellWindow {
 /// the level's cells.
 PALPATE_HOSTDEV inline float noise_left(const DepthFieldView& field, const CellWindow& window,
                                         float variance) {
-  constexpr int most_steps = 8;      // cells each way
-  constexpr float most = 4;          // variances
+  constexpr int max_steps = 8;          // cells each way
+  constexpr float limit = 4;            // variances
   constexpr float normal_mean = 0.92f;  // of a limited square of noise
   if (window.level >= field.num_levels) return 1;
   const DepthFieldLevel& level = field.levels[window.level];
@@ -60,7 +60,7 @@ PALPATE_HOSTDEV inline float noise_left(const DepthFieldView& field, const CellW
     const float offset = level.planes[2 * pixel];
     return offset > 0 ? level.planes[2 * pixel + 1] / offset : 0.0f;
   };
-  const auto step_over = [](int first, int last) { return 1 + (last - first) / most_steps; };
+  const auto step_over = [](int first, int last) { return 1 + (last - first) / max_steps; };
   const int step_u = step_over(window.left, window.right);
   const int step_v = step_over(window.top, window.bottom);
   float sum = 0, num = 0;
@@ -75,7 +75,7 @@ PALPATE_HOSTDEV inline float noise_left(const DepthFieldView& field, const CellW
         const float before = inverse_depth(pixel - apart), after = inverse_depth(pixel + apart);
         if (!(before > 0) || !(after > 0)) continue;
         const float bend = before + after - 2 * at, square = bend * bend * scale;
-        sum += square < most ? square : most;
+        sum += square < limit ? square : limit;
         num += 1;
       }
     }
@@ -84,30 +84,43 @@ PALPATE_HOSTDEV inline float noise_left(const DepthFieldView& field, const CellW
   return share < 1 ? share : 1.0f;
 }
 
-/// Hands the noise that a window has lost on to wider scales, from its own level on; all that is
-/// finer counts as noise of that level.
-PALPATE_HOSTDEV inline void smooth_scales(const DepthFieldView& field, CellWindow window,
-                                          NoiseScales& scales) {
+/// Levels up to this one are smoothed by filters; its own noise is then that of the next one.
+inline constexpr int kLastSmoothed = 4;
+
+/// Turns the noise of cells into that of the nodes of grids, from the window's level on. What a
+/// scale has lost is left in the next one, and all that is finer than the window is lost. A spline
+/// over nodes as far apart as the cells has a third of their variance at one place, and one over
+/// nodes half as far apart with four times the variance a fifth more. Both have the same over wide
+/// windows. What is left of a scale is half the one and half the other.
+PALPATE_HOSTDEV inline void place_scales(const DepthFieldView& field, CellWindow window,
+                                         NoiseScales& scales) {
+  NoiseScales nodes;
+  const int first = window.level < kNumNoiseLevels ? window.level : kNumNoiseLevels - 1;
   float cells = 0, lost = 0;  // noise of the finer scales in a cell: all, and what is lost
   for (int k = 0; k < kNumNoiseLevels; ++k) {
     const float own = lost + scales.variance[k];
     cells += scales.variance[k];
     float left = 1;
-    if (k == kNumNoiseLevels - 1) {
-      left = 1;
-    } else if (k < window.level) {
+    if (k < first) {
       left = 0;
-    } else if (own > 0) {
+    } else if (k <= kLastSmoothed && own > 0) {
       left = noise_left(field, window, cells);
     }
-    scales.variance[k] = left * own;
-    lost = 0.25f * (1 - left) * own;
+    const float kept = left * own;
+    nodes.variance[k] += k > first ? 0.5f * kept : kept;
+    if (k > first) nodes.variance[k - 1] += 2 * kept;
+    lost = 0.25f * (own - kept);
+    if (k == kLastSmoothed && k >= first) {
+      nodes.variance[k] += 4 * lost;
+      lost = 0;
+    }
     cells *= 0.25f;
     if (k >= window.level) {
       window = {window.level + 1, window.left >> 1, window.top >> 1, window.right >> 1,
                 window.bottom >> 1};
     }
   }
+  scales = nodes;
 }
 
 }}  // namespace palpate::v0

@@ -4,8 +4,8 @@
 
 namespace palpate { inline namespace v0 {
 PALPATE_DECLARE_KERNELS(void add_measure_noise(const NoiseSums& sums, int camera,
-                                               const NoiseCamera& view,
-                                               const DepthFieldView& field, MeasureNoise& to);
+                                               const NoiseCamera& view, const DepthFieldView& field,
+                                               MeasureNoise& to);
                         constexpr AddMeasureNoise kMeasureNoise = add_measure_noise;)
 
 namespace {

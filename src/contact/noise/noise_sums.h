@@ -21,7 +21,9 @@ struct NoiseSums {
 /// the next axis.
 inline void add_variances(const float* squares, const float* products, float variance,
                           MeasureNoise& to) {
-  const auto times = [&](float sum) { return static_cast<double>(variance) * static_cast<double>(sum); };
+  const auto times = [&](float sum) {
+    return static_cast<double>(variance) * static_cast<double>(sum);
+  };
   to.volume += times(squares[0]);
   for (int axis = 0; axis < 3; ++axis) {
     const int next = (axis + 1) % 3;

@@ -4,7 +4,7 @@
 
 #include <limits>
 
-#include "palpate/contact/measure_noise.h"
+#include "palpate/math/geometry.h"
 #include "src/math/internal/matrix.h"
 
 namespace palpate { inline namespace v0 {

@@ -79,8 +79,8 @@ FrameNoise AdaptiveFilter::noise() const {
   FrameNoise noise;
   for (int level = 0; level < kNumScales; ++level) {
     const ScaleNoise& of = noise_[static_cast<std::size_t>(level)];
-    noise.base[level] = of.base;
-    noise.growth[level] = of.growth;
+    noise.base[level] = static_cast<float>(static_cast<double>(of.base) / kTails);
+    noise.growth[level] = static_cast<float>(static_cast<double>(of.growth) / kTails);
   }
   return noise;
 }

@@ -46,12 +46,10 @@ struct DetailNoise {
 };
 /// Finds the noise of the details of a depth by a quantile of their sizes. `number`: of the depth.
 PALPATE_HOSTDEV inline DetailNoise detail_noise(const std::uint32_t (&counts)[DetailCounts::kSizes],
-                                              int number) {
+                                                int number) {
   constexpr int min_num = 20;  // from which noise is known
   constexpr double quantile = 0.7;
-  // Quantile of the size of a normal variable of unit variance, and the share by which the noise is
-  // taken to be larger: real noise has longer tails.
-  constexpr double normal_quantile = 1.0364, tails = 1.05;
+  constexpr double normal_quantile = 1.0364;  // of the size of a normal variable of unit variance
   const auto size_at = [](int step) { return lower_end(DetailCounts::kSmallest, step, 3); };
   DetailNoise noise;
   noise.z = (lower_end(DetailCounts::kNearest, number, 2) +
@@ -66,7 +64,7 @@ PALPATE_HOSTDEV inline DetailNoise detail_noise(const std::uint32_t (&counts)[De
     if (before + num >= quantile * noise.num) {
       const double low = i == 0 ? 0 : size_at(i), high = size_at(i + 1);
       const double share = (quantile * noise.num - before) / num;
-      noise.sd = (low + share * (high - low)) * tails / normal_quantile;
+      noise.sd = (low + share * (high - low)) * kTails / normal_quantile;
       break;
     }
     before += num;
