@@ -302,100 +302,74 @@ void bind_batch(nb::module_& m) {
       R"(The depth fields of many images from Sensor.update_batch. They stay valid while referenced.)")
       .def("__len__", [](const PySurfaces& self) { return self.batch.size(); });
 
-  nb::class_<PyBody>(m, "Body",
-                     R"(A fixed rigid body, for Contact.measure_batch.
-
-shape: a Tool with a distance field; without one (older files) it is computed now, in about a second.
-pose: X_WB, (4, 4) or (7,) tx ty tz qx qy qz qw, m; None: its frame is W. Bodies made by `at` share the
-data of their shape.)")
-      .def(
-          "__init__",
-          [](PyBody* self, const PyTool& shape, nb::handle pose) {
-            const Pose X_WB = pose.is_none() ? Pose{} : pose_of(pose, "pose");
-            const PyTool held = shape;
-            const nb::gil_scoped_release no_gil;
-            new (self) PyBody{held, {ToolIndex::create(*held.tool), X_WB}};
-          },
-          nb::arg("shape"), nb::arg("pose") = nb::none(),
-          nb::sig(
-              "def __init__(self, shape: Tool, pose: palpate._types.Array | None = None) -> None"))
-      .def(
-          "at",
-          [](const PyBody& self, nb::handle pose) {
-            return PyBody{self.shape, {self.placed.shape, pose_of(pose, "pose")}};
-          },
-          nb::arg("pose"), nb::sig("def at(self, pose: palpate._types.Array) -> Body"),
-          "The same shape at another pose X_WB.")
-      .def_prop_ro(
-          "shape", [](const PyBody& self) { return self.shape; }, "The Tool with its shape.");
-
-  auto batch = nb::class_<PyBatch>(
-      m, "Batch",
-      R"(Results of Contact.measure_batch for P poses, in the memory of the contact: NumPy arrays, or arrays
+  auto batch =
+      nb::class_<PyBatch>(
+          m, "Batch",
+          R"(Results of Contact.measure_batch for P poses, in the memory of the contact: NumPy arrays, or arrays
 with DLPack on its GPU. Volumes times directions: multiply by a stiffness in N/m3 to get newtons.
 
 Created over your own arrays (any library with DLPack), it is an `out` that writes into these only;
 others are not computed. float64, status uint32, row-major, all for P poses and in one memory.
 ValueError: another shape, type or memory.)")
-      .def("__init__", make_batch_over, nb::kw_only(), nb::arg("volume") = nb::none(),
-           nb::arg("potential") = nb::none(), nb::arg("force") = nb::none(),
-           nb::arg("torque") = nb::none(), nb::arg("stiffness") = nb::none(),
-           nb::arg("status") = nb::none(),
-           nb::sig("def __init__(self, *, volume: palpate._types.Array | None = None, "
-                   "potential: palpate._types.Array | None = None, "
-                   "force: palpate._types.Array | None = None, "
-                   "torque: palpate._types.Array | None = None, "
-                   "stiffness: palpate._types.Array | None = None, "
-                   "status: palpate._types.Array | None = None) -> None"))
-      .def("__len__", [](const PyBatch& self) { return self.num; })
-      .def_prop_ro(
-          "volume",
-          [](nb::handle self) {
-            const auto& b = nb::cast<PyBatch&>(self);
-            return array_in(self, b.answers.volume, {b.num});
-          },
-          nb::sig(property("volume", kFloats).c_str()), "(P,) penetration volume, m3.")
-      .def_prop_ro(
-          "potential",
-          [](nb::handle self) {
-            const auto& b = nb::cast<PyBatch&>(self);
-            return array_in(self, b.answers.potential, {b.num});
-          },
-          nb::sig(property("potential", kFloats).c_str()),
-          "(P,) m4: its negative gradient is force and torque.")
-      .def_prop_ro(
-          "force",
-          [](nb::handle self) {
-            const auto& b = nb::cast<PyBatch&>(self);
-            return array_in(self, b.answers.force, {b.num, 3});
-          },
-          nb::sig(property("force", kFloats).c_str()), "(P, 3) m3 in W.")
-      .def_prop_ro(
-          "torque",
-          [](nb::handle self) {
-            const auto& b = nb::cast<PyBatch&>(self);
-            return array_in(self, b.answers.torque, {b.num, 3});
-          },
-          nb::sig(property("torque", kFloats).c_str()),
-          "(P, 3) m4 in W, about the tool's center of mass.")
-      .def_prop_ro(
-          "stiffness",
-          [](nb::handle self) -> nb::object {
-            const auto& b = nb::cast<PyBatch&>(self);
-            return b.has_stiffness() ? array_in(self, b.answers.stiffness, {b.num, 6, 6})
-                                     : nb::none();
-          },
-          nb::sig((property("stiffness", kFloats) + " | None").c_str()),
-          "(P, 6, 6) in W, if requested; see Result.stiffness.")
-      .def_prop_ro(
-          "status",
-          [](nb::handle self) {
-            const auto& b = nb::cast<PyBatch&>(self);
-            return array_in(self, b.answers.status, {b.num});
-          },
-          nb::sig(property("status", " -> numpy.typing.NDArray[numpy.uint32]").c_str()),
-          "(P,) uint32: the bits of palpate.Status.");
-  const auto add_std = [&](const char* name, double* BatchAnswers::* array, const char* text) {
+          .def("__init__", make_batch_over, nb::kw_only(), nb::arg("volume") = nb::none(),
+               nb::arg("potential") = nb::none(), nb::arg("force") = nb::none(),
+               nb::arg("torque") = nb::none(), nb::arg("stiffness") = nb::none(),
+               nb::arg("status") = nb::none(),
+               nb::sig("def __init__(self, *, volume: palpate._types.Array | None = None, "
+                       "potential: palpate._types.Array | None = None, "
+                       "force: palpate._types.Array | None = None, "
+                       "torque: palpate._types.Array | None = None, "
+                       "stiffness: palpate._types.Array | None = None, "
+                       "status: palpate._types.Array | None = None) -> None"))
+          .def("__len__", [](const PyBatch& self) { return self.num; })
+          .def_prop_ro(
+              "volume",
+              [](nb::handle self) {
+                const auto& b = nb::cast<PyBatch&>(self);
+                return array_in(self, b.answers.volume, {b.num});
+              },
+              nb::sig(property("volume", kFloats).c_str()), "(P,) penetration volume, m3.")
+          .def_prop_ro(
+              "potential",
+              [](nb::handle self) {
+                const auto& b = nb::cast<PyBatch&>(self);
+                return array_in(self, b.answers.potential, {b.num});
+              },
+              nb::sig(property("potential", kFloats).c_str()),
+              "(P,) m4: its negative gradient is force and torque.")
+          .def_prop_ro(
+              "force",
+              [](nb::handle self) {
+                const auto& b = nb::cast<PyBatch&>(self);
+                return array_in(self, b.answers.force, {b.num, 3});
+              },
+              nb::sig(property("force", kFloats).c_str()), "(P, 3) m3 in W.")
+          .def_prop_ro(
+              "torque",
+              [](nb::handle self) {
+                const auto& b = nb::cast<PyBatch&>(self);
+                return array_in(self, b.answers.torque, {b.num, 3});
+              },
+              nb::sig(property("torque", kFloats).c_str()),
+              "(P, 3) m4 in W, about the tool's center of mass.")
+          .def_prop_ro(
+              "stiffness",
+              [](nb::handle self) -> nb::object {
+                const auto& b = nb::cast<PyBatch&>(self);
+                return b.has_stiffness() ? array_in(self, b.answers.stiffness, {b.num, 6, 6})
+                                         : nb::none();
+              },
+              nb::sig((property("stiffness", kFloats) + " | None").c_str()),
+              "(P, 6, 6) in W, if requested; see Result.stiffness.")
+          .def_prop_ro(
+              "status",
+              [](nb::handle self) {
+                const auto& b = nb::cast<PyBatch&>(self);
+                return array_in(self, b.answers.status, {b.num});
+              },
+              nb::sig(property("status", " -> numpy.typing.NDArray[numpy.uint32]").c_str()),
+              "(P,) uint32: the bits of palpate.Status.");
+  const auto add_std = [&](const char* name, double* BatchAnswers::*array, const char* text) {
     batch.def_prop_ro(
         name,
         [array](nb::handle self) -> nb::object {

@@ -71,7 +71,8 @@ PALPATE_HOSTDEV inline float noise_left(const DepthFieldView& field, const CellW
       const float at = inverse_depth(pixel);
       if (!(at > 0)) continue;
       const float scale = 1 / (6 * variance * at * at * at * at);
-      for (const std::ptrdiff_t apart : {std::ptrdiff_t{1}, std::ptrdiff_t{level.stride}}) {
+      const std::ptrdiff_t steps[] = {1, level.stride};
+      for (const std::ptrdiff_t apart : steps) {
         const float before = inverse_depth(pixel - apart), after = inverse_depth(pixel + apart);
         if (!(before > 0) || !(after > 0)) continue;
         const float bend = before + after - 2 * at, square = bend * bend * scale;
