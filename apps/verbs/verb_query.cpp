@@ -36,6 +36,7 @@ struct Options {
   CapsOptions caps;
   int num_spheres = 0;  ///< of the tool file; 0: all
   bool json = false;
+  bool std = false;        ///< standard deviations
   std::vector<Pose> X_WT;  ///< from --pose or, later, --poses
 };
 
@@ -47,6 +48,7 @@ struct Measurement {
   std::vector<int> decided;  ///< spheres in contact decided by each camera; last: by none
   double seconds = 0;
   Pose X_WT;
+  std::optional<MeasureNoise> noise;  ///< with --std
 };
 
 std::string camera_name(std::size_t number) {
@@ -77,7 +79,7 @@ void print_results_json(const Options& options, const RunSettings& settings, con
   }
   json["results"] = nlohmann::ordered_json::array();
   for (const Measurement& measurement : measurements) {
-    const auto& [penetration, shares, unseen, decided, seconds, X_WT] = measurement;
+    const auto& [penetration, shares, unseen, decided, seconds, X_WT, noise] = measurement;
     json["results"].push_back({{"volume", penetration.volume},
                                {"fraction", penetration.volume / tool_volume},
                                {"force", to_json(penetration.measure_W.force)},
@@ -87,6 +89,11 @@ void print_results_json(const Options& options, const RunSettings& settings, con
                                {"points", penetration.num_points},
                                {"compute_us", seconds * 1e6},
                                {"status", penetration.status.bits}});
+    if (noise) {
+      json["results"].back()["volume_std"] = noise->volume_std();
+      json["results"].back()["force_std"] = to_json(noise->force_std());
+      json["results"].back()["torque_std"] = to_json(noise->torque_std());
+    }
     if (options.settings.contact.method == MethodKind::field) {
       if (unseen) json["results"].back()["unseen"] = *unseen / tool_volume;
       auto& by = json["results"].back()["decided"];
@@ -114,6 +121,9 @@ void print_results_table(const Options& options, double tool_volume,
   std::printf("%5s %12s %8s %36s %36s %8s %8s %8s %9s%s\n", "pose", "volume m3", "% tool",
               "force measure m3", "torque measure m4", "boundary", "inside", "points", "us",
               has_objects ? "   objects m3" : "");
+  if (options.std) {
+    std::printf("%5s %12s %8s %36s %36s\n", "", "and its std", "", "and its std", "and its std");
+  }
   for (std::size_t i = 0; i < measurements.size(); ++i) {
     const Penetration& p = measurements[i].penetration;
     const Vec3d &f = p.measure_W.force, &m = p.measure_W.torque;
@@ -123,6 +133,12 @@ void print_results_table(const Options& options, double tool_volume,
                 measurements[i].seconds * 1e6);
     if (has_objects) std::printf(" %12.5g", measurements[i].shares.bodies.volume);
     std::puts(p.status.has(StepStatus::ambiguous_normals) ? "  (normals disagree)" : "");
+    if (!measurements[i].noise) continue;
+    const MeasureNoise& noise = *measurements[i].noise;
+    const Vec3d df = noise.force_std(), dm = noise.torque_std();
+    std::printf("%5s %12.5g %8.3f %12.4g%12.4g%12.4g %12.4g%12.4g%12.4g\n", "+-",
+                noise.volume_std(), 100 * noise.volume_std() / tool_volume, df.x, df.y, df.z, dm.x,
+                dm.y, dm.z);
   }
 }
 
@@ -198,6 +214,7 @@ Status run(const Options& given) {
       return status;
   }
   ThreadPool pool(options.settings.num_threads);
+  if (options.std && !options.settings.backend) options.settings.backend = Backend::cpu;
   auto chosen = choose_query(options.settings, *tool, pool);
   if (!chosen) return chosen.error();
   const auto scene = FrozenViews::read(options.views, options.settings, options.given, pool);
@@ -233,7 +250,11 @@ Status run(const Options& given) {
     world.measure(scene->views());
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
     const BodyMeasure& measured = world.measured(body);
-    measurements.push_back({measured.total(), measured, {}, {}, elapsed.count(), X_WT});
+    measurements.push_back({measured.total(), measured, {}, {}, elapsed.count(), X_WT, {}});
+    if (options.std) {
+      // Objects have no noise.
+      measurements.back().noise = query.measure(scene->views(), X_WT, {.noise = true}).noise;
+    }
     if (options.json && options.settings.contact.method == MethodKind::field) {
       find_evidence(query, chosen->backend, scene->views(), measurements.back());
     }
@@ -271,6 +292,17 @@ void check(const CLI::App& app, Options& options) {
     usage_error("--" + method.error().message);
   }
   check(options.views);
+  if (options.std && options.settings.contact.method != MethodKind::field) {
+    usage_error("query: --std is for the method field: " +
+                std::string(name_of(options.settings.contact.method)) +
+                " does not say what noise does to it");
+  }
+  if (options.std && options.settings.backend == Backend::cuda) {
+    usage_error("query: --std is computed on a CPU: leave out --backend cuda");
+  }
+  if (options.std && !options.views.cloud.empty()) {
+    usage_error("query: --std goes with --depth: the noise of a cloud is unknown");
+  }
   if (const Status status = check(options.settings.surface); !status) {
     usage_error("query: " + status.error().message);
   }
@@ -340,6 +372,8 @@ void add_query(CLI::App& program, Action& action) {
   add_settings(frozen, options->settings.output);
   add_set_option(app, frozen);
   add_caps_options(app, options->caps);
+  app.add_flag("--std", options->std,
+               "also print standard deviations by the noise of the depth (method field)");
   app.add_flag("--json", options->json, "print the results as JSON");
   app.footer(
       "Example: palpate query drill.palp --depth frame.png --intrinsics 525,525,319.5,239.5 "

@@ -76,7 +76,20 @@ class PyContact {
 
 /// Measures P poses at once; in bind_batch.cpp.
 nb::object measure_batch(PyContact& self, nb::handle surfaces, nb::handle poses,
-                         nb::handle surface_of_pose, bool stiffness, nb::handle out,
+                         nb::handle surface_of_pose, bool stiffness, bool with_std, nb::handle out,
                          nb::handle stream);
+
+/// Checks that a contact knows what noise does to it. Error: its method or place does not.
+inline void check_std(const PyContact& contact) {
+  if (contact.method() != "field") {
+    throw PalpateError("std: the method \"" + contact.method() +
+                       "\" does not say what noise does to it; create the contact with \"field\"");
+  }
+  if (contact.place().backend != Backend::cpu) {
+    throw PalpateError(
+        "std: standard deviations are computed on a CPU; create contact and sensor with "
+        "place=\"cpu\"");
+  }
+}
 
 }  // namespace palpate::python

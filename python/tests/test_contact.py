@@ -55,6 +55,31 @@ def test_half_a_cube_behind_a_wall(cube, camera):
     assert result.stiffness is None
 
 
+def test_standard_deviations_by_the_noise(cube, camera):
+    """A face of the cube behind a wall: each pixel of noise moves as much volume as its area."""
+    depth = (0.8 + 0.0005 * np.random.default_rng(1).standard_normal((120, 160))).astype(np.float32)
+    surface = palpate.Sensor(camera, noise_at_zero=0.0005, filter=False).update(depth)
+    contact, poses = palpate.Contact(cube), np.array([[0, 0, z, 0, 0, 0, 1] for z in (0.7, 0.8, 0.81)])
+    assert contact.measure(surface, poses[1]).volume_std is None
+    single = [contact.measure(surface, pose, std=True) for pose in poses]
+    assert single[0].volume_std == 0 and single[1].volume_std > 0
+    assert single[1].force_std.shape == single[1].torque_std.shape == (3,)
+    closed = 0.0005 * 0.04 * 0.8 / camera.fx
+    assert single[1].volume_std == pytest.approx(closed, rel=0.5)
+    batch = contact.measure_batch(surface, poses, std=True)
+    assert batch.volume_std == pytest.approx([result.volume_std for result in single], rel=1e-6)
+    assert batch.force_std == pytest.approx(np.array([result.force_std for result in single]), rel=1e-6)
+    assert batch.torque_std.shape == (3, 3)
+    assert contact.measure_batch(surface, poses).volume_std is None
+    with pytest.raises(palpate.Error, match='the method "graph" does not say'):
+        palpate.Contact(cube, "graph").measure(surface, poses[1], std=True)
+
+
+def test_bodies_have_no_noise(cube):
+    batch = palpate.Contact(cube).measure_batch(palpate.Body(cube), np.array([[0.01, 0, 0, 0, 0, 0, 1.0]]), std=True)
+    assert batch.volume[0] > 0 and batch.volume_std[0] == 0 and not batch.force_std.any()
+
+
 @pytest.mark.parametrize("pose", [None, STANDS])
 def test_wrench_and_stiffness_are_derivatives(cube, pose):
     """The wrench against differences of the potential, and the stiffness against those of the wrench, with edges."""

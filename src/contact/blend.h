@@ -17,6 +17,12 @@ inline ContactResult blend(const ContactResult& from, const ContactResult& to, d
   both.penetration.measure_W.force = s * a.measure_W.force + t * b.measure_W.force;
   both.penetration.measure_W.torque = s * a.measure_W.torque + t * b.measure_W.torque;
   both.penetration.status |= a.status;
+  if (both.noise && from.noise) {
+    MeasureNoise noise;
+    noise.add(*from.noise, s);
+    noise.add(*both.noise, t);
+    both.noise = noise;
+  }
   if (!both.stiffness || !from.stiffness) return both;
   for (int row = 0; row < 6; ++row) {
     for (int column = 0; column < 6; ++column) {
@@ -39,6 +45,7 @@ inline ContactResult unmeasured(StepStatus why, const ContactWants& wants, bool 
   ContactResult result;
   result.penetration.status = why;
   if (wants.stiffness && has_stiffness) result.stiffness.emplace();
+  if (wants.noise && has_stiffness) result.noise.emplace();
   std::fill(wants.states.begin(), wants.states.end(), SphereState::outside);
   std::fill(wants.planes.begin(), wants.planes.end(), Plane<float>{});
   std::fill(wants.deciders.begin(), wants.deciders.end(), kNoCamera);

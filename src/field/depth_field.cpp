@@ -281,6 +281,7 @@ void DepthField::update(const PointCloudView& cloud, ThreadPool& pool,
   d.make(cloud.intrinsics, requested, pool, [&](const PixelWindow& window, int v) {
     d.rows.take_planes(cloud, d.image(0), window, v);
   });
+  d.view.noise = cloud.noise;
 }
 
 void DepthField::update(const TangentPlane* planes, const Intrinsics& intrinsics, ThreadPool& pool,

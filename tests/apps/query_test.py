@@ -27,6 +27,27 @@ class Queries(CommandLineCase):
             self.assertEqual(document["results"][0]["volume"] > 0, usable)
             self.assertEqual("0 of 19200 pixels are usable" in result.stderr, not usable)
 
+    def test_standard_deviations_by_the_noise(self):
+        query = ("query", self.tool, "--depth", os.path.join(self.frames, "000.png"), "--depth-unit", 0.0001,
+                 "--intrinsics", INTRINSICS, "--pose", "0 0 0.49 0 0 0 1")
+        plain = json.loads(self.succeed(*query, "--json"))["results"][0]
+        noise = ("--set", "surface.noise_at_zero=0.001")
+        said = json.loads(self.succeed(*query, *noise, "--std", "--json"))["results"][0]
+        self.assertNotIn("volume_std", plain)
+        self.assertEqual([said[key] for key in ("volume", "force", "torque")],
+                         [plain[key] for key in ("volume", "force", "torque")])
+        self.assertGreater(said["volume_std"], 0)
+        self.assertLess(said["volume_std"], said["volume"])
+        for key in ("force_std", "torque_std"):
+            self.assertEqual(len(said[key]), 3)
+            self.assertTrue(all(number > 0 for number in said[key]))
+        twice = json.loads(self.succeed(*query, "--set", "surface.noise_at_zero=0.002", "--std", "--json"))
+        self.assertGreater(twice["results"][0]["volume_std"], 1.5 * said["volume_std"])
+        self.assertIn("+-", self.succeed(*query, "--std"))
+        refused = palpate(*query, "--std", "--method", "graph")
+        self.assertEqual(refused.returncode, 2)
+        self.assertIn("--std is for the method field: graph does not", refused.stderr)
+
     def test_the_tip_is_felt(self):
         """A finger pushed into a wall, tip first, against the volume of its tip in closed form."""
         mesh, tool, wall = (self.path(name) for name in ("tip.ply", "tip.palp", "wall.png"))

@@ -59,6 +59,8 @@ struct PixelWindow {
 
 // Oriented point clouds, organized like an image or not.
 
+struct FrameNoise;  // of a frame by scale, see src/cloud/internal/frame_noise.h
+
 /// Input of a query. Non-owning, trivially copyable. Point i has coordinates x[i], y[i], z[i]
 /// (camera frame C, m) and a unit normal that points out of the environment. An invalid point is
 /// NaN in all six. Point (u, v) of an organized cloud is i = v * width + u; an unorganized cloud
@@ -81,7 +83,8 @@ struct PointCloudView {
   /// that there is no point, and the ray is free up to there. Null: unknown.
   const float* depth = nullptr;
   float max_depth = 0;
-  int gpu = kHostMemory;  ///< whose memory the arrays are in
+  const FrameNoise* noise = nullptr;  ///< random noise of the depth; null: unknown
+  int gpu = kHostMemory;              ///< whose memory the arrays are in
   /// Two views with the same stamp show the same values, except for stamp 0.
   std::uint64_t stamp = 0;
 

@@ -5,6 +5,7 @@
 #include <memory>
 #include <span>
 
+#include "palpate/cloud/depth_noise.h"
 #include "palpate/cloud/depth_source.h"
 #include "palpate/cloud/point_cloud.h"
 #include "palpate/core/core.h"
@@ -113,7 +114,12 @@ struct SurfaceOptions {
   /// this share of its own depth lies on neither surface and is discarded. So are surfaces steeper
   /// than atan(this * focal length in pixels). 0: no pixel is discarded.
   double flying_pixel_gap = 0;
+  /// Random noise of a pixel, for the standard deviations of measurements (ContactWants::noise). 0:
+  /// learned from each frame by adaptive smoothing; without it that of a Kinect v1.
+  DepthNoise noise = {0, 0, 0};
 };
+/// True if somebody has said what the noise is.
+inline bool is_known(const DepthNoise& noise) { return noise.at_zero > 0 || noise.growth > 0; }
 inline void add_settings(SettingTable& t, SurfaceOptions& o) {
   t.section("surface");
   t.add("min_depth", o.min_depth, {1e-3, 1e3, "m"}, "nearer pixels are no measurement");
@@ -122,6 +128,13 @@ inline void add_settings(SettingTable& t, SurfaceOptions& o) {
   t.add("flying_pixel_gap", o.flying_pixel_gap, {0, 1},
         "share of the depth; removes pixels between two opposite neighbors and farther "
         "from both; 0: off");
+  t.add("noise_at_zero", o.noise.at_zero, {0, 1, "m"},
+        "standard deviations of measurements: random noise of a pixel at depth 0; 0 with "
+        "noise_growth 0: as adaptive smoothing learns it");
+  t.add("noise_growth", o.noise.growth, {0, 1, "m"},
+        "the same: what it grows by at 1 m; it grows with the square of the depth");
+  t.add("noise_length", o.noise.length, {0, 64, "pixels"},
+        "the same: correlation length of the noise over the image; 0: pixels are independent");
   add_settings(t, o.filter);
   add_settings(t, o.normals);
   add_settings(t, o.depth_change);

@@ -109,8 +109,9 @@ struct Stiffness {
 /// Result of one measurement.
 struct ContactResult {
   Penetration penetration;
-  std::optional<Stiffness> stiffness;  ///< if requested and the method supports it
-  VolumeMoments moments = {};          ///< together with the stiffness; else zero
+  std::optional<Stiffness> stiffness;      ///< if requested and the method supports it
+  VolumeMoments moments = {};              ///< together with the stiffness; else zero
+  std::optional<MeasureNoise> noise = {};  ///< likewise; none if a camera's noise is unknown
 };
 
 /// Contact method: the source of the planes of spheres that no point touches.
@@ -275,6 +276,9 @@ enum class SphereState : std::uint8_t { outside, boundary, inside };
 struct ContactWants {
   /// `field` only: closed-form stiffness and VolumeMoments.
   bool stiffness = false;
+  /// `field` only: what the noise of the cameras does to the measure. Of blends in time each frame
+  /// is measured by itself.
+  bool noise = false;
   /// Computes Penetration::unseen_volume also for a camera without SurfaceView::seen_free, on a
   /// CPU: behind the surface of its own pixel, where that has none, or outside of the image.
   bool unseen_volume = false;

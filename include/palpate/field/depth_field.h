@@ -176,7 +176,8 @@ struct DepthFieldView {
   Intrinsics intrinsics;
   /// See DepthFieldOptions; kSolidBehind: UnseenSpace::solid, negative: UnseenSpace::fade.
   float thickness = 0;
-  int gpu = kHostMemory;  ///< whose memory the arrays are in
+  const FrameNoise* noise = nullptr;  ///< random noise of the depth; null: unknown
+  int gpu = kHostMemory;              ///< whose memory the arrays are in
   /// Two views with the same stamp show the same values, except for stamp 0.
   std::uint64_t stamp = 0;
 

@@ -2,6 +2,7 @@
 #include <nanobind/stl/unique_ptr.h>
 
 #include <optional>
+#include <utility>
 
 #include "python/src/contact.h"
 #ifdef PALPATE_CUDA
@@ -14,7 +15,7 @@ namespace {
 /// Class palpate.Batch: results of a batch, in host memory or on a GPU, in W.
 struct PyBatch {
   std::size_t num = 0;
-  std::vector<double> numbers;        // host: volume, potential, force, torque, stiffness
+  std::vector<double> numbers;        // host: volume, potential, force, torque, stiffness, noise
   std::vector<std::uint32_t> status;  // host
 #ifdef PALPATE_CUDA
   std::unique_ptr<gpu::Memory> memory;
@@ -22,23 +23,35 @@ struct PyBatch {
   std::vector<WritableArray> given;  // by the caller
   BatchAnswers answers;
 
-  static constexpr std::size_t kPerPose = 1 + 1 + 3 + 3, kStiffness = 36;
+  static constexpr std::size_t kPerPose = 1 + 1 + 3 + 3, kStiffness = 36, kStd = 1 + 3 + 3;
 
   bool has_stiffness() const { return answers.stiffness != nullptr; }
-  void lay_out(double* at, std::uint32_t* bits, bool with_stiffness, int where) {
-    answers = {at, at + num, at + 2 * num, at + 5 * num, nullptr, bits, where};
-    if (with_stiffness) answers.stiffness = at + kPerPose * num;
+  bool has_std() const { return answers.want_noise(); }
+  void lay_out(double* at, std::uint32_t* bits, bool with_stiffness, bool with_std, int where) {
+    answers = {.volume = at,
+               .potential = at + num,
+               .force = at + 2 * num,
+               .torque = at + 5 * num,
+               .status = bits,
+               .gpu = where};
+    at += kPerPose * num;
+    if (with_stiffness) answers.stiffness = std::exchange(at, at + kStiffness * num);
+    if (!with_std) return;
+    answers.volume_std = at;
+    answers.force_std = at + num;
+    answers.torque_std = at + 4 * num;
   }
 };
 
-std::unique_ptr<PyBatch> make_batch(std::size_t num, bool with_stiffness, int gpu) {
+std::unique_ptr<PyBatch> make_batch(std::size_t num, bool with_stiffness, bool with_std, int gpu) {
   auto batch = std::make_unique<PyBatch>();
   batch->num = num;
-  const std::size_t size = num * (PyBatch::kPerPose + (with_stiffness ? PyBatch::kStiffness : 0));
+  const std::size_t size = num * (PyBatch::kPerPose + (with_stiffness ? PyBatch::kStiffness : 0) +
+                                  (with_std ? PyBatch::kStd : 0));
   if (gpu == kHostMemory) {
     batch->numbers.resize(size);
     batch->status.resize(num);
-    batch->lay_out(batch->numbers.data(), batch->status.data(), with_stiffness, gpu);
+    batch->lay_out(batch->numbers.data(), batch->status.data(), with_stiffness, with_std, gpu);
     return batch;
   }
 #ifdef PALPATE_CUDA
@@ -46,7 +59,7 @@ std::unique_ptr<PyBatch> make_batch(std::size_t num, bool with_stiffness, int gp
   auto* const numbers = batch->memory->take<double>(size);
   auto* const status = batch->memory->take<std::uint32_t>(num);
   check(batch->memory->status());
-  batch->lay_out(numbers, status, with_stiffness, gpu);
+  batch->lay_out(numbers, status, with_stiffness, with_std, gpu);
 #endif
   return batch;
 }
@@ -217,8 +230,9 @@ struct PoseArgument {
 }  // namespace
 
 nb::object measure_batch(PyContact& self, nb::handle surfaces, nb::handle poses,
-                         nb::handle surface_of_pose, bool stiffness, nb::handle out,
+                         nb::handle surface_of_pose, bool stiffness, bool with_std, nb::handle out,
                          nb::handle stream) {
+  if (with_std) check_std(self);
   const std::vector<PyBody> bodies = bodies_of(surfaces);
   if (!bodies.empty() && (self.place().backend != Backend::cpu || self.method() != "field")) {
     throw PalpateError(
@@ -244,15 +258,17 @@ nb::object measure_batch(PyContact& self, nb::handle surfaces, nb::handle poses,
   nb::object result;
   if (out.is_none()) {
     const bool is_there = self.place().backend == Backend::cuda;
-    result = nb::cast(make_batch(num, stiffness, is_there ? self.place().gpu : kHostMemory));
+    result =
+        nb::cast(make_batch(num, stiffness, with_std, is_there ? self.place().gpu : kHostMemory));
   } else {
     PyBatch* batch = nullptr;
     if (!nb::try_cast<PyBatch*>(out, batch, false) || batch == nullptr) {
       throw nb::type_error("out: a palpate.Batch is taken, which an earlier call gave");
     }
-    if (batch->num != num || batch->has_stiffness() != stiffness) {
-      const std::string desired =
-          shape_text({num}) + (stiffness ? ", with stiffness" : ", without stiffness");
+    if (batch->num != num || batch->has_stiffness() != stiffness || batch->has_std() != with_std) {
+      const std::string desired = shape_text({num}) +
+                                  (stiffness ? ", with stiffness" : ", without stiffness") +
+                                  (with_std ? ", with std" : "");
       refuse_shape("out", shape_text({batch->num}), desired.c_str());
     }
     result = nb::borrow(out);
@@ -286,99 +302,87 @@ void bind_batch(nb::module_& m) {
       R"(The depth fields of many images from Sensor.update_batch. They stay valid while referenced.)")
       .def("__len__", [](const PySurfaces& self) { return self.batch.size(); });
 
-  nb::class_<PyBody>(m, "Body",
-                     R"(A fixed rigid body, for Contact.measure_batch.
-
-shape: a Tool with a distance field; without one (older files) it is computed now, in about a second.
-pose: X_WB, (4, 4) or (7,) tx ty tz qx qy qz qw, m; None: its frame is W. Bodies made by `at` share the
-data of their shape.)")
-      .def(
-          "__init__",
-          [](PyBody* self, const PyTool& shape, nb::handle pose) {
-            const Pose X_WB = pose.is_none() ? Pose{} : pose_of(pose, "pose");
-            const PyTool held = shape;
-            const nb::gil_scoped_release no_gil;
-            new (self) PyBody{held, {ToolIndex::create(*held.tool), X_WB}};
-          },
-          nb::arg("shape"), nb::arg("pose") = nb::none(),
-          nb::sig(
-              "def __init__(self, shape: Tool, pose: palpate._types.Array | None = None) -> None"))
-      .def(
-          "at",
-          [](const PyBody& self, nb::handle pose) {
-            return PyBody{self.shape, {self.placed.shape, pose_of(pose, "pose")}};
-          },
-          nb::arg("pose"), nb::sig("def at(self, pose: palpate._types.Array) -> Body"),
-          "The same shape at another pose X_WB.")
-      .def_prop_ro(
-          "shape", [](const PyBody& self) { return self.shape; }, "The Tool with its shape.");
-
-  nb::class_<PyBatch>(
-      m, "Batch",
-      R"(Results of Contact.measure_batch for P poses, in the memory of the contact: NumPy arrays, or arrays
+  auto batch =
+      nb::class_<PyBatch>(
+          m, "Batch",
+          R"(Results of Contact.measure_batch for P poses, in the memory of the contact: NumPy arrays, or arrays
 with DLPack on its GPU. Volumes times directions: multiply by a stiffness in N/m3 to get newtons.
 
 Created over your own arrays (any library with DLPack), it is an `out` that writes into these only;
 others are not computed. float64, status uint32, row-major, all for P poses and in one memory.
 ValueError: another shape, type or memory.)")
-      .def("__init__", make_batch_over, nb::kw_only(), nb::arg("volume") = nb::none(),
-           nb::arg("potential") = nb::none(), nb::arg("force") = nb::none(),
-           nb::arg("torque") = nb::none(), nb::arg("stiffness") = nb::none(),
-           nb::arg("status") = nb::none(),
-           nb::sig("def __init__(self, *, volume: palpate._types.Array | None = None, "
-                   "potential: palpate._types.Array | None = None, "
-                   "force: palpate._types.Array | None = None, "
-                   "torque: palpate._types.Array | None = None, "
-                   "stiffness: palpate._types.Array | None = None, "
-                   "status: palpate._types.Array | None = None) -> None"))
-      .def("__len__", [](const PyBatch& self) { return self.num; })
-      .def_prop_ro(
-          "volume",
-          [](nb::handle self) {
-            const auto& b = nb::cast<PyBatch&>(self);
-            return array_in(self, b.answers.volume, {b.num});
-          },
-          nb::sig(property("volume", kFloats).c_str()), "(P,) penetration volume, m3.")
-      .def_prop_ro(
-          "potential",
-          [](nb::handle self) {
-            const auto& b = nb::cast<PyBatch&>(self);
-            return array_in(self, b.answers.potential, {b.num});
-          },
-          nb::sig(property("potential", kFloats).c_str()),
-          "(P,) m4: its negative gradient is force and torque.")
-      .def_prop_ro(
-          "force",
-          [](nb::handle self) {
-            const auto& b = nb::cast<PyBatch&>(self);
-            return array_in(self, b.answers.force, {b.num, 3});
-          },
-          nb::sig(property("force", kFloats).c_str()), "(P, 3) m3 in W.")
-      .def_prop_ro(
-          "torque",
-          [](nb::handle self) {
-            const auto& b = nb::cast<PyBatch&>(self);
-            return array_in(self, b.answers.torque, {b.num, 3});
-          },
-          nb::sig(property("torque", kFloats).c_str()),
-          "(P, 3) m4 in W, about the tool's center of mass.")
-      .def_prop_ro(
-          "stiffness",
-          [](nb::handle self) -> nb::object {
-            const auto& b = nb::cast<PyBatch&>(self);
-            return b.has_stiffness() ? array_in(self, b.answers.stiffness, {b.num, 6, 6})
-                                     : nb::none();
-          },
-          nb::sig((property("stiffness", kFloats) + " | None").c_str()),
-          "(P, 6, 6) in W, if requested; see Result.stiffness.")
-      .def_prop_ro(
-          "status",
-          [](nb::handle self) {
-            const auto& b = nb::cast<PyBatch&>(self);
-            return array_in(self, b.answers.status, {b.num});
-          },
-          nb::sig(property("status", " -> numpy.typing.NDArray[numpy.uint32]").c_str()),
-          "(P,) uint32: the bits of palpate.Status.");
+          .def("__init__", make_batch_over, nb::kw_only(), nb::arg("volume") = nb::none(),
+               nb::arg("potential") = nb::none(), nb::arg("force") = nb::none(),
+               nb::arg("torque") = nb::none(), nb::arg("stiffness") = nb::none(),
+               nb::arg("status") = nb::none(),
+               nb::sig("def __init__(self, *, volume: palpate._types.Array | None = None, "
+                       "potential: palpate._types.Array | None = None, "
+                       "force: palpate._types.Array | None = None, "
+                       "torque: palpate._types.Array | None = None, "
+                       "stiffness: palpate._types.Array | None = None, "
+                       "status: palpate._types.Array | None = None) -> None"))
+          .def("__len__", [](const PyBatch& self) { return self.num; })
+          .def_prop_ro(
+              "volume",
+              [](nb::handle self) {
+                const auto& b = nb::cast<PyBatch&>(self);
+                return array_in(self, b.answers.volume, {b.num});
+              },
+              nb::sig(property("volume", kFloats).c_str()), "(P,) penetration volume, m3.")
+          .def_prop_ro(
+              "potential",
+              [](nb::handle self) {
+                const auto& b = nb::cast<PyBatch&>(self);
+                return array_in(self, b.answers.potential, {b.num});
+              },
+              nb::sig(property("potential", kFloats).c_str()),
+              "(P,) m4: its negative gradient is force and torque.")
+          .def_prop_ro(
+              "force",
+              [](nb::handle self) {
+                const auto& b = nb::cast<PyBatch&>(self);
+                return array_in(self, b.answers.force, {b.num, 3});
+              },
+              nb::sig(property("force", kFloats).c_str()), "(P, 3) m3 in W.")
+          .def_prop_ro(
+              "torque",
+              [](nb::handle self) {
+                const auto& b = nb::cast<PyBatch&>(self);
+                return array_in(self, b.answers.torque, {b.num, 3});
+              },
+              nb::sig(property("torque", kFloats).c_str()),
+              "(P, 3) m4 in W, about the tool's center of mass.")
+          .def_prop_ro(
+              "stiffness",
+              [](nb::handle self) -> nb::object {
+                const auto& b = nb::cast<PyBatch&>(self);
+                return b.has_stiffness() ? array_in(self, b.answers.stiffness, {b.num, 6, 6})
+                                         : nb::none();
+              },
+              nb::sig((property("stiffness", kFloats) + " | None").c_str()),
+              "(P, 6, 6) in W, if requested; see Result.stiffness.")
+          .def_prop_ro(
+              "status",
+              [](nb::handle self) {
+                const auto& b = nb::cast<PyBatch&>(self);
+                return array_in(self, b.answers.status, {b.num});
+              },
+              nb::sig(property("status", " -> numpy.typing.NDArray[numpy.uint32]").c_str()),
+              "(P,) uint32: the bits of palpate.Status.");
+  const auto add_std = [&](const char* name, double* BatchAnswers::*array, const char* text) {
+    batch.def_prop_ro(
+        name,
+        [array](nb::handle self) -> nb::object {
+          const auto& b = nb::cast<PyBatch&>(self);
+          if (!b.has_std()) return nb::none();
+          if (array == &BatchAnswers::volume_std) return array_in(self, b.answers.*array, {b.num});
+          return array_in(self, b.answers.*array, {b.num, 3});
+        },
+        nb::sig((property(name, kFloats) + " | None").c_str()), text);
+  };
+  add_std("volume_std", &BatchAnswers::volume_std, "(P,) m3, if requested; see Result.volume_std.");
+  add_std("force_std", &BatchAnswers::force_std, "(P, 3) m3, likewise.");
+  add_std("torque_std", &BatchAnswers::torque_std, "(P, 3) m4, likewise.");
 }
 
 }  // namespace palpate::python

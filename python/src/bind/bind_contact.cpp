@@ -22,6 +22,8 @@ struct PyResult {
   Pose X_WT;
   std::optional<double> unseen;  ///< of joined surfaces, from the library
   SpherePicture spheres;         ///< empty: not requested
+  std::optional<MeasureNoise> noise;
+  Vec3d force_std, torque_std;  ///< of the noise
 };
 
 /// True if the pixel at which a point is seen has a measurement.
@@ -95,7 +97,8 @@ void check_surfaces(const std::vector<nb::object>& surfaces, const PyContact& co
 }
 
 PyResult measure(PyContact& self, nb::handle given, nb::handle pose, bool with_stiffness,
-                 bool with_states) {
+                 bool with_std, bool with_states) {
+  if (with_std) check_std(self);
   const std::vector<nb::object> surfaces = surfaces_of(given);
   // Same bits as in a batch, which does not normalize quaternions.
   const Pose X_WT = surfaces.size() == 1 ? given_pose(pose, "pose") : pose_of(pose, "pose");
@@ -112,6 +115,7 @@ PyResult measure(PyContact& self, nb::handle given, nb::handle pose, bool with_s
   if (with_states) spheres.resize(self.tool().tool->spheres().size());
   ContactWants wants = spheres.wants();
   wants.stiffness = with_stiffness;
+  wants.noise = with_std;
   const ContactResult measured = self.alone([&](const Contact& contact) {
     const ContactResult result = contact.measure(cameras, X_WT, wants);
     fraction = contact.fraction(result.penetration);
@@ -132,7 +136,14 @@ PyResult measure(PyContact& self, nb::handle given, nb::handle pose, bool with_s
                   surfaces.front(),
                   X_WT,
                   {},
-                  std::move(spheres)};
+                  std::move(spheres),
+                  measured.noise,
+                  {},
+                  {}};
+  if (result.noise) {
+    result.force_std = result.noise->force_std();
+    result.torque_std = result.noise->torque_std();
+  }
   if (cameras[0].to.role == SurfaceRole::one_of_several) result.unseen = of_whole;
   return result;
 }
@@ -174,6 +185,30 @@ the camera, or at pixels without depth. Computed on access.)")
           nb::sig((std::string("def stiffness(self)") + kFloats + " | None").c_str()),
           R"((6, 6) in W, if requested: for a small translation (m) and rotation (rad, about the center of
 mass), force and torque change by minus this matrix times them.)")
+      .def_prop_ro(
+          "volume_std",
+          [](const PyResult& self) -> std::optional<double> {
+            if (!self.noise) return std::nullopt;
+            return self.noise->volume_std();
+          },
+          nb::sig("def volume_std(self) -> float | None"),
+          "Standard deviation of the volume by the noise of the depth, m3, with std=True.")
+      .def_prop_ro(
+          "force_std",
+          [](nb::handle self) -> nb::object {
+            const auto& result = nb::cast<PyResult&>(self);
+            return result.noise ? vector_of(result.force_std, self) : nb::none();
+          },
+          nb::sig((std::string("def force_std(self)") + kFloats + " | None").c_str()),
+          "(3,) likewise of the force, m3, along the axes of W.")
+      .def_prop_ro(
+          "torque_std",
+          [](nb::handle self) -> nb::object {
+            const auto& result = nb::cast<PyResult&>(self);
+            return result.noise ? vector_of(result.torque_std, self) : nb::none();
+          },
+          nb::sig((std::string("def torque_std(self)") + kFloats + " | None").c_str()),
+          "(3,) likewise of the torque, m4.")
       .def_prop_ro(
           "states",
           [](nb::handle self) -> nb::object {
@@ -241,29 +276,31 @@ options: of docs/settings.md [contact]: volumes, priority, inside, edges, contin
                   "threads: int = 1, **options: str) -> None"))
       .def(
           "measure",
-          [](PyContact& self, nb::handle surface, nb::handle pose, bool stiffness, bool states) {
-            return measure(self, surface, pose, stiffness, states);
-          },
+          [](PyContact& self, nb::handle surface, nb::handle pose, bool stiffness, bool with_std,
+             bool states) { return measure(self, surface, pose, stiffness, with_std, states); },
           nb::arg("surface"), nb::arg("pose"), nb::kw_only(), nb::arg("stiffness") = false,
-          nb::arg("states") = false,
+          nb::arg("std") = false, nb::arg("states") = false,
           nb::sig("def measure(self, surface: Surface | collections.abc.Sequence[Surface], "
                   "pose: palpate._types.Array, *, stiffness: bool = False, "
-                  "states: bool = False) -> Result"),
+                  "std: bool = False, states: bool = False) -> Result"),
           R"(Measures the tool at a pose against a surface. Releases the GIL.
 
 surface: one, or a list of several cameras: each sphere then has the depth of the camera that has it
     least deep. Each surface is at the pose of its camera; create their sensors with joined=True.
 pose: X_WT, (4, 4) or (7,) tx ty tz qx qy qz qw, m.
 stiffness: also compute Result.stiffness (method "field").
+std: also compute Result.volume_std, force_std and torque_std: what the random noise of the depth does
+    to them (method "field", on a CPU).
 states: also describe each sphere, for display; takes twice as long.
 If the pose is not finite or there is no surface, Result.status says so and everything else is zero.)")
       .def("measure_batch", measure_batch, nb::arg("surfaces"), nb::arg("poses"), nb::kw_only(),
            nb::arg("surface_of_pose") = nb::none(), nb::arg("stiffness") = false,
-           nb::arg("out") = nb::none(), nb::arg("stream") = nb::none(),
+           nb::arg("std") = false, nb::arg("out") = nb::none(), nb::arg("stream") = nb::none(),
            nb::sig(
                "def measure_batch(self, surfaces: Surface | collections.abc.Sequence[Surface] | "
                "Surfaces | Body | collections.abc.Sequence[Body], poses: palpate._types.Array, *, "
                "surface_of_pose: palpate._types.Array | None = None, stiffness: bool = False, "
+               "std: bool = False, "
                "out: Batch | None = None, stream: palpate._types.Stream | None = None) -> Batch"),
            R"(Many poses in one call, over all cores or in one launch on a GPU; method "field".
 
@@ -275,6 +312,7 @@ surface_of_pose: (P,) int32, the index of the surface of each pose; None: one su
     one per pose.
 out: a Batch of the same size to overwrite: of an earlier call, or over your own arrays.
 stiffness: also compute Batch.stiffness.
+std: also compute Batch.volume_std, force_std and torque_std, on a CPU; zero for bodies.
 stream: a CUDA stream, as a number or an object of PyTorch or CuPy: arrays on the GPU are read after
     its earlier work. With poses and results on the GPU too, the work is only enqueued, and may be
     captured in a CUDA graph. None: the default stream.

@@ -272,6 +272,32 @@ Releases the GIL; Ctrl-C ends it. palpate.Error: not a solid, with the defect an
       R"(Fills the solid of a mesh file (OBJ, STL, PLY, OFF, glTF, GLB) with disjoint spheres.
 
 unit: of its coordinates: "m", "mm", "cm" or "in". See `pack` for the other parameters.)");
+  nb::class_<PyBody>(m, "Body",
+                     R"(A fixed rigid body, for Contact.measure_batch.
+
+shape: a Tool with a distance field; without one (older files) it is computed now, in about a second.
+pose: X_WB, (4, 4) or (7,) tx ty tz qx qy qz qw, m; None: its frame is W. Bodies made by `at` share the
+data of their shape.)")
+      .def(
+          "__init__",
+          [](PyBody* self, const PyTool& shape, nb::handle pose) {
+            const Pose X_WB = pose.is_none() ? Pose{} : pose_of(pose, "pose");
+            const PyTool held = shape;
+            const nb::gil_scoped_release no_gil;
+            new (self) PyBody{held, {ToolIndex::create(*held.tool), X_WB}};
+          },
+          nb::arg("shape"), nb::arg("pose") = nb::none(),
+          nb::sig(
+              "def __init__(self, shape: Tool, pose: palpate._types.Array | None = None) -> None"))
+      .def(
+          "at",
+          [](const PyBody& self, nb::handle pose) {
+            return PyBody{self.shape, {self.placed.shape, pose_of(pose, "pose")}};
+          },
+          nb::arg("pose"), nb::sig("def at(self, pose: palpate._types.Array) -> Body"),
+          "The same shape at another pose X_WB.")
+      .def_prop_ro(
+          "shape", [](const PyBody& self) { return self.shape; }, "The Tool with its shape.");
 }
 
 }  // namespace palpate::python

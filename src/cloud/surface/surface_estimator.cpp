@@ -72,6 +72,7 @@ PointCloudView SurfaceEstimator::cloud() const {
   }
   view.depth = depth().data();
   view.max_depth = impl_->stages.max_depth();
+  view.noise = &impl_->stages.noise();
   view.stamp = impl_->stamp;
   return view;
 }

@@ -79,6 +79,7 @@ SurfaceStages::SurfaceStages(int width, int height, const Intrinsics& k,
   filter_pass_.depth = depth_.data();
   filter_pass_.space = space_.data();
   if (is_adaptive(options.filter)) adaptive_.emplace(width, height, isa);
+  noise_ = frame_noise(options.noise);
 
   normal_pass_ = normal_settings(options.normals, k);
   normal_pass_.in = {first_pixel(filtered_, stride_), stride_, width, height};
@@ -133,6 +134,7 @@ void SurfaceStages::filter(ThreadPool& pool, const PixelWindow& desired) {
                    filtered.clipped(width_, height_).aligned(kColumnStep));
   if (adaptive_) {
     adaptive_->run(filter_pass_, filtered.clipped(width_, height_).aligned(kColumnStep), pool);
+    if (!is_known(options_.noise)) noise_ = adaptive_->noise();
     return;
   }
   sum_over_strips(pool, filtered, [&](const PixelWindow& part) {

@@ -32,6 +32,7 @@ class SurfaceStages {
 
   const PointCloud& cloud() const { return cloud_; }
   float max_depth() const { return raw_pass_.max_depth; }
+  const FrameNoise& noise() const { return noise_; }
   std::span<const float> depth() const { return depth_; }
   std::span<const float> depth_change(int axis) const { return change_[axis]; }
   std::size_t num_pixels() const { return depth_.size(); }
@@ -49,6 +50,7 @@ class SurfaceStages {
   std::vector<float> raw_, filtered_;      // padded
   FarGroups far_;
   std::optional<AdaptiveFilter> adaptive_;
+  FrameNoise noise_;
   std::vector<float> ray_x_, ray_y_, space_;
   std::vector<float> depth_, change_[3];
   std::vector<int> strip_counts_;

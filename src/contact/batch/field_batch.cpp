@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "src/contact/batch/batch_pose.h"
+#include "src/contact/noise/rotate_noise.h"
 
 namespace palpate { inline namespace v0 {
 namespace {
@@ -95,8 +96,9 @@ struct FieldBatch::Worker {
   const BatchAnswers& answers;
   bool has_overviews;
   MeasureJob job{};
-  int surface = -1;     // in the job
-  bool has_all = true;  // is its field of the whole image?
+  int surface = -1;                    // in the job
+  bool has_all = true;                 // is its field of the whole image?
+  std::optional<NoiseMemory> noise{};  // if somebody asks for it
   GroupSums of_group[2]{};
 
   void measure(std::size_t first, std::size_t last);
@@ -131,6 +133,7 @@ ContactResult FieldBatch::Worker::evaluate(std::size_t pose, BatchPose& at) {
     ContactResult result;
     result.penetration.status = why;
     if (with_stiffness) result.stiffness.emplace();
+    if (noise) result.noise.emplace();
     return result;
   };
   const int requested = surface_number_of(pose);
@@ -142,6 +145,7 @@ ContactResult FieldBatch::Worker::evaluate(std::size_t pose, BatchPose& at) {
     return nothing(StepStatus::outside_window);
   }
   job.frame = frame_of(field.intrinsics, at.X_CT, query.p_TC_);
+  if (noise) job.noise = noise->rows();
   FieldSums sums;
   std::optional<StiffnessSums> of_all;
   if (with_stiffness) of_all.emplace();
@@ -154,28 +158,25 @@ ContactResult FieldBatch::Worker::evaluate(std::size_t pose, BatchPose& at) {
   result.penetration = sums.penetration();
   if (with_stiffness) result.stiffness = of_all->stiffness();
   keep_bounds(result);
+  if (noise) result.noise = noise->of_field(field, job.frame);
   return result;
 }
 
 void FieldBatch::Worker::put(std::size_t pose, const BatchPose& at, ContactResult& result) const {
   Penetration& measured = result.penetration;
+  if (!poses.X_WC.empty() && result.noise) rotate_noise(at.R_WC, *result.noise);
   if (!poses.X_WC.empty() && measured.volume > 0) {
     measured.measure_W = {at.R_WC * measured.measure_W.force, at.R_WC * measured.measure_W.torque};
     if (result.stiffness) rotate_blocks(at.R_WC, result.stiffness->m);
   }
-  put_answers(pose, measured, result.stiffness, answers);
+  put_answers(pose, result, answers);
 }
 
 void FieldBatch::Worker::put_nothing(std::size_t pose) const {
-  if (answers.volume != nullptr) answers.volume[pose] = 0;
-  if (answers.potential != nullptr) answers.potential[pose] = 0;
-  if (answers.force != nullptr) std::fill_n(answers.force + 3 * pose, 3, 0.0);
-  if (answers.torque != nullptr) std::fill_n(answers.torque + 3 * pose, 3, 0.0);
-  if (answers.stiffness != nullptr) {
-    const Stiffness none = StiffnessSums{}.stiffness();
-    std::copy_n(&none.m[0][0], 36, answers.stiffness + 36 * pose);
-  }
-  if (answers.status != nullptr) answers.status[pose] = 0;
+  ContactResult nothing;
+  nothing.stiffness = StiffnessSums{}.stiffness();
+  nothing.noise.emplace();
+  put_answers(pose, nothing, answers);
 }
 
 /// True if a pose is so far in front that nothing is touched. Otherwise `place` is the sort key by
@@ -235,6 +236,7 @@ FieldBatch::FieldBatch(std::shared_ptr<const ToolIndex> index, const FieldMethod
       elements_(&parts_of(*index_).elements(method.volumes)),
       p_TC_(index_->tool().sphere_mass().center_of_mass),
       kernels_(field_contact_kernels(execution.isa)),
+      isa_(execution.isa),
       largest_radius_(
           *std::max_element(elements_->largest_radius.begin(), elements_->largest_radius.end())),
       reach_(static_cast<float>(1.0001 * (norm(p_TC_) + elements_->reach) +
@@ -279,26 +281,34 @@ Status FieldBatch::measure(const SurfaceBatch& surfaces, const PoseBatch& poses,
   const std::size_t of_task = std::clamp<std::size_t>(share, kMinPosesPerTask, kMaxPosesPerTask);
   pool_->parallel_for(static_cast<int>((num + of_task - 1) / of_task), [&](int task) {
     Worker worker{*this, surfaces, poses, answers, has_overviews, measure_job(*elements_)};
+    if (answers.want_noise()) worker.noise.emplace(elements_->clusters.num_groups(), isa_);
     const std::size_t first = static_cast<std::size_t>(task) * of_task;
     worker.measure(first, std::min(num, first + of_task));
   });
   return Done{};
 }
 
-void put_answers(std::size_t pose, const Penetration& measured,
-                 const std::optional<Stiffness>& stiffness, const BatchAnswers& answers) {
+void put_answers(std::size_t pose, const ContactResult& result, const BatchAnswers& answers) {
+  const Penetration& measured = result.penetration;
+  const auto put = [&](double* to, const Vec3d& v) {
+    for (int axis = 0; axis < 3 && to != nullptr; ++axis) {
+      to[3 * pose + static_cast<std::size_t>(axis)] = v[axis];
+    }
+  };
   if (answers.volume != nullptr) answers.volume[pose] = measured.volume;
   if (answers.potential != nullptr) answers.potential[pose] = measured.potential;
-  for (int axis = 0; axis < 3; ++axis) {
-    const std::size_t i = 3 * pose + static_cast<std::size_t>(axis);
-    if (answers.force != nullptr) answers.force[i] = measured.measure_W.force[axis];
-    if (answers.torque != nullptr) answers.torque[i] = measured.measure_W.torque[axis];
-  }
+  put(answers.force, measured.measure_W.force);
+  put(answers.torque, measured.measure_W.torque);
   if (answers.stiffness != nullptr) {
-    const Stiffness k = stiffness.value_or(Stiffness{});
+    const Stiffness k = result.stiffness.value_or(Stiffness{});
     std::copy_n(&k.m[0][0], 36, answers.stiffness + 36 * pose);
   }
   if (answers.status != nullptr) answers.status[pose] = measured.status.bits;
+  if (!answers.want_noise()) return;
+  const MeasureNoise noise = result.noise.value_or(unknown_noise());
+  if (answers.volume_std != nullptr) answers.volume_std[pose] = noise.volume_std();
+  put(answers.force_std, noise.force_std());
+  put(answers.torque_std, noise.torque_std());
 }
 
 }}  // namespace palpate::v0

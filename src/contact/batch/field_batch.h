@@ -33,6 +33,7 @@ class FieldBatch final : public BatchQuery {
   const FieldElements* elements_;  // owned by the index
   Vec3d p_TC_;                     // center of mass
   FieldContactKernels kernels_;
+  Isa isa_;
   float largest_radius_, reach_;             // of elements; of the tool from its origin
   mutable std::vector<Overview> overviews_;  // of the surfaces, if that pays
   mutable ThreadPool own_pool_{1};
@@ -40,7 +41,6 @@ class FieldBatch final : public BatchQuery {
 };
 
 /// Writes the results of one pose to the arrays that are not null.
-void put_answers(std::size_t pose, const Penetration& measured,
-                 const std::optional<Stiffness>& stiffness, const BatchAnswers& answers);
+void put_answers(std::size_t pose, const ContactResult& result, const BatchAnswers& answers);
 
 }}  // namespace palpate::v0

@@ -237,6 +237,11 @@ Status FieldBatchCuda::measure(const SurfaceBatch& surfaces, const PoseBatch& po
                                std::optional<CallerStream> requested_stream) const {
   if (!status()) return status();
   if (const Status status = check(surfaces, poses, answers); !status) return status;
+  if (answers.want_noise()) {
+    return Error{Errc::unavailable,
+                 "standard deviations are computed on a CPU: create the contact with Place::cpu(), "
+                 "or leave out volume_std, force_std and torque_std"};
+  }
   if (poses.X_WT.empty()) return Done{};
   const int num = static_cast<int>(poses.X_WT.size());
   if (requested_stream) caller_stream_.continue_in(requested_stream->handle);

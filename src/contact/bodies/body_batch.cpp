@@ -59,7 +59,8 @@ class BodyBatch final : public BodyBatchQuery {
                 pairs[shape_of_body_[b]]->measure(X_WT[i], X_WB_[b], answers.stiffness != nullptr);
             measured.on_a.status.bits |= measured.on_b.status.bits;
           }
-          put_answers(i, measured.on_a, measured.stiffness_a, answers);
+          // A CAD model has no noise.
+          put_answers(i, {measured.on_a, measured.stiffness_a, {}, MeasureNoise{}}, answers);
         }
       }
     });

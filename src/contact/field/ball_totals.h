@@ -2,6 +2,8 @@
 // one cluster. Included by kernel files only.
 #pragma once
 
+#include <utility>
+
 #include "src/contact/field/group_totals.h"
 #include "src/contact/internal/ball_cut.h"
 #include "src/contact/internal/ball_parts.h"
@@ -90,8 +92,36 @@ struct BallSamples {
   Lanes lanes[kNumVectors];
   VecI is_touching[kNumVectors];
   SpaceCurvature<VecF> field[kNumVectors];
-  bool is_complete = true;  ///< every part has a value
+  NoisePlace place[kNumVectors];  ///< if somebody asks for the noise
+  bool is_complete = true;        ///< every part has a value
 };
+
+/// Keeps what the values of a ball's parts change: each cuts its own disc, and by the plane of all
+/// of them those of the others. `changes`: of force and torque by a unit of volume.
+inline void keep_ball(NoiseWriter& noise, const BallSamples& at, const BallPlane<Row, float>& plane,
+                      float scale, const Row (&weights)[5], const Row& is_part,
+                      const Row (&changes)[6], const Row& volumes, const Row& discs) {
+  const SumOfRow sum;
+  Row by_value[kNumChanges];
+  for (int k = 0; k < kNumChanges; ++k) {
+    by_value[k] = k == 0 ? discs : discs * changes[k - 1];
+    if (!plane.is_plane) continue;
+    float X[5];
+    for (int i = 0; i < 5; ++i)
+      X[i] = scale * sum(weights[i] * (k == 0 ? is_part : changes[k - 1]));
+    for (int i = 0; i < 5; ++i) {
+      float moment = 0;
+      for (int j = 0; j < 5; ++j) moment += plane.form[i][j] * X[j];
+      by_value[k] = by_value[k] + weights[i] * moment;
+    }
+  }
+  for (int i = 0; i < kNumVectors; ++i) {
+    VecF change[kNumChanges];
+    for (int k = 0; k < kNumChanges; ++k) change[k] = by_value[k].vectors[i];
+    noise.keep(at.lanes[i], at.place[i], volumes.vectors[i], change,
+               {changes[0].vectors[i], changes[1].vectors[i], changes[2].vectors[i]});
+  }
+}
 
 /// Adds the ball whose cluster begins at slot `begin`; few tools have more than a dozen.
 template <bool kWithStiffness>
@@ -104,13 +134,15 @@ template <bool kWithStiffness>
   Row phi{};
   for (int i = 0; i < kNumVectors; ++i) phi.vectors[i] = at.field[i].first.phi;
   const float radius = job.radius[begin + kNumBallParts];
+  NoiseWriter* const noise = std::exchange(totals.noise, nullptr);
   BallPlane<Row, float> plane;
   if (at.is_complete) {
-    plane = ball_plane<float>(parts, phi * (1.0f / radius), sum, kWithStiffness);
+    plane =
+        ball_plane<float>(parts, phi * (1.0f / radius), sum, kWithStiffness || noise != nullptr);
   }
   // The factor of the ball times powers of its radius.
   const float twice = job.ball_factor[begin / kSize] * radius * radius, thrice = twice * radius;
-  Row n[3] = {}, lever[3] = {};
+  Row n[3] = {}, lever[3] = {}, volumes{}, discs{};
   for (int i = 0; i < kNumVectors; ++i) {
     const std::size_t slot = begin + static_cast<std::size_t>(i * kLanes);
     const Lanes& e = at.lanes[i];
@@ -123,7 +155,7 @@ template <bool kWithStiffness>
     cut.volume += thrice * plane.volume.vectors[i];
     if (i == 0) cut.potential[0] += thrice * radius * plane.potential;
     VecF disc{};
-    if constexpr (kWithStiffness) {
+    if (kWithStiffness || noise != nullptr) {
       disc = palpate::cut_area(e.radius, factor, touching) +
              twice * plane.disc * parts.is_part.vectors[i];
       const Gradient3<VecF> shortened = bounded(gradient, length_of(gradient));
@@ -133,19 +165,26 @@ template <bool kWithStiffness>
         lever[axis].vectors[i] = numbers[axis + 3];
       }
     }
+    volumes.vectors[i] = cut.volume;
+    discs.vectors[i] = disc;
     totals.add(job, slot, e, touching, cut, disc, gradient, chosen(counts, at.field[i].h),
                i % RowSums::kParts);
   }
+  totals.noise = noise;
+  if (!kWithStiffness && noise == nullptr) return;
+  const Row changes[6] = {n[0],
+                          n[1],
+                          n[2],
+                          lever[1] * n[2] - lever[2] * n[1],
+                          lever[2] * n[0] - lever[0] * n[2],
+                          lever[0] * n[1] - lever[1] * n[0]};
+  Row weights[5] = {};
+  if (plane.is_plane) form_weights(parts, plane.residual, weights);
+  if (noise != nullptr) {
+    keep_ball(*noise, at, plane, twice, weights, parts.is_part, changes, volumes, discs);
+  }
   if constexpr (kWithStiffness) {
     if (!plane.is_plane) return;
-    Row weights[5];
-    form_weights(parts, plane.residual, weights);
-    const Row changes[6] = {n[0],
-                            n[1],
-                            n[2],
-                            lever[1] * n[2] - lever[2] * n[1],
-                            lever[2] * n[0] - lever[0] * n[2],
-                            lever[0] * n[1] - lever[1] * n[0]};
     float X[5][6], terms[StiffnessSums::kNum] = {};
     for (int i = 0; i < 5; ++i) {
       for (int k = 0; k < 6; ++k) X[i][k] = sum(weights[i] * changes[k]);

@@ -39,6 +39,7 @@ FieldContact::FieldContact(std::shared_ptr<const ToolIndex> index, const FieldMe
       p_TC_(this->index()->tool().sphere_mass().center_of_mass),
       kernels_(field_contact_kernels(execution.isa)),
       pool_(execution.pool != nullptr ? execution.pool : &own_pool_),
+      noise_(elements_->clusters.num_groups(), execution.isa),
       group_sums_(2 * static_cast<std::size_t>(elements_->clusters.num_groups())),
       unseen_(static_cast<std::size_t>(elements_->clusters.num_groups())),
       hull_(std::make_unique<DepthHull>(*elements_, p_TC_, execution.isa)) {}
@@ -53,7 +54,7 @@ ContactResult FieldContact::measure_hull(std::span<const SurfaceBlend> cameras, 
   if (!std::ranges::all_of(cameras, is_readable)) {
     return unmeasured(StepStatus::no_surface, wants, true);
   }
-  return hull_->measure(cameras, X_WT, wants, *pool_);
+  return hull_->measure(cameras, X_WT, wants, *pool_, noise_);
 }
 
 MeasureJob FieldContact::job(std::span<const DepthFieldView> fields, const Pose& X_WT) const {
@@ -79,12 +80,12 @@ ContactResult FieldContact::measure_one(const SurfaceView& from, const SurfaceVi
   const DepthFieldView fields[] = {to.field, from.field};
   ContactResult results[2];
   if (alpha >= 1) {
-    evaluate({fields, 1}, X, wants.stiffness, results);
-  } else if (have_one_grid(to.field, from.field)) {
-    evaluate(fields, X, wants.stiffness, results);
+    evaluate({fields, 1}, X, wants, results);
+  } else if (have_one_grid(to.field, from.field) && !wants.noise) {
+    evaluate(fields, X, wants, results);
   } else {
-    evaluate({fields, 1}, X, wants.stiffness, results);
-    evaluate({fields + 1, 1}, X, wants.stiffness, results + 1);
+    evaluate({fields, 1}, X, wants, results);
+    evaluate({fields + 1, 1}, X, wants, results + 1);
   }
   return alpha >= 1 ? results[0] : blend(results[1], results[0], alpha);
 }
@@ -103,13 +104,15 @@ double FieldContact::unseen_by_one(const SurfaceView& surface, const Pose& X_CT,
 }
 
 void FieldContact::evaluate(std::span<const DepthFieldView> fields, const Pose& X_WT,
-                            bool with_stiffness, ContactResult* results) const {
+                            const ContactWants& wants, ContactResult* results) const {
+  const bool with_stiffness = wants.stiffness;
   if (fields.front().num_levels == 0) {
-    std::fill_n(results, fields.size(),
-                unmeasured(StepStatus::no_surface, {.stiffness = with_stiffness}, true));
+    const ContactWants numbers{.stiffness = with_stiffness, .noise = wants.noise};
+    std::fill_n(results, fields.size(), unmeasured(StepStatus::no_surface, numbers, true));
     return;
   }
-  const MeasureJob requested = job(fields, X_WT);
+  MeasureJob requested = job(fields, X_WT);
+  if (wants.noise) requested.noise = noise_.rows();
   pool_->parallel_for(requested.clusters->num_groups(), [&](int group) {
     kernels_.measure_group(requested, group, with_stiffness,
                            &group_sums_[2 * static_cast<std::size_t>(group)]);
@@ -128,6 +131,7 @@ void FieldContact::evaluate(std::span<const DepthFieldView> fields, const Pose& 
     }
     keep_bounds(results[k]);
   }
+  if (wants.noise) results->noise = noise_.of_field(fields.front(), requested.frame);
 }
 
 void FieldContact::describe(const DepthFieldView& field, const Pose& X_WT,

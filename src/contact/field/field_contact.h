@@ -10,6 +10,7 @@
 #include "src/contact/field/field_bound.h"
 #include "src/contact/index/tool_parts.h"
 #include "src/contact/internal/ball_cut.h"
+#include "src/contact/noise/noise_sums.h"
 
 namespace palpate { inline namespace v0 {
 
@@ -73,6 +74,7 @@ struct MeasureJob {
   DepthFieldView fields[2];  ///< of one camera and one size
   int num_fields = 1;
   FieldFrame frame;
+  NoiseRows noise = {};  ///< of the first field, if somebody asks
 };
 
 /// A job without field and frame.
@@ -86,6 +88,7 @@ inline MeasureJob measure_job(const FieldElements& elements) {
           elements.first_ball(),
           {},
           1,
+          {},
           {}};
 }
 
@@ -142,7 +145,7 @@ class FieldContact final : public ContactQuery {
 
  private:
   // At a pose that is finite, with a unit quaternion.
-  void evaluate(std::span<const DepthFieldView> fields, const Pose& X_WT, bool with_stiffness,
+  void evaluate(std::span<const DepthFieldView> fields, const Pose& X_WT, const ContactWants& wants,
                 ContactResult* results) const;
   void describe(const DepthFieldView& field, const Pose& X_WT, const ContactWants& wants) const;
   MeasureJob job(std::span<const DepthFieldView> fields, const Pose& X_WT) const;
@@ -153,6 +156,7 @@ class FieldContact final : public ContactQuery {
   mutable ThreadPool own_pool_{1};
   ThreadPool* pool_;
   // Scratch.
+  mutable NoiseMemory noise_;
   mutable std::vector<GroupSums> group_sums_;  // two a group
   mutable std::vector<double> unseen_;         // of each group
   std::unique_ptr<DepthHull> hull_;

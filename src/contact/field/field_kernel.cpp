@@ -76,6 +76,9 @@ template <class Sample, int kFields>
   constexpr bool kWithStiffness = std::is_same_v<Sample, Curvature>;
   const float fx = job.frame.fx, fy = job.frame.fy;
   GroupTotals<kWithStiffness> totals[kFields];
+  NoiseWriter noise(job.noise, group);
+  if (noise.wants()) totals[0].noise = &noise;
+  const auto place_noise = [&](const Lanes& e) { return noise_place(job.frame, e, kNotTurned, 0); };
   const bool is_near = for_touching<Sample, kFields>(
       job, group,
       [&](std::size_t slot, const Lanes& e, int k, Sample& sample, VecI is_touching, int part) {
@@ -85,6 +88,7 @@ template <class Sample, int kFields>
         if constexpr (kWithStiffness) {
           h = hessian_in_space(sample, e.from_u, e.from_v, e.inverse_depth, fx, fy);
         }
+        if (totals[k].noise != nullptr) totals[k].place = place_noise(e);
         totals[k].add(job, slot, e, is_touching, g.phi, n, h, part);
       },
       [&](std::size_t begin, int k, Answers<Sample, kFields>& answers) {
@@ -94,6 +98,7 @@ template <class Sample, int kFields>
           Sample& sample = answers.fields[i].samples[k];
           const Gradient& g = first_of(sample);
           ball.is_touching[i] = answers.fields[i].is_touching[k];
+          if (totals[k].noise != nullptr) ball.place[i] = place_noise(e);
           ball.is_complete &= mask_bits(~(e.lz + job.frame.p_WC[2] > splat(kMinDepth))) == 0;
           const Gradient3<VecF> n = to_space(g, e.from_u, e.from_v, e.inverse_depth, fx, fy);
           SpaceCurvature<VecF>& field = ball.field[i] = {{g.phi, n.x, n.y, n.z}, {}};
@@ -105,6 +110,7 @@ template <class Sample, int kFields>
         }
         add_ball(job, begin, ball, totals[k]);
       });
+  noise.finish();
   if (!is_near) {
     std::fill_n(to, kFields, GroupSums{});
     return;

@@ -2,7 +2,7 @@
 // by kernel files only.
 #pragma once
 
-#include "src/contact/field/field_answers.h"
+#include "src/contact/noise/noise_lanes.h"
 
 namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE { namespace {
 
@@ -49,6 +49,8 @@ template <bool kWithStiffness>
 struct GroupTotals {
   Totals totals;
   RowSums numbers[kWithStiffness ? StiffnessSums::kNum : 1];
+  NoiseWriter* noise = nullptr;  // null: nobody asked
+  NoisePlace place;              // of the next vector, if somebody did
 
   /// Adds a vector of elements, of which some touch the surface: there the field is `phi`, with
   /// this gradient and these second derivatives in W.
@@ -70,6 +72,7 @@ struct GroupTotals {
     const VecF length = length_of(n);
     const Gradient3<VecF> shortened = bounded(n, length);
     add_measure(job, slot, e, phi, cut, shortened, part, totals);
+    if (noise != nullptr) noise->keep(e, place, cut.volume, disc, shortened);
     if constexpr (kWithStiffness) {
       const VecF factor = load(job.factor + slot);
       VecF terms[StiffnessSums::kNum];

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 
 #include "src/contact/blend.h"
 #include "src/contact/hull/camera_seats.h"
@@ -160,8 +161,26 @@ void DepthHull::leave_out(const SurfaceBlend& view, const CameraSeats& seats,
   camera.at_most = most;
 }
 
+// Adds the noise of all cameras, which do not know of each other. Of a blend both frames count.
+std::optional<MeasureNoise> DepthHull::noise_of_cameras(NoiseMemory& noise) const {
+  MeasureNoise sum;
+  for (int k = 0; k < job_->num_cameras; ++k) {
+    const HullCamera& camera = job_->cameras[k];
+    const DepthFieldView& field = camera.field.fields[0];
+    if (field.noise == nullptr) return std::nullopt;
+    const FieldFrame& frame = camera.field.frame;
+    NoiseCamera view{.fx = frame.fx, .fy = frame.fy, .cx = frame.cx, .cy = frame.cy};
+    std::memcpy(view.R_WC, camera.R_WC[0], sizeof view.R_WC);
+    MeasureNoise of_frame;
+    noise.add(k, view, field, of_frame);
+    const double newer = camera.field.num_fields == 2 ? static_cast<double>(camera.progress) : 1;
+    sum.add(of_frame, std::hypot(newer, 1 - newer));
+  }
+  return sum;
+}
+
 ContactResult DepthHull::measure(std::span<const SurfaceBlend> cameras, const Pose& X_WT,
-                                 const ContactWants& wants, ThreadPool& pool) {
+                                 const ContactWants& wants, ThreadPool& pool, NoiseMemory& noise) {
   const ContactStatus status = take(cameras, X_WT);
   if (status.is_unmeasured()) {
     ContactResult result = unmeasured(StepStatus::ok, wants, true);
@@ -169,6 +188,7 @@ ContactResult DepthHull::measure(std::span<const SurfaceBlend> cameras, const Po
     return result;
   }
   const int num_groups = elements_->clusters.num_groups();
+  if (wants.noise) job_->tool.noise = noise.rows();
   pool.parallel_for(num_groups, [&](int group) {
     kernels_.measure_group(*job_, group, wants.stiffness,
                            &group_sums_[static_cast<std::size_t>(group)]);
@@ -184,6 +204,7 @@ ContactResult DepthHull::measure(std::span<const SurfaceBlend> cameras, const Po
     result.moments = sums.stiffness.moments();
   }
   keep_bounds(result);
+  if (wants.noise) result.noise = noise_of_cameras(noise);
   if (!wants.has_spheres()) return result;
   std::fill(wants.states.begin(), wants.states.end(), SphereState::outside);
   std::fill(wants.planes.begin(), wants.planes.end(), Plane<float>{});

@@ -58,9 +58,10 @@ class DepthHull {
 
   /// See ContactQuery::measure; the pose is finite, with a unit quaternion.
   ContactResult measure(std::span<const SurfaceBlend> cameras, const Pose& X_WT,
-                        const ContactWants& wants, ThreadPool& pool);
+                        const ContactWants& wants, ThreadPool& pool, NoiseMemory& noise);
 
  private:
+  std::optional<MeasureNoise> noise_of_cameras(NoiseMemory& noise) const;
   ContactStatus take(std::span<const SurfaceBlend> cameras, const Pose& X_WT);
   ContactStatus take(const SurfaceBlend& view, const Pose& X_WT, int number);
   void leave_out(const SurfaceBlend& view, const CameraSeats& seats, HullCamera& camera) const;

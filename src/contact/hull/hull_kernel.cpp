@@ -68,6 +68,8 @@ template <class Sample>
 [[gnu::always_inline]] inline void measure(const HullJob& job, int group, GroupSums* to) {
   constexpr bool kWithStiffness = std::is_same_v<Sample, Curvature>;
   GroupTotals<kWithStiffness> totals;
+  NoiseWriter noise(job.tool.noise, group);
+  if (noise.wants()) totals.noise = &noise;
   RowSums unseen;
   BallSamples parts;  // of the current ball in parts
   std::uint32_t known = 0;
@@ -79,6 +81,7 @@ template <class Sample>
         Symmetric<VecF> h;
         if constexpr (kWithStiffness) h = at.hull.h;
         unseen.add(part, select(at.is_unseen(), whole_volume(job.tool, slot, e.radius), VecF{}));
+        if (noise.wants()) totals.place = at.place();
         if (slot < first_part) {
           totals.add(job.tool, slot, e, g.phi < e.radius, g.phi, {g.x, g.y, g.z}, h, part);
           return;
@@ -87,6 +90,7 @@ template <class Sample>
         parts.lanes[i] = e;
         parts.is_touching[i] = g.phi < e.radius;
         parts.field[i] = {g, h};
+        parts.place[i] = totals.place;
         parts.is_complete &= at.is_complete();
         known |= 1u << i;
       },
@@ -98,12 +102,15 @@ template <class Sample>
           parts.lanes[i] = Lanes{};
           parts.lanes[i].radius = radius;
           parts.is_touching[i] = VecI{};
+          parts.place[i] = NoisePlace{};
+          parts.place[i].camera = splat(-1.0f);
           parts.field[i] = SpaceCurvature<VecF>{{free_limit(radius, kPartExtent * radius)}, {}};
         }
         add_ball(job.tool, begin, parts, totals);
         parts.is_complete = true;
         known = 0;
       });
+  noise.finish();
   totals.write(*to);
   to->measure.unseen = unseen.total();
 }

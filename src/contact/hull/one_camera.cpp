@@ -3,6 +3,7 @@
 
 #include "src/contact/blend.h"
 #include "src/contact/hull/camera_seats.h"
+#include "src/contact/noise/rotate_noise.h"
 #include "src/core/internal/assert.h"
 #include "src/math/internal/matrix.h"
 
@@ -13,6 +14,7 @@ namespace {
 void turn(const Quaternion& q_WC, ContactResult& result) {
   VolumeWrench& measure = result.penetration.measure_W;
   measure = {rotate(q_WC, measure.force), rotate(q_WC, measure.torque)};
+  if (result.noise) rotate_noise(rotation_matrix(q_WC), *result.noise);
   if (!result.stiffness) return;
   const Mat3d R_WC = rotation_matrix(q_WC);
   rotate_blocks(R_WC, result.stiffness->m);
@@ -79,7 +81,8 @@ ContactResult ContactQuery::measure_camera(const SurfaceBlend& camera, const Pos
     return result;
   };
   if (!(progress < 1) || from.X_WC == to.X_WC) return measure_at(from, to, progress, wants);
-  const ContactResult before = measure_at(from, from, 1, {.stiffness = wants.stiffness});
+  const ContactResult before =
+      measure_at(from, from, 1, {.stiffness = wants.stiffness, .noise = wants.noise});
   const ContactResult now = measure_at(to, to, 1, wants);
   if (before.penetration.status.is_unmeasured()) {
     // There was no frame yet.

@@ -4,6 +4,7 @@
 #include <utility>
 #include <vector>
 
+#include "src/cloud/internal/frame_noise.h"
 #include "src/field/timeline/batch_frames.h"
 
 namespace palpate { inline namespace v0 {
@@ -25,6 +26,7 @@ class BatchFramesCpu final : public BatchFrames {
         fields_.push_back(*std::move(made));
       }
       surfaces_.resize(num);
+      noises_.resize(num);
     } catch (const std::bad_alloc&) {
       return Error{Errc::unavailable, "there is memory for " + std::to_string(fields_.size()) +
                                           " of " + std::to_string(num_images) +
@@ -64,13 +66,16 @@ class BatchFramesCpu final : public BatchFrames {
     if (image.meters != nullptr) image.meters += i * image.num_pixels();
     worker.estimator.update(image, *worker.pool, {{}, false});
     fields_[i].update(worker.estimator.cloud(), *worker.pool);
+    noises_[i] = *worker.estimator.cloud().noise;
     surfaces_[i].field = fields_[i].view();
+    surfaces_[i].field.noise = &noises_[i];
   }
 
   SlotSettings settings_;
   std::vector<Worker> workers_;
   std::vector<DepthField> fields_;
   std::vector<SurfaceView> surfaces_;
+  std::vector<FrameNoise> noises_;
 };
 
 }  // namespace

@@ -84,6 +84,7 @@ class FrameSlotsCpu final : public FrameSlots {
         field->update(cloud, pool, requested);
       }
       view = field->view();
+      view.noise = cloud.noise;
     };
     const bool is_alone = memory_ && !slot.remembered;
     make(slot.field, is_alone ? memory_->behind() : nullptr, surfaces.field);

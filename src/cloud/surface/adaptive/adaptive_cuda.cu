@@ -160,7 +160,7 @@ __global__ void __launch_bounds__(kNoiseThreads)
   const int level = static_cast<int>(threadIdx.x) / DetailCounts::kDepths;
   const int z = static_cast<int>(threadIdx.x) % DetailCounts::kDepths;
   if (level < kNumScales) {
-    shared.by_depth[level][z] = depth_noise(job.counts[first + level].counts[z], z);
+    shared.by_depth[level][z] = detail_noise(job.counts[first + level].counts[z], z);
   }
   __syncthreads();
   if (threadIdx.x == 0) fit_noise(shared.by_depth, job.noise + first);

@@ -17,6 +17,8 @@ class AdaptiveFilter {
   /// Smooths the whole image and writes the depth of the pixels in `window`, which begins and ends
   /// at whole parts. The same bits for any window and any number of threads.
   void run(const FilterPass& pass, const PixelWindow& window, ThreadPool& pool);
+  /// Noise of the last image.
+  FrameNoise noise() const;
 
  private:
   void count_details(ThreadPool& pool);

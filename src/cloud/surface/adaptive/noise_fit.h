@@ -39,21 +39,19 @@ PALPATE_HOSTDEV inline DetailPlace place_of(float inverse_depth, float detail) {
 }
 
 /// Noise of the details of one depth.
-struct DepthNoise {
+struct DetailNoise {
   double z = 0;    ///< m
   double sd = -1;  ///< m; -1: too few details to tell
   double num = 0;  ///< details
 };
 /// Finds the noise of the details of a depth by a quantile of their sizes. `number`: of the depth.
-PALPATE_HOSTDEV inline DepthNoise depth_noise(const std::uint32_t (&counts)[DetailCounts::kSizes],
-                                              int number) {
+PALPATE_HOSTDEV inline DetailNoise detail_noise(const std::uint32_t (&counts)[DetailCounts::kSizes],
+                                                int number) {
   constexpr int min_num = 20;  // from which noise is known
   constexpr double quantile = 0.7;
-  // Quantile of the size of a normal variable of unit variance, and the share by which the noise is
-  // taken to be larger: real noise has longer tails.
-  constexpr double normal_quantile = 1.0364, tails = 1.05;
+  constexpr double normal_quantile = 1.0364;  // of the size of a normal variable of unit variance
   const auto size_at = [](int step) { return lower_end(DetailCounts::kSmallest, step, 3); };
-  DepthNoise noise;
+  DetailNoise noise;
   noise.z = (lower_end(DetailCounts::kNearest, number, 2) +
              lower_end(DetailCounts::kNearest, number + 1, 2)) /
             2;
@@ -66,7 +64,7 @@ PALPATE_HOSTDEV inline DepthNoise depth_noise(const std::uint32_t (&counts)[Deta
     if (before + num >= quantile * noise.num) {
       const double low = i == 0 ? 0 : size_at(i), high = size_at(i + 1);
       const double share = (quantile * noise.num - before) / num;
-      noise.sd = (low + share * (high - low)) * tails / normal_quantile;
+      noise.sd = (low + share * (high - low)) * kTails / normal_quantile;
       break;
     }
     before += num;
@@ -104,7 +102,7 @@ class NoiseCurve {
   double w_ = 0, q_ = 0, qq_ = 0, y_ = 0, qy_ = 0;
 };
 
-using NoiseByDepth = DepthNoise[DetailCounts::kDepths];
+using NoiseByDepth = DetailNoise[DetailCounts::kDepths];
 
 /// Finds the noise of all levels, `result`. A level's noise is at most a few times that of the
 /// finer ones: more is shape.
@@ -117,7 +115,7 @@ PALPATE_HOSTDEV inline void fit_noise(const NoiseByDepth (&by_depth)[kNumScales]
   for (int level = 0; level < kNumScales; ++level) {
     NoiseCurve curve;
     for (int i = 0; i < DetailCounts::kDepths; ++i) {
-      const DepthNoise& at = by_depth[level][i];
+      const DetailNoise& at = by_depth[level][i];
       if (at.sd < 0) continue;
       double sd = at.sd;
       if (level > 0) {

@@ -20,7 +20,7 @@ std::array<ScaleNoise, kNumScales> noise_of(const std::array<DetailCounts, kNumS
   for (int level = 0; level < kNumScales; ++level) {
     const DetailCounts& of_level = counts[static_cast<std::size_t>(level)];
     for (int z = 0; z < DetailCounts::kDepths; ++z) {
-      by_depth[level][z] = depth_noise(of_level.counts[z], z);
+      by_depth[level][z] = detail_noise(of_level.counts[z], z);
     }
   }
   std::array<ScaleNoise, kNumScales> result;

@@ -7,10 +7,17 @@
 #include <cstdint>
 
 #include "palpate/core/core.h"
+#include "src/cloud/internal/frame_noise.h"
 
 namespace palpate { inline namespace v0 {
 
-inline constexpr int kNumScales = 5;  ///< levels with details; the widest cells are 2^5 pixels wide
+/// Levels with details; the widest cells are 2^5 pixels wide.
+inline constexpr int kNumScales = 5;
+static_assert(kNumScales <= kNumNoiseLevels);
+
+/// Factor by which the noise is taken to be larger than its quantile tells: real noise has longer
+/// tails than a normal variable.
+inline constexpr double kTails = 1.05;
 
 /// The noise of a level: sd of its details, base + growth z^2 in meters of depth at depth z.
 struct ScaleNoise {

@@ -1,0 +1,22 @@
+// The noise of a frame by scale, as its surface carries it: of cells 2^k pixels wide, the standard
+// deviation of what the next wider cells do not tell, base + growth z^2 in meters at depth z.
+#pragma once
+
+#include "palpate/cloud/depth_noise.h"
+
+namespace palpate { inline namespace v0 {
+
+inline constexpr int kNumNoiseLevels = 7;
+/// Share of white noise that the next wider cells do not tell.
+inline constexpr double kDetailShare = 0.78;
+
+struct FrameNoise {
+  float base[kNumNoiseLevels] = {}, growth[kNumNoiseLevels] = {};
+};
+
+/// Returns the noise by scale of a camera. The mean over a cell of n pixels has the variance of
+/// p / (p + n - 1) pixels, if p of them share their noise, and a detail is what the next mean
+/// loses.
+FrameNoise frame_noise(const DepthNoise& noise);
+
+}}  // namespace palpate::v0
