@@ -1,0 +1,93 @@
+// The moving picture of README, from the real page: a pen in a simulated hand, held and pushed by keys.
+//
+//   node web/make_pictures.mjs PALPATE OUTPUT.webp        (make pictures)
+//
+// A picture is taken whenever the page has drawn a new one, so that a slow machine gives the same motion
+// in fewer pictures; each is shown for as long as it was the newest one. ffmpeg makes the file.
+import { spawn, spawnSync } from 'node:child_process';
+import { existsSync, mkdtempSync, rmSync, statSync, writeFileSync } from 'node:fs';
+import { createRequire } from 'node:module';
+import { tmpdir } from 'node:os';
+import { join } from 'node:path';
+
+const [palpate, output] = process.argv.slice(2);
+const SIZE = { width: 720, height: 440 };
+const PUSHES = [['PageUp', 2600], [null, 900], ['ArrowLeft', 700], ['ArrowRight', 700], ['PageDown', 1600], [null, 600]]; // ms
+const MAX_BYTES = 2e6;
+
+function fail(words) {
+  console.error(`make pictures: ${words}`);
+  process.exit(1);
+}
+
+const executablePath = ['/usr/bin/chromium', '/usr/bin/chromium-browser', '/usr/bin/google-chrome'].find((path) => existsSync(path));
+if (!executablePath) fail('no Chromium (package chromium)');
+if (spawnSync('ffmpeg', ['-version']).error) fail('no ffmpeg (package ffmpeg)');
+const { chromium } = createRequire(import.meta.url)('playwright-core');
+
+const folder = mkdtempSync(join(tmpdir(), 'palpate-pictures-'));
+const run = spawn(palpate, ['try', '--no-open', '--port', '0'], { env: { ...process.env, TMPDIR: folder } });
+const ended = new Promise((resolve) => run.on('close', resolve));
+let said = '';
+for (const stream of [run.stdout, run.stderr]) stream.on('data', (text) => { said += text; });
+const sleep = (milliseconds) => new Promise((resolve) => setTimeout(resolve, milliseconds));
+async function until(what, condition) {
+  for (let i = 0; i < 1200; ++i) {
+    const value = await condition();
+    if (value) return value;
+    await sleep(100);
+  }
+  return fail(`waited in vain for ${what}\n${said}`);
+}
+
+const url = await until('an address', () => said.match(/http:\/\/\S+/)?.[0]);
+const browser = await chromium.launch({
+  executablePath, chromiumSandbox: process.getuid() !== 0, args: ['--use-angle=swiftshader', '--enable-unsafe-swiftshader'],
+});
+const page = await browser.newPage({ viewport: SIZE, colorScheme: 'dark' });
+await page.goto(`${url}?plots=0&image=0&controls=0&stride=2`);
+await until('the tool', () => page.evaluate(() => window.palpate.sample && window.palpate.state?.running));
+await page.evaluate(() => { window.palpate.governor.enabled = false; }); // full detail, however slow
+await page.getByRole('button', { name: 'Hold the tool' }).click();
+await until('a force that is on', () => page.evaluate(() => window.palpate.state.force === 'engaged'));
+
+const pictures = []; // of [file, ms since the first one]
+let number = -1, isOver = false;
+const begin = Date.now();
+const taking = (async () => {
+  while (!isOver) {
+    const drawn = await page.evaluate(() => window.palpate.counters.pictures);
+    if (drawn === number) {
+      await sleep(15);
+      continue;
+    }
+    number = drawn;
+    const file = join(folder, `${String(pictures.length).padStart(4, '0')}.png`);
+    pictures.push([file, Date.now() - begin]);
+    await page.screenshot({ path: file });
+  }
+})();
+for (const [key, milliseconds] of PUSHES) {
+  if (key) await page.keyboard.down(key);
+  await sleep(milliseconds);
+  if (key) await page.keyboard.up(key);
+}
+isOver = true;
+await taking;
+await browser.close();
+run.kill('SIGINT');
+await ended;
+
+const list = pictures.map(([file, from], i) => {
+  const until_ = pictures[i + 1]?.[1] ?? from + 500;
+  return `file '${file}'\nduration ${((until_ - from) / 1000).toFixed(3)}\n`;
+});
+writeFileSync(join(folder, 'list.txt'), list.join(''));
+for (let quality = 80; quality >= 30; quality -= 10) {
+  const made = spawnSync('ffmpeg', ['-y', '-v', 'error', '-f', 'concat', '-safe', '0', '-i', join(folder, 'list.txt'),
+    '-vf', 'fps=12', '-c:v', 'libwebp_anim', '-loop', '0', '-quality', String(quality), output], { encoding: 'utf8' });
+  if (made.status !== 0) fail(made.stderr);
+  if (statSync(output).size < MAX_BYTES) break;
+}
+rmSync(folder, { recursive: true });
+console.log(`${output}: ${pictures.length} pictures, ${Math.round(statSync(output).size / 1024)} KiB`);
