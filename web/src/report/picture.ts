@@ -66,11 +66,14 @@ export function picture(
   });
   addEventListener('beforeunload', () => scene.dispose());
   /** Keeps the picture in view, with `words` in it, while a plot elsewhere is looked at; null: no more. */
+  let pointerY = 0;
+  addEventListener('pointermove', ({ clientY }) => { pointerY = clientY; }, { passive: true });
   const float = (words: string | null) => {
     const { top, bottom } = place.getBoundingClientRect();
     const isFloating = words !== null && (stage.classList.contains('floating') || bottom < 200 || top > innerHeight - 200);
     place.style.height = isFloating ? `${place.offsetHeight}px` : '';
     stage.classList.toggle('floating', isFloating);
+    stage.classList.toggle('low', pointerY < 0.5 * innerHeight); // not over what is pointed at
     label.textContent = words ?? '';
     drawing.requestDraw();
   };

@@ -197,7 +197,7 @@ class ZoomedPlot {
         drag: { x: true, y: false, dist: 6, setScale: false },
         // Linked plots share the cursor; drags and clicks stay with the plot, which then zooms all.
         ...(spec.together ? { sync: { key: spec.together, setSeries: false, filters: { pub: isPointing } } } : {}),
-        points: { size: 6 },
+        points: { size: 6, fill: (_, i) => ink(spec.lines[i - 1]?.color ?? COLORS[(i - 1) % COLORS.length]) },
       },
       scales: {
         x: { time: false, distr: spec.xLogarithmic ? 3 : 1 },
@@ -294,7 +294,7 @@ class ZoomedPlot {
     const { strokes = [] } = this.spec, { top, left, width } = chart.bbox, size = devicePixelRatio;
     const shown = strokes.map((stroke) => chart.valToPos(stroke, 'x', true)).filter((x) => x >= left && x <= left + width);
     const steps = shown.slice(1).map((x, i) => x - shown[i]).sort((a, b) => a - b);
-    const usual = steps[Math.floor(steps.length / 2)] ?? 0, isComb = usual < 7 * size && steps.length > 0;
+    const usual = steps[Math.floor(steps.length / 2)] ?? 0, isComb = usual < 12 * size && steps.length > 0;
     shown.forEach((x, i) => {
       const isLate = i > 0 && x - shown[i - 1] > 1.9 * usual;
       if (!isComb || isLate) line(isLate ? '--warning' : '--quiet', [], x, top, x, top + (isLate ? 12 : 6) * size);
