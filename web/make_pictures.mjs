@@ -1,4 +1,4 @@
-// The moving picture of README, from the real page: a pen in a simulated hand, held and pushed by keys.
+// The moving picture of README, from the real page: a pen in a simulated hand, held and pushed by keys until it is pressed firmly.
 //
 //   node web/make_pictures.mjs PALPATE OUTPUT.webp        (make pictures)
 //
@@ -11,8 +11,10 @@ import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 
 const [palpate, output] = process.argv.slice(2);
-const SIZE = { width: 640, height: 400 };
-const PUSHES = [['PageUp', 2600], [null, 900], ['ArrowLeft', 700], ['ArrowRight', 700], ['PageDown', 1600], [null, 600]]; // ms
+const SIZE = { width: 1000, height: 640 }, SHOWN_WIDTH = 800;
+const PALM = '0.003,0.02,0.52'; // m
+const FIRM = 6; // N, on the pen, at which it is pushed no more
+const AFTERWARDS = [[null, 1200], ['ArrowLeft', 500], ['ArrowRight', 500], [null, 500], ['PageDown', 1200], [null, 400]]; // ms
 const MAX_BYTES = 2e6;
 
 function fail(words) {
@@ -33,7 +35,7 @@ writeFileSync(patient, `[safety]\n${limits.map((limit) => `${limit} = 60\n`).joi
 for (const words of [['shape', 'stylus', '--size', '0.12', '-o', mesh], ['pack', mesh, '--spheres', '2000', '-o', tool]]) {
   if (spawnSync(palpate, words).status !== 0) fail(`palpate ${words.join(' ')}`);
 }
-const run = spawn(palpate, ['touch', tool, '--scene', 'hand', '--device', 'page', '--view-port', '0', '--settings', patient,
+const run = spawn(palpate, ['touch', tool, '--scene', 'hand', '--device', 'page', '--probe', PALM, '--view-port', '0', '--settings', patient,
   '--set', 'loop.thin_out=false', '-o', join(folder, 'run')]);
 const ended = new Promise((resolve) => run.on('close', resolve));
 let said = '';
@@ -54,11 +56,23 @@ const browser = await chromium.launch({
 });
 const page = await browser.newPage({ viewport: SIZE, colorScheme: 'dark' });
 page.setDefaultTimeout(0);
-await page.goto(`${url}?plots=0&image=0&controls=0&stride=2`);
+await page.goto(`${url}?plots=0&image=0&controls=0&stride=2&view=camera`);
 await until('the tool', () => page.evaluate(() => window.palpate.sample && window.palpate.state?.running));
 await page.evaluate(() => { window.palpate.governor.enabled = false; }); // full detail, however slow
 await page.getByRole('button', { name: 'Hold the tool' }).click();
 await until('a force that is on', () => page.evaluate(() => window.palpate.state.force === 'engaged'));
+
+const force = () => page.evaluate(() => Math.hypot(...['x', 'y', 'z'].map((axis) => window.palpate.sample[`contact_force_${axis}`])));
+/// Pushes along the line of sight.
+async function push(newtons) {
+  await page.keyboard.down('PageUp');
+  await until(`${newtons} N`, async () => (await force()) > newtons);
+  await page.keyboard.up('PageUp');
+}
+// As the camera sees it, straight ahead is onto the palm; from the side one sees more.
+await push(0.5);
+await page.evaluate(() => { window.palpate.scene.options.view = 'free'; });
+await sleep(2500);
 
 const pictures = []; // of [file, ms since the first one]
 let number = -1, isOver = false;
@@ -76,7 +90,8 @@ const taking = (async () => {
     await page.screenshot({ path: file });
   }
 })();
-for (const [key, milliseconds] of PUSHES) {
+await push(FIRM);
+for (const [key, milliseconds] of AFTERWARDS) {
   if (key) await page.keyboard.down(key);
   await sleep(milliseconds);
   if (key) await page.keyboard.up(key);
@@ -94,7 +109,7 @@ const list = pictures.map(([file, from], i) => {
 writeFileSync(join(folder, 'list.txt'), list.join(''));
 for (let quality = 80; quality >= 30; quality -= 10) {
   const made = spawnSync('ffmpeg', ['-y', '-v', 'error', '-f', 'concat', '-safe', '0', '-i', join(folder, 'list.txt'),
-    '-vf', 'fps=12', '-c:v', 'libwebp_anim', '-loop', '0', '-quality', String(quality), output], { encoding: 'utf8' });
+    '-vf', `fps=12,scale=${SHOWN_WIDTH}:-2`, '-c:v', 'libwebp_anim', '-loop', '0', '-quality', String(quality), output], { encoding: 'utf8' });
   if (made.status !== 0) fail(made.stderr);
   if (statSync(output).size < MAX_BYTES) break;
 }

@@ -53,7 +53,7 @@ Status run(bool json, bool has_details) {
                       {"usage", found.usage}});
       continue;
     }
-    const bool has_cameras = found.is_live && !found.devices.empty();
+    const bool has_cameras = found.kind != "scene" && !found.devices.empty();
     print_kind(found.is_usable, found.kind, has_cameras ? joined(found.devices) : found.reason);
     if (has_details) print_details(found);
   }
@@ -127,7 +127,7 @@ Status self_test(std::vector<std::string> uris, double seconds) {
   }
   std::cout.flush();
   if (uris.empty()) {
-    return Error{Errc::not_found, "no camera is plugged in; palpate cameras says what was tried"};
+    return Error{Errc::not_found, "no camera is plugged in; palpate cameras -v says what was tried"};
   }
   std::string failed;
   for (const std::string& uri : uris) {
