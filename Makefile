@@ -77,11 +77,11 @@ sensor-figures: setup  ## presets by kind of sensor on recorded frames: make sen
 	cmake --build --preset bench -j $(JOBS) --target sensor_figures
 	build/bench/bin/sensor_figures $(DATA)
 
-pictures:  ## the moving picture of README, from the real page, into docs/pictures (needs chromium, ffmpeg and node)
+pictures:  ## the picture of README, from the real page, into docs/pictures (needs chromium and node)
 	scripts/setup.sh --test
 	cmake --preset release
 	cmake --build --preset release -j $(JOBS) --target palpate
-	node web/make_pictures.mjs build/release/bin/palpate docs/pictures/held.webp
+	node web/make_pictures.mjs build/release/bin/palpate docs/pictures/held.png
 
 docs:  ## guides and the C++ reference as a site, into build/docs/site
 	scripts/setup.sh --docs
