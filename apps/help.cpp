@@ -176,7 +176,9 @@ void add_help(CLI::App& program, Action&) {
     if (shown == nullptr) {
       usage_error("help: there is no verb '" + *verb + "'" + did_you_mean(*verb, verbs));
     }
-    throw CLI::CallForVersion(help_text(*shown, columns(), false), 0);
+    std::string text = help_text(*shown, columns(), false);
+    text.pop_back();  // a line feed, which the parser adds
+    throw CLI::CallForVersion(text, 0);
   });
 }
 
