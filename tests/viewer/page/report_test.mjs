@@ -269,6 +269,7 @@ pageTest('a run: pointing at a plot moves the tool in the picture, which stays i
   assert.equal(await page.locator('.stage.floating').count(), 1);
   const { top, bottom } = await page.evaluate(() => document.querySelector('canvas.scene').getBoundingClientRect().toJSON());
   assert.ok(top >= 0 && bottom <= 900, `${top} to ${bottom}`);
+  await page.addStyleTag({ content: '.when { visibility: hidden; }' }); // is in the pictures, too
   assert.equal(await count(page, isShaded('inside')), 0, 'the states of spheres at other moments are not known');
   assert.ok(series.tool_x_m.length === series.time_s.length && series.tool_qw.every((w) => Math.abs(w) <= 1));
   await page.mouse.move(at.x + 2, at.y - 400);

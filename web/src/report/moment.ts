@@ -2,6 +2,7 @@
 
 import { element } from '../dom';
 import { ARROW_COLORS, STATE_COLORS, THEMES } from '../scene/colors';
+import { UNKNOWN } from '../scene/tool/spheres';
 import type { ArrowScale, Contact, Pose, Sample, SceneView } from '../types';
 import { bytes, floats, unpackDepth, type Depth } from './bytes';
 import { captioned, heading, key, paragraph, warning } from './parts';
@@ -118,7 +119,7 @@ export function momentSection(
     scale: { ...peaks, forceWords: newtons(Math.hypot(...of.force_N)), torqueWords: withUnit(Math.hypot(...of.torque_Nm), TORQUE) },
   });
   const made = seenTool(moment, depths, 'the deepest moment in 3-D', caption, touches ? wrenchOf(moment) : undefined);
-  const unknown = { states: new Uint8Array(bytes(moment.states).length), planes: new Float32Array(0) };
+  const unknown = { states: new Uint8Array(bytes(moment.states).length).fill(UNKNOWN), planes: new Float32Array(0) };
   const moveTool: MoveTool = (at) => {
     made.show(at ? { ...unknown, X_WT: poseOf(at.X_WT) } : {}, touches ? wrenchOf(at ?? moment) : undefined);
     made.float(at && `the tool at ${short(at.time)} s, in the depth image of ${short(moment.time_s)} s`);
