@@ -9,7 +9,7 @@ cmake --preset $(1)
 cmake --build --preset $(1) -j $(JOBS)
 endef
 
-.PHONY: help setup lint format tidy build demo test quick-test busy-test golden clang fuzz mutants bench bench-compare live-figures camera-figures ros2-figures sensor-figures soak docs packing-curves peer-times eval eval-quick eval-check asan tsan large-inputs peers-of-files cuda gpu-check view-soak arm64 wheel packages try-packages try-demo try-test ci-all compile-times clean
+.PHONY: help setup lint format tidy build demo test quick-test busy-test golden clang fuzz mutants bench bench-compare live-figures camera-figures ros2-figures sensor-figures soak pictures docs packing-curves peer-times eval eval-quick eval-check asan tsan large-inputs peers-of-files cuda gpu-check view-soak arm64 wheel packages try-packages try-demo try-test ci-all compile-times clean
 
 help:  ## this list
 	@grep -hE '^[a-z0-9 -]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z0-9 -]+):.*## */\1\t/' | expand -t 16
@@ -76,6 +76,12 @@ sensor-figures: setup  ## presets by kind of sensor on recorded frames: make sen
 	cmake --preset bench
 	cmake --build --preset bench -j $(JOBS) --target sensor_figures
 	build/bench/bin/sensor_figures $(DATA)
+
+pictures:  ## the picture of README, from the real page, into docs/pictures (needs chromium and node)
+	scripts/setup.sh --test
+	cmake --preset release
+	cmake --build --preset release -j $(JOBS) --target palpate
+	node web/make_pictures.mjs build/release/bin/palpate docs/pictures/held.png
 
 docs:  ## guides and the C++ reference as a site, into build/docs/site
 	scripts/setup.sh --docs

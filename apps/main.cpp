@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <iostream>
 #include <string>
+#include <vector>
 
 #include "apps/program.h"
 #include "apps/verbs.h"
@@ -15,31 +16,37 @@
 // NOLINTNEXTLINE(bugprone-exception-escape)
 int main(int argc, char** argv) {
   CLI::App program(
-      "Feel what a depth camera sees: how much of a rigid tool lies in the scene, and "
-      "the resulting wrench.",
+      "Feel what a depth camera sees: the force and torque on a rigid tool in its image.",
       "palpate");
   palpate::apps::add_common_options(program);
   program.require_subcommand(1);
   program.footer(
-      "palpate VERB --help explains each verb. SI units; camera frame: x right, y down, z "
-      "forward.\n"
+      "SI units; camera frame: x right, y down, z forward.\n"
       "Exit status: 0 ok, 1 the input or environment is at fault, 2 wrong usage.");
   palpate::apps::Action action;
-  palpate::apps::add_shape(program, action);
-  palpate::apps::add_pack(program, action);
-  palpate::apps::add_info(program, action);
-  palpate::apps::add_export(program, action);
-  palpate::apps::add_query(program, action);
-  palpate::apps::add_touch(program, action);
-  palpate::apps::add_ros2(program, action);
-  palpate::apps::add_replay(program, action);
-  palpate::apps::add_view(program, action);
-  palpate::apps::add_scenes(program, action);
-  palpate::apps::add_record(program, action);
-  palpate::apps::add_calibrate(program, action);
-  palpate::apps::add_cameras(program, action);
-  palpate::apps::add_devices(program, action);
-  palpate::apps::add_eval(program, action);
+  namespace apps = palpate::apps;
+  struct Group {
+    const char* name;
+    std::vector<void (*)(CLI::App&, apps::Action&)> verbs;
+  };
+  const Group groups[] = {
+      {"Begin", {apps::add_try, apps::add_help}},
+      {"Tools", {apps::add_pack, apps::add_info, apps::add_export, apps::add_shape}},
+      {"Contact", {apps::add_touch, apps::add_query, apps::add_ros2}},
+      {"Runs", {apps::add_view, apps::add_replay}},
+      {"Cameras and devices",
+       {apps::add_cameras, apps::add_devices, apps::add_scenes, apps::add_record,
+        apps::add_calibrate}},
+      {"Evaluation", {apps::add_eval}}};
+  for (const auto& [name, verbs] : groups) {
+    for (const auto add : verbs) add(program, action);
+    for (CLI::App* verb : program.get_subcommands({})) {
+      if (verb->get_group() == "Subcommands") verb->group(name);
+    }
+  }
+  for (CLI::App* verb : program.get_subcommands({})) {
+    if (!verb->get_prefix_command()) apps::add_quiet_flag(*verb);
+  }
   program
       .add_option_function<std::string>(
           "--write-manual",

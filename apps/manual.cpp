@@ -89,7 +89,7 @@ std::string words_of(const CLI::Option& option) {
 }
 
 std::string bash_completion(const CLI::App& program) {
-  std::string verbs = "--help --version --licenses", cases, values;
+  std::string verbs = "--help --version --licenses --quiet", cases, values;
   for (const CLI::App* verb : program.get_subcommands({})) {
     verbs += " " + verb->get_name();
     std::string flags;

@@ -11,6 +11,7 @@
 #include <thread>
 #include <vector>
 
+#include "apps/terminal.h"
 #include "palpate/io/files.h"
 
 namespace palpate::apps {
@@ -212,8 +213,8 @@ void add_threads_option(CLI::App& app, int& num_threads, const std::string& help
     if (!status) usage_error(status.error().message);
     if (num_threads <= most) return;
     num_threads = most;
-    std::cerr << "palpate: note: --threads " << text << " is more than " << kPerCore
-              << " per core; " << most << " are used\n";
+    print_note("--threads " + text + " is more than " + std::to_string(kPerCore) + " per core; " +
+               std::to_string(most) + " are used");
   };
   app.add_option_function<std::string>("--threads", take, help)
       ->type_name("NUMBER")
@@ -222,13 +223,28 @@ void add_threads_option(CLI::App& app, int& num_threads, const std::string& help
 
 void note_backend(const std::string& why_not_cuda) {
   if (why_not_cuda.empty()) return;
-  std::cerr << "palpate: note: backend cpu is used: " << why_not_cuda << '\n';
+  print_note("backend cpu is used: " + why_not_cuda);
+}
+
+void print_kind(bool is_usable, const std::string& kind, const std::string& about) {
+  constexpr std::size_t kColumn = 16, kWidth = 80;
+  std::string row = (is_usable ? "  " : "- ") + kind;
+  row.resize(std::max(row.size() + 1, kColumn), ' ');
+  row += about.substr(0, std::min(about.find(": tried"), about.find("; ")));
+  if (row.size() > kWidth) row.resize(std::min(kWidth, row.rfind(", ", kWidth)));
+  std::cout << row << '\n';
+}
+
+std::shared_ptr<bool> add_details_flag(CLI::App& app) {
+  const auto has_details = std::make_shared<bool>(false);
+  app.add_flag("-v,--details", *has_details, "print forms, libraries and what was tried, too");
+  return has_details;
 }
 
 void print_report(const std::string& run_folder) {
   const auto report = std::filesystem::path(run_folder) / "report.html";
   std::error_code ignored;
-  if (std::filesystem::exists(report, ignored)) std::cout << "report: " << report.string() << '\n';
+  if (std::filesystem::exists(report, ignored)) results() << "report: " << report.string() << '\n';
 }
 
 namespace {
@@ -296,8 +312,8 @@ void add_camera_options(CLI::App& app, CameraOptions& options) {
 void use_sensor(SensorKind sensor, std::span<const std::string> given, SurfaceOptions& surface) {
   if (sensor == SensorKind::none) return;
   copy_settings(settings_of(surface_options_for(sensor)), settings_of(surface), given);
-  std::cerr << "palpate: note: using the surface settings for sensor kind " << name_of(sensor)
-            << "; --sensor none turns this off\n";
+  print_note("using the surface settings for sensor kind " + name_of(sensor) +
+             "; --sensor none turns this off");
 }
 
 void use_method(MethodKind method, std::span<const std::string> given, SurfaceOptions& surface) {

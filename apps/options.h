@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <functional>
 #include <initializer_list>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -111,6 +112,11 @@ inline constexpr SettingOption kPackLimits[] = {{"--max-radius", "packing.max_ra
                                                 {"--max-seconds", "packing.max_seconds"}};
 /// Prints a note on stderr if --backend auto did not find a GPU.
 void note_backend(const std::string& why_not_cuda);
+/// Prints a row of a list of kinds: "- " before one that is not usable, its name, and the first
+/// part of what is known of it, in a line of 80 columns.
+void print_kind(bool is_usable, const std::string& kind, const std::string& about);
+/// Adds -v,--details, of such a list.
+std::shared_ptr<bool> add_details_flag(CLI::App& app);
 /// Prints the path of a run's report on stdout, if it has one.
 void print_report(const std::string& run_folder);
 /// --intrinsics fx,fy,cx,cy and --depth-unit.

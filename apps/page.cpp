@@ -1,11 +1,16 @@
 #include "apps/page.h"
 
+#include <spawn.h>
+
 #include <algorithm>
 #include <chrono>
 #include <cstdlib>
 #include <thread>
 
 #include "apps/options.h"
+#include "apps/terminal.h"
+
+extern char** environ;
 
 namespace palpate::apps {
 namespace {
@@ -46,8 +51,10 @@ bool is_token(const std::string& text) {
 
 void add_page_options(CLI::App& app, const std::string& prefix, PageOptions& options) {
   options.prefix = prefix;
-  app.add_option(prefix + "port", options.port, "port of the page; 0: any free one")
+  app.add_option(prefix + "port", options.port,
+                 "port of the page; 0: any free one; default: 8787, or the next free one")
       ->check(CLI::Range(0, 65535).description(""))
+      ->each([&options](const std::string&) { options.is_port_given = true; })
       ->type_name("PORT")
       ->capture_default_str();
   app.add_option(prefix + "address", options.address,
@@ -66,9 +73,44 @@ void add_page_options(CLI::App& app, const std::string& prefix, PageOptions& opt
       ->type_name("TOKEN");
 }
 
+bool has_screen() {
+  return !environment("DISPLAY").empty() || !environment("WAYLAND_DISPLAY").empty();
+}
+
+namespace {
+
+/// Opens the user's browser if there is a screen.
+void open_browser(const std::string& url) {
+  std::string program = "xdg-open", address = url;
+  char* const arguments[] = {program.data(), address.data(), nullptr};
+  pid_t process = 0;
+  if (!has_screen() ||
+      posix_spawnp(&process, program.c_str(), nullptr, nullptr, arguments, environ) != 0) {
+    print_note("there is no screen or no xdg-open here: open the page by hand");
+  }
+}
+
+/// Starts a server; at the next free port if the usual one is taken.
+Result<std::unique_ptr<ViewServer>> start_server(ViewSource& source, const PageOptions& options) {
+  constexpr int kNumTries = 20;
+  auto server = ViewServer::start(source, options);
+  ViewServerOptions next = options;
+  for (int i = 1; !server && !options.is_port_given && i < kNumTries; ++i) {
+    ++next.port;
+    if (auto other = ViewServer::start(source, next)) {
+      print_note("port " + std::to_string(options.port) + " is in use by another program: taking " +
+                 std::to_string(next.port));
+      return other;
+    }
+  }
+  return server;
+}
+
+}  // namespace
+
 Result<OpenPage> OpenPage::serve(ViewSource& source, const PageOptions& options,
                                  std::ostream& out) {
-  auto server = ViewServer::start(source, options);
+  auto server = start_server(source, options);
   if (!server) {
     return Error{server.error().code, server.error().message + " (" + options.prefix + "port, " +
                                           options.prefix + "address)"};
@@ -80,6 +122,7 @@ Result<OpenPage> OpenPage::serve(ViewSource& source, const PageOptions& options,
     out << "on the computer with the browser, first: " << command << "\n";
   }
   out << std::flush;
+  if (options.opens_browser) open_browser(url);
   return OpenPage(*std::move(server));
 }
 

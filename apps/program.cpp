@@ -2,29 +2,53 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <exception>
 #include <iostream>
 #include <new>
+#include <vector>
 
+#include "apps/help.h"
 #include "apps/terminal.h"
 #include "palpate/version.h"
 #include "src/core/internal/guarded.h"
+#include "src/settings/internal/did_you_mean.h"
 
 namespace palpate::apps {
 
 int fail(const std::string& program, const std::string& message, int status) {
   print_kept();
-  std::cerr << program << ": " << printable(message) << std::endl;
+  std::cerr << red(program + ":") << " " << printable(message) << std::endl;
   return status;
 }
 
 namespace {
 
+/// Returns an error about the first unknown option or superfluous word of a verb; else nothing. The
+/// parser itself first asks for what is missing.
+std::string unknown_words(const CLI::App& verb) {
+  const std::vector<std::string> words = verb.remaining();
+  if (words.empty() || verb.get_prefix_command()) return {};
+  const auto option =
+      std::ranges::find_if(words, [](const std::string& word) { return word.starts_with('-'); });
+  if (option == words.end()) return "'" + words.front() + "' is one word too many";
+  const std::string flag = option->substr(0, option->find('='));
+  std::vector<std::string> known;
+  for (const CLI::Option* other : verb.get_options()) {
+    for (const std::string& word : other->get_lnames()) known.push_back("--" + word);
+  }
+  return "there is no option '" + flag + "'" + did_you_mean(flag, known);
+}
+
 /// Prints one line about an invalid command line.
 int fail_usage(const CLI::App& program, const CLI::ParseError& error) {
   std::string what = error.what(), verb;
   const std::string& name = program.get_name();
+  const auto end = [&] {
+    const std::string hint = "see " + name + " " + verb + "--help";
+    return fail(name, what + (what.ends_with('?') ? " (" + hint + ")" : "; " + hint), kWrongUsage);
+  };
   // The parser's message about lists, also about one that is too short and ends in the next option.
   if (const std::string start = "Could not convert: "; what.starts_with(start)) {
     const auto chosen = program.get_subcommands();
@@ -37,26 +61,32 @@ int fail_usage(const CLI::App& program, const CLI::ParseError& error) {
     }
   }
   if (program.get_subcommands({}).empty()) {
-    return fail(name, what + "; see " + name + " --help", kWrongUsage);
+    if (const std::string unknown = unknown_words(program); !unknown.empty()) what = unknown;
+    return end();
   }
   if (const auto chosen = program.get_subcommands(); !chosen.empty()) {
     verb = chosen.front()->get_name() + " ";
+    const std::string unknown = unknown_words(*chosen.front());
+    if (!unknown.empty()) what = chosen.front()->get_name() + ": " + unknown;
   } else {
     const auto unknown = program.remaining();
     std::string verbs;
+    std::vector<std::string> words;
     for (const CLI::App* known : program.get_subcommands({})) {
+      words.push_back(known->get_name());
       verbs += (verbs.empty() ? "" : ", ") + known->get_name();
     }
     if (unknown.empty()) {
-      what = "give a verb";
+      what = "give a verb; to begin: " + name + " try";
+    } else if (unknown.front().starts_with('-')) {
+      what = "there is no option '" + unknown.front() + "' before the verb";
     } else {
-      const bool is_option = unknown.front().starts_with('-');
-      what = std::string("there is no ") + (is_option ? "option '" : "verb '") + unknown.front() +
-             (is_option ? "' before the verb" : "'");
+      what = "there is no verb '" + unknown.front() + "'";
+      const std::string hint = did_you_mean(unknown.front(), words);
+      what += hint.empty() ? "; the verbs are " + verbs : hint;
     }
-    what += "; the verbs are " + verbs;
   }
-  return fail(name, what + "; see " + name + " " + verb + "--help", kWrongUsage);
+  return end();
 }
 
 std::string g_program;  // its name, set before anything can end it
@@ -96,12 +126,20 @@ const CLI::Option* empty_option(const CLI::App& verb) {
 }  // namespace
 
 void add_common_options(CLI::App& program) {
-  program.set_version_flag("--version", program.get_name() + " " PALPATE_VERSION);
+  use_help_text(program);
+  program.set_version_flag("-v,--version", program.get_name() + " " PALPATE_VERSION,
+                           "Print the version and exit");
   program
       .add_flag_callback(
           "--licenses", [] { throw CLI::CallForVersion(license_notices(), 0); },
           "Print third-party notices and exit")
       ->configurable(false);
+  add_quiet_flag(program);
+}
+
+void add_quiet_flag(CLI::App& app) {
+  app.add_flag_callback("--quiet", set_quiet, "Print errors only, and results asked for by --json")
+      ->trigger_on_parse();
 }
 
 int run_program(CLI::App& program, const Action& action, int argc, char** argv) {

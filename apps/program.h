@@ -18,8 +18,10 @@ inline constexpr int kInputAtFault = 1, kWrongUsage = 2;
 /// `status`.
 int fail(const std::string& program, const std::string& message, int status);
 
-/// --version, --licenses and the last words of --help.
+/// Adds --help, --version, --licenses and --quiet.
 void add_common_options(CLI::App& program);
+/// Adds --quiet, to a verb.
+void add_quiet_flag(CLI::App& app);
 
 /// Parses the command line and does the work that parsing has put into `action`. Returns the exit
 /// status.

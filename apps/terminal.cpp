@@ -10,9 +10,11 @@
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
+#include <cstdlib>
 #include <ctime>
 #include <iostream>
 #include <mutex>
+#include <string_view>
 #include <utility>
 
 namespace palpate::apps {
@@ -24,6 +26,7 @@ constexpr std::size_t kPiece = 512;                // bytes that fit if stderr a
 
 std::atomic<std::int64_t> g_interrupted_at = 0;  // ns, monotonic; 0: never
 static_assert(std::atomic<std::int64_t>::is_always_lock_free);
+bool g_is_quiet = false;                 // set while options are parsed
 std::atomic<bool> g_is_to_stop = false;  // by Ctrl-Z
 static_assert(std::atomic<bool>::is_always_lock_free);
 
@@ -44,6 +47,14 @@ void on_hang_up(int) { (void)take_interrupt(nanoseconds()); }
 void on_signal(int number) {
   const std::int64_t now = nanoseconds();
   if (take_interrupt(now) || now - g_interrupted_at < kPatience) return;
+  signal(number, SIG_DFL);
+  raise(number);
+}
+
+void on_early_signal(int number) {
+  constexpr std::string_view kWords = "palpate: interrupted; nothing was written\n";
+  const auto written = write(STDERR_FILENO, kWords.data(), kWords.size());
+  (void)written;  // nobody is there to read it
   signal(number, SIG_DFL);
   raise(number);
 }
@@ -130,6 +141,19 @@ bool is_control(const std::string& text, std::size_t at, std::size_t length) {
                      : length == 2 && byte(at) == 0xc2 && byte(at + 1) < 0xa0;
 }
 
+/// Returns the text in a color of the terminal that stderr is; else as it is.
+std::string colored(const std::string& text, const char* color) {
+  const char* const terminal = std::getenv("TERM");
+  const char* const refused = std::getenv("NO_COLOR");
+  const bool is_colored = isatty(STDERR_FILENO) != 0 && (refused == nullptr || *refused == '\0') &&
+                          terminal != nullptr && std::string_view(terminal) != "dumb";
+  return is_colored ? "\033[" + (color + ("m" + text)) + "\033[0m" : text;
+}
+
+void print_line(const char* kind, const std::string& text) {
+  if (!g_is_quiet) std::cerr << "palpate: " << yellow(kind) << ' ' << printable(text) << '\n';
+}
+
 std::string clock_text(double seconds) {
   char text[32];
   const int whole = static_cast<int>(std::clamp(std::ceil(seconds), 0.0, 1e6));
@@ -155,6 +179,13 @@ void catch_interrupts() {
   if (hang_up.sa_handler == SIG_IGN) return;
   action.sa_handler = on_hang_up;
   sigaction(SIGHUP, &action, nullptr);
+}
+
+void end_at_interrupts() {
+  struct sigaction action {};
+  action.sa_handler = on_early_signal;
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
 }
 
 bool interrupted() { return g_interrupted_at != 0; }
@@ -195,11 +226,25 @@ std::string printable(const std::string& text) {
   return line;
 }
 
-void print_note(const std::string& text) {
-  std::cerr << "palpate: note: " << printable(text) << '\n';
+void set_quiet() { g_is_quiet = true; }
+
+bool is_quiet() { return g_is_quiet; }
+
+std::ostream& results() {
+  static std::ostream nowhere(nullptr);
+  return g_is_quiet ? nowhere : std::cout;
 }
 
+std::string red(const std::string& text) { return colored(text, "31"); }
+
+std::string yellow(const std::string& text) { return colored(text, "33"); }
+
+void print_note(const std::string& text) { print_line("note:", text); }
+
+void print_warning(const std::string& text) { print_line("warning:", text); }
+
 void print_beside_progress(const std::string& text) {
+  if (g_is_quiet) return;
   kept_lines().add((isatty(STDERR_FILENO) != 0 ? "\r\033[K" : "") +
                    ("palpate: " + printable(text)) + "\n");
 }
@@ -216,7 +261,7 @@ Progress::~Progress() {
   if (drawn_ && is_terminal_) kept_lines().say_now("\r\033[K");
 }
 
-bool Progress::due() const { return Clock::now() >= next_; }
+bool Progress::due() const { return !g_is_quiet && Clock::now() >= next_; }
 
 void Progress::update(std::optional<double> done, const std::string& words) {
   if (!due()) return;

@@ -4,6 +4,7 @@
 #include <signal.h>
 
 #include <chrono>
+#include <iosfwd>
 #include <optional>
 #include <string>
 
@@ -14,6 +15,9 @@ namespace palpate::apps {
 /// repeat, and a force needs time to fade. A closed pipe does not end it.
 void catch_interrupts();
 bool interrupted();
+/// Until then: makes Ctrl-C and SIGTERM end the program at once, with the words that nothing was
+/// written.
+void end_at_interrupts();
 
 /// While it exists, Ctrl-Z sets a flag instead of stopping the program, which has to fade its force
 /// first. One at a time.
@@ -36,8 +40,21 @@ class Suspension {
 /// UTF-8 becomes '?'.
 std::string printable(const std::string& text);
 
-/// Prints "palpate: note: ..." on stderr. Waits for its reader.
+/// Leaves out notes, progress and results in words (--quiet): errors, and results that were asked
+/// for as numbers or JSON, are printed.
+void set_quiet();
+bool is_quiet();
+/// std::cout for results in words; with --quiet a stream that drops them.
+std::ostream& results();
+
+/// Returns `text` in red or yellow for stderr: plain if that is no terminal, or if the environment
+/// has NO_COLOR or TERM=dumb.
+std::string red(const std::string& text);
+std::string yellow(const std::string& text);
+
+/// Prints "palpate: note: ..." or "palpate: warning: ..." on stderr. Waits for its reader.
 void print_note(const std::string& text);
+void print_warning(const std::string& text);
 
 /// Progress on stderr: on a terminal a bar with the remaining time, else a line every few seconds.
 /// Omitted while stderr accepts nothing.

@@ -7,6 +7,8 @@
 #include <nlohmann/json.hpp>
 #include <numeric>
 
+#include "apps/terminal.h"
+
 namespace palpate::apps {
 namespace {
 
@@ -112,7 +114,7 @@ std::string describe(const Tool& tool, const Standoff& standoff) {
 
 void warn_of_empty_part(const std::string& path, const Tool& tool, const Standoff& standoff) {
   if (const auto empty = empty_part(tool, standoff)) {
-    std::cerr << "palpate: warning: " << path << ": " << *empty << '\n';
+    print_warning(path + ": " + *empty);
   }
 }
 

@@ -18,6 +18,8 @@ const char* license_notices();
 /// The work of a verb. An Error means exit status 1; wrong usage is found before, while parsing.
 using Action = std::function<Status()>;
 
+void add_help(CLI::App& program, Action& action);
+void add_try(CLI::App& program, Action& action);
 void add_shape(CLI::App& program, Action& action);
 void add_pack(CLI::App& program, Action& action);
 void add_info(CLI::App& program, Action& action);

@@ -5,6 +5,7 @@
 #include "scenes/scene.h"
 #include "scenes/tool_paths.h"
 #include "scenes/truth.h"
+#include "src/settings/internal/did_you_mean.h"
 
 namespace palpate { inline namespace v0 { namespace scenes {
 namespace {
@@ -253,10 +254,11 @@ Result<Scene> make_scene(std::string_view name) {
   for (const NamedScene& scene : kScenes) {
     if (scene.name == name) return named(scene.make(), name);
   }
+  const std::string hint = did_you_mean(name, scene_names());
   std::string known;
   for (const std::string& scene : scene_names()) known += (known.empty() ? "" : ", ") + scene;
-  return Error{Errc::not_found,
-               "there is no scene '" + std::string(name) + "'; known are " + known};
+  return Error{Errc::not_found, "there is no scene '" + std::string(name) + "'" +
+                                    (hint.empty() ? "; known are " + known : hint)};
 }
 
 void set_image_size(Scene& scene, int width, int height) {

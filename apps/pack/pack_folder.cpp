@@ -182,7 +182,7 @@ class Log {
 
  private:
   void say(const char* what, const std::string& words) const {
-    if (!json_) std::cout << what << words << std::endl;
+    if (!json_) results() << what << words << std::endl;
   }
 
   bool json_;

@@ -163,7 +163,7 @@ Result<PackedTool> pack_one(const TriangleMesh& raw, const std::string& path,
   auto solid = check_tool_mesh(request, raw, path);
   if (!solid) return solid.error();
   for (const std::string& warning : solid->warnings) {
-    std::cerr << "palpate: warning: " << warning << '\n';
+    print_warning(warning);
   }
   end_step("checking the mesh");
   auto packing = pack(solid->mesh, request, title);

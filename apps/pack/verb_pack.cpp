@@ -49,21 +49,23 @@ Status check_outputs(const Options& options) {
 }
 
 void print_packing(const Options& options, const PackedTool& packed) {
-  std::cout << describe(packed.tool, packed.standoff);
+  results() << describe(packed.tool, packed.standoff);
   const PackRequest& request = options.request;
   if (!request.camera_spacing.empty()) {
     const double depth = request.camera_spacing[0], focal_length = request.camera_spacing[1];
-    std::printf("camera        points %.4g mm apart at %.4g m: no sphere below %.4g mm\n",
-                1000 * depth / focal_length, depth, 1000 * request.pack.min_radius);
-    std::fflush(stdout);
+    char text[120];
+    std::snprintf(text, sizeof text,
+                  "camera        points %.4g mm apart at %.4g m: no sphere below %.4g mm\n",
+                  1000 * depth / focal_length, depth, 1000 * request.pack.min_radius);
+    results() << text;
   }
   if (packed.tool.packing().stop != PackStop::count) {
-    std::cout << "stopped       " << packed.notes.stopped << '\n';
+    results() << "stopped       " << packed.notes.stopped << '\n';
   }
   char text[64];
   std::snprintf(text, sizeof text, "%.2f s", packed.seconds);
-  std::cout << "written       " << options.output << " after " << text << '\n';
-  if (options.report) std::cout << "report        " << options.page << '\n';
+  results() << "written       " << options.output << " after " << text << '\n';
+  if (options.report) results() << "report        " << options.page << '\n';
 }
 
 Status run_one(const Options& options) {

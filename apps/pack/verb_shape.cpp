@@ -6,6 +6,7 @@
 
 #include "apps/options.h"
 #include "apps/output_files.h"
+#include "apps/terminal.h"
 #include "apps/verbs.h"
 #include "palpate/io/formats.h"
 #include "palpate/mesh/mesh.h"
@@ -25,7 +26,7 @@ Status run(const Options& options) {
   const auto mesh = make_shape(options.name, options.size);
   if (!mesh) return mesh.error();
   if (const Status status = save_mesh(*mesh, options.output); !status) return status;
-  std::cout << "written       " << options.output << ", " << mesh->triangles.size()
+  results() << "written       " << options.output << ", " << mesh->triangles.size()
             << " triangles, in meters\n";
   return Done{};
 }

@@ -111,16 +111,18 @@ void add_ros2(CLI::App& program, Action& action) {
       ->capture_default_str();
   add_seconds_option(app, "--duration", touch.duration, "length of the run; default: until Ctrl-C");
   const SettingTable table = settings_of(touch.settings);
-  add_setting_options(app, "", table, kLoopOptions);
+  add_setting_options(app, "Speed", table, kLoopOptions);
   add_prefix_option(app, touch.num_spheres);
-  add_setting_options(app, "", table, kContactOptions);
+  add_setting_options(app, "Contact", table, kContactOptions);
   add_threads_option(app, touch.settings.num_threads, kThreadsHelp);
   add_setting_options(app, "From depth to surface", table, kSurfaceOptions);
   add_set_option(app, table);
   add_ros_options(app, touch.ros);
   add_output_options(app, touch.frames, touch.settings);
   app.add_flag("--view", touch.has_page, "show the run in a browser");
+  app.option_defaults()->group("Page in a browser");
   add_page_options(app, "--view-", touch.page);
+  app.option_defaults()->group("Options");
   app.add_flag("--json", touch.json, "print the summary as JSON");
   app.footer(
       "ROS_DOMAIN_ID and ROS_LOCALHOST_ONLY are respected. No ROS installation is needed.\n"

@@ -41,7 +41,7 @@ Result<CameraUri> connected_camera() {
   return Error{
       Errc::not_found,
       text +
-          "; give --camera URI, --depth-sequence DIR or --scene NAME; palpate cameras lists "
+          "; give --camera URI, --depth-sequence DIR or --scene NAME; palpate cameras -v lists "
           "what was tried"};
 }
 
@@ -59,7 +59,7 @@ Result<std::string> connected_device() {
                  "there are several haptic devices: give one --device of " + joined(devices, ", ")};
   }
   return Error{Errc::not_found,
-               "no haptic device is there; palpate devices says what was tried; without one give "
+               "no haptic device is there; palpate devices -v says what was tried; without one give "
                "--device page for a mouse, or --device sim"};
 }
 

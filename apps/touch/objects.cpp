@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "apps/options.h"
+#include "apps/terminal.h"
 #include "palpate/io/files.h"
 
 namespace palpate::apps {
@@ -150,9 +151,8 @@ Result<std::vector<SceneObject>> load_objects(const std::vector<ObjectOption>& o
       auto tool = load_tool(option.file);
       if (!tool) return tool.error();
       if (tool->solid_field() == nullptr) {
-        std::cerr
-            << "palpate: note: " << option.file
-            << " has no distance field; it is computed now. Pack the mesh again to store it\n";
+        print_note(option.file +
+                   " has no distance field; it is computed now. Pack the mesh again to store it");
         tool = std::move(*tool).with_solid_field();
       }
       shape = std::make_shared<const Tool>(*std::move(tool));

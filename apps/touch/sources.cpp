@@ -2,10 +2,12 @@
 
 #include <algorithm>
 #include <string>
+#include <tuple>
 
 #include "apps/terminal.h"
 #include "palpate/field/sensor.h"
 #include "scenes/scene.h"
+#include "src/settings/internal/did_you_mean.h"
 
 namespace palpate::apps {
 namespace {
@@ -39,10 +41,25 @@ CameraUri camera_of_scene(const SourceOptions& options) {
 
 }  // namespace
 
+void warn_of_twins(std::span<const CameraUri> cameras) {
+  const auto place = [](const CameraUri& a) {
+    return std::tie(a.kind, a.target, a.extras, a.poses, a.urdf);
+  };
+  for (std::size_t k = 1; k < cameras.size(); ++k) {
+    const bool has_twin = std::ranges::any_of(cameras.first(k), [&](const CameraUri& other) {
+      return place(other) == place(cameras[k]) && other.X_WC == cameras[k].X_WC;
+    });
+    if (!has_twin) continue;
+    print_warning("--camera " + cameras[k].text +
+                  " is given twice, at the same pose: give each camera its own ?pose=");
+    return;
+  }
+}
+
 void add_source_options(CLI::App& app, SourceOptions& options) {
   app.add_option("--camera", options.cameras,
                  "depth stream, KIND[:TARGET][?NAME=VALUE&...], e.g. "
-                 "'folder:frames/?intrinsics=525,525,319.5,239.5' or "
+                 "'folder:frames/?intrinsics=525,525,319.5,239.5'; or "
                  "'pipe:-?size=640x480&intrinsics=...'; palpate cameras lists the kinds; repeat "
                  "for several, each with its &pose=tx,ty,tz,qx,qy,qz,qw in the world; default: "
                  "the camera that is plugged in")
@@ -57,7 +74,7 @@ void add_source_options(CLI::App& app, SourceOptions& options) {
   add_number(app, "--depth-rate", options.rate, {0.01, 10000, "Hz"},
              "frames per second, if there are no timestamps");
   app.add_option("--scene", options.scene,
-                 "simulated camera: " + scene_names() + "; palpate scenes describes them")
+                 "simulated camera, e.g. hand; palpate scenes lists them: " + scene_names())
       ->type_name("NAME");
   app.add_flag_callback(
       "--no-noise", [&options] { options.noise = false; }, "simulated camera without noise");
@@ -95,7 +112,9 @@ std::vector<CameraUri> named_cameras(const SourceOptions& options, const std::st
   if (!options.scene.empty()) {
     const auto known = scenes::scene_names();
     if (std::ranges::find(known, options.scene) == known.end()) {
-      refuse("there is no scene '" + options.scene + "'; choose one of " + scene_names());
+      const std::string hint = did_you_mean(options.scene, known);
+      refuse("there is no scene '" + options.scene + "'" +
+             (hint.empty() ? "; choose one of " + scene_names() : hint));
     }
     return {camera_of_scene(options)};
   }

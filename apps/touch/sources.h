@@ -1,6 +1,7 @@
 // Options for the sources of depth frames.
 #pragma once
 
+#include <span>
 #include <string>
 #include <vector>
 
@@ -27,6 +28,9 @@ void add_source_options(CLI::App& app, SourceOptions& options);
 /// Returns the cameras of the options except those of a rig, as URIs for open_camera. Wrong usage:
 /// sources of more than one kind, or options that do not match them. `verb` is for messages.
 std::vector<CameraUri> cameras_of(const SourceOptions& options, const std::string& verb);
+
+/// Warns of cameras that are the same one at the same pose: each of its measurements counts twice.
+void warn_of_twins(std::span<const CameraUri> cameras);
 
 /// Returns the options to open a camera, which print on stderr what a camera waits for.
 CameraOpening opening(bool in_real_time = true, std::optional<double> duration = {});

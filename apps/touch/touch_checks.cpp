@@ -13,7 +13,7 @@ bool is_aimed(const ProbeAim& aim) { return aim.pixel || aim.point_W || aim.tip_
 }  // namespace
 
 void check_view(const CLI::App& app, const TouchOptions& options) {
-  for (const char* option : {"--view-port", "--view-address", "--view-token"}) {
+  for (const char* option : {"--view-port", "--view-address", "--view-token", "--view-open"}) {
     if (app.count(option) > 0 && !options.has_page) {
       usage_error(std::string("touch: ") + option + " goes with --view");
     }

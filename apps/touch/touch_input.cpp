@@ -181,9 +181,9 @@ Status set_clocks(const TouchOptions& options, TouchInput& input) {
   if (!by_stamps) {
     if (frames_count && !path_counts) input.time_origin = first;
     if (options.align == Align::automatic && path_counts != frames_count) {
-      std::cerr << "palpate: note: only the "
-                << (path_counts ? "path's time stamps count" : "frames' time stamps count")
-                << " from 1970: path and frames begin at once (--align starts)\n";
+      print_note(std::string("only the ") +
+                 (path_counts ? "path's time stamps count" : "frames' time stamps count") +
+                 " from 1970: path and frames begin at once (--align starts)");
     }
     return Done{};
   }
@@ -229,6 +229,7 @@ Status find_connected(TouchOptions& options) {
     print_note("taking the camera " + camera->text);
   }
   if (const Status status = check_one_world(options.cameras); !status) return status;
+  warn_of_twins(options.cameras);
   auto filter = open_robot(options.robot, options.cameras);
   if (!filter) return filter.error();
   options.self_filter = *std::move(filter);

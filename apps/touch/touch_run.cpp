@@ -156,19 +156,24 @@ void print_result(const Tool& tool, const RunOutcome& outcome) {
                 static_cast<unsigned long long>(loop.num_frames), loop.seconds, peaks.volume * 1e6,
                 100 * peaks.volume / full_volume(tool, outcome.settings.contact), peaks.volume_time,
                 peaks.contact_force);
-  std::cout << text;
+  results() << text;
+  if (outcome.nearest) {
+    std::snprintf(text, sizeof text, "the tool never touched; nearest %.2g m at %.1f s\n",
+                  outcome.nearest->distance, outcome.nearest->time);
+    results() << text;
+  }
   if (!outcome.settings.objects.empty()) {
     std::snprintf(text, sizeof text, "deepest in objects %.4g cm3\n", peaks.objects_volume * 1e6);
-    std::cout << text;
+    results() << text;
   }
-  if (!loop.ending.empty()) std::cout << "ended because " << loop.ending << "\n";
+  if (!loop.ending.empty()) results() << "ended because " << loop.ending << "\n";
 }
 
 void print_probe(const ProbeChoice& probe) {
   char text[160];
   std::snprintf(text, sizeof text, "probed the pixel %.0f,%.0f at %.3f, %.3f, %.3f m; ", probe.u,
                 probe.v, probe.p_W.x, probe.p_W.y, probe.p_W.z);
-  std::cout << text << kHowToAim << "\n";
+  results() << text << kHowToAim << "\n";
 }
 
 /// Prints the results and warnings, except those already `said`; error if the run ended

@@ -7,6 +7,7 @@
 #include <sstream>
 
 #include "apps/page.h"
+#include "apps/terminal.h"
 #include "apps/touch/sources.h"
 #include "apps/touch/touch.h"
 #include "apps/verbs.h"
@@ -55,6 +56,7 @@ Status read_settings(const std::string& path, Options& options) {
 }  // namespace
 
 Status run_touch(const TouchOptions& given) {
+  if (!interrupted()) end_at_interrupts();
   if (!given.settings_read) return given.settings_read;
   Options options = given;
   if (const Status status = find_connected(options); !status) return status;
@@ -173,8 +175,10 @@ void add_record_options(CLI::App& app, const std::shared_ptr<Options>& options) 
 /// Adds options of the page that shows the run.
 void add_view_options(CLI::App& app, Options& options) {
   app.add_flag("--view", options.has_page,
-               "show the run in a browser; without --device it then runs in real time");
+               "show the run in a browser; without --device it then runs in real time")
+      ->group("Options");
   add_page_options(app, "--view-", options.page);
+  app.add_flag("--view-open", options.page.opens_browser, "also open the browser of this computer");
 }
 
 /// Returns the default settings of runs.
@@ -199,7 +203,7 @@ std::string commented_settings() {
 
 /// Adds options of the device and its coupling to the tool.
 void add_hand_options(CLI::App& app, const std::shared_ptr<Options>& options) {
-  const std::string group = "Hand and settings";
+  const std::string group = "Hand";
   app.add_option("--device", options->device,
                  "run live with a haptic device: sim[:MODEL], replay:FILE, spacenav, haply[:URL], "
                  "forcedimension, openhaptics, vrpn:NAME@HOST, ros2:/POSE_TOPIC, page (mouse, "
@@ -207,25 +211,24 @@ void add_hand_options(CLI::App& app, const std::shared_ptr<Options>& options) {
                  "alone uses the one that is connected; default: the tool follows a path on a "
                  "simulated clock")
       ->type_name("DEVICE")
-      ->expected(0, 1)
-      ->group(group);
+      ->expected(0, 1);
   // Read while parsing, so that all other options override the file.
   app.add_option_function<std::string>(
          "--settings",
          [options](const std::string& path) {
            options->settings_read = read_settings(path, *options);
          },
-         "settings file for surfaces, contact, loop, coupling and safety; other options "
+         "settings file; for surfaces, contact, loop, coupling and safety; other options "
          "override it")
       ->trigger_on_parse()
       ->type_name("FILE.toml")
-      ->group(group);
+      ->group("Options");
   add_setting_options(app, group, settings_of(options->settings), kHandOptions);
   app.add_flag_callback(
          "--print-settings",
          [] { throw CLI::CallForVersion(commented_settings(), 0); },  // ends well
          "print a settings file with all defaults as comments, and exit")
-      ->group(group);
+      ->group("Options");
 }
 
 void add_path_options(CLI::App& app, Options& options) {
@@ -260,37 +263,41 @@ void add_touch(CLI::App& program, Action& action) {
   app.add_option("-o,--output", options->output, "folder of the run: new, empty or an earlier run")
       ->required()
       ->type_name("RUN");
-  const auto source = std::make_shared<SourceOptions>();
-  add_source_options(app, *source);
-  add_robot_options(app, options->robot);
-  add_path_options(app, *options);
   add_seconds_option(app, "--duration", options->duration,
                      "length of the run; default: until the path or the frames end");
   const SettingTable table = settings_of(options->settings);
-  add_setting_options(app, "", table, kLoopOptions);
   add_prefix_option(app, options->num_spheres);
-  add_object_option(app, options->objects, true);
-  add_output_options(app, options->frames, options->settings);
-  add_material_options(app, options->materials);
-  add_setting_options(app, "", table, kContactOptions);
-  add_threads_option(app, options->settings.num_threads, kThreadsHelp);
-  add_setting_options(app, "From depth to surface", table, kSurfaceOptions);
-  add_setting_options(app, "Between depth images", table, kTimeOptions);
   add_set_option(app, table);
+  app.add_flag("--json", options->json, "print the summary as JSON");
+  const auto source = std::make_shared<SourceOptions>();
+  app.option_defaults()->group("Depth images");
+  add_source_options(app, *source);
+  app.option_defaults()->group("Motion of the tool");
+  add_path_options(app, *options);
   add_aim_options(app, options);
   add_hand_options(app, options);
+  app.option_defaults()->group("Contact");
+  add_object_option(app, options->objects, true);
+  add_setting_options(app, "", table, kContactOptions);
+  app.option_defaults()->group("Speed");
+  add_setting_options(app, "", table, kLoopOptions);
+  add_threads_option(app, options->settings.num_threads, kThreadsHelp);
+  add_robot_options(app, options->robot);
+  add_output_options(app, options->frames, options->settings);
+  add_material_options(app, options->materials);
+  add_setting_options(app, "From depth to surface", table, kSurfaceOptions);
+  add_setting_options(app, "Between depth images", table, kTimeOptions);
   add_record_options(app, options);
+  app.option_defaults()->group("Page in a browser");
   add_view_options(app, *options);
+  app.option_defaults()->group("Options");
   app.add_flag("--ros2", options->ros.is_requested,
                "also publish wrench, contact, tool pose and points over ROS 2")
       ->group("ROS 2");
   add_ros_options(app, options->ros);
-  app.add_flag("--json", options->json, "print the summary as JSON");
   app.footer(
-      "Example: palpate touch drill.palp --depth-sequence frames/ --intrinsics "
-      "525,525,319.5,239.5 -o run1\n"
-      "Example: palpate touch drill.palp --scene sphere-out-480 --device sim --duration 4 -o "
-      "live1\n"
+      "Example: palpate touch drill.palp --scene hand -o run1\n"
+      "Example: palpate touch drill.palp --scene hand --device sim --duration 4 -o run2\n"
       "Example: palpate touch --print-settings > haptics.toml");
   app.callback([options, source, &app, &action] {
     options->cameras = cameras_of(*source, "touch");

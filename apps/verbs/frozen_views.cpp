@@ -7,6 +7,7 @@
 #include <optional>
 #include <utility>
 
+#include "apps/terminal.h"
 #include "apps/touch/objects.h"
 #include "apps/touch/sources.h"
 #include "palpate/cameras/cameras.h"
@@ -19,8 +20,6 @@
 namespace palpate::apps {
 namespace {
 
-void warn(const std::string& message) { std::cerr << "palpate: warning: " << message << '\n'; }
-
 Result<DepthFrame> read_image(const std::string& file, double unit) {
   return std::filesystem::path(file).extension() == ".pcd" ? load_depth_pcd(file, unit)
                                                            : load_depth_png(file, unit);
@@ -31,7 +30,7 @@ Result<DepthFrame> first_frame(const CameraUri& uri, Intrinsics& intrinsics, Sen
   if (!source) return source.error();
   DepthFrame frame;
   const auto got = (*source)->next(frame);
-  for (const std::string& note : (*source)->take_notes()) warn(note);
+  for (const std::string& note : (*source)->take_notes()) print_warning(note);
   if (!got) return got.error();
   if (!*got) return Error{Errc::bad_input, (*source)->info().name + " has no frames"};
   intrinsics = (*source)->info().intrinsics;
@@ -61,7 +60,7 @@ struct FrozenViews::Frozen {
 Result<FrozenViews::Frozen> FrozenViews::Frozen::from_points(const std::string& file) {
   auto loaded = load_cloud(file);
   if (!loaded) return loaded.error();
-  if (!loaded->note.empty()) warn(loaded->note);
+  if (!loaded->note.empty()) print_warning(loaded->note);
   Frozen frozen;
   frozen.name = file;
   frozen.cloud = std::move(loaded->cloud);
@@ -69,8 +68,8 @@ Result<FrozenViews::Frozen> FrozenViews::Frozen::from_points(const std::string& 
   frozen.num_usable = static_cast<std::size_t>(
       std::count_if(x, x + frozen.cloud.size(), [](float value) { return !std::isnan(value); }));
   if (frozen.num_usable == 0) {
-    warn(file + ": none of " + std::to_string(frozen.cloud.size()) +
-         " points is usable; check its coordinates and normals");
+    print_warning(file + ": none of " + std::to_string(frozen.cloud.size()) +
+                  " points is usable; check its coordinates and normals");
   }
   return frozen;
 }
@@ -94,7 +93,7 @@ Result<FrozenViews::Frozen> FrozenViews::Frozen::from_frame(const std::string& n
                       ? "0 of %zu pixels are usable (%g to %g m); check --depth-unit"
                       : "0 of %zu pixels have a normal (%g to %g m); the image is too sparse",
                   frame->pixels.size(), options.min_depth, options.max_depth);
-    warn(name + ": " + text);
+    print_warning(name + ": " + text);
   }
   frozen.surface = *std::move(surface);
   return frozen;
@@ -252,6 +251,7 @@ void check(FrozenOptions& options) {
   if (const Status status = check_one_world(options.cameras); !status) {
     usage_error("query: " + status.error().message);
   }
+  warn_of_twins(options.cameras);
 }
 
 }  // namespace palpate::apps

@@ -83,12 +83,12 @@ void print(const CameraRig& rig, const AlignedViews& aligned, const std::string&
         rig.cameras[static_cast<std::size_t>(pair.a)].name.c_str(),
         rig.cameras[static_cast<std::size_t>(pair.b)].name.c_str(), 1e3 * pair.before,
         1e3 * pair.after, pair.num_points, 1e3 * pair.moved, kDegrees * pair.turned);
-    std::cout << text;
+    results() << text;
   }
   char text[100];
   std::snprintf(text, sizeof text, "known to about %.1f mm by this scene\n",
                 1e3 * aligned.uncertainty);
-  std::cout << text << "written       " << output << "\n";
+  results() << text << "written       " << output << "\n";
 }
 
 Status measure_noise(const Options& options) {

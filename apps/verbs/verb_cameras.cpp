@@ -20,9 +20,28 @@
 namespace palpate::apps {
 namespace {
 
-Status run(bool json) {
+std::string joined(const std::vector<std::string>& texts) {
+  std::string all;
+  for (const std::string& text : texts) all += (all.empty() ? "" : ", ") + text;
+  return all;
+}
+
+/// Prints the form of the URI, the library, and all that was tried.
+void print_details(const FoundCameras& found) {
+  std::cout << "    " << found.usage << ": " << found.reason << "\n";
+  if (!found.library.empty()) {
+    std::cout << "    " << found.library;
+    if (!found.version.empty()) std::cout << ", version " << found.version;
+    std::cout << "\n";
+  }
+  if (!found.devices.empty()) std::cout << "    " << joined(found.devices) << "\n";
+}
+
+Status run(bool json, bool has_details) {
   nlohmann::ordered_json list = nlohmann::ordered_json::array();
-  for (const FoundCameras& found : find_cameras()) {
+  std::vector<FoundCameras> all = find_cameras();
+  if (!json) std::ranges::stable_partition(all, &FoundCameras::is_usable);
+  for (const FoundCameras& found : all) {
     if (json) {
       list.push_back({{"kind", found.kind},
                       {"usable", found.is_usable},
@@ -34,18 +53,11 @@ Status run(bool json) {
                       {"usage", found.usage}});
       continue;
     }
-    std::cout << (found.is_usable ? "  " : "- ") << found.usage << ": " << found.reason << "\n";
-    if (!found.library.empty()) {
-      std::cout << "    " << found.library;
-      if (!found.version.empty()) std::cout << ", version " << found.version;
-      std::cout << "\n";
-    }
-    std::string devices;
-    for (const std::string& device : found.devices) {
-      devices += (devices.empty() ? "" : ", ") + device;
-    }
-    if (!devices.empty()) std::cout << "    " << devices << "\n";
+    const bool has_cameras = found.kind != "scene" && !found.devices.empty();
+    print_kind(found.is_usable, found.kind, has_cameras ? joined(found.devices) : found.reason);
+    if (has_details) print_details(found);
   }
+  if (!json && !has_details) std::cout << "palpate cameras -v: forms, libraries, what was tried\n";
   if (json) print_json(list);
   return Done{};
 }
@@ -115,7 +127,7 @@ Status self_test(std::vector<std::string> uris, double seconds) {
   }
   std::cout.flush();
   if (uris.empty()) {
-    return Error{Errc::not_found, "no camera is plugged in; palpate cameras says what was tried"};
+    return Error{Errc::not_found, "no camera is plugged in; palpate cameras -v says what was tried"};
   }
   std::string failed;
   for (const std::string& uri : uris) {
@@ -132,9 +144,10 @@ Status self_test(std::vector<std::string> uris, double seconds) {
 void add_cameras(CLI::App& program, Action& action) {
   const auto json = std::make_shared<bool>(false);
   CLI::App& app = *program.add_subcommand(
-      "cameras", "List depth cameras; '-' marks kinds that cannot be used, with the reason.");
+      "cameras", "List depth cameras; '-' marks kinds that cannot be used.");
   app.alias("sensors");
   app.add_flag("--json", *json, "print the list as JSON");
+  const auto has_details = add_details_flag(app);
   const auto uris = std::make_shared<std::vector<std::string>>();
   const auto tests = std::make_shared<bool>(false);
   CLI::Option* const self =
@@ -146,10 +159,10 @@ void add_cameras(CLI::App& program, Action& action) {
       ->type_name("SECONDS")
       ->needs(self);
   app.footer("Example: palpate cameras --selftest");
-  app.callback([json, uris, tests, seconds, &action] {
+  app.callback([json, has_details, uris, tests, seconds, &action] {
     if (*tests && *json) usage_error("cameras: --json goes with the list, not with --selftest");
-    action = [json, uris, tests, seconds] {
-      return *tests ? self_test(*uris, *seconds) : run(*json);
+    action = [json, has_details, uris, tests, seconds] {
+      return *tests ? self_test(*uris, *seconds) : run(*json, *has_details);
     };
   });
 }

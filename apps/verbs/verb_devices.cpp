@@ -1,5 +1,6 @@
 // palpate devices: lists the haptic devices that can be used here.
 
+#include <algorithm>
 #include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -12,9 +13,11 @@
 namespace palpate::apps {
 namespace {
 
-Status run(bool json) {
+Status run(bool json, bool has_details) {
   nlohmann::ordered_json list = nlohmann::ordered_json::array();
-  for (const FoundDevice& found : find_devices()) {
+  std::vector<FoundDevice> all = find_devices();
+  if (!json) std::ranges::stable_partition(all, &FoundDevice::is_usable);
+  for (const FoundDevice& found : all) {
     if (json) {
       list.push_back({{"uri", found.uri},
                       {"kind", found.kind},
@@ -23,10 +26,13 @@ Status run(bool json) {
                       {"hint", found.hint}});
       continue;
     }
-    std::cout << (found.is_usable ? "  " : "- ") << found.uri << ": " << found.what << "\n";
+    print_kind(found.is_usable, found.kind, found.what);
+    if (!has_details) continue;
+    std::cout << "    " << found.uri << ": " << found.what << "\n";
     if (!found.hint.empty()) std::cout << "    " << found.hint << "\n";
   }
   if (json) print_json({{"devices", list}});
+  if (!json && !has_details) std::cout << "palpate devices -v: forms, what was tried, what to do\n";
   return Done{};
 }
 
@@ -35,10 +41,13 @@ Status run(bool json) {
 void add_devices(CLI::App& program, Action& action) {
   const auto json = std::make_shared<bool>(false);
   CLI::App& app = *program.add_subcommand(
-      "devices", "List haptic devices; '-' marks those that cannot be used, with the reason.");
+      "devices", "List haptic devices; '-' marks those that cannot be used.");
   app.add_flag("--json", *json, "print the list as JSON");
+  const auto has_details = add_details_flag(app);
   app.footer("Example: palpate devices");
-  app.callback([json, &action] { action = [json] { return run(*json); }; });
+  app.callback([json, has_details, &action] {
+    action = [json, has_details] { return run(*json, *has_details); };
+  });
 }
 
 }  // namespace palpate::apps

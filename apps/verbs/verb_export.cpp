@@ -7,6 +7,7 @@
 
 #include "apps/options.h"
 #include "apps/output_files.h"
+#include "apps/terminal.h"
 #include "apps/verbs.h"
 #include "palpate/io/files.h"
 #include "palpate/io/formats.h"
@@ -60,19 +61,19 @@ Status run(const Options& options) {
   if (!options.spheres.empty()) {
     const Status status = write_file_atomically(options.spheres, spheres_csv(*tool));
     if (!status) return status;
-    std::cout << "written       " << options.spheres << ", " << tool->spheres().size()
+    results() << "written       " << options.spheres << ", " << tool->spheres().size()
               << " spheres\n";
   }
   if (!options.edges.empty()) {
     const Status status = write_file_atomically(options.edges, edges_csv(*tool));
     if (!status) return status;
-    std::cout << "written       " << options.edges << ", " << tool->graph().num_edges()
+    results() << "written       " << options.edges << ", " << tool->graph().num_edges()
               << " edges\n";
   }
   if (!options.mesh.empty()) {
     const Status status = save_mesh(tool->mesh(), options.mesh);
     if (!status) return status;
-    std::cout << "written       " << options.mesh << ", " << tool->mesh().triangles.size()
+    results() << "written       " << options.mesh << ", " << tool->mesh().triangles.size()
               << " triangles\n";
   }
   return Done{};

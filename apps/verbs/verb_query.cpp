@@ -34,7 +34,8 @@ struct Options {
   std::vector<ObjectOption> objects;
   FrameOptions frames;
   CapsOptions caps;
-  int num_spheres = 0;  ///< of the tool file; 0: all
+  int num_spheres = 0;   ///< of the tool file; 0: all
+  double stiffness = 0;  ///< N/m3, of forces beside the volumes; 0: none
   bool json = false;
   bool std = false;        ///< standard deviations
   std::vector<Pose> X_WT;  ///< from --pose or, later, --poses
@@ -100,6 +101,11 @@ void print_results_json(const Options& options, const RunSettings& settings, con
       for (std::size_t k = 0; k + 1 < decided.size(); ++k) by[camera_name(k)] = decided[k];
       by["none"] = decided.back();
     }
+    if (options.stiffness > 0) {
+      const VolumeWrench& measure = penetration.measure_W;
+      json["results"].back()["force_N"] = to_json(options.stiffness * measure.force);
+      json["results"].back()["torque_Nm"] = to_json(options.stiffness * measure.torque);
+    }
     if (!(settings.output == OutputOptions{})) {
       json["results"].back()["reported"] =
           reported_json(settings.output, tool, X_WCamera, measurement);
@@ -133,12 +139,17 @@ void print_results_table(const Options& options, double tool_volume,
                 measurements[i].seconds * 1e6);
     if (has_objects) std::printf(" %12.5g", measurements[i].shares.bodies.volume);
     std::puts(p.status.has(StepStatus::ambiguous_normals) ? "  (normals disagree)" : "");
-    if (!measurements[i].noise) continue;
+    if (measurements[i].noise) {
     const MeasureNoise& noise = *measurements[i].noise;
     const Vec3d df = noise.force_std(), dm = noise.torque_std();
     std::printf("%5s %12.5g %8.3f %12.4g%12.4g%12.4g %12.4g%12.4g%12.4g\n", "+-",
                 noise.volume_std(), 100 * noise.volume_std() / tool_volume, df.x, df.y, df.z, dm.x,
                 dm.y, dm.z);
+    }
+    if (options.stiffness == 0) continue;
+    const Vec3d F = options.stiffness * f, M = options.stiffness * m;
+    std::printf("%5s at %g N/m3: force %.4g %.4g %.4g N, torque %.4g %.4g %.4g N m\n", "",
+                options.stiffness, F.x, F.y, F.z, M.x, M.y, M.z);
   }
 }
 
@@ -195,6 +206,7 @@ Result<NamedFrames> frames_of(const FrozenViews& scene) {
 }
 
 Status run(const Options& given) {
+  end_at_interrupts();
   Options options = given;
   const auto tool =
       load_tool_prefix(options.tool, options.num_spheres, options.settings.num_threads);
@@ -279,7 +291,7 @@ Status run(const Options& given) {
   } else {
     print_results_table(options, tool_volume, measurements);
     if (!options.caps.file.empty()) {
-      std::cout << "written       " << options.caps.file << ", " << num_caps_triangles
+      results() << "written       " << options.caps.file << ", " << num_caps_triangles
                 << " triangles\n";
     }
   }
@@ -353,15 +365,20 @@ void add_query(CLI::App& program, Action& action) {
                  "file of poses: lines 't tx ty tz qx qy qz qw'; or Parquet with columns tx ty tz "
                  "qx qy qz qw and output to -o, with the program of the Python package")
       ->type_name("FILE");
+  add_number(app, "--stiffness", options->stiffness, {0, 1e15, "N/m3"},
+             "also print newtons: force and torque of this stiffness per volume; 0: none");
   app.add_option("--shard", options->shard,
                  "with Parquet: compute the K-th of N parts, counted from 1")
       ->type_name("K/N");
   app.add_option("-o,--output", options->output,
                  "with Parquet: output file, the poses with their results")
       ->type_name("FILE.parquet");
+  app.add_flag("--json", options->json, "print the results as JSON");
+  app.option_defaults()->group("Contact");
   add_object_option(app, options->objects, false);
+  app.option_defaults()->group("Options");
   add_output_options(app, options->frames, options->settings);
-  add_setting_options(app, "", settings_of(options->settings), kContactOptions);
+  add_setting_options(app, "Contact", settings_of(options->settings), kContactOptions);
   add_threads_option(app, options->settings.num_threads, kThreadsHelp);
   add_setting_options(app, "From depth to surface", settings_of(options->settings),
                       kSurfaceOptions);
@@ -374,7 +391,6 @@ void add_query(CLI::App& program, Action& action) {
   add_caps_options(app, options->caps);
   app.add_flag("--std", options->std,
                "also print standard deviations by the noise of the depth (method field)");
-  app.add_flag("--json", options->json, "print the results as JSON");
   app.footer(
       "Example: palpate query drill.palp --depth frame.png --intrinsics 525,525,319.5,239.5 "
       "--pose '0 0 0.8 0 0 0 1' --method graph");

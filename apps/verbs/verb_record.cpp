@@ -109,7 +109,7 @@ Status run(const Options& options) {
                 {"notes", done->notes}});
     return Done{};
   }
-  std::cout << done->num_frames << " frames of " << done->seconds << " s in " << options.output
+  results() << done->num_frames << " frames of " << done->seconds << " s in " << options.output
             << ", " << done->num_bytes << " bytes\n";
   return Done{};
 }

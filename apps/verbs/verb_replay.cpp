@@ -38,11 +38,11 @@ void add_all_settings(CLI::App& app, RunSettings& settings) {
       ->trigger_on_parse()
       ->type_name("FILE.toml");
   const SettingTable table = settings_of(settings);
-  add_setting_options(app, "", table, kContactOptions);
-  add_setting_options(app, "", table, kSurfaceOptions);
-  add_setting_options(app, "", table, kTimeOptions);
-  add_setting_options(app, "", table, kHandOptions);
-  add_setting_options(app, "", table, kLoopOptions);
+  add_setting_options(app, "Contact", table, kContactOptions);
+  add_setting_options(app, "From depth to surface", table, kSurfaceOptions);
+  add_setting_options(app, "Between depth images", table, kTimeOptions);
+  add_setting_options(app, "Hand", table, kHandOptions);
+  add_setting_options(app, "Speed", table, kLoopOptions);
   add_threads_option(app, settings.num_threads, kThreadsHelp);
   add_set_option(app, table);
 }
@@ -108,7 +108,7 @@ Status repeat(const Options& options) {
                 {"contacts", outcome->num_contacts},
                 {"note", outcome->note}});
   } else {
-    std::cout << "identical: " << outcome->num_ticks << " ticks, " << outcome->num_contacts
+    results() << "identical: " << outcome->num_ticks << " ticks, " << outcome->num_contacts
               << " contact queries\n";
   }
   return Done{};
@@ -150,7 +150,7 @@ Status retry(const Options& options) {
                   "largest force %.4g N before, %.4g N now\n",
                   forces.num_ticks, forces.rms, forces.max, forces.max_time, forces.peak_before,
                   forces.peak_after);
-    std::cout << text;
+    results() << text;
     print_report(options.output);
   }
   if (!outcome->run.not_kept.empty()) {

@@ -1,9 +1,6 @@
 // palpate view: shows a run or a tool in a browser.
 
-#include <spawn.h>
-
 #include <chrono>
-#include <cstdlib>
 #include <iostream>
 #include <memory>
 #include <thread>
@@ -14,35 +11,18 @@
 #include "palpate/io/files.h"
 #include "palpate/viewer/viewer.h"
 
-extern char** environ;
-
 namespace palpate::apps {
 namespace {
 
 struct Options {
   std::string what;
   PageOptions server;
-  bool opens_browser = false;
 };
-
-/// Opens the user's browser if there is a display.
-void open_browser(const std::string& url) {
-  const bool has_screen =
-      std::getenv("DISPLAY") != nullptr || std::getenv("WAYLAND_DISPLAY") != nullptr;
-  std::string program = "xdg-open", address = url;
-  char* const arguments[] = {program.data(), address.data(), nullptr};
-  pid_t process = 0;
-  if (!has_screen ||
-      posix_spawnp(&process, program.c_str(), nullptr, nullptr, arguments, environ) != 0) {
-    std::cerr << "palpate: note: there is no screen or no xdg-open here: open the page by hand\n";
-  }
-}
 
 Status show(ViewSource& source, const Options& options) {
   catch_interrupts();  // before the address of the page is printed
   const auto page = OpenPage::serve(source, options.server, std::cout);
   if (!page) return page.error();
-  if (options.opens_browser) open_browser(page->server().url());
   while (!interrupted()) std::this_thread::sleep_for(std::chrono::milliseconds(50));
   return Done{};
 }
@@ -69,7 +49,7 @@ void add_view(CLI::App& program, Action& action) {
       ->required()
       ->type_name("RUN|TOOL.palp");
   add_page_options(app, "--", options->server);
-  app.add_flag("--open", options->opens_browser, "also open the browser of this computer");
+  app.add_flag("--open", options->server.opens_browser, "also open the browser of this computer");
   app.footer(
       "Example: palpate view run1\n"
       "Example: palpate view drill.palp --port 0 --open");

@@ -6,6 +6,8 @@
 #include <cstdio>
 #include <utility>
 
+#include "src/settings/internal/did_you_mean.h"
+
 namespace palpate { inline namespace v0 {
 namespace {
 
@@ -91,6 +93,12 @@ std::string nearest_word(std::string_view word, std::span<const std::string> wor
     return edit_distance(word.substr(0, kLongest), other.substr(0, kLongest));
   };
   return *std::ranges::min_element(words, {}, distance);
+}
+
+std::string did_you_mean(std::string_view word, std::span<const std::string> words) {
+  if (words.empty()) return {};
+  const std::string nearest = nearest_word(word, words);
+  return 2 * edit_distance(word, nearest) <= word.size() ? "; did you mean " + nearest + "?" : "";
 }
 
 // One setting
@@ -199,10 +207,7 @@ Error Setting::refusal(const SettingValue& value, std::string_view reported_name
                      accepted() + ", not " + std::visit(AsText{}, value);
   const auto* const word = std::get_if<std::string>(&value);
   if (kind == SettingKind::word && word != nullptr && !word->empty()) {
-    const std::string nearest =
-        nearest_word(*word, std::vector<std::string>(words.begin(), words.end()));
-    if (2 * edit_distance(*word, nearest) <= word->size())
-      text += "; did you mean " + nearest + "?";
+    text += did_you_mean(*word, std::vector<std::string>(words.begin(), words.end()));
   }
   return {Errc::invalid_argument, text};
 }

@@ -27,7 +27,7 @@ class Cameras(CameraCase):
                 self.assertLessEqual({"kind", "usable", "library", "version", "devices", "reason"},
                                      set(each))
                 self.assertTrue(each["reason"])
-        self.assertIn(b"pipe:[FILE|-]", self.check(palpate("cameras")).stdout)
+        self.assertIn(b"pipe:[FILE|-]", self.check(palpate("cameras", "-v")).stdout)
 
     def test_self_test(self):
         raw = self.folder / "self.raw"

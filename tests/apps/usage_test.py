@@ -63,7 +63,7 @@ class Usage(CommandLineCase):
         self.expect_failure(2, "shape", "blob", "-o", self.path("x.ply"), mentions="octahedron")
 
     def test_usage_errors_name_what_is_wrong(self):
-        self.expect_failure(2, "frobnicate", mentions="'frobnicate'; the verbs are shape, pack, ")
+        self.expect_failure(2, "frobnicate", mentions="'frobnicate'; the verbs are try, help, pack, ")
         self.expect_failure(2, "--bogus", mentions="'--bogus'")
         self.expect_failure(2, mentions="see palpate --help")
         self.expect_failure(2, "shape", "foo", mentions="octahedron")
@@ -104,7 +104,7 @@ class Usage(CommandLineCase):
 
     def test_help_names_types_as_people_do(self):
         for verb in ("touch", "query", "ros2", "record", "calibrate", "cameras", "view"):
-            self.assertNotRegex(self.succeed(verb, "--help"), r"\b(FLOAT|UINT|INT|TEXT)\b|cx,cy x 4")
+            self.assertNotRegex(self.succeed(verb, "--help-all"), r"\b(FLOAT|UINT|INT|TEXT)\b|cx,cy x 4")
 
     def test_what_a_camera_does_not_take_is_refused(self):
         touch = ("touch", self.tool, "-o", self.path("never"))
@@ -402,7 +402,7 @@ class Usage(CommandLineCase):
     def test_scenes(self):
         scenes = json.loads(self.succeed("scenes", "--json"))["scenes"]
         text = self.succeed("scenes")
-        program_help = self.succeed("touch", "--help")
+        program_help = self.succeed("touch", "--help-all")
         for scene in scenes:
             self.assertEqual(set(scene), {"name", "title", "tool", "duration"})
             self.assertRegex(text, rf"(?m)^{scene['name']} +{scene['tool']['shape']} ")

@@ -31,7 +31,7 @@ from subjects import SUBJECTS  # noqa: E402
 
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.S | re.M)
 NOT_RUN = re.compile(r"<!-- not run: (.+) -->\s*\Z")
-SERVES = re.compile(r"\bpalpate view\b|--view\b|--device page\b")
+SERVES = re.compile(r"\bpalpate (view|try)\b|--view\b|--device page\b")
 
 
 def pages():

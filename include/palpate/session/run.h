@@ -119,6 +119,11 @@ struct RunOptions {
   double time_origin = 0;  ///< s, on the clock of path and frames: zero of the run's clock
 };
 
+/// The nearest approach of a tool that never touched: from the depth measurements, without objects.
+struct NearestApproach {
+  double distance = 0, time = 0;  ///< m, s
+};
+
 /// Result of a finished run.
 struct RunOutcome {
   LoopReport loop;
@@ -130,6 +135,7 @@ struct RunOutcome {
   std::string failure;                ///< reason for an early end; else empty
   std::string not_kept;               ///< files that could not be written, and why; else empty
   bool was_interrupted = false;       ///< keep_going() was false
+  std::optional<NearestApproach> nearest = {};  ///< none: it touched, or nothing was measured
 };
 
 /// Runs live, or on the clock of a SteppedDevice, until the device or a source ends, a fault, or

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <numbers>
 #include <vector>
 
 namespace palpate { inline namespace v0 {
@@ -25,7 +26,18 @@ double median_depth(const DepthFrame& frame) {
 std::string doubt_intrinsics(const CameraModel& model) {
   // No depth camera is known whose axis is farther off the middle than a tenth of the image.
   constexpr double kMaxOffset = 0.2;
+  constexpr double kNarrowest = 15, kWidest = 160;  // degrees, of the fields of view of cameras
   const auto& [fx, fy, cx, cy] = model.intrinsics;
+  const double view = 2 * std::atan(0.5 * model.width / fx) * 180 / std::numbers::pi;
+  if (view < kNarrowest || view > kWidest) {
+    char text[200];
+    std::snprintf(
+        text, sizeof text,
+        "its focal length of %g pixels makes a field of view of %.0f degrees for %d pixels "
+        "in width, which no usual camera has: check the intrinsics",
+        fx, view, model.width);
+    return text;
+  }
   const double x = (cx + 0.5) / model.width, y = (cy + 0.5) / model.height;
   if (std::abs(x - 0.5) <= kMaxOffset && std::abs(y - 0.5) <= kMaxOffset) return {};
   char text[320];

@@ -6,6 +6,7 @@
 #include "palpate/session/run.h"
 #include "src/run/internal/pipeline.h"
 #include "src/session/internal/run_folder.h"
+#include "src/session/recording/nearest_watch.h"
 #include "src/session/recording/run_recorder.h"
 #include "src/session/recording/unit_watch.h"
 #include "src/session/report/run_results.h"
@@ -30,6 +31,9 @@ class UnseenWatch {
     }
     if (tick.time - since_ < kPatience) return {};
     is_reported_ = is_unseen;
+    if (is_unseen && !(tick.penetration.volume > 0)) {
+      return "most of the tool is out of the cameras' view: nothing is felt there";
+    }
     return is_unseen ? "most of the tool is in unobserved space: the contact there is an assumption"
                      : "the cameras see the tool's surroundings again";
   }
@@ -50,6 +54,7 @@ class RecordingObserver {
       : sources_(sources),
         unseen_(full_volume),
         unit_(tool, sources.infos()),
+        nearest_(tool, sources.infos()),
         monitor_(options.monitor),
         say_(options.say) {}
   /// Sets recorder and results, before the run begins.
@@ -69,12 +74,14 @@ class RecordingObserver {
       recorder_->add_frame(record, frame);
       results_->add_frame(record, frame);
       unit_.take(record, frame);
+      nearest_.take(record, frame);
       tell(&RunObserver::on_frame, record, frame);
     };
     observer.on_contact = [this](const ContactRecord& contact) {
       recorder_->add_contact(contact);
       results_->add_contact(contact);
       unit_.take(contact);
+      nearest_.take(contact);
       if (unit_.has_waited(contact.time)) add_unit_doubts(contact.time);
       tell(&RunObserver::on_contact, contact);
     };
@@ -113,6 +120,7 @@ class RecordingObserver {
 
   RunRecorder& recorder() { return *recorder_; }
   RunResults& results() { return *results_; }
+  std::optional<NearestApproach> nearest() const { return nearest_.nearest(); }
 
  private:
   /// Calls a callback of the monitor, if it has that one.
@@ -153,6 +161,7 @@ class RecordingObserver {
   const DepthSources& sources_;
   UnseenWatch unseen_;
   UnitWatch unit_;
+  NearestWatch nearest_;
   std::vector<std::string> source_notes_;
   std::optional<RunRecorder> recorder_;
   std::optional<RunResults> results_;
@@ -303,9 +312,10 @@ Result<RunOutcome> record_run(const Tool& tool, const DepthSources& sources, Hap
   if (const std::string& trouble = recording.recorder().trouble(); !trouble.empty()) {
     log.add_not_kept(trouble);
   }
+  log.nearest = recording.nearest();
   std::string summary = recording.results().write(folder->target(), tool, loop.times(), log);
-  return RunOutcome{log.loop,         log.peaks,   used,         std::move(summary), log.warnings,
-                    log.why_not_cuda, log.failure, log.not_kept, log.was_interrupted};
+  return RunOutcome{log.loop,         log.peaks,   used,         std::move(summary),  log.warnings,
+                    log.why_not_cuda, log.failure, log.not_kept, log.was_interrupted, log.nearest};
 }
 
 void RunMarks::add(std::string text) {

@@ -72,6 +72,12 @@ std::string series_text(const Tool& tool, const RunLog& log) {
   add_vector("torque", "Nm", [&](const TickRecord& tick) {
     return tick.step.contact_W.torque * measured(tick, 1);
   });
+  // The picture's tool follows the cursor of the plots.
+  constexpr const char* kPose[] = {"tool_x_m", "tool_y_m", "tool_z_m", "tool_qx",
+                                   "tool_qy",  "tool_qz",  "tool_qw"};
+  for (std::size_t i = 0; i < std::size(kPose); ++i) {
+    add(kPose[i], [i](const TickRecord& tick) { return seven_numbers(tick.step.X_WT)[i]; });
+  }
   if (!log.has_hand()) return text + "}";
   add_vector("hand_force", "N", [](const TickRecord& tick) { return tick.F_H_B.force; });
   add_vector("hand_torque", "Nm", [](const TickRecord& tick) { return tick.F_H_B.torque; });
@@ -166,8 +172,13 @@ Result<std::string> run_page(const Json& summary, const Tool& tool, const RunLog
             {"summary", summary},
             {"defaults", usual_settings(tool, log)},
             {"latencies", latencies_json(times)},
+            {"nearest", nullptr},
             {"moment", nullptr},
             {"moment_trouble", ""}};
+  if (log.nearest) {
+    json["nearest"] = {{"distance_m", compact(log.nearest->distance)},
+                       {"time_s", compact(log.nearest->time)}};
+  }
   // Pages are sent to others, who need not know the folders.
   const std::string stream_name = short_name(log.setup.streams.front().name);
   json["summary"]["stream"]["name"] = stream_name;

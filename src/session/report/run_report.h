@@ -42,6 +42,7 @@ struct RunLog {
   std::string failure;                ///< why it ended early; else empty
   std::string not_kept;               ///< as RunOutcome
   bool was_interrupted = false;
+  std::optional<NearestApproach> nearest;  ///< as RunOutcome
 
   void add_not_kept(const std::string& what) { not_kept += (not_kept.empty() ? "" : "; ") + what; }
   bool has_hand() const { return coupling.kind != CouplingKind::none; }

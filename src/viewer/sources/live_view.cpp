@@ -247,7 +247,9 @@ Json LiveViewImpl::note(const TickRecord& last) const {
   }
   if (last.sensor_age > stale_age_ && last.contact_number > 0) {
     return "no new depth image for " + tenths(last.sensor_age) +
-           (safety.is_engaged() ? ": the force is that of the last one" : "");
+           (safety.is_engaged() ? ": the force is that of the last one"
+                                : ": there is no force for now") +
+           "; look at the camera, and close other programs if the computer is busy";
   }
   if (are_frames_held_) return "depth frames are held: the scene is frozen";
   return {};

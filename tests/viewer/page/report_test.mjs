@@ -131,11 +131,22 @@ pageTest('a run: its numbers are those of summary.json', async () => {
   await make();
   const page = await openReport(['path', 'report.html']);
   const summary = JSON.parse(readFileSync(join(folder, 'path', 'summary.json')));
-  const [volume, force] = await cardTexts(page);
+  const [force, torque, volume, contact, cameras] = await cardTexts(page);
   const [value, unit] = volume.split(/\s/);
   const factor = { 'mm³': 1e9, 'cm³': 1e6 }[unit];
   assert.ok(Math.abs(Number(value) / (factor * summary.peaks.volume_m3) - 1) < 6e-3, `${volume}, ${summary.peaks.volume_m3}`);
   assert.ok(Math.abs(parseFloat(force) / summary.peaks.force_N - 1) < 6e-3, `${force}, ${summary.peaks.force_N}`);
+  const number = (words, units) => parseFloat(words) / units[words.split(/\s(.*)/)[1]];
+  for (const [words, units, wanted] of [[torque, { 'N m': 1, 'N mm': 1e3 }, summary.peaks.torque_Nm],
+    [contact, { s: 1, ms: 1e3 }, (summary.seconds * summary.ticks_in_contact) / summary.ticks]]) {
+    assert.ok(Math.abs(number(words, units) / wanted - 1) < 6e-3, `${words}, ${wanted}`);
+  }
+  assert.equal(cameras, '1');
+  const verdict = await page.locator('.verdict').innerText();
+  const [, rate, kept, share] = verdict.match(/^([\d.]+) kHz (kept|not kept): ([\d.]+)\s% of \d+ ticks took less than 1\sms/);
+  assert.equal(Number(rate), summary.rate / 1000);
+  assert.ok(Math.abs(share / (100 * (1 - summary.missed / summary.ticks)) - 1) < 6e-3, verdict);
+  assert.equal(kept, summary.missed <= 0.01 * summary.ticks ? 'kept' : 'not kept');
   const text = await page.locator('main').innerText();
   for (const words of [summary.tool.source, `of ${summary.ticks} ticks`, 'the path has ended',
     'What the tool felt', 'How long it took', 'The deepest moment, at', '640 × 480']) {
@@ -239,10 +250,52 @@ pageTest('a run: arrows have the scale of its largest force and torque, with the
   }
 });
 
+pageTest('a run: pointing at a plot moves the tool in the picture, which stays in view', async () => {
+  await make();
+  const page = await openReport(['path', 'report.html']);
+  const data = JSON.parse(readFileSync(join(folder, 'path', 'report.html'), 'utf8').match(/id="data">(.*)<\/script>/)[1]);
+  const { series, summary: { peaks } } = data;
+  const plot = page.locator('.plot').first();
+  // Without a pointer, the legend has the values of the deepest moment.
+  const shown = async () => parseFloat(await plot.locator('.u-legend .u-value').first().innerText());
+  assert.ok(Math.abs(await shown() - peaks.volume_time_s) < 0.01, `${await shown()} and ${peaks.volume_time_s} s`);
+  const deepest = await count(page, isShaded('inside'));
+  assert.ok(deepest > 20);
+  await plot.scrollIntoViewIfNeeded();
+  await page.evaluate(() => scrollBy(0, innerHeight));
+  const last = page.locator('.plot').nth(2), at = await last.locator('.u-over').boundingBox();
+  await page.mouse.move(at.x + 2, at.y + 0.5 * at.height);
+  await until('words about another moment', async () => (await page.locator('.when').innerText()).startsWith('the tool at 0'));
+  assert.equal(await page.locator('.stage.floating').count(), 1);
+  const { top, bottom } = await page.evaluate(() => document.querySelector('canvas.scene').getBoundingClientRect().toJSON());
+  assert.ok(top >= 0 && bottom <= 900, `${top} to ${bottom}`);
+  await page.addStyleTag({ content: '.when { visibility: hidden; }' }); // is in the pictures, too
+  assert.equal(await count(page, isShaded('inside')), 0, 'the states of spheres at other moments are not known');
+  assert.ok(series.tool_x_m.length === series.time_s.length && series.tool_qw.every((w) => Math.abs(w) <= 1));
+  await page.mouse.move(at.x + 2, at.y - 400);
+  await page.evaluate(() => scrollTo(0, 0));
+  await page.mouse.move(5, 5);
+  await until('the picture at its place', async () => (await page.locator('.stage.floating').count()) === 0);
+  assert.ok(Math.abs(await count(page, isShaded('inside')) / deepest - 1) < 0.2);
+});
+
+pageTest('a run without contact: what was nearest, and when', async () => {
+  await make();
+  const page = await openReport(changed('path', (data) => {
+    data.summary.peaks = { ...data.summary.peaks, volume_m3: 0, fraction: 0, force_N: 0, torque_Nm: 0 };
+    Object.assign(data.moment, { volume_m3: 0, force_N: [0, 0, 0], torque_Nm: [0, 0, 0] });
+    data.nearest = { distance_m: 0.351, time_s: 2.1 };
+  }));
+  const text = await page.locator('main').innerText();
+  assert.match(text, /The tool never touched the surface/);
+  assert.match(text, /It was nearest at 2\.1 s: 350\smm away/);
+  assert.ok(!/NaN|undefined/.test(text));
+});
+
 pageTest('a run: objects are in the picture, and what is felt of them is said to be theirs', async () => {
   await make();
   const page = await openReport(['pushed', 'report.html']);
-  assert.match(await page.locator('.card').first().innerText(), /in objects/);
+  assert.match(await page.locator('.card').nth(2).innerText(), /in objects/);
   assert.match(await page.locator('h2').first().innerText(), /^The deepest moment, at .* s, in objects$/);
   assert.match(await page.locator('.below').innerText(), /depth images and 1 object /);
   assert.ok(await count(page, isShaded('wood')) > 500, 'the block');

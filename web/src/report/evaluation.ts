@@ -172,7 +172,7 @@ async function figureSection(figure: Figure, { sources }: EvaluationData): Promi
 async function pictureOf(one: PictureData): Promise<HTMLElement> {
   const above = element('h4', '', one.title), caption = `${one.caption} Drag to turn, scroll or pinch to zoom.`;
   if (one.kind === 'cut open') return element('div', '', above, cutOpen(one.data, one.title, caption).root, cutColors());
-  return element('div', '', above, seenTool(one.data, await depthsOf(one.data), one.title, caption), key(STATE_KEY));
+  return element('div', '', above, seenTool(one.data, await depthsOf(one.data), one.title, caption).root, key(STATE_KEY));
 }
 
 function plotsAndTables({ plots, tables }: Stored): HTMLElement[] {

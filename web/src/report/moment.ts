@@ -2,7 +2,8 @@
 
 import { element } from '../dom';
 import { ARROW_COLORS, STATE_COLORS, THEMES } from '../scene/colors';
-import type { ArrowScale, Pose, Sample } from '../types';
+import { UNKNOWN } from '../scene/tool/spheres';
+import type { ArrowScale, Contact, Pose, Sample, SceneView } from '../types';
 import { bytes, floats, unpackDepth, type Depth } from './bytes';
 import { captioned, heading, key, paragraph, warning } from './parts';
 import { hello, meshOf, picture, type PackedMesh } from './picture';
@@ -38,11 +39,20 @@ export function depthsOf({ cameras }: SeenTool): Promise<Depth[]> {
   return Promise.all(cameras.map(({ depth, width, height }) => unpackDepth(depth, width, height)));
 }
 
+interface DrawnWrench { sample: Sample; scale: ArrowScale }
+
+/** A pose of the tool, and the wrench on it in words and numbers. */
+export interface ToolAt { time: number; X_WT: number[]; force_N: number[]; torque_Nm: number[] }
+
+/** Shows the tool at another moment of the run in the picture; null: as at first. */
+export type MoveTool = (at: ToolAt | null) => void;
+
 /** Makes the 3-D picture; `wrench` is drawn as arrows if given. */
 export function seenTool(
-  tool: SeenTool, depths: Depth[], name: string, caption: string, wrench?: { sample: Sample; scale: ArrowScale },
-): HTMLElement {
-  return picture(name, caption, [
+  tool: SeenTool, depths: Depth[], name: string, caption: string, wrench?: DrawnWrench,
+): { root: HTMLElement; show: (contact: Partial<Contact>, wrench?: DrawnWrench) => void; float: (words: string | null) => void } {
+  let view: SceneView | null = null, first: Contact;
+  const drawn = picture(name, caption, [
     [['free', { view: 'free' }], ['camera', { view: 'camera' }], ['above', { view: 'bird' }], ['tool', { view: 'tool' }]],
     [['cut spheres', { toolLook: 'caps' }], ['whole spheres', { toolLook: 'spheres' }]],
     [['shaded', { cloud: true, cloudColor: 'shaded' }], ['by depth', { cloud: true, cloudColor: 'depth' }],
@@ -58,14 +68,21 @@ export function seenTool(
     }));
     const shown = objects.filter(({ mesh }) => mesh);
     scene.setObjects(shown.map(({ mesh }) => meshOf(mesh!)));
-    scene.setContact({
+    first = {
       number: 0, time: 0, X_WT: poseOf(tool.X_WT), objects: shown.map(({ X_WB }) => poseOf(X_WB)),
       states: bytes(tool.states), planes: floats(tool.planes),
-    });
-    if (!wrench) return;
-    scene.setArrowScale(wrench.scale);
-    scene.addSamples([wrench.sample]);
-  }).root;
+    };
+    view = scene;
+    show({}, wrench);
+  });
+  function show(contact: Partial<Contact>, arrows?: DrawnWrench): void {
+    if (!view) return;
+    view.setContact({ ...first, ...contact });
+    if (!arrows) return;
+    view.setArrowScale(arrows.scale);
+    view.addSamples([arrows.sample]);
+  }
+  return { root: drawn.root, show, float: drawn.float };
 }
 
 export const STATE_KEY: [string, string][] = [
@@ -79,23 +96,35 @@ export function inObjects(volume: number, objectsVolume: number): string {
   return !(share > 0) ? '' : share > 0.995 ? ', in objects' : `, ${percent(share, 2)} of it in objects`;
 }
 
-/** `peaks`: largest force and torque of the run, N and N m. */
-export function momentSection(moment: Moment, depths: Depth[], peaks: { force: number; torque: number }): HTMLElement[] {
+/** `peaks`: largest force and torque of the run, N and N m; `nearest` in words, of a run without contact. */
+export function momentSection(
+  moment: Moment, depths: Depth[], peaks: { force: number; torque: number }, nearest: string,
+): { parts: HTMLElement[]; moveTool: MoveTool } {
   const touches = moment.volume_m3 > 0, { objects = [] } = moment;
   const where = inObjects(moment.volume_m3, moment.objects_volume_m3);
   const parts: HTMLElement[] = [heading(touches ?
     `The deepest moment, at ${short(moment.time_s)} s${where}` : 'The tool never touched the surface')];
-  if (!touches) parts.push(paragraph('The picture shows the start.'));
-  if (!moment.X_WT.every((x) => typeof x === 'number')) return [...parts, warning('The pose of the tool was no pose.')];
+  if (!touches) parts.push(paragraph(`${nearest}The picture shows the start.`));
+  if (!moment.X_WT.every((x) => typeof x === 'number')) {
+    return { parts: [...parts, warning('The pose of the tool was no pose.')], moveTool: () => {} };
+  }
   const force = newtons(Math.hypot(...moment.force_N)), torque = withUnit(Math.hypot(...moment.torque_Nm), TORQUE);
-  const turning = 'Drag to turn, scroll or pinch to zoom.';
+  const turning = 'Drag to turn, scroll or pinch to zoom. Point at a plot below to see where the tool was at that time.';
   const caption = touches ?
     `${withUnit(moment.volume_m3, VOLUME)} of the tool${where || ' behind the surface'}, pushed out with ${force}. ` +
     `Arrow and arc are full at the largest of the run: ${newtons(peaks.force)} and ${withUnit(peaks.torque, TORQUE)}. ` +
     `${turning} Where the tool is, the cloud is thinner, so that one sees what of it is inside.` : turning;
-  const wrench = touches ?
-    { sample: sampleOf(moment), scale: { ...peaks, forceWords: force, torqueWords: torque } } : undefined;
-  parts.push(seenTool(moment, depths, 'the deepest moment in 3-D', caption, wrench), key([
+  const wrenchOf = (of: { force_N: number[]; torque_Nm: number[] }): DrawnWrench => ({
+    sample: sampleOf(of),
+    scale: { ...peaks, forceWords: newtons(Math.hypot(...of.force_N)), torqueWords: withUnit(Math.hypot(...of.torque_Nm), TORQUE) },
+  });
+  const made = seenTool(moment, depths, 'the deepest moment in 3-D', caption, touches ? wrenchOf(moment) : undefined);
+  const unknown = { states: new Uint8Array(bytes(moment.states).length).fill(UNKNOWN), planes: new Float32Array(0) };
+  const moveTool: MoveTool = (at) => {
+    made.show(at ? { ...unknown, X_WT: poseOf(at.X_WT) } : {}, touches ? wrenchOf(at ?? moment) : undefined);
+    made.float(at && `the tool at ${short(at.time)} s, in the depth image of ${short(moment.time_s)} s`);
+  };
+  parts.push(made.root, key([
     ...STATE_KEY,
     ...(objects.length > 0 ? [[THEMES.light.wood, 'objects; spheres in them are not marked']] : []),
     ...(touches ? [[ARROW_COLORS.force, `force on the tool: ${force}`], [ARROW_COLORS.torque, `torque on the tool: ${torque}`]] : []),
@@ -105,14 +134,14 @@ export function momentSection(moment: Moment, depths: Depth[], peaks: { force: n
   if (moment.spheres_left_out > 0) {
     parts.push(paragraph(`The ${moment.spheres_left_out} smallest spheres are not in this page.`));
   }
-  return parts;
+  return { parts, moveTool };
 }
 
 function poseOf(n: number[]): Pose {
   return { position: [n[0], n[1], n[2]], quaternion: [n[3], n[4], n[5], n[6]] };
 }
 
-function sampleOf(moment: Moment): Sample {
+function sampleOf(moment: { force_N: number[]; torque_Nm: number[] }): Sample {
   const sample: Sample = { time: 0 };
   'xyz'.split('').forEach((axis, i) => {
     sample[`contact_force_${axis}`] = moment.force_N[i];
@@ -133,7 +162,7 @@ export function probeSection(probe: Probe, depth: Depth | null, scale: number): 
   const parts: HTMLElement[] = [heading('Where it probes')];
   if (probe.note) parts.push(warning(`${probe.note}.`));
   parts.push(paragraph(
-    `Nobody gave a path, so the program made one. It probes the pixel ${at(probe.pixel, 0)}, where the surface is at ` +
+    `No path was given, so Palpate chose one. It probes the pixel ${at(probe.pixel, 0)}, where the surface is at ` +
     `${at(probe.point, 3)} m when the tool arrives after ${short(probe.time, 3)} s: ${probe.why_place}. It leads with ` +
     `the tool's point ${at(probe.tip, 4)} m: ${probe.why_tip}. To choose otherwise, ${probe.how_to_aim}.`));
   if (depth) {

@@ -17,18 +17,20 @@ type Choice = [words: string, wish: Partial<SceneOptions>];
  */
 export function picture(
   name: string, caption: string, choices: Choice[][], fill: (scene: SceneView) => void,
-): { root: HTMLElement; tools: HTMLElement; requestDraw: () => void } {
+): { root: HTMLElement; tools: HTMLElement; requestDraw: () => void; float: (words: string | null) => void } {
   const canvas = element('canvas', 'scene'), still = element('canvas', 'still');
   canvas.setAttribute('aria-label', name);
-  const stage = element('div', 'stage', canvas, still);
+  const label = element('output', 'when');
+  const stage = element('div', 'stage', canvas, still, label);
+  const place = element('div', 'place', stage);
   const tools = element('div', 'tools');
-  const root = element('figure', 'picture', stage, tools, element('figcaption', '', caption));
+  const root = element('figure', 'picture', place, tools, element('figcaption', '', caption));
   let scene: SceneView;
   try {
     scene = createScene(canvas);
   } catch (error) {
     root.replaceChildren(element('p', 'warning', `This browser shows no 3-D picture (${(error as Error).message}).`));
-    return { root, tools, requestDraw: () => {} };
+    return { root, tools, requestDraw: () => {}, float: () => {} };
   }
   const drawing = new Drawing(canvas, () => scene.render(), () => {});
   for (const row of choices) {
@@ -63,7 +65,19 @@ export function picture(
     still.getContext('2d')!.drawImage(canvas, 0, 0);
   });
   addEventListener('beforeunload', () => scene.dispose());
-  return { root, tools, requestDraw: () => drawing.requestDraw() };
+  /** Keeps the picture in view, with `words` in it, while a plot elsewhere is looked at; null: no more. */
+  let pointerY = 0;
+  addEventListener('pointermove', ({ clientY }) => { pointerY = clientY; }, { passive: true });
+  const float = (words: string | null) => {
+    const { top, bottom } = place.getBoundingClientRect();
+    const isFloating = words !== null && (stage.classList.contains('floating') || bottom < 200 || top > innerHeight - 200);
+    place.style.height = isFloating ? `${place.offsetHeight}px` : '';
+    stage.classList.toggle('floating', isFloating);
+    stage.classList.toggle('low', pointerY < 0.5 * innerHeight); // not over what is pointed at
+    label.textContent = words ?? '';
+    drawing.requestDraw();
+  };
+  return { root, tools, requestDraw: () => drawing.requestDraw(), float };
 }
 
 export interface PackedMesh { positions: string; triangles: string } // base64 of floats and of whole numbers

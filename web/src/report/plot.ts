@@ -42,6 +42,7 @@ export interface Plot {
   markers?: { x: number; words: string }[]; // dashed, from top to bottom
   right?: { factor: number; words: string }; // a second axis: y times this
   together?: string; // plots with the same name zoom together
+  onPoint?: (i: number | null) => void; // index of the x that a pointer is at
 }
 
 const COLORS = ['--series-1', '--series-2', '--series-3', '--series-4'];
@@ -90,6 +91,14 @@ class ZoomedPlot {
     watch.observe(this.root);
     new ResizeObserver(() => this.fit()).observe(this.area);
     onInk(() => this.restyle());
+  }
+
+  /** Index of the x at the first marker; null: there is none. */
+  private get rest(): number | null {
+    const { x, markers } = this.spec;
+    const at = markers?.[0]?.x;
+    if (at === undefined) return null;
+    return x.reduce((best, value, i) => (Math.abs(value - at) < Math.abs(x[best] - at) ? i : best), 0);
   }
 
   private get width(): number {
@@ -188,7 +197,7 @@ class ZoomedPlot {
         drag: { x: true, y: false, dist: 6, setScale: false },
         // Linked plots share the cursor; drags and clicks stay with the plot, which then zooms all.
         ...(spec.together ? { sync: { key: spec.together, setSeries: false, filters: { pub: isPointing } } } : {}),
-        points: { size: 6 },
+        points: { size: 6, fill: (_, i) => ink(spec.lines[i - 1]?.color ?? COLORS[(i - 1) % COLORS.length]) },
       },
       scales: {
         x: { time: false, distr: spec.xLogarithmic ? 3 : 1 },
@@ -212,6 +221,12 @@ class ZoomedPlot {
         }),
       ],
       hooks: {
+        setCursor: [(chart) => {
+          const i = chart.cursor.idx ?? null;
+          // Without a pointer the legend has the values at the first marker.
+          if (i === null && this.rest !== null && chart.legend.idxs?.[0] !== this.rest) chart.setLegend({ idx: this.rest }, false);
+          if (chart.cursor.event || i === null) spec.onPoint?.(i);
+        }],
         draw: [(chart) => this.drawInside(chart)],
         setSelect: [(chart) => {
           const { left, width } = chart.select;
@@ -221,6 +236,7 @@ class ZoomedPlot {
           this.zoom(range);
         }],
         ready: [(chart) => {
+          if (this.rest !== null) chart.setLegend({ idx: this.rest }, false);
           chart.over.addEventListener('dblclick', () => this.zoom(null));
           pinchToZoom(chart, (range) => this.zoom(range));
         }],
@@ -271,6 +287,20 @@ class ZoomedPlot {
     }
   }
 
+  /** Draws each stroke, or where they would be a comb only those that follow a gap. */
+  private drawStrokes(
+    chart: uPlot, line: (color: string, dash: number[], x1: number, y1: number, x2: number, y2: number) => void,
+  ): void {
+    const { strokes = [] } = this.spec, { top, left, width } = chart.bbox, size = devicePixelRatio;
+    const shown = strokes.map((stroke) => chart.valToPos(stroke, 'x', true)).filter((x) => x >= left && x <= left + width);
+    const steps = shown.slice(1).map((x, i) => x - shown[i]).sort((a, b) => a - b);
+    const usual = steps[Math.floor(steps.length / 2)] ?? 0, isComb = usual < 12 * size && steps.length > 0;
+    shown.forEach((x, i) => {
+      const isLate = i > 0 && x - shown[i - 1] > 1.9 * usual;
+      if (!isComb || isLate) line(isLate ? '--warning' : '--quiet', [], x, top, x, top + (isLate ? 12 : 6) * size);
+    });
+  }
+
   /** Draws strokes, limit and markers. */
   private drawSigns(chart: uPlot): void {
     const { spec } = this;
@@ -287,10 +317,7 @@ class ZoomedPlot {
       ctx.stroke();
     };
     const bottom = bbox.top + bbox.height;
-    for (const stroke of spec.strokes ?? []) {
-      const x = chart.valToPos(stroke, 'x', true);
-      line('--quiet', [], x, bbox.top, x, bbox.top + 6 * size);
-    }
+    this.drawStrokes(chart, line);
     let row = 0;
     for (const { x: value, words } of spec.markers ?? []) {
       const x = chart.valToPos(value, 'x', true);

@@ -1,7 +1,7 @@
 // The report of a run. Its numbers are those of summary.json and wrench.csv.
 
 import { element } from '../dom';
-import { depthsOf, inObjects, momentSection, probeSection, type Moment, type Probe } from './moment';
+import { depthsOf, inObjects, momentSection, probeSection, type Moment, type MoveTool, type Probe, type ToolAt } from './moment';
 import { counted, LENGTH, list, microseconds, newtons, percent, short, TIME, TORQUE, unitFor, VOLUME, withUnit } from './numbers';
 import { cards, columns, folded, footer, heading, paragraph, table, title, warning, type Row } from './parts';
 import { plot, type Line, type Plot } from './plot';
@@ -21,7 +21,7 @@ interface Summary {
   stream: Camera;
   cameras: Camera[];
   objects: { source: string; spheres: number; position_m: number[] }[];
-  seconds: number; ticks: number; contacts: number; frames: number; missed: number; lost_records: number;
+  seconds: number; ticks: number; ticks_in_contact: number; contacts: number; frames: number; missed: number; lost_records: number;
   interrupted: boolean; ending: string; failure: string; not_kept: string;
   faults: { time_s: number; fault: string; meaning: string; seconds: number | null }[];
   newtons_per_m3: number;
@@ -45,6 +45,7 @@ interface RunData {
   defaults: Settings;
   series: Record<string, (number | null)[]>; // columns of wrench.csv; rows of the largest forces
   frame_times_s: number[];
+  nearest: { distance_m: number; time_s: number } | null; // of a run without contact
   latencies: Record<string, [number, number][]>; // microseconds, count
   moment: Moment | null;
   moment_trouble: string;
@@ -73,11 +74,12 @@ export async function runReport(main: HTMLElement, data: RunData): Promise<void>
   }
   if (summary.failure) main.append(warning(`The run ended early: ${summary.failure}`));
   if (summary.not_kept) main.append(warning(`Not all of the run is kept: ${summary.not_kept}`));
-  main.append(headline(summary));
+  main.append(...headline(summary));
   // Everything below the pictures is laid out now, so that the page does not jump.
   const pictures = element('section'), rest = element('section');
   main.append(pictures, rest);
-  rest.append(...plots(data), ...times(data), ...notes(summary), ...settings(data),
+  let moveTool: MoveTool = () => {};
+  rest.append(...plots(data, (at) => moveTool(at)), ...times(data), ...notes(summary), ...settings(data),
     footer(`Palpate ${summary.program}. All of it is in recording.mcap, which ROS 2 tools and Foxglove open; the numbers ` +
       'are in wrench.csv and summary.json, too; palpate replay repeats it.'));
 
@@ -86,39 +88,55 @@ export async function runReport(main: HTMLElement, data: RunData): Promise<void>
     return null;
   });
   const { force_N: force, torque_Nm: torque } = summary.peaks;
-  if (depths) pictures.append(...momentSection(moment, depths, { force, torque }));
+  if (depths) {
+    const made = momentSection(moment, depths, { force, torque }, nearestWords(data));
+    pictures.append(...made.parts);
+    moveTool = made.moveTool;
+  }
   if (data.moment_trouble) pictures.append(warning(data.moment_trouble));
   const first = depths?.[0] ?? null; // the camera of the automatic path
   if (summary.probe) pictures.append(...probeSection(summary.probe, first, first ? stream.width / first.width : 1));
 }
 
+/** Returns pose and wrench of a row; null where they are unknown. */
+function toolAt(series: RunData['series'], i: number): ToolAt | null {
+  const at = (...names: string[]) => names.map((name) => series[name]?.[i] ?? NaN);
+  const of = (prefix: string, unit: string) => at(...['x', 'y', 'z'].map((axis) => `${prefix}_${axis}_${unit}`));
+  const X_WT = [...of('tool', 'm'), ...at('tool_qx', 'tool_qy', 'tool_qz', 'tool_qw')];
+  if (!X_WT.every(Number.isFinite)) return null;
+  const known = (values: number[]) => values.map((value) => (Number.isFinite(value) ? value : 0));
+  return { time: series.time_s[i]!, X_WT, force_N: known(of('force', 'N')), torque_Nm: known(of('torque', 'Nm')) };
+}
+
+/** Returns where a run without contact was nearest, as a sentence. */
+function nearestWords({ nearest }: RunData): string {
+  return nearest ? `It was nearest at ${short(nearest.time_s, 3)} s: ${withUnit(nearest.distance_m, LENGTH, 2)} away. ` : '';
+}
+
 const hasHand = (summary: Summary) => summary.settings.coupling.kind !== 'none';
 
-function headline(summary: Summary): HTMLElement {
-  const { peaks, microseconds: stages } = summary;
+function headline(summary: Summary): HTMLElement[] {
+  const { peaks, microseconds: stages, cameras, ticks, missed, rate, seconds } = summary;
+  const contact = (summary.ticks_in_contact / Math.max(ticks, 1)) * seconds;
   const made: [string, string][] = [
+    [newtons(peaks.force_N), 'largest force on the tool'],
+    [withUnit(peaks.torque_Nm, TORQUE), 'largest torque on the tool'],
     [withUnit(peaks.volume_m3, VOLUME),
       `deepest penetration${inObjects(peaks.volume_m3, peaks.volume_in_objects_m3 ?? 0)}; ${percent(peaks.fraction)} of the tool`],
-    [newtons(peaks.force_N), 'largest force on the tool'],
+    [withUnit(contact, TIME), `in contact, of ${short(seconds, 3)} s`],
+    [String(cameras.length), `${cameras.length === 1 ? 'camera' : 'cameras'}; contact method ${summary.settings.contact.method}`],
   ];
   if (hasHand(summary)) {
-    made.push([newtons(peaks.hand_force_N!), `largest force on the hand, of ${newtons(peaks.desired_force_N!)} before the safety filter`]);
+    made.splice(2, 0, [newtons(peaks.hand_force_N!),
+      `largest force on the hand, of ${newtons(peaks.desired_force_N!)} before the safety filter`]);
   }
-  const median = (key: string, words: string, rest = '') => {
-    const stage = stages?.[key];
-    if (stage) made.push([microseconds(stage.p50), `median of ${words}; 99 %: ${microseconds(stage.p99)}${rest}`]);
-  };
-  if (hasHand(summary)) {
-    median('sensor_to_force', 'the way from depth frame to force');
-    median('haptic_compute', 'a tick');
-  } else {
-    made.push([withUnit(peaks.torque_Nm, TORQUE), 'largest torque on the tool']);
-  }
-  made.push([String(summary.missed),
-    `of ${summary.ticks} ticks computed longer than ${withUnit(1 / summary.rate, TIME)}`]);
-  median('contact_compute', 'a query');
-  median('surface_compute', 'a surface', `; ${summary.frames} depth frames`);
-  return cards(made);
+  const share = 1 - missed / Math.max(ticks, 1);
+  const medians = [['contact_compute', 'a query'], ['surface_compute', 'the surface of a depth frame'],
+    ...(hasHand(summary) ? [['sensor_to_force', 'the way from depth frame to force']] : [])]
+    .flatMap(([key, words]) => (stages?.[key] ? [`${words} takes ${microseconds(stages[key].p50)}`] : []));
+  const verdict = `${short(rate / 1000)} kHz ${share >= 0.99 ? 'kept' : 'not kept'}: ${percent(share)} of ${ticks} ticks took ` +
+    `less than ${withUnit(1 / rate, TIME)}. ${medians.length > 0 ? `In the median, ${medians.join(', ')}.` : ''}`;
+  return [cards(made), element('p', 'verdict', verdict)];
 }
 
 // Plots.
@@ -132,14 +150,17 @@ function unseenWords({ settings: { field } }: Summary): string {
     `The contact there is a guess: what is behind a surface ${policy}.`;
 }
 
-function plots(data: RunData): HTMLElement[] {
+function plots(data: RunData, moveTool: MoveTool): HTMLElement[] {
   const { summary, series } = data;
   const x = series.time_s as number[];
   if (x.length === 0) return [];
   const column = (name: string, factor = 1) => series[name].map((value) => (value === null ? null : factor * value));
   const { peaks, settings, device } = summary;
-  const deepest = peaks.volume_m3 > 0 ? [{ x: peaks.volume_time_s, words: 'deepest' }] : [];
-  const base = { x, xWords: 'time in s', strokes: data.frame_times_s, together: 'time', markers: deepest };
+  const { nearest } = data, touches = peaks.volume_m3 > 0;
+  const markers = touches ? [{ x: peaks.volume_time_s, words: 'deepest' }] :
+    nearest ? [{ x: nearest.time_s, words: 'nearest' }] : [];
+  const onPoint = (i: number | null) => moveTool(i === null ? null : toolAt(series, i));
+  const base = { x, xWords: 'time in s', strokes: data.frame_times_s, together: 'time', markers, onPoint };
   const simple = (yWords: string, lines: Line[], caption: string, more: Partial<Plot> = {}) =>
     plot({ ...base, yWords, lines, ...more }, caption);
   /** Plots the components and the norm of a vector. */
@@ -153,7 +174,7 @@ function plots(data: RunData): HTMLElement[] {
     return simple(yWords, [...lines, { name: `|${symbol}|`, values: size }], caption, more);
   };
 
-  const unit = unitFor(peaks.volume_m3, VOLUME);
+  const unit = unitFor(touches ? peaks.volume_m3 : 1e-6, VOLUME);
   const volumes = [{ name: 'penetration volume', values: column('volume_m3', unit.factor) }];
   const hasObjects = summary.objects.length > 0;
   if (hasObjects) volumes.push({ name: 'in objects', values: column('objects_volume_m3', unit.factor) });
@@ -161,7 +182,7 @@ function plots(data: RunData): HTMLElement[] {
     heading('What the tool felt'),
     paragraph('Drag across a plot, or pinch it, to zoom all of them in time; double-click to see all again.'),
     simple(`volume in ${unit.name}`, volumes, `How much of the tool lies behind the surface${
-      hasObjects ? ' or in an object' : ''}. At each stroke on the top edge a depth frame was captured.`, {
+      hasObjects ? ' or in an object' : ''}. Strokes on the top edge are depth frames, where there is room for them, and late ones.`, {
       right: { factor: 100 / (summary.full_volume_m3 * unit.factor), words: '% of the tool' },
     }),
     ...(series.unseen ? [simple('share of the tool in %', [{ name: 'where no camera sees', values: column('unseen', 100) }],
@@ -276,20 +297,20 @@ function settings({ summary, defaults }: RunData): HTMLElement[] {
       const of = cameras.length > 1 ? `camera ${i + 1}: ` : '';
       return [[`${of}depth frames from`, name], [`${of}image`, `${width} × ${height}`],
         [`${of}fx, fy, cx, cy`, list([fx, fy, cx, cy], 6)],
-        [`${of}depth unit`, `${short(unit, 6)} m`], [`${of}kind of sensor`, sensor.replace('_', ' ')]];
+        [`${of}depth unit`, `${short(unit, 6)} m`], [`${of}kind of sensor`, sensor === 'none' ? 'not known' : sensor.replace('_', ' ')]];
     }),
     ['ticks', summary.ticks], ['queries', summary.contacts], ['depth frames', summary.frames],
     ['records lost', summary.lost_records], ['duration', `${short(summary.seconds)} s`],
   ];
-  if (summary.ending) more.push(['ended because', summary.ending]);
+  if (summary.ending) more.push(['end', summary.ending]);
   if (summary.why_not_cuda) more.push(['not on a GPU because', summary.why_not_cuda]);
   const all = each(summary.settings);
   const differing = all.filter(([section, key, value]) =>
     JSON.stringify(value) !== JSON.stringify(defaults[section]?.[key]));
-  const made = [heading('What it was'), columns(table(facts), table(more)), heading('Settings')];
+  const made = [heading('Setup'), columns(table(facts), table(more)), heading('Settings')];
   if (differing.length > 0) {
     made.push(table(differing.map(([section, key, value]) =>
-      [`${section}.${key}`, words(value), words(defaults[section]?.[key] ?? '–')]), ['other than usual', 'here', 'usual']));
+      [`${section}.${key}`, words(value), words(defaults[section]?.[key] ?? '–')]), ['setting', 'value', 'default']));
   }
   made.push(folded('all settings', table(all.map(([section, key, value]) => [`${section}.${key}`, words(value)]))));
   if (summary.changes.length > 0) {

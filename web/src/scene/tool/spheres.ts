@@ -9,7 +9,7 @@ import { cameraColor, rgb, STATE_COLORS } from '../colors';
 import { OPENS_WINDOW, SHADE, shaderMaterial } from '../glsl';
 import { BALL_FRAGMENT, BALL_VERTEX, ballGeometry } from './sphere_shader';
 
-const UNKNOWN = 3; // state of a sphere without measurement
+export const UNKNOWN = 3; // state of a sphere without measurement
 
 const VERTEX = `${BALL_VERTEX}
 in float state;
