@@ -140,11 +140,11 @@ void print_results_table(const Options& options, double tool_volume,
     if (has_objects) std::printf(" %12.5g", measurements[i].shares.bodies.volume);
     std::puts(p.status.has(StepStatus::ambiguous_normals) ? "  (normals disagree)" : "");
     if (measurements[i].noise) {
-    const MeasureNoise& noise = *measurements[i].noise;
-    const Vec3d df = noise.force_std(), dm = noise.torque_std();
-    std::printf("%5s %12.5g %8.3f %12.4g%12.4g%12.4g %12.4g%12.4g%12.4g\n", "+-",
-                noise.volume_std(), 100 * noise.volume_std() / tool_volume, df.x, df.y, df.z, dm.x,
-                dm.y, dm.z);
+      const MeasureNoise& noise = *measurements[i].noise;
+      const Vec3d df = noise.force_std(), dm = noise.torque_std();
+      std::printf("%5s %12.5g %8.3f %12.4g%12.4g%12.4g %12.4g%12.4g%12.4g\n", "+-",
+                  noise.volume_std(), 100 * noise.volume_std() / tool_volume, df.x, df.y, df.z,
+                  dm.x, dm.y, dm.z);
     }
     if (options.stiffness == 0) continue;
     const Vec3d F = options.stiffness * f, M = options.stiffness * m;
