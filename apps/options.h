@@ -12,7 +12,6 @@
 #include <string>
 #include <vector>
 
-#include "palpate/cloud/depth_noise.h"
 #include "palpate/run/run_loop.h"
 
 namespace palpate::apps {

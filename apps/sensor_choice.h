@@ -6,7 +6,6 @@
 #include <string>
 
 #include "palpate/cameras/cameras.h"
-#include "palpate/cloud/depth_noise.h"
 #include "palpate/core/core.h"
 
 namespace palpate::apps {

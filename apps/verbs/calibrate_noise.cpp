@@ -63,7 +63,7 @@ Result<std::vector<DepthFrame>> read_scene(const std::string& text, int num_fram
   return frames;
 }
 
-void print(const SensorNoise& sensor, const MeasuredNoise& measured, const NoiseOptions& options) {
+void print(const SensorNoise& sensor, const NoiseTable& measured, const NoiseOptions& options) {
   if (options.json) {
     nlohmann::ordered_json table = nlohmann::ordered_json::array(), near = table;
     for (const NoiseAtDepth& at : measured.by_depth) {

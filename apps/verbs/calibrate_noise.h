@@ -11,7 +11,7 @@ namespace palpate::apps {
 struct NoiseOptions {
   std::vector<std::string> cameras;  ///< as open_camera takes them: one camera, scene by scene
   std::string output;
-  int num_frames = 90;  ///< of each scene, at most
+  int num_frames = 0;  ///< of each scene, at most
   bool json = false;
 };
 

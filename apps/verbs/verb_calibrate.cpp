@@ -29,7 +29,7 @@ constexpr double kDegrees = 180 / kPi;
 struct Options {
   std::string rig, output;
   std::vector<std::string> noise;  ///< cameras
-  std::optional<int> num_frames;
+  int num_frames = 30;
   bool json = false;
 };
 
@@ -91,17 +91,10 @@ void print(const CameraRig& rig, const AlignedViews& aligned, const std::string&
   results() << text << "written       " << output << "\n";
 }
 
-Status measure_noise(const Options& options) {
-  NoiseOptions noise;
-  noise.cameras = options.noise;
-  noise.output = options.output;
-  noise.num_frames = options.num_frames.value_or(noise.num_frames);
-  noise.json = options.json;
-  return calibrate_noise(noise);
-}
-
 Status run(const Options& options) {
-  if (!options.noise.empty()) return measure_noise(options);
+  if (!options.noise.empty()) {
+    return calibrate_noise({options.noise, options.output, options.num_frames, options.json});
+  }
   namespace fs = std::filesystem;
   const auto rig = load_rig(options.rig);
   if (!rig) return rig.error();
@@ -119,8 +112,7 @@ Status run(const Options& options) {
   std::vector<Pose> X_WC;
   std::vector<std::string> names;
   for (const auto& [name, uri] : rig->cameras) {
-    constexpr int kFrames = 30;
-    auto estimator = look(uri, name, options.num_frames.value_or(kFrames));
+    auto estimator = look(uri, name, options.num_frames);
     if (!estimator) return estimator.error();
     estimators.push_back(*std::move(estimator));
     X_WC.push_back(**standing_pose(uri));
@@ -159,19 +151,19 @@ void add_calibrate(CLI::App& program, Action& action) {
                  "file")
       ->required()
       ->type_name("FILE.toml");
-  app.add_option_function<int>(
-         "--frames", [options](int num) { options->num_frames = num; },
-         "number of frames: averaged of each camera of a rig (30), or taken of each scene at most "
-         "(90)")
-      ->check(CLI::Range(1, 1000));
-  app.add_flag("--json", options->json, "print poses and residuals as JSON");
+  add_number(app, "--frames", options->num_frames, {1, 1000, ""},
+             "number of frames: averaged of each camera of a rig, or taken of each scene at most")
+      ->default_str("30, or 90 with --noise");
+  app.add_flag("--json", options->json, "print what was found as JSON");
   app.footer(
       "Example: palpate calibrate --rig rig.toml -o rig.toml\n"
       "Example: palpate calibrate --noise realsense -o sensor.toml");
-  app.callback([options, &action] {
+  app.callback([options, &app, &action] {
     if (options->rig.empty() == options->noise.empty()) {
       usage_error("calibrate: give one of --rig and --noise");
     }
+    constexpr int kThreeSeconds = 90;  // frames
+    if (!options->noise.empty() && app.count("--frames") == 0) options->num_frames = kThreeSeconds;
     action = [options] { return run(*options); };
   });
 }

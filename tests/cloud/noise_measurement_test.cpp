@@ -6,7 +6,7 @@
 #include <cmath>
 #include <functional>
 
-#include "palpate/cloud/depth_noise.h"
+#include "palpate/cloud/depth_source.h"
 #include "tests/test_util/random.h"
 
 namespace palpate {
@@ -20,7 +20,7 @@ using Depth = std::function<double(int u, int v, int k)>;
 
 /// Frames with noise whose correlation is exactly exp(-d / length) along rows and columns: each
 /// pixel is a share of its neighbor's noise and new noise, first along rows, then along columns.
-std::vector<DepthFrame> frames_of(const DepthNoise& noise, const Depth& depth, int num = 60) {
+std::vector<DepthFrame> frames_of(const MeasurementNoise& noise, const Depth& depth, int num = 60) {
   test::Random random(5);
   const double share = noise.length > 0 ? std::exp(-1 / noise.length) : 0;
   const double rest = std::sqrt(1 - share * share);
@@ -52,7 +52,7 @@ double ramp(int, int v, int) { return 0.25 + 0.3 * v / kHeight; }
 
 TEST(NoiseMeasurement, FindsVarianceAndLength) {
   for (const double length : {0.0, 1.0, 3.0}) {
-    const DepthNoise truth{0.0004, 0.002, length};
+    const MeasurementNoise truth{0.0004, 0.002, length};
     NoiseMeasurement measurement;
     ASSERT_TRUE(measurement.add("ramp", frames_of(truth, ramp)));
     const auto got = measurement.result({});
@@ -68,7 +68,7 @@ TEST(NoiseMeasurement, FindsVarianceAndLength) {
 }
 
 TEST(NoiseMeasurement, SeveralScenesAddRange) {
-  const DepthNoise truth{0.0002, 0.003, 0};
+  const MeasurementNoise truth{0.0002, 0.003, 0};
   NoiseMeasurement measurement;
   for (const double z : {0.2, 0.6}) {
     ASSERT_TRUE(measurement.add("wall", frames_of(truth, [z](int, int, int) { return z; })));
@@ -81,7 +81,7 @@ TEST(NoiseMeasurement, SeveralScenesAddRange) {
 
 // One depth does not tell the growth: proportions are the usual ones.
 TEST(NoiseMeasurement, KeepsTheUsualProportionsAtOneDepth) {
-  const DepthNoise truth{0.001, 0.002, 0}, usual{0.0005, 0.001, 0};
+  const MeasurementNoise truth{0.001, 0.002, 0}, usual{0.0005, 0.001, 0};
   NoiseMeasurement measurement;
   ASSERT_TRUE(measurement.add("wall", frames_of(truth, [](int, int, int) { return 0.5; })));
   const auto got = measurement.result(usual);
@@ -90,7 +90,7 @@ TEST(NoiseMeasurement, KeepsTheUsualProportionsAtOneDepth) {
 }
 
 TEST(NoiseMeasurement, RefusesWhatMovesAndWhatIsShort) {
-  const DepthNoise noise{0.001, 0, 2};
+  const MeasurementNoise noise{0.001, 0, 2};
   NoiseMeasurement measurement;
   const auto moves = [](int, int, int k) { return 0.5 + 0.05 * std::sin(0.4 * k); };
   const Status moving = measurement.add("hand", frames_of(noise, moves));

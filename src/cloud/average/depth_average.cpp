@@ -1,4 +1,3 @@
-#include "palpate/cloud/depth_noise.h"
 #include "palpate/cloud/depth_source.h"
 
 #include <algorithm>

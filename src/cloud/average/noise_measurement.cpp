@@ -77,7 +77,7 @@ float median_of(std::vector<float> values) {
 }
 
 /// Fits sd = at_zero + growth z^2, with weights of pixels.
-DepthNoise fit(const std::vector<NoiseAtDepth>& table, const DepthNoise& usual) {
+MeasurementNoise fit(const std::vector<NoiseAtDepth>& table, const MeasurementNoise& usual) {
   double n = 0, x = 0, y = 0, xx = 0, xy = 0, u = 0;
   for (const NoiseAtDepth& at : table) {
     const double w = std::sqrt(static_cast<double>(at.num_pixels)) / (at.depth * at.depth);
@@ -87,7 +87,7 @@ DepthNoise fit(const std::vector<NoiseAtDepth>& table, const DepthNoise& usual) 
   }
   constexpr double kMinRange = 1.3, kMinNoise = 1e-6;  // m
   const double growth = (n * xy - x * y) / (n * xx - x * x);
-  DepthNoise noise{(y - growth * x) / n, growth, 0};
+  MeasurementNoise noise{(y - growth * x) / n, growth, 0};
   if (table.back().depth < kMinRange * table.front().depth) {
     noise = {usual.at_zero * y / u, usual.growth * y / u, 0};
   } else if (growth < 0) {
@@ -184,8 +184,8 @@ Status NoiseMeasurement::add(const std::string& name, std::span<const DepthFrame
   return Done{};
 }
 
-Result<MeasuredNoise> NoiseMeasurement::result(const DepthNoise& usual) const {
-  MeasuredNoise all{};
+Result<NoiseTable> NoiseMeasurement::result(const MeasurementNoise& usual) const {
+  NoiseTable all{};
   for (const Bin& bin : bins_) {
     const std::size_t num = bin.variances.size();
     if (num < kMinPixels) continue;

@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "palpate/cloud/depth_noise.h"
+#include "palpate/cloud/depth_source.h"
 
 namespace palpate { inline namespace v0 {
 
@@ -20,8 +20,8 @@ struct NoiseAtDepth {
   std::size_t num_pixels = 0;
 };
 
-struct MeasuredNoise {
-  DepthNoise noise;
+struct NoiseTable {
+  MeasurementNoise noise;
   std::vector<NoiseAtDepth> by_depth;  ///< from near to far
   std::array<double, 4> correlation;   ///< at kNoiseDistances
 };
@@ -35,7 +35,7 @@ class NoiseMeasurement {
   Status add(const std::string& name, std::span<const DepthFrame> frames);
   /// Fits all scenes. `usual`: noise of such cameras, whose proportions hold where depths are too
   /// alike to tell the growth. Error: too little was measured.
-  Result<MeasuredNoise> result(const DepthNoise& usual) const;
+  Result<NoiseTable> result(const MeasurementNoise& usual) const;
 
  private:
   static constexpr int kBins = 64;  ///< of depth, 8 an octave from 0.1 m on
