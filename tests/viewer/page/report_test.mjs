@@ -270,7 +270,17 @@ pageTest('a run: pointing at a plot moves the tool in the picture, which stays i
   const { top, bottom } = await page.evaluate(() => document.querySelector('canvas.scene').getBoundingClientRect().toJSON());
   assert.ok(top >= 0 && bottom <= 900, `${top} to ${bottom}`);
   await page.addStyleTag({ content: '.when { visibility: hidden; }' }); // is in the pictures, too
-  assert.equal(await count(page, isShaded('inside')), 0, 'the states of spheres at other moments are not known');
+  const still = async () => {
+    await count(page, () => false);
+    return decoded(await page.locator('canvas.scene').screenshot());
+  };
+  const early = await still();
+  await page.mouse.move(at.x + 0.3 * at.width, at.y + 0.5 * at.height);
+  await until('words about a later moment', async () => !(await page.locator('.when').textContent()).startsWith('the tool at 0'));
+  const late = await still();
+  let num = 0;
+  for (let v = 0; v < early.height; ++v) for (let u = 0; u < early.width; ++u) num += String(early.at(u, v)) === String(late.at(u, v)) ? 0 : 1;
+  assert.ok(num > 30 && num < 0.2 * early.width * early.height, `the tool alone has moved: ${num} pixels`);
   assert.ok(series.tool_x_m.length === series.time_s.length && series.tool_qw.every((w) => Math.abs(w) <= 1));
   await page.mouse.move(at.x + 2, at.y - 400);
   await page.evaluate(() => scrollTo(0, 0));
