@@ -5,7 +5,6 @@
 #include <memory>
 #include <span>
 
-#include "palpate/cloud/depth_noise.h"
 #include "palpate/cloud/depth_source.h"
 #include "palpate/cloud/point_cloud.h"
 #include "palpate/core/core.h"
@@ -116,10 +115,12 @@ struct SurfaceOptions {
   double flying_pixel_gap = 0;
   /// Random noise of a pixel, for the standard deviations of measurements (ContactWants::noise). 0:
   /// learned from each frame by adaptive smoothing; without it that of a Kinect v1.
-  DepthNoise noise = {0, 0, 0};
+  MeasurementNoise noise = {0, 0, 0};
 };
 /// True if somebody has said what the noise is.
-inline bool is_known(const DepthNoise& noise) { return noise.at_zero > 0 || noise.growth > 0; }
+inline bool is_known(const MeasurementNoise& noise) {
+  return noise.at_zero > 0 || noise.growth > 0;
+}
 inline void add_settings(SettingTable& t, SurfaceOptions& o) {
   t.section("surface");
   t.add("min_depth", o.min_depth, {1e-3, 1e3, "m"}, "nearer pixels are no measurement");

@@ -4,8 +4,8 @@
 
 namespace palpate { inline namespace v0 {
 
-FrameNoise frame_noise(const DepthNoise& noise) {
-  const DepthNoise known = noise.at_zero > 0 || noise.growth > 0 ? noise : DepthNoise{};
+FrameNoise frame_noise(const MeasurementNoise& noise) {
+  const MeasurementNoise known = noise.at_zero > 0 || noise.growth > 0 ? noise : MeasurementNoise{};
   FrameNoise result;
   const auto mean = [&](int level) {
     return known.patch() / (known.patch() + std::ldexp(1, 2 * level) - 1);

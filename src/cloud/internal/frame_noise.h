@@ -2,7 +2,7 @@
 // deviation of what the next wider cells do not tell, base + growth z^2 in meters at depth z.
 #pragma once
 
-#include "palpate/cloud/depth_noise.h"
+#include "palpate/cloud/depth_source.h"
 
 namespace palpate { inline namespace v0 {
 
@@ -17,6 +17,6 @@ struct FrameNoise {
 /// Returns the noise by scale of a camera. The mean over a cell of n pixels has the variance of
 /// p / (p + n - 1) pixels, if p of them share their noise, and a detail is what the next mean
 /// loses.
-FrameNoise frame_noise(const DepthNoise& noise);
+FrameNoise frame_noise(const MeasurementNoise& noise);
 
 }}  // namespace palpate::v0

@@ -38,11 +38,11 @@ std::vector<float> noisy(const std::vector<float>& depth, Random& random, int si
 }
 
 /// The noise of a box mean over `side` pixels.
-DepthNoise noise_of_side(int side, double sd) {
+MeasurementNoise noise_of_side(int side, double sd) {
   return {sd, 0, side == 1 ? 0.0 : side / std::sqrt(2 * kPi)};
 }
 
-SurfaceOptions without_filter(const DepthNoise& noise) {
+SurfaceOptions without_filter(const MeasurementNoise& noise) {
   SurfaceOptions options;
   options.filter.enabled = false;
   options.noise = noise;
