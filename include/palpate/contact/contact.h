@@ -173,11 +173,11 @@ struct BatchAnswers {
   double* force = nullptr;          ///< P x 3, m3, in W: Penetration::measure_W
   double* torque = nullptr;         ///< P x 3, m4, in W, about the tool's center of mass C
   double* stiffness = nullptr;      ///< P x 6 x 6, in W: Stiffness
+  std::uint32_t* status = nullptr;  ///< P: ContactStatus::bits; if unmeasured the rest is zero
+  int gpu = kHostMemory;            ///< memory of the arrays
   double* volume_std = nullptr;     ///< P, m3: MeasureNoise; not a number if it is unknown
   double* force_std = nullptr;      ///< P x 3, m3, in W
   double* torque_std = nullptr;     ///< P x 3, m4, in W
-  std::uint32_t* status = nullptr;  ///< P: ContactStatus::bits; if unmeasured the rest is zero
-  int gpu = kHostMemory;            ///< memory of the arrays
 
   bool want_noise() const {
     return volume_std != nullptr || force_std != nullptr || torque_std != nullptr;
