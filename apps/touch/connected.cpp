@@ -58,9 +58,10 @@ Result<std::string> connected_device() {
     return Error{Errc::invalid_argument,
                  "there are several haptic devices: give one --device of " + joined(devices, ", ")};
   }
-  return Error{Errc::not_found,
-               "no haptic device is there; palpate devices -v says what was tried; without one give "
-               "--device page for a mouse, or --device sim"};
+  return Error{
+      Errc::not_found,
+      "no haptic device is there; palpate devices -v says what was tried; without one give "
+      "--device page for a mouse, or --device sim"};
 }
 
 }  // namespace palpate::apps

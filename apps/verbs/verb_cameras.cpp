@@ -127,7 +127,8 @@ Status self_test(std::vector<std::string> uris, double seconds) {
   }
   std::cout.flush();
   if (uris.empty()) {
-    return Error{Errc::not_found, "no camera is plugged in; palpate cameras -v says what was tried"};
+    return Error{Errc::not_found,
+                 "no camera is plugged in; palpate cameras -v says what was tried"};
   }
   std::string failed;
   for (const std::string& uri : uris) {
