@@ -78,8 +78,8 @@ Status run(const TryOptions& given) {
 
 void add_try(CLI::App& program, Action& action) {
   const auto options = std::make_shared<TryOptions>();
-  CLI::App& app = *program.add_subcommand(
-      "try", "Feel a simulated hand with a pen, in the browser: the mouse holds the pen.");
+  CLI::App& app =
+      *program.add_subcommand("try", "Feel a simulated hand with a pen, by mouse, in the browser.");
   app.add_option("tool", options->tool,
                  "tool file or mesh to use instead of the pen: OBJ, STL, PLY, OFF, glTF or GLB")
       ->type_name("TOOL");

@@ -173,9 +173,7 @@ Status run(const Options& options) {
 void add_replay(CLI::App& program, Action& action) {
   const auto options = std::make_shared<Options>();
   CLI::App& app = *program.add_subcommand(
-      "replay",
-      "Repeat a run from its recording and compare every number, or compute the same "
-      "motion and frames with other settings.");
+      "replay", "Repeat a run from its recording, or compute it with other settings.");
   app.add_option("run", options->run, "folder of a run")->required()->type_name("RUN");
   app.add_option("-o,--output", options->output,
                  "write a new run: the same motion and frames with these settings")

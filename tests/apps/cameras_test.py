@@ -48,7 +48,7 @@ class Cameras(CameraCase):
         self.refused("give one of --camera", *touch, "--camera", "pipe:-", "--scene", "hand",
                      status=2)
         self.refused("several cameras are joined by the method field", *touch, "--camera",
-                     "scene:hand", "--camera", "scene:hand", "--method", "graph")
+                     "scene:hand", "--camera", "scene:hand?pose=0.1,0,0,0,0,0,1", "--method", "graph")
         self.refused("--ros2-camera-frame FRAME", *touch, "--camera", "scene:hand?pose=1,0,0,0,0,0,1",
                      "--device", "sim", "--ros2", status=2)
         self.refused("no path is made up", *touch, "--probe", "80,60", "--camera",

@@ -3,9 +3,11 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <functional>
 #include <iterator>
 #include <limits>
+#include <numbers>
 #include <string>
 
 #include "src/cameras/stream/plausibility.h"
@@ -175,6 +177,14 @@ TEST(Plausibility, DoubtsUnitsAndIntrinsicsThatCannotBe) {
   CameraModel wrong = model;
   wrong.intrinsics = {256, 256, 127.5, 95.5};  // of 256 x 192 pixels
   EXPECT_TRUE(has(Plausibility().look(good, wrong), "128,128,63.5,47.5"));
+  CameraModel narrow = model;  // focal lengths in other units
+  narrow.intrinsics.fx *= 10;
+  narrow.intrinsics.fy *= 10;
+  const double degrees =
+      2 * std::atan2(0.5 * model.width, narrow.intrinsics.fx) * 180 / std::numbers::pi;
+  EXPECT_LT(degrees, 15);
+  EXPECT_TRUE(has(Plausibility().look(good, narrow),
+                  "field of view of " + std::to_string(std::lround(degrees)) + " degrees"));
 }
 
 }  // namespace

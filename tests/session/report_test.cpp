@@ -68,7 +68,7 @@ TEST(Report, HasTheNumbersOfTheFilesBesideIt) {
         expect_close(values[k].get<double>(), columns[name][k], name + std::to_string(k));
       }
     }
-    EXPECT_EQ(num_columns, kind == CouplingKind::none ? 8 : 19);
+    EXPECT_EQ(num_columns, kind == CouplingKind::none ? 15 : 26);
 
     // The deepest moment: the spheres of the tool, in the states that were counted then.
     const auto& moment = page.at("moment");
