@@ -25,6 +25,55 @@ struct Found {
   VecI pixel;      // -1: none; -2 - k: border k
 };
 
+// Narrows a range of pixels to those that show a ball.
+inline void clip(float x, float reach, float near_scale, float far_scale, float focal, float center,
+                 int& first, int& last) {
+  float low = 0, high = 0;
+  find_pixels(x, reach, near_scale, far_scale, focal, center, 1.0f, low, high);
+  const float limit = static_cast<float>(last);
+  first = low > 0 ? static_cast<int>(low < limit + 1 ? low : limit + 1) : 0;
+  last = high < limit ? (high < 0 ? -1 : static_cast<int>(high)) : last;
+}
+
+// Squares that show a ball: three by three at most, unless they are the widest ones. None if
+// right < left or bottom < top.
+struct Squares {
+  int level = 0, left = 0, right = -1, top = 0, bottom = -1;
+};
+Squares squares_around(const Image& image, const CameraPoint<float>& at, float reach) {
+  Squares to{0, 0, image.width - 1, 0, image.height - 1};
+  const float near = at.z - reach;
+  if (near > 0.005f) {
+    const float near_scale = 1 / near, far_scale = 1 / (at.z + reach);
+    clip(at.x, reach, near_scale, far_scale, image.fx, image.cx, to.left, to.right);
+    clip(at.y, reach, near_scale, far_scale, image.fy, image.cy, to.top, to.bottom);
+  } else if (at.z + reach < 0) {
+    return {};
+  }
+  if (to.left > to.right || to.top > to.bottom) return {};
+  const auto is_wide = [&] {
+    const int shift = 2 * to.level;
+    return (to.right >> shift) - (to.left >> shift) > 2 ||
+           (to.bottom >> shift) - (to.top >> shift) > 2;
+  };
+  while (to.level < Image::kLevels - 1 && is_wide()) ++to.level;
+  const int shift = 2 * to.level;
+  return {to.level, to.left >> shift, to.right >> shift, to.top >> shift, to.bottom >> shift};
+}
+
+// The squared distance from points to the solid space on the rays of pixels, or the free one.
+template <bool kFront>
+[[gnu::always_inline]] inline VecF pixel_distance2(const Image& image, const CameraPoint<VecF>& at,
+                                                   VecF x, VecF y, VecF depth) {
+  if constexpr (kFront) {
+    return ray_distance2(at, x, y, depth, depth + image.solid_behind);
+  } else {
+    const VecF before = ray_distance2(at, x, y, VecF{}, depth);
+    if (image.solid_behind >= kNoSurface) return before;
+    return min(before, ray_distance2(at, x, y, depth + image.solid_behind, splat(kNoSurface)));
+  }
+}
+
 // A search of all lanes in one image. `kFront`: the nearest solid space of spheres outside of it;
 // else the nearest free space of those inside.
 template <bool kFront>
@@ -53,25 +102,10 @@ class ImageSearch {
 
   void run() {
     if (!(reach_ >= 0)) return;
-    int first_u = 0, first_v = 0, last_u = image_.width - 1, last_v = image_.height - 1;
-    const float near = middle_.z - reach_;
-    if (near > 0.005f) {
-      const float near_scale = 1 / near, far_scale = 1 / (middle_.z + reach_);
-      clip(middle_.x, near_scale, far_scale, image_.fx, image_.cx, first_u, last_u);
-      clip(middle_.y, near_scale, far_scale, image_.fy, image_.cy, first_v, last_v);
-    } else if (middle_.z + reach_ < 0) {
-      return;
-    }
-    if (first_u > last_u || first_v > last_v) return;
-    int level = 0;
-    while (level < Image::kLevels - 1 && ((last_u >> (2 * level)) - (first_u >> (2 * level)) > 2 ||
-                                          (last_v >> (2 * level)) - (first_v >> (2 * level)) > 2)) {
-      ++level;
-    }
-    const int shift = 2 * level;
-    for (int row = first_v >> shift; row <= last_v >> shift; ++row) {
-      for (int column = first_u >> shift; column <= last_u >> shift; ++column) {
-        visit(level, column, row);
+    const Squares squares = squares_around(image_, middle_, reach_);
+    for (int row = squares.top; row <= squares.bottom; ++row) {
+      for (int column = squares.left; column <= squares.right; ++column) {
+        visit(squares.level, column, row);
       }
     }
   }
@@ -79,16 +113,6 @@ class ImageSearch {
   float best() const { return best_; }
 
  private:
-  // Narrows a range of pixels to those that show the ball of all that can be nearer.
-  void clip(float x, float near_scale, float far_scale, float focal, float center, int& first,
-            int& last) const {
-    float low = 0, high = 0;
-    find_pixels(x, reach_, near_scale, far_scale, focal, center, 1.0f, low, high);
-    const float limit = static_cast<float>(last);
-    first = low > 0 ? static_cast<int>(low < limit + 1 ? low : limit + 1) : 0;
-    last = high < limit ? (high < 0 ? -1 : static_cast<int>(high)) : last;
-  }
-
   // Lowers what can still matter to what has been found.
   void tighten() {
     if constexpr (kFront) {
@@ -141,18 +165,6 @@ class ImageSearch {
     }
   }
 
-  // The squared distance from points to what is looked for on the rays of pixels.
-  [[gnu::always_inline]] VecF pixel_distance2(const CameraPoint<VecF>& at, VecF x, VecF y,
-                                              VecF depth) const {
-    if constexpr (kFront) {
-      return ray_distance2(at, x, y, depth, depth + image_.solid_behind);
-    } else {
-      const VecF before = ray_distance2(at, x, y, VecF{}, depth);
-      if (image_.solid_behind >= kNoSurface) return before;
-      return min(before, ray_distance2(at, x, y, depth + image_.solid_behind, splat(kNoSurface)));
-    }
-  }
-
   // Looks into those of a block's squares that come near enough to the middle of all lanes, the
   // nearest ones first.
   void expand(int level, int block_column, int block_row) {
@@ -174,7 +186,7 @@ class ImageSearch {
       const std::size_t at = first + static_cast<std::size_t>(k * kLanes);
       const VecF nearest = load(image_.nearest[level] + at);
       const VecF farthest = load(image_.farthest[level] + at);
-      const VecF bound = level == 0 ? pixel_distance2(middle, left, top, nearest)
+      const VecF bound = level == 0 ? pixel_distance2<kFront>(image_, middle, left, top, nearest)
                                     : bound_of(middle, {left, left + span_x, top, top + span_y},
                                                nearest, farthest);
       store(bounds + k * kLanes, bound);
@@ -198,7 +210,7 @@ class ImageSearch {
   // Measures all lanes to the ray of a pixel.
   void look_at(int column, int row, float x, float y, float depth) {
     if (column >= image_.width || row >= image_.height) return;
-    const VecF distance2 = pixel_distance2(spheres_.at, splat(x), splat(y), splat(depth));
+    const VecF distance2 = pixel_distance2<kFront>(image_, spheres_.at, splat(x), splat(y), splat(depth));
     const VecI pixel = splat(row * image_.width + column);
     const VecI is_nearer =
         lanes_ & ((distance2 < found_.distance2) |
@@ -315,22 +327,6 @@ class VectorSearch {
   VectorSearch(const ClearanceJob& job, std::size_t slot, ClearanceHit& hit)
       : job_(job), slot_(slot), hit_(hit), id_(load(&job.spheres->sphere_id[slot])) {}
 
-  // The sphere that is farthest behind the surface of its pixel, or least in front of it, alone: so
-  // there is a value to beat.
-  void seed() {
-    if (job_.num_cameras > 1 || job_.cameras[0].seen_free != nullptr) return;
-    const Image& image = *job_.cameras[0].field;
-    const SphereLanes spheres = spheres_at(job_, job_.cameras[0], slot_);
-    const Sight sight = sight_of(image, spheres);
-    const VecI lanes = spheres.is_sphere & ~sight.is_solid;
-    const VecF before = select(lanes & sight.is_in_image, sight.depth - spheres.at.z, splat(1e8f));
-    const VecF value = select(lanes, before - spheres.radius, splat(1e30f));
-    const float least = least_lane(value);
-    if (!(least < 1e8f)) return;
-    const VecI is_it = lane_ids() == splat(__builtin_ctz(mask_bits(value == splat(least))));
-    find_outside(image, spheres, sight, is_it);
-  }
-
   void run() {
     lanes_ = spheres_at(job_, job_.cameras[0], slot_).is_sphere;
     if (job_.num_cameras == 1 && job_.cameras[0].seen_free == nullptr) return run_alone();
@@ -376,18 +372,23 @@ class VectorSearch {
     const Image& image = *job_.cameras[0].field;
     const SphereLanes spheres = spheres_at(job_, job_.cameras[0], slot_);
     const Sight sight = sight_of(image, spheres);
-    find_deepest(image, spheres, sight, lanes_ & sight.is_solid);
-    find_outside(image, spheres, sight, lanes_ & ~sight.is_solid);
-  }
-
-  void find_outside(const Image& image, const SphereLanes& spheres, const Sight& sight,
-                    VecI lanes) {
-    const VecI may_win = lanes & (spheres.radius > splat(-best()));
-    if (!is_any_set(may_win)) return;
+    const VecI inside = lanes_ & sight.is_solid;
+    const VecI outside = lanes_ & ~sight.is_solid & (spheres.radius > splat(-best()));
+    if (is_any_set(inside)) {
+      if (is_any_set(inside & (-spheres.radius < splat(job_.enough)))) {
+        hit_.value = -1e9f;
+        hit_.kind = ClearanceKind::deep;
+        return;
+      }
+      find_deepest(image, spheres, sight, inside);
+    }
+    if (!is_any_set(outside)) return;
     Found found = start(spheres.radius);
+    offer<true>(image, spheres, outside & sight.is_in_image, sight.column, sight.row, sight.depth,
+                found);
     float value = best();
-    look_outside(image, spheres, sight, may_win, value, job_.enough, true, found);
-    keep(may_win & (found.pixel != splat(-1)), sqrt(found.distance2) - spheres.radius, found, 0,
+    look_outside(image, spheres, sight, outside, value, job_.enough, true, found);
+    keep(outside & (found.pixel != splat(-1)), sqrt(found.distance2) - spheres.radius, found, 0,
          true, false);
   }
 
@@ -397,7 +398,7 @@ class VectorSearch {
                     VecI lanes) {
     if (!is_any_set(lanes)) return;
     Found found = start_inside(spheres.radius);
-    offer(image, spheres, lanes, sight.column, sight.row, sight.depth, found);
+    offer<false>(image, spheres, lanes, sight.column, sight.row, sight.depth, found);
     while (true) {
       const VecF value = select(lanes, depth_value(found, spheres), splat(1e30f));
       const float deepest = least_lane(value);
@@ -410,17 +411,18 @@ class VectorSearch {
       const std::int32_t pixel = found.pixel[i];
       if (pixel < 0) continue;
       const std::int32_t column = pixel % image.width, row = pixel / image.width;
-      offer(image, spheres, lanes, splat(column), splat(row),
+      offer<false>(image, spheres, lanes, splat(column), splat(row),
             splat(image.nearest[0][image.place(0, column, row)]), found);
     }
   }
 
-  // Takes the free space of a pixel where it is nearer than what a lane has.
+  // Takes the solid or free space of a pixel where it is nearer than what a lane has.
+  template <bool kFront>
   void offer(const Image& image, const SphereLanes& spheres, VecI lanes, VecI column, VecI row,
              VecF depth, Found& found) {
     const VecF x = (to_float(column) - image.cx) * image.per_fx;
     const VecF y = (to_float(row) - image.cy) * image.per_fy;
-    const VecF distance2 = ray_distance2(spheres.at, x, y, VecF{}, depth);
+    const VecF distance2 = pixel_distance2<kFront>(image, spheres.at, x, y, depth);
     const VecI is_nearer = lanes & (distance2 < found.distance2);
     found.distance2 = select(is_nearer, distance2, found.distance2);
     found.pixel = is_nearer ? row * image.width + column : found.pixel;
@@ -530,25 +532,47 @@ void VectorSearch::run_hull() {
   keep_each(inside, to_free, values, true);
 }
 
-// Number of the cluster's nearest depth in the order of clusters: how far its ball stays in front
-// of the surface of its middle's pixel.
-float rank_of(const ClearanceJob& job, const Cluster& ball) {
-  const ClearanceCamera& camera = job.cameras[0];
-  const Image& image = *camera.field;
-  float p[3];
-  for (int k = 0; k < 3; ++k) {
+CameraPoint<float> center_of(const ClearanceCamera& camera, const Cluster& ball) {
+  const auto row = [&](int k) {
     const float(&r)[3] = camera.R_CT[k];
-    p[k] = r[0] * ball.center.x + r[1] * ball.center.y + r[2] * ball.center.z + camera.p_CT[k];
-  }
-  if (!(p[2] > 1e-3f)) return 0;
-  const float u = p[0] / p[2] * image.fx + image.cx + 0.5f;
-  const float v = p[1] / p[2] * image.fy + image.cy + 0.5f;
+    return r[0] * ball.center.x + r[1] * ball.center.y + r[2] * ball.center.z + camera.p_CT[k];
+  };
+  return {row(0), row(1), row(2)};
+}
+
+// How far a cluster's ball stays in front of the surface of its middle's pixel, for the order of
+// clusters.
+float rank_of(const ClearanceJob& job, const Cluster& ball) {
+  const Image& image = *job.cameras[0].field;
+  const CameraPoint<float> p = center_of(job.cameras[0], ball);
+  if (!(p.z > 1e-3f)) return 0;
+  const float u = p.x / p.z * image.fx + image.cx + 0.5f;
+  const float v = p.y / p.z * image.fy + image.cy + 0.5f;
   if (!(u >= 0 && v >= 0 && u < static_cast<float>(image.width) &&
         v < static_cast<float>(image.height))) {
     return 0;
   }
   const int place = image.place(1, static_cast<int>(u) >> 2, static_cast<int>(v) >> 2);
-  return image.nearest[1][place] - p[2] - ball.reach;
+  return image.nearest[1][place] - p.z - ball.reach;
+}
+
+// True if a camera by itself sees only what is farther away than a ball and `best` around it.
+bool is_far_in_front(const ClearanceJob& job, const Cluster& ball, float best) {
+  const ClearanceCamera& camera = job.cameras[0];
+  if (job.num_cameras > 1 || camera.seen_free != nullptr) return false;
+  const Image& image = *camera.field;
+  const float reach = (ball.reach + best) * 1.0001f;
+  if (!(reach > 0)) return false;
+  const CameraPoint<float> p = center_of(camera, ball);
+  const Squares squares = squares_around(image, p, reach);
+  for (int row = squares.top; row <= squares.bottom; ++row) {
+    for (int column = squares.left; column <= squares.right; ++column) {
+      if (image.nearest[squares.level][image.place(squares.level, column, row)] <= p.z + reach) {
+        return false;
+      }
+    }
+  }
+  return true;
 }
 
 }  // namespace
@@ -560,6 +584,7 @@ void find_nearest(const ClearanceJob& job, ClearanceHit& hit) {
   for (int group = 0; group < spheres.num_groups(); ++group) {
     const int first = group * SphereClusters::kClustersPerGroup;
     const int num = std::min(SphereClusters::kClustersPerGroup, spheres.num_clusters() - first);
+    if (is_far_in_front(job, spheres.groups[static_cast<std::size_t>(group)], hit.value)) continue;
     float ranks[SphereClusters::kClustersPerGroup];
     int order[SphereClusters::kClustersPerGroup];
     for (int k = 0; k < num; ++k) {
@@ -568,12 +593,12 @@ void find_nearest(const ClearanceJob& job, ClearanceHit& hit) {
       for (; i > 0 && ranks[order[i - 1]] > ranks[k]; --i) order[i] = order[i - 1];
       order[i] = k;
     }
-    for (int i = 0; group == 0 && i < spheres.num_spheres(order[0]); i += kLanes) {
-      VectorSearch(job, static_cast<std::size_t>(order[0] * SphereClusters::kSize + i), hit).seed();
-    }
     for (int k = 0; k < num; ++k) {
       const int cluster = first + order[k];
       const int num_spheres = spheres.num_spheres(cluster);
+      if (is_far_in_front(job, spheres.clusters[static_cast<std::size_t>(cluster)], hit.value)) {
+        continue;
+      }
       for (int i = 0; i < num_spheres; i += kLanes) {
         VectorSearch(job, static_cast<std::size_t>(cluster * SphereClusters::kSize + i), hit).run();
         if (hit.value < job.enough || hit.value <= -job.limit) return;
