@@ -3,33 +3,11 @@
 
 #include <optional>
 
+#include "python/src/batch.h"
 #include "python/src/contact.h"
-#ifdef PALPATE_CUDA
-#include "src/gpu/internal/runtime.h"
-#endif
 
 namespace palpate::python {
 namespace {
-
-/// Class palpate.Batch: results of a batch, in host memory or on a GPU, in W.
-struct PyBatch {
-  std::size_t num = 0;
-  std::vector<double> numbers;        // host: volume, potential, force, torque, stiffness
-  std::vector<std::uint32_t> status;  // host
-#ifdef PALPATE_CUDA
-  std::unique_ptr<gpu::Memory> memory;
-#endif
-  std::vector<WritableArray> given;  // by the caller
-  BatchAnswers answers;
-
-  static constexpr std::size_t kPerPose = 1 + 1 + 3 + 3, kStiffness = 36;
-
-  bool has_stiffness() const { return answers.stiffness != nullptr; }
-  void lay_out(double* at, std::uint32_t* bits, bool with_stiffness, int where) {
-    answers = {at, at + num, at + 2 * num, at + 5 * num, nullptr, bits, where};
-    if (with_stiffness) answers.stiffness = at + kPerPose * num;
-  }
-};
 
 std::unique_ptr<PyBatch> make_batch(std::size_t num, bool with_stiffness, int gpu) {
   auto batch = std::make_unique<PyBatch>();
@@ -313,14 +291,16 @@ data of their shape.)")
       .def_prop_ro(
           "shape", [](const PyBody& self) { return self.shape; }, "The Tool with its shape.");
 
-  nb::class_<PyBatch>(
+  nb::class_<PyBatch> batch_class(
       m, "Batch",
       R"(Results of Contact.measure_batch for P poses, in the memory of the contact: NumPy arrays, or arrays
 with DLPack on its GPU. Volumes times directions: multiply by a stiffness in N/m3 to get newtons.
 
 Created over your own arrays (any library with DLPack), it is an `out` that writes into these only;
 others are not computed. float64, status uint32, row-major, all for P poses and in one memory.
-ValueError: another shape, type or memory.)")
+ValueError: another shape, type or memory.)");
+  add_scene_results(batch_class);
+  batch_class
       .def("__init__", make_batch_over, nb::kw_only(), nb::arg("volume") = nb::none(),
            nb::arg("potential") = nb::none(), nb::arg("force") = nb::none(),
            nb::arg("torque") = nb::none(), nb::arg("stiffness") = nb::none(),

@@ -140,12 +140,11 @@ bool ClearanceQuery::is_within(const ClearanceScene& scene, const Pose& X_WT,
                                double margin) const noexcept {
   const Cameras cameras(scene, X_WT);
   // Planes change distances by no more than this, which decides between both.
-  double farthest = 0;
+  double change = 0;
   for (int k = 0; k < cameras.num; ++k) {
-    farthest = std::max(farthest, cameras.X_CT[k].translation.z);
+    const double farthest = std::abs(cameras.X_CT[k].translation.z) + reach_ + std::abs(margin);
+    change = std::max(change, plane_change(*cameras.cameras[k].field, 1.01 * farthest));
   }
-  const double reach = norm(tool_->sphere_mass().center_of_mass);
-  const double change = plane_change(farthest + reach + margin + 1);
   ClearanceJob job = cameras.job(*spheres_, margin + change);
   job.enough = static_cast<float>(margin - change);
   ClearanceHit hit;

@@ -59,6 +59,7 @@ class ClearanceQuery {
   const Tool* tool_;
   const SphereClusters* spheres_;
   ClearanceKernels kernels_;
+  double reach_ = 0;  // of the tool from its origin, m
 };
 
 }}  // namespace palpate::v0

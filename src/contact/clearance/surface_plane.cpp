@@ -93,7 +93,10 @@ PointDistance refined_distance(const ClearanceImage& image, const ClearanceHit& 
     if (!fit(window, reach, N)) continue;
     const double length = norm(N), off = (1 - dot(N, p)) / length;
     const Vec3d foot = p + N * (off / length);
-    if (!(foot.z > 0) || std::abs(off - plain.phi) > plane_change(depth)) continue;
+    const double change = kPlaneChange * std::max(1.0, depth * depth);
+    const double beyond = outward * (plain.phi - off);  // how much farther the pixel is
+    const double explained = std::hypot(off, pixel_reach(image, depth)) - std::abs(off);
+    if (!(foot.z > 0) || beyond < -change || beyond > change + explained) continue;
     const double i =
         foot.x / foot.z * static_cast<double>(image.fx) + static_cast<double>(image.cx) - u;
     const double j =
