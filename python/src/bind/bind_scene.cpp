@@ -1,5 +1,6 @@
 // palpate.Scene, and the question to it: Contact.measure, measure_batch and any.
 #include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
 #include <unistd.h>
 
 #include <optional>

@@ -13,7 +13,8 @@ namespace palpate { inline namespace v0 {
 /// explains, m at 1 m of depth and nearer; more where noise grows, with the square of the depth.
 inline constexpr double kPlaneChange = 1e-3;
 
-/// Half the diagonal of a pixel at a depth, m: a pixel's middle is farther than its surface by less.
+/// Half the diagonal of a pixel at a depth, m: a pixel's middle is farther than its surface by
+/// less.
 inline double pixel_reach(const ClearanceImage& image, double depth) {
   return 0.71 * depth * static_cast<double>(std::max(image.per_fx, image.per_fy));
 }
