@@ -123,7 +123,7 @@ struct Solids {
   }
 };
 
-void solids() {
+void exact_solids() {
   const Solids solids;
   SpherePacking packing;
   packing.spheres = {{{}, 0.004f}};
@@ -257,7 +257,7 @@ int main(int argc, char** argv) {
   const auto is_wanted = [&](const char* part) { return only.empty() || only == part; };
   if (is_wanted("rate")) rate();
   if (is_wanted("ready")) ready();
-  if (is_wanted("solids")) solids();
+  if (is_wanted("solids")) exact_solids();
   if (is_wanted("free")) free_space();
   if (is_wanted("one")) one_pose();
   return all.close() ? 0 : 1;

@@ -113,9 +113,8 @@ struct SceneMeasured {
   nb::dict more;
 };
 /// Measures P poses in a scene; in bind_scene.cpp.
-SceneMeasured measure_scene(PyContact& self, nb::handle given, nb::handle poses,
-                            const SceneWants& wants, nb::handle tool_of_pose,
-                            nb::handle group_of_pose);
+SceneMeasured measure_scene(PyContact& self, nb::handle given, nb::handle poses, SceneWants wants,
+                            nb::handle tool_of_pose, nb::handle group_of_pose);
 /// True for a palpate.Scene.
 bool is_scene(nb::handle given);
 /// Adds palpate.Scene, and Contact.any.

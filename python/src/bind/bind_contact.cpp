@@ -168,7 +168,7 @@ PyResult measure_in_scene(PyContact& self, nb::handle scene, nb::handle pose,
     nb::object values = nb::borrow(item.second)[nb::int_(0)];
     result.more[item.first] = values;
   }
-  if (wants.unseen) result.unseen = nb::cast<double>(result.more["unseen"]);
+  if (result.more.contains("unseen")) result.unseen = nb::cast<double>(result.more["unseen"]);
   return result;
 }
 

@@ -189,10 +189,13 @@ nb::object any(PyContact& self, nb::handle given, nb::handle poses, double margi
 
 bool is_scene(nb::handle given) { return nb::isinstance<PyScene>(given); }
 
-SceneMeasured measure_scene(PyContact& self, nb::handle given, nb::handle poses,
-                            const SceneWants& wants, nb::handle tool_of_pose,
-                            nb::handle group_of_pose) {
+SceneMeasured measure_scene(PyContact& self, nb::handle given, nb::handle poses, SceneWants wants,
+                            nb::handle tool_of_pose, nb::handle group_of_pose) {
   const PyScene scene = scene_of(given);
+  // On a GPU it is known of joined cameras alone.
+  wants.unseen = !scene.cameras.empty() &&
+                 (self.place().backend == Backend::cpu || scene.cameras.size() > 1) &&
+                 self.method() == "field" && wants.unseen;
   const Asked asked(poses, tool_of_pose, group_of_pose);
   const std::size_t num = asked.asked.X_WT.size(), num_spheres = self.max_spheres();
   const auto num_groups = static_cast<std::size_t>(asked.asked.num_groups);

@@ -299,6 +299,13 @@ Status SceneContact::measure(const Scene& scene, const ScenePoses& poses,
                  "results of groups were asked without group_of_pose, clearance and volume; give "
                  "these, too"};
   }
+  if (answers.unseen != nullptr && impl.place.backend != Backend::cpu &&
+      scene.surfaces.size() == 1) {
+    return Error{
+        Errc::unavailable,
+        "what one camera by itself does not see is known on the CPU alone; create the contact "
+        "with Place::cpu(), or leave it out"};
+  }
   if (const Status status = impl.take(scene); !status) return status;
   const BatchAnswers& contact = answers.contact;
   const bool wants_contact = contact.volume != nullptr || contact.potential != nullptr ||
