@@ -1,6 +1,7 @@
 // palpate query: single measurements against frozen views of one or more cameras.
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -18,6 +19,7 @@
 #include "apps/verbs/caps.h"
 #include "apps/verbs/frozen_views.h"
 #include "palpate/contact/body_contact.h"
+#include "palpate/contact/scene.h"
 #include "palpate/io/files.h"
 #include "src/run/internal/pipeline.h"
 #include "src/run/internal/reported_output.h"
@@ -37,7 +39,8 @@ struct Options {
   int num_spheres = 0;   ///< of the tool file; 0: all
   double stiffness = 0;  ///< N/m3, of forces beside the volumes; 0: none
   bool json = false;
-  bool std = false;        ///< standard deviations
+  bool std = false;  ///< standard deviations
+  bool wants_clearance = false;
   std::vector<Pose> X_WT;  ///< from --pose or, later, --poses
 };
 
@@ -49,7 +52,10 @@ struct Measurement {
   std::vector<int> decided;  ///< spheres in contact decided by each camera; last: by none
   double seconds = 0;
   Pose X_WT;
-  std::optional<MeasureNoise> noise;  ///< with --std
+  std::optional<MeasureNoise> noise;               ///< with --std
+  std::optional<double> clearance = std::nullopt;  ///< m, with its sphere and its gradient
+  int nearest = -1;
+  std::array<double, 6> clearance_gradient = {};
 };
 
 std::string camera_name(std::size_t number) {
@@ -80,7 +86,8 @@ void print_results_json(const Options& options, const RunSettings& settings, con
   }
   json["results"] = nlohmann::ordered_json::array();
   for (const Measurement& measurement : measurements) {
-    const auto& [penetration, shares, unseen, decided, seconds, X_WT, noise] = measurement;
+    const auto& [penetration, shares, unseen, decided, seconds, X_WT, noise, clearance, nearest,
+                 clearance_gradient] = measurement;
     json["results"].push_back({{"volume", penetration.volume},
                                {"fraction", penetration.volume / tool_volume},
                                {"force", to_json(penetration.measure_W.force)},
@@ -106,6 +113,11 @@ void print_results_json(const Options& options, const RunSettings& settings, con
       json["results"].back()["force_N"] = to_json(options.stiffness * measure.force);
       json["results"].back()["torque_Nm"] = to_json(options.stiffness * measure.torque);
     }
+    if (clearance) {
+      json["results"].back()["clearance"] = *clearance;
+      json["results"].back()["nearest"] = nearest;
+      json["results"].back()["clearance_gradient"] = clearance_gradient;
+    }
     if (!(settings.output == OutputOptions{})) {
       json["results"].back()["reported"] =
           reported_json(settings.output, tool, X_WCamera, measurement);
@@ -124,9 +136,9 @@ void print_results_json(const Options& options, const RunSettings& settings, con
 void print_results_table(const Options& options, double tool_volume,
                          const std::vector<Measurement>& measurements) {
   const bool has_objects = !options.objects.empty();
-  std::printf("%5s %12s %8s %36s %36s %8s %8s %8s %9s%s\n", "pose", "volume m3", "% tool",
+  std::printf("%5s %12s %8s %36s %36s %8s %8s %8s %9s%s%s\n", "pose", "volume m3", "% tool",
               "force measure m3", "torque measure m4", "boundary", "inside", "points", "us",
-              has_objects ? "   objects m3" : "");
+              has_objects ? "   objects m3" : "", options.wants_clearance ? "  clearance m" : "");
   if (options.std) {
     std::printf("%5s %12s %8s %36s %36s\n", "", "and its std", "", "and its std", "and its std");
   }
@@ -138,6 +150,7 @@ void print_results_table(const Options& options, double tool_volume,
                 p.num_boundary_spheres, p.num_inside_spheres, p.num_points,
                 measurements[i].seconds * 1e6);
     if (has_objects) std::printf(" %12.5g", measurements[i].shares.bodies.volume);
+    if (const auto& clearance = measurements[i].clearance) std::printf(" %12.5g", *clearance);
     std::puts(p.status.has(StepStatus::ambiguous_normals) ? "  (normals disagree)" : "");
     if (measurements[i].noise) {
       const MeasureNoise& noise = *measurements[i].noise;
@@ -192,6 +205,36 @@ void find_evidence(const ContactQuery& query, Backend backend,
     const std::int8_t camera = spheres.deciders[i];
     ++(camera == kNoCamera ? at.decided.back() : at.decided[static_cast<std::size_t>(camera)]);
   }
+}
+
+/// Computes the clearance at all poses, on the CPU.
+Status find_clearance(const Options& options, const Tool& tool, const FrozenViews& views,
+                      const std::vector<SceneObject>& objects,
+                      std::vector<Measurement>& measurements) {
+  Scene scene;
+  for (const SurfaceBlend& view : views.views()) scene.surfaces.push_back(view.to);
+  for (const SceneObject& object : objects) scene.bodies.emplace_back(*object.shape, object.X_WB);
+  const auto method = contact_method(options.settings.contact);
+  if (!method) return method.error();
+  const Tool* const tools[] = {&tool};
+  const auto contact =
+      SceneContact::create(tools, *method, Place::cpu(), options.settings.num_threads);
+  if (!contact) return contact.error();
+  std::vector<Pose> poses;
+  for (const Measurement& measurement : measurements) poses.push_back(measurement.X_WT);
+  std::vector<double> clearance(poses.size()), gradient(6 * poses.size());
+  std::vector<std::int32_t> nearest(poses.size());
+  SceneAnswers answers;
+  answers.clearance = clearance.data();
+  answers.nearest = nearest.data();
+  answers.clearance_gradient = gradient.data();
+  const Status status = contact->measure(scene, {poses}, answers);
+  for (std::size_t i = 0; status && i < poses.size(); ++i) {
+    measurements[i].clearance = clearance[i];
+    measurements[i].nearest = nearest[i];
+    std::copy_n(&gradient[6 * i], 6, measurements[i].clearance_gradient.begin());
+  }
+  return status;
 }
 
 /// Returns the named frames of the query's cameras.
@@ -262,7 +305,8 @@ Status run(const Options& given) {
     world.measure(scene->views());
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
     const BodyMeasure& measured = world.measured(body);
-    measurements.push_back({measured.total(), measured, {}, {}, elapsed.count(), X_WT, {}});
+    measurements.push_back(
+        {measured.total(), measured, {}, {}, elapsed.count(), X_WT, {}, {}, -1, {}});
     if (options.std) {
       // Objects have no noise.
       measurements.back().noise = query.measure(scene->views(), X_WT, {.noise = true}).noise;
@@ -271,6 +315,10 @@ Status run(const Options& given) {
       find_evidence(query, chosen->backend, scene->views(), measurements.back());
     }
     if (measured.total().status.has(StepStatus::backend_failed)) return lost_backend();
+  }
+  if (options.wants_clearance) {
+    const Status status = find_clearance(options, *tool, *scene, *objects, measurements);
+    if (!status) return status.error();
   }
   std::size_t num_caps_triangles = 0;
   if (!options.caps.file.empty()) {
@@ -391,6 +439,9 @@ void add_query(CLI::App& program, Action& action) {
   add_caps_options(app, options->caps);
   app.add_flag("--std", options->std,
                "also print standard deviations by the noise of the depth (method field)");
+  app.add_flag("--clearance", options->wants_clearance,
+               "also the distance to what the cameras have seen and to the objects, up to 0.1 m; "
+               "negative inside");
   app.footer(
       "Example: palpate query drill.palp --depth frame.png --intrinsics 525,525,319.5,239.5 "
       "--pose '0 0 0.8 0 0 0 1' --method graph");

@@ -8,7 +8,7 @@ without derivatives see Contact.measure_batch.
 from __future__ import annotations
 
 import weakref
-from typing import Any, NamedTuple, Tuple
+from typing import Any, NamedTuple, Optional, Tuple, Union
 
 import numpy as np
 
@@ -19,8 +19,12 @@ except ImportError as error:
 
 from palpate import _core
 
-__all__ = ["Penetration", "penetration", "wrench"]
+__all__ = ["Penetration", "clearance", "penetration", "wrench"]
 
+#: A tool, or a contact with one.
+ToolOrContact = Union[_core.Tool, _core.Contact]
+
+_contacts: "weakref.WeakKeyDictionary[_core.Tool, _core.Contact]" = weakref.WeakKeyDictionary()
 _differentiated: "weakref.WeakKeyDictionary[_core.Tool, _core.Differentiated]" = weakref.WeakKeyDictionary()
 
 
@@ -33,7 +37,25 @@ class Penetration(NamedTuple):
     potential: torch.Tensor
 
 
-def _measure(tool: _core.Tool, surface: _core.Surface, poses: torch.Tensor) -> Tuple[torch.Tensor, ...]:
+def _contact_of(tool: ToolOrContact) -> _core.Contact:
+    if isinstance(tool, _core.Contact):
+        return tool
+    contact = _contacts.get(tool)
+    if contact is None:
+        contact = _contacts[tool] = _core.Contact(tool)
+    return contact
+
+
+def _measure(tool: _core.Tool, surface: Any, poses: torch.Tensor) -> Tuple[Any, ...]:
+    if isinstance(surface, _core.Scene) and surface.unseen == "solid" and not surface.bodies and len(surface.cameras) == 1:
+        surface = surface.cameras[0]
+    if not isinstance(surface, _core.Surface):
+        numbers = np.ascontiguousarray(poses.detach().to("cpu", torch.float64).numpy())
+        batch = _contact_of(tool).measure_batch(surface, numbers, stiffness=True)
+        both = np.concatenate([batch.force, batch.torque], 1)
+        found = (batch.volume, batch.potential, both, batch.stiffness)
+        volume, potential, wrench_W, stiffness = (torch.from_numpy(np.array(each)) for each in found)
+        return volume, potential, None, wrench_W, stiffness
     by_definition = _differentiated.get(tool)
     if by_definition is None:
         by_definition = _differentiated[tool] = _core.Differentiated(tool)
@@ -98,11 +120,11 @@ def _cross_matrix(v: torch.Tensor) -> torch.Tensor:
 
 class _Wrench(torch.autograd.Function):
     @staticmethod
-    def forward(ctx: Any, poses: torch.Tensor, tool: _core.Tool, surface: _core.Surface) -> torch.Tensor:
+    def forward(ctx: Any, poses: torch.Tensor, tool: _core.Tool, surface: Any) -> torch.Tensor:
         *_, wrench_W, stiffness = _measure(tool, surface, poses)
         ctx.tool, ctx.stiffness = tool, stiffness
         ctx.save_for_backward(poses)
-        return wrench_W.to(poses.dtype)
+        return wrench_W.to(poses)
 
     @staticmethod
     @torch.autograd.function.once_differentiable  # type: ignore[untyped-decorator]
@@ -116,12 +138,15 @@ class _Wrench(torch.autograd.Function):
 class _Penetration(torch.autograd.Function):
     @staticmethod
     def forward(
-        ctx: Any, poses: torch.Tensor, tool: _core.Tool, surface: _core.Surface
+        ctx: Any, poses: torch.Tensor, tool: _core.Tool, surface: Any
     ) -> Tuple[torch.Tensor, torch.Tensor]:
         volume, potential, volume_gradient, *_ = _measure(tool, surface, poses)
         ctx.tool, ctx.surface, ctx.volume_gradient = tool, surface, volume_gradient
         ctx.save_for_backward(poses)
-        return volume.to(poses.dtype), potential.to(poses.dtype)
+        volume = volume.to(poses)
+        if volume_gradient is None:
+            ctx.mark_non_differentiable(volume)
+        return volume, potential.to(poses)
 
     @staticmethod
     def backward(ctx: Any, by_volume: torch.Tensor, by_potential: torch.Tensor) -> Tuple[Any, ...]:
@@ -129,7 +154,9 @@ class _Penetration(torch.autograd.Function):
         inside = poses.to("cpu", torch.float64)
         # The wrench is differentiable, and so is this gradient.
         wrench_W = _Wrench.apply(inside, ctx.tool, ctx.surface)
-        by_motion = by_volume[:, None] * ctx.volume_gradient - by_potential[:, None] * wrench_W
+        by_motion = -by_potential.to(wrench_W)[:, None] * wrench_W
+        if ctx.volume_gradient is not None:
+            by_motion = by_motion + by_volume.to(wrench_W)[:, None] * ctx.volume_gradient
         gradient = (by_motion[:, None] @ _motions(ctx.tool, inside)).reshape(poses.shape)
         return gradient.to(poses), None, None
 
@@ -143,16 +170,56 @@ def _checked(poses: torch.Tensor) -> torch.Tensor:
     return poses
 
 
-def penetration(tool: _core.Tool, surface: _core.Surface, poses: torch.Tensor) -> Penetration:
+def _only_tool(tool: ToolOrContact) -> _core.Tool:
+    if isinstance(tool, _core.Tool):
+        return tool
+    if len(tool.tools) > 1:
+        raise ValueError("tool: penetration takes one tool at a time, not a contact with several")
+    return tool.tool
+
+
+def penetration(tool: ToolOrContact, scene: Any, poses: torch.Tensor) -> Penetration:
     """Volume (P,) m3 and potential (P,) m4 of the tool at poses X_WT, differentiable by the poses.
 
-    poses: (P, 7) tx ty tz qx qy qz qw, with quaternions of any length, or (P, 4, 4). The gradient of
-    the potential is exactly minus the wrench, and its second derivative the stiffness; the gradient
-    of the volume is exact, too, but has no second derivative. For (P, 4, 4) it is the gradient along
-    rotations. `surface` must be in host memory.
+    scene: a Surface, Body or Scene in host memory. poses: (P, 7) tx ty tz qx qy qz qw, with
+    quaternions of any length, or (P, 4, 4); results are on their device. The gradient of the
+    potential is exactly minus the wrench, and its second derivative the stiffness. With one camera,
+    the gradient of the volume is exact, too, but has no second derivative; with several cameras or
+    bodies the volume has no gradient. For (P, 4, 4) it is the gradient along rotations.
     """
-    volume, potential = _Penetration.apply(_checked(poses), tool, surface)  # type: ignore[no-untyped-call]
+    volume, potential = _Penetration.apply(_checked(poses), _only_tool(tool), scene)  # type: ignore[no-untyped-call]
     return Penetration(volume, potential)
+
+
+def clearance(
+    tool: ToolOrContact,
+    scene: Any,
+    poses: torch.Tensor,
+    *,
+    limit: float = 0.1,
+    tool_of_pose: Optional[np.ndarray] = None,
+) -> torch.Tensor:
+    """Least distance (P,) m of the tool to the scene, see Batch.clearance, differentiable by the poses.
+
+    tool: a tool, or a contact with one or several, of which tool_of_pose (P,) are the indices. poses:
+    as in `penetration`. The gradient is exact for the nearest sphere and what it is near to; where
+    that changes the clearance has a kink. Second derivatives are those of a sphere before a plane.
+    Beyond `limit` (m) the clearance is constant.
+    """
+    contact = _contact_of(tool)
+    numbers = np.ascontiguousarray(_checked(poses).detach().to("cpu", torch.float64).numpy())
+    batch = contact.measure_batch(scene, numbers, clearance=True, limit=limit, tool_of_pose=tool_of_pose)
+    tools = contact.tools
+    which = np.zeros(len(numbers), int) if tool_of_pose is None else np.asarray(tool_of_pose)
+    spheres = np.array([tools[k].spheres[max(i, 0), :3] for k, i in zip(which, batch.nearest)]).reshape(-1, 3)
+    c_T = torch.from_numpy(spheres).to(poses)
+    normal = torch.from_numpy(np.array(batch.clearance_gradient[:, :3])).to(poses)
+    if poses.ndim == 2:
+        c_W = poses[:, :3] + _rotated(poses[:, 3:], c_T)
+    else:
+        c_W = poses[:, :3, 3] + (poses[:, :3, :3] @ c_T[:, :, None])[:, :, 0]
+    value = torch.from_numpy(np.array(batch.clearance)).to(poses)
+    return value + (normal * (c_W - c_W.detach())).sum(1)
 
 
 def wrench(tool: _core.Tool, surface: _core.Surface, poses: torch.Tensor) -> torch.Tensor:

@@ -4,11 +4,13 @@
 #include <algorithm>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "palpate/contact/body_contact.h"
 #include "palpate/contact/contact.h"
+#include "palpate/contact/scene.h"
 #include "python/src/arrays.h"
 #include "python/src/bindings.h"
 
@@ -16,10 +18,20 @@ namespace palpate::python {
 
 class PyContact {
  public:
-  PyContact(const PyTool& tool, const ContactMethod& method, const Place& place, int threads)
-      : tool_(tool), place_(place), contact_(make(*tool.tool, method, place, threads)) {}
+  /// One tool or more.
+  PyContact(std::vector<PyTool> tools, const ContactMethod& method, const Place& place, int threads)
+      : tools_(std::move(tools)),
+        place_(place),
+        contact_(make(*tools_.front().tool, method, place, threads)) {}
 
-  const PyTool& tool() const { return tool_; }
+  const PyTool& tool() const { return tools_.front(); }
+  const std::vector<PyTool>& tools() const { return tools_; }
+  /// Spheres of the largest tool.
+  std::size_t max_spheres() const {
+    std::size_t most = 0;
+    for (const PyTool& tool : tools_) most = std::max(most, tool.tool->spheres().size());
+    return most;
+  }
   const Place& place() const { return place_; }
   std::string method() const {
     return std::string(name_of(contact_options(contact_.query().method()).method));
@@ -30,6 +42,20 @@ class PyContact {
     const nb::gil_scoped_release no_gil;
     const std::lock_guard lock(mutex_);
     return work(contact_);
+  }
+  /// Likewise, with what measures all tools in scenes, which is made when it is first asked.
+  template <class Work>
+  Status ask(const Work& work) {
+    const nb::gil_scoped_release no_gil;
+    const std::lock_guard lock(mutex_);
+    if (!scenes_) {
+      std::vector<const Tool*> tools;
+      for (const PyTool& tool : tools_) tools.push_back(tool.tool.get());
+      auto made = SceneContact::create(tools, contact_.query().method(), place_);
+      if (!made) return made.error();
+      scenes_.emplace(*std::move(made));
+    }
+    return work(*scenes_);
   }
   /// Measures many poses against bodies. The query of some bodies is kept until other bodies are
   /// queried. `keeper`: keeps the bodies' shapes alive.
@@ -64,9 +90,10 @@ class PyContact {
     return taken(std::move(contact));
   }
 
-  PyTool tool_;  // outlives the contact
+  std::vector<PyTool> tools_;  // outlive the contact
   Place place_;
   Contact contact_;
+  std::optional<SceneContact> scenes_;
   std::vector<PyTool> shapes_;
   std::vector<PlacedBody> bodies_;
   std::unique_ptr<ThreadPool> body_pool_;
@@ -74,10 +101,34 @@ class PyContact {
   std::mutex mutex_;
 };
 
+/// What is asked of a scene.
+struct SceneWants {
+  bool stiffness = false, noise = false, clearance = false, per_sphere = false, unseen = false;
+  double limit = kClearanceLimit;
+};
+/// The results of P poses; `more` are those by name.
+struct SceneMeasured {
+  std::vector<double> volume, potential, force, torque, stiffness, deviations;
+  std::vector<std::uint32_t> status;
+  nb::dict more;
+};
+/// Measures P poses in a scene; in bind_scene.cpp.
+SceneMeasured measure_scene(PyContact& self, nb::handle given, nb::handle poses, SceneWants wants,
+                            nb::handle tool_of_pose, nb::handle group_of_pose);
+/// True for a palpate.Scene.
+bool is_scene(nb::handle given);
+/// Adds palpate.Scene, and Contact.any.
+void bind_scene(nb::module_& m, nb::class_<PyContact>& contact);
+
 /// Measures P poses at once; in bind_batch.cpp.
 nb::object measure_batch(PyContact& self, nb::handle surfaces, nb::handle poses,
                          nb::handle surface_of_pose, bool stiffness, bool with_std, nb::handle out,
                          nb::handle stream);
+/// The same of surfaces or of a scene; in bind_scene_batch.cpp.
+nb::object measure_many(PyContact& self, nb::handle surfaces, nb::handle poses,
+                        nb::handle surface_of_pose, bool stiffness, bool with_std, nb::handle out,
+                        nb::handle stream, bool clearance, bool per_sphere, double limit,
+                        nb::handle tool_of_pose, nb::handle group_of_pose);
 
 /// Checks that a contact knows what noise does to it. Error: its method or place does not.
 inline void check_std(const PyContact& contact) {

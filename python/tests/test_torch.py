@@ -8,7 +8,7 @@ import palpate
 
 torch = pytest.importorskip("torch", reason="PyTorch is not installed")
 
-from palpate.torch import penetration, wrench  # noqa: E402
+from palpate.torch import clearance, penetration, wrench  # noqa: E402
 
 STANDS = [0.3, -0.2, 0.5, 0.1, 0.7, -0.3, 0.6]
 
@@ -121,3 +121,36 @@ def test_tensors_are_images_and_poses(cube, felt):
     a, b = contact.measure(by_numpy, pose), contact.measure(by_numpy, torch.tensor(pose, dtype=torch.float64))
     assert a.volume == b.volume > 0
     assert torch.from_dlpack(by_numpy.points).shape == (120, 160, 3)
+
+
+def test_gradcheck_of_the_clearance(cube):
+    depth, camera, _ = palpate.render_scene("pillar", 0.0, width=160, height=120)
+    surface = palpate.Sensor(camera).update(depth)
+    pose = [*(surface.points[60, 40] - [0, 0, 0.06]), 0.1, 0.9, -0.2, 0.4]
+    poses = torch.tensor(np.array([pose], np.float64), requires_grad=True)
+    value = clearance(cube, surface, poses)
+    assert 0 < value.item() < 0.1
+    assert torch.autograd.gradcheck(lambda p: clearance(cube, surface, p), (poses,), eps=1e-7, atol=1e-5)
+    assert torch.autograd.gradgradcheck(lambda p: clearance(cube, surface, p), (poses,), eps=1e-6, atol=1e-4)
+    X = torch.tensor(np.array([pose_matrix(pose)]), requires_grad=True)
+    assert clearance(cube, surface, X).item() == pytest.approx(value.item(), rel=1e-9)
+    (gradient,) = torch.autograd.grad(clearance(cube, surface, X), X)
+    by_pose = palpate.Contact(cube).measure_batch(surface, [pose], clearance=True).clearance_gradient[0]
+    assert gradient[0, :3, 3].numpy() == pytest.approx(by_pose[:3], abs=1e-12)
+
+
+def test_scenes_with_bodies_have_exact_gradients(cube):
+    depth, camera, _ = palpate.render_scene("wall", 0.0, width=160, height=120)
+    surface = palpate.Sensor(camera).update(depth)
+    body = palpate.Body(cube, [0.05, 0, 0.7, 0, 0, 0, 1])
+    scene = palpate.Scene([surface], [body])
+    contact = palpate.Contact(cube)
+    poses = torch.tensor([[0.03, 0.01, 0.69, 0.1, 0.2, -0.1, 0.9]], dtype=torch.float64, requires_grad=True)
+    found = penetration(contact, scene, poses)
+    (gradient,) = torch.autograd.grad(found.potential.sum(), poses)
+    batch = contact.measure_batch(scene, poses.detach().numpy())
+    assert batch.volume[0] > 0
+    assert gradient[0, :3].numpy() == pytest.approx(-batch.force[0], rel=1e-12)
+    assert not found.volume.requires_grad
+    alone = penetration(contact, palpate.Scene([surface]), poses)
+    assert alone.volume.requires_grad

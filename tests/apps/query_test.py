@@ -70,6 +70,21 @@ class Queries(CommandLineCase):
             self.assertLess(abs(result["volume"] - volume), 0.35 * volume, depth)
             self.assertLess(result["force"][2], -0.9 * result["volume"], depth)
 
+    def test_clearance_before_a_wall(self):
+        """The distance to a wall, its sphere and its gradient; not with points."""
+        wall = self.path("clear.png")
+        write_depth_png(wall, 320, 240, lambda u, v: 8000)
+        query = ("query", self.tool, "--intrinsics", "262,262,159.5,119.5", "--depth-unit", "0.0001",
+                 "--depth", wall, "--clearance", "--json", "--pose")
+        spheres = json.loads(self.succeed(*query, "0 0 0.7 0 0 0 1"))["results"][0]
+        nearer = json.loads(self.succeed(*query, "0 0 0.71 0 0 0 1"))["results"][0]
+        self.assertAlmostEqual(spheres["clearance"] - nearer["clearance"], 0.01, places=5)
+        self.assertEqual(spheres["nearest"], nearer["nearest"])
+        for value, desired in zip(spheres["clearance_gradient"][:3], (0, 0, -1)):
+            self.assertAlmostEqual(value, desired, places=4)
+        self.assertEqual(len(spheres["clearance_gradient"]), 6)
+        self.expect_failure(1, *query, "0 0 0.7 0 0 0 1", "--method", "graph", mentions="not with graph")
+
     def test_what_nobody_sees_has_a_policy(self):
         """20 cm behind a wall: solid, free or let go."""
         wall = self.path("policy.png")

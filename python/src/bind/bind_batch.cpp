@@ -4,44 +4,11 @@
 #include <optional>
 #include <utility>
 
+#include "python/src/batch.h"
 #include "python/src/contact.h"
-#ifdef PALPATE_CUDA
-#include "src/gpu/internal/runtime.h"
-#endif
 
 namespace palpate::python {
 namespace {
-
-/// Class palpate.Batch: results of a batch, in host memory or on a GPU, in W.
-struct PyBatch {
-  std::size_t num = 0;
-  std::vector<double> numbers;        // host: volume, potential, force, torque, stiffness, noise
-  std::vector<std::uint32_t> status;  // host
-#ifdef PALPATE_CUDA
-  std::unique_ptr<gpu::Memory> memory;
-#endif
-  std::vector<WritableArray> given;  // by the caller
-  BatchAnswers answers;
-
-  static constexpr std::size_t kPerPose = 1 + 1 + 3 + 3, kStiffness = 36, kStd = 1 + 3 + 3;
-
-  bool has_stiffness() const { return answers.stiffness != nullptr; }
-  bool has_std() const { return answers.want_noise(); }
-  void lay_out(double* at, std::uint32_t* bits, bool with_stiffness, bool with_std, int where) {
-    answers = {.volume = at,
-               .potential = at + num,
-               .force = at + 2 * num,
-               .torque = at + 5 * num,
-               .status = bits,
-               .gpu = where};
-    at += kPerPose * num;
-    if (with_stiffness) answers.stiffness = std::exchange(at, at + kStiffness * num);
-    if (!with_std) return;
-    answers.volume_std = at;
-    answers.force_std = at + num;
-    answers.torque_std = at + 4 * num;
-  }
-};
 
 std::unique_ptr<PyBatch> make_batch(std::size_t num, bool with_stiffness, bool with_std, int gpu) {
   auto batch = std::make_unique<PyBatch>();
@@ -302,75 +269,76 @@ void bind_batch(nb::module_& m) {
       R"(The depth fields of many images from Sensor.update_batch. They stay valid while referenced.)")
       .def("__len__", [](const PySurfaces& self) { return self.batch.size(); });
 
-  auto batch =
-      nb::class_<PyBatch>(
-          m, "Batch",
-          R"(Results of Contact.measure_batch for P poses, in the memory of the contact: NumPy arrays, or arrays
+  nb::class_<PyBatch> batch_class(
+      m, "Batch",
+      R"(Results of Contact.measure_batch for P poses, in the memory of the contact: NumPy arrays, or arrays
 with DLPack on its GPU. Volumes times directions: multiply by a stiffness in N/m3 to get newtons.
 
 Created over your own arrays (any library with DLPack), it is an `out` that writes into these only;
 others are not computed. float64, status uint32, row-major, all for P poses and in one memory.
-ValueError: another shape, type or memory.)")
-          .def("__init__", make_batch_over, nb::kw_only(), nb::arg("volume") = nb::none(),
-               nb::arg("potential") = nb::none(), nb::arg("force") = nb::none(),
-               nb::arg("torque") = nb::none(), nb::arg("stiffness") = nb::none(),
-               nb::arg("status") = nb::none(),
-               nb::sig("def __init__(self, *, volume: palpate._types.Array | None = None, "
-                       "potential: palpate._types.Array | None = None, "
-                       "force: palpate._types.Array | None = None, "
-                       "torque: palpate._types.Array | None = None, "
-                       "stiffness: palpate._types.Array | None = None, "
-                       "status: palpate._types.Array | None = None) -> None"))
-          .def("__len__", [](const PyBatch& self) { return self.num; })
-          .def_prop_ro(
-              "volume",
-              [](nb::handle self) {
-                const auto& b = nb::cast<PyBatch&>(self);
-                return array_in(self, b.answers.volume, {b.num});
-              },
-              nb::sig(property("volume", kFloats).c_str()), "(P,) penetration volume, m3.")
-          .def_prop_ro(
-              "potential",
-              [](nb::handle self) {
-                const auto& b = nb::cast<PyBatch&>(self);
-                return array_in(self, b.answers.potential, {b.num});
-              },
-              nb::sig(property("potential", kFloats).c_str()),
-              "(P,) m4: its negative gradient is force and torque.")
-          .def_prop_ro(
-              "force",
-              [](nb::handle self) {
-                const auto& b = nb::cast<PyBatch&>(self);
-                return array_in(self, b.answers.force, {b.num, 3});
-              },
-              nb::sig(property("force", kFloats).c_str()), "(P, 3) m3 in W.")
-          .def_prop_ro(
-              "torque",
-              [](nb::handle self) {
-                const auto& b = nb::cast<PyBatch&>(self);
-                return array_in(self, b.answers.torque, {b.num, 3});
-              },
-              nb::sig(property("torque", kFloats).c_str()),
-              "(P, 3) m4 in W, about the tool's center of mass.")
-          .def_prop_ro(
-              "stiffness",
-              [](nb::handle self) -> nb::object {
-                const auto& b = nb::cast<PyBatch&>(self);
-                return b.has_stiffness() ? array_in(self, b.answers.stiffness, {b.num, 6, 6})
-                                         : nb::none();
-              },
-              nb::sig((property("stiffness", kFloats) + " | None").c_str()),
-              "(P, 6, 6) in W, if requested; see Result.stiffness.")
-          .def_prop_ro(
-              "status",
-              [](nb::handle self) {
-                const auto& b = nb::cast<PyBatch&>(self);
-                return array_in(self, b.answers.status, {b.num});
-              },
-              nb::sig(property("status", " -> numpy.typing.NDArray[numpy.uint32]").c_str()),
-              "(P,) uint32: the bits of palpate.Status.");
+ValueError: another shape, type or memory.)");
+  add_scene_results(batch_class);
+  batch_class
+      .def("__init__", make_batch_over, nb::kw_only(), nb::arg("volume") = nb::none(),
+           nb::arg("potential") = nb::none(), nb::arg("force") = nb::none(),
+           nb::arg("torque") = nb::none(), nb::arg("stiffness") = nb::none(),
+           nb::arg("status") = nb::none(),
+           nb::sig("def __init__(self, *, volume: palpate._types.Array | None = None, "
+                   "potential: palpate._types.Array | None = None, "
+                   "force: palpate._types.Array | None = None, "
+                   "torque: palpate._types.Array | None = None, "
+                   "stiffness: palpate._types.Array | None = None, "
+                   "status: palpate._types.Array | None = None) -> None"))
+      .def("__len__", [](const PyBatch& self) { return self.num; })
+      .def_prop_ro(
+          "volume",
+          [](nb::handle self) {
+            const auto& b = nb::cast<PyBatch&>(self);
+            return array_in(self, b.answers.volume, {b.num});
+          },
+          nb::sig(property("volume", kFloats).c_str()), "(P,) penetration volume, m3.")
+      .def_prop_ro(
+          "potential",
+          [](nb::handle self) {
+            const auto& b = nb::cast<PyBatch&>(self);
+            return array_in(self, b.answers.potential, {b.num});
+          },
+          nb::sig(property("potential", kFloats).c_str()),
+          "(P,) m4: its negative gradient is force and torque.")
+      .def_prop_ro(
+          "force",
+          [](nb::handle self) {
+            const auto& b = nb::cast<PyBatch&>(self);
+            return array_in(self, b.answers.force, {b.num, 3});
+          },
+          nb::sig(property("force", kFloats).c_str()), "(P, 3) m3 in W.")
+      .def_prop_ro(
+          "torque",
+          [](nb::handle self) {
+            const auto& b = nb::cast<PyBatch&>(self);
+            return array_in(self, b.answers.torque, {b.num, 3});
+          },
+          nb::sig(property("torque", kFloats).c_str()),
+          "(P, 3) m4 in W, about the tool's center of mass.")
+      .def_prop_ro(
+          "stiffness",
+          [](nb::handle self) -> nb::object {
+            const auto& b = nb::cast<PyBatch&>(self);
+            return b.has_stiffness() ? array_in(self, b.answers.stiffness, {b.num, 6, 6})
+                                     : nb::none();
+          },
+          nb::sig((property("stiffness", kFloats) + " | None").c_str()),
+          "(P, 6, 6) in W, if requested; see Result.stiffness.")
+      .def_prop_ro(
+          "status",
+          [](nb::handle self) {
+            const auto& b = nb::cast<PyBatch&>(self);
+            return array_in(self, b.answers.status, {b.num});
+          },
+          nb::sig(property("status", " -> numpy.typing.NDArray[numpy.uint32]").c_str()),
+          "(P,) uint32: the bits of palpate.Status.");
   const auto add_std = [&](const char* name, double* BatchAnswers::*array, const char* text) {
-    batch.def_prop_ro(
+    batch_class.def_prop_ro(
         name,
         [array](nb::handle self) -> nb::object {
           const auto& b = nb::cast<PyBatch&>(self);

@@ -22,8 +22,9 @@ struct PyResult {
   Pose X_WT;
   std::optional<double> unseen;  ///< of joined surfaces, from the library
   SpherePicture spheres;         ///< empty: not requested
-  std::optional<MeasureNoise> noise;
-  Vec3d force_std, torque_std;  ///< of the noise
+  std::optional<double> volume_std;
+  Vec3d force_std, torque_std;
+  nb::dict more;  ///< results by name, of scenes
 };
 
 /// True if the pixel at which a point is seen has a measurement.
@@ -39,6 +40,7 @@ bool is_seen(const PointCloudView& cloud, const Vec3d& p_C) {
 /// Returns the share of the spheres' volume whose centers are not seen.
 double unseen_share(const PyResult& result) {
   if (result.unseen) return *result.unseen;
+  if (!result.surface.is_valid()) return 0;
   const auto& surface = nb::cast<PySurface&>(result.surface);
   const PointCloudView& cloud = surface.view.cloud;
   if (cloud.x == nullptr || cloud.gpu != kHostMemory) {
@@ -137,18 +139,61 @@ PyResult measure(PyContact& self, nb::handle given, nb::handle pose, bool with_s
                   X_WT,
                   {},
                   std::move(spheres),
-                  measured.noise,
+                  {},
+                  {},
                   {},
                   {}};
-  if (result.noise) {
-    result.force_std = result.noise->force_std();
-    result.torque_std = result.noise->torque_std();
+  if (const auto& noise = measured.noise) {
+    result.volume_std = noise->volume_std();
+    result.force_std = noise->force_std();
+    result.torque_std = noise->torque_std();
   }
   if (cameras[0].to.role == SurfaceRole::one_of_several) result.unseen = of_whole;
   return result;
 }
 
+/// The same in a scene. What is by name has the first axis left out.
+PyResult measure_in_scene(PyContact& self, nb::handle scene, nb::handle pose,
+                          const SceneWants& wants) {
+  const Pose X_WT = pose_of(pose, "pose");
+  const nb::object one = seven_of(X_WT).attr("reshape")(1, 7);
+  SceneMeasured measured = measure_scene(self, scene, one, wants, nb::none(), nb::none());
+  PyResult result;
+  result.volume = measured.volume[0];
+  result.potential = measured.potential[0];
+  result.force = {measured.force[0], measured.force[1], measured.force[2]};
+  result.torque = {measured.torque[0], measured.torque[1], measured.torque[2]};
+  result.status.bits = measured.status[0];
+  if (wants.stiffness) {
+    result.stiffness.emplace();
+    std::copy_n(measured.stiffness.data(), 36, &result.stiffness->m[0][0]);
+  }
+  if (const std::vector<double>& sd = measured.deviations; wants.noise) {
+    result.volume_std = sd[0];
+    result.force_std = {sd[1], sd[2], sd[3]};
+    result.torque_std = {sd[4], sd[5], sd[6]};
+  }
+  self.alone([&](const Contact& contact) {
+    Penetration whole;
+    whole.volume = result.volume;
+    result.fraction = contact.fraction(whole);
+    return 0;
+  });
+  result.tool = self.tool().tool;
+  result.X_WT = X_WT;
+  for (auto item : measured.more) {
+    nb::object values = nb::borrow(item.second)[nb::int_(0)];
+    result.more[item.first] = values;
+  }
+  if (result.more.contains("unseen")) result.unseen = nb::cast<double>(result.more["unseen"]);
+  return result;
+}
+
 nb::object vector_of(const Vec3d& v, nb::handle owner) { return view_of(&v.x, {3}, owner); }
+
+nb::object named(const PyResult& self, const char* name) {
+  return self.more.contains(name) ? nb::object(self.more[name]) : nb::none();
+}
 
 void bind_result(nb::module_& m) {
   constexpr const char* kFloats = " -> numpy.typing.NDArray[numpy.float64]";
@@ -186,18 +231,14 @@ the camera, or at pixels without depth. Computed on access.)")
           R"((6, 6) in W, if requested: for a small translation (m) and rotation (rad, about the center of
 mass), force and torque change by minus this matrix times them.)")
       .def_prop_ro(
-          "volume_std",
-          [](const PyResult& self) -> std::optional<double> {
-            if (!self.noise) return std::nullopt;
-            return self.noise->volume_std();
-          },
+          "volume_std", [](const PyResult& self) { return self.volume_std; },
           nb::sig("def volume_std(self) -> float | None"),
           "Standard deviation of the volume by the noise of the depth, m3, with std=True.")
       .def_prop_ro(
           "force_std",
           [](nb::handle self) -> nb::object {
             const auto& result = nb::cast<PyResult&>(self);
-            return result.noise ? vector_of(result.force_std, self) : nb::none();
+            return result.volume_std ? vector_of(result.force_std, self) : nb::none();
           },
           nb::sig((std::string("def force_std(self)") + kFloats + " | None").c_str()),
           "(3,) likewise of the force, m3, along the axes of W.")
@@ -205,7 +246,7 @@ mass), force and torque change by minus this matrix times them.)")
           "torque_std",
           [](nb::handle self) -> nb::object {
             const auto& result = nb::cast<PyResult&>(self);
-            return result.noise ? vector_of(result.torque_std, self) : nb::none();
+            return result.volume_std ? vector_of(result.torque_std, self) : nb::none();
           },
           nb::sig((std::string("def torque_std(self)") + kFloats + " | None").c_str()),
           "(3,) likewise of the torque, m4.")
@@ -223,7 +264,7 @@ mass), force and torque change by minus this matrix times them.)")
           "decided",
           [](nb::handle self) -> nb::object {
             const auto& deciders = nb::cast<PyResult&>(self).spheres.deciders;
-            if (deciders.empty()) return nb::none();
+            if (deciders.empty()) return named(nb::cast<PyResult&>(self), "sphere_decided");
             return view_of(deciders.data(), {deciders.size()}, self);
           },
           nb::sig("def decided(self) -> numpy.typing.NDArray[numpy.int8] | None"),
@@ -240,6 +281,29 @@ there, or the sphere is outside.)")
           nb::sig("def unseen_spheres(self) -> numpy.typing.NDArray[numpy.uint8] | None"),
           R"((N,) of the spheres, with states=True and by the method "field": 1 if the center is more
 than 20 mm behind everything that any camera has seen, or where no camera looks.)")
+      .def_prop_ro(
+          "clearance", [](const PyResult& self) { return named(self, "clearance"); },
+          nb::sig("def clearance(self) -> float | None"), "m, if requested: see Batch.clearance.")
+      .def_prop_ro(
+          "nearest", [](const PyResult& self) { return named(self, "nearest"); },
+          nb::sig("def nearest(self) -> int | None"), "The sphere that has it; -1: saturated.")
+      .def_prop_ro(
+          "clearance_gradient",
+          [](const PyResult& self) { return named(self, "clearance_gradient"); },
+          nb::sig("def clearance_gradient(self) -> numpy.typing.NDArray[numpy.float64] | None"),
+          "(6,) by translation and rotation about the center of mass, in W.")
+      .def_prop_ro(
+          "sphere_depth", [](const PyResult& self) { return named(self, "sphere_depth"); },
+          nb::sig("def sphere_depth(self) -> numpy.typing.NDArray[numpy.float32] | None"),
+          "(N,) m, if requested.")
+      .def_prop_ro(
+          "sphere_volume", [](const PyResult& self) { return named(self, "sphere_volume"); },
+          nb::sig("def sphere_volume(self) -> numpy.typing.NDArray[numpy.float32] | None"),
+          "(N,) m3, if requested.")
+      .def_prop_ro(
+          "sphere_direction", [](const PyResult& self) { return named(self, "sphere_direction"); },
+          nb::sig("def sphere_direction(self) -> numpy.typing.NDArray[numpy.float32] | None"),
+          "(N, 3) in W, if requested.")
       .def("__repr__", [](const PyResult& self) {
         char text[160];
         std::snprintf(text, sizeof text,
@@ -252,37 +316,68 @@ than 20 mm behind everything that any camera has seen, or where no camera looks.
 
 }  // namespace
 
+namespace {
+
+std::vector<PyTool> tools_of(nb::handle given) {
+  PyTool* tool = nullptr;
+  if (nb::try_cast<PyTool*>(given, tool, false) && tool != nullptr) return {*tool};
+  std::vector<PyTool> tools;
+  if (nb::isinstance<nb::list>(given) || nb::isinstance<nb::tuple>(given)) {
+    for (nb::handle one : nb::borrow<nb::sequence>(given)) {
+      if (!nb::try_cast<PyTool*>(one, tool, false) || tool == nullptr) break;
+      tools.push_back(*tool);
+    }
+    if (!tools.empty() && tools.size() == nb::len(given)) return tools;
+  }
+  throw nb::type_error("tool: a palpate.Tool or a list of them is taken");
+}
+
+}  // namespace
+
 void bind_contact(nb::module_& m) {
   bind_result(m);
-  nb::class_<PyContact>(m, "Contact", R"(Measures a tool against surfaces.
+  nb::class_<PyContact> contact(m, "Contact",
+                                R"(Measures a tool, or several, against surfaces and scenes.
 
+tool: a Tool or a list of them, of which measure_batch and any take the index of each pose.
 method: "field" (the default), "weighted", "simplified" or "graph".
 place: "cpu", "cuda" or "cuda:1". threads: on a CPU; useful from about 50,000 spheres on.
-options: of docs/settings.md [contact]: volumes, priority, inside, edges, continuity.)")
+options: of docs/settings.md [contact]: volumes, priority, inside, edges, continuity.)");
+  contact
       .def(
           "__init__",
-          [](PyContact* self, const PyTool& tool, const std::string& method,
-             const std::string& place, int threads, nb::kwargs keywords) {
+          [](PyContact* self, nb::handle tool, const std::string& method, const std::string& place,
+             int threads, nb::kwargs keywords) {
             ContactOptions options;
             SettingTable table = settings_of(options);
             check(table.set("contact.method", method));
             apply(keywords, table);
-            new (self) PyContact(tool, taken(contact_method(options)), place_of(place),
+            new (self) PyContact(tools_of(tool), taken(contact_method(options)), place_of(place),
                                  checked_threads(threads));
           },
           nb::arg("tool"), nb::arg("method") = "field", nb::kw_only(), nb::arg("place") = "cpu",
           nb::arg("threads") = 1, nb::arg("options"),
-          nb::sig("def __init__(self, tool: Tool, method: str = 'field', *, place: str = 'cpu', "
+          nb::sig("def __init__(self, tool: Tool | collections.abc.Sequence[Tool], method: str = "
+                  "'field', *, place: str = 'cpu', "
                   "threads: int = 1, **options: str) -> None"))
       .def(
           "measure",
           [](PyContact& self, nb::handle surface, nb::handle pose, bool stiffness, bool with_std,
-             bool states) { return measure(self, surface, pose, stiffness, with_std, states); },
+             bool states, bool clearance, bool per_sphere) {
+            if (is_scene(surface) || clearance || per_sphere) {
+              return measure_in_scene(
+                  self, surface, pose,
+                  {stiffness, with_std, clearance, per_sphere, is_scene(surface)});
+            }
+            return measure(self, surface, pose, stiffness, with_std, states);
+          },
           nb::arg("surface"), nb::arg("pose"), nb::kw_only(), nb::arg("stiffness") = false,
-          nb::arg("std") = false, nb::arg("states") = false,
-          nb::sig("def measure(self, surface: Surface | collections.abc.Sequence[Surface], "
-                  "pose: palpate._types.Array, *, stiffness: bool = False, "
-                  "std: bool = False, states: bool = False) -> Result"),
+          nb::arg("std") = false, nb::arg("states") = false, nb::arg("clearance") = false,
+          nb::arg("per_sphere") = false,
+          nb::sig("def measure(self, surface: Scene | Surface | collections.abc.Sequence[Surface], "
+                  "pose: palpate._types.Array, *, stiffness: bool = False, std: bool = False, "
+                  "states: bool = False, clearance: bool = False, per_sphere: bool = False) "
+                  "-> Result"),
           R"(Measures the tool at a pose against a surface. Releases the GIL.
 
 surface: one, or a list of several cameras: each sphere then has the depth of the camera that has it
@@ -293,15 +388,21 @@ std: also compute Result.volume_std, force_std and torque_std: what the random n
     to them (method "field", on a CPU).
 states: also describe each sphere, for display; takes twice as long.
 If the pose is not finite or there is no surface, Result.status says so and everything else is zero.)")
-      .def("measure_batch", measure_batch, nb::arg("surfaces"), nb::arg("poses"), nb::kw_only(),
+      .def("measure_batch", measure_many, nb::arg("surfaces"), nb::arg("poses"), nb::kw_only(),
            nb::arg("surface_of_pose") = nb::none(), nb::arg("stiffness") = false,
            nb::arg("std") = false, nb::arg("out") = nb::none(), nb::arg("stream") = nb::none(),
-           nb::sig(
-               "def measure_batch(self, surfaces: Surface | collections.abc.Sequence[Surface] | "
-               "Surfaces | Body | collections.abc.Sequence[Body], poses: palpate._types.Array, *, "
-               "surface_of_pose: palpate._types.Array | None = None, stiffness: bool = False, "
-               "std: bool = False, "
-               "out: Batch | None = None, stream: palpate._types.Stream | None = None) -> Batch"),
+           nb::arg("clearance") = false, nb::arg("per_sphere") = false,
+           nb::arg("limit") = kClearanceLimit, nb::arg("tool_of_pose") = nb::none(),
+           nb::arg("group_of_pose") = nb::none(),
+           nb::sig("def measure_batch(self, surfaces: Scene | Surface | "
+                   "collections.abc.Sequence[Surface] | Surfaces | Body | "
+                   "collections.abc.Sequence[Body], poses: palpate._types.Array, *, "
+                   "surface_of_pose: palpate._types.Array | None = None, stiffness: bool = False, "
+                   "std: bool = False, "
+                   "out: Batch | None = None, stream: palpate._types.Stream | None = None, "
+                   "clearance: bool = False, per_sphere: bool = False, limit: float = 0.1, "
+                   "tool_of_pose: palpate._types.Array | None = None, "
+                   "group_of_pose: palpate._types.Array | None = None) -> Batch"),
            R"(Many poses in one call, over all cores or in one launch on a GPU; method "field".
 
 surfaces: one, a list, or the result of Sensor.update_batch. Or palpate.Body, one or a list, on a CPU:
@@ -313,6 +414,12 @@ surface_of_pose: (P,) int32, the index of the surface of each pose; None: one su
 out: a Batch of the same size to overwrite: of an earlier call, or over your own arrays.
 stiffness: also compute Batch.stiffness.
 std: also compute Batch.volume_std, force_std and torque_std, on a CPU; zero for bodies.
+clearance: also Batch.clearance, nearest, decided and clearance_gradient, up to `limit` (m); on a CPU.
+per_sphere: also Batch.sphere_depth, sphere_volume, sphere_direction and sphere_decided.
+tool_of_pose: (P,) int32, the index of the tool of each pose, for a contact with several.
+group_of_pose: (P,) int32, such as the configuration of a robot: Batch.group_clearance and others.
+With one of these, or a palpate.Scene, all poses are measured in the whole scene, the hull of its
+surfaces and the sum over its bodies, and Batch.unseen is there for a Scene with cameras.
 stream: a CUDA stream, as a number or an object of PyTorch or CuPy: arrays on the GPU are read after
     its earlier work. With poses and results on the GPU too, the work is only enqueued, and may be
     captured in a CUDA graph. None: the default stream.
@@ -320,7 +427,11 @@ stream: a CUDA stream, as a number or an object of PyTorch or CuPy: arrays on th
 The result of a pose has the same bits in every batch. For poses that are not finite and indices
 without a surface, Batch.status says so and everything else is zero.)")
       .def_prop_ro("method", &PyContact::method)
-      .def_prop_ro("tool", &PyContact::tool);
+      .def_prop_ro("tool", &PyContact::tool)
+      .def_prop_ro(
+          "tools", [](const PyContact& self) { return nb::tuple(nb::cast(self.tools())); },
+          nb::sig("def tools(self) -> tuple[Tool, ...]"));
+  bind_scene(m, contact);
 }
 
 }  // namespace palpate::python

@@ -1,0 +1,85 @@
+// palpate.Batch as the answer of a scene: Contact.measure_batch.
+#include <nanobind/stl/unique_ptr.h>
+
+#include "python/src/batch.h"
+#include "python/src/contact.h"
+
+namespace palpate::python {
+namespace {
+
+nb::object measure_scene_batch(PyContact& self, nb::handle scene, nb::handle poses,
+                               const SceneWants& wants, nb::handle tool_of_pose,
+                               nb::handle group_of_pose) {
+  SceneMeasured measured = measure_scene(self, scene, poses, wants, tool_of_pose, group_of_pose);
+  auto batch = std::make_unique<PyBatch>();
+  batch->num = measured.volume.size();
+  batch->more = measured.more;
+  std::vector<double>& numbers = batch->numbers = std::move(measured.volume);
+  for (const auto* const part : {&measured.potential, &measured.force, &measured.torque,
+                                 &measured.stiffness, &measured.deviations}) {
+    numbers.insert(numbers.end(), part->begin(), part->end());
+  }
+  batch->status = std::move(measured.status);
+  batch->lay_out(numbers.data(), batch->status.data(), wants.stiffness, wants.noise, kHostMemory);
+  return nb::cast(std::move(batch));
+}
+
+}  // namespace
+
+void add_scene_results(nb::class_<PyBatch>& batch) {
+  struct Named {
+    const char *name, *type, *doc;
+  };
+  static constexpr Named kNamed[] = {
+      {"clearance", "float64",
+       "(P,) m, if requested: least distance of the spheres' surfaces to the hull of what was seen "
+       "and\nto the bodies, negative inside; saturated at the limit."},
+      {"clearance_gradient", "float64",
+       "(P, 6) its derivative by translation and rotation about the center of mass, in W."},
+      {"nearest", "int32", "(P,) the sphere that has it; -1: saturated."},
+      {"decided", "int32",
+       "(P,) the camera that it is near to, or number of cameras + body; -1: saturated."},
+      {"unseen", "float64",
+       "(P,) if requested: share of the tool in space that no camera has seen."},
+      {"sphere_depth", "float32",
+       "(P, N) m, if requested: depth of each sphere in what the cameras have seen."},
+      {"sphere_volume", "float32", "(P, N) m3: the part of each sphere inside."},
+      {"sphere_direction", "float32", "(P, N, 3) direction of its force, in W."},
+      {"sphere_decided", "int8", "(P, N) the camera that determined the depth; -1: none."},
+      {"group_clearance", "float64",
+       "(G,) m, with clearance and group_of_pose: the least of each group."},
+      {"group_pose", "int32", "(G,) the pose that has it; -1: none."},
+      {"group_volume", "float64", "(G,) m3: sum of the volumes of each group."},
+  };
+  for (const Named& named : kNamed) {
+    batch.def_prop_ro(
+        named.name,
+        [name = named.name](const PyBatch& self) -> nb::object {
+          return self.more.contains(name) ? nb::object(self.more[name]) : nb::none();
+        },
+        nb::sig((std::string("def ") + named.name + "(self) -> numpy.typing.NDArray[numpy." +
+                 named.type + "] | None")
+                    .c_str()),
+        named.doc);
+  }
+}
+
+nb::object measure_many(PyContact& self, nb::handle surfaces, nb::handle poses,
+                        nb::handle surface_of_pose, bool stiffness, bool with_std, nb::handle out,
+                        nb::handle stream, bool clearance, bool per_sphere, double limit,
+                        nb::handle tool_of_pose, nb::handle group_of_pose) {
+  if (!is_scene(surfaces) && !clearance && !per_sphere && tool_of_pose.is_none() &&
+      group_of_pose.is_none() && self.tools().size() == 1) {
+    return measure_batch(self, surfaces, poses, surface_of_pose, stiffness, with_std, out, stream);
+  }
+  if (!surface_of_pose.is_none() || !out.is_none() || !stream.is_none()) {
+    throw nb::value_error(
+        "surface_of_pose, out and stream go with surfaces, not with a scene: leave them out");
+  }
+  return measure_scene_batch(
+      self, surfaces, poses,
+      {stiffness, with_std, clearance, per_sphere, is_scene(surfaces), limit}, tool_of_pose,
+      group_of_pose);
+}
+
+}  // namespace palpate::python

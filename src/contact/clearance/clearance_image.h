@@ -1,0 +1,59 @@
+// What a camera has seen, laid out for searches of the nearest surface: the depth of each pixel,
+// and the nearest and farthest depth of squares of 4, 16, 64 and 256 pixels. A square that is too
+// far away is passed over with all that it covers.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "palpate/field/depth_field.h"
+
+namespace palpate { inline namespace v0 {
+
+/// Depth of a pixel without surface: its ray is free, m.
+inline constexpr float kNoSurface = 1e9f;
+
+/// Input of searches; non-owning, trivially copyable. Level k has squares of 4^k x 4^k pixels.
+/// Those of one level lie in blocks of 4 x 4, which are the parts of one square of the next level.
+struct ClearanceImage {
+  static constexpr int kLevels = 5;
+  static constexpr int kPerBlock = 16;
+
+  const float* nearest[kLevels] = {};   ///< least depth of the surfaces in a square, m
+  const float* farthest[kLevels] = {};  ///< its greatest; at level 0 the same array
+  std::int32_t blocks_wide[kLevels] = {};
+  std::int32_t width = 0, height = 0;
+  float fx = 0, fy = 0, cx = 0, cy = 0;
+  float per_fx = 0, per_fy = 0;
+  /// Solid space behind a surface, along the viewing ray, m; kNoSurface: however deep.
+  float solid_behind = kNoSurface;
+  /// Space outside of the image is solid, as in SurfaceView::seen_free. Else it is free.
+  std::int32_t is_blocked_outside = 0;
+  /// Inward unit normals of the planes through the eye and the border of the image.
+  float border[4][3] = {};
+
+  /// Number of a square in the arrays of its level.
+  PALPATE_HOSTDEV std::int32_t place(int level, std::int32_t column, std::int32_t row) const {
+    return ((row >> 2) * blocks_wide[level] + (column >> 2)) * kPerBlock + (row & 3) * 4 +
+           (column & 3);
+  }
+};
+
+/// Owns the arrays of a ClearanceImage.
+class ClearanceFrame {
+ public:
+  /// Recomputes all from a field in host memory that is known in the whole image. `is_blocked`: the
+  /// field is one of seen-free space, and outside of the image nothing is free. Allocates for the
+  /// first image of its size. O(pixels): about 1 ms for 640 x 480.
+  void update(const DepthFieldView& field, bool is_blocked);
+  const ClearanceImage& image() const { return image_; }
+  /// DepthFieldView::stamp of the field, 0: none.
+  std::uint64_t stamp() const { return stamp_; }
+
+ private:
+  ClearanceImage image_;
+  std::uint64_t stamp_ = 0;
+  std::vector<float> nearest_[ClearanceImage::kLevels], farthest_[ClearanceImage::kLevels];
+};
+
+}}  // namespace palpate::v0
