@@ -43,8 +43,13 @@ void wrap(std::string& page, std::string_view text, std::size_t column, std::siz
       at = column;
       is_begun = false;
     }
-    page += (is_begun ? " " : "") + word;
     at += word.size() + (is_begun ? 1 : 0);
+    page += is_begun ? " " : "";
+    for (; at > width && word.size() > width - column; at = column + word.size()) {  // too long
+      page += word.substr(0, width - column) + "\n" + std::string(column, ' ');
+      word.erase(0, width - column);
+    }
+    page += word;
   }
   page += '\n';
 }
