@@ -19,7 +19,6 @@
 #include "apps/verbs/caps.h"
 #include "apps/verbs/frozen_views.h"
 #include "palpate/contact/body_contact.h"
-#include "palpate/contact/scene.h"
 #include "palpate/io/files.h"
 #include "src/run/internal/pipeline.h"
 #include "src/run/internal/reported_output.h"
@@ -114,9 +113,9 @@ void print_results_json(const Options& options, const RunSettings& settings, con
       json["results"].back()["torque_Nm"] = to_json(options.stiffness * measure.torque);
     }
     if (clearance) {
-      json["results"].back()["clearance"] = *clearance;
-      json["results"].back()["nearest"] = nearest;
-      json["results"].back()["clearance_gradient"] = clearance_gradient;
+      json["results"].back().update({{"clearance", *clearance},
+                                     {"nearest", nearest},
+                                     {"clearance_gradient", clearance_gradient}});
     }
     if (!(settings.output == OutputOptions{})) {
       json["results"].back()["reported"] =
@@ -207,18 +206,17 @@ void find_evidence(const ContactQuery& query, Backend backend,
   }
 }
 
-/// Computes the clearance at all poses, on the CPU.
+/// Computes the clearance at all poses, on the CPU, if it was requested.
 Status find_clearance(const Options& options, const Tool& tool, const FrozenViews& views,
                       const std::vector<SceneObject>& objects,
                       std::vector<Measurement>& measurements) {
+  if (!options.wants_clearance) return Done{};
   Scene scene;
   for (const SurfaceBlend& view : views.views()) scene.surfaces.push_back(view.to);
   for (const SceneObject& object : objects) scene.bodies.emplace_back(*object.shape, object.X_WB);
-  const auto method = contact_method(options.settings.contact);
-  if (!method) return method.error();
   const Tool* const tools[] = {&tool};
-  const auto contact =
-      SceneContact::create(tools, *method, Place::cpu(), options.settings.num_threads);
+  const auto contact = SceneContact::create(tools, *contact_method(options.settings.contact),
+                                            Place::cpu(), options.settings.num_threads);
   if (!contact) return contact.error();
   std::vector<Pose> poses;
   for (const Measurement& measurement : measurements) poses.push_back(measurement.X_WT);
@@ -316,10 +314,8 @@ Status run(const Options& given) {
     }
     if (measured.total().status.has(StepStatus::backend_failed)) return lost_backend();
   }
-  if (options.wants_clearance) {
-    const Status status = find_clearance(options, *tool, *scene, *objects, measurements);
-    if (!status) return status.error();
-  }
+  const Status cleared = find_clearance(options, *tool, *scene, *objects, measurements);
+  if (!cleared) return cleared.error();
   std::size_t num_caps_triangles = 0;
   if (!options.caps.file.empty()) {
     const auto written = write_caps(options.caps, *tool, query, scene->views(), poses.back());

@@ -10,7 +10,6 @@
 
 #include "palpate/contact/body_contact.h"
 #include "palpate/contact/contact.h"
-#include "palpate/contact/scene.h"
 #include "python/src/arrays.h"
 #include "python/src/bindings.h"
 
@@ -43,9 +42,9 @@ class PyContact {
     const std::lock_guard lock(mutex_);
     return work(contact_);
   }
-  /// Likewise, with what measures all tools in scenes, which is made when it is first asked.
+  /// Likewise, with what measures all tools in scenes, which is made when it is first needed.
   template <class Work>
-  Status ask(const Work& work) {
+  Status with_scenes(const Work& work) {
     const nb::gil_scoped_release no_gil;
     const std::lock_guard lock(mutex_);
     if (!scenes_) {
@@ -101,7 +100,7 @@ class PyContact {
   std::mutex mutex_;
 };
 
-/// What is asked of a scene.
+/// Requested results of a scene.
 struct SceneWants {
   bool stiffness = false, noise = false, clearance = false, per_sphere = false, unseen = false;
   double limit = kClearanceLimit;

@@ -5,7 +5,7 @@
 
 #include <optional>
 
-#include "palpate/contact/scene.h"
+#include "palpate/contact/body_contact.h"
 #include "python/src/contact.h"
 
 namespace palpate::python {
@@ -63,24 +63,24 @@ std::optional<Indices> indices_of(nb::handle given, const char* name, std::size_
 }
 
 /// The poses of a question, and the arrays that keep them alive.
-struct Asked {
-  Asked(nb::handle given, nb::handle tools, nb::handle groups)
+struct PoseRequest {
+  PoseRequest(nb::handle given, nb::handle tools, nb::handle groups)
       : numbers(doubles_of(given, "poses")) {
-    asked.X_WT = poses_in(numbers, "poses", converted);
-    tool_of_pose = indices_of(tools, "tool_of_pose", asked.X_WT.size());
-    group_of_pose = indices_of(groups, "group_of_pose", asked.X_WT.size());
-    if (tool_of_pose) asked.tool_of_pose = {tool_of_pose->data(), asked.X_WT.size()};
+    query.X_WT = poses_in(numbers, "poses", converted);
+    tool_of_pose = indices_of(tools, "tool_of_pose", query.X_WT.size());
+    group_of_pose = indices_of(groups, "group_of_pose", query.X_WT.size());
+    if (tool_of_pose) query.tool_of_pose = {tool_of_pose->data(), query.X_WT.size()};
     if (!group_of_pose) return;
-    asked.group_of_pose = {group_of_pose->data(), asked.X_WT.size()};
-    for (const std::int32_t group : asked.group_of_pose) {
-      asked.num_groups = std::max(asked.num_groups, group + 1);
+    query.group_of_pose = {group_of_pose->data(), query.X_WT.size()};
+    for (const std::int32_t group : query.group_of_pose) {
+      query.num_groups = std::max(query.num_groups, group + 1);
     }
   }
 
   Doubles numbers;
   std::vector<Pose> converted;
   std::optional<Indices> tool_of_pose, group_of_pose;
-  ScenePoses asked;
+  ScenePoses query;
 };
 
 /// Refuses results that no machine like this one can hold.
@@ -184,12 +184,12 @@ struct Found {
 nb::object any(PyContact& self, nb::handle given, nb::handle poses, double margin,
                nb::handle tool_of_pose, nb::handle group_of_pose) {
   const PyScene scene = scene_of(given);
-  const Asked asked(poses, tool_of_pose, group_of_pose);
-  const std::size_t num = asked.group_of_pose ? static_cast<std::size_t>(asked.asked.num_groups)
-                                              : asked.asked.X_WT.size();
+  const PoseRequest request(poses, tool_of_pose, group_of_pose);
+  const std::size_t num = request.group_of_pose ? static_cast<std::size_t>(request.query.num_groups)
+                                                : request.query.X_WT.size();
   std::vector<std::uint8_t> hits(num);
-  check(self.ask([&](const SceneContact& contact) {
-    return contact.any(scene.scene, asked.asked, margin, hits.data());
+  check(self.with_scenes([&](const SceneContact& contact) {
+    return contact.any(scene.scene, request.query, margin, hits.data());
   }));
   return array_of(std::move(hits), {num}).attr("view")("bool");
 }
@@ -206,13 +206,13 @@ SceneMeasured measure_scene(PyContact& self, nb::handle given, nb::handle poses,
   wants.unseen = !scene.cameras.empty() &&
                  (self.place().backend == Backend::cpu || scene.cameras.size() > 1) &&
                  self.method() == "field" && wants.unseen;
-  const Asked asked(poses, tool_of_pose, group_of_pose);
-  const std::size_t num = asked.asked.X_WT.size(), num_spheres = self.max_spheres();
-  const auto num_groups = static_cast<std::size_t>(asked.asked.num_groups);
+  const PoseRequest request(poses, tool_of_pose, group_of_pose);
+  const std::size_t num = request.query.X_WT.size(), num_spheres = self.max_spheres();
+  const auto num_groups = static_cast<std::size_t>(request.query.num_groups);
   check_memory(num, 200 + (wants.stiffness ? 288 : 0) + (wants.per_sphere ? 21 * num_spheres : 0));
   Found found(num, num_groups, wants, num_spheres);
-  check(self.ask([&](const SceneContact& contact) {
-    return contact.measure(scene.scene, asked.asked, found.answers);
+  check(self.with_scenes([&](const SceneContact& contact) {
+    return contact.measure(scene.scene, request.query, found.answers);
   }));
   SceneMeasured measured;
   measured.more = found.more(num, num_groups, wants, num_spheres);
@@ -229,7 +229,7 @@ SceneMeasured measure_scene(PyContact& self, nb::handle given, nb::handle poses,
 void bind_scene(nb::module_& m, nb::class_<PyContact>& contact) {
   nb::class_<PyScene>(
       m, "Scene",
-      R"(What a query is asked against: the depth hull of all cameras, and all CAD bodies.
+      R"(Everything that a query is measured against: the depth hull of all cameras, and all CAD bodies.
 
 cameras: surfaces, of several cameras by sensors made with joined=True. bodies: palpate.Body.
 unseen: what occluded space is: "solid", or beyond `thickness` (m) behind a surface "free", or "fade",

@@ -1,4 +1,4 @@
-// How far a tool is from what cameras have seen, on a CPU.
+// The clearance of a tool in the surfaces of a scene, on a CPU.
 #pragma once
 
 #include <optional>

@@ -1,6 +1,6 @@
-// What a camera has seen, laid out for searches of the nearest surface: the depth of each pixel,
-// and the nearest and farthest depth of squares of 4, 16, 64 and 256 pixels. A square that is too
-// far away is passed over with all that it covers.
+// The depth image of a camera, laid out for searches of the nearest surface: the depth of each
+// pixel, and the nearest and farthest depth of squares of 4, 16, 64 and 256 pixels. A square that
+// is too far away is passed over with all that it covers.
 #pragma once
 
 #include <cstdint>

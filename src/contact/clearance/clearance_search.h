@@ -26,7 +26,7 @@ struct ClearanceCamera {
   float p_CT[3] = {};
 };
 
-/// What the nearest sphere is near to.
+/// The kind of space that the nearest sphere is near to.
 enum class ClearanceKind : std::uint8_t {
   nothing,  ///< nearer than the limit
   solid,    ///< a pixel's solid space, seen from outside

@@ -3,14 +3,18 @@
 
 #include <string>
 
-#include "palpate/contact/scene.h"
+#include "palpate/contact/body_contact.h"
 
 namespace palpate { inline namespace v0 {
 
-/// Errors: see SceneContact::measure.
+// Each returns an error of one sentence, or Done.
+
+/// Errors: an empty scene; too many surfaces; surfaces in different places, or not in that of the
+/// contact; several that were not made to be joined, or with a point method.
 Status check_scene(const Scene& scene, const ContactMethod& method, const Place& place);
+/// Errors: sizes that do not match; several tools without indices; an index out of range.
 Status check_poses(const ScenePoses& poses, std::size_t num_tools);
-/// Errors: a point method, a GPU.
+/// Errors: a point method; a GPU; a limit that is not above 0.
 Status check_clearance(const ContactMethod& method, const Place& place, double limit);
 
 }}  // namespace palpate::v0

@@ -1,5 +1,5 @@
 // Tools in scenes: each thread has queries of its own and takes poses, some at a time.
-#include "palpate/contact/scene.h"
+#include "palpate/contact/body_contact.h"
 
 #include <algorithm>
 #include <atomic>
@@ -41,7 +41,7 @@ SurfaceView with_policy(SurfaceView surface, const Scene& scene) {
 }  // namespace
 
 struct SceneContact::Impl {
-  /// What one thread measures with.
+  /// The queries of one thread.
   struct Worker {
     std::vector<std::unique_ptr<ContactQuery>> queries;              // of each tool
     std::vector<std::vector<std::unique_ptr<BodyPairQuery>>> pairs;  // of each tool and shape
@@ -228,7 +228,6 @@ SceneContact::SceneContact(SceneContact&&) noexcept = default;
 SceneContact& SceneContact::operator=(SceneContact&&) noexcept = default;
 SceneContact::~SceneContact() = default;
 
-int SceneContact::num_tools() const { return static_cast<int>(impl_->tools.size()); }
 std::size_t SceneContact::max_spheres() const { return impl_->max_spheres; }
 
 Result<SceneContact> SceneContact::create(std::span<const Tool* const> tools,
@@ -284,17 +283,15 @@ Status SceneContact::measure(const Scene& scene, const ScenePoses& poses,
                              const SceneAnswers& answers) const {
   Impl& impl = *impl_;
   if (const Status status = check_poses(poses, impl.tools.size()); !status) return status;
-  const bool wants_clearance = answers.clearance != nullptr || answers.nearest != nullptr ||
-                               answers.decided != nullptr ||
-                               answers.clearance_gradient != nullptr ||
-                               answers.group_clearance != nullptr || answers.group_pose != nullptr;
+  const bool wants_clearance = answers.clearance || answers.nearest || answers.decided ||
+                               answers.clearance_gradient || answers.group_clearance ||
+                               answers.group_pose;
   const double limit = answers.clearance_limit;
   if (wants_clearance) {
     const Status status = check_clearance(impl.method, impl.place, limit);
     if (!status) return status;
   }
-  const bool wants_groups = answers.group_clearance != nullptr || answers.group_pose != nullptr ||
-                            answers.group_volume != nullptr;
+  const bool wants_groups = answers.group_clearance || answers.group_pose || answers.group_volume;
   if (wants_groups && (poses.group_of_pose.empty() || answers.clearance == nullptr ||
                        answers.contact.volume == nullptr)) {
     return Error{Errc::invalid_argument,
@@ -303,17 +300,16 @@ Status SceneContact::measure(const Scene& scene, const ScenePoses& poses,
   }
   if (answers.unseen != nullptr && impl.place.backend != Backend::cpu &&
       scene.surfaces.size() == 1) {
-    return Error{
-        Errc::unavailable,
-        "what one camera by itself does not see is known on the CPU alone; create the contact "
-        "with Place::cpu(), or leave it out"};
+    return Error{Errc::unavailable,
+                 "space that one camera by itself does not see is known on the CPU alone; create "
+                 "the contact "
+                 "with Place::cpu(), or leave it out"};
   }
   if (const Status status = impl.take(scene); !status) return status;
   const BatchAnswers& contact = answers.contact;
-  const bool wants_contact =
-      contact.volume != nullptr || contact.potential != nullptr || contact.force != nullptr ||
-      contact.torque != nullptr || contact.stiffness != nullptr || contact.status != nullptr ||
-      contact.want_noise() || answers.unseen != nullptr || answers.max_spheres > 0;
+  const bool wants_contact = contact.volume || contact.potential || contact.force ||
+                             contact.torque || contact.stiffness || contact.status ||
+                             contact.want_noise() || answers.unseen || answers.max_spheres > 0;
   const std::size_t num = poses.X_WT.size();
   const bool is_plain = impl.batches != nullptr && impl.surfaces.size() == 1 &&
                         scene.bodies.empty() && answers.unseen == nullptr &&

@@ -103,23 +103,6 @@ inline std::uint32_t mask_bits(VecI mask) {
 
 inline bool is_any_set(VecI mask) { return mask_bits(mask) != 0; }
 
-/// The least lane.
-inline float least_lane(VecF v) {
-#if PALPATE_LANES == 16
-  return _mm512_reduce_min_ps(reinterpret_cast<__m512>(v));
-#elif PALPATE_LANES == 8
-  const __m256 w = reinterpret_cast<__m256>(v);
-  const __m128 four = _mm_min_ps(_mm256_castps256_ps128(w), _mm256_extractf128_ps(w, 1));
-  const __m128 two = _mm_min_ps(four, _mm_movehl_ps(four, four));
-  return _mm_cvtss_f32(_mm_min_ss(two, _mm_shuffle_ps(two, two, 1)));
-#else
-  float least = v[0];
-  for (int i = 1; i < kLanes; ++i) least = v[i] < least ? v[i] : least;
-  return least;
-#endif
-}
-inline float greatest_lane(VecF v) { return -least_lane(-v); }
-
 /// A sum over many values in sixteen parts, whatever the width of the vectors: so every instruction
 /// set adds the same numbers in the same order and gives the same bits. Value i of a row of sixteen
 /// is lane i % kLanes of part i / kLanes.

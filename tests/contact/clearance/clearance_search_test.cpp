@@ -28,7 +28,7 @@ std::vector<SurfaceView> surfaces_of(const HullScene& scene) {
   return surfaces;
 }
 
-/// What is searched, made by hand, so that hits are seen before planes are fitted.
+/// Cameras and spheres of a search, made by hand, so that hits are seen before planes are fitted.
 struct Searched {
   Searched(const std::vector<SurfaceView>& surfaces, const Tool& tool) : spheres(tool.spheres()) {
     fields.resize(surfaces.size());

@@ -1,0 +1,256 @@
+// The branch and bound over squares of pixels in one image, for a vector of spheres. Included by
+// kernel files only.
+#pragma once
+
+#include <algorithm>
+
+#include "src/contact/clearance/clearance_search.h"
+#include "src/contact/clearance/nearest_rules.h"
+#include "src/core/internal/simd.h"
+
+namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE { namespace {
+
+// The least and the greatest lane.
+inline float min_lane(VecF v) {
+#if PALPATE_LANES == 16
+  return _mm512_reduce_min_ps(reinterpret_cast<__m512>(v));
+#elif PALPATE_LANES == 8
+  const __m256 w = reinterpret_cast<__m256>(v);
+  const __m128 four = _mm_min_ps(_mm256_castps256_ps128(w), _mm256_extractf128_ps(w, 1));
+  const __m128 two = _mm_min_ps(four, _mm_movehl_ps(four, four));
+  return _mm_cvtss_f32(_mm_min_ss(two, _mm_shuffle_ps(two, two, 1)));
+#else
+  float least = v[0];
+  for (int i = 1; i < kLanes; ++i) least = v[i] < least ? v[i] : least;
+  return least;
+#endif
+}
+inline float max_lane(VecF v) { return -min_lane(-v); }
+
+using Image = ClearanceImage;
+constexpr int kPerBlock = Image::kPerBlock;
+
+// Spheres in the frame of a camera.
+struct SphereLanes {
+  CameraPoint<VecF> at;
+  VecF radius;
+  VecI is_sphere;
+  std::size_t slot;
+};
+
+// The nearest part of an image that each lane has found.
+struct Found {
+  VecF distance2;  // no more than this matters
+  VecI pixel;      // -1: none; -2 - k: border k
+};
+
+// Narrows a range of pixels to those that show a ball.
+inline void clip(float x, float reach, float near_scale, float far_scale, float focal, float center,
+                 int& first, int& last) {
+  float low = 0, high = 0;
+  find_pixels(x, reach, near_scale, far_scale, focal, center, 1.0f, low, high);
+  const float limit = static_cast<float>(last);
+  first = low > 0 ? static_cast<int>(low < limit + 1 ? low : limit + 1) : 0;
+  last = high < limit ? (high < 0 ? -1 : static_cast<int>(high)) : last;
+}
+
+// Squares that show a ball: three by three at most, unless they are the widest ones. None if
+// right < left or bottom < top.
+struct Squares {
+  int level = 0, left = 0, right = -1, top = 0, bottom = -1;
+};
+Squares squares_around(const Image& image, const CameraPoint<float>& at, float reach) {
+  Squares to{0, 0, image.width - 1, 0, image.height - 1};
+  const float near = at.z - reach;
+  if (near > 0.005f) {
+    const float near_scale = 1 / near, far_scale = 1 / (at.z + reach);
+    clip(at.x, reach, near_scale, far_scale, image.fx, image.cx, to.left, to.right);
+    clip(at.y, reach, near_scale, far_scale, image.fy, image.cy, to.top, to.bottom);
+  } else if (at.z + reach < 0) {
+    return {};
+  }
+  if (to.left > to.right || to.top > to.bottom) return {};
+  const auto is_wide = [&] {
+    const int shift = 2 * to.level;
+    return (to.right >> shift) - (to.left >> shift) > 2 ||
+           (to.bottom >> shift) - (to.top >> shift) > 2;
+  };
+  while (to.level < Image::kLevels - 1 && is_wide()) ++to.level;
+  const int shift = 2 * to.level;
+  return {to.level, to.left >> shift, to.right >> shift, to.top >> shift, to.bottom >> shift};
+}
+
+// The squared distance from points to the solid space on the rays of pixels, or the free one.
+template <bool kFront>
+[[gnu::always_inline]] inline VecF pixel_distance2(const Image& image, const CameraPoint<VecF>& at,
+                                                   VecF x, VecF y, VecF depth) {
+  if constexpr (kFront) {
+    return ray_distance2(at, x, y, depth, depth + image.solid_behind);
+  } else {
+    const VecF before = ray_distance2(at, x, y, VecF{}, depth);
+    if (image.solid_behind >= kNoSurface) return before;
+    return min(before, ray_distance2(at, x, y, depth + image.solid_behind, splat(kNoSurface)));
+  }
+}
+
+// A search of all lanes in one image. `kFront`: the nearest solid space of spheres outside of it;
+// else the nearest free space of those inside.
+template <bool kFront>
+class ImageSearch {
+ public:
+  // `best`: the value to beat. `is_shared`: lanes outbid each other.
+  ImageSearch(const Image& image, const SphereLanes& spheres, VecI lanes, Found& found, float best,
+              float enough, bool is_shared)
+      : image_(image),
+        spheres_(spheres),
+        lanes_(lanes),
+        found_(found),
+        best_(best),
+        enough_(enough),
+        is_shared_(is_shared) {
+    const auto& at = spheres.at;
+    const auto middle = [&](VecF v) {
+      const float low = min_lane(select(lanes, v, splat(1e30f)));
+      return 0.5f * (low + max_lane(select(lanes, v, splat(-1e30f))));
+    };
+    middle_ = {middle(at.x), middle(at.y), middle(at.z)};
+    const VecF x = at.x - middle_.x, y = at.y - middle_.y, z = at.z - middle_.z;
+    from_middle_ = sqrt(x * x + y * y + z * z) * 1.0001f + 1e-6f;
+    tighten();
+  }
+
+  void run() {
+    if (!(reach_ >= 0)) return;
+    const Squares squares = squares_around(image_, middle_, reach_);
+    for (int row = squares.top; row <= squares.bottom; ++row) {
+      for (int column = squares.left; column <= squares.right; ++column) {
+        visit(squares.level, column, row);
+      }
+    }
+  }
+
+  float best() const { return best_; }
+
+ private:
+  // Lowers what can still matter to what has been found.
+  void tighten() {
+    if constexpr (kFront) {
+      if (is_shared_) {
+        const VecF value = sqrt(found_.distance2) - spheres_.radius;
+        best_ =
+            std::min(best_, min_lane(select(lanes_ & (found_.pixel != -1), value, splat(best_))));
+        const VecF limit = max(best_ + spheres_.radius, VecF{});
+        limit2_ = select(lanes_, limit * limit * 1.000002f, splat(-1.0f));
+      } else {
+        limit2_ = select(lanes_, found_.distance2, splat(-1.0f));
+      }
+    } else {
+      // A lane that is no deeper than the deepest one cannot win.
+      const VecI may_win = sqrt(found_.distance2) + spheres_.radius >= splat(-best_);
+      limit2_ = select(lanes_ & may_win, found_.distance2, splat(-1.0f));
+    }
+    const VecF reach =
+        select(limit2_ >= VecF{}, from_middle_ + sqrt(max(limit2_, VecF{})), splat(-1.0f));
+    reach_ = max_lane(reach) * 1.0001f;
+  }
+
+  bool is_done() const { return kFront && best_ < enough_; }
+
+  // Looks into a square unless it is too far away for all.
+  void visit(int level, int column, int row) {
+    const auto place = static_cast<std::size_t>(image_.place(level, column, row));
+    const float nearest = image_.nearest[level][place];
+    if (kFront && nearest > middle_.z + reach_) return;
+    const auto size = static_cast<float>(1 << (2 * level));
+    const float left = (static_cast<float>(column) * size - image_.cx) * image_.per_fx;
+    const float top = (static_cast<float>(row) * size - image_.cy) * image_.per_fy;
+    if (level == 0) return look_at(column, row, left, top, nearest);
+    const RaySquare<VecF> rays{splat(left), splat(left + (size - 1) * image_.per_fx), splat(top),
+                               splat(top + (size - 1) * image_.per_fy)};
+    const VecF bound =
+        bound_of(spheres_.at, rays, splat(nearest), splat(image_.farthest[level][place]));
+    if (is_any_set(bound <= limit2_)) expand(level - 1, column, row);
+  }
+
+  // A lower bound of the squared distance from points to what is looked for in squares.
+  [[gnu::always_inline]] VecF bound_of(const CameraPoint<VecF>& at, const RaySquare<VecF>& rays,
+                                       VecF nearest, VecF farthest) const {
+    if constexpr (kFront) {
+      return square_bound2(at, rays, nearest, farthest + image_.solid_behind);
+    } else {
+      const VecF before = square_bound2(at, rays, VecF{}, farthest);
+      if (image_.solid_behind >= kNoSurface) return before;
+      return min(before, square_bound2(at, rays, nearest + image_.solid_behind, splat(kNoSurface)));
+    }
+  }
+
+  // Looks into those of a block's squares that come near enough to the middle of all lanes, the
+  // nearest ones first.
+  void expand(int level, int block_column, int block_row) {
+    constexpr int kVectors = kPerBlock / kLanes;
+    const std::size_t first =
+        static_cast<std::size_t>(block_row * image_.blocks_wide[level] + block_column) * kPerBlock;
+    const auto size = static_cast<float>(1 << (2 * level));
+    const float span_x = (size - 1) * image_.per_fx, span_y = (size - 1) * image_.per_fy;
+    const CameraPoint<VecF> middle{splat(middle_.x), splat(middle_.y), splat(middle_.z)};
+    float bounds[kPerBlock];
+    std::uint32_t near = 0;
+    const float reach2 = reach_ * reach_;
+    for (int k = 0; k < kVectors; ++k) {
+      const VecI id = lane_ids() + k * kLanes;
+      const VecF column = to_float((id & 3) + 4 * block_column) * size;
+      const VecF row = to_float((id >> 2) + 4 * block_row) * size;
+      const VecF left = (column - image_.cx) * image_.per_fx;
+      const VecF top = (row - image_.cy) * image_.per_fy;
+      const std::size_t at = first + static_cast<std::size_t>(k * kLanes);
+      const VecF nearest = load(image_.nearest[level] + at);
+      const VecF farthest = load(image_.farthest[level] + at);
+      const VecF bound = level == 0 ? pixel_distance2<kFront>(image_, middle, left, top, nearest)
+                                    : bound_of(middle, {left, left + span_x, top, top + span_y},
+                                               nearest, farthest);
+      store(bounds + k * kLanes, bound);
+      near |= mask_bits(bound <= splat(reach2)) << (k * kLanes);
+    }
+    int order[kPerBlock];
+    int num = 0;
+    for (; near != 0; near &= near - 1) {
+      const int child = __builtin_ctz(near);
+      int i = num++;
+      for (; i > 0 && bounds[order[i - 1]] > bounds[child]; --i) order[i] = order[i - 1];
+      order[i] = child;
+    }
+    for (int i = 0; i < num; ++i) {
+      const int child = order[i];
+      if (bounds[child] > reach_ * reach_ || is_done()) break;
+      visit(level, 4 * block_column + (child & 3), 4 * block_row + (child >> 2));
+    }
+  }
+
+  // Measures all lanes to the ray of a pixel.
+  void look_at(int column, int row, float x, float y, float depth) {
+    if (column >= image_.width || row >= image_.height) return;
+    const VecF distance2 =
+        pixel_distance2<kFront>(image_, spheres_.at, splat(x), splat(y), splat(depth));
+    const VecI pixel = splat(row * image_.width + column);
+    const VecI is_nearer =
+        lanes_ & ((distance2 < found_.distance2) |
+                  ((distance2 == found_.distance2) & (found_.pixel >= 0) & (pixel < found_.pixel)));
+    if (!is_any_set(is_nearer)) return;
+    found_.distance2 = select(is_nearer, distance2, found_.distance2);
+    found_.pixel = is_nearer ? pixel : found_.pixel;
+    tighten();
+  }
+
+  const Image& image_;
+  const SphereLanes& spheres_;
+  VecI lanes_;
+  Found& found_;
+  float best_, enough_;
+  bool is_shared_;
+  CameraPoint<float> middle_;
+  VecF from_middle_;
+  VecF limit2_;  // squared distance above which nothing matters to a lane; negative: nothing does
+  float reach_;  // from the middle, to all that matters; negative: nothing does
+};
+
+}}}}  // namespace palpate::v0::PALPATE_ISA_NAMESPACE
