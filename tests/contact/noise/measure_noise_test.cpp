@@ -20,7 +20,7 @@ constexpr double kWall = 0.6;  // m
 double wall(double, double) { return kWall; }
 double slant(double x, double y) { return kWall / (1 + 0.8 * x - 0.5 * y); }
 
-std::vector<float> depth_of(const Scene& scene) {
+std::vector<float> depth_of(const Shape& scene) {
   std::vector<float> depth;
   for (int v = 0; v < kHigh; ++v) {
     for (int u = 0; u < kWide; ++u) {
