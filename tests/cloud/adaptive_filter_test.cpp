@@ -151,7 +151,8 @@ TEST(AdaptiveFilter, WhatHasNoNoiseStaysAsItIs) {
   }
 }
 
-/// A ball before a wall, in whole millimeters: its limb is steep, and predictions across it are far off.
+/// A ball before a wall, in whole millimeters: its limb is steep, and predictions across it are far
+/// off.
 TEST(AdaptiveFilter, SilhouettesStayWhereTheyAre) {
   const auto ball = scene_of(320, 240, [](double u, double v) {
     const double x = (u - 159.5) / 262, y = (v - 119.5) / 262, a = x * x + y * y + 1;
