@@ -279,8 +279,8 @@ __global__ void __launch_bounds__(kAdaptiveThreads)
           const float* const predicted = level.predicted + at;
           const float energy = energy_at(job, tile.image, number, u, v);
           float detail = *mean - *predicted;
-          if (number == 0 && is_kept(*mean, *predicted, energy)) {
-            detail = calm_detail(mean, predicted, level.stride, noise);
+          if (number < kCalmLevels && is_kept(*mean, *predicted, energy)) {
+            detail = calm_detail(number, mean, predicted, level.stride, noise);
           }
           result =
               smoothed_cell(*mean, detail, *predicted, finer.cells[k / 2][k % 2], energy, noise);

@@ -115,7 +115,7 @@ void AdaptiveFilter::run(const FilterPass& pass, const PixelWindow& window, Thre
     const ScaleLevel* const wider = is_widest ? nullptr : &at(level + 1);
     predict(level, is_widest ? at(level + 1).mean : wider->smoothed, at(level).smoothed);
     for_rows(pool, 0, at(level).height,
-             [&](int v) { rows_.smooth(level == 0, wider, noise(level), at(level), v); });
+             [&](int v) { rows_.smooth(level, wider, noise(level), at(level), v); });
   }
   const PixelWindow all = window.clipped(at(0).width, at(0).height);
   for_rows(pool, all.top, all.bottom, [&](int v) { rows_.finish(at(0), pass, all, v); });

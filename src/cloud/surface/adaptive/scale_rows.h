@@ -40,9 +40,9 @@ struct ScaleRows {
                   const ScaleLevel& fine, const ScaleImage& to, int v);
   /// `finer` is null at level 0.
   void (*find_energy)(const ScaleLevel* finer, const ScaleNoise&, const ScaleLevel&, int v);
-  /// `smoothed` holds the predictions from the wider level; it is null at the widest. `calm`: keeps
-  /// means of details, see calm_detail.
-  void (*smooth)(bool calm, const ScaleLevel* wider, const ScaleNoise&, const ScaleLevel&, int v);
+  /// `smoothed` holds the predictions from the wider level; it is null at the widest. `number`: of
+  /// the level.
+  void (*smooth)(int number, const ScaleLevel* wider, const ScaleNoise&, const ScaleLevel&, int v);
   /// Depth of the smoothed pixels in the columns of a window.
   void (*finish)(const ScaleLevel&, const FilterPass&, const PixelWindow& window, int v);
 };

@@ -113,7 +113,7 @@ void find_energy_row(const ScaleLevel* finer, const ScaleNoise& noise, const Sca
   }
 }
 
-void smooth_row(bool calm, const ScaleLevel* wider, const ScaleNoise& noise,
+void smooth_row(int number, const ScaleLevel* wider, const ScaleNoise& noise,
                 const ScaleLevel& level, int v) {
   float* const energies = level.energy.row(v);
   const float* const means = level.mean.row(v);
@@ -131,8 +131,8 @@ void smooth_row(bool calm, const ScaleLevel* wider, const ScaleNoise& noise,
     const VecF mean = load(means + u), predicted_u = load(predicted + u);
     const VecF energy = load(energies + u);
     VecF detail = mean - predicted_u;
-    if (calm && is_any_set(is_kept(mean, predicted_u, energy))) {
-      detail = calm_detail(means + u, predicted + u, level.mean.stride, noise);
+    if (number < kCalmLevels && is_any_set(is_kept(mean, predicted_u, energy))) {
+      detail = calm_detail(number, means + u, predicted + u, level.mean.stride, noise);
     }
     store(smoothed + u,
           smoothed_cell(mean, detail, predicted_u, load(smoothed + u), energy, noise));

@@ -42,9 +42,9 @@ inline constexpr float kNoiseEnergy = 4.0f;
 inline constexpr float kFinerShare = 0.12f;
 /// Energy from which on a detail is kept whole, in variances of the noise.
 inline constexpr float kSureEnergy = 1.5f;
-/// Reach in pixels of the mean of details that are kept. Its widths in the image, in inverse depth
-/// and in details, as 1 / (2 sigma^2 ln 2): 1.5 pixels, 0.01 / m, and 6 sd of the noise.
-inline constexpr int kCalmReach = 2;
+/// Levels of which the mean of details around is kept. Its widths in cells and in inverse depth at
+/// level 0, and in details, as 1 / (2 sigma^2 ln 2): 1.5 pixels, 0.01 / m, and 6 sd of the noise.
+inline constexpr int kCalmLevels = 3;
 inline constexpr float kCalmSpace = 0.3206f, kCalmRange = 7213.0f, kCalmNoise = 0.02f;
 
 }}  // namespace palpate::v0
@@ -125,26 +125,36 @@ PALPATE_FORMULA VecF excess_of(VecF sum, VecF weight, VecF mean, const ScaleNois
   const VecF excess = sum / max(weight, splat(1.0f)) - kNoiseEnergy;
   return select((mean > zero) & (excess > zero), excess * variance_at(mean, noise), zero);
 }
-/// Returns the mean of the details around a pixel that are its own but for noise, of surfaces as
+/// Returns the mean of the details around a cell that are its own but for noise, of surfaces as
 /// far as its own: a bilateral filter (thesis eq. 3.12) that leaves planes, bends and edges as they
 /// are.
-PALPATE_FORMULA VecF calm_detail(const float* mean, const float* predicted, std::ptrdiff_t stride,
+template <int kReach, int kNarrow>
+PALPATE_FORMULA VecF mean_detail(const float* mean, const float* predicted, std::ptrdiff_t stride,
                                  const ScaleNoise& noise) {
+  constexpr float space = kNarrow * kCalmSpace;
   const VecF zero = splat(0.0f), center = load(mean), own = center - load(predicted);
   const VecF similar = kCalmNoise / variance_at(center, noise);
   VecF sum = zero, sum_weights = zero;
-  for (int dv = -kCalmReach; dv <= kCalmReach; ++dv) {
-    for (int du = -kCalmReach; du <= kCalmReach; ++du) {
+  for (int dv = -kReach; dv <= kReach; ++dv) {
+    for (int du = -kReach; du <= kReach; ++du) {
       const VecF m = load(mean + dv * stride + du), p = load(predicted + dv * stride + du);
       const VecF away = m - center, other = m - p - own;
-      const VecF exponent = splat(-kCalmSpace * static_cast<float>(du * du + dv * dv)) -
-                            kCalmRange * (away * away) - similar * (other * other);
+      const VecF exponent = splat(-space * static_cast<float>(du * du + dv * dv)) -
+                            kNarrow * kNarrow * kCalmRange * (away * away) -
+                            similar * (other * other);
       const VecF weight = select((m > zero) & (p > zero), exp2_negative(exponent), zero);
       sum += weight * other;
       sum_weights += weight;
     }
   }
   return own + sum / max(sum_weights, splat(1e-30f));
+}
+/// The same at a level below kCalmLevels: of fewer and nearer cells the wider these are.
+PALPATE_FORMULA VecF calm_detail(int level, const float* mean, const float* predicted,
+                                 std::ptrdiff_t stride, const ScaleNoise& noise) {
+  if (level == 0) return mean_detail<2, 1>(mean, predicted, stride, noise);
+  if (level == 1) return mean_detail<1, 2>(mean, predicted, stride, noise);
+  return mean_detail<1, 4>(mean, predicted, stride, noise);
 }
 /// Returns where details of a cell are kept.
 PALPATE_FORMULA Mask is_kept(VecF mean, VecF predicted, VecF energy) {
