@@ -40,7 +40,7 @@ inline std::vector<float> unit_noise(Random& random, int side) {
 }
 
 /// Depth of a scene along the ray (x, y, 1).
-using Scene = std::function<double(double x, double y)>;
+using Shape = std::function<double(double x, double y)>;
 
 /// The numbers of a measure: volume, force, torque.
 inline std::array<double, 7> numbers_of(const Penetration& at) {
