@@ -11,7 +11,7 @@
 #include <thread>
 #include <vector>
 
-#include "apps/terminal.h"
+#include "apps/terminal/terminal.h"
 #include "palpate/io/files.h"
 
 namespace palpate::apps {

@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "palpate/cloud/depth_noise.h"
 #include "palpate/run/run_loop.h"
 
 namespace palpate::apps {

@@ -8,7 +8,7 @@
 #include <thread>
 
 #include "apps/options.h"
-#include "apps/terminal.h"
+#include "apps/terminal/terminal.h"
 
 extern char** environ;
 

@@ -8,7 +8,7 @@
 
 #include "apps/options.h"
 #include "apps/program.h"
-#include "apps/terminal.h"
+#include "apps/terminal/terminal.h"
 #include "apps/tool_info.h"
 #include "eval/report/choose.h"
 #include "eval/report/doc_tables.h"

@@ -9,8 +9,8 @@
 #include <new>
 #include <vector>
 
-#include "apps/help.h"
-#include "apps/terminal.h"
+#include "apps/terminal/help.h"
+#include "apps/terminal/terminal.h"
 #include "palpate/version.h"
 #include "src/core/internal/guarded.h"
 #include "src/settings/internal/did_you_mean.h"

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "palpate/cameras/cameras.h"
+#include "palpate/cloud/depth_noise.h"
 #include "palpate/core/core.h"
 
 namespace palpate::apps {

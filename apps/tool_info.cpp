@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <numeric>
 
-#include "apps/terminal.h"
+#include "apps/terminal/terminal.h"
 
 namespace palpate::apps {
 namespace {

@@ -9,7 +9,7 @@
 #include "bench/harness.h"
 #include "bench/hull_setup.h"
 #include "bench/wall_frame.h"
-#include "palpate/contact/body_contact.h"
+#include "palpate/contact/scene.h"
 
 namespace palpate::bench {
 namespace {

@@ -16,7 +16,7 @@
 
 #include "apps/options.h"
 #include "apps/output_files.h"
-#include "apps/terminal.h"
+#include "apps/terminal/terminal.h"
 #include "apps/tool_info.h"
 #include "palpate/io/files.h"
 #include "palpate/version.h"

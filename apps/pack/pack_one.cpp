@@ -7,7 +7,7 @@
 #include <filesystem>
 #include <iostream>
 
-#include "apps/terminal.h"
+#include "apps/terminal/terminal.h"
 #include "apps/tool_info.h"
 #include "palpate/io/formats.h"
 #include "palpate/mesh/mesh.h"

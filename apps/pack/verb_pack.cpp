@@ -12,7 +12,7 @@
 #include "apps/output_files.h"
 #include "apps/pack/pack_folder.h"
 #include "apps/pack/pack_one.h"
-#include "apps/terminal.h"
+#include "apps/terminal/terminal.h"
 #include "apps/tool_info.h"
 #include "apps/verbs.h"
 #include "palpate/io/files.h"

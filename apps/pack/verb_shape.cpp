@@ -6,7 +6,7 @@
 
 #include "apps/options.h"
 #include "apps/output_files.h"
-#include "apps/terminal.h"
+#include "apps/terminal/terminal.h"
 #include "apps/verbs.h"
 #include "palpate/io/formats.h"
 #include "palpate/mesh/mesh.h"

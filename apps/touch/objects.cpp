@@ -12,7 +12,7 @@
 #include <utility>
 
 #include "apps/options.h"
-#include "apps/terminal.h"
+#include "apps/terminal/terminal.h"
 #include "palpate/io/files.h"
 
 namespace palpate::apps {

@@ -4,7 +4,7 @@
 #include <string>
 #include <tuple>
 
-#include "apps/terminal.h"
+#include "apps/terminal/terminal.h"
 #include "palpate/field/sensor.h"
 #include "scenes/scene.h"
 #include "src/settings/internal/did_you_mean.h"

@@ -4,7 +4,7 @@
 #include <iostream>
 #include <utility>
 
-#include "apps/terminal.h"
+#include "apps/terminal/terminal.h"
 #include "apps/touch/held_frames.h"
 #include "apps/touch/sources.h"
 #include "apps/touch/touch.h"

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "apps/page.h"
-#include "apps/terminal.h"
+#include "apps/terminal/terminal.h"
 #include "apps/touch/held_frames.h"
 #include "apps/touch/touch.h"
 #include "palpate/devices/devices.h"

@@ -7,7 +7,7 @@
 #include <sstream>
 
 #include "apps/page.h"
-#include "apps/terminal.h"
+#include "apps/terminal/terminal.h"
 #include "apps/touch/sources.h"
 #include "apps/touch/touch.h"
 #include "apps/verbs.h"

@@ -8,7 +8,7 @@
 #include <memory>
 
 #include "apps/pack/pack_one.h"
-#include "apps/terminal.h"
+#include "apps/terminal/terminal.h"
 #include "apps/touch/touch.h"
 #include "apps/verbs.h"
 #include "palpate/io/files.h"

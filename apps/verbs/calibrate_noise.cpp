@@ -6,7 +6,7 @@
 
 #include "apps/output_files.h"
 #include "apps/sensor_choice.h"
-#include "apps/terminal.h"
+#include "apps/terminal/terminal.h"
 #include "apps/tool_info.h"
 #include "apps/touch/sources.h"
 #include "palpate/cameras/cameras.h"

@@ -7,7 +7,7 @@
 #include <optional>
 #include <utility>
 
-#include "apps/terminal.h"
+#include "apps/terminal/terminal.h"
 #include "apps/touch/objects.h"
 #include "apps/touch/sources.h"
 #include "palpate/cameras/cameras.h"

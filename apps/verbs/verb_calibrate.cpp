@@ -10,7 +10,7 @@
 
 #include "apps/options.h"
 #include "apps/output_files.h"
-#include "apps/terminal.h"
+#include "apps/terminal/terminal.h"
 #include "apps/tool_info.h"
 #include "apps/touch/sources.h"
 #include "apps/verbs.h"

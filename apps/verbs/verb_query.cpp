@@ -11,14 +11,16 @@
 
 #include "apps/options.h"
 #include "apps/output_files.h"
-#include "apps/terminal.h"
+#include "apps/terminal/terminal.h"
 #include "apps/tool_info.h"
 #include "apps/touch/frames.h"
 #include "apps/touch/objects.h"
 #include "apps/verbs.h"
 #include "apps/verbs/caps.h"
 #include "apps/verbs/frozen_views.h"
+#include "apps/verbs/query_results.h"
 #include "palpate/contact/body_contact.h"
+#include "palpate/contact/scene.h"
 #include "palpate/io/files.h"
 #include "src/run/internal/pipeline.h"
 #include "src/run/internal/reported_output.h"
@@ -26,144 +28,6 @@
 
 namespace palpate::apps {
 namespace {
-
-struct Options {
-  std::string tool, pose, poses, shard, output;
-  FrozenOptions views;
-  RunSettings settings;
-  std::vector<std::string> given;  ///< keys of settings
-  std::vector<ObjectOption> objects;
-  FrameOptions frames;
-  CapsOptions caps;
-  int num_spheres = 0;   ///< of the tool file; 0: all
-  double stiffness = 0;  ///< N/m3, of forces beside the volumes; 0: none
-  bool json = false;
-  bool std = false;  ///< standard deviations
-  bool wants_clearance = false;
-  std::vector<Pose> X_WT;  ///< from --pose or, later, --poses
-};
-
-struct Measurement {
-  Penetration penetration;
-  BodyMeasure shares;  ///< of cloud and objects
-  /// Penetration::unseen_volume; none if unknown: with one camera on a GPU.
-  std::optional<double> unseen;
-  std::vector<int> decided;  ///< spheres in contact decided by each camera; last: by none
-  double seconds = 0;
-  Pose X_WT;
-  std::optional<MeasureNoise> noise;               ///< with --std
-  std::optional<double> clearance = std::nullopt;  ///< m, with its sphere and its gradient
-  int nearest = -1;
-  std::array<double, 6> clearance_gradient = {};
-};
-
-std::string camera_name(std::size_t number) {
-  return number == 0 ? "camera" : "camera_" + std::to_string(number + 1);
-}
-
-nlohmann::ordered_json to_json(const Vec3d& v) { return {v.x, v.y, v.z}; }
-
-/// Returns pose and wrench in the frame of --wrench-frame, --wrench-point and --tcp.
-nlohmann::ordered_json reported_json(const OutputOptions& output, const Tool& tool,
-                                     const Pose& X_WCamera, const Measurement& at) {
-  const ReportedOutput reported(
-      output, {at.X_WT, at.X_WT * tool.sphere_mass().center_of_mass, X_WCamera, Pose{}});
-  const VolumeWrench measure = reported.wrench(at.penetration.measure_W);
-  return {{"pose", seven_numbers(reported.pose())},
-          {"force", to_json(measure.force)},
-          {"torque", to_json(measure.torque)}};
-}
-
-void print_results_json(const Options& options, const RunSettings& settings, const Tool& tool,
-                        const Pose& X_WCamera, Backend backend, std::size_t num_usable,
-                        double tool_volume, const std::vector<Measurement>& measurements) {
-  nlohmann::ordered_json json{{"method", name_of(options.settings.contact.method)},
-                              {"backend", name_of(backend)},
-                              {"usable_points", num_usable}};
-  if (settings.contact.method == MethodKind::field) {
-    json["unseen_is"] = name_of(settings.field.unseen);
-  }
-  json["results"] = nlohmann::ordered_json::array();
-  for (const Measurement& measurement : measurements) {
-    const auto& [penetration, shares, unseen, decided, seconds, X_WT, noise, clearance, nearest,
-                 clearance_gradient] = measurement;
-    json["results"].push_back({{"volume", penetration.volume},
-                               {"fraction", penetration.volume / tool_volume},
-                               {"force", to_json(penetration.measure_W.force)},
-                               {"torque", to_json(penetration.measure_W.torque)},
-                               {"boundary_spheres", penetration.num_boundary_spheres},
-                               {"inside_spheres", penetration.num_inside_spheres},
-                               {"points", penetration.num_points},
-                               {"compute_us", seconds * 1e6},
-                               {"status", penetration.status.bits}});
-    if (noise) {
-      json["results"].back()["volume_std"] = noise->volume_std();
-      json["results"].back()["force_std"] = to_json(noise->force_std());
-      json["results"].back()["torque_std"] = to_json(noise->torque_std());
-    }
-    if (options.settings.contact.method == MethodKind::field) {
-      if (unseen) json["results"].back()["unseen"] = *unseen / tool_volume;
-      auto& by = json["results"].back()["decided"];
-      for (std::size_t k = 0; k + 1 < decided.size(); ++k) by[camera_name(k)] = decided[k];
-      by["none"] = decided.back();
-    }
-    if (options.stiffness > 0) {
-      const VolumeWrench& measure = penetration.measure_W;
-      json["results"].back()["force_N"] = to_json(options.stiffness * measure.force);
-      json["results"].back()["torque_Nm"] = to_json(options.stiffness * measure.torque);
-    }
-    if (clearance) {
-      json["results"].back().update({{"clearance", *clearance},
-                                     {"nearest", nearest},
-                                     {"clearance_gradient", clearance_gradient}});
-    }
-    if (!(settings.output == OutputOptions{})) {
-      json["results"].back()["reported"] =
-          reported_json(settings.output, tool, X_WCamera, measurement);
-    }
-    if (options.objects.empty()) continue;
-    const Penetration& objects = shares.bodies;
-    json["results"].back()["objects"] = {{"volume", objects.volume},
-                                         {"force", to_json(objects.measure_W.force)},
-                                         {"torque", to_json(objects.measure_W.torque)},
-                                         {"pairs", shares.num_pairs}};
-  }
-  if (!options.caps.file.empty()) json["caps"] = options.caps.file;
-  print_json(json);
-}
-
-void print_results_table(const Options& options, double tool_volume,
-                         const std::vector<Measurement>& measurements) {
-  const bool has_objects = !options.objects.empty();
-  std::printf("%5s %12s %8s %36s %36s %8s %8s %8s %9s%s%s\n", "pose", "volume m3", "% tool",
-              "force measure m3", "torque measure m4", "boundary", "inside", "points", "us",
-              has_objects ? "   objects m3" : "", options.wants_clearance ? "  clearance m" : "");
-  if (options.std) {
-    std::printf("%5s %12s %8s %36s %36s\n", "", "and its std", "", "and its std", "and its std");
-  }
-  for (std::size_t i = 0; i < measurements.size(); ++i) {
-    const Penetration& p = measurements[i].penetration;
-    const Vec3d &f = p.measure_W.force, &m = p.measure_W.torque;
-    std::printf("%5zu %12.5g %8.3f %12.4g%12.4g%12.4g %12.4g%12.4g%12.4g %8d %8d %8d %9.1f", i,
-                p.volume, 100 * p.volume / tool_volume, f.x, f.y, f.z, m.x, m.y, m.z,
-                p.num_boundary_spheres, p.num_inside_spheres, p.num_points,
-                measurements[i].seconds * 1e6);
-    if (has_objects) std::printf(" %12.5g", measurements[i].shares.bodies.volume);
-    if (const auto& clearance = measurements[i].clearance) std::printf(" %12.5g", *clearance);
-    std::puts(p.status.has(StepStatus::ambiguous_normals) ? "  (normals disagree)" : "");
-    if (measurements[i].noise) {
-      const MeasureNoise& noise = *measurements[i].noise;
-      const Vec3d df = noise.force_std(), dm = noise.torque_std();
-      std::printf("%5s %12.5g %8.3f %12.4g%12.4g%12.4g %12.4g%12.4g%12.4g\n", "+-",
-                  noise.volume_std(), 100 * noise.volume_std() / tool_volume, df.x, df.y, df.z,
-                  dm.x, dm.y, dm.z);
-    }
-    if (options.stiffness == 0) continue;
-    const Vec3d F = options.stiffness * f, M = options.stiffness * m;
-    std::printf("%5s at %g N/m3: force %.4g %.4g %.4g N, torque %.4g %.4g %.4g N m\n", "",
-                options.stiffness, F.x, F.y, F.z, M.x, M.y, M.z);
-  }
-}
 
 struct ChosenQuery {
   Backend backend = Backend::cpu;
@@ -191,7 +55,7 @@ Result<ChosenQuery> choose_query(const RunSettings& settings, const Tool& tool, 
 
 /// Computes the unseen volume at a pose, and the number of spheres that each camera decided.
 void find_evidence(const ContactQuery& query, Backend backend,
-                   std::span<const SurfaceBlend> cameras, Measurement& at) {
+                   std::span<const SurfaceBlend> cameras, QueryMeasurement& at) {
   SpherePicture spheres;
   spheres.resize(query.index()->tool().spheres().size());
   ContactWants wants = spheres.wants();
@@ -207,9 +71,9 @@ void find_evidence(const ContactQuery& query, Backend backend,
 }
 
 /// Computes the clearance at all poses, on the CPU, if it was requested.
-Status find_clearance(const Options& options, const Tool& tool, const FrozenViews& views,
+Status find_clearance(const QueryOptions& options, const Tool& tool, const FrozenViews& views,
                       const std::vector<SceneObject>& objects,
-                      std::vector<Measurement>& measurements) {
+                      std::vector<QueryMeasurement>& measurements) {
   if (!options.wants_clearance) return Done{};
   Scene scene;
   for (const SurfaceBlend& view : views.views()) scene.surfaces.push_back(view.to);
@@ -219,7 +83,7 @@ Status find_clearance(const Options& options, const Tool& tool, const FrozenView
                                             Place::cpu(), options.settings.num_threads);
   if (!contact) return contact.error();
   std::vector<Pose> poses;
-  for (const Measurement& measurement : measurements) poses.push_back(measurement.X_WT);
+  for (const QueryMeasurement& measurement : measurements) poses.push_back(measurement.X_WT);
   std::vector<double> clearance(poses.size()), gradient(6 * poses.size());
   std::vector<std::int32_t> nearest(poses.size());
   SceneAnswers answers;
@@ -246,9 +110,9 @@ Result<NamedFrames> frames_of(const FrozenViews& scene) {
   return frames;
 }
 
-Status run(const Options& given) {
+Status run(const QueryOptions& given) {
   end_at_interrupts();
-  Options options = given;
+  QueryOptions options = given;
   const auto tool =
       load_tool_prefix(options.tool, options.num_spheres, options.settings.num_threads);
   if (!tool) return tool.error();
@@ -296,7 +160,7 @@ Status run(const Options& given) {
     });
     if (!status) return status.error();
   }
-  std::vector<Measurement> measurements;
+  std::vector<QueryMeasurement> measurements;
   for (const Pose& X_WT : poses) {
     const auto start = std::chrono::steady_clock::now();
     world.set_pose(body, X_WT);
@@ -324,7 +188,7 @@ Status run(const Options& given) {
   }
   const double tool_volume = full_volume(*tool, options.settings.contact);
   double largest = 0;
-  for (const Measurement& measurement : measurements) {
+  for (const QueryMeasurement& measurement : measurements) {
     largest = std::max(largest, measurement.penetration.volume);
   }
   const std::string note = more_than_whole(*tool, options.settings.contact, largest);
@@ -343,7 +207,7 @@ Status run(const Options& given) {
 }
 
 /// Checks combinations of options, which the parser cannot.
-void check(const CLI::App& app, Options& options) {
+void check(const CLI::App& app, QueryOptions& options) {
   if (const auto method = contact_method(options.settings.contact); !method) {
     usage_error("--" + method.error().message);
   }
@@ -394,7 +258,7 @@ void check(const CLI::App& app, Options& options) {
 }  // namespace
 
 void add_query(CLI::App& program, Action& action) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<QueryOptions>();
   CLI::App& app = *program.add_subcommand(
       "query",
       "Measure a tool against single depth images of one or more cameras, once per "
@@ -420,7 +284,7 @@ void add_query(CLI::App& program, Action& action) {
   app.add_flag("--json", options->json, "print the results as JSON");
   app.option_defaults()->group("Contact");
   add_object_option(app, options->objects, false);
-  app.option_defaults()->group("Options");
+  app.option_defaults()->group("QueryOptions");
   add_output_options(app, options->frames, options->settings);
   add_setting_options(app, "Contact", settings_of(options->settings), kContactOptions);
   add_threads_option(app, options->settings.num_threads, kThreadsHelp);

@@ -7,7 +7,7 @@
 #include <optional>
 
 #include "apps/options.h"
-#include "apps/terminal.h"
+#include "apps/terminal/terminal.h"
 #include "apps/tool_info.h"
 #include "apps/verbs.h"
 #include "palpate/session/run.h"

@@ -6,7 +6,7 @@
 #include <thread>
 
 #include "apps/page.h"
-#include "apps/terminal.h"
+#include "apps/terminal/terminal.h"
 #include "apps/verbs.h"
 #include "palpate/io/files.h"
 #include "palpate/viewer/viewer.h"

@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "palpate/contact/body_contact.h"
 #include "palpate/contact/contact.h"
+#include "palpate/contact/scene.h"
 #include "python/src/arrays.h"
 #include "python/src/bindings.h"
 

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <functional>
 
+#include "palpate/cloud/depth_noise.h"
 #include "palpate/cloud/depth_source.h"
 #include "tests/test_util/random.h"
 

@@ -5,6 +5,7 @@
 #include <memory>
 #include <span>
 
+#include "palpate/cloud/depth_noise.h"
 #include "palpate/cloud/depth_source.h"
 #include "palpate/cloud/point_cloud.h"
 #include "palpate/core/core.h"

@@ -274,11 +274,8 @@ enum class SphereState : std::uint8_t { outside, boundary, inside };
 
 /// Optional outputs of a measurement, and their arrays.
 struct ContactWants {
-  /// `field` only: closed-form stiffness and VolumeMoments.
-  bool stiffness = false;
-  /// `field` only: what the noise of the cameras does to the measure. Of blends in time each frame
-  /// is measured by itself.
-  bool noise = false;
+  bool stiffness = false;  ///< `field` only: closed-form stiffness and VolumeMoments
+  bool noise = false;      ///< `field` only: what the noise of the cameras does to the measure
   /// Computes Penetration::unseen_volume also for a camera without SurfaceView::seen_free, on a
   /// CPU: behind the surface of its own pixel, where that has none, or outside of the image.
   bool unseen_volume = false;

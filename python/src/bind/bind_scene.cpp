@@ -5,7 +5,7 @@
 
 #include <optional>
 
-#include "palpate/contact/body_contact.h"
+#include "palpate/contact/scene.h"
 #include "python/src/contact.h"
 
 namespace palpate::python {

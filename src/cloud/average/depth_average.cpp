@@ -1,3 +1,4 @@
+#include "palpate/cloud/depth_noise.h"
 #include "palpate/cloud/depth_source.h"
 
 #include <algorithm>

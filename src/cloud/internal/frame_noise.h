@@ -2,6 +2,7 @@
 // deviation of what the next wider cells do not tell, base + growth z^2 in meters at depth z.
 #pragma once
 
+#include "palpate/cloud/depth_noise.h"
 #include "palpate/cloud/depth_source.h"
 
 namespace palpate { inline namespace v0 {

@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "palpate/cloud/depth_noise.h"
 #include "palpate/cloud/depth_source.h"
 
 namespace palpate { inline namespace v0 {

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "palpate/contact/body_contact.h"
+#include "palpate/contact/scene.h"
 
 namespace palpate { inline namespace v0 {
 

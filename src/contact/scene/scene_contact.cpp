@@ -1,5 +1,5 @@
 // Tools in scenes: each thread has queries of its own and takes poses, some at a time.
-#include "palpate/contact/body_contact.h"
+#include "palpate/contact/scene.h"
 
 #include <algorithm>
 #include <atomic>

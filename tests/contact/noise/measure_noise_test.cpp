@@ -5,6 +5,7 @@
 
 #include <gtest/gtest.h>
 
+#include "palpate/cloud/depth_noise.h"
 #include "palpate/contact/body_contact.h"
 #include "tests/contact/noise/noise_study.h"
 #include "tests/test_util/allocation_counter.h"

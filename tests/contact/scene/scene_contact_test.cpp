@@ -1,5 +1,5 @@
 // One question to a scene: against the calls that it joins, exact solids, and bad input.
-#include "palpate/contact/body_contact.h"
+#include "palpate/contact/scene.h"
 
 #include <cmath>
 #include <string>

@@ -1,4 +1,4 @@
-#include "apps/help.h"
+#include "apps/terminal/help.h"
 
 #include <sys/ioctl.h>
 #include <unistd.h>
