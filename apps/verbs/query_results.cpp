@@ -11,10 +11,6 @@
 namespace palpate::apps {
 namespace {
 
-std::string camera_name(std::size_t number) {
-  return number == 0 ? "camera" : "camera_" + std::to_string(number + 1);
-}
-
 nlohmann::ordered_json to_json(const Vec3d& v) { return {v.x, v.y, v.z}; }
 
 /// Returns pose and wrench in the frame of --wrench-frame, --wrench-point and --tcp.
@@ -29,6 +25,10 @@ nlohmann::ordered_json reported_json(const OutputOptions& output, const Tool& to
 }
 
 }  // namespace
+
+std::string camera_name(std::size_t number) {
+  return number == 0 ? "camera" : "camera_" + std::to_string(number + 1);
+}
 
 void print_results_json(const QueryOptions& options, const RunSettings& settings, const Tool& tool,
                         const Pose& X_WCamera, Backend backend, std::size_t num_usable,

@@ -46,6 +46,9 @@ struct QueryMeasurement {
   std::array<double, 6> clearance_gradient = {};
 };
 
+/// Name of a camera by its number, in results: camera, camera_2, ...
+std::string camera_name(std::size_t number);
+
 /// Prints all measurements to standard output, as JSON. `tool_volume`: that of the whole tool, m3.
 void print_results_json(const QueryOptions& options, const RunSettings& settings, const Tool& tool,
                         const Pose& X_WCamera, Backend backend, std::size_t num_usable,
