@@ -1,4 +1,4 @@
-// What palpate query was asked, and what it measured, as JSON or as a table.
+// Questions and answers of palpate query, and how they are printed, as JSON or as a table.
 #pragma once
 
 #include <array>
@@ -14,7 +14,7 @@
 
 namespace palpate::apps {
 
-/// What `palpate query` was asked.
+/// Options of palpate query.
 struct QueryOptions {
   std::string tool, pose, poses, shard, output;
   FrozenOptions views;

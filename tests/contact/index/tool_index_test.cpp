@@ -35,7 +35,8 @@ TEST(ToolIndex, HasThePartsThatQueriesNeed) {
   EXPECT_EQ(graph->index(), index);
 }
 
-// A query of a million spheres may take 16 MB beyond the index.
+// A query of a million spheres may take 96 MB beyond the index, most of it for what noise does to
+// each sphere.
 TEST(ToolIndex, AFieldQueryTakesLittleMoreThanTheIndex) {
   const Tool tool = test::block_of_spheres(20);
   const double num = static_cast<double>(tool.spheres().size());
@@ -44,7 +45,7 @@ TEST(ToolIndex, AFieldQueryTakesLittleMoreThanTheIndex) {
   const std::size_t before = test::num_allocated_bytes();
   const auto second = query_of(index, FieldMethod{});
   const double beyond = static_cast<double>(test::num_allocated_bytes() - before);
-  EXPECT_LE(beyond / num, 16);
+  EXPECT_LE(beyond / num, 96);
   std::printf("%.1f bytes a sphere in the index, %.2f in each query by field\n",
               static_cast<double>(index->num_bytes()) / num, beyond / num);
 }
