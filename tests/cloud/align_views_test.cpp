@@ -158,7 +158,7 @@ TEST(AlignViews, RefusesWhatDoesNotHoldTheCameras) {
   scenes::set_image_size(wall, 320, 240);
   scenes::set_image_size(ball, 320, 240);
   EXPECT_NE(why_not(wall, around(2)).find("too flat or too round"), std::string::npos);
-  // What turns along a ball may also never come to rest.
+  // Poses that turn along a ball may also never come to rest.
   const std::string round = why_not(ball, around(2));
   EXPECT_TRUE(round.find("too flat or too round") != std::string::npos ||
               round.find("do not converge") != std::string::npos)
