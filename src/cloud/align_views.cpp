@@ -134,6 +134,7 @@ class Alignment {
       }
       reach = std::max(options_.min_reach, 0.8 * reach);
     }
+    if (!is_held()) return not_held();  // they slide along the surfaces
     return Error{Errc::bad_input,
                  "the poses do not converge: check intrinsics and units, and that the scene and "
                  "the cameras are static"};
@@ -255,6 +256,13 @@ class Alignment {
     return most;
   }
 
+  /// True if the surfaces' shapes fix all poses.
+  bool is_held() const {
+    // In a chain of views the eigenvalue falls with the square of its length.
+    const double num_free = static_cast<double>(num_views() - 1);
+    return smallest_eigenvalue_ > kMinShape / (num_free * num_free);
+  }
+
   static Error not_held() {
     return {
         Errc::bad_input,
@@ -281,12 +289,7 @@ class Alignment {
       }
     }
     aligned.uncertainty = worst / std::sqrt(num_points_ / kPointsAlike * smallest_eigenvalue_);
-    // In a chain of views the eigenvalue falls with the square of its length.
-    const double num_free = static_cast<double>(num_views() - 1);
-    if (!(smallest_eigenvalue_ > kMinShape / (num_free * num_free)) ||
-        !(aligned.uncertainty < kMaxUncertainty)) {
-      return not_held();
-    }
+    if (!is_held() || !(aligned.uncertainty < kMaxUncertainty)) return not_held();
     return aligned;
   }
 

@@ -147,7 +147,7 @@ TEST(AdaptiveFilter, WhatHasNoNoiseStaysAsItIs) {
   };
   for (const DepthScene& scene : {test::plane_scene(163, 121, 525, {0.5, -0.3, -0.8}, {0, 0, 0.9}),
                                   scene_of(160, 120, bowl)}) {
-    EXPECT_LT(rms_error(smoothed(scene), scene), 2e-6);
+    EXPECT_LT(rms_error(smoothed(scene), scene), 1e-6);
   }
 }
 

@@ -158,11 +158,8 @@ TEST(AlignViews, RefusesWhatDoesNotHoldTheCameras) {
   scenes::set_image_size(wall, 320, 240);
   scenes::set_image_size(ball, 320, 240);
   EXPECT_NE(why_not(wall, around(2)).find("too flat or too round"), std::string::npos);
-  // Poses that turn along a ball may also never come to rest.
-  const std::string round = why_not(ball, around(2));
-  EXPECT_TRUE(round.find("too flat or too round") != std::string::npos ||
-              round.find("do not converge") != std::string::npos)
-      << round;
+  EXPECT_NE(why_not(ball, around(2)).find("too flat or too round"), std::string::npos)
+      << why_not(ball, around(2));
   // One looks the other way.
   const std::string elsewhere = why_not(table(), {Pose{}, looking({0, 0, 0.5}, {5, 0, -2})});
   EXPECT_NE(elsewhere.find("sees too little"), std::string::npos) << elsewhere;

@@ -15,9 +15,7 @@ constexpr AddMeasureNoise kNoiseKernels[] = PALPATE_BY_ISA(kMeasureNoise);
 }  // namespace
 
 NoiseMemory::NoiseMemory(int num_groups, Isa isa)
-    : numbers_(kNumNoiseRows * static_cast<std::size_t>(first_noise_row(num_groups))),
-      num_(static_cast<std::size_t>(num_groups)),
-      add_(select_isa(kNoiseKernels, isa)) {}
+    : num_(static_cast<std::size_t>(num_groups)), add_(select_isa(kNoiseKernels, isa)) {}
 
 std::optional<MeasureNoise> NoiseMemory::of_field(const DepthFieldView& field,
                                                   const FieldFrame& frame) {

@@ -35,8 +35,7 @@ TEST(ToolIndex, HasThePartsThatQueriesNeed) {
   EXPECT_EQ(graph->index(), index);
 }
 
-// A query of a million spheres may take 96 MB beyond the index, most of it for what noise does to
-// each sphere.
+// A query of a million spheres may take 16 MB beyond the index.
 TEST(ToolIndex, AFieldQueryTakesLittleMoreThanTheIndex) {
   const Tool tool = test::block_of_spheres(20);
   const double num = static_cast<double>(tool.spheres().size());
@@ -45,7 +44,7 @@ TEST(ToolIndex, AFieldQueryTakesLittleMoreThanTheIndex) {
   const std::size_t before = test::num_allocated_bytes();
   const auto second = query_of(index, FieldMethod{});
   const double beyond = static_cast<double>(test::num_allocated_bytes() - before);
-  EXPECT_LE(beyond / num, 96);
+  EXPECT_LE(beyond / num, 16);
   std::printf("%.1f bytes a sphere in the index, %.2f in each query by field\n",
               static_cast<double>(index->num_bytes()) / num, beyond / num);
 }
