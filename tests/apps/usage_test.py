@@ -104,7 +104,8 @@ class Usage(CommandLineCase):
 
     def test_help_names_types_as_people_do(self):
         for verb in ("touch", "query", "ros2", "record", "calibrate", "cameras", "view"):
-            self.assertNotRegex(self.succeed(verb, "--help-all"), r"\b(FLOAT|UINT|INT|TEXT)\b|cx,cy x 4")
+            for flag in ("--help", "--help-all"):
+                self.assertNotRegex(self.succeed(verb, flag), r"\b(FLOAT|UINT|INT|TEXT)\b|cx,cy x 4")
 
     def test_what_a_camera_does_not_take_is_refused(self):
         touch = ("touch", self.tool, "-o", self.path("never"))

@@ -275,7 +275,7 @@ enum class SphereState : std::uint8_t { outside, boundary, inside };
 /// Optional outputs of a measurement, and their arrays.
 struct ContactWants {
   bool stiffness = false;  ///< `field` only: closed-form stiffness and VolumeMoments
-  bool noise = false;      ///< `field` only: what the noise of the cameras does to the measure
+  bool noise = false;      ///< `field` only: by the noise of the cameras; the first one allocates
   /// Computes Penetration::unseen_volume also for a camera without SurfaceView::seen_free, on a
   /// CPU: behind the surface of its own pixel, where that has none, or outside of the image.
   bool unseen_volume = false;

@@ -14,7 +14,8 @@ namespace palpate { inline namespace v0 {
 inline constexpr float kNoSurface = 1e9f;
 
 /// Input of searches; non-owning, trivially copyable. Level k has squares of 4^k x 4^k pixels.
-/// Those of one level lie in blocks of 4 x 4, which are the parts of one square of the next level.
+/// The squares of one level lie in blocks of 4 x 4, which are the parts of one square of the next
+/// level.
 struct ClearanceImage {
   static constexpr int kLevels = 5;
   static constexpr int kPerBlock = 16;

@@ -5,7 +5,7 @@
 //
 // A smoothed surface has lost the details of its finer scales, but no filter loses the mean of the
 // noise over wide windows: what a scale has lost is left in the next one, as the mean of four.
-// Which scales are left at a place is seen in the field itself. Shared by host and device.
+// The scales that are left at a place are seen in the field itself. Shared by host and device.
 #pragma once
 
 #include "palpate/field/depth_field.h"
