@@ -21,8 +21,9 @@ GIVEN = """
 #include <vector>
 #include "palpate/palpate.h"
 #include "palpate/contact/body_contact.h"
+#include "palpate/contact/scene.h"
 using namespace palpate;
-extern Tool tool, object, left_tool, right_tool, block_tool;
+extern Tool tool, object, hand, forearm, left_tool, right_tool, block_tool;
 extern Sensor sensor;
 extern Contact contact;
 extern SurfaceEstimator surface;
