@@ -74,10 +74,13 @@ Status parse(const std::vector<std::string>& words, RunSettings& settings) {
 }
 
 /// Applies the words to the recorded settings; options that a new method does not have are dropped,
-/// and named in `note`.
+/// and surfaces that were smoothed as is usual become those of the new method: named in `note`.
 Status change(const std::vector<std::string>& words, RunSettings& settings, std::string& note) {
   RunSettings desired = settings;
   if (const Status status = parse(words, desired); !status) return status;
+  Smoothing& smoothing = settings.surface.filter.smoothing;
+  const Smoothing before = smoothing;
+  const bool was_usual = before == usual_smoothing(settings.contact.method);
   settings.contact.method = desired.contact.method;
   for (const std::string& name : drop_foreign_options(settings.contact)) {
     note += (note.empty() ? "dropped options of the run that the method " +
@@ -85,7 +88,14 @@ Status change(const std::vector<std::string>& words, RunSettings& settings, std:
                           : ", ") +
             name;
   }
-  return parse(words, settings);
+  const Smoothing usual = usual_smoothing(settings.contact.method);
+  if (was_usual) smoothing = usual;
+  const Status status = parse(words, settings);
+  if (smoothing != before && smoothing == usual) {
+    note += (note.empty() ? "" : "; ") + ("surface.smoothing is " + name_of(smoothing)) +
+            ", as is usual with this method";
+  }
+  return status;
 }
 
 Status repeat(const Options& options) {

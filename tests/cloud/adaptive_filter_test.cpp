@@ -225,7 +225,7 @@ TEST(AdaptiveFilter, FillsNothingAndLeavesFarSpaceFree) {
 }
 
 TEST(AdaptiveFilter, GivesTheSameBitsForAnyThreadsInstructionsAndWindow) {
-  for (const auto& [width, height] : {std::pair{131, 77}, std::pair{8, 8}, std::pair{640, 33}}) {
+  for (const auto& [width, height] : {std::pair{131, 77}, std::pair{8, 8}, std::pair{640, 330}}) {
     const DepthScene scene = test::cluttered_scene(width, height, 300, 1.5, 9);
     const std::vector<float> one = smoothed(scene, adaptive(), 1, Isa::baseline);
     const auto is_same = [&](const std::vector<float>& other) {
@@ -240,13 +240,22 @@ TEST(AdaptiveFilter, GivesTheSameBitsForAnyThreadsInstructionsAndWindow) {
     SurfaceEstimator estimator =
         SurfaceEstimator::create(width, height, scene.intrinsics, adaptive()).value();
     ThreadPool pool(2);
-    const PixelWindow window{width / 3, height / 4, width / 2 + 2, height / 2 + 2};
-    estimator.update(scene.depth, pool, {window, false});
-    for (int v = window.top; v < window.bottom; ++v) {
-      for (int u = window.left; u < window.right; ++u) {
-        const auto i = static_cast<std::size_t>(v * width + u);
-        EXPECT_EQ(std::memcmp(&one[i], &estimator.depth()[i], sizeof(float)), 0) << u << " " << v;
+    // One after another, with another scene between them.
+    const DepthScene other = test::cluttered_scene(width, height, 300, 1.1, 4);
+    for (const PixelWindow& window :
+         {PixelWindow{width / 3, height / 4, width / 2 + 2, height / 2 + 2}, PixelWindow{0, 0, 1, 1},
+          PixelWindow{width - 3, height / 2, width, height}, PixelWindow{5, 5, 5, 5},
+          PixelWindow{width / 2, 1, width / 2 + 9, height - 1}}) {
+      estimator.update(other.depth, pool, {{width / 4, 0, width, height / 2}, false});
+      estimator.update(scene.depth, pool, {window, false});
+      int num_other = 0;
+      for (int v = window.top; v < window.bottom; ++v) {
+        for (int u = window.left; u < window.right; ++u) {
+          const auto i = static_cast<std::size_t>(v * width + u);
+          num_other += std::memcmp(&one[i], &estimator.depth()[i], sizeof(float)) != 0;
+        }
       }
+      EXPECT_EQ(num_other, 0) << width << " x " << height << " from " << window.left;
     }
   }
 }

@@ -20,16 +20,15 @@ std::string doubt(double stored, double reported, double from, double to, double
   stream.width = stream.height = kSize;
   stream.intrinsics = {150, 150, 59.5, 59.5};
   stream.name = "camera";
-  UnitWatch watch(tool, {stream});
+  SeenFrames seen({stream});
+  UnitWatch watch(tool, 1);
   FrameRecord record;
   record.unit = reported;
   const auto count = static_cast<std::uint16_t>(std::lround(wall / stored));
-  watch.take(record, {kSize, kSize, reported, std::vector<std::uint16_t>(kSize * kSize, count)});
+  seen.take(record, {kSize, kSize, reported, std::vector<std::uint16_t>(kSize * kSize, count)});
   for (int k = 0; k <= 100; ++k) {
-    ContactRecord contact;
-    contact.time = 0.05 * k;
-    contact.X_WT.translation = {0, 0, from + (to - from) * k / 100};
-    watch.take(contact);
+    const double z = from + (to - from) * k / 100;
+    if (seen.is_due(0.05 * k)) watch.look(seen.all(), {{0, 0, z}, {}});
   }
   const std::vector<std::string> doubts = watch.doubts();
   EXPECT_TRUE(watch.doubts().empty()) << "once";

@@ -4,33 +4,19 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <utility>
 
 namespace palpate { inline namespace v0 {
 
-NearestWatch::NearestWatch(const Tool& tool, std::vector<DepthStreamInfo> streams) : tool_(tool) {
-  for (DepthStreamInfo& stream : streams) cameras_.push_back({std::move(stream), {}, {}});
-}
-
-void NearestWatch::take(const FrameRecord& record, const DepthFrame& frame) {
+void NearestWatch::look(std::span<const SeenFrame> cameras, const ContactRecord& contact) {
   if (has_touched_) return;
-  Camera& camera = cameras_[record.camera];
-  camera.frame = frame;
-  camera.X_WC = record.X_WC;
-}
-
-void NearestWatch::take(const ContactRecord& contact) {
-  has_touched_ = has_touched_ || contact.penetration.volume > 0;
-  if (has_touched_ || contact.time < next_look_) return;
-  next_look_ = contact.time + kPeriod;
-  for (const Camera& camera : cameras_) look(camera, contact);
+  for (const SeenFrame& camera : cameras) look(camera, contact);
 }
 
 std::optional<NearestApproach> NearestWatch::nearest() const {
   return has_touched_ ? std::nullopt : nearest_;
 }
 
-void NearestWatch::look(const Camera& camera, const ContactRecord& contact) {
+void NearestWatch::look(const SeenFrame& camera, const ContactRecord& contact) {
   constexpr int kSamples = 80;  // a side
   if (camera.frame.pixels.empty()) return;
   const Pose X_TC = inverse(contact.X_WT) * camera.X_WC;
@@ -49,17 +35,14 @@ void NearestWatch::look(const Camera& camera, const ContactRecord& contact) {
 }
 
 /// Lowers `nearest` to that of every `step`-th pixel of a window, and sets its place.
-void NearestWatch::look_at(const Camera& camera, const Pose& X_TC, Pixel low, Pixel high, int step,
+void NearestWatch::look_at(const SeenFrame& camera, const Pose& X_TC, Pixel low, Pixel high, int step,
                            double& nearest, Pixel& at) const {
-  const DepthFrame& frame = camera.frame;
   const auto& [fx, fy, cx, cy] = camera.stream.intrinsics;
   for (int v = low.v; v < high.v; v += step) {
     for (int u = low.u; u < high.u; u += step) {
-      const std::uint16_t count =
-          frame.pixels[static_cast<std::size_t>(v) * static_cast<std::size_t>(frame.width) +
-                       static_cast<std::size_t>(u)];
+      const std::uint16_t count = camera.count(u, v);
       if (count == 0 || count == kFarCount) continue;
-      const double z = count * frame.unit;
+      const double z = count * camera.unit;
       const double distance =
           distance_below(X_TC * Vec3d{(u - cx) / fx * z, (v - cy) / fy * z, z}, nearest);
       if (distance >= nearest) continue;

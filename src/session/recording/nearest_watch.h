@@ -7,12 +7,11 @@
 #pragma once
 
 #include <optional>
-#include <vector>
+#include <span>
 
-#include "palpate/cloud/depth_source.h"
-#include "palpate/run/records.h"
 #include "palpate/session/run.h"
 #include "palpate/tool/tool.h"
+#include "src/session/recording/seen_frames.h"
 
 namespace palpate { inline namespace v0 {
 
@@ -20,35 +19,27 @@ namespace palpate { inline namespace v0 {
 class NearestWatch {
  public:
   /// `tool` must outlive it.
-  NearestWatch(const Tool& tool, std::vector<DepthStreamInfo> streams);
+  explicit NearestWatch(const Tool& tool) : tool_(tool) {}
 
-  /// Keeps the newest frame of each camera. O(pixels).
-  void take(const FrameRecord& record, const DepthFrame& frame);
-  /// Looks ten times a second of the run, until something is touched.
-  void take(const ContactRecord& contact);
+  /// Ends the watch with a contact.
+  void take(const ContactRecord& contact) {
+    has_touched_ = has_touched_ || contact.penetration.volume > 0;
+  }
+  void look(std::span<const SeenFrame> cameras, const ContactRecord& contact);
   /// Returns the nearest approach; none after a contact, or without measurements.
   std::optional<NearestApproach> nearest() const;
 
  private:
-  struct Camera {
-    DepthStreamInfo stream;
-    DepthFrame frame;
-    Pose X_WC;
-  };
   struct Pixel {
     int u = 0, v = 0;
   };
 
-  void look(const Camera& camera, const ContactRecord& contact);
-  void look_at(const Camera& camera, const Pose& X_TC, Pixel low, Pixel high, int step,
+  void look(const SeenFrame& camera, const ContactRecord& contact);
+  void look_at(const SeenFrame& camera, const Pose& X_TC, Pixel low, Pixel high, int step,
                double& nearest, Pixel& at) const;
   double distance_below(const Vec3d& p_T, double limit) const;
 
-  static constexpr double kPeriod = 0.1;  // s
-
   const Tool& tool_;
-  std::vector<Camera> cameras_;
-  double next_look_ = 0;  // s
   bool has_touched_ = false;
   std::optional<NearestApproach> nearest_;
 };

@@ -53,8 +53,9 @@ class RecordingObserver {
                     const RunOptions& options)
       : sources_(sources),
         unseen_(full_volume),
-        unit_(tool, sources.infos()),
-        nearest_(tool, sources.infos()),
+        seen_(sources.infos()),
+        unit_(tool, sources.size()),
+        nearest_(tool),
         monitor_(options.monitor),
         say_(options.say) {}
   /// Sets recorder and results, before the run begins.
@@ -73,15 +74,17 @@ class RecordingObserver {
     observer.on_frame = [this](const FrameRecord& record, const DepthFrame& frame) {
       recorder_->add_frame(record, frame);
       results_->add_frame(record, frame);
-      unit_.take(record, frame);
-      nearest_.take(record, frame);
+      seen_.take(record, frame);
       tell(&RunObserver::on_frame, record, frame);
     };
     observer.on_contact = [this](const ContactRecord& contact) {
       recorder_->add_contact(contact);
       results_->add_contact(contact);
-      unit_.take(contact);
       nearest_.take(contact);
+      if (seen_.is_due(contact.time)) {
+        unit_.look(seen_.all(), contact.X_WT);
+        nearest_.look(seen_.all(), contact);
+      }
       if (unit_.has_waited(contact.time)) add_unit_doubts(contact.time);
       tell(&RunObserver::on_contact, contact);
     };
@@ -160,6 +163,7 @@ class RecordingObserver {
 
   const DepthSources& sources_;
   UnseenWatch unseen_;
+  SeenFrames seen_;
   UnitWatch unit_;
   NearestWatch nearest_;
   std::vector<std::string> source_notes_;

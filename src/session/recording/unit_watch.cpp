@@ -31,29 +31,22 @@ double likely_unit(double unit, double ratio) {
 
 }  // namespace
 
-UnitWatch::UnitWatch(const Tool& tool, std::vector<DepthStreamInfo> streams) {
+UnitWatch::UnitWatch(const Tool& tool, std::size_t num_cameras) : cameras_(num_cameras) {
   const Bounds box = bounds(tool.mesh());
   center_T_ = 0.5 * (box.low + box.high);
   radius_ = 0.5 * norm(box.high - box.low);
-  for (DepthStreamInfo& stream : streams) cameras_.push_back({std::move(stream), {}, {}});
 }
 
-void UnitWatch::take(const FrameRecord& record, const DepthFrame& frame) {
-  Camera& camera = cameras_[record.camera];
-  if (camera.has_reported) return;
-  camera.frame = frame;
-  camera.X_WC = record.X_WC;
-  camera.unit = record.unit;
-}
-
-void UnitWatch::take(const ContactRecord& contact) {
-  if (contact.time < next_look_) return;
-  next_look_ = contact.time + kPeriod;
-  for (Camera& camera : cameras_) {
-    const DepthFrame& frame = camera.frame;
-    const Vec3d p_C = inverse(camera.X_WC) * (contact.X_WT * center_T_);
+void UnitWatch::look(std::span<const SeenFrame> cameras, const Pose& X_WT) {
+  for (std::size_t number = 0; number < cameras.size(); ++number) {
+    const SeenFrame& seen = cameras[number];
+    Camera& camera = cameras_[number];
+    const DepthFrame& frame = seen.frame;
+    const Vec3d p_C = inverse(seen.X_WC) * (X_WT * center_T_);
     if (camera.has_reported || frame.pixels.empty() || !(p_C[2] > kNearest)) continue;
-    const auto& [fx, fy, cx, cy] = camera.stream.intrinsics;
+    camera.name = seen.stream.name.substr(0, 80);
+    camera.unit = seen.unit;
+    const auto& [fx, fy, cx, cy] = seen.stream.intrinsics;
     const double u = fx * p_C[0] / p_C[2] + cx, v = fy * p_C[1] / p_C[2] + cy;
     const double half = std::max(3.0, fx * radius_ / p_C[2]);
     counts_.clear();
@@ -62,10 +55,8 @@ void UnitWatch::take(const ContactRecord& contact) {
         const double x = std::round(u + half * (2.0 * k / kSamples - 1));
         const double y = std::round(v + half * (2.0 * i / kSamples - 1));
         if (!(x >= 0 && y >= 0 && x < frame.width && y < frame.height)) continue;
-        const std::uint16_t count =
-            frame.pixels[static_cast<std::size_t>(y) * static_cast<std::size_t>(frame.width) +
-                         static_cast<std::size_t>(x)];
-        if (count != 0 && count != 65535) counts_.push_back(count);
+        const std::uint16_t count = seen.count(static_cast<int>(x), static_cast<int>(y));
+        if (count != 0 && count != kFarCount) counts_.push_back(count);
       }
     }
     if (counts_.size() < kMinMeasurements) continue;
@@ -92,7 +83,7 @@ std::vector<std::string> UnitWatch::doubts() {
                   "%s: around the tool it sees nothing %s than %.3g times the tool's own distance; "
                   "if they should meet, its unit is not %g m per count: --depth-unit %g (of a "
                   "--camera ?unit=%g) would fit",
-                  camera.stream.name.substr(0, 80).c_str(), is_far ? "nearer" : "farther",
+                  camera.name.c_str(), is_far ? "nearer" : "farther",
                   is_far ? camera.least : camera.most, camera.unit, unit, unit);
     doubts.emplace_back(text);
   }

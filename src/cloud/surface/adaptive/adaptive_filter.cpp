@@ -18,6 +18,41 @@ ScaleRows rows_for(Isa isa) {
   return isa_baseline::scale_rows();
 }
 
+/// Returns the cells of the next wider level that hold those of a window.
+PixelWindow halved(const PixelWindow& w) {
+  return {w.left / 2, w.top / 2, (w.right + 1) / 2, (w.bottom + 1) / 2};
+}
+PixelWindow doubled(const PixelWindow& w) {
+  return {2 * w.left, 2 * w.top, 2 * w.right, 2 * w.bottom};
+}
+
+/// The cells of one level that the smoothed pixels of a window depend on.
+struct NeededCells {
+  PixelWindow smoothed, energy, predicted;
+};
+
+/// A prediction reaches two cells far, an energy one and all finer ones of its cell, and a mean of
+/// details two.
+std::array<NeededCells, kNumScales> needed_cells(
+    const std::array<ScaleLevel, kNumScales + 1>& levels, const PixelWindow& window) {
+  std::array<NeededCells, kNumScales> needed;
+  const auto clipped = [&](const PixelWindow& w, std::size_t level) {
+    return w.clipped(levels[level].width, levels[level].height);
+  };
+  needed[0].smoothed = clipped(window, 0);
+  if (needed[0].smoothed.is_empty()) needed[0].smoothed = {0, 0, 0, 0};
+  for (std::size_t level = 1; level < needed.size(); ++level) {
+    needed[level].smoothed = clipped(halved(needed[level - 1].smoothed).grown(2), level);
+  }
+  for (std::size_t level = needed.size(); level-- > 0;) {
+    NeededCells& own = needed[level];
+    const bool is_widest = level + 1 == needed.size();
+    own.energy = is_widest ? own.smoothed : clipped(doubled(needed[level + 1].energy), level);
+    own.predicted = clipped(own.energy.grown(2), level);
+  }
+  return needed;
+}
+
 }  // namespace
 
 AdaptiveFilter::AdaptiveFilter(int width, int height, Isa isa)
@@ -92,33 +127,52 @@ void AdaptiveFilter::run(const FilterPass& pass, const PixelWindow& window, Thre
   const auto noise = [&](int level) -> const ScaleNoise& {
     return noise_[static_cast<std::size_t>(level)];
   };
-  const auto predict = [&](int level, const ScaleImage& from, const ScaleImage& to) {
-    for_rows(pool, 0, at(level + 1).height,
-             [&](int v) { rows_.predict(at(level + 1), level + 1, from, at(level), to, v); });
+  const auto predict = [&](int level, const ScaleImage& from, const ScaleImage& to,
+                           Columns columns, int v) {
+    rows_.predict(at(level + 1), level + 1, from, at(level), to, columns, v);
   };
+  const std::array<NeededCells, kNumScales> needed = needed_cells(levels_, window);
+
   for_rows(pool, 0, at(0).height, [&](int v) { rows_.begin(pass, at(0), v); });
   for (int level = 1; level <= kNumScales; ++level) {
     for_rows(pool, 0, at(level).height,
              [&](int v) { rows_.widen(at(level - 1), level, at(level), v); });
   }
+  // Where they are counted or needed.
   for (int level = 0; level < kNumScales; ++level) {
-    predict(level, at(level + 1).mean, at(level).predicted);
+    const PixelWindow own = halved(needed[static_cast<std::size_t>(level)].predicted);
+    const ScaleLevel& wider = at(level + 1);
+    for_rows(pool, 0, wider.height, [&](int v) {
+      const Columns all{0, wider.width};
+      const bool is_counted = 2 * v % count_step(level) == 0;
+      const bool is_needed = v >= own.top && v < own.bottom;
+      const Columns columns = is_counted ? all : Columns{own.left, own.right};
+      if (is_counted || is_needed) predict(level, wider.mean, at(level).predicted, columns, v);
+    });
   }
   count_details(pool);
   for (int level = 0; level < kNumScales; ++level) {
+    const PixelWindow own = needed[static_cast<std::size_t>(level)].energy;
     const ScaleLevel* const finer = level == 0 ? nullptr : &at(level - 1);
-    for_rows(pool, 0, at(level).height,
-             [&](int v) { rows_.find_energy(finer, noise(level), at(level), v); });
+    for_rows(pool, own.top, own.bottom, [&](int v) {
+      rows_.find_energy(finer, noise(level), at(level), {own.left, own.right}, v);
+    });
   }
   for (int level = kNumScales - 1; level >= 0; --level) {
+    const PixelWindow own = needed[static_cast<std::size_t>(level)].smoothed, above = halved(own);
     const bool is_widest = level == kNumScales - 1;
     const ScaleLevel* const wider = is_widest ? nullptr : &at(level + 1);
-    predict(level, is_widest ? at(level + 1).mean : wider->smoothed, at(level).smoothed);
-    for_rows(pool, 0, at(level).height,
-             [&](int v) { rows_.smooth(level, wider, noise(level), at(level), v); });
+    for_rows(pool, above.top, above.bottom, [&](int v) {
+      predict(level, is_widest ? at(level + 1).mean : wider->smoothed, at(level).smoothed,
+              {above.left, above.right}, v);
+    });
+    for_rows(pool, own.top, own.bottom, [&](int v) {
+      rows_.smooth(level, wider, noise(level), at(level), {own.left, own.right}, v);
+    });
   }
-  const PixelWindow all = window.clipped(at(0).width, at(0).height);
-  for_rows(pool, all.top, all.bottom, [&](int v) { rows_.finish(at(0), pass, all, v); });
+  const PixelWindow own = needed[0].smoothed;
+  for_rows(pool, own.top, own.bottom,
+           [&](int v) { rows_.finish(at(0), pass, {own.left, own.right}, v); });
 }
 
 }}  // namespace palpate::v0

@@ -14,8 +14,8 @@ class AdaptiveFilter {
  public:
   AdaptiveFilter(int width, int height, Isa isa);
 
-  /// Smooths the whole image and writes the depth of the pixels in `window`, which begins and ends
-  /// at whole parts. The same bits for any window and any number of threads.
+  /// Smooths the pixels in `window`, which begins and ends at whole parts, with the noise of the
+  /// whole image. The same bits for any window and any number of threads.
   void run(const FilterPass& pass, const PixelWindow& window, ThreadPool& pool);
   /// Noise of the last image.
   FrameNoise noise() const;

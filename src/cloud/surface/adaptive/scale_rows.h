@@ -30,21 +30,28 @@ struct ScaleLevel {
   ScaleImage smoothed;
 };
 
-/// Each does row v of the level named last.
+/// Columns [left, right) of a row.
+struct Columns {
+  int left, right;
+};
+
+/// Each does row v of the level named last, or columns of it.
 struct ScaleRows {
   /// Level 0: inverse depth of the measured pixels; flying ones are none.
   void (*begin)(const FilterPass&, const ScaleLevel&, int v);
   void (*widen)(const ScaleLevel& fine, int level, const ScaleLevel& coarse, int v);
-  /// Predicts the two rows of `to`, of level `fine`, below row v of `from`, of level `coarse`.
+  /// Predicts two rows of `to`, of level `fine`, below columns of row v of `from`, of `coarse`.
   void (*predict)(const ScaleLevel& coarse, int level, const ScaleImage& from,
-                  const ScaleLevel& fine, const ScaleImage& to, int v);
+                  const ScaleLevel& fine, const ScaleImage& to, Columns columns, int v);
   /// `finer` is null at level 0.
-  void (*find_energy)(const ScaleLevel* finer, const ScaleNoise&, const ScaleLevel&, int v);
+  void (*find_energy)(const ScaleLevel* finer, const ScaleNoise&, const ScaleLevel&,
+                      Columns columns, int v);
   /// `smoothed` holds the predictions from the wider level; it is null at the widest. `number`: of
   /// the level.
-  void (*smooth)(int number, const ScaleLevel* wider, const ScaleNoise&, const ScaleLevel&, int v);
-  /// Depth of the smoothed pixels in the columns of a window.
-  void (*finish)(const ScaleLevel&, const FilterPass&, const PixelWindow& window, int v);
+  void (*smooth)(int number, const ScaleLevel* wider, const ScaleNoise&, const ScaleLevel&,
+                 Columns columns, int v);
+  /// Depth of the smoothed pixels.
+  void (*finish)(const ScaleLevel&, const FilterPass&, Columns columns, int v);
 };
 
 #define PALPATE_DECLARE_SCALE_ROWS(isa) \

@@ -38,11 +38,11 @@ void widen_row(const ScaleLevel& fine, int level, const ScaleLevel& coarse, int 
 /// Cells of a row that are done at once.
 constexpr int kChunk = 64;
 
-void predict_row(const ScaleLevel& coarse, int level, const ScaleImage& from,
-                 const ScaleLevel& fine, const ScaleImage& to, int v) {
+void predict_row(const ScaleLevel&, int level, const ScaleImage& from,
+                 const ScaleLevel& fine, const ScaleImage& to, Columns columns, int v) {
   const float tolerance = scale_tolerance(level);
-  for (int first = 0; first < coarse.width; first += kChunk) {
-    const int num = std::min(kChunk, coarse.width - first);
+  for (int first = columns.left; first < columns.right; first += kChunk) {
+    const int num = std::min(kChunk, columns.right - first);
     const float* const above = from.row(v - 1) + first;
     const float* const at = from.row(v) + first;
     const float* const below = from.row(v + 1) + first;
@@ -81,10 +81,10 @@ VecF max_of(const float* above, const float* below) {
 }
 
 void find_energy_row(const ScaleLevel* finer, const ScaleNoise& noise, const ScaleLevel& level,
-                     int v) {
+                     Columns columns, int v) {
   const VecF zero = splat(0.0f), one = splat(1.0f);
-  for (int first = 0; first < level.width; first += kChunk) {
-    const int num = std::min(kChunk, level.width - first);
+  for (int first = columns.left; first < columns.right; first += kChunk) {
+    const int num = std::min(kChunk, columns.right - first);
     float sums[kChunk + 2 + kLanes], weights[kChunk + 2 + kLanes];  // from column -1 on
     for (int i = 0; i < num + 2; i += kLanes) {
       VecF sum = zero, weight = zero;
@@ -114,20 +114,20 @@ void find_energy_row(const ScaleLevel* finer, const ScaleNoise& noise, const Sca
 }
 
 void smooth_row(int number, const ScaleLevel* wider, const ScaleNoise& noise,
-                const ScaleLevel& level, int v) {
+                const ScaleLevel& level, Columns columns, int v) {
   float* const energies = level.energy.row(v);
   const float* const means = level.mean.row(v);
   const float* const predicted = level.predicted.row(v);
   float* const smoothed = level.smoothed.row(v);
   if (wider != nullptr) {
     const float* const shared = wider->energy.row(v / 2);
-    for (int u = 0; u < wider->width; u += kLanes) {
+    for (int u = columns.left / 2; 2 * u < columns.right; u += kLanes) {
       const VecF share = kFinerShare * load(shared + u);
       const Pairs own = load_pairs(energies + 2 * u);
       store_pairs(energies + 2 * u, {max(own.first, share), max(own.second, share)});
     }
   }
-  for (int u = 0; u < level.width; u += kLanes) {
+  for (int u = columns.left; u < columns.right; u += kLanes) {
     const VecF mean = load(means + u), predicted_u = load(predicted + u);
     const VecF energy = load(energies + u);
     VecF detail = mean - predicted_u;
@@ -139,14 +139,14 @@ void smooth_row(int number, const ScaleLevel* wider, const ScaleNoise& noise,
   }
 }
 
-void finish_row(const ScaleLevel& level, const FilterPass& pass, const PixelWindow& window, int v) {
+void finish_row(const ScaleLevel& level, const FilterPass& pass, Columns columns, int v) {
   const VecF nan = splat(std::numeric_limits<float>::quiet_NaN());
   const VecF none = splat(kNoDepth), far = splat(kFar), zero = splat(0.0f);
   const float* const smoothed = level.smoothed.row(v);
   const float* const in = pass.in.row(v);
   float* const out = pass.out + v * pass.in.stride;
   float* const depth = pass.depth + static_cast<std::ptrdiff_t>(v) * pass.in.width;
-  for (int u = window.left; u < window.right; u += kLanes) {
+  for (int u = columns.left; u < columns.right; u += kLanes) {
     const VecF w = load(smoothed + u), z = load(in + u);
     const Mask valid = (w > zero) & (z < kAnyDepth);
     const VecF result = select(valid, 1.0f / w, none);
