@@ -4,7 +4,7 @@ a folder with what a reader brings: tool.palp, a pen of 12 cm.
 
 usage: PYTHON tests/docs/python_blocks.py [PAGE ...]
 
-A block is run unless the line before it is `<!-- not run: WHY -->`. Where its first line is
+A block without an import goes on where the one before it ended. A block is run unless the line before it is `<!-- not run: WHY -->`. Where its first line is
 `# needs: MODULE` and that is not installed, it is skipped by name.
 """
 import importlib.util
@@ -19,6 +19,7 @@ import palpate
 ROOT = Path(__file__).resolve().parents[2]
 FENCE = re.compile(r"^```python\n(.*?)^```$", re.S | re.M)
 NOT_RUN = re.compile(r"<!-- not run: (.+) -->\s*\Z")
+IMPORT = re.compile(r"^(import|from) ", re.M)
 NEEDS = re.compile(r"# needs: (\w+)\n")
 
 
@@ -34,7 +35,7 @@ def main(pages):
     for page in pages:
         text = page.read_text()
         with tempfile.TemporaryDirectory() as name:
-            folder = Path(name)
+            folder, before = Path(name), ""
             for match in FENCE.finditer(text):
                 where = f"{page.relative_to(ROOT)}:{text.count(chr(10), 0, match.start()) + 2}"
                 why, needs = NOT_RUN.search(text[:match.start()]), NEEDS.match(match.group(1))
@@ -44,7 +45,9 @@ def main(pages):
                 if not (folder / "tool.palp").exists():
                     bring(folder)
                 num_run += 1
-                result = subprocess.run([sys.executable, "-c", match.group(1)], cwd=folder,
+                code = match.group(1) if IMPORT.search(match.group(1)) else before + match.group(1)
+                before = code
+                result = subprocess.run([sys.executable, "-c", code], cwd=folder,
                                         capture_output=True, text=True, timeout=600, check=False)
                 print(f"{where}: {'ran' if result.returncode == 0 else 'FAILED'}")
                 if result.returncode != 0:
