@@ -98,6 +98,27 @@ class GroundedDevice(IHapticDevice):
         self.camera.push(self.image, pose=wall(TO_SCENE * self.position(), TO_SCENE * self.force))
 
 
+def run(name, seconds):
+    """Times (s), the robot's forces and those on the hand along z (N), 60 times a second."""
+    t = np.arange(0, seconds, 0.01)
+    path = np.column_stack([t, 0 * t, 0 * t, 0.03 * np.clip(t - 1, 0, 2) / 2, 0 * t, 0 * t, 0 * t, 0 * t + 1])
+    device = GroundedDevice(name, path, seconds)
+    # The graph of a teleoperation, without its session: the robot's force -> the device.
+    force = ValueInput("force", EndEffectorForce())
+    graph = HapticSink("grounded", device).connect({"device": force.output("value")})
+    rows = []
+    while device.run.is_running:
+        value = TensorGroup(EndEffectorForce())
+        value[0] = np.array([0, 0, SOFT * max(0.0, -BLOCK - device.position()[2])], np.float32)
+        graph({"force": {"value": value}})
+        device.flush(None)
+        tick = device.run.latest
+        if tick is not None and tick.time < seconds - 0.2:  # at its end, a run fades out
+            rows.append([tick.time, value[0][2], tick.hand_wrench[2]])
+        time.sleep(1 / 60)
+    return np.array(rows).T
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--device", default="sim")
@@ -106,23 +127,7 @@ def main():
     if IHapticDevice is object:
         print("SKIPPED isaac_teleop_device: no Isaac Teleop; pip install -r requirements.txt")
         return 0
-    t = np.arange(0, given.seconds, 0.01)
-    path = np.column_stack([t, 0 * t, 0 * t, 0.03 * np.clip(t - 1, 0, 2) / 2, 0 * t, 0 * t, 0 * t, 0 * t + 1])
-    device = GroundedDevice(given.device, path, given.seconds)
-    # The graph of a teleoperation, without its session: the robot's force -> the device.
-    force = ValueInput("force", EndEffectorForce())
-    graph = HapticSink("grounded", device).connect({"device": force.output("value")})
-    asked, got = [], []
-    while device.run.is_running:
-        value = TensorGroup(EndEffectorForce())
-        value[0] = np.array([0, 0, SOFT * max(0.0, -BLOCK - device.position()[2])], np.float32)
-        graph({"force": {"value": value}})
-        device.flush(None)
-        tick = device.run.latest
-        if tick is not None and tick.time < given.seconds - 0.2:  # at its end, a run fades out
-            asked.append(value[0][2])
-            got.append(tick.hand_wrench[2])
-        time.sleep(1 / 60)
+    _, asked, got = run(given.device, given.seconds)
     asked, got = np.median(asked[-30:]), np.median(got[-30:])
     print(f"the robot's force is {asked:.2f} N, the hand feels {got:.2f} N at 1 kHz")
     return 0 if asked > 0.5 and 0.5 < got / asked < 1.5 else 1

@@ -87,7 +87,7 @@ def test_sliding_it_stops_after_the_way_of_coulomb(tool):
     room = room_of(tool)
     X, _ = go(room, placed(above=-0.0008), np.zeros(6), 0.3)
     begin = X[:3, 3].copy()
-    X, v = go(room, X, np.array([-0.5, 0, 0, 0, 0, 0]), 0.6)
+    X, v = go(room, X, np.array([-0.5, 0, 0, 0, 0, 0]), 0.9)
     assert abs(begin[0] - X[0, 3] - 0.5**2 / (2 * 0.5 * GRAVITY)) < 0.05 * 0.0255
     assert np.linalg.norm(v) < 1e-4
 
