@@ -3,6 +3,7 @@
 Each peer is a generator of (name, shares or None, forces or None, s per pose, s per frame, facts), like those there."""
 
 import time
+from importlib.metadata import version
 
 import numpy as np
 
@@ -78,11 +79,11 @@ def launched(kernel, inputs, tool, poses, device, batch):
     for _ in range(6):
         volumes.zero_()
         forces.zero_()
-        begin = time.perf_counter()
+        begin = time.process_time()
         wp.launch(kernel, dim=(len(many), len(spheres)), inputs=[*inputs, *asked], outputs=[volumes, forces])
         wp.synchronize()
-        times.append(time.perf_counter() - begin)
-    return (volumes.numpy()[:len(poses)] / whole, forces.numpy()[:len(poses)] / whole, float(np.median(times[1:])) / len(many))
+        times.append(time.process_time() - begin)
+    return (volumes.numpy()[:len(poses)] / whole, forces.numpy()[:len(poses)] / whole, np.array(times[1:]) / len(many))
 
 
 def image_peers(tool, depth, camera, points, poses, device, batch):
@@ -98,17 +99,17 @@ def image_peers(tool, depth, camera, points, poses, device, batch):
     with wp.ScopedDevice(device):
         lens = wp.vec4(camera.fx, camera.fy, camera.cx, camera.cy)
         for name, slanted in (("projective look-up", 0), ("projective look-up, cosine", 1)):
-            begin = time.perf_counter()
+            begin = time.process_time()
             image = wp.array(filtered, dtype=float)
             wp.synchronize()
-            frame = time.perf_counter() - begin
+            frame = time.process_time() - begin
             yield (name, *launched(projective, [image, lens, slanted], tool, poses, device, batch), frame, f"batch={len(poses)}")
         for voxel in (0.005, 0.01, 0.02):
-            begin = time.perf_counter()
+            begin = time.process_time()
             distances = signed_distances(filtered, camera, voxel)
             grid = wp.array(distances, dtype=float)
             wp.synchronize()
-            frame = time.perf_counter() - begin
+            frame = time.process_time() - begin
             low = wp.vec3(-HALF, -HALF, DEEP[0])
             yield (f"distance grid {1000 * voxel:.0f} mm", *launched(trilinear, [grid, low, voxel], tool, poses, device, batch),
                    frame, f"voxels={distances.size}")
@@ -142,13 +143,13 @@ def heights(points, cell):
 def timed_alone(call, num=5):
     times = []
     for _ in range(num):
-        begin = time.perf_counter()
+        begin = time.process_time()
         made = call()
-        times.append(time.perf_counter() - begin)
-    return made, float(np.median(times))
+        times.append(time.process_time() - begin)
+    return made, np.array(times)
 
 
-def mujoco_height_field(points, poses, sides, cell=0.01):
+def mujoco_height_field(points, poses, sides, cell=0.03):
     """MuJoCo's contacts of a box with a height field, rewritten for each frame as its users do (model.hfield_data): depth
     times normal, summed. At most 50 contacts a pair: smaller cells are taken on one side only."""
     import mujoco
@@ -169,16 +170,16 @@ def mujoco_height_field(points, poses, sides, cell=0.01):
     for pose in poses:
         data.qpos[:3], data.qpos[3:] = pose[:3], pose[[6, 3, 4, 5]]
         mujoco.mj_kinematics(model, data)
-        begin = time.perf_counter()
+        begin = time.process_time()
         mujoco.mj_collision(model, data)
-        times.append(time.perf_counter() - begin)
+        times.append(time.process_time() - begin)
         force = np.zeros(3)
         for i in range(data.ncon):
             sign = 1 if data.contact.geom[i, 0] == 0 else -1
             force += sign * max(0.0, -data.contact.dist[i]) * data.contact.frame[i, :3]
         forces.append(force)
         met.append(data.ncon)
-    yield (f"MuJoCo {mujoco.__version__} height field", None, np.array(forces), float(np.median(times)), frame,
+    yield (f"MuJoCo {mujoco.__version__} height field", None, np.array(forces), np.array(times), frame,
            f"cell_mm={1000 * cell:.0f} contacts={np.mean(met):.1f}")
 
 
@@ -219,17 +220,17 @@ def drake_hydroelastic(vertices, triangles, poses, sides):
         where.set_value(frame_id, RigidTransform(Quaternion(w, x, y, z), pose[:3]))
         graph.get_source_pose_port(source).FixValue(context, Value(where))
         query = graph.get_query_output_port().Eval(context)
-        begin = time.perf_counter()
+        begin = time.process_time()
         surfaces = query.ComputeContactSurfaces(HydroelasticContactRepresentation.kPolygon)
-        times.append(time.perf_counter() - begin)
+        times.append(time.process_time() - begin)
         force = np.zeros(3)
         for s in surfaces:  # normals point into M
             sign = 1.0 if s.id_M() == tool_id else -1.0
+            pressure = s.poly_e_MN()
             for k in range(s.num_faces()):
-                force += sign * s.area(k) * s.EvaluateE_MN(k, s.centroid(k)) * s.face_normal(k) if hasattr(s, "EvaluateE_MN") \
-                    else sign * s.area(k) * s.poly_mesh_W().face_normal(k)
+                force += sign * s.area(k) * pressure.EvaluateCartesian(k, s.centroid(k)) * s.face_normal(k)
         forces.append(force)
-    yield "Drake hydroelastic", None, np.array(forces), float(np.median(times)), frame, f"triangles={len(triangles)}"
+    yield f"Drake {version('drake')} hydroelastic", None, np.array(forces), np.array(times), frame, f"triangles={len(triangles)}"
 
 
 def coal_octree(points, poses, sides, voxel=0.01):
@@ -246,7 +247,33 @@ def coal_octree(points, poses, sides, voxel=0.01):
                       [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
                       [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]])
         request, result = coal.CollisionRequest(), coal.CollisionResult()
-        begin = time.perf_counter()
+        begin = time.process_time()
         met += coal.collide(box, coal.Transform3s(R, pose[:3]), tree, still, request, result) > 0
-        times.append(time.perf_counter() - begin)
-    yield f"coal {coal.__version__} octree, yes or no", None, None, float(np.median(times)), frame, f"voxel_mm={1000 * voxel:.0f} yes={met}"
+        times.append(time.process_time() - begin)
+    yield f"coal {coal.__version__} octree, yes or no", None, None, np.array(times), frame, f"voxel_mm={1000 * voxel:.0f} yes={met}"
+
+
+def vamp(points, poses, strides=(16, 8)):
+    """VAMP's Fetch robot (fetch-planning) before the points, yes or no: random arms, one core. Clouds are thinned as its
+    users thin them: what a cloud takes to be ready grows faster than its size. `behind`: is the robot free behind the wall?"""
+    from fetch_planning._ompl_vamp import OmplVampPlanner
+
+    low, high = (np.array(limits) for limits in OmplVampPlanner.default_joint_limits())
+    arm = list(range(3, 11))
+    configurations = np.random.default_rng(4).uniform(low[arm], high[arm], (4000, len(arm))).tolist()
+    for stride in strides:
+        seen = points[::stride, ::stride].reshape(-1, 3)
+        seen = seen[np.isfinite(seen).all(axis=1)]
+        cloud = np.stack([seen[:, 2], -seen[:, 0], 1 - seen[:, 1]], axis=1).tolist()  # the camera at 1 m, along x
+        answers = {}
+        for place in (0.0, 3.0):
+            stance = np.zeros(11)
+            stance[0] = place
+            planner = OmplVampPlanner(arm, stance.tolist())
+            alone = planner.validate_batch(configurations)
+            _, frame = timed_alone(lambda: planner.add_pointcloud(cloud, *planner.min_max_radii(), 0.002), 3)
+            free, times = timed_alone(lambda: planner.validate_batch(configurations))
+            answers[place] = (np.array(alone) & ~np.array(free)).sum(), frame, times
+        met, frame, per_batch = answers[0.0]
+        yield (f"VAMP, fetch-planning {version('fetch-planning')}, yes or no", None, None, per_batch / len(configurations), frame,
+               f"points={len(cloud)} hits={met} hits_behind={answers[3.0][0]} robot=Fetch")
