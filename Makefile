@@ -83,6 +83,11 @@ pictures:  ## the picture of README, from the real page, into docs/pictures (nee
 	cmake --build --preset release -j $(JOBS) --target palpate
 	node web/make_pictures.mjs build/release/bin/palpate docs/pictures/held.png
 
+simulator-pictures: wheel  ## the picture of docs/guide/simulators.md, into docs/pictures: MuJoCo, Newton, Drake, Isaac Teleop
+	[ -x build/python-simulators/bin/python ] || python3 -m venv build/python-simulators
+	build/python-simulators/bin/pip install -q matplotlib build/wheels/palpate-*.whl -r examples/simulators/requirements.txt
+	cd examples/simulators && ../../build/python-simulators/bin/python pictures.py ../../docs/pictures/simulators.png
+
 docs:  ## guides and the C++ reference as a site, into build/docs/site
 	scripts/setup.sh --docs
 	scripts/docs.sh

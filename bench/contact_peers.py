@@ -15,6 +15,7 @@ import subprocess
 import sys
 import time
 
+import frame_peers
 import numpy as np
 import palpate
 
@@ -106,18 +107,19 @@ def mesh_of(points):
     return vertices, np.concatenate([corners[:, [0, 1, 2]], corners[:, [0, 2, 3]]])
 
 
-def median_of(times):
-    return float(np.median(times))
+def clock(device="cpu"):
+    """Seconds: of the processor, as the machine may be busy; with a GPU, of the wall."""
+    return time.process_time() if device == "cpu" else time.perf_counter()
 
 
-def timed(call, repetitions=5):
-    """Returns the last result, and the median time in s."""
+def timed(call, repetitions=5, device="cpu"):
+    """Returns the last result, and the times in s."""
     times = []
     for _ in range(repetitions):
-        start = time.perf_counter()
+        start = clock(device)
         result = call()
-        times.append(time.perf_counter() - start)
-    return result, median_of(times)
+        times.append(clock(device) - start)
+    return result, np.array(times)
 
 
 # Peers: each a generator of (name, shares or None, forces, s per pose, s per frame, facts) --
@@ -126,15 +128,15 @@ def timed(call, repetitions=5):
 def ours(tool, depth, camera, poses, device):
     place = "cpu" if device == "cpu" else "cuda"
     sensor, contact = palpate.Sensor(camera, place=place), palpate.Contact(tool, place=place)
-    surface, frame = timed(lambda: sensor.update(depth))
+    surface, frame = timed(lambda: sensor.update(depth), device=device)
     results, times = [], []
     for pose in poses:
-        start = time.perf_counter()
+        start = clock()
         results.append(contact.measure(surface, pose))
-        times.append(time.perf_counter() - start)
+        times.append(clock() - start)
     volume = tool.volume
     yield ("palpate measure", np.array([r.volume for r in results]) / volume,
-           np.array([r.force for r in results]) / volume, median_of(times), frame, "")
+           np.array([r.force for r in results]) / volume, times, frame, "")
     many = poses if device == "cpu" else np.resize(poses, (BATCH, 7))
     batch = contact.measure_batch(surface, many)
     if device == "cpu":
@@ -148,10 +150,23 @@ def ours(tool, depth, camera, poses, device):
             contact.measure_batch(surface, on_gpu, out=batch)
             cupy.cuda.Device().synchronize()
 
-        _, passed = timed(ask, 20)
+        _, passed = timed(ask, 20, device)
         volumes, forces = cupy.from_dlpack(batch.volume).get(), cupy.from_dlpack(batch.force).get()
     yield ("palpate measure_batch", volumes[:len(poses)] / volume, forces[:len(poses)] / volume, passed / len(many), frame,
            f"batch={len(many)}")
+
+
+def methods_of_the_thesis(tool, depth, camera, poses):
+    """The three methods of the thesis, as Palpate has them. Their torque and volume are not those of a potential."""
+    surface, frame = timed(lambda: palpate.Sensor(camera).update(depth))
+    for method in ("weighted", "simplified", "graph"):
+        contact, results, times = palpate.Contact(tool, method), [], []
+        for pose in poses:
+            start = clock()
+            results.append(contact.measure(surface, pose))
+            times.append(clock() - start)
+        yield (f"thesis, {method}", np.array([r.volume for r in results]) / tool.volume,
+               np.array([r.force for r in results]) / tool.volume, times, frame, "")
 
 
 def warp_kernel(wp):
@@ -197,7 +212,7 @@ def warp(tool, vertices, triangles, poses, device):
             wp.synchronize()
             return made
 
-        mesh, frame = timed(build)
+        mesh, frame = timed(build, device=device)
         spheres = np.asarray(tool.spheres)
         all_spheres = 4 / 3 * np.pi * (spheres[:, 3].astype(float) ** 3).sum()
         many = poses if device == "cpu" else np.resize(poses, (BATCH, 7))
@@ -211,7 +226,7 @@ def warp(tool, vertices, triangles, poses, device):
             wp.synchronize()
 
         ask()
-        _, passed = timed(ask)
+        _, passed = timed(ask, device=device)
         shares = volumes.numpy()[:len(poses)] / all_spheres
         yield (f"Warp {wp.__version__} nearest point", shares, forces.numpy()[:len(poses)] / all_spheres,
                passed / len(many), frame, f"batch={len(many)} triangles={len(triangles)}")
@@ -240,16 +255,16 @@ def coal_contacts(vertices, triangles, poses):
         placed = coal.Transform3s(rotation(pose[3:]), pose[:3])
         request, result = coal.CollisionRequest(), coal.CollisionResult()
         request.num_max_contacts, request.enable_contact = 1000000, True
-        start = time.perf_counter()
+        start = clock()
         coal.collide(box, placed, scene, still, request, result)
         contacts = result.getContacts()
-        times.append(time.perf_counter() - start)
+        times.append(clock() - start)
         force = np.zeros(3)
         for contact in contacts:
             force += abs(contact.penetration_depth) * normals[contact.b2]
         forces.append(force)
         num.append(len(contacts))
-    yield (f"coal {coal.__version__} contacts", None, np.array(forces), median_of(times), frame,
+    yield (f"coal {coal.__version__} contacts", None, np.array(forces), times, frame,
            f"triangles={len(triangles)} contacts={np.mean(num):.0f}")
 
 
@@ -290,24 +305,41 @@ def mujoco_contacts(vertices, triangles, poses):
     for pose in poses:
         data.qpos[:3], data.qpos[3:] = pose[:3], pose[[6, 3, 4, 5]]
         mujoco.mj_kinematics(model, data)
-        start = time.perf_counter()
+        start = clock()
         mujoco.mj_collision(model, data)
-        times.append(time.perf_counter() - start)
+        times.append(clock() - start)
         force = np.zeros(3)
         for i in range(data.ncon):  # normals go from the first geom to the second, the tool
             sign = 1 if data.contact.geom[i, 0] == 0 else -1
             force += sign * max(0.0, -data.contact.dist[i]) * data.contact.frame[i, :3]
         forces.append(force)
         num.append(data.ncon)
-    yield (f"MuJoCo {mujoco.__version__} SDF", None, np.array(forces), median_of(times), frame,
+    yield (f"MuJoCo {mujoco.__version__} SDF", None, np.array(forces), times, frame,
            f"triangles={len(triangles)} contacts={np.mean(num):.1f} seeds={model.opt.sdf_initpoints}")
 
 
 # Rows --------------------------------------------------------------------------------------------
 
 
+NOTHING = dict.fromkeys(("volume_rms_percent", "force_rms_percent", "direction_rms_deg", "no_force", "jump_percent"), "")
+
+
+def sweep(pose, num=30, step=0.001):
+    """The pose, drawn along x in small steps: forces should change little from one to the next."""
+    poses = np.tile(pose, (num, 1))
+    poses[:, 0] += step * (np.arange(num) - num / 2)
+    return poses
+
+
 def errors(shares, forces, true_shares, true_forces):
-    """rms: of the volume and the force in % of the tool, of the force's direction in degrees; poses without force."""
+    """rms: of the volume and the force in % of the tool, of the force's direction in degrees; poses without force; the
+    largest step of the force in the sweep, in % of its mean."""
+    if forces is None:
+        return NOTHING
+    num = len(true_shares)
+    swept, forces, shares = forces[num:], forces[:num], None if shares is None else shares[:num]
+    steps = np.linalg.norm(np.diff(swept, axis=0), axis=1)
+    size = np.linalg.norm(swept, axis=1).mean()
     length = np.linalg.norm(forces, axis=1)
     felt = length > 0
     true_length = np.linalg.norm(true_forces, axis=1)
@@ -317,7 +349,8 @@ def errors(shares, forces, true_shares, true_forces):
     return {"volume_rms_percent": "" if shares is None else f"{100 * rms(shares - true_shares):.3f}",
             "force_rms_percent": "" if shares is None else
             f"{100 * rms(np.linalg.norm(forces - true_forces, axis=1)):.3f}",
-            "direction_rms_deg": f"{angle:.2f}", "no_force": int((~felt).sum())}
+            "direction_rms_deg": f"{angle:.2f}", "no_force": int((~felt).sum()),
+            "jump_percent": f"{100 * steps.max() / size:.2f}" if size > 0 else ""}
 
 
 def machine():
@@ -330,6 +363,8 @@ def main():
     parser.add_argument("file")
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--poses", type=int, default=200)
+    parser.add_argument("--scenes")
+    parser.add_argument("--peers", help="some of palpate,image,warp,thesis,coal,octree,vamp,field,drake,mujoco")
     given = parser.parse_args()
     if given.device == "cpu":
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
@@ -337,7 +372,8 @@ def main():
     vertices = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]) * SIDES
     tool = palpate.pack(vertices, np.array(BOX_FACES), SPHERES)
     rows = []
-    for name, solid in SCENES.items():
+    for name in given.scenes.split(",") if given.scenes else SCENES:
+        solid = SCENES[name]
         poses, true_shares, true_forces = random_poses(solid, given.poses, np.random.default_rng(1))
         exact, camera, _ = palpate.render_scene(name)
         for noise in NOISES:
@@ -345,15 +381,23 @@ def main():
             depth = (exact + noise * random.standard_normal(exact.shape)).astype(np.float32)
             points = np.asarray(palpate.Sensor(camera).update(depth).points, float)
             sheet = mesh_of(points)
-            asked = [ours(tool, depth, camera, poses, given.device), warp(tool, *sheet, poses, given.device)]
+            every = np.concatenate([poses, sweep(poses[0])])
+            asked = {"palpate": lambda: ours(tool, depth, camera, every, given.device),
+                     "image": lambda: frame_peers.image_peers(tool, depth, camera, points, every, given.device, BATCH),
+                     "warp": lambda: warp(tool, *sheet, every, given.device)}
             if given.device == "cpu":
-                asked += [coal_contacts(*sheet, poses), mujoco_contacts(*sheet, poses)]
-            for peer in asked:
-                for who, shares, forces, per_pose, per_frame, facts in peer:
+                asked |= {"thesis": lambda: methods_of_the_thesis(tool, depth, camera, every),
+                          "coal": lambda: coal_contacts(*sheet, every), "octree": lambda: frame_peers.coal_octree(points, every, SIDES),
+                          "vamp": lambda: frame_peers.vamp(points, every),
+                          "field": lambda: frame_peers.mujoco_height_field(points, every, SIDES),
+                          "drake": lambda: frame_peers.drake_hydroelastic(*sheet, every, SIDES),
+                          "mujoco": lambda: mujoco_contacts(*sheet, every)}
+            for peer in given.peers.split(",") if given.peers else asked:
+                for who, shares, forces, per_pose, per_frame, facts in asked[peer]():
                     rows.append({"date": datetime.date.today().isoformat(), "commit": commit, "machine": machine(),
                                  "device": given.device, "peer": who, "scene": name, "noise_mm": 1e3 * noise,
-                                 "poses": len(poses), "spheres": len(tool.spheres), "pose_us": f"{1e6 * per_pose:.2f}",
-                                 "frame_ms": f"{1e3 * per_frame:.2f}",
+                                 "poses": len(poses), "spheres": len(tool.spheres), "pose_us": f"{1e6 * np.median(per_pose):.2f}", "pose_p99_us": f"{1e6 * np.percentile(per_pose, 99):.2f}",
+                                 "frame_ms": f"{1e3 * np.median(per_frame):.2f}", "frame_worst_ms": f"{1e3 * np.max(per_frame):.2f}",
                                  **errors(shares, forces, true_shares, true_forces), "facts": facts})
                     print(*(rows[-1][key] for key in list(rows[-1])[4:]), flush=True)
     with open(given.file, "w", newline="") as file:

@@ -2,7 +2,7 @@
 # Installs what is missing to build and test Palpate on Debian 12 or Ubuntu 24.04, and nothing else.
 # A second run finds everything in place and needs neither network nor rights.
 #
-# usage: scripts/setup.sh [--program] [--test] [--wheel] [--fuzz] [--tidy] [--docs] [--packages] [--arm64] [--peers] [--files] [--robot] [--list]
+# usage: scripts/setup.sh [--program] [--test] [--wheel] [--fuzz] [--tidy] [--docs] [--packages] [--arm64] [--peers] [--files] [--robot] [--simulators] [--list]
 #   --program only what the program itself needs
 #   --test    also what only the tests need; Python packages for them go into build/python, and what
 #             makes and tries the Python package into build/wheel-tools and build/wheelhouse
@@ -15,6 +15,7 @@
 #   --peers   also what the benchmark against other libraries needs
 #   --files   also what the comparison of files with other libraries needs (Python packages, 1 GB)
 #   --robot   also what only the example with a robot's arm needs (Python packages, 60 MB)
+#   --simulators  also what only the examples with simulators need (Python packages, 500 MB)
 #   --list    only print the names of all packages
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -34,9 +35,10 @@ for argument in "$@"; do
     --peers) groups="$groups peers " ;;
     --files) groups="$groups files " ;;
     --robot) groups="$groups robot " ;;
+    --simulators) groups="$groups simulators " ;;
     --list) list_only=yes ;;
     *)
-      echo "setup: unknown option $argument; usage: scripts/setup.sh [--program] [--test] [--wheel] [--fuzz] [--tidy] [--docs] [--packages] [--arm64] [--peers] [--files] [--robot] [--list]" >&2
+      echo "setup: unknown option $argument; usage: scripts/setup.sh [--program] [--test] [--wheel] [--fuzz] [--tidy] [--docs] [--packages] [--arm64] [--peers] [--files] [--robot] [--simulators] [--list]" >&2
       exit 2
       ;;
   esac
@@ -123,6 +125,16 @@ install_robot_packages() {
     echo "setup: command is repeated with a network." >&2
   fi
 }
+# The simulators of examples/simulators, one by one: what there is no wheel of is left out. Versions: requirements.txt there.
+install_simulators() {
+  case "$groups" in *" simulators "*) ;; *) return 0 ;; esac
+  if compgen -G 'build/wheelhouse/drake-*' >/dev/null; then return 0; fi
+  echo "setup: fetching the packages of examples/simulators/requirements.txt into build/wheelhouse"
+  grep -v '^#' examples/simulators/requirements.txt | while read -r package; do
+    build/wheel-tools/bin/python -m pip download -q -d build/wheelhouse "$package" ||
+      echo "setup: could not fetch $package: its example is skipped." >&2
+  done
+}
 install_wheel_tools() {
   local tools=build/wheel-tools/bin/python
   if ! "$tools" -c "import scikit_build_core, nanobind, nanobind_backend, auditwheel" 2>/dev/null; then
@@ -134,6 +146,7 @@ install_wheel_tools() {
     fi
   fi
   install_robot_packages
+  install_simulators
   if compgen -G 'build/wheelhouse/zarr-*' >/dev/null; then return 0; fi
   echo "setup: fetching ${wheel_users[*]} into build/wheelhouse"
   if ! "$tools" -m pip download -q -d build/wheelhouse "${wheel_users[@]}"; then
@@ -142,7 +155,7 @@ install_wheel_tools() {
   fi
 }
 install_python_packages() {
-  case "$groups" in *" wheel "* | *" test "* | *" robot "*) install_wheel_tools ;; esac
+  case "$groups" in *" wheel "* | *" test "* | *" robot "* | *" simulators "*) install_wheel_tools ;; esac
   case "$groups" in *" test "*) ;; *) return 0 ;; esac
   local python=build/python/bin/python
   if ! "$python" -c "import mcap, mcap_ros2, rosbags, cyclonedds" 2>/dev/null; then

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Installs the wheel into a clean folder of Python, and does there what its users do.
 #
-# usage: tests/python/in_clean_python.sh install|test|types|torch|ray|robot|docs
+# usage: tests/python/in_clean_python.sh install|test|types|torch|ray|robot|simulators|docs
 # Ends with 77 where something is missing that scripts/setup.sh --test fetches.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
@@ -46,12 +46,13 @@ PYTHON
     done
     install_from_wheels pytest mypy pandas matplotlib pyarrow foxglove-sdk mcap-protobuf-support
     for large in zarr torch "ray[data]" rerun-sdk pin quadprog; do install_from_wheels "$large" 2>/dev/null || true; done
+    for pinned in $(grep -v '^#' examples/simulators/requirements.txt); do install_from_wheels "$pinned" 2>/dev/null || true; done
     ;;
   *) [ -x "$clean/bin/pytest" ] || { echo "skipped: the wheel is not installed in $clean"; exit 77; } ;;&
   test)
     PALPATE_PROGRAM=$root/$clean/bin/palpate "$clean/bin/pytest" -q -rs -p no:cacheprovider python/tests \
       --ignore python/tests/test_types.py --ignore python/tests/test_torch.py --ignore python/tests/test_ray.py \
-      --ignore python/tests/test_guard.py
+      --ignore python/tests/test_guard.py --ignore python/tests/test_simulators.py
     ;;
   types) "$clean/bin/pytest" -q -p no:cacheprovider python/tests/test_types.py ;;
   torch)
@@ -66,5 +67,7 @@ PYTHON
     { is_there pinocchio && is_there quadprog; } || { echo "skipped: Pinocchio and quadprog are not installed; scripts/setup.sh --robot fetches them"; exit 77; }
     "$clean/bin/pytest" -q -p no:cacheprovider python/tests/test_guard.py
     ;;
+  # Without simulators, the law of contact is tested alone, and each example is skipped by its name.
+  simulators) "$clean/bin/pytest" -q -rs -p no:cacheprovider python/tests/test_simulators.py ;;
   docs) "$clean/bin/python" tests/docs/python_blocks.py ;;
 esac
