@@ -81,7 +81,7 @@ export function framing(
     }
   });
   const centers = looks.map((look, i) => transformed(seeing[i].X_WC, look.center.toArray()));
-  if (center && push) return { ...span, radius: 2 * radius }; // in contact: the surface is near
+  if (center && push) return { ...span, radius: 2.3 * radius }; // in contact the surface is near; with the arrows
   if (center) {
     const order = looks.map((_, i) => i).sort((a, b) =>
       Number(looks[b].below > 0) - Number(looks[a].below > 0) ||
