@@ -77,11 +77,11 @@ sensor-figures: setup  ## presets by kind of sensor on recorded frames: make sen
 	cmake --build --preset bench -j $(JOBS) --target sensor_figures
 	build/bench/bin/sensor_figures $(DATA)
 
-pictures:  ## the picture of README, from the real page, into docs/pictures (needs chromium and node)
+pictures:  ## the pictures of README and guides, from real pages, into docs/pictures (needs chromium, node, ffmpeg)
 	scripts/setup.sh --test
 	cmake --preset release
 	cmake --build --preset release -j $(JOBS) --target palpate
-	node web/make_pictures.mjs build/release/bin/palpate docs/pictures/held.png
+	node web/make_pictures.mjs build/release/bin/palpate docs/pictures
 
 simulator-pictures: wheel  ## the picture of docs/guide/simulators.md, into docs/pictures: MuJoCo, Newton, Drake, Isaac Teleop
 	[ -x build/python-simulators/bin/python ] || python3 -m venv build/python-simulators

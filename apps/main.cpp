@@ -33,7 +33,7 @@ int main(int argc, char** argv) {
       {"Begin", {apps::add_try, apps::add_help}},
       {"Tools", {apps::add_pack, apps::add_info, apps::add_export, apps::add_shape}},
       {"Contact", {apps::add_touch, apps::add_query, apps::add_ros2}},
-      {"Runs", {apps::add_view, apps::add_replay}},
+      {"Runs", {apps::add_view, apps::add_replay, apps::add_report}},
       {"Cameras and devices",
        {apps::add_cameras, apps::add_devices, apps::add_scenes, apps::add_record,
         apps::add_calibrate}},

@@ -27,6 +27,7 @@ void add_export(CLI::App& program, Action& action);
 void add_query(CLI::App& program, Action& action);
 void add_touch(CLI::App& program, Action& action);
 void add_replay(CLI::App& program, Action& action);
+void add_report(CLI::App& program, Action& action);
 void add_view(CLI::App& program, Action& action);
 void add_scenes(CLI::App& program, Action& action);
 void add_ros2(CLI::App& program, Action& action);

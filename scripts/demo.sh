@@ -59,9 +59,11 @@ echo "To look at it, with both cameras: $palpate view demo/two-cameras"
 recording=$data/sequences/visp_rbt/depth
 bottle=$data/meshes_good/fuze_bottle.obj
 if [ -d "$recording" ] && [ -f "$bottle" ]; then
-  say "A bottle feels a desk that a real camera recorded"
+  say "A bottle is set down on a desk that a real camera recorded, and pushed along it"
   "$palpate" pack "$bottle" -o demo/fuze_bottle.palp
-  feel demo/visp_rbt demo/fuze_bottle.palp --depth-sequence "$recording" \
+  printf '0 0.0325 0.0501 0.3262 0.7536 0.0725 0 0.6533\n1.5 0.029 0.0855 0.3315 0.7536 0.0725 0 0.6533\n2.5 0.049 0.0874 0.3315 0.7536 0.0725 0 0.6533\n' \
+    >demo/set_down.tum
+  feel demo/visp_rbt demo/fuze_bottle.palp --path demo/set_down.tum --depth-sequence "$recording" \
     --intrinsics 607.178,607.234,321.391,241.918
 else
   say "Skipped: a real recording (no data in '$data'; set PALPATE_DATA to their folder)"

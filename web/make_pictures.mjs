@@ -1,19 +1,21 @@
-// The picture of README, from the real page: a pen in a simulated hand, held and pushed by keys until it
-// is pressed firmly.
+// The pictures of README and guides, from the real pages: reports and recordings of generated scenes, made by the
+// commands that the guides show.
 //
-//   node web/make_pictures.mjs PALPATE OUTPUT.png        (make pictures)
+//   node web/make_pictures.mjs PALPATE FOLDER [NAME ...]        (make pictures)
 //
-// The hand sways: of some pictures, the one with the largest force is kept.
+// The moving picture is a recording, looked at from moment to moment: so it is as smooth on a machine that draws in
+// software. ffmpeg puts its moments together.
 import { spawn, spawnSync } from 'node:child_process';
-import { copyFileSync, existsSync, mkdtempSync, rmSync, statSync, writeFileSync } from 'node:fs';
+import { existsSync, mkdtempSync, readFileSync, rmSync, statSync } from 'node:fs';
 import { createRequire } from 'node:module';
 import { tmpdir } from 'node:os';
-import { join } from 'node:path';
+import { delimiter, dirname, join, resolve } from 'node:path';
+import { fileURLToPath, pathToFileURL } from 'node:url';
 
-const [palpate, output] = process.argv.slice(2);
-const SIZE = { width: 1000, height: 600 }, ZOOM = -500; // CSS pixels; of the wheel
-const PALM = '0.003,0.02,0.52'; // m
-const FIRM = 4, NUM_PICTURES = 12; // N, on the pen, at which it is pushed no more
+const palpate = resolve(process.argv[2]), output = resolve(process.argv[3]), names = process.argv.slice(4);
+const guides = fileURLToPath(new URL('../docs/guide/', import.meta.url));
+const folder = mkdtempSync(join(tmpdir(), 'palpate-pictures-'));
+process.on('exit', () => rmSync(folder, { recursive: true }));
 
 function fail(words) {
   console.error(`make pictures: ${words}`);
@@ -23,20 +25,10 @@ function fail(words) {
 const executablePath = ['/usr/bin/chromium', '/usr/bin/chromium-browser', '/usr/bin/google-chrome'].find((path) => existsSync(path));
 if (!executablePath) fail('no Chromium (package chromium)');
 const { chromium } = createRequire(import.meta.url)('playwright-core');
+const browser = await chromium.launch({
+  executablePath, timeout: 0, chromiumSandbox: process.getuid() !== 0, args: ['--use-angle=swiftshader', '--enable-unsafe-swiftshader'],
+});
 
-const folder = mkdtempSync(join(tmpdir(), 'palpate-pictures-'));
-const [mesh, tool, patient] = ['pen.stl', 'pen.palp', 'patient.toml'].map((name) => join(folder, name));
-// A machine that draws in software is late, which is no fault here.
-const limits = ['max_contact_age', 'max_sensor_age', 'max_device_silence', 'max_tick', 'energy_tank'];
-writeFileSync(patient, `[safety]\n${limits.map((limit) => `${limit} = 60\n`).join('')}`);
-for (const words of [['shape', 'stylus', '--size', '0.12', '-o', mesh], ['pack', mesh, '--spheres', '2000', '-o', tool]]) {
-  if (spawnSync(palpate, words).status !== 0) fail(`palpate ${words.join(' ')}`);
-}
-const run = spawn(palpate, ['touch', tool, '--scene', 'hand', '--device', 'page', '--probe', PALM, '--view-port', '0', '--settings', patient,
-  '--set', 'loop.thin_out=false', '-o', join(folder, 'run')]);
-const ended = new Promise((resolve) => run.on('close', resolve));
-let said = '';
-for (const stream of [run.stdout, run.stderr]) stream.on('data', (text) => { said += text; });
 const sleep = (milliseconds) => new Promise((resolve) => setTimeout(resolve, milliseconds));
 async function until(what, condition) {
   for (let i = 0; i < 1200; ++i) {
@@ -44,53 +36,128 @@ async function until(what, condition) {
     if (value) return value;
     await sleep(100);
   }
-  return fail(`waited in vain for ${what}\n${said}`);
+  return fail(`waited in vain for ${what}`);
 }
 
-const url = await until('an address', () => said.match(/http:\/\/\S+/)?.[0]);
-const browser = await chromium.launch({
-  executablePath, timeout: 0, chromiumSandbox: process.getuid() !== 0, args: ['--use-angle=swiftshader', '--enable-unsafe-swiftshader'],
-});
-const page = await browser.newPage({ viewport: SIZE, colorScheme: 'dark' });
-page.setDefaultTimeout(0);
-await page.goto(`${url}?plots=0&image=0&controls=0&stride=2&view=camera`);
-await until('the tool', () => page.evaluate(() => window.palpate.sample && window.palpate.state?.running));
-await page.evaluate(() => { window.palpate.governor.enabled = false; }); // full detail, however slow
-await page.getByRole('button', { name: 'Hold the tool' }).click();
-await until('a force that is on', () => page.evaluate(() => window.palpate.state.force === 'engaged'));
-
-const force = () => page.evaluate(() => Math.hypot(...['x', 'y', 'z'].map((axis) => window.palpate.sample[`contact_force_${axis}`])));
-/// Pushes along the line of sight.
-async function push(newtons) {
-  await page.keyboard.down('PageUp');
-  await until(`${newtons} N`, async () => (await force()) > newtons);
-  await page.keyboard.up('PageUp');
+/// Runs commands of a shell, in a folder that all pictures share.
+function shell(commands) {
+  const PATH = `${dirname(palpate)}${delimiter}${process.env.PATH}`;
+  const { status, stderr } = spawnSync('bash', ['-e', '-c', commands], { cwd: folder, env: { ...process.env, PATH } });
+  if (status !== 0) fail(`${commands}\n${stderr}`);
 }
-// As the camera sees it, straight ahead is onto the palm; from the side one sees more.
-await page.mouse.move(0.5 * SIZE.width, 0.45 * SIZE.height);
-await push(0.5);
-await page.evaluate(() => { window.palpate.scene.options.view = 'free'; });
-await page.keyboard.down('Control');
-await page.mouse.wheel(0, ZOOM);
-await page.keyboard.up('Control');
-// A machine that is late because it draws in software says so, which is not what the picture is about.
-await page.addStyleTag({ content: '.banner { display: none !important; }' });
-const shown = () => page.evaluate(() => {
-  const label = document.querySelector('.newtons');
-  return label.hidden ? 0 : parseFloat(label.textContent);
-});
-let largest = 0;
-for (let i = 0; i < NUM_PICTURES; ++i) {
-  await push(FIRM);
-  const path = join(folder, 'picture.png'), before = await shown();
-  await page.screenshot({ path });
-  const force = Math.min(before, await shown()); // the page goes on meanwhile
-  if (force > largest) copyFileSync(path, output);
-  largest = Math.max(largest, force);
+
+/// The commands of a guide: of its block with this text, without what needs more than the guide has.
+function shown(guide, text, without = /$^/) {
+  const blocks = [...readFileSync(join(guides, `${guide}.md`), 'utf8').matchAll(/```sh\n([^]*?)```/g)].map(([, block]) => block);
+  const block = blocks.find((commands) => commands.includes(text)) ?? fail(`${guide}.md has no command ${text}`);
+  return block.replaceAll('\\\n', ' ').split('\n').filter((line) => !without.test(line)).join('\n');
+}
+
+/// The 3-D picture of a report, or another part of it.
+async function report(page, name, { part = 'figure.picture .place', clicks = [], width = 960, height = 900 } = {}) {
+  const view = await browser.newPage({ viewport: { width, height }, colorScheme: 'light' });
+  view.setDefaultTimeout(0);
+  await view.goto(pathToFileURL(join(folder, page)).href);
+  await view.locator('footer').waitFor();
+  await view.locator('canvas.scene').first().waitFor();
+  for (const words of clicks) await view.getByRole('button', { name: words, exact: true }).click();
+  const at = view.locator(part).first();
+  await at.scrollIntoViewIfNeeded();
+  await sleep(3000); // it glides
+  await at.screenshot({ path: join(output, name), type: 'jpeg', quality: 84 });
+  await view.close();
+}
+
+/// Serves a recording, and calls `look` with its page, without panels.
+async function viewed(run, look, { width, height }) {
+  const server = spawn(palpate, ['view', join(folder, run), '--port', '0']);
+  const ended = new Promise((resolve) => server.on('close', resolve));
+  let said = '';
+  for (const stream of [server.stdout, server.stderr]) stream.on('data', (text) => { said += text; });
+  const url = await until('an address', () => said.match(/http:\/\/\S+/)?.[0]);
+  const page = await browser.newPage({ viewport: { width, height }, colorScheme: 'dark' });
+  page.setDefaultTimeout(0);
+  await page.goto(`${url}?plots=0&image=0&controls=0`);
+  await until('the tool', () => page.evaluate(() => window.palpate.sample && window.palpate.state));
+  await page.evaluate(() => { window.palpate.governor.enabled = false; }); // full detail, however slow
+  await page.addStyleTag({ content: '.banner, .hint { display: none !important; }' });
+  await page.evaluate(() => window.palpate.command({ command: 'pause' }));
+  await look(page);
+  await page.close();
+  server.kill('SIGINT');
+  await ended;
+}
+
+/// Shows a moment of a recording, completely.
+async function seek(page, time) {
+  const before = await page.evaluate(() => window.palpate.counters.pictures);
+  await page.evaluate((to) => window.palpate.command({ command: 'seek', time: to }), time);
+  await until(`${time} s`, () => page.evaluate(([to, from]) =>
+    Math.abs(window.palpate.state.time - to) < 0.03 && window.palpate.counters.pictures > from + 1, [time, before]));
+  await page.evaluate(() => new Promise((drawn) => requestAnimationFrame(() => requestAnimationFrame(drawn))));
+}
+
+const pen = 'palpate shape stylus --size 0.12 -o pen.stl && palpate pack pen.stl --spheres 2000 -o pen.palp';
+let hasPen = false;
+function makePen() {
+  if (!hasPen) shell(pen);
+  hasPen = true;
+}
+
+/// Each picture by its name.
+const pictures = {
+  async 'pressed.webp'(name) {
+    makePen();
+    shell('palpate touch pen.palp --scene hand -o pressed');
+    const rate = 8, from = 2.6, to = 7.2, size = { width: 960, height: 540 };
+    await viewed('pressed', async (page) => {
+      await page.addStyleTag({ content: '.legend, .dock, .timeline { display: none !important; }' });
+      await seek(page, 4.4);
+      await page.evaluate(() => window.palpate.scene.resetView());
+      await page.mouse.move(0.5 * size.width, 0.5 * size.height);
+      for (let i = 0; i < 3; ++i) await page.mouse.wheel(0, -100);
+      await sleep(3000); // it glides
+      for (let i = 0; i < rate * (to - from); ++i) {
+        await seek(page, from + i / rate);
+        await page.screenshot({ path: join(folder, `moment-${String(i).padStart(3, '0')}.png`) });
+      }
+    }, size);
+    const { status, stderr } = spawnSync('ffmpeg', ['-y', '-framerate', String(rate), '-i', join(folder, 'moment-%03d.png'),
+      '-c:v', 'libwebp_anim', '-quality', '60', '-compression_level', '6', '-loop', '0', join(output, name)]);
+    if (status !== 0) fail(`ffmpeg (package ffmpeg): ${stderr}`);
+  },
+  async 'report.jpg'(name) {
+    makePen();
+    shell('palpate touch pen.palp --scene hand --duration 5 -o reported');
+    await report('reported/report.html', name);
+  },
+  async 'two-cameras.jpg'(name) {
+    shell(shown('several-cameras', '-o two-cameras', /one-camera|replay/));
+    await report('two-cameras/report.html', name);
+  },
+  async 'pushed.jpg'(name) {
+    shell(shown('moving-bodies', '-o pushed'));
+    await report('pushed/report.html', name);
+  },
+  async 'forgotten.jpg'(name) {
+    shell(shown('memory', '-o forgotten', /remembered/));
+    await report('forgotten/report.html', name);
+  },
+  async 'ring.jpg'(name) {
+    shell(shown('packing', '-o ring.palp'));
+    await report('ring.html', name);
+  },
+  async 'two-runs.jpg'(name) {
+    makePen();
+    shell('palpate touch pen.palp --scene hand --duration 5 -o run && palpate replay run -o other --method graph --time latest && ' +
+      'palpate report run other -o both.html');
+    await report('both.html', name, { part: 'figure.plot' });
+  },
+};
+
+for (const [name, make] of Object.entries(pictures)) {
+  if (names.length > 0 && !names.includes(name)) continue;
+  await make(name);
+  console.log(`${name}: ${Math.round(statSync(join(output, name)).size / 1024)} KiB`);
 }
 await browser.close();
-run.kill('SIGINT');
-await ended;
-rmSync(folder, { recursive: true });
-if (largest === 0) fail('the pen was never pressed');
-console.log(`${output}: ${largest} N, ${Math.round(statSync(output).size / 1024)} KiB`);

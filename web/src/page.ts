@@ -124,6 +124,8 @@ export class Page implements Listener {
     this.rate.begin();
     this.plots.clear();
     this.scene.setHello(hello);
+    // A tool alone is looked at for its spheres.
+    if (!this.hasLook && this.connection.reconnects === 0) this.scene.options.toolLook = hello.kind === 'tool' ? 'caps' : 'mesh';
     if (hello.handle) this.makeSpaceForHand();
     for (const panel of [this.bar, this.readouts, this.image, this.timeline, this.controls, this.handling]) panel.setHello(hello);
     this.root.dataset.kind = hello.kind;
@@ -131,10 +133,9 @@ export class Page implements Listener {
     this.onOptions();
   }
 
-  /** Shows the tool's mesh and closes most panels, for a run whose tool the page can hold. */
+  /** Closes most panels, for a run whose tool the page can hold. */
   private makeSpaceForHand(): void {
     if (this.connection.reconnects > 0) return;
-    if (!this.hasLook) this.scene.options.toolLook = 'mesh';
     this.hint.hidden = true; // the hand's card says more
     this.dock.begin(this.opened.filter((name) => name === 'plots'));
   }

@@ -133,8 +133,8 @@ export type Grasp =
  */
 export interface PictureAxes { right: Vector3; up: Vector3; away: Vector3; perPixel: number; distance: number }
 
-/** Force and torque of arrows of full length, N and N m, and their labels. */
-export interface ArrowScale { force: number; torque: number; forceWords: string; torqueWords: string }
+/** Force and torque of arrows of full length, N and N m. */
+export interface ArrowScale { force: number; torque: number }
 
 /** The 3-D part, as the page sees it (scene/scene_view.ts). */
 export interface SceneView {
@@ -151,7 +151,7 @@ export interface SceneView {
   setCut(n: readonly number[], d: number): void;
   setNormals(normals: Normals): void;
   setEdges(edges: Edges): void;
-  /** Fixes the scale for all later samples. Without it the scale follows them, and has no labels. */
+  /** Fixes the scale for all later samples. Without it the scale follows them. */
   setArrowScale(scale: ArrowScale): void;
   addSamples(samples: Sample[]): void;
   resize(width: number, height: number, pixelRatio: number): void;

@@ -132,6 +132,7 @@ Json seen_tool_json(const Tool& tool, const Pose& X_WT, std::span<const DepthStr
             {"radius_m", compact(farthest(tool.spheres(), tool.sphere_mass().center_of_mass))},
             {"spheres", packed<Sphere>(tool.spheres().first(num_shown))},
             {"spheres_left_out", states.size() - num_shown},
+            {"mesh", mesh_json(tool.mesh())},
             {"cameras", std::move(cameras)}};
   add_states(json, states.first(num_shown), planes.empty() ? planes : planes.first(num_shown));
   return json;

@@ -1,5 +1,5 @@
 import { element } from '../dom';
-import { ARROW_COLORS, cameraColor, EDGE_COLORS, heat, OTHER_COLORS, STATE_COLORS } from '../scene/colors';
+import { ARROW_COLORS, cameraColor, EDGE_COLORS, heat, OTHER_COLORS, STATE_COLORS, THEMES } from '../scene/colors';
 import type { Hello, SceneOptions } from '../types';
 
 type Entry = [color: string, word: string, meaning: string];
@@ -45,6 +45,10 @@ function entries(hello: Hello, options: SceneOptions, hasHand: boolean): Entry[]
       list.push([STATE_COLORS.inside, 'blue', 'inside the scene']);
       list.push([STATE_COLORS.boundary, 'purple', 'cut by the surface']);
       if (options.outside) list.push([STATE_COLORS.outside, 'red', 'outside']);
+    } else if (options.toolLook === 'mesh') {
+      list.push([STATE_COLORS.inside, 'blue', 'of the tool, inside the scene']);
+      list.push([STATE_COLORS.boundary, 'purple line', 'where it is cut by the surface']);
+      list.push([THEMES[options.dark ? 'dark' : 'light'].metal, 'gray', 'of the tool, outside']);
     }
     if (options.arrows) {
       list.push([ARROW_COLORS.force, 'yellow arrow', 'force on the tool']);

@@ -4,8 +4,11 @@ import { comparisonReport } from './comparison';
 import { evaluationReport } from './evaluation';
 import { packingReport } from './packing';
 import { runReport } from './run';
+import { twoRunsReport } from './two_runs';
 
-const REPORTS = { run: runReport, packing: packingReport, comparison: comparisonReport, evaluation: evaluationReport };
+const REPORTS = {
+  run: runReport, two_runs: twoRunsReport, packing: packingReport, comparison: comparisonReport, evaluation: evaluationReport,
+};
 
 const data = JSON.parse(document.getElementById('data')!.textContent!);
 const show = REPORTS[data.kind as keyof typeof REPORTS];

@@ -6,7 +6,7 @@ import { UNKNOWN } from '../scene/tool/spheres';
 import type { ArrowScale, Contact, Pose, Sample, SceneView } from '../types';
 import { bytes, floats, unpackDepth, type Depth } from './bytes';
 import { captioned, heading, key, paragraph, warning } from './parts';
-import { hello, meshOf, picture, type PackedMesh } from './picture';
+import { hello, meshOf, picture, type Choice, type PackedMesh } from './picture';
 import { newtons, percent, short, TORQUE, VOLUME, withUnit } from './numbers';
 
 /** A tool in the scene that depth cameras see, in W. */
@@ -18,6 +18,7 @@ export interface SeenTool {
   states: string; // base64 of bytes: 0 outside, 1 boundary, 2 inside; plus 4: a plane cuts it
   planes: string; // base64 of floats: nx ny nz d in T, for each sphere with 4
   spheres_left_out: number;
+  mesh?: PackedMesh | null; // null: too large for a page
   cameras: {
     name: string; X_WC: number[];
     width: number; height: number; fx: number; fy: number; cx: number; cy: number; unit: number;
@@ -54,7 +55,8 @@ export function seenTool(
   let view: SceneView | null = null, first: Contact;
   const drawn = picture(name, caption, [
     [['free', { view: 'free' }], ['camera', { view: 'camera' }], ['above', { view: 'bird' }], ['tool', { view: 'tool' }]],
-    [['cut spheres', { toolLook: 'caps' }], ['whole spheres', { toolLook: 'spheres' }]],
+    [...(tool.mesh ? [['solid', { toolLook: 'mesh' }] as Choice] : []), ['cut spheres', { toolLook: 'caps' }],
+      ['whole spheres', { toolLook: 'spheres' }]],
     [['shaded', { cloud: true, cloudColor: 'shaded' }], ['by depth', { cloud: true, cloudColor: 'depth' }],
       ['no cloud', { cloud: false }]],
   ], (scene) => {
@@ -63,6 +65,7 @@ export function seenTool(
     scene.options.ghost = false;
     const data = floats(tool.spheres);
     scene.setSpheres({ count: data.length / 4, data });
+    if (tool.mesh) scene.setMesh(meshOf(tool.mesh));
     tool.cameras.forEach(({ X_WC, width, height, unit }, camera) => scene.setFrame({
       number: 0, time: 0, camera, X_WC: poseOf(X_WC), width, height, unit, depth: depths[camera].values,
     }));
@@ -74,6 +77,7 @@ export function seenTool(
     };
     view = scene;
     show({}, wrench);
+    scene.resetView(); // beside the push, which is known now
   });
   function show(contact: Partial<Contact>, arrows?: DrawnWrench): void {
     if (!view) return;
@@ -87,7 +91,7 @@ export function seenTool(
 
 export const STATE_KEY: [string, string][] = [
   [STATE_COLORS.inside, 'inside: behind the surface'], [STATE_COLORS.boundary, 'boundary: at the surface'],
-  [STATE_COLORS.outside, 'outside: free'],
+  [STATE_COLORS.outside, 'spheres outside: free'],
 ];
 
 /** Returns the words for the share of a volume that is in objects; empty if there is none. */
@@ -113,10 +117,10 @@ export function momentSection(
   const caption = touches ?
     `${withUnit(moment.volume_m3, VOLUME)} of the tool${where || ' behind the surface'}, pushed out with ${force}. ` +
     `Arrow and arc are full at the largest of the run: ${newtons(peaks.force)} and ${withUnit(peaks.torque, TORQUE)}. ` +
-    `${turning} Where the tool is, the cloud is thinner, so that one sees what of it is inside.` : turning;
+    `${turning} What of the tool is behind the surface glows through it.` : turning;
   const wrenchOf = (of: { force_N: number[]; torque_Nm: number[] }): DrawnWrench => ({
     sample: sampleOf(of),
-    scale: { ...peaks, forceWords: newtons(Math.hypot(...of.force_N)), torqueWords: withUnit(Math.hypot(...of.torque_Nm), TORQUE) },
+    scale: peaks,
   });
   const made = seenTool(moment, depths, 'the deepest moment in 3-D', caption, touches ? wrenchOf(moment) : undefined);
   const unknown = { states: new Uint8Array(bytes(moment.states).length).fill(UNKNOWN), planes: new Float32Array(0) };

@@ -9,7 +9,7 @@ import { isDark, onInk, onPaper } from './ink';
 
 const PAPER_SIZE = [680, 420]; // CSS pixels
 
-type Choice = [words: string, wish: Partial<SceneOptions>];
+export type Choice = [words: string, wish: Partial<SceneOptions>];
 
 /**
  * `fill` gives the scene its data, once; `choices` are rows of buttons, the first of each is active at first.

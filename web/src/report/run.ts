@@ -3,6 +3,7 @@
 import { element } from '../dom';
 import { depthsOf, inObjects, momentSection, probeSection, type Moment, type MoveTool, type Probe, type ToolAt } from './moment';
 import { counted, LENGTH, list, microseconds, newtons, percent, short, TIME, TORQUE, unitFor, VOLUME, withUnit } from './numbers';
+import { normOf } from './overlay';
 import { cards, columns, folded, footer, heading, paragraph, table, title, warning, type Row } from './parts';
 import { plot, type Line, type Plot } from './plot';
 
@@ -40,7 +41,7 @@ interface Summary {
   num_changes: number;
 }
 
-interface RunData {
+export interface RunData {
   summary: Summary;
   defaults: Settings;
   series: Record<string, (number | null)[]>; // columns of wrench.csv; rows of the largest forces
@@ -51,7 +52,7 @@ interface RunData {
   moment_trouble: string;
 }
 
-const STAGES: Record<string, string> = {
+export const STAGES: Record<string, string> = {
   haptic_compute: 'haptic tick: computing',
   haptic_cpu: 'haptic tick: computing, without what others ran on its core meanwhile',
   haptic_period: 'haptic tick: from one to the next',
@@ -99,7 +100,7 @@ export async function runReport(main: HTMLElement, data: RunData): Promise<void>
 }
 
 /** Returns pose and wrench of a row; null where they are unknown. */
-function toolAt(series: RunData['series'], i: number): ToolAt | null {
+export function toolAt(series: RunData['series'], i: number): ToolAt | null {
   const at = (...names: string[]) => names.map((name) => series[name]?.[i] ?? NaN);
   const of = (prefix: string, unit: string) => at(...['x', 'y', 'z'].map((axis) => `${prefix}_${axis}_${unit}`));
   const X_WT = [...of('tool', 'm'), ...at('tool_qx', 'tool_qy', 'tool_qz', 'tool_qw')];
@@ -109,7 +110,7 @@ function toolAt(series: RunData['series'], i: number): ToolAt | null {
 }
 
 /** Returns where a run without contact was nearest, as a sentence. */
-function nearestWords({ nearest }: RunData): string {
+export function nearestWords({ nearest }: RunData): string {
   return nearest ? `It was nearest at ${short(nearest.time_s, 3)} s: ${withUnit(nearest.distance_m, LENGTH, 2)} away. ` : '';
 }
 
@@ -166,10 +167,7 @@ function plots(data: RunData, moveTool: MoveTool): HTMLElement[] {
   /** Plots the components and the norm of a vector. */
   const vector = (prefix: string, unit: string, symbol: string, yWords: string, caption: string, more = {}) => {
     const axes = ['x', 'y', 'z'].map((axis) => column(`${prefix}_${axis}_${unit}`));
-    const size = axes[0].map((_, i) => {
-      const parts = axes.map((axis) => axis[i]);
-      return parts.includes(null) ? null : Math.hypot(...(parts as number[]));
-    });
+    const size = normOf(axes);
     const lines = ['x', 'y', 'z'].map((axis, i) => ({ name: `${symbol} ${axis}`, values: axes[i] }));
     return simple(yWords, [...lines, { name: `|${symbol}|`, values: size }], caption, more);
   };
@@ -267,11 +265,11 @@ function stiffness({ newtons_per_m3, settings }: Summary): string {
     "eighth of the tool's volume";
 }
 
-const words = (value: Value) => (Array.isArray(value) ? list(value) :
+export const words = (value: Value) => (Array.isArray(value) ? list(value) :
   typeof value === 'boolean' ? (value ? 'on' : 'off') : typeof value === 'number' ? short(value, 6) : value);
 
 /** Returns [section, key, value] of all settings. */
-const each = (settings: Settings): [string, string, Value][] => Object.entries(settings).flatMap(
+export const each = (settings: Settings): [string, string, Value][] => Object.entries(settings).flatMap(
   ([section, keys]) => Object.entries(keys).map(([key, value]): [string, string, Value] => [section, key, value]));
 
 function settings({ summary, defaults }: RunData): HTMLElement[] {

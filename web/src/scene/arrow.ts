@@ -1,7 +1,9 @@
 // One arrow, straight or bent to an arc. The mesh is made once: rings of vertices with their share of the
-// shaft and of the head; the vertex shader places them.
+// shaft and of the head; the vertex shader places them. Where something is before it, it shines through.
 
-import { BufferAttribute, BufferGeometry, Mesh, Quaternion, type RawShaderMaterial, Vector3 } from 'three';
+import {
+  BufferAttribute, BufferGeometry, FrontSide, GreaterDepth, Mesh, Quaternion, type RawShaderMaterial, Vector3,
+} from 'three';
 import { rgb } from './colors';
 import { shaderMaterial } from './glsl';
 
@@ -36,9 +38,10 @@ void main() {
 const FRAGMENT = `
 in vec3 view_normal;
 uniform vec3 arrow_color;
+uniform float opacity;
 void main() {
   float key = max(0.0, dot(normalize(view_normal), vec3(-0.35, 0.55, 0.758)));
-  color = vec4(arrow_color * (0.72 + 0.4 * key), 1.0);
+  color = vec4(arrow_color * (0.72 + 0.4 * key), opacity);
 }
 `;
 
@@ -72,13 +75,18 @@ function arrowGeometry(): BufferGeometry {
 
 export class Arrow {
   readonly object: Mesh<BufferGeometry, RawShaderMaterial>;
+  private readonly shine: Mesh<BufferGeometry, RawShaderMaterial>;
 
   constructor(color: string) {
-    this.object = new Mesh(arrowGeometry(), shaderMaterial({
-      size: { value: 0 }, head: { value: 0 }, width: { value: 0 }, bend: { value: 0 },
-      arrow_color: { value: rgb(color) },
-    }, VERTEX, FRAGMENT));
-    this.object.frustumCulled = false;
+    const uniforms = {
+      size: { value: 0 }, head: { value: 0 }, width: { value: 0 }, bend: { value: 0 }, arrow_color: { value: rgb(color) },
+    };
+    this.object = new Mesh(arrowGeometry(), shaderMaterial({ ...uniforms, opacity: { value: 1 } }, VERTEX, FRAGMENT));
+    this.shine = new Mesh(this.object.geometry, shaderMaterial({ ...uniforms, opacity: { value: 0.4 } }, VERTEX, FRAGMENT,
+      { transparent: true, depthWrite: false, depthFunc: GreaterDepth, side: FrontSide }));
+    this.shine.renderOrder = 1;
+    this.object.add(this.shine);
+    this.object.frustumCulled = this.shine.frustumCulled = false;
     this.object.visible = false;
   }
 
@@ -103,6 +111,7 @@ export class Arrow {
   dispose(): void {
     this.object.geometry.dispose();
     this.object.material.dispose();
+    this.shine.material.dispose();
   }
 
   private place(origin: Vector3, z: Vector3, size: number, width: number, bend: number): void {

@@ -7,6 +7,7 @@
 // drawn in that direction, with the length of the device's force.
 
 import { Group } from 'three';
+import { digits } from '../format';
 import type { ArrowScale, Pose, Sample } from '../types';
 import { Arrow } from './arrow';
 import { ARROW_COLORS, THEMES } from './colors';
@@ -24,28 +25,25 @@ export class Arrows {
   private readonly newtons = new SteadyScale(0.05);
   private readonly newtonMeters = new SteadyScale(0.0005);
   private scale: ArrowScale | null = null; // null: follows the recent samples
-  private labels: Label[] = []; // of force and torque
+  private readonly labels = [0, 1].map(() => new Label('', [0.5, 0.5], true)); // of force and torque
   private radius = 0.1; // of the tool
   private hasSpring = false;
   private center: [number, number, number] = [0, 0, 0]; // of mass, in T
 
   constructor() {
-    this.object.add(this.force.object, this.torque.object, this.hand.object);
+    this.object.add(this.force.object, this.torque.object, this.hand.object, ...this.labels.map(({ object }) => object));
   }
 
-  /** `hasSpring`: the hand's force is drawn as a spring instead of an arrow. */
+  /** `hasSpring`: the hand's force is drawn as a spring, and written there, instead of as an arrow. */
   setTool(radius: number, center: [number, number, number], hasSpring: boolean): void {
     this.radius = radius;
     this.hasSpring = hasSpring;
     this.center = center;
-    for (const arrow of [this.force, this.torque, this.hand]) arrow.object.visible = false;
+    for (const { object } of [this.force, this.torque, this.hand, ...this.labels]) object.visible = false;
   }
 
   setScale(scale: ArrowScale): void {
     this.scale = scale;
-    this.forgetLabels();
-    this.labels = [scale.forceWords, scale.torqueWords].map((words) => new Label(words, [0.5, 0.5], true));
-    this.object.add(...this.labels.map(({ object }) => object));
   }
 
   setSample(sample: Sample, X_WT: Pose, X_WT_hand: Pose | null): void {
@@ -57,15 +55,17 @@ export class Arrows {
     // An arrow of the scale's full length is twice as long as the tool's radius.
     const perNewton = (2 * radius) /
       (this.scale?.force ?? this.newtons.update(sample.time, Math.max(contactForce.length(), handForce)));
+    const words = [`${digits(contactForce.length())} N`, `${digits(1000 * contactTorque.length(), 1)} N mm`];
     this.force.straight(center, contactForce.multiplyScalar(perNewton), 0.042 * radius);
 
     const full = this.scale?.torque ?? this.newtonMeters.update(sample.time, contactTorque.length());
     this.torque.bent(center, contactTorque, 1.15 * radius, (1.75 * Math.PI * contactTorque.length()) / full,
       0.028 * radius);
-    this.labels.forEach(({ object: label }, i) => {
-      const { object, tip } = [this.force, this.torque][i];
-      label.visible = object.visible;
-      label.position.subVectors(tip, center).setLength(0.45 * radius).add(tip);
+    this.labels.forEach((made, i) => {
+      const { object, tip } = [this.force, this.torque][i], label = made.object;
+      made.words = words[i];
+      label.visible = object.visible && !this.hasSpring;
+      label.position.subVectors(tip, center).setLength(0.25 * radius).add(tip);
     });
 
     this.hand.object.visible = false;
@@ -82,12 +82,6 @@ export class Arrows {
   }
 
   dispose(): void {
-    for (const arrow of [this.force, this.torque, this.hand]) arrow.dispose();
-    this.forgetLabels();
-  }
-
-  private forgetLabels(): void {
-    this.object.remove(...this.labels.map(({ object }) => object));
-    for (const label of this.labels) label.dispose();
+    for (const part of [this.force, this.torque, this.hand, ...this.labels]) part.dispose();
   }
 }

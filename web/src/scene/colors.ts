@@ -58,11 +58,16 @@ export interface Theme {
   wood: string; // of objects
   line: string; // grid and outline of the depth camera
   text: string;
+  quiet: string; // text and lines of scales
 }
 
 export const THEMES: { dark: Theme; light: Theme } = {
-  dark: { ground: '#14171c', surface: '#cfc9bf', metal: '#a9b2bd', wood: '#c49a61', line: '#5b6572', text: '#f2f3f7' },
-  light: { ground: '#f4f5f7', surface: '#b5afa6', metal: '#8d97a3', wood: '#b58444', line: '#9aa3ae', text: '#1d2230' },
+  dark: {
+    ground: '#14171c', surface: '#cfc9bf', metal: '#a9b2bd', wood: '#c49a61', line: '#5b6572', text: '#f2f3f7', quiet: '#98a2b0',
+  },
+  light: {
+    ground: '#f4f5f7', surface: '#b5afa6', metal: '#8d97a3', wood: '#b58444', line: '#9aa3ae', text: '#1d2230', quiet: '#5d6677',
+  },
 };
 
 /** Parses #rrggbb or rgb(r, g, b) to red, green and blue from 0 to 1 (sRGB). */

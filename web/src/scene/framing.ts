@@ -10,6 +10,7 @@ export interface Framing {
   center: Vector3; // in W
   radius: number;
   hasScene: boolean;
+  push: Vector3 | null; // unit vector along the force on the tool; null without contact
   // Extent of the cameras and most of their surfaces along the first camera's x and z axes, m.
   across: [number, number];
   along: [number, number];
@@ -59,9 +60,13 @@ function lookOf(image: DepthImage, center: Vector3 | null, radius: number): Look
  * Computes the framing; `center` of the tool in W, null if unknown. With a tool it shows the tool and the surface
  * of the camera that sees it nearest to the tool; without one, the middle of each image.
  */
-export function framing(cameras: readonly DepthCamera[], center: Vector3 | null, radius: number): Framing {
+export function framing(
+  cameras: readonly DepthCamera[], center: Vector3 | null, radius: number, push: Vector3 | null = null,
+): Framing {
   const [first] = cameras;
-  const span: Framing = { center: center ?? new Vector3(0, 0, 1), radius: 1.05 * radius, hasScene: false, across: [0, 0], along: [0, 0] };
+  const span: Framing = {
+    center: center ?? new Vector3(0, 0, 1), radius: 1.05 * radius, hasScene: false, push, across: [0, 0], along: [0, 0],
+  };
   if (!first) return span;
   const seeing = cameras.filter((camera) => camera.isSeeing);
   if (seeing.length === 0) seeing.push(first);
@@ -76,6 +81,7 @@ export function framing(cameras: readonly DepthCamera[], center: Vector3 | null,
     }
   });
   const centers = looks.map((look, i) => transformed(seeing[i].X_WC, look.center.toArray()));
+  if (center && push) return { ...span, radius: 2.3 * radius }; // in contact the surface is near; with the arrows
   if (center) {
     const order = looks.map((_, i) => i).sort((a, b) =>
       Number(looks[b].below > 0) - Number(looks[a].below > 0) ||

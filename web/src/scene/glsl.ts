@@ -44,6 +44,9 @@ vec3 viridis(float t) {
 }
 `;
 
+/** Layer of what casts eye-dome lighting (distances.ts). */
+export const DISTANCES = 1;
+
 export type Uniforms = Record<string, IUniform>;
 
 /**

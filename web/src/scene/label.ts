@@ -11,18 +11,19 @@ export class Label {
   readonly object: Sprite;
   private readonly canvas = document.createElement('canvas');
   private readonly context = this.canvas.getContext('2d')!;
-  private readonly texture: CanvasTexture;
+  private readonly texture: CanvasTexture | null = null;
   private painted: Theme | null = null;
 
+  private shown = '';
+
   /** `anchor`: point of the text at its position, from 0 to 1 to the right and up. */
-  constructor(private readonly words: string, anchor: [number, number], isBeforeAll = false) {
-    this.context.font = FONT;
-    this.canvas.width = Math.ceil(this.context.measureText(words).width) + 2 * MARGIN;
+  constructor(words: string, anchor: [number, number], isBeforeAll = false, private readonly tone: 'text' | 'quiet' = 'text') {
     this.canvas.height = TEXT;
-    this.texture = new CanvasTexture(this.canvas);
-    this.texture.colorSpace = SRGBColorSpace;
+    this.words = words;
+    const texture = this.texture = new CanvasTexture(this.canvas);
+    texture.colorSpace = SRGBColorSpace;
     this.object = new Sprite(new SpriteMaterial({
-      map: this.texture, sizeAttenuation: false, depthWrite: false, depthTest: !isBeforeAll,
+      map: texture, sizeAttenuation: false, depthWrite: false, depthTest: !isBeforeAll,
     }));
     this.object.renderOrder = isBeforeAll ? 2 : 0;
     this.object.center.set(...anchor);
@@ -34,10 +35,19 @@ export class Label {
     };
   }
 
+  set words(words: string) {
+    if (words === this.shown) return;
+    this.shown = words;
+    this.context.font = FONT;
+    this.canvas.width = Math.ceil(this.context.measureText(words).width) + 2 * MARGIN;
+    this.painted = null;
+    this.texture?.dispose(); // of another size; null during construction
+  }
+
   paint(theme: Theme): void {
     if (theme === this.painted) return;
     this.painted = theme;
-    const { canvas, context, words } = this;
+    const { canvas, context, shown: words } = this;
     context.clearRect(0, 0, canvas.width, canvas.height);
     context.font = FONT;
     context.textBaseline = 'middle';
@@ -45,13 +55,13 @@ export class Label {
     context.lineWidth = MARGIN;
     context.strokeStyle = theme.ground;
     context.strokeText(words, MARGIN, TEXT / 2);
-    context.fillStyle = theme.text;
+    context.fillStyle = theme[this.tone];
     context.fillText(words, MARGIN, TEXT / 2);
-    this.texture.needsUpdate = true;
+    this.texture!.needsUpdate = true;
   }
 
   dispose(): void {
-    this.texture.dispose();
+    this.texture?.dispose();
     this.object.material.dispose();
   }
 }

@@ -2,7 +2,7 @@
 
 import { AxesHelper, GridHelper, Group, LineBasicMaterial } from 'three';
 import type { Hello, SceneOptions } from '../types';
-import { THEMES } from './colors';
+import { RING_COLORS, THEMES } from './colors';
 import { PYRAMID } from './cameras/frustum';
 
 export class Landmarks {
@@ -26,6 +26,7 @@ export class Landmarks {
       this.grid.position.set(center[0], center[1] + 1.15 * radius, center[2]);
       this.object.add(this.grid);
     }
+    this.axes.setColors(...(RING_COLORS as unknown as [string, string, string]));
     this.object.add(this.axes);
   }
 

@@ -1,7 +1,7 @@
 // The 3-D part of the page: draws decoded messages (thesis section 4.4). Moving parts are written into
 // existing buffers; nothing is allocated per picture.
 
-import { Color, Group, Quaternion, Scene, Vector3 } from 'three';
+import { Color, Group, Matrix4, Quaternion, Scene, Vector3 } from 'three';
 import { defaultOptions } from '../options';
 import type {
   ArrowScale, Contact, Edges, Frame, Grasp, Graph, Hello, Mesh, Normals, PictureAxes, Pose, Sample, SceneView, Spheres, Tree,
@@ -9,17 +9,20 @@ import type {
 import { Arrows } from './arrows';
 import { Cameras } from './cameras/cameras';
 import { heat, THEMES } from './colors';
+import { Distances } from './distances';
 import { CutOutline } from './tool/cut_outline';
 import { DepthCamera } from './cameras/depth_camera';
 import { EdgeMarks } from './tool/edges';
 import { framing } from './framing';
 import { cameraNames } from './cameras/frustum';
+import type { ViewOf } from './cameras/views';
 import { Ghost } from './tool/ghost';
+import { Gauge } from './gauge';
 import { Governor } from './governor';
 import { LeafGraph } from './tool/graph';
 import { Landmarks } from './landmarks';
 import { Objects } from './objects';
-import { NO_POSE, sampledPose, setPose, transformed } from './poses';
+import { NO_POSE, sampledPose, sampledVector, setPose, transformed } from './poses';
 import { createRenderer } from './renderer';
 import { Rings } from './tool/rings';
 import { ToolSpheres } from './tool/spheres';
@@ -32,6 +35,8 @@ import { TreeNodes } from './tool/tree';
 const UPRIGHT: Pose = { position: [0, 0, 0], quaternion: [1, 0, 0, 0] };
 /** s: age of the last contact from which samples give the tool's pose instead. */
 const CONTACT_IS_OLD = 0.5;
+/** Radii of the tool, from its center, from which on the cloud fades. */
+const FADES_FROM = 4;
 
 class View implements SceneView {
   readonly options = defaultOptions();
@@ -43,6 +48,7 @@ class View implements SceneView {
   private readonly ground = new Color();
 
   private sensors: DepthCamera[] = [];
+  private readonly distances = new Distances();
   private readonly edges = new EdgeMarks();
   private readonly spheres = new ToolSpheres();
   private readonly graph = new LeafGraph();
@@ -56,12 +62,14 @@ class View implements SceneView {
   private readonly rings = new Rings();
   private readonly trace = new Trace();
   private readonly landmarks = new Landmarks();
+  private readonly gauge = new Gauge();
 
   private hello: Hello | null = null;
   private X_WT: Pose | null = null;
   private X_WT_hand: Pose | null = null;
   private contact: Contact | null = null;
   private strain = 0;
+  private push: Vector3 | null = null; // direction of the last force on the tool
   private framed: 'nothing' | 'scene' | 'tool' = 'nothing';
   private sawNothing = false; // the framing had no measurement
   private framedSensors = 0;  // cameras with an image when framed
@@ -84,7 +92,7 @@ class View implements SceneView {
 
   setHello(hello: Hello): void {
     this.hello = hello;
-    this.X_WT = this.X_WT_hand = this.contact = null;
+    this.X_WT = this.X_WT_hand = this.contact = this.push = null;
     this.spring.object.visible = false;
     this.ghost.throughAll = hello.handle !== null;
     this.setStrain(0);
@@ -172,6 +180,8 @@ class View implements SceneView {
     if (!last || !X_WT) return;
     if (last.time - (this.contact?.time ?? -Infinity) > CONTACT_IS_OLD) this.setToolPose(X_WT);
     const X_WT_hand = this.X_WT_hand = sampledPose(last, 'hand');
+    const force = sampledVector(last, 'contact_force');
+    this.push = force.lengthSq() > 0 ? force.normalize() : null;
     this.arrows.setSample(last, X_WT, X_WT_hand);
     this.setHandle(X_WT);
     this.ghost.setPoses(X_WT, X_WT_hand ?? X_WT);
@@ -187,7 +197,13 @@ class View implements SceneView {
   render(): void {
     this.governor.begin();
     this.update();
-    this.renderer.render(this.scene, this.cameras.camera);
+    const { camera } = this.cameras, { options } = this;
+    const isLit = this.isStaged && options.cloud && options.cloudColor === 'shaded' && this.governor.coarser === 1;
+    this.distances.draw(this.renderer, this.scene, camera, isLit, this.drawnRatio);
+    this.renderer.render(this.scene, camera);
+    const scale = this.cameras.metersPerPixel(this.size[1]);
+    const turned = this.sensors.length > 0 ? new Quaternion() : this.tool.quaternion;
+    if (scale && this.hello) this.gauge.draw(this.renderer, camera, this.size, scale, turned, options.dark);
     this.governor.end();
   }
 
@@ -263,7 +279,8 @@ class View implements SceneView {
 
   dispose(): void {
     for (const part of [...this.sensors, this.edges, this.spheres, this.graph, this.tree,
-      this.mesh, this.objects, this.outline, this.ghost, this.arrows, this.spring, this.rings, this.trace, this.landmarks, this.cameras, this.renderer]) {
+      this.distances, this.mesh, this.objects, this.outline, this.ghost, this.arrows, this.spring, this.rings, this.trace, this.landmarks, this.gauge, this.cameras,
+      this.renderer]) {
       part.dispose();
     }
   }
@@ -278,6 +295,10 @@ class View implements SceneView {
     }
     renderer.setClearColor(this.ground.set(THEMES[options.dark ? 'dark' : 'light'].ground));
     const { width, height } = this.canvas;
+    const center = this.toolCenter();
+    if (center) this.distances.uniforms.focus.value.set(...center.toArray(), this.isStaged ? FADES_FROM * (this.hello?.tool.radius ?? 0) : 0);
+    const views = this.sensors.map(({ image, object }): ViewOf => [image, new Matrix4().copy(object.matrixWorld).invert()]);
+    this.mesh.setViews(views, this.hello?.tool.radius ?? 0.1);
     for (const sensor of this.sensors) sensor.update(this.sensors, options, this.governor.coarser, height, ratio);
     this.edges.update(options);
     this.spheres.update(options);
@@ -290,6 +311,11 @@ class View implements SceneView {
     this.trace.update(options.trace, width, height, ratio);
     this.landmarks.update(options);
     this.cameras.update(options.view);
+  }
+
+  /** True in the views that show the contact rather than the scene: the rest stands back. */
+  private get isStaged(): boolean {
+    return this.options.view === 'free' || this.options.view === 'tool';
   }
 
   private setToolPose(X_WT: Pose): void {
@@ -348,14 +374,15 @@ class View implements SceneView {
       sensor.dispose();
     }
     const names = cameraNames(streams);
-    this.sensors = streams.map((stream, i) => new DepthCamera(stream, streams.length > 1 ? names[i] : '', streams.length));
+    this.sensors = streams.map((stream, i) => new DepthCamera(stream, streams.length > 1 ? names[i] : '',
+      streams.length, this.distances.uniforms));
     this.edges.setStream(streams[0] ?? null);
     this.sensors[0]?.object.add(this.edges.needles, this.edges.panes);
     if (this.sensors.length > 0) this.scene.add(...this.sensors.map((sensor) => sensor.object));
   }
 
   private framing() {
-    return framing(this.sensors, this.toolCenter(), this.hello?.tool.radius ?? 0.1);
+    return framing(this.sensors, this.toolCenter(), this.hello?.tool.radius ?? 0.1, this.push);
   }
 }
 

@@ -27,7 +27,7 @@ export class SteadyScale {
 }
 
 /** Rounds up to 1, 2 or 5 times a power of ten. */
-function roundUp(value: number): number {
+export function roundUp(value: number): number {
   if (!(value > 0)) return 0;
   const power = 10 ** Math.floor(Math.log10(value));
   const factor = [1, 2, 5].find((f) => f * power >= value);

@@ -8,8 +8,9 @@ import type { Framing } from '../framing';
 import { inverted, NO_POSE, setPose, transformed } from '../poses';
 
 const FIELD_OF_VIEW = 42; // degrees, of the shorter side of the canvas
-/** Offset of the eye from the direction to the depth camera: over its right shoulder. */
-const SHOULDER = new Vector3(0.55, -0.5, 0);
+/** The eye is beside what pushes the tool out, on the right of the depth camera: shares of directions to the right,
+ * up, along the push, and to the depth camera. */
+const BESIDE = { right: 1, up: 0.3, push: 0.25, camera: 0.35 };
 const FROM_THE_SIDE = new Vector3(0.55, -0.45, -0.75); // for a tool alone
 const ABOVE = 15; // m, height of the bird's view
 
@@ -106,8 +107,7 @@ export class Cameras {
     const { center, radius, hasScene } = found;
     this.moved = false;
     this.takeUp();
-    const direction = hasScene ?
-      new Vector3(...this.X_WC.position).sub(center).normalize().add(this.turned(SHOULDER)) : this.turned(FROM_THE_SIDE);
+    const direction = hasScene ? this.beside(found) : this.turned(FROM_THE_SIDE);
     const distance = radius / Math.sin(MathUtils.degToRad(FIELD_OF_VIEW / 2));
     this.orbit.target.copy(center);
     this.eye.position.copy(center).add(direction.setLength(distance));
@@ -124,6 +124,23 @@ export class Cameras {
   dispose(): void {
     this.orbit.dispose();
     this.birdControls.dispose();
+  }
+
+  /** Returns the length in W of a CSS pixel where one looks at; null from the depth camera, where it means nothing. */
+  metersPerPixel(height: number): number | null {
+    if (this.camera === this.bird) return (2 * this.bird.top) / this.bird.zoom / height;
+    if (this.camera !== this.eye) return null;
+    return (2 * this.eye.position.distanceTo(this.orbit.target) * Math.tan(MathUtils.degToRad(this.eye.fov / 2))) / height;
+  }
+
+  /** Returns the direction from the tool to the eye. */
+  private beside({ center, push }: Framing): Vector3 {
+    const camera = new Vector3(...this.X_WC.position).sub(center).normalize();
+    const right = this.turned(new Vector3(1, 0, 0)), up = this.turned(new Vector3(0, -1, 0));
+    const out = push ?? camera, side = right.clone().addScaledVector(out, -right.dot(out));
+    if (side.length() < 0.3) side.copy(up.clone().addScaledVector(out, -up.dot(out)));
+    return side.normalize().multiplyScalar(BESIDE.right).addScaledVector(up, BESIDE.up).addScaledVector(out, BESIDE.push)
+      .addScaledVector(camera, BESIDE.camera);
   }
 
   private approachTool(): void {

@@ -1,7 +1,9 @@
 // The point cloud: the depth image drawn as points without a vertex buffer. Vertex number i is
-// the i-th pixel of a coarser or finer raster over the image. One draw call, and a second small
+// the i-th pixel of a coarser or finer raster over the image. A point is a disc in the surface, as large as
+// the gap to its neighbors there, so that surfaces are closed also where they are seen from the side. Far
+// from the tool the cloud fades into the background. One draw call, and a second small
 // one for the window: in front of the tool only one point of four is drawn, which shows the part
-// of the tool inside the scene. The tool has marked that region in the stencil (window.ts).
+// of the tool inside the scene. The tool has marked that region in the stencil (glsl.ts).
 
 import {
   BufferGeometry, Group, Matrix4, Points, type RawShaderMaterial, type ShaderMaterialParameters, Vector2, type Vector3, Vector4,
@@ -10,7 +12,8 @@ import type { Frame, SceneOptions } from '../../types';
 import { rgb, THEMES } from '../colors';
 import { DEPTH_IMAGE, type DepthImage } from './depth_image';
 import { DepthRange } from './depth_range';
-import { OUT_OF_WINDOW, shaderMaterial, type Uniforms, VIRIDIS, WITHIN_WINDOW } from '../glsl';
+import { EYE_DOME } from '../distances';
+import { DISTANCES, OUT_OF_WINDOW, shaderMaterial, type Uniforms, VIRIDIS, WITHIN_WINDOW } from '../glsl';
 
 const COLORINGS = { shaded: 0, depth: 1, normals: 2 };
 
@@ -23,7 +26,12 @@ uniform vec2 depth_range;   // m
 uniform vec3 surface_color;
 uniform vec4 tool_ball;     // bounding sphere of the tool, in W; radius 0: no window
 uniform mat4 X_LC;          // L: the first camera, which defines light and colors of all clouds
+uniform bool plain;         // only distances matter
+uniform vec4 focus;         // in W, and the distance from which on the cloud fades, m; 0: nowhere
+uniform vec3 ground_color;
 out vec3 point_color;
+flat out vec3 disc;         // its normal in the view frame
+flat out float disc_size;   // pixels of the canvas
 
 // True if the ray from the eye through a point of the view frame meets the tool's ball.
 bool meets_tool(vec3 p) {
@@ -37,15 +45,21 @@ void main() {
   ivec2 pixel = stride * ivec2(gl_VertexID % columns, gl_VertexID / columns);
   float z = depth_at(pixel);
   if (z == 0.0) { gl_Position = vec4(0.0, 0.0, 2.0, 1.0); return; }
+  z = calm_depth_at(pixel, z);
   vec3 p = point_at(pixel, z);
   vec4 p_view = modelViewMatrix * vec4(p, 1.0);
   if (tool_ball.w > 0.0 && !meets_tool(p_view.xyz)) { gl_Position = vec4(0.0, 0.0, 2.0, 1.0); return; }
   gl_Position = projectionMatrix * p_view;
   // Distance between neighboring points, in pixels of the canvas.
   float gap = float(stride) * z / intrinsics.x * projectionMatrix[1][1] * 0.5 * canvas_height / gl_Position.w;
-  gl_PointSize = clamp(spread * gap, point_size, 64.0);
+  vec3 n = plain ? vec3(0.0) : normal_at(pixel, z);
+  bool has_normal = n != vec3(0.0);
+  if (has_normal) gap /= max(0.3, abs(dot(n, normalize(p))));
+  gl_PointSize = disc_size = clamp(spread * gap, point_size, 64.0);
+  disc = has_normal ? normalize(mat3(modelViewMatrix) * n) : vec3(0.0, 0.0, 1.0);
+  if (plain) return;
 
-  vec3 n = mat3(X_LC) * normal_at(pixel, z);
+  n = mat3(X_LC) * n;
   if (coloring == 1) {
     point_color = viridis(1.0 - clamp(((X_LC * vec4(p, 1.0)).z - depth_range.x) / (depth_range.y - depth_range.x), 0.0, 1.0));
     point_color *= 0.7 + 0.3 * abs(n.z);
@@ -55,13 +69,24 @@ void main() {
     // The light is fixed above and to the left of the first camera.
     float light = max(0.0, dot(n, vec3(-0.41, -0.50, -0.763)));
     point_color = surface_color * (n == vec3(0.0) ? 0.4 : 0.38 - 0.12 * n.y + 0.55 * light);
+    float far_off = distance((modelMatrix * vec4(p, 1.0)).xyz, focus.xyz);
+    if (focus.w > 0.0) point_color = mix(point_color, ground_color, 0.8 * smoothstep(focus.w, 3.0 * focus.w, far_off));
   }
 }
 `;
 
-const FRAGMENT = `
+const FRAGMENT = `${EYE_DOME}
 in vec3 point_color;
-void main() { color = vec4(point_color, 1.0); }
+flat in vec3 disc;
+flat in float disc_size;
+uniform bool plain;
+
+void main() {
+  vec2 c = vec2(2.0, -2.0) * gl_PointCoord + vec2(-1.0, 1.0);
+  float along = dot(c, disc.xy) / max(0.35, abs(disc.z));
+  if (disc_size > 3.0 && dot(c, c) + along * along > 1.0) discard;
+  color = vec4(plain ? vec3(0.0) : point_color * eye_dome(), 1.0);
+}
 `;
 
 export class Cloud {
@@ -70,9 +95,10 @@ export class Cloud {
   private readonly parts: Part[];
   private readonly range = new DepthRange();
 
-  constructor(private readonly image: DepthImage) {
+  /** `stage`: the uniforms of Distances. */
+  constructor(private readonly image: DepthImage, stage: Uniforms) {
     this.uniforms = {
-      ...image.uniforms,
+      ...image.uniforms, ...stage, ground_color: { value: rgb(THEMES.dark.ground) },
       coloring: { value: 0 }, point_size: { value: 2 }, canvas_height: { value: 1 },
       depth_range: { value: new Vector2() }, X_LC: { value: new Matrix4() }, surface_color: { value: rgb(THEMES.dark.surface) },
     };
@@ -107,12 +133,15 @@ export class Cloud {
     uniforms.coloring.value = COLORINGS[options.cloudColor];
     uniforms.point_size.value = options.pointSize * pixelRatio;
     uniforms.canvas_height.value = height;
-    uniforms.surface_color.value = rgb(THEMES[options.dark ? 'dark' : 'light'].surface);
+    const { surface, ground } = THEMES[options.dark ? 'dark' : 'light'];
+    uniforms.surface_color.value = rgb(surface);
+    uniforms.ground_color.value = rgb(ground);
     const stride = Math.max(1, Math.round(options.stride)) * coarser;
     // Points of two pixels and more cover the surface without gaps at any distance.
-    const spread = 0.65 * options.pointSize;
+    const spread = 0.75 * options.pointSize;
     this.parts[0].update(image, stride, spread);
-    this.parts[1].object.visible = options.toolLook !== 'hidden';
+    // The glow of a solid tool is seen as a whole.
+    this.parts[1].object.visible = options.toolLook === 'spheres' || options.toolLook === 'caps';
     this.parts[1].update(image, 2 * stride, spread / 2);
   }
 
@@ -132,6 +161,7 @@ class Part {
     }, VERTEX, FRAGMENT, window));
     this.object.frustumCulled = false;
     this.object.renderOrder = -1; // drawn after the tool
+    this.object.layers.enable(DISTANCES);
   }
 
   update(image: DepthImage, stride: number, spread: number): void {

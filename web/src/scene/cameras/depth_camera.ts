@@ -7,6 +7,7 @@ import { DepthImage } from './depth_image';
 import { Fog } from './fog';
 import { Frustum } from './frustum';
 import { NormalNeedles } from './normals';
+import type { Uniforms } from '../glsl';
 import { NO_POSE, setPose } from '../poses';
 
 export class DepthCamera {
@@ -19,10 +20,10 @@ export class DepthCamera {
   private readonly frustum: Frustum;
   private readonly X_LC = new Matrix4();
 
-  /** `name` to display, empty for a single camera; `numCameras` in all. */
-  constructor(stream: Stream, name: string, numCameras: number) {
+  /** `name` to display, empty for a single camera; `numCameras` in all; `stage`: the uniforms of Distances. */
+  constructor(stream: Stream, name: string, numCameras: number, stage: Uniforms) {
     this.image = new DepthImage(stream, numCameras);
-    this.cloud = new Cloud(this.image);
+    this.cloud = new Cloud(this.image, stage);
     this.normals = new NormalNeedles(this.image);
     this.fog = new Fog(this.image);
     this.frustum = new Frustum(stream, name);

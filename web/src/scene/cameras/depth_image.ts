@@ -27,6 +27,18 @@ vec3 point_at(ivec2 pixel, float z) {
   return vec3((vec2(pixel) - intrinsics.zw) / intrinsics.xy * z, z);
 }
 
+// Depth averaged over neighbors of the same surface, for pictures: noise would show as roughness.
+float calm_depth_at(ivec2 pixel, float z) {
+  vec2 sum = vec2(0.0);
+  for (int v = -2; v <= 2; ++v) {
+    for (int u = -2; u <= 2; ++u) {
+      float beside = depth_at(pixel + ivec2(u, v));
+      if (abs(beside - z) < 0.015 * z) sum += vec2(beside, 1.0);
+    }
+  }
+  return sum.x / sum.y;
+}
+
 // Change of depth per pixel in direction e, over k pixels: mean of both sides if they agree, else of the
 // side with the smaller change, so that no difference crosses an edge.
 float slope_at(ivec2 pixel, float z, ivec2 e, int k) {
@@ -75,6 +87,9 @@ function imageTexture(width: number, height: number, signed: boolean): DataTextu
   texture.needsUpdate = true;
   return texture;
 }
+
+/** Texture of no image, for shaders that sample one less. */
+export const NO_IMAGE = imageTexture(1, 1, false);
 
 export class DepthImage {
   width = 0;
