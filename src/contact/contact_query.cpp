@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <string>
-#include <thread>
 #include <utility>
 
 #include "src/contact/backends.h"
@@ -112,7 +111,7 @@ Result<Contact> Contact::create(const Tool& tool, const ContactMethod& method, c
                                 int num_threads) {
   constexpr std::size_t kSpheresPerThread = 50000;
   if (num_threads == 0) {
-    const std::size_t num_cores = std::max(1u, std::thread::hardware_concurrency());
+    const std::size_t num_cores = static_cast<std::size_t>(ThreadPool::num_cores());
     num_threads =
         static_cast<int>(std::min(num_cores, 1 + tool.spheres().size() / kSpheresPerThread));
   }
