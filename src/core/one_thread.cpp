@@ -1,5 +1,5 @@
 // A thread pool where a system has no threads: its caller does all tasks, one after the other.
-#include "palpate/core/core.h"
+#include "src/core/internal/num_cores.h"
 
 namespace palpate { inline namespace v0 {
 
@@ -9,7 +9,7 @@ ThreadPool::ThreadPool(int, void (*)()) {}
 
 ThreadPool::~ThreadPool() = default;
 
-int ThreadPool::num_cores() { return 1; }
+int num_cores() { return 1; }
 
 int ThreadPool::num_threads() const { return 1; }
 

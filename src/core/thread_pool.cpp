@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "src/core/internal/assert.h"
+#include "src/core/internal/num_cores.h"
 
 namespace palpate { inline namespace v0 {
 namespace {
@@ -123,7 +124,7 @@ ThreadPool::ThreadPool(int num_threads, void (*begin)()) : workers_(std::make_un
 
 ThreadPool::~ThreadPool() = default;
 
-int ThreadPool::num_cores() {
+int num_cores() {
   return std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
 }
 

@@ -122,8 +122,6 @@ class ThreadPool {
 
   /// Threads in the pool, including the calling one.
   int num_threads() const;
-  /// Processors that threads of this program can use, at least 1.
-  static int num_cores();
 
   /// Runs the tasks and returns when all are done. No allocation. With one thread it is a plain
   /// loop; with more, the caller also works and then waits for tasks already begun by others. It
