@@ -11,7 +11,6 @@ set(CMAKE_RANLIB llvm-ranlib-16 CACHE FILEPATH "")
 # Headers of WASI alone: those of this computer would come after them.
 set(headers "-nostdlibinc -isystem /usr/lib/llvm-16/include/wasm32-wasi/c++/v1 -isystem /usr/include/wasm32-wasi")
 set(CMAKE_CXX_FLAGS_INIT "${headers} -msimd128 -mbulk-memory -mnontrapping-fptoint -fno-exceptions -ffunction-sections -fdata-sections")
-set(CMAKE_EXECUTABLE_SUFFIX .wasm)
 set(CMAKE_TRY_COMPILE_TARGET_TYPE STATIC_LIBRARY)
 set(CMAKE_SYSROOT /usr)
 set(CMAKE_FIND_ROOT_PATH_MODE_LIBRARY ONLY)

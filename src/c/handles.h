@@ -1,4 +1,4 @@
-// What the handles of the C header are, and how errors leave: as a kind and one sentence.
+// The handles of the C header, and how errors leave: as a kind and one sentence.
 #pragma once
 
 #include <algorithm>

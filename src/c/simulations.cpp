@@ -1,6 +1,5 @@
 #include <optional>
 
-#include "palpate/io/files.h"
 #include "scenes/scene.h"
 #include "src/c/handles.h"
 
@@ -99,10 +98,16 @@ int palpate_simulation_next(palpate_simulation* simulation, uint16_t* counts, do
 void palpate_simulation_tool_at(const palpate_simulation* simulation, double time,
                                 palpate_pose* X_WT) {
   const scenes::Scene& scene = simulation->scene;
-  std::vector<TimedPose> path;
-  for (std::size_t i = 0; i < scene.path_times.size(); ++i)
-    path.push_back({scene.path_times[i], scene.path_poses[i]});
-  *X_WT = c_pose(path.empty() ? Pose{} : pose_at(path, time));
+  const auto& times = scene.path_times;
+  const auto after = static_cast<std::size_t>(std::upper_bound(times.begin(), times.end(), time) - times.begin());
+  if (times.empty()) {
+    *X_WT = c_pose({});
+  } else if (after == 0 || after == times.size()) {
+    *X_WT = c_pose(scene.path_poses[after == 0 ? 0 : after - 1]);
+  } else {
+    const double share = (time - times[after - 1]) / (times[after] - times[after - 1]);
+    *X_WT = c_pose(interpolate(scene.path_poses[after - 1], scene.path_poses[after], share));
+  }
 }
 
 }  // extern "C"

@@ -107,7 +107,9 @@ void run() {
   push(tool, surface);
   scenes::Scene hand = scenes::make_scene("hand").value();
   scenes::set_image_size(hand, 160, 120);
-  const auto camera = scenes::open_simulated_camera(hand, {.seed = 7}).value();
+  scenes::SimulatedCameraOptions options;
+  options.seed = 7;
+  const auto camera = scenes::open_simulated_camera(hand, options).value();
   DepthFrame frame;
   for (int k = 0; k < 2; ++k) {
     static_cast<void>(camera->next(frame));

@@ -26,7 +26,6 @@ except ImportError:
     skip("no Python package wasmtime (scripts/setup.sh --web)")
 
 config = Config()
-config.cache = False
 engine = Engine(config)
 
 

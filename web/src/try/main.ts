@@ -92,7 +92,7 @@ async function begin(): Promise<void> {
   files = new Files(wasm, wire);
   Object.assign(window, {
     palpate: {
-      counters: page.counters, scene: page.scene, command: page.command.bind(page), take: (file: File) => files?.take(file),
+      counters: page.counters, scene: page.scene, command: page.command.bind(page), tell: (message: object) => wire.send(JSON.stringify(message)), take: (file: File) => files?.take(file),
       get hello() { return page.hello; }, get state() { return page.state; }, get sample() { return page.sample; },
     },
   });

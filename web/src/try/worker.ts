@@ -3,13 +3,13 @@ import { load, whyNot } from '../../core/palpate';
 import { World } from './world';
 import type { GivenImage } from './world';
 
-/** What the page sends beside the texts of the protocol. */
+/** Orders of the page, beside the texts of the protocol. */
 export type Order =
   | { kind: 'start'; core: ArrayBuffer }
   | { kind: 'tool'; name: string; bytes: Uint8Array }
   | { kind: 'image'; image: GivenImage }
   | { kind: 'pack'; core: ArrayBuffer; vertices: Float64Array; triangles: Uint32Array; spheres: number };
-/** What it gets beside those. */
+/** Answers to them, beside the messages of the protocol. */
 export type Report =
   | { kind: 'trouble'; text: string } | { kind: 'progress'; spheres: number; share: number } | { kind: 'packed'; bytes: Uint8Array };
 
