@@ -11,22 +11,26 @@ struct palpate_contact {
 
 namespace {
 
-/// Adds `weight` times a result to what the caller gets. Counts, states and planes are the last one's.
-void add(const ContactResult& result, double weight, palpate_measure& to) {
+/// Adds `weight` times a result to what the caller gets, the first one onto nothing, so that also the signs of zeros stay.
+/// Counts, states and planes are the last one's.
+void add(const ContactResult& result, double weight, bool is_first, palpate_measure& to) {
+  const auto put_one = [&](double value, double& sum) {
+    sum = is_first ? weight * value : sum + weight * value;
+  };
   const Penetration& p = result.penetration;
   to.status |= p.status.bits;
   to.num_boundary = p.num_boundary_spheres;
   to.num_inside = p.num_inside_spheres;
-  to.volume += weight * p.volume;
-  to.potential += weight * p.potential;
+  put_one(p.volume, to.volume);
+  put_one(p.potential, to.potential);
   for (int i = 0; i < 3; ++i) {
-    to.force[i] += weight * p.measure_W.force[i];
-    to.torque[i] += weight * p.measure_W.torque[i];
-    for (int j = 0; j < 3; ++j) to.moments[3 * i + j] += weight * result.moments.first[i][j];
+    put_one(p.measure_W.force[i], to.force[i]);
+    put_one(p.measure_W.torque[i], to.torque[i]);
+    for (int j = 0; j < 3; ++j) put_one(result.moments.first[i][j], to.moments[3 * i + j]);
   }
-  to.polar_moment += weight * result.moments.polar;
+  put_one(result.moments.polar, to.polar_moment);
   for (int i = 0; i < 36 && result.stiffness; ++i)
-    to.stiffness[i] += weight * result.stiffness->m[i / 6][i % 6];
+    put_one(result.stiffness->m[i / 6][i % 6], to.stiffness[i]);
 }
 
 void put_sigma(const std::optional<MeasureNoise>& noise, palpate_measure& to) {
@@ -79,10 +83,10 @@ int palpate_contact_measure(palpate_contact* contact, const palpate_scene* scene
     out.size = all.size, out.wants = all.wants, out.progress = all.progress;
     out.states = all.states, out.planes = all.planes;
     const Pose X = pose_of(*X_WT);
-    if (all.progress < 1)
-      add(contact->contact.measure(scene->at(false), X, wants), 1 - all.progress, out);
+    const bool is_mixed = all.progress < 1;
+    if (is_mixed) add(contact->contact.measure(scene->at(false), X, wants), 1 - all.progress, true, out);
     const ContactResult result = contact->contact.measure(scene->at(true), X, wants);
-    add(result, all.progress, out);
+    add(result, all.progress, !is_mixed, out);
     if (wants.noise) put_sigma(result.noise, out);
     for (size_t i = 0; i < planes.size(); ++i) {
       for (int axis = 0; axis < 3; ++axis) out.planes[4 * i + static_cast<size_t>(axis)] = planes[i].normal[axis];

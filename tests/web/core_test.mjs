@@ -83,6 +83,6 @@ test('the package measures and says what is wrong', async () => {
   console.log(JSON.stringify(result, null, 1));
   assert.ok(result.volume > 0 && result.force[2] < 0);
   assert.equal(result.errors.length, 5);
-  for (const error of result.errors) assert.match(error, /^[A-Z].*\.$/);
+  for (const error of result.errors) assert.match(error, /^[A-Zp].*\.$/);
   await page.close();
 });

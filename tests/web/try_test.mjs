@@ -118,7 +118,7 @@ test('ticks at 1 kHz', async () => {
     const after = palpate.state;
     return { ticks: after.ticks - before.ticks, time: after.time - before.time, missed: after.missed - before.missed, longest_burst: after.longest_burst, query_ms: after.query_ms };
   }, seconds);
-  console.log(JSON.stringify({ ...counted, share: counted.ticks / (1000 * counted.time) }));
+  console.log(JSON.stringify({ ...counted, share: counted.ticks / (counted.ticks + counted.missed) }));
   assert.ok(counted.ticks > 0);
   await context.close();
 });
@@ -130,7 +130,7 @@ test('the reader\'s own files, and one sentence for each that is wrong', async (
     ['text.png', Buffer.from('no image at all, and longer than thirty-three bytes'), /no PNG/],
     ['cut.png', png(64, 48, 16, 500).subarray(0, 60), /damaged or truncated/],
     ['tool.step', Buffer.from('x'), /neither a mesh nor a depth image/],
-    ['open.stl', stl(0.05, false), /watertight|open|edge/],
+    ['open.stl', stl(0.05, false), /does not bound a solid.*open edges.*first at/],
     ['bad.palp', Buffer.from('nothing'), /tool file/],
   ]) {
     await give(page, name, buffer);
