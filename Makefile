@@ -9,7 +9,7 @@ cmake --preset $(1)
 cmake --build --preset $(1) -j $(JOBS)
 endef
 
-.PHONY: help setup lint format tidy build demo test quick-test busy-test golden clang fuzz mutants bench bench-compare live-figures camera-figures ros2-figures sensor-figures soak pictures docs packing-curves peer-times eval eval-quick eval-check asan tsan large-inputs peers-of-files cuda gpu-check view-soak arm64 wheel packages try-packages try-demo try-test ci-all compile-times clean
+.PHONY: help setup lint format tidy build demo test quick-test busy-test golden clang fuzz mutants bench bench-compare live-figures camera-figures ros2-figures sensor-figures soak pictures docs packing-curves peer-times eval eval-quick eval-check asan tsan large-inputs peers-of-files cuda gpu-check view-soak arm64 wheel web-core packages try-packages try-demo try-test ci-all compile-times clean
 
 help:  ## this list
 	@grep -hE '^[a-z0-9 -]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z0-9 -]+):.*## */\1\t/' | expand -t 16
@@ -217,6 +217,12 @@ wheel:  ## the Python package with the program inside, into build/wheels: make w
 	scripts/setup.sh --wheel
 	scripts/make_wheel.sh $(JOBS) $(if $(CUDA),-DPALPATE_CUDA=ON)
 
+# Sources are the library's; Debian's Clang has a C++ library for WASI.
+web-core:  ## the library as WebAssembly with its package for npm and the page without a program, into build/web; the same bits?
+	scripts/setup.sh --web
+	$(call build_preset,web)
+	scripts/web_core.sh build/web
+
 packages:  ## Debian packages and an archive, into build/packages/packages; make try-packages uses them in a fresh Debian 12
 	scripts/setup.sh --packages
 	scripts/make_packages.sh $(JOBS)
@@ -229,7 +235,7 @@ try-demo try-test:  ## make demo or make test in a fresh Debian 12, each line wi
 	scripts/try_fresh.sh $(@:try-%=%)
 
 ci-all:  ## all that needs no special hardware: tests, sanitizers, Clang, fuzzing, large inputs, files of other libraries and clang-tidy, Arm, packages, the page of the evaluation; hours
-	for check in test clang asan tsan fuzz large-inputs peers-of-files tidy arm64 try-packages eval-check; do $(MAKE) $$check || exit 1; done
+	for check in test clang asan tsan fuzz large-inputs peers-of-files tidy arm64 web-core try-packages eval-check; do $(MAKE) $$check || exit 1; done
 
 clean:  ## remove build/ and demo/
 	rm -rf build demo

@@ -21,7 +21,14 @@ endif()
 # Assertions stay on in every build type except Release (src/core/internal/assert.h).
 string(REPLACE "-DNDEBUG" "" CMAKE_CXX_FLAGS_RELWITHDEBINFO "${CMAKE_CXX_FLAGS_RELWITHDEBINFO}")
 
-find_package(Threads REQUIRED)
+# WebAssembly (make web-core): one thread, no files, no exceptions.
+if(CMAKE_SYSTEM_PROCESSOR STREQUAL "wasm32")
+  set(PALPATE_WASM ON)
+  set(CMAKE_POSITION_INDEPENDENT_CODE OFF)
+  add_library(Threads::Threads INTERFACE IMPORTED GLOBAL)
+else()
+  find_package(Threads REQUIRED)
+endif()
 
 if(PALPATE_CUDA)
   if(NOT CMAKE_CUDA_ARCHITECTURES)

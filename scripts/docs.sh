@@ -45,6 +45,14 @@ mkdir -p $out/doxygen
 doxygen docs/Doxyfile
 # Functions stand on the page of their namespace; it has been missing once, and nobody saw it.
 grep -q load_tool $out/doxygen/html/namespacepalpate.html
+# The page that needs no program, where make web-core has made it.
+if [ -f build/web/try/try.html ]; then
+  mkdir -p $out/pages/try
+  cp build/web/try/try.html $out/pages/try/index.html
+  sed -i '0,/^## /s##[**Try it**: touch a depth image in this browser](try/index.html){.md-button .md-button--primary}\n\n## #' $out/pages/index.md
+else
+  echo "docs: without the page Try it; make web-core makes it"
+fi
 NO_MKDOCS_2_WARNING=1 $python/bin/mkdocs build --quiet --config-file mkdocs.yml
 cp -r $out/doxygen $out/site/
 echo "docs: open $PWD/$out/site/index.html"

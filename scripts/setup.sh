@@ -2,7 +2,7 @@
 # Installs what is missing to build and test Palpate on Debian 12 or Ubuntu 24.04, and nothing else.
 # A second run finds everything in place and needs neither network nor rights.
 #
-# usage: scripts/setup.sh [--program] [--test] [--wheel] [--fuzz] [--tidy] [--docs] [--packages] [--arm64] [--peers] [--files] [--robot] [--simulators] [--list]
+# usage: scripts/setup.sh [--program] [--test] [--wheel] [--fuzz] [--tidy] [--docs] [--packages] [--arm64] [--peers] [--files] [--robot] [--simulators] [--web] [--list]
 #   --program only what the program itself needs
 #   --test    also what only the tests need; Python packages for them go into build/python, and what
 #             makes and tries the Python package into build/wheel-tools and build/wheelhouse
@@ -16,6 +16,7 @@
 #   --files   also what the comparison of files with other libraries needs (Python packages, 1 GB)
 #   --robot   also what only the example with a robot's arm needs (Python packages, 60 MB)
 #   --simulators  also what only the examples with simulators need (Python packages, 500 MB)
+#   --web     also what only make web-core needs
 #   --list    only print the names of all packages
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -36,9 +37,10 @@ for argument in "$@"; do
     --files) groups="$groups files " ;;
     --robot) groups="$groups robot " ;;
     --simulators) groups="$groups simulators " ;;
+    --web) groups="$groups web " ;;
     --list) list_only=yes ;;
     *)
-      echo "setup: unknown option $argument; usage: scripts/setup.sh [--program] [--test] [--wheel] [--fuzz] [--tidy] [--docs] [--packages] [--arm64] [--peers] [--files] [--robot] [--simulators] [--list]" >&2
+      echo "setup: unknown option $argument; usage: scripts/setup.sh [--program] [--test] [--wheel] [--fuzz] [--tidy] [--docs] [--packages] [--arm64] [--peers] [--files] [--robot] [--simulators] [--web] [--list]" >&2
       exit 2
       ;;
   esac
@@ -215,12 +217,24 @@ install_file_packages() {
     trimesh scipy yourdfpy rosbags mcap open3d-cpu
 }
 
+# What runs WebAssembly outside of a browser, for its test.
+install_web_packages() {
+  case "$groups" in *" web "*) ;; *) return 0 ;; esac
+  if [ -x build/python-web/bin/python ] && build/python-web/bin/python -c "import wasmtime" 2>/dev/null; then return 0; fi
+  echo "setup: installing wasmtime into build/python-web"
+  if ! { python3 -m venv --clear build/python-web && build/python-web/bin/python -m pip install -q wasmtime==50.0.1; }; then
+    echo "setup: could not install wasmtime: see the message above. Its test is skipped until this command is" >&2
+    echo "setup: repeated with a network." >&2
+  fi
+}
+
 if [ ${#missing[@]} -eq 0 ]; then
   echo "setup: all ${#wanted[@]} packages are installed"
   install_node
   install_python_packages
   install_peer_packages
   install_file_packages
+  install_web_packages
   exit 0
 fi
 
@@ -266,4 +280,5 @@ install_node
 install_python_packages
 install_peer_packages
 install_file_packages
+install_web_packages
 echo "setup: done"

@@ -40,6 +40,7 @@ BELOW = {
     "session": ("io", "pages", "run", "devices"),
     "viewer": ("pages", "session"),
     "scenes": ("mesh", "cloud"),
+    "c": ("haptics", "io", "scenes"),
     "eval": ("session", "scenes"),
     "apps": ("session", "viewer", "eval", "cameras"),
     "python": ("front", "session", "cameras"),
@@ -52,7 +53,7 @@ EVAL_READERS = ("tests/eval/", "tests/accuracy/", "bench/contact_bench.cpp", "be
 FRONT_DOOR = {"palpate/palpate.h": "front", "palpate/version.h": "core"}
 
 # A stranger reads them all: one for each subject of a module, not for each class.
-MOST_PUBLIC_HEADERS = 32
+MOST_PUBLIC_HEADERS = 33
 
 # Rooms: at most so many files in a folder, and lines in a file; tests may be longer.
 ROOMS = ("src/", "include/", "apps/", "web/src/", "python/")
@@ -76,6 +77,7 @@ SMALL = (
     "src/contact/index/num_bytes.h",
     "src/core/internal/assert.h",
     "src/core/internal/monotonic_clock.h",
+    "src/core/internal/num_cores.h",
     "src/core/internal/stamp.h",
     "src/field/internal/pinhole_cloud.h",
     "src/gpu/internal/device_code.cuh",
@@ -179,6 +181,8 @@ def check_library_include(name, target):
     """The same for <target>."""
     module = module_of(name)
     if is_public(name):
+        if target in ("stddef.h", "stdint.h") and module == "c":  # which is C
+            return None
         if "/" in target or "." in target:
             return "public headers include only the C++ standard library and each other"
         return None

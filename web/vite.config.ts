@@ -11,10 +11,10 @@ const withoutFonts: Plugin = {
 /// `npx vite` serves the page as it is being written, with all else from a running `palpate view`.
 const program = 'http://127.0.0.1:8787';
 
-// The viewer's page, or with --mode report the script of all reports. One script and one style
+// The viewer's page, with --mode report the script of all reports, or with --mode try that of the page without a program. One script and one style
 // sheet each, named without hashes: they are built into the program.
 export default defineConfig(({ mode }) => {
-  const name = mode === 'report' ? 'report' : 'page';
+  const name = mode === 'report' || mode === 'try' ? mode : 'page';
   return {
     base: './',
     plugins: [withoutFonts],
@@ -27,9 +27,9 @@ export default defineConfig(({ mode }) => {
       assetsInlineLimit: 0,
       chunkSizeWarningLimit: 1500, // kB
       rollupOptions: {
-        input: name === 'report' ? 'src/report/main.ts' : 'index.html',
+        input: name === 'page' ? 'index.html' : `src/${name}/main.ts`,
         output: {
-          format: name === 'report' ? 'iife' : 'es',
+          format: name === 'page' ? 'es' : 'iife',
           inlineDynamicImports: true,
           entryFileNames: `${name}.js`,
           assetFileNames: (asset) => (asset.names[0]?.endsWith('.css') ? `${name}.css` : '[name][extname]'),

@@ -2,12 +2,12 @@
 
 #include <algorithm>
 #include <string>
-#include <thread>
 #include <utility>
 
 #include "src/contact/backends.h"
 #include "src/contact/field/field_contact.h"
 #include "src/contact/index/tool_parts.h"
+#include "src/core/internal/num_cores.h"
 
 namespace palpate { inline namespace v0 {
 
@@ -112,9 +112,9 @@ Result<Contact> Contact::create(const Tool& tool, const ContactMethod& method, c
                                 int num_threads) {
   constexpr std::size_t kSpheresPerThread = 50000;
   if (num_threads == 0) {
-    const std::size_t num_cores = std::max(1u, std::thread::hardware_concurrency());
+    const auto cores = static_cast<std::size_t>(num_cores());
     num_threads =
-        static_cast<int>(std::min(num_cores, 1 + tool.spheres().size() / kSpheresPerThread));
+        static_cast<int>(std::min(cores, 1 + tool.spheres().size() / kSpheresPerThread));
   }
   auto pool = std::make_unique<ThreadPool>(num_threads);
   auto query = make_contact_query(place.backend, tool, method, {best_isa(), pool.get(), place.gpu});

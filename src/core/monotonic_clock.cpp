@@ -20,8 +20,12 @@ double monotonic_now() noexcept {
 }
 
 double thread_cpu_now() noexcept {
+#if defined(CLOCK_THREAD_CPUTIME_ID)
   timespec now{};
   return clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now) == 0 ? seconds_of(now) : 0;
+#else
+  return monotonic_now();  // the only thread
+#endif
 }
 
 void sleep_until(double time) noexcept {

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "src/core/internal/assert.h"
+#include "src/core/internal/num_cores.h"
 
 namespace palpate { inline namespace v0 {
 namespace {
@@ -108,9 +109,7 @@ struct ThreadPool::Workers {
 };
 
 ThreadPool::ThreadPool(int num_threads, void (*begin)()) : workers_(std::make_unique<Workers>()) {
-  if (num_threads <= 0) {
-    num_threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
-  }
+  if (num_threads <= 0) num_threads = num_cores();
   try {
     for (int i = 1; i < num_threads; ++i) {
       workers_->threads.emplace_back([workers = workers_.get(), begin] {
@@ -124,6 +123,10 @@ ThreadPool::ThreadPool(int num_threads, void (*begin)()) : workers_(std::make_un
 }
 
 ThreadPool::~ThreadPool() = default;
+
+int num_cores() {
+  return std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+}
 
 int ThreadPool::num_threads() const { return static_cast<int>(workers_->threads.size()) + 1; }
 

@@ -1,4 +1,4 @@
-// The one WebSocket to the program. Reopened whenever it is lost.
+// The one WebSocket to the program, or what stands for it in a page without a program. Reopened whenever it is lost.
 
 import type { Hello, State } from './types';
 
@@ -28,6 +28,21 @@ export interface Listener {
   onRefusal(error: string): void;
 }
 
+/** The part of a WebSocket that is used: src/try/wire.ts has another one, to a worker. */
+export interface Wire {
+  onmessage: ((event: MessageEvent) => void) | null;
+  onclose: ((event: CloseEvent) => void) | null;
+  send(text: string): void;
+}
+export type OpenWire = (url: URL) => Wire;
+
+function openSocket(url: URL): Wire {
+  url.protocol = url.protocol === 'https:' ? 'wss:' : 'ws:';
+  const socket = new WebSocket(url);
+  socket.binaryType = 'arraybuffer';
+  return socket;
+}
+
 const FIRST_WAIT = 250, LONGEST_WAIT = 4000; // ms
 const PATIENCE = 3000; // ms, for an answer to a request
 
@@ -36,14 +51,16 @@ export class Connection {
   /** Number of reconnects. */
   reconnects = 0;
 
-  private socket: WebSocket | null = null;
+  private socket: Wire | null = null;
   private wait = FIRST_WAIT;
   private hasBeenOpen = false;
   private nextId = 1;
   private readonly waiting = new Map<number, (answer: Answer) => void>();
 
   /** `token` is kept in memory only; it comes from the address that the person opened. */
-  constructor(private readonly listener: Listener, private readonly token: string | null) {
+  constructor(
+    private readonly listener: Listener, private readonly token: string | null, private readonly openWire: OpenWire = openSocket,
+  ) {
     this.open();
   }
 
@@ -75,10 +92,7 @@ export class Connection {
   }
 
   private open(): void {
-    const url = this.address('ws');
-    url.protocol = url.protocol === 'https:' ? 'wss:' : 'ws:';
-    const socket = new WebSocket(url);
-    socket.binaryType = 'arraybuffer';
+    const socket = this.openWire(this.address('ws'));
     socket.onmessage = ({ data }) => {
       if (socket !== this.socket) return;
       if (data instanceof ArrayBuffer) this.listener.onBinary(data);

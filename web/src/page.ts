@@ -1,7 +1,7 @@
 // The page: passes data from the program to the scene and the panels, and input back.
 
 import { Connection } from './connection';
-import type { Answer, Command, Link, Listener } from './connection';
+import type { Answer, Command, Link, Listener, OpenWire } from './connection';
 import { element } from './dom';
 import { Drawing } from './drawing';
 import { Handling } from './hand/handling';
@@ -66,7 +66,7 @@ export class Page implements Listener {
   private readonly opened: PanelName[]; // panels open at first
   private readonly hasLook: boolean; // the address sets the tool's look
 
-  constructor(address: URLSearchParams) {
+  constructor(address: URLSearchParams, openWire?: OpenWire) {
     this.scene = this.makeScene();
     const { options } = this.scene;
     this.opened = applyAddress(address, options);
@@ -92,7 +92,7 @@ export class Page implements Listener {
       this.canvas, () => this.draw(), (picture) => this.connection.acknowledge(picture));
     this.dock.begin(this.opened);
     this.listen();
-    this.connection = new Connection(this, address.get('token'));
+    this.connection = new Connection(this, address.get('token'), openWire);
     setInterval(() => this.updatePanels(), PANEL_PERIOD);
   }
 

@@ -377,7 +377,7 @@ Status SceneContact::any(const Scene& scene, const ScenePoses& poses, double mar
   impl.for_poses(num, [&](Impl::Worker&, std::size_t i) {
     const Pose& X_WT = poses.X_WT[i];
     std::uint8_t& hit = hits[has_groups ? static_cast<std::size_t>(poses.group_of_pose[i]) : i];
-    if (std::atomic_ref(hit).load(std::memory_order_relaxed) != 0) return;  // of its group
+    if (__atomic_load_n(&hit, __ATOMIC_RELAXED) != 0) return;  // of its group
     const std::size_t tool = impl.tool_of(poses, i);
     bool is_hit = !is_finite(X_WT);
     if (!is_hit && !impl.cameras.empty()) {
@@ -391,7 +391,7 @@ Status SceneContact::any(const Scene& scene, const ScenePoses& poses, double mar
                          least);
       is_hit = least.value < margin;
     }
-    if (is_hit) std::atomic_ref(hit).store(1, std::memory_order_relaxed);
+    if (is_hit) __atomic_store_n(&hit, std::uint8_t{1}, __ATOMIC_RELAXED);
   });
   return Done{};
 }

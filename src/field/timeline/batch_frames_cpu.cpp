@@ -16,23 +16,17 @@ class BatchFramesCpu final : public BatchFrames {
   explicit BatchFramesCpu(const SlotSettings& settings) : settings_(settings) {}
 
   Status reserve(int num_images) override {
-    const DepthStreamInfo& stream = settings_.stream;
-    const auto num = static_cast<std::size_t>(num_images);
+#if defined(__cpp_exceptions)
     try {
-      fields_.reserve(num);
-      while (fields_.size() < num) {
-        auto made = DepthField::create(stream.width, stream.height, *settings_.field);
-        if (!made) return made.error();
-        fields_.push_back(*std::move(made));
-      }
-      surfaces_.resize(num);
-      noises_.resize(num);
+      return make_room(static_cast<std::size_t>(num_images));
     } catch (const std::bad_alloc&) {
       return Error{Errc::unavailable, "there is memory for " + std::to_string(fields_.size()) +
                                           " of " + std::to_string(num_images) +
                                           " images of a batch; give fewer at a time"};
     }
-    return Done{};
+#else
+    return make_room(static_cast<std::size_t>(num_images));
+#endif
   }
 
   Result<SurfaceBatch> update(const DepthImageView& first, int num, std::optional<CallerStream>,
@@ -54,6 +48,18 @@ class BatchFramesCpu final : public BatchFrames {
   }
 
  private:
+  Status make_room(std::size_t num) {
+    fields_.reserve(num);
+    while (fields_.size() < num) {
+      auto made = DepthField::create(settings_.stream.width, settings_.stream.height, *settings_.field);
+      if (!made) return made.error();
+      fields_.push_back(*std::move(made));
+    }
+    surfaces_.resize(num);
+    noises_.resize(num);
+    return Done{};
+  }
+
   struct Worker {
     SurfaceEstimator estimator;
     std::unique_ptr<ThreadPool> pool;

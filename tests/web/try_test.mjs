@@ -1,0 +1,161 @@
+// The page without a program, as one file from the disk: a held pen pushes into the hand and is pushed back; what readers give it.
+//
+// Environment: PALPATE_WEB_CORE, folder of make web-core; PALPATE_TRY_SECONDS, how long ticks are counted (3); PALPATE_TRY_PICTURES,
+// a folder for pictures.
+import assert from 'node:assert/strict';
+import { existsSync } from 'node:fs';
+import { join } from 'node:path';
+import { test } from 'node:test';
+import { deflateSync } from 'node:zlib';
+
+const folder = process.env.PALPATE_WEB_CORE ?? new URL('../../build/web', import.meta.url).pathname;
+const file = join(folder, 'try/try.html');
+if (!existsSync(file)) {
+  console.log('SKIPPED: no page (make web-core)');
+  process.exit(77);
+}
+const { browser } = await import('../viewer/page/harness.mjs');
+const seconds = Number(process.env.PALPATE_TRY_SECONDS ?? 3), pictures = process.env.PALPATE_TRY_PICTURES;
+
+async function open(viewport = { width: 1280, height: 800 }) {
+  const context = await browser.newContext({ viewport });
+  const page = await context.newPage(), requests = [], errors = [];
+  page.on('request', (request) => /^https?:/.test(request.url()) && requests.push(request.url()));
+  page.on('pageerror', (error) => errors.push(error.message));
+  await page.goto(`file://${file}`);
+  await page.waitForFunction(() => window.palpate?.hello && window.palpate.sample && window.palpate.counters.contacts > 1, null, { timeout: 60000 });
+  return { page, context, requests, errors };
+}
+const picture = async (page, name) => pictures && page.screenshot({ path: join(pictures, `${name}.png`) });
+
+/// Holds the tool and moves it by `way` (m, W), by the messages that a pointer sends.
+async function push(page, way, steps = 40) {
+  return page.evaluate(async ({ way, steps }) => {
+    const { palpate } = window, pause = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
+    const at = () => ['x', 'y', 'z', 'qx', 'qy', 'qz', 'qw'].map((name) => palpate.sample[`hand_${name}`]);
+    await palpate.command({ command: 'hold' });
+    const start = at();
+    let most = 0;
+    for (let i = 0; i <= steps + 20; ++i) {
+      const share = Math.min(1, i / steps);
+      palpate.tell({ hand: start.map((n, k) => n + (k < 3 ? share * way[k] : 0)) });
+      await pause(30);
+      most = Math.max(most, Math.hypot(palpate.sample.force_x, palpate.sample.force_y, palpate.sample.force_z));
+    }
+    const { force, ticks } = palpate.state;
+    return { most, force, ticks, volume: palpate.sample.volume, z: palpate.sample.tool_z - start[2], hand: palpate.sample.hand_z - start[2] };
+  }, { way, steps });
+}
+
+/// A gray PNG with a checksum of zero, which browsers' decoders would refuse and ours does not look at.
+function png(width, height, bits, value) {
+  const chunk = (name, data) => {
+    const head = Buffer.alloc(8);
+    head.writeUInt32BE(data.length);
+    head.write(name, 4);
+    return Buffer.concat([head, data, Buffer.alloc(4)]);
+  };
+  const header = Buffer.alloc(13);
+  header.writeUInt32BE(width);
+  header.writeUInt32BE(height, 4);
+  header[8] = bits;
+  const rows = Buffer.alloc((width * bits / 8 + 1) * height);
+  for (let v = 0; v < height; ++v)
+    for (let u = 0; u < width && bits === 16; ++u) rows.writeUInt16BE(value, v * (2 * width + 1) + 1 + 2 * u);
+  return Buffer.concat([Buffer.from([137, 80, 78, 71, 13, 10, 26, 10]), chunk('IHDR', header), chunk('IDAT', deflateSync(rows)), chunk('IEND', Buffer.alloc(0))]);
+}
+async function give(page, name, buffer) {
+  await page.setInputFiles('.try-open input', { name, mimeType: 'application/octet-stream', buffer });
+}
+const line = (page) => page.textContent('.try-line');
+
+/// A closed box of `size` m as binary STL, or without its last triangle.
+function stl(size, isClosed = true) {
+  const corner = (i) => [0, 1, 2].map((axis) => size * ((i >> axis) & 1));
+  const faces = [0, 2, 1, 1, 2, 3, 4, 5, 6, 5, 7, 6, 0, 1, 4, 1, 5, 4, 2, 6, 3, 3, 6, 7, 0, 4, 2, 2, 4, 6, 1, 3, 5, 3, 7, 5];
+  const num = isClosed ? 12 : 11, file = Buffer.alloc(84 + 50 * num);
+  file.writeUInt32LE(num, 80);
+  for (let t = 0; t < num; ++t)
+    for (let k = 0; k < 3; ++k) corner(faces[3 * t + k]).forEach((n, axis) => file.writeFloatLE(n, 84 + 50 * t + 12 + 12 * k + 4 * axis));
+  return file;
+}
+
+test('a held pen pushes into the hand and is pushed back; letting go ends the force', async () => {
+  const { page, context, requests, errors } = await open();
+  await picture(page, 'desktop');
+  const free = await page.evaluate(() => window.palpate.sample.force_z);
+  assert.equal(Math.abs(free), 0);
+  const felt = await push(page, [0, 0, 0.14]);
+  console.log(JSON.stringify(felt));
+  await picture(page, 'desktop-touching');
+  assert.equal(felt.force, 'engaged');
+  assert.ok(felt.most > 0.5 && felt.most <= 10.001, `${felt.most} N`);
+  assert.ok(felt.z < felt.hand - 0.001, 'the tool stays behind the hand');
+  await page.evaluate(() => window.palpate.command({ command: 'release' }));
+  await page.waitForFunction(() => Math.abs(window.palpate.sample.force_z) < 1e-6, null, { timeout: 10000 });
+  assert.deepEqual(requests, []);
+  assert.deepEqual(errors, []);
+  await context.close();
+});
+
+test('a hidden tab fades the force', async () => {
+  const { page, context } = await open();
+  await push(page, [0, 0, 0.14]);
+  await page.evaluate(() => {
+    Object.defineProperty(document, 'hidden', { value: true });
+    document.dispatchEvent(new Event('visibilitychange'));
+  });
+  await page.waitForTimeout(1500); // no pose arrives any more
+  assert.ok(await page.evaluate(() => Math.hypot(window.palpate.sample.force_x, window.palpate.sample.force_y, window.palpate.sample.force_z)) < 1e-6);
+  await context.close();
+});
+
+test('ticks at 1 kHz', async () => {
+  const { page, context } = await open();
+  const counted = await page.evaluate(async (seconds) => {
+    const { palpate } = window, before = palpate.state;
+    await new Promise((resolve) => setTimeout(resolve, 1000 * seconds));
+    const after = palpate.state;
+    return { ticks: after.ticks - before.ticks, time: after.time - before.time, missed: after.missed - before.missed, longest_burst: after.longest_burst, query_ms: after.query_ms };
+  }, seconds);
+  console.log(JSON.stringify({ ...counted, share: counted.ticks / (counted.ticks + counted.missed) }));
+  assert.ok(counted.ticks > 0);
+  await context.close();
+});
+
+test('the reader\'s own files, and one sentence for each that is wrong', async () => {
+  const { page, context } = await open();
+  for (const [name, buffer, words] of [
+    ['photo.png', png(64, 48, 8, 0), /8 bits per pixel.*16/],
+    ['text.png', Buffer.from('no image at all, and longer than thirty-three bytes'), /no PNG/],
+    ['cut.png', png(64, 48, 16, 500).subarray(0, 60), /damaged or truncated/],
+    ['tool.step', Buffer.from('x'), /neither a mesh nor a depth image/],
+    ['open.stl', stl(0.05, false), /does not bound a solid.*open edges.*first at/],
+    ['bad.palp', Buffer.from('nothing'), /tool file/],
+  ]) {
+    await give(page, name, buffer);
+    await page.waitForFunction((source) => new RegExp(source).test(document.querySelector('.try-line').textContent), words.source, { timeout: 20000 })
+      .catch(async () => assert.match(await line(page), words));
+    assert.match(await line(page), /^[^\n]+[.!]$/);
+  }
+  await give(page, 'cube.stl', stl(50)); // mm
+  await page.waitForFunction(() => window.palpate.hello.tool.spheres === 1000 && Math.abs(window.palpate.hello.tool.volume - 1.25e-4) < 1e-9, null, { timeout: 120000 });
+  await give(page, 'wall.png', png(160, 120, 16, 600));
+  await page.waitForFunction(() => window.palpate.hello.streams[0].width === 160, null, { timeout: 20000 });
+  await page.waitForFunction(() => window.palpate.sample && window.palpate.counters.contacts > 1);
+  const felt = await push(page, [0, 0, 0.2]);
+  console.log(JSON.stringify(felt));
+  assert.ok(felt.most > 0.5, `${felt.most} N of a wall`);
+  await page.evaluate(() => window.palpate.command({ command: 'set', key: 'contact.method', value: 'graph' }));
+  assert.equal(await page.evaluate(async () => (await window.palpate.command({ command: 'set', key: 'contact.method', value: 'feel' })).ok), false);
+  await context.close();
+});
+
+test('a phone', async () => {
+  const { page, context } = await open({ width: 390, height: 844 });
+  await push(page, [0, 0, 0.14]);
+  await picture(page, 'phone');
+  const { right, bottom } = await page.locator('.try-open').evaluate((e) => e.getBoundingClientRect());
+  assert.ok(right <= 390 && bottom <= 844);
+  await context.close();
+});

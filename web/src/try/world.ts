@@ -1,0 +1,343 @@
+// A live run inside the page: a simulated or given depth image, a tool, and the haptic loop at 1 kHz. To the page it is a program
+// that speaks docs/viewer-protocol.md.
+//
+// A browser wakes a worker every few milliseconds only, so each time all ticks since are computed, one after the other and at
+// their own times. A tick measures the contact while that is quick, else the first of a wake does. What a busy machine misses
+// passes without ticks: the clock of the run stands still, and the hand feels no jump.
+import type { Camera, Contact, Hand, Palpate, Scene, Sensor, Simulation, Tick, Tool } from '../../core/palpate';
+import { COLUMNS, contactMessage, frameMessage, meshMessage, samplesMessage, spheresMessage } from './packets';
+import type { Image } from './packets';
+import { Follower } from './motion';
+
+const TICK = 1e-3; // s
+const MOST_TICKS = 20; // of a wake
+const QUICK = 0.35; // ms, a query that every tick can pay
+const FRAME_SECONDS = 0.1;
+const SILENCE = 0.3; // s without a pose: nobody holds the tool
+const KEPT_SAMPLES = 4000;
+const STATES = ['waiting', 'engaged', 'fading', 'off', 'held_off', 'ended'];
+/** The limits of a device that is only displayed, as PageHandle::limits. */
+const DEVICE = {
+  max_force: 10, max_torque: 0.6, max_stiffness: 400, max_angular_stiffness: 2, max_damping: 15, workspace_radius: 0.5,
+  damping: 0.2, angular_damping: 1e-3, rate: 1 / TICK,
+};
+const WIDTH = 320, HEIGHT = 240;
+
+type Value = string | number | boolean;
+export interface Outlet { text(message: object): void; binary(buffer: ArrayBuffer): void }
+/** A depth image that a reader has dropped on the page. */
+export interface GivenImage { name: string; width: number; height: number; counts: Uint16Array }
+
+export class World {
+  private readonly settings: Record<string, Value> = {
+    'scene.name': 'hand', 'packing.spheres': 1000, 'contact.method': 'field', 'coupling.stiffness': 400,
+    'coupling.force_at_eighth': 10, 'friction.coefficient': 0.3, 'camera.noise': 1,
+  };
+  private revision = 1;
+  private simulation!: Simulation;
+  private sensor!: Sensor;
+  private scene!: Scene;
+  private tool!: Tool;
+  private contact!: Contact;
+  private hand!: Hand;
+  private follower!: Follower;
+  private images: Image[] = []; // shown in turn
+  private given: GivenImage | null = null;
+  private givenTool: { bytes: Uint8Array; name: string } | null = null;
+  private camera!: Camera;
+  private title = '';
+
+  private time = 0; // s, of the last tick
+  private isHeld = false;
+  private heldTime = -1;
+  private nextFrame = 0; // s
+  private frameNumber = 0;
+  private X_WT: number[] = [];
+  private tickNumber = 0;
+  private missed = 0;
+  private lost = 0; // s without ticks
+  private contacts = 0;
+  private last: Tick | null = null;
+  private queryMs = 0;
+  private longestBurst = 0; // ticks
+  private bursts = 0;
+  private show = { frames: false, contacts: false, samples: false };
+  private samples: number[][] = [];
+  private firstSample = 0;
+  private picture = 0;
+  private acknowledged = 0;
+  private hasNewFrame = true;
+  private nextState = 0;
+  private note: string | null = null;
+
+  constructor(private readonly palpate: Palpate, private readonly out: Outlet) {
+    this.build();
+  }
+
+  /** Makes all of the run anew: scene, tool and hand. */
+  private build(): void {
+    for (const old of [this.hand, this.contact, this.scene, this.sensor, this.tool, this.simulation]) old?.free();
+    const { palpate, settings } = this, name = String(settings['scene.name']), noise = Number(settings['camera.noise']);
+    this.simulation = palpate.simulation(name, WIDTH, HEIGHT, noise);
+    const { info } = this.simulation, spheres = Number(settings['packing.spheres']);
+    if (this.given) {
+      const { width, height, counts } = this.given, focal = 0.85 * width;
+      this.camera = { width, height, fx: focal, fy: focal, cx: (width - 1) / 2, cy: (height - 1) / 2 };
+      this.images = [{ width, height, unit: 0.001, counts, X_WC: [0, 0, 0, 0, 0, 0, 1] }];
+      this.title = this.given.name;
+    } else {
+      this.camera = info.camera;
+      this.images = [0, 1].map(() => {
+        const frame = this.simulation.next();
+        return { width: WIDTH, height: HEIGHT, unit: info.unit, counts: frame.counts, X_WC: frame.X_WC };
+      });
+      this.title = info.title;
+    }
+    const whole = this.givenTool ? palpate.loadTool(this.givenTool.bytes) : null;
+    this.tool = whole && whole.info.spheres > spheres ? whole.prefix(spheres)
+      : whole ?? palpate.packShape(name === 'hand' ? 'stylus' : info.tool_shape, name === 'hand' ? 0.12 : info.tool_size, `packing.spheres = ${spheres}`);
+    if (whole && whole !== this.tool) whole.free();
+    this.sensor = palpate.sensor(this.camera);
+    this.scene = palpate.scene();
+    this.scene.addSensor(this.sensor);
+    this.takeFrame();
+    this.takeFrame();
+    this.makeContact();
+    this.hand = palpate.hand(this.tool, DEVICE, this.handOptions());
+    this.X_WT = this.start();
+    this.follower = new Follower(this.hand.handleAt(this.X_WT));
+    this.isHeld = false;
+    this.last = null;
+    this.samples = [];
+    this.longestBurst = this.bursts = this.contacts = 0;
+    this.measure(this.time);
+  }
+
+  /** Returns the pose of the scene's path at its begin, or in front of the middle of a given image. */
+  private start(): number[] {
+    if (!this.given) return this.simulation.toolAt(0);
+    const middle = Array.from(this.images[0].counts).filter((count) => count > 0 && count < 65535).sort((a, b) => a - b);
+    const near = middle.length > 0 ? middle[Math.floor(middle.length / 20)] * 0.001 : 0.5;
+    return [0, 0, Math.max(0.15, near - 1.2 * this.tool.info.radius), 0, 1, 0, 0];  // a pen points away from the camera
+  }
+
+  private makeContact(): void {
+    this.contact = this.palpate.contact(this.tool, `contact.method = ${this.settings['contact.method']}`);
+    this.queryMs = 0;
+  }
+  private handOptions(): string {
+    return ['coupling.stiffness', 'coupling.force_at_eighth', 'friction.coefficient'].map((key) => `${key} = ${this.settings[key]}`).join('; ');
+  }
+
+  hello(): object {
+    const { info } = this.tool, number = (key: string, words: string, unit: string, low: number, high: number, whole = false) =>
+      ({ key, words, unit, kind: 'number', low, high, whole, value: this.settings[key] });
+    return {
+      type: 'hello', protocol: 3, version: this.palpate.version, kind: 'live', title: this.title,
+      tool: { spheres: info.spheres, center_of_mass: info.center_of_mass, radius: info.radius, volume: info.volume },
+      streams: [{ name: this.title, ...this.camera, rate: 1 / FRAME_SECONDS, is_moving: false }],
+      objects: 0, handle: { max_force: DEVICE.max_force }, columns: COLUMNS,
+      controls: [
+        { key: 'contact.method', words: 'the depth field, or a method of the thesis: feel the difference', kind: 'choice',
+          choices: ['field', 'weighted', 'simplified', 'graph'], value: this.settings['contact.method'] },
+        { key: 'packing.spheres', words: 'spheres that fill the tool', kind: 'choice', choices: ['100', '300', '1000', '3000', '5000'],
+          value: String(this.settings['packing.spheres']) },
+        number('coupling.stiffness', 'of the spring between hand and tool', 'N/m', 50, 400),
+        number('coupling.force_at_eighth', 'force at an eighth of the tool inside: how hard things are', 'N', 1, 40),
+        number('friction.coefficient', 'friction', '', 0, 1.5),
+        number('camera.noise', 'noise of the camera, as a share of that of a Kinect', '', 0, 3),
+        { key: 'scene.name', words: 'what the camera sees', kind: 'choice', choices: this.palpate.simulations, value: this.settings['scene.name'] },
+      ].map((control) => ({ ...control, value: this.settings[control.key] })),
+    };
+  }
+
+  state(): object {
+    const { last } = this;
+    return {
+      type: 'state', time: this.time, running: true, fault: last && last.fault > 0 ? this.palpate.faultText(last.fault) : null,
+      note: this.note, force: STATES[last?.state ?? 0], handle: this.isHeld ? 'held' : 'free', paused: false,
+      revision: this.revision, settings: { ...this.settings, 'packing.spheres': String(this.settings['packing.spheres']) },
+      frame_number: this.frameNumber, pages: 1, ticks: this.tickNumber, missed: this.missed, lost: 0, frames: this.frameNumber,
+      contacts: this.contacts, sensor_age: Math.max(0, this.time - this.nextFrame + FRAME_SECONDS), stages: [],
+      longest_burst: this.longestBurst, query_ms: this.queryMs,
+    };
+  }
+
+  // Messages of the page.
+
+  take(message: Record<string, unknown>): void {
+    if (typeof message.ack === 'number') {
+      this.acknowledged = message.ack;
+    } else if (Array.isArray(message.hand)) {
+      if (!this.isHeld) return;
+      this.heldTime = this.time;
+      this.follower.move(message.hand as number[]);
+    } else {
+      try {
+        this.out.text({ type: 'answer', id: message.id, ok: true, ...this.command(message) });
+      } catch (error) {
+        this.out.text({ type: 'answer', id: message.id, ok: false, error: (error as Error).message });
+      }
+    }
+  }
+
+  private command(message: Record<string, unknown>): object {
+    switch (message.command) {
+      case 'show': Object.assign(this.show, message); this.hasNewFrame = true; return {};
+      case 'get':
+        if (message.what === 'spheres') this.out.binary(spheresMessage(this.tool));
+        else if (message.what === 'mesh') this.out.binary(meshMessage(this.tool));
+        else throw new Error(`The page without a program has no ${message.what}; take the program for it.`);
+        return {};
+      case 'set': return { value: this.set(String(message.key), message.value as Value) };
+      case 'hold':
+        this.isHeld = true;
+        this.heldTime = this.time;
+        this.follower.grip();
+        this.out.text(this.state());
+        return {};
+      case 'release': this.release(); return {};
+      case 'force': return {};
+      default: throw new Error(`The page without a program cannot ${message.command}; take the program for it.`);
+    }
+  }
+
+  private release(): void {
+    this.isHeld = false;
+    this.follower.stop();
+    this.out.text(this.state());
+  }
+
+  private set(key: string, value: Value): Value {
+    const before = this.settings[key];
+    if (before === undefined) throw new Error(`There is no setting ${key} on this page.`);
+    this.settings[key] = typeof before === 'number' ? Number(value) : value;
+    try {
+      if (key === 'contact.method') {
+        this.contact.free();
+        this.makeContact();
+      } else if (key.startsWith('coupling.') || key.startsWith('friction.')) {
+        this.hand.change(this.handOptions());
+      } else {
+        if (key === 'scene.name') this.given = null;
+        this.rebuild();
+      }
+    } catch (error) {
+      this.settings[key] = before;
+      throw error;
+    }
+    ++this.revision;
+    this.out.text(this.state());
+    return this.settings[key];
+  }
+
+  private rebuild(): void {
+    this.build();
+    this.out.text(this.hello());
+    this.out.text(this.state());
+  }
+
+  useTool(bytes: Uint8Array, name: string): void {
+    this.givenTool = { bytes, name };
+    this.note = `The tool is ${name}.`;
+    this.rebuild();
+  }
+  useImage(image: GivenImage): void {
+    const before = this.given;
+    this.given = image;
+    try {
+      this.note = `${image.name}: counts are taken as millimeters.`;
+      this.rebuild();
+    } catch (error) {
+      this.given = before;
+      this.rebuild();
+      throw error;
+    }
+  }
+
+  // The loop.
+
+  private takeFrame(): void {
+    const image = this.images[this.frameNumber % this.images.length];
+    this.sensor.update(image.counts, image.unit);
+    ++this.frameNumber;
+    this.nextFrame = this.time + FRAME_SECONDS;
+    this.hasNewFrame = true;
+  }
+
+  private measure(time: number): void {
+    const begin = performance.now();
+    const progress = this.images.length > 1 ? Math.min(1, Math.max(0, 1 - (this.nextFrame - time) / FRAME_SECONDS)) : 1;
+    this.contact.measure(this.scene, this.X_WT, { progress, stiffness: true });
+    this.hand.contact(this.contact, this.X_WT, time, time);
+    this.queryMs += 0.05 * (performance.now() - begin - this.queryMs);
+    ++this.contacts;
+  }
+
+  /** Computes all ticks until `now`, s. */
+  run(now: number): void {
+    let due = Math.floor((now - this.lost - this.time) / TICK);
+    if (due <= 0) return;
+    if (due > MOST_TICKS) {
+      this.missed += due - MOST_TICKS;
+      this.lost += (due - MOST_TICKS) * TICK;
+      due = MOST_TICKS;
+    }
+    this.longestBurst = this.bursts++ > 100 ? Math.max(this.longestBurst, due) : 0; // after the code has warmed up
+    if (this.images.length > 1 && this.time >= this.nextFrame) this.takeFrame();
+    const begin = performance.now();
+    if (this.isHeld && this.time - this.heldTime > SILENCE) this.release();
+    for (let k = 0; k < due; ++k) this.tick(k === 0);
+    this.perTick = (performance.now() - begin) / due;
+  }
+  private perTick = 0; // ms
+
+  private tick(isFirst: boolean): void {
+    this.time += TICK;
+    ++this.tickNumber;
+    if (this.isHeld) this.follower.step(TICK);
+    if (isFirst || this.queryMs < QUICK) this.measure(this.time);
+    const { pose, linear, angular } = this.follower;
+    const tick = this.hand.tick({ time: this.time, X_BH: pose, linear, angular, buttons: this.isHeld ? 1 : 0, isReleased: !this.isHeld });
+    this.X_WT = tick.X_WT;
+    this.last = tick;
+    this.addSample(tick);
+  }
+
+  private addSample(tick: Tick): void {
+    if (this.samples.length >= KEPT_SAMPLES) {
+      this.firstSample += this.samples.length;
+      this.samples = [];
+    }
+    const volume = this.contact.volume();
+    this.samples.push([
+      this.time, ...tick.force, ...tick.torque, ...tick.contactForce, ...tick.contactTorque, volume, 1000 * this.perTick, 0,
+      0, tick.stretch, tick.gain, tick.energy, ...tick.X_WT, ...tick.X_WT_hand]);
+  }
+
+  /** Sends a picture if the page has drawn the last one, and the state four times a second. */
+  send(): void {
+    if (this.time >= this.nextState) {
+      this.nextState = this.time + 0.25;
+      this.out.text(this.state());
+    }
+    if (this.acknowledged < this.picture || !(this.show.frames || this.show.contacts || this.show.samples)) return;
+    if (this.show.frames && this.hasNewFrame) {
+      this.hasNewFrame = false;
+      const image = this.images[(this.frameNumber - 1) % this.images.length];
+      this.out.binary(frameMessage(this.frameNumber, this.time, image));
+    }
+    if (this.show.contacts) {
+      this.contact.measure(this.scene, this.X_WT, { spheres: true });
+      this.out.binary(contactMessage(this.contacts, this.time, this.X_WT, this.contact));
+    }
+    if (this.show.samples && this.samples.length > 0) {
+      const start = this.samples[0][0];
+      for (const sample of this.samples) sample[0] -= start;
+      this.out.binary(samplesMessage(this.firstSample, start, this.samples));
+      this.firstSample += this.samples.length;
+      this.samples = [];
+    }
+    this.out.text({ type: 'picture', number: ++this.picture });
+  }
+}
