@@ -67,9 +67,9 @@ struct SceneAnswers {
   /// P x 6: its derivative by translation and rotation about the tool's center of mass C, in W.
   double* clearance_gradient = nullptr;
   double clearance_limit = kClearanceLimit;  ///< m, above 0
-  /// m: above 0 `clearance` and its gradient are those of a smooth minimum over all spheres, cameras
-  /// and bodies, -s ln(sum exp(-c_i / s)). It is never above the least and below it by at most s ln
-  /// of their number. Costs two to ten times as much.
+  /// m: above 0 `clearance` and its gradient are those of a smooth minimum over all spheres,
+  /// cameras and bodies, -s ln(sum exp(-c_i / s)). It is never above the least and below it by at
+  /// most s ln of their number. Costs two to ten times as much.
   double clearance_smoothing = 0;
   /// For each group, num_groups: least clearance, the pose that has it (-1: none), sum of volumes.
   double* group_clearance = nullptr;

@@ -191,10 +191,9 @@ options: of docs/settings.md [contact]: volumes, priority, inside, edges, contin
           [](PyContact& self, nb::handle surface, nb::handle pose, bool stiffness, bool with_std,
              bool states, bool clearance, bool per_sphere, double smooth) {
             if (is_scene(surface) || clearance || per_sphere) {
-              return measure_in_scene(
-                  self, surface, pose,
-                  {stiffness, with_std, clearance, per_sphere, is_scene(surface), kClearanceLimit,
-                   smooth});
+              return measure_in_scene(self, surface, pose,
+                                      {stiffness, with_std, clearance, per_sphere,
+                                       is_scene(surface), kClearanceLimit, smooth});
             }
             return measure(self, surface, pose, stiffness, with_std, states);
           },
@@ -220,8 +219,8 @@ If the pose is not finite or there is no surface, Result.status says so and ever
            nb::arg("surface_of_pose") = nb::none(), nb::arg("stiffness") = false,
            nb::arg("std") = false, nb::arg("out") = nb::none(), nb::arg("stream") = nb::none(),
            nb::arg("clearance") = false, nb::arg("per_sphere") = false,
-           nb::arg("limit") = kClearanceLimit, nb::arg("smooth") = 0.0, nb::arg("tool_of_pose") = nb::none(),
-           nb::arg("group_of_pose") = nb::none(),
+           nb::arg("limit") = kClearanceLimit, nb::arg("smooth") = 0.0,
+           nb::arg("tool_of_pose") = nb::none(), nb::arg("group_of_pose") = nb::none(),
            nb::sig("def measure_batch(self, surfaces: Scene | Surface | "
                    "collections.abc.Sequence[Surface] | Surfaces | Body | "
                    "collections.abc.Sequence[Body], poses: palpate._types.Array, *, "

@@ -76,8 +76,8 @@ nb::object measure_many(PyContact& self, nb::handle surfaces, nb::handle poses,
     throw nb::value_error(
         "surface_of_pose and stream go with surfaces, not with a scene: leave them out");
   }
-  const SceneWants wants{stiffness, with_std, clearance, per_sphere,
-                         is_scene(surfaces), limit, smoothing};
+  const SceneWants wants{stiffness,          with_std, clearance, per_sphere,
+                         is_scene(surfaces), limit,    smoothing};
   if (out.is_none()) {
     return measure_scene_batch(self, surfaces, poses, wants, tool_of_pose, group_of_pose);
   }

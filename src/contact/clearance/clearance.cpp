@@ -39,8 +39,9 @@ Status check_searched(std::span<const SurfaceView> surfaces, int gpu) {
       return refused(k, "is known in a window of its image only; make it whole");
     }
     if (is_remembered(surface) || (has_in_front(surface) && !is_alone)) {
-      return refused(k, "is joined with others and has a memory, which is not searched; make it "
-                        "without, or give it alone");
+      return refused(k,
+                     "is joined with others and has a memory, which is not searched; make it "
+                     "without, or give it alone");
     }
     if (!is_alone && surface.seen_free.num_levels == 0) {
       return refused(k,
@@ -107,8 +108,8 @@ ClearanceQuery::ClearanceQuery(const ToolIndex& index, Isa isa)
 ClearanceTool clearance_tool(const Tool& tool) {
   ClearanceTool made{tool.spheres().data(), tool.sphere_mass().center_of_mass, 0};
   for (const Sphere& sphere : tool.spheres()) {
-    made.reach = std::max(
-        made.reach, norm(to_double(sphere.center)) + static_cast<double>(sphere.radius));
+    made.reach =
+        std::max(made.reach, norm(to_double(sphere.center)) + static_cast<double>(sphere.radius));
   }
   return made;
 }
@@ -180,7 +181,8 @@ Clearance ClearanceQuery::measure_softly(const ClearanceScene& scene, const Pose
   each.assign(static_cast<std::size_t>(job_.spheres.num_spheres), {job.limit});
   job.each = each.data();
   (void)search(scene, job, X);
-  for (const ClearanceHit& hit : each) add(clearance_of(scene.cameras().data(), tool_, hit, X, limit));
+  for (const ClearanceHit& hit : each)
+    add(clearance_of(scene.cameras().data(), tool_, hit, X, limit));
   for (const SearchedBody& body : scene.bodies()) {
     for_spheres_near(body, job_.spheres, tool_, X, reach,
                      [&](std::int32_t sphere, const PointDistance& at) {

@@ -32,15 +32,13 @@ class ClearanceBatchCpu final : public ClearanceBatch {
     return scene_.update(surfaces, bodies_, pool_);
   }
 
-  Status measure(const ScenePoses& poses, double limit, double smoothing,
-                 const Put& put) override {
+  Status measure(const ScenePoses& poses, double limit, double smoothing, const Put& put) override {
     for_poses(pool_, poses.X_WT.size(), [&](std::size_t thread, std::size_t i) {
       const Pose& X_WT = poses.X_WT[i];
       if (!is_finite(X_WT)) return;
       const ClearanceQuery& query = queries_[tool_of(poses, i)];
-      put(i, smoothing > 0
-                 ? query.measure_softly(scene_, X_WT, limit, smoothing, each_[thread])
-                 : query.measure(scene_, X_WT, limit));
+      put(i, smoothing > 0 ? query.measure_softly(scene_, X_WT, limit, smoothing, each_[thread])
+                           : query.measure(scene_, X_WT, limit));
     });
     return Done{};
   }

@@ -1,6 +1,6 @@
-// Clearance on a GPU: a warp searches for the spheres of a pose as a vector of a processor does, with
-// the same text (nearest_sphere.h); then a thread refines what it has found, and a warp asks the
-// bodies.
+// Clearance on a GPU: a warp searches for the spheres of a pose as a vector of a processor does,
+// with the same text (nearest_sphere.h); then a thread refines what it has found, and a warp asks
+// the bodies.
 #include "src/gpu/internal/warp_lanes.cuh"
 
 #include <algorithm>
@@ -84,8 +84,8 @@ __global__ void refine_poses(const __grid_constant__ Question question) {
   if (question.is_margin == 0) {
     found = clearance_of(question.cameras, of.tool, hit, X, question.limit);
   } else {
-    const bool is_hit = is_hit_within(question.cameras, of.tool, hit, question.search(of, X), X,
-                                      question.limit);
+    const bool is_hit =
+        is_hit_within(question.cameras, of.tool, hit, question.search(of, X), X, question.limit);
     found.value = is_hit ? question.limit - 1 : question.limit;
   }
   question.found[pose] = found;
@@ -105,9 +105,9 @@ __global__ void __launch_bounds__(kWarps* gpu::kWarpSize)
     const PlacedTool placed(body, X);
     for (int begin = 0; begin < clusters.num_clusters; begin += gpu::kWarpSize) {
       const int mine = begin + lane;
-      unsigned near = __ballot_sync(
-          gpu::kWholeWarp, mine < clusters.num_clusters &&
-                               placed.may_be_below(clusters.clusters[mine], least));
+      unsigned near =
+          __ballot_sync(gpu::kWholeWarp, mine < clusters.num_clusters &&
+                                             placed.may_be_below(clusters.clusters[mine], least));
       for (; near != 0; near &= near - 1) {
         const int cluster = begin + __ffs(static_cast<int>(near)) - 1;
         const std::int32_t id = clusters.sphere_id[cluster * SphereClusters::kSize + lane];
@@ -258,8 +258,7 @@ class ClearanceBatchCuda final : public ClearanceBatch {
     return stream_.wait();
   }
 
-  Status measure(const ScenePoses& poses, double limit, double smoothing,
-                 const Put& put) override {
+  Status measure(const ScenePoses& poses, double limit, double smoothing, const Put& put) override {
     if (smoothing > 0) {
       return Error{Errc::unavailable,
                    "a smooth minimum of the clearance is computed on the CPU; create the contact "

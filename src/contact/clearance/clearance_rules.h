@@ -49,7 +49,7 @@ PALPATE_HOSTDEV inline void put_gradient(const Vec3d& n_W, const Vec3d& lever_W,
 /// A tool that is asked for its clearance.
 struct ClearanceTool {
   const Sphere* spheres = nullptr;
-  Vec3d p_TC;       ///< center of mass
+  Vec3d p_TC;        ///< center of mass
   double reach = 0;  ///< from the origin to the farthest point of a sphere, m
 };
 
@@ -57,9 +57,9 @@ struct ClearanceTool {
 ClearanceTool clearance_tool(const Tool& tool);
 
 /// Returns the clearance of what a search has found at a pose with a unit quaternion.
-PALPATE_HOSTDEV inline Clearance clearance_of(const SeenByCamera* cameras, const ClearanceTool& tool,
-                                              const ClearanceHit& hit, const Pose& X_WT,
-                                              double limit) {
+PALPATE_HOSTDEV inline Clearance clearance_of(const SeenByCamera* cameras,
+                                              const ClearanceTool& tool, const ClearanceHit& hit,
+                                              const Pose& X_WT, double limit) {
   Clearance result;
   result.value = hit.kind == ClearanceKind::deep ? -limit : limit;
   if (hit.kind == ClearanceKind::nothing || hit.kind == ClearanceKind::deep) return result;
@@ -76,8 +76,8 @@ PALPATE_HOSTDEV inline Clearance clearance_of(const SeenByCamera* cameras, const
   result.value = value;
   result.sphere = hit.sphere;
   result.decider = camera.number;
-  put_gradient(rotate(camera.X_WC.rotation, found.gradient),
-               rotate(X_WT.rotation, c_T - tool.p_TC), result.gradient);
+  put_gradient(rotate(camera.X_WC.rotation, found.gradient), rotate(X_WT.rotation, c_T - tool.p_TC),
+               result.gradient);
   return result;
 }
 

@@ -26,9 +26,9 @@ struct ClusterView {
   std::int32_t num_spheres = 0, num_clusters = 0, num_groups = 0;
 };
 inline ClusterView view_of(const SphereClusters& c) {
-  return {c.x.data(),        c.y.data(),         c.z.data(),      c.radius.data(),
+  return {c.x.data(),         c.y.data(),        c.z.data(),      c.radius.data(),
           c.sphere_id.data(), c.clusters.data(), c.groups.data(), c.num_loose_spheres,
-          c.num_clusters(),  c.num_groups()};
+          c.num_clusters(),   c.num_groups()};
 }
 
 /// A camera of a search, and the pose of the tool in it.

@@ -27,8 +27,8 @@ struct Found {
 };
 
 // Narrows a range of pixels to those that show a ball.
-PALPATE_LANE_CODE inline void clip(float x, float reach, float near_scale, float far_scale, float focal, float center,
-                 int& first, int& last) {
+PALPATE_LANE_CODE inline void clip(float x, float reach, float near_scale, float far_scale,
+                                   float focal, float center, int& first, int& last) {
   float low = 0, high = 0;
   find_pixels(x, reach, near_scale, far_scale, focal, center, 1.0f, low, high);
   const float limit = static_cast<float>(last);
@@ -41,7 +41,8 @@ PALPATE_LANE_CODE inline void clip(float x, float reach, float near_scale, float
 struct Squares {
   int level = 0, left = 0, right = -1, top = 0, bottom = -1;
 };
-PALPATE_LANE_CODE inline Squares squares_around(const Image& image, const CameraPoint<float>& at, float reach) {
+PALPATE_LANE_CODE inline Squares squares_around(const Image& image, const CameraPoint<float>& at,
+                                                float reach) {
   Squares to{0, 0, image.width - 1, 0, image.height - 1};
   const float near = at.z - reach;
   if (near > 0.005f) {
@@ -64,8 +65,8 @@ PALPATE_LANE_CODE inline Squares squares_around(const Image& image, const Camera
 
 // The squared distance from points to the solid space on the rays of pixels, or the free one.
 template <bool kFront>
-PALPATE_LANE_INLINE VecF pixel_distance2(const Image& image, const CameraPoint<VecF>& at,
-                                                   VecF x, VecF y, VecF depth) {
+PALPATE_LANE_INLINE VecF pixel_distance2(const Image& image, const CameraPoint<VecF>& at, VecF x,
+                                         VecF y, VecF depth) {
   if constexpr (kFront) {
     return ray_distance2(at, x, y, depth, depth + image.solid_behind);
   } else {
@@ -76,13 +77,14 @@ PALPATE_LANE_INLINE VecF pixel_distance2(const Image& image, const CameraPoint<V
 }
 
 // A search of all lanes in one image. `kFront`: the nearest solid space of spheres outside of it;
-// else the nearest free space of those inside.
-template <bool kFront>
+// else the nearest free space of those inside. `kSingle`: of one sphere, which takes the pixels of
+// a block at once.
+template <bool kFront, bool kSingle>
 class ImageSearch {
  public:
   // `best`: the value to beat. `is_shared`: lanes outbid each other.
-  PALPATE_LANE_CODE ImageSearch(const Image& image, const SphereLanes& spheres, VecI lanes, Found& found, float best,
-              float enough, bool is_shared)
+  PALPATE_LANE_CODE ImageSearch(const Image& image, const SphereLanes& spheres, VecI lanes,
+                                Found& found, float best, float enough, bool is_shared)
       : image_(image),
         spheres_(spheres),
         lanes_(lanes),
@@ -91,6 +93,7 @@ class ImageSearch {
         enough_(enough),
         is_shared_(is_shared) {
     const auto& at = spheres.at;
+    // Of one sphere it is the sphere itself, to the bit.
     const auto middle = [&](VecF v) {
       const float low = min_lane(select(lanes, v, splat(kFarAway)));
       return 0.5f * (low + max_lane(select(lanes, v, splat(-kFarAway))));
@@ -121,8 +124,8 @@ class ImageSearch {
     if constexpr (kFront) {
       if (is_shared_) {
         const VecF value = sqrt(found_.distance2) - spheres_.radius;
-        best_ = lesser(
-            best_, min_lane(select(lanes_ & (found_.pixel != splat(-1)), value, splat(best_))));
+        best_ = lesser(best_,
+                       min_lane(select(lanes_ & (found_.pixel != splat(-1)), value, splat(best_))));
         const VecF limit = max(best_ + spheres_.radius, VecF{});
         limit2_ = select(lanes_, limit * limit * 1.000002f, splat(-1.0f));
       } else {
@@ -136,6 +139,7 @@ class ImageSearch {
     const VecF reach =
         select(limit2_ >= VecF{}, from_middle_ + sqrt(max(limit2_, VecF{})), splat(-1.0f));
     reach_ = max_lane(reach) * 1.0001f;
+    reach2_ = reach_ >= 0 ? reach_ * reach_ : -1;
   }
 
   PALPATE_LANE_CODE bool is_done() const { return kFront && best_ < enough_; }
@@ -144,14 +148,14 @@ class ImageSearch {
   PALPATE_LANE_CODE void visit_all(const Squares& squares) {
     for (int row = squares.top; row <= squares.bottom; ++row) {
       for (int column = squares.left; column <= squares.right; ++column) {
-        visit<kLevel>(column, row);
+        visit<kLevel>(column, row, false);
       }
     }
   }
 
-  // Looks into a square unless it is too far away for all.
+  // Looks into a square unless it is too far away for all. `is_near`: it is not for the middle.
   template <int kLevel>
-  PALPATE_LANE_CODE void visit(int column, int row) {
+  PALPATE_LANE_CODE void visit(int column, int row, bool is_near) {
     const std::int32_t place = image_.place(kLevel, column, row);
     const float nearest = image_.nearest[kLevel][place];
     if (kFront && nearest > middle_.z + reach_) return;
@@ -160,6 +164,8 @@ class ImageSearch {
     const float top = (static_cast<float>(row) * kSize - image_.cy) * image_.per_fy;
     if constexpr (kLevel == 0) {
       look_at(column, row, left, top, nearest);
+    } else if (kSingle && is_near) {
+      expand<kLevel - 1>(column, row);
     } else {
       const RaySquare<VecF> rays{splat(left), splat(left + (kSize - 1) * image_.per_fx), splat(top),
                                  splat(top + (kSize - 1) * image_.per_fy)};
@@ -186,12 +192,13 @@ class ImageSearch {
   template <int kLevel>
   PALPATE_LANE_CODE void expand(int block_column, int block_row) {
     constexpr int kVectors = kLanes < kPerBlock ? kPerBlock / kLanes : 1;
-    const std::int32_t first =
-        (block_row * image_.blocks_wide[kLevel] + block_column) * kPerBlock;
+    const std::int32_t first = (block_row * image_.blocks_wide[kLevel] + block_column) * kPerBlock;
     constexpr float kSize = 1 << (2 * kLevel);
     const float span_x = (kSize - 1) * image_.per_fx, span_y = (kSize - 1) * image_.per_fy;
     const CameraPoint<VecF> middle{splat(middle_.x), splat(middle_.y), splat(middle_.z)};
     VecF bounds[kVectors];
+    const VecF width = splat(static_cast<float>(image_.width));
+    const VecF height = splat(static_cast<float>(image_.height));
     for (int k = 0; k < kVectors; ++k) {
       const VecI id = (lane_ids() + k * kLanes) & (kPerBlock - 1);
       const VecF column = to_float((id & 3) + 4 * block_column) * kSize;
@@ -202,35 +209,46 @@ class ImageSearch {
       bounds[k] = kLevel == 0 ? pixel_distance2<kFront>(image_, middle, left, top, nearest)
                               : bound_of(middle, {left, left + span_x, top, top + span_y}, nearest,
                                          load_part(image_.farthest[kLevel] + first, k));
+      if (kSingle && kLevel == 0) {
+        bounds[k] = select((column < width) & (row < height), bounds[k], splat(kFarAway));
+      }
     }
     while (!is_done()) {
       VecF least = bounds[0];
       for (int k = 1; k < kVectors; ++k) least = min(least, bounds[k]);
       const float nearest = min_lane(least);
-      if (!(nearest <= reach_ * reach_)) return;
+      if (!(nearest <= reach2_)) return;
       int child = 0;
       for (int k = kVectors - 1; k >= 0; --k) {
         const std::uint32_t bits = mask_bits(bounds[k] == splat(nearest));
         if (bits != 0) child = k * kLanes + first_lane(bits);
       }
+      if (kSingle && kLevel == 0) {
+        const int column = 4 * block_column + (child & 3), row = 4 * block_row + (child >> 2);
+        return take(splat(nearest), column, row);
+      }
       for (int k = 0; k < kVectors; ++k) {
         const VecI id = (lane_ids() + k * kLanes) & (kPerBlock - 1);
         bounds[k] = select(id == splat(child), splat(kFarAway), bounds[k]);
       }
-      visit<kLevel>(4 * block_column + (child & 3), 4 * block_row + (child >> 2));
+      visit<kLevel>(4 * block_column + (child & 3), 4 * block_row + (child >> 2), true);
     }
   }
 
   // Measures all lanes to the ray of a pixel.
   PALPATE_LANE_CODE void look_at(int column, int row, float x, float y, float depth) {
     if (column >= image_.width || row >= image_.height) return;
-    const VecF distance2 =
-        pixel_distance2<kFront>(image_, spheres_.at, splat(x), splat(y), splat(depth));
+    take(pixel_distance2<kFront>(image_, spheres_.at, splat(x), splat(y), splat(depth)), column,
+         row);
+  }
+
+  // Takes a pixel where it is nearer than what lanes have, of equal ones the first.
+  PALPATE_LANE_CODE void take(VecF distance2, int column, int row) {
     const VecI pixel = splat(row * image_.width + column);
     const VecI is_nearer =
-        lanes_ & ((distance2 < found_.distance2) |
-                  ((distance2 == found_.distance2) & (found_.pixel >= splat(0)) &
-                   (pixel < found_.pixel)));
+        lanes_ &
+        ((distance2 < found_.distance2) |
+         ((distance2 == found_.distance2) & (found_.pixel >= splat(0)) & (pixel < found_.pixel)));
     if (!is_any_set(is_nearer)) return;
     found_.distance2 = select(is_nearer, distance2, found_.distance2);
     found_.pixel = select(is_nearer, pixel, found_.pixel);
@@ -245,8 +263,9 @@ class ImageSearch {
   bool is_shared_;
   CameraPoint<float> middle_;
   VecF from_middle_;
-  VecF limit2_;  // squared distance above which nothing matters to a lane; negative: nothing does
-  float reach_;  // from the middle, to all that matters; negative: nothing does
+  VecF limit2_;   // squared distance above which nothing matters to a lane; negative: nothing does
+  float reach_;   // from the middle, to all that matters; negative: nothing does
+  float reach2_;  // its square; negative likewise
 };
 
 }}}}  // namespace palpate::v0::PALPATE_ISA_NAMESPACE

@@ -43,9 +43,8 @@ class VectorSearch {
       const int i = first_lane(bits);
       const float value = lane_of(values, i);
       const std::int32_t id = lane_of(id_, i), pixel = lane_of(found.pixel, i);
-      ClearanceHit hit{value,       id,
-                       pixel,       static_cast<std::int16_t>(camera),
-                       is_of_field, ClearanceKind::solid};
+      ClearanceHit hit{
+          value, id, pixel, static_cast<std::int16_t>(camera), is_of_field, ClearanceKind::solid};
       if (is_inside) hit.kind = pixel == -1 ? ClearanceKind::deep : ClearanceKind::open;
       if (pixel < -1) {
         hit.kind = ClearanceKind::border;
@@ -86,8 +85,8 @@ class VectorSearch {
 
   // Searches for one sphere at a time, the one that may be the deepest first. The free pixel that
   // is nearest to it is often near to the others, too, which then need no search.
-  PALPATE_LANE_CODE void find_deepest(const Image& image, const SphereLanes& spheres, const Sight& sight,
-                    VecI lanes, int camera) {
+  PALPATE_LANE_CODE void find_deepest(const Image& image, const SphereLanes& spheres,
+                                      const Sight& sight, VecI lanes, int camera) {
     if (!is_any_set(lanes)) return;
     Found found = start_inside(spheres.radius);
     offer<false>(image, spheres, lanes, sight.column, sight.row, sight.depth, found);
@@ -96,7 +95,7 @@ class VectorSearch {
       const float deepest = min_lane(value);
       if (!(deepest <= best())) return;
       const VecI is_it = lane_ids() == splat(first_lane(mask_bits(value == splat(deepest))));
-      look_inside(image, spheres, sight, is_it, best(), found);
+      look_inside<true>(image, spheres, sight, is_it, best(), found);
       keep(is_it, depth_value(found, spheres), found, camera, true, true);
       lanes &= ~is_it;
       const std::int32_t pixel = lane_of(found.pixel, first_lane(mask_bits(is_it)));
@@ -109,8 +108,8 @@ class VectorSearch {
 
   // Takes the solid or free space of a pixel where it is nearer than what a lane has.
   template <bool kFront>
-  PALPATE_LANE_CODE void offer(const Image& image, const SphereLanes& spheres, VecI lanes, VecI column, VecI row,
-             VecF depth, Found& found) {
+  PALPATE_LANE_CODE void offer(const Image& image, const SphereLanes& spheres, VecI lanes,
+                               VecI column, VecI row, VecF depth, Found& found) {
     const VecF x = (to_float(column) - image.cx) * image.per_fx;
     const VecF y = (to_float(row) - image.cy) * image.per_fy;
     const VecF distance2 = pixel_distance2<kFront>(image, spheres.at, x, y, depth);
@@ -204,13 +203,13 @@ PALPATE_LANE_CODE inline void VectorSearch::run_hull() {
     const SphereLanes spheres = spheres_at(job_, job_.cameras[k], slot_);
     const Image& seen_free = *job_.cameras[k].seen_free;
     Found found = to_free.found;
-    look_inside(seen_free, spheres, sight_of(seen_free, spheres), inside, best(), found);
+    look_inside<false>(seen_free, spheres, sight_of(seen_free, spheres), inside, best(), found);
     to_free.take(inside & (found.distance2 < to_free.found.distance2), found, k, false);
     const Image& field = *job_.cameras[k].field;
     const Sight sight = sight_of(field, spheres);
     const VecI here = inside & sight.is_solid;
     found = start_inside(radius);
-    look_inside(field, spheres, sight, here, best(), found);
+    look_inside<false>(field, spheres, sight, here, best(), found);
     out_of_fields.take(here & (found.distance2 > out_of_fields.found.distance2), found, k, true);
   }
   to_free.take(inside & (out_of_fields.found.distance2 < to_free.found.distance2) &
@@ -223,7 +222,8 @@ PALPATE_LANE_CODE inline void VectorSearch::run_hull() {
   keep_each(inside, to_free, values, true);
 }
 
-PALPATE_LANE_CODE inline CameraPoint<float> center_of(const ClearanceCamera& camera, const Cluster& ball) {
+PALPATE_LANE_CODE inline CameraPoint<float> center_of(const ClearanceCamera& camera,
+                                                      const Cluster& ball) {
   const auto row = [&](int k) {
     const float(&r)[3] = camera.R_CT[k];
     return r[0] * ball.center.x + r[1] * ball.center.y + r[2] * ball.center.z + camera.p_CT[k];

@@ -11,8 +11,7 @@ struct BorderDistance {
   VecF value;
   VecI number;
 };
-PALPATE_LANE_INLINE BorderDistance border_distance(const Image& image,
-                                                             const CameraPoint<VecF>& p) {
+PALPATE_LANE_INLINE BorderDistance border_distance(const Image& image, const CameraPoint<VecF>& p) {
   BorderDistance least{splat(kFarAway), VecI{}};
   for (int k = 0; k < 4; ++k) {
     const float(&n)[3] = image.border[k];
@@ -52,9 +51,8 @@ PALPATE_LANE_INLINE Sight sight_of(const Image& image, const SphereLanes& sphere
   return sight;
 }
 
-PALPATE_LANE_INLINE SphereLanes spheres_at(const ClearanceJob& job,
-                                                     const ClearanceCamera& camera,
-                                                     std::size_t slot) {
+PALPATE_LANE_INLINE SphereLanes spheres_at(const ClearanceJob& job, const ClearanceCamera& camera,
+                                           std::size_t slot) {
   const ClusterView& c = job.spheres;
   const VecF x = load(&c.x[slot]), y = load(&c.y[slot]), z = load(&c.z[slot]);
   const auto row = [&](int k) {
@@ -70,8 +68,9 @@ PALPATE_LANE_INLINE SphereLanes spheres_at(const ClearanceJob& job,
 PALPATE_LANE_INLINE VecI border_pixel(VecI number) { return ~number + (-1); }
 
 // Finds the nearest solid space in an image, or border, from outside of it.
-PALPATE_LANE_CODE inline void look_outside(const Image& image, const SphereLanes& spheres, const Sight& sight, VecI lanes,
-                  float& best, float enough, bool is_shared, Found& found) {
+PALPATE_LANE_CODE inline void look_outside(const Image& image, const SphereLanes& spheres,
+                                           const Sight& sight, VecI lanes, float& best,
+                                           float enough, bool is_shared, Found& found) {
   if (image.is_blocked_outside != 0) {
     const VecF d = max(sight.border.value, VecF{});
     const VecI is_nearer = lanes & (d * d < found.distance2);
@@ -79,14 +78,16 @@ PALPATE_LANE_CODE inline void look_outside(const Image& image, const SphereLanes
     found.pixel = select(is_nearer, border_pixel(sight.border.number), found.pixel);
   }
   if (!is_any_set(lanes)) return;
-  ImageSearch<true> search(image, spheres, lanes, found, best, enough, is_shared);
+  ImageSearch<true, false> search(image, spheres, lanes, found, best, enough, is_shared);
   search.run();
   if (is_shared) best = search.best();
 }
 
-// The nearest free space in an image, from inside of its solid space.
-PALPATE_LANE_CODE inline void look_inside(const Image& image, const SphereLanes& spheres, const Sight& sight, VecI lanes,
-                 float best, Found& found) {
+// The nearest free space in an image, from inside of its solid space. `kSingle`: for one lane.
+template <bool kSingle>
+PALPATE_LANE_CODE inline void look_inside(const Image& image, const SphereLanes& spheres,
+                                          const Sight& sight, VecI lanes, float best,
+                                          Found& found) {
   if (!is_any_set(lanes)) return;
   if (image.is_blocked_outside == 0) {
     const VecF d = max(sight.border.value, VecF{});
@@ -94,7 +95,7 @@ PALPATE_LANE_CODE inline void look_inside(const Image& image, const SphereLanes&
     found.distance2 = select(is_nearer, d * d, found.distance2);
     found.pixel = select(is_nearer, border_pixel(sight.border.number), found.pixel);
   }
-  ImageSearch<false>(image, spheres, lanes, found, best, 0, false).run();
+  ImageSearch<false, kSingle>(image, spheres, lanes, found, best, 0, false).run();
 }
 
 }}}}  // namespace palpate::v0::PALPATE_ISA_NAMESPACE

@@ -72,7 +72,7 @@ struct SceneContact::Impl {
   std::vector<SurfaceView> surfaces;  // of the scene, with its policy
   std::vector<SurfaceBlend> cameras;
 
-  Status take(const Scene& scene);
+  Status take(const Scene& scene, bool wants_contact);
   Status make_pairs();
   ContactResult measure(Worker& worker, const Scene& scene, std::size_t tool, const Pose& X_WT,
                         const ContactWants& wants) const;
@@ -80,8 +80,9 @@ struct SceneContact::Impl {
                     const SceneAnswers& answers) const;
 };
 
-/// Takes surfaces and bodies of a scene; those of the last one are kept where they are the same.
-Status SceneContact::Impl::take(const Scene& scene) {
+/// Takes surfaces and, if contact is wanted, bodies of a scene; those of the last one are kept
+/// where they are the same.
+Status SceneContact::Impl::take(const Scene& scene, bool wants_contact) {
   if (const Status status = check_scene(scene, method, place); !status) return status;
   surfaces.clear();
   cameras.clear();
@@ -89,6 +90,7 @@ Status SceneContact::Impl::take(const Scene& scene) {
     surfaces.push_back(with_policy(surface, scene));
     cameras.push_back({surfaces.back(), surfaces.back(), 1});
   }
+  if (!wants_contact) return Done{};
   shape_of_body.clear();
   bool has_new_shape = false;
   for (const Body& body : scene.bodies) {
@@ -229,7 +231,7 @@ ContactResult SceneContact::measure(const Scene& scene, const Pose& X_WT,
   if (scene.surfaces.size() == 1 && scene.bodies.empty() && !scene.unseen) {
     return impl.workers[0].queries[0]->measure(scene.surfaces[0], X_WT, wants);
   }
-  if (!impl.take(scene)) {
+  if (!impl.take(scene, true)) {
     ContactResult result;
     result.penetration.status = StepStatus::no_surface;
     return result;
@@ -262,15 +264,15 @@ Status SceneContact::measure(const Scene& scene, const ScenePoses& poses,
                  "space that one camera by itself does not see is known on the CPU alone; create "
                  "the contact with Place::cpu(), or make the surface to be joined with others"};
   }
-  if (const Status status = impl.take(scene); !status) return status;
   const BatchAnswers& contact = answers.contact;
   const bool wants_contact = contact.volume || contact.potential || contact.force ||
                              contact.torque || contact.stiffness || contact.status ||
                              contact.want_noise() || answers.unseen || answers.max_spheres > 0;
+  if (const Status status = impl.take(scene, wants_contact); !status) return status;
   const std::size_t num = poses.X_WT.size();
   const bool is_plain = impl.batches != nullptr && impl.surfaces.size() == 1 &&
-                        scene.bodies.empty() && answers.unseen == nullptr &&
-                        answers.max_spheres == 0;
+                        impl.surfaces[0].role == SurfaceRole::frame && scene.bodies.empty() &&
+                        answers.unseen == nullptr && answers.max_spheres == 0;
   if (wants_contact && is_plain) {
     const SurfaceView& surface = impl.surfaces[0];
     PoseBatch batch{poses.X_WT};
@@ -306,7 +308,7 @@ Status SceneContact::any(const Scene& scene, const ScenePoses& poses, double mar
   if (!std::isfinite(margin)) {
     return Error{Errc::invalid_argument, "the margin is not a number; give it in m"};
   }
-  if (const Status status = impl.take(scene); !status) return status;
+  if (const Status status = impl.take(scene, false); !status) return status;
   if (const Status s = impl.clearances->take(impl.surfaces, scene.bodies); !s) return s;
   return impl.clearances->any(poses, margin, hits);
 }

@@ -26,15 +26,15 @@ struct SceneMakers {
 
 /// Those of a GPU.
 inline SceneMakers cuda_makers() {
-  return {make_contact_query_cuda,
-          [](SceneMakers::Index index, const FieldMethod& method,
-             const ExecutionOptions& execution) {
-            return make_batch_query_cuda(std::move(index), method, execution.gpu);
-          },
-          [](SceneMakers::Index a, SceneMakers::Index b, const ExecutionOptions& execution) {
-            return make_solid_contact_cuda(std::move(a), std::move(b), execution.gpu);
-          },
-          make_clearance_batch_cuda};
+  return {
+      make_contact_query_cuda,
+      [](SceneMakers::Index index, const FieldMethod& method, const ExecutionOptions& execution) {
+        return make_batch_query_cuda(std::move(index), method, execution.gpu);
+      },
+      [](SceneMakers::Index a, SceneMakers::Index b, const ExecutionOptions& execution) {
+        return make_solid_contact_cuda(std::move(a), std::move(b), execution.gpu);
+      },
+      make_clearance_batch_cuda};
 }
 
 struct SceneContactMaker {

@@ -1,5 +1,5 @@
-// The vectors of simd.h with the threads of a warp as their lanes, so that a kernel text for vectors
-// runs on a GPU, too. All lanes of a warp call together.
+// The vectors of simd.h with the threads of a warp as their lanes, so that a kernel text for
+// vectors runs on a GPU, too. All lanes of a warp call together.
 #pragma once
 
 #include <cmath>
@@ -28,17 +28,17 @@ PALPATE_HOSTDEV inline VecF splat(float value) { return {value}; }
 PALPATE_HOSTDEV inline VecI splat(std::int32_t value) { return {value}; }
 PALPATE_HOSTDEV inline VecI mask_of(bool is_set) { return {is_set ? -1 : 0}; }
 
-#define PALPATE_LANE_OPERATOR(op)                                                      \
-  PALPATE_HOSTDEV inline VecF operator op(VecF a, VecF b) { return {a.v op b.v}; }     \
-  PALPATE_HOSTDEV inline VecF operator op(VecF a, float b) { return {a.v op b}; }      \
+#define PALPATE_LANE_OPERATOR(op)                                                  \
+  PALPATE_HOSTDEV inline VecF operator op(VecF a, VecF b) { return {a.v op b.v}; } \
+  PALPATE_HOSTDEV inline VecF operator op(VecF a, float b) { return {a.v op b}; }  \
   PALPATE_HOSTDEV inline VecF operator op(float a, VecF b) { return {a op b.v}; }
 PALPATE_LANE_OPERATOR(+)
 PALPATE_LANE_OPERATOR(-)
 PALPATE_LANE_OPERATOR(*)
 PALPATE_LANE_OPERATOR(/)
 #undef PALPATE_LANE_OPERATOR
-#define PALPATE_LANE_OPERATOR(op)                                                      \
-  PALPATE_HOSTDEV inline VecI operator op(VecI a, VecI b) { return {a.v op b.v}; }     \
+#define PALPATE_LANE_OPERATOR(op)                                                  \
+  PALPATE_HOSTDEV inline VecI operator op(VecI a, VecI b) { return {a.v op b.v}; } \
   PALPATE_HOSTDEV inline VecI operator op(VecI a, std::int32_t b) { return {a.v op b}; }
 PALPATE_LANE_OPERATOR(+)
 PALPATE_LANE_OPERATOR(*)
@@ -47,8 +47,8 @@ PALPATE_LANE_OPERATOR(|)
 PALPATE_LANE_OPERATOR(<<)
 PALPATE_LANE_OPERATOR(>>)
 #undef PALPATE_LANE_OPERATOR
-#define PALPATE_LANE_OPERATOR(op)                                                              \
-  PALPATE_HOSTDEV inline VecI operator op(VecF a, VecF b) { return mask_of(a.v op b.v); }      \
+#define PALPATE_LANE_OPERATOR(op)                                                         \
+  PALPATE_HOSTDEV inline VecI operator op(VecF a, VecF b) { return mask_of(a.v op b.v); } \
   PALPATE_HOSTDEV inline VecI operator op(VecI a, VecI b) { return mask_of(a.v op b.v); }
 PALPATE_LANE_OPERATOR(<)
 PALPATE_LANE_OPERATOR(<=)

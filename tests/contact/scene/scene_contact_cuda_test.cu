@@ -162,8 +162,8 @@ TEST(SceneContactCuda, ThreeCamerasAndTwoBodiesAsOnTheCpu) {
   EXPECT_GT(found.touching, 5);
   // Without cameras, and the same shapes in another order.
   const Scene bodies{.bodies = {scene.bodies[1], scene.bodies[0]}};
-  (void)compare(both, bodies, {poses, tool_of_pose, group_of_pose, 12},
-                tool.sphere_mass().volume, false);
+  (void)compare(both, bodies, {poses, tool_of_pose, group_of_pose, 12}, tool.sphere_mass().volume,
+                false);
 }
 
 TEST(SceneContactCuda, OneCameraAsOnTheCpu) {
@@ -181,8 +181,8 @@ TEST(SceneContactCuda, OneCameraAsOnTheCpu) {
       const double x = random.uniform(-0.3, 0.3), y = random.uniform(-0.2, 0.2);
       poses.push_back({{x, y, random.uniform(0.3, 1.4)}, random.rotation(3)});
     }
-    const Compared found = compare(both, {.surfaces = surfaces_of(rough)}, {poses},
-                                   tool.sphere_mass().volume, true);
+    const Compared found =
+        compare(both, {.surfaces = surfaces_of(rough)}, {poses}, tool.sphere_mass().volume, true);
     all.by_cameras += found.by_cameras;
     all.inside += found.inside;
   }
@@ -199,8 +199,8 @@ TEST(SceneContactCuda, OneCameraWithAMemoryAsOnTheCpu) {
   const Both both(tools);
   std::vector<Pose> poses;
   for (int i = 0; i < 20; ++i) poses.push_back(test::pose_in_front(seen, random));
-  const Compared found = compare(both, {.surfaces = surfaces_of(seen)}, {poses},
-                                 tool.sphere_mass().volume, false);
+  const Compared found =
+      compare(both, {.surfaces = surfaces_of(seen)}, {poses}, tool.sphere_mass().volume, false);
   EXPECT_GT(found.by_cameras, 5);
 }
 

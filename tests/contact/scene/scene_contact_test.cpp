@@ -338,6 +338,7 @@ TEST(SceneContact, SmoothMinimumIsItsFormulaAndGradientTheDerivative) {
     }
   }
   Answered got(poses.size()), least(poses.size());
+  got.answers.contact = least.answers.contact = {};
   got.answers.clearance_smoothing = kSmoothing;
   ASSERT_TRUE(contact.measure(scene, {poses}, least.answers));
   ASSERT_TRUE(contact.measure(scene, {poses}, got.answers));
@@ -352,6 +353,7 @@ TEST(SceneContact, SmoothMinimumIsItsFormulaAndGradientTheDerivative) {
     }
     for (const Scene& part : {Scene{.surfaces = scene.surfaces}, Scene{.bodies = scene.bodies}}) {
       Answered of_ball(kNum);
+      of_ball.answers.contact = {};
       ASSERT_TRUE(alone.measure(part, {at}, of_ball.answers));
       for (std::size_t i = 0; i < kNum; ++i) {
         sums[i] += std::exp(-of_ball.clearance[i] / kSmoothing) - floor;
@@ -399,9 +401,11 @@ TEST(SceneContact, SpaceBehindAHandIsFreeIfItIsRemembered) {
   ASSERT_EQ(remembers.role, SurfaceRole::with_memory);
   const Tool tool = small_ball(0.004);
   const SceneContact contact = contact_of(tool);
-  const std::vector<Pose> poses{{{0.002, 0.001, 0.93}, {}}, {{0, 0, 0.645}, {}}, {{0, 0, 0.67}, {}}};
+  const std::vector<Pose> poses{
+      {{0.002, 0.001, 0.93}, {}}, {{0, 0, 0.645}, {}}, {{0, 0, 0.67}, {}}};
   Answered got(3);
-  ASSERT_TRUE(contact.measure({.surfaces = {remembers}}, {poses}, got.answers));
+  const Status known = contact.measure({.surfaces = {remembers}}, {poses}, got.answers);
+  ASSERT_TRUE(known) << known.error().message;
   EXPECT_NEAR(got.clearance[0], 0.066, 5e-4);
   EXPECT_NEAR(got.gradient[2], -1, 1e-3);
   EXPECT_EQ(got.decided[0], 0);
