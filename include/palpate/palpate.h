@@ -13,6 +13,7 @@
 #pragma once
 
 #include "palpate/contact/contact.h"
+#include "palpate/contact/scene.h"
 #include "palpate/field/sensor.h"
 #include "palpate/io/files.h"
 #include "palpate/mesh/mesh.h"

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "palpate/contact/contact.h"
+#include "palpate/contact/scene.h"
 #include "python/src/arrays.h"
 #ifdef PALPATE_CUDA
 #include "src/gpu/internal/runtime.h"
@@ -25,7 +26,8 @@ struct PyBatch {
 #endif
   std::vector<WritableArray> given;  // by the caller
   BatchAnswers answers;
-  nb::dict more;  ///< results by name, of scenes
+  nb::dict more;       ///< results by name, of scenes
+  SceneAnswers scene;  ///< arrays given by the caller for these
 
   static constexpr std::size_t kPerPose = 1 + 1 + 3 + 3, kStiffness = 36, kStd = 1 + 3 + 3;
 

@@ -103,7 +103,7 @@ class PyContact {
 /// Requested results of a scene.
 struct SceneWants {
   bool stiffness = false, noise = false, clearance = false, per_sphere = false, unseen = false;
-  double limit = kClearanceLimit;
+  double limit = kClearanceLimit, smoothing = 0;
 };
 /// The results of P poses; `more` are those by name.
 struct SceneMeasured {
@@ -111,9 +111,15 @@ struct SceneMeasured {
   std::vector<std::uint32_t> status;
   nb::dict more;
 };
-/// Measures P poses in a scene; in bind_scene.cpp.
+/// Arrays of the caller for `num` poses.
+struct SceneOut {
+  SceneAnswers answers;
+  std::size_t num = 0;
+};
+/// Measures P poses in a scene; in bind_scene.cpp. With `out` these arrays alone.
 SceneMeasured measure_scene(PyContact& self, nb::handle given, nb::handle poses, SceneWants wants,
-                            nb::handle tool_of_pose, nb::handle group_of_pose);
+                            nb::handle tool_of_pose, nb::handle group_of_pose,
+                            const SceneOut* out = nullptr);
 /// True for a palpate.Scene.
 bool is_scene(nb::handle given);
 /// Adds palpate.Scene, and Contact.any.
@@ -127,7 +133,7 @@ nb::object measure_batch(PyContact& self, nb::handle surfaces, nb::handle poses,
 nb::object measure_many(PyContact& self, nb::handle surfaces, nb::handle poses,
                         nb::handle surface_of_pose, bool stiffness, bool with_std, nb::handle out,
                         nb::handle stream, bool clearance, bool per_sphere, double limit,
-                        nb::handle tool_of_pose, nb::handle group_of_pose);
+                        double smoothing, nb::handle tool_of_pose, nb::handle group_of_pose);
 
 /// Checks that a contact knows what noise does to it. Error: its method or place does not.
 inline void check_std(const PyContact& contact) {

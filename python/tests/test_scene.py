@@ -113,6 +113,42 @@ def test_unseen_space_is_a_policy(tool, surface):
     assert not contact.any(palpate.Scene([surface], unseen="free", thickness=0.02), behind_the_post)[0]
 
 
+def test_results_in_arrays_of_the_caller(tool, surface, body):
+    contact = palpate.Contact(tool)
+    scene = palpate.Scene([surface], [body])
+    poses = poses_before_the_wall(12)
+    want = contact.measure_batch(scene, poses, clearance=True, per_sphere=True)
+    clearance, nearest = np.full(12, -7.0), np.full(12, -7, np.int32)
+    force, depth = np.full((12, 3), -7.0), np.full((12, 60), -7, np.float32)
+    out = palpate.Batch(clearance=clearance, nearest=nearest, force=force, sphere_depth=depth)
+    assert contact.measure_batch(scene, poses, out=out) is out
+    np.testing.assert_array_equal(clearance, want.clearance)
+    np.testing.assert_array_equal(nearest, want.nearest)
+    np.testing.assert_array_equal(force, want.force)
+    np.testing.assert_array_equal(depth, want.sphere_depth)
+    assert out.clearance is clearance and out.decided is None
+    with pytest.raises(ValueError, match="out"):
+        contact.measure_batch(scene, poses[:5], out=out)
+    with pytest.raises(ValueError, match="sphere_depth"):
+        contact.measure_batch(scene, poses, out=palpate.Batch(sphere_depth=depth[:, :50].copy()))
+    with pytest.raises(TypeError, match="over arrays in host memory"):
+        contact.measure_batch(scene, poses, out=want)
+
+
+def test_smooth_minimum_is_below_the_least(tool, surface):
+    contact = palpate.Contact(tool)
+    poses = poses_before_the_wall(30)
+    least = contact.measure_batch(surface, poses, clearance=True)
+    smooth = contact.measure_batch(surface, poses, clearance=True, smooth=0.002)
+    inside = (least.nearest >= 0) & (smooth.clearance > -0.1)
+    below = (least.clearance - smooth.clearance)[inside]
+    assert inside.sum() > 10 and (below >= 0).all() and (below > 1e-5).any()
+    assert (below <= 0.002 * np.log(len(tool.spheres))).all()
+    assert contact.measure(surface, poses[0], clearance=True, smooth=0.002).clearance == smooth.clearance[0]
+    with pytest.raises(palpate.Error, match="smoothed over a length"):
+        contact.measure_batch(surface, poses, clearance=True, smooth=-1)
+
+
 def test_bad_input_is_refused_in_a_sentence(tool, surface):
     contact = palpate.Contact([tool, tool])
     pose = [[0, 0, 0.5, 0, 0, 0, 1]]

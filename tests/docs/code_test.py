@@ -21,7 +21,6 @@ GIVEN = """
 #include <vector>
 #include "palpate/palpate.h"
 #include "palpate/contact/body_contact.h"
-#include "palpate/contact/scene.h"
 using namespace palpate;
 extern Tool tool, object, hand, forearm, left_tool, right_tool, block_tool;
 extern Sensor sensor;

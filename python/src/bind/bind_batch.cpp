@@ -60,12 +60,36 @@ class Layout {
     return static_cast<T*>(array.data());
   }
 
+  /// A result of scenes, which the batch has by its name.
+  template <class T>
+  T* take_named(nb::handle given, const char* name, const std::vector<std::size_t>& inner) {
+    T* const array = take<T>(given, name, inner);
+    if (array != nullptr) batch_.more[name] = given;
+    return array;
+  }
+  /// One of each sphere.
+  template <class T>
+  T* take_spheres(nb::handle given, const char* name, const std::vector<std::size_t>& inner = {}) {
+    WritableArray array;
+    std::size_t& num = batch_.scene.max_spheres;
+    if (num == 0 && nb::try_cast<WritableArray>(given, array, false) && array.ndim() > 1) {
+      num = array.shape(1);
+    }
+    std::vector<std::size_t> each{num};
+    each.insert(each.end(), inner.begin(), inner.end());
+    return take_named<T>(given, name, each);
+  }
+
  private:
   PyBatch& batch_;
 };
 
 void make_batch_over(PyBatch* self, nb::handle volume, nb::handle potential, nb::handle force,
-                     nb::handle torque, nb::handle stiffness, nb::handle status) {
+                     nb::handle torque, nb::handle stiffness, nb::handle status,
+                     nb::handle clearance, nb::handle clearance_gradient, nb::handle nearest,
+                     nb::handle decided, nb::handle unseen, nb::handle sphere_depth,
+                     nb::handle sphere_volume, nb::handle sphere_direction,
+                     nb::handle sphere_decided) {
   PyBatch batch;
   Layout layout(batch);
   BatchAnswers& answers = batch.answers;
@@ -75,6 +99,17 @@ void make_batch_over(PyBatch* self, nb::handle volume, nb::handle potential, nb:
   answers.torque = layout.take<double>(torque, "torque", {3});
   answers.stiffness = layout.take<double>(stiffness, "stiffness", {6, 6});
   answers.status = layout.take<std::uint32_t>(status, "status", {});
+  SceneAnswers& scene = batch.scene;
+  scene.clearance = layout.take_named<double>(clearance, "clearance", {});
+  scene.clearance_gradient =
+      layout.take_named<double>(clearance_gradient, "clearance_gradient", {6});
+  scene.nearest = layout.take_named<std::int32_t>(nearest, "nearest", {});
+  scene.decided = layout.take_named<std::int32_t>(decided, "decided", {});
+  scene.unseen = layout.take_named<double>(unseen, "unseen", {});
+  scene.sphere_depth = layout.take_spheres<float>(sphere_depth, "sphere_depth");
+  scene.sphere_volume = layout.take_spheres<float>(sphere_volume, "sphere_volume");
+  scene.sphere_direction = layout.take_spheres<float>(sphere_direction, "sphere_direction", {3});
+  scene.sphere_decided = layout.take_spheres<std::int8_t>(sphere_decided, "sphere_decided");
   if (batch.given.empty()) throw nb::value_error("Batch: give one array or more");
   new (self) PyBatch(std::move(batch));
 }
@@ -275,20 +310,34 @@ void bind_batch(nb::module_& m) {
 with DLPack on its GPU. Volumes times directions: multiply by a stiffness in N/m3 to get newtons.
 
 Created over your own arrays (any library with DLPack), it is an `out` that writes into these only;
-others are not computed. float64, status uint32, row-major, all for P poses and in one memory.
+others are not computed. float64, status uint32, nearest and decided int32, of spheres float32 and int8;
+row-major, all for P poses and in one memory. The names from `clearance` on are results of scenes.
 ValueError: another shape, type or memory.)");
   add_scene_results(batch_class);
   batch_class
       .def("__init__", make_batch_over, nb::kw_only(), nb::arg("volume") = nb::none(),
            nb::arg("potential") = nb::none(), nb::arg("force") = nb::none(),
            nb::arg("torque") = nb::none(), nb::arg("stiffness") = nb::none(),
-           nb::arg("status") = nb::none(),
+           nb::arg("status") = nb::none(), nb::arg("clearance") = nb::none(),
+           nb::arg("clearance_gradient") = nb::none(), nb::arg("nearest") = nb::none(),
+           nb::arg("decided") = nb::none(), nb::arg("unseen") = nb::none(),
+           nb::arg("sphere_depth") = nb::none(), nb::arg("sphere_volume") = nb::none(),
+           nb::arg("sphere_direction") = nb::none(), nb::arg("sphere_decided") = nb::none(),
            nb::sig("def __init__(self, *, volume: palpate._types.Array | None = None, "
                    "potential: palpate._types.Array | None = None, "
                    "force: palpate._types.Array | None = None, "
                    "torque: palpate._types.Array | None = None, "
                    "stiffness: palpate._types.Array | None = None, "
-                   "status: palpate._types.Array | None = None) -> None"))
+                   "status: palpate._types.Array | None = None, "
+                   "clearance: palpate._types.Array | None = None, "
+                   "clearance_gradient: palpate._types.Array | None = None, "
+                   "nearest: palpate._types.Array | None = None, "
+                   "decided: palpate._types.Array | None = None, "
+                   "unseen: palpate._types.Array | None = None, "
+                   "sphere_depth: palpate._types.Array | None = None, "
+                   "sphere_volume: palpate._types.Array | None = None, "
+                   "sphere_direction: palpate._types.Array | None = None, "
+                   "sphere_decided: palpate._types.Array | None = None) -> None"))
       .def("__len__", [](const PyBatch& self) { return self.num; })
       .def_prop_ro(
           "volume",

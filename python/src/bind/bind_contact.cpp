@@ -189,21 +189,21 @@ options: of docs/settings.md [contact]: volumes, priority, inside, edges, contin
       .def(
           "measure",
           [](PyContact& self, nb::handle surface, nb::handle pose, bool stiffness, bool with_std,
-             bool states, bool clearance, bool per_sphere) {
+             bool states, bool clearance, bool per_sphere, double smooth) {
             if (is_scene(surface) || clearance || per_sphere) {
-              return measure_in_scene(
-                  self, surface, pose,
-                  {stiffness, with_std, clearance, per_sphere, is_scene(surface)});
+              return measure_in_scene(self, surface, pose,
+                                      {stiffness, with_std, clearance, per_sphere,
+                                       is_scene(surface), kClearanceLimit, smooth});
             }
             return measure(self, surface, pose, stiffness, with_std, states);
           },
           nb::arg("surface"), nb::arg("pose"), nb::kw_only(), nb::arg("stiffness") = false,
           nb::arg("std") = false, nb::arg("states") = false, nb::arg("clearance") = false,
-          nb::arg("per_sphere") = false,
+          nb::arg("per_sphere") = false, nb::arg("smooth") = 0.0,
           nb::sig("def measure(self, surface: Scene | Surface | collections.abc.Sequence[Surface], "
                   "pose: palpate._types.Array, *, stiffness: bool = False, std: bool = False, "
-                  "states: bool = False, clearance: bool = False, per_sphere: bool = False) "
-                  "-> Result"),
+                  "states: bool = False, clearance: bool = False, per_sphere: bool = False, "
+                  "smooth: float = 0.0) -> Result"),
           R"(Measures the tool at a pose against a surface. Releases the GIL.
 
 surface: one, or a list of several cameras: each sphere then has the depth of the camera that has it
@@ -213,13 +213,14 @@ stiffness: also compute Result.stiffness (method "field").
 std: also compute Result.volume_std, force_std and torque_std: what the random noise of the depth does
     to them (method "field", on a CPU).
 states: also describe each sphere, for display; takes twice as long.
+clearance, per_sphere, smooth: see measure_batch.
 If the pose is not finite or there is no surface, Result.status says so and everything else is zero.)")
       .def("measure_batch", measure_many, nb::arg("surfaces"), nb::arg("poses"), nb::kw_only(),
            nb::arg("surface_of_pose") = nb::none(), nb::arg("stiffness") = false,
            nb::arg("std") = false, nb::arg("out") = nb::none(), nb::arg("stream") = nb::none(),
            nb::arg("clearance") = false, nb::arg("per_sphere") = false,
-           nb::arg("limit") = kClearanceLimit, nb::arg("tool_of_pose") = nb::none(),
-           nb::arg("group_of_pose") = nb::none(),
+           nb::arg("limit") = kClearanceLimit, nb::arg("smooth") = 0.0,
+           nb::arg("tool_of_pose") = nb::none(), nb::arg("group_of_pose") = nb::none(),
            nb::sig("def measure_batch(self, surfaces: Scene | Surface | "
                    "collections.abc.Sequence[Surface] | Surfaces | Body | "
                    "collections.abc.Sequence[Body], poses: palpate._types.Array, *, "
@@ -227,6 +228,7 @@ If the pose is not finite or there is no surface, Result.status says so and ever
                    "std: bool = False, "
                    "out: Batch | None = None, stream: palpate._types.Stream | None = None, "
                    "clearance: bool = False, per_sphere: bool = False, limit: float = 0.1, "
+                   "smooth: float = 0.0, "
                    "tool_of_pose: palpate._types.Array | None = None, "
                    "group_of_pose: palpate._types.Array | None = None) -> Batch"),
            R"(Many poses in one call, over all cores or in one launch on a GPU; method "field".
@@ -237,10 +239,13 @@ surfaces: one, a list, or the result of Sensor.update_batch. Or palpate.Body, on
 poses: X_WT, (P, 4, 4) or (P, 7) tx ty tz qx qy qz qw; on a GPU (P, 7) float64 of unit quaternions.
 surface_of_pose: (P,) int32, the index of the surface of each pose; None: one surface for all, or
     one per pose.
-out: a Batch of the same size to overwrite: of an earlier call, or over your own arrays.
+out: a Batch of the same size to overwrite: of an earlier call, or over your own arrays. Of a scene
+    over your own arrays, which say what is computed.
 stiffness: also compute Batch.stiffness.
 std: also compute Batch.volume_std, force_std and torque_std, on a CPU; zero for bodies.
-clearance: also Batch.clearance, nearest, decided and clearance_gradient, up to `limit` (m); on a CPU.
+clearance: also Batch.clearance, nearest, decided and clearance_gradient, up to `limit` (m).
+smooth: m; above 0 clearance and gradient are those of a smooth minimum over all spheres, never above
+    the least and below it by at most smooth * ln(their number); on a CPU.
 per_sphere: also Batch.sphere_depth, sphere_volume, sphere_direction and sphere_decided.
 tool_of_pose: (P,) int32, the index of the tool of each pose, for a contact with several.
 group_of_pose: (P,) int32, such as the configuration of a robot: Batch.group_clearance and others.

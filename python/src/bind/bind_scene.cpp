@@ -134,6 +134,7 @@ struct Found {
       answers.nearest = nearest.data();
       answers.decided = decided.data();
       answers.clearance_limit = wants.limit;
+      answers.clearance_smoothing = wants.smoothing;
     }
     if (wants.clearance && num_groups > 0) {
       group_clearance.resize(num_groups);
@@ -199,7 +200,8 @@ nb::object any(PyContact& self, nb::handle given, nb::handle poses, double margi
 bool is_scene(nb::handle given) { return nb::isinstance<PyScene>(given); }
 
 SceneMeasured measure_scene(PyContact& self, nb::handle given, nb::handle poses, SceneWants wants,
-                            nb::handle tool_of_pose, nb::handle group_of_pose) {
+                            nb::handle tool_of_pose, nb::handle group_of_pose,
+                            const SceneOut* out) {
   if (wants.noise) check_std(self);
   const PyScene scene = scene_of(given);
   // On a GPU it is known of joined cameras alone.
@@ -209,6 +211,22 @@ SceneMeasured measure_scene(PyContact& self, nb::handle given, nb::handle poses,
   const PoseRequest request(poses, tool_of_pose, group_of_pose);
   const std::size_t num = request.query.X_WT.size(), num_spheres = self.max_spheres();
   const auto num_groups = static_cast<std::size_t>(request.query.num_groups);
+  if (out != nullptr) {
+    SceneAnswers answers = out->answers;
+    answers.clearance_limit = wants.limit;
+    answers.clearance_smoothing = wants.smoothing;
+    if (out->num != num) {
+      refuse_shape("out", shape_text({out->num}), shape_text({num}).c_str());
+    }
+    if (answers.max_spheres > 0 && answers.max_spheres != num_spheres) {
+      refuse_shape("out: sphere_depth", shape_text({num, answers.max_spheres}),
+                   shape_text({num, num_spheres}).c_str());
+    }
+    check(self.with_scenes([&](const SceneContact& contact) {
+      return contact.measure(scene.scene, request.query, answers);
+    }));
+    return {};
+  }
   check_memory(num, 200 + (wants.stiffness ? 288 : 0) + (wants.per_sphere ? 21 * num_spheres : 0));
   Found found(num, num_groups, wants, num_spheres);
   check(self.with_scenes([&](const SceneContact& contact) {

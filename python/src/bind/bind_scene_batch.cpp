@@ -67,19 +67,29 @@ void add_scene_results(nb::class_<PyBatch>& batch) {
 nb::object measure_many(PyContact& self, nb::handle surfaces, nb::handle poses,
                         nb::handle surface_of_pose, bool stiffness, bool with_std, nb::handle out,
                         nb::handle stream, bool clearance, bool per_sphere, double limit,
-                        nb::handle tool_of_pose, nb::handle group_of_pose) {
+                        double smoothing, nb::handle tool_of_pose, nb::handle group_of_pose) {
   if (!is_scene(surfaces) && !clearance && !per_sphere && tool_of_pose.is_none() &&
       group_of_pose.is_none() && self.tools().size() == 1) {
     return measure_batch(self, surfaces, poses, surface_of_pose, stiffness, with_std, out, stream);
   }
-  if (!surface_of_pose.is_none() || !out.is_none() || !stream.is_none()) {
+  if (!surface_of_pose.is_none() || !stream.is_none()) {
     throw nb::value_error(
-        "surface_of_pose, out and stream go with surfaces, not with a scene: leave them out");
+        "surface_of_pose and stream go with surfaces, not with a scene: leave them out");
   }
-  return measure_scene_batch(
-      self, surfaces, poses,
-      {stiffness, with_std, clearance, per_sphere, is_scene(surfaces), limit}, tool_of_pose,
-      group_of_pose);
+  const SceneWants wants{stiffness,          with_std, clearance, per_sphere,
+                         is_scene(surfaces), limit,    smoothing};
+  if (out.is_none()) {
+    return measure_scene_batch(self, surfaces, poses, wants, tool_of_pose, group_of_pose);
+  }
+  PyBatch* batch = nullptr;
+  if (!nb::try_cast<PyBatch*>(out, batch, false) || batch == nullptr || batch->given.empty() ||
+      batch->answers.gpu != kHostMemory) {
+    throw nb::type_error("out: of a scene, a palpate.Batch over arrays in host memory is taken");
+  }
+  SceneOut to{batch->scene, batch->num};
+  to.answers.contact = batch->answers;
+  (void)measure_scene(self, surfaces, poses, wants, tool_of_pose, group_of_pose, &to);
+  return nb::borrow(out);
 }
 
 }  // namespace palpate::python

@@ -2,8 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string>
 
-#include "src/contact/clearance/surface_plane.h"
 #include "src/contact/hull/camera_seats.h"
 #include "src/contact/index/tool_parts.h"
 #include "src/core/internal/select_isa.h"
@@ -25,21 +25,23 @@ Error refused(std::size_t surface, const std::string& why) {
 
 ClearanceKernels clearance_kernels(Isa isa) { return select_isa(kKernels, isa); }
 
-Status ClearanceScene::update(std::span<const SurfaceView> surfaces, ThreadPool& pool) {
+Status check_searched(std::span<const SurfaceView> surfaces, int gpu) {
   const bool is_alone = surfaces.size() == 1;
   for (std::size_t k = 0; k < surfaces.size(); ++k) {
     const SurfaceView& surface = surfaces[k];
     const DepthFieldView& field = surface.field;
     if (field.num_levels == 0) return refused(k, "has no depth field: its image was refused");
-    if (field.gpu != kHostMemory) {
+    if (field.gpu != kHostMemory && field.gpu != gpu) {
       return refused(k, "lies in the memory of GPU " + std::to_string(field.gpu) +
-                            ", where it is not searched; make it with Place::cpu()");
+                            ", where it is not searched; make it where the contact is");
     }
     if (!field.requested.has_all(field.levels[0].width, field.levels[0].height)) {
       return refused(k, "is known in a window of its image only; make it whole");
     }
-    if (has_in_front(surface) || is_remembered(surface)) {
-      return refused(k, "has a memory, which is not searched; make it without");
+    if (is_remembered(surface) || (has_in_front(surface) && !is_alone)) {
+      return refused(k,
+                     "is joined with others and has a memory, which is not searched; make it "
+                     "without, or give it alone");
     }
     if (!is_alone && surface.seen_free.num_levels == 0) {
       return refused(k,
@@ -47,116 +49,162 @@ Status ClearanceScene::update(std::span<const SurfaceView> surfaces, ThreadPool&
                      "DepthFieldOptions::one_of_several");
     }
   }
-  cameras_.resize(surfaces.size());
-  pool.parallel_for(static_cast<int>(2 * surfaces.size()), [&](int task) {
-    const SurfaceView& surface = surfaces[static_cast<std::size_t>(task / 2)];
-    Camera& camera = cameras_[static_cast<std::size_t>(task / 2)];
-    const bool is_field = task % 2 == 0;
-    if (is_field) {
-      camera.is_joined = !is_alone;
-      camera.X_WC = {surface.X_WC.translation, normalized(surface.X_WC.rotation)};
-      camera.X_CW = inverse(camera.X_WC);
-    } else if (is_alone) {
+  return Done{};
+}
+
+std::vector<SeenByCamera> seen_by(std::span<const SurfaceView> surfaces,
+                                  std::span<const ClearanceImage* const> images) {
+  const bool is_alone = surfaces.size() == 1;
+  std::vector<SeenByCamera> cameras;
+  for (std::size_t k = 0; k < surfaces.size(); ++k) {
+    SeenByCamera& camera = cameras.emplace_back();
+    camera.X_WC = {surfaces[k].X_WC.translation, normalized(surfaces[k].X_WC.rotation)};
+    camera.X_CW = inverse(camera.X_WC);
+    camera.number = static_cast<std::int32_t>(k);
+    camera.is_joined = is_alone ? 0 : 1;
+    camera.field = *images[2 * k];
+    if (images[2 * k + 1] == nullptr) continue;
+    if (!is_alone) {
+      camera.seen_free = *images[2 * k + 1];
+    } else {  // what is in front of what is remembered, as by another camera
+      SeenByCamera in_front = camera;
+      in_front.field = *images[2 * k + 1];
+      cameras.push_back(in_front);
+    }
+  }
+  return cameras;
+}
+
+Status ClearanceScene::update(std::span<const SurfaceView> surfaces,
+                              std::span<const SearchedBody> bodies, ThreadPool& pool) {
+  if (const Status status = check_searched(surfaces, kHostMemory); !status) return status;
+  const std::size_t num = 2 * surfaces.size();
+  frames_.resize(num);
+  thickness_.resize(num);
+  std::vector<const ClearanceImage*> images(num);
+  pool.parallel_for(static_cast<int>(num), [&](int task) {
+    const auto at = static_cast<std::size_t>(task);
+    const auto [view, is_blocked] = images_of(surfaces[at / 2], surfaces.size() == 1)[at % 2];
+    if (view == nullptr) return;
+    ClearanceFrame& frame = frames_[at];
+    images[at] = &frame.image();
+    if (view->stamp != 0 && frame.stamp() == view->stamp && thickness_[at] == view->thickness) {
       return;
     }
-    const DepthFieldView& view = is_field ? surface.field : surface.seen_free;
-    ClearanceFrame& frame = is_field ? camera.field : camera.seen_free;
-    const bool is_there = view.stamp != 0 && frame.stamp() == view.stamp &&
-                          (!is_field || camera.thickness == view.thickness);
-    if (is_field) camera.thickness = view.thickness;
-    if (!is_there) frame.update(view, !is_field);
+    thickness_[at] = view->thickness;
+    frame.update(*view, is_blocked);
   });
+  cameras_ = seen_by(surfaces, images);
+  bodies_.assign(bodies.begin(), bodies.end());
+  num_surfaces_ = static_cast<int>(surfaces.size());
   return Done{};
 }
 
 ClearanceQuery::ClearanceQuery(const ToolIndex& index, Isa isa)
-    : tool_(&index.tool()),
-      spheres_(&parts_of(index).clusters()),
-      kernels_(clearance_kernels(isa)) {}
+    : tool_(clearance_tool(index.tool())), kernels_(clearance_kernels(isa)) {
+  job_.spheres = view_of(parts_of(index).clusters());
+}
 
-/// The cameras of a search, with the tool at a pose.
-struct ClearanceQuery::Cameras {
-  Cameras(const ClearanceScene& scene, const Pose& X_WT) {
-    const Pose X{X_WT.translation, normalized(X_WT.rotation)};
-    for (const ClearanceScene::Camera& camera : scene.cameras_) {
-      ClearanceCamera& to = cameras[num];
-      to.field = &camera.field.image();
-      if (camera.is_joined) to.seen_free = &camera.seen_free.image();
-      X_CT[num] = camera.X_CW * X;
-      const Mat3d R = rotation_matrix(X_CT[num].rotation);
-      for (int row = 0; row < 3; ++row) {
-        for (int column = 0; column < 3; ++column) {
-          to.R_CT[row][column] = static_cast<float>(R.m[row][column]);
-        }
-        to.p_CT[row] = static_cast<float>(X_CT[num].translation[row]);
-      }
-      ++num;
-    }
+ClearanceTool clearance_tool(const Tool& tool) {
+  ClearanceTool made{tool.spheres().data(), tool.sphere_mass().center_of_mass, 0};
+  for (const Sphere& sphere : tool.spheres()) {
+    made.reach =
+        std::max(made.reach, norm(to_double(sphere.center)) + static_cast<double>(sphere.radius));
   }
+  return made;
+}
 
-  ClearanceJob job(const SphereClusters& spheres, double limit) const {
-    return {&spheres, cameras, num, static_cast<float>(limit)};
-  }
+namespace {
 
-  ClearanceCamera cameras[kMaxCameras];
-  Pose X_CT[kMaxCameras];
-  int num = 0;
-};
+Pose unit(const Pose& X_WT) { return {X_WT.translation, normalized(X_WT.rotation)}; }
 
-Clearance ClearanceQuery::measure(const ClearanceScene& scene, const Pose& X_WT, double limit,
-                                  bool wants_gradient) const noexcept {
-  const Cameras cameras(scene, X_WT);
+}  // namespace
+
+ClearanceHit ClearanceQuery::search(const ClearanceScene& scene, ClearanceJob job,
+                                    const Pose& X_WT) const noexcept {
   ClearanceHit hit;
-  kernels_.find_nearest(cameras.job(*spheres_, limit), hit);
-  Clearance result;
-  result.value = hit.kind == ClearanceKind::deep ? -limit : limit;
-  if (hit.kind == ClearanceKind::nothing || hit.kind == ClearanceKind::deep) return result;
-  const ClearanceCamera& camera = cameras.cameras[hit.camera];
-  const Sphere& sphere = tool_->spheres()[static_cast<std::size_t>(hit.sphere)];
-  const Vec3d c_T = to_double(sphere.center);
-  const PointDistance found = refined_distance(hit.is_of_field ? *camera.field : *camera.seen_free,
-                                               hit, cameras.X_CT[hit.camera] * c_T);
-  const double value = found.phi - static_cast<double>(sphere.radius);
-  if (!(std::abs(value) < limit)) {
-    result.value = value < 0 ? -limit : limit;
-    return result;
+  const std::span<const SeenByCamera> seen = scene.cameras();
+  if (seen.empty()) return hit;
+  ClearanceCamera cameras[kMaxCameras];
+  for (std::size_t k = 0; k < seen.size(); ++k) place_camera(seen[k], X_WT, cameras[k]);
+  job.cameras = cameras;
+  job.num_cameras = static_cast<int>(seen.size());
+  kernels_.find_nearest(job, hit);
+  return hit;
+}
+
+void ClearanceQuery::add_bodies(const ClearanceScene& scene, const Pose& X_WT,
+                                Clearance& least) const noexcept {
+  std::int32_t decider = scene.num_surfaces();
+  for (const SearchedBody& body : scene.bodies()) {
+    for_spheres_near(body, job_.spheres, tool_, X_WT, least.value,
+                     [&](std::int32_t sphere, const PointDistance& at) {
+                       const auto radius = static_cast<double>(tool_.spheres[sphere].radius);
+                       if (!(at.phi - radius < least.value)) return;
+                       least = clearance_to_body(body, decider, at, tool_, sphere, X_WT);
+                     });
+    ++decider;
   }
-  result.value = value;
-  result.sphere = hit.sphere;
-  result.decider = hit.camera;
-  if (!wants_gradient) return result;
-  const Quaternion& q_WC = scene.cameras_[static_cast<std::size_t>(hit.camera)].X_WC.rotation;
-  const Vec3d n = rotate(q_WC, found.gradient);
-  const Vec3d lever = rotate(normalized(X_WT.rotation), c_T - tool_->sphere_mass().center_of_mass);
-  const Vec3d turn = cross(lever, n);
-  for (int axis = 0; axis < 3; ++axis) {
-    result.gradient[axis] = n[axis];
-    result.gradient[3 + axis] = turn[axis];
+}
+
+Clearance ClearanceQuery::measure(const ClearanceScene& scene, const Pose& X_WT,
+                                  double limit) const noexcept {
+  const Pose X = unit(X_WT);
+  ClearanceJob job = job_;
+  job.limit = static_cast<float>(limit);
+  const ClearanceHit hit = search(scene, job, X);
+  Clearance least = clearance_of(scene.cameras().data(), tool_, hit, X, limit);
+  add_bodies(scene, X, least);
+  if (least.value <= -limit) least = {-limit};
+  return least;
+}
+
+Clearance ClearanceQuery::measure_softly(const ClearanceScene& scene, const Pose& X_WT,
+                                         double limit, double smoothing,
+                                         std::vector<ClearanceHit>& each) const {
+  constexpr double kNegligible = 30;  // e^-30
+  Clearance soft = measure(scene, X_WT, limit);
+  if (soft.sphere < 0) return soft;
+  const Pose X = unit(X_WT);
+  const double least = soft.value, reach = std::min(limit, least + kNegligible * smoothing);
+  const auto weight = [&](double value) { return std::exp((least - value) / smoothing); };
+  const double at_limit = weight(limit);
+  double sum = at_limit, gradient[6] = {};
+  const auto add = [&](const Clearance& one) {
+    if (!(one.value < reach)) return;
+    const double w = weight(one.value);
+    sum += w - at_limit;
+    for (int k = 0; k < 6; ++k) gradient[k] += w * one.gradient[k];
+  };
+  ClearanceJob job = job_;
+  job.limit = static_cast<float>(reach);
+  each.assign(static_cast<std::size_t>(job_.spheres.num_spheres), {job.limit});
+  job.each = each.data();
+  (void)search(scene, job, X);
+  for (const ClearanceHit& hit : each)
+    add(clearance_of(scene.cameras().data(), tool_, hit, X, limit));
+  for (const SearchedBody& body : scene.bodies()) {
+    for_spheres_near(body, job_.spheres, tool_, X, reach,
+                     [&](std::int32_t sphere, const PointDistance& at) {
+                       add(clearance_to_body(body, 0, at, tool_, sphere, X));
+                     });
   }
-  return result;
+  soft.value = least - smoothing * std::log(sum);
+  if (soft.value <= -limit) return {-limit};
+  for (int k = 0; k < 6; ++k) soft.gradient[k] = gradient[k] / sum;
+  return soft;
 }
 
 bool ClearanceQuery::is_within(const ClearanceScene& scene, const Pose& X_WT,
                                double margin) const noexcept {
-  const Cameras cameras(scene, X_WT);
-  // Planes change distances by no more than this, which decides between both.
-  double change = 0;
-  for (int k = 0; k < cameras.num; ++k) {
-    const double farthest = std::abs(cameras.X_CT[k].translation.z) + reach_ + std::abs(margin);
-    change = std::max(change, plane_change(*cameras.cameras[k].field, 1.01 * farthest));
-  }
-  ClearanceJob job = cameras.job(*spheres_, margin + change);
-  job.enough = static_cast<float>(margin - change);
-  ClearanceHit hit;
-  kernels_.find_nearest(job, hit);
-  if (hit.kind == ClearanceKind::nothing) return false;
-  if (hit.kind == ClearanceKind::deep || hit.value < job.enough) return true;
-  const ClearanceCamera& camera = cameras.cameras[hit.camera];
-  const Sphere& sphere = tool_->spheres()[static_cast<std::size_t>(hit.sphere)];
-  const PointDistance found =
-      refined_distance(hit.is_of_field ? *camera.field : *camera.seen_free, hit,
-                       cameras.X_CT[hit.camera] * to_double(sphere.center));
-  return found.phi - static_cast<double>(sphere.radius) < margin;
+  const Pose X = unit(X_WT);
+  const std::span<const SeenByCamera> seen = scene.cameras();
+  const ClearanceJob job =
+      margin_job(job_, seen.data(), static_cast<int>(seen.size()), tool_, X, margin);
+  if (is_hit_within(seen.data(), tool_, search(scene, job, X), job, X, margin)) return true;
+  Clearance least{margin};
+  add_bodies(scene, X, least);
+  return least.value < margin;
 }
 
 }}  // namespace palpate::v0

@@ -1,65 +1,80 @@
 // The clearance of a tool in the surfaces of a scene, on a CPU.
 #pragma once
 
-#include <optional>
+#include <array>
 #include <span>
-#include <string>
 #include <vector>
 
 #include "palpate/contact/contact.h"
-#include "src/contact/clearance/clearance_image.h"
-#include "src/contact/clearance/clearance_search.h"
+#include "src/contact/clearance/body_distance.h"
 
 namespace palpate { inline namespace v0 {
 
-/// The least clearance at a pose.
-struct Clearance {
-  double value = 0;           ///< m, negative inside
-  std::int32_t sphere = -1;   ///< -1: saturated
-  std::int32_t decider = -1;  ///< camera, or number of cameras + body; -1: saturated
-  double gradient[6] = {};    ///< by translation and rotation about C, in W
-};
+/// Checks that surfaces of a scene can be searched. Errors: a surface without field, on another GPU
+/// than this (kHostMemory: on any), for a window only, of several with a memory, or one of several
+/// that was not made for that.
+Status check_searched(std::span<const SurfaceView> surfaces, int gpu);
 
-/// The surfaces of a scene, ready for searches. One thread updates it, then any number read.
+/// An image that is searched: its field, and whether it is of seen-free space.
+struct SearchedImage {
+  const DepthFieldView* view = nullptr;
+  bool is_blocked = false;
+};
+/// The images of a surface: that of `field`, and of `seen_free` or `in_front` if it has one.
+inline std::array<SearchedImage, 2> images_of(const SurfaceView& surface, bool is_alone) {
+  if (!is_alone) return {{{&surface.field, false}, {&surface.seen_free, true}}};
+  const bool has_two = surface.in_front.num_levels > 0;
+  return {{{&surface.field, false}, {has_two ? &surface.in_front : nullptr, false}}};
+}
+
+/// A scene ready for searches. One thread updates it, then any number read.
 class ClearanceScene {
  public:
-  /// Takes surfaces in host memory; those with the stamp of an image that is there are kept.
-  /// Errors: a surface without field, on a GPU, with a memory, for a window only, or one of several
-  /// that was not made for that.
-  Status update(std::span<const SurfaceView> surfaces, ThreadPool& pool);
+  /// Takes surfaces and bodies in host memory; images with the stamp of one that is there are kept.
+  /// Errors: see check_searched.
+  Status update(std::span<const SurfaceView> surfaces, std::span<const SearchedBody> bodies,
+                ThreadPool& pool);
 
-  int num_cameras() const { return static_cast<int>(cameras_.size()); }
+  std::span<const SeenByCamera> cameras() const { return cameras_; }
+  std::span<const SearchedBody> bodies() const { return bodies_; }
+  int num_surfaces() const { return num_surfaces_; }
 
  private:
-  friend class ClearanceQuery;
-  struct Camera {
-    ClearanceFrame field, seen_free;
-    bool is_joined = false;
-    Pose X_WC, X_CW;
-    float thickness = 0;
-  };
-  std::vector<Camera> cameras_;
+  int num_surfaces_ = 0;
+  std::vector<ClearanceFrame> frames_;  // two of each surface
+  std::vector<float> thickness_;        // of each frame
+  std::vector<SeenByCamera> cameras_;
+  std::vector<SearchedBody> bodies_;
 };
+
+/// Returns the cameras that are searched: with a memory, two for a surface. `images`: two of each
+/// surface, or null.
+std::vector<SeenByCamera> seen_by(std::span<const SurfaceView> surfaces,
+                                  std::span<const ClearanceImage* const> images);
 
 /// Searches for the spheres of one tool. Any number of threads at a time.
 class ClearanceQuery {
  public:
   ClearanceQuery(const ToolIndex& index, Isa isa);
 
-  /// The least clearance to the cameras of a scene at a finite pose, between -limit and limit (m).
-  /// No allocation. O(spheres) where nothing is near.
-  Clearance measure(const ClearanceScene& scene, const Pose& X_WT, double limit,
-                    bool wants_gradient) const noexcept;
+  /// The least clearance to a scene at a finite pose, between -limit and limit (m). No allocation.
+  /// O(spheres) where nothing is near.
+  Clearance measure(const ClearanceScene& scene, const Pose& X_WT, double limit) const noexcept;
+  /// The soft minimum over spheres, cameras and bodies instead of the least: see
+  /// SceneAnswers::clearance_smoothing. `each` grows to the number of spheres.
+  Clearance measure_softly(const ClearanceScene& scene, const Pose& X_WT, double limit,
+                           double smoothing, std::vector<ClearanceHit>& each) const;
   /// True if `measure` is below the margin, m.
   bool is_within(const ClearanceScene& scene, const Pose& X_WT, double margin) const noexcept;
 
  private:
-  struct Cameras;
+  ClearanceHit search(const ClearanceScene& scene, ClearanceJob job,
+                      const Pose& X_WT) const noexcept;
+  void add_bodies(const ClearanceScene& scene, const Pose& X_WT, Clearance& least) const noexcept;
 
-  const Tool* tool_;
-  const SphereClusters* spheres_;
+  ClearanceTool tool_;
+  ClearanceJob job_;  // without cameras
   ClearanceKernels kernels_;
-  double reach_ = 0;  // of the tool from its origin, m
 };
 
 }}  // namespace palpate::v0

@@ -3,6 +3,7 @@
 // is too far away is passed over with all that it covers.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
@@ -22,7 +23,7 @@ struct ClearanceImage {
 
   const float* nearest[kLevels] = {};   ///< least depth of the surfaces in a square, m
   const float* farthest[kLevels] = {};  ///< its greatest; at level 0 the same array
-  std::int32_t blocks_wide[kLevels] = {};
+  std::int32_t blocks_wide[kLevels] = {}, blocks_high[kLevels] = {};
   std::int32_t width = 0, height = 0;
   float fx = 0, fy = 0, cx = 0, cy = 0;
   float per_fx = 0, per_fy = 0;
@@ -33,6 +34,10 @@ struct ClearanceImage {
   /// Inward unit normals of the planes through the eye and the border of the image.
   float border[4][3] = {};
 
+  /// Numbers in an array of a level.
+  std::size_t num_places(int level) const {
+    return static_cast<std::size_t>(blocks_wide[level] * blocks_high[level] * kPerBlock);
+  }
   /// Number of a square in the arrays of its level.
   PALPATE_HOSTDEV std::int32_t place(int level, std::int32_t column, std::int32_t row) const {
     return ((row >> 2) * blocks_wide[level] + (column >> 2)) * kPerBlock + (row & 3) * 4 +
@@ -40,12 +45,53 @@ struct ClearanceImage {
   }
 };
 
-/// Owns the arrays of a ClearanceImage.
+/// Describes the image of a field that is known as a whole; its arrays are still to be made.
+/// `is_blocked`: the field is one of seen-free space, and outside of the image nothing is free.
+ClearanceImage image_of(const DepthFieldView& field, bool is_blocked);
+
+/// Writes the depths of a block of 4 x 4 pixels, from the planes along their rays.
+PALPATE_HOSTDEV inline void take_depths(const ClearanceImage& image, const DepthFieldLevel& pixels,
+                                        std::int32_t block_column, std::int32_t block_row,
+                                        float* nearest) {
+  const float outside = image.is_blocked_outside != 0 ? 0 : kNoSurface;
+  float* to = nearest + (block_row * image.blocks_wide[0] + block_column) * 16;
+  for (std::int32_t v = 4 * block_row; v < 4 * block_row + 4; ++v) {
+    for (std::int32_t u = 4 * block_column; u < 4 * block_column + 4; ++u) {
+      float depth = outside;
+      if (u < pixels.width && v < pixels.height) {
+        const float* const plane = pixels.planes + 2 * (v * pixels.stride + u);
+        depth = plane[1] > 0 ? plane[0] / plane[1] : kNoSurface;
+        depth = depth < kNoSurface ? depth : kNoSurface;
+      }
+      *to++ = depth;
+    }
+  }
+}
+
+/// Writes the depths of a square of a level above 0, from its block of the level below.
+PALPATE_HOSTDEV inline void merge_depths(const ClearanceImage& image, int level,
+                                         std::int32_t column, std::int32_t row, float* nearest,
+                                         float* farthest) {
+  float least = kNoSurface, most = 0;
+  if (column < image.blocks_wide[level - 1] && row < image.blocks_high[level - 1]) {
+    constexpr int kPerBlock = ClearanceImage::kPerBlock;
+    const std::int32_t parts = (row * image.blocks_wide[level - 1] + column) * kPerBlock;
+    for (std::int32_t i = parts; i < parts + kPerBlock; ++i) {
+      const float near = image.nearest[level - 1][i], far = image.farthest[level - 1][i];
+      least = near < least ? near : least;
+      most = far > most ? far : most;
+    }
+  }
+  const std::int32_t at = image.place(level, column, row);
+  nearest[at] = least;
+  farthest[at] = most;
+}
+
+/// Owns the arrays of a ClearanceImage in host memory.
 class ClearanceFrame {
  public:
-  /// Recomputes all from a field in host memory that is known in the whole image. `is_blocked`: the
-  /// field is one of seen-free space, and outside of the image nothing is free. Allocates for the
-  /// first image of its size. O(pixels): about 1 ms for 640 x 480.
+  /// Recomputes all from a field in host memory. Allocates for the first image of its size.
+  /// O(pixels): about 1 ms for 640 x 480.
   void update(const DepthFieldView& field, bool is_blocked);
   const ClearanceImage& image() const { return image_; }
   /// DepthFieldView::stamp of the field, 0: none.

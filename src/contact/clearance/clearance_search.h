@@ -18,6 +18,19 @@
 
 namespace palpate { inline namespace v0 {
 
+/// The spheres of a tool (SphereClusters) in the memory of the device that searches.
+struct ClusterView {
+  const float *x = nullptr, *y = nullptr, *z = nullptr, *radius = nullptr;  ///< of each slot
+  const std::int32_t* sphere_id = nullptr;
+  const Cluster *clusters = nullptr, *groups = nullptr;
+  std::int32_t num_spheres = 0, num_clusters = 0, num_groups = 0;
+};
+inline ClusterView view_of(const SphereClusters& c) {
+  return {c.x.data(),         c.y.data(),        c.z.data(),      c.radius.data(),
+          c.sphere_id.data(), c.clusters.data(), c.groups.data(), c.num_loose_spheres,
+          c.num_clusters(),   c.num_groups()};
+}
+
 /// A camera of a search, and the pose of the tool in it.
 struct ClearanceCamera {
   const ClearanceImage* field = nullptr;
@@ -39,7 +52,6 @@ enum class ClearanceKind : std::uint8_t {
 struct ClearanceHit {
   float value = 0;           ///< m
   std::int32_t sphere = -1;  ///< -1: none
-  std::int32_t slot = -1;    ///< of the sphere in its clusters
   std::int32_t pixel = -1;   ///< row * width + column; of a border: its number
   std::int16_t camera = -1;
   bool is_of_field = false;  ///< the image is that of `field`
@@ -48,13 +60,16 @@ struct ClearanceHit {
 
 /// Arguments of a search.
 struct ClearanceJob {
-  const SphereClusters* spheres = nullptr;
+  ClusterView spheres;
   const ClearanceCamera* cameras = nullptr;
   int num_cameras = 0;
   /// m: values are looked for between minus this and this.
   float limit = 0;
   /// Any sphere with a value below `enough` ends the search, m.
   float enough = -1e9f;
+  /// Of each sphere by its number, if not null: all are searched for, and there is no nearest one.
+  /// Those with none keep what is there.
+  ClearanceHit* each = nullptr;
 };
 
 struct ClearanceKernels {

@@ -2,33 +2,15 @@
 // kernel files only.
 #pragma once
 
-#include <algorithm>
-
 #include "src/contact/clearance/clearance_search.h"
 #include "src/contact/clearance/nearest_rules.h"
-#include "src/core/internal/simd.h"
+#include "src/contact/clearance/search_lanes.h"
 
 namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE { namespace {
 
-// The least and the greatest lane.
-inline float min_lane(VecF v) {
-#if PALPATE_LANES == 16
-  return _mm512_reduce_min_ps(reinterpret_cast<__m512>(v));
-#elif PALPATE_LANES == 8
-  const __m256 w = reinterpret_cast<__m256>(v);
-  const __m128 four = _mm_min_ps(_mm256_castps256_ps128(w), _mm256_extractf128_ps(w, 1));
-  const __m128 two = _mm_min_ps(four, _mm_movehl_ps(four, four));
-  return _mm_cvtss_f32(_mm_min_ss(two, _mm_shuffle_ps(two, two, 1)));
-#else
-  float least = v[0];
-  for (int i = 1; i < kLanes; ++i) least = v[i] < least ? v[i] : least;
-  return least;
-#endif
-}
-inline float max_lane(VecF v) { return -min_lane(-v); }
-
 using Image = ClearanceImage;
 constexpr int kPerBlock = Image::kPerBlock;
+constexpr float kFarAway = 1e30f;  // squared distance beyond all that matters
 
 // Spheres in the frame of a camera.
 struct SphereLanes {
@@ -45,8 +27,8 @@ struct Found {
 };
 
 // Narrows a range of pixels to those that show a ball.
-inline void clip(float x, float reach, float near_scale, float far_scale, float focal, float center,
-                 int& first, int& last) {
+PALPATE_LANE_CODE inline void clip(float x, float reach, float near_scale, float far_scale,
+                                   float focal, float center, int& first, int& last) {
   float low = 0, high = 0;
   find_pixels(x, reach, near_scale, far_scale, focal, center, 1.0f, low, high);
   const float limit = static_cast<float>(last);
@@ -59,7 +41,8 @@ inline void clip(float x, float reach, float near_scale, float far_scale, float 
 struct Squares {
   int level = 0, left = 0, right = -1, top = 0, bottom = -1;
 };
-Squares squares_around(const Image& image, const CameraPoint<float>& at, float reach) {
+PALPATE_LANE_CODE inline Squares squares_around(const Image& image, const CameraPoint<float>& at,
+                                                float reach) {
   Squares to{0, 0, image.width - 1, 0, image.height - 1};
   const float near = at.z - reach;
   if (near > 0.005f) {
@@ -82,8 +65,8 @@ Squares squares_around(const Image& image, const CameraPoint<float>& at, float r
 
 // The squared distance from points to the solid space on the rays of pixels, or the free one.
 template <bool kFront>
-[[gnu::always_inline]] inline VecF pixel_distance2(const Image& image, const CameraPoint<VecF>& at,
-                                                   VecF x, VecF y, VecF depth) {
+PALPATE_LANE_INLINE VecF pixel_distance2(const Image& image, const CameraPoint<VecF>& at, VecF x,
+                                         VecF y, VecF depth) {
   if constexpr (kFront) {
     return ray_distance2(at, x, y, depth, depth + image.solid_behind);
   } else {
@@ -94,13 +77,14 @@ template <bool kFront>
 }
 
 // A search of all lanes in one image. `kFront`: the nearest solid space of spheres outside of it;
-// else the nearest free space of those inside.
-template <bool kFront>
+// else the nearest free space of those inside. `kSingle`: of one sphere, which takes the pixels of
+// a block at once.
+template <bool kFront, bool kSingle>
 class ImageSearch {
  public:
   // `best`: the value to beat. `is_shared`: lanes outbid each other.
-  ImageSearch(const Image& image, const SphereLanes& spheres, VecI lanes, Found& found, float best,
-              float enough, bool is_shared)
+  PALPATE_LANE_CODE ImageSearch(const Image& image, const SphereLanes& spheres, VecI lanes,
+                                Found& found, float best, float enough, bool is_shared)
       : image_(image),
         spheres_(spheres),
         lanes_(lanes),
@@ -109,9 +93,10 @@ class ImageSearch {
         enough_(enough),
         is_shared_(is_shared) {
     const auto& at = spheres.at;
+    // Of one sphere it is the sphere itself, to the bit.
     const auto middle = [&](VecF v) {
-      const float low = min_lane(select(lanes, v, splat(1e30f)));
-      return 0.5f * (low + max_lane(select(lanes, v, splat(-1e30f))));
+      const float low = min_lane(select(lanes, v, splat(kFarAway)));
+      return 0.5f * (low + max_lane(select(lanes, v, splat(-kFarAway))));
     };
     middle_ = {middle(at.x), middle(at.y), middle(at.z)};
     const VecF x = at.x - middle_.x, y = at.y - middle_.y, z = at.z - middle_.z;
@@ -119,26 +104,28 @@ class ImageSearch {
     tighten();
   }
 
-  void run() {
+  PALPATE_LANE_CODE void run() {
     if (!(reach_ >= 0)) return;
     const Squares squares = squares_around(image_, middle_, reach_);
-    for (int row = squares.top; row <= squares.bottom; ++row) {
-      for (int column = squares.left; column <= squares.right; ++column) {
-        visit(squares.level, column, row);
-      }
+    switch (squares.level) {
+      case 0: return visit_all<0>(squares);
+      case 1: return visit_all<1>(squares);
+      case 2: return visit_all<2>(squares);
+      case 3: return visit_all<3>(squares);
+      default: return visit_all<Image::kLevels - 1>(squares);
     }
   }
 
-  float best() const { return best_; }
+  PALPATE_LANE_CODE float best() const { return best_; }
 
  private:
   // Lowers what can still matter to what has been found.
-  void tighten() {
+  PALPATE_LANE_CODE void tighten() {
     if constexpr (kFront) {
       if (is_shared_) {
         const VecF value = sqrt(found_.distance2) - spheres_.radius;
-        best_ =
-            std::min(best_, min_lane(select(lanes_ & (found_.pixel != -1), value, splat(best_))));
+        best_ = lesser(best_,
+                       min_lane(select(lanes_ & (found_.pixel != splat(-1)), value, splat(best_))));
         const VecF limit = max(best_ + spheres_.radius, VecF{});
         limit2_ = select(lanes_, limit * limit * 1.000002f, splat(-1.0f));
       } else {
@@ -152,29 +139,45 @@ class ImageSearch {
     const VecF reach =
         select(limit2_ >= VecF{}, from_middle_ + sqrt(max(limit2_, VecF{})), splat(-1.0f));
     reach_ = max_lane(reach) * 1.0001f;
+    reach2_ = reach_ >= 0 ? reach_ * reach_ : -1;
   }
 
-  bool is_done() const { return kFront && best_ < enough_; }
+  PALPATE_LANE_CODE bool is_done() const { return kFront && best_ < enough_; }
 
-  // Looks into a square unless it is too far away for all.
-  void visit(int level, int column, int row) {
-    const auto place = static_cast<std::size_t>(image_.place(level, column, row));
-    const float nearest = image_.nearest[level][place];
+  template <int kLevel>
+  PALPATE_LANE_CODE void visit_all(const Squares& squares) {
+    for (int row = squares.top; row <= squares.bottom; ++row) {
+      for (int column = squares.left; column <= squares.right; ++column) {
+        visit<kLevel>(column, row, false);
+      }
+    }
+  }
+
+  // Looks into a square unless it is too far away for all. `is_near`: it is not for the middle.
+  template <int kLevel>
+  PALPATE_LANE_CODE void visit(int column, int row, bool is_near) {
+    const std::int32_t place = image_.place(kLevel, column, row);
+    const float nearest = image_.nearest[kLevel][place];
     if (kFront && nearest > middle_.z + reach_) return;
-    const auto size = static_cast<float>(1 << (2 * level));
-    const float left = (static_cast<float>(column) * size - image_.cx) * image_.per_fx;
-    const float top = (static_cast<float>(row) * size - image_.cy) * image_.per_fy;
-    if (level == 0) return look_at(column, row, left, top, nearest);
-    const RaySquare<VecF> rays{splat(left), splat(left + (size - 1) * image_.per_fx), splat(top),
-                               splat(top + (size - 1) * image_.per_fy)};
-    const VecF bound =
-        bound_of(spheres_.at, rays, splat(nearest), splat(image_.farthest[level][place]));
-    if (is_any_set(bound <= limit2_)) expand(level - 1, column, row);
+    constexpr float kSize = 1 << (2 * kLevel);
+    const float left = (static_cast<float>(column) * kSize - image_.cx) * image_.per_fx;
+    const float top = (static_cast<float>(row) * kSize - image_.cy) * image_.per_fy;
+    if constexpr (kLevel == 0) {
+      look_at(column, row, left, top, nearest);
+    } else if (kSingle && is_near) {
+      expand<kLevel - 1>(column, row);
+    } else {
+      const RaySquare<VecF> rays{splat(left), splat(left + (kSize - 1) * image_.per_fx), splat(top),
+                                 splat(top + (kSize - 1) * image_.per_fy)};
+      const VecF bound =
+          bound_of(spheres_.at, rays, splat(nearest), splat(image_.farthest[kLevel][place]));
+      if (is_any_set(bound <= limit2_)) expand<kLevel - 1>(column, row);
+    }
   }
 
   // A lower bound of the squared distance from points to what is looked for in squares.
-  [[gnu::always_inline]] VecF bound_of(const CameraPoint<VecF>& at, const RaySquare<VecF>& rays,
-                                       VecF nearest, VecF farthest) const {
+  PALPATE_LANE_INLINE VecF bound_of(const CameraPoint<VecF>& at, const RaySquare<VecF>& rays,
+                                    VecF nearest, VecF farthest) const {
     if constexpr (kFront) {
       return square_bound2(at, rays, nearest, farthest + image_.solid_behind);
     } else {
@@ -186,58 +189,69 @@ class ImageSearch {
 
   // Looks into those of a block's squares that come near enough to the middle of all lanes, the
   // nearest ones first.
-  void expand(int level, int block_column, int block_row) {
-    constexpr int kVectors = kPerBlock / kLanes;
-    const std::size_t first =
-        static_cast<std::size_t>(block_row * image_.blocks_wide[level] + block_column) * kPerBlock;
-    const auto size = static_cast<float>(1 << (2 * level));
-    const float span_x = (size - 1) * image_.per_fx, span_y = (size - 1) * image_.per_fy;
+  template <int kLevel>
+  PALPATE_LANE_CODE void expand(int block_column, int block_row) {
+    constexpr int kVectors = kLanes < kPerBlock ? kPerBlock / kLanes : 1;
+    const std::int32_t first = (block_row * image_.blocks_wide[kLevel] + block_column) * kPerBlock;
+    constexpr float kSize = 1 << (2 * kLevel);
+    const float span_x = (kSize - 1) * image_.per_fx, span_y = (kSize - 1) * image_.per_fy;
     const CameraPoint<VecF> middle{splat(middle_.x), splat(middle_.y), splat(middle_.z)};
-    float bounds[kPerBlock];
-    std::uint32_t near = 0;
-    const float reach2 = reach_ * reach_;
+    VecF bounds[kVectors];
+    const VecF width = splat(static_cast<float>(image_.width));
+    const VecF height = splat(static_cast<float>(image_.height));
     for (int k = 0; k < kVectors; ++k) {
-      const VecI id = lane_ids() + k * kLanes;
-      const VecF column = to_float((id & 3) + 4 * block_column) * size;
-      const VecF row = to_float((id >> 2) + 4 * block_row) * size;
+      const VecI id = (lane_ids() + k * kLanes) & (kPerBlock - 1);
+      const VecF column = to_float((id & 3) + 4 * block_column) * kSize;
+      const VecF row = to_float((id >> 2) + 4 * block_row) * kSize;
       const VecF left = (column - image_.cx) * image_.per_fx;
       const VecF top = (row - image_.cy) * image_.per_fy;
-      const std::size_t at = first + static_cast<std::size_t>(k * kLanes);
-      const VecF nearest = load(image_.nearest[level] + at);
-      const VecF farthest = load(image_.farthest[level] + at);
-      const VecF bound = level == 0 ? pixel_distance2<kFront>(image_, middle, left, top, nearest)
-                                    : bound_of(middle, {left, left + span_x, top, top + span_y},
-                                               nearest, farthest);
-      store(bounds + k * kLanes, bound);
-      near |= mask_bits(bound <= splat(reach2)) << (k * kLanes);
+      const VecF nearest = load_part(image_.nearest[kLevel] + first, k);
+      bounds[k] = kLevel == 0 ? pixel_distance2<kFront>(image_, middle, left, top, nearest)
+                              : bound_of(middle, {left, left + span_x, top, top + span_y}, nearest,
+                                         load_part(image_.farthest[kLevel] + first, k));
+      if (kSingle && kLevel == 0) {
+        bounds[k] = select((column < width) & (row < height), bounds[k], splat(kFarAway));
+      }
     }
-    int order[kPerBlock];
-    int num = 0;
-    for (; near != 0; near &= near - 1) {
-      const int child = __builtin_ctz(near);
-      int i = num++;
-      for (; i > 0 && bounds[order[i - 1]] > bounds[child]; --i) order[i] = order[i - 1];
-      order[i] = child;
-    }
-    for (int i = 0; i < num; ++i) {
-      const int child = order[i];
-      if (bounds[child] > reach_ * reach_ || is_done()) break;
-      visit(level, 4 * block_column + (child & 3), 4 * block_row + (child >> 2));
+    while (!is_done()) {
+      VecF least = bounds[0];
+      for (int k = 1; k < kVectors; ++k) least = min(least, bounds[k]);
+      const float nearest = min_lane(least);
+      if (!(nearest <= reach2_)) return;
+      int child = 0;
+      for (int k = kVectors - 1; k >= 0; --k) {
+        const std::uint32_t bits = mask_bits(bounds[k] == splat(nearest));
+        if (bits != 0) child = k * kLanes + first_lane(bits);
+      }
+      if (kSingle && kLevel == 0) {
+        const int column = 4 * block_column + (child & 3), row = 4 * block_row + (child >> 2);
+        return take(splat(nearest), column, row);
+      }
+      for (int k = 0; k < kVectors; ++k) {
+        const VecI id = (lane_ids() + k * kLanes) & (kPerBlock - 1);
+        bounds[k] = select(id == splat(child), splat(kFarAway), bounds[k]);
+      }
+      visit<kLevel>(4 * block_column + (child & 3), 4 * block_row + (child >> 2), true);
     }
   }
 
   // Measures all lanes to the ray of a pixel.
-  void look_at(int column, int row, float x, float y, float depth) {
+  PALPATE_LANE_CODE void look_at(int column, int row, float x, float y, float depth) {
     if (column >= image_.width || row >= image_.height) return;
-    const VecF distance2 =
-        pixel_distance2<kFront>(image_, spheres_.at, splat(x), splat(y), splat(depth));
+    take(pixel_distance2<kFront>(image_, spheres_.at, splat(x), splat(y), splat(depth)), column,
+         row);
+  }
+
+  // Takes a pixel where it is nearer than what lanes have, of equal ones the first.
+  PALPATE_LANE_CODE void take(VecF distance2, int column, int row) {
     const VecI pixel = splat(row * image_.width + column);
     const VecI is_nearer =
-        lanes_ & ((distance2 < found_.distance2) |
-                  ((distance2 == found_.distance2) & (found_.pixel >= 0) & (pixel < found_.pixel)));
+        lanes_ &
+        ((distance2 < found_.distance2) |
+         ((distance2 == found_.distance2) & (found_.pixel >= splat(0)) & (pixel < found_.pixel)));
     if (!is_any_set(is_nearer)) return;
     found_.distance2 = select(is_nearer, distance2, found_.distance2);
-    found_.pixel = is_nearer ? pixel : found_.pixel;
+    found_.pixel = select(is_nearer, pixel, found_.pixel);
     tighten();
   }
 
@@ -249,8 +263,9 @@ class ImageSearch {
   bool is_shared_;
   CameraPoint<float> middle_;
   VecF from_middle_;
-  VecF limit2_;  // squared distance above which nothing matters to a lane; negative: nothing does
-  float reach_;  // from the middle, to all that matters; negative: nothing does
+  VecF limit2_;   // squared distance above which nothing matters to a lane; negative: nothing does
+  float reach_;   // from the middle, to all that matters; negative: nothing does
+  float reach2_;  // its square; negative likewise
 };
 
 }}}}  // namespace palpate::v0::PALPATE_ISA_NAMESPACE

@@ -12,13 +12,18 @@ namespace palpate { inline namespace v0 {
 /// no square is passed over that has the nearest pixel.
 inline constexpr float kBoundShare = 1e-3f, kBoundSlack = 1e-9f;
 
+/// Vectors of warps have their own.
+template <class Mask, class Real>
+PALPATE_FORMULA Real choose(const Mask& mask, const Real& a, const Real& b) {
+  return mask ? a : b;
+}
 template <class Real>
 PALPATE_FORMULA Real lesser(const Real& a, const Real& b) {
-  return a < b ? a : b;
+  return choose(a < b, a, b);
 }
 template <class Real>
 PALPATE_FORMULA Real greater(const Real& a, const Real& b) {
-  return a > b ? a : b;
+  return choose(a > b, a, b);
 }
 
 /// A point in the camera frame.
@@ -51,9 +56,9 @@ PALPATE_FORMULA Real wedge_distance2(const Real& across, const Real& z, const Re
                                      const Real& high, const Real& first, const Real& last) {
   const Real one = Real{} + 1.0f;
   const auto is_above = across > high * z, is_below = across < low * z;
-  const Real edge = is_above ? high : low;
+  const Real edge = choose(is_above, high, low);
   const Real foot = (z + across * edge) / (one + edge * edge);
-  const Real along = (is_above | is_below) ? foot : z;
+  const Real along = choose(is_above | is_below, foot, z);
   const Real t = lesser(greater(along, first), last);
   const Real beyond = greater(greater(across - t * high, t * low - across), Real{});
   const Real before = z - t;

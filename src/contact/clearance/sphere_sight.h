@@ -11,13 +11,12 @@ struct BorderDistance {
   VecF value;
   VecI number;
 };
-[[gnu::always_inline]] inline BorderDistance border_distance(const Image& image,
-                                                             const CameraPoint<VecF>& p) {
-  BorderDistance least{splat(1e30f), VecI{}};
+PALPATE_LANE_INLINE BorderDistance border_distance(const Image& image, const CameraPoint<VecF>& p) {
+  BorderDistance least{splat(kFarAway), VecI{}};
   for (int k = 0; k < 4; ++k) {
     const float(&n)[3] = image.border[k];
     const VecF d = n[0] * p.x + n[1] * p.y + n[2] * p.z;
-    least.number = d < least.value ? splat(k) : least.number;
+    least.number = select(d < least.value, splat(k), least.number);
     least.value = min(d, least.value);
   }
   return least;
@@ -31,7 +30,7 @@ struct Sight {
   VecF depth;
   BorderDistance border;
 };
-[[gnu::always_inline]] inline Sight sight_of(const Image& image, const SphereLanes& spheres) {
+PALPATE_LANE_INLINE Sight sight_of(const Image& image, const SphereLanes& spheres) {
   const CameraPoint<VecF>& p = spheres.at;
   Sight sight;
   sight.border = border_distance(image, p);
@@ -42,8 +41,8 @@ struct Sight {
   sight.is_in_image = is_in_front & (u >= VecF{}) & (v >= VecF{}) &
                       (u < splat(static_cast<float>(image.width))) &
                       (v < splat(static_cast<float>(image.height)));
-  const VecI column = sight.column = sight.is_in_image ? to_int(u) : VecI{};
-  const VecI row = sight.row = sight.is_in_image ? to_int(v) : VecI{};
+  const VecI column = sight.column = select(sight.is_in_image, to_int(u), VecI{});
+  const VecI row = sight.row = select(sight.is_in_image, to_int(v), VecI{});
   const VecI place = ((row >> 2) * image.blocks_wide[0] + (column >> 2)) * kPerBlock +
                      ((row & 3) << 2) + (column & 3);
   const VecF depth = sight.depth = gather(image.nearest[0], place);
@@ -52,46 +51,51 @@ struct Sight {
   return sight;
 }
 
-[[gnu::always_inline]] inline SphereLanes spheres_at(const ClearanceJob& job,
-                                                     const ClearanceCamera& camera,
-                                                     std::size_t slot) {
-  const SphereClusters& c = *job.spheres;
+PALPATE_LANE_INLINE SphereLanes spheres_at(const ClearanceJob& job, const ClearanceCamera& camera,
+                                           std::size_t slot) {
+  const ClusterView& c = job.spheres;
   const VecF x = load(&c.x[slot]), y = load(&c.y[slot]), z = load(&c.z[slot]);
   const auto row = [&](int k) {
     const float(&r)[3] = camera.R_CT[k];
     return r[0] * x + r[1] * y + r[2] * z + camera.p_CT[k];
   };
   SphereLanes lanes{{row(0), row(1), row(2)}, load(&c.radius[slot]), {}, slot};
-  lanes.is_sphere = load(&c.sphere_id[slot]) >= VecI{};
+  lanes.is_sphere = load(&c.sphere_id[slot]) >= splat(0);
   return lanes;
 }
 
+// A border in place of a pixel: -2 - its number.
+PALPATE_LANE_INLINE VecI border_pixel(VecI number) { return ~number + (-1); }
+
 // Finds the nearest solid space in an image, or border, from outside of it.
-void look_outside(const Image& image, const SphereLanes& spheres, const Sight& sight, VecI lanes,
-                  float& best, float enough, bool is_shared, Found& found) {
+PALPATE_LANE_CODE inline void look_outside(const Image& image, const SphereLanes& spheres,
+                                           const Sight& sight, VecI lanes, float& best,
+                                           float enough, bool is_shared, Found& found) {
   if (image.is_blocked_outside != 0) {
     const VecF d = max(sight.border.value, VecF{});
     const VecI is_nearer = lanes & (d * d < found.distance2);
     found.distance2 = select(is_nearer, d * d, found.distance2);
-    found.pixel = is_nearer ? -2 - sight.border.number : found.pixel;
+    found.pixel = select(is_nearer, border_pixel(sight.border.number), found.pixel);
   }
   if (!is_any_set(lanes)) return;
-  ImageSearch<true> search(image, spheres, lanes, found, best, enough, is_shared);
+  ImageSearch<true, false> search(image, spheres, lanes, found, best, enough, is_shared);
   search.run();
   if (is_shared) best = search.best();
 }
 
-// The nearest free space in an image, from inside of its solid space.
-void look_inside(const Image& image, const SphereLanes& spheres, const Sight& sight, VecI lanes,
-                 float best, Found& found) {
+// The nearest free space in an image, from inside of its solid space. `kSingle`: for one lane.
+template <bool kSingle>
+PALPATE_LANE_CODE inline void look_inside(const Image& image, const SphereLanes& spheres,
+                                          const Sight& sight, VecI lanes, float best,
+                                          Found& found) {
   if (!is_any_set(lanes)) return;
   if (image.is_blocked_outside == 0) {
     const VecF d = max(sight.border.value, VecF{});
     const VecI is_nearer = lanes & sight.is_in_image & (d * d < found.distance2);
     found.distance2 = select(is_nearer, d * d, found.distance2);
-    found.pixel = is_nearer ? -2 - sight.border.number : found.pixel;
+    found.pixel = select(is_nearer, border_pixel(sight.border.number), found.pixel);
   }
-  ImageSearch<false>(image, spheres, lanes, found, best, 0, false).run();
+  ImageSearch<false, kSingle>(image, spheres, lanes, found, best, 0, false).run();
 }
 
 }}}}  // namespace palpate::v0::PALPATE_ISA_NAMESPACE

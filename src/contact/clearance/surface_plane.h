@@ -1,11 +1,12 @@
 // The surface around the pixel that is nearest to a sphere: a plane through the depths of the
-// pixels around it, which has less noise than the pixel itself.
+// pixels around it, which has less noise than the pixel itself. Shared by host and device.
 #pragma once
 
-#include <algorithm>
+#include <cmath>
 
 #include "palpate/math/geometry.h"
 #include "src/contact/clearance/clearance_search.h"
+#include "src/contact/clearance/nearest_rules.h"
 
 namespace palpate { inline namespace v0 {
 
@@ -15,13 +16,13 @@ inline constexpr double kPlaneChange = 1e-3;
 
 /// Half the diagonal of a pixel at a depth, m: a pixel's middle is farther than its surface by
 /// less.
-inline double pixel_reach(const ClearanceImage& image, double depth) {
-  return 0.71 * depth * static_cast<double>(std::max(image.per_fx, image.per_fy));
+PALPATE_HOSTDEV inline double pixel_reach(const ClearanceImage& image, double depth) {
+  return 0.71 * depth * static_cast<double>(greater(image.per_fx, image.per_fy));
 }
 
 /// Largest change that a plane makes at any depth up to this, m.
-inline double plane_change(const ClearanceImage& image, double depth) {
-  return kPlaneChange * std::max(1.0, depth * depth) + pixel_reach(image, depth);
+PALPATE_HOSTDEV inline double plane_change(const ClearanceImage& image, double depth) {
+  return kPlaneChange * greater(1.0, depth * depth) + pixel_reach(image, depth);
 }
 
 /// Signed distance of a point, and its derivative by the point.
@@ -30,10 +31,106 @@ struct PointDistance {
   Vec3d gradient = {};
 };
 
+/// The pixels that show one surface with (u, v).
+struct SurfaceWindow {
+  /// Largest change of depth from pixel to pixel of one surface, share.
+  static constexpr double kSurfaceStep = 0.012;
+
+  const ClearanceImage& image;
+  int u, v;
+  double depth;
+
+  PALPATE_HOSTDEV double depth_at(int at_u, int at_v) const {
+    return static_cast<double>(image.nearest[0][image.place(0, at_u, at_v)]);
+  }
+
+  PALPATE_HOSTDEV bool has(int i, int j) const {
+    const int at_u = u + i, at_v = v + j;
+    if (at_u < 0 || at_v < 0 || at_u >= image.width || at_v >= image.height) return false;
+    const double here = depth_at(at_u, at_v);
+    const int steps = greater(greater(i < 0 ? -i : i, j < 0 ? -j : j), 1);
+    return std::abs(here - depth) <= kSurfaceStep * steps * lesser(here, depth);
+  }
+
+  /// N with N . x = 1 on the plane through those within `reach` pixels: the inverse depth is linear
+  /// in the image. Least squares. False: the pixels lie on a line.
+  PALPATE_HOSTDEV bool fit(int reach, Vec3d& N) const {
+    double n = 0, i1 = 0, j1 = 0, ii = 0, ij = 0, jj = 0, y = 0, iy = 0, jy = 0;
+    for (int j = -reach; j <= reach; ++j) {
+      for (int i = -reach; i <= reach; ++i) {
+        if (!has(i, j)) continue;
+        const double inverse = 1 / depth_at(u + i, v + j);
+        n += 1;
+        i1 += i;
+        j1 += j;
+        ii += i * i;
+        ij += i * j;
+        jj += j * j;
+        y += inverse;
+        iy += i * inverse;
+        jy += j * inverse;
+      }
+    }
+    const double a = ii - i1 * i1 / n, b = ij - i1 * j1 / n, c = jj - j1 * j1 / n;
+    const double by_u = iy - i1 * y / n, by_v = jy - j1 * y / n, determinant = a * c - b * b;
+    if (!(determinant > 0.1 * n)) return false;
+    const double su = (c * by_u - b * by_v) / determinant, sv = (a * by_v - b * by_u) / determinant;
+    const double at_zero = (y - su * i1 - sv * j1) / n - su * u - sv * v;
+    const double fx = image.fx, fy = image.fy, cx = image.cx, cy = image.cy;
+    N = {su * fx, sv * fy, at_zero + su * cx + sv * cy};
+    return true;
+  }
+};
+
 /// Returns the distance of a sphere's center that a search has found, in the camera frame.
 /// Distances to surfaces are those to a plane through up to 9 x 9 pixels of one surface, if the
 /// foot of the point lies among them, else those to the pixel.
-PointDistance refined_distance(const ClearanceImage& image, const ClearanceHit& hit,
-                               const Vec3d& p_C);
+PALPATE_HOSTDEV inline PointDistance refined_distance(const ClearanceImage& image,
+                                                      const ClearanceHit& hit, const Vec3d& p) {
+  const double outward = hit.kind == ClearanceKind::open ? -1 : 1;
+  if (hit.kind == ClearanceKind::border) {
+    const float(&n)[3] = image.border[hit.pixel];
+    const Vec3d normal{n[0], n[1], n[2]};
+    // Free inside of the image: the border is solid. Solid inside of it: the border is free.
+    const double d = dot(normal, p);
+    if (image.is_blocked_outside != 0) return {d, normal};
+    return {-d, -normal};
+  }
+  const double fx = image.fx, fy = image.fy, cx = image.cx, cy = image.cy;
+  const int u = hit.pixel % image.width, v = hit.pixel / image.width;
+  const double depth = static_cast<double>(image.nearest[0][image.place(0, u, v)]);
+  const SurfaceWindow window{image, u, v, depth};
+  const Vec3d ray{(u - cx) / fx, (v - cy) / fy, 1};
+  const double along = dot(p, ray) / dot(ray, ray), back = image.solid_behind;
+  double t = outward > 0 ? lesser(greater(along, depth), depth + back)
+                         : lesser(greater(along, 0.0), depth);
+  if (outward < 0 && back < static_cast<double>(kNoSurface)) {
+    const double behind = greater(along, depth + back);
+    if (norm(p - behind * ray) < norm(p - t * ray)) t = behind;
+  }
+  const Vec3d apart = p - t * ray;
+  const double distance = norm(apart);
+  const PointDistance plain{outward * distance,
+                            distance > 0 ? apart * (outward / distance) : Vec3d{0, 0, -1}};
+  if (t != depth) return plain;  // beside a surface, or behind its back
+  for (int reach = 4; reach > 0; reach /= 2) {
+    Vec3d N;
+    if (!window.fit(reach, N)) continue;
+    const double length = norm(N), off = (1 - dot(N, p)) / length;
+    const Vec3d foot = p + N * (off / length);
+    const double change = kPlaneChange * greater(1.0, depth * depth);
+    const double beyond = outward * (plain.phi - off);  // how much farther the pixel is
+    const double pixel = pixel_reach(image, depth);
+    const double explained = std::sqrt(off * off + pixel * pixel) - std::abs(off);
+    if (!(foot.z > 0) || beyond < -change || beyond > change + explained) continue;
+    const double i = foot.x / foot.z * fx + cx - u, j = foot.y / foot.z * fy + cy - v;
+    if (!(std::abs(i) <= reach + 0.5 && std::abs(j) <= reach + 0.5)) continue;
+    if (!window.has(static_cast<int>(std::floor(i + 0.5)), static_cast<int>(std::floor(j + 0.5)))) {
+      continue;
+    }
+    return {off, N / -length};
+  }
+  return plain;
+}
 
 }}  // namespace palpate::v0

@@ -84,19 +84,18 @@ Status check_poses(const ScenePoses& poses, std::size_t num_tools) {
                      "group_of_pose", "groups");
 }
 
-Status check_clearance(const ContactMethod& method, const Place& place, double limit) {
+Status check_clearance(const ContactMethod& method, double limit, double smoothing) {
   if (!std::holds_alternative<FieldMethod>(method)) {
     return refused(std::string("clearance is measured with the method field, not with ") +
                    name_of(contact_options(method).method) + "; create the contact with field");
   }
-  if (place.backend != Backend::cpu) {
-    return Error{Errc::unavailable,
-                 "clearance is measured on the CPU; create the contact and the sensors with "
-                 "Place::cpu()"};
-  }
   if (!(limit > 0) || !std::isfinite(limit)) {
     return refused("clearance saturates at a distance above 0, not at " + std::to_string(limit) +
                    " m");
+  }
+  if (!(smoothing >= 0) || !std::isfinite(smoothing)) {
+    return refused("clearance is smoothed over a length, 0 for none, not over " +
+                   std::to_string(smoothing) + " m");
   }
   return Done{};
 }

@@ -14,7 +14,7 @@ namespace palpate { inline namespace v0 {
 Status check_scene(const Scene& scene, const ContactMethod& method, const Place& place);
 /// Errors: sizes that do not match; several tools without indices; an index out of range.
 Status check_poses(const ScenePoses& poses, std::size_t num_tools);
-/// Errors: a point method; a GPU; a limit that is not above 0.
-Status check_clearance(const ContactMethod& method, const Place& place, double limit);
+/// Errors: a point method; a limit that is not above 0; a smoothing below 0.
+Status check_clearance(const ContactMethod& method, double limit, double smoothing);
 
 }}  // namespace palpate::v0

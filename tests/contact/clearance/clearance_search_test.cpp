@@ -54,7 +54,8 @@ struct Searched {
     }
     ClearanceHit hit;
     clearance_kernels(isa).find_nearest(
-        {&spheres, cameras.data(), static_cast<int>(cameras.size()), static_cast<float>(limit)},
+        {view_of(spheres), cameras.data(), static_cast<int>(cameras.size()),
+         static_cast<float>(limit)},
         hit);
     return hit;
   }

@@ -311,6 +311,119 @@ TEST(SceneContact, SpheresAreDescribed) {
   EXPECT_EQ(decided[1], kNoCamera);
 }
 
+// -s ln(e^(-limit/s) + sum(e^(-c/s) - e^(-limit/s))) over the clearances of balls by themselves.
+TEST(SceneContact, SmoothMinimumIsItsFormulaAndGradientTheDerivative) {
+  const BallAndWall seen;
+  const Tool shape =
+      Tool::pack(make_box({0.1, 0.1, 0.1}), {.max_spheres = 50}).value().with_solid_field();
+  const Scene scene{.surfaces = {seen.surface}, .bodies = {Body(shape, {{0.22, 0, 0.8}, {}})}};
+  const Tool tool = test::random_tool(8, 0.03, 4);
+  const SceneContact contact = contact_of(tool);
+  const Vec3d C_T = tool.sphere_mass().center_of_mass;
+  constexpr std::size_t kNum = 20, kEach = 13;  // each with twelve neighbors
+  constexpr double kStep = 1e-6, kSmoothing = 0.005;
+  Random random(6);
+  std::vector<Pose> poses;
+  for (std::size_t i = 0; i < kNum; ++i) {
+    const double x = random.uniform(0, 0.3), y = random.uniform(-0.15, 0.15);
+    const Pose X_WT{{x, y, random.uniform(0.6, 0.97)}, random.rotation(3)};
+    poses.push_back(X_WT);
+    for (int k = 0; k < 12; ++k) {
+      Vec3d shift, turn;
+      (k < 6 ? shift : turn)[k % 6 / 2] = k % 2 == 0 ? kStep : -kStep;
+      const Quaternion q{turn.x / 2, turn.y / 2, turn.z / 2, 1};
+      Pose moved{{}, normalized(q) * X_WT.rotation};
+      moved.translation = X_WT * C_T + shift - rotate(moved.rotation, C_T);
+      poses.push_back(moved);
+    }
+  }
+  Answered got(poses.size()), least(poses.size());
+  got.answers.contact = least.answers.contact = {};
+  got.answers.clearance_smoothing = kSmoothing;
+  ASSERT_TRUE(contact.measure(scene, {poses}, least.answers));
+  ASSERT_TRUE(contact.measure(scene, {poses}, got.answers));
+  const double floor = std::exp(-kClearanceLimit / kSmoothing);
+  std::vector<double> sums(kNum, floor);
+  for (const Sphere& sphere : tool.spheres()) {
+    const Tool ball = small_ball(static_cast<double>(sphere.radius));
+    const SceneContact alone = contact_of(ball);
+    std::vector<Pose> at;
+    for (std::size_t i = 0; i < kNum; ++i) {
+      at.push_back({poses[kEach * i] * to_double(sphere.center), {}});
+    }
+    for (const Scene& part : {Scene{.surfaces = scene.surfaces}, Scene{.bodies = scene.bodies}}) {
+      Answered of_ball(kNum);
+      of_ball.answers.contact = {};
+      ASSERT_TRUE(alone.measure(part, {at}, of_ball.answers));
+      for (std::size_t i = 0; i < kNum; ++i) {
+        sums[i] += std::exp(-of_ball.clearance[i] / kSmoothing) - floor;
+      }
+    }
+  }
+  int num_checked = 0, num_off = 0, num_below = 0;
+  for (std::size_t i = 0; i < kNum; ++i) {
+    const std::size_t at = kEach * i;
+    const double want = -kSmoothing * std::log(sums[i]);
+    EXPECT_NEAR(got.clearance[at], std::max(want, -kClearanceLimit), 1e-6);
+    if (!(std::abs(got.clearance[at]) < kClearanceLimit)) continue;
+    EXPECT_EQ(got.nearest[at], least.nearest[at]);
+    EXPECT_LE(got.clearance[at], least.clearance[at]);
+    num_below += got.clearance[at] < least.clearance[at] - 1e-4;
+    for (std::size_t k = 0; k < 6; ++k) {
+      const double slope =
+          (got.clearance[at + 1 + 2 * k] - got.clearance[at + 2 + 2 * k]) / (2 * kStep);
+      ++num_checked;
+      num_off += std::abs(slope - got.gradient[6 * at + k]) > 1e-3;
+    }
+  }
+  EXPECT_GT(num_below, 5);
+  EXPECT_GT(num_checked, 60);
+  EXPECT_LE(num_off, num_checked / 20);  // where a nearest pixel changes within the step
+}
+
+// A hand 0.65 to 0.75 m away has come before a table at 1 m, which a camera remembers.
+TEST(SceneContact, SpaceBehindAHandIsFreeIfItIsRemembered) {
+  const auto frame_of = [](bool has_hand) {
+    const auto ray = [has_hand](const Vec3d& p, const Vec3d& d) {
+      const double table = test::to_wall(p, d, 1.0);
+      return has_hand ? std::min(table, test::to_ball(p, d, {0, 0, 0.7}, 0.05)) : table;
+    };
+    DepthFrame frame{640, 480, 0.0001, {}, 0};
+    for (const float z : test::depth_seen(ray, test::vga(), {})) {
+      frame.pixels.push_back(static_cast<std::uint16_t>(std::lround(z / 0.0001f)));
+    }
+    return frame;
+  };
+  const DepthFrame table = frame_of(false), hand = frame_of(true);
+  test::HullScene seen;
+  test::add_memory(seen, test::vga(), {table, table, table, table, hand}, {}, 1, false);
+  const SurfaceView& remembers = seen.views[0].to;
+  ASSERT_EQ(remembers.role, SurfaceRole::with_memory);
+  const Tool tool = small_ball(0.004);
+  const SceneContact contact = contact_of(tool);
+  const std::vector<Pose> poses{
+      {{0.002, 0.001, 0.93}, {}}, {{0, 0, 0.645}, {}}, {{0, 0, 0.67}, {}}};
+  Answered got(3);
+  const Status known = contact.measure({.surfaces = {remembers}}, {poses}, got.answers);
+  ASSERT_TRUE(known) << known.error().message;
+  EXPECT_NEAR(got.clearance[0], 0.066, 5e-4);
+  EXPECT_NEAR(got.gradient[2], -1, 1e-3);
+  EXPECT_EQ(got.decided[0], 0);
+  EXPECT_EQ(got.volume[0], 0);
+  EXPECT_NEAR(got.clearance[1], 0.001, 5e-4);  // to the hand
+  EXPECT_LT(got.clearance[2], -0.02);
+  std::uint8_t hits[3];
+  ASSERT_TRUE(contact.any({.surfaces = {remembers}}, {poses}, 0.003, hits));
+  EXPECT_EQ(hits[0] + 10 * hits[1] + 100 * hits[2], 110);
+  // Joined with others it is refused.
+  test::HullScene joined;
+  test::add_memory(joined, test::vga(), {table, table, table, table, hand}, {}, 1, true);
+  const Scene two{.surfaces = {joined.views[0].to, joined.views[0].to}};
+  const Status status = contact.measure(two, {poses}, got.answers);
+  ASSERT_FALSE(status);
+  EXPECT_NE(status.error().message.find("has a memory"), std::string::npos);
+}
+
 TEST(SceneContact, RefusesInOneSentence) {
   const BallAndWall seen;
   const Tool tool = small_ball(0.01);

@@ -1,0 +1,70 @@
+// Clearance of many poses of several tools in one scene, on a CPU or a GPU.
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "palpate/contact/scene.h"
+#include "src/contact/clearance/clearance.h"
+
+namespace palpate { inline namespace v0 {
+
+/// A body with its field in host memory, which the body keeps.
+SearchedBody searched_body(const Body& body);
+
+/// One thread at a time.
+class ClearanceBatch {
+ public:
+  virtual ~ClearanceBatch() = default;
+
+  /// Takes the scene of the next questions; what is as in the last one is kept. Errors: see
+  /// check_searched.
+  virtual Status take(std::span<const SurfaceView> surfaces, std::span<const Body> bodies) = 0;
+  /// Calls put(pose, clearance) for each finite pose, on any thread. Errors: a GPU without memory,
+  /// or lost; smoothing on a GPU.
+  using Put = std::function<void(std::size_t, const Clearance&)>;
+  virtual Status measure(const ScenePoses& poses, double limit, double smoothing,
+                         const Put& put) = 0;
+  /// See SceneContact::any.
+  virtual Status any(const ScenePoses& poses, double margin, std::uint8_t* hits) = 0;
+};
+
+/// Makes one over the threads of `execution.pool`.
+Result<std::unique_ptr<ClearanceBatch>> make_clearance_batch(
+    std::span<const std::shared_ptr<const ToolIndex>> tools, const ExecutionOptions& execution);
+/// The same on a GPU. Errors: no such GPU; too little memory there.
+Result<std::unique_ptr<ClearanceBatch>> make_clearance_batch_cuda(
+    std::span<const std::shared_ptr<const ToolIndex>> tools, const ExecutionOptions& execution);
+
+/// Number of the tool of a pose.
+inline std::size_t tool_of(const ScenePoses& poses, std::size_t pose) {
+  return poses.tool_of_pose.empty() ? 0 : static_cast<std::size_t>(poses.tool_of_pose[pose]);
+}
+/// Number of the answer of a pose: of its group, if there are groups.
+inline std::size_t group_of(const ScenePoses& poses, std::size_t pose) {
+  return poses.group_of_pose.empty() ? pose : static_cast<std::size_t>(poses.group_of_pose[pose]);
+}
+/// Answers of `any`: groups, or poses.
+inline std::size_t num_groups_of(const ScenePoses& poses) {
+  return poses.group_of_pose.empty() ? poses.X_WT.size()
+                                     : static_cast<std::size_t>(poses.num_groups);
+}
+
+/// Calls work(thread, pose) for all poses, some at a time on each thread of a pool.
+template <class Work>
+void for_poses(ThreadPool& pool, std::size_t num, const Work& work) {
+  constexpr std::size_t kPosesAtATime = 64;
+  std::atomic<std::size_t> next = 0;
+  pool.parallel_for(pool.num_threads(), [&](int thread) {
+    for (std::size_t first = next.fetch_add(kPosesAtATime); first < num;
+         first = next.fetch_add(kPosesAtATime)) {
+      const std::size_t end = first + kPosesAtATime < num ? first + kPosesAtATime : num;
+      for (std::size_t i = first; i < end; ++i) work(static_cast<std::size_t>(thread), i);
+    }
+  });
+}
+
+}}  // namespace palpate::v0

@@ -1,0 +1,300 @@
+// The nearest sphere of a tool: all cameras for as many spheres as a vector has lanes. Included by
+// kernel files only, of processors and of GPUs.
+#pragma once
+
+#include "src/contact/clearance/sphere_sight.h"
+
+namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE { namespace {
+
+// The spheres of one vector against all cameras.
+class VectorSearch {
+ public:
+  PALPATE_LANE_CODE VectorSearch(const ClearanceJob& job, std::size_t slot, ClearanceHit& hit)
+      : job_(job), slot_(slot), hit_(hit), id_(load(&job.spheres.sphere_id[slot])) {}
+
+  PALPATE_LANE_CODE void run() {
+    lanes_ = spheres_at(job_, job_.cameras[0], slot_).is_sphere;
+    if (job_.cameras[0].seen_free != nullptr) return run_hull();
+    for (int k = 0; k < job_.num_cameras; ++k) run_alone(k);
+  }
+
+ private:
+  PALPATE_LANE_CODE float best() const { return hit_.value; }
+
+  // Distances that would beat the best value, squared.
+  PALPATE_LANE_CODE Found start(VecF radius) const {
+    const VecF limit = max(best() + radius, VecF{});
+    return {limit * limit * 1.000002f, splat(-1)};
+  }
+  PALPATE_LANE_CODE Found start_inside(VecF radius) const {
+    const VecF limit = max(job_.limit - radius, VecF{});
+    return {limit * limit, splat(-1)};
+  }
+
+  // Keeps the least value among some lanes, of equal ones that of the first sphere; or each.
+  PALPATE_LANE_CODE void keep(VecI lanes, VecF values, const Found& found, int camera,
+                              bool is_of_field, bool is_inside) {
+    if (job_.each == nullptr) {
+      const float least = min_lane(select(lanes, values, splat(kFarAway)));
+      if (!(least <= hit_.value)) return;
+      lanes &= values == splat(least);
+    }
+    for (std::uint32_t bits = mask_bits(lanes); bits != 0; bits &= bits - 1) {
+      const int i = first_lane(bits);
+      const float value = lane_of(values, i);
+      const std::int32_t id = lane_of(id_, i), pixel = lane_of(found.pixel, i);
+      ClearanceHit hit{
+          value, id, pixel, static_cast<std::int16_t>(camera), is_of_field, ClearanceKind::solid};
+      if (is_inside) hit.kind = pixel == -1 ? ClearanceKind::deep : ClearanceKind::open;
+      if (pixel < -1) {
+        hit.kind = ClearanceKind::border;
+        hit.pixel = -2 - pixel;
+      }
+      if (job_.each != nullptr) {
+        if (value < job_.each[id].value) job_.each[id] = hit;
+      } else if (value < hit_.value || id < hit_.sphere) {
+        hit_ = hit;
+      }
+    }
+  }
+
+  // One camera by itself; what it remembers and what is in front of that are two.
+  PALPATE_LANE_CODE void run_alone(int camera) {
+    const Image& image = *job_.cameras[camera].field;
+    const SphereLanes spheres = spheres_at(job_, job_.cameras[camera], slot_);
+    const Sight sight = sight_of(image, spheres);
+    const VecI inside = lanes_ & sight.is_solid;
+    const VecI outside = lanes_ & ~sight.is_solid & (spheres.radius > splat(-best()));
+    if (is_any_set(inside)) {
+      if (is_any_set(inside & (-spheres.radius < splat(job_.enough)))) {
+        hit_.value = -1e9f;
+        hit_.kind = ClearanceKind::deep;
+        return;
+      }
+      find_deepest(image, spheres, sight, inside, camera);
+    }
+    if (!is_any_set(outside)) return;
+    Found found = start(spheres.radius);
+    offer<true>(image, spheres, outside & sight.is_in_image, sight.column, sight.row, sight.depth,
+                found);
+    float value = best();
+    look_outside(image, spheres, sight, outside, value, job_.enough, job_.each == nullptr, found);
+    keep(outside & (found.pixel != splat(-1)), sqrt(found.distance2) - spheres.radius, found,
+         camera, true, false);
+  }
+
+  // Searches for one sphere at a time, the one that may be the deepest first. The free pixel that
+  // is nearest to it is often near to the others, too, which then need no search.
+  PALPATE_LANE_CODE void find_deepest(const Image& image, const SphereLanes& spheres,
+                                      const Sight& sight, VecI lanes, int camera) {
+    if (!is_any_set(lanes)) return;
+    Found found = start_inside(spheres.radius);
+    offer<false>(image, spheres, lanes, sight.column, sight.row, sight.depth, found);
+    while (true) {
+      const VecF value = select(lanes, depth_value(found, spheres), splat(kFarAway));
+      const float deepest = min_lane(value);
+      if (!(deepest <= best())) return;
+      const VecI is_it = lane_ids() == splat(first_lane(mask_bits(value == splat(deepest))));
+      look_inside<true>(image, spheres, sight, is_it, best(), found);
+      keep(is_it, depth_value(found, spheres), found, camera, true, true);
+      lanes &= ~is_it;
+      const std::int32_t pixel = lane_of(found.pixel, first_lane(mask_bits(is_it)));
+      if (pixel < 0) continue;
+      const std::int32_t column = pixel % image.width, row = pixel / image.width;
+      offer<false>(image, spheres, lanes, splat(column), splat(row),
+                   splat(image.nearest[0][image.place(0, column, row)]), found);
+    }
+  }
+
+  // Takes the solid or free space of a pixel where it is nearer than what a lane has.
+  template <bool kFront>
+  PALPATE_LANE_CODE void offer(const Image& image, const SphereLanes& spheres, VecI lanes,
+                               VecI column, VecI row, VecF depth, Found& found) {
+    const VecF x = (to_float(column) - image.cx) * image.per_fx;
+    const VecF y = (to_float(row) - image.cy) * image.per_fy;
+    const VecF distance2 = pixel_distance2<kFront>(image, spheres.at, x, y, depth);
+    const VecI is_nearer = lanes & (distance2 < found.distance2);
+    found.distance2 = select(is_nearer, distance2, found.distance2);
+    found.pixel = select(is_nearer, row * image.width + column, found.pixel);
+  }
+
+  PALPATE_LANE_CODE VecF depth_value(const Found& found, const SphereLanes& spheres) const {
+    const VecF value = -(sqrt(found.distance2) + spheres.radius);
+    return select(found.pixel == splat(-1), splat(-job_.limit), value);
+  }
+
+  // Joined cameras: the greatest distance to what is not seen to be free, and no less than the
+  // least one to the surfaces of `field`.
+  PALPATE_LANE_CODE void run_hull();
+
+  const ClearanceJob& job_;
+  std::size_t slot_;
+  ClearanceHit& hit_;
+  VecI id_, lanes_;
+};
+
+// The better of two answers, lane by lane, with its camera.
+struct Choice {
+  Found found;
+  VecI camera, is_of_field;
+
+  PALPATE_LANE_CODE void take(VecI lanes, const Found& other, int number, bool from_field) {
+    found.distance2 = select(lanes, other.distance2, found.distance2);
+    found.pixel = select(lanes, other.pixel, found.pixel);
+    camera = select(lanes, splat(number), camera);
+    is_of_field = select(lanes, splat(from_field ? -1 : 0), is_of_field);
+  }
+};
+
+PALPATE_LANE_CODE inline void VectorSearch::run_hull() {
+  VecI may_win = lanes_, is_free{};
+  VecF radius = load(&job_.spheres.radius[slot_]);
+  Choice nearest{{splat(-1.0f), splat(-1)}, VecI{}, VecI{}};
+  for (int k = 0; k < job_.num_cameras; ++k) {
+    const Image& image = *job_.cameras[k].seen_free;
+    const SphereLanes spheres = spheres_at(job_, job_.cameras[k], slot_);
+    const Sight sight = sight_of(image, spheres);
+    const VecI here = may_win & ~sight.is_solid;
+    if (!is_any_set(here)) continue;
+    Found found = start(radius);
+    float value = best();
+    look_outside(image, spheres, sight, here, value, job_.enough, false, found);
+    is_free |= here;
+    may_win &= ~(here & (found.pixel == splat(-1)));
+    nearest.take(here & (found.distance2 > nearest.found.distance2), found, k, false);
+  }
+  if (!is_any_set(may_win)) return;
+  // The fields: outside of all of them, the least distance.
+  VecI is_in_some{};
+  Choice of_fields{start(radius), VecI{}, VecI{}};
+  const VecI open = may_win & (is_free | lanes_);
+  for (int k = 0; k < job_.num_cameras; ++k) {
+    const Image& image = *job_.cameras[k].field;
+    const SphereLanes spheres = spheres_at(job_, job_.cameras[k], slot_);
+    const Sight sight = sight_of(image, spheres);
+    is_in_some |= open & sight.is_solid;
+    const VecI here = open & ~sight.is_solid & ~is_in_some;
+    if (!is_any_set(here)) continue;
+    Found found = of_fields.found;
+    float value = best();
+    look_outside(image, spheres, sight, here, value, job_.enough, false, found);
+    of_fields.take(here & (found.distance2 < of_fields.found.distance2), found, k, true);
+  }
+  const VecI outside = may_win & (is_free | ~is_in_some);
+  const VecI by_field =
+      outside & ~is_in_some & ((of_fields.found.distance2 > nearest.found.distance2) | ~is_free);
+  may_win &= ~(by_field & (of_fields.found.pixel == splat(-1)));
+  const auto keep_each = [&](VecI lanes, const Choice& from, VecF values, bool is_inside) {
+    for (int k = 0; k < job_.num_cameras; ++k) {
+      const VecI of_camera = lanes & (from.camera == splat(k));
+      keep(of_camera & ~from.is_of_field, values, from.found, k, false, is_inside);
+      keep(of_camera & from.is_of_field, values, from.found, k, true, is_inside);
+    }
+  };
+  keep_each(may_win & by_field, of_fields, sqrt(of_fields.found.distance2) - radius, false);
+  keep_each(may_win & outside & ~by_field, nearest, sqrt(nearest.found.distance2) - radius, false);
+  // Seen to be free by none, and inside of a surface: the least way to what one has seen to be
+  // free, or out of all surfaces.
+  const VecI inside = may_win & ~outside;
+  if (!is_any_set(inside)) return;
+  Choice to_free{start_inside(radius), VecI{}, VecI{}};
+  Choice out_of_fields{{splat(-1.0f), splat(-1)}, VecI{}, VecI{}};
+  for (int k = 0; k < job_.num_cameras; ++k) {
+    const SphereLanes spheres = spheres_at(job_, job_.cameras[k], slot_);
+    const Image& seen_free = *job_.cameras[k].seen_free;
+    Found found = to_free.found;
+    look_inside<false>(seen_free, spheres, sight_of(seen_free, spheres), inside, best(), found);
+    to_free.take(inside & (found.distance2 < to_free.found.distance2), found, k, false);
+    const Image& field = *job_.cameras[k].field;
+    const Sight sight = sight_of(field, spheres);
+    const VecI here = inside & sight.is_solid;
+    found = start_inside(radius);
+    look_inside<false>(field, spheres, sight, here, best(), found);
+    out_of_fields.take(here & (found.distance2 > out_of_fields.found.distance2), found, k, true);
+  }
+  to_free.take(inside & (out_of_fields.found.distance2 < to_free.found.distance2) &
+                   (out_of_fields.found.distance2 >= VecF{}),
+               out_of_fields.found, 0, true);
+  const VecI was_out = inside & (to_free.is_of_field != splat(0));
+  to_free.camera = select(was_out, out_of_fields.camera, to_free.camera);
+  const VecF values = select(to_free.found.pixel == splat(-1), splat(-job_.limit),
+                             -(sqrt(to_free.found.distance2) + radius));
+  keep_each(inside, to_free, values, true);
+}
+
+PALPATE_LANE_CODE inline CameraPoint<float> center_of(const ClearanceCamera& camera,
+                                                      const Cluster& ball) {
+  const auto row = [&](int k) {
+    const float(&r)[3] = camera.R_CT[k];
+    return r[0] * ball.center.x + r[1] * ball.center.y + r[2] * ball.center.z + camera.p_CT[k];
+  };
+  return {row(0), row(1), row(2)};
+}
+
+// Distance of a cluster's ball to the surface of its middle's pixel, for the order of clusters.
+PALPATE_LANE_CODE inline float rank_of(const ClearanceJob& job, const Cluster& ball) {
+  const Image& image = *job.cameras[0].field;
+  const CameraPoint<float> p = center_of(job.cameras[0], ball);
+  if (!(p.z > 1e-3f)) return 0;
+  const float u = p.x / p.z * image.fx + image.cx + 0.5f;
+  const float v = p.y / p.z * image.fy + image.cy + 0.5f;
+  if (!(u >= 0 && v >= 0 && u < static_cast<float>(image.width) &&
+        v < static_cast<float>(image.height))) {
+    return 0;
+  }
+  const int place = image.place(1, static_cast<int>(u) >> 2, static_cast<int>(v) >> 2);
+  return image.nearest[1][place] - p.z - ball.reach;
+}
+
+// True if cameras by themselves see only what is farther away than a ball and `best` around it.
+PALPATE_LANE_CODE inline bool is_far_in_front(const ClearanceJob& job, const Cluster& ball,
+                                              float best) {
+  if (job.cameras[0].seen_free != nullptr) return false;
+  const float reach = (ball.reach + best) * 1.0001f;
+  if (!(reach > 0)) return false;
+  for (int k = 0; k < job.num_cameras; ++k) {
+    const ClearanceCamera& camera = job.cameras[k];
+    const Image& image = *camera.field;
+    const CameraPoint<float> p = center_of(camera, ball);
+    const Squares squares = squares_around(image, p, reach);
+    for (int row = squares.top; row <= squares.bottom; ++row) {
+      for (int column = squares.left; column <= squares.right; ++column) {
+        const std::int32_t place = image.place(squares.level, column, row);
+        if (image.nearest[squares.level][place] <= p.z + reach) return false;
+      }
+    }
+  }
+  return true;
+}
+
+// Searches all spheres, cluster by cluster, those that seem to be the nearest first.
+PALPATE_LANE_CODE inline void search_clusters(const ClearanceJob& job, ClearanceHit& hit) {
+  constexpr int kSize = SphereClusters::kSize, kPerGroup = SphereClusters::kClustersPerGroup;
+  hit = {};
+  hit.value = job.limit;
+  const ClusterView& spheres = job.spheres;
+  for (int group = 0; group < spheres.num_groups; ++group) {
+    const int first = group * kPerGroup;
+    const int num = lesser(kPerGroup, spheres.num_clusters - first);
+    if (is_far_in_front(job, spheres.groups[group], hit.value)) continue;
+    float ranks[kPerGroup];
+    int order[kPerGroup];
+    for (int k = 0; k < num; ++k) {
+      ranks[k] = rank_of(job, spheres.clusters[first + k]);
+      int i = k;
+      for (; i > 0 && ranks[order[i - 1]] > ranks[k]; --i) order[i] = order[i - 1];
+      order[i] = k;
+    }
+    for (int k = 0; k < num; ++k) {
+      const int cluster = first + order[k];
+      const int num_spheres = lesser(kSize, spheres.num_spheres - cluster * kSize);
+      if (is_far_in_front(job, spheres.clusters[cluster], hit.value)) continue;
+      for (int i = 0; i < num_spheres; i += kLanes) {
+        VectorSearch(job, static_cast<std::size_t>(cluster * kSize + i), hit).run();
+        if (hit.value < job.enough || hit.value <= -job.limit) return;
+      }
+    }
+  }
+}
+
+}}}}  // namespace palpate::v0::PALPATE_ISA_NAMESPACE

@@ -1,0 +1,45 @@
+// Makers of the queries of a scene in one place. Those of a GPU are in a build with CUDA, and in
+// tests by the emulator.
+#pragma once
+
+#include <memory>
+#include <span>
+#include <utility>
+
+#include "palpate/contact/scene.h"
+#include "src/contact/backends.h"
+#include "src/contact/batch/field_batch_cuda.h"
+#include "src/contact/clearance/clearance_batch.h"
+
+namespace palpate { inline namespace v0 {
+
+struct SceneMakers {
+  using Index = std::shared_ptr<const ToolIndex>;
+
+  Result<std::unique_ptr<ContactQuery>> (*contact)(Index, const ContactMethod&,
+                                                   const ExecutionOptions&);
+  Result<std::unique_ptr<BatchQuery>> (*batch)(Index, const FieldMethod&, const ExecutionOptions&);
+  Result<std::unique_ptr<BodyPairQuery>> (*pair)(Index, Index, const ExecutionOptions&);
+  Result<std::unique_ptr<ClearanceBatch>> (*clearance)(std::span<const Index>,
+                                                       const ExecutionOptions&);
+};
+
+/// Those of a GPU.
+inline SceneMakers cuda_makers() {
+  return {
+      make_contact_query_cuda,
+      [](SceneMakers::Index index, const FieldMethod& method, const ExecutionOptions& execution) {
+        return make_batch_query_cuda(std::move(index), method, execution.gpu);
+      },
+      [](SceneMakers::Index a, SceneMakers::Index b, const ExecutionOptions& execution) {
+        return make_solid_contact_cuda(std::move(a), std::move(b), execution.gpu);
+      },
+      make_clearance_batch_cuda};
+}
+
+struct SceneContactMaker {
+  static Result<SceneContact> make(std::span<const Tool* const> tools, const ContactMethod& method,
+                                   const Place& place, int num_threads, const SceneMakers& makers);
+};
+
+}}  // namespace palpate::v0

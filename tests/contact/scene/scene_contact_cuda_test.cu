@@ -1,0 +1,232 @@
+// Scenes on the GPU: contact, clearance and yes or no against the CPU.
+#include <cmath>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "src/contact/scene/scene_makers.h"
+#include "tests/test_util/contact_scenes.h"
+#include "tests/test_util/gpu.h"
+#include "tests/test_util/hull_scenes.h"
+
+namespace palpate {
+namespace {
+
+using test::HullScene;
+using test::Random;
+
+/// All answers of P poses.
+struct Answered {
+  Answered(std::size_t num, std::size_t num_spheres, std::size_t num_groups)
+      : numbers(num * (1 + 1 + 3 + 3 + 1 + 1 + 6)),
+        status(num),
+        nearest(num),
+        decided(num),
+        sphere_depth(num * num_spheres),
+        sphere_decided(num * num_spheres),
+        group_clearance(num_groups),
+        group_volume(num_groups),
+        group_pose(num_groups) {
+    double* at = numbers.data();
+    const auto take = [&](std::size_t each) { return std::exchange(at, at + each * num); };
+    answers.contact = {.volume = take(1),
+                       .potential = take(1),
+                       .force = take(3),
+                       .torque = take(3),
+                       .status = status.data()};
+    answers.unseen = take(1);
+    answers.clearance = take(1);
+    answers.clearance_gradient = take(6);
+    answers.nearest = nearest.data();
+    answers.decided = decided.data();
+    answers.sphere_depth = sphere_depth.data();
+    answers.sphere_decided = sphere_decided.data();
+    answers.max_spheres = num_spheres;
+    answers.group_clearance = group_clearance.data();
+    answers.group_volume = group_volume.data();
+    answers.group_pose = group_pose.data();
+  }
+
+  std::vector<double> numbers;
+  std::vector<std::uint32_t> status;
+  std::vector<std::int32_t> nearest, decided;
+  std::vector<float> sphere_depth;
+  std::vector<std::int8_t> sphere_decided;
+  std::vector<double> group_clearance, group_volume;
+  std::vector<std::int32_t> group_pose;
+  SceneAnswers answers;
+};
+
+struct Both {
+  explicit Both(std::span<const Tool* const> tools)
+      : cpu(SceneContact::create(tools, FieldMethod{}, Place::cpu(), 1).value()),
+        gpu(SceneContactMaker::make(tools, FieldMethod{}, Place::cuda(0), 1, cuda_makers())
+                .value()) {}
+  SceneContact cpu, gpu;
+};
+
+std::vector<SurfaceView> surfaces_of(const HullScene& scene) {
+  std::vector<SurfaceView> surfaces;
+  for (const SurfaceBlend& view : scene.views) surfaces.push_back(view.to);
+  return surfaces;
+}
+
+/// The number of poses with a clearance by cameras and by bodies.
+struct Compared {
+  int by_cameras = 0, by_bodies = 0, inside = 0, touching = 0;
+};
+
+Compared compare(const Both& both, const Scene& scene, const ScenePoses& poses, double volume,
+                 bool has_unseen) {
+  const std::size_t num = poses.X_WT.size(), num_spheres = both.cpu.max_spheres();
+  const auto num_groups = static_cast<std::size_t>(poses.num_groups);
+  Answered want(num, num_spheres, num_groups), got(num, num_spheres, num_groups);
+  if (!has_unseen) want.answers.unseen = got.answers.unseen = nullptr;
+  const Status status = both.gpu.measure(scene, poses, got.answers);
+  EXPECT_TRUE(status) << status.error().message;
+  EXPECT_TRUE(both.cpu.measure(scene, poses, want.answers));
+  Compared found;
+  const BatchAnswers &a = got.answers.contact, &b = want.answers.contact;
+  for (std::size_t i = 0; i < num; ++i) {
+    SCOPED_TRACE(i);
+    EXPECT_EQ(a.status[i], b.status[i]);
+    EXPECT_NEAR(a.volume[i], b.volume[i], 1e-5 * volume);
+    for (std::size_t k = 3 * i; k < 3 * i + 3; ++k) {
+      EXPECT_NEAR(a.force[k], b.force[k], 5e-5 * volume);
+      EXPECT_NEAR(a.torque[k], b.torque[k], 5e-6 * volume);
+    }
+    if (has_unseen) {
+      EXPECT_NEAR(got.answers.unseen[i], want.answers.unseen[i], 0.02);
+    }
+    // The same arithmetic; compilers may round differently.
+    EXPECT_NEAR(got.answers.clearance[i], want.answers.clearance[i], 1e-7);
+    EXPECT_EQ(got.nearest[i], want.nearest[i]);
+    EXPECT_EQ(got.decided[i], want.decided[i]);
+    for (std::size_t k = 6 * i; k < 6 * i + 6; ++k) {
+      EXPECT_NEAR(got.answers.clearance_gradient[k], want.answers.clearance_gradient[k], 1e-5);
+    }
+    const auto num_cameras = static_cast<std::int32_t>(scene.surfaces.size());
+    found.by_cameras += want.decided[i] >= 0 && want.decided[i] < num_cameras;
+    found.by_bodies += want.decided[i] >= num_cameras;
+    found.inside += want.nearest[i] >= 0 && want.answers.clearance[i] < 0;
+    found.touching += b.volume[i] > 0;
+  }
+  int num_other = 0;
+  for (std::size_t i = 0; i < got.sphere_depth.size(); ++i) {
+    num_other += got.sphere_decided[i] != want.sphere_decided[i] ||
+                 !(std::abs(got.sphere_depth[i] - want.sphere_depth[i]) < 1e-4f);
+  }
+  EXPECT_LE(num_other, 2 + static_cast<int>(got.sphere_depth.size()) / 500);
+  EXPECT_EQ(got.group_pose, want.group_pose);
+  for (std::size_t g = 0; g < num_groups; ++g) {
+    EXPECT_NEAR(got.group_clearance[g], want.group_clearance[g], 1e-7);
+    EXPECT_NEAR(got.group_volume[g], want.group_volume[g], 1e-4 * volume);
+  }
+  for (const double margin : {0.0, 0.02}) {
+    std::vector<std::uint8_t> hits(num_groups > 0 ? num_groups : num), others(hits.size());
+    EXPECT_TRUE(both.gpu.any(scene, poses, margin, hits.data()));
+    EXPECT_TRUE(both.cpu.any(scene, poses, margin, others.data()));
+    EXPECT_EQ(hits, others);
+  }
+  return found;
+}
+
+TEST(SceneContactCuda, ThreeCamerasAndTwoBodiesAsOnTheCpu) {
+  PALPATE_GPU_OR_SKIP();
+  Random random(31);
+  const HullScene seen = test::rough_scene(3, {}, random);
+  const Tool tool = test::random_tool(60, 0.05, 3), small = test::random_tool(20, 0.03, 4);
+  const Tool shape =
+      Tool::pack(make_box({0.1, 0.1, 0.1}), {.max_spheres = 50}).value().with_solid_field();
+  const Body body(shape, {{0.1, 0, 0.8}, {}});
+  const Scene scene{.surfaces = surfaces_of(seen),
+                    .bodies = {body, body.at({{-0.2, 0.05, 0.7}, random.rotation(1)})}};
+  const Tool* const tools[] = {&tool, &small};
+  const Both both(tools);
+  std::vector<Pose> poses;
+  std::vector<std::int32_t> tool_of_pose, group_of_pose;
+  for (int i = 0; i < 48; ++i) {
+    const double x = random.uniform(-0.3, 0.3), y = random.uniform(-0.2, 0.2);
+    poses.push_back({{x, y, random.uniform(0.3, 1.4)}, random.rotation(3)});
+    tool_of_pose.push_back(i % 2);
+    group_of_pose.push_back(i / 4);
+  }
+  poses[5].translation.x = NAN;
+  const Compared found = compare(both, scene, {poses, tool_of_pose, group_of_pose, 12},
+                                 tool.sphere_mass().volume, true);
+  EXPECT_GT(found.by_cameras, 3);
+  EXPECT_GT(found.by_bodies, 3);
+  EXPECT_GT(found.inside, 2);
+  EXPECT_GT(found.touching, 5);
+  // Without cameras, and the same shapes in another order.
+  const Scene bodies{.bodies = {scene.bodies[1], scene.bodies[0]}};
+  (void)compare(both, bodies, {poses, tool_of_pose, group_of_pose, 12}, tool.sphere_mass().volume,
+                false);
+}
+
+TEST(SceneContactCuda, OneCameraAsOnTheCpu) {
+  PALPATE_GPU_OR_SKIP();
+  Random random(32);
+  const Tool tool = test::random_tool(100, 0.05, 3);
+  const Tool* const tools[] = {&tool};
+  const Both both(tools);
+  Compared all;
+  for (const DepthFieldOptions& options :
+       {DepthFieldOptions{}, DepthFieldOptions{.unseen = UnseenSpace::free, .thickness = 0.03}}) {
+    const HullScene rough = test::rough_scene(1, options, random);
+    std::vector<Pose> poses;
+    for (int i = 0; i < 30; ++i) {
+      const double x = random.uniform(-0.3, 0.3), y = random.uniform(-0.2, 0.2);
+      poses.push_back({{x, y, random.uniform(0.3, 1.4)}, random.rotation(3)});
+    }
+    const Compared found =
+        compare(both, {.surfaces = surfaces_of(rough)}, {poses}, tool.sphere_mass().volume, true);
+    all.by_cameras += found.by_cameras;
+    all.inside += found.inside;
+  }
+  EXPECT_GT(all.by_cameras, 5);
+  EXPECT_GT(all.inside, 2);
+}
+
+TEST(SceneContactCuda, OneCameraWithAMemoryAsOnTheCpu) {
+  PALPATE_GPU_OR_SKIP();
+  Random random(33);
+  const HullScene seen = test::rough_memories(1, random, false);
+  const Tool tool = test::random_tool(40, 0.03, 3);
+  const Tool* const tools[] = {&tool};
+  const Both both(tools);
+  std::vector<Pose> poses;
+  for (int i = 0; i < 20; ++i) poses.push_back(test::pose_in_front(seen, random));
+  const Compared found =
+      compare(both, {.surfaces = surfaces_of(seen)}, {poses}, tool.sphere_mass().volume, false);
+  EXPECT_GT(found.by_cameras, 5);
+}
+
+TEST(SceneContactCuda, RefusesInOneSentence) {
+  PALPATE_GPU_OR_SKIP();
+  Random random(34);
+  const HullScene seen = test::rough_scene(1, {}, random);
+  const Tool tool = test::random_tool(10, 0.03, 3);
+  const Tool* const tools[] = {&tool};
+  const Both both(tools);
+  const std::vector<Pose> poses{{{0, 0, 0.5}, {}}};
+  double clearance = 0;
+  SceneAnswers answers;
+  answers.clearance = &clearance;
+  answers.clearance_smoothing = 0.01;
+  const Status status = both.gpu.measure({.surfaces = surfaces_of(seen)}, {poses}, answers);
+  ASSERT_FALSE(status);
+  EXPECT_NE(status.error().message.find("smooth minimum"), std::string::npos);
+  Scene alone{.surfaces = surfaces_of(seen)};
+  alone.surfaces[0].role = SurfaceRole::frame;
+  SceneAnswers unseen;
+  unseen.unseen = &clearance;
+  const Status unknown = both.gpu.measure(alone, {poses}, unseen);
+  ASSERT_FALSE(unknown);
+  EXPECT_NE(unknown.error().message.find("on the CPU alone"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace palpate
