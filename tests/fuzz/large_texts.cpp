@@ -6,7 +6,7 @@
 #include "palpate/io/formats.h"
 #include "palpate/session/run.h"
 #include "src/cameras/robot/joint_history.h"
-#include "src/cameras/robot/robot_model.h"
+#include "src/cameras/internal/robot_model.h"
 #include "src/io/internal/cdr.h"
 #include "src/session/internal/run_messages.h"
 #include "tests/fuzz/large_inputs.h"

@@ -1,6 +1,6 @@
 // Robots as URDF, and positions of their joints as tables. The first byte says which.
 #include "src/cameras/robot/joint_history.h"
-#include "src/cameras/robot/robot_model.h"
+#include "src/cameras/internal/robot_model.h"
 #include "tests/cameras/robot_scene.h"
 #include "tests/fuzz/target.h"
 
