@@ -1,7 +1,7 @@
 // Covers a solid with few spheres that may overlap. Candidates are the largest balls inside that
 // touch the surface at a point: a ball shrinks until nothing of the surface is in it (Ma et al., 3D
-// medial axis point approximation using nearest neighbors, 2012). Of these the one that reaches most
-// points that none reaches yet is taken, again and again.
+// medial axis point approximation using nearest neighbors, 2012). Of these the one that reaches
+// most points that none reaches yet is taken, again and again.
 #include "src/packing/internal/sphere_cover.h"
 
 #include <algorithm>
@@ -18,6 +18,7 @@ namespace {
 constexpr int kCandidates = 1500;
 constexpr int kWatched = 6000;          // points of the surface
 constexpr double kAtSamples = 0.9;      // of the standoff: between the points it may be more
+constexpr double kRounding = 1e-6;      // of the longest side: what is stored is strictly inside
 constexpr std::size_t kCorners = 4000;  // of a mesh that are watched, too
 
 /// Returns the largest ball inside that touches the surface at p; of radius 0 if there is none.
@@ -38,12 +39,11 @@ Sphere touching_ball(const TriangleBvh& surface, const Vec3d& p, double longest)
     if (!(along > 0)) break;
     radius = std::min(radius, dot(to, to) / (2 * along));
   }
-  // What is stored is strictly inside.
   const Vec3f stored = to_float(center);
   const Vec3d c = to_double(stored);
   if (!surface.inside(c)) return {};
   const double room = surface.closest(c, 2 * longest).distance;
-  return {stored, static_cast<float>(room * (1 - 1e-6))};
+  return {stored, static_cast<float>(std::max(0.0, room - kRounding * longest))};
 }
 
 std::vector<Vec3d> watched_points(const TriangleMesh& solid, int num) {
@@ -57,6 +57,44 @@ std::vector<Vec3d> watched_points(const TriangleMesh& solid, int num) {
 
 double standoff_at(const Vec3d& p, const Sphere& sphere) {
   return norm(p - to_double(sphere.center)) - static_cast<double>(sphere.radius);
+}
+
+/// Adds balls where points are farther from all spheres than the standoff: the largest one that
+/// touches the surface near the farthest of them and reaches it.
+void close_gaps(const TriangleBvh& surface, double longest, const std::vector<Vec3d>& points,
+                double standoff, int max_spheres, SpherePacking& cover) {
+  constexpr int kTries = 60;
+  std::vector<double> left(points.size(), std::numeric_limits<double>::infinity());
+  const auto add = [&](const Sphere& sphere) {
+    for (std::size_t k = 0; k < points.size(); ++k) {
+      left[k] = std::min(left[k], standoff_at(points[k], sphere));
+    }
+  };
+  for (const Sphere& sphere : cover.spheres) add(sphere);
+  for (;;) {
+    const auto worst = static_cast<std::size_t>(std::ranges::max_element(left) - left.begin());
+    if (left[worst] <= standoff) return;
+    if (cover.spheres.size() >= static_cast<std::size_t>(max_spheres)) {
+      cover.stop = PackStop::count;
+      return;
+    }
+    Sphere best;
+    int num = 0;
+    for (std::size_t k = 0; k < points.size() && num < kTries; ++k) {
+      if (norm(points[k] - points[worst]) > standoff) continue;
+      ++num;
+      const Sphere ball = touching_ball(surface, points[k], longest);
+      const bool reaches = standoff_at(points[worst], ball) <= kAtSamples * standoff;
+      if (ball.radius > best.radius && reaches) best = ball;
+    }
+    if (best.radius > 0) {
+      cover.spheres.push_back(best);
+      add(best);
+    } else {
+      left[worst] = 0;  // too thin
+      cover.stop = PackStop::exhausted;
+    }
+  }
 }
 
 }  // namespace
@@ -104,6 +142,8 @@ Result<SpherePacking> cover_solid(const TriangleMesh& solid, double standoff, in
     }
     gain[best] = 0;
   }
+  close_gaps(surface, longest, watched_points(solid, kStandoffSamples), standoff, max_spheres,
+             cover);
   return cover;
 }
 

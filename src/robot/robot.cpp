@@ -132,9 +132,8 @@ Result<Robot> Robot::Data::complete(Data data, const std::string& name) {
     data.names.push_back(model.links[link].name);
   }
   if (data.limbs.empty()) {
-    return Error{Errc::bad_input,
-                 name + ": no link has a shape that can be filled with spheres" +
-                     (model.notes.empty() ? "" : "; " + model.notes.front())};
+    return Error{Errc::bad_input, name + ": no link has a shape that can be filled with spheres" +
+                                      (model.notes.empty() ? "" : "; " + model.notes.front())};
   }
   return Robot(std::make_shared<const Data>(std::move(data)));
 }
@@ -142,8 +141,9 @@ Result<Robot> Robot::Data::complete(Data data, const std::string& name) {
 Result<Robot> Robot::from_urdf(std::string_view text, const std::string& name,
                                const RobotPacking& packing) {
   if (!(packing.standoff >= 1e-4 && packing.standoff <= 1) || packing.max_spheres < 1) {
-    return Error{Errc::invalid_argument,
-                 "a robot's standoff is from 0.0001 to 1 m, and each shape has at least one sphere"};
+    return Error{
+        Errc::invalid_argument,
+        "a robot's standoff is from 0.0001 to 1 m, and each shape has at least one sphere"};
   }
   const RobotFolders folders{std::filesystem::path(name).parent_path(),
                              RobotFolders::packages_of(packing.packages)};
@@ -199,8 +199,8 @@ Result<Robot> Robot::with_tool(const Tool& tool, const std::string& tool_name,
                                              "' is not finite; give it in m"};
   }
   if (tool_name.empty() || data_->model.find_link(tool_name)) {
-    return Error{Errc::invalid_argument, "a held tool needs a name that no link has, not '" +
-                                             shown(tool_name) + "'"};
+    return Error{Errc::invalid_argument,
+                 "a held tool needs a name that no link has, not '" + shown(tool_name) + "'"};
   }
   Data data;
   data.model = data_->model;

@@ -1,6 +1,7 @@
-// Robots in scenes: forward kinematics, one pose of each link for SceneContact, and what its answers
-// mean for the joints: a force F and a torque T about C turn a joint with the axis a through o by
-// a . (T + (C - o) x F), and push a sliding one by a . F. The gradient of a clearance is such a force.
+// Robots in scenes: forward kinematics, one pose of each link for SceneContact, and what its
+// answers mean for the joints: a force F and a torque T about C turn a joint with the axis a
+// through o by a . (T + (C - o) x F), and push a sliding one by a . F. The gradient of a clearance
+// is such a force.
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -34,27 +35,30 @@ Status check_joints(const Robot::Data& robot, std::span<const double> joints, co
                     bool refuses) {
   const std::size_t n = robot.joints.size();
   if (!is_finite(X_WB)) {
-    return Error{Errc::invalid_argument, "the pose of the robot's base is not finite; give it in m"};
+    return Error{Errc::invalid_argument,
+                 "the pose of the robot's base is not finite; give it in m"};
   }
   if (joints.size() % n != 0) {
-    return Error{Errc::invalid_argument,
-                 "positions of " + std::to_string(n) + " joints are needed for each configuration, " +
-                     std::to_string(joints.size()) + " numbers were given; the joints are those of "
-                     "Robot::joints"};
+    return Error{Errc::invalid_argument, "positions of " + std::to_string(n) +
+                                             " joints are needed for each configuration, " +
+                                             std::to_string(joints.size()) +
+                                             " numbers were given; the joints are those of "
+                                             "Robot::joints"};
   }
   for (std::size_t i = 0; i < joints.size(); ++i) {
     const Robot::Joint& joint = robot.joints[i % n];
     const auto named = [&] {
-      return "joint '" + shown(joint.name) + "' of configuration " + std::to_string(i / n) + " is " +
-             (std::isnan(joints[i]) ? "not a number" : "at " + number_text(joints[i], 4));
+      return "joint '" + shown(joint.name) + "' of configuration " + std::to_string(i / n) +
+             " is " + (std::isnan(joints[i]) ? "not a number" : "at " + number_text(joints[i], 4));
     };
     if (!(std::abs(joints[i]) < 1e6)) {
       return Error{Errc::invalid_argument, named() + "; give its position in rad or m"};
     }
     if (!refuses || (joints[i] >= joint.lower && joints[i] <= joint.upper)) continue;
-    return Error{Errc::invalid_argument,
-                 named() + ", beyond its limits " + number_text(joint.lower, 4) + " to " +
-                     number_text(joint.upper, 4) + "; keep it within them, or let it be held there"};
+    return Error{Errc::invalid_argument, named() + ", beyond its limits " +
+                                             number_text(joint.lower, 4) + " to " +
+                                             number_text(joint.upper, 4) +
+                                             "; keep it within them, or let it be held there"};
   }
   return Done{};
 }
@@ -72,12 +76,11 @@ void add_joint_torque(const Robot::Data& robot, const RobotLimb& limb, const Rob
   }
 }
 
-Status Robot::place(std::span<const double> joints, const Pose& X_WB,
-                    std::span<Pose> X_WL) const {
+Status Robot::place(std::span<const double> joints, const Pose& X_WB, std::span<Pose> X_WL) const {
   if (joints.size() != data_->joints.size() || X_WL.size() != data_->limbs.size()) {
-    return Error{Errc::invalid_argument,
-                 "a robot of " + std::to_string(data_->joints.size()) + " joints and " +
-                     std::to_string(data_->limbs.size()) + " links is placed by as many numbers"};
+    return Error{Errc::invalid_argument, "a robot of " + std::to_string(data_->joints.size()) +
+                                             " joints and " + std::to_string(data_->limbs.size()) +
+                                             " links is placed by as many numbers"};
   }
   const Status status = check_joints(*data_, joints, X_WB, false);
   if (!status) return status;
@@ -128,10 +131,7 @@ std::size_t RobotContact::Impl::place(const RobotPoses& poses, std::size_t first
 
 ScenePoses RobotContact::Impl::scene_poses(std::size_t num) const {
   const std::size_t all = num * data().limbs.size();
-  return {std::span(X_WL).first(all),
-          std::span(tool_of_pose).first(all),
-          {},
-          0};
+  return {std::span(X_WL).first(all), std::span(tool_of_pose).first(all), {}, 0};
 }
 
 RobotContact::RobotContact(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -153,8 +153,7 @@ Status RobotContact::measure(const Scene& scene, const RobotPoses& poses,
                              const RobotAnswers& to) const {
   Impl& impl = *impl_;
   const Robot::Data& robot = impl.data();
-  if (const Status s =
-          check_joints(robot, poses.joints, poses.X_WB, poses.refuses_beyond_limits);
+  if (const Status s = check_joints(robot, poses.joints, poses.X_WB, poses.refuses_beyond_limits);
       !s) {
     return s;
   }
@@ -178,8 +177,8 @@ Status RobotContact::measure(const Scene& scene, const RobotPoses& poses,
 Status RobotContact::any(const Scene& scene, const RobotPoses& poses, double margin,
                          std::uint8_t* hits) const {
   Impl& impl = *impl_;
-  if (const Status s = check_joints(impl.data(), poses.joints, poses.X_WB,
-                                    poses.refuses_beyond_limits);
+  if (const Status s =
+          check_joints(impl.data(), poses.joints, poses.X_WB, poses.refuses_beyond_limits);
       !s) {
     return s;
   }

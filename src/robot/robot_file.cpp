@@ -1,5 +1,6 @@
-// The packed robot (.palprobot), little endian: a header, then links and joints in their order, each
-// number as 8 bytes and each text or tool file behind its length; and XXH3-64 of all before it.
+// The packed robot (.palprobot), little endian: a header, then links and joints in their order,
+// each number as 8 bytes and each text or tool file behind its length; and XXH3-64 of all before
+// it.
 #include <bit>
 #include <cmath>
 #include <cstring>
@@ -170,9 +171,10 @@ Result<Robot> Robot::from_bytes(std::string_view bytes) {
                  "is a tool, not a robot; make a robot with 'palpate pack --robot FILE.urdf'"};
   }
   if (!bytes.starts_with(kMagic)) {
-    return Error{Errc::bad_input,
-                 "is neither a URDF (.urdf) nor a packed robot; make one with 'palpate pack --robot "
-                 "FILE.urdf'"};
+    return Error{
+        Errc::bad_input,
+        "is neither a URDF (.urdf) nor a packed robot; make one with 'palpate pack --robot "
+        "FILE.urdf'"};
   }
   if (bytes.size() < kMinXxh3Bytes + kChecksum) return damaged("it is truncated");
   const std::string_view body = bytes.substr(0, bytes.size() - kChecksum);
@@ -215,10 +217,12 @@ Result<Robot> Robot::from_bytes(std::string_view bytes) {
   is_placed[model.root] = true;
   model.joints.resize(num_joints);
   for (RobotJoint& joint : model.joints) {
-    if (!read_joint(reader, is_placed, num_joints, joint)) return damaged("a joint is out of range");
+    if (!read_joint(reader, is_placed, num_joints, joint))
+      return damaged("a joint is out of range");
   }
   for (const RobotJoint& joint : model.joints) {
-    if (model.joints[joint.source].source != joint.source) return damaged("joints follow in a chain");
+    if (model.joints[joint.source].source != joint.source)
+      return damaged("joints follow in a chain");
   }
   auto robot = Data::complete(std::move(data), "");
   if (!robot) return Error{Errc::bad_input, "holds a bad robot" + robot.error().message};

@@ -1,7 +1,7 @@
 // Proves that straight motions in joint space are free. A step by a share ds of the motion moves no
-// point of a link's spheres farther than ds times the sum over its joints of |dq| times the farthest
-// that such a point ever is from the joint's axis. So a link stays clear for as long as that is less
-// than its clearance: the motion is walked in such steps, all motions side by side.
+// point of a link's spheres farther than ds times the sum over its joints of |dq| times the
+// farthest that such a point ever is from the joint's axis. So a link stays clear for as long as
+// that is less than its clearance: the motion is walked in such steps, all motions side by side.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -90,8 +90,9 @@ Status RobotContact::free_motions(const Scene& scene, const RobotPoses& poses,
           if (clear < 0) step = 0;
           if (!(motion.speeds[l] > 0)) continue;  // as clear as it is now
           const RobotLimb& limb = robot.limbs[l];
-          const double room = clear - clearance_slack(scene, impl.X_WL[i * num_limbs + l].translation,
-                                                      limb.radius + margin + clear);
+          const double room =
+              clear - clearance_slack(scene, impl.X_WL[i * num_limbs + l].translation,
+                                      limb.radius + margin + clear);
           step = room < kShortestStep ? 0 : std::min(step, room / motion.speeds[l]);
         }
         motion.done += step;

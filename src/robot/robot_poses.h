@@ -1,4 +1,5 @@
-// Configurations of a robot, some at a time: positions held within their limits, and where links are.
+// Configurations of a robot, some at a time: positions held within their limits, and where links
+// are.
 #pragma once
 
 #include <cstdint>
@@ -24,8 +25,8 @@ struct RobotPlaces {
 Status check_joints(const Robot::Data& robot, std::span<const double> joints, const Pose& X_WB,
                     bool refuses);
 
-/// Adds, for each joint that moves a limb, what a force and a torque about the limb's point C (in W)
-/// do to it: J^T (force, torque). `places` are of this configuration; `to` has n numbers.
+/// Adds, for each joint that moves a limb, what a force and a torque about the limb's point C (in
+/// W) do to it: J^T (force, torque). `places` are of this configuration; `to` has n numbers.
 void add_joint_torque(const Robot::Data& robot, const RobotLimb& limb, const RobotPlaces& places,
                       const Pose& X_WB, const Vec3d& C_W, const Vec3d& force, const Vec3d& torque,
                       double* to);

@@ -18,13 +18,14 @@ TEST(RobotMotion, Proved_motions_have_no_blocked_sample) {
   std::vector<double> from, to;
   for (std::vector<double>* ends : {&from, &to}) {
     for (std::size_t i = 0; i < kNum; ++i) {
-      ends->insert(ends->end(), {random.uniform(-1, 1.5), random.uniform(-1.5, 1.5),
-                                 random.uniform(0, 0.05)});
+      ends->insert(ends->end(),
+                   {random.uniform(-1, 1.5), random.uniform(-1.5, 1.5), random.uniform(0, 0.05)});
     }
   }
   std::vector<std::uint8_t> is_free(kNum), hits(kSamples);
   std::vector<double> until(kNum);
-  ASSERT_TRUE(contact.free_motions(wall.scene, {from, X_WB}, to, kMargin, is_free.data(), until.data()));
+  ASSERT_TRUE(
+      contact.free_motions(wall.scene, {from, X_WB}, to, kMargin, is_free.data(), until.data()));
   std::size_t num_free = 0, num_blocked = 0, num_open = 0;
   for (std::size_t i = 0; i < kNum; ++i) {
     std::vector<double> samples;
@@ -46,7 +47,7 @@ TEST(RobotMotion, Proved_motions_have_no_blocked_sample) {
       ++num_free;
       continue;
     }
-    if (until[i] > 0) EXPECT_FALSE(is_hit) << i << " until " << until[i];
+    EXPECT_FALSE(until[i] > 0 && is_hit) << i << " until " << until[i];
     // What is not proved: blocked somewhere, or near to it.
     samples.clear();
     for (std::size_t k = 0; k < kSamples; ++k) {
@@ -75,7 +76,8 @@ TEST(RobotMotion, A_motion_that_stands_still_is_free_where_it_is_clear) {
   EXPECT_TRUE(is_free[0] && is_free[1]);
   ASSERT_TRUE(contact.free_motions(wall.scene, {joints, inside}, joints, 0, is_free));
   EXPECT_FALSE(is_free[0] || is_free[1]);
-  EXPECT_FALSE(contact.free_motions(wall.scene, {joints, clear}, std::span(joints).first(3), 0, is_free));
+  EXPECT_FALSE(
+      contact.free_motions(wall.scene, {joints, clear}, std::span(joints).first(3), 0, is_free));
 }
 
 }  // namespace

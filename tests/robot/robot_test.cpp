@@ -18,13 +18,14 @@ namespace {
 
 using test::kWallDepth;
 
-/// The base turns z of the arm sideways: at zero it lies along y, before the wall.
-Pose base() { return {{0, 0, 0.8}, axis_angle({1, 0, 0}, -kPi / 2)}; }
+/// The base turns z of the arm sideways: at zero it lies along y, before the wall, and positive
+/// angles turn it towards that.
+Pose base() { return {{0, -0.25, 0.8}, axis_angle({1, 0, 0}, -kPi / 2)}; }
 
 std::vector<double> random_joints(test::Random& random, std::size_t num) {
   std::vector<double> joints;
   for (std::size_t i = 0; i < num; ++i) {
-    joints.insert(joints.end(), {random.uniform(-0.5, 0.3), random.uniform(-0.5, 0.3),
+    joints.insert(joints.end(), {random.uniform(-0.3, 0.25), random.uniform(-0.3, 0.25),
                                  random.uniform(0.001, 0.029)});
   }
   return joints;
@@ -52,9 +53,9 @@ TEST(Robot, Covers_are_inside_and_near_the_whole_surface) {
       }
       farthest = std::max(farthest, least);
     }
-    EXPECT_LE(farthest, standoff);
+    EXPECT_LE(farthest, 1.1 * standoff);  // between the points that are watched
+    EXPECT_LE(farthest_standoff(make_box(size), cover.spheres), standoff);
     EXPECT_GT(farthest, 0.5 * standoff);  // no more spheres than are needed
-    EXPECT_NEAR(farthest_standoff(make_box(size), cover.spheres), farthest, 0.1 * standoff);
   }
   EXPECT_EQ(cover_solid(make_box(size), 1e-4, 7).value().stop, PackStop::count);
   EXPECT_FALSE(cover_solid(make_box(size), 0, 7));
@@ -70,7 +71,7 @@ TEST(Robot, Links_are_where_the_joints_put_them) {
   EXPECT_EQ(robot.joints()[2].upper, 0.03);  // of the one that follows
   ASSERT_EQ(std::vector(robot.links().begin(), robot.links().end()),
             (std::vector<std::string>{"upper", "fore", "left", "right"}));
-  EXPECT_LE(robot.standoff(), 0.0105);
+  EXPECT_LE(robot.standoff(), 0.01);
   const double a = 0.4, b = -0.7, slide = 0.02;
   const std::vector<double> joints{a, b, slide};
   std::vector<Pose> X_WL(4);
@@ -146,7 +147,7 @@ TEST(Robot, Joint_torques_do_the_work_of_the_wrenches) {
   const test::SeenWall wall;
   const Robot robot = test::arm();
   const RobotContact contact = RobotContact::create(robot, 1).value();
-  const std::vector<double> joints{-0.5, -0.4, 0.02, 0.1, -0.9, 0.01};  // into the wall
+  const std::vector<double> joints{0.4, 0.3, 0.02, 0.1, 0.9, 0.01};  // into the wall
   std::vector<double> wrench(2 * 4 * 6), torque(2 * 3), volume(2), unseen(2);
   RobotAnswers to;
   to.wrench = wrench.data();
@@ -183,8 +184,11 @@ TEST(Robot, Joint_torques_do_the_work_of_the_wrenches) {
 
 TEST(Robot, Comes_back_from_its_file_and_no_other) {
   const test::TemporaryFolder folder;
-  const Robot robot = test::arm().with_tool(Tool::pack(make_box({0.02, 0.02, 0.1}), {.max_spheres = 9}).value(),
-                                            "pen", "fore", {{0, 0, 0.3}, {}}).value();
+  const Robot robot =
+      test::arm()
+          .with_tool(Tool::pack(make_box({0.02, 0.02, 0.1}), {.max_spheres = 9}).value(), "pen",
+                     "fore", {{0, 0, 0.3}, {}})
+          .value();
   const std::filesystem::path path = folder.path() / "arm.palprobot";
   ASSERT_TRUE(robot.save(path));
   const Robot again = Robot::open(path).value();
@@ -195,15 +199,19 @@ TEST(Robot, Comes_back_from_its_file_and_no_other) {
   std::string bytes = *robot.to_bytes();
   bytes[bytes.size() / 2] ^= 1;
   EXPECT_NE(Robot::from_bytes(bytes).error().message.find("checksum"), std::string::npos);
-  EXPECT_NE(Robot::from_bytes(*tool_to_bytes(robot.tool(0))).error().message.find("a tool, not a robot"),
-            std::string::npos);
+  EXPECT_NE(
+      Robot::from_bytes(*tool_to_bytes(robot.tool(0))).error().message.find("a tool, not a robot"),
+      std::string::npos);
   EXPECT_NE(Robot::from_bytes("solid").error().message.find("neither a URDF"), std::string::npos);
   EXPECT_FALSE(load_tool(path));
 }
 
 TEST(Robot, Is_taken_out_of_an_image_with_what_it_holds) {
-  const Robot robot = test::arm().with_tool(Tool::pack(make_box({0.02, 0.02, 0.2}), {.max_spheres = 9}).value(),
-                                            "pen", "fore", {{0, 0, 0.4}, {}}).value();
+  const Robot robot =
+      test::arm()
+          .with_tool(Tool::pack(make_box({0.02, 0.02, 0.2}), {.max_spheres = 9}).value(), "pen",
+                     "fore", {{0, 0, 0.4}, {}})
+          .value();
   const std::vector<double> joints{0, 0, 0.01};
   std::vector<Pose> X_WL(5);
   ASSERT_TRUE(robot.place(joints, base(), X_WL));
@@ -218,7 +226,7 @@ TEST(Robot, Is_taken_out_of_an_image_with_what_it_holds) {
     const Vec3d p = X * Vec3d{0, 0, 0.01};
     const auto u = static_cast<std::size_t>(std::lround(k.fx * p.x / p.z + k.cx)),
                v = static_cast<std::size_t>(std::lround(k.fy * p.y / p.z + k.cy));
-    if (v < 240) EXPECT_EQ(frame.pixels[v * 320 + u], 0);
+    EXPECT_TRUE(v >= 240 || frame.pixels[v * 320 + u] == 0) << u << " " << v;
   }
   EXPECT_EQ(frame.pixels[0], 900);
   EXPECT_GT(std::ranges::count(frame.pixels, 900), 50000);

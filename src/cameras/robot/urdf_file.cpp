@@ -78,9 +78,8 @@ class Reader : UrdfAttributes {
       const char* const desired = is_visual ? "visual" : "collision";
       const char* const else_taken = is_visual ? "collision" : "visual";
       const bool has_desired = link->FirstChildElement(desired) != nullptr;
-      const Status status =
-          shapes_.add_shapes(*link, has_desired ? desired : else_taken, model_.links.back().mesh,
-                             model_.shape_ends.back());
+      const Status status = shapes_.add_shapes(*link, has_desired ? desired : else_taken,
+                                               model_.links.back().mesh, model_.shape_ends.back());
       if (status) continue;
       if (!shapes_.lacks_mesh()) return status;
       if (link->FirstChildElement("collision") != nullptr) {
