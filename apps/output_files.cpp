@@ -29,6 +29,7 @@ std::filesystem::path resolved(const std::filesystem::path& path) {
 const char* name_of_kind(OutputKind kind) {
   switch (kind) {
     case OutputKind::tool: return "tool file";
+    case OutputKind::robot: return "packed robot";
     case OutputKind::mesh: return "mesh of this format";
     case OutputKind::table: return "table of spheres or edges";
     case OutputKind::page: return "HTML page";
@@ -82,6 +83,7 @@ bool is_of_kind(const std::filesystem::path& path, OutputKind kind) {
   if (begin.empty()) return true;
   switch (kind) {
     case OutputKind::tool: return begin.starts_with("\x89PALP\r\n\x1a");
+    case OutputKind::robot: return begin.starts_with("\x89PALPROBOT\r\n");
     case OutputKind::mesh:
       return extension == ".ply"   ? begin.starts_with("ply")
              : extension == ".glb" ? begin.starts_with("glTF")

@@ -9,7 +9,7 @@
 namespace palpate::apps {
 
 /// Kind of an output file; the name of a mesh, also of caps, determines its format.
-enum class OutputKind { tool, mesh, table, page, stamp, recording, rig, sensor };
+enum class OutputKind { tool, robot, mesh, table, page, stamp, recording, rig, sensor };
 
 /// True if two names, also through links, refer to the same file.
 bool is_same_file(const std::filesystem::path& a, const std::filesystem::path& b);

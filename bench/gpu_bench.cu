@@ -22,7 +22,7 @@
 #include "palpate/contact/contact.h"
 #include "palpate/field/sensor.h"
 #include "palpate/gpu/devices.h"
-#include "src/cameras/robot/link_image.h"
+#include "src/cameras/internal/link_image.h"
 #include "src/cameras/robot/link_image_cuda.h"
 #include "src/cloud/internal/depth_average_cuda.h"
 #include "src/cloud/internal/surface_cuda.h"

@@ -1,7 +1,7 @@
 // Cost of removing a robot from a depth image: seven links, rendered and removed.
 #include "bench/arm_setup.h"
 #include "bench/latency.h"
-#include "src/cameras/robot/link_image.h"
+#include "src/cameras/internal/link_image.h"
 
 namespace palpate::bench {
 namespace {

@@ -36,14 +36,15 @@ BELOW = {
     "run": ("bodies",),
     "devices": ("haptics", "io", "ros"),
     "cameras": ("io", "ros", "scenes"),
+    "robot": ("cameras",),
     "pages": ("core",),
     "session": ("io", "pages", "run", "devices"),
     "viewer": ("pages", "session"),
     "scenes": ("mesh", "cloud"),
     "c": ("haptics", "io", "scenes"),
     "eval": ("session", "scenes"),
-    "apps": ("session", "viewer", "eval", "cameras"),
-    "python": ("front", "session", "cameras"),
+    "apps": ("session", "viewer", "eval", "robot"),
+    "python": ("front", "session", "robot"),
 }
 READ_EVERYTHING = ("tests", "bench")
 # Tests and benchmarks of the evaluation's own studies; all others speak the public API.

@@ -1,4 +1,5 @@
-// palpate pack: from a mesh to a tool, or from a folder of meshes to a folder of tools.
+// palpate pack: from a mesh to a tool, from a folder of meshes to a folder of tools, or from a URDF
+// to a packed robot.
 
 #include <algorithm>
 #include <cmath>
@@ -12,6 +13,7 @@
 #include "apps/output_files.h"
 #include "apps/pack/pack_folder.h"
 #include "apps/pack/pack_one.h"
+#include "apps/pack/pack_robot.h"
 #include "apps/terminal/terminal.h"
 #include "apps/tool_info.h"
 #include "apps/verbs.h"
@@ -23,6 +25,7 @@ namespace {
 struct Options {
   std::string input, output;
   PackRequest request;
+  RobotJob robot;
   bool report = false;
   std::string page;  ///< empty for a folder: its pages are beside the tools
   bool json = false;
@@ -157,13 +160,13 @@ void add_pack(CLI::App& program, Action& action) {
       *program.add_subcommand("pack", "Fill a watertight mesh with spheres and write a tool file.");
   app.add_option("mesh", options->input,
                  "OBJ, STL, PLY, OFF, glTF or GLB, or a folder of such files")
-      ->required()
       ->type_name("MESH");
   app.add_option("-o,--output", options->output,
                  "tool file to write; for a folder of meshes, the folder of tools")
       ->required()
       ->type_name("TOOL.palp");
   add_limits(app, options->request);
+  add_robot_packing(app, options->robot);
   CLI::Option* report =
       app.add_option(
              "--report", options->page,
@@ -178,8 +181,15 @@ void add_pack(CLI::App& program, Action& action) {
       "the mesh as read and of the\ntool file, and the options; the dates of files do not matter. "
       "Bad meshes are passed over and listed at the end.\n"
       "Example: palpate pack drill.stl --unit mm --spheres 10000 -o drill.palp");
-  app.callback([options, report, &action] {
+  app.callback([options, report, &app, &action] {
     options->report = report->count() > 0;
+    check_robot_packing(app);
+    if (!options->robot.robot.empty()) {
+      options->robot.output = options->output;
+      options->robot.json = options->json;
+      action = [options] { return pack_robot(options->robot); };
+      return;
+    }
     check(*options);
     action = [options] {
       if (!is_folder(options->input)) return run_one(*options);

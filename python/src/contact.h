@@ -120,6 +120,13 @@ struct SceneOut {
 SceneMeasured measure_scene(PyContact& self, nb::handle given, nb::handle poses, SceneWants wants,
                             nb::handle tool_of_pose, nb::handle group_of_pose,
                             const SceneOut* out = nullptr);
+/// The scene of an argument, and what keeps it alive.
+struct HeldScene {
+  Scene scene;
+  std::vector<nb::object> cameras, bodies;
+};
+/// Converts a palpate.Scene, a surface, a body, or a list of them. TypeError: anything else.
+HeldScene held_scene(nb::handle given);
 /// True for a palpate.Scene.
 bool is_scene(nb::handle given);
 /// Adds palpate.Scene, and Contact.any.

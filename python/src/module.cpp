@@ -47,5 +47,6 @@ NB_MODULE(_core, m) {
   bind_penetration(m);
   bind_runs(m);
   bind_recordings(m);
+  bind_robot(m);
   bind_scenes(m);
 }

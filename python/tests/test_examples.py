@@ -9,7 +9,7 @@ import pytest
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
 
-@pytest.mark.parametrize("name", ["trajopt", "grasp_refine", "plan_tool"])
+@pytest.mark.parametrize("name", ["trajopt", "grasp_refine", "plan_tool", "plan_arm"])
 def test_example(name):
     script = EXAMPLES / f"{name}.py"
     if not script.is_file():

@@ -7,8 +7,8 @@
 
 #include "palpate/cameras/cameras.h"
 #include "palpate/io/formats.h"
+#include "src/cameras/internal/robot_model.h"
 #include "src/cameras/robot/joint_history.h"
-#include "src/cameras/robot/robot_model.h"
 #include "src/io/internal/mcap_file.h"
 #include "src/io/internal/ros_messages.h"
 #include "src/io/internal/ros_types.h"

@@ -10,7 +10,7 @@
 #include <functional>
 #include <thread>
 
-#include "src/cameras/robot/robot_model.h"
+#include "src/cameras/internal/robot_model.h"
 #include "src/cameras/stream/posed_source.h"
 #include "src/core/internal/monotonic_clock.h"
 #include "src/io/internal/ros_messages.h"

@@ -9,7 +9,7 @@
 #include <limits>
 #include <string>
 
-#include "src/cameras/robot/link_image.h"
+#include "src/cameras/internal/link_image.h"
 #include "tests/cameras/robot_scene.h"
 #include "tests/test_util/gpu.h"
 #include "tests/test_util/random.h"

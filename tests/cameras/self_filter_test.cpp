@@ -11,7 +11,7 @@
 #include "palpate/gpu/devices.h"
 #include "palpate/mesh/mesh.h"
 #include "scenes/scene.h"
-#include "src/cameras/robot/link_image.h"
+#include "src/cameras/internal/link_image.h"
 #include "tests/cameras/robot_scene.h"
 #include "tests/test_util/hull_scenes.h"
 #include "tests/test_util/random.h"

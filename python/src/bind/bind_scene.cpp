@@ -197,6 +197,11 @@ nb::object any(PyContact& self, nb::handle given, nb::handle poses, double margi
 
 }  // namespace
 
+HeldScene held_scene(nb::handle given) {
+  PyScene scene = scene_of(given);
+  return {std::move(scene.scene), std::move(scene.cameras), std::move(scene.bodies)};
+}
+
 bool is_scene(nb::handle given) { return nb::isinstance<PyScene>(given); }
 
 SceneMeasured measure_scene(PyContact& self, nb::handle given, nb::handle poses, SceneWants wants,

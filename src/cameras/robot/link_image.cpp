@@ -1,4 +1,4 @@
-#include "src/cameras/robot/link_image.h"
+#include "src/cameras/internal/link_image.h"
 
 #include <algorithm>
 #include <cmath>

@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "src/cameras/robot/link_image.h"
+#include "src/cameras/internal/link_image.h"
 #include "src/cloud/internal/raw_frame_cuda.h"
 #include "src/gpu/internal/runtime.h"
 #include "src/gpu/internal/team.cuh"

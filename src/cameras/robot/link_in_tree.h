@@ -9,7 +9,7 @@
 #include <thread>
 
 #include "src/cameras/files_once.h"
-#include "src/cameras/robot/robot_model.h"
+#include "src/cameras/internal/robot_model.h"
 #include "src/cameras/robot/robot_states.h"
 #include "src/core/internal/monotonic_clock.h"
 

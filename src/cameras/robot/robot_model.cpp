@@ -1,4 +1,4 @@
-#include "src/cameras/robot/robot_model.h"
+#include "src/cameras/internal/robot_model.h"
 
 #include <algorithm>
 

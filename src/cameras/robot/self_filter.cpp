@@ -6,7 +6,7 @@
 #include <mutex>
 #include <utility>
 
-#include "src/cameras/robot/link_image.h"
+#include "src/cameras/internal/link_image.h"
 #include "src/cameras/robot/link_image_cuda.h"
 
 namespace palpate { inline namespace v0 {

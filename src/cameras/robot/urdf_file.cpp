@@ -2,10 +2,11 @@
 // tree.
 #include <algorithm>
 #include <array>
+#include <limits>
 #include <map>
 #include <optional>
 
-#include "src/cameras/robot/robot_model.h"
+#include "src/cameras/internal/robot_model.h"
 #include "src/cameras/robot/urdf_attributes.h"
 #include "src/cameras/robot/urdf_shapes.h"
 #include "src/core/internal/message_text.h"
@@ -71,13 +72,14 @@ class Reader : UrdfAttributes {
       }
       if (model_.links.size() == kMaxLinks) return bad(*link, "more links than any robot has");
       model_.links.push_back({*name, {}});
+      model_.shape_ends.emplace_back();
       if (!geometry_ || std::ranges::count(skipped_, *name) > 0) continue;
       const bool is_visual = geometry_ == RobotGeometry::visual;
       const char* const desired = is_visual ? "visual" : "collision";
       const char* const else_taken = is_visual ? "collision" : "visual";
       const bool has_desired = link->FirstChildElement(desired) != nullptr;
-      const Status status =
-          shapes_.add_shapes(*link, has_desired ? desired : else_taken, model_.links.back().mesh);
+      const Status status = shapes_.add_shapes(*link, has_desired ? desired : else_taken,
+                                               model_.links.back().mesh, model_.shape_ends.back());
       if (status) continue;
       if (!shapes_.lacks_mesh()) return status;
       if (link->FirstChildElement("collision") != nullptr) {
@@ -85,6 +87,7 @@ class Reader : UrdfAttributes {
                                               "--robot-skip " + shown(*name) + ")"};
       }
       model_.links.back().mesh = {};
+      model_.shape_ends.back().clear();
       model_.notes.push_back(
           "link '" + shown(*name) +
           "' of the robot is left out, and stays in the images: " + status.error().message);
@@ -148,10 +151,26 @@ class Reader : UrdfAttributes {
     if (needs_axis && !(norm(joint.axis) > 0.5)) {
       return bad(element, "joint '" + shown(*name) + "' has an axis without a direction");
     }
+    if (needs_axis && !joint.is_endless) read_limits(element, joint);
     joint.source = model_.joints.size();
     mimics_.push_back(element.FirstChildElement("mimic"));
     model_.joints.push_back(std::move(joint));
     return Done{};
+  }
+
+  /// Reads <limit lower upper>, 0 each by default; without one there are no limits.
+  static void read_limits(const Element& element, RobotJoint& joint) {
+    const Element* const limit = element.FirstChildElement("limit");
+    if (limit == nullptr) return;
+    const auto number = [&](const char* attribute) {
+      const char* const given = limit->Attribute(attribute);
+      if (given == nullptr) return 0.0;
+      std::string_view rest = given;
+      const auto parsed = parse_number<double>(take_word(rest));
+      return parsed && take_word(rest).empty() ? *parsed : std::numeric_limits<double>::quiet_NaN();
+    };
+    joint.lower = number("lower");
+    joint.upper = number("upper");
   }
 
   /// Resolves chains of mimic joints: each follows the last joint of its chain.

@@ -19,7 +19,8 @@ constexpr int kSegments = 32;                     // of a cylinder
 
 }  // namespace
 
-Status UrdfShapes::add_shapes(const Element& link, const char* kind, TriangleMesh& mesh) {
+Status UrdfShapes::add_shapes(const Element& link, const char* kind, TriangleMesh& mesh,
+                              std::vector<RobotModel::ShapeEnd>& ends) {
   lacks_mesh_ = false;
   for (const Element* part = link.FirstChildElement(kind); part != nullptr;
        part = part->NextSiblingElement(kind)) {
@@ -39,6 +40,7 @@ Status UrdfShapes::add_shapes(const Element& link, const char* kind, TriangleMes
     for (const auto& ids : added->triangles) {
       mesh.triangles.push_back({first + ids[0], first + ids[1], first + ids[2]});
     }
+    ends.push_back({mesh.vertices.size(), mesh.triangles.size()});
   }
   return Done{};
 }

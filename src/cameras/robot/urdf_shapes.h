@@ -5,10 +5,11 @@
 #include <cstddef>
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include "palpate/mesh/mesh.h"
 #include "src/cameras/files_once.h"
-#include "src/cameras/robot/robot_model.h"
+#include "src/cameras/internal/robot_model.h"
 #include "src/cameras/robot/urdf_attributes.h"
 
 namespace palpate { inline namespace v0 {
@@ -21,7 +22,8 @@ class UrdfShapes : UrdfAttributes {
 
   /// Adds the shapes of a link to its mesh, in the frame of the link. `kind`: "visual" or
   /// "collision".
-  Status add_shapes(const Element& link, const char* kind, TriangleMesh& mesh);
+  Status add_shapes(const Element& link, const char* kind, TriangleMesh& mesh,
+                    std::vector<RobotModel::ShapeEnd>& ends);
   /// True if the last link failed because a file of its mesh cannot be read.
   bool lacks_mesh() const { return lacks_mesh_; }
 

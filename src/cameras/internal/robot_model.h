@@ -1,7 +1,9 @@
 // A robot as links and joints, and where its links are for positions of its joints.
 #pragma once
 
+#include <cstddef>
 #include <filesystem>
+#include <limits>
 #include <optional>
 #include <span>
 #include <string>
@@ -28,12 +30,20 @@ struct RobotJoint {
   /// Its position is factor * that of the joint `source` + offset; of most joints their own.
   std::size_t source = 0;
   double factor = 1, offset = 0;
+  /// Of its own position; NaN: given, but no number.
+  double lower = -std::numeric_limits<double>::infinity(),
+         upper = std::numeric_limits<double>::infinity();
 };
 
 /// A tree. Parents come before their children.
 struct RobotModel {
   std::string name;
   std::vector<RobotLink> links;  ///< meshes in link frames; some have none
+  /// Numbers of vertices and of triangles of a link's mesh up to the end of each of its shapes.
+  struct ShapeEnd {
+    std::size_t vertices = 0, triangles = 0;
+  };
+  std::vector<std::vector<ShapeEnd>> shape_ends;  ///< of each link
   std::vector<RobotJoint> joints;
   std::size_t root = 0;            ///< link whose frame is that of the base, B
   std::vector<std::string> notes;  ///< of links that are left out, and why
@@ -57,8 +67,8 @@ struct RobotFolders {
   static std::vector<std::filesystem::path> packages_of(std::string_view list);
 };
 
-/// URDF: links with boxes, cylinders, spheres and meshes, joints of all kinds; limits are not
-/// looked at. Errors: not XML, with the line; what is missing, or no number, with its name; a link
+/// URDF: links with boxes, cylinders, spheres and meshes, joints of all kinds with their
+/// limits. Errors: not XML, with the line; what is missing, or no number, with its name; a link
 /// or joint that is not there, or is there twice; not a tree; a mesh that cannot be read, unless it
 /// is how a link looks that has no collision mesh: that link is left out, with a note. Without a
 /// `geometry` links have no meshes, and none is looked for; nor do links that are `skipped`.

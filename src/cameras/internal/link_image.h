@@ -7,7 +7,7 @@
 
 #include "palpate/cloud/depth_source.h"
 #include "palpate/mesh/mesh.h"
-#include "src/cameras/robot/link_draw.h"
+#include "src/cameras/internal/link_draw.h"
 
 namespace palpate { inline namespace v0 {
 

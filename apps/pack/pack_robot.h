@@ -1,0 +1,24 @@
+// Packs the links of a robot.
+#pragma once
+
+#include <string>
+
+#include "apps/options.h"
+#include "palpate/robot/robot.h"
+
+namespace palpate::apps {
+
+struct RobotJob {
+  std::string robot, output;  ///< a URDF, and the packed robot
+  RobotPacking packing;
+  bool json = false;
+};
+
+void add_robot_packing(CLI::App& app, RobotJob& job);
+/// Ends in wrong usage for options of --robot without it.
+void check_robot_packing(const CLI::App& app);
+/// Fills all links with spheres, writes the robot and prints what it has; links that are left out
+/// are warnings. Errors: of the URDF; the file cannot be written.
+Status pack_robot(const RobotJob& job);
+
+}  // namespace palpate::apps

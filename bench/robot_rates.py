@@ -1,0 +1,56 @@
+"""Configurations of a Panda a second, on one core, before a wall of 640 x 480 pixels: forward kinematics with clearance, gradient,
+yes or no, contact, and proved motions. Prints rows name,value,unit of processor time; best of 5.
+
+    python3 bench/robot_rates.py [STANDOFF]      # in a Python with palpate, pin and example-robot-data
+"""
+
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+import palpate
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "examples"))
+from plan_arm import panda  # noqa: E402
+
+NUM = 20000
+
+
+def rate(work, num=NUM):
+    best = 1e9
+    for _ in range(5):
+        start = time.process_time()
+        work()
+        best = min(best, time.process_time() - start)
+    return num / best
+
+
+def main():
+    robot = panda(standoff=float(sys.argv[1]) if len(sys.argv) > 1 else 0.02, threads=1)
+    depth = np.random.default_rng(1).normal(1.4, 0.002, (480, 640)).astype(np.float32)
+    X_WC = np.array([[0, 0, -1, 1.4], [-1, 0, 0, 0], [0, -1, 0, 0.5], [0, 0, 0, 1.0]])  # looks back at the base
+    camera = palpate.Camera(640, 480, 525.0, 525.0, 319.5, 239.5, pose=X_WC @ np.diag([-1, 1, -1, 1]))
+    scene = palpate.Scene([palpate.Sensor(camera).update(depth)])
+    limits = robot.joint_limits
+    rng = np.random.default_rng(2)
+    joints = rng.uniform(limits[:, 0], limits[:, 1], (NUM, len(limits)))
+    clear = robot.measure(scene, joints, contact=False).clearance
+    spheres = sum(len(tool) for tool in robot.tools)
+    print(f"spheres,{spheres},\nlinks,{len(robot.link_names)},\nstandoff,{robot.standoff:.4f},m")
+    print(f"blocked,{(clear < 0).mean():.3f},share\nwithin_10cm,{(np.abs(clear) < 0.1).mean():.3f},share")
+    near = joints[np.abs(clear) < 0.1]
+    near = near[np.arange(NUM) % len(near)]
+    for name, at in (("anywhere", joints), ("near", near)):
+        print(f"clearance/{name},{rate(lambda: robot.measure(scene, at, contact=False)):.4g},1/s")
+        print(f"any/{name},{rate(lambda: robot.any(scene, at, 0.01)):.4g},1/s")
+        print(f"contact/{name},{rate(lambda: robot.measure(scene, at[:2000], clearance=False), 2000):.4g},1/s")
+    ends = np.clip(joints + rng.normal(0, 0.2, joints.shape), limits[:, 0], limits[:, 1])
+    free, _ = robot.free_motions(scene, joints[:2000], ends[:2000])
+    print(f"motions,{rate(lambda: robot.free_motions(scene, joints[:2000], ends[:2000]), 2000):.4g},1/s\n"
+          f"motions_free,{free.mean():.3f},share")
+
+
+if __name__ == "__main__":
+    main()

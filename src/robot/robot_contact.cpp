@@ -1,0 +1,267 @@
+// Robots in scenes: forward kinematics, one pose of each link for SceneContact, and what its
+// answers mean for the joints: a force F and a torque T about C turn a joint with the axis a
+// through o by a . (T + (C - o) x F), and push a sliding one by a . F. The gradient of a clearance
+// is such a force.
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "src/cameras/internal/link_image.h"
+#include "src/core/internal/message_text.h"
+#include "src/robot/robot_measures.h"
+
+namespace palpate { inline namespace v0 {
+namespace {
+
+constexpr std::size_t kAtATime = 1024;  // configurations, whose results are in memory
+
+}  // namespace
+
+bool RobotPlaces::place(const Robot::Data& robot, std::span<const double> joints) {
+  bool is_held = false;
+  positions.resize(robot.model.joints.size());
+  X_BL.resize(robot.model.links.size());
+  for (std::size_t j = 0; j < joints.size(); ++j) {
+    const Robot::Joint& joint = robot.joints[j];
+    const double held = std::clamp(joints[j], joint.lower, joint.upper);
+    is_held = is_held || held != joints[j];
+    positions[robot.moved[j]] = held;
+  }
+  robot.model.place(positions, X_BL);
+  return is_held;
+}
+
+Status check_joints(const Robot::Data& robot, std::span<const double> joints, const Pose& X_WB,
+                    bool refuses) {
+  const std::size_t n = robot.joints.size();
+  if (!is_finite(X_WB)) {
+    return Error{Errc::invalid_argument,
+                 "the pose of the robot's base is not finite; give it in m"};
+  }
+  if (joints.size() % n != 0) {
+    return Error{Errc::invalid_argument, "positions of " + std::to_string(n) +
+                                             " joints are needed for each configuration, " +
+                                             std::to_string(joints.size()) +
+                                             " numbers were given; the joints are those of "
+                                             "Robot::joints"};
+  }
+  for (std::size_t i = 0; i < joints.size(); ++i) {
+    const Robot::Joint& joint = robot.joints[i % n];
+    const auto named = [&] {
+      return "joint '" + shown(joint.name) + "' of configuration " + std::to_string(i / n) +
+             " is " + (std::isnan(joints[i]) ? "not a number" : "at " + number_text(joints[i], 4));
+    };
+    if (!(std::abs(joints[i]) < 1e6)) {
+      return Error{Errc::invalid_argument, named() + "; give its position in rad or m"};
+    }
+    if (!refuses || (joints[i] >= joint.lower && joints[i] <= joint.upper)) continue;
+    return Error{Errc::invalid_argument, named() + ", beyond its limits " +
+                                             number_text(joint.lower, 4) + " to " +
+                                             number_text(joint.upper, 4) +
+                                             "; keep it within them, or let it be held there"};
+  }
+  return Done{};
+}
+
+void add_joint_torque(const Robot::Data& robot, const RobotLimb& limb, const RobotPlaces& places,
+                      const Pose& X_WB, const Vec3d& C_W, const Vec3d& force, const Vec3d& torque,
+                      double* to) {
+  for (const RobotLimb::Mover& mover : limb.movers) {
+    const RobotJoint& joint = robot.model.joints[mover.joint];
+    const Pose X_WJ = X_WB * places.X_BL[joint.child];
+    const Vec3d axis = rotate(X_WJ.rotation, joint.axis);
+    const Vec3d moment = torque + cross(C_W - X_WJ.translation, force);
+    to[mover.moved] +=
+        joint.factor * dot(axis, joint.kind == RobotJoint::Kind::turning ? moment : force);
+  }
+}
+
+Status Robot::place(std::span<const double> joints, const Pose& X_WB, std::span<Pose> X_WL) const {
+  if (joints.size() != data_->joints.size() || X_WL.size() != data_->limbs.size()) {
+    return Error{Errc::invalid_argument, "a robot of " + std::to_string(data_->joints.size()) +
+                                             " joints and " + std::to_string(data_->limbs.size()) +
+                                             " links is placed by as many numbers"};
+  }
+  const Status status = check_joints(*data_, joints, X_WB, false);
+  if (!status) return status;
+  RobotPlaces places;
+  places.place(*data_, joints);
+  for (std::size_t l = 0; l < data_->limbs.size(); ++l) {
+    X_WL[l] = X_WB * places.X_BL[data_->limbs[l].link];
+  }
+  return Done{};
+}
+
+Status Robot::remove_from(DepthFrame& frame, const Intrinsics& intrinsics,
+                          std::span<const double> joints, const Pose& X_WB, double padding) const {
+  std::vector<Pose> X_WL(data_->limbs.size());
+  if (const Status status = place(joints, X_WB, X_WL); !status) return status;
+  LinkImage image(intrinsics, padding);
+  image.begin(frame.width, frame.height);
+  const Pose X_CW = inverse(frame.X_WC);
+  for (std::size_t l = 0; l < X_WL.size(); ++l) image.add(tool(l).mesh(), X_CW * X_WL[l]);
+  image.draw();
+  image.remove_from(frame);
+  return Done{};
+}
+
+/// Places the configurations `first` and following, as many as there is room for.
+std::size_t RobotContact::Impl::place(const RobotPoses& poses, std::size_t first) {
+  const std::size_t n = data().joints.size(), num_limbs = data().limbs.size();
+  const std::size_t num = std::min(kAtATime, poses.joints.size() / n - first);
+  places.resize(std::max(places.size(), num));
+  held.resize(num);
+  X_WL.resize(num * num_limbs);
+  const int num_tasks = pool->num_threads();
+  pool->parallel_for(num_tasks, [&](int task) {
+    for (auto i = static_cast<std::size_t>(task); i < num;
+         i += static_cast<std::size_t>(num_tasks)) {
+      held[i] = places[i].place(data(), poses.joints.subspan((first + i) * n, n)) ? 1 : 0;
+      for (std::size_t l = 0; l < num_limbs; ++l) {
+        X_WL[i * num_limbs + l] = poses.X_WB * places[i].X_BL[data().limbs[l].link];
+      }
+    }
+  });
+  for (std::size_t i = tool_of_pose.size(); i < num * num_limbs; ++i) {
+    tool_of_pose.push_back(static_cast<std::int32_t>(i % num_limbs));
+    group_of_pose.push_back(static_cast<std::int32_t>(i / num_limbs));
+  }
+  return num;
+}
+
+ScenePoses RobotContact::Impl::scene_poses(std::size_t num) const {
+  const std::size_t all = num * data().limbs.size();
+  return {std::span(X_WL).first(all), std::span(tool_of_pose).first(all), {}, 0};
+}
+
+RobotContact::RobotContact(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+RobotContact::RobotContact(RobotContact&&) noexcept = default;
+RobotContact& RobotContact::operator=(RobotContact&&) noexcept = default;
+RobotContact::~RobotContact() = default;
+
+const Robot& RobotContact::robot() const { return impl_->robot; }
+
+Result<RobotContact> RobotContact::create(const Robot& robot, int num_threads) {
+  std::vector<const Tool*> tools;
+  for (std::size_t l = 0; l < robot.links().size(); ++l) tools.push_back(&robot.tool(l));
+  auto contact = SceneContact::create(tools, FieldMethod{}, Place::cpu(), num_threads);
+  if (!contact) return contact.error();
+  return RobotContact(std::make_unique<Impl>(robot, *std::move(contact), num_threads));
+}
+
+Status RobotContact::measure(const Scene& scene, const RobotPoses& poses,
+                             const RobotAnswers& to) const {
+  Impl& impl = *impl_;
+  const Robot::Data& robot = impl.data();
+  if (const Status s = check_joints(robot, poses.joints, poses.X_WB, poses.refuses_beyond_limits);
+      !s) {
+    return s;
+  }
+  const std::size_t n = robot.joints.size(), num_limbs = robot.limbs.size();
+  const std::size_t total = poses.joints.size() / n;
+  RobotMeasures found;
+  for (std::size_t first = 0; first < total;) {
+    const std::size_t num = impl.place(poses, first);
+    const SceneAnswers asked = found.make_room(to, num * num_limbs);
+    if (const Status s = impl.contact.measure(scene, impl.scene_poses(num), asked); !s) return s;
+    for (std::size_t i = 0; i < num; ++i) {
+      found.reduce(robot, impl.places[i], poses.X_WB, impl.X_WL.data() + i * num_limbs,
+                   i * num_limbs, first + i, to);
+      if (to.held != nullptr) to.held[first + i] = impl.held[i];
+    }
+    first += num;
+  }
+  return Done{};
+}
+
+Status RobotContact::any(const Scene& scene, const RobotPoses& poses, double margin,
+                         std::uint8_t* hits) const {
+  Impl& impl = *impl_;
+  if (const Status s =
+          check_joints(impl.data(), poses.joints, poses.X_WB, poses.refuses_beyond_limits);
+      !s) {
+    return s;
+  }
+  const std::size_t total = poses.joints.size() / impl.data().joints.size();
+  for (std::size_t first = 0; first < total;) {
+    const std::size_t num = impl.place(poses, first);
+    ScenePoses asked = impl.scene_poses(num);
+    asked.group_of_pose = std::span(impl.group_of_pose).first(asked.X_WT.size());
+    asked.num_groups = static_cast<int>(num);
+    if (const Status s = impl.contact.any(scene, asked, margin, hits + first); !s) return s;
+    first += num;
+  }
+  return Done{};
+}
+
+SceneAnswers RobotMeasures::make_room(const RobotAnswers& to, std::size_t num_poses) {
+  SceneAnswers asked;
+  const auto use = [&](std::vector<double>& numbers, std::size_t each) {
+    numbers.resize(num_poses * each);
+    return numbers.data();
+  };
+  if (to.clearance || to.link || to.clearance_by_joint) {
+    asked.clearance = use(clearance, 1);
+    asked.clearance_limit = to.clearance_limit;
+    nearest.resize(num_poses);
+    asked.nearest = nearest.data();
+    if (to.clearance_by_joint) asked.clearance_gradient = use(gradient, 6);
+  }
+  if (to.volume) asked.contact.volume = use(volume, 1);
+  if (to.wrench || to.joint_torque) {
+    asked.contact.force = use(force, 3);
+    asked.contact.torque = use(torque, 3);
+  }
+  if (to.unseen) asked.unseen = use(unseen, 1);
+  return asked;
+}
+
+void RobotMeasures::reduce(const Robot::Data& robot, const RobotPlaces& places, const Pose& X_WB,
+                           const Pose* X_WL, std::size_t from, std::size_t i,
+                           const RobotAnswers& to) const {
+  const std::size_t n = robot.joints.size(), num_limbs = robot.limbs.size();
+  const auto vector_at = [](const std::vector<double>& numbers, std::size_t at) {
+    return Vec3d{numbers[at], numbers[at + 1], numbers[at + 2]};
+  };
+  const auto center = [&](std::size_t l) {
+    return X_WL[l] * robot.tools[robot.limbs[l].link]->sphere_mass().center_of_mass;
+  };
+  if (to.clearance || to.link || to.clearance_by_joint) {
+    const double* const here = clearance.data() + from;
+    const auto l = static_cast<std::size_t>(std::min_element(here, here + num_limbs) - here);
+    const bool is_known = nearest[from + l] >= 0;
+    if (to.clearance) to.clearance[i] = here[l];
+    if (to.link) to.link[i] = is_known ? static_cast<std::int32_t>(l) : -1;
+    if (to.clearance_by_joint) {
+      std::fill_n(to.clearance_by_joint + i * n, n, 0.0);
+      if (is_known) {
+        add_joint_torque(robot, robot.limbs[l], places, X_WB, center(l),
+                         vector_at(gradient, 6 * (from + l)),
+                         vector_at(gradient, 6 * (from + l) + 3), to.clearance_by_joint + i * n);
+      }
+    }
+  }
+  if (to.joint_torque) std::fill_n(to.joint_torque + i * n, n, 0.0);
+  double all = 0, not_seen = 0, inside = 0;
+  for (std::size_t l = 0; l < num_limbs; ++l) {
+    const std::size_t at = from + l;
+    if (to.volume) inside += volume[at];
+    if (to.unseen) {
+      const double full = full_volume(*robot.tools[robot.limbs[l].link], FieldMethod{}.volumes);
+      all += full;
+      not_seen += full * unseen[at];
+    }
+    if (to.wrench) {
+      std::copy_n(force.data() + 3 * at, 3, to.wrench + 6 * (i * num_limbs + l));
+      std::copy_n(torque.data() + 3 * at, 3, to.wrench + 6 * (i * num_limbs + l) + 3);
+    }
+    if (to.joint_torque) {
+      add_joint_torque(robot, robot.limbs[l], places, X_WB, center(l), vector_at(force, 3 * at),
+                       vector_at(torque, 3 * at), to.joint_torque + i * n);
+    }
+  }
+  if (to.volume) to.volume[i] = inside;
+  if (to.unseen) to.unseen[i] = not_seen / all;
+}
+
+}}  // namespace palpate::v0

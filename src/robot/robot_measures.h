@@ -1,0 +1,44 @@
+// What a robot in a scene is measured with: places of its links, and answers for each of them.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "src/robot/robot_poses.h"
+
+namespace palpate { inline namespace v0 {
+
+/// Answers for links, a row for each configuration, and what they mean for the robot.
+struct RobotMeasures {
+  std::vector<double> clearance, gradient, volume, force, torque, unseen;
+  std::vector<std::int32_t> nearest;
+
+  /// Arrays for what `to` needs.
+  SceneAnswers make_room(const RobotAnswers& to, std::size_t num_poses);
+  /// Writes configuration i, whose links have the answers from `from` on and the poses X_WL.
+  void reduce(const Robot::Data& robot, const RobotPlaces& places, const Pose& X_WB,
+              const Pose* X_WL, std::size_t from, std::size_t i, const RobotAnswers& to) const;
+};
+
+struct RobotContact::Impl {
+  Impl(Robot whole, SceneContact made, int num_threads)
+      : robot(std::move(whole)),
+        contact(std::move(made)),
+        pool(std::make_unique<ThreadPool>(num_threads)) {}
+
+  const Robot::Data& data() const { return robot.data(); }
+  std::size_t place(const RobotPoses& poses, std::size_t first);
+  ScenePoses scene_poses(std::size_t num) const;
+
+  const Robot robot;
+  SceneContact contact;
+  std::unique_ptr<ThreadPool> pool;
+  std::vector<RobotPlaces> places;  // of some configurations, as all that follows
+  std::vector<Pose> X_WL;           // of each limb
+  std::vector<std::uint8_t> held;
+  std::vector<std::int32_t> tool_of_pose, group_of_pose;
+};
+
+}}  // namespace palpate::v0
