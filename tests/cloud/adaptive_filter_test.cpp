@@ -243,9 +243,9 @@ TEST(AdaptiveFilter, GivesTheSameBitsForAnyThreadsInstructionsAndWindow) {
     // One after another, with another scene between them.
     const DepthScene other = test::cluttered_scene(width, height, 300, 1.1, 4);
     for (const PixelWindow& window :
-         {PixelWindow{width / 3, height / 4, width / 2 + 2, height / 2 + 2}, PixelWindow{0, 0, 1, 1},
-          PixelWindow{width - 3, height / 2, width, height}, PixelWindow{5, 5, 5, 5},
-          PixelWindow{width / 2, 1, width / 2 + 9, height - 1}}) {
+         {PixelWindow{width / 3, height / 4, width / 2 + 2, height / 2 + 2},
+          PixelWindow{0, 0, 1, 1}, PixelWindow{width - 3, height / 2, width, height},
+          PixelWindow{5, 5, 5, 5}, PixelWindow{width / 2, 1, width / 2 + 9, height - 1}}) {
       estimator.update(other.depth, pool, {{width / 4, 0, width, height / 2}, false});
       estimator.update(scene.depth, pool, {window, false});
       int num_other = 0;

@@ -20,7 +20,7 @@ std::string doubt(double stored, double reported, double from, double to, double
   stream.width = stream.height = kSize;
   stream.intrinsics = {150, 150, 59.5, 59.5};
   stream.name = "camera";
-  SeenFrames seen({stream});
+  NewestFrames seen({stream});
   UnitWatch watch(tool, 1);
   FrameRecord record;
   record.unit = reported;

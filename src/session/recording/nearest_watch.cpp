@@ -7,16 +7,16 @@
 
 namespace palpate { inline namespace v0 {
 
-void NearestWatch::look(std::span<const SeenFrame> cameras, const ContactRecord& contact) {
+void NearestWatch::look(std::span<const NewestFrame> cameras, const ContactRecord& contact) {
   if (has_touched_) return;
-  for (const SeenFrame& camera : cameras) look(camera, contact);
+  for (const NewestFrame& camera : cameras) look(camera, contact);
 }
 
 std::optional<NearestApproach> NearestWatch::nearest() const {
   return has_touched_ ? std::nullopt : nearest_;
 }
 
-void NearestWatch::look(const SeenFrame& camera, const ContactRecord& contact) {
+void NearestWatch::look(const NewestFrame& camera, const ContactRecord& contact) {
   constexpr int kSamples = 80;  // a side
   if (camera.frame.pixels.empty()) return;
   const Pose X_TC = inverse(contact.X_WT) * camera.X_WC;
@@ -35,8 +35,8 @@ void NearestWatch::look(const SeenFrame& camera, const ContactRecord& contact) {
 }
 
 /// Lowers `nearest` to that of every `step`-th pixel of a window, and sets its place.
-void NearestWatch::look_at(const SeenFrame& camera, const Pose& X_TC, Pixel low, Pixel high, int step,
-                           double& nearest, Pixel& at) const {
+void NearestWatch::look_at(const NewestFrame& camera, const Pose& X_TC, Pixel low, Pixel high,
+                           int step, double& nearest, Pixel& at) const {
   const auto& [fx, fy, cx, cy] = camera.stream.intrinsics;
   for (int v = low.v; v < high.v; v += step) {
     for (int u = low.u; u < high.u; u += step) {

@@ -11,7 +11,7 @@
 
 #include "palpate/session/run.h"
 #include "palpate/tool/tool.h"
-#include "src/session/recording/seen_frames.h"
+#include "src/session/recording/newest_frames.h"
 
 namespace palpate { inline namespace v0 {
 
@@ -25,7 +25,7 @@ class NearestWatch {
   void take(const ContactRecord& contact) {
     has_touched_ = has_touched_ || contact.penetration.volume > 0;
   }
-  void look(std::span<const SeenFrame> cameras, const ContactRecord& contact);
+  void look(std::span<const NewestFrame> cameras, const ContactRecord& contact);
   /// Returns the nearest approach; none after a contact, or without measurements.
   std::optional<NearestApproach> nearest() const;
 
@@ -34,8 +34,8 @@ class NearestWatch {
     int u = 0, v = 0;
   };
 
-  void look(const SeenFrame& camera, const ContactRecord& contact);
-  void look_at(const SeenFrame& camera, const Pose& X_TC, Pixel low, Pixel high, int step,
+  void look(const NewestFrame& camera, const ContactRecord& contact);
+  void look_at(const NewestFrame& camera, const Pose& X_TC, Pixel low, Pixel high, int step,
                double& nearest, Pixel& at) const;
   double distance_below(const Vec3d& p_T, double limit) const;
 

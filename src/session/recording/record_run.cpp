@@ -53,7 +53,7 @@ class RecordingObserver {
                     const RunOptions& options)
       : sources_(sources),
         unseen_(full_volume),
-        seen_(sources.infos()),
+        newest_(sources.infos()),
         unit_(tool, sources.size()),
         nearest_(tool),
         monitor_(options.monitor),
@@ -74,16 +74,16 @@ class RecordingObserver {
     observer.on_frame = [this](const FrameRecord& record, const DepthFrame& frame) {
       recorder_->add_frame(record, frame);
       results_->add_frame(record, frame);
-      seen_.take(record, frame);
+      newest_.take(record, frame);
       tell(&RunObserver::on_frame, record, frame);
     };
     observer.on_contact = [this](const ContactRecord& contact) {
       recorder_->add_contact(contact);
       results_->add_contact(contact);
       nearest_.take(contact);
-      if (seen_.is_due(contact.time)) {
-        unit_.look(seen_.all(), contact.X_WT);
-        nearest_.look(seen_.all(), contact);
+      if (newest_.is_due(contact.time)) {
+        unit_.look(newest_.all(), contact.X_WT);
+        nearest_.look(newest_.all(), contact);
       }
       if (unit_.has_waited(contact.time)) add_unit_doubts(contact.time);
       tell(&RunObserver::on_contact, contact);
@@ -163,7 +163,7 @@ class RecordingObserver {
 
   const DepthSources& sources_;
   UnseenWatch unseen_;
-  SeenFrames seen_;
+  NewestFrames newest_;
   UnitWatch unit_;
   NearestWatch nearest_;
   std::vector<std::string> source_notes_;

@@ -37,9 +37,9 @@ UnitWatch::UnitWatch(const Tool& tool, std::size_t num_cameras) : cameras_(num_c
   radius_ = 0.5 * norm(box.high - box.low);
 }
 
-void UnitWatch::look(std::span<const SeenFrame> cameras, const Pose& X_WT) {
+void UnitWatch::look(std::span<const NewestFrame> cameras, const Pose& X_WT) {
   for (std::size_t number = 0; number < cameras.size(); ++number) {
-    const SeenFrame& seen = cameras[number];
+    const NewestFrame& seen = cameras[number];
     Camera& camera = cameras_[number];
     const DepthFrame& frame = seen.frame;
     const Vec3d p_C = inverse(seen.X_WC) * (X_WT * center_T_);

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "palpate/tool/tool.h"
-#include "src/session/recording/seen_frames.h"
+#include "src/session/recording/newest_frames.h"
 
 namespace palpate { inline namespace v0 {
 
@@ -18,7 +18,7 @@ class UnitWatch {
   UnitWatch(const Tool& tool, std::size_t num_cameras);
 
   /// Looks at some hundred pixels around the tool in each of the cameras.
-  void look(std::span<const SeenFrame> cameras, const Pose& X_WT);
+  void look(std::span<const NewestFrame> cameras, const Pose& X_WT);
   /// Returns one sentence for each camera in doubt, with the likely right unit, once.
   std::vector<std::string> doubts();
   /// True if the tool had time to find something.

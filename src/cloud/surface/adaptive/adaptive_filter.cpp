@@ -127,8 +127,8 @@ void AdaptiveFilter::run(const FilterPass& pass, const PixelWindow& window, Thre
   const auto noise = [&](int level) -> const ScaleNoise& {
     return noise_[static_cast<std::size_t>(level)];
   };
-  const auto predict = [&](int level, const ScaleImage& from, const ScaleImage& to,
-                           Columns columns, int v) {
+  const auto predict = [&](int level, const ScaleImage& from, const ScaleImage& to, Columns columns,
+                           int v) {
     rows_.predict(at(level + 1), level + 1, from, at(level), to, columns, v);
   };
   const std::array<NeededCells, kNumScales> needed = needed_cells(levels_, window);
@@ -138,7 +138,7 @@ void AdaptiveFilter::run(const FilterPass& pass, const PixelWindow& window, Thre
     for_rows(pool, 0, at(level).height,
              [&](int v) { rows_.widen(at(level - 1), level, at(level), v); });
   }
-  // Where they are counted or needed.
+  // Predicts the cells that are counted or needed.
   for (int level = 0; level < kNumScales; ++level) {
     const PixelWindow own = halved(needed[static_cast<std::size_t>(level)].predicted);
     const ScaleLevel& wider = at(level + 1);
@@ -171,8 +171,9 @@ void AdaptiveFilter::run(const FilterPass& pass, const PixelWindow& window, Thre
     });
   }
   const PixelWindow own = needed[0].smoothed;
-  for_rows(pool, own.top, own.bottom,
-           [&](int v) { rows_.finish(at(0), pass, {own.left, own.right}, v); });
+  for_rows(pool, own.top, own.bottom, [&](int v) {
+    rows_.finish(at(0), pass, {own.left, own.right}, v);
+  });
 }
 
 }}  // namespace palpate::v0

@@ -38,8 +38,8 @@ void widen_row(const ScaleLevel& fine, int level, const ScaleLevel& coarse, int 
 /// Cells of a row that are done at once.
 constexpr int kChunk = 64;
 
-void predict_row(const ScaleLevel&, int level, const ScaleImage& from,
-                 const ScaleLevel& fine, const ScaleImage& to, Columns columns, int v) {
+void predict_row(const ScaleLevel&, int level, const ScaleImage& from, const ScaleLevel& fine,
+                 const ScaleImage& to, Columns columns, int v) {
   const float tolerance = scale_tolerance(level);
   for (int first = columns.left; first < columns.right; first += kChunk) {
     const int num = std::min(kChunk, columns.right - first);

@@ -12,7 +12,7 @@
 namespace palpate { inline namespace v0 {
 
 /// A camera and its newest frame; without pixels before the first one.
-struct SeenFrame {
+struct NewestFrame {
   DepthStreamInfo stream;
   DepthFrame frame;
   Pose X_WC = {};
@@ -26,15 +26,15 @@ struct SeenFrame {
 };
 
 /// Owns the frames; they are looked at ten times a second of the run.
-class SeenFrames {
+class NewestFrames {
  public:
-  explicit SeenFrames(std::vector<DepthStreamInfo> streams) {
+  explicit NewestFrames(std::vector<DepthStreamInfo> streams) {
     for (DepthStreamInfo& stream : streams) cameras_.push_back({std::move(stream), {}});
   }
 
   /// Keeps a frame instead of that before. O(pixels).
   void take(const FrameRecord& record, const DepthFrame& frame) {
-    SeenFrame& camera = cameras_[record.camera];
+    NewestFrame& camera = cameras_[record.camera];
     camera.frame = frame;
     camera.X_WC = record.X_WC;
     camera.unit = record.unit;
@@ -45,12 +45,12 @@ class SeenFrames {
     next_look_ = time + kPeriod;
     return true;
   }
-  std::span<const SeenFrame> all() const { return cameras_; }
+  std::span<const NewestFrame> all() const { return cameras_; }
 
  private:
   static constexpr double kPeriod = 0.1;  // s
 
-  std::vector<SeenFrame> cameras_;
+  std::vector<NewestFrame> cameras_;
   double next_look_ = 0;  // s
 };
 
