@@ -24,7 +24,7 @@ PALPATE_HOSTDEV constexpr T larger(T a, T b) {
   return a < b ? b : a;
 }
 template <class T>
-PALPATE_HOSTDEV constexpr T lesser(T a, T b) {
+PALPATE_HOSTDEV constexpr T smaller(T a, T b) {
   return b < a ? b : a;
 }
 /// Clamps a pixel coordinate to [least, limit] and truncates it; NaN becomes `least`.
@@ -49,7 +49,7 @@ struct LinkTriangle {
     return larger(larger(corners[0].w, corners[1].w), corners[2].w);
   }
   PALPATE_HOSTDEV float farthest() const {
-    return lesser(lesser(corners[0].w, corners[1].w), corners[2].w);
+    return smaller(smaller(corners[0].w, corners[1].w), corners[2].w);
   }
 };
 
@@ -62,8 +62,8 @@ struct LinkWindow {
   PALPATE_HOSTDEV bool is_empty() const { return right <= left || bottom <= top; }
   /// Returns the intersection of both.
   PALPATE_HOSTDEV LinkWindow common(const LinkWindow& b) const {
-    return {larger(left, b.left), larger(top, b.top), lesser(right, b.right),
-            lesser(bottom, b.bottom)};
+    return {larger(left, b.left), larger(top, b.top), smaller(right, b.right),
+            smaller(bottom, b.bottom)};
   }
 };
 
@@ -84,7 +84,7 @@ struct LinkCamera {
   /// Pixels, by which the padding reaches around what is at this inverse depth: the outline of a
   /// ball in perspective.
   PALPATE_HOSTDEV double reach_of(double w) const {
-    const double share = lesser(padding * w, 0.95);
+    const double share = smaller(padding * w, 0.95);
     return padding * widest * larger(fx, fy) * w / (1 - share * share);
   }
   PALPATE_HOSTDEV int radius_of(float nearest) const {
@@ -107,7 +107,7 @@ PALPATE_HOSTDEV inline int shell_of(float w) {
   std::memcpy(bits, depth, sizeof bits);
   const int number =
       static_cast<int>(bits[1] >> kDigitsLeftOut) - static_cast<int>(bits[0] >> kDigitsLeftOut);
-  return larger(0, lesser(number, kNumLinkShells - 1));
+  return larger(0, smaller(number, kNumLinkShells - 1));
 }
 
 /// Cuts off the part of a triangle that is too near. Returns the number of corners: 0, 3 or 4.
@@ -178,7 +178,7 @@ class LinkRaster {
   /// All pixels that a triangle touches.
   PALPATE_HOSTDEV static LinkWindow box_of(const LinkTriangle& triangle) {
     const auto& [a, b, c] = triangle.corners;
-    return {first_pixel(lesser(lesser(a.u, b.u), c.u)), first_pixel(lesser(lesser(a.v, b.v), c.v)),
+    return {first_pixel(smaller(smaller(a.u, b.u), c.u)), first_pixel(smaller(smaller(a.v, b.v), c.v)),
             end_pixel(larger(larger(a.u, b.u), c.u)), end_pixel(larger(larger(a.v, b.v), c.v))};
   }
 
@@ -231,7 +231,7 @@ class LinkRaster {
     for (const Side& side : sides_) {
       const double crossing = -(side.y * v + side.z);
       from = larger(from, crossing + side.min_from);
-      to = lesser(to, crossing + side.max_to);
+      to = smaller(to, crossing + side.max_to);
     }
     return {within(std::ceil(from), left, right), within(std::floor(to) + 1, left, right),
             static_cast<float>(corner_ + per_v_ * (v - from_v_))};

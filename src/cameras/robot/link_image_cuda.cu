@@ -161,7 +161,7 @@ __device__ void draw_shell(const LinkJob& job, int shell, const LinkWindow& draw
 __device__ inline void raise_to_widest(const float* from, int num_from, std::ptrdiff_t from_apart,
                                        int shift, int span, float* to, int num_to,
                                        std::ptrdiff_t to_apart, int segment) {
-  const int begin = segment * span, end = lesser(begin + span, num_to);
+  const int begin = segment * span, end = smaller(begin + span, num_to);
   const auto get = [&](int i) {
     const int k = i - shift;
     return k >= 0 && k < num_from ? from[k * from_apart] : 0.0f;
