@@ -78,9 +78,32 @@ class VectorSearch {
     offer<true>(image, spheres, outside & sight.is_in_image, sight.column, sight.row, sight.depth,
                 found);
     float value = best();
-    look_outside(image, spheres, sight, outside, value, job_.enough, job_.each == nullptr, found);
+    if (job_.each == nullptr && value > 0) {
+      find_first(image, spheres, sight, outside, value, found);
+    } else {
+      look_outside<false>(image, spheres, sight, outside, value, job_.enough, job_.each == nullptr,
+                          found);
+    }
     keep(outside & (found.pixel != splat(-1)), sqrt(found.distance2) - spheres.radius, found,
          camera, true, false);
+  }
+
+  // Searches for the sphere that seems to be the nearest, then for all others together, which only
+  // have to beat that.
+  PALPATE_LANE_CODE void find_first(const Image& image, const SphereLanes& spheres,
+                                    const Sight& sight, VecI lanes, float& value, Found& found) {
+    const VecF seems = select(lanes, sqrt(found.distance2) - spheres.radius, splat(kFarAway));
+    const int lane = first_lane(mask_bits(seems == splat(min_lane(seems))));
+    const VecI is_it = lane_ids() == splat(lane);
+    look_outside<true>(image, spheres, sight, is_it, value, job_.enough, true, found);
+    lanes &= ~is_it;
+    const std::int32_t pixel = lane_of(found.pixel, lane);
+    if (pixel >= 0) {
+      const std::int32_t column = pixel % image.width, row = pixel / image.width;
+      offer<true>(image, spheres, lanes, splat(column), splat(row),
+                  splat(image.nearest[0][image.place(0, column, row)]), found);
+    }
+    look_outside<false>(image, spheres, sight, lanes, value, job_.enough, true, found);
   }
 
   // Searches for one sphere at a time, the one that may be the deepest first. The free pixel that
@@ -158,7 +181,7 @@ PALPATE_LANE_CODE inline void VectorSearch::run_hull() {
     if (!is_any_set(here)) continue;
     Found found = start(radius);
     float value = best();
-    look_outside(image, spheres, sight, here, value, job_.enough, false, found);
+    look_outside<false>(image, spheres, sight, here, value, job_.enough, false, found);
     is_free |= here;
     may_win &= ~(here & (found.pixel == splat(-1)));
     nearest.take(here & (found.distance2 > nearest.found.distance2), found, k, false);
@@ -177,7 +200,7 @@ PALPATE_LANE_CODE inline void VectorSearch::run_hull() {
     if (!is_any_set(here)) continue;
     Found found = of_fields.found;
     float value = best();
-    look_outside(image, spheres, sight, here, value, job_.enough, false, found);
+    look_outside<false>(image, spheres, sight, here, value, job_.enough, false, found);
     of_fields.take(here & (found.distance2 < of_fields.found.distance2), found, k, true);
   }
   const VecI outside = may_win & (is_free | ~is_in_some);

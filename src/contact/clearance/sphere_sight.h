@@ -67,7 +67,9 @@ PALPATE_LANE_INLINE SphereLanes spheres_at(const ClearanceJob& job, const Cleara
 // A border in place of a pixel: -2 - its number.
 PALPATE_LANE_INLINE VecI border_pixel(VecI number) { return ~number + (-1); }
 
-// Finds the nearest solid space in an image, or border, from outside of it.
+// Finds the nearest solid space in an image, or border, from outside of it. `kSingle`: for one
+// lane.
+template <bool kSingle>
 PALPATE_LANE_CODE inline void look_outside(const Image& image, const SphereLanes& spheres,
                                            const Sight& sight, VecI lanes, float& best,
                                            float enough, bool is_shared, Found& found) {
@@ -78,7 +80,7 @@ PALPATE_LANE_CODE inline void look_outside(const Image& image, const SphereLanes
     found.pixel = select(is_nearer, border_pixel(sight.border.number), found.pixel);
   }
   if (!is_any_set(lanes)) return;
-  ImageSearch<true, false> search(image, spheres, lanes, found, best, enough, is_shared);
+  ImageSearch<true, kSingle> search(image, spheres, lanes, found, best, enough, is_shared);
   search.run();
   if (is_shared) best = search.best();
 }
