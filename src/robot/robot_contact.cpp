@@ -162,8 +162,8 @@ Status RobotContact::measure(const Scene& scene, const RobotPoses& poses,
   RobotMeasures found;
   for (std::size_t first = 0; first < total;) {
     const std::size_t num = impl.place(poses, first);
-    const SceneAnswers asked = found.make_room(to, num * num_limbs);
-    if (const Status s = impl.contact.measure(scene, impl.scene_poses(num), asked); !s) return s;
+    const SceneAnswers requested = found.make_room(to, num * num_limbs);
+    if (const Status s = impl.contact.measure(scene, impl.scene_poses(num), requested); !s) return s;
     for (std::size_t i = 0; i < num; ++i) {
       found.reduce(robot, impl.places[i], poses.X_WB, impl.X_WL.data() + i * num_limbs,
                    i * num_limbs, first + i, to);
@@ -185,35 +185,35 @@ Status RobotContact::any(const Scene& scene, const RobotPoses& poses, double mar
   const std::size_t total = poses.joints.size() / impl.data().joints.size();
   for (std::size_t first = 0; first < total;) {
     const std::size_t num = impl.place(poses, first);
-    ScenePoses asked = impl.scene_poses(num);
-    asked.group_of_pose = std::span(impl.group_of_pose).first(asked.X_WT.size());
-    asked.num_groups = static_cast<int>(num);
-    if (const Status s = impl.contact.any(scene, asked, margin, hits + first); !s) return s;
+    ScenePoses requested = impl.scene_poses(num);
+    requested.group_of_pose = std::span(impl.group_of_pose).first(requested.X_WT.size());
+    requested.num_groups = static_cast<int>(num);
+    if (const Status s = impl.contact.any(scene, requested, margin, hits + first); !s) return s;
     first += num;
   }
   return Done{};
 }
 
 SceneAnswers RobotMeasures::make_room(const RobotAnswers& to, std::size_t num_poses) {
-  SceneAnswers asked;
+  SceneAnswers requested;
   const auto use = [&](std::vector<double>& numbers, std::size_t each) {
     numbers.resize(num_poses * each);
     return numbers.data();
   };
   if (to.clearance || to.link || to.clearance_by_joint) {
-    asked.clearance = use(clearance, 1);
-    asked.clearance_limit = to.clearance_limit;
+    requested.clearance = use(clearance, 1);
+    requested.clearance_limit = to.clearance_limit;
     nearest.resize(num_poses);
-    asked.nearest = nearest.data();
-    if (to.clearance_by_joint) asked.clearance_gradient = use(gradient, 6);
+    requested.nearest = nearest.data();
+    if (to.clearance_by_joint) requested.clearance_gradient = use(gradient, 6);
   }
-  if (to.volume) asked.contact.volume = use(volume, 1);
+  if (to.volume) requested.contact.volume = use(volume, 1);
   if (to.wrench || to.joint_torque) {
-    asked.contact.force = use(force, 3);
-    asked.contact.torque = use(torque, 3);
+    requested.contact.force = use(force, 3);
+    requested.contact.torque = use(torque, 3);
   }
-  if (to.unseen) asked.unseen = use(unseen, 1);
-  return asked;
+  if (to.unseen) requested.unseen = use(unseen, 1);
+  return requested;
 }
 
 void RobotMeasures::reduce(const Robot::Data& robot, const RobotPlaces& places, const Pose& X_WB,

@@ -1,4 +1,4 @@
-// What a robot is made of.
+// The parts of a robot: tree, tools and what follows from them.
 #pragma once
 
 #include <memory>

@@ -21,7 +21,7 @@ static_assert(std::endian::native == std::endian::little, "packed robots are lit
 constexpr std::string_view kMagic{"\x89PALPROBOT\r\n\x1a\n\0", 15}, kToolMagic{"\x89PALP\r\n\x1a"};
 constexpr std::uint64_t kVersion = 1;
 constexpr std::size_t kChecksum = 8;
-constexpr std::uint64_t kMostParts = 4000;  // links, joints and notes
+constexpr std::uint64_t kMaxParts = 4000;  // links, joints and notes
 
 class RobotWriter {
  public:
@@ -190,11 +190,11 @@ Result<Robot> Robot::from_bytes(std::string_view bytes) {
   Data data;
   RobotModel& model = data.model;
   model.name = reader.text();
-  for (auto num = reader.count(kMostParts); num > 0; --num) {
+  for (auto num = reader.count(kMaxParts); num > 0; --num) {
     model.notes.emplace_back(reader.text());
   }
   model.root = reader.number();
-  const auto num_links = reader.count(kMostParts);
+  const auto num_links = reader.count(kMaxParts);
   for (std::uint64_t i = 0; i < num_links && reader.is_good(); ++i) {
     model.links.push_back({std::string(reader.text()), {}});
     data.standoffs.push_back(reader.number<double>());
@@ -209,7 +209,7 @@ Result<Robot> Robot::from_bytes(std::string_view bytes) {
     }
     data.tools.back() = std::make_shared<const Tool>(*std::move(tool));
   }
-  const auto num_joints = reader.count(kMostParts);
+  const auto num_joints = reader.count(kMaxParts);
   if (!reader.is_good() || model.root >= num_links || num_joints + 1 != num_links) {
     return damaged("its links and joints are no tree");
   }

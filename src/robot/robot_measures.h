@@ -1,4 +1,4 @@
-// What a robot in a scene is measured with: places of its links, and answers for each of them.
+// Buffers for measuring a robot in a scene: places of its links, and answers for each of them.
 #pragma once
 
 #include <cstdint>

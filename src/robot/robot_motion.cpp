@@ -67,8 +67,8 @@ Status RobotContact::free_motions(const Scene& scene, const RobotPoses& poses,
     if (until != nullptr) until[i] = 0;
   }
   std::vector<double> joints, clearance;
-  SceneAnswers asked;
-  asked.clearance_limit = std::max(margin, 0.0) + kClearanceLimit;
+  SceneAnswers requested;
+  requested.clearance_limit = std::max(margin, 0.0) + kClearanceLimit;
   while (!open.empty()) {
     joints.clear();
     for (const Motion& motion : open) {
@@ -80,8 +80,8 @@ Status RobotContact::free_motions(const Scene& scene, const RobotPoses& poses,
     for (std::size_t first = 0; first < open.size();) {
       const std::size_t num = impl.place({joints, poses.X_WB}, first);
       clearance.resize(num * num_limbs);
-      asked.clearance = clearance.data();
-      if (const Status s = impl.contact.measure(scene, impl.scene_poses(num), asked); !s) return s;
+      requested.clearance = clearance.data();
+      if (const Status s = impl.contact.measure(scene, impl.scene_poses(num), requested); !s) return s;
       for (std::size_t i = 0; i < num; ++i) {
         Motion& motion = open[first + i];
         double step = std::numeric_limits<double>::infinity();  // share

@@ -45,14 +45,14 @@ PYTHON
       fi
     done
     install_from_wheels pytest mypy pandas matplotlib pyarrow foxglove-sdk mcap-protobuf-support
-    for large in zarr torch "ray[data]" rerun-sdk pin quadprog; do install_from_wheels "$large" 2>/dev/null || true; done
+    for large in zarr torch "ray[data]" rerun-sdk pin quadprog ompl example-robot-data; do install_from_wheels "$large" 2>/dev/null || true; done
     for pinned in $(grep -v '^#' examples/simulators/requirements.txt); do install_from_wheels "$pinned" 2>/dev/null || true; done
     ;;
   *) [ -x "$clean/bin/pytest" ] || { echo "skipped: the wheel is not installed in $clean"; exit 77; } ;;&
   test)
     PALPATE_PROGRAM=$root/$clean/bin/palpate "$clean/bin/pytest" -q -rs -p no:cacheprovider python/tests \
       --ignore python/tests/test_types.py --ignore python/tests/test_torch.py --ignore python/tests/test_ray.py \
-      --ignore python/tests/test_guard.py --ignore python/tests/test_simulators.py
+      --ignore python/tests/robot/test_guard.py --ignore python/tests/test_simulators.py
     ;;
   types) "$clean/bin/pytest" -q -p no:cacheprovider python/tests/test_types.py ;;
   torch)
@@ -65,7 +65,7 @@ PYTHON
     ;;
   robot)
     { is_there pinocchio && is_there quadprog; } || { echo "skipped: Pinocchio and quadprog are not installed; scripts/setup.sh --robot fetches them"; exit 77; }
-    "$clean/bin/pytest" -q -p no:cacheprovider python/tests/test_guard.py
+    "$clean/bin/pytest" -q -p no:cacheprovider python/tests/robot
     ;;
   # Without simulators, the law of contact is tested alone, and each example is skipped by its name.
   simulators) "$clean/bin/pytest" -q -rs -p no:cacheprovider python/tests/test_simulators.py ;;

@@ -48,7 +48,7 @@ TEST(RobotMotion, Proved_motions_have_no_blocked_sample) {
       continue;
     }
     EXPECT_FALSE(until[i] > 0 && is_hit) << i << " until " << until[i];
-    // What is not proved: blocked somewhere, or near to it.
+    // Not proved means blocked somewhere, or near to it.
     samples.clear();
     for (std::size_t k = 0; k < kSamples; ++k) {
       for (std::size_t j = 0; j < 3; ++j) {

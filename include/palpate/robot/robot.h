@@ -26,7 +26,7 @@
 
 namespace palpate { inline namespace v0 {
 
-/// How a URDF becomes spheres.
+/// Options of filling the links of a URDF with spheres.
 struct RobotPacking {
   double standoff = 0.01;  ///< m, 1e-4 to 1: of the surface from the nearest sphere (cover_solid)
   int max_spheres = 500;   ///< of a shape

@@ -158,11 +158,12 @@ nb::object remove_from(const PyRobot& self, nb::handle depth, const PyCamera& ca
   const Doubles joints = joints_of(self, given, "joints");
   nb::object plain = plain_image(depth);
   const nb::module_ numpy = nb::module_::import_("numpy");
-  const bool is_counts = nb::cast<bool>(numpy.attr("equal")(plain.attr("dtype"), "uint16"));
+  const bool is_counts = nb::cast<std::string>(plain.attr("dtype").attr("name")) == "uint16";
   if (!is_counts) {  // the nearest tenth of a millimeter, for the mask alone
     plain = numpy.attr("clip")(numpy.attr("nan_to_num")(plain), 0, 6.5).attr("__mul__")(1e4);
   }
-  const auto counts = numbers_of<std::uint16_t>(plain.attr("astype")("uint16"), "depth", "uint16");
+  using Counts = nb::ndarray<const std::uint16_t, nb::c_contig, nb::device::cpu>;
+  const auto counts = nb::cast<Counts>(numpy.attr("ascontiguousarray")(plain, "uint16"));
   if (counts.ndim() != 2) refuse_shape("depth", shape_of(counts), "(H, W)");
   DepthFrame frame;
   frame.height = static_cast<int>(counts.shape(0));

@@ -30,7 +30,7 @@ struct RobotJoint {
   /// Its position is factor * that of the joint `source` + offset; of most joints their own.
   std::size_t source = 0;
   double factor = 1, offset = 0;
-  /// Of its own position; NaN: given, but no number.
+  /// Limits of its own position; NaN: given, but no number.
   double lower = -std::numeric_limits<double>::infinity(),
          upper = std::numeric_limits<double>::infinity();
 };

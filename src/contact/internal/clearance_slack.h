@@ -1,6 +1,6 @@
-// How much less a clearance may grow, or more it may shrink, than a body has moved: the distance to
-// what was seen changes by no more than the motion, but the plane around the nearest pixel, which
-// takes the noise out of it, comes and goes.
+// Bound of the difference between clearances beyond the motion in between: the distance to what was
+// seen changes by no more than the motion, but the plane around the nearest pixel, which takes the
+// noise out of it, comes and goes.
 #pragma once
 
 #include <algorithm>

@@ -104,7 +104,7 @@ def test_gradient_is_that_of_differences(robot, scene):
         less[:, j] -= step
         a, b = (robot.measure(scene, q, contact=False) for q in (more, less))
         ahead, behind = ((x - y) / step for x, y in ((a.clearance, found.clearance), (found.clearance, b.clearance)))
-        # Where the nearest sphere or pixel is another one, the clearance has a corner, and no derivative.
+        # No derivative exists at corners of the clearance: the nearest sphere or pixel changes there.
         smooth = (found.link >= 0) & (np.abs(ahead - behind) < 1e-4)
         smooth &= (joints[:, 2] > step) & (joints[:, 2] < 0.04 - step)
         np.testing.assert_allclose(found.clearance_by_joint[smooth, j], (ahead + behind)[smooth] / 2, atol=1e-4)

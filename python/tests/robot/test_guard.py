@@ -8,7 +8,7 @@ import pytest
 
 pytest.importorskip("pinocchio")
 pytest.importorskip("quadprog")
-sys.path.insert(0, str(pathlib.Path(__file__).parents[2] / "examples"))
+sys.path.insert(0, str(pathlib.Path(__file__).parents[3] / "examples"))
 import guard_arm  # noqa: E402
 
 import palpate  # noqa: E402
