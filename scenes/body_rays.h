@@ -1,5 +1,5 @@
-// The pixels of a camera that see a mesh, and how deep. Two files define BodyRays, of which the build takes one: by Embree,
-// or by no library (body_rays_plain.cpp).
+// The pixels of a camera that see a mesh, and how deep. Two files define BodyRays, of which the
+// build takes one: by Embree, or by no library (body_rays_plain.cpp).
 #pragma once
 
 #include <algorithm>
@@ -18,7 +18,8 @@ struct PixelBox {
   int u0, u1, v0, v1;
 };
 
-/// The rays of the pixels of an image. Directions have z = 1 in C, so that lengths along them are depths.
+/// The rays of the pixels of an image. Directions have z = 1 in C, so that lengths along them are
+/// depths.
 struct ImageRays {
   Intrinsics intrinsics;
   int width, height;
@@ -27,9 +28,11 @@ struct ImageRays {
     return {(u - intrinsics.cx) / intrinsics.fx, (v - intrinsics.cy) / intrinsics.fy, 1};
   }
   std::size_t index(int u, int v) const {
-    return static_cast<std::size_t>(v) * static_cast<std::size_t>(width) + static_cast<std::size_t>(u);
+    return static_cast<std::size_t>(v) * static_cast<std::size_t>(width) +
+           static_cast<std::size_t>(u);
   }
-  /// Returns the pixels that a hull of points can cover; all of them if it reaches behind the camera.
+  /// Returns the pixels that a hull of points can cover; all of them if it reaches behind the
+  /// camera.
   PixelBox box_around(std::span<const Vec3d> points_B, const Pose& X_CB) const {
     const Intrinsics& k = intrinsics;
     constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -66,8 +69,9 @@ class BodyRays {
   BodyRays(BodyRays&&) noexcept;
   ~BodyRays();
 
-  /// Writes the depth of the body at X_CB where it is nearer than what `image` has (NaN: nothing). Which triangle a ray
-  /// meets is decided here, its depth is that of the triangle's plane in double.
+  /// Writes the depth of the body at X_CB where it is nearer than what `image` has (NaN: nothing).
+  /// Which triangle a ray meets is decided here, its depth is that of the triangle's plane in
+  /// double.
   void draw(const ImageRays& rays, const Pose& X_CB, std::span<float> image) const;
 
  private:

@@ -1,4 +1,5 @@
-// Rays through a mesh by Embree, which searches in single precision; eight neighboring pixels at a time.
+// Rays through a mesh by Embree, which searches in single precision; eight neighboring pixels at a
+// time.
 #if __has_include(<embree4/rtcore.h>)
 #include <embree4/rtcore.h>
 #else
@@ -90,7 +91,8 @@ struct Packet {
   }
 };
 
-/// One thread builds the trees: frames are the same bits everywhere, and nobody else's core is used.
+/// One thread builds the trees: frames are the same bits everywhere, and nobody else's core is
+/// used.
 DeviceHandle make_device() { return DeviceHandle(rtcNewDevice("threads=1,set_affinity=0")); }
 
 }  // namespace
@@ -117,7 +119,8 @@ void BodyRays::draw(const ImageRays& rays, const Pose& X_CB, std::span<float> im
       std::array<Vec3d, kPacket> directions;
       Packet packet;
       for (int lane = 0; lane < size; ++lane) {
-        Vec3d& direction = directions[static_cast<std::size_t>(lane)] = R_BC * rays.ray(u + lane, v);
+        Vec3d& direction = directions[static_cast<std::size_t>(lane)] =
+            R_BC * rays.ray(u + lane, v);
         const float z = image[rays.index(u + lane, v)];
         packet.set(lane, origin, direction, std::isnan(z) ? kInfinity : static_cast<double>(z));
       }
@@ -125,8 +128,9 @@ void BodyRays::draw(const ImageRays& rays, const Pose& X_CB, std::span<float> im
       for (int lane = 0; lane < size; ++lane) {
         const std::ptrdiff_t hit = packet.triangle(lane);
         if (hit < 0) continue;
-        image[rays.index(u + lane, v)] = static_cast<float>(
-            plane_depth(mesh, static_cast<std::size_t>(hit), origin, directions[static_cast<std::size_t>(lane)]));
+        image[rays.index(u + lane, v)] =
+            static_cast<float>(plane_depth(mesh, static_cast<std::size_t>(hit), origin,
+                                           directions[static_cast<std::size_t>(lane)]));
       }
     }
   }

@@ -1,5 +1,6 @@
-// Rays through a mesh without a library: every pixel in the box around a triangle is asked if its ray meets it (Moeller &
-// Trumbore 1997), in double. So the time grows with triangles and covered pixels, and no tree has to be built.
+// Rays through a mesh without a library: every pixel in the box around a triangle is asked if its
+// ray meets it (Moeller & Trumbore 1997), in double. So the time grows with triangles and covered
+// pixels, and no tree has to be built.
 #include <array>
 #include <cmath>
 

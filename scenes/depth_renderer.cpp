@@ -12,7 +12,7 @@ namespace palpate { inline namespace v0 { namespace scenes {
 struct DepthRenderer::Impl {
   Scene scene;
   std::vector<BodyRays> bodies;
-  std::vector<float> still;        ///< depth of all that never moves in the camera
+  std::vector<float> still;  ///< depth of all that never moves in the camera
   std::vector<float> depth;
   Pose X_CW;
 

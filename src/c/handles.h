@@ -107,8 +107,8 @@ inline palpate_pose c_pose(const Pose& X) {
 }
 static_assert(sizeof(palpate_pose) == sizeof(Pose));
 
-/// Reads "section.key = value; ..." into settings, null as nothing. Errors: a part without '=', and as
-/// SettingTable::set.
+/// Reads "section.key = value; ..." into settings, null as nothing. Errors: a part without '=', and
+/// as SettingTable::set.
 Status read_settings(const char* text, SettingTable& table);
 template <class... Options>
 Status read_options(const char* text, Options&... options) {

@@ -1,4 +1,5 @@
-// One's own haptic loop: the newest measure as a local contact, and at each tick the coupling and the safety filter.
+// One's own haptic loop: the newest measure as a local contact, and at each tick the coupling and
+// the safety filter.
 #include <cmath>
 
 #include "palpate/haptics/coupling.h"
@@ -29,7 +30,8 @@ Stiffness stiffness_of(const palpate_measure& m) {
   return all;
 }
 
-/// Returns the time step of a tick, s; 0 until the first usable state, from which on the hand moves the tool.
+/// Returns the time step of a tick, s; 0 until the first usable state, from which on the hand moves
+/// the tool.
 double step_seconds(palpate_hand& hand, const DeviceState& state) {
   if (!hand.has_tool) {
     if (!state.is_valid || !std::isfinite(state.time)) return 0;
@@ -38,7 +40,8 @@ double step_seconds(palpate_hand& hand, const DeviceState& state) {
     hand.last_time = state.time - hand.tick_seconds;
   }
   if (!std::isfinite(state.time)) return hand.tick_seconds;
-  const double dt = std::clamp(state.time - hand.last_time, hand.tick_seconds / 10, 10 * hand.tick_seconds);
+  const double dt =
+      std::clamp(state.time - hand.last_time, hand.tick_seconds / 10, 10 * hand.tick_seconds);
   hand.last_time = state.time;
   return dt;
 }
@@ -67,18 +70,27 @@ palpate_hand* palpate_hand_create(const palpate_tool* tool, const palpate_device
     const palpate_device d = taken(device);
     if (!(d.rate >= 1 && d.rate <= 1e6))
       return fail(error, "the rate of a device is not from 1 to 1000000 ticks per second"), nullptr;
-    const DeviceLimits limits{d.max_force, d.max_torque, d.max_stiffness, d.max_angular_stiffness,
-                              d.max_damping, d.workspace_radius, d.damping, d.angular_damping};
+    const DeviceLimits limits{
+        d.max_force,   d.max_torque,       d.max_stiffness, d.max_angular_stiffness,
+        d.max_damping, d.workspace_radius, d.damping,       d.angular_damping};
     const MassProperties& mass = tool->tool.sphere_mass();
     CouplingOptions coupling;
     SafetyOptions safe;
-    if (const Status status = read_hand(options, nullptr, limits, 1 / d.rate, mass, coupling, safe); !status)
+    if (const Status status = read_hand(options, nullptr, limits, 1 / d.rate, mass, coupling, safe);
+        !status)
       return fail(error, status.error()), nullptr;
     auto safety = SafetyFilter::create(limits, safe);
     if (!safety) return fail(error, safety.error()), nullptr;
     const double volume = tool->tool.mesh_mass().volume;
-    auto hand = new palpate_hand{mass, volume, limits, 1 / d.rate, coupling,
-                                 make_coupling(coupling, limits, mass), *std::move(safety), {}, {}};
+    auto hand = new palpate_hand{mass,
+                                 volume,
+                                 limits,
+                                 1 / d.rate,
+                                 coupling,
+                                 make_coupling(coupling, limits, mass),
+                                 *std::move(safety),
+                                 {},
+                                 {}};
     hand->scale = thesis_volume_stiffness(coupling.force_at_eighth, volume);
     return hand;
   });
@@ -112,12 +124,16 @@ void palpate_hand_contact(palpate_hand* hand, const palpate_measure* measure,
 
 void palpate_hand_tick(palpate_hand* hand, const palpate_handle* handle, palpate_tick* tick) {
   const palpate_handle h = taken(handle);
-  const DeviceState state{h.time, pose_of(h.X_BH), {vector_of(h.linear), vector_of(h.angular)},
-                          h.buttons, h.is_valid != 0};
+  const DeviceState state{h.time,
+                          pose_of(h.X_BH),
+                          {vector_of(h.linear), vector_of(h.angular)},
+                          h.buttons,
+                          h.is_valid != 0};
   if (!hand->has_ticked) hand->first_tick = h.time;
   hand->has_ticked = true;
   const double dt = step_seconds(*hand, state);
-  const CouplingStep step = dt > 0 ? hand->coupling->step(state, hand->contact, dt) : CouplingStep{};
+  const CouplingStep step =
+      dt > 0 ? hand->coupling->step(state, hand->contact, dt) : CouplingStep{};
   const bool is_measured = hand->contact.is_valid;
   SafetyInput input;
   input.time = h.time;
@@ -154,7 +170,8 @@ int palpate_hand_change(palpate_hand* hand, const char* options, palpate_error* 
   return guarded_call(error, PALPATE_FAILED, [&] {
     CouplingOptions coupling;
     SafetyOptions safety;
-    const Status status = read_hand(options, hand, hand->limits, hand->tick_seconds, hand->mass, coupling, safety);
+    const Status status =
+        read_hand(options, hand, hand->limits, hand->tick_seconds, hand->mass, coupling, safety);
     if (!status) return fail(error, status.error());
     auto made = make_coupling(coupling, hand->limits, hand->mass);
     if (hand->has_tool) made->take_over(hand->coupling->state());
@@ -165,7 +182,8 @@ int palpate_hand_change(palpate_hand* hand, const char* options, palpate_error* 
   });
 }
 
-void palpate_hand_handle_at(const palpate_hand* hand, const palpate_pose* X_WT, palpate_pose* X_BH) {
+void palpate_hand_handle_at(const palpate_hand* hand, const palpate_pose* X_WT,
+                            palpate_pose* X_BH) {
   *X_BH = c_pose(handle_at(hand->options, pose_of(*X_WT)));
 }
 

@@ -11,8 +11,8 @@ struct palpate_contact {
 
 namespace {
 
-/// Adds `weight` times a result to what the caller gets, the first one onto nothing, so that also the signs of zeros stay.
-/// Counts, states and planes are the last one's.
+/// Adds `weight` times a result to what the caller gets, the first one onto nothing, so that also
+/// the signs of zeros stay. Counts, states and planes are the last one's.
 void add(const ContactResult& result, double weight, bool is_first, palpate_measure& to) {
   const auto put_one = [&](double value, double& sum) {
     sum = is_first ? weight * value : sum + weight * value;
@@ -51,7 +51,8 @@ extern "C" {
 palpate_contact* palpate_contact_create(const palpate_tool* tool, const char* options,
                                         int32_t num_threads, palpate_error* error) {
   return guarded_call(error, static_cast<palpate_contact*>(nullptr), [&]() -> palpate_contact* {
-    if (tool == nullptr) return fail(error, "there is no tool to measure: pack or load one"), nullptr;
+    if (tool == nullptr)
+      return fail(error, "there is no tool to measure: pack or load one"), nullptr;
     ContactOptions chosen;
     if (const Status status = read_options(options, chosen); !status)
       return fail(error, status.error()), nullptr;
@@ -72,7 +73,8 @@ int palpate_contact_measure(palpate_contact* contact, const palpate_scene* scene
   return guarded_call(error, PALPATE_FAILED, [&] {
     palpate_measure all = taken(measure);
     if (!(all.progress >= 0 && all.progress <= 1))
-      return fail(error, "the progress between two surfaces is not from 0 to 1: give 1 for the newest");
+      return fail(error,
+                  "the progress between two surfaces is not from 0 to 1: give 1 for the newest");
     const size_t num = contact->tool->tool.spheres().size();
     std::vector<Plane<float>> planes(all.planes == nullptr ? 0 : num);
     ContactWants wants{.stiffness = (all.wants & PALPATE_WANTS_STIFFNESS) != 0,
@@ -84,12 +86,14 @@ int palpate_contact_measure(palpate_contact* contact, const palpate_scene* scene
     out.states = all.states, out.planes = all.planes;
     const Pose X = pose_of(*X_WT);
     const bool is_mixed = all.progress < 1;
-    if (is_mixed) add(contact->contact.measure(scene->at(false), X, wants), 1 - all.progress, true, out);
+    if (is_mixed)
+      add(contact->contact.measure(scene->at(false), X, wants), 1 - all.progress, true, out);
     const ContactResult result = contact->contact.measure(scene->at(true), X, wants);
     add(result, all.progress, !is_mixed, out);
     if (wants.noise) put_sigma(result.noise, out);
     for (size_t i = 0; i < planes.size(); ++i) {
-      for (int axis = 0; axis < 3; ++axis) out.planes[4 * i + static_cast<size_t>(axis)] = planes[i].normal[axis];
+      for (int axis = 0; axis < 3; ++axis)
+        out.planes[4 * i + static_cast<size_t>(axis)] = planes[i].normal[axis];
       out.planes[4 * i + 3] = planes[i].offset;
     }
     give(out, measure);
@@ -103,8 +107,8 @@ int palpate_contact_measure_many(palpate_contact* contact, const palpate_scene* 
   return guarded_call(error, PALPATE_FAILED, [&] {
     const palpate_answers a = taken(answers);
     SceneAnswers to;
-    to.contact = {a.volume, a.potential, a.force, a.torque, a.stiffness, a.status, kHostMemory,
-                  a.volume_sigma, a.force_sigma, a.torque_sigma};
+    to.contact = {a.volume, a.potential, a.force,        a.torque,      a.stiffness,
+                  a.status, kHostMemory, a.volume_sigma, a.force_sigma, a.torque_sigma};
     to.unseen = a.unseen;
     to.clearance = a.clearance;
     to.nearest = a.nearest;
@@ -124,8 +128,8 @@ int palpate_contact_any(palpate_contact* contact, const palpate_scene* scene,
                         const palpate_pose* X_WT, size_t num_poses, double margin, uint8_t* hits,
                         palpate_error* error) {
   return guarded_call(error, PALPATE_FAILED, [&] {
-    const Status status = contact->contact.any(
-        scene->at(true), {.X_WT = poses_of(X_WT, num_poses)}, margin, hits);
+    const Status status =
+        contact->contact.any(scene->at(true), {.X_WT = poses_of(X_WT, num_poses)}, margin, hits);
     return status ? PALPATE_OK : fail(error, status.error());
   });
 }

@@ -1,4 +1,5 @@
-// Options as text: the settings of docs/settings.md, as in "contact.method = graph; contact.edges = cut".
+// Options as text: the settings of docs/settings.md, as in "contact.method = graph; contact.edges =
+// cut".
 #include <cstdlib>
 #include <optional>
 

@@ -31,7 +31,9 @@ palpate_sensor* palpate_sensor_create(const palpate_camera* camera, const char* 
       return fail(error, status.error()), nullptr;
     chosen.wants_depth_change = chosen.surface.depth_change.enabled;
     const double* d = c.distortion;
-    auto made = Sensor::create({c.width, c.height, {c.fx, c.fy, c.cx, c.cy},
+    auto made = Sensor::create({c.width,
+                                c.height,
+                                {c.fx, c.fy, c.cx, c.cy},
                                 {d[0], d[1], d[2], d[3], d[4], d[5], d[6], d[7]}},
                                Place::cpu(), chosen);
     if (!made) return fail(error, made.error()), nullptr;
@@ -44,7 +46,8 @@ void palpate_sensor_free(palpate_sensor* sensor) { delete sensor; }
 int palpate_sensor_update_counts(palpate_sensor* sensor, const uint16_t* counts, double unit,
                                  const palpate_pose* X_WC, palpate_error* error) {
   return guarded_call(error, PALPATE_FAILED, [&] {
-    if (!(unit > 0)) return fail(error, "the unit of a depth image is not above 0: give meters per count");
+    if (!(unit > 0))
+      return fail(error, "the unit of a depth image is not above 0: give meters per count");
     return take_image(sensor, {sensor->width, sensor->height, counts, unit}, X_WC, error);
   });
 }
@@ -79,7 +82,8 @@ int32_t palpate_scene_add_body(palpate_scene* scene, const palpate_tool* shape,
   return guarded_call(error, PALPATE_FAILED, [&] {
     if (shape == nullptr || X_WB == nullptr)
       return fail(error, "a body has no shape or no pose: give both");
-    if (!is_finite(pose_of(*X_WB))) return fail(error, "the pose of a body is not finite: give numbers");
+    if (!is_finite(pose_of(*X_WB)))
+      return fail(error, "the pose of a body is not finite: give numbers");
     scene->bodies.emplace_back(shape->tool, pose_of(*X_WB));
     return static_cast<int>(scene->bodies.size()) - 1;
   });
@@ -89,7 +93,8 @@ int palpate_scene_move_body(palpate_scene* scene, int32_t body, const palpate_po
                             palpate_error* error) {
   return guarded_call(error, PALPATE_FAILED, [&] {
     if (body < 0 || static_cast<size_t>(body) >= scene->bodies.size())
-      return fail(error, "there is no body of this number: give one that palpate_scene_add_body returned");
+      return fail(error,
+                  "there is no body of this number: give one that palpate_scene_add_body returned");
     if (X_WB == nullptr || !is_finite(pose_of(*X_WB)))
       return fail(error, "the pose of a body is missing or not finite: give numbers");
     Body& moved = scene->bodies[static_cast<size_t>(body)];

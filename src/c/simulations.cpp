@@ -35,29 +35,31 @@ const char* palpate_simulation_names(void) {
 
 palpate_simulation* palpate_simulation_create(const char* scene, int32_t width, int32_t height,
                                               double noise, uint64_t seed, palpate_error* error) {
-  return guarded_call(error, static_cast<palpate_simulation*>(nullptr), [&]() -> palpate_simulation* {
-    if (scene == nullptr) return fail(error, "a scene has no name: give one"), nullptr;
-    auto made = scenes::make_scene(scene);
-    if (!made) return fail(error, made.error()), nullptr;
-    scenes::set_image_size(*made, width, height);
-    scenes::SimulatedCameraOptions options;
-    options.seed = seed;
-    if (!(noise > 0)) {
-      options.noise = {.enabled = false};
-      options.unit = 0.0001;
-    } else {
-      options.noise.axial_base *= noise;
-      options.noise.axial_growth *= noise;
-    }
-    auto camera = scenes::open_simulated_camera(*made, options);
-    if (!camera) return fail(error, camera.error()), nullptr;
-    return new palpate_simulation{*std::move(made), options, *std::move(camera), {}};
-  });
+  return guarded_call(
+      error, static_cast<palpate_simulation*>(nullptr), [&]() -> palpate_simulation* {
+        if (scene == nullptr) return fail(error, "a scene has no name: give one"), nullptr;
+        auto made = scenes::make_scene(scene);
+        if (!made) return fail(error, made.error()), nullptr;
+        scenes::set_image_size(*made, width, height);
+        scenes::SimulatedCameraOptions options;
+        options.seed = seed;
+        if (!(noise > 0)) {
+          options.noise = {.enabled = false};
+          options.unit = 0.0001;
+        } else {
+          options.noise.axial_base *= noise;
+          options.noise.axial_growth *= noise;
+        }
+        auto camera = scenes::open_simulated_camera(*made, options);
+        if (!camera) return fail(error, camera.error()), nullptr;
+        return new palpate_simulation{*std::move(made), options, *std::move(camera), {}};
+      });
 }
 
 void palpate_simulation_free(palpate_simulation* simulation) { delete simulation; }
 
-void palpate_simulation_describe(const palpate_simulation* simulation, palpate_simulation_info* info) {
+void palpate_simulation_describe(const palpate_simulation* simulation,
+                                 palpate_simulation_info* info) {
   const DepthStreamInfo& stream = simulation->camera->info();
   palpate_simulation_info all{};
   all.camera.size = sizeof all.camera;
@@ -99,7 +101,8 @@ void palpate_simulation_tool_at(const palpate_simulation* simulation, double tim
                                 palpate_pose* X_WT) {
   const scenes::Scene& scene = simulation->scene;
   const auto& times = scene.path_times;
-  const auto after = static_cast<std::size_t>(std::upper_bound(times.begin(), times.end(), time) - times.begin());
+  const auto after =
+      static_cast<std::size_t>(std::upper_bound(times.begin(), times.end(), time) - times.begin());
   if (times.empty()) {
     *X_WT = c_pose({});
   } else if (after == 0 || after == times.size()) {

@@ -75,7 +75,8 @@ size_t palpate_tool_save(const palpate_tool* tool, void* bytes, size_t capacity,
   return guarded_call(error, size_t(0), [&]() -> size_t {
     const auto file = tool_to_bytes(tool->tool);
     if (!file) return fail(error, file.error()), 0;
-    if (bytes != nullptr && file->size() <= capacity) std::memcpy(bytes, file->data(), file->size());
+    if (bytes != nullptr && file->size() <= capacity)
+      std::memcpy(bytes, file->data(), file->size());
     return file->size();
   });
 }

@@ -113,8 +113,7 @@ Result<Contact> Contact::create(const Tool& tool, const ContactMethod& method, c
   constexpr std::size_t kSpheresPerThread = 50000;
   if (num_threads == 0) {
     const auto cores = static_cast<std::size_t>(num_cores());
-    num_threads =
-        static_cast<int>(std::min(cores, 1 + tool.spheres().size() / kSpheresPerThread));
+    num_threads = static_cast<int>(std::min(cores, 1 + tool.spheres().size() / kSpheresPerThread));
   }
   auto pool = std::make_unique<ThreadPool>(num_threads);
   auto query = make_contact_query(place.backend, tool, method, {best_isa(), pool.get(), place.gpu});

@@ -124,9 +124,7 @@ ThreadPool::ThreadPool(int num_threads, void (*begin)()) : workers_(std::make_un
 
 ThreadPool::~ThreadPool() = default;
 
-int num_cores() {
-  return std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
-}
+int num_cores() { return std::max(1, static_cast<int>(std::thread::hardware_concurrency())); }
 
 int ThreadPool::num_threads() const { return static_cast<int>(workers_->threads.size()) + 1; }
 

@@ -1,5 +1,5 @@
-// Prints measurements through the C++ headers, as bits, one line each: what tests/c/calls.py and calls.rs, which know only
-// the C header, have to print too.
+// Prints measurements through the C++ headers, as bits, one line each: what tests/c/calls.py and
+// calls.rs, which know only the C header, have to print too.
 #include <bit>
 #include <cinttypes>
 #include <cstdio>
@@ -19,7 +19,8 @@ constexpr int kWidth = 160, kHeight = 120;
 
 void print(const char* name, std::initializer_list<double> numbers) {
   std::printf("%s", name);
-  for (const double number : numbers) std::printf(" %016" PRIx64, std::bit_cast<std::uint64_t>(number));
+  for (const double number : numbers)
+    std::printf(" %016" PRIx64, std::bit_cast<std::uint64_t>(number));
   std::printf("\n");
 }
 
@@ -36,10 +37,12 @@ std::vector<std::uint16_t> counts() {
 }
 
 Pose pose(int i) {
-  return {{0.004 * i - 0.01, 0.003 * i, 0.54 + 0.01 * i}, normalized(Quaternion{0.1 * i, 0.05, 0, 1})};
+  return {{0.004 * i - 0.01, 0.003 * i, 0.54 + 0.01 * i},
+          normalized(Quaternion{0.1 * i, 0.05, 0, 1})};
 }
 
-void measure(const Tool& tool, const SurfaceView& surface, const char* name, const ContactMethod& method) {
+void measure(const Tool& tool, const SurfaceView& surface, const char* name,
+             const ContactMethod& method) {
   const Contact contact = Contact::create(tool, method).value();
   for (int i = 0; i < 5; ++i) {
     const ContactResult r = contact.measure(surface, pose(i), {.stiffness = true});
@@ -57,7 +60,8 @@ void push(const Tool& tool, const SurfaceView& surface) {
   const CouplingOptions options = check_coupling({}, limits, 1e-3, mass).value().options;
   const auto coupling = make_coupling(options, limits, mass);
   SafetyFilter safety = SafetyFilter::create(limits, SafetyOptions{}).value();
-  const VolumeStiffness scale = thesis_volume_stiffness(options.force_at_eighth, tool.mesh_mass().volume);
+  const VolumeStiffness scale =
+      thesis_volume_stiffness(options.force_at_eighth, tool.mesh_mass().volume);
   const Contact contact = Contact::create(tool).value();
   Pose X_WT = pose(0);
   const Pose X_BH = handle_at(options, X_WT);
@@ -68,22 +72,26 @@ void push(const Tool& tool, const SurfaceView& surface) {
     if (k == 0) coupling->reset(state);
     const ContactResult r = contact.measure(surface, X_WT, {.stiffness = true});
     const Penetration& p = r.penetration;
-    const ContactPatch patch =
-        p.volume > 0 ? contact_patch(p.measure_W, p.volume, *r.stiffness, r.moments) : ContactPatch{};
-    const LocalContact local = local_contact(p, *r.stiffness, X_WT, mass.center_of_mass, scale, time, 0, patch);
+    const ContactPatch patch = p.volume > 0
+                                   ? contact_patch(p.measure_W, p.volume, *r.stiffness, r.moments)
+                                   : ContactPatch{};
+    const LocalContact local =
+        local_contact(p, *r.stiffness, X_WT, mass.center_of_mass, scale, time, 0, patch);
     // The first tick has no time before it: the nominal step.
     const double last = k == 0 ? time - 1e-3 : 1 + 1e-3 * (k - 1);
     const CouplingStep step = coupling->step(state, local, time - last);
     SafetyInput input;
     input.time = time;
     input.state = state;
-    input.is_free = p.volume == 0 && step.contact_W.force == Vec3d{} && step.contact_W.torque == Vec3d{};
+    input.is_free =
+        p.volume == 0 && step.contact_W.force == Vec3d{} && step.contact_W.torque == Vec3d{};
     input.stored = step.stored;
     input.is_clutched = step.is_clutched;
     const Wrench F_H_B = safety.filter(step.desired_F_H_B, input);
     X_WT = step.X_WT;
     if (k % 50 == 49) {
-      print("push", {F_H_B.force.x, F_H_B.force.y, F_H_B.force.z, X_WT.translation.z, safety.status().energy});
+      print("push", {F_H_B.force.x, F_H_B.force.y, F_H_B.force.z, X_WT.translation.z,
+                     safety.status().energy});
     }
   }
 }
@@ -101,7 +109,8 @@ void run() {
   std::vector<Pose> poses;
   for (int i = 0; i < 5; ++i) poses.push_back(pose(i));
   std::vector<double> clearances(poses.size());
-  const Status status = scene.measure({.surfaces = {surface}}, {.X_WT = poses}, {.clearance = clearances.data()});
+  const Status status =
+      scene.measure({.surfaces = {surface}}, {.X_WT = poses}, {.clearance = clearances.data()});
   if (!status) std::printf("%s\n", status.error().message.c_str());
   for (const double clearance : clearances) print("clearance", {clearance});
   push(tool, surface);

@@ -1,4 +1,5 @@
-// The fixed measurements of golden.txt and their hashes, for the test and for the program in other machines (golden_program.cpp).
+// The fixed measurements of golden.txt and their hashes, for the test and for the program in other
+// machines (golden_program.cpp).
 #pragma once
 
 #include <array>

@@ -1,4 +1,5 @@
-// Prints the names and hashes of golden.txt as this machine computes them: for machines without GoogleTest, as WebAssembly.
+// Prints the names and hashes of golden.txt as this machine computes them: for machines without
+// GoogleTest, as WebAssembly.
 #include "tests/contact/golden_cases.h"
 
 int main() {

@@ -51,7 +51,8 @@ class BatchFramesCpu final : public BatchFrames {
   Status make_room(std::size_t num) {
     fields_.reserve(num);
     while (fields_.size() < num) {
-      auto made = DepthField::create(settings_.stream.width, settings_.stream.height, *settings_.field);
+      auto made =
+          DepthField::create(settings_.stream.width, settings_.stream.height, *settings_.field);
       if (!made) return made.error();
       fields_.push_back(*std::move(made));
     }
