@@ -36,7 +36,7 @@ async function push(page, way, steps = 40) {
     const start = at(), goal = start.map((n, k) => n + (k < 3 ? way[k] : 0)), isThere = () => palpate.sample.hand_z - start[2] > 0.9 * way[2];
     let most = 0, base = start, begin = -1;
     // On a busy computer the run is slower than the clock, and loses a page that is late: the hand is led until it is there.
-    for (let i = 0; i <= steps + 20 || (i < 1500 && !isThere()); ++i) {
+    for (let i = 0; i <= steps + 20 || (i < 1500 && !(isThere() && palpate.state.force === 'engaged')); ++i) {
       if (begin < 0 || palpate.state.handle === 'free') {
         await palpate.command({ command: 'hold' });
         [base, begin] = [at(), i];
