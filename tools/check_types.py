@@ -17,7 +17,11 @@ OPENED = re.compile(r"(?:inline )?namespace\b.*\{$")  # one or several
 NAME = re.compile(r"namespace\s*([\w:]*)\s*\{")
 CLOSED = re.compile(r"(\}+)\s*// namespace\b")
 # One of them is compiled, never both.
-ALTERNATIVES = {"src/gpu/runtime_emulated.cpp": "src/gpu/runtime_cuda.cpp"}
+ALTERNATIVES = {
+    "src/gpu/runtime_emulated.cpp": "src/gpu/runtime_cuda.cpp",
+    "scenes/body_rays_plain.cpp": "scenes/body_rays_embree.cpp",
+    "src/core/thread_pool.cpp": "src/core/one_thread.cpp",
+}
 
 # Namespaces are not indented (.clang-format): what is inside of a type is.
 TYPE = re.compile(

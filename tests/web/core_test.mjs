@@ -56,19 +56,22 @@ test('the package measures and says what is wrong', async () => {
     const palpate = await load(Uint8Array.from(atob(core), (c) => c.charCodeAt(0)));
     const sensor = palpate.sensor({ width: 320, height: 240, fx: 288, fy: 288, cx: 159.5, cy: 119.5 });
     const image = new Uint16Array(320 * 240).fill(600), times = {};
-    const clock = (name, num, work) => {
-      work();
-      const begin = performance.now();
-      for (let i = 0; i < num; ++i) work();
-      times[name] = (1000 * (performance.now() - begin)) / num; // us
+    const clock = (name, num, work, calls = 10) => {
+      let least = Infinity; // us, of some calls: clocks of pages are coarse
+      for (let i = 0; i < num; ++i) {
+        const begin = performance.now();
+        for (let k = 0; k < calls; ++k) work();
+        least = Math.min(least, (1000 * (performance.now() - begin)) / calls);
+      }
+      times[name] = least;
     };
-    clock('frame', 20, () => sensor.update(image));
+    clock('frame', 60, () => sensor.update(image), 1);
     const scene = palpate.scene();
     scene.addSensor(sensor);
     let measured;
     for (const spheres of [1000, 5000]) {
       const tool = palpate.packShape('stylus', 0.12, `packing.spheres = ${spheres}`), contact = palpate.contact(tool);
-      clock(`query of ${spheres}`, 300, () => { measured = contact.measure(scene, [0, 0, 0.552, 0, 1, 0, 0]); });
+      clock(`query of ${spheres}`, 100, () => { measured = contact.measure(scene, [0, 0, 0.57, 0, 1, 0, 0]); });
       contact.free();
       tool.free();
     }

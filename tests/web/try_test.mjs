@@ -33,12 +33,16 @@ async function push(page, way, steps = 40) {
   return page.evaluate(async ({ way, steps }) => {
     const { palpate } = window, pause = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
     const at = () => ['x', 'y', 'z', 'qx', 'qy', 'qz', 'qw'].map((name) => palpate.sample[`hand_${name}`]);
-    await palpate.command({ command: 'hold' });
-    const start = at();
-    let most = 0;
-    for (let i = 0; i <= steps + 20; ++i) {
-      const share = Math.min(1, i / steps);
-      palpate.tell({ hand: start.map((n, k) => n + (k < 3 ? share * way[k] : 0)) });
+    const start = at(), goal = start.map((n, k) => n + (k < 3 ? way[k] : 0)), isThere = () => palpate.sample.hand_z - start[2] > 0.9 * way[2];
+    let most = 0, base = start, begin = -1;
+    // On a busy computer the run is slower than the clock, and loses a page that is late: the hand is led until it is there.
+    for (let i = 0; i <= steps + 20 || (i < 1500 && !(isThere() && palpate.state.force === 'engaged')); ++i) {
+      if (begin < 0 || palpate.state.handle === 'free') {
+        await palpate.command({ command: 'hold' });
+        [base, begin] = [at(), i];
+      }
+      const share = Math.min(1, (i - begin) / steps);
+      palpate.tell({ hand: base.map((n, k) => n + share * (goal[k] - n)) });
       await pause(30);
       most = Math.max(most, Math.hypot(palpate.sample.force_x, palpate.sample.force_y, palpate.sample.force_z));
     }
@@ -105,8 +109,8 @@ test('a hidden tab fades the force', async () => {
     Object.defineProperty(document, 'hidden', { value: true });
     document.dispatchEvent(new Event('visibilitychange'));
   });
-  await page.waitForTimeout(1500); // no pose arrives any more
-  assert.ok(await page.evaluate(() => Math.hypot(window.palpate.sample.force_x, window.palpate.sample.force_y, window.palpate.sample.force_z)) < 1e-6);
+  await page.waitForFunction(() => window.palpate.state.handle === 'free' && // no pose arrives any more
+    Math.hypot(window.palpate.sample.force_x, window.palpate.sample.force_y, window.palpate.sample.force_z) < 1e-6, null, { timeout: 30000 });
   await context.close();
 });
 

@@ -13,7 +13,7 @@ const TICK = 1e-3; // s
 const MOST_TICKS = 20; // of a wake
 const QUICK = 0.35; // ms, a query that every tick can pay
 const FRAME_SECONDS = 0.1;
-const SILENCE = 0.3; // s without a pose: nobody holds the tool
+const SILENCE = 300; // ms without a pose: nobody holds the tool
 const KEPT_SAMPLES = 4000;
 const STATES = ['waiting', 'engaged', 'fading', 'off', 'held_off', 'ended'];
 /** The limits of a device that is only displayed, as PageHandle::limits. */
@@ -43,13 +43,13 @@ export class World {
   private follower!: Follower;
   private images: Image[] = []; // shown in turn
   private given: GivenImage | null = null;
-  private givenTool: { bytes: Uint8Array; name: string } | null = null;
+  private givenTool: Uint8Array | null = null; // a tool file
   private camera!: Camera;
   private title = '';
 
   private time = 0; // s, of the last tick
   private isHeld = false;
-  private heldTime = -1;
+  private heldTime = 0; // ms, of the last pose of the page
   private nextFrame = 0; // s
   private frameNumber = 0;
   private X_WT: number[] = [];
@@ -74,9 +74,19 @@ export class World {
     this.build();
   }
 
-  /** Makes all of the run anew: scene, tool and hand. */
+  /** Makes all of the run anew: scene, tool and hand. If that fails, the run before goes on. */
   private build(): void {
-    for (const old of [this.hand, this.contact, this.scene, this.sensor, this.tool, this.simulation]) old?.free();
+    const { hand, contact, scene, sensor, tool, simulation, images, camera, title } = this;
+    try {
+      this.make();
+    } catch (error) {
+      Object.assign(this, { hand, contact, scene, sensor, tool, simulation, images, camera, title });
+      throw error;
+    }
+    for (const old of [hand, contact, scene, sensor, tool, simulation]) old?.free();
+  }
+
+  private make(): void {
     const { palpate, settings } = this, name = String(settings['scene.name']), noise = Number(settings['camera.noise']);
     this.simulation = palpate.simulation(name, WIDTH, HEIGHT, noise);
     const { info } = this.simulation, spheres = Number(settings['packing.spheres']);
@@ -93,7 +103,7 @@ export class World {
       });
       this.title = info.title;
     }
-    const whole = this.givenTool ? palpate.loadTool(this.givenTool.bytes) : null;
+    const whole = this.givenTool ? palpate.loadTool(this.givenTool) : null;
     this.tool = whole && whole.info.spheres > spheres ? whole.prefix(spheres)
       : whole ?? palpate.packShape(name === 'hand' ? 'stylus' : info.tool_shape, name === 'hand' ? 0.12 : info.tool_size, `packing.spheres = ${spheres}`);
     if (whole && whole !== this.tool) whole.free();
@@ -169,8 +179,8 @@ export class World {
     if (typeof message.ack === 'number') {
       this.acknowledged = message.ack;
     } else if (Array.isArray(message.hand)) {
-      if (!this.isHeld) return;
-      this.heldTime = this.time;
+      if (!this.isHeld) return this.out.text({ type: 'answer', id: null, ok: false, error: 'The tool was let go: the page sent no pose for a while.' });
+      this.heldTime = performance.now();
       this.follower.move(message.hand as number[]);
     } else {
       try {
@@ -192,7 +202,7 @@ export class World {
       case 'set': return { value: this.set(String(message.key), message.value as Value) };
       case 'hold':
         this.isHeld = true;
-        this.heldTime = this.time;
+        this.heldTime = performance.now();
         this.follower.grip();
         this.out.text(this.state());
         return {};
@@ -238,19 +248,20 @@ export class World {
   }
 
   useTool(bytes: Uint8Array, name: string): void {
-    this.givenTool = { bytes, name };
-    this.note = `The tool is ${name}.`;
-    this.rebuild();
+    this.takeOver({ givenTool: bytes }, `The tool is ${name}.`);
   }
   useImage(image: GivenImage): void {
-    const before = this.given;
-    this.given = image;
+    this.takeOver({ given: image }, `${image.name}: counts are taken as millimeters.`);
+  }
+  /** Takes what a reader gave, or refuses it and goes on as before. */
+  private takeOver(news: { given?: GivenImage; givenTool?: Uint8Array }, note: string): void {
+    const { given, givenTool } = this;
+    Object.assign(this, news);
     try {
-      this.note = `${image.name}: counts are taken as millimeters.`;
       this.rebuild();
+      this.note = note;
     } catch (error) {
-      this.given = before;
-      this.rebuild();
+      Object.assign(this, { given, givenTool });
       throw error;
     }
   }
@@ -286,7 +297,7 @@ export class World {
     this.longestBurst = this.bursts++ > 100 ? Math.max(this.longestBurst, due) : 0; // after the code has warmed up
     if (this.images.length > 1 && this.time >= this.nextFrame) this.takeFrame();
     const begin = performance.now();
-    if (this.isHeld && this.time - this.heldTime > SILENCE) this.release();
+    if (this.isHeld && performance.now() - this.heldTime > SILENCE) this.release();
     for (let k = 0; k < due; ++k) this.tick(k === 0);
     this.perTick = (performance.now() - begin) / due;
   }
