@@ -29,9 +29,8 @@ Result<Json> report_data(const std::filesystem::path& run) {
   }
   const auto text = read_file(path);
   if (!text) return text.error();
-  const Error damaged{Errc::bad_input, path.string() +
-                                           ": no report of a run; 'palpate replay " + run.string() +
-                                           " -o NEW' makes the run again, with one"};
+  const Error damaged{Errc::bad_input, path.string() + ": no report of a run; 'palpate replay " +
+                                           run.string() + " -o NEW' makes the run again, with one"};
   const std::size_t begin = text->find(kBegin);
   if (begin == std::string::npos) return damaged;
   const std::size_t from = begin + kBegin.size(), end = text->find(kEnd, from);
