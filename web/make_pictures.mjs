@@ -77,7 +77,7 @@ async function viewed(run, look, { width, height }) {
   const url = await until('an address', () => said.match(/http:\/\/\S+/)?.[0]);
   const page = await browser.newPage({ viewport: { width, height }, colorScheme: 'dark' });
   page.setDefaultTimeout(0);
-  await page.goto(`${url}?plots=0&image=0&controls=0`);
+  await page.goto(`${url}?stride=2&plots=0&image=0&controls=0`);
   await until('the tool', () => page.evaluate(() => window.palpate.sample && window.palpate.state));
   await page.evaluate(() => { window.palpate.governor.enabled = false; }); // full detail, however slow
   await page.addStyleTag({ content: '.banner, .hint { display: none !important; }' });
@@ -93,7 +93,7 @@ async function seek(page, time) {
   const before = await page.evaluate(() => window.palpate.counters.pictures);
   await page.evaluate((to) => window.palpate.command({ command: 'seek', time: to }), time);
   await until(`${time} s`, () => page.evaluate(([to, from]) =>
-    Math.abs(window.palpate.state.time - to) < 0.03 && window.palpate.counters.pictures > from + 1, [time, before]));
+    Math.abs(window.palpate.state.time - to) < 0.03 && window.palpate.counters.pictures > from, [time, before]));
   await page.evaluate(() => new Promise((drawn) => requestAnimationFrame(() => requestAnimationFrame(drawn))));
 }
 

@@ -69,7 +69,7 @@ async function report(page, name, { part = 'figure.picture .place', clicks = [],
 }
 
 /// Serves a recording, and calls `look` with its page, without panels.
-async function viewed(run, look, { width, height, address = '' }) {
+async function viewed(run, look, { width, height }) {
   const server = spawn(palpate, ['view', join(folder, run), '--port', '0']);
   const ended = new Promise((resolve) => server.on('close', resolve));
   let said = '';
@@ -77,9 +77,8 @@ async function viewed(run, look, { width, height, address = '' }) {
   const url = await until('an address', () => said.match(/http:\/\/\S+/)?.[0]);
   const page = await browser.newPage({ viewport: { width, height }, colorScheme: 'dark' });
   page.setDefaultTimeout(0);
-  page.on('console', (m) => console.log(m.text().slice(0, 300))); page.on('pageerror', (e) => console.log('ERR', String(e)));
-  await page.route(/\/page\.(js|css)(\?.*)?$/, (route) => { const p = new URL(route.request().url()).pathname; return route.fulfill({ path: '/work/wt-seen/build/release/src/pages/page' + (p === '/' ? '/index.html' : p) }); });
-  await page.goto(`${url}?image=0&controls=0${address}`);
+  await page.route(/\/page\.(js|css)(\?.*)?$/, (route) => { const p = new URL(route.request().url()).pathname; return route.fulfill({ path: '/work/wt-seen/build/release/src/pages/page' + p }); });
+  await page.goto(`${url}?stride=2&plots=0&image=0&controls=0`);
   await until('the tool', () => page.evaluate(() => window.palpate.sample && window.palpate.state));
   await page.evaluate(() => { window.palpate.governor.enabled = false; }); // full detail, however slow
   await page.addStyleTag({ content: '.banner, .hint { display: none !important; }' });
@@ -95,7 +94,7 @@ async function seek(page, time) {
   const before = await page.evaluate(() => window.palpate.counters.pictures);
   await page.evaluate((to) => window.palpate.command({ command: 'seek', time: to }), time);
   await until(`${time} s`, () => page.evaluate(([to, from]) =>
-    Math.abs(window.palpate.state.time - to) < 0.03 && window.palpate.counters.pictures > from + 1, [time, before]));
+    Math.abs(window.palpate.state.time - to) < 0.03 && window.palpate.counters.pictures > from, [time, before]));
   await page.evaluate(() => new Promise((drawn) => requestAnimationFrame(() => requestAnimationFrame(drawn))));
 }
 
@@ -106,23 +105,54 @@ function makePen() {
   hasPen = true;
 }
 
-/// Each picture by its name, in the order of the guides.
+/// Each picture by its name.
 const pictures = {
   async 'pressed.webp'(name) {
     spawnSync('cp', ['-r', '/tmp/seen/hand', join(folder, 'pressed')]);
-    const rate = Number(process.env.RATE ?? 10), from = Number(process.env.FROM ?? 2.2), to = Number(process.env.TO ?? 7.2);
+    const rate = Number(process.env.RATE ?? 8), from = Number(process.env.FROM ?? 2.6), to = Number(process.env.TO ?? 7.2), size = { width: 960, height: 540 };
     await viewed('pressed', async (page) => {
+      await page.addStyleTag({ content: '.legend, .dock, .timeline { display: none !important; }' });
       await seek(page, 4.4);
       await page.evaluate(() => window.palpate.scene.resetView());
+      await page.mouse.move(0.5 * size.width, 0.5 * size.height);
+      for (let i = 0; i < 3; ++i) await page.mouse.wheel(0, -100);
+      await sleep(3000); // it glides
       for (let i = 0; i < rate * (to - from); ++i) {
         await seek(page, from + i / rate);
         await page.screenshot({ path: join(folder, `moment-${String(i).padStart(3, '0')}.png`) });
       }
-    }, { width: 800, height: 450, address: '&plots=0' });
+    }, size);
     if (process.env.KEEP) spawnSync('bash', ['-c', `cp ${folder}/moment-*.png ${process.env.KEEP}`]);
     const { status, stderr } = spawnSync('ffmpeg', ['-y', '-framerate', String(rate), '-i', join(folder, 'moment-%03d.png'),
       '-c:v', 'libwebp_anim', '-quality', '60', '-compression_level', '6', '-loop', '0', join(output, name)]);
     if (status !== 0) fail(`ffmpeg (package ffmpeg): ${stderr}`);
+  },
+  async 'report.jpg'(name) {
+    makePen();
+    shell('palpate touch pen.palp --scene hand --duration 5 -o reported');
+    await report('reported/report.html', name);
+  },
+  async 'two-cameras.jpg'(name) {
+    shell(shown('several-cameras', '-o two-cameras', /one-camera|replay/));
+    await report('two-cameras/report.html', name);
+  },
+  async 'pushed.jpg'(name) {
+    shell(shown('moving-bodies', '-o pushed'));
+    await report('pushed/report.html', name);
+  },
+  async 'forgotten.jpg'(name) {
+    shell(shown('memory', '-o forgotten', /remembered/));
+    await report('forgotten/report.html', name);
+  },
+  async 'ring.jpg'(name) {
+    shell(shown('packing', '-o ring.palp'));
+    await report('ring.html', name);
+  },
+  async 'two-runs.jpg'(name) {
+    makePen();
+    shell('palpate touch pen.palp --scene hand --duration 5 -o run && palpate replay run -o other --method graph --time latest && ' +
+      'palpate report run other -o both.html');
+    await report('both.html', name, { part: 'figure.plot' });
   },
 };
 

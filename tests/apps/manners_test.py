@@ -18,7 +18,7 @@ import urllib.request
 import cli_case
 from cli_case import CommandLineCase, INTRINSICS, palpate, PALPATE
 
-VERBS = ("try", "help", "pack", "info", "export", "shape", "touch", "query", "ros2", "view", "replay", "cameras", "devices",
+VERBS = ("try", "help", "pack", "info", "export", "shape", "touch", "query", "ros2", "view", "replay", "report", "cameras", "devices",
          "scenes", "record", "calibrate", "eval")
 
 

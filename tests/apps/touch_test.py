@@ -12,7 +12,7 @@ import signal
 import struct
 import unittest
 
-from cli_case import CommandLineCase, INTRINSICS, main, palpate, read
+from cli_case import CommandLineCase, INTRINSICS, main, page_data, palpate, read
 from made_files import write_depth_png
 
 
@@ -96,6 +96,34 @@ class Touching(CommandLineCase):
         self.expect_failure(2, "replay", run, "--method", "graph", mentions="-o RUN2")
         self.expect_failure(1, "replay", run, "-o", run, mentions="another folder")
         self.expect_failure(2, "replay", run, "-o", tried, "--method", "magic", mentions="graph")
+
+    def test_report_of_two_runs(self):
+        one, other, both = self.path("one"), self.path("other"), self.path("both.html")
+        self.succeed(*self.sequence("-o", one))
+        self.succeed("replay", one, "-o", other, "--method", "graph")
+        self.assertEqual(self.succeed("report", one, other + "/", "-o", both), f"report: {both}\n")
+        data = page_data(both)
+        self.assertEqual([data["kind"], data["names"]], ["two_runs", ["one", "other"]])
+        for run, folder in zip(data["runs"], (one, other)):
+            self.assertEqual(run, page_data(os.path.join(folder, "report.html")))
+        # The names tell two runs of one name apart.
+        same = os.path.join(self.path("elsewhere"), "one")
+        shutil.copytree(other, same)
+        self.succeed("report", one, same, "-o", both)
+        self.assertEqual(page_data(both)["names"], [one, same])
+        # What is at fault, and what to do.
+        before = read(os.path.join(one, "report.html"))
+        self.expect_failure(1, "report", one, other, "-o", os.path.join(one, "report.html"), mentions="another file")
+        self.assertEqual(read(os.path.join(one, "report.html")), before)
+        self.expect_failure(1, "report", one, self.path("nowhere"), "-o", both, mentions="not the folder of a run")
+        self.expect_failure(2, "report", one, "-o", both, mentions="b is required")
+        for damage in ("", "<html></html>", before.replace('"kind":"run"', '"kind":"packing"'),
+                       before[:before.index('id="data">') + 500], before.replace('"series":', '"series:', 1)):
+            with open(os.path.join(same, "report.html"), "w") as file:
+                file.write(damage)
+            self.expect_failure(1, "report", one, same, "-o", both, mentions="palpate replay")
+        os.remove(os.path.join(same, "report.html"))
+        self.expect_failure(1, "report", one, same, "-o", both, mentions="no report.html; 'palpate replay")
 
     @unittest.skipUnless(importlib.util.find_spec("rosbags") and
                          importlib.util.find_spec("mcap_ros2"),

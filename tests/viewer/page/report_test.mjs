@@ -328,6 +328,32 @@ pageTest('a run: all cameras are in the picture, and counted', async () => {
   assert.ok(await count(page, isText) > 40, 'their names');
 });
 
+pageTest('two runs: their difference is that of wrench.csv, pointing moves the tool', async () => {
+  await make();
+  const [before, after] = ['path', 'retried'].map((name) => join(folder, name));
+  await finished(['replay', before, '-o', after, '--method', 'graph']);
+  await finished(['report', before, after, '-o', join(folder, 'both.html')]);
+  const page = await openReport(['both.html']);
+  const forces = [before, after].map((run) => {
+    const [head, ...rows] = readFileSync(join(run, 'wrench.csv'), 'utf8').trim().split('\n').map((line) => line.split(','));
+    return rows.map((row) => ['x', 'y', 'z'].map((axis) => Number(row[head.indexOf(`force_${axis}_N`)])));
+  });
+  const apart = Math.max(...forces[0].map((force, i) => Math.hypot(...force.map((value, k) => value - forces[1][i][k]))));
+  const texts = await cardTexts(page);
+  assert.ok(apart > 0.01 && Math.abs(parseFloat(texts.at(-1)) / apart - 1) < 0.01, `${texts.at(-1)}, ${apart} N`);
+  const peaks = [before, after].map((run) => JSON.parse(readFileSync(join(run, 'summary.json'))).peaks.force_N);
+  texts[0].split('→').forEach((words, i) => assert.ok(Math.abs(parseFloat(words) / peaks[i] - 1) < 6e-3, `${words}, ${peaks[i]} N`));
+  const text = await page.locator('main').innerText();
+  assert.match(text, /contact\.method\s+field\s+graph/);
+  assert.ok(!text.includes('moves differently') && !/NaN|undefined|null/.test(text), text);
+  assert.equal(await empty(page, '.plot canvas'), 0);
+  const plot = page.locator('.plot').first();
+  await plot.scrollIntoViewIfNeeded();
+  const at = await plot.locator('.u-over').boundingBox();
+  await page.mouse.move(at.x + 2, at.y + 0.5 * at.height);
+  await until('the tool at its start', async () => (await page.locator('.when').innerText()).startsWith('the tool at 0'));
+});
+
 pageTest('an evaluation: every claim is there, curves go where their numbers are', async () => {
   if (!hasEvaluation) return;
   await make();

@@ -51,7 +51,7 @@ export class Readouts {
     this.root.append(
       row('Spheres', value(tool.spheres.toLocaleString('en')), '', 'main'),
       row('Volume', value(digits(1e6 * tool.volume)), 'cm³'),
-      row('Radius', value(digits(1000 * tool.radius, 1)), 'mm'),
+      row('Radius about its center', value(digits(1000 * tool.radius, 1)), 'mm'),
     );
   }
 }

@@ -39,10 +39,10 @@ export class Distances {
   private target: WebGLRenderTarget | null = null;
 
   /** Draws the distances of all that is on the layer DISTANCES, or switches the lighting off. */
-  draw(renderer: WebGLRenderer, scene: Scene, camera: Camera, isWanted: boolean, pixelRatio: number): void {
+  draw(renderer: WebGLRenderer, scene: Scene, camera: Camera, isRequested: boolean, pixelRatio: number): void {
     const { uniforms } = this, { width, height } = renderer.domElement;
     uniforms.reach.value = 0;
-    if (!isWanted) return;
+    if (!isRequested) return;
     if (!this.target) this.target = new WebGLRenderTarget(width, height, { depthTexture: new DepthTexture(width, height) });
     this.target.setSize(width, height);
     uniforms.distances.value = null; // must not be read while it is drawn

@@ -89,7 +89,7 @@ export class ToolMesh {
   }, VERTEX, GHOST, { transparent: true, depthWrite: false });
 
   constructor(private readonly stuff: 'metal' | 'wood' = 'metal') {
-    // What is inside of objects, no camera sees: they show through the cloud as a whole.
+    // Objects show through the cloud as a whole: they are in no depth image.
     this.metal = shaderMaterial({ ...this.uniforms, draws_inside: { value: false } }, VERTEX, METAL,
       stuff === 'wood' ? OPENS_WINDOW : {});
     this.ghost = new DrawnMesh(new BufferGeometry(), this.glass);
