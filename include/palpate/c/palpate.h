@@ -18,7 +18,6 @@
 
 #include <stddef.h>
 #include <stdint.h>
-
 #if defined(__GNUC__)
 #define PALPATE_C __attribute__((visibility("default")))
 #else
@@ -28,17 +27,14 @@
 #ifdef __cplusplus
 extern "C" {
 #endif
-
 typedef struct palpate_tool palpate_tool;       /* a solid with its spheres; immutable */
 typedef struct palpate_sensor palpate_sensor;   /* a depth camera with its two newest surfaces */
 typedef struct palpate_scene palpate_scene;     /* cameras and bodies together */
 typedef struct palpate_contact palpate_contact; /* measures one tool by one method */
 typedef struct palpate_hand palpate_hand;       /* local contact, coupling and safety filter */
 typedef struct palpate_simulation palpate_simulation; /* a simulated scene and its depth camera */
-
 #define PALPATE_OK 0
 #define PALPATE_FAILED (-1)
-
 /* Kind of an error. */
 enum {
   PALPATE_INVALID_ARGUMENT = 1, /* a parameter is out of its range */
@@ -52,7 +48,6 @@ typedef struct palpate_error {
   int32_t code;   /* 0: none */
   char text[508]; /* one sentence, UTF-8, cut at the end if it is longer */
 } palpate_error;
-
 typedef struct palpate_pose {
   double translation[3]; /* m */
   double rotation[4];    /* unit quaternion x y z w */
@@ -64,9 +59,7 @@ typedef struct palpate_wrench {
 
 /* Returns the version, "1.2.3". */
 PALPATE_C const char* palpate_version(void);
-
 /* ---- Tools ---- */
-
 /* Reports progress of a packing a few times per second: spheres so far, their share of the volume.
  * Returns 0 to cancel. */
 typedef int (*palpate_progress)(void* context, int32_t num_spheres, double fill);
@@ -78,8 +71,7 @@ PALPATE_C palpate_tool* palpate_tool_pack(const double* vertices, size_t num_ver
                                           const uint32_t* triangles, size_t num_triangles,
                                           const char* options, palpate_progress progress,
                                           void* context, palpate_error* error);
-/* Packs a shape by its name (stylus, finger, box, sphere, ...), whose longest side is `size` (m).
- */
+/* Packs a shape by its name (stylus, finger, box, sphere, ...), `size` long (m). */
 PALPATE_C palpate_tool* palpate_tool_pack_shape(const char* shape, double size, const char* options,
                                                 palpate_error* error);
 /* Reads a tool file from memory. */
@@ -109,7 +101,6 @@ PALPATE_C void palpate_tool_spheres(const palpate_tool* tool, float* spheres);
 PALPATE_C void palpate_tool_mesh(const palpate_tool* tool, float* vertices, uint32_t* triangles);
 
 /* ---- Depth cameras ---- */
-
 typedef struct palpate_camera {
   uint32_t size;
   int32_t width, height; /* pixels, 8 to 4096 */
@@ -131,7 +122,6 @@ PALPATE_C int palpate_sensor_update_meters(palpate_sensor* sensor, const float* 
                                            const palpate_pose* X_WC, palpate_error* error);
 
 /* ---- Scenes ---- */
-
 PALPATE_C palpate_scene* palpate_scene_create(palpate_error* error);
 PALPATE_C void palpate_scene_free(palpate_scene* scene);
 /* Adds a camera, at most 16. A second one needs sensors with options "field.unknown = ..." as
@@ -145,7 +135,6 @@ PALPATE_C int palpate_scene_move_body(palpate_scene* scene, int32_t body, const 
                                       palpate_error* error);
 
 /* ---- Measuring ---- */
-
 /* Bits of palpate_measure.status. With those of PALPATE_UNMEASURED there is no measurement. */
 enum {
   PALPATE_NON_FINITE_POSE = 1,
@@ -192,7 +181,6 @@ PALPATE_C int palpate_contact_measure(palpate_contact* contact, const palpate_sc
 /* Arrays of the caller for P poses, row by row; null: not computed. */
 typedef struct palpate_answers {
   uint32_t size;
-  uint32_t padding;
   double* volume;             /* P, m3 */
   double* potential;          /* P, m4 */
   double* force;              /* P x 3, m3 */
@@ -221,11 +209,9 @@ PALPATE_C int palpate_contact_any(palpate_contact* contact, const palpate_scene*
                                   uint8_t* hits, palpate_error* error);
 
 /* ---- The haptic loop ---- */
-
 /* Safe limits of a device; 0: it renders none. */
 typedef struct palpate_device {
   uint32_t size;
-  uint32_t padding;
   double max_force, max_torque;                /* N, N m */
   double max_stiffness, max_angular_stiffness; /* N/m, N m/rad */
   double max_damping;                          /* N s/m */
@@ -281,14 +267,12 @@ PALPATE_C void palpate_hand_handle_at(const palpate_hand* hand, const palpate_po
 PALPATE_C const char* palpate_fault_text(int32_t fault);
 
 /* ---- Simulated scenes ---- */
-
 typedef struct palpate_simulation_info {
   uint32_t size;
   palpate_camera camera;
   double unit, rate, duration; /* m per count, frames per second, s */
   double tool_size;            /* m, of the shape that goes with it */
-  char tool_shape[24];
-  char title[200];
+  char tool_shape[24], title[200];
 } palpate_simulation_info;
 
 /* Returns the names of all scenes, separated by commas. */
@@ -312,5 +296,4 @@ PALPATE_C void palpate_simulation_tool_at(const palpate_simulation* simulation, 
 #ifdef __cplusplus
 }
 #endif
-
 #endif /* PALPATE_C_PALPATE_H */
