@@ -264,7 +264,7 @@ class ClearanceBatchCuda final : public ClearanceBatch {
                    "a smooth minimum of the clearance is computed on the CPU; create the contact "
                    "with Place::cpu(), or leave clearance_smoothing out"};
     }
-    return ask(poses, limit, false, put);
+    return evaluate(poses, limit, false, put);
   }
 
   Status any(const ScenePoses& poses, double margin, std::uint8_t* hits) override {
@@ -272,7 +272,7 @@ class ClearanceBatchCuda final : public ClearanceBatch {
     for (std::size_t i = 0; i < poses.X_WT.size(); ++i) {
       if (!is_finite(poses.X_WT[i])) hits[group_of(poses, i)] = 1;
     }
-    return ask(poses, margin, true, [&](std::size_t i, const Clearance& at) {
+    return evaluate(poses, margin, true, [&](std::size_t i, const Clearance& at) {
       if (at.value < margin) hits[group_of(poses, i)] = 1;
     });
   }
@@ -308,7 +308,7 @@ class ClearanceBatchCuda final : public ClearanceBatch {
     return Done{};
   }
 
-  Status ask(const ScenePoses& poses, double limit, bool is_margin, const Put& put) {
+  Status evaluate(const ScenePoses& poses, double limit, bool is_margin, const Put& put) {
     Question question = question_;
     question.limit = limit;
     question.is_margin = is_margin ? 1 : 0;

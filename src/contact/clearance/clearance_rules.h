@@ -14,7 +14,7 @@ struct Clearance {
   double gradient[6] = {};    ///< by translation and rotation about C, in W
 };
 
-/// What a camera of a scene has seen; its arrays in the memory of the device that searches.
+/// The images of a camera of a scene, in the memory of the device that searches.
 struct SeenByCamera {
   ClearanceImage field, seen_free;
   std::int32_t is_joined = 0;  ///< with other cameras

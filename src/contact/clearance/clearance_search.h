@@ -67,7 +67,7 @@ struct ClearanceJob {
   float limit = 0;
   /// Any sphere with a value below `enough` ends the search, m.
   float enough = -1e9f;
-  /// Of each sphere by its number, if not null: all are searched for, and there is no nearest one.
+  /// Hits of all spheres by their numbers, if not null; then there is no nearest one.
   /// Those with none keep what is there.
   ClearanceHit* each = nullptr;
 };

@@ -93,7 +93,7 @@ class ImageSearch {
         enough_(enough),
         is_shared_(is_shared) {
     const auto& at = spheres.at;
-    // Of one sphere it is the sphere itself, to the bit.
+    // For one sphere this is the sphere itself, to the bit.
     const auto middle = [&](VecF v) {
       const float low = min_lane(select(lanes, v, splat(kFarAway)));
       return 0.5f * (low + max_lane(select(lanes, v, splat(-kFarAway))));
