@@ -55,7 +55,7 @@ function shown(guide, text, without = /$^/) {
 
 /// The 3-D picture of a report, or another part of it.
 async function report(page, name, { part = 'figure.picture .place', clicks = [], width = 960, height = 900 } = {}) {
-  const view = await browser.newPage({ viewport: { width, height }, colorScheme: 'light' });
+  const view = await browser.newPage({ viewport: { width, height }, colorScheme: 'dark' });
   view.setDefaultTimeout(0);
   await view.goto(pathToFileURL(join(folder, page)).href);
   await view.locator('footer').waitFor();
@@ -138,10 +138,6 @@ const pictures = {
   async 'pushed.jpg'(name) {
     shell(shown('moving-bodies', '-o pushed'));
     await report('pushed/report.html', name);
-  },
-  async 'forgotten.jpg'(name) {
-    shell(shown('memory', '-o forgotten', /remembered/));
-    await report('forgotten/report.html', name);
   },
   async 'ring.jpg'(name) {
     shell(shown('packing', '-o ring.palp'));
