@@ -109,7 +109,7 @@ const pictures = {
   async 'pressed.webp'(name) {
     makePen();
     shell('palpate touch pen.palp --scene hand -o pressed');
-    const rate = 8, from = 2.6, to = 7.2, size = { width: 960, height: 540 };
+    const rate = 6, from = 2.8, to = 6.8, size = { width: 960, height: 540 };
     await viewed('pressed', async (page) => {
       await page.addStyleTag({ content: '.legend, .dock, .timeline { display: none !important; }' });
       await seek(page, 4.4);
