@@ -55,7 +55,7 @@ function shown(guide, text, without = /$^/) {
 
 /// The 3-D picture of a report, or another part of it.
 async function report(page, name, { part = 'figure.picture .place', clicks = [], width = 960, height = 900 } = {}) {
-  const view = await browser.newPage({ viewport: { width, height }, colorScheme: 'light' });
+  const view = await browser.newPage({ viewport: { width, height }, colorScheme: 'dark' });
   view.setDefaultTimeout(0);
   await view.goto(pathToFileURL(join(folder, page)).href);
   await view.locator('footer').waitFor();
@@ -109,7 +109,7 @@ const pictures = {
   async 'pressed.webp'(name) {
     makePen();
     shell('palpate touch pen.palp --scene hand -o pressed');
-    const rate = 8, from = 2.6, to = 7.2, size = { width: 960, height: 540 };
+    const rate = 6, from = 2.8, to = 6.8, size = { width: 960, height: 540 };
     await viewed('pressed', async (page) => {
       await page.addStyleTag({ content: '.legend, .dock, .timeline { display: none !important; }' });
       await seek(page, 4.4);
@@ -138,10 +138,6 @@ const pictures = {
   async 'pushed.jpg'(name) {
     shell(shown('moving-bodies', '-o pushed'));
     await report('pushed/report.html', name);
-  },
-  async 'forgotten.jpg'(name) {
-    shell(shown('memory', '-o forgotten', /remembered/));
-    await report('forgotten/report.html', name);
   },
   async 'ring.jpg'(name) {
     shell(shown('packing', '-o ring.palp'));

@@ -111,7 +111,7 @@ class Touching(CommandLineCase):
         shutil.copytree(other, same)
         self.succeed("report", one, same, "-o", both)
         self.assertEqual(page_data(both)["names"], [one, same])
-        # What is at fault, and what to do.
+        # Errors say the fault, and the remedy.
         before = read(os.path.join(one, "report.html"))
         self.expect_failure(1, "report", one, other, "-o", os.path.join(one, "report.html"), mentions="another file")
         self.assertEqual(read(os.path.join(one, "report.html")), before)

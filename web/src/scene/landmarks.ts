@@ -20,6 +20,7 @@ export class Landmarks {
     } else {
       const { radius, center_of_mass: center } = hello.tool;
       this.axes = new AxesHelper(1.3 * radius);
+      this.axes.quaternion.set(1, 0, 0, 0); // y up, as the tool
       this.grid = new GridHelper(6 * radius, 12);
       this.grid.material = this.lines;
       this.grid.geometry.deleteAttribute('color');

@@ -54,7 +54,7 @@ void main() {
   float gap = float(stride) * z / intrinsics.x * projectionMatrix[1][1] * 0.5 * canvas_height / gl_Position.w;
   vec3 n = plain ? vec3(0.0) : normal_at(pixel, z);
   bool has_normal = n != vec3(0.0);
-  if (has_normal) gap /= max(0.3, abs(dot(n, normalize(p))));
+  if (has_normal) gap /= max(0.12, abs(dot(n, normalize(p))));
   gl_PointSize = disc_size = clamp(spread * gap, point_size, 64.0);
   disc = has_normal ? normalize(mat3(modelViewMatrix) * n) : vec3(0.0, 0.0, 1.0);
   if (plain) return;
@@ -66,9 +66,9 @@ void main() {
   } else if (coloring == 2) {
     point_color = n == vec3(0.0) ? vec3(0.3) : 0.5 - 0.5 * vec3(-n.x, n.y, n.z);
   } else {
-    // The light is fixed above and to the left of the first camera.
-    float light = max(0.0, dot(n, vec3(-0.41, -0.50, -0.763)));
-    point_color = surface_color * (n == vec3(0.0) ? 0.4 : 0.38 - 0.12 * n.y + 0.55 * light);
+    // The light is fixed above and to the left of the first camera, and soft: one also looks at what faces away from it.
+    float light = 0.5 + 0.5 * dot(n, vec3(-0.41, -0.50, -0.763));
+    point_color = surface_color * (n == vec3(0.0) ? 0.4 : 0.32 - 0.12 * n.y + 0.6 * light * light);
     float far_off = distance((modelMatrix * vec4(p, 1.0)).xyz, focus.xyz);
     if (focus.w > 0.0) point_color = mix(point_color, ground_color, 0.8 * smoothstep(focus.w, 3.0 * focus.w, far_off));
   }
@@ -138,7 +138,7 @@ export class Cloud {
     uniforms.ground_color.value = rgb(ground);
     const stride = Math.max(1, Math.round(options.stride)) * coarser;
     // Points of two pixels and more cover the surface without gaps at any distance.
-    const spread = 0.75 * options.pointSize;
+    const spread = options.pointSize;
     this.parts[0].update(image, stride, spread);
     // The glow of a solid tool is seen as a whole.
     this.parts[1].object.visible = options.toolLook === 'spheres' || options.toolLook === 'caps';

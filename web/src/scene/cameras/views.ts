@@ -1,4 +1,4 @@
-// What several depth cameras see of a point of the world, for shaders: how far it is behind the surface that a
+// Depth of a point of the world behind what several cameras see, for shaders: how far it is behind the surface that a
 // camera sees on the point's ray. Behind the surfaces of all cameras means inside of what they see.
 
 import { Matrix4, Vector2, Vector4 } from 'three';
