@@ -6,6 +6,7 @@
 
 #include "apps/output_files.h"
 #include "apps/terminal/terminal.h"
+#include "apps/tool_info.h"
 #include "src/core/internal/message_text.h"
 
 namespace palpate::apps {
