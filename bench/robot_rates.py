@@ -30,8 +30,8 @@ def rate(work, num=NUM):
 def main():
     robot = panda(standoff=float(sys.argv[1]) if len(sys.argv) > 1 else 0.02, threads=1)
     depth = np.random.default_rng(1).normal(1.4, 0.002, (480, 640)).astype(np.float32)
-    X_WC = np.array([[0, 0, -1, 1.4], [-1, 0, 0, 0], [0, -1, 0, 0.5], [0, 0, 0, 1.0]])  # looks back at the base
-    camera = palpate.Camera(640, 480, 525.0, 525.0, 319.5, 239.5, pose=X_WC @ np.diag([-1, 1, -1, 1]))
+    X_WC = np.array([[0, 0, 1, -1], [-1, 0, 0, 0], [0, -1, 0, 0.5], [0, 0, 0, 1.0]])  # over the shoulder, at x = 0.4 m
+    camera = palpate.Camera(640, 480, 525.0, 525.0, 319.5, 239.5, pose=X_WC)
     scene = palpate.Scene([palpate.Sensor(camera).update(depth)])
     limits = robot.joint_limits
     rng = np.random.default_rng(2)

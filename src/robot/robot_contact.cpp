@@ -163,7 +163,8 @@ Status RobotContact::measure(const Scene& scene, const RobotPoses& poses,
   for (std::size_t first = 0; first < total;) {
     const std::size_t num = impl.place(poses, first);
     const SceneAnswers requested = found.make_room(to, num * num_limbs);
-    if (const Status s = impl.contact.measure(scene, impl.scene_poses(num), requested); !s) return s;
+    if (const Status s = impl.contact.measure(scene, impl.scene_poses(num), requested); !s)
+      return s;
     for (std::size_t i = 0; i < num; ++i) {
       found.reduce(robot, impl.places[i], poses.X_WB, impl.X_WL.data() + i * num_limbs,
                    i * num_limbs, first + i, to);
