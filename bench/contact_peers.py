@@ -1,10 +1,10 @@
-"""Ours beside what can be installed: Warp's mesh queries, coal, MuJoCo's signed distances, on the same depth images,
-tool and poses, against exact solids.
+"""Ours beside what can be installed, on the same depth images, tool and poses, against exact solids: Warp, coal, MuJoCo and the
+methods of the thesis here; look-ups in the image, distance grids, height fields, Drake, an octree and VAMP in frame_peers.py.
 
 The image is one of the simulated camera, without and with 1.5 mm of noise; the tool a box of spheres, 5 to 60 % of it
 in the solid, turned at random. All get the points of our filter. What each computes is said where it is asked below.
-Writes a CSV; one core, or a GPU with --device cuda:0 (Warp and ours).
-Usage: contact_peers.py FILE.csv [--device cpu] [--poses 200]
+Writes a CSV; one core and its processor's time, or a GPU with --device cuda:0 (Warp, look-ups, grids and ours).
+Usage: contact_peers.py FILE.csv [--device cpu] [--poses 200] [--scenes ...] [--peers ...]
 Needs the packages of scripts/setup.sh --peers, in build/python-peers, and the wheel of make wheel there."""
 
 import argparse
