@@ -9,7 +9,7 @@ cmake --preset $(1)
 cmake --build --preset $(1) -j $(JOBS)
 endef
 
-.PHONY: help setup lint format tidy build demo test quick-test busy-test golden clang fuzz mutants bench bench-compare live-figures camera-figures ros2-figures sensor-figures soak pictures docs packing-curves peer-times eval eval-quick eval-check asan tsan large-inputs peers-of-files cuda gpu-check view-soak arm64 wheel web-core packages try-packages try-demo try-test ci-all compile-times clean
+.PHONY: help setup lint format tidy build demo test quick-test busy-test golden clang fuzz mutants bench bench-compare live-figures camera-figures ros2-figures sensor-figures soak pictures simulator-pictures docs packing-curves peer-times eval eval-quick eval-check asan tsan large-inputs peers-of-files cuda gpu-check view-soak arm64 wheel web-core packages try-packages try-demo try-test ci-all compile-times clean
 
 help:  ## this list
 	@grep -hE '^[a-z0-9 -]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z0-9 -]+):.*## */\1\t/' | expand -t 16

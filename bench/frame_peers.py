@@ -1,4 +1,4 @@
-"""What contact_peers.py measures beside meshes: look-ups in the image, distance grids, height fields, an octree, yes/no.
+"""Peers of contact_peers.py beside meshes: look-ups in the image, distance grids, height fields, an octree, yes or no.
 
 Each peer is a generator of (name, shares or None, forces or None, s per pose, s per frame, facts), like those there."""
 
@@ -6,6 +6,7 @@ import time
 from importlib.metadata import version
 
 import numpy as np
+from contact_truth import rotation
 
 HALF = 0.25           # m: the window around the axis, as the meshes have it
 DEEP = (0.7, 1.4)     # m: what grids and height fields hold in depth
@@ -241,11 +242,7 @@ def coal_octree(points, poses, sides, voxel=0.01):
     tree, frame = timed_alone(lambda: coal.makeOctree(cloud, voxel), 3)
     box, still, times, met = coal.Box(*sides), coal.Transform3s(), [], 0
     for pose in poses:
-        q = pose[3:] / np.linalg.norm(pose[3:])
-        x, y, z, w = q
-        R = np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-                      [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-                      [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]])
+        R = rotation(pose[3:])
         request, result = coal.CollisionRequest(), coal.CollisionResult()
         begin = time.process_time()
         met += coal.collide(box, coal.Transform3s(R, pose[:3]), tree, still, request, result) > 0

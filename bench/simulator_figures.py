@@ -29,7 +29,7 @@ from room import GRAVITY, HALF_SIDES, MASS, STEP, Room, on_its_table, peg, peg_i
 
 HALF, CELL, BELOW = 0.15, 0.01, 0.05  # m, of the height fields: of smaller cells, MuJoCo takes only 50 contacts, on one side
 SPEED, PULL = -0.05, 200.0  # m/s along x, N s/m: the hand that draws the peg
-# What MuJoCo's documentation advises against slip.
+# Options of MuJoCo against slip, as its documentation advises.
 NO_SLIP = 'cone="elliptic" impratio="10" noslip_iterations="5"'
 NOISE = 0.0015  # m, of the images that change
 

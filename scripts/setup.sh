@@ -206,9 +206,12 @@ install_peers() {
   done
 }
 
-# Collision libraries, and Warp's queries of meshes: peers, where the wheel of make wheel may be installed beside them.
+# Collision libraries, planners and simulators: peers, where the wheel of make wheel may be installed beside them.
 install_peer_packages() {
-  install_peers peers build/python-peers "coal, mujoco, numpy, warp" coal mujoco numpy warp-lang
+  local simulators
+  mapfile -t simulators < <(grep -v '^#' examples/simulators/requirements.txt)
+  install_peers peers build/python-peers "coal, fetch_planning, matplotlib, mujoco, numpy, pydrake, scipy, warp" \
+    coal==3.0.3 fetch-planning==0.3.2 matplotlib numpy scipy "${simulators[@]}"
 }
 
 # Libraries that write and read the files that we do.

@@ -16,6 +16,7 @@ from room import GRAVITY, HALF_SIDES, MASS, STEP, Room, free_body, peg, peg_iner
 import palpate
 
 try:
+    from pydrake.common.eigen_geometry import Quaternion
     from pydrake.common.value import Value
     from pydrake.math import RigidTransform
     from pydrake.multibody.math import SpatialForce, SpatialVelocity
@@ -87,8 +88,8 @@ def run(depth, camera, seconds, start=(0, 0, HALF_SIDES[2] + 0.002), on_step=Non
     seen, image = world.GetMyContextFromRoot(context), ImageDepth32F(camera.width, camera.height)
     image.mutable_data[:, :, 0] = depth
     world.depth.FixValue(seen, Value(image))
-    x, y, z, qx, qy, qz, qw = camera.pose
-    world.camera_pose.FixValue(seen, Value(RigidTransform(quaternion_of(qw, qx, qy, qz), [x, y, z])))
+    turned = camera.pose[[6, 3, 4, 5]] / np.linalg.norm(camera.pose[3:])
+    world.camera_pose.FixValue(seen, Value(RigidTransform(Quaternion(turned), camera.pose[:3])))
     of_plant = plant.GetMyContextFromRoot(context)
     plant.SetFreeBodyPose(of_plant, body, RigidTransform(start))
     simulator.Initialize()
@@ -102,11 +103,6 @@ def run(depth, camera, seconds, start=(0, 0, HALF_SIDES[2] + 0.002), on_step=Non
         if on_step is not None:
             on_step(plant, of_plant)
     return np.array(times), np.array(path), np.array(wrenches)
-
-
-def quaternion_of(w, x, y, z):
-    from pydrake.common.eigen_geometry import Quaternion
-    return Quaternion(*np.array([w, x, y, z]) / np.linalg.norm([w, x, y, z]))
 
 
 def main():

@@ -47,13 +47,8 @@ class Pegs:
             self.poses, self.free = wp.zeros((num, 7), dtype=wp.float64), wp.zeros(num, dtype=vec6)
             self.force, self.torque = wp.zeros(num, dtype=wp.vec3d), wp.zeros(num, dtype=wp.vec3d)
             self.stiffness = wp.zeros(num, dtype=mat66)
-        self.out = palpate.Batch(force=self.shared(self.force), torque=self.shared(self.torque),
-                                 stiffness=self.shared(self.stiffness))
+        self.out = palpate.Batch(force=self.force, torque=self.torque, stiffness=self.stiffness)
         self.show(depth)
-
-    def shared(self, array):
-        """The same memory, as Palpate takes it."""
-        return array.numpy() if self.device == "cpu" else wp.from_dlpack(wp.to_dlpack(array))
 
     def show(self, depth):
         self.surface = self.sensor.update(depth)
@@ -63,7 +58,7 @@ class Pegs:
         stream = {} if self.device == "cpu" else {"stream": wp.get_stream(self.device).cuda_stream}
         with wp.ScopedDevice(self.device):
             wp.launch(predict, num, [state.body_q, state.body_qd, wp.vec3d(0, 0, -GRAVITY)], [self.poses, self.free])
-            self.contact.measure_batch(self.surface, self.shared(self.poses), stiffness=True, out=self.out, **stream)
+            self.contact.measure_batch(self.surface, self.poses, stiffness=True, out=self.out, **stream)
             wp.launch(press, num, [self.poses, self.free, self.force, self.torque, self.stiffness,
                                         wp.vec3d(*peg_inertia()), wp.vec3d(*HALF_SIDES), wp.vec3d(*self.center),
                                         wp.vec3d(law.stiffness, law.friction, law.settling)], [state.body_f])

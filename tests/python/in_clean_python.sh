@@ -52,7 +52,7 @@ PYTHON
   test)
     PALPATE_PROGRAM=$root/$clean/bin/palpate "$clean/bin/pytest" -q -rs -p no:cacheprovider python/tests \
       --ignore python/tests/test_types.py --ignore python/tests/test_torch.py --ignore python/tests/test_ray.py \
-      --ignore python/tests/robot/test_guard.py --ignore python/tests/test_simulators.py
+      --ignore python/tests/robot/test_guard.py --ignore python/tests/simulators
     ;;
   types) "$clean/bin/pytest" -q -p no:cacheprovider python/tests/test_types.py ;;
   torch)
@@ -68,6 +68,6 @@ PYTHON
     "$clean/bin/pytest" -q -p no:cacheprovider python/tests/robot
     ;;
   # Without simulators, the law of contact is tested alone, and each example is skipped by its name.
-  simulators) "$clean/bin/pytest" -q -rs -p no:cacheprovider python/tests/test_simulators.py ;;
+  simulators) "$clean/bin/pytest" -q -rs -p no:cacheprovider python/tests/simulators ;;
   docs) "$clean/bin/python" tests/docs/python_blocks.py ;;
 esac

@@ -9,7 +9,7 @@ import pytest
 
 import palpate
 
-EXAMPLES = Path(__file__).resolve().parents[2] / "examples/simulators"
+EXAMPLES = Path(__file__).resolve().parents[3] / "examples/simulators"
 if not EXAMPLES.is_dir():
     pytest.skip("the tests run without the project's folder", allow_module_level=True)
 sys.path.insert(0, str(EXAMPLES))
