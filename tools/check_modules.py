@@ -54,7 +54,7 @@ EVAL_READERS = ("tests/eval/", "tests/accuracy/", "bench/contact_bench.cpp", "be
 FRONT_DOOR = {"palpate/palpate.h": "front", "palpate/version.h": "core"}
 
 # A stranger reads them all: one for each subject of a module, not for each class.
-MOST_PUBLIC_HEADERS = 33
+MOST_PUBLIC_HEADERS = 34
 
 # Rooms: at most so many files in a folder, and lines in a file; tests may be longer.
 ROOMS = ("src/", "include/", "apps/", "web/src/", "python/")

@@ -8,7 +8,7 @@
 #include "apps/terminal/terminal.h"
 #include "apps/verbs.h"
 #include "src/io/internal/atomic_file.h"
-#include "src/session/internal/two_runs.h"
+#include "src/session/internal/run_folder.h"
 
 namespace palpate::apps {
 namespace {

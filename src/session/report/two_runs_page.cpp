@@ -5,7 +5,6 @@
 #include "src/pages/internal/pages.h"
 #include "src/session/internal/compact_json.h"
 #include "src/session/internal/run_folder.h"
-#include "src/session/internal/two_runs.h"
 
 namespace palpate { inline namespace v0 {
 namespace {
