@@ -223,15 +223,16 @@ class ImageSearch {
         const std::uint32_t bits = mask_bits(bounds[k] == splat(nearest));
         if (bits != 0) child = k * kLanes + first_lane(bits);
       }
-      if (kSingle && kLevel == 0) {
+      if constexpr (kSingle && kLevel == 0) {
         const int column = 4 * block_column + (child & 3), row = 4 * block_row + (child >> 2);
         return take(splat(nearest), column, row);
+      } else {
+        for (int k = 0; k < kVectors; ++k) {
+          const VecI id = (lane_ids() + k * kLanes) & (kPerBlock - 1);
+          bounds[k] = select(id == splat(child), splat(kFarAway), bounds[k]);
+        }
+        visit<kLevel>(4 * block_column + (child & 3), 4 * block_row + (child >> 2), true);
       }
-      for (int k = 0; k < kVectors; ++k) {
-        const VecI id = (lane_ids() + k * kLanes) & (kPerBlock - 1);
-        bounds[k] = select(id == splat(child), splat(kFarAway), bounds[k]);
-      }
-      visit<kLevel>(4 * block_column + (child & 3), 4 * block_row + (child >> 2), true);
     }
   }
 
