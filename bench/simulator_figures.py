@@ -4,6 +4,7 @@ Each row: what was measured, where, the value with its unit. `rest`: what the ta
 then moves and turns in 60 s. `energy`: kinetic, of the height and of the contact, at its highest over that at release.
 `slide`: the vertical force while a damper draws the peg along at 25 mm/s, from its acceleration at 1 kHz. `frame`: what a new
 image costs. `change`: the largest step of the force from one ms to the next while images change under the peg at rest.
+`batch`: many pegs in Newton, on a GPU with --device cuda:0.
 
 Usage: simulator_figures.py FILE.csv [--frame depth.png --intrinsics fx,fy,cx,cy] [--seconds 60]
 Needs the packages of examples/simulators/requirements.txt and the wheel of make wheel, in one environment."""
@@ -186,6 +187,28 @@ def newton_ours(depth, camera, start, seconds):
     return np.array(poses), np.array(twists)
 
 
+def batch_rows(depth, camera, start, worlds, device):
+    """The contact part of a step of many pegs over measure_batch with stiffness alone, by turns."""
+    import warp as wp
+
+    random = np.random.default_rng(1)
+    pegs = newton_depth_world.Pegs(depth, camera, start + random.uniform(-0.02, 0.02, (worlds, 3)) * [1, 1, 0], device)
+    for _ in range(60):
+        pegs.step()
+    times = {"whole": [], "batch": []}
+    for _ in range(30):
+        for name, call in (("whole", pegs.feel), ("batch", pegs.measure)):
+            wp.synchronize()
+            begin = time.perf_counter()
+            call()
+            wp.synchronize()
+            times[name].append(time.perf_counter() - begin)
+    whole, batch = np.median(times["whole"]), np.median(times["batch"])
+    who = f"Newton, ours, {worlds} pegs on {device}"
+    yield who, "batch", "contact part of a step, median", 1e3 * whole, "ms"
+    yield who, "batch", "over the batch alone", whole / batch, "times"
+
+
 def drake_ours(depth, camera, start, seconds):
     poses, twists = [], []
 
@@ -234,7 +257,9 @@ def main():
     parser.add_argument("--frame")
     parser.add_argument("--intrinsics", default="525,525,319.5,239.5")
     parser.add_argument("--seconds", type=float, default=60)
-    parser.add_argument("--parts", help="some of mujoco,slide,drake,field,change,newton,newton-field,frame")
+    parser.add_argument("--parts", help="some of mujoco,slide,drake,field,change,newton,newton-field,frame,batch")
+    parser.add_argument("--worlds", type=int, default=1024, help="of the part batch; 16384 on a GPU")
+    parser.add_argument("--device", default="cpu", help="of the part batch, e.g. cuda:0")
     given = parser.parse_args()
     if given.frame:
         depth = palpate.load_depth_png(given.frame)
@@ -293,6 +318,7 @@ def main():
         "newton-field": lambda: (add(rest_rows("Newton, height field", *NewtonPeg(start, grid).go(12.0))),
                                  add(slide_rows("Newton, height field", *NewtonPeg(aside, grid).go(2.0, draw=True)))),
         "frame": frames,
+        "batch": lambda: add(batch_rows(depth, camera, start, given.worlds, given.device)),
     }
     for part in given.parts.split(",") if given.parts else parts:
         parts[part]()

@@ -53,16 +53,23 @@ class Pegs:
     def show(self, depth):
         self.surface = self.sensor.update(depth)
 
-    def step(self):
-        state, num, law = self.state, len(self.poses), self.law
+    def measure(self):
         stream = {} if self.device == "cpu" else {"stream": wp.get_stream(self.device).cuda_stream}
+        self.contact.measure_batch(self.surface, self.poses, stiffness=True, out=self.out, **stream)
+
+    def feel(self):
+        """Writes state.body_f for the next step."""
+        state, num, law = self.state, len(self.poses), self.law
         with wp.ScopedDevice(self.device):
             wp.launch(predict, num, [state.body_q, state.body_qd, wp.vec3d(0, 0, -GRAVITY)], [self.poses, self.free])
-            self.contact.measure_batch(self.surface, self.poses, stiffness=True, out=self.out, **stream)
+            self.measure()
             wp.launch(press, num, [self.poses, self.free, self.force, self.torque, self.stiffness,
                                         wp.vec3d(*peg_inertia()), wp.vec3d(*HALF_SIDES), wp.vec3d(*self.center),
                                         wp.vec3d(law.stiffness, law.friction, law.settling)], [state.body_f])
-            self.solver.step(state, self.next, None, None, STEP)
+
+    def step(self):
+        self.feel()
+        self.solver.step(self.state, self.next, None, None, STEP)
         self.state, self.next = self.next, self.state
 
 
