@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 #include <vector>
 
 #include "palpate/contact/contact.h"
@@ -26,13 +27,64 @@ struct ElementTruth {
   bool has_value = true;  ///< false: it does not touch
   bool is_unseen = false;
   double volume = 0, potential = 0;  ///< what it counts
+  double push = 0;                   ///< volume that the force is of
+  std::size_t cluster = 0;
 };
 
+/// Makes clusters that lie deep one ball each, by shares: their volume at their centroid, with the
+/// mean radius of their elements. Tools of fewer than 128 clusters have none.
+template <class Sample>
+void join_deep_clusters(const Tool& tool, int first_ball, const Pose& X_WT, const Sample& sample,
+                        std::vector<ElementTruth>& elements) {
+  const std::size_t num = elements.size();
+  if (first_ball < 128) return;
+  for (std::size_t begin = 0, end = 0; begin < num; begin = end) {
+    while (end < num && elements[end].cluster == elements[begin].cluster) ++end;
+    if (elements[begin].cluster >= static_cast<std::size_t>(first_ball)) break;
+    const std::span<ElementTruth> cluster{&elements[begin], end - begin};
+    ElementTruth ball;
+    double all = 0, radii = 0, deep = 0, potential = 0;
+    const auto whole = [](const ElementTruth& e) { return e.factor * sphere_volume(e.radius); };
+    for (const ElementTruth& e : cluster) {
+      all += whole(e);
+      ball.lever += whole(e) * e.lever;
+      potential += e.potential;
+    }
+    if (!(all > 0)) continue;
+    ball.lever *= 1 / all;
+    for (const ElementTruth& e : cluster) {
+      const double r = e.radius, away = norm(e.lever - ball.lever);
+      radii += whole(e) * r;
+      deep = std::max(deep, away + 1.6 * 0.7 * r);
+    }
+    ball.radius = radii / all;
+    ball.cluster = cluster.front().cluster;
+    sample(ball, X_WT * tool.sphere_mass().center_of_mass + ball.lever, ball.radius);
+    const double x = (-ball.phi - deep) / (0.5 * deep);
+    if (!ball.has_value || !(x > 0)) continue;
+    const double share = x < 1 ? x * x * (3 - 2 * x) : 1;
+    const double by_phi = x < 1 ? -6 * x * (1 - x) / (0.5 * deep) : 0;
+    ball.volume = share * all;
+    ball.factor = ball.volume / sphere_volume(ball.radius);
+    ball.potential = -share * all * ball.phi;
+    ball.push = ball.volume + by_phi * (all * ball.phi + potential);
+    for (ElementTruth& e : cluster) {
+      for (double ElementTruth::*number : {&ElementTruth::volume, &ElementTruth::potential,
+                                           &ElementTruth::push, &ElementTruth::factor}) {
+        e.*number *= 1 - share;
+      }
+    }
+    elements.push_back(ball);
+  }
+}
+
 /// All elements of a tool at a pose, without padding; sample(element, p_W, extent) fills in what
-/// the field says, where values up to `extent` count.
+/// the field says, where values up to `extent` count; then come the balls of clusters that lie
+/// deep.
 template <class Sample>
 std::vector<ElementTruth> elements_truth(const Tool& tool, const FieldElements& elements,
-                                         const Pose& X_WT, const Sample& sample) {
+                                         const Pose& X_WT, const Sample& sample,
+                                         bool joins = true) {
   std::vector<ElementTruth> all;
   const SphereClusters& at = elements.clusters;
   const auto first_part = static_cast<std::size_t>(elements.first_ball()) * SphereClusters::kSize;
@@ -50,6 +102,8 @@ std::vector<ElementTruth> elements_truth(const Tool& tool, const FieldElements& 
       e.volume = e.factor * cap_volume(e.radius, e.phi);
       e.potential = e.factor * cap_potential(e.radius, e.phi);
     }
+    e.cluster = i / SphereClusters::kSize;
+    e.push = e.volume;
     all.push_back(e);
     // The parts of a ball, and the ball itself behind them.
     if (i < first_part || i % SphereClusters::kSize != 30) continue;
@@ -62,8 +116,13 @@ std::vector<ElementTruth> elements_truth(const Tool& tool, const FieldElements& 
     for (std::size_t k = 0; k < 30; ++k) values[k] = parts[static_cast<long>(k)].phi / R;
     const BallValues volumes = ball_corrections(values);
     parts->potential += count * R * ball_correction(values);
-    for (std::size_t k = 0; k < 30; ++k) parts[static_cast<long>(k)].volume += count * volumes[k];
+    for (std::size_t k = 0; k < 30; ++k) {
+      ElementTruth& part = parts[static_cast<long>(k)];
+      part.volume += count * volumes[k];
+      part.push = part.volume;
+    }
   }
+  if (joins) join_deep_clusters(tool, elements.first_ball(), X_WT, sample, all);
   return all;
 }
 
@@ -73,7 +132,7 @@ inline Penetration sum_of(const std::vector<ElementTruth>& elements, double long
   for (const ElementTruth& e : elements) {
     sum.volume += e.volume;
     sum.potential += e.potential;
-    const Vec3d force = e.volume / std::max(norm(e.gradient) / longest, 1.0) * e.gradient;
+    const Vec3d force = e.push / std::max(norm(e.gradient) / longest, 1.0) * e.gradient;
     sum.measure_W.force += force;
     sum.measure_W.torque += cross(e.lever, force);
     sum.num_inside_spheres += e.has_value && e.is_counted && e.phi <= -e.radius;

@@ -220,6 +220,7 @@ struct BodyMeasure {
   Penetration cloud;
   std::optional<Stiffness> stiffness;  ///< of `cloud`, if requested
   VolumeMoments moments;               ///< of `cloud`, if requested
+  std::optional<MeasureNoise> noise;   ///< likewise
   Penetration bodies;                  ///< sum over the other bodies, see BodyPenetration
   /// Stiffness of `bodies`, which stay fixed, if requested and with BodyMethod::field.
   std::optional<Stiffness> bodies_stiffness;

@@ -9,7 +9,7 @@
 #include "src/contact/batch/batch_pose.h"
 #include "src/contact/batch/field_batch_cuda.h"
 #include "src/contact/cuda/finish_measure.cuh"
-#include "src/contact/field/field_elements_cuda.cuh"
+#include "src/contact/field/whole_clusters_cuda.cuh"
 
 namespace palpate { inline namespace v0 {
 
@@ -35,7 +35,6 @@ constexpr int kMaxWarps = 8;
 constexpr int kClustersAtOnce = gpu::kWarpSize;
 // A tool that covers more tiles counts as near without a look at them.
 constexpr int kMaxTiles = 2 * gpu::kWarpSize;
-constexpr int kMaxTilesPerLane = 24;  // balls that cover more count as near
 
 // Sums of a pose: volume, potential, force, torque, then StiffnessSums and zeros.
 constexpr int kNumTerms = 8, kNumStiffness = 32;
@@ -101,22 +100,8 @@ __device__ void add_clusters(const BatchJob& job, const FieldLook& field, double
        begin += kClustersAtOnce * num_warps) {
     FieldShare share;
     StiffnessShare stiffness;
-    const int mine = begin + gpu::lane_id() * num_warps;
-    unsigned touching =
-        __ballot_sync(gpu::kWholeWarp,
-                      mine < elements.num_clusters &&
-                          !is_before_tiles(field, elements.clusters[mine],
-                                           elements.largest_radius[mine], kMaxTilesPerLane, 0, 1));
-    for (; touching != 0; touching &= touching - 1) {
-      const int cluster = begin + (__ffs(static_cast<int>(touching)) - 1) * num_warps;
-      const Element element = element_of(elements, cluster, field.frame);
-      if (cluster < elements.first_ball) {
-        add_element<Sample>(field, element, share, &stiffness);
-      } else {
-        add_ball<Sample>(field, elements.places, elements.ball_factor[cluster], element, share,
+    add_clusters<Sample>(elements, field, 1, false, begin, num_warps, kMaxTilesPerLane, share,
                          &stiffness);
-      }
-    }
     double values[kNumTerms] = {share.volume,   share.potential, share.force[0],  share.force[1],
                                 share.force[2], share.torque[0], share.torque[1], share.torque[2]};
     fold_over_warp<kNumTerms / 2, 4>(values);

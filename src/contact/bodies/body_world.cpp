@@ -79,6 +79,7 @@ void BodyWorld::measure(std::span<const SurfaceBlend> cameras) noexcept {
     body.measured.cloud = result.penetration;
     body.measured.stiffness = result.stiffness;
     body.measured.moments = result.moments;
+    body.measured.noise = result.noise;
   }
   for (Pair& pair : pairs_) {
     Body &a = at(pair.a), &b = at(pair.b);

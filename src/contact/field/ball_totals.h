@@ -133,7 +133,7 @@ template <bool kWithStiffness>
   const SumOfRow sum;
   Row phi{};
   for (int i = 0; i < kNumVectors; ++i) phi.vectors[i] = at.field[i].first.phi;
-  const float radius = job.radius[begin + kNumBallParts];
+  const float radius = job.elements.radius[begin + kNumBallParts];
   NoiseWriter* const noise = std::exchange(totals.noise, nullptr);
   BallPlane<Row, float> plane;
   if (at.is_complete) {
@@ -146,7 +146,7 @@ template <bool kWithStiffness>
   for (int i = 0; i < kNumVectors; ++i) {
     const std::size_t slot = begin + static_cast<std::size_t>(i * kLanes);
     const Lanes& e = at.lanes[i];
-    const VecF factor = load(job.factor + slot);
+    const VecF factor = load(job.elements.factor + slot);
     const VecI counts = at.is_touching[i] | splat(plane.is_plane ? -1 : 0);
     const SpaceGradient<VecF>& g = at.field[i].first;
     const Gradient3<VecF> gradient = chosen(counts, Gradient3<VecF>{g.x, g.y, g.z});
@@ -167,7 +167,7 @@ template <bool kWithStiffness>
     }
     volumes.vectors[i] = cut.volume;
     discs.vectors[i] = disc;
-    totals.add(job, slot, e, touching, cut, disc, gradient, chosen(counts, at.field[i].h),
+    totals.add(job.elements, slot, e, touching, cut, disc, gradient, chosen(counts, at.field[i].h),
                i % RowSums::kParts);
   }
   totals.noise = noise;

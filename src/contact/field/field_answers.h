@@ -17,21 +17,22 @@ struct Lanes {
   VecF depth, inverse_depth, radius;
 };
 
-[[gnu::always_inline]] inline Lanes aim(const MeasureJob& job, const Grid& grid, std::size_t slot) {
-  const SphereClusters& c = *job.clusters;
-  const VecF x_T = load(&c.x[slot]), y_T = load(&c.y[slot]), z_T = load(&c.z[slot]);
+[[gnu::always_inline]] inline Lanes aim(const ElementRows& elements, const FieldFrame& frame,
+                                        const Grid& grid, std::size_t slot) {
+  const VecF x_T = load(elements.x + slot), y_T = load(elements.y + slot),
+             z_T = load(elements.z + slot);
   const auto rotated = [&](const float(&row)[3]) {
     return row[0] * x_T + row[1] * y_T + row[2] * z_T;
   };
   Lanes e;
-  e.lx = rotated(job.frame.R_WT[0]);
-  e.ly = rotated(job.frame.R_WT[1]);
-  e.lz = rotated(job.frame.R_WT[2]);
-  e.depth = max(e.lz + job.frame.p_WC[2], splat(kMinDepth));
+  e.lx = rotated(frame.R_WT[0]);
+  e.ly = rotated(frame.R_WT[1]);
+  e.lz = rotated(frame.R_WT[2]);
+  e.depth = max(e.lz + frame.p_WC[2], splat(kMinDepth));
   e.inverse_depth = 1.0f / e.depth;
-  e.from_u = grid.fx * (e.lx + job.frame.p_WC[0]) * e.inverse_depth;
-  e.from_v = grid.fy * (e.ly + job.frame.p_WC[1]) * e.inverse_depth;
-  e.radius = load(job.radius + slot);
+  e.from_u = grid.fx * (e.lx + frame.p_WC[0]) * e.inverse_depth;
+  e.from_v = grid.fy * (e.ly + frame.p_WC[1]) * e.inverse_depth;
+  e.radius = load(elements.radius + slot);
   return e;
 }
 

@@ -67,11 +67,12 @@ struct GroupSums {
 /// Arguments of a query for each group of clusters.
 struct MeasureJob {
   const SphereClusters* clusters = nullptr;
-  const float *radius = nullptr, *factor = nullptr, *counted = nullptr;  ///< per slot
-  const float* largest_radius = nullptr;                                 ///< per cluster
-  const float* ball_factor = nullptr;                                    ///< per cluster
-  int first_ball = 0;        ///< clusters from this one on are the parts of balls
-  DepthFieldView fields[2];  ///< of one camera and one size
+  ElementRows elements, wholes;           ///< wholes: a slot for each cluster
+  const float* whole_depth = nullptr;     ///< likewise
+  const float* largest_radius = nullptr;  ///< per cluster
+  const float* ball_factor = nullptr;     ///< per cluster
+  int first_ball = 0;                     ///< clusters from this one on are the parts of balls
+  DepthFieldView fields[2];               ///< of one camera and one size
   int num_fields = 1;
   FieldFrame frame;
   NoiseRows noise = {};  ///< of the first field, if somebody asks
@@ -80,9 +81,9 @@ struct MeasureJob {
 /// A job without field and frame.
 inline MeasureJob measure_job(const FieldElements& elements) {
   return {&elements.clusters,
-          elements.radius.data(),
-          elements.factor.data(),
-          elements.counted.data(),
+          elements.rows(),
+          elements.wholes.rows(),
+          elements.wholes.depth.data(),
           elements.largest_radius.data(),
           elements.ball_factor.data(),
           elements.first_ball(),

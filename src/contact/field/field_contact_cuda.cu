@@ -9,7 +9,7 @@
 #include "src/contact/blend.h"
 #include "src/contact/cuda/finish_measure.cuh"
 #include "src/contact/field/field_contact.h"
-#include "src/contact/field/field_elements_cuda.cuh"
+#include "src/contact/field/whole_clusters_cuda.cuh"
 
 namespace palpate { inline namespace v0 {
 namespace {
@@ -18,20 +18,9 @@ namespace {
 template <int kNumFields>
 struct FieldQuery {
   ElementsView elements;
-  bool skips_clusters;  // those in front: pays if warps have several
+  int max_tiles;  // of a cluster that is left out if they are in front: pays if warps have several
   FieldLook fields[kNumFields];
 };
-
-// True if no element of a cluster is near any surface.
-template <int kNumFields>
-__device__ bool is_cluster_in_front(const FieldQuery<kNumFields>& query, int cluster) {
-  const float radius = query.elements.largest_radius[cluster];
-  for (const FieldLook& field : query.fields) {
-    if (field.last_level < 0) continue;
-    if (!is_in_front(field, query.elements.clusters[cluster], radius)) return false;
-  }
-  return true;
-}
 
 // Shared memory of a block.
 template <class Sample>
@@ -49,25 +38,15 @@ __global__ void __launch_bounds__(kThreadsOf<Sample>, 3)
   FieldShare share;
   StiffnessShare stiffness;
   const int num_warps = gpu::grid_threads() / gpu::kWarpSize;
-  for (int cluster = gpu::grid_thread() / gpu::kWarpSize; cluster < elements.num_clusters;
-       cluster += num_warps) {
-    if (query.skips_clusters && is_cluster_in_front(query, cluster)) continue;
-    // The pose is the same in all.
-    Element element = element_of(elements, cluster, query.fields[0].frame);
-    const float factor = element.factor;
-    const bool is_counted = element.is_counted;
+  for (int begin = gpu::grid_thread() / gpu::kWarpSize; begin < elements.num_clusters;
+       begin += gpu::kWarpSize * num_warps) {
 #pragma unroll
     for (int k = 0; k < kNumFields; ++k) {
       const FieldLook& field = query.fields[k];
       if (kNumFields > 1 && field.last_level < 0) continue;
-      element.factor = kNumFields > 1 ? factor * field.weight : factor;
-      element.is_counted = is_counted && k == kNumFields - 1;
-      if (cluster < elements.first_ball) {
-        add_element<Sample>(field, element, share, &stiffness);
-      } else {
-        const float count = elements.ball_factor[cluster] * (kNumFields > 1 ? field.weight : 1.0f);
-        add_ball<Sample>(field, elements.places, count, element, share, &stiffness);
-      }
+      add_clusters<Sample>(elements, field, kNumFields > 1 ? field.weight : 1.0f,
+                           k == kNumFields - 1, begin, num_warps, query.max_tiles, share,
+                           &stiffness);
     }
   }
   MeasureTerms mine;
@@ -203,7 +182,7 @@ ContactResult FieldContactCuda::evaluate(const FieldQuestion& question,
   constexpr int kThreads = kThreadsOf<Sample>;
   query.elements = field_tool_.elements;
   const int num_warps = answers.num_blocks() * kThreads / gpu::kWarpSize;
-  query.skips_clusters = query.elements.num_clusters > num_warps;
+  query.max_tiles = query.elements.num_clusters > num_warps ? kMaxTilesPerLane : 0;
   gpu::launch(
       stream_,
       {.blocks = answers.num_blocks(), .threads = kThreads, .shared_bytes = kSharedBytes<Sample>},

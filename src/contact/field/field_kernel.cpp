@@ -1,10 +1,11 @@
 // Elements against the depth field, compiled once per instruction set.
 #include "src/contact/field/ball_totals.h"
+#include "src/contact/field/whole_totals.h"
 
 namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE {
 namespace {
 
-// The elements of a cluster and their samples of the fields. Each step is a short loop: then the
+// Elements beside each other and their samples of the fields. Each step is a short loop: then the
 // processor has several vectors in flight, where one long loop would wait for each vector's chain.
 template <class Sample, int kFields>
 struct Answers {
@@ -13,17 +14,18 @@ struct Answers {
 };
 
 template <class Sample, int kFields>
-[[gnu::always_inline]] inline void query_cluster(const MeasureJob& job, const Grid& grid,
-                                                 const Pixels (&fields)[kFields], std::size_t begin,
-                                                 int num_vectors, std::uint32_t near,
-                                                 Answers<Sample, kFields>& to) {
+[[gnu::always_inline]] inline void query_elements(const ElementRows& rows, const FieldFrame& frame,
+                                                  const Grid& grid, const Pixels (&fields)[kFields],
+                                                  std::size_t begin, int num_vectors,
+                                                  std::uint32_t near,
+                                                  Answers<Sample, kFields>& to) {
   for (int i = 0; i < num_vectors; ++i) {
-    to.lanes[i] = aim(job, grid, begin + static_cast<std::size_t>(i * kLanes));
+    to.lanes[i] = aim(rows, frame, grid, begin + static_cast<std::size_t>(i * kLanes));
   }
   for (int i = 0; i < num_vectors; ++i) {
     const Lanes& e = to.lanes[i];
     const Look look = look_of(grid, e, e.radius);
-    const VecI is_before_camera = e.lz + job.frame.p_WC[2] > splat(kMinDepth);
+    const VecI is_before_camera = e.lz + frame.p_WC[2] > splat(kMinDepth);
     for (int k = 0; k < kFields; ++k) {
       Answer<Sample, kFields>& answer = to.fields[i];
       answer.is_touching[k] = VecI{};
@@ -37,84 +39,111 @@ template <class Sample, int kFields>
   }
 }
 
-/// Calls f(slot, lanes, field, sample, which lanes touch, part of the sums) for vectors of elements
-/// that touch the surface of a field, and ball(slot, field, answers) for each ball in parts that
-/// may. Returns false if none can.
-template <class Sample, int kFields, class F, class Ball>
-[[gnu::always_inline]] inline bool for_touching(const MeasureJob& job, int group, const F& f,
-                                                const Ball& ball) {
-  if (!is_group_near<kFields>(job, group)) return false;
+/// A field's values in W for vector i of the elements.
+template <class Sample, int kFields>
+[[gnu::always_inline]] inline SpaceCurvature<VecF> in_space(const FieldFrame& frame,
+                                                            Answers<Sample, kFields>& answers,
+                                                            int i, int k) {
+  const Lanes& e = answers.lanes[i];
+  Sample& sample = answers.fields[i].samples[k];
+  const Gradient& g = first_of(sample);
+  const Gradient3<VecF> n = to_space(g, e.from_u, e.from_v, e.inverse_depth, frame.fx, frame.fy);
+  SpaceCurvature<VecF> field{{g.phi, n.x, n.y, n.z}, {}};
+  if constexpr (std::is_same_v<Sample, Curvature>) {
+    field.h = hessian_in_space(sample, e.from_u, e.from_v, e.inverse_depth, frame.fx, frame.fy);
+  }
+  return field;
+}
+
+/// Samples the fields near a cluster, by the bits of `near`. Returns the number of its vectors.
+template <class Sample, int kFields>
+[[gnu::always_inline]] inline int query_cluster(const MeasureJob& job, const Grid& grid,
+                                                const Pixels (&fields)[kFields], int cluster,
+                                                std::uint32_t near, Answers<Sample, kFields>& to) {
+  const int num_vectors = (job.clusters->num_spheres(cluster) + kLanes - 1) / kLanes;
+  query_elements<Sample, kFields>(job.elements, job.frame, grid, fields,
+                                  static_cast<std::size_t>(cluster) * kSize, num_vectors, near, to);
+  return num_vectors;
+}
+
+// Measures one group: the clusters that lie deep as one ball each, the others by their elements.
+template <class Sample, int kFields>
+[[gnu::always_inline]] inline void measure(const MeasureJob& job, int group, GroupSums* to) {
+  constexpr bool kWithStiffness = std::is_same_v<Sample, Curvature>;
+  GroupTotals<kWithStiffness> totals[kFields], blended[kFields];
+  NoiseWriter noise(job.noise, group);
+  if (noise.wants()) totals[0].noise = &noise;
+  std::uint32_t near[kNumClusters];
+  if (!find_near<kFields>(job, group, near)) {
+    noise.finish();
+    std::fill_n(to, kFields, GroupSums{});
+    return;
+  }
+  const auto place_of = [&](const Lanes& e) {
+    return noise.wants() ? noise_place(job.frame, e, kNotTurned, 0) : NoisePlace{};
+  };
   const Grid grid(job.fields[0]);
   Pixels fields[kFields];
   for (int k = 0; k < kFields; ++k) fields[k] = pixels_of(job.fields[k]);
   Answers<Sample, kFields> answers;
-  for_near_clusters<kFields>(job, group, [&](std::size_t begin, std::uint32_t near) {
-    const int cluster = static_cast<int>(begin / kSize);
-    const int num = job.clusters->num_spheres(cluster);
-    const int num_vectors = (num + kLanes - 1) / kLanes;
-    query_cluster<Sample, kFields>(job, grid, fields, begin, num_vectors, near, answers);
-    if (cluster >= job.first_ball) {
-      for (int k = 0; k < kFields; ++k) {
-        if ((near >> k & 1) != 0) ball(begin, k, answers);
-      }
-      return;
+  Wholes<kWithStiffness> wholes[kFields];
+  query_elements<Sample, kFields>(job.wholes, job.frame, grid, fields,
+                                  static_cast<std::size_t>(group) * kNumClusters, kNumWholes,
+                                  (1u << kFields) - 1, answers);
+  for (int i = 0; i < kNumWholes; ++i) {
+    for (int k = 0; k < kFields; ++k) {
+      wholes[k].take(job, group, i, answers.lanes[i], answers.fields[i].is_touching[k],
+                     in_space(job.frame, answers, i, k), place_of(answers.lanes[i]));
     }
-    for (int i = 0; i < num_vectors; ++i) {
-      const std::size_t slot = begin + static_cast<std::size_t>(i * kLanes);
-      Answer<Sample, kFields>& answer = answers.fields[i];
-      for (int k = 0; k < kFields; ++k) {
-        if (mask_bits(answer.is_touching[k]) == 0) continue;
-        f(slot, answers.lanes[i], k, answer.samples[k], answer.is_touching[k], i % RowSums::kParts);
-      }
+  }
+  for (int number = 0; number < kNumClusters; ++number) {
+    for (int k = 0; k < kFields; ++k) {
+      if (wholes[k].share(number) >= 1) near[number] &= ~(1u << k);
     }
-  });
-  return true;
-}
-
-template <class Sample, int kFields>
-[[gnu::always_inline]] inline void measure(const MeasureJob& job, int group, GroupSums* to) {
-  constexpr bool kWithStiffness = std::is_same_v<Sample, Curvature>;
-  const float fx = job.frame.fx, fy = job.frame.fy;
-  GroupTotals<kWithStiffness> totals[kFields];
-  NoiseWriter noise(job.noise, group);
-  if (noise.wants()) totals[0].noise = &noise;
-  const auto place_noise = [&](const Lanes& e) { return noise_place(job.frame, e, kNotTurned, 0); };
-  const bool is_near = for_touching<Sample, kFields>(
-      job, group,
-      [&](std::size_t slot, const Lanes& e, int k, Sample& sample, VecI is_touching, int part) {
-        const Gradient& g = first_of(sample);
-        const Gradient3<VecF> n = to_space(g, e.from_u, e.from_v, e.inverse_depth, fx, fy);
-        Symmetric<VecF> h;
-        if constexpr (kWithStiffness) {
-          h = hessian_in_space(sample, e.from_u, e.from_v, e.inverse_depth, fx, fy);
-        }
-        if (totals[k].noise != nullptr) totals[k].place = place_noise(e);
-        totals[k].add(job, slot, e, is_touching, g.phi, n, h, part);
-      },
-      [&](std::size_t begin, int k, Answers<Sample, kFields>& answers) {
+    if (near[number] == 0) continue;
+    const int cluster = group * kNumClusters + number;
+    const std::size_t begin = static_cast<std::size_t>(cluster) * kSize;
+    const int num_vectors =
+        query_cluster<Sample, kFields>(job, grid, fields, cluster, near[number], answers);
+    for (int k = 0; k < kFields; ++k) {
+      if ((near[number] >> k & 1) == 0) continue;
+      const float share = wholes[k].share(number);
+      if (share > 0) {
+        blended[k] = GroupTotals<kWithStiffness>{};
+        blended[k].noise = totals[k].noise;
+        blended[k].share = 1 - share;
+      }
+      GroupTotals<kWithStiffness>& elements = share > 0 ? blended[k] : totals[k];
+      if (cluster >= job.first_ball) {
         BallSamples ball;
         for (int i = 0; i < kNumVectors; ++i) {
           const Lanes& e = ball.lanes[i] = answers.lanes[i];
-          Sample& sample = answers.fields[i].samples[k];
-          const Gradient& g = first_of(sample);
           ball.is_touching[i] = answers.fields[i].is_touching[k];
-          if (totals[k].noise != nullptr) ball.place[i] = place_noise(e);
+          ball.place[i] = place_of(e);
           ball.is_complete &= mask_bits(~(e.lz + job.frame.p_WC[2] > splat(kMinDepth))) == 0;
-          const Gradient3<VecF> n = to_space(g, e.from_u, e.from_v, e.inverse_depth, fx, fy);
-          SpaceCurvature<VecF>& field = ball.field[i] = {{g.phi, n.x, n.y, n.z}, {}};
-          if constexpr (kWithStiffness) {
-            field.h = hessian_in_space(sample, e.from_u, e.from_v, e.inverse_depth, fx, fy);
-          }
+          ball.field[i] = in_space(job.frame, answers, i, k);
           // Limited, as in the depth hull.
-          field = composed(limited(g.phi, e.radius, extent_of(e.radius, true, i)), field);
+          ball.field[i] =
+              composed(limited(ball.field[i].first.phi, e.radius, extent_of(e.radius, true, i)),
+                       ball.field[i]);
         }
-        add_ball(job, begin, ball, totals[k]);
-      });
-  noise.finish();
-  if (!is_near) {
-    std::fill_n(to, kFields, GroupSums{});
-    return;
+        add_ball(job, begin, ball, elements);
+        continue;
+      }
+      for (int i = 0; i < num_vectors; ++i) {
+        const VecI is_touching = answers.fields[i].is_touching[k];
+        if (mask_bits(is_touching) == 0) continue;
+        const SpaceCurvature<VecF> field = in_space(job.frame, answers, i, k);
+        const SpaceGradient<VecF>& g = field.first;
+        elements.place = place_of(answers.lanes[i]);
+        elements.add(job.elements, begin + static_cast<std::size_t>(i * kLanes), answers.lanes[i],
+                     is_touching, g.phi, {g.x, g.y, g.z}, field.h, i % RowSums::kParts);
+      }
+      if (share > 0) wholes[k].add(number, blended[k], totals[k]);
+    }
   }
+  for (int k = 0; k < kFields; ++k) wholes[k].add_to(job, group, totals[k]);
+  noise.finish();
   for (int k = 0; k < kFields; ++k) totals[k].write(to[k]);
 }
 
@@ -130,19 +159,23 @@ void measure_group(const MeasureJob& job, int group, bool with_stiffness, GroupS
 
 // Writes the planes that cut whole spheres.
 void describe_group(const MeasureJob& job, int group, const SphereCuts& to) {
-  const auto describe_vector = [&](std::size_t slot, const Lanes& e, int, Gradient& g,
-                                   VecI is_touching, int) {
-    describe(job, slot, e, is_touching, g.phi,
-             to_space(g, e.from_u, e.from_v, e.inverse_depth, job.frame.fx, job.frame.fy), to);
-  };
-  for_touching<Gradient, 1>(
-      job, group, describe_vector, [&](std::size_t begin, int, Answers<Gradient, 1>& answers) {
-        for (int i = 0; i < kNumVectors; ++i) {
-          const std::size_t slot = begin + static_cast<std::size_t>(i * kLanes);
-          Answer<Gradient, 1>& answer = answers.fields[i];
-          describe_vector(slot, answers.lanes[i], 0, answer.samples[0], answer.is_touching[0], 0);
-        }
-      });
+  std::uint32_t near[kNumClusters];
+  if (!find_near<1>(job, group, near)) return;
+  const Grid grid(job.fields[0]);
+  const Pixels fields[] = {pixels_of(job.fields[0])};
+  Answers<Gradient, 1> answers;
+  for (int number = 0; number < kNumClusters; ++number) {
+    if (near[number] == 0) continue;
+    const int cluster = group * kNumClusters + number;
+    const int num_vectors = query_cluster<Gradient, 1>(job, grid, fields, cluster, 1, answers);
+    for (int i = 0; i < num_vectors; ++i) {
+      const VecI is_touching = answers.fields[i].is_touching[0];
+      if (mask_bits(is_touching) == 0) continue;
+      const SpaceGradient<VecF> g = in_space(job.frame, answers, i, 0).first;
+      describe(job, static_cast<std::size_t>(cluster * kSize + i * kLanes), answers.lanes[i],
+               is_touching, g.phi, {g.x, g.y, g.z}, to);
+    }
+  }
 }
 
 // Finds the pixels of a field that were measured, or lie inside a measured surface.
@@ -166,7 +199,7 @@ double unseen_in_group(const MeasureJob& job, int group, std::uint8_t* spheres) 
   for (int cluster = first; cluster < last; ++cluster) {
     for (int i = 0; i < kNumVectors; ++i) {
       const auto slot = static_cast<std::size_t>(cluster * kSize + i * kLanes);
-      const Lanes e = aim(job, grid, slot);
+      const Lanes e = aim(job.elements, job.frame, grid, slot);
       const VecF u = e.from_u + (grid.cx + 0.5f), v = e.from_v + (grid.cy + 0.5f);
       const VecI is_in_image = (e.lz + job.frame.p_WC[2] > splat(kMinDepth)) & (u >= VecF{}) &
                                (v >= VecF{}) & (u < splat(grid.width)) & (v < splat(grid.height));
@@ -180,7 +213,8 @@ double unseen_in_group(const MeasureJob& job, int group, std::uint8_t* spheres) 
         if (k > 0) continue;  // behind a new surface space is remembered
         is_seen &= offset - e.depth * slope >= splat(-static_cast<float>(kSeenBehind));
       }
-      unseen.add(i % RowSums::kParts, select(is_seen, VecF{}, whole_volume(job, slot, e.radius)));
+      unseen.add(i % RowSums::kParts,
+                 select(is_seen, VecF{}, whole_volume(job.elements, slot, e.radius)));
       mark_unseen(job, slot, ~is_seen, spheres);
     }
   }

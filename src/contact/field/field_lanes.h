@@ -296,30 +296,26 @@ std::uint32_t fields_near(const MeasureJob& job, const Cluster& ball, float larg
   return near;
 }
 
-/// True if a group is not well in front of everything.
+/// Finds the fields near each cluster of a group, as bits. Returns false if none is, by the group.
 template <int kFields>
-[[gnu::always_inline]] inline bool is_group_near(const MeasureJob& job, int group) {
+[[gnu::always_inline]] inline bool find_near(
+    const MeasureJob& job, int group, std::uint32_t (&near)[SphereClusters::kClustersPerGroup]) {
   const SphereClusters& clusters = *job.clusters;
   const int first = group * SphereClusters::kClustersPerGroup;
   const int last = std::min(first + SphereClusters::kClustersPerGroup, clusters.num_clusters());
-  const float largest_radius =
-      *std::max_element(job.largest_radius + first, job.largest_radius + last);
-  const Cluster& all = clusters.groups[static_cast<std::size_t>(group)];
-  return fields_near<kFields>(job, all, largest_radius) != 0;
-}
-
-/// Calls f(first slot, bits of fields) for the clusters of a group that are not well in front of
-/// everything.
-template <int kFields, class F>
-[[gnu::always_inline]] inline void for_near_clusters(const MeasureJob& job, int group, const F& f) {
-  const SphereClusters& clusters = *job.clusters;
-  const int first = group * SphereClusters::kClustersPerGroup;
-  const int last = std::min(first + SphereClusters::kClustersPerGroup, clusters.num_clusters());
-  for (int cluster = first; cluster < last; ++cluster) {
-    const Cluster& ball = clusters.clusters[static_cast<std::size_t>(cluster)];
-    const std::uint32_t near = fields_near<kFields>(job, ball, job.largest_radius[cluster]);
-    if (near != 0) f(static_cast<std::size_t>(cluster) * kSize, near);
+  const float* const largest = job.largest_radius;
+  if (fields_near<kFields>(job, clusters.groups[static_cast<std::size_t>(group)],
+                           *std::max_element(largest + first, largest + last)) == 0) {
+    return false;
   }
+  std::uint32_t any = 0;
+  std::fill(std::begin(near), std::end(near), 0);
+  for (int cluster = first; cluster < last; ++cluster) {
+    near[cluster - first] = fields_near<kFields>(
+        job, clusters.clusters[static_cast<std::size_t>(cluster)], largest[cluster]);
+    any |= near[cluster - first];
+  }
+  return any != 0;
 }
 
 }}}}  // namespace palpate::v0::PALPATE_ISA_NAMESPACE

@@ -18,10 +18,17 @@ ElementsView elements_view(const FieldElements& elements, gpu::Memory& memory) {
   }
   const auto& rows = ball_places().rows;
   const std::vector<float> places(&rows[0][0], &rows[0][0] + sizeof rows / sizeof(float));
+  const WholeClusters& w = elements.wholes;
+  std::vector<ElementBall> wholes(w.x.size());
+  for (std::size_t slot = 0; slot < wholes.size(); ++slot) {
+    wholes[slot] = {w.x[slot], w.y[slot], w.z[slot], w.radius[slot]};
+  }
   return {memory.copy_of(balls),      memory.copy_of(factors),
           memory.copy_of(c.clusters), memory.copy_of(elements.largest_radius),
           c.num_clusters(),           memory.copy_of(elements.ball_factor),
-          elements.first_ball(),      memory.copy_of(places)};
+          elements.first_ball(),      memory.copy_of(places),
+          memory.copy_of(wholes),     memory.copy_of(w.factor),
+          memory.copy_of(w.depth),    memory.copy_of(w.counted)};
 }
 
 FieldTool make_field_tool(const ToolIndex& index, SphereVolumes volumes, gpu::Memory& memory) {

@@ -19,9 +19,11 @@ struct ElementsView {
   const Cluster* clusters = nullptr;
   const float* largest_radius = nullptr;  ///< per cluster
   int num_clusters = 0;
-  const float* ball_factor = nullptr;  ///< per cluster
-  int first_ball = 0;                  ///< clusters from this one on are the parts of balls
-  const float* places = nullptr;       ///< BallPlaces
+  const float* ball_factor = nullptr;   ///< per cluster
+  int first_ball = 0;                   ///< clusters from this one on are the parts of balls
+  const float* places = nullptr;        ///< BallPlaces
+  const ElementBall* wholes = nullptr;  ///< WholeClusters, likewise
+  const float *whole_factors = nullptr, *whole_depths = nullptr, *whole_counts = nullptr;
 };
 
 /// The elements and spheres of a tool for one of SphereVolumes, on a GPU.

@@ -10,6 +10,35 @@ namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE { name
 struct Totals {
   RowSums volume, potential, fx, fy, fz, tx, ty, tz, boundary, inside;
 
+  /// Adds volumes, energies and forces of a vector of elements; the force is `push` n.
+  template <class Element>
+  [[gnu::always_inline]] void add(int part, const Element& e, VecF volume_of, VecF potential_of,
+                                  VecF push, const Gradient3<VecF>& n) {
+    const VecF x = push * n.x, y = push * n.y, z = push * n.z;
+    volume.add(part, volume_of);
+    potential.add(part, potential_of);
+    fx.add(part, x);
+    fy.add(part, y);
+    fz.add(part, z);
+    tx.add(part, e.ly * z - e.lz * y);
+    ty.add(part, e.lz * x - e.lx * z);
+    tz.add(part, e.lx * y - e.ly * x);
+  }
+
+  /// Adds a share of other sums, and all that they count.
+  void add(const Totals& other, float share) {
+    using Sums = RowSums Totals::*;
+    for (const Sums sums : {&Totals::volume, &Totals::potential, &Totals::fx, &Totals::fy,
+                            &Totals::fz, &Totals::tx, &Totals::ty, &Totals::tz}) {
+      add_share(other.*sums, share, this->*sums);
+    }
+    add_share(other.boundary, 1, boundary);
+    add_share(other.inside, 1, inside);
+  }
+  static void add_share(const RowSums& from, float share, RowSums& to) {
+    for (int part = 0; part < RowSums::kParts; ++part) to.add(part, share * from.lanes[part]);
+  }
+
   FieldSums sums() const {
     return {volume.total(),
             potential.total(),
@@ -25,20 +54,12 @@ struct Totals {
 }
 
 // Adds volumes, energies and forces of a vector of elements.
-template <class Job, class Element>
-[[gnu::always_inline]] inline void add_measure(const Job& job, std::size_t slot, const Element& e,
+template <class Rows, class Element>
+[[gnu::always_inline]] inline void add_measure(const Rows& rows, std::size_t slot, const Element& e,
                                                VecF phi, const CutBall<VecF>& cut,
                                                const Gradient3<VecF>& n, int part, Totals& totals) {
-  const VecF x = cut.volume * n.x, y = cut.volume * n.y, z = cut.volume * n.z;
-  totals.volume.add(part, cut.volume);
-  totals.potential.add(part, cut.potential);
-  totals.fx.add(part, x);
-  totals.fy.add(part, y);
-  totals.fz.add(part, z);
-  totals.tx.add(part, e.ly * z - e.lz * y);
-  totals.ty.add(part, e.lz * x - e.lx * z);
-  totals.tz.add(part, e.lx * y - e.ly * x);
-  const VecF counted = load(job.counted + slot);
+  totals.add(part, e, cut.volume, cut.potential, cut.volume, n);
+  const VecF counted = load(rows.counted + slot);
   const VecI is_inside = phi <= -e.radius;
   totals.inside.add(part, select(is_inside, counted, VecF{}));
   totals.boundary.add(part, select((phi < e.radius) & ~is_inside, counted, VecF{}));
@@ -51,35 +72,44 @@ struct GroupTotals {
   RowSums numbers[kWithStiffness ? StiffnessSums::kNum : 1];
   NoiseWriter* noise = nullptr;  // null: nobody asked
   NoisePlace place;              // of the next vector, if somebody did
+  float share = 1;               // of the noise that is kept
 
   /// Adds a vector of elements, of which some touch the surface: there the field is `phi`, with
   /// this gradient and these second derivatives in W.
-  template <class Job, class Element>
-  [[gnu::always_inline]] void add(const Job& job, std::size_t slot, const Element& e,
+  template <class Rows, class Element>
+  [[gnu::always_inline]] void add(const Rows& rows, std::size_t slot, const Element& e,
                                   VecI is_touching, VecF field, const Gradient3<VecF>& n,
                                   const Symmetric<VecF>& h, int part) {
     const VecF phi = select(is_touching, field, e.radius);
-    const VecF factor = load(job.factor + slot);
+    const VecF factor = load(rows.factor + slot);
     const CutBall<VecF> cut = cut_ball(e.radius, factor, phi);
-    add(job, slot, e, phi, cut, palpate::cut_area(e.radius, factor, phi), n, h, part);
+    add(rows, slot, e, phi, cut, palpate::cut_area(e.radius, factor, phi), n, h, part);
   }
 
   /// Adds a vector of elements whose volumes shrink by `disc` phi.
-  template <class Job, class Element>
-  [[gnu::always_inline]] void add(const Job& job, std::size_t slot, const Element& e, VecF phi,
+  template <class Rows, class Element>
+  [[gnu::always_inline]] void add(const Rows& rows, std::size_t slot, const Element& e, VecF phi,
                                   const CutBall<VecF>& cut, VecF disc, const Gradient3<VecF>& n,
                                   const Symmetric<VecF>& h, int part) {
     const VecF length = length_of(n);
     const Gradient3<VecF> shortened = bounded(n, length);
-    add_measure(job, slot, e, phi, cut, shortened, part, totals);
-    if (noise != nullptr) noise->keep(e, place, cut.volume, disc, shortened);
+    add_measure(rows, slot, e, phi, cut, shortened, part, totals);
+    if (noise != nullptr) noise->keep(e, place, share * cut.volume, share * disc, shortened);
     if constexpr (kWithStiffness) {
-      const VecF factor = load(job.factor + slot);
+      const VecF factor = load(rows.factor + slot);
       VecF terms[StiffnessSums::kNum];
       stiffness_terms<VecF>({e.lx, e.ly, e.lz}, cut.volume, disc,
                             polar_moment<VecF>(e.radius, factor, phi), shortened,
                             bounded(h, n, length), terms);
       for (int i = 0; i < StiffnessSums::kNum; ++i) numbers[i].add(part, terms[i]);
+    }
+  }
+
+  /// Adds a share of the elements of a cluster.
+  void add(const GroupTotals& elements, float of_them) {
+    totals.add(elements.totals, of_them);
+    for (int i = 0; kWithStiffness && i < StiffnessSums::kNum; ++i) {
+      Totals::add_share(elements.numbers[i], of_them, numbers[i]);
     }
   }
 
@@ -95,7 +125,7 @@ struct GroupTotals {
 inline void mark_unseen(const MeasureJob& job, std::size_t first, VecI is_unseen,
                         std::uint8_t* spheres) {
   if (spheres == nullptr) return;
-  const VecI is_counted = is_unseen & (load(job.counted + first) > VecF{});
+  const VecI is_counted = is_unseen & (load(job.elements.counted + first) > VecF{});
   for (std::uint32_t bits = mask_bits(is_counted); bits != 0; bits &= bits - 1) {
     const auto slot = first + static_cast<std::size_t>(__builtin_ctz(bits));
     spheres[job.clusters->sphere_id[slot]] = 1;
@@ -103,9 +133,9 @@ inline void mark_unseen(const MeasureJob& job, std::size_t first, VecI is_unseen
 }
 
 /// Volume of elements that are wholly inside, m3.
-[[gnu::always_inline]] inline VecF whole_volume(const MeasureJob& job, std::size_t slot,
+[[gnu::always_inline]] inline VecF whole_volume(const ElementRows& rows, std::size_t slot,
                                                 VecF radius) {
-  return load(job.factor + slot) * (static_cast<float>(4 * kPi / 3) * radius * radius * radius);
+  return load(rows.factor + slot) * (static_cast<float>(4 * kPi / 3) * radius * radius * radius);
 }
 
 /// Writes the cuts of the spheres of a vector of elements that touch a surface: at `phi` from their
@@ -123,7 +153,7 @@ inline void describe(const MeasureJob& job, std::size_t first, const Lanes& e, V
     n_T[axis] = (R_WT[0][axis] * n.x + R_WT[1][axis] * n.y + R_WT[2][axis] * n.z) / length;
     along += n_T[axis] * (c_C[axis] + to.p_TC[axis]);
   }
-  const VecI is_counted = is_touching & (load(job.counted + first) > VecF{});
+  const VecI is_counted = is_touching & (load(job.elements.counted + first) > VecF{});
   for (std::uint32_t bits = mask_bits(is_counted); bits != 0; bits &= bits - 1) {
     const int lane = __builtin_ctz(bits);
     // An element that is counted has the number of its sphere.

@@ -6,7 +6,7 @@
 #include "src/contact/blend.h"
 #include "src/contact/cuda/finish_measure.cuh"
 #include "src/contact/field/field_contact.h"
-#include "src/contact/field/field_elements_cuda.cuh"
+#include "src/contact/field/whole_clusters_cuda.cuh"
 #include "src/contact/hull/camera_seats.h"
 #include "src/contact/hull/hull_joins.cuh"
 #include "src/contact/hull/hull_views.cuh"
@@ -25,6 +25,7 @@ struct ViewScratch {
   static constexpr int kNum = sizeof(InSpace<Sample>) / sizeof(float);
 
   float numbers[2 * kMaxViews][kNum][gpu::kWarpSize];
+  float wholes[gpu::kWarpSize];
   int is_free, queries_memory;
 
   __device__ void store(int view, const InSpace<Sample>& said) {
@@ -46,6 +47,47 @@ template <int kMaxViews, class Sample>
 constexpr std::size_t kSharedBytes = std::max(sizeof(ViewScratch<kMaxViews, Sample>),
                                               sizeof(FinishScratchFor<Sample>));
 
+/// Samples the hull for the ball of each lane, the same in all warps; the first warp returns its
+/// values. The whole block calls. `in_front`: see queries_in_front, of a view.
+template <class Sample, int kMaxViews, class InFront>
+__device__ Joined<InSpace<Sample>> query_hull(const HullQuery<kMaxViews>& query, const Ball& ball,
+                                              const InFront& in_front,
+                                              ViewScratch<kMaxViews, Sample>& views) {
+  using Space = InSpace<Sample>;
+  for (int view = gpu::warp_id(); view < num_views(query); view += kHullWarps) {
+    views.store(view, query_view<Sample>(query, view, ball, in_front(view)));
+  }
+  __syncthreads();
+  const auto said = [&](int view) { return views.load(view); };
+  Joined<Space> at_ball{};
+  Space fields{};
+  if (gpu::warp_id() == 0) {
+    at_ball = join_seen<Space>(query, ball.radius, said);
+    if (needs_wider(query, at_ball, ball.extent)) {
+      fields = join_fields<Space>(query, ball.radius, said);
+    }
+  }
+  if (query.has_memory) {
+    // Samples of memories replace those of the views, if any element needs them.
+    const bool needs_memory = gpu::warp_id() == 0 && needs_wider(query, at_ball, ball.extent);
+    const bool any = __any_sync(gpu::kWholeWarp, needs_memory);
+    if (threadIdx.x == 0) views.queries_memory = any;
+    __syncthreads();
+    if (views.queries_memory != 0) {
+      for (int view = gpu::warp_id(); view < num_views(query); view += kHullWarps) {
+        views.store(view, query_memory<Sample>(query, view, ball));
+      }
+      __syncthreads();
+      if (needs_memory) join_memories<Space>(query, ball.radius, said, at_ball);
+    }
+  }
+  if (gpu::warp_id() == 0 && needs_wider(query, at_ball, ball.extent)) {
+    at_ball.take(fields, ball.radius, -1);
+  }
+  __syncthreads();
+  return at_ball;
+}
+
 template <int kMaxViews, class Sample>
 __global__ void __launch_bounds__(kHullThreads, 2)
     measure_hull_elements(const __grid_constant__ HullQuery<kMaxViews> query,
@@ -55,68 +97,78 @@ __global__ void __launch_bounds__(kHullThreads, 2)
   auto& views = gpu::shared_memory<ViewScratch<kMaxViews, Sample>>();
   FieldShare share;
   StiffnessShare stiffness;
-  for (int cluster = static_cast<int>(blockIdx.x); cluster < elements.num_clusters;
-       cluster += static_cast<int>(gridDim.x)) {
-    if (query.skips_clusters) {
-      const bool is_free = gpu::warp_id() == 0 && is_seen_free(query, cluster);
-      if (threadIdx.x == 0) views.is_free = is_free;
-      __syncthreads();
-      const bool is_skipped = views.is_free != 0;
-      __syncthreads();
-      if (is_skipped) continue;
+  const auto add_unseen = [&](const Joined<InSpace<Sample>>& at, float factor, float radius) {
+    if (!is_unseen(at)) return;
+    share.unseen += factor * (static_cast<float>(4 * kPi / 3) * radius * radius * radius);
+  };
+  const int step = static_cast<int>(gridDim.x);
+  // Each lane looks after a cluster as one ball (whole_clusters_cuda.cuh).
+  for (int begin = static_cast<int>(blockIdx.x); begin < elements.num_clusters;
+       begin += gpu::kWarpSize * step) {
+    const int mine = begin + gpu::lane_id() * step;
+    const bool is_there = mine < elements.first_ball;
+    Joined<InSpace<Sample>> at_whole{};
+    Curved<float> whole{};
+    KeptSums kept;
+    if (begin < elements.first_ball) {
+      const ElementBall of = elements.wholes[is_there ? mine : begin];
+      at_whole = query_hull<Sample>(
+          query, Ball{of.x, of.y, of.z, of.radius, of.radius},
+          [&](int view) { return eye_of(query, view).has_in_front; }, views);
+      if (is_there && gpu::warp_id() == 0) {
+        whole = whole_share(first_of(at_whole.hull).phi, elements.whole_depths[mine]);
+      }
     }
-    const ElementBall at = elements.balls[cluster * SphereClusters::kSize + gpu::lane_id()];
-    const bool is_ball = cluster >= elements.first_ball;
-    const bool is_part = is_ball && gpu::lane_id() < kNumBallParts;
-    const Ball ball{at.x, at.y, at.z, at.radius, (is_part ? kPartExtent : 1.0f) * at.radius};
-    for (int view = gpu::warp_id(); view < num_views(query); view += kHullWarps) {
-      views.store(view,
-                  query_view<Sample>(query, view, ball, queries_in_front(query, view, cluster)));
-    }
+    if (gpu::warp_id() == 0) views.wholes[gpu::lane_id()] = whole.value;
     __syncthreads();
-    using Space = InSpace<Sample>;
-    const auto said = [&](int view) { return views.load(view); };
-    Joined<Space> at_ball{};
-    Space fields{};
-    if (gpu::warp_id() == 0) {
-      at_ball = join_seen<Space>(query, ball.radius, said);
-      if (needs_wider(query, at_ball, ball.extent)) {
-        fields = join_fields<Space>(query, ball.radius, said);
-      }
-    }
-    if (query.has_memory) {
-      // Samples of memories replace those of the views, if any element needs them.
-      const bool needs_memory = gpu::warp_id() == 0 && needs_wider(query, at_ball, ball.extent);
-      const bool any = __any_sync(gpu::kWholeWarp, needs_memory);
-      if (threadIdx.x == 0) views.queries_memory = any;
-      __syncthreads();
-      if (views.queries_memory != 0) {
-        for (int view = gpu::warp_id(); view < num_views(query); view += kHullWarps) {
-          views.store(view, query_memory<Sample>(query, view, ball));
-        }
+    for (int lane = 0; lane < gpu::kWarpSize; ++lane) {
+      const int cluster = begin + lane * step;
+      if (cluster >= elements.num_clusters) break;
+      const float left = 1.0f - views.wholes[lane];
+      if (!(left > 0.0f)) continue;
+      if (query.skips_clusters) {
+        const bool is_free = gpu::warp_id() == 0 && is_seen_free(query, cluster);
+        if (threadIdx.x == 0) views.is_free = is_free;
         __syncthreads();
-        if (needs_memory) join_memories<Space>(query, ball.radius, said, at_ball);
+        const bool is_skipped = views.is_free != 0;
+        __syncthreads();
+        if (is_skipped) continue;
       }
-    }
-    if (gpu::warp_id() == 0) {
-      if (needs_wider(query, at_ball, ball.extent)) at_ball.take(fields, ball.radius, -1);
-      const Element element = element_of(elements, cluster, query.tool);
-      const Space& hull = at_ball.hull;
-      if (is_unseen(at_ball)) {
-        share.unseen += element.factor *
-                        (static_cast<float>(4 * kPi / 3) * ball.radius * ball.radius * ball.radius);
-      }
-      const SpaceGradient<float>& g = first_of(hull);
+      const ElementBall at = elements.balls[cluster * SphereClusters::kSize + gpu::lane_id()];
+      const bool is_ball = cluster >= elements.first_ball;
+      const bool is_part = is_ball && gpu::lane_id() < kNumBallParts;
+      const Ball ball{at.x, at.y, at.z, at.radius, (is_part ? kPartExtent : 1.0f) * at.radius};
+      const Joined<InSpace<Sample>> at_ball = query_hull<Sample>(
+          query, ball, [&](int view) { return queries_in_front(query, view, cluster); }, views);
+      if (gpu::warp_id() != 0) continue;
+      Element element = element_of(elements, cluster, query.tool);
+      element.factor *= left;
+      add_unseen(at_ball, element.factor, ball.radius);
+      const SpaceGradient<float>& g = first_of(at_ball.hull);
       const bool is_touching = g.phi < ball.radius;
-      Symmetric<float> h{};
-      if constexpr (kWithStiffness) h = hull.h;
+      const Symmetric<float> h = second_of(at_ball.hull);
+      FieldShare of_cluster;
       if (is_ball) {
         add_ball<kWithStiffness>(elements.places, elements.ball_factor[cluster], element, g.phi,
-                                 is_touching, is_complete(query, ball), {g.x, g.y, g.z}, h, share,
-                                 &stiffness);
+                                 is_touching, is_complete(query, ball), {g.x, g.y, g.z}, h,
+                                 of_cluster, &stiffness);
       } else if (is_touching) {
-        add_cut<kWithStiffness>(element, g.phi, {g.x, g.y, g.z}, h, share, &stiffness);
+        add_cut<kWithStiffness>(element, g.phi, {g.x, g.y, g.z}, h, of_cluster, &stiffness);
       }
+      share.add(of_cluster);
+      if (left < 1.0f) {
+        KeptSums all;
+        all.keep(of_cluster, left);
+        if (gpu::lane_id() == lane) kept = all;
+      }
+    }
+    if (whole.value > 0.0f) {
+      const Element element =
+          element_of(elements.wholes[mine], elements.whole_factors[mine], query.tool);
+      add_whole<kWithStiffness>(element, whole, kept, first_of(at_whole.hull),
+                                second_of(at_whole.hull), share, &stiffness);
+      add_unseen(at_whole, whole.value * element.factor, element.radius);
+      if (!(whole.value < 1.0f)) share.num_inside += static_cast<int>(elements.whole_counts[mine]);
     }
     __syncthreads();
   }

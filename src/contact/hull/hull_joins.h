@@ -17,8 +17,10 @@ class Hull {
 
   Hull(const HullJob& job, const Eye* eyes) : job_(job), eyes_(eyes) {}
 
-  // Announces the ball that contains the next sampled elements.
-  void aim_at(const Cluster& ball, float largest_radius) {
+  // Announces the elements that are sampled next, and a ball that contains those with a value.
+  void aim_at(const Cluster& ball, float largest_radius,
+              const ElementRows MeasureJob::*elements = &MeasureJob::elements) {
+    elements_ = elements;
     for (int k = 0; k < job_.num_cameras; ++k) {
       const HullCamera& camera = job_.cameras[k];
       answers_[k].queries_in_front =
@@ -29,7 +31,7 @@ class Hull {
 
   // Returns false if some camera sees that all elements of vector `number` of a cluster are free.
   bool evaluate(std::size_t slot, bool is_ball, int number) {
-    radius_ = load(job_.tool.radius + slot);
+    radius_ = load((job_.tool.*elements_).radius + slot);
     extent_ = extent_of(radius_, is_ball, number);
     if (!look(slot)) return false;
     join_seen_free();
@@ -96,7 +98,7 @@ class Hull {
     const Eye& eye = eyes_[k];
     const MeasureJob& seen = eye.camera->seen_free;
     EyeAnswer<Sample>& answer = answers_[k];
-    Lanes& e = answer.lanes[0] = aim(seen, eye.seen_free.grid, slot);
+    Lanes& e = answer.lanes[0] = aim(seen.*elements_, seen.frame, eye.seen_free.grid, slot);
     answer.before[0] = e.lz + (seen.frame.p_WC[2] - kMinDepth);
     Look look = look_of(eye.seen_free.grid, e, e.radius);
     VecF phi[2];
@@ -104,7 +106,7 @@ class Hull {
       const int seat = eye.seat(f);
       if (seat > 0) {
         const MeasureJob& older = eye.camera->older;
-        answer.lanes[1] = aim(older, eye.seen_free.grid, slot);
+        answer.lanes[1] = aim(older.*elements_, older.frame, eye.seen_free.grid, slot);
         answer.before[1] = answer.lanes[1].lz + (older.frame.p_WC[2] - kMinDepth);
         look = look_of(eye.seen_free.grid, answer.lanes[1], e.radius);
       }
@@ -296,7 +298,7 @@ class Hull {
   void take_seats(const Eye& eye, std::size_t slot, EyeAnswer<Sample>& answer) const {
     for (int seat = 0; seat <= eye.seat(eye.num_fields - 1); ++seat) {
       const MeasureJob& job = seat == 0 ? eye.camera->field : eye.camera->older;
-      answer.lanes[seat] = aim(job, eye.field.grid, slot);
+      answer.lanes[seat] = aim(job.*elements_, job.frame, eye.field.grid, slot);
       answer.before[seat] = answer.lanes[seat].lz + (job.frame.p_WC[2] - kMinDepth);
     }
   }
@@ -321,6 +323,7 @@ class Hull {
 
   const HullJob& job_;
   const Eye* eyes_;
+  const ElementRows MeasureJob::*elements_ = &MeasureJob::elements;
   EyeAnswer<Sample> answers_[kMaxCameras];
   VecF shallowest_, radius_, extent_;
   VecI may_touch_;

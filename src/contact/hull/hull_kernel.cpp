@@ -25,6 +25,7 @@
 #include <type_traits>
 
 #include "src/contact/field/ball_totals.h"
+#include "src/contact/field/whole_totals.h"
 #include "src/contact/hull/depth_hull.h"
 #include "src/contact/hull/hull_eyes.h"
 #include "src/contact/hull/hull_joins.h"
@@ -32,12 +33,13 @@
 namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE {
 namespace {
 
-/// Calls f(slot, elements in the world, hull, part of the sums) for vectors of elements unless a
-/// camera sees that all are free, and ball(first slot) after the vectors of a ball in parts if it
-/// was called for any of them.
-template <class Sample, class F, class Ball>
-[[gnu::always_inline]] inline void for_each_touching(const HullJob& job, int group, const F& f,
-                                                     const Ball& ball) {
+/// Calls begin(hull, grid), then f(slot, elements in the world, hull, part of the sums) for vectors
+/// of elements unless a camera sees that all are free, or begin has left their cluster out of
+/// `requested`, and end(cluster) after the vectors of a cluster if it was called for any of them.
+template <class Sample, class Begin, class F, class End>
+[[gnu::always_inline]] inline void for_each_touching(const HullJob& job, int group,
+                                                     std::uint32_t& requested, const Begin& begin,
+                                                     const F& f, const End& end) {
   const SphereClusters& clusters = *job.tool.clusters;
   const int first = group * SphereClusters::kClustersPerGroup;
   const int last = std::min(first + SphereClusters::kClustersPerGroup, clusters.num_clusters());
@@ -48,7 +50,9 @@ template <class Sample, class F, class Ball>
   Eye* const eyes = reinterpret_cast<Eye*>(memory);
   for (int k = 0; k < job.num_cameras; ++k) new (eyes + k) Eye(job.cameras[k]);
   Hull<Sample> hull(job, eyes);
+  begin(hull, eyes[0].field.grid);
   for (int cluster = first; cluster < last; ++cluster) {
+    if ((requested >> (cluster - first) & 1) == 0) continue;
     const Cluster& around = clusters.clusters[static_cast<std::size_t>(cluster)];
     if (is_seen_free(job, around, job.tool.largest_radius[cluster])) continue;
     hull.aim_at(around, job.tool.largest_radius[cluster]);
@@ -57,48 +61,91 @@ template <class Sample, class F, class Ball>
     for (int i = 0; i < kNumVectors; ++i) {
       const auto slot = static_cast<std::size_t>(cluster * kSize + i * kLanes);
       if (!hull.evaluate(slot, is_ball, i)) continue;
-      f(slot, aim(job.tool, eyes[0].field.grid, slot), hull, i % RowSums::kParts);
+      f(slot, aim(job.tool.elements, job.tool.frame, eyes[0].field.grid, slot), hull,
+        i % RowSums::kParts);
       is_touching = true;
     }
-    if (is_ball && is_touching) ball(static_cast<std::size_t>(cluster) * kSize);
+    if (is_touching) end(cluster);
   }
 }
 
 template <class Sample>
 [[gnu::always_inline]] inline void measure(const HullJob& job, int group, GroupSums* to) {
   constexpr bool kWithStiffness = std::is_same_v<Sample, Curvature>;
-  GroupTotals<kWithStiffness> totals;
+  GroupTotals<kWithStiffness> totals, blended;
   NoiseWriter noise(job.tool.noise, group);
   if (noise.wants()) totals.noise = &noise;
   RowSums unseen;
+  Wholes<kWithStiffness> wholes;
   BallSamples parts;  // of the current ball in parts
-  std::uint32_t known = 0;
-  const std::size_t first_part = static_cast<std::size_t>(job.tool.first_ball) * kSize;
+  std::uint32_t known = 0, requested = (1u << kNumClusters) - 1;
+  const int first = group * kNumClusters;
+  const auto field_at = [](const Hull<Sample>& at) {
+    return SpaceCurvature<VecF>{first_of(at.hull), second_of(at.hull)};
+  };
+  const auto place_of = [&](Hull<Sample>& at) { return noise.wants() ? at.place() : NoisePlace{}; };
   for_each_touching<Sample>(
-      job, group,
+      job, group, requested,
+      [&](Hull<Sample>& at, const Grid& grid) {
+        const float* const radii = job.tool.wholes.radius + first;
+        at.aim_at(job.tool.clusters->groups[static_cast<std::size_t>(group)],
+                  *std::max_element(radii, radii + kNumClusters), &MeasureJob::wholes);
+        for (int i = 0; i < kNumWholes; ++i) {
+          const auto slot = static_cast<std::size_t>(first + i * kLanes);
+          const bool is_near = at.evaluate(slot, false, i);
+          const Lanes e = aim(job.tool.wholes, job.tool.frame, grid, slot);
+          const SpaceCurvature<VecF> field = is_near ? field_at(at) : SpaceCurvature<VecF>{};
+          wholes.take(job.tool, group, i, e, field.first.phi < e.radius, field,
+                      is_near ? place_of(at) : NoisePlace{});
+          const VecF share = load(wholes.shares() + i * kLanes);
+          if (!is_near || mask_bits(share > VecF{}) == 0) continue;
+          unseen.add(i % RowSums::kParts,
+                     select(at.is_unseen(), share * whole_volume(job.tool.wholes, slot, e.radius),
+                            VecF{}));
+        }
+        for (int number = 0; number < kNumClusters; ++number) {
+          if (wholes.share(number) >= 1) requested &= ~(1u << number);
+        }
+      },
       [&](std::size_t slot, const Lanes& e, Hull<Sample>& at, int part) {
-        const SpaceGradient<VecF>& g = first_of(at.hull);
-        Symmetric<VecF> h;
-        if constexpr (kWithStiffness) h = at.hull.h;
-        unseen.add(part, select(at.is_unseen(), whole_volume(job.tool, slot, e.radius), VecF{}));
-        if (noise.wants()) totals.place = at.place();
-        if (slot < first_part) {
-          totals.add(job.tool, slot, e, g.phi < e.radius, g.phi, {g.x, g.y, g.z}, h, part);
+        const int cluster = static_cast<int>(slot / kSize);
+        const float share = wholes.share(cluster - first);
+        const SpaceCurvature<VecF> field = field_at(at);
+        const SpaceGradient<VecF>& g = field.first;
+        unseen.add(
+            part, select(at.is_unseen(),
+                         (1.0f - share) * whole_volume(job.tool.elements, slot, e.radius), VecF{}));
+        if (cluster < job.tool.first_ball) {
+          GroupTotals<kWithStiffness>& sums = share > 0 ? blended : totals;
+          if (share > 0 && known == 0) {
+            blended = GroupTotals<kWithStiffness>{};
+            blended.noise = totals.noise;
+            blended.share = 1.0f - share;
+            known = 1;
+          }
+          sums.place = place_of(at);
+          sums.add(job.tool.elements, slot, e, g.phi < e.radius, g.phi, {g.x, g.y, g.z}, field.h,
+                   part);
           return;
         }
         const std::size_t i = slot % kSize / kLanes;
         parts.lanes[i] = e;
         parts.is_touching[i] = g.phi < e.radius;
-        parts.field[i] = {g, h};
-        parts.place[i] = totals.place;
+        parts.field[i] = field;
+        parts.place[i] = place_of(at);
         parts.is_complete &= at.is_complete();
         known |= 1u << i;
       },
-      [&](std::size_t begin) {
+      [&](int cluster) {
+        if (cluster < job.tool.first_ball) {
+          if (known != 0) wholes.add(cluster - first, blended, totals);
+          known = 0;
+          return;
+        }
+        const std::size_t begin = static_cast<std::size_t>(cluster) * kSize;
         for (std::size_t i = 0; i < kNumVectors; ++i) {
           if ((known >> i & 1) != 0) continue;
-          const std::size_t slot = begin + i * kLanes;  // free
-          const VecF radius = load(job.tool.radius + slot);
+          const VecF radius = load(job.tool.elements.radius + begin + i * kLanes);  // free
           parts.lanes[i] = Lanes{};
           parts.lanes[i].radius = radius;
           parts.is_touching[i] = VecI{};
@@ -110,6 +157,7 @@ template <class Sample>
         parts.is_complete = true;
         known = 0;
       });
+  wholes.add_to(job.tool, group, totals);
   noise.finish();
   totals.write(*to);
   to->measure.unseen = unseen.total();
@@ -123,8 +171,9 @@ void measure_hull_group(const HullJob& job, int group, bool with_stiffness, Grou
 }
 
 void describe_hull_group(const HullJob& job, int group, const SphereCuts& to) {
+  std::uint32_t requested = (1u << kNumClusters) - 1;
   for_each_touching<Gradient>(
-      job, group,
+      job, group, requested, [](Hull<Gradient>&, const Grid&) {},
       [&](std::size_t slot, const Lanes& e, Hull<Gradient>& at, int) {
         const SpaceGradient<VecF>& g = at.hull;
         const VecI nobody = at.decider < VecI{};
@@ -136,7 +185,7 @@ void describe_hull_group(const HullJob& job, int group, const SphereCuts& to) {
                  nobody ? splat(kNoCamera) : number);
         mark_unseen(job.tool, slot, at.is_unseen(), to.unseen);
       },
-      [](std::size_t) {});
+      [](int) {});
 }
 
 }}}  // namespace palpate::v0::PALPATE_ISA_NAMESPACE

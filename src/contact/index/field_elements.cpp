@@ -5,6 +5,7 @@
 
 #include "src/contact/internal/ball_cut.h"
 #include "src/contact/internal/ball_parts.h"
+#include "src/contact/internal/whole_cluster.h"
 
 namespace palpate { inline namespace v0 {
 namespace {
@@ -80,6 +81,53 @@ std::vector<Element> elements_of(const Tool& tool, SphereVolumes volumes, LargeS
   return elements;
 }
 
+// Number of clusters from which on they may count as one ball. Where two ways out are equally long,
+// forces turn within the width of a cluster, and a cluster of fewer would be too large a share.
+constexpr int kMinWholes = 128;
+
+/// Makes each cluster of loose elements one ball.
+WholeClusters wholes_of(const FieldElements& elements) {
+  const SphereClusters& c = elements.clusters;
+  constexpr std::size_t kSize = SphereClusters::kSize;
+  WholeClusters wholes(static_cast<std::size_t>(c.num_groups()) *
+                       SphereClusters::kClustersPerGroup);
+  if (c.num_loose < kMinWholes) return wholes;
+  for (std::size_t cluster = 0; cluster < static_cast<std::size_t>(c.num_loose); ++cluster) {
+    const auto center = [&](std::size_t slot) {
+      return to_double(Vec3f{c.x[slot], c.y[slot], c.z[slot]});
+    };
+    const auto for_each = [&](const auto& f) {
+      for (std::size_t slot = cluster * kSize; slot < (cluster + 1) * kSize; ++slot) {
+        const double radius = elements.radius[slot];
+        f(slot, radius, static_cast<double>(elements.factor[slot]) * sphere_volume(radius));
+      }
+    };
+    double volume = 0, counted = 0, mean = 0, depth = 0;
+    Vec3d first;
+    for_each([&](std::size_t slot, double, double its_volume) {
+      volume += its_volume;
+      first += its_volume * center(slot);
+      counted += static_cast<double>(elements.counted[slot]);
+    });
+    if (!(volume > 0)) continue;
+    const Vec3d at = first / volume;
+    for_each([&](std::size_t slot, double radius, double its_volume) {
+      const double distance = norm(center(slot) - at);
+      mean += its_volume / volume * radius;
+      depth = std::max(depth, distance + deep_limit(radius));
+    });
+    const double radius = mean;
+    wholes.x[cluster] = static_cast<float>(at.x);
+    wholes.y[cluster] = static_cast<float>(at.y);
+    wholes.z[cluster] = static_cast<float>(at.z);
+    wholes.radius[cluster] = static_cast<float>(radius);
+    wholes.factor[cluster] = static_cast<float>(volume / sphere_volume(radius));
+    wholes.counted[cluster] = static_cast<float>(counted);
+    wholes.depth[cluster] = static_cast<float>(depth);
+  }
+  return wholes;
+}
+
 std::vector<Sphere> balls_of(const std::vector<Element>& elements) {
   std::vector<Sphere> balls;
   for (const Element& e : elements) {
@@ -127,6 +175,7 @@ FieldElements::FieldElements(const Tool& tool, SphereVolumes volumes, LargeSpher
                                         sphere_volume(static_cast<double>(largest));
     ball_factor.push_back(static_cast<float>(share));
   }
+  if (large == LargeSpheres::in_thirty) wholes = wholes_of(*this);
 }
 
 }}  // namespace palpate::v0

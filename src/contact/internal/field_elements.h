@@ -26,6 +26,35 @@ enum class LargeSpheres {
   evenly,     ///< many (even_parts): for bodies, of which a corner goes between thirty
 };
 
+/// Elements in slots: centers are relative to the tool's center of mass.
+struct ElementRows {
+  const float *x = nullptr, *y = nullptr, *z = nullptr;
+  const float* radius = nullptr;
+  const float* factor = nullptr;   ///< volume that counts / volume of the ball
+  const float* counted = nullptr;  ///< number of spheres that it stands for when they are counted
+};
+
+/// Clusters as one ball each, a slot for each cluster: with the volume, the centroid and the mean
+/// radius of its elements (whole_cluster.h). Those of balls in parts never count as one.
+struct WholeClusters {
+  explicit WholeClusters(std::size_t num_slots = 0)
+      : x(num_slots),
+        y(num_slots),
+        z(num_slots),
+        radius(num_slots, 1),
+        factor(num_slots),
+        counted(num_slots),
+        depth(num_slots, 1e9f) {}
+
+  ElementRows rows() const {
+    return {x.data(), y.data(), z.data(), radius.data(), factor.data(), counted.data()};
+  }
+  std::size_t num_bytes() const { return bytes_of(x, y, z, radius, factor, counted, depth); }
+
+  std::vector<float> x, y, z, radius, factor, counted;
+  std::vector<float> depth;  ///< from which on a cluster counts as one, m
+};
+
 /// Elements are in cluster order; centers are relative to the tool's center of mass. The numbers
 /// (`sphere_id`) of those that are counted are those of their spheres. The parts of a ball in
 /// thirty are a cluster of their own, in the order of ball_places, with an element behind them that
@@ -37,7 +66,12 @@ struct FieldElements {
                 LargeSpheres large = LargeSpheres::in_thirty);
 
   std::size_t num_bytes() const {
-    return clusters.num_bytes() + bytes_of(radius, factor, counted, largest_radius, ball_factor);
+    return clusters.num_bytes() + bytes_of(radius, factor, counted, largest_radius, ball_factor) +
+           wholes.num_bytes();
+  }
+  ElementRows rows() const {
+    return {clusters.x.data(), clusters.y.data(), clusters.z.data(),
+            radius.data(),     factor.data(),     counted.data()};
   }
 
   /// The clusters from this one on are the parts of balls.
@@ -50,6 +84,7 @@ struct FieldElements {
   std::vector<float> counted;         ///< 1: stands for its sphere when spheres are counted
   std::vector<float> largest_radius;  ///< per cluster: nothing farther away touches
   std::vector<float> ball_factor;     ///< per cluster: factor of the ball, 0 if none
+  WholeClusters wholes;               ///< of whole groups
   double reach = 0;                   ///< no center is farther from the tool's center of mass, m
 };
 

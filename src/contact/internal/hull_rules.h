@@ -55,6 +55,15 @@ template <class Real>
 PALPATE_FORMULA const SpaceGradient<Real>& first_of(const SpaceCurvature<Real>& s) {
   return s.first;
 }
+/// Returns the second derivatives, zero where they are not known.
+template <class Real>
+PALPATE_FORMULA Symmetric<Real> second_of(const SpaceGradient<Real>&) {
+  return {};
+}
+template <class Real>
+PALPATE_FORMULA Symmetric<Real> second_of(const SpaceCurvature<Real>& s) {
+  return s.h;
+}
 /// A field whose second derivatives are zero.
 template <class Real>
 PALPATE_FORMULA void set(SpaceGradient<Real>& to, const SpaceGradient<Real>& s) {

@@ -28,9 +28,9 @@ enum class NoiseRow {
 inline constexpr int kNumChanges = 7;
 inline constexpr int kNumNoiseRows = static_cast<int>(NoiseRow::change) + kNumChanges;
 
-/// Place of a group's first element in each row.
+/// Place of a group's first element in each row; its clusters may be kept as one each, too.
 PALPATE_HOSTDEV constexpr std::ptrdiff_t first_noise_row(int group) {
-  return std::ptrdiff_t{group} * SphereClusters::kClustersPerGroup * SphereClusters::kSize;
+  return std::ptrdiff_t{group} * SphereClusters::kClustersPerGroup * (SphereClusters::kSize + 1);
 }
 
 /// Rows for the elements of a tool, group by group.

@@ -22,7 +22,7 @@ VolumeMoments brute_force(const Tool& tool, const FrozenField& scene, const Pose
     const Vec3d& lever = at.lever;
     const double r = at.radius, factor = at.factor;
     const Vec3d n = at.gradient / std::max(norm(at.gradient) / test::kLongest, 1.0);
-    const double volume = at.volume;
+    const double volume = at.push;
     for (int row = 0; row < 3; ++row) {
       for (int column = 0; column < 3; ++column) {
         sum.first[row][column] += lever[row] * volume * n[column];

@@ -1,0 +1,93 @@
+// Sums of a ball in thirty parts on a GPU: its parts, corrected by a plane (ball_cut.h), as the
+// elements of a warp.
+#pragma once
+
+#include "src/contact/field/field_elements_cuda.cuh"
+
+namespace palpate { inline namespace v0 { namespace {
+
+// Adds up the numbers of a warp, in the order of SumOfRow.
+struct SumOverWarp {
+  __device__ float operator()(float number) const {
+#pragma unroll
+    for (int half = gpu::kWarpSize / 2; half > 0; half /= 2) {
+      number += __shfl_xor_sync(gpu::kWholeWarp, number, half);
+    }
+    return number;
+  }
+};
+
+// Adds a ball in parts, the elements of a warp, which counts `count` times, corrected by a plane if
+// every part has a value. The field is `phi` at each, with this gradient and these second
+// derivatives in W.
+template <bool kWithStiffness>
+__device__ __noinline__ void add_ball(const float* places, float count, const Element& e, float phi,
+                                      bool is_touching, bool is_complete,
+                                      const Gradient3<float>& gradient, const Symmetric<float>& h,
+                                      FieldShare& sum, StiffnessShare* sums) {
+  constexpr int kSize = SphereClusters::kSize;
+  const SumOverWarp over_warp;
+  const int lane = gpu::lane_id();
+  const float* const at = places + lane;
+  const BallRows<float> part{at[0], at[kSize], at[2 * kSize], at[3 * kSize]};
+  const float radius = __shfl_sync(gpu::kWholeWarp, e.radius, kNumBallParts);
+  BallPlane<float, float> plane;
+  if (__all_sync(gpu::kWholeWarp, is_complete)) {
+    plane = ball_plane<float>(part, phi * (1.0f / radius), over_warp, kWithStiffness);
+  }
+  const float twice = count * radius * radius, thrice = twice * radius;
+  const bool counts = is_touching || plane.is_plane;
+  const float touching = is_touching ? phi : e.radius;
+  CutBall<float> cut = cut_ball(e.radius, e.factor, touching);
+  cut.volume += thrice * plane.volume;
+  if (lane == 0) cut.potential += thrice * radius * plane.potential;
+  const float disc = cut_area(e.radius, e.factor, touching) + twice * plane.disc * part.is_part;
+  Gradient3<float> n{};
+  if (counts) {
+    n = add_cut<kWithStiffness>(e, touching, cut, disc, gradient, h, sum, sums);
+    if (is_touching && e.is_counted) ++(phi <= -e.radius ? sum.num_inside : sum.num_boundary);
+  }
+  if constexpr (kWithStiffness) {
+    if (!plane.is_plane) return;
+    float weights[5];
+    form_weights(part, plane.residual, weights);
+    const float changes[6] = {n.x,
+                              n.y,
+                              n.z,
+                              e.lever[1] * n.z - e.lever[2] * n.y,
+                              e.lever[2] * n.x - e.lever[0] * n.z,
+                              e.lever[0] * n.y - e.lever[1] * n.x};
+    float X[5][6];
+    for (int i = 0; i < 5; ++i) {
+      for (int k = 0; k < 6; ++k) X[i][k] = over_warp(weights[i] * changes[k]);
+    }
+    if (lane == 0) add_form(plane.form, X, twice, sums->numbers);
+  }
+}
+
+// Adds a ball in parts against one field. The whole warp calls.
+template <class Sample>
+__device__ void add_ball(const FieldLook& field, const float* places, float count, const Element& e,
+                         FieldShare& sum, StiffnessShare* sums) {
+  constexpr bool kWithStiffness = std::is_same_v<Sample, Curvature>;
+  const bool is_before_camera = e.p[2] > kMinDepth;
+  const float p[3] = {e.p[0], e.p[1], is_before_camera ? e.p[2] : kMinDepth};
+  const ElementLook at = look_at(field.frame, p);
+  const Sample answer = query_deep<Sample>(field, at, e.radius);
+  const Gradient& g = first_of(answer);
+  const Gradient3<float> n =
+      to_space(g, at.from_u, at.from_v, at.inverse_depth, field.frame.fx, field.frame.fy);
+  SpaceCurvature<float> here{{g.phi, n.x, n.y, n.z}, {}};
+  if constexpr (kWithStiffness) {
+    here.h = hessian_in_space(answer, at.from_u, at.from_v, at.inverse_depth, field.frame.fx,
+                              field.frame.fy);
+  }
+  // Values far off are limited, as in the depth hull.
+  const float extent = (gpu::lane_id() < kNumBallParts ? kPartExtent : 1.0f) * e.radius;
+  here = composed(limited(g.phi, e.radius, extent), here);
+  const SpaceGradient<float>& first = here.first;
+  add_ball<kWithStiffness>(places, count, e, first.phi, is_before_camera && first.phi < e.radius,
+                           is_before_camera, {first.x, first.y, first.z}, here.h, sum, sums);
+}
+
+}}}  // namespace palpate::v0
