@@ -178,8 +178,9 @@ class LinkRaster {
   /// All pixels that a triangle touches.
   PALPATE_HOSTDEV static LinkWindow box_of(const LinkTriangle& triangle) {
     const auto& [a, b, c] = triangle.corners;
-    return {first_pixel(smaller(smaller(a.u, b.u), c.u)), first_pixel(smaller(smaller(a.v, b.v), c.v)),
-            end_pixel(larger(larger(a.u, b.u), c.u)), end_pixel(larger(larger(a.v, b.v), c.v))};
+    return {first_pixel(smaller(smaller(a.u, b.u), c.u)),
+            first_pixel(smaller(smaller(a.v, b.v), c.v)), end_pixel(larger(larger(a.u, b.u), c.u)),
+            end_pixel(larger(larger(a.v, b.v), c.v))};
   }
 
   PALPATE_HOSTDEV explicit LinkRaster(const LinkTriangle& triangle)
