@@ -151,6 +151,7 @@ Status run(const QueryOptions& given) {
   BodyWorld world(options.settings.contact.bodies);
   const ContactQuery& query = *chosen->query;
   const int body = world.add_tool(*tool, std::move(chosen->query));
+  world.set_wants(body, {.noise = options.std});
   for (const SceneObject& object : *objects) world.add_object(*object.shape, object.X_WB);
   if (chosen->backend != Backend::cpu) {
     const Status status = world.measure_pairs_by([&](const auto& a, const auto& b) {
@@ -167,12 +168,9 @@ Status run(const QueryOptions& given) {
     world.measure(scene->views());
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
     const BodyMeasure& measured = world.measured(body);
+    // Objects have no noise.
     measurements.push_back(
-        {measured.total(), measured, {}, {}, elapsed.count(), X_WT, {}, {}, -1, {}});
-    if (options.std) {
-      // Objects have no noise.
-      measurements.back().noise = query.measure(scene->views(), X_WT, {.noise = true}).noise;
-    }
+        {measured.total(), measured, {}, {}, elapsed.count(), X_WT, measured.noise, {}, -1, {}});
     if (options.json && options.settings.contact.method == MethodKind::field) {
       find_evidence(query, chosen->backend, scene->views(), measurements.back());
     }

@@ -224,8 +224,7 @@ struct BodyMeasure {
   Penetration bodies;                  ///< sum over the other bodies, see BodyPenetration
   /// Stiffness of `bodies`, which stay fixed, if requested and with BodyMethod::field.
   std::optional<Stiffness> bodies_stiffness;
-  /// With it. For an object: moments of its force on the tool, about the tool's center of mass.
-  VolumeMoments bodies_moments;
+  VolumeMoments bodies_moments;  ///< with it; of an object: of its force, about the tool's C
   std::int64_t num_pairs = 0;  ///< sum of BodyPenetration::num_pairs with other bodies
 
   /// Volume and wrench of both shares; counts and potential of the cloud only. Volume both in the
