@@ -225,7 +225,7 @@ struct BodyMeasure {
   /// Stiffness of `bodies`, which stay fixed, if requested and with BodyMethod::field.
   std::optional<Stiffness> bodies_stiffness;
   VolumeMoments bodies_moments;  ///< with it; of an object: of its force, about the tool's C
-  std::int64_t num_pairs = 0;  ///< sum of BodyPenetration::num_pairs with other bodies
+  std::int64_t num_pairs = 0;    ///< sum of BodyPenetration::num_pairs with other bodies
 
   /// Volume and wrench of both shares; counts and potential of the cloud only. Volume both in the
   /// cloud and in another body counts in both. Without other bodies near: the bits of `cloud`.
