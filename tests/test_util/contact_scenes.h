@@ -50,6 +50,16 @@ inline Tool random_tool(int num_spheres, double half_side, std::uint64_t seed) {
       .value();
 }
 
+/// 4,096 balls in a grid: 128 compact clusters, which count as one ball each from 6 mm of depth on.
+inline Tool grid_tool() {
+  SpherePacking packing;
+  for (int i = 0; i < 4096; ++i) {
+    const auto at = [](int k) { return 0.0025f * (static_cast<float>(k) - 7.5f); };
+    packing.spheres.push_back({{at(i % 16), at(i / 16 % 16), at(i / 256)}, 0.0012f});
+  }
+  return Tool::build(make_box({0.04, 0.04, 0.04}), std::move(packing)).value();
+}
+
 /// A bumpy wall at about `depth` seen by a pinhole camera, with depth noise, noisy normals and
 /// holes.
 inline PointCloud noisy_wall(int width, int height, double focal_length, double depth, double noise,

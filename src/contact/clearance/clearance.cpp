@@ -151,7 +151,7 @@ Clearance ClearanceQuery::measure(const ClearanceScene& scene, const Pose& X_WT,
                                   double limit) const noexcept {
   const Pose X = unit(X_WT);
   ClearanceJob job = job_;
-  job.limit = static_cast<float>(limit);
+  job.limit = job.deepest = static_cast<float>(limit);
   const ClearanceHit hit = search(scene, job, X);
   Clearance least = clearance_of(scene.cameras().data(), tool_, hit, X, limit);
   add_bodies(scene, X, least);
@@ -176,8 +176,10 @@ Clearance ClearanceQuery::measure_softly(const ClearanceScene& scene, const Pose
     sum += w - at_limit;
     for (int k = 0; k < 6; ++k) gradient[k] += w * one.gradient[k];
   };
-  ClearanceJob job = job_;
-  job.limit = static_cast<float>(reach);
+  const std::span<const SeenByCamera> seen = scene.cameras();
+  ClearanceJob job = margin_job(job_, seen.data(), static_cast<int>(seen.size()), tool_, X, reach);
+  job.enough = -1e9f;
+  job.deepest = static_cast<float>(limit);
   each.assign(static_cast<std::size_t>(job_.spheres.num_spheres), {job.limit});
   job.each = each.data();
   (void)search(scene, job, X);

@@ -48,7 +48,7 @@ struct Question {
     ClearanceJob job;
     job.spheres = of.clusters;
     job.num_cameras = num_cameras;
-    job.limit = static_cast<float>(limit);
+    job.limit = job.deepest = static_cast<float>(limit);
     return is_margin != 0 ? margin_job(job, cameras, num_cameras, of.tool, X, limit) : job;
   }
 };
@@ -287,9 +287,10 @@ class ClearanceBatchCuda final : public ClearanceBatch {
       const auto& shape = body.placed().shape;
       const auto found = std::find(shapes_.begin(), shapes_.end(), shape);
       if (found == shapes_.end()) {
-        values_.push_back(fields_.copy_of(parts_of(*shape).solid_field().values()));
-        shapes_.push_back(shape);
+        const float* const values = fields_.copy_of(parts_of(*shape).solid_field().values());
         if (!fields_.status()) return fields_.status();
+        values_.push_back(values);
+        shapes_.push_back(shape);
         desired.back().field.values = values_.back();
       } else {
         desired.back().field.values = values_[static_cast<std::size_t>(found - shapes_.begin())];

@@ -94,6 +94,7 @@ PALPATE_HOSTDEV inline ClearanceJob margin_job(ClearanceJob job, const SeenByCam
   }
   job.limit = static_cast<float>(margin + change);
   job.enough = static_cast<float>(margin - change);
+  job.deepest = static_cast<float>(std::abs(margin) + change);
   return job;
 }
 

@@ -63,8 +63,8 @@ struct ClearanceJob {
   ClusterView spheres;
   const ClearanceCamera* cameras = nullptr;
   int num_cameras = 0;
-  /// m: values are looked for between minus this and this.
-  float limit = 0;
+  float limit = 0;    ///< m: values below it are looked for
+  float deepest = 0;  ///< m: depths beyond it are not told apart
   /// Any sphere with a value below `enough` ends the search, m.
   float enough = -1e9f;
   /// Hits of all spheres by their numbers, if not null; then there is no nearest one.

@@ -27,7 +27,7 @@ class VectorSearch {
     return {limit * limit * 1.000002f, splat(-1)};
   }
   PALPATE_LANE_CODE Found start_inside(VecF radius) const {
-    const VecF limit = max(job_.limit - radius, VecF{});
+    const VecF limit = max(job_.deepest - radius, VecF{});
     return {limit * limit, splat(-1)};
   }
 
@@ -143,7 +143,7 @@ class VectorSearch {
 
   PALPATE_LANE_CODE VecF depth_value(const Found& found, const SphereLanes& spheres) const {
     const VecF value = -(sqrt(found.distance2) + spheres.radius);
-    return select(found.pixel == splat(-1), splat(-job_.limit), value);
+    return select(found.pixel == splat(-1), splat(-job_.deepest), value);
   }
 
   // Joined cameras: the greatest distance to what is not seen to be free, and no less than the
@@ -240,7 +240,7 @@ PALPATE_LANE_CODE inline void VectorSearch::run_hull() {
                out_of_fields.found, 0, true);
   const VecI was_out = inside & (to_free.is_of_field != splat(0));
   to_free.camera = select(was_out, out_of_fields.camera, to_free.camera);
-  const VecF values = select(to_free.found.pixel == splat(-1), splat(-job_.limit),
+  const VecF values = select(to_free.found.pixel == splat(-1), splat(-job_.deepest),
                              -(sqrt(to_free.found.distance2) + radius));
   keep_each(inside, to_free, values, true);
 }
@@ -314,7 +314,7 @@ PALPATE_LANE_CODE inline void search_clusters(const ClearanceJob& job, Clearance
       if (is_far_in_front(job, spheres.clusters[cluster], hit.value)) continue;
       for (int i = 0; i < num_spheres; i += kLanes) {
         VectorSearch(job, static_cast<std::size_t>(cluster * kSize + i), hit).run();
-        if (hit.value < job.enough || hit.value <= -job.limit) return;
+        if (hit.value < job.enough || hit.value <= -job.deepest) return;
       }
     }
   }

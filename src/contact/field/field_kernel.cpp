@@ -87,10 +87,11 @@ template <class Sample, int kFields>
   for (int k = 0; k < kFields; ++k) fields[k] = pixels_of(job.fields[k]);
   Answers<Sample, kFields> answers;
   Wholes<kWithStiffness> wholes[kFields];
+  const int num_wholes = job.first_ball >= kMinWholes ? kNumWholes : 0;
   query_elements<Sample, kFields>(job.wholes, job.frame, grid, fields,
-                                  static_cast<std::size_t>(group) * kNumClusters, kNumWholes,
+                                  static_cast<std::size_t>(group) * kNumClusters, num_wholes,
                                   (1u << kFields) - 1, answers);
-  for (int i = 0; i < kNumWholes; ++i) {
+  for (int i = 0; i < num_wholes; ++i) {
     for (int k = 0; k < kFields; ++k) {
       wholes[k].take(job, group, i, answers.lanes[i], answers.fields[i].is_touching[k],
                      in_space(job.frame, answers, i, k), place_of(answers.lanes[i]));

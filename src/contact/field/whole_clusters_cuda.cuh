@@ -72,7 +72,7 @@ __device__ void add_clusters(const ElementsView& elements, const FieldLook& fiel
                                         elements.largest_radius[mine], max_tiles, 0, 1);
   Element ball{};
   float whole = 0;  // share of the ball
-  if (is_near && mine < elements.first_ball) {
+  if (is_near && mine < elements.first_ball && elements.first_ball >= kMinWholes) {
     ball = element_of(elements.wholes[mine], weight * elements.whole_factors[mine], field.frame);
     if (ball.p[2] > kMinDepth) {
       const ElementLook at = look_at(field.frame, ball.p);

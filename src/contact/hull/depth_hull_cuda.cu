@@ -106,11 +106,12 @@ __global__ void __launch_bounds__(kHullThreads, 2)
   for (int begin = static_cast<int>(blockIdx.x); begin < elements.num_clusters;
        begin += gpu::kWarpSize * step) {
     const int mine = begin + gpu::lane_id() * step;
-    const bool is_there = mine < elements.first_ball;
+    const int num_wholes = elements.first_ball >= kMinWholes ? elements.first_ball : 0;
+    const bool is_there = mine < num_wholes;
     Joined<InSpace<Sample>> at_whole{};
     Curved<float> whole{};
     KeptSums kept;
-    if (begin < elements.first_ball) {
+    if (begin < num_wholes) {
       const ElementBall of = elements.wholes[is_there ? mine : begin];
       at_whole = query_hull<Sample>(
           query, Ball{of.x, of.y, of.z, of.radius, of.radius},

@@ -90,7 +90,8 @@ template <class Sample>
         const float* const radii = job.tool.wholes.radius + first;
         at.aim_at(job.tool.clusters->groups[static_cast<std::size_t>(group)],
                   *std::max_element(radii, radii + kNumClusters), &MeasureJob::wholes);
-        for (int i = 0; i < kNumWholes; ++i) {
+        const int num_wholes = job.tool.first_ball >= kMinWholes ? kNumWholes : 0;
+        for (int i = 0; i < num_wholes; ++i) {
           const auto slot = static_cast<std::size_t>(first + i * kLanes);
           const bool is_near = at.evaluate(slot, false, i);
           const Lanes e = aim(job.tool.wholes, job.tool.frame, grid, slot);

@@ -81,10 +81,6 @@ std::vector<Element> elements_of(const Tool& tool, SphereVolumes volumes, LargeS
   return elements;
 }
 
-// Number of clusters from which on they may count as one ball. Where two ways out are equally long,
-// forces turn within the width of a cluster, and a cluster of fewer would be too large a share.
-constexpr int kMinWholes = 128;
-
 /// Makes each cluster of loose elements one ball.
 WholeClusters wholes_of(const FieldElements& elements) {
   const SphereClusters& c = elements.clusters;

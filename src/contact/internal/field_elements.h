@@ -34,6 +34,11 @@ struct ElementRows {
   const float* counted = nullptr;  ///< number of spheres that it stands for when they are counted
 };
 
+/// Number of clusters from which on they may count as one ball. Where two ways out are equally
+/// long, forces turn within the width of a cluster, and a cluster of fewer would be too large a
+/// share.
+inline constexpr int kMinWholes = 128;
+
 /// Clusters as one ball each, a slot for each cluster: with the volume, the centroid and the mean
 /// radius of its elements (whole_cluster.h). Those of balls in parts never count as one.
 struct WholeClusters {

@@ -128,6 +128,36 @@ TEST(FieldContactCuda, EqualsTheCpu) {
   }
 }
 
+TEST(FieldContactCuda, ClustersThatLieDeepCountAsOnTheCpu) {
+  PALPATE_GPU_OR_SKIP();
+  const Tool tool = test::grid_tool();
+  test::ContactQueries cpu(tool), gpu = test::cuda_queries(tool);
+  Random random(9);
+  for (const PointCloud& cloud : {rough_wall(1), block_before_wall(2)}) {
+    const FrozenField frozen(cloud);
+    for (const double depth : {0.6, 0.615, 0.63, 0.66}) {
+      const Pose X_WT{{0.01, -0.01, depth}, random.rotation(3.0)};
+      for (const bool stiffness : {false, true}) {
+        const ContactOptions options = by(SphereVolumes::represented);
+        const ContactResult want =
+            cpu.by(options).measure(frozen.surface(), X_WT, {.stiffness = stiffness});
+        const ContactResult got =
+            gpu.by(options).measure(frozen.surface(), X_WT, {.stiffness = stiffness});
+        expect_near(got.penetration, want.penetration, tool, SphereVolumes::represented, 5e-5);
+        if (!stiffness) continue;
+        double largest = 0;
+        for (const auto& row : want.stiffness->m) {
+          for (const double k : row) largest = std::max(largest, std::abs(k));
+        }
+        for (int i = 0; i < 36; ++i) {
+          EXPECT_NEAR(got.stiffness->m[i / 6][i % 6], want.stiffness->m[i / 6][i % 6],
+                      2e-3 * largest);
+        }
+      }
+    }
+  }
+}
+
 TEST(FieldContactCuda, OutOfViewBehindTheCameraAndFarAwayAsTheCpu) {
   PALPATE_GPU_OR_SKIP();
   const Tool tool = test::random_tool(1500, 0.06, 6);

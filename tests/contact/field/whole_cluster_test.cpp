@@ -16,19 +16,8 @@ namespace {
 
 using test::ElementTruth;
 using test::FrozenField;
+using test::grid_tool;
 using test::Random;
-
-constexpr int kNumSpheres = 4096;
-
-/// Balls in a grid: 128 compact clusters, which become one ball from 6 mm of depth on.
-Tool grid_tool() {
-  SpherePacking packing;
-  for (int i = 0; i < kNumSpheres; ++i) {
-    const auto at = [](int k) { return 0.0025f * (static_cast<float>(k) - 7.5f); };
-    packing.spheres.push_back({{at(i % 16), at(i / 16 % 16), at(i / 256)}, 0.0012f});
-  }
-  return Tool::build(make_box({0.04, 0.04, 0.04}), std::move(packing)).value();
-}
 
 FrozenField wall(UnseenSpace unseen = UnseenSpace::solid) {
   return FrozenField(test::noisy_wall(160, 120, 140, 0.6, 0.00005, 20), {.unseen = unseen});

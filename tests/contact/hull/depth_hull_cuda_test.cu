@@ -96,6 +96,25 @@ TEST_F(DepthHullCuda, EqualsTheOneOfTheCpu) {
   }
 }
 
+TEST_F(DepthHullCuda, ClustersThatLieDeepCountAsOnTheCpu) {
+  const Tool tool = test::grid_tool();
+  const auto index = ToolIndex::create(tool);
+  const auto cpu = make_contact_query(Backend::cpu, index, FieldMethod{}).value();
+  const auto gpu = make_contact_query_cuda(index, FieldMethod{}, {}).value();
+  const HullScene scene = test::smooth_scene(2);
+  const double scale = tool.mesh_mass().volume;
+  Random random(7);
+  int num_deep = 0;
+  for (int i = 0; i < 6; ++i) {
+    const Pose X_WT{random.in_box(0.05) + Vec3d{0, 0, 0.8}, random.rotation(3.0)};
+    const ContactResult want = cpu->measure(scene.views, X_WT, {.stiffness = true});
+    const ContactResult got = gpu->measure(scene.views, X_WT, {.stiffness = true});
+    num_deep += want.penetration.volume > 0.8 * full_volume(tool, SphereVolumes::represented);
+    expect_near(got, want, scale);
+  }
+  EXPECT_GT(num_deep, 1);
+}
+
 TEST_F(DepthHullCuda, RemembersAsTheCpu) {
   Random random(33);
   for (const int num_cameras : {1, 2, 5}) {

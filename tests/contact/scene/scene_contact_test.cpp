@@ -169,7 +169,7 @@ TEST(SceneContact, AnyIsClearanceBelowTheMargin) {
     Answered got(poses.size());
     ASSERT_TRUE(contact.measure(scene, {poses}, got.answers));
     int num_mixed = 0, num_apart = 0;
-    for (const double margin : {0.0, 0.01, 0.05}) {
+    for (const double margin : {-0.01, -0.002, 0.0, 0.01, 0.05}) {
       std::vector<std::uint8_t> hits(poses.size());
       ASSERT_TRUE(contact.any(scene, {poses}, margin, hits.data()));
       for (std::size_t i = 0; i < poses.size(); ++i) {
@@ -321,12 +321,12 @@ TEST(SceneContact, SmoothMinimumIsItsFormulaAndGradientTheDerivative) {
   const SceneContact contact = contact_of(tool);
   const Vec3d C_T = tool.sphere_mass().center_of_mass;
   constexpr std::size_t kNum = 20, kEach = 13;  // each with twelve neighbors
-  constexpr double kStep = 1e-6, kSmoothing = 0.005;
+  constexpr double kStep = 1e-6;
   Random random(6);
   std::vector<Pose> poses;
   for (std::size_t i = 0; i < kNum; ++i) {
     const double x = random.uniform(0, 0.3), y = random.uniform(-0.15, 0.15);
-    const Pose X_WT{{x, y, random.uniform(0.6, 0.97)}, random.rotation(3)};
+    const Pose X_WT{{x, y, random.uniform(0.6, 1.02)}, random.rotation(3)};
     poses.push_back(X_WT);
     for (int k = 0; k < 12; ++k) {
       Vec3d shift, turn;
@@ -337,46 +337,50 @@ TEST(SceneContact, SmoothMinimumIsItsFormulaAndGradientTheDerivative) {
       poses.push_back(moved);
     }
   }
-  Answered got(poses.size()), least(poses.size());
-  got.answers.contact = least.answers.contact = {};
-  got.answers.clearance_smoothing = kSmoothing;
-  ASSERT_TRUE(contact.measure(scene, {poses}, least.answers));
-  ASSERT_TRUE(contact.measure(scene, {poses}, got.answers));
-  const double floor = std::exp(-kClearanceLimit / kSmoothing);
-  std::vector<double> sums(kNum, floor);
-  for (const Sphere& sphere : tool.spheres()) {
-    const Tool ball = small_ball(static_cast<double>(sphere.radius));
-    const SceneContact alone = contact_of(ball);
-    std::vector<Pose> at;
-    for (std::size_t i = 0; i < kNum; ++i) {
-      at.push_back({poses[kEach * i] * to_double(sphere.center), {}});
-    }
-    for (const Scene& part : {Scene{.surfaces = scene.surfaces}, Scene{.bodies = scene.bodies}}) {
-      Answered of_ball(kNum);
-      of_ball.answers.contact = {};
-      ASSERT_TRUE(alone.measure(part, {at}, of_ball.answers));
+  int num_checked = 0, num_off = 0, num_below = 0, num_deep = 0;
+  for (const double smoothing : {0.005, 0.001}) {
+    Answered got(poses.size()), least(poses.size());
+    got.answers.contact = least.answers.contact = {};
+    got.answers.clearance_smoothing = smoothing;
+    ASSERT_TRUE(contact.measure(scene, {poses}, least.answers));
+    ASSERT_TRUE(contact.measure(scene, {poses}, got.answers));
+    const double floor = std::exp(-kClearanceLimit / smoothing);
+    std::vector<double> sums(kNum, floor);
+    for (const Sphere& sphere : tool.spheres()) {
+      const Tool ball = small_ball(static_cast<double>(sphere.radius));
+      const SceneContact alone = contact_of(ball);
+      std::vector<Pose> at;
       for (std::size_t i = 0; i < kNum; ++i) {
-        sums[i] += std::exp(-of_ball.clearance[i] / kSmoothing) - floor;
+        at.push_back({poses[kEach * i] * to_double(sphere.center), {}});
+      }
+      for (const Scene& part : {Scene{.surfaces = scene.surfaces}, Scene{.bodies = scene.bodies}}) {
+        Answered of_ball(kNum);
+        of_ball.answers.contact = {};
+        ASSERT_TRUE(alone.measure(part, {at}, of_ball.answers));
+        for (std::size_t i = 0; i < kNum; ++i) {
+          sums[i] += std::exp(-of_ball.clearance[i] / smoothing) - floor;
+        }
+      }
+    }
+    for (std::size_t i = 0; i < kNum; ++i) {
+      const std::size_t at = kEach * i;
+      const double want = -smoothing * std::log(sums[i]);
+      EXPECT_NEAR(got.clearance[at], std::max(want, -kClearanceLimit), 1e-6);
+      if (!(std::abs(got.clearance[at]) < kClearanceLimit)) continue;
+      EXPECT_EQ(got.nearest[at], least.nearest[at]);
+      EXPECT_LE(got.clearance[at], least.clearance[at]);
+      num_below += got.clearance[at] < least.clearance[at] - 1e-4;
+      num_deep += least.clearance[at] < -31 * smoothing;
+      for (std::size_t k = 0; k < 6; ++k) {
+        const double slope =
+            (got.clearance[at + 1 + 2 * k] - got.clearance[at + 2 + 2 * k]) / (2 * kStep);
+        ++num_checked;
+        num_off += std::abs(slope - got.gradient[6 * at + k]) > 1e-3;
       }
     }
   }
-  int num_checked = 0, num_off = 0, num_below = 0;
-  for (std::size_t i = 0; i < kNum; ++i) {
-    const std::size_t at = kEach * i;
-    const double want = -kSmoothing * std::log(sums[i]);
-    EXPECT_NEAR(got.clearance[at], std::max(want, -kClearanceLimit), 1e-6);
-    if (!(std::abs(got.clearance[at]) < kClearanceLimit)) continue;
-    EXPECT_EQ(got.nearest[at], least.nearest[at]);
-    EXPECT_LE(got.clearance[at], least.clearance[at]);
-    num_below += got.clearance[at] < least.clearance[at] - 1e-4;
-    for (std::size_t k = 0; k < 6; ++k) {
-      const double slope =
-          (got.clearance[at + 1 + 2 * k] - got.clearance[at + 2 + 2 * k]) / (2 * kStep);
-      ++num_checked;
-      num_off += std::abs(slope - got.gradient[6 * at + k]) > 1e-3;
-    }
-  }
   EXPECT_GT(num_below, 5);
+  EXPECT_GT(num_deep, 0);
   EXPECT_GT(num_checked, 60);
   EXPECT_LE(num_off, num_checked / 20);  // where a nearest pixel changes within the step
 }
