@@ -55,7 +55,7 @@ struct Searched {
     ClearanceHit hit;
     clearance_kernels(isa).find_nearest(
         {view_of(spheres), cameras.data(), static_cast<int>(cameras.size()),
-         static_cast<float>(limit)},
+         static_cast<float>(limit), static_cast<float>(limit)},
         hit);
     return hit;
   }

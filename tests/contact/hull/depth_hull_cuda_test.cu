@@ -105,7 +105,7 @@ TEST_F(DepthHullCuda, ClustersThatLieDeepCountAsOnTheCpu) {
   const double scale = tool.mesh_mass().volume;
   Random random(7);
   int num_deep = 0;
-  for (int i = 0; i < 6; ++i) {
+  for (int i = 0; i < 10; ++i) {
     const Pose X_WT{random.in_box(0.05) + Vec3d{0, 0, 0.8}, random.rotation(3.0)};
     const ContactResult want = cpu->measure(scene.views, X_WT, {.stiffness = true});
     const ContactResult got = gpu->measure(scene.views, X_WT, {.stiffness = true});
