@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <array>
 #include <cstring>
+#include <exception>
 #include <memory>
-#include <new>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -44,31 +44,42 @@ struct palpate_scene {
 
 namespace palpate { inline namespace v0 {
 
+/// Copies a text, cut at the end if it is longer, but not inside a letter of UTF-8.
+inline void copy_text(std::string_view from, char* to, std::size_t size) {
+  std::size_t length = from.size();
+  if (length >= size) {
+    length = size - 1;
+    while (length > 0 && (from[length] & 0xC0) == 0x80) --length;
+  }
+  std::memcpy(to, from.data(), length);
+  to[length] = '\0';
+}
+
 /// Writes an error for the caller. Returns PALPATE_FAILED.
 inline int fail(palpate_error* to, const Error& error) {
   if (to == nullptr) return PALPATE_FAILED;
   to->code = static_cast<std::int32_t>(error.code) + 1;
-  const std::size_t length = std::min(error.message.size(), sizeof to->text - 1);
-  std::memcpy(to->text, error.message.data(), length);
-  to->text[length] = '\0';
+  copy_text(error.message, to->text, sizeof to->text);
   return PALPATE_FAILED;
 }
 inline int fail(palpate_error* to, const char* message) {
   return fail(to, Error{Errc::invalid_argument, message});
 }
 
-/// Returns what `work` returns; `failed` if there is no memory for it.
+/// Returns what `work` returns; `failed` if the machine has no memory or threads for it.
 template <class Value, class Work>
 Value guarded_call(palpate_error* error, Value failed, const Work& work) noexcept {
   if (error != nullptr) *error = {};
 #if defined(__cpp_exceptions)
   try {
     return work();
-  } catch (const std::bad_alloc&) {
+  } catch (const std::exception&) {
     if (error != nullptr) {
-      constexpr char kText[] = "there is too little memory: give fewer spheres or a smaller image";
+      constexpr char kText[] =
+          "there is too little memory, or there are too few threads: give a smaller mesh, fewer "
+          "spheres, a smaller image or fewer threads";
       error->code = PALPATE_UNAVAILABLE;
-      std::memcpy(error->text, kText, sizeof kText);
+      copy_text(kText, error->text, sizeof error->text);
     }
     return failed;
   }
@@ -78,15 +89,17 @@ Value guarded_call(palpate_error* error, Value failed, const Work& work) noexcep
 #endif
 }
 
-/// Copies what the caller's version of a struct has room for. Both begin with the size.
+/// Tells whether a struct of the caller is there and has more than its size.
+template <class Struct>
+bool is_given(const Struct* from) {
+  return from != nullptr && from->size > sizeof from->size;
+}
+/// Copies what the caller's version of a given struct has room for. Both begin with the size.
 template <class Struct>
 void give(const Struct& from, Struct* to) {
-  const std::uint32_t size = std::min<std::uint32_t>(to->size, sizeof(Struct));
   constexpr std::size_t kSize = sizeof from.size;
-  if (size > kSize) {
-    std::memcpy(reinterpret_cast<char*>(to) + kSize, reinterpret_cast<const char*>(&from) + kSize,
-                size - kSize);
-  }
+  std::memcpy(reinterpret_cast<char*>(to) + kSize, reinterpret_cast<const char*>(&from) + kSize,
+              std::min<std::size_t>(to->size, sizeof from) - kSize);
 }
 /// Returns what the caller's version of a struct has, and zeros for what it does not know.
 template <class Struct>

@@ -65,8 +65,9 @@ extern "C" {
 palpate_hand* palpate_hand_create(const palpate_tool* tool, const palpate_device* device,
                                   const char* options, palpate_error* error) {
   return guarded_call(error, static_cast<palpate_hand*>(nullptr), [&]() -> palpate_hand* {
-    if (tool == nullptr || device == nullptr)
-      return fail(error, "a hand has no tool or no device: give both"), nullptr;
+    if (tool == nullptr || !is_given(device)) {
+      return fail(error, "a hand has no tool, or no device with its size set: give both"), nullptr;
+    }
     const palpate_device d = taken(device);
     if (!(d.rate >= 1 && d.rate <= 1e6))
       return fail(error, "the rate of a device is not from 1 to 1000000 ticks per second"), nullptr;
@@ -100,6 +101,7 @@ void palpate_hand_free(palpate_hand* hand) { delete hand; }
 
 void palpate_hand_contact(palpate_hand* hand, const palpate_measure* measure,
                           const palpate_pose* X_WT, double time, double captured) {
+  if (hand == nullptr || !is_given(measure) || X_WT == nullptr) return;
   const palpate_measure m = taken(measure);
   Penetration p;
   p.volume = m.volume;
@@ -123,6 +125,7 @@ void palpate_hand_contact(palpate_hand* hand, const palpate_measure* measure,
 }
 
 void palpate_hand_tick(palpate_hand* hand, const palpate_handle* handle, palpate_tick* tick) {
+  if (hand == nullptr || !is_given(handle) || !is_given(tick)) return;
   const palpate_handle h = taken(handle);
   const DeviceState state{h.time,
                           pose_of(h.X_BH),
@@ -168,6 +171,7 @@ void palpate_hand_tick(palpate_hand* hand, const palpate_handle* handle, palpate
 
 int palpate_hand_change(palpate_hand* hand, const char* options, palpate_error* error) {
   return guarded_call(error, PALPATE_FAILED, [&] {
+    if (hand == nullptr) return fail(error, "there is no hand to change: create one");
     CouplingOptions coupling;
     SafetyOptions safety;
     const Status status =
@@ -184,6 +188,7 @@ int palpate_hand_change(palpate_hand* hand, const char* options, palpate_error* 
 
 void palpate_hand_handle_at(const palpate_hand* hand, const palpate_pose* X_WT,
                             palpate_pose* X_BH) {
+  if (hand == nullptr || X_WT == nullptr || X_BH == nullptr) return;
   *X_BH = c_pose(handle_at(hand->options, pose_of(*X_WT)));
 }
 

@@ -6,6 +6,7 @@ using namespace palpate;
 
 struct palpate_contact {
   const palpate_tool* tool;
+  ContactMethod method;
   SceneContact contact;
 };
 
@@ -40,6 +41,14 @@ void put_sigma(const std::optional<MeasureNoise>& noise, palpate_measure& to) {
   put(noise ? noise->torque_std() : Vec3d{kNone, kNone, kNone}, to.torque_sigma);
 }
 
+/// Returns what a query lacks, in one sentence; null: nothing.
+const char* lack(const palpate_contact* contact, const palpate_scene* scene,
+                 const palpate_pose* X_WT, size_t num_poses) {
+  if (contact == nullptr) return "there is no contact to measure with: create one";
+  if (scene == nullptr) return "there is no scene to measure in: create one";
+  return X_WT == nullptr && num_poses > 0 ? "there is no pose of the tool: give one" : nullptr;
+}
+
 std::span<const Pose> poses_of(const palpate_pose* X_WT, size_t num) {
   return {reinterpret_cast<const Pose*>(X_WT), num};
 }
@@ -61,7 +70,7 @@ palpate_contact* palpate_contact_create(const palpate_tool* tool, const char* op
     const Tool* const tools[] = {&tool->tool};
     auto made = SceneContact::create(tools, *method, Place::cpu(), num_threads);
     if (!made) return fail(error, made.error()), nullptr;
-    return new palpate_contact{tool, *std::move(made)};
+    return new palpate_contact{tool, *method, *std::move(made)};
   });
 }
 
@@ -71,10 +80,17 @@ int palpate_contact_measure(palpate_contact* contact, const palpate_scene* scene
                             const palpate_pose* X_WT, palpate_measure* measure,
                             palpate_error* error) {
   return guarded_call(error, PALPATE_FAILED, [&] {
-    palpate_measure all = taken(measure);
+    if (const char* const text = lack(contact, scene, X_WT, 1)) return fail(error, text);
+    if (!is_given(measure))
+      return fail(error, "there is no measure with its size set: set it to sizeof");
+    const palpate_measure all = taken(measure);
     if (!(all.progress >= 0 && all.progress <= 1))
       return fail(error,
                   "the progress between two surfaces is not from 0 to 1: give 1 for the newest");
+    // A query of no poses says what is wrong with the scene.
+    const Scene newest = scene->at(true);
+    if (const Status status = contact->contact.measure(newest, ScenePoses{}, {}); !status)
+      return fail(error, status.error());
     const size_t num = contact->tool->tool.spheres().size();
     std::vector<Plane<float>> planes(all.planes == nullptr ? 0 : num);
     ContactWants wants{.stiffness = (all.wants & PALPATE_WANTS_STIFFNESS) != 0,
@@ -83,12 +99,14 @@ int palpate_contact_measure(palpate_contact* contact, const palpate_scene* scene
     if (all.states != nullptr) wants.states = {reinterpret_cast<SphereState*>(all.states), num};
     palpate_measure out{};
     out.size = all.size, out.wants = all.wants, out.progress = all.progress;
+    if (!std::holds_alternative<FieldMethod>(contact->method))
+      out.wants &= ~static_cast<uint32_t>(PALPATE_WANTS_STIFFNESS | PALPATE_WANTS_SIGMA);
     out.states = all.states, out.planes = all.planes;
     const Pose X = pose_of(*X_WT);
     const bool is_mixed = all.progress < 1;
     if (is_mixed)
       add(contact->contact.measure(scene->at(false), X, wants), 1 - all.progress, true, out);
-    const ContactResult result = contact->contact.measure(scene->at(true), X, wants);
+    const ContactResult result = contact->contact.measure(newest, X, wants);
     add(result, all.progress, !is_mixed, out);
     if (wants.noise) put_sigma(result.noise, out);
     for (size_t i = 0; i < planes.size(); ++i) {
@@ -105,6 +123,9 @@ int palpate_contact_measure_many(palpate_contact* contact, const palpate_scene* 
                                  const palpate_pose* X_WT, size_t num_poses,
                                  const palpate_answers* answers, palpate_error* error) {
   return guarded_call(error, PALPATE_FAILED, [&] {
+    if (const char* const text = lack(contact, scene, X_WT, num_poses)) return fail(error, text);
+    if (!is_given(answers))
+      return fail(error, "there are no answers with their size set: set it to sizeof");
     const palpate_answers a = taken(answers);
     SceneAnswers to;
     to.contact = {a.volume, a.potential, a.force,        a.torque,      a.stiffness,
@@ -128,6 +149,9 @@ int palpate_contact_any(palpate_contact* contact, const palpate_scene* scene,
                         const palpate_pose* X_WT, size_t num_poses, double margin, uint8_t* hits,
                         palpate_error* error) {
   return guarded_call(error, PALPATE_FAILED, [&] {
+    if (const char* const text = lack(contact, scene, X_WT, num_poses)) return fail(error, text);
+    if (hits == nullptr && num_poses > 0)
+      return fail(error, "there is no room for the hits: give a byte for each pose");
     const Status status =
         contact->contact.any(scene->at(true), {.X_WT = poses_of(X_WT, num_poses)}, margin, hits);
     return status ? PALPATE_OK : fail(error, status.error());

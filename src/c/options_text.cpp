@@ -4,6 +4,7 @@
 #include <optional>
 
 #include "src/c/handles.h"
+#include "src/io/internal/text_scanner.h"
 
 namespace palpate { inline namespace v0 {
 namespace {
@@ -15,11 +16,16 @@ std::string_view trimmed(std::string_view text) {
   return text.substr(begin, text.find_last_not_of(kSpace) - begin + 1);
 }
 
+/// Returns the number that a word is, with a point in every locale.
 std::optional<double> number(const std::string& word) {
+#if defined(__wasi__)  // whose standard library may lack from_chars, and which has one locale
   char* end = nullptr;
   const double value = std::strtod(word.c_str(), &end);
   if (word.empty() || *end != '\0') return std::nullopt;
   return value;
+#else
+  return parse_number<double>(word);
+#endif
 }
 
 /// Returns the text as the kind of value that the setting takes, or as text, which it then refuses.

@@ -1,3 +1,4 @@
+#include <cmath>
 #include <optional>
 
 #include "scenes/scene.h"
@@ -11,16 +12,6 @@ struct palpate_simulation {
   std::unique_ptr<DepthSource> camera;
   DepthFrame frame;
 };
-
-namespace {
-
-void copy_text(const std::string& from, char* to, std::size_t size) {
-  const std::size_t length = std::min(from.size(), size - 1);
-  std::memcpy(to, from.data(), length);
-  to[length] = '\0';
-}
-
-}  // namespace
 
 extern "C" {
 
@@ -38,12 +29,18 @@ palpate_simulation* palpate_simulation_create(const char* scene, int32_t width, 
   return guarded_call(
       error, static_cast<palpate_simulation*>(nullptr), [&]() -> palpate_simulation* {
         if (scene == nullptr) return fail(error, "a scene has no name: give one"), nullptr;
+        if (!(noise >= 0 && std::isfinite(noise))) {
+          return fail(error,
+                      "the noise of a simulation is not a number from 0: give 1 for that of a "
+                      "structured-light camera"),
+                 nullptr;
+        }
         auto made = scenes::make_scene(scene);
         if (!made) return fail(error, made.error()), nullptr;
         scenes::set_image_size(*made, width, height);
         scenes::SimulatedCameraOptions options;
         options.seed = seed;
-        if (!(noise > 0)) {
+        if (noise == 0) {
           options.noise = {.enabled = false};
           options.unit = 0.0001;
         } else {
@@ -60,6 +57,7 @@ void palpate_simulation_free(palpate_simulation* simulation) { delete simulation
 
 void palpate_simulation_describe(const palpate_simulation* simulation,
                                  palpate_simulation_info* info) {
+  if (simulation == nullptr || !is_given(info)) return;
   const DepthStreamInfo& stream = simulation->camera->info();
   palpate_simulation_info all{};
   all.camera.size = sizeof all.camera;
@@ -81,6 +79,11 @@ void palpate_simulation_describe(const palpate_simulation* simulation,
 int palpate_simulation_next(palpate_simulation* simulation, uint16_t* counts, double* time,
                             palpate_pose* X_WC, palpate_error* error) {
   return guarded_call(error, PALPATE_FAILED, [&] {
+    if (simulation == nullptr || counts == nullptr) {
+      return fail(error,
+                  "there is no simulation, or no room for its image: create one, and give width * "
+                  "height counts");
+    }
     auto next = simulation->camera->next(simulation->frame);
     if (next && !*next) {
       auto anew = scenes::open_simulated_camera(simulation->scene, simulation->options);
@@ -99,6 +102,7 @@ int palpate_simulation_next(palpate_simulation* simulation, uint16_t* counts, do
 
 void palpate_simulation_tool_at(const palpate_simulation* simulation, double time,
                                 palpate_pose* X_WT) {
+  if (simulation == nullptr || X_WT == nullptr) return;
   const scenes::Scene& scene = simulation->scene;
   const auto& times = scene.path_times;
   const auto after =

@@ -73,6 +73,7 @@ palpate_tool* palpate_tool_load(const void* bytes, size_t num_bytes, palpate_err
 size_t palpate_tool_save(const palpate_tool* tool, void* bytes, size_t capacity,
                          palpate_error* error) {
   return guarded_call(error, size_t(0), [&]() -> size_t {
+    if (tool == nullptr) return fail(error, "there is no tool to save: pack or load one"), 0;
     const auto file = tool_to_bytes(tool->tool);
     if (!file) return fail(error, file.error()), 0;
     if (bytes != nullptr && file->size() <= capacity)
@@ -83,13 +84,17 @@ size_t palpate_tool_save(const palpate_tool* tool, void* bytes, size_t capacity,
 
 palpate_tool* palpate_tool_prefix(const palpate_tool* tool, int32_t num_spheres,
                                   palpate_error* error) {
-  return guarded_call(error, static_cast<palpate_tool*>(nullptr),
-                      [&] { return handle_of(tool->tool.prefix(num_spheres), error); });
+  return guarded_call(error, static_cast<palpate_tool*>(nullptr), [&]() -> palpate_tool* {
+    if (tool == nullptr)
+      return fail(error, "there is no tool to make coarser: pack or load one"), nullptr;
+    return handle_of(tool->tool.prefix(num_spheres), error);
+  });
 }
 
 void palpate_tool_free(palpate_tool* tool) { delete tool; }
 
 void palpate_tool_describe(const palpate_tool* tool, palpate_tool_info* info) {
+  if (tool == nullptr || !is_given(info)) return;
   const Tool& t = tool->tool;
   palpate_tool_info all{};
   all.num_spheres = static_cast<int32_t>(t.spheres().size());
@@ -106,6 +111,7 @@ void palpate_tool_describe(const palpate_tool* tool, palpate_tool_info* info) {
 }
 
 void palpate_tool_spheres(const palpate_tool* tool, float* spheres) {
+  if (tool == nullptr || spheres == nullptr) return;
   for (const Sphere& s : tool->tool.spheres()) {
     for (int axis = 0; axis < 3; ++axis) *spheres++ = s.center[axis];
     *spheres++ = s.radius;
@@ -113,6 +119,7 @@ void palpate_tool_spheres(const palpate_tool* tool, float* spheres) {
 }
 
 void palpate_tool_mesh(const palpate_tool* tool, float* vertices, uint32_t* triangles) {
+  if (tool == nullptr) return;
   const TriangleMesh& mesh = tool->tool.mesh();
   if (vertices != nullptr) {
     for (const Vec3d& p : mesh.vertices)

@@ -52,7 +52,7 @@ async function push(page, way, steps = 40) {
 }
 
 /// A gray PNG with a checksum of zero, which browsers' decoders would refuse and ours does not look at.
-function png(width, height, bits, value) {
+function png(width, height, bits, value, filter = 0) {
   const chunk = (name, data) => {
     const head = Buffer.alloc(8);
     head.writeUInt32BE(data.length);
@@ -64,6 +64,7 @@ function png(width, height, bits, value) {
   header.writeUInt32BE(height, 4);
   header[8] = bits;
   const rows = Buffer.alloc((width * bits / 8 + 1) * height);
+  for (let v = 0; v < height; ++v) rows[v * (width * bits / 8 + 1)] = filter;
   for (let v = 0; v < height; ++v)
     for (let u = 0; u < width && bits === 16; ++u) rows.writeUInt16BE(value, v * (2 * width + 1) + 1 + 2 * u);
   return Buffer.concat([Buffer.from([137, 80, 78, 71, 13, 10, 26, 10]), chunk('IHDR', header), chunk('IDAT', deflateSync(rows)), chunk('IEND', Buffer.alloc(0))]);
@@ -73,15 +74,27 @@ async function give(page, name, buffer) {
 }
 const line = (page) => page.textContent('.try-line');
 
+const corner = (i, size) => [0, 1, 2].map((axis) => size * ((i >> axis) & 1));
+const faces = [0, 2, 1, 1, 2, 3, 4, 5, 6, 5, 7, 6, 0, 1, 4, 1, 5, 4, 2, 6, 3, 3, 6, 7, 0, 4, 2, 2, 4, 6, 1, 3, 5, 3, 7, 5];
 /// A closed box of `size` m as binary STL, or without its last triangle.
 function stl(size, isClosed = true) {
-  const corner = (i) => [0, 1, 2].map((axis) => size * ((i >> axis) & 1));
-  const faces = [0, 2, 1, 1, 2, 3, 4, 5, 6, 5, 7, 6, 0, 1, 4, 1, 5, 4, 2, 6, 3, 3, 6, 7, 0, 4, 2, 2, 4, 6, 1, 3, 5, 3, 7, 5];
   const num = isClosed ? 12 : 11, file = Buffer.alloc(84 + 50 * num);
   file.writeUInt32LE(num, 80);
   for (let t = 0; t < num; ++t)
-    for (let k = 0; k < 3; ++k) corner(faces[3 * t + k]).forEach((n, axis) => file.writeFloatLE(n, 84 + 50 * t + 12 + 12 * k + 4 * axis));
+    for (let k = 0; k < 3; ++k) corner(faces[3 * t + k], size).forEach((n, axis) => file.writeFloatLE(n, 84 + 50 * t + 12 + 12 * k + 4 * axis));
   return file;
+}
+
+/// A closed box of `size` m as glTF with its vertices at an address, by default inside, and a texture elsewhere.
+function gltf(size, uri = `data:application/octet-stream;base64,${Buffer.from(new Float32Array(faces.flatMap((i) => corner(i, size))).buffer).toString('base64')}`) {
+  const byteLength = 12 * faces.length;
+  return Buffer.from(JSON.stringify({
+    asset: { version: '2.0' }, scene: 0, scenes: [{ nodes: [0] }], nodes: [{ mesh: 0 }],
+    meshes: [{ primitives: [{ attributes: { POSITION: 0 }, material: 0 }] }],
+    accessors: [{ bufferView: 0, componentType: 5126, count: faces.length, type: 'VEC3', min: [0, 0, 0], max: [size, size, size] }],
+    bufferViews: [{ buffer: 0, byteLength }], buffers: [{ uri, byteLength }],
+    materials: [{ pbrMetallicRoughness: { baseColorTexture: { index: 0 } } }], textures: [{ source: 0 }], images: [{ uri: 'http://127.0.0.1:9/wood.png' }],
+  }));
 }
 
 test('a held pen pushes into the hand and is pushed back; letting go ends the force', async () => {
@@ -128,11 +141,13 @@ test('ticks at 1 kHz', async () => {
 });
 
 test('the reader\'s own files, and one sentence for each that is wrong', async () => {
-  const { page, context } = await open();
+  const { page, context, requests } = await open();
   for (const [name, buffer, words] of [
     ['photo.png', png(64, 48, 8, 0), /8 bits per pixel.*16/],
     ['text.png', Buffer.from('no image at all, and longer than thirty-three bytes'), /no PNG/],
     ['cut.png', png(64, 48, 16, 500).subarray(0, 60), /damaged or truncated/],
+    ['filter.png', png(64, 48, 16, 500, 5), /damaged or truncated/],
+    ['far.gltf', gltf(0.05, 'http://127.0.0.1:9/box.bin'), /refers to another file/],
     ['tool.step', Buffer.from('x'), /neither a mesh nor a depth image/],
     ['open.stl', stl(0.05, false), /does not bound a solid.*open edges.*first at/],
     ['bad.palp', Buffer.from('nothing'), /tool file/],
@@ -142,6 +157,8 @@ test('the reader\'s own files, and one sentence for each that is wrong', async (
       .catch(async () => assert.match(await line(page), words));
     assert.match(await line(page), /^[^\n]+[.!]$/);
   }
+  await give(page, 'cube.gltf', gltf(0.04));
+  await page.waitForFunction(() => Math.abs(window.palpate.hello.tool.volume - 6.4e-5) < 1e-9, null, { timeout: 120000 });
   await give(page, 'cube.stl', stl(50)); // mm
   await page.waitForFunction(() => window.palpate.hello.tool.spheres === 1000 && Math.abs(window.palpate.hello.tool.volume - 1.25e-4) < 1e-9, null, { timeout: 120000 });
   await give(page, 'wall.png', png(160, 120, 16, 600));
@@ -152,6 +169,9 @@ test('the reader\'s own files, and one sentence for each that is wrong', async (
   assert.ok(felt.most > 0.5, `${felt.most} N of a wall`);
   await page.evaluate(() => window.palpate.command({ command: 'set', key: 'contact.method', value: 'graph' }));
   assert.equal(await page.evaluate(async () => (await window.palpate.command({ command: 'set', key: 'contact.method', value: 'feel' })).ok), false);
+  const after = await push(page, [0, 0, 0.05]);
+  assert.ok(after.most > 0.5 && after.volume > 0, `${after.most} N after a method was refused`);
+  assert.deepEqual(requests, []);
   await context.close();
 });
 

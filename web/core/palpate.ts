@@ -157,10 +157,27 @@ function sentence(text: string): string {
   return `${isName ? text.charAt(0) : text.charAt(0).toUpperCase()}${text.slice(1)}${/[.!?]$/.test(text) ? '' : '.'}`;
 }
 
-/** An object of the core. */
+/** An object of the core, with the memory that it exchanges data through. Free is free, however often. */
 class Owned {
-  constructor(protected readonly host: Host, readonly handle: number, private readonly kind: string) {}
-  free(): void { this.host.exports[`palpate_${this.kind}_free`](this.handle); }
+  private readonly blocks: number[] = [];
+
+  constructor(protected readonly host: Host, private address: number, private readonly kind: string) {}
+
+  get handle(): number {
+    if (this.address === 0) throw new Error(`This ${this.kind} has been freed; make a new one.`);
+    return this.address;
+  }
+  free(): void {
+    if (this.address === 0) return;
+    this.host.exports[`palpate_${this.kind}_free`](this.address);
+    this.address = 0;
+    for (const block of this.blocks) this.host.exports.free(block);
+  }
+  protected allocate(bytes: number): number {
+    const block = this.host.allocate(bytes);
+    this.blocks.push(block);
+    return block;
+  }
 }
 
 export class Palpate {
@@ -264,7 +281,7 @@ export class Sensor extends Owned {
       host.doubles(at + 16, 4).set([camera.fx, camera.fy, camera.cx, camera.cy]);
       return host.text(options, (words) => host.make((error) => host.exports.palpate_sensor_create(at, words, 1, error)));
     }), 'sensor');
-    this.image = host.allocate(4 * camera.width * camera.height);
+    this.image = this.allocate(4 * camera.width * camera.height);
   }
   /** Computes the surface of an image: counts of `unit` m, or meters. */
   update(image: Uint16Array | Float32Array, unit = 0.001, X_WC?: PoseNumbers): void {
@@ -279,10 +296,6 @@ export class Sensor extends Owned {
         ? host.exports.palpate_sensor_update_counts(handle, at, unit, place, error)
         : host.exports.palpate_sensor_update_meters(handle, at, place, error));
     });
-  }
-  override free(): void {
-    super.free();
-    this.host.exports.free(this.image);
   }
 }
 
@@ -305,7 +318,7 @@ export class Scene extends Owned {
 const MEASURE = 528; // bytes of palpate_measure
 
 export class Contact extends Owned {
-  readonly measured: number; // palpate_measure
+  private readonly at: number; // palpate_measure
   readonly states: Uint8Array;
   readonly planes: Float32Array;
   private readonly memory: number; // pose, states, planes
@@ -313,14 +326,14 @@ export class Contact extends Owned {
   constructor(host: Host, tool: Tool, handle: number) {
     super(host, handle, 'contact');
     const num = tool.info.spheres, room = 4 * Math.ceil(num / 4);
-    this.measured = host.allocate(MEASURE);
-    this.memory = host.allocate(56 + room + 16 * num);
+    this.at = this.allocate(MEASURE);
+    this.memory = this.allocate(56 + room + 16 * num);
     this.states = new Uint8Array(num);
     this.planes = new Float32Array(4 * num);
   }
   /** Measures at a pose. With `spheres`, `states` and `planes` hold them afterwards. */
   measure(scene: Scene, X_WT: PoseNumbers, { progress = 1, stiffness = false, spheres = false } = {}): Measure {
-    const { host, measured: at, memory } = this, num = this.states.length;
+    const { host, handle, at, memory } = this, num = this.states.length;
     const states = memory + 56, planes = states + 4 * Math.ceil(num / 4);
     new Uint8Array(host.exports.memory.buffer, at, MEASURE).fill(0);
     let { view } = host;
@@ -332,7 +345,7 @@ export class Contact extends Owned {
       view.setUint32(at + 20, planes, true);
     }
     host.doubles(memory, 7).set(X_WT);
-    host.do((error) => host.exports.palpate_contact_measure(this.handle, scene.handle, memory, at, error));
+    host.do((error) => host.exports.palpate_contact_measure(handle, scene.handle, memory, at, error));
     if (spheres) {
       const { buffer } = host.exports.memory;
       this.states.set(new Uint8Array(buffer, states, num));
@@ -345,14 +358,11 @@ export class Contact extends Owned {
       force: host.numbers(at + 56, 3), torque: host.numbers(at + 80, 3), stiffness: host.doubles(at + 104, 36).slice(),
     };
   }
+  /** Returns the address of the palpate_measure that was measured last. */
+  get measured(): number { return this.handle && this.at; }
   /** Returns the volume that was measured last, m3. */
   volume(): number {
     return this.host.view.getFloat64(this.measured + 40, true);
-  }
-  override free(): void {
-    super.free();
-    this.host.exports.free(this.measured);
-    this.host.exports.free(this.memory);
   }
 }
 
@@ -367,30 +377,32 @@ export class Hand extends Owned {
         device.workspace_radius, device.damping, device.angular_damping, device.rate]);
       return host.text(options, (words) => host.make((error) => host.exports.palpate_hand_create(tool.handle, at, words, error)));
     }), 'hand');
-    this.memory = host.allocate(56 + 136 + 248);
+    this.memory = this.allocate(56 + 136 + 248);
   }
   change(options: string): void {
     this.host.text(options, (words) => this.host.do((error) => this.host.exports.palpate_hand_change(this.handle, words, error)));
   }
   /** Takes what `contact` measured last, at X_WT; times in s. */
   contact(contact: Contact, X_WT: PoseNumbers, time: number, captured: number): void {
-    this.host.doubles(this.memory, 7).set(X_WT);
-    this.host.exports.palpate_hand_contact(this.handle, contact.measured, this.memory, time, captured);
+    const { host, handle, memory } = this;
+    host.doubles(memory, 7).set(X_WT);
+    host.exports.palpate_hand_contact(handle, contact.measured, memory, time, captured);
   }
   handleAt(X_WT: PoseNumbers): number[] {
-    this.host.doubles(this.memory, 7).set(X_WT);
-    this.host.exports.palpate_hand_handle_at(this.handle, this.memory, this.memory + 56);
-    return this.host.numbers(this.memory + 56, 7);
+    const { host, handle, memory } = this;
+    host.doubles(memory, 7).set(X_WT);
+    host.exports.palpate_hand_handle_at(handle, memory, memory + 56);
+    return host.numbers(memory + 56, 7);
   }
   tick(handle: Handle): Tick {
-    const { host } = this, at = this.memory + 56, to = at + 136, { view } = host;
+    const { host, handle: hand } = this, at = this.memory + 56, to = at + 136, { view } = host;
     view.setUint32(at, 136, true);
     view.setUint32(at + 4, handle.buttons ?? 0, true);
     host.doubles(at + 8, 14).set([handle.time, ...Array.from(handle.X_BH), ...Array.from(handle.linear ?? [0, 0, 0]), ...Array.from(handle.angular ?? [0, 0, 0])]);
     [handle.isValid ?? true, handle.wantsForce ?? false, handle.isReleased ?? false, handle.isStopping ?? false]
       .forEach((flag, i) => view.setInt32(at + 120 + 4 * i, Number(flag), true));
     view.setUint32(to, 248, true);
-    host.exports.palpate_hand_tick(this.handle, at, to);
+    host.exports.palpate_hand_tick(hand, at, to);
     const [stretch, energy, gain] = host.numbers(to + 216, 3);
     return {
       state: view.getInt32(to + 4, true), fault: view.getInt32(to + 240, true), faults: view.getInt32(to + 244, true),
@@ -398,10 +410,6 @@ export class Hand extends Owned {
       contactForce: host.numbers(to + 56, 3), contactTorque: host.numbers(to + 80, 3),
       X_WT: host.numbers(to + 104, 7), X_WT_hand: host.numbers(to + 160, 7), stretch, energy, gain,
     };
-  }
-  override free(): void {
-    super.free();
-    this.host.exports.free(this.memory);
   }
 }
 

@@ -9,8 +9,9 @@
  * docs/settings.md; null or "": the defaults.
  *
  * A function that can fail takes a palpate_error, which may be null, and returns null or
- * PALPATE_FAILED; the text is one sentence that says what failed, where, and what to do. Nothing is
- * global. A handle is used by one thread at a time; tools by any number. An object that was made
+ * PALPATE_FAILED; the text is one sentence that says what failed, where, and what to do. It fails
+ * without an object or a size that it needs; a function without errors then writes nothing. Nothing
+ * is global. A handle is used by one thread at a time; tools by any number. An object that was made
  * with others or took them in (a contact its tool, a scene its sensors and bodies) must be freed
  * before them. */
 #ifndef PALPATE_C_PALPATE_H
@@ -151,7 +152,7 @@ enum { PALPATE_WANTS_STIFFNESS = 1, PALPATE_WANTS_SIGMA = 2 };
  * center of mass, in W. */
 typedef struct palpate_measure {
   uint32_t size;
-  uint32_t wants;  /* in: PALPATE_WANTS_ bits */
+  uint32_t wants;  /* in: PALPATE_WANTS_ bits; out: those that the method has */
   double progress; /* in: from the surfaces before the newest (0) to the newest (1) */
   uint8_t* states; /* in: null, or num_spheres: 0 outside, 1 boundary, 2 inside */
   float* planes;   /* in: null, or 4 num_spheres: n x y z, d; n x <= d is inside; n = 0: none */

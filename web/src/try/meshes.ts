@@ -1,10 +1,17 @@
 // Meshes that a reader gives: STL and glTF, as indexed triangles in meters.
-import { Mesh, Vector3 } from 'three';
+import { LoadingManager, Mesh, Vector3 } from 'three';
 import type { BufferGeometry, Object3D } from 'three';
 import { GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
 import { STLLoader } from 'three/addons/loaders/STLLoader.js';
 
 export interface GivenMesh { vertices: Float64Array; triangles: Uint32Array }
+
+/** A loader of what a file has inside; nothing else is fetched. */
+const inside = new LoadingManager();
+inside.setURLModifier((url) => {
+  if (/^(data|blob):/.test(url)) return url;
+  throw new Error(`it refers to another file, ${url}`);
+});
 
 const LONGEST = 2; // m: a longer tool was certainly meant in millimeters
 
@@ -47,7 +54,7 @@ export async function readMesh(name: string, bytes: ArrayBuffer): Promise<GivenM
     if (/\.stl$/i.test(name)) {
       addCorners(new STLLoader().parse(bytes), null, corners);
     } else {
-      const { scene } = await new GLTFLoader().parseAsync(bytes, '');
+      const { scene } = await new GLTFLoader(inside).parseAsync(bytes, '');
       scene.updateMatrixWorld(true);
       scene.traverse((node) => node instanceof Mesh && addCorners(node.geometry as BufferGeometry, node, corners));
     }

@@ -5,16 +5,28 @@ const SIGNATURE = [137, 80, 78, 71, 13, 10, 26, 10];
 const LARGEST = 4096, SMALLEST = 8; // pixels
 const BYTES = 2;
 
-async function inflated(parts: Uint8Array[]): Promise<Uint8Array> {
-  const stream = new Blob(parts as BlobPart[]).stream().pipeThrough(new DecompressionStream('deflate'));
-  return new Uint8Array(await new Response(stream).arrayBuffer());
+/** Returns the inflated bytes if they are `size` many, else null; no more than that are kept. */
+async function inflated(parts: Uint8Array[], size: number): Promise<Uint8Array | null> {
+  const reader = new Blob(parts as BlobPart[]).stream().pipeThrough(new DecompressionStream('deflate')).getReader();
+  const all = new Uint8Array(size);
+  for (let at = 0; ;) {
+    const { done, value } = await reader.read();
+    if (done) return at === size ? all : null;
+    if (at + value.length > size) {
+      await reader.cancel();
+      return null;
+    }
+    all.set(value, at);
+    at += value.length;
+  }
 }
 
-/** Returns the bytes of all rows without the filters that the PNG specification (section 9) puts before them. */
-function unfiltered(raw: Uint8Array, width: number, height: number): Uint8Array {
+/** Returns the bytes of all rows without the filters that the PNG specification (section 9) puts before them; null for unknown filters. */
+function unfiltered(raw: Uint8Array, width: number, height: number): Uint8Array | null {
   const stride = BYTES * width, rows = new Uint8Array(stride * height);
   for (let v = 0; v < height; ++v) {
     const filter = raw[v * (stride + 1)];
+    if (filter > 4) return null;
     for (let i = 0; i < stride; ++i) {
       const at = v * stride + i;
       const a = i >= BYTES ? rows[at - BYTES] : 0, b = v > 0 ? rows[at - stride] : 0;
@@ -43,9 +55,9 @@ export async function readDepthPng(name: string, bytes: Uint8Array): Promise<Giv
     if (String.fromCharCode(...bytes.subarray(at + 4, at + 8)) === 'IDAT') parts.push(bytes.subarray(at + 8, at + 8 + length));
     at += 12 + length;
   }
-  const raw = await inflated(parts).catch(() => new Uint8Array());
-  if (raw.length !== (BYTES * width + 1) * height) throw new Error(`${name} is damaged or truncated; export it again.`);
-  const rows = unfiltered(raw, width, height), counts = new Uint16Array(width * height);
+  const raw = await inflated(parts, (BYTES * width + 1) * height).catch(() => null), rows = raw && unfiltered(raw, width, height);
+  if (!rows) throw new Error(`${name} is damaged or truncated; export it again.`);
+  const counts = new Uint16Array(width * height);
   for (let i = 0; i < counts.length; ++i) counts[i] = (rows[BYTES * i] << 8) | rows[BYTES * i + 1];
   return { name, width, height, counts };
 }

@@ -76,14 +76,20 @@ export class World {
 
   /** Makes all of the run anew: scene, tool and hand. If that fails, the run before goes on. */
   private build(): void {
-    const { hand, contact, scene, sensor, tool, simulation, images, camera, title } = this;
+    const { hand, contact, scene, sensor, tool, simulation, images, camera, title } = this, old = this.objects();
     try {
       this.make();
     } catch (error) {
+      const begun = this.objects();
       Object.assign(this, { hand, contact, scene, sensor, tool, simulation, images, camera, title });
+      begun.forEach((object, i) => object !== old[i] && object?.free());
       throw error;
     }
-    for (const old of [hand, contact, scene, sensor, tool, simulation]) old?.free();
+    for (const object of old) object?.free();
+  }
+  /** Returns what the core has of this run, in the order in which it is freed. */
+  private objects(): ({ free(): void } | undefined)[] {
+    return [this.hand, this.contact, this.scene, this.sensor, this.tool, this.simulation];
   }
 
   private make(): void {
@@ -104,9 +110,11 @@ export class World {
       this.title = info.title;
     }
     const whole = this.givenTool ? palpate.loadTool(this.givenTool) : null;
-    this.tool = whole && whole.info.spheres > spheres ? whole.prefix(spheres)
-      : whole ?? palpate.packShape(name === 'hand' ? 'stylus' : info.tool_shape, name === 'hand' ? 0.12 : info.tool_size, `packing.spheres = ${spheres}`);
-    if (whole && whole !== this.tool) whole.free();
+    this.tool = whole ?? palpate.packShape(name === 'hand' ? 'stylus' : info.tool_shape, name === 'hand' ? 0.12 : info.tool_size, `packing.spheres = ${spheres}`);
+    if (whole && whole.info.spheres > spheres) {
+      this.tool = whole.prefix(spheres); // if it throws, the whole is freed with the rest
+      whole.free();
+    }
     this.sensor = palpate.sensor(this.camera);
     this.scene = palpate.scene();
     this.scene.addSensor(this.sensor);
@@ -219,13 +227,14 @@ export class World {
   }
 
   private set(key: string, value: Value): Value {
-    const before = this.settings[key];
+    const before = this.settings[key], { given } = this;
     if (before === undefined) throw new Error(`There is no setting ${key} on this page.`);
     this.settings[key] = typeof before === 'number' ? Number(value) : value;
     try {
       if (key === 'contact.method') {
-        this.contact.free();
+        const old = this.contact;
         this.makeContact();
+        old.free();
       } else if (key.startsWith('coupling.') || key.startsWith('friction.')) {
         this.hand.change(this.handOptions());
       } else {
@@ -234,6 +243,7 @@ export class World {
       }
     } catch (error) {
       this.settings[key] = before;
+      this.given = given;
       throw error;
     }
     ++this.revision;
