@@ -1,5 +1,6 @@
 #include "apps/pack/pack_robot.h"
 
+#include <algorithm>
 #include <cstdio>
 #include <iostream>
 #include <nlohmann/json.hpp>
@@ -15,6 +16,7 @@ namespace {
 constexpr const char* kRobotGroup = "Robot";
 constexpr const char* kRobotFlags[] = {"--standoff", "--robot-skip", "--robot-packages",
                                        "--robot-geometry"};
+constexpr const char* kOtherFlags[] = {"--robot", "--output", "--json"};  // go with --robot, too
 
 nlohmann::ordered_json json_of(const Robot& robot, const RobotJob& job) {
   nlohmann::ordered_json json{{"output", job.output},
@@ -23,7 +25,7 @@ nlohmann::ordered_json json_of(const Robot& robot, const RobotJob& job) {
                               {"standoff", robot.standoff()},
                               {"joints", nlohmann::json::array()},
                               {"links", nlohmann::json::array()},
-                              {"left_out", robot.notes()}};
+                              {"notes", robot.notes()}};
   for (const Robot::Joint& joint : robot.joints()) json["joints"].push_back(joint.name);
   for (std::size_t i = 0; i < robot.links().size(); ++i) {
     json["links"].push_back(
@@ -58,6 +60,14 @@ void add_robot_packing(CLI::App& app, RobotJob& job) {
 void check_robot_packing(const CLI::App& app) {
   if (app.count("--robot") > 0) {
     if (app.count("mesh") > 0) usage_error("pack: give either a mesh or --robot FILE.urdf");
+    for (const CLI::Option* option : app.get_options()) {
+      const std::string flag = option->get_name();
+      if (option->count() == 0 || std::ranges::count(kRobotFlags, flag) > 0 ||
+          std::ranges::count(kOtherFlags, flag) > 0) {
+        continue;
+      }
+      usage_error("pack: " + flag + " is for meshes and does not go with --robot; leave it out");
+    }
     return;
   }
   if (app.count("mesh") == 0) usage_error("pack: give a mesh, or a robot (--robot FILE.urdf)");
@@ -67,6 +77,12 @@ void check_robot_packing(const CLI::App& app) {
 }
 
 Status pack_robot(const RobotJob& job) {
+  if (!Robot::is_urdf(job.robot)) {
+    return Error{Errc::bad_input,
+                 job.robot +
+                     " does not end in .urdf, .xml or .xacro; give the robot's URDF, as a "
+                     "packed robot is not packed again"};
+  }
   const Status status = check_output_file(job.output, OutputKind::robot, job.robot);
   if (!status) return status;
   const auto robot = Robot::open(job.robot, job.packing);

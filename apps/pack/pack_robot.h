@@ -15,10 +15,10 @@ struct RobotJob {
 };
 
 void add_robot_packing(CLI::App& app, RobotJob& job);
-/// Ends in wrong usage for options of --robot without it.
+/// Ends in wrong usage for options of --robot without it, and for options of meshes with it.
 void check_robot_packing(const CLI::App& app);
 /// Fills all links with spheres, writes the robot and prints what it has; links that are left out
-/// are warnings. Errors: of the URDF; the file cannot be written.
+/// or miss the standoff are warnings. Errors: no URDF, or those of it; the file cannot be written.
 Status pack_robot(const RobotJob& job);
 
 }  // namespace palpate::apps

@@ -15,12 +15,14 @@ namespace palpate { inline namespace v0 {
 namespace {
 
 constexpr std::size_t kMaxUrdf = 64u << 20;  // bytes
+constexpr double kMissed = 1.01;  // standoffs: links are checked at other points than their shapes
 
 /// Returns the spheres of all shapes of a link. Error: a shape is no solid, or has no room for one.
 Result<Tool> tool_of(const RobotModel& model, std::size_t link, const RobotPacking& packing) {
   const RobotLink& whole = model.links[link];
   TriangleMesh all;
   SpherePacking spheres;
+  spheres.stop = PackStop::standoff;
   RobotModel::ShapeEnd from;
   for (const RobotModel::ShapeEnd& to : model.shape_ends[link]) {
     TriangleMesh shape;
@@ -45,8 +47,8 @@ Result<Tool> tool_of(const RobotModel& model, std::size_t link, const RobotPacki
     }
     spheres.spheres.insert(spheres.spheres.end(), cover->spheres.begin(), cover->spheres.end());
     spheres.mesh_volume += cover->mesh_volume;
+    if (cover->stop != PackStop::standoff) spheres.stop = cover->stop;
   }
-  spheres.stop = PackStop::standoff;
   return Tool::build(std::move(all), std::move(spheres), {.source = whole.name});
 }
 
@@ -75,7 +77,8 @@ Status limit(const RobotModel& model, std::size_t source, Robot::Joint& joint,
     joint.lower = std::max(joint.lower, low);
     joint.upper = std::min(joint.upper, high);
   }
-  if (joint.lower <= joint.upper) return Done{};
+  const bool has_any = joint.lower < kMaxJointPosition && joint.upper > -kMaxJointPosition;
+  if (has_any && joint.lower <= joint.upper) return Done{};
   return Error{Errc::bad_input, name + ": joint '" + shown(joint.name) +
                                     "' has no position within its limits; correct <limit>, or the "
                                     "<mimic> of those that follow it"};
@@ -121,7 +124,8 @@ Result<Robot> Robot::Data::complete(Data data, const std::string& name) {
             {above[at], number[joint.source], joint.kind == Kind::turning ? reach : 1});
       }
       if (joint.kind == Kind::sliding) {
-        const Joint& moved = data.joints[number[joint.source]];
+        const bool stands = joint.factor == 0 || source.kind == Kind::fixed;
+        const Joint moved = stands ? Joint{} : data.joints[number[joint.source]];
         reach += std::max(std::abs(joint.factor * moved.lower + joint.offset),
                           std::abs(joint.factor * moved.upper + joint.offset));
       }
@@ -161,6 +165,13 @@ Result<Robot> Robot::from_urdf(std::string_view text, const std::string& name,
     if (tool) {
       data.tools[i] = std::make_shared<const Tool>(*std::move(tool));
       data.standoffs[i] = farthest_standoff(data.tools[i]->mesh(), data.tools[i]->spheres());
+      if (data.standoffs[i] > kMissed * packing.standoff) {
+        data.model.notes.push_back(
+            "link '" + shown(link.name) + "' has surface " +
+            number_text(1e3 * data.standoffs[i], 3) + " mm from the nearest sphere, not within " +
+            number_text(1e3 * packing.standoff, 3) + " mm: it is too thin, or needs more than " +
+            std::to_string(packing.max_spheres) + " spheres in a shape; margins have to cover it");
+      }
     } else {
       data.model.notes.push_back("link '" + shown(link.name) +
                                  "' is left out: " + tool.error().message);
@@ -170,9 +181,13 @@ Result<Robot> Robot::from_urdf(std::string_view text, const std::string& name,
   return Data::complete(std::move(data), name);
 }
 
-Result<Robot> Robot::open(const std::filesystem::path& path, const RobotPacking& packing) {
+bool Robot::is_urdf(const std::filesystem::path& path) {
   const std::filesystem::path ending = path.extension();
-  if (ending == ".urdf" || ending == ".xml" || ending == ".xacro") {
+  return ending == ".urdf" || ending == ".xml" || ending == ".xacro";
+}
+
+Result<Robot> Robot::open(const std::filesystem::path& path, const RobotPacking& packing) {
+  if (is_urdf(path)) {
     const auto text = read_file(path, kMaxUrdf);
     if (!text) return text.error();
     return from_urdf(*text, path.string(), packing);

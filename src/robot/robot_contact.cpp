@@ -51,7 +51,7 @@ Status check_joints(const Robot::Data& robot, std::span<const double> joints, co
       return "joint '" + shown(joint.name) + "' of configuration " + std::to_string(i / n) +
              " is " + (std::isnan(joints[i]) ? "not a number" : "at " + number_text(joints[i], 4));
     };
-    if (!(std::abs(joints[i]) < 1e6)) {
+    if (!(std::abs(joints[i]) < kMaxJointPosition)) {
       return Error{Errc::invalid_argument, named() + "; give its position in rad or m"};
     }
     if (!refuses || (joints[i] >= joint.lower && joints[i] <= joint.upper)) continue;
@@ -94,6 +94,16 @@ Status Robot::place(std::span<const double> joints, const Pose& X_WB, std::span<
 
 Status Robot::remove_from(DepthFrame& frame, const Intrinsics& intrinsics,
                           std::span<const double> joints, const Pose& X_WB, double padding) const {
+  const bool has_size = frame.width > 0 && frame.height > 0 &&
+                        frame.pixels.size() == std::size_t(frame.width) * frame.height;
+  if (!has_size) {
+    return Error{Errc::invalid_argument,
+                 "an image has width x height pixels, not " + std::to_string(frame.pixels.size()) +
+                     " for " + std::to_string(frame.width) + " x " + std::to_string(frame.height)};
+  }
+  if (const Status status = check_settings(SelfFilterOptions{.padding = padding}); !status) {
+    return status;
+  }
   std::vector<Pose> X_WL(data_->limbs.size());
   if (const Status status = place(joints, X_WB, X_WL); !status) return status;
   LinkImage image(intrinsics, padding);

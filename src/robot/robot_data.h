@@ -10,6 +10,9 @@
 
 namespace palpate { inline namespace v0 {
 
+/// rad or m: positions are nearer to 0.
+inline constexpr double kMaxJointPosition = 1e6;
+
 /// A link with spheres, and the joints that move it.
 struct RobotLimb {
   /// A joint between the base and the link that is moved, or follows one that is.

@@ -271,5 +271,74 @@ class Packing(CommandLineCase):
         self.assertFalse([name for name in os.listdir(tools) if ".partial" in name])
 
 
+URDF = """<robot name="arm"><link name="base"/>
+<link name="upper"><collision><origin xyz="0 0 0.15"/><geometry><box size="0.06 0.08 0.3"/></geometry></collision></link>
+<link name="hand"><collision><geometry><box size="0.05 0.05 0.05"/></geometry></collision></link>
+<link name="sail"><collision><geometry><mesh filename="sail.obj"/></geometry></collision></link>
+<joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/><limit lower="-2" upper="2"/></joint>
+<joint name="wrist" type="fixed"><origin xyz="0 0 0.3"/><parent link="upper"/><child link="hand"/></joint>
+<joint name="mast" type="fixed"><parent link="upper"/><child link="sail"/></joint>
+</robot>"""
+
+
+class RobotPacking(CommandLineCase):
+
+    @classmethod
+    def setUpClass(cls):
+        super().setUpClass()
+        cls.urdf, cls.robot = cls.path("arm.urdf"), cls.path("arm.palprobot")
+        with open(cls.urdf, "w") as file:
+            file.write(URDF)
+        with open(cls.path("sail.obj"), "w") as file:
+            file.write("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+
+    def pack(self, *options, output=None):
+        result = palpate("pack", "--robot", self.urdf, "-o", output or self.robot, *options)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        return result
+
+    def test_links_are_filled_and_what_is_missed_is_said(self):
+        result = self.pack("--standoff", 0.02, "--json")
+        info = json.loads(result.stdout)
+        self.assertEqual(info["joints"], ["shoulder"])
+        self.assertEqual([link["name"] for link in info["links"]], ["upper", "hand"])
+        self.assertEqual(sum(link["spheres"] for link in info["links"]), info["spheres"])
+        self.assertTrue(0 < info["standoff"] <= 0.0202, info["standoff"])
+        (note,) = info["notes"]
+        self.assertIn("link 'sail' is left out", note)
+        self.assertEqual(result.stderr, f"palpate: warning: {note}\n")
+        packed = read(self.robot, "rb")
+        self.assertTrue(packed.startswith(b"\x89PALPROBOT\r\n"))
+        self.assertEqual(packed.count(b"\x89PALP\r\n"), 2)  # tools
+        again = self.path("again.palprobot")
+        told = self.pack("--standoff", 0.02, output=again).stdout
+        self.assertEqual(read(again, "rb"), packed)
+        self.assertIn(f"upper: {info['links'][0]['spheres']} spheres", told)
+
+        finer = json.loads(self.pack("--standoff", 0.01, "--robot-skip", "hand,sail", "--json").stdout)
+        self.assertEqual((len(finer["links"]), finer["notes"]), (1, []))
+        self.assertLessEqual(finer["standoff"], 0.0101)
+        self.assertGreater(finer["links"][0]["spheres"], info["links"][0]["spheres"])
+        # The box is thinner there than spheres reach: its corners are farther than that.
+        missed = self.pack("--standoff", 0.0005, "--robot-skip", "upper,sail").stderr
+        self.assertRegex(missed, r"^palpate: warning: link 'hand' has surface [\d.]+ mm from .*, not within 0.5 mm")
+        self.expect_failure(1, "info", self.robot, mentions="is not a tool file")
+
+    def test_refused(self):
+        output = self.path("refused.palprobot")
+        for option, *value in (("--spheres", 100), ("--unit", "mm"), ("--scale", 2), ("--seed", 1), ("--threads", 2),
+                               ("--report", self.path("refused.html")), ("--min-radius", 0.001), ("--gap-rule", "relative"),
+                               ("--camera-spacing", "1,525")):
+            self.expect_failure(2, "pack", "--robot", self.urdf, "-o", output, option, *value, mentions=option)
+        self.expect_failure(2, "pack", self.mesh, "--robot", self.urdf, "-o", output, mentions="either a mesh")
+        self.expect_failure(2, "pack", self.mesh, "-o", output, "--standoff", 0.01, mentions="goes with --robot")
+        self.pack()
+        self.expect_failure(1, "pack", "--robot", self.robot, "--standoff", 0.005, "-o", output,
+                            mentions="is not packed again")
+        self.expect_failure(1, "pack", "--robot", self.path("none.urdf"), "-o", output, mentions="none.urdf")
+        self.expect_failure(1, "pack", "--robot", self.urdf, "--robot-skip", "uper", "-o", output, mentions="'upper'")
+        self.assertFalse([name for name in os.listdir(self.folder) if name.startswith("refused")])
+
+
 if __name__ == "__main__":
     main()

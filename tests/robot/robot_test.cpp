@@ -4,10 +4,12 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 
 #include "palpate/io/files.h"
+#include "src/io/internal/hashes.h"
 #include "src/packing/internal/sphere_cover.h"
 #include "tests/robot/robot_arm.h"
 #include "tests/test_util/random.h"
@@ -230,6 +232,62 @@ TEST(Robot, Is_taken_out_of_an_image_with_what_it_holds) {
   }
   EXPECT_EQ(frame.pixels[0], 900);
   EXPECT_GT(std::ranges::count(frame.pixels, 900), 50000);
+
+  const auto told = [&](double padding) {
+    const Status status = robot.remove_from(frame, k, joints, base(), padding);
+    return status ? std::string() : status.error().message;
+  };
+  const std::vector<std::uint16_t> before = frame.pixels;
+  for (const double padding : {-0.01, 0.2, static_cast<double>(NAN), HUGE_VAL}) {
+    EXPECT_NE(told(padding).find("padding"), std::string::npos) << padding;
+  }
+  EXPECT_EQ(frame.pixels, before);
+  EXPECT_EQ(told(0), "");
+  frame.pixels.resize(320 * 120);
+  EXPECT_NE(told(0).find("38400 for 320 x 240"), std::string::npos) << told(0);
+  frame.height = 0;
+  EXPECT_NE(told(0), "");
+  frame.height = -120;
+  frame.width = -320;
+  EXPECT_NE(told(0), "");
+}
+
+TEST(Robot, A_missed_standoff_is_noted) {
+  const Robot whole = test::arm();
+  EXPECT_TRUE(whole.notes().empty());
+  EXPECT_EQ(whole.tool(0).packing().stop, PackStop::standoff);
+  RobotPacking packing;
+  packing.max_spheres = 3;
+  const Robot robot = Robot::from_urdf(test::kRobotUrdf, "arm.urdf", packing).value();
+  ASSERT_FALSE(robot.notes().empty());
+  EXPECT_EQ(robot.notes().front().find("link 'upper' has surface"), 0u);
+  EXPECT_NE(robot.notes().front().find("not within 10 mm"), std::string::npos);
+  EXPECT_EQ(robot.tool(0).packing().stop, PackStop::count);
+  EXPECT_GT(robot.standoff(), packing.standoff);
+}
+
+TEST(Robot, Limits_without_a_position_are_refused_in_files_too) {
+  std::string bytes = *test::arm().to_bytes();
+  const auto bytes_of = [](double lower, double upper) {
+    const double limits[2] = {lower, upper};
+    std::string text(sizeof limits, 0);
+    std::memcpy(text.data(), limits, sizeof limits);
+    return text;
+  };
+  const std::size_t at = bytes.find(bytes_of(-2, 2));
+  ASSERT_NE(at, std::string::npos);
+  const auto told = [&](double lower, double upper) {
+    bytes.replace(at, 16, bytes_of(lower, upper)).resize(bytes.size() - 8);
+    const std::uint64_t sum = xxh3_of_long(bytes);
+    bytes.append(reinterpret_cast<const char*>(&sum), sizeof sum);
+    const auto robot = Robot::from_bytes(bytes);
+    return robot ? std::string() : robot.error().message;
+  };
+  EXPECT_EQ(told(-1, 1), "");
+  EXPECT_EQ(told(-HUGE_VAL, HUGE_VAL), "");
+  for (const double at_infinity : {HUGE_VAL, -HUGE_VAL, 1e7}) {
+    EXPECT_NE(told(at_infinity, at_infinity).find("'shoulder' has no position"), std::string::npos);
+  }
 }
 
 TEST(Robot, Bad_input_is_refused_in_a_sentence) {

@@ -45,6 +45,8 @@ class Robot {
     double lower = 0, upper = 0;  ///< rad or m; infinite without limits. Those that follow count.
   };
 
+  /// True if a file's name is that of a URDF: it ends in .urdf, .xml or .xacro.
+  static bool is_urdf(const std::filesystem::path& path);
   /// Reads a URDF and packs it, or reads a packed robot (.palprobot, to which `packing` does not
   /// apply). Errors: those of the URDF, with the line; a link to skip that is not there; no link
   /// has a shape; a floating joint; limits that are no numbers or exclude all positions; neither
@@ -75,12 +77,13 @@ class Robot {
   /// cover it.
   double standoff() const;
   std::size_t num_spheres() const;
-  /// Links that are left out, and why: a sentence each.
+  /// Links that are left out or miss the standoff, and why: a sentence each.
   const std::vector<std::string>& notes() const;
   /// Shapes of all links with spheres, for a SelfFilter. In the order of links().
   std::vector<RobotLink> shapes() const;
-  /// Removes the robot from a frame of a camera: pixels that show it, with a padding (m), or what
-  /// lies behind, become no measurement. Links without spheres stay. Errors: as of place.
+  /// Removes the robot from a frame of a camera without distortion: pixels that show it, with a
+  /// padding (m, 0 to 0.1), or what lies behind, become no measurement. Links without spheres stay.
+  /// Errors: as of place; another padding; not width x height pixels.
   Status remove_from(DepthFrame& frame, const Intrinsics& intrinsics,
                      std::span<const double> joints, const Pose& X_WB,
                      double padding = SelfFilterOptions{}.padding) const;
@@ -136,11 +139,12 @@ class RobotContact {
   /// Writes 1 for each configuration whose clearance is below `margin` (m), else 0. Errors as
   /// above.
   Status any(const Scene& scene, const RobotPoses& poses, double margin, std::uint8_t* hits) const;
-  /// Straight motions between P pairs of configurations, from `poses.joints` to `ends`. Writes 1
-  /// where `any` is 0 at every point of the motion, which is proved: no sphere moves farther in a
-  /// step than its link is clear. `until`, unless null: share of the motion that is proved free. A
-  /// motion that comes nearer to `margin` than the clearance is certain, about 4 mm at 1 m, is not
-  /// proved. Errors as above.
+  /// Straight motions between P pairs of configurations, from `poses.joints` to `ends`, past what
+  /// cameras see. Writes 1 where `any` is 0 at every point of the motion, which is proved: no
+  /// sphere moves farther in a step than its link is clear. `until`, unless null: share of the
+  /// motion that is proved free. A motion that comes nearer to `margin` than the clearance is
+  /// certain, about 4 mm at 1 m, is not proved. Errors as above; a scene with CAD bodies, whose
+  /// distance is sampled; a margin below 0; a motion of more than 100 rad or m.
   Status free_motions(const Scene& scene, const RobotPoses& poses, std::span<const double> ends,
                       double margin, std::uint8_t* is_free, double* until = nullptr) const;
 

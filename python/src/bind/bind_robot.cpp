@@ -152,27 +152,39 @@ nb::object place(const PyRobot& self, nb::handle given) {
   return array_of(std::move(sevens), {num, num_links, 7});
 }
 
-/// Returns the image without the robot, in meters.
+/// Returns the image without the robot, of the type that was given.
 nb::object remove_from(const PyRobot& self, nb::handle depth, const PyCamera& camera,
                        nb::handle given, double padding) {
   const Doubles joints = joints_of(self, given, "joints");
   nb::object plain = plain_image(depth);
   const nb::module_ numpy = nb::module_::import_("numpy");
   const bool is_counts = nb::cast<std::string>(plain.attr("dtype").attr("name")) == "uint16";
-  if (!is_counts) {  // the nearest tenth of a millimeter, for the mask alone
-    plain = numpy.attr("clip")(numpy.attr("nan_to_num")(plain), 0, 6.5).attr("__mul__")(1e4);
+  constexpr double kMillimeter = 1e-3, kFarthest = 65;  // m, for the mask alone
+  if (!is_counts) {
+    plain = numpy.attr("clip")(numpy.attr("nan_to_num")(plain), 0, kFarthest);
+    plain = numpy.attr("ceil")(plain.attr("__truediv__")(kMillimeter));
   }
   using Counts = nb::ndarray<const std::uint16_t, nb::c_contig, nb::device::cpu>;
   const auto counts = nb::cast<Counts>(numpy.attr("ascontiguousarray")(plain, "uint16"));
-  if (counts.ndim() != 2) refuse_shape("depth", shape_of(counts), "(H, W)");
+  const Intrinsics& k = camera.camera.intrinsics;
+  const auto wide = static_cast<std::size_t>(camera.camera.width),
+             high = static_cast<std::size_t>(camera.camera.height);
+  if (counts.ndim() != 2 || counts.shape(0) != high || counts.shape(1) != wide) {
+    refuse_shape(
+        "depth", shape_of(counts),
+        ("(" + std::to_string(high) + ", " + std::to_string(wide) + "), that of the camera")
+            .c_str());
+  }
+  if (camera.camera.distortion != Distortion{}) {
+    throw nb::value_error("camera: it has distortion; undistort the image, and give its camera");
+  }
   DepthFrame frame;
   frame.height = static_cast<int>(counts.shape(0));
   frame.width = static_cast<int>(counts.shape(1));
-  frame.unit = is_counts ? camera.unit : 1e-4;
+  frame.unit = is_counts ? camera.unit : kMillimeter;
   frame.X_WC = camera.X_WC;
   frame.pixels.assign(counts.data(), counts.data() + counts.size());
-  check(self.robot().remove_from(frame, camera.camera.intrinsics, {joints.data(), joints.size()},
-                                 self.X_WB, padding));
+  check(self.robot().remove_from(frame, k, {joints.data(), joints.size()}, self.X_WB, padding));
   const std::size_t height = counts.shape(0), width = counts.shape(1);
   nb::object left = array_of(std::move(frame.pixels), {height, width});
   return numpy.attr("where")(left.attr("__gt__")(0), depth, 0)
@@ -235,7 +247,8 @@ path: a URDF, which is packed, or a robot that `save` or `palpate pack --robot` 
 standoff: m, of the surface of a link from the nearest sphere; spheres: at most so many in a shape.
 geometry: "collision" or "visual"; skip: links without spheres; packages: folders for package://,
     separated by ":". base: X_WB, (4, 4) or (7,). threads: 0: one per core.
-A link that cannot be filled is left out, with a warning. palpate.Error: what is wrong in the file.
+A link that cannot be filled is left out, and one that is thin may miss the standoff: a warning each.
+palpate.Error: what is wrong in the file.
 Configurations are (P, n): a number for each of joint_names, rad and m. Those beyond limits are held
 there (`held`), or with limits="refuse" a palpate.Error, as are numbers that are not finite.)")
       .def(
@@ -287,8 +300,10 @@ its center of mass in W (m3, m4), joint_torque (P, n) = J^T of them, unseen (P,)
                       .c_str()),
           R"(Whether straight motions between configurations are free, and until what share: (P,), (P,).
 
-Proved by the clearance, not sampled: `any` is False at every point of a free one. margin: m; None: the
-standoff. A motion that comes nearer to the margin than about 4 mm at 1 m is not proved.)")
+Proved by the clearance, not sampled: `any` is False at every point of a free one. margin: m, 0 or more;
+None: the standoff. A motion that comes nearer to the margin than about 4 mm at 1 m is not proved.
+palpate.Error: a scene with CAD bodies, whose distance is sampled: check samples with `any`; a motion of
+more than 100 rad or m.)")
       .def("place", place, nb::arg("joints"),
            nb::sig(("def place(self, joints: " + array + ") -> numpy.typing.NDArray[numpy.float64]")
                        .c_str()),
@@ -299,7 +314,9 @@ standoff. A motion that comes nearer to the margin than about 4 mm at 1 m is not
           nb::sig(("def remove_from(self, depth: " + array + ", camera: Camera, joints: " + array +
                    ", padding: float = 0.02) -> numpy.ndarray")
                       .c_str()),
-          "The image without what shows the robot, with a padding (m), or lies behind it: 0 there.")
+          R"(The image without what shows the robot, with a padding (m, 0 to 0.1), or lies behind it: 0 there.
+
+ValueError: another size than the camera's; a camera with distortion: undistort the image first.)")
       .def(
           "with_tool",
           [](const PyRobot& self, const PyTool& tool, const std::string& name,
@@ -342,7 +359,7 @@ standoff. A motion that comes nearer to the margin than about 4 mm at 1 m is not
           "m: how far a surface is from the spheres of its link, at most.")
       .def_prop_ro(
           "notes", [](const PyRobot& self) { return self.robot().notes(); },
-          "Links that are left out, and why.")
+          "Links that are left out or miss the standoff, and why.")
       .def("__repr__", [](const PyRobot& self) {
         const Robot& robot = self.robot();
         return "<palpate.Robot '" + robot.name().substr(0, 60) +

@@ -20,6 +20,9 @@ URDF = """<robot name="arm"><link name="base"/>
   <axis xyz="0 1 0"/><limit lower="-0.04" upper="0" effort="1" velocity="1"/><mimic joint="finger" multiplier="-1"/></joint>
 </robot>"""
 
+BOX = [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4],
+       [1, 5, 7], [1, 7, 3]]
+
 
 @pytest.fixture(scope="module")
 def path(tmp_path_factory):
@@ -123,9 +126,7 @@ def test_free_motions_have_no_blocked_sample(robot, scene):
 
 
 def test_a_packed_robot_with_a_tool(robot, scene, tmp_path):
-    pen = palpate.pack(np.array([[x, y, z] for x in (-.01, .01) for y in (-.01, .01) for z in (0, .1)]), [
-        [0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4],
-        [1, 5, 7], [1, 7, 3]], 20)
+    pen = palpate.pack(np.array([[x, y, z] for x in (-.01, .01) for y in (-.01, .01) for z in (0, .1)]), BOX, 20)
     held = robot.with_tool(pen, "pen", "fore", [0, 0, 0.3, 0, 0, 0, 1])
     held.save(tmp_path / "arm.palprobot")
     again = palpate.Robot(tmp_path / "arm.palprobot", base=robot.base)
@@ -134,7 +135,7 @@ def test_a_packed_robot_with_a_tool(robot, scene, tmp_path):
     np.testing.assert_array_equal(again.measure(scene, joints).clearance, held.measure(scene, joints).clearance)
     assert (held.measure(scene, joints).clearance <= robot.measure(scene, joints).clearance).all()
     camera = palpate.Camera(320, 240, 280, 280, 159.5, 119.5)
-    for dtype, far in ((np.float32, 2.0), (np.uint16, 2000)):
+    for dtype, far in ((np.float32, 2.0), (np.float32, 20.0), (np.uint16, 2000)):
         left = held.remove_from(np.full((240, 320), far, dtype), camera, joints[0])
         assert left.dtype == dtype and (left[0] == far).all()
         x, y, z = held.place(joints[:1])[0, 4, :3]
@@ -149,6 +150,20 @@ def test_bad_input_is_refused_in_a_sentence(path, robot, scene, tmp_path):
     with pytest.raises(palpate.Error, match="joint 'shoulder' of configuration 0 is at 2.5, beyond its limits -2 to 2"):
         robot.any(scene, [[2.5, 0, 0]], limits="refuse")
     assert robot.measure(scene, [[2.5, 0, 0]]).held.all()
+    box = np.array([[x, y, z] for x in (-.1, .1) for y in (-.1, .1) for z in (-.1, .1)])
+    body = palpate.Body(palpate.pack(box, BOX, 20), [0, 0, 3, 0, 0, 0, 1])
+    with pytest.raises(palpate.Error, match="past CAD bodies are not proved"):
+        robot.free_motions(palpate.Scene([body]), [[0, 0, 0]], [[0, 0, 0]])
+    with pytest.raises(palpate.Error, match="margin of 0 m or more"):
+        robot.free_motions(scene, [[0, 0, 0]], [[0, 0, 0]], -0.001)
+    camera = palpate.Camera(320, 240, 280, 280, 159.5, 119.5)
+    with pytest.raises(ValueError, match="that of the camera"):
+        robot.remove_from(np.ones((120, 160), np.float32), camera, [0, 0, 0])
+    bent = palpate.Camera(320, 240, 280, 280, 159.5, 119.5, distortion=[0.1, 0, 0, 0])
+    with pytest.raises(ValueError, match="undistort"):
+        robot.remove_from(np.ones((240, 320), np.float32), bent, [0, 0, 0])
+    with pytest.raises(palpate.Error, match="padding"):
+        robot.remove_from(np.ones((240, 320), np.float32), camera, [0, 0, 0], padding=3)
     with pytest.raises(palpate.Error, match="no link 'uper'; the nearest one is 'upper'"):
         palpate.Robot(path, skip=["uper"])
     with pytest.raises(ValueError, match="collision or visual"):

@@ -11,7 +11,9 @@
 namespace palpate { inline namespace v0 {
 
 /// Returns the largest change (m) by which clearances of two poses may differ beyond the motion in
-/// between, of spheres within `reach` (m) of a point p_W, whose nearest pixels lie no farther.
+/// between, of spheres within `reach` (m) of a point p_W, whose nearest pixels lie no farther, in a
+/// scene without bodies, whose distances have no such bound: they are sampled, and coarser farther
+/// out.
 inline double clearance_slack(const Scene& scene, const Vec3d& p_W, double reach) {
   double slack = 1e-5;  // of single precision
   for (const SurfaceView& surface : scene.surfaces) {
@@ -19,11 +21,6 @@ inline double clearance_slack(const Scene& scene, const Vec3d& p_W, double reach
     const double depth = std::max(0.0, (inverse(surface.X_WC) * p_W).z + reach);
     const double change = kPlaneChange * std::max(1.0, depth * depth);
     slack = std::max(slack, 2 * change + 0.71 * depth / std::min(k.fx, k.fy));
-  }
-  // Fields of bodies are sampled, and coarser farther out.
-  for (const Body& body : scene.bodies) {
-    const auto& field = body.placed().shape->tool().solid_field();
-    if (field != nullptr) slack = std::max(slack, field->levels().front().spacing);
   }
   return slack;
 }
