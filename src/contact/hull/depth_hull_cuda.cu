@@ -107,16 +107,15 @@ __global__ void __launch_bounds__(kHullThreads, 2)
        begin += gpu::kWarpSize * step) {
     const int mine = begin + gpu::lane_id() * step;
     const int num_wholes = elements.first_ball >= kMinWholes ? elements.first_ball : 0;
-    const bool is_there = mine < num_wholes;
     Joined<InSpace<Sample>> at_whole{};
     Curved<float> whole{};
     KeptSums kept;
     if (begin < num_wholes) {
-      const ElementBall of = elements.wholes[is_there ? mine : begin];
+      const ElementBall of = elements.wholes[mine < num_wholes ? mine : begin];
       at_whole = query_hull<Sample>(
           query, Ball{of.x, of.y, of.z, of.radius, of.radius},
           [&](int view) { return eye_of(query, view).has_in_front; }, views);
-      if (is_there && gpu::warp_id() == 0) {
+      if (mine < num_wholes && gpu::warp_id() == 0) {
         whole = whole_share(first_of(at_whole.hull).phi, elements.whole_depths[mine]);
       }
     }
