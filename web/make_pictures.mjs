@@ -79,7 +79,7 @@ async function viewed(run, look, { width, height }) {
   page.setDefaultTimeout(0);
   await page.goto(`${url}?stride=2&plots=0&image=0&controls=0`);
   await until('the tool', () => page.evaluate(() => window.palpate.sample && window.palpate.state));
-  await page.evaluate(() => { window.palpate.governor.enabled = false; }); // full detail, however slow
+  await page.evaluate(() => { Object.assign(window.palpate.governor, { enabled: false, fine: true }); }); // full detail, however slow
   await page.addStyleTag({ content: '.banner, .hint { display: none !important; }' });
   await page.evaluate(() => window.palpate.command({ command: 'pause' }));
   await look(page);

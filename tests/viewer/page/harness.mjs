@@ -182,7 +182,8 @@ export async function openPage(
   shown.add(page);
   page.on('close', () => shown.delete(page));
   const to = new URL(url);
-  if (bare) for (const panel of ['plots', 'image', 'controls']) to.searchParams.set(panel, '0');
+  // A look of the address stays when the program says what it shows.
+  if (bare) for (const [key, value] of [['plots', '0'], ['image', '0'], ['controls', '0'], ['look', 'caps']]) to.searchParams.set(key, value);
   await page.goto(to.href, { waitUntil: 'load' });
   if (bare) await page.evaluate(() => { window.palpate.governor.enabled = false; });
   return page;

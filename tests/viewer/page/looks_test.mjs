@@ -120,7 +120,7 @@ pageTest('edges, normals, ghost, path, graph and tree', async () => {
 
   // They contain the viewing rays: the camera would see them from the side.
   const planes = await only(page, { edgePlanes: true, view: 'free' });
-  const [shadow, lit] = await project(page, [[u * 1.04, 0, 0.52], [-0.1, 0, 0.55]]);
+  const [shadow, lit] = await project(page, [[u * 1.04, 0, 0.52], [u * 0.84, 0, 0.42]]);
   assert.ok(count(planes, isDrawn, [...shadow, 15]) > 20, 'edge planes go along the ray');
   assert.equal(count(planes, isDrawn, [...lit, 15]), 0);
 

@@ -2,8 +2,11 @@
 // pixels when a picture takes more than a tenth of a second, and more again when there is time.
 // It polls the graphics card for completion and never waits for it.
 
-/** `enabled`: tests and full-detail views switch it off; `level`: index of the reduction in LEVELS. */
-export const governor = { enabled: true, level: 0 };
+/**
+ * `enabled`: tests and full-detail views switch it off; `level`: index of the reduction in LEVELS; `fine`: eye-dome
+ * lighting also where a processor draws, which takes seconds a picture.
+ */
+export const governor = { enabled: true, level: 0, fine: false };
 
 /** Factors of the stride and of the pixels per length. */
 const LEVELS = [[1, 1], [2, 1], [2, 0.75], [3, 0.6], [4, 0.5]] as const;
@@ -18,7 +21,18 @@ export class Governor {
   private quick = 0;
   private patience = SHORT_FOR; // doubles whenever drawing gets too slow
 
-  constructor(private readonly gl: WebGL2RenderingContext) {}
+  private readonly isSoftware: boolean;
+
+  constructor(private readonly gl: WebGL2RenderingContext) {
+    const info = gl.getExtension('WEBGL_debug_renderer_info');
+    const name = String(gl.getParameter(info ? info.UNMASKED_RENDERER_WEBGL : gl.RENDERER));
+    this.isSoftware = /swiftshader|llvmpipe|softpipe|software|basic render/i.test(name);
+  }
+
+  /** True where there is time for eye-dome lighting. */
+  get isLit(): boolean {
+    return governor.fine || (!this.isSoftware && this.coarser === 1);
+  }
 
   get coarser(): number {
     return governor.enabled ? LEVELS[governor.level][0] : 1;

@@ -198,7 +198,7 @@ class View implements SceneView {
     this.governor.begin();
     this.update();
     const { camera } = this.cameras, { options } = this;
-    const isLit = this.isStaged && options.cloud && options.cloudColor === 'shaded' && this.governor.coarser === 1;
+    const isLit = this.isStaged && options.cloud && options.cloudColor === 'shaded' && this.governor.isLit;
     this.distances.draw(this.renderer, this.scene, camera, isLit, this.drawnRatio);
     this.renderer.render(this.scene, camera);
     const scale = this.cameras.metersPerPixel(this.size[1]);

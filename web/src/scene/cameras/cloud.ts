@@ -54,7 +54,7 @@ void main() {
   float gap = float(stride) * z / intrinsics.x * projectionMatrix[1][1] * 0.5 * canvas_height / gl_Position.w;
   vec3 n = plain ? vec3(0.0) : normal_at(pixel, z);
   bool has_normal = n != vec3(0.0);
-  if (has_normal) gap /= max(0.12, abs(dot(n, normalize(p))));
+  if (has_normal) gap /= max(0.4, abs(dot(n, normalize(p))));
   gl_PointSize = disc_size = clamp(spread * gap, point_size, 64.0);
   disc = has_normal ? normalize(mat3(modelViewMatrix) * n) : vec3(0.0, 0.0, 1.0);
   if (plain) return;
@@ -137,8 +137,8 @@ export class Cloud {
     uniforms.surface_color.value = rgb(surface);
     uniforms.ground_color.value = rgb(ground);
     const stride = Math.max(1, Math.round(options.stride)) * coarser;
-    // Points of two pixels and more cover the surface without gaps at any distance.
-    const spread = options.pointSize;
+    // Discs of two pixels and more cover the surface without gaps at any distance.
+    const spread = 0.75 * options.pointSize;
     this.parts[0].update(image, stride, spread);
     // The glow of a solid tool is seen as a whole.
     this.parts[1].object.visible = options.toolLook === 'spheres' || options.toolLook === 'caps';
