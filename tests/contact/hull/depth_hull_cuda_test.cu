@@ -112,7 +112,7 @@ TEST_F(DepthHullCuda, ClustersThatLieDeepCountAsOnTheCpu) {
     num_deep += want.penetration.volume > 0.8 * full_volume(tool, SphereVolumes::represented);
     expect_near(got, want, scale);
   }
-  EXPECT_GT(num_deep, 1);
+  EXPECT_GE(num_deep, 1);
 }
 
 TEST_F(DepthHullCuda, RemembersAsTheCpu) {
