@@ -70,8 +70,7 @@ class BodyRays {
   ~BodyRays();
 
   /// Writes the depth of the body at X_CB where it is nearer than what `image` has (NaN: nothing).
-  /// Which triangle a ray meets is decided here, its depth is that of the triangle's plane in
-  /// double.
+  /// Each maker finds the triangle that a ray meets; the depth is that of its plane in double.
   void draw(const ImageRays& rays, const Pose& X_CB, std::span<float> image) const;
 
  private:

@@ -87,7 +87,7 @@ class Room:
         if load == 0:
             return np.zeros(6)
         n = F[:3] / load
-        # Where it presses: on the axis of the wrench, at the height of the lowest corner.
+        # The place that presses: on the axis of the wrench, at the height of the lowest corner.
         press = at(np.cross(n, F[3:]) / load + n * (self.corners @ X[:3, :3].T @ n).min())
         across = np.eye(3) - np.outer(n, n)
         hardness = max(n @ K[:3, :3] @ n, 1e-9)

@@ -1,4 +1,4 @@
-// What the core asks of the page around it: to say that its memory is used up, and to show the
+// Calls of the core to the page around it: to say that its memory is used up, and to show the
 // progress of a packing.
 #include <cstdlib>
 #include <new>

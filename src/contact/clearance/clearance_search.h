@@ -68,7 +68,7 @@ struct ClearanceJob {
   /// Any sphere with a value below `enough` ends the search, m.
   float enough = -1e9f;
   /// Hits of all spheres by their numbers, if not null; then there is no nearest one.
-  /// Those with none keep what is there.
+  /// A sphere without a hit keeps the entry that is there.
   ClearanceHit* each = nullptr;
 };
 

@@ -1,5 +1,5 @@
-// Makers of the queries of a scene in one place. Those of a GPU are in a build with CUDA, and in
-// tests by the emulator.
+// Makers of the queries of a scene in one place. GPU makers are in a build with CUDA, and in tests
+// by the emulator.
 #pragma once
 
 #include <memory>
@@ -24,7 +24,7 @@ struct SceneMakers {
                                                        const ExecutionOptions&);
 };
 
-/// Those of a GPU.
+/// Returns the makers of a GPU.
 inline SceneMakers cuda_makers() {
   return {
       make_contact_query_cuda,
