@@ -10,6 +10,11 @@
 #include <numeric>
 #include <random>
 #include <vector>
+#if __has_include(<sanitizer/asan_interface.h>)
+#include <sanitizer/asan_interface.h>
+#else
+#define ASAN_UNPOISON_MEMORY_REGION(address, size)
+#endif
 
 #include "src/core/internal/assert.h"
 
@@ -80,10 +85,22 @@ std::vector<int> shuffled(int num) {
   return order;
 }
 
+/// Stacks of threads, used again and again. What the address sanitizer marked in the last use,
+/// whose outermost functions never returned, is cleared.
+struct Stacks : context::pooled_fixedsize_stack {
+  Stacks() : context::pooled_fixedsize_stack(128 * 1024) {}
+
+  context::stack_context allocate() {
+    const context::stack_context stack = context::pooled_fixedsize_stack::allocate();
+    ASAN_UNPOISON_MEMORY_REGION(static_cast<std::byte*>(stack.sp) - stack.size, stack.size);
+    return stack;
+  }
+};
+
 // Runs some blocks of a grid at the same time.
 void run_blocks(const std::vector<int>& numbers, int num_blocks, int num_threads,
                 std::size_t shared_bytes, const std::function<void()>& kernel) {
-  static context::pooled_fixedsize_stack stacks(128 * 1024);
+  static Stacks stacks;
   std::vector<std::unique_ptr<Block>> blocks;
   std::vector<std::unique_ptr<Thread>> threads;
   const std::vector<int> order = shuffled(num_threads);
