@@ -77,6 +77,14 @@ struct OneLane {
   PALPATE_FORMULA static bool is_near_silhouette(const FieldPixels& pixels, Int pixel) {
     return pixels.near_silhouette[pixel] != 0;
   }
+  /// True for any of the threads that a GPU runs together.
+  PALPATE_FORMULA static bool is_any_near_silhouette(const FieldPixels& pixels, Int pixel) {
+#ifdef __CUDA_ARCH__
+    return __any_sync(__activemask(), is_near_silhouette(pixels, pixel));
+#else
+    return is_near_silhouette(pixels, pixel);
+#endif
+  }
   /// Reads the planes of three pixels from `pixel` on: offset, slope, offset, ...
   PALPATE_FORMULA static void read_planes(const float* planes, Int pixel, Real (&pairs)[6]) {
     const auto* const from = reinterpret_cast<const PlanePair*>(planes) + pixel;
@@ -161,7 +169,8 @@ PALPATE_FORMULA LevelChoice<Lane> choose_levels(const typename Lane::Grid& grid,
   choice.x = (m - 1.0f) * (1.0f / (kBlendEnd - 1));
   choice.x_by_z = m * inverse_depth * (-1.0f / (kBlendEnd - 1));
   choice.step = smooth_step(choice.x);
-  const auto is_last = exponent >= last, is_next = (choice.step.value >= one) & (exponent < last);
+  const typename Lane::Mask is_last = exponent >= last;
+  const typename Lane::Mask is_next = (choice.step.value >= one) & (exponent < last);
   choice.is_single = is_next | is_last;
   choice.level = is_last ? last : (is_next ? exponent + 1 : exponent);
   choice.wider = choice.level < last ? choice.level + 1 : last;
@@ -172,28 +181,38 @@ PALPATE_FORMULA LevelChoice<Lane> choose_levels(const typename Lane::Grid& grid,
 template <class Lane>
 struct PixelLook {
   LevelChoice<Lane> levels;
-  PixelSpot<Lane> own, wider;  ///< the latter if has_wider
+  typename Lane::Real u, v;    ///< pixels of level 0
+  PixelSpot<Lane> own, wider;  ///< of many elements, the latter if has_wider
   bool has_wider;
 };
 template <class Lane, class Real>
 PALPATE_FORMULA PixelLook<Lane> look_at(const typename Lane::Grid& grid, Real u, Real v,
                                         Real inverse_depth, Real radius) {
   PixelLook<Lane> look;
+  look.u = u;
+  look.v = v;
   look.levels = choose_levels<Lane>(grid, radius, inverse_depth);
-  look.own = spot_at<Lane>(grid, u, v, look.levels.level);
   look.has_wider = Lane::is_any(look.levels.blend() > Real{});
-  if (look.has_wider) look.wider = spot_at<Lane>(grid, u, v, look.levels.wider);
+  if constexpr (Lane::kHasMany) {
+    look.own = spot_at<Lane>(grid, u, v, look.levels.level);
+    if (look.has_wider) look.wider = spot_at<Lane>(grid, u, v, look.levels.wider);
+  }
   return look;
 }
 
-/// Reads the values of the nine pixels around, row by row, as if no silhouette was near.
-template <class Lane, class Real, class Int>
+/// Reads the values of the nine pixels around, row by row, as if no silhouette was near. Calls
+/// each(row, column, value) in between.
+template <class Lane, class Real, class Int, class Each>
 PALPATE_FORMULA void planes_around(const typename Lane::Grid& grid, const FieldPixels& pixels,
-                                   Int pixel, Real depth, Curved<Real> (&values)[3][3]) {
+                                   Int pixel, Real depth, Curved<Real> (&values)[3][3],
+                                   const Each& each) {
   for (int q = 0; q < 3; ++q) {
     Real pairs[6];
     Lane::read_planes(pixels.planes + 2 * std::ptrdiff_t{(q - 1) * grid.stride - 1}, pixel, pairs);
-    for (int p = 0; p < 3; ++p) values[q][p] = plane_value(pairs[2 * p], pairs[2 * p + 1], depth);
+    for (int p = 0; p < 3; ++p) {
+      values[q][p] = plane_value(pairs[2 * p], pairs[2 * p + 1], depth);
+      each(q, p, values[q][p]);
+    }
   }
 }
 
@@ -206,7 +225,11 @@ PALPATE_FORMULA Curved<Real> silhouette_value(const typename Lane::Grid& grid,
   Real numbers[4];
   Lane::read_silhouette(pixels.silhouettes, 2 * pixel + which, numbers);
   const Real side = numbers[0];
+#if PALPATE_V == 3
+  if (Lane::kHasMany && !Lane::is_any(side != Real{})) return own;
+#else
   if (!Lane::is_any(side != Real{})) return own;  // as clamped_at_silhouette would
+#endif
   Curved<Real> plane = plane_value(numbers[1], numbers[2], depth);
   if (grid.thickness < static_cast<float>(kSolidBehind)) {
     plane = with_back(plane, Real{} + grid.thickness);
@@ -220,28 +243,30 @@ PALPATE_FORMULA Curved<Real> silhouette_value(const typename Lane::Grid& grid,
 template <int kUnrolled, class Lane, class Real, class Int>
 PALPATE_FORMULA void values_around(const typename Lane::Grid& grid, const FieldPixels& pixels,
                                    Int pixel, Int level, Real depth, Curved<Real> (&values)[3][3]) {
-  planes_around<Lane>(grid, pixels, pixel, depth, values);
-  if (grid.thickness < static_cast<float>(kSolidBehind)) {
-    for (Curved<Real>(&row)[3] : values) {
-      for (Curved<Real>& value : row) value = with_back(value, Real{} + grid.thickness);
-    }
-  }
   const auto is_near = Lane::is_near_silhouette(pixels, pixel);
-  if (!Lane::is_any(is_near)) return;
   const Real k_by = kCorner / (Lane::inverse_power(level) * grid.fx);
+  const auto limit = [&](int q, int p, Curved<Real>& value) {
+    // Memory of other pixels may be stale.
+    const Int at = is_near ? pixel + ((q - 1) * grid.stride + p - 1) : Int{};
+    value = chosen(is_near, silhouette_value<Lane>(grid, pixels, at, value, depth, k_by), value);
+  };
+  planes_around<Lane>(grid, pixels, pixel, depth, values,
+                      [&](int q, int p, Curved<Real>& value) {
+                        if (grid.thickness < static_cast<float>(kSolidBehind)) {
+                          value = with_back(value, Real{} + grid.thickness);
+                        }
+                        if constexpr (Lane::kHasMany) limit(q, p, value);
+                      });
+  if constexpr (!Lane::kHasMany) {  // all was read before anything waits for it
+    if (!is_near) return;
 #ifdef __CUDA_ARCH__
 #pragma unroll kUnrolled
 #endif
-  for (int q = 0; q < 3; ++q) {
+    for (int q = 0; q < 3; ++q) {
 #ifdef __CUDA_ARCH__
 #pragma unroll kUnrolled
 #endif
-    for (int p = 0; p < 3; ++p) {
-      Curved<Real>& value = values[q][p];
-      // Memory of other pixels may be stale.
-      const Int at = is_near ? pixel + ((q - 1) * grid.stride + p - 1) : Int{};
-      value =
-          chosen(is_near, silhouette_value<Lane>(grid, pixels, at, value, depth, k_by), value);
+      for (int p = 0; p < 3; ++p) limit(q, p, values[q][p]);
     }
   }
 }
@@ -284,18 +309,29 @@ PALPATE_FORMULA bool have_no_back(const Curved<Real> (&values)[3][3], float thic
   return !Lane::is_any(below_unbent(least, Real{} + thickness) > Real{});
 }
 
-/// The same; many elements, of which none is near a silhouette, need no more than planes.
+/// The same. Elements that are sampled together and of which none is near a silhouette need no more
+/// than planes. First derivatives of a GPU do not gain by it.
 template <class Lane, class Sample, class Real, class Int>
 PALPATE_FORMULA Sample sample_level(const typename Lane::Grid& grid, const FieldPixels& pixels,
                                     const PixelSpot<Lane>& at, Int level, Real depth) {
-  if constexpr (Lane::kHasMany) {
+#if PALPATE_V == 0
+  constexpr bool kTriesPlanes = Lane::kHasMany;
+#elif PALPATE_V == 2
+  constexpr bool kTriesPlanes = true;
+#else
+  constexpr bool kTriesPlanes =
+      Lane::kHasMany || std::is_same_v<Sample, ImageCurvature<Real>>;
+#endif
+  if constexpr (kTriesPlanes) {
     if (!Lane::is_any_near_silhouette(pixels, at.pixel)) {
       Curved<Real> values[3][3];
-      planes_around<Lane>(grid, pixels, at.pixel, depth, values);
+      planes_around<Lane>(grid, pixels, at.pixel, depth, values, [](int, int, Curved<Real>&) {});
       if (have_no_back<Lane>(values, grid.thickness)) {
         return splined<true, Lane, Sample>(values, at, Lane::inverse_power(level));
       }
     }
+  }
+  if constexpr (Lane::kHasMany) {
     return sample_by_call<Lane, Sample>(grid, pixels, at, level, depth);
   } else {
     return sample_values<Lane, Sample>(grid, pixels, at, level, depth);
@@ -334,8 +370,9 @@ PALPATE_FORMULA Sample query_field(const typename Lane::Grid& grid, const FieldP
 #pragma unroll 1
 #endif
     for (int k = 0; k <= static_cast<int>(look.has_wider); ++k) {
-      const Sample here = sample_level<Lane, Sample>(grid, pixels, k > 0 ? look.wider : look.own,
-                                                     k > 0 ? levels.wider : levels.level, depth);
+      const auto level = levels.level + k;
+      const Sample here = sample_level<Lane, Sample>(
+          grid, pixels, spot_at<Lane>(grid, look.u, look.v, level), level, depth);
       answer = k > 0 ? with_wider(answer, here, levels, inverse_depth) : here;
     }
     return answer;
