@@ -79,7 +79,8 @@ __device__ void add_ball(const FieldLook& field, const float* places, float coun
   here = composed(limited(first_of(here).phi, e.radius, extent), here);
   const SpaceGradient<float>& first = first_of(here);
   add_ball<kWithStiffness>(places, count, e, first.phi, is_before_camera && first.phi < e.radius,
-                           is_before_camera, {first.x, first.y, first.z}, second_of(here), sum, sums);
+                           is_before_camera, {first.x, first.y, first.z}, second_of(here), sum,
+                           sums);
 }
 
 }}}  // namespace palpate::v0

@@ -168,8 +168,7 @@ __device__ void add_element(const FieldLook& field, const Element& e, FieldShare
   const ElementLook at = look_at(field.frame, e.p);
   if constexpr (kWithStiffness) {
     // Few elements touch the surface, and only their second derivatives are computed.
-    const auto look =
-        look_at<OneLane<float>>(field.grid, at.u, at.v, at.inverse_depth, e.radius);
+    const auto look = look_at<OneLane<float>>(field.grid, at.u, at.v, at.inverse_depth, e.radius);
     const auto g =
         query_field<Gradient>(field.grid, field.pixels, look, at.depth, at.inverse_depth);
     if (!(g.phi < e.radius)) return;

@@ -33,7 +33,9 @@ struct Vectors {
   [[gnu::always_inline]] static bool is_any(VecI mask) { return mask_bits(mask) != 0; }
   [[gnu::always_inline]] static VecI whole(VecF numbers) { return to_int(numbers); }
   [[gnu::always_inline]] static VecF real(VecI numbers) { return to_float(numbers); }
-  [[gnu::always_inline]] static VecI exponent(VecF numbers) { return (bits_of(numbers) >> 23) - 127; }
+  [[gnu::always_inline]] static VecI exponent(VecF numbers) {
+    return (bits_of(numbers) >> 23) - 127;
+  }
   [[gnu::always_inline]] static VecF inverse_power(VecI exponent) {
     return from_bits((127 - exponent) << 23);
   }

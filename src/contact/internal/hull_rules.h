@@ -194,8 +194,7 @@ PALPATE_FORMULA Curved<Real> limited(Real phi, Real radius, Real extent) {
 template <class Real, class At>
 PALPATE_FORMULA SpaceGradient<Real> in_space(const FieldFrame& frame, const At& at,
                                              const ImageGradient<Real>& g) {
-  const Gradient3<Real> n =
-      to_space(g, at.from_u, at.from_v, at.inverse_depth, frame.fx, frame.fy);
+  const Gradient3<Real> n = to_space(g, at.from_u, at.from_v, at.inverse_depth, frame.fx, frame.fy);
   return {g.phi, n.x, n.y, n.z};
 }
 template <class Real, class At>

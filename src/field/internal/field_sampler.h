@@ -31,8 +31,8 @@ PALPATE_HOSTDEV inline FieldGrid grid_of(const DepthFieldView& view) {
   grid.stride = view.levels[0].stride;
   grid.last_level = view.num_levels - 1;
   for (int k = 0; k < view.num_levels; ++k) {
-    grid.start[k] = static_cast<std::int32_t>(view.levels[k].near_silhouette -
-                                              view.levels[0].near_silhouette);
+    grid.start[k] =
+        static_cast<std::int32_t>(view.levels[k].near_silhouette - view.levels[0].near_silhouette);
   }
   return grid;
 }
@@ -225,11 +225,7 @@ PALPATE_FORMULA Curved<Real> silhouette_value(const typename Lane::Grid& grid,
   Real numbers[4];
   Lane::read_silhouette(pixels.silhouettes, 2 * pixel + which, numbers);
   const Real side = numbers[0];
-#if PALPATE_V == 3
-  if (Lane::kHasMany && !Lane::is_any(side != Real{})) return own;
-#else
   if (!Lane::is_any(side != Real{})) return own;  // as clamped_at_silhouette would
-#endif
   Curved<Real> plane = plane_value(numbers[1], numbers[2], depth);
   if (grid.thickness < static_cast<float>(kSolidBehind)) {
     plane = with_back(plane, Real{} + grid.thickness);
@@ -250,13 +246,12 @@ PALPATE_FORMULA void values_around(const typename Lane::Grid& grid, const FieldP
     const Int at = is_near ? pixel + ((q - 1) * grid.stride + p - 1) : Int{};
     value = chosen(is_near, silhouette_value<Lane>(grid, pixels, at, value, depth, k_by), value);
   };
-  planes_around<Lane>(grid, pixels, pixel, depth, values,
-                      [&](int q, int p, Curved<Real>& value) {
-                        if (grid.thickness < static_cast<float>(kSolidBehind)) {
-                          value = with_back(value, Real{} + grid.thickness);
-                        }
-                        if constexpr (Lane::kHasMany) limit(q, p, value);
-                      });
+  planes_around<Lane>(grid, pixels, pixel, depth, values, [&](int q, int p, Curved<Real>& value) {
+    if (grid.thickness < static_cast<float>(kSolidBehind)) {
+      value = with_back(value, Real{} + grid.thickness);
+    }
+    if constexpr (Lane::kHasMany) limit(q, p, value);
+  });
   if constexpr (!Lane::kHasMany) {  // all was read before anything waits for it
     if (!is_near) return;
 #ifdef __CUDA_ARCH__
@@ -309,26 +304,16 @@ PALPATE_FORMULA bool have_no_back(const Curved<Real> (&values)[3][3], float thic
   return !Lane::is_any(below_unbent(least, Real{} + thickness) > Real{});
 }
 
-/// The same. Elements that are sampled together and of which none is near a silhouette need no more
-/// than planes. First derivatives of a GPU do not gain by it.
+/// The same; elements that are sampled together and of which none is near a silhouette need no more
+/// than planes.
 template <class Lane, class Sample, class Real, class Int>
 PALPATE_FORMULA Sample sample_level(const typename Lane::Grid& grid, const FieldPixels& pixels,
                                     const PixelSpot<Lane>& at, Int level, Real depth) {
-#if PALPATE_V == 0
-  constexpr bool kTriesPlanes = Lane::kHasMany;
-#elif PALPATE_V == 2
-  constexpr bool kTriesPlanes = true;
-#else
-  constexpr bool kTriesPlanes =
-      Lane::kHasMany || std::is_same_v<Sample, ImageCurvature<Real>>;
-#endif
-  if constexpr (kTriesPlanes) {
-    if (!Lane::is_any_near_silhouette(pixels, at.pixel)) {
-      Curved<Real> values[3][3];
-      planes_around<Lane>(grid, pixels, at.pixel, depth, values, [](int, int, Curved<Real>&) {});
-      if (have_no_back<Lane>(values, grid.thickness)) {
-        return splined<true, Lane, Sample>(values, at, Lane::inverse_power(level));
-      }
+  if (!Lane::is_any_near_silhouette(pixels, at.pixel)) {
+    Curved<Real> values[3][3];
+    planes_around<Lane>(grid, pixels, at.pixel, depth, values, [](int, int, Curved<Real>&) {});
+    if (have_no_back<Lane>(values, grid.thickness)) {
+      return splined<true, Lane, Sample>(values, at, Lane::inverse_power(level));
     }
   }
   if constexpr (Lane::kHasMany) {
