@@ -1,8 +1,9 @@
-// What elements of a tool sample of a depth field (field_sample.h): the pixels of the one or two
-// levels of their size, splined, and wider ones where they lie deep. One text for all that ask: a
-// `Lane` has the numbers of one element (OneLane: a thread of a GPU, or double precision), or of as
-// many beside each other as a vector has (src/contact/field/field_lanes.h), and the few operations
-// in which these differ. So a processor and a GPU compute the same, and loops alone are their own.
+// The steps of a query of a depth field (formulas: field_sample.h): an element samples the pixels
+// of the one or two levels of its size, and wider ones where it lies deep. One text for all that
+// ask: a `Lane` has the numbers of one element (OneLane: a thread of a GPU, or double precision),
+// or of as many beside each other as a vector has (src/contact/field/field_lanes.h), and the
+// operations in which these differ. So a processor and a GPU compute the same; the order of work is
+// their own.
 #pragma once
 
 #include <cstring>
