@@ -20,7 +20,7 @@ struct FieldGrid {
   std::int32_t stride = 0, last_level = -1;             ///< -1: no field
   std::int32_t start[DepthFieldView::kMaxLevels] = {};  ///< pixel (0, 0) of each level
 };
-PALPATE_HOSTDEV inline FieldGrid grid_of(const DepthFieldView& view) {
+PALPATE_FORMULA FieldGrid grid_of(const DepthFieldView& view) {
   FieldGrid grid;
   grid.fx = static_cast<float>(view.intrinsics.fx);
   grid.fy = static_cast<float>(view.intrinsics.fy);
@@ -44,7 +44,7 @@ struct FieldPixels {
   const Silhouette* silhouettes = nullptr;
   const std::uint8_t* near_silhouette = nullptr;
 };
-PALPATE_HOSTDEV inline FieldPixels pixels_of(const DepthFieldView& view) {
+PALPATE_FORMULA FieldPixels pixels_of(const DepthFieldView& view) {
   return {view.levels[0].planes, view.levels[0].silhouettes, view.levels[0].near_silhouette};
 }
 
