@@ -10,7 +10,7 @@
 #include "eval/studies/range.h"
 #include "eval/studies/silhouettes.h"
 #include "eval/studies/verdict_rules.h"
-#include "src/field/internal/field_sample.h"
+#include "src/field/internal/field_point.h"
 #include "src/math/internal/random.h"
 
 namespace palpate::eval {

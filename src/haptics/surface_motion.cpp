@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "src/field/internal/field_sample.h"
+#include "src/field/internal/field_point.h"
 #include "src/haptics/tangents.h"
 
 namespace palpate { inline namespace v0 {

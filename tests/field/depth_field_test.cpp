@@ -9,7 +9,7 @@
 #include <gtest/gtest.h>
 
 #include "palpate/math/geometry.h"
-#include "src/field/internal/field_sample.h"
+#include "src/field/internal/field_point.h"
 #include "tests/field/field_clouds.h"
 #include "tests/test_util/random.h"
 

@@ -1,6 +1,6 @@
 // The depth field with its second derivatives, as the Python module queries it, against the field
 // and its gradient.
-#include "src/field/internal/field_curvature.h"
+#include "src/field/internal/field_point.h"
 
 #include <cmath>
 #include <utility>

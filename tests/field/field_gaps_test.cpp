@@ -9,7 +9,7 @@
 #include "palpate/field/depth_field.h"
 #include "palpate/math/geometry.h"
 #include "src/cloud/internal/tangent_plane.h"
-#include "src/field/internal/field_sample.h"
+#include "src/field/internal/field_point.h"
 #include "tests/test_util/random.h"
 
 namespace palpate {

@@ -7,7 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "palpate/field/sensor.h"
-#include "src/field/internal/field_sample.h"
+#include "src/field/internal/field_point.h"
 #include "tests/test_util/allocation_counter.h"
 #include "tests/test_util/random.h"
 

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "palpate/field/depth_field.h"
-#include "src/field/internal/field_sample.h"
+#include "src/field/internal/field_point.h"
 #include "tests/test_util/random.h"
 
 namespace palpate {

@@ -5,7 +5,7 @@
 
 #include <gtest/gtest.h>
 
-#include "src/field/internal/field_sample.h"
+#include "src/field/internal/field_point.h"
 #include "tests/test_util/allocation_counter.h"
 
 namespace palpate {

@@ -9,7 +9,7 @@
 #include "palpate/cloud/surface_estimator.h"
 #include "palpate/field/depth_field.h"
 #include "scenes/scene.h"
-#include "src/field/internal/field_sample.h"
+#include "src/field/internal/field_point.h"
 
 namespace palpate {
 inline namespace v0 {

@@ -9,7 +9,7 @@
 #include "palpate/contact/contact.h"
 #include "src/contact/internal/ball_cut.h"
 #include "src/contact/internal/field_elements.h"
-#include "src/field/internal/field_sample.h"
+#include "src/field/internal/field_point.h"
 #include "tests/test_util/ball_truth.h"
 
 namespace palpate::test {

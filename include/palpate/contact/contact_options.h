@@ -87,8 +87,7 @@ struct Penetration {
   int num_points = 0;            ///< points inside some sphere
   ContactStatus status;
   /// field: the part of the tool more than kSeenBehind behind everything that any camera has seen,
-  /// or outside of all images, m3. For a camera without SurfaceView::seen_free only on request;
-  /// else 0.
+  /// or outside of all images, m3. For a camera by itself only on request; else 0.
   double unseen_volume = 0;
 };
 
@@ -276,8 +275,9 @@ enum class SphereState : std::uint8_t { outside, boundary, inside };
 struct ContactWants {
   bool stiffness = false;  ///< `field` only: closed-form stiffness and VolumeMoments
   bool noise = false;      ///< `field` only: by the noise of the cameras; the first one allocates
-  /// Computes Penetration::unseen_volume also for a camera without SurfaceView::seen_free, on a
-  /// CPU: behind the surface of its own pixel, where that has none, or outside of the image.
+  /// Computes Penetration::unseen_volume also for a camera by itself. Without
+  /// SurfaceView::seen_free, on a CPU: behind the surface of its own pixel, where that has none, or
+  /// outside of the image.
   bool unseen_volume = false;
   /// State of each sphere; empty, or as many elements as the tool has spheres.
   std::span<SphereState> states{};

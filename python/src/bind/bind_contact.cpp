@@ -73,6 +73,8 @@ PyResult measure(PyContact& self, nb::handle given, nb::handle pose, bool with_s
   ContactWants wants = spheres.wants();
   wants.stiffness = with_stiffness;
   wants.noise = with_std;
+  const bool has_seen_free = cameras[0].to.role == SurfaceRole::one_of_several;
+  wants.unseen_volume = has_seen_free;
   const ContactResult measured = self.alone([&](const Contact& contact) {
     const ContactResult result = contact.measure(cameras, X_WT, wants);
     fraction = contact.fraction(result.penetration);
@@ -103,7 +105,7 @@ PyResult measure(PyContact& self, nb::handle given, nb::handle pose, bool with_s
     result.force_std = noise->force_std();
     result.torque_std = noise->torque_std();
   }
-  if (cameras[0].to.role == SurfaceRole::one_of_several) result.unseen = of_whole;
+  if (has_seen_free) result.unseen = of_whole;
   return result;
 }
 

@@ -11,7 +11,7 @@
 #include "src/contact/internal/ball_parts.h"
 #include "src/contact/internal/field_elements.h"
 #include "src/contact/internal/hull_rules.h"
-#include "src/field/internal/field_curvature.h"
+#include "src/field/internal/field_point.h"
 
 namespace palpate::python {
 namespace {

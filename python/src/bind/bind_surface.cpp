@@ -12,7 +12,7 @@
 #include "palpate/field/sensor.h"
 #include "python/src/arrays.h"
 #include "python/src/bindings.h"
-#include "src/field/internal/field_sample.h"
+#include "src/field/internal/field_point.h"
 
 namespace palpate::python {
 namespace {

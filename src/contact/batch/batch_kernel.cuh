@@ -66,9 +66,9 @@ __device__ void prepare(const BatchJob& job, int pose, Scratch& shared) {
   } else if (thread == 0 && surface >= 0) {
     FieldLook& field = shared.field = job.first;
     const std::ptrdiff_t pixels = surface * job.pixels_apart;
-    field.planes += 2 * pixels;
-    field.silhouettes += 2 * pixels;
-    field.near_silhouette += pixels;
+    field.pixels.planes += 2 * pixels;
+    field.pixels.silhouettes += 2 * pixels;
+    field.pixels.near_silhouette += pixels;
     field.tiles += surface * job.tiles_apart;
   }
   if (thread == 0 && surface >= 0) {
@@ -77,7 +77,7 @@ __device__ void prepare(const BatchJob& job, int pose, Scratch& shared) {
   __syncthreads();
   if (thread == 0) {
     StepStatus status = StepStatus::ok;
-    if (surface < 0 || shared.field.last_level < 0) {
+    if (surface < 0 || shared.field.grid.last_level < 0) {
       status = StepStatus::no_surface;
     } else if (!shared.at.is_finite) {
       status = StepStatus::non_finite_pose;

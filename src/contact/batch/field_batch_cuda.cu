@@ -11,7 +11,7 @@
 namespace palpate { inline namespace v0 {
 namespace {
 
-static_assert(sizeof(FieldLook) == 19 * sizeof(std::uint64_t), "no padding: looks are compared");
+static_assert(sizeof(FieldLook) == 21 * sizeof(std::uint64_t), "no padding: looks are compared");
 
 Error refuse(std::string message) { return {Errc::invalid_argument, std::move(message)}; }
 

@@ -73,21 +73,14 @@ __device__ void add_ball(const FieldLook& field, const float* places, float coun
   const bool is_before_camera = e.p[2] > kMinDepth;
   const float p[3] = {e.p[0], e.p[1], is_before_camera ? e.p[2] : kMinDepth};
   const ElementLook at = look_at(field.frame, p);
-  const Sample answer = query_deep<Sample>(field, at, e.radius);
-  const Gradient& g = first_of(answer);
-  const Gradient3<float> n =
-      to_space(g, at.from_u, at.from_v, at.inverse_depth, field.frame.fx, field.frame.fy);
-  SpaceCurvature<float> here{{g.phi, n.x, n.y, n.z}, {}};
-  if constexpr (kWithStiffness) {
-    here.h = hessian_in_space(answer, at.from_u, at.from_v, at.inverse_depth, field.frame.fx,
-                              field.frame.fy);
-  }
+  auto here = in_space(field.frame, at, query_deep<Sample>(field, at, e.radius));
   // Values far off are limited, as in the depth hull.
   const float extent = (gpu::lane_id() < kNumBallParts ? kPartExtent : 1.0f) * e.radius;
-  here = composed(limited(g.phi, e.radius, extent), here);
-  const SpaceGradient<float>& first = here.first;
+  here = composed(limited(first_of(here).phi, e.radius, extent), here);
+  const SpaceGradient<float>& first = first_of(here);
   add_ball<kWithStiffness>(places, count, e, first.phi, is_before_camera && first.phi < e.radius,
-                           is_before_camera, {first.x, first.y, first.z}, here.h, sum, sums);
+                           is_before_camera, {first.x, first.y, first.z}, second_of(here), sum,
+                           sums);
 }
 
 }}}  // namespace palpate::v0

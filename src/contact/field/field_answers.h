@@ -36,11 +36,8 @@ struct Lanes {
   return e;
 }
 
-[[gnu::always_inline]] inline Gradient& first_of(Gradient& g) { return g; }
-[[gnu::always_inline]] inline Gradient& first_of(Curvature& c) { return c.first; }
-
 [[gnu::always_inline]] inline Look look_of(const Grid& grid, const Lanes& e, VecF radius) {
-  return look_at(grid, e.from_u + grid.cx, e.from_v + grid.cy, e.inverse_depth, radius);
+  return look_at<Vectors>(grid, e.from_u + grid.cx, e.from_v + grid.cy, e.inverse_depth, radius);
 }
 
 // Values of the fields for a vector of elements.

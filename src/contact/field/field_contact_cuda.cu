@@ -10,6 +10,7 @@
 #include "src/contact/cuda/finish_measure.cuh"
 #include "src/contact/field/field_contact.h"
 #include "src/contact/field/whole_clusters_cuda.cuh"
+#include "src/field/internal/field_point.h"
 
 namespace palpate { inline namespace v0 {
 namespace {
@@ -43,7 +44,7 @@ __global__ void __launch_bounds__(kThreadsOf<Sample>, 3)
 #pragma unroll
     for (int k = 0; k < kNumFields; ++k) {
       const FieldLook& field = query.fields[k];
-      if (kNumFields > 1 && field.last_level < 0) continue;
+      if (kNumFields > 1 && field.grid.last_level < 0) continue;
       add_clusters<Sample>(elements, field, kNumFields > 1 ? field.weight : 1.0f,
                            k == kNumFields - 1, begin, num_warps, query.max_tiles, share,
                            &stiffness);

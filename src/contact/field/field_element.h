@@ -166,4 +166,20 @@ PALPATE_FORMULA void stiffness_terms(const Gradient3<Real>& l, Real volume, Real
   terms[StiffnessSums::kPolar] = volume * (cx * cx + cy * cy + cz * cz) + polar;
 }
 
+/// Takes the second derivatives of a potential off the terms: product(i, k) is the one by motions i
+/// and k, of three shifts and three turns.
+template <class Terms, class Product>
+PALPATE_FORMULA void subtract_products(const Product& product, Terms& terms) {
+  int place = 0;
+  for (int row = 0; row < 3; ++row) {
+    for (int column = 0; column < 3; ++column) {
+      terms[StiffnessSums::kLS + 3 * row + column] -= product(row + 3, column);
+      if (column < row) continue;
+      terms[StiffnessSums::kS + place] -= product(row, column);
+      terms[StiffnessSums::kLSL + place] += product(row + 3, column + 3);
+      ++place;
+    }
+  }
+}
+
 }}  // namespace palpate::v0

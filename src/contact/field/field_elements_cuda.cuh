@@ -7,21 +7,18 @@
 #include "src/contact/field/field_tool_cuda.h"
 #include "src/contact/internal/ball_cut.h"
 #include "src/contact/internal/hull_rules.h"
+#include "src/field/internal/field_sampler.h"
 #include "src/gpu/internal/team.cuh"
 
 namespace palpate { inline namespace v0 {
 static_assert(SphereClusters::kSize == gpu::kWarpSize);
 
-// A field as kernels read it: constants of all levels, and the arrays of each.
+// A field as kernels read it, with the tool in its camera. No levels: no field.
 struct FieldLook {
-  const float* planes = nullptr;  // of level 0; the other levels follow
-  const Silhouette* silhouettes = nullptr;
-  const std::uint8_t* near_silhouette = nullptr;
+  FieldPixels pixels;
   const DepthTile* tiles = nullptr;
   std::int32_t tiles_wide = 0, tiles_high = 0;
-  std::int32_t start[DepthFieldView::kMaxLevels] = {};  // pixel (0, 0) of each level
-  std::int32_t stride = 0, last_level = -1;             // -1: no field
-  float width = 0, height = 0, thickness = 0;
+  FieldGrid grid;
   FieldFrame frame;
   float weight = 0;
 };
@@ -30,19 +27,8 @@ inline FieldLook look_of(const DepthFieldView& view, const FieldFrame& frame, do
   FieldLook look;
   look.frame = frame;
   if (view.num_levels == 0) return look;
-  const DepthFieldLevel& finest = view.levels[0];
-  look.planes = finest.planes;
-  look.silhouettes = finest.silhouettes;
-  look.near_silhouette = finest.near_silhouette;
-  for (int k = 0; k < view.num_levels; ++k) {
-    look.start[k] =
-        static_cast<std::int32_t>(view.levels[k].near_silhouette - finest.near_silhouette);
-  }
-  look.stride = finest.stride;
-  look.last_level = view.num_levels - 1;
-  look.width = static_cast<float>(finest.width);
-  look.height = static_cast<float>(finest.height);
-  look.thickness = view.thickness;
+  look.pixels = pixels_of(view);
+  look.grid = grid_of(view);
   look.tiles = view.tiles;
   look.tiles_wide = view.tiles_wide;
   look.tiles_high = view.tiles_high;
@@ -83,79 +69,6 @@ struct FieldShare {
 struct StiffnessShare {
   float numbers[StiffnessSums::kNum] = {};
 };
-
-__device__ inline float scale_of(int level) {
-  return __int_as_float((127 - level) << 23);
-}  // 2^-level
-
-__device__ inline DepthFieldLevel level_of(const FieldLook& field, int number) {
-  const int start = field.start[number];
-  DepthFieldLevel level;
-  level.planes = field.planes + 2 * std::ptrdiff_t{start};
-  level.silhouettes = field.silhouettes + 2 * std::ptrdiff_t{start};
-  level.near_silhouette = field.near_silhouette + start;
-  level.stride = field.stride;
-  level.scale = scale_of(number);
-  level.last_u = field.width * level.scale - DepthFieldLevel::kFirst;
-  level.last_v = field.height * level.scale - DepthFieldLevel::kFirst;
-  return level;
-}
-
-// Level and blend for a footprint = m 2^e with m in [1, 2), as the vector kernel chooses them:
-// between levels e and e + 1.
-__device__ inline LevelChoice<float> choose(float footprint, int last_level, float inverse_depth) {
-  const int bits = __float_as_int(footprint < 1.0f ? 1.0f : footprint);
-  const int exponent = (bits >> 23) - 127;
-  const float m = __int_as_float((bits & 0x7fffff) | 0x3f800000);
-  const float x = (m - 1.0f) * (1.0f / (kBlendEnd - 1));
-  const Sloped<float> step = smooth_step(x);
-  LevelChoice<float> choice;
-  choice.level = last_level;
-  if (exponent >= last_level) return choice;
-  const bool is_next = step.value >= 1.0f;
-  choice.level = exponent + is_next;
-  if (!is_next) {
-    const float x_by_z = m * inverse_depth * (-1.0f / (kBlendEnd - 1));
-    choice.blend = {step.value, step.slope * x_by_z};
-    const float bend = x > 0.0f && x < 1.0f ? 6.0f - 12.0f * x : 0.0f;
-    choice.blend_by_zz = x_by_z * (bend * x_by_z - 2.0f * step.slope * inverse_depth);
-  }
-  return choice;
-}
-
-__device__ inline const Gradient& first_of(const Gradient& g) { return g; }
-__device__ inline const Gradient& first_of(const Curvature& c) { return c.first; }
-
-// Samples a sphere of this radius on the one or two levels of its size. `Sample` is a Gradient or a
-// Curvature.
-template <class Sample>
-__device__ Sample query_field(const FieldLook& field, float u, float v, float depth,
-                              float inverse_depth, float radius) {
-  const LevelChoice<float> choice =
-      choose(kFootprint * radius * field.frame.fx * inverse_depth, field.last_level, inverse_depth);
-  Sample answer{};
-  LevelChoice<float> part;  // of the next sample
-  part.blend = {1, 0};
-#pragma unroll 1
-  for (int number = choice.level;; ++number) {
-    const DepthFieldLevel level = level_of(field, number);
-    const PixelSpot<float> spot = spot_at(level, u, v);
-    Curved<float> values[3][3];
-    constexpr bool kIsCurvature = std::is_same_v<Sample, Curvature>;
-    values_around<kIsCurvature ? 1 : 3>(level, spot.pixel, depth, field.thickness, field.frame.fx,
-                                        values);
-    if constexpr (kIsCurvature) {
-      answer = blended(answer, curvature_of(values, spot.s, spot.t, level.scale), part.blend.value,
-                       part.blend.slope, part.blend_by_zz);
-    } else {
-      answer = mixed(answer, gradient_of(values, spot.s, spot.t, level.scale), part.blend.value,
-                     part.blend.slope);
-    }
-    if (number > choice.level || !(choice.blend.value > 0)) break;
-    part = choice;
-  }
-  return answer;
-}
 
 // Position and weight of an element.
 struct Element {
@@ -203,22 +116,8 @@ __device__ inline ElementLook look_at(const FieldFrame& frame, const float (&p)[
 // Samples a sphere of this radius, and wider ones if it lies deep.
 template <class Sample>
 __device__ Sample query_deep(const FieldLook& field, const ElementLook& at, float radius) {
-  Sample answer{};
-  float requested = radius;
-#pragma unroll 1
-  for (int step = 0;; ++step) {
-    const Sample here =
-        query_field<Sample>(field, at.u, at.v, at.depth, at.inverse_depth, requested);
-    if (step > 0) {
-      const float finer = requested * (1.0f / kDeepGrowth);
-      answer = deepened(answer, here, first_of(answer).phi, first_of(here).phi, finer);
-    } else {
-      answer = here;
-    }
-    if (step == kMaxDeepSteps || !(first_of(answer).phi < -deep_limit(requested))) break;
-    requested *= kDeepGrowth;
-  }
-  return answer;
+  return query_deep<OneLane<float>, Sample>(field.grid, field.pixels, at.u, at.v, at.depth,
+                                            at.inverse_depth, radius);
 }
 
 // Adds an element cut at `phi` whose volume shrinks by `disc` phi: the field has this gradient
@@ -269,22 +168,16 @@ __device__ void add_element(const FieldLook& field, const Element& e, FieldShare
   const ElementLook at = look_at(field.frame, e.p);
   if constexpr (kWithStiffness) {
     // Few elements touch the surface, and only their second derivatives are computed.
-    if (!(query_field<Gradient>(field, at.u, at.v, at.depth, at.inverse_depth, e.radius).phi <
-          e.radius)) {
-      return;
-    }
+    const auto look = look_at<OneLane<float>>(field.grid, at.u, at.v, at.inverse_depth, e.radius);
+    const auto g =
+        query_field<Gradient>(field.grid, field.pixels, look, at.depth, at.inverse_depth);
+    if (!(g.phi < e.radius)) return;
   }
   const Sample answer = query_deep<Sample>(field, at, e.radius);
-  const Gradient& g = first_of(answer);
-  if (!(g.phi < e.radius)) return;
-  const Gradient3<float> gradient =
-      to_space(g, at.from_u, at.from_v, at.inverse_depth, field.frame.fx, field.frame.fy);
-  Symmetric<float> h{};
-  if constexpr (kWithStiffness) {
-    h = hessian_in_space(answer, at.from_u, at.from_v, at.inverse_depth, field.frame.fx,
-                         field.frame.fy);
-  }
-  add_cut<kWithStiffness>(e, g.phi, gradient, h, sum, sums);
+  if (!(first_of(answer).phi < e.radius)) return;
+  const auto here = in_space(field.frame, at, answer);
+  const SpaceGradient<float>& g = first_of(here);
+  add_cut<kWithStiffness>(e, g.phi, {g.x, g.y, g.z}, second_of(here), sum, sums);
 }
 
 /// Adds the sums of a thread.

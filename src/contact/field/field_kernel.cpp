@@ -44,15 +44,8 @@ template <class Sample, int kFields>
 [[gnu::always_inline]] inline SpaceCurvature<VecF> in_space(const FieldFrame& frame,
                                                             Answers<Sample, kFields>& answers,
                                                             int i, int k) {
-  const Lanes& e = answers.lanes[i];
-  Sample& sample = answers.fields[i].samples[k];
-  const Gradient& g = first_of(sample);
-  const Gradient3<VecF> n = to_space(g, e.from_u, e.from_v, e.inverse_depth, frame.fx, frame.fy);
-  SpaceCurvature<VecF> field{{g.phi, n.x, n.y, n.z}, {}};
-  if constexpr (std::is_same_v<Sample, Curvature>) {
-    field.h = hessian_in_space(sample, e.from_u, e.from_v, e.inverse_depth, frame.fx, frame.fy);
-  }
-  return field;
+  const auto at = palpate::in_space(frame, answers.lanes[i], answers.fields[i].samples[k]);
+  return {first_of(at), second_of(at)};
 }
 
 /// Samples the fields near a cluster, by the bits of `near`. Returns the number of its vectors.

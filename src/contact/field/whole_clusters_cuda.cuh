@@ -105,17 +105,10 @@ __device__ void add_clusters(const ElementsView& elements, const FieldLook& fiel
   }
   if (!(whole > 0.0f)) return;
   const ElementLook at = look_at(field.frame, ball.p);
-  const Sample answer = query_deep<Sample>(field, at, ball.radius);
-  const Gradient& g = first_of(answer);
-  const Gradient3<float> n =
-      to_space(g, at.from_u, at.from_v, at.inverse_depth, field.frame.fx, field.frame.fy);
-  Symmetric<float> h{};
-  if constexpr (kWithStiffness) {
-    h = hessian_in_space(answer, at.from_u, at.from_v, at.inverse_depth, field.frame.fx,
-                         field.frame.fy);
-  }
+  const auto here = in_space(field.frame, at, query_deep<Sample>(field, at, ball.radius));
+  const SpaceGradient<float>& g = first_of(here);
   const Curved<float> part = whole_share(g.phi, elements.whole_depths[mine]);
-  add_whole<kWithStiffness>(ball, part, kept, {g.phi, n.x, n.y, n.z}, h, share, sums);
+  add_whole<kWithStiffness>(ball, part, kept, g, second_of(here), share, sums);
   if (!(whole < 1.0f) && counted) share.num_inside += static_cast<int>(elements.whole_counts[mine]);
 }
 

@@ -100,7 +100,7 @@ __device__ bool sees_free(const HullEye& eye, const FieldLook (&fields)[2], cons
     const BallWindow window =
         window_of(look.frame, ball, distance, look.tiles_wide, look.tiles_high);
     if (!window.is_before_camera() || window.first_u < 0 || window.first_v < 0 ||
-        window.last_u > look.width - 1.0f || window.last_v > look.height - 1.0f ||
+        window.last_u > look.grid.width - 1.0f || window.last_v > look.grid.height - 1.0f ||
         !is_in_front(look, ball, distance)) {
       return false;
     }

@@ -59,9 +59,10 @@ ContactResult ContactQuery::measure(std::span<const SurfaceBlend> cameras, const
   if (result.penetration.status.is_unmeasured()) return result;
   std::fill(wants.deciders.begin(), wants.deciders.end(), 0);
   double& unseen = result.penetration.unseen_volume = 0;
+  if (!wants.unseen_volume && wants.unseen.empty()) return result;
   if (camera.to.role == SurfaceRole::one_of_several) {
     unseen = measure_hull(cameras, X, {.unseen = wants.unseen}).penetration.unseen_volume;
-  } else if (wants.unseen_volume || !wants.unseen.empty()) {
+  } else {
     std::fill(wants.unseen.begin(), wants.unseen.end(), 0);
     unseen = unseen_by_one(camera.to, Seat(camera.to, X).X_CT, wants.unseen);
   }

@@ -175,16 +175,7 @@ PALPATE_FORMULA void add_form(const Real (&form)[5][5], const Real (&X)[5][6], R
     for (int i = 0; i < 5; ++i) total += X[i][row] * moments[i][column];
     return scale * total;
   };
-  int place = 0;
-  for (int row = 0; row < 3; ++row) {
-    for (int column = 0; column < 3; ++column) {
-      terms[StiffnessSums::kLS + 3 * row + column] -= product(row + 3, column);
-      if (column < row) continue;
-      terms[StiffnessSums::kS + place] -= product(row, column);
-      terms[StiffnessSums::kLSL + place] += product(row + 3, column + 3);
-      ++place;
-    }
-  }
+  subtract_products(product, terms);
 }
 
 /// Returns the factor by which the force of a tool counts, so that it is never longer than

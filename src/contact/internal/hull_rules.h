@@ -190,23 +190,34 @@ PALPATE_FORMULA Curved<Real> limited(Real phi, Real radius, Real extent) {
   return {phi - above.value, 1.0f - above.slope, -above.bend};
 }
 
-/// Returns a camera's sample at `at` (from_u, from_v, inverse_depth), in the world. `Sample` is an
-/// ImageGradient or an ImageCurvature.
+/// Returns a camera's sample at `at` (from_u, from_v, inverse_depth), in space along its axes.
 template <class Real, class At>
-PALPATE_FORMULA SpaceGradient<Real> rotated_to_world(const float (&R_WC)[3][3],
-                                                     const FieldFrame& frame, const At& at,
-                                                     const ImageGradient<Real>& g) {
-  const Gradient3<Real> n =
-      turned(R_WC, to_space(g, at.from_u, at.from_v, at.inverse_depth, frame.fx, frame.fy));
+PALPATE_FORMULA SpaceGradient<Real> in_space(const FieldFrame& frame, const At& at,
+                                             const ImageGradient<Real>& g) {
+  const Gradient3<Real> n = to_space(g, at.from_u, at.from_v, at.inverse_depth, frame.fx, frame.fy);
   return {g.phi, n.x, n.y, n.z};
 }
 template <class Real, class At>
-PALPATE_FORMULA SpaceCurvature<Real> rotated_to_world(const float (&R_WC)[3][3],
-                                                      const FieldFrame& frame, const At& at,
-                                                      const ImageCurvature<Real>& c) {
-  const Symmetric<Real> h =
-      hessian_in_space(c, at.from_u, at.from_v, at.inverse_depth, frame.fx, frame.fy);
-  return {rotated_to_world(R_WC, frame, at, c.first), turned(R_WC, h)};
+PALPATE_FORMULA SpaceCurvature<Real> in_space(const FieldFrame& frame, const At& at,
+                                              const ImageCurvature<Real>& c) {
+  return {in_space(frame, at, c.first),
+          hessian_in_space(c, at.from_u, at.from_v, at.inverse_depth, frame.fx, frame.fy)};
+}
+/// Returns it in other axes.
+template <class Real>
+PALPATE_FORMULA SpaceGradient<Real> turned(const float (&R)[3][3], const SpaceGradient<Real>& s) {
+  const Gradient3<Real> n = turned(R, Gradient3<Real>{s.x, s.y, s.z});
+  return {s.phi, n.x, n.y, n.z};
+}
+template <class Real>
+PALPATE_FORMULA SpaceCurvature<Real> turned(const float (&R)[3][3], const SpaceCurvature<Real>& s) {
+  return {turned(R, s.first), turned(R, s.h)};
+}
+/// Returns a camera's sample in the world. `Sample` is an ImageGradient or an ImageCurvature.
+template <class At, class Sample>
+PALPATE_FORMULA auto rotated_to_world(const float (&R_WC)[3][3], const FieldFrame& frame,
+                                      const At& at, const Sample& sample) {
+  return turned(R_WC, in_space(frame, at, sample));
 }
 /// Returns it limited, for balls of this radius.
 template <class Real, class At, class Sample>

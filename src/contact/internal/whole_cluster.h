@@ -56,16 +56,7 @@ PALPATE_FORMULA void add_exchange(Real by_phi, const Real (&J)[6], const Real (&
   const auto product = [&](int row, int column) {
     return by_phi * (J[row] * W[column] + W[row] * J[column]);
   };
-  int place = 0;
-  for (int row = 0; row < 3; ++row) {
-    for (int column = 0; column < 3; ++column) {
-      terms[StiffnessSums::kLS + 3 * row + column] -= product(row + 3, column);
-      if (column < row) continue;
-      terms[StiffnessSums::kS + place] -= product(row, column);
-      terms[StiffnessSums::kLSL + place] += product(row + 3, column + 3);
-      ++place;
-    }
-  }
+  subtract_products(product, terms);
 }
 
 }}  // namespace palpate::v0

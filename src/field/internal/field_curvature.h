@@ -5,14 +5,6 @@
 
 namespace palpate { inline namespace v0 {
 
-/// A field sample and the symmetric matrix of its second derivatives in space, 1/m. The field is
-/// once continuously differentiable, so these jump between pixels.
-struct CurvedFieldSample {
-  double phi = 0;
-  Vec3d gradient;
-  Mat3d hessian;
-};
-
 /// First and second derivatives in (u, v, z).
 template <class Real>
 struct ImageCurvature {
@@ -20,8 +12,17 @@ struct ImageCurvature {
   Real uu{}, uv{}, vv{}, uz{}, vz{}, zz{};
 };
 
-/// Derivatives of the spline over three by three pixels, given row by row.
 template <class Real>
+PALPATE_FORMULA const ImageGradient<Real>& first_of(const ImageGradient<Real>& g) {
+  return g;
+}
+template <class Real>
+PALPATE_FORMULA const ImageGradient<Real>& first_of(const ImageCurvature<Real>& c) {
+  return c.first;
+}
+
+/// Derivatives of the spline over three by three pixels, given row by row. Planes do not bend.
+template <bool kArePlanes, class Real>
 PALPATE_FORMULA ImageCurvature<Real> curvature_of(const Curved<Real> (&values)[3][3], Real s,
                                                   Real t, Real scale) {
   Curved<Real> phi[3], by_z[3], by_zz[3];
@@ -41,7 +42,7 @@ PALPATE_FORMULA ImageCurvature<Real> curvature_of(const Curved<Real> (&values)[3
           value.bend * squared,
           spline(by_z[0].slope, by_z[1].slope, by_z[2].slope, t).value * scale,
           z_value.slope * scale,
-          spline(by_zz[0].value, by_zz[1].value, by_zz[2].value, t).value};
+          kArePlanes ? Real{} : spline(by_zz[0].value, by_zz[1].value, by_zz[2].value, t).value};
 }
 
 /// `blend` of the next wider level, with its derivatives by z.
@@ -127,51 +128,6 @@ PALPATE_FORMULA ImageCurvature<Real> chosen(const auto& condition, const ImageCu
           condition ? a.uz : b.uz,
           condition ? a.vz : b.vz,
           condition ? a.zz : b.zz};
-}
-
-/// As query_field, with second derivatives.
-PALPATE_HOSTDEV inline ImageCurvature<double> query_field_curvature(const DepthFieldView& field,
-                                                                    const PixelPosition<double>& at,
-                                                                    double z, double radius) {
-  const LevelChoice<double> choice = choose_level(field, radius, z);
-  const auto sample = [&](const DepthFieldLevel& level) {
-    const PixelSpot<double> spot = spot_at(level, at.u, at.v);
-    Curved<double> values[3][3];
-    values_around(level, spot.pixel, z, static_cast<double>(field.thickness), field.intrinsics.fx,
-                  values);
-    return curvature_of(values, spot.s, spot.t, static_cast<double>(level.scale));
-  };
-  const ImageCurvature<double> c = sample(field.levels[choice.level]);
-  if (!(choice.blend.value > 0)) return c;
-  return blended(c, sample(field.levels[choice.level + 1]), choice.blend.value, choice.blend.slope,
-                 choice.blend_by_zz);
-}
-
-/// As sample_field, with second derivatives.
-PALPATE_HOSTDEV inline CurvedFieldSample sample_field_curvature(const DepthFieldView& field,
-                                                                const Vec3d& p_C, double radius) {
-  const double z = p_C.z, none = NAN;
-  if (!is_place(p_C)) {
-    return {
-        none, {none, none, none}, {{{none, none, none}, {none, none, none}, {none, none, none}}}};
-  }
-  if (!(z > static_cast<double>(kMinDepth))) return {2 * radius, {}, {}};
-  const PixelPosition<double> at = project(field.intrinsics, p_C);
-  ImageCurvature<double> c = query_field_curvature(field, at, z, radius);
-  double requested = radius;
-  for (int i = 0; i < kMaxDeepSteps && c.first.phi < -deep_limit(requested); ++i) {
-    const ImageCurvature<double> wide =
-        query_field_curvature(field, at, z, requested * kDeepGrowth);
-    c = deepened(c, wide, c.first.phi, wide.first.phi, requested);
-    requested *= kDeepGrowth;
-  }
-  const float fx = static_cast<float>(field.intrinsics.fx);
-  const float fy = static_cast<float>(field.intrinsics.fy);
-  const Gradient3<double> n = to_space(c.first, at.from_center_u, at.from_center_v, 1 / z, fx, fy);
-  const Symmetric<double> h =
-      hessian_in_space(c, at.from_center_u, at.from_center_v, 1 / z, fx, fy);
-  return {
-      c.first.phi, {n.x, n.y, n.z}, {{{h.xx, h.xy, h.xz}, {h.xy, h.yy, h.yz}, {h.xz, h.yz, h.zz}}}};
 }
 
 }}  // namespace palpate::v0

@@ -1,5 +1,5 @@
-// The value and gradient of a depth field at a point: shared by host and device, for single
-// numbers and for vectors of numbers.
+// The value and gradient of a depth field at a point: the formulas, shared by host and device, for
+// single numbers and for vectors of numbers. Their steps: field_sampler.h.
 //
 // Each pixel has a value at depth z: near one smooth surface the distance from its ray at that
 // depth to its tangent plane. The field at p = (x, y, z) in the camera frame is a quadratic
@@ -26,9 +26,6 @@
 // values for spheres of radius r, 4 r, 16 r, ... phi is once continuously differentiable in p, so
 // forces are continuous.
 #pragma once
-
-#include <cmath>
-#include <cstring>
 
 #include "src/field/internal/field_values.h"
 
@@ -86,67 +83,6 @@ PALPATE_FORMULA Gradient3<Real> to_space(const ImageGradient<Real>& g, Real from
                                          Real from_center_v, Real inverse_z, float fx, float fy) {
   return {g.by_u * fx * inverse_z, g.by_v * fy * inverse_z,
           g.by_z - (g.by_u * from_center_u + g.by_v * from_center_v) * inverse_z};
-}
-
-/// Image of a point.
-template <class Real>
-struct PixelPosition {
-  Real u, v;                          ///< pixels of level 0
-  Real from_center_u, from_center_v;  ///< from the principal point
-};
-template <class Real>
-PALPATE_HOSTDEV inline PixelPosition<Real> project(const Intrinsics& k, const Vec3<Real>& p_C) {
-  const Real from_u = Real(k.fx) * p_C.x / p_C.z, from_v = Real(k.fy) * p_C.y / p_C.z;
-  return {from_u + Real(k.cx), from_v + Real(k.cy), from_u, from_v};
-}
-
-/// Level that a sphere samples, and the blend with the next wider one.
-template <class Real>
-struct LevelChoice {
-  int level = 0;
-  Sloped<Real> blend{};  ///< the slope is by z
-  Real blend_by_zz{};
-};
-template <class Real>
-PALPATE_HOSTDEV inline LevelChoice<Real> choose_level(const DepthFieldView& field, Real radius,
-                                                      Real z) {
-  Real footprint = Real(kFootprint) * radius * Real(field.intrinsics.fx) / z;
-  LevelChoice<Real> choice;
-  while (footprint >= 2 && choice.level < field.num_levels) {
-    footprint /= 2;
-    ++choice.level;
-  }
-  if (choice.level >= field.num_levels - 1) {
-    choice.level = field.num_levels - 1;
-    return choice;
-  }
-  const Real width = Real(kBlendEnd) - 1, x = (footprint - 1) / width;
-  const Real x_by_z = -footprint / (width * z);
-  const Sloped<Real> step = smooth_step(x);
-  choice.blend = {step.value, step.slope * x_by_z};
-  const bool is_between = x > 0 && x < 1;
-  choice.blend_by_zz =
-      (is_between ? (6 - 12 * x) * x_by_z * x_by_z : Real(0)) - 2 * step.slope * x_by_z / z;
-  return choice;
-}
-
-/// The nearest pixel of a level, and how far right of and below its middle.
-template <class Real>
-struct PixelSpot {
-  std::ptrdiff_t pixel;
-  Real s, t;
-};
-template <class Real>
-PALPATE_HOSTDEV inline PixelSpot<Real> spot_at(const DepthFieldLevel& level, Real u, Real v) {
-  const auto place = [&level](Real at, float last) {
-    const Real least = Real(DepthFieldLevel::kFirst), most = Real(last);
-    const Real p = (at + Real(0.5)) * Real(level.scale) - Real(0.5);
-    return p > least ? (p < most ? p : most) : least;  // NaN: least
-  };
-  const Real at_u = place(u, level.last_u), at_v = place(v, level.last_v);
-  const int i = static_cast<int>(std::floor(at_u + Real(0.5)));
-  const int j = static_cast<int>(std::floor(at_v + Real(0.5)));
-  return {std::ptrdiff_t(j) * level.stride + i, at_u - Real(i), at_v - Real(j)};
 }
 
 /// The B-spline of the values of nine pixels.
@@ -248,58 +184,6 @@ PALPATE_FORMULA ImageGradient<Real> mixed(const ImageGradient<Real>& g,
   return {g.phi + blend * change, g.by_u + blend * (next.by_u - g.by_u),
           g.by_v + blend * (next.by_v - g.by_v),
           g.by_z + blend * (next.by_z - g.by_z) + change * by_z};
-}
-
-/// The value for a sphere of this radius from the one or two levels of its size.
-template <class Real>
-PALPATE_HOSTDEV inline ImageGradient<Real> query_field(const DepthFieldView& field,
-                                                       const PixelPosition<Real>& at, Real z,
-                                                       Real radius) {
-  const LevelChoice<Real> choice = choose_level(field, radius, z);
-  const auto sample = [&](const DepthFieldLevel& level) {
-    const PixelSpot<Real> spot = spot_at(level, at.u, at.v);
-    Curved<Real> values[3][3];
-    values_around(level, spot.pixel, z, Real(field.thickness), Real(field.intrinsics.fx), values);
-    return gradient_of(values, spot.s, spot.t, Real(level.scale));
-  };
-  ImageGradient<Real> g = sample(field.levels[choice.level]);
-  if (choice.blend.value > 0) {
-    const ImageGradient<Real> next = sample(field.levels[choice.level + 1]);
-    g = mixed(g, next, choice.blend.value, choice.blend.slope);
-  }
-  return g;
-}
-
-/// phi for a sphere of this radius (m) at p_C, and its gradient. For single numbers; the vector
-/// kernel of the contact query takes the same steps. In front of kMinDepth: 2 radii, gradient 0.
-/// NaN where p_C is not finite (poses that are not finite never come to the vector kernels).
-template <class Real>
-struct FieldSample {
-  Real phi;
-  Vec3<Real> gradient;
-};
-template <class Real>
-PALPATE_HOSTDEV inline bool is_place(const Vec3<Real>& p) {
-  return p.x * 0 + p.y * 0 + p.z * 0 == 0;  // of infinity it is NaN, too
-}
-template <class Real>
-PALPATE_HOSTDEV inline FieldSample<Real> sample_field(const DepthFieldView& field,
-                                                      const Vec3<Real>& p_C, Real radius) {
-  const Real z = p_C.z, none = Real(NAN);
-  if (!is_place(p_C)) return {none, {none, none, none}};
-  if (!(z > Real(kMinDepth))) return {2 * radius, {}};
-  const PixelPosition<Real> at = project(field.intrinsics, p_C);
-  ImageGradient<Real> g = query_field(field, at, z, radius);
-  Real requested = radius;
-  for (int i = 0; i < kMaxDeepSteps && g.phi < -deep_limit(requested); ++i) {
-    const ImageGradient<Real> wide = query_field(field, at, z, requested * Real(kDeepGrowth));
-    g = deepened(g, wide, g.phi, wide.phi, requested);
-    requested *= Real(kDeepGrowth);
-  }
-  const Gradient3<Real> n =
-      to_space(g, at.from_center_u, at.from_center_v, 1 / z,
-               static_cast<float>(field.intrinsics.fx), static_cast<float>(field.intrinsics.fy));
-  return {g.phi, {n.x, n.y, n.z}};
 }
 
 }}  // namespace palpate::v0

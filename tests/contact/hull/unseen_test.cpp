@@ -81,6 +81,22 @@ TEST_F(Unseen, ByOneCameraIsWhatItDidNotMeasure) {
   EXPECT_LT(at(small.views, 0.03, 0.005).unseen, 0.01);
 }
 
+// One of several, asked alone, costs a second query.
+TEST_F(Unseen, ByOneOfSeveralCamerasAloneIsMeasuredOnRequest) {
+  HullScene scene;
+  test::add_view(scene, test::vga(), {}, dark_image(0.16, 0.03));
+  const Pose X_WT{{kEdge - 0.095, 0, kBlock + 0.005}, {}};
+  std::vector<std::uint8_t> marks(tool_.spheres().size());
+  const Penetration plain = query_->measure(scene.views, X_WT).penetration;
+  const Penetration wanted =
+      query_->measure(scene.views, X_WT, {.unseen_volume = true}).penetration;
+  const Penetration marked = query_->measure(scene.views, X_WT, {.unseen = marks}).penetration;
+  EXPECT_EQ(plain.unseen_volume, 0);
+  EXPECT_GT(wanted.unseen_volume, 0.98 * whole_);
+  EXPECT_EQ(marked.unseen_volume, wanted.unseen_volume);
+  EXPECT_EQ(plain.volume, wanted.volume);
+}
+
 TEST_F(Unseen, BySeveralCamerasIsWhatNoneHasMeasured) {
   HullScene scene;
   for (int k = 0; k < 2; ++k) test::add_view(scene, test::vga(), {}, dark_image(0.16, 0.03));
