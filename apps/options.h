@@ -94,6 +94,7 @@ inline constexpr SettingOption kTimeOptions[] = {{"--time", "time.mode"},
                                                  {"--memory-thickness", "time.memory_thickness"},
                                                  {"--memory-frames", "time.memory_frames"}};
 inline constexpr SettingOption kLoopOptions[] = {{"--rate", "loop.contact_rate"},
+                                                 {"--std", "loop.std"},
                                                  {"--sensing-gpu", "loop.sensing_gpu"}};
 /// Options of tool, surface and hand.
 inline constexpr SettingOption kHandOptions[] = {{"--coupling", "coupling.kind"},

@@ -96,19 +96,19 @@ struct BallSamples {
   bool is_complete = true;        ///< every part has a value
 };
 
-/// Keeps what the values of a ball's parts change: each cuts its own disc, and by the plane of all
-/// of them those of the others. `changes`: of force and torque by a unit of volume.
-inline void keep_ball(NoiseWriter& noise, const BallSamples& at, const BallPlane<Row, float>& plane,
-                      float scale, const Row (&weights)[5], const Row& is_part,
-                      const Row (&changes)[6], const Row& volumes, const Row& discs) {
+/// Adds what the values of a ball's parts change: each cuts its own disc, and by the plane of all of
+/// them those of the others. `n`: the gradients, which change a force by a unit of volume.
+inline void add_ball_noise(NoiseWriter& noise, const BallSamples& at,
+                           const BallPlane<Row, float>& plane, float scale,
+                           const Row (&weights)[5], const Row& is_part, const Row* n,
+                           const Row& volumes, const Row& discs) {
   const SumOfRow sum;
-  Row by_value[kNumChanges];
-  for (int k = 0; k < kNumChanges; ++k) {
-    by_value[k] = k == 0 ? discs : discs * changes[k - 1];
+  Row by_value[4];  // of the volume and the force
+  for (int k = 0; k < 4; ++k) {
+    by_value[k] = k == 0 ? discs : discs * n[k - 1];
     if (!plane.is_plane) continue;
     float X[5];
-    for (int i = 0; i < 5; ++i)
-      X[i] = scale * sum(weights[i] * (k == 0 ? is_part : changes[k - 1]));
+    for (int i = 0; i < 5; ++i) X[i] = scale * sum(weights[i] * (k == 0 ? is_part : n[k - 1]));
     for (int i = 0; i < 5; ++i) {
       float moment = 0;
       for (int j = 0; j < 5; ++j) moment += plane.form[i][j] * X[j];
@@ -116,10 +116,10 @@ inline void keep_ball(NoiseWriter& noise, const BallSamples& at, const BallPlane
     }
   }
   for (int i = 0; i < kNumVectors; ++i) {
-    VecF change[kNumChanges];
-    for (int k = 0; k < kNumChanges; ++k) change[k] = by_value[k].vectors[i];
-    noise.keep(at.lanes[i], at.place[i], volumes.vectors[i], change,
-               {changes[0].vectors[i], changes[1].vectors[i], changes[2].vectors[i]});
+    noise.add(i % RowSums::kParts, at.lanes[i], at.place[i], volumes.vectors[i],
+              by_value[0].vectors[i],
+              {by_value[1].vectors[i], by_value[2].vectors[i], by_value[3].vectors[i]},
+              {n[0].vectors[i], n[1].vectors[i], n[2].vectors[i]});
   }
 }
 
@@ -181,7 +181,7 @@ template <bool kWithStiffness>
   Row weights[5] = {};
   if (plane.is_plane) form_weights(parts, plane.residual, weights);
   if (noise != nullptr) {
-    keep_ball(*noise, at, plane, twice, weights, parts.is_part, changes, volumes, discs);
+    add_ball_noise(*noise, at, plane, twice, weights, parts.is_part, n, volumes, discs);
   }
   if constexpr (kWithStiffness) {
     if (!plane.is_plane) return;

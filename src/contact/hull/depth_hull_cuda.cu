@@ -165,8 +165,9 @@ __global__ void __launch_bounds__(kHullThreads, 2)
     if (whole.value > 0.0f) {
       const Element element =
           element_of(elements.wholes[mine], elements.whole_factors[mine], query.tool);
-      add_whole<kWithStiffness>(element, whole, kept, first_of(at_whole.hull),
-                                second_of(at_whole.hull), share, &stiffness);
+      add_whole<kWithStiffness>(element, elements.whole_polars[mine], whole, kept,
+                                first_of(at_whole.hull), second_of(at_whole.hull), share,
+                                &stiffness);
       add_unseen(at_whole, whole.value * element.factor, element.radius);
       if (!(whole.value < 1.0f)) share.num_inside += static_cast<int>(elements.whole_counts[mine]);
     }

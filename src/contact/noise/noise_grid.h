@@ -4,56 +4,53 @@
 // scale is a quadratic B-spline over white noise of the nodes of a grid, as the field is one over
 // its pixels:
 //
-//   eta(u) = sum_c xi_c B_c(u),   so that   variance = sum_scales v sum_c (sum_e S_e B_c(u_e))^2.
+//   eta(u) = sum_c xi_c B_c(u),   so that   variance = sum_scales v sum_c (sum_p S_p B_c(u_p))^2.
 //
-// Elements add what they do to the nodes of one grid, and a wider grid's nodes follow from those of
-// the finer one, since a wide B-spline is a sum of four narrow ones each way. So elements that see
-// the same pixels are correlated, and so are those within the length of the noise.
+// Patches, the elements of a cluster that one camera decides, add what they do to the nodes of one
+// grid, which are as far apart as a patch is wide: so a spline spreads a patch over what its
+// elements cover. A wider grid's nodes follow from those of the finer one, since a wide B-spline is
+// a sum of four narrow ones each way. So patches that see the same pixels are correlated, and so
+// are those within the length of the noise.
 #pragma once
 
 #include "src/contact/noise/noise_model.h"
-#include "src/contact/noise/noise_rows.h"
+#include "src/contact/noise/noise_patch.h"
 #include "src/field/internal/field_sample.h"
 
 namespace palpate { inline namespace v0 {
 
 /// Nodes of a grid each way, at most, and the numbers of a node: volume, force, torque, and 0.
-inline constexpr int kNoiseNodes = 26, kNoiseNumbers = 8;
+inline constexpr int kNoiseNodes = 18, kNoiseNumbers = 8;
 
-/// Extent of the elements of one camera, and sums over them.
+/// A camera's focal lengths and principal point, where C lies in it, and its axes in W.
+struct NoiseCamera {
+  float fx = 1, fy = 1, cx = 0, cy = 0;
+  float p_WC[3] = {};
+  float R_WC[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+};
+
+/// Extent of the patches of one camera, and means over them.
 struct NoiseReach {
-  float min_u = 1e9f, max_u = -1e9f, min_v = 1e9f, max_v = -1e9f;  ///< pixels of level 0
-  float weight = 0, level = 0, depth = 0;                          ///< sums
+  float min_u = 1e9f, max_u = -1e9f, min_v = 1e9f, max_v = -1e9f;  ///< from the principal point
+  float weight = 0, square = 0, depth = 0;                         ///< sums
 
-  /// Adds an element by the level that it samples and its depth, weighted by what it changes.
-  PALPATE_HOSTDEV void add(const NoiseRows& rows, std::ptrdiff_t element) {
-    const float u = rows.at(NoiseRow::u, element), v = rows.at(NoiseRow::v, element);
-    min_u = u < min_u ? u : min_u;
-    max_u = u > max_u ? u : max_u;
-    min_v = v < min_v ? v : min_v;
-    max_v = v > max_v ? v : max_v;
-    float footprint = rows.at(NoiseRow::footprint, element);
-    const float nearness = rows.at(NoiseRow::inverse_depth, element);
-    // Disc and volume of a ball of that footprint are comparable.
-    const float volume = rows.at(NoiseRow::volume, element);
-    const float disc = rows.change(0, element);
-    const float each = (volume < 0 ? -volume : volume) * nearness + (disc < 0 ? -disc : disc);
-    float of_level = 0;
-    while (footprint >= 2) {
-      footprint *= 0.5f;
-      of_level += 1;
-    }
-    if (footprint > 1) of_level += smooth_step((footprint - 1) * (1 / (kBlendEnd - 1))).value;
-    weight += each;
-    level += each * of_level;
-    depth += each / nearness;
+  PALPATE_HOSTDEV void add(const NoisePatch& patch) {
+    min_u = patch.u < min_u ? patch.u : min_u;
+    max_u = patch.u > max_u ? patch.u : max_u;
+    min_v = patch.v < min_v ? patch.v : min_v;
+    max_v = patch.v > max_v ? patch.v : max_v;
+    weight += patch.weight;
+    square += patch.weight * patch.square;
+    depth += patch.weight * patch.depth;
   }
 };
 
-/// Returns the grid of the elements: as fine as the pixels that they sample, but not too large.
-PALPATE_HOSTDEV inline CellWindow noise_window(const NoiseReach& reach) {
+/// Returns the grid of the patches, which is not too large. A B-spline over nodes h apart has the
+/// second moment h^2 / 4 each way.
+PALPATE_HOSTDEV inline CellWindow noise_window(const NoiseReach& reach, const NoiseCamera& camera) {
   CellWindow window;
-  window.level = static_cast<int>(reach.level / reach.weight + 0.5f);
+  const float squared = 2 * reach.square / reach.weight;  // distance of the nodes
+  while (static_cast<float>(2 << 2 * window.level) < squared && window.level < 10) ++window.level;
   for (;; ++window.level) {
     const float scale = 1 / static_cast<float>(1 << window.level);
     const auto nearest = [&](float pixel) {
@@ -61,10 +58,10 @@ PALPATE_HOSTDEV inline CellWindow noise_window(const NoiseReach& reach) {
       const int whole = static_cast<int>(cell);
       return cell < static_cast<float>(whole) ? whole - 1 : whole;
     };
-    window.left = nearest(reach.min_u) - 1;
-    window.right = nearest(reach.max_u) + 1;
-    window.top = nearest(reach.min_v) - 1;
-    window.bottom = nearest(reach.max_v) + 1;
+    window.left = nearest(reach.min_u + camera.cx) - 1;
+    window.right = nearest(reach.max_u + camera.cx) + 1;
+    window.top = nearest(reach.min_v + camera.cy) - 1;
+    window.bottom = nearest(reach.max_v + camera.cy) + 1;
     if (window.right - window.left < kNoiseNodes && window.bottom - window.top < kNoiseNodes) break;
   }
   return window;
@@ -85,44 +82,48 @@ PALPATE_HOSTDEV inline NodeWeights node_weights(float pixel, int begin, float sc
           {-a * scale, -2 * t * scale, b * scale}};
 }
 
-/// Changes by an element for each meter of depth at its place, and for each meter per pixel.
+/// Changes by a patch for each meter of depth at its place, and for each meter per pixel.
 struct NoiseChange {
   float by_depth[kNoiseNumbers], by_u[kNoiseNumbers], by_v[kNoiseNumbers];
 };
-/// A camera's focal lengths and principal point, and its axes in W.
-struct NoiseCamera {
-  float fx = 1, fy = 1, cx = 0, cy = 0;
-  float R_WC[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
-};
-/// Writes what a change of the gradient by `j` does to a force of one element: that part of it
-/// which is along n is none, as a gradient has a length of 1.
-PALPATE_HOSTDEV inline void set_turned(float volume, const float (&j)[3], const float (&n)[3],
-                                       const float (&l)[3], float (&to)[kNoiseNumbers]) {
-  const float along = j[0] * n[0] + j[1] * n[1] + j[2] * n[2];
-  to[0] = to[7] = 0;
-  for (int axis = 0; axis < 3; ++axis) to[1 + axis] = volume * (j[axis] - along * n[axis]);
-  to[4] = l[1] * to[3] - l[2] * to[2];
-  to[5] = l[2] * to[1] - l[0] * to[3];
-  to[6] = l[0] * to[2] - l[1] * to[1];
+/// Completes a change of the force by the torque that it has at lever l. It changes no volume.
+PALPATE_HOSTDEV inline void set_change(float volume, const float (&force)[3], const float (&l)[3],
+                                       float (&to)[kNoiseNumbers]) {
+  to[0] = volume;
+  for (int axis = 0; axis < 3; ++axis) to[1 + axis] = force[axis];
+  to[4] = l[1] * force[2] - l[2] * force[1];
+  to[5] = l[2] * force[0] - l[0] * force[2];
+  to[6] = l[0] * force[1] - l[1] * force[0];
+  to[7] = 0;
 }
-PALPATE_HOSTDEV inline NoiseChange noise_change(const NoiseRows& rows, std::ptrdiff_t element,
+PALPATE_HOSTDEV inline NoiseChange noise_change(const NoisePatch& patch,
                                                 const NoiseCamera& camera) {
-  const auto at = [&](NoiseRow row) { return rows.at(row, element); };
-  const float l[3] = {at(NoiseRow::lx), at(NoiseRow::ly), at(NoiseRow::lz)};
-  const float n[3] = {at(NoiseRow::nx), at(NoiseRow::ny), at(NoiseRow::nz)};
-  const float moved = at(NoiseRow::volume) * at(NoiseRow::inverse_depth);
-  const float x = at(NoiseRow::u) - camera.cx, y = at(NoiseRow::v) - camera.cy;
   const auto& R = camera.R_WC;
+  const float z = patch.depth;
+  const float p[3] = {patch.u * z / camera.fx - camera.p_WC[0],
+                      patch.v * z / camera.fy - camera.p_WC[1], z - camera.p_WC[2]};
+  float l[3];
+  for (int axis = 0; axis < 3; ++axis) {
+    l[axis] = R[axis][0] * p[0] + R[axis][1] * p[1] + R[axis][2] * p[2];
+  }
   NoiseChange change;
-  for (int k = 0; k < kNumChanges; ++k) change.by_depth[k] = rows.change(k, element);
-  change.by_depth[kNumChanges] = 0;
-  // The pixel of a place moves by (fx, 0, -x) / z and (0, fy, -y) / z along the camera's axes.
-  const float by_x[3] = {R[0][0] * camera.fx - R[0][2] * x, R[1][0] * camera.fx - R[1][2] * x,
-                         R[2][0] * camera.fx - R[2][2] * x};
-  const float by_y[3] = {R[0][1] * camera.fy - R[0][2] * y, R[1][1] * camera.fy - R[1][2] * y,
-                         R[2][1] * camera.fy - R[2][2] * y};
-  set_turned(moved, by_x, n, l, change.by_u);
-  set_turned(moved, by_y, n, l, change.by_v);
+  set_change(patch.disc, patch.force, l, change.by_depth);
+  // The pixel of a place moves by (fx, 0, -x) / z and (0, fy, -y) / z along the camera's axes. The
+  // gradient turns by that, less what is along n, as it has a length of 1.
+  const float share = patch.moved != 0 ? 1 / patch.moved : 0.0f;
+  const auto turn = [&](int column, float focal, float from_center, float(&to)[kNoiseNumbers]) {
+    float j[3], along = 0;
+    for (int axis = 0; axis < 3; ++axis) {
+      j[axis] = R[axis][column] * focal - R[axis][2] * from_center;
+      along += j[axis] * patch.moved_n[axis] * share;
+    }
+    for (int axis = 0; axis < 3; ++axis) {
+      j[axis] = patch.moved * j[axis] - along * patch.moved_n[axis];
+    }
+    set_change(0, j, l, to);
+  };
+  turn(0, camera.fx, patch.u, change.by_u);
+  turn(1, camera.fy, patch.v, change.by_v);
   return change;
 }
 

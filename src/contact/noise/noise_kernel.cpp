@@ -1,5 +1,5 @@
-// The noise of a measure from the elements that touch (noise_grid.h), compiled once per instruction
-// set.
+// The noise of a measure from the patches that it touches (noise_grid.h), compiled once per
+// instruction set.
 #include <cstring>
 
 #include "src/contact/noise/noise_sums.h"
@@ -29,12 +29,12 @@ struct NodeGrid {
     }
   }
 
-  void add(const NoiseRows& rows, std::ptrdiff_t element, const NoiseCamera& camera, float scale) {
-    const NoiseChange change = noise_change(rows, element, camera);
+  void add(const NoisePatch& patch, const NoiseCamera& camera, float scale) {
+    const NoiseChange change = noise_change(patch, camera);
     const Numbers by_depth = numbers_of(change.by_depth), by_u = numbers_of(change.by_u),
                   by_v = numbers_of(change.by_v);
-    const NodeWeights u = node_weights(rows.at(NoiseRow::u, element), window.left, scale);
-    const NodeWeights v = node_weights(rows.at(NoiseRow::v, element), window.top, scale);
+    const NodeWeights u = node_weights(patch.u + camera.cx, window.left, scale);
+    const NodeWeights v = node_weights(patch.v + camera.cy, window.top, scale);
     for (int q = 0; q < 3; ++q) {
       const Numbers plain = by_depth * v.value[q] + by_v * v.slope[q], sloped = by_u * v.value[q];
       Numbers* const row = &nodes[v.first + q][u.first];
@@ -87,30 +87,30 @@ struct NodeGrid {
   }
 };
 
-/// Calls f(element) for the elements of a camera that change something.
+/// Calls f(patch) for the patches of a camera.
 template <class F>
-void for_elements(const NoiseSums& sums, int camera, const F& f) {
-  for (int group = 0; group < sums.num_groups; ++group) {
-    const std::ptrdiff_t first = first_noise_row(group);
-    for (std::ptrdiff_t i = first; i < first + sums.rows.num[group]; ++i) {
-      if (sums.rows.change(0, i) == 0 && sums.rows.at(NoiseRow::volume, i) == 0) continue;
-      if (sums.rows.at(NoiseRow::camera, i) == static_cast<float>(camera)) f(i);
+void for_patches(const NoisePatches& patches, int camera, const F& f) {
+  for (int group = 0; group < patches.num_groups; ++group) {
+    const NoisePatch* const first = patches.of_group(group);
+    for (int i = 0; i < patches.num[group]; ++i) {
+      if (first[i].camera == static_cast<float>(camera)) f(first[i]);
     }
   }
 }
 
 }  // namespace
 
-void add_measure_noise(const NoiseSums& sums, int camera, const NoiseCamera& view,
+void add_measure_noise(const NoisePatches& patches, int camera, const NoiseCamera& view,
                        const DepthFieldView& field, MeasureNoise& to) {
   NoiseReach reach;
-  for_elements(sums, camera, [&](std::ptrdiff_t i) { reach.add(sums.rows, i); });
+  for_patches(patches, camera, [&](const NoisePatch& patch) { reach.add(patch); });
   if (!(reach.weight > 0) || field.noise == nullptr) return;
   NodeGrid grids[2];
   int now = 0;
-  grids[now].clear(noise_window(reach));
+  grids[now].clear(noise_window(reach, view));
   const float scale = 1 / static_cast<float>(1 << grids[now].window.level);
-  for_elements(sums, camera, [&](std::ptrdiff_t i) { grids[now].add(sums.rows, i, view, scale); });
+  for_patches(patches, camera,
+              [&](const NoisePatch& patch) { grids[now].add(patch, view, scale); });
   NoiseScales scales = noise_scales(*field.noise, reach.depth / reach.weight);
   place_scales(field, grids[now].window, scales);
   const int first = grids[now].window.level;

@@ -72,6 +72,32 @@ std::string series_text(const Tool& tool, const RunLog& log) {
   add_vector("torque", "Nm", [&](const TickRecord& tick) {
     return tick.step.contact_W.torque * measured(tick, 1);
   });
+  if (log.setup.settings.wants_std) {
+    add("volume_std_m3", [&](const TickRecord& t) {
+      return t.noise ? measured(t, t.noise->volume_std()) : NAN;
+    });
+    // Along the axes, and of the norm along its direction.
+    const double newtons = log.newtons_per_cubic_meter;
+    const auto add_std = [&](const std::string& name, const std::string& unit, auto covariance,
+                             auto vector) {
+      add_vector(name + "_std", unit.c_str(), [&](const TickRecord& t) {
+        if (!t.noise) return Vec3d{NAN, NAN, NAN};
+        const auto& m = (*t.noise.*covariance).m;
+        return measured(t, newtons) * Vec3d{std::sqrt(m[0][0]), std::sqrt(m[1][1]),
+                                            std::sqrt(m[2][2])};
+      });
+      add(name + "_std_" + unit, [&](const TickRecord& t) {
+        const Vec3d v = vector(t);
+        const double size = norm(v);
+        if (!t.noise || !(size > 0)) return NAN;
+        return measured(t, newtons) * std::sqrt(dot(v, *t.noise.*covariance * v)) / size;
+      });
+    };
+    add_std("force", "N", &MeasureNoise::force,
+            [](const TickRecord& t) { return t.step.contact_W.force; });
+    add_std("torque", "Nm", &MeasureNoise::torque,
+            [](const TickRecord& t) { return t.step.contact_W.torque; });
+  }
   // The picture's tool follows the cursor of the plots.
   constexpr const char* kPose[] = {"tool_x_m", "tool_y_m", "tool_z_m", "tool_qx",
                                    "tool_qy",  "tool_qz",  "tool_qw"};
