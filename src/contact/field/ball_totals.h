@@ -97,29 +97,29 @@ struct BallSamples {
 };
 
 /// Adds what the values of a ball's parts change: each cuts its own disc, and by the plane of all of
-/// them those of the others. `n`: the gradients, which change a force by a unit of volume.
+/// them those of the others.
 inline void add_ball_noise(NoiseWriter& noise, const BallSamples& at,
                            const BallPlane<Row, float>& plane, float scale,
                            const Row (&weights)[5], const Row& is_part, const Row* n,
                            const Row& volumes, const Row& discs) {
-  const SumOfRow sum;
-  Row by_value[4];  // of the volume and the force
-  for (int k = 0; k < 4; ++k) {
-    by_value[k] = k == 0 ? discs : discs * n[k - 1];
-    if (!plane.is_plane) continue;
-    float X[5];
-    for (int i = 0; i < 5; ++i) X[i] = scale * sum(weights[i] * (k == 0 ? is_part : n[k - 1]));
+  Row by_value = discs;
+  if (plane.is_plane) {
+    NoiseLanes sums{};
+    for (int i = 0; i < 5; ++i) {
+      const Row row = weights[i] * is_part;
+      for (int j = 0; j < kNumVectors; ++j) sums.lanes[i][j % RowSums::kParts] += row.vectors[j];
+    }
+    float X[kNumNoiseSums];
+    add_lanes(sums, X);
     for (int i = 0; i < 5; ++i) {
       float moment = 0;
       for (int j = 0; j < 5; ++j) moment += plane.form[i][j] * X[j];
-      by_value[k] = by_value[k] + weights[i] * moment;
+      by_value = by_value + weights[i] * (scale * moment);
     }
   }
   for (int i = 0; i < kNumVectors; ++i) {
     noise.add(i % RowSums::kParts, at.lanes[i], at.place[i], volumes.vectors[i],
-              by_value[0].vectors[i],
-              {by_value[1].vectors[i], by_value[2].vectors[i], by_value[3].vectors[i]},
-              {n[0].vectors[i], n[1].vectors[i], n[2].vectors[i]});
+              by_value.vectors[i], {n[0].vectors[i], n[1].vectors[i], n[2].vectors[i]});
   }
 }
 

@@ -55,6 +55,38 @@ struct NoiseLanes {
   VecF lanes[kNumNoiseSums][RowSums::kParts];
 };
 
+/// Adds the sixteen lanes of sixteen sums, halves first: the same bits for any width of vectors.
+inline void add_lanes(const NoiseLanes& sums, float (&totals)[kNumNoiseSums]) {
+  typedef float Row __attribute__((vector_size(64)));
+  Row rows[kNumNoiseSums];
+  std::memcpy(rows, sums.lanes, sizeof rows);
+  for (int k = 0; k < 8; ++k) {
+    rows[k] = __builtin_shufflevector(rows[k], rows[k + 8], 0, 1, 2, 3, 4, 5, 6, 7, 16, 17, 18,
+                                      19, 20, 21, 22, 23) +
+              __builtin_shufflevector(rows[k], rows[k + 8], 8, 9, 10, 11, 12, 13, 14, 15, 24, 25,
+                                      26, 27, 28, 29, 30, 31);
+  }
+  for (int k = 0; k < 4; ++k) {
+    rows[k] = __builtin_shufflevector(rows[k], rows[k + 4], 0, 1, 2, 3, 16, 17, 18, 19, 8, 9, 10,
+                                      11, 24, 25, 26, 27) +
+              __builtin_shufflevector(rows[k], rows[k + 4], 4, 5, 6, 7, 20, 21, 22, 23, 12, 13,
+                                      14, 15, 28, 29, 30, 31);
+  }
+  for (int k = 0; k < 2; ++k) {
+    rows[k] = __builtin_shufflevector(rows[k], rows[k + 2], 0, 1, 16, 17, 4, 5, 20, 21, 8, 9, 24,
+                                      25, 12, 13, 28, 29) +
+              __builtin_shufflevector(rows[k], rows[k + 2], 2, 3, 18, 19, 6, 7, 22, 23, 10, 11,
+                                      26, 27, 14, 15, 30, 31);
+  }
+  rows[0] = __builtin_shufflevector(rows[0], rows[1], 0, 16, 2, 18, 4, 20, 6, 22, 8, 24, 10, 26,
+                                    12, 28, 14, 30) +
+            __builtin_shufflevector(rows[0], rows[1], 1, 17, 3, 19, 5, 21, 7, 23, 9, 25, 11, 27,
+                                    13, 29, 15, 31);
+  // Lane 8 a + 4 b + 2 c + d is sum 8 a + 4 b + 2 c + d.
+  std::memcpy(totals, &rows[0], sizeof totals);
+}
+
+
 /// Adds up the patches of one group. `sums`: one for each camera.
 class NoiseWriter {
  public:
@@ -68,21 +100,16 @@ class NoiseWriter {
   template <class Element>
   [[gnu::always_inline]] void add(int part, const Element& e, const NoisePlace& at, VecF volume,
                                   VecF disc, const Gradient3<VecF>& n) {
-    add(part, e, at, volume, disc, Gradient3<VecF>{disc * n.x, disc * n.y, disc * n.z}, n);
-  }
-  /// The same if the force decreases by `force`.
-  template <class Element>
-  [[gnu::always_inline]] void add(int part, const Element& e, const NoisePlace& at, VecF volume,
-                                  VecF disc, const Gradient3<VecF>& force,
-                                  const Gradient3<VecF>& n) {
     const VecF extent = 0.4f * e.radius * e.radius;  // of a ball: about an axis
-    VecF numbers[kNumNoiseSums];
-    set_numbers(at, volume, disc, force, n, e.radius, extent, numbers);
-    if (to_.num_cameras == 1) return add(0, part, numbers, splat(-1));
+    VecF numbers[kNumUsed];
+    set_numbers(at, volume, disc, n, e.radius, extent, numbers);
+    if (to_.num_cameras == 1) return add(0, part, numbers);
     for (VecI left = at.camera >= VecI{}; mask_bits(left) != 0;) {
       const int camera = at.camera[__builtin_ctz(mask_bits(left))];
       const VecI mine = at.camera == splat(camera);
-      add(camera, part, numbers, mine);
+      VecF own[kNumUsed];
+      for (int k = 0; k < kNumUsed; ++k) own[k] = select(mine, numbers[k], VecF{});
+      add(camera, part, own);
       left &= ~mine;
     }
   }
@@ -101,12 +128,14 @@ class NoiseWriter {
   /// their second moments about an axis, m5.
   void add_wholes(const VecF& radius, const NoisePlace& at, VecF volume, VecF all, VecF polar,
                   const Gradient3<VecF>& n) {
-    VecF numbers[kNumNoiseSums];
-    set_numbers(at, volume, VecF{}, Gradient3<VecF>{}, n, radius, polar / all, numbers);
+    VecF numbers[kNumUsed];
+    set_numbers(at, volume, VecF{}, n, radius, polar / all, numbers);
+    float lanes[kNumUsed][kLanes];
+    for (int k = 0; k < kNumUsed; ++k) store(lanes[k], numbers[k]);
     for (std::uint32_t bits = mask_bits(volume > VecF{}); bits != 0; bits &= bits - 1) {
       const int lane = __builtin_ctz(bits);
       float totals[kNumNoiseSums];
-      for (int k = 0; k < kNumNoiseSums; ++k) totals[k] = numbers[k][lane];
+      for (int k = 0; k < kNumUsed; ++k) totals[k] = lanes[k][lane];
       put(totals, at.camera[lane]);
     }
   }
@@ -116,70 +145,35 @@ class NoiseWriter {
   }
 
  private:
-  /// Numbers in the order of a NoisePatch.
+  static constexpr int kNumUsed = 10;  // of a patch: sums
+
+  /// Writes the sums' numbers in the order of a NoisePatch.
   [[gnu::always_inline]] static void set_numbers(const NoisePlace& at, VecF volume, VecF disc,
-                                                 const Gradient3<VecF>& force,
                                                  const Gradient3<VecF>& n, VecF radius,
-                                                 VecF extent, VecF (&to)[kNumNoiseSums]) {
+                                                 VecF extent, VecF (&to)[kNumUsed]) {
     constexpr float comparable = 0.25f;  // disc of a ball, over its volume by its radius
     const VecF along = n.x * at.ray[0] + n.y * at.ray[1] + n.z * at.ray[2];
-    const VecF swept = -along * volume, moved = swept * at.inverse_depth, own = along * disc;
+    const VecF swept = -along * volume, own = along * disc;
     const VecF weight = abs(own) + comparable * abs(swept) / radius;
     to[0] = own;
-    to[1] = along * force.x;
-    to[2] = along * force.y;
-    to[3] = along * force.z;
-    to[4] = moved;
-    to[5] = moved * n.x;
-    to[6] = moved * n.y;
-    to[7] = moved * n.z;
-    to[8] = weight;
-    to[9] = weight * at.u;
-    to[10] = weight * at.v;
-    to[11] = weight * (at.u * at.u + at.v * at.v + extent * at.pixels * at.pixels);
-    to[12] = weight * at.depth;
-    to[13] = to[14] = to[15] = VecF{};
+    to[1] = swept * at.inverse_depth;
+    to[2] = weight;
+    to[3] = weight * n.x;
+    to[4] = weight * n.y;
+    to[5] = weight * n.z;
+    to[6] = weight * at.u;
+    to[7] = weight * at.v;
+    to[8] = weight * (at.u * at.u + at.v * at.v + extent * at.pixels * at.pixels);
+    to[9] = weight * at.depth;
   }
 
-  [[gnu::always_inline]] void add(int camera, int part, const VecF (&numbers)[kNumNoiseSums],
-                                  VecI mine) {
+  [[gnu::always_inline]] void add(int camera, int part, const VecF (&numbers)[kNumUsed]) {
     NoiseLanes& sums = sums_[camera];
     if ((used_ >> camera & 1) == 0) {
       used_ |= 1u << camera;
       sums = NoiseLanes{};
     }
-    for (int k = 0; k < kNumUsed; ++k) sums.lanes[k][part] += select(mine, numbers[k], VecF{});
-  }
-
-  /// Adds the sixteen lanes of sixteen sums, halves first: the same bits for any width of vectors.
-  static void add_lanes(const NoiseLanes& sums, float (&totals)[kNumNoiseSums]) {
-    typedef float Row __attribute__((vector_size(64)));
-    Row rows[kNumNoiseSums];
-    std::memcpy(rows, sums.lanes, sizeof rows);
-    for (int k = 0; k < 8; ++k) {
-      rows[k] = __builtin_shufflevector(rows[k], rows[k + 8], 0, 1, 2, 3, 4, 5, 6, 7, 16, 17, 18,
-                                        19, 20, 21, 22, 23) +
-                __builtin_shufflevector(rows[k], rows[k + 8], 8, 9, 10, 11, 12, 13, 14, 15, 24, 25,
-                                        26, 27, 28, 29, 30, 31);
-    }
-    for (int k = 0; k < 4; ++k) {
-      rows[k] = __builtin_shufflevector(rows[k], rows[k + 4], 0, 1, 2, 3, 16, 17, 18, 19, 8, 9, 10,
-                                        11, 24, 25, 26, 27) +
-                __builtin_shufflevector(rows[k], rows[k + 4], 4, 5, 6, 7, 20, 21, 22, 23, 12, 13,
-                                        14, 15, 28, 29, 30, 31);
-    }
-    for (int k = 0; k < 2; ++k) {
-      rows[k] = __builtin_shufflevector(rows[k], rows[k + 2], 0, 1, 16, 17, 4, 5, 20, 21, 8, 9, 24,
-                                        25, 12, 13, 28, 29) +
-                __builtin_shufflevector(rows[k], rows[k + 2], 2, 3, 18, 19, 6, 7, 22, 23, 10, 11,
-                                        26, 27, 14, 15, 30, 31);
-    }
-    rows[0] = __builtin_shufflevector(rows[0], rows[1], 0, 16, 2, 18, 4, 20, 6, 22, 8, 24, 10, 26,
-                                      12, 28, 14, 30) +
-              __builtin_shufflevector(rows[0], rows[1], 1, 17, 3, 19, 5, 21, 7, 23, 9, 25, 11, 27,
-                                      13, 29, 15, 31);
-    // Lane 8 a + 4 b + 2 c + d is sum 8 a + 4 b + 2 c + d.
-    std::memcpy(totals, &rows[0], sizeof totals);
+    for (int k = 0; k < kNumUsed; ++k) sums.lanes[k][part] += numbers[k];
   }
 
   void put(const float (&totals)[kNumNoiseSums], int camera) {
@@ -187,15 +181,12 @@ class NoiseWriter {
     std::memcpy(&patch, totals, sizeof patch);
     if (!(patch.weight > 0)) return;
     const float share = 1.0f / patch.weight;
-    patch.u *= share;
-    patch.v *= share;
-    patch.depth *= share;
-    patch.square = patch.square * share - patch.u * patch.u - patch.v * patch.v;
+    patch.at_u = patch.u * share;
+    patch.at_v = patch.v * share;
     patch.camera = static_cast<float>(camera);
     ++num_;
   }
 
-  static constexpr int kNumUsed = 13;
   NoisePatches to_;
   int group_ = 0, num_ = 0;
   NoiseLanes* sums_;

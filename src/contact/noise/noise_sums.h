@@ -19,12 +19,12 @@ inline void add_variances(const float* squares, const float* products, float var
   const auto times = [&](float sum) {
     return static_cast<double>(variance) * static_cast<double>(sum);
   };
-  to.volume += times(squares[0]);
+  to.volume += times(squares[3]);
   for (int axis = 0; axis < 3; ++axis) {
     const int next = (axis + 1) % 3;
-    to.force.m[axis][axis] += times(squares[1 + axis]);
+    to.force.m[axis][axis] += times(squares[axis]);
     to.torque.m[axis][axis] += times(squares[4 + axis]);
-    to.force.m[axis][next] = to.force.m[next][axis] += times(products[1 + axis]);
+    to.force.m[axis][next] = to.force.m[next][axis] += times(products[axis]);
     to.torque.m[axis][next] = to.torque.m[next][axis] += times(products[4 + axis]);
   }
 }

@@ -167,6 +167,13 @@ Result<Json> moment_json(const Tool& tool, const RunLog& log) {
   json["objects_volume_m3"] = compact(tick.objects.volume);
   json["force_N"] = list(tick.step.contact_W.force);
   json["torque_Nm"] = list(tick.step.contact_W.torque);
+  if (tick.noise) {
+    const auto& m = tick.noise->force.m;
+    Json& covariance = json["force_covariance_N2"] = Json::array();
+    for (const double each : {m[0][0], m[0][1], m[0][2], m[1][1], m[1][2], m[2][2]}) {
+      covariance.push_back(compact(std::pow(log.newtons_per_cubic_meter, 2) * each));
+    }
+  }
   return json;
 }
 
