@@ -230,8 +230,11 @@ Result<RunParts> make_run_parts(const std::shared_ptr<const ToolIndex>& index,
   parts.checked_coupling = coupling->options;
   parts.scale = {thesis_volume_stiffness(coupling->options.force_at_eighth,
                                          full_volume(tool, settings.contact)),
-                 coupling->options.friction, friction_stiffness(coupling->options, device.limits),
-                 settings.bodies, frictions_of(settings.objects), settings.wants_std};
+                 coupling->options.friction,
+                 friction_stiffness(coupling->options, device.limits),
+                 settings.bodies,
+                 frictions_of(settings.objects),
+                 settings.wants_std};
   if (before == nullptr || !keeps_coupling(*before, settings)) {
     parts.coupling = make_coupling(coupling->options, device.limits, tool.sphere_mass());
     parts.notes = std::move(coupling->warnings);

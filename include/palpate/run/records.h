@@ -90,7 +90,7 @@ struct TickRecord {
   std::int64_t num_object_pairs = 0;
   std::optional<MeasureNoise> noise;  ///< of `penetration`, if it is asked for and known
   double contact_age = 0;             ///< s
-  double sensor_age = 0;   ///< s, from the depth frame to this force
+  double sensor_age = 0;              ///< s, from the depth frame to this force
   std::uint64_t contact_number = 0, frame_number = 0;
   SafetyStatus safety;
   std::int64_t compute_nanoseconds = 0;

@@ -65,7 +65,7 @@ struct ViewSample {
   double stretch = 0;                      ///< m, coupling deflection
   double gain = 0, energy = 0;             ///< of the safety filter; J given to the hand
   Pose X_WT, X_WT_hand;                    ///< simulated tool; the hand's pose of the tool
-  /// Of contact_W's force: xx, xy, xz, yy, yz, zz in N2; zero: nobody asked for it.
+  /// Covariance of contact_W's force: xx, xy, xz, yy, yz, zz in N2; zero: nobody asked for it.
   std::array<double, 6> force_covariance = {};
 };
 

@@ -77,7 +77,7 @@ void StreamNoise::add(const DepthImageView& frame, const FrameNoise& seen) {
       }
       const float step = now - mean->value;
       if (mean->num_before == 2) {
-        // What appears or goes is no noise, and no motion either.
+        // Something that appears or goes is no noise, and no motion either.
         constexpr double limit = 25;
         const double turned = static_cast<double>(-step * mean->step / (sd * sd));
         scales_[k].turned += std::clamp(turned, -limit, limit);

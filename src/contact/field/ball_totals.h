@@ -96,12 +96,11 @@ struct BallSamples {
   bool is_complete = true;        ///< every part has a value
 };
 
-/// Adds what the values of a ball's parts change: each cuts its own disc, and by the plane of all of
-/// them those of the others.
+/// Adds what the values of a ball's parts change: each cuts its own disc, and by the plane of all
+/// of them those of the others.
 inline void add_ball_noise(NoiseWriter& noise, const BallSamples& at,
-                           const BallPlane<Row, float>& plane, float scale,
-                           const Row (&weights)[5], const Row& is_part, const Row* n,
-                           const Row& volumes, const Row& discs) {
+                           const BallPlane<Row, float>& plane, float scale, const Row (&weights)[5],
+                           const Row& is_part, const Row* n, const Row& volumes, const Row& discs) {
   Row by_value = discs;
   if (plane.is_plane) {
     NoiseLanes sums{};

@@ -132,8 +132,7 @@ void FieldContact::evaluate(std::span<const DepthFieldView> fields, const Pose& 
     }
     keep_bounds(results[k]);
     if (!wants.noise) continue;
-    results[k].noise =
-        noise_.of_field(fields[k], requested.frame, static_cast<int>(k), num_fields);
+    results[k].noise = noise_.of_field(fields[k], requested.frame, static_cast<int>(k), num_fields);
   }
 }
 

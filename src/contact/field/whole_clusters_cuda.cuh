@@ -30,9 +30,8 @@ struct KeptSums {
 /// are kept with `weight`, as the ball counts. `polar`: WholeClusters::polar, likewise.
 template <bool kWithStiffness>
 __device__ void add_whole(const Element& e, float polar, const Curved<float>& share,
-                          const KeptSums& kept,
-                          const SpaceGradient<float>& g, const Symmetric<float>& h, FieldShare& sum,
-                          StiffnessShare* sums) {
+                          const KeptSums& kept, const SpaceGradient<float>& g,
+                          const Symmetric<float>& h, FieldShare& sum, StiffnessShare* sums) {
   const Gradient3<float> gradient{g.x, g.y, g.z};
   const float all = e.factor * (static_cast<float>(4 * kPi / 3) * e.radius * e.radius * e.radius);
   const WholeTerms<float> terms = whole_terms(share, all, g.phi, kept.potential);

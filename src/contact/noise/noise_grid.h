@@ -8,9 +8,9 @@
 //
 // Patches, the elements of a cluster that one camera decides, are added up in cells about as large
 // as they are, and cells add what they do to the nodes of one grid. Its nodes are as far apart as
-// cells are wide: so a spline spreads a cell over what its elements cover. A wider grid's nodes follow from those of the finer one, since a wide B-spline is
-// a sum of four narrow ones each way. So what sees the same pixels is correlated, and so is what
-// lies within the length of the noise.
+// cells are wide: so a spline spreads a cell over what its elements cover. A wider grid's nodes
+// follow from those of the finer one, since a wide B-spline is a sum of four narrow ones each way.
+// So what sees the same pixels is correlated, and so is what lies within the length of the noise.
 #pragma once
 
 #include "src/contact/noise/noise_model.h"

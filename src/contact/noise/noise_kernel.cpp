@@ -25,7 +25,8 @@ inline Numbers numbers_of(Four force, Four l) {
 struct CameraAxes {
   explicit CameraAxes(const NoiseCamera& camera) : camera(camera) {
     for (int column = 0; column < 3; ++column) {
-      axes[column] = Four{camera.R_WC[0][column], camera.R_WC[1][column], camera.R_WC[2][column], 0};
+      axes[column] =
+          Four{camera.R_WC[0][column], camera.R_WC[1][column], camera.R_WC[2][column], 0};
     }
   }
   const NoiseCamera& camera;

@@ -9,10 +9,10 @@ namespace palpate { inline namespace v0 { namespace PALPATE_ISA_NAMESPACE { name
 
 /// Places of a vector of elements in the cameras that decide them.
 struct NoisePlace {
-  VecF u, v;             // pixels from the principal point
+  VecF u, v;  // pixels from the principal point
   VecF depth, inverse_depth;
-  VecF pixels;           // of a meter
-  VecF ray[3];           // from the eye, with a depth of 1, in W
+  VecF pixels;  // of a meter
+  VecF ray[3];  // from the eye, with a depth of 1, in W
   VecI camera;
 };
 
@@ -61,31 +61,30 @@ inline void add_lanes(const NoiseLanes& sums, float (&totals)[kNumNoiseSums]) {
   Row rows[kNumNoiseSums];
   std::memcpy(rows, sums.lanes, sizeof rows);
   for (int k = 0; k < 8; ++k) {
-    rows[k] = __builtin_shufflevector(rows[k], rows[k + 8], 0, 1, 2, 3, 4, 5, 6, 7, 16, 17, 18,
-                                      19, 20, 21, 22, 23) +
+    rows[k] = __builtin_shufflevector(rows[k], rows[k + 8], 0, 1, 2, 3, 4, 5, 6, 7, 16, 17, 18, 19,
+                                      20, 21, 22, 23) +
               __builtin_shufflevector(rows[k], rows[k + 8], 8, 9, 10, 11, 12, 13, 14, 15, 24, 25,
                                       26, 27, 28, 29, 30, 31);
   }
   for (int k = 0; k < 4; ++k) {
     rows[k] = __builtin_shufflevector(rows[k], rows[k + 4], 0, 1, 2, 3, 16, 17, 18, 19, 8, 9, 10,
                                       11, 24, 25, 26, 27) +
-              __builtin_shufflevector(rows[k], rows[k + 4], 4, 5, 6, 7, 20, 21, 22, 23, 12, 13,
-                                      14, 15, 28, 29, 30, 31);
+              __builtin_shufflevector(rows[k], rows[k + 4], 4, 5, 6, 7, 20, 21, 22, 23, 12, 13, 14,
+                                      15, 28, 29, 30, 31);
   }
   for (int k = 0; k < 2; ++k) {
     rows[k] = __builtin_shufflevector(rows[k], rows[k + 2], 0, 1, 16, 17, 4, 5, 20, 21, 8, 9, 24,
                                       25, 12, 13, 28, 29) +
-              __builtin_shufflevector(rows[k], rows[k + 2], 2, 3, 18, 19, 6, 7, 22, 23, 10, 11,
-                                      26, 27, 14, 15, 30, 31);
+              __builtin_shufflevector(rows[k], rows[k + 2], 2, 3, 18, 19, 6, 7, 22, 23, 10, 11, 26,
+                                      27, 14, 15, 30, 31);
   }
-  rows[0] = __builtin_shufflevector(rows[0], rows[1], 0, 16, 2, 18, 4, 20, 6, 22, 8, 24, 10, 26,
-                                    12, 28, 14, 30) +
-            __builtin_shufflevector(rows[0], rows[1], 1, 17, 3, 19, 5, 21, 7, 23, 9, 25, 11, 27,
-                                    13, 29, 15, 31);
+  rows[0] = __builtin_shufflevector(rows[0], rows[1], 0, 16, 2, 18, 4, 20, 6, 22, 8, 24, 10, 26, 12,
+                                    28, 14, 30) +
+            __builtin_shufflevector(rows[0], rows[1], 1, 17, 3, 19, 5, 21, 7, 23, 9, 25, 11, 27, 13,
+                                    29, 15, 31);
   // Lane 8 a + 4 b + 2 c + d is sum 8 a + 4 b + 2 c + d.
   std::memcpy(totals, &rows[0], sizeof totals);
 }
-
 
 /// Adds up the patches of one group. `sums`: one for each camera.
 class NoiseWriter {
@@ -149,8 +148,8 @@ class NoiseWriter {
 
   /// Writes the sums' numbers in the order of a NoisePatch.
   [[gnu::always_inline]] static void set_numbers(const NoisePlace& at, VecF volume, VecF disc,
-                                                 const Gradient3<VecF>& n, VecF radius,
-                                                 VecF extent, VecF (&to)[kNumUsed]) {
+                                                 const Gradient3<VecF>& n, VecF radius, VecF extent,
+                                                 VecF (&to)[kNumUsed]) {
     constexpr float comparable = 0.25f;  // disc of a ball, over its volume by its radius
     const VecF along = n.x * at.ray[0] + n.y * at.ray[1] + n.z * at.ray[2];
     const VecF swept = -along * volume, own = along * disc;

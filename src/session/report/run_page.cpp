@@ -74,29 +74,26 @@ std::string series_text(const Tool& tool, const RunLog& log) {
   });
   if (log.setup.settings.wants_std) {
     add("volume_std_m3", [&](const TickRecord& t) {
-      return t.noise ? measured(t, t.noise->volume_std()) : NAN;
+      return t.noise ? measured(t, t.noise->volume_std()) : static_cast<double>(NAN);
     });
-    // Along the axes, and of the norm along its direction.
     const double newtons = log.newtons_per_cubic_meter;
-    const auto add_std = [&](const std::string& name, const std::string& unit, auto covariance,
-                             auto vector) {
-      add_vector(name + "_std", unit.c_str(), [&](const TickRecord& t) {
-        if (!t.noise) return Vec3d{NAN, NAN, NAN};
-        const auto& m = (*t.noise.*covariance).m;
-        return measured(t, newtons) * Vec3d{std::sqrt(m[0][0]), std::sqrt(m[1][1]),
-                                            std::sqrt(m[2][2])};
+    // Along the axes, and of the norm: along the vector.
+    const auto add_std = [&](const std::string& name, const char* unit,
+                             Mat3d MeasureNoise::*covariance, Vec3d Wrench::*vector) {
+      const auto along = [=](const TickRecord& t, const Vec3d& direction) {
+        if (!t.noise || !(norm(direction) > 0)) return static_cast<double>(NAN);
+        const Vec3d turned = (*t.noise).*covariance * direction;
+        return newtons * std::sqrt(dot(direction, turned)) / norm(direction);
+      };
+      add_vector(name, unit, [&](const TickRecord& t) {
+        return measured(t, 1) *
+               Vec3d{along(t, {1, 0, 0}), along(t, {0, 1, 0}), along(t, {0, 0, 1})};
       });
-      add(name + "_std_" + unit, [&](const TickRecord& t) {
-        const Vec3d v = vector(t);
-        const double size = norm(v);
-        if (!t.noise || !(size > 0)) return NAN;
-        return measured(t, newtons) * std::sqrt(dot(v, *t.noise.*covariance * v)) / size;
-      });
+      add(name + "_" + unit,
+          [&](const TickRecord& t) { return measured(t, along(t, t.step.contact_W.*vector)); });
     };
-    add_std("force", "N", &MeasureNoise::force,
-            [](const TickRecord& t) { return t.step.contact_W.force; });
-    add_std("torque", "Nm", &MeasureNoise::torque,
-            [](const TickRecord& t) { return t.step.contact_W.torque; });
+    add_std("force_std", "N", &MeasureNoise::force, &Wrench::force);
+    add_std("torque_std", "Nm", &MeasureNoise::torque, &Wrench::torque);
   }
   // The picture's tool follows the cursor of the plots.
   constexpr const char* kPose[] = {"tool_x_m", "tool_y_m", "tool_z_m", "tool_qx",

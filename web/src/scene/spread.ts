@@ -1,4 +1,4 @@
-// How sure a vector is: the ellipsoid of one standard deviation at the tip of its arrow. A unit sphere
+// The ellipsoid of one standard deviation of a vector, at the tip of its arrow. A unit sphere
 // times a factor L of its covariance, L L^T, is that ellipsoid.
 
 import { BackSide, Group, Matrix4, Mesh, MeshBasicMaterial, SphereGeometry, type Vector3 } from 'three';
