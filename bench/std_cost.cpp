@@ -51,7 +51,8 @@ void measure(const Case& c, const SurfaceView& surface, Isa isa, int num_rounds)
   const ContactWants wants[] = {
       {}, {.noise = true}, {.stiffness = true}, {.stiffness = true, .noise = true}};
   constexpr int num_calls = 4;
-  const auto query = make_contact_query(Backend::cpu, c.tool, FieldMethod{}, {isa, nullptr}).value();
+  const auto query =
+      make_contact_query(Backend::cpu, c.tool, FieldMethod{}, {isa, nullptr}).value();
   double least[] = {1e9, 1e9, 1e9, 1e9};
   for (int round = 0; round < num_rounds; ++round) {
     for (int k = 0; k < 4; ++k) {
@@ -60,8 +61,8 @@ void measure(const Case& c, const SurfaceView& surface, Isa isa, int num_rounds)
       least[k] = std::min(least[k], (microseconds() - start) / num_calls);
     }
   }
-  std::printf("%s,%s,%.1f,%.1f,%.1f,%.1f,%.0f %%,%.0f %%\n", isa == Isa::avx2 ? "AVX2" : "AVX-512", c.name, least[0],
-              least[1], least[2], least[3], 100 * (least[1] / least[0] - 1),
+  std::printf("%s,%s,%.1f,%.1f,%.1f,%.1f,%.0f %%,%.0f %%\n", isa == Isa::avx2 ? "AVX2" : "AVX-512",
+              c.name, least[0], least[1], least[2], least[3], 100 * (least[1] / least[0] - 1),
               100 * (least[3] / least[2] - 1));
 }
 

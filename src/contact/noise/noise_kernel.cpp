@@ -11,7 +11,7 @@ namespace {
 using Numbers = float __attribute__((vector_size(kNoiseNumbers * sizeof(float))));
 using Four = float __attribute__((vector_size(4 * sizeof(float))));  // x, y, z, and one more
 
-inline Four four(const float (&xyz)[3]) { return {xyz[0], xyz[1], xyz[2], 0}; }
+inline Four four(const float (&xyz)[3]) { return Four{xyz[0], xyz[1], xyz[2], 0}; }
 inline Four cross(Four a, Four b) {
   return __builtin_shufflevector(a, a, 1, 2, 0, 3) * __builtin_shufflevector(b, b, 2, 0, 1, 3) -
          __builtin_shufflevector(a, a, 2, 0, 1, 3) * __builtin_shufflevector(b, b, 1, 2, 0, 3);
@@ -23,11 +23,9 @@ inline Numbers numbers_of(Four force, Four l) {
 
 /// The axes of a camera in W, times its focal lengths.
 struct CameraAxes {
-  explicit CameraAxes(const NoiseCamera& camera) : camera(camera) {
-    for (int column = 0; column < 3; ++column) {
-      axes[column] =
-          Four{camera.R_WC[0][column], camera.R_WC[1][column], camera.R_WC[2][column], 0};
-    }
+  explicit CameraAxes(const NoiseCamera& of) : camera(of) {
+    const auto& R = of.R_WC;
+    for (int axis = 0; axis < 3; ++axis) axes[axis] = Four{R[0][axis], R[1][axis], R[2][axis], 0};
   }
   const NoiseCamera& camera;
   Four axes[3];
