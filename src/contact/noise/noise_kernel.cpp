@@ -21,7 +21,7 @@ inline Numbers numbers_of(Four force, Four l) {
   return __builtin_shufflevector(force, cross(l, force), 0, 1, 2, 3, 4, 5, 6, 7);
 }
 
-/// The axes of a camera in W, times its focal lengths.
+/// A camera, and its axes in W as vectors.
 struct CameraAxes {
   explicit CameraAxes(const NoiseCamera& of) : camera(of) {
     const auto& R = of.R_WC;

@@ -133,7 +133,7 @@ class NoiseWriter {
     for (int k = 0; k < kNumUsed; ++k) store(lanes[k], numbers[k]);
     for (std::uint32_t bits = mask_bits(volume > VecF{}); bits != 0; bits &= bits - 1) {
       const int lane = __builtin_ctz(bits);
-      float totals[kNumNoiseSums];
+      float totals[kNumNoiseSums] = {};
       for (int k = 0; k < kNumUsed; ++k) totals[k] = lanes[k][lane];
       put(totals, at.camera[lane]);
     }
