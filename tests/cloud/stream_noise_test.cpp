@@ -1,5 +1,6 @@
 // The noise that a stream teaches: of known variance at every scale, at rest and in motion.
 #include <cmath>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -20,15 +21,33 @@ double normal(Random& random) {
   return sum;
 }
 
+/// Normal variables, of which a frame takes a run from anywhere.
+class Normals {
+ public:
+  Normals() {
+    Random random(5);
+    for (double& each : table_) each = normal(random);
+  }
+  const double* run(Random& random) const {
+    const double begin = random.uniform(0, static_cast<double>(table_.size() - kWide * kHigh));
+    return &table_[static_cast<std::size_t>(begin)];
+  }
+
+ private:
+  std::vector<double> table_ = std::vector<double>(4 * kWide * kHigh);
+};
+
 /// A wall at z (m) with white noise of its own, and one that all pixels share (m).
 DepthFrame wall(Random& random, double z, double own, double shared) {
   DepthFrame frame;
   frame.width = kWide;
   frame.height = kHigh;
   frame.unit = kUnit;
+  static const Normals normals;
+  const double* const run = normals.run(random);
   const double all = z + shared * normal(random);
   for (int i = 0; i < kWide * kHigh; ++i) {
-    frame.pixels.push_back(static_cast<std::uint16_t>((all + own * normal(random)) / kUnit));
+    frame.pixels.push_back(static_cast<std::uint16_t>((all + own * run[i]) / kUnit));
   }
   return frame;
 }
