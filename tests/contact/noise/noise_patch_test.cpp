@@ -84,7 +84,7 @@ TEST(NoisePatches, OfADiscHaveItsClosedForm) {
   }
 }
 
-// What the whole image shares moves all of a disc, by its area.
+// Noise that the whole image shares moves all of a disc, by its area.
 TEST(NoisePatches, OfNoiseThatTheWholeImageShares) {
   FrameNoise noise;
   noise.is_whole = true;
