@@ -1,4 +1,4 @@
-// How much the standard deviations cost: queries with and without them, and with and without the
+// Cost of standard deviations: queries with and without them, and with and without the
 // stiffness, by turns on one thread; the least processor time of each, in us.
 //
 //   std_cost [ROUNDS]
